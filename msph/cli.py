@@ -1,0 +1,283 @@
+"""The commands: play, capture, bench, scenes."""
+
+import json
+import re
+import sys
+import time
+from pathlib import Path
+
+import click
+from tabulate import tabulate
+
+import msph
+from msph.device import ARCHES, ArchError, start
+from msph.fluid.neighbours import NeighbourOverflow
+from msph.measure.ledger import NotFiniteError
+from msph.scene import SceneError, load_scene
+from msph.scene.library import DEFAULT_SCENE, find_scene, shipped_scenes
+from msph.scene.load import read_toml, to_toml
+from msph.scene.schema import Scene, parameters
+from msph.stage.benchmark import benchmark, table_row
+from msph.stage.controls import KEYS
+from msph.stage.loop import run
+from msph.stage.recorder import MESH, OutputError, Recorder, check_output
+from msph.stage.show import Show
+from msph.stage.window import NoWindowError, Window, check_display
+
+# What `play` leaves behind where it cannot open a window.
+FALLBACK_SECONDS = 10.0
+FALLBACK_FPS = 30.0
+STILL_TIME = 1.0
+# Exit codes: wrong input, and a run that went wrong.
+BAD_INPUT, BAD_RUN = 2, 1
+
+
+class Size(click.ParamType):
+    """WIDTHxHEIGHT in pixels."""
+
+    name = "size"
+
+    def convert(self, value, param, ctx):
+        match = re.fullmatch(r"(\d+)x(\d+)", str(value))
+        size = (int(match[1]), int(match[2])) if match else (0, 0)
+        if not all(16 <= n <= 8192 for n in size):
+            self.fail(
+                f"{value!r} is no size; expected e.g. 1280x720, 16 to 8192 pixels", param, ctx
+            )
+        return size
+
+
+def shared_options(command):
+    """What every command that builds a scene takes."""
+    for option in (
+        click.option(
+            "--set",
+            "overrides",
+            multiple=True,
+            metavar="KEY=VALUE",
+            help="Set a scene parameter, e.g. --set box.restitution=0.2. Repeatable.",
+        ),
+        click.option(
+            "--arch",
+            type=click.Choice(ARCHES),
+            default="auto",
+            show_default=True,
+            help="Where kernels run; auto takes CUDA or Metal where there is one, else the CPU.",
+        ),
+        click.option(
+            "--threads",
+            type=click.IntRange(min=1),
+            help="CPU threads; with 1, runs repeat bit for bit.",
+        ),
+    ):
+        command = option(command)
+    return command
+
+
+def say(text: str) -> None:
+    click.echo(text, err=True)
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(msph.__version__, prog_name="msph")
+def cli():
+    """M-SPH: real-time layered water, large particles in the depth, small ones at the surface."""
+
+
+@cli.command()
+@click.argument("scene", default=DEFAULT_SCENE)
+@click.option("--size", type=Size(), default="960x540", show_default=True, help="Window size.")
+@click.option("--frames", type=click.IntRange(min=1), help="Close after so many frames.")
+@shared_options
+def play(scene, size, frames, overrides, arch, threads):
+    """Open a window on SCENE (a file or a shipped name) and play with its water.
+
+    Where no window can be opened, ten seconds of the scene are captured instead.
+    """
+    loaded = load_scene(scene, overrides)
+    try:
+        check_display()
+        start(arch, threads)
+        window = Window(f"M-SPH: {loaded.title or scene}", size, frames)
+    except NoWindowError as reason:
+        target = Path("out") / Path(scene).stem
+        say(f"{reason}: capturing {FALLBACK_SECONDS:.0f} s of {scene} instead")
+        outputs = [target.with_suffix(".mp4"), target.with_suffix(".png")]
+        start(arch, threads)
+        record(loaded, outputs, FALLBACK_SECONDS, FALLBACK_FPS, (1280, 720), STILL_TIME)
+        return
+    for key, meaning in KEYS:
+        click.echo(f"  {key:18} {meaning}")
+    show = prepare(loaded, window.FRAME_TIME, size)
+    run(show, window)
+
+
+@cli.command()
+@click.argument("scene", default=DEFAULT_SCENE)
+@click.option(
+    "-o",
+    "--output",
+    "outputs",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    help="out.mp4 (.mov .mkv .webm), out.gif, out.png, or out_%04d.png. Repeatable.  "
+    "[default: out/SCENE.mp4]",
+)
+@click.option(
+    "--mesh",
+    "meshes",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    help="Also write the surface of every frame: out_%04d.ply or .obj.",
+)
+@click.option(
+    "--particles",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    help="Also write the particles of every frame: out_%04d.csv, or .npz, a checkpoint.",
+)
+@click.option(
+    "--resume", type=click.Path(exists=True, dir_okay=False), help="Go on from a .npz checkpoint."
+)
+@click.option(
+    "--seconds", type=click.FloatRange(min=0, min_open=True), help="Default: the scene's duration."
+)
+@click.option(
+    "--fps",
+    type=click.FloatRange(min=0, min_open=True),
+    default=30.0,
+    show_default=True,
+    help="Frames per simulated second.",
+)
+@click.option("--size", type=Size(), default="1280x720", show_default=True, help="Picture size.")
+@shared_options
+def capture(
+    scene, outputs, meshes, particles, resume, seconds, fps, size, overrides, arch, threads
+):
+    """Record SCENE offscreen: video, pictures, meshes, particles. Needs no display."""
+    loaded = load_scene(scene, overrides)
+    extra = [*meshes, *particles]
+    outputs = list(outputs) or ([] if extra else [Path("out") / f"{Path(scene).stem}.mp4"])
+    for path in meshes:
+        if path.suffix not in MESH:
+            raise OutputError(f"{path}: a mesh is one of {', '.join(MESH)}")
+    for path in [*outputs, *extra]:
+        check_output(path)
+    start(arch, threads)
+    record(loaded, [*outputs, *extra], seconds or loaded.duration, fps, size, resume=resume)
+
+
+@cli.command()
+@click.argument("scenes", nargs=-1)
+@click.option("--seconds", type=click.FloatRange(min=0, min_open=True), help="Simulated time.")
+@click.option("--no-render", is_flag=True, help="Time the fluid alone.")
+@click.option("--size", type=Size(), default="640x360", show_default=True, help="Picture size.")
+@click.option(
+    "--json", "json_file", type=click.Path(path_type=Path), help="Also write the rows to a file."
+)
+@shared_options
+def bench(scenes, seconds, no_render, size, json_file, overrides, arch, threads):
+    """Time SCENES (default: all shipped) without a window, and print speed beside error.
+
+    A frame is 1/60 s of simulated time. Exits with 1 when the water does not stay finite.
+    """
+    names = scenes or tuple(shipped_scenes())
+    loaded = [(name, load_scene(name, overrides)) for name in names]
+    arch = start(arch, threads)
+    rows, failed = [], False
+    for name, scene in loaded:
+        say(f"{name}: compiling kernels, then running")
+        try:
+            rows.append(benchmark(scene, name, seconds or scene.duration, not no_render, size))
+        except (NotFiniteError, NeighbourOverflow) as error:
+            say(f"{name}: FAILED: {error}")
+            failed = True
+    if rows:
+        click.echo(f"arch {arch}, frames of 1/60 s, milliseconds per frame, medians by stage")
+        click.echo(tabulate([table_row(r) for r in rows], headers="keys", tablefmt="github"))
+    if json_file:
+        json_file.parent.mkdir(parents=True, exist_ok=True)
+        json_file.write_text(json.dumps([r.as_dict() for r in rows], indent=2) + "\n")
+    if failed:
+        sys.exit(BAD_RUN)
+
+
+@cli.command()
+@click.argument("name", required=False)
+@click.option("--parameters", "list_parameters", is_flag=True, help="List every scene parameter.")
+def scenes(name, list_parameters):
+    """List the shipped scenes, or print the one called NAME."""
+    if list_parameters:
+        rows = [p.row() for p in parameters(Scene)]
+        click.echo(tabulate(rows, headers="keys", tablefmt="simple"))
+    elif name:
+        click.echo(find_scene(name).read_text(encoding="utf-8").rstrip())
+    else:
+        rows = []
+        for key, path in shipped_scenes().items():
+            data = read_toml(path)
+            title = data.get("title", "")
+            if "variants" in data:
+                title += f" (--set variant={'|'.join(data['variants'])})"
+            rows.append((key, title))
+        click.echo(tabulate(rows, tablefmt="plain"))
+
+
+def prepare(scene: Scene, frame_time: float, size, meshes: bool = False) -> Show:
+    """Builds a show and compiles its kernels, saying so."""
+    begin = time.perf_counter()
+    say("compiling kernels ...")
+    show = Show(scene, frame_time, size, meshes)
+    show.warm_up()
+    say(f"ready in {time.perf_counter() - begin:.1f} s, {sum(show.counts):,} particles")
+    return show
+
+
+def record(
+    scene: Scene,
+    outputs: list[Path],
+    seconds: float,
+    fps: float,
+    size: tuple[int, int],
+    still_time: float | None = None,
+    resume: str | None = None,
+) -> None:
+    """Runs a scene for the recorder; an interrupt ends the recording, not the files."""
+    pictures = any(p.suffix not in (*MESH, ".npz", ".csv") for p in outputs)
+    meshes = any(p.suffix in MESH for p in outputs)
+    show = prepare(scene, 1.0 / fps, size if pictures else None, meshes)
+    if resume:
+        show.resume(Path(resume))
+    still = None if still_time is None else max(1, round(still_time * fps))
+    recorder = Recorder(outputs, max(1, round(seconds * fps)), fps, still)
+    beside = re.sub(r"[_-]?%0?\d*d", "", str(outputs[0].with_suffix(".toml")))
+    Path(beside).write_text(to_toml(scene), encoding="utf-8")
+    try:
+        run(show, recorder)
+    except KeyboardInterrupt:
+        say(f"stopped after {recorder.done} frames")
+    for warning in show.warnings():
+        say(f"warning: {warning}")
+    for path in [*outputs, Path(beside)]:
+        click.echo(path)
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """The command line; every error is one line, wrong input exits with 2."""
+    try:
+        cli.main(arguments, prog_name="msph", standalone_mode=False)
+    except click.exceptions.NoArgsIsHelpError as error:
+        error.show()
+        sys.exit(BAD_INPUT)
+    except click.ClickException as error:
+        say(f"msph: {error.format_message()}")
+        sys.exit(BAD_INPUT)
+    except (SceneError, OutputError, ArchError) as error:
+        say(f"msph: {error}")
+        sys.exit(BAD_INPUT)
+    except (NotFiniteError, NeighbourOverflow) as error:
+        say(f"msph: the water blew up: {error}")
+        sys.exit(BAD_RUN)
+    except (click.Abort, KeyboardInterrupt):
+        say("msph: interrupted")
+        sys.exit(130)

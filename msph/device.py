@@ -1,0 +1,43 @@
+"""Where kernels run."""
+
+import contextlib
+import io
+
+import taichi as ti
+
+ARCHES = ("auto", "cpu", "cuda", "vulkan", "metal")
+
+
+class ArchError(ValueError):
+    """An architecture that this machine does not have, in one line."""
+
+
+_started: str | None = None
+
+
+def start(arch: str = "auto", threads: int | None = None) -> str:
+    """Starts Taichi once and returns the name of the architecture it runs on.
+
+    "auto" takes CUDA or Metal where there is one, else the CPU: a Vulkan driver may be a software
+    one, slower than the CPU itself, so Vulkan must be asked for. Raises ArchError.
+    """
+    global _started
+    if _started:
+        return _started
+    wanted = {
+        "auto": [ti.cuda, ti.metal, ti.cpu],
+        "cpu": [ti.cpu],
+        "cuda": [ti.cuda],
+        "vulkan": [ti.vulkan],
+        "metal": [ti.metal],
+    }[arch]
+    options = {"cpu_max_num_threads": threads} if threads else {}
+    # Taichi prints what it starts on; commands say it where it matters.
+    with contextlib.redirect_stdout(io.StringIO()):
+        ti.init(arch=wanted, log_level=ti.ERROR, **options)
+    got = ti.lang.impl.current_cfg().arch
+    name = "cpu" if got in (ti.x64, ti.arm64) else got.name
+    if arch not in ("auto", name):
+        raise ArchError(f"--arch {arch}: this machine has none, or no driver for it")
+    _started = name
+    return name

@@ -1,0 +1,1 @@
+"""The physics. Knows no picture, no window and no file format."""

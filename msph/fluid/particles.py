@@ -1,0 +1,103 @@
+"""The particle pool and its registry of attributes.
+
+An attribute is declared once. From the declaration follow its allocation, its place in the sort,
+in checkpoints and exports, and the views that colour by it.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import taichi as ti
+
+
+@dataclass(frozen=True)
+class Attribute:
+    """One quantity that every particle has.
+
+    width is 1 for a scalar and 3 for a vector. carried: it must survive sorting and belongs into
+    checkpoints; what is not carried is recomputed before it is read.
+    """
+
+    name: str
+    unit: str
+    help: str
+    width: int = 1
+    integer: bool = False
+    carried: bool = True
+
+    @property
+    def bytes(self) -> int:
+        """Device memory per particle [bytes], with the copy that sorting needs."""
+        return 4 * self.width * (2 if self.carried else 1)
+
+    def allocate(self, capacity: int):
+        dtype = ti.i32 if self.integer else ti.f32
+        if self.width == 1:
+            return ti.field(dtype, shape=capacity)
+        return ti.Vector.field(self.width, dtype, shape=capacity)
+
+
+CORE = (
+    Attribute("x", "m", "position in the box's frame, its min corner the origin", width=3),
+    Attribute("v", "m/s", "velocity", width=3),
+    Attribute("layer", "-", "index of the particle's layer", integer=True),
+    Attribute("id", "-", "identity that sorting does not change", integer=True),
+)
+
+
+@ti.data_oriented
+class Particles:
+    """A preallocated pool: one Taichi field of shape (capacity,) per attribute, by its name.
+
+    count is the number of live particles; they are the first `count` of every field.
+    """
+
+    def __init__(self, capacity: int, attributes: tuple[Attribute, ...] = ()):
+        self.capacity = capacity
+        self.count = 0
+        self.attributes = {a.name: a for a in CORE + attributes}
+        self.fields = {a.name: a.allocate(capacity) for a in self.attributes.values()}
+        self.__dict__.update(self.fields)
+        carried = [a for a in self.attributes.values() if a.carried]
+        self._pairs = [(self.fields[a.name], a.allocate(capacity)) for a in carried]
+
+    @staticmethod
+    def bytes_per_particle(attributes: tuple[Attribute, ...]) -> int:
+        return sum(a.bytes for a in CORE + attributes)
+
+    def fill(self, **values: np.ndarray) -> None:
+        """Replaces all particles by the given attributes, arrays of shape (n,) or (n, 3).
+
+        Carried attributes that are not given become zero, ids count up from zero.
+        """
+        n = len(values["x"])
+        if n > self.capacity:
+            raise ValueError(f"{n} particles do not fit in a pool of {self.capacity}")
+        values.setdefault("id", np.arange(n, dtype=np.int32))
+        for name, attribute in self.attributes.items():
+            field = self.fields[name]
+            shape = (self.capacity,) if attribute.width == 1 else (self.capacity, attribute.width)
+            padded = np.zeros(shape, dtype=np.int32 if attribute.integer else np.float32)
+            if name in values:
+                padded[:n] = values[name]
+            field.from_numpy(padded)
+        self.count = n
+
+    def numpy(self, name: str) -> np.ndarray:
+        """One attribute of the live particles, (count,) or (count, width)."""
+        return self.fields[name].to_numpy()[: self.count]
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Every carried attribute of the live particles: what a checkpoint holds."""
+        return {a.name: self.numpy(a.name) for a in self.attributes.values() if a.carried}
+
+    @ti.kernel
+    def reorder(self, target: ti.template(), n: ti.i32):
+        """Moves particle i to place target[i], for every carried attribute. target: i32 (n,)."""
+        for i in range(n):
+            t = target[i]
+            for pair in ti.static(self._pairs):
+                pair[1][t] = pair[0][i]
+        for i in range(n):
+            for pair in ti.static(self._pairs):
+                pair[0][i] = pair[1][i]

@@ -1,0 +1,48 @@
+"""Wall-clock time per frame and stage. Off, it costs nothing."""
+
+import resource
+import time
+from collections import defaultdict
+from contextlib import contextmanager
+
+import numpy as np
+import taichi as ti
+
+
+class Timings:
+    """Seconds per frame, split by stage; the device is waited for on both sides of a stage."""
+
+    def __init__(self):
+        self.frames: list[dict[str, float]] = []
+        self._open: dict[str, float] = defaultdict(float)
+
+    @contextmanager
+    def stage(self, name: str):
+        ti.sync()
+        start = time.perf_counter()
+        yield
+        ti.sync()
+        self._open[name] += time.perf_counter() - start
+
+    def close_frame(self) -> None:
+        self.frames.append(dict(self._open))
+        self._open.clear()
+
+    def discard(self) -> None:
+        """Forgets all frames so far: the warm-up."""
+        self.frames.clear()
+        self._open.clear()
+
+    def percentile(self, percent: float, *stages: str) -> float:
+        """Percentile [s] over frames of the time in the given stages together, or in all."""
+        per_frame = [sum(f.get(s, 0.0) for s in (stages or f)) for f in self.frames]
+        return float(np.percentile(per_frame, percent))
+
+    def total(self) -> float:
+        """Wall-clock time [s] of all frames."""
+        return sum(sum(frame.values()) for frame in self.frames)
+
+
+def peak_memory() -> int:
+    """Largest resident size of this process so far [bytes]."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024

@@ -1,0 +1,81 @@
+"""The orbit camera.
+
+World frame: y up, metres. The box stands with its lower corner at the origin and may be turned by
+a matrix R about its centre C: p_world = C + R (p_box - C).
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+ELEVATION = np.radians((3.0, 88.0))  # never under the ground, never over the pole
+ZOOM = (0.35, 4.0)  # distance limits, as multiples of the framing distance
+MARGIN = 1.06  # air left round the box by `framing`
+
+
+@dataclass
+class Camera:
+    """Looks at `target` [m] from `distance` [m]; angles in radians, `fov` is vertical.
+
+    Azimuth 0 looks along -z, growing azimuth moves the eye towards +x.
+    """
+
+    target: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    azimuth: float = 0.6
+    elevation: float = 0.42
+    distance: float = 2.5
+    fov: float = 0.66
+    reach: tuple[float, float] = (0.05, 50.0)  # distance limits [m]
+
+    @classmethod
+    def framing(cls, box, aspect=16 / 9, azimuth=0.6, elevation=0.4, fov=0.66):
+        """The camera that shows the whole box (Lx, Ly, Lz) [m] with a little air round it."""
+        box = np.asarray(box, float)
+        camera = cls(box / 2, azimuth, elevation, 1.0, fov)
+        right, up, back = camera.axes()
+        corners = (np.indices((2, 2, 2)).reshape(3, 8).T - 0.5) * box
+        tall = np.tan(fov / 2)
+        x, y, z = corners @ right, corners @ up, corners @ back
+        # A corner at (x, y, z) is inside the picture from the distance |y| / tall + z on.
+        need = np.maximum(np.abs(y) / tall, np.abs(x) / (tall * aspect)) * MARGIN + z
+        camera.distance = float(need.max())
+        camera.reach = (ZOOM[0] * camera.distance, ZOOM[1] * camera.distance)
+        return camera
+
+    def orbit(self, azimuth, elevation):
+        """Turn round the target by two angles [rad]."""
+        self.azimuth = float((self.azimuth + azimuth) % (2 * np.pi))
+        self.elevation = float(np.clip(self.elevation + elevation, *ELEVATION))
+
+    def zoom(self, factor):
+        """Multiply the distance; below 1 comes nearer."""
+        self.distance = float(np.clip(self.distance * factor, *self.reach))
+
+    def axes(self):
+        """Right, up and back: unit vectors of the view, world frame."""
+        ca, sa = np.cos(self.azimuth), np.sin(self.azimuth)
+        ce, se = np.cos(self.elevation), np.sin(self.elevation)
+        back = np.array((ce * sa, se, ce * ca))
+        right = np.array((ca, 0.0, -sa))
+        return right, np.cross(back, right), back
+
+    @property
+    def eye(self):
+        return np.asarray(self.target) + self.distance * self.axes()[2]
+
+    def ray(self, i, j, width, height):
+        """World ray through pixel (i right, j up), pixel centres at integers: eye, unit direction."""
+        right, up, back = self.axes()
+        step = 2 * np.tan(self.fov / 2) / height
+        d = (i + 0.5 - width / 2) * step * right + (j + 0.5 - height / 2) * step * up - back
+        return self.eye, d / np.linalg.norm(d)
+
+    def box_ray(self, i, j, width, height, box, tilt=None):
+        """The same ray in box coordinates."""
+        eye, d = self.ray(i, j, width, height)
+        R, C = np.eye(3) if tilt is None else np.asarray(tilt, float), np.asarray(box, float) / 2
+        return C + R.T @ (eye - C), R.T @ d
+
+    def state(self):
+        """What the view depends on, to tell whether it moved."""
+        return (*map(float, self.target), self.azimuth, self.elevation, self.distance, self.fov)

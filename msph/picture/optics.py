@@ -1,0 +1,47 @@
+"""Optics of a smooth water surface: Snell, Fresnel, Beer-Lambert."""
+
+import numpy as np
+import taichi as ti
+
+vec3 = ti.math.vec3
+
+WATER_INDEX = 1.333  # refractive index, water against air
+
+
+def refracted(d, n, eta):
+    """Unit direction d bent at the unit normal n (against d); eta = n_from / n_to; numpy, no
+    total reflection."""
+    c = -np.dot(d, n)
+    return eta * d + (eta * c - np.sqrt(1 - eta**2 * (1 - c * c))) * n
+
+
+@ti.func
+def cosine_beyond(c, eta):
+    """Cosine of the refracted angle from that of the incident one, c; eta = n_from / n_to.
+
+    Snell: sin' = eta sin. Zero where the reflection is total.
+    """
+    return ti.sqrt(ti.max(0.0, 1.0 - eta * eta * (1.0 - c * c)))
+
+
+@ti.func
+def bend(d, n, c, ct, eta):
+    """Refracted unit direction; c, ct: cosines before and beyond the surface."""
+    return eta * d + (eta * c - ct) * n
+
+
+@ti.func
+def reflectance(c, ct, eta):
+    """Unpolarised Fresnel reflectance of a dielectric; 1 where the reflection is total (ct = 0).
+
+    R = (rs^2 + rp^2) / 2, rs = (eta c - ct) / (eta c + ct), rp = (c - eta ct) / (c + eta ct).
+    """
+    rs = (eta * c - ct) / (eta * c + ct + 1e-7)
+    rp = (c - eta * ct) / (c + eta * ct + 1e-7)
+    return 0.5 * (rs * rs + rp * rp)
+
+
+@ti.func
+def transmittance(absorption, path):
+    """Beer-Lambert: share of light left after `path` metres, RGB."""
+    return ti.exp(-absorption * path)

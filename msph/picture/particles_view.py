@@ -1,0 +1,127 @@
+"""Particles as shaded spheres, coloured by any attribute through a perceptual colour map."""
+
+import numpy as np
+import taichi as ti
+
+from msph.picture.pool import RIM
+from msph.picture.rasteriser import BLOCK, NOTHING, Rasteriser, sphere_inverse_depth
+
+vec3 = ti.math.vec3
+
+COLOURS = 256
+# Ends and bends of the map in CIE Lab: lightness climbs evenly from night blue over teal and
+# green to pale yellow, so equal steps of the value look like equal steps.
+LAB_STOPS = np.array(
+    [
+        (14.0, 18.0, -42.0),
+        (32.0, 14.0, -50.0),
+        (50.0, -14.0, -28.0),
+        (66.0, -40.0, 4.0),
+        (80.0, -32.0, 46.0),
+        (94.0, -8.0, 60.0),
+    ]
+)
+D65 = np.array((0.9505, 1.0, 1.089))
+XYZ_TO_RGB = np.array(
+    [(3.2406, -1.5372, -0.4986), (-0.9689, 1.8758, 0.0415), (0.0557, -0.2040, 1.0570)]
+)
+AMBIENT, DIFFUSE, SHINE = 0.46, 0.62, 0.35
+TINY = 1e-30
+SHEEN_POWER = 5  # highlight: cosine^(2^5)
+
+
+def colour_map(count=COLOURS):
+    """Linear RGB (count, 3) of even steps through `LAB_STOPS`."""
+    x = np.linspace(0, len(LAB_STOPS) - 1, count)
+    lab = np.stack([np.interp(x, np.arange(len(LAB_STOPS)), c) for c in LAB_STOPS.T], 1)
+    f = (lab[:, :1] + 16) / 116 + lab[:, 1:2] * (1 / 500, 0, 0) - lab[:, 2:] * (0, 0, 1 / 200)
+    xyz = D65 * np.where(f > 6 / 29, f**3, (f - 4 / 29) * 3 * (6 / 29) ** 2)
+    return np.clip(xyz @ XYZ_TO_RGB.T, 0, 1)
+
+
+@ti.data_oriented
+class OwnRadius:
+    """Radius of each particle from a f32 field [m], times a factor."""
+
+    def __init__(self, radius, factor=1.0):
+        self.radius, self.factor = radius, factor
+
+    @ti.func
+    def of(self, p):
+        return self.factor * self.radius[p]
+
+
+@ti.data_oriented
+class LayerRadius:
+    """Radius from the particle's layer (i32 field) by a table of spacings (f32 field) [m]."""
+
+    def __init__(self, layer, spacing, factor=0.5):
+        self.layer, self.spacing, self.factor = layer, spacing, factor
+
+    @ti.func
+    def of(self, p):
+        return self.factor * self.spacing[self.layer[p]]
+
+
+@ti.data_oriented
+class ParticlesView:
+    """Draws up to `capacity` spheres over the backdrop."""
+
+    def __init__(self, width, height, capacity, lens, backdrop, tone):
+        self.lens = lens
+        self.raster = Rasteriser(width, height, capacity, lens)
+        self.backdrop, self.tone = backdrop, tone
+        self.map = ti.Vector.field(3, ti.f32, COLOURS)
+        self.map.from_numpy(colour_map().astype(np.float32))
+
+    @ti.kernel
+    def draw(
+        self,
+        x: ti.template(),
+        radius: ti.template(),
+        value: ti.template(),
+        lo: ti.f32,
+        hi: ti.f32,
+        n: ti.i32,
+        image: ti.template(),
+    ):
+        self.raster.clear()
+        self.raster.draw_spheres(n, x, radius)
+        self.shade(x, radius, value, lo, 1.0 / ti.max(hi - lo, TINY), image)
+
+    @ti.func
+    def shade(
+        self,
+        x: ti.template(),
+        radius: ti.template(),
+        value: ti.template(),
+        lo,
+        scale,
+        image: ti.template(),
+    ):
+        """scale: 1 / (hi - lo) of the value's range."""
+        ti.loop_config(block_dim=BLOCK)
+        for i, j in ti.ndrange(self.raster.width, self.raster.height):
+            key = self.raster.key[i, j]
+            behind = self.backdrop.colour[i, j]
+            if key == NOTHING:
+                image[i, j] = behind.xyz
+            else:
+                shot = self.lens.shot[None]
+                p = key & self.raster.item_mask
+                d = shot.origin + shot.du * i + shot.dv * j
+                v = ti.math.clamp((value[p] - lo) * scale, 0.0, 1.0)
+                base = self.map[ti.cast(v * (COLOURS - 1) + 0.5, ti.i32)]
+                c = self.lit(base, x[p] - shot.eye, radius.of(p), d, shot)
+                image[i, j] = ti.math.mix(self.tone.show(c), RIM, behind.w)
+
+    @ti.func
+    def lit(self, base, c, r, d, shot: ti.template()):
+        """Colour of a sphere at c (from the eye) of radius r where the ray d meets it."""
+        n = (d / ti.max(sphere_inverse_depth(c, r, d), 1e-9) - c) / r
+        sky = 0.5 + 0.5 * n.dot(shot.up)
+        sun = ti.max(n.dot(shot.sun), 0.0)
+        half = ti.max(n.dot((shot.sun - d.normalized()).normalized()), 0.0)
+        for _ in ti.static(range(SHEEN_POWER)):
+            half *= half
+        return base * (AMBIENT * (0.4 + 0.6 * sky) + DIFFUSE * sun) + SHINE * half * vec3(1.0)

@@ -1,0 +1,119 @@
+"""One image field, drawn anew each frame: water by its mesh, or particles, in their pool."""
+
+import numpy as np
+import taichi as ti
+
+from msph.picture.light import Light
+from msph.picture.look import Look
+from msph.picture.particles_view import LayerRadius, OwnRadius, ParticlesView
+from msph.picture.pool import Backdrop, Pool
+from msph.picture.rasteriser import NOTHING, Rasteriser
+from msph.picture.shot import Lens, shoot
+from msph.picture.sky import Sky
+from msph.picture.tone import Tone
+from msph.picture.water import Water
+
+SKIN = 2e-3  # how near to a wall a face counts as lying on it, as a share of the longest edge
+
+
+@ti.data_oriented
+class Picture:
+    """Pictures of width x height pixels of the box (Lx, Ly, Lz) [m].
+
+    mesh: the water's surface in box coordinates; fields `vertices` [m], `normals`, `triangles`,
+    `counts` (vertices, triangles). particles: capacity of the particle view, 0 for none.
+    `image`: 3-vec f32 (width, height), 0..1 display-referred, index [right, up].
+    """
+
+    def __init__(self, width, height, box, mesh, look=None, particles=0):
+        self.width, self.height, self.mesh = width, height, mesh
+        self.box = tuple(map(float, box))
+        self.look = look or Look()
+        self.rays = self.look.supersample
+        self.skin = SKIN * max(self.box)
+        w, h = width * self.rays, height * self.rays
+        self.image = ti.Vector.field(3, ti.f32, (width, height))
+        self.canvas = self.image if self.rays == 1 else ti.Vector.field(3, ti.f32, (w, h))
+        self.lens = lens = Lens()
+        tone, pool = Tone(), Pool(Sky(self.look.sun_direction()))
+        self.backdrop = Backdrop(w, h, lens, pool, tone)
+        self.raster = Rasteriser(w, h, mesh.triangles.shape[0], lens, thickness=True)
+        self.light = Light(mesh, lens, self.look.caustics, self.look.caustic_cells)
+        self.water = Water(mesh, lens, self.raster, pool, self.light, self.backdrop, tone)
+        self.particles = None
+        if particles:
+            self.particles = ParticlesView(w, h, particles, lens, self.backdrop, tone)
+        self.radii = {}
+        self.seen = None
+
+    def aim(self, camera, tilt):
+        """Set the lens for this frame; the backdrop is drawn anew if the view changed."""
+        seen = (camera.state(), None if tilt is None else np.asarray(tilt, float).tobytes())
+        if seen != self.seen:
+            w, h = self.width * self.rays, self.height * self.rays
+            self.lens.set(shoot(camera, tilt, self.box, w, h, self.look))
+            self.backdrop.draw()
+            self.seen = seen
+
+    def draw_water(self, camera, tilt=None):
+        """The water's mesh in its pool; tilt: 3x3 rotation of the box about its centre."""
+        self.aim(camera, tilt)
+        self.render()
+        self.resolve()
+
+    @ti.kernel
+    def render(self):
+        """The water picture in one launch: each of these passes is a row of parallel loops."""
+        self.raster.clear()
+        self.light.cast(self.skin)
+        self.raster.draw_mesh(self.mesh, self.skin)
+        self.water.shade(self.skin, self.canvas)
+
+    def draw_particles(self, camera, tilt, x, value, lo, hi, n, radius=None, layers=None):
+        """The first n particles at x [m], coloured by `value` from lo to hi.
+
+        radius: a f32 field [m]; or layers: the pair (layer of each particle, spacing of a layer).
+        """
+        self.aim(camera, tilt)
+        self.particles.draw(x, self.radius_of(radius, layers), value, lo, hi, n, self.canvas)
+        self.resolve()
+
+    def radius_of(self, radius, layers):
+        """One reader for each choice of fields: every new one would compile its kernels again."""
+        key = (id(radius), *map(id, layers or ()))
+        if key not in self.radii:
+            self.radii[key] = LayerRadius(*layers) if layers else OwnRadius(radius)
+        return self.radii[key]
+
+    def resolve(self):
+        """Average the rays of each pixel."""
+        if self.rays > 1:
+            self.average()
+
+    @ti.kernel
+    def average(self):
+        for i, j in self.image:
+            total = ti.math.vec3(0.0)
+            for a, b in ti.ndrange(self.rays, self.rays):
+                total += self.canvas[i * self.rays + a, j * self.rays + b]
+            self.image[i, j] = total / self.rays**2
+
+    def to_numpy_u8(self):
+        """(height, width, 3) uint8, first row at the top."""
+        pixels = self.image.to_numpy()
+        return (pixels.transpose(1, 0, 2)[::-1] * 255 + 0.5).clip(0, 255).astype(np.uint8)
+
+    def pick(self, i, j):
+        """Box position [m] of the water last drawn under pixel (i right, j up), or None."""
+        if not (0 <= i < self.width and 0 <= j < self.height):
+            return None
+        i, j = int(i) * self.rays, int(j) * self.rays
+        key = self.raster.key[i, j]
+        if self.seen is None or key == NOTHING:
+            return None
+        corners = self.mesh.triangles[key & self.raster.item_mask]
+        a, b, c = (np.asarray(self.mesh.vertices[k], float) for k in corners)
+        shot = self.lens.numbers
+        d = shot["origin"] + i * shot["du"] + j * shot["dv"]
+        n = np.cross(b - a, c - a)
+        return shot["eye"] + d * np.dot(a - shot["eye"], n) / np.dot(d, n)

@@ -1,0 +1,223 @@
+"""The pool: a box of glazed tiles with glass in front, and the ground that it stands on.
+
+A wall is glass when the eye is on its outer side: then it is not drawn but for its edges. Thus a
+ray that enters the box by glass or by the open top meets tiles, glass or the top from within.
+"""
+
+import taichi as ti
+
+from msph.picture.rasteriser import BLOCK
+from msph.picture.sky import GROUND, Sky, haze
+
+vec2, vec3, vec4 = ti.math.vec2, ti.math.vec3, ti.math.vec4
+
+PALE, DEEP = vec3(0.63, 0.80, 0.81), vec3(0.36, 0.62, 0.70)  # the two ends of the tiles' tone
+BAND = vec3(0.05, 0.17, 0.40)  # the row of blue tiles under the brim
+GROUT = vec3(0.80, 0.84, 0.83)
+GROUT_WIDTH = 0.055  # of a tile's edge
+BEVEL = 0.10  # of a tile's edge over which the glaze rounds off
+SUN_LIGHT, SKY_LIGHT = vec3(0.80, 0.74, 0.62), vec3(0.42, 0.47, 0.52)
+CORNER, CORNER_REACH = 0.42, 5.0  # depth of the shade in corners; its falloff [1/box height]
+RIM = vec3(0.86, 0.93, 0.95)  # the glass edges, display-referred
+RIM_WIDTH = 0.006  # of the longest box edge
+RIM_STRENGTH, INNER_STRENGTH = 0.85, 0.35  # opacity of edges before and behind the water
+GLASS = 0.045  # reflectance of a pane at right angles
+CONTACT, CONTACT_REACH = 0.45, 0.22  # shade under the box; its falloff, of the longest box edge
+SHADOW, SHADOW_EDGE = vec3(0.46, 0.40, 0.34), 0.12  # sunlight that the box takes; way for half
+TONES = 256
+FLATTEST = 0.08  # least cosine by which a pixel's footprint on a wall is stretched
+INFINITE = 1e6
+
+
+@ti.func
+def along(v, axis):
+    """Component of v along a runtime axis: selects, as an indexed vector would live in memory."""
+    return ti.select(axis == 0, v.x, ti.select(axis == 1, v.y, v.z))
+
+
+@ti.func
+def reciprocal(d):
+    """1 / d by component, finite where d vanishes."""
+    return 1.0 / (d + ti.select(abs(d) < 1e-6, 1e-6, 0.0))
+
+
+@ti.data_oriented
+class Pool:
+    def __init__(self, sky: Sky):
+        self.sky = sky
+        self.tone = ti.field(ti.f32, TONES)  # shade of a tile, 0..1
+        self.glaze()
+
+    @ti.kernel
+    def glaze(self):
+        """Fixed pseudo-random tones: a golden-ratio sequence, shuffled."""
+        for i in range(TONES):
+            self.tone[i] = ti.math.fract(0.618034 * ((i * 167 + 13) % TONES))
+
+    @ti.func
+    def albedo(self, p, axis, footprint, shot: ti.template()):
+        """Tile colour at p [m] on a wall across `axis`; footprint: width of the pixel there [m]."""
+        u, su = ti.select(axis == 0, p.z, p.x), ti.select(axis == 0, shot.tiles.z, shot.tiles.x)
+        v, sv = ti.select(axis == 1, p.z, p.y), ti.select(axis == 1, shot.tiles.z, shot.tiles.y)
+        q = vec2(u * su, v * sv)
+        cell = ti.floor(q)
+        edge = 0.5 - abs(q - cell - 0.5)  # to the nearest joint, in tiles
+        # Box filter: the share of the pixel that joints cover.
+        f = ti.max(footprint * vec2(su, sv), 1e-3)
+        cover = ti.math.clamp((0.5 * (GROUT_WIDTH + f) - edge) / f, 0.0, 1.0)
+        cover *= ti.min(1.0, GROUT_WIDTH / f)
+        joint = 1.0 - (1.0 - cover.x) * (1.0 - cover.y)
+        k = ti.cast(cell, ti.i32)
+        tone = self.tone[(k.x * 73 + k.y * 151 + axis * 37) & (TONES - 1)]
+        tone = ti.math.mix(tone, 0.5, ti.min(f.x + f.y, 1.0))
+        colour = ti.math.mix(PALE, DEEP, tone)
+        if axis != 1 and (shot.size.y - p.y) * sv < 1.0:
+            colour = BAND * (0.8 + 0.6 * tone)
+        bevel = ti.math.clamp((edge.min() - 0.5 * GROUT_WIDTH) / BEVEL, 0.0, 1.0)
+        return ti.math.mix(colour * (0.93 + 0.07 * bevel), GROUT, joint)
+
+    @ti.func
+    def light(self, p, axis, low, to_sun, focus, shot: ti.template()):
+        """Light on the wall at p; low: the wall at the axis's origin; focus: sun's concentration.
+
+        Sky light is dimmed in corners, sunlight follows Lambert's law.
+        """
+        room = ti.min(p, shot.size - p) * (CORNER_REACH / shot.size.y)
+        room.y = p.y * (CORNER_REACH / shot.size.y)
+        dark = 1.0 / (1.0 + room * room)
+        shade = 1.0 - CORNER * dark
+        open_sky = ti.select(axis == 0, 1.0, shade.x) * ti.select(axis == 1, 1.0, shade.y)
+        open_sky *= ti.select(axis == 2, 1.0, shade.z)
+        n = along(to_sun, axis)
+        lambert = ti.max(ti.select(low, n, -n), 0.0)
+        return SKY_LIGHT * open_sky + SUN_LIGHT * (lambert * focus * (0.4 + 0.6 * open_sky))
+
+    @ti.func
+    def leave(self, p, r, size):
+        """Where a ray from inside leaves the box: distance [m], axis, whether by the low wall."""
+        inv = reciprocal(r)
+        t = ti.max(-p * inv, (size - p) * inv)
+        axis = 0
+        s = t.x
+        if t.y < s:
+            s, axis = t.y, 1
+        if t.z < s:
+            s, axis = t.z, 2
+        return ti.max(s, 0.0), axis, along(r, axis) < 0.0
+
+    @ti.func
+    def is_tiled(self, axis, low, shot: ti.template()):
+        """Whether the eye is on the inner side of a wall; the top is open, never tiled."""
+        e = along(ti.select(low, shot.eye, shot.size - shot.eye), axis)
+        return e > 0.0 and (axis != 1 or low)
+
+    @ti.func
+    def dry(self, p, axis, low, footprint, shot: ti.template()):
+        """Colour of the wall at p in air."""
+        return self.albedo(p, axis, footprint, shot) * self.light(p, axis, low, shot.sun, 1.0, shot)
+
+    @ti.func
+    def around(self, d, shot: ti.template()):
+        """Radiance of sky or far ground in the box-frame direction d (unit)."""
+        return self.sky.radiance(
+            vec3(d.dot(shot.right_world), d.dot(shot.up), d.dot(shot.back_world))
+        )
+
+    @ti.func
+    def country(self, d, shot: ti.template()):
+        """What a box-frame ray d from the eye meets outside of the box: sky, or shaded ground."""
+        colour = vec3(0.0)
+        sine = d.dot(shot.up)
+        if sine < -1e-4:
+            t = ((shot.eye - 0.5 * shot.size).dot(shot.up) - shot.ground) / -sine
+            colour = haze(GROUND * self.ground_light(shot.eye + t * d, shot), sine)
+        else:
+            colour = self.around(d, shot)
+        return colour
+
+    @ti.func
+    def ground_light(self, g, shot: ti.template()):
+        """1 on open ground, less near the box (it hides sky) and in its shadow (tinted)."""
+        away = ti.max(abs(g - 0.5 * shot.size) - 0.5 * shot.size, 0.0).norm_sqr()
+        reach = CONTACT_REACH * shot.size.max()
+        contact = 1.0 - CONTACT * reach * reach / (reach * reach + away)
+        # Sunlight through the box: the longer its way within, the dimmer.
+        t0, t1 = -g * shot.sun_inverse, (shot.size - g) * shot.sun_inverse
+        enter, leave = ti.min(t0, t1).max(), ti.max(t0, t1).min()
+        way = ti.max(leave - ti.max(enter, 0.0), 0.0) / shot.size.max()
+        return vec3(contact) * (1.0 - SHADOW * (way / (way + SHADOW_EDGE)))
+
+    @ti.func
+    def cross(self, d, shot: ti.template()):
+        """Slab test of the eye ray d: distances in and out (in > out: a miss), axes of both."""
+        inv = reciprocal(d)
+        t0, t1 = -shot.eye * inv, (shot.size - shot.eye) * inv
+        lo, hi = ti.min(t0, t1), ti.max(t0, t1)
+        near, far = lo.max(), hi.min()
+        way_in = ti.select(near == lo.x, 0, ti.select(near == lo.y, 1, 2))
+        way_out = ti.select(far == hi.x, 0, ti.select(far == hi.y, 1, 2))
+        return near, far, way_in, way_out
+
+    @ti.func
+    def edge(self, p, axis, width, footprint, shot: ti.template()):
+        """Share of the pixel covered by the lines along the borders of the face across `axis`."""
+        room = ti.min(p, shot.size - p)
+        across = vec3(axis == 0, axis == 1, axis == 2)
+        return ti.math.clamp((width - (room + INFINITE * across).min()) / footprint + 0.5, 0.0, 1.0)
+
+    @ti.func
+    def view(self, d, beyond, shot: ti.template()):
+        """Linear colour without water along the eye ray d (unit), and opacity of edges before it.
+
+        beyond: what the ray would meet without the box. Returns (r, g, b, opacity).
+        """
+        colour, rim = beyond, 0.0
+        near, far, way_in, axis = self.cross(d, shot)
+        hit = far > ti.max(near, 0.0)
+        width = RIM_WIDTH * shot.size.max()
+        low = along(d, axis) < 0.0
+        if hit and self.is_tiled(axis, low, shot):
+            p = shot.eye + d * far
+            footprint = shot.pixel * far / ti.max(abs(along(d, axis)), FLATTEST)
+            line = self.edge(p, axis, 0.5 * width, footprint, shot)
+            colour = self.dry(p, axis, low, footprint, shot)
+            colour = ti.math.mix(colour, RIM * RIM, INNER_STRENGTH * line)
+        if hit and near > 0.0:
+            steep = abs(along(d, way_in))
+            footprint = shot.pixel * near / ti.max(steep, FLATTEST)
+            p = shot.eye + d * near
+            rim = RIM_STRENGTH * self.edge(p, way_in, width, footprint, shot)
+            if way_in != 1:  # a pane mirrors its surroundings faintly
+                mirrored = d * vec3(1 - 2 * (way_in == 0), 1, 1 - 2 * (way_in == 2))
+                share = GLASS + (1.0 - GLASS) * (1.0 - steep) ** 5
+                colour = ti.math.mix(colour, self.around(mirrored, shot), share)
+        return vec4(colour, rim)
+
+
+@ti.data_oriented
+class Backdrop:
+    """The view without water, display-referred, with the opacity of the rim that lies before all.
+
+    Drawn anew only when the camera or the tilt changes.
+    """
+
+    def __init__(self, width, height, lens, pool, tone):
+        self.lens = lens
+        self.width, self.height = width, height
+        self.pool, self.tone = pool, tone
+        self.colour = ti.Vector.field(4, ti.f32, (width, height))
+
+    @ti.kernel
+    def draw(self):
+        """Sky and ground are smooth: one sample of them serves a block of 2 x 2 pixels."""
+        ti.loop_config(block_dim=BLOCK)
+        for a, b in ti.ndrange((self.width + 1) // 2, (self.height + 1) // 2):
+            shot = self.lens.shot[None]
+            corner = shot.origin + shot.du * (2 * a) + shot.dv * (2 * b)
+            beyond = self.pool.country((corner + 0.5 * (shot.du + shot.dv)).normalized(), shot)
+            for i in range(2 * a, ti.min(2 * a + 2, self.width)):
+                for j in range(2 * b, ti.min(2 * b + 2, self.height)):
+                    d = (shot.origin + shot.du * i + shot.dv * j).normalized()
+                    c = self.pool.view(d, beyond, shot)
+                    shown = ti.math.mix(self.tone.show(c.xyz), RIM, c.w)
+                    self.colour[i, j] = vec4(shown, c.w)

@@ -1,0 +1,168 @@
+"""Triangles and spheres to a visibility buffer: which item is nearest in each pixel.
+
+One i32 per pixel holds depth (high bits) over the item's number (low bits), so that one
+`atomic_min` keeps both and the outcome does not depend on the order of threads. The depth bits
+only sort: the exact depth, the normal and the rest follow from the item's number.
+
+Triangles are drawn by homogeneous edge functions (Olano and Greer 1997): with vertices a, b, c
+relative to the eye and a pixel ray d of forward part 1, the barycentric weights are
+d.(b x c), d.(c x a), d.(a x b) over their sum, and 1 / depth = d.N / a.N with N the triangle's
+normal. No vertex is divided by its depth, so triangles through the near plane need no clipping.
+"""
+
+import taichi as ti
+
+vec3 = ti.math.vec3
+
+BLOCK = 256  # pixels or items per chunk of a thread: the default halves the picture, unevenly
+KEY_BITS = 31
+NOTHING = 0x7FFFFFFF  # key of a pixel without an item
+FAR = 1e9  # depth of a pixel without a back face [m]
+OVERLAP = 2e-3  # pixels by which triangles reach over their edges, so that none falls between
+
+
+@ti.data_oriented
+class Rasteriser:
+    """Visibility buffer of width x height pixels for items numbered below `capacity`."""
+
+    def __init__(self, width, height, capacity, lens, thickness=False):
+        self.lens = lens
+        self.width, self.height = width, height
+        self.item_bits = max(1, (capacity - 1).bit_length())
+        self.item_mask = (1 << self.item_bits) - 1
+        self.levels = float((1 << (KEY_BITS - self.item_bits)) - 2)
+        self.key = ti.field(ti.i32, (width, height))
+        self.thickness = thickness
+        # Depth of the nearest back face within the box, bits of a positive f32.
+        self.back = ti.field(ti.i32, (width, height) if thickness else (1, 1))
+
+    @ti.func
+    def clear(self):
+        ti.loop_config(block_dim=BLOCK)
+        for i, j in ti.ndrange(self.width, self.height):
+            self.key[i, j] = NOTHING
+            if ti.static(self.thickness):
+                self.back[i, j] = ti.bit_cast(ti.f32(FAR), ti.i32)
+
+    @ti.func
+    def make_key(self, w, item, shot: ti.template()):
+        """Sorting key of an item at inverse depth w [1/m]."""
+        x = ti.math.clamp((shot.w_near - w) / shot.w_span, 0.0, 1.0)
+        return (ti.cast(x * self.levels, ti.i32) << self.item_bits) | item
+
+    @ti.func
+    def offer(self, i, j, key):
+        if key < self.key[i, j]:  # a plain read first: most offers lose
+            ti.atomic_min(self.key[i, j], key)
+
+    @ti.func
+    def bounds(self, lo, hi):
+        """Pixel range [i0, j0, i1, j1] within the picture of a box of pixel coordinates."""
+        return ti.Vector(
+            [
+                ti.cast(ti.ceil(ti.max(lo.x, 0.0)), ti.i32),
+                ti.cast(ti.ceil(ti.max(lo.y, 0.0)), ti.i32),
+                ti.cast(ti.floor(ti.min(hi.x, self.width - 1.0)), ti.i32),
+                ti.cast(ti.floor(ti.min(hi.y, self.height - 1.0)), ti.i32),
+            ]
+        )
+
+    @ti.func
+    def triangle_bounds(self, a, b, c, shot: ti.template()):
+        """Pixels a triangle (relative to the eye) may cover; all, if it passes the near plane."""
+        za, zb, zc = a.dot(shot.forward), b.dot(shot.forward), c.dot(shot.forward)
+        lo, hi = ti.Vector([0.0, 0.0]), ti.Vector([self.width - 1.0, self.height - 1.0])
+        near = 1.0 / shot.w_near
+        if ti.min(za, zb, zc) > 0.5 * near:
+            ra, rb, rc = 1.0 / za, 1.0 / zb, 1.0 / zc
+            pa = ti.Vector([a.dot(shot.to_i), a.dot(shot.to_j)]) * ra
+            pb = ti.Vector([b.dot(shot.to_i), b.dot(shot.to_j)]) * rb
+            pc = ti.Vector([c.dot(shot.to_i), c.dot(shot.to_j)]) * rc
+            lo = ti.min(pa, pb, pc) + shot.centre - OVERLAP
+            hi = ti.max(pa, pb, pc) + shot.centre + OVERLAP
+        elif ti.max(za, zb, zc) < near:
+            hi = ti.Vector([-1.0, -1.0])
+        return self.bounds(lo, hi)
+
+    @ti.func
+    def draw_mesh(self, mesh: ti.template(), skin):
+        """Front faces into `key`; back faces off the box walls (by `skin` [m]) into `back`."""
+        ti.loop_config(block_dim=BLOCK)
+        for t in range(mesh.counts[1]):
+            shot = self.lens.shot[None]
+            k = mesh.triangles[t]
+            pa, pb, pc = mesh.vertices[k[0]], mesh.vertices[k[1]], mesh.vertices[k[2]]
+            a, b, c = pa - shot.eye, pb - shot.eye, pc - shot.eye
+            n = (b - a).cross(c - a)
+            volume = a.dot(n)
+            front = volume < 0.0
+            wanted = front
+            if ti.static(self.thickness) and volume > 0.0:
+                wanted = not on_wall(pa, pb, pc, shot.size, skin)
+            if wanted:
+                self.fill(t, a, b, c, n, volume, front, shot)
+
+    @ti.func
+    def fill(self, t, a, b, c, n, volume, front, shot: ti.template()):
+        """Offer one triangle to the pixels it covers."""
+        box = self.triangle_bounds(a, b, c, shot)
+        if box[0] <= box[2] and box[1] <= box[3]:
+            s = ti.select(front, -1.0, 1.0)
+            edges = ti.Matrix.rows([b.cross(c) * s, c.cross(a) * s, a.cross(b) * s])
+            e0, ei, ej = edges @ shot.origin, edges @ shot.du, edges @ shot.dv
+            e0 += OVERLAP * (abs(ei) + abs(ej))
+            w_scale = 1.0 / volume
+            w0 = shot.origin.dot(n) * w_scale
+            wi, wj = shot.du.dot(n) * w_scale, shot.dv.dot(n) * w_scale
+            for i in range(box[0], box[2] + 1):
+                for j in range(box[1], box[3] + 1):
+                    e = e0 + ei * i + ej * j
+                    w = w0 + wi * i + wj * j
+                    if e.min() >= 0.0 and w > 0.0 and w <= shot.w_near:
+                        if front:
+                            self.offer(i, j, self.make_key(w, t, shot))
+                        elif ti.static(self.thickness):
+                            ti.atomic_min(self.back[i, j], ti.bit_cast(1.0 / w, ti.i32))
+
+    @ti.func
+    def draw_spheres(self, n, x: ti.template(), radius: ti.template()):
+        """Spheres at x [m] with `radius.of(p)` [m]: the near side of each into `key`."""
+        ti.loop_config(block_dim=BLOCK)
+        for p in range(n):
+            shot = self.lens.shot[None]
+            c = x[p] - shot.eye
+            r = radius.of(p)
+            z = c.dot(shot.forward)
+            if z - r > 1.0 / shot.w_near:
+                rz = 1.0 / z
+                m = ti.Vector([c.dot(shot.to_i), c.dot(shot.to_j)]) * rz
+                m += shot.centre
+                # Off the axis a sphere's picture is an ellipse, longer by at most 1 / cos.
+                reach = r / (shot.pixel * (z - r)) * c.norm() * rz
+                box = self.bounds(m - reach, m + reach)
+                for i in range(box[0], box[2] + 1):
+                    for j in range(box[1], box[3] + 1):
+                        w = sphere_inverse_depth(c, r, shot.origin + shot.du * i + shot.dv * j)
+                        if w > 0.0:
+                            self.offer(i, j, self.make_key(w, p, shot))
+
+
+@ti.func
+def sphere_inverse_depth(c, r, d):
+    """1 / depth where the ray d (forward part 1) from the eye meets a sphere; 0 if it does not.
+
+    |s d - c| = r, nearer root: s = (c.c - r^2) / (d.c + sqrt((d.c)^2 - d.d (c.c - r^2))).
+    """
+    dc, q = d.dot(c), c.dot(c) - r * r
+    disc = dc * dc - d.dot(d) * q
+    w = 0.0
+    if disc >= 0.0 and dc > 0.0:
+        w = (dc + ti.sqrt(disc)) / q
+    return w
+
+
+@ti.func
+def on_wall(a, b, c, size, skin):
+    """Whether a triangle lies on one of the box's six faces, to within `skin` [m]."""
+    lo, hi = ti.max(a, b, c), ti.min(a, b, c)
+    return lo.min() < skin or (size - hi).min() < skin

@@ -1,0 +1,87 @@
+"""Sky and open country round the pool, as radiance by direction; world frame, linear RGB.
+
+The sky (gradient, clouds, glow round the sun) is drawn once into a dome: a square map of the upper
+half sphere by stereographic projection, (x, z) / (1 + y).
+"""
+
+import taichi as ti
+
+vec3 = ti.math.vec3
+
+CELLS = 256  # dome resolution
+ZENITH = vec3(0.085, 0.235, 0.56)
+HORIZON = vec3(0.66, 0.79, 0.90)
+CLOUD = vec3(0.98, 0.99, 1.02)
+SUN = vec3(1.0, 0.90, 0.72)
+GROUND = vec3(0.47, 0.455, 0.425)
+DUSK = 0.45  # exponent of the gradient: smaller is a paler, narrower horizon
+CLOUD_SCALE, CLOUD_DRIFT = 0.85, 3.7  # features per unit of the cloud plane; where to cut it
+OCTAVES = 5
+HAZE = 0.28  # sine of the angle under the horizon within which ground fades into haze
+
+
+@ti.func
+def noise(p):
+    """Smooth value noise in 0..1 on the plane."""
+    c = ti.floor(p)
+    f = p - c
+    u = f * f * (3.0 - 2.0 * f)
+    a = ti.math.mix(lattice(c), lattice(c + ti.math.vec2(1, 0)), u.x)
+    b = ti.math.mix(lattice(c + ti.math.vec2(0, 1)), lattice(c + ti.math.vec2(1, 1)), u.x)
+    return ti.math.mix(a, b, u.y)
+
+
+@ti.func
+def lattice(c):
+    """A fixed random number in 0..1 for each whole point of the plane."""
+    k = ti.cast(c, ti.i32) + 4096
+    h = ti.cast(k.x, ti.u32) * ti.u32(374761393) + ti.cast(k.y, ti.u32) * ti.u32(668265263)
+    h = (h ^ (h >> 13)) * ti.u32(1274126177)
+    return ti.cast((h ^ (h >> 16)) & ti.u32(0xFFFF), ti.f32) / 65535.0
+
+
+@ti.data_oriented
+class Sky:
+    def __init__(self, sun):
+        """sun: unit vector to it, world frame."""
+        self.dome = ti.Vector.field(3, ti.f32, (CELLS, CELLS))
+        self.paint(vec3(*sun))
+
+    @ti.kernel
+    def paint(self, sun: vec3):
+        for i, j in self.dome:
+            q = (ti.math.vec2(i, j) + 0.5) * (2.0 / CELLS) - 1.0
+            s = ti.min(q.norm_sqr(), 1.0)
+            d = vec3(2.0 * q.x, 1.0 - s, 2.0 * q.y) / (1.0 + s)
+            colour = ti.math.mix(HORIZON, ZENITH, d.y**DUSK)
+            p = vec3(d.x, 0, d.z).xz / (d.y + 0.18) * CLOUD_SCALE + CLOUD_DRIFT
+            cloud, weight = 0.0, 0.5
+            for _ in range(OCTAVES):
+                cloud += weight * noise(p)
+                weight *= 0.5
+                p = 2.03 * p + 17.0
+            cover = ti.math.smoothstep(0.46, 0.80, cloud) * ti.math.smoothstep(0.0, 0.25, d.y)
+            near_sun = ti.max(d.dot(sun), 0.0)
+            colour = ti.math.mix(colour, CLOUD, 0.75 * cover)
+            self.dome[i, j] = colour + SUN * (0.22 * near_sun**12 + 0.5 * near_sun**160)
+
+    @ti.func
+    def radiance(self, d):
+        """Radiance from the world direction d (unit): sky above, hazy ground below."""
+        q = (ti.math.vec2(d.x, d.z) / (1.0 + abs(d.y)) + 1.0) * (0.5 * CELLS) - 0.5
+        q = ti.math.clamp(q, 0.0, CELLS - 1.001)
+        i, j = ti.cast(q.x, ti.i32), ti.cast(q.y, ti.i32)
+        f = q - ti.math.vec2(i, j)
+        low = ti.math.mix(self.dome[i, j], self.dome[i + 1, j], f.x)
+        high = ti.math.mix(self.dome[i, j + 1], self.dome[i + 1, j + 1], f.x)
+        colour = ti.math.mix(low, high, f.y)
+        if d.y < 0.0:
+            colour = haze(GROUND, d.y)
+        return colour
+
+
+@ti.func
+def haze(colour, sine):
+    """Colour of far ground seen at `sine` below the horizon (negative)."""
+    s = ti.min(-sine / HAZE, 1.0)
+    return ti.math.mix(HORIZON, colour, s * (2.0 - s))

@@ -1,0 +1,31 @@
+"""From linear radiance to what a display is sent: soft shoulder, then the sRGB curve; a table."""
+
+import numpy as np
+import taichi as ti
+
+CELLS = 4096
+WHITE = 1.6  # radiance shown as full white
+KNEE = 0.65  # radiance up to which the curve is the identity
+
+
+def curve(x):
+    """Display-referred value of the linear radiance x, both about 0..1 (numpy)."""
+    room = 1 - KNEE
+    y = np.where(x < KNEE, x, KNEE + room * (1 - np.exp(-np.maximum(x - KNEE, 0) / room)))
+    y = np.minimum(y / (KNEE + room * (1 - np.exp(-(WHITE - KNEE) / room))), 1)
+    return np.where(y <= 0.0031308, 12.92 * y, 1.055 * np.maximum(y, 1e-9) ** (1 / 2.4) - 0.055)
+
+
+@ti.data_oriented
+class Tone:
+    def __init__(self):
+        self.table = ti.field(ti.f32, CELLS)
+        x = np.linspace(0, WHITE, CELLS)
+        self.table.from_numpy(curve(x).astype(np.float32))
+
+    @ti.func
+    def show(self, c):
+        """Display-referred colour of the linear colour c."""
+        k = ti.cast(ti.math.clamp(c * ((CELLS - 1) / WHITE), 0.0, CELLS - 1.0) + 0.5, ti.i32)
+        k = ti.min(k, CELLS - 1)
+        return ti.math.vec3(self.table[k.x], self.table[k.y], self.table[k.z])

@@ -1,0 +1,8 @@
+"""What a scene is: declared parameters, TOML files that set them, and the water they describe."""
+
+from msph.scene.build import build_simulation
+from msph.scene.errors import SceneError
+from msph.scene.load import load_scene
+from msph.scene.schema import Scene
+
+__all__ = ["Scene", "SceneError", "build_simulation", "load_scene"]

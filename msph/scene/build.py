@@ -1,0 +1,43 @@
+"""From a scene to the simulation it describes."""
+
+import math
+
+import numpy as np
+
+from msph.fluid.classic import ClassicTerms
+from msph.fluid.simulation import Simulation
+from msph.scene.schema import Scene
+from msph.scene.water import initial_particles, layer_specs
+
+
+def build_simulation(scene: Scene) -> Simulation:
+    """Allocates and fills everything the scene's fluid needs. ti.init must have been called."""
+    c = scene.classic
+    terms = ClassicTerms(
+        density=scene.density,
+        stiffness=c.stiffness,
+        tension=c.tension,
+        pressure_form=c.pressure_form,
+        viscosity_form=c.viscosity_form,
+        attraction=c.attraction,
+        colour_threshold=c.colour_threshold,
+        courant=c.courant,
+        restitution=scene.box.restitution,
+    )
+    return Simulation(scene.box.size, layer_specs(scene), initial_particles(scene), terms)
+
+
+def sway_angle(scene: Scene, time: float) -> float:
+    """Tilt [rad] that the scene gives to its pool at `time` [s], about the z axis."""
+    sway = scene.sway
+    if time >= sway.seconds:
+        return 0.0
+    return math.radians(sway.angle) * math.sin(2.0 * math.pi * time / sway.period)
+
+
+def rotation(roll: float, pitch: float) -> np.ndarray:
+    """Rotation box -> world, (3, 3): `roll` [rad] about z, then `pitch` [rad] about x."""
+    cr, sr, cp, sp = math.cos(roll), math.sin(roll), math.cos(pitch), math.sin(pitch)
+    about_z = np.array([[cr, -sr, 0.0], [sr, cr, 0.0], [0.0, 0.0, 1.0]])
+    about_x = np.array([[1.0, 0.0, 0.0], [0.0, cp, -sp], [0.0, sp, cp]])
+    return about_x @ about_z

@@ -1,0 +1,109 @@
+"""What a schema cannot say: geometry, references between tables, and memory."""
+
+import difflib
+import itertools
+
+import numpy as np
+import psutil
+
+from msph.fluid.classic import ATTRIBUTES
+from msph.fluid.particles import CORE
+from msph.fluid.simulation import bytes_needed
+from msph.scene.errors import SceneError
+from msph.scene.schema import Scene, Water
+from msph.scene.water import bounds, expected_count, layer_specs
+
+# How far bodies of water may touch or reach over the box before it counts as an error [m]:
+# rounding in a scene file, not a design.
+TOLERANCE = 1e-6
+# Share of the free memory that a scene may take.
+MEMORY_SHARE = 0.8
+# What a picture can show, in the order in which a key cycles through it.
+_DERIVED = ("water", "layer", "speed", "density_error")
+VIEWS = _DERIVED + tuple(
+    a.name for a in CORE + ATTRIBUTES if a.name not in (*_DERIVED, "x", "v", "id")
+)
+
+
+def check(scene: Scene, where: str) -> None:
+    """Raises SceneError for a scene that is well formed but cannot be built."""
+    for i, layer in enumerate(scene.layers):
+        if (layer.mass is None) == (layer.spacing is None):
+            raise SceneError(where, "give either mass or spacing", f"layers.{i}")
+    if scene.picture.view not in VIEWS:
+        near = difflib.get_close_matches(scene.picture.view, VIEWS, n=1)
+        hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(VIEWS)}"
+        raise SceneError(where, f"unknown view {scene.picture.view!r}; {hint}", "picture.view")
+    specs = layer_specs(scene)
+    for i, spec in enumerate(specs):
+        if spec.spacing > min(scene.box.size):
+            raise SceneError(
+                where,
+                f"particles of {spec.spacing:.3g} m do not fit in the box, whose shortest edge "
+                f"is {min(scene.box.size):.3g} m",
+                f"layers.{i}",
+            )
+    for i, water in enumerate(scene.water):
+        _check_water(scene, water, where, f"water.{i}")
+    for (i, a), (j, b) in itertools.combinations(enumerate(scene.water), 2):
+        if _overlap(a, b):
+            raise SceneError(where, f"overlaps water.{i}", f"water.{j}")
+    counts = [expected_count(w, specs[w.layer]) for w in scene.water]
+    needed = bytes_needed(scene.box.size, specs, sum(counts))
+    free = psutil.virtual_memory().available * MEMORY_SHARE
+    if needed > free:
+        raise SceneError(
+            where,
+            f"about {sum(counts):,} particles need {needed / 2**30:.1f} GiB, "
+            f"{free / 2**30:.1f} GiB are free",
+            "water",
+        )
+
+
+def _check_water(scene: Scene, water: Water, where: str, key: str) -> None:
+    if water.layer >= len(scene.layers):
+        raise SceneError(
+            where, f"there are {len(scene.layers)} layers, no layer {water.layer}", f"{key}.layer"
+        )
+    box = water.lo is not None and water.hi is not None
+    ball = water.centre is not None and water.radius is not None
+    some_box = water.lo is not None or water.hi is not None
+    some_ball = water.centre is not None or water.radius is not None
+    if not (box or ball) or (some_box and some_ball):
+        raise SceneError(where, "give either lo and hi, or centre and radius", key)
+    lo, hi = bounds(water)
+    if np.any(hi <= lo):
+        raise SceneError(where, "has no volume: hi must exceed lo on every axis", f"{key}.hi")
+    if np.any(lo < -TOLERANCE) or np.any(hi > np.array(scene.box.size) + TOLERANCE):
+        raise SceneError(
+            where,
+            f"reaches from {_point(lo)} to {_point(hi)} m, outside the box of "
+            f"{_point(scene.box.size)} m",
+            key,
+        )
+    spec = layer_specs(scene)[water.layer]
+    most = expected_count(water.model_copy(update={"count": None}), spec)
+    # Half a sheet of grace: the last sheet of a lattice may stand a little over the body's top.
+    sheet = float(np.prod((hi - lo)[[0, 2]])) / spec.spacing**2
+    if water.count is not None and water.count > most + 0.5 * sheet:
+        raise SceneError(
+            where, f"{water.count} particles do not fit, there is room for {most}", f"{key}.count"
+        )
+
+
+def _overlap(a: Water, b: Water) -> bool:
+    lo_a, hi_a = bounds(a)
+    lo_b, hi_b = bounds(b)
+    if a.radius is not None and b.radius is not None:
+        apart = np.linalg.norm(np.array(a.centre) - np.array(b.centre))
+        return bool(apart < a.radius + b.radius - TOLERANCE)
+    for ball, lo, hi in ((a, lo_b, hi_b), (b, lo_a, hi_a)):
+        if ball.radius is not None:
+            centre = np.array(ball.centre)
+            apart = np.linalg.norm(centre - np.clip(centre, lo, hi))
+            return bool(apart < ball.radius - TOLERANCE)
+    return bool(np.all(np.minimum(hi_a, hi_b) - np.maximum(lo_a, lo_b) > TOLERANCE))
+
+
+def _point(p) -> str:
+    return "(" + ", ".join(f"{v:g}" for v in p) + ")"

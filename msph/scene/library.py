@@ -1,0 +1,35 @@
+"""The shipped scenes: where they are, what they are called, and their first lines."""
+
+import difflib
+from pathlib import Path
+
+from msph.scene.errors import SceneError
+
+DEFAULT_SCENE = "dam_break"
+
+
+def assets() -> Path:
+    """The folder of assets: beside the package in a checkout, inside it once installed."""
+    package = Path(__file__).resolve().parent.parent
+    inside = package / "assets"
+    return inside if inside.is_dir() else package.parent / "assets"
+
+
+def shipped_scenes() -> dict[str, Path]:
+    """The shipped scenes by name, in alphabetic order."""
+    return {p.stem: p for p in sorted((assets() / "scenes").glob("*.toml"))}
+
+
+def find_scene(name: str) -> Path:
+    """The file of a scene given as a path or as a shipped name. Raises SceneError."""
+    scenes = shipped_scenes()
+    if name in scenes:
+        return scenes[name]
+    path = Path(name)
+    if path.is_file():
+        return path
+    if path.is_dir():
+        raise SceneError(name, "is a folder, not a scene file")
+    near = difflib.get_close_matches(name, scenes, n=1)
+    hint = f"did you mean {near[0]!r}?" if near else f"shipped: {', '.join(scenes)}"
+    raise SceneError(name, f"no such scene file or shipped scene; {hint}")

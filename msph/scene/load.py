@@ -1,0 +1,162 @@
+"""From a TOML file, its variants and overrides to a checked scene."""
+
+import copy
+import difflib
+import sys
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+from pydantic import BaseModel, ValidationError
+
+from msph.scene.check import check
+from msph.scene.errors import SceneError
+from msph.scene.library import find_scene
+from msph.scene.schema import Scene
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+
+def load_scene(name: str, overrides: tuple[str, ...] = ()) -> Scene:
+    """Reads the scene of that path or shipped name and applies overrides "key=value".
+
+    A file may hold `variants`, named tables of changes to itself, and `variant`, which of them
+    applies; an override `variant=NAME` chooses another. Raises SceneError.
+    """
+    path = find_scene(name)
+    data = read_toml(path)
+    settings = [parse_override(text) for text in overrides]
+    data = choose_variant(data, settings, path.name)
+    for key, value in settings:
+        if key != "variant":
+            assign(data, key, value, where="--set")
+    try:
+        scene = Scene.model_validate(data)
+    except ValidationError as error:
+        raise explain(error, path.name, data) from None
+    check(scene, path.name)
+    return scene
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """The tables of a TOML file. Raises SceneError for what is no text, no TOML, or empty."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except UnicodeDecodeError:
+        raise SceneError(path.name, "is not a text file") from None
+    except OSError as error:
+        raise SceneError(str(path), error.strerror or "cannot be read") from None
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise SceneError(path.name, f"is not TOML: {error}") from None
+    if not data:
+        raise SceneError(path.name, "is empty; `msph scenes pool` prints an example")
+    return data
+
+
+def parse_override(text: str) -> tuple[str, Any]:
+    """ "box.size=[1, 1, 1]" -> ("box.size", [1, 1, 1]). What is no TOML value is a string."""
+    key, sign, value = text.partition("=")
+    key = key.strip()
+    if not sign or not key:
+        raise SceneError("--set", "expects key=value", text)
+    try:
+        return key, tomllib.loads(f"value = {value}")["value"]
+    except tomllib.TOMLDecodeError:
+        return key, value.strip()
+
+
+def choose_variant(data: dict, settings: list[tuple[str, Any]], where: str) -> dict:
+    """The scene with the changes of its chosen variant, without the keys that say so."""
+    data = copy.deepcopy(data)
+    variants = data.pop("variants", {})
+    chosen = data.pop("variant", None)
+    asked = [value for key, value in settings if key == "variant"]
+    if asked:
+        chosen, where = asked[-1], "--set"
+    if chosen is None:
+        return data
+    if not isinstance(variants, dict) or str(chosen) not in variants:
+        known = ", ".join(variants) if variants else "none in this scene"
+        raise SceneError(where, f"unknown variant {chosen!r}; known: {known}", "variant")
+    return merge(data, variants[str(chosen)])
+
+
+def merge(base: dict, change: dict) -> dict:
+    """Tables are merged key by key; anything else is replaced."""
+    result = dict(base)
+    for key, value in change.items():
+        old = result.get(key)
+        result[key] = (
+            merge(old, value) if isinstance(old, dict) and isinstance(value, dict) else value
+        )
+    return result
+
+
+def assign(data: Any, key: str, value: Any, where: str) -> None:
+    """Sets a dotted key such as layers.0.mass in nested tables and lists."""
+    *parents, last = key.split(".")
+    for name in parents:
+        if isinstance(data, list):
+            data = data[_index(data, name, key, where)]
+        elif isinstance(data, dict):
+            data = data.setdefault(name, {})
+        else:
+            raise SceneError(where, f"{name!r} has no parameters of its own", key)
+    if isinstance(data, list):
+        data[_index(data, last, key, where)] = value
+    elif isinstance(data, dict):
+        data[last] = value
+    else:
+        raise SceneError(where, f"{last!r} is no parameter", key)
+
+
+def _index(items: list, name: str, key: str, where: str) -> int:
+    if not name.isdigit() or int(name) >= len(items):
+        raise SceneError(where, f"expected an index from 0 to {len(items) - 1}, got {name!r}", key)
+    return int(name)
+
+
+def explain(error: ValidationError, where: str, data: dict) -> SceneError:
+    """The first error of a validation as one line: file, key, what is wrong, a hint."""
+    details = error.errors()
+    # A misspelt key also leaves its rightful one missing: name the cause.
+    first = next((d for d in details if d["type"] == "extra_forbidden"), details[0])
+    location = [part for part in first["loc"] if not str(part).startswith("function-")]
+    key = ".".join(str(part) for part in location)
+    kind, value = first["type"], first.get("input")
+    if kind == "extra_forbidden":
+        known = list(_model_at(location[:-1]).model_fields)
+        near = difflib.get_close_matches(str(location[-1]), known, n=1, cutoff=0.5)
+        hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(known)}"
+        problem = f"unknown key; {hint}"
+    elif kind == "missing":
+        problem = "is required"
+    else:
+        problem = first["msg"][0].lower() + first["msg"][1:]
+        if not isinstance(value, (dict, list)) or len(str(value)) < 60:
+            problem += f" (got {value!r})"
+    others = len(details) - 1
+    if others:
+        problem += f" (and {others} more)"
+    return SceneError(where, problem, key)
+
+
+def _model_at(location: list) -> type[BaseModel]:
+    """The section of the schema that a location of the data belongs to."""
+    model: type[BaseModel] = Scene
+    for part in location:
+        if isinstance(part, str) and part in model.model_fields:
+            kind = model.model_fields[part].annotation
+            arguments = getattr(kind, "__args__", (kind,))
+            model = next(a for a in arguments if isinstance(a, type) and issubclass(a, BaseModel))
+    return model
+
+
+def to_toml(scene: Scene) -> str:
+    """The effective scene, every parameter spelt out, as TOML that loads to the same scene."""
+    return tomli_w.dumps(scene.model_dump(mode="json", exclude_none=True))

@@ -1,0 +1,103 @@
+"""Speed beside error: one scene run for nobody, timed, and what its water did meanwhile."""
+
+import math
+from dataclasses import asdict, dataclass
+
+from msph.measure.timings import Timings, peak_memory
+from msph.scene.schema import Scene
+from msph.stage.loop import run
+from msph.stage.null import Nobody
+from msph.stage.show import Show
+
+FRAME_TIME = 1.0 / 60.0
+SIZE = (640, 360)
+STAGES = ("bin", "solve", "surface", "picture")
+
+
+@dataclass(frozen=True)
+class Result:
+    """One row of the benchmark.
+
+    Times are milliseconds per frame of 1/60 s simulated time, errors are shares (-), rest_speed
+    [m/s] is the root-mean-square speed over the last second, volume_error the volume of the
+    surface mesh at the end over that of the water at rest density, less one.
+    """
+
+    scene: str
+    particles: list[int]
+    frames: int
+    frame_p50_ms: float
+    frame_p95_ms: float
+    stages_p50_ms: dict[str, float]
+    frames_per_second: float
+    simulated_per_wall: float
+    steps_per_frame: float
+    peak_memory_mib: float
+    density_error_mean: float
+    density_error_max: float
+    momentum_drift: float
+    energy_gain: float
+    rest_speed: float
+    volume_error: float
+
+    def as_dict(self) -> dict:
+        return asdict(self)
+
+
+def benchmark(
+    scene: Scene,
+    name: str,
+    seconds: float,
+    render: bool = True,
+    size: tuple[int, int] = SIZE,
+) -> Result:
+    """Runs a scene for `seconds` [s] of simulated time, warm-up left out.
+
+    Raises NotFiniteError when the water blows up. Without `render`, neither surface nor picture is
+    timed; the surface is extracted once at the end, for the volume.
+    """
+    timings = Timings()
+    show = Show(scene, FRAME_TIME, size=size if render else None, timings=timings)
+    show.warm_up()
+    frames = max(1, math.ceil(seconds / FRAME_TIME))
+    run(show, Nobody(frames))
+    mean, largest = show.ledger.density_error()
+    wall = timings.total()
+    return Result(
+        scene=name,
+        particles=show.counts,
+        frames=frames,
+        frame_p50_ms=1e3 * timings.percentile(50),
+        frame_p95_ms=1e3 * timings.percentile(95),
+        stages_p50_ms={s: 1e3 * timings.percentile(50, s) for s in STAGES},
+        frames_per_second=frames / wall,
+        simulated_per_wall=frames * FRAME_TIME / wall,
+        steps_per_frame=show.simulation.steps / frames,
+        peak_memory_mib=peak_memory() / 2**20,
+        density_error_mean=mean,
+        density_error_max=largest,
+        momentum_drift=show.ledger.momentum_drift(),
+        energy_gain=show.ledger.energy_gain(),
+        rest_speed=show.ledger.at_rest(),
+        volume_error=show.volume_error(),
+    )
+
+
+def table_row(result: Result) -> dict[str, str]:
+    """A result as the cells of a printed table."""
+    stages = " ".join(f"{result.stages_p50_ms[s]:.1f}" for s in STAGES)
+    return {
+        "scene": result.scene,
+        "particles": "+".join(map(str, result.particles)),
+        "ms p50": f"{result.frame_p50_ms:.1f}",
+        "p95": f"{result.frame_p95_ms:.1f}",
+        "bin solve surface picture": stages,
+        "fps": f"{result.frames_per_second:.0f}",
+        "sim s / wall s": f"{result.simulated_per_wall:.2f}",
+        "MiB": f"{result.peak_memory_mib:.0f}",
+        "density err mean/max %": f"{100 * result.density_error_mean:.2f} / "
+        f"{100 * result.density_error_max:.1f}",
+        "volume err %": f"{100 * result.volume_error:+.1f}",
+        "momentum drift %": f"{100 * result.momentum_drift:.2g}",
+        "energy gain %": f"{100 * result.energy_gain:.2g}",
+    }

@@ -1,0 +1,28 @@
+"""One loop for every audience."""
+
+from typing import Protocol
+
+from msph.stage.controls import Controls
+from msph.stage.show import Show
+
+
+class Audience(Protocol):
+    """Someone a show is given to: steers it before each frame and sees it after."""
+
+    def wants_more(self, show: Show) -> bool: ...
+
+    def controls(self, show: Show) -> Controls: ...
+
+    def see(self, show: Show) -> None: ...
+
+    def close(self) -> None: ...
+
+
+def run(show: Show, audience: Audience) -> None:
+    """Frames until the audience has had enough; it is closed whatever happens."""
+    try:
+        while audience.wants_more(show):
+            show.frame(audience.controls(show))
+            audience.see(show)
+    finally:
+        audience.close()

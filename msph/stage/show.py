@@ -1,0 +1,169 @@
+"""A show: one scene's fluid, surface, picture and ledger, advanced frame by frame."""
+
+import math
+import zipfile
+from collections.abc import Callable
+from contextlib import nullcontext
+from pathlib import Path
+
+import numpy as np
+import taichi as ti
+
+from msph.fluid.forcing import Forcing
+from msph.measure.ledger import Ledger
+from msph.measure.timings import Timings
+from msph.picture.camera import Camera
+from msph.picture.look import Look
+from msph.picture.picture import Picture
+from msph.scene.build import build_simulation, rotation, sway_angle
+from msph.scene.errors import SceneError
+from msph.scene.schema import Scene
+from msph.stage.controls import Controls
+from msph.stage.views import Views
+from msph.surface.surface import Surface
+
+
+class Show:
+    """Everything that a frame needs, built once.
+
+    frame_time [s] is the simulated time of a frame. size (width, height) [pixels] of the picture,
+    None for no picture. meshes: whether someone wants the surface even if no view draws it.
+    What is not asked for is neither allocated nor compiled.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        frame_time: float,
+        size: tuple[int, int] | None = None,
+        meshes: bool = False,
+        timings: Timings | None = None,
+    ):
+        self.scene = scene
+        self.frame_time = frame_time
+        self.timings = timings
+        self.simulation = build_simulation(scene)
+        self.counts = self.simulation.counts()
+        self.ledger = Ledger(self.simulation)
+        self.frames = 0
+        self.tilt = np.eye(3)
+        self.meshes = meshes
+        self.surface = self._build_surface() if size or meshes else None
+        self.picture = self._build_picture(size) if size else None
+        self.views = Views(self.simulation, scene) if size else None
+        if size:
+            c = scene.camera
+            self.camera = Camera.framing(
+                scene.box.size,
+                aspect=size[0] / size[1],
+                azimuth=math.radians(c.azimuth),
+                elevation=math.radians(c.elevation),
+                fov=math.radians(c.fov),
+            )
+            self.camera.zoom(1.0 / c.zoom)
+
+    def _build_surface(self) -> Surface:
+        s, sim = self.scene.surface, self.simulation
+        return Surface(
+            sim.size,
+            sim.layers,
+            sim.grid,
+            sim.particles,
+            cell=s.cell * sim.layers.finest.spacing,
+            iso=s.iso,
+            smoothing=s.smoothing,
+        )
+
+    def _build_picture(self, size: tuple[int, int]) -> Picture:
+        p = self.scene.picture
+        look = Look(caustics=p.caustics, tint=p.tint, supersample=p.supersample)
+        capacity = self.simulation.particles.capacity
+        return Picture(*size, self.simulation.size, self.surface.mesh, look, particles=capacity)
+
+    def warm_up(self) -> None:
+        """Compiles every kernel by one frame, and starts anew."""
+        self.frame(Controls())
+        ti.sync()
+        self.reset()
+        self.frames = 0
+        if self.timings:
+            self.timings.discard()
+
+    def frame(self, controls: Controls) -> None:
+        """Controls, fluid, ledger, surface, picture: in this order, once."""
+        if controls.reset:
+            self.reset()
+        if controls.next_view and self.views:
+            self.views.next()
+        forcing = self._force(controls)
+        if not controls.paused or controls.single_step:
+            stage = self.timings.stage if self.timings else None
+            self.simulation.advance(self.frame_time, forcing, stage)
+            self.ledger.record(forcing.gravity)
+        self.draw()
+        self.frames += 1
+        if self.timings:
+            self.timings.close_frame()
+
+    def _force(self, controls: Controls) -> Forcing:
+        """The pool turns and gravity stays: in the pool's frame gravity turns the other way."""
+        roll = sway_angle(self.scene, self.simulation.time) + controls.tilt[0]
+        self.tilt = rotation(roll, controls.tilt[1])
+        gx, gy, gz = (self.tilt.T @ np.array(self.scene.gravity)).tolist()
+        return Forcing((gx, gy, gz), controls.hand)
+
+    def draw(self) -> None:
+        """Extracts the surface and draws the picture, as far as anyone wants them."""
+        water = self.picture is not None and self.views.name == "water"
+        if self.surface and (water or self.meshes):
+            with self._stage("surface"):
+                self.surface.extract()
+        if self.picture is None:
+            return
+        with self._stage("picture"):
+            if water:
+                self.picture.draw_water(self.camera, self.tilt)
+            else:
+                sim = self.simulation
+                value, lo, hi = self.views.values()
+                self.picture.draw_particles(
+                    self.camera,
+                    self.tilt,
+                    sim.particles.x,
+                    value,
+                    lo,
+                    hi,
+                    sim.particles.count,
+                    layers=(sim.particles.layer, sim.layers.spacing),
+                )
+
+    @property
+    def _stage(self) -> Callable:
+        return self.timings.stage if self.timings else lambda name: nullcontext()
+
+    def resume(self, checkpoint: Path) -> None:
+        """Goes on from a checkpoint, a .npz file of Simulation.state(). Raises SceneError."""
+        try:
+            with np.load(checkpoint) as state:
+                self.simulation.restore(dict(state))
+        except (ValueError, KeyError, OSError, zipfile.BadZipFile) as error:
+            raise SceneError(checkpoint.name, f"is no checkpoint of this scene: {error}") from None
+        self.ledger.clear()
+
+    def reset(self) -> None:
+        """Back to the scene's start; the point of view stays."""
+        self.simulation.reset()
+        self.ledger.clear()
+
+    def volume_error(self) -> float:
+        """Volume of the surface over the volume of the water at rest density, less one (-)."""
+        surface = self.surface or self._build_surface()
+        surface.extract()
+        specs = self.simulation.layers.specs
+        rest = sum(n * s.volume for n, s in zip(self.counts, specs, strict=True))
+        return surface.mesh.volume() / rest - 1.0
+
+    def warnings(self) -> list[str]:
+        """What went short and was cut, in words."""
+        overflow = self.surface.mesh.overflowed() if self.surface else None
+        return [overflow] if overflow else []

@@ -1,0 +1,81 @@
+"""The water's surface from the particles, once per frame: band, coverage, marching cubes."""
+
+import math
+
+import taichi as ti
+
+from msph.surface.band import Band
+from msph.surface.coverage import Coverage
+from msph.surface.lattice import Blocks, Lattice
+from msph.surface.marching_cubes import MarchingCubes
+from msph.surface.mesh import SurfaceMesh
+from msph.surface.sums import KernelSums
+
+# Lattice faces of the box's hull times this are the vertices provided for: 1 for the walls and
+# still water, the rest for waves, drops and bubbles.
+VERTICES_PER_HULL_FACE = 2.5
+# A closed mesh has two triangles per vertex (Euler), a few less or more for its topology.
+TRIANGLES_PER_VERTEX = 2.1
+
+
+def mesh_capacity(shape: tuple[int, int, int]) -> tuple[int, int]:
+    """Vertices and triangles provided for a lattice of `shape` nodes."""
+    nx, ny, nz = shape
+    hull = 2 * (nx * ny + ny * nz + nz * nx)
+    vertices = math.ceil(VERTICES_PER_HULL_FACE * hull)
+    return vertices, math.ceil(TRIANGLES_PER_VERTEX * vertices)
+
+
+@ti.data_oriented
+class Surface:
+    """Closed triangle mesh of the water in a box, its walls flat.
+
+    size (Lx, Ly, Lz) [m], min corner the origin; cell: wanted spacing of the surface lattice [m];
+    iso: coverage at the surface (-); smoothing: kernel radius over the layer's support h, >= 1.
+    grid must be sorted (grid.build) before extract().
+    """
+
+    def __init__(
+        self,
+        size: tuple[float, float, float],
+        layers,
+        grid,
+        particles,
+        *,
+        cell: float,
+        iso: float = 0.5,
+        smoothing: float = 1.0,
+        max_vertices: int | None = None,
+        max_triangles: int | None = None,
+    ):
+        if smoothing < 1.0:
+            raise ValueError(f"surface smoothing is {smoothing}, must be at least 1")
+        if not 0.0 < iso < 1.0:
+            raise ValueError(f"surface iso-value is {iso}, must lie between 0 and 1")
+        lattice = Lattice.in_box(size, cell)
+        default = mesh_capacity(lattice.shape)
+        self.lattice = lattice
+        self.blocks = Blocks(lattice)
+        self.mesh = SurfaceMesh(max_vertices or default[0], max_triangles or default[1])
+        self.cubes = MarchingCubes(lattice, self.blocks, self.mesh)
+        sums = KernelSums(lattice, size, layers, grid, particles, smoothing)
+        self.coverage = Coverage(lattice, self.blocks, sums, iso)
+
+    @staticmethod
+    def bytes_needed(size: tuple[float, float, float], cell: float) -> int:
+        """Device memory of a Surface with default capacities, before allocating it [bytes]."""
+        shape = Lattice.shape_in_box(size, cell)
+        return (
+            Blocks.bytes_needed(shape)
+            + Band.bytes_needed(shape)
+            + MarchingCubes.bytes_needed(shape)
+            + SurfaceMesh.bytes_needed(*mesh_capacity(shape))
+        )
+
+    def extract(self, everywhere: bool = False) -> None:
+        """particles -> mesh: five launches, nothing read back.
+
+        everywhere: evaluate all of the box, for comparison. It gives the same mesh.
+        """
+        self.coverage.run(self.cubes.value, self.cubes.gradient, everywhere)
+        self.cubes.run()

@@ -1,0 +1,120 @@
+"""Marching cubes tables, derived here rather than typed in.
+
+A cell's corner c sits at offset (c & 1, c >> 1 & 1, c >> 2 & 1); bit c of a case says that the
+corner is inside (f > 0). For every case the contour is traced over the six faces, its segments
+are linked into loops, and each loop is triangulated.
+
+Two choices make the meshes of neighbouring cells fit:
+- An ambiguous face (inside corners diagonally opposite) always separates its inside corners.
+  The rule looks at the face alone, so both cells that share it draw the same segments.
+- No triangulation uses a diagonal between two edges of one face. The neighbour could draw the
+  same diagonal, and that mesh edge would then carry four triangles. Such a triangulation exists
+  for every loop that this rule produces; `triangulate` fails at import if it ever does not.
+"""
+
+from itertools import combinations
+
+import numpy as np
+
+CORNERS = np.array([(c & 1, c >> 1 & 1, c >> 2 & 1) for c in range(8)], dtype=np.int32)
+
+# Edge 4 a + k runs along axis a from the k-th corner whose coordinate a is 0.
+EDGES = np.array(
+    [(c, c | 1 << a) for a in range(3) for c in range(8) if not c >> a & 1], dtype=np.int32
+)
+EDGE_AXIS = np.repeat(np.arange(3, dtype=np.int32), 4)
+EDGE_NUMBER = {frozenset(edge): e for e, edge in enumerate(EDGES.tolist())}
+
+
+def face_cycles() -> list[list[int]]:
+    """The four corners of each face (axis a, side 0 then 1), counter-clockwise from outside."""
+    cycles = []
+    for a in range(3):
+        b, c = (a + 1) % 3, (a + 2) % 3
+        ring = [u << b | v << c for u, v in ((0, 0), (1, 0), (1, 1), (0, 1))]
+        cycles += [ring[::-1], [corner | 1 << a for corner in ring]]
+    return cycles
+
+
+FACES = face_cycles()
+EDGE_FACES = [{f for f, ring in enumerate(FACES) if {p, q} <= set(ring)} for p, q in EDGES.tolist()]
+
+
+def face_segments(case: int, ring: list[int]) -> list[tuple[int, int]]:
+    """Directed contour segments (from edge, to edge) on one face, one per run of inside corners.
+
+    Walking counter-clockwise, a segment goes from the edge where the walk leaves the water back
+    to the edge where it entered. The cell behind the face walks the other way round and so gets
+    the reversed segment, which is what makes the winding consistent.
+    """
+    inside = [case >> corner & 1 for corner in ring]
+    segments = []
+    for k in range(4):
+        if inside[k] and not inside[(k + 1) % 4]:
+            first = k
+            while inside[first - 1]:
+                first -= 1
+            leave = EDGE_NUMBER[frozenset((ring[k], ring[(k + 1) % 4]))]
+            enter = EDGE_NUMBER[frozenset((ring[first - 1], ring[first]))]
+            segments.append((enter, leave))
+    return segments
+
+
+def loops(case: int) -> list[list[int]]:
+    """The closed contour loops of a case, as lists of edge numbers."""
+    follow = dict(segment for ring in FACES for segment in face_segments(case, ring))
+    found = []
+    while follow:
+        start, edge = follow.popitem()
+        loop = [start]
+        while edge != start:
+            loop.append(edge)
+            edge = follow.pop(edge)
+        found.append(loop)
+    return found
+
+
+def triangulations(polygon: list[int]):
+    """Every triangulation of a convex polygon, each as a list of corner triples."""
+    if len(polygon) == 2:
+        yield []
+        return
+    for k in range(1, len(polygon) - 1):
+        for left in triangulations(polygon[: k + 1]):
+            for right in triangulations(polygon[k:]):
+                yield [(polygon[0], polygon[k], polygon[-1]), *left, *right]
+
+
+def diagonals(triangles, polygon) -> set[frozenset]:
+    """The inner edges of a triangulation."""
+    sides = {frozenset((polygon[i - 1], polygon[i])) for i in range(len(polygon))}
+    return {frozenset(pair) for t in triangles for pair in combinations(t, 2)} - sides
+
+
+def triangulate(polygon: list[int]) -> list[tuple[int, int, int]]:
+    """The triangulation with no diagonal in a face and the least sum of squared diagonals."""
+    middle = CORNERS[EDGES].mean(axis=1)
+    best, least = None, np.inf
+    for triangles in triangulations(polygon):
+        inner = [tuple(d) for d in diagonals(triangles, polygon)]
+        if any(EDGE_FACES[p] & EDGE_FACES[q] for p, q in inner):
+            continue
+        length = sum(float(((middle[p] - middle[q]) ** 2).sum()) for p, q in inner)
+        if length < least:
+            best, least = triangles, length
+    if best is None:
+        raise ValueError(f"loop {polygon} has no triangulation free of diagonals in a cell face")
+    return best
+
+
+def build() -> tuple[np.ndarray, np.ndarray]:
+    """Triangle counts, shape (256,), and edge triples padded with -1, shape (256, most, 3)."""
+    cases = [[t for loop in loops(case) for t in triangulate(loop)] for case in range(256)]
+    counts = np.array([len(case) for case in cases], dtype=np.int32)
+    triangles = np.full((256, counts.max(), 3), -1, dtype=np.int32)
+    for case, found in enumerate(cases):
+        triangles[case, : len(found)] = np.array(found, dtype=np.int32).reshape(-1, 3)
+    return counts, triangles
+
+
+TRIANGLE_COUNTS, TRIANGLES = build()

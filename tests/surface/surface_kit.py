@@ -1,0 +1,113 @@
+"""What the surface tests share: meshes seen by trimesh, lattices to fill, a small box of water."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+
+from msph.fluid.grid import LayeredGrid
+from msph.fluid.layers import Layers, LayerSpec
+from msph.fluid.particles import Particles
+from msph.surface import Surface, SurfaceMesh
+from msph.surface.lattice import Blocks, Lattice
+from msph.surface.marching_cubes import MarchingCubes
+
+SIZE = (0.6, 0.5, 0.4)
+FINE = 0.03  # spacing of the finer layer [m]
+COARSE = FINE * 2 ** (1 / 3)
+CELL = 0.6 * FINE
+
+
+def as_trimesh(mesh: SurfaceMesh) -> trimesh.Trimesh:
+    vertices, _, triangles = mesh.to_numpy()
+    return trimesh.Trimesh(vertices.astype(np.float64), triangles, process=False)
+
+
+def assert_closed(mesh: SurfaceMesh) -> None:
+    """Closed, oriented and manifold: every edge has exactly two faces, every vertex is used."""
+    solid = as_trimesh(mesh)
+    assert solid.is_watertight and solid.is_winding_consistent
+    _, faces = np.unique(np.sort(solid.edges, axis=1), axis=0, return_counts=True)
+    assert (faces == 2).all()
+    assert len(np.unique(solid.faces)) == len(solid.vertices)
+    assert mesh.overflowed() is None
+
+
+def triangle_set(mesh: SurfaceMesh) -> np.ndarray:
+    """Triangles by the positions of their corners, in an order of their own."""
+    vertices, _, triangles = mesh.to_numpy()
+    order = np.lexsort(vertices.T)
+    rank = np.empty(len(order), dtype=np.int64)
+    rank[order] = np.arange(len(order))
+    ranked = rank[triangles]
+    first = ranked.argmin(axis=1)[:, None]
+    turned = np.take_along_axis(ranked, (first + np.arange(3)) % 3, axis=1)
+    turned = turned[np.lexsort(turned.T)]
+    return vertices[order][turned]
+
+
+class Cubes:
+    """Marching cubes over a whole lattice, fed with numpy functions."""
+
+    def __init__(self, lattice: Lattice, max_vertices=60_000, max_triangles=120_000):
+        self.lattice = lattice
+        self.mesh = SurfaceMesh(max_vertices, max_triangles)
+        self.blocks = Blocks(lattice)
+        self.cubes = MarchingCubes(lattice, self.blocks, self.mesh)
+        self.blocks.activate_all()
+
+    def nodes(self) -> np.ndarray:
+        """Node positions (3, nx, ny, nz)."""
+        axes = [a.astype(np.float64) for a in self.lattice.axes]
+        return np.stack(np.meshgrid(*axes, indexing="ij"))
+
+    def extract(self, value: np.ndarray, gradient: np.ndarray | None = None) -> SurfaceMesh:
+        value = np.asarray(value)
+        if gradient is None:
+            gradient = np.zeros((3, *value.shape))
+        room = [(0, p - n) for p, n in zip(self.lattice.padded, self.lattice.shape, strict=True)]
+        # What lies beyond the lattice must not be read: it says "inside".
+        padded = np.pad(value, room, constant_values=1.0)
+        self.cubes.value.from_numpy(padded.astype(np.float32))
+        slopes = np.moveaxis(np.pad(gradient, [(0, 0), *room]), 0, -1)
+        self.cubes.gradient.from_numpy(np.ascontiguousarray(slopes, dtype=np.float32))
+        self.cubes.run()
+        return self.mesh
+
+
+@dataclass
+class Water:
+    """A box, two layers, and a surface, refilled by every test."""
+
+    layers: Layers
+    particles: Particles
+    grid: LayeredGrid
+    surface: Surface
+
+    def fill(self, x: np.ndarray, layer: np.ndarray | int = 0) -> None:
+        x = np.asarray(x, dtype=np.float32).reshape(-1, 3)
+        layer = np.broadcast_to(np.asarray(layer, dtype=np.int32), len(x))
+        self.particles.fill(x=x, layer=layer)
+        self.grid.build()
+
+    def mesh(self, everywhere: bool = False) -> SurfaceMesh:
+        self.surface.extract(everywhere)
+        return self.surface.mesh
+
+
+def make_water(smoothing: float = 1.0) -> Water:
+    layers = Layers([LayerSpec(1000.0 * d**3, 1000.0, 2.0) for d in (FINE, COARSE)])
+    particles = Particles(6000)
+    grid = LayeredGrid(SIZE, layers, particles)
+    surface = Surface(SIZE, layers, grid, particles, cell=CELL, smoothing=smoothing)
+    return Water(layers, particles, grid, surface)
+
+
+def packed(low, high, d: float, jitter: float = 0.0, seed: int = 0) -> np.ndarray:
+    """Lattice of particles of spacing close to d that fills the box from low to high [m]."""
+    low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
+    counts = np.maximum(1, np.round((high - low) / d).astype(int))
+    axes = [(np.arange(n) + 0.5) / n for n in counts]
+    unit = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    noise = np.random.default_rng(seed).uniform(-jitter, jitter, unit.shape) * d
+    return np.clip(low + unit * (high - low) + noise, 1e-4, np.array(SIZE) - 1e-4)

@@ -1,0 +1,154 @@
+import numpy as np
+import pytest
+import trimesh
+from surface_kit import COARSE, FINE, SIZE, as_trimesh, assert_closed, packed, triangle_set
+
+from msph.surface import Surface
+
+MIDDLE = np.array(SIZE) / 2
+
+
+def waves(seed):
+    """A pool with waves, the finer layer near its surface."""
+    x = np.concatenate([packed((0, 0, 0), SIZE, d, 0.2, seed) for d in (FINE, COARSE)])
+    layer = np.repeat([0, 1], [len(packed((0, 0, 0), SIZE, d)) for d in (FINE, COARSE)])
+    level = 0.28 + 0.05 * np.sin(12 * x[:, 0] + seed) * np.cos(15 * x[:, 2])
+    depth = level - x[:, 1]
+    keep = (depth > 0) & (layer == (depth > 3 * FINE))
+    return x[keep], layer[keep]
+
+
+def bubbles(seed):
+    """Full of water but for bubbles of a couple of spacings, some at the walls."""
+    rng = np.random.default_rng(seed)
+    x = packed((0, 0, 0), SIZE, FINE, 0.1, seed)
+    centres = rng.uniform(0.0, SIZE, (12, 3))
+    radius = rng.uniform(1.0, 2.5, 12) * FINE
+    away = np.linalg.norm(x[:, None] - centres, axis=2) > radius
+    return x[away.all(axis=1)], 0
+
+
+def drops(seed):
+    """Clumps of a few particles in the air, at the walls and in the corners."""
+    rng = np.random.default_rng(seed)
+    centres = np.concatenate([rng.uniform(0.0, SIZE, (25, 3)), [(0, 0, 0), SIZE]])
+    clump = packed(MIDDLE - 2 * FINE, MIDDLE + 2 * FINE, FINE, 0.1, seed) - MIDDLE
+    sizes = rng.uniform(0.8, 2.0, len(centres)) * FINE
+    near = [clump[np.linalg.norm(clump, axis=1) < s] for s in sizes]
+    x = np.concatenate([c + n for c, n in zip(centres, near, strict=True)])
+    return np.clip(x, 1e-4, np.array(SIZE) - 1e-4), rng.integers(0, 2, len(x))
+
+
+def splashes(seed):
+    """No order at all: independent random particles, thin and thick."""
+    rng = np.random.default_rng(seed)
+    x = rng.uniform(0.0, SIZE, (4000, 3)) * rng.choice([0.6, 1.0], (4000, 1))
+    return x, rng.integers(0, 2, len(x))
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("shape", [waves, bubbles, drops, splashes])
+@pytest.mark.parametrize("kind", ["water", "smooth_water"])
+def test_the_band_gives_the_same_mesh_as_the_whole_box(kind, shape, seed, request):
+    water = request.getfixturevalue(kind)
+    water.fill(*shape(seed))
+    banded = triangle_set(water.mesh())
+    assert_closed(water.surface.mesh)
+    full = triangle_set(water.mesh(everywhere=True))
+    assert len(full) > 100
+    assert np.array_equal(banded, full)
+
+
+def test_the_band_follows_the_surface_not_the_volume(water):
+    """Still water: less than a third of the box is evaluated, and nothing without particles."""
+    water.fill(packed((0, 0, 0), (SIZE[0], 0.35, SIZE[2]), FINE))
+    water.mesh()
+    state = water.surface.coverage.band.state.to_numpy()
+    assert (state == 1).mean() < 0.2
+    water.fill(np.zeros((0, 3)))
+    water.mesh()
+    assert water.surface.blocks.count[0] == 0
+
+
+@pytest.mark.parametrize(("d", "layer"), [(FINE, 0), (COARSE, 1)])
+def test_still_water_fills_its_box_with_flat_walls(water, d, layer):
+    height = 0.3
+    x = packed((0, 0, 0), (SIZE[0], height, SIZE[2]), d)
+    water.fill(x, layer)
+    mesh = water.mesh()
+    assert_closed(mesh)
+    vertices, normals, triangles = mesh.to_numpy()
+    assert mesh.volume() == pytest.approx(SIZE[0] * height * SIZE[2], rel=0.02)
+    assert vertices.min() == 0.0
+    assert vertices[:, 0].max() == np.float32(SIZE[0])
+    assert vertices[:, 2].max() == np.float32(SIZE[2])
+    on_wall = (vertices == 0.0) | (vertices == np.float32(SIZE))
+    assert (on_wall.sum(axis=1) <= 1).all()
+    for axis in range(3):
+        for plane, sign in ((0.0, -1.0), (np.float32(SIZE[axis]), 1.0)):
+            assert (normals[vertices[:, axis] == plane, axis] == sign).all()
+    free = ~on_wall.any(axis=1)
+    assert normals[free, 1].min() > 0.98
+    assert np.ptp(vertices[free, 1]) < 0.1 * d
+    assert as_trimesh(mesh).euler_number == 2
+
+
+def test_free_surface_reaches_the_walls(water):
+    """The contact line lies at the walls, not half a cell before them."""
+    water.fill(packed((0, 0, 0), (SIZE[0], 0.3, SIZE[2]), FINE))
+    vertices, _, _ = water.mesh().to_numpy()
+    inset = 2 * water.surface.lattice.axes[0][1]
+    top = vertices[vertices[:, 1] > 0.29]
+    assert top[:, 0].min() <= inset and top[:, 0].max() >= np.float32(SIZE[0]) - inset
+
+
+def test_full_box(water):
+    water.fill(packed((0, 0, 0), SIZE, FINE))
+    mesh = water.mesh()
+    assert_closed(mesh)
+    assert mesh.volume() == pytest.approx(np.prod(SIZE), rel=1e-3)
+
+
+def test_no_particles_no_mesh(water):
+    water.fill(np.zeros((0, 3)))
+    assert water.mesh().counts.to_numpy().tolist() == [0, 0, 0, 0]
+
+
+def test_frames_leave_nothing_behind(water):
+    """A mesh does not depend on what was extracted before it."""
+    water.fill(*drops(0))
+    first = triangle_set(water.mesh())
+    water.fill(*waves(0))
+    water.mesh()
+    water.fill(*drops(0))
+    assert np.array_equal(triangle_set(water.mesh()), first)
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".obj"])
+def test_export_round_trip(water, tmp_path, suffix):
+    water.fill(*waves(1))
+    mesh = water.mesh()
+    path = tmp_path / f"water{suffix}"
+    mesh.export(path)
+    loaded = trimesh.load(path, process=False, maintain_order=True)
+    vertices, normals, triangles = mesh.to_numpy()
+    assert np.allclose(loaded.vertices, vertices, atol=1e-6)
+    assert np.array_equal(loaded.faces, triangles)
+    assert np.allclose(loaded.vertex_normals, normals, atol=1e-3)
+    assert loaded.volume == pytest.approx(mesh.volume(), rel=1e-5)
+
+
+def test_export_refuses_other_formats(water, tmp_path):
+    with pytest.raises(ValueError, match=r"\.stl"):
+        water.surface.mesh.export(tmp_path / "water.stl")
+
+
+@pytest.mark.parametrize("choice", [{"smoothing": 0.9}, {"iso": 0.0}, {"iso": 1.2}])
+def test_senseless_choices_are_refused(water, choice):
+    with pytest.raises(ValueError, match="surface"):
+        Surface(SIZE, water.layers, water.grid, water.particles, cell=0.02, **choice)
+
+
+def test_memory_is_known_before_allocation():
+    small, large = (Surface.bytes_needed((1.0, 1.0, 1.0), cell) for cell in (0.05, 0.025))
+    assert 5 * small < large < 8 * small
