@@ -11,7 +11,7 @@ from tabulate import tabulate
 
 import msph
 from msph.device import ARCHES, ArchError, start
-from msph.fluid.neighbours import NeighbourOverflow
+from msph.fluid.neighbours import NeighbourOverflowError
 from msph.measure.ledger import NotFiniteError
 from msph.scene import SceneError, load_scene
 from msph.scene.library import DEFAULT_SCENE, find_scene, shipped_scenes
@@ -41,9 +41,7 @@ class Size(click.ParamType):
         match = re.fullmatch(r"(\d+)x(\d+)", str(value))
         size = (int(match[1]), int(match[2])) if match else (0, 0)
         if not all(16 <= n <= 8192 for n in size):
-            self.fail(
-                f"{value!r} is no size; expected e.g. 1280x720, 16 to 8192 pixels", param, ctx
-            )
+            self.fail(f"{value!r} is no size such as 1280x720, 16 to 8192 each", param, ctx)
         return size
 
 
@@ -189,7 +187,7 @@ def bench(scenes, seconds, no_render, size, json_file, overrides, arch, threads)
         say(f"{name}: compiling kernels, then running")
         try:
             rows.append(benchmark(scene, name, seconds or scene.duration, not no_render, size))
-        except (NotFiniteError, NeighbourOverflow) as error:
+        except (NotFiniteError, NeighbourOverflowError) as error:
             say(f"{name}: FAILED: {error}")
             failed = True
     if rows:
@@ -275,7 +273,7 @@ def main(arguments: list[str] | None = None) -> None:
     except (SceneError, OutputError, ArchError) as error:
         say(f"msph: {error}")
         sys.exit(BAD_INPUT)
-    except (NotFiniteError, NeighbourOverflow) as error:
+    except (NotFiniteError, NeighbourOverflowError) as error:
         say(f"msph: the water blew up: {error}")
         sys.exit(BAD_RUN)
     except (click.Abort, KeyboardInterrupt):

@@ -45,7 +45,7 @@ class ClassicTerms:
 
     density: float = 1000.0
     stiffness: float = 200.0
-    tension: bool = False
+    tension: bool = True
     pressure_form: str = "mean"
     viscosity_form: str = "formula"
     attraction: float = 0.0
@@ -168,7 +168,7 @@ class Classic:
 
         Written with v in place of x_old: x' = x + dt (v + dt a). The same recursion, but it keeps
         its digits in single precision and lets dt change. Particles stop half a spacing from the
-        walls. The internal impulse sum m a dt [N s] would be zero if pair forces were antisymmetric.
+        walls. The internal impulse sum m a dt [N s] would be zero were pair forces antisymmetric.
         """
         self.top_speed[None] = 0.0
         for i in range(n):

@@ -17,7 +17,7 @@ from msph.fluid.scan import ExclusiveScan
 ROOM = 3.0
 
 
-class NeighbourOverflow(RuntimeError):
+class NeighbourOverflowError(RuntimeError):
     """More pairs of neighbours than the list holds: the fluid has collapsed."""
 
 
@@ -53,13 +53,13 @@ class NeighbourList:
         return int(capacity * at_rest * ROOM * (1.0 + math.log2(ratio) / 4.0))
 
     def find(self) -> None:
-        """Searches anew; the grid must be fresh. Raises NeighbourOverflow when the list is full."""
+        """Searches anew; the grid must be fresh. Raises NeighbourOverflowError if full."""
         n = self.particles.count
         self._count(n)
         self.scan.run(self.count, self.start)
         wanted = self.start[self.particles.capacity]
         if wanted > self.room:
-            raise NeighbourOverflow(
+            raise NeighbourOverflowError(
                 f"{wanted} pairs of neighbours do not fit in a list of {self.room}: "
                 f"{wanted / n:.0f} neighbours per particle, the water has collapsed"
             )

@@ -8,22 +8,11 @@ import taichi as ti
 from msph.fluid.simulation import Simulation
 
 # Entries of the block that the device hands over, in this order.
-_BLOCK = [
-    "mass",
-    "momentum_x",
-    "momentum_y",
-    "momentum_z",
-    "speed",
-    "kinetic",
-    "moment_x",
-    "moment_y",
-    "moment_z",
-    "error_sum",
-    "error_max",
-    "top_speed",
-    "not_finite",
-    "outside",
-]
+_BLOCK = (
+    *("mass", "momentum_x", "momentum_y", "momentum_z", "speed", "kinetic"),
+    *("moment_x", "moment_y", "moment_z", "error_sum", "error_max"),
+    *("top_speed", "not_finite", "outside"),
+)
 
 
 class NotFiniteError(RuntimeError):

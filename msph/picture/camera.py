@@ -28,7 +28,7 @@ class Camera:
     reach: tuple[float, float] = (0.05, 50.0)  # distance limits [m]
 
     @classmethod
-    def framing(cls, box, aspect=16 / 9, azimuth=0.6, elevation=0.4, fov=0.66):
+    def framing(cls, box, aspect=16 / 9, azimuth=0.6, elevation=0.34, fov=0.72):
         """The camera that shows the whole box (Lx, Ly, Lz) [m] with a little air round it."""
         box = np.asarray(box, float)
         camera = cls(box / 2, azimuth, elevation, 1.0, fov)

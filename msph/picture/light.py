@@ -17,7 +17,8 @@ COLUMNS = 28  # cells of the level map along each side: coarser than the mesh
 UPWARD = 0.3  # least slope (cosine) of a normal that counts as the water's top
 DRY = 1e9
 UNIT = 1024.0  # light of 1 in the map's whole numbers: integer atomics are the faster
-BRIGHTEST = 6.0  # limit on the concentration of one triangle's light
+BRIGHTEST = 5.0  # limit on the concentration of one triangle's light
+HALF_SHADE = 0.6  # light where beams that came in by a wall were not traced
 SHORE = 0.04  # depth over which caustics fade in [m]
 
 
@@ -138,7 +139,7 @@ class Light:
     def concentration(self, q, depth, shot: ti.template()):
         """Sunlight at the point q, `depth` [m] under the surface, as a multiple of still water's.
 
-        Light that came in by the walls was not traced: there it counts as still.
+        Light that came in by the walls was not traced: there, half shade.
         """
         focus = 1.0
         if ti.static(self.caustics):
@@ -146,8 +147,9 @@ class Light:
             traced = bilinear(self.focus, ti.math.clamp(c, 0.0, self.cells - 1.001))
             came_in = q.xz - shot.drift * depth
             inside = ti.min(came_in, shot.size.xz - came_in).min()
-            trust = ti.math.clamp(ti.min(inside, depth) / SHORE, 0.0, 1.0)
-            focus = ti.math.mix(1.0, traced, trust)
+            trust = ti.math.clamp(inside / SHORE, 0.0, 1.0)
+            submerged = ti.math.clamp(depth / SHORE, 0.0, 1.0)
+            focus = ti.math.mix(1.0, traced + HALF_SHADE * (1.0 - trust), submerged)
         return focus
 
 

@@ -7,11 +7,11 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Look:
-    sun_azimuth: float = 2.75  # where the sun stands, as the camera's azimuth [rad]
-    sun_elevation: float = 0.82  # [rad]
+    sun_azimuth: float = 2.82  # where the sun stands, as the camera's azimuth [rad]
+    sun_elevation: float = 0.76  # [rad]
     absorption: tuple[float, float, float] = (0.42, 0.075, 0.035)  # clear water, RGB [1/m]
     tint: float = 4.0  # multiplies absorption: metre-sized pools shall look like deep ones
-    scatter: tuple[float, float, float] = (0.015, 0.20, 0.27)  # colour of deep water, linear RGB
+    scatter: tuple[float, float, float] = (0.02, 0.18, 0.28)  # colour of deep water, linear RGB
     tile: float = 1 / 12  # tile edge, as a share of the longest box edge
     caustics: bool = True  # light focused by the waves on floor and walls
     caustic_cells: int = 128  # resolution of their map along each side

@@ -11,21 +11,24 @@ from msph.picture.sky import GROUND, Sky, haze
 
 vec2, vec3, vec4 = ti.math.vec2, ti.math.vec3, ti.math.vec4
 
-PALE, DEEP = vec3(0.63, 0.80, 0.81), vec3(0.36, 0.62, 0.70)  # the two ends of the tiles' tone
-BAND = vec3(0.05, 0.17, 0.40)  # the row of blue tiles under the brim
-GROUT = vec3(0.80, 0.84, 0.83)
-GROUT_WIDTH = 0.055  # of a tile's edge
+PALE, DEEP = vec3(0.60, 0.82, 0.85), vec3(0.27, 0.57, 0.68)  # the two ends of the tiles' tone
+BAND = vec3(0.03, 0.16, 0.46)  # the row of blue tiles under the brim
+GROUT = vec3(0.90, 0.93, 0.92)
+GROUT_WIDTH = 0.075  # of a tile's edge
 BEVEL = 0.10  # of a tile's edge over which the glaze rounds off
-SUN_LIGHT, SKY_LIGHT = vec3(0.80, 0.74, 0.62), vec3(0.42, 0.47, 0.52)
+SUN_LIGHT, SKY_LIGHT = vec3(0.92, 0.85, 0.71), vec3(0.50, 0.55, 0.60)
+WRAP = 0.35  # glazed tiles pass light on: their lit side reaches this far round (cosine)
 CORNER, CORNER_REACH = 0.42, 5.0  # depth of the shade in corners; its falloff [1/box height]
 RIM = vec3(0.86, 0.93, 0.95)  # the glass edges, display-referred
-RIM_WIDTH = 0.006  # of the longest box edge
+RIM_WIDTH = 0.0035  # of the longest box edge
+LINE_LIMIT = 1.6  # most pixels that one face's edge is wide
 RIM_STRENGTH, INNER_STRENGTH = 0.85, 0.35  # opacity of edges before and behind the water
 GLASS = 0.045  # reflectance of a pane at right angles
 CONTACT, CONTACT_REACH = 0.45, 0.22  # shade under the box; its falloff, of the longest box edge
-SHADOW, SHADOW_EDGE = vec3(0.46, 0.40, 0.34), 0.12  # sunlight that the box takes; way for half
+SHADOW, SHADOW_WAY = vec3(0.52, 0.40, 0.32), 0.30  # light that the box takes; way for half
 TONES = 256
 FLATTEST = 0.08  # least cosine by which a pixel's footprint on a wall is stretched
+FILTER, SHARPEST = 0.7, 1e-3  # filter width: of the pixel's footprint; least, in tiles
 INFINITE = 1e6
 
 
@@ -63,7 +66,7 @@ class Pool:
         cell = ti.floor(q)
         edge = 0.5 - abs(q - cell - 0.5)  # to the nearest joint, in tiles
         # Box filter: the share of the pixel that joints cover.
-        f = ti.max(footprint * vec2(su, sv), 1e-3)
+        f = ti.max(FILTER * footprint * vec2(su, sv), SHARPEST)
         cover = ti.math.clamp((0.5 * (GROUT_WIDTH + f) - edge) / f, 0.0, 1.0)
         cover *= ti.min(1.0, GROUT_WIDTH / f)
         joint = 1.0 - (1.0 - cover.x) * (1.0 - cover.y)
@@ -89,7 +92,7 @@ class Pool:
         open_sky = ti.select(axis == 0, 1.0, shade.x) * ti.select(axis == 1, 1.0, shade.y)
         open_sky *= ti.select(axis == 2, 1.0, shade.z)
         n = along(to_sun, axis)
-        lambert = ti.max(ti.select(low, n, -n), 0.0)
+        lambert = ti.max(ti.select(low, n, -n) + WRAP, 0.0) / (1.0 + WRAP)
         return SKY_LIGHT * open_sky + SUN_LIGHT * (lambert * focus * (0.4 + 0.6 * open_sky))
 
     @ti.func
@@ -145,7 +148,8 @@ class Pool:
         t0, t1 = -g * shot.sun_inverse, (shot.size - g) * shot.sun_inverse
         enter, leave = ti.min(t0, t1).max(), ti.max(t0, t1).min()
         way = ti.max(leave - ti.max(enter, 0.0), 0.0) / shot.size.max()
-        return vec3(contact) * (1.0 - SHADOW * (way / (way + SHADOW_EDGE)))
+        dark = way * way / (way * way + SHADOW_WAY * SHADOW_WAY)
+        return contact * (1.0 - SHADOW * dark)
 
     @ti.func
     def cross(self, d, shot: ti.template()):
@@ -161,6 +165,7 @@ class Pool:
     @ti.func
     def edge(self, p, axis, width, footprint, shot: ti.template()):
         """Share of the pixel covered by the lines along the borders of the face across `axis`."""
+        width = ti.min(width, LINE_LIMIT * footprint)
         room = ti.min(p, shot.size - p)
         across = vec3(axis == 0, axis == 1, axis == 2)
         return ti.math.clamp((width - (room + INFINITE * across).min()) / footprint + 0.5, 0.0, 1.0)

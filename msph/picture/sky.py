@@ -10,14 +10,14 @@ vec3 = ti.math.vec3
 
 CELLS = 256  # dome resolution
 ZENITH = vec3(0.085, 0.235, 0.56)
-HORIZON = vec3(0.66, 0.79, 0.90)
+HORIZON = vec3(0.66, 0.80, 0.94)
 CLOUD = vec3(0.98, 0.99, 1.02)
 SUN = vec3(1.0, 0.90, 0.72)
-GROUND = vec3(0.47, 0.455, 0.425)
-DUSK = 0.45  # exponent of the gradient: smaller is a paler, narrower horizon
+GROUND = vec3(0.60, 0.575, 0.53)
+DUSK = 0.42  # exponent of the gradient: smaller is a paler, narrower horizon
 CLOUD_SCALE, CLOUD_DRIFT = 0.85, 3.7  # features per unit of the cloud plane; where to cut it
 OCTAVES = 5
-HAZE = 0.28  # sine of the angle under the horizon within which ground fades into haze
+HAZE = 0.16  # sine of the angle under the horizon within which ground fades into haze
 
 
 @ti.func

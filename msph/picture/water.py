@@ -14,7 +14,8 @@ from msph.picture.sky import SUN
 
 vec3 = ti.math.vec3
 
-GLINT, GLOSS = 9.0, 10  # brightness of the sun's mirror image; its width: cosine^(2^GLOSS)
+GLINT, SHEEN = 40.0, 2.5  # brightness of the sun's mirror image, and of the ripples' round it
+SHEEN_GLOSS, GLINT_GLOSS = 6, 5  # widths: cosine^(2^6) and that^(2^5)
 FLAT = 0.98  # least cosine between a cut face's normal and the wall's
 GRAZING = 0.03  # least cosine of incidence counted with
 DOWNWELLING = 0.5  # share of absorption on the light's own way down
@@ -119,8 +120,11 @@ class Water:
             footprint = shot.pixel * (reach + s) / ti.max(abs(along(r, axis)), FLATTEST)
             colour = self.pool.dry(p + r * s, axis, low, footprint, shot)
         else:
-            g = ti.max(r.dot(shot.sun), 0.0)
-            for _ in ti.static(range(GLOSS)):
-                g *= g
-            colour = self.pool.around(r, shot) + SUN * (GLINT * g)
+            sheen = ti.max(r.dot(shot.sun), 0.0)
+            for _ in ti.static(range(SHEEN_GLOSS)):
+                sheen *= sheen
+            glint = sheen
+            for _ in ti.static(range(GLINT_GLOSS)):
+                glint *= glint
+            colour = self.pool.around(r, shot) + SUN * (GLINT * glint + SHEEN * sheen)
         return colour

@@ -91,7 +91,7 @@ class Classic(Section):
     stiffness: float = parameter(
         _terms.stiffness, gt=0.0, unit="m^2/s^2", text="k of p = k (rho - rho0), speed of sound^2"
     )
-    viscosity: float = parameter(20.0, ge=0.0, unit="Pa s", text="dynamic viscosity mu")
+    viscosity: float = parameter(10.0, ge=0.0, unit="Pa s", text="dynamic viscosity mu")
     tension: bool = parameter(
         _terms.tension, text="let pressures below zero pull, as the thesis's formula does"
     )

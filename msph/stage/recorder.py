@@ -25,9 +25,9 @@ class OutputError(ValueError):
 class Recorder:
     """Writes `frames` frames at `fps` to each of `outputs`.
 
-    An output is a video (.mp4, .mov, .mkv, .webm, .gif), a still of one frame (.png), `still` or the last, or with a
-    number such as %04d in its name one file per frame: pictures (.png), surface meshes (.ply, .obj),
-    particles and checkpoints (.npz, .csv). The bar shows progress and time to go.
+    An output is a video (.mp4, .mov, .mkv, .webm, .gif), a still (.png) of frame `still` or the
+    last, or with a number such as %04d in its name one file per frame: pictures (.png), surface
+    meshes (.ply, .obj), particles and checkpoints (.npz, .csv). The bar shows the time to go.
     """
 
     def __init__(

@@ -172,7 +172,6 @@ class Window:
             slow = "" if rate > 0.97 else "  (slow motion)"
             paused = "  (paused)" if self.paused else slow
             self.gui.text(f"time {show.simulation.time:6.2f} s  x{rate:.2f}{paused}")
-            counts = show.simulation_counts
             self.gui.text(f"particles {sum(show.counts)} = {' + '.join(map(str, show.counts))}")
             if show.ledger.entries:
                 entry = show.ledger.entries[-1]

@@ -4,13 +4,15 @@ Coverage is sampled at every second lattice node. A sub-block, the 2^3 cells bet
 samples, is then skipped by the following bound.
 
 Let a particle at p add w(x - p) to the coverage at x inside a sub-block of diagonal D. The
-trilinear interpolation of w from the eight corners is at least rho w(x), and it is least at the
-middle of the sub-block with the particle right there: rho = (1 - D^2/(4 r^2))^3 for poly6 with
-reach r. Summed over particles, some corner holds at least rho c(x). So if all corners hold less
-than rho iso, no node inside reaches iso: air. The same bound on the missing water 1 - c, again a
-sum of kernels over what is not water, says: if all corners hold more than 1 - rho (1 - iso), no
-node inside falls below iso: deep. The first holds for any particles. The second assumes that
-water elsewhere is not packed denser than at rest; a margin covers ordinary noise of the density.
+trilinear interpolation of w from the eight corners is at least rho w(x) - RIM w(0), where
+rho = (1 - D^2/(4 r^2))^3 for poly6 with reach r is its value in the middle of the sub-block, with
+the particle right there. (Checked by sampling in the tests. RIM is a small loss at the kernel's
+rim: there some corners see nothing of a particle that x still sees.) Summed over particles, some
+corner holds at least rho c(x). So if all corners hold less than rho iso, no node inside reaches
+iso: air. The same bound on the missing water 1 - c, again a sum of kernels over what is not
+water, says: if all corners hold more than 1 - rho (1 - iso), no node inside falls below iso:
+deep. The first holds for any particles; the second assumes that water elsewhere is not packed
+denser than at rest. A margin covers the rim and ordinary noise of the density.
 """
 
 import math
@@ -22,7 +24,8 @@ from msph.surface.sums import KernelSums
 
 AIR, BAND, DEEP = 0, 1, 2
 STRIDE = 2  # lattice intervals per sample
-# Part of the bounds used. The rest is for noise of the density in deep water, and for rounding.
+RIM = 0.016
+# Part of the bounds used. The rest is for the rim and for noise of the density in deep water.
 MARGIN = 0.75
 
 
