@@ -6,7 +6,6 @@ import numpy as np
 import taichi as ti
 
 
-@ti.data_oriented
 class SurfaceMesh:
     """An indexed triangle mesh of fixed capacity.
 

@@ -2,8 +2,6 @@
 
 import math
 
-import taichi as ti
-
 from msph.surface.band import Band
 from msph.surface.coverage import Coverage
 from msph.surface.lattice import Blocks, Lattice
@@ -26,7 +24,6 @@ def mesh_capacity(shape: tuple[int, int, int]) -> tuple[int, int]:
     return vertices, math.ceil(TRIANGLES_PER_VERTEX * vertices)
 
 
-@ti.data_oriented
 class Surface:
     """Closed triangle mesh of the water in a box, its walls flat.
 
@@ -63,7 +60,10 @@ class Surface:
 
     @staticmethod
     def bytes_needed(size: tuple[float, float, float], cell: float) -> int:
-        """Device memory of a Surface with default capacities, before allocating it [bytes]."""
+        """Device memory of a Surface with default capacities, before allocating it [bytes].
+
+        Tables per layer and axis, a few kilobytes, are not counted.
+        """
         shape = Lattice.shape_in_box(size, cell)
         return (
             Blocks.bytes_needed(shape)

@@ -1,0 +1,258 @@
+"""The classic method against its formulas, summed by brute force, and against mechanics."""
+
+import math
+
+import numpy as np
+import pytest
+
+from msph.fluid.classic import ATTRIBUTES, Classic, ClassicTerms
+from msph.fluid.forcing import Forcing, Hand
+from msph.fluid.layers import LayerSpec
+from msph.fluid.simulation import Simulation
+
+SIZE = (0.8, 0.8, 0.8)
+MASSES = (0.05, 0.2)
+MU = (3.0, 7.0)
+
+
+def spec(mass, mu, wendland=False):
+    return LayerSpec(mass, 1000.0, 2.0, gravity_factor=1.0, viscosity=mu, wendland=wendland)
+
+
+def cloud(seed=1, per_layer=150):
+    """Two interpenetrating layers with random velocities, in the middle of the box."""
+    rng = np.random.default_rng(seed)
+    n = 2 * per_layer
+    return {
+        "x": rng.uniform(0.2, 0.55, (n, 3)).astype(np.float32),
+        "v": rng.normal(0.0, 1.0, (n, 3)).astype(np.float32),
+        "layer": np.repeat([0, 1], per_layer).astype(np.int32),
+    }
+
+
+def poly6(r, h):
+    return 315 / (64 * np.pi * h**9) * np.clip(h**2 - r**2, 0, None) ** 3
+
+
+def spiky_slope(r, h):
+    return -45 / (np.pi * h**6) * np.clip(h - r, 0, None) ** 2
+
+
+def brute_force(terms, x, v, layer):
+    """rho (26) and accelerations (27), (28) or their switches, all pairs in double precision."""
+    m, mu = np.array(MASSES)[layer], np.array(MU)[layer]
+    h = 2.0 * (m / 1000.0) ** (1 / 3)
+    d = x[:, None].astype(float) - x[None].astype(float)
+    r = np.linalg.norm(d, axis=2)
+    hj = np.tile(h, (len(x), 1))
+    rho = (m * poly6(r, hj)).sum(axis=1)
+    p = terms.stiffness * (rho - 1000.0)
+    if not terms.tension:
+        p = np.maximum(p, 0.0)
+    np.fill_diagonal(r, np.inf)
+    slope = spiky_slope(np.where(np.isinf(r), 0, r), hj) * np.isfinite(r)
+    if terms.pressure_form != "mean":
+        own = spiky_slope(np.where(np.isinf(r), 0, r), h[:, None]) * np.isfinite(r)
+        slope = 0.5 * (slope + own)
+    rho_i, rho_j = rho[:, None], rho[None]
+    push = (p[:, None] + p) / (2 * rho_i * rho_j)
+    if terms.pressure_form == "squared":
+        push = p[:, None] / rho_i**2 + p / rho_j**2
+    a = -((m * push * slope / r)[..., None] * d).sum(axis=1)
+    lap = 45 / (np.pi * hj**6) * np.clip(hj - r, 0, None)
+    if terms.viscosity_form == "formula":
+        drag = m * mu[:, None] * lap / (rho_i * rho_j)
+    else:
+        drag = m * (mu[:, None] + mu) * lap / (2 * rho_i**2)
+    return rho, a + (drag[..., None] * (v[None] - v[:, None])).sum(axis=1)
+
+
+SWITCHES = {
+    "formula": ClassicTerms(),
+    "clamped squared": ClassicTerms(tension=False, pressure_form="squared"),
+    "product, pseudocode": ClassicTerms(pressure_form="product", viscosity_form="pseudocode"),
+}
+
+
+@pytest.fixture(scope="module")
+def clouds():
+    """One compiled simulation per switch, shared by the tests below."""
+    specs = [spec(m, mu) for m, mu in zip(MASSES, MU, strict=True)]
+    return {name: Simulation(SIZE, specs, cloud(), terms) for name, terms in SWITCHES.items()}
+
+
+@pytest.mark.parametrize("name", SWITCHES)
+def test_densities_and_forces_equal_the_formulas(clouds, name):
+    sim = clouds[name]
+    sim.reset()
+    solver, n = sim.solver, sim.particles.count
+    solver.find_neighbours()
+    solver.find_densities(n)
+    solver.find_forces(n)
+    x, v, layer = (sim.particles.numpy(k) for k in ("x", "v", "layer"))
+    rho, a = brute_force(SWITCHES[name], x, v, layer)
+    assert np.allclose(sim.particles.numpy("density"), rho, rtol=1e-4)
+    found = sim.particles.numpy("acceleration")
+    assert np.abs(found - a).max() < 2e-4 * np.abs(a).max()
+
+
+def pair_force_sum(sim):
+    """|sum m a| over sum m |a|: zero if pair forces are equal and opposite."""
+    sim.reset()
+    solver, n = sim.solver, sim.particles.count
+    solver.find_neighbours()
+    solver.find_densities(n)
+    solver.find_forces(n)
+    m = np.array(MASSES)[sim.particles.numpy("layer")][:, None]
+    a = sim.particles.numpy("acceleration").astype(float)
+    return np.linalg.norm((m * a).sum(axis=0)) / (m * np.linalg.norm(a, axis=1)[:, None]).sum()
+
+
+def test_only_symmetrised_pressures_conserve_momentum_across_layers(clouds):
+    """(27) is not antisymmetric across layers, by the thesis's own admission."""
+    still = {name: sim for name, sim in clouds.items() if name != "product, pseudocode"}
+    for sim in still.values():
+        sim.initial["v"][:] = 0.0
+    assert pair_force_sum(still["formula"]) > 1e-3
+    assert pair_force_sum(still["clamped squared"]) < 1e-5
+
+
+@pytest.fixture(scope="module")
+def lone():
+    """One particle, four settings of the hand and gravity: it feels nothing else."""
+    initial = {
+        "x": np.array([[0.4, 0.6, 0.4]], np.float32),
+        "v": np.array([[0.3, 1.0, 0.0]], np.float32),
+        "layer": np.zeros(1, np.int32),
+    }
+    half = LayerSpec(0.05, 1000.0, 2.0, gravity_factor=0.5)
+    return Simulation(SIZE, [half], initial, ClassicTerms(tension=False, restitution=0.5))
+
+
+def test_free_fall_follows_position_verlet_and_the_layers_gravity(lone):
+    lone.reset()
+    dt, steps = 1e-3, 100
+    for _ in range(steps):
+        lone.solver.step(dt, Forcing())
+    x, v = lone.particles.numpy("x")[0], lone.particles.numpy("v")[0]
+    # x' = 2 x - x_old + dt^2 a from x_old = x - dt v gives x + n dt v + n (n + 1)/2 dt^2 a.
+    a = np.array([0.0, -9.81 * 0.5, 0.0])
+    expected = [0.4, 0.6, 0.4] + steps * dt * np.array([0.3, 1.0, 0.0])
+    expected += steps * (steps + 1) / 2 * dt**2 * a
+    assert np.allclose(x, expected, atol=1e-5)
+    assert np.allclose(v, [0.3, 1.0 - 9.81 * 0.5 * steps * dt, 0.0], atol=1e-4)
+
+
+def test_wall_reflects_with_its_restitution(lone):
+    lone.reset()
+    for _ in range(3):
+        lone.solver.step(0.1, Forcing(gravity=(40.0, 0.0, 0.0)))
+    x, v = lone.particles.numpy("x")[0], lone.particles.numpy("v")[0]
+    margin = 0.5 * lone.layers.specs[0].spacing
+    assert v[0] < 0.0
+    assert margin <= x[0] <= SIZE[0] - margin
+
+
+def test_hand_drags_water_to_its_own_velocity_and_no_farther(lone):
+    lone.reset()
+    hand = Hand(position=(0.4, 0.6, 0.4), velocity=(0.0, 0.0, 2.0), radius=0.5, grip=1e6)
+    lone.solver.step(1e-3, Forcing(gravity=(0.0, 0.0, 0.0), hand=hand))
+    assert np.allclose(lone.particles.numpy("v")[0], [0.0, 0.0, 2.0], atol=1e-4)
+
+
+D = 0.03
+TANK = (12 * D, 20 * D, 12 * D)
+
+
+def tank(pressure_form):
+    """Still water of one layer, ten spacings deep."""
+    cells = np.indices((12, 10, 12)).reshape(3, -1).T
+    layer = LayerSpec(1000.0 * D**3, 1000.0, 2.0, viscosity=10.0)
+    initial = {
+        "x": ((cells + 0.5) * D).astype(np.float32),
+        "layer": np.zeros(len(cells), np.int32),
+    }
+    return Simulation(TANK, [layer], initial, ClassicTerms(pressure_form=pressure_form))
+
+
+@pytest.fixture(scope="module")
+def column():
+    return tank("mean")
+
+
+def settled_pressure_slope(sim):
+    """dp/dy [Pa/m] away from walls and surface after two seconds, and the speed [m/s] (rms)."""
+    for _ in range(120):
+        sim.advance(1 / 60, Forcing())
+    x, v = sim.particles.numpy("x"), sim.particles.numpy("v")
+    p = sim.solver.terms.stiffness * (sim.particles.numpy("density") - 1000.0)
+    near_middle = np.abs(x[:, [0, 2]] - TANK[0] / 2).max(axis=1) < 4 * D
+    inside = near_middle & (x[:, 1] > 2 * D) & (x[:, 1] < 6.7 * D)
+    return np.polyfit(x[inside, 1], p[inside], 1)[0], math.sqrt((v**2).sum(axis=1).mean())
+
+
+def test_squared_pressures_carry_hydrostatic_weight():
+    slope, speed = settled_pressure_slope(tank("squared"))
+    assert slope == pytest.approx(-1000.0 * 9.81, rel=0.15)
+    assert speed < 0.1
+
+
+def test_mean_pressures_must_double_to_carry_the_weight(column):
+    """sum V_j (p_i + p_j)/2 grad W is half of grad p: the printed (27) lacks a factor of 2."""
+    column.reset()
+    slope, speed = settled_pressure_slope(column)
+    assert slope == pytest.approx(-2.0 * 1000.0 * 9.81, rel=0.15)
+    assert speed < 0.1
+
+
+def test_checkpoint_restores_every_digit(column):
+    column.reset()
+    column.advance(1 / 60, Forcing())
+    state = column.state()
+    column.advance(1 / 60, Forcing())
+    column.restore(state)
+    assert column.time == pytest.approx(1 / 60)
+    again = column.state()
+    order, order_again = np.argsort(state["id"]), np.argsort(again["id"])
+    for name in ("x", "v", "layer", "density"):
+        assert np.array_equal(state[name][order], again[name][order_again])
+
+
+def test_checkpoint_of_another_scene_is_refused(column):
+    state = column.state()
+    with pytest.raises(ValueError, match="beyond the scene's 1"):
+        column.restore({**state, "layer": state["layer"] + 1})
+    with pytest.raises(ValueError, match="unknown attributes: colour"):
+        column.restore({**state, "colour": state["layer"]})
+
+
+def test_attraction_pulls_the_surface_inwards():
+    """With the colour term alone, a ball of water's surface is pulled towards its middle."""
+    d = 0.03
+    axis = (np.arange(-4, 4) + 0.5) * d
+    grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
+    ball = grid[np.linalg.norm(grid, axis=1) < 0.1]
+    initial = {"x": (ball + 0.4).astype(np.float32), "layer": np.zeros(len(ball), np.int32)}
+    layer = LayerSpec(1000.0 * d**3, 1000.0, 2.0)
+    terms = ClassicTerms(stiffness=1e-6, attraction=50.0)
+    sim = Simulation(SIZE, [layer], initial, terms)
+    n = sim.particles.count
+    sim.solver.find_neighbours()
+    sim.solver.find_densities(n)
+    sim.solver.find_forces(n)
+    outward = sim.particles.numpy("x") - 0.4
+    a = sim.particles.numpy("acceleration")
+    radius = np.linalg.norm(outward, axis=1)
+    shell = radius > 0.075
+    radial = (a * outward).sum(axis=1)[shell] / radius[shell]
+    # Nothing is pushed outwards; single particles may lie under the threshold and feel nothing.
+    assert radial.max() < 1e-4 * np.abs(radial).max()
+    assert np.count_nonzero(radial < 0.0) > 0.8 * len(radial)
+    middle = radius < 0.03
+    assert np.abs(a[middle]).max() < 0.05 * np.abs(radial).max()
+
+
+def test_registry_declares_each_attribute_once():
+    names = [a.name for a in ATTRIBUTES]
+    assert len(set(names)) == len(names)
+    assert Classic.LIST_MARGIN > 0.0

@@ -1,0 +1,181 @@
+"""Scenes: what loads, what does not, and the one line that says why."""
+
+import numpy as np
+import pytest
+
+from msph.scene import SceneError, load_scene
+from msph.scene.check import VIEWS
+from msph.scene.library import shipped_scenes
+from msph.scene.load import to_toml
+from msph.scene.schema import Scene, parameters
+from msph.scene.water import fill, initial_particles, layer_specs
+
+GOOD = """
+[box]
+size = [1.0, 1.0, 1.0]
+[[layers]]
+mass = 0.2
+[[layers]]
+spacing = 0.1
+[[water]]
+lo = [0, 0, 0]
+hi = [1, 0.5, 1]
+"""
+
+BAD = {
+    "misspelt key": ('[clasic]\nstiffness = 1.0\n', "clasic: unknown key; did you mean 'classic'?"),
+    "misspelt inner key": (
+        "[classic]\nstifness = 1.0\n",
+        "classic.stifness: unknown key; did you mean 'stiffness'?",
+    ),
+    "wrong type": ('duration = "long"\n', "duration: input should be a valid number (got 'long')"),
+    "integer for text": ("title = 3\n", "title: input should be a valid string (got 3)"),
+    "out of range": ("duration = -1\n", "duration: input should be greater than 0 (got -1)"),
+    "not a number": ("duration = nan\n", "duration: input should be a finite number (got nan)"),
+    "unknown method": ('method = "magic"\n', "method: input should be 'classic' (got 'magic')"),
+    "unknown view": ('[picture]\nview = "sped"\n', "picture.view: unknown view 'sped'"),
+}
+
+BAD_OVERRIDES = {
+    "box.size=[1, 0, 1]": "box.size.1: input should be greater than 0 (got 0)",
+    "box.size=[1, 1]": "box.size",
+    "layers=[]": "layers: ",
+    "water=[]": "water: ",
+    "layers.0.mass=0": "layers.0.mass: input should be greater than 0 (got 0)",
+    "layers.0.spacing=0.1": "layers.0: give either mass or spacing",
+    "layers.0.mass=2000": "layers.0: particles of 1.26 m do not fit in the box",
+    "layers.9.mass=1": "layers.9.mass: expected an index from 0 to 1, got '9'",
+    "water.0.hi=[1, 0, 1]": "water.0.hi: has no volume",
+    "water.0.hi=[1, 1.5, 1]": "water.0: reaches from (0, 0, 0) to (1, 1.5, 1) m, outside the box",
+    "water.0.layer=2": "water.0.layer: there are 2 layers, no layer 2",
+    "water.0.radius=0.1": "water.0: give either lo and hi, or centre and radius",
+    "water.0.count=99999": "water.0.count: 99999 particles do not fit, there is room for",
+    "layers.0.mass=1e-9": "water: about 500,000,000,000 particles need",
+    "duration": "--set: duration: expects key=value",
+    "variant=four": "--set: variant: unknown variant 'four'; known: none in this scene",
+    "title.text=1": "title: input should be a valid string (got {'text': 1})",
+    "water.0.lo.0.a=1": "--set: water.0.lo.0.a: 'a' is no parameter",
+}
+
+
+def write(tmp_path, text, name="scene.toml"):
+    path = tmp_path / name
+    path.write_text(text)
+    return str(path)
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_scene_gives_one_line_with_file_and_key(tmp_path, name):
+    text, message = BAD[name]
+    with pytest.raises(SceneError) as error:
+        load_scene(write(tmp_path, text + GOOD))
+    line = str(error.value)
+    assert line.startswith(f"scene.toml: {message}") and "\n" not in line
+
+
+@pytest.mark.parametrize("override", BAD_OVERRIDES)
+def test_bad_override_gives_one_line_with_its_key(tmp_path, override):
+    with pytest.raises(SceneError) as error:
+        load_scene(write(tmp_path, GOOD), (override,))
+    line = str(error.value)
+    assert BAD_OVERRIDES[override] in line and "\n" not in line
+
+
+def test_overlapping_water_is_refused(tmp_path):
+    more = "[[water]]\ncentre = [0.5, 0.5, 0.5]\nradius = 0.1\n"
+    with pytest.raises(SceneError, match=r"water\.1: overlaps water\.0"):
+        load_scene(write(tmp_path, GOOD + more))
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", "is empty"),
+        (b"\x89PNG\r\n\xff\xfe", "is not a text file"),
+        (b"box = [", "is not TOML"),
+        (b"\n[box]\nsize = [1, 1, 1]\n", "layers: is required (and 1 more)"),
+    ],
+)
+def test_broken_file_gives_one_line(tmp_path, content, message):
+    path = tmp_path / "broken.toml"
+    path.write_bytes(content)
+    with pytest.raises(SceneError) as error:
+        load_scene(str(path))
+    assert str(error.value).startswith("broken.toml: ") and message in str(error.value)
+
+
+def test_missing_scene_suggests_the_nearest(tmp_path):
+    with pytest.raises(SceneError, match="did you mean 'dam_break'"):
+        load_scene("dam_brake")
+    with pytest.raises(SceneError, match="is a folder"):
+        load_scene(str(tmp_path))
+
+
+@pytest.mark.parametrize("name", shipped_scenes())
+def test_shipped_scene_loads_and_names_itself(name):
+    scene = load_scene(name)
+    assert scene.title and scene.source
+
+
+@pytest.mark.parametrize("name", ["pool", "pool_2x"])
+@pytest.mark.parametrize(
+    ("system", "counts"),
+    [
+        (1, {"pool": [2650], "pool_2x": [5100]}),
+        (2, {"pool": [4650], "pool_2x": [9200]}),
+        (3, {"pool": [800, 400, 250, 350], "pool_2x": [800, 400, 250, 1050]}),
+    ],
+)
+def test_thesis_pools_have_the_particles_of_table_5_1(name, system, counts):
+    scene = load_scene(name, (f"variant=system-{system}",))
+    layers = initial_particles(scene)["layer"]
+    assert [int((layers == k).sum()) for k in range(len(scene.layers))] == counts[name]
+
+
+def test_effective_scene_loads_to_the_same_scene(tmp_path):
+    scene = load_scene("pool", ("duration=3", "layers.0.gravity_factor=0.5"))
+    assert scene.layers[0].gravity_factor == 0.5
+    assert load_scene(write(tmp_path, to_toml(scene))) == scene
+
+
+def test_override_of_text_needs_no_quotes(tmp_path):
+    assert load_scene(write(tmp_path, GOOD), ("picture.view=speed",)).picture.view == "speed"
+
+
+def test_every_parameter_is_declared_with_unit_and_help():
+    listed = parameters(Scene)
+    assert len({p.key for p in listed}) == len(listed) > 40
+    assert all(p.text and p.unit for p in listed)
+    by_key = {p.key: p for p in listed}
+    assert by_key["box.size"].unit == "m" and by_key["box.size"].default == "required"
+    assert by_key["classic.pressure_form"].kind == "mean | squared | product"
+    assert by_key["box.restitution"].limits == ">= 0.0, <= 1.0"
+
+
+def test_views_include_every_attribute_once():
+    assert len(set(VIEWS)) == len(VIEWS)
+    assert {"water", "layer", "speed", "density_error", "pressure"} <= set(VIEWS)
+
+
+@pytest.mark.parametrize("count", [None, 1445, 2000])
+def test_filled_water_has_its_mass_and_its_volume(tmp_path, count):
+    scene = load_scene(write(tmp_path, GOOD), () if count is None else (f"water.0.count={count}",))
+    spec = layer_specs(scene)[0]
+    rng = np.random.default_rng(0)
+    x = fill(scene.water[0].model_copy(update={"jitter": 0.0}), spec, rng)
+    if count is not None:
+        assert len(x) == count
+    # Uniform in height: the mean height is half of what the volume fills.
+    height = len(x) * spec.volume
+    assert x[:, 1].mean() == pytest.approx(0.5 * height, rel=0.12)
+    assert x.min() > 0.0 and x[:, 0].max() < 1.0
+
+
+def test_ball_has_the_mass_of_its_volume(tmp_path):
+    text = GOOD + "[[water]]\ncentre = [0.5, 0.8, 0.5]\nradius = 0.18\n"
+    scene = load_scene(write(tmp_path, text))
+    x = initial_particles(scene)["x"]
+    spec = layer_specs(scene)[0]
+    ball = x[x[:, 1] > 0.55]
+    assert len(ball) * spec.volume == pytest.approx(4.18879 * 0.18**3, rel=0.02)
+    assert abs(ball - [0.5, 0.8, 0.5]).max() < 0.25
