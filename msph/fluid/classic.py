@@ -59,7 +59,7 @@ class Classic:
     """One solver over the particles of all layers; a single layer is Mueller's SPH of 2003."""
 
     # Margin of the neighbour list, in supports: a wider one is searched less often, read longer.
-    LIST_MARGIN = 0.4
+    LIST_MARGIN = 0.5
 
     def __init__(
         self,

@@ -14,7 +14,7 @@ from msph.fluid.particles import Particles
 from msph.fluid.scan import ExclusiveScan
 
 # Room in the list, in neighbours at rest: compressed water and mixed sizes need more than rest.
-ROOM = 3.0
+ROOM = 2.0
 
 
 class NeighbourOverflowError(RuntimeError):

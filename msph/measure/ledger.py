@@ -120,11 +120,10 @@ class Ledger:
         means = [e.density_error_mean for e in self.entries]
         return float(np.mean(means)), max(e.density_error_max for e in self.entries)
 
-    def at_rest(self, seconds: float = 1.0) -> float:
-        """Root-mean-square speed [m/s] over the last `seconds`: zero for water at rest."""
+    def rest_energy(self, seconds: float = 1.0) -> float:
+        """Mean kinetic energy [J] over the last `seconds`: zero for water at rest."""
         last = self.entries[-1].time
-        tail = [e for e in self.entries if e.time >= last - seconds]
-        return float(np.sqrt(np.mean([2.0 * e.kinetic / e.mass for e in tail])))
+        return float(np.mean([e.kinetic for e in self.entries if e.time >= last - seconds]))
 
 
 @ti.data_oriented

@@ -64,7 +64,7 @@ class Camera:
         return np.asarray(self.target) + self.distance * self.axes()[2]
 
     def ray(self, i, j, width, height):
-        """World ray through pixel (i right, j up), pixel centres at integers: eye, unit direction."""
+        """World ray through the centre of pixel (i right, j up): eye, unit direction."""
         right, up, back = self.axes()
         step = 2 * np.tan(self.fov / 2) / height
         d = (i + 0.5 - width / 2) * step * right + (j + 0.5 - height / 2) * step * up - back

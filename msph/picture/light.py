@@ -13,9 +13,12 @@ from msph.picture.rasteriser import BLOCK, on_wall
 
 vec2 = ti.math.vec2
 
-COLUMNS = 28  # cells of the level map along each side: coarser than the mesh
+COLUMNS = 28  # cells of the level map along the longer side: coarser than the mesh
 UPWARD = 0.3  # least slope (cosine) of a normal that counts as the water's top
 DRY = 1e9
+FEWEST_WET = 4.0  # weight of wet cells, of 16 in the 3 x 3, that make a column wet
+LOWEST_BEAM = 0.1  # least descent (sine) of a traced beam
+LEAST_AREA = 1e-4  # of a lit patch [map cells, twice]
 UNIT = 1024.0  # light of 1 in the map's whole numbers: integer atomics are the faster
 BRIGHTEST = 5.0  # limit on the concentration of one triangle's light
 HALF_SHADE = 0.6  # light where beams that came in by a wall were not traced
@@ -24,11 +27,13 @@ SHORE = 0.04  # depth over which caustics fade in [m]
 
 @ti.data_oriented
 class Light:
-    def __init__(self, mesh, lens, caustics, cells):
+    def __init__(self, mesh, lens, box, caustics, cells):
+        x, z = box[0] * COLUMNS / max(box[0], box[2]), box[2] * COLUMNS / max(box[0], box[2])
+        self.columns = (max(2, round(x)), max(2, round(z)))
         self.lens = lens
         self.mesh, self.caustics, self.cells = mesh, caustics, cells
-        self.lowest = ti.field(ti.i32, (COLUMNS, COLUMNS))  # bits of a positive f32 [m]
-        self.level = ti.field(ti.f32, (COLUMNS, COLUMNS))  # height of the water's top [m]
+        self.lowest = ti.field(ti.i32, self.columns)  # bits of a positive f32 [m]
+        self.level = ti.field(ti.f32, self.columns)  # height of the water's top [m]
         if caustics:
             self.landing = ti.Vector.field(2, ti.f32, mesh.vertices.shape[0])  # (x, z) [m]
             self.photons = ti.field(ti.i32, (cells, cells))
@@ -50,7 +55,8 @@ class Light:
         for v in range(self.mesh.counts[0]):
             if self.mesh.normals[v].y > UPWARD:
                 p = self.mesh.vertices[v]
-                c = ti.math.clamp(p.xz / self.lens.shot[None].size.xz * COLUMNS, 0, COLUMNS - 1)
+                n = vec2(self.columns[0], self.columns[1])
+                c = ti.math.clamp(p.xz / self.lens.shot[None].size.xz * n, 0.0, n - 1.0)
                 y = ti.max(p.y, 0.0)
                 ti.atomic_min(
                     self.lowest[ti.cast(c.x, ti.i32), ti.cast(c.y, ti.i32)],
@@ -63,20 +69,21 @@ class Light:
     def column(self, i, j):
         """Mean over the wet ones of the cell and its neighbours; 0 where all is dry."""
         total, wet = 0.0, 0.0
-        for a in range(ti.max(i - 1, 0), ti.min(i + 2, COLUMNS)):
-            for b in range(ti.max(j - 1, 0), ti.min(j + 2, COLUMNS)):
+        for a in range(ti.max(i - 1, 0), ti.min(i + 2, self.columns[0])):
+            for b in range(ti.max(j - 1, 0), ti.min(j + 2, self.columns[1])):
                 y = ti.bit_cast(self.lowest[a, b], ti.f32)
                 if y < DRY:
                     weight = ti.select(a == i, 2.0, 1.0) * ti.select(b == j, 2.0, 1.0)
                     total += weight * y
                     wet += weight
         # Too few wet neighbours: a shore, not a gap in the mesh.
-        return ti.select(wet > 3.5, total / ti.max(wet, 1.0), 0.0)
+        return ti.select(wet >= FEWEST_WET, total / ti.max(wet, 1.0), 0.0)
 
     @ti.func
     def height(self, p, shot: ti.template()):
         """Water level over (x, z) of p [m], bilinear."""
-        c = ti.math.clamp(p.xz / shot.size.xz * COLUMNS - 0.5, 0.0, COLUMNS - 1.001)
+        n = vec2(self.columns[0], self.columns[1])
+        c = ti.math.clamp(p.xz / shot.size.xz * n - 0.5, 0.0, n - 1.001)
         return bilinear(self.level, c)
 
     @ti.func
@@ -89,7 +96,7 @@ class Light:
             n, p, sun = self.mesh.normals[v], self.mesh.vertices[v], self.lens.shot[None].sun
             c = ti.max(n.dot(sun), 0.0)
             r = bend(-sun, n, c, cosine_beyond(c, 1.0 / WATER_INDEX), 1.0 / WATER_INDEX)
-            self.landing[v] = p.xz - r.xz * (p.y / ti.min(r.y, -0.1))
+            self.landing[v] = p.xz - r.xz * (p.y / ti.min(r.y, -LOWEST_BEAM))
         ti.loop_config(block_dim=BLOCK)
         for t in range(self.mesh.counts[1]):
             self.splat(t, self.lens.shot[None], skin)
@@ -104,15 +111,16 @@ class Light:
         pa, pb, pc = self.mesh.vertices[k[0]], self.mesh.vertices[k[1]], self.mesh.vertices[k[2]]
         lit = (pb - pa).cross(pc - pa).dot(shot.sun) > 0.0
         if lit and not on_wall(pa, pb, pc, shot.size, skin):
-            ab = (pb - pa).xz + shot.drift * (pb - pa).y * -1.0
-            ac = (pc - pa).xz + shot.drift * (pc - pa).y * -1.0
+            # What still water would light: the triangle's shadow in air on a level plane.
+            slant = -shot.sun.xz / ti.max(shot.sun.y, LOWEST_BEAM)
+            ab, ac = (pb - pa).xz + slant * (pb - pa).y, (pc - pa).xz + slant * (pc - pa).y
             still = abs(ab.cross(ac))
             s = shot.map_scale
             a = (self.landing[k[0]] - shot.map_corner) * s
             b = (self.landing[k[1]] - shot.map_corner) * s
             c = (self.landing[k[2]] - shot.map_corner) * s
             area = (b - a).cross(c - a)
-            share = still * s.x * s.y / ti.max(abs(area), 1e-4)
+            share = still * s.x * s.y / ti.max(abs(area), LEAST_AREA)
             light = ti.cast(UNIT * ti.min(share, BRIGHTEST), ti.i32)
             g = ti.select(area < 0.0, -1.0, 1.0)
             lo = ti.max(ti.ceil(ti.min(a, b, c) - 0.5), 0.0)

@@ -38,7 +38,7 @@ class Picture:
         tone, pool = Tone(), Pool(Sky(self.look.sun_direction()))
         self.backdrop = Backdrop(w, h, lens, pool, tone)
         self.raster = Rasteriser(w, h, mesh.triangles.shape[0], lens, thickness=True)
-        self.light = Light(mesh, lens, self.look.caustics, self.look.caustic_cells)
+        self.light = Light(mesh, lens, self.box, self.look.caustics, self.look.caustic_cells)
         self.water = Water(mesh, lens, self.raster, pool, self.light, self.backdrop, tone)
         self.particles = None
         if particles:

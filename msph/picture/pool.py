@@ -220,9 +220,15 @@ class Backdrop:
             shot = self.lens.shot[None]
             corner = shot.origin + shot.du * (2 * a) + shot.dv * (2 * b)
             beyond = self.pool.country((corner + 0.5 * (shot.du + shot.dv)).normalized(), shot)
+            around = vec4(self.tone.show(beyond), 0.0)
+            block = vec2(2 * a, 2 * b)
+            boxed = (block + 1.0 >= shot.lo).all() and (block <= shot.hi).all()
             for i in range(2 * a, ti.min(2 * a + 2, self.width)):
                 for j in range(2 * b, ti.min(2 * b + 2, self.height)):
-                    d = (shot.origin + shot.du * i + shot.dv * j).normalized()
-                    c = self.pool.view(d, beyond, shot)
-                    shown = ti.math.mix(self.tone.show(c.xyz), RIM, c.w)
-                    self.colour[i, j] = vec4(shown, c.w)
+                    if boxed:
+                        d = (shot.origin + shot.du * i + shot.dv * j).normalized()
+                        c = self.pool.view(d, beyond, shot)
+                        shown = ti.math.mix(self.tone.show(c.xyz), RIM, c.w)
+                        self.colour[i, j] = vec4(shown, c.w)
+                    else:
+                        self.colour[i, j] = around

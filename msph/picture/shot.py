@@ -36,6 +36,8 @@ Shot = ti.types.struct(
     beam=vec3,  # to the sun, from under a level water surface (refracted)
     ground=ti.f32,  # height of the ground along `up`, measured from the box centre [m]
     size=vec3,  # box [m]
+    lo=vec2,  # pixels between which the box lies
+    hi=vec2,
     tiles=vec3,  # tiles per metre along x, y, z
     absorption=vec3,  # Beer-Lambert coefficients, RGB [1/m]
     scatter=vec3,  # colour of deep water, RGB, linear
@@ -57,6 +59,12 @@ def shoot(camera, tilt, box, width, height, look):
     depths = (corners - C) @ forward * REACH + (C - eye) @ forward
     near = max(depths.min(), NEAREST)
     far = max(depths.max(), 2 * near)
+    middle = np.array((width / 2 - 0.5, height / 2 - 0.5))
+    z = (corners - eye) @ forward
+    lo, hi = np.zeros(2), np.array((width, height))
+    if z.min() > NEAREST:
+        pixels = middle + (corners - eye) @ np.stack((du, dv), 1) / step**2 / z[:, None]
+        lo, hi = pixels.min(0) - 1, pixels.max(0) + 1
     sun = R.T @ look.sun_direction()
     beam = -refracted(-sun, R[1], 1 / WATER_INDEX)
     drift = -beam[[0, 2]] / max(beam[1], STEEPEST)
@@ -69,7 +77,7 @@ def shoot(camera, tilt, box, width, height, look):
         "dv": dv,
         "to_i": du / step**2,
         "to_j": dv / step**2,
-        "centre": np.array((width / 2 - 0.5, height / 2 - 0.5)),
+        "centre": middle,
         "pixel": step,
         "w_near": 1 / near,
         "w_span": 1 / near - 1 / far,
@@ -81,6 +89,8 @@ def shoot(camera, tilt, box, width, height, look):
         "beam": beam,
         "ground": ((corners - C) @ R[1]).min(),
         "size": box,
+        "lo": lo,
+        "hi": hi,
         "tiles": np.maximum(np.round(box / (look.tile * box.max())), 1) / box,
         "absorption": np.asarray(look.absorption) * look.tint,
         "scatter": np.asarray(look.scatter),

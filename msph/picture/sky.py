@@ -16,7 +16,11 @@ SUN = vec3(1.0, 0.90, 0.72)
 GROUND = vec3(0.60, 0.575, 0.53)
 DUSK = 0.42  # exponent of the gradient: smaller is a paler, narrower horizon
 CLOUD_SCALE, CLOUD_DRIFT = 0.85, 3.7  # features per unit of the cloud plane; where to cut it
-OCTAVES = 5
+CLOUD_CURVE = 0.18  # added to the sine of elevation: keeps far clouds from shrinking to nothing
+CLEAR, OVERCAST = 0.46, 0.80  # noise below which there is no cloud, above which it is full
+CLOUD_OPACITY, CLOUD_RISE = 0.75, 0.25  # sine of elevation over which clouds come out of haze
+OCTAVES, FINER = 5, 2.03  # of the noise; ratio of their frequencies
+WIDE_GLOW, WIDE_POWER, CORE_GLOW, CORE_POWER = 0.22, 12, 0.5, 160  # round the sun
 HAZE = 0.16  # sine of the angle under the horizon within which ground fades into haze
 
 
@@ -54,16 +58,17 @@ class Sky:
             s = ti.min(q.norm_sqr(), 1.0)
             d = vec3(2.0 * q.x, 1.0 - s, 2.0 * q.y) / (1.0 + s)
             colour = ti.math.mix(HORIZON, ZENITH, d.y**DUSK)
-            p = vec3(d.x, 0, d.z).xz / (d.y + 0.18) * CLOUD_SCALE + CLOUD_DRIFT
+            p = d.xz / (d.y + CLOUD_CURVE) * CLOUD_SCALE + CLOUD_DRIFT
             cloud, weight = 0.0, 0.5
             for _ in range(OCTAVES):
                 cloud += weight * noise(p)
                 weight *= 0.5
-                p = 2.03 * p + 17.0
-            cover = ti.math.smoothstep(0.46, 0.80, cloud) * ti.math.smoothstep(0.0, 0.25, d.y)
+                p = FINER * p + CLOUD_DRIFT
+            cover = ti.math.smoothstep(CLEAR, OVERCAST, cloud)
+            cover *= CLOUD_OPACITY * ti.math.smoothstep(0.0, CLOUD_RISE, d.y)
             near_sun = ti.max(d.dot(sun), 0.0)
-            colour = ti.math.mix(colour, CLOUD, 0.75 * cover)
-            self.dome[i, j] = colour + SUN * (0.22 * near_sun**12 + 0.5 * near_sun**160)
+            glow = WIDE_GLOW * near_sun**WIDE_POWER + CORE_GLOW * near_sun**CORE_POWER
+            self.dome[i, j] = ti.math.mix(colour, CLOUD, cover) + SUN * glow
 
     @ti.func
     def radiance(self, d):

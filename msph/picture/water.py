@@ -92,11 +92,11 @@ class Water:
         path, depth = s, p.y - q.y
         if cut or thickness < s:
             depth = self.light.height(q, shot) - q.y
-            if r.y > 0.0 and depth < 0.0:
+            if cut and r.y > 0.0 and depth < 0.0 and p.y < self.light.height(p, shot):
                 # Up to the surface from below: total reflection folds the ray down again.
                 q.y = ti.math.clamp(q.y + 2.0 * depth, 0.0, shot.size.y)
                 depth = -depth
-            elif not cut:
+            else:
                 # Once through a crest or a drop, it may enter the water below it again.
                 again = ti.max(depth, 0.0) / ti.max(abs(r.y), FLATTEST)
                 path = ti.min(s, thickness + again)

@@ -18,9 +18,10 @@ STAGES = ("bin", "solve", "surface", "picture")
 class Result:
     """One row of the benchmark.
 
-    Times are milliseconds per frame of 1/60 s simulated time, errors are shares (-), rest_speed
-    [m/s] is the root-mean-square speed over the last second, volume_error the volume of the
-    surface mesh at the end over that of the water at rest density, less one.
+    Times are milliseconds per frame of 1/60 s simulated time, errors are shares (-), rest_energy
+    [J] the mean kinetic energy of the last second and rest_speed [m/s] the root-mean-square speed
+    that goes with it, volume_error the volume of the surface mesh at the end over that of the water
+    at rest density, less one.
     """
 
     scene: str
@@ -37,6 +38,7 @@ class Result:
     density_error_max: float
     momentum_drift: float
     energy_gain: float
+    rest_energy: float
     rest_speed: float
     volume_error: float
 
@@ -63,6 +65,7 @@ def benchmark(
     run(show, Nobody(frames))
     mean, largest = show.ledger.density_error()
     wall = timings.total()
+    rest_energy = show.ledger.rest_energy()
     return Result(
         scene=name,
         particles=show.counts,
@@ -78,7 +81,8 @@ def benchmark(
         density_error_max=largest,
         momentum_drift=show.ledger.momentum_drift(),
         energy_gain=show.ledger.energy_gain(),
-        rest_speed=show.ledger.at_rest(),
+        rest_energy=rest_energy,
+        rest_speed=math.sqrt(2.0 * rest_energy / show.ledger.entries[-1].mass),
         volume_error=show.volume_error(),
     )
 

@@ -1,0 +1,21 @@
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from picture_kit import BOX, HEIGHT, WIDTH, Mesh
+
+from msph.picture.picture import Picture
+
+
+@pytest.fixture(scope="session")
+def mesh(taichi_runtime):
+    return Mesh()
+
+
+@pytest.fixture(scope="session")
+def picture(mesh):
+    """The one picture of these tests: each further instance would compile everything again."""
+    return Picture(WIDTH, HEIGHT, BOX, mesh, particles=64)

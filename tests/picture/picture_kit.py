@@ -1,0 +1,93 @@
+"""Meshes and pictures that the picture tests share."""
+
+import numpy as np
+import taichi as ti
+
+from msph.picture.rasteriser import NOTHING
+
+BOX = (1.0, 0.8, 1.0)
+LEVEL = 0.4
+WIDTH, HEIGHT = 320, 180
+
+
+class Mesh:
+    """A surface mesh of fixed capacity that tests refill."""
+
+    def __init__(self, capacity=16384):
+        self.vertices = ti.Vector.field(3, ti.f32, capacity)
+        self.normals = ti.Vector.field(3, ti.f32, capacity)
+        self.triangles = ti.Vector.field(3, ti.i32, capacity)
+        self.counts = ti.field(ti.i32, 2)
+
+    def fill(self, vertices, triangles, normals=None):
+        vertices, triangles = np.asarray(vertices, float), np.asarray(triangles)
+        normals = np.tile((0.0, 1.0, 0.0), (len(vertices), 1)) if normals is None else normals
+        for field, values in (
+            (self.vertices, vertices),
+            (self.normals, normals),
+            (self.triangles, triangles),
+        ):
+            kind = np.int32 if field is self.triangles else np.float32
+            padded = np.zeros((field.shape[0], 3), kind)
+            padded[: len(values)] = values
+            field.from_numpy(padded)
+        self.counts.from_numpy(np.array((len(vertices), len(triangles)), np.int32))
+
+
+def grid(corner, a, b, n):
+    """n x n squares of the parallelogram at `corner` spanned by a, b; its front faces a x b."""
+    corner, a, b = (np.asarray(v, float) for v in (corner, a, b))
+    u, v = np.meshgrid(np.linspace(0, 1, n + 1), np.linspace(0, 1, n + 1), indexing="ij")
+    points = corner + u.reshape(-1, 1) * a + v.reshape(-1, 1) * b
+    k = np.arange((n + 1) ** 2).reshape(n + 1, n + 1)
+    p, q, r, s = (m.ravel() for m in (k[:-1, :-1], k[1:, :-1], k[1:, 1:], k[:-1, 1:]))
+    triangles = np.concatenate([np.stack([p, q, r], 1), np.stack([p, r, s], 1)])
+    normal = np.cross(a, b)
+    return points, triangles, np.tile(normal / np.linalg.norm(normal), (len(points), 1))
+
+
+def join(parts):
+    vertices, triangles, normals, at = [], [], [], 0
+    for v, t, n in parts:
+        vertices.append(v)
+        triangles.append(t + at)
+        normals.append(n)
+        at += len(v)
+    return tuple(map(np.concatenate, (vertices, triangles, normals)))
+
+
+def still_water(level=LEVEL, n=8):
+    """The closed surface of still water in the box."""
+    x, _, z = BOX
+    o, ex, ey, ez = np.zeros(3), np.array((x, 0, 0)), np.array((0, level, 0)), np.array((0, 0, z))
+    return join(
+        [
+            grid(ey, ez, ex, n),  # top
+            grid(o, ex, ez, n),
+            grid(o, ey, ex, n),
+            grid(ez, ex, ey, n),
+            grid(o, ez, ey, n),
+            grid(ex, ey, ez, n),
+        ]
+    )
+
+
+def ball(centre, radius, n=24):
+    """A closed sphere of 2 n (n - 1) triangles."""
+    theta, phi = np.meshgrid(
+        np.linspace(0, np.pi, n + 1), np.linspace(0, 2 * np.pi, n + 1), indexing="ij"
+    )
+    out = np.stack([np.sin(theta) * np.cos(phi), np.cos(theta), np.sin(theta) * np.sin(phi)], -1)
+    out = out.reshape(-1, 3)
+    _, triangles, _ = grid((0, 0, 0), (1, 0, 0), (0, 1, 0), n)
+    return np.asarray(centre) + radius * out, triangles[:, ::-1], out
+
+
+def covered(raster):
+    return raster.key.to_numpy() != NOTHING
+
+
+def rays(shot, width, height):
+    """Rays of forward part 1 through all pixels (width, height, 3)."""
+    i, j = np.meshgrid(np.arange(width), np.arange(height), indexing="ij")
+    return shot["origin"] + i[..., None] * shot["du"] + j[..., None] * shot["dv"]

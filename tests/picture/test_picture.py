@@ -1,0 +1,210 @@
+import numpy as np
+import pytest
+import taichi as ti
+from picture_kit import BOX, HEIGHT, LEVEL, WIDTH, ball, covered, still_water
+
+from msph.picture.camera import Camera
+from msph.picture.look import Look
+from msph.picture.optics import WATER_INDEX
+from msph.picture.picture import Picture
+
+TILT = np.array([[np.cos(0.2), -np.sin(0.2), 0], [np.sin(0.2), np.cos(0.2), 0], [0, 0, 1]])
+
+
+def camera(azimuth=0.6, elevation=0.34):
+    return Camera.framing(BOX, WIDTH / HEIGHT, azimuth, elevation)
+
+
+def test_an_empty_pool_shows_no_water(picture, mesh):
+    mesh.counts.fill(0)
+    picture.draw_water(camera())
+    assert not covered(picture.raster).any()
+    np.testing.assert_array_equal(
+        picture.image.to_numpy(), picture.backdrop.colour.to_numpy()[..., :3]
+    )
+
+
+def test_water_changes_only_the_pixels_it_covers(picture, mesh):
+    mesh.fill(*still_water())
+    picture.draw_water(camera())
+    image, seen = picture.image.to_numpy(), covered(picture.raster)
+    assert 0.1 < seen.mean() < 0.5
+    assert np.isfinite(image).all() and image.min() >= 0 and image.max() <= 1
+    change = np.abs(image - picture.backdrop.colour.to_numpy()[..., :3]).max(-1)
+    assert (change[~seen] == 0).all() and change[seen].mean() > 0.02
+
+
+def test_top_of_the_picture_is_sky(picture, mesh):
+    mesh.counts.fill(0)
+    picture.draw_water(camera(elevation=0.06))
+    shown = picture.to_numpy_u8()
+    assert shown.shape == (HEIGHT, WIDTH, 3) and shown.dtype == np.uint8
+    top, bottom = shown[2].mean(0), shown[-2].mean(0)
+    assert top[2] > top[0] + 20, "sky is blue"
+    assert bottom[0] >= bottom[2], "ground is not"
+
+
+def test_tilt_turns_the_box_but_not_the_sky(picture, mesh):
+    mesh.counts.fill(0)
+    view = camera(elevation=0.06)
+    picture.draw_water(view)
+    level = picture.image.to_numpy()
+    picture.draw_water(view, TILT)
+    tilted = picture.image.to_numpy()
+    sky = slice(0, 30), slice(HEIGHT - 30, HEIGHT)
+    np.testing.assert_allclose(tilted[sky], level[sky], atol=0.02)
+    assert (np.abs(tilted - level).max(-1) > 0.1).mean() > 0.05
+
+
+@pytest.mark.parametrize("tilt", [None, TILT])
+def test_pick_finds_the_surface_under_the_pixel(picture, mesh, tilt):
+    mesh.fill(*still_water())
+    view = camera(elevation=0.7)
+    picture.draw_water(view, tilt)
+    i, j = WIDTH // 2 + 10, HEIGHT // 2 + 8
+    got = picture.pick(i, j)
+    eye, d = view.box_ray(i, j, WIDTH, HEIGHT, BOX, tilt)
+    want = eye + d * (LEVEL - eye[1]) / d[1]
+    np.testing.assert_allclose(got, want, atol=2e-4)
+    assert picture.pick(0, HEIGHT - 1) is None and picture.pick(-1, 5) is None
+
+
+def apparent_rows(view, z, level):
+    """Pixel heights j, in the middle column, at which the floor lines at z appear under water.
+
+    The ray from the eye to the surface at distance s from the eye's foot and on to the floor:
+    Snell's law is solved for s by bisection.
+    """
+    shot_eye = view.eye
+    rows = []
+    for target in z:
+        far, h = shot_eye[2] - target, shot_eye[1] - level
+        lo, hi = 0.0, far
+        for _ in range(60):
+            s = (lo + hi) / 2
+            sine = s / np.hypot(s, h) / WATER_INDEX
+            lo, hi = (s, hi) if s + level * sine / np.sqrt(1 - sine**2) < far else (lo, s)
+        p = np.array((shot_eye[0], level, shot_eye[2] - s)) - shot_eye
+        _, up, back = view.axes()
+        step = 2 * np.tan(view.fov / 2) / HEIGHT
+        rows.append((p @ up) / -(p @ back) / step + HEIGHT / 2 - 0.5)
+    return np.array(rows)
+
+
+def test_tile_joints_under_water_appear_where_snell_puts_them(picture, mesh):
+    mesh.fill(*still_water())
+    view = Camera(np.array((0.5, 0.2, 0.5)), 0.0, 0.9, 1.6, 0.6)
+    picture.draw_water(view)
+    tiles = picture.lens.numbers["tiles"][2]
+    joints = np.arange(4, 9) / tiles
+    # The middle column itself is a joint: look beside it.
+    light = picture.image.to_numpy()[WIDTH // 2 + 4 : WIDTH // 2 + 8].sum((0, 2))
+
+    def contrast(level):
+        """Mean brightness on the predicted joints less that on the middles of the tiles."""
+        at = np.arange(HEIGHT)
+        on = np.interp(apparent_rows(view, joints, level), at, light)
+        off = np.interp(apparent_rows(view, joints + 0.5 / tiles, level), at, light)
+        return on.mean() - off.mean()
+
+    assert contrast(LEVEL) > 0.3
+    assert contrast(0.0) < 0.5 * contrast(LEVEL), "seen as if there were no water"
+
+
+def test_deeper_water_is_bluer(picture, mesh):
+    view = camera(elevation=1.2)
+    redness = []
+    for level in (0.1, 0.6):
+        mesh.fill(*still_water(level))
+        picture.draw_water(view)
+        c = picture.image.to_numpy()[WIDTH // 2 - 10 : WIDTH // 2 + 10, HEIGHT // 2].mean(0)
+        redness.append(c[0] / c[2])
+    assert redness[1] < 0.8 * redness[0]
+
+
+def test_still_water_does_not_focus_light(picture, mesh):
+    mesh.fill(*still_water())
+    picture.draw_water(camera())
+    focus, shot = picture.light.focus.to_numpy(), picture.lens.numbers
+    cells = picture.look.caustic_cells
+    xz = (
+        shot["map_corner"]
+        + (np.indices((cells, cells)).transpose(1, 2, 0) + 0.5) / shot["map_scale"]
+    )
+    came_in = xz - shot["drift"] * LEVEL
+    lit = ((came_in > 0.05) & (came_in < 0.95)).all(-1)
+    np.testing.assert_allclose(focus[lit], 1, atol=0.02)
+
+
+def test_a_lens_gathers_light_and_keeps_its_amount(picture, mesh):
+    v, t, n = still_water(n=24)
+    x, z = v[:, 0] - 0.5, v[:, 2] - 0.5
+    top = n[:, 1] > 0.5
+    a, s = 0.02, 0.15  # a hill of water a tall and s wide
+    hill = a * np.exp(-(x**2 + z**2) / s**2)
+    slope = np.stack([2 * x / s**2 * hill, np.ones_like(x), 2 * z / s**2 * hill], 1)
+    v[top, 1] += hill[top]
+    n[top] = (slope / np.linalg.norm(slope, axis=1, keepdims=True))[top]
+    mesh.fill(v, t, n)
+    picture.draw_water(camera())
+    focus = picture.light.focus.to_numpy()
+    mesh.fill(*still_water(n=24))
+    picture.draw_water(camera())
+    still = picture.light.focus.to_numpy()
+    assert focus.max() > 1.4
+    assert focus.sum() == pytest.approx(still.sum(), rel=0.03)
+
+
+def test_level_map_ignores_drops_above_the_water(picture, mesh):
+    water = still_water(n=32)
+    drop = ball((0.5, 0.6, 0.5), 0.05)
+    v, t, n = (np.concatenate(p) for p in zip(water, drop, strict=True))
+    t[len(water[1]) :] += len(water[0])
+    mesh.fill(v, t, n)
+    picture.draw_water(camera())
+    level = picture.light.level.to_numpy()
+    assert level[level > 0].max() == pytest.approx(LEVEL, abs=1e-3)
+
+
+@pytest.fixture(scope="module")
+def particles(taichi_runtime):
+    x, value = ti.Vector.field(3, ti.f32, 64), ti.field(ti.f32, 64)
+    layer, spacing = ti.field(ti.i32, 64), ti.field(ti.f32, 2)
+    spacing.from_numpy(np.array((0.4, 0.2), np.float32))
+    return x, value, layer, spacing
+
+
+def test_the_nearer_particle_hides_the_farther(picture, particles):
+    x, value, layer, spacing = particles
+    view = camera()
+    middle = np.array(BOX) / 2
+    toward = (view.eye - middle) / np.linalg.norm(view.eye - middle)
+    places, values = np.zeros((64, 3), np.float32), np.zeros(64, np.float32)
+    places[0], places[1], places[2] = middle, middle + 0.3 * toward, (0.5, 0.65, 0.5)
+    values[:3] = 0.0, 1.0, 0.0
+    layers = np.zeros(64, np.int32)
+    layers[1] = 1
+    x.from_numpy(places)
+    value.from_numpy(values)
+    layer.from_numpy(layers)
+    picture.draw_particles(view, None, x, value, 0.0, 1.0, 2, layers=(layer, spacing))
+    image = picture.image.to_numpy()
+    front = image[WIDTH // 2, HEIGHT // 2]
+    assert front[0] > front[2], "the near particle has the map's yellow end"
+    seen = covered(picture.particles.raster)
+    beside = image[seen & (image[..., 2] > image[..., 0] + 0.1)]
+    assert len(beside) > 100, "round it shows the far one, dark blue"
+    picture.draw_particles(view, None, x, value, 0.0, 1.0, 3, layers=(layer, spacing))
+    assert covered(picture.particles.raster).sum() > seen.sum(), "the count is an argument"
+
+
+def test_supersampling_averages_the_same_picture(picture, mesh):
+    mesh.fill(*still_water())
+    fine = Picture(WIDTH // 2, HEIGHT // 2, BOX, mesh, Look(supersample=2, caustics=False))
+    fine.draw_water(camera())
+    assert not hasattr(fine.light, "focus"), "caustics cost nothing when off"
+    picture.draw_water(camera())
+    coarse = picture.image.to_numpy().reshape(WIDTH // 2, 2, HEIGHT // 2, 2, 3).mean((1, 3))
+    dry = ~covered(picture.raster).reshape(WIDTH // 2, 2, HEIGHT // 2, 2).any((1, 3))
+    np.testing.assert_allclose(fine.image.to_numpy()[dry], coarse[dry], atol=2e-3)
+    np.testing.assert_allclose(fine.pick(80, 50), picture.pick(160, 100), atol=1e-5)

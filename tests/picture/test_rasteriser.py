@@ -1,0 +1,149 @@
+import numpy as np
+import pytest
+import taichi as ti
+from picture_kit import BOX, Mesh, ball, covered, grid, rays
+
+from msph.picture.camera import Camera
+from msph.picture.look import Look
+from msph.picture.particles_view import OwnRadius
+from msph.picture.rasteriser import FAR, NOTHING, Rasteriser
+from msph.picture.shot import Lens, shoot
+
+WIDTH, HEIGHT = 97, 61
+SKIN = 1e-3
+
+
+@ti.data_oriented
+class Bench:
+    """A rasteriser with a mesh and three spheres to draw."""
+
+    def __init__(self):
+        self.lens, self.mesh = Lens(), Mesh(2048)
+        self.raster = Rasteriser(WIDTH, HEIGHT, 2048, self.lens, thickness=True)
+        self.x, self.r = ti.Vector.field(3, ti.f32, 3), ti.field(ti.f32, 3)
+        self.radius = OwnRadius(self.r)
+
+    @ti.kernel
+    def draw_mesh(self):
+        self.raster.clear()
+        self.raster.draw_mesh(self.mesh, SKIN)
+
+    @ti.kernel
+    def draw_spheres(self, n: ti.i32):
+        self.raster.clear()
+        self.raster.draw_spheres(n, self.x, self.radius)
+
+    def aim(self, camera):
+        self.lens.set(shoot(camera, None, BOX, WIDTH, HEIGHT, Look()))
+        return self.lens.numbers, rays(self.lens.numbers, WIDTH, HEIGHT)
+
+    def depth(self):
+        """Depth by the keys, and the bound of its rounding [m]; FAR where nothing is."""
+        shot, key = self.lens.numbers, self.raster.key.to_numpy()
+        step = shot["w_span"] / self.raster.levels
+        w = shot["w_near"] - ((key >> self.raster.item_bits) + 0.5) * step
+        z = np.where(key == NOTHING, FAR, 1 / np.maximum(w, 1e-9))
+        return z, step * z**2
+
+    def back(self):
+        return self.raster.back.to_numpy().view(np.float32)
+
+
+@pytest.fixture(scope="module")
+def bench(taichi_runtime):
+    return Bench()
+
+
+def test_depth_of_a_plane_is_exact(bench):
+    bench.mesh.fill(*grid((0.1, 0.3, 0.9), (0.8, 0.1, 0), (0, 0.1, -0.7), 9))
+    shot, d = bench.aim(Camera.framing(BOX))
+    bench.draw_mesh()
+    n = np.cross((0.8, 0.1, 0), (0, 0.1, -0.7))
+    want = (np.array((0.1, 0.3, 0.9)) - shot["eye"]) @ n / (d @ n)
+    seen, (z, slack) = covered(bench.raster), bench.depth()
+    assert seen.sum() > 300
+    assert (np.abs(z - want) < 1.01 * slack + 1e-5)[seen].all()
+    assert slack[seen].max() < 2e-4
+
+
+def test_back_side_of_a_plane_is_not_a_front(bench):
+    v, t, n = grid((0.1, 0.3, 0.9), (0.8, 0.1, 0), (0, 0.1, -0.7), 3)
+    bench.mesh.fill(v, t[:, ::-1], n)
+    bench.aim(Camera.framing(BOX))
+    bench.draw_mesh()
+    assert not covered(bench.raster).any()
+    assert (bench.back() < FAR).sum() > 300
+
+
+def test_faces_on_the_walls_do_not_count_as_back(bench):
+    v, t, n = grid((0, 0.3, 0.9), (0, 0.3, 0), (0, 0, -0.7), 3)
+    bench.mesh.fill(v, t, n)
+    bench.aim(Camera.framing(BOX, azimuth=4.9))
+    bench.draw_mesh()
+    assert not (bench.back() < FAR).any()
+
+
+def test_no_cracks_between_triangles(bench):
+    """A rippled sheet, wider than the picture, of triangles of all directions."""
+    v, t, n = grid((-3, 0, 3), (7, 0, 0), (0, 0, -7), 30)
+    v[:, [0, 2]] += 0.03 * np.sin(37 * v[:, [2, 0]])
+    bench.mesh.fill(v, t, n)
+    for azimuth in (0.0, 0.4, 1.3):
+        bench.aim(Camera(np.array((0.5, 0, 0.5)), azimuth, 1.2, 1.5, 0.7))
+        bench.draw_mesh()
+        assert covered(bench.raster).all()
+
+
+def test_triangles_through_the_near_plane_stay_on_their_plane(bench):
+    """Two huge triangles under and behind the eye: seen just where the plane is, and no further."""
+    bench.mesh.fill(*grid((-40, 0, 40), (80, 0, 0), (0, 0, -80), 1))
+    shot, d = bench.aim(Camera(np.array((0.5, 0.4, 0.5)), 0.3, 0.2, 1.6, 1.2))
+    bench.draw_mesh()
+    with np.errstate(divide="ignore"):
+        z = -shot["eye"][1] / d[..., 1]
+    hit = shot["eye"] + d * z[..., None]
+    inside = (d[..., 1] < 0) & (np.abs(hit[..., [0, 2]]) < 39).all(-1) & (z * shot["w_near"] > 1)
+    outside = (d[..., 1] >= 0) | (np.abs(hit[..., [0, 2]]) > 41).any(-1)
+    seen = covered(bench.raster)
+    assert inside.sum() > 500 and outside.sum() > 500
+    assert seen[inside].all() and not seen[outside].any()
+
+
+def test_thickness_of_a_ball(bench):
+    centre, r = np.array((0.5, 0.4, 0.5)), 0.2
+    bench.mesh.fill(*ball(centre, r, 30))
+    shot, d = bench.aim(Camera.framing(BOX))
+    bench.draw_mesh()
+    dc, dd = d @ (centre - shot["eye"]), (d * d).sum(-1)
+    disc = dc**2 - dd * (((centre - shot["eye"]) ** 2).sum() - r * r)
+    deep = disc / dd > (0.5 * r) ** 2  # away from the rim, where facets matter
+    chord = 2 * np.sqrt(np.maximum(disc, 0)) / dd
+    got = (bench.back() - bench.depth()[0])[deep]
+    assert deep.sum() > 100
+    np.testing.assert_allclose(got, chord[deep], atol=0.03 * r)
+
+
+def test_spheres_are_round_and_the_nearer_wins(bench):
+    camera = Camera.framing(BOX)
+    shot, d = bench.aim(camera)
+    middle = np.array((0.5, 0.4, 0.5))
+    toward = (shot["eye"] - middle) / np.linalg.norm(shot["eye"] - middle)
+    centres = np.array([middle, middle + 0.3 * toward, (0.9, 0.1, 0.2)])
+    radii = np.array((0.2, 0.08, 0.1))
+    bench.x.from_numpy(centres.astype(np.float32))
+    bench.r.from_numpy(radii.astype(np.float32))
+    bench.draw_spheres(3)
+    best, owner = np.full(d.shape[:2], FAR), np.full(d.shape[:2], -1)
+    for k, (c, r) in enumerate(zip(centres - shot["eye"], radii, strict=True)):
+        dc, dd = d @ c, (d * d).sum(-1)
+        disc = dc**2 - dd * (c @ c - r * r)
+        z = np.where(disc > 0, (dc - np.sqrt(np.maximum(disc, 0))) / dd, FAR)
+        owner[z < best] = k
+        best = np.minimum(best, z)
+    key = bench.raster.key.to_numpy()
+    got = np.where(key == NOTHING, -1, key & bench.raster.item_mask)
+    assert (got != owner).mean() < 2e-3
+    z, slack = bench.depth()
+    same = (got == owner) & (owner >= 0)
+    assert (np.abs(z - best) < 1.01 * slack + 1e-4)[same].all()
+    assert (got == 1).sum() > 10, "the small sphere in front must be seen"

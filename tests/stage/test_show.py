@@ -1,0 +1,133 @@
+"""Shows: the frame loop with nobody, what they allocate, views, resets, failures."""
+
+import numpy as np
+import pytest
+
+from msph.measure.ledger import NotFiniteError
+from msph.measure.timings import Timings
+from msph.scene import SceneError, load_scene
+from msph.scene.check import VIEWS
+from msph.scene.library import shipped_scenes
+from msph.stage.controls import Controls
+from msph.stage.loop import run
+from msph.stage.null import Nobody
+from msph.stage.show import Show
+from tests.scenes_kit import write
+
+SIZE = (160, 90)
+
+
+@pytest.fixture(scope="module")
+def show(tmp_path_factory):
+    """One compiled show with picture, shared by this file."""
+    path = write(tmp_path_factory.mktemp("scene"))
+    scene = load_scene(path, ("sway.angle=10", "sway.seconds=10"))
+    return Show(scene, 1 / 60, size=SIZE, timings=Timings())
+
+
+@pytest.fixture(autouse=True)
+def start_anew(show):
+    show.reset()
+    show.views.name = "water"
+
+
+def test_nobody_gets_the_frames_it_wants(show):
+    before = show.simulation.time
+    run(show, Nobody(3))
+    assert show.simulation.time - before == pytest.approx(3 / 60)
+    assert len(show.ledger.entries) == 3
+    assert set(show.timings.frames[-1]) == {"bin", "solve", "surface", "picture"}
+
+
+def test_paused_show_stands_still_but_for_single_steps(show):
+    show.frame(Controls(paused=True))
+    assert show.simulation.time == 0.0
+    show.frame(Controls(paused=True, single_step=True))
+    assert show.simulation.time == pytest.approx(1 / 60)
+
+
+def test_reset_brings_back_the_start(show):
+    start = show.simulation.state()
+    run(show, Nobody(2))
+    show.frame(Controls(reset=True, paused=True))
+    again = show.simulation.state()
+    order, order_again = np.argsort(start["id"]), np.argsort(again["id"])
+    assert np.array_equal(start["x"][order], again["x"][order_again])
+    assert show.simulation.time == 0.0 and not show.ledger.entries
+
+
+def test_tilt_turns_gravity_in_the_pool_and_the_pool_in_the_picture(show):
+    for _ in range(30):
+        show.frame(Controls(tilt=(-0.4, 0.0)))
+    # Rolled to the right by a negative turn about z: the water runs towards +x.
+    x = show.simulation.particles.numpy("x")
+    assert x[:, 0].mean() > 0.5 * show.simulation.size[0] + 0.005
+    assert show.tilt[0, 1] > 0.2
+
+
+def test_every_view_draws_something_else(show):
+    show.frame(Controls())
+    pictures = []
+    for name in VIEWS:
+        show.views.name = name
+        show.draw()
+        pictures.append(show.picture.to_numpy_u8().astype(int))
+    assert all(p.shape == (SIZE[1], SIZE[0], 3) for p in pictures)
+    assert np.abs(pictures[0] - pictures[1]).mean() > 1.0
+    assert np.abs(pictures[1] - pictures[2]).mean() > 0.2
+
+
+def test_view_key_cycles_through_all_and_back(show):
+    names = []
+    for _ in VIEWS:
+        show.frame(Controls(paused=True, next_view=True))
+        names.append(show.views.name)
+    assert names == [*VIEWS[1:], VIEWS[0]]
+
+
+def test_water_that_blows_up_ends_the_show(show):
+    state = show.simulation.state()
+    state["v"][:] = np.nan
+    show.simulation.restore(state)
+    with pytest.raises(NotFiniteError):
+        show.frame(Controls())
+
+
+def test_checkpoint_file_resumes_and_others_are_refused(show, tmp_path):
+    run(show, Nobody(2))
+    np.savez(tmp_path / "good.npz", **show.simulation.state())
+    time = show.simulation.time
+    show.reset()
+    show.resume(tmp_path / "good.npz")
+    assert show.simulation.time == pytest.approx(time)
+    (tmp_path / "bad.npz").write_text("nonsense")
+    np.savez(tmp_path / "other.npz", y=np.zeros(3))
+    for name in ("bad.npz", "other.npz"):
+        with pytest.raises(SceneError, match=f"{name}: is no checkpoint"):
+            show.resume(tmp_path / name)
+
+
+def test_show_without_picture_has_neither_surface_nor_picture(tmp_path):
+    show = Show(load_scene(write(tmp_path)), 1 / 60)
+    assert show.surface is None and show.picture is None
+    show.frame(Controls())
+    assert show.simulation.time == pytest.approx(1 / 60)
+
+
+@pytest.mark.parametrize("name", shipped_scenes())
+def test_shipped_scene_runs_stays_finite_and_in_its_box(name):
+    show = Show(load_scene(name), 1 / 60)
+    run(show, Nobody(6))
+    last = show.ledger.entries[-1]
+    assert last.outside == 0
+    assert last.top_speed < 20.0
+
+
+def test_default_scene_moves_within_its_first_second():
+    from msph.scene.library import DEFAULT_SCENE
+
+    show = Show(load_scene(DEFAULT_SCENE), 1 / 60)
+    start = show.simulation.particles.numpy("x").mean(axis=0)
+    run(show, Nobody(30))
+    moved = show.simulation.particles.numpy("x").mean(axis=0) - start
+    assert np.linalg.norm(moved) > 0.05
