@@ -10,7 +10,7 @@ import taichi as ti
 
 from msph.fluid import kernels
 from msph.fluid.forcing import Forcing, hand_acceleration
-from msph.fluid.grid import LayeredGrid
+from msph.fluid.grid import BLOCK, LayeredGrid
 from msph.fluid.layers import Layers
 from msph.fluid.neighbours import NeighbourList
 from msph.fluid.particles import Attribute, Particles
@@ -129,6 +129,7 @@ class Classic:
     @ti.kernel
     def find_densities(self, n: ti.i32):
         """rho_i = sum_j m_j W(r_ij, h_j) (26) [kg/m^3]; p_i = k (rho_i - rho0) (15) [Pa]."""
+        ti.loop_config(block_dim=BLOCK)
         for i in range(n):
             layer = self.particles.layer[i]
             rho = self.layers.mass[layer] * self._density_kernel(
@@ -145,6 +146,7 @@ class Classic:
     @ti.kernel
     def find_forces(self, n: ti.i32):
         """a_i = (f_pressure + f_viscosity + f_attraction) / rho_i [m/s^2]: (27), (28)."""
+        ti.loop_config(block_dim=BLOCK)
         for i in range(n):
             a = ti.Vector([0.0, 0.0, 0.0])
             for s in range(self.neighbours.start[i], self.neighbours.start[i + 1] - 1):

@@ -13,6 +13,10 @@ from msph.fluid.layers import Layers
 from msph.fluid.particles import Particles
 from msph.fluid.scan import ExclusiveScan
 
+# Particles per chunk of a parallel loop. Taichi's own chunks of 512 leave most of a short loop to
+# one core of two.
+BLOCK = 64
+
 
 def grid_shape(size: tuple[float, float, float], cell: float) -> tuple[int, int, int]:
     """Cells of edge `cell` [m] along each axis that cover a box of the given size [m]."""
@@ -116,8 +120,9 @@ class LayeredGrid:
                 half2 = reach * reach - gap_a * gap_a - gap_b * gap_b
                 if half2 > 0.0:
                     half = ti.sqrt(half2)
-                    k_lo = ti.max(ti.floor((x[2] - half) / h, ti.i32), lo[2])
-                    k_hi = ti.min(ti.floor((x[2] + half) / h, ti.i32), hi[2])
+                    # Clamped on both sides: a position that is not finite must not index memory.
+                    k_lo = ti.math.clamp(ti.floor((x[2] - half) / h, ti.i32), lo[2], hi[2])
+                    k_hi = ti.math.clamp(ti.floor((x[2] + half) / h, ti.i32), lo[2], hi[2])
                     particles = self.row(layer, a, b, k_lo, k_hi)
                     for j in range(particles[0], particles[1]):
                         r2 = (x - self.particles.x[j]).norm_sqr()

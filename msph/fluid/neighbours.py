@@ -8,7 +8,7 @@ import math
 
 import taichi as ti
 
-from msph.fluid.grid import LayeredGrid
+from msph.fluid.grid import BLOCK, LayeredGrid
 from msph.fluid.layers import LayerSpec
 from msph.fluid.particles import Particles
 from msph.fluid.scan import ExclusiveScan
@@ -80,6 +80,7 @@ class NeighbourList:
 
     @ti.kernel
     def _count(self, n: ti.i32):
+        ti.loop_config(block_dim=BLOCK)
         for i in self.count:
             count = 0
             if i < n:
@@ -92,6 +93,7 @@ class NeighbourList:
 
     @ti.kernel
     def _fill(self, n: ti.i32):
+        ti.loop_config(block_dim=BLOCK)
         for i in range(n):
             here = ti.Vector([i, self.start[i]])
             for layer in range(self.grid.layers.count):

@@ -15,7 +15,7 @@ PALE, DEEP = vec3(0.60, 0.82, 0.85), vec3(0.27, 0.57, 0.68)  # the two ends of t
 BAND = vec3(0.03, 0.16, 0.46)  # the row of blue tiles under the brim
 GROUT = vec3(0.90, 0.93, 0.92)
 GROUT_WIDTH = 0.075  # of a tile's edge
-BEVEL = 0.10  # of a tile's edge over which the glaze rounds off
+BEVEL, BEVEL_SHADE = 0.10, 0.07  # of a tile's edge where the glaze rounds off; shade there
 SUN_LIGHT, SKY_LIGHT = vec3(0.92, 0.85, 0.71), vec3(0.50, 0.55, 0.60)
 WRAP = 0.35  # glazed tiles pass light on: their lit side reaches this far round (cosine)
 CORNER, CORNER_REACH = 0.42, 5.0  # depth of the shade in corners; its falloff [1/box height]
@@ -26,10 +26,10 @@ RIM_STRENGTH, INNER_STRENGTH = 0.85, 0.35  # opacity of edges before and behind 
 GLASS = 0.045  # reflectance of a pane at right angles
 CONTACT, CONTACT_REACH = 0.45, 0.22  # shade under the box; its falloff, of the longest box edge
 SHADOW, SHADOW_WAY = vec3(0.52, 0.40, 0.32), 0.30  # light that the box takes; way for half
-TONES = 256
+TONES, GOLDEN = 256, 0.618034
 FLATTEST = 0.08  # least cosine by which a pixel's footprint on a wall is stretched
 FILTER, SHARPEST = 0.7, 1e-3  # filter width: of the pixel's footprint; least, in tiles
-INFINITE = 1e6
+INFINITE, TINY = 1e6, 1e-6
 
 
 @ti.func
@@ -41,7 +41,7 @@ def along(v, axis):
 @ti.func
 def reciprocal(d):
     """1 / d by component, finite where d vanishes."""
-    return 1.0 / (d + ti.select(abs(d) < 1e-6, 1e-6, 0.0))
+    return 1.0 / (d + ti.select(abs(d) < TINY, TINY, 0.0))
 
 
 @ti.data_oriented
@@ -55,7 +55,7 @@ class Pool:
     def glaze(self):
         """Fixed pseudo-random tones: a golden-ratio sequence, shuffled."""
         for i in range(TONES):
-            self.tone[i] = ti.math.fract(0.618034 * ((i * 167 + 13) % TONES))
+            self.tone[i] = ti.math.fract(GOLDEN * ((i * 167 + 13) % TONES))
 
     @ti.func
     def albedo(self, p, axis, footprint, shot: ti.template()):
@@ -77,7 +77,7 @@ class Pool:
         if axis != 1 and (shot.size.y - p.y) * sv < 1.0:
             colour = BAND * (0.8 + 0.6 * tone)
         bevel = ti.math.clamp((edge.min() - 0.5 * GROUT_WIDTH) / BEVEL, 0.0, 1.0)
-        return ti.math.mix(colour * (0.93 + 0.07 * bevel), GROUT, joint)
+        return ti.math.mix(colour * (1.0 - BEVEL_SHADE * (1.0 - bevel)), GROUT, joint)
 
     @ti.func
     def light(self, p, axis, low, to_sun, focus, shot: ti.template()):

@@ -89,9 +89,9 @@ class Classic(Section):
     """The thesis's weakly compressible method (Gokdogan 2008)."""
 
     stiffness: float = parameter(
-        _terms.stiffness, gt=0.0, unit="m^2/s^2", text="k of p = k (rho - rho0), speed of sound^2"
+        _terms.stiffness, gt=0.0, le=1e7, unit="m^2/s^2", text="k of p = k (rho - rho0), speed of sound^2"
     )
-    viscosity: float = parameter(10.0, ge=0.0, unit="Pa s", text="dynamic viscosity mu")
+    viscosity: float = parameter(10.0, ge=0.0, le=1e4, unit="Pa s", text="dynamic viscosity mu")
     tension: bool = parameter(
         _terms.tension, text="let pressures below zero pull, as the thesis's formula does"
     )
@@ -108,7 +108,7 @@ class Classic(Section):
         _terms.colour_threshold, gt=0.0, text="colour gradient times h above which it attracts"
     )
     courant: float = parameter(
-        _terms.courant, gt=0.0, le=1.0, text="time step over the time sound takes to cross h"
+        _terms.courant, ge=0.01, le=1.0, text="time step over the time sound takes to cross h"
     )
 
 

@@ -1,0 +1,108 @@
+"""Recordings: every kind of file, played back; interrupts; refusals."""
+
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import imageio.v2 as imageio
+import numpy as np
+import pytest
+import trimesh
+
+from msph.scene import load_scene
+from msph.stage.loop import run
+from msph.stage.recorder import OutputError, Recorder
+from msph.stage.show import Show
+from tests.scenes_kit import write
+
+SIZE = (162, 90)
+FPS = 30.0
+
+
+@pytest.fixture(scope="module")
+def show(tmp_path_factory):
+    scene = load_scene(write(tmp_path_factory.mktemp("scene")))
+    return Show(scene, 1.0 / FPS, size=SIZE, meshes=True)
+
+
+@pytest.fixture(scope="module")
+def recorded(show, tmp_path_factory):
+    """Four frames to every kind of output at once."""
+    folder = tmp_path_factory.mktemp("recorded")
+    names = ["a.mp4", "a.gif", "last.png", "f_%04d.png", "m_%04d.ply", "m_%04d.obj"]
+    names += ["p_%04d.csv", "p_%04d.npz"]
+    show.reset()
+    run(show, Recorder([folder / n for n in names], 4, FPS, bar=False))
+    return folder
+
+
+@pytest.mark.parametrize("name", ["a.mp4", "a.gif"])
+def test_video_plays_back_every_frame(recorded, name):
+    reader = imageio.get_reader(recorded / name)
+    frames = [frame for frame in reader.iter_data()]
+    assert len(frames) == 4
+    assert frames[0].shape[:2] == (SIZE[1], SIZE[0])
+    assert frames[0].std() > 5.0
+
+
+def test_still_is_the_last_picture_of_the_sequence(recorded):
+    files = sorted(recorded.glob("f_*.png"))
+    assert [f.name for f in files] == [f"f_{k:04d}.png" for k in range(4)]
+    assert np.array_equal(imageio.imread(recorded / "last.png"), imageio.imread(files[-1]))
+    assert not np.array_equal(imageio.imread(files[0]), imageio.imread(files[-1]))
+
+
+@pytest.mark.parametrize("suffix", ["ply", "obj"])
+def test_meshes_are_closed_and_hold_the_water(recorded, show, suffix):
+    meshes = [trimesh.load(f) for f in sorted(recorded.glob(f"m_*.{suffix}"))]
+    assert len(meshes) == 4
+    rest = sum(
+        n * s.volume for n, s in zip(show.counts, show.simulation.layers.specs, strict=True)
+    )
+    for mesh in meshes:
+        assert mesh.is_watertight
+        assert mesh.volume == pytest.approx(rest, rel=0.25)
+
+
+def test_tables_hold_every_particle(recorded, show):
+    lines = (recorded / "p_0003.csv").read_text().splitlines()
+    assert lines[0].startswith("x_x [m],x_y [m],x_z [m],v_x [m/s]")
+    assert len(lines) == 1 + sum(show.counts)
+    with np.load(recorded / "p_0003.npz") as state:
+        assert len(state["x"]) == sum(show.counts)
+        assert state["time"] == pytest.approx(4 / FPS)
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("a.avi3", "unknown kind of file"),
+        ("m.ply", "needs a frame number"),
+        ("a_%03d.mp4", "leave out the frame number"),
+    ],
+)
+def test_output_that_cannot_be_is_refused_at_once(tmp_path, name, message):
+    with pytest.raises(OutputError, match=message):
+        Recorder([tmp_path / name], 1, FPS, bar=False)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="sends an interrupt")
+def test_interrupt_leaves_a_playable_file(tmp_path):
+    import signal
+
+    target = tmp_path / "cut.mp4"
+    command = [sys.executable, "-m", "msph", "capture", write(tmp_path), "-o", str(target)]
+    command += ["--seconds", "1000", "--size", "160x90", "--arch", "cpu"]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    # The bar counts frames: wait for some, however slow the machine.
+    seen, deadline = "", time.monotonic() + 120
+    while "frame/s" not in seen and time.monotonic() < deadline:
+        seen += process.stderr.read(64)
+    time.sleep(1.0)
+    process.send_signal(signal.SIGINT)
+    rest = process.communicate(timeout=60)[1]
+    assert process.returncode == 0
+    assert "stopped after" in rest
+    assert sum(1 for _ in imageio.get_reader(target)) > 1
+    assert (Path(tmp_path) / "cut.toml").exists()

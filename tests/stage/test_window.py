@@ -1,0 +1,127 @@
+"""A real window under Xvfb: it opens, obeys keys, shows the water, and says when it cannot."""
+
+import os
+import shutil
+import subprocess
+import sys
+import time
+
+import imageio.v2 as imageio
+import numpy as np
+import pytest
+
+from tests.scenes_kit import write
+
+TOOLS = ("Xvfb", "xdotool")
+WIDTH, HEIGHT = 640, 360
+
+missing = [t for t in TOOLS if not shutil.which(t)]
+if missing and os.environ.get("MSPH_REQUIRE_WINDOW"):
+    pytest.fail(f"the window test needs {', '.join(missing)}", pytrace=False)
+needs_x = pytest.mark.skipif(bool(missing), reason=f"needs {', '.join(TOOLS)}")
+
+
+def play(*arguments, display=None, folder=None):
+    environment = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    if display:
+        environment["DISPLAY"] = display
+    command = [sys.executable, "-u", "-m", "msph", "play", *arguments, "--arch", "cpu"]
+    return subprocess.Popen(
+        command,
+        env=environment,
+        cwd=folder,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+
+
+class Screen:
+    """What a person at the virtual screen does and sees. framebuffer: an X window dump."""
+
+    def __init__(self, display, framebuffer):
+        self.display, self.framebuffer = display, framebuffer
+
+    def do(self, *arguments):
+        environment = {**os.environ, "DISPLAY": self.display}
+        subprocess.run(["xdotool", *map(str, arguments)], env=environment, check=True)
+        time.sleep(0.7)
+
+    def look(self):
+        """The screen as (height, width, 3) integers."""
+        return read_xwd(self.framebuffer)
+
+
+@pytest.fixture(scope="module")
+def display(tmp_path_factory):
+    """A virtual screen just large enough for the window, and the file that holds its pixels."""
+    folder = tmp_path_factory.mktemp("screen")
+    read, write_end = os.pipe()
+    server = subprocess.Popen(
+        ["Xvfb", "-displayfd", str(write_end), "-screen", "0", f"{WIDTH}x{HEIGHT}x24"]
+        + ["-fbdir", str(folder)],
+        pass_fds=[write_end],
+        stderr=subprocess.DEVNULL,
+    )
+    os.close(write_end)
+    with os.fdopen(read) as pipe:
+        number = pipe.readline().strip()
+    yield Screen(f":{number}", folder / "Xvfb_screen0")
+    server.terminate()
+    server.wait()
+
+
+def read_xwd(path):
+    """Pixels of an X window dump of 32 bits per pixel, blue first."""
+    data = path.read_bytes()
+    header = np.frombuffer(data[:100], dtype=">u4")
+    size, width, height, stride, colours = header[0], *header[4:6], header[12], header[19]
+    pixels = np.frombuffer(data, np.uint8, stride * height, size + 12 * colours)
+    pixels = pixels.reshape(height, stride)[:, : 4 * width].reshape(height, width, 4)
+    return pixels[:, :, 2::-1].astype(int)
+
+
+@needs_x
+def test_window_opens_obeys_keys_and_shows_water(display, tmp_path):
+    process = play(write(tmp_path), "--size", f"{WIDTH}x{HEIGHT}", display=display.display)
+    try:
+        seen = ""
+        while "ready in" not in seen:
+            line = process.stdout.readline()
+            assert line, f"play ended: {seen}"
+            seen += line
+        assert "pause and go on" in seen and "left drag" in seen
+        screen = display
+        time.sleep(2.0)
+        screen.do("key", "h")
+        water = screen.look()
+        assert water.std() > 10.0
+        # Turquoise water: blue and green well over red somewhere in the middle.
+        middle = water[HEIGHT // 4 : 3 * HEIGHT // 4, WIDTH // 3 : 2 * WIDTH // 3]
+        assert ((middle[..., 2] - middle[..., 0]) > 25).mean() > 0.05
+        screen.do("key", "space")
+        paused = screen.look()
+        assert np.array_equal(paused, screen.look())
+        screen.do("key", "v")
+        particles = screen.look()
+        assert np.abs(particles - paused).mean() > 2.0
+        screen.do("key", "v", "v", "v", "v", "v", "v")
+        screen.do("keydown", "d")
+        screen.do("keyup", "d")
+        assert np.abs(screen.look() - paused).mean() > 2.0
+        screen.do("key", "q")
+        assert process.wait(timeout=20) == 0
+    finally:
+        process.kill()
+
+
+def test_without_a_display_play_captures_instead(tmp_path):
+    scene = write(tmp_path)
+    process = play(scene, "--set", "picture.caustics=false", folder=tmp_path)
+    output = process.communicate(timeout=300)[0]
+    assert process.returncode == 0, output
+    assert output.splitlines()[0].startswith("no display")
+    video, still = tmp_path / "out" / "small.mp4", tmp_path / "out" / "small.png"
+    assert "out/small.mp4" in output and "out/small.png" in output
+    assert video.stat().st_size > 10_000
+    assert imageio.imread(still).shape == (720, 1280, 3)
