@@ -76,6 +76,9 @@ class Ledger:
                 f"at t = {sim.time:.3f} s (step {sim.steps})"
             )
         moment = np.array([block[f"moment_{k}"] for k in "xyz"])
+        if not np.all(np.isfinite(list(block.values()))):
+            what = ", ".join(k for k, value in block.items() if not np.isfinite(value))
+            raise NotFiniteError(f"{what} overflowed at t = {sim.time:.3f} s (step {sim.steps})")
         if self._gravity is not None:
             # Turning gravity in the box's frame lifts the water: energy given from outside.
             self._work -= float(moment @ (g - self._gravity))
