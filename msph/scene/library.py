@@ -5,7 +5,7 @@ from pathlib import Path
 
 from msph.scene.errors import SceneError
 
-DEFAULT_SCENE = "dam_break"
+DEFAULT_SCENE = "pool"
 
 
 def assets() -> Path:

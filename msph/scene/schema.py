@@ -124,9 +124,9 @@ class Camera(Section):
     """Where the picture is seen from: an orbit around the middle of the box."""
 
     azimuth: float = parameter(30.0, ge=-360.0, le=360.0, unit="deg", text="turn about y")
-    elevation: float = parameter(28.0, ge=-5.0, le=89.0, unit="deg", text="height over the horizon")
+    elevation: float = parameter(21.0, ge=-5.0, le=89.0, unit="deg", text="height over the horizon")
     zoom: float = parameter(1.0, ge=0.2, le=5.0, text="1 shows the whole box, 2 half of it")
-    fov: float = parameter(35.0, ge=10.0, le=90.0, unit="deg", text="vertical angle of view")
+    fov: float = parameter(41.0, ge=10.0, le=90.0, unit="deg", text="vertical angle of view")
 
 
 class Surface(Section):

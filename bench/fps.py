@@ -1,0 +1,78 @@
+"""Speed of system 3 in the deep pool against its targets, beside its errors.
+
+python bench/fps.py [--seconds 5] [--repeats 3] [--arch cpu]
+"""
+
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import click
+from tabulate import tabulate
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from bench.report import RESULTS, heading
+from msph.device import ARCHES, start
+from msph.scene import load_scene
+from msph.stage.benchmark import Result, benchmark, table_row
+
+SCENE, VARIANT = "pool_2x", "variant=system-3"
+SIZE = (640, 360)
+# Targets for a 2-core CPU: simulation-only frames of 1/60 s per second, surface and picture
+# together [ms], and warm start to first frame [s].
+TARGET_FPS, TARGET_DRAWING, TARGET_START = 60.0, 12.0, 5.0
+
+
+def first_frame(arch: str) -> float:
+    """Wall-clock time [s] of a whole process that draws one frame, with kernels cached."""
+    with tempfile.TemporaryDirectory() as folder:
+        command = [sys.executable, "-m", "msph", "capture", SCENE, "--set", VARIANT]
+        command += ["-o", f"{folder}/frame.png", "--seconds", "0.01", "--size", "640x360"]
+        begin = time.perf_counter()
+        subprocess.run([*command, "--arch", arch], check=True, capture_output=True)
+        return time.perf_counter() - begin
+
+
+def spread(values: list[float], digits: int) -> str:
+    return f"{statistics.median(values):.{digits}f} ({min(values):.{digits}f} to " + (
+        f"{max(values):.{digits}f})"
+    )
+
+
+@click.command()
+@click.option("--seconds", default=5.0, show_default=True, help="Simulated time of each run.")
+@click.option("--repeats", default=3, show_default=True, type=click.IntRange(min=1))
+@click.option("--arch", type=click.Choice(ARCHES), default="auto", show_default=True)
+def main(seconds: float, repeats: int, arch: str) -> None:
+    """Measure and write bench/results/fps.md."""
+    starts = [first_frame(arch) for _ in range(repeats + 1)][1:]
+    arch = start(arch)
+    scene = load_scene(SCENE, (VARIANT,))
+    results: list[Result] = [benchmark(scene, SCENE, seconds, size=SIZE) for _ in range(repeats)]
+    fps = [1e3 / (r.stages_p50_ms["bin"] + r.stages_p50_ms["solve"]) for r in results]
+    drawing = [r.stages_p50_ms["surface"] + r.stages_p50_ms["picture"] for r in results]
+    rows = [
+        ("fluid alone, frames/s", f">= {TARGET_FPS:g}", spread(fps, 1)),
+        ("surface and picture, ms a frame", f"<= {TARGET_DRAWING:g}", spread(drawing, 1)),
+        ("warm start to first frame, s", f"<= {TARGET_START:g}", spread(starts, 1)),
+    ]
+    text = [
+        heading("Speed of system 3 in the deep pool", arch),
+        f"`{SCENE}`, {VARIANT}, rocking; {seconds:g} s a run, {repeats} runs; frames of 1/60 s, "
+        f"{SIZE[0]}x{SIZE[1]}.\nMedian over runs of the median over frames (lowest to highest).\n",
+        tabulate(rows, headers=["", "target", "measured"], tablefmt="github"),
+        "\nEach run, with its errors; milliseconds per frame:\n",
+        tabulate([table_row(r) for r in results], headers="keys", tablefmt="github"),
+        "",
+    ]
+    RESULTS.mkdir(exist_ok=True)
+    (RESULTS / "fps.md").write_text("\n".join(text))
+    click.echo("\n".join(text))
+
+
+if __name__ == "__main__":
+    main()
