@@ -10,7 +10,7 @@ import taichi as ti
 
 from msph.fluid import kernels
 from msph.fluid.forcing import Forcing, hand_acceleration
-from msph.fluid.grid import BLOCK, LayeredGrid
+from msph.fluid.grid import LayeredGrid
 from msph.fluid.layers import Layers
 from msph.fluid.neighbours import NeighbourList
 from msph.fluid.particles import Attribute, Particles
@@ -129,13 +129,12 @@ class Classic:
     @ti.kernel
     def find_densities(self, n: ti.i32):
         """rho_i = sum_j m_j W(r_ij, h_j) (26) [kg/m^3]; p_i = k (rho_i - rho0) (15) [Pa]."""
-        ti.loop_config(block_dim=BLOCK)
         for i in range(n):
             layer = self.particles.layer[i]
             rho = self.layers.mass[layer] * self._density_kernel(
                 0.0, self.layers.support[layer], layer
             )
-            for s in range(self.neighbours.start[i], self.neighbours.start[i + 1] - 1):
+            for s in range(self.neighbours.start[i], self.neighbours.end[i]):
                 self._add_density(i, self.neighbours.index[s], rho)
             p = self.terms.stiffness * (rho - self.terms.density)
             if ti.static(not self.terms.tension):
@@ -146,10 +145,9 @@ class Classic:
     @ti.kernel
     def find_forces(self, n: ti.i32):
         """a_i = (f_pressure + f_viscosity + f_attraction) / rho_i [m/s^2]: (27), (28)."""
-        ti.loop_config(block_dim=BLOCK)
         for i in range(n):
             a = ti.Vector([0.0, 0.0, 0.0])
-            for s in range(self.neighbours.start[i], self.neighbours.start[i + 1] - 1):
+            for s in range(self.neighbours.start[i], self.neighbours.end[i]):
                 self._add_forces(i, self.neighbours.index[s], a)
             if ti.static(self.terms.attraction > 0.0):
                 a += self._attraction(i)
@@ -255,7 +253,7 @@ class Classic:
         h = self.layers.support[layer]
         share = self.layers.mass[layer] / self.particles.density[i]
         colour = ti.Vector([0.0, 0.0, 0.0, share * kernels.poly6_laplacian(0.0, h)])
-        for s in range(self.neighbours.start[i], self.neighbours.start[i + 1] - 1):
+        for s in range(self.neighbours.start[i], self.neighbours.end[i]):
             self._add_colour(i, self.neighbours.index[s], colour)
         normal = colour.xyz
         length = normal.norm()

@@ -13,10 +13,6 @@ from msph.fluid.layers import Layers
 from msph.fluid.particles import Particles
 from msph.fluid.scan import ExclusiveScan
 
-# Particles per chunk of a parallel loop. Taichi's own chunks of 512 leave most of a short loop to
-# one core of two.
-BLOCK = 64
-
 
 def grid_shape(size: tuple[float, float, float], cell: float) -> tuple[int, int, int]:
     """Cells of edge `cell` [m] along each axis that cover a box of the given size [m]."""
@@ -100,11 +96,11 @@ class LayeredGrid:
         )
 
     @ti.func
-    def for_each_within(self, x, layer, reach, visit: ti.template(), out: ti.template()):
-        """Calls visit(j, inside, out) for the particles of a layer in the cells near the point x.
+    def for_each_row(self, x, layer, reach, visit: ti.template(), out: ti.template()):
+        """Calls visit(begin, end, out) for rows of a layer's particles that hold all of them with
+        |x - x_j| < reach [m], and others.
 
-        inside is 1 where |x - x_j| < reach [m] and 0 elsewhere: a visitor that multiplies by it has
-        no branch to mispredict. Rows of cells that the ball around x does not meet are skipped.
+        Rows of cells, and the ends of rows, that the ball around x does not meet are skipped.
         """
         h = self.cell_size[layer]
         lo = self.cell_of(x - reach, layer)
@@ -123,7 +119,5 @@ class LayeredGrid:
                     # Clamped on both sides: a position that is not finite must not index memory.
                     k_lo = ti.math.clamp(ti.floor((x[2] - half) / h, ti.i32), lo[2], hi[2])
                     k_hi = ti.math.clamp(ti.floor((x[2] + half) / h, ti.i32), lo[2], hi[2])
-                    particles = self.row(layer, a, b, k_lo, k_hi)
-                    for j in range(particles[0], particles[1]):
-                        r2 = (x - self.particles.x[j]).norm_sqr()
-                        visit(j, ti.select(r2 < reach * reach, 1, 0), out)
+                    row = self.row(layer, a, b, k_lo, k_hi)
+                    visit(row[0], row[1], out)

@@ -1,4 +1,4 @@
-"""The neighbour list: who is within reach of whom, over all layers, as one compact array.
+"""The neighbour list: who is within reach of whom, over all layers.
 
 Lists are found with a margin (Verlet 1967) and kept while no particle has moved half of it, so
 that the many short steps of an explicit method share one search.
@@ -8,27 +8,34 @@ import math
 
 import taichi as ti
 
-from msph.fluid.grid import BLOCK, LayeredGrid
+from msph.fluid.grid import LayeredGrid
 from msph.fluid.layers import LayerSpec
 from msph.fluid.particles import Particles
-from msph.fluid.scan import ExclusiveScan
 
 # Room in the list, in neighbours at rest: compressed water and mixed sizes need more than rest.
 ROOM = 2.0
+# Particles that share one stretch of the list: what one leaves free serves the next, and a single
+# walk through the grid finds and writes them all. A GPU needs every particle on its own.
+SHARERS_CPU, SHARERS_GPU = 32, 1
 
 
 class NeighbourOverflowError(RuntimeError):
     """More pairs of neighbours than the list holds: the fluid has collapsed."""
 
 
+# A search under way: for particle i at x [m], writing to `place` short of `limit`; wanted counts
+# the entries that the stretch needs.
+Search = ti.types.struct(
+    i=ti.i32, place=ti.i32, limit=ti.i32, wanted=ti.i32, x=ti.math.vec3, reach=ti.f32
+)
+
+
 @ti.data_oriented
 class NeighbourList:
-    """Neighbours of particle i: index[start[i]] to index[start[i + 1] - 2], i itself left out.
-
-    The last slot of each particle is scratch, which lets the search write without branching.
+    """Neighbours of particle i: index[start[i]] to index[end[i] - 1], i itself left out.
 
     j is listed while r_ij < h_j + margin (scatter form), or max(h_i, h_j) + margin where
-    symmetric. margin is a share (-) of the finest support. start (capacity + 1,) i32, index
+    symmetric. margin is a share (-) of the finest support. start, end (capacity,) i32, index
     (room,) i32. The kernels vanish at h, so whoever reads the list need not test the distance.
     """
 
@@ -37,33 +44,26 @@ class NeighbourList:
         self.particles = particles
         self.symmetric = symmetric
         self.margin = margin * grid.layers.finest.support
-        self.room = self.room_for(particles.capacity, grid.layers.specs, margin)
-        self.count = ti.field(ti.i32, shape=particles.capacity)
-        self.start = ti.field(ti.i32, shape=particles.capacity + 1)
-        self.index = ti.field(ti.i32, shape=self.room)
-        self.scan = ExclusiveScan(particles.capacity)
+        on_cpu = ti.lang.impl.current_cfg().arch in (ti.x64, ti.arm64)
+        self.sharers = SHARERS_CPU if on_cpu else SHARERS_GPU
+        specs = grid.layers.specs
+        self.stretch = self.sharers * neighbours_provided(specs, margin, symmetric)
+        stretches = math.ceil(particles.capacity / self.sharers)
+        self.start = ti.field(ti.i32, shape=particles.capacity)
+        self.end = ti.field(ti.i32, shape=particles.capacity)
+        self.index = ti.field(ti.i32, shape=stretches * self.stretch)
+        self.fullest = ti.field(ti.i32, shape=())
         self.slack = 0.0
-
-    @staticmethod
-    def room_for(capacity: int, specs: list[LayerSpec], margin: float) -> int:
-        """Entries of the list for a pool of `capacity` particles."""
-        widest = max(s.smoothing for s in specs) * (1.0 + margin)
-        ratio = max(s.mass for s in specs) / min(s.mass for s in specs)
-        at_rest = 4.0 / 3.0 * math.pi * widest**3
-        return int(capacity * at_rest * ROOM * (1.0 + math.log2(ratio) / 4.0))
 
     def find(self) -> None:
         """Searches anew; the grid must be fresh. Raises NeighbourOverflowError if full."""
-        n = self.particles.count
-        self._count(n)
-        self.scan.run(self.count, self.start)
-        wanted = self.start[self.particles.capacity]
-        if wanted > self.room:
+        self._find(self.particles.count)
+        wanted = self.fullest[None]
+        if wanted > self.stretch:
             raise NeighbourOverflowError(
-                f"{wanted} pairs of neighbours do not fit in a list of {self.room}: "
-                f"{wanted / n:.0f} neighbours per particle, the water has collapsed"
+                f"{wanted} neighbours of {self.sharers} particles do not fit in a list of "
+                f"{self.stretch}: the water has collapsed"
             )
-        self._fill(n)
         self.slack = self.margin
 
     def moved(self, distance: float) -> None:
@@ -79,26 +79,22 @@ class NeighbourList:
         return self.slack <= 0.0
 
     @ti.kernel
-    def _count(self, n: ti.i32):
-        ti.loop_config(block_dim=BLOCK)
-        for i in self.count:
-            count = 0
-            if i < n:
-                for layer in range(self.grid.layers.count):
-                    reach = self._reach(i, layer)
-                    self.grid.for_each_within(
-                        self.particles.x[i], layer, reach, self._count_one, count
-                    )
-            self.count[i] = count
-
-    @ti.kernel
-    def _fill(self, n: ti.i32):
-        ti.loop_config(block_dim=BLOCK)
-        for i in range(n):
-            here = ti.Vector([i, self.start[i]])
-            for layer in range(self.grid.layers.count):
-                reach = self._reach(i, layer)
-                self.grid.for_each_within(self.particles.x[i], layer, reach, self._fill_one, here)
+    def _find(self, n: ti.i32):
+        self.fullest[None] = 0
+        # Over particles, not over stretches: the CPU runtime keeps loops under 512 on one thread.
+        for first in range(n):
+            if first % self.sharers == 0:
+                place = first // self.sharers * self.stretch
+                search = Search(place=place, limit=place + self.stretch, wanted=1)
+                for i in range(first, ti.min(first + self.sharers, n)):
+                    search.i = i
+                    search.x = self.particles.x[i]
+                    self.start[i] = search.place
+                    for layer in range(self.grid.layers.count):
+                        search.reach = self._reach(i, layer)
+                        self.grid.for_each_row(search.x, layer, search.reach, self._add_row, search)
+                    self.end[i] = search.place
+                ti.atomic_max(self.fullest[None], search.wanted)
 
     @ti.func
     def _reach(self, i, layer):
@@ -108,10 +104,28 @@ class NeighbourList:
         return reach + self.margin
 
     @ti.func
-    def _count_one(self, j, inside, count: ti.template()):
-        count += inside
+    def _add_row(self, begin, end, search: ti.template()):
+        """Writes every particle of the row and steps on where it is within reach: no branch to
+        mispredict. A row that might not fit is only counted."""
+        place = search.place
+        fits = place + end - begin < search.limit
+        last = ti.select(fits, end, begin)
+        x, reach2, i = search.x, search.reach * search.reach, search.i
+        for j in range(begin, last):
+            r2 = (x - self.particles.x[j]).norm_sqr()
+            self.index[place] = j
+            place += ti.select(r2 < reach2, 1, 0) * ti.select(j != i, 1, 0)
+        search.wanted += ti.select(fits, place - search.place, end - begin)
+        search.place = place
 
-    @ti.func
-    def _fill_one(self, j, inside, here: ti.template()):
-        self.index[here[1]] = j
-        here[1] += ti.select(j != here[0], inside, 0)
+
+def neighbours_provided(specs: list[LayerSpec], margin: float, symmetric: bool) -> int:
+    """Entries of the list per particle.
+
+    At rest a ball of radius reach holds 4/3 pi reach^3 / V particles; the symmetric form reaches
+    into a finer layer with the coarser support.
+    """
+    slack = margin * min(s.support for s in specs)
+    widest = max(s.support for s in specs)
+    counts = [((widest if symmetric else s.support) + slack) ** 3 / s.volume for s in specs]
+    return math.ceil(ROOM * 4.0 / 3.0 * math.pi * max(counts))

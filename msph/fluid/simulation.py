@@ -10,7 +10,7 @@ from msph.fluid.classic import ATTRIBUTES, Classic, ClassicTerms
 from msph.fluid.forcing import Forcing
 from msph.fluid.grid import LayeredGrid, grid_shape
 from msph.fluid.layers import Layers, LayerSpec
-from msph.fluid.neighbours import NeighbourList
+from msph.fluid.neighbours import neighbours_provided
 from msph.fluid.particles import Particles
 
 Stage = Callable[[str], AbstractContextManager]
@@ -19,7 +19,7 @@ Stage = Callable[[str], AbstractContextManager]
 def bytes_needed(size: tuple[float, float, float], specs: list[LayerSpec], count: int) -> int:
     """Device memory [bytes] for `count` particles in a box of the given size [m]."""
     cells = sum(math.prod(grid_shape(size, s.support)) for s in specs)
-    listed = NeighbourList.room_for(count, specs, Classic.LIST_MARGIN)
+    listed = count * neighbours_provided(specs, Classic.LIST_MARGIN, symmetric=False)
     per_particle = Particles.bytes_per_particle(ATTRIBUTES) + 4 * 4
     return 8 * cells + 4 * listed + per_particle * count
 
