@@ -162,7 +162,8 @@ def plot(results: dict[tuple[str, int], Result], path: Path) -> None:
     error.set_title("what it costs in accuracy")
     for axis in (speed, error):
         axis.set_xticks(list(x), names, fontsize=8)
-        axis.legend()
+        axis.legend(loc="upper left", bbox_to_anchor=(0.0, 1.0), framealpha=1.0)
+        axis.margins(y=0.25)
         axis.spines[["top", "right"]].set_visible(False)
     figure.tight_layout()
     figure.savefig(path, dpi=110)

@@ -19,7 +19,8 @@ def msph(*arguments, **options):
 def test_help_names_every_option(command):
     result = msph(*command.split(), "--help")
     assert result.returncode == 0
-    for option in {"play": ["--set", "--arch"], "bench": ["--no-render", "--json"]}.get(command, []):
+    options = {"play": ["--set", "--arch"], "bench": ["--no-render", "--json"]}
+    for option in options.get(command, []):
         assert option in result.stdout
 
 

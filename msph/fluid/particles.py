@@ -5,6 +5,7 @@ in checkpoints and exports, and the views that colour by it.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import taichi as ti
@@ -51,6 +52,11 @@ class Particles:
 
     count is the number of live particles; they are the first `count` of every field.
     """
+
+    x: Any
+    v: Any
+    layer: Any
+    id: Any
 
     def __init__(self, capacity: int, attributes: tuple[Attribute, ...] = ()):
         self.capacity = capacity

@@ -138,7 +138,7 @@ def explain(error: ValidationError, where: str, data: dict) -> SceneError:
         problem = "is required"
     else:
         problem = first["msg"][0].lower() + first["msg"][1:]
-        if not isinstance(value, (dict, list)) or len(str(value)) < 60:
+        if not isinstance(value, dict | list) or len(str(value)) < 60:
             problem += f" (got {value!r})"
     others = len(details) - 1
     if others:

@@ -67,6 +67,12 @@ class Layer(Section):
         "mueller", text="poly6 and spiky (Mueller 2003), or Wendland C2 for both"
     )
 
+    def mass_at(self, density: float) -> float:
+        """Mass of a particle [kg], given or from the spacing at that rest density [kg/m^3]."""
+        if self.mass is not None:
+            return self.mass
+        return density * (self.spacing or 0.0) ** 3
+
 
 class Water(Section):
     """A body of water: a box from lo to hi, or a ball, filled with one layer."""
@@ -89,7 +95,11 @@ class Classic(Section):
     """The thesis's weakly compressible method (Gokdogan 2008)."""
 
     stiffness: float = parameter(
-        _terms.stiffness, gt=0.0, le=1e7, unit="m^2/s^2", text="k of p = k (rho - rho0), speed of sound^2"
+        _terms.stiffness,
+        gt=0.0,
+        le=1e7,
+        unit="m^2/s^2",
+        text="k of p = k (rho - rho0), the square of the speed of sound",
     )
     viscosity: float = parameter(10.0, ge=0.0, le=1e4, unit="Pa s", text="dynamic viscosity mu")
     tension: bool = parameter(

@@ -12,11 +12,10 @@ def layer_specs(scene: Scene) -> list[LayerSpec]:
     """The scene's layers with mass and spacing resolved; see LayerSpec for units."""
     specs = []
     for layer in scene.layers:
-        mass = layer.mass if layer.mass is not None else scene.density * layer.spacing**3
         viscosity = scene.classic.viscosity if layer.viscosity is None else layer.viscosity
         specs.append(
             LayerSpec(
-                mass=mass,
+                mass=layer.mass_at(scene.density),
                 density=scene.density,
                 smoothing=layer.smoothing,
                 gravity_factor=layer.gravity_factor,
@@ -55,7 +54,7 @@ def fill(water: Water, spec: LayerSpec, rng: np.random.Generator) -> np.ndarray:
     last, incomplete sheet is spread evenly.
     """
     if water.radius is not None:
-        sites = _ball(water, spec)
+        sites = _ball(water, water.radius, spec)
     else:
         sites = _sheets(water, spec)
     return sites + rng.uniform(-0.5, 0.5, sites.shape) * water.jitter * spec.spacing
@@ -78,8 +77,8 @@ def _sheets(water: Water, spec: LayerSpec) -> np.ndarray:
     return lo + sites * np.array([length[0], height, length[2]])
 
 
-def _ball(water: Water, spec: LayerSpec) -> np.ndarray:
-    centre, radius, d = np.array(water.centre), water.radius, spec.spacing
+def _ball(water: Water, radius: float, spec: LayerSpec) -> np.ndarray:
+    centre, d = np.array(water.centre), spec.spacing
     n = math.ceil(radius / d)
     axis = (np.arange(-n, n) + 0.5) * d
     grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)

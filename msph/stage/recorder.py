@@ -3,6 +3,7 @@
 import re
 import sys
 from pathlib import Path
+from typing import Any
 
 import imageio.v2 as imageio
 import numpy as np
@@ -41,7 +42,7 @@ class Recorder:
         self.frames, self.fps = frames, fps
         self.still = frames if still is None else min(still, frames)
         self.done = 0
-        self.last: np.ndarray | None = None
+        self.last: Any = None  # the picture last recorded, (height, width, 3) uint8
         self.videos = [p for p in outputs if p.suffix in (*VIDEO, ".gif")]
         self.stills = [p for p in outputs if p.suffix == ".png" and not numbered(p)]
         self.sequences = [p for p in outputs if numbered(p)]
@@ -102,7 +103,8 @@ class Recorder:
         elif path.suffix in MESH:
             show.surface.mesh.export(target)
         elif path.suffix == ".npz":
-            np.savez_compressed(target, **show.simulation.state())
+            state: dict[str, Any] = show.simulation.state()
+            np.savez_compressed(target, **state)
         else:
             write_csv(target, show)
 

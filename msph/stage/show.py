@@ -3,8 +3,9 @@
 import math
 import zipfile
 from collections.abc import Callable
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import taichi as ti
@@ -48,9 +49,10 @@ class Show:
         self.frames = 0
         self.tilt = np.eye(3)
         self.meshes = meshes
-        self.surface = self._build_surface() if size or meshes else None
-        self.picture = self._build_picture(size) if size else None
-        self.views = Views(self.simulation, scene) if size else None
+        # Each is None where nobody asked for it.
+        self.surface: Any = self._build_surface() if size or meshes else None
+        self.picture: Any = self._build_picture(size) if size else None
+        self.views: Any = Views(self.simulation, scene) if size else None
         if size:
             c = scene.camera
             self.camera = Camera.framing(
@@ -138,8 +140,10 @@ class Show:
                 )
 
     @property
-    def _stage(self) -> Callable:
-        return self.timings.stage if self.timings else lambda name: nullcontext()
+    def _stage(self) -> Callable[[str], AbstractContextManager]:
+        if self.timings:
+            return self.timings.stage
+        return lambda name: nullcontext()
 
     def resume(self, checkpoint: Path) -> None:
         """Goes on from a checkpoint, a .npz file of Simulation.state(). Raises SceneError."""

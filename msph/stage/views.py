@@ -30,7 +30,7 @@ class Views:
         particles = self.simulation.particles
         n = particles.count
         if self.name == "density_error":
-            self._copy(particles.density, n, 1.0 / self.rest_density, -1.0)
+            self._copy(particles.fields["density"], n, 1.0 / self.rest_density, -1.0)
             return self.value, -DENSITY_RANGE, DENSITY_RANGE
         source = particles.v if self.name == "speed" else particles.fields[self.name]
         vector = self.name == "speed" or particles.attributes[self.name].width > 1

@@ -5,6 +5,7 @@ import math
 import os
 import sys
 import time
+from typing import Any
 
 import numpy as np
 import taichi as ti
@@ -64,11 +65,12 @@ class Window:
         self.panel = True
         self.paused = False
         self.tilt = [0.0, 0.0]
-        self.cursor = np.zeros(2)
+        self.cursor: Any = np.zeros(2)  # right, up, as shares of the window
         self.grab: np.ndarray | None = None
         self.clock = time.perf_counter()
         self.wall = 0.0
         self.done = False
+        self.marker = ti.Vector.field(2, ti.f32, shape=1)
 
     def wants_more(self, show: Show) -> bool:
         over = self.frames is not None and show.frames >= self.frames
@@ -160,8 +162,6 @@ class Window:
 
     def _draw_hand(self) -> None:
         """A marker under the cursor: GGUI hides it while the left button is down."""
-        if not hasattr(self, "marker"):
-            self.marker = ti.Vector.field(2, ti.f32, shape=1)
         self.marker[0] = self.cursor.tolist()
         self.canvas.circles(self.marker, radius=0.008, color=(1.0, 0.95, 0.7))
 

@@ -23,7 +23,7 @@ hi = [1, 0.5, 1]
 """
 
 BAD = {
-    "misspelt key": ('[clasic]\nstiffness = 1.0\n', "clasic: unknown key; did you mean 'classic'?"),
+    "misspelt key": ("[clasic]\nstiffness = 1.0\n", "clasic: unknown key; did you mean 'classic'?"),
     "misspelt inner key": (
         "[classic]\nstifness = 1.0\n",
         "classic.stifness: unknown key; did you mean 'stiffness'?",

@@ -57,9 +57,7 @@ def test_still_is_the_last_picture_of_the_sequence(recorded):
 def test_meshes_are_closed_and_hold_the_water(recorded, show, suffix):
     meshes = [trimesh.load(f) for f in sorted(recorded.glob(f"m_*.{suffix}"))]
     assert len(meshes) == 4
-    rest = sum(
-        n * s.volume for n, s in zip(show.counts, show.simulation.layers.specs, strict=True)
-    )
+    rest = sum(n * s.volume for n, s in zip(show.counts, show.simulation.layers.specs, strict=True))
     for mesh in meshes:
         assert mesh.is_watertight
         assert mesh.volume == pytest.approx(rest, rel=0.25)

@@ -14,6 +14,7 @@ from tests.scenes_kit import write
 
 TOOLS = ("Xvfb", "xdotool")
 WIDTH, HEIGHT = 640, 360
+SCREEN = ("-screen", "0", f"{WIDTH}x{HEIGHT}x24")
 
 missing = [t for t in TOOLS if not shutil.which(t)]
 if missing and os.environ.get("MSPH_REQUIRE_WINDOW"):
@@ -58,8 +59,7 @@ def display(tmp_path_factory):
     folder = tmp_path_factory.mktemp("screen")
     read, write_end = os.pipe()
     server = subprocess.Popen(
-        ["Xvfb", "-displayfd", str(write_end), "-screen", "0", f"{WIDTH}x{HEIGHT}x24"]
-        + ["-fbdir", str(folder)],
+        ["Xvfb", "-displayfd", str(write_end), "-fbdir", str(folder), *SCREEN],
         pass_fds=[write_end],
         stderr=subprocess.DEVNULL,
     )
