@@ -58,6 +58,7 @@ class ClassicTerms:
 class Classic:
     """One solver over the particles of all layers; a single layer is Mueller's SPH of 2003."""
 
+    attributes = ATTRIBUTES
     # Margin of the neighbour list, in supports: a wider one is searched less often, read longer.
     LIST_MARGIN = 0.5
 
@@ -76,10 +77,15 @@ class Classic:
         self.terms = terms
         self.own_kernels = any(s.wendland for s in layers.specs)
         self.symmetric = terms.pressure_form != "mean"
-        self.neighbours = NeighbourList(grid, particles, self.symmetric, self.LIST_MARGIN)
+        self.neighbours = NeighbourList(grid, particles, self.reach(terms), self.LIST_MARGIN)
         self.top_speed = ti.field(ti.f32, shape=())
         self.internal_impulse = ti.Vector.field(3, ti.f32, shape=())
         self.binned = False
+
+    @staticmethod
+    def reach(terms: ClassicTerms) -> str:
+        """Form of the neighbour list: symmetrised pressures need either particle's support."""
+        return "scatter" if terms.pressure_form == "mean" else "widest"
 
     def longest_step(self) -> float:
         """Largest stable time step [s]: sound crosses courant * h, viscosity diffuses within h."""

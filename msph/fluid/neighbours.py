@@ -34,20 +34,21 @@ Search = ti.types.struct(
 class NeighbourList:
     """Neighbours of particle i: index[start[i]] to index[end[i] - 1], i itself left out.
 
-    j is listed while r_ij < h_j + margin (scatter form), or max(h_i, h_j) + margin where
-    symmetric. margin is a share (-) of the finest support. start, end (capacity,) i32, index
-    (room,) i32. The kernels vanish at h, so whoever reads the list need not test the distance.
+    j is listed while r_ij < reach + margin, reach by its form: "scatter" h_j, "mean"
+    (h_i + h_j)/2, "widest" max(h_i, h_j). margin is a share (-) of the finest support. start, end
+    (capacity,) i32, index (room,) i32. The kernels vanish at h, so whoever reads the list need not
+    test the distance.
     """
 
-    def __init__(self, grid: LayeredGrid, particles: Particles, symmetric: bool, margin: float):
+    def __init__(self, grid: LayeredGrid, particles: Particles, reach: str, margin: float):
         self.grid = grid
         self.particles = particles
-        self.symmetric = symmetric
+        self.reach = reach
         self.margin = margin * grid.layers.finest.support
         on_cpu = ti.lang.impl.current_cfg().arch in (ti.x64, ti.arm64)
         self.sharers = SHARERS_CPU if on_cpu else SHARERS_GPU
         specs = grid.layers.specs
-        self.stretch = self.sharers * neighbours_provided(specs, margin, symmetric)
+        self.stretch = self.sharers * neighbours_provided(specs, margin, reach)
         stretches = math.ceil(particles.capacity / self.sharers)
         self.start = ti.field(ti.i32, shape=particles.capacity)
         self.end = ti.field(ti.i32, shape=particles.capacity)
@@ -99,7 +100,9 @@ class NeighbourList:
     @ti.func
     def _reach(self, i, layer):
         reach = self.grid.cell_size[layer]
-        if ti.static(self.symmetric):
+        if ti.static(self.reach == "mean"):
+            reach = 0.5 * (reach + self.grid.cell_size[self.particles.layer[i]])
+        elif ti.static(self.reach == "widest"):
             reach = ti.max(reach, self.grid.cell_size[self.particles.layer[i]])
         return reach + self.margin
 
@@ -119,13 +122,15 @@ class NeighbourList:
         search.place = place
 
 
-def neighbours_provided(specs: list[LayerSpec], margin: float, symmetric: bool) -> int:
+def neighbours_provided(specs: list[LayerSpec], margin: float, reach: str) -> int:
     """Entries of the list per particle.
 
-    At rest a ball of radius reach holds 4/3 pi reach^3 / V particles; the symmetric form reaches
-    into a finer layer with the coarser support.
+    At rest a ball of radius r holds 4/3 pi r^3 / V particles; all forms but the scatter form reach
+    into a finer layer farther than its own support.
     """
     slack = margin * min(s.support for s in specs)
     widest = max(s.support for s in specs)
-    counts = [((widest if symmetric else s.support) + slack) ** 3 / s.volume for s in specs]
+    share = {"scatter": 0.0, "mean": 0.5, "widest": 1.0}[reach]
+    supports = [(1.0 - share) * s.support + share * widest for s in specs]
+    counts = [(h + slack) ** 3 / s.volume for h, s in zip(supports, specs, strict=True)]
     return math.ceil(ROOM * 4.0 / 3.0 * math.pi * max(counts))

@@ -6,22 +6,25 @@ from contextlib import AbstractContextManager, nullcontext
 
 import numpy as np
 
-from msph.fluid.classic import ATTRIBUTES, Classic, ClassicTerms
 from msph.fluid.forcing import Forcing
 from msph.fluid.grid import LayeredGrid, grid_shape
 from msph.fluid.layers import Layers, LayerSpec
+from msph.fluid.methods import SOLVERS, Terms
 from msph.fluid.neighbours import neighbours_provided
 from msph.fluid.particles import Particles
 
 Stage = Callable[[str], AbstractContextManager]
 
 
-def bytes_needed(size: tuple[float, float, float], specs: list[LayerSpec], count: int) -> int:
+def bytes_needed(
+    size: tuple[float, float, float], specs: list[LayerSpec], count: int, terms: Terms
+) -> int:
     """Device memory [bytes] for `count` particles in a box of the given size [m]."""
+    solver = SOLVERS[type(terms)]
     cells = sum(math.prod(grid_shape(size, s.support)) for s in specs)
-    listed = count * neighbours_provided(specs, Classic.LIST_MARGIN, symmetric=False)
-    per_particle = Particles.bytes_per_particle(ATTRIBUTES) + 4 * 4
-    return 8 * cells + 4 * listed + per_particle * count
+    listed = count * neighbours_provided(specs, solver.LIST_MARGIN, solver.reach(terms))
+    per_particle = Particles.bytes_per_particle(solver.attributes) + 4 * 4
+    return 8 * cells + 8 * listed + per_particle * count
 
 
 class Simulation:
@@ -36,13 +39,14 @@ class Simulation:
         size: tuple[float, float, float],
         specs: list[LayerSpec],
         initial: dict[str, np.ndarray],
-        terms: ClassicTerms,
+        terms: Terms,
     ):
         self.size = size
         self.layers = Layers(specs)
-        self.particles = Particles(len(initial["x"]), ATTRIBUTES)
+        solver = SOLVERS[type(terms)]
+        self.particles = Particles(len(initial["x"]), solver.attributes)
         self.grid = LayeredGrid(size, self.layers, self.particles)
-        self.solver = Classic(size, self.layers, self.grid, self.particles, terms)
+        self.solver = solver(size, self.layers, self.grid, self.particles, terms)
         self.initial = initial
         self.reset()
 
@@ -51,22 +55,25 @@ class Simulation:
         self.restore({"time": np.float64(0.0), "steps": np.int64(0), **self.initial})
 
     def advance(self, duration: float, forcing: Forcing, stage: Stage | None = None) -> None:
-        """Simulates `duration` [s] in equal steps no longer than the solver allows.
+        """Simulates `duration` [s] in steps no longer than the solver allows.
 
         Leaves the particles sorted into the grid, as the surface needs them. stage("bin"),
         stage("solve") are entered round the work of that name: a profiler's hook.
         """
         stage = stage or (lambda name: nullcontext())
-        steps = max(1, math.ceil(duration / self.solver.longest_step() - 1e-6))
-        for _ in range(steps):
+        left = duration
+        while left > 1e-6 * duration:
+            # Even steps to the end of the frame, counted anew as the water's speed changes.
+            dt = left / math.ceil(left / self.solver.longest_step() - 1e-6)
             with stage("bin"):
                 self.solver.find_neighbours()
             with stage("solve"):
-                self.solver.step(duration / steps, forcing)
+                self.solver.step(dt, forcing)
+            left -= dt
+            self.steps += 1
         with stage("bin"):
             self.solver.bin()
         self.time += duration
-        self.steps += steps
 
     def counts(self) -> list[int]:
         """Live particles of each layer."""

@@ -5,6 +5,8 @@ import math
 import numpy as np
 
 from msph.fluid.classic import ClassicTerms
+from msph.fluid.methods import Terms
+from msph.fluid.projection import ProjectionTerms
 from msph.fluid.simulation import Simulation
 from msph.scene.schema import Scene
 from msph.scene.water import initial_particles, layer_specs
@@ -12,8 +14,19 @@ from msph.scene.water import initial_particles, layer_specs
 
 def build_simulation(scene: Scene) -> Simulation:
     """Allocates and fills everything the scene's fluid needs. ti.init must have been called."""
+    initial = initial_particles(scene)
+    return Simulation(scene.box.size, layer_specs(scene), initial, solver_terms(scene))
+
+
+def solver_terms(scene: Scene) -> Terms:
+    """The constants and switches of the scene's method."""
+    if scene.method == "projection":
+        p = scene.projection
+        return ProjectionTerms(
+            density=scene.density, restitution=scene.box.restitution, **p.model_dump()
+        )
     c = scene.classic
-    terms = ClassicTerms(
+    return ClassicTerms(
         density=scene.density,
         stiffness=c.stiffness,
         tension=c.tension,
@@ -24,7 +37,6 @@ def build_simulation(scene: Scene) -> Simulation:
         courant=c.courant,
         restitution=scene.box.restitution,
     )
-    return Simulation(scene.box.size, layer_specs(scene), initial_particles(scene), terms)
 
 
 def sway_angle(scene: Scene, time: float) -> float:

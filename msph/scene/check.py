@@ -6,9 +6,10 @@ import itertools
 import numpy as np
 import psutil
 
-from msph.fluid.classic import ATTRIBUTES
+from msph.fluid.methods import ATTRIBUTES
 from msph.fluid.particles import CORE
 from msph.fluid.simulation import bytes_needed
+from msph.scene.build import solver_terms
 from msph.scene.errors import SceneError
 from msph.scene.schema import Scene, Water
 from msph.scene.water import bounds, expected_count, layer_specs
@@ -18,11 +19,14 @@ from msph.scene.water import bounds, expected_count, layer_specs
 TOLERANCE = 1e-6
 # Share of the free memory that a scene may take.
 MEMORY_SHARE = 0.8
-# What a picture can show, in the order in which a key cycles through it.
+# Views that are no attribute, or come first.
 _DERIVED = ("water", "layer", "speed", "density_error")
-VIEWS = _DERIVED + tuple(
-    a.name for a in CORE + ATTRIBUTES if a.name not in (*_DERIVED, "x", "v", "id")
-)
+
+
+def views(scene: Scene) -> tuple[str, ...]:
+    """What a picture of the scene can show, in the order in which a key cycles through it."""
+    names = [a.name for a in CORE + ATTRIBUTES[scene.method]]
+    return _DERIVED + tuple(n for n in names if n not in (*_DERIVED, "x", "v", "id"))
 
 
 def check(scene: Scene, where: str) -> None:
@@ -30,9 +34,10 @@ def check(scene: Scene, where: str) -> None:
     for i, layer in enumerate(scene.layers):
         if (layer.mass is None) == (layer.spacing is None):
             raise SceneError(where, "give either mass or spacing", f"layers.{i}")
-    if scene.picture.view not in VIEWS:
-        near = difflib.get_close_matches(scene.picture.view, VIEWS, n=1)
-        hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(VIEWS)}"
+    known = views(scene)
+    if scene.picture.view not in known:
+        near = difflib.get_close_matches(scene.picture.view, known, n=1)
+        hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(known)}"
         raise SceneError(where, f"unknown view {scene.picture.view!r}; {hint}", "picture.view")
     specs = layer_specs(scene)
     for i, spec in enumerate(specs):
@@ -49,7 +54,7 @@ def check(scene: Scene, where: str) -> None:
         if _overlap(a, b):
             raise SceneError(where, f"overlaps water.{i}", f"water.{j}")
     counts = [expected_count(w, specs[w.layer]) for w in scene.water]
-    needed = bytes_needed(scene.box.size, specs, sum(counts))
+    needed = bytes_needed(scene.box.size, specs, sum(counts), solver_terms(scene))
     free = psutil.virtual_memory().available * MEMORY_SHARE
     if needed > free:
         raise SceneError(

@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from pydantic import BaseModel, ConfigDict, Field
 
 from msph.fluid.classic import ClassicTerms
+from msph.fluid.projection import ProjectionTerms
 from msph.picture.look import Look
 
 
@@ -35,7 +36,7 @@ Positive = Annotated[float, Field(strict=True, gt=0.0)]
 Vector = Annotated[tuple[Number, Number, Number], Field(strict=False)]
 Size = Annotated[tuple[Positive, Positive, Positive], Field(strict=False)]
 
-_terms, _look = ClassicTerms(), Look()
+_terms, _project, _look = ClassicTerms(), ProjectionTerms(), Look()
 
 
 class Box(Section):
@@ -122,6 +123,44 @@ class Classic(Section):
     )
 
 
+class Projection(Section):
+    """The incompressible method: two pressure solves a step."""
+
+    cfl: float = parameter(
+        _project.cfl, gt=0.0, le=1.0, text="most spacings that a particle moves in a step"
+    )
+    longest_step: float = parameter(
+        _project.longest_step, gt=0.0, le=0.1, unit="s", text="longest time step of slow water"
+    )
+    release: float = parameter(
+        _project.release, ge=0.0, le=1.0, text="share of a density excess that becomes velocity"
+    )
+    relaxation: float = parameter(
+        _project.relaxation, gt=0.0, le=1.0, text="omega of the Jacobi iterations"
+    )
+    radius: float = parameter(
+        _project.radius, ge=0.0, lt=1.0, text="spectral radius for Chebyshev's steps, 0: plain"
+    )
+    tolerance_mean: float = parameter(
+        _project.tolerance_mean, gt=0.0, le=0.1, text="mean compression at which solves stop"
+    )
+    tolerance_max: float = parameter(
+        _project.tolerance_max, gt=0.0, le=1.0, text="largest compression at which solves stop"
+    )
+    velocity_iterations: int = parameter(
+        _project.velocity_iterations, ge=1, text="most iterations of the velocity solve"
+    )
+    position_iterations: int = parameter(
+        _project.position_iterations, ge=1, text="most iterations of the position solve"
+    )
+    largest_shift: float = parameter(
+        _project.largest_shift, gt=0.0, le=1.0, text="most spacings of the position solve"
+    )
+    spray: float = parameter(
+        _project.spray, ge=0.0, le=1.0, text="relative density below which water is spray"
+    )
+
+
 class Sway(Section):
     """The pool rocks by itself at the start: gravity turns in its frame."""
 
@@ -184,7 +223,9 @@ class Scene(Section):
 
     title: str = parameter("", text="one line that says what is to be seen")
     source: str = parameter("", text="where the set-up comes from, or its purpose")
-    method: Literal["classic"] = parameter("classic", text="the solver: the thesis's method")
+    method: Literal["classic", "projection"] = parameter(
+        "classic", text="the solver: the thesis's, or the incompressible, conserving one"
+    )
     density: float = parameter(1000.0, gt=0.0, unit="kg/m^3", text="rest density of the water")
     gravity: Vector = parameter((0.0, -9.81, 0.0), unit="m/s^2", text="gravity")
     duration: float = parameter(10.0, gt=0.0, unit="s", text="simulated time of a capture or bench")
@@ -192,6 +233,7 @@ class Scene(Section):
     box: Box = parameter(text="the pool")
     layers: list[Layer] = parameter(min_length=1, max_length=16, text="the particle sizes")
     water: list[Water] = parameter(min_length=1, text="the bodies of water")
+    projection: Projection = parameter(Projection, text="constants of the projection method")
     classic: Classic = parameter(Classic, text="constants and switches of the classic method")
     sway: Sway = parameter(Sway, text="rocking at the start")
     camera: Camera = parameter(Camera, text="point of view")

@@ -3,7 +3,7 @@
 import taichi as ti
 
 from msph.fluid.simulation import Simulation
-from msph.scene.check import VIEWS
+from msph.scene.check import views
 from msph.scene.schema import Scene
 
 # Colour range of the density error (-): what a weakly compressible method may show.
@@ -19,11 +19,12 @@ class Views:
         particles = simulation.particles
         self.rest_density = scene.density
         self.value = ti.field(ti.f32, shape=particles.capacity)
+        self.names = views(scene)
         self.name = scene.picture.view
 
     def next(self) -> None:
         """The next view, the first after the last."""
-        self.name = VIEWS[(VIEWS.index(self.name) + 1) % len(VIEWS)]
+        self.name = self.names[(self.names.index(self.name) + 1) % len(self.names)]
 
     def values(self) -> tuple[ti.Field, float, float]:
         """The scalar field (capacity,) of the chosen view, and the range of its colours."""

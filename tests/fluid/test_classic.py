@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from msph.fluid.classic import ATTRIBUTES, Classic, ClassicTerms
+from msph.fluid.classic import ClassicTerms
 from msph.fluid.forcing import Forcing, Hand
 from msph.fluid.layers import LayerSpec
 from msph.fluid.simulation import Simulation
@@ -250,9 +250,3 @@ def test_attraction_pulls_the_surface_inwards():
     assert np.count_nonzero(radial < 0.0) > 0.8 * len(radial)
     middle = radius < 0.03
     assert np.abs(a[middle]).max() < 0.05 * np.abs(radial).max()
-
-
-def test_registry_declares_each_attribute_once():
-    names = [a.name for a in ATTRIBUTES]
-    assert len(set(names)) == len(names)
-    assert Classic.LIST_MARGIN > 0.0

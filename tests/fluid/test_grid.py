@@ -34,8 +34,9 @@ class World:
         self.particles = Particles(COUNT + 50, (TAG,))
         self.grid = LayeredGrid(SIZE, self.layers, self.particles)
         self.lists = {
-            False: NeighbourList(self.grid, self.particles, False, 0.3),
-            True: NeighbourList(self.grid, self.particles, True, 0.0),
+            "scatter": NeighbourList(self.grid, self.particles, "scatter", 0.3),
+            "mean": NeighbourList(self.grid, self.particles, "mean", 0.1),
+            "widest": NeighbourList(self.grid, self.particles, "widest", 0.0),
         }
 
     def place(self, x, layer):
@@ -85,15 +86,17 @@ def test_cells_hold_what_lies_in_them(world, seed):
         assert np.all(start[index] <= mine) and np.all(mine < start[index + 1])
 
 
-@pytest.mark.parametrize("symmetric", [False, True])
+@pytest.mark.parametrize("form", ["scatter", "mean", "widest"])
 @pytest.mark.parametrize("seed", range(3))
-def test_neighbour_lists_equal_brute_force(world, seed, symmetric):
+def test_neighbour_lists_equal_brute_force(world, seed, form):
     world.place(*cloud(seed))
-    neighbours = world.lists[symmetric]
+    neighbours = world.lists[form]
     neighbours.find()
     x = world.particles.numpy("x").astype(np.float64)
     h = np.array([s.support for s in world.layers.specs])[world.particles.numpy("layer")]
-    reach = np.maximum(h[:, None], h[None, :]) if symmetric else np.tile(h, (COUNT, 1))
+    own, other = np.meshgrid(h, h, indexing="ij")
+    forms = {"scatter": other, "mean": 0.5 * (own + other), "widest": np.maximum(own, other)}
+    reach = forms[form]
     distance = np.linalg.norm(x[:, None] - x[None, :], axis=2) - neighbours.margin
     start, end = neighbours.start.to_numpy(), neighbours.end.to_numpy()
     index = neighbours.index.to_numpy()
@@ -110,12 +113,12 @@ def test_full_list_says_that_the_water_collapsed(world):
     x = np.full((COUNT, 3), 0.3, dtype=np.float32)
     world.place(x, np.full(COUNT, 2, dtype=np.int32))
     with pytest.raises(NeighbourOverflowError, match="collapsed"):
-        world.lists[False].find()
+        world.lists["scatter"].find()
 
 
 def test_list_is_stale_once_something_moved_half_its_margin(world):
     world.place(*cloud(0))
-    neighbours = world.lists[False]
+    neighbours = world.lists["scatter"]
     neighbours.find()
     neighbours.moved(0.49 * neighbours.margin)
     assert not neighbours.stale

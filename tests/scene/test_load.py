@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from msph.scene import SceneError, load_scene
-from msph.scene.check import VIEWS
+from msph.scene.check import views
 from msph.scene.library import shipped_scenes
 from msph.scene.load import to_toml
 from msph.scene.schema import Scene, parameters
@@ -32,7 +32,10 @@ BAD = {
     "integer for text": ("title = 3\n", "title: input should be a valid string (got 3)"),
     "out of range": ("duration = -1\n", "duration: input should be greater than 0 (got -1)"),
     "not a number": ("duration = nan\n", "duration: input should be a finite number (got nan)"),
-    "unknown method": ('method = "magic"\n', "method: input should be 'classic' (got 'magic')"),
+    "unknown method": (
+        'method = "magic"\n',
+        "method: input should be 'classic' or 'projection' (got 'magic')",
+    ),
     "unknown view": ('[picture]\nview = "sped"\n', "picture.view: unknown view 'sped'"),
 }
 
@@ -152,9 +155,11 @@ def test_every_parameter_is_declared_with_unit_and_help():
     assert by_key["box.restitution"].limits == ">= 0.0, <= 1.0"
 
 
-def test_views_include_every_attribute_once():
-    assert len(set(VIEWS)) == len(VIEWS)
-    assert {"water", "layer", "speed", "density_error", "pressure"} <= set(VIEWS)
+@pytest.mark.parametrize("method", ["classic", "projection"])
+def test_views_include_every_attribute_once(method):
+    names = views(load_scene("pool", (f"method={method}",)))
+    assert len(set(names)) == len(names)
+    assert {"water", "layer", "speed", "density_error", "pressure"} <= set(names)
 
 
 @pytest.mark.parametrize("count", [None, 1445, 2000])

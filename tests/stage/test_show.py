@@ -6,7 +6,6 @@ import pytest
 from msph.measure.ledger import NotFiniteError
 from msph.measure.timings import Timings
 from msph.scene import SceneError, load_scene
-from msph.scene.check import VIEWS
 from msph.scene.library import shipped_scenes
 from msph.stage.controls import Controls
 from msph.stage.loop import run
@@ -68,7 +67,7 @@ def test_tilt_turns_gravity_in_the_pool_and_the_pool_in_the_picture(show):
 def test_every_view_draws_something_else(show):
     show.frame(Controls())
     pictures = []
-    for name in VIEWS:
+    for name in show.views.names:
         show.views.name = name
         show.draw()
         pictures.append(show.picture.to_numpy_u8().astype(int))
@@ -79,10 +78,10 @@ def test_every_view_draws_something_else(show):
 
 def test_view_key_cycles_through_all_and_back(show):
     names = []
-    for _ in VIEWS:
+    for _ in show.views.names:
         show.frame(Controls(paused=True, next_view=True))
         names.append(show.views.name)
-    assert names == [*VIEWS[1:], VIEWS[0]]
+    assert names == [*show.views.names[1:], show.views.names[0]]
 
 
 def test_water_that_blows_up_ends_the_show(show):

@@ -1,0 +1,316 @@
+"""The projection method: incompressible, momentum-conserving SPH over layers of any size.
+
+Symmetric kernel W_ij = W(r_ij, (h_i + h_j)/2), so that every pair force is equal and opposite
+whatever the masses; walls by the kernel's integral; two pressure solves, one that makes velocities
+divergence-free and one that moves particles apart without giving them velocity (after Bender and
+Koschier 2015, DFSPH, made conservative for unequal masses).
+"""
+
+from dataclasses import dataclass
+
+import taichi as ti
+
+from msph.fluid import kernels
+from msph.fluid.forcing import Forcing, hand_acceleration
+from msph.fluid.grid import LayeredGrid
+from msph.fluid.layers import Layers
+from msph.fluid.neighbours import NeighbourList
+from msph.fluid.particles import Attribute, Particles
+from msph.fluid.walls import wall_share
+
+ATTRIBUTES = (
+    Attribute("density", "kg/m^3", "relative density c times rest density"),
+    Attribute("pressure", "Pa", "pressure of the velocity solve"),
+    Attribute("crowding", "m^2", "multiplier of the position solve"),
+    Attribute("shift", "m", "displacement by a solve", width=3, carried=False),
+    Attribute("source", "-", "compression that a solve must undo", carried=False),
+    Attribute("gradient", "1/m", "sum V_j grad W_ij and the walls' part", width=3, carried=False),
+    Attribute("wall", "1/m", "gradient of the walls' part of c", width=3, carried=False),
+    Attribute("diagonal", "1/m^2", "diagonal of the solves' operator", carried=False),
+    Attribute("previous", "m^2", "multiplier of the last but one iteration", carried=False),
+)
+
+# Coincident particles have no direction to be pushed in; they are held this far apart, in h.
+TOUCHING = 1e-6
+
+
+@dataclass(frozen=True)
+class ProjectionTerms:
+    """Constants of the projection method.
+
+    density rho0 [kg/m^3]. cfl: dt <= cfl min d/|v|; longest_step [s] bounds dt for slow water.
+    release beta: share of a density excess that becomes velocity (-); the rest is the position
+    solve's. relaxation omega of the Jacobi iterations (-). Both solves stop when the mean
+    compression is under tolerance_mean and the largest under tolerance_max (-), or after
+    velocity_iterations, position_iterations. largest_shift: of the position solve, in spacings.
+    spray: relative density, walls included, below which no rate of compression can be told (-).
+    Counting neighbours instead lets water in edges of the box, which has few, gain energy.
+    radius: spectral radius that the Chebyshev steps assume, 0 for plain Jacobi (-).
+    """
+
+    density: float = 1000.0
+    restitution: float = 0.0
+    cfl: float = 0.4
+    longest_step: float = 1.0 / 120.0
+    release: float = 0.2
+    relaxation: float = 0.5
+    tolerance_mean: float = 1e-3
+    tolerance_max: float = 2e-2
+    velocity_iterations: int = 60
+    position_iterations: int = 10
+    largest_shift: float = 0.25
+    spray: float = 0.4
+    radius: float = 0.9
+
+
+@ti.data_oriented
+class Projection:
+    """One solver over the particles of all layers.
+
+    A solve finds multipliers q >= 0 [m^2] and displacements
+    u_i = -(q_i g_i + sum V_j q_j grad W_ij) [m], g_i = sum V_j grad W_ij + grad lambda_i, so that
+    source_i + sum V_j (u_i - u_j).grad W_ij + u_i.grad lambda_i <= 0. Divergence and gradient are
+    adjoint, so the operator is symmetric and positive under the weights V. The velocity solve
+    gives v += u/dt, its q is dt^2 p/rho0.
+    """
+
+    attributes = ATTRIBUTES
+    LIST_MARGIN = 0.1  # in supports of the finest layer: the position solve moves within it
+
+    def __init__(
+        self,
+        size: tuple[float, float, float],
+        layers: Layers,
+        grid: LayeredGrid,
+        particles: Particles,
+        terms: ProjectionTerms,
+    ):
+        self.size = ti.Vector(list(size))
+        self.layers, self.grid, self.particles = layers, grid, particles
+        self.terms = terms
+        self.neighbours = NeighbourList(grid, particles, self.reach(terms), self.LIST_MARGIN)
+        self.slope = ti.field(ti.f32, shape=self.neighbours.index.shape)
+        self.error_sum = ti.field(ti.f32, shape=())
+        self.error_max = ti.field(ti.f32, shape=())
+        self.top_rate = ti.field(ti.f32, shape=())
+        self.internal_impulse = ti.Vector.field(3, ti.f32, shape=())
+        self.iterations = {"velocity": 0, "position": 0}
+        self.binned = False
+
+    @staticmethod
+    def reach(terms: ProjectionTerms) -> str:
+        """Form of the neighbour list."""
+        return "mean"
+
+    def reset(self) -> None:
+        """Forgets what it knew of the particles: they were replaced."""
+        self.internal_impulse[None] = ti.Vector([0.0, 0.0, 0.0])
+        self.top_rate[None] = 0.0
+        self.binned = False
+        self.bin()
+
+    def longest_step(self) -> float:
+        """Largest time step [s] now: no particle moves farther than cfl of its spacing."""
+        rate = self.top_rate[None]
+        bound = self.terms.cfl / rate if rate > 0.0 else self.terms.longest_step
+        return min(bound, self.terms.longest_step)
+
+    def bin(self) -> None:
+        """Sorts the particles into the grid where they have moved since the last time."""
+        if not self.binned:
+            self.grid.build()
+            self.neighbours.invalidate()
+            self.binned = True
+
+    def find_neighbours(self) -> None:
+        if self.neighbours.stale:
+            self.bin()
+            self.neighbours.find()
+
+    def step(self, dt: float, forcing: Forcing) -> None:
+        """Neighbours; positions without crowding; forces; velocities without compression; move."""
+        n, hand = self.particles.count, forcing.hand
+        self.find_neighbours()
+        self.weigh(n)
+        self.aim_at_rest_density(n)
+        self.iterations["position"] = self.solve(
+            self.particles.crowding, self.terms.position_iterations
+        )
+        self.displace(n)
+        self.weigh(n)
+        self.push(
+            n,
+            dt,
+            ti.Vector(forcing.gravity),
+            ti.Vector(hand.position),
+            ti.Vector(hand.velocity),
+            hand.radius,
+            hand.grip,
+        )
+        self.aim_at_no_compression(n, dt)
+        self.scale(n, dt * dt / self.terms.density)
+        self.iterations["velocity"] = self.solve(
+            self.particles.pressure, self.terms.velocity_iterations
+        )
+        self.scale(n, self.terms.density / (dt * dt))
+        self.move(n, dt)
+        self.neighbours.invalidate()
+        self.binned = False
+
+    def solve(self, multiplier, most: int) -> int:
+        """Projected Jacobi from the multipliers of the last step; the iterations it took."""
+        n = self.particles.count
+        self.find_shifts(n, multiplier)
+        rho2, stride = self.terms.radius**2, 1.0
+        for iteration in range(1, most + 1):
+            if iteration == 2:
+                stride = 2.0 / (2.0 - rho2)
+            elif iteration > 2:
+                stride = 4.0 / (4.0 - rho2 * stride)
+            self.correct(n, multiplier, self.terms.relaxation, stride)
+            self.find_shifts(n, multiplier)
+            if iteration % 2 == 0:
+                mean = self.error_sum[None] / n
+                if mean < self.terms.tolerance_mean and (
+                    self.error_max[None] < self.terms.tolerance_max
+                ):
+                    break
+        return iteration
+
+    @ti.kernel
+    def weigh(self, n: ti.i32):
+        """c_i = sum V_j W_ij + lambda_i, g_i, D_i = |g_i|^2 + V_i sum V_j |grad W_ij|^2, slopes."""
+        for i in range(n):
+            layer = self.particles.layer[i]
+            x, h_i = self.particles.x[i], self.layers.support[layer]
+            wall = wall_share(x, h_i, self.size)
+            c = self.layers.volume[layer] * kernels.wendland(0.0, h_i) + wall[0]
+            g = ti.Vector([wall[1], wall[2], wall[3]])
+            squares = 0.0
+            for s in range(self.neighbours.start[i], self.neighbours.end[i]):
+                j = self.neighbours.index[s]
+                other = self.particles.layer[j]
+                v_j, h = self.layers.volume[other], 0.5 * (h_i + self.layers.support[other])
+                r_ij = x - self.particles.x[j]
+                r = r_ij.norm()
+                c += v_j * kernels.wendland(r, h)
+                slope = kernels.wendland_slope(r, h)
+                # Stored with the neighbour's volume and over r: grad W_ij = slope_s r_ij / V_j.
+                self.slope[s] = v_j * slope / ti.max(r, TOUCHING * h)
+                g += self.slope[s] * r_ij
+                squares += v_j * slope * slope
+            self.particles.density[i] = c * self.terms.density
+            self.particles.gradient[i] = g
+            self.particles.wall[i] = ti.Vector([wall[1], wall[2], wall[3]])
+            self.particles.diagonal[i] = g.norm_sqr() + self.layers.volume[layer] * squares
+
+    @ti.kernel
+    def aim_at_rest_density(self, n: ti.i32):
+        """source_i = c_i - 1 of the position solve."""
+        for i in range(n):
+            self.particles.source[i] = self.particles.density[i] / self.terms.density - 1.0
+
+    @ti.kernel
+    def aim_at_no_compression(self, n: ti.i32, dt: ti.f32):
+        """source_i = dt dc/dt + (c_i - 1 if c_i < 1, else beta (c_i - 1)) of the velocity solve."""
+        for i in range(n):
+            v = self.particles.v[i]
+            rate = v.dot(self.particles.wall[i])
+            for s in range(self.neighbours.start[i], self.neighbours.end[i]):
+                j = self.neighbours.index[s]
+                r_ij = self.particles.x[i] - self.particles.x[j]
+                rate += self.slope[s] * (v - self.particles.v[j]).dot(r_ij)
+            c = self.particles.density[i] / self.terms.density - 1.0
+            if 1.0 + c < self.terms.spray:
+                rate = ti.min(rate, 0.0)
+            self.particles.source[i] = dt * rate + ti.select(c < 0.0, c, self.terms.release * c)
+
+    @ti.kernel
+    def find_shifts(self, n: ti.i32, q: ti.template()):
+        """u_i = -(q_i g_i + sum V_j q_j grad W_ij) [m]."""
+        for i in range(n):
+            u = -q[i] * self.particles.gradient[i]
+            for s in range(self.neighbours.start[i], self.neighbours.end[i]):
+                j = self.neighbours.index[s]
+                r_ij = self.particles.x[i] - self.particles.x[j]
+                u -= q[j] * self.slope[s] * r_ij
+            self.particles.shift[i] = u
+
+    @ti.kernel
+    def correct(self, n: ti.i32, q: ti.template(), omega: ti.f32, stride: ti.f32):
+        """q_i <- max(0, q_i + omega e_i/D_i), e_i what is left of the source; its mean and max."""
+        self.error_sum[None] = 0.0
+        self.error_max[None] = 0.0
+        for i in range(n):
+            u = self.particles.shift[i]
+            e = self.particles.source[i] + u.dot(self.particles.wall[i])
+            for s in range(self.neighbours.start[i], self.neighbours.end[i]):
+                j = self.neighbours.index[s]
+                r_ij = self.particles.x[i] - self.particles.x[j]
+                e += self.slope[s] * (u - self.particles.shift[j]).dot(r_ij)
+            d = ti.max(self.particles.diagonal[i], 1e-12)
+            # Compression left, and also expansion where a multiplier still pushes: either is error.
+            error = abs(ti.max(q[i] + e / d, 0.0) - q[i]) * d
+            # Chebyshev's semi-iteration: the step goes on from the last but one.
+            old = ti.select(stride > 1.0, self.particles.previous[i], q[i])
+            self.particles.previous[i] = q[i]
+            q[i] = ti.max(old + stride * (q[i] + omega * e / d - old), 0.0)
+            self.error_sum[None] += error
+            ti.atomic_max(self.error_max[None], error)
+
+    @ti.kernel
+    def scale(self, n: ti.i32, factor: ti.f32):
+        """Between pressure [Pa] and the multiplier q = dt^2 p/rho0 [m^2]."""
+        for i in range(n):
+            self.particles.pressure[i] *= factor
+
+    @ti.kernel
+    def displace(self, n: ti.i32):
+        """x += u of the position solve, at most `largest_shift` spacings; velocities stay."""
+        for i in range(n):
+            d = self.layers.spacing[self.particles.layer[i]]
+            u = self.particles.shift[i]
+            u *= ti.min(1.0, self.terms.largest_shift * d / ti.max(u.norm(), 1e-12))
+            x = self.particles.x[i] + u
+            self.particles.x[i] = ti.math.clamp(x, 0.0, self.size)
+
+    @ti.kernel
+    def push(
+        self,
+        n: ti.i32,
+        dt: ti.f32,
+        gravity: ti.math.vec3,
+        hand_x: ti.math.vec3,
+        hand_v: ti.math.vec3,
+        hand_radius: ti.f32,
+        hand_grip: ti.f32,
+    ):
+        """v* = v + dt (g + what the hand gives)."""
+        for i in range(n):
+            v = self.particles.v[i]
+            a = gravity
+            a += hand_acceleration(
+                self.particles.x[i], v, dt, hand_x, hand_v, hand_radius, hand_grip
+            )
+            self.particles.v[i] = v + dt * a
+
+    @ti.kernel
+    def move(self, n: ti.i32, dt: ti.f32):
+        """v = v* + u/dt, x += dt v; what would leave the box is stopped at its wall."""
+        self.top_rate[None] = 0.0
+        for i in range(n):
+            layer = self.particles.layer[i]
+            d = self.layers.spacing[layer]
+            u = self.particles.shift[i]
+            v = self.particles.v[i] + u / dt
+            q = self.particles.pressure[i] * dt * dt / self.terms.density
+            inner = (u + q * self.particles.wall[i]) / dt
+            self.internal_impulse[None] += self.layers.mass[layer] * inner
+            x = self.particles.x[i] + dt * v
+            for k in ti.static(range(3)):
+                if x[k] < 0.0 or x[k] > self.size[k]:
+                    x[k] = ti.math.clamp(x[k], 0.0, self.size[k])
+                    v[k] = -self.terms.restitution * v[k]
+            self.particles.x[i] = x
+            self.particles.v[i] = v
+            ti.atomic_max(self.top_rate[None], v.norm() / d)
