@@ -23,7 +23,7 @@ check: $(VENV)/dev
 	$(RUN) -m mypy
 
 bench: $(VENV)/dev
-	$(RUN) main.py bench
+	$(RUN) bench/fps.py
 	$(RUN) bench/table_5_1.py
 
 $(VENV)/play: pyproject.toml constraints.txt

@@ -20,13 +20,14 @@ from msph.scene.schema import Scene, parameters
 from msph.stage.benchmark import benchmark, table_row
 from msph.stage.controls import KEYS
 from msph.stage.loop import run
-from msph.stage.recorder import MESH, OutputError, Recorder, check_output
+from msph.stage.recorder import MESH, OutputError, Recorder, check_outputs, make_writable
 from msph.stage.show import Show
 from msph.stage.window import NoWindowError, Window, check_display
 
 # What `play` leaves behind where it cannot open a window.
 FALLBACK_SECONDS = 10.0
 FALLBACK_FPS = 30.0
+FALLBACK_SIZE = (1280, 720)
 STILL_TIME = 1.0
 # Exit codes: wrong input, and a run that went wrong.
 BAD_INPUT, BAD_RUN = 2, 1
@@ -101,8 +102,9 @@ def play(scene, size, frames, overrides, arch, threads):
         target = Path("out") / Path(scene).stem
         say(f"{reason}: capturing {FALLBACK_SECONDS:.0f} s of {scene} instead")
         outputs = [target.with_suffix(".mp4"), target.with_suffix(".png")]
+        check_outputs(outputs, [], [], FALLBACK_FPS)
         start(arch, threads)
-        record(loaded, outputs, FALLBACK_SECONDS, FALLBACK_FPS, (1280, 720), STILL_TIME)
+        record(loaded, outputs, FALLBACK_SECONDS, FALLBACK_FPS, FALLBACK_SIZE, STILL_TIME)
         return
     for key, meaning in KEYS:
         click.echo(f"  {key:18} {meaning}")
@@ -142,7 +144,7 @@ def play(scene, size, frames, overrides, arch, threads):
 )
 @click.option(
     "--fps",
-    type=click.FloatRange(min=0, min_open=True),
+    type=click.FloatRange(min=1, max=10000),
     default=30.0,
     show_default=True,
     help="Frames per simulated second.",
@@ -156,11 +158,7 @@ def capture(
     loaded = load_scene(scene, overrides)
     extra = [*meshes, *particles]
     outputs = list(outputs) or ([] if extra else [Path("out") / f"{Path(scene).stem}.mp4"])
-    for path in meshes:
-        if path.suffix not in MESH:
-            raise OutputError(f"{path}: a mesh is one of {', '.join(MESH)}")
-    for path in [*outputs, *extra]:
-        check_output(path)
+    check_outputs(outputs, list(meshes), list(particles), fps)
     start(arch, threads)
     record(loaded, [*outputs, *extra], seconds or loaded.duration, fps, size, resume=resume)
 
@@ -180,6 +178,8 @@ def bench(scenes, seconds, no_render, size, json_file, overrides, arch, threads)
     A frame is 1/60 s of simulated time. Exits with 1 when the water does not stay finite.
     """
     names = scenes or tuple(shipped_scenes())
+    if json_file:
+        make_writable(json_file)
     loaded = [(name, load_scene(name, overrides)) for name in names]
     arch = start(arch, threads)
     rows, failed = [], False
@@ -194,7 +194,6 @@ def bench(scenes, seconds, no_render, size, json_file, overrides, arch, threads)
         click.echo(f"arch {arch}, frames of 1/60 s, milliseconds per frame, medians by stage")
         click.echo(tabulate([table_row(r) for r in rows], headers="keys", tablefmt="github"))
     if json_file:
-        json_file.parent.mkdir(parents=True, exist_ok=True)
         json_file.write_text(json.dumps([r.as_dict() for r in rows], indent=2) + "\n")
     if failed:
         sys.exit(BAD_RUN)
@@ -209,7 +208,9 @@ def scenes(name, list_parameters):
         rows = [p.row() for p in parameters(Scene)]
         click.echo(tabulate(rows, headers="keys", tablefmt="simple"))
     elif name:
-        click.echo(find_scene(name).read_text(encoding="utf-8").rstrip())
+        path = find_scene(name)
+        read_toml(path)
+        click.echo(path.read_text(encoding="utf-8").rstrip())
     else:
         rows = []
         for key, path in shipped_scenes().items():
@@ -248,15 +249,16 @@ def record(
         show.resume(Path(resume))
     still = None if still_time is None else max(1, round(still_time * fps))
     recorder = Recorder(outputs, max(1, round(seconds * fps)), fps, still)
-    beside = re.sub(r"[_-]?%0?\d*d", "", str(outputs[0].with_suffix(".toml")))
-    Path(beside).write_text(to_toml(scene), encoding="utf-8")
+    # Never the name of a scene that somebody wrote: .scene.toml is ours.
+    beside = outputs[0].with_name(re.sub(r"[_-]?%0?\d?d", "", outputs[0].stem) + ".scene.toml")
+    beside.write_text(to_toml(scene), encoding="utf-8")
     try:
         run(show, recorder)
     except KeyboardInterrupt:
         say(f"stopped after {recorder.done} frames")
     for warning in show.warnings():
         say(f"warning: {warning}")
-    for path in [*outputs, Path(beside)]:
+    for path in [*outputs, beside]:
         click.echo(path)
 
 

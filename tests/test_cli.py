@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from msph.scene.library import shipped_scenes
-from tests.scenes_kit import write
+from tests.scenes_kit import TEXT, write
 
 
 def msph(*arguments, **options):
@@ -38,7 +38,9 @@ def test_scenes_lists_all_and_prints_one():
         (["play", "pool", "--set", "box.sise=3"], "box.sise: unknown key; did you mean 'size'?"),
         (["bench", "pool", "--set", "duration=soon"], "duration: input should be a valid number"),
         (["capture", "pool", "-o", "a.xyz"], "a.xyz: unknown kind of file"),
-        (["capture", "pool", "--mesh", "a_%04d.mp4"], "a mesh is one of .ply, .obj"),
+        (["capture", "pool", "--mesh", "a_%04d.mp4"], "known: .ply, .obj"),
+        (["capture", "pool", "--particles", "a.png"], "known: .npz, .csv"),
+        (["bench", "pool", "--json", "/dev/null/rows.json"], "/dev/null/rows.json: "),
         (["capture", "pool", "--size", "big"], "is no size such as 1280x720"),
         (["capture", "pool", "--seconds", "-1"], "-1.0 is not in the range x>0"),
         (["scenes", "pol"], "did you mean 'pool'?"),
@@ -79,11 +81,22 @@ def test_bench_of_water_that_blows_up_fails(tmp_path):
     assert "FAILED" in result.stderr
 
 
+def test_capture_never_overwrites_the_scene_it_was_given(tmp_path):
+    scene = write(tmp_path)
+    result = msph(
+        "capture", scene, "-o", tmp_path / "small.png", "--seconds", 0.01, "--size", "64x36"
+    )
+    assert result.returncode == 0, result.stderr
+    assert (tmp_path / "small.toml").read_text() == TEXT
+    assert "seed = 0" in (tmp_path / "small.scene.toml").read_text()
+
+
 def test_capture_resumes_from_a_checkpoint(tmp_path):
     scene, target = write(tmp_path), tmp_path / "p_%04d.npz"
     first = msph("capture", scene, "--particles", target, "--seconds", 0.1)
     assert first.returncode == 0, first.stderr
     last = tmp_path / "p_0002.npz"
+    assert (tmp_path / "p.scene.toml").exists()
     again = msph(
         *("capture", scene, "--particles", tmp_path / "q_%04d.npz", "--seconds", 0.1),
         *("--resume", last),

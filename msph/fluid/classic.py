@@ -15,9 +15,6 @@ from msph.fluid.layers import Layers
 from msph.fluid.neighbours import NeighbourList
 from msph.fluid.particles import Attribute, Particles
 
-PRESSURE_FORMS = ("mean", "squared", "product")
-VISCOSITY_FORMS = ("formula", "pseudocode")
-
 # Explicit viscosity is stable while dt < VISCOUS_NUMBER h^2 rho / mu (Morris et al. 1997, eq. 19).
 VISCOUS_NUMBER = 0.125
 
@@ -78,7 +75,7 @@ class Classic:
         self.own_kernels = any(s.wendland for s in layers.specs)
         self.symmetric = terms.pressure_form != "mean"
         self.neighbours = NeighbourList(grid, particles, self.reach(terms), self.LIST_MARGIN)
-        self.top_speed = ti.field(ti.f32, shape=())
+        self.farthest = ti.field(ti.f32, shape=())  # way of the fastest particle in a step [m]
         self.internal_impulse = ti.Vector.field(3, ti.f32, shape=())
         self.binned = False
 
@@ -116,7 +113,7 @@ class Classic:
             hand.radius,
             hand.grip,
         )
-        self.neighbours.moved(dt * self.top_speed[None])
+        self.neighbours.moved(self.farthest[None])
         self.binned = False
 
     def bin(self) -> None:
@@ -176,7 +173,7 @@ class Classic:
         its digits in single precision and lets dt change. Particles stop half a spacing from the
         walls. The internal impulse sum m a dt [N s] would be zero were pair forces antisymmetric.
         """
-        self.top_speed[None] = 0.0
+        self.farthest[None] = 0.0
         for i in range(n):
             layer = self.particles.layer[i]
             x, v = self.particles.x[i], self.particles.v[i]
@@ -185,6 +182,7 @@ class Classic:
             a += gravity * self.layers.gravity_factor[layer]
             a += hand_acceleration(x, v, dt, hand_x, hand_v, hand_radius, hand_grip)
             v += dt * a
+            start = x
             x += dt * v
             margin = 0.5 * self.layers.spacing[layer]
             for k in ti.static(range(3)):
@@ -195,7 +193,7 @@ class Classic:
                     v[k] = -self.terms.restitution * v[k]
             self.particles.x[i] = x
             self.particles.v[i] = v
-            ti.atomic_max(self.top_speed[None], v.norm())
+            ti.atomic_max(self.farthest[None], (x - start).norm())
 
     @ti.func
     def _density_kernel(self, r, h, layer):

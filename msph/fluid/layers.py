@@ -68,7 +68,3 @@ class Layers:
     @property
     def finest(self) -> LayerSpec:
         return min(self.specs, key=lambda s: s.mass)
-
-    @property
-    def coarsest(self) -> LayerSpec:
-        return max(self.specs, key=lambda s: s.mass)

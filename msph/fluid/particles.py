@@ -93,6 +93,22 @@ class Particles:
         """One attribute of the live particles, (count,) or (count, width)."""
         return self.fields[name].to_numpy()[: self.count]
 
+    def check(self, values: dict[str, np.ndarray]) -> None:
+        """Raises ValueError unless the arrays are carried attributes of 1 to capacity particles."""
+        n = len(values["x"]) if values["x"].ndim == 2 else 0
+        if not 1 <= n <= self.capacity:
+            raise ValueError(f"it has {n} particles, the pool holds 1 to {self.capacity}")
+        for name, array in values.items():
+            attribute = self.attributes.get(name)
+            if attribute is None:
+                raise ValueError(f"unknown attribute {name}")
+            shape = (n,) if attribute.width == 1 else (n, attribute.width)
+            kind = np.integer if attribute.integer else np.floating
+            if array.shape != shape or not np.issubdtype(array.dtype, kind):
+                raise ValueError(f"{name} is {array.dtype} of shape {array.shape}, not {shape}")
+            if not np.all(np.isfinite(array)):
+                raise ValueError(f"{name} is not finite")
+
     def state(self) -> dict[str, np.ndarray]:
         """Every carried attribute of the live particles: what a checkpoint holds."""
         return {a.name: self.numpy(a.name) for a in self.attributes.values() if a.carried}

@@ -16,15 +16,24 @@ from msph.fluid.particles import Particles
 Stage = Callable[[str], AbstractContextManager]
 
 
-def bytes_needed(
+# Bytes of an i32 or f32, the only numbers that fields hold.
+WORD = 4
+
+
+def footprint(
     size: tuple[float, float, float], specs: list[LayerSpec], count: int, terms: Terms
-) -> int:
-    """Device memory [bytes] for `count` particles in a box of the given size [m]."""
+) -> dict[str, int]:
+    """Numbers (of WORD bytes) that `count` particles in a box of `size` [m] need, by purpose."""
     solver = SOLVERS[type(terms)]
-    cells = sum(math.prod(grid_shape(size, s.support)) for s in specs)
-    listed = count * neighbours_provided(specs, solver.LIST_MARGIN, solver.reach(terms))
-    per_particle = Particles.bytes_per_particle(solver.attributes) + 4 * 4
-    return 8 * cells + 8 * listed + per_particle * count
+    return {
+        "cells": 2 * sum(math.prod(grid_shape(size, s.support)) for s in specs),
+        # Per entry the neighbour, and what a solver stores beside it.
+        "neighbours": 2
+        * count
+        * neighbours_provided(specs, solver.LIST_MARGIN, solver.reach(terms)),
+        # Attributes, and place, cell, start and end of the sort and the list.
+        "particles": count * (Particles.bytes_per_particle(solver.attributes) // WORD + 4),
+    }
 
 
 class Simulation:
@@ -52,7 +61,7 @@ class Simulation:
 
     def reset(self) -> None:
         """Back to the initial state at time zero."""
-        self.restore({"time": np.float64(0.0), "steps": np.int64(0), **self.initial})
+        self._start(dict(self.initial), 0.0, 0)
 
     def advance(self, duration: float, forcing: Forcing, stage: Stage | None = None) -> None:
         """Simulates `duration` [s] in steps no longer than the solver allows.
@@ -80,19 +89,33 @@ class Simulation:
         return np.bincount(self.particles.numpy("layer"), minlength=self.layers.count).tolist()
 
     def state(self) -> dict[str, np.ndarray]:
-        """A checkpoint: every carried attribute, the time and the step count."""
+        """A checkpoint: every carried attribute, the time, the step count, and whose it is."""
         progress = {"time": np.float64(self.time), "steps": np.int64(self.steps)}
-        return {**progress, **self.particles.state()}
+        return {**progress, "fluid": self.fingerprint(), **self.particles.state()}
+
+    def fingerprint(self) -> np.ndarray:
+        """Box [m] and masses [kg] of the layers: what a checkpoint must share with the scene."""
+        return np.array([*self.size, *(s.mass for s in self.layers.specs)])
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
-        """Goes on from a state(). Raises ValueError if it does not belong to this scene."""
+        """Goes on from a state(). Raises ValueError if it does not belong to this fluid."""
         attributes = dict(state)
-        time, steps = float(attributes.pop("time")), int(attributes.pop("steps"))
-        unknown = set(attributes) - set(self.particles.attributes)
-        if unknown:
-            raise ValueError(f"unknown attributes: {', '.join(sorted(unknown))}")
-        if attributes["layer"].max(initial=0) >= self.layers.count:
-            raise ValueError(f"it has layers beyond the scene's {self.layers.count}")
+        missing = {"time", "steps", "fluid", *self.particles.state()} - set(attributes)
+        if missing:
+            raise ValueError(f"it lacks {', '.join(sorted(missing))}")
+        time, steps = attributes.pop("time"), attributes.pop("steps")
+        fluid, own = attributes.pop("fluid"), self.fingerprint()
+        if fluid.shape != own.shape or not np.allclose(fluid, own):
+            raise ValueError("box or layers are not those of the scene")
+        self.particles.check(attributes)
+        x, layer = attributes["x"], attributes["layer"]
+        if np.any(x < 0.0) or np.any(x > np.array(self.size, np.float32)):
+            raise ValueError("it has particles outside the box")
+        if layer.min() < 0 or layer.max() >= self.layers.count:
+            raise ValueError(f"it has layers that are none of the scene's {self.layers.count}")
+        self._start(attributes, float(time), int(steps))
+
+    def _start(self, attributes: dict[str, np.ndarray], time: float, steps: int) -> None:
         self.particles.fill(**attributes)
         self.time, self.steps = time, steps
         self.solver.reset()

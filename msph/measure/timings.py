@@ -1,6 +1,7 @@
 """Wall-clock time per frame and stage. Off, it costs nothing."""
 
 import resource
+import sys
 import time
 from collections import defaultdict
 from contextlib import contextmanager
@@ -44,5 +45,6 @@ class Timings:
 
 
 def peak_memory() -> int:
-    """Largest resident size of this process so far [bytes]."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+    """Largest resident size of this process so far [bytes], earlier runs within it included."""
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit

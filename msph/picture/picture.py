@@ -116,4 +116,5 @@ class Picture:
         shot = self.lens.numbers
         d = shot["origin"] + i * shot["du"] + j * shot["dv"]
         n = np.cross(b - a, c - a)
-        return shot["eye"] + d * np.dot(a - shot["eye"], n) / np.dot(d, n)
+        slope = np.dot(d, n)
+        return shot["eye"] + d * np.dot(a - shot["eye"], n) / slope if slope else None

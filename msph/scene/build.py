@@ -47,6 +47,12 @@ def sway_angle(scene: Scene, time: float) -> float:
     return math.radians(sway.angle) * math.sin(2.0 * math.pi * time / sway.period)
 
 
+def turn(azimuth: float) -> np.ndarray:
+    """Rotation by `azimuth` [rad] about y, (3, 3): world axes to those of a camera's orbit."""
+    c, s = math.cos(azimuth), math.sin(azimuth)
+    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+
+
 def rotation(roll: float, pitch: float) -> np.ndarray:
     """Rotation box -> world, (3, 3): `roll` [rad] about z, then `pitch` [rad] about x."""
     cr, sr, cp, sp = math.cos(roll), math.sin(roll), math.cos(pitch), math.sin(pitch)

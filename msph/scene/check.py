@@ -6,19 +6,23 @@ import itertools
 import numpy as np
 import psutil
 
+from msph.fluid.layers import LayerSpec
 from msph.fluid.methods import ATTRIBUTES
 from msph.fluid.particles import CORE
-from msph.fluid.simulation import bytes_needed
+from msph.fluid.simulation import WORD, footprint
 from msph.scene.build import solver_terms
 from msph.scene.errors import SceneError
 from msph.scene.schema import Scene, Water
 from msph.scene.water import bounds, expected_count, layer_specs
+from msph.surface.surface import Surface
 
 # How far bodies of water may touch or reach over the box before it counts as an error [m]:
 # rounding in a scene file, not a design.
 TOLERANCE = 1e-6
 # Share of the free memory that a scene may take.
 MEMORY_SHARE = 0.8
+# Indices are 32-bit integers.
+MOST_NUMBERS = 2**31 - 1
 # Views that are no attribute, or come first.
 _DERIVED = ("water", "layer", "speed", "density_error")
 
@@ -48,20 +52,41 @@ def check(scene: Scene, where: str) -> None:
                 f"is {min(scene.box.size):.3g} m",
                 f"layers.{i}",
             )
+    finest = min(s.support for s in specs)
+    coarsest_cell = 0.5 * scene.surface.smoothing * finest
+    if scene.surface.cell * min(s.spacing for s in specs) > coarsest_cell:
+        most = coarsest_cell / min(s.spacing for s in specs)
+        raise SceneError(
+            where,
+            f"is too coarse for a kernel of {scene.surface.smoothing:g} supports; at most "
+            f"{most:.2f} here (got {scene.surface.cell:g})",
+            "surface.cell",
+        )
     for i, water in enumerate(scene.water):
         _check_water(scene, water, where, f"water.{i}")
     for (i, a), (j, b) in itertools.combinations(enumerate(scene.water), 2):
         if _overlap(a, b):
             raise SceneError(where, f"overlaps water.{i}", f"water.{j}")
-    counts = [expected_count(w, specs[w.layer]) for w in scene.water]
-    needed = bytes_needed(scene.box.size, specs, sum(counts), solver_terms(scene))
+    _check_memory(scene, specs, where)
+
+
+def _check_memory(scene: Scene, specs: list[LayerSpec], where: str) -> None:
+    """Everything that is allocated but the picture, whose size is no part of the scene."""
+    count = sum(expected_count(w, specs[w.layer]) for w in scene.water)
+    cell = scene.surface.cell * min(s.spacing for s in specs)
+    needs = footprint(scene.box.size, specs, count, solver_terms(scene))
+    needs["surface"] = Surface.bytes_needed(scene.box.size, cell) // WORD
+    keys = {"cells": "box.size", "neighbours": "water", "particles": "water"}
+    keys["surface"] = "surface.cell"
+    largest = max(needs, key=lambda name: needs[name])
     free = psutil.virtual_memory().available * MEMORY_SHARE
-    if needed > free:
+    if WORD * sum(needs.values()) > free or needs[largest] > MOST_NUMBERS:
         raise SceneError(
             where,
-            f"about {sum(counts):,} particles need {needed / 2**30:.1f} GiB, "
+            f"{count:,} particles in a box of {_point(scene.box.size)} m need "
+            f"{WORD * sum(needs.values()) / 2**30:.1f} GiB, most of it for {largest}; "
             f"{free / 2**30:.1f} GiB are free",
-            "water",
+            keys[largest],
         )
 
 

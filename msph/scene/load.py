@@ -83,7 +83,10 @@ def choose_variant(data: dict, settings: list[tuple[str, Any]], where: str) -> d
     if not isinstance(variants, dict) or str(chosen) not in variants:
         known = ", ".join(variants) if variants else "none in this scene"
         raise SceneError(where, f"unknown variant {chosen!r}; known: {known}", "variant")
-    return merge(data, variants[str(chosen)])
+    change = variants[str(chosen)]
+    if not isinstance(change, dict):
+        raise SceneError(where, "is no table of changes", f"variants.{chosen}")
+    return merge(data, change)
 
 
 def merge(base: dict, change: dict) -> dict:

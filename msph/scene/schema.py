@@ -32,9 +32,10 @@ class Section(BaseModel):
 
 
 Number = Annotated[float, Field(strict=True)]
-Positive = Annotated[float, Field(strict=True, gt=0.0)]
+# Edges of a box [m]: beyond these single precision cannot place particles.
+Edge = Annotated[float, Field(strict=True, ge=1e-3, le=1e4)]
 Vector = Annotated[tuple[Number, Number, Number], Field(strict=False)]
-Size = Annotated[tuple[Positive, Positive, Positive], Field(strict=False)]
+Size = Annotated[tuple[Edge, Edge, Edge], Field(strict=False)]
 
 _terms, _project, _look = ClassicTerms(), ProjectionTerms(), Look()
 
@@ -51,9 +52,9 @@ class Box(Section):
 class Layer(Section):
     """A particle size. Give its mass or its spacing; one follows from the other."""
 
-    mass: float | None = parameter(None, gt=0.0, unit="kg", text="mass of one particle")
+    mass: float | None = parameter(None, gt=1e-12, le=1e9, unit="kg", text="mass of one particle")
     spacing: float | None = parameter(
-        None, gt=0.0, unit="m", text="edge of the cube that one particle fills at rest"
+        None, gt=1e-5, le=1e3, unit="m", text="edge of the cube that one particle fills at rest"
     )
     smoothing: float = parameter(
         2.0, ge=1.2, le=4.0, text="support radius over spacing, h/d, where kernels vanish"
@@ -173,8 +174,8 @@ class Camera(Section):
     """Where the picture is seen from: an orbit around the middle of the box."""
 
     azimuth: float = parameter(30.0, ge=-360.0, le=360.0, unit="deg", text="turn about y")
-    elevation: float = parameter(21.0, ge=-5.0, le=89.0, unit="deg", text="height over the horizon")
-    zoom: float = parameter(1.0, ge=0.2, le=5.0, text="1 shows the whole box, 2 half of it")
+    elevation: float = parameter(21.0, ge=3.0, le=88.0, unit="deg", text="height over the horizon")
+    zoom: float = parameter(1.0, ge=0.25, le=2.8, text="1 shows the whole box, 2 half of it")
     fov: float = parameter(41.0, ge=10.0, le=90.0, unit="deg", text="vertical angle of view")
 
 
@@ -194,7 +195,7 @@ class Picture(Section):
     """How the water is drawn."""
 
     view: str = parameter(
-        "water", text="water, density_error, or the name of any particle attribute"
+        "water", text="water, layer, speed, density_error, or another particle attribute"
     )
     caustics: bool = parameter(_look.caustics, text="light gathered by the waves on the floor")
     tint: float = parameter(
@@ -226,7 +227,9 @@ class Scene(Section):
     method: Literal["classic", "projection"] = parameter(
         "classic", text="the solver: the thesis's, or the incompressible, conserving one"
     )
-    density: float = parameter(1000.0, gt=0.0, unit="kg/m^3", text="rest density of the water")
+    density: float = parameter(
+        1000.0, ge=1.0, le=1e5, unit="kg/m^3", text="rest density of the water"
+    )
     gravity: Vector = parameter((0.0, -9.81, 0.0), unit="m/s^2", text="gravity")
     duration: float = parameter(10.0, gt=0.0, unit="s", text="simulated time of a capture or bench")
     seed: int = parameter(0, ge=0, text="seed of the initial jitter")

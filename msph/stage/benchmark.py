@@ -98,7 +98,7 @@ def table_row(result: Result) -> dict[str, str]:
         "bin solve surface picture": stages,
         "fps": f"{result.frames_per_second:.0f}",
         "sim s / wall s": f"{result.simulated_per_wall:.2f}",
-        "MiB": f"{result.peak_memory_mib:.0f}",
+        "process MiB": f"{result.peak_memory_mib:.0f}",
         "density err mean/max %": f"{100 * result.density_error_mean:.2f} / "
         f"{100 * result.density_error_max:.1f}",
         "volume err %": f"{100 * result.volume_error:+.1f}",

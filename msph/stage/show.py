@@ -16,7 +16,7 @@ from msph.measure.timings import Timings
 from msph.picture.camera import Camera
 from msph.picture.look import Look
 from msph.picture.picture import Picture
-from msph.scene.build import build_simulation, rotation, sway_angle
+from msph.scene.build import build_simulation, rotation, sway_angle, turn
 from msph.scene.errors import SceneError
 from msph.scene.schema import Scene
 from msph.stage.controls import Controls
@@ -109,8 +109,10 @@ class Show:
 
     def _force(self, controls: Controls) -> Forcing:
         """The pool turns and gravity stays: in the pool's frame gravity turns the other way."""
-        roll = sway_angle(self.scene, self.simulation.time) + controls.tilt[0]
-        self.tilt = rotation(roll, controls.tilt[1])
+        # Keys tilt as seen: right and away are the camera's, on the horizon.
+        view = turn(self.camera.azimuth) if self.picture else np.eye(3)
+        by_hand = view @ rotation(*controls.tilt) @ view.T
+        self.tilt = by_hand @ rotation(sway_angle(self.scene, self.simulation.time), 0.0)
         gx, gy, gz = (self.tilt.T @ np.array(self.scene.gravity)).tolist()
         return Forcing((gx, gy, gz), controls.hand)
 
@@ -150,14 +152,29 @@ class Show:
         try:
             with np.load(checkpoint) as state:
                 self.simulation.restore(dict(state))
-        except (ValueError, KeyError, OSError, zipfile.BadZipFile) as error:
+        except (ValueError, TypeError, AttributeError, OSError, zipfile.BadZipFile) as error:
             raise SceneError(checkpoint.name, f"is no checkpoint of this scene: {error}") from None
+        self.counts = self.simulation.counts()
         self.ledger.clear()
 
     def reset(self) -> None:
         """Back to the scene's start; the point of view stays."""
         self.simulation.reset()
+        self.counts = self.simulation.counts()
         self.ledger.clear()
+
+    def pick(self, i: int, j: int) -> np.ndarray | None:
+        """Point of the water [m], box frame, seen under the pixel (i right, j up), or None."""
+        if self.views.name == "water":
+            return self.picture.pick(i, j)
+        size, sim = (self.picture.width, self.picture.height), self.simulation
+        eye, direction = self.camera.box_ray(i, j, *size, sim.size, self.tilt)
+        x = sim.particles.numpy("x") - eye
+        depth = x @ direction
+        aside = np.linalg.norm(x - depth[:, None] * direction, axis=1)
+        radius = 0.5 * np.array([s.spacing for s in sim.layers.specs])
+        seen = np.flatnonzero((aside < radius[sim.particles.numpy("layer")]) & (depth > 0.0))
+        return eye + depth[seen].min() * direction if len(seen) else None
 
     def volume_error(self) -> float:
         """Volume of the surface over the volume of the water at rest density, less one (-)."""

@@ -1,23 +1,27 @@
 """The window: GGUI shows the picture and brings keys and mouse."""
 
+import contextlib
 import ctypes
 import math
 import os
 import sys
 import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import taichi as ti
 
 from msph.fluid.forcing import Hand
-from msph.stage.controls import KEYS, Controls
+from msph.stage.controls import Controls
 from msph.stage.show import Show
 
 ORBIT_PER_WIDTH = math.radians(200.0)  # a drag across the whole window turns the view so far
 ORBIT_KEY_RATE = math.radians(70.0)  # [rad/s]
 ZOOM_KEY_RATE = 1.5  # [1/s], as the logarithm of the distance
-PANEL = (0.01, 0.01, 0.27, 0.36)  # x, y, width, height of the panel, as shares of the window
+PANEL = (0.01, 0.01, 0.30, 0.22)  # x, y, width, height of the panel, as shares of the window
+SETTINGS = Path("imgui.ini")  # where the panel's library leaves its state, unasked
+MARKER_RADIUS = 0.008  # of the marker under a pushing cursor, as a share of the window's height
 SMOOTHING = 0.9  # weight of the past in the displayed frame rate
 
 
@@ -56,8 +60,10 @@ class Window:
     def __init__(self, title: str, size: tuple[int, int], frames: int | None = None):
         check_display()
         self.size, self.frames = size, frames
+        self.had_settings = SETTINGS.exists()
         try:
-            self.window = ti.ui.Window(title, size, vsync=True)
+            with silence():
+                self.window = ti.ui.Window(title, size, vsync=True)
         except RuntimeError as error:
             raise NoWindowError(f"no window: {error}") from None
         self.canvas = self.window.get_canvas()
@@ -129,7 +135,7 @@ class Window:
         i, j = self.cursor * size
         eye, direction = show.camera.box_ray(i, j, *size, show.simulation.size, show.tilt)
         if self.grab is None:
-            hit = show.picture.pick(int(i), int(j))
+            hit = show.pick(int(i), int(j))
             if hit is None:
                 return Hand()
             self.grab = np.asarray(hit)
@@ -163,26 +169,42 @@ class Window:
     def _draw_hand(self) -> None:
         """A marker under the cursor: GGUI hides it while the left button is down."""
         self.marker[0] = self.cursor.tolist()
-        self.canvas.circles(self.marker, radius=0.008, color=(1.0, 0.95, 0.7))
+        self.canvas.circles(self.marker, radius=MARKER_RADIUS, color=(1.0, 0.95, 0.7))
 
     def _draw_panel(self, show: Show) -> None:
         rate = show.frame_time / self.wall
         with self.gui.sub_window("M-SPH", *PANEL):
             self.gui.text(f"{1.0 / self.wall:5.1f} frames/s")
-            slow = "" if rate > 0.97 else "  (slow motion)"
-            paused = "  (paused)" if self.paused else slow
+            slow = "" if rate > 0.97 else " slow motion"
+            paused = " paused" if self.paused else slow
             self.gui.text(f"time {show.simulation.time:6.2f} s  x{rate:.2f}{paused}")
-            self.gui.text(f"particles {sum(show.counts)} = {' + '.join(map(str, show.counts))}")
+            self.gui.text(f"{sum(show.counts)} particles in {len(show.counts)} layers")
             if show.ledger.entries:
                 entry = show.ledger.entries[-1]
                 self.gui.text(f"density error {100 * entry.density_error_mean:.2f} %")
                 self.gui.text(f"energy {entry.energy:.1f} J")
             self.gui.text(f"view: {show.views.name}")
-            for key, meaning in KEYS:
-                self.gui.text(f"{key}: {meaning}")
 
     def close(self) -> None:
         self.window.destroy()
+        if not self.had_settings:
+            SETTINGS.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def silence():
+    """Keeps what libraries print past Python from the terminal: we say it in our own line."""
+    saved = [os.dup(fd) for fd in (1, 2)]
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        for fd in (1, 2):
+            os.dup2(nowhere, fd)
+        yield
+    finally:
+        for fd, copy in zip((1, 2), saved, strict=True):
+            os.dup2(copy, fd)
+            os.close(copy)
+        os.close(nowhere)
 
 
 def _inside(point: np.ndarray, panel: tuple[float, float, float, float]) -> bool:

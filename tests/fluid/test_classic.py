@@ -145,12 +145,27 @@ def test_free_fall_follows_position_verlet_and_the_layers_gravity(lone):
 
 def test_wall_reflects_with_its_restitution(lone):
     lone.reset()
-    for _ in range(3):
-        lone.solver.step(0.1, Forcing(gravity=(40.0, 0.0, 0.0)))
+    sideways, dt = 40.0, 0.1
+    # 0.3 m/s, and 40 m/s^2 for two steps: past the wall in the second.
+    speeds = []
+    for _ in range(2):
+        speeds.append(lone.particles.numpy("v")[0, 0])
+        lone.solver.step(dt, Forcing(gravity=(sideways, 0.0, 0.0)))
     x, v = lone.particles.numpy("x")[0], lone.particles.numpy("v")[0]
     margin = 0.5 * lone.layers.specs[0].spacing
-    assert v[0] < 0.0
+    before = speeds[-1] + dt * sideways * 0.5
+    assert v[0] == pytest.approx(-0.5 * before, rel=1e-5)
     assert margin <= x[0] <= SIZE[0] - margin
+
+
+def test_list_knows_how_far_the_fastest_went(lone):
+    """Also where a wall took the speed that it went with."""
+    lone.reset()
+    for _ in range(4):
+        before = lone.particles.numpy("x")[0]
+        lone.solver.step(0.1, Forcing(gravity=(40.0, 0.0, 0.0)))
+        way = np.linalg.norm(lone.particles.numpy("x")[0] - before)
+        assert lone.solver.farthest[None] == pytest.approx(way, rel=1e-4, abs=1e-6)
 
 
 def test_hand_drags_water_to_its_own_velocity_and_no_farther(lone):
@@ -218,12 +233,24 @@ def test_checkpoint_restores_every_digit(column):
         assert np.array_equal(state[name][order], again[name][order_again])
 
 
-def test_checkpoint_of_another_scene_is_refused(column):
+SPOILT = {
+    "unknown attribute colour": lambda s: {**s, "colour": s["density"]},
+    "it lacks v": lambda s: {k: a for k, a in s.items() if k != "v"},
+    "none of the scene's 1": lambda s: {**s, "layer": s["layer"] - 5},
+    "outside the box": lambda s: {**s, "x": s["x"] + 100},
+    "layer is .* not": lambda s: {**s, "layer": s["layer"].astype(str)},
+    "not finite": lambda s: {**s, "v": s["v"] * np.nan},
+    "it has 0 particles": lambda s: {k: a[:0] if a.ndim else a for k, a in s.items()}
+    | {"fluid": s["fluid"]},
+    "not those of the scene": lambda s: {**s, "fluid": s["fluid"] * 2},
+}
+
+
+@pytest.mark.parametrize("message", SPOILT)
+def test_checkpoint_that_does_not_fit_is_refused(column, message):
     state = column.state()
-    with pytest.raises(ValueError, match="beyond the scene's 1"):
-        column.restore({**state, "layer": state["layer"] + 1})
-    with pytest.raises(ValueError, match="unknown attributes: colour"):
-        column.restore({**state, "colour": state["layer"]})
+    with pytest.raises(ValueError, match=message):
+        column.restore(SPOILT[message](state))
 
 
 def test_attraction_pulls_the_surface_inwards():

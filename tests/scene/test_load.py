@@ -40,11 +40,11 @@ BAD = {
 }
 
 BAD_OVERRIDES = {
-    "box.size=[1, 0, 1]": "box.size.1: input should be greater than 0 (got 0)",
+    "box.size=[1, 0, 1]": "box.size.1: input should be greater than or equal to 0.001 (got 0)",
     "box.size=[1, 1]": "box.size",
     "layers=[]": "layers: ",
     "water=[]": "water: ",
-    "layers.0.mass=0": "layers.0.mass: input should be greater than 0 (got 0)",
+    "layers.0.mass=0": "layers.0.mass: input should be greater than 0.000000000001 (got 0)",
     "layers.0.spacing=0.1": "layers.0: give either mass or spacing",
     "layers.0.mass=2000": "layers.0: particles of 1.26 m do not fit in the box",
     "layers.9.mass=1": "layers.9.mass: expected an index from 0 to 1, got '9'",
@@ -53,7 +53,11 @@ BAD_OVERRIDES = {
     "water.0.layer=2": "water.0.layer: there are 2 layers, no layer 2",
     "water.0.radius=0.1": "water.0: give either lo and hi, or centre and radius",
     "water.0.count=99999": "water.0.count: 99999 particles do not fit, there is room for",
-    "layers.0.mass=1e-9": "water: about 500,000,000,000 particles need",
+    "layers.0.mass=1e-9": "water: 500,000,000,000 particles in a box of (1, 1, 1) m need",
+    "box.size=[9999, 9999, 9999]": "GiB, most of it for surface",
+    "surface.cell=2": "surface.cell: is too coarse for a kernel of 1 supports; at most 1.00 here",
+    "layers.0.spacing=1e-200": "layers.0.spacing: input should be greater than 0.00001",
+    "density=1e30": "density: input should be less than or equal to 100000",
     "duration": "--set: duration: expects key=value",
     "variant=four": "--set: variant: unknown variant 'four'; known: none in this scene",
     "title.text=1": "title: input should be a valid string (got {'text': 1})",

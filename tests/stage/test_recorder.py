@@ -9,14 +9,15 @@ import imageio.v2 as imageio
 import numpy as np
 import pytest
 import trimesh
+from PIL import Image
 
 from msph.scene import load_scene
 from msph.stage.loop import run
-from msph.stage.recorder import OutputError, Recorder
+from msph.stage.recorder import OutputError, Recorder, check_outputs
 from msph.stage.show import Show
 from tests.scenes_kit import write
 
-SIZE = (162, 90)
+SIZE = (163, 91)
 FPS = 30.0
 
 
@@ -42,7 +43,8 @@ def test_video_plays_back_every_frame(recorded, name):
     reader = imageio.get_reader(recorded / name)
     frames = [frame for frame in reader.iter_data()]
     assert len(frames) == 4
-    assert frames[0].shape[:2] == (SIZE[1], SIZE[0])
+    even = (SIZE[1] // 2 * 2, SIZE[0] // 2 * 2)
+    assert frames[0].shape[:2] == (even if name.endswith("mp4") else SIZE[::-1])
     assert frames[0].std() > 5.0
 
 
@@ -78,11 +80,36 @@ def test_tables_hold_every_particle(recorded, show):
         ("a.avi3", "unknown kind of file"),
         ("m.ply", "needs a frame number"),
         ("a_%03d.mp4", "leave out the frame number"),
+        ("a_%02d_%02d.png", "more than one place"),
     ],
 )
 def test_output_that_cannot_be_is_refused_at_once(tmp_path, name, message):
+    path = tmp_path / name
+    mesh = path.suffix in (".ply", ".obj")
     with pytest.raises(OutputError, match=message):
-        Recorder([tmp_path / name], 1, FPS, bar=False)
+        check_outputs([] if mesh else [path], [path] if mesh else [], [], FPS)
+
+
+def test_outputs_that_clash_or_have_no_place_are_refused(tmp_path):
+    video, gif = tmp_path / "a.mp4", tmp_path / "a.gif"
+    with pytest.raises(OutputError, match="named twice"):
+        check_outputs([video, video], [], [], FPS)
+    with pytest.raises(OutputError, match="at most 50 frames per second"):
+        check_outputs([gif], [], [], 60.0)
+    (tmp_path / "file").touch()
+    with pytest.raises(OutputError, match=r"file/a\.mp4: (file exists|not a directory)"):
+        check_outputs([tmp_path / "file" / "a.mp4"], [], [], FPS)
+    check_outputs([tmp_path / "new" / "deep" / "a.mp4"], [], [], FPS)
+    assert (tmp_path / "new" / "deep").is_dir()
+
+
+def test_gif_takes_the_time_that_it_shows(recorded):
+    with Image.open(recorded / "a.gif") as gif:
+        times = []
+        for k in range(gif.n_frames):
+            gif.seek(k)
+            times.append(gif.info["duration"])
+    assert sum(times) == pytest.approx(1000.0 * 4 / FPS, abs=10.0)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="sends an interrupt")
@@ -103,4 +130,4 @@ def test_interrupt_leaves_a_playable_file(tmp_path):
     assert process.returncode == 0
     assert "stopped after" in rest
     assert sum(1 for _ in imageio.get_reader(target)) > 1
-    assert (Path(tmp_path) / "cut.toml").exists()
+    assert (Path(tmp_path) / "cut.scene.toml").exists()

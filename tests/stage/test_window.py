@@ -105,10 +105,22 @@ def test_window_opens_obeys_keys_and_shows_water(display, tmp_path):
         screen.do("key", "v")
         particles = screen.look()
         assert np.abs(particles - paused).mean() > 2.0
-        screen.do("key", "v", "v", "v", "v", "v", "v")
         screen.do("keydown", "d")
         screen.do("keyup", "d")
-        assert np.abs(screen.look() - paused).mean() > 2.0
+        turned = screen.look()
+        assert np.abs(turned - particles).mean() > 1.0
+        screen.do("keydown", "Right")
+        screen.do("keyup", "Right")
+        assert np.abs(screen.look() - turned).mean() > 1.0
+        # A push in a view of particles, and one in the view of the water.
+        screen.do("key", "space")
+        for _ in range(2):
+            screen.do("mousemove", WIDTH // 2, HEIGHT * 2 // 3, "mousedown", 1)
+            screen.do("mousemove", WIDTH // 2 + 60, HEIGHT * 2 // 3)
+            screen.do("mouseup", 1)
+            screen.do("key", "r")
+            screen.do("key", *["v"] * 6)
+        assert process.poll() is None
         screen.do("key", "q")
         assert process.wait(timeout=20) == 0
     finally:
