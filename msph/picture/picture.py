@@ -47,26 +47,32 @@ class Picture:
         self.seen = None
 
     def aim(self, camera, tilt):
-        """Set the lens for this frame; the backdrop is drawn anew if the view changed."""
+        """Set the lens for this frame; returns whether the view changed."""
         seen = (camera.state(), None if tilt is None else np.asarray(tilt, float).tobytes())
-        if seen != self.seen:
+        changed = seen != self.seen
+        if changed:
             w, h = self.width * self.rays, self.height * self.rays
             self.lens.set(shoot(camera, tilt, self.box, w, h, self.look))
-            self.backdrop.draw()
             self.seen = seen
+        return changed
 
     def draw_water(self, camera, tilt=None):
         """The water's mesh in its pool; tilt: 3x3 rotation of the box about its centre."""
-        self.aim(camera, tilt)
-        self.render()
+        changed = self.aim(camera, tilt)
+        self.rasterise()
+        self.backdrop.refresh(changed, self.raster)
+        self.shade()
         self.resolve()
 
     @ti.kernel
-    def render(self):
-        """The water picture in one launch: each of these passes is a row of parallel loops."""
+    def rasterise(self):
+        """The visibility buffer and the light, each pass a row of parallel loops."""
         self.raster.clear()
         self.light.cast(self.skin)
         self.raster.draw_mesh(self.mesh, self.skin)
+
+    @ti.kernel
+    def shade(self):
         self.water.shade(self.skin, self.canvas)
 
     def draw_particles(self, camera, tilt, x, value, lo, hi, n, radius=None, layers=None):
@@ -74,7 +80,7 @@ class Picture:
 
         radius: a f32 field [m]; or layers: the pair (layer of each particle, spacing of a layer).
         """
-        self.aim(camera, tilt)
+        self.backdrop.refresh(self.aim(camera, tilt))
         self.particles.draw(x, self.radius_of(radius, layers), value, lo, hi, n, self.canvas)
         self.resolve()
 

@@ -171,17 +171,18 @@ class Pool:
         return ti.math.clamp((width - (room + INFINITE * across).min()) / footprint + 0.5, 0.0, 1.0)
 
     @ti.func
-    def view(self, d, beyond, shot: ti.template()):
+    def view(self, d, beyond, hidden, shot: ti.template()):
         """Linear colour without water along the eye ray d (unit), and opacity of edges before it.
 
-        beyond: what the ray would meet without the box. Returns (r, g, b, opacity).
+        beyond: what the ray would meet without the box; hidden: whether water takes its place, so
+        that only the opacity counts. Returns (r, g, b, opacity).
         """
         colour, rim = beyond, 0.0
         near, far, way_in, axis = self.cross(d, shot)
         hit = far > ti.max(near, 0.0)
         width = RIM_WIDTH * shot.size.max()
         low = along(d, axis) < 0.0
-        if hit and self.is_tiled(axis, low, shot):
+        if hit and not hidden and self.is_tiled(axis, low, shot):
             p = shot.eye + d * far
             footprint = shot.pixel * far / ti.max(abs(along(d, axis)), FLATTEST)
             line = self.edge(p, axis, 0.5 * width, footprint, shot)
@@ -192,7 +193,7 @@ class Pool:
             footprint = shot.pixel * near / ti.max(steep, FLATTEST)
             p = shot.eye + d * near
             rim = RIM_STRENGTH * self.edge(p, way_in, width, footprint, shot)
-            if way_in != 1:  # a pane mirrors its surroundings faintly
+            if way_in != 1 and not hidden:  # a pane mirrors its surroundings faintly
                 mirrored = d * vec3(1 - 2 * (way_in == 0), 1, 1 - 2 * (way_in == 2))
                 share = GLASS + (1.0 - GLASS) * (1.0 - steep) ** 5
                 colour = ti.math.mix(colour, self.around(mirrored, shot), share)
@@ -203,7 +204,8 @@ class Pool:
 class Backdrop:
     """The view without water, display-referred, with the opacity of the rim that lies before all.
 
-    Drawn anew only when the camera or the tilt changes.
+    Drawn anew only when the camera or the tilt changes. While they change, what water hides is
+    left out: its colour is not drawn, only the rim before it.
     """
 
     def __init__(self, width, height, lens, pool, tone):
@@ -211,9 +213,24 @@ class Backdrop:
         self.width, self.height = width, height
         self.pool, self.tone = pool, tone
         self.colour = ti.Vector.field(4, ti.f32, (width, height))
+        self.whole = False
+
+    def refresh(self, changed, raster=None):
+        """Bring it up to date; changed: the view is new. raster: what hides it, or None."""
+        if changed:
+            self.draw(raster or self, raster is not None)
+            self.whole = raster is None
+        elif not self.whole:
+            self.draw(self, False)
+            self.whole = True
+
+    @ti.func
+    def hides(self, i, j):
+        """Nothing hides a backdrop from itself."""
+        return False
 
     @ti.kernel
-    def draw(self):
+    def draw(self, raster: ti.template(), partly: ti.template()):
         """Sky and ground are smooth: one sample of them serves a block of 2 x 2 pixels."""
         ti.loop_config(block_dim=BLOCK)
         for a, b in ti.ndrange((self.width + 1) // 2, (self.height + 1) // 2):
@@ -227,7 +244,10 @@ class Backdrop:
                 for j in range(2 * b, ti.min(2 * b + 2, self.height)):
                     if boxed:
                         d = (shot.origin + shot.du * i + shot.dv * j).normalized()
-                        c = self.pool.view(d, beyond, shot)
+                        hidden = False
+                        if ti.static(partly):
+                            hidden = raster.hides(i, j)
+                        c = self.pool.view(d, beyond, hidden, shot)
                         shown = ti.math.mix(self.tone.show(c.xyz), RIM, c.w)
                         self.colour[i, j] = vec4(shown, c.w)
                     else:

@@ -45,6 +45,11 @@ class Rasteriser:
                 self.back[i, j] = ti.bit_cast(ti.f32(FAR), ti.i32)
 
     @ti.func
+    def hides(self, i, j):
+        """Whether something was drawn at a pixel."""
+        return self.key[i, j] != NOTHING
+
+    @ti.func
     def make_key(self, w, item, shot: ti.template()):
         """Sorting key of an item at inverse depth w [1/m]."""
         x = ti.math.clamp((shot.w_near - w) / shot.w_span, 0.0, 1.0)

@@ -208,3 +208,20 @@ def test_supersampling_averages_the_same_picture(picture, mesh):
     dry = ~covered(picture.raster).reshape(WIDTH // 2, 2, HEIGHT // 2, 2).any((1, 3))
     np.testing.assert_allclose(fine.image.to_numpy()[dry], coarse[dry], atol=2e-3)
     np.testing.assert_allclose(fine.pick(80, 50), picture.pick(160, 100), atol=1e-5)
+
+
+def test_backdrop_left_out_under_water_changes_no_picture(picture, mesh):
+    """The first frame of a view leaves hidden tiles out, the second draws them, and both agree."""
+    mesh.fill(*still_water())
+    view = camera(azimuth=0.9)
+    picture.draw_water(view)
+    first, partly = picture.image.to_numpy(), picture.backdrop.colour.to_numpy()
+    picture.draw_water(view)
+    second, whole = picture.image.to_numpy(), picture.backdrop.colour.to_numpy()
+    np.testing.assert_array_equal(first, second)
+    seen = covered(picture.raster)
+    assert (partly[~seen] == whole[~seen]).all() and np.abs(partly - whole)[seen].max() > 0.05
+    # Water that falls away shows the tiles that it hid.
+    mesh.counts.fill(0)
+    picture.draw_water(view)
+    np.testing.assert_array_equal(picture.image.to_numpy(), whole[..., :3])
