@@ -6,6 +6,7 @@ divergence-free and one that moves particles apart without giving them velocity 
 Koschier 2015, DFSPH, made conservative for unequal masses).
 """
 
+import math
 from dataclasses import dataclass
 
 import taichi as ti
@@ -13,7 +14,7 @@ import taichi as ti
 from msph.fluid import kernels
 from msph.fluid.forcing import Forcing, hand_acceleration
 from msph.fluid.grid import LayeredGrid
-from msph.fluid.layers import Layers
+from msph.fluid.layers import Layers, LayerSpec
 from msph.fluid.neighbours import NeighbourList
 from msph.fluid.particles import Attribute, Particles
 from msph.fluid.walls import wall_share
@@ -63,6 +64,17 @@ class ProjectionTerms:
     radius: float = 0.9
 
 
+def own_bias(spec: LayerSpec) -> float:
+    """Share by which a particle overrates itself in its density (-).
+
+    The sum over a Wendland C2 kernel's N neighbours is too large because the particle sits in the
+    kernel's peak, by 0.0294 (N/100)^-0.977 of its own part (Dehnen & Aly 2012, eq. 18 and 19).
+    Uncorrected, water at 33 neighbours stands 4 % too high.
+    """
+    neighbours = 4.0 / 3.0 * math.pi * spec.smoothing**3
+    return 0.0294 * (neighbours / 100.0) ** -0.977
+
+
 @ti.data_oriented
 class Projection:
     """One solver over the particles of all layers.
@@ -89,6 +101,10 @@ class Projection:
         self.layers, self.grid, self.particles = layers, grid, particles
         self.terms = terms
         self.neighbours = NeighbourList(grid, particles, self.reach(terms), self.LIST_MARGIN)
+        # What a particle adds to its own density, less its bias.
+        self.own = ti.field(ti.f32, shape=layers.count)
+        for k, spec in enumerate(layers.specs):
+            self.own[k] = spec.volume * kernels.WENDLAND / spec.support**3 * (1.0 - own_bias(spec))
         self.slope = ti.field(ti.f32, shape=self.neighbours.index.shape)
         self.error_sum = ti.field(ti.f32, shape=())
         self.error_max = ti.field(ti.f32, shape=())
@@ -184,7 +200,7 @@ class Projection:
             layer = self.particles.layer[i]
             x, h_i = self.particles.x[i], self.layers.support[layer]
             wall = wall_share(x, h_i, self.size)
-            c = self.layers.volume[layer] * kernels.wendland(0.0, h_i) + wall[0]
+            c = self.own[layer] + wall[0]
             g = ti.Vector([wall[1], wall[2], wall[3]])
             squares = 0.0
             for s in range(self.neighbours.start[i], self.neighbours.end[i]):
