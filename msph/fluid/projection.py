@@ -28,11 +28,15 @@ ATTRIBUTES = (
     Attribute("gradient", "1/m", "sum V_j grad W_ij and the walls' part", width=3, carried=False),
     Attribute("wall", "1/m", "gradient of the walls' part of c", width=3, carried=False),
     Attribute("diagonal", "1/m^2", "diagonal of the solves' operator", carried=False),
-    Attribute("previous", "m^2", "multiplier of the last but one iteration", carried=False),
+    Attribute("residual", "-", "compression left by a solve", carried=False),
+    Attribute("direction", "m^2", "search direction of a solve", carried=False),
+    Attribute("response", "-", "compression that the direction undoes", carried=False),
 )
 
 # Coincident particles have no direction to be pushed in; they are held this far apart, in h.
 TOUCHING = 1e-6
+# Keeps divisions by what may vanish finite; far below any diagonal [1/m^2] or curvature met.
+TINY = 1e-30
 
 
 @dataclass(frozen=True)
@@ -41,12 +45,13 @@ class ProjectionTerms:
 
     density rho0 [kg/m^3]. cfl: dt <= cfl min d/|v|; longest_step [s] bounds dt for slow water.
     release beta: share of a density excess that becomes velocity (-); the rest is the position
-    solve's. relaxation omega of the Jacobi iterations (-). Both solves stop when the mean
-    compression is under tolerance_mean and the largest under tolerance_max (-), or after
-    velocity_iterations, position_iterations. largest_shift: of the position solve, in spacings.
-    spray: relative density, walls included, below which no rate of compression can be told (-).
-    Counting neighbours instead lets water in edges of the box, which has few, gain energy.
-    radius: spectral radius that the Chebyshev steps assume, 0 for plain Jacobi (-).
+    solve's. Both solves stop when no particle's compression exceeds `tolerance` times the largest
+    that the solve began with, nor `residual` (-), or after velocity_iterations,
+    position_iterations. A mean would not do: while a deep column falls only its lowest particles
+    are compressed, and under-converged it explodes. restart: iterations between new choices of the
+    particles that push. largest_shift: of the position solve, in spacings. spray: relative density,
+    walls included, below which no rate of compression can be told (-). Counting neighbours instead
+    lets water in edges of the box, which has few, gain energy.
     """
 
     density: float = 1000.0
@@ -54,14 +59,13 @@ class ProjectionTerms:
     cfl: float = 0.4
     longest_step: float = 1.0 / 120.0
     release: float = 0.2
-    relaxation: float = 0.5
-    tolerance_mean: float = 1e-3
-    tolerance_max: float = 2e-2
-    velocity_iterations: int = 60
-    position_iterations: int = 10
+    tolerance: float = 0.02
+    residual: float = 5e-4
+    restart: int = 12
+    velocity_iterations: int = 120
+    position_iterations: int = 12
     largest_shift: float = 0.25
     spray: float = 0.4
-    radius: float = 0.9
 
 
 def own_bias(spec: LayerSpec) -> float:
@@ -106,7 +110,10 @@ class Projection:
         for k, spec in enumerate(layers.specs):
             self.own[k] = spec.volume * kernels.WENDLAND / spec.support**3 * (1.0 - own_bias(spec))
         self.slope = ti.field(ti.f32, shape=self.neighbours.index.shape)
-        self.error_sum = ti.field(ti.f32, shape=())
+        self.start_max = ti.field(ti.f32, shape=())
+        self.descent = ti.field(ti.f32, shape=())
+        self.last_descent = ti.field(ti.f32, shape=())
+        self.curvature = ti.field(ti.f32, shape=())
         self.error_max = ti.field(ti.f32, shape=())
         self.top_rate = ti.field(ti.f32, shape=())
         self.internal_impulse = ti.Vector.field(3, ti.f32, shape=())
@@ -174,24 +181,29 @@ class Projection:
         self.binned = False
 
     def solve(self, multiplier, most: int) -> int:
-        """Projected Jacobi from the multipliers of the last step; the iterations it took."""
-        n = self.particles.count
-        self.find_shifts(n, multiplier)
-        rho2, stride = self.terms.radius**2, 1.0
-        for iteration in range(1, most + 1):
-            if iteration == 2:
-                stride = 2.0 / (2.0 - rho2)
-            elif iteration > 2:
-                stride = 4.0 / (4.0 - rho2 * stride)
-            self.correct(n, multiplier, self.terms.relaxation, stride)
+        """Projected conjugate gradients from the last step's multipliers; the iterations taken.
+
+        Within a round the particles that push are fixed: those with q > 0 or compressed. A round
+        begins anew from the true residual, so what clamping at q = 0 breaks is mended there.
+        """
+        n, p = self.particles.count, self.particles
+        taken = 0
+        while taken < most:
             self.find_shifts(n, multiplier)
-            if iteration % 2 == 0:
-                mean = self.error_sum[None] / n
-                if mean < self.terms.tolerance_mean and (
-                    self.error_max[None] < self.terms.tolerance_max
-                ):
+            self.begin(n, multiplier, taken == 0)
+            bound = max(self.terms.tolerance * self.start_max[None], self.terms.residual)
+            if self.error_max[None] < bound:
+                break
+            for k in range(min(self.terms.restart, most - taken)):
+                self.find_shifts(n, p.direction)
+                self.respond(n)
+                self.descend(n, multiplier)
+                self.turn(n)
+                taken += 1
+                if k % 3 == 2 and self.error_max[None] < 0.5 * bound:
                     break
-        return iteration
+        self.find_shifts(n, multiplier)
+        return taken
 
     @ti.kernel
     def weigh(self, n: ti.i32):
@@ -252,27 +264,76 @@ class Projection:
                 u -= q[j] * self.slope[s] * r_ij
             self.particles.shift[i] = u
 
+    @ti.func
+    def divergence(self, i):
+        """sum V_j (u_i - u_j).grad W_ij + u_i.grad lambda_i of the shifts u (-)."""
+        u = self.particles.shift[i]
+        found = u.dot(self.particles.wall[i])
+        for s in range(self.neighbours.start[i], self.neighbours.end[i]):
+            j = self.neighbours.index[s]
+            r_ij = self.particles.x[i] - self.particles.x[j]
+            found += self.slope[s] * (u - self.particles.shift[j]).dot(r_ij)
+        return found
+
     @ti.kernel
-    def correct(self, n: ti.i32, q: ti.template(), omega: ti.f32, stride: ti.f32):
-        """q_i <- max(0, q_i + omega e_i/D_i), e_i what is left of the source; its mean and max."""
-        self.error_sum[None] = 0.0
+    def begin(self, n: ti.i32, q: ti.template(), first: ti.i32):
+        """r = source - A q where particles push, 0 elsewhere; first direction r/D."""
+        self.descent[None] = 0.0
+        self.error_max[None] = 0.0
+        if first == 1:
+            self.start_max[None] = 0.0
+        for i in range(n):
+            r = self.particles.source[i] + self.divergence(i)
+            d = ti.max(self.particles.diagonal[i], TINY)
+            # Compression left, and also expansion where a multiplier still pushes: both are error.
+            ti.atomic_max(self.error_max[None], abs(ti.max(q[i] + r / d, 0.0) - q[i]) * d)
+            ti.atomic_max(self.start_max[None], self.particles.source[i])
+            if q[i] <= 0.0 and r <= 0.0:
+                r = 0.0
+            self.particles.residual[i] = r
+            self.particles.direction[i] = r / d
+            self.descent[None] += self.layers.volume[self.particles.layer[i]] * r * r / d
+
+    @ti.kernel
+    def respond(self, n: ti.i32):
+        """A p of the direction p, and p.A p weighed by V."""
+        self.curvature[None] = 0.0
+        for i in range(n):
+            response = -self.divergence(i)
+            self.particles.response[i] = response
+            volume = self.layers.volume[self.particles.layer[i]]
+            self.curvature[None] += volume * self.particles.direction[i] * response
+
+    @ti.kernel
+    def descend(self, n: ti.i32, q: ti.template()):
+        """q += alpha p, not below 0; r -= alpha A p where particles push."""
+        self.last_descent[None] = self.descent[None]
+        self.descent[None] = 0.0
         self.error_max[None] = 0.0
         for i in range(n):
-            u = self.particles.shift[i]
-            e = self.particles.source[i] + u.dot(self.particles.wall[i])
-            for s in range(self.neighbours.start[i], self.neighbours.end[i]):
-                j = self.neighbours.index[s]
-                r_ij = self.particles.x[i] - self.particles.x[j]
-                e += self.slope[s] * (u - self.particles.shift[j]).dot(r_ij)
-            d = ti.max(self.particles.diagonal[i], 1e-12)
-            # Compression left, and also expansion where a multiplier still pushes: either is error.
-            error = abs(ti.max(q[i] + e / d, 0.0) - q[i]) * d
-            # Chebyshev's semi-iteration: the step goes on from the last but one.
-            old = ti.select(stride > 1.0, self.particles.previous[i], q[i])
-            self.particles.previous[i] = q[i]
-            q[i] = ti.max(old + stride * (q[i] + omega * e / d - old), 0.0)
-            self.error_sum[None] += error
-            ti.atomic_max(self.error_max[None], error)
+            alpha = self.last_descent[None] / ti.max(self.curvature[None], TINY)
+            d = ti.max(self.particles.diagonal[i], TINY)
+            p, r = self.particles.direction[i], self.particles.residual[i]
+            if p != 0.0 or r != 0.0:
+                r -= alpha * self.particles.response[i]
+                if q[i] + alpha * p < 0.0:
+                    # It pushes no more, and is out of this round.
+                    r = 0.0
+                    self.particles.direction[i] = 0.0
+                self.particles.residual[i] = r
+            q[i] = ti.max(q[i] + alpha * p, 0.0)
+            ti.atomic_max(self.error_max[None], abs(ti.max(q[i] + r / d, 0.0) - q[i]) * d)
+            self.descent[None] += self.layers.volume[self.particles.layer[i]] * r * r / d
+
+    @ti.kernel
+    def turn(self, n: ti.i32):
+        """p = r/D + beta p."""
+        for i in range(n):
+            beta = self.descent[None] / ti.max(self.last_descent[None], TINY)
+            d = ti.max(self.particles.diagonal[i], TINY)
+            self.particles.direction[i] = (
+                self.particles.residual[i] / d + beta * self.particles.direction[i]
+            )
 
     @ti.kernel
     def scale(self, n: ti.i32, factor: ti.f32):

@@ -136,17 +136,14 @@ class Projection(Section):
     release: float = parameter(
         _project.release, ge=0.0, le=1.0, text="share of a density excess that becomes velocity"
     )
-    relaxation: float = parameter(
-        _project.relaxation, gt=0.0, le=1.0, text="omega of the Jacobi iterations"
+    tolerance: float = parameter(
+        _project.tolerance, gt=0.0, lt=1.0, text="share of a solve's compression that it may leave"
     )
-    radius: float = parameter(
-        _project.radius, ge=0.0, lt=1.0, text="spectral radius for Chebyshev's steps, 0: plain"
+    residual: float = parameter(
+        _project.residual, ge=0.0, le=0.1, text="compression that any solve may leave"
     )
-    tolerance_mean: float = parameter(
-        _project.tolerance_mean, gt=0.0, le=0.1, text="mean compression at which solves stop"
-    )
-    tolerance_max: float = parameter(
-        _project.tolerance_max, gt=0.0, le=1.0, text="largest compression at which solves stop"
+    restart: int = parameter(
+        _project.restart, ge=1, text="iterations between choices of the particles that push"
     )
     velocity_iterations: int = parameter(
         _project.velocity_iterations, ge=1, text="most iterations of the velocity solve"
