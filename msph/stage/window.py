@@ -19,7 +19,7 @@ from msph.stage.show import Show
 ORBIT_PER_WIDTH = math.radians(200.0)  # a drag across the whole window turns the view so far
 ORBIT_KEY_RATE = math.radians(70.0)  # [rad/s]
 ZOOM_KEY_RATE = 1.5  # [1/s], as the logarithm of the distance
-PANEL = (0.01, 0.01, 0.30, 0.22)  # x, y, width, height of the panel, as shares of the window
+PANEL = (10.0, 10.0, 290.0, 135.0)  # left, top, width, height of the panel [pixels]
 SETTINGS = Path("imgui.ini")  # where the panel's library leaves its state, unasked
 MARKER_RADIUS = 0.008  # of the marker under a pushing cursor, as a share of the window's height
 SMOOTHING = 0.9  # weight of the past in the displayed frame rate
@@ -69,6 +69,8 @@ class Window:
         self.canvas = self.window.get_canvas()
         self.gui = self.window.get_gui()
         self.panel = True
+        width, height = size
+        self.place = tuple(p / n for p, n in zip(PANEL, (width, height) * 2, strict=True))
         self.paused = False
         self.tilt = [0.0, 0.0]
         self.cursor: Any = np.zeros(2)  # right, up, as shares of the window
@@ -90,7 +92,7 @@ class Window:
         self._hold(show, step)
         cursor = np.array(self.window.get_cursor_pos())
         moved, self.cursor = cursor - self.cursor, cursor
-        on_panel = self.panel and _inside(cursor, PANEL)
+        on_panel = self.panel and _inside(cursor, self.place)
         if self.window.is_pressed(ti.ui.RMB) and not on_panel:
             show.camera.orbit(-moved[0] * ORBIT_PER_WIDTH, -moved[1] * ORBIT_PER_WIDTH)
         pushing = self.window.is_pressed(ti.ui.LMB) and not on_panel
@@ -173,7 +175,7 @@ class Window:
 
     def _draw_panel(self, show: Show) -> None:
         rate = show.frame_time / self.wall
-        with self.gui.sub_window("M-SPH", *PANEL):
+        with self.gui.sub_window("M-SPH", *self.place):
             self.gui.text(f"{1.0 / self.wall:5.1f} frames/s")
             slow = "" if rate > 0.97 else " slow motion"
             paused = " paused" if self.paused else slow
@@ -207,7 +209,7 @@ def silence():
         os.close(nowhere)
 
 
-def _inside(point: np.ndarray, panel: tuple[float, float, float, float]) -> bool:
+def _inside(point: np.ndarray, panel: tuple[float, ...]) -> bool:
     """Whether the point (right, up) lies on the panel, whose y runs down from the top."""
     x, y, width, height = panel
     return x <= point[0] <= x + width and y <= 1.0 - point[1] <= y + height
