@@ -77,7 +77,6 @@ class Classic:
         self.neighbours = NeighbourList(grid, particles, self.reach(terms), self.LIST_MARGIN)
         self.farthest = ti.field(ti.f32, shape=())  # way of the fastest particle in a step [m]
         self.internal_impulse = ti.Vector.field(3, ti.f32, shape=())
-        self.binned = False
 
     @staticmethod
     def reach(terms: ClassicTerms) -> str:
@@ -95,13 +94,13 @@ class Classic:
     def reset(self) -> None:
         """Forgets what it knew of the particles: they were replaced."""
         self.internal_impulse[None] = ti.Vector([0.0, 0.0, 0.0])
-        self.binned = False
-        self.bin()
+        self.grid.invalidate()
+        self.grid.refresh()
 
     def step(self, dt: float, forcing: Forcing) -> None:
         """A.2: grid, densities and pressures, forces, positions and boundaries."""
         n, hand = self.particles.count, forcing.hand
-        self.find_neighbours()
+        self.neighbours.refresh()
         self.find_densities(n)
         self.find_forces(n)
         self.move(
@@ -114,20 +113,7 @@ class Classic:
             hand.grip,
         )
         self.neighbours.moved(self.farthest[None])
-        self.binned = False
-
-    def bin(self) -> None:
-        """Sorts the particles into the grid where they have moved since the last time."""
-        if not self.binned:
-            self.grid.build()
-            self.neighbours.invalidate()
-            self.binned = True
-
-    def find_neighbours(self) -> None:
-        """Searches for neighbours where the particles may have left the list's margin."""
-        if self.neighbours.stale:
-            self.bin()
-            self.neighbours.find()
+        self.grid.invalidate()
 
     @ti.kernel
     def find_densities(self, n: ti.i32):

@@ -44,6 +44,17 @@ class LayeredGrid:
         self.cell = ti.field(ti.i32, shape=particles.capacity)
         self.place = ti.field(ti.i32, shape=particles.capacity)
         self.scan = ExclusiveScan(self.total_cells)
+        self.generation = 0  # of the order of particles: lists made of an earlier one are void
+        self.stale = True
+
+    def invalidate(self) -> None:
+        """Tells the grid that particles moved."""
+        self.stale = True
+
+    def refresh(self) -> None:
+        """Sorts the particles if they moved since the last time."""
+        if self.stale:
+            self.build()
 
     def build(self) -> None:
         """Sorts the particles by (layer, cell): count, scan, place, reorder."""
@@ -52,6 +63,8 @@ class LayeredGrid:
         self.scan.run(self.cell_count, self.cell_start)
         self._place(n)
         self.particles.reorder(self.place, n)
+        self.generation += 1
+        self.stale = False
 
     @ti.kernel
     def _count(self, n: ti.i32):

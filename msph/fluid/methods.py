@@ -5,6 +5,7 @@ from typing import Protocol
 from msph.fluid import classic, projection
 from msph.fluid.classic import Classic, ClassicTerms
 from msph.fluid.forcing import Forcing
+from msph.fluid.neighbours import NeighbourList
 from msph.fluid.particles import Attribute
 from msph.fluid.projection import Projection, ProjectionTerms
 
@@ -23,12 +24,10 @@ class Solver(Protocol):
     internal_impulse [N s] is what pair forces have given in sum since the reset.
     """
 
+    neighbours: NeighbourList
+
     def longest_step(self) -> float: ...
 
-    def find_neighbours(self) -> None: ...
-
     def step(self, dt: float, forcing: Forcing) -> None: ...
-
-    def bin(self) -> None: ...
 
     def reset(self) -> None: ...

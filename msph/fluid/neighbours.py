@@ -55,6 +55,13 @@ class NeighbourList:
         self.index = ti.field(ti.i32, shape=stretches * self.stretch)
         self.fullest = ti.field(ti.i32, shape=())
         self.slack = 0.0
+        self.generation = -1
+
+    def refresh(self) -> None:
+        """Searches anew where particles were reordered or may have left the list's margin."""
+        if self.stale:
+            self.grid.refresh()
+            self.find()
 
     def find(self) -> None:
         """Searches anew; the grid must be fresh. Raises NeighbourOverflowError if full."""
@@ -66,18 +73,15 @@ class NeighbourList:
                 f"{self.stretch}: the water has collapsed"
             )
         self.slack = self.margin
+        self.generation = self.grid.generation
 
     def moved(self, distance: float) -> None:
         """Tells the list that no particle has moved farther than `distance` [m] just now."""
         self.slack -= 2.0 * distance
 
-    def invalidate(self) -> None:
-        """Tells the list that the particles were reordered."""
-        self.slack = 0.0
-
     @property
     def stale(self) -> bool:
-        return self.slack <= 0.0
+        return self.slack <= 0.0 or self.generation != self.grid.generation
 
     @ti.kernel
     def _find(self, n: ti.i32):

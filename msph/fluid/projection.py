@@ -11,32 +11,24 @@ from dataclasses import dataclass
 
 import taichi as ti
 
-from msph.fluid import kernels
+from msph.fluid import kernels, pressure_solve
 from msph.fluid.forcing import Forcing, hand_acceleration
 from msph.fluid.grid import LayeredGrid
 from msph.fluid.layers import Layers, LayerSpec
 from msph.fluid.neighbours import NeighbourList
 from msph.fluid.particles import Attribute, Particles
+from msph.fluid.pressure_solve import PressureSolve
 from msph.fluid.walls import wall_share
 
 ATTRIBUTES = (
     Attribute("density", "kg/m^3", "relative density c times rest density"),
     Attribute("pressure", "Pa", "pressure of the velocity solve"),
     Attribute("crowding", "m^2", "multiplier of the position solve"),
-    Attribute("shift", "m", "displacement by a solve", width=3, carried=False),
-    Attribute("source", "-", "compression that a solve must undo", carried=False),
-    Attribute("gradient", "1/m", "sum V_j grad W_ij and the walls' part", width=3, carried=False),
-    Attribute("wall", "1/m", "gradient of the walls' part of c", width=3, carried=False),
-    Attribute("diagonal", "1/m^2", "diagonal of the solves' operator", carried=False),
-    Attribute("residual", "-", "compression left by a solve", carried=False),
-    Attribute("direction", "m^2", "search direction of a solve", carried=False),
-    Attribute("response", "-", "compression that the direction undoes", carried=False),
+    *pressure_solve.ATTRIBUTES,
 )
 
 # Coincident particles have no direction to be pushed in; they are held this far apart, in h.
 TOUCHING = 1e-6
-# Keeps divisions by what may vanish finite; far below any diagonal [1/m^2] or curvature met.
-TINY = 1e-30
 
 
 @dataclass(frozen=True)
@@ -45,13 +37,10 @@ class ProjectionTerms:
 
     density rho0 [kg/m^3]. cfl: dt <= cfl min d/|v|; longest_step [s] bounds dt for slow water.
     release beta: share of a density excess that becomes velocity (-); the rest is the position
-    solve's. Both solves stop when no particle's compression exceeds `tolerance` times the largest
-    that the solve began with, nor `residual` (-), or after velocity_iterations,
-    position_iterations. A mean would not do: while a deep column falls only its lowest particles
-    are compressed, and under-converged it explodes. restart: iterations between new choices of the
-    particles that push. largest_shift: of the position solve, in spacings. spray: relative density,
-    walls included, below which no rate of compression can be told (-). Counting neighbours instead
-    lets water in edges of the box, which has few, gain energy.
+    solve's. tolerance, residual (-) and restart: see PressureSolve; velocity_iterations,
+    position_iterations: the most of each. largest_shift: of the position solve, in spacings.
+    spray: relative density, walls included, below which no rate of compression can be told (-).
+    Counting neighbours instead lets water in edges of the box, which has few, gain energy.
     """
 
     density: float = 1000.0
@@ -83,11 +72,8 @@ def own_bias(spec: LayerSpec) -> float:
 class Projection:
     """One solver over the particles of all layers.
 
-    A solve finds multipliers q >= 0 [m^2] and displacements
-    u_i = -(q_i g_i + sum V_j q_j grad W_ij) [m], g_i = sum V_j grad W_ij + grad lambda_i, so that
-    source_i + sum V_j (u_i - u_j).grad W_ij + u_i.grad lambda_i <= 0. Divergence and gradient are
-    adjoint, so the operator is symmetric and positive under the weights V. The velocity solve
-    gives v += u/dt, its q is dt^2 p/rho0.
+    Both solves are one PressureSolve. The position solve displaces by its shifts u; the velocity
+    solve gives v += u/dt, and its multiplier is q = dt^2 p/rho0.
     """
 
     attributes = ATTRIBUTES
@@ -110,15 +96,18 @@ class Projection:
         for k, spec in enumerate(layers.specs):
             self.own[k] = spec.volume * kernels.WENDLAND / spec.support**3 * (1.0 - own_bias(spec))
         self.slope = ti.field(ti.f32, shape=self.neighbours.index.shape)
-        self.start_max = ti.field(ti.f32, shape=())
-        self.descent = ti.field(ti.f32, shape=())
-        self.last_descent = ti.field(ti.f32, shape=())
-        self.curvature = ti.field(ti.f32, shape=())
-        self.error_max = ti.field(ti.f32, shape=())
+        self.pressure_solve = PressureSolve(
+            layers,
+            particles,
+            self.neighbours,
+            self.slope,
+            terms.tolerance,
+            terms.residual,
+            terms.restart,
+        )
         self.top_rate = ti.field(ti.f32, shape=())
         self.internal_impulse = ti.Vector.field(3, ti.f32, shape=())
         self.iterations = {"velocity": 0, "position": 0}
-        self.binned = False
 
     @staticmethod
     def reach(terms: ProjectionTerms) -> str:
@@ -129,8 +118,8 @@ class Projection:
         """Forgets what it knew of the particles: they were replaced."""
         self.internal_impulse[None] = ti.Vector([0.0, 0.0, 0.0])
         self.top_rate[None] = 0.0
-        self.binned = False
-        self.bin()
+        self.grid.invalidate()
+        self.grid.refresh()
 
     def longest_step(self) -> float:
         """Largest time step [s] now: no particle moves farther than cfl of its spacing."""
@@ -138,25 +127,13 @@ class Projection:
         bound = self.terms.cfl / rate if rate > 0.0 else self.terms.longest_step
         return min(bound, self.terms.longest_step)
 
-    def bin(self) -> None:
-        """Sorts the particles into the grid where they have moved since the last time."""
-        if not self.binned:
-            self.grid.build()
-            self.neighbours.invalidate()
-            self.binned = True
-
-    def find_neighbours(self) -> None:
-        if self.neighbours.stale:
-            self.bin()
-            self.neighbours.find()
-
     def step(self, dt: float, forcing: Forcing) -> None:
         """Neighbours; positions without crowding; forces; velocities without compression; move."""
         n, hand = self.particles.count, forcing.hand
-        self.find_neighbours()
+        self.neighbours.refresh()
         self.weigh(n)
         self.aim_at_rest_density(n)
-        self.iterations["position"] = self.solve(
+        self.iterations["position"] = self.pressure_solve.run(
             self.particles.crowding, self.terms.position_iterations
         )
         self.displace(n)
@@ -172,38 +149,13 @@ class Projection:
         )
         self.aim_at_no_compression(n, dt)
         self.scale(n, dt * dt / self.terms.density)
-        self.iterations["velocity"] = self.solve(
+        self.iterations["velocity"] = self.pressure_solve.run(
             self.particles.pressure, self.terms.velocity_iterations
         )
         self.scale(n, self.terms.density / (dt * dt))
         self.move(n, dt)
-        self.neighbours.invalidate()
-        self.binned = False
-
-    def solve(self, multiplier, most: int) -> int:
-        """Projected conjugate gradients from the last step's multipliers; the iterations taken.
-
-        Within a round the particles that push are fixed: those with q > 0 or compressed. A round
-        begins anew from the true residual, so what clamping at q = 0 breaks is mended there.
-        """
-        n, p = self.particles.count, self.particles
-        taken = 0
-        while taken < most:
-            self.find_shifts(n, multiplier)
-            self.begin(n, multiplier, taken == 0)
-            bound = max(self.terms.tolerance * self.start_max[None], self.terms.residual)
-            if self.error_max[None] < bound:
-                break
-            for k in range(min(self.terms.restart, most - taken)):
-                self.find_shifts(n, p.direction)
-                self.respond(n)
-                self.descend(n, multiplier)
-                self.turn(n)
-                taken += 1
-                if k % 3 == 2 and self.error_max[None] < 0.5 * bound:
-                    break
-        self.find_shifts(n, multiplier)
-        return taken
+        self.neighbours.moved(math.inf)
+        self.grid.invalidate()
 
     @ti.kernel
     def weigh(self, n: ti.i32):
@@ -254,88 +206,6 @@ class Projection:
             self.particles.source[i] = dt * rate + ti.select(c < 0.0, c, self.terms.release * c)
 
     @ti.kernel
-    def find_shifts(self, n: ti.i32, q: ti.template()):
-        """u_i = -(q_i g_i + sum V_j q_j grad W_ij) [m]."""
-        for i in range(n):
-            u = -q[i] * self.particles.gradient[i]
-            for s in range(self.neighbours.start[i], self.neighbours.end[i]):
-                j = self.neighbours.index[s]
-                r_ij = self.particles.x[i] - self.particles.x[j]
-                u -= q[j] * self.slope[s] * r_ij
-            self.particles.shift[i] = u
-
-    @ti.func
-    def divergence(self, i):
-        """sum V_j (u_i - u_j).grad W_ij + u_i.grad lambda_i of the shifts u (-)."""
-        u = self.particles.shift[i]
-        found = u.dot(self.particles.wall[i])
-        for s in range(self.neighbours.start[i], self.neighbours.end[i]):
-            j = self.neighbours.index[s]
-            r_ij = self.particles.x[i] - self.particles.x[j]
-            found += self.slope[s] * (u - self.particles.shift[j]).dot(r_ij)
-        return found
-
-    @ti.kernel
-    def begin(self, n: ti.i32, q: ti.template(), first: ti.i32):
-        """r = source - A q where particles push, 0 elsewhere; first direction r/D."""
-        self.descent[None] = 0.0
-        self.error_max[None] = 0.0
-        if first == 1:
-            self.start_max[None] = 0.0
-        for i in range(n):
-            r = self.particles.source[i] + self.divergence(i)
-            d = ti.max(self.particles.diagonal[i], TINY)
-            # Compression left, and also expansion where a multiplier still pushes: both are error.
-            ti.atomic_max(self.error_max[None], abs(ti.max(q[i] + r / d, 0.0) - q[i]) * d)
-            ti.atomic_max(self.start_max[None], self.particles.source[i])
-            if q[i] <= 0.0 and r <= 0.0:
-                r = 0.0
-            self.particles.residual[i] = r
-            self.particles.direction[i] = r / d
-            self.descent[None] += self.layers.volume[self.particles.layer[i]] * r * r / d
-
-    @ti.kernel
-    def respond(self, n: ti.i32):
-        """A p of the direction p, and p.A p weighed by V."""
-        self.curvature[None] = 0.0
-        for i in range(n):
-            response = -self.divergence(i)
-            self.particles.response[i] = response
-            volume = self.layers.volume[self.particles.layer[i]]
-            self.curvature[None] += volume * self.particles.direction[i] * response
-
-    @ti.kernel
-    def descend(self, n: ti.i32, q: ti.template()):
-        """q += alpha p, not below 0; r -= alpha A p where particles push."""
-        self.last_descent[None] = self.descent[None]
-        self.descent[None] = 0.0
-        self.error_max[None] = 0.0
-        for i in range(n):
-            alpha = self.last_descent[None] / ti.max(self.curvature[None], TINY)
-            d = ti.max(self.particles.diagonal[i], TINY)
-            p, r = self.particles.direction[i], self.particles.residual[i]
-            if p != 0.0 or r != 0.0:
-                r -= alpha * self.particles.response[i]
-                if q[i] + alpha * p < 0.0:
-                    # It pushes no more, and is out of this round.
-                    r = 0.0
-                    self.particles.direction[i] = 0.0
-                self.particles.residual[i] = r
-            q[i] = ti.max(q[i] + alpha * p, 0.0)
-            ti.atomic_max(self.error_max[None], abs(ti.max(q[i] + r / d, 0.0) - q[i]) * d)
-            self.descent[None] += self.layers.volume[self.particles.layer[i]] * r * r / d
-
-    @ti.kernel
-    def turn(self, n: ti.i32):
-        """p = r/D + beta p."""
-        for i in range(n):
-            beta = self.descent[None] / ti.max(self.last_descent[None], TINY)
-            d = ti.max(self.particles.diagonal[i], TINY)
-            self.particles.direction[i] = (
-                self.particles.residual[i] / d + beta * self.particles.direction[i]
-            )
-
-    @ti.kernel
     def scale(self, n: ti.i32, factor: ti.f32):
         """Between pressure [Pa] and the multiplier q = dt^2 p/rho0 [m^2]."""
         for i in range(n):
@@ -347,7 +217,7 @@ class Projection:
         for i in range(n):
             d = self.layers.spacing[self.particles.layer[i]]
             u = self.particles.shift[i]
-            u *= ti.min(1.0, self.terms.largest_shift * d / ti.max(u.norm(), 1e-12))
+            u *= ti.min(1.0, self.terms.largest_shift * d / ti.max(u.norm(), TOUCHING * d))
             x = self.particles.x[i] + u
             self.particles.x[i] = ti.math.clamp(x, 0.0, self.size)
 

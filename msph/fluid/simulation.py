@@ -75,13 +75,13 @@ class Simulation:
             # Even steps to the end of the frame, counted anew as the water's speed changes.
             dt = left / math.ceil(left / self.solver.longest_step() - 1e-6)
             with stage("bin"):
-                self.solver.find_neighbours()
+                self.solver.neighbours.refresh()
             with stage("solve"):
                 self.solver.step(dt, forcing)
             left -= dt
             self.steps += 1
         with stage("bin"):
-            self.solver.bin()
+            self.grid.refresh()
         self.time += duration
 
     def counts(self) -> list[int]:

@@ -86,7 +86,7 @@ def test_densities_and_forces_equal_the_formulas(clouds, name):
     sim = clouds[name]
     sim.reset()
     solver, n = sim.solver, sim.particles.count
-    solver.find_neighbours()
+    solver.neighbours.refresh()
     solver.find_densities(n)
     solver.find_forces(n)
     x, v, layer = (sim.particles.numpy(k) for k in ("x", "v", "layer"))
@@ -100,7 +100,7 @@ def pair_force_sum(sim):
     """|sum m a| over sum m |a|: zero if pair forces are equal and opposite."""
     sim.reset()
     solver, n = sim.solver, sim.particles.count
-    solver.find_neighbours()
+    solver.neighbours.refresh()
     solver.find_densities(n)
     solver.find_forces(n)
     m = np.array(MASSES)[sim.particles.numpy("layer")][:, None]
@@ -264,7 +264,7 @@ def test_attraction_pulls_the_surface_inwards():
     terms = ClassicTerms(stiffness=1e-6, attraction=50.0)
     sim = Simulation(SIZE, [layer], initial, terms)
     n = sim.particles.count
-    sim.solver.find_neighbours()
+    sim.solver.neighbours.refresh()
     sim.solver.find_densities(n)
     sim.solver.find_forces(n)
     outward = sim.particles.numpy("x") - 0.4
