@@ -20,7 +20,7 @@ from msph.scene.schema import Scene, parameters
 from msph.stage.benchmark import benchmark, table_row
 from msph.stage.controls import KEYS
 from msph.stage.loop import run
-from msph.stage.recorder import MESH, OutputError, Recorder, check_outputs, make_writable
+from msph.stage.recorder import MESH, NUMBER, OutputError, Recorder, check_outputs, make_writable
 from msph.stage.show import Show
 from msph.stage.window import NoWindowError, Window, check_display
 
@@ -250,7 +250,8 @@ def record(
     still = None if still_time is None else max(1, round(still_time * fps))
     recorder = Recorder(outputs, max(1, round(seconds * fps)), fps, still)
     # Never the name of a scene that somebody wrote: .scene.toml is ours.
-    beside = outputs[0].with_name(re.sub(r"[_-]?%0?\d?d", "", outputs[0].stem) + ".scene.toml")
+    stem = NUMBER.sub("", outputs[0].stem).rstrip("_-") or "capture"
+    beside = outputs[0].with_name(stem + ".scene.toml")
     beside.write_text(to_toml(scene), encoding="utf-8")
     try:
         run(show, recorder)

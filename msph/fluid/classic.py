@@ -99,19 +99,11 @@ class Classic:
 
     def step(self, dt: float, forcing: Forcing) -> None:
         """A.2: grid, densities and pressures, forces, positions and boundaries."""
-        n, hand = self.particles.count, forcing.hand
+        n = self.particles.count
         self.neighbours.refresh()
         self.find_densities(n)
         self.find_forces(n)
-        self.move(
-            n,
-            dt,
-            ti.Vector(forcing.gravity),
-            ti.Vector(hand.position),
-            ti.Vector(hand.velocity),
-            hand.radius,
-            hand.grip,
-        )
+        self.move(n, dt, *forcing.arguments())
         self.neighbours.moved(self.farthest[None])
         self.grid.invalidate()
 

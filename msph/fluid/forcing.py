@@ -28,6 +28,12 @@ class Forcing:
     gravity: Vec3 = (0.0, -9.81, 0.0)
     hand: Hand = field(default_factory=Hand)
 
+    def arguments(self) -> tuple:
+        """What kernels take: gravity, the hand's position, velocity, radius and grip."""
+        h = self.hand
+        vectors = (ti.Vector(v) for v in (self.gravity, h.position, h.velocity))
+        return (*vectors, h.radius, h.grip)
+
 
 @ti.func
 def hand_acceleration(x, v, dt, position, velocity, radius, grip):

@@ -96,14 +96,14 @@ class PressureSolve:
             self.particles.shift[i] = u
 
     @ti.func
-    def divergence(self, i):
-        """sum V_j (u_i - u_j).grad W_ij + u_i.grad lambda_i of the shifts u (-)."""
-        u = self.particles.shift[i]
+    def divergence(self, i, field: ti.template()):
+        """sum V_j (u_i - u_j).grad W_ij + u_i.grad lambda_i of a vector field u [u's unit / m]."""
+        u = field[i]
         found = u.dot(self.particles.wall[i])
         for s in range(self.neighbours.start[i], self.neighbours.end[i]):
             j = self.neighbours.index[s]
             r_ij = self.particles.x[i] - self.particles.x[j]
-            found += self.slope[s] * (u - self.particles.shift[j]).dot(r_ij)
+            found += self.slope[s] * (u - field[j]).dot(r_ij)
         return found
 
     @ti.kernel
@@ -114,7 +114,7 @@ class PressureSolve:
         if first == 1:
             self.largest_source[None] = 0.0
         for i in range(n):
-            r = self.particles.source[i] + self.divergence(i)
+            r = self.particles.source[i] + self.divergence(i, self.particles.shift)
             d = ti.max(self.particles.diagonal[i], TINY)
             # Compression left, and also expansion where a multiplier still pushes: both are error.
             ti.atomic_max(self.error_max[None], abs(ti.max(q[i] + r / d, 0.0) - q[i]) * d)
@@ -130,7 +130,7 @@ class PressureSolve:
         """A p of the direction p, and p.A p weighed by V."""
         self.curvature[None] = 0.0
         for i in range(n):
-            response = -self.divergence(i)
+            response = -self.divergence(i, self.particles.shift)
             self.particles.response[i] = response
             volume = self.layers.volume[self.particles.layer[i]]
             self.curvature[None] += volume * self.particles.direction[i] * response

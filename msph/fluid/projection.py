@@ -129,7 +129,7 @@ class Projection:
 
     def step(self, dt: float, forcing: Forcing) -> None:
         """Neighbours; positions without crowding; forces; velocities without compression; move."""
-        n, hand = self.particles.count, forcing.hand
+        n = self.particles.count
         self.neighbours.refresh()
         self.weigh(n)
         self.aim_at_rest_density(n)
@@ -138,15 +138,7 @@ class Projection:
         )
         self.displace(n)
         self.weigh(n)
-        self.push(
-            n,
-            dt,
-            ti.Vector(forcing.gravity),
-            ti.Vector(hand.position),
-            ti.Vector(hand.velocity),
-            hand.radius,
-            hand.grip,
-        )
+        self.push(n, dt, *forcing.arguments())
         self.aim_at_no_compression(n, dt)
         self.scale(n, dt * dt / self.terms.density)
         self.iterations["velocity"] = self.pressure_solve.run(
@@ -194,12 +186,7 @@ class Projection:
     def aim_at_no_compression(self, n: ti.i32, dt: ti.f32):
         """source_i = dt dc/dt + (c_i - 1 if c_i < 1, else beta (c_i - 1)) of the velocity solve."""
         for i in range(n):
-            v = self.particles.v[i]
-            rate = v.dot(self.particles.wall[i])
-            for s in range(self.neighbours.start[i], self.neighbours.end[i]):
-                j = self.neighbours.index[s]
-                r_ij = self.particles.x[i] - self.particles.x[j]
-                rate += self.slope[s] * (v - self.particles.v[j]).dot(r_ij)
+            rate = self.pressure_solve.divergence(i, self.particles.v)
             c = self.particles.density[i] / self.terms.density - 1.0
             if 1.0 + c < self.terms.spray:
                 rate = ti.min(rate, 0.0)

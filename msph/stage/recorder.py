@@ -20,8 +20,6 @@ MESH = (".ply", ".obj")
 TABLE = (".npz", ".csv")
 # Encoder's constant quality, 0 to 10: water has fine detail that lower ones smear.
 VIDEO_QUALITY = 8
-
-
 # The place for a frame number in a name.
 NUMBER = re.compile(r"%0?[1-9]?d")
 # The shortest time that a frame of a GIF can last is two hundredths of a second.
