@@ -39,9 +39,9 @@ class Timings:
         per_frame = [sum(f.get(s, 0.0) for s in (stages or f)) for f in self.frames]
         return float(np.percentile(per_frame, percent))
 
-    def total(self) -> float:
-        """Wall-clock time [s] of all frames."""
-        return sum(sum(frame.values()) for frame in self.frames)
+    def total(self, *stages: str) -> float:
+        """Wall-clock time [s] of all frames in the given stages together, or in all."""
+        return sum(sum(f.get(s, 0.0) for s in (stages or f)) for f in self.frames)
 
 
 def peak_memory() -> int:

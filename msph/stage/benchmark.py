@@ -18,7 +18,8 @@ STAGES = ("bin", "solve", "surface", "picture")
 class Result:
     """One row of the benchmark.
 
-    Times are milliseconds per frame of 1/60 s simulated time, errors are shares (-), rest_energy
+    Times are milliseconds per frame of 1/60 s simulated time, frames per second are means over the
+    run, of the fluid alone and of all; errors are shares (-), rest_energy
     [J] the mean kinetic energy of the last second and rest_speed [m/s] the root-mean-square speed
     that goes with it, volume_error the volume of the surface mesh at the end over that of the water
     at rest density, less one.
@@ -30,6 +31,7 @@ class Result:
     frame_p50_ms: float
     frame_p95_ms: float
     stages_p50_ms: dict[str, float]
+    fluid_frames_per_second: float
     frames_per_second: float
     simulated_per_wall: float
     steps_per_frame: float
@@ -73,6 +75,7 @@ def benchmark(
         frame_p50_ms=1e3 * timings.percentile(50),
         frame_p95_ms=1e3 * timings.percentile(95),
         stages_p50_ms={s: 1e3 * timings.percentile(50, s) for s in STAGES},
+        fluid_frames_per_second=frames / timings.total("bin", "solve"),
         frames_per_second=frames / wall,
         simulated_per_wall=frames * FRAME_TIME / wall,
         steps_per_frame=show.simulation.steps / frames,
