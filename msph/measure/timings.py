@@ -1,12 +1,12 @@
 """Wall-clock time per frame and stage. Off, it costs nothing."""
 
-import resource
 import sys
 import time
 from collections import defaultdict
 from contextlib import contextmanager
 
 import numpy as np
+import psutil
 import taichi as ti
 
 
@@ -46,5 +46,9 @@ class Timings:
 
 def peak_memory() -> int:
     """Largest resident size of this process so far [bytes], earlier runs within it included."""
+    if sys.platform == "win32":
+        return psutil.Process().memory_info().peak_wset
+    import resource  # POSIX alone has it
+
     unit = 1 if sys.platform == "darwin" else 1024
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
