@@ -83,6 +83,9 @@ class Classic:
         """Form of the neighbour list: symmetrised pressures need either particle's support."""
         return "scatter" if terms.pressure_form == "mean" else "widest"
 
+    def arrange(self) -> None:
+        """Leaves the particles where the scene placed them, as the thesis does."""
+
     def longest_step(self) -> float:
         """Largest stable time step [s]: sound crosses courant * h, viscosity diffuses within h."""
         c = self.terms.stiffness**0.5

@@ -9,6 +9,7 @@ import math
 import taichi as ti
 
 from msph.fluid.grid import LayeredGrid
+from msph.fluid.images import COMBINATIONS, INDEX_MASK, Images
 from msph.fluid.layers import LayerSpec
 from msph.fluid.particles import Particles
 
@@ -37,14 +38,28 @@ class NeighbourList:
     j is listed while r_ij < reach + margin, reach by its form: "scatter" h_j, "mean"
     (h_i + h_j)/2, "widest" max(h_i, h_j). margin is a share (-) of the finest support. start, end
     (capacity,) i32, index (room,) i32. The kernels vanish at h, so whoever reads the list need not
-    test the distance.
+    test the distance. With `images` the entries from mirrors[i] on are mirror images, i's own
+    among them; see Images.read.
     """
 
-    def __init__(self, grid: LayeredGrid, particles: Particles, reach: str, margin: float):
+    def __init__(
+        self,
+        grid: LayeredGrid,
+        particles: Particles,
+        reach: str,
+        margin: float,
+        images: Images | None = None,
+    ):
+        if particles.capacity > INDEX_MASK:
+            raise ValueError(
+                f"a list can name {INDEX_MASK:,} particles, not {particles.capacity:,}"
+            )
         self.grid = grid
+        self.images, self.mirrored = images, images is not None
         self.particles = particles
         self.reach = reach
         self.margin = margin * grid.layers.finest.support
+        self.widest = max(s.support for s in grid.layers.specs)
         on_cpu = ti.lang.impl.current_cfg().arch in (ti.x64, ti.arm64)
         self.sharers = SHARERS_CPU if on_cpu else SHARERS_GPU
         specs = grid.layers.specs
@@ -52,6 +67,7 @@ class NeighbourList:
         stretches = math.ceil(particles.capacity / self.sharers)
         self.start = ti.field(ti.i32, shape=particles.capacity)
         self.end = ti.field(ti.i32, shape=particles.capacity)
+        self.mirrors = ti.field(ti.i32, shape=particles.capacity) if images else self.end
         self.index = ti.field(ti.i32, shape=stretches * self.stretch)
         self.fullest = ti.field(ti.i32, shape=())
         self.slack = 0.0
@@ -98,8 +114,30 @@ class NeighbourList:
                     for layer in range(self.grid.layers.count):
                         search.reach = self._reach(i, layer)
                         self.grid.for_each_row(search.x, layer, search.reach, self._add_row, search)
+                    if ti.static(self.mirrored):
+                        self.mirrors[i] = search.place
+                        self._add_images(self.start[i], search)
                     self.end[i] = search.place
                 ti.atomic_max(self.fullest[None], search.wanted)
+
+    @ti.func
+    def _add_images(self, first, search: ti.template()):
+        """Adds the images within reach of the neighbours found so far, and of the particle."""
+        i, x, last = search.i, search.x, search.place
+        own = self.grid.cell_size[self.particles.layer[i]]
+        near = self.images.in_reach(x, 0.5 * (own + self.widest) + self.margin)
+        for image in range(1, ti.select(near.sum() > 0, COMBINATIONS, 1)):
+            bits = self.images.bits(image)
+            # One entry before the first stands for the particle itself.
+            for s in range(first - 1, ti.select((bits <= near).all(), last, first - 1)):
+                j = ti.select(s < first, i, self.index[ti.max(s, first)])
+                seen = self.images.point(x, self.particles.x[j], bits)
+                reach = self._reach(i, self.particles.layer[j])
+                if (x - seen).norm_sqr() < reach * reach:
+                    search.wanted += 1
+                    if search.place < search.limit:
+                        self.index[search.place] = self.images.entry(j, image)
+                        search.place += 1
 
     @ti.func
     def _reach(self, i, layer):

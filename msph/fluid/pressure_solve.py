@@ -9,159 +9,205 @@ from msph.fluid.particles import Attribute, Particles
 # What a solve reads and leaves on the particles.
 ATTRIBUTES = (
     Attribute("source", "-", "compression that a solve must undo", carried=False),
-    Attribute("gradient", "1/m", "sum V_j grad W_ij and the walls' part", width=3, carried=False),
-    Attribute("wall", "1/m", "gradient of the walls' part of c", width=3, carried=False),
+    Attribute("gradient", "1/m", "sum V_j grad W_ij, images included", width=3, carried=False),
     Attribute("diagonal", "1/m^2", "diagonal of the solves' operator", carried=False),
     Attribute("shift", "m", "displacement by a solve", width=3, carried=False),
     Attribute("residual", "-", "compression left by a solve", carried=False),
     Attribute("direction", "m^2", "search direction of a solve", carried=False),
     Attribute("response", "-", "compression that the direction undoes", carried=False),
+    Attribute("free", "-", "1 where a solve may change the multiplier", carried=False),
 )
 
 # Keeps divisions by what may vanish finite; far below any diagonal [1/m^2] or curvature met.
 TINY = 1e-30
 # Iterations between looks at the error, which wait for the device.
 LOOK = 3
+# Most iterations of a round of conjugate gradients.
+ROUND = 40
+# Displacements, in spacings, that count as none: a share of them is left even by the best stop.
+STILL = 1e-5
+# Under-relaxation of Jacobi: stable below 2/lambda_max, which is .65 at 33 neighbours.
+OMEGA = 0.5
 
 
 @ti.data_oriented
 class PressureSolve:
-    """Projected conjugate gradients.
+    """Finds q >= 0 [m^2] and u_i = -sum V_j (q_i + q_j) grad W_ij [m], so that
+    source_i + sum V_j (u_i - u_j).grad W_ij <= 0, and = 0 where q > 0.
 
-    Finds q >= 0 [m^2] and u_i = -(q_i g_i + sum V_j q_j grad W_ij) [m], with
-    g_i = sum V_j grad W_ij + grad lambda_i, so that
-    source_i + sum V_j (u_i - u_j).grad W_ij + u_i.grad lambda_i <= 0, and = 0 where q > 0.
-    Divergence and gradient are adjoint, so the operator A is symmetric and positive under the
-    weights V. slope holds V_j dW/dr / r [1/m^2] of each entry of the neighbour list.
-
-    Stops when no particle's error exceeds `tolerance` times the largest source, nor `residual`
-    (-). A mean would not do: while a deep column falls only its lowest particles are compressed,
-    and under-converged it explodes. restart: iterations of a round.
+    Sums run over neighbours and their images. Divergence and gradient are adjoint, so the operator
+    A is symmetric and positive under the weights V, and sum V |u|^2 = <q, A q>. slope holds
+    V_j dW/dr / r [1/m^2] of each entry of the neighbour list.
     """
 
     def __init__(
-        self,
-        layers: Layers,
-        particles: Particles,
-        neighbours: NeighbourList,
-        slope: ti.Field,
-        tolerance: float,
-        residual: float,
-        restart: int,
+        self, layers: Layers, particles: Particles, neighbours: NeighbourList, slope: ti.Field
     ):
         self.layers, self.particles = layers, particles
         self.neighbours, self.slope = neighbours, slope
-        self.tolerance, self.residual, self.restart = tolerance, residual, restart
-        self.largest_source = ti.field(ti.f32, shape=())
-        self.error_max = ti.field(ti.f32, shape=())
+        self.images = neighbours.images
         self.descent = ti.field(ti.f32, shape=())
         self.last_descent = ti.field(ti.f32, shape=())
         self.curvature = ti.field(ti.f32, shape=())
+        self.excluded = ti.field(ti.f32, shape=())
+        self.gain = ti.field(ti.f32, shape=())
+        self.scale = ti.field(ti.f32, shape=())
+        self.progress = ti.Vector.field(3, ti.f32, shape=())
 
-    def run(self, multiplier, most: int) -> int:
-        """Improves the multipliers (capacity,) [m^2] in place and leaves their shifts; returns the
-        iterations it took, at most `most`.
+    def converge(self, q, tolerance: float, most: int) -> int:
+        """Projected conjugate gradients from the multipliers q (capacity,) [m^2], changed in place;
+        leaves their shifts. Returns the iterations it took, at most `most` (and LOOK).
 
-        Within a round the particles that push are fixed: those with q > 0 or compressed. A round
-        begins anew from the true residual, so what clamping at q = 0 breaks is mended there.
+        What an iteration takes off the error of q in <q, A q>, it takes off sum V |u|^2 of the
+        displacements' error (Hestenes and Stiefel 1952, th. 6:1). The solve stops when LOOK
+        iterations together have changed the displacements by less than the share `tolerance` of
+        their root mean square. Measures of the compression would not do: while a deep column
+        falls only its lowest particles are compressed.
+
+        Within a round those particles push that have q > 0 or are compressed, less those that
+        reach q = 0. A round ends early when the others have become more compressed than they.
         """
-        n, p = self.particles.count, self.particles
-        taken = 0
-        while taken < most:
-            self.find_shifts(n, multiplier)
-            self.begin(n, multiplier, taken == 0)
-            bound = max(self.tolerance * self.largest_source[None], self.residual)
-            if self.error_max[None] < bound:
-                break
-            for k in range(min(self.restart, most - taken)):
-                self.find_shifts(n, p.direction)
-                self.respond(n)
-                self.descend(n, multiplier)
-                self.turn(n)
+        n = self.particles.count
+        taken, done = 0, False
+        while taken < most and not done:
+            self.find_shifts(n, q)
+            self.begin(n, q)
+            for _ in range(ROUND):
+                self.iterate(n, q)
                 taken += 1
-                if k % LOOK == LOOK - 1 and self.error_max[None] < 0.5 * bound:
-                    break
-        self.find_shifts(n, multiplier)
+                if taken % LOOK == 0:
+                    self.look(n)
+                    change, compressed, excluded = self.progress[None]
+                    done = change < tolerance * tolerance
+                    if done or excluded > compressed or taken >= most:
+                        break
+        self.find_shifts(n, q)
         return taken
 
-    @ti.kernel
-    def find_shifts(self, n: ti.i32, q: ti.template()):
+    def relax(self, q, iterations: int) -> None:
+        """Jacobi from the multipliers q (capacity,) [m^2], changed in place; leaves their shifts.
+
+        Unlike conjugate gradients it never reaches for the long, nearly free modes of a regular
+        arrangement, whose displacements are large and whose linearised compression is none.
+        """
+        n = self.particles.count
+        for _ in range(iterations):
+            self.find_shifts(n, q)
+            self.correct(n, q)
+        self.find_shifts(n, q)
+
+    @ti.func
+    def shift_by(self, i, q: ti.template()):
         """u_i = -(q_i g_i + sum V_j q_j grad W_ij) [m]."""
-        for i in range(n):
-            u = -q[i] * self.particles.gradient[i]
-            for s in range(self.neighbours.start[i], self.neighbours.end[i]):
-                j = self.neighbours.index[s]
-                r_ij = self.particles.x[i] - self.particles.x[j]
-                u -= q[j] * self.slope[s] * r_ij
-            self.particles.shift[i] = u
+        x = self.particles.x[i]
+        u = -q[i] * self.particles.gradient[i]
+        for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
+            j = self.neighbours.index[s]
+            u -= q[j] * self.slope[s] * (x - self.particles.x[j])
+        for s in range(self.neighbours.mirrors[i], self.neighbours.end[i]):
+            j, bits = self.images.read(self.neighbours.index[s])
+            u -= q[j] * self.slope[s] * (x - self.images.point(x, self.particles.x[j], bits))
+        return u
+
+    @ti.func
+    def wall_shift(self, i, q: ti.template()):
+        """The part of u_i [m] that walls give."""
+        x = self.particles.x[i]
+        u = ti.Vector([0.0, 0.0, 0.0])
+        for s in range(self.neighbours.mirrors[i], self.neighbours.end[i]):
+            j, bits = self.images.read(self.neighbours.index[s])
+            seen = self.images.point(x, self.particles.x[j], bits)
+            u -= (q[i] + q[j]) * self.slope[s] * (x - seen)
+        return u
 
     @ti.func
     def divergence(self, i, field: ti.template()):
-        """sum V_j (u_i - u_j).grad W_ij + u_i.grad lambda_i of a vector field u [u's unit / m]."""
-        u = field[i]
-        found = u.dot(self.particles.wall[i])
-        for s in range(self.neighbours.start[i], self.neighbours.end[i]):
+        """sum V_j (u_i - u_j).grad W_ij of a vector field u [u's unit / m]."""
+        u, x = field[i], self.particles.x[i]
+        found = 0.0
+        for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
             j = self.neighbours.index[s]
-            r_ij = self.particles.x[i] - self.particles.x[j]
-            found += self.slope[s] * (u - field[j]).dot(r_ij)
+            found += self.slope[s] * (u - field[j]).dot(x - self.particles.x[j])
+        for s in range(self.neighbours.mirrors[i], self.neighbours.end[i]):
+            j, bits = self.images.read(self.neighbours.index[s])
+            r_ij = x - self.images.point(x, self.particles.x[j], bits)
+            found += self.slope[s] * (u - self.images.vector(field[j], bits)).dot(r_ij)
         return found
 
     @ti.kernel
-    def begin(self, n: ti.i32, q: ti.template(), first: ti.i32):
-        """r = source - A q where particles push, 0 elsewhere; first direction r/D."""
-        self.descent[None] = 0.0
-        self.error_max[None] = 0.0
-        if first == 1:
-            self.largest_source[None] = 0.0
+    def find_shifts(self, n: ti.i32, q: ti.template()):
+        """The displacements u that the multipliers q give."""
         for i in range(n):
-            r = self.particles.source[i] + self.divergence(i, self.particles.shift)
-            d = ti.max(self.particles.diagonal[i], TINY)
-            # Compression left, and also expansion where a multiplier still pushes: both are error.
-            ti.atomic_max(self.error_max[None], abs(ti.max(q[i] + r / d, 0.0) - q[i]) * d)
-            ti.atomic_max(self.largest_source[None], self.particles.source[i])
-            if q[i] <= 0.0 and r <= 0.0:
-                r = 0.0
-            self.particles.residual[i] = r
-            self.particles.direction[i] = r / d
-            self.descent[None] += self.layers.volume[self.particles.layer[i]] * r * r / d
+            self.particles.shift[i] = self.shift_by(i, q)
 
     @ti.kernel
-    def respond(self, n: ti.i32):
-        """A p of the direction p, and p.A p weighed by V."""
+    def correct(self, n: ti.i32, q: ti.template()):
+        """q += omega r/D, not below 0, with r = source - A q."""
+        for i in range(n):
+            r = self.particles.source[i] + self.divergence(i, self.particles.shift)
+            q[i] = ti.max(q[i] + OMEGA * r / ti.max(self.particles.diagonal[i], TINY), 0.0)
+
+    @ti.kernel
+    def begin(self, n: ti.i32, q: ti.template()):
+        """r = source - A q; first direction r/D where particles push, 0 elsewhere."""
+        self.descent[None] = 0.0
+        self.excluded[None] = 0.0
+        self.gain[None] = 0.0
+        self.scale[None] = 0.0
+        for i in range(n):
+            layer = self.particles.layer[i]
+            volume, spacing = self.layers.volume[layer], self.layers.spacing[layer]
+            r = self.particles.source[i] + self.divergence(i, self.particles.shift)
+            d = ti.max(self.particles.diagonal[i], TINY)
+            free = ti.select(q[i] > 0.0 or r > 0.0, 1.0, 0.0)
+            self.particles.residual[i] = r
+            self.particles.free[i] = free
+            self.particles.direction[i] = free * r / d
+            self.descent[None] += free * volume * r * r / d
+            u2 = self.particles.shift[i].norm_sqr() + (STILL * spacing) ** 2
+            self.scale[None] += volume * u2
+
+    @ti.kernel
+    def iterate(self, n: ti.i32, q: ti.template()):
+        """One step along the direction p, and the next direction.
+
+        q += alpha p, not below 0; r -= alpha A p; p = r/D + beta p where particles push.
+        """
+        for i in range(n):
+            self.particles.shift[i] = self.shift_by(i, self.particles.direction)
         self.curvature[None] = 0.0
         for i in range(n):
             response = -self.divergence(i, self.particles.shift)
             self.particles.response[i] = response
             volume = self.layers.volume[self.particles.layer[i]]
             self.curvature[None] += volume * self.particles.direction[i] * response
-
-    @ti.kernel
-    def descend(self, n: ti.i32, q: ti.template()):
-        """q += alpha p, not below 0; r -= alpha A p where particles push."""
         self.last_descent[None] = self.descent[None]
+        self.gain[None] += self.descent[None] ** 2 / ti.max(self.curvature[None], TINY)
         self.descent[None] = 0.0
-        self.error_max[None] = 0.0
+        self.excluded[None] = 0.0
         for i in range(n):
             alpha = self.last_descent[None] / ti.max(self.curvature[None], TINY)
+            r = self.particles.residual[i] - alpha * self.particles.response[i]
+            moved = q[i] + alpha * self.particles.direction[i]
+            if moved < 0.0:
+                self.particles.free[i] = 0.0
+            q[i] = ti.max(moved, 0.0)
+            self.particles.residual[i] = r
             d = ti.max(self.particles.diagonal[i], TINY)
-            p, r = self.particles.direction[i], self.particles.residual[i]
-            if p != 0.0 or r != 0.0:
-                r -= alpha * self.particles.response[i]
-                if q[i] + alpha * p < 0.0:
-                    # It pushes no more, and is out of this round.
-                    r = 0.0
-                    self.particles.direction[i] = 0.0
-                self.particles.residual[i] = r
-            q[i] = ti.max(q[i] + alpha * p, 0.0)
-            ti.atomic_max(self.error_max[None], abs(ti.max(q[i] + r / d, 0.0) - q[i]) * d)
-            self.descent[None] += self.layers.volume[self.particles.layer[i]] * r * r / d
-
-    @ti.kernel
-    def turn(self, n: ti.i32):
-        """p = r/D + beta p."""
+            part = self.layers.volume[self.particles.layer[i]] * r * r / d
+            self.descent[None] += self.particles.free[i] * part
+            self.excluded[None] += (1.0 - self.particles.free[i]) * ti.select(r > 0.0, part, 0.0)
         for i in range(n):
             beta = self.descent[None] / ti.max(self.last_descent[None], TINY)
             d = ti.max(self.particles.diagonal[i], TINY)
-            self.particles.direction[i] = (
+            self.particles.direction[i] = self.particles.free[i] * (
                 self.particles.residual[i] / d + beta * self.particles.direction[i]
             )
+
+    @ti.kernel
+    def look(self, n: ti.i32):
+        """(change of sum V |u|^2 since the last look over the sum, descent, excluded)."""
+        self.scale[None] += self.gain[None]
+        change = self.gain[None] / self.scale[None]
+        self.progress[None] = ti.Vector([change, self.descent[None], self.excluded[None]])
+        self.gain[None] = 0.0

@@ -62,6 +62,7 @@ class Simulation:
     def reset(self) -> None:
         """Back to the initial state at time zero."""
         self._start(dict(self.initial), 0.0, 0)
+        self.solver.arrange()
 
     def advance(self, duration: float, forcing: Forcing, stage: Stage | None = None) -> None:
         """Simulates `duration` [s] in steps no longer than the solver allows.

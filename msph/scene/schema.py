@@ -130,6 +130,12 @@ class Projection(Section):
     cfl: float = parameter(
         _project.cfl, gt=0.0, le=1.0, text="most spacings that a particle moves in a step"
     )
+    pressure_cfl: float = parameter(
+        _project.pressure_cfl,
+        gt=0.0,
+        le=2.0,
+        text="most spacings that the speed sqrt(p/rho) covers in a step",
+    )
     longest_step: float = parameter(
         _project.longest_step, gt=0.0, le=0.1, unit="s", text="longest time step of slow water"
     )
@@ -137,19 +143,16 @@ class Projection(Section):
         _project.release, ge=0.0, le=1.0, text="share of a density excess that becomes velocity"
     )
     tolerance: float = parameter(
-        _project.tolerance, gt=0.0, lt=1.0, text="share of a solve's compression that it may leave"
-    )
-    residual: float = parameter(
-        _project.residual, ge=0.0, le=0.1, text="compression that any solve may leave"
-    )
-    restart: int = parameter(
-        _project.restart, ge=1, text="iterations between choices of the particles that push"
+        _project.tolerance,
+        gt=0.0,
+        lt=1.0,
+        text="share of the pressure's work that the velocity solve may leave",
     )
     velocity_iterations: int = parameter(
         _project.velocity_iterations, ge=1, text="most iterations of the velocity solve"
     )
     position_iterations: int = parameter(
-        _project.position_iterations, ge=1, text="most iterations of the position solve"
+        _project.position_iterations, ge=0, text="iterations of the position solve"
     )
     largest_shift: float = parameter(
         _project.largest_shift, gt=0.0, le=1.0, text="most spacings of the position solve"
