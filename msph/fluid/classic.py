@@ -18,7 +18,7 @@ from msph.fluid.particles import Attribute, Particles
 # Explicit viscosity is stable while dt < VISCOUS_NUMBER h^2 rho / mu (Morris et al. 1997, eq. 19).
 VISCOUS_NUMBER = 0.125
 
-ATTRIBUTES = (
+_ATTRIBUTES = (
     Attribute("density", "kg/m^3", "density by eq. 26"),
     Attribute("pressure", "Pa", "pressure by eq. 15", carried=False),
     Attribute("acceleration", "m/s^2", "what the other particles exert", width=3, carried=False),
@@ -55,7 +55,11 @@ class ClassicTerms:
 class Classic:
     """One solver over the particles of all layers; a single layer is Mueller's SPH of 2003."""
 
-    attributes = ATTRIBUTES
+    @staticmethod
+    def attributes(terms: ClassicTerms) -> tuple[Attribute, ...]:
+        """What each particle has, beyond the core."""
+        return _ATTRIBUTES
+
     # Margin of the neighbour list, in supports: a wider one is searched less often, read longer.
     LIST_MARGIN = 0.5
 

@@ -2,7 +2,6 @@
 
 from typing import Protocol
 
-from msph.fluid import classic, projection
 from msph.fluid.classic import Classic, ClassicTerms
 from msph.fluid.forcing import Forcing
 from msph.fluid.neighbours import NeighbourList
@@ -12,10 +11,6 @@ from msph.fluid.projection import Projection, ProjectionTerms
 Terms = ClassicTerms | ProjectionTerms
 
 SOLVERS = {ClassicTerms: Classic, ProjectionTerms: Projection}
-ATTRIBUTES: dict[str, tuple[Attribute, ...]] = {
-    "classic": classic.ATTRIBUTES,
-    "projection": projection.ATTRIBUTES,
-}
 
 
 class Solver(Protocol):
@@ -25,6 +20,9 @@ class Solver(Protocol):
     """
 
     neighbours: NeighbourList
+
+    @staticmethod
+    def attributes(terms) -> tuple[Attribute, ...]: ...
 
     def longest_step(self) -> float: ...
 

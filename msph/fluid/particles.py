@@ -114,6 +114,17 @@ class Particles:
         return {a.name: self.numpy(a.name) for a in self.attributes.values() if a.carried}
 
     @ti.kernel
+    def compact(self, target: ti.template(), alive: ti.template(), n: ti.i32):
+        """Moves those of the first n with alive[i] = 1 to target[i]. Both i32 (n,)."""
+        for i in range(n):
+            if alive[i] == 1:
+                for pair in ti.static(self._pairs):
+                    pair[1][target[i]] = pair[0][i]
+        for i in range(n):
+            for pair in ti.static(self._pairs):
+                pair[0][i] = pair[1][i]
+
+    @ti.kernel
     def reorder(self, target: ti.template(), n: ti.i32):
         """Moves particle i to place target[i], for every carried attribute. target: i32 (n,)."""
         for i in range(n):

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import taichi as ti
 
-from msph.fluid import kernels, pressure_solve
+from msph.fluid import adaptation, kernels, pressure_solve
+from msph.fluid.adaptation import Adaptation, AdaptationTerms
 from msph.fluid.forcing import Forcing, hand_acceleration
 from msph.fluid.grid import LayeredGrid
 from msph.fluid.images import Images
@@ -20,7 +21,7 @@ from msph.fluid.neighbours import NeighbourList
 from msph.fluid.particles import Attribute, Particles
 from msph.fluid.pressure_solve import PressureSolve
 
-ATTRIBUTES = (
+_ATTRIBUTES = (
     Attribute("density", "kg/m^3", "relative density c times rest density"),
     Attribute("pressure", "Pa", "pressure of the velocity solve"),
     Attribute("crowding", "m^2", "multiplier of the position solve", carried=False),
@@ -45,20 +46,22 @@ class ProjectionTerms:
     solve's, of position_iterations, at most largest_shift spacings a step. tolerance (-): share of
     the pressure's displacements that the velocity solve may leave, in velocity_iterations at most.
     spray: relative density below which no rate of compression can be told (-). Counting
-    neighbours instead lets water in edges of the box, which has few, gain energy.
+    neighbours instead lets water in edges of the box, which has few, gain energy. adaptation: None
+    where every particle keeps its layer.
     """
 
     density: float = 1000.0
     restitution: float = 0.0
     cfl: float = 0.4
     pressure_cfl: float = 0.7
-    longest_step: float = 1.0 / 120.0
+    longest_step: float = 1.0 / 60.0
     release: float = 0.2
     tolerance: float = 0.02
     velocity_iterations: int = 120
     position_iterations: int = 4
     largest_shift: float = 0.25
     spray: float = 0.4
+    adaptation: AdaptationTerms | None = None
 
 
 def own_bias(spec: LayerSpec) -> float:
@@ -80,7 +83,6 @@ class Projection:
     solve gives v += u/dt, and its multiplier is q = dt^2 p/rho0.
     """
 
-    attributes = ATTRIBUTES
     LIST_MARGIN = 0.1  # in supports of the finest layer: the position solve moves within it
 
     def __init__(
@@ -106,8 +108,20 @@ class Projection:
         self.pressure_solve = PressureSolve(layers, particles, self.neighbours, self.slope)
         self.most_crowded = ti.field(ti.f32, shape=())
         self.top_rate = ti.field(ti.f32, shape=())
+        self.merge_loss = ti.field(ti.f32, shape=())
+        self.adaptation = None
+        if terms.adaptation:
+            self.adaptation = Adaptation(
+                size, layers, particles, self.neighbours, self.merge_loss, terms.adaptation
+            )
+        self.adaptive = self.adaptation is not None
         self.internal_impulse = ti.Vector.field(3, ti.f32, shape=())
         self.iterations = 0
+
+    @staticmethod
+    def attributes(terms: ProjectionTerms) -> tuple[Attribute, ...]:
+        """What each particle has, beyond the core."""
+        return _ATTRIBUTES + (adaptation.ATTRIBUTES if terms.adaptation else ())
 
     @staticmethod
     def reach(terms: ProjectionTerms) -> str:
@@ -118,19 +132,30 @@ class Projection:
         """Forgets what it knew of the particles: they were replaced."""
         self.internal_impulse[None] = ti.Vector([0.0, 0.0, 0.0])
         self.top_rate[None] = 0.0
+        self.merge_loss[None] = 0.0
+        if self.adaptation:
+            self.adaptation.reset()
         self.grid.invalidate()
         self.grid.refresh()
 
     def arrange(self) -> None:
-        """Moves particles apart that the scene placed too near: bodies of water that touch, whose
-        lattices do not fit. At time zero it costs no energy; later it would."""
-        n = self.particles.count
+        """Gives each depth its layer, and moves particles apart that the scene placed too near:
+        bodies of water that touch have lattices that do not fit. At time zero it costs no energy.
+        """
+        unchanged = 0
         for _ in range(ARRANGING):
-            self.separate(n)
-            self.neighbours.moved(math.inf)
-            self.grid.invalidate()
-            if self.most_crowded[None] < CROWDED:
+            self.separate(self.particles.count)
+            self.disturb()
+            if self.adaptation:
+                unchanged = 0 if self.adaptation.run(budget=1.0) else unchanged + 1
+            settled = not self.adaptation or unchanged > self.adaptation.terms.settle
+            if settled and self.most_crowded[None] < CROWDED:
                 break
+
+    def disturb(self) -> None:
+        """Tells grid and list that particles moved."""
+        self.neighbours.moved(math.inf)
+        self.grid.invalidate()
 
     def longest_step(self) -> float:
         """Largest time step [s] now.
@@ -157,8 +182,9 @@ class Projection:
         )
         self.move(n, dt)
         self.scale(n, self.terms.density / (dt * dt))
-        self.neighbours.moved(math.inf)
-        self.grid.invalidate()
+        self.disturb()
+        if self.adaptation and self.adaptation.due():
+            self.adaptation.run()
 
     def separate(self, n: int) -> None:
         """The position solve: displaces particles where they are crowded."""
@@ -218,7 +244,11 @@ class Projection:
             c = self.particles.density[i] / self.terms.density - 1.0
             if 1.0 + c < self.terms.spray:
                 rate = ti.min(rate, 0.0)
-            self.particles.source[i] = dt * rate + ti.select(c < 0.0, c, self.terms.release * c)
+            release = self.terms.release
+            if ti.static(self.adaptive):
+                # Halves are crowded until the position solve has parted them.
+                release = ti.select(self.particles.settling[i] > 0, 0.0, release)
+            self.particles.source[i] = dt * rate + ti.select(c < 0.0, c, release * c)
 
     @ti.kernel
     def scale(self, n: ti.i32, factor: ti.f32):
@@ -261,14 +291,31 @@ class Projection:
         hand_radius: ti.f32,
         hand_grip: ti.f32,
     ):
-        """v* = v + dt (g + what the hand gives)."""
+        """v* = v + dt (g + what the hand gives + what gravity adds to the walls' pressures)."""
         for i in range(n):
             v = self.particles.v[i]
-            a = gravity
+            a = gravity + self.image_lift(i, gravity)
             a += hand_acceleration(
                 self.particles.x[i], v, dt, hand_x, hand_v, hand_radius, hand_grip
             )
             self.particles.v[i] = v + dt * a
+
+    @ti.func
+    def image_lift(self, i, gravity):
+        """Acceleration [m/s^2] by what images have more pressure than their particles.
+
+        No flow crosses a wall, so there dp/dn = rho g.n: behind a floor the pressure goes on
+        rising. At most the particle's own, so that water that only passes by is not lifted.
+        Without it the lowest sheet bears half a sheet's weight too much.
+        """
+        x, lift = self.particles.x[i], ti.Vector([0.0, 0.0, 0.0])
+        for s in range(self.neighbours.mirrors[i], self.neighbours.end[i]):
+            j, bits = self.images.read(self.neighbours.index[s])
+            x_j = self.particles.x[j]
+            seen = self.images.point(x, x_j, bits)
+            own = self.particles.pressure[j] / self.terms.density
+            lift -= ti.math.clamp(gravity.dot(seen - x_j), -own, own) * self.slope[s] * (x - seen)
+        return lift
 
     @ti.kernel
     def move(self, n: ti.i32, dt: ti.f32):

@@ -32,14 +32,15 @@ def footprint(
         * count
         * neighbours_provided(specs, solver.LIST_MARGIN, solver.reach(terms)),
         # Attributes, and place, cell, start and end of the sort and the list.
-        "particles": count * (Particles.bytes_per_particle(solver.attributes) // WORD + 4),
+        "particles": count * (Particles.bytes_per_particle(solver.attributes(terms)) // WORD + 4),
     }
 
 
 class Simulation:
     """The water of one scene.
 
-    size [m] of the box, layer specs, initial attributes (x, v, layer as arrays), solver terms.
+    size [m] of the box, layer specs, initial attributes (x, v, layer as arrays), solver terms, and
+    the most particles it may come to have, by default those it starts with.
     time [s] is simulated time; steps counts solver steps since the last reset.
     """
 
@@ -49,11 +50,12 @@ class Simulation:
         specs: list[LayerSpec],
         initial: dict[str, np.ndarray],
         terms: Terms,
+        capacity: int | None = None,
     ):
         self.size = size
         self.layers = Layers(specs)
         solver = SOLVERS[type(terms)]
-        self.particles = Particles(len(initial["x"]), solver.attributes)
+        self.particles = Particles(capacity or len(initial["x"]), solver.attributes(terms))
         self.grid = LayeredGrid(size, self.layers, self.particles)
         self.solver = solver(size, self.layers, self.grid, self.particles, terms)
         self.initial = initial

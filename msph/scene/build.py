@@ -4,26 +4,35 @@ import math
 
 import numpy as np
 
+from msph.fluid.adaptation import AdaptationTerms
 from msph.fluid.classic import ClassicTerms
 from msph.fluid.methods import Terms
 from msph.fluid.projection import ProjectionTerms
 from msph.fluid.simulation import Simulation
 from msph.scene.schema import Scene
-from msph.scene.water import initial_particles, layer_specs
+from msph.scene.water import capacity, initial_particles, layer_specs
 
 
 def build_simulation(scene: Scene) -> Simulation:
     """Allocates and fills everything the scene's fluid needs. ti.init must have been called."""
-    initial = initial_particles(scene)
-    return Simulation(scene.box.size, layer_specs(scene), initial, solver_terms(scene))
+    return Simulation(
+        scene.box.size,
+        layer_specs(scene),
+        initial_particles(scene),
+        solver_terms(scene),
+        capacity(scene),
+    )
 
 
 def solver_terms(scene: Scene) -> Terms:
     """The constants and switches of the scene's method."""
     if scene.method == "projection":
-        p = scene.projection
+        adaptation = scene.adaptation.model_dump(exclude={"enabled", "capacity"})
         return ProjectionTerms(
-            density=scene.density, restitution=scene.box.restitution, **p.model_dump()
+            density=scene.density,
+            restitution=scene.box.restitution,
+            adaptation=AdaptationTerms(**adaptation) if scene.adaptation.enabled else None,
+            **scene.projection.model_dump(),
         )
     c = scene.classic
     return ClassicTerms(

@@ -6,14 +6,15 @@ import itertools
 import numpy as np
 import psutil
 
+from msph.fluid.adaptation import coarser_of
 from msph.fluid.layers import LayerSpec
-from msph.fluid.methods import ATTRIBUTES
+from msph.fluid.methods import SOLVERS
 from msph.fluid.particles import CORE
 from msph.fluid.simulation import WORD, footprint
 from msph.scene.build import solver_terms
 from msph.scene.errors import SceneError
 from msph.scene.schema import Scene, Water
-from msph.scene.water import bounds, expected_count, layer_specs
+from msph.scene.water import bounds, capacity, expected_count, layer_specs
 from msph.surface.surface import Surface
 
 # How far bodies of water may touch or reach over the box before it counts as an error [m]:
@@ -29,7 +30,8 @@ _DERIVED = ("water", "layer", "speed", "density_error")
 
 def views(scene: Scene) -> tuple[str, ...]:
     """What a picture of the scene can show, in the order in which a key cycles through it."""
-    names = [a.name for a in CORE + ATTRIBUTES[scene.method]]
+    terms = solver_terms(scene)
+    names = [a.name for a in CORE + SOLVERS[type(terms)].attributes(terms)]
     return _DERIVED + tuple(n for n in names if n not in (*_DERIVED, "x", "v", "id"))
 
 
@@ -67,12 +69,37 @@ def check(scene: Scene, where: str) -> None:
     for (i, a), (j, b) in itertools.combinations(enumerate(scene.water), 2):
         if _overlap(a, b):
             raise SceneError(where, f"overlaps water.{i}", f"water.{j}")
+    _check_adaptation(scene, specs, where)
     _check_memory(scene, specs, where)
+
+
+def _check_adaptation(scene: Scene, specs: list[LayerSpec], where: str) -> None:
+    """Adaptation needs the projection method, layers that can exchange, and room to start."""
+    if not scene.adaptation.enabled:
+        return
+    if scene.method != "projection":
+        raise SceneError(
+            where, 'only method = "projection" can adapt its layers', "adaptation.enabled"
+        )
+    if all(k < 0 for k in coarser_of(specs)):
+        masses = ", ".join(f"{s.mass:.3g}" for s in specs)
+        raise SceneError(
+            where,
+            f"no two layers have masses of 1 : 2 (got {masses} kg), so none can exchange particles",
+            "adaptation.enabled",
+        )
+    start = sum(expected_count(w, specs[w.layer]) for w in scene.water)
+    if scene.adaptation.capacity is not None and scene.adaptation.capacity < start:
+        raise SceneError(
+            where,
+            f"the scene starts with {start:,} particles (got {scene.adaptation.capacity:,})",
+            "adaptation.capacity",
+        )
 
 
 def _check_memory(scene: Scene, specs: list[LayerSpec], where: str) -> None:
     """Everything that is allocated but the picture, whose size is no part of the scene."""
-    count = sum(expected_count(w, specs[w.layer]) for w in scene.water)
+    count = capacity(scene)
     cell = scene.surface.cell * min(s.spacing for s in specs)
     needs = footprint(scene.box.size, specs, count, solver_terms(scene))
     needs["surface"] = Surface.bytes_needed(scene.box.size, cell) // WORD

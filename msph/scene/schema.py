@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from msph.fluid.adaptation import AdaptationTerms
 from msph.fluid.classic import ClassicTerms
 from msph.fluid.projection import ProjectionTerms
 from msph.picture.look import Look
@@ -37,7 +38,7 @@ Edge = Annotated[float, Field(strict=True, ge=1e-3, le=1e4)]
 Vector = Annotated[tuple[Number, Number, Number], Field(strict=False)]
 Size = Annotated[tuple[Edge, Edge, Edge], Field(strict=False)]
 
-_terms, _project, _look = ClassicTerms(), ProjectionTerms(), Look()
+_terms, _project, _adapt, _look = ClassicTerms(), ProjectionTerms(), AdaptationTerms(), Look()
 
 
 class Box(Section):
@@ -162,6 +163,31 @@ class Projection(Section):
     )
 
 
+class Adaptation(Section):
+    """Projection alone: particles split and merge, so that each depth has its layer."""
+
+    enabled: bool = parameter(False, text="let particles change their layer with their depth")
+    band: float = parameter(
+        _adapt.band, ge=0.5, le=20.0, text="thickness of a layer's band, in its supports"
+    )
+    hysteresis: float = parameter(
+        _adapt.hysteresis, ge=0.0, le=0.5, text="share of a band's bound that a particle must pass"
+    )
+    every: int = parameter(_adapt.every, ge=1, text="steps between passes")
+    budget: float = parameter(
+        _adapt.budget, gt=0.0, le=1.0, text="share of all particles that a pass may change"
+    )
+    settle: int = parameter(
+        _adapt.settle, ge=0, text="passes that a particle waits until its next change"
+    )
+    capacity: int | None = parameter(
+        None,
+        gt=0,
+        text="most particles; beyond, fine layers grow thinner. Default: all water at its finest, "
+        "at most 30,000 or twice the particles at the start",
+    )
+
+
 class Sway(Section):
     """The pool rocks by itself at the start: gravity turns in its frame."""
 
@@ -237,6 +263,7 @@ class Scene(Section):
     layers: list[Layer] = parameter(min_length=1, max_length=16, text="the particle sizes")
     water: list[Water] = parameter(min_length=1, text="the bodies of water")
     projection: Projection = parameter(Projection, text="constants of the projection method")
+    adaptation: Adaptation = parameter(Adaptation, text="layers that follow the surface")
     classic: Classic = parameter(Classic, text="constants and switches of the classic method")
     sway: Sway = parameter(Sway, text="rocking at the start")
     camera: Camera = parameter(Camera, text="point of view")

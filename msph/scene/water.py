@@ -7,6 +7,9 @@ import numpy as np
 from msph.fluid.layers import LayerSpec
 from msph.scene.schema import Scene, Water
 
+# Particles that a pool has room for without being asked, where adaptation could need them.
+MANY = 30_000
+
 
 def layer_specs(scene: Scene) -> list[LayerSpec]:
     """The scene's layers with mass and spacing resolved; see LayerSpec for units."""
@@ -87,6 +90,19 @@ def _ball(water: Water, radius: float, spec: LayerSpec) -> np.ndarray:
     wanted = water.count or wanted
     nearest = np.argsort((grid**2).sum(axis=1), kind="stable")[:wanted]
     return centre + grid[nearest]
+
+
+def capacity(scene: Scene) -> int:
+    """Most particles that the scene's water may come to be."""
+    specs = layer_specs(scene)
+    counts = [expected_count(w, specs[w.layer]) for w in scene.water]
+    if not scene.adaptation.enabled or scene.method != "projection":
+        return sum(counts)
+    if scene.adaptation.capacity:
+        return scene.adaptation.capacity
+    volume = sum(n * specs[w.layer].volume for n, w in zip(counts, scene.water, strict=True))
+    finest = math.ceil(volume / min(s.volume for s in specs))
+    return min(finest, max(MANY, 2 * sum(counts)))
 
 
 def initial_particles(scene: Scene) -> dict[str, np.ndarray]:

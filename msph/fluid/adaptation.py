@@ -1,0 +1,262 @@
+"""Adaptation: large particles in the depth, small ones at the surface, wherever the water goes.
+
+Every layer owns a band of depths. A particle above its band is split into two of the next finer
+layer, one below it is merged with its nearest neighbour of the same layer (after Adams et al.
+2007). Mass, momentum and centre of mass are kept to rounding.
+"""
+
+from dataclasses import dataclass
+
+import taichi as ti
+
+from msph.fluid import kernels
+from msph.fluid.depth import Depth
+from msph.fluid.layers import Layers, LayerSpec
+from msph.fluid.neighbours import NeighbourList
+from msph.fluid.particles import Attribute, Particles
+from msph.fluid.scan import ExclusiveScan
+
+ATTRIBUTES = (
+    Attribute("depth", "m", "distance to the free surface, as far as layers ask", carried=False),
+    Attribute("settling", "-", "passes to wait before it adapts again", integer=True),
+    Attribute("wish", "-", "-1: to be split, 1: to be merged", integer=True, carried=False),
+    Attribute("partner", "-", "whom it would merge with", integer=True, carried=False),
+    Attribute("alive", "-", "0 for what was merged into another", integer=True, carried=False),
+)
+
+# Layers exchange particles where the coarser's mass is twice the finer's, to this share.
+RATIO_TOLERANCE = 0.01
+# Distance of split halves from their centre, in spacings of what was split.
+HALF = 0.3
+# Farthest merge, in spacings: across a gap a merge would pop.
+FARTHEST_MERGE = 1.25
+# Shares of the pool: fuller than the first, bands grow thinner; emptier than the second, thicker.
+FULL, ROOMY = 0.95, 0.85
+# By how much a pass changes the bands' thickness, and the least share of it.
+THINNER, THICKER, THINNEST = 0.9, 1.02, 0.1
+# Directions in which halves may lie: axes and diagonals of the faces.
+DIRECTIONS = (
+    *((1, 0, 0), (0, 1, 0), (0, 0, 1)),
+    *((1, 1, 0), (1, -1, 0), (1, 0, 1), (1, 0, -1), (0, 1, 1), (0, 1, -1)),
+)
+
+
+@dataclass(frozen=True)
+class AdaptationTerms:
+    """Constants of adaptation.
+
+    band: thickness of a layer's band of depths, in its supports (-). hysteresis: share of a
+    bound's depth by which a particle must be beyond it (-). every: steps between passes. budget:
+    share of all particles that a pass may split, and merge (-). settle: passes that what was
+    split or merged waits.
+    """
+
+    band: float = 2.0
+    hysteresis: float = 0.08
+    every: int = 4
+    budget: float = 0.1
+    settle: int = 3
+
+
+def bands(specs: list[LayerSpec], band: float) -> list[tuple[float, float]]:
+    """Depths [m] from and to which each layer belongs; the coarsest's reach down for ever."""
+    order = sorted(range(len(specs)), key=lambda k: specs[k].mass)
+    found, top = [(0.0, 0.0)] * len(specs), 0.0
+    for k in order:
+        bottom = top + band * specs[k].support
+        found[k] = (top, bottom if k != order[-1] else float("inf"))
+        top = bottom
+    return found
+
+
+def coarser_of(specs: list[LayerSpec]) -> list[int]:
+    """Of each layer the one that two of its particles merge into, or -1."""
+    return [
+        next((j for j, b in enumerate(specs) if abs(b.mass / a.mass - 2.0) < RATIO_TOLERANCE), -1)
+        for a in specs
+    ]
+
+
+@ti.data_oriented
+class Adaptation:
+    """Splits and merges the particles of one fluid.
+
+    events counts (splits, merges, splits refused for lack of room) of the last pass; thickness is
+    the share of their bands that layers have, below 1 while the pool is nearly full.
+    """
+
+    def __init__(
+        self,
+        size: tuple[float, float, float],
+        layers: Layers,
+        particles: Particles,
+        neighbours: NeighbourList,
+        merge_loss: ti.Field,
+        terms: AdaptationTerms,
+    ):
+        self.layers, self.particles, self.neighbours = layers, particles, neighbours
+        self.terms, self.merge_loss = terms, merge_loss
+        limits = bands(layers.specs, terms.band)
+        self.farthest = max(top for top, _ in limits) * (1.0 + 2.0 * terms.hysteresis)
+        self.depth = Depth(size, layers, particles, self.farthest)
+        self.size = ti.Vector(list(size))
+        self.top, self.bottom = (ti.field(ti.f32, shape=layers.count) for _ in range(2))
+        self.coarser, self.finer = (ti.field(ti.i32, shape=layers.count) for _ in range(2))
+        coarser = coarser_of(layers.specs)
+        for k, (top, bottom) in enumerate(limits):
+            self.top[k], self.bottom[k] = top, bottom
+            self.coarser[k] = coarser[k]
+            self.finer[k] = coarser.index(k) if k in coarser else -1
+        self.place = ti.field(ti.i32, shape=particles.capacity + 1)
+        self.scan = ExclusiveScan(particles.capacity)
+        self.tally = ti.field(ti.i32, shape=3)  # splits, merges, refused
+        self.next_id = ti.field(ti.i32, shape=())
+        self.thickness, self.events, self.steps = 1.0, (0, 0, 0), 0
+
+    def reset(self) -> None:
+        """Forgets the run, for the particles were replaced: bands have their full thickness."""
+        self.thickness, self.events, self.steps = 1.0, (0, 0, 0), 0
+        self.next_id[None] = int(self.particles.numpy("id").max()) + 1
+
+    def due(self) -> bool:
+        """Counts a step; true for those after which a pass is due."""
+        self.steps += 1
+        return self.steps % self.terms.every == 0
+
+    def run(self, budget: float | None = None) -> int:
+        """One pass over fresh neighbours; returns how many particles it split and merged.
+
+        budget: share of the particles, by default the terms'. Changes the order and number of the
+        particles, so grid and neighbours are void afterwards.
+        """
+        p, n = self.particles, self.particles.count
+        most = max(8, int((self.terms.budget if budget is None else budget) * n))
+        self.depth.refresh()
+        self.tally.fill(0)
+        self.wish_for(n, self.thickness)
+        self.find_partners(n)
+        self.merge(n, most)
+        self.split(n, most, p.capacity)
+        splits, merges, refused = self.tally.to_numpy().tolist()
+        splits = min(splits, most, p.capacity - n)
+        self.events = splits, min(merges, most), refused
+        p.count = n + splits
+        if merges:
+            self.scan.run(p.alive, self.place)
+            p.compact(self.place, p.alive, n + splits)
+            p.count = self.place[p.capacity]
+        self._keep_room(refused)
+        return splits + self.events[1]
+
+    def _keep_room(self, refused: int) -> None:
+        full = self.particles.count / self.particles.capacity
+        if refused or full > FULL:
+            self.thickness = max(THINNEST, THINNER * self.thickness)
+        elif full < ROOMY:
+            self.thickness = min(1.0, THICKER * self.thickness)
+
+    @ti.kernel
+    def wish_for(self, n: ti.i32, thickness: ti.f32):
+        """What each particle should become, by its depth and its layer's band."""
+        for i in range(self.particles.capacity):
+            self.particles.alive[i] = ti.select(i < n, 1, 0)
+        for i in range(n):
+            layer = self.particles.layer[i]
+            depth = self.depth.at(self.particles.x[i])
+            self.particles.depth[i] = depth
+            waiting = self.particles.settling[i]
+            self.particles.settling[i] = ti.max(waiting - 1, 0)
+            top, bottom = self.top[layer] * thickness, self.bottom[layer] * thickness
+            above = depth < top * (1.0 - self.terms.hysteresis) and self.finer[layer] >= 0
+            below = depth > bottom * (1.0 + self.terms.hysteresis) and self.coarser[layer] >= 0
+            wish = ti.select(above, -1, ti.select(below, 1, 0))
+            self.particles.wish[i] = ti.select(waiting > 0, 0, wish)
+
+    @ti.kernel
+    def find_partners(self, n: ti.i32):
+        """The nearest of the same layer that would merge too."""
+        for i in range(n):
+            best = -1
+            if self.particles.wish[i] == 1:
+                layer, x = self.particles.layer[i], self.particles.x[i]
+                nearest = FARTHEST_MERGE * self.layers.spacing[layer]
+                for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
+                    j = self.neighbours.index[s]
+                    r = (self.particles.x[j] - x).norm()
+                    same = self.particles.layer[j] == layer and self.particles.wish[j] == 1
+                    if same and r < nearest:
+                        nearest, best = r, j
+            self.particles.partner[i] = best
+
+    @ti.kernel
+    def merge(self, n: ti.i32, most: ti.i32):
+        """Mutual nearest pairs become one; what they lose goes to merge_loss."""
+        for i in range(n):
+            j = self.particles.partner[i]
+            order = most
+            if j > i and self.particles.partner[j] == i:
+                order = ti.atomic_add(self.tally[1], 1)
+            if order < most:
+                layer = self.particles.layer[i]
+                dv = self.particles.v[i] - self.particles.v[j]
+                # (1/2) m_a m_b/(m_a + m_b) |dv|^2 of equal masses.
+                self.merge_loss[None] += 0.25 * self.layers.mass[layer] * dv.norm_sqr()
+                self.particles.x[i] = 0.5 * (self.particles.x[i] + self.particles.x[j])
+                self.particles.v[i] = 0.5 * (self.particles.v[i] + self.particles.v[j])
+                p = self.particles.pressure[i] + self.particles.pressure[j]
+                self.particles.pressure[i] = 0.5 * p
+                self.particles.layer[i] = self.coarser[layer]
+                self.particles.settling[i] = self.terms.settle
+                self.particles.alive[j] = 0
+
+    @ti.kernel
+    def split(self, n: ti.i32, most: ti.i32, capacity: ti.i32):
+        """One becomes two, on either side of it where the water is thinnest."""
+        for i in range(n):
+            if self.particles.wish[i] == -1:
+                place = ti.atomic_add(self.tally[0], 1)
+                j = n + place
+                if j >= capacity:
+                    self.tally[2] += 1
+                elif place < most:
+                    layer = self.finer[self.particles.layer[i]]
+                    offset = self.widest_gap(i)
+                    x = self.particles.x[i]
+                    self.particles.x[i] = ti.math.clamp(x - offset, 0.0, self.size)
+                    self.particles.x[j] = ti.math.clamp(x + offset, 0.0, self.size)
+                    self.particles.v[j] = self.particles.v[i]
+                    self.particles.pressure[j] = self.particles.pressure[i]
+                    self.particles.layer[i] = layer
+                    self.particles.layer[j] = layer
+                    self.particles.id[j] = ti.atomic_add(self.next_id[None], 1)
+                    self.particles.settling[i] = self.terms.settle
+                    self.particles.settling[j] = self.terms.settle
+                    self.particles.alive[j] = 1
+
+    @ti.func
+    def widest_gap(self, i):
+        """The offset [m] of halves of particle i that meets the least density."""
+        layer, x = self.particles.layer[i], self.particles.x[i]
+        h_i = self.layers.support[self.finer[layer]]
+        # A half must not be moved by a wall, which would move their centre.
+        room = ti.min(x, self.size - x)
+        best, least = ti.Vector([0.0, 0.0, 0.0]), 1e9
+        for direction in ti.static(DIRECTIONS):
+            unit = ti.Vector(direction, ti.f32).normalized()
+            offset = HALF * self.layers.spacing[layer] * unit
+            offset *= ti.min(1.0, (room / ti.max(abs(offset), 1e-9)).min())
+            c = 0.0
+            for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
+                j = self.neighbours.index[s]
+                other = self.particles.layer[j]
+                h = 0.5 * (h_i + self.layers.support[other])
+                r_ij = x - self.particles.x[j]
+                near = kernels.wendland((r_ij + offset).norm(), h)
+                c += self.layers.volume[other] * (
+                    near + kernels.wendland((r_ij - offset).norm(), h)
+                )
+            # Halves that a wall pushes together would see too much of each other.
+            c += 2.0 * self.layers.volume[layer] * kernels.wendland(2.0 * offset.norm(), h_i)
+            if c < least:
+                least, best = c, offset
+        return best
