@@ -27,7 +27,9 @@ ATTRIBUTES = (
 # Layers exchange particles where the coarser's mass is twice the finer's, to this share.
 RATIO_TOLERANCE = 0.01
 # Distance of split halves from their centre, in spacings of what was split.
-HALF = 0.3
+HALF = 0.35
+# Halves nearer than this to it would hardly part: what lies in a corner is not split.
+LEAST_HALF = 0.15
 # Farthest merge, in spacings: across a gap a merge would pop.
 FARTHEST_MERGE = 1.25
 # Shares of the pool: fuller than the first, bands grow thinner; emptier than the second, thicker.
@@ -211,27 +213,31 @@ class Adaptation:
 
     @ti.kernel
     def split(self, n: ti.i32, most: ti.i32, capacity: ti.i32):
-        """One becomes two, on either side of it where the water is thinnest."""
+        """One becomes two, on either side of it where the water is thinnest.
+
+        The first `most` find a place, short of capacity; the rest stays as it is.
+        """
         for i in range(n):
+            offset, place = ti.Vector([0.0, 0.0, 0.0]), most
             if self.particles.wish[i] == -1:
-                place = ti.atomic_add(self.tally[0], 1)
-                j = n + place
-                if j >= capacity:
-                    self.tally[2] += 1
-                elif place < most:
-                    layer = self.finer[self.particles.layer[i]]
-                    offset = self.widest_gap(i)
-                    x = self.particles.x[i]
-                    self.particles.x[i] = ti.math.clamp(x - offset, 0.0, self.size)
-                    self.particles.x[j] = ti.math.clamp(x + offset, 0.0, self.size)
-                    self.particles.v[j] = self.particles.v[i]
-                    self.particles.pressure[j] = self.particles.pressure[i]
-                    self.particles.layer[i] = layer
-                    self.particles.layer[j] = layer
-                    self.particles.id[j] = ti.atomic_add(self.next_id[None], 1)
-                    self.particles.settling[i] = self.terms.settle
-                    self.particles.settling[j] = self.terms.settle
-                    self.particles.alive[j] = 1
+                offset = self.widest_gap(i)
+                if offset.norm() > LEAST_HALF * self.layers.spacing[self.particles.layer[i]]:
+                    place = ti.atomic_add(self.tally[0], 1)
+            j = n + place
+            if place < most and j >= capacity:
+                self.tally[2] += 1
+            elif place < most:
+                layer = self.finer[self.particles.layer[i]]
+                self.particles.x[j] = self.particles.x[i] + offset
+                self.particles.x[i] -= offset
+                self.particles.v[j] = self.particles.v[i]
+                self.particles.pressure[j] = self.particles.pressure[i]
+                self.particles.layer[i] = layer
+                self.particles.layer[j] = layer
+                self.particles.id[j] = ti.atomic_add(self.next_id[None], 1)
+                self.particles.settling[i] = self.terms.settle
+                self.particles.settling[j] = self.terms.settle
+                self.particles.alive[j] = 1
 
     @ti.func
     def widest_gap(self, i):

@@ -32,8 +32,19 @@ _ATTRIBUTES = (
 # Rounds of the position solve before time starts, at most, and the excess of density at which the
 # rest is left to the steps.
 ARRANGING, CROWDED = 60, 1e-3
+# Excess of density, as halves have it after a split, from which on the position solve takes more
+# rounds.
+URGENT, URGENT_ROUNDS = 0.02, 3
+# Least distance to a wall, in spacings; the golden section spreads multiples of it evenly.
+NEAREST, GOLDEN = 0.05, 0.6180340
+# Spray, which meets nothing, may move so many times farther in a step.
+SPRAY_LEAP = 2.5
 # Coincident particles have no direction to be pushed in; they are held this far apart, in h.
 TOUCHING = 1e-6
+
+
+# A particle's density, the sum V_j grad W_ij [1/m], and sum V_j |grad W_ij|^2 [1/m^5].
+Sums = ti.types.struct(c=ti.f32, g=ti.math.vec3, squares=ti.f32)
 
 
 @dataclass(frozen=True)
@@ -56,7 +67,7 @@ class ProjectionTerms:
     pressure_cfl: float = 0.7
     longest_step: float = 1.0 / 60.0
     release: float = 0.2
-    tolerance: float = 0.02
+    tolerance: float = 0.05
     velocity_iterations: int = 120
     position_iterations: int = 4
     largest_shift: float = 0.25
@@ -191,7 +202,9 @@ class Projection:
         self.neighbours.refresh()
         self.weigh(n)
         self.aim_at_rest_density(n)
-        self.pressure_solve.relax(self.particles.crowding, self.terms.position_iterations)
+        rounds = URGENT_ROUNDS if self.most_crowded[None] > URGENT else 1
+        iterations = rounds * self.terms.position_iterations
+        self.pressure_solve.relax(self.particles.crowding, iterations)
         self.displace(n)
 
     @ti.kernel
@@ -203,28 +216,35 @@ class Projection:
         for i in range(n):
             layer = self.particles.layer[i]
             x, h_i = self.particles.x[i], self.layers.support[layer]
-            c = self.own[layer]
-            g, mirrored = ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0])
-            squares = 0.0
-            for s in range(self.neighbours.start[i], self.neighbours.end[i]):
+            total = Sums(c=self.own[layer])
+            for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
+                j = self.neighbours.index[s]
+                self.weigh_pair(s, h_i, j, x - self.particles.x[j], total)
+            mirrored = ti.Vector([0.0, 0.0, 0.0])
+            for s in range(self.neighbours.mirrors[i], self.neighbours.end[i]):
                 j, bits = self.images.read(self.neighbours.index[s])
-                other = self.particles.layer[j]
-                v_j, h = self.layers.volume[other], 0.5 * (h_i + self.layers.support[other])
                 r_ij = x - self.images.point(x, self.particles.x[j], bits)
-                r = r_ij.norm()
-                c += v_j * kernels.wendland(r, h)
-                slope = kernels.wendland_slope(r, h)
-                # Stored with the neighbour's volume and over r: grad W_ij = slope_s r_ij / V_j.
-                self.slope[s] = v_j * slope / ti.max(r, TOUCHING * h)
-                g += self.slope[s] * r_ij
-                if j == i:
-                    mirrored += self.slope[s] * r_ij
-                else:
-                    squares += v_j * slope * slope
-            self.particles.density[i] = c * self.terms.density
+                self.weigh_pair(s, h_i, j, r_ij, total)
+                mirrored += ti.select(j == i, 1.0, 0.0) * self.slope[s] * r_ij
+            g, volume = total.g, self.layers.volume[layer]
+            self.particles.density[i] = total.c * self.terms.density
             self.particles.gradient[i] = g
-            volume = self.layers.volume[layer]
-            self.particles.diagonal[i] = (g + mirrored).norm_sqr() + volume * squares
+            self.particles.diagonal[i] = (g + mirrored).norm_sqr() + volume * total.squares
+
+    @ti.func
+    def weigh_pair(self, s, h_i, j, r_ij, total: ti.template()):
+        """Adds neighbour j to the sums of the Wendland C2 kernel, and stores its slope_s."""
+        other = self.particles.layer[j]
+        v_j, per_h = self.layers.volume[other], 2.0 / (h_i + self.layers.support[other])
+        q = ti.min(r_ij.norm() * per_h, 1.0)
+        u = 1.0 - q
+        peak = v_j * kernels.WENDLAND * (per_h * per_h * per_h) * (u * u * u)
+        total.c += peak * u * (1.0 + 4.0 * q)
+        # dW/dr over r: grad W_ij = slope_s r_ij / V_j, without a pole at r = 0.
+        slope = -20.0 * peak * (per_h * per_h)
+        self.slope[s] = slope
+        total.g += slope * r_ij
+        total.squares += slope * slope / v_j * r_ij.norm_sqr()
 
     @ti.kernel
     def aim_at_rest_density(self, n: ti.i32):
@@ -277,8 +297,17 @@ class Projection:
             u = self.particles.shift[i]
             u *= ti.min(1.0, self.terms.largest_shift * d / ti.max(u.norm(), TOUCHING * d))
             x = self.particles.x[i] + u
-            self.particles.x[i] = ti.math.clamp(x, 0.0, self.size)
+            margin = self.margin(i)
+            self.particles.x[i] = ti.math.clamp(x, margin, self.size - margin)
             self.particles.v[i] += self.particles.exchange[i]
+
+    @ti.func
+    def margin(self, i):
+        """Distance [m] from walls at which particle i is stopped: each at its own, since what lies
+        in one point cannot part again, and what lies on a wall is not repelled by its image."""
+        share = GOLDEN * ti.cast(self.particles.id[i] & 1023, ti.f32)
+        d = self.layers.spacing[self.particles.layer[i]]
+        return NEAREST * (1.0 + share - ti.floor(share)) * d
 
     @ti.kernel
     def push(
@@ -329,12 +358,15 @@ class Projection:
             inner = u - self.pressure_solve.wall_shift(i, self.particles.pressure)
             self.internal_impulse[None] += self.layers.mass[layer] / dt * inner
             x = self.particles.x[i] + dt * v
+            margin = self.margin(i)
             for k in ti.static(range(3)):
-                if x[k] < 0.0 or x[k] > self.size[k]:
-                    x[k] = ti.math.clamp(x[k], 0.0, self.size[k])
+                if x[k] < margin or x[k] > self.size[k] - margin:
+                    x[k] = ti.math.clamp(x[k], margin, self.size[k] - margin)
                     v[k] = -self.terms.restitution * v[k]
             self.particles.x[i] = x
             self.particles.v[i] = v
             swing = ti.sqrt(self.particles.pressure[i]) / dt
+            if self.particles.density[i] < self.terms.spray * self.terms.density:
+                v /= SPRAY_LEAP
             rate = ti.max(v.norm() / self.terms.cfl, swing / self.terms.pressure_cfl) / d
             ti.atomic_max(self.top_rate[None], rate)
