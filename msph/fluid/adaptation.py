@@ -2,7 +2,7 @@
 
 Every layer owns a band of depths. A particle above its band is split into two of the next finer
 layer, one below it is merged with its nearest neighbour of the same layer (after Adams et al.
-2007). Mass, momentum and centre of mass are kept to rounding.
+2007). Mass, momentum and centre of mass are kept to rounding, angular momentum nearly.
 """
 
 from dataclasses import dataclass
@@ -30,6 +30,8 @@ RATIO_TOLERANCE = 0.01
 HALF = 0.35
 # Halves nearer than this to it would hardly part: what lies in a corner is not split.
 LEAST_HALF = 0.15
+# Keeps divisions by what may vanish finite.
+TINY = 1e-20
 # Farthest merge, in spacings: across a gap a merge would pop.
 FARTHEST_MERGE = 1.25
 # Shares of the pool: fuller than the first, bands grow thinner; emptier than the second, thicker.
@@ -192,24 +194,49 @@ class Adaptation:
 
     @ti.kernel
     def merge(self, n: ti.i32, most: ti.i32):
-        """Mutual nearest pairs become one; what they lose goes to merge_loss."""
+        """Mutual nearest pairs become one; the kinetic energy they lose goes to merge_loss."""
         for i in range(n):
-            j = self.particles.partner[i]
-            order = most
+            j, order = self.particles.partner[i], most
             if j > i and self.particles.partner[j] == i:
                 order = ti.atomic_add(self.tally[1], 1)
             if order < most:
                 layer = self.particles.layer[i]
-                dv = self.particles.v[i] - self.particles.v[j]
+                mass, dv = self.layers.mass[layer], self.particles.v[i] - self.particles.v[j]
+                r = self.particles.x[i] - self.particles.x[j]
+                self.particles.x[i] -= 0.5 * r
+                self.particles.v[i] -= 0.5 * dv
                 # (1/2) m_a m_b/(m_a + m_b) |dv|^2 of equal masses.
-                self.merge_loss[None] += 0.25 * self.layers.mass[layer] * dv.norm_sqr()
-                self.particles.x[i] = 0.5 * (self.particles.x[i] + self.particles.x[j])
-                self.particles.v[i] = 0.5 * (self.particles.v[i] + self.particles.v[j])
+                self.merge_loss[None] += 0.25 * mass * dv.norm_sqr()
+                self.hand_over(i, j, 2.0 * mass, 0.5 * mass * r.cross(dv))
                 p = self.particles.pressure[i] + self.particles.pressure[j]
                 self.particles.pressure[i] = 0.5 * p
                 self.particles.layer[i] = self.coarser[layer]
                 self.particles.settling[i] = self.terms.settle
                 self.particles.alive[j] = 0
+
+    @ti.func
+    def hand_over(self, i, j, mass, spin):
+        """Gives the angular momentum [kg m^2/s] that a merged pair had about its centre to it and
+        a neighbour, as equal and opposite impulses: r x J = spin if r is normal to spin, and of the
+        neighbours that do not merge, the one nearest to normal is taken."""
+        x, best, least = self.particles.x[i], -1, 1.0
+        for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
+            k = self.neighbours.index[s]
+            if k != j and self.particles.partner[k] < 0:
+                r = self.particles.x[k] - x
+                cosine = abs(r.dot(spin)) / ti.max(r.norm() * spin.norm(), TINY)
+                if cosine < least:
+                    least, best = cosine, k
+        if best >= 0:
+            r = self.particles.x[best] - x
+            impulse = spin.cross(r) / ti.max(r.norm_sqr(), TINY)
+            m_k = self.layers.mass[self.particles.layer[best]]
+            given = impulse.dot(self.particles.v[best] - self.particles.v[i])
+            given += 0.5 * impulse.norm_sqr() * (1.0 / m_k + 1.0 / mass)
+            self.merge_loss[None] -= given
+            self.particles.v[i] -= impulse / mass
+            # Several merges may choose the same neighbour.
+            self.particles.v[best] += impulse / m_k
 
     @ti.kernel
     def split(self, n: ti.i32, most: ti.i32, capacity: ti.i32):

@@ -12,6 +12,7 @@ import math
 import taichi as ti
 
 from msph.fluid import kernels
+from msph.fluid.images import COMBINATIONS, Images
 from msph.fluid.layers import Layers
 from msph.fluid.particles import Particles
 
@@ -35,6 +36,7 @@ class Depth:
         farthest: float,
     ):
         self.layers, self.particles = layers, particles
+        self.images = Images(size)
         self.cell = layers.finest.support
         self.shape = depth_shape(size, self.cell)
         self.dims = ti.Vector(list(self.shape))
@@ -69,17 +71,25 @@ class Depth:
 
     @ti.kernel
     def _cover(self, n: ti.i32):
-        """Coverage sum V_j W(|x - x_j|, h_j) of the cells' centres."""
+        """Coverage sum V_j W(|x - x_j|, h_j) of the cells' centres, images included."""
         for c in ti.grouped(self.coverage):
             self.coverage[c] = 0.0
         for i in range(n):
             layer, x = self.particles.layer[i], self.particles.x[i]
             h, volume = self.layers.support[layer], self.layers.volume[layer]
-            lo = ti.math.clamp(ti.ceil((x - h) / self.cell - 0.5, ti.i32), 0, self.dims - 1)
-            hi = ti.math.clamp(ti.floor((x + h) / self.cell - 0.5, ti.i32), 0, self.dims - 1)
-            for a, b, c in ti.ndrange((lo[0], hi[0] + 1), (lo[1], hi[1] + 1), (lo[2], hi[2] + 1)):
-                centre = (ti.Vector([a, b, c]) + 0.5) * self.cell
-                self.coverage[a, b, c] += volume * kernels.wendland((centre - x).norm(), h)
+            near = self.images.in_reach(x, h)
+            for image in range(COMBINATIONS):
+                bits = self.images.bits(image)
+                if (bits <= near).all():
+                    self._cover_by(self.images.point(x, x, bits), h, volume)
+
+    @ti.func
+    def _cover_by(self, x, h, volume):
+        lo = ti.math.clamp(ti.ceil((x - h) / self.cell - 0.5, ti.i32), 0, self.dims - 1)
+        hi = ti.math.clamp(ti.floor((x + h) / self.cell - 0.5, ti.i32), 0, self.dims - 1)
+        for a, b, c in ti.ndrange((lo[0], hi[0] + 1), (lo[1], hi[1] + 1), (lo[2], hi[2] + 1)):
+            centre = (ti.Vector([a, b, c]) + 0.5) * self.cell
+            self.coverage[a, b, c] += volume * kernels.wendland((centre - x).norm(), h)
 
     @ti.kernel
     def _find_air(self):
@@ -111,6 +121,6 @@ class Depth:
 
 
 def depth_shape(size: tuple[float, float, float], cell: float) -> tuple[int, int, int]:
-    """Cells along x, y and z that cover a box of `size` [m]."""
-    nx, ny, nz = (max(1, math.ceil(edge / cell)) for edge in size)
+    """Whole cells along x, y and z in a box of `size` [m]; none has its centre beyond a wall."""
+    nx, ny, nz = (max(1, int(edge / cell)) for edge in size)
     return nx, ny, nz

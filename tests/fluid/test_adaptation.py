@@ -1,0 +1,172 @@
+"""Splits, merges and the depth that drives them: conservation, bands, capacity, rest."""
+
+import numpy as np
+import pytest
+
+from msph.fluid.adaptation import AdaptationTerms, bands, coarser_of
+from msph.fluid.forcing import Forcing
+from msph.fluid.layers import LayerSpec
+from msph.fluid.projection import ProjectionTerms
+from msph.fluid.simulation import Simulation
+
+SIZE = (2.4, 2.4, 2.4)
+MIDDLE = 1.2
+WEIGHTLESS = Forcing(gravity=(0.0, 0.0, 0.0))
+D = 0.03
+SPECS = [LayerSpec(1000.0 * D**3 * 2**k, 1000.0, 2.0) for k in range(3)]
+
+
+def ball(centre, radius, spacing):
+    n = int(radius / spacing) + 1
+    axis = (np.arange(-n, n) + 0.5) * spacing
+    grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
+    return grid[np.linalg.norm(grid, axis=1) < radius] + centre
+
+
+@pytest.fixture(scope="module")
+def collision():
+    """A fine and a coarse ball fly at each other, off centre; both must change their layers."""
+    fine, coarse = (
+        ball((1.02, 1.24, 1.2), 0.15, SPECS[0].spacing),
+        ball((1.38, 1.16, 1.2), 0.15, SPECS[2].spacing),
+    )
+    x = np.concatenate([fine, coarse])
+    v = np.zeros_like(x)
+    v[: len(fine), 0], v[len(fine) :, 0] = 1.0, -1.0
+    initial = {
+        "x": x.astype(np.float32),
+        "v": v.astype(np.float32),
+        "layer": np.repeat([0, 2], [len(fine), len(coarse)]).astype(np.int32),
+    }
+    terms = ProjectionTerms(adaptation=AdaptationTerms(band=0.7, every=2))
+    return Simulation(SIZE, SPECS, initial, terms, capacity=3000)
+
+
+def masses(sim):
+    return np.array([s.mass for s in sim.layers.specs])[sim.particles.numpy("layer")]
+
+
+def momenta(sim):
+    """Momentum, angular momentum about the middle, centre of mass, kinetic energy."""
+    m = masses(sim)[:, None]
+    x, v = (sim.particles.numpy(k).astype(float) for k in "xv")
+    return (
+        (m * v).sum(axis=0),
+        (m * np.cross(x - MIDDLE, v)).sum(axis=0),
+        (m * x).sum(axis=0) / m.sum(),
+        0.5 * (m * v**2).sum(),
+    )
+
+
+def test_collision_keeps_mass_and_momenta_through_splits_and_merges(collision):
+    collision.reset()
+    mass = masses(collision).sum()
+    linear, angular, _, _ = momenta(collision)
+    m, v = masses(collision), collision.particles.numpy("v")
+    arm = np.linalg.norm(collision.particles.numpy("x") - MIDDLE, axis=1)
+    scale = (m * np.linalg.norm(v, axis=1)).sum()
+    spin = (m * arm * np.linalg.norm(v, axis=1)).sum()
+    start = set(collision.particles.numpy("id"))
+    for _ in range(24):
+        collision.advance(1 / 60, WEIGHTLESS)
+    now = set(collision.particles.numpy("id"))
+    assert len(now - start) > 20 and len(start - now) > 20, "splits and merges must happen"
+    assert masses(collision).sum() == pytest.approx(mass, rel=1e-12)
+    after, angular_after, _, _ = momenta(collision)
+    assert np.linalg.norm(after - linear) < 1e-5 * scale
+    assert np.linalg.norm(angular_after - angular) < 1e-4 * spin
+
+
+def test_a_pass_keeps_the_centre_and_books_its_loss(collision):
+    """One pass alone, no step: what kinetic energy is gone is in merge_loss."""
+    collision.reset()
+    for _ in range(8):
+        collision.advance(1 / 60, WEIGHTLESS)
+    solver = collision.solver
+    linear, angular, centre, kinetic = momenta(collision)
+    loss = solver.merge_loss[None]
+    solver.neighbours.refresh()
+    solver.particles.settling.fill(0)
+    solver.adaptation.thickness = 0.6
+    assert solver.adaptation.run(budget=1.0) > 20
+    solver.grid.invalidate()
+    linear_after, angular_after, centre_after, kinetic_after = momenta(collision)
+    assert linear_after == pytest.approx(linear, abs=1e-5)
+    assert centre_after == pytest.approx(centre, abs=1e-6)
+    assert angular_after == pytest.approx(angular, abs=1e-4 * np.abs(angular).max())
+    loss = solver.merge_loss[None] - loss
+    assert loss > 0.0
+    assert kinetic - kinetic_after == pytest.approx(loss, rel=1e-2)
+
+
+TANK, DEPTH = (0.6, 0.6, 0.6), 0.36
+
+
+@pytest.fixture(scope="module")
+def tank():
+    """Water of the coarsest size, which its depth must turn into three layers."""
+    n = round(TANK[0] / SPECS[2].spacing)
+    width, rows = TANK[0] / n, round(DEPTH / SPECS[2].spacing)
+    x = (np.indices((n, rows, n)).reshape(3, -1).T + 0.5) * [width, DEPTH / rows, width]
+    initial = {"x": x.astype(np.float32), "layer": np.full(len(x), 2, np.int32)}
+    specs = [
+        LayerSpec(1000.0 * DEPTH * TANK[0] * TANK[2] / len(x) / 2**k, 1000.0, 2.0) for k in range(3)
+    ]
+    specs.reverse()
+    initial["layer"] = np.full(len(x), 2, np.int32)
+    terms = ProjectionTerms(adaptation=AdaptationTerms(band=1.5))
+    sim = Simulation(TANK, specs, initial, terms, capacity=4000)
+    counts = []
+    for _ in range(90):
+        sim.advance(1 / 60, Forcing())
+        counts.append(sim.counts())
+    return sim, np.array(counts)
+
+
+def test_depth_is_the_distance_to_the_surface(tank):
+    sim, _ = tank
+    sim.solver.adaptation.depth.refresh()
+    sim.solver.adaptation.wish_for(sim.particles.count, 1.0)
+    depth, y = sim.particles.numpy("depth"), sim.particles.numpy("x")[:, 1]
+    inside = (depth > 0.0) & (depth < 0.9 * sim.solver.adaptation.farthest)
+    error = depth[inside] - (DEPTH - y[inside])
+    assert inside.sum() > 500
+    assert np.abs(error).max() < 0.75 * sim.solver.adaptation.depth.cell
+    assert abs(error.mean()) < 0.35 * sim.solver.adaptation.depth.cell
+
+
+def test_layers_lie_in_their_bands(tank):
+    sim, _ = tank
+    specs = sim.layers.specs
+    assert coarser_of(specs) == [1, 2, -1]
+    depth, layer = DEPTH - sim.particles.numpy("x")[:, 1], sim.particles.numpy("layer")
+    for k, (top, bottom) in enumerate(bands(specs, 1.5)):
+        slack = specs[0].support
+        own = depth[layer == k]
+        assert len(own) > 50
+        assert np.mean((own > top - slack) & (own < bottom + slack)) > 0.99
+
+
+def test_water_at_rest_stops_adapting(tank):
+    _, counts = tank
+    changes = np.abs(np.diff(counts, axis=0)).sum(axis=1)
+    assert changes[-30:].mean() < 0.001 * counts[-1].sum()
+
+
+def test_a_full_pool_coarsens_and_loses_nothing(tank):
+    sim, _ = tank
+    small = Simulation(
+        TANK,
+        sim.layers.specs,
+        sim.initial,
+        sim.solver.terms,
+        capacity=int(0.7 * sim.particles.count),
+    )
+    for _ in range(30):
+        small.advance(1 / 60, Forcing())
+    assert small.particles.count <= small.particles.capacity
+    assert small.solver.adaptation.thickness < 1.0
+    assert masses(small).sum() == pytest.approx(masses(sim).sum(), rel=1e-12)
+    # Fine water still lies at the surface.
+    y, layer = small.particles.numpy("x")[:, 1], small.particles.numpy("layer")
+    assert y[layer == 0].mean() > y[layer == 2].mean() + 0.1
