@@ -55,7 +55,7 @@ class AdaptationTerms:
     split or merged waits.
     """
 
-    band: float = 2.0
+    band: float = 1.25
     hysteresis: float = 0.08
     every: int = 4
     budget: float = 0.1

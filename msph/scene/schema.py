@@ -57,8 +57,12 @@ class Layer(Section):
     spacing: float | None = parameter(
         None, gt=1e-5, le=1e3, unit="m", text="edge of the cube that one particle fills at rest"
     )
-    smoothing: float = parameter(
-        2.0, ge=1.2, le=4.0, text="support radius over spacing, h/d, where kernels vanish"
+    smoothing: float | None = parameter(
+        None,
+        ge=1.2,
+        le=4.0,
+        text="support radius over spacing, h/d, where kernels vanish; default: 2 in the classic "
+        "method, 2.4 in projection",
     )
     gravity_factor: float = parameter(
         1.0, ge=0.0, le=1.0, text="share of gravity that the layer feels (thesis: less if finer)"
