@@ -13,6 +13,7 @@ from msph.fluid.forcing import Forcing, hand_acceleration
 from msph.fluid.grid import LayeredGrid
 from msph.fluid.layers import Layers
 from msph.fluid.neighbours import NeighbourList
+from msph.fluid.obstacles import Walls
 from msph.fluid.particles import Attribute, Particles
 
 # Explicit viscosity is stable while dt < VISCOUS_NUMBER h^2 rho / mu (Morris et al. 1997, eq. 19).
@@ -61,13 +62,13 @@ class Classic:
 
     def __init__(
         self,
-        size: tuple[float, float, float],
+        walls: Walls,
         layers: Layers,
         grid: LayeredGrid,
         particles: Particles,
         terms: ClassicTerms,
     ):
-        self.size = ti.Vector(list(size))
+        self.size = walls.size
         self.layers = layers
         self.grid = grid
         self.particles = particles

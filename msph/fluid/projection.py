@@ -16,9 +16,9 @@ from msph.fluid.forcing import Forcing, hand_acceleration
 from msph.fluid.grid import LayeredGrid
 from msph.fluid.layers import Layers, LayerSpec
 from msph.fluid.neighbours import NeighbourList
+from msph.fluid.obstacles import BEGIN, Walls
 from msph.fluid.particles import Attribute, Particles
 from msph.fluid.pressure_solve import PressureSolve
-from msph.fluid.walls import wall_share
 
 ATTRIBUTES = (
     Attribute("density", "kg/m^3", "relative density c times rest density"),
@@ -81,13 +81,13 @@ class Projection:
 
     def __init__(
         self,
-        size: tuple[float, float, float],
+        walls: Walls,
         layers: Layers,
         grid: LayeredGrid,
         particles: Particles,
         terms: ProjectionTerms,
     ):
-        self.size = ti.Vector(list(size))
+        self.walls = walls
         self.layers, self.grid, self.particles = layers, grid, particles
         self.terms = terms
         self.neighbours = NeighbourList(grid, particles, self.reach(terms), self.LIST_MARGIN)
@@ -107,6 +107,9 @@ class Projection:
         )
         self.top_rate = ti.field(ti.f32, shape=())
         self.internal_impulse = ti.Vector.field(3, ti.f32, shape=())
+        if walls.moving:
+            # What bodies add to dc/dt by their motion [1/s].
+            self.inflow = ti.field(ti.f32, shape=particles.capacity)
         self.iterations = {"velocity": 0, "position": 0}
 
     @staticmethod
@@ -123,7 +126,8 @@ class Projection:
 
     def longest_step(self) -> float:
         """Largest time step [s] now: no particle moves farther than cfl of its spacing."""
-        rate = self.top_rate[None]
+        # Nor may a body overtake what it pushes.
+        rate = max(self.top_rate[None], self.walls.top_speed / self.layers.finest.spacing)
         bound = self.terms.cfl / rate if rate > 0.0 else self.terms.longest_step
         return min(bound, self.terms.longest_step)
 
@@ -155,7 +159,9 @@ class Projection:
         for i in range(n):
             layer = self.particles.layer[i]
             x, h_i = self.particles.x[i], self.layers.support[layer]
-            wall = wall_share(x, h_i, self.size)
+            wall = self.walls.share(x, layer, h_i)
+            if ti.static(self.walls.moving):
+                self.inflow[i] = -wall[4]
             c = self.own[layer] + wall[0]
             g = ti.Vector([wall[1], wall[2], wall[3]])
             squares = 0.0
@@ -187,6 +193,8 @@ class Projection:
         """source_i = dt dc/dt + (c_i - 1 if c_i < 1, else beta (c_i - 1)) of the velocity solve."""
         for i in range(n):
             rate = self.pressure_solve.divergence(i, self.particles.v)
+            if ti.static(self.walls.moving):
+                rate += self.inflow[i]
             c = self.particles.density[i] / self.terms.density - 1.0
             if 1.0 + c < self.terms.spray:
                 rate = ti.min(rate, 0.0)
@@ -206,7 +214,7 @@ class Projection:
             u = self.particles.shift[i]
             u *= ti.min(1.0, self.terms.largest_shift * d / ti.max(u.norm(), TOUCHING * d))
             x = self.particles.x[i] + u
-            self.particles.x[i] = ti.math.clamp(x, 0.0, self.size)
+            self.particles.x[i] = self.walls.keep(x, BEGIN)
 
     @ti.kernel
     def push(
@@ -230,7 +238,7 @@ class Projection:
 
     @ti.kernel
     def move(self, n: ti.i32, dt: ti.f32):
-        """v = v* + u/dt, x += dt v; what would leave the box is stopped at its wall."""
+        """v = v* + u/dt, x += dt v; what would leave is stopped at its wall."""
         self.top_rate[None] = 0.0
         for i in range(n):
             layer = self.particles.layer[i]
@@ -240,11 +248,7 @@ class Projection:
             q = self.particles.pressure[i] * dt * dt / self.terms.density
             inner = (u + q * self.particles.wall[i]) / dt
             self.internal_impulse[None] += self.layers.mass[layer] * inner
-            x = self.particles.x[i] + dt * v
-            for k in ti.static(range(3)):
-                if x[k] < 0.0 or x[k] > self.size[k]:
-                    x[k] = ti.math.clamp(x[k], 0.0, self.size[k])
-                    v[k] = -self.terms.restitution * v[k]
+            x, v = self.walls.guard(self.particles.x[i] + dt * v, v, self.terms.restitution)
             self.particles.x[i] = x
             self.particles.v[i] = v
             ti.atomic_max(self.top_rate[None], v.norm() / d)

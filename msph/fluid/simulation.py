@@ -6,11 +6,13 @@ from contextlib import AbstractContextManager, nullcontext
 
 import numpy as np
 
+from msph.fluid.bodies import Body
 from msph.fluid.forcing import Forcing
 from msph.fluid.grid import LayeredGrid, grid_shape
 from msph.fluid.layers import Layers, LayerSpec
 from msph.fluid.methods import SOLVERS, Terms
 from msph.fluid.neighbours import neighbours_provided
+from msph.fluid.obstacles import Walls
 from msph.fluid.particles import Particles
 
 Stage = Callable[[str], AbstractContextManager]
@@ -39,8 +41,10 @@ def footprint(
 class Simulation:
     """The water of one scene.
 
-    size [m] of the box, layer specs, initial attributes (x, v, layer as arrays), solver terms.
-    time [s] is simulated time; steps counts solver steps since the last reset.
+    size [m] of the box, layer specs, initial attributes (x, v, layer as arrays), solver terms,
+    bodies in the water or round it. time [s] is simulated time; steps counts solver steps since
+    the last reset; left_out counts initial particles dropped because they were inside a body.
+    Raises ValueError where none remain.
     """
 
     def __init__(
@@ -49,13 +53,20 @@ class Simulation:
         specs: list[LayerSpec],
         initial: dict[str, np.ndarray],
         terms: Terms,
+        bodies: list[Body] | None = None,
     ):
         self.size = size
         self.layers = Layers(specs)
         solver = SOLVERS[type(terms)]
+        self.walls = Walls(size, specs, bodies)
+        free = self.walls.free(initial["x"])
+        self.left_out = len(free) - int(free.sum())
+        if not free.any():
+            raise ValueError("the bodies swallow all the water")
+        initial = {name: values[free] for name, values in initial.items()}
         self.particles = Particles(len(initial["x"]), solver.attributes)
         self.grid = LayeredGrid(size, self.layers, self.particles)
-        self.solver = solver(size, self.layers, self.grid, self.particles, terms)
+        self.solver = solver(self.walls, self.layers, self.grid, self.particles, terms)
         self.initial = initial
         self.reset()
 
@@ -77,6 +88,8 @@ class Simulation:
             with stage("bin"):
                 self.solver.neighbours.refresh()
             with stage("solve"):
+                if self.walls.moving:
+                    self.walls.place(self.time + duration - left, dt)
                 self.solver.step(dt, forcing)
             left -= dt
             self.steps += 1
@@ -118,4 +131,5 @@ class Simulation:
     def _start(self, attributes: dict[str, np.ndarray], time: float, steps: int) -> None:
         self.particles.fill(**attributes)
         self.time, self.steps = time, steps
+        self.walls.place(time, 0.0)
         self.solver.reset()
