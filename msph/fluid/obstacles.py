@@ -54,7 +54,8 @@ class Walls:
     """The walls of a fluid: box size [m], bodies, and the layers whose particles meet them.
 
     Without bodies it is the box alone, and nothing is allocated. A body's pose is kept twice, for
-    the begin and the end of a step; velocities are the means over it.
+    the begin and the end of a step; velocities are the means over it. work [J] is what moving
+    bodies have given to the water by pressure since the reset.
     """
 
     def __init__(
@@ -72,9 +73,11 @@ class Walls:
         self.top_speed = max((b.motion.top_speed(reach(b)) for b in self.bodies), default=0.0)
         self.contained = any(isinstance(b, Solid) and b.container for b in self.bodies)
         self.kinds = {type(b) for b in self.bodies}
+        if self.moving:
+            self.work = ti.field(ti.f32, shape=())
         if self.bodies:
             self._allocate(specs)
-            self.place(0.0, 0.0)
+            self.reset(0.0)
 
     def _allocate(self, specs: list[LayerSpec]) -> None:
         n = self.count
@@ -104,6 +107,16 @@ class Walls:
                 values += sample(body, own, specs)
         if grids:
             self.samples = Samples(grids, values)
+
+    def reset(self, time: float) -> None:
+        """Puts the bodies where they stand at `time` [s], all work forgotten."""
+        self.place(time, 0.0)
+        if self.moving:
+            self.work[None] = 0.0
+
+    def work_done(self) -> float:
+        """Work [J] of moving bodies on the water since the reset."""
+        return self.work[None] if self.moving else 0.0
 
     def place(self, time: float, dt: float) -> None:
         """Puts the bodies where a step from `time` of length dt [s] begins and where it ends."""

@@ -247,6 +247,9 @@ class Projection:
             v = self.particles.v[i] + u / dt
             q = self.particles.pressure[i] * dt * dt / self.terms.density
             inner = (u + q * self.particles.wall[i]) / dt
+            if ti.static(self.walls.moving):
+                # Force of the bodies on the particle times their velocity.
+                self.walls.work[None] += self.layers.mass[layer] * q / dt * self.inflow[i]
             self.internal_impulse[None] += self.layers.mass[layer] * inner
             x, v = self.walls.guard(self.particles.x[i] + dt * v, v, self.terms.restitution)
             self.particles.x[i] = x

@@ -131,5 +131,5 @@ class Simulation:
     def _start(self, attributes: dict[str, np.ndarray], time: float, steps: int) -> None:
         self.particles.fill(**attributes)
         self.time, self.steps = time, steps
-        self.walls.place(time, 0.0)
+        self.walls.reset(time)
         self.solver.reset()

@@ -28,7 +28,8 @@ class Entry:
     density errors (-): mean and max over particles of rho/rho0 - 1 where positive; below rest
     density lies every free surface. outside counts
     particles beyond the box, the container, or inside an obstacle, by more than Walls.leaked says.
-    work [J] is what tilting the pool has given since the start.
+    work [J] is what tilting the pool and the pressure on moving bodies have given
+    since the start.
     """
 
     time: float
@@ -92,7 +93,7 @@ class Ledger:
             internal_impulse=sim.solver.internal_impulse.to_numpy(),
             kinetic=block["kinetic"],
             potential=-float(moment @ g),
-            work=self._work,
+            work=self._work + sim.walls.work_done(),
             centre=moment / block["mass"],
             density_error_mean=block["error_sum"] / sim.particles.count,
             density_error_max=block["error_max"],
