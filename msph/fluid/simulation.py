@@ -22,6 +22,10 @@ Stage = Callable[[str], AbstractContextManager]
 WORD = 4
 
 
+class NoWaterError(ValueError):
+    """All the water was inside of bodies."""
+
+
 def footprint(
     size: tuple[float, float, float], specs: list[LayerSpec], count: int, terms: Terms
 ) -> dict[str, int]:
@@ -44,7 +48,7 @@ class Simulation:
     size [m] of the box, layer specs, initial attributes (x, v, layer as arrays), solver terms,
     bodies in the water or round it. time [s] is simulated time; steps counts solver steps since
     the last reset; left_out counts initial particles dropped because they were inside a body.
-    Raises ValueError where none remain.
+    Raises NoWaterError where none remain.
     """
 
     def __init__(
@@ -62,7 +66,7 @@ class Simulation:
         free = self.walls.free(initial["x"])
         self.left_out = len(free) - int(free.sum())
         if not free.any():
-            raise ValueError("the bodies swallow all the water")
+            raise NoWaterError(f"all {len(free)} particles are inside bodies")
         initial = {name: values[free] for name, values in initial.items()}
         self.particles = Particles(len(initial["x"]), solver.attributes)
         self.grid = LayeredGrid(size, self.layers, self.particles)

@@ -8,8 +8,10 @@ import psutil
 
 from msph.fluid.layers import LayerSpec
 from msph.fluid.methods import ATTRIBUTES
+from msph.fluid.obstacles import numbers_needed
 from msph.fluid.particles import CORE
 from msph.fluid.simulation import WORD, footprint
+from msph.scene.bodies import bodies, check_bodies
 from msph.scene.build import solver_terms
 from msph.scene.errors import SceneError
 from msph.scene.schema import Scene, Water
@@ -67,6 +69,7 @@ def check(scene: Scene, where: str) -> None:
     for (i, a), (j, b) in itertools.combinations(enumerate(scene.water), 2):
         if _overlap(a, b):
             raise SceneError(where, f"overlaps water.{i}", f"water.{j}")
+    check_bodies(scene, where)
     _check_memory(scene, specs, where)
 
 
@@ -76,8 +79,9 @@ def _check_memory(scene: Scene, specs: list[LayerSpec], where: str) -> None:
     cell = scene.surface.cell * min(s.spacing for s in specs)
     needs = footprint(scene.box.size, specs, count, solver_terms(scene))
     needs["surface"] = Surface.bytes_needed(scene.box.size, cell) // WORD
+    needs["obstacles"] = numbers_needed(bodies(scene), specs)
     keys = {"cells": "box.size", "neighbours": "water", "particles": "water"}
-    keys["surface"] = "surface.cell"
+    keys |= {"surface": "surface.cell", "obstacles": "obstacles"}
     largest = max(needs, key=lambda name: needs[name])
     free = psutil.virtual_memory().available * MEMORY_SHARE
     if WORD * sum(needs.values()) > free or needs[largest] > MOST_NUMBERS:
