@@ -15,11 +15,12 @@ Vec3 = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Motion:
-    """x(t) = velocity t + amplitude sin(2 pi t/period) [m], and spin at `rate` [rad/s] about
-    `axis` through the body's centre. velocity [m/s], amplitude [m], period [s]."""
+    """x(t) = velocity t + swing (1 - cos(2 pi t/period))/2 [m], and spin at `rate` [rad/s] about
+    `axis` through the body's centre. A swing starts at rest and is `swing` away half a period
+    later. velocity [m/s], swing [m], period [s]."""
 
     velocity: Vec3 = (0.0, 0.0, 0.0)
-    amplitude: Vec3 = (0.0, 0.0, 0.0)
+    swing: Vec3 = (0.0, 0.0, 0.0)
     period: float = 1.0
     axis: Vec3 = (0.0, 1.0, 0.0)
     rate: float = 0.0
@@ -31,7 +32,7 @@ class Motion:
     @property
     def slides(self) -> np.ndarray:
         """Whether it moves along each axis, (3,) bool."""
-        return (np.array(self.velocity) != 0.0) | (np.array(self.amplitude) != 0.0)
+        return (np.array(self.velocity) != 0.0) | (np.array(self.swing) != 0.0)
 
     @property
     def moves(self) -> bool:
@@ -39,8 +40,8 @@ class Motion:
 
     def offset(self, time: float) -> np.ndarray:
         """Way from where it stood at time zero [m], (3,)."""
-        swing = math.sin(2.0 * math.pi * time / self.period)
-        return np.array(self.velocity) * time + np.array(self.amplitude) * swing
+        part = 0.5 - 0.5 * math.cos(2.0 * math.pi * time / self.period)
+        return np.array(self.velocity) * time + np.array(self.swing) * part
 
     def turn(self, time: float) -> np.ndarray:
         """Rotation since time zero, (3, 3), by Rodrigues' formula."""
@@ -55,8 +56,8 @@ class Motion:
 
     def top_speed(self, reach: float) -> float:
         """Bound on the speed [m/s] of any point within `reach` [m] of the centre."""
-        swing = 2.0 * math.pi / self.period * float(np.linalg.norm(self.amplitude))
-        return float(np.linalg.norm(self.velocity)) + swing + abs(self.rate) * reach
+        swinging = math.pi / self.period * float(np.linalg.norm(self.swing))
+        return float(np.linalg.norm(self.velocity)) + swinging + abs(self.rate) * reach
 
     @cached_property
     def _axis(self) -> np.ndarray:

@@ -19,7 +19,7 @@ def bodies(scene: Scene) -> list[Body]:
 def body(obstacle: Obstacle) -> Body:
     motion = Motion(
         velocity=obstacle.velocity,
-        amplitude=obstacle.amplitude,
+        swing=obstacle.swing,
         period=obstacle.period,
         axis=obstacle.axis,
         rate=math.radians(obstacle.spin),

@@ -125,8 +125,10 @@ class Obstacle(Placed):
         None, text="file (.obj .ply .stl), beside the scene file or shipped"
     )
     velocity: Vector = parameter((0.0, 0.0, 0.0), unit="m/s", text="steady velocity")
-    amplitude: Vector = parameter((0.0, 0.0, 0.0), unit="m", text="reach of a swing to and fro")
-    period: float = parameter(1.0, gt=0.0, unit="s", text="time of one swing")
+    swing: Vector = parameter(
+        (0.0, 0.0, 0.0), unit="m", text="way to the far end of a swing to and fro"
+    )
+    period: float = parameter(1.0, gt=0.0, unit="s", text="time of a swing there and back")
     axis: Vector = parameter((0.0, 1.0, 0.0), text="direction of the axis, through its middle")
     spin: float = parameter(0.0, unit="deg/s", text="speed of turning about the axis")
 
