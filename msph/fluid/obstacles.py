@@ -173,6 +173,17 @@ class Walls:
         return self.side[b] * vec4(found.x, g[0], g[1], g[2])
 
     @ti.func
+    def normal(self, b, x, pose):
+        """Unit normal of body b near x [m], towards the water, smooth also for sampled meshes."""
+        near = self.distance(b, x, pose)
+        n = near.yzw
+        if ti.static(Solid in self.kinds):
+            if self.kind[b] == SOLID:
+                p = self.inside(b, x, pose)
+                n = self.side[b] * (self.turn[b, pose] @ self.samples.cubic(self.first[b], p).yzw)
+        return n.normalized(1e-9)
+
+    @ti.func
     def clearance(self, x, pose):
         """Distance [m] of x to the nearest body, negative inside of one."""
         found = 1e9

@@ -13,7 +13,7 @@ from msph.picture.lights import SKY_LIGHT, SUN_LIGHT
 
 vec2, vec3 = ti.math.vec2, ti.math.vec3
 
-CLAY, GLAZE = vec3(0.60, 0.26, 0.15), vec3(0.80, 0.82, 0.80)  # albedo of obstacles, of a container
+CLAY, GLAZE = vec3(0.60, 0.26, 0.15), vec3(0.40, 0.54, 0.58)  # albedo of obstacles, of a container
 BOUNCE = 0.45  # sky light that comes from below, as a share of that from above
 STEPS = 64  # most of one march
 NEAR = 4e-4  # how near to a body a ray counts as having met it, as a share of the box's edge
@@ -76,14 +76,27 @@ class Bodies:
         return ti.max(share, 0.0)
 
     @ti.func
-    def normal(self, b, p):
-        """Unit normal of body b at p, towards the water."""
-        return self.walls.distance(b, p, END).yzw.normalized(1e-9)
+    def enter(self, p, r, most):
+        """Where the ray p + t r enters the container, and the cosine there; t MISSED where not."""
+        found, cosine = MISSED, 0.0
+        for b in range(self.walls.count):
+            if self.walls.side[b] < 0.0:
+                part = self.span(b, p, r, most)
+                t, steps = part[0], 0
+                while t < part[1] and steps < STEPS:
+                    steps += 1
+                    d = self.walls.distance(b, p + t * r, END).x
+                    if d > 0.0:
+                        found = t
+                        cosine = r.dot(self.walls.normal(b, p + t * r, END))
+                        t = MISSED
+                    t += ti.max(-CAREFUL * d, self.near)
+        return found, ti.max(cosine, 0.0)
 
     @ti.func
     def shade(self, b, p, to_sun, focus, shot: ti.template()):
         """Colour of body b at p [m] on it; focus: the sun's concentration there."""
-        n = self.normal(b, p)
+        n = self.walls.normal(b, p, END)
         albedo = ti.select(self.walls.side[b] > 0.0, CLAY, GLAZE)
         sky = ti.math.mix(BOUNCE, 1.0, 0.5 + 0.5 * n.dot(shot.up))
         sun = ti.max(n.dot(to_sun), 0.0) * focus

@@ -218,6 +218,11 @@ class Pool:
                     body_at = start + t
                     q = shot.eye + d * body_at
                     colour = self.bodies.shade(body, q, shot.sun, 1.0, shot)
+                if ti.static(self.bodies.walls.contained):
+                    t_in, steep = self.bodies.enter(shot.eye + d * start, d, far - start)
+                    if t_in < MISSED:  # the clear side of a container mirrors the sky faintly
+                        share = GLASS + (1.0 - GLASS) * (1.0 - steep) ** 5
+                        colour = ti.math.mix(colour, self.around(vec3(d.x, abs(d.y), d.z), shot), share)
         if hit and near > 0.0:
             steep = abs(along(d, way_in))
             footprint = shot.pixel * near / ti.max(steep, FLATTEST)
