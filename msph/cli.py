@@ -230,7 +230,9 @@ def prepare(scene: Scene, frame_time: float, size, meshes: bool = False) -> Show
     show.warm_up()
     ready = f"ready in {time.perf_counter() - begin:.1f} s, {sum(show.counts):,} particles"
     if show.simulation.left_out:
-        ready += f"; {show.simulation.left_out:,} inside obstacles or outside the container left out"
+        ready += (
+            f"; {show.simulation.left_out:,} inside obstacles or outside the container left out"
+        )
     say(ready)
     return show
 

@@ -48,5 +48,7 @@ def torus(radius=0.35, tube=0.15):
 
 if __name__ == "__main__":
     for shape in (bowl, torus):
-        text = shape().export(file_type="obj", digits=6, header=f"made by make.py: {shape.__name__}")
+        text = shape().export(
+            file_type="obj", digits=6, header=f"made by make.py: {shape.__name__}"
+        )
         Path(__file__).with_name(f"{shape.__name__}.obj").write_text(text)

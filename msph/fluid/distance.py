@@ -93,9 +93,7 @@ def _approach(
 
 
 @ti.kernel
-def _spread(
-    cell: ti.f32, band: ti.f32, distance: ti.types.ndarray(dtype=ti.f32, ndim=3)
-) -> ti.i32:
+def _spread(cell: ti.f32, band: ti.f32, distance: ti.types.ndarray(dtype=ti.f32, ndim=3)) -> ti.i32:
     """Lets distances beyond the band grow from node to node; returns how many shrank."""
     shrank = 0
     shape = ti.Vector([distance.shape[0], distance.shape[1], distance.shape[2]])

@@ -21,7 +21,7 @@ vec3, vec4 = ti.math.vec3, ti.math.vec4
 
 BLOCK, BALL, SOLID = 0, 1, 2
 # Cell of the lattices in supports: cubic interpolation then keeps shares to half a percent.
-CELL = 0.25
+CELL = 0.2
 # Depth in a wall beyond which a particle counts as leaked, in spacings of the finest layer.
 LEAK = 0.1
 # Two rounds: out of one body may be into another.
@@ -155,6 +155,16 @@ class Walls:
     @ti.func
     def distance(self, b, x, pose):
         """Distance [m] of x from body b, positive on the water's side, and its gradient."""
+        return self.distance_by(b, x, pose, False)
+
+    @ti.func
+    def normal(self, b, x, pose):
+        """Unit normal of body b near x [m], towards the water, smooth also for sampled meshes."""
+        return self.distance_by(b, x, pose, True).yzw.normalized(1e-9)
+
+    @ti.func
+    def distance_by(self, b, x, pose, smooth: ti.template()):
+        """As distance(); smooth: whether meshes are interpolated by cubics."""
         p = self.inside(b, x, pose)
         found = vec4(0.0)
         kind = self.kind[b]
@@ -168,20 +178,28 @@ class Walls:
                 found = vec4(r - self.half[b][0], n[0], n[1], n[2])
         if ti.static(Solid in self.kinds):
             if kind == SOLID:
-                found = self.samples.linear(self.first[b], p)
+                if ti.static(smooth):
+                    found = self.samples.cubic(self.first[b], p)
+                else:
+                    found = self.mesh_distance(b, p)
         g = self.turn[b, pose] @ found.yzw
         return self.side[b] * vec4(found.x, g[0], g[1], g[2])
 
     @ti.func
-    def normal(self, b, x, pose):
-        """Unit normal of body b near x [m], towards the water, smooth also for sampled meshes."""
-        near = self.distance(b, x, pose)
-        n = near.yzw
-        if ti.static(Solid in self.kinds):
-            if self.kind[b] == SOLID:
-                p = self.inside(b, x, pose)
-                n = self.side[b] * (self.turn[b, pose] @ self.samples.cubic(self.first[b], p).yzw)
-        return n.normalized(1e-9)
+    def mesh_distance(self, b, p):
+        """Distance of p, in its frame, from a mesh, and its gradient.
+
+        Beyond the lattice a bound from below: with c the lattice's point nearest to p, by
+        convexity |p - q|^2 >= |p - c|^2 + |c - q|^2 for all q of the mesh.
+        """
+        m = self.first[b]
+        found = self.samples.linear(m, p)
+        gap = p - self.samples.clamped(m, p)
+        if gap.norm_sqr() > 0.0:
+            length = ti.sqrt(gap.norm_sqr() + found.x * found.x)
+            n = (gap + found.x * found.yzw) / length
+            found = vec4(length, n[0], n[1], n[2])
+        return found
 
     @ti.func
     def clearance(self, x, pose):

@@ -62,6 +62,12 @@ class Samples:
         return (p - self.origin[m]) / self.cell[m]
 
     @ti.func
+    def clamped(self, m, p):
+        """The point of lattice m that is nearest to p."""
+        span = self.cell[m] * (ti.cast(self.shape[m], ti.f32) - 1.001)
+        return ti.math.clamp(p, self.origin[m], self.origin[m] + span)
+
+    @ti.func
     def covers(self, m, p):
         """Whether p has the nodes round it that cubic() needs."""
         c = self.place(m, p)

@@ -15,7 +15,7 @@ vec2, vec3 = ti.math.vec2, ti.math.vec3
 
 CLAY, GLAZE = vec3(0.60, 0.26, 0.15), vec3(0.40, 0.54, 0.58)  # albedo of obstacles, of a container
 BOUNCE = 0.45  # sky light that comes from below, as a share of that from above
-STEPS = 64  # most of one march
+STEPS = 96  # most of one march
 NEAR = 4e-4  # how near to a body a ray counts as having met it, as a share of the box's edge
 CAREFUL = 0.9  # share of the distance that a step takes: sampled distances may be too far
 SOFT = 14.0  # sharpness of shadows
@@ -29,6 +29,7 @@ class Bodies:
     def __init__(self, walls):
         self.walls = walls
         self.near = NEAR * max(np.asarray(walls.size))
+        self.clear = 8.0 * self.near  # off a surface, so as not to meet it again [m]
 
     @ti.func
     def span(self, b, p, r, most):
@@ -44,21 +45,27 @@ class Bodies:
     @ti.func
     def meet(self, p, r, most):
         """Where the ray p + t r (r unit) first meets a body within t of 0..most: t, MISSED where
-        it does not, and which body."""
-        nearest, which = MISSED, -1
+        it does not; which body; and the cosine at which it came into the container, or -1."""
+        nearest, which, steep = MISSED, -1, -1.0
         for b in range(self.walls.count):
             part = self.span(b, p, r, ti.min(most, nearest))
             t, entered, steps = part[0], self.walls.side[b] > 0.0, 0
             while t < part[1] and steps < STEPS:
                 steps += 1
-                d = self.walls.distance(b, p + t * r, END).x
+                found = self.walls.distance(b, p + t * r, END)
+                d = found.x
+                way = t + ti.max(CAREFUL * abs(d), self.near)
                 if entered and d < self.near:
                     nearest, which = t, b
-                    t = MISSED
-                elif not entered and d > self.near:
-                    entered = True
-                t += ti.max(CAREFUL * abs(d), self.near)
-        return nearest, which
+                    way = MISSED
+                elif not entered:
+                    entered = d > self.near
+                    if entered:
+                        steep = ti.max(found.yzw.dot(r), 0.0)
+                    else:
+                        way = t - d + 4.0 * self.near  # how exactly it enters does not matter
+                t = way
+        return nearest, which, steep
 
     @ti.func
     def sunlit(self, p, to_sun):
@@ -67,7 +74,7 @@ class Bodies:
         for b in range(self.walls.count):
             if self.walls.side[b] > 0.0:
                 part = self.span(b, p, to_sun, MISSED)
-                t, steps = ti.max(part[0], 8.0 * self.near), 0
+                t, steps = ti.max(part[0], self.clear), 0
                 while t < part[1] and steps < STEPS:
                     steps += 1
                     d = self.walls.distance(b, p + t * to_sun, END).x
@@ -76,30 +83,9 @@ class Bodies:
         return ti.max(share, 0.0)
 
     @ti.func
-    def enter(self, p, r, most):
-        """Where the ray p + t r enters the container, and the cosine there; t MISSED where not."""
-        found, cosine = MISSED, 0.0
-        for b in range(self.walls.count):
-            if self.walls.side[b] < 0.0:
-                part = self.span(b, p, r, most)
-                t, steps = part[0], 0
-                while t < part[1] and steps < STEPS:
-                    steps += 1
-                    d = self.walls.distance(b, p + t * r, END).x
-                    if d > 0.0:
-                        found = t
-                        cosine = r.dot(self.walls.normal(b, p + t * r, END))
-                        t = MISSED
-                    t += ti.max(-CAREFUL * d, self.near)
-        return found, ti.max(cosine, 0.0)
-
-    @ti.func
     def shade(self, b, p, to_sun, focus, shot: ti.template()):
         """Colour of body b at p [m] on it; focus: the sun's concentration there."""
         n = self.walls.normal(b, p, END)
         albedo = ti.select(self.walls.side[b] > 0.0, CLAY, GLAZE)
         sky = ti.math.mix(BOUNCE, 1.0, 0.5 + 0.5 * n.dot(shot.up))
-        sun = ti.max(n.dot(to_sun), 0.0) * focus
-        if sun > 0.0:
-            sun *= self.sunlit(p + 4.0 * self.near * n, to_sun)
-        return albedo * (SKY_LIGHT * sky + SUN_LIGHT * sun)
+        return albedo * (SKY_LIGHT * sky + SUN_LIGHT * (ti.max(n.dot(to_sun), 0.0) * focus))

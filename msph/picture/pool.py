@@ -118,28 +118,28 @@ class Pool:
         return e > 0.0 and (axis != 1 or low)
 
     @ti.func
-    def dry(self, p, axis, low, footprint, shot: ti.template()):
-        """Colour of the wall at p in air."""
-        focus = self.sunlit(p, shot.sun)
+    def dry(self, p, axis, low, focus, footprint, shot: ti.template()):
+        """Colour of the wall at p in air; focus: the share of the sun it gets."""
         return self.albedo(p, axis, footprint, shot) * self.light(
             p, axis, low, shot.sun, focus, shot
         )
 
     @ti.func
-    def sunlit(self, p, to_sun):
-        """Share of the sun that bodies leave at p."""
+    def sunlit(self, p, r, to_sun):
+        """Share of the sun that bodies leave at p, where a ray r ended."""
         share = 1.0
         if ti.static(self.occupied):
-            share = self.bodies.sunlit(p, to_sun)
+            share = self.bodies.sunlit(p - self.bodies.clear * r, to_sun)
         return share
 
     @ti.func
     def meet(self, p, r, most):
-        """Where a ray from p meets a body, and which: distance [m], MISSED where it does not."""
-        t, body = MISSED, -1
+        """Where a ray from p meets a body: distance [m], MISSED where it does not; which body; and
+        the cosine at which it came into the container, or -1."""
+        t, body, steep = MISSED, -1, -1.0
         if ti.static(self.occupied):
-            t, body = self.bodies.meet(p, r, most)
-        return t, body
+            t, body, steep = self.bodies.meet(p, r, most)
+        return t, body, steep
 
     @ti.func
     def around(self, d, shot: ti.template()):
@@ -199,30 +199,30 @@ class Pool:
         beyond: what the ray would meet without the box; hidden: whether water takes its place, so
         that only the opacity counts. Returns (r, g, b, opacity), and the distance of a body.
         """
-        colour, rim, body_at = beyond, 0.0, MISSED
+        colour, rim = beyond, 0.0
         near, far, way_in, axis = self.cross(d, shot)
         hit = far > ti.max(near, 0.0)
         width = RIM_WIDTH * shot.size.max()
         low = along(d, axis) < 0.0
-        if hit and not hidden and self.is_tiled(axis, low, shot):
-            p = shot.eye + d * far
-            footprint = shot.pixel * far / ti.max(abs(along(d, axis)), FLATTEST)
-            line = self.edge(p, axis, 0.5 * width, footprint, shot)
-            colour = self.dry(p, axis, low, footprint, shot)
-            colour = ti.math.mix(colour, RIM * RIM, INNER_STRENGTH * line)
+        start = shot.eye + d * ti.max(near, 0.0)
+        t, body, steep = MISSED, -1, -1.0
+        if hit and not hidden:
+            t, body, steep = self.meet(start, d, far - ti.max(near, 0.0))
+        tiled = self.is_tiled(axis, low, shot)
+        if hit and not hidden and (tiled or body >= 0):
+            p = ti.select(body >= 0, start + t * d, shot.eye + d * far)
+            lit = self.sunlit(p, d, shot.sun)
+            if body < 0:
+                footprint = shot.pixel * far / ti.max(abs(along(d, axis)), FLATTEST)
+                line = self.edge(p, axis, 0.5 * width, footprint, shot)
+                colour = self.dry(p, axis, low, lit, footprint, shot)
+                colour = ti.math.mix(colour, RIM * RIM, INNER_STRENGTH * line)
+            elif ti.static(self.occupied):
+                colour = self.bodies.shade(body, p, shot.sun, lit, shot)
         if ti.static(self.occupied):
-            if hit:
-                start = ti.max(near, 0.0)
-                t, body = self.bodies.meet(shot.eye + d * start, d, far - start)
-                if body >= 0:
-                    body_at = start + t
-                    q = shot.eye + d * body_at
-                    colour = self.bodies.shade(body, q, shot.sun, 1.0, shot)
-                if ti.static(self.bodies.walls.contained):
-                    t_in, steep = self.bodies.enter(shot.eye + d * start, d, far - start)
-                    if t_in < MISSED:  # the clear side of a container mirrors the sky faintly
-                        share = GLASS + (1.0 - GLASS) * (1.0 - steep) ** 5
-                        colour = ti.math.mix(colour, self.around(vec3(d.x, abs(d.y), d.z), shot), share)
+            if steep >= 0.0:  # the clear side of a container mirrors the sky faintly
+                share = GLASS + (1.0 - GLASS) * (1.0 - steep) ** 5
+                colour = ti.math.mix(colour, self.around(vec3(d.x, abs(d.y), d.z), shot), share)
         if hit and near > 0.0:
             steep = abs(along(d, way_in))
             footprint = shot.pixel * near / ti.max(steep, FLATTEST)
@@ -232,7 +232,7 @@ class Pool:
                 mirrored = d * vec3(1 - 2 * (way_in == 0), 1, 1 - 2 * (way_in == 2))
                 share = GLASS + (1.0 - GLASS) * (1.0 - steep) ** 5
                 colour = ti.math.mix(colour, self.around(mirrored, shot), share)
-        return vec4(colour, rim), body_at
+        return vec4(colour, rim), ti.max(near, 0.0) + t
 
 
 @ti.data_oriented

@@ -92,7 +92,7 @@ class Water:
         cut: whether p is on a wall; thickness: way through the water [m]; reach: from the eye [m].
         """
         s, axis, low = self.pool.leave(p, r, shot.size)
-        t, body = self.pool.meet(p, r, s)
+        t, body, _ = self.pool.meet(p, r, s)
         s = ti.min(s, t)
         q = p + r * s
         path, depth = s, p.y - q.y
@@ -108,15 +108,13 @@ class Water:
                 path = ti.min(s, thickness + again)
         depth = ti.max(depth, 0.0)
         footprint = shot.pixel * (reach + s) / ti.max(abs(along(r, axis)), FLATTEST)
-        focus = self.light.concentration(q, depth, shot)
+        focus = self.light.concentration(q, depth, shot) * self.pool.sunlit(q, r, shot.beam)
         colour = vec3(0.0)
         if body < 0:
-            focus *= self.pool.sunlit(q, shot.beam)
             colour = self.pool.albedo(q, axis, footprint, shot)
             colour *= self.pool.light(q, axis, low, shot.beam, focus, shot)
-        if ti.static(self.pool.occupied):
-            if body >= 0:
-                colour = self.pool.bodies.shade(body, q, shot.beam, focus, shot)
+        elif ti.static(self.pool.occupied):
+            colour = self.pool.bodies.shade(body, q, shot.beam, focus, shot)
         left = transmittance(shot.absorption, path + DOWNWELLING * depth)
         return colour * left + shot.scatter * (1.0 - left)
 
@@ -127,14 +125,14 @@ class Water:
         if rise < 0.0:  # other waves would be met: take the sky that they mirror
             r -= 2.0 * rise * shot.up
         s, axis, low = self.pool.leave(p, r, shot.size)
-        t, body = self.pool.meet(p, r, s)
+        t, body, _ = self.pool.meet(p, r, s)
         colour = vec3(0.0)
         if body >= 0:
             if ti.static(self.pool.occupied):
                 colour = self.pool.bodies.shade(body, p + r * t, shot.sun, 1.0, shot)
         elif self.pool.is_tiled(axis, low, shot):
             footprint = shot.pixel * (reach + s) / ti.max(abs(along(r, axis)), FLATTEST)
-            colour = self.pool.dry(p + r * s, axis, low, footprint, shot)
+            colour = self.pool.dry(p + r * s, axis, low, 1.0, footprint, shot)
         else:
             sheen = ti.max(r.dot(shot.sun), 0.0)
             for _ in ti.static(range(SHEEN_GLOSS)):

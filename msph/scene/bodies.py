@@ -67,9 +67,7 @@ def check_bodies(scene: Scene, where: str) -> None:
         _check_obstacle(scene, obstacle, spacing, where, f"obstacles.{i}")
 
 
-def _check_obstacle(
-    scene: Scene, obstacle: Obstacle, spacing: float, where: str, key: str
-) -> None:
+def _check_obstacle(scene: Scene, obstacle: Obstacle, spacing: float, where: str, key: str) -> None:
     shapes = (
         (obstacle.lo, obstacle.hi),
         (obstacle.centre, obstacle.radius),

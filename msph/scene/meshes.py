@@ -3,6 +3,7 @@
 import difflib
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -29,7 +30,7 @@ def find_mesh(name: str) -> Path:
     shipped = {p.name: p for k in KINDS for p in sorted((assets() / "obstacles").glob(f"*{k}"))}
     path = shipped.get(name, Path(name))
     if path.suffix.lower() not in KINDS:
-        raise MeshError(f"{name}: unknown kind of mesh; known: {', '.join(KINDS)}")
+        raise MeshError(f"{path.name}: unknown kind of mesh; known: {', '.join(KINDS)}")
     if not path.is_file():
         near = difflib.get_close_matches(name, shipped, n=1)
         hint = f"did you mean {near[0]!r}?" if near else f"shipped: {', '.join(shipped)}"
@@ -47,7 +48,7 @@ def load_mesh(name: str) -> tuple[np.ndarray, np.ndarray]:
 
     path = find_mesh(name)
     try:
-        read = trimesh.load(path, force="mesh")
+        read: Any = trimesh.load(path, force="mesh")
         # Corners that a file keeps apart for their normals or colours are one place.
         mesh = trimesh.Trimesh(read.vertices, read.faces, process=True)
         mesh.update_faces(mesh.nondegenerate_faces())
