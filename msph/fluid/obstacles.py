@@ -81,8 +81,6 @@ class Walls:
 
     def _allocate(self, specs: list[LayerSpec]) -> None:
         n = self.count
-        self.support = ti.field(ti.f32, shape=len(specs))
-        self.support.from_numpy(np.array([s.support for s in specs], np.float32))
         self.kind = ti.field(ti.i32, shape=n)
         self.side = ti.field(ti.f32, shape=n)  # 1, or -1 where the water is inside
         self.half = ti.Vector.field(3, ti.f32, shape=n)  # extents of a block, radius of a ball [m]

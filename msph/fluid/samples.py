@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import taichi as ti
 
+from msph.tables import tables
+
 vec3, vec4 = ti.math.vec3, ti.math.vec4
 
 
@@ -45,16 +47,15 @@ class Samples:
     def __init__(self, lattices: list[Lattice], values: list[np.ndarray]):
         n = len(lattices)
         self.origin = ti.Vector.field(3, ti.f32, shape=n)
-        self.cell = ti.field(ti.f32, shape=n)
         self.shape = ti.Vector.field(3, ti.i32, shape=n)
-        self.offset = ti.field(ti.i32, shape=n)
-        self.value = ti.field(ti.f32, shape=sum(lattice.nodes for lattice in lattices))
-        self.origin.from_numpy(np.array([lattice.origin for lattice in lattices], np.float32))
-        self.cell.from_numpy(np.array([lattice.cell for lattice in lattices], np.float32))
-        self.shape.from_numpy(np.array([lattice.shape for lattice in lattices], np.int32))
         ends = np.cumsum([lattice.nodes for lattice in lattices])
-        self.offset.from_numpy(np.concatenate([[0], ends[:-1]]).astype(np.int32))
-        self.value.from_numpy(np.concatenate([v.ravel() for v in values]).astype(np.float32))
+        self.cell, self.offset, self.value = tables(
+            np.array([lattice.cell for lattice in lattices]),
+            np.concatenate([[0], ends[:-1]]),
+            np.concatenate([v.ravel() for v in values]),
+        )
+        self.origin.from_numpy(np.array([lattice.origin for lattice in lattices], np.float32))
+        self.shape.from_numpy(np.array([lattice.shape for lattice in lattices], np.int32))
 
     @ti.func
     def place(self, m, p):
