@@ -120,6 +120,8 @@ class Walls:
         """Puts the bodies where a step from `time` of length dt [s] begins and where it ends."""
         for k, body in enumerate(self.bodies):
             motion = body.motion
+            if dt > 0.0 and not motion.moves:
+                continue
             ends = [motion.offset(t) for t in (time, time + dt)]
             for pose, t in enumerate((time, time + dt)):
                 self.centre[k, pose] = ti.Vector((centre(body) + ends[pose]).tolist())
