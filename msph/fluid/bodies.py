@@ -10,7 +10,12 @@ from functools import cached_property
 
 import numpy as np
 
+from msph.fluid.layers import LayerSpec
+
 Vec3 = tuple[float, float, float]
+
+# How near to a wall a block counts as touching it, in spacings of the finest layer.
+TOUCHING = 0.5
 
 
 @dataclass(frozen=True)
@@ -126,3 +131,18 @@ def reach(body: Body) -> float:
         return body.radius
     lo, hi = body.bounds
     return 0.5 * float(np.linalg.norm(hi - lo))
+
+
+def sunk(body: Body, size: np.ndarray, specs: list[LayerSpec]) -> Body:
+    """A block with the faces that touch a wall of the box pushed out beyond the kernels' reach.
+
+    Not along an axis on which it moves: there a gap may open. Other bodies are left as they are.
+    """
+    if not isinstance(body, Block) or body.motion.spins:
+        return body
+    touching = TOUCHING * min(s.spacing for s in specs)
+    far = 2.0 * max(s.support for s in specs)
+    fixed = ~body.motion.slides
+    lo = np.where(fixed & (body.lo < touching), np.minimum(body.lo, -far), body.lo)
+    hi = np.where(fixed & (body.hi > size - touching), np.maximum(body.hi, size + far), body.hi)
+    return Block(lo, hi, body.motion)

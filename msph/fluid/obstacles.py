@@ -10,43 +10,21 @@ into it. Blocks that touch a wall are.
 import numpy as np
 import taichi as ti
 
-from msph.fluid.bodies import Ball, Block, Body, Solid, centre, reach
-from msph.fluid.distance import signed_distance
-from msph.fluid.kernel_share import kernel_share
+from msph.fluid.bodies import Ball, Block, Body, Solid, centre, reach, sunk
 from msph.fluid.layers import LayerSpec
 from msph.fluid.samples import Lattice, Samples
+from msph.fluid.solids import lattices, sample
 from msph.fluid.walls import ball_share, block_share, wall_share
 
 vec3, vec4 = ti.math.vec3, ti.math.vec4
 
 BLOCK, BALL, SOLID = 0, 1, 2
-# Cell of the lattices in supports: cubic interpolation then keeps shares to half a percent.
-CELL = 0.2
 # Depth in a wall beyond which a particle counts as leaked, in spacings of the finest layer.
 LEAK = 0.1
 # Two rounds: out of one body may be into another.
 ROUNDS = 2
-# How near to a wall a block counts as touching it, in spacings of the finest layer.
-TOUCHING = 0.5
 # Poses: where bodies stand when a step begins and when it ends.
 BEGIN, END = 0, 1
-
-
-def lattices(body: Solid, specs: list[LayerSpec]) -> list[Lattice]:
-    """Where a mesh's signed distance is sampled, and then its share for each layer's h.
-
-    In the body's own frame, its centre the origin.
-    """
-    lo, hi = (b - centre(body) for b in body.bounds)
-    finest = min(s.support for s in specs)
-    supports = [finest, *(s.support for s in specs)]
-    return [Lattice.round(lo, hi, h, CELL * h) for h in supports]
-
-
-def numbers_needed(bodies: list[Body], specs: list[LayerSpec]) -> int:
-    """f32 numbers that the bodies' samples take."""
-    solids = [b for b in bodies if isinstance(b, Solid)]
-    return sum(lattice.nodes for b in solids for lattice in lattices(b, specs))
 
 
 @ti.data_oriented
@@ -313,31 +291,6 @@ class Walls:
         if ti.static(self.count > 0):
             out = out or self.clearance(x, END) < -self.leak
         return out
-
-
-def sample(body: Solid, own: list[Lattice], specs: list[LayerSpec]) -> list[np.ndarray]:
-    """A mesh's signed distance [m] and its shares (-) at the nodes of its lattices."""
-    vertices = body.vertices - centre(body)
-    finest = min(s.support for s in specs)
-    values = [signed_distance(vertices[body.triangles], own[0], finest)]
-    for spec, lattice in zip(specs, own[1:], strict=True):
-        values.append(kernel_share(vertices, body.triangles, lattice, spec.support))
-    return values
-
-
-def sunk(body: Body, size: np.ndarray, specs: list[LayerSpec]) -> Body:
-    """A block with the faces that touch a wall of the box pushed out beyond the kernels' reach.
-
-    Not along an axis on which it moves: there a gap may open. Other bodies are left as they are.
-    """
-    if not isinstance(body, Block) or body.motion.spins:
-        return body
-    touching = TOUCHING * min(s.spacing for s in specs)
-    far = 2.0 * max(s.support for s in specs)
-    fixed = ~body.motion.slides
-    lo = np.where(fixed & (body.lo < touching), np.minimum(body.lo, -far), body.lo)
-    hi = np.where(fixed & (body.hi > size - touching), np.maximum(body.hi, size + far), body.hi)
-    return Block(lo, hi, body.motion)
 
 
 @ti.func

@@ -8,9 +8,9 @@ import psutil
 
 from msph.fluid.layers import LayerSpec
 from msph.fluid.methods import ATTRIBUTES
-from msph.fluid.obstacles import numbers_needed
 from msph.fluid.particles import CORE
 from msph.fluid.simulation import WORD, footprint
+from msph.fluid.solids import numbers_needed
 from msph.scene.bodies import bodies, check_bodies
 from msph.scene.build import solver_terms
 from msph.scene.errors import SceneError

@@ -10,10 +10,11 @@ from msph.fluid.distance import signed_distance
 from msph.fluid.forcing import Forcing
 from msph.fluid.kernel_share import kernel_share
 from msph.fluid.layers import LayerSpec
-from msph.fluid.obstacles import BEGIN, CELL, Walls
+from msph.fluid.obstacles import BEGIN, Walls
 from msph.fluid.projection import ProjectionTerms
 from msph.fluid.samples import Lattice
 from msph.fluid.simulation import NoWaterError, Simulation
+from msph.fluid.solids import CELL
 from msph.fluid.walls import ball_share, wall_share
 from msph.measure.ledger import Ledger
 
