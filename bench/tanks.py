@@ -88,7 +88,7 @@ class Reading:
         return float(np.sqrt((mean**2).mean()) / (1000.0 * GRAVITY * self.depth))
 
     def energy_rise(self, seconds: float = 1.0) -> float:
-        """Largest rise of the energy within `seconds`, over the potential energy above the floor."""
+        """Largest rise of the energy within `seconds`, over the potential energy over the floor."""
         e, n = np.array(self.energies), round(seconds / FRAME)
         rises = [e[k + 1 : k + 1 + n].max() - e[k] for k in range(len(e) - 1)]
         return max(0.0, max(rises)) / (1000.0 * GRAVITY * 0.5 * self.depth * self._volume())

@@ -18,8 +18,9 @@ from msph.fluid.grid import LayeredGrid
 from msph.fluid.images import Images
 from msph.fluid.layers import Layers, LayerSpec
 from msph.fluid.neighbours import NeighbourList
+from msph.fluid.obstacles import BEGIN, Walls
 from msph.fluid.particles import Attribute, Particles
-from msph.fluid.pressure_solve import PressureSolve
+from msph.fluid.pressure_solve import WALL_ATTRIBUTES, PressureSolve
 
 _ATTRIBUTES = (
     Attribute("density", "kg/m^3", "relative density c times rest density"),
@@ -98,16 +99,16 @@ class Projection:
 
     def __init__(
         self,
-        size: tuple[float, float, float],
+        walls: Walls,
         layers: Layers,
         grid: LayeredGrid,
         particles: Particles,
         terms: ProjectionTerms,
     ):
-        self.size = ti.Vector(list(size))
+        self.walls = walls
         self.layers, self.grid, self.particles = layers, grid, particles
         self.terms = terms
-        self.images = Images(size)
+        self.images = Images(walls.box)
         self.neighbours = NeighbourList(
             grid, particles, self.reach(terms), self.LIST_MARGIN, self.images
         )
@@ -116,23 +117,29 @@ class Projection:
         for k, spec in enumerate(layers.specs):
             self.own[k] = spec.volume * kernels.WENDLAND / spec.support**3 * (1.0 - own_bias(spec))
         self.slope = ti.field(ti.f32, shape=self.neighbours.index.shape)
-        self.pressure_solve = PressureSolve(layers, particles, self.neighbours, self.slope)
+        self.pressure_solve = PressureSolve(
+            layers, particles, self.neighbours, self.slope, walls.count > 0
+        )
         self.most_crowded = ti.field(ti.f32, shape=())
         self.top_rate = ti.field(ti.f32, shape=())
         self.merge_loss = ti.field(ti.f32, shape=())
         self.adaptation = None
         if terms.adaptation:
             self.adaptation = Adaptation(
-                size, layers, particles, self.neighbours, self.merge_loss, terms.adaptation
+                walls, layers, particles, self.neighbours, self.merge_loss, terms.adaptation
             )
         self.adaptive = self.adaptation is not None
         self.internal_impulse = ti.Vector.field(3, ti.f32, shape=())
+        if walls.moving:
+            # What bodies add to dc/dt by their motion [1/s].
+            self.inflow = ti.field(ti.f32, shape=particles.capacity)
         self.iterations = 0
 
     @staticmethod
-    def attributes(terms: ProjectionTerms) -> tuple[Attribute, ...]:
-        """What each particle has, beyond the core."""
-        return _ATTRIBUTES + (adaptation.ATTRIBUTES if terms.adaptation else ())
+    def attributes(terms: ProjectionTerms, bodies: bool = False) -> tuple[Attribute, ...]:
+        """What each particle has, beyond the core, among bodies or not."""
+        found = _ATTRIBUTES + (adaptation.ATTRIBUTES if terms.adaptation else ())
+        return found + (WALL_ATTRIBUTES if bodies else ())
 
     @staticmethod
     def reach(terms: ProjectionTerms) -> str:
@@ -176,7 +183,9 @@ class Projection:
         steps make deep fine water boil and collapse, however well each step's pressure converges.
         60 sheets were still at pressure_cfl = .7 and collapsed at 1.4.
         """
-        rate = self.top_rate[None]
+        # Nor may a body overtake what it pushes.
+        body = self.walls.top_speed / (self.terms.cfl * self.layers.finest.spacing)
+        rate = max(self.top_rate[None], body)
         bound = 1.0 / rate if rate > 0.0 else self.terms.longest_step
         return min(bound, self.terms.longest_step)
 
@@ -217,6 +226,13 @@ class Projection:
             layer = self.particles.layer[i]
             x, h_i = self.particles.x[i], self.layers.support[layer]
             total = Sums(c=self.own[layer])
+            if ti.static(self.walls.count > 0):
+                wall = self.walls.share(x, layer, h_i)
+                total.c += wall[0]
+                total.g = ti.Vector([wall[1], wall[2], wall[3]])
+                self.particles.wall[i] = total.g
+                if ti.static(self.walls.moving):
+                    self.inflow[i] = -wall[4]
             for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
                 j = self.neighbours.index[s]
                 self.weigh_pair(s, h_i, j, x - self.particles.x[j], total)
@@ -261,6 +277,8 @@ class Projection:
         """source_i = dt dc/dt + (c_i - 1 if c_i < 1, else beta (c_i - 1)) of the velocity solve."""
         for i in range(n):
             rate = self.pressure_solve.divergence(i, self.particles.v)
+            if ti.static(self.walls.moving):
+                rate += self.inflow[i]
             c = self.particles.density[i] / self.terms.density - 1.0
             if 1.0 + c < self.terms.spray:
                 rate = ti.min(rate, 0.0)
@@ -297,8 +315,7 @@ class Projection:
             u = self.particles.shift[i]
             u *= ti.min(1.0, self.terms.largest_shift * d / ti.max(u.norm(), TOUCHING * d))
             x = self.particles.x[i] + u
-            margin = self.margin(i)
-            self.particles.x[i] = ti.math.clamp(x, margin, self.size - margin)
+            self.particles.x[i] = self.walls.keep(x, BEGIN, self.margin(i))
             self.particles.v[i] += self.particles.exchange[i]
 
     @ti.func
@@ -348,21 +365,21 @@ class Projection:
 
     @ti.kernel
     def move(self, n: ti.i32, dt: ti.f32):
-        """v = v* + u/dt, x += dt v; what would leave the box is stopped at its wall."""
+        """v = v* + u/dt, x += dt v; what would leave is stopped at its wall."""
         self.top_rate[None] = 0.0
         for i in range(n):
             layer = self.particles.layer[i]
             d = self.layers.spacing[layer]
             u = self.particles.shift[i]
             v = self.particles.v[i] + u / dt
+            if ti.static(self.walls.moving):
+                # Force of the bodies on the particle times their velocity.
+                q = self.particles.pressure[i]
+                self.walls.work[None] += self.layers.mass[layer] * q / dt * self.inflow[i]
             inner = u - self.pressure_solve.wall_shift(i, self.particles.pressure)
             self.internal_impulse[None] += self.layers.mass[layer] / dt * inner
             x = self.particles.x[i] + dt * v
-            margin = self.margin(i)
-            for k in ti.static(range(3)):
-                if x[k] < margin or x[k] > self.size[k] - margin:
-                    x[k] = ti.math.clamp(x[k], margin, self.size[k] - margin)
-                    v[k] = -self.terms.restitution * v[k]
+            x, v = self.walls.guard(x, v, self.terms.restitution, self.margin(i))
             self.particles.x[i] = x
             self.particles.v[i] = v
             swing = ti.sqrt(self.particles.pressure[i]) / dt

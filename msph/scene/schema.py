@@ -98,6 +98,46 @@ class Water(Section):
     )
 
 
+class Placed(Section):
+    """A mesh and where it stands."""
+
+    scale: float = parameter(1.0, gt=0.0, unit="m", text="length of the mesh file's unit")
+    rotation: Vector = parameter(
+        (0.0, 0.0, 0.0), unit="deg", text="turns of the mesh about x, then y, then z"
+    )
+    position: Vector = parameter(
+        (0.0, 0.0, 0.0), unit="m", text="where the mesh file's origin comes to be"
+    )
+
+
+class Container(Placed):
+    """A closed mesh that holds the water in place of the box's walls."""
+
+    mesh: str = parameter(text="file (.obj .ply .stl), beside the scene file or shipped")
+
+
+class Obstacle(Placed):
+    """A body in the water: a box from lo to hi, a ball, or a closed mesh; at rest or moving.
+
+    What stands on the floor or against a wall should be sunk into it; boxes that touch are.
+    """
+
+    lo: Vector | None = parameter(None, unit="m", text="lower corner of a box")
+    hi: Vector | None = parameter(None, unit="m", text="upper corner of a box")
+    centre: Vector | None = parameter(None, unit="m", text="centre of a ball")
+    radius: float | None = parameter(None, gt=0.0, unit="m", text="radius of a ball")
+    mesh: str | None = parameter(
+        None, text="file (.obj .ply .stl), beside the scene file or shipped"
+    )
+    velocity: Vector = parameter((0.0, 0.0, 0.0), unit="m/s", text="steady velocity")
+    swing: Vector = parameter(
+        (0.0, 0.0, 0.0), unit="m", text="way to the far end of a swing to and fro"
+    )
+    period: float = parameter(1.0, gt=0.0, unit="s", text="time of a swing there and back")
+    axis: Vector = parameter((0.0, 1.0, 0.0), text="direction of the axis, through its middle")
+    spin: float = parameter(0.0, unit="deg/s", text="speed of turning about the axis")
+
+
 class Classic(Section):
     """The thesis's weakly compressible method (Gokdogan 2008)."""
 
@@ -266,6 +306,10 @@ class Scene(Section):
     box: Box = parameter(text="the pool")
     layers: list[Layer] = parameter(min_length=1, max_length=16, text="the particle sizes")
     water: list[Water] = parameter(min_length=1, text="the bodies of water")
+    obstacles: list[Obstacle] = parameter(list, max_length=64, text="bodies in the water")
+    container: Container | None = parameter(
+        None, text="a mesh that holds the water; the box should enclose it"
+    )
     projection: Projection = parameter(Projection, text="constants of the projection method")
     adaptation: Adaptation = parameter(Adaptation, text="layers that follow the surface")
     classic: Classic = parameter(Classic, text="constants and switches of the classic method")
