@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import taichi as ti
 
 from msph.fluid import kernels
+from msph.fluid.accounts import Accounts
 from msph.fluid.forcing import Forcing, hand_acceleration
 from msph.fluid.grid import LayeredGrid
 from msph.fluid.layers import Layers
@@ -53,7 +54,7 @@ class ClassicTerms:
 
 
 @ti.data_oriented
-class Classic:
+class Classic(Accounts):
     """One solver over the particles of all layers; a single layer is Mueller's SPH of 2003."""
 
     @staticmethod
@@ -72,6 +73,7 @@ class Classic:
         particles: Particles,
         terms: ClassicTerms,
     ):
+        super().__init__()
         self.size = walls.size
         self.layers = layers
         self.grid = grid
@@ -81,7 +83,7 @@ class Classic:
         self.symmetric = terms.pressure_form != "mean"
         self.neighbours = NeighbourList(grid, particles, self.reach(terms), self.LIST_MARGIN)
         self.farthest = ti.field(ti.f32, shape=())  # way of the fastest particle in a step [m]
-        self.internal_impulse = ti.Vector.field(3, ti.f32, shape=())
+        self.iterations = 0  # it solves nothing
 
     @staticmethod
     def reach(terms: ClassicTerms) -> str:
@@ -101,7 +103,7 @@ class Classic:
 
     def reset(self) -> None:
         """Forgets what it knew of the particles: they were replaced."""
-        self.internal_impulse[None] = ti.Vector([0.0, 0.0, 0.0])
+        self.clear_accounts()
         self.grid.invalidate()
         self.grid.refresh()
 
@@ -164,11 +166,13 @@ class Classic:
             layer = self.particles.layer[i]
             x, v = self.particles.x[i], self.particles.v[i]
             a = self.particles.acceleration[i]
-            self.internal_impulse[None] += self.layers.mass[layer] * dt * a
+            m = self.layers.mass[layer]
+            self.book_internal(m, x, dt * a)
             a += gravity * self.layers.gravity_factor[layer]
-            a += hand_acceleration(x, v, dt, hand_x, hand_v, hand_radius, hand_grip)
-            v += dt * a
-            start = x
+            hand = hand_acceleration(x, v, dt, hand_x, hand_v, hand_radius, hand_grip)
+            self.book_hand(m, v, dt, hand, a)
+            v += dt * (a + hand)
+            start, free = x, v
             x += dt * v
             margin = 0.5 * self.layers.spacing[layer]
             for k in ti.static(range(3)):
@@ -177,6 +181,7 @@ class Classic:
                     wall = ti.select(x[k] < lo, lo, hi)
                     x[k] = ti.math.clamp(wall + self.terms.restitution * (wall - x[k]), lo, hi)
                     v[k] = -self.terms.restitution * v[k]
+            self.wall_impulse[None] += m * (v - free)
             self.particles.x[i] = x
             self.particles.v[i] = v
             ti.atomic_max(self.farthest[None], (x - start).norm())

@@ -1,6 +1,6 @@
 """The methods a scene can choose, and what the rest of the fluid asks of each."""
 
-from typing import Protocol
+from typing import Any, Protocol
 
 from msph.fluid.classic import Classic, ClassicTerms
 from msph.fluid.forcing import Forcing
@@ -10,16 +10,26 @@ from msph.fluid.projection import Projection, ProjectionTerms
 
 Terms = ClassicTerms | ProjectionTerms
 
-SOLVERS = {ClassicTerms: Classic, ProjectionTerms: Projection}
+SOLVERS: dict[type, Any] = {ClassicTerms: Classic, ProjectionTerms: Projection}
 
 
 class Solver(Protocol):
     """Advances the particles; its terms hold the rest density [kg/m^3] as `density`.
 
-    internal_impulse [N s] is what pair forces have given in sum since the reset.
+    Its accounts are fields of shape (), explained by Accounts. iterations: of the last step's
+    pressure solve, 0 for a method that solves nothing.
     """
 
+    terms: Any
     neighbours: NeighbourList
+    iterations: int
+    internal_impulse: Any
+    internal_angular_impulse: Any
+    wall_impulse: Any
+    wall_work: Any
+    user_impulse: Any
+    user_work: Any
+    merge_loss: Any
 
     @staticmethod
     def attributes(terms, bodies: bool = False) -> tuple[Attribute, ...]: ...

@@ -32,8 +32,7 @@ class Walls:
     """The walls of a fluid: box size [m], bodies, and the layers whose particles meet them.
 
     Without bodies it is the box alone, and nothing is allocated. A body's pose is kept twice, for
-    the begin and the end of a step; velocities are the means over it. work [J] is what moving
-    bodies have given to the water by pressure since the reset.
+    the begin and the end of a step; velocities are the means over it.
     """
 
     def __init__(
@@ -50,8 +49,6 @@ class Walls:
         self.moving = any(b.motion.moves for b in self.bodies)
         self.top_speed = max((b.motion.top_speed(reach(b)) for b in self.bodies), default=0.0)
         self.kinds = {type(b) for b in self.bodies}
-        if self.moving:
-            self.work = ti.field(ti.f32, shape=())
         if self.bodies:
             self._allocate(specs)
             self.reset(0.0)
@@ -84,14 +81,8 @@ class Walls:
             self.samples = Samples(grids, values)
 
     def reset(self, time: float) -> None:
-        """Puts the bodies where they stand at `time` [s], all work forgotten."""
+        """Puts the bodies where they stand at `time` [s]."""
         self.place(time, 0.0)
-        if self.moving:
-            self.work[None] = 0.0
-
-    def work_done(self) -> float:
-        """Work [J] of moving bodies on the water since the reset."""
-        return self.work[None] if self.moving else 0.0
 
     def place(self, time: float, dt: float) -> None:
         """Puts the bodies where a step from `time` of length dt [s] begins and where it ends."""

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import taichi as ti
 
 from msph.fluid import adaptation, kernels, pressure_solve
+from msph.fluid.accounts import Accounts
 from msph.fluid.adaptation import Adaptation, AdaptationTerms
 from msph.fluid.forcing import Forcing, hand_acceleration
 from msph.fluid.grid import LayeredGrid
@@ -88,7 +89,7 @@ def own_bias(spec: LayerSpec) -> float:
 
 
 @ti.data_oriented
-class Projection:
+class Projection(Accounts):
     """One solver over the particles of all layers.
 
     Both solves are one PressureSolve. The position solve displaces by its shifts u; the velocity
@@ -105,6 +106,7 @@ class Projection:
         particles: Particles,
         terms: ProjectionTerms,
     ):
+        super().__init__()
         self.walls = walls
         self.layers, self.grid, self.particles = layers, grid, particles
         self.terms = terms
@@ -122,14 +124,12 @@ class Projection:
         )
         self.most_crowded = ti.field(ti.f32, shape=())
         self.top_rate = ti.field(ti.f32, shape=())
-        self.merge_loss = ti.field(ti.f32, shape=())
         self.adaptation = None
         if terms.adaptation:
             self.adaptation = Adaptation(
                 walls, layers, particles, self.neighbours, self.merge_loss, terms.adaptation
             )
         self.adaptive = self.adaptation is not None
-        self.internal_impulse = ti.Vector.field(3, ti.f32, shape=())
         if walls.moving:
             # What bodies add to dc/dt by their motion [1/s].
             self.inflow = ti.field(ti.f32, shape=particles.capacity)
@@ -148,9 +148,8 @@ class Projection:
 
     def reset(self) -> None:
         """Forgets what it knew of the particles: they were replaced."""
-        self.internal_impulse[None] = ti.Vector([0.0, 0.0, 0.0])
+        self.clear_accounts()
         self.top_rate[None] = 0.0
-        self.merge_loss[None] = 0.0
         if self.adaptation:
             self.adaptation.reset()
         self.grid.invalidate()
@@ -169,6 +168,7 @@ class Projection:
             settled = not self.adaptation or unchanged > self.adaptation.terms.settle
             if settled and self.most_crowded[None] < CROWDED:
                 break
+        self.clear_accounts()
 
     def disturb(self) -> None:
         """Tells grid and list that particles moved."""
@@ -310,13 +310,23 @@ class Projection:
                 a = self.slope[s] * (q + self.particles.crowding[j])
                 change += a * (v - self.particles.v[j])
             self.particles.exchange[i] = change
+            # Booked here, where all are still in the places that the solve knew.
+            m = self.layers.mass[self.particles.layer[i]]
+            self.book_internal(m, self.particles.x[i], change)
+            wall = self.pressure_solve.wall_shift(i, self.particles.crowding)
+            inner = self.limit(i) * (self.particles.shift[i] - wall)
+            self.internal_angular_impulse[None] += m * inner.cross(v + change)
         for i in range(n):
-            d = self.layers.spacing[self.particles.layer[i]]
-            u = self.particles.shift[i]
-            u *= ti.min(1.0, self.terms.largest_shift * d / ti.max(u.norm(), TOUCHING * d))
-            x = self.particles.x[i] + u
+            x = self.particles.x[i] + self.limit(i) * self.particles.shift[i]
             self.particles.x[i] = self.walls.keep(x, BEGIN, self.margin(i))
             self.particles.v[i] += self.particles.exchange[i]
+
+    @ti.func
+    def limit(self, i):
+        """Share of a shift that is at most `largest_shift` spacings long."""
+        d = self.layers.spacing[self.particles.layer[i]]
+        length = ti.max(self.particles.shift[i].norm(), TOUCHING * d)
+        return ti.min(1.0, self.terms.largest_shift * d / length)
 
     @ti.func
     def margin(self, i):
@@ -339,12 +349,12 @@ class Projection:
     ):
         """v* = v + dt (g + what the hand gives + what gravity adds to the walls' pressures)."""
         for i in range(n):
-            v = self.particles.v[i]
-            a = gravity + self.image_lift(i, gravity)
-            a += hand_acceleration(
-                self.particles.x[i], v, dt, hand_x, hand_v, hand_radius, hand_grip
-            )
-            self.particles.v[i] = v + dt * a
+            m = self.layers.mass[self.particles.layer[i]]
+            x, v, lift = self.particles.x[i], self.particles.v[i], self.image_lift(i, gravity)
+            hand = hand_acceleration(x, v, dt, hand_x, hand_v, hand_radius, hand_grip)
+            self.book_hand(m, v, dt, hand, gravity + lift)
+            self.wall_impulse[None] += m * dt * lift
+            self.particles.v[i] = v + dt * (gravity + lift + hand)
 
     @ti.func
     def image_lift(self, i, gravity):
@@ -368,18 +378,20 @@ class Projection:
         """v = v* + u/dt, x += dt v; what would leave is stopped at its wall."""
         self.top_rate[None] = 0.0
         for i in range(n):
-            layer = self.particles.layer[i]
-            d = self.layers.spacing[layer]
-            u = self.particles.shift[i]
-            v = self.particles.v[i] + u / dt
+            m, u = self.layers.mass[self.particles.layer[i]], self.particles.shift[i]
+            wall = self.pressure_solve.wall_shift(i, self.particles.pressure)
+            self.book_internal(m, self.particles.x[i], (u - wall) / dt)
+            self.wall_impulse[None] += m / dt * wall
             if ti.static(self.walls.moving):
                 # Force of the bodies on the particle times their velocity.
-                q = self.particles.pressure[i]
-                self.walls.work[None] += self.layers.mass[layer] * q / dt * self.inflow[i]
-            inner = u - self.pressure_solve.wall_shift(i, self.particles.pressure)
-            self.internal_impulse[None] += self.layers.mass[layer] / dt * inner
+                self.wall_work[None] += m * self.particles.pressure[i] / dt * self.inflow[i]
+            self.particles.v[i] += u / dt
+        for i in range(n):
+            layer, v = self.particles.layer[i], self.particles.v[i]
+            d = self.layers.spacing[layer]
             x = self.particles.x[i] + dt * v
             x, v = self.walls.guard(x, v, self.terms.restitution, self.margin(i))
+            self.wall_impulse[None] += self.layers.mass[layer] * (v - self.particles.v[i])
             self.particles.x[i] = x
             self.particles.v[i] = v
             swing = ti.sqrt(self.particles.pressure[i]) / dt

@@ -22,7 +22,8 @@ def build_simulation(scene: Scene) -> Simulation:
     """
     specs, initial = layer_specs(scene), initial_particles(scene)
     try:
-        terms, most = solver_terms(scene), capacity(scene)
+        # Lattices fitted to their bodies may hold a few more than was expected.
+        terms, most = solver_terms(scene), max(capacity(scene), len(initial["x"]))
         return Simulation(scene.box.size, specs, initial, terms, bodies(scene), most)
     except NoWaterError:
         key = "container" if scene.container else "obstacles"

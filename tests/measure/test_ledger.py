@@ -1,12 +1,16 @@
 """The ledger against sums by hand, and its alarms."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from msph.fluid.classic import ClassicTerms
-from msph.fluid.forcing import Forcing
+from msph.fluid.forcing import Forcing, Hand
 from msph.fluid.layers import LayerSpec
+from msph.fluid.projection import ProjectionTerms
 from msph.fluid.simulation import Simulation
+from msph.measure.entry import columns
 from msph.measure.ledger import Ledger, NotFiniteError
 
 G = (0.0, -9.81, 0.0)
@@ -37,7 +41,7 @@ def start_anew(world):
 def test_entry_equals_sums_by_hand(world):
     sim, ledger = world
     density = np.linspace(800.0, 1300.0, sim.particles.count)
-    sim.particles.fill(**{**sim.particles.state(), "density": density})
+    sim.restore({**sim.state(), "steps": np.int64(1), "density": density.astype(np.float32)})
     entry = ledger.record(G)
     x, v = (sim.particles.numpy(k).astype(float) for k in "xv")
     m = MASSES[sim.particles.numpy("layer")]
@@ -98,3 +102,131 @@ def test_momentum_drift_is_the_impulse_of_pair_forces(world):
     gained = entry.momentum - start.momentum
     assert np.linalg.norm(gained) > 0.0
     assert entry.internal_impulse == pytest.approx(gained, rel=1e-2, abs=1e-3)
+
+
+def test_a_turning_body_has_its_angular_momentum(world):
+    """v = omega x (x - pivot): L = sum m x x v about the origin, to a millionth of its scale."""
+    sim, ledger = world
+    state = sim.particles.state()
+    x, m = state["x"].astype(float), MASSES[state["layer"]][:, None]
+    v = np.cross([0.3, -1.2, 0.5], x - [0.5, 0.4, 0.2]).astype(np.float32)
+    sim.particles.fill(**{**state, "v": v})
+    entry = ledger.record(G)
+    scale = (m[:, 0] * np.linalg.norm(x - 0.5, axis=1) * np.linalg.norm(v, axis=1)).sum()
+    expected = (m * np.cross(x, v.astype(float))).sum(axis=0)
+    assert entry.angular_scale == pytest.approx(scale, rel=1e-6)
+    assert np.abs(entry.angular_momentum - expected).max() < 1e-6 * scale
+
+
+def test_nothing_is_known_of_density_before_the_first_step(world):
+    sim, ledger = world
+    assert np.isnan(ledger.record(G).density_error_mean)
+    assert np.isnan(ledger.density_error()[1])
+    sim.solver.step(1e-4, Forcing())
+    sim.steps += 1
+    assert ledger.record(G).density_error_max >= 0.0
+    assert ledger.density_error()[1] == ledger.entries[-1].density_error_max
+
+
+def test_a_row_has_a_number_under_every_head(world):
+    row, heads = world[1].record(G).row(), columns()
+    assert len(row) == len(heads) == len(set(heads))
+    by_head = dict(zip(heads, row, strict=True))
+    assert by_head["gravity_y [m/s^2]"] == -9.81
+    assert by_head["mass [kg]"] == world[1].entries[-1].mass
+    assert "kinetic [J]" in heads and "angular_momentum_z [kg m^2/s]" in heads
+
+
+def with_energies(world, kinetic, gravity=None, user=None):
+    """Entries .4 s apart of these kinetic energies [J]; optionally others' gravity and impulse."""
+    sim, ledger = world
+    first = ledger.record(G)
+    for k, energy in enumerate(kinetic):
+        g = first.gravity if gravity is None else np.array(gravity[k])
+        impulse = np.zeros(3) if user is None else np.array([user[k], 0.0, 0.0])
+        changes = {"time": 0.4 * k, "kinetic": energy, "gravity": g, "user_impulse": impulse}
+        ledger.entries.append(dataclasses.replace(first, **changes))
+    del ledger.entries[0]
+    return ledger
+
+
+def test_energy_rise_is_the_largest_within_a_window(world):
+    ledger = with_energies(world, [10.0, 4.0, 5.0, 7.0, 8.0, 1.0])
+    assert ledger.energy_rise(1.0) * ledger.reference_energy() == pytest.approx(3.0)
+    assert ledger.energy_rise(10.0) * ledger.reference_energy() == pytest.approx(4.0)
+    assert ledger.energy_rise(0.4) * ledger.reference_energy() == pytest.approx(2.0)
+
+
+def test_energy_that_someone_gave_is_no_rise(world):
+    """A hand between the second and the third entry, a tilt before the last."""
+    tilt = [G, G, G, G, (1.0, -9.7, 0.0)]
+    user = [0.0, 0.0, 2.0, 2.0, 2.0]
+    ledger = with_energies(world, [5.0, 4.0, 9.0, 9.5, 20.0], tilt, user)
+    assert ledger.energy_rise(1.0) * ledger.reference_energy() == pytest.approx(0.5)
+    ledger.clear()
+    ledger = with_energies(world, [1.0, 2.0, 3.0], user=[0.0, 1.0, 2.0])
+    assert np.isnan(ledger.energy_rise(1.0))
+
+
+def test_reference_energy_counts_height_over_the_lowest_corner(world):
+    sim, ledger = world
+    upside_down = ledger.record((0.0, 9.81, 0.0))
+    height = 1.0 - upside_down.centre[1]
+    expected = upside_down.kinetic + upside_down.mass * 9.81 * height
+    assert ledger.reference_energy() == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.fixture(scope="module")
+def pool():
+    """A small pool of the projection method, two layers, 400 particles."""
+    d = 0.05
+    sites = np.indices((8, 7, 8)).reshape(3, -1).T + 0.5
+    initial = {
+        "x": (sites * d).astype(np.float32),
+        "layer": (sites[:, 1] < 4).astype(np.int32),
+    }
+    layers = [LayerSpec(1000.0 * d**3, 1000.0, 2.0), LayerSpec(1050.0 * d**3, 1000.0, 2.0)]
+    sim = Simulation((8 * d, 10 * d, 8 * d), layers, initial, ProjectionTerms())
+    return sim, Ledger(sim)
+
+
+@pytest.mark.parametrize("name", ["world", "pool"])
+def test_momentum_is_what_gravity_walls_and_the_hand_gave(name, request):
+    """P = M g t + walls + hand + pair forces, for particles that fall, are dragged and hit walls;
+    and what the hand gave is not zero."""
+    sim, ledger = request.getfixturevalue(name)
+    sim.reset()
+    ledger.clear()
+    start = ledger.record(G)
+    hand = Hand(position=(0.2, 0.2, 0.2), velocity=(2.0, 1.0, -1.0), radius=0.25, grip=20.0)
+    for _ in range(12):
+        sim.advance(1 / 60, Forcing(G, hand))
+    entry = ledger.record(G)
+    given = entry.mass * np.array(G) * sim.time + entry.wall_impulse + entry.user_impulse
+    gained = entry.momentum - start.momentum
+    exchanged = entry.mass * 9.81 * sim.time
+    assert np.abs(gained - given - entry.internal_impulse).max() < 1e-4 * exchanged
+    assert entry.user_impulse[0] > 0.01 * exchanged and entry.user_work != 0.0
+    assert np.linalg.norm(entry.wall_impulse) > 0.1 * exchanged
+    assert entry.wall_work == entry.merge_loss == 0.0
+    if name == "pool":
+        assert ledger.momentum_drift() < 1e-4
+        assert np.linalg.norm(entry.internal_impulse) < 1e-5 * exchanged
+
+
+def test_the_hands_work_is_the_energy_it_gives(world):
+    """Without gravity, pair forces or walls in the way: kinetic energy gained is the work."""
+    sim, ledger = world
+    state = sim.particles.state()
+    far = {**state, "x": state["x"][:2], "v": state["v"][:2] * 0, "layer": state["layer"][:2]}
+    far["x"] = np.array([[0.2, 0.5, 0.5], [0.8, 0.5, 0.5]], np.float32)
+    sim.particles.fill(**{k: v[:2] for k, v in far.items()})
+    sim.solver.reset()
+    hand = Hand(position=(0.2, 0.5, 0.5), velocity=(1.0, 0.5, 0.0), radius=0.3, grip=30.0)
+    for _ in range(5):
+        sim.solver.step(2e-3, Forcing((0.0, 0.0, 0.0), hand))
+    entry = ledger.record((0.0, 0.0, 0.0))
+    assert entry.kinetic > 1e-3
+    assert entry.user_work == pytest.approx(entry.kinetic, rel=1e-4)
+    assert entry.user_impulse == pytest.approx(entry.momentum, rel=1e-4)
+    assert entry.energy == pytest.approx(0.0, abs=1e-4 * entry.kinetic)
