@@ -1,0 +1,81 @@
+"""Bulk density of sets whose density is known: lattices, disorder, layers, walls, air."""
+
+import numpy as np
+import pytest
+
+from msph.measure.bulk import WIDE, bulk_density
+from msph.measure.near import mirrored, wendland
+
+SIZE = (0.8, 0.8, 0.8)
+D = 0.04
+
+
+def lattice(height, d, base=0.0):
+    """Particles on a cubic lattice fitted to the floor; and the spacing that their volume has."""
+    counts = np.round(np.array([SIZE[0], height, SIZE[2]]) / d).astype(int)
+    edges = np.array([SIZE[0], height, SIZE[2]]) / counts
+    x = (np.indices(counts).reshape(3, -1).T + 0.5) * edges + [0, base, 0]
+    return x, np.full(len(x), np.prod(edges) ** (1 / 3))
+
+
+def disordered(x, d, spread):
+    x = x + np.random.default_rng(3).normal(0.0, spread * d, x.shape)
+    return np.abs(np.where(x > SIZE, 2 * np.array(SIZE) - x, x))
+
+
+@pytest.mark.parametrize("height", [0.32, 0.8])
+def test_lattice_at_rest_reads_one_up_to_its_walls(height):
+    """Eight sheets on a floor, and a box that is full."""
+    found = bulk_density(*lattice(height, D), SIZE)
+    assert found.points > 300
+    assert found.mean == pytest.approx(1.0, abs=2e-4)
+    assert found.least > 1 - 2e-3 and found.most < 1 + 2e-3
+
+
+@pytest.mark.parametrize("excess", [0.2, -0.2])
+def test_water_that_is_packed_wrongly_reads_so(excess):
+    """A lattice closer than its particles' volume allows: a fifth too dense reads a fifth."""
+    x, d = lattice(0.4, D)
+    found = bulk_density(x, d * (1 + excess) ** (1 / 3), SIZE)
+    assert found.mean == pytest.approx(1 + excess, abs=1e-3)
+
+
+def test_disorder_does_not_read_as_density():
+    x, d = lattice(0.6, D)
+    found = bulk_density(disordered(x, D, 0.1), d, SIZE)
+    assert found.mean == pytest.approx(1.0, abs=3e-3)
+    assert found.least < 0.99 and found.most > 1.01
+
+
+@pytest.mark.parametrize("ratio", [2 ** (1 / 3), 2.0])
+def test_layers_of_unequal_particles_read_one(ratio):
+    """Masses 1 : 2 and 1 : 8, abrupt."""
+    (xc, dc), (xf, df) = lattice(0.32, D), lattice(0.32, D / ratio, base=0.32)
+    found = bulk_density(np.concatenate([xc, xf]), np.concatenate([dc, df]), SIZE)
+    assert found.mean == pytest.approx(1.0, abs=3e-3)
+    assert found.least > 0.97 and found.most < 1.03
+
+
+def test_stratified_water_shows_in_the_extremes():
+    """Squeezed towards the floor: y = H (t - a t (1 - t)), density 1/(1 - a (1 - 2 t))."""
+    x, d = lattice(0.6, 0.025)
+    t, a = x[:, 1] / 0.6, 0.1
+    x[:, 1] = 0.6 * (t - a * t * (1 - t))
+    found = bulk_density(x, d, SIZE)
+    assert found.most == pytest.approx(1 / (1 - a), abs=0.02)
+    # The highest kernels that lie in the water reach from t = .7 to 1 or a little less.
+    assert found.least == pytest.approx(1 / (1 - a * (1 - 2 * 0.83)), abs=0.015)
+
+
+def test_water_without_depth_has_no_bulk():
+    found = bulk_density(*lattice(0.12, D), SIZE)
+    assert found.points == 0 and np.isnan(found.mean)
+
+
+def test_wide_kernel_is_normalised_and_mirrors_double_what_a_wall_cuts():
+    r = np.linspace(0.0, WIDE, 4001)
+    whole = np.trapezoid(4 * np.pi * r**2 * wendland(r, WIDE), r)
+    assert whole == pytest.approx(1.0, abs=1e-6)
+    x, which = mirrored(np.array([[0.01, 0.4, 0.79]]), SIZE, 0.05)
+    images = {(0.01, 0.79), (-0.01, 0.79), (0.01, 0.81), (-0.01, 0.81)}
+    assert {(round(a, 9), round(b, 9)) for a, _, b in x} == images and (which == 0).all()
