@@ -15,7 +15,7 @@ from msph.fluid.solids import numbers_needed
 from msph.scene.bodies import bodies, check_bodies
 from msph.scene.build import solver_terms
 from msph.scene.errors import SceneError
-from msph.scene.schema import Scene, Water
+from msph.scene.schema import Probe, Scene, Water
 from msph.scene.water import bounds, capacity, expected_count, layer_specs
 from msph.surface.surface import Surface
 
@@ -75,6 +75,12 @@ def check(scene: Scene, where: str) -> None:
     for (i, a), (j, b) in itertools.combinations(enumerate(scene.water), 2):
         if _overlap(a, b):
             raise SceneError(where, f"overlaps water.{i}", f"water.{j}")
+    for i, probe in enumerate(scene.probes):
+        _check_probe(scene, probe, where, f"probes.{i}")
+        if probe.name in [p.name for p in scene.probes[:i]]:
+            raise SceneError(
+                where, f"there are two probes named {probe.name!r}", f"probes.{i}.name"
+            )
     _check_adaptation(scene, specs, where)
     check_bodies(scene, where)
     _check_memory(scene, specs, where)
@@ -153,6 +159,32 @@ def _check_water(scene: Scene, water: Water, where: str, key: str) -> None:
     if water.count is not None and water.count > most + 0.5 * sheet:
         raise SceneError(
             where, f"{water.count} particles do not fit, there is room for {most}", f"{key}.count"
+        )
+
+
+# The key that says where a probe of each kind is.
+_PROBE_KEYS = {"pressure": "point", "height": "at", "front": "axis"}
+
+
+def _check_probe(scene: Scene, probe: Probe, where: str, key: str) -> None:
+    needed = _PROBE_KEYS[probe.kind]
+    if getattr(probe, needed) is None:
+        raise SceneError(where, f"a probe of {probe.kind} needs {needed}", key)
+    for other in _PROBE_KEYS.values():
+        if other != needed and getattr(probe, other) is not None:
+            problem = f"belongs to another kind of probe than {probe.kind}, which has {needed}"
+            raise SceneError(where, problem, f"{key}.{other}")
+    size = np.array(scene.box.size)
+    place, room = {
+        "pressure": (probe.point, size),
+        "height": (probe.at, size[[0, 2]]),
+        "front": ((), size[:0]),
+    }[probe.kind]
+    if np.any(np.array(place) < -TOLERANCE) or np.any(np.array(place) > room + TOLERANCE):
+        raise SceneError(
+            where,
+            f"{_point(place)} m lies outside the box of {_point(size)} m",
+            f"{key}.{needed}",
         )
 
 

@@ -37,6 +37,7 @@ Number = Annotated[float, Field(strict=True)]
 Edge = Annotated[float, Field(strict=True, ge=1e-3, le=1e4)]
 Vector = Annotated[tuple[Number, Number, Number], Field(strict=False)]
 Size = Annotated[tuple[Edge, Edge, Edge], Field(strict=False)]
+Place = Annotated[tuple[Number, Number], Field(strict=False)]
 
 _terms, _project, _adapt, _look = ClassicTerms(), ProjectionTerms(), AdaptationTerms(), Look()
 
@@ -287,6 +288,39 @@ class Play(Section):
     push_grip: float = parameter(
         20.0, gt=0.0, unit="1/s", text="how fast water takes the hand's velocity"
     )
+    budget: float = parameter(
+        1.0 / 30.0,
+        ge=0.0,
+        unit="s",
+        text="wall-clock time of the water per frame; time slows where it is short, 0: unlimited",
+    )
+
+
+class Probe(Section):
+    """An instrument in the water, read by `msph measure`: give what its kind needs."""
+
+    name: str = parameter(
+        pattern=r"^[A-Za-z0-9_.-]+$", text="letters, digits, _ . -: its column in probes.csv"
+    )
+    kind: Literal["pressure", "height", "front"] = parameter(text="what it reads")
+    point: Vector | None = parameter(
+        None, unit="m", text="pressure: where, in the water or on a wall"
+    )
+    at: Place | None = parameter(None, unit="m", text="height: x and z of the column of water")
+    axis: Literal["+x", "-x", "+y", "-y", "+z", "-z"] | None = parameter(
+        None, text="front: how far the connected water reaches in this direction"
+    )
+
+
+class Measure(Section):
+    """How often `msph measure` looks."""
+
+    every: float = parameter(
+        1.0 / 60.0, gt=0.0, le=10.0, unit="s", text="time between rows of ledger and probes"
+    )
+    survey: float = parameter(
+        0.1, ge=0.0, unit="s", text="time between surveys of volume and bulk density, 0: none"
+    )
 
 
 class Scene(Section):
@@ -318,6 +352,8 @@ class Scene(Section):
     surface: Surface = parameter(Surface, text="quality of the surface")
     picture: Picture = parameter(Picture, text="look of the picture")
     play: Play = parameter(Play, text="keys and mouse")
+    probes: list[Probe] = parameter(list, text="instruments in the water")
+    measure: Measure = parameter(Measure, text="how often it is measured")
 
 
 @dataclass(frozen=True)
@@ -384,7 +420,7 @@ def _kinds(annotation: Any) -> list[Any]:
 
 def _kind_name(kind: Any) -> str:
     if get_origin(kind) is tuple:
-        return "[x, y, z]"
+        return "[x, y, z]" if len(get_args(kind)) == 3 else "[x, z]"
     return kind.__name__ if isinstance(kind, type) else str(kind)
 
 

@@ -36,6 +36,35 @@ BAD = {
         'method = "magic"\n',
         "method: input should be 'classic' or 'projection' (got 'magic')",
     ),
+    "probe without its key": (
+        '[[probes]]\nname = "a"\nkind = "height"\n',
+        "probes.0: a probe of height needs at",
+    ),
+    "probe with another's key": (
+        '[[probes]]\nname = "a"\nkind = "front"\naxis = "+x"\npoint = [0, 0, 0]\n',
+        "probes.0.point: belongs to another kind of probe than front, which has axis",
+    ),
+    "probe outside the box": (
+        '[[probes]]\nname = "a"\nkind = "pressure"\npoint = [0.5, 1.2, 0]\n',
+        "probes.0.point: (0.5, 1.2, 0) m lies outside the box of (1, 1, 1) m",
+    ),
+    "gauge outside the box": (
+        '[[probes]]\nname = "a"\nkind = "height"\nat = [0.5, -0.1]\n',
+        "probes.0.at: (0.5, -0.1) m lies outside the box of (1, 1, 1) m",
+    ),
+    "probes of one name": (
+        '[[probes]]\nname = "a"\nkind = "front"\naxis = "+x"\n'
+        '[[probes]]\nname = "a"\nkind = "front"\naxis = "-x"\n',
+        "probes.1.name: there are two probes named 'a'",
+    ),
+    "probe name that breaks tables": (
+        '[[probes]]\nname = "a, b"\nkind = "front"\naxis = "+x"\n',
+        "probes.0.name: string should match pattern",
+    ),
+    "unknown axis": (
+        '[[probes]]\nname = "a"\nkind = "front"\naxis = "up"\n',
+        "probes.0.axis: input should be '+x', '-x', '+y', '-y', '+z' or '-z' (got 'up')",
+    ),
     "unknown view": ('[picture]\nview = "sped"\n', "picture.view: unknown view 'sped'"),
 }
 

@@ -1,0 +1,102 @@
+"""Probes against fields and shapes that are known: linear pressures, flat and tilted water."""
+
+import numpy as np
+import pytest
+
+from msph.measure.probes import FrontProbe, HeightProbe, PressureProbe, Snapshot
+
+SIZE = (0.8, 0.8, 0.8)
+D = 0.04
+LEVEL = 0.4
+RHO_G_D = 9810 * D
+
+
+def filled(jitter=0.0, keep=lambda x: x[:, 1] < LEVEL, d=D):
+    n = round(SIZE[0] / d)
+    x = (np.indices((n, n, n)).reshape(3, -1).T + 0.5) * d
+    x = x[keep(x)]
+    return x + np.random.default_rng(4).uniform(-0.5, 0.5, x.shape) * jitter * d
+
+
+def snapshot(x, d=D, smoothing=2.0, pressure=None):
+    n = len(x)
+    return Snapshot(x, pressure, np.full(n, d), np.full(n, smoothing * d), SIZE)
+
+
+def field(x):
+    """Water that is at rest in a pool that accelerates along x and z [Pa]."""
+    return 9810 * (LEVEL - x[..., 1]) + 900 * x[..., 0] - 400 * x[..., 2]
+
+
+PLACES = {
+    "inside": (0.41, 0.2, 0.4),
+    "floor": (0.43, 0.0, 0.4),
+    "side": (0.0, 0.21, 0.4),
+    "far side": (0.8, 0.1, 0.33),
+    "edge": (0.0, 0.0, 0.4),
+    "corner": (0.0, 0.0, 0.8),
+    "near the surface": (0.4, 0.37, 0.4),
+}
+
+
+@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize(("jitter", "smoothing"), [(0.0, 2.0), (0.4, 2.0), (0.4, 2.4)])
+def test_linear_pressure_is_read_exactly_also_on_walls(place, jitter, smoothing):
+    x = filled(jitter)
+    water = snapshot(x, smoothing=smoothing, pressure=field(x))
+    read = PressureProbe("p", PLACES[place]).read(water)
+    # A mean over the neighbours would be half a spacing off at a wall: .5 rho g d.
+    assert read == pytest.approx(field(np.array(PLACES[place])), abs=0.01 * RHO_G_D)
+
+
+def test_pressure_is_nought_in_air_and_unknown_before_the_first_step():
+    x = filled()
+    in_air = PressureProbe("p", (0.4, 0.6, 0.4))
+    assert in_air.read(snapshot(x, pressure=field(x))) == 0.0
+    assert np.isnan(in_air.read(snapshot(x)))
+
+
+def test_pressure_under_one_sheet_of_particles_stays_of_its_order():
+    """Nothing tells how pressure changes across the sheet: the fit must not invent it."""
+    x = filled(0.02, keep=lambda x: x[:, 1] < D)
+    p = 0.5 * RHO_G_D * (1 + 0.1 * np.random.default_rng(1).normal(size=len(x)))
+    read = PressureProbe("p", (0.4, 0.0, 0.4)).read(snapshot(x, pressure=p))
+    assert read == pytest.approx(0.5 * RHO_G_D, rel=0.5)
+
+
+@pytest.mark.parametrize("at", [(0.4, 0.4), (0.413, 0.371), (0.0, 0.4), (0.0, 0.8)])
+@pytest.mark.parametrize(("smoothing", "jitter"), [(2.0, 0.0), (2.4, 0.2)])
+def test_height_of_flat_water(at, smoothing, jitter):
+    read = HeightProbe("h", at).read(snapshot(filled(jitter), smoothing=smoothing))
+    assert read == pytest.approx(LEVEL, abs=(0.02 + jitter) * D)
+
+
+@pytest.mark.parametrize("x", [0.2, 0.4, 0.6])
+def test_height_of_tilted_water(x):
+    slope, d = 0.3, 0.02
+    wet = filled(d=d, keep=lambda p: p[:, 1] < 0.3 + slope * (p[:, 0] - 0.4))
+    read = HeightProbe("h", (x, 0.4)).read(snapshot(wet, d))
+    assert read == pytest.approx(0.3 + slope * (x - 0.4), abs=0.5 * d)
+
+
+def test_height_ignores_a_lone_drop_and_a_dry_floor():
+    x = filled(keep=lambda x: (x[:, 1] < LEVEL) & (x[:, 0] < 0.4))
+    water = snapshot(np.concatenate([x, [[0.2, 0.7, 0.4]]]))
+    assert HeightProbe("h", (0.2, 0.4)).read(water) == pytest.approx(LEVEL, abs=0.05 * D)
+    assert HeightProbe("h", (0.6, 0.4)).read(water) == 0.0
+
+
+def test_height_of_water_to_the_lid():
+    assert HeightProbe("h", (0.4, 0.4)).read(snapshot(filled(keep=lambda x: x[:, 1] > 0))) == 0.8
+
+
+def test_front_is_that_of_the_connected_bulk():
+    """A tongue one particle thick counts, what flies ahead of it does not."""
+    x = filled(keep=lambda x: (x[:, 0] < 0.3) & (x[:, 1] < 0.3) | (x[:, 0] < 0.5) & (x[:, 1] < D))
+    spray = np.array([[0.66, 0.02, 0.4], [0.7, 0.1, 0.3], [0.2, 0.6, 0.2]])
+    water = snapshot(np.concatenate([x, spray]))
+    # The last column of the tongue has its centre at .5 - d/2.
+    assert FrontProbe("f", "+x").read(water) == pytest.approx(0.48)
+    assert FrontProbe("f", "+y").read(water) == pytest.approx(0.28)
+    assert FrontProbe("f", "-x").read(water) == 0.0
+    assert FrontProbe("f", "+z").read(water) == pytest.approx(0.8)
