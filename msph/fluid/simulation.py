@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
+from time import perf_counter
 
 import numpy as np
 
@@ -47,9 +48,9 @@ class Simulation:
 
     size [m] of the box, layer specs, initial attributes (x, v, layer as arrays), solver terms,
     bodies in the water or round it, and the most particles it may come to have, by default those it
-    starts with. time [s] is simulated time; steps counts solver steps since the last reset;
-    left_out counts initial particles dropped because they were inside a body. Raises NoWaterError
-    where none remain.
+    starts with. time [s] is simulated time; steps counts solver steps since the last reset,
+    iterations those of their pressure solves; left_out counts initial particles dropped because
+    they were inside a body. Raises NoWaterError where none remain.
     """
 
     def __init__(
@@ -82,13 +83,22 @@ class Simulation:
         self._start(dict(self.initial), 0.0, 0)
         self.solver.arrange()
 
-    def advance(self, duration: float, forcing: Forcing, stage: Stage | None = None) -> None:
-        """Simulates `duration` [s] in steps no longer than the solver allows.
+    def advance(
+        self,
+        duration: float,
+        forcing: Forcing,
+        stage: Stage | None = None,
+        budget: float | None = None,
+        clock: Callable[[], float] = perf_counter,
+    ) -> float:
+        """Simulates `duration` [s] in steps no longer than the solver allows, and says how much.
 
-        Leaves the particles sorted into the grid, as the surface needs them. stage("bin"),
+        It is less only where `budget` [s] of wall-clock time did not suffice; one step is always
+        done. Leaves the particles sorted into the grid, as the surface needs them. stage("bin"),
         stage("solve") are entered round the work of that name: a profiler's hook.
         """
         stage = stage or (lambda name: nullcontext())
+        deadline = math.inf if budget is None else clock() + budget
         left = duration
         while left > 1e-6 * duration:
             # Even steps to the end of the frame, counted anew as the water's speed changes.
@@ -101,9 +111,14 @@ class Simulation:
                 self.solver.step(dt, forcing)
             left -= dt
             self.steps += 1
+            self.iterations += self.solver.iterations
+            if clock() >= deadline:
+                break
         with stage("bin"):
             self.grid.refresh()
-        self.time += duration
+        done = duration - left if left > 1e-6 * duration else duration
+        self.time += done
+        return done
 
     def counts(self) -> list[int]:
         """Live particles of each layer."""
@@ -138,6 +153,6 @@ class Simulation:
 
     def _start(self, attributes: dict[str, np.ndarray], time: float, steps: int) -> None:
         self.particles.fill(**attributes)
-        self.time, self.steps = time, steps
+        self.time, self.steps, self.iterations = time, steps, 0
         self.walls.reset(time)
         self.solver.reset()

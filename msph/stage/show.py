@@ -5,6 +5,7 @@ import zipfile
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -29,7 +30,9 @@ class Show:
 
     frame_time [s] is the simulated time of a frame. size (width, height) [pixels] of the picture,
     None for no picture. meshes: whether someone wants the surface even if no view draws it.
-    What is not asked for is neither allocated nor compiled.
+    budget [s]: wall-clock time that the water may take per frame, None for as long as it needs.
+    simulated [s] is what the last frame really simulated. What is not asked for is neither
+    allocated nor compiled.
     """
 
     def __init__(
@@ -39,10 +42,14 @@ class Show:
         size: tuple[int, int] | None = None,
         meshes: bool = False,
         timings: Timings | None = None,
+        budget: float | None = None,
+        clock: Callable[[], float] = perf_counter,
     ):
         self.scene = scene
         self.frame_time = frame_time
         self.timings = timings
+        self.budget, self.clock = budget, clock
+        self.simulated = 0.0
         self.simulation = build_simulation(scene)
         self.counts = self.simulation.counts()
         self.ledger = Ledger(self.simulation)
@@ -101,7 +108,9 @@ class Show:
         forcing = self._force(controls)
         if not controls.paused or controls.single_step:
             stage = self.timings.stage if self.timings else None
-            self.simulation.advance(self.frame_time, forcing, stage)
+            self.simulated = self.simulation.advance(
+                self.frame_time, forcing, stage, self.budget, self.clock
+            )
             self.ledger.record(forcing.gravity)
         self.draw()
         self.frames += 1
@@ -158,6 +167,10 @@ class Show:
         self.counts = self.simulation.counts()
         self.ledger.clear()
 
+    def gravity(self) -> tuple[float, float, float]:
+        """Gravity [m/s^2] in the pool's frame as the scene has it now, untouched by anyone."""
+        return self._force(Controls()).gravity
+
     def reset(self) -> None:
         """Back to the scene's start; the point of view stays."""
         self.simulation.reset()
@@ -177,13 +190,22 @@ class Show:
         seen = np.flatnonzero((aside < radius[sim.particles.numpy("layer")]) & (depth > 0.0))
         return eye + depth[seen].min() * direction if len(seen) else None
 
+    def volume(self) -> float:
+        """Volume [m^3] that the surface encloses now; NaN where its mesh overflowed.
+
+        The mesh is closed along the walls too, so the divergence theorem needs nothing else.
+        """
+        self.surface = self.surface or self._build_surface()
+        self.simulation.grid.refresh()
+        self.surface.extract()
+        mesh = self.surface.mesh
+        return math.nan if mesh.overflowed() else mesh.volume()
+
     def volume_error(self) -> float:
         """Volume of the surface over the volume of the water at rest density, less one (-)."""
-        surface = self.surface or self._build_surface()
-        surface.extract()
         specs = self.simulation.layers.specs
-        rest = sum(n * s.volume for n, s in zip(self.counts, specs, strict=True))
-        return surface.mesh.volume() / rest - 1.0
+        rest = sum(n * s.volume for n, s in zip(self.simulation.counts(), specs, strict=True))
+        return self.volume() / rest - 1.0
 
     def warnings(self) -> list[str]:
         """What went short and was cut, in words."""

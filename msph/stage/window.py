@@ -23,6 +23,7 @@ PANEL = (10.0, 10.0, 290.0, 135.0)  # left, top, width, height of the panel [pix
 SETTINGS = Path("imgui.ini")  # where the panel's library leaves its state, unasked
 MARKER_RADIUS = 0.008  # of the marker under a pushing cursor, as a share of the window's height
 SMOOTHING = 0.9  # weight of the past in the displayed frame rate
+REAL_TIME = 0.97  # simulated over wall-clock time that passes for real time
 
 
 class NoWindowError(RuntimeError):
@@ -76,7 +77,7 @@ class Window:
         self.cursor: Any = np.zeros(2)  # right, up, as shares of the window
         self.grab: np.ndarray | None = None
         self.clock = time.perf_counter()
-        self.wall = 0.0
+        self.wall = self.simulated = 0.0  # of a frame [s], smoothed
         self.done = False
         self.marker = ti.Vector.field(2, ti.f32, shape=1)
 
@@ -160,7 +161,9 @@ class Window:
     def see(self, show: Show) -> None:
         now = time.perf_counter()
         frame, self.clock = now - self.clock, now
-        self.wall = frame if self.wall == 0.0 else SMOOTHING * self.wall + (1 - SMOOTHING) * frame
+        self.wall = _smooth(self.wall, frame)
+        if not self.paused:
+            self.simulated = _smooth(self.simulated, show.simulated)
         if self.panel:
             self._draw_panel(show)
         if self.grab is not None:
@@ -174,12 +177,10 @@ class Window:
         self.canvas.circles(self.marker, radius=MARKER_RADIUS, color=(1.0, 0.95, 0.7))
 
     def _draw_panel(self, show: Show) -> None:
-        rate = show.frame_time / self.wall
+        rate = self.simulated / self.wall
         with self.gui.sub_window("M-SPH", *self.place):
             self.gui.text(f"{1.0 / self.wall:5.1f} frames/s")
-            slow = "" if rate > 0.97 else " slow motion"
-            paused = " paused" if self.paused else slow
-            self.gui.text(f"time {show.simulation.time:6.2f} s  x{rate:.2f}{paused}")
+            self.gui.text(f"time {show.simulation.time:6.2f} s  {pace(rate, self.paused)}")
             self.gui.text(f"{sum(show.counts)} particles in {len(show.counts)} layers")
             if show.ledger.entries:
                 entry = show.ledger.entries[-1]
@@ -207,6 +208,17 @@ def silence():
             os.dup2(copy, fd)
             os.close(copy)
         os.close(nowhere)
+
+
+def pace(rate: float, paused: bool) -> str:
+    """In words, how fast time goes: simulated over wall-clock time (-)."""
+    slow = "" if rate > REAL_TIME else " slow motion"
+    return f"x{rate:.2f}" + (" paused" if paused else slow)
+
+
+def _smooth(past: float, now: float) -> float:
+    """A running mean; the first value stands for itself."""
+    return now if past == 0.0 else SMOOTHING * past + (1.0 - SMOOTHING) * now
 
 
 def _inside(point: np.ndarray, panel: tuple[float, ...]) -> bool:

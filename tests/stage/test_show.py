@@ -1,5 +1,7 @@
 """Shows: the frame loop with nobody, what they allocate, views, resets, failures."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -132,6 +134,47 @@ def test_show_without_picture_has_neither_surface_nor_picture(tmp_path):
     assert show.surface is None and show.picture is None
     show.frame(Controls())
     assert show.simulation.time == pytest.approx(1 / 60)
+
+
+def ticking(seconds):
+    """A clock on which each look at it takes `seconds`."""
+    ticks = itertools.count()
+    return lambda: seconds * next(ticks)
+
+
+@pytest.fixture
+def hurried(show):
+    """The show with no more than 10 ms for the water of a frame, on a clock of our own."""
+    show.budget, clock = 0.010, show.clock
+    yield show
+    show.budget, show.clock = None, clock
+
+
+def test_time_slows_where_the_budget_is_short(hurried):
+    sim = hurried.simulation
+    hurried.clock = ticking(0.0)
+    hurried.frame(Controls())
+    steps = sim.steps
+    assert steps > 2 and sim.time == hurried.simulated == hurried.frame_time
+    # A step takes 6 ms: there is time for two.
+    hurried.reset()
+    hurried.clock = ticking(0.006)
+    hurried.frame(Controls())
+    assert sim.steps == 2
+    assert sim.time == hurried.simulated == pytest.approx(2 / steps * hurried.frame_time, rel=0.01)
+    assert hurried.ledger.entries[-1].time == sim.time
+
+
+def test_one_step_is_always_done(hurried):
+    hurried.clock = ticking(1.0)
+    hurried.frame(Controls())
+    assert hurried.simulation.steps == 1 and 0.0 < hurried.simulated < hurried.frame_time
+
+
+def test_volume_of_the_surface_is_that_of_the_water(show):
+    show.frame(Controls())
+    assert show.volume() == pytest.approx(0.4 * 0.18 * 0.4, rel=0.1)
+    assert show.volume_error() == pytest.approx(show.volume() / (0.4 * 0.18 * 0.4) - 1, abs=0.02)
 
 
 @pytest.mark.parametrize("name", shipped_scenes())

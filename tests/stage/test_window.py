@@ -10,6 +10,7 @@ import imageio.v2 as imageio
 import numpy as np
 import pytest
 
+from msph.stage.window import pace
 from tests.scenes_kit import write
 
 TOOLS = ("Xvfb", "xdotool")
@@ -79,6 +80,12 @@ def read_xwd(path):
     pixels = np.frombuffer(data, np.uint8, stride * height, size + 12 * colours)
     pixels = pixels.reshape(height, stride)[:, : 4 * width].reshape(height, width, 4)
     return pixels[:, :, 2::-1].astype(int)
+
+
+def test_pace_says_when_time_is_slow():
+    assert pace(1.0, paused=False) == "x1.00"
+    assert pace(0.42, paused=False) == "x0.42 slow motion"
+    assert pace(0.42, paused=True) == "x0.42 paused"
 
 
 @needs_x
