@@ -5,20 +5,9 @@ import platform
 import sys
 from pathlib import Path
 
-import psutil
+from msph.measure.machine import machine
 
 RESULTS = Path(__file__).parent / "results"
-
-
-def machine() -> str:
-    """Processor, cores and memory of this machine, in words."""
-    model = platform.processor() or platform.machine()
-    info = Path("/proc/cpuinfo")
-    if info.exists():
-        lines = [x for x in info.read_text().splitlines() if x.startswith("model name")]
-        model = lines[0].split(":")[1].strip() if lines else model
-    gib = psutil.virtual_memory().total / 2**30
-    return f"{psutil.cpu_count()} cores of {model}, {gib:.0f} GiB, {platform.system()}"
 
 
 def heading(title: str, arch: str) -> str:

@@ -1,4 +1,4 @@
-"""The commands: play, capture, bench, scenes."""
+"""The commands: play, capture, bench, measure, scenes."""
 
 import json
 import re
@@ -13,6 +13,7 @@ import msph
 from msph.device import ARCHES, ArchError, start
 from msph.fluid.neighbours import NeighbourOverflowError
 from msph.measure.ledger import NotFiniteError
+from msph.measure.timings import Timings
 from msph.scene import SceneError, load_scene
 from msph.scene.library import DEFAULT_SCENE, find_scene, shipped_scenes
 from msph.scene.load import read_toml, to_toml
@@ -20,6 +21,7 @@ from msph.scene.schema import Scene, parameters
 from msph.stage.benchmark import benchmark, table_row
 from msph.stage.controls import KEYS
 from msph.stage.loop import run
+from msph.stage.measurer import SCENE, Measurer
 from msph.stage.recorder import MESH, NUMBER, OutputError, Recorder, check_outputs, make_writable
 from msph.stage.show import Show
 from msph.stage.window import NoWindowError, Window, check_display
@@ -108,7 +110,7 @@ def play(scene, size, frames, overrides, arch, threads):
         return
     for key, meaning in KEYS:
         click.echo(f"  {key:18} {meaning}")
-    show = prepare(loaded, window.FRAME_TIME, size)
+    show = prepare(loaded, window.FRAME_TIME, size, budget=loaded.play.budget or None)
     run(show, window)
 
 
@@ -200,6 +202,42 @@ def bench(scenes, seconds, no_render, size, json_file, overrides, arch, threads)
 
 
 @cli.command()
+@click.argument("scene", default=DEFAULT_SCENE)
+@click.option(
+    "-o",
+    "--output",
+    "folder",
+    type=click.Path(path_type=Path),
+    help="Folder for ledger.csv, probes.csv, summary.json, scene.toml.  [default: out/SCENE]",
+)
+@click.option("--seconds", type=float, help="Sets duration: the simulated time.")
+@click.option("--every", type=float, help="Sets measure.every: seconds between two rows.")
+@shared_options
+def measure(scene, folder, seconds, every, overrides, arch, threads):
+    """Run SCENE without a window; write its ledger and probes as CSV, and a summary as JSON.
+
+    Works for any scene. A run that fails keeps what it measured, and exits with 1.
+    """
+    given = {"duration": seconds, "measure.every": every}
+    options = [f"{key}={value}" for key, value in given.items() if value is not None]
+    loaded = load_scene(scene, (*overrides, *options))
+    folder = folder or Path("out") / Path(scene).stem
+    make_writable(folder / SCENE)
+    arch = start(arch, threads)
+    (folder / SCENE).write_text(to_toml(loaded), encoding="utf-8")
+    measurer = Measurer(folder, loaded, scene, arch)
+    try:
+        show = prepare(loaded, loaded.measure.every, timings=Timings())
+        run(show, measurer)
+    except (Exception, KeyboardInterrupt) as error:
+        measurer.conclude(str(error) or "interrupted")
+        say(f"{folder} holds what was measured until then")
+        raise
+    for path in measurer.conclude():
+        click.echo(path)
+
+
+@cli.command()
 @click.argument("name", required=False)
 @click.option("--parameters", "list_parameters", is_flag=True, help="List every scene parameter.")
 def scenes(name, list_parameters):
@@ -222,11 +260,11 @@ def scenes(name, list_parameters):
         click.echo(tabulate(rows, tablefmt="plain"))
 
 
-def prepare(scene: Scene, frame_time: float, size, meshes: bool = False) -> Show:
-    """Builds a show and compiles its kernels, saying so."""
+def prepare(scene: Scene, frame_time: float, size=None, **options) -> Show:
+    """Builds a show, with the options it has, and compiles its kernels, saying so."""
     begin = time.perf_counter()
     say("compiling kernels ...")
-    show = Show(scene, frame_time, size, meshes)
+    show = Show(scene, frame_time, size, **options)
     show.warm_up()
     ready = f"ready in {time.perf_counter() - begin:.1f} s, {sum(show.counts):,} particles"
     if show.simulation.left_out:
@@ -249,7 +287,7 @@ def record(
     """Runs a scene for the recorder; an interrupt ends the recording, not the files."""
     pictures = any(p.suffix not in (*MESH, ".npz", ".csv") for p in outputs)
     meshes = any(p.suffix in MESH for p in outputs)
-    show = prepare(scene, 1.0 / fps, size if pictures else None, meshes)
+    show = prepare(scene, 1.0 / fps, size if pictures else None, meshes=meshes)
     if resume:
         show.resume(Path(resume))
     still = None if still_time is None else max(1, round(still_time * fps))

@@ -1,11 +1,13 @@
 """The commands as a person types them, each in a process of its own."""
 
+import csv
 import json
 import subprocess
 import sys
 
 import pytest
 
+from msph.scene import load_scene
 from msph.scene.library import shipped_scenes
 from tests.scenes_kit import TEXT, write
 
@@ -15,11 +17,15 @@ def msph(*arguments, **options):
     return subprocess.run(command, capture_output=True, text=True, timeout=300, **options)
 
 
-@pytest.mark.parametrize("command", ["play", "capture", "bench", "scenes", ""])
+@pytest.mark.parametrize("command", ["play", "capture", "bench", "measure", "scenes", ""])
 def test_help_names_every_option(command):
     result = msph(*command.split(), "--help")
     assert result.returncode == 0
-    options = {"play": ["--set", "--arch"], "bench": ["--no-render", "--json"]}
+    options = {
+        "play": ["--set", "--arch"],
+        "bench": ["--no-render", "--json"],
+        "measure": ["--output", "--seconds", "--every", "--set", "--arch"],
+    }
     for option in options.get(command, []):
         assert option in result.stdout
 
@@ -43,6 +49,9 @@ def test_scenes_lists_all_and_prints_one():
         (["bench", "pool", "--json", "/dev/null/rows.json"], "/dev/null/rows.json: "),
         (["capture", "pool", "--size", "big"], "is no size such as 1280x720"),
         (["capture", "pool", "--seconds", "-1"], "-1.0 is not in the range x>0"),
+        (["measure", "pool", "-o", "/dev/null/here"], "/dev/null/here/scene.toml: "),
+        (["measure", "pool", "--every", "0"], "measure.every: input should be greater than 0"),
+        (["measure", "pool", "--seconds", "-1"], "duration: input should be greater than 0"),
         (["scenes", "pol"], "did you mean 'pool'?"),
         (["swim"], "No such command 'swim'"),
     ],
@@ -106,3 +115,64 @@ def test_capture_resumes_from_a_checkpoint(tmp_path):
 
     with np.load(tmp_path / "q_0002.npz") as state:
         assert state["time"] == pytest.approx(0.2)
+
+
+PROBES = """
+[[probes]]
+name = "floor"
+kind = "pressure"
+point = [0.2, 0, 0.2]
+[[probes]]
+name = "gauge"
+kind = "height"
+at = [0.2, 0.2]
+"""
+
+
+def read_table(path):
+    with open(path, newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_measure_writes_probes_ledger_and_a_summary(tmp_path):
+    scene, out = write(tmp_path, TEXT + PROBES), tmp_path / "deep" / "out"
+    result = msph(
+        *("measure", scene, "-o", out, "--seconds", 0.1, "--every", 0.02, "--arch", "cpu"),
+        *("--set", "measure.survey=0.04"),
+    )
+    assert result.returncode == 0, result.stderr
+    readings, ledger = read_table(out / "probes.csv"), read_table(out / "ledger.csv")
+    assert list(readings[0]) == ["time [s]", "floor [Pa]", "gauge [m]"]
+    times = [float(row["time [s]"]) for row in readings]
+    assert times == pytest.approx([0.0, 0.02, 0.04, 0.06, 0.08, 0.1])
+    # No pressure is known before the first step; water stands .18 m high.
+    assert readings[0]["floor [Pa]"] == "" and float(readings[1]["floor [Pa]"]) > 0.0
+    assert float(readings[0]["gauge [m]"]) == pytest.approx(0.18, abs=0.01)
+    assert [float(row["time [s]"]) for row in ledger] == pytest.approx(times)
+    assert float(ledger[0]["mass [kg]"]) == pytest.approx(28.8, rel=0.02)
+    surveyed = [row["volume [m^3]"] != "" for row in ledger]
+    assert surveyed == [True, False, True, False, True, True]
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["complete"] and summary["failure"] is None and summary["method"] == "classic"
+    assert summary["simulated_s"] == pytest.approx(0.1) and summary["frames"] == 5
+    assert summary["frame_ms_p25"] <= summary["frame_ms_p50"] <= summary["frame_ms_p75"]
+    assert summary["steps"] > 5 and sum(summary["particles_end"]) > 200
+    errors = summary["errors"]
+    assert abs(errors["volume_error_last"]) < 0.3 and errors["energy_gain"] >= 0.0
+    # Too shallow for a bulk density, and that is said.
+    assert errors["bulk_density_error_last"] is None
+    again = load_scene(str(out / "scene.toml"))
+    assert again.measure.every == 0.02 and again.duration == 0.1 and len(again.probes) == 2
+
+
+def test_measure_of_water_that_blows_up_keeps_what_there_is(tmp_path):
+    explode = ["--set", "water.1.velocity=[0, 1e30, 0]", "--set", "box.restitution=1"]
+    out = tmp_path / "out"
+    result = msph("measure", write(tmp_path), "-o", out, "--set", "measure.survey=0", *explode)
+    assert result.returncode == 1
+    last = result.stderr.strip().splitlines()[-2:]
+    assert last[0].endswith("out holds what was measured until then")
+    assert last[1].startswith("msph: the water blew up: ")
+    summary = json.loads((out / "summary.json").read_text())
+    assert not summary["complete"] and summary["failure"] in last[1]
+    assert "kinetic [J]" in (out / "ledger.csv").read_text()

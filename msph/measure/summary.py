@@ -1,0 +1,90 @@
+"""The summary of a run: what was measured where, how fast it was, and every error beside it."""
+
+import datetime
+import json
+import math
+import platform
+from pathlib import Path
+from typing import Any
+
+import taichi as ti
+
+import msph
+from msph.fluid.simulation import Simulation
+from msph.measure import survey
+from msph.measure.ledger import Ledger
+from msph.measure.machine import machine
+from msph.measure.survey import Survey
+from msph.measure.timings import Timings
+from msph.scene.schema import Scene
+
+
+def origin(scene: Scene, name: str, arch: str) -> dict[str, Any]:
+    """Of what, where and when a run was."""
+    return {
+        "scene": name,
+        "title": scene.title,
+        "method": scene.method,
+        "date": datetime.datetime.now().astimezone().isoformat(timespec="seconds"),
+        "machine": machine(),
+        "arch": arch,
+        "msph": msph.__version__,
+        "taichi": ".".join(map(str, ti.__version__)),
+        "python": platform.python_version(),
+    }
+
+
+def progress(simulation: Simulation, started: list[int], frame_s: float) -> dict[str, Any]:
+    """How far a run came; particles of each layer at its start and its end."""
+    steps = simulation.steps
+    return {
+        "simulated_s": simulation.time,
+        "frame_s": frame_s,
+        "steps": steps,
+        "iterations_per_step": simulation.iterations / steps if steps else math.nan,
+        "particles_start": started,
+        "particles_end": simulation.counts(),
+    }
+
+
+def speed(timings: Timings, frame_s: float) -> dict[str, float]:
+    """Quartiles of the fluid's wall-clock time per frame [ms], and simulated over wall-clock time.
+
+    What measuring itself took is left out.
+    """
+    if not timings.frames:
+        return {}
+    quartiles = {f"frame_ms_p{p}": 1e3 * timings.percentile(p) for p in (25, 50, 75)}
+    return {**quartiles, "simulated_per_wall": len(timings.frames) * frame_s / timings.total()}
+
+
+def errors(ledger: Ledger, surveys: list[Survey]) -> dict[str, float]:
+    """Every error figure of a run, shares (-) but for merge_loss_j [J]; see Ledger and Survey."""
+    if not ledger.entries:
+        return {}
+    mean, largest = ledger.density_error()
+    first, last = ledger.entries[0], ledger.entries[-1]
+    return {
+        "mass_change": last.mass / first.mass - 1.0,
+        "momentum_drift": ledger.momentum_drift(),
+        "angular_momentum_drift": ledger.angular_drift(),
+        "energy_gain": ledger.energy_gain(),
+        "energy_rise_in_1_s": ledger.energy_rise(1.0),
+        "merge_loss_j": last.merge_loss,
+        "density_error_mean": mean,
+        "density_error_max": largest,
+        **survey.errors(surveys),
+        "outside_most": max(e.outside for e in ledger.entries),
+    }
+
+
+def write(path: Path, summary: dict[str, Any]) -> None:
+    """Writes it as JSON; what is not known (NaN) is null."""
+    text = json.dumps(_known(summary), indent=2, ensure_ascii=False, allow_nan=False)
+    path.write_text(text + "\n", encoding="utf-8")
+
+
+def _known(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {k: _known(v) for k, v in value.items()}
+    return None if isinstance(value, float) and not math.isfinite(value) else value
