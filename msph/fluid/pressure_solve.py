@@ -1,5 +1,7 @@
 """The pressure solve: multipliers q >= 0 whose displacements undo a given compression."""
 
+import math
+
 import taichi as ti
 
 from msph.fluid.layers import Layers
@@ -30,8 +32,9 @@ LOOK = 3
 ROUND = 40
 # Displacements, in spacings, that count as none: a share of them is left even by the best stop.
 STILL = 1e-5
-# Under-relaxation of Jacobi: stable below 2/lambda_max, which is .65 at 33 neighbours.
-OMEGA = 0.5
+# Under-relaxation of Jacobi: stable below 2/lambda_max, which was .68, .53 and .31 at 27, 57 and 97
+# neighbours; this many over the neighbours stays clear of it, and at most the second.
+DAMPING, LEAST_DAMPING = 24.0, 0.5
 
 
 @ti.data_oriented
@@ -55,6 +58,8 @@ class PressureSolve:
     ):
         self.layers, self.particles = layers, particles
         self.neighbours, self.slope = neighbours, slope
+        widest = max(s.smoothing for s in layers.specs)
+        self.omega = min(LEAST_DAMPING, DAMPING / (4.0 / 3.0 * math.pi * widest**3))
         self.images, self.bodies = neighbours.images, bodies
         self.descent = ti.field(ti.f32, shape=())
         self.last_descent = ti.field(ti.f32, shape=())
@@ -159,7 +164,7 @@ class PressureSolve:
         """q += omega r/D, not below 0, with r = source - A q."""
         for i in range(n):
             r = self.particles.source[i] + self.divergence(i, self.particles.shift)
-            q[i] = ti.max(q[i] + OMEGA * r / ti.max(self.particles.diagonal[i], TINY), 0.0)
+            q[i] = ti.max(q[i] + self.omega * r / ti.max(self.particles.diagonal[i], TINY), 0.0)
 
     @ti.kernel
     def begin(self, n: ti.i32, q: ti.template()):

@@ -33,12 +33,14 @@ _ATTRIBUTES = (
 
 # Rounds of the position solve before time starts, at most, and the excess of density at which the
 # rest is left to the steps.
-ARRANGING, CROWDED = 60, 1e-3
+ARRANGING, CROWDED = 100, 5e-4
 # Excess of density, as halves have it after a split, from which on the position solve takes more
 # rounds.
 URGENT, URGENT_ROUNDS = 0.02, 3
 # Least distance to a wall, in spacings; the golden section spreads multiples of it evenly.
 NEAREST, GOLDEN = 0.05, 0.6180340
+# How much stricter, and longer, the first solve of a run is, and how much shorter its step.
+FIRST_CARE = 10
 # Spray, which meets nothing, may move so many times farther in a step.
 SPRAY_LEAP = 2.5
 # Coincident particles have no direction to be pushed in; they are held this far apart, in h.
@@ -55,8 +57,8 @@ class ProjectionTerms:
 
     density rho0 [kg/m^3]. The time step is bounded by cfl (-), dt <= cfl d/|v|, by pressure_cfl
     (-), dt <= pressure_cfl d/sqrt(p/rho0), and by longest_step [s] for slow, shallow water.
-    release beta: share of a density excess that becomes velocity (-); the rest is the position
-    solve's, of position_iterations, at most largest_shift spacings a step. tolerance (-): share of
+    release [s]: time in which a density excess may become velocity; the rest is for the position
+    solve, of position_iterations, at most largest_shift spacings a step. tolerance (-): share of
     the pressure's displacements that the velocity solve may leave, in velocity_iterations at most.
     spray: relative density below which no rate of compression can be told (-). Counting
     neighbours instead lets water in edges of the box, which has few, gain energy. adaptation: None
@@ -68,7 +70,7 @@ class ProjectionTerms:
     cfl: float = 0.4
     pressure_cfl: float = 0.7
     longest_step: float = 1.0 / 60.0
-    release: float = 0.2
+    release: float = 0.4
     tolerance: float = 0.05
     velocity_iterations: int = 120
     position_iterations: int = 4
@@ -133,7 +135,7 @@ class Projection(Accounts):
         if walls.moving:
             # What bodies add to dc/dt by their motion [1/s].
             self.inflow = ti.field(ti.f32, shape=particles.capacity)
-        self.iterations = 0
+        self.iterations, self.first = 0, True
 
     @staticmethod
     def attributes(terms: ProjectionTerms, bodies: bool = False) -> tuple[Attribute, ...]:
@@ -150,6 +152,7 @@ class Projection(Accounts):
         """Forgets what it knew of the particles: they were replaced."""
         self.clear_accounts()
         self.top_rate[None] = 0.0
+        self.first = True
         if self.adaptation:
             self.adaptation.reset()
         self.grid.invalidate()
@@ -187,7 +190,9 @@ class Projection(Accounts):
         body = self.walls.top_speed / (self.terms.cfl * self.layers.finest.spacing)
         rate = max(self.top_rate[None], body)
         bound = 1.0 / rate if rate > 0.0 else self.terms.longest_step
-        return min(bound, self.terms.longest_step)
+        longest = min(bound, self.terms.longest_step)
+        # Before the first solve no pressure is known.
+        return longest / FIRST_CARE if self.first else longest
 
     def step(self, dt: float, forcing: Forcing) -> None:
         """Neighbours; positions without crowding; forces; velocities without compression; move."""
@@ -197,9 +202,14 @@ class Projection(Accounts):
         self.push(n, dt, *forcing.arguments())
         self.aim_at_no_compression(n, dt)
         self.scale(n, dt * dt / self.terms.density)
+        # The first solve knows no pressure to start from, and what it leaves would fall.
+        care = FIRST_CARE if self.first else 1
         self.iterations = self.pressure_solve.converge(
-            self.particles.pressure, self.terms.tolerance, self.terms.velocity_iterations
+            self.particles.pressure,
+            self.terms.tolerance / care,
+            care * self.terms.velocity_iterations,
         )
+        self.first = False
         self.move(n, dt)
         self.scale(n, self.terms.density / (dt * dt))
         self.disturb()
@@ -274,7 +284,8 @@ class Projection(Accounts):
 
     @ti.kernel
     def aim_at_no_compression(self, n: ti.i32, dt: ti.f32):
-        """source_i = dt dc/dt + (c_i - 1 if c_i < 1, else beta (c_i - 1)) of the velocity solve."""
+        """source_i = dt dc/dt + (c_i - 1 if c_i < 1, else (c_i - 1) dt/release) of the velocity
+        solve."""
         for i in range(n):
             rate = self.pressure_solve.divergence(i, self.particles.v)
             if ti.static(self.walls.moving):
@@ -282,7 +293,7 @@ class Projection(Accounts):
             c = self.particles.density[i] / self.terms.density - 1.0
             if 1.0 + c < self.terms.spray:
                 rate = ti.min(rate, 0.0)
-            release = self.terms.release
+            release = ti.min(1.0, dt / self.terms.release)
             if ti.static(self.adaptive):
                 # Halves are crowded until the position solve has parted them.
                 release = ti.select(self.particles.settling[i] > 0, 0.0, release)

@@ -71,7 +71,7 @@ class Simulation:
         if not free.any():
             raise NoWaterError(f"all {len(free)} particles are inside bodies")
         initial = {name: values[free] for name, values in initial.items()}
-        most = capacity or len(initial["x"])
+        most = max(capacity or 0, len(initial["x"]))
         self.particles = Particles(most, solver.attributes(terms, self.walls.count > 0))
         self.grid = LayeredGrid(size, self.layers, self.particles)
         self.solver = solver(self.walls, self.layers, self.grid, self.particles, terms)

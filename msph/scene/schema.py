@@ -186,7 +186,7 @@ class Projection(Section):
         _project.longest_step, gt=0.0, le=0.1, unit="s", text="longest time step of slow water"
     )
     release: float = parameter(
-        _project.release, ge=0.0, le=1.0, text="share of a density excess that becomes velocity"
+        _project.release, gt=0.0, unit="s", text="time in which a density excess becomes velocity"
     )
     tolerance: float = parameter(
         _project.tolerance,

@@ -1,0 +1,148 @@
+"""Layered water against uniform water of the same finest spacing: speed beside error.
+
+python bench/layers.py [--rounds 3] [--arch cpu]
+
+Both are the same solver at the same tolerances, in frames of 1/60 s, each as many steps as its own
+bounds on the time step ask for. The pools rest for a second, then rock; the two take turns.
+"""
+
+import csv
+import math
+import statistics
+import sys
+import time
+from pathlib import Path
+
+import click
+import numpy as np
+import taichi as ti
+from tabulate import tabulate
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from bench import tanks
+from bench.report import RESULTS, heading
+from msph.device import ARCHES, start
+from msph.fluid.forcing import Forcing
+
+# The thesis's finest mass in a pool of 1 m by 1 m.
+FINE = (0.1 / 1000.0) ** (1.0 / 3.0)
+# Pools: depth [m], layers, target ratio, the thesis's ratio (Gokdogan 2008, table 5.1).
+POOLS = {
+    "pool": (0.465, 4, 4.0, 3.35),
+    "pool_2x": (0.92, 5, 8.0, 5.8),
+    "8 times as deep": (8 * 0.465, 8, 30.0, None),
+}
+# Depths of a layered pool whose cost is compared: doubling may add a tenth.
+DOUBLING = (8 * 0.465, 16 * 0.465)
+DOUBLING_TARGET = 1.1
+# Rocking: angle [deg], period [s].
+ANGLE, PERIOD = 4.0, 1.1
+# Thin bands, as the thesis has them.
+BAND = 0.85
+
+
+class Pool:
+    """One pool and its record: wall-clock time [s] of each round of simulated time."""
+
+    def __init__(self, depth: float, layers: int, seconds: float):
+        extra = {"band": BAND} if layers > 1 else {}
+        self.simulation = tanks.build(tanks.tank((1.0, 1.0), depth, FINE, layers, 0.4, **extra))
+        self.reading = tanks.Reading(self.simulation)
+        tanks.run(self.simulation, 0.5)
+        tanks.run(self.simulation, 0.5, self.reading)
+        self.rest = self.reading.pressure_error(), self.reading.energy_rise()
+        self.seconds, self.walls, self.steps, self.iterations = seconds, [], 0, []
+
+    def rock(self) -> None:
+        """One timed round."""
+        sim = self.simulation
+        steps = sim.steps
+        for _ in range(round(self.seconds / tanks.FRAME)):
+            swing = 2.0 * math.pi * (sim.time - 1.0) / PERIOD
+            angle = math.radians(ANGLE) * math.sin(swing)
+            g = tanks.GRAVITY
+            forcing = Forcing(gravity=(g * math.sin(angle), -g * math.cos(angle), 0.0))
+            ti.sync()
+            begin = time.perf_counter()
+            sim.advance(tanks.FRAME, forcing)
+            ti.sync()
+            self.walls.append(time.perf_counter() - begin)
+            self.iterations.append(sim.solver.iterations)
+            self.reading.read()
+        self.steps += sim.steps - steps
+
+    def speed(self) -> float:
+        """Simulated seconds per wall-clock second, by the median frame."""
+        return tanks.FRAME / statistics.median(self.walls)
+
+
+def row(name: str, kind: str, pool: Pool) -> dict[str, str]:
+    r = pool.reading
+    quartiles = np.percentile(pool.walls, (25, 75)) * 1e3
+    return {
+        "pool": name,
+        "water": kind,
+        "particles": f"{pool.simulation.particles.count:,}",
+        "ms a frame": f"{1e3 * statistics.median(pool.walls):.1f} "
+        f"({quartiles[0]:.1f} to {quartiles[1]:.1f})",
+        "simulated s/s": f"{pool.speed():.3g}",
+        "steps a frame": f"{pool.steps / len(pool.walls):.2f}",
+        "iterations a step": f"{np.mean(pool.iterations):.1f}",
+        "pressure error at rest": f"{100 * pool.rest[0]:.2f} %",
+        "energy rise at rest": f"{100 * pool.rest[1]:.3f} %",
+        "density error mean": f"{100 * np.mean(r.error_mean):.3f} %",
+        "largest": f"{100 * max(r.error_max):.2f} %",
+        "height of the centre": f"{100 * r.volume_error():+.2f} %",
+    }
+
+
+@click.command()
+@click.option("--rounds", default=3, show_default=True, type=click.IntRange(min=1))
+@click.option("--seconds", default=0.5, show_default=True, help="Simulated time of a round.")
+@click.option("--arch", type=click.Choice(ARCHES), default="auto", show_default=True)
+def main(rounds: int, seconds: float, arch: str) -> None:
+    """Measure and write bench/results/layers.{md,csv}."""
+    arch = start(arch)
+    rows, ratios = [], []
+    for name, (depth, layers, target, thesis) in POOLS.items():
+        pools = {"uniform": Pool(depth, 1, seconds), "layered": Pool(depth, layers, seconds)}
+        for _ in range(rounds):
+            for pool in pools.values():
+                pool.rock()
+        rows += [row(name, kind, pool) for kind, pool in pools.items()]
+        ratio = pools["layered"].speed() / pools["uniform"].speed()
+        ratios.append((name, f">= {target:g}", f"{ratio:.1f}", f"{thesis or '-'}"))
+        click.echo(f"{name}: {ratio:.1f}")
+    twice = [Pool(depth, POOLS["8 times as deep"][1], seconds) for depth in DOUBLING]
+    for _ in range(rounds):
+        for pool in twice:
+            pool.rock()
+    rows.append(row("16 times as deep", "layered", twice[1]))
+    cost = twice[0].speed() / twice[1].speed()
+    ratios.append(("cost of doubling 8 to 16 times", f"<= {DOUBLING_TARGET}", f"{cost:.2f}", "-"))
+    RESULTS.mkdir(exist_ok=True)
+    with open(RESULTS / "layers.csv", "w", newline="") as file:
+        writer = csv.DictWriter(file, rows[0].keys())
+        writer.writeheader()
+        writer.writerows(rows)
+    report = [
+        heading("Layered against uniform water", arch),
+        f"Finest particles of .1 kg in a pool of 1 m by 1 m, rocked by {ANGLE:g} degrees; {rounds} "
+        f"rounds of {seconds:g} s in turns. Median frame (quartiles).\n",
+        tabulate(
+            ratios,
+            ("simulated time a second, layered over uniform", "target", "measured", "thesis"),
+            tablefmt="github",
+            disable_numparse=True,
+        ),
+        "",
+        tabulate(rows, headers="keys", tablefmt="github", disable_numparse=True),
+        "",
+    ]
+    (RESULTS / "layers.md").write_text("\n".join(report))
+    click.echo("\n".join(report))
+
+
+if __name__ == "__main__":
+    main()
