@@ -20,7 +20,7 @@ from msph.device import ARCHES, start
 from msph.scene import load_scene
 from msph.stage.benchmark import Result, benchmark, table_row
 
-SCENE, VARIANT = "pool_2x", "variant=system-3"
+SCENE, VARIANT, METHOD = "pool_2x", "variant=system-3", "method=classic"
 SIZE = (640, 360)
 # Targets for a 2-core CPU: simulation-only frames of 1/60 s per second, surface and picture
 # together [ms], and warm start to first frame [s].
@@ -52,8 +52,8 @@ def main(seconds: float, repeats: int, arch: str) -> None:
     starts = [first_frame(arch) for _ in range(repeats + 1)][1:]
     arch = start(arch)
     # Rocking turns the view, so the backdrop is drawn anew in every frame; at rest it is kept.
-    rocking = load_scene(SCENE, (VARIANT,))
-    steady = load_scene(SCENE, (VARIANT, "sway.angle=0"))
+    rocking = load_scene(SCENE, (VARIANT, METHOD))
+    steady = load_scene(SCENE, (VARIANT, METHOD, "sway.angle=0"))
     names = {f"{SCENE}, steady": steady, f"{SCENE}, rocking": rocking}
     results: dict[str, list[Result]] = {name: [] for name in names}
     for _ in range(repeats):

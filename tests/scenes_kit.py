@@ -4,6 +4,7 @@ TEXT = """
 title = "A small pool of two layers"
 source = "tests"
 duration = 0.2
+method = "classic"
 
 [box]
 size = [0.4, 0.4, 0.4]

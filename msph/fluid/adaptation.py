@@ -57,8 +57,8 @@ class AdaptationTerms:
     """
 
     band: float = 1.25
-    hysteresis: float = 0.08
-    every: int = 4
+    hysteresis: float = 0.3
+    every: int = 8
     budget: float = 0.1
     settle: int = 3
 

@@ -20,6 +20,8 @@ from msph.fluid.particles import Particles
 # Coverage sum V_j W above which a cell's centre lies in water: water's own surface has .5, and
 # gaps between particles of mixed sizes stay above this.
 COVERED = 0.35
+# Edge of a cell, in supports of the finest layer: bands are a few of them thick.
+CELL = 0.6
 
 
 @ti.data_oriented
@@ -38,7 +40,7 @@ class Depth:
     ):
         self.layers, self.particles = layers, particles
         self.walls, self.images = walls, Images(walls.box)
-        self.cell = layers.finest.support
+        self.cell = CELL * layers.finest.support
         self.shape = depth_shape(walls.box, self.cell)
         self.dims = ti.Vector(list(self.shape))
         self.reach = math.ceil(farthest / self.cell) + 1

@@ -31,9 +31,10 @@ _ATTRIBUTES = (
     *pressure_solve.ATTRIBUTES,
 )
 
-# Rounds of the position solve before time starts, at most, and the excess of density at which the
-# rest is left to the steps.
-ARRANGING, CROWDED = 100, 5e-4
+# Rounds of the position solve before time starts, at most.
+ARRANGING = 100
+# Excess of density that needs no position solve.
+LOOSE = 1e-3
 # Excess of density, as halves have it after a split, from which on the position solve takes more
 # rounds.
 URGENT, URGENT_ROUNDS = 0.02, 3
@@ -41,6 +42,8 @@ URGENT, URGENT_ROUNDS = 0.02, 3
 NEAREST, GOLDEN = 0.05, 0.6180340
 # How much stricter, and longer, the first solve of a run is, and how much shorter its step.
 FIRST_CARE = 10
+# Deficit of density up to which a gap beside a merger is not yet to be closed.
+SMALL_GAP = 0.1
 # Spray, which meets nothing, may move so many times farther in a step.
 SPRAY_LEAP = 2.5
 # Coincident particles have no direction to be pushed in; they are held this far apart, in h.
@@ -164,12 +167,12 @@ class Projection(Accounts):
         """
         unchanged = 0
         for _ in range(ARRANGING):
-            self.separate(self.particles.count)
+            crowded = self.separate(self.particles.count)
             self.disturb()
             if self.adaptation:
                 unchanged = 0 if self.adaptation.run(budget=1.0) else unchanged + 1
             settled = not self.adaptation or unchanged > self.adaptation.terms.settle
-            if settled and self.most_crowded[None] < CROWDED:
+            if settled and not crowded:
                 break
         self.clear_accounts()
 
@@ -197,8 +200,8 @@ class Projection(Accounts):
     def step(self, dt: float, forcing: Forcing) -> None:
         """Neighbours; positions without crowding; forces; velocities without compression; move."""
         n = self.particles.count
-        self.separate(n)
-        self.weigh(n)
+        if self.separate(n):
+            self.weigh(n)
         self.push(n, dt, *forcing.arguments())
         self.aim_at_no_compression(n, dt)
         self.scale(n, dt * dt / self.terms.density)
@@ -216,15 +219,20 @@ class Projection(Accounts):
         if self.adaptation and self.adaptation.due():
             self.adaptation.run()
 
-    def separate(self, n: int) -> None:
-        """The position solve: displaces particles where they are crowded."""
+    def separate(self, n: int) -> bool:
+        """The position solve: displaces particles where they are crowded, and says whether any
+        were."""
         self.neighbours.refresh()
         self.weigh(n)
         self.aim_at_rest_density(n)
-        rounds = URGENT_ROUNDS if self.most_crowded[None] > URGENT else 1
+        crowded = self.most_crowded[None]
+        if crowded < LOOSE:
+            return False
+        rounds = URGENT_ROUNDS if crowded > URGENT else 1
         iterations = rounds * self.terms.position_iterations
         self.pressure_solve.relax(self.particles.crowding, iterations)
         self.displace(n)
+        return True
 
     @ti.kernel
     def weigh(self, n: ti.i32):
@@ -293,11 +301,11 @@ class Projection(Accounts):
             c = self.particles.density[i] / self.terms.density - 1.0
             if 1.0 + c < self.terms.spray:
                 rate = ti.min(rate, 0.0)
-            release = ti.min(1.0, dt / self.terms.release)
+            wanted = ti.select(c < 0.0, c, ti.min(1.0, dt / self.terms.release) * c)
             if ti.static(self.adaptive):
-                # Halves are crowded until the position solve has parted them.
-                release = ti.select(self.particles.settling[i] > 0, 0.0, release)
-            self.particles.source[i] = dt * rate + ti.select(c < 0.0, c, release * c)
+                # Halves are crowded, and mergers leave gaps, until the position solve has met them.
+                wanted = ti.select(self.particles.settling[i] > 0 and c > -SMALL_GAP, 0.0, wanted)
+            self.particles.source[i] = dt * rate + wanted
 
     @ti.kernel
     def scale(self, n: ti.i32, factor: ti.f32):
@@ -384,6 +392,15 @@ class Projection(Accounts):
             lift -= ti.math.clamp(gravity.dot(seen - x_j), -own, own) * self.slope[s] * (x - seen)
         return lift
 
+    @ti.func
+    def mean_multiplier(self, i):
+        """Mean q [m^2] of particle i and its neighbours: what holds them in their arrangement."""
+        total, count = self.particles.pressure[i], 1.0
+        for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
+            total += self.particles.pressure[self.neighbours.index[s]]
+            count += 1.0
+        return total / count
+
     @ti.kernel
     def move(self, n: ti.i32, dt: ti.f32):
         """v = v* + u/dt, x += dt v; what would leave is stopped at its wall."""
@@ -405,7 +422,7 @@ class Projection(Accounts):
             self.wall_impulse[None] += self.layers.mass[layer] * (v - self.particles.v[i])
             self.particles.x[i] = x
             self.particles.v[i] = v
-            swing = ti.sqrt(self.particles.pressure[i]) / dt
+            swing = ti.sqrt(self.mean_multiplier(i)) / dt
             if self.particles.density[i] < self.terms.spray * self.terms.density:
                 v /= SPRAY_LEAP
             rate = ti.max(v.norm() / self.terms.cfl, swing / self.terms.pressure_cfl) / d

@@ -329,7 +329,7 @@ class Scene(Section):
     title: str = parameter("", text="one line that says what is to be seen")
     source: str = parameter("", text="where the set-up comes from, or its purpose")
     method: Literal["classic", "projection"] = parameter(
-        "classic", text="the solver: the thesis's, or the incompressible, conserving one"
+        "projection", text="the solver: the thesis's, or the incompressible, conserving one"
     )
     density: float = parameter(
         1000.0, ge=1.0, le=1e5, unit="kg/m^3", text="rest density of the water"
