@@ -177,7 +177,7 @@ def test_container_shaped_like_a_box_holds_water_as_the_box_does():
     def box(x: ti.types.ndarray(dtype=ti.f32, ndim=2), out: ti.types.ndarray(dtype=ti.f32, ndim=2)):
         for i in range(x.shape[0]):
             at = ti.Vector([x[i, 0], x[i, 1], x[i, 2]])
-            inside = block_share(at, H, ti.Vector([0.0] * 3), ti.Vector(list(edge)))
+            inside = block_share(at, H, ti.Vector([0.0] * 3), ti.Vector([0.6, 0.5, 0.7]))
             out[i, 0] = 1.0 - inside[0]
             for k in ti.static(range(3)):
                 out[i, 1 + k] = -inside[1 + k]
