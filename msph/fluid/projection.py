@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import taichi as ti
 
-from msph.fluid import adaptation, kernels, pressure_solve
+from msph.fluid import adaptation, kernels, pressure_solve, tension, viscosity
 from msph.fluid.adaptation import Adaptation, AdaptationTerms
 from msph.fluid.forcing import Forcing, hand_acceleration
 from msph.fluid.grid import LayeredGrid
@@ -20,6 +20,9 @@ from msph.fluid.layers import Layers, LayerSpec
 from msph.fluid.neighbours import NeighbourList
 from msph.fluid.particles import Attribute, Particles
 from msph.fluid.pressure_solve import PressureSolve
+from msph.fluid.tension import Tension
+from msph.fluid.viscosity import Viscosity
+from msph.fluid.xsph import Xsph
 
 _ATTRIBUTES = (
     Attribute("density", "kg/m^3", "relative density c times rest density"),
@@ -57,7 +60,8 @@ class ProjectionTerms:
     solve's, of position_iterations, at most largest_shift spacings a step. tolerance (-): share of
     the pressure's displacements that the velocity solve may leave, in velocity_iterations at most.
     spray: relative density below which no rate of compression can be told (-). Counting
-    neighbours instead lets water in edges of the box, which has few, gain energy. adaptation: None
+    neighbours instead lets water in edges of the box, which has few, gain energy. viscosity
+    [Pa s], slip at walls, tension [N/m] of the surface and xsph (-): 0 is off. adaptation: None
     where every particle keeps its layer.
     """
 
@@ -72,6 +76,10 @@ class ProjectionTerms:
     position_iterations: int = 4
     largest_shift: float = 0.25
     spray: float = 0.4
+    viscosity: float = 0.0
+    slip: bool = True
+    tension: float = 0.0
+    xsph: float = 0.0
     adaptation: AdaptationTerms | None = None
 
 
@@ -117,6 +125,23 @@ class Projection:
             self.own[k] = spec.volume * kernels.WENDLAND / spec.support**3 * (1.0 - own_bias(spec))
         self.slope = ti.field(ti.f32, shape=self.neighbours.index.shape)
         self.pressure_solve = PressureSolve(layers, particles, self.neighbours, self.slope)
+        self.viscosity = self.tension = self.xsph = None
+        if terms.viscosity:
+            self.viscosity = Viscosity(
+                layers,
+                particles,
+                self.neighbours,
+                self.pressure_solve,
+                terms.viscosity,
+                terms.density,
+                terms.slip,
+            )
+        if terms.tension:
+            self.tension = Tension(
+                layers, particles, self.neighbours, self.slope, terms.tension, terms.density
+            )
+        if terms.xsph:
+            self.xsph = Xsph(layers, particles, self.neighbours, terms.xsph)
         self.most_crowded = ti.field(ti.f32, shape=())
         self.top_rate = ti.field(ti.f32, shape=())
         self.merge_loss = ti.field(ti.f32, shape=())
@@ -132,7 +157,12 @@ class Projection:
     @staticmethod
     def attributes(terms: ProjectionTerms) -> tuple[Attribute, ...]:
         """What each particle has, beyond the core."""
-        return _ATTRIBUTES + (adaptation.ATTRIBUTES if terms.adaptation else ())
+        return (
+            _ATTRIBUTES
+            + (viscosity.ATTRIBUTES if terms.viscosity else ())
+            + (tension.ATTRIBUTES if terms.tension else ())
+            + (adaptation.ATTRIBUTES if terms.adaptation else ())
+        )
 
     @staticmethod
     def reach(terms: ProjectionTerms) -> str:
@@ -178,14 +208,21 @@ class Projection:
         """
         rate = self.top_rate[None]
         bound = 1.0 / rate if rate > 0.0 else self.terms.longest_step
-        return min(bound, self.terms.longest_step)
+        bound = min(bound, self.terms.longest_step)
+        return min(bound, self.tension.longest_step) if self.tension else bound
 
     def step(self, dt: float, forcing: Forcing) -> None:
         """Neighbours; positions without crowding; forces; velocities without compression; move."""
         n = self.particles.count
         self.separate(n)
         self.weigh(n)
+        if self.xsph:
+            self.xsph.run(n)
         self.push(n, dt, *forcing.arguments())
+        if self.tension:
+            self.tension.run(n, dt)
+        if self.viscosity:
+            self.viscosity.run(n, dt)
         self.aim_at_no_compression(n, dt)
         self.scale(n, dt * dt / self.terms.density)
         self.iterations = self.pressure_solve.converge(

@@ -69,6 +69,12 @@ def check(scene: Scene, where: str) -> None:
     for (i, a), (j, b) in itertools.combinations(enumerate(scene.water), 2):
         if _overlap(a, b):
             raise SceneError(where, f"overlaps water.{i}", f"water.{j}")
+    if not scene.projection.slip and not scene.projection.viscosity:
+        raise SceneError(
+            where,
+            "only viscous water can stick to walls: set projection.viscosity",
+            "projection.slip",
+        )
     _check_adaptation(scene, specs, where)
     _check_memory(scene, specs, where)
 

@@ -161,6 +161,27 @@ class Projection(Section):
     spray: float = parameter(
         _project.spray, ge=0.0, le=1.0, text="relative density below which water is spray"
     )
+    viscosity: float = parameter(
+        _project.viscosity,
+        ge=0.0,
+        le=1e5,
+        unit="Pa s",
+        text="dynamic viscosity, 0: off; water 0.001, honey 10",
+    )
+    slip: bool = parameter(_project.slip, text="walls do not brake viscous water")
+    tension: float = parameter(
+        _project.tension,
+        ge=0.0,
+        le=1e3,
+        unit="N/m",
+        text="surface tension, 0: off; water 0.072",
+    )
+    xsph: float = parameter(
+        _project.xsph,
+        ge=0.0,
+        le=0.5,
+        text="share of the way to its neighbours' velocity that water takes in a step, 0: off",
+    )
 
 
 class Adaptation(Section):
