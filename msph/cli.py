@@ -228,7 +228,12 @@ def prepare(scene: Scene, frame_time: float, size, meshes: bool = False) -> Show
     say("compiling kernels ...")
     show = Show(scene, frame_time, size, meshes)
     show.warm_up()
-    say(f"ready in {time.perf_counter() - begin:.1f} s, {sum(show.counts):,} particles")
+    ready = f"ready in {time.perf_counter() - begin:.1f} s, {sum(show.counts):,} particles"
+    if show.simulation.left_out:
+        ready += (
+            f"; {show.simulation.left_out:,} inside obstacles or outside the container left out"
+        )
+    say(ready)
     return show
 
 

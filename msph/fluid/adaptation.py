@@ -13,6 +13,7 @@ from msph.fluid import kernels
 from msph.fluid.depth import Depth
 from msph.fluid.layers import Layers, LayerSpec
 from msph.fluid.neighbours import NeighbourList
+from msph.fluid.obstacles import END, Walls
 from msph.fluid.particles import Attribute, Particles
 from msph.fluid.scan import ExclusiveScan
 
@@ -55,7 +56,7 @@ class AdaptationTerms:
     split or merged waits.
     """
 
-    band: float = 2.0
+    band: float = 1.25
     hysteresis: float = 0.08
     every: int = 4
     budget: float = 0.1
@@ -91,7 +92,7 @@ class Adaptation:
 
     def __init__(
         self,
-        size: tuple[float, float, float],
+        walls: Walls,
         layers: Layers,
         particles: Particles,
         neighbours: NeighbourList,
@@ -102,8 +103,8 @@ class Adaptation:
         self.terms, self.merge_loss = terms, merge_loss
         limits = bands(layers.specs, terms.band)
         self.farthest = max(top for top, _ in limits) * (1.0 + 2.0 * terms.hysteresis)
-        self.depth = Depth(size, layers, particles, self.farthest)
-        self.size = ti.Vector(list(size))
+        self.depth = Depth(walls, layers, particles, self.farthest)
+        self.walls = walls
         self.top, self.bottom = (ti.field(ti.f32, shape=layers.count) for _ in range(2))
         self.coarser, self.finer = (ti.field(ti.i32, shape=layers.count) for _ in range(2))
         coarser = coarser_of(layers.specs)
@@ -272,7 +273,9 @@ class Adaptation:
         layer, x = self.particles.layer[i], self.particles.x[i]
         h_i = self.layers.support[self.finer[layer]]
         # A half must not be moved by a wall, which would move their centre.
-        room = ti.min(x, self.size - x)
+        room = ti.min(x, self.walls.size - x)
+        if ti.static(self.walls.count > 0):
+            room = ti.min(room, self.walls.clearance(x, END))
         best, least = ti.Vector([0.0, 0.0, 0.0]), 1e9
         for direction in ti.static(DIRECTIONS):
             unit = ti.Vector(direction, ti.f32).normalized()

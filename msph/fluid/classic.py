@@ -13,6 +13,7 @@ from msph.fluid.forcing import Forcing, hand_acceleration
 from msph.fluid.grid import LayeredGrid
 from msph.fluid.layers import Layers
 from msph.fluid.neighbours import NeighbourList
+from msph.fluid.obstacles import Walls
 from msph.fluid.particles import Attribute, Particles
 
 # Explicit viscosity is stable while dt < VISCOUS_NUMBER h^2 rho / mu (Morris et al. 1997, eq. 19).
@@ -56,7 +57,7 @@ class Classic:
     """One solver over the particles of all layers; a single layer is Mueller's SPH of 2003."""
 
     @staticmethod
-    def attributes(terms: ClassicTerms) -> tuple[Attribute, ...]:
+    def attributes(terms: ClassicTerms, bodies: bool = False) -> tuple[Attribute, ...]:
         """What each particle has, beyond the core."""
         return _ATTRIBUTES
 
@@ -65,13 +66,13 @@ class Classic:
 
     def __init__(
         self,
-        size: tuple[float, float, float],
+        walls: Walls,
         layers: Layers,
         grid: LayeredGrid,
         particles: Particles,
         terms: ClassicTerms,
     ):
-        self.size = ti.Vector(list(size))
+        self.size = walls.size
         self.layers = layers
         self.grid = grid
         self.particles = particles

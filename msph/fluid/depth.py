@@ -14,6 +14,7 @@ import taichi as ti
 from msph.fluid import kernels
 from msph.fluid.images import COMBINATIONS, Images
 from msph.fluid.layers import Layers
+from msph.fluid.obstacles import END, Walls
 from msph.fluid.particles import Particles
 
 # Coverage sum V_j W above which a cell's centre lies in water: water's own surface has .5, and
@@ -30,15 +31,15 @@ class Depth:
 
     def __init__(
         self,
-        size: tuple[float, float, float],
+        walls: Walls,
         layers: Layers,
         particles: Particles,
         farthest: float,
     ):
         self.layers, self.particles = layers, particles
-        self.images = Images(size)
+        self.walls, self.images = walls, Images(walls.box)
         self.cell = layers.finest.support
-        self.shape = depth_shape(size, self.cell)
+        self.shape = depth_shape(walls.box, self.cell)
         self.dims = ti.Vector(list(self.shape))
         self.reach = math.ceil(farthest / self.cell) + 1
         self.coverage = ti.field(ti.f32, shape=self.shape)
@@ -82,6 +83,11 @@ class Depth:
                 bits = self.images.bits(image)
                 if (bits <= near).all():
                     self._cover_by(self.images.point(x, x, bits), h, volume)
+        if ti.static(self.walls.count > 0):
+            for c in ti.grouped(self.coverage):
+                centre = (ti.cast(c, ti.f32) + 0.5) * self.cell
+                if self.walls.clearance(centre, END) < 0.0:
+                    self.coverage[c] = 1.0
 
     @ti.func
     def _cover_by(self, x, h, volume):

@@ -35,15 +35,15 @@ class LayeredGrid:
         cells = [nx * ny * nz for nx, ny, nz in shapes]
         self.total_cells = sum(cells)
         self.dims = ti.Vector.field(3, ti.i32, shape=layers.count)
-        self.dims.from_numpy(np.array(shapes, dtype=np.int32))
         self.offset = ti.field(ti.i32, shape=layers.count)
-        self.offset.from_numpy(np.cumsum([0, *cells[:-1]]).astype(np.int32))
         self.cell_size = layers.support
         self.cell_count = ti.field(ti.i32, shape=self.total_cells)
         self.cell_start = ti.field(ti.i32, shape=self.total_cells + 1)
         self.cell = ti.field(ti.i32, shape=particles.capacity)
         self.place = ti.field(ti.i32, shape=particles.capacity)
         self.scan = ExclusiveScan(self.total_cells)
+        self.dims.from_numpy(np.array(shapes, dtype=np.int32))
+        self.offset.from_numpy(np.cumsum([0, *cells[:-1]]).astype(np.int32))
         self.generation = 0  # of the order of particles: lists made of an earlier one are void
         self.stale = True
 

@@ -8,7 +8,8 @@ everything that follows from it is looked up here.
 from dataclasses import dataclass
 
 import numpy as np
-import taichi as ti
+
+from msph.tables import tables
 
 
 @dataclass(frozen=True)
@@ -52,18 +53,17 @@ class Layers:
             raise ValueError("a fluid needs at least one layer")
         self.specs = specs
         self.count = len(specs)
-        self.mass = self._field([s.mass for s in specs])
-        self.volume = self._field([s.volume for s in specs])
-        self.spacing = self._field([s.spacing for s in specs])
-        self.support = self._field([s.support for s in specs])
-        self.gravity_factor = self._field([s.gravity_factor for s in specs])
-        self.viscosity = self._field([s.viscosity for s in specs])
-        self.wendland = self._field([int(s.wendland) for s in specs], ti.i32)
-
-    def _field(self, values, dtype=ti.f32):
-        field = ti.field(dtype, shape=self.count)
-        field.from_numpy(np.array(values, dtype=np.int32 if dtype == ti.i32 else np.float32))
-        return field
+        self.mass, self.volume, self.spacing, self.support = tables(
+            np.array([s.mass for s in specs]),
+            np.array([s.volume for s in specs]),
+            np.array([s.spacing for s in specs]),
+            np.array([s.support for s in specs]),
+        )
+        self.gravity_factor, self.viscosity, self.wendland = tables(
+            np.array([s.gravity_factor for s in specs]),
+            np.array([s.viscosity for s in specs]),
+            np.array([int(s.wendland) for s in specs]),
+        )
 
     @property
     def finest(self) -> LayerSpec:

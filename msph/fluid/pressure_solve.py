@@ -1,5 +1,7 @@
 """The pressure solve: multipliers q >= 0 whose displacements undo a given compression."""
 
+import math
+
 import taichi as ti
 
 from msph.fluid.layers import Layers
@@ -17,6 +19,10 @@ ATTRIBUTES = (
     Attribute("response", "-", "compression that the direction undoes", carried=False),
     Attribute("free", "-", "1 where a solve may change the multiplier", carried=False),
 )
+# Where bodies stand in the water.
+WALL_ATTRIBUTES = (
+    Attribute("wall", "1/m", "gradient of the bodies' part of c", width=3, carried=False),
+)
 
 # Keeps divisions by what may vanish finite; far below any diagonal [1/m^2] or curvature met.
 TINY = 1e-30
@@ -26,8 +32,9 @@ LOOK = 3
 ROUND = 40
 # Displacements, in spacings, that count as none: a share of them is left even by the best stop.
 STILL = 1e-5
-# Under-relaxation of Jacobi: stable below 2/lambda_max, which is .65 at 33 neighbours.
-OMEGA = 0.5
+# Under-relaxation of Jacobi: stable below 2/lambda_max, which was .68, .53 and .31 at 27, 57 and 97
+# neighbours; this many over the neighbours stays clear of it, and at most the second.
+DAMPING, LEAST_DAMPING = 24.0, 0.5
 
 
 @ti.data_oriented
@@ -35,17 +42,25 @@ class PressureSolve:
     """Finds q >= 0 [m^2] and u_i = -sum V_j (q_i + q_j) grad W_ij [m], so that
     source_i + sum V_j (u_i - u_j).grad W_ij <= 0, and = 0 where q > 0.
 
-    Sums run over neighbours and their images. Divergence and gradient are adjoint, so the operator
-    A is symmetric and positive under the weights V, and sum V |u|^2 = <q, A q>. slope holds
-    V_j dW/dr / r [1/m^2] of each entry of the neighbour list.
+    Sums run over neighbours and their images; bodies add u_i.wall_i to the one and -q_i wall_i to
+    the other, the gradient of their part of the kernel's integral. Divergence and gradient are
+    adjoint, so the operator A is symmetric and positive under the weights V, and
+    sum V |u|^2 = <q, A q>. slope holds V_j dW/dr / r [1/m^2] of each entry of the neighbour list.
     """
 
     def __init__(
-        self, layers: Layers, particles: Particles, neighbours: NeighbourList, slope: ti.Field
+        self,
+        layers: Layers,
+        particles: Particles,
+        neighbours: NeighbourList,
+        slope: ti.Field,
+        bodies: bool,
     ):
         self.layers, self.particles = layers, particles
         self.neighbours, self.slope = neighbours, slope
-        self.images = neighbours.images
+        widest = max(s.smoothing for s in layers.specs)
+        self.omega = min(LEAST_DAMPING, DAMPING / (4.0 / 3.0 * math.pi * widest**3))
+        self.images, self.bodies = neighbours.images, bodies
         self.descent = ti.field(ti.f32, shape=())
         self.last_descent = ti.field(ti.f32, shape=())
         self.curvature = ti.field(ti.f32, shape=())
@@ -114,6 +129,8 @@ class PressureSolve:
         """The part of u_i [m] that walls give."""
         x = self.particles.x[i]
         u = ti.Vector([0.0, 0.0, 0.0])
+        if ti.static(self.bodies):
+            u = -q[i] * self.particles.wall[i]
         for s in range(self.neighbours.mirrors[i], self.neighbours.end[i]):
             j, bits = self.images.read(self.neighbours.index[s])
             seen = self.images.point(x, self.particles.x[j], bits)
@@ -125,6 +142,8 @@ class PressureSolve:
         """sum V_j (u_i - u_j).grad W_ij of a vector field u [u's unit / m]."""
         u, x = field[i], self.particles.x[i]
         found = 0.0
+        if ti.static(self.bodies):
+            found = u.dot(self.particles.wall[i])
         for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
             j = self.neighbours.index[s]
             found += self.slope[s] * (u - field[j]).dot(x - self.particles.x[j])
@@ -145,7 +164,7 @@ class PressureSolve:
         """q += omega r/D, not below 0, with r = source - A q."""
         for i in range(n):
             r = self.particles.source[i] + self.divergence(i, self.particles.shift)
-            q[i] = ti.max(q[i] + OMEGA * r / ti.max(self.particles.diagonal[i], TINY), 0.0)
+            q[i] = ti.max(q[i] + self.omega * r / ti.max(self.particles.diagonal[i], TINY), 0.0)
 
     @ti.kernel
     def begin(self, n: ti.i32, q: ti.template()):

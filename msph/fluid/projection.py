@@ -18,8 +18,9 @@ from msph.fluid.grid import LayeredGrid
 from msph.fluid.images import Images
 from msph.fluid.layers import Layers, LayerSpec
 from msph.fluid.neighbours import NeighbourList
+from msph.fluid.obstacles import BEGIN, Walls
 from msph.fluid.particles import Attribute, Particles
-from msph.fluid.pressure_solve import PressureSolve
+from msph.fluid.pressure_solve import WALL_ATTRIBUTES, PressureSolve
 from msph.fluid.tension import Tension
 from msph.fluid.viscosity import Viscosity
 from msph.fluid.xsph import Xsph
@@ -34,12 +35,14 @@ _ATTRIBUTES = (
 
 # Rounds of the position solve before time starts, at most, and the excess of density at which the
 # rest is left to the steps.
-ARRANGING, CROWDED = 60, 1e-3
+ARRANGING, CROWDED = 100, 5e-4
 # Excess of density, as halves have it after a split, from which on the position solve takes more
 # rounds.
 URGENT, URGENT_ROUNDS = 0.02, 3
 # Least distance to a wall, in spacings; the golden section spreads multiples of it evenly.
 NEAREST, GOLDEN = 0.05, 0.6180340
+# How much stricter, and longer, the first solve of a run is, and how much shorter its step.
+FIRST_CARE = 10
 # Spray, which meets nothing, may move so many times farther in a step.
 SPRAY_LEAP = 2.5
 # Coincident particles have no direction to be pushed in; they are held this far apart, in h.
@@ -56,7 +59,7 @@ class ProjectionTerms:
 
     density rho0 [kg/m^3]. The time step is bounded by cfl (-), dt <= cfl d/|v|, by pressure_cfl
     (-), dt <= pressure_cfl d/sqrt(p/rho0), and by longest_step [s] for slow, shallow water.
-    release beta: share of a density excess that becomes velocity (-); the rest is the position
+    release [s]: time in which a density excess may become velocity; the rest is the position
     solve's, of position_iterations, at most largest_shift spacings a step. tolerance (-): share of
     the pressure's displacements that the velocity solve may leave, in velocity_iterations at most.
     spray: relative density below which no rate of compression can be told (-). Counting
@@ -70,7 +73,7 @@ class ProjectionTerms:
     cfl: float = 0.4
     pressure_cfl: float = 0.7
     longest_step: float = 1.0 / 60.0
-    release: float = 0.2
+    release: float = 0.4
     tolerance: float = 0.05
     velocity_iterations: int = 120
     position_iterations: int = 4
@@ -106,16 +109,16 @@ class Projection:
 
     def __init__(
         self,
-        size: tuple[float, float, float],
+        walls: Walls,
         layers: Layers,
         grid: LayeredGrid,
         particles: Particles,
         terms: ProjectionTerms,
     ):
-        self.size = ti.Vector(list(size))
+        self.walls = walls
         self.layers, self.grid, self.particles = layers, grid, particles
         self.terms = terms
-        self.images = Images(size)
+        self.images = Images(walls.box)
         self.neighbours = NeighbourList(
             grid, particles, self.reach(terms), self.LIST_MARGIN, self.images
         )
@@ -124,7 +127,9 @@ class Projection:
         for k, spec in enumerate(layers.specs):
             self.own[k] = spec.volume * kernels.WENDLAND / spec.support**3 * (1.0 - own_bias(spec))
         self.slope = ti.field(ti.f32, shape=self.neighbours.index.shape)
-        self.pressure_solve = PressureSolve(layers, particles, self.neighbours, self.slope)
+        self.pressure_solve = PressureSolve(
+            layers, particles, self.neighbours, self.slope, walls.count > 0
+        )
         self.viscosity = self.tension = self.xsph = None
         if terms.viscosity:
             self.viscosity = Viscosity(
@@ -148,20 +153,24 @@ class Projection:
         self.adaptation = None
         if terms.adaptation:
             self.adaptation = Adaptation(
-                size, layers, particles, self.neighbours, self.merge_loss, terms.adaptation
+                walls, layers, particles, self.neighbours, self.merge_loss, terms.adaptation
             )
         self.adaptive = self.adaptation is not None
         self.internal_impulse = ti.Vector.field(3, ti.f32, shape=())
-        self.iterations = 0
+        if walls.moving:
+            # What bodies add to dc/dt by their motion [1/s].
+            self.inflow = ti.field(ti.f32, shape=particles.capacity)
+        self.iterations, self.first = 0, True
 
     @staticmethod
-    def attributes(terms: ProjectionTerms) -> tuple[Attribute, ...]:
-        """What each particle has, beyond the core."""
+    def attributes(terms: ProjectionTerms, bodies: bool = False) -> tuple[Attribute, ...]:
+        """What each particle has, beyond the core, among bodies or not."""
         return (
             _ATTRIBUTES
             + (viscosity.ATTRIBUTES if terms.viscosity else ())
             + (tension.ATTRIBUTES if terms.tension else ())
             + (adaptation.ATTRIBUTES if terms.adaptation else ())
+            + (WALL_ATTRIBUTES if bodies else ())
         )
 
     @staticmethod
@@ -174,6 +183,7 @@ class Projection:
         self.internal_impulse[None] = ti.Vector([0.0, 0.0, 0.0])
         self.top_rate[None] = 0.0
         self.merge_loss[None] = 0.0
+        self.first = True
         if self.adaptation:
             self.adaptation.reset()
         self.grid.invalidate()
@@ -206,10 +216,15 @@ class Projection:
         steps make deep fine water boil and collapse, however well each step's pressure converges.
         60 sheets were still at pressure_cfl = .7 and collapsed at 1.4.
         """
-        rate = self.top_rate[None]
+        # Nor may a body overtake what it pushes.
+        body = self.walls.top_speed / (self.terms.cfl * self.layers.finest.spacing)
+        rate = max(self.top_rate[None], body)
         bound = 1.0 / rate if rate > 0.0 else self.terms.longest_step
-        bound = min(bound, self.terms.longest_step)
-        return min(bound, self.tension.longest_step) if self.tension else bound
+        longest = min(bound, self.terms.longest_step)
+        if self.tension:
+            longest = min(longest, self.tension.longest_step)
+        # Before the first solve no pressure is known.
+        return longest / FIRST_CARE if self.first else longest
 
     def step(self, dt: float, forcing: Forcing) -> None:
         """Neighbours; positions without crowding; forces; velocities without compression; move."""
@@ -225,9 +240,14 @@ class Projection:
             self.viscosity.run(n, dt)
         self.aim_at_no_compression(n, dt)
         self.scale(n, dt * dt / self.terms.density)
+        # The first solve knows no pressure to start from, and what it leaves would fall.
+        care = FIRST_CARE if self.first else 1
         self.iterations = self.pressure_solve.converge(
-            self.particles.pressure, self.terms.tolerance, self.terms.velocity_iterations
+            self.particles.pressure,
+            self.terms.tolerance / care,
+            care * self.terms.velocity_iterations,
         )
+        self.first = False
         self.move(n, dt)
         self.scale(n, self.terms.density / (dt * dt))
         self.disturb()
@@ -254,6 +274,13 @@ class Projection:
             layer = self.particles.layer[i]
             x, h_i = self.particles.x[i], self.layers.support[layer]
             total = Sums(c=self.own[layer])
+            if ti.static(self.walls.count > 0):
+                wall = self.walls.share(x, layer, h_i)
+                total.c += wall[0]
+                total.g = ti.Vector([wall[1], wall[2], wall[3]])
+                self.particles.wall[i] = total.g
+                if ti.static(self.walls.moving):
+                    self.inflow[i] = -wall[4]
             for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
                 j = self.neighbours.index[s]
                 self.weigh_pair(s, h_i, j, x - self.particles.x[j], total)
@@ -295,13 +322,16 @@ class Projection:
 
     @ti.kernel
     def aim_at_no_compression(self, n: ti.i32, dt: ti.f32):
-        """source_i = dt dc/dt + (c_i - 1 if c_i < 1, else beta (c_i - 1)) of the velocity solve."""
+        """source_i = dt dc/dt + (c_i - 1 if c_i < 1, else (c_i - 1) dt/release) of the velocity
+        solve."""
         for i in range(n):
             rate = self.pressure_solve.divergence(i, self.particles.v)
+            if ti.static(self.walls.moving):
+                rate += self.inflow[i]
             c = self.particles.density[i] / self.terms.density - 1.0
             if 1.0 + c < self.terms.spray:
                 rate = ti.min(rate, 0.0)
-            release = self.terms.release
+            release = ti.min(1.0, dt / self.terms.release)
             if ti.static(self.adaptive):
                 # Halves are crowded until the position solve has parted them.
                 release = ti.select(self.particles.settling[i] > 0, 0.0, release)
@@ -334,8 +364,7 @@ class Projection:
             u = self.particles.shift[i]
             u *= ti.min(1.0, self.terms.largest_shift * d / ti.max(u.norm(), TOUCHING * d))
             x = self.particles.x[i] + u
-            margin = self.margin(i)
-            self.particles.x[i] = ti.math.clamp(x, margin, self.size - margin)
+            self.particles.x[i] = self.walls.keep(x, BEGIN, self.margin(i))
             self.particles.v[i] += self.particles.exchange[i]
 
     @ti.func
@@ -385,21 +414,21 @@ class Projection:
 
     @ti.kernel
     def move(self, n: ti.i32, dt: ti.f32):
-        """v = v* + u/dt, x += dt v; what would leave the box is stopped at its wall."""
+        """v = v* + u/dt, x += dt v; what would leave is stopped at its wall."""
         self.top_rate[None] = 0.0
         for i in range(n):
             layer = self.particles.layer[i]
             d = self.layers.spacing[layer]
             u = self.particles.shift[i]
             v = self.particles.v[i] + u / dt
+            if ti.static(self.walls.moving):
+                # Force of the bodies on the particle times their velocity.
+                q = self.particles.pressure[i]
+                self.walls.work[None] += self.layers.mass[layer] * q / dt * self.inflow[i]
             inner = u - self.pressure_solve.wall_shift(i, self.particles.pressure)
             self.internal_impulse[None] += self.layers.mass[layer] / dt * inner
             x = self.particles.x[i] + dt * v
-            margin = self.margin(i)
-            for k in ti.static(range(3)):
-                if x[k] < margin or x[k] > self.size[k] - margin:
-                    x[k] = ti.math.clamp(x[k], margin, self.size[k] - margin)
-                    v[k] = -self.terms.restitution * v[k]
+            x, v = self.walls.guard(x, v, self.terms.restitution, self.margin(i))
             self.particles.x[i] = x
             self.particles.v[i] = v
             swing = ti.sqrt(self.particles.pressure[i]) / dt

@@ -6,11 +6,13 @@ from contextlib import AbstractContextManager, nullcontext
 
 import numpy as np
 
+from msph.fluid.bodies import Body
 from msph.fluid.forcing import Forcing
 from msph.fluid.grid import LayeredGrid, grid_shape
 from msph.fluid.layers import Layers, LayerSpec
 from msph.fluid.methods import SOLVERS, Terms
 from msph.fluid.neighbours import neighbours_provided
+from msph.fluid.obstacles import Walls
 from msph.fluid.particles import Particles
 
 Stage = Callable[[str], AbstractContextManager]
@@ -18,6 +20,10 @@ Stage = Callable[[str], AbstractContextManager]
 
 # Bytes of an i32 or f32, the only numbers that fields hold.
 WORD = 4
+
+
+class NoWaterError(ValueError):
+    """All the water was inside of bodies."""
 
 
 def footprint(
@@ -39,9 +45,11 @@ def footprint(
 class Simulation:
     """The water of one scene.
 
-    size [m] of the box, layer specs, initial attributes (x, v, layer as arrays), solver terms, and
-    the most particles it may come to have, by default those it starts with.
-    time [s] is simulated time; steps counts solver steps since the last reset.
+    size [m] of the box, layer specs, initial attributes (x, v, layer as arrays), solver terms,
+    bodies in the water or round it, and the most particles it may come to have, by default those it
+    starts with. time [s] is simulated time; steps counts solver steps since the last reset;
+    left_out counts initial particles dropped because they were inside a body. Raises NoWaterError
+    where none remain.
     """
 
     def __init__(
@@ -50,14 +58,22 @@ class Simulation:
         specs: list[LayerSpec],
         initial: dict[str, np.ndarray],
         terms: Terms,
+        bodies: list[Body] | None = None,
         capacity: int | None = None,
     ):
         self.size = size
         self.layers = Layers(specs)
         solver = SOLVERS[type(terms)]
-        self.particles = Particles(capacity or len(initial["x"]), solver.attributes(terms))
+        self.walls = Walls(size, specs, bodies)
+        free = self.walls.free(initial["x"])
+        self.left_out = len(free) - int(free.sum())
+        if not free.any():
+            raise NoWaterError(f"all {len(free)} particles are inside bodies")
+        initial = {name: values[free] for name, values in initial.items()}
+        most = max(capacity or 0, len(initial["x"]))
+        self.particles = Particles(most, solver.attributes(terms, self.walls.count > 0))
         self.grid = LayeredGrid(size, self.layers, self.particles)
-        self.solver = solver(size, self.layers, self.grid, self.particles, terms)
+        self.solver = solver(self.walls, self.layers, self.grid, self.particles, terms)
         self.initial = initial
         self.reset()
 
@@ -80,6 +96,8 @@ class Simulation:
             with stage("bin"):
                 self.solver.neighbours.refresh()
             with stage("solve"):
+                if self.walls.moving:
+                    self.walls.place(self.time + duration - left, dt)
                 self.solver.step(dt, forcing)
             left -= dt
             self.steps += 1
@@ -121,4 +139,5 @@ class Simulation:
     def _start(self, attributes: dict[str, np.ndarray], time: float, steps: int) -> None:
         self.particles.fill(**attributes)
         self.time, self.steps = time, steps
+        self.walls.reset(time)
         self.solver.reset()

@@ -26,8 +26,10 @@ class Entry:
     momentum [kg m/s] (3,); momentum_scale = sum m |v| [kg m/s]; internal_impulse [N s] (3,) is
     what pair forces have given in sum since the start, zero where they are antisymmetric.
     density errors (-): mean and max over particles of rho/rho0 - 1 where positive; below rest
-    density lies every free surface. outside counts particles beyond the box.
-    work [J] is what tilting the pool has given since the start.
+    density lies every free surface. outside counts
+    particles beyond the box, the container, or inside an obstacle, by more than Walls.leaked says.
+    work [J] is what tilting the pool and the pressure on moving bodies have given
+    since the start.
     """
 
     time: float
@@ -91,7 +93,7 @@ class Ledger:
             internal_impulse=sim.solver.internal_impulse.to_numpy(),
             kinetic=block["kinetic"],
             potential=-float(moment @ g),
-            work=self._work,
+            work=self._work + sim.walls.work_done(),
             centre=moment / block["mass"],
             density_error_mean=block["error_sum"] / sim.particles.count,
             density_error_max=block["error_max"],
@@ -134,7 +136,7 @@ class _Measure:
     """One reduction over all particles; a single small block is read by the host."""
 
     def __init__(self, simulation: Simulation):
-        self.size = ti.Vector(list(simulation.size))
+        self.walls = simulation.walls
         self.particles = simulation.particles
         self.layers = simulation.layers
         self.rest_density = simulation.solver.terms.density
@@ -167,7 +169,7 @@ class _Measure:
             total = x.sum() + v.sum() + error
             if ti.math.isnan(total) or ti.math.isinf(total):
                 self.sums[12][None] += 1.0
-            if (x < 0.0).any() or (x > self.size).any():
+            if self.walls.leaked(x):
                 self.sums[13][None] += 1.0
         for k in ti.static(range(len(_BLOCK))):
             self.block[k] = self.sums[k][None]

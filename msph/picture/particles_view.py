@@ -112,8 +112,11 @@ class ParticlesView:
                 d = shot.origin + shot.du * i + shot.dv * j
                 v = ti.math.clamp((value[p] - lo) * scale, 0.0, 1.0)
                 base = self.map[ti.cast(v * (COLOURS - 1) + 0.5, ti.i32)]
-                c = self.lit(base, x[p] - shot.eye, radius.of(p), d, shot)
-                image[i, j] = ti.math.mix(self.tone.show(c), RIM, behind.w)
+                w = sphere_inverse_depth(x[p] - shot.eye, radius.of(p), d)
+                image[i, j] = behind.xyz
+                if not self.backdrop.covers(i, j, 1.0 / ti.max(w, 1e-9)):
+                    c = self.lit(base, x[p] - shot.eye, radius.of(p), d, shot)
+                    image[i, j] = ti.math.mix(self.tone.show(c), RIM, behind.w)
 
     @ti.func
     def lit(self, base, c, r, d, shot: ti.template()):

@@ -3,6 +3,7 @@
 import numpy as np
 import taichi as ti
 
+from msph.picture.bodies import Bodies
 from msph.picture.light import Light
 from msph.picture.look import Look
 from msph.picture.particles_view import LayerRadius, OwnRadius, ParticlesView
@@ -21,11 +22,12 @@ class Picture:
     """Pictures of width x height pixels of the box (Lx, Ly, Lz) [m].
 
     mesh: the water's surface in box coordinates; fields `vertices` [m], `normals`, `triangles`,
-    `counts` (vertices, triangles). particles: capacity of the particle view, 0 for none.
+    `counts` (vertices, triangles). particles: capacity of the particle view, 0 for none. walls:
+    the fluid's, where bodies are to be drawn, else None.
     `image`: 3-vec f32 (width, height), 0..1 display-referred, index [right, up].
     """
 
-    def __init__(self, width, height, box, mesh, look=None, particles=0):
+    def __init__(self, width, height, box, mesh, look=None, particles=0, walls=None):
         self.width, self.height, self.mesh = width, height, mesh
         self.box = tuple(map(float, box))
         self.look = look or Look()
@@ -35,7 +37,8 @@ class Picture:
         self.image = ti.Vector.field(3, ti.f32, (width, height))
         self.canvas = self.image if self.rays == 1 else ti.Vector.field(3, ti.f32, (w, h))
         self.lens = lens = Lens()
-        tone, pool = Tone(), Pool(Sky(self.look.sun_direction()))
+        bodies = Bodies(walls) if walls is not None and walls.count else None
+        tone, pool = Tone(), Pool(Sky(self.look.sun_direction()), bodies)
         self.backdrop = Backdrop(w, h, lens, pool, tone)
         self.raster = Rasteriser(w, h, mesh.triangles.shape[0], lens, thickness=True)
         self.light = Light(mesh, lens, self.box, self.look.caustics, self.look.caustic_cells)

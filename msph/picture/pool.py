@@ -6,7 +6,9 @@ ray that enters the box by glass or by the open top meets tiles, glass or the to
 
 import taichi as ti
 
-from msph.picture.rasteriser import BLOCK
+from msph.picture.bodies import MISSED
+from msph.picture.lights import SKY_LIGHT, SUN_LIGHT
+from msph.picture.rasteriser import BLOCK, FAR
 from msph.picture.sky import GROUND, Sky, haze
 
 vec2, vec3, vec4 = ti.math.vec2, ti.math.vec3, ti.math.vec4
@@ -16,7 +18,6 @@ BAND = vec3(0.03, 0.16, 0.46)  # the row of blue tiles under the brim
 GROUT = vec3(0.90, 0.93, 0.92)
 GROUT_WIDTH = 0.075  # of a tile's edge
 BEVEL, BEVEL_SHADE = 0.10, 0.07  # of a tile's edge where the glaze rounds off; shade there
-SUN_LIGHT, SKY_LIGHT = vec3(0.92, 0.85, 0.71), vec3(0.50, 0.55, 0.60)
 WRAP = 0.35  # glazed tiles pass light on: their lit side reaches this far round (cosine)
 CORNER, CORNER_REACH = 0.42, 5.0  # depth of the shade in corners; its falloff [1/box height]
 RIM = vec3(0.86, 0.93, 0.95)  # the glass edges, display-referred
@@ -46,8 +47,10 @@ def reciprocal(d):
 
 @ti.data_oriented
 class Pool:
-    def __init__(self, sky: Sky):
-        self.sky = sky
+    def __init__(self, sky: Sky, bodies=None):
+        """bodies: the Bodies in the pool, or None."""
+        self.sky, self.bodies = sky, bodies
+        self.occupied = bodies is not None
         self.tone = ti.field(ti.f32, TONES)  # shade of a tile, 0..1
         self.glaze()
 
@@ -115,9 +118,28 @@ class Pool:
         return e > 0.0 and (axis != 1 or low)
 
     @ti.func
-    def dry(self, p, axis, low, footprint, shot: ti.template()):
-        """Colour of the wall at p in air."""
-        return self.albedo(p, axis, footprint, shot) * self.light(p, axis, low, shot.sun, 1.0, shot)
+    def dry(self, p, axis, low, focus, footprint, shot: ti.template()):
+        """Colour of the wall at p in air; focus: the share of the sun it gets."""
+        return self.albedo(p, axis, footprint, shot) * self.light(
+            p, axis, low, shot.sun, focus, shot
+        )
+
+    @ti.func
+    def sunlit(self, p, r, to_sun):
+        """Share of the sun that bodies leave at p, where a ray r ended."""
+        share = 1.0
+        if ti.static(self.occupied):
+            share = self.bodies.sunlit(p - self.bodies.clear * r, to_sun)
+        return share
+
+    @ti.func
+    def meet(self, p, r, most):
+        """Where a ray from p meets a body: distance [m], MISSED where it does not; which body; and
+        the cosine at which it came into the container, or -1."""
+        t, body, steep = MISSED, -1, -1.0
+        if ti.static(self.occupied):
+            t, body, steep = self.bodies.meet(p, r, most)
+        return t, body, steep
 
     @ti.func
     def around(self, d, shot: ti.template()):
@@ -175,19 +197,32 @@ class Pool:
         """Linear colour without water along the eye ray d (unit), and opacity of edges before it.
 
         beyond: what the ray would meet without the box; hidden: whether water takes its place, so
-        that only the opacity counts. Returns (r, g, b, opacity).
+        that only the opacity counts. Returns (r, g, b, opacity), and the distance of a body.
         """
         colour, rim = beyond, 0.0
         near, far, way_in, axis = self.cross(d, shot)
         hit = far > ti.max(near, 0.0)
         width = RIM_WIDTH * shot.size.max()
         low = along(d, axis) < 0.0
-        if hit and not hidden and self.is_tiled(axis, low, shot):
-            p = shot.eye + d * far
-            footprint = shot.pixel * far / ti.max(abs(along(d, axis)), FLATTEST)
-            line = self.edge(p, axis, 0.5 * width, footprint, shot)
-            colour = self.dry(p, axis, low, footprint, shot)
-            colour = ti.math.mix(colour, RIM * RIM, INNER_STRENGTH * line)
+        start = shot.eye + d * ti.max(near, 0.0)
+        t, body, steep = MISSED, -1, -1.0
+        if hit and not hidden:
+            t, body, steep = self.meet(start, d, far - ti.max(near, 0.0))
+        tiled = self.is_tiled(axis, low, shot)
+        if hit and not hidden and (tiled or body >= 0):
+            p = ti.select(body >= 0, start + t * d, shot.eye + d * far)
+            lit = self.sunlit(p, d, shot.sun)
+            if body < 0:
+                footprint = shot.pixel * far / ti.max(abs(along(d, axis)), FLATTEST)
+                line = self.edge(p, axis, 0.5 * width, footprint, shot)
+                colour = self.dry(p, axis, low, lit, footprint, shot)
+                colour = ti.math.mix(colour, RIM * RIM, INNER_STRENGTH * line)
+            elif ti.static(self.occupied):
+                colour = self.bodies.shade(body, p, shot.sun, lit, shot)
+        if ti.static(self.occupied):
+            if steep >= 0.0:  # the clear side of a container mirrors the sky faintly
+                share = GLASS + (1.0 - GLASS) * (1.0 - steep) ** 5
+                colour = ti.math.mix(colour, self.around(vec3(d.x, abs(d.y), d.z), shot), share)
         if hit and near > 0.0:
             steep = abs(along(d, way_in))
             footprint = shot.pixel * near / ti.max(steep, FLATTEST)
@@ -197,15 +232,16 @@ class Pool:
                 mirrored = d * vec3(1 - 2 * (way_in == 0), 1, 1 - 2 * (way_in == 2))
                 share = GLASS + (1.0 - GLASS) * (1.0 - steep) ** 5
                 colour = ti.math.mix(colour, self.around(mirrored, shot), share)
-        return vec4(colour, rim)
+        return vec4(colour, rim), ti.max(near, 0.0) + t
 
 
 @ti.data_oriented
 class Backdrop:
     """The view without water, display-referred, with the opacity of the rim that lies before all.
 
-    Drawn anew only when the camera or the tilt changes. While they change, what water hides is
-    left out: its colour is not drawn, only the rim before it.
+    Drawn anew only when the camera, the tilt or a body moves. While they change, what water hides
+    is left out: its colour is not drawn, only the rim before it. With bodies all is drawn, as they
+    may be before the water.
     """
 
     def __init__(self, width, height, lens, pool, tone):
@@ -213,10 +249,15 @@ class Backdrop:
         self.width, self.height = width, height
         self.pool, self.tone = pool, tone
         self.colour = ti.Vector.field(4, ti.f32, (width, height))
+        if pool.occupied:
+            self.depth = ti.field(ti.f32, (width, height))  # of bodies along the view [m], or FAR
         self.whole = False
 
     def refresh(self, changed, raster=None):
         """Bring it up to date; changed: the view is new. raster: what hides it, or None."""
+        if self.pool.occupied:
+            raster = None
+            changed = changed or self.pool.bodies.walls.moving
         if changed:
             self.draw(raster or self, raster is not None)
             self.whole = raster is None
@@ -247,8 +288,21 @@ class Backdrop:
                         hidden = False
                         if ti.static(partly):
                             hidden = raster.hides(i, j)
-                        c = self.pool.view(d, beyond, hidden, shot)
+                        c, body_at = self.pool.view(d, beyond, hidden, shot)
+                        if ti.static(self.pool.occupied):
+                            depth = body_at * d.dot(shot.forward)
+                            self.depth[i, j] = ti.select(body_at < MISSED, depth, FAR)
                         shown = ti.math.mix(self.tone.show(c.xyz), RIM, c.w)
                         self.colour[i, j] = vec4(shown, c.w)
                     else:
                         self.colour[i, j] = around
+                        if ti.static(self.pool.occupied):
+                            self.depth[i, j] = FAR
+
+    @ti.func
+    def covers(self, i, j, depth):
+        """Whether a body lies before `depth` [m] at a pixel."""
+        found = False
+        if ti.static(self.pool.occupied):
+            found = self.depth[i, j] < depth
+        return found

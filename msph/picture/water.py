@@ -41,8 +41,12 @@ class Water:
                 shot = self.lens.shot[None]
                 back = ti.bit_cast(self.raster.back[i, j], ti.f32)
                 d = shot.origin + shot.du * i + shot.dv * j
-                c = self.colour(key & self.raster.item_mask, d, back, skin, shot)
-                image[i, j] = ti.math.mix(self.tone.show(c), RIM, behind.w)
+                t = key & self.raster.item_mask
+                depth, flat, n = self.strike(t, d, shot)
+                image[i, j] = behind.xyz
+                if not self.backdrop.covers(i, j, depth):
+                    c = self.colour(depth, flat, n, d, back, skin, shot)
+                    image[i, j] = ti.math.mix(self.tone.show(c), RIM, behind.w)
 
     @ti.func
     def strike(self, t, d, shot: ti.template()):
@@ -58,9 +62,9 @@ class Water:
         return a.dot(flat) / d.dot(flat), flat.normalized(), -n.normalized()
 
     @ti.func
-    def colour(self, t, d, back, skin, shot: ti.template()):
-        """Linear colour of the water at triangle t along the ray d; back: depth of its far side."""
-        depth, flat, n = self.strike(t, d, shot)
+    def colour(self, depth, flat, n, d, back, skin, shot: ti.template()):
+        """Linear colour of the water along the ray d, whose strike gave depth and normals; back:
+        depth of its far side."""
         stretch = d.norm()
         p = shot.eye + d * depth
         d /= stretch
@@ -88,6 +92,8 @@ class Water:
         cut: whether p is on a wall; thickness: way through the water [m]; reach: from the eye [m].
         """
         s, axis, low = self.pool.leave(p, r, shot.size)
+        t, body, _ = self.pool.meet(p, r, s)
+        s = ti.min(s, t)
         q = p + r * s
         path, depth = s, p.y - q.y
         if cut or thickness < s:
@@ -102,9 +108,13 @@ class Water:
                 path = ti.min(s, thickness + again)
         depth = ti.max(depth, 0.0)
         footprint = shot.pixel * (reach + s) / ti.max(abs(along(r, axis)), FLATTEST)
-        focus = self.light.concentration(q, depth, shot)
-        colour = self.pool.albedo(q, axis, footprint, shot)
-        colour *= self.pool.light(q, axis, low, shot.beam, focus, shot)
+        focus = self.light.concentration(q, depth, shot) * self.pool.sunlit(q, r, shot.beam)
+        colour = vec3(0.0)
+        if body < 0:
+            colour = self.pool.albedo(q, axis, footprint, shot)
+            colour *= self.pool.light(q, axis, low, shot.beam, focus, shot)
+        elif ti.static(self.pool.occupied):
+            colour = self.pool.bodies.shade(body, q, shot.beam, focus, shot)
         left = transmittance(shot.absorption, path + DOWNWELLING * depth)
         return colour * left + shot.scatter * (1.0 - left)
 
@@ -115,10 +125,14 @@ class Water:
         if rise < 0.0:  # other waves would be met: take the sky that they mirror
             r -= 2.0 * rise * shot.up
         s, axis, low = self.pool.leave(p, r, shot.size)
+        t, body, _ = self.pool.meet(p, r, s)
         colour = vec3(0.0)
-        if self.pool.is_tiled(axis, low, shot):
+        if body >= 0:
+            if ti.static(self.pool.occupied):
+                colour = self.pool.bodies.shade(body, p + r * t, shot.sun, 1.0, shot)
+        elif self.pool.is_tiled(axis, low, shot):
             footprint = shot.pixel * (reach + s) / ti.max(abs(along(r, axis)), FLATTEST)
-            colour = self.pool.dry(p + r * s, axis, low, footprint, shot)
+            colour = self.pool.dry(p + r * s, axis, low, 1.0, footprint, shot)
         else:
             sheen = ti.max(r.dot(shot.sun), 0.0)
             for _ in ti.static(range(SHEEN_GLOSS)):

@@ -8,20 +8,25 @@ from msph.fluid.adaptation import AdaptationTerms
 from msph.fluid.classic import ClassicTerms
 from msph.fluid.methods import Terms
 from msph.fluid.projection import ProjectionTerms
-from msph.fluid.simulation import Simulation
+from msph.fluid.simulation import NoWaterError, Simulation
+from msph.scene.bodies import bodies
+from msph.scene.errors import SceneError
 from msph.scene.schema import Scene
 from msph.scene.water import capacity, initial_particles, layer_specs
 
 
 def build_simulation(scene: Scene) -> Simulation:
-    """Allocates and fills everything the scene's fluid needs. ti.init must have been called."""
-    return Simulation(
-        scene.box.size,
-        layer_specs(scene),
-        initial_particles(scene),
-        solver_terms(scene),
-        capacity(scene),
-    )
+    """Allocates and fills everything the scene's fluid needs. ti.init must have been called.
+
+    Raises SceneError where bodies leave no room for the water.
+    """
+    specs, initial = layer_specs(scene), initial_particles(scene)
+    try:
+        terms, most = solver_terms(scene), capacity(scene)
+        return Simulation(scene.box.size, specs, initial, terms, bodies(scene), most)
+    except NoWaterError:
+        key = "container" if scene.container else "obstacles"
+        raise SceneError(scene.title, "no water is left outside of the bodies", key) from None
 
 
 def solver_terms(scene: Scene) -> Terms:

@@ -11,6 +11,8 @@ from msph.fluid.layers import LayerSpec
 from msph.fluid.methods import SOLVERS
 from msph.fluid.particles import CORE
 from msph.fluid.simulation import WORD, footprint
+from msph.fluid.solids import numbers_needed
+from msph.scene.bodies import bodies, check_bodies
 from msph.scene.build import solver_terms
 from msph.scene.errors import SceneError
 from msph.scene.schema import Scene, Water
@@ -31,7 +33,11 @@ _DERIVED = ("water", "layer", "speed", "density_error")
 def views(scene: Scene) -> tuple[str, ...]:
     """What a picture of the scene can show, in the order in which a key cycles through it."""
     terms = solver_terms(scene)
-    names = [a.name for a in CORE + SOLVERS[type(terms)].attributes(terms)]
+    names = [
+        a.name
+        for a in CORE
+        + SOLVERS[type(terms)].attributes(terms, bool(scene.obstacles or scene.container))
+    ]
     return _DERIVED + tuple(n for n in names if n not in (*_DERIVED, "x", "v", "id"))
 
 
@@ -69,13 +75,15 @@ def check(scene: Scene, where: str) -> None:
     for (i, a), (j, b) in itertools.combinations(enumerate(scene.water), 2):
         if _overlap(a, b):
             raise SceneError(where, f"overlaps water.{i}", f"water.{j}")
-    if not scene.projection.slip and not scene.projection.viscosity:
+    terms = scene.projection
+    if scene.method == "projection" and not terms.slip and not terms.viscosity:
         raise SceneError(
             where,
             "only viscous water can stick to walls: set projection.viscosity",
             "projection.slip",
         )
     _check_adaptation(scene, specs, where)
+    check_bodies(scene, where)
     _check_memory(scene, specs, where)
 
 
@@ -109,8 +117,9 @@ def _check_memory(scene: Scene, specs: list[LayerSpec], where: str) -> None:
     cell = scene.surface.cell * min(s.spacing for s in specs)
     needs = footprint(scene.box.size, specs, count, solver_terms(scene))
     needs["surface"] = Surface.bytes_needed(scene.box.size, cell) // WORD
+    needs["obstacles"] = numbers_needed(bodies(scene), specs)
     keys = {"cells": "box.size", "neighbours": "water", "particles": "water"}
-    keys["surface"] = "surface.cell"
+    keys |= {"surface": "surface.cell", "obstacles": "obstacles"}
     largest = max(needs, key=lambda name: needs[name])
     free = psutil.virtual_memory().available * MEMORY_SHARE
     if WORD * sum(needs.values()) > free or needs[largest] > MOST_NUMBERS:

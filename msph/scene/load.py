@@ -12,6 +12,7 @@ from pydantic import BaseModel, ValidationError
 from msph.scene.check import check
 from msph.scene.errors import SceneError
 from msph.scene.library import find_scene
+from msph.scene.meshes import resolve
 from msph.scene.schema import Scene
 
 if sys.version_info >= (3, 11):
@@ -33,12 +34,22 @@ def load_scene(name: str, overrides: tuple[str, ...] = ()) -> Scene:
     for key, value in settings:
         if key != "variant":
             assign(data, key, value, where="--set")
+    for table in mesh_tables(data):
+        table["mesh"] = resolve(table["mesh"], path.parent)
     try:
         scene = Scene.model_validate(data)
     except ValidationError as error:
         raise explain(error, path.name, data) from None
     check(scene, path.name)
     return scene
+
+
+def mesh_tables(data: dict[str, Any]) -> list[dict[str, Any]]:
+    """The tables of a scene that name a mesh file."""
+    obstacles = data.get("obstacles")
+    tables = [*obstacles] if isinstance(obstacles, list) else []
+    tables.append(data.get("container"))
+    return [t for t in tables if isinstance(t, dict) and isinstance(t.get("mesh"), str)]
 
 
 def read_toml(path: Path) -> dict[str, Any]:

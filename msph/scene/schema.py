@@ -57,8 +57,12 @@ class Layer(Section):
     spacing: float | None = parameter(
         None, gt=1e-5, le=1e3, unit="m", text="edge of the cube that one particle fills at rest"
     )
-    smoothing: float = parameter(
-        2.0, ge=1.2, le=4.0, text="support radius over spacing, h/d, where kernels vanish"
+    smoothing: float | None = parameter(
+        None,
+        ge=1.2,
+        le=4.0,
+        text="support radius over spacing, h/d, where kernels vanish; default: 2 in the classic "
+        "method, 2.4 in projection",
     )
     gravity_factor: float = parameter(
         1.0, ge=0.0, le=1.0, text="share of gravity that the layer feels (thesis: less if finer)"
@@ -92,6 +96,46 @@ class Water(Section):
     jitter: float = parameter(
         0.02, ge=0.0, le=0.5, text="random shift of the initial lattice, in spacings"
     )
+
+
+class Placed(Section):
+    """A mesh and where it stands."""
+
+    scale: float = parameter(1.0, gt=0.0, unit="m", text="length of the mesh file's unit")
+    rotation: Vector = parameter(
+        (0.0, 0.0, 0.0), unit="deg", text="turns of the mesh about x, then y, then z"
+    )
+    position: Vector = parameter(
+        (0.0, 0.0, 0.0), unit="m", text="where the mesh file's origin comes to be"
+    )
+
+
+class Container(Placed):
+    """A closed mesh that holds the water in place of the box's walls."""
+
+    mesh: str = parameter(text="file (.obj .ply .stl), beside the scene file or shipped")
+
+
+class Obstacle(Placed):
+    """A body in the water: a box from lo to hi, a ball, or a closed mesh; at rest or moving.
+
+    What stands on the floor or against a wall should be sunk into it; boxes that touch are.
+    """
+
+    lo: Vector | None = parameter(None, unit="m", text="lower corner of a box")
+    hi: Vector | None = parameter(None, unit="m", text="upper corner of a box")
+    centre: Vector | None = parameter(None, unit="m", text="centre of a ball")
+    radius: float | None = parameter(None, gt=0.0, unit="m", text="radius of a ball")
+    mesh: str | None = parameter(
+        None, text="file (.obj .ply .stl), beside the scene file or shipped"
+    )
+    velocity: Vector = parameter((0.0, 0.0, 0.0), unit="m/s", text="steady velocity")
+    swing: Vector = parameter(
+        (0.0, 0.0, 0.0), unit="m", text="way to the far end of a swing to and fro"
+    )
+    period: float = parameter(1.0, gt=0.0, unit="s", text="time of a swing there and back")
+    axis: Vector = parameter((0.0, 1.0, 0.0), text="direction of the axis, through its middle")
+    spin: float = parameter(0.0, unit="deg/s", text="speed of turning about the axis")
 
 
 class Classic(Section):
@@ -141,7 +185,7 @@ class Projection(Section):
         _project.longest_step, gt=0.0, le=0.1, unit="s", text="longest time step of slow water"
     )
     release: float = parameter(
-        _project.release, ge=0.0, le=1.0, text="share of a density excess that becomes velocity"
+        _project.release, gt=0.0, unit="s", text="time in which a density excess becomes velocity"
     )
     tolerance: float = parameter(
         _project.tolerance,
@@ -168,7 +212,9 @@ class Projection(Section):
         unit="Pa s",
         text="dynamic viscosity, 0: off; water 0.001, honey 10",
     )
-    slip: bool = parameter(_project.slip, text="walls do not brake viscous water")
+    slip: bool = parameter(
+        _project.slip, text="the box does not brake viscous water; bodies never do"
+    )
     tension: float = parameter(
         _project.tension,
         ge=0.0,
@@ -283,6 +329,10 @@ class Scene(Section):
     box: Box = parameter(text="the pool")
     layers: list[Layer] = parameter(min_length=1, max_length=16, text="the particle sizes")
     water: list[Water] = parameter(min_length=1, text="the bodies of water")
+    obstacles: list[Obstacle] = parameter(list, max_length=64, text="bodies in the water")
+    container: Container | None = parameter(
+        None, text="a mesh that holds the water; the box should enclose it"
+    )
     projection: Projection = parameter(Projection, text="constants of the projection method")
     adaptation: Adaptation = parameter(Adaptation, text="layers that follow the surface")
     classic: Classic = parameter(Classic, text="constants and switches of the classic method")

@@ -7,6 +7,9 @@ import numpy as np
 from msph.fluid.layers import LayerSpec
 from msph.scene.schema import Scene, Water
 
+# Support over spacing. At 2 an arrangement under pressure is stiff against shear, as soft solids
+# are: sloshing is 12 % too fast with Wendland C2; at 2.2 it is 2 %, at 2.4 1 %.
+SMOOTHING = {"classic": 2.0, "projection": 2.4}
 # Particles that a pool has room for without being asked, where adaptation could need them.
 MANY = 30_000
 
@@ -20,7 +23,7 @@ def layer_specs(scene: Scene) -> list[LayerSpec]:
             LayerSpec(
                 mass=layer.mass_at(scene.density),
                 density=scene.density,
-                smoothing=layer.smoothing,
+                smoothing=layer.smoothing or SMOOTHING[scene.method],
                 gravity_factor=layer.gravity_factor,
                 viscosity=viscosity,
                 wendland=layer.kernels == "wendland",

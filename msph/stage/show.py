@@ -80,7 +80,8 @@ class Show:
         p = self.scene.picture
         look = Look(caustics=p.caustics, tint=p.tint, supersample=p.supersample)
         capacity = self.simulation.particles.capacity
-        return Picture(*size, self.simulation.size, self.surface.mesh, look, particles=capacity)
+        sim, mesh = self.simulation, self.surface.mesh
+        return Picture(*size, sim.size, mesh, look, particles=capacity, walls=sim.walls)
 
     def warm_up(self) -> None:
         """Compiles every kernel by one frame, and starts anew."""

@@ -11,6 +11,7 @@ import taichi as ti
 from msph.surface import tables
 from msph.surface.lattice import BLOCK, RUNS, Blocks, Lattice
 from msph.surface.mesh import SurfaceMesh
+from msph.tables import tables as device_tables
 
 vec3 = ti.math.vec3
 
@@ -35,20 +36,17 @@ class MarchingCubes:
         self.value = ti.field(ti.f32, shape=lattice.padded)
         self.gradient = ti.Vector.field(3, ti.f32, shape=lattice.padded)
         self.vertex = ti.Vector.field(3, ti.i32, shape=lattice.padded)
-        self.triangle_count = self._table(tables.TRIANGLE_COUNTS)
-        self.triangle_edge = self._table(tables.TRIANGLES)
         low = tables.CORNERS[tables.EDGES[:, 0]]
-        self.edge = self._table(np.column_stack([low, tables.EDGE_AXIS]))
+        self.triangle_count, self.triangle_edge, self.edge = device_tables(
+            tables.TRIANGLE_COUNTS,
+            tables.TRIANGLES,
+            np.column_stack([low, tables.EDGE_AXIS]),
+        )
 
     @staticmethod
     def bytes_needed(shape: tuple[int, int, int]) -> int:
         padded = [BLOCK * -(-n // BLOCK) for n in shape]
         return 4 * 7 * padded[0] * padded[1] * padded[2]
-
-    def _table(self, values: np.ndarray):
-        field = ti.field(ti.i32, shape=values.shape)
-        field.from_numpy(values.astype(np.int32))
-        return field
 
     def run(self) -> None:
         """value, gradient -> mesh, over the blocks listed."""

@@ -12,6 +12,7 @@ import taichi as ti
 
 from msph.surface.lattice import Lattice
 from msph.surface.walls import POLY6, fluid_fraction
+from msph.tables import tables
 
 vec3, vec4 = ti.math.vec3, ti.math.vec4
 
@@ -29,17 +30,14 @@ class KernelSums:
         self.lattice, self.grid, self.particles = lattice, grid, particles
         self.layer_count = layers.count
         self.radii = smoothing * layers.support.to_numpy().astype(np.float64)
-        self.reach = self._field(self.radii)
-        self.weight = self._field(layers.volume.to_numpy() * POLY6 / self.radii**3)
         x = lattice.coordinate.to_numpy()
         pairs = [[fluid_fraction(x[a], size[a], r) for a in range(3)] for r in self.radii]
-        self.inverse_fraction = self._field(1.0 / np.array([[p[0] for p in row] for row in pairs]))
-        self.log_slope = self._field(np.array([[p[1] for p in row] for row in pairs]))
-
-    def _field(self, values: np.ndarray):
-        field = ti.field(ti.f32, shape=values.shape)
-        field.from_numpy(values.astype(np.float32))
-        return field
+        self.reach, self.weight, self.inverse_fraction, self.log_slope = tables(
+            self.radii,
+            layers.volume.to_numpy() * POLY6 / self.radii**3,
+            1.0 / np.array([[p[0] for p in row] for row in pairs]),
+            np.array([[p[1] for p in row] for row in pairs]),
+        )
 
     @ti.func
     def at_run(self, i, j, k):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import taichi as ti
 
-from msph.fluid.walls import wall_share, wendland_behind
+from msph.fluid.walls import block_share, wendland_behind
 
 H = 0.3
 SIZE = (1.0, 0.5, 0.8)
@@ -24,7 +24,7 @@ class Evaluator:
     @ti.kernel
     def fill(self):
         for i in self.x:
-            self.share[i] = wall_share(self.x[i], H, ti.Vector(SIZE))
+            self.share[i] = block_share(self.x[i], H, ti.Vector([0.0] * 3), ti.Vector(SIZE))
         for i in self.s:
             self.behind[i] = wendland_behind(self.s[i], H)
 
@@ -67,8 +67,8 @@ def test_gradient_is_the_derivative(evaluator):
         assert np.abs((up - down) / 2e-3 - share[:n, 1 + k]).max() < 0.02 / H
 
 
-def test_corner_holds_seven_eighths_of_wall():
+def test_corner_holds_an_eighth():
     corner = Evaluator([(0.0, 0.0, 0.0), (0.5, 0.25, 0.4)], [0.0])
-    assert corner.share.to_numpy()[0, 0] == pytest.approx(7 / 8, abs=1e-6)
-    # .25 m from floor and ceiling with h = .3 m: a sliver of the kernel reaches beyond both.
-    assert 0.0 < corner.share.to_numpy()[1, 0] < 0.01
+    assert corner.share.to_numpy()[0, 0] == pytest.approx(1 / 8, abs=1e-6)
+    # .25 m from two faces with h = .3 m: a sliver of the kernel reaches beyond both.
+    assert 0.99 < corner.share.to_numpy()[1, 0] < 1.0

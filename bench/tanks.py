@@ -1,0 +1,149 @@
+"""Tanks of water that benchmarks fill in two ways, and what they read off them."""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from msph.fluid.forcing import Forcing
+from msph.fluid.simulation import Simulation
+from msph.scene.build import build_simulation
+from msph.scene.schema import Scene
+
+GRAVITY = 9.81
+FRAME = 1.0 / 60.0
+# Sheets of a depth profile.
+SHEETS = 12
+
+
+def tank(
+    footprint: tuple[float, float],
+    depth: float,
+    finest: float,
+    layers: int,
+    air: float = 0.3,
+    **adaptation: float,
+) -> Scene:
+    """A box of `footprint` (x, z) [m] with water of `depth` [m] and `air` [m] above it.
+
+    layers = 1: uniform particles of `finest` spacing [m]; more: that many adaptive layers, each of
+    twice the mass of the next finer, filled as the coarsest.
+    """
+    x, z = footprint
+    mass = 1000.0 * finest**3
+    body = {"layer": layers - 1, "lo": [0, 0, 0], "hi": [x, depth, z]}
+    return Scene.model_validate(
+        {
+            "method": "projection",
+            "box": {"size": [x, depth + air, z]},
+            "layers": [{"mass": mass * 2**k} for k in range(layers)],
+            "water": [body],
+            "adaptation": {"enabled": layers > 1, **adaptation},
+        }
+    )
+
+
+@dataclass
+class Reading:
+    """The water frame by frame; energies in J, errors as shares (-)."""
+
+    simulation: Simulation
+    times: list[float] = field(default_factory=list)
+    energies: list[float] = field(default_factory=list)
+    kinetic: list[float] = field(default_factory=list)
+    centres: list[np.ndarray] = field(default_factory=list)
+    error_mean: list[float] = field(default_factory=list)
+    error_max: list[float] = field(default_factory=list)
+    _pressure: np.ndarray = field(default_factory=lambda: np.zeros(SHEETS))
+    _weight: np.ndarray = field(default_factory=lambda: np.zeros(SHEETS))
+
+    def __post_init__(self):
+        specs = self.simulation.layers.specs
+        self._mass = np.array([s.mass for s in specs])
+        self.depth = self._masses().sum() / 1000.0
+        self.depth /= self.simulation.size[0] * self.simulation.size[2]
+
+    def _masses(self) -> np.ndarray:
+        return self._mass[self.simulation.particles.numpy("layer")]
+
+    def read(self) -> None:
+        """Adds the state of now."""
+        sim, p = self.simulation, self.simulation.particles
+        m, x, v = self._masses(), p.numpy("x").astype(float), p.numpy("v").astype(float)
+        excess = np.maximum(p.numpy("density") / 1000.0 - 1.0, 0.0)
+        self.times.append(sim.time)
+        self.kinetic.append(0.5 * float((m * (v**2).sum(axis=1)).sum()))
+        self.energies.append(self.kinetic[-1] + GRAVITY * float((m * x[:, 1]).sum()))
+        self.centres.append((m[:, None] * x).sum(axis=0) / m.sum())
+        self.error_mean.append(float((m * excess).sum() / m.sum()))
+        self.error_max.append(float(excess.max()))
+        hydrostatic = 1000.0 * GRAVITY * (self.depth - x[:, 1])
+        sheet = np.clip((x[:, 1] / self.depth * SHEETS).astype(int), 0, SHEETS - 1)
+        self._pressure += np.bincount(sheet, m * (p.numpy("pressure") - hydrostatic), SHEETS)
+        self._weight += np.bincount(sheet, m, SHEETS)
+
+    def pressure_error(self) -> float:
+        """Root mean square over depth of the error of the mean pressure, over rho g H (-)."""
+        mean = self._pressure / np.maximum(self._weight, 1e-9)
+        return float(np.sqrt((mean**2).mean()) / (1000.0 * GRAVITY * self.depth))
+
+    def energy_rise(self, seconds: float = 1.0) -> float:
+        """Largest rise of the energy within `seconds`, over the potential energy over the floor."""
+        e, n = np.array(self.energies), round(seconds / FRAME)
+        rises = [e[k + 1 : k + 1 + n].max() - e[k] for k in range(len(e) - 1)]
+        return max(0.0, max(rises)) / (1000.0 * GRAVITY * 0.5 * self.depth * self._volume())
+
+    def volume_error(self) -> float:
+        """Height of the centre over half the rest depth, less 1: of the last second (-)."""
+        heights = np.array(self.centres)[-60:, 1]
+        return float(heights.mean() / (0.5 * self.depth) - 1.0)
+
+    def _volume(self) -> float:
+        return float(self._masses().sum()) / 1000.0
+
+
+def run(simulation: Simulation, seconds: float, reading: Reading | None = None) -> None:
+    """Advances frame by frame under gravity, reading each."""
+    for _ in range(round(seconds / FRAME)):
+        simulation.advance(FRAME, Forcing(gravity=(0.0, -GRAVITY, 0.0)))
+        if reading:
+            reading.read()
+
+
+def build(scene: Scene) -> Simulation:
+    return build_simulation(scene)
+
+
+def slosh(simulation: Simulation, depth: float, amplitude: float) -> None:
+    """Displaces still water as the first sloshing mode along x does, without changing volumes.
+
+    xi_x = -a sin(kx) cosh(ky)/sinh(kH), xi_y = a cos(kx) sinh(ky)/sinh(kH), k = pi/L.
+    """
+    length = simulation.size[0]
+    k = math.pi / length
+    p, n = simulation.particles, simulation.particles.count
+    x = p.x.to_numpy()
+    kx, ky, scale = k * x[:n, 0], k * x[:n, 1], amplitude / math.sinh(k * depth)
+    x[:n, 0] -= scale * np.sin(kx) * np.cosh(ky)
+    x[:n, 1] += scale * np.cos(kx) * np.sinh(ky)
+    p.x.from_numpy(x)
+    simulation.solver.disturb()
+
+
+def slosh_period(length: float, depth: float) -> float:
+    """Period [s] of the first mode of linear theory: omega^2 = g k tanh(k H), k = pi/L."""
+    k = math.pi / length
+    return 2.0 * math.pi / math.sqrt(GRAVITY * k * math.tanh(k * depth))
+
+
+def fitted_period(times: list[float], values: np.ndarray, guess: float) -> float:
+    """Period [s] of the damped cosine that fits best."""
+    from scipy.optimize import curve_fit
+
+    def wave(t, mean, a, b, rate, period):
+        angle = 2.0 * np.pi * t / period
+        return mean + np.exp(-rate * t) * (a * np.cos(angle) + b * np.sin(angle))
+
+    start = (values.mean(), values[0] - values.mean(), 0.0, 0.1, guess)
+    found, _ = curve_fit(wave, np.array(times), values, p0=start)
+    return float(found[-1])

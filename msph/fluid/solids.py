@@ -1,0 +1,39 @@
+"""What is sampled of a closed mesh: its signed distance, and its share for each layer's h."""
+
+import numpy as np
+
+from msph.fluid.bodies import Body, Solid, centre
+from msph.fluid.distance import signed_distance
+from msph.fluid.kernel_share import kernel_share
+from msph.fluid.layers import LayerSpec
+from msph.fluid.samples import Lattice
+
+# Cell of the lattices in supports: cubic interpolation then keeps shares to half a percent.
+CELL = 0.2
+
+
+def lattices(body: Solid, specs: list[LayerSpec]) -> list[Lattice]:
+    """Where a mesh's signed distance is sampled, and then its share for each layer's h.
+
+    In the body's own frame, its centre the origin.
+    """
+    lo, hi = (b - centre(body) for b in body.bounds)
+    finest = min(s.support for s in specs)
+    supports = [finest, *(s.support for s in specs)]
+    return [Lattice.round(lo, hi, h, CELL * h) for h in supports]
+
+
+def numbers_needed(bodies: list[Body], specs: list[LayerSpec]) -> int:
+    """f32 numbers that the bodies' samples take."""
+    solids = [b for b in bodies if isinstance(b, Solid)]
+    return sum(lattice.nodes for b in solids for lattice in lattices(b, specs))
+
+
+def sample(body: Solid, own: list[Lattice], specs: list[LayerSpec]) -> list[np.ndarray]:
+    """A mesh's signed distance [m] and its shares (-) at the nodes of its lattices."""
+    vertices = body.vertices - centre(body)
+    finest = min(s.support for s in specs)
+    values = [signed_distance(vertices[body.triangles], own[0], finest)]
+    for spec, lattice in zip(specs, own[1:], strict=True):
+        values.append(kernel_share(vertices, body.triangles, lattice, spec.support))
+    return values

@@ -1,0 +1,123 @@
+"""Obstacles and containers of scene files: what loads, where they stand, and what is refused."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from msph.fluid.bodies import Ball, Block, Solid
+from msph.scene import SceneError, build_simulation, load_scene
+from msph.scene.bodies import bodies
+from msph.scene.load import to_toml
+
+GOOD = """
+method = "projection"
+[box]
+size = [1.0, 1.0, 1.0]
+[[layers]]
+spacing = 0.1
+[[water]]
+lo = [0, 0, 0]
+hi = [1, 0.5, 1]
+[[obstacles]]
+lo = [0.2, 0.0, 0.2]
+hi = [0.4, 0.6, 0.4]
+"""
+
+BAD = {
+    "obstacles.0.lo=[0, 0.7, 0]": "obstacles.0.hi: has no volume",
+    "obstacles.0.radius=0.2": "obstacles.0: give either lo and hi, or centre and radius, or mesh",
+    "obstacles.0.hi=[0.25, 1, 1]": "obstacles.0: is 0.05 m thin; water of particles 0.1 m wide",
+    "obstacles.0.axis=[0, 0, 0]": "obstacles.0.axis: has no direction",
+    "obstacles=[{lo=[2, 0, 0], hi=[3, 1, 1]}]": "obstacles.0: is outside the box, and stays",
+    "obstacles=[{mesh='zz.stl'}]": "obstacles.0.mesh: zz.stl: no such mesh file; shipped: ",
+    "obstacles=[{mesh='bowel.obj'}]": "obstacles.0.mesh: bowel.obj: no such mesh file; did you "
+    "mean 'bowl.obj'?",
+    "obstacles=[{mesh='open.ply'}]": "obstacles.0.mesh: open.ply: is not closed: 9 open edges",
+    "obstacles=[{mesh='text.stl'}]": "obstacles.0.mesh: text.stl: ",
+    "obstacles=[{mesh='flat.obj'}]": "obstacles.0.mesh: flat.obj: encloses no volume",
+    "obstacles=[{mesh='turned.obj'}]": "obstacles.0.mesh: turned.obj: does not tell inside from",
+    "obstacles=[{mesh='scene.toml'}]": "obstacles.0.mesh: scene.toml: unknown kind of mesh",
+    "container={mesh='open.ply'}": "container.mesh: open.ply: is not closed: 9 open edges",
+    "container={mesh='bowl.obj'}": "container: reaches from (-0.5, 0, -0.5) to (0.5, 0.4, 0.5) m",
+    "container.scale=2.0": "container.mesh: is required",
+    "method=classic": "obstacles: only projection models them, not classic",
+    "obstacles.0.velocty=[1, 0, 0]": "obstacles.0.velocty: unknown key; did you mean 'velocity'?",
+}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A scene with mesh files, good and bad, beside it."""
+    path = tmp_path_factory.mktemp("bodies")
+    (path / "scene.toml").write_text(GOOD)
+    trimesh.creation.box((1.0, 2.0, 3.0)).export(path / "brick.stl")
+    ball = trimesh.creation.icosphere(1)
+    ball.faces = ball.faces[3:]
+    ball.export(path / "open.ply")
+    box = trimesh.creation.box()
+    box.faces[0] = box.faces[0][::-1]
+    box.export(path / "turned.obj")
+    flat = trimesh.creation.box((1.0, 1.0, 1e-9))
+    flat.merge_vertices(digits_vertex=12)
+    flat.export(path / "flat.obj", digits=12)
+    (path / "text.stl").write_text("no mesh at all\n")
+    return path
+
+
+def load(folder, *overrides):
+    return load_scene(str(folder / "scene.toml"), overrides)
+
+
+@pytest.mark.parametrize("override", BAD)
+def test_bad_bodies_give_one_line_with_their_key(folder, override):
+    with pytest.raises(SceneError) as error:
+        load(folder, override)
+    line = str(error.value)
+    assert BAD[override] in line and "\n" not in line
+
+
+def test_bodies_stand_as_the_scene_says(folder):
+    scene = load(
+        folder,
+        "obstacles=[{lo=[0, 0, 0], hi=[0.5, 0.2, 0.3], swing=[0.1, 0, 0]}, "
+        "{centre=[0.5, 0.5, 0.5], radius=0.2}, "
+        "{mesh='brick.stl', scale=0.2, rotation=[0, 0, 90], position=[0.5, 0.5, 0.5], spin=90}]",
+    )
+    block, ball, brick = bodies(scene)
+    assert isinstance(block, Block) and isinstance(ball, Ball) and isinstance(brick, Solid)
+    assert block.motion.offset(0.5) == pytest.approx((0.1, 0.0, 0.0))
+    # 1 x 2 x 3 with its long sides along x and z now.
+    assert brick.bounds[1] - brick.bounds[0] == pytest.approx((0.4, 0.2, 0.6))
+    assert 0.5 * (brick.bounds[1] + brick.bounds[0]) == pytest.approx((0.5, 0.5, 0.5))
+    # A quarter turn about y takes z to x.
+    assert brick.motion.turn(1.0) @ (0.0, 0.0, 1.0) == pytest.approx((1.0, 0.0, 0.0), abs=1e-12)
+
+
+def test_mesh_beside_the_scene_is_found_from_elsewhere(folder, tmp_path, monkeypatch):
+    scene = load(folder, "obstacles=[{mesh='brick.stl', scale=0.2}]")
+    (tmp_path / "again.toml").write_text(to_toml(scene))
+    monkeypatch.chdir(tmp_path)
+    assert load_scene("again.toml") == scene
+
+
+def test_mesh_turned_inside_out_is_turned_back(folder):
+    box = trimesh.creation.box((1.0, 1.0, 1.0))
+    box.invert()
+    box.export(folder / "inverted.obj")
+    (brick,) = bodies(load(folder, "obstacles=[{mesh='inverted.obj'}]"))
+    a, b, c = brick.vertices[brick.triangles].transpose(1, 0, 2)
+    assert np.einsum("ti,ti->", a, np.cross(b, c)) / 6.0 == pytest.approx(1.0)
+
+
+def test_water_inside_obstacles_is_left_out_and_counted(folder):
+    sim = build_simulation(load(folder))
+    # Lattice of 10 x 5 x 10, and 2 x 5 x 2 of its sites in the block.
+    assert sim.left_out == 20 and sim.particles.count == 480
+    x = sim.particles.numpy("x")
+    assert not ((x > (0.2, -1.0, 0.2)) & (x < (0.4, 0.6, 0.4))).all(axis=1).any()
+
+
+def test_water_that_is_swallowed_is_an_error(folder):
+    scene = load(folder, "obstacles.0.lo=[0, 0, 0]", "obstacles.0.hi=[1, 1, 1]")
+    with pytest.raises(SceneError, match="obstacles: no water is left outside of the bodies"):
+        build_simulation(scene)
