@@ -294,6 +294,10 @@ class Picture(Section):
     tint: float = parameter(
         _look.tint, ge=0.0, le=100.0, text="strength of the water's colour, 1: real clear water"
     )
+    absorption: Vector = parameter(
+        _look.absorption, unit="1/m", text="light that the water takes up, red, green, blue"
+    )
+    scatter: Vector = parameter(_look.scatter, text="colour of deep water, linear RGB")
     supersample: int = parameter(
         _look.supersample, ge=1, le=4, text="rays per pixel along each axis: smoother edges"
     )
