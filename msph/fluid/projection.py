@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import taichi as ti
 
-from msph.fluid import adaptation, kernels, pressure_solve
+from msph.fluid import adaptation, kernels, pressure_solve, tension, viscosity
 from msph.fluid.accounts import Accounts
 from msph.fluid.adaptation import Adaptation, AdaptationTerms
 from msph.fluid.forcing import Forcing, hand_acceleration
@@ -22,6 +22,9 @@ from msph.fluid.neighbours import NeighbourList
 from msph.fluid.obstacles import BEGIN, Walls
 from msph.fluid.particles import Attribute, Particles
 from msph.fluid.pressure_solve import WALL_ATTRIBUTES, PressureSolve
+from msph.fluid.tension import Tension
+from msph.fluid.viscosity import Viscosity
+from msph.fluid.xsph import Xsph
 
 _ATTRIBUTES = (
     Attribute("density", "kg/m^3", "relative density c times rest density"),
@@ -64,7 +67,8 @@ class ProjectionTerms:
     solve, of position_iterations, at most largest_shift spacings a step. tolerance (-): share of
     the pressure's displacements that the velocity solve may leave, in velocity_iterations at most.
     spray: relative density below which no rate of compression can be told (-). Counting
-    neighbours instead lets water in edges of the box, which has few, gain energy. adaptation: None
+    neighbours instead lets water in edges of the box, which has few, gain energy. viscosity
+    [Pa s], slip at walls, tension [N/m] of the surface and xsph (-): 0 is off. adaptation: None
     where every particle keeps its layer.
     """
 
@@ -79,6 +83,10 @@ class ProjectionTerms:
     position_iterations: int = 4
     largest_shift: float = 0.25
     spray: float = 0.4
+    viscosity: float = 0.0
+    slip: bool = True
+    tension: float = 0.0
+    xsph: float = 0.0
     adaptation: AdaptationTerms | None = None
 
 
@@ -127,6 +135,23 @@ class Projection(Accounts):
         self.pressure_solve = PressureSolve(
             layers, particles, self.neighbours, self.slope, walls.count > 0
         )
+        self.viscosity = self.tension = self.xsph = None
+        if terms.viscosity:
+            self.viscosity = Viscosity(
+                layers,
+                particles,
+                self.neighbours,
+                self.pressure_solve,
+                terms.viscosity,
+                terms.density,
+                terms.slip,
+            )
+        if terms.tension:
+            self.tension = Tension(
+                layers, particles, self.neighbours, self.slope, terms.tension, terms.density
+            )
+        if terms.xsph:
+            self.xsph = Xsph(layers, particles, self.neighbours, terms.xsph)
         self.most_crowded = ti.field(ti.f32, shape=())
         self.top_rate = ti.field(ti.f32, shape=())
         self.adaptation = None
@@ -143,8 +168,13 @@ class Projection(Accounts):
     @staticmethod
     def attributes(terms: ProjectionTerms, bodies: bool = False) -> tuple[Attribute, ...]:
         """What each particle has, beyond the core, among bodies or not."""
-        found = _ATTRIBUTES + (adaptation.ATTRIBUTES if terms.adaptation else ())
-        return found + (WALL_ATTRIBUTES if bodies else ())
+        return (
+            _ATTRIBUTES
+            + (viscosity.ATTRIBUTES if terms.viscosity else ())
+            + (tension.ATTRIBUTES if terms.tension else ())
+            + (adaptation.ATTRIBUTES if terms.adaptation else ())
+            + (WALL_ATTRIBUTES if bodies else ())
+        )
 
     @staticmethod
     def reach(terms: ProjectionTerms) -> str:
@@ -194,6 +224,8 @@ class Projection(Accounts):
         rate = max(self.top_rate[None], body)
         bound = 1.0 / rate if rate > 0.0 else self.terms.longest_step
         longest = min(bound, self.terms.longest_step)
+        if self.tension:
+            longest = min(longest, self.tension.longest_step)
         # Before the first solve no pressure is known.
         return longest / FIRST_CARE if self.first else longest
 
@@ -202,7 +234,13 @@ class Projection(Accounts):
         n = self.particles.count
         if self.separate(n):
             self.weigh(n)
+        if self.xsph:
+            self.xsph.run(n)
         self.push(n, dt, *forcing.arguments())
+        if self.tension:
+            self.tension.run(n, dt)
+        if self.viscosity:
+            self.viscosity.run(n, dt)
         self.aim_at_no_compression(n, dt)
         self.scale(n, dt * dt / self.terms.density)
         # The first solve knows no pressure to start from, and what it leaves would fall.

@@ -81,6 +81,13 @@ def check(scene: Scene, where: str) -> None:
             raise SceneError(
                 where, f"there are two probes named {probe.name!r}", f"probes.{i}.name"
             )
+    terms = scene.projection
+    if scene.method == "projection" and not terms.slip and not terms.viscosity:
+        raise SceneError(
+            where,
+            "only viscous water can stick to walls: set projection.viscosity",
+            "projection.slip",
+        )
     _check_adaptation(scene, specs, where)
     check_bodies(scene, where)
     _check_memory(scene, specs, where)

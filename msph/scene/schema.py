@@ -206,6 +206,29 @@ class Projection(Section):
     spray: float = parameter(
         _project.spray, ge=0.0, le=1.0, text="relative density below which water is spray"
     )
+    viscosity: float = parameter(
+        _project.viscosity,
+        ge=0.0,
+        le=1e5,
+        unit="Pa s",
+        text="dynamic viscosity, 0: off; water 0.001, honey 10",
+    )
+    slip: bool = parameter(
+        _project.slip, text="the box does not brake viscous water; bodies never do"
+    )
+    tension: float = parameter(
+        _project.tension,
+        ge=0.0,
+        le=1e3,
+        unit="N/m",
+        text="surface tension, 0: off; water 0.072",
+    )
+    xsph: float = parameter(
+        _project.xsph,
+        ge=0.0,
+        le=0.5,
+        text="share of the way to its neighbours' velocity that water takes in a step, 0: off",
+    )
 
 
 class Adaptation(Section):
@@ -272,6 +295,10 @@ class Picture(Section):
     tint: float = parameter(
         _look.tint, ge=0.0, le=100.0, text="strength of the water's colour, 1: real clear water"
     )
+    absorption: Vector = parameter(
+        _look.absorption, unit="1/m", text="light that the water takes up, red, green, blue"
+    )
+    scatter: Vector = parameter(_look.scatter, text="colour of deep water, linear RGB")
     supersample: int = parameter(
         _look.supersample, ge=1, le=4, text="rays per pixel along each axis: smoother edges"
     )

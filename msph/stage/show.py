@@ -85,7 +85,13 @@ class Show:
 
     def _build_picture(self, size: tuple[int, int]) -> Picture:
         p = self.scene.picture
-        look = Look(caustics=p.caustics, tint=p.tint, supersample=p.supersample)
+        look = Look(
+            caustics=p.caustics,
+            tint=p.tint,
+            supersample=p.supersample,
+            absorption=p.absorption,
+            scatter=p.scatter,
+        )
         capacity = self.simulation.particles.capacity
         sim, mesh = self.simulation, self.surface.mesh
         return Picture(*size, sim.size, mesh, look, particles=capacity, walls=sim.walls)

@@ -1,0 +1,320 @@
+"""Cost and error of each optional term of the projection method.
+
+python bench/terms.py [--repeats 5] [--arch cpu]
+"""
+
+import csv
+import statistics
+import sys
+import time
+from pathlib import Path
+
+import click
+import numpy as np
+import taichi as ti
+from tabulate import tabulate
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from bench import tanks
+from bench.report import RESULTS, heading
+from msph.device import ARCHES, start
+from msph.fluid.forcing import Forcing
+from msph.fluid.layers import LayerSpec
+from msph.fluid.projection import ProjectionTerms
+from msph.fluid.simulation import Simulation
+from msph.scene.water import SMOOTHING
+
+WEIGHTLESS = Forcing(gravity=(0.0, 0.0, 0.0))
+ETA = SMOOTHING["projection"]
+WATER_TENSION = 0.072
+TERMS = {
+    "none": {},
+    "viscosity 1 Pa s, explicit": {"viscosity": 1.0},
+    "viscosity 10 Pa s (honey), implicit": {"viscosity": 10.0},
+    "viscosity 1000 Pa s (tar), implicit": {"viscosity": 1000.0},
+    "tension": {"tension": WATER_TENSION},
+    "xsph": {"xsph": 0.05},
+}
+# The tank that is timed: spacing [m], spacings along its edges, sheets; steps a round.
+TIMED, ACROSS, SHEETS, STEPS = 0.02, 24, 12, 12
+# A box of 1 m, so many spacings long, in which flows decay; depth of the tank in sheets.
+CELLS, DEEP = 16, 6
+# Drops: radius [m], radii in spacings, and by how much they are drawn out at the start.
+RADIUS, FINENESS, STRETCH = 0.005, (5, 7, 9), 0.1
+
+
+def build(x: np.ndarray, spacing: float, size, v=None, layer=None, ratio=1, **terms) -> Simulation:
+    """Water of particles at x (n, 3) [m]; where ratio > 1, layer 1 has `ratio` times the mass."""
+    ratios = (1, ratio) if ratio > 1 else (1,)
+    specs = [LayerSpec(1000.0 * spacing**3 * m, 1000.0, ETA) for m in ratios]
+    x = x + np.random.default_rng(0).uniform(-0.02, 0.02, x.shape) * spacing
+    initial = {"x": x.astype(np.float32)}
+    initial["layer"] = np.zeros(len(x), np.int32) if layer is None else layer.astype(np.int32)
+    if v is not None:
+        initial["v"] = v.astype(np.float32)
+    return Simulation(size, specs, initial, ProjectionTerms(**terms))
+
+
+def lattice(counts, spacing: float) -> np.ndarray:
+    return (np.indices(counts).reshape(3, -1).T + 0.5) * spacing
+
+
+def ball(radius: float, spacing: float, stretch=(1.0, 1.0, 1.0)) -> np.ndarray:
+    """Points of a cubic lattice within a stretched ball about the origin, (n, 3) [m]."""
+    n = int(2.0 * radius / spacing) + 1
+    x = lattice((2 * n,) * 3, spacing) - n * spacing
+    return x[np.linalg.norm(x / np.array(stretch), axis=1) < radius]
+
+
+def set_velocity(sim: Simulation, v: np.ndarray) -> None:
+    padded = np.zeros((sim.particles.capacity, 3), np.float32)
+    padded[: len(v)] = v
+    sim.particles.v.from_numpy(padded)
+
+
+def cost(repeats: int) -> list[dict[str, str]]:
+    """Rows: milliseconds per step of the same tank, turn by turn."""
+    size = (ACROSS * TIMED, 2 * SHEETS * TIMED, ACROSS * TIMED)
+    x = lattice((ACROSS, SHEETS, ACROSS), TIMED)
+    x[:, 1] *= 1.0 + 0.1 * np.cos(np.pi * x[:, 0] / size[0])
+    dt, times, rows = tanks.FRAME / 2.0, {name: [] for name in TERMS}, []
+    sims = {name: build(x, TIMED, size, **terms) for name, terms in TERMS.items()}
+    for turn in range(repeats + 1):
+        for name, sim in sims.items():
+            found = [milliseconds(lambda s=sim: s.solver.step(dt, Forcing())) for _ in range(STEPS)]
+            times[name] += found if turn else []  # the first compiles
+    none = statistics.median(times["none"])
+    for name, found in times.items():
+        low, high = np.percentile(found, [10, 90])
+        solver = sims[name].solver
+        rows.append(
+            {
+                "term": name,
+                "ms per step": f"{statistics.median(found):.2f} ({low:.2f} to {high:.2f})",
+                "over none": f"{statistics.median(found) / none:.2f}",
+                "term alone, ms": f"{alone(sims[name], dt):.2f}",
+                "its iterations": f"{solver.viscosity.iterations if solver.viscosity else 0}",
+                "pressure's": f"{solver.iterations}",
+            }
+        )
+    return rows
+
+
+def milliseconds(work) -> float:
+    """Wall-clock time of work() [ms]."""
+    ti.sync()
+    begin = time.perf_counter()
+    work()
+    ti.sync()
+    return 1e3 * (time.perf_counter() - begin)
+
+
+def alone(sim: Simulation, dt: float) -> float:
+    """Median time [ms] of the term itself, on the run's last state."""
+    solver, n = sim.solver, sim.particles.count
+    solver.neighbours.refresh()
+    solver.weigh(n)
+    v = sim.particles.v.to_numpy()
+    term = solver.viscosity or solver.tension or solver.xsph
+    if term is None:
+        return 0.0
+    arguments, found = (n,) if term is solver.xsph else (n, dt), []
+    for _ in range(STEPS):
+        sim.particles.v.from_numpy(v)
+        found.append(milliseconds(lambda: term.run(*arguments)))
+    return statistics.median(found)
+
+
+def vortex(x: np.ndarray) -> np.ndarray:
+    """Taylor-Green in a box of 1 m: (sin pi x cos pi z, 0, -cos pi x sin pi z), (n, 3)."""
+    sx, sz = np.pi * x[:, 0], np.pi * x[:, 2]
+    return np.stack([np.sin(sx) * np.cos(sz), 0.0 * sx, -np.cos(sx) * np.sin(sz)], axis=1)
+
+
+def amplitude(sim: Simulation) -> float:
+    x, v = (sim.particles.numpy(k).astype(float) for k in "xv")
+    shape = vortex(x)
+    return float((v * shape).sum() / (shape**2).sum())
+
+
+def stirred(sheets: int, air: int) -> tuple[np.ndarray, tuple[float, float, float]]:
+    """Places in water that has lost its lattice, and the box."""
+    d = 1.0 / CELLS
+    size, x = (1.0, (sheets + air) * d, 1.0), lattice((CELLS, sheets, CELLS), d)
+    v = vortex(x) + np.random.default_rng(1).normal(0.0, 0.3, x.shape)
+    sim = build(x, d, size, v)
+    for _ in range(60):
+        sim.advance(tanks.FRAME, Forcing())
+    return sim.particles.numpy("x").astype(float), size
+
+
+def row(term: str, problem: str, formula: float, found: float, digits: int = 3) -> dict[str, str]:
+    return {
+        "term": term,
+        "reference": problem,
+        "formula": f"{formula:.{digits}g}",
+        "measured": f"{found:.{digits}g}",
+        "error": f"{100.0 * (found / formula - 1.0):+.1f} %",
+    }
+
+
+def term_alone() -> list[dict[str, str]]:
+    """Rows: the Taylor-Green vortex by the term alone, particles held, in a full, stirred box."""
+    x, size = stirred(DEEP, 0)
+    d, dt, steps, rows = 1.0 / CELLS, tanks.FRAME / 2.0, 20, []
+    for name, terms in list(TERMS.items())[1:]:
+        if "tension" in terms:
+            continue
+        sim = build(x, d, size, **terms)
+        n, solver = sim.particles.count, sim.solver
+        solver.neighbours.refresh()
+        solver.weigh(n)
+        sim.particles.pressure.fill(0.0)
+        set_velocity(sim, vortex(sim.particles.numpy("x").astype(float)))
+        before, problem = amplitude(sim), "Taylor-Green, term alone, rate 2 nu k^2, 1/s"
+        if solver.viscosity:
+            # A tar that stands still within a step says nothing.
+            rate = 2.0 * np.pi**2 * terms["viscosity"] / 1000.0
+            step = min(dt, 0.1 / rate)
+            for _ in range(steps):
+                solver.viscosity.run(n, step)
+            rows.append(row(name, problem, rate, -np.log(amplitude(sim) / before) / steps / step))
+        else:
+            for _ in range(steps):
+                solver.xsph.run(n)
+            share = terms["xsph"] * (1.0 - transform(np.sqrt(2.0) * np.pi, ETA * d))
+            found = 1.0 - (amplitude(sim) / before) ** (1.0 / steps)
+            rows.append(row(name, "the same, share of it lost in a step", share, found))
+    return rows
+
+
+def transform(k: float, h: float) -> float:
+    """Fourier transform of the Wendland C2 kernel of support h [m] at wave number k [1/m] (-)."""
+    r = (np.arange(2000) + 0.5) / 2000 * h
+    w = 21.0 / (2.0 * np.pi * h**3) * (1.0 - r / h) ** 4 * (1.0 + 4.0 * r / h)
+    return float((4.0 * np.pi * r**2 * w * np.sinc(k * r / np.pi)).sum() * h / 2000)
+
+
+def in_flow(speed: float = 1.0, seconds: float = 0.15) -> list[dict[str, str]]:
+    """Rows: the vortex in a tank with a free surface, all of the method at work.
+
+    Without a term all decay is error; terms are held against the same run without.
+    """
+    x, size = stirred(DEEP, 4)
+    rows, without = [], 1.0
+    for name, terms in TERMS.items():
+        if "tension" in terms or "xsph" in terms:
+            continue
+        sim = build(x, 1.0 / CELLS, size, **terms)
+        sim.advance(tanks.FRAME, Forcing())
+        v = speed * vortex(sim.particles.numpy("x").astype(float))
+        set_velocity(sim, sim.particles.numpy("v") + v)
+        before = amplitude(sim)
+        sim.advance(seconds, Forcing())
+        left = amplitude(sim) / before
+        without = without if terms else left
+        decay = np.exp(-2.0 * np.pi**2 * terms.get("viscosity", 0.0) / 1000.0 * seconds)
+        what = f"of a vortex of {speed:g} m/s left after {seconds:g} s"
+        problem = f"share {what}" + (", over none's" if terms else "")
+        rows.append(row(name, problem, decay, left / (without if terms else 1.0)))
+    return rows
+
+
+def drop(fineness: int) -> list[dict[str, str]]:
+    """Rows: period, pressure and shape of a drop drawn out by a tenth."""
+    d = RADIUS / fineness
+    x = ball(RADIUS, d, (1.0 + STRETCH, 1.0 - STRETCH / 2.0, 1.0 - STRETCH / 2.0))
+    radius = (0.75 / np.pi * len(x) * d**3) ** (1.0 / 3.0)
+    sim = build(x + 3.0 * RADIUS, d, (6.0 * RADIUS,) * 3, tension=WATER_TENSION)
+    omega = np.sqrt(8.0 * WATER_TENSION / (1000.0 * radius**3))
+    period, times, long, inside = 2.0 * np.pi / omega, [], [], []
+    sim.advance(0.05 * period, WEIGHTLESS)
+    while sim.time < 2.2 * period:
+        sim.advance(period / 40.0, WEIGHTLESS)
+        x = sim.particles.numpy("x").astype(float)
+        x -= x.mean(axis=0)
+        r = np.linalg.norm(x, axis=1)
+        times.append(sim.time)
+        long.append((x[:, 0] ** 2).mean() - 0.5 * (x[:, 1:] ** 2).sum(axis=1).mean())
+        inside.append(sim.particles.numpy("pressure")[r < 0.6 * radius].mean())
+    found = tanks.fitted_period(times, np.array(long), period)
+    axes = np.sqrt(5.0 * np.linalg.eigvalsh(np.cov(x.T))) / radius
+    name = f"tension, drop of R = {fineness} spacings"
+    laplace = 2.0 * WATER_TENSION / radius
+    return [
+        row(name, "Lamb's period, s", period, found),
+        row(name, "Laplace's pressure 2 sigma/R, Pa", laplace, float(np.mean(inside[44:]))),
+        row(name, "shortest axis over R at the end", 1.0, axes[0]),
+        row(name, "longest axis over R at the end", 1.0, axes[2]),
+    ]
+
+
+def conservation() -> list[dict[str, str]]:
+    """Rows: momenta that a turning, shearing ball of two layers (masses 1 : 2) gains by itself."""
+    d, middle, rows = 0.02, 0.6, []
+    fine, coarse = ball(0.1, d), ball(0.1, 2.0 ** (1.0 / 3.0) * d)
+    x = np.concatenate([fine[fine[:, 1] > 0.0], coarse[coarse[:, 1] < 0.0]]) + middle
+    layer = np.repeat([0, 1], [(fine[:, 1] > 0.0).sum(), (coarse[:, 1] < 0.0).sum()])
+    v = np.cross([0.0, 1.5, 0.5], x - middle)
+    v[:, 0] += 0.2 * np.sin(30.0 * (x[:, 1] - middle))
+    for name, terms in TERMS.items():
+        terms = {**terms, **({"tension": 2.0} if "tension" in terms else {})}
+        sim = build(x, d, (2.0 * middle,) * 3, v, layer, 2, **terms)
+        linear, angular, scale, spin = momenta(sim, middle)
+        for _ in range(15):
+            sim.advance(tanks.FRAME, WEIGHTLESS)
+        after, turned, _, _ = momenta(sim, middle)
+        rows.append(
+            {
+                "term": name,
+                "momentum over sum m v": f"{np.linalg.norm(after - linear) / scale:.1e}",
+                "angular momentum over sum m r v": f"{np.linalg.norm(turned - angular) / spin:.1e}",
+            }
+        )
+    return rows
+
+
+def momenta(sim: Simulation, middle: float):
+    """Momentum, angular momentum, and their scales, the sums of m v and m r v."""
+    m = np.array([s.mass for s in sim.layers.specs])[sim.particles.numpy("layer")][:, None]
+    x, v = (sim.particles.numpy(k).astype(float) for k in "xv")
+    arm, speed = x - middle, np.linalg.norm(v, axis=1)
+    scales = (m[:, 0] * speed).sum(), (m[:, 0] * np.linalg.norm(arm, axis=1) * speed).sum()
+    return (m * v).sum(axis=0), (m * np.cross(arm, v)).sum(axis=0), *scales
+
+
+@click.command()
+@click.option("--repeats", default=5, show_default=True, type=click.IntRange(min=1))
+@click.option("--arch", type=click.Choice(ARCHES), default="auto", show_default=True)
+def main(repeats: int, arch: str) -> None:
+    """Measure and write bench/results/terms.{md,csv}."""
+    arch = start(arch)
+    costs = cost(repeats)
+    errors = [*term_alone(), *in_flow(), *(r for n in FINENESS for r in drop(n))]
+    kept = conservation()
+    sections = (
+        (f"Cost: {ACROSS**2 * SHEETS:,} particles sloshing, steps of 1/120 s", costs),
+        ("Error against formulas", errors),
+        ("What a ball of two layers gains by itself in 15 frames", kept),
+    )
+    text = [heading("Cost and error of the projection method's optional terms", arch)]
+    text.append(
+        f"h/d = {ETA:g}. Milliseconds are medians over {repeats} turns of {STEPS} steps, all terms "
+        "in turn, with the\n10th and 90th percentile.\n"
+    )
+    for title, rows in sections:
+        table = tabulate(rows, headers="keys", tablefmt="github", disable_numparse=True)
+        text += [f"## {title}\n", table, ""]
+    RESULTS.mkdir(exist_ok=True)
+    (RESULTS / "terms.md").write_text("\n".join(text))
+    with open(RESULTS / "terms.csv", "w", newline="") as file:
+        rows = [{"section": title, **r} for title, found in sections for r in found]
+        writer = csv.DictWriter(file, list(dict.fromkeys(k for r in rows for k in r)))
+        writer.writeheader()
+        writer.writerows(rows)
+    click.echo("\n".join(text))
+
+
+if __name__ == "__main__":
+    main()

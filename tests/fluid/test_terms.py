@@ -1,0 +1,296 @@
+"""Viscosity, surface tension and XSPH: brute force, formulas, conservation, nothing when off."""
+
+import numpy as np
+import pytest
+
+from msph.fluid import tension, viscosity
+from msph.fluid.forcing import Forcing
+from msph.fluid.grid import LayeredGrid
+from msph.fluid.layers import Layers, LayerSpec
+from msph.fluid.obstacles import Walls
+from msph.fluid.particles import Particles
+from msph.fluid.projection import Projection, ProjectionTerms
+from msph.fluid.simulation import Simulation
+from msph.scene import SceneError, load_scene
+from tests import scenes_kit
+
+WEIGHTLESS = Forcing(gravity=(0.0, 0.0, 0.0))
+FINE, COARSE = (LayerSpec(1000.0 * d**3, 1000.0, 2.4) for d in (0.03, 0.0476))
+MIDDLE = 0.75
+
+
+def ball(radius, spacing):
+    n = int(radius / spacing) + 1
+    axis = (np.arange(-n, n) + 0.5) * spacing
+    grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
+    return grid[np.linalg.norm(grid, axis=1) < radius]
+
+
+def two_layers():
+    """A ball, its upper half of the fine layer: it turns, and shears as it does."""
+    fine, coarse = ball(0.13, 0.03), ball(0.13, 0.0476)
+    fine, coarse = fine[fine[:, 1] > 0.0], coarse[coarse[:, 1] < 0.0]
+    x = np.concatenate([fine, coarse])
+    x += np.random.default_rng(0).uniform(-1e-3, 1e-3, x.shape)
+    v = np.cross([0.0, 2.0, 1.0], x)
+    v[:, 0] += 0.3 * np.sin(30.0 * x[:, 1])
+    layer = np.repeat([0, 1], [len(fine), len(coarse)]).astype(np.int32)
+    return {"x": (x + MIDDLE).astype(np.float32), "v": v.astype(np.float32), "layer": layer}
+
+
+@pytest.fixture(scope="module")
+def blob():
+    """All terms on; tests call them one by one, or switch them off."""
+    terms = ProjectionTerms(viscosity=20.0, tension=1.0, xsph=0.1)
+    return Simulation((2 * MIDDLE,) * 3, [FINE, COARSE], two_layers(), terms)
+
+
+def prepare(sim):
+    sim.reset()
+    sim.solver.neighbours.refresh()
+    sim.solver.weigh(sim.particles.count)
+    return sim.solver, sim.particles.count
+
+
+def pairs(sim):
+    """V_i (n,), offsets r_ij (n, n, 3), distances and mean supports (n, n)."""
+    x, layer = sim.particles.numpy("x").astype(float), sim.particles.numpy("layer")
+    volume, h = (np.array([getattr(s, k) for s in sim.layers.specs])[layer] for k in VOLUME)
+    d = x[:, None] - x
+    return volume, d, np.linalg.norm(d, axis=2), 0.5 * (h[:, None] + h)
+
+
+VOLUME = ("volume", "support")
+
+
+def exchange(sim):
+    """V_j (n,), weights a(r_ij) and directions of all pairs, (n, n) and (n, n, 3)."""
+    volume, d, r, h = pairs(sim)
+    a = 640.0 / np.pi**2 / h**5 * np.clip(1.0 - (r / h) ** 2, 0.0, None) ** 1.5
+    return volume, a, d / np.where(r > 0.0, r, 1.0)[..., None]
+
+
+def laplacian(sim, v):
+    volume, a, unit = exchange(sim)
+    approach = ((v - v[:, None]) * unit).sum(axis=2)
+    return ((volume * a * approach)[..., None] * unit).sum(axis=1)
+
+
+def velocities(sim):
+    return sim.particles.numpy("v").astype(float)
+
+
+def momenta(sim):
+    m = np.array([s.mass for s in sim.layers.specs])[sim.particles.numpy("layer")][:, None]
+    x, v = sim.particles.numpy("x").astype(float) - MIDDLE, velocities(sim)
+    speed, arm = np.linalg.norm(v, axis=1), np.linalg.norm(x, axis=1)
+    return (
+        (m * v).sum(axis=0),
+        (m * np.cross(x, v)).sum(axis=0),
+        (m[:, 0] * speed).sum(),
+        (m[:, 0] * arm * speed).sum(),
+    )
+
+
+def test_viscosity_equals_brute_force(blob):
+    solver, n = prepare(blob)
+    v, dt = velocities(blob), 1e-3
+    expected = dt * solver.viscosity.nu * laplacian(blob, v)
+    solver.viscosity.brake(n, dt * solver.viscosity.nu)
+    found = blob.particles.numpy("viscous_residual")
+    assert np.abs(found - expected).max() < 1e-4 * np.abs(expected).max()
+
+
+def test_implicit_solve_is_backward_euler_and_keeps_momenta(blob):
+    """v - dt nu lap v = v* by all pairs, at ten times what an explicit step could take."""
+    solver, n = prepare(blob)
+    start, before = velocities(blob), momenta(blob)
+    dt = 10.0 * viscosity.EXPLICIT / solver.viscosity.stiffness
+    volume, weight, unit = exchange(blob)
+    blocks = (volume * weight)[..., None, None] * unit[..., None] * unit[..., None, :]
+    matrix = -blocks
+    matrix[np.arange(n), np.arange(n)] = blocks.sum(axis=1)
+    matrix = np.eye(3 * n) + dt * solver.viscosity.nu * matrix.swapaxes(1, 2).reshape(3 * n, 3 * n)
+    exact = np.linalg.solve(matrix, start.ravel()).reshape(n, 3)
+    solver.viscosity.run(n, dt)
+    assert solver.viscosity.iterations > 0
+    error = np.linalg.norm(velocities(blob) - exact)
+    assert error < 5e-3 * np.linalg.norm(exact - start)
+    after = momenta(blob)
+    assert np.linalg.norm(after[0] - before[0]) < 1e-5 * before[2]
+    assert np.linalg.norm(after[1] - before[1]) < 1e-5 * before[3]
+
+
+def test_implicit_equals_explicit_where_both_may_be_used(blob, monkeypatch):
+    solver, n = prepare(blob)
+    dt = 0.02 * viscosity.EXPLICIT / solver.viscosity.stiffness
+    start = velocities(blob)
+    solver.viscosity.run(n, dt)
+    assert solver.viscosity.iterations == 0
+    explicit = velocities(blob) - start
+    prepare(blob)
+    monkeypatch.setattr(viscosity, "EXPLICIT", 0.0)
+    solver.viscosity.run(n, dt)
+    assert solver.viscosity.iterations > 0
+    implicit = velocities(blob) - start
+    assert np.linalg.norm(implicit - explicit) < 0.02 * np.linalg.norm(explicit)
+
+
+def test_water_that_turns_as_one_is_not_braked(blob):
+    solver, n = prepare(blob)
+    v = np.cross([1.0, 2.0, 3.0], blob.particles.numpy("x") - MIDDLE).astype(np.float32)
+    blob.particles.v.from_numpy(v)
+    solver.viscosity.run(n, 1.0)
+    assert np.abs(velocities(blob) - v).max() < 1e-4 * np.abs(v).max()
+
+
+def test_xsph_equals_brute_force_and_keeps_momentum(blob):
+    solver, n = prepare(blob)
+    before, v = momenta(blob), velocities(blob)
+    volume, _, r, h = pairs(blob)
+    u = np.clip(1.0 - r / h, 0.0, None)
+    w = 21.0 / (2.0 * np.pi * h**3) * u**4 * (1.0 + 4.0 * r / h)
+    expected = 0.1 * ((volume * w)[..., None] * (v - v[:, None])).sum(axis=1)
+    solver.xsph.run(n)
+    assert np.abs(velocities(blob) - v - expected).max() < 1e-4 * np.abs(expected).max()
+    after = momenta(blob)
+    assert np.linalg.norm(after[0] - before[0]) < 1e-5 * before[2]
+
+
+def area(sim, x):
+    """The energy [J] of the area for particles at x (n, 3) and 1 N/m."""
+    volume, _, _, h = pairs(sim)
+    own = np.diag(h)
+    d = x[:, None] - x
+    r = np.linalg.norm(d, axis=2)
+    slope = -20.0 * 21.0 / (2.0 * np.pi * h**5) * np.clip(1.0 - r / h, 0.0, None) ** 3
+    g = ((volume * slope)[..., None] * d).sum(axis=1)
+    return tension.AREA * (volume * np.sqrt((g**2).sum(axis=1) + 1.0 / own**2)).sum(), g
+
+
+def test_tension_is_the_gradient_of_area_and_cohesion(blob):
+    """The energy's differences over 2e-5 m against the forces, for a few particles."""
+    solver, n = prepare(blob)
+    blob.particles.v.fill(0.0)
+    solver.tension.run(n, 1.0)
+    volume, d, r, h = pairs(blob)
+    x = blob.particles.numpy("x").astype(float)
+    _, g = area(blob, x)
+    normal = np.linalg.norm(g, axis=1)
+    normal = normal / np.sqrt(normal**2 + 1.0 / np.diag(h) ** 2)
+    pull = np.clip(1.0 - (r / h) ** 2, 0.0, None) ** 2 / h**6
+    pull *= 0.5 * (normal[:, None] + normal) * tension.COHESION * volume[:, None] * volume
+    force = 1000.0 * volume[:, None] * velocities(blob) + (pull[..., None] * d).sum(axis=1)
+    for k in np.linspace(0, n - 1, 6).astype(int):
+        for axis in range(3):
+            step = np.zeros_like(x)
+            step[k, axis] = 1e-5
+            slope = (area(blob, x + step)[0] - area(blob, x - step)[0]) / 2e-5
+            assert force[k, axis] == pytest.approx(-slope, abs=2e-3 * np.abs(force).max())
+    linear, angular, scale, spin = momenta(blob)
+    assert np.linalg.norm(linear) < 1e-5 * scale
+    assert np.linalg.norm(angular) < 1e-5 * spin
+
+
+CELLS = 12
+
+
+@pytest.fixture(scope="module")
+def tank():
+    """A full box of 1 m without gravity, whose walls do not brake."""
+    x = (np.indices((CELLS, 5, CELLS)).reshape(3, -1).T + 0.5) / CELLS
+    x += np.random.default_rng(2).uniform(-0.1, 0.1, x.shape) / CELLS
+    initial = {"x": x.astype(np.float32), "layer": np.zeros(len(x), np.int32)}
+    spec = LayerSpec(1000.0 / CELLS**3, 1000.0, 2.4)
+    return Simulation((1.0, 5.0 / CELLS, 1.0), [spec], initial, ProjectionTerms(viscosity=5.0))
+
+
+@pytest.mark.parametrize("steps", [20, 1])
+def test_taylor_green_decays_as_viscosity_says(tank, steps):
+    """exp(-nu (kx^2 + kz^2) t), by explicit steps and by a single implicit one."""
+    prepare(tank)
+    tank.particles.pressure.fill(0.0)
+    term, x = tank.solver.viscosity, np.pi * tank.particles.numpy("x").astype(float)
+    shape = np.stack(
+        [
+            np.sin(x[:, 0]) * np.cos(x[:, 2]),
+            0.0 * x[:, 0],
+            -np.cos(x[:, 0]) * np.sin(x[:, 2]),
+        ],
+        axis=1,
+    )
+    tank.particles.v.from_numpy(shape.astype(np.float32))
+    rate, seconds = 2.0 * np.pi**2 * term.nu, 0.4 if steps > 1 else 2.0
+    for _ in range(steps):
+        term.run(tank.particles.count, seconds / steps)
+    assert (term.iterations > 0) == (steps == 1)
+    left = (velocities(tank) * shape).sum() / (shape**2).sum()
+    expected = np.exp(-rate * seconds) if steps > 1 else 1.0 / (1.0 + rate * seconds)
+    assert 1.0 - left == pytest.approx(1.0 - expected, rel=0.05)
+
+
+def test_walls_without_slip_stop_the_water():
+    """Water between two walls, v = sin(pi x/L): the image's velocity makes it an eigenfunction."""
+    x = (np.indices((8, 20, 8)).reshape(3, -1).T + 0.5) * 0.05
+    initial = {"x": x.astype(np.float32), "layer": np.zeros(len(x), np.int32)}
+    terms = ProjectionTerms(viscosity=1.0, slip=False)
+    sim = Simulation((0.4, 1.0, 0.4), [LayerSpec(0.125, 1000.0, 2.4)], initial, terms)
+    solver, n = prepare(sim)
+    x = sim.particles.numpy("x").astype(float)
+    v = np.zeros_like(x)
+    v[:, 1] = np.sin(np.pi * x[:, 0] / 0.4) * np.sin(np.pi * x[:, 2] / 0.4)
+    sim.particles.v.from_numpy(v.astype(np.float32))
+    solver.viscosity.brake(n, 1.0)
+    middle = np.abs(x[:, 1] - 0.5) < 0.3
+    found = sim.particles.numpy("viscous_residual")[middle]
+    rate = -(found * v[middle]).sum() / (v[middle] ** 2).sum()
+    assert rate == pytest.approx(2.0 * (np.pi / 0.4) ** 2, rel=0.15)
+
+
+def test_a_cube_of_water_becomes_a_ball_of_its_volume():
+    n, edge = 9, 0.009
+    x = (np.indices((n, n, n)).reshape(3, -1).T + 0.5) * edge / n + 0.0155
+    initial = {"x": x.astype(np.float32), "layer": np.zeros(len(x), np.int32)}
+    spec = LayerSpec(1000.0 * (edge / n) ** 3, 1000.0, 2.4)
+    sim = Simulation((0.04,) * 3, [spec], initial, ProjectionTerms(tension=0.072))
+    radius = (0.75 / np.pi) ** (1.0 / 3.0) * edge
+    diagonals = np.array([[a, b, c] for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)]) / 3**0.5
+    axes = np.concatenate([np.eye(3), -np.eye(3)])
+
+    def reach(directions):
+        x = sim.particles.numpy("x").astype(float)
+        return ((x - x.mean(axis=0)) @ directions.T).max(axis=0).mean()
+
+    assert reach(diagonals) > 1.6 * reach(axes)
+    period = 2.0 * np.pi * np.sqrt(1000.0 * radius**3 / (8.0 * 0.072))
+    for _ in range(7):
+        sim.advance(0.25 * period, WEIGHTLESS)
+    assert reach(diagonals) == pytest.approx(reach(axes), rel=0.06)
+    x = sim.particles.numpy("x").astype(float)
+    size = np.sqrt(5.0 / 3.0 * ((x - x.mean(axis=0)) ** 2).sum(axis=1).mean())
+    assert size == pytest.approx(radius, rel=0.02)
+    v = velocities(sim)
+    assert np.linalg.norm(v.sum(axis=0)) < 1e-4 * np.linalg.norm(v, axis=1).sum()
+
+
+def test_what_is_off_is_not_there():
+    plain = {a.name for a in Projection.attributes(ProjectionTerms())}
+    for name, terms in (
+        ("viscous_direction", ProjectionTerms(viscosity=1.0)),
+        ("normal", ProjectionTerms(tension=1.0)),
+    ):
+        assert name not in plain
+        assert name in {a.name for a in Projection.attributes(terms)}
+    layers, particles = Layers([FINE]), Particles(1, Projection.attributes(ProjectionTerms()))
+    walls = Walls((1.0,) * 3, [FINE])
+    grid = LayeredGrid((1.0,) * 3, layers, particles)
+    solver = Projection(walls, layers, grid, particles, ProjectionTerms())
+    assert solver.viscosity is None and solver.tension is None and solver.xsph is None
+
+
+def test_walls_that_stick_need_viscosity(tmp_path):
+    path = scenes_kit.write(tmp_path, 'method = "projection"\n' + scenes_kit.TEXT)
+    with pytest.raises(SceneError, match=r"projection\.slip.*projection\.viscosity"):
+        load_scene(path, ("projection.slip=false",))
+    scene = load_scene(path, ("projection.slip=false", "projection.viscosity=2"))
+    assert scene.projection.viscosity == 2.0
