@@ -26,6 +26,9 @@ bench: $(VENV)/dev
 	$(RUN) bench/fps.py
 	$(RUN) bench/table_5_1.py
 	$(RUN) bench/terms.py
+	$(RUN) bench/accuracy.py
+	$(RUN) bench/layers.py
+	$(RUN) bench/methods.py
 
 $(VENV)/play: pyproject.toml constraints.txt
 	@test -n "$(PYTHON)" || { echo "M-SPH needs Python 3.10 to 3.13; none of $(PYTHONS) is one" >&2; exit 1; }
