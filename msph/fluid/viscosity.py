@@ -77,6 +77,7 @@ class Viscosity:
         fall of water at rest on its floor, which the pressure has yet to stop, and bear its weight.
         """
         span = dt * self.nu
+        self.pressure_solve.find_shifts(n, self.particles.pressure)
         self.lend_pressure(n, dt / self.density)
         self.iterations = 0
         if dt * self.stiffness <= EXPLICIT:
@@ -88,15 +89,13 @@ class Viscosity:
                 for _ in range(LOOK):
                     self.iterate(n, span)
                 self.iterations += LOOK
-        self.finish(n)
-        self.lend_pressure(n, -dt / self.density)
+        self.finish(n, dt / self.density)
 
     @ti.kernel
     def lend_pressure(self, n: ti.i32, factor: ti.f32):
-        """v += factor times the force of the pressures; factor = dt/rho [m^3 s/kg]."""
+        """v += factor u, with factor = dt/rho [m^3 s/kg] and u the pressures' shifts [Pa/m]."""
         for i in range(n):
-            u = self.pressure_solve.shift_by(i, self.particles.pressure)
-            self.particles.v[i] += factor * u
+            self.particles.v[i] += factor * self.particles.shift[i]
 
     @ti.kernel
     def brake(self, n: ti.i32, span: ti.f32):
@@ -143,11 +142,12 @@ class Viscosity:
             )
 
     @ti.kernel
-    def finish(self, n: ti.i32):
-        """v += r. Then all that velocities have gained is dt nu lap v of the solve's v, so that
-        momenta are kept however early it stopped."""
+    def finish(self, n: ti.i32, factor: ti.f32):
+        """v += r - factor u: takes the pressure back. With r all that velocities have gained is
+        dt nu lap v of the solve's v, so that momenta are kept however early it stopped."""
         for i in range(n):
-            self.particles.v[i] += self.particles.viscous_residual[i]
+            lent = factor * self.particles.shift[i]
+            self.particles.v[i] += self.particles.viscous_residual[i] - lent
 
     @ti.func
     def laplacian(self, i, field: ti.template()):
