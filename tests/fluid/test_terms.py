@@ -289,7 +289,7 @@ def test_what_is_off_is_not_there():
 
 
 def test_walls_that_stick_need_viscosity(tmp_path):
-    path = scenes_kit.write(tmp_path, 'method = "projection"\n' + scenes_kit.TEXT)
+    path = scenes_kit.write(tmp_path, scenes_kit.TEXT.replace("classic", "projection", 1))
     with pytest.raises(SceneError, match=r"projection\.slip.*projection\.viscosity"):
         load_scene(path, ("projection.slip=false",))
     scene = load_scene(path, ("projection.slip=false", "projection.viscosity=2"))

@@ -191,6 +191,6 @@ def test_default_scene_moves_within_its_first_second():
 
     show = Show(load_scene(DEFAULT_SCENE), 1 / 60)
     start = show.simulation.particles.numpy("x").mean(axis=0)
-    run(show, Nobody(30))
+    run(show, Nobody(60))
     moved = show.simulation.particles.numpy("x").mean(axis=0) - start
     assert np.linalg.norm(moved) > 0.05
