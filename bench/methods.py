@@ -64,7 +64,7 @@ def solvers(layers: int, sheets: int) -> list[dict[str, str]]:
     dt = solver.longest_step()
     volume = np.array([s.volume for s in sim.layers.specs])[p.numpy("layer")]
     solver.neighbours.refresh()
-    solver.weigh(n)
+    solver.summation.weigh(n)
     solver.push(n, dt, *Forcing(gravity=(0.0, -tanks.GRAVITY, 0.0)).arguments())
     solver.aim_at_no_compression(n, dt)
     solver.scale(n, dt * dt / solver.terms.density)

@@ -11,17 +11,19 @@ from dataclasses import dataclass
 
 import taichi as ti
 
-from msph.fluid import adaptation, kernels, pressure_solve, tension, viscosity
+from msph.fluid import adaptation, pressure_solve, separation, tension, viscosity
 from msph.fluid.accounts import Accounts
 from msph.fluid.adaptation import Adaptation, AdaptationTerms
 from msph.fluid.forcing import Forcing, hand_acceleration
 from msph.fluid.grid import LayeredGrid
 from msph.fluid.images import Images
-from msph.fluid.layers import Layers, LayerSpec
+from msph.fluid.layers import Layers
 from msph.fluid.neighbours import NeighbourList
-from msph.fluid.obstacles import BEGIN, Walls
+from msph.fluid.obstacles import Walls
 from msph.fluid.particles import Attribute, Particles
 from msph.fluid.pressure_solve import WALL_ATTRIBUTES, PressureSolve
+from msph.fluid.separation import Separation
+from msph.fluid.summation import Summation
 from msph.fluid.tension import Tension
 from msph.fluid.viscosity import Viscosity
 from msph.fluid.xsph import Xsph
@@ -29,32 +31,18 @@ from msph.fluid.xsph import Xsph
 _ATTRIBUTES = (
     Attribute("density", "kg/m^3", "relative density c times rest density"),
     Attribute("pressure", "Pa", "pressure of the velocity solve"),
-    Attribute("crowding", "m^2", "multiplier of the position solve", carried=False),
-    Attribute("exchange", "m/s", "velocity given by neighbours", width=3, carried=False),
+    *separation.ATTRIBUTES,
     *pressure_solve.ATTRIBUTES,
 )
 
 # Rounds of the position solve before time starts, at most.
 ARRANGING = 100
-# Excess of density that needs no position solve.
-LOOSE = 1e-3
-# Excess of density, as halves have it after a split, from which on the position solve takes more
-# rounds.
-URGENT, URGENT_ROUNDS = 0.02, 3
-# Least distance to a wall, in spacings; the golden section spreads multiples of it evenly.
-NEAREST, GOLDEN = 0.05, 0.6180340
 # How much stricter, and longer, the first solve of a run is, and how much shorter its step.
 FIRST_CARE = 10
 # Deficit of density up to which a gap beside a merger is not yet to be closed.
 SMALL_GAP = 0.1
 # Spray, which meets nothing, may move so many times farther in a step.
 SPRAY_LEAP = 2.5
-# Coincident particles have no direction to be pushed in; they are held this far apart, in h.
-TOUCHING = 1e-6
-
-
-# A particle's density, the sum V_j grad W_ij [1/m], and sum V_j |grad W_ij|^2 [1/m^5].
-Sums = ti.types.struct(c=ti.f32, g=ti.math.vec3, squares=ti.f32)
 
 
 @dataclass(frozen=True)
@@ -90,17 +78,6 @@ class ProjectionTerms:
     adaptation: AdaptationTerms | None = None
 
 
-def own_bias(spec: LayerSpec) -> float:
-    """Share by which a particle overrates itself in its density (-).
-
-    The sum over a Wendland C2 kernel's N neighbours is too large because the particle sits in the
-    kernel's peak, by 0.0294 (N/100)^-0.977 of its own part (Dehnen & Aly 2012, eq. 18 and 19).
-    Uncorrected, water at 33 neighbours stands 4 % too high.
-    """
-    neighbours = 4.0 / 3.0 * math.pi * spec.smoothing**3
-    return 0.0294 * (neighbours / 100.0) ** -0.977
-
-
 @ti.data_oriented
 class Projection(Accounts):
     """One solver over the particles of all layers.
@@ -127,13 +104,20 @@ class Projection(Accounts):
         self.neighbours = NeighbourList(
             grid, particles, self.reach(terms), self.LIST_MARGIN, self.images
         )
-        # What a particle adds to its own density, less its bias.
-        self.own = ti.field(ti.f32, shape=layers.count)
-        for k, spec in enumerate(layers.specs):
-            self.own[k] = spec.volume * kernels.WENDLAND / spec.support**3 * (1.0 - own_bias(spec))
-        self.slope = ti.field(ti.f32, shape=self.neighbours.index.shape)
+        self.summation = Summation(walls, layers, particles, self.neighbours, terms.density)
         self.pressure_solve = PressureSolve(
-            layers, particles, self.neighbours, self.slope, walls.count > 0
+            layers, particles, self.neighbours, self.summation.slope, walls.count > 0
+        )
+        self.separation = Separation(
+            self,
+            walls,
+            layers,
+            particles,
+            self.neighbours,
+            self.pressure_solve,
+            terms.density,
+            terms.position_iterations,
+            terms.largest_shift,
         )
         self.viscosity = self.tension = self.xsph = None
         if terms.viscosity:
@@ -148,11 +132,15 @@ class Projection(Accounts):
             )
         if terms.tension:
             self.tension = Tension(
-                layers, particles, self.neighbours, self.slope, terms.tension, terms.density
+                layers,
+                particles,
+                self.neighbours,
+                self.summation.slope,
+                terms.tension,
+                terms.density,
             )
         if terms.xsph:
             self.xsph = Xsph(layers, particles, self.neighbours, terms.xsph)
-        self.most_crowded = ti.field(ti.f32, shape=())
         self.top_rate = ti.field(ti.f32, shape=())
         self.adaptation = None
         if terms.adaptation:
@@ -160,9 +148,6 @@ class Projection(Accounts):
                 walls, layers, particles, self.neighbours, self.merge_loss, terms.adaptation
             )
         self.adaptive = self.adaptation is not None
-        if walls.moving:
-            # What bodies add to dc/dt by their motion [1/s].
-            self.inflow = ti.field(ti.f32, shape=particles.capacity)
         self.iterations, self.first = 0, True
 
     @staticmethod
@@ -197,7 +182,9 @@ class Projection(Accounts):
         """
         unchanged = 0
         for _ in range(ARRANGING):
-            crowded = self.separate(self.particles.count)
+            self.neighbours.refresh()
+            self.summation.weigh(self.particles.count)
+            crowded = self.separation.run(self.particles.count)
             self.disturb()
             if self.adaptation:
                 unchanged = 0 if self.adaptation.run(budget=1.0) else unchanged + 1
@@ -232,8 +219,10 @@ class Projection(Accounts):
     def step(self, dt: float, forcing: Forcing) -> None:
         """Neighbours; positions without crowding; forces; velocities without compression; move."""
         n = self.particles.count
-        if self.separate(n):
-            self.weigh(n)
+        self.neighbours.refresh()
+        self.summation.weigh(n)
+        if self.separation.run(n):
+            self.summation.weigh(n)
         if self.xsph:
             self.xsph.run(n)
         self.push(n, dt, *forcing.arguments())
@@ -257,77 +246,6 @@ class Projection(Accounts):
         if self.adaptation and self.adaptation.due():
             self.adaptation.run()
 
-    def separate(self, n: int) -> bool:
-        """The position solve: displaces particles where they are crowded, and says whether any
-        were."""
-        self.neighbours.refresh()
-        self.weigh(n)
-        self.aim_at_rest_density(n)
-        crowded = self.most_crowded[None]
-        if crowded < LOOSE:
-            return False
-        rounds = URGENT_ROUNDS if crowded > URGENT else 1
-        iterations = rounds * self.terms.position_iterations
-        self.pressure_solve.relax(self.particles.crowding, iterations)
-        self.displace(n)
-        return True
-
-    @ti.kernel
-    def weigh(self, n: ti.i32):
-        """c_i = sum V_j W_ij, g_i = sum V_j grad W_ij, D_i = |g_i|^2 + V_i sum V_j |grad W_ij|^2.
-
-        Sums over neighbours and images; a particle's own images move with it, twice as fast.
-        """
-        for i in range(n):
-            layer = self.particles.layer[i]
-            x, h_i = self.particles.x[i], self.layers.support[layer]
-            total = Sums(c=self.own[layer])
-            if ti.static(self.walls.count > 0):
-                wall = self.walls.share(x, layer, h_i)
-                total.c += wall[0]
-                total.g = ti.Vector([wall[1], wall[2], wall[3]])
-                self.particles.wall[i] = total.g
-                if ti.static(self.walls.moving):
-                    self.inflow[i] = -wall[4]
-            for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
-                j = self.neighbours.index[s]
-                self.weigh_pair(s, h_i, j, x - self.particles.x[j], total)
-            mirrored = ti.Vector([0.0, 0.0, 0.0])
-            for s in range(self.neighbours.mirrors[i], self.neighbours.end[i]):
-                j, bits = self.images.read(self.neighbours.index[s])
-                r_ij = x - self.images.point(x, self.particles.x[j], bits)
-                self.weigh_pair(s, h_i, j, r_ij, total)
-                mirrored += ti.select(j == i, 1.0, 0.0) * self.slope[s] * r_ij
-            g, volume = total.g, self.layers.volume[layer]
-            self.particles.density[i] = total.c * self.terms.density
-            self.particles.gradient[i] = g
-            self.particles.diagonal[i] = (g + mirrored).norm_sqr() + volume * total.squares
-
-    @ti.func
-    def weigh_pair(self, s, h_i, j, r_ij, total: ti.template()):
-        """Adds neighbour j to the sums of the Wendland C2 kernel, and stores its slope_s."""
-        other = self.particles.layer[j]
-        v_j, per_h = self.layers.volume[other], 2.0 / (h_i + self.layers.support[other])
-        q = ti.min(r_ij.norm() * per_h, 1.0)
-        u = 1.0 - q
-        peak = v_j * kernels.WENDLAND * (per_h * per_h * per_h) * (u * u * u)
-        total.c += peak * u * (1.0 + 4.0 * q)
-        # dW/dr over r: grad W_ij = slope_s r_ij / V_j, without a pole at r = 0.
-        slope = -20.0 * peak * (per_h * per_h)
-        self.slope[s] = slope
-        total.g += slope * r_ij
-        total.squares += slope * slope / v_j * r_ij.norm_sqr()
-
-    @ti.kernel
-    def aim_at_rest_density(self, n: ti.i32):
-        """source_i = c_i - 1 of the position solve, which starts from nothing."""
-        self.most_crowded[None] = -1.0
-        for i in range(n):
-            excess = self.particles.density[i] / self.terms.density - 1.0
-            self.particles.source[i] = excess
-            self.particles.crowding[i] = 0.0
-            ti.atomic_max(self.most_crowded[None], excess)
-
     @ti.kernel
     def aim_at_no_compression(self, n: ti.i32, dt: ti.f32):
         """source_i = dt dc/dt + (c_i - 1 if c_i < 1, else (c_i - 1) dt/release) of the velocity
@@ -335,7 +253,7 @@ class Projection(Accounts):
         for i in range(n):
             rate = self.pressure_solve.divergence(i, self.particles.v)
             if ti.static(self.walls.moving):
-                rate += self.inflow[i]
+                rate += self.summation.inflow[i]
             c = self.particles.density[i] / self.terms.density - 1.0
             if 1.0 + c < self.terms.spray:
                 rate = ti.min(rate, 0.0)
@@ -350,48 +268,6 @@ class Projection(Accounts):
         """Between pressure [Pa] and the multiplier q = dt^2 p/rho0 [m^2]."""
         for i in range(n):
             self.particles.pressure[i] *= factor
-
-    @ti.kernel
-    def displace(self, n: ti.i32):
-        """x += u of the position solve, at most `largest_shift` spacings.
-
-        A pair that is moved apart to r (1 + a) keeps its angular momentum only if its relative
-        velocity shrinks by a; so v_i -= sum a_ij (v_i - v_j), a_ij = -(q_i + q_j) V_j W'/r >= 0,
-        which keeps the momentum too, and adds no energy.
-        """
-        for i in range(n):
-            change = ti.Vector([0.0, 0.0, 0.0])
-            q, v = self.particles.crowding[i], self.particles.v[i]
-            for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
-                j = self.neighbours.index[s]
-                a = self.slope[s] * (q + self.particles.crowding[j])
-                change += a * (v - self.particles.v[j])
-            self.particles.exchange[i] = change
-            # Booked here, where all are still in the places that the solve knew.
-            m = self.layers.mass[self.particles.layer[i]]
-            self.book_internal(m, self.particles.x[i], change)
-            wall = self.pressure_solve.wall_shift(i, self.particles.crowding)
-            inner = self.limit(i) * (self.particles.shift[i] - wall)
-            self.internal_angular_impulse[None] += m * inner.cross(v + change)
-        for i in range(n):
-            x = self.particles.x[i] + self.limit(i) * self.particles.shift[i]
-            self.particles.x[i] = self.walls.keep(x, BEGIN, self.margin(i))
-            self.particles.v[i] += self.particles.exchange[i]
-
-    @ti.func
-    def limit(self, i):
-        """Share of a shift that is at most `largest_shift` spacings long."""
-        d = self.layers.spacing[self.particles.layer[i]]
-        length = ti.max(self.particles.shift[i].norm(), TOUCHING * d)
-        return ti.min(1.0, self.terms.largest_shift * d / length)
-
-    @ti.func
-    def margin(self, i):
-        """Distance [m] from walls at which particle i is stopped: each at its own, since what lies
-        in one point cannot part again, and what lies on a wall is not repelled by its image."""
-        share = GOLDEN * ti.cast(self.particles.id[i] & 1023, ti.f32)
-        d = self.layers.spacing[self.particles.layer[i]]
-        return NEAREST * (1.0 + share - ti.floor(share)) * d
 
     @ti.kernel
     def push(
@@ -427,7 +303,11 @@ class Projection(Accounts):
             x_j = self.particles.x[j]
             seen = self.images.point(x, x_j, bits)
             own = self.particles.pressure[j] / self.terms.density
-            lift -= ti.math.clamp(gravity.dot(seen - x_j), -own, own) * self.slope[s] * (x - seen)
+            lift -= (
+                ti.math.clamp(gravity.dot(seen - x_j), -own, own)
+                * self.summation.slope[s]
+                * (x - seen)
+            )
         return lift
 
     @ti.func
@@ -450,13 +330,15 @@ class Projection(Accounts):
             self.wall_impulse[None] += m / dt * wall
             if ti.static(self.walls.moving):
                 # Force of the bodies on the particle times their velocity.
-                self.wall_work[None] += m * self.particles.pressure[i] / dt * self.inflow[i]
+                self.wall_work[None] += (
+                    m * self.particles.pressure[i] / dt * self.summation.inflow[i]
+                )
             self.particles.v[i] += u / dt
         for i in range(n):
             layer, v = self.particles.layer[i], self.particles.v[i]
             d = self.layers.spacing[layer]
             x = self.particles.x[i] + dt * v
-            x, v = self.walls.guard(x, v, self.terms.restitution, self.margin(i))
+            x, v = self.walls.guard(x, v, self.terms.restitution, self.separation.margin(i))
             self.wall_impulse[None] += self.layers.mass[layer] * (v - self.particles.v[i])
             self.particles.x[i] = x
             self.particles.v[i] = v

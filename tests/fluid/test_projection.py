@@ -5,8 +5,9 @@ import pytest
 
 from msph.fluid.forcing import Forcing
 from msph.fluid.layers import LayerSpec
-from msph.fluid.projection import ProjectionTerms, own_bias
+from msph.fluid.projection import ProjectionTerms
 from msph.fluid.simulation import Simulation
+from msph.fluid.summation import own_bias
 
 SIZE = (1.6, 1.6, 1.6)
 WEIGHTLESS = Forcing(gravity=(0.0, 0.0, 0.0))
@@ -97,7 +98,7 @@ def test_operator_equals_brute_force_and_is_symmetric(collision):
     sim, solver = collision, collision.solver
     n = sim.particles.count
     solver.neighbours.refresh()
-    solver.weigh(n)
+    solver.summation.weigh(n)
     x, layer = sim.particles.numpy("x").astype(float), sim.particles.numpy("layer")
     volume = np.array([s.volume for s in sim.layers.specs])[layer]
     h = np.array([s.support for s in sim.layers.specs])[layer]
@@ -161,7 +162,7 @@ def test_images_close_the_walls(tank):
     """c at walls, edges and corners against all pairs with all images stored as particles."""
     sim, _ = tank
     sim.solver.neighbours.refresh()
-    sim.solver.weigh(sim.particles.count)
+    sim.solver.summation.weigh(sim.particles.count)
     x, layer = sim.particles.numpy("x").astype(float), sim.particles.numpy("layer")
     volume, support = (np.array([getattr(s, k) for s in sim.layers.specs]) for k in WEIGHTS)
     near = np.argsort(np.abs(x - np.array(TANK) * [0.0, 0.2, 1.0]).max(axis=1))[:60]

@@ -48,7 +48,7 @@ def blob():
 def prepare(sim):
     sim.reset()
     sim.solver.neighbours.refresh()
-    sim.solver.weigh(sim.particles.count)
+    sim.solver.summation.weigh(sim.particles.count)
     return sim.solver, sim.particles.count
 
 

@@ -1,0 +1,112 @@
+"""The position solve: particles that are crowded move apart, without gaining velocity."""
+
+import taichi as ti
+
+from msph.fluid.accounts import Accounts
+from msph.fluid.layers import Layers
+from msph.fluid.neighbours import NeighbourList
+from msph.fluid.obstacles import BEGIN, Walls
+from msph.fluid.particles import Attribute, Particles
+from msph.fluid.pressure_solve import PressureSolve
+
+ATTRIBUTES = (
+    Attribute("crowding", "m^2", "multiplier of the position solve", carried=False),
+    Attribute("exchange", "m/s", "velocity given by neighbours", width=3, carried=False),
+)
+
+# Excess of density that needs no position solve.
+LOOSE = 1e-3
+# Excess of density, as halves have it after a split, from which on the position solve takes more
+# rounds.
+URGENT, URGENT_ROUNDS = 0.02, 3
+# Least distance to a wall, in spacings; the golden section spreads multiples of it evenly.
+NEAREST, GOLDEN = 0.05, 0.6180340
+# A displacement shorter than this, in spacings, is none.
+SMALLEST = 1e-6
+
+
+@ti.data_oriented
+class Separation:
+    """Displaces particles by `iterations` of Jacobi, at most `largest_shift` spacings a step; what
+    they give each other is booked in `accounts`. density: at rest [kg/m^3]."""
+
+    def __init__(
+        self,
+        accounts: Accounts,
+        walls: Walls,
+        layers: Layers,
+        particles: Particles,
+        neighbours: NeighbourList,
+        pressure_solve: PressureSolve,
+        density: float,
+        iterations: int,
+        largest_shift: float,
+    ):
+        self.accounts, self.walls, self.layers = accounts, walls, layers
+        self.particles, self.neighbours = particles, neighbours
+        self.pressure_solve, self.slope = pressure_solve, pressure_solve.slope
+        self.density, self.iterations, self.largest_shift = density, iterations, largest_shift
+        self.most_crowded = ti.field(ti.f32, shape=())
+
+    def run(self, n: int) -> bool:
+        """Moves the first n particles apart whose densities are known; whether any were crowded."""
+        self.aim_at_rest_density(n)
+        crowded = self.most_crowded[None]
+        if crowded < LOOSE:
+            return False
+        rounds = URGENT_ROUNDS if crowded > URGENT else 1
+        self.pressure_solve.relax(self.particles.crowding, rounds * self.iterations)
+        self.displace(n)
+        return True
+
+    @ti.kernel
+    def aim_at_rest_density(self, n: ti.i32):
+        """source_i = c_i - 1 of the position solve, which starts from nothing."""
+        self.most_crowded[None] = -1.0
+        for i in range(n):
+            excess = self.particles.density[i] / self.density - 1.0
+            self.particles.source[i] = excess
+            self.particles.crowding[i] = 0.0
+            ti.atomic_max(self.most_crowded[None], excess)
+
+    @ti.kernel
+    def displace(self, n: ti.i32):
+        """x += u of the position solve, at most `largest_shift` spacings.
+
+        A pair that is moved apart to r (1 + a) keeps its angular momentum only if its relative
+        velocity shrinks by a; so v_i -= sum a_ij (v_i - v_j), a_ij = -(q_i + q_j) V_j W'/r >= 0,
+        which keeps the momentum too, and adds no energy.
+        """
+        for i in range(n):
+            change = ti.Vector([0.0, 0.0, 0.0])
+            q, v = self.particles.crowding[i], self.particles.v[i]
+            for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
+                j = self.neighbours.index[s]
+                a = self.slope[s] * (q + self.particles.crowding[j])
+                change += a * (v - self.particles.v[j])
+            self.particles.exchange[i] = change
+            # Booked here, where all are still in the places that the solve knew.
+            m = self.layers.mass[self.particles.layer[i]]
+            self.accounts.book_internal(m, self.particles.x[i], change)
+            wall = self.pressure_solve.wall_shift(i, self.particles.crowding)
+            inner = self.limit(i) * (self.particles.shift[i] - wall)
+            self.accounts.internal_angular_impulse[None] += m * inner.cross(v + change)
+        for i in range(n):
+            x = self.particles.x[i] + self.limit(i) * self.particles.shift[i]
+            self.particles.x[i] = self.walls.keep(x, BEGIN, self.margin(i))
+            self.particles.v[i] += self.particles.exchange[i]
+
+    @ti.func
+    def limit(self, i):
+        """Share of a shift that is at most `largest_shift` spacings long."""
+        d = self.layers.spacing[self.particles.layer[i]]
+        length = ti.max(self.particles.shift[i].norm(), SMALLEST * d)
+        return ti.min(1.0, self.largest_shift * d / length)
+
+    @ti.func
+    def margin(self, i):
+        """Distance [m] from walls at which particle i is stopped: each at its own, since what lies
+        in one point cannot part again, and what lies on a wall is not repelled by its image."""
+        share = GOLDEN * ti.cast(self.particles.id[i] & 1023, ti.f32)
+        d = self.layers.spacing[self.particles.layer[i]]
+        return NEAREST * (1.0 + share - ti.floor(share)) * d
