@@ -287,12 +287,10 @@ class Adaptation:
                 other = self.particles.layer[j]
                 h = 0.5 * (h_i + self.layers.support[other])
                 r_ij = x - self.particles.x[j]
-                near = kernels.wendland((r_ij + offset).norm(), h)
-                c += self.layers.volume[other] * (
-                    near + kernels.wendland((r_ij - offset).norm(), h)
-                )
+                near = kernels.quartic((r_ij + offset).norm(), h)
+                c += self.layers.volume[other] * (near + kernels.quartic((r_ij - offset).norm(), h))
             # Halves that a wall pushes together would see too much of each other.
-            c += 2.0 * self.layers.volume[layer] * kernels.wendland(2.0 * offset.norm(), h_i)
+            c += 2.0 * self.layers.volume[layer] * kernels.quartic(2.0 * offset.norm(), h_i)
             if c < least:
                 least, best = c, offset
         return best

@@ -28,7 +28,7 @@ CELL = 0.6
 class Depth:
     """Distance [m] to the free surface, exact to about a quarter of a cell, up to `farthest` [m].
 
-    Cells are one support of the finest layer wide. Where no air is in reach depth is `farthest`.
+    Where no air is in reach depth is `farthest`.
     """
 
     def __init__(
@@ -97,7 +97,7 @@ class Depth:
         hi = ti.math.clamp(ti.floor((x + h) / self.cell - 0.5, ti.i32), 0, self.dims - 1)
         for a, b, c in ti.ndrange((lo[0], hi[0] + 1), (lo[1], hi[1] + 1), (lo[2], hi[2] + 1)):
             centre = (ti.Vector([a, b, c]) + 0.5) * self.cell
-            self.coverage[a, b, c] += volume * kernels.wendland((centre - x).norm(), h)
+            self.coverage[a, b, c] += volume * kernels.quartic((centre - x).norm(), h)
 
     @ti.kernel
     def _find_air(self):

@@ -13,6 +13,14 @@ POLY6 = 315.0 / (64.0 * math.pi)
 SPIKY = 15.0 / math.pi
 VISCOSITY = 15.0 / (2.0 * math.pi)
 WENDLAND = 21.0 / (2.0 * math.pi)
+QUARTIC = 15625.0 / (512.0 * math.pi)
+# Value of quartic_shape at 0: 1 - 5 (3/5)^4 + 10 (1/5)^4.
+QUARTIC_PEAK = 0.368
+# A Wendland C2 kernel of this share of the quartic's support has its standard deviation (Dehnen and
+# Aly 2012, table 1).
+WENDLAND_PER_QUARTIC = 1.936492 / 2.018932
+# Distance, in supports, from which on slope over distance can be told without a pole.
+NEAR = 1e-3
 
 
 @ti.func
@@ -79,3 +87,27 @@ def wendland_slope(r, h):
     q = r / h
     u = ti.max(1.0 - q, 0.0)
     return -20.0 * WENDLAND / h**4 * q * u * u * u
+
+
+@ti.func
+def quartic_shape(q):
+    """Quartic B-spline M5 (Schoenberg 1946) of support 1, without its factor 15625/(512 pi):
+    w = (1 - q)^4 - 5 (3/5 - q)^4 + 10 (1/5 - q)^4, each term only where its bracket is positive;
+    its slope over q; and its second derivative."""
+    a, b, c = ti.max(1.0 - q, 0.0), ti.max(0.6 - q, 0.0), ti.max(0.2 - q, 0.0)
+    a2, b2, c2 = a * a, b * b, c * c
+    w = a2 * a2 - 5.0 * b2 * b2 + 10.0 * c2 * c2
+    slope = -4.0 * (a * a2 - 5.0 * b * b2 + 10.0 * c * c2)
+    return ti.math.vec3(w, slope / ti.max(q, NEAR), 12.0 * (a2 - 5.0 * b2 + 10.0 * c2))
+
+
+@ti.func
+def quartic(r, h):
+    """M5: 15625/(512 pi h^3) quartic_shape(r/h)."""
+    return QUARTIC / h**3 * quartic_shape(r / h).x
+
+
+@ti.func
+def quartic_slope(r, h):
+    """dW/dr of M5."""
+    return QUARTIC / h**4 * (r / h) * quartic_shape(r / h).y

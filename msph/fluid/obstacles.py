@@ -14,7 +14,7 @@ from msph.fluid.bodies import Ball, Block, Body, Solid, centre, reach, sunk
 from msph.fluid.layers import LayerSpec
 from msph.fluid.samples import Lattice, Samples
 from msph.fluid.solids import lattices, sample
-from msph.fluid.walls import ball_share, block_share
+from msph.fluid.walls import ball_share, block_share, wall_support
 
 vec3, vec4 = ti.math.vec3, ti.math.vec4
 
@@ -55,6 +55,7 @@ class Walls:
 
     def _allocate(self, specs: list[LayerSpec]) -> None:
         n = self.count
+        self.support = ti.field(ti.f32, shape=len(specs))  # of the integrals' kernel [m]
         self.kind = ti.field(ti.i32, shape=n)
         self.side = ti.field(ti.f32, shape=n)  # 1, or -1 where the water is inside
         self.half = ti.Vector.field(3, ti.f32, shape=n)  # extents of a block, radius of a ball [m]
@@ -64,6 +65,8 @@ class Walls:
         self.turn = ti.Matrix.field(3, 3, ti.f32, shape=(n, 2))  # body frame to box frame
         self.velocity = ti.Vector.field(3, ti.f32, shape=n)
         self.spin = ti.Vector.field(3, ti.f32, shape=n)
+        for k, spec in enumerate(specs):
+            self.support[k] = wall_support(spec)
         grids: list[Lattice] = []
         values: list[np.ndarray] = []
         for k, body in enumerate(self.bodies):
@@ -183,13 +186,14 @@ class Walls:
         return self.velocity[b] + self.spin[b].cross(x - self.centre[b, BEGIN])
 
     @ti.func
-    def share(self, x, layer, h):
+    def share(self, x, layer):
         """The bodies' part of the relative density of a layer's particle at x [m] (-), and its
         gradient [1/m]; where bodies move, fifth, -d/dt of that part by their motion alone [1/s].
 
         1 - product over bodies of (1 - lambda of each). The box's walls are not in it.
         """
         free, slope, closing = 1.0, vec3(0.0), 0.0
+        h = self.support[layer]
         for b in range(self.count):
             part = self.body_share(b, x, layer, h)
             g = part.yzw

@@ -7,6 +7,7 @@ from msph.fluid.distance import signed_distance
 from msph.fluid.kernel_share import kernel_share
 from msph.fluid.layers import LayerSpec
 from msph.fluid.samples import Lattice
+from msph.fluid.walls import wall_support
 
 # Cell of the lattices in supports: cubic interpolation then keeps shares to half a percent.
 CELL = 0.2
@@ -35,5 +36,5 @@ def sample(body: Solid, own: list[Lattice], specs: list[LayerSpec]) -> list[np.n
     finest = min(s.support for s in specs)
     values = [signed_distance(vertices[body.triangles], own[0], finest)]
     for spec, lattice in zip(specs, own[1:], strict=True):
-        values.append(kernel_share(vertices, body.triangles, lattice, spec.support))
+        values.append(kernel_share(vertices, body.triangles, lattice, wall_support(spec)))
     return values

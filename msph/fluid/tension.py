@@ -16,6 +16,7 @@ import math
 
 import taichi as ti
 
+from msph.fluid import kernels
 from msph.fluid.layers import Layers
 from msph.fluid.neighbours import NeighbourList
 from msph.fluid.particles import Attribute, Particles
@@ -36,8 +37,8 @@ AREA = 2.0 * (1.0 - SHARE) * CALIBRATION
 COHESION = 480.0 / math.pi * SHARE * CALIBRATION
 # Time step in units of sqrt(rho d^3/(2 pi sigma)), that of the shortest capillary wave.
 CAPILLARY = 0.5
-# Keeps divisions by what may vanish finite: r^2 [m^2], and 1 - r/h.
-TINY, EDGE = 1e-30, 1e-3
+# Keeps divisions by what may vanish finite [m^2].
+TINY = 1e-30
 
 
 @ti.data_oriented
@@ -81,8 +82,8 @@ class Tension:
     def pull(self, n: ti.i32, impulse: ti.f32):
         """v_i -= dt sigma/rho sum V_j (AREA H_ij (n_i - n_j) + COHESION s_ij f(r_ij) e_ij).
 
-        H: second derivatives of W, W'/r (1 - 3 q/(1 - q) e e) for Wendland C2; s_ij = (|n_i| +
-        |n_j|)/2, so that water within is not squeezed.
+        H: second derivatives of W, W'/r + (W'' - W'/r) e e; s_ij = (|n_i| + |n_j|)/2, so that
+        water within is not squeezed.
         """
         for i in range(n):
             x, normal = self.particles.x[i], self.particles.normal[i]
@@ -105,10 +106,11 @@ class Tension:
         """What neighbour j adds to the sum [1/m^2]."""
         layer, bend = self.particles.layer[j], n_i - n_j
         per_h = 2.0 / (h_i + self.layers.support[layer])
-        r2 = r_ij.norm_sqr()
+        r2, volume = r_ij.norm_sqr(), self.layers.volume[layer]
         q = ti.min(ti.sqrt(r2) * per_h, 1.0)
-        stretch = 3.0 * q / ti.max(1.0 - q, EDGE) / ti.max(r2, TINY)
-        area = AREA * self.slope[s] * (bend - stretch * r_ij.dot(bend) * r_ij)
+        second = volume * kernels.QUARTIC * per_h**5 * kernels.quartic_shape(q).z
+        along = (second - self.slope[s]) / ti.max(r2, TINY)
+        area = AREA * (self.slope[s] * bend + along * r_ij.dot(bend) * r_ij)
         share = 0.5 * (n_i.norm() + n_j.norm())
         u = 1.0 - q * q
-        return area + COHESION * share * self.layers.volume[layer] * per_h**6 * (u * u) * r_ij
+        return area + COHESION * share * volume * per_h**6 * (u * u) * r_ij

@@ -3,12 +3,23 @@
 For a plane at distance s from a particle, lambda(s/h) is the share of the kernel's integral that
 lies behind it: a function of one variable, exact for every particle size. A block's is close to the
 product of those of its axes.
+
+Integrals are those of the Wendland C2 kernel, which are closed, and of the standard deviation of
+the water's own kernel.
 """
 
 import taichi as ti
 
+from msph.fluid import kernels
+from msph.fluid.layers import LayerSpec
+
 # Least distance from a ball's centre that is told apart from it, in radii.
 SMALLEST = 1e-3
+
+
+def wall_support(spec: LayerSpec) -> float:
+    """Support [m] of the Wendland C2 kernel whose integrals stand for a layer's own."""
+    return kernels.WENDLAND_PER_QUARTIC * spec.support
 
 
 @ti.func

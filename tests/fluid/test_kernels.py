@@ -13,6 +13,7 @@ PAIRS = {
     "poly6": (kernels.poly6, kernels.poly6_slope),
     "spiky": (kernels.spiky, kernels.spiky_slope),
     "wendland": (kernels.wendland, kernels.wendland_slope),
+    "quartic": (kernels.quartic, kernels.quartic_slope),
 }
 
 

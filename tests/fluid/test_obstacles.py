@@ -15,12 +15,12 @@ from msph.fluid.projection import ProjectionTerms
 from msph.fluid.samples import Lattice
 from msph.fluid.simulation import NoWaterError, Simulation
 from msph.fluid.solids import CELL
-from msph.fluid.walls import ball_share, block_share
+from msph.fluid.walls import ball_share, block_share, wall_support
 from msph.measure.ledger import Ledger
 
 D = 0.05
 FINE, COARSE = (LayerSpec(1000.0 * d**3, 1000.0, 2.0) for d in (D, 1.6 * D))
-H = FINE.support
+H = wall_support(FINE)
 SIZE = (1.0, 1.0, 1.0)
 MIDDLE = np.array((0.5, 0.5, 0.5))
 
@@ -75,12 +75,12 @@ class Evaluator:
         self.x.from_numpy(x)
         self.share = ti.Vector.field(4, ti.f32, shape=len(x))
         self.distance = ti.Vector.field(4, ti.f32, shape=len(x))
-        self.run(layer, (FINE, COARSE)[layer].support)
+        self.run(layer)
 
     @ti.kernel
-    def run(self, layer: ti.i32, h: ti.f32):
+    def run(self, layer: ti.i32):
         for i in self.x:
-            share = self.walls.share(self.x[i], layer, h)
+            share = self.walls.share(self.x[i], layer)
             self.share[i] = ti.Vector([share[0], share[1], share[2], share[3]])
             if ti.static(self.walls.count > 0):
                 self.distance[i] = self.walls.distance(0, self.x[i], BEGIN)
@@ -223,7 +223,7 @@ def test_share_of_all_bodies_has_its_own_gradient_and_the_kernels_value():
         mesh = np.linalg.norm(y - (0.7, 0.25, 0.3), axis=1) < 0.12
         return block | ball | mesh
 
-    assert abs(found[:n, 0] - share_inside(x, COARSE.support, inside)).max() < 0.01
+    assert abs(found[:n, 0] - share_inside(x, wall_support(COARSE), inside)).max() < 0.01
 
 
 def unit(rng, n):

@@ -163,7 +163,9 @@ def area(sim, x):
     own = np.diag(h)
     d = x[:, None] - x
     r = np.linalg.norm(d, axis=2)
-    slope = -20.0 * 21.0 / (2.0 * np.pi * h**5) * np.clip(1.0 - r / h, 0.0, None) ** 3
+    q = r / h
+    slope = sum(k * np.clip(e - q, 0.0, None) ** 3 for k, e in ((-4, 1), (20, 0.6), (-40, 0.2)))
+    slope *= 15625.0 / (512.0 * np.pi * h**5) / np.maximum(q, 1e-3)
     g = ((volume * slope)[..., None] * d).sum(axis=1)
     return tension.AREA * (volume * np.sqrt((g**2).sum(axis=1) + 1.0 / own**2)).sum(), g
 
