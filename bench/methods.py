@@ -65,9 +65,8 @@ def solvers(layers: int, sheets: int) -> list[dict[str, str]]:
     volume = np.array([s.volume for s in sim.layers.specs])[p.numpy("layer")]
     solver.neighbours.refresh()
     solver.summation.weigh(n)
-    solver.push(n, dt, *Forcing(gravity=(0.0, -tanks.GRAVITY, 0.0)).arguments())
-    solver.aim_at_no_compression(n, dt)
-    solver.scale(n, dt * dt / solver.terms.density)
+    solver.push(n, p.alone, dt, *Forcing(gravity=(0.0, -tanks.GRAVITY, 0.0)).arguments())
+    solver.aim_at_no_compression(n, p.alone, dt, 0)
     warm = p.pressure.to_numpy()
 
     def solve(start, run):
@@ -87,7 +86,9 @@ def solvers(layers: int, sheets: int) -> list[dict[str, str]]:
     _, _, true = solve(warm, lambda: solve_for.converge(p.pressure, 1e-9, 2000))
 
     def jacobi(iterations):
-        solve_for.relax(p.pressure, iterations)
+        for _ in range(iterations):
+            solve_for.correct(n, p.alone, p.pressure)
+        solve_for.find_shifts(n, p.alone, p.pressure, p.shift)
         return iterations
 
     rows = []

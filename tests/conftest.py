@@ -1,8 +1,11 @@
+import os
+
 import pytest
-import taichi as ti
+
+from msph.device import start
 
 
 @pytest.fixture(scope="session", autouse=True)
 def taichi_runtime():
     """One Taichi runtime for all tests: every ti.init would recompile everything."""
-    ti.init(arch=ti.cpu, log_level=ti.WARN)
+    start(os.environ.get("TI_ARCH", "cpu"))

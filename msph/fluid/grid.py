@@ -10,7 +10,7 @@ import numpy as np
 import taichi as ti
 
 from msph.fluid.layers import Layers
-from msph.fluid.particles import Particles
+from msph.fluid.particles import Particles, one_thread_does
 from msph.fluid.scan import ExclusiveScan
 
 
@@ -34,6 +34,7 @@ class LayeredGrid:
         shapes = [grid_shape(size, s.support) for s in layers.specs]
         cells = [nx * ny * nz for nx, ny, nz in shapes]
         self.total_cells = sum(cells)
+        self.few_cells = one_thread_does(self.total_cells)
         self.dims = ti.Vector.field(3, ti.i32, shape=layers.count)
         self.offset = ti.field(ti.i32, shape=layers.count)
         self.cell_size = layers.support
@@ -58,18 +59,20 @@ class LayeredGrid:
 
     def build(self) -> None:
         """Sorts the particles by (layer, cell): count, scan, place, reorder."""
-        n = self.particles.count
-        self._count(n)
+        n, alone = self.particles.count, self.particles.alone
+        self._count(n, alone)
         self.scan.run(self.cell_count, self.cell_start)
-        self._place(n)
-        self.particles.reorder(self.place, n)
+        self._place(n, alone)
+        self.particles.reorder(self.place, n, alone)
         self.generation += 1
         self.stale = False
 
     @ti.kernel
-    def _count(self, n: ti.i32):
-        for c in self.cell_count:
+    def _count(self, n: ti.i32, alone: ti.template()):
+        ti.loop_config(serialize=self.few_cells)
+        for c in range(self.total_cells):
             self.cell_count[c] = 0
+        ti.loop_config(serialize=alone)
         for i in range(n):
             layer = self.particles.layer[i]
             dims = self.dims[layer]
@@ -79,7 +82,8 @@ class LayeredGrid:
             self.place[i] = ti.atomic_add(self.cell_count[cell], 1)
 
     @ti.kernel
-    def _place(self, n: ti.i32):
+    def _place(self, n: ti.i32, alone: ti.template()):
+        ti.loop_config(serialize=alone)
         for i in range(n):
             self.place[i] += self.cell_start[self.cell[i]]
 

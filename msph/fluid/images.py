@@ -62,6 +62,13 @@ class Images:
         return seen
 
     @ti.func
+    def farther(self, x, x_j):
+        """By how much mirroring x_j [m] at each axis adds to its squared distance from x [m^2]."""
+        near = ti.select(x > 0.5 * self.size, self.size - x, x)
+        seen = ti.select(x > 0.5 * self.size, self.size - x_j, x_j)
+        return 4.0 * near * seen
+
+    @ti.func
     def vector(self, v, bits):
         """A vector v as it is seen in the mirrors of `bits`."""
         return v * (1.0 - 2.0 * ti.cast(bits, ti.f32))

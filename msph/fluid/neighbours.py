@@ -97,7 +97,7 @@ class NeighbourList:
 
     @property
     def stale(self) -> bool:
-        return self.slack <= 0.0 or self.generation != self.grid.generation
+        return self.slack < 0.0 or self.generation != self.grid.generation
 
     @ti.kernel
     def _find(self, n: ti.i32):
@@ -126,18 +126,19 @@ class NeighbourList:
         i, x, last = search.i, search.x, search.place
         own = self.grid.cell_size[self.particles.layer[i]]
         near = self.images.in_reach(x, 0.5 * (own + self.widest) + self.margin)
-        for image in range(1, ti.select(near.sum() > 0, COMBINATIONS, 1)):
-            bits = self.images.bits(image)
-            # One entry before the first stands for the particle itself.
-            for s in range(first - 1, ti.select((bits <= near).all(), last, first - 1)):
-                j = ti.select(s < first, i, self.index[ti.max(s, first)])
-                seen = self.images.point(x, self.particles.x[j], bits)
-                reach = self._reach(i, self.particles.layer[j])
-                if (x - seen).norm_sqr() < reach * reach:
-                    search.wanted += 1
-                    if search.place < search.limit:
-                        self.index[search.place] = self.images.entry(j, image)
-                        search.place += 1
+        # One entry before the first stands for the particle itself.
+        for s in range(first - 1, ti.select(near.sum() > 0, last, first - 1)):
+            j = ti.select(s < first, i, self.index[ti.max(s, first)])
+            reach, x_j = self._reach(i, self.particles.layer[j]), self.particles.x[j]
+            left = reach * reach - (x - x_j).norm_sqr()
+            farther = self.images.farther(x, x_j)
+            if farther.min() < left:
+                for image in range(1, COMBINATIONS):
+                    if farther.dot(self.images.bits(image)) < left:
+                        search.wanted += 1
+                        if search.place < search.limit:
+                            self.index[search.place] = self.images.entry(j, image)
+                            search.place += 1
 
     @ti.func
     def _reach(self, i, layer):

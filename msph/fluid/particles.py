@@ -10,6 +10,16 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+# Particles up to which one thread of a CPU does a loop over their neighbours as fast as two do: to
+# wake threads takes 50 to 100 us, in which one meets 1,000 particles' neighbours.
+FEW = 2_500
+
+
+def one_thread_does(entries: int) -> bool:
+    """Whether a loop over so many entries should not be shared out among threads."""
+    on_cpu = ti.lang.impl.current_cfg().arch in (ti.x64, ti.arm64)
+    return on_cpu and entries <= FEW
+
 
 @dataclass(frozen=True)
 class Attribute:
@@ -89,6 +99,11 @@ class Particles:
             field.from_numpy(padded)
         self.count = n
 
+    @property
+    def alone(self) -> bool:
+        """Whether kernels should keep their loops over particles on one thread (a template)."""
+        return one_thread_does(self.count)
+
     def numpy(self, name: str) -> np.ndarray:
         """One attribute of the live particles, (count,) or (count, width)."""
         return self.fields[name].to_numpy()[: self.count]
@@ -114,23 +129,27 @@ class Particles:
         return {a.name: self.numpy(a.name) for a in self.attributes.values() if a.carried}
 
     @ti.kernel
-    def compact(self, target: ti.template(), alive: ti.template(), n: ti.i32):
+    def compact(self, target: ti.template(), alive: ti.template(), n: ti.i32, alone: ti.template()):
         """Moves those of the first n with alive[i] = 1 to target[i]. Both i32 (n,)."""
+        ti.loop_config(serialize=alone)
         for i in range(n):
             if alive[i] == 1:
                 for pair in ti.static(self._pairs):
                     pair[1][target[i]] = pair[0][i]
+        ti.loop_config(serialize=alone)
         for i in range(n):
             for pair in ti.static(self._pairs):
                 pair[0][i] = pair[1][i]
 
     @ti.kernel
-    def reorder(self, target: ti.template(), n: ti.i32):
+    def reorder(self, target: ti.template(), n: ti.i32, alone: ti.template()):
         """Moves particle i to place target[i], for every carried attribute. target: i32 (n,)."""
+        ti.loop_config(serialize=alone)
         for i in range(n):
             t = target[i]
             for pair in ti.static(self._pairs):
                 pair[1][t] = pair[0][i]
+        ti.loop_config(serialize=alone)
         for i in range(n):
             for pair in ti.static(self._pairs):
                 pair[0][i] = pair[1][i]

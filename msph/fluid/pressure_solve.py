@@ -26,10 +26,10 @@ WALL_ATTRIBUTES = (
 
 # Keeps divisions by what may vanish finite; far below any diagonal [1/m^2] or curvature met.
 TINY = 1e-30
-# Iterations between looks at the error, which wait for the device.
+# Iterations between looks at the error, which wait for the device; they share a launch.
 LOOK = 3
-# Most iterations of a round of conjugate gradients.
-ROUND = 40
+# Most looks in a round of conjugate gradients.
+ROUND = 14
 # Displacements, in spacings, that count as none: a share of them is left even by the best stop.
 STILL = 1e-5
 # Under-relaxation of Jacobi: stable below 2/lambda_max, which was .68, .53 and .31 at 27, 57 and 97
@@ -62,12 +62,8 @@ class PressureSolve:
         self.omega = min(LEAST_DAMPING, DAMPING / (4.0 / 3.0 * math.pi * widest**3))
         self.images, self.bodies = neighbours.images, bodies
         self.descent = ti.field(ti.f32, shape=())
-        self.last_descent = ti.field(ti.f32, shape=())
-        self.curvature = ti.field(ti.f32, shape=())
         self.excluded = ti.field(ti.f32, shape=())
-        self.gain = ti.field(ti.f32, shape=())
         self.scale = ti.field(ti.f32, shape=())
-        self.progress = ti.Vector.field(3, ti.f32, shape=())
 
     def converge(self, q, tolerance: float, most: int) -> int:
         """Projected conjugate gradients from the multipliers q (capacity,) [m^2], changed in place;
@@ -82,34 +78,30 @@ class PressureSolve:
         Within a round those particles push that have q > 0 or are compressed, less those that
         reach q = 0. A round ends early when the others have become more compressed than they.
         """
-        n = self.particles.count
+        n, alone = self.particles.count, self.particles.alone
         taken, done = 0, False
         while taken < most and not done:
-            self.find_shifts(n, q)
-            self.begin(n, q)
+            self.begin(n, alone, q)
             for _ in range(ROUND):
-                self.iterate(n, q)
-                taken += 1
-                if taken % LOOK == 0:
-                    self.look(n)
-                    change, compressed, excluded = self.progress[None]
-                    done = change < tolerance * tolerance
-                    if done or excluded > compressed or taken >= most:
-                        break
-        self.find_shifts(n, q)
+                change, compressed, excluded = self.iterate(n, alone, q)
+                taken += LOOK
+                done = change < tolerance * tolerance
+                if done or excluded > compressed or taken >= most:
+                    break
+        self.find_shifts(n, alone, q, self.particles.shift)
         return taken
 
-    def relax(self, q, iterations: int) -> None:
-        """Jacobi from the multipliers q (capacity,) [m^2], changed in place; leaves their shifts.
+    def relax(self, q, iterations: int, shifts) -> None:
+        """Jacobi from no multipliers; leaves them in q (capacity,) [m^2], and their shifts [m].
 
         Unlike conjugate gradients it never reaches for the long, nearly free modes of a regular
         arrangement, whose displacements are large and whose linearised compression is none.
         """
-        n = self.particles.count
-        for _ in range(iterations):
-            self.find_shifts(n, q)
-            self.correct(n, q)
-        self.find_shifts(n, q)
+        n, alone = self.particles.count, self.particles.alone
+        self.correct_from_nothing(n, alone, q)
+        for _ in range(iterations - 1):
+            self.correct(n, alone, q)
+        self.find_shifts(n, alone, q, shifts)
 
     @ti.func
     def shift_by(self, i, q: ti.template()):
@@ -154,79 +146,101 @@ class PressureSolve:
         return found
 
     @ti.kernel
-    def find_shifts(self, n: ti.i32, q: ti.template()):
+    def find_shifts(self, n: ti.i32, alone: ti.template(), q: ti.template(), shifts: ti.template()):
         """The displacements u that the multipliers q give."""
+        ti.loop_config(serialize=alone)
+        for i in range(n):
+            shifts[i] = self.shift_by(i, q)
+
+    @ti.kernel
+    def correct_from_nothing(self, n: ti.i32, alone: ti.template(), q: ti.template()):
+        """The first correction, where q = 0 and so r = source."""
+        ti.loop_config(serialize=alone)
+        for i in range(n):
+            q[i] = self.corrected(i, 0.0, self.particles.source[i])
+
+    @ti.kernel
+    def correct(self, n: ti.i32, alone: ti.template(), q: ti.template()):
+        """q += omega r/D, not below 0, with r = source - A q."""
+        ti.loop_config(serialize=alone)
         for i in range(n):
             self.particles.shift[i] = self.shift_by(i, q)
-
-    @ti.kernel
-    def correct(self, n: ti.i32, q: ti.template()):
-        """q += omega r/D, not below 0, with r = source - A q."""
+        ti.loop_config(serialize=alone)
         for i in range(n):
             r = self.particles.source[i] + self.divergence(i, self.particles.shift)
-            q[i] = ti.max(q[i] + self.omega * r / ti.max(self.particles.diagonal[i], TINY), 0.0)
+            q[i] = self.corrected(i, q[i], r)
+
+    @ti.func
+    def corrected(self, i, q, r):
+        return ti.max(q + self.omega * r / ti.max(self.particles.diagonal[i], TINY), 0.0)
 
     @ti.kernel
-    def begin(self, n: ti.i32, q: ti.template()):
+    def begin(self, n: ti.i32, alone: ti.template(), q: ti.template()):
         """r = source - A q; first direction r/D where particles push, 0 elsewhere."""
-        self.descent[None] = 0.0
-        self.excluded[None] = 0.0
-        self.gain[None] = 0.0
-        self.scale[None] = 0.0
+        ti.loop_config(serialize=alone)
         for i in range(n):
-            layer = self.particles.layer[i]
-            volume, spacing = self.layers.volume[layer], self.layers.spacing[layer]
+            self.particles.shift[i] = self.shift_by(i, q)
+        ti.loop_config(serialize=alone)
+        for i in range(n):
             r = self.particles.source[i] + self.divergence(i, self.particles.shift)
+            self.particles.residual[i] = r
+        descent, scale = 0.0, 0.0
+        ti.loop_config(serialize=alone)
+        for i in range(n):
+            layer, r = self.particles.layer[i], self.particles.residual[i]
+            volume, spacing = self.layers.volume[layer], self.layers.spacing[layer]
             d = ti.max(self.particles.diagonal[i], TINY)
             free = ti.select(q[i] > 0.0 or r > 0.0, 1.0, 0.0)
-            self.particles.residual[i] = r
             self.particles.free[i] = free
             self.particles.direction[i] = free * r / d
-            self.descent[None] += free * volume * r * r / d
+            descent += free * volume * r * r / d
             u2 = self.particles.shift[i].norm_sqr() + (STILL * spacing) ** 2
-            self.scale[None] += volume * u2
+            scale += volume * u2
+        self.descent[None], self.scale[None] = descent, scale
 
     @ti.kernel
-    def iterate(self, n: ti.i32, q: ti.template()):
-        """One step along the direction p, and the next direction.
+    def iterate(self, n: ti.i32, alone: ti.template(), q: ti.template()) -> ti.math.vec3:
+        """LOOK steps along directions p: q += alpha p, not below 0; r -= alpha A p; p = r/D + beta p
+        where particles push.
 
-        q += alpha p, not below 0; r -= alpha A p; p = r/D + beta p where particles push.
+        Returns the change of sum V |u|^2 by them over the sum, and how compressed those are that
+        push and those that do not.
         """
-        for i in range(n):
-            self.particles.shift[i] = self.shift_by(i, self.particles.direction)
-        self.curvature[None] = 0.0
-        for i in range(n):
-            response = -self.divergence(i, self.particles.shift)
-            self.particles.response[i] = response
-            volume = self.layers.volume[self.particles.layer[i]]
-            self.curvature[None] += volume * self.particles.direction[i] * response
-        self.last_descent[None] = self.descent[None]
-        self.gain[None] += self.descent[None] ** 2 / ti.max(self.curvature[None], TINY)
-        self.descent[None] = 0.0
-        self.excluded[None] = 0.0
-        for i in range(n):
-            alpha = self.last_descent[None] / ti.max(self.curvature[None], TINY)
-            r = self.particles.residual[i] - alpha * self.particles.response[i]
-            moved = q[i] + alpha * self.particles.direction[i]
-            if moved < 0.0:
-                self.particles.free[i] = 0.0
-            q[i] = ti.max(moved, 0.0)
-            self.particles.residual[i] = r
-            d = ti.max(self.particles.diagonal[i], TINY)
-            part = self.layers.volume[self.particles.layer[i]] * r * r / d
-            self.descent[None] += self.particles.free[i] * part
-            self.excluded[None] += (1.0 - self.particles.free[i]) * ti.select(r > 0.0, part, 0.0)
-        for i in range(n):
-            beta = self.descent[None] / ti.max(self.last_descent[None], TINY)
-            d = ti.max(self.particles.diagonal[i], TINY)
-            self.particles.direction[i] = self.particles.free[i] * (
-                self.particles.residual[i] / d + beta * self.particles.direction[i]
-            )
-
-    @ti.kernel
-    def look(self, n: ti.i32):
-        """(change of sum V |u|^2 since the last look over the sum, descent, excluded)."""
-        self.scale[None] += self.gain[None]
-        change = self.gain[None] / self.scale[None]
-        self.progress[None] = ti.Vector([change, self.descent[None], self.excluded[None]])
-        self.gain[None] = 0.0
+        gain = 0.0
+        for _ in ti.static(range(LOOK)):
+            ti.loop_config(serialize=alone)
+            for i in range(n):
+                self.particles.shift[i] = self.shift_by(i, self.particles.direction)
+            curvature = 0.0
+            ti.loop_config(serialize=alone)
+            for i in range(n):
+                response = -self.divergence(i, self.particles.shift)
+                self.particles.response[i] = response
+                volume = self.layers.volume[self.particles.layer[i]]
+                curvature += volume * self.particles.direction[i] * response
+            last = self.descent[None]
+            alpha = last / ti.max(curvature, TINY)
+            gain += last * alpha
+            descent, excluded = 0.0, 0.0
+            ti.loop_config(serialize=alone)
+            for i in range(n):
+                r = self.particles.residual[i] - alpha * self.particles.response[i]
+                moved = q[i] + alpha * self.particles.direction[i]
+                if moved < 0.0:
+                    self.particles.free[i] = 0.0
+                q[i] = ti.max(moved, 0.0)
+                self.particles.residual[i] = r
+                d = ti.max(self.particles.diagonal[i], TINY)
+                part = self.layers.volume[self.particles.layer[i]] * r * r / d
+                descent += self.particles.free[i] * part
+                excluded += (1.0 - self.particles.free[i]) * ti.select(r > 0.0, part, 0.0)
+            beta = descent / ti.max(last, TINY)
+            self.descent[None], self.excluded[None] = descent, excluded
+            ti.loop_config(serialize=alone)
+            for i in range(n):
+                d = ti.max(self.particles.diagonal[i], TINY)
+                self.particles.direction[i] = self.particles.free[i] * (
+                    self.particles.residual[i] / d + beta * self.particles.direction[i]
+                )
+        self.scale[None] += gain
+        return ti.math.vec3(gain / self.scale[None], self.descent[None], self.excluded[None])

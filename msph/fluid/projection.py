@@ -31,6 +31,7 @@ from msph.fluid.xsph import Xsph
 _ATTRIBUTES = (
     Attribute("density", "kg/m^3", "relative density c times rest density"),
     Attribute("pressure", "Pa", "pressure of the velocity solve"),
+    Attribute("swing", "m/s", "sqrt(p/rho0) of what is round it", carried=False),
     *separation.ATTRIBUTES,
     *pressure_solve.ATTRIBUTES,
 )
@@ -86,7 +87,8 @@ class Projection(Accounts):
     solve gives v += u/dt, and its multiplier is q = dt^2 p/rho0.
     """
 
-    LIST_MARGIN = 0.1  # in supports of the finest layer: the position solve moves within it
+    # Of each list one step is made: a margin would add a third to all its sums.
+    LIST_MARGIN = 0.0
 
     def __init__(
         self,
@@ -184,7 +186,9 @@ class Projection(Accounts):
         for _ in range(ARRANGING):
             self.neighbours.refresh()
             self.summation.weigh(self.particles.count)
-            crowded = self.separation.run(self.particles.count)
+            crowded = self.separation.find(self.particles.count)
+            if crowded:
+                self.separation.part(self.particles.count, self.particles.alone)
             self.disturb()
             if self.adaptation:
                 unchanged = 0 if self.adaptation.run(budget=1.0) else unchanged + 1
@@ -217,21 +221,20 @@ class Projection(Accounts):
         return longest / FIRST_CARE if self.first else longest
 
     def step(self, dt: float, forcing: Forcing) -> None:
-        """Neighbours; positions without crowding; forces; velocities without compression; move."""
-        n = self.particles.count
+        """Neighbours and sums; how the crowded must part; forces; velocities without compression;
+        part and move."""
+        n, alone = self.particles.count, self.particles.alone
         self.neighbours.refresh()
         self.summation.weigh(n)
-        if self.separation.run(n):
-            self.summation.weigh(n)
+        crowded = self.separation.find(n)
         if self.xsph:
             self.xsph.run(n)
-        self.push(n, dt, *forcing.arguments())
+        self.push(n, alone, dt, *forcing.arguments())
         if self.tension:
             self.tension.run(n, dt)
         if self.viscosity:
             self.viscosity.run(n, dt)
-        self.aim_at_no_compression(n, dt)
-        self.scale(n, dt * dt / self.terms.density)
+        self.aim_at_no_compression(n, alone, dt, int(crowded))
         # The first solve knows no pressure to start from, and what it leaves would fall.
         care = FIRST_CARE if self.first else 1
         self.iterations = self.pressure_solve.converge(
@@ -240,21 +243,28 @@ class Projection(Accounts):
             care * self.terms.velocity_iterations,
         )
         self.first = False
-        self.move(n, dt)
-        self.scale(n, self.terms.density / (dt * dt))
+        self.accelerate(n, alone, dt)
+        if crowded:
+            self.separation.part(n, alone)
+        self.move(n, alone, dt)
         self.disturb()
         if self.adaptation and self.adaptation.due():
             self.adaptation.run()
 
     @ti.kernel
-    def aim_at_no_compression(self, n: ti.i32, dt: ti.f32):
+    def aim_at_no_compression(self, n: ti.i32, alone: ti.template(), dt: ti.f32, crowded: ti.i32):
         """source_i = dt dc/dt + (c_i - 1 if c_i < 1, else (c_i - 1) dt/release) of the velocity
-        solve."""
+        solve, c_i as it will be once the crowded have parted; and pressures [Pa] become the solve's
+        multipliers [m^2]."""
+        ti.loop_config(serialize=alone)
         for i in range(n):
             rate = self.pressure_solve.divergence(i, self.particles.v)
             if ti.static(self.walls.moving):
                 rate += self.summation.inflow[i]
             c = self.particles.density[i] / self.terms.density - 1.0
+            if crowded == 1:
+                c += self.pressure_solve.divergence(i, self.particles.parting)
+                self.particles.density[i] = self.terms.density * (1.0 + c)
             if 1.0 + c < self.terms.spray:
                 rate = ti.min(rate, 0.0)
             wanted = ti.select(c < 0.0, c, ti.min(1.0, dt / self.terms.release) * c)
@@ -262,17 +272,13 @@ class Projection(Accounts):
                 # Halves are crowded, and mergers leave gaps, until the position solve has met them.
                 wanted = ti.select(self.particles.settling[i] > 0 and c > -SMALL_GAP, 0.0, wanted)
             self.particles.source[i] = dt * rate + wanted
-
-    @ti.kernel
-    def scale(self, n: ti.i32, factor: ti.f32):
-        """Between pressure [Pa] and the multiplier q = dt^2 p/rho0 [m^2]."""
-        for i in range(n):
-            self.particles.pressure[i] *= factor
+            self.particles.pressure[i] *= dt * dt / self.terms.density
 
     @ti.kernel
     def push(
         self,
         n: ti.i32,
+        alone: ti.template(),
         dt: ti.f32,
         gravity: ti.math.vec3,
         hand_x: ti.math.vec3,
@@ -281,6 +287,7 @@ class Projection(Accounts):
         hand_grip: ti.f32,
     ):
         """v* = v + dt (g + what the hand gives + what gravity adds to the walls' pressures)."""
+        ti.loop_config(serialize=alone)
         for i in range(n):
             m = self.layers.mass[self.particles.layer[i]]
             x, v, lift = self.particles.x[i], self.particles.v[i], self.image_lift(i, gravity)
@@ -320,9 +327,9 @@ class Projection(Accounts):
         return total / count
 
     @ti.kernel
-    def move(self, n: ti.i32, dt: ti.f32):
-        """v = v* + u/dt, x += dt v; what would leave is stopped at its wall."""
-        self.top_rate[None] = 0.0
+    def accelerate(self, n: ti.i32, alone: ti.template(), dt: ti.f32):
+        """v = v* + u/dt; and how soon what holds a particle in its arrangement would swing it."""
+        ti.loop_config(serialize=alone)
         for i in range(n):
             m, u = self.layers.mass[self.particles.layer[i]], self.particles.shift[i]
             wall = self.pressure_solve.wall_shift(i, self.particles.pressure)
@@ -334,6 +341,13 @@ class Projection(Accounts):
                     m * self.particles.pressure[i] / dt * self.summation.inflow[i]
                 )
             self.particles.v[i] += u / dt
+            self.particles.swing[i] = ti.sqrt(self.mean_multiplier(i)) / dt
+
+    @ti.kernel
+    def move(self, n: ti.i32, alone: ti.template(), dt: ti.f32):
+        """x += dt v; what would leave is stopped at its wall. Multipliers become pressures."""
+        top = 0.0
+        ti.loop_config(serialize=alone)
         for i in range(n):
             layer, v = self.particles.layer[i], self.particles.v[i]
             d = self.layers.spacing[layer]
@@ -342,8 +356,9 @@ class Projection(Accounts):
             self.wall_impulse[None] += self.layers.mass[layer] * (v - self.particles.v[i])
             self.particles.x[i] = x
             self.particles.v[i] = v
-            swing = ti.sqrt(self.mean_multiplier(i)) / dt
+            self.particles.pressure[i] *= self.terms.density / (dt * dt)
             if self.particles.density[i] < self.terms.spray * self.terms.density:
                 v /= SPRAY_LEAP
-            rate = ti.max(v.norm() / self.terms.cfl, swing / self.terms.pressure_cfl) / d
-            ti.atomic_max(self.top_rate[None], rate)
+            speed, swing = v.norm() / self.terms.cfl, self.particles.swing[i]
+            ti.atomic_max(top, ti.max(speed, swing / self.terms.pressure_cfl) / d)
+        self.top_rate[None] = top

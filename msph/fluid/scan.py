@@ -2,6 +2,8 @@
 
 import taichi as ti
 
+from msph.fluid.particles import one_thread_does
+
 # Entries that one thread adds up serially: long enough to hide a thread's start, short enough to
 # leave a GPU something to share out.
 CHUNK = 256
@@ -18,11 +20,13 @@ class ExclusiveScan:
     def __init__(self, length: int):
         self.length = length
         self.chunks = (length + CHUNK - 1) // CHUNK
+        self.few = one_thread_does(length)
         self.sums = ti.field(ti.i32, shape=self.chunks)
 
     @ti.kernel
     def run(self, counts: ti.template(), starts: ti.template()):
         """counts (length,) i32 -> starts (length + 1,) i32, starts[0] = 0, starts[-1] = total."""
+        ti.loop_config(serialize=self.few)
         for c in range(self.chunks):
             total = 0
             for i in range(c * CHUNK, ti.min((c + 1) * CHUNK, self.length)):
@@ -31,6 +35,7 @@ class ExclusiveScan:
         ti.loop_config(serialize=True)
         for c in range(1, self.chunks):
             self.sums[c] += self.sums[c - 1]
+        ti.loop_config(serialize=self.few)
         for c in range(self.chunks):
             total = 0
             if c > 0:

@@ -11,6 +11,7 @@ from msph.fluid.pressure_solve import PressureSolve
 
 ATTRIBUTES = (
     Attribute("crowding", "m^2", "multiplier of the position solve", carried=False),
+    Attribute("parting", "m", "displacement that ends crowding", width=3, carried=False),
     Attribute("exchange", "m/s", "velocity given by neighbours", width=3, carried=False),
 )
 
@@ -48,35 +49,37 @@ class Separation:
         self.density, self.iterations, self.largest_shift = density, iterations, largest_shift
         self.most_crowded = ti.field(ti.f32, shape=())
 
-    def run(self, n: int) -> bool:
-        """Moves the first n particles apart whose densities are known; whether any were crowded."""
-        self.aim_at_rest_density(n)
+    def find(self, n: int) -> bool:
+        """How the first n particles, whose densities are known, must part; whether any must."""
+        self.aim_at_rest_density(n, self.particles.alone)
         crowded = self.most_crowded[None]
         if crowded < LOOSE:
             return False
         rounds = URGENT_ROUNDS if crowded > URGENT else 1
-        self.pressure_solve.relax(self.particles.crowding, rounds * self.iterations)
-        self.displace(n)
+        p = self.particles
+        self.pressure_solve.relax(p.crowding, rounds * self.iterations, p.parting)
         return True
 
     @ti.kernel
-    def aim_at_rest_density(self, n: ti.i32):
-        """source_i = c_i - 1 of the position solve, which starts from nothing."""
-        self.most_crowded[None] = -1.0
+    def aim_at_rest_density(self, n: ti.i32, alone: ti.template()):
+        """source_i = c_i - 1."""
+        most = -1.0
+        ti.loop_config(serialize=alone)
         for i in range(n):
             excess = self.particles.density[i] / self.density - 1.0
             self.particles.source[i] = excess
-            self.particles.crowding[i] = 0.0
-            ti.atomic_max(self.most_crowded[None], excess)
+            ti.atomic_max(most, excess)
+        self.most_crowded[None] = most
 
     @ti.kernel
-    def displace(self, n: ti.i32):
-        """x += u of the position solve, at most `largest_shift` spacings.
+    def part(self, n: ti.i32, alone: ti.template()):
+        """x += parting, at most `largest_shift` spacings; particles are where find() met them.
 
         A pair that is moved apart to r (1 + a) keeps its angular momentum only if its relative
         velocity shrinks by a; so v_i -= sum a_ij (v_i - v_j), a_ij = -(q_i + q_j) V_j W'/r >= 0,
         which keeps the momentum too, and adds no energy.
         """
+        ti.loop_config(serialize=alone)
         for i in range(n):
             change = ti.Vector([0.0, 0.0, 0.0])
             q, v = self.particles.crowding[i], self.particles.v[i]
@@ -85,22 +88,22 @@ class Separation:
                 a = self.slope[s] * (q + self.particles.crowding[j])
                 change += a * (v - self.particles.v[j])
             self.particles.exchange[i] = change
-            # Booked here, where all are still in the places that the solve knew.
             m = self.layers.mass[self.particles.layer[i]]
             self.accounts.book_internal(m, self.particles.x[i], change)
             wall = self.pressure_solve.wall_shift(i, self.particles.crowding)
-            inner = self.limit(i) * (self.particles.shift[i] - wall)
+            inner = self.limit(i) * (self.particles.parting[i] - wall)
             self.accounts.internal_angular_impulse[None] += m * inner.cross(v + change)
+        ti.loop_config(serialize=alone)
         for i in range(n):
-            x = self.particles.x[i] + self.limit(i) * self.particles.shift[i]
+            x = self.particles.x[i] + self.limit(i) * self.particles.parting[i]
             self.particles.x[i] = self.walls.keep(x, BEGIN, self.margin(i))
             self.particles.v[i] += self.particles.exchange[i]
 
     @ti.func
     def limit(self, i):
-        """Share of a shift that is at most `largest_shift` spacings long."""
+        """Share of the parting that is at most `largest_shift` spacings long."""
         d = self.layers.spacing[self.particles.layer[i]]
-        length = ti.max(self.particles.shift[i].norm(), SMALLEST * d)
+        length = ti.max(self.particles.parting[i].norm(), SMALLEST * d)
         return ti.min(1.0, self.largest_shift * d / length)
 
     @ti.func

@@ -1,5 +1,6 @@
 """Densities, gradients and the pressure solves' diagonal, from one walk over the neighbours."""
 
+import numpy as np
 import taichi as ti
 
 from msph.fluid import kernels
@@ -7,6 +8,10 @@ from msph.fluid.layers import Layers
 from msph.fluid.neighbours import NeighbourList
 from msph.fluid.obstacles import Walls
 from msph.fluid.particles import Particles
+from msph.tables import tables
+
+# Squared distance [m^2] from which on a direction can be told.
+TINY = 1e-16
 
 # A particle's density, the sum V_j grad W_ij [1/m], and sum V_j |grad W_ij|^2 [1/m^5].
 Sums = ti.types.struct(c=ti.f32, g=ti.math.vec3, squares=ti.f32)
@@ -39,6 +44,9 @@ class Summation:
         self.slope = ti.field(ti.f32, shape=neighbours.index.shape)
         if walls.moving:
             self.inflow = ti.field(ti.f32, shape=particles.capacity)
+        h = np.array([s.support for s in layers.specs])
+        per_h = 2.0 / (h[:, None] + h)
+        self.per_h, self.scale = tables(per_h, kernels.QUARTIC * per_h**3)
         # What a particle adds to its own density.
         self.own = ti.field(ti.f32, shape=layers.count)
         for k, spec in enumerate(layers.specs):
@@ -52,7 +60,7 @@ class Summation:
         """
         for i in range(n):
             layer = self.particles.layer[i]
-            x, h_i = self.particles.x[i], self.layers.support[layer]
+            x = self.particles.x[i]
             total = Sums(c=self.own[layer])
             if ti.static(self.walls.count > 0):
                 wall = self.walls.share(x, layer)
@@ -63,12 +71,12 @@ class Summation:
                     self.inflow[i] = -wall[4]
             for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
                 j = self.neighbours.index[s]
-                self.weigh_pair(s, h_i, j, x - self.particles.x[j], total)
+                self.weigh_pair(s, layer, j, x - self.particles.x[j], total)
             mirrored = ti.Vector([0.0, 0.0, 0.0])
             for s in range(self.neighbours.mirrors[i], self.neighbours.end[i]):
                 j, bits = self.images.read(self.neighbours.index[s])
                 r_ij = x - self.images.point(x, self.particles.x[j], bits)
-                self.weigh_pair(s, h_i, j, r_ij, total)
+                self.weigh_pair(s, layer, j, r_ij, total)
                 mirrored += ti.select(j == i, 1.0, 0.0) * self.slope[s] * r_ij
             g, volume = total.g, self.layers.volume[layer]
             self.particles.density[i] = total.c * self.density
@@ -76,15 +84,20 @@ class Summation:
             self.particles.diagonal[i] = (g + mirrored).norm_sqr() + volume * total.squares
 
     @ti.func
-    def weigh_pair(self, s, h_i, j, r_ij, total: ti.template()):
+    def weigh_pair(self, s, layer, j, r_ij, total: ti.template()):
         """Adds neighbour j to the sums, and stores its slope_s."""
         other = self.particles.layer[j]
-        v_j, per_h = self.layers.volume[other], 2.0 / (h_i + self.layers.support[other])
-        shape = kernels.quartic_shape(r_ij.norm() * per_h)
-        scale = v_j * kernels.QUARTIC * (per_h * per_h * per_h)
-        total.c += scale * shape.x
+        per_h, scale = self.per_h[layer, other], self.scale[layer, other]
+        r2 = ti.max(r_ij.norm_sqr(), TINY)
+        per_r = ti.rsqrt(r2)
+        q = r2 * per_r * per_h
+        a, b, c = ti.max(1.0 - q, 0.0), ti.max(0.6 - q, 0.0), ti.max(0.2 - q, 0.0)
+        a3, b3, c3 = a * a * a, b * b * b, c * c * c
+        w = scale * (a3 * a - 5.0 * b3 * b + 10.0 * c3 * c)
         # dW/dr over r: grad W_ij = slope_s r_ij / V_j.
-        slope = scale * (per_h * per_h) * shape.y
-        self.slope[s] = slope
-        total.g += slope * r_ij
-        total.squares += slope * slope / v_j * r_ij.norm_sqr()
+        slope = -4.0 * scale * per_h * per_r * (a3 - 5.0 * b3 + 10.0 * c3)
+        volume = self.layers.volume[other]
+        total.c += volume * w
+        self.slope[s] = volume * slope
+        total.g += volume * slope * r_ij
+        total.squares += volume * slope * slope * r2

@@ -76,8 +76,8 @@ class Viscosity:
         The last step's pressure is lent to them meanwhile. Without it viscosity would brake the
         fall of water at rest on its floor, which the pressure has yet to stop, and bear its weight.
         """
-        span = dt * self.nu
-        self.pressure_solve.find_shifts(n, self.particles.pressure)
+        span, p = dt * self.nu, self.particles
+        self.pressure_solve.find_shifts(n, p.alone, p.pressure, p.shift)
         self.lend_pressure(n, dt / self.density)
         self.iterations = 0
         if dt * self.stiffness <= EXPLICIT:
