@@ -7,6 +7,7 @@ layer, one below it is merged with its nearest neighbour of the same layer (afte
 
 from dataclasses import dataclass
 
+import numpy as np
 import taichi as ti
 
 from msph.fluid import kernels
@@ -33,6 +34,9 @@ HALF = 0.35
 LEAST_HALF = 0.15
 # Keeps divisions by what may vanish finite.
 TINY = 1e-20
+import os
+
+MERGE = float(os.environ.get("MERGE", "0.3"))
 # Farthest merge, in spacings: across a gap a merge would pop.
 FARTHEST_MERGE = 1.25
 # Shares of the pool: fuller than the first, bands grow thinner; emptier than the second, thicker.
@@ -123,6 +127,41 @@ class Adaptation:
         self.thickness, self.events, self.steps = 1.0, (0, 0, 0), 0
         self.next_id[None] = int(self.particles.numpy("id").max()) + 1
 
+    def fill(self) -> None:
+        """Splits what the scene filled too coarsely, before the water moves.
+
+        A particle of a lattice owns a cube; its halves own half of it each and lie in their
+        middles, so that they fill the space that the scene gave them and no other. Halves that
+        look for gaps need to be pushed apart, and the water would start too high.
+        """
+        p = self.particles
+        state, edges = p.state(), None
+        while True:
+            self.depth.refresh()
+            self.wish_for(p.count, 1.0)
+            split = np.flatnonzero(p.numpy("wish") == -1)[: p.capacity - p.count]
+            if len(split) == 0:
+                return
+            layer = state["layer"]
+            if edges is None:
+                spacing = np.array([s.spacing for s in self.layers.specs])
+                edges = np.repeat(spacing[layer][:, None], 3, axis=1)
+            axis = edges[split].argmax(axis=1)
+            offset = np.zeros((len(split), 3), np.float32)
+            rows = np.arange(len(split))
+            offset[rows, axis] = 0.25 * edges[split, axis]
+            edges[split, axis] *= 0.5
+            edges = np.concatenate([edges, edges[split]])
+            halves = {name: values[split].copy() for name, values in state.items()}
+            halves["id"] = np.arange(len(split), dtype=np.int32) + state["id"].max() + 1
+            state["x"][split] -= offset
+            halves["x"] += offset
+            state = {k: np.concatenate([state[k], halves[k]]) for k in state}
+            finer = self.finer.to_numpy()
+            state["layer"][split] = finer[layer[split]]
+            state["layer"][p.count :] = finer[layer[split]]
+            p.fill(**state)
+
     def due(self) -> bool:
         """Counts a step; true for those after which a pass is due."""
         self.steps += 1
@@ -173,7 +212,7 @@ class Adaptation:
             self.particles.settling[i] = ti.max(waiting - 1, 0)
             top, bottom = self.top[layer] * thickness, self.bottom[layer] * thickness
             above = depth < top * (1.0 - self.terms.hysteresis) and self.finer[layer] >= 0
-            below = depth > bottom * (1.0 + self.terms.hysteresis) and self.coarser[layer] >= 0
+            below = depth > bottom * (1.0 + MERGE) and self.coarser[layer] >= 0
             wish = ti.select(above, -1, ti.select(below, 1, 0))
             self.particles.wish[i] = ti.select(waiting > 0, 0, wish)
 

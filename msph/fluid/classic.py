@@ -149,9 +149,15 @@ class Classic(Accounts):
         self,
         n: ti.i32,
         dt: ti.f32,
-        gravity: ti.math.vec3,
-        hand_x: ti.math.vec3,
-        hand_v: ti.math.vec3,
+        g_x: ti.f32,
+        g_y: ti.f32,
+        g_z: ti.f32,
+        hand_x: ti.f32,
+        hand_y: ti.f32,
+        hand_z: ti.f32,
+        hand_v_x: ti.f32,
+        hand_v_y: ti.f32,
+        hand_v_z: ti.f32,
         hand_radius: ti.f32,
         hand_grip: ti.f32,
     ):
@@ -161,6 +167,8 @@ class Classic(Accounts):
         its digits in single precision and lets dt change. Particles stop half a spacing from the
         walls. The internal impulse sum m a dt [N s] would be zero were pair forces antisymmetric.
         """
+        gravity, hand_at = ti.math.vec3(g_x, g_y, g_z), ti.math.vec3(hand_x, hand_y, hand_z)
+        hand_v = ti.math.vec3(hand_v_x, hand_v_y, hand_v_z)
         self.farthest[None] = 0.0
         for i in range(n):
             layer = self.particles.layer[i]
@@ -169,7 +177,7 @@ class Classic(Accounts):
             m = self.layers.mass[layer]
             self.book_internal(m, x, dt * a)
             a += gravity * self.layers.gravity_factor[layer]
-            hand = hand_acceleration(x, v, dt, hand_x, hand_v, hand_radius, hand_grip)
+            hand = hand_acceleration(x, v, dt, hand_at, hand_v, hand_radius, hand_grip)
             self.book_hand(m, v, dt, hand, a)
             v += dt * (a + hand)
             start, free = x, v

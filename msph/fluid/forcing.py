@@ -29,10 +29,12 @@ class Forcing:
     hand: Hand = field(default_factory=Hand)
 
     def arguments(self) -> tuple:
-        """What kernels take: gravity, the hand's position, velocity, radius and grip."""
+        """What kernels take: gravity, the hand's position, velocity, radius and grip.
+
+        Eleven numbers: to pass three vectors would take as long as launching four kernels.
+        """
         h = self.hand
-        vectors = (ti.Vector(v) for v in (self.gravity, h.position, h.velocity))
-        return (*vectors, h.radius, h.grip)
+        return (*self.gravity, *h.position, *h.velocity, h.radius, h.grip)
 
 
 @ti.func

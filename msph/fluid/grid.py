@@ -12,6 +12,7 @@ import taichi as ti
 from msph.fluid.layers import Layers
 from msph.fluid.particles import Particles, one_thread_does
 from msph.fluid.scan import ExclusiveScan
+from msph.tables import tables
 
 
 def grid_shape(size: tuple[float, float, float], cell: float) -> tuple[int, int, int]:
@@ -25,7 +26,8 @@ class LayeredGrid:
     """Grids over the box (0, 0, 0) to size [m], one per layer, its cell edge that layer's h.
 
     Fields, for L layers and C cells in all: cell_start (C + 1,) i32, first particle of each cell;
-    dims (L,) ivec3; offset (L,) i32, first cell of each layer; cell_size (L,) f32 [m].
+    dims (L,) ivec3; offset (L,) i32, first cell of each layer; cell_size (L,) f32 [m] and
+    per_cell (L,) f32 [1/m], its inverse.
     """
 
     def __init__(self, size: tuple[float, float, float], layers: Layers, particles: Particles):
@@ -34,6 +36,7 @@ class LayeredGrid:
         shapes = [grid_shape(size, s.support) for s in layers.specs]
         cells = [nx * ny * nz for nx, ny, nz in shapes]
         self.total_cells = sum(cells)
+        (self.per_cell,) = tables(np.array([1.0 / s.support for s in layers.specs]))
         self.few_cells = one_thread_does(self.total_cells)
         self.dims = ti.Vector.field(3, ti.i32, shape=layers.count)
         self.offset = ti.field(ti.i32, shape=layers.count)
@@ -59,16 +62,12 @@ class LayeredGrid:
 
     def build(self) -> None:
         """Sorts the particles by (layer, cell): count, scan, place, reorder."""
-        n, alone = self.particles.count, self.particles.alone
-        self._count(n, alone)
-        self.scan.run(self.cell_count, self.cell_start)
-        self._place(n, alone)
-        self.particles.reorder(self.place, n, alone)
+        self._sort(self.particles.count, self.particles.alone)
         self.generation += 1
         self.stale = False
 
     @ti.kernel
-    def _count(self, n: ti.i32, alone: ti.template()):
+    def _sort(self, n: ti.i32, alone: ti.template()):
         ti.loop_config(serialize=self.few_cells)
         for c in range(self.total_cells):
             self.cell_count[c] = 0
@@ -80,17 +79,16 @@ class LayeredGrid:
             cell = self.offset[layer] + (c[0] * dims[1] + c[1]) * dims[2] + c[2]
             self.cell[i] = cell
             self.place[i] = ti.atomic_add(self.cell_count[cell], 1)
-
-    @ti.kernel
-    def _place(self, n: ti.i32, alone: ti.template()):
+        self.scan.sum_up(self.cell_count, self.cell_start)
         ti.loop_config(serialize=alone)
         for i in range(n):
             self.place[i] += self.cell_start[self.cell[i]]
+        self.particles.reorder(self.place, n, alone)
 
     @ti.func
     def cell_of(self, x, layer):
         """Cell of the point x in a layer's grid; points outside belong to the nearest cell."""
-        c = ti.floor(x / self.cell_size[layer], ti.i32)
+        c = ti.floor(x * self.per_cell[layer], ti.i32)
         return ti.math.clamp(c, 0, self.dims[layer] - 1)
 
     @ti.func
@@ -101,40 +99,33 @@ class LayeredGrid:
         return ti.Vector([self.cell_start[base + k_lo], self.cell_start[base + k_hi + 1]])
 
     @ti.func
-    def slab(self, layer, i, j_lo, j_hi):
-        """Particles [begin, end) of all cells (i, j, k) with j_lo <= j <= j_hi and any k."""
-        dims = self.dims[layer]
-        base = self.offset[layer] + i * dims[1] * dims[2]
-        return ti.Vector(
-            [
-                self.cell_start[base + j_lo * dims[2]],
-                self.cell_start[base + (j_hi + 1) * dims[2]],
-            ]
-        )
-
-    @ti.func
     def for_each_row(self, x, layer, reach, visit: ti.template(), out: ti.template()):
         """Calls visit(begin, end, out) for rows of a layer's particles that hold all of them with
         |x - x_j| < reach [m], and others.
 
         Rows of cells, and the ends of rows, that the ball around x does not meet are skipped.
         """
-        h = self.cell_size[layer]
-        lo = self.cell_of(x - reach, layer)
-        hi = self.cell_of(x + reach, layer)
+        # All in cells, and read once: what visit writes could be anything to the compiler.
+        g, r = x * self.per_cell[layer], reach * self.per_cell[layer]
+        dims = self.dims[layer]
+        lo = ti.math.clamp(ti.floor(g - r, ti.i32), 0, dims - 1)
+        hi = ti.math.clamp(ti.floor(g + r, ti.i32), 0, dims - 1)
+        first, depth = self.offset[layer], dims[2]
         for a in range(lo[0], hi[0] + 1):
             # Cells at the border also hold what lies beyond it, so only inner gaps count.
-            gap_a = ti.max(a * h - x[0], x[0] - (a + 1) * h, 0.0)
+            gap_a = ti.max(a - g[0], g[0] - (a + 1), 0.0)
+            slab, left = first + a * dims[1] * depth, r * r - gap_a * gap_a
             # One look at the whole slab of rows: most layers are nowhere near most particles.
-            slab = self.slab(layer, a, lo[1], hi[1])
-            last = ti.select(slab[1] > slab[0], hi[1], lo[1] - 1)
+            begin = self.cell_start[slab + lo[1] * depth]
+            end = self.cell_start[slab + (hi[1] + 1) * depth]
+            last = ti.select(end > begin, hi[1], lo[1] - 1)
             for b in range(lo[1], last + 1):
-                gap_b = ti.max(b * h - x[1], x[1] - (b + 1) * h, 0.0)
-                half2 = reach * reach - gap_a * gap_a - gap_b * gap_b
+                gap_b = ti.max(b - g[1], g[1] - (b + 1), 0.0)
+                half2 = left - gap_b * gap_b
                 if half2 > 0.0:
                     half = ti.sqrt(half2)
                     # Clamped on both sides: a position that is not finite must not index memory.
-                    k_lo = ti.math.clamp(ti.floor((x[2] - half) / h, ti.i32), lo[2], hi[2])
-                    k_hi = ti.math.clamp(ti.floor((x[2] + half) / h, ti.i32), lo[2], hi[2])
-                    row = self.row(layer, a, b, k_lo, k_hi)
-                    visit(row[0], row[1], out)
+                    k_lo = ti.math.clamp(ti.floor(g[2] - half, ti.i32), lo[2], hi[2])
+                    k_hi = ti.math.clamp(ti.floor(g[2] + half, ti.i32), lo[2], hi[2])
+                    row = slab + b * depth
+                    visit(self.cell_start[row + k_lo], self.cell_start[row + k_hi + 1], out)

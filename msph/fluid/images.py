@@ -62,11 +62,19 @@ class Images:
         return seen
 
     @ti.func
-    def farther(self, x, x_j):
-        """By how much mirroring x_j [m] at each axis adds to its squared distance from x [m^2]."""
-        near = ti.select(x > 0.5 * self.size, self.size - x, x)
-        seen = ti.select(x > 0.5 * self.size, self.size - x_j, x_j)
-        return 4.0 * near * seen
+    def walls(self, x):
+        """What `farther` needs to know of the walls nearest to x [m]: rows (offset, factor)."""
+        beyond = x > 0.5 * self.size
+        reach = 4.0 * ti.select(beyond, self.size - x, x)
+        return ti.Matrix.rows(
+            [ti.select(beyond, reach * self.size, 0.0), ti.select(beyond, -reach, reach)]
+        )
+
+    @ti.func
+    def farther(self, x_j, walls):
+        """By how much the mirror at each axis adds to the squared distance of x_j [m^2]: four times
+        the product of both distances from the wall."""
+        return walls[0, :] + walls[1, :] * x_j
 
     @ti.func
     def vector(self, v, bits):

@@ -125,20 +125,24 @@ class NeighbourList:
         """Adds the images within reach of the neighbours found so far, and of the particle."""
         i, x, last = search.i, search.x, search.place
         own = self.grid.cell_size[self.particles.layer[i]]
-        near = self.images.in_reach(x, 0.5 * (own + self.widest) + self.margin)
-        # One entry before the first stands for the particle itself.
-        for s in range(first - 1, ti.select(near.sum() > 0, last, first - 1)):
-            j = ti.select(s < first, i, self.index[ti.max(s, first)])
-            reach, x_j = self._reach(i, self.particles.layer[j]), self.particles.x[j]
-            left = reach * reach - (x - x_j).norm_sqr()
-            farther = self.images.farther(x, x_j)
-            if farther.min() < left:
-                for image in range(1, COMBINATIONS):
-                    if farther.dot(self.images.bits(image)) < left:
-                        search.wanted += 1
-                        if search.place < search.limit:
-                            self.index[search.place] = self.images.entry(j, image)
-                            search.place += 1
+        if self.images.in_reach(x, 0.5 * (own + self.widest) + self.margin).sum() > 0:
+            walls = self.images.walls(x)
+            self._add_images_of(i, i, x, walls, search)
+            for s in range(first, last):
+                self._add_images_of(i, self.index[s], x, walls, search)
+
+    @ti.func
+    def _add_images_of(self, i, j, x, walls, search: ti.template()):
+        reach, x_j = self._reach(i, self.particles.layer[j]), self.particles.x[j]
+        left = reach * reach - (x - x_j).norm_sqr()
+        farther = self.images.farther(x_j, walls)
+        if farther.min() < left:
+            for image in range(1, COMBINATIONS):
+                if farther.dot(self.images.bits(image)) < left:
+                    search.wanted += 1
+                    if search.place < search.limit:
+                        self.index[search.place] = self.images.entry(j, image)
+                        search.place += 1
 
     @ti.func
     def _reach(self, i, layer):

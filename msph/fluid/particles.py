@@ -141,8 +141,8 @@ class Particles:
             for pair in ti.static(self._pairs):
                 pair[0][i] = pair[1][i]
 
-    @ti.kernel
-    def reorder(self, target: ti.template(), n: ti.i32, alone: ti.template()):
+    @ti.func
+    def reorder(self, target: ti.template(), n, alone: ti.template()):
         """Moves particle i to place target[i], for every carried attribute. target: i32 (n,)."""
         ti.loop_config(serialize=alone)
         for i in range(n):

@@ -183,6 +183,8 @@ class Projection(Accounts):
         bodies of water that touch have lattices that do not fit. At time zero it costs no energy.
         """
         unchanged = 0
+        if self.adaptation:
+            self.adaptation.fill()
         for _ in range(ARRANGING):
             self.neighbours.refresh()
             self.summation.weigh(self.particles.count)
@@ -280,18 +282,26 @@ class Projection(Accounts):
         n: ti.i32,
         alone: ti.template(),
         dt: ti.f32,
-        gravity: ti.math.vec3,
-        hand_x: ti.math.vec3,
-        hand_v: ti.math.vec3,
+        g_x: ti.f32,
+        g_y: ti.f32,
+        g_z: ti.f32,
+        hand_x: ti.f32,
+        hand_y: ti.f32,
+        hand_z: ti.f32,
+        hand_v_x: ti.f32,
+        hand_v_y: ti.f32,
+        hand_v_z: ti.f32,
         hand_radius: ti.f32,
         hand_grip: ti.f32,
     ):
         """v* = v + dt (g + what the hand gives + what gravity adds to the walls' pressures)."""
+        gravity, hand_at = ti.math.vec3(g_x, g_y, g_z), ti.math.vec3(hand_x, hand_y, hand_z)
+        hand_v = ti.math.vec3(hand_v_x, hand_v_y, hand_v_z)
         ti.loop_config(serialize=alone)
         for i in range(n):
             m = self.layers.mass[self.particles.layer[i]]
             x, v, lift = self.particles.x[i], self.particles.v[i], self.image_lift(i, gravity)
-            hand = hand_acceleration(x, v, dt, hand_x, hand_v, hand_radius, hand_grip)
+            hand = hand_acceleration(x, v, dt, hand_at, hand_v, hand_radius, hand_grip)
             self.book_hand(m, v, dt, hand, gravity + lift)
             self.wall_impulse[None] += m * dt * lift
             self.particles.v[i] = v + dt * (gravity + lift + hand)

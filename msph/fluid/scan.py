@@ -26,6 +26,11 @@ class ExclusiveScan:
     @ti.kernel
     def run(self, counts: ti.template(), starts: ti.template()):
         """counts (length,) i32 -> starts (length + 1,) i32, starts[0] = 0, starts[-1] = total."""
+        self.sum_up(counts, starts)
+
+    @ti.func
+    def sum_up(self, counts: ti.template(), starts: ti.template()):
+        """The same within a kernel, at its top level, where its loops are shared out."""
         ti.loop_config(serialize=self.few)
         for c in range(self.chunks):
             total = 0
