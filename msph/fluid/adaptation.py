@@ -34,9 +34,6 @@ HALF = 0.35
 LEAST_HALF = 0.15
 # Keeps divisions by what may vanish finite.
 TINY = 1e-20
-import os
-
-MERGE = float(os.environ.get("MERGE", "0.3"))
 # Farthest merge, in spacings: across a gap a merge would pop.
 FARTHEST_MERGE = 1.25
 # Shares of the pool: fuller than the first, bands grow thinner; emptier than the second, thicker.
@@ -212,7 +209,7 @@ class Adaptation:
             self.particles.settling[i] = ti.max(waiting - 1, 0)
             top, bottom = self.top[layer] * thickness, self.bottom[layer] * thickness
             above = depth < top * (1.0 - self.terms.hysteresis) and self.finer[layer] >= 0
-            below = depth > bottom * (1.0 + MERGE) and self.coarser[layer] >= 0
+            below = depth > bottom * (1.0 + self.terms.hysteresis) and self.coarser[layer] >= 0
             wish = ti.select(above, -1, ti.select(below, 1, 0))
             self.particles.wish[i] = ti.select(waiting > 0, 0, wish)
 

@@ -20,6 +20,9 @@ from msph.fluid.particles import Particles
 # Coverage sum V_j W above which a cell's centre lies in water: water's own surface has .5, and
 # gaps between particles of mixed sizes stay above this.
 COVERED = 0.35
+# Support of the kernel that covers, in spacings: in lattices its sum stays above .5, and the work
+# grows with its cube.
+REACH = 1.6
 # Edge of a cell, in supports of the finest layer: bands are a few of them thick.
 CELL = 0.6
 
@@ -74,12 +77,12 @@ class Depth:
 
     @ti.kernel
     def _cover(self, n: ti.i32):
-        """Coverage sum V_j W(|x - x_j|, h_j) of the cells' centres, images included."""
+        """Coverage sum V_j W(|x - x_j|, REACH d_j) of the cells' centres, images included."""
         for c in ti.grouped(self.coverage):
             self.coverage[c] = 0.0
         for i in range(n):
             layer, x = self.particles.layer[i], self.particles.x[i]
-            h, volume = self.layers.support[layer], self.layers.volume[layer]
+            h, volume = REACH * self.layers.spacing[layer], self.layers.volume[layer]
             near = self.images.in_reach(x, h)
             for image in range(COMBINATIONS):
                 bits = self.images.bits(image)

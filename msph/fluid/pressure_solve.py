@@ -27,9 +27,9 @@ WALL_ATTRIBUTES = (
 # Keeps divisions by what may vanish finite; far below any diagonal [1/m^2] or curvature met.
 TINY = 1e-30
 # Iterations between looks at the error, which wait for the device; they share a launch.
-LOOK = 3
+LOOK = 2
 # Most looks in a round of conjugate gradients.
-ROUND = 14
+ROUND = 20
 # Displacements, in spacings, that count as none: a share of them is left even by the best stop.
 STILL = 1e-5
 # Under-relaxation of Jacobi: stable below 2/lambda_max, which was .68, .53 and .31 at 27, 57 and 97
@@ -92,14 +92,14 @@ class PressureSolve:
         return taken
 
     def relax(self, q, iterations: int, shifts) -> None:
-        """Jacobi from no multipliers; leaves them in q (capacity,) [m^2], and their shifts [m].
+        """Jacobi from the multipliers q (capacity,) [m^2], changed in place; leaves their shifts
+        [m].
 
         Unlike conjugate gradients it never reaches for the long, nearly free modes of a regular
         arrangement, whose displacements are large and whose linearised compression is none.
         """
         n, alone = self.particles.count, self.particles.alone
-        self.correct_from_nothing(n, alone, q)
-        for _ in range(iterations - 1):
+        for _ in range(iterations):
             self.correct(n, alone, q)
         self.find_shifts(n, alone, q, shifts)
 
@@ -153,13 +153,6 @@ class PressureSolve:
             shifts[i] = self.shift_by(i, q)
 
     @ti.kernel
-    def correct_from_nothing(self, n: ti.i32, alone: ti.template(), q: ti.template()):
-        """The first correction, where q = 0 and so r = source."""
-        ti.loop_config(serialize=alone)
-        for i in range(n):
-            q[i] = self.corrected(i, 0.0, self.particles.source[i])
-
-    @ti.kernel
     def correct(self, n: ti.i32, alone: ti.template(), q: ti.template()):
         """q += omega r/D, not below 0, with r = source - A q."""
         ti.loop_config(serialize=alone)
@@ -172,6 +165,7 @@ class PressureSolve:
 
     @ti.func
     def corrected(self, i, q, r):
+        """Multiplier of i after one correction of the compression r."""
         return ti.max(q + self.omega * r / ti.max(self.particles.diagonal[i], TINY), 0.0)
 
     @ti.kernel
@@ -200,8 +194,8 @@ class PressureSolve:
 
     @ti.kernel
     def iterate(self, n: ti.i32, alone: ti.template(), q: ti.template()) -> ti.math.vec3:
-        """LOOK steps along directions p: q += alpha p, not below 0; r -= alpha A p; p = r/D + beta p
-        where particles push.
+        """LOOK steps along directions p: q += alpha p, not below 0; r -= alpha A p; and where
+        particles push p = r/D + beta p.
 
         Returns the change of sum V |u|^2 by them over the sum, and how compressed those are that
         push and those that do not.
