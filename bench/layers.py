@@ -3,7 +3,7 @@
 python bench/layers.py [--rounds 3] [--arch cpu]
 
 Both are the same solver at the same tolerances, in frames of 1/60 s, each as many steps as its own
-bounds on the time step ask for. The pools rest for a second, then rock; the two take turns.
+bounds on the time step ask for. The pools come to rest, then rock; they take turns.
 """
 
 import csv
@@ -41,8 +41,10 @@ DOUBLING_TARGET = 1.1
 ANGLE, PERIOD = 4.0, 1.1
 # Steps between passes of adaptation; fixed layers are those that the start gave each depth.
 ADAPTIVE, FIXED = AdaptationTerms().every, 10**9
-# Thin bands, as the thesis has them.
-BAND = 0.85
+# Thin bands, a sheet or two each, as the thesis has them.
+BAND = 0.5
+# Rest before the rocking [s]: to come to it, and to read errors.
+SETTLE, REST = 2.0, 1.0
 
 
 class Pool:
@@ -52,8 +54,8 @@ class Pool:
         extra = {"band": BAND, "every": every} if layers > 1 else {}
         self.simulation = tanks.build(tanks.tank((1.0, 1.0), depth, FINE, layers, 0.4, **extra))
         self.reading = tanks.Reading(self.simulation)
-        tanks.run(self.simulation, 0.5)
-        tanks.run(self.simulation, 0.5, self.reading)
+        tanks.run(self.simulation, SETTLE)
+        tanks.run(self.simulation, REST, self.reading)
         self.rest = self.reading.pressure_error(), self.reading.energy_rise()
         self.seconds, self.walls, self.steps, self.iterations = seconds, [], 0, []
 
@@ -62,7 +64,7 @@ class Pool:
         sim = self.simulation
         steps = sim.steps
         for _ in range(round(self.seconds / tanks.FRAME)):
-            swing = 2.0 * math.pi * (sim.time - 1.0) / PERIOD
+            swing = 2.0 * math.pi * (sim.time - SETTLE - REST) / PERIOD
             angle = math.radians(ANGLE) * math.sin(swing)
             g = tanks.GRAVITY
             forcing = Forcing(gravity=(g * math.sin(angle), -g * math.cos(angle), 0.0))

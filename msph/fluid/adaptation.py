@@ -128,36 +128,40 @@ class Adaptation:
         """Splits what the scene filled too coarsely, before the water moves.
 
         A particle of a lattice owns a cube; its halves own half of it each and lie in their
-        middles, so that they fill the space that the scene gave them and no other. Halves that
-        look for gaps need to be pushed apart, and the water would start too high.
+        middles, so that they fill the space that the scene gave them and no other: halves that
+        look for gaps are pushed apart, and water would start too high. Which way a cube is halved
+        is random, for layers all halved one way bear the weight as a crystal, not as a fluid.
         """
-        p = self.particles
-        state, edges = p.state(), None
+        p, rng = self.particles, np.random.default_rng(0)
+        spacing = np.array([spec.spacing for spec in self.layers.specs])
+        edges = np.repeat(spacing[p.numpy("layer")][:, None], 3, axis=1)
+        self.depth.refresh()
         while True:
-            self.depth.refresh()
-            self.wish_for(p.count, 1.0)
-            split = np.flatnonzero(p.numpy("wish") == -1)[: p.capacity - p.count]
+            self.wish_for(p.count, self.thickness)
+            split = np.flatnonzero(p.numpy("wish") == -1)
             if len(split) == 0:
                 return
-            layer = state["layer"]
-            if edges is None:
-                spacing = np.array([s.spacing for s in self.layers.specs])
-                edges = np.repeat(spacing[layer][:, None], 3, axis=1)
-            axis = edges[split].argmax(axis=1)
-            offset = np.zeros((len(split), 3), np.float32)
-            rows = np.arange(len(split))
-            offset[rows, axis] = 0.25 * edges[split, axis]
+            if p.count + len(split) > FULL * p.capacity:
+                if self.thickness <= THINNEST:
+                    return
+                self.thickness *= THINNER
+                continue
+            axis = (edges[split] * rng.uniform(1.0, 1.1, (len(split), 3))).argmax(axis=1)
             edges[split, axis] *= 0.5
+            self._halve(split, np.eye(3)[axis] * 0.5 * edges[split])
             edges = np.concatenate([edges, edges[split]])
-            halves = {name: values[split].copy() for name, values in state.items()}
-            halves["id"] = np.arange(len(split), dtype=np.int32) + state["id"].max() + 1
-            state["x"][split] -= offset
-            halves["x"] += offset
-            state = {k: np.concatenate([state[k], halves[k]]) for k in state}
-            finer = self.finer.to_numpy()
-            state["layer"][split] = finer[layer[split]]
-            state["layer"][p.count :] = finer[layer[split]]
-            p.fill(**state)
+            self.depth.refresh()
+
+    def _halve(self, split: np.ndarray, offset: np.ndarray) -> None:
+        """Puts halves of the particles `split` (k,) at -offset and +offset (k, 3) [m] from them."""
+        state = self.particles.state()
+        state["layer"][split] = self.finer.to_numpy()[state["layer"][split]]
+        halves = {name: values[split] for name, values in state.items()}
+        halves["id"] = state["id"].max() + 1 + np.arange(len(split), dtype=np.int32)
+        halves["x"] = halves["x"] + offset.astype(np.float32)
+        state["x"][split] -= offset.astype(np.float32)
+        joined = {name: np.concatenate([state[name], halves[name]]) for name in state}
+        self.particles.fill(**joined)
 
     def due(self) -> bool:
         """Counts a step; true for those after which a pass is due."""

@@ -8,8 +8,9 @@ from msph.fluid.layers import LayerSpec
 from msph.scene.schema import Scene, Water
 
 # Support over spacing. At 2 an arrangement under pressure is stiff against shear, as soft solids
-# are, and sloshes too fast: by 12 % with Wendland C2; with the quartic by 2 % at 2.2, .5 at 2.4.
-SMOOTHING = {"classic": 2.0, "projection": 2.4}
+# are, and sloshes too fast: by 12 % with Wendland C2; with the quartic, uniform and in layers, by
+# 2.4 and 3.2 % at 2.2, -.4 and 1.5 % at 2.4, less than 1 % at 2.5.
+SMOOTHING = {"classic": 2.0, "projection": 2.5}
 # Particles that a pool has room for without being asked, where adaptation could need them.
 MANY = 30_000
 

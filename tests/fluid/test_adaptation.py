@@ -13,7 +13,7 @@ SIZE = (2.4, 2.4, 2.4)
 MIDDLE = 1.2
 WEIGHTLESS = Forcing(gravity=(0.0, 0.0, 0.0))
 D = 0.03
-SPECS = [LayerSpec(1000.0 * D**3 * 2**k, 1000.0, 2.4) for k in range(3)]
+SPECS = [LayerSpec(1000.0 * D**3 * 2**k, 1000.0, 2.5) for k in range(3)]
 
 
 def ball(centre, radius, spacing):
@@ -68,7 +68,7 @@ def test_collision_keeps_mass_and_momenta_through_splits_and_merges(collision):
     spin = (m * arm * np.linalg.norm(v, axis=1)).sum()
     start = set(collision.particles.numpy("id"))
     # Thin bands, as in a full pool, make it merge; wide ones split what was merged.
-    for thickness in (0.5, 1.0):
+    for thickness in (0.4, 1.0):
         collision.solver.adaptation.thickness = thickness
         for _ in range(12):
             collision.advance(1 / 60, WEIGHTLESS)
@@ -113,7 +113,7 @@ def tank():
     x = (np.indices((n, rows, n)).reshape(3, -1).T + 0.5) * [width, DEPTH / rows, width]
     initial = {"x": x.astype(np.float32), "layer": np.full(len(x), 2, np.int32)}
     specs = [
-        LayerSpec(1000.0 * DEPTH * TANK[0] * TANK[2] / len(x) / 2**k, 1000.0, 2.4) for k in range(3)
+        LayerSpec(1000.0 * DEPTH * TANK[0] * TANK[2] / len(x) / 2**k, 1000.0, 2.5) for k in range(3)
     ]
     specs.reverse()
     initial["layer"] = np.full(len(x), 2, np.int32)

@@ -10,7 +10,7 @@ from msph.fluid.simulation import Simulation
 
 SIZE = (1.6, 1.6, 1.6)
 WEIGHTLESS = Forcing(gravity=(0.0, 0.0, 0.0))
-FINE, COARSE = (LayerSpec(1000.0 * d**3, 1000.0, 2.4) for d in (0.03, 0.06))
+FINE, COARSE = (LayerSpec(1000.0 * d**3, 1000.0, 2.5) for d in (0.03, 0.06))
 
 
 def ball(centre, radius, spacing):
@@ -144,7 +144,7 @@ def tank():
     coarse = np.indices((8, 3, 8)).reshape(3, -1).T + 0.5
     wide = TANK[0] / 8
     x = np.concatenate([fine * D + [0, 3 * wide, 0], coarse * wide])
-    layers = [LayerSpec(1000.0 * d**3, 1000.0, 2.4) for d in (D, wide)]
+    layers = [LayerSpec(1000.0 * d**3, 1000.0, 2.5) for d in (D, wide)]
     initial = {
         "x": x.astype(np.float32),
         "layer": np.repeat([0, 1], [len(fine), len(coarse)]).astype(np.int32),
