@@ -19,7 +19,7 @@ from msph.device import ARCHES, start
 from msph.fluid.adaptation import AdaptationTerms
 from msph.fluid.forcing import Forcing
 from msph.fluid.layers import LayerSpec
-from msph.fluid.projection import ProjectionTerms
+from msph.fluid.projection_terms import ProjectionTerms
 from msph.fluid.simulation import Simulation
 from msph.scene.water import SMOOTHING
 

@@ -6,7 +6,8 @@ from msph.fluid.classic import Classic, ClassicTerms
 from msph.fluid.forcing import Forcing
 from msph.fluid.neighbours import NeighbourList
 from msph.fluid.particles import Attribute
-from msph.fluid.projection import Projection, ProjectionTerms
+from msph.fluid.projection import Projection
+from msph.fluid.projection_terms import ProjectionTerms
 
 Terms = ClassicTerms | ProjectionTerms
 

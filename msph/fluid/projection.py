@@ -7,13 +7,12 @@ Koschier 2015, DFSPH, made conservative for unequal masses).
 """
 
 import math
-from dataclasses import dataclass
 
 import taichi as ti
 
 from msph.fluid import adaptation, pressure_solve, separation, tension, viscosity
 from msph.fluid.accounts import Accounts
-from msph.fluid.adaptation import Adaptation, AdaptationTerms
+from msph.fluid.adaptation import Adaptation
 from msph.fluid.forcing import Forcing, hand_acceleration
 from msph.fluid.grid import LayeredGrid
 from msph.fluid.images import Images
@@ -22,6 +21,7 @@ from msph.fluid.neighbours import NeighbourList
 from msph.fluid.obstacles import Walls
 from msph.fluid.particles import Attribute, Particles
 from msph.fluid.pressure_solve import WALL_ATTRIBUTES, PressureSolve
+from msph.fluid.projection_terms import ProjectionTerms
 from msph.fluid.separation import Separation
 from msph.fluid.summation import Summation
 from msph.fluid.tension import Tension
@@ -48,39 +48,6 @@ SMALL_GAP = 0.1
 GAP = 0.003
 # Spray, which meets nothing, may move so many times farther in a step.
 SPRAY_LEAP = 2.5
-
-
-@dataclass(frozen=True)
-class ProjectionTerms:
-    """Constants of the projection method.
-
-    density rho0 [kg/m^3]. The time step is bounded by cfl (-), dt <= cfl d/|v|, by pressure_cfl
-    (-), dt <= pressure_cfl d/sqrt(p/rho0), and by longest_step [s] for slow, shallow water.
-    release [s]: time in which a density excess may become velocity; the rest is for the position
-    solve, of position_iterations, at most largest_shift spacings a step. tolerance (-): share of
-    the pressure's displacements that the velocity solve may leave, in velocity_iterations at most.
-    spray: relative density below which no rate of compression can be told (-). Counting
-    neighbours instead lets water in edges of the box, which has few, gain energy. viscosity
-    [Pa s], slip at walls, tension [N/m] of the surface and xsph (-): 0 is off. adaptation: None
-    where every particle keeps its layer.
-    """
-
-    density: float = 1000.0
-    restitution: float = 0.0
-    cfl: float = 0.4
-    pressure_cfl: float = 0.7
-    longest_step: float = 1.0 / 60.0
-    release: float = 0.4
-    tolerance: float = 0.05
-    velocity_iterations: int = 120
-    position_iterations: int = 4
-    largest_shift: float = 0.25
-    spray: float = 0.4
-    viscosity: float = 0.0
-    slip: bool = True
-    tension: float = 0.0
-    xsph: float = 0.0
-    adaptation: AdaptationTerms | None = None
 
 
 @ti.data_oriented

@@ -7,7 +7,7 @@ import numpy as np
 from msph.fluid.adaptation import AdaptationTerms
 from msph.fluid.classic import ClassicTerms
 from msph.fluid.methods import Terms
-from msph.fluid.projection import ProjectionTerms
+from msph.fluid.projection_terms import ProjectionTerms
 from msph.fluid.simulation import NoWaterError, Simulation
 from msph.scene.bodies import bodies
 from msph.scene.errors import SceneError

@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from msph.fluid.adaptation import AdaptationTerms
 from msph.fluid.classic import ClassicTerms
-from msph.fluid.projection import ProjectionTerms
+from msph.fluid.projection_terms import ProjectionTerms
 from msph.picture.look import Look
 
 

@@ -6,7 +6,7 @@ import pytest
 from msph.fluid.adaptation import AdaptationTerms, bands, coarser_of
 from msph.fluid.forcing import Forcing
 from msph.fluid.layers import LayerSpec
-from msph.fluid.projection import ProjectionTerms
+from msph.fluid.projection_terms import ProjectionTerms
 from msph.fluid.simulation import Simulation
 
 SIZE = (2.4, 2.4, 2.4)

@@ -11,7 +11,7 @@ from msph.fluid.forcing import Forcing
 from msph.fluid.kernel_share import kernel_share
 from msph.fluid.layers import LayerSpec
 from msph.fluid.obstacles import BEGIN, Walls
-from msph.fluid.projection import ProjectionTerms
+from msph.fluid.projection_terms import ProjectionTerms
 from msph.fluid.samples import Lattice
 from msph.fluid.simulation import NoWaterError, Simulation
 from msph.fluid.solids import CELL

@@ -5,7 +5,7 @@ import pytest
 
 from msph.fluid.forcing import Forcing
 from msph.fluid.layers import LayerSpec
-from msph.fluid.projection import ProjectionTerms
+from msph.fluid.projection_terms import ProjectionTerms
 from msph.fluid.simulation import Simulation
 
 SIZE = (1.6, 1.6, 1.6)

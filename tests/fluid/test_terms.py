@@ -9,7 +9,8 @@ from msph.fluid.grid import LayeredGrid
 from msph.fluid.layers import Layers, LayerSpec
 from msph.fluid.obstacles import Walls
 from msph.fluid.particles import Particles
-from msph.fluid.projection import Projection, ProjectionTerms
+from msph.fluid.projection import Projection
+from msph.fluid.projection_terms import ProjectionTerms
 from msph.fluid.simulation import Simulation
 from msph.scene import SceneError, load_scene
 from tests import scenes_kit

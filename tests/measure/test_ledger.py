@@ -8,7 +8,7 @@ import pytest
 from msph.fluid.classic import ClassicTerms
 from msph.fluid.forcing import Forcing, Hand
 from msph.fluid.layers import LayerSpec
-from msph.fluid.projection import ProjectionTerms
+from msph.fluid.projection_terms import ProjectionTerms
 from msph.fluid.simulation import Simulation
 from msph.measure.entry import columns
 from msph.measure.ledger import Ledger, NotFiniteError
