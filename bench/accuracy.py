@@ -109,7 +109,7 @@ def collision() -> list[tuple[str, str, str]]:
     mass, linear, angular, (scale, spin) = momenta()
     before = set(sim.particles.numpy("id"))
     # Thin bands, as in a full pool, make it merge; wide ones split what was merged.
-    for thickness in (0.4, 1.0):
+    for thickness in (0.35, 1.0):
         sim.solver.adaptation.thickness = thickness
         for _ in range(12):
             sim.advance(tanks.FRAME, Forcing(gravity=(0.0, 0.0, 0.0)))

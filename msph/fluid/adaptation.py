@@ -34,6 +34,8 @@ HALF = 0.35
 LEAST_HALF = 0.15
 # Keeps divisions by what may vanish finite.
 TINY = 1e-20
+# Share of the hysteresis that holds at the start, so that no particle begins at the edge of it.
+AT_START = 0.75
 # Farthest merge, in spacings: across a gap a merge would pop.
 FARTHEST_MERGE = 1.25
 # Shares of the pool: fuller than the first, bands grow thinner; emptier than the second, thicker.
@@ -58,7 +60,7 @@ class AdaptationTerms:
     """
 
     band: float = 1.25
-    hysteresis: float = 0.3
+    hysteresis: float = 0.4
     every: int = 8
     budget: float = 0.1
     settle: int = 3
@@ -137,7 +139,7 @@ class Adaptation:
         edges = np.repeat(spacing[p.numpy("layer")][:, None], 3, axis=1)
         self.depth.refresh()
         while True:
-            self.wish_for(p.count, self.thickness)
+            self.wish_for(p.count, self.thickness, AT_START * self.terms.hysteresis)
             split = np.flatnonzero(p.numpy("wish") == -1)
             if len(split) == 0:
                 return
@@ -178,7 +180,7 @@ class Adaptation:
         most = max(8, int((self.terms.budget if budget is None else budget) * n))
         self.depth.refresh()
         self.tally.fill(0)
-        self.wish_for(n, self.thickness)
+        self.wish_for(n, self.thickness, self.terms.hysteresis)
         self.find_partners(n)
         self.merge(n, most)
         self.split(n, most, p.capacity)
@@ -201,7 +203,7 @@ class Adaptation:
             self.thickness = min(1.0, THICKER * self.thickness)
 
     @ti.kernel
-    def wish_for(self, n: ti.i32, thickness: ti.f32):
+    def wish_for(self, n: ti.i32, thickness: ti.f32, hysteresis: ti.f32):
         """What each particle should become, by its depth and its layer's band."""
         for i in range(self.particles.capacity):
             self.particles.alive[i] = ti.select(i < n, 1, 0)
@@ -212,8 +214,8 @@ class Adaptation:
             waiting = self.particles.settling[i]
             self.particles.settling[i] = ti.max(waiting - 1, 0)
             top, bottom = self.top[layer] * thickness, self.bottom[layer] * thickness
-            above = depth < top * (1.0 - self.terms.hysteresis) and self.finer[layer] >= 0
-            below = depth > bottom * (1.0 + self.terms.hysteresis) and self.coarser[layer] >= 0
+            above = depth < top * (1.0 - hysteresis) and self.finer[layer] >= 0
+            below = depth > bottom * (1.0 + hysteresis) and self.coarser[layer] >= 0
             wish = ti.select(above, -1, ti.select(below, 1, 0))
             self.particles.wish[i] = ti.select(waiting > 0, 0, wish)
 

@@ -68,7 +68,7 @@ def test_collision_keeps_mass_and_momenta_through_splits_and_merges(collision):
     spin = (m * arm * np.linalg.norm(v, axis=1)).sum()
     start = set(collision.particles.numpy("id"))
     # Thin bands, as in a full pool, make it merge; wide ones split what was merged.
-    for thickness in (0.4, 1.0):
+    for thickness in (0.35, 1.0):
         collision.solver.adaptation.thickness = thickness
         for _ in range(12):
             collision.advance(1 / 60, WEIGHTLESS)
@@ -129,7 +129,7 @@ def tank():
 def test_depth_is_the_distance_to_the_surface(tank):
     sim, _ = tank
     sim.solver.adaptation.depth.refresh()
-    sim.solver.adaptation.wish_for(sim.particles.count, 1.0)
+    sim.solver.adaptation.wish_for(sim.particles.count, 1.0, 0.0)
     depth, y = sim.particles.numpy("depth"), sim.particles.numpy("x")[:, 1]
     inside = (depth > 0.0) & (depth < 0.9 * sim.solver.adaptation.farthest)
     error = depth[inside] - (DEPTH - y[inside])
