@@ -29,6 +29,7 @@ bench: $(VENV)/dev
 	$(RUN) bench/accuracy.py
 	$(RUN) bench/layers.py
 	$(RUN) bench/methods.py
+	$(RUN) bench/scenes.py
 
 $(VENV)/play: pyproject.toml constraints.txt
 	@test -n "$(PYTHON)" || { echo "M-SPH needs Python 3.10 to 3.13; none of $(PYTHONS) is one" >&2; exit 1; }

@@ -66,14 +66,18 @@ def bulk_density(
     spacing = spacing[which]
     tree = cKDTree(x)
     found = np.full(len(places), np.nan)
-    # From fine to coarse: the first kernel wide enough for all that it meets.
-    for d in np.unique(spacing):
+    sizes = np.unique(spacing)
+    trees = {d: cKDTree(x[spacing == d]) for d in sizes}
+    # From fine to coarse: the first kernel wide enough for all whose volume it meets.
+    for d in sizes:
         open_ = np.flatnonzero(np.isnan(found) & (room > _needed(d, edge)))
+        for coarser in sizes[sizes > d]:
+            distance, _ = trees[coarser].query(places[open_])
+            open_ = open_[distance > WIDE * d + HALF_DIAGONAL * coarser]
         near = tree.query_ball_point(places[open_], WIDE * d)
         for place, ids in zip(open_, near, strict=True):
-            if spacing[ids].max() <= d:
-                r = np.linalg.norm(x[ids] - places[place], axis=1)
-                found[place] = (spacing[ids] ** 3 * wendland(r, WIDE * d)).sum()
+            r = np.linalg.norm(x[ids] - places[place], axis=1)
+            found[place] = (spacing[ids] ** 3 * wendland(r, WIDE * d)).sum()
     known = found[~np.isnan(found)]
     if len(known) == 0:
         return BulkDensity(np.nan, np.nan, np.nan, 0)

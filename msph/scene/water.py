@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from msph.fluid.adaptation import exact
 from msph.fluid.layers import LayerSpec
 from msph.scene.schema import Scene, Water
 
@@ -30,7 +31,7 @@ def layer_specs(scene: Scene) -> list[LayerSpec]:
                 wendland=layer.kernels == "wendland",
             )
         )
-    return specs
+    return exact(specs) if scene.adaptation.enabled else specs
 
 
 def bounds(water: Water) -> tuple[np.ndarray, np.ndarray]:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from msph.fluid.adaptation import AdaptationTerms, bands, coarser_of
+from msph.fluid.adaptation import AdaptationTerms, bands, coarser_of, exact
 from msph.fluid.forcing import Forcing
 from msph.fluid.layers import LayerSpec
 from msph.fluid.projection_terms import ProjectionTerms
@@ -129,7 +129,7 @@ def tank():
 def test_depth_is_the_distance_to_the_surface(tank):
     sim, _ = tank
     sim.solver.adaptation.depth.refresh()
-    sim.solver.adaptation.wish_for(sim.particles.count, 1.0, 0.0)
+    sim.solver.adaptation.wish_for(sim.particles.count, 1.0, 1.0)
     depth, y = sim.particles.numpy("depth"), sim.particles.numpy("x")[:, 1]
     inside = (depth > 0.0) & (depth < 0.9 * sim.solver.adaptation.farthest)
     error = depth[inside] - (DEPTH - y[inside])
@@ -176,3 +176,10 @@ def test_a_full_pool_coarsens_and_loses_nothing(tank):
     # Fine water still lies at the surface.
     y, layer = small.particles.numpy("x")[:, 1], small.particles.numpy("layer")
     assert y[layer == 0].mean() > y[layer == 2].mean() + 0.1
+
+
+def test_merges_double_masses_of_rounded_spacings_exactly():
+    specs = [LayerSpec(1000.0 * d**3, 1000.0, 2.5) for d in (0.050797, 0.032, 0.040317, 0.1)]
+    masses = [s.mass for s in exact(specs)]
+    assert masses[2] == 2.0 * masses[1] and masses[0] == 2.0 * masses[2]
+    assert masses[1] == specs[1].mass and masses[3] == specs[3].mass

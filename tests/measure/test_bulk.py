@@ -47,7 +47,7 @@ def test_disorder_does_not_read_as_density():
     assert found.least < 0.99 and found.most > 1.01
 
 
-@pytest.mark.parametrize("ratio", [2 ** (1 / 3), 2.0])
+@pytest.mark.parametrize("ratio", [2 ** (1 / 3), 2.0, 5.0])
 def test_layers_of_unequal_particles_read_one(ratio):
     """Masses 1 : 2 and 1 : 8, abrupt."""
     (xc, dc), (xf, df) = lattice(0.32, D), lattice(0.32, D / ratio, base=0.32)
