@@ -176,6 +176,7 @@ class Adaptation:
         state["x"][split] -= offset.astype(np.float32)
         joined = {name: np.concatenate([state[name], halves[name]]) for name in state}
         self.particles.fill(**joined)
+        self.next_id[None] = int(joined["id"].max()) + 1
 
     def due(self) -> bool:
         """Counts a step; true for those after which a pass is due."""

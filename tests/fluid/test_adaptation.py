@@ -73,6 +73,7 @@ def test_collision_keeps_mass_and_momenta_through_splits_and_merges(collision):
         for _ in range(12):
             collision.advance(1 / 60, WEIGHTLESS)
     now = set(collision.particles.numpy("id"))
+    assert len(now) == collision.particles.count, "ids are unique"
     assert len(now - start) > 20 and len(start - now) > 20, "splits and merges must happen"
     assert masses(collision).sum() == pytest.approx(mass, rel=1e-12)
     after, angular_after, _, _ = momenta(collision)
