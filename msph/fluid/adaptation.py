@@ -161,8 +161,15 @@ class Adaptation:
                 self.thickness *= THINNER
                 continue
             axis = (edges[split] * rng.uniform(1.0, 1.1, (len(split), 3))).argmax(axis=1)
+            offset = 0.25 * np.eye(3)[axis] * edges[split]
+            x = p.numpy("x")[split]
+            # Whose half would be in a body is left to the passes, which know of clearances.
+            free = self.walls.free(x - offset) & self.walls.free(x + offset)
+            if not free.any():
+                return
+            split, axis, offset = split[free], axis[free], offset[free]
             edges[split, axis] *= 0.5
-            self._halve(split, np.eye(3)[axis] * 0.5 * edges[split])
+            self._halve(split, offset)
             edges = np.concatenate([edges, edges[split]])
             self.depth.refresh()
 
