@@ -22,7 +22,7 @@ BLOCK, BALL, SOLID = 0, 1, 2
 # Depth in a wall beyond which a particle counts as leaked, in spacings of the finest layer.
 LEAK = 0.1
 # Two rounds: out of one body may be into another.
-ROUNDS = 2
+ROUNDS = 8
 # Poses: where bodies stand when a step begins and when it ends.
 BEGIN, END = 0, 1
 
@@ -252,6 +252,8 @@ class Walls:
                     near = self.distance(b, x, pose)
                     if near.x < margin:
                         x -= (near.x - margin) * near.yzw / ti.max(near.yzw.norm_sqr(), 0.25)
+                # Between a body and a wall only both in turn lead out.
+                x = ti.math.clamp(x, margin, self.size - margin)
         return ti.math.clamp(x, margin, self.size - margin)
 
     @ti.func
