@@ -21,7 +21,7 @@ vec3, vec4 = ti.math.vec3, ti.math.vec4
 BLOCK, BALL, SOLID = 0, 1, 2
 # Depth in a wall beyond which a particle counts as leaked, in spacings of the finest layer.
 LEAK = 0.1
-# Two rounds: out of one body may be into another.
+# Rounds of leading a particle out: out of one body may be into another, or into a wall.
 ROUNDS = 8
 # Poses: where bodies stand when a step begins and when it ends.
 BEGIN, END = 0, 1
