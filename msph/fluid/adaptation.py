@@ -55,9 +55,9 @@ class AdaptationTerms:
     """Constants of adaptation.
 
     band: thickness of a layer's band of depths, in its supports (-). hysteresis: share of a
-    bound's depth by which a particle must be beyond it (-). every: steps between passes. budget:
-    share of all particles that a pass may split, and merge (-). settle: passes that what was
-    split or merged waits.
+    bound's depth by which a particle must be beyond it, RELUCTANT times as much to be split (-).
+    every: steps between passes. budget: share of all particles that a pass may split, and merge
+    (-). settle: passes that what was split or merged waits.
     """
 
     band: float = 1.25

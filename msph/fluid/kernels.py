@@ -2,7 +2,8 @@
 
 All take the distance r [m] and the support radius h [m] at which they vanish. W is in 1/m^3, its
 radial derivative dW/dr in 1/m^4, its Laplacian in 1/m^5. Equation numbers: Gokdogan 2008; the
-kernels are those of Mueller, Charypar and Gross 2003 (SCA), eq. 20 to 22, and Wendland 1995.
+kernels are those of Mueller, Charypar and Gross 2003 (SCA), eq. 20 to 22, Wendland
+1995, and Schoenberg 1946.
 """
 
 import math

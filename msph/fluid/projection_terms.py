@@ -11,9 +11,10 @@ class ProjectionTerms:
 
     density rho0 [kg/m^3]. The time step is bounded by cfl (-), dt <= cfl d/|v|, by pressure_cfl
     (-), dt <= pressure_cfl d/sqrt(p/rho0), and by longest_step [s] for slow, shallow water.
-    release [s]: time in which a density excess may become velocity; the rest is for the position
-    solve, of position_iterations, at most largest_shift spacings a step. tolerance (-): share of
-    the pressure's displacements that the velocity solve may leave, in velocity_iterations at most.
+    release [s]: time in which a density excess, or a slight deficit, may become velocity; the rest
+    of the excess is for the position solve, of position_iterations, at most largest_shift spacings
+    a step. tolerance (-): share of the pressure's displacements that the velocity solve may leave,
+    in velocity_iterations at most.
     spray: relative density below which no rate of compression can be told (-). Counting
     neighbours instead lets water in edges of the box, which has few, gain energy. viscosity
     [Pa s], slip at walls, tension [N/m] of the surface and xsph (-): 0 is off. adaptation: None

@@ -49,7 +49,7 @@ def test_disorder_does_not_read_as_density():
 
 @pytest.mark.parametrize("ratio", [2 ** (1 / 3), 2.0, 5.0])
 def test_layers_of_unequal_particles_read_one(ratio):
-    """Masses 1 : 2 and 1 : 8, abrupt."""
+    """Masses 1 : 2, 1 : 8 and 1 : 125, abrupt."""
     (xc, dc), (xf, df) = lattice(0.32, D), lattice(0.32, D / ratio, base=0.32)
     found = bulk_density(np.concatenate([xc, xf]), np.concatenate([dc, df]), SIZE)
     assert found.mean == pytest.approx(1.0, abs=3e-3)
