@@ -40,7 +40,7 @@ def errors(method: str, seconds: float) -> dict[str, str]:
     reading.read()
     tanks.run(sim, 0.5 * seconds, reading)
     spacing = np.array([s.spacing for s in sim.layers.specs])[sim.particles.numpy("layer")]
-    bulk = bulk_density(sim.particles.numpy("x"), spacing, sim.size)
+    bulk = bulk_density(sim.particles.numpy("x"), spacing, sim.size, sim.walls.free)
     return {
         "method": method,
         "pressure, rms over depth": f"{100 * reading.pressure_error():.1f} %",

@@ -323,6 +323,7 @@ class Adaptation:
                 self.particles.x[i] -= offset
                 self.particles.v[j] = self.particles.v[i]
                 self.particles.pressure[j] = self.particles.pressure[i]
+                self.particles.hidden[j] = self.particles.hidden[i]
                 self.particles.layer[i] = layer
                 self.particles.layer[j] = layer
                 self.particles.id[j] = ti.atomic_add(self.next_id[None], 1)

@@ -15,6 +15,8 @@ SPIKY = 15.0 / math.pi
 VISCOSITY = 15.0 / (2.0 * math.pi)
 WENDLAND = 21.0 / (2.0 * math.pi)
 QUARTIC = 15625.0 / (512.0 * math.pi)
+# Of the bell (1 - q^2)^4.
+BELL = 3465.0 / (512.0 * math.pi)
 # Value of quartic_shape at 0: 1 - 5 (3/5)^4 + 10 (1/5)^4.
 QUARTIC_PEAK = 0.368
 # A Wendland C2 kernel of this share of the quartic's support has its standard deviation (Dehnen and

@@ -101,22 +101,23 @@ class Walls:
                 self.velocity[k] = ti.Vector(((ends[1] - ends[0]) / dt).tolist())
                 self.spin[k] = ti.Vector(motion.spin().tolist())
 
-    def free(self, x: np.ndarray) -> np.ndarray:
-        """Whether each point of x (n, 3) [m] is outside of all bodies, (n,) bool."""
+    def free(self, x: np.ndarray, margin: float = 0.0) -> np.ndarray:
+        """Whether each point of x (n, 3) [m] is `margin` [m] outside of all bodies, (n,) bool."""
         found = np.ones(len(x), np.int32)
         if self.bodies:
-            self._find_free(np.ascontiguousarray(x, np.float32), found)
+            self._find_free(np.ascontiguousarray(x, np.float32), margin, found)
         return found > 0
 
     @ti.kernel
     def _find_free(
         self,
         x: ti.types.ndarray(dtype=ti.f32, ndim=2),
+        margin: ti.f32,
         found: ti.types.ndarray(dtype=ti.i32, ndim=1),
     ):
         for i in range(x.shape[0]):
             p = vec3(x[i, 0], x[i, 1], x[i, 2])
-            found[i] = ti.cast(self.clearance(p, BEGIN) >= 0.0, ti.i32)
+            found[i] = ti.cast(self.clearance(p, END) >= margin, ti.i32)
 
     @ti.func
     def inside(self, b, x, pose):

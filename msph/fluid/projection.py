@@ -23,7 +23,7 @@ from msph.fluid.particles import Attribute, Particles
 from msph.fluid.pressure_solve import WALL_ATTRIBUTES, PressureSolve
 from msph.fluid.projection_terms import ProjectionTerms
 from msph.fluid.separation import Separation
-from msph.fluid.summation import Summation
+from msph.fluid.summation import UNKNOWN, Summation
 from msph.fluid.tension import Tension
 from msph.fluid.viscosity import Viscosity
 from msph.fluid.xsph import Xsph
@@ -32,6 +32,8 @@ _ATTRIBUTES = (
     Attribute("density", "kg/m^3", "relative density c times rest density"),
     Attribute("pressure", "Pa", "pressure of the velocity solve"),
     Attribute("swing", "m/s", "sqrt(p/rho0) of what is round it", carried=False),
+    Attribute("looseness", "-", "density by a kernel without forces, less c", carried=False),
+    Attribute("hidden", "-", "what c hides: looseness round it, not above 0"),
     *separation.ATTRIBUTES,
     *pressure_solve.ATTRIBUTES,
 )
@@ -46,6 +48,10 @@ SMALL_GAP = 0.1
 # leaves thinner than rest by less must not be let fall: it would carry a part of the weight, and
 # the pressure of a deep pool would be up to 8 % too low.
 GAP = 0.003
+# Looseness that particles at rest may have, and the most that is made up for.
+EVEN, MOST_HIDDEN = 0.003, 0.1
+# Keeps the mean over no neighbours finite.
+SMALLEST_COUNT = 1e-3
 # Spray, which meets nothing, may move so many times farther in a step.
 SPRAY_LEAP = 2.5
 
@@ -303,13 +309,19 @@ class Projection(Accounts):
         return lift
 
     @ti.func
-    def mean_multiplier(self, i):
-        """Mean q [m^2] of particle i and its neighbours: what holds them in their arrangement."""
-        total, count = self.particles.pressure[i], 1.0
+    def means_round(self, i):
+        """Means over particle i's neighbours: of q [m^2], what holds them in their arrangement, and
+        of their looseness (-), where it is known."""
+        q, count = self.particles.pressure[i], 1.0
+        looseness, known = 0.0, SMALLEST_COUNT
         for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
-            total += self.particles.pressure[self.neighbours.index[s]]
+            j = self.neighbours.index[s]
+            q += self.particles.pressure[j]
             count += 1.0
-        return total / count
+            if self.particles.looseness[j] < UNKNOWN:
+                looseness += self.particles.looseness[j]
+                known += 1.0
+        return ti.math.vec2(q / count, looseness / known)
 
     @ti.kernel
     def accelerate(self, n: ti.i32, alone: ti.template(), dt: ti.f32):
@@ -326,7 +338,9 @@ class Projection(Accounts):
                     m * self.particles.pressure[i] / dt * self.summation.inflow[i]
                 )
             self.particles.v[i] += u / dt
-            self.particles.swing[i] = ti.sqrt(self.mean_multiplier(i)) / dt
+            q, looseness = self.means_round(i)
+            self.particles.swing[i] = ti.sqrt(q) / dt
+            self.particles.hidden[i] = ti.math.clamp(looseness + EVEN, -MOST_HIDDEN, 0.0)
 
     @ti.kernel
     def move(self, n: ti.i32, alone: ti.template(), dt: ti.f32):

@@ -4,6 +4,7 @@ A solver's own density error can read small while the water loses a fifth of its
 measure shares nothing with any solver: kernel, walls and the choice of points are its own.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +23,8 @@ HOLE = 1.25
 RIND = HOLE - 0.5
 # Places where the density is sampled, and voxels in which air is sought: enough for .1 %.
 POINTS, MOST_VOXELS = 400, 300_000
+# Fewer voxels than these that lie deep enough are a single place, not the bulk.
+FEWEST = 10
 # Half the diagonal of a cube, over its edge.
 HALF_DIAGONAL = 0.5 * 3.0**0.5
 
@@ -30,7 +33,7 @@ HALF_DIAGONAL = 0.5 * 3.0**0.5
 class BulkDensity:
     """sum V_j W over rest, 1 for water at rest density: mean, least and most over `points` places.
 
-    NaN where no place lies deep enough.
+    NaN where hardly a place lies deep enough.
     """
 
     mean: float
@@ -43,6 +46,7 @@ def bulk_density(
     x: np.ndarray,
     spacing: np.ndarray,
     size: tuple[float, float, float],
+    free: Callable[[np.ndarray, float], np.ndarray] | None = None,
     points: int = POINTS,
     seed: int = 0,
 ) -> BulkDensity:
@@ -50,12 +54,13 @@ def bulk_density(
 
     Weighed by volume, at random places of the water whose whole wide kernel lies in it. The places
     do not depend on where single particles are: at a particle the sum would be too large.
+    free(x, margin) tells which points x (m, 3) [m] are `margin` [m] outside of all bodies.
     """
     rng = np.random.default_rng(seed)
-    clearance, edge = _clearance(x, spacing, size)
+    clearance, edge = _clearance(x, spacing, size, free)
     finest, coarsest = spacing.min(), spacing.max()
     deep = np.argwhere(clearance > _needed(finest, edge))
-    if len(deep) == 0:
+    if len(deep) < FEWEST:
         return BulkDensity(np.nan, np.nan, np.nan, 0)
     deep = deep[rng.integers(len(deep), size=points)]
     places = (deep + rng.random(deep.shape)) * edge
@@ -89,9 +94,9 @@ def _needed(d: float, edge: float) -> float:
     return WIDE * d + RIND * d + 2.0 * HALF_DIAGONAL * edge
 
 
-def _clearance(x: np.ndarray, spacing: np.ndarray, size) -> tuple[np.ndarray, float]:
-    """Distance [m] of every voxel to the nearest voxel of air, walls being water, and the edge [m]
-    of a voxel."""
+def _clearance(x: np.ndarray, spacing: np.ndarray, size, free) -> tuple[np.ndarray, float]:
+    """Distance [m] of every voxel to the nearest one of air or a body, walls being water, and the
+    edge [m] of a voxel."""
     edge = max(float(spacing.min()), float(np.prod(size) / MOST_VOXELS) ** (1.0 / 3.0))
     shape = [int(np.ceil(length / edge)) for length in size]
     centres = (np.indices(shape).reshape(3, -1).T + 0.5) * edge
@@ -101,6 +106,8 @@ def _clearance(x: np.ndarray, spacing: np.ndarray, size) -> tuple[np.ndarray, fl
         dry = np.flatnonzero(~water)
         distance, _ = tree.query(centres[dry], distance_upper_bound=HOLE * d)
         water[dry] = np.isfinite(distance)
+    if free is not None:
+        water &= free(centres, HALF_DIAGONAL * edge)
     water = water.reshape(shape)
     if water.all():
         return np.full(shape, np.inf), edge

@@ -4,6 +4,7 @@ A probe reads a Snapshot of the water. It looks at the few particles near it, on
 step waits for it, and nothing is compiled or allocated for it.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,13 +30,15 @@ AXES = {"x": 0, "y": 1, "z": 2}
 @dataclass(frozen=True)
 class Snapshot:
     """Particles at one time, host arrays of length n: x (n, 3) [m], pressure [Pa] or None while no
-    solver has run, spacing and support [m]; size (3,) [m] of the box."""
+    solver has run, spacing and support [m]; size (3,) [m] of the box; free(points, margin) tells
+    which points (p, 3) [m] are `margin` [m] outside of all bodies."""
 
     x: np.ndarray
     pressure: np.ndarray | None
     spacing: np.ndarray
     support: np.ndarray
     size: tuple[float, float, float]
+    free: Callable[[np.ndarray, float], np.ndarray]
 
     @classmethod
     def of(cls, simulation: Simulation) -> "Snapshot":
@@ -47,6 +50,7 @@ class Snapshot:
             np.array([s.spacing for s in specs])[layer],
             np.array([s.support for s in specs])[layer],
             simulation.size,
+            simulation.walls.free,
         )
 
     def coverage(self, points: np.ndarray, close: np.ndarray, widen: float = 1.0) -> np.ndarray:

@@ -33,7 +33,7 @@ class Survey:
 def survey(time: float, volume: float, water: Snapshot) -> Survey:
     """Surveys the water whose surface encloses `volume` [m^3]."""
     rest = float((water.spacing**3).sum())
-    bulk = bulk_density(water.x, water.spacing, water.size)
+    bulk = bulk_density(water.x, water.spacing, water.size, water.free)
     return Survey(time, volume, volume / rest - 1.0, bulk)
 
 

@@ -7,6 +7,7 @@ from msph.fluid.forcing import Forcing
 from msph.fluid.layers import LayerSpec
 from msph.fluid.projection_terms import ProjectionTerms
 from msph.fluid.simulation import Simulation
+from msph.measure.bulk import bulk_density
 
 SIZE = (1.6, 1.6, 1.6)
 WEIGHTLESS = Forcing(gravity=(0.0, 0.0, 0.0))
@@ -160,14 +161,15 @@ def tank():
 
 
 def test_images_close_the_walls(tank):
-    """c at walls, edges and corners against all pairs with all images stored as particles."""
+    """c and looseness at walls, edges and corners against all pairs with all images stored as
+    particles."""
     sim, _ = tank
     sim.solver.neighbours.refresh()
     sim.solver.summation.weigh(sim.particles.count)
     x, layer = sim.particles.numpy("x").astype(float), sim.particles.numpy("layer")
     volume, support = (np.array([getattr(s, k) for s in sim.layers.specs]) for k in WEIGHTS)
     near = np.argsort(np.abs(x - np.array(TANK) * [0.0, 0.2, 1.0]).max(axis=1))[:60]
-    c = 0.0
+    c, bell = 0.0, 0.0
     for turn in np.ndindex(3, 3, 3):
         mirrored = np.where(np.array(turn) == 1, -x, x) + np.where(np.array(turn) == 2, 1, 0) * (
             2 * np.array(TANK) - 2 * x
@@ -175,7 +177,15 @@ def test_images_close_the_walls(tank):
         r = np.linalg.norm(x[near][:, None] - mirrored, axis=2)
         h = 0.5 * (support[layer[near]][:, None] + support[layer])
         c += (volume[layer] * quartic(r, h)).sum(axis=1)
-    assert np.allclose(sim.particles.numpy("density")[near] / 1000.0, c, rtol=1e-4)
+        shape = np.maximum(1.0 - (r / h) ** 2, 0.0) ** 4
+        bell += (volume[layer] * 3465.0 / (512.0 * np.pi) / h**3 * shape).sum(axis=1)
+    density, hidden, looseness = (
+        sim.particles.numpy(name)[near] for name in ("density", "hidden", "looseness")
+    )
+    assert np.allclose(density / 1000.0, c + hidden, rtol=1e-4)
+    known = looseness < 1.0
+    assert known.sum() > 30
+    assert np.allclose(looseness[known], (bell - c)[known], atol=1e-4)
 
 
 def test_still_water_keeps_energy_and_volume(tank):
@@ -214,3 +224,21 @@ def test_density_stays_near_rest(tank):
 def test_nothing_leaves_the_box(tank):
     x = tank[0].particles.numpy("x")
     assert x.min() >= 0.0 and np.all(x <= np.array(TANK, np.float32))
+
+
+def test_stirred_water_keeps_its_bulk_density(tank):
+    """A whirl from wall to wall: though c was 1 everywhere, it stood 2 to 4 % too thin."""
+    sim, _ = tank
+    sim.reset()
+    k = np.pi / TANK[0]
+    x, _, z = (k * sim.particles.numpy("x")).T
+    v = np.stack([np.sin(x) * np.cos(z), 0 * x, -np.cos(x) * np.sin(z)], axis=1)
+    sim.particles.fill(**(sim.particles.state() | {"v": v.astype(np.float32)}))
+    sim.solver.reset()
+    found = []
+    for frame in range(20):
+        sim.advance(1 / 60, Forcing())
+        if frame % 2:
+            spacing = np.array([s.spacing for s in sim.layers.specs])[sim.particles.numpy("layer")]
+            found.append(bulk_density(sim.particles.numpy("x"), spacing, TANK).mean)
+    assert np.mean(found) == pytest.approx(1.0, abs=0.01)

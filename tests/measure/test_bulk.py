@@ -40,6 +40,23 @@ def test_water_that_is_packed_wrongly_reads_so(excess):
     assert found.mean == pytest.approx(1 + excess, abs=1e-3)
 
 
+def test_bodies_are_not_thin_water():
+    """A plate of 1.5 spacings, which leaves no place farther from particles than a void may be."""
+    x, d = lattice(0.8, D)
+    lo, hi = 0.4 - 0.75 * D, 0.4 + 0.75 * D
+    outside = (x[:, 0] < lo) | (x[:, 0] > hi)
+    assert outside.sum() < len(x)
+
+    def free(points, margin):
+        return (points[:, 0] < lo - margin) | (points[:, 0] > hi + margin)
+
+    blind = bulk_density(x[outside], d[outside], SIZE)
+    seeing = bulk_density(x[outside], d[outside], SIZE, free)
+    assert blind.least < 0.8
+    assert seeing.points > 100
+    assert seeing.least > 1 - 3e-3
+
+
 def test_disorder_does_not_read_as_density():
     x, d = lattice(0.6, D)
     found = bulk_density(disordered(x, D, 0.1), d, SIZE)

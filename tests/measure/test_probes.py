@@ -20,7 +20,9 @@ def filled(jitter=0.0, keep=lambda x: x[:, 1] < LEVEL, d=D):
 
 def snapshot(x, d=D, smoothing=2.0, pressure=None):
     n = len(x)
-    return Snapshot(x, pressure, np.full(n, d), np.full(n, smoothing * d), SIZE)
+    return Snapshot(
+        x, pressure, np.full(n, d), np.full(n, smoothing * d), SIZE, lambda points, margin: True
+    )
 
 
 def field(x):
