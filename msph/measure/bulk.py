@@ -23,8 +23,9 @@ HOLE = 1.25
 RIND = HOLE - 0.5
 # Places where the density is sampled, and voxels in which air is sought: enough for .1 %.
 POINTS, MOST_VOXELS = 400, 300_000
-# Fewer voxels than these that lie deep enough are a single place, not the bulk.
-FEWEST = 10
+# Room that lies deep enough must be this many (finest spacings)^3, one kernel's volume: less is a
+# single place, not the bulk.
+LEAST_ROOM = 4.0 / 3.0 * np.pi * WIDE**3
 # Half the diagonal of a cube, over its edge.
 HALF_DIAGONAL = 0.5 * 3.0**0.5
 
@@ -33,7 +34,7 @@ HALF_DIAGONAL = 0.5 * 3.0**0.5
 class BulkDensity:
     """sum V_j W over rest, 1 for water at rest density: mean, least and most over `points` places.
 
-    NaN where hardly a place lies deep enough.
+    NaN where too little lies deep enough.
     """
 
     mean: float
@@ -60,7 +61,7 @@ def bulk_density(
     clearance, edge = _clearance(x, spacing, size, free)
     finest, coarsest = spacing.min(), spacing.max()
     deep = np.argwhere(clearance > _needed(finest, edge))
-    if len(deep) < FEWEST:
+    if len(deep) * edge**3 < LEAST_ROOM * finest**3:
         return BulkDensity(np.nan, np.nan, np.nan, 0)
     deep = deep[rng.integers(len(deep), size=points)]
     places = (deep + rng.random(deep.shape)) * edge
