@@ -31,6 +31,7 @@ from msph.fluid.xsph import Xsph
 _ATTRIBUTES = (
     Attribute("density", "kg/m^3", "relative density c times rest density"),
     Attribute("pressure", "Pa", "pressure of the velocity solve"),
+    Attribute("earlier", "Pa", "pressure of the step before"),
     Attribute("swing", "m/s", "sqrt(p/rho0) of what is round it", carried=False),
     Attribute("looseness", "-", "density by a kernel without forces, less c", carried=False),
     Attribute("hidden", "-", "what c hides: looseness round it, not above 0"),
@@ -236,6 +237,9 @@ class Projection(Accounts):
         """source_i = dt dc/dt + share (c_i - 1) of the velocity solve, c_i as it will be once the
         crowded have parted; and pressures [Pa] become the solve's multipliers [m^2].
 
+        They start from the mean of two steps: pressures swing from one to the next, so that it
+        takes half the iterations that the last step's do; to extrapolate takes more.
+
         share is 1 for gaps, and dt/release for what is crowded or hardly thinner than rest.
         """
         ti.loop_config(serialize=alone)
@@ -255,7 +259,10 @@ class Projection(Accounts):
                 # Halves are crowded, and mergers leave gaps, until the position solve has met them.
                 wanted = ti.select(self.particles.settling[i] > 0 and c > -SMALL_GAP, 0.0, wanted)
             self.particles.source[i] = dt * rate + wanted
-            self.particles.pressure[i] *= dt * dt / self.terms.density
+            now = self.particles.pressure[i]
+            start = 0.5 * (now + self.particles.earlier[i])
+            self.particles.earlier[i] = now
+            self.particles.pressure[i] = start * dt * dt / self.terms.density
 
     @ti.kernel
     def push(
