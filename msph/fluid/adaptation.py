@@ -56,13 +56,15 @@ class AdaptationTerms:
 
     band: thickness of a layer's band of depths, in its supports (-). hysteresis: share of a
     bound's depth by which a particle must be beyond it, RELUCTANT times as much to be split (-).
-    every: steps between passes. budget: share of all particles that a pass may split, and merge
-    (-). settle: passes that what was split or merged waits.
+    every: steps after which a pass may be due, travel: spacings that the fastest must have gone
+    since the last. budget: share of all particles that a pass may split, and merge (-). settle:
+    times `every` that what was split or merged waits.
     """
 
     band: float = 1.25
     hysteresis: float = 0.3
     every: int = 8
+    travel: float = 4.0
     budget: float = 0.1
     settle: int = 3
 
@@ -131,12 +133,14 @@ class Adaptation:
         self.scan = ExclusiveScan(particles.capacity)
         self.tally = ti.field(ti.i32, shape=3)  # splits, merges, refused
         self.next_id = ti.field(ti.i32, shape=())
+        self.travelled = ti.field(ti.f32, shape=())  # by the fastest since the last pass, spacings
         self.thickness, self.events, self.steps = 1.0, (0, 0, 0), 0
 
     def reset(self) -> None:
         """Forgets the run, for the particles were replaced: bands have their full thickness."""
         self.thickness, self.events, self.steps = 1.0, (0, 0, 0), 0
         self.next_id[None] = int(self.particles.numpy("id").max()) + 1
+        self.travelled[None] = 0.0
 
     def fill(self) -> None:
         """Splits what the scene filled too coarsely, before the water moves.
@@ -188,7 +192,13 @@ class Adaptation:
     def due(self) -> bool:
         """Counts a step; true for those after which a pass is due."""
         self.steps += 1
-        return self.steps % self.terms.every == 0
+        if self.steps % self.terms.every:
+            return False
+        if self.travelled[None] < self.terms.travel:
+            self.wait(self.particles.count)
+            return False
+        self.travelled[None] = 0.0
+        return True
 
     def run(self, budget: float | None = None) -> int:
         """One pass over fresh neighbours; returns how many particles it split and merged.
@@ -221,6 +231,12 @@ class Adaptation:
             self.thickness = max(THINNEST, THINNER * self.thickness)
         elif full < ROOMY:
             self.thickness = min(1.0, THICKER * self.thickness)
+
+    @ti.kernel
+    def wait(self, n: ti.i32):
+        """What was split or merged has waited once more."""
+        for i in range(n):
+            self.particles.settling[i] = ti.max(self.particles.settling[i] - 1, 0)
 
     @ti.kernel
     def wish_for(self, n: ti.i32, thickness: ti.f32, reluctant: ti.f32):

@@ -352,7 +352,7 @@ class Projection(Accounts):
     @ti.kernel
     def move(self, n: ti.i32, alone: ti.template(), dt: ti.f32):
         """x += dt v; what would leave is stopped at its wall. Multipliers become pressures."""
-        top = 0.0
+        top, farthest = 0.0, 0.0
         ti.loop_config(serialize=alone)
         for i in range(n):
             layer, v = self.particles.layer[i], self.particles.v[i]
@@ -365,6 +365,9 @@ class Projection(Accounts):
             self.particles.pressure[i] *= self.terms.density / (dt * dt)
             if self.particles.density[i] < self.terms.spray * self.terms.density:
                 v /= SPRAY_LEAP
-            speed, swing = v.norm() / self.terms.cfl, self.particles.swing[i]
-            ti.atomic_max(top, ti.max(speed, swing / self.terms.pressure_cfl) / d)
+            speed, swing = v.norm(), self.particles.swing[i]
+            ti.atomic_max(farthest, speed * dt / d)
+            ti.atomic_max(top, ti.max(speed / self.terms.cfl, swing / self.terms.pressure_cfl) / d)
         self.top_rate[None] = top
+        if ti.static(self.adaptive):
+            self.adaptation.travelled[None] += farthest

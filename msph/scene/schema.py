@@ -241,12 +241,15 @@ class Adaptation(Section):
     hysteresis: float = parameter(
         _adapt.hysteresis, ge=0.0, le=0.5, text="share of a band's bound that a particle must pass"
     )
-    every: int = parameter(_adapt.every, ge=1, text="steps between passes")
+    every: int = parameter(_adapt.every, ge=1, text="steps between passes, at least")
+    travel: float = parameter(
+        _adapt.travel, ge=0.0, text="spacings that the fastest particle goes between passes"
+    )
     budget: float = parameter(
         _adapt.budget, gt=0.0, le=1.0, text="share of all particles that a pass may change"
     )
     settle: int = parameter(
-        _adapt.settle, ge=0, text="passes that a particle waits until its next change"
+        _adapt.settle, ge=0, text="times `every` steps that a particle waits until its next change"
     )
     capacity: int | None = parameter(
         None,

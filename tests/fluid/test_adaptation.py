@@ -157,7 +157,18 @@ def test_layers_lie_in_their_bands(tank):
 def test_water_at_rest_stops_adapting(tank):
     _, counts = tank
     changes = np.abs(np.diff(counts, axis=0)).sum(axis=1)
-    assert changes[-30:].mean() < 0.001 * counts[-1].sum()
+    assert changes[-45:].max() == 0
+
+
+def test_passes_are_due_where_water_travels(tank):
+    """Every eighth step, and only when the fastest has gone four spacings."""
+    adaptation = tank[0].solver.adaptation
+    adaptation.steps = 7
+    adaptation.travelled[None] = 3.9
+    assert not adaptation.due()
+    adaptation.travelled[None] = 4.1
+    assert [adaptation.due() for _ in range(8)] == [False] * 7 + [True]
+    assert adaptation.travelled[None] == 0.0
 
 
 def test_a_full_pool_coarsens_and_loses_nothing(tank):
