@@ -83,9 +83,13 @@ class Reading:
         self._weight += np.bincount(sheet, m, SHEETS)
 
     def pressure_error(self) -> float:
-        """Root mean square over depth of the error of the mean pressure, over rho g H (-)."""
+        """Root mean square over depth of the error of the mean pressure, over rho g H (-).
+
+        Sheets weigh what water they hold: coarse particles leave sheets to a stray one.
+        """
         mean = self._pressure / np.maximum(self._weight, 1e-9)
-        return float(np.sqrt((mean**2).mean()) / (1000.0 * GRAVITY * self.depth))
+        square = np.average(mean**2, weights=self._weight)
+        return float(np.sqrt(square) / (1000.0 * GRAVITY * self.depth))
 
     def energy_rise(self, seconds: float = 1.0) -> float:
         """Largest rise of the energy within `seconds`, over the potential energy over the floor."""
