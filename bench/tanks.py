@@ -119,19 +119,19 @@ def build(scene: Scene) -> Simulation:
 
 
 def slosh(simulation: Simulation, depth: float, amplitude: float) -> None:
-    """Displaces still water as the first sloshing mode along x does, without changing volumes.
+    """Gives still water the velocities of the first sloshing mode along x as it passes rest.
 
-    xi_x = -a sin(kx) cosh(ky)/sinh(kH), xi_y = a cos(kx) sinh(ky)/sinh(kH), k = pi/L.
+    v_x = -a omega sin(kx) cosh(ky)/sinh(kH), v_y = a omega cos(kx) sinh(ky)/sinh(kH), k = pi/L.
+    Displacing it instead upsets the arrangement, whose relaxation lifts the water.
     """
     length = simulation.size[0]
-    k = math.pi / length
+    k, omega = math.pi / length, 2.0 * math.pi / slosh_period(length, depth)
     p, n = simulation.particles, simulation.particles.count
-    x = p.x.to_numpy()
-    kx, ky, scale = k * x[:n, 0], k * x[:n, 1], amplitude / math.sinh(k * depth)
-    x[:n, 0] -= scale * np.sin(kx) * np.cosh(ky)
-    x[:n, 1] += scale * np.cos(kx) * np.sinh(ky)
-    p.x.from_numpy(x)
-    simulation.solver.disturb()
+    x, v = p.x.to_numpy()[:n], p.v.to_numpy()
+    kx, ky, scale = k * x[:, 0], k * x[:, 1], amplitude * omega / math.sinh(k * depth)
+    v[:n, 0] -= scale * np.sin(kx) * np.cosh(ky)
+    v[:n, 1] += scale * np.cos(kx) * np.sinh(ky)
+    p.v.from_numpy(v)
 
 
 def slosh_period(length: float, depth: float) -> float:
@@ -148,6 +148,6 @@ def fitted_period(times: list[float], values: np.ndarray, guess: float) -> float
         angle = 2.0 * np.pi * t / period
         return mean + np.exp(-rate * t) * (a * np.cos(angle) + b * np.sin(angle))
 
-    start = (values.mean(), values[0] - values.mean(), 0.0, 0.1, guess)
+    start = (values.mean(), 0.0, values.min() - values.mean(), 0.1, guess)
     found, _ = curve_fit(wave, np.array(times), values, p0=start)
     return float(found[-1])
