@@ -98,10 +98,10 @@ class Summation:
                 self.weigh_pair(s, layer, j, r_ij, total)
                 mirrored += ti.select(j == i, 1.0, 0.0) * self.slope[s] * r_ij
             g, volume = total.g, self.layers.volume[layer]
-            loose = total.bell - total.c
-            self.particles.looseness[i] = ti.select(total.c > SURROUNDED, loose, UNKNOWN)
-            c = total.c + inside + self.particles.hidden[i]
-            self.particles.density[i] = c * self.density
+            # What is hidden counts: else what it compresses near a surface would seem surrounded.
+            loose, seen = total.bell - total.c, total.c + self.particles.hidden[i]
+            self.particles.looseness[i] = ti.select(seen > SURROUNDED, loose, UNKNOWN)
+            self.particles.density[i] = (seen + inside) * self.density
             self.particles.gradient[i] = g
             self.particles.diagonal[i] = (g + mirrored).norm_sqr() + volume * total.squares
 
