@@ -49,9 +49,11 @@ SMALL_GAP = 0.1
 # leaves thinner than rest by less must not be let fall: it would carry a part of the weight, and
 # the pressure of a deep pool would be up to 8 % too low.
 GAP = 0.003
-# Looseness that particles at rest may have, and the most that is made up for. Honey needs .06; at .1
-# particles of a drop under tension pair up, which hides more, and it shrinks by 7 %.
+# Looseness that particles at rest may have, and the most that is made up for: honey needs .06. Not
+# under tension, where particles of a drop pair up, which hides more, till it has shrunk by 7 %.
 EVEN, MOST_HIDDEN = 0.003, 0.06
+# Share of a step's reading in what is taken for hidden: the whole would swing from step to step.
+BLEND = 0.25
 # Keeps the mean over no neighbours finite.
 SMALLEST_COUNT = 1e-3
 # Spray, which meets nothing, may move so many times farther in a step.
@@ -348,7 +350,9 @@ class Projection(Accounts):
             self.particles.v[i] += u / dt
             q, looseness = self.means_round(i)
             self.particles.swing[i] = ti.sqrt(q) / dt
-            self.particles.hidden[i] = ti.math.clamp(looseness + EVEN, -MOST_HIDDEN, 0.0)
+            if ti.static(self.tension is None):
+                target = ti.math.clamp(looseness + EVEN, -MOST_HIDDEN, 0.0)
+                self.particles.hidden[i] += BLEND * (target - self.particles.hidden[i])
 
     @ti.kernel
     def move(self, n: ti.i32, alone: ti.template(), dt: ti.f32):
