@@ -350,7 +350,7 @@ class Projection(Accounts):
             self.particles.v[i] += u / dt
             q, looseness = self.means_round(i)
             self.particles.swing[i] = ti.sqrt(q) / dt
-            if ti.static(self.tension is None):
+            if ti.static(not self.tension):
                 target = ti.math.clamp(looseness + EVEN, -MOST_HIDDEN, 0.0)
                 self.particles.hidden[i] += BLEND * (target - self.particles.hidden[i])
 
