@@ -49,7 +49,7 @@ SMALL_GAP = 0.1
 # leaves thinner than rest by less must not be let fall: it would carry a part of the weight, and
 # the pressure of a deep pool would be up to 8 % too low.
 GAP = 0.003
-# Looseness that particles at rest may have, and the most that is made up for: honey needs .06. Not
+# Looseness that particles at rest may have, and the most that is made up for (honey hid .07). Not
 # under tension, where particles of a drop pair up, which hides more, till it has shrunk by 7 %.
 EVEN, MOST_HIDDEN = 0.003, 0.06
 # Share of a step's reading in what is taken for hidden: the whole would swing from step to step.

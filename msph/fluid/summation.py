@@ -39,8 +39,8 @@ class Summation:
     stood 2 to 6 % too thin, for each particle sits in the peak of its own kernel, and neighbours
     that come near make up for gaps between them. Any other kernel, which no force obeys, sees it:
     of (1 - q^2)^n and wider ones the bell (1 - q^2)^4 of the same support read the bulk density
-    within .7 % in all states met. So looseness is bell minus c; its mean round a particle, hidden,
-    is added to c.
+    within .7 % in all states met. So looseness is bell minus c; its mean round a particle,
+    followed slowly, is hidden and added to c; not under tension.
 
     slope holds V_j dW/dr / r [1/m^2] of each entry of the neighbour list; inflow [1/s], where
     bodies move, what their motion adds to dc/dt.
