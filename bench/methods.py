@@ -74,6 +74,7 @@ def solvers(layers: int, sheets: int) -> list[dict[str, str]]:
         ti.sync()
         begin = time.perf_counter()
         iterations = run()
+        solve_for.find_shifts(n, p.alone, p.pressure, p.shift)
         ti.sync()
         wall = 1e3 * (time.perf_counter() - begin)
         return iterations, wall, p.numpy("shift").astype(float)
@@ -88,7 +89,6 @@ def solvers(layers: int, sheets: int) -> list[dict[str, str]]:
     def jacobi(iterations):
         for _ in range(iterations):
             solve_for.correct(n, p.alone, p.pressure)
-        solve_for.find_shifts(n, p.alone, p.pressure, p.shift)
         return iterations
 
     rows = []

@@ -83,11 +83,10 @@ class Depth:
         for i in range(n):
             layer, x = self.particles.layer[i], self.particles.x[i]
             h, volume = REACH * self.layers.spacing[layer], self.layers.volume[layer]
-            near = self.images.in_reach(x, h)
+            near, wall = self.images.in_reach(x, h), self.images.wall(x)
             for image in range(COMBINATIONS):
-                bits = self.images.bits(image)
-                if (bits <= near).all():
-                    self._cover_by(self.images.point(x, x, bits), h, volume)
+                if (self.images.bits(image) <= near).all():
+                    self._cover_by(wall + self.images.mirror(image) * (x - wall), h, volume)
         if ti.static(self.walls.count > 0):
             for c in ti.grouped(self.coverage):
                 centre = (ti.cast(c, ti.f32) + 0.5) * self.cell

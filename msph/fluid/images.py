@@ -44,39 +44,25 @@ class Images:
         return ti.Vector([image & 1, (image >> 1) & 1, (image >> 2) & 1])
 
     @ti.func
+    def mirror(self, image):
+        """What the image-th combination multiplies vectors by: -1 along mirrored axes."""
+        return 1.0 - 2.0 * ti.cast(self.bits(image), ti.f32)
+
+    @ti.func
     def entry(self, j, image):
         return j | (image << INDEX_BITS)
 
     @ti.func
     def read(self, entry):
-        """Neighbour and mirrored axes of an entry."""
-        return entry & INDEX_MASK, self.bits(entry >> INDEX_BITS)
+        """Neighbour of an entry, and the mirror it is seen in: a vector v is seen as mirror * v."""
+        return entry & INDEX_MASK, self.mirror(entry >> INDEX_BITS)
 
     @ti.func
-    def point(self, x, x_j, bits):
-        """Where x_j [m] is seen from x behind the walls of `bits`."""
-        seen = x_j
-        for k in ti.static(range(3)):
-            wall = ti.select(x[k] > 0.5 * self.size[k], self.size[k], 0.0)
-            seen[k] = ti.select(bits[k] == 1, 2.0 * wall - x_j[k], x_j[k])
-        return seen
+    def wall(self, x):
+        """Coordinates [m] of the walls nearest to x."""
+        return ti.select(x > 0.5 * self.size, self.size, ti.Vector([0.0, 0.0, 0.0]))
 
     @ti.func
-    def walls(self, x):
-        """What `farther` needs to know of the walls nearest to x [m]: rows (offset, factor)."""
-        beyond = x > 0.5 * self.size
-        reach = 4.0 * ti.select(beyond, self.size - x, x)
-        return ti.Matrix.rows(
-            [ti.select(beyond, reach * self.size, 0.0), ti.select(beyond, -reach, reach)]
-        )
-
-    @ti.func
-    def farther(self, x_j, walls):
-        """By how much the mirror at each axis adds to the squared distance of x_j [m^2]: four times
-        the product of both distances from the wall."""
-        return walls[0, :] + walls[1, :] * x_j
-
-    @ti.func
-    def vector(self, v, bits):
-        """A vector v as it is seen in the mirrors of `bits`."""
-        return v * (1.0 - 2.0 * ti.cast(bits, ti.f32))
+    def offset(self, x, wall, x_j, mirror):
+        """From where x_j [m] is seen behind `wall` to x [m]."""
+        return (x - wall) + mirror * (wall - x_j)

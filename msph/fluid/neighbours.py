@@ -116,33 +116,34 @@ class NeighbourList:
                         self.grid.for_each_row(search.x, layer, search.reach, self._add_row, search)
                     if ti.static(self.mirrored):
                         self.mirrors[i] = search.place
-                        self._add_images(self.start[i], search)
+                        self._add_images(search)
                     self.end[i] = search.place
                 ti.atomic_max(self.fullest[None], search.wanted)
 
     @ti.func
-    def _add_images(self, first, search: ti.template()):
+    def _add_images(self, search: ti.template()):
         """Adds the images within reach of the neighbours found so far, and of the particle."""
-        i, x, last = search.i, search.x, search.place
-        own = self.grid.cell_size[self.particles.layer[i]]
-        if self.images.in_reach(x, 0.5 * (own + self.widest) + self.margin).sum() > 0:
-            walls = self.images.walls(x)
-            self._add_images_of(i, i, x, walls, search)
-            for s in range(first, last):
-                self._add_images_of(i, self.index[s], x, walls, search)
-
-    @ti.func
-    def _add_images_of(self, i, j, x, walls, search: ti.template()):
-        reach, x_j = self._reach(i, self.particles.layer[j]), self.particles.x[j]
-        left = reach * reach - (x - x_j).norm_sqr()
-        farther = self.images.farther(x_j, walls)
-        if farther.min() < left:
-            for image in range(1, COMBINATIONS):
-                if farther.dot(self.images.bits(image)) < left:
-                    search.wanted += 1
-                    if search.place < search.limit:
-                        self.index[search.place] = self.images.entry(j, image)
-                        search.place += 1
+        i, x, first, last = search.i, search.x, self.start[search.i], search.place
+        layer, wall = self.particles.layer[i], self.images.wall(x)
+        widest = 0.5 * (self.grid.cell_size[layer] + self.widest) + self.margin
+        near = self.images.in_reach(x, widest)
+        for image in range(1, COMBINATIONS):
+            if (self.images.bits(image) <= near).all():
+                mirror = self.images.mirror(image)
+                place = search.place
+                fits = place + last - first + 1 < search.limit
+                own = self.images.offset(x, wall, x, mirror).norm_sqr()
+                if fits:
+                    self.index[place] = self.images.entry(i, image)
+                    place += ti.select(own < self._reach(i, layer) ** 2, 1, 0)
+                for s in range(first, ti.select(fits, last, first)):
+                    j = self.index[s]
+                    reach = self._reach(i, self.particles.layer[j])
+                    r_ij = self.images.offset(x, wall, self.particles.x[j], mirror)
+                    self.index[place] = self.images.entry(j, image)
+                    place += ti.select(r_ij.norm_sqr() < reach * reach, 1, 0)
+                search.wanted += ti.select(fits, place - search.place, last - first + 1)
+                search.place = place
 
     @ti.func
     def _reach(self, i, layer):

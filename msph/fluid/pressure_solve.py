@@ -66,8 +66,8 @@ class PressureSolve:
         self.scale = ti.field(ti.f32, shape=())
 
     def converge(self, q, tolerance: float, most: int) -> int:
-        """Projected conjugate gradients from the multipliers q (capacity,) [m^2], changed in place;
-        leaves their shifts. Returns the iterations it took, at most `most` (and LOOK).
+        """Projected conjugate gradients from the multipliers q (capacity,) [m^2], changed in place.
+        Returns the iterations it took, at most `most` (and LOOK).
 
         What an iteration takes off the error of q in <q, A q>, it takes off sum V |u|^2 of the
         displacements' error (Hestenes and Stiefel 1952, th. 6:1). The solve stops when LOOK
@@ -88,7 +88,6 @@ class PressureSolve:
                 done = change < tolerance * tolerance
                 if done or excluded > compressed or taken >= most:
                     break
-        self.find_shifts(n, alone, q, self.particles.shift)
         return taken
 
     def relax(self, q, iterations: int, shifts) -> None:
@@ -107,42 +106,51 @@ class PressureSolve:
     def shift_by(self, i, q: ti.template()):
         """u_i = -(q_i g_i + sum V_j q_j grad W_ij) [m]."""
         x = self.particles.x[i]
-        u = -q[i] * self.particles.gradient[i]
+        u, wall = -q[i] * self.particles.gradient[i], self.images.wall(x)
         for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
             j = self.neighbours.index[s]
             u -= q[j] * self.slope[s] * (x - self.particles.x[j])
         for s in range(self.neighbours.mirrors[i], self.neighbours.end[i]):
-            j, bits = self.images.read(self.neighbours.index[s])
-            u -= q[j] * self.slope[s] * (x - self.images.point(x, self.particles.x[j], bits))
+            j, mirror = self.images.read(self.neighbours.index[s])
+            u -= q[j] * self.slope[s] * self.images.offset(x, wall, self.particles.x[j], mirror)
+        return u
+
+    @ti.func
+    def inner_shift(self, i, q: ti.template()):
+        """The part of u_i [m] that other particles give."""
+        x, u = self.particles.x[i], ti.Vector([0.0, 0.0, 0.0])
+        for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
+            j = self.neighbours.index[s]
+            u -= (q[i] + q[j]) * self.slope[s] * (x - self.particles.x[j])
         return u
 
     @ti.func
     def wall_shift(self, i, q: ti.template()):
         """The part of u_i [m] that walls give."""
-        x = self.particles.x[i]
-        u = ti.Vector([0.0, 0.0, 0.0])
+        x, u = self.particles.x[i], ti.Vector([0.0, 0.0, 0.0])
+        wall = self.images.wall(x)
         if ti.static(self.bodies):
             u = -q[i] * self.particles.wall[i]
         for s in range(self.neighbours.mirrors[i], self.neighbours.end[i]):
-            j, bits = self.images.read(self.neighbours.index[s])
-            seen = self.images.point(x, self.particles.x[j], bits)
-            u -= (q[i] + q[j]) * self.slope[s] * (x - seen)
+            j, mirror = self.images.read(self.neighbours.index[s])
+            r_ij = self.images.offset(x, wall, self.particles.x[j], mirror)
+            u -= (q[i] + q[j]) * self.slope[s] * r_ij
         return u
 
     @ti.func
     def divergence(self, i, field: ti.template()):
         """sum V_j (u_i - u_j).grad W_ij of a vector field u [u's unit / m]."""
         u, x = field[i], self.particles.x[i]
-        found = 0.0
+        found, wall = 0.0, self.images.wall(x)
         if ti.static(self.bodies):
             found = u.dot(self.particles.wall[i])
         for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
             j = self.neighbours.index[s]
             found += self.slope[s] * (u - field[j]).dot(x - self.particles.x[j])
         for s in range(self.neighbours.mirrors[i], self.neighbours.end[i]):
-            j, bits = self.images.read(self.neighbours.index[s])
-            r_ij = x - self.images.point(x, self.particles.x[j], bits)
-            found += self.slope[s] * (u - self.images.vector(field[j], bits)).dot(r_ij)
+            j, mirror = self.images.read(self.neighbours.index[s])
+            r_ij = self.images.offset(x, wall, self.particles.x[j], mirror)
+            found += self.slope[s] * (u - mirror * field[j]).dot(r_ij)
         return found
 
     @ti.kernel

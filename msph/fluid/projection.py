@@ -306,16 +306,13 @@ class Projection(Accounts):
         Without it the lowest sheet bears half a sheet's weight too much.
         """
         x, lift = self.particles.x[i], ti.Vector([0.0, 0.0, 0.0])
+        wall = self.images.wall(x)
         for s in range(self.neighbours.mirrors[i], self.neighbours.end[i]):
-            j, bits = self.images.read(self.neighbours.index[s])
-            x_j = self.particles.x[j]
-            seen = self.images.point(x, x_j, bits)
+            j, mirror = self.images.read(self.neighbours.index[s])
+            r_ij = self.images.offset(x, wall, self.particles.x[j], mirror)
+            deeper = gravity.dot(x - r_ij - self.particles.x[j])
             own = self.particles.pressure[j] / self.terms.density
-            lift -= (
-                ti.math.clamp(gravity.dot(seen - x_j), -own, own)
-                * self.summation.slope[s]
-                * (x - seen)
-            )
+            lift -= ti.math.clamp(deeper, -own, own) * self.summation.slope[s] * r_ij
         return lift
 
     @ti.func
@@ -338,16 +335,17 @@ class Projection(Accounts):
         """v = v* + u/dt; and how soon what holds a particle in its arrangement would swing it."""
         ti.loop_config(serialize=alone)
         for i in range(n):
-            m, u = self.layers.mass[self.particles.layer[i]], self.particles.shift[i]
+            m = self.layers.mass[self.particles.layer[i]]
+            inner = self.pressure_solve.inner_shift(i, self.particles.pressure)
             wall = self.pressure_solve.wall_shift(i, self.particles.pressure)
-            self.book_internal(m, self.particles.x[i], (u - wall) / dt)
+            self.book_internal(m, self.particles.x[i], inner / dt)
             self.wall_impulse[None] += m / dt * wall
             if ti.static(self.walls.moving):
                 # Force of the bodies on the particle times their velocity.
                 self.wall_work[None] += (
                     m * self.particles.pressure[i] / dt * self.summation.inflow[i]
                 )
-            self.particles.v[i] += u / dt
+            self.particles.v[i] += (inner + wall) / dt
             q, looseness = self.means_round(i)
             self.particles.swing[i] = ti.sqrt(q) / dt
             if ti.static(not self.tension):

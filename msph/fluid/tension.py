@@ -87,7 +87,7 @@ class Tension:
         """
         for i in range(n):
             x, normal = self.particles.x[i], self.particles.normal[i]
-            h_i = self.layers.support[self.particles.layer[i]]
+            h_i, wall = self.layers.support[self.particles.layer[i]], self.images.wall(x)
             total = ti.Vector([0.0, 0.0, 0.0])
             for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
                 j = self.neighbours.index[s]
@@ -95,9 +95,9 @@ class Tension:
                     s, h_i, j, x - self.particles.x[j], normal, self.particles.normal[j]
                 )
             for s in range(self.neighbours.mirrors[i], self.neighbours.end[i]):
-                j, bits = self.images.read(self.neighbours.index[s])
-                r_ij = x - self.images.point(x, self.particles.x[j], bits)
-                seen = self.images.vector(self.particles.normal[j], bits)
+                j, mirror = self.images.read(self.neighbours.index[s])
+                r_ij = self.images.offset(x, wall, self.particles.x[j], mirror)
+                seen = mirror * self.particles.normal[j]
                 total += self.pair(s, h_i, j, r_ij, normal, seen)
             self.particles.v[i] -= impulse * total
 

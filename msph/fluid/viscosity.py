@@ -153,17 +153,17 @@ class Viscosity:
     def laplacian(self, i, field: ti.template()):
         """lap of a vector field on the particles [its unit / m^2]."""
         x, v, total = self.particles.x[i], field[i], ti.Vector([0.0, 0.0, 0.0])
-        h_i = self.layers.support[self.particles.layer[i]]
+        h_i, wall = self.layers.support[self.particles.layer[i]], self.images.wall(x)
         for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
             j = self.neighbours.index[s]
             r_ij = x - self.particles.x[j]
             total += self.weight(h_i, j, r_ij) * (field[j] - v).dot(r_ij) * r_ij
         for s in range(self.neighbours.mirrors[i], self.neighbours.end[i]):
-            j, bits = self.images.read(self.neighbours.index[s])
-            r_ij = x - self.images.point(x, self.particles.x[j], bits)
+            j, mirror = self.images.read(self.neighbours.index[s])
+            r_ij = self.images.offset(x, wall, self.particles.x[j], mirror)
             weight = self.weight(h_i, j, r_ij)
             if ti.static(self.slip):
-                total += weight * (self.images.vector(field[j], bits) - v).dot(r_ij) * r_ij
+                total += weight * (mirror * field[j] - v).dot(r_ij) * r_ij
             else:
                 # Images move against the water, so that it stands at the wall.
                 total -= NO_SLIP * weight * r_ij.norm_sqr() * (field[j] + v)
@@ -173,14 +173,14 @@ class Viscosity:
     def diagonal(self, i):
         """-d lap v_i/d v_i by axis [1/m^2], a particle's own images held fixed."""
         x, total = self.particles.x[i], ti.Vector([0.0, 0.0, 0.0])
-        h_i = self.layers.support[self.particles.layer[i]]
+        h_i, wall = self.layers.support[self.particles.layer[i]], self.images.wall(x)
         for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
             j = self.neighbours.index[s]
             r_ij = x - self.particles.x[j]
             total += self.weight(h_i, j, r_ij) * r_ij * r_ij
         for s in range(self.neighbours.mirrors[i], self.neighbours.end[i]):
-            j, bits = self.images.read(self.neighbours.index[s])
-            r_ij = x - self.images.point(x, self.particles.x[j], bits)
+            j, mirror = self.images.read(self.neighbours.index[s])
+            r_ij = self.images.offset(x, wall, self.particles.x[j], mirror)
             weight = self.weight(h_i, j, r_ij)
             if ti.static(self.slip):
                 total += weight * r_ij * r_ij

@@ -33,16 +33,16 @@ class Xsph:
         """v_i += strength sum V_j (v_j - v_i) W_ij."""
         for i in range(n):
             x, v = self.particles.x[i], self.particles.v[i]
-            h_i = self.layers.support[self.particles.layer[i]]
+            h_i, wall = self.layers.support[self.particles.layer[i]], self.images.wall(x)
             total = ti.Vector([0.0, 0.0, 0.0])
             for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
                 j = self.neighbours.index[s]
                 r = (x - self.particles.x[j]).norm()
                 total += self.weight(h_i, j, r) * (self.particles.v[j] - v)
             for s in range(self.neighbours.mirrors[i], self.neighbours.end[i]):
-                j, bits = self.images.read(self.neighbours.index[s])
-                r = (x - self.images.point(x, self.particles.x[j], bits)).norm()
-                seen = self.images.vector(self.particles.v[j], bits)
+                j, mirror = self.images.read(self.neighbours.index[s])
+                r = self.images.offset(x, wall, self.particles.x[j], mirror).norm()
+                seen = mirror * self.particles.v[j]
                 total += self.weight(h_i, j, r) * (seen - v)
             self.particles.exchange[i] = self.strength * total
         for i in range(n):
