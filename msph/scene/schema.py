@@ -239,7 +239,7 @@ class Adaptation(Section):
         _adapt.band, ge=0.5, le=20.0, text="thickness of a layer's band, in its supports"
     )
     hysteresis: float = parameter(
-        _adapt.hysteresis, ge=0.0, le=0.5, text="share of a band's bound that a particle must pass"
+        _adapt.hysteresis, ge=0.0, le=0.4, text="share of a band's bound that a particle must pass"
     )
     every: int = parameter(_adapt.every, ge=1, text="steps between passes, at least")
     travel: float = parameter(
