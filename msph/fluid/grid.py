@@ -1,7 +1,8 @@
 """Per-layer grids: a counting sort bins the particles of each layer into cells of its support h.
 
 One array of cells holds the grids of all layers, one after the other, so a single sort orders the
-particles by (layer, cell), and the cells of a z-run are one contiguous range of particles.
+particles by (layer, cell), and the cells of a z-run are one contiguous range of particles. Cells
+are ordered by y first: layers lie flat, so that most of a layer's slabs of cells are empty.
 """
 
 import math
@@ -10,7 +11,7 @@ import numpy as np
 import taichi as ti
 
 from msph.fluid.layers import Layers
-from msph.fluid.particles import Particles, one_thread_does
+from msph.fluid.particles import FEW_CELLS, Particles, one_thread_does
 from msph.fluid.scan import ExclusiveScan
 from msph.tables import tables
 
@@ -37,7 +38,7 @@ class LayeredGrid:
         cells = [nx * ny * nz for nx, ny, nz in shapes]
         self.total_cells = sum(cells)
         (self.per_cell,) = tables(np.array([1.0 / s.support for s in layers.specs]))
-        self.few_cells = one_thread_does(self.total_cells)
+        self.few_cells = one_thread_does(self.total_cells, FEW_CELLS)
         self.dims = ti.Vector.field(3, ti.i32, shape=layers.count)
         self.offset = ti.field(ti.i32, shape=layers.count)
         self.cell_size = layers.support
@@ -76,7 +77,7 @@ class LayeredGrid:
             layer = self.particles.layer[i]
             dims = self.dims[layer]
             c = self.cell_of(self.particles.x[i], layer)
-            cell = self.offset[layer] + (c[0] * dims[1] + c[1]) * dims[2] + c[2]
+            cell = self.offset[layer] + (c[1] * dims[0] + c[0]) * dims[2] + c[2]
             self.cell[i] = cell
             self.place[i] = ti.atomic_add(self.cell_count[cell], 1)
         self.scan.sum_up(self.cell_count, self.cell_start)
@@ -95,7 +96,7 @@ class LayeredGrid:
     def row(self, layer, i, j, k_lo, k_hi):
         """Particles [begin, end) of the cells (i, j, k_lo) to (i, j, k_hi), all inside the grid."""
         dims = self.dims[layer]
-        base = self.offset[layer] + (i * dims[1] + j) * dims[2]
+        base = self.offset[layer] + (j * dims[0] + i) * dims[2]
         return ti.Vector([self.cell_start[base + k_lo], self.cell_start[base + k_hi + 1]])
 
     @ti.func
@@ -111,16 +112,16 @@ class LayeredGrid:
         lo = ti.math.clamp(ti.floor(g - r, ti.i32), 0, dims - 1)
         hi = ti.math.clamp(ti.floor(g + r, ti.i32), 0, dims - 1)
         first, depth = self.offset[layer], dims[2]
-        for a in range(lo[0], hi[0] + 1):
+        for a in range(lo[1], hi[1] + 1):
             # Cells at the border also hold what lies beyond it, so only inner gaps count.
-            gap_a = ti.max(a - g[0], g[0] - (a + 1), 0.0)
-            slab, left = first + a * dims[1] * depth, r * r - gap_a * gap_a
-            # One look at the whole slab of rows: most layers are nowhere near most particles.
-            begin = self.cell_start[slab + lo[1] * depth]
-            end = self.cell_start[slab + (hi[1] + 1) * depth]
-            last = ti.select(end > begin, hi[1], lo[1] - 1)
-            for b in range(lo[1], last + 1):
-                gap_b = ti.max(b - g[1], g[1] - (b + 1), 0.0)
+            gap_a = ti.max(a - g[1], g[1] - (a + 1), 0.0)
+            slab, left = first + a * dims[0] * depth, r * r - gap_a * gap_a
+            # One look at the whole slab of rows.
+            begin = self.cell_start[slab + lo[0] * depth]
+            end = self.cell_start[slab + (hi[0] + 1) * depth]
+            last = ti.select(end > begin, hi[0], lo[0] - 1)
+            for b in range(lo[0], last + 1):
+                gap_b = ti.max(b - g[0], g[0] - (b + 1), 0.0)
                 half2 = left - gap_b * gap_b
                 if half2 > 0.0:
                     half = ti.sqrt(half2)

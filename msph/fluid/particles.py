@@ -11,14 +11,15 @@ import numpy as np
 import taichi as ti
 
 # Particles up to which one thread of a CPU does a loop over their neighbours as fast as two do: to
-# wake threads takes 50 to 100 us, in which one meets 1,000 particles' neighbours.
-FEW = 2_500
+# wake threads takes 50 to 100 us, in which one meets 1,000 particles' neighbours, or scans 30,000
+# cells.
+FEW, FEW_CELLS = 2_500, 50_000
 
 
-def one_thread_does(entries: int) -> bool:
+def one_thread_does(entries: int, few: int = FEW) -> bool:
     """Whether a loop over so many entries should not be shared out among threads."""
     on_cpu = ti.lang.impl.current_cfg().arch in (ti.x64, ti.arm64)
-    return on_cpu and entries <= FEW
+    return on_cpu and entries <= few
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 import taichi as ti
 
-from msph.fluid.particles import one_thread_does
+from msph.fluid.particles import FEW_CELLS, one_thread_does
 
 # Entries that one thread adds up serially: long enough to hide a thread's start, short enough to
 # leave a GPU something to share out.
@@ -20,7 +20,7 @@ class ExclusiveScan:
     def __init__(self, length: int):
         self.length = length
         self.chunks = (length + CHUNK - 1) // CHUNK
-        self.few = one_thread_does(length)
+        self.few = one_thread_does(length, FEW_CELLS)
         self.sums = ti.field(ti.i32, shape=self.chunks)
 
     @ti.kernel

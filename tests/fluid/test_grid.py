@@ -82,7 +82,9 @@ def test_cells_hold_what_lies_in_them(world, seed):
         dims = world.grid.dims.to_numpy()[k]
         mine = np.flatnonzero(sorted_layer == k)
         cell = np.clip(np.floor(sorted_x[mine] / h).astype(int), 0, dims - 1)
-        index = world.grid.offset.to_numpy()[k] + np.ravel_multi_index(cell.T, dims)
+        across, up, along = cell.T
+        index = np.ravel_multi_index((up, across, along), dims[[1, 0, 2]])
+        index += world.grid.offset.to_numpy()[k]
         assert np.all(start[index] <= mine) and np.all(mine < start[index + 1])
 
 
