@@ -170,7 +170,7 @@ class Projection(Accounts):
         for _ in range(ARRANGING):
             self.neighbours.refresh()
             self.summation.weigh(self.particles.count)
-            crowded = self.separation.find(self.particles.count)
+            crowded = self.separation.find(self.particles.count, self.terms.longest_step)
             if crowded:
                 self.separation.part(self.particles.count, self.particles.alone)
             self.disturb()
@@ -210,7 +210,7 @@ class Projection(Accounts):
         n, alone = self.particles.count, self.particles.alone
         self.neighbours.refresh()
         self.summation.weigh(n)
-        crowded = self.separation.find(n)
+        crowded = self.separation.find(n, dt)
         if self.xsph:
             self.xsph.run(n)
         self.push(n, alone, dt, *forcing.arguments())
