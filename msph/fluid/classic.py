@@ -93,8 +93,11 @@ class Classic(Accounts):
     def arrange(self) -> None:
         """Leaves the particles where the scene placed them, as the thesis does."""
 
-    def longest_step(self) -> float:
-        """Largest stable time step [s]: sound crosses courant * h, viscosity diffuses within h."""
+    def longest_step(self, leeway: float = 1.0) -> float:
+        """Largest stable time step [s]: sound crosses courant * h, viscosity diffuses within h.
+
+        It never changes, so that no leeway is needed.
+        """
         c = self.terms.stiffness**0.5
         steps = [self.terms.courant * s.support / c for s in self.layers.specs]
         viscous = [s for s in self.layers.specs if s.viscosity > 0.0]

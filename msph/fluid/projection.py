@@ -39,8 +39,9 @@ _ATTRIBUTES = (
     *pressure_solve.ATTRIBUTES,
 )
 
-# Rounds of the position solve before time starts, at most.
-ARRANGING = 100
+# Rounds of the position solve before time starts, at most, and the excess of density that they may
+# leave.
+ARRANGING, LOOSE = 100, 1e-3
 # How much stricter, and longer, the first solve of a run is, and how much shorter its step.
 FIRST_CARE = 10
 # Deficit of density up to which a gap beside a merger is not yet to be closed.
@@ -170,7 +171,7 @@ class Projection(Accounts):
         for _ in range(ARRANGING):
             self.neighbours.refresh()
             self.summation.weigh(self.particles.count)
-            crowded = self.separation.find(self.particles.count, self.terms.longest_step)
+            crowded = self.separation.find(self.particles.count) > LOOSE
             if crowded:
                 self.separation.part(self.particles.count, self.particles.alone)
             self.disturb()
@@ -186,8 +187,8 @@ class Projection(Accounts):
         self.neighbours.moved(math.inf)
         self.grid.invalidate()
 
-    def longest_step(self) -> float:
-        """Largest time step [s] now.
+    def longest_step(self, leeway: float = 1.0) -> float:
+        """Largest time step [s] now, `leeway` times as short as motion and pressure allow.
 
         No particle moves farther than cfl of its spacing. And forces are constant within a step,
         while an arrangement under the pressure p swings at up to about 2 sqrt(p/rho0)/d: longer
@@ -197,7 +198,7 @@ class Projection(Accounts):
         # Nor may a body overtake what it pushes.
         body = self.walls.top_speed / (self.terms.cfl * self.layers.finest.spacing)
         rate = max(self.top_rate[None], body)
-        bound = 1.0 / rate if rate > 0.0 else self.terms.longest_step
+        bound = 1.0 / (leeway * rate) if rate > 0.0 else self.terms.longest_step
         longest = min(bound, self.terms.longest_step)
         if self.tension:
             longest = min(longest, self.tension.longest_step)
@@ -210,7 +211,7 @@ class Projection(Accounts):
         n, alone = self.particles.count, self.particles.alone
         self.neighbours.refresh()
         self.summation.weigh(n)
-        crowded = self.separation.find(n, dt)
+        self.separation.find(n)
         if self.xsph:
             self.xsph.run(n)
         self.push(n, alone, dt, *forcing.arguments())
@@ -218,7 +219,7 @@ class Projection(Accounts):
             self.tension.run(n, dt)
         if self.viscosity:
             self.viscosity.run(n, dt)
-        self.aim_at_no_compression(n, alone, dt, int(crowded))
+        self.aim_at_no_compression(n, alone, dt)
         # The first solve knows no pressure to start from, and what it leaves would fall.
         care = FIRST_CARE if self.first else 1
         self.iterations = self.pressure_solve.converge(
@@ -228,15 +229,14 @@ class Projection(Accounts):
         )
         self.first = False
         self.accelerate(n, alone, dt)
-        if crowded:
-            self.separation.part(n, alone)
+        self.separation.part(n, alone)
         self.move(n, alone, dt)
         self.disturb()
         if self.adaptation and self.adaptation.due():
             self.adaptation.run()
 
     @ti.kernel
-    def aim_at_no_compression(self, n: ti.i32, alone: ti.template(), dt: ti.f32, crowded: ti.i32):
+    def aim_at_no_compression(self, n: ti.i32, alone: ti.template(), dt: ti.f32):
         """source_i = dt dc/dt + share (c_i - 1) of the velocity solve, c_i as it will be once the
         crowded have parted; and pressures [Pa] become the solve's multipliers [m^2].
 
@@ -251,9 +251,8 @@ class Projection(Accounts):
             if ti.static(self.walls.moving):
                 rate += self.summation.inflow[i]
             c = self.particles.density[i] / self.terms.density - 1.0
-            if crowded == 1:
-                c += self.pressure_solve.divergence(i, self.particles.parting)
-                self.particles.density[i] = self.terms.density * (1.0 + c)
+            c += self.pressure_solve.divergence(i, self.particles.parting)
+            self.particles.density[i] = self.terms.density * (1.0 + c)
             if 1.0 + c < self.terms.spray:
                 rate = ti.min(rate, 0.0)
             share = ti.max(dt / self.terms.release, -c / GAP)

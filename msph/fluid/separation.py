@@ -15,8 +15,6 @@ ATTRIBUTES = (
     Attribute("exchange", "m/s", "velocity given by neighbours", width=3, carried=False),
 )
 
-# Excess of density that needs no position solve.
-LOOSE = 1e-3
 # Excess of density, as halves have it after a split, from which on the position solve takes more
 # rounds.
 URGENT, URGENT_ROUNDS = 0.02, 3
@@ -27,9 +25,9 @@ URGENT, URGENT_ROUNDS = 0.02, 3
 # Shear loses stiffness by it: without it water 20 spacings deep sloshes .5 to 1 % too fast, and at
 # .045 water 15 deep up to 2 % too slow.
 SPREAD, THIN = 0.0275, 0.03
-# The common pressure lifts the water at its surface, which falls back within the step. Were it as
-# large in the shortest of steps [s], the water would fall the faster, and gain that energy.
-SPREAD_STEP = 1.0 / 180.0
+# It lifts the water at its surface a little, which falls back within the step. So it must act in
+# every step: where it paused while nothing was crowded, the falling water landed, and pressures
+# swung from step to step, up to a sixth of the largest.
 # Least distance to a wall, in spacings; the golden section spreads multiples of it evenly.
 NEAREST, GOLDEN = 0.05, 0.6180340
 # A displacement shorter than this, in spacings, is none.
@@ -59,28 +57,25 @@ class Separation:
         self.density, self.iterations, self.largest_shift = density, iterations, largest_shift
         self.most_crowded = ti.field(ti.f32, shape=())
 
-    def find(self, n: int, dt: float) -> bool:
-        """How the first n particles, whose densities are known, must part in a step of dt [s];
-        whether any must."""
-        spread = SPREAD * min(1.0, dt / SPREAD_STEP)
-        self.aim_at_rest_density(n, self.particles.alone, spread)
+    def find(self, n: int) -> float:
+        """How the first n particles, whose densities are known, must part; the largest excess of
+        density (-)."""
+        self.aim_at_rest_density(n, self.particles.alone)
         crowded = self.most_crowded[None]
-        if crowded < LOOSE:
-            return False
         rounds = URGENT_ROUNDS if crowded > URGENT else 1
         p = self.particles
         self.pressure_solve.relax(p.crowding, rounds * self.iterations - 1, p.parting)
-        return True
+        return crowded
 
     @ti.kernel
-    def aim_at_rest_density(self, n: ti.i32, alone: ti.template(), spread: ti.f32):
-        """source_i = c_i - 1; and the first iteration, which in bulk sees `spread` more."""
+    def aim_at_rest_density(self, n: ti.i32, alone: ti.template()):
+        """source_i = c_i - 1; and the first iteration, which in bulk sees SPREAD more."""
         most = -1.0
         ti.loop_config(serialize=alone)
         for i in range(n):
             excess = self.particles.density[i] / self.density - 1.0
             self.particles.source[i] = excess
-            seen = ti.select(excess > -THIN, excess + spread, excess)
+            seen = ti.select(excess > -THIN, excess + SPREAD, excess)
             self.particles.crowding[i] = self.pressure_solve.corrected(i, 0.0, seen)
             ti.atomic_max(most, excess)
         self.most_crowded[None] = most

@@ -19,6 +19,9 @@ from msph.fluid.particles import Particles
 Stage = Callable[[str], AbstractContextManager]
 
 
+# How much shorter than it might be a step may stay: pressures differ from one length to another, so
+# that the first steps of a new length take three times the iterations.
+LEEWAY = 1.25
 # Bytes of an i32 or f32, the only numbers that fields hold.
 WORD = 4
 
@@ -101,8 +104,7 @@ class Simulation:
         deadline = math.inf if budget is None else clock() + budget
         left = duration
         while left > 1e-6 * duration:
-            # Even steps to the end of the frame, counted anew as the water's speed changes.
-            dt = left / math.ceil(left / self.solver.longest_step() - 1e-6)
+            dt = self.last_step = left / self._steps_to(left)
             with stage("bin"):
                 self.solver.neighbours.refresh()
             with stage("solve"):
@@ -120,13 +122,25 @@ class Simulation:
         self.time += done
         return done
 
+    def _steps_to(self, left: float) -> int:
+        """Even steps to the end of the frame, `left` [s] away, counted anew as the water's speed
+        changes: as long as the last where that is allowed and not much too short."""
+        longest = self.solver.longest_step
+        least, most = (math.ceil(left / longest(k) - 1e-6) for k in (1.0, LEEWAY))
+        return min(max(least, round(left / self.last_step)), most)
+
     def counts(self) -> list[int]:
         """Live particles of each layer."""
         return np.bincount(self.particles.numpy("layer"), minlength=self.layers.count).tolist()
 
     def state(self) -> dict[str, np.ndarray]:
-        """A checkpoint: every carried attribute, the time, the step count, and whose it is."""
-        progress = {"time": np.float64(self.time), "steps": np.int64(self.steps)}
+        """A checkpoint: every carried attribute, the time, the steps taken and the length of the
+        last, and whose it is."""
+        progress = {
+            "time": np.float64(self.time),
+            "steps": np.int64(self.steps),
+            "last_step": np.float64(self.last_step),
+        }
         return {**progress, "fluid": self.fingerprint(), **self.particles.state()}
 
     def fingerprint(self) -> np.ndarray:
@@ -136,10 +150,10 @@ class Simulation:
     def restore(self, state: dict[str, np.ndarray]) -> None:
         """Goes on from a state(). Raises ValueError if it does not belong to this fluid."""
         attributes = dict(state)
-        missing = {"time", "steps", "fluid", *self.particles.state()} - set(attributes)
+        missing = {"time", "steps", "last_step", "fluid", *self.particles.state()} - set(attributes)
         if missing:
             raise ValueError(f"it lacks {', '.join(sorted(missing))}")
-        time, steps = attributes.pop("time"), attributes.pop("steps")
+        time, steps, last_step = (attributes.pop(k) for k in ("time", "steps", "last_step"))
         fluid, own = attributes.pop("fluid"), self.fingerprint()
         if fluid.shape != own.shape or not np.allclose(fluid, own):
             raise ValueError("box or layers are not those of the scene")
@@ -149,10 +163,14 @@ class Simulation:
             raise ValueError("it has particles outside the box")
         if layer.min() < 0 or layer.max() >= self.layers.count:
             raise ValueError(f"it has layers that are none of the scene's {self.layers.count}")
+        if not last_step > 0.0:
+            raise ValueError(f"its last step took {last_step:g} s")
         self._start(attributes, float(time), int(steps))
+        self.last_step = float(last_step)
 
     def _start(self, attributes: dict[str, np.ndarray], time: float, steps: int) -> None:
         self.particles.fill(**attributes)
         self.time, self.steps, self.iterations = time, steps, 0
+        self.last_step = math.inf
         self.walls.reset(time)
         self.solver.reset()

@@ -246,6 +246,7 @@ SPOILT = {
     "outside the box": lambda s: {**s, "x": s["x"] + 100},
     "layer is .* not": lambda s: {**s, "layer": s["layer"].astype(str)},
     "not finite": lambda s: {**s, "v": s["v"] * np.nan},
+    "its last step took 0 s": lambda s: {**s, "last_step": 0 * s["last_step"]},
     "it has 0 particles": lambda s: {k: a[:0] if a.ndim else a for k, a in s.items()}
     | {"fluid": s["fluid"]},
     "not those of the scene": lambda s: {**s, "fluid": s["fluid"] * 2},

@@ -133,6 +133,21 @@ def test_operator_equals_brute_force_and_is_symmetric(collision):
     sim.reset()
 
 
+def test_steps_keep_their_length_while_it_is_allowed_and_not_much_too_short(collision, monkeypatch):
+    collision.reset()
+    taken = []
+    for allowed in (1.0, 1.5, 1.9, 2.6, 1.9, 0.9):  # sixtieths of a second, over two
+        monkeypatch.setattr(
+            collision.solver, "longest_step", lambda leeway=1.0, a=allowed: a / leeway / 120
+        )
+        before = collision.steps
+        collision.advance(1 / 60, WEIGHTLESS)
+        taken.append(collision.steps - before)
+    assert taken == [2, 2, 2, 1, 2, 3]
+    monkeypatch.undo()
+    collision.reset()
+
+
 D = 0.04
 TANK = (10 * D, 14 * D, 10 * D)
 WEIGHTS = ("volume", "support")
@@ -200,13 +215,16 @@ def test_still_water_keeps_energy_and_volume(tank):
     assert centre == pytest.approx(0.5 * depth, rel=0.01)
 
 
-def test_pressure_is_hydrostatic(tank):
+@pytest.mark.parametrize("steps", (1, 4))
+def test_pressure_is_hydrostatic(tank, steps):
+    """However short the steps: the spreading lifts water, which must not land now and then."""
     sim, _ = tank
     m = np.array([s.mass for s in sim.layers.specs])[sim.particles.numpy("layer")]
     depth = m.sum() / 1000.0 / (TANK[0] * TANK[2])
     errors = np.zeros(3)  # of thirds, each two coarse spacings high
     for _ in range(20):
-        sim.advance(1 / 60, Forcing())
+        for _ in range(steps):
+            sim.advance(1 / 60 / steps, Forcing())
         m = np.array([s.mass for s in sim.layers.specs])[sim.particles.numpy("layer")]
         y, p = sim.particles.numpy("x")[:, 1], sim.particles.numpy("pressure")
         sheet = np.minimum((y / depth * 3).astype(int), 2)
