@@ -21,7 +21,7 @@ Stage = Callable[[str], AbstractContextManager]
 
 # How much shorter than it might be a step may stay: pressures differ from one length to another, so
 # that the first steps of a new length take three times the iterations.
-LEEWAY = 1.25
+LEEWAY = 1.1
 # Bytes of an i32 or f32, the only numbers that fields hold.
 WORD = 4
 
