@@ -65,8 +65,9 @@ def solvers(layers: int, sheets: int) -> list[dict[str, str]]:
     volume = np.array([s.volume for s in sim.layers.specs])[p.numpy("layer")]
     solver.neighbours.refresh()
     solver.summation.weigh(n)
+    solver.separation.find(n)
     solver.push(n, p.alone, dt, *Forcing(gravity=(0.0, -tanks.GRAVITY, 0.0)).arguments())
-    solver.aim_at_no_compression(n, p.alone, dt, 0)
+    solver.aim_at_no_compression(n, p.alone, dt)
     warm = p.pressure.to_numpy()
 
     def solve(start, run):

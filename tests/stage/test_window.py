@@ -143,5 +143,5 @@ def test_without_a_display_play_captures_instead(tmp_path):
     assert output.splitlines()[0].startswith("no display")
     video, still = tmp_path / "out" / "small.mp4", tmp_path / "out" / "small.png"
     assert "out/small.mp4" in output and "out/small.png" in output
-    assert video.stat().st_size > 10_000
+    assert sum(1 for _ in imageio.get_reader(video)) >= 6
     assert imageio.imread(still).shape == (180, 320, 3)
