@@ -64,6 +64,8 @@ class Classic(Accounts):
 
     # Margin of the neighbour list, in supports: a wider one is searched less often, read longer.
     LIST_MARGIN = 0.5
+    # Numbers stored beside each neighbour.
+    PER_ENTRY = 0
 
     def __init__(
         self,

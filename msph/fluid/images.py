@@ -53,9 +53,14 @@ class Images:
         return j | (image << INDEX_BITS)
 
     @ti.func
+    def neighbour(self, entry):
+        """Neighbour of an entry."""
+        return entry & INDEX_MASK
+
+    @ti.func
     def read(self, entry):
         """Neighbour of an entry, and the mirror it is seen in: a vector v is seen as mirror * v."""
-        return entry & INDEX_MASK, self.mirror(entry >> INDEX_BITS)
+        return self.neighbour(entry), self.mirror(entry >> INDEX_BITS)
 
     @ti.func
     def wall(self, x):

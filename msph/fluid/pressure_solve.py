@@ -45,7 +45,8 @@ class PressureSolve:
     Sums run over neighbours and their images; bodies add u_i.wall_i to the one and -q_i wall_i to
     the other, the gradient of their part of the kernel's integral. Divergence and gradient are
     adjoint, so the operator A is symmetric and positive under the weights V, and
-    sum V |u|^2 = <q, A q>. slope holds V_j dW/dr / r [1/m^2] of each entry of the neighbour list.
+    sum V |u|^2 = <q, A q>. pair_gradient holds V_j grad W_ij [1/m] of each entry of the neighbour
+    list.
     """
 
     def __init__(
@@ -53,11 +54,11 @@ class PressureSolve:
         layers: Layers,
         particles: Particles,
         neighbours: NeighbourList,
-        slope: ti.Field,
+        pair_gradient: ti.MatrixField,
         bodies: bool,
     ):
         self.layers, self.particles = layers, particles
-        self.neighbours, self.slope = neighbours, slope
+        self.neighbours, self.pair_gradient = neighbours, pair_gradient
         widest = max(s.smoothing for s in layers.specs)
         self.omega = min(LEAST_DAMPING, DAMPING / (4.0 / 3.0 * math.pi * widest**3))
         self.images, self.bodies = neighbours.images, bodies
@@ -105,52 +106,42 @@ class PressureSolve:
     @ti.func
     def shift_by(self, i, q: ti.template()):
         """u_i = -(q_i g_i + sum V_j q_j grad W_ij) [m]."""
-        x = self.particles.x[i]
-        u, wall = -q[i] * self.particles.gradient[i], self.images.wall(x)
-        for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
-            j = self.neighbours.index[s]
-            u -= q[j] * self.slope[s] * (x - self.particles.x[j])
-        for s in range(self.neighbours.mirrors[i], self.neighbours.end[i]):
-            j, mirror = self.images.read(self.neighbours.index[s])
-            u -= q[j] * self.slope[s] * self.images.offset(x, wall, self.particles.x[j], mirror)
+        u = -q[i] * self.particles.gradient[i]
+        for s in range(self.neighbours.start[i], self.neighbours.end[i]):
+            u -= q[self.images.neighbour(self.neighbours.index[s])] * self.pair_gradient[s]
         return u
 
     @ti.func
     def inner_shift(self, i, q: ti.template()):
         """The part of u_i [m] that other particles give."""
-        x, u = self.particles.x[i], ti.Vector([0.0, 0.0, 0.0])
+        u = ti.Vector([0.0, 0.0, 0.0])
         for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
-            j = self.neighbours.index[s]
-            u -= (q[i] + q[j]) * self.slope[s] * (x - self.particles.x[j])
+            u -= (q[i] + q[self.neighbours.index[s]]) * self.pair_gradient[s]
         return u
 
     @ti.func
     def wall_shift(self, i, q: ti.template()):
         """The part of u_i [m] that walls give."""
-        x, u = self.particles.x[i], ti.Vector([0.0, 0.0, 0.0])
-        wall = self.images.wall(x)
+        u = ti.Vector([0.0, 0.0, 0.0])
         if ti.static(self.bodies):
             u = -q[i] * self.particles.wall[i]
         for s in range(self.neighbours.mirrors[i], self.neighbours.end[i]):
-            j, mirror = self.images.read(self.neighbours.index[s])
-            r_ij = self.images.offset(x, wall, self.particles.x[j], mirror)
-            u -= (q[i] + q[j]) * self.slope[s] * r_ij
+            j = self.images.neighbour(self.neighbours.index[s])
+            u -= (q[i] + q[j]) * self.pair_gradient[s]
         return u
 
     @ti.func
     def divergence(self, i, field: ti.template()):
         """sum V_j (u_i - u_j).grad W_ij of a vector field u [u's unit / m]."""
-        u, x = field[i], self.particles.x[i]
-        found, wall = 0.0, self.images.wall(x)
+        u, found = field[i], 0.0
         if ti.static(self.bodies):
             found = u.dot(self.particles.wall[i])
         for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
             j = self.neighbours.index[s]
-            found += self.slope[s] * (u - field[j]).dot(x - self.particles.x[j])
+            found += (u - field[j]).dot(self.pair_gradient[s])
         for s in range(self.neighbours.mirrors[i], self.neighbours.end[i]):
             j, mirror = self.images.read(self.neighbours.index[s])
-            r_ij = self.images.offset(x, wall, self.particles.x[j], mirror)
-            found += self.slope[s] * (u - mirror * field[j]).dot(r_ij)
+            found += (u - mirror * field[j]).dot(self.pair_gradient[s])
         return found
 
     @ti.kernel

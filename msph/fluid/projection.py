@@ -71,6 +71,8 @@ class Projection(Accounts):
 
     # Of each list one step is made: a margin would add a third to all its sums.
     LIST_MARGIN = 0.0
+    # Numbers stored beside each neighbour: its gradient.
+    PER_ENTRY = 3
 
     def __init__(
         self,
@@ -90,7 +92,7 @@ class Projection(Accounts):
         )
         self.summation = Summation(walls, layers, particles, self.neighbours, terms.density)
         self.pressure_solve = PressureSolve(
-            layers, particles, self.neighbours, self.summation.slope, walls.count > 0
+            layers, particles, self.neighbours, self.summation.pair_gradient, walls.count > 0
         )
         self.separation = Separation(
             self,
@@ -119,7 +121,7 @@ class Projection(Accounts):
                 layers,
                 particles,
                 self.neighbours,
-                self.summation.slope,
+                self.summation.pair_gradient,
                 terms.tension,
                 terms.density,
             )
@@ -311,7 +313,7 @@ class Projection(Accounts):
             r_ij = self.images.offset(x, wall, self.particles.x[j], mirror)
             deeper = gravity.dot(x - r_ij - self.particles.x[j])
             own = self.particles.pressure[j] / self.terms.density
-            lift -= ti.math.clamp(deeper, -own, own) * self.summation.slope[s] * r_ij
+            lift -= ti.math.clamp(deeper, -own, own) * self.summation.pair_gradient[s]
         return lift
 
     @ti.func

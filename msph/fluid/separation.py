@@ -8,6 +8,7 @@ from msph.fluid.neighbours import NeighbourList
 from msph.fluid.obstacles import BEGIN, Walls
 from msph.fluid.particles import Attribute, Particles
 from msph.fluid.pressure_solve import PressureSolve
+from msph.fluid.summation import TINY
 
 ATTRIBUTES = (
     Attribute("crowding", "m^2", "multiplier of the position solve", carried=False),
@@ -53,7 +54,8 @@ class Separation:
     ):
         self.accounts, self.walls, self.layers = accounts, walls, layers
         self.particles, self.neighbours = particles, neighbours
-        self.pressure_solve, self.slope = pressure_solve, pressure_solve.slope
+        self.pressure_solve = pressure_solve
+        self.pair_gradient = pressure_solve.pair_gradient
         self.density, self.iterations, self.largest_shift = density, iterations, largest_shift
         self.most_crowded = ti.field(ti.f32, shape=())
 
@@ -91,14 +93,17 @@ class Separation:
         ti.loop_config(serialize=alone)
         for i in range(n):
             change = ti.Vector([0.0, 0.0, 0.0])
-            q, v = self.particles.crowding[i], self.particles.v[i]
+            q, v, x = self.particles.crowding[i], self.particles.v[i], self.particles.x[i]
             for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
                 j = self.neighbours.index[s]
-                a = self.slope[s] * (q + self.particles.crowding[j])
+                r_ij = x - self.particles.x[j]
+                per_r2 = 1.0 / ti.max(r_ij.norm_sqr(), TINY)
+                slope = self.pair_gradient[s].dot(r_ij) * per_r2
+                a = slope * (q + self.particles.crowding[j])
                 change += a * (v - self.particles.v[j])
             self.particles.exchange[i] = change
             m = self.layers.mass[self.particles.layer[i]]
-            self.accounts.book_internal(m, self.particles.x[i], change)
+            self.accounts.book_internal(m, x, change)
             wall = self.pressure_solve.wall_shift(i, self.particles.crowding)
             inner = self.limit(i) * (self.particles.parting[i] - wall)
             self.accounts.internal_angular_impulse[None] += m * inner.cross(v + change)

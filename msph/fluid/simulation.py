@@ -37,8 +37,7 @@ def footprint(
     solver = SOLVERS[type(terms)]
     return {
         "cells": 2 * sum(math.prod(grid_shape(size, s.support)) for s in specs),
-        # Per entry the neighbour, and what a solver stores beside it.
-        "neighbours": 2
+        "neighbours": (1 + solver.PER_ENTRY)
         * count
         * neighbours_provided(specs, solver.LIST_MARGIN, solver.reach(terms)),
         # Attributes, and place, cell, start and end of the sort and the list.

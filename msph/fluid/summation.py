@@ -21,7 +21,7 @@ UNKNOWN = 1.0
 # What makes the bell's factor of the quartic's.
 BELL_SCALE = kernels.BELL / kernels.QUARTIC
 
-# Entries whose slopes are found together: as many numbers as Taichi likes in a vector.
+# Entries whose gradients are found together: as many numbers as Taichi likes in a vector.
 BLOCK = 32
 
 # A particle's density, by the bell kernel too, the sum V_j grad W_ij [1/m], and
@@ -45,8 +45,9 @@ class Summation:
     within .7 % in all states met. So looseness is bell minus c; its mean round a particle,
     followed slowly, is hidden and added to c; not under tension.
 
-    slope holds V_j dW/dr / r [1/m^2] of each entry of the neighbour list; inflow [1/s], where
-    bodies move, what their motion adds to dc/dt.
+    pair_gradient holds V_j grad W_ij [1/m] of each entry of the neighbour list: solves are a third
+    faster than with slopes and positions that they must gather; inflow [1/s], where bodies move,
+    what their motion adds to dc/dt.
     """
 
     def __init__(
@@ -60,7 +61,9 @@ class Summation:
         self.walls, self.layers, self.particles = walls, layers, particles
         self.neighbours, self.images = neighbours, neighbours.images
         self.density = density
-        self.slope = ti.field(ti.f32, shape=neighbours.index.shape)
+        self.pair_gradient = ti.Vector.field(
+            3, ti.f32, shape=neighbours.index.shape, layout=ti.Layout.SOA
+        )
         if walls.moving:
             self.inflow = ti.field(ti.f32, shape=particles.capacity)
         h = np.array([s.support for s in layers.specs])
@@ -101,16 +104,18 @@ class Summation:
 
     @ti.func
     def weigh_entries(self, i, total: ti.template()):
-        """Adds all that particle i sees to the sums, and stores its slopes.
+        """Adds all that particle i sees to the sums, and stores its gradients.
 
-        A store might change what the next entry reads, for all that the compiler knows. So slopes
-        wait in a block: four times as fast, for then entries are met eight at a time.
+        A store might change what the next entry reads, for all that the compiler knows. So they
+        wait in a block: twice as fast, for then entries are met eight at a time.
         """
         layer, x = self.particles.layer[i], self.particles.x[i]
         wall = self.images.wall(x)
         begin, end = self.neighbours.start[i], self.neighbours.end[i]
         for block in range((end - begin + BLOCK - 1) // BLOCK):
-            first, slopes = begin + BLOCK * block, ti.Vector([0.0] * BLOCK)
+            first = begin + BLOCK * block
+            g_x, g_y = ti.Vector([0.0] * BLOCK), ti.Vector([0.0] * BLOCK)
+            g_z = ti.Vector([0.0] * BLOCK)
             count = ti.min(BLOCK, end - first)
             for k in range(count):
                 j, mirror = self.images.read(self.neighbours.index[first + k])
@@ -124,13 +129,14 @@ class Summation:
                 a3, b3, c3 = a * a * a, b * b * b, c * c * c
                 volume = self.layers.volume[other]
                 slope = -4.0 * volume * scale * per_h * per_r * (a3 - 5.0 * b3 + 10.0 * c3)
-                slopes[k] = slope
+                g = slope * r_ij
+                g_x[k], g_y[k], g_z[k] = g.x, g.y, g.z
                 scale *= volume
                 total.c += scale * (a3 * a - 5.0 * b3 * b + 10.0 * c3 * c)
                 u = ti.max(1.0 - q * q, 0.0)
                 total.bell += BELL_SCALE * scale * (u * u) * (u * u)
-                total.g += slope * r_ij
-                total.squares += slope * slope * r2 / volume
-                total.mirrored += ti.select(j == i, slope, 0.0) * r_ij
+                total.g += g
+                total.squares += g.norm_sqr() / volume
+                total.mirrored += ti.select(j == i, 1.0, 0.0) * g
             for k in range(count):
-                self.slope[first + k] = slopes[k]
+                self.pair_gradient[first + k] = ti.math.vec3(g_x[k], g_y[k], g_z[k])

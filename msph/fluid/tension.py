@@ -45,8 +45,8 @@ TINY = 1e-30
 class Tension:
     """Pulls at velocities by a tension [N/m] of water of a density [kg/m^3].
 
-    slope holds V_j dW/dr / r [1/m^2] of each entry of the neighbour list; particles.gradient must
-    hold g.
+    pair_gradient holds V_j grad W_ij [1/m] of each entry of the neighbour list; particles.gradient
+    must hold g.
     """
 
     def __init__(
@@ -54,12 +54,12 @@ class Tension:
         layers: Layers,
         particles: Particles,
         neighbours: NeighbourList,
-        slope: ti.Field,
+        pair_gradient: ti.MatrixField,
         tension: float,
         density: float,
     ):
         self.layers, self.particles = layers, particles
-        self.neighbours, self.slope = neighbours, slope
+        self.neighbours, self.pair_gradient = neighbours, pair_gradient
         self.images = neighbours.images
         self.ratio = tension / density
         wave = layers.finest.volume / (2.0 * math.pi * self.ratio)
@@ -109,8 +109,9 @@ class Tension:
         r2, volume = r_ij.norm_sqr(), self.layers.volume[layer]
         q = ti.min(ti.sqrt(r2) * per_h, 1.0)
         second = volume * kernels.QUARTIC * per_h**5 * kernels.quartic_shape(q).z
-        along = (second - self.slope[s]) / ti.max(r2, TINY)
-        area = AREA * (self.slope[s] * bend + along * r_ij.dot(bend) * r_ij)
+        slope = self.pair_gradient[s].dot(r_ij) / ti.max(r2, TINY)
+        along = (second - slope) / ti.max(r2, TINY)
+        area = AREA * (slope * bend + along * r_ij.dot(bend) * r_ij)
         share = 0.5 * (n_i.norm() + n_j.norm())
         u = 1.0 - q * q
         return area + COHESION * share * volume * per_h**6 * (u * u) * r_ij
