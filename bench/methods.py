@@ -77,7 +77,7 @@ def solvers(layers: int, sheets: int) -> list[dict[str, str]]:
     dt = solver.longest_step()
     volume = np.array([s.volume for s in sim.layers.specs])[p.numpy("layer")]
     solver.neighbours.refresh()
-    solver.summation.weigh(n)
+    solver.summation.weigh(n, p.alone)
     solver.separation.find(n)
     solver.push(n, p.alone, dt, *Forcing(gravity=(0.0, -tanks.GRAVITY, 0.0)).arguments())
     solver.aim_at_no_compression(n, p.alone, dt)

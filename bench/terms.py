@@ -114,7 +114,7 @@ def alone(sim: Simulation, dt: float) -> float:
     """Median time [ms] of the term itself, on the run's last state."""
     solver, n = sim.solver, sim.particles.count
     solver.neighbours.refresh()
-    solver.summation.weigh(n)
+    solver.summation.weigh(n, sim.particles.alone)
     v = sim.particles.v.to_numpy()
     term = solver.viscosity or solver.tension or solver.xsph
     if term is None:
@@ -169,7 +169,7 @@ def term_alone() -> list[dict[str, str]]:
         sim = build(x, d, size, **terms)
         n, solver = sim.particles.count, sim.solver
         solver.neighbours.refresh()
-        solver.summation.weigh(n)
+        solver.summation.weigh(n, sim.particles.alone)
         sim.particles.pressure.fill(0.0)
         set_velocity(sim, vortex(sim.particles.numpy("x").astype(float)))
         before, problem = amplitude(sim), "Taylor-Green, term alone, rate 2 nu k^2, 1/s"

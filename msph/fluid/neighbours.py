@@ -81,7 +81,7 @@ class NeighbourList:
 
     def find(self) -> None:
         """Searches anew; the grid must be fresh. Raises NeighbourOverflowError if full."""
-        self._find(self.particles.count)
+        self._find(self.particles.count, self.particles.alone)
         wanted = self.fullest[None]
         if wanted > self.stretch:
             raise NeighbourOverflowError(
@@ -100,9 +100,10 @@ class NeighbourList:
         return self.slack < 0.0 or self.generation != self.grid.generation
 
     @ti.kernel
-    def _find(self, n: ti.i32):
+    def _find(self, n: ti.i32, alone: ti.template()):
         self.fullest[None] = 0
         # Over particles, not over stretches: the CPU runtime keeps loops under 512 on one thread.
+        ti.loop_config(serialize=alone)
         for first in range(n):
             if first % self.sharers == 0:
                 place = first // self.sharers * self.stretch

@@ -172,7 +172,7 @@ class Projection(Accounts):
             self.disturb()
         for _ in range(ARRANGING):
             self.neighbours.refresh()
-            self.summation.weigh(self.particles.count)
+            self.summation.weigh(self.particles.count, self.particles.alone)
             crowded = self.separation.find(self.particles.count) > LOOSE
             if crowded:
                 self.separation.part(self.particles.count, self.particles.alone)
@@ -212,7 +212,7 @@ class Projection(Accounts):
         part and move."""
         n, alone = self.particles.count, self.particles.alone
         self.neighbours.refresh()
-        self.summation.weigh(n)
+        self.summation.weigh(n, alone)
         self.separation.find(n)
         if self.xsph:
             self.xsph.run(n)

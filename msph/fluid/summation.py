@@ -76,12 +76,13 @@ class Summation:
         self.own, self.own_bell = tables(peak * own, kernels.BELL * own)
 
     @ti.kernel
-    def weigh(self, n: ti.i32):
+    def weigh(self, n: ti.i32, alone: ti.template()):
         """c_i = hidden_i + sum V_j W_ij, its looseness, g_i = sum V_j grad W_ij, and
         D_i = |g_i|^2 + V_i sum V_j |grad W_ij|^2.
 
         Sums over neighbours and images; a particle's own images move with it, twice as fast.
         """
+        ti.loop_config(serialize=alone)
         for i in range(n):
             layer, x = self.particles.layer[i], self.particles.x[i]
             total = Sums(c=self.own[layer], bell=self.own_bell[layer])

@@ -102,7 +102,7 @@ def test_operator_equals_brute_force_and_is_symmetric(collision):
     sim, solver = collision, collision.solver
     n = sim.particles.count
     solver.neighbours.refresh()
-    solver.summation.weigh(n)
+    solver.summation.weigh(n, sim.particles.alone)
     x, layer = sim.particles.numpy("x").astype(float), sim.particles.numpy("layer")
     volume = np.array([s.volume for s in sim.layers.specs])[layer]
     h = np.array([s.support for s in sim.layers.specs])[layer]
@@ -180,7 +180,7 @@ def test_images_close_the_walls(tank):
     particles."""
     sim, _ = tank
     sim.solver.neighbours.refresh()
-    sim.solver.summation.weigh(sim.particles.count)
+    sim.solver.summation.weigh(sim.particles.count, sim.particles.alone)
     x, layer = sim.particles.numpy("x").astype(float), sim.particles.numpy("layer")
     volume, support = (np.array([getattr(s, k) for s in sim.layers.specs]) for k in WEIGHTS)
     near = np.argsort(np.abs(x - np.array(TANK) * [0.0, 0.2, 1.0]).max(axis=1))[:60]

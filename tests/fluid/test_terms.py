@@ -49,7 +49,7 @@ def blob():
 def prepare(sim):
     sim.reset()
     sim.solver.neighbours.refresh()
-    sim.solver.summation.weigh(sim.particles.count)
+    sim.solver.summation.weigh(sim.particles.count, sim.particles.alone)
     return sim.solver, sim.particles.count
 
 
