@@ -125,6 +125,7 @@ class Summation:
                 r_ij = self.images.offset(x, wall, self.particles.x[j], mirror)
                 r2 = ti.max(r_ij.norm_sqr(), TINY)
                 per_r = ti.rsqrt(r2)
+                # kernels.quartic_shape written out: a division less.
                 q = r2 * per_r * per_h
                 a, b, c = ti.max(1.0 - q, 0.0), ti.max(0.6 - q, 0.0), ti.max(0.2 - q, 0.0)
                 a3, b3, c3 = a * a * a, b * b * b, c * c * c
