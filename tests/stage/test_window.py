@@ -136,12 +136,11 @@ def test_window_opens_obeys_keys_and_shows_water(display, tmp_path):
 
 def test_without_a_display_play_captures_instead(tmp_path):
     scene = write(tmp_path)
-    small = ("--size", "320x180", "--set", "picture.caustics=false")
-    process = play(scene, *small, folder=tmp_path)
+    process = play(scene, "--set", "picture.caustics=false", folder=tmp_path)
     output = process.communicate(timeout=300)[0]
     assert process.returncode == 0, output
     assert output.splitlines()[0].startswith("no display")
     video, still = tmp_path / "out" / "small.mp4", tmp_path / "out" / "small.png"
     assert "out/small.mp4" in output and "out/small.png" in output
-    assert sum(1 for _ in imageio.get_reader(video)) >= 6
-    assert imageio.imread(still).shape == (180, 320, 3)
+    assert video.stat().st_size > 10_000
+    assert imageio.imread(still).shape == (720, 1280, 3)
