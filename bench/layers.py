@@ -34,8 +34,8 @@ POOLS = {
     "pool_2x": (0.92, 5, 8.0, 5.8),
     "8 times as deep": (8 * 0.465, 8, 30.0, None),
 }
-# Depths of a layered pool whose cost is compared: doubling may add a tenth. The shallow one has a
-# layer more where it is twice as deep; the deep one has no wider box for a coarser layer than both.
+# Depths of a layered pool whose cost is compared: doubling may add a tenth. pool_2x
+# has a layer more than pool; the deep ones share theirs, for their box is too narrow for a coarser.
 DOUBLING = (8 * 0.465, 16 * 0.465)
 DOUBLING_TARGET = 1.1
 # Rocking: angle [deg], period [s].

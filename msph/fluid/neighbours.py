@@ -123,7 +123,10 @@ class NeighbourList:
 
     @ti.func
     def _add_images(self, search: ti.template()):
-        """Adds the images within reach of the neighbours found so far, and of the particle."""
+        """Adds the images within reach of the neighbours found so far, and of the particle.
+
+        As in rows: no branch, and images in a mirror that might not fit are only counted.
+        """
         i, x, first, last = search.i, search.x, self.start[search.i], search.place
         layer, wall = self.particles.layer[i], self.images.wall(x)
         widest = 0.5 * (self.grid.cell_size[layer] + self.widest) + self.margin

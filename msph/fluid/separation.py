@@ -25,10 +25,10 @@ URGENT, URGENT_ROUNDS = 0.02, 3
 # (a background pressure, as in Adami, Hu and Adams 2013), where no more than THIN of it is missing.
 # Shear loses stiffness by it: without it water 20 spacings deep sloshes .5 to 1 % too fast, and at
 # .045 water 15 deep up to 2 % too slow.
-SPREAD, THIN = 0.0275, 0.03
 # It lifts the water at its surface a little, which falls back within the step. So it must act in
 # every step: where it paused while nothing was crowded, the falling water landed, and pressures
 # swung from step to step, up to a sixth of the largest.
+SPREAD, THIN = 0.0275, 0.03
 # Least distance to a wall, in spacings; the golden section spreads multiples of it evenly.
 NEAREST, GOLDEN = 0.05, 0.6180340
 # A displacement shorter than this, in spacings, is none.
