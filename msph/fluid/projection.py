@@ -55,8 +55,8 @@ GAP = 0.003
 EVEN, MOST_HIDDEN = 0.003, 0.06
 # Share of a step's reading in what is taken for hidden: the whole would swing from step to step.
 BLEND = 0.25
-# Keeps the mean over no neighbours finite.
-SMALLEST_COUNT = 1e-3
+# Share of a particle's volume: keeps the mean over none finite.
+SMALLEST = 1e-3
 # Spray, which meets nothing, may move so many times farther in a step.
 SPRAY_LEAP = 2.5
 
@@ -117,14 +117,7 @@ class Projection(Accounts):
                 terms.slip,
             )
         if terms.tension:
-            self.tension = Tension(
-                layers,
-                particles,
-                self.neighbours,
-                self.summation.pair_gradient,
-                terms.tension,
-                terms.density,
-            )
+            self.tension = Tension(layers, particles, self.summation, terms.tension)
         if terms.xsph:
             self.xsph = Xsph(layers, particles, self.neighbours, terms.xsph)
         self.top_rate = ti.field(ti.f32, shape=())
@@ -318,18 +311,27 @@ class Projection(Accounts):
 
     @ti.func
     def means_round(self, i):
-        """Means over particle i's neighbours: of q [m^2], what holds them in their arrangement, and
-        of their looseness (-), where it is known."""
+        """Means over particle i and its neighbours: of q [m^2], what holds them in their
+        arrangement, and of their looseness (-), where it is known.
+
+        Looseness is weighed by volume: between layers coarse particles seem loose and fine ones
+        crowded, which cancels.
+        """
         q, count = self.particles.pressure[i], 1.0
-        looseness, known = 0.0, SMALLEST_COUNT
+        looseness, known = 0.0, 0.0
         for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
             j = self.neighbours.index[s]
             q += self.particles.pressure[j]
             count += 1.0
             if self.particles.looseness[j] < UNKNOWN:
-                looseness += self.particles.looseness[j]
-                known += 1.0
-        return ti.math.vec2(q / count, looseness / known)
+                volume = self.layers.volume[self.particles.layer[j]]
+                looseness += volume * self.particles.looseness[j]
+                known += volume
+        own = self.layers.volume[self.particles.layer[i]]
+        if self.particles.looseness[i] < UNKNOWN:
+            looseness += own * self.particles.looseness[i]
+            known += own
+        return ti.math.vec2(q / count, looseness / ti.max(known, SMALLEST * own))
 
     @ti.kernel
     def accelerate(self, n: ti.i32, alone: ti.template(), dt: ti.f32):

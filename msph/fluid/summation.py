@@ -18,6 +18,9 @@ SURROUNDED = 0.997
 # Looseness where none is known.
 UNKNOWN = 1.0
 
+# By how much more particles of unlike size see of each other: this times (1 - d_i/d_j)^2, d_j the
+# coarser's spacing.
+UNLIKE = 0.5
 # What makes the bell's factor of the quartic's.
 BELL_SCALE = kernels.BELL / kernels.QUARTIC
 
@@ -45,6 +48,13 @@ class Summation:
     within .7 % in all states met. So looseness is bell minus c; its mean round a particle,
     followed slowly, is hidden and added to c; not under tension.
 
+    Mixtures: held at c = 1, unlike particles mixed at random fill .4, 1.6 and 2.5 % less space than
+    apart, at mass ratios of 2, 4 and 8: round every particle is a cavity that its own kernel's peak
+    makes up for only among its like. So weight pressed layers into each other: in a pool 3.7 m
+    deep, of eight layers in thin bands, fine particles sank by .3 m in 3 s of rest. W_ij of unlike
+    sizes is therefore raised by UNLIKE (1 - d_i/d_j)^2; then volumes add up to .2, .1 and .7 %, and
+    layers stay layers.
+
     pair_gradient holds V_j grad W_ij [1/m] of each entry of the neighbour list: solves are a third
     faster than with slopes and positions that they must gather; inflow [1/s], where bodies move,
     what their motion adds to dc/dt.
@@ -68,7 +78,11 @@ class Summation:
             self.inflow = ti.field(ti.f32, shape=particles.capacity)
         h = np.array([s.support for s in layers.specs])
         per_h = 2.0 / (h[:, None] + h)
-        self.per_h, self.scale = tables(per_h, kernels.QUARTIC * per_h**3)
+        d = np.array([s.spacing for s in layers.specs])
+        ratio = np.minimum(d[:, None], d) / np.maximum(d[:, None], d)
+        unlike = 1.0 + UNLIKE * (1.0 - ratio) ** 2
+        # 1/h_ij [1/m], and what turns the kernel's shape into W_ij [1/m^3].
+        self.per_h, self.scale = tables(per_h, kernels.QUARTIC * per_h**3 * unlike)
         # What a particle adds to its own density.
         volume = np.array([s.volume for s in layers.specs])
         peak = kernels.QUARTIC * kernels.QUARTIC_PEAK

@@ -18,8 +18,8 @@ import taichi as ti
 
 from msph.fluid import kernels
 from msph.fluid.layers import Layers
-from msph.fluid.neighbours import NeighbourList
 from msph.fluid.particles import Attribute, Particles
+from msph.fluid.summation import Summation
 
 ATTRIBUTES = (
     Attribute("normal", "-", "into the water at its surface, below 1 within", 3, carried=False),
@@ -43,25 +43,20 @@ TINY = 1e-30
 
 @ti.data_oriented
 class Tension:
-    """Pulls at velocities by a tension [N/m] of water of a density [kg/m^3].
-
-    pair_gradient holds V_j grad W_ij [1/m] of each entry of the neighbour list; particles.gradient
-    must hold g.
-    """
+    """Pulls at velocities by a tension [N/m] of water of a density [kg/m^3], whose `summation`
+    must be of now."""
 
     def __init__(
         self,
         layers: Layers,
         particles: Particles,
-        neighbours: NeighbourList,
-        pair_gradient: ti.MatrixField,
+        summation: Summation,
         tension: float,
-        density: float,
     ):
         self.layers, self.particles = layers, particles
-        self.neighbours, self.pair_gradient = neighbours, pair_gradient
-        self.images = neighbours.images
-        self.ratio = tension / density
+        self.summation, self.neighbours = summation, summation.neighbours
+        self.images = self.neighbours.images
+        self.ratio = tension / summation.density
         wave = layers.finest.volume / (2.0 * math.pi * self.ratio)
         self.longest_step = CAPILLARY * math.sqrt(wave)
 
@@ -87,29 +82,29 @@ class Tension:
         """
         for i in range(n):
             x, normal = self.particles.x[i], self.particles.normal[i]
-            h_i, wall = self.layers.support[self.particles.layer[i]], self.images.wall(x)
+            layer, wall = self.particles.layer[i], self.images.wall(x)
             total = ti.Vector([0.0, 0.0, 0.0])
             for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
                 j = self.neighbours.index[s]
                 total += self.pair(
-                    s, h_i, j, x - self.particles.x[j], normal, self.particles.normal[j]
+                    s, layer, j, x - self.particles.x[j], normal, self.particles.normal[j]
                 )
             for s in range(self.neighbours.mirrors[i], self.neighbours.end[i]):
                 j, mirror = self.images.read(self.neighbours.index[s])
                 r_ij = self.images.offset(x, wall, self.particles.x[j], mirror)
                 seen = mirror * self.particles.normal[j]
-                total += self.pair(s, h_i, j, r_ij, normal, seen)
+                total += self.pair(s, layer, j, r_ij, normal, seen)
             self.particles.v[i] -= impulse * total
 
     @ti.func
-    def pair(self, s, h_i, j, r_ij, n_i, n_j):
-        """What neighbour j adds to the sum [1/m^2]."""
-        layer, bend = self.particles.layer[j], n_i - n_j
-        per_h = 2.0 / (h_i + self.layers.support[layer])
-        r2, volume = r_ij.norm_sqr(), self.layers.volume[layer]
+    def pair(self, s, layer, j, r_ij, n_i, n_j):
+        """What neighbour j adds to the sum [1/m^2] of a particle of a layer."""
+        other, bend = self.particles.layer[j], n_i - n_j
+        per_h, scale = self.summation.per_h[layer, other], self.summation.scale[layer, other]
+        r2, volume = r_ij.norm_sqr(), self.layers.volume[other]
         q = ti.min(ti.sqrt(r2) * per_h, 1.0)
-        second = volume * kernels.QUARTIC * per_h**5 * kernels.quartic_shape(q).z
-        slope = self.pair_gradient[s].dot(r_ij) / ti.max(r2, TINY)
+        second = volume * scale * per_h**2 * kernels.quartic_shape(q).z
+        slope = self.summation.pair_gradient[s].dot(r_ij) / ti.max(r2, TINY)
         along = (second - slope) / ti.max(r2, TINY)
         area = AREA * (slope * bend + along * r_ij.dot(bend) * r_ij)
         share = 0.5 * (n_i.norm() + n_j.norm())

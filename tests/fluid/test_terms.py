@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from fluid_kit import raised
 
 from msph.fluid import tension, viscosity
 from msph.fluid.forcing import Forcing
@@ -166,7 +167,7 @@ def area(sim, x):
     r = np.linalg.norm(d, axis=2)
     q = r / h
     slope = sum(k * np.clip(e - q, 0.0, None) ** 3 for k, e in ((-4, 1), (20, 0.6), (-40, 0.2)))
-    slope *= 15625.0 / (512.0 * np.pi * h**5) / np.maximum(q, 1e-3)
+    slope *= raised(volume, volume) * 15625.0 / (512.0 * np.pi * h**5) / np.maximum(q, 1e-3)
     g = ((volume * slope)[..., None] * d).sum(axis=1)
     return tension.AREA * (volume * np.sqrt((g**2).sum(axis=1) + 1.0 / own**2)).sum(), g
 
