@@ -34,10 +34,11 @@ HALF = 0.35
 LEAST_HALF = 0.15
 # Keeps divisions by what may vanish finite.
 TINY = 1e-20
-# How much farther a particle must have risen to be split in a run than at its start, where many
-# stay just below the bound. A split lifts what lies above it by about a twelfth of its volume: at
-# 4/3 a sloshing tank made 70 in 5 s, and its energy rose by .12 %; at 2 it makes 5, by .05 %.
-RELUCTANT = 2.0
+# How far beyond its band's top a particle must lie to be split, in shares of hysteresis. At the
+# start: at 0 it would soon merge again, at 1 thin bands lack their layer. In a run: a split lifts
+# what lies above it by about a twelfth of its volume; at 4/3 a sloshing tank made 70 in 5 s, and
+# its energy rose by .12 %; at 2 it makes 5, by .05 %.
+EAGER, RELUCTANT = 0.5, 2.0
 # Farthest merge, in spacings: across a gap a merge would pop.
 FARTHEST_MERGE = 1.25
 # Shares of the pool: fuller than the first, bands grow thinner; emptier than the second, thicker.
@@ -156,7 +157,7 @@ class Adaptation:
         edges = np.repeat(spacing[p.numpy("layer")][:, None], 3, axis=1)
         self.depth.refresh()
         while True:
-            self.wish_for(p.count, self.thickness, 1.0)
+            self.wish_for(p.count, self.thickness, EAGER)
             split = np.flatnonzero(p.numpy("wish") == -1)
             if len(split) == 0:
                 return
