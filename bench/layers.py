@@ -28,15 +28,21 @@ from msph.fluid.forcing import Forcing
 
 # The thesis's finest mass in a pool of 1 m by 1 m.
 FINE = (0.1 / 1000.0) ** (1.0 / 3.0)
+# Depth of the thesis's smaller pool, filled by 2650 particles of .2 kg [m].
+DEPTH = 0.465
 # Pools: depth [m], layers, target ratio, the thesis's ratio (Gokdogan 2008, table 5.1).
 POOLS = {
-    "pool": (0.465, 4, 4.0, 3.35),
-    "pool_2x": (0.92, 5, 8.0, 5.8),
-    "8 times as deep": (8 * 0.465, 8, 30.0, None),
+    "pool": (DEPTH, 5, 4.0, 3.35),
+    "pool_2x": (0.92, 7, 8.0, 5.8),
+    "8 times as deep": (8 * DEPTH, 8, 30.0, None),
 }
-# Depths of a layered pool whose cost is compared: doubling may add a tenth. pool_2x
-# has a layer more than pool; the deep ones share theirs, for their box is too narrow for a coarser.
-DOUBLING = (8 * 0.465, 16 * 0.465)
+# Pools whose costs are compared, width [m], depths [m], layers of each: doubling may add a tenth.
+# A box must be two of the coarsest supports wide; so the deep pool of 1 m has no room for coarser
+# particles when it is doubled, one of 2 m has.
+DOUBLING = {
+    "8 to 16 times, 1 m wide": (1.0, (8 * DEPTH, 16 * DEPTH), 8),
+    "8 to 16 times, 2 m wide": (2.0, (8 * DEPTH, 16 * DEPTH), 10),
+}
 DOUBLING_TARGET = 1.1
 # Rocking: angle [deg], period [s].
 ANGLE, PERIOD = 4.0, 1.1
@@ -51,9 +57,17 @@ SETTLE, REST = 2.0, 1.0
 class Pool:
     """One pool and its record: wall-clock time [s] of each round of simulated time."""
 
-    def __init__(self, depth: float, layers: int, seconds: float, every: int = ADAPTIVE):
+    def __init__(
+        self,
+        depth: float,
+        layers: int,
+        seconds: float,
+        every: int = ADAPTIVE,
+        width: float = 1.0,
+    ):
         extra = {"band": BAND, "every": every} if layers > 1 else {}
-        self.simulation = tanks.build(tanks.tank((1.0, 1.0), depth, FINE, layers, 0.4, **extra))
+        scene = tanks.tank((width, width), depth, FINE, layers, 0.4, **extra)
+        self.simulation = tanks.build(scene)
         self.reading = tanks.Reading(self.simulation)
         tanks.run(self.simulation, SETTLE)
         tanks.run(self.simulation, REST, self.reading)
@@ -126,17 +140,20 @@ def main(rounds: int, seconds: float, arch: str) -> None:
         ratio = f"{fixed / uniform:.1f}", f"{adaptive / uniform:.1f}"
         ratios.append((name, f">= {target:g}", *ratio, f"{thesis or '-'}"))
         click.echo(" ".join(ratios[-1]))
-    layers = POOLS["8 times as deep"][1]
-    twice = [Pool(depth, layers, seconds, FIXED) for depth in DOUBLING]
-    for _ in range(rounds):
-        for pool in twice:
-            pool.rock()
-    rows.append(row("16 times as deep", "fixed layers", twice[1]))
     shallow = (f"{a / b:.2f}" for a, b in zip(found["pool"], found["pool_2x"], strict=True))
-    deep = f"{twice[0].speed() / twice[1].speed():.2f}"
     bound = f"<= {DOUBLING_TARGET}"
     ratios.append(("cost of doubling pool to pool_2x", bound, *shallow, "-"))
-    ratios.append(("cost of doubling 8 to 16 times", bound, deep, "", "-"))
+    for name, (width, depths, layers) in DOUBLING.items():
+        twice = [Pool(depth, layers, seconds, FIXED, width) for depth in depths]
+        for _ in range(rounds):
+            for pool in twice:
+                pool.rock()
+        rows += [
+            row(f"{depth / DEPTH:.0f} times as deep, {width:g} m wide", "fixed layers", pool)
+            for depth, pool in zip(depths, twice, strict=True)
+        ]
+        cost = f"{twice[0].speed() / twice[1].speed():.2f}"
+        ratios.append((f"cost of doubling {name}", bound, cost, "", "-"))
     RESULTS.mkdir(exist_ok=True)
     with open(RESULTS / "layers.csv", "w", newline="") as file:
         writer = csv.DictWriter(file, rows[0].keys())

@@ -3,8 +3,9 @@
 Whether a particle lies at the surface cannot be told from its own neighbours where sizes mix: at
 the interfaces of layers such detectors find surfaces deep inside. So depth is a distance on a grid:
 a cell is water if its centre is covered, voids too small to be air are filled, walls count as
-water, and the distance to the nearest cell of air is exact (Saito and Toriwaki 1994: one pass per
-axis).
+water, and the nearest cell of air is found exactly (Saito and Toriwaki 1994: one pass per axis).
+Where in that cell the surface lies is read off its coverage: to whole cells, bands would be half a
+spacing too thick or too thin, and sloshing water would be split and merged from cell to cell.
 """
 
 import math
@@ -17,19 +18,23 @@ from msph.fluid.layers import Layers
 from msph.fluid.obstacles import END, Walls
 from msph.fluid.particles import Particles
 
-# Coverage sum V_j W above which a cell's centre lies in water: water's own surface has .5, and
-# gaps between particles of mixed sizes stay above this.
+# Coverage sum V_j W above which a cell's centre lies in water: gaps between particles of mixed
+# sizes stay above this.
 COVERED = 0.35
-# Support of the kernel that covers, in spacings: in lattices its sum stays above .5, and the work
-# grows with its cube.
-REACH = 1.6
+# Support of the kernel that covers: in spacings, so that in lattices its sum stays above .5, though
+# the work grows with its cube; and this many of the finest more, so that at the surface it fades
+# over a whole cell.
+REACH, MARGIN = 1.6, 0.4
+# Of the last wet and the first dry cell: their coverages, and the way in cells from the dry one's
+# centre to the surface, add up to this. Measured on pools filled to where cells end, or between.
+ACROSS = 1.46
 # Edge of a cell, in supports of the finest layer: bands are a few of them thick.
 CELL = 0.6
 
 
 @ti.data_oriented
 class Depth:
-    """Distance [m] to the free surface, exact to about a quarter of a cell, up to `farthest` [m].
+    """Distance [m] to the free surface, to about a fifth of a cell, up to `farthest` [m].
 
     Where no air is in reach depth is `farthest`.
     """
@@ -44,20 +49,27 @@ class Depth:
         self.layers, self.particles = layers, particles
         self.walls, self.images = walls, Images(walls.box)
         self.cell = CELL * layers.finest.support
+        self.margin = MARGIN * layers.finest.spacing
         self.shape = depth_shape(walls.box, self.cell)
         self.dims = ti.Vector(list(self.shape))
         self.reach = math.ceil(farthest / self.cell) + 1
         self.coverage = ti.field(ti.f32, shape=self.shape)
         self.air = ti.field(ti.i32, shape=self.shape)
-        # Squared distances in cells; each pass reads one and writes the other.
-        self.squares = [ti.field(ti.i32, shape=self.shape) for _ in range(2)]
+        # Squared distance in cells to the nearest cell of air, and which that is; each pass reads
+        # one pair and writes the other.
+        self.squares, self.nearest = (
+            [ti.field(ti.i32, shape=self.shape) for _ in range(2)] for _ in range(2)
+        )
+        # In cells: from the centre of a cell of air to the surface; and the depth.
+        self.gap, self.depth = (ti.field(ti.f32, shape=self.shape) for _ in range(2))
 
     def refresh(self) -> None:
         """Measures the depth of every cell anew."""
         self._cover(self.particles.count)
         self._find_air()
         for axis in range(3):
-            self._spread(self.squares[axis % 2], self.squares[(axis + 1) % 2], axis)
+            self._spread(axis % 2, (axis + 1) % 2, axis)
+        self._measure()
 
     @ti.func
     def at(self, x):
@@ -71,18 +83,17 @@ class Depth:
             for k in ti.static(range(3)):
                 at[k] = ti.min(base[k] + corner[k], self.dims[k] - 1)
                 weight *= corner[k] * t[k] + (1 - corner[k]) * (1.0 - t[k])
-            depth += weight * ti.sqrt(ti.cast(self.squares[1][at], ti.f32))
-        # The nearest cell of air begins half a cell before its centre.
-        return ti.max(depth - 0.5, 0.0) * self.cell
+            depth += weight * self.depth[at]
+        return ti.max(depth, 0.0) * self.cell
 
     @ti.kernel
     def _cover(self, n: ti.i32):
-        """Coverage sum V_j W(|x - x_j|, REACH d_j) of the cells' centres, images included."""
+        """Coverage sum V_j W of the cells' centres, images included."""
         for c in ti.grouped(self.coverage):
             self.coverage[c] = 0.0
         for i in range(n):
             layer, x = self.particles.layer[i], self.particles.x[i]
-            h, volume = REACH * self.layers.spacing[layer], self.layers.volume[layer]
+            h, volume = REACH * self.layers.spacing[layer] + self.margin, self.layers.volume[layer]
             near, wall = self.images.in_reach(x, h), self.images.wall(x)
             for image in range(COMBINATIONS):
                 if (self.images.bits(image) <= near).all():
@@ -116,18 +127,47 @@ class Depth:
                     self.air[ti.min(c + ti.Vector(corner), self.dims - 1)] = 1
         for c in ti.grouped(self.air):
             self.squares[0][c] = ti.select(self.air[c] == 1, 0, self.reach * self.reach)
+            self.nearest[0][c] = self._number(c)
+            self.gap[c] = self._gap(c)
+
+    @ti.func
+    def _gap(self, c):
+        """Way [cells] from the centre of cell c to the surface, towards its wettest neighbour."""
+        wettest, own = 0.0, self.coverage[c]
+        for axis in ti.static(range(3)):
+            for way in ti.static((-1, 1)):
+                at = ti.math.clamp(c + way * ti.Vector.unit(3, axis, ti.i32), 0, self.dims - 1)
+                wettest = ti.max(wettest, ti.select(self.air[at] == 1, 0.0, self.coverage[at]))
+        return ti.math.clamp(ACROSS - ti.min(wettest, 1.0) - own, 0.0, 1.0)
+
+    @ti.func
+    def _number(self, c):
+        return (c[0] * self.dims[1] + c[1]) * self.dims[2] + c[2]
 
     @ti.kernel
     def _spread(self, near: ti.template(), far: ti.template(), axis: ti.template()):
-        """far = min over k of near(cell + k along the axis) + k^2."""
-        for c in ti.grouped(near):
-            least = near[c]
+        """far = min over k of near(cell + k along the axis) + k^2, and whose it is."""
+        for c in ti.grouped(self.air):
+            least, nearest = self.squares[near][c], self.nearest[near][c]
             step = ti.Vector.unit(3, axis, ti.i32)
             lo = ti.max(-self.reach, -c[axis])
             hi = ti.min(self.reach, self.dims[axis] - 1 - c[axis])
             for k in range(lo, hi + 1):
-                least = ti.min(least, near[c + k * step] + k * k)
-            far[c] = least
+                square = self.squares[near][c + k * step] + k * k
+                if square < least:
+                    least, nearest = square, self.nearest[near][c + k * step]
+            self.squares[far][c] = least
+            self.nearest[far][c] = nearest
+
+    @ti.kernel
+    def _measure(self):
+        """Depth of the cells' centres, negative in air."""
+        depth, columns = self.dims[2], self.dims[1]
+        for c in ti.grouped(self.depth):
+            number = self.nearest[1][c]
+            row = number // depth
+            at = ti.Vector([row // columns, row % columns, number % depth])
+            self.depth[c] = ti.sqrt(ti.cast(self.squares[1][c], ti.f32)) - self.gap[at]
 
 
 def depth_shape(size: tuple[float, float, float], cell: float) -> tuple[int, int, int]:

@@ -28,7 +28,7 @@ URGENT, URGENT_ROUNDS = 0.02, 3
 # It lifts the water at its surface a little, which falls back within the step. So it must act in
 # every step: where it paused while nothing was crowded, the falling water landed, and pressures
 # swung from step to step, up to a sixth of the largest.
-SPREAD, THIN = 0.0275, 0.03
+SPREAD, THIN = 0.0265, 0.03
 # Least distance to a wall, in spacings; the golden section spreads multiples of it evenly.
 NEAREST, GOLDEN = 0.05, 0.6180340
 # A displacement shorter than this, in spacings, is none.
