@@ -69,7 +69,6 @@ class NeighbourList:
         self.end = ti.field(ti.i32, shape=particles.capacity)
         self.mirrors = ti.field(ti.i32, shape=particles.capacity) if images else self.end
         self.index = ti.field(ti.i32, shape=stretches * self.stretch)
-        self.fullest = ti.field(ti.i32, shape=())
         self.slack = 0.0
         self.generation = -1
 
@@ -81,8 +80,7 @@ class NeighbourList:
 
     def find(self) -> None:
         """Searches anew; the grid must be fresh. Raises NeighbourOverflowError if full."""
-        self._find(self.particles.count, self.particles.alone)
-        wanted = self.fullest[None]
+        wanted = self._find(self.particles.count, self.particles.alone)
         if wanted > self.stretch:
             raise NeighbourOverflowError(
                 f"{wanted} neighbours of {self.sharers} particles do not fit in a list of "
@@ -100,8 +98,9 @@ class NeighbourList:
         return self.slack < 0.0 or self.generation != self.grid.generation
 
     @ti.kernel
-    def _find(self, n: ti.i32, alone: ti.template()):
-        self.fullest[None] = 0
+    def _find(self, n: ti.i32, alone: ti.template()) -> ti.i32:
+        """Returns the most entries that a stretch needs."""
+        fullest = 0
         # Over particles, not over stretches: the CPU runtime keeps loops under 512 on one thread.
         ti.loop_config(serialize=alone)
         for first in range(n):
@@ -119,7 +118,8 @@ class NeighbourList:
                         self.mirrors[i] = search.place
                         self._add_images(search)
                     self.end[i] = search.place
-                ti.atomic_max(self.fullest[None], search.wanted)
+                ti.atomic_max(fullest, search.wanted)
+        return fullest
 
     @ti.func
     def _add_images(self, search: ti.template()):

@@ -120,7 +120,7 @@ class Projection(Accounts):
             self.tension = Tension(layers, particles, self.summation, terms.tension)
         if terms.xsph:
             self.xsph = Xsph(layers, particles, self.neighbours, terms.xsph)
-        self.top_rate = ti.field(ti.f32, shape=())
+        self.top_rate = 0.0  # [1/s], of what bounds the step
         self.adaptation = None
         if terms.adaptation:
             self.adaptation = Adaptation(
@@ -148,7 +148,7 @@ class Projection(Accounts):
     def reset(self) -> None:
         """Forgets what it knew of the particles: they were replaced."""
         self.clear_accounts()
-        self.top_rate[None] = 0.0
+        self.top_rate = 0.0
         self.first = True
         if self.adaptation:
             self.adaptation.reset()
@@ -192,7 +192,7 @@ class Projection(Accounts):
         """
         # Nor may a body overtake what it pushes.
         body = self.walls.top_speed / (self.terms.cfl * self.layers.finest.spacing)
-        rate = max(self.top_rate[None], body)
+        rate = max(self.top_rate, body)
         bound = 1.0 / (leeway * rate) if rate > 0.0 else self.terms.longest_step
         longest = min(bound, self.terms.longest_step)
         if self.tension:
@@ -225,7 +225,7 @@ class Projection(Accounts):
         self.first = False
         self.accelerate(n, alone, dt)
         self.separation.part(n, alone)
-        self.move(n, alone, dt)
+        self.top_rate = self.move(n, alone, dt)
         self.disturb()
         if self.adaptation and self.adaptation.due():
             self.adaptation.run()
@@ -356,8 +356,9 @@ class Projection(Accounts):
                 self.particles.hidden[i] += BLEND * (target - self.particles.hidden[i])
 
     @ti.kernel
-    def move(self, n: ti.i32, alone: ti.template(), dt: ti.f32):
-        """x += dt v; what would leave is stopped at its wall. Multipliers become pressures."""
+    def move(self, n: ti.i32, alone: ti.template(), dt: ti.f32) -> ti.f32:
+        """x += dt v; what would leave is stopped at its wall. Multipliers become pressures. Returns
+        the largest rate [1/s] that bounds the next step."""
         top, farthest = 0.0, 0.0
         ti.loop_config(serialize=alone)
         for i in range(n):
@@ -374,6 +375,6 @@ class Projection(Accounts):
             speed, swing = v.norm(), self.particles.swing[i]
             ti.atomic_max(farthest, speed * dt / d)
             ti.atomic_max(top, ti.max(speed / self.terms.cfl, swing / self.terms.pressure_cfl) / d)
-        self.top_rate[None] = top
         if ti.static(self.adaptive):
             self.adaptation.travelled[None] += farthest
+        return top

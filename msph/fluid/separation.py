@@ -57,21 +57,20 @@ class Separation:
         self.pressure_solve = pressure_solve
         self.pair_gradient = pressure_solve.pair_gradient
         self.density, self.iterations, self.largest_shift = density, iterations, largest_shift
-        self.most_crowded = ti.field(ti.f32, shape=())
 
     def find(self, n: int) -> float:
         """How the first n particles, whose densities are known, must part; the largest excess of
         density (-)."""
-        self.aim_at_rest_density(n, self.particles.alone)
-        crowded = self.most_crowded[None]
+        crowded = self.aim_at_rest_density(n, self.particles.alone)
         rounds = URGENT_ROUNDS if crowded > URGENT else 1
         p = self.particles
         self.pressure_solve.relax(p.crowding, rounds * self.iterations - 1, p.parting)
         return crowded
 
     @ti.kernel
-    def aim_at_rest_density(self, n: ti.i32, alone: ti.template()):
-        """source_i = c_i - 1; and the first iteration, which in bulk sees SPREAD more."""
+    def aim_at_rest_density(self, n: ti.i32, alone: ti.template()) -> ti.f32:
+        """source_i = c_i - 1; and the first iteration, which in bulk sees SPREAD more. Returns the
+        largest excess."""
         most = -1.0
         ti.loop_config(serialize=alone)
         for i in range(n):
@@ -80,7 +79,7 @@ class Separation:
             seen = ti.select(excess > -THIN, excess + SPREAD, excess)
             self.particles.crowding[i] = self.pressure_solve.corrected(i, 0.0, seen)
             ti.atomic_max(most, excess)
-        self.most_crowded[None] = most
+        return most
 
     @ti.kernel
     def part(self, n: ti.i32, alone: ti.template()):
