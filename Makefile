@@ -14,8 +14,9 @@ PYTHON ?= $(shell for p in $(PYTHONS); do \
 play: $(VENV)/play
 	@$(RUN) main.py
 
+# Most of a test's time is compiling on one thread; files share what they compile.
 test: $(VENV)/dev
-	$(RUN) -m pytest
+	$(RUN) -m pytest -n 2 --dist loadfile
 
 check: $(VENV)/dev
 	$(RUN) -m ruff check .
