@@ -162,11 +162,10 @@ class Depth:
     @ti.kernel
     def _measure(self):
         """Depth of the cells' centres, negative in air."""
-        depth, columns = self.dims[2], self.dims[1]
         for c in ti.grouped(self.depth):
             number = self.nearest[1][c]
-            row = number // depth
-            at = ti.Vector([row // columns, row % columns, number % depth])
+            row = number // self.dims[2]
+            at = ti.Vector([row // self.dims[1], row % self.dims[1], number % self.dims[2]])
             self.depth[c] = ti.sqrt(ti.cast(self.squares[1][c], ti.f32)) - self.gap[at]
 
 
