@@ -30,17 +30,17 @@ from msph.fluid.forcing import Forcing
 FINE = (0.1 / 1000.0) ** (1.0 / 3.0)
 # Depth of the thesis's smaller pool, filled by 2650 particles of .2 kg [m].
 DEPTH = 0.465
-# Pools: depth [m], layers, target ratio, the thesis's ratio (Gokdogan 2008, table 5.1).
+# Pools: depth [m], layers, target ratio, the thesis's ratio (Gokdogan 2008, table 5.1). Their boxes
+# must be two of the coarsest supports wide, for else mirrors are not exact: 7 layers at most.
 POOLS = {
     "pool": (DEPTH, 5, 4.0, 3.35),
     "pool_2x": (0.92, 7, 8.0, 5.8),
-    "8 times as deep": (8 * DEPTH, 8, 30.0, None),
+    "8 times as deep": (8 * DEPTH, 7, 30.0, None),
 }
 # Pools whose costs are compared, width [m], depths [m], layers of each: doubling may add a tenth.
-# A box must be two of the coarsest supports wide; so the deep pool of 1 m has no room for coarser
-# particles when it is doubled, one of 2 m has.
+# The deep pool of 1 m has no room for coarser particles than pool_2x has, one of 2 m has.
 DOUBLING = {
-    "8 to 16 times, 1 m wide": (1.0, (8 * DEPTH, 16 * DEPTH), 8),
+    "8 to 16 times, 1 m wide": (1.0, (8 * DEPTH, 16 * DEPTH), 7),
     "8 to 16 times, 2 m wide": (2.0, (8 * DEPTH, 16 * DEPTH), 10),
 }
 DOUBLING_TARGET = 1.1

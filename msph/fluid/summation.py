@@ -51,9 +51,9 @@ class Summation:
     Mixtures: held at c = 1, unlike particles mixed at random fill .4, 1.6 and 2.5 % less space than
     apart, at mass ratios of 2, 4 and 8: round every particle is a cavity that its own kernel's peak
     makes up for only among its like. So weight pressed layers into each other: in a pool 3.7 m
-    deep, of eight layers in thin bands, fine particles sank by .3 m in 3 s of rest. W_ij of unlike
-    sizes is therefore raised by UNLIKE (1 - d_i/d_j)^2; then volumes add up to .2, .1 and .7 %, and
-    layers stay layers.
+    deep, of eight layers in thin bands, finest particles lay .6 m down after 3 s of rest, their
+    band .06 m thick. W_ij of unlike sizes is therefore raised by UNLIKE (1 - d_i/d_j)^2; then
+    volumes add up to .2, .1 and .7 %, and layers stay layers.
 
     pair_gradient holds V_j grad W_ij [1/m] of each entry of the neighbour list: solves are a third
     faster than with slopes and positions that they must gather; inflow [1/s], where bodies move,
