@@ -354,7 +354,7 @@ class Adaptation:
     def widest_gap(self, i):
         """The offset [m] of halves of particle i that meets the least density."""
         layer, x = self.particles.layer[i], self.particles.x[i]
-        h_i = self.layers.support[self.finer[layer]]
+        finer = self.finer[layer]
         # A half must not be moved by a wall, which would move their centre.
         room = ti.min(x, self.walls.size - x)
         if ti.static(self.walls.count > 0):
@@ -368,12 +368,16 @@ class Adaptation:
             for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
                 j = self.neighbours.index[s]
                 other = self.particles.layer[j]
-                h = 0.5 * (h_i + self.layers.support[other])
+                h = 1.0 / self.layers.per_h[finer, other]
                 r_ij = x - self.particles.x[j]
                 near = kernels.quartic((r_ij + offset).norm(), h)
                 c += self.layers.volume[other] * (near + kernels.quartic((r_ij - offset).norm(), h))
             # Halves that a wall pushes together would see too much of each other.
-            c += 2.0 * self.layers.volume[layer] * kernels.quartic(2.0 * offset.norm(), h_i)
+            c += (
+                2.0
+                * self.layers.volume[layer]
+                * kernels.quartic(2.0 * offset.norm(), self.layers.support[finer])
+            )
             if c < least:
                 least, best = c, offset
         return best

@@ -11,6 +11,9 @@ import numpy as np
 
 from msph.tables import tables
 
+# Exponent of the mean of two supports.
+PAIRING = 2.5
+
 
 @dataclass(frozen=True)
 class LayerSpec:
@@ -44,9 +47,25 @@ class LayerSpec:
         return self.smoothing * self.spacing
 
 
+def pair_support(h_i, h_j):
+    """Symmetric support of two particles [m], a power mean of their own.
+
+    With the arithmetic mean unlike particles, mixed at random and held at c = 1, fill .4, 1.6 and
+    2.5 % less space than apart, at mass ratios of 2, 4 and 8: round each is a cavity for which its
+    own kernel's peak makes up only among its like. Then weight presses layers into each other: in a
+    pool 3.7 m deep, of eight layers in thin bands, finest particles lay .6 m down after 3 s of
+    rest. A wider kernel sees less of the cavity: with the root mean square .1, .3 and .5 % are
+    missing, with the exponent 2.5 mixtures fill .1, .3 and .7 % more, with 3 they fill .2, .7 % more.
+    At 2.5 flat interfaces take no room of their own. Raising W_ij helps too, but then pressures in
+    mixtures are too low.
+    """
+    return (0.5 * (h_i**PAIRING + h_j**PAIRING)) ** (1.0 / PAIRING)
+
+
 class Layers:
     """The layers of a scene as Taichi fields of shape (count,): mass [kg], volume [m^3],
-    spacing [m], support [m], gravity_factor (-), viscosity [Pa s], wendland (0 or 1)."""
+    spacing [m], support [m], gravity_factor (-), viscosity [Pa s], wendland (0 or 1); and per_h
+    (count, count), over the symmetric support of a pair [1/m]."""
 
     def __init__(self, specs: list[LayerSpec]):
         if not specs:
@@ -64,6 +83,8 @@ class Layers:
             np.array([s.viscosity for s in specs]),
             np.array([int(s.wendland) for s in specs]),
         )
+        supports = np.array([s.support for s in specs])
+        (self.per_h,) = tables(1.0 / pair_support(supports[:, None], supports))
 
     @property
     def finest(self) -> LayerSpec:

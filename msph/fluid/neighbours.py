@@ -6,13 +6,17 @@ that the many short steps of an explicit method share one search.
 
 import math
 
+import numpy as np
 import taichi as ti
 
 from msph.fluid.grid import LayeredGrid
 from msph.fluid.images import COMBINATIONS, INDEX_MASK, Images
-from msph.fluid.layers import LayerSpec
+from msph.fluid.layers import LayerSpec, pair_support
 from msph.fluid.particles import Particles
+from msph.tables import tables
 
+# How far apart neighbours may be, by their supports h_i and h_j [m].
+REACHES = {"scatter": lambda h_i, h_j: h_i * 0.0 + h_j, "pair": pair_support, "widest": np.maximum}
 # Room in the list, in neighbours at rest: compressed water and mixed sizes need more than rest.
 ROOM = 2.0
 # Particles that share one stretch of the list: what one leaves free serves the next, and a single
@@ -35,10 +39,10 @@ Search = ti.types.struct(
 class NeighbourList:
     """Neighbours of particle i: index[start[i]] to index[end[i] - 1], i itself left out.
 
-    j is listed while r_ij < reach + margin, reach by its form: "scatter" h_j, "mean"
-    (h_i + h_j)/2, "widest" max(h_i, h_j). margin is a share (-) of the finest support. start, end
-    (capacity,) i32, index (room,) i32. The kernels vanish at h, so whoever reads the list need not
-    test the distance. With `images` the entries from mirrors[i] on are mirror images, i's own
+    j is listed while r_ij < reach + margin, reach by its form: "scatter" h_j, "pair" their
+    symmetric support, "widest" max(h_i, h_j). margin is a share (-) of the finest support. start,
+    end (capacity,) i32, index (room,) i32. The kernels vanish at h, so whoever reads the list need
+    not test the distance. With `images` the entries from mirrors[i] on are mirror images, i's own
     among them; see Images.read.
     """
 
@@ -57,9 +61,10 @@ class NeighbourList:
         self.grid = grid
         self.images, self.mirrored = images, images is not None
         self.particles = particles
-        self.reach = reach
         self.margin = margin * grid.layers.finest.support
-        self.widest = max(s.support for s in grid.layers.specs)
+        supports = np.array([s.support for s in grid.layers.specs])
+        reaches = REACHES[reach](supports[:, None], supports) + self.margin
+        self.reaches, self.farthest = tables(reaches, reaches.max(axis=1))
         on_cpu = ti.lang.impl.current_cfg().arch in (ti.x64, ti.arm64)
         self.sharers = SHARERS_CPU if on_cpu else SHARERS_GPU
         specs = grid.layers.specs
@@ -112,7 +117,7 @@ class NeighbourList:
                     search.x = self.particles.x[i]
                     self.start[i] = search.place
                     for layer in range(self.grid.layers.count):
-                        search.reach = self._reach(i, layer)
+                        search.reach = self.reaches[self.particles.layer[i], layer]
                         self.grid.for_each_row(search.x, layer, search.reach, self._add_row, search)
                     if ti.static(self.mirrored):
                         self.mirrors[i] = search.place
@@ -129,8 +134,7 @@ class NeighbourList:
         """
         i, x, first, last = search.i, search.x, self.start[search.i], search.place
         layer, wall = self.particles.layer[i], self.images.wall(x)
-        widest = 0.5 * (self.grid.cell_size[layer] + self.widest) + self.margin
-        near = self.images.in_reach(x, widest)
+        near = self.images.in_reach(x, self.farthest[layer])
         for image in range(1, COMBINATIONS):
             if (self.images.bits(image) <= near).all():
                 mirror = self.images.mirror(image)
@@ -139,24 +143,15 @@ class NeighbourList:
                 own = self.images.offset(x, wall, x, mirror).norm_sqr()
                 if fits:
                     self.index[place] = self.images.entry(i, image)
-                    place += ti.select(own < self._reach(i, layer) ** 2, 1, 0)
+                    place += ti.select(own < self.reaches[layer, layer] ** 2, 1, 0)
                 for s in range(first, ti.select(fits, last, first)):
                     j = self.index[s]
-                    reach = self._reach(i, self.particles.layer[j])
+                    reach = self.reaches[layer, self.particles.layer[j]]
                     r_ij = self.images.offset(x, wall, self.particles.x[j], mirror)
                     self.index[place] = self.images.entry(j, image)
                     place += ti.select(r_ij.norm_sqr() < reach * reach, 1, 0)
                 search.wanted += ti.select(fits, place - search.place, last - first + 1)
                 search.place = place
-
-    @ti.func
-    def _reach(self, i, layer):
-        reach = self.grid.cell_size[layer]
-        if ti.static(self.reach == "mean"):
-            reach = 0.5 * (reach + self.grid.cell_size[self.particles.layer[i]])
-        elif ti.static(self.reach == "widest"):
-            reach = ti.max(reach, self.grid.cell_size[self.particles.layer[i]])
-        return reach + self.margin
 
     @ti.func
     def _add_row(self, begin, end, search: ti.template()):
@@ -181,8 +176,7 @@ def neighbours_provided(specs: list[LayerSpec], margin: float, reach: str) -> in
     into a finer layer farther than its own support.
     """
     slack = margin * min(s.support for s in specs)
-    widest = max(s.support for s in specs)
-    share = {"scatter": 0.0, "mean": 0.5, "widest": 1.0}[reach]
-    supports = [(1.0 - share) * s.support + share * widest for s in specs]
-    counts = [(h + slack) ** 3 / s.volume for h, s in zip(supports, specs, strict=True)]
-    return math.ceil(ROOM * 4.0 / 3.0 * math.pi * max(counts))
+    supports = np.array([s.support for s in specs])
+    reaches = REACHES[reach](supports.max(), supports) + slack
+    most = max(reaches**3 / [s.volume for s in specs])
+    return math.ceil(ROOM * 4.0 / 3.0 * math.pi * most)

@@ -1,7 +1,7 @@
 """The projection method: incompressible, momentum-conserving SPH over layers of any size.
 
-Symmetric kernel W_ij = W(r_ij, (h_i + h_j)/2), so that every pair force is equal and opposite
-whatever the masses; walls are mirrors; two pressure solves, one that makes velocities
+Symmetric kernel W_ij = W(r_ij, h_ij), so that every pair force is equal and opposite whatever the
+masses; walls are mirrors; two pressure solves, one that makes velocities
 divergence-free and one that moves particles apart without giving them velocity (after Bender and
 Koschier 2015, DFSPH, made conservative for unequal masses).
 """
@@ -143,7 +143,7 @@ class Projection(Accounts):
     @staticmethod
     def reach(terms: ProjectionTerms) -> str:
         """Form of the neighbour list."""
-        return "mean"
+        return "pair"
 
     def reset(self) -> None:
         """Forgets what it knew of the particles: they were replaced."""

@@ -27,7 +27,7 @@ class ProjectionTerms:
     pressure_cfl: float = 0.7
     longest_step: float = 1.0 / 60.0
     release: float = 0.4
-    tolerance: float = 0.05
+    tolerance: float = 0.02
     velocity_iterations: int = 120
     position_iterations: int = 4
     largest_shift: float = 0.25

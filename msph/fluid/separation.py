@@ -23,12 +23,13 @@ URGENT, URGENT_ROUNDS = 0.02, 3
 # the peak of its own kernel: water in motion stood 2 to 4 % too thin. So the iterations begin from
 # a common pressure of SPREAD more density, of which they leave enough to spread particles evenly
 # (a background pressure, as in Adami, Hu and Adams 2013), where no more than THIN of it is missing.
-# Shear loses stiffness by it: without it water 20 spacings deep sloshes .5 to 1 % too fast, and at
-# .045 water 15 deep up to 2 % too slow.
+# Shear loses stiffness by it: at .005 uniform water 15 spacings deep sloshes in time, at .0265 1 %
+# too slow, and 2.2 % if steps are less than half as long; and the more is spread, the less c tells
+# of the pressure.
 # It lifts the water at its surface a little, which falls back within the step. So it must act in
 # every step: where it paused while nothing was crowded, the falling water landed, and pressures
 # swung from step to step, up to a sixth of the largest.
-SPREAD, THIN = 0.0265, 0.03
+SPREAD, THIN = 0.014, 0.03
 # Least distance to a wall, in spacings; the golden section spreads multiples of it evenly.
 NEAREST, GOLDEN = 0.05, 0.6180340
 # A displacement shorter than this, in spacings, is none.

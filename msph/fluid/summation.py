@@ -18,11 +18,9 @@ SURROUNDED = 0.997
 # Looseness where none is known.
 UNKNOWN = 1.0
 
-# By how much more particles of unlike size see of each other: this times (1 - d_i/d_j)^2, d_j the
-# coarser's spacing.
-UNLIKE = 0.5
-# What makes the bell's factor of the quartic's.
-BELL_SCALE = kernels.BELL / kernels.QUARTIC
+# -1/3 sum V_j r_ij.grad W_ij in still water, by support over spacing: what an even expansion takes
+# off c, over the share of the density that it takes.
+SMOOTHINGS, YIELDS = (2.4, 2.5, 2.6, 2.8, 3.0), (0.9964, 0.9970, 0.9980, 1.0016, 1.0011)
 
 # Entries whose gradients are found together: as many numbers as Taichi likes in a vector.
 BLOCK = 32
@@ -48,12 +46,10 @@ class Summation:
     within .7 % in all states met. So looseness is bell minus c; its mean round a particle,
     followed slowly, is hidden and added to c; not under tension.
 
-    Mixtures: held at c = 1, unlike particles mixed at random fill .4, 1.6 and 2.5 % less space than
-    apart, at mass ratios of 2, 4 and 8: round every particle is a cavity that its own kernel's peak
-    makes up for only among its like. So weight pressed layers into each other: in a pool 3.7 m
-    deep, of eight layers in thin bands, finest particles lay .6 m down after 3 s of rest, their
-    band .06 m thick. W_ij of unlike sizes is therefore raised by UNLIKE (1 - d_i/d_j)^2; then
-    volumes add up to .2, .1 and .7 %, and layers stay layers.
+    Pressure: p grad c moves particles by what c loses when they part. The kernel's sum loses too
+    little, and weight was balanced by a pressure .2 (fine) to .4 % (coarse particles) too large. So
+    W_ij is divided by that yield, and the particle's own part lowered by as much, which no motion
+    changes.
 
     pair_gradient holds V_j grad W_ij [1/m] of each entry of the neighbour list: solves are a third
     faster than with slopes and positions that they must gather; inflow [1/s], where bodies move,
@@ -76,18 +72,18 @@ class Summation:
         )
         if walls.moving:
             self.inflow = ti.field(ti.f32, shape=particles.capacity)
-        h = np.array([s.support for s in layers.specs])
-        per_h = 2.0 / (h[:, None] + h)
-        d = np.array([s.spacing for s in layers.specs])
-        ratio = np.minimum(d[:, None], d) / np.maximum(d[:, None], d)
-        unlike = 1.0 + UNLIKE * (1.0 - ratio) ** 2
-        # 1/h_ij [1/m], and what turns the kernel's shape into W_ij [1/m^3].
-        self.per_h, self.scale = tables(per_h, kernels.QUARTIC * per_h**3 * unlike)
-        # What a particle adds to its own density.
-        volume = np.array([s.volume for s in layers.specs])
-        peak = kernels.QUARTIC * kernels.QUARTIC_PEAK
-        own = volume / h**3
-        self.own, self.own_bell = tables(peak * own, kernels.BELL * own)
+        smoothing = np.array([s.smoothing for s in layers.specs])
+        per_yield = 1.0 / np.interp(smoothing, SMOOTHINGS, YIELDS)
+        pairs = np.sqrt(per_yield[:, None] * per_yield)
+        # What turns the kernels' shapes into W_ij [1/m^3].
+        per_h3 = layers.per_h.to_numpy() ** 3
+        scale, bell_scale = kernels.QUARTIC * pairs * per_h3, kernels.BELL * per_h3
+        self.scale, self.bell_scale = tables(scale, bell_scale)
+        # What a particle adds to its own density, and by what bodies' shares are divided.
+        peak = kernels.QUARTIC * kernels.QUARTIC_PEAK / smoothing**3
+        own = 1.0 - per_yield * (1.0 - peak)
+        own_bell = kernels.BELL / smoothing**3
+        self.own, self.own_bell, self.per_yield = tables(own, own_bell, per_yield)
 
     @ti.kernel
     def weigh(self, n: ti.i32, alone: ti.template()):
@@ -102,7 +98,7 @@ class Summation:
             total = Sums(c=self.own[layer], bell=self.own_bell[layer])
             inside = 0.0  # what bodies take of the kernel's integral
             if ti.static(self.walls.count > 0):
-                share = self.walls.share(x, layer)
+                share = self.per_yield[layer] * self.walls.share(x, layer)
                 inside = share[0]
                 total.g = ti.Vector([share[1], share[2], share[3]])
                 self.particles.wall[i] = total.g
@@ -135,7 +131,7 @@ class Summation:
             for k in range(count):
                 j, mirror = self.images.read(self.neighbours.index[first + k])
                 other = self.particles.layer[j]
-                per_h, scale = self.per_h[layer, other], self.scale[layer, other]
+                per_h, scale = self.layers.per_h[layer, other], self.scale[layer, other]
                 r_ij = self.images.offset(x, wall, self.particles.x[j], mirror)
                 r2 = ti.max(r_ij.norm_sqr(), TINY)
                 per_r = ti.rsqrt(r2)
@@ -147,10 +143,9 @@ class Summation:
                 slope = -4.0 * volume * scale * per_h * per_r * (a3 - 5.0 * b3 + 10.0 * c3)
                 g = slope * r_ij
                 g_x[k], g_y[k], g_z[k] = g.x, g.y, g.z
-                scale *= volume
-                total.c += scale * (a3 * a - 5.0 * b3 * b + 10.0 * c3 * c)
+                total.c += volume * scale * (a3 * a - 5.0 * b3 * b + 10.0 * c3 * c)
                 u = ti.max(1.0 - q * q, 0.0)
-                total.bell += BELL_SCALE * scale * (u * u) * (u * u)
+                total.bell += volume * self.bell_scale[layer, other] * (u * u) * (u * u)
                 total.g += g
                 total.squares += g.norm_sqr() / volume
                 total.mirrored += ti.select(j == i, 1.0, 0.0) * g

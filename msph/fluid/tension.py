@@ -100,7 +100,7 @@ class Tension:
     def pair(self, s, layer, j, r_ij, n_i, n_j):
         """What neighbour j adds to the sum [1/m^2] of a particle of a layer."""
         other, bend = self.particles.layer[j], n_i - n_j
-        per_h, scale = self.summation.per_h[layer, other], self.summation.scale[layer, other]
+        per_h, scale = self.layers.per_h[layer, other], self.summation.scale[layer, other]
         r2, volume = r_ij.norm_sqr(), self.layers.volume[other]
         q = ti.min(ti.sqrt(r2) * per_h, 1.0)
         second = volume * scale * per_h**2 * kernels.quartic_shape(q).z

@@ -153,15 +153,15 @@ class Viscosity:
     def laplacian(self, i, field: ti.template()):
         """lap of a vector field on the particles [its unit / m^2]."""
         x, v, total = self.particles.x[i], field[i], ti.Vector([0.0, 0.0, 0.0])
-        h_i, wall = self.layers.support[self.particles.layer[i]], self.images.wall(x)
+        layer, wall = self.particles.layer[i], self.images.wall(x)
         for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
             j = self.neighbours.index[s]
             r_ij = x - self.particles.x[j]
-            total += self.weight(h_i, j, r_ij) * (field[j] - v).dot(r_ij) * r_ij
+            total += self.weight(layer, j, r_ij) * (field[j] - v).dot(r_ij) * r_ij
         for s in range(self.neighbours.mirrors[i], self.neighbours.end[i]):
             j, mirror = self.images.read(self.neighbours.index[s])
             r_ij = self.images.offset(x, wall, self.particles.x[j], mirror)
-            weight = self.weight(h_i, j, r_ij)
+            weight = self.weight(layer, j, r_ij)
             if ti.static(self.slip):
                 total += weight * (mirror * field[j] - v).dot(r_ij) * r_ij
             else:
@@ -173,15 +173,15 @@ class Viscosity:
     def diagonal(self, i):
         """-d lap v_i/d v_i by axis [1/m^2], a particle's own images held fixed."""
         x, total = self.particles.x[i], ti.Vector([0.0, 0.0, 0.0])
-        h_i, wall = self.layers.support[self.particles.layer[i]], self.images.wall(x)
+        layer, wall = self.particles.layer[i], self.images.wall(x)
         for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
             j = self.neighbours.index[s]
             r_ij = x - self.particles.x[j]
-            total += self.weight(h_i, j, r_ij) * r_ij * r_ij
+            total += self.weight(layer, j, r_ij) * r_ij * r_ij
         for s in range(self.neighbours.mirrors[i], self.neighbours.end[i]):
             j, mirror = self.images.read(self.neighbours.index[s])
             r_ij = self.images.offset(x, wall, self.particles.x[j], mirror)
-            weight = self.weight(h_i, j, r_ij)
+            weight = self.weight(layer, j, r_ij)
             if ti.static(self.slip):
                 total += weight * r_ij * r_ij
             else:
@@ -189,10 +189,9 @@ class Viscosity:
         return total
 
     @ti.func
-    def weight(self, h_i, j, r_ij):
+    def weight(self, layer, j, r_ij):
         """V_j a/r^2 [1/m^4]."""
-        layer = self.particles.layer[j]
-        per_h = 2.0 / (h_i + self.layers.support[layer])
-        r2 = r_ij.norm_sqr()
+        other = self.particles.layer[j]
+        per_h, r2 = self.layers.per_h[layer, other], r_ij.norm_sqr()
         u = ti.max(1.0 - r2 * per_h * per_h, 0.0)
-        return self.layers.volume[layer] * WEIGHT * per_h**5 * u * ti.sqrt(u) / ti.max(r2, TINY)
+        return self.layers.volume[other] * WEIGHT * per_h**5 * u * ti.sqrt(u) / ti.max(r2, TINY)

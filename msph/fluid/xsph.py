@@ -33,24 +33,24 @@ class Xsph:
         """v_i += strength sum V_j (v_j - v_i) W_ij."""
         for i in range(n):
             x, v = self.particles.x[i], self.particles.v[i]
-            h_i, wall = self.layers.support[self.particles.layer[i]], self.images.wall(x)
+            layer, wall = self.particles.layer[i], self.images.wall(x)
             total = ti.Vector([0.0, 0.0, 0.0])
             for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
                 j = self.neighbours.index[s]
                 r = (x - self.particles.x[j]).norm()
-                total += self.weight(h_i, j, r) * (self.particles.v[j] - v)
+                total += self.weight(layer, j, r) * (self.particles.v[j] - v)
             for s in range(self.neighbours.mirrors[i], self.neighbours.end[i]):
                 j, mirror = self.images.read(self.neighbours.index[s])
                 r = self.images.offset(x, wall, self.particles.x[j], mirror).norm()
                 seen = mirror * self.particles.v[j]
-                total += self.weight(h_i, j, r) * (seen - v)
+                total += self.weight(layer, j, r) * (seen - v)
             self.particles.exchange[i] = self.strength * total
         for i in range(n):
             self.particles.v[i] += self.particles.exchange[i]
 
     @ti.func
-    def weight(self, h_i, j, r):
+    def weight(self, layer, j, r):
         """V_j W_ij (-)."""
-        layer = self.particles.layer[j]
-        h = 0.5 * (h_i + self.layers.support[layer])
-        return self.layers.volume[layer] * kernels.wendland(r, h)
+        other = self.particles.layer[j]
+        h = 1.0 / self.layers.per_h[layer, other]
+        return self.layers.volume[other] * kernels.wendland(r, h)

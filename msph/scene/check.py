@@ -67,7 +67,7 @@ def check(scene: Scene, where: str) -> None:
         raise SceneError(
             where,
             f"is too coarse for a kernel of {scene.surface.smoothing:g} supports; at most "
-            f"{most:.2f} here (got {scene.surface.cell:g})",
+            f"{most:.4g} here (got {scene.surface.cell:g})",
             "surface.cell",
         )
     for i, water in enumerate(scene.water):

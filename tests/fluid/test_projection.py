@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from fluid_kit import raised
+from fluid_kit import YIELD, pair_support, relative_density
 
 from msph.fluid.forcing import Forcing
 from msph.fluid.layers import LayerSpec
@@ -107,13 +107,12 @@ def test_operator_equals_brute_force_and_is_symmetric(collision):
     x, layer = sim.particles.numpy("x").astype(float), sim.particles.numpy("layer")
     volume = np.array([s.volume for s in sim.layers.specs])[layer]
     h = np.array([s.support for s in sim.layers.specs])[layer]
-    h = 0.5 * (h[:, None] + h)
+    h = pair_support(h, h)
     d = x[:, None] - x
     r = np.linalg.norm(d, axis=2)
-    more = raised(volume, volume)
-    c = (volume * more * quartic(r, h)).sum(axis=1)
+    c = relative_density((volume * quartic(r, h)).sum(axis=1), 2.5)
     assert np.allclose(sim.particles.numpy("density") / 1000.0, c, rtol=1e-4)
-    gradient = (more * quartic_slope(r, h) / np.where(r > 0, r, 1))[..., None] * d
+    gradient = (quartic_slope(r, h) / YIELD[2.5] / np.where(r > 0, r, 1))[..., None] * d
     g = (volume[:, None] * gradient).sum(axis=1)
     diagonal = (g**2).sum(axis=1)
     diagonal += volume * (volume * (gradient**2).sum(axis=2)).sum(axis=1)
@@ -156,25 +155,54 @@ def mixture(halvings, cells, seed=0):
     }
 
 
-@pytest.mark.parametrize("halvings", [1, 2])
-def test_unlike_particles_mixed_fill_the_space_of_their_volumes(halvings):
-    """What fills less is pressed into each other by its own weight, and layers dissolve. The cube
-    is filled 2 % too full, so that no gaps remain: then c is 1.02 if volumes add up."""
-    full, cells = 1.02, 7
-    mass = full * 1000.0 / cells**3
-    specs = [LayerSpec(mass / 2**halvings, 1000.0, 2.4), LayerSpec(mass, 1000.0, 2.4)]
+# What a cube is filled with, so that no gaps remain; then c is as much if volumes add up.
+FULL = 1.02
+
+
+def full_cube(halvings, cells, rounds):
+    """Yields a cube of a mixture after each round of the position solve, its densities known."""
+    mass = FULL * 1000.0 / cells**3
+    specs = [LayerSpec(mass / 2**halvings, 1000.0, 2.5), LayerSpec(mass, 1000.0, 2.5)]
     sim = Simulation((1.0, 1.0, 1.0), specs, mixture(halvings, cells), ProjectionTerms())
-    p, solver, seen = sim.particles, sim.solver, []
-    for k in range(250):
+    p, solver = sim.particles, sim.solver
+    for _ in range(rounds):
         solver.neighbours.refresh()
         solver.summation.weigh(p.count, p.alone)
-        if k >= 200:
-            volume = np.array([s.volume for s in specs])[p.numpy("layer")]
-            seen.append(np.average(p.numpy("density"), weights=volume) / 1000.0)
+        yield sim
         solver.separation.find(p.count)
         solver.separation.part(p.count, p.alone)
         solver.disturb()
-    assert np.mean(seen) / full == pytest.approx(1.0, abs=3e-3)
+
+
+@pytest.mark.parametrize("halvings", [1, 2])
+def test_unlike_particles_mixed_fill_the_space_of_their_volumes(halvings):
+    """What fills less is pressed into each other by its own weight, and layers dissolve."""
+    seen = []
+    for sim in full_cube(halvings, cells=7, rounds=250):
+        volume = np.array([s.volume for s in sim.layers.specs])[sim.particles.numpy("layer")]
+        seen.append(np.average(sim.particles.numpy("density"), weights=volume) / 1000.0)
+    assert np.mean(seen[200:]) / FULL == pytest.approx(1.0, abs=3e-3)
+
+
+def test_water_squeezed_evenly_gains_density_as_it_loses_volume():
+    """Else the pressure that bears a weight is wrong by what the density gains too little."""
+    for sim in full_cube(0, cells=9, rounds=120):
+        pass
+    p, solver, squeeze = sim.particles, sim.solver, 1e-3
+
+    def densities():
+        solver.disturb()
+        solver.neighbours.refresh()
+        solver.summation.weigh(p.count, p.alone)
+        order = np.argsort(p.numpy("id"))
+        return p.numpy("x")[order], p.numpy("density")[order]
+
+    x, before = densities()
+    p.x.from_numpy((0.5 + (1.0 - squeeze) * (p.x.to_numpy() - 0.5)).astype(np.float32))
+    gain = densities()[1] / before - 1.0
+    inner = (np.abs(x - 0.5) < 0.5 - 2.5 / 9).all(axis=1)
+    assert inner.sum() > 50
+    assert gain[inner].mean() == pytest.approx((1.0 - squeeze) ** -3 - 1.0, rel=2e-3)
 
 
 def test_steps_keep_their_length_while_it_is_allowed_and_not_much_too_short(collision, monkeypatch):
@@ -228,17 +256,18 @@ def test_images_close_the_walls(tank):
     x, layer = sim.particles.numpy("x").astype(float), sim.particles.numpy("layer")
     volume, support = (np.array([getattr(s, k) for s in sim.layers.specs]) for k in WEIGHTS)
     near = np.argsort(np.abs(x - np.array(TANK) * [0.0, 0.2, 1.0]).max(axis=1))[:60]
-    c, bell = 0.0, 0.0
+    summed, bell = 0.0, 0.0
     for turn in np.ndindex(3, 3, 3):
         mirrored = np.where(np.array(turn) == 1, -x, x) + np.where(np.array(turn) == 2, 1, 0) * (
             2 * np.array(TANK) - 2 * x
         )
         r = np.linalg.norm(x[near][:, None] - mirrored, axis=2)
-        h = 0.5 * (support[layer[near]][:, None] + support[layer])
-        weight = volume[layer] * raised(volume[layer[near]], volume[layer])
-        c += (weight * quartic(r, h)).sum(axis=1)
+        h = pair_support(support[layer[near]], support[layer])
+        weight = volume[layer]
+        summed += (weight * quartic(r, h)).sum(axis=1)
         shape = np.maximum(1.0 - (r / h) ** 2, 0.0) ** 4
         bell += (weight * 3465.0 / (512.0 * np.pi) / h**3 * shape).sum(axis=1)
+    c = relative_density(summed, 2.5)
     density, hidden, looseness = (
         sim.particles.numpy(name)[near] for name in ("density", "hidden", "looseness")
     )
@@ -304,4 +333,6 @@ def test_stirred_water_keeps_its_bulk_density(tank):
         if frame % 2:
             spacing = np.array([s.spacing for s in sim.layers.specs])[sim.particles.numpy("layer")]
             found.append(bulk_density(sim.particles.numpy("x"), spacing, TANK).mean)
-    assert np.mean(found) == pytest.approx(1.0, abs=0.01)
+    # Where the whirl is shallowest no place may lie deep enough to tell.
+    assert np.isfinite(found).sum() >= 9
+    assert np.nanmean(found) == pytest.approx(1.0, abs=0.01)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from fluid_kit import raised
+from fluid_kit import YIELD, pair_support
 
 from msph.fluid import tension, viscosity
 from msph.fluid.forcing import Forcing
@@ -55,11 +55,11 @@ def prepare(sim):
 
 
 def pairs(sim):
-    """V_i (n,), offsets r_ij (n, n, 3), distances and mean supports (n, n)."""
+    """V_i (n,), offsets r_ij (n, n, 3), distances and their supports (n, n)."""
     x, layer = sim.particles.numpy("x").astype(float), sim.particles.numpy("layer")
     volume, h = (np.array([getattr(s, k) for s in sim.layers.specs])[layer] for k in VOLUME)
     d = x[:, None] - x
-    return volume, d, np.linalg.norm(d, axis=2), 0.5 * (h[:, None] + h)
+    return volume, d, np.linalg.norm(d, axis=2), pair_support(h, h)
 
 
 VOLUME = ("volume", "support")
@@ -167,7 +167,7 @@ def area(sim, x):
     r = np.linalg.norm(d, axis=2)
     q = r / h
     slope = sum(k * np.clip(e - q, 0.0, None) ** 3 for k, e in ((-4, 1), (20, 0.6), (-40, 0.2)))
-    slope *= raised(volume, volume) * 15625.0 / (512.0 * np.pi * h**5) / np.maximum(q, 1e-3)
+    slope *= 15625.0 / (512.0 * np.pi * YIELD[2.4] * h**5) / np.maximum(q, 1e-3)
     g = ((volume * slope)[..., None] * d).sum(axis=1)
     return tension.AREA * (volume * np.sqrt((g**2).sum(axis=1) + 1.0 / own**2)).sum(), g
 
