@@ -15,6 +15,7 @@ from msph.fluid.neighbours import NeighbourOverflowError
 from msph.measure.ledger import NotFiniteError
 from msph.measure.timings import Timings
 from msph.scene import SceneError, load_scene
+from msph.scene.check import cautions
 from msph.scene.library import DEFAULT_SCENE, find_scene, shipped_scenes
 from msph.scene.load import read_toml, to_toml
 from msph.scene.schema import Scene, parameters
@@ -263,6 +264,8 @@ def scenes(name, list_parameters):
 def prepare(scene: Scene, frame_time: float, size=None, **options) -> Show:
     """Builds a show, with the options it has, and compiles its kernels, saying so."""
     begin = time.perf_counter()
+    for caution in cautions(scene):
+        say(f"warning: {caution}")
     say("compiling kernels ...")
     show = Show(scene, frame_time, size, **options)
     show.warm_up()

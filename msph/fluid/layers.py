@@ -55,9 +55,8 @@ def pair_support(h_i, h_j):
     own kernel's peak makes up only among its like. Then weight presses layers into each other: in a
     pool 3.7 m deep, of eight layers in thin bands, finest particles lay .6 m down after 3 s of
     rest. A wider kernel sees less of the cavity: with the root mean square .1, .3 and .5 % are
-    missing, with the exponent 2.5 mixtures fill .1, .3 and .7 % more, with 3 they fill .2, .7 % more.
-    At 2.5 flat interfaces take no room of their own. Raising W_ij helps too, but then pressures in
-    mixtures are too low.
+    missing, with the exponent 2.5 mixtures fill .1, .3 and .7 % more; and at 2.5 flat interfaces
+    take no room of their own. Raising W_ij helps too, but then pressures in mixtures are too low.
     """
     return (0.5 * (h_i**PAIRING + h_j**PAIRING)) ** (1.0 / PAIRING)
 

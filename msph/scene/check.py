@@ -169,6 +169,19 @@ def _check_water(scene: Scene, water: Water, where: str, key: str) -> None:
         )
 
 
+def cautions(scene: Scene) -> list[str]:
+    """What of the scene will be computed only roughly, a line each."""
+    if scene.method != "projection":
+        return []
+    edge = min(scene.box.size)
+    return [
+        f"layers.{i}: supports of {spec.support:.3g} m do not fit twice into the box, whose shortest "
+        f"edge is {edge:.3g} m; of two opposite walls such particles feel the nearer alone"
+        for i, spec in enumerate(layer_specs(scene))
+        if 2.0 * spec.support > edge
+    ]
+
+
 # The key that says where a probe of each kind is.
 _PROBE_KEYS = {"pressure": "point", "height": "at", "front": "axis"}
 

@@ -1,7 +1,5 @@
 """What brute force over all pairs shares."""
 
-import numpy as np
-
 # What an even expansion takes off a plain kernel sum, by support over spacing; see summation.py.
 YIELD = {2.4: 0.9964, 2.5: 0.9970}
 

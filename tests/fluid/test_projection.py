@@ -186,8 +186,7 @@ def test_unlike_particles_mixed_fill_the_space_of_their_volumes(halvings):
 
 def test_water_squeezed_evenly_gains_density_as_it_loses_volume():
     """Else the pressure that bears a weight is wrong by what the density gains too little."""
-    for sim in full_cube(0, cells=9, rounds=120):
-        pass
+    *_, sim = full_cube(0, cells=9, rounds=120)
     p, solver, squeeze = sim.particles, sim.solver, 1e-3
 
     def densities():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from msph.scene import SceneError, load_scene
-from msph.scene.check import views
+from msph.scene.check import cautions, views
 from msph.scene.library import shipped_scenes
 from msph.scene.load import to_toml
 from msph.scene.schema import Scene, parameters
@@ -107,6 +107,14 @@ def test_bad_scene_gives_one_line_with_file_and_key(tmp_path, name):
         load_scene(write(tmp_path, text + GOOD))
     line = str(error.value)
     assert line.startswith(f"scene.toml: {message}") and "\n" not in line
+
+
+def test_layer_too_coarse_for_exact_walls_is_said(tmp_path):
+    scene = load_scene(write(tmp_path, GOOD), ("layers.1.spacing=0.25",))
+    (line,) = cautions(scene)
+    assert line.startswith("layers.1: supports of 0.613 m") and "shortest edge is 1 m" in line
+    assert not cautions(load_scene(write(tmp_path, GOOD)))
+    assert not cautions(scene.model_copy(update={"method": "classic"}))
 
 
 @pytest.mark.parametrize("override", BAD_OVERRIDES)
