@@ -175,8 +175,8 @@ def cautions(scene: Scene) -> list[str]:
         return []
     edge = min(scene.box.size)
     return [
-        f"layers.{i}: supports of {spec.support:.3g} m do not fit twice into the box, whose shortest "
-        f"edge is {edge:.3g} m; of two opposite walls such particles feel the nearer alone"
+        f"layers.{i}: supports of {spec.support:.3g} m do not fit twice into the box, whose "
+        f"shortest edge is {edge:.3g} m; of opposite walls such particles feel the nearer alone"
         for i, spec in enumerate(layer_specs(scene))
         if 2.0 * spec.support > edge
     ]
