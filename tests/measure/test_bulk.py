@@ -89,6 +89,15 @@ def test_water_without_depth_has_no_bulk():
     assert found.points == 0 and np.isnan(found.mean)
 
 
+def test_a_handful_of_places_is_no_bulk():
+    """A pocket of fine water amid coarse water that is not deep enough for its own kernel."""
+    (xc, dc), (xf, df) = lattice(0.4, 0.1), lattice(0.4, 0.02)
+    pocket, outside = (xf < 0.3).all(axis=1), (xc > 0.3).any(axis=1)
+    x, d = np.concatenate([xc[outside], xf[pocket]]), np.concatenate([dc[outside], df[pocket]])
+    found = bulk_density(x, d, SIZE)
+    assert found.points == 0 and np.isnan(found.mean)
+
+
 def test_wide_kernel_is_normalised_and_mirrors_double_what_a_wall_cuts():
     r = np.linspace(0.0, WIDE, 4001)
     whole = np.trapezoid(4 * np.pi * r**2 * wendland(r, WIDE), r)
