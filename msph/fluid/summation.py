@@ -20,7 +20,8 @@ UNKNOWN = 1.0
 
 # -1/3 sum V_j r_ij.grad W_ij in still water, by support over spacing: what an even expansion takes
 # off c, over the share of the density that it takes.
-SMOOTHINGS, YIELDS = (2.4, 2.5, 2.6, 2.8, 3.0), (0.9964, 0.9970, 0.9980, 1.0016, 1.0011)
+SMOOTHINGS = (2.4, 2.45, 2.5, 2.6, 2.8, 3.0)
+YIELDS = (0.9964, 0.9962, 0.9970, 0.9980, 1.0016, 1.0011)
 
 # Entries whose gradients are found together: as many numbers as Taichi likes in a vector.
 BLOCK = 32
