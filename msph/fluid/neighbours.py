@@ -19,8 +19,8 @@ from msph.tables import tables
 REACHES = {"scatter": lambda h_i, h_j: h_i * 0.0 + h_j, "pair": pair_support, "widest": np.maximum}
 # Room in the list, in neighbours at rest: compressed water and mixed sizes need more than rest.
 ROOM = 2.0
-# Mass ratio from which on a particle is hardly ever among many so much finer: layers between part
-# them, and where they meet in a splash few coarse ones share a stretch with many others.
+# Mass ratio from which on a particle is hardly ever among many so much finer where layers lie
+# between them: where they meet in a splash, few coarse ones share a stretch with many others.
 MUCH_FINER = 16.5
 # Particles that share one stretch of the list: what one leaves free serves the next, and a single
 # walk through the grid finds and writes them all. A GPU needs every particle on its own.
@@ -177,10 +177,12 @@ def neighbours_provided(specs: list[LayerSpec], margin: float, reach: str) -> in
 
     At rest a ball of radius r holds 4/3 pi r^3 / V particles; all forms but the scatter form reach
     into a finer layer farther than its own support. So most are met by a coarse particle among fine
-    ones; but of those that are much finer they are few.
+    ones, of the next finer layer or one that is not much finer.
     """
-    supports, volumes = (np.array([getattr(s, k) for s in specs]) for k in ("support", "volume"))
+    order = sorted(specs, key=lambda s: s.volume)
+    supports, volumes = (np.array([getattr(s, k) for s in order]) for k in ("support", "volume"))
     reaches = REACHES[reach](supports[:, None], supports) + margin * supports.min()
-    met = volumes[:, None] <= MUCH_FINER * volumes
+    rank = np.arange(len(order))
+    met = (volumes[:, None] <= MUCH_FINER * volumes) | (rank[:, None] <= rank + 1)
     most = (reaches**3 / volumes)[met].max()
     return math.ceil(ROOM * 4.0 / 3.0 * math.pi * most)

@@ -6,7 +6,7 @@ import taichi as ti
 
 from msph.fluid.grid import LayeredGrid
 from msph.fluid.layers import Layers, LayerSpec
-from msph.fluid.neighbours import NeighbourList, NeighbourOverflowError
+from msph.fluid.neighbours import NeighbourList, NeighbourOverflowError, neighbours_provided
 from msph.fluid.particles import Attribute, Particles
 from msph.fluid.scan import CHUNK, ExclusiveScan
 
@@ -110,6 +110,18 @@ def test_neighbour_lists_equal_brute_force(world, seed, form):
         certain = set(np.flatnonzero(distance[i] < reach[i] - edge)) - {i}
         possible = set(np.flatnonzero(distance[i] < reach[i] + edge)) - {i}
         assert certain <= set(found) <= possible
+
+
+def test_lists_provide_for_layers_that_meet():
+    """A coarse particle among many times finer ones, unless layers between part them."""
+
+    def provided(*masses):
+        return neighbours_provided([LayerSpec(m, 1000.0, 2.45) for m in masses], 0.0, "pair")
+
+    reach = 2.45 * (0.5 * (4.0**2.5 + 1.0)) ** 0.4
+    assert provided(64.0, 1.0) > 4.0 / 3.0 * np.pi * reach**3
+    doubling = [2.0**k for k in range(10)]
+    assert provided(*doubling) == provided(*doubling[:5])
 
 
 def test_full_list_says_that_the_water_collapsed(world):
