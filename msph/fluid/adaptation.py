@@ -373,11 +373,8 @@ class Adaptation:
                 near = kernels.quartic((r_ij + offset).norm(), h)
                 c += self.layers.volume[other] * (near + kernels.quartic((r_ij - offset).norm(), h))
             # Halves that a wall pushes together would see too much of each other.
-            c += (
-                2.0
-                * self.layers.volume[layer]
-                * kernels.quartic(2.0 * offset.norm(), self.layers.support[finer])
-            )
+            other_half = kernels.quartic(2.0 * offset.norm(), self.layers.support[finer])
+            c += 2.0 * self.layers.volume[layer] * other_half
             if c < least:
                 least, best = c, offset
         return best

@@ -1,9 +1,9 @@
 """The projection method: incompressible, momentum-conserving SPH over layers of any size.
 
 Symmetric kernel W_ij = W(r_ij, h_ij), so that every pair force is equal and opposite whatever the
-masses; walls are mirrors; two pressure solves, one that makes velocities
-divergence-free and one that moves particles apart without giving them velocity (after Bender and
-Koschier 2015, DFSPH, made conservative for unequal masses).
+masses; walls are mirrors; two pressure solves, one that makes velocities divergence-free and one
+that moves particles apart without giving them velocity (after Bender and Koschier 2015, DFSPH, made
+conservative for unequal masses).
 """
 
 import math

@@ -19,7 +19,7 @@ SURROUNDED = 0.997
 UNKNOWN = 1.0
 
 # -1/3 sum V_j r_ij.grad W_ij in still water, by support over spacing: what an even expansion takes
-# off c, over the share of the density that it takes.
+# off c, over the share of the density that it takes. Beyond, the ends'.
 SMOOTHINGS = (2.4, 2.45, 2.5, 2.6, 2.8, 3.0)
 YIELDS = (0.9964, 0.9962, 0.9970, 0.9980, 1.0016, 1.0011)
 
@@ -88,7 +88,7 @@ class Summation:
 
     @ti.kernel
     def weigh(self, n: ti.i32, alone: ti.template()):
-        """c_i = hidden_i + sum V_j W_ij, its looseness, g_i = sum V_j grad W_ij, and
+        """c_i = hidden_i + own_i + sum V_j W_ij, its looseness, g_i = sum V_j grad W_ij, and
         D_i = |g_i|^2 + V_i sum V_j |grad W_ij|^2.
 
         Sums over neighbours and images; a particle's own images move with it, twice as fast.
