@@ -8,6 +8,7 @@ from pathlib import Path
 
 import click
 from tabulate import tabulate
+from tqdm import tqdm
 
 import msph
 from msph.device import ARCHES, ArchError, start
@@ -77,7 +78,8 @@ def shared_options(command):
 
 
 def say(text: str) -> None:
-    click.echo(text, err=True)
+    """A line on the error stream, on its own even while a progress bar is shown."""
+    tqdm.write(text, file=sys.stderr)
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
