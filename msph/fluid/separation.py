@@ -24,8 +24,8 @@ URGENT, URGENT_ROUNDS = 0.02, 3
 # a common pressure of SPREAD more density, of which they leave enough to spread particles evenly
 # (a background pressure, as in Adami, Hu and Adams 2013), where no more than THIN of it is missing.
 # Shear loses stiffness by it: at .005 uniform water 15 spacings deep sloshes in time, at .0265 1 %
-# too slow, and 2.2 % if steps are less than half as long; and the more is spread, the less c tells
-# of the pressure.
+# too slow, and 2.2 % if steps are less than half as long (supports of 2.5 spacings); and at .018
+# pressures in layered water are half as much again off as at .014.
 # It lifts the water at its surface a little, which falls back within the step. So it must act in
 # every step: where it paused while nothing was crowded, the falling water landed, and pressures
 # swung from step to step, up to a sixth of the largest.

@@ -80,7 +80,7 @@ class Summation:
         per_h3 = layers.per_h.to_numpy() ** 3
         scale, bell_scale = kernels.QUARTIC * pairs * per_h3, kernels.BELL * per_h3
         self.scale, self.bell_scale = tables(scale, bell_scale)
-        # What a particle adds to its own density, and by what bodies' shares are divided.
+        # What a particle adds to its own density, and what bodies' shares are multiplied by.
         peak = kernels.QUARTIC * kernels.QUARTIC_PEAK / smoothing**3
         own = 1.0 - per_yield * (1.0 - peak)
         own_bell = kernels.BELL / smoothing**3
