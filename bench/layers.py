@@ -30,19 +30,18 @@ from msph.fluid.forcing import Forcing
 FINE = (0.1 / 1000.0) ** (1.0 / 3.0)
 # Depth of the thesis's smaller pool, filled by 2650 particles of .2 kg [m].
 DEPTH = 0.465
-# Pools: depth [m], layers, target ratio, the thesis's ratio (Gokdogan 2008, table 5.1). Their boxes
-# must be two of the coarsest supports wide, for else mirrors are not exact: 7 layers at most. In
-# pool_2x a seventh saves no time, and its few particles make pressures a quarter worse.
+# Pools: depth [m], layers, target ratio, the thesis's ratio (Gokdogan 2008, table 5.1). In pool_2x
+# a seventh layer saves no time, and its few particles make pressures a quarter worse.
 POOLS = {
     "pool": (DEPTH, 5, 4.0, 3.35),
     "pool_2x": (0.92, 6, 8.0, 5.8),
     "8 times as deep": (8 * DEPTH, 7, 30.0, None),
 }
 # Pools whose costs are compared, width [m], depths [m], layers of each: doubling may add a tenth.
-# The deep pool of 1 m has no room for coarser particles than pool_2x has, one of 2 m has.
+# What is added is coarse, in layers whose spacings fit at least three times into the width.
 DOUBLING = {
-    "8 to 16 times, 1 m wide": (1.0, (8 * DEPTH, 16 * DEPTH), 7),
-    "8 to 16 times, 2 m wide": (2.0, (8 * DEPTH, 16 * DEPTH), 10),
+    "8 to 16 times, 1 m wide": (1.0, (8 * DEPTH, 16 * DEPTH), 9),
+    "8 to 16 times, 2 m wide": (2.0, (8 * DEPTH, 16 * DEPTH), 11),
 }
 DOUBLING_TARGET = 1.1
 # Rocking: angle [deg], period [s].

@@ -13,7 +13,7 @@ import math
 import taichi as ti
 
 from msph.fluid import kernels
-from msph.fluid.images import COMBINATIONS, Images
+from msph.fluid.images import Images
 from msph.fluid.layers import Layers
 from msph.fluid.obstacles import END, Walls
 from msph.fluid.particles import Particles
@@ -94,10 +94,10 @@ class Depth:
         for i in range(n):
             layer, x = self.particles.layer[i], self.particles.x[i]
             h, volume = REACH * self.layers.spacing[layer] + self.margin, self.layers.volume[layer]
-            near, wall = self.images.in_reach(x, h), self.images.wall(x)
-            for image in range(COMBINATIONS):
-                if (self.images.bits(image) <= near).all():
-                    self._cover_by(wall + self.images.mirror(image) * (x - wall), h, volume)
+            near = self.images.near(x, h)
+            for way in range(self.images.combinations(near)):
+                mirror, wall = self.images.seen_in(self.images.combination(way, near))
+                self._cover_by(wall + mirror * (x - wall), h, volume)
         if ti.static(self.walls.count > 0):
             for c in ti.grouped(self.coverage):
                 centre = (ti.cast(c, ti.f32) + 0.5) * self.cell

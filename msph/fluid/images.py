@@ -13,44 +13,63 @@ column of 24 sheets 37 %; with images 3 %); and where it meets the surface, that
 
 import taichi as ti
 
-# An entry of a neighbour list: the neighbour's index, and above it a bit per axis that is mirrored.
+# An entry of a neighbour list: the neighbour's index, above it the mirrors it is seen in, a bit per
+# axis that is mirrored, and above that a bit per axis whose mirror is the far wall.
 INDEX_BITS = 24
 INDEX_MASK = (1 << INDEX_BITS) - 1
-# Combinations of mirrored axes: three walls, three edges, one corner.
-COMBINATIONS = 8
 
 
 @ti.data_oriented
 class Images:
-    """Mirror images in the walls of a box of `size` [m]; of two opposite walls the nearer.
+    """Mirror images in the walls, edges and corners of a box of `size` [m].
 
-    Exact for boxes whose edges are at least two supports long.
+    Exact for boxes whose edges are at least a support long: in shorter ones images would have
+    images within reach.
     """
 
     def __init__(self, size: tuple[float, float, float]):
         self.size = ti.Vector(list(size))
 
     @ti.func
-    def in_reach(self, x, reach):
-        """1 for each axis whose nearer wall is less than `reach` [m] away from x."""
-        near = ti.Vector([0, 0, 0])
+    def near(self, x, reach):
+        """Walls less than `reach` [m] away from x: a bit per axis for those at 0, then the far."""
+        found = 0
         for k in ti.static(range(3)):
-            near[k] = ti.select(ti.min(x[k], self.size[k] - x[k]) < reach, 1, 0)
-        return near
+            found |= ti.select(x[k] < reach, 1 << k, 0)
+            found |= ti.select(self.size[k] - x[k] < reach, 8 << k, 0)
+        return found
 
     @ti.func
-    def bits(self, image):
-        """The mirrored axes of the image-th combination, as a vector of 0 and 1."""
-        return ti.Vector([image & 1, (image >> 1) & 1, (image >> 2) & 1])
+    def combinations(self, near):
+        """In how many ways one can be seen in `near` walls: directly, in one, in an edge, ..."""
+        product = 1
+        for k in ti.static(range(3)):
+            product *= 1 + ((near >> k) & 1) + ((near >> (k + 3)) & 1)
+        return product
 
     @ti.func
-    def mirror(self, image):
-        """What the image-th combination multiplies vectors by: -1 along mirrored axes."""
-        return 1.0 - 2.0 * ti.cast(self.bits(image), ti.f32)
+    def combination(self, way, near):
+        """The mirrors of the way-th combination; of the zeroth none."""
+        mirrors, rest = 0, way
+        for k in ti.static(range(3)):
+            low, far = (near >> k) & 1, (near >> (k + 3)) & 1
+            digit = rest % (1 + low + far)
+            rest //= 1 + low + far
+            mirrors |= ti.select(digit > 0, 1 << k, 0) | ti.select(digit > low, 8 << k, 0)
+        return mirrors
 
     @ti.func
-    def entry(self, j, image):
-        return j | (image << INDEX_BITS)
+    def seen_in(self, mirrors):
+        """What the mirrors multiply vectors by, -1 along mirrored axes, and their walls [m]."""
+        sign, wall = ti.Vector([1.0, 1.0, 1.0]), ti.Vector([0.0, 0.0, 0.0])
+        for k in ti.static(range(3)):
+            sign[k] -= 2.0 * ti.cast((mirrors >> k) & 1, ti.f32)
+            wall[k] = self.size[k] * ti.cast((mirrors >> (k + 3)) & 1, ti.f32)
+        return sign, wall
+
+    @ti.func
+    def entry(self, j, mirrors):
+        return j | (mirrors << INDEX_BITS)
 
     @ti.func
     def neighbour(self, entry):
@@ -59,15 +78,12 @@ class Images:
 
     @ti.func
     def read(self, entry):
-        """Neighbour of an entry, and the mirror it is seen in: a vector v is seen as mirror * v."""
-        return self.neighbour(entry), self.mirror(entry >> INDEX_BITS)
+        """Neighbour of an entry, and the mirror and wall it is seen in: a vector v as mirror * v,
+        what is at x_j in offset()."""
+        mirror, wall = self.seen_in(entry >> INDEX_BITS)
+        return self.neighbour(entry), mirror, wall
 
     @ti.func
-    def wall(self, x):
-        """Coordinates [m] of the walls nearest to x."""
-        return ti.select(x > 0.5 * self.size, self.size, ti.Vector([0.0, 0.0, 0.0]))
-
-    @ti.func
-    def offset(self, x, wall, x_j, mirror):
-        """From where x_j [m] is seen behind `wall` to x [m]."""
+    def offset(self, x, x_j, mirror, wall):
+        """From where x_j [m] is seen to x [m]."""
         return (x - wall) + mirror * (wall - x_j)

@@ -10,7 +10,7 @@ import numpy as np
 import taichi as ti
 
 from msph.fluid.grid import LayeredGrid
-from msph.fluid.images import COMBINATIONS, INDEX_MASK, Images
+from msph.fluid.images import INDEX_MASK, Images
 from msph.fluid.layers import LayerSpec, pair_support
 from msph.fluid.particles import Particles
 from msph.tables import tables
@@ -136,25 +136,25 @@ class NeighbourList:
         As in rows: no branch, and images in a mirror that might not fit are only counted.
         """
         i, x, first, last = search.i, search.x, self.start[search.i], search.place
-        layer, wall = self.particles.layer[i], self.images.wall(x)
-        near = self.images.in_reach(x, self.farthest[layer])
-        for image in range(1, COMBINATIONS):
-            if (self.images.bits(image) <= near).all():
-                mirror = self.images.mirror(image)
-                place = search.place
-                fits = place + last - first + 1 < search.limit
-                own = self.images.offset(x, wall, x, mirror).norm_sqr()
-                if fits:
-                    self.index[place] = self.images.entry(i, image)
-                    place += ti.select(own < self.reaches[layer, layer] ** 2, 1, 0)
-                for s in range(first, ti.select(fits, last, first)):
-                    j = self.index[s]
-                    reach = self.reaches[layer, self.particles.layer[j]]
-                    r_ij = self.images.offset(x, wall, self.particles.x[j], mirror)
-                    self.index[place] = self.images.entry(j, image)
-                    place += ti.select(r_ij.norm_sqr() < reach * reach, 1, 0)
-                search.wanted += ti.select(fits, place - search.place, last - first + 1)
-                search.place = place
+        layer = self.particles.layer[i]
+        near = self.images.near(x, self.farthest[layer])
+        for way in range(1, self.images.combinations(near)):
+            mirrors = self.images.combination(way, near)
+            mirror, wall = self.images.seen_in(mirrors)
+            place = search.place
+            fits = place + last - first + 1 < search.limit
+            own = self.images.offset(x, x, mirror, wall).norm_sqr()
+            if fits:
+                self.index[place] = self.images.entry(i, mirrors)
+                place += ti.select(own < self.reaches[layer, layer] ** 2, 1, 0)
+            for s in range(first, ti.select(fits, last, first)):
+                j = self.index[s]
+                reach = self.reaches[layer, self.particles.layer[j]]
+                r_ij = self.images.offset(x, self.particles.x[j], mirror, wall)
+                self.index[place] = self.images.entry(j, mirrors)
+                place += ti.select(r_ij.norm_sqr() < reach * reach, 1, 0)
+            search.wanted += ti.select(fits, place - search.place, last - first + 1)
+            search.place = place
 
     @ti.func
     def _add_row(self, begin, end, search: ti.template()):

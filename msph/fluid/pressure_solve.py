@@ -140,7 +140,7 @@ class PressureSolve:
             j = self.neighbours.index[s]
             found += (u - field[j]).dot(self.pair_gradient[s])
         for s in range(self.neighbours.mirrors[i], self.neighbours.end[i]):
-            j, mirror = self.images.read(self.neighbours.index[s])
+            j, mirror, _ = self.images.read(self.neighbours.index[s])
             found += (u - mirror * field[j]).dot(self.pair_gradient[s])
         return found
 

@@ -300,10 +300,9 @@ class Projection(Accounts):
         Without it the lowest sheet bears half a sheet's weight too much.
         """
         x, lift = self.particles.x[i], ti.Vector([0.0, 0.0, 0.0])
-        wall = self.images.wall(x)
         for s in range(self.neighbours.mirrors[i], self.neighbours.end[i]):
-            j, mirror = self.images.read(self.neighbours.index[s])
-            r_ij = self.images.offset(x, wall, self.particles.x[j], mirror)
+            j, mirror, wall = self.images.read(self.neighbours.index[s])
+            r_ij = self.images.offset(x, self.particles.x[j], mirror, wall)
             deeper = gravity.dot(x - r_ij - self.particles.x[j])
             own = self.particles.pressure[j] / self.terms.density
             lift -= ti.math.clamp(deeper, -own, own) * self.summation.pair_gradient[s]

@@ -122,7 +122,6 @@ class Summation:
         wait in a block: twice as fast, for then entries are met eight at a time.
         """
         layer, x = self.particles.layer[i], self.particles.x[i]
-        wall = self.images.wall(x)
         begin, end = self.neighbours.start[i], self.neighbours.end[i]
         for block in range((end - begin + BLOCK - 1) // BLOCK):
             first = begin + BLOCK * block
@@ -130,10 +129,10 @@ class Summation:
             g_z = ti.Vector([0.0] * BLOCK)
             count = ti.min(BLOCK, end - first)
             for k in range(count):
-                j, mirror = self.images.read(self.neighbours.index[first + k])
+                j, mirror, wall = self.images.read(self.neighbours.index[first + k])
                 other = self.particles.layer[j]
                 per_h, scale = self.layers.per_h[layer, other], self.scale[layer, other]
-                r_ij = self.images.offset(x, wall, self.particles.x[j], mirror)
+                r_ij = self.images.offset(x, self.particles.x[j], mirror, wall)
                 r2 = ti.max(r_ij.norm_sqr(), TINY)
                 per_r = ti.rsqrt(r2)
                 # kernels.quartic_shape written out: a division less.

@@ -82,16 +82,15 @@ class Tension:
         """
         for i in range(n):
             x, normal = self.particles.x[i], self.particles.normal[i]
-            layer, wall = self.particles.layer[i], self.images.wall(x)
-            total = ti.Vector([0.0, 0.0, 0.0])
+            layer, total = self.particles.layer[i], ti.Vector([0.0, 0.0, 0.0])
             for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
                 j = self.neighbours.index[s]
                 total += self.pair(
                     s, layer, j, x - self.particles.x[j], normal, self.particles.normal[j]
                 )
             for s in range(self.neighbours.mirrors[i], self.neighbours.end[i]):
-                j, mirror = self.images.read(self.neighbours.index[s])
-                r_ij = self.images.offset(x, wall, self.particles.x[j], mirror)
+                j, mirror, wall = self.images.read(self.neighbours.index[s])
+                r_ij = self.images.offset(x, self.particles.x[j], mirror, wall)
                 seen = mirror * self.particles.normal[j]
                 total += self.pair(s, layer, j, r_ij, normal, seen)
             self.particles.v[i] -= impulse * total

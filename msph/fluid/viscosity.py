@@ -153,14 +153,14 @@ class Viscosity:
     def laplacian(self, i, field: ti.template()):
         """lap of a vector field on the particles [its unit / m^2]."""
         x, v, total = self.particles.x[i], field[i], ti.Vector([0.0, 0.0, 0.0])
-        layer, wall = self.particles.layer[i], self.images.wall(x)
+        layer = self.particles.layer[i]
         for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
             j = self.neighbours.index[s]
             r_ij = x - self.particles.x[j]
             total += self.weight(layer, j, r_ij) * (field[j] - v).dot(r_ij) * r_ij
         for s in range(self.neighbours.mirrors[i], self.neighbours.end[i]):
-            j, mirror = self.images.read(self.neighbours.index[s])
-            r_ij = self.images.offset(x, wall, self.particles.x[j], mirror)
+            j, mirror, wall = self.images.read(self.neighbours.index[s])
+            r_ij = self.images.offset(x, self.particles.x[j], mirror, wall)
             weight = self.weight(layer, j, r_ij)
             if ti.static(self.slip):
                 total += weight * (mirror * field[j] - v).dot(r_ij) * r_ij
@@ -173,14 +173,14 @@ class Viscosity:
     def diagonal(self, i):
         """-d lap v_i/d v_i by axis [1/m^2], a particle's own images held fixed."""
         x, total = self.particles.x[i], ti.Vector([0.0, 0.0, 0.0])
-        layer, wall = self.particles.layer[i], self.images.wall(x)
+        layer = self.particles.layer[i]
         for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
             j = self.neighbours.index[s]
             r_ij = x - self.particles.x[j]
             total += self.weight(layer, j, r_ij) * r_ij * r_ij
         for s in range(self.neighbours.mirrors[i], self.neighbours.end[i]):
-            j, mirror = self.images.read(self.neighbours.index[s])
-            r_ij = self.images.offset(x, wall, self.particles.x[j], mirror)
+            j, mirror, wall = self.images.read(self.neighbours.index[s])
+            r_ij = self.images.offset(x, self.particles.x[j], mirror, wall)
             weight = self.weight(layer, j, r_ij)
             if ti.static(self.slip):
                 total += weight * r_ij * r_ij

@@ -33,15 +33,14 @@ class Xsph:
         """v_i += strength sum V_j (v_j - v_i) W_ij."""
         for i in range(n):
             x, v = self.particles.x[i], self.particles.v[i]
-            layer, wall = self.particles.layer[i], self.images.wall(x)
-            total = ti.Vector([0.0, 0.0, 0.0])
+            layer, total = self.particles.layer[i], ti.Vector([0.0, 0.0, 0.0])
             for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
                 j = self.neighbours.index[s]
                 r = (x - self.particles.x[j]).norm()
                 total += self.weight(layer, j, r) * (self.particles.v[j] - v)
             for s in range(self.neighbours.mirrors[i], self.neighbours.end[i]):
-                j, mirror = self.images.read(self.neighbours.index[s])
-                r = self.images.offset(x, wall, self.particles.x[j], mirror).norm()
+                j, mirror, wall = self.images.read(self.neighbours.index[s])
+                r = self.images.offset(x, self.particles.x[j], mirror, wall).norm()
                 seen = mirror * self.particles.v[j]
                 total += self.weight(layer, j, r) * (seen - v)
             self.particles.exchange[i] = self.strength * total

@@ -26,6 +26,8 @@ TOLERANCE = 1e-6
 MEMORY_SHARE = 0.8
 # Indices are 32-bit integers.
 MOST_NUMBERS = 2**31 - 1
+# Spacings across the box below which little is left of an arrangement.
+LEAST_ACROSS = 3
 # Views that are no attribute, or come first.
 _DERIVED = ("water", "layer", "speed", "density_error")
 
@@ -175,10 +177,10 @@ def cautions(scene: Scene) -> list[str]:
         return []
     edge = min(scene.box.size)
     return [
-        f"layers.{i}: supports of {spec.support:.3g} m do not fit twice into the box, whose "
-        f"shortest edge is {edge:.3g} m; of opposite walls such particles feel the nearer alone"
+        f"layers.{i}: the box's shortest edge of {edge:.3g} m is less than {LEAST_ACROSS} spacings "
+        f"of {spec.spacing:.3g} m; pressures of so few particles will be rough"
         for i, spec in enumerate(layer_specs(scene))
-        if 2.0 * spec.support > edge
+        if LEAST_ACROSS * spec.spacing > edge
     ]
 
 

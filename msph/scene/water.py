@@ -73,9 +73,8 @@ def fill(water: Water, spec: LayerSpec, rng: np.random.Generator) -> np.ndarray:
 def _sheets(water: Water, spec: LayerSpec) -> np.ndarray:
     lo, hi = bounds(water)
     length = hi - lo
-    nx, nz = (max(1, round(length[k] / spec.spacing)) for k in (0, 2))
-    sheet = nx * nz
-    height = spec.volume * sheet / (length[0] * length[2])
+    nx, nz = min(_divisions(length[[0, 2]] / spec.spacing), key=lambda n: _stretch(length, n, spec))
+    sheet, height = nx * nz, _height(length, (nx, nz), spec)
     count = water.count or sheet * max(1, round(length[1] / height))
     full, rest = divmod(count, sheet)
     cells = np.arange(full * sheet)
@@ -85,6 +84,23 @@ def _sheets(water: Water, spec: LayerSpec) -> np.ndarray:
     row, column = np.divmod(cells % sheet, nz)
     sites = np.stack([(row + 0.5) / nx, (cells // sheet + 0.5), (column + 0.5) / nz], axis=1)
     return lo + sites * np.array([length[0], height, length[2]])
+
+
+def _divisions(spacings: np.ndarray) -> list[tuple[int, int]]:
+    """Ways to divide edges that are so many spacings long, (2,), into whole cells."""
+    down = np.maximum(np.floor(spacings), 1).astype(int)
+    return [(down[0] + a, down[1] + b) for a in (0, 1) for b in (0, 1)]
+
+
+def _height(length: np.ndarray, divisions: tuple[int, int], spec: LayerSpec) -> float:
+    """Height [m] of cells of a particle's volume."""
+    return spec.volume * divisions[0] * divisions[1] / (length[0] * length[2])
+
+
+def _stretch(length: np.ndarray, divisions: tuple[int, int], spec: LayerSpec) -> float:
+    """Longest edge of such cells over their shortest (-)."""
+    edges = length[0] / divisions[0], _height(length, divisions, spec), length[2] / divisions[1]
+    return max(edges) / min(edges)
 
 
 def _ball(water: Water, radius: float, spec: LayerSpec) -> np.ndarray:
