@@ -97,17 +97,18 @@ def solvers(layers: int, sheets: int) -> list[dict[str, str]]:
         return float(np.sqrt((volume * ((u - true) ** 2).sum(axis=1)).sum() / scale))
 
     terms, solve_for = solver.terms, solver.pressure_solve
-    _, _, true = solve(warm, lambda: solve_for.converge(p.pressure, 1e-9, 2000))
+    _, _, true = solve(warm, lambda: solve_for.converge(p.pressure, dt, 1e-9, 0.0, 2000))
 
     def jacobi(iterations):
         for _ in range(iterations):
             solve_for.correct(n, p.alone, p.pressure)
         return iterations
 
+    leeway = terms.motion_tolerance / terms.tolerance
     rows = []
     for name, begin in (("cold", 0.0 * warm), ("warm", warm)):
         cg = [
-            solve(begin, lambda: solve_for.converge(p.pressure, terms.tolerance, 500))
+            solve(begin, lambda: solve_for.converge(p.pressure, dt, terms.tolerance, leeway, 500))
             for _ in range(5)
         ]
         error = distance(cg[0][2], true)

@@ -219,7 +219,9 @@ class Projection(Accounts):
         care = FIRST_CARE if self.first else 1
         self.iterations = self.pressure_solve.converge(
             self.particles.pressure,
+            dt,
             self.terms.tolerance / care,
+            self.terms.motion_tolerance / self.terms.tolerance,
             care * self.terms.velocity_iterations,
         )
         self.first = False

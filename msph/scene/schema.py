@@ -192,7 +192,13 @@ class Projection(Section):
         _project.tolerance,
         gt=0.0,
         lt=1.0,
-        text="share of the pressure's work that the velocity solve may leave",
+        text="share of the pressure's displacements that the velocity solve may leave",
+    )
+    motion_tolerance: float = parameter(
+        _project.motion_tolerance,
+        ge=0.0,
+        lt=1.0,
+        text="or share of the way that the water goes in the step",
     )
     velocity_iterations: int = parameter(
         _project.velocity_iterations, ge=1, text="most iterations of the velocity solve"

@@ -134,6 +134,37 @@ def test_operator_equals_brute_force_and_is_symmetric(collision):
     sim.reset()
 
 
+def test_velocity_solve_leaves_a_small_share_of_the_speed(collision):
+    """The blobs as they meet: velocities of the solve as it stops against a converged one."""
+    collision.reset()
+    for _ in range(3):
+        collision.advance(1 / 60, WEIGHTLESS)
+    solver, p, dt = collision.solver, collision.particles, 1 / 300
+    terms, n = solver.terms, p.count
+    solver.neighbours.refresh()
+    solver.summation.weigh(n, p.alone)
+    solver.separation.find(n)
+    solver.aim_at_no_compression(n, p.alone, dt)
+    begin, found = p.pressure.to_numpy(), {}
+    for name, tolerance, leeway in (
+        ("strict", 1e-6, 0.0),
+        ("usual", terms.tolerance, terms.motion_tolerance / terms.tolerance),
+    ):
+        p.pressure.from_numpy(begin)
+        iterations = solver.pressure_solve.converge(p.pressure, dt, tolerance, leeway, 1000)
+        solver.pressure_solve.find_shifts(n, p.alone, p.pressure, p.shift)
+        found[name] = iterations, p.numpy("shift").astype(float)
+    volume = np.array([s.volume for s in collision.layers.specs])[p.numpy("layer")]
+    way = dt * p.numpy("v") + found["strict"][1]
+    off, length = (
+        np.sqrt((volume * (u**2).sum(axis=1)).sum())
+        for u in (found["usual"][1] - found["strict"][1], way)
+    )
+    assert 2 * found["usual"][0] < found["strict"][0]
+    assert off < terms.motion_tolerance * length
+    collision.reset()
+
+
 def mixture(halvings, cells, seed=0):
     """A cube of 1 m of cells of equal volume, every other one at random halved so many times."""
     rng, d = np.random.default_rng(seed), 1.0 / cells
