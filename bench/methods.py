@@ -80,14 +80,14 @@ def solvers(layers: int, sheets: int) -> list[dict[str, str]]:
     solver.separation.find(n)
     solver.push(n, p.alone, dt, *Forcing(gravity=(0.0, -tanks.GRAVITY, 0.0)).arguments())
     solver.aim_at_no_compression(n, p.alone, dt)
-    warm = p.pressure.to_numpy()
+    warm = p.multiplier.to_numpy()
 
     def solve(start, run):
-        p.pressure.from_numpy(start)
+        p.multiplier.from_numpy(start)
         ti.sync()
         begin = time.perf_counter()
         iterations = run()
-        solve_for.find_shifts(n, p.alone, p.pressure, p.shift)
+        solve_for.find_shifts(n, p.alone, p.multiplier, p.shift)
         ti.sync()
         wall = 1e3 * (time.perf_counter() - begin)
         return iterations, wall, p.numpy("shift").astype(float)
@@ -97,18 +97,18 @@ def solvers(layers: int, sheets: int) -> list[dict[str, str]]:
         return float(np.sqrt((volume * ((u - true) ** 2).sum(axis=1)).sum() / scale))
 
     terms, solve_for = solver.terms, solver.pressure_solve
-    _, _, true = solve(warm, lambda: solve_for.converge(p.pressure, dt, 1e-9, 0.0, 2000))
+    _, _, true = solve(warm, lambda: solve_for.converge(p.multiplier, dt, 1e-9, 0.0, 2000))
 
     def jacobi(iterations):
         for _ in range(iterations):
-            solve_for.correct(n, p.alone, p.pressure)
+            solve_for.correct(n, p.alone, p.multiplier)
         return iterations
 
     leeway = terms.motion_tolerance / terms.tolerance
     rows = []
     for name, begin in (("cold", 0.0 * warm), ("warm", warm)):
         cg = [
-            solve(begin, lambda: solve_for.converge(p.pressure, dt, terms.tolerance, leeway, 500))
+            solve(begin, lambda: solve_for.converge(p.multiplier, dt, terms.tolerance, leeway, 500))
             for _ in range(5)
         ]
         error = distance(cg[0][2], true)

@@ -170,7 +170,7 @@ def term_alone() -> list[dict[str, str]]:
         n, solver = sim.particles.count, sim.solver
         solver.neighbours.refresh()
         solver.summation.weigh(n, sim.particles.alone)
-        sim.particles.pressure.fill(0.0)
+        sim.particles.multiplier.fill(0.0)
         set_velocity(sim, vortex(sim.particles.numpy("x").astype(float)))
         before, problem = amplitude(sim), "Taylor-Green, term alone, rate 2 nu k^2, 1/s"
         if solver.viscosity:

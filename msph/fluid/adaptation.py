@@ -290,7 +290,7 @@ class Adaptation:
                 # (1/2) m_a m_b/(m_a + m_b) |dv|^2 of equal masses.
                 self.merge_loss[None] += 0.25 * mass * dv.norm_sqr()
                 self.hand_over(i, j, 2.0 * mass, 0.5 * mass * r.cross(dv))
-                for p in ti.static((self.particles.pressure, self.particles.earlier)):
+                for p in ti.static((self.particles.multiplier, self.particles.earlier)):
                     p[i] = 0.5 * (p[i] + p[j])
                 self.particles.layer[i] = self.coarser[layer]
                 self.particles.settling[i] = self.terms.settle
@@ -341,6 +341,7 @@ class Adaptation:
                 self.particles.x[i] -= offset
                 self.particles.v[j] = self.particles.v[i]
                 self.particles.pressure[j] = self.particles.pressure[i]
+                self.particles.multiplier[j] = self.particles.multiplier[i]
                 self.particles.earlier[j] = self.particles.earlier[i]
                 self.particles.hidden[j] = self.particles.hidden[i]
                 self.particles.layer[i] = layer

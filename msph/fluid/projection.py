@@ -19,6 +19,7 @@ from msph.fluid.images import Images
 from msph.fluid.layers import Layers
 from msph.fluid.neighbours import NeighbourList
 from msph.fluid.obstacles import Walls
+from msph.fluid.pair_pressure import PairPressure
 from msph.fluid.particles import Attribute, Particles
 from msph.fluid.pressure_solve import WALL_ATTRIBUTES, PressureSolve
 from msph.fluid.projection_terms import ProjectionTerms
@@ -30,9 +31,9 @@ from msph.fluid.xsph import Xsph
 
 _ATTRIBUTES = (
     Attribute("density", "kg/m^3", "relative density c times rest density"),
-    Attribute("pressure", "Pa", "pressure of the velocity solve"),
-    Attribute("earlier", "Pa", "pressure of the step before"),
-    Attribute("swing", "m/s", "sqrt(p/rho0) of what is round it", carried=False),
+    Attribute("pressure", "Pa", "mean over its pairs of what they press with"),
+    Attribute("multiplier", "Pa", "of the velocity solve: pairs press with the mean of theirs"),
+    Attribute("earlier", "Pa", "multiplier of the step before"),
     Attribute("looseness", "-", "density by a kernel without forces, less c", carried=False),
     Attribute("hidden", "-", "what c hides: looseness round it, not above 0"),
     *separation.ATTRIBUTES,
@@ -94,6 +95,7 @@ class Projection(Accounts):
         self.pressure_solve = PressureSolve(
             layers, particles, self.neighbours, self.summation.pair_gradient, walls.count > 0
         )
+        self.pair_pressure = PairPressure(particles, self.neighbours, self.summation.pair_gradient)
         self.separation = Separation(
             self,
             walls,
@@ -218,14 +220,14 @@ class Projection(Accounts):
         # The first solve knows no pressure to start from, and what it leaves would fall.
         care = FIRST_CARE if self.first else 1
         self.iterations = self.pressure_solve.converge(
-            self.particles.pressure,
+            self.particles.multiplier,
             dt,
             self.terms.tolerance / care,
             self.terms.motion_tolerance / self.terms.tolerance,
             care * self.terms.velocity_iterations,
         )
         self.first = False
-        self.accelerate(n, alone, dt)
+        self.accelerate(n, alone, dt, *forcing.gravity)
         self.separation.part(n, alone)
         self.top_rate = self.move(n, alone, dt)
         self.disturb()
@@ -235,9 +237,9 @@ class Projection(Accounts):
     @ti.kernel
     def aim_at_no_compression(self, n: ti.i32, alone: ti.template(), dt: ti.f32):
         """source_i = dt dc/dt + share (c_i - 1) of the velocity solve, c_i as it will be once the
-        crowded have parted; and pressures [Pa] become the solve's multipliers [m^2].
+        crowded have parted; and multipliers [Pa] become the solve's [m^2].
 
-        They start from the mean of two steps: pressures swing from one to the next, so that it
+        They start from the mean of two steps: they swing from one to the next, so that it
         takes half the iterations that the last step's do; to extrapolate takes more.
 
         share is 1 for gaps, and dt/release for what is crowded or hardly thinner than rest.
@@ -258,10 +260,10 @@ class Projection(Accounts):
                 # Halves are crowded, and mergers leave gaps, until the position solve has met them.
                 wanted = ti.select(self.particles.settling[i] > 0 and c > -SMALL_GAP, 0.0, wanted)
             self.particles.source[i] = dt * rate + wanted
-            now = self.particles.pressure[i]
+            now = self.particles.multiplier[i]
             start = 0.5 * (now + self.particles.earlier[i])
             self.particles.earlier[i] = now
-            self.particles.pressure[i] = start * dt * dt / self.terms.density
+            self.particles.multiplier[i] = start * dt * dt / self.terms.density
 
     @ti.kernel
     def push(
@@ -287,73 +289,61 @@ class Projection(Accounts):
         ti.loop_config(serialize=alone)
         for i in range(n):
             m = self.layers.mass[self.particles.layer[i]]
-            x, v, lift = self.particles.x[i], self.particles.v[i], self.image_lift(i, gravity)
+            x, v = self.particles.x[i], self.particles.v[i]
+            lift = self.pair_pressure.lift(i, gravity, 1.0 / self.terms.density)
             hand = hand_acceleration(x, v, dt, hand_at, hand_v, hand_radius, hand_grip)
             self.book_hand(m, v, dt, hand, gravity + lift)
             self.wall_impulse[None] += m * dt * lift
             self.particles.v[i] = v + dt * (gravity + lift + hand)
 
     @ti.func
-    def image_lift(self, i, gravity):
-        """Acceleration [m/s^2] by what images have more pressure than their particles.
+    def looseness_round(self, i):
+        """Mean (-) over particle i and its neighbours, where it is known.
 
-        No flow crosses a wall, so there dp/dn = rho g.n: behind a floor the pressure goes on
-        rising. At most the particle's own, so that water that only passes by is not lifted.
-        Without it the lowest sheet bears half a sheet's weight too much.
+        Weighed by volume: between layers coarse particles seem loose and fine ones crowded, which
+        cancels.
         """
-        x, lift = self.particles.x[i], ti.Vector([0.0, 0.0, 0.0])
-        for s in range(self.neighbours.mirrors[i], self.neighbours.end[i]):
-            j, mirror, wall = self.images.read(self.neighbours.index[s])
-            r_ij = self.images.offset(x, self.particles.x[j], mirror, wall)
-            deeper = gravity.dot(x - r_ij - self.particles.x[j])
-            own = self.particles.pressure[j] / self.terms.density
-            lift -= ti.math.clamp(deeper, -own, own) * self.summation.pair_gradient[s]
-        return lift
-
-    @ti.func
-    def means_round(self, i):
-        """Means over particle i and its neighbours: of q [m^2], what holds them in their
-        arrangement, and of their looseness (-), where it is known.
-
-        Looseness is weighed by volume: between layers coarse particles seem loose and fine ones
-        crowded, which cancels.
-        """
-        q, count = self.particles.pressure[i], 1.0
+        own = self.layers.volume[self.particles.layer[i]]
         looseness, known = 0.0, 0.0
+        if self.particles.looseness[i] < UNKNOWN:
+            looseness, known = own * self.particles.looseness[i], own
         for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
             j = self.neighbours.index[s]
-            q += self.particles.pressure[j]
-            count += 1.0
             if self.particles.looseness[j] < UNKNOWN:
                 volume = self.layers.volume[self.particles.layer[j]]
                 looseness += volume * self.particles.looseness[j]
                 known += volume
-        own = self.layers.volume[self.particles.layer[i]]
-        if self.particles.looseness[i] < UNKNOWN:
-            looseness += own * self.particles.looseness[i]
-            known += own
-        return ti.math.vec2(q / count, looseness / ti.max(known, SMALLEST * own))
+        return looseness / ti.max(known, SMALLEST * own)
 
     @ti.kernel
-    def accelerate(self, n: ti.i32, alone: ti.template(), dt: ti.f32):
-        """v = v* + u/dt; and how soon what holds a particle in its arrangement would swing it."""
+    def accelerate(
+        self,
+        n: ti.i32,
+        alone: ti.template(),
+        dt: ti.f32,
+        g_x: ti.f32,
+        g_y: ti.f32,
+        g_z: ti.f32,
+    ):
+        """v = v* + u/dt; pressures; and what densities hide."""
+        gravity = ti.math.vec3(g_x, g_y, g_z)
         ti.loop_config(serialize=alone)
         for i in range(n):
             m = self.layers.mass[self.particles.layer[i]]
-            inner = self.pressure_solve.inner_shift(i, self.particles.pressure)
-            wall = self.pressure_solve.wall_shift(i, self.particles.pressure)
+            inner = self.pressure_solve.inner_shift(i, self.particles.multiplier)
+            wall = self.pressure_solve.wall_shift(i, self.particles.multiplier)
             self.book_internal(m, self.particles.x[i], inner / dt)
             self.wall_impulse[None] += m / dt * wall
             if ti.static(self.walls.moving):
                 # Force of the bodies on the particle times their velocity.
                 self.wall_work[None] += (
-                    m * self.particles.pressure[i] / dt * self.summation.inflow[i]
+                    m * self.particles.multiplier[i] / dt * self.summation.inflow[i]
                 )
             self.particles.v[i] += (inner + wall) / dt
-            q, looseness = self.means_round(i)
-            self.particles.swing[i] = ti.sqrt(q) / dt
+            kinematic = self.pair_pressure.at(i, gravity, 1.0 / (dt * dt))
+            self.particles.pressure[i] = self.terms.density * kinematic
             if ti.static(not self.tension):
-                target = ti.math.clamp(looseness + EVEN, -MOST_HIDDEN, 0.0)
+                target = ti.math.clamp(self.looseness_round(i) + EVEN, -MOST_HIDDEN, 0.0)
                 self.particles.hidden[i] += BLEND * (target - self.particles.hidden[i])
 
     @ti.kernel
@@ -370,10 +360,10 @@ class Projection(Accounts):
             self.wall_impulse[None] += self.layers.mass[layer] * (v - self.particles.v[i])
             self.particles.x[i] = x
             self.particles.v[i] = v
-            self.particles.pressure[i] *= self.terms.density / (dt * dt)
+            self.particles.multiplier[i] *= self.terms.density / (dt * dt)
             if self.particles.density[i] < self.terms.spray * self.terms.density:
                 v /= SPRAY_LEAP
-            speed, swing = v.norm(), self.particles.swing[i]
+            speed, swing = v.norm(), ti.sqrt(self.particles.pressure[i] / self.terms.density)
             ti.atomic_max(farthest, speed * dt / d)
             ti.atomic_max(top, ti.max(speed / self.terms.cfl, swing / self.terms.pressure_cfl) / d)
         if ti.static(self.adaptive):

@@ -77,7 +77,7 @@ class Viscosity:
         fall of water at rest on its floor, which the pressure has yet to stop, and bear its weight.
         """
         span, p = dt * self.nu, self.particles
-        self.pressure_solve.find_shifts(n, p.alone, p.pressure, p.shift)
+        self.pressure_solve.find_shifts(n, p.alone, p.multiplier, p.shift)
         self.lend_pressure(n, dt / self.density)
         self.iterations = 0
         if dt * self.stiffness <= EXPLICIT:

@@ -128,10 +128,35 @@ def test_operator_equals_brute_force_and_is_symmetric(collision):
     a_q, u = apply(q)
     assert (volume * p * a_q).sum() == pytest.approx((volume * a_p * q).sum(), rel=1e-9)
     assert (volume * q * a_q).sum() > 0.0
-    sim.particles.pressure.from_numpy(np.pad(q.astype(np.float32), (0, sim.particles.capacity - n)))
-    solver.pressure_solve.find_shifts(n, False, sim.particles.pressure, sim.particles.shift)
+    sim.particles.multiplier.from_numpy(
+        np.pad(q.astype(np.float32), (0, sim.particles.capacity - n))
+    )
+    solver.pressure_solve.find_shifts(n, False, sim.particles.multiplier, sim.particles.shift)
     assert np.abs(sim.particles.numpy("shift") - u).max() < 1e-4 * np.abs(u).max()
     sim.reset()
+
+
+def test_pressure_is_the_virial_mean_over_pairs(collision):
+    """Of random multipliers against all pairs; a lone particle keeps its own."""
+    collision.reset()
+    solver, p, dt = collision.solver, collision.particles, 0.01
+    n = p.count
+    solver.neighbours.refresh()
+    solver.summation.weigh(n, p.alone)
+    x, layer = p.numpy("x").astype(float), p.numpy("layer")
+    volume, support = (np.array([getattr(s, k) for s in collision.layers.specs]) for k in WEIGHTS)
+    q = np.random.default_rng(2).uniform(0.0, 1e-4, n)
+    p.multiplier.from_numpy(np.pad(q.astype(np.float32), (0, p.capacity - n)))
+    solver.accelerate(n, p.alone, dt, 0.0, 0.0, 0.0)
+    r = np.linalg.norm(x[:, None] - x, axis=2)
+    weight = -r * volume[layer] * quartic_slope(r, pair_support(support[layer], support[layer]))
+    np.fill_diagonal(weight, 0.0)
+    met = weight.sum(axis=1) > 0.0
+    others = (weight * q).sum(axis=1)[met] / weight.sum(axis=1)[met]
+    expected = q.copy()
+    expected[met] = 0.5 * (q[met] + others)
+    assert np.allclose(p.numpy("pressure"), 1000.0 / dt**2 * expected, rtol=1e-4)
+    collision.reset()
 
 
 def test_velocity_solve_leaves_a_small_share_of_the_speed(collision):
@@ -145,14 +170,14 @@ def test_velocity_solve_leaves_a_small_share_of_the_speed(collision):
     solver.summation.weigh(n, p.alone)
     solver.separation.find(n)
     solver.aim_at_no_compression(n, p.alone, dt)
-    begin, found = p.pressure.to_numpy(), {}
+    begin, found = p.multiplier.to_numpy(), {}
     for name, tolerance, leeway in (
         ("strict", 1e-6, 0.0),
         ("usual", terms.tolerance, terms.motion_tolerance / terms.tolerance),
     ):
-        p.pressure.from_numpy(begin)
-        iterations = solver.pressure_solve.converge(p.pressure, dt, tolerance, leeway, 1000)
-        solver.pressure_solve.find_shifts(n, p.alone, p.pressure, p.shift)
+        p.multiplier.from_numpy(begin)
+        iterations = solver.pressure_solve.converge(p.multiplier, dt, tolerance, leeway, 1000)
+        solver.pressure_solve.find_shifts(n, p.alone, p.multiplier, p.shift)
         found[name] = iterations, p.numpy("shift").astype(float)
     volume = np.array([s.volume for s in collision.layers.specs])[p.numpy("layer")]
     way = dt * p.numpy("v") + found["strict"][1]

@@ -213,7 +213,7 @@ def tank():
 def test_taylor_green_decays_as_viscosity_says(tank, steps):
     """exp(-nu (kx^2 + kz^2) t), by explicit steps and by a single implicit one."""
     prepare(tank)
-    tank.particles.pressure.fill(0.0)
+    tank.particles.multiplier.fill(0.0)
     term, x = tank.solver.viscosity, np.pi * tank.particles.numpy("x").astype(float)
     shape = np.stack(
         [
