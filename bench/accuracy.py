@@ -23,11 +23,10 @@ from msph.fluid.projection_terms import ProjectionTerms
 from msph.fluid.simulation import Simulation
 from msph.scene.water import SMOOTHING
 
-LAYERS = {"uniform": 1, "layered": 4}
-# In which waters waves are measured: layers, and what changes in adaptation. A start from cubes
-# halved at random, as layers have it, but all to the finest size, tells how much of the periods'
-# error is the arrangement's: bands so thick that they reach the floor, and nothing adapts.
-WAVES: dict[str, tuple[int, dict[str, float]]] = {
+# What is measured: layers, and what changes in adaptation. A start from cubes halved at random, as
+# layers have it, but all to the finest size, tells how much of the errors is the arrangement's:
+# bands so thick that they reach the floor, and nothing adapts.
+WATERS: dict[str, tuple[int, dict[str, float]]] = {
     "uniform": (1, {}),
     "uniform, irregular": (3, {"band": 20.0, "every": 10**9}),
     "layered": (4, {}),
@@ -41,7 +40,8 @@ SLOSH_SECONDS = 5.0
 
 def still(kind: str, seconds: float) -> list[tuple[str, str, str]]:
     """Rows (figure, target, measured) of water that should stay where it is."""
-    scene = tanks.tank((10 * FINE, 10 * FINE), SHEETS_DEEP * FINE, FINE, LAYERS[kind])
+    layers, changes = WATERS[kind]
+    scene = tanks.tank((10 * FINE, 10 * FINE), SHEETS_DEEP * FINE, FINE, layers, **changes)
     sim = tanks.build(scene)
     reading = tanks.Reading(sim)
     reading.read()
@@ -70,7 +70,7 @@ def still(kind: str, seconds: float) -> list[tuple[str, str, str]]:
 def sloshing(kind: str, spacings: int) -> tuple[list[tuple[str, str, str]], np.ndarray]:
     """Rows of a sloshing tank, and the way of its centre of mass along the box [m]."""
     fine = DEPTH / spacings
-    layers, changes = WAVES[kind]
+    layers, changes = WATERS[kind]
     sim = tanks.build(tanks.tank((LENGTH, 10 * fine), DEPTH, fine, layers, **changes))
     tanks.run(sim, 1.0)
     tanks.slosh(sim, DEPTH, AMPLITUDE * DEPTH)
@@ -146,12 +146,12 @@ def main(seconds: float, arch: str) -> None:
     arch = start(arch)
     rows: list[tuple[str, str, str, str, str]] = []
     depth = f"still water, {SHEETS_DEEP} fine spacings deep, {seconds:g} s"
-    for kind in LAYERS:
+    for kind in WATERS:
         rows += [(depth, kind, *r) for r in still(kind, seconds)]
     for spacings in SPACINGS:
         waves = f"sloshing, amplitude {AMPLITUDE:.0%} of the depth, {spacings} spacings deep"
         centres = {}
-        for kind in WAVES:
+        for kind in WATERS:
             found, centres[kind] = sloshing(kind, spacings)
             rows += [(waves, kind, *r) for r in found]
         apart = np.abs(centres["layered"] - centres["uniform"]).max() / LENGTH

@@ -41,8 +41,9 @@ _ATTRIBUTES = (
 )
 
 # Rounds of the position solve before time starts, at most, and the excess of density that they may
-# leave.
-ARRANGING, LOOSE = 100, 1e-3
+# leave: what is left lifts the water later. 60 fine sheets of halved cubes take 161; stopped at 100
+# their energy rose by .16 % in the first second, then by .02 %.
+ARRANGING, LOOSE = 400, 1e-3
 # How much stricter, and longer, the first solve of a run is, and how much shorter its step.
 FIRST_CARE = 10
 # Deficit of density up to which a gap beside a merger is not yet to be closed.
