@@ -28,7 +28,7 @@ from msph.scene.water import SMOOTHING
 # bands so thick that they reach the floor, and nothing adapts.
 WATERS: dict[str, tuple[int, dict[str, float]]] = {
     "uniform": (1, {}),
-    "uniform, irregular": (3, {"band": 20.0, "every": 10**9}),
+    "uniform, irregular": (3, {"band": 30.0, "every": 10**9}),
     "layered": (4, {}),
 }
 # Still water: 60 fine spacings deep, in a column ten wide.

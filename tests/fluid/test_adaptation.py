@@ -195,3 +195,20 @@ def test_merges_double_masses_of_rounded_spacings_exactly():
     masses = [s.mass for s in exact(specs)]
     assert masses[2] == 2.0 * masses[1] and masses[0] == 2.0 * masses[2]
     assert masses[1] == specs[1].mass and masses[3] == specs[3].mass
+
+
+def test_deep_water_of_halved_cubes_starts_at_rest_density():
+    """Sixty fine sheets: what 100 rounds left too dense lifted the water, and its energy rose."""
+    fine = 0.02
+    specs = [LayerSpec(1000.0 * fine**3 * 2**k, 1000.0, 2.45) for k in range(3)]
+    cells = np.array([5, 38, 5])
+    size = cells * specs[2].spacing
+    x = (np.stack(np.meshgrid(*map(np.arange, cells), indexing="ij"), -1).reshape(-1, 3) + 0.5) * (
+        specs[2].spacing
+    )
+    initial = {"x": x.astype(np.float32), "layer": np.full(len(x), 2, np.int32)}
+    terms = ProjectionTerms(adaptation=AdaptationTerms(band=20.0, every=10**9))
+    box = (size[0], size[1] + 0.3, size[2])
+    sim = Simulation(box, specs, initial, terms, capacity=4 * len(x))
+    assert sim.counts()[0] > 2 * len(x)
+    assert sim.particles.numpy("density").max() < 1001.0
