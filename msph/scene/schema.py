@@ -242,7 +242,7 @@ class Adaptation(Section):
 
     enabled: bool = parameter(False, text="let particles change their layer with their depth")
     band: float = parameter(
-        _adapt.band, ge=0.5, le=20.0, text="thickness of a layer's band, in its supports"
+        _adapt.band, ge=0.5, le=50.0, text="thickness of a layer's band, in its supports"
     )
     hysteresis: float = parameter(
         _adapt.hysteresis, ge=0.0, le=0.4, text="share of a band's bound that a particle must pass"
