@@ -74,9 +74,10 @@ class PressureSolve:
         displacements' error (Hestenes and Stiefel 1952, th. 6:1). The solve stops when LOOK
         iterations together have changed the displacements by less than the share `tolerance` of
         their root mean square. Measures of the compression would not do: while a deep column
-        falls only its lowest particles are compressed. What the particles go in the step of dt [s]
-        counts as so many displacements as `leeway` says (-): in still water every error stirs it,
-        in a dam break one of a hundredth of its speed is lost, and takes half the iterations.
+        falls only its lowest particles are compressed. What the particles go in the step of dt [s],
+        less their mean, counts as `leeway` (-) times a displacement: in still water every error
+        stirs it, in a dam break one of a hundredth of its speed is lost, and takes half the
+        iterations.
 
         Within a round those particles push that have q > 0 or are compressed, less those that
         reach q = 0. A round ends early when the others have become more compressed than they.
@@ -179,7 +180,7 @@ class PressureSolve:
         for i in range(n):
             r = self.particles.source[i] + self.divergence(i, self.particles.shift)
             self.particles.residual[i] = r
-        descent, scale = 0.0, 0.0
+        descent, scale, whole, square, drift = 0.0, 0.0, 0.0, 0.0, ti.Vector([0.0, 0.0, 0.0])
         ti.loop_config(serialize=alone)
         for i in range(n):
             layer, r = self.particles.layer[i], self.particles.residual[i]
@@ -190,9 +191,14 @@ class PressureSolve:
             self.particles.direction[i] = free * r / d
             descent += free * volume * r * r / d
             u = self.particles.shift[i]
-            way = leeway * (dt * self.particles.v[i] + u)
-            scale += volume * (u.norm_sqr() + way.norm_sqr() + (STILL * spacing) ** 2)
-        self.descent[None], self.scale[None] = descent, scale
+            way = dt * self.particles.v[i] + u
+            scale += volume * (u.norm_sqr() + (STILL * spacing) ** 2)
+            whole += volume
+            square += volume * way.norm_sqr()
+            drift += volume * way
+        # Less what all water goes together: a drop that falls fast is no less round.
+        apart = ti.max(square - drift.norm_sqr() / whole, 0.0)
+        self.descent[None], self.scale[None] = descent, scale + leeway**2 * apart
 
     @ti.kernel
     def iterate(self, n: ti.i32, alone: ti.template(), q: ti.template()) -> ti.math.vec3:
