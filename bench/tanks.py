@@ -7,13 +7,15 @@ import numpy as np
 
 from msph.fluid.forcing import Forcing
 from msph.fluid.simulation import Simulation
+from msph.measure.probes import PressureProbe, Snapshot
 from msph.scene.build import build_simulation
 from msph.scene.schema import Scene
 
 GRAVITY = 9.81
 FRAME = 1.0 / 60.0
-# Sheets of a depth profile.
+# Sheets of a depth profile, and where probes stand in each, as shares of the footprint (x, z).
 SHEETS = 12
+COLUMNS = ((0.25, 0.25), (0.25, 0.75), (0.75, 0.25), (0.75, 0.75))
 
 
 def tank(
@@ -106,11 +108,39 @@ class Reading:
         return float(self._masses().sum()) / 1000.0
 
 
-def run(simulation: Simulation, seconds: float, reading: Reading | None = None) -> None:
+class Profile:
+    """Pressure over depth as probes in the middle of every sheet read it, frame by frame.
+
+    Probes tell what is in a point; means of a sheet's own particles are as rough as the particles
+    are thicker than the sheet.
+    """
+
+    def __init__(self, simulation: Simulation, depth: float):
+        self.simulation, self.depth, self.frames = simulation, depth, 0
+        self.heights = (np.arange(SHEETS) + 0.5) / SHEETS * depth
+        x, _, z = simulation.size
+        self.probes = [
+            [PressureProbe("", (a * x, y, b * z)) for a, b in COLUMNS] for y in self.heights
+        ]
+        self.sums = np.zeros(SHEETS)
+
+    def read(self) -> None:
+        """Adds the state of now."""
+        water = Snapshot.of(self.simulation)
+        self.sums += [np.mean([probe.read(water) for probe in sheet]) for sheet in self.probes]
+        self.frames += 1
+
+    def error(self) -> float:
+        """Root mean square over depth of the error of the mean pressure, over rho g H (-)."""
+        off = self.sums / self.frames - 1000.0 * GRAVITY * (self.depth - self.heights)
+        return float(np.sqrt(np.mean(off**2)) / (1000.0 * GRAVITY * self.depth))
+
+
+def run(simulation: Simulation, seconds: float, *readings: Reading | Profile) -> None:
     """Advances frame by frame under gravity, reading each."""
     for _ in range(round(seconds / FRAME)):
         simulation.advance(FRAME, Forcing(gravity=(0.0, -GRAVITY, 0.0)))
-        if reading:
+        for reading in readings:
             reading.read()
 
 
