@@ -290,8 +290,9 @@ class Adaptation:
                 # (1/2) m_a m_b/(m_a + m_b) |dv|^2 of equal masses.
                 self.merge_loss[None] += 0.25 * mass * dv.norm_sqr()
                 self.hand_over(i, j, 2.0 * mass, 0.5 * mass * r.cross(dv))
-                for p in ti.static((self.particles.multiplier, self.particles.earlier)):
-                    p[i] = 0.5 * (p[i] + p[j])
+                p = self.particles
+                for each in ti.static((p.pressure, p.multiplier, p.earlier)):
+                    each[i] = 0.5 * (each[i] + each[j])
                 self.particles.layer[i] = self.coarser[layer]
                 self.particles.settling[i] = self.terms.settle
                 self.particles.alive[j] = 0

@@ -5,7 +5,8 @@ V_i V_j (p_i + p_j) grad W_ij, and weight is borne by all pairs across a plane. 
 particle is the mean of (p_i + p_j)/2 over its pairs, weighed as in the virial by -r_ij.grad W_ij
 (Irving and Kirkwood 1950). Multipliers fall short of it where a particle's pairs reach farther down
 than up, at surfaces and between layers: by 5 % of rho g H at the surface of water ten spacings
-deep, by 1.5 % within it in thin bands of layers; the means by 1.4 and .3 %.
+deep, by 1.5 % within it in thin bands of layers; the means by 1.4 and .3 %. Bodies are no pairs:
+beside them the mean is over the water's side alone.
 """
 
 import taichi as ti

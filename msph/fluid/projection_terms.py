@@ -16,8 +16,8 @@ class ProjectionTerms:
     release [s]: time in which a density excess, or a slight deficit, may become velocity; the rest
     of the excess is for the position solve, of position_iterations, at most largest_shift spacings
     a step. tolerance (-): share of the pressure's displacements that the velocity solve may leave,
-    or motion_tolerance (-) of the way that the water goes in the step, in velocity_iterations at
-    most.
+    or motion_tolerance (-) of the way that the water goes in the step, less what it goes as a
+    whole, in velocity_iterations at most.
     spray: relative density below which no rate of compression can be told (-). Counting
     neighbours instead lets water in edges of the box, which has few, gain energy. viscosity
     [Pa s], slip at walls, tension [N/m] of the surface and xsph (-): 0 is off. adaptation: None

@@ -178,9 +178,10 @@ def cautions(scene: Scene) -> list[str]:
     edge = min(scene.box.size)
     return [
         f"layers.{i}: the box's shortest edge of {edge:.3g} m is less than {LEAST_ACROSS} spacings "
-        f"of {spec.spacing:.3g} m; pressures of so few particles will be rough"
+        f"of {spec.spacing:.3g} m or a support of {spec.support:.3g} m; pressures of so few "
+        "particles will be rough"
         for i, spec in enumerate(layer_specs(scene))
-        if LEAST_ACROSS * spec.spacing > edge
+        if max(LEAST_ACROSS * spec.spacing, spec.support) > edge
     ]
 
 
