@@ -119,7 +119,14 @@ def test_interrupt_leaves_a_playable_file(tmp_path):
     target = tmp_path / "cut.mp4"
     command = [sys.executable, "-m", "msph", "capture", write(tmp_path), "-o", str(target)]
     command += ["--seconds", "1000", "--size", "160x90", "--arch", "cpu"]
-    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    process = subprocess.Popen(
+        command,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        # Started in the background, tests ignore interrupts, and so would what they start.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
     # The bar counts frames: wait for some, however slow the machine.
     seen, deadline = "", time.monotonic() + 120
     while "frame/s" not in seen and time.monotonic() < deadline:
