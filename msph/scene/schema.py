@@ -63,7 +63,7 @@ class Layer(Section):
         ge=1.2,
         le=4.0,
         text="support radius over spacing, h/d, where kernels vanish; default: 2 in the classic "
-        "method, 2.4 in projection",
+        "method, 2.45 in projection",
     )
     gravity_factor: float = parameter(
         1.0, ge=0.0, le=1.0, text="share of gravity that the layer feels (thesis: less if finer)"
