@@ -1,10 +1,15 @@
 """Errors of the projection method against formulas, uniform and layered alike.
 
-python bench/accuracy.py [--seconds 10] [--arch cpu]
+python bench/accuracy.py [--seconds 10] [--starts 3] [--arch cpu]
+
+Starts differ by where particles are put at random within a fiftieth of a spacing; what is said of
+one water against another should be more than they differ by among themselves.
 """
 
 import csv
+import statistics
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 
 import click
@@ -36,12 +41,25 @@ FINE, SHEETS_DEEP = 0.02, 60
 # Sloshing: box length and depth [m], amplitude as a share of the depth, fine spacings per depth.
 LENGTH, DEPTH, AMPLITUDE, SPACINGS = 1.0, 0.5, 0.05, (15, 20)
 SLOSH_SECONDS = 5.0
+# How figures are printed: counts, shares as percent, joules, drifts.
+WHOLE, SHARE, JOULE, DRIFT = "{:,.0f}", "{:.3%}", "{:.3g}", "{:.1e}"
 
 
-def still(kind: str, seconds: float) -> list[tuple[str, str, str]]:
-    """Rows (figure, target, measured) of water that should stay where it is."""
+@dataclass(frozen=True)
+class Figure:
+    """What is measured, the issue's bound on it, how it is printed, and its value (-, J)."""
+
+    name: str
+    bound: str
+    form: str
+    value: float
+
+
+def still(kind: str, seconds: float, seed: int) -> list[Figure]:
+    """Figures of water that should stay where it is."""
     layers, changes = WATERS[kind]
-    scene = tanks.tank((10 * FINE, 10 * FINE), SHEETS_DEEP * FINE, FINE, layers, **changes)
+    footprint = (10 * FINE, 10 * FINE)
+    scene = tanks.tank(footprint, SHEETS_DEEP * FINE, FINE, layers, seed=seed, **changes)
     sim = tanks.build(scene)
     reading = tanks.Reading(sim)
     reading.read()
@@ -51,29 +69,28 @@ def still(kind: str, seconds: float) -> list[tuple[str, str, str]]:
     tanks.run(sim, seconds - 1.0, later, profile)
     changed = int(np.abs(changed - sim.counts()).sum())
     frames = round(1.0 / tanks.FRAME)
-    kinetic = [
-        float(np.mean(part)) for part in (reading.kinetic[-frames:], later.kinetic[-frames:])
-    ]
     rise = max(reading.energy_rise(), later.energy_rise())
     profiled = "pressure against rho g (H - y), rms over depth"
     return [
-        ("particles", "", f"{sim.particles.count:,}"),
-        (f"{profiled}, of probes", "2 %", percent(profile.error())),
-        (f"{profiled}, of particles in sheets", "2 %", percent(later.pressure_error())),
-        ("density error, mean", ".2 %", percent(float(np.mean(later.error_mean)))),
-        ("density error, largest", "2 %", percent(max(later.error_max))),
-        ("height of the centre against rest", "1 %", percent(later.volume_error())),
-        ("energy, largest rise in 1 s", ".1 %", percent(rise)),
-        ("kinetic energy, first and last second, J", "decays", "{:.3g}, {:.3g}".format(*kinetic)),
-        (f"particles that changed layer in {seconds - 1:g} s", "", f"{changed}"),
+        Figure("particles", "", WHOLE, sim.particles.count),
+        Figure(f"{profiled}, of probes", "2 %", SHARE, profile.error()),
+        Figure(f"{profiled}, of particles in sheets", "2 %", SHARE, later.pressure_error()),
+        Figure("density error, mean", ".2 %", SHARE, float(np.mean(later.error_mean))),
+        Figure("density error, largest", "2 %", SHARE, max(later.error_max)),
+        Figure("height of the centre against rest", "1 %", SHARE, later.volume_error()),
+        Figure("energy, largest rise in 1 s", ".1 %", SHARE, rise),
+        Figure("kinetic energy, first second, J", "", JOULE, np.mean(reading.kinetic[-frames:])),
+        Figure("kinetic energy, last second, J", "decays", JOULE, np.mean(later.kinetic[-frames:])),
+        Figure(f"particles that changed layer in {seconds - 1:g} s", "", WHOLE, changed),
     ]
 
 
-def sloshing(kind: str, spacings: int) -> tuple[list[tuple[str, str, str]], np.ndarray]:
-    """Rows of a sloshing tank, and the way of its centre of mass along the box [m]."""
+def sloshing(kind: str, spacings: int, seed: int) -> tuple[list[Figure], np.ndarray]:
+    """Figures of a sloshing tank, and the way of its centre of mass along the box [m]."""
     fine = DEPTH / spacings
     layers, changes = WATERS[kind]
-    sim = tanks.build(tanks.tank((LENGTH, 10 * fine), DEPTH, fine, layers, **changes))
+    scene = tanks.tank((LENGTH, 10 * fine), DEPTH, fine, layers, seed=seed, **changes)
+    sim = tanks.build(scene)
     tanks.run(sim, 1.0)
     tanks.slosh(sim, DEPTH, AMPLITUDE * DEPTH)
     reading = tanks.Reading(sim)
@@ -81,19 +98,20 @@ def sloshing(kind: str, spacings: int) -> tuple[list[tuple[str, str, str]], np.n
     x = np.array(reading.centres)[:, 0]
     theory = tanks.slosh_period(LENGTH, DEPTH)
     found = tanks.fitted_period([t - 1.0 for t in reading.times], x, theory)
-    rows = [
-        ("particles", "", f"{sim.particles.count:,}"),
-        (f"period against linear theory, {theory:.3f} s", "1 %", percent(found / theory - 1.0)),
-        ("density error, mean", "", percent(float(np.mean(reading.error_mean)))),
-        ("density error, largest", "", percent(max(reading.error_max))),
-        ("energy, largest rise in 1 s", ".1 %", percent(reading.energy_rise())),
-        ("height of the centre against rest", "1 %", percent(reading.volume_error())),
+    mean = float(np.mean(reading.error_mean))
+    figures = [
+        Figure("particles", "", WHOLE, sim.particles.count),
+        Figure(f"period against linear theory, {theory:.3f} s", "1 %", SHARE, found / theory - 1.0),
+        Figure("density error, mean", "", SHARE, mean),
+        Figure("density error, largest", "", SHARE, max(reading.error_max)),
+        Figure("energy, largest rise in 1 s", ".1 %", SHARE, reading.energy_rise()),
+        Figure("height of the centre against rest", "1 %", SHARE, reading.volume_error()),
     ]
-    return rows, x
+    return figures, x
 
 
-def collision() -> list[tuple[str, str, str]]:
-    """Rows of two blobs that collide without gravity, off centre, splits and merges on."""
+def collision() -> list[Figure]:
+    """Figures of two blobs that collide without gravity, off centre, splits and merges on."""
     d, middle, radius = 0.025, 1.2, 0.15
     specs = [LayerSpec(1000.0 * d**3 * 2**k, 1000.0, SMOOTHING["projection"]) for k in range(3)]
     balls = []
@@ -129,46 +147,80 @@ def collision() -> list[tuple[str, str, str]]:
     drift = np.linalg.norm(linear_after - linear) / scale
     turned = np.linalg.norm(angular_after - angular) / spin
     return [
-        ("particles born, gone", "", f"{len(after - before)}, {len(before - after)}"),
-        ("mass drift", "0", f"{abs(mass_after / mass - 1.0):.1e}"),
-        ("momentum drift over sum m v", "1e-05", f"{drift:.1e}"),
-        ("angular momentum drift over sum m r v", "1e-04", f"{turned:.1e}"),
+        Figure("particles born", "", WHOLE, len(after - before)),
+        Figure("particles gone", "", WHOLE, len(before - after)),
+        Figure("mass drift", "0", DRIFT, abs(mass_after / mass - 1.0)),
+        Figure("momentum drift over sum m v", "1e-05", DRIFT, drift),
+        Figure("angular momentum drift over sum m r v", "1e-04", DRIFT, turned),
     ]
 
 
-def percent(share: float) -> str:
-    return f"{100.0 * share:.3f} %"
+class Record:
+    """Every figure of every start: (case, water, start, figure, bound, value) in order."""
+
+    def __init__(self) -> None:
+        self.rows: list[tuple[str, str, int, Figure]] = []
+
+    def add(self, case: str, water: str, start: int, figures: list[Figure]) -> None:
+        self.rows += [(case, water, start, figure) for figure in figures]
+
+    def table(self, case: str) -> str:
+        """A line a figure and a column a water, as Markdown: median (least to most)."""
+        own = [row for row in self.rows if row[0] == case]
+        waters = list(dict.fromkeys(row[1] for row in own))
+        lines = []
+        for name, bound in dict.fromkeys((row[3].name, row[3].bound) for row in own):
+            of = [[r[3] for r in own if r[1] == water and r[3].name == name] for water in waters]
+            lines.append((name, bound, *map(spread, of)))
+        headers = ("figure", "bound", *waters)
+        return tabulate(lines, headers, tablefmt="github", disable_numparse=True)
+
+
+def spread(figures: list[Figure]) -> str:
+    """Median (least to most) of one figure's values over the starts."""
+    if not figures:
+        return ""
+    values, form = [f.value for f in figures], figures[0].form
+    middle, least, most = map(form.format, (statistics.median(values), min(values), max(values)))
+    return middle if least == most else f"{middle} ({least} to {most})"
 
 
 @click.command()
 @click.option("--seconds", default=10.0, show_default=True, help="Simulated time of still water.")
+@click.option("--starts", default=3, show_default=True, type=click.IntRange(min=1))
 @click.option("--arch", type=click.Choice(ARCHES), default="auto", show_default=True)
-def main(seconds: float, arch: str) -> None:
+def main(seconds: float, starts: int, arch: str) -> None:
     """Measure and write bench/results/accuracy.{md,csv}."""
     arch = start(arch)
-    rows: list[tuple[str, str, str, str, str]] = []
+    record = Record()
     depth = f"still water, {SHEETS_DEEP} fine spacings deep, {seconds:g} s"
-    for kind in WATERS:
-        rows += [(depth, kind, *r) for r in still(kind, seconds)]
+    for seed in range(starts):
+        for kind in WATERS:
+            record.add(depth, kind, seed, still(kind, seconds, seed))
+            click.echo(f"{depth}: {kind}, start {seed + 1} of {starts}")
+    apart = f"centre of mass from uniform, most in {SLOSH_SECONDS:g} s, over the length"
     for spacings in SPACINGS:
         waves = f"sloshing, amplitude {AMPLITUDE:.0%} of the depth, {spacings} spacings deep"
-        centres = {}
-        for kind in WATERS:
-            found, centres[kind] = sloshing(kind, spacings)
-            rows += [(waves, kind, *r) for r in found]
-        apart = np.abs(centres["layered"] - centres["uniform"]).max() / LENGTH
-        text = f"centre of mass, layered from uniform, most in {SLOSH_SECONDS:g} s, over the length"
-        rows.append((waves, "both", text, "1 %", percent(apart)))
-    rows += [("collision of a fine and a coarse ball", "layered", *r) for r in collision()]
-    headers = ("case", "water", "figure", "bound", "measured")
+        for seed in range(starts):
+            centres = {}
+            for kind in WATERS:
+                figures, centres[kind] = sloshing(kind, spacings, seed)
+                record.add(waves, kind, seed, figures)
+                if kind != "uniform":
+                    far = np.abs(centres[kind] - centres["uniform"]).max() / LENGTH
+                    record.add(waves, kind, seed, [Figure(apart, "1 %", SHARE, far)])
+                click.echo(f"{waves}: {kind}, start {seed + 1} of {starts}")
+    record.add("collision of a fine and a coarse ball", "layered", 0, collision())
     RESULTS.mkdir(exist_ok=True)
     with open(RESULTS / "accuracy.csv", "w", newline="") as file:
-        csv.writer(file).writerows([headers, *rows])
+        writer = csv.writer(file)
+        writer.writerow(("case", "water", "start", "figure", "bound", "value"))
+        for case, water, seed, f in record.rows:
+            writer.writerow((case, water, seed, f.name, f.bound, f"{f.value:.6g}"))
     report = [heading("Errors of the projection method", arch)]
-    for case in dict.fromkeys(r[0] for r in rows):
-        own = [r[1:] for r in rows if r[0] == case]
-        table = tabulate(own, headers[1:], tablefmt="github", disable_numparse=True)
-        report += [f"## {case[0].upper()}{case[1:]}\n", table, ""]
+    report.append(f"{starts} starts each: median (least to most).\n")
+    for case in dict.fromkeys(row[0] for row in record.rows):
+        report += [f"## {case[0].upper()}{case[1:]}\n", record.table(case), ""]
     (RESULTS / "accuracy.md").write_text("\n".join(report))
     click.echo("\n".join(report))
 

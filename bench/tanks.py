@@ -24,12 +24,13 @@ def tank(
     finest: float,
     layers: int,
     air: float = 0.3,
+    seed: int = 0,
     **adaptation: float,
 ) -> Scene:
     """A box of `footprint` (x, z) [m] with water of `depth` [m] and `air` [m] above it.
 
     layers = 1: uniform particles of `finest` spacing [m]; more: that many adaptive layers, each of
-    twice the mass of the next finer, filled as the coarsest.
+    twice the mass of the next finer, filled as the coarsest. Another `seed` is another start.
     """
     x, z = footprint
     mass = 1000.0 * finest**3
@@ -37,6 +38,7 @@ def tank(
     return Scene.model_validate(
         {
             "method": "projection",
+            "seed": seed,
             "box": {"size": [x, depth + air, z]},
             "layers": [{"mass": mass * 2**k} for k in range(layers)],
             "water": [body],

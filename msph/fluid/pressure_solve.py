@@ -30,6 +30,8 @@ TINY = 1e-30
 LOOK = 2
 # Most looks in a round of conjugate gradients.
 ROUND = 20
+# By how much the start of a solve may be scaled; one farther off is no guess.
+LEAST_SCALED, MOST_SCALED = 0.5, 2.0
 # Displacements, in spacings, that count as none: a share of them is left even by the best stop.
 STILL = 1e-5
 # Under-relaxation of Jacobi: stable below 2/lambda_max, which was .68, .53 and .31 at 27, 57 and 97
@@ -78,6 +80,10 @@ class PressureSolve:
         less their mean, counts as `leeway` (-) times a displacement: in still water every error
         stirs it, in a dam break one of a hundredth of its speed is lost, and takes half the
         iterations.
+
+        First the start is scaled as far as that helps. What a column's pressures are off by all
+        together, even less than the tolerance, lifts or drops it: the energy of a layered tank
+        went up and down by .004 % from frame to frame, by .001 % where the start is scaled.
 
         Within a round those particles push that have q > 0 or are compressed, less those that
         reach q = 0. A round ends early when the others have become more compressed than they.
@@ -172,25 +178,36 @@ class PressureSolve:
 
     @ti.kernel
     def begin(self, n: ti.i32, alone: ti.template(), q: ti.template(), dt: ti.f32, leeway: ti.f32):
-        """r = source - A q; first direction r/D where particles push, 0 elsewhere."""
+        """q scaled to the least <q - x, A (q - x)> from the solution x, by <q, source>/<q, A q>;
+        r = source - A q; first direction r/D where particles push, 0 elsewhere."""
         ti.loop_config(serialize=alone)
         for i in range(n):
             self.particles.shift[i] = self.shift_by(i, q)
+        asked, given = 0.0, 0.0
         ti.loop_config(serialize=alone)
         for i in range(n):
-            r = self.particles.source[i] + self.divergence(i, self.particles.shift)
-            self.particles.residual[i] = r
+            response = -self.divergence(i, self.particles.shift)
+            self.particles.response[i] = response
+            weight = self.layers.volume[self.particles.layer[i]] * q[i]
+            asked += weight * self.particles.source[i]
+            given += weight * response
+        scaled = 1.0
+        if given > TINY:
+            scaled = ti.math.clamp(asked / given, LEAST_SCALED, MOST_SCALED)
         descent, scale, whole, square, drift = 0.0, 0.0, 0.0, 0.0, ti.Vector([0.0, 0.0, 0.0])
         ti.loop_config(serialize=alone)
         for i in range(n):
-            layer, r = self.particles.layer[i], self.particles.residual[i]
+            layer = self.particles.layer[i]
+            r = self.particles.source[i] - scaled * self.particles.response[i]
+            self.particles.residual[i] = r
+            q[i] *= scaled
             volume, spacing = self.layers.volume[layer], self.layers.spacing[layer]
             d = ti.max(self.particles.diagonal[i], TINY)
             free = ti.select(q[i] > 0.0 or r > 0.0, 1.0, 0.0)
             self.particles.free[i] = free
             self.particles.direction[i] = free * r / d
             descent += free * volume * r * r / d
-            u = self.particles.shift[i]
+            u = scaled * self.particles.shift[i]
             way = dt * self.particles.v[i] + u
             scale += volume * (u.norm_sqr() + (STILL * spacing) ** 2)
             whole += volume

@@ -171,6 +171,28 @@ def test_passes_are_due_where_water_travels(tank):
     assert adaptation.travelled[None] == 0.0
 
 
+def test_a_split_does_not_let_the_water_drop(tank):
+    """It makes the position solve take more rounds, which must lift the water no less."""
+    sim, _ = tank
+    p, adaptation = sim.particles, sim.solver.adaptation
+
+    def height():
+        sim.advance(1 / 120, Forcing())
+        return np.average(p.numpy("x")[:, 1].astype(float), weights=masses(sim))
+
+    before = [height() for _ in range(10)]
+    middle = np.abs(p.numpy("x") - np.array(TANK) / 2).sum(axis=1) + (p.numpy("layer") != 1)
+    wish = np.zeros(p.capacity, np.int32)
+    wish[middle.argmin()] = -1
+    p.wish.from_numpy(wish)
+    adaptation.tally.fill(0)
+    adaptation.split(p.count, 8, p.capacity)
+    p.count += 1
+    sim.solver.disturb()
+    after = [height() for _ in range(10)]
+    assert np.abs(np.array(after) - before[-1]).max() < 2e-5 * DEPTH
+
+
 def test_a_full_pool_coarsens_and_loses_nothing(tank):
     sim, _ = tank
     small = Simulation(

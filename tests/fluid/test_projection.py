@@ -196,6 +196,26 @@ def test_velocity_solve_leaves_a_small_share_of_the_speed(collision, drift):
     collision.reset()
 
 
+@pytest.mark.parametrize("off", (0.8, 1.25))
+def test_velocity_solve_scales_its_start(collision, off):
+    """The blobs as they meet: a start that is the solution but for a factor is the solution."""
+    collision.reset()
+    for _ in range(3):
+        collision.advance(1 / 60, WEIGHTLESS)
+    solver, p, dt = collision.solver, collision.particles, 1 / 300
+    solver.neighbours.refresh()
+    solver.summation.weigh(p.count, p.alone)
+    solver.separation.find(p.count)
+    solver.aim_at_no_compression(p.count, p.alone, dt)
+    solver.pressure_solve.converge(p.multiplier, dt, 1e-6, 0.0, 1000)
+    solution = p.numpy("multiplier")
+    p.multiplier.from_numpy((off * p.multiplier.to_numpy()).astype(np.float32))
+    solver.pressure_solve.begin(p.count, p.alone, p.multiplier, dt, 0.0)
+    assert solution.max() > 0.0
+    assert np.abs(p.numpy("multiplier") - solution).max() < 1e-3 * solution.max()
+    collision.reset()
+
+
 def mixture(halvings, cells, seed=0):
     """A cube of 1 m of cells of equal volume, every other one at random halved so many times."""
     rng, d = np.random.default_rng(seed), 1.0 / cells

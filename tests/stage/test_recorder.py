@@ -127,13 +127,16 @@ def test_interrupt_leaves_a_playable_file(tmp_path):
         # Started in the background, tests ignore interrupts, and so would what they start.
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
-    # The bar counts frames: wait for some, however slow the machine.
-    seen, deadline = "", time.monotonic() + 120
-    while "frame/s" not in seen and time.monotonic() < deadline:
-        seen += process.stderr.read(64)
-    time.sleep(1.0)
-    process.send_signal(signal.SIGINT)
-    rest = process.communicate(timeout=60)[1]
+    try:
+        # The bar counts frames: wait for some, however slow the machine.
+        seen, deadline = "", time.monotonic() + 120
+        while "frame/s" not in seen and time.monotonic() < deadline:
+            seen += process.stderr.read(64)
+        time.sleep(1.0)
+        process.send_signal(signal.SIGINT)
+        rest = process.communicate(timeout=60)[1]
+    finally:
+        process.kill()
     assert process.returncode == 0
     assert "stopped after" in rest
     assert sum(1 for _ in imageio.get_reader(target)) > 1
