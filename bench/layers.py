@@ -3,7 +3,7 @@
 python bench/layers.py [--rounds 3] [--arch cpu]
 
 Both are the same solver at the same tolerances, in frames of 1/60 s, each as many steps as its own
-bounds on the time step ask for. The pools come to rest, then rock; they take turns.
+bounds on the time step ask for. The pools come to rest, then rock; all of them take turns.
 """
 
 import csv
@@ -38,12 +38,9 @@ POOLS = {
     "pool_2x": (0.92, 6, 8.0, 5.8),
     "8 times as deep": (8 * DEPTH, 8, 30.0, None),
 }
-# Pools whose costs are compared, width [m], depths [m], layers of each: doubling may add a tenth.
+# Pools whose costs are compared: width [m], depths [m], layers of each. Doubling may add a tenth.
 # What is added is coarse, in layers whose spacings fit at least three times into the width.
-DOUBLING = {
-    "8 to 16 times, 1 m wide": (1.0, (8 * DEPTH, 16 * DEPTH), 9),
-    "8 to 16 times, 2 m wide": (2.0, (8 * DEPTH, 16 * DEPTH), 11),
-}
+DOUBLING = ((1.0, (8 * DEPTH, 16 * DEPTH), 9), (2.0, (8 * DEPTH, 16 * DEPTH), 11))
 DOUBLING_TARGET = 1.1
 # Rocking: angle [deg], period [s].
 ANGLE, PERIOD = 4.0, 1.1
@@ -120,6 +117,11 @@ def row(name: str, kind: str, pool: Pool) -> dict[str, str]:
     }
 
 
+def deep(depth: float, width: float) -> str:
+    """Name of a pool by its depth and width [m]."""
+    return f"{depth / DEPTH:.0f} times as deep, {width:g} m wide"
+
+
 @click.command()
 @click.option("--rounds", default=3, show_default=True, type=click.IntRange(min=1))
 @click.option("--seconds", default=0.5, show_default=True, help="Simulated time of a round.")
@@ -127,36 +129,36 @@ def row(name: str, kind: str, pool: Pool) -> dict[str, str]:
 def main(rounds: int, seconds: float, arch: str) -> None:
     """Measure and write bench/results/layers.{md,csv}."""
     arch = start(arch)
-    rows, ratios, found = [], [], {}
-    for name, (depth, layers, target, thesis) in POOLS.items():
-        pools = {
-            "uniform": Pool(depth, 1, seconds),
-            "fixed layers": Pool(depth, layers, seconds, FIXED),
-            "adaptive layers": Pool(depth, layers, seconds),
-        }
-        for _ in range(rounds):
-            for pool in pools.values():
-                pool.rock()
-        rows += [row(name, kind, pool) for kind, pool in pools.items()]
-        uniform, fixed, adaptive = (pool.speed() for pool in pools.values())
-        found[name] = fixed, adaptive
-        ratio = f"{fixed / uniform:.1f}", f"{adaptive / uniform:.1f}"
-        ratios.append((name, f">= {target:g}", *ratio, f"{thesis or '-'}"))
-        click.echo(" ".join(ratios[-1]))
-    shallow = (f"{a / b:.2f}" for a, b in zip(found["pool"], found["pool_2x"], strict=True))
+    pools: dict[tuple[str, str], Pool] = {}
+    for name, (depth, layers, _, _) in POOLS.items():
+        pools[name, "uniform"] = Pool(depth, 1, seconds)
+        pools[name, "fixed layers"] = Pool(depth, layers, seconds, FIXED)
+        pools[name, "adaptive layers"] = Pool(depth, layers, seconds)
+        click.echo(f"{name} is at rest")
+    for width, depths, layers in DOUBLING:
+        for depth in depths:
+            name = deep(depth, width)
+            pools[name, "fixed layers"] = Pool(depth, layers, seconds, FIXED, width)
+            click.echo(f"{name} is at rest")
+    for _ in range(rounds):
+        for pool in pools.values():
+            pool.rock()
+    rows = [row(name, kind, pool) for (name, kind), pool in pools.items()]
+    ratios = []
+    for name, (_, _, target, thesis) in POOLS.items():
+        uniform, *layered = (pool.speed() for (own, _), pool in pools.items() if own == name)
+        shown = [f"{speed / uniform:.1f}" for speed in layered]
+        ratios.append((name, f">= {target:g}", *shown, f"{thesis or '-'}"))
     bound = f"<= {DOUBLING_TARGET}"
-    ratios.append(("cost of doubling pool to pool_2x", bound, *shallow, "-"))
-    for name, (width, depths, layers) in DOUBLING.items():
-        twice = [Pool(depth, layers, seconds, FIXED, width) for depth in depths]
-        for _ in range(rounds):
-            for pool in twice:
-                pool.rock()
-        rows += [
-            row(f"{depth / DEPTH:.0f} times as deep, {width:g} m wide", "fixed layers", pool)
-            for depth, pool in zip(depths, twice, strict=True)
-        ]
-        cost = f"{twice[0].speed() / twice[1].speed():.2f}"
-        ratios.append((f"cost of doubling {name}", bound, cost, "", "-"))
+    costs = [
+        f"{pools['pool', kind].speed() / pools['pool_2x', kind].speed():.2f}"
+        for kind in ("fixed layers", "adaptive layers")
+    ]
+    ratios.append(("cost of doubling pool to pool_2x", bound, *costs, "-"))
+    for width, depths, _ in DOUBLING:
+        once, twice = (pools[deep(depth, width), "fixed layers"].speed() for depth in depths)
+        name = f"cost of doubling {depths[0] / DEPTH:.0f} times as deep, {width:g} m wide"
+        ratios.append((name, bound, f"{once / twice:.2f}", "", "-"))
     RESULTS.mkdir(exist_ok=True)
     with open(RESULTS / "layers.csv", "w", newline="") as file:
         writer = csv.DictWriter(file, rows[0].keys())
