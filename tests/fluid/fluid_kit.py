@@ -1,5 +1,7 @@
 """What brute force over all pairs shares."""
 
+import numpy as np
+
 # What an even expansion takes off a plain kernel sum, by support over spacing; see summation.py.
 YIELD = {2.4: 0.9964, 2.5: 0.9970}
 
@@ -12,3 +14,19 @@ def pair_support(h, other):
 def relative_density(summed, smoothing):
     """c of plain sums of V_j W_ij, the particle's own included."""
     return 1.0 + (summed - 1.0) / YIELD[smoothing]
+
+
+def quartic(r, h):
+    """W [1/m^3] of the quartic B-spline at distances r of supports h [m]."""
+    q = r / h
+    terms = [(1, 1), (-5, 0.6), (10, 0.2)]
+    w = sum(k * np.clip(end - q, 0, None) ** 4 for k, end in terms)
+    return 15625 / (512 * np.pi * h**3) * w
+
+
+def quartic_slope(r, h):
+    """dW/dr [1/m^4]."""
+    q = r / h
+    terms = [(1, 1), (-5, 0.6), (10, 0.2)]
+    w = sum(-4 * k * np.clip(end - q, 0, None) ** 3 for k, end in terms)
+    return 15625 / (512 * np.pi * h**4) * w

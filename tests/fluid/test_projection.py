@@ -1,17 +1,17 @@
-"""The projection method: its operator by brute force, conservation, water at rest."""
+"""The projection method: its operator by brute force, conservation, its solves."""
 
 import numpy as np
 import pytest
-from fluid_kit import YIELD, pair_support, relative_density
+from fluid_kit import YIELD, pair_support, quartic, quartic_slope, relative_density
 
 from msph.fluid.forcing import Forcing
 from msph.fluid.layers import LayerSpec
 from msph.fluid.projection_terms import ProjectionTerms
 from msph.fluid.simulation import Simulation
-from msph.measure.bulk import bulk_density
 
 SIZE = (1.6, 1.6, 1.6)
 WEIGHTLESS = Forcing(gravity=(0.0, 0.0, 0.0))
+WEIGHTS = ("volume", "support")
 FINE, COARSE = (LayerSpec(1000.0 * d**3, 1000.0, 2.5) for d in (0.03, 0.06))
 
 
@@ -81,20 +81,6 @@ def test_collision_of_water_gains_no_energy(collision):
         collision.advance(1 / 60, WEIGHTLESS)
     assert max(np.diff(energies)) < 1e-3 * energies[0]
     assert energies[-1] < 0.95 * energies[0]
-
-
-def quartic(r, h):
-    q = r / h
-    terms = [(1, 1), (-5, 0.6), (10, 0.2)]
-    w = sum(k * np.clip(end - q, 0, None) ** 4 for k, end in terms)
-    return 15625 / (512 * np.pi * h**3) * w
-
-
-def quartic_slope(r, h):
-    q = r / h
-    terms = [(1, 1), (-5, 0.6), (10, 0.2)]
-    w = sum(-4 * k * np.clip(end - q, 0, None) ** 3 for k, end in terms)
-    return 15625 / (512 * np.pi * h**4) * w
 
 
 def test_operator_equals_brute_force_and_is_symmetric(collision):
@@ -299,136 +285,3 @@ def test_steps_keep_their_length_while_it_is_allowed_and_not_much_too_short(coll
     assert taken == [2, 2, 2, 1, 1, 3]
     monkeypatch.undo()
     collision.reset()
-
-
-D = 0.04
-TANK = (10 * D, 14 * D, 10 * D)
-WEIGHTS = ("volume", "support")
-
-
-@pytest.fixture(scope="module")
-def tank():
-    """Still water of two layers, masses about 1 : 2, eight spacings deep, after two seconds."""
-    fine = np.indices((10, 4, 10)).reshape(3, -1).T + 0.5
-    coarse = np.indices((8, 3, 8)).reshape(3, -1).T + 0.5
-    wide = TANK[0] / 8
-    x = np.concatenate([fine * D + [0, 3 * wide, 0], coarse * wide])
-    layers = [LayerSpec(1000.0 * d**3, 1000.0, 2.5) for d in (D, wide)]
-    initial = {
-        "x": x.astype(np.float32),
-        "layer": np.repeat([0, 1], [len(fine), len(coarse)]).astype(np.int32),
-    }
-    sim = Simulation(TANK, layers, initial, ProjectionTerms())
-    energies = []
-    for _ in range(120):
-        sim.advance(1 / 60, Forcing())
-        m = np.array([s.mass for s in sim.layers.specs])[sim.particles.numpy("layer")]
-        x, v = sim.particles.numpy("x"), sim.particles.numpy("v")
-        energies.append((m * (9.81 * x[:, 1] + 0.5 * (v**2).sum(axis=1))).sum())
-    return sim, np.array(energies)
-
-
-def test_images_close_the_walls(tank):
-    sim, _ = tank
-    check_images(sim, 60, known=30)
-
-
-def test_images_close_opposite_walls_within_one_kernel():
-    """A gap between walls that is not two supports wide."""
-    size = (0.1, 0.3, 0.13)
-    x = np.random.default_rng(3).uniform(0.0, size, (100, 3)).astype(np.float32)
-    layer = np.arange(100, dtype=np.int32) % 2
-    specs = [LayerSpec(1000.0 * d**3, 1000.0, 2.5) for d in (0.03, 0.038)]
-    sim = Simulation(size, specs, {"x": x, "layer": layer}, ProjectionTerms())
-    assert sim.layers.specs[0].support < size[0] < 2.0 * sim.layers.specs[0].support
-    check_images(sim, 100, known=30)
-
-
-def check_images(sim, points, known):
-    """c and looseness at walls, edges and corners against all pairs with all images stored as
-    particles; looseness of at least so many is known."""
-    sim.solver.neighbours.refresh()
-    sim.solver.summation.weigh(sim.particles.count, sim.particles.alone)
-    x, layer = sim.particles.numpy("x").astype(float), sim.particles.numpy("layer")
-    size = np.array(sim.size)
-    volume, support = (np.array([getattr(s, k) for s in sim.layers.specs]) for k in WEIGHTS)
-    near = np.argsort(np.abs(x - size * [0.0, 0.2, 1.0]).max(axis=1))[:points]
-    summed, bell = 0.0, 0.0
-    for turn in np.ndindex(3, 3, 3):
-        side = np.array(turn)
-        mirrored = np.where(side == 1, -x, x) + np.where(side == 2, 2 * size - 2 * x, 0)
-        r = np.linalg.norm(x[near][:, None] - mirrored, axis=2)
-        h = pair_support(support[layer[near]], support[layer])
-        weight = volume[layer]
-        summed += (weight * quartic(r, h)).sum(axis=1)
-        shape = np.maximum(1.0 - (r / h) ** 2, 0.0) ** 4
-        bell += (weight * 3465.0 / (512.0 * np.pi) / h**3 * shape).sum(axis=1)
-    c = relative_density(summed, 2.5)
-    density, hidden, looseness = (
-        sim.particles.numpy(name)[near] for name in ("density", "hidden", "looseness")
-    )
-    assert np.allclose(density / 1000.0, c + hidden, rtol=1e-4)
-    seen = looseness < 1.0
-    assert seen.sum() > known
-    assert np.allclose(looseness[seen], (bell - c)[seen], atol=1e-4)
-
-
-def test_still_water_keeps_energy_and_volume(tank):
-    sim, energies = tank
-    assert max(np.diff(energies)) < 1e-3 * energies[0]
-    v = sim.particles.numpy("v")
-    assert np.sqrt((v**2).sum(axis=1).mean()) < 0.08
-    m = np.array([s.mass for s in sim.layers.specs])[sim.particles.numpy("layer")]
-    depth = m.sum() / 1000.0 / (TANK[0] * TANK[2])
-    centre = (m * sim.particles.numpy("x")[:, 1]).sum() / m.sum()
-    # The classic method loses a seventh here.
-    assert centre == pytest.approx(0.5 * depth, rel=0.01)
-
-
-@pytest.mark.parametrize("steps", (1, 4))
-def test_pressure_is_hydrostatic(tank, steps):
-    """However short the steps: the spreading lifts water, which must not land now and then."""
-    sim, _ = tank
-    m = np.array([s.mass for s in sim.layers.specs])[sim.particles.numpy("layer")]
-    depth = m.sum() / 1000.0 / (TANK[0] * TANK[2])
-    errors = np.zeros(3)  # of thirds, each two coarse spacings high
-    for _ in range(20):
-        for _ in range(steps):
-            sim.advance(1 / 60 / steps, Forcing())
-        m = np.array([s.mass for s in sim.layers.specs])[sim.particles.numpy("layer")]
-        y, p = sim.particles.numpy("x")[:, 1], sim.particles.numpy("pressure")
-        sheet = np.minimum((y / depth * 3).astype(int), 2)
-        error = p - 9810.0 * (depth - y)
-        errors += np.bincount(sheet, m * error, 3) / np.bincount(sheet, m, 3) / 20
-    assert np.sqrt((errors**2).mean()) < 0.02 * 9810.0 * depth
-
-
-def test_density_stays_near_rest(tank):
-    c = tank[0].particles.numpy("density") / 1000.0
-    assert np.maximum(c - 1.0, 0.0).mean() < 2e-3
-    assert c.max() < 1.02
-
-
-def test_nothing_leaves_the_box(tank):
-    x = tank[0].particles.numpy("x")
-    assert x.min() >= 0.0 and np.all(x <= np.array(TANK, np.float32))
-
-
-def test_stirred_water_keeps_its_bulk_density(tank):
-    """A whirl from wall to wall: though c was 1 everywhere, it stood 2 to 4 % too thin."""
-    sim, _ = tank
-    sim.reset()
-    k = np.pi / TANK[0]
-    x, _, z = (k * sim.particles.numpy("x")).T
-    v = np.stack([np.sin(x) * np.cos(z), 0 * x, -np.cos(x) * np.sin(z)], axis=1)
-    sim.particles.fill(**(sim.particles.state() | {"v": v.astype(np.float32)}))
-    sim.solver.reset()
-    found = []
-    for frame in range(20):
-        sim.advance(1 / 60, Forcing())
-        if frame % 2:
-            spacing = np.array([s.spacing for s in sim.layers.specs])[sim.particles.numpy("layer")]
-            found.append(bulk_density(sim.particles.numpy("x"), spacing, TANK).mean)
-    # Where the whirl is shallowest no place may lie deep enough to tell.
-    assert np.isfinite(found).sum() >= 9
-    assert np.nanmean(found) == pytest.approx(1.0, abs=0.01)
