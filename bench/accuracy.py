@@ -181,7 +181,8 @@ def spread(figures: list[Figure]) -> str:
     if not figures:
         return ""
     values, form = [f.value for f in figures], figures[0].form
-    middle, least, most = map(form.format, (statistics.median(values), min(values), max(values)))
+    numbers = statistics.median(values), min(values), max(values)
+    middle, least, most = (form.format(v).replace("%", " %") for v in numbers)
     return middle if least == most else f"{middle} ({least} to {most})"
 
 
