@@ -35,9 +35,8 @@ LEAST_HALF = 0.15
 # Keeps divisions by what may vanish finite.
 TINY = 1e-20
 # How far beyond its band's top a particle must lie to be split, in shares of hysteresis. At the
-# start: at 0 it would soon merge again, at 1 thin bands lack their layer. In a run: at 1 a tank that
-# sloshed, 15 spacings deep, made 18 splits in 5 s and its energy rose by .006 %; at 2 it makes one,
-# by .002 %.
+# start: at 0 it would soon merge again, at 1 thin bands lack their layer. In a run: at 1 a sloshing
+# tank, 15 spacings deep, made 18 splits in 5 s and its energy rose by .006 %; at 2 one, and .002 %.
 EAGER, RELUCTANT = 0.5, 2.0
 # Farthest merge, in spacings: across a gap a merge would pop.
 FARTHEST_MERGE = 1.25
