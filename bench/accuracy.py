@@ -47,7 +47,7 @@ WHOLE, SHARE, JOULE, DRIFT = "{:,.0f}", "{:.3%}", "{:.3g}", "{:.1e}"
 
 @dataclass(frozen=True)
 class Figure:
-    """What is measured, the issue's bound on it, how it is printed, and its value (-, J)."""
+    """What is measured, the bound it should keep, how it is printed, and its value (-, J)."""
 
     name: str
     bound: str
