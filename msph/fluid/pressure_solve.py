@@ -28,6 +28,8 @@ WALL_ATTRIBUTES = (
 TINY = 1e-30
 # Iterations between looks at the error, which wait for the device; they share a launch.
 LOOK = 2
+# What a look tells.
+GO_ON, ROUND_OVER, SOLVED = 0, 1, 2
 # Most looks in a round of conjugate gradients.
 ROUND = 20
 # By how much the start of a solve may be scaled; one farther off is no guess.
@@ -65,7 +67,6 @@ class PressureSolve:
         self.omega = min(LEAST_DAMPING, DAMPING / (4.0 / 3.0 * math.pi * widest**3))
         self.images, self.bodies = neighbours.images, bodies
         self.descent = ti.field(ti.f32, shape=())
-        self.excluded = ti.field(ti.f32, shape=())
         self.scale = ti.field(ti.f32, shape=())
 
     def converge(self, q, dt: float, tolerance: float, leeway: float, most: int) -> int:
@@ -89,28 +90,59 @@ class PressureSolve:
         reach q = 0. A round ends early when the others have become more compressed than they.
         """
         n, alone = self.particles.count, self.particles.alone
-        taken, done = 0, False
-        while taken < most and not done:
+        taken, state = 0, GO_ON
+        while taken < most and state != SOLVED:
             self.begin(n, alone, q, dt, leeway)
             for _ in range(ROUND):
-                change, compressed, excluded = self.iterate(n, alone, q)
+                state = self.iterate(n, alone, q, tolerance)
                 taken += LOOK
-                done = change < tolerance * tolerance
-                if done or excluded > compressed or taken >= most:
+                if state != GO_ON or taken >= most:
                     break
         return taken
 
-    def relax(self, q, iterations: int, shifts) -> None:
+    @ti.kernel
+    def relax(
+        self,
+        n: ti.i32,
+        alone: ti.template(),
+        q: ti.template(),
+        iterations: ti.template(),
+        shifts: ti.template(),
+    ):
         """Jacobi from the multipliers q (capacity,) [m^2], changed in place; leaves their shifts
         [m].
 
         Unlike conjugate gradients it never reaches for the long, nearly free modes of a regular
         arrangement, whose displacements are large and whose linearised compression is none.
         """
-        n, alone = self.particles.count, self.particles.alone
-        for _ in range(iterations):
-            self.correct(n, alone, q)
-        self.find_shifts(n, alone, q, shifts)
+        self.relax_all(n, alone, q, iterations, shifts)
+
+    @ti.func
+    def relax_all(
+        self,
+        n,
+        alone: ti.template(),
+        q: ti.template(),
+        iterations: ti.template(),
+        shifts: ti.template(),
+    ):
+        """relax(), within a kernel: a launch takes as long as an iteration of few particles."""
+        for _ in ti.static(range(iterations)):
+            ti.loop_config(serialize=alone)
+            for i in range(n):
+                self.particles.shift[i] = self.shift_by(i, q)
+            ti.loop_config(serialize=alone)
+            for i in range(n):
+                r = self.particles.source[i] + self.divergence(i, self.particles.shift)
+                q[i] = self.corrected(i, q[i], r)
+        ti.loop_config(serialize=alone)
+        for i in range(n):
+            shifts[i] = self.shift_by(i, q)
+
+    @ti.func
+    def corrected(self, i, q, r):
+        """Multiplier of i after q += omega r/D, not below 0; r the compression left by q."""
+        return ti.max(q + self.omega * r / ti.max(self.particles.diagonal[i], TINY), 0.0)
 
     @ti.func
     def shift_by(self, i, q: ti.template()):
@@ -161,22 +193,6 @@ class PressureSolve:
             shifts[i] = self.shift_by(i, q)
 
     @ti.kernel
-    def correct(self, n: ti.i32, alone: ti.template(), q: ti.template()):
-        """q += omega r/D, not below 0, with r = source - A q."""
-        ti.loop_config(serialize=alone)
-        for i in range(n):
-            self.particles.shift[i] = self.shift_by(i, q)
-        ti.loop_config(serialize=alone)
-        for i in range(n):
-            r = self.particles.source[i] + self.divergence(i, self.particles.shift)
-            q[i] = self.corrected(i, q[i], r)
-
-    @ti.func
-    def corrected(self, i, q, r):
-        """Multiplier of i after one correction of the compression r."""
-        return ti.max(q + self.omega * r / ti.max(self.particles.diagonal[i], TINY), 0.0)
-
-    @ti.kernel
     def begin(self, n: ti.i32, alone: ti.template(), q: ti.template(), dt: ti.f32, leeway: ti.f32):
         """q scaled to the least <q - x, A (q - x)> from the solution x, by <q, source>/<q, A q>;
         r = source - A q; first direction r/D where particles push, 0 elsewhere."""
@@ -218,14 +234,16 @@ class PressureSolve:
         self.descent[None], self.scale[None] = descent, scale + leeway**2 * apart
 
     @ti.kernel
-    def iterate(self, n: ti.i32, alone: ti.template(), q: ti.template()) -> ti.math.vec3:
+    def iterate(
+        self, n: ti.i32, alone: ti.template(), q: ti.template(), tolerance: ti.f32
+    ) -> ti.i32:
         """LOOK steps along directions p: q += alpha p, not below 0; r -= alpha A p; and where
         particles push p = r/D + beta p.
 
-        Returns the change of sum V |u|^2 by them over the sum, and how compressed those are that
-        push and those that do not.
+        Returns SOLVED where they changed sum V |u|^2 by less than tolerance^2 of it, ROUND_OVER
+        where those that do not push are more compressed than those that do.
         """
-        gain = 0.0
+        gain, excluded = 0.0, 0.0
         for _ in ti.static(range(LOOK)):
             ti.loop_config(serialize=alone)
             for i in range(n):
@@ -240,7 +258,8 @@ class PressureSolve:
             last = self.descent[None]
             alpha = last / ti.max(curvature, TINY)
             gain += last * alpha
-            descent, excluded = 0.0, 0.0
+            descent = 0.0
+            excluded = 0.0
             ti.loop_config(serialize=alone)
             for i in range(n):
                 r = self.particles.residual[i] - alpha * self.particles.response[i]
@@ -254,7 +273,7 @@ class PressureSolve:
                 descent += self.particles.free[i] * part
                 excluded += (1.0 - self.particles.free[i]) * ti.select(r > 0.0, part, 0.0)
             beta = descent / ti.max(last, TINY)
-            self.descent[None], self.excluded[None] = descent, excluded
+            self.descent[None] = descent
             ti.loop_config(serialize=alone)
             for i in range(n):
                 d = ti.max(self.particles.diagonal[i], TINY)
@@ -262,4 +281,5 @@ class PressureSolve:
                     self.particles.residual[i] / d + beta * self.particles.direction[i]
                 )
         self.scale[None] += gain
-        return ti.math.vec3(gain / self.scale[None], self.descent[None], self.excluded[None])
+        over = ti.select(excluded > self.descent[None], ROUND_OVER, GO_ON)
+        return ti.select(gain < tolerance * tolerance * self.scale[None], SOLVED, over)

@@ -228,9 +228,7 @@ class Projection(Accounts):
             care * self.terms.velocity_iterations,
         )
         self.first = False
-        self.accelerate(n, alone, dt, *forcing.gravity)
-        self.separation.part(n, alone)
-        self.top_rate = self.move(n, alone, dt)
+        self.top_rate = self.move(n, alone, dt, *forcing.gravity)
         self.disturb()
         if self.adaptation and self.adaptation.due():
             self.adaptation.run()
@@ -317,7 +315,7 @@ class Projection(Accounts):
         return looseness / ti.max(known, SMALLEST * own)
 
     @ti.kernel
-    def accelerate(
+    def move(
         self,
         n: ti.i32,
         alone: ti.template(),
@@ -325,9 +323,16 @@ class Projection(Accounts):
         g_x: ti.f32,
         g_y: ti.f32,
         g_z: ti.f32,
-    ):
+    ) -> ti.f32:
+        """Velocities without compression; the crowded part; all go their way. One launch: three
+        would take as long as all their work on few particles. Returns what let_go() does."""
+        self.accelerate(n, alone, dt, ti.math.vec3(g_x, g_y, g_z))
+        self.separation.part_all(n, alone)
+        return self.let_go(n, alone, dt)
+
+    @ti.func
+    def accelerate(self, n, alone: ti.template(), dt, gravity):
         """v = v* + u/dt; pressures; and what densities hide."""
-        gravity = ti.math.vec3(g_x, g_y, g_z)
         ti.loop_config(serialize=alone)
         for i in range(n):
             m = self.layers.mass[self.particles.layer[i]]
@@ -347,8 +352,8 @@ class Projection(Accounts):
                 target = ti.math.clamp(self.looseness_round(i) + EVEN, -MOST_HIDDEN, 0.0)
                 self.particles.hidden[i] += BLEND * (target - self.particles.hidden[i])
 
-    @ti.kernel
-    def move(self, n: ti.i32, alone: ti.template(), dt: ti.f32) -> ti.f32:
+    @ti.func
+    def let_go(self, n, alone: ti.template(), dt):
         """x += dt v; what would leave is stopped at its wall. Multipliers become pressures. Returns
         the largest rate [1/s] that bounds the next step."""
         top, farthest = 0.0, 0.0

@@ -67,16 +67,15 @@ class Separation:
         crowded = self.aim_at_rest_density(n, p.alone)
         if crowded > URGENT:
             p.crowding.fill(0.0)
-            extra = (URGENT_ROUNDS - 1) * self.iterations
-            self.pressure_solve.relax(p.crowding, extra, p.parting)
+            for _ in range(URGENT_ROUNDS - 1):
+                self.pressure_solve.relax(n, p.alone, p.crowding, self.iterations, p.parting)
             self.spread(n, p.alone)
-        self.pressure_solve.relax(p.crowding, self.iterations - 1, p.parting)
         return crowded
 
     @ti.kernel
     def aim_at_rest_density(self, n: ti.i32, alone: ti.template()) -> ti.f32:
-        """source_i = c_i - 1; and the first iteration, which in bulk sees SPREAD more. Returns the
-        largest excess."""
+        """source_i = c_i - 1; and the iterations, of which the first in bulk sees SPREAD more.
+        Returns the largest excess."""
         most = -1.0
         ti.loop_config(serialize=alone)
         for i in range(n):
@@ -84,11 +83,12 @@ class Separation:
             self.particles.source[i] = excess
             self.particles.crowding[i] = self.spreading(i, 0.0, excess)
             ti.atomic_max(most, excess)
+        self.relax_rest(n, alone)
         return most
 
     @ti.kernel
     def spread(self, n: ti.i32, alone: ti.template()):
-        """An iteration that in bulk sees SPREAD more, as the first does, after others."""
+        """The same iterations after others."""
         ti.loop_config(serialize=alone)
         for i in range(n):
             self.particles.shift[i] = self.pressure_solve.shift_by(i, self.particles.crowding)
@@ -97,6 +97,15 @@ class Separation:
             r = self.particles.source[i]
             r += self.pressure_solve.divergence(i, self.particles.shift)
             self.particles.crowding[i] = self.spreading(i, self.particles.crowding[i], r)
+        self.relax_rest(n, alone)
+
+    @ti.func
+    def relax_rest(self, n, alone: ti.template()):
+        """All iterations but the first, and how particles part by them."""
+        p = self.particles
+        self.pressure_solve.relax_all(
+            n, alone, p.crowding, ti.static(self.iterations - 1), p.parting
+        )
 
     @ti.func
     def spreading(self, i, q, r):
@@ -106,6 +115,11 @@ class Separation:
 
     @ti.kernel
     def part(self, n: ti.i32, alone: ti.template()):
+        """part_all(), as a kernel."""
+        self.part_all(n, alone)
+
+    @ti.func
+    def part_all(self, n, alone: ti.template()):
         """x += parting, at most `largest_shift` spacings; particles are where find() met them.
 
         A pair that is moved apart to r (1 + a) keeps its angular momentum only if its relative

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import taichi as ti
 
-from msph.fluid.grid import LayeredGrid
+from msph.fluid.grid import CUTS, LayeredGrid
 from msph.fluid.layers import Layers, LayerSpec
 from msph.fluid.neighbours import NeighbourList, NeighbourOverflowError, neighbours_provided
 from msph.fluid.particles import Attribute, Particles
@@ -78,7 +78,7 @@ def test_cells_hold_what_lies_in_them(world, seed):
     assert start[0] == 0 and start[-1] == COUNT
     sorted_x, sorted_layer = world.particles.numpy("x"), world.particles.numpy("layer")
     for k in range(3):
-        h = np.float32(world.layers.specs[k].support)
+        h = np.float32(world.layers.specs[k].support) / np.float32([1, 1, CUTS])
         dims = world.grid.dims.to_numpy()[k]
         mine = np.flatnonzero(sorted_layer == k)
         cell = np.clip(np.floor(sorted_x[mine] / h).astype(int), 0, dims - 1)

@@ -133,7 +133,7 @@ def test_pressure_is_the_virial_mean_over_pairs(collision):
     volume, support = (np.array([getattr(s, k) for s in collision.layers.specs]) for k in WEIGHTS)
     q = np.random.default_rng(2).uniform(0.0, 1e-4, n)
     p.multiplier.from_numpy(np.pad(q.astype(np.float32), (0, p.capacity - n)))
-    solver.accelerate(n, p.alone, dt, 0.0, 0.0, 0.0)
+    solver.move(n, p.alone, dt, 0.0, 0.0, 0.0)
     r = np.linalg.norm(x[:, None] - x, axis=2)
     weight = -r * volume[layer] * quartic_slope(r, pair_support(support[layer], support[layer]))
     np.fill_diagonal(weight, 0.0)
