@@ -90,14 +90,15 @@ class PressureSolve:
         reach q = 0. A round ends early when the others have become more compressed than they.
         """
         n, alone = self.particles.count, self.particles.alone
-        taken, state = 0, GO_ON
+        taken, state = 0, ROUND_OVER
         while taken < most and state != SOLVED:
-            self.begin(n, alone, q, dt, leeway)
-            for _ in range(ROUND):
-                state = self.iterate(n, alone, q, tolerance)
-                taken += LOOK
+            state = self.begin(n, alone, q, dt, leeway, tolerance)
+            taken += LOOK
+            for _ in range(ROUND - 1):
                 if state != GO_ON or taken >= most:
                     break
+                state = self.iterate(n, alone, q, tolerance)
+                taken += LOOK
         return taken
 
     @ti.kernel
@@ -193,9 +194,18 @@ class PressureSolve:
             shifts[i] = self.shift_by(i, q)
 
     @ti.kernel
-    def begin(self, n: ti.i32, alone: ti.template(), q: ti.template(), dt: ti.f32, leeway: ti.f32):
+    def begin(
+        self,
+        n: ti.i32,
+        alone: ti.template(),
+        q: ti.template(),
+        dt: ti.f32,
+        leeway: ti.f32,
+        tolerance: ti.f32,
+    ) -> ti.i32:
         """q scaled to the least <q - x, A (q - x)> from the solution x, by <q, source>/<q, A q>;
-        r = source - A q; first direction r/D where particles push, 0 elsewhere."""
+        r = source - A q; first direction r/D where particles push, 0 elsewhere; and the first
+        iterate(), whose state it returns."""
         ti.loop_config(serialize=alone)
         for i in range(n):
             self.particles.shift[i] = self.shift_by(i, q)
@@ -232,11 +242,17 @@ class PressureSolve:
         # Less what all water goes together: a drop that falls fast is no less round.
         apart = ti.max(square - drift.norm_sqr() / whole, 0.0)
         self.descent[None], self.scale[None] = descent, scale + leeway**2 * apart
+        return self.iterate_all(n, alone, q, tolerance)
 
     @ti.kernel
     def iterate(
         self, n: ti.i32, alone: ti.template(), q: ti.template(), tolerance: ti.f32
     ) -> ti.i32:
+        """iterate_all(), as a kernel."""
+        return self.iterate_all(n, alone, q, tolerance)
+
+    @ti.func
+    def iterate_all(self, n, alone: ti.template(), q: ti.template(), tolerance):
         """LOOK steps along directions p: q += alpha p, not below 0; r -= alpha A p; and where
         particles push p = r/D + beta p.
 

@@ -103,6 +103,7 @@ class Projection(Accounts):
             layers,
             particles,
             self.neighbours,
+            self.summation,
             self.pressure_solve,
             terms.density,
             terms.position_iterations,
@@ -123,6 +124,7 @@ class Projection(Accounts):
             self.tension = Tension(layers, particles, self.summation, terms.tension)
         if terms.xsph:
             self.xsph = Xsph(layers, particles, self.neighbours, terms.xsph)
+        self.nothing_between = not (terms.tension or terms.viscosity)
         self.top_rate = 0.0  # [1/s], of what bounds the step
         self.adaptation = None
         if terms.adaptation:
@@ -168,7 +170,6 @@ class Projection(Accounts):
             self.disturb()
         for _ in range(ARRANGING):
             self.neighbours.refresh()
-            self.summation.weigh(self.particles.count, self.particles.alone)
             crowded = self.separation.find(self.particles.count) > LOOSE
             if crowded:
                 self.separation.part(self.particles.count, self.particles.alone)
@@ -208,7 +209,6 @@ class Projection(Accounts):
         part and move."""
         n, alone = self.particles.count, self.particles.alone
         self.neighbours.refresh()
-        self.summation.weigh(n, alone)
         self.separation.find(n)
         if self.xsph:
             self.xsph.run(n)
@@ -217,7 +217,8 @@ class Projection(Accounts):
             self.tension.run(n, dt)
         if self.viscosity:
             self.viscosity.run(n, dt)
-        self.aim_at_no_compression(n, alone, dt)
+        if not self.nothing_between:
+            self.aim_at_no_compression(n, alone, dt)
         # The first solve knows no pressure to start from, and what it leaves would fall.
         care = FIRST_CARE if self.first else 1
         self.iterations = self.pressure_solve.converge(
@@ -235,6 +236,11 @@ class Projection(Accounts):
 
     @ti.kernel
     def aim_at_no_compression(self, n: ti.i32, alone: ti.template(), dt: ti.f32):
+        """aim_all(), as a kernel."""
+        self.aim_all(n, alone, dt)
+
+    @ti.func
+    def aim_all(self, n, alone: ti.template(), dt):
         """source_i = dt dc/dt + share (c_i - 1) of the velocity solve, c_i as it will be once the
         crowded have parted; and multipliers [Pa] become the solve's [m^2].
 
@@ -282,7 +288,8 @@ class Projection(Accounts):
         hand_radius: ti.f32,
         hand_grip: ti.f32,
     ):
-        """v* = v + dt (g + what the hand gives + what gravity adds to the walls' pressures)."""
+        """v* = v + dt (g + what the hand gives + what gravity adds to the walls' pressures); and,
+        where no other force follows, aim_all()."""
         gravity, hand_at = ti.math.vec3(g_x, g_y, g_z), ti.math.vec3(hand_x, hand_y, hand_z)
         hand_v = ti.math.vec3(hand_v_x, hand_v_y, hand_v_z)
         ti.loop_config(serialize=alone)
@@ -294,6 +301,8 @@ class Projection(Accounts):
             self.book_hand(m, v, dt, hand, gravity + lift)
             self.wall_impulse[None] += m * dt * lift
             self.particles.v[i] = v + dt * (gravity + lift + hand)
+        if ti.static(self.nothing_between):
+            self.aim_all(n, alone, dt)
 
     @ti.func
     def looseness_round(self, i):

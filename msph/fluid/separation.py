@@ -8,7 +8,7 @@ from msph.fluid.neighbours import NeighbourList
 from msph.fluid.obstacles import BEGIN, Walls
 from msph.fluid.particles import Attribute, Particles
 from msph.fluid.pressure_solve import PressureSolve
-from msph.fluid.summation import TINY
+from msph.fluid.summation import TINY, Summation
 
 ATTRIBUTES = (
     Attribute("crowding", "m^2", "multiplier of the position solve", carried=False),
@@ -49,6 +49,7 @@ class Separation:
         layers: Layers,
         particles: Particles,
         neighbours: NeighbourList,
+        summation: Summation,
         pressure_solve: PressureSolve,
         density: float,
         iterations: int,
@@ -56,13 +57,13 @@ class Separation:
     ):
         self.accounts, self.walls, self.layers = accounts, walls, layers
         self.particles, self.neighbours = particles, neighbours
-        self.pressure_solve = pressure_solve
+        self.summation, self.pressure_solve = summation, pressure_solve
         self.pair_gradient = pressure_solve.pair_gradient
         self.density, self.iterations, self.largest_shift = density, iterations, largest_shift
 
     def find(self, n: int) -> float:
-        """How the first n particles, whose densities are known, must part; the largest excess of
-        density (-)."""
+        """Sums of the first n particles, and how they must part; the largest excess of density
+        (-)."""
         p = self.particles
         crowded = self.aim_at_rest_density(n, p.alone)
         if crowded > URGENT:
@@ -76,6 +77,7 @@ class Separation:
     def aim_at_rest_density(self, n: ti.i32, alone: ti.template()) -> ti.f32:
         """source_i = c_i - 1; and the iterations, of which the first in bulk sees SPREAD more.
         Returns the largest excess."""
+        self.summation.weigh_all(n, alone)
         most = -1.0
         ti.loop_config(serialize=alone)
         for i in range(n):

@@ -88,6 +88,11 @@ class Summation:
 
     @ti.kernel
     def weigh(self, n: ti.i32, alone: ti.template()):
+        """weigh_all(), as a kernel."""
+        self.weigh_all(n, alone)
+
+    @ti.func
+    def weigh_all(self, n, alone: ti.template()):
         """c_i = hidden_i + own_i + sum V_j W_ij, its looseness, g_i = sum V_j grad W_ij, and
         D_i = |g_i|^2 + V_i sum V_j |grad W_ij|^2.
 

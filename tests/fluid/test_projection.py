@@ -159,7 +159,6 @@ def test_velocity_solve_leaves_a_small_share_of_the_speed(collision, drift):
     solver, p, dt = collision.solver, collision.particles, 1 / 300
     terms, n = solver.terms, p.count
     solver.neighbours.refresh()
-    solver.summation.weigh(n, p.alone)
     solver.separation.find(n)
     solver.aim_at_no_compression(n, p.alone, dt)
     begin, found = p.multiplier.to_numpy(), {}
@@ -190,13 +189,12 @@ def test_velocity_solve_scales_its_start(collision, off):
         collision.advance(1 / 60, WEIGHTLESS)
     solver, p, dt = collision.solver, collision.particles, 1 / 300
     solver.neighbours.refresh()
-    solver.summation.weigh(p.count, p.alone)
     solver.separation.find(p.count)
     solver.aim_at_no_compression(p.count, p.alone, dt)
     solver.pressure_solve.converge(p.multiplier, dt, 1e-6, 0.0, 1000)
     solution = p.numpy("multiplier")
     p.multiplier.from_numpy((off * p.multiplier.to_numpy()).astype(np.float32))
-    solver.pressure_solve.begin(p.count, p.alone, p.multiplier, dt, 0.0)
+    solver.pressure_solve.begin(p.count, p.alone, p.multiplier, dt, 0.0, 0.0)
     assert solution.max() > 0.0
     assert np.abs(p.numpy("multiplier") - solution).max() < 1e-3 * solution.max()
     collision.reset()
@@ -235,9 +233,8 @@ def full_cube(halvings, cells, rounds):
     p, solver = sim.particles, sim.solver
     for _ in range(rounds):
         solver.neighbours.refresh()
-        solver.summation.weigh(p.count, p.alone)
-        yield sim
         solver.separation.find(p.count)
+        yield sim
         solver.separation.part(p.count, p.alone)
         solver.disturb()
 
