@@ -127,7 +127,7 @@ class PressureSolve:
         iterations: ti.template(),
         shifts: ti.template(),
     ):
-        """relax(), within a kernel: a launch takes as long as an iteration of few particles."""
+        """relax(), within a kernel."""
         for _ in ti.static(range(iterations)):
             ti.loop_config(serialize=alone)
             for i in range(n):

@@ -124,6 +124,7 @@ class Projection(Accounts):
             self.tension = Tension(layers, particles, self.summation, terms.tension)
         if terms.xsph:
             self.xsph = Xsph(layers, particles, self.neighbours, terms.xsph)
+        # Whether no other force stands between push and aim.
         self.nothing_between = not (terms.tension or terms.viscosity)
         self.top_rate = 0.0  # [1/s], of what bounds the step
         self.adaptation = None
@@ -333,8 +334,11 @@ class Projection(Accounts):
         g_y: ti.f32,
         g_z: ti.f32,
     ) -> ti.f32:
-        """Velocities without compression; the crowded part; all go their way. One launch: three
-        would take as long as all their work on few particles. Returns what let_go() does."""
+        """Velocities without compression; the crowded part; all go their way. Returns what
+        let_go() does.
+
+        One launch, like others here: each takes .06 to .15 ms, a whole step of 1,270 particles 6.
+        """
         self.accelerate(n, alone, dt, ti.math.vec3(g_x, g_y, g_z))
         self.separation.part_all(n, alone)
         return self.let_go(n, alone, dt)
