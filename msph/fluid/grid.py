@@ -23,7 +23,7 @@ CUTS = 3
 
 def grid_shape(size: tuple[float, float, float], support: float) -> tuple[int, int, int]:
     """Cells along each axis that cover a box of the given size [m], for a support [m]."""
-    nx, ny, nz = (max(1, math.ceil(k * length / support)) for k, length in zip((1, 1, CUTS), size, strict=False))
+    nx, ny, nz = (max(1, math.ceil(length / support)) for length in (*size[:2], CUTS * size[2]))
     return nx, ny, nz
 
 
