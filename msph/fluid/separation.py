@@ -75,8 +75,8 @@ class Separation:
 
     @ti.kernel
     def aim_at_rest_density(self, n: ti.i32, alone: ti.template()) -> ti.f32:
-        """source_i = c_i - 1; and the iterations, of which the first in bulk sees SPREAD more.
-        Returns the largest excess."""
+        """The sums; source_i = c_i - 1; and the iterations, of which the first in bulk sees SPREAD
+        more. Returns the largest excess."""
         self.summation.weigh_all(n, alone)
         most = -1.0
         ti.loop_config(serialize=alone)
