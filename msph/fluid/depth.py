@@ -65,7 +65,7 @@ class Depth:
 
     def refresh(self) -> None:
         """Measures the depth of every cell anew."""
-        self._cover(self.particles.count)
+        self._cover(self.particles.count, self.particles.alone)
         self._find_air()
         for axis in range(3):
             self._spread(axis % 2, (axis + 1) % 2, axis)
@@ -87,17 +87,18 @@ class Depth:
         return ti.max(depth, 0.0) * self.cell
 
     @ti.kernel
-    def _cover(self, n: ti.i32):
+    def _cover(self, n: ti.i32, alone: ti.template()):
         """Coverage sum V_j W of the cells' centres, images included."""
         for c in ti.grouped(self.coverage):
             self.coverage[c] = 0.0
+        ti.loop_config(serialize=alone)
         for i in range(n):
             layer, x = self.particles.layer[i], self.particles.x[i]
             h, volume = REACH * self.layers.spacing[layer] + self.margin, self.layers.volume[layer]
             near = self.images.near(x, h)
             for way in range(self.images.combinations(near)):
                 mirror, wall = self.images.seen_in(self.images.combination(way, near))
-                self._cover_by(wall + mirror * (x - wall), h, volume)
+                self._cover_by(wall + mirror * (x - wall), h, volume, alone)
         if ti.static(self.walls.count > 0):
             for c in ti.grouped(self.coverage):
                 centre = (ti.cast(c, ti.f32) + 0.5) * self.cell
@@ -105,12 +106,32 @@ class Depth:
                     self.coverage[c] = 1.0
 
     @ti.func
-    def _cover_by(self, x, h, volume):
-        lo = ti.math.clamp(ti.ceil((x - h) / self.cell - 0.5, ti.i32), 0, self.dims - 1)
-        hi = ti.math.clamp(ti.floor((x + h) / self.cell - 0.5, ti.i32), 0, self.dims - 1)
-        for a, b, c in ti.ndrange((lo[0], hi[0] + 1), (lo[1], hi[1] + 1), (lo[2], hi[2] + 1)):
-            centre = (ti.Vector([a, b, c]) + 0.5) * self.cell
-            self.coverage[a, b, c] += volume * kernels.quartic((centre - x).norm(), h)
+    def _cover_by(self, x, h, volume, alone: ti.template()):
+        lo, hi = self._first(x[0] - h, 0), self._last(x[0] + h, 0)
+        for a in range(lo, hi + 1):
+            left = h**2 - ((a + 0.5) * self.cell - x[0]) ** 2
+            half = ti.sqrt(ti.max(left, 0.0))
+            for b in range(self._first(x[1] - half, 1), self._last(x[1] + half, 1) + 1):
+                rest = left - ((b + 0.5) * self.cell - x[1]) ** 2
+                deep = ti.sqrt(ti.max(rest, 0.0))
+                for c in range(self._first(x[2] - deep, 2), self._last(x[2] + deep, 2) + 1):
+                    r2 = h**2 - rest + ((c + 0.5) * self.cell - x[2]) ** 2
+                    part = volume * kernels.quartic(ti.sqrt(r2), h)
+                    if ti.static(alone):
+                        # Without the atomic that += would be.
+                        self.coverage[a, b, c] = self.coverage[a, b, c] + part
+                    else:
+                        self.coverage[a, b, c] += part
+
+    @ti.func
+    def _first(self, x, axis: ti.template()):
+        """First cell along an axis whose centre lies at x [m] or beyond."""
+        return ti.math.clamp(ti.ceil(x / self.cell - 0.5, ti.i32), 0, self.dims[axis] - 1)
+
+    @ti.func
+    def _last(self, x, axis: ti.template()):
+        """Last cell along an axis whose centre lies at x [m] or before."""
+        return ti.math.clamp(ti.floor(x / self.cell - 0.5, ti.i32), 0, self.dims[axis] - 1)
 
     @ti.kernel
     def _find_air(self):

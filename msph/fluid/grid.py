@@ -32,7 +32,8 @@ class LayeredGrid:
     """Grids over the box (0, 0, 0) to size [m], one per layer; its cells are h by h by h/CUTS.
 
     Fields, for L layers and C cells in all: cell_start (C + 1,) i32, first particle of each cell;
-    dims (L,) ivec3; offset (L,) i32, first cell of each layer; per_support (L,) f32 [1/m].
+    dims (L,) ivec3; offset (L,) i32, first cell of each layer; per_support (L,) f32 [1/m]; lowest,
+    highest (L,) i32, slabs of cells between which the layer's particles lie.
     """
 
     def __init__(self, size: tuple[float, float, float], layers: Layers, particles: Particles):
@@ -45,6 +46,7 @@ class LayeredGrid:
         self.few_cells = one_thread_does(self.total_cells, FEW_CELLS)
         self.dims = ti.Vector.field(3, ti.i32, shape=layers.count)
         self.offset = ti.field(ti.i32, shape=layers.count)
+        self.lowest, self.highest = (ti.field(ti.i32, shape=layers.count) for _ in range(2))
         self.cell_count = ti.field(ti.i32, shape=self.total_cells)
         self.cell_start = ti.field(ti.i32, shape=self.total_cells + 1)
         self.cell = ti.field(ti.i32, shape=particles.capacity)
@@ -84,10 +86,24 @@ class LayeredGrid:
             self.cell[i] = cell
             self.place[i] = ti.atomic_add(self.cell_count[cell], 1)
         self.scan.sum_up(self.cell_count, self.cell_start)
+        ti.loop_config(serialize=self.few_cells)
+        for layer in range(self.layers.count):
+            self._find_bounds(layer)
         ti.loop_config(serialize=alone)
         for i in range(n):
             self.place[i] += self.cell_start[self.cell[i]]
         self.particles.reorder(self.place, n, alone)
+
+    @ti.func
+    def _find_bounds(self, layer):
+        """The lowest and the highest slab that hold particles of the layer."""
+        dims = self.dims[layer]
+        slab, lowest, highest = dims[0] * dims[2], dims[1], -1
+        for a in range(dims[1]):
+            begin = self.offset[layer] + a * slab
+            if self.cell_start[begin + slab] > self.cell_start[begin]:
+                lowest, highest = ti.min(lowest, a), a
+        self.lowest[layer], self.highest[layer] = lowest, highest
 
     @ti.func
     def cell_of(self, x, layer):
@@ -112,9 +128,9 @@ class LayeredGrid:
         # All in supports, and read once: what visit writes could be anything to the compiler.
         g, r = x * self.per_support[layer], reach * self.per_support[layer]
         dims = self.dims[layer]
-        # Clamped on both sides: a position that is not finite must not index memory.
-        lo = ti.math.clamp(ti.floor(g[1] - r, ti.i32), 0, dims[1] - 1)
-        hi = ti.math.clamp(ti.floor(g[1] + r, ti.i32), 0, dims[1] - 1)
+        # Within the grid in any case: a position that is not finite must not index memory.
+        lo = ti.max(ti.min(ti.floor(g[1] - r, ti.i32), dims[1] - 1), self.lowest[layer])
+        hi = ti.min(ti.max(ti.floor(g[1] + r, ti.i32), 0), self.highest[layer])
         first, depth = self.offset[layer], dims[2]
         for a in range(lo, hi + 1):
             # Cells at the border also hold what lies beyond it, so only inner gaps count.
