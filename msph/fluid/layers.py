@@ -71,19 +71,14 @@ class Layers:
             raise ValueError("a fluid needs at least one layer")
         self.specs = specs
         self.count = len(specs)
-        self.mass, self.volume, self.spacing, self.support = tables(
-            np.array([s.mass for s in specs]),
-            np.array([s.volume for s in specs]),
-            np.array([s.spacing for s in specs]),
-            np.array([s.support for s in specs]),
-        )
-        self.gravity_factor, self.viscosity, self.wendland = tables(
-            np.array([s.gravity_factor for s in specs]),
-            np.array([s.viscosity for s in specs]),
-            np.array([int(s.wendland) for s in specs]),
-        )
+        names = ("mass", "volume", "spacing", "support", "gravity_factor", "viscosity")
         supports = np.array([s.support for s in specs])
-        (self.per_h,) = tables(1.0 / pair_support(supports[:, None], supports))
+        self.mass, self.volume, self.spacing, self.support, *others = tables(
+            *(np.array([getattr(s, name) for s in specs]) for name in names),
+            np.array([int(s.wendland) for s in specs]),
+            1.0 / pair_support(supports[:, None], supports),
+        )
+        self.gravity_factor, self.viscosity, self.wendland, self.per_h = others
 
     @property
     def finest(self) -> LayerSpec:

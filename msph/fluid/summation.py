@@ -4,7 +4,7 @@ import numpy as np
 import taichi as ti
 
 from msph.fluid import kernels
-from msph.fluid.layers import Layers
+from msph.fluid.layers import Layers, pair_support
 from msph.fluid.neighbours import NeighbourList
 from msph.fluid.obstacles import Walls
 from msph.fluid.particles import Particles
@@ -73,18 +73,21 @@ class Summation:
         )
         if walls.moving:
             self.inflow = ti.field(ti.f32, shape=particles.capacity)
-        smoothing = np.array([s.smoothing for s in layers.specs])
+        smoothing, supports = (
+            np.array([getattr(s, name) for s in layers.specs]) for name in ("smoothing", "support")
+        )
         per_yield = 1.0 / np.interp(smoothing, SMOOTHINGS, YIELDS)
         pairs = np.sqrt(per_yield[:, None] * per_yield)
         # What turns the kernels' shapes into W_ij [1/m^3].
-        per_h3 = layers.per_h.to_numpy() ** 3
+        per_h3 = pair_support(supports[:, None], supports) ** -3.0
         scale, bell_scale = kernels.QUARTIC * pairs * per_h3, kernels.BELL * per_h3
-        self.scale, self.bell_scale = tables(scale, bell_scale)
         # What a particle adds to its own density, and what bodies' shares are multiplied by.
         peak = kernels.QUARTIC * kernels.QUARTIC_PEAK / smoothing**3
         own = 1.0 - per_yield * (1.0 - peak)
         own_bell = kernels.BELL / smoothing**3
-        self.own, self.own_bell, self.per_yield = tables(own, own_bell, per_yield)
+        self.scale, self.bell_scale, self.own, self.own_bell, self.per_yield = tables(
+            scale, bell_scale, own, own_bell, per_yield
+        )
 
     @ti.kernel
     def weigh(self, n: ti.i32, alone: ti.template()):
