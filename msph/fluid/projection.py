@@ -171,7 +171,7 @@ class Projection(Accounts):
             self.disturb()
         for _ in range(ARRANGING):
             self.neighbours.refresh()
-            crowded = self.separation.find(self.particles.count) > LOOSE
+            crowded = self.separation.find(self.particles.count, 0.0) > LOOSE
             if crowded:
                 self.separation.part(self.particles.count, self.particles.alone)
             self.disturb()
@@ -210,7 +210,7 @@ class Projection(Accounts):
         part and move."""
         n, alone = self.particles.count, self.particles.alone
         self.neighbours.refresh()
-        self.separation.find(n)
+        self.separation.find(n, dt)
         if self.xsph:
             self.xsph.run(n)
         self.push(n, alone, dt, *forcing.arguments())

@@ -121,7 +121,7 @@ def tank():
     terms = ProjectionTerms(adaptation=AdaptationTerms(band=1.5))
     sim = Simulation(TANK, specs, initial, terms, capacity=4000)
     counts = []
-    for _ in range(90):
+    for _ in range(120):
         sim.advance(1 / 60, Forcing())
         counts.append(sim.counts())
     return sim, np.array(counts)
@@ -157,7 +157,7 @@ def test_layers_lie_in_their_bands(tank):
 def test_water_at_rest_stops_adapting(tank):
     _, counts = tank
     changes = np.abs(np.diff(counts, axis=0)).sum(axis=1)
-    assert changes[-45:].max() == 0
+    assert changes[-60:].max() == 0
 
 
 def test_passes_are_due_where_water_travels(tank):
