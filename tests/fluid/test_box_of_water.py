@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from fluid_kit import pair_support, quartic, relative_density
 
+from msph import tables
 from msph.fluid.forcing import Forcing
 from msph.fluid.layers import LayerSpec
 from msph.fluid.projection_terms import ProjectionTerms
@@ -51,6 +52,14 @@ def test_images_close_opposite_walls_within_one_kernel():
     sim = Simulation(size, specs, {"x": x, "layer": layer}, ProjectionTerms())
     assert sim.layers.specs[0].support < size[0] < 2.0 * sim.layers.specs[0].support
     check_images(sim, 100, known=30)
+
+
+def test_simulations_beyond_what_a_process_can_hold_are_an_error(monkeypatch):
+    """Taichi's answer is a segmentation fault."""
+    monkeypatch.setattr(tables, "TREES", tables.NEEDED)
+    initial = {"x": np.full((1, 3), 0.1, np.float32), "layer": np.zeros(1, np.int32)}
+    with pytest.raises(RuntimeError, match="no room for another simulation"):
+        Simulation((0.3, 0.3, 0.3), [LayerSpec(0.1, 1000.0, 2.5)], initial, ProjectionTerms())
 
 
 def check_images(sim, points, known):
