@@ -233,7 +233,7 @@ def main(seconds: float, starts: int, arch: str) -> None:
         for case, water, seed, f in record.rows:
             writer.writerow((case, water, seed, f.name, f.bound, f"{f.value:.6g}"))
     report = [heading("Errors of the projection method", arch)]
-    report.append(f"{starts} starts each: median (least to most).\n")
+    report.append(f"Starts: {starts}. Median (least to most).\n")
     for case in dict.fromkeys(row[0] for row in record.rows):
         report += [f"## {case[0].upper()}{case[1:]}\n", record.table(case), ""]
     (RESULTS / "accuracy.md").write_text("\n".join(report))
