@@ -80,8 +80,8 @@ class Separation:
 
     @ti.kernel
     def aim_at_rest_density(self, n: ti.i32, alone: ti.template(), dt: ti.f32) -> ti.f32:
-        """The sums; source_i = c_i - 1; and the iterations, of which the first in bulk sees SPREAD
-        more. Returns the largest excess."""
+        """The sums; source_i = c_i - 1; and the iterations, of which the first in bulk sees up
+        to SPREAD more. Returns the largest excess."""
         self.summation.weigh_all(n, alone)
         most = -1.0
         ti.loop_config(serialize=alone)
@@ -116,7 +116,9 @@ class Separation:
 
     @ti.func
     def spreading(self, i, q, r, dt):
-        """Multiplier q of i after a correction of the compression r and, in bulk, SPREAD more."""
+        """Multiplier q of i after a correction of the compression r and, in bulk, of as much of
+        SPREAD as its way in dt [s] asks for. Ways that all water goes together count too: in a
+        falling drop it costs nothing."""
         way = dt * self.particles.v[i].norm() / self.layers.spacing[self.particles.layer[i]]
         share = ti.select(dt > 0.0, ti.math.clamp(way / BRISK, LEAST, 1.0), 1.0)
         bulk = self.particles.source[i] > -THIN
