@@ -117,8 +117,7 @@ class Separation:
     @ti.func
     def spreading(self, i, q, r, dt):
         """Multiplier q of i after a correction of the compression r and, in bulk, of as much of
-        SPREAD as its way in dt [s] asks for. Ways that all water goes together count too: in a
-        falling drop it costs nothing."""
+        SPREAD as its way in dt [s] asks for, be it a way that all water goes together."""
         way = dt * self.particles.v[i].norm() / self.layers.spacing[self.particles.layer[i]]
         share = ti.select(dt > 0.0, ti.math.clamp(way / BRISK, LEAST, 1.0), 1.0)
         bulk = self.particles.source[i] > -THIN
