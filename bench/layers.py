@@ -174,8 +174,7 @@ def main(rounds: int, seconds: float, arch: str) -> None:
         heading("Layered against uniform water", arch),
         f"Finest particles of .1 kg in a pool of 1 m by 1 m, rocked by {ANGLE:g} degrees; {rounds} "
         f"rounds of {seconds:g} s in turns, and their mean frames: median and quartiles. Ratios "
-        "are of medians, in brackets of the faster quarters: others on the machine slow frames of "
-        "two threads down more than of one.\n",
+        "are of medians, in brackets of the faster quarters: others use the machine too.\n",
         tabulate(
             ratios,
             (

@@ -221,7 +221,7 @@ class Adaptation:
         p.count = n + splits
         if merges:
             self.scan.run(p.alive, self.place)
-            p.compact(self.place, p.alive, n + splits, p.alone)
+            p.compact(self.place, p.alive, n + splits)
             p.count = self.place[p.capacity]
         self._keep_room(refused)
         return splits + self.events[1]

@@ -68,16 +68,16 @@ class LayeredGrid:
 
     def build(self) -> None:
         """Sorts the particles by (layer, cell): count, scan, place, reorder."""
-        self._sort(self.particles.count, self.particles.alone)
+        self._sort(self.particles.count)
         self.generation += 1
         self.stale = False
 
     @ti.kernel
-    def _sort(self, n: ti.i32, alone: ti.template()):
+    def _sort(self, n: ti.i32):
         ti.loop_config(serialize=self.few_cells)
         for c in range(self.total_cells):
             self.cell_count[c] = 0
-        ti.loop_config(serialize=alone)
+        ti.loop_config(serialize=self.particles.light)
         for i in range(n):
             layer = self.particles.layer[i]
             dims = self.dims[layer]
@@ -89,10 +89,10 @@ class LayeredGrid:
         ti.loop_config(serialize=self.few_cells)
         for layer in range(self.layers.count):
             self._find_bounds(layer)
-        ti.loop_config(serialize=alone)
+        ti.loop_config(serialize=self.particles.light)
         for i in range(n):
             self.place[i] += self.cell_start[self.cell[i]]
-        self.particles.reorder(self.place, n, alone)
+        self.particles.reorder(self.place, n)
 
     @ti.func
     def _find_bounds(self, layer):

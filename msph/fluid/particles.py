@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-# Particles up to which one thread of a CPU does a loop over their neighbours as fast as two do: to
-# wake threads takes 50 to 100 us, in which one meets 1,000 particles' neighbours, or scans 30,000
-# cells.
-FEW, FEW_CELLS = 2_500, 50_000
+# Particles up to which one thread of a CPU does a loop over their neighbours as fast as two do, or
+# one that meets no neighbours; and cells that it scans: to wake threads takes 25 us.
+FEW, FEW_LIGHT, FEW_CELLS = 500, 4_000, 50_000
 
 
 def one_thread_does(entries: int, few: int = FEW) -> bool:
@@ -72,6 +71,8 @@ class Particles:
     def __init__(self, capacity: int, attributes: tuple[Attribute, ...] = ()):
         self.capacity = capacity
         self.count = 0
+        # Whether loops that meet no neighbours stay on one thread.
+        self.light = one_thread_does(capacity, FEW_LIGHT)
         self.attributes = {a.name: a for a in CORE + attributes}
         self.fields = {a.name: a.allocate(capacity) for a in self.attributes.values()}
         self.__dict__.update(self.fields)
@@ -102,7 +103,7 @@ class Particles:
 
     @property
     def alone(self) -> bool:
-        """Whether kernels should keep their loops over particles on one thread (a template)."""
+        """Whether kernels should keep loops over neighbours on one thread (a template)."""
         return one_thread_does(self.count)
 
     def numpy(self, name: str) -> np.ndarray:
@@ -130,27 +131,27 @@ class Particles:
         return {a.name: self.numpy(a.name) for a in self.attributes.values() if a.carried}
 
     @ti.kernel
-    def compact(self, target: ti.template(), alive: ti.template(), n: ti.i32, alone: ti.template()):
+    def compact(self, target: ti.template(), alive: ti.template(), n: ti.i32):
         """Moves those of the first n with alive[i] = 1 to target[i]. Both i32 (n,)."""
-        ti.loop_config(serialize=alone)
+        ti.loop_config(serialize=self.light)
         for i in range(n):
             if alive[i] == 1:
                 for pair in ti.static(self._pairs):
                     pair[1][target[i]] = pair[0][i]
-        ti.loop_config(serialize=alone)
+        ti.loop_config(serialize=self.light)
         for i in range(n):
             for pair in ti.static(self._pairs):
                 pair[0][i] = pair[1][i]
 
     @ti.func
-    def reorder(self, target: ti.template(), n, alone: ti.template()):
+    def reorder(self, target: ti.template(), n):
         """Moves particle i to place target[i], for every carried attribute. target: i32 (n,)."""
-        ti.loop_config(serialize=alone)
+        ti.loop_config(serialize=self.light)
         for i in range(n):
             t = target[i]
             for pair in ti.static(self._pairs):
                 pair[1][t] = pair[0][i]
-        ti.loop_config(serialize=alone)
+        ti.loop_config(serialize=self.light)
         for i in range(n):
             for pair in ti.static(self._pairs):
                 pair[0][i] = pair[1][i]

@@ -221,7 +221,7 @@ class PressureSolve:
         if given > TINY:
             scaled = ti.math.clamp(asked / given, LEAST_SCALED, MOST_SCALED)
         descent, scale, whole, square, drift = 0.0, 0.0, 0.0, 0.0, ti.Vector([0.0, 0.0, 0.0])
-        ti.loop_config(serialize=alone)
+        ti.loop_config(serialize=self.particles.light)
         for i in range(n):
             layer = self.particles.layer[i]
             r = self.particles.source[i] - scaled * self.particles.response[i]
@@ -276,7 +276,7 @@ class PressureSolve:
             gain += last * alpha
             descent = 0.0
             excluded = 0.0
-            ti.loop_config(serialize=alone)
+            ti.loop_config(serialize=self.particles.light)
             for i in range(n):
                 r = self.particles.residual[i] - alpha * self.particles.response[i]
                 moved = q[i] + alpha * self.particles.direction[i]
@@ -290,7 +290,7 @@ class PressureSolve:
                 excluded += (1.0 - self.particles.free[i]) * ti.select(r > 0.0, part, 0.0)
             beta = descent / ti.max(last, TINY)
             self.descent[None] = descent
-            ti.loop_config(serialize=alone)
+            ti.loop_config(serialize=self.particles.light)
             for i in range(n):
                 d = ti.max(self.particles.diagonal[i], TINY)
                 self.particles.direction[i] = self.particles.free[i] * (

@@ -341,7 +341,7 @@ class Projection(Accounts):
         """
         self.accelerate(n, alone, dt, ti.math.vec3(g_x, g_y, g_z))
         self.separation.part_all(n, alone)
-        return self.let_go(n, alone, dt)
+        return self.let_go(n, dt)
 
     @ti.func
     def accelerate(self, n, alone: ti.template(), dt, gravity):
@@ -366,11 +366,11 @@ class Projection(Accounts):
                 self.particles.hidden[i] += BLEND * (target - self.particles.hidden[i])
 
     @ti.func
-    def let_go(self, n, alone: ti.template(), dt):
+    def let_go(self, n, dt):
         """x += dt v; what would leave is stopped at its wall. Multipliers become pressures. Returns
         the largest rate [1/s] that bounds the next step."""
         top, farthest = 0.0, 0.0
-        ti.loop_config(serialize=alone)
+        ti.loop_config(serialize=self.particles.light)
         for i in range(n):
             layer, v = self.particles.layer[i], self.particles.v[i]
             d = self.layers.spacing[layer]

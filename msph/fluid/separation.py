@@ -84,7 +84,7 @@ class Separation:
         to SPREAD more. Returns the largest excess."""
         self.summation.weigh_all(n, alone)
         most = -1.0
-        ti.loop_config(serialize=alone)
+        ti.loop_config(serialize=self.particles.light)
         for i in range(n):
             excess = self.particles.density[i] / self.density - 1.0
             self.particles.source[i] = excess
@@ -153,7 +153,7 @@ class Separation:
             wall = self.pressure_solve.wall_shift(i, self.particles.crowding)
             inner = self.limit(i) * (self.particles.parting[i] - wall)
             self.accounts.internal_angular_impulse[None] += m * inner.cross(v + change)
-        ti.loop_config(serialize=alone)
+        ti.loop_config(serialize=self.particles.light)
         for i in range(n):
             x = self.particles.x[i] + self.limit(i) * self.particles.parting[i]
             self.particles.x[i] = self.walls.keep(x, BEGIN, self.margin(i))
