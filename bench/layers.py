@@ -3,7 +3,8 @@
 python bench/layers.py [--rounds 16] [--seconds 0.25] [--arch cpu]
 
 Both are the same solver at the same tolerances, in frames of 1/60 s, each as many steps as its own
-bounds on the time step ask for. The pools come to rest, then rock; all of them take turns.
+bounds on the time step ask for. The pools come to rest and rest on, then rock near resonance till
+waves break; all of them take turns.
 """
 
 import csv
@@ -41,19 +42,40 @@ POOLS = {
 # What is added is coarse, in layers whose spacings fit at least three times into the width.
 DOUBLING = ((1.0, (8 * DEPTH, 16 * DEPTH), 9), (2.0, (8 * DEPTH, 16 * DEPTH), 11))
 DOUBLING_TARGET = 1.1
-# Rocking: angle [deg], period [s].
+# Rocking: angle [deg], period [s]; waves as long as two of these boxes swing in 1.13 to 1.2 s.
 ANGLE, PERIOD = 4.0, 1.1
+# What pools do while they are timed.
+PHASES = RESTING, ROCKING = "at rest", "rocking"
 # Steps between passes of adaptation; fixed layers are those that the start gave each depth.
 ADAPTIVE, FIXED = AdaptationTerms().every, 10**9
+LAYERED = ("fixed layers", "adaptive layers")
 # Thin bands, a sheet or two each, as the thesis has them.
 BAND = 0.5
 # Rest before the rocking [s]: to come to it, and to read errors.
 SETTLE, REST = 2.0, 1.0
 
 
+class Phase:
+    """What a pool did at rest or rocking: mean wall-clock time [s] of the frames of each round,
+    passes of adaptation and all; steps; iterations of each frame's last step."""
+
+    def __init__(self):
+        self.walls: list[float] = []
+        self.steps, self.iterations = 0, []
+
+    def speed(self, percent: float = 50.0) -> float:
+        """Simulated seconds per wall-clock second in the median round, or in the one that so many
+        percent were faster than."""
+        return tanks.FRAME / float(np.percentile(self.walls, percent))
+
+    def frame(self) -> str:
+        """Milliseconds a frame: median and quartiles of the rounds."""
+        low, median, high = np.percentile(self.walls, (25, 50, 75)) * 1e3
+        return f"{median:.1f} ({low:.1f} to {high:.1f})"
+
+
 class Pool:
-    """One pool and its record: mean wall-clock time [s] of the frames of each round, passes of
-    adaptation and all."""
+    """One pool, and its record."""
 
     def __init__(
         self,
@@ -71,15 +93,16 @@ class Pool:
         profile = tanks.Profile(self.simulation, self.reading.depth)
         tanks.run(self.simulation, REST, self.reading, profile)
         self.rest = profile.error(), self.reading.pressure_error(), self.reading.energy_rise()
-        self.seconds, self.walls, self.steps, self.iterations = seconds, [], 0, []
+        self.seconds, self.phases = seconds, {phase: Phase() for phase in PHASES}
 
-    def rock(self) -> None:
+    def round(self, phase: str) -> None:
         """One timed round."""
-        sim = self.simulation
+        sim, record = self.simulation, self.phases[phase]
         steps, wall, frames = sim.steps, 0.0, round(self.seconds / tanks.FRAME)
+        tilt = math.radians(ANGLE) if phase == ROCKING else 0.0
         for _ in range(frames):
-            swing = 2.0 * math.pi * (sim.time - SETTLE - REST) / PERIOD
-            angle = math.radians(ANGLE) * math.sin(swing)
+            since = len(record.iterations) * tanks.FRAME
+            angle = tilt * math.sin(2.0 * math.pi * since / PERIOD)
             g = tanks.GRAVITY
             forcing = Forcing(gravity=(g * math.sin(angle), -g * math.cos(angle), 0.0))
             ti.sync()
@@ -87,33 +110,26 @@ class Pool:
             sim.advance(tanks.FRAME, forcing)
             ti.sync()
             wall += time.perf_counter() - begin
-            self.iterations.append(sim.solver.iterations)
+            record.iterations.append(sim.solver.iterations)
             self.reading.read()
-        self.walls.append(wall / frames)
-        self.steps += sim.steps - steps
-
-    def speed(self, percent: float = 50.0) -> float:
-        """Simulated seconds per wall-clock second in the median round, or in the one that so many
-        percent were faster than."""
-        return tanks.FRAME / float(np.percentile(self.walls, percent))
+        record.walls.append(wall / frames)
+        record.steps += sim.steps - steps
 
 
-def ratio(one: Pool, other: Pool) -> str:
+def ratio(one: Phase, other: Phase) -> str:
     """How many times as fast one is as the other: by the median, and by the faster quarter."""
     return f"{one.speed() / other.speed():.2f} ({one.speed(25.0) / other.speed(25.0):.2f})"
 
 
 def row(name: str, kind: str, pool: Pool) -> dict[str, str]:
-    r = pool.reading
-    quartiles = np.percentile(pool.walls, (25, 50, 75)) * 1e3
+    r, phases = pool.reading, pool.phases.values()
     return {
         "pool": name,
         "water": kind,
         "particles": f"{pool.simulation.particles.count:,}",
-        "ms a frame": f"{quartiles[1]:.1f} ({quartiles[0]:.1f} to {quartiles[2]:.1f})",
-        "simulated s/s": f"{pool.speed():.3g}",
-        "steps a frame": f"{pool.steps / len(pool.iterations):.2f}",
-        "iterations a step": f"{np.mean(pool.iterations):.1f}",
+        **{f"ms a frame {name}": phase.frame() for name, phase in pool.phases.items()},
+        "steps a frame": " / ".join(f"{p.steps / len(p.iterations):.2f}" for p in phases),
+        "iterations a step": " / ".join(f"{np.mean(p.iterations):.1f}" for p in phases),
         "pressure error at rest, probes": f"{100 * pool.rest[0]:.2f} %",
         "particles in sheets": f"{100 * pool.rest[1]:.2f} %",
         "energy rise at rest": f"{100 * pool.rest[2]:.3f} %",
@@ -138,33 +154,32 @@ def main(rounds: int, seconds: float, arch: str) -> None:
     pools: dict[tuple[str, str], Pool] = {}
     for name, (depth, layers, _, _) in POOLS.items():
         pools[name, "uniform"] = Pool(depth, 1, seconds)
-        pools[name, "fixed layers"] = Pool(depth, layers, seconds, FIXED)
-        pools[name, "adaptive layers"] = Pool(depth, layers, seconds)
+        for kind, every in zip(LAYERED, (FIXED, ADAPTIVE), strict=True):
+            pools[name, kind] = Pool(depth, layers, seconds, every)
         click.echo(f"{name} is at rest")
     for width, depths, layers in DOUBLING:
         for depth in depths:
             name = deep(depth, width)
-            pools[name, "fixed layers"] = Pool(depth, layers, seconds, FIXED, width)
+            pools[name, LAYERED[0]] = Pool(depth, layers, seconds, FIXED, width)
             click.echo(f"{name} is at rest")
-    for _ in range(rounds):
-        for pool in pools.values():
-            pool.rock()
+    for phase in PHASES:
+        for _ in range(rounds):
+            for pool in pools.values():
+                pool.round(phase)
     rows = [row(name, kind, pool) for (name, kind), pool in pools.items()]
     ratios = []
-    for name, (_, _, target, thesis) in POOLS.items():
-        uniform, *layered = (pool for (own, _), pool in pools.items() if own == name)
-        shown = [ratio(pool, uniform) for pool in layered]
-        ratios.append((name, f">= {target:g}", *shown, f"{thesis or '-'}"))
-    bound = f"<= {DOUBLING_TARGET}"
-    costs = [
-        ratio(pools["pool", kind], pools["pool_2x", kind])
-        for kind in ("fixed layers", "adaptive layers")
-    ]
-    ratios.append(("cost of doubling pool to pool_2x", bound, *costs, "-"))
-    for width, depths, _ in DOUBLING:
-        once, twice = (pools[deep(depth, width), "fixed layers"] for depth in depths)
-        name = f"cost of doubling {depths[0] / DEPTH:.0f} times as deep, {width:g} m wide"
-        ratios.append((name, bound, ratio(once, twice), "", "-"))
+    for phase in PHASES:
+        records = {key: pool.phases[phase] for key, pool in pools.items()}
+        for name, (_, _, target, thesis) in POOLS.items():
+            shown = [ratio(records[name, kind], records[name, "uniform"]) for kind in LAYERED]
+            ratios.append((f"{name}, {phase}", f">= {target:g}", *shown, f"{thesis or '-'}"))
+        bound = f"<= {DOUBLING_TARGET}"
+        costs = [ratio(records["pool", kind], records["pool_2x", kind]) for kind in LAYERED]
+        ratios.append((f"cost of doubling pool to pool_2x, {phase}", bound, *costs, "-"))
+        for width, depths, _ in DOUBLING:
+            once, twice = (records[deep(depth, width), LAYERED[0]] for depth in depths)
+            name = f"cost of doubling {depths[0] / DEPTH:.0f} times as deep, {width:g} m wide"
+            ratios.append((f"{name}, {phase}", bound, ratio(once, twice), "", "-"))
     RESULTS.mkdir(exist_ok=True)
     with open(RESULTS / "layers.csv", "w", newline="") as file:
         writer = csv.DictWriter(file, rows[0].keys())
@@ -172,9 +187,10 @@ def main(rounds: int, seconds: float, arch: str) -> None:
         writer.writerows(rows)
     report = [
         heading("Layered against uniform water", arch),
-        f"Finest particles of .1 kg in a pool of 1 m by 1 m, rocked by {ANGLE:g} degrees; {rounds} "
-        f"rounds of {seconds:g} s in turns, and their mean frames: median and quartiles. Ratios "
-        "are of medians, in brackets of the faster quarters: others use the machine too.\n",
+        "Finest particles of .1 kg in a pool of 1 m by 1 m, at rest and then rocked by "
+        f"{ANGLE:g} degrees every {PERIOD:g} s, near resonance: till waves break. {rounds} rounds "
+        f"of {seconds:g} s each, in turns, and their mean frames: median and quartiles. Ratios are "
+        "of medians, in brackets of the faster quarters: others use the machine too.\n",
         tabulate(
             ratios,
             (
