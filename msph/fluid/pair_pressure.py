@@ -11,11 +11,14 @@ beside them the mean is over the water's side alone.
 
 import taichi as ti
 
+from msph.fluid.layers import Layers
 from msph.fluid.neighbours import NeighbourList
 from msph.fluid.particles import Particles
 
 # Sum of the weights (-) from which on there is a mean; 3 in bulk.
 LEAST_WEIGHT = 1e-6
+# Weight of a particle as if it met its like, over its own: decides only where it meets none.
+ALONE = 1e-3
 
 
 @ti.data_oriented
@@ -24,9 +27,13 @@ class PairPressure:
     neighbour list."""
 
     def __init__(
-        self, particles: Particles, neighbours: NeighbourList, pair_gradient: ti.MatrixField
+        self,
+        layers: Layers,
+        particles: Particles,
+        neighbours: NeighbourList,
+        pair_gradient: ti.MatrixField,
     ):
-        self.particles, self.neighbours = particles, neighbours
+        self.layers, self.particles, self.neighbours = layers, particles, neighbours
         self.images, self.pair_gradient = neighbours.images, pair_gradient
 
     @ti.func
@@ -49,6 +56,29 @@ class PairPressure:
             weights += weight
         mean = ti.select(weights > LEAST_WEIGHT, others / ti.max(weights, LEAST_WEIGHT), own)
         return 0.5 * (own + mean)
+
+    @ti.func
+    def spacing(self, i):
+        """Spacing [m] of equal particles among which pressure would hold i as stiffly in place.
+
+        It pulls by sum V_j (p_i + p_j)/rho0 W''_ij, W'' as 1/h_ij^5: so it is the mean of 1/h_ij^2,
+        weighed by V_j/h_ij^3. By its own spacing a single fine particle that waves had drawn down
+        among coarse ones halved all steps of a pool.
+        """
+        layer = self.particles.layer[i]
+        d = self.layers.spacing[layer]
+        if ti.static(self.layers.count > 1):
+            own = self.layers.per_h[layer, layer]
+            weights = ALONE * self.layers.volume[layer] * own**3
+            stiffness = weights * own**2
+            for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
+                other = self.particles.layer[self.neighbours.index[s]]
+                per_h = self.layers.per_h[layer, other]
+                weight = self.layers.volume[other] * per_h**3
+                weights += weight
+                stiffness += weight * per_h**2
+            d *= own * ti.sqrt(weights / stiffness)
+        return d
 
     @ti.func
     def lift(self, i, gravity, scale):

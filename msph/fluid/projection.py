@@ -96,7 +96,9 @@ class Projection(Accounts):
         self.pressure_solve = PressureSolve(
             layers, particles, self.neighbours, self.summation.pair_gradient, walls.count > 0
         )
-        self.pair_pressure = PairPressure(particles, self.neighbours, self.summation.pair_gradient)
+        self.pair_pressure = PairPressure(
+            layers, particles, self.neighbours, self.summation.pair_gradient
+        )
         self.separation = Separation(
             self,
             walls,
@@ -193,7 +195,8 @@ class Projection(Accounts):
         No particle moves farther than cfl of its spacing. And forces are constant within a step,
         while an arrangement under the pressure p swings at up to about 2 sqrt(p/rho0)/d: longer
         steps make deep fine water boil and collapse, however well each step's pressure converges.
-        60 sheets were still at pressure_cfl = .7 and collapsed at 1.4.
+        60 sheets were still at pressure_cfl = .7 and collapsed at 1.4. There d is the spacing of
+        a particle's pairs.
         """
         # Nor may a body overtake what it pushes.
         body = self.walls.top_speed / (self.terms.cfl * self.layers.finest.spacing)
@@ -334,18 +337,20 @@ class Projection(Accounts):
         g_y: ti.f32,
         g_z: ti.f32,
     ) -> ti.f32:
-        """Velocities without compression; the crowded part; all go their way. Returns what
-        let_go() does.
+        """Velocities without compression; the crowded part; all go their way. Returns the
+        largest rate [1/s] that bounds the next step.
 
         One launch, like others here: each takes .06 to .15 ms, a whole step of 1,270 particles 6.
         """
-        self.accelerate(n, alone, dt, ti.math.vec3(g_x, g_y, g_z))
+        swing = self.accelerate(n, alone, dt, ti.math.vec3(g_x, g_y, g_z))
         self.separation.part_all(n, alone)
-        return self.let_go(n, dt)
+        return ti.max(swing, self.let_go(n, dt))
 
     @ti.func
     def accelerate(self, n, alone: ti.template(), dt, gravity):
-        """v = v* + u/dt; pressures; and what densities hide."""
+        """v = v* + u/dt; pressures; and what densities hide. Returns the largest rate [1/s] by
+        which pressure bounds the next step."""
+        top = 0.0
         ti.loop_config(serialize=alone)
         for i in range(n):
             m = self.layers.mass[self.particles.layer[i]]
@@ -361,14 +366,17 @@ class Projection(Accounts):
             self.particles.v[i] += (inner + wall) / dt
             kinematic = self.pair_pressure.at(i, gravity, 1.0 / (dt * dt))
             self.particles.pressure[i] = self.terms.density * kinematic
+            swing = ti.sqrt(ti.max(kinematic, 0.0))
+            ti.atomic_max(top, swing / (self.terms.pressure_cfl * self.pair_pressure.spacing(i)))
             if ti.static(not self.tension):
                 target = ti.math.clamp(self.looseness_round(i) + EVEN, -MOST_HIDDEN, 0.0)
                 self.particles.hidden[i] += BLEND * (target - self.particles.hidden[i])
+        return top
 
     @ti.func
     def let_go(self, n, dt):
         """x += dt v; what would leave is stopped at its wall. Multipliers become pressures. Returns
-        the largest rate [1/s] that bounds the next step."""
+        the largest rate [1/s] by which motion bounds the next step."""
         top, farthest = 0.0, 0.0
         ti.loop_config(serialize=self.particles.light)
         for i in range(n):
@@ -382,9 +390,9 @@ class Projection(Accounts):
             self.particles.multiplier[i] *= self.terms.density / (dt * dt)
             if self.particles.density[i] < self.terms.spray * self.terms.density:
                 v /= SPRAY_LEAP
-            speed, swing = v.norm(), ti.sqrt(self.particles.pressure[i] / self.terms.density)
+            speed = v.norm()
             ti.atomic_max(farthest, speed * dt / d)
-            ti.atomic_max(top, ti.max(speed / self.terms.cfl, swing / self.terms.pressure_cfl) / d)
+            ti.atomic_max(top, speed / (self.terms.cfl * d))
         if ti.static(self.adaptive):
             self.adaptation.travelled[None] += farthest
         return top

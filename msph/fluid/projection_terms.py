@@ -10,7 +10,8 @@ class ProjectionTerms:
     """Constants of the projection method.
 
     density rho0 [kg/m^3]. The time step is bounded by cfl (-), dt <= cfl d/|v|, by pressure_cfl
-    (-), dt <= pressure_cfl d/sqrt(p/rho0), and by longest_step [s] for slow, shallow water. A dam
+    (-), dt <= pressure_cfl d/sqrt(p/rho0), here d of the pairs, and by longest_step [s] for slow,
+    shallow water. A dam
     break at cfl .4, .5 and .6 keeps the same energy to a hundredth of what it began with, and
     densities as near to rest; at .2 it loses three more, for each step spreads particles.
     release [s]: time in which a density excess, or a slight deficit, may become velocity; the rest

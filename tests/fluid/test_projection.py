@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import taichi as ti
 from fluid_kit import YIELD, pair_support, quartic, quartic_slope, relative_density
 
 from msph.fluid.forcing import Forcing
@@ -179,6 +180,41 @@ def test_velocity_solve_leaves_a_small_share_of_the_speed(collision, drift):
     )
     assert 2 * found["usual"][0] < found["strict"][0]
     assert off < terms.motion_tolerance * length
+    collision.reset()
+
+
+def test_pairs_set_the_spacing_that_pressure_holds(collision):
+    """Alike: their own. A fine particle drawn down among coarse ones, which once halved all steps
+    of a pool, is held more softly."""
+    collision.reset()
+    for _ in range(6):
+        collision.advance(1 / 60, WEIGHTLESS)
+    solver, p = collision.solver, collision.particles
+    solver.neighbours.refresh()
+    found = ti.field(ti.f32, shape=p.capacity)
+
+    @ti.kernel
+    def read(n: ti.i32):
+        for i in range(n):
+            found[i] = solver.pair_pressure.spacing(i)
+
+    read(p.count)
+    x, layer = p.numpy("x").astype(float), p.numpy("layer")
+    volume, h, d = (
+        np.array([getattr(s, name) for s in collision.layers.specs])[layer]
+        for name in ("volume", "support", "spacing")
+    )
+    r, h_ij = np.linalg.norm(x[:, None] - x, axis=2), pair_support(h, h)
+    weight = np.where((r < h_ij) & (r > 0.0), volume / h_ij**3, 0.0)
+    met = weight.sum(axis=1) > 0.1
+    per_h2 = (weight / h_ij**2).sum(axis=1)[met] / weight.sum(axis=1)[met]
+    share = found.to_numpy()[: p.count][met] / d[met]
+    assert np.allclose(share, per_h2**-0.5 / h[met], rtol=5e-3)
+    alike = np.array(
+        [len(set(layer[row])) == 1 for row in (weight > 0.0) | np.eye(len(x), dtype=bool)]
+    )
+    assert np.allclose(share[alike[met]], 1.0, rtol=1e-5)
+    assert share[layer[met] == 0].max() > 1.3
     collision.reset()
 
 
