@@ -46,12 +46,12 @@ def start(arch: str = "auto", threads: int | None = None) -> str:
     # Taichi prints what it starts on; commands say it where it matters.
     with contextlib.redirect_stdout(io.StringIO()):
         ti.init(arch=wanted, log_level=ti.ERROR, **options)
-    if not threads:
-        _keep_apart(_threads() - before)
     got = ti.lang.impl.current_cfg().arch
     name = "cpu" if got in (ti.x64, ti.arm64) else got.name
     if arch not in ("auto", name):
         raise ArchError(f"--arch {arch}: this machine has none, or no driver for it")
+    if name == "cpu" and not threads:
+        _keep_apart(_threads() - before)
     _started = name
     return name
 
