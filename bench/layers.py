@@ -127,7 +127,7 @@ def row(name: str, kind: str, pool: Pool) -> dict[str, str]:
         "pool": name,
         "water": kind,
         "particles": f"{pool.simulation.particles.count:,}",
-        **{f"ms a frame {name}": phase.frame() for name, phase in pool.phases.items()},
+        **{f"ms a frame {phase}": record.frame() for phase, record in pool.phases.items()},
         "steps a frame": " / ".join(f"{p.steps / len(p.iterations):.2f}" for p in phases),
         "iterations a step": " / ".join(f"{np.mean(p.iterations):.1f}" for p in phases),
         "pressure error at rest, probes": f"{100 * pool.rest[0]:.2f} %",

@@ -25,7 +25,8 @@ def start(arch: str = "auto", threads: int | None = None) -> str:
     """Starts Taichi once and returns the name of the architecture it runs on.
 
     "auto" takes CUDA or Metal where there is one, else the CPU: a Vulkan driver may be a software
-    one, slower than the CPU itself, so Vulkan must be asked for. Raises ArchError.
+    one, slower than the CPU itself, so Vulkan must be asked for. Unless `threads` are asked for, a
+    CPU runs as many as it has cores, each on its own. Raises ArchError.
     """
     global _started
     if _started:

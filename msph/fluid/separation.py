@@ -34,7 +34,7 @@ SPREAD, THIN = 0.014, 0.03
 # Motion upsets an arrangement, so who moves BRISK spacings in a step spreads in full, and in calmer
 # water less, in proportion, down to the share LEAST (shifts in proportion to the speed: Skillen,
 # Lind, Stansby and Rogers 2013). In full everywhere waves of half a spacing swing 4.9 % too slow,
-# not 2.4, and still layered water keeps three times the kinetic energy.
+# not 2.9, and still layered water keeps three times the kinetic energy.
 BRISK, LEAST = 0.1, 0.3
 # Least distance to a wall, in spacings; the golden section spreads multiples of it evenly.
 NEAREST, GOLDEN = 0.05, 0.6180340
