@@ -2,8 +2,10 @@
 
 import taichi as ti
 
+from msph.launch import data_oriented, kernel
 
-@ti.data_oriented
+
+@data_oriented
 class Accounts:
     """Sums since the reset, fields of shape () that a solver's kernels add to.
 
@@ -25,7 +27,7 @@ class Accounts:
         self.user_work = ti.field(ti.f32, shape=())
         self.merge_loss = ti.field(ti.f32, shape=())
 
-    @ti.kernel
+    @kernel
     def clear_accounts(self):
         """Back to zero."""
         for vector in ti.static(

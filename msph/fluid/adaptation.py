@@ -17,6 +17,7 @@ from msph.fluid.neighbours import NeighbourList
 from msph.fluid.obstacles import END, Walls
 from msph.fluid.particles import Attribute, Particles
 from msph.fluid.scan import ExclusiveScan
+from msph.launch import data_oriented, kernel
 
 ATTRIBUTES = (
     Attribute("depth", "m", "distance to the free surface, as far as layers ask", carried=False),
@@ -100,7 +101,7 @@ def exact(specs: list[LayerSpec]) -> list[LayerSpec]:
     return found
 
 
-@ti.data_oriented
+@data_oriented
 class Adaptation:
     """Splits and merges the particles of one fluid.
 
@@ -233,13 +234,13 @@ class Adaptation:
         elif full < ROOMY:
             self.thickness = min(1.0, THICKER * self.thickness)
 
-    @ti.kernel
+    @kernel
     def wait(self, n: ti.i32):
         """What was split or merged has waited once more."""
         for i in range(n):
             self.particles.settling[i] = ti.max(self.particles.settling[i] - 1, 0)
 
-    @ti.kernel
+    @kernel
     def wish_for(self, n: ti.i32, thickness: ti.f32, reluctant: ti.f32):
         """What each particle should become, by its depth and its layer's band."""
         for i in range(self.particles.capacity):
@@ -257,7 +258,7 @@ class Adaptation:
             wish = ti.select(above, -1, ti.select(below, 1, 0))
             self.particles.wish[i] = ti.select(waiting > 0, 0, wish)
 
-    @ti.kernel
+    @kernel
     def find_partners(self, n: ti.i32):
         """The nearest of the same layer that would merge too."""
         for i in range(n):
@@ -273,7 +274,7 @@ class Adaptation:
                         nearest, best = r, j
             self.particles.partner[i] = best
 
-    @ti.kernel
+    @kernel
     def merge(self, n: ti.i32, most: ti.i32):
         """Mutual nearest pairs become one; the kinetic energy they lose goes to merge_loss."""
         for i in range(n):
@@ -320,7 +321,7 @@ class Adaptation:
             # Several merges may choose the same neighbour.
             self.particles.v[best] += impulse / m_k
 
-    @ti.kernel
+    @kernel
     def split(self, n: ti.i32, most: ti.i32, capacity: ti.i32):
         """One becomes two, on either side of it where the water is thinnest.
 

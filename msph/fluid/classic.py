@@ -16,6 +16,7 @@ from msph.fluid.layers import Layers
 from msph.fluid.neighbours import NeighbourList
 from msph.fluid.obstacles import Walls
 from msph.fluid.particles import Attribute, Particles
+from msph.launch import data_oriented, kernel
 
 # Explicit viscosity is stable while dt < VISCOUS_NUMBER h^2 rho / mu (Morris et al. 1997, eq. 19).
 VISCOUS_NUMBER = 0.125
@@ -53,7 +54,7 @@ class ClassicTerms:
     restitution: float = 0.0
 
 
-@ti.data_oriented
+@data_oriented
 class Classic(Accounts):
     """One solver over the particles of all layers; a single layer is Mueller's SPH of 2003."""
 
@@ -122,7 +123,7 @@ class Classic(Accounts):
         self.neighbours.moved(self.farthest[None])
         self.grid.invalidate()
 
-    @ti.kernel
+    @kernel
     def find_densities(self, n: ti.i32):
         """rho_i = sum_j m_j W(r_ij, h_j) (26) [kg/m^3]; p_i = k (rho_i - rho0) (15) [Pa]."""
         for i in range(n):
@@ -138,7 +139,7 @@ class Classic(Accounts):
             self.particles.density[i] = rho
             self.particles.pressure[i] = p
 
-    @ti.kernel
+    @kernel
     def find_forces(self, n: ti.i32):
         """a_i = (f_pressure + f_viscosity + f_attraction) / rho_i [m/s^2]: (27), (28)."""
         for i in range(n):
@@ -149,7 +150,7 @@ class Classic(Accounts):
                 a += self._attraction(i)
             self.particles.acceleration[i] = a
 
-    @ti.kernel
+    @kernel
     def move(
         self,
         n: ti.i32,

@@ -17,6 +17,7 @@ from msph.fluid.images import Images
 from msph.fluid.layers import Layers
 from msph.fluid.obstacles import END, Walls
 from msph.fluid.particles import Particles
+from msph.launch import data_oriented, kernel
 
 # Coverage sum V_j W above which a cell's centre lies in water: gaps between particles of mixed
 # sizes stay above this.
@@ -32,7 +33,7 @@ ACROSS = 1.46
 CELL = 0.6
 
 
-@ti.data_oriented
+@data_oriented
 class Depth:
     """Distance [m] to the free surface, to about a fifth of a cell, up to `farthest` [m].
 
@@ -86,7 +87,7 @@ class Depth:
             depth += weight * self.depth[at]
         return ti.max(depth, 0.0) * self.cell
 
-    @ti.kernel
+    @kernel
     def _cover(self, n: ti.i32, alone: ti.template()):
         """Coverage sum V_j W of the cells' centres, images included."""
         for c in ti.grouped(self.coverage):
@@ -133,7 +134,7 @@ class Depth:
         """Last cell along an axis whose centre lies at x [m] or before."""
         return ti.math.clamp(ti.floor(x / self.cell - 0.5, ti.i32), 0, self.dims[axis] - 1)
 
-    @ti.kernel
+    @kernel
     def _find_air(self):
         """Air is what a block of 2 x 2 x 2 dry cells covers; smaller voids are water."""
         for c in ti.grouped(self.air):
@@ -165,7 +166,7 @@ class Depth:
     def _number(self, c):
         return (c[0] * self.dims[1] + c[1]) * self.dims[2] + c[2]
 
-    @ti.kernel
+    @kernel
     def _spread(self, near: ti.template(), far: ti.template(), axis: ti.template()):
         """far = min over k of near(cell + k along the axis) + k^2, and whose it is."""
         for c in ti.grouped(self.air):
@@ -180,7 +181,7 @@ class Depth:
             self.squares[far][c] = least
             self.nearest[far][c] = nearest
 
-    @ti.kernel
+    @kernel
     def _measure(self):
         """Depth of the cells' centres, negative in air."""
         for c in ti.grouped(self.depth):

@@ -14,6 +14,7 @@ import taichi as ti
 from msph.fluid.layers import Layers
 from msph.fluid.particles import FEW_CELLS, Particles, one_thread_does
 from msph.fluid.scan import ExclusiveScan
+from msph.launch import data_oriented, kernel
 from msph.tables import tables
 
 # Cells a support along z: a range ends nearer to the ball that is looked for, at no more ranges. A
@@ -27,7 +28,7 @@ def grid_shape(size: tuple[float, float, float], support: float) -> tuple[int, i
     return nx, ny, nz
 
 
-@ti.data_oriented
+@data_oriented
 class LayeredGrid:
     """Grids over the box (0, 0, 0) to size [m], one per layer; its cells are h by h by h/CUTS.
 
@@ -72,7 +73,7 @@ class LayeredGrid:
         self.generation += 1
         self.stale = False
 
-    @ti.kernel
+    @kernel
     def _sort(self, n: ti.i32):
         ti.loop_config(serialize=self.few_cells)
         for c in range(self.total_cells):

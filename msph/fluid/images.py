@@ -13,13 +13,15 @@ column of 24 sheets 37 %; with images 3 %); and where it meets the surface, that
 
 import taichi as ti
 
+from msph.launch import data_oriented
+
 # An entry of a neighbour list: the neighbour's index, above it the mirrors it is seen in, a bit per
 # axis that is mirrored, and above that a bit per axis whose mirror is the far wall.
 INDEX_BITS = 24
 INDEX_MASK = (1 << INDEX_BITS) - 1
 
 
-@ti.data_oriented
+@data_oriented
 class Images:
     """Mirror images in the walls, edges and corners of a box of `size` [m].
 

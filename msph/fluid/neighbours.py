@@ -13,6 +13,7 @@ from msph.fluid.grid import LayeredGrid
 from msph.fluid.images import INDEX_MASK, Images
 from msph.fluid.layers import LayerSpec, pair_support
 from msph.fluid.particles import Particles
+from msph.launch import data_oriented, kernel
 from msph.tables import tables
 
 # How far apart neighbours may be, by their supports h_i and h_j [m].
@@ -38,7 +39,7 @@ Search = ti.types.struct(
 )
 
 
-@ti.data_oriented
+@data_oriented
 class NeighbourList:
     """Neighbours of particle i: index[start[i]] to index[end[i] - 1], i itself left out.
 
@@ -105,7 +106,7 @@ class NeighbourList:
     def stale(self) -> bool:
         return self.slack < 0.0 or self.generation != self.grid.generation
 
-    @ti.kernel
+    @kernel
     def _find(self, n: ti.i32, alone: ti.template()) -> ti.i32:
         """Returns the most entries that a stretch needs."""
         fullest = 0

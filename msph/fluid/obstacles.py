@@ -15,6 +15,7 @@ from msph.fluid.layers import LayerSpec
 from msph.fluid.samples import Lattice, Samples
 from msph.fluid.solids import lattices, sample
 from msph.fluid.walls import ball_share, block_share, wall_support
+from msph.launch import data_oriented, kernel
 
 vec3, vec4 = ti.math.vec3, ti.math.vec4
 
@@ -27,7 +28,7 @@ ROUNDS = 8
 BEGIN, END = 0, 1
 
 
-@ti.data_oriented
+@data_oriented
 class Walls:
     """The walls of a fluid: box size [m], bodies, and the layers whose particles meet them.
 
@@ -108,7 +109,7 @@ class Walls:
             self._find_free(np.ascontiguousarray(x, np.float32), margin, found)
         return found > 0
 
-    @ti.kernel
+    @kernel
     def _find_free(
         self,
         x: ti.types.ndarray(dtype=ti.f32, ndim=2),

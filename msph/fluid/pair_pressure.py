@@ -14,6 +14,7 @@ import taichi as ti
 from msph.fluid.layers import Layers
 from msph.fluid.neighbours import NeighbourList
 from msph.fluid.particles import Particles
+from msph.launch import data_oriented
 
 # Sum of the weights (-) from which on there is a mean; 3 in bulk.
 LEAST_WEIGHT = 1e-6
@@ -21,7 +22,7 @@ LEAST_WEIGHT = 1e-6
 ALONE = 1e-3
 
 
-@ti.data_oriented
+@data_oriented
 class PairPressure:
     """Reads particles' `multiplier`s; pair_gradient holds V_j grad W_ij [1/m] of each entry of the
     neighbour list."""

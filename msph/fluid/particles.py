@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from msph.launch import data_oriented, kernel
+
 # Particles up to which one thread of a CPU does a loop over their neighbours as fast as two do, or
 # one that meets no neighbours; and cells that it scans: to wake threads takes 25 us.
 FEW, FEW_LIGHT, FEW_CELLS = 500, 4_000, 50_000
@@ -56,7 +58,7 @@ CORE = (
 )
 
 
-@ti.data_oriented
+@data_oriented
 class Particles:
     """A preallocated pool: one Taichi field of shape (capacity,) per attribute, by its name.
 
@@ -130,7 +132,7 @@ class Particles:
         """Every carried attribute of the live particles: what a checkpoint holds."""
         return {a.name: self.numpy(a.name) for a in self.attributes.values() if a.carried}
 
-    @ti.kernel
+    @kernel
     def compact(self, target: ti.template(), alive: ti.template(), n: ti.i32):
         """Moves those of the first n with alive[i] = 1 to target[i]. Both i32 (n,)."""
         ti.loop_config(serialize=self.light)

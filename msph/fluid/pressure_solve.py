@@ -7,6 +7,7 @@ import taichi as ti
 from msph.fluid.layers import Layers
 from msph.fluid.neighbours import NeighbourList
 from msph.fluid.particles import Attribute, Particles
+from msph.launch import data_oriented, kernel
 
 # What a solve reads and leaves on the particles.
 ATTRIBUTES = (
@@ -41,7 +42,7 @@ STILL = 1e-5
 DAMPING, LEAST_DAMPING = 24.0, 0.5
 
 
-@ti.data_oriented
+@data_oriented
 class PressureSolve:
     """Finds q >= 0 [m^2] and u_i = -sum V_j (q_i + q_j) grad W_ij [m], so that
     source_i + sum V_j (u_i - u_j).grad W_ij <= 0, and = 0 where q > 0.
@@ -101,7 +102,7 @@ class PressureSolve:
                 taken += LOOK
         return taken
 
-    @ti.kernel
+    @kernel
     def relax(
         self,
         n: ti.i32,
@@ -186,14 +187,14 @@ class PressureSolve:
             found += (u - mirror * field[j]).dot(self.pair_gradient[s])
         return found
 
-    @ti.kernel
+    @kernel
     def find_shifts(self, n: ti.i32, alone: ti.template(), q: ti.template(), shifts: ti.template()):
         """The displacements u that the multipliers q give."""
         ti.loop_config(serialize=alone)
         for i in range(n):
             shifts[i] = self.shift_by(i, q)
 
-    @ti.kernel
+    @kernel
     def begin(
         self,
         n: ti.i32,
@@ -244,7 +245,7 @@ class PressureSolve:
         self.descent[None], self.scale[None] = descent, scale + leeway**2 * apart
         return self.iterate_all(n, alone, q, tolerance)
 
-    @ti.kernel
+    @kernel
     def iterate(
         self, n: ti.i32, alone: ti.template(), q: ti.template(), tolerance: ti.f32
     ) -> ti.i32:

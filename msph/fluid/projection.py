@@ -28,6 +28,7 @@ from msph.fluid.summation import UNKNOWN, Summation
 from msph.fluid.tension import Tension
 from msph.fluid.viscosity import Viscosity
 from msph.fluid.xsph import Xsph
+from msph.launch import data_oriented, kernel
 
 _ATTRIBUTES = (
     Attribute("density", "kg/m^3", "relative density c times rest density"),
@@ -63,7 +64,7 @@ SMALLEST = 1e-3
 SPRAY_LEAP = 2.5
 
 
-@ti.data_oriented
+@data_oriented
 class Projection(Accounts):
     """One solver over the particles of all layers.
 
@@ -238,7 +239,7 @@ class Projection(Accounts):
         if self.adaptation and self.adaptation.due():
             self.adaptation.run()
 
-    @ti.kernel
+    @kernel
     def aim_at_no_compression(self, n: ti.i32, alone: ti.template(), dt: ti.f32):
         """aim_all(), as a kernel."""
         self.aim_all(n, alone, dt)
@@ -274,7 +275,7 @@ class Projection(Accounts):
             self.particles.earlier[i] = now
             self.particles.multiplier[i] = start * dt * dt / self.terms.density
 
-    @ti.kernel
+    @kernel
     def push(
         self,
         n: ti.i32,
@@ -327,7 +328,7 @@ class Projection(Accounts):
                 known += volume
         return looseness / ti.max(known, SMALLEST * own)
 
-    @ti.kernel
+    @kernel
     def move(
         self,
         n: ti.i32,

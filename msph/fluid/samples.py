@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import taichi as ti
 
+from msph.launch import data_oriented
 from msph.tables import tables
 
 vec3, vec4 = ti.math.vec3, ti.math.vec4
@@ -36,7 +37,7 @@ class Lattice:
         return self.shape[0] * self.shape[1] * self.shape[2]
 
 
-@ti.data_oriented
+@data_oriented
 class Samples:
     """Several sampled lattices, one after the other in one field of f32.
 

@@ -3,13 +3,14 @@
 import taichi as ti
 
 from msph.fluid.particles import FEW_CELLS, one_thread_does
+from msph.launch import data_oriented, kernel
 
 # Entries that one thread adds up serially: long enough to hide a thread's start, short enough to
 # leave a GPU something to share out.
 CHUNK = 256
 
 
-@ti.data_oriented
+@data_oriented
 class ExclusiveScan:
     """Prefix sums in three passes: sums of chunks, scan of the sums, scan within the chunks.
 
@@ -23,7 +24,7 @@ class ExclusiveScan:
         self.few = one_thread_does(length, FEW_CELLS)
         self.sums = ti.field(ti.i32, shape=self.chunks)
 
-    @ti.kernel
+    @kernel
     def run(self, counts: ti.template(), starts: ti.template()):
         """counts (length,) i32 -> starts (length + 1,) i32, starts[0] = 0, starts[-1] = total."""
         self.sum_up(counts, starts)

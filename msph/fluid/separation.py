@@ -9,6 +9,7 @@ from msph.fluid.obstacles import BEGIN, Walls
 from msph.fluid.particles import Attribute, Particles
 from msph.fluid.pressure_solve import PressureSolve
 from msph.fluid.summation import TINY, Summation
+from msph.launch import data_oriented, kernel
 
 ATTRIBUTES = (
     Attribute("crowding", "m^2", "multiplier of the position solve", carried=False),
@@ -42,7 +43,7 @@ NEAREST, GOLDEN = 0.05, 0.6180340
 SMALLEST = 1e-6
 
 
-@ti.data_oriented
+@data_oriented
 class Separation:
     """Displaces particles by `iterations` of Jacobi, at most `largest_shift` spacings a step; what
     they give each other is booked in `accounts`. density: at rest [kg/m^3]."""
@@ -78,7 +79,7 @@ class Separation:
             self.spread(n, p.alone, dt)
         return crowded
 
-    @ti.kernel
+    @kernel
     def aim_at_rest_density(self, n: ti.i32, alone: ti.template(), dt: ti.f32) -> ti.f32:
         """The sums; source_i = c_i - 1; and the iterations, of which the first in bulk sees up
         to SPREAD more. Returns the largest excess."""
@@ -93,7 +94,7 @@ class Separation:
         self.relax_rest(n, alone)
         return most
 
-    @ti.kernel
+    @kernel
     def spread(self, n: ti.i32, alone: ti.template(), dt: ti.f32):
         """The same iterations after others."""
         ti.loop_config(serialize=alone)
@@ -123,7 +124,7 @@ class Separation:
         bulk = self.particles.source[i] > -THIN
         return self.pressure_solve.corrected(i, q, ti.select(bulk, r + share * SPREAD, r))
 
-    @ti.kernel
+    @kernel
     def part(self, n: ti.i32, alone: ti.template()):
         """part_all(), as a kernel."""
         self.part_all(n, alone)

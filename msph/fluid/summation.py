@@ -8,6 +8,7 @@ from msph.fluid.layers import Layers, pair_support
 from msph.fluid.neighbours import NeighbourList
 from msph.fluid.obstacles import Walls
 from msph.fluid.particles import Particles
+from msph.launch import data_oriented, kernel
 from msph.tables import tables
 
 # Squared distance [m^2] from which on a direction can be told.
@@ -31,7 +32,7 @@ BLOCK = 32
 Sums = ti.types.struct(c=ti.f32, bell=ti.f32, g=ti.math.vec3, mirrored=ti.math.vec3, squares=ti.f32)
 
 
-@ti.data_oriented
+@data_oriented
 class Summation:
     """Sums of the quartic B-spline over neighbours, images and bodies.
 
@@ -89,7 +90,7 @@ class Summation:
             scale, bell_scale, own, own_bell, per_yield
         )
 
-    @ti.kernel
+    @kernel
     def weigh(self, n: ti.i32, alone: ti.template()):
         """weigh_all(), as a kernel."""
         self.weigh_all(n, alone)

@@ -20,6 +20,7 @@ from msph.fluid import kernels
 from msph.fluid.layers import Layers
 from msph.fluid.particles import Attribute, Particles
 from msph.fluid.summation import Summation
+from msph.launch import data_oriented, kernel
 
 ATTRIBUTES = (
     Attribute("normal", "-", "into the water at its surface, below 1 within", 3, carried=False),
@@ -41,7 +42,7 @@ CAPILLARY = 0.5
 TINY = 1e-30
 
 
-@ti.data_oriented
+@data_oriented
 class Tension:
     """Pulls at velocities by a tension [N/m] of water of a density [kg/m^3], whose `summation`
     must be of now."""
@@ -65,7 +66,7 @@ class Tension:
         self.find_normals(n)
         self.pull(n, dt * self.ratio)
 
-    @ti.kernel
+    @kernel
     def find_normals(self, n: ti.i32):
         """n_i = g_i / sqrt(|g_i|^2 + 1/h_i^2)."""
         for i in range(n):
@@ -73,7 +74,7 @@ class Tension:
             soft = 1.0 / self.layers.support[self.particles.layer[i]]
             self.particles.normal[i] = g / ti.sqrt(g.norm_sqr() + soft * soft)
 
-    @ti.kernel
+    @kernel
     def pull(self, n: ti.i32, impulse: ti.f32):
         """v_i -= dt sigma/rho sum V_j (AREA H_ij (n_i - n_j) + COHESION s_ij f(r_ij) e_ij).
 

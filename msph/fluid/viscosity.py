@@ -18,6 +18,7 @@ from msph.fluid.layers import Layers
 from msph.fluid.neighbours import NeighbourList
 from msph.fluid.particles import Attribute, Particles
 from msph.fluid.pressure_solve import PressureSolve
+from msph.launch import data_oriented, kernel
 
 ATTRIBUTES = (
     Attribute("viscous_residual", "m/s", "change by viscosity yet to come", 3, carried=False),
@@ -42,7 +43,7 @@ NO_SLIP = 0.2
 TINY = 1e-30
 
 
-@ti.data_oriented
+@data_oriented
 class Viscosity:
     """Applies a dynamic viscosity [Pa s] to the velocities of water of a density [kg/m^3].
 
@@ -91,19 +92,19 @@ class Viscosity:
                 self.iterations += LOOK
         self.finish(n, dt / self.density)
 
-    @ti.kernel
+    @kernel
     def lend_pressure(self, n: ti.i32, factor: ti.f32):
         """v += factor u, with factor = dt/rho [m^3 s/kg] and u the pressures' shifts [Pa/m]."""
         for i in range(n):
             self.particles.v[i] += factor * self.particles.shift[i]
 
-    @ti.kernel
+    @kernel
     def brake(self, n: ti.i32, span: ti.f32):
         """Explicit: leaves dt nu lap v as the residual; span = dt nu [m^2]."""
         for i in range(n):
             self.particles.viscous_residual[i] = span * self.laplacian(i, self.particles.v)
 
-    @ti.kernel
+    @kernel
     def begin(self, n: ti.i32, span: ti.f32):
         """r = dt nu lap v*, and the first direction r/D."""
         self.descent[None] = 0.0
@@ -115,7 +116,7 @@ class Viscosity:
             self.particles.viscous_direction[i] = r / d
             self.descent[None] += self.layers.volume[self.particles.layer[i]] * r.dot(r / d)
 
-    @ti.kernel
+    @kernel
     def iterate(self, n: ti.i32, span: ti.f32):
         """v += alpha p; r -= alpha (p - dt nu lap p); p = r/D + beta p."""
         self.curvature[None] = 0.0
@@ -141,7 +142,7 @@ class Viscosity:
                 + beta * self.particles.viscous_direction[i]
             )
 
-    @ti.kernel
+    @kernel
     def finish(self, n: ti.i32, factor: ti.f32):
         """v += r - factor u: takes the pressure back. With r all that velocities have gained is
         dt nu lap v of the solve's v, so that momenta are kept however early it stopped."""

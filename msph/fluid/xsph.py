@@ -11,9 +11,10 @@ from msph.fluid import kernels
 from msph.fluid.layers import Layers
 from msph.fluid.neighbours import NeighbourList
 from msph.fluid.particles import Particles
+from msph.launch import data_oriented, kernel
 
 
-@ti.data_oriented
+@data_oriented
 class Xsph:
     """Takes the share `strength` (-) of the way to the neighbours' velocity in every step.
 
@@ -28,7 +29,7 @@ class Xsph:
         self.images = neighbours.images
         self.strength = strength
 
-    @ti.kernel
+    @kernel
     def run(self, n: ti.i32):
         """v_i += strength sum V_j (v_j - v_i) W_ij."""
         for i in range(n):

@@ -4,6 +4,7 @@ import numpy as np
 import taichi as ti
 
 from msph.fluid.simulation import Simulation
+from msph.launch import data_oriented, kernel
 
 # Particles that one thread adds up in single precision; the host adds these sums in double.
 # Rounding of a sum of n equal numbers grows as n: 32 keep it under 1e-6, also without f64.
@@ -23,7 +24,7 @@ _GIVEN_VECTORS = ("internal_impulse", "internal_angular_impulse", "wall_impulse"
 _GIVEN_SCALARS = ("wall_work", "user_work", "merge_loss")
 
 
-@ti.data_oriented
+@data_oriented
 class Totals:
     """Mass [kg], first moment sum m x [kg m], momenta, energy and errors of all particles, and the
     accounts that the solver keeps; names and units as in Entry.
@@ -57,7 +58,7 @@ class Totals:
             **dict(zip(_GIVEN_SCALARS, works.tolist(), strict=True)),
         }
 
-    @ti.kernel
+    @kernel
     def _reduce(
         self,
         n: ti.i32,

@@ -9,6 +9,7 @@ import numpy as np
 import taichi as ti
 
 from msph.fluid.obstacles import END
+from msph.launch import data_oriented
 from msph.picture.lights import SKY_LIGHT, SUN_LIGHT
 
 vec2, vec3 = ti.math.vec2, ti.math.vec3
@@ -22,7 +23,7 @@ SOFT = 14.0  # sharpness of shadows
 MISSED = 1e9
 
 
-@ti.data_oriented
+@data_oriented
 class Bodies:
     """The bodies of `walls`, as a picture sees them at the end of a step."""
 

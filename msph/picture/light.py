@@ -8,6 +8,7 @@ own beam would land.
 
 import taichi as ti
 
+from msph.launch import data_oriented
 from msph.picture.optics import WATER_INDEX, bend, cosine_beyond
 from msph.picture.rasteriser import BLOCK, on_wall
 
@@ -25,7 +26,7 @@ HALF_SHADE = 0.6  # light where beams that came in by a wall were not traced
 SHORE = 0.04  # depth over which caustics fade in [m]
 
 
-@ti.data_oriented
+@data_oriented
 class Light:
     def __init__(self, mesh, lens, box, caustics, cells):
         x, z = box[0] * COLUMNS / max(box[0], box[2]), box[2] * COLUMNS / max(box[0], box[2])

@@ -3,6 +3,7 @@
 import numpy as np
 import taichi as ti
 
+from msph.launch import data_oriented, kernel
 from msph.picture.pool import RIM
 from msph.picture.rasteriser import BLOCK, NOTHING, Rasteriser, sphere_inverse_depth
 
@@ -39,7 +40,7 @@ def colour_map(count=COLOURS):
     return np.clip(xyz @ XYZ_TO_RGB.T, 0, 1)
 
 
-@ti.data_oriented
+@data_oriented
 class OwnRadius:
     """Radius of each particle from a f32 field [m], times a factor."""
 
@@ -51,7 +52,7 @@ class OwnRadius:
         return self.factor * self.radius[p]
 
 
-@ti.data_oriented
+@data_oriented
 class LayerRadius:
     """Radius from the particle's layer (i32 field) by a table of spacings (f32 field) [m]."""
 
@@ -63,7 +64,7 @@ class LayerRadius:
         return self.factor * self.spacing[self.layer[p]]
 
 
-@ti.data_oriented
+@data_oriented
 class ParticlesView:
     """Draws up to `capacity` spheres over the backdrop."""
 
@@ -74,7 +75,7 @@ class ParticlesView:
         self.map = ti.Vector.field(3, ti.f32, COLOURS)
         self.map.from_numpy(colour_map().astype(np.float32))
 
-    @ti.kernel
+    @kernel
     def draw(
         self,
         x: ti.template(),

@@ -3,6 +3,7 @@
 import numpy as np
 import taichi as ti
 
+from msph.launch import data_oriented, kernel
 from msph.picture.bodies import Bodies
 from msph.picture.light import Light
 from msph.picture.look import Look
@@ -17,7 +18,7 @@ from msph.picture.water import Water
 SKIN = 2e-3  # how near to a wall a face counts as lying on it, as a share of the longest edge
 
 
-@ti.data_oriented
+@data_oriented
 class Picture:
     """Pictures of width x height pixels of the box (Lx, Ly, Lz) [m].
 
@@ -67,14 +68,14 @@ class Picture:
         self.shade()
         self.resolve()
 
-    @ti.kernel
+    @kernel
     def rasterise(self):
         """The visibility buffer and the light, each pass a row of parallel loops."""
         self.raster.clear()
         self.light.cast(self.skin)
         self.raster.draw_mesh(self.mesh, self.skin)
 
-    @ti.kernel
+    @kernel
     def shade(self):
         self.water.shade(self.skin, self.canvas)
 
@@ -99,7 +100,7 @@ class Picture:
         if self.rays > 1:
             self.average()
 
-    @ti.kernel
+    @kernel
     def average(self):
         for i, j in self.image:
             total = ti.math.vec3(0.0)

@@ -6,6 +6,7 @@ ray that enters the box by glass or by the open top meets tiles, glass or the to
 
 import taichi as ti
 
+from msph.launch import data_oriented, kernel
 from msph.picture.bodies import MISSED
 from msph.picture.lights import SKY_LIGHT, SUN_LIGHT
 from msph.picture.rasteriser import BLOCK, FAR
@@ -45,7 +46,7 @@ def reciprocal(d):
     return 1.0 / (d + ti.select(abs(d) < TINY, TINY, 0.0))
 
 
-@ti.data_oriented
+@data_oriented
 class Pool:
     def __init__(self, sky: Sky, bodies=None):
         """bodies: the Bodies in the pool, or None."""
@@ -54,7 +55,7 @@ class Pool:
         self.tone = ti.field(ti.f32, TONES)  # shade of a tile, 0..1
         self.glaze()
 
-    @ti.kernel
+    @kernel
     def glaze(self):
         """Fixed pseudo-random tones: a golden-ratio sequence, shuffled."""
         for i in range(TONES):
@@ -235,7 +236,7 @@ class Pool:
         return vec4(colour, rim), ti.max(near, 0.0) + t
 
 
-@ti.data_oriented
+@data_oriented
 class Backdrop:
     """The view without water, display-referred, with the opacity of the rim that lies before all.
 
@@ -270,7 +271,7 @@ class Backdrop:
         """Nothing hides a backdrop from itself."""
         return False
 
-    @ti.kernel
+    @kernel
     def draw(self, raster: ti.template(), partly: ti.template()):
         """Sky and ground are smooth: one sample of them serves a block of 2 x 2 pixels."""
         ti.loop_config(block_dim=BLOCK)

@@ -12,6 +12,8 @@ normal. No vertex is divided by its depth, so triangles through the near plane n
 
 import taichi as ti
 
+from msph.launch import data_oriented
+
 vec3 = ti.math.vec3
 
 BLOCK = 256  # pixels or items per chunk of a thread: the default halves the picture, unevenly
@@ -21,7 +23,7 @@ FAR = 1e9  # depth of a pixel without a back face [m]
 OVERLAP = 2e-3  # pixels by which triangles reach over their edges, so that none falls between
 
 
-@ti.data_oriented
+@data_oriented
 class Rasteriser:
     """Visibility buffer of width x height pixels for items numbered below `capacity`."""
 

@@ -8,6 +8,7 @@ field that is written only when the camera moves costs nothing.
 import numpy as np
 import taichi as ti
 
+from msph.launch import data_oriented, kernel
 from msph.picture.optics import WATER_INDEX, refracted
 
 vec2, vec3 = ti.math.vec2, ti.math.vec3
@@ -100,7 +101,7 @@ def shoot(camera, tilt, box, width, height, look):
     }
 
 
-@ti.data_oriented
+@data_oriented
 class Lens:
     """Holds the shot of the present frame: `shot[None]` in a kernel, `numbers` outside."""
 
@@ -118,7 +119,7 @@ class Lens:
         flat = [np.ravel(numbers[name]) for name in Shot.members]
         self.store(np.concatenate(flat).astype(np.float32))
 
-    @ti.kernel
+    @kernel
     def store(self, numbers: ti.types.ndarray(dtype=ti.f32, ndim=1)):
         k = 0
         for slots in ti.static(self.slots):

@@ -6,6 +6,8 @@ half sphere by stereographic projection, (x, z) / (1 + y).
 
 import taichi as ti
 
+from msph.launch import data_oriented, kernel
+
 vec3 = ti.math.vec3
 
 CELLS = 256  # dome resolution
@@ -44,14 +46,14 @@ def lattice(c):
     return ti.cast((h ^ (h >> 16)) & ti.u32(0xFFFF), ti.f32) / 65535.0
 
 
-@ti.data_oriented
+@data_oriented
 class Sky:
     def __init__(self, sun):
         """sun: unit vector to it, world frame."""
         self.dome = ti.Vector.field(3, ti.f32, (CELLS, CELLS))
         self.paint(vec3(*sun))
 
-    @ti.kernel
+    @kernel
     def paint(self, sun: vec3):
         for i, j in self.dome:
             q = (ti.math.vec2(i, j) + 0.5) * (2.0 / CELLS) - 1.0

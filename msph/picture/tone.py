@@ -3,6 +3,8 @@
 import numpy as np
 import taichi as ti
 
+from msph.launch import data_oriented
+
 CELLS = 4096
 WHITE = 1.6  # radiance shown as full white
 KNEE = 0.65  # radiance up to which the curve is the identity
@@ -16,7 +18,7 @@ def curve(x):
     return np.where(y <= 0.0031308, 12.92 * y, 1.055 * np.maximum(y, 1e-9) ** (1 / 2.4) - 0.055)
 
 
-@ti.data_oriented
+@data_oriented
 class Tone:
     def __init__(self):
         self.table = ti.field(ti.f32, CELLS)

@@ -7,6 +7,7 @@ and mixed with light scattered by the water itself.
 
 import taichi as ti
 
+from msph.launch import data_oriented
 from msph.picture.optics import WATER_INDEX, bend, cosine_beyond, reflectance, transmittance
 from msph.picture.pool import FLATTEST, RIM, along
 from msph.picture.rasteriser import BLOCK, NOTHING
@@ -21,7 +22,7 @@ GRAZING = 0.03  # least cosine of incidence counted with
 DOWNWELLING = 0.5  # share of absorption on the light's own way down
 
 
-@ti.data_oriented
+@data_oriented
 class Water:
     def __init__(self, mesh, lens, rasteriser, pool, light, backdrop, tone):
         self.lens = lens

@@ -3,6 +3,7 @@
 import taichi as ti
 
 from msph.fluid.simulation import Simulation
+from msph.launch import data_oriented, kernel
 from msph.scene.check import views
 from msph.scene.schema import Scene
 
@@ -10,7 +11,7 @@ from msph.scene.schema import Scene
 DENSITY_RANGE = 0.1
 
 
-@ti.data_oriented
+@data_oriented
 class Views:
     """The views of one simulation, by name, and the scalar field that colours the particles."""
 
@@ -45,12 +46,12 @@ class Views:
         lo, hi = (0.0 if vector else float(values.min())), float(values.max())
         return self.value, lo, max(hi, lo + 1e-6)
 
-    @ti.kernel
+    @kernel
     def _copy(self, source: ti.template(), n: ti.i32, scale: ti.f32, shift: ti.f32):
         for i in range(n):
             self.value[i] = scale * source[i] + shift
 
-    @ti.kernel
+    @kernel
     def _length(self, source: ti.template(), n: ti.i32):
         for i in range(n):
             self.value[i] = source[i].norm()

@@ -19,6 +19,7 @@ import math
 
 import taichi as ti
 
+from msph.launch import data_oriented, kernel
 from msph.surface.lattice import BLOCK, Blocks, Lattice
 from msph.surface.sums import KernelSums
 
@@ -35,7 +36,7 @@ def bound(spacing: tuple[float, float, float], reach: float) -> float:
     return max(0.0, 1.0 - diagonal2 / (4.0 * reach * reach)) ** 3
 
 
-@ti.data_oriented
+@data_oriented
 class Band:
     """Sub-block states, and from them the active blocks.
 
@@ -75,7 +76,7 @@ class Band:
         self.state.fill(BAND)
         self.blocks.activate_all()
 
-    @ti.kernel
+    @kernel
     def sample(self):
         """sampled = c at every second node, four along z at once."""
         nx, ny, nz = self.shape
@@ -92,7 +93,7 @@ class Band:
                 if c + m < nz:
                     self.sampled[a, b, c + m] = found[m]
 
-    @ti.kernel
+    @kernel
     def classify(self):
         """sampled -> state, active blocks -> list of needed blocks."""
         self.blocks.count[0] = 0

@@ -2,6 +2,7 @@
 
 import taichi as ti
 
+from msph.launch import data_oriented, kernel
 from msph.surface.band import AIR, BAND, Band
 from msph.surface.lattice import BLOCK, RUNS, Blocks, Lattice
 from msph.surface.sums import KernelSums
@@ -12,7 +13,7 @@ vec3, vec4 = ti.math.vec3, ti.math.vec4
 INSIDE, OUTSIDE = 1.0, -1.0
 
 
-@ti.data_oriented
+@data_oriented
 class Coverage:
     """Fills value f and its gradient at the nodes of the listed blocks.
 
@@ -46,7 +47,7 @@ class Coverage:
                         state = BAND
         return state
 
-    @ti.kernel
+    @kernel
     def gather(self, value: ti.template(), gradient: ti.template()):
         """f and grad f at the nodes of all listed blocks."""
         for q in range(self.blocks.count[0] * RUNS):

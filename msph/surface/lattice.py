@@ -11,6 +11,8 @@ import math
 import numpy as np
 import taichi as ti
 
+from msph.launch import data_oriented, kernel
+
 BLOCK = 4
 RUNS = BLOCK * BLOCK  # z-runs of 4 nodes per block
 # In a walled lattice the wall nodes stand off the wall by about this part of the spacing: no
@@ -78,7 +80,7 @@ def walled_axis(length: float, cell: float) -> np.ndarray:
     return np.concatenate([[-inset, inset], x[1:-1], [wall - inset, wall + inset]])
 
 
-@ti.data_oriented
+@data_oriented
 class Blocks:
     """Which blocks hold surface, and the list of all blocks whose nodes are needed.
 
@@ -122,7 +124,7 @@ class Blocks:
             slot = ti.atomic_add(self.count[0], 1)
             self.listed[slot] = (bx * self.dims[1] + by) * self.dims[2] + bz
 
-    @ti.kernel
+    @kernel
     def enlist(self):
         """active -> need, listed, count; count must be zero before."""
         for b in range(self.total):

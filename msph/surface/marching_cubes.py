@@ -8,6 +8,7 @@ cells, so the counters see one atomic per run.
 import numpy as np
 import taichi as ti
 
+from msph.launch import data_oriented, kernel
 from msph.surface import tables
 from msph.surface.lattice import BLOCK, RUNS, Blocks, Lattice
 from msph.surface.mesh import SurfaceMesh
@@ -21,7 +22,7 @@ END_GAP = 1e-3
 FLAT = 1e-20
 
 
-@ti.data_oriented
+@data_oriented
 class MarchingCubes:
     """Polygonises value = 0 of node fields, inside where value > 0.
 
@@ -67,7 +68,7 @@ class MarchingCubes:
     def inside_lattice(self, node):
         return node[0] < self.shape[0] and node[1] < self.shape[1] and node[2] < self.shape[2]
 
-    @ti.kernel
+    @kernel
     def make_vertices(self):
         """One vertex per crossed edge of the active cells, at the root of linear interpolation."""
         for c in range(4):
@@ -137,7 +138,7 @@ class MarchingCubes:
             v[m] = self.vertex[cell + low][self.edge[e, 3]]
         return v
 
-    @ti.kernel
+    @kernel
     def make_triangles(self):
         """The table's triangles for every cell of the active blocks; whole triangles only."""
         for q in range(self.blocks.count[0] * RUNS):

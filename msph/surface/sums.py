@@ -10,6 +10,7 @@ to the walls, whatever the layers.
 import numpy as np
 import taichi as ti
 
+from msph.launch import data_oriented
 from msph.surface.lattice import Lattice
 from msph.surface.walls import POLY6, fluid_fraction
 from msph.tables import tables
@@ -17,7 +18,7 @@ from msph.tables import tables
 vec3, vec4 = ti.math.vec3, ti.math.vec4
 
 
-@ti.data_oriented
+@data_oriented
 class KernelSums:
     """c and grad c at lattice nodes, gathered from the sorted particles.
 
