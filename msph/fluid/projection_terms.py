@@ -9,11 +9,11 @@ from msph.fluid.adaptation import AdaptationTerms
 class ProjectionTerms:
     """Constants of the projection method.
 
-    density rho0 [kg/m^3]. The time step is bounded by cfl (-), dt <= cfl d/|v|, by pressure_cfl
-    (-), dt <= pressure_cfl d/sqrt(p/rho0), here d of the pairs, and by longest_step [s] for slow,
-    shallow water. A dam
-    break at cfl .4, .5 and .6 keeps the same energy to a hundredth of what it began with, and
-    densities as near to rest; at .2 it loses three more, for each step spreads particles.
+    density rho0 [kg/m^3]. The time step is bounded by cfl (-), dt <= cfl d/|v|, v past neighbours
+    and walls, by pressure_cfl (-), dt <= pressure_cfl d/sqrt(p/rho0), here d of the pairs, and by
+    longest_step [s] for slow, shallow water. A dam break at cfl .4, .5 and .6 keeps the same energy
+    to a hundredth of what it began with, and densities as near to rest; at .2 it loses three more,
+    for each step spreads particles.
     release [s]: time in which a density excess, or a slight deficit, may become velocity; the rest
     of the excess is for the position solve, of position_iterations, at most largest_shift spacings
     a step. tolerance (-): share of the pressure's displacements that the velocity solve may leave,

@@ -15,6 +15,7 @@ ATTRIBUTES = (
     Attribute("crowding", "m^2", "multiplier of the position solve", carried=False),
     Attribute("parting", "m", "displacement that ends crowding", width=3, carried=False),
     Attribute("exchange", "m/s", "velocity given by neighbours", width=3, carried=False),
+    Attribute("pace", "m/s", "fastest at which neighbours and walls pass by", carried=False),
 )
 
 # Excess of density, as halves have it after a split, from which on the position solve takes more
@@ -136,19 +137,25 @@ class Separation:
         A pair that is moved apart to r (1 + a) keeps its angular momentum only if its relative
         velocity shrinks by a; so v_i -= sum a_ij (v_i - v_j), a_ij = -(q_i + q_j) V_j W'/r >= 0,
         which keeps the momentum too, and adds no energy.
+
+        Leaves each particle's pace [m/s], for who walks over pairs' velocities meets it.
         """
         ti.loop_config(serialize=alone)
         for i in range(n):
             change = ti.Vector([0.0, 0.0, 0.0])
             q, v, x = self.particles.crowding[i], self.particles.v[i], self.particles.x[i]
+            pace = self.walls_pace(i, x, v) ** 2
             for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
                 j = self.neighbours.index[s]
                 r_ij = x - self.particles.x[j]
                 per_r2 = 1.0 / ti.max(r_ij.norm_sqr(), TINY)
                 slope = self.pair_gradient[s].dot(r_ij) * per_r2
                 a = slope * (q + self.particles.crowding[j])
-                change += a * (v - self.particles.v[j])
+                passing = v - self.particles.v[j]
+                change += a * passing
+                pace = ti.max(pace, passing.norm_sqr())
             self.particles.exchange[i] = change
+            self.particles.pace[i] = ti.sqrt(pace)
             m = self.layers.mass[self.particles.layer[i]]
             self.accounts.book_internal(m, x, change)
             wall = self.pressure_solve.wall_shift(i, self.particles.crowding)
@@ -159,6 +166,19 @@ class Separation:
             x = self.particles.x[i] + self.limit(i) * self.particles.parting[i]
             self.particles.x[i] = self.walls.keep(x, BEGIN, self.margin(i))
             self.particles.v[i] += self.particles.exchange[i]
+
+    @ti.func
+    def walls_pace(self, i, x, v):
+        """Fastest [m/s] at which walls within reach of x come nearer or go; all of |v| by bodies,
+        whose sides may face anywhere."""
+        pace, h = 0.0, self.layers.support[self.particles.layer[i]]
+        for k in ti.static(range(3)):
+            near = x[k] < h or x[k] > self.neighbours.images.size[k] - h
+            pace = ti.max(pace, ti.select(near, abs(v[k]), 0.0))
+        if ti.static(self.walls.count > 0):
+            meets = self.particles.wall[i].norm_sqr() > 0.0
+            pace = ti.select(meets, v.norm(), pace)
+        return pace
 
     @ti.func
     def limit(self, i):

@@ -7,6 +7,7 @@ from fluid_kit import YIELD, pair_support, quartic, quartic_slope, relative_dens
 
 from msph.fluid.forcing import Forcing
 from msph.fluid.layers import LayerSpec
+from msph.fluid.projection import LEAP
 from msph.fluid.projection_terms import ProjectionTerms
 from msph.fluid.separation import BRISK
 from msph.fluid.simulation import Simulation
@@ -215,6 +216,40 @@ def test_pairs_set_the_spacing_that_pressure_holds(collision):
     )
     assert np.allclose(share[alike[met]], 1.0, rtol=1e-5)
     assert share[layer[met] == 0].max() > 1.3
+    collision.reset()
+
+
+def test_pace_is_how_fast_neighbours_and_walls_pass(collision):
+    """The blobs as they meet, one of them at a wall, by brute force."""
+    collision.reset()
+    for _ in range(6):
+        collision.advance(1 / 60, WEIGHTLESS)
+    solver, p = collision.solver, collision.particles
+    state = p.state()
+    state["x"][:, 0] -= state["x"][:, 0].min() - 0.01
+    p.fill(**state)
+    solver.disturb()
+    solver.neighbours.refresh()
+    x, v, layer = (p.numpy(k) for k in ("x", "v", "layer"))
+    solver.separation.find(p.count, 0.0)
+    solver.separation.part(p.count, p.alone)
+    h = np.array([s.support for s in collision.layers.specs])[layer]
+    near = np.linalg.norm(x[:, None] - x, axis=2) < pair_support(h, h)
+    passing = (np.linalg.norm(v[:, None] - v, axis=2) * near).max(axis=1)
+    wall = np.where(x[:, 0] < h, np.abs(v[:, 0]), 0.0)
+    assert (wall > passing).any() and (passing > 2.0).any()
+    assert np.allclose(p.numpy("pace"), np.maximum(passing, wall), rtol=1e-3, atol=1e-5)
+    collision.reset()
+
+
+def test_water_that_moves_as_one_may_move_farther_in_a_step(collision):
+    collision.reset()
+    state = collision.particles.state()
+    state["v"][:] = (3.0, 0.0, 0.0)
+    collision.particles.fill(**state)
+    collision.advance(1e-3, WEIGHTLESS)
+    farthest = 3.0 * collision.solver.longest_step() / collision.layers.finest.spacing
+    assert farthest == pytest.approx(LEAP * collision.solver.terms.cfl, rel=0.02)
     collision.reset()
 
 
