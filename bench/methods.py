@@ -99,7 +99,7 @@ def solvers(layers: int, sheets: int) -> list[dict[str, str]]:
 
     def jacobi(launches):
         for _ in range(launches):
-            solve_for.relax(n, p.alone, p.multiplier, RELAXED, p.shift)
+            solve_for.relax(n, p.alone, p.multiplier, RELAXED)
         return RELAXED * launches
 
     leeway = terms.motion_tolerance / terms.tolerance

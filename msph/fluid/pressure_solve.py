@@ -103,31 +103,16 @@ class PressureSolve:
         return taken
 
     @kernel
-    def relax(
-        self,
-        n: ti.i32,
-        alone: ti.template(),
-        q: ti.template(),
-        iterations: ti.template(),
-        shifts: ti.template(),
-    ):
-        """Jacobi from the multipliers q (capacity,) [m^2], changed in place; leaves their shifts
-        [m].
+    def relax(self, n: ti.i32, alone: ti.template(), q: ti.template(), iterations: ti.template()):
+        """Jacobi from the multipliers q (capacity,) [m^2], changed in place.
 
         Unlike conjugate gradients it never reaches for the long, nearly free modes of a regular
         arrangement, whose displacements are large and whose linearised compression is none.
         """
-        self.relax_all(n, alone, q, iterations, shifts)
+        self.relax_all(n, alone, q, iterations)
 
     @ti.func
-    def relax_all(
-        self,
-        n,
-        alone: ti.template(),
-        q: ti.template(),
-        iterations: ti.template(),
-        shifts: ti.template(),
-    ):
+    def relax_all(self, n, alone: ti.template(), q: ti.template(), iterations: ti.template()):
         """relax(), within a kernel."""
         for _ in ti.static(range(iterations)):
             ti.loop_config(serialize=alone)
@@ -137,9 +122,6 @@ class PressureSolve:
             for i in range(n):
                 r = self.particles.source[i] + self.divergence(i, self.particles.shift)
                 q[i] = self.corrected(i, q[i], r)
-        ti.loop_config(serialize=alone)
-        for i in range(n):
-            shifts[i] = self.shift_by(i, q)
 
     @ti.func
     def corrected(self, i, q, r):

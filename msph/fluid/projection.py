@@ -394,7 +394,8 @@ class Projection(Accounts):
             speed = v.norm()
             pace = ti.math.clamp(self.particles.pace[i], speed / LEAP, speed)
             if self.particles.density[i] < self.terms.spray * self.terms.density:
-                pace = speed / SPRAY_LEAP
+                speed /= SPRAY_LEAP
+                pace = speed
             ti.atomic_max(farthest, speed * dt / d)
             ti.atomic_max(top, pace / (self.terms.cfl * d))
         if ti.static(self.adaptive):
