@@ -46,7 +46,7 @@ class _Launcher:
     """A kernel bound to its object."""
 
     def __init__(self, taichi: Kernel, owner: Any):
-        self.taichi, self.owner = taichi, owner
+        self.taichi, self.owner, self.count = taichi, owner, len(taichi.arguments) - 1
         # Templates and numbers among the arguments, the object itself left out.
         self.templates: list[int] = []
         self.numbers: list[tuple[int, tuple[int], str]] = []
@@ -65,7 +65,8 @@ class _Launcher:
         self.ready: dict[tuple, tuple] = {}
 
     def __call__(self, *args):
-        if not self.plain:
+        # Taichi also says what is wrong with a call.
+        if not self.plain or len(args) != self.count:
             return self.taichi(self.owner, *args)
         key = tuple([args[place] for place in self.templates])
         if key not in self.ready:

@@ -79,7 +79,10 @@ def test_later_launches_skip_taichis_python(pair, monkeypatch) -> None:
     one.total(SIZE)
 
 
-def test_a_number_of_the_wrong_kind_is_refused(pair) -> None:
+def test_wrong_arguments_are_refused(pair) -> None:
     pair[0].total(SIZE)
     with pytest.raises(TypeError):
         pair[0].total(2.5)
+    for wrong in ((), (SIZE, SIZE)):
+        with pytest.raises(ti.TaichiSyntaxError):
+            pair[0].total(*wrong)
