@@ -76,7 +76,7 @@ def solvers(layers: int, sheets: int) -> list[dict[str, str]]:
     dt = solver.longest_step()
     volume = np.array([s.volume for s in sim.layers.specs])[p.numpy("layer")]
     solver.neighbours.refresh()
-    solver.separation.find(n)
+    solver.separation.find(n, dt)
     solver.push(n, p.alone, dt, *Forcing(gravity=(0.0, -tanks.GRAVITY, 0.0)).arguments())
     warm = p.multiplier.to_numpy()
 
