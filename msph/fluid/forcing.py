@@ -31,7 +31,7 @@ class Forcing:
     def arguments(self) -> tuple:
         """What kernels take: gravity, the hand's position, velocity, radius and grip.
 
-        Eleven numbers: to pass three vectors would take as long as launching four kernels.
+        Eleven numbers, for launches with vectors would go through Taichi's Python: see launch.py.
         """
         h = self.hand
         return (*self.gravity, *h.position, *h.velocity, h.radius, h.grip)

@@ -61,7 +61,7 @@ BLEND = 0.25
 # Share of a particle's volume: keeps the mean over none finite.
 SMALLEST = 1e-3
 # How many times farther than past its neighbours a particle may move in a step: at 1.5 and 2 the
-# bulk density of a dam break was off by .8 and 1.3 % at the impact, not .6. And spray, which meets
+# bulk density of a dam break was off by .8 and 1.3 % at the impact, not .6. And spray, for it meets
 # nothing.
 LEAP, SPRAY_LEAP = 1.25, 2.5
 
@@ -342,8 +342,6 @@ class Projection(Accounts):
     ) -> ti.f32:
         """Velocities without compression; the crowded part; all go their way. Returns the
         largest rate [1/s] that bounds the next step.
-
-        One launch, like others here: each takes .06 to .15 ms, a whole step of 1,270 particles 6.
         """
         swing = self.accelerate(n, alone, dt, ti.math.vec3(g_x, g_y, g_z))
         self.separation.part_all(n, alone)
