@@ -9,7 +9,7 @@ PYTHON ?= $(shell for p in $(PYTHONS); do \
 	$$p -c 'import sys; sys.exit(not (3, 10) <= sys.version_info < (3, 14))' 2>/dev/null \
 	&& echo $$p && break; done)
 
-.PHONY: play test check bench clean
+.PHONY: play test test-plain check bench clean
 
 play: $(VENV)/play
 	@$(RUN) main.py
@@ -17,6 +17,10 @@ play: $(VENV)/play
 # Most of a test's time is compiling on one thread; files share what they compile.
 test: $(VENV)/dev
 	$(RUN) -m pytest -n 2 --dist loadfile
+
+# The water once more without Taichi's private interfaces.
+test-plain: $(VENV)/dev
+	MSPH_PLAIN_TAICHI=1 $(RUN) -m pytest -n 2 --dist loadfile tests/fluid
 
 check: $(VENV)/dev
 	$(RUN) -m ruff check .
@@ -31,6 +35,7 @@ bench: $(VENV)/dev
 	$(RUN) bench/layers.py
 	$(RUN) bench/methods.py
 	$(RUN) bench/scenes.py
+	$(RUN) bench/constants.py
 
 $(VENV)/play: pyproject.toml constraints.txt
 	@test -n "$(PYTHON)" || { echo "M-SPH needs Python 3.10 to 3.13; none of $(PYTHONS) is one" >&2; exit 1; }

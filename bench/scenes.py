@@ -39,6 +39,7 @@ def measure(scene: str, seconds: float, arch: str) -> dict[str, str]:
         "surface's volume, mean": percent(errors["volume_error_mean"]),
         "energy rise in 1 s": percent(errors["energy_rise_in_1_s"]),
         "density error mean": percent(errors["density_error_mean"]),
+        "99th percentile": percent(errors["density_error_p99"]),
         "largest": percent(errors["density_error_max"]),
         "mass change": f"{errors['mass_change']:.0e}",
         "outside": f"{errors['outside_most']}",

@@ -41,7 +41,7 @@ STILL = 0.05
 
 def simulation_fps(result: Result) -> float:
     """Median frames per second of the fluid alone."""
-    return 1e3 / (result.stages_p50_ms["bin"] + result.stages_p50_ms["solve"])
+    return 1e3 / (result.stages_p50_ms["fluid"])
 
 
 def steps_per_second(result: Result) -> float:

@@ -19,14 +19,17 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from bench import tanks
 from bench.report import RESULTS, heading
 from msph.device import ARCHES, start
-from msph.fluid.forcing import Forcing
-from msph.fluid.layers import LayerSpec
-from msph.fluid.projection_terms import ProjectionTerms
+from msph.fluid.external_forces import ExternalForces
+from msph.fluid.particles.layers import LayerSpec
+from msph.fluid.projection.body_force import BodyForce
+from msph.fluid.projection.parameters import ProjectionParameters
+from msph.fluid.projection.solver import Projection
+from msph.fluid.projection.viscosity import Viscosity
+from msph.fluid.projection.xsph import Xsph
 from msph.fluid.simulation import Simulation
-from msph.scene.water import SMOOTHING
 
-WEIGHTLESS = Forcing(gravity=(0.0, 0.0, 0.0))
-ETA = SMOOTHING["projection"]
+WEIGHTLESS = ExternalForces(gravity=(0.0, 0.0, 0.0))
+ETA = Projection.SMOOTHING
 WATER_TENSION = 0.072
 TERMS = {
     "none": {},
@@ -53,7 +56,7 @@ def build(x: np.ndarray, spacing: float, size, v=None, layer=None, ratio=1, **te
     initial["layer"] = np.zeros(len(x), np.int32) if layer is None else layer.astype(np.int32)
     if v is not None:
         initial["v"] = v.astype(np.float32)
-    return Simulation(size, specs, initial, ProjectionTerms(**terms))
+    return Simulation(size, specs, initial, ProjectionParameters(**terms))
 
 
 def lattice(counts, spacing: float) -> np.ndarray:
@@ -82,19 +85,23 @@ def cost(repeats: int) -> list[dict[str, str]]:
     sims = {name: build(x, TIMED, size, **terms) for name, terms in TERMS.items()}
     for turn in range(repeats + 1):
         for name, sim in sims.items():
-            found = [milliseconds(lambda s=sim: s.solver.step(dt, Forcing())) for _ in range(STEPS)]
+            found = [
+                milliseconds(lambda s=sim: s.solver.step(dt, ExternalForces()))
+                for _ in range(STEPS)
+            ]
             times[name] += found if turn else []  # the first compiles
     none = statistics.median(times["none"])
     for name, found in times.items():
         low, high = np.percentile(found, [10, 90])
         solver = sims[name].solver
+        viscosity = solver.force(Viscosity)
         rows.append(
             {
                 "term": name,
                 "ms per step": f"{statistics.median(found):.2f} ({low:.2f} to {high:.2f})",
                 "over none": f"{statistics.median(found) / none:.2f}",
                 "term alone, ms": f"{alone(sims[name], dt):.2f}",
-                "its iterations": f"{solver.viscosity.iterations if solver.viscosity else 0}",
+                "its iterations": f"{viscosity.iterations if viscosity else 0}",
                 "pressure's": f"{solver.iterations}",
             }
         )
@@ -112,17 +119,14 @@ def milliseconds(work) -> float:
 
 def alone(sim: Simulation, dt: float) -> float:
     """Median time [ms] of the term itself, on the run's last state."""
-    solver, n = sim.solver, sim.particles.count
-    solver.neighbours.refresh()
-    solver.summation.weigh(n, sim.particles.alone)
-    v = sim.particles.v.to_numpy()
-    term = solver.viscosity or solver.tension or solver.xsph
+    sim.measure_density()
+    v, found = sim.particles.v.to_numpy(), []
+    term = next((f for f in sim.solver.forces if not isinstance(f, BodyForce)), None)
     if term is None:
         return 0.0
-    arguments, found = (n,) if term is solver.xsph else (n, dt), []
     for _ in range(STEPS):
         sim.particles.v.from_numpy(v)
-        found.append(milliseconds(lambda: term.run(*arguments)))
+        found.append(milliseconds(lambda: term.apply(dt, ExternalForces())))
     return statistics.median(found)
 
 
@@ -145,7 +149,7 @@ def stirred(sheets: int, air: int) -> tuple[np.ndarray, tuple[float, float, floa
     v = vortex(x) + np.random.default_rng(1).normal(0.0, 0.3, x.shape)
     sim = build(x, d, size, v)
     for _ in range(60):
-        sim.advance(tanks.FRAME, Forcing())
+        sim.advance(tanks.FRAME, ExternalForces())
     return sim.particles.numpy("x").astype(float), size
 
 
@@ -167,22 +171,21 @@ def term_alone() -> list[dict[str, str]]:
         if "tension" in terms:
             continue
         sim = build(x, d, size, **terms)
-        n, solver = sim.particles.count, sim.solver
-        solver.neighbours.refresh()
-        solver.summation.weigh(n, sim.particles.alone)
-        sim.particles.multiplier.fill(0.0)
+        sim.measure_density()
+        sim.particles.pressure_multiplier.fill(0.0)
+        viscosity, xsph = sim.solver.force(Viscosity), sim.solver.force(Xsph)
         set_velocity(sim, vortex(sim.particles.numpy("x").astype(float)))
         before, problem = amplitude(sim), "Taylor-Green, term alone, rate 2 nu k^2, 1/s"
-        if solver.viscosity:
+        if viscosity:
             # A tar that stands still within a step says nothing.
             rate = 2.0 * np.pi**2 * terms["viscosity"] / 1000.0
             step = min(dt, 0.1 / rate)
             for _ in range(steps):
-                solver.viscosity.run(n, step)
+                viscosity.apply(step, ExternalForces())
             rows.append(row(name, problem, rate, -np.log(amplitude(sim) / before) / steps / step))
         else:
             for _ in range(steps):
-                solver.xsph.run(n)
+                xsph.apply(dt, ExternalForces())
             share = terms["xsph"] * (1.0 - transform(np.sqrt(2.0) * np.pi, ETA * d))
             found = 1.0 - (amplitude(sim) / before) ** (1.0 / steps)
             rows.append(row(name, "the same, share of it lost in a step", share, found))
@@ -207,11 +210,11 @@ def in_flow(speed: float = 1.0, seconds: float = 0.15) -> list[dict[str, str]]:
         if "tension" in terms or "xsph" in terms:
             continue
         sim = build(x, 1.0 / CELLS, size, **terms)
-        sim.advance(tanks.FRAME, Forcing())
+        sim.advance(tanks.FRAME, ExternalForces())
         v = speed * vortex(sim.particles.numpy("x").astype(float))
         set_velocity(sim, sim.particles.numpy("v") + v)
         before = amplitude(sim)
-        sim.advance(seconds, Forcing())
+        sim.advance(seconds, ExternalForces())
         left = amplitude(sim) / before
         without = without if terms else left
         decay = np.exp(-2.0 * np.pi**2 * terms.get("viscosity", 0.0) / 1000.0 * seconds)

@@ -12,15 +12,17 @@ from tqdm import tqdm
 
 import msph
 from msph.device import ARCHES, ArchError, start
-from msph.fluid.neighbours import NeighbourOverflowError
+from msph.fluid.particles.neighbour_list import NeighbourOverflowError
+from msph.fluid.trapped_water import TrappedWaterError
 from msph.measure.ledger import NotFiniteError
+from msph.measure.summary import water_laid
 from msph.measure.timings import Timings
 from msph.scene import SceneError, load_scene
 from msph.scene.check import cautions
 from msph.scene.library import DEFAULT_SCENE, find_scene, shipped_scenes
 from msph.scene.load import read_toml, to_toml
 from msph.scene.schema import Scene, parameters
-from msph.stage.benchmark import benchmark, table_row
+from msph.stage.benchmark import benchmark, profile_lines, table_row
 from msph.stage.controls import KEYS
 from msph.stage.loop import run
 from msph.stage.measurer import SCENE, Measurer
@@ -113,8 +115,11 @@ def play(scene, size, frames, overrides, arch, threads):
         return
     for key, meaning in KEYS:
         click.echo(f"  {key:18} {meaning}")
-    show = prepare(loaded, window.FRAME_TIME, size, budget=loaded.play.budget or None)
+    budget = loaded.play.budget or None
+    show = prepare(loaded, window.FRAME_TIME, size, budget=budget, stop_bodies=True)
     run(show, window)
+    for warning in show.warnings():
+        say(f"warning: {warning}")
 
 
 @cli.command()
@@ -174,10 +179,16 @@ def capture(
 @click.option("--no-render", is_flag=True, help="Time the fluid alone.")
 @click.option("--size", type=Size(), default="640x360", show_default=True, help="Picture size.")
 @click.option(
+    "--profile",
+    is_flag=True,
+    help="Also print the time of each part of a frame. Slows the run, so the table's figures too: "
+    "the device is waited for round each part.",
+)
+@click.option(
     "--json", "json_file", type=click.Path(path_type=Path), help="Also write the rows to a file."
 )
 @shared_options
-def bench(scenes, seconds, no_render, size, json_file, overrides, arch, threads):
+def bench(scenes, seconds, no_render, size, profile, json_file, overrides, arch, threads):
     """Time SCENES (default: all shipped) without a window, and print speed beside error.
 
     A frame is 1/60 s of simulated time. Exits with 1 when the water does not stay finite.
@@ -191,13 +202,18 @@ def bench(scenes, seconds, no_render, size, json_file, overrides, arch, threads)
     for name, scene in loaded:
         say(f"{name}: compiling kernels, then running")
         try:
-            rows.append(benchmark(scene, name, seconds or scene.duration, not no_render, size))
-        except (NotFiniteError, NeighbourOverflowError) as error:
+            duration = seconds or scene.duration
+            rows.append(benchmark(scene, name, duration, not no_render, size, profile))
+        except (NotFiniteError, NeighbourOverflowError, TrappedWaterError) as error:
             say(f"{name}: FAILED: {error}")
             failed = True
     if rows:
         click.echo(f"arch {arch}, frames of 1/60 s, milliseconds per frame, medians by stage")
         click.echo(tabulate([table_row(r) for r in rows], headers="keys", tablefmt="github"))
+    if rows and profile:
+        click.echo("\nprofiled, which slows the run: so are the figures above; means per frame")
+        for row in rows:
+            click.echo("\n".join([row.scene, *profile_lines(row.profile_ms)]))
     if json_file:
         json_file.write_text(json.dumps([r.as_dict() for r in rows], indent=2) + "\n")
     if failed:
@@ -271,13 +287,20 @@ def prepare(scene: Scene, frame_time: float, size=None, **options) -> Show:
     say("compiling kernels ...")
     show = Show(scene, frame_time, size, **options)
     show.warm_up()
-    ready = f"ready in {time.perf_counter() - begin:.1f} s, {sum(show.counts):,} particles"
+    ready = f"ready in {time.perf_counter() - begin:.1f} s, {sum(show.counts):,} particles, "
+    ready += laid_and_asked(water_laid(scene, show.simulation, show.counts))
     if show.simulation.left_out:
         ready += (
             f"; {show.simulation.left_out:,} inside obstacles or outside the container left out"
         )
     say(ready)
     return show
+
+
+def laid_and_asked(water: dict[str, float]) -> str:
+    """Mass of the water in words, and what the scene asked for where four digits differ."""
+    laid, asked = (f"{water[key]:.4g} kg" for key in ("mass_laid_kg", "mass_asked_kg"))
+    return laid if laid == asked else f"{laid} of {asked} asked"
 
 
 def record(
@@ -292,7 +315,7 @@ def record(
     """Runs a scene for the recorder; an interrupt ends the recording, not the files."""
     pictures = any(p.suffix not in (*MESH, ".npz", ".csv") for p in outputs)
     meshes = any(p.suffix in MESH for p in outputs)
-    show = prepare(scene, 1.0 / fps, size if pictures else None, meshes=meshes)
+    show = prepare(scene, 1.0 / fps, size if pictures else None, meshes=meshes, density=False)
     if resume:
         show.resume(Path(resume))
     still = None if still_time is None else max(1, round(still_time * fps))
@@ -326,6 +349,9 @@ def main(arguments: list[str] | None = None) -> None:
         sys.exit(BAD_INPUT)
     except (NotFiniteError, NeighbourOverflowError) as error:
         say(f"msph: the water blew up: {error}")
+        sys.exit(BAD_RUN)
+    except TrappedWaterError as error:
+        say(f"msph: {error}")
         sys.exit(BAD_RUN)
     except (click.Abort, KeyboardInterrupt):
         say("msph: interrupted")

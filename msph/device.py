@@ -7,6 +7,8 @@ from pathlib import Path
 
 import taichi as ti
 
+from msph.taichi_internals import on_cpu
+
 ARCHES = ("auto", "cpu", "cuda", "vulkan", "metal")
 # Iterations of a CPU loop that a thread takes at once.
 CPU_BLOCK = 64
@@ -47,8 +49,7 @@ def start(arch: str = "auto", threads: int | None = None) -> str:
     # Taichi prints what it starts on; commands say it where it matters.
     with contextlib.redirect_stdout(io.StringIO()):
         ti.init(arch=wanted, log_level=ti.ERROR, **options)
-    got = ti.lang.impl.current_cfg().arch
-    name = "cpu" if got in (ti.x64, ti.arm64) else got.name
+    name = "cpu" if on_cpu() else ti.cfg.arch.name
     if arch not in ("auto", name):
         raise ArchError(f"--arch {arch}: this machine has none, or no driver for it")
     if name == "cpu" and not threads:

@@ -1,12 +1,16 @@
-"""The commands as a person types them, each in a process of its own."""
+"""The commands as a person types them; those that run water each in a process of its own."""
 
+import contextlib
 import csv
+import io
 import json
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import pytest
 
+from msph.cli import laid_and_asked, main
 from msph.scene import load_scene
 from msph.scene.library import shipped_scenes
 from tests.scenes_kit import TEXT, write
@@ -17,13 +21,25 @@ def msph(*arguments, **options):
     return subprocess.run(command, capture_output=True, text=True, timeout=300, **options)
 
 
+def here(*arguments):
+    """The same in this process, for what ends before water would be built: a process of its own
+    spends seconds on imports."""
+    out, err, code = io.StringIO(), io.StringIO(), 0
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        try:
+            main([str(a) for a in arguments])
+        except SystemExit as end:
+            code = end.code or 0
+    return SimpleNamespace(returncode=code, stdout=out.getvalue(), stderr=err.getvalue())
+
+
 @pytest.mark.parametrize("command", ["play", "capture", "bench", "measure", "scenes", ""])
 def test_help_names_every_option(command):
-    result = msph(*command.split(), "--help")
+    result = here(*command.split(), "--help")
     assert result.returncode == 0
     options = {
         "play": ["--set", "--arch"],
-        "bench": ["--no-render", "--json"],
+        "bench": ["--no-render", "--profile", "--json"],
         "measure": ["--output", "--seconds", "--every", "--set", "--arch"],
     }
     for option in options.get(command, []):
@@ -31,10 +47,10 @@ def test_help_names_every_option(command):
 
 
 def test_scenes_lists_all_and_prints_one():
-    listing = msph("scenes").stdout
+    listing = here("scenes").stdout
     assert all(name in listing for name in shipped_scenes())
-    assert msph("scenes", "drop").stdout.startswith("#   |       ( )")
-    assert "classic.stiffness" in msph("scenes", "--parameters").stdout
+    assert here("scenes", "drop").stdout.startswith("#   |       ( )")
+    assert "classic.stiffness" in here("scenes", "--parameters").stdout
 
 
 @pytest.mark.parametrize(
@@ -57,7 +73,15 @@ def test_scenes_lists_all_and_prints_one():
     ],
 )
 def test_bad_input_is_one_line_and_exit_2(arguments, message):
-    result = msph(*arguments)
+    check_refusal(here(*arguments), message)
+
+
+def test_bad_input_is_one_line_and_exit_2_to_the_shell():
+    """As above, through `python -m msph` and the exit status of a process."""
+    check_refusal(msph("capture", "no_such_scene"), "no such scene file or shipped scene")
+
+
+def check_refusal(result, message):
     assert result.returncode == 2
     assert len(result.stderr.strip().splitlines()) == 1
     assert result.stderr.startswith("msph: ") and message in result.stderr
@@ -67,20 +91,26 @@ def test_bench_prints_speed_beside_error_and_writes_json(tmp_path):
     scene, rows = write(tmp_path), tmp_path / "deep" / "rows.json"
     result = msph("bench", scene, "--seconds", 0.1, "--arch", "cpu", "--json", rows)
     assert result.returncode == 0, result.stderr
-    for column in ("ms p50", "p95", "bin solve surface picture", "momentum drift", "energy gain"):
+    for column in ("ms p50", "p95", "fluid surface picture", "momentum drift", "energy gain"):
         assert column in result.stdout
     (row,) = json.loads(rows.read_text())
     assert row["frames"] == 6 and sum(row["particles"]) > 200
-    assert all(row["stages_p50_ms"][s] > 0.0 for s in ("bin", "solve", "surface", "picture"))
+    assert all(row["stages_p50_ms"][s] > 0.0 for s in ("fluid", "surface", "picture"))
     assert abs(row["volume_error"]) < 0.3
+    assert row["profile_ms"] == {} and "profiled" not in result.stdout
 
 
-def test_bench_without_render_times_the_fluid_alone(tmp_path):
-    rows = tmp_path / "rows.json"
-    result = msph("bench", write(tmp_path), "--seconds", 0.05, "--no-render", "--json", rows)
+def test_bench_without_render_times_the_fluid_alone_and_its_parts(tmp_path):
+    rows, options = tmp_path / "rows.json", ("--seconds", 0.05, "--no-render", "--profile")
+    result = msph("bench", write(tmp_path), *options, "--json", rows)
     assert result.returncode == 0, result.stderr
     (row,) = json.loads(rows.read_text())
     assert row["stages_p50_ms"]["surface"] == row["stages_p50_ms"]["picture"] == 0.0
+    parts = ["neighbours", "density", "forces", "advance", "other"]
+    assert list(row["profile_ms"]) == ["fluid", *(f"fluid/{part}" for part in parts)]
+    assert "profiled, which slows the run" in result.stdout
+    printed = [line.split()[0] for line in result.stdout.splitlines() if line.endswith(" %")]
+    assert printed == ["fluid", *parts]
 
 
 def test_bench_of_water_that_blows_up_fails(tmp_path):
@@ -146,7 +176,7 @@ def test_measure_writes_probes_ledger_and_a_summary(tmp_path):
     times = [float(row["time [s]"]) for row in readings]
     assert times == pytest.approx([0.0, 0.02, 0.04, 0.06, 0.08, 0.1])
     # No pressure is known before the first step; water stands .18 m high.
-    assert readings[0]["floor [Pa]"] == "" and float(readings[1]["floor [Pa]"]) > 0.0
+    assert readings[0]["floor [Pa]"] == "" and float(readings[1]["floor [Pa]"]) != 0.0
     assert float(readings[0]["gauge [m]"]) == pytest.approx(0.18, abs=0.01)
     assert [float(row["time [s]"]) for row in ledger] == pytest.approx(times)
     assert float(ledger[0]["mass [kg]"]) == pytest.approx(28.8, rel=0.02)
@@ -157,7 +187,12 @@ def test_measure_writes_probes_ledger_and_a_summary(tmp_path):
     assert summary["simulated_s"] == pytest.approx(0.1) and summary["frames"] == 5
     assert summary["frame_ms_p25"] <= summary["frame_ms_p50"] <= summary["frame_ms_p75"]
     assert summary["steps"] > 5 and sum(summary["particles_end"]) > 200
+    assert summary["mass_asked_kg"] == pytest.approx(28.8)
+    assert summary["mass_laid_kg"] == pytest.approx(28.8, abs=0.064 + 0.128)
     errors = summary["errors"]
+    laid = summary["mass_laid_kg"] / summary["mass_asked_kg"] - 1.0
+    assert errors["mass_laid_error"] == pytest.approx(laid, abs=1e-12)
+    assert f" particles, {summary['mass_laid_kg']:.4g} kg" in result.stderr
     assert abs(errors["volume_error_last"]) < 0.3 and errors["energy_gain"] >= 0.0
     # Too shallow for a bulk density, and that is said.
     assert errors["bulk_density_error_last"] is None
@@ -176,3 +211,25 @@ def test_measure_of_water_that_blows_up_keeps_what_there_is(tmp_path):
     summary = json.loads((out / "summary.json").read_text())
     assert not summary["complete"] and summary["failure"] in last[1]
     assert "kinetic [J]" in (out / "ledger.csv").read_text()
+
+
+def test_water_laid_is_told_from_water_asked_where_they_differ():
+    assert laid_and_asked({"mass_laid_kg": 28.8001, "mass_asked_kg": 28.8}) == "28.8 kg"
+    told = laid_and_asked({"mass_laid_kg": 28.9, "mass_asked_kg": 28.8})
+    assert told == "28.9 kg of 28.8 kg asked"
+
+
+def test_water_that_a_body_traps_is_one_line_and_a_failed_run(tmp_path):
+    piston = """
+[[obstacles]]
+lo = [0, 0.2, 0]
+hi = [0.4, 0.38, 0.4]
+velocity = [0, -2, 0]
+"""
+    scene = write(tmp_path, TEXT.replace("[classic]\nviscosity = 10.0\n", "") + piston)
+    out = tmp_path / "out"
+    result = msph("measure", scene, "-o", out, "--seconds", 0.5, "--set", "method=projection")
+    assert result.returncode == 1 and "Traceback" not in result.stderr
+    last = result.stderr.strip().splitlines()[-1]
+    assert last.startswith("msph: obstacles.0 presses water that has nowhere to go at t = ")
+    assert json.loads((out / "summary.json").read_text())["failure"] in last

@@ -5,93 +5,124 @@ Equation numbers are the thesis's.
 """
 
 from dataclasses import dataclass
+from typing import Literal
 
 import taichi as ti
 
-from msph.fluid import kernels
-from msph.fluid.accounts import Accounts
-from msph.fluid.forcing import Forcing, hand_acceleration
-from msph.fluid.grid import LayeredGrid
-from msph.fluid.layers import Layers
-from msph.fluid.neighbours import NeighbourList
-from msph.fluid.obstacles import Walls
-from msph.fluid.particles import Attribute, Particles
-from msph.launch import data_oriented, kernel
+from msph.fluid.boundary.boundary import Boundary
+from msph.fluid.external_forces import ExternalForces, hand_acceleration
+from msph.fluid.impulse_ledger import ImpulseLedger
+from msph.fluid.particles import kernels
+from msph.fluid.particles.grid import LayeredGrid
+from msph.fluid.particles.layers import Layers
+from msph.fluid.particles.neighbour_list import NeighbourList
+from msph.fluid.particles.particles import Attribute, Particles
+from msph.fluid.stages import Stage, no_stage
+from msph.parameter import parameter
+from msph.taichi_internals import data_oriented, kernel
 
 # Explicit viscosity is stable while dt < VISCOUS_NUMBER h^2 rho / mu (Morris et al. 1997, eq. 19).
 VISCOUS_NUMBER = 0.125
 
 _ATTRIBUTES = (
-    Attribute("density", "kg/m^3", "density by eq. 26"),
-    Attribute("pressure", "Pa", "pressure by eq. 15", carried=False),
-    Attribute("acceleration", "m/s^2", "what the other particles exert", width=3, carried=False),
+    Attribute("density", "kg/m^3", "density by eq. 26", view="density_error"),
+    Attribute("pressure", "Pa", "pressure by eq. 15", view="pressure"),
+    Attribute("acceleration", "m/s^2", "by the other particles", width=3, carried=False),
 )
 
 
 @dataclass(frozen=True)
-class ClassicTerms:
-    """Constants and switches of the classic method.
+class ClassicParameters:
+    """Constants and switches of the classic method: rest_density rho0 [kg/m^3], restitution: share
+    of speed kept at walls (-); all else is declared with its unit below.
 
-    density rho0 [kg/m^3], stiffness k [m^2/s^2] of eq. 15, so that sqrt(k) is the speed of sound.
-    tension: pressures below zero pull, as eq. 15 has it; False clamps them to zero.
-    pressure_form: "mean" (27), "squared" (32) or "product" (33). (32) and (33) here use the
-    gradient averaged over both supports: with the neighbour's alone, (33) is (27) divided by
-    rho_i, and neither would be antisymmetric between layers, which is what they are for.
-    viscosity_form: "formula" (28), or "pseudocode" (A.2): the mean of both layers' mu, over rho_i.
-    attraction sigma [N/m]: pull at the surface by the colour field (Mueller et al. 2003, eq. 17
-    to 19), 0 is off; it acts where the colour's gradient exceeds `colour_threshold` / h_j.
-    courant: dt = courant * h_min / sqrt(k). restitution: share of speed kept at walls (-).
+    (32) and (33) use the gradient averaged over both supports here. With the neighbour's support
+    alone, (33) would be (27) divided by rho_i, and neither would be antisymmetric between layers,
+    which is their purpose. attraction is the colour field's (Mueller et al. 2003, eq. 17 to 19).
     """
 
-    density: float = 1000.0
-    stiffness: float = 200.0
-    tension: bool = True
-    pressure_form: str = "mean"
-    viscosity_form: str = "formula"
-    attraction: float = 0.0
-    colour_threshold: float = 0.5
-    courant: float = 0.4
+    rest_density: float = 1000.0
     restitution: float = 0.0
+    stiffness: float = parameter(
+        200.0,
+        gt=0.0,
+        le=1e7,
+        unit="m^2/s^2",
+        text="k of p = k (rho - rho0), the square of the speed of sound",
+    )
+    viscosity: float = parameter(
+        10.0, ge=0.0, le=1e4, unit="Pa s", text="dynamic viscosity mu of layers that give none"
+    )
+    tension: bool = parameter(
+        True, text="let pressures below zero pull, as the thesis's formula does"
+    )
+    pressure_form: Literal["mean", "squared", "product"] = parameter(
+        "mean", text="pressure force: mean (27), or symmetrised: squared (32), product (33)"
+    )
+    viscosity_form: Literal["formula", "pseudocode"] = parameter(
+        "formula", text="viscous force: formula (28), or the pseudo-code of A.2"
+    )
+    attraction: float = parameter(
+        0.0, ge=0.0, unit="N/m", text="surface attraction by the colour term, 0: off"
+    )
+    colour_threshold: float = parameter(
+        0.5, gt=0.0, text="colour gradient times h above which it attracts"
+    )
+    courant: float = parameter(
+        0.4, ge=0.01, le=1.0, text="time step over the time sound takes to cross h"
+    )
+
+    def contradiction(self) -> tuple[str, str] | None:
+        """A parameter that says nothing beside the others, and why; None where all agree."""
+        return None
 
 
 @data_oriented
-class Classic(Accounts):
+class Classic:
     """One solver over the particles of all layers; a single layer is Mueller's SPH of 2003."""
 
+    NAME = "classic"
+    PARAMETERS = ClassicParameters
+    ADAPTS, HAS_BODIES = False, False
+    LAYER_OPTIONS = ("gravity_factor", "viscosity", "kernels")
+    # Support over spacing; the thesis gives none.
+    SMOOTHING = 2.0
+
     @staticmethod
-    def attributes(terms: ClassicTerms, bodies: bool = False) -> tuple[Attribute, ...]:
-        """What each particle has, beyond the core."""
+    def attributes(parameters: ClassicParameters, bodies: bool = False) -> tuple[Attribute, ...]:
+        """The attributes of each particle beyond the core."""
         return _ATTRIBUTES
 
-    # Margin of the neighbour list, in supports: a wider one is searched less often, read longer.
+    # Margin of the neighbour list, in supports: wider lists are searched less often, but are
+    # longer.
     LIST_MARGIN = 0.5
     # Numbers stored beside each neighbour.
     PER_ENTRY = 0
 
     def __init__(
         self,
-        walls: Walls,
+        boundary: Boundary,
         layers: Layers,
         grid: LayeredGrid,
         particles: Particles,
-        terms: ClassicTerms,
+        parameters: ClassicParameters,
     ):
-        super().__init__()
-        self.size = walls.size
+        self.impulses = ImpulseLedger()
+        self.size = boundary.size
         self.layers = layers
         self.grid = grid
         self.particles = particles
-        self.terms = terms
+        self.parameters = parameters
         self.own_kernels = any(s.wendland for s in layers.specs)
-        self.symmetric = terms.pressure_form != "mean"
-        self.neighbours = NeighbourList(grid, particles, self.reach(terms), self.LIST_MARGIN)
+        self.symmetric = parameters.pressure_form != "mean"
+        self.neighbours = NeighbourList(grid, particles, self.reach(parameters), self.LIST_MARGIN)
         self.farthest = ti.field(ti.f32, shape=())  # way of the fastest particle in a step [m]
-        self.iterations = 0  # it solves nothing
+        self.iterations = 0  # explicit: no system is solved
 
     @staticmethod
-    def reach(terms: ClassicTerms) -> str:
+    def reach(parameters: ClassicParameters) -> str:
         """Form of the neighbour list: symmetrised pressures need either particle's support."""
-        return "scatter" if terms.pressure_form == "mean" else "widest"
+        return "scatter" if parameters.pressure_form == "mean" else "widest"
 
     def arrange(self) -> None:
         """Leaves the particles where the scene placed them, as the thesis does."""
@@ -99,29 +130,47 @@ class Classic(Accounts):
     def longest_step(self, leeway: float = 1.0) -> float:
         """Largest stable time step [s]: sound crosses courant * h, viscosity diffuses within h.
 
-        It never changes, so that no leeway is needed.
+        It is constant, so that `leeway` has no use here.
         """
-        c = self.terms.stiffness**0.5
-        steps = [self.terms.courant * s.support / c for s in self.layers.specs]
+        c = self.parameters.stiffness**0.5
+        steps = [self.parameters.courant * s.support / c for s in self.layers.specs]
         viscous = [s for s in self.layers.specs if s.viscosity > 0.0]
         steps += [VISCOUS_NUMBER * s.support**2 * s.density / s.viscosity for s in viscous]
         return min(steps)
 
     def reset(self) -> None:
         """Forgets what it knew of the particles: they were replaced."""
-        self.clear_accounts()
+        self.impulses.clear()
         self.grid.invalidate()
         self.grid.refresh()
 
-    def step(self, dt: float, forcing: Forcing) -> None:
+    def step(self, dt: float, external: ExternalForces, stage: Stage = no_stage) -> None:
         """A.2: grid, densities and pressures, forces, positions and boundaries."""
         n = self.particles.count
-        self.neighbours.refresh()
-        self.find_densities(n)
-        self.find_forces(n)
-        self.move(n, dt, *forcing.arguments())
-        self.neighbours.moved(self.farthest[None])
-        self.grid.invalidate()
+        with stage("neighbours"):
+            self.neighbours.refresh()
+        with stage("density"):
+            self.find_densities(n)
+        with stage("forces"):
+            self.find_forces(n)
+        with stage("advance"):
+            self.move(n, dt, *external.arguments())
+            self.neighbours.moved(self.farthest[None])
+            self.grid.invalidate()
+
+    def measure_density(self, stage: Stage = no_stage) -> None:
+        """Densities and pressures of the particles where they are now."""
+        with stage("neighbours"):
+            self.neighbours.refresh()
+        with stage("density"):
+            self.find_densities(self.particles.count)
+
+    def state(self) -> dict[str, float]:
+        """What a checkpoint holds beside the particles: nothing."""
+        return {}
+
+    def restore(self, state: dict[str, float]) -> None:
+        """Goes on from a state()."""
 
     @kernel
     def find_densities(self, n: ti.i32):
@@ -133,8 +182,8 @@ class Classic(Accounts):
             )
             for s in range(self.neighbours.start[i], self.neighbours.end[i]):
                 self._add_density(i, self.neighbours.index[s], rho)
-            p = self.terms.stiffness * (rho - self.terms.density)
-            if ti.static(not self.terms.tension):
+            p = self.parameters.stiffness * (rho - self.parameters.rest_density)
+            if ti.static(not self.parameters.tension):
                 p = ti.max(p, 0.0)
             self.particles.density[i] = rho
             self.particles.pressure[i] = p
@@ -146,7 +195,7 @@ class Classic(Accounts):
             a = ti.Vector([0.0, 0.0, 0.0])
             for s in range(self.neighbours.start[i], self.neighbours.end[i]):
                 self._add_forces(i, self.neighbours.index[s], a)
-            if ti.static(self.terms.attraction > 0.0):
+            if ti.static(self.parameters.attraction > 0.0):
                 a += self._attraction(i)
             self.particles.acceleration[i] = a
 
@@ -155,15 +204,9 @@ class Classic(Accounts):
         self,
         n: ti.i32,
         dt: ti.f32,
-        g_x: ti.f32,
-        g_y: ti.f32,
-        g_z: ti.f32,
-        hand_x: ti.f32,
-        hand_y: ti.f32,
-        hand_z: ti.f32,
-        hand_v_x: ti.f32,
-        hand_v_y: ti.f32,
-        hand_v_z: ti.f32,
+        gravity: ti.math.vec3,
+        hand_position: ti.math.vec3,
+        hand_velocity: ti.math.vec3,
         hand_radius: ti.f32,
         hand_grip: ti.f32,
     ):
@@ -173,18 +216,16 @@ class Classic(Accounts):
         its digits in single precision and lets dt change. Particles stop half a spacing from the
         walls. The internal impulse sum m a dt [N s] would be zero were pair forces antisymmetric.
         """
-        gravity, hand_at = ti.math.vec3(g_x, g_y, g_z), ti.math.vec3(hand_x, hand_y, hand_z)
-        hand_v = ti.math.vec3(hand_v_x, hand_v_y, hand_v_z)
         self.farthest[None] = 0.0
         for i in range(n):
             layer = self.particles.layer[i]
             x, v = self.particles.x[i], self.particles.v[i]
             a = self.particles.acceleration[i]
             m = self.layers.mass[layer]
-            self.book_internal(m, x, dt * a)
+            self.impulses.record_internal(m, x, dt * a)
             a += gravity * self.layers.gravity_factor[layer]
-            hand = hand_acceleration(x, v, dt, hand_at, hand_v, hand_radius, hand_grip)
-            self.book_hand(m, v, dt, hand, a)
+            hand = hand_acceleration(x, v, dt, hand_position, hand_velocity, hand_radius, hand_grip)
+            self.impulses.record_hand(m, v, dt, hand, a)
             v += dt * (a + hand)
             start, free = x, v
             x += dt * v
@@ -193,9 +234,9 @@ class Classic(Accounts):
                 lo, hi = margin, self.size[k] - margin
                 if x[k] < lo or x[k] > hi:
                     wall = ti.select(x[k] < lo, lo, hi)
-                    x[k] = ti.math.clamp(wall + self.terms.restitution * (wall - x[k]), lo, hi)
-                    v[k] = -self.terms.restitution * v[k]
-            self.wall_impulse[None] += m * (v - free)
+                    x[k] = ti.math.clamp(wall + self.parameters.restitution * (wall - x[k]), lo, hi)
+                    v[k] = -self.parameters.restitution * v[k]
+            self.impulses.wall_impulse[None] += m * (v - free)
             self.particles.x[i] = x
             self.particles.v[i] = v
             ti.atomic_max(self.farthest[None], (x - start).norm())
@@ -243,13 +284,13 @@ class Classic(Accounts):
         push = 0.0
         if ti.static(self.symmetric):
             slope = 0.5 * (slope + self._pressure_slope(r, self.layers.support[l_i], l_i))
-        if ti.static(self.terms.pressure_form == "squared"):
+        if ti.static(self.parameters.pressure_form == "squared"):
             push = p_i / rho_i**2 + p_j / rho_j**2
         else:
             push = (p_i + p_j) / (2.0 * rho_i * rho_j)
         a -= m * push * slope * r_ij / ti.max(r, 1e-6 * h)
         drag = m * kernels.viscosity_laplacian(r, h)
-        if ti.static(self.terms.viscosity_form == "formula"):
+        if ti.static(self.parameters.viscosity_form == "formula"):
             drag *= self.layers.viscosity[l_i] / (rho_i * rho_j)
         else:
             drag *= (self.layers.viscosity[l_i] + self.layers.viscosity[l_j]) / (2.0 * rho_i**2)
@@ -267,8 +308,9 @@ class Classic(Accounts):
         normal = colour.xyz
         length = normal.norm()
         a = ti.Vector([0.0, 0.0, 0.0])
-        if length * h > self.terms.colour_threshold:
-            a = -self.terms.attraction * colour.w * normal / (length * self.particles.density[i])
+        if length * h > self.parameters.colour_threshold:
+            strength = self.parameters.attraction * colour.w / self.particles.density[i]
+            a = -strength * normal / length
         return a
 
     @ti.func

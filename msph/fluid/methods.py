@@ -1,44 +1,73 @@
-"""The methods a scene can choose, and what the rest of the fluid asks of each."""
+"""The methods that a scene can choose, and what the rest of the fluid asks of each."""
 
 from typing import Any, Protocol
 
-from msph.fluid.classic import Classic, ClassicTerms
-from msph.fluid.forcing import Forcing
-from msph.fluid.neighbours import NeighbourList
-from msph.fluid.particles import Attribute
-from msph.fluid.projection import Projection
-from msph.fluid.projection_terms import ProjectionTerms
+from msph.fluid.classic import Classic, ClassicParameters
+from msph.fluid.external_forces import ExternalForces
+from msph.fluid.impulse_ledger import ImpulseLedger
+from msph.fluid.particles.neighbour_list import NeighbourList
+from msph.fluid.particles.particles import Attribute
+from msph.fluid.projection.parameters import ProjectionParameters
+from msph.fluid.projection.solver import Projection
+from msph.fluid.stages import Stage
 
-Terms = ClassicTerms | ProjectionTerms
-
-SOLVERS: dict[type, Any] = {ClassicTerms: Classic, ProjectionTerms: Projection}
+Parameters = ClassicParameters | ProjectionParameters
 
 
 class Solver(Protocol):
-    """Advances the particles; its terms hold the rest density [kg/m^3] as `density`.
+    """Advances the particles.
 
-    Its accounts are fields of shape (), explained by Accounts. iterations: of the last step's
-    pressure solve, 0 for a method that solves nothing.
+    NAME: what scenes call it, and the table of their files that holds its parameters, of the class
+    PARAMETERS. ADAPTS: whether its particles may split and merge; HAS_BODIES: whether bodies and
+    containers may hold its water; LAYER_OPTIONS: the options of a layer that it heeds beyond its
+    size; SMOOTHING: support over spacing where a scene gives none (-). iterations: of the last
+    step's pressure solve, 0 for a method that solves nothing.
     """
 
-    terms: Any
+    NAME: str
+    PARAMETERS: type
+    ADAPTS: bool
+    HAS_BODIES: bool
+    LAYER_OPTIONS: tuple[str, ...]
+    SMOOTHING: float
+    LIST_MARGIN: float
+    PER_ENTRY: int
+
+    parameters: Any
+    impulses: ImpulseLedger
     neighbours: NeighbourList
     iterations: int
-    internal_impulse: Any
-    internal_angular_impulse: Any
-    wall_impulse: Any
-    wall_work: Any
-    user_impulse: Any
-    user_work: Any
-    merge_loss: Any
 
     @staticmethod
-    def attributes(terms, bodies: bool = False) -> tuple[Attribute, ...]: ...
+    def attributes(parameters, bodies: bool = False) -> tuple[Attribute, ...]: ...
 
-    def longest_step(self) -> float: ...
+    @staticmethod
+    def reach(parameters) -> str: ...
 
-    def step(self, dt: float, forcing: Forcing) -> None: ...
+    def longest_step(self, leeway: float = 1.0) -> float: ...
+
+    def step(self, dt: float, external: ExternalForces, stage: Stage) -> None: ...
+
+    def measure_density(self, stage: Stage = ...) -> None: ...
 
     def reset(self) -> None: ...
 
     def arrange(self) -> None: ...
+
+    def state(self) -> dict[str, float]: ...
+
+    def restore(self, state: dict[str, float]) -> None: ...
+
+
+# By the names that scenes call them.
+METHODS: dict[str, Any] = {solver.NAME: solver for solver in (Classic, Projection)}
+
+
+def able(ability: str) -> str:
+    """Names of the methods that have an ability, such as "ADAPTS", in words."""
+    return " or ".join(name for name, solver in METHODS.items() if getattr(solver, ability))
+
+
+def solver_of(parameters: Parameters) -> Any:
+    """The class of the solver that has such parameters."""
+    return next(s for s in METHODS.values() if isinstance(parameters, s.PARAMETERS))

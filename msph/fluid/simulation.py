@@ -2,25 +2,23 @@
 
 import math
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
 from time import perf_counter
 
 import numpy as np
 
-from msph.fluid.bodies import Body
-from msph.fluid.forcing import Forcing
-from msph.fluid.grid import LayeredGrid, grid_shape
-from msph.fluid.layers import Layers, LayerSpec
-from msph.fluid.methods import SOLVERS, Terms
-from msph.fluid.neighbours import neighbours_provided
-from msph.fluid.obstacles import Walls
-from msph.fluid.particles import Particles
+from msph.fluid.boundary.boundary import Boundary
+from msph.fluid.boundary.rigid_bodies import Body
+from msph.fluid.external_forces import ExternalForces
+from msph.fluid.methods import Parameters, solver_of
+from msph.fluid.particles.grid import LayeredGrid, grid_shape
+from msph.fluid.particles.layers import Layers, LayerSpec
+from msph.fluid.particles.neighbour_list import neighbours_provided
+from msph.fluid.particles.particles import Particles
+from msph.fluid.stages import Stage, no_stage
+from msph.fluid.trapped_water import check_room
 
-Stage = Callable[[str], AbstractContextManager]
-
-
-# How much shorter than it might be a step may stay: pressures differ from one length to another, so
-# that the first steps of a new length take three times the iterations.
+# Factor (-) by which a step may stay shorter than allowed before it is lengthened: the first steps
+# of a new length take three times the iterations, since pressures depend on it.
 LEEWAY = 1.1
 # Bytes of an i32 or f32, the only numbers that fields hold.
 WORD = 4
@@ -31,28 +29,30 @@ class NoWaterError(ValueError):
 
 
 def footprint(
-    size: tuple[float, float, float], specs: list[LayerSpec], count: int, terms: Terms
+    size: tuple[float, float, float], specs: list[LayerSpec], count: int, parameters: Parameters
 ) -> dict[str, int]:
     """Numbers (of WORD bytes) that `count` particles in a box of `size` [m] need, by purpose."""
-    solver = SOLVERS[type(terms)]
+    solver = solver_of(parameters)
     return {
         "cells": 2 * sum(math.prod(grid_shape(size, s.support)) for s in specs),
         "neighbours": (1 + solver.PER_ENTRY)
         * count
-        * neighbours_provided(specs, solver.LIST_MARGIN, solver.reach(terms)),
+        * neighbours_provided(specs, solver.LIST_MARGIN, solver.reach(parameters)),
         # Attributes, and place, cell, start and end of the sort and the list.
-        "particles": count * (Particles.bytes_per_particle(solver.attributes(terms)) // WORD + 4),
+        "particles": count
+        * (Particles.bytes_per_particle(solver.attributes(parameters)) // WORD + 4),
     }
 
 
 class Simulation:
     """The water of one scene.
 
-    size [m] of the box, layer specs, initial attributes (x, v, layer as arrays), solver terms,
-    bodies in the water or round it, and the most particles it may come to have, by default those it
-    starts with. time [s] is simulated time; steps counts solver steps since the last reset,
-    iterations those of their pressure solves; left_out counts initial particles dropped because
-    they were inside a body. Raises NoWaterError where none remain.
+    size [m] of the box, layer specs, initial attributes (x, v, layer as arrays), parameters of the
+    solver, bodies in the water or round it, and the most particles it may come to have, by default
+    those it starts with. time [s] is simulated time; steps counts solver steps since the last
+    reset, iterations those of their pressure solves; left_out counts initial particles dropped
+    because they were inside a body, mass_left_out [kg] is theirs. Raises NoWaterError where none
+    remain.
     """
 
     def __init__(
@@ -60,23 +60,25 @@ class Simulation:
         size: tuple[float, float, float],
         specs: list[LayerSpec],
         initial: dict[str, np.ndarray],
-        terms: Terms,
+        parameters: Parameters,
         bodies: list[Body] | None = None,
         capacity: int | None = None,
     ):
         self.size = size
         self.layers = Layers(specs)
-        solver = SOLVERS[type(terms)]
-        self.walls = Walls(size, specs, bodies)
-        free = self.walls.free(initial["x"])
+        solver = solver_of(parameters)
+        self.boundary = Boundary(size, specs, bodies)
+        free = self.boundary.free(initial["x"])
         self.left_out = len(free) - int(free.sum())
+        masses = np.array([s.mass for s in specs])
+        self.mass_left_out = float(masses[initial["layer"][~free]].sum())
         if not free.any():
             raise NoWaterError(f"all {len(free)} particles are inside bodies")
         initial = {name: values[free] for name, values in initial.items()}
         most = max(capacity or 0, len(initial["x"]))
-        self.particles = Particles(most, solver.attributes(terms, self.walls.count > 0))
+        self.particles = Particles(most, solver.attributes(parameters, self.boundary.count > 0))
         self.grid = LayeredGrid(size, self.layers, self.particles)
-        self.solver = solver(self.walls, self.layers, self.grid, self.particles, terms)
+        self.solver = solver(self.boundary, self.layers, self.grid, self.particles, parameters)
         self.initial = initial
         self.reset()
 
@@ -88,42 +90,55 @@ class Simulation:
     def advance(
         self,
         duration: float,
-        forcing: Forcing,
-        stage: Stage | None = None,
+        external: ExternalForces,
+        stage: Stage = no_stage,
         budget: float | None = None,
         clock: Callable[[], float] = perf_counter,
     ) -> float:
-        """Simulates `duration` [s] in steps no longer than the solver allows, and says how much.
+        """Simulates `duration` [s] in steps no longer than the solver allows; returns the time [s]
+        simulated.
 
-        It is less only where `budget` [s] of wall-clock time did not suffice; one step is always
-        done. Leaves the particles sorted into the grid, as the surface needs them. stage("bin"),
-        stage("solve") are entered round the work of that name: a profiler's hook.
+        It is less than `duration` only where `budget` [s] of wall-clock time did not suffice; one
+        step is always made. Leaves the particles sorted into the grid, as the surface needs them.
+        stage(name) is entered round each part of a step, as a profiler's hook. Raises
+        TrappedWaterError where a moving body leaves the water no room.
         """
-        stage = stage or (lambda name: nullcontext())
         deadline = math.inf if budget is None else clock() + budget
         left = duration
         while left > 1e-6 * duration:
+            if self.boundary.moving:
+                now, longest = self.time + duration - left, self.solver.longest_step()
+                check_room(self.boundary, self.layers, self.particles, external, longest, now)
             dt = self.last_step = left / self._steps_to(left)
-            with stage("bin"):
-                self.solver.neighbours.refresh()
-            with stage("solve"):
-                if self.walls.moving:
-                    self.walls.place(self.time + duration - left, dt)
-                self.solver.step(dt, forcing)
+            if self.boundary.moving:
+                self.boundary.place(self.time + duration - left, dt)
+            self.solver.step(dt, external, stage)
             left -= dt
             self.steps += 1
             self.iterations += self.solver.iterations
             if clock() >= deadline:
                 break
-        with stage("bin"):
+        with stage("neighbours"):
             self.grid.refresh()
         done = duration - left if left > 1e-6 * duration else duration
         self.time += done
         return done
 
+    def measure_density(self, stage: Stage = no_stage) -> None:
+        """Sums the densities at the present positions; a step sums them at its start only.
+
+        Where no body moves, the next step uses these sums, so that they cost nothing. stage(name)
+        is entered round each part, as in advance().
+        """
+        if self.boundary.moving:
+            self.boundary.place(self.time, 0.0)
+        with stage("neighbours"):
+            self.grid.refresh()
+        self.solver.measure_density(stage)
+
     def _steps_to(self, left: float) -> int:
-        """Even steps to the end of the frame, `left` [s] away, counted anew as the water's speed
-        changes: as long as the last where that is allowed and not much too short."""
+        """Number of equal steps to the end of the frame, `left` [s] away. Their length is that of
+        the last step while that is allowed and at most LEEWAY times too short."""
         longest = self.solver.longest_step
         least, most = (math.ceil(left / longest(k) - 1e-6) for k in (1.0, LEEWAY))
         return min(max(least, round(left / self.last_step)), most)
@@ -133,14 +148,16 @@ class Simulation:
         return np.bincount(self.particles.numpy("layer"), minlength=self.layers.count).tolist()
 
     def state(self) -> dict[str, np.ndarray]:
-        """A checkpoint: every carried attribute, the time, the steps taken and the length of the
-        last, and whose it is."""
+        """A checkpoint: every carried attribute, the time, the number of steps and the length of
+        the last, the solver's own state, and the fingerprint of the fluid. On one thread a run
+        resumed from it is bit for bit the run that was never stopped."""
         progress = {
             "time": np.float64(self.time),
             "steps": np.int64(self.steps),
             "last_step": np.float64(self.last_step),
         }
-        return {**progress, "fluid": self.fingerprint(), **self.particles.state()}
+        solver = {f"solver.{k}": np.float64(v) for k, v in self.solver.state().items()}
+        return {**progress, **solver, "fluid": self.fingerprint(), **self.particles.state()}
 
     def fingerprint(self) -> np.ndarray:
         """Box [m] and masses [kg] of the layers: what a checkpoint must share with the scene."""
@@ -149,11 +166,12 @@ class Simulation:
     def restore(self, state: dict[str, np.ndarray]) -> None:
         """Goes on from a state(). Raises ValueError if it does not belong to this fluid."""
         attributes = dict(state)
-        missing = {"time", "steps", "last_step", "fluid", *self.particles.state()} - set(attributes)
+        missing = set(self.state()) - set(attributes)
         if missing:
             raise ValueError(f"it lacks {', '.join(sorted(missing))}")
         time, steps, last_step = (attributes.pop(k) for k in ("time", "steps", "last_step"))
         fluid, own = attributes.pop("fluid"), self.fingerprint()
+        solver = {k: float(attributes.pop(f"solver.{k}")) for k in self.solver.state()}
         if fluid.shape != own.shape or not np.allclose(fluid, own):
             raise ValueError("box or layers are not those of the scene")
         self.particles.check(attributes)
@@ -166,10 +184,11 @@ class Simulation:
             raise ValueError(f"its last step took {last_step:g} s")
         self._start(attributes, float(time), int(steps))
         self.last_step = float(last_step)
+        self.solver.restore(solver)
 
     def _start(self, attributes: dict[str, np.ndarray], time: float, steps: int) -> None:
         self.particles.fill(**attributes)
         self.time, self.steps, self.iterations = time, steps, 0
         self.last_step = math.inf
-        self.walls.reset(time)
+        self.boundary.reset(time)
         self.solver.reset()

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt
 from scipy.spatial import cKDTree
 
-from msph.measure.near import mirrored, wendland
+from msph.measure.host_kernels import mirrored, wendland
 
 # Radius of the wide kernel, in spacings of the coarsest particles that it meets. On lattices the
 # sum then lies within .2 % of the true density everywhere, and within .1 % in the mean.

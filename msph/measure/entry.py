@@ -12,10 +12,11 @@ class Entry:
 
     momentum_scale = sum m |v|, angular_scale = sum m |x - c| |v| with c the middle of the box: what
     a drift is measured against. potential = -M g . centre, zero at the origin. Impulses, works and
-    merge_loss are sums since the start, as in msph.fluid.accounts; tilt_work is what turning the
-    pool gave. Density errors: mean and max over particles of rho/rho0 - 1 where positive, for below
-    rest density lies every free surface; NaN before the first step. outside counts particles beyond
-    the box, the container, or inside an obstacle, by more than Walls.leaked says.
+    merge_loss are sums since the start, as in msph.fluid.impulse_ledger; tilt_work is the work of
+    turning the pool. Density errors: mean, 99th percentile and maximum over particles of
+    rho/rho0 - 1 where positive, for below rest density lies every free surface; rho is summed with
+    the method's kernel over the positions at `time`. outside counts particles beyond the box, the
+    container, or inside an obstacle, by more than Boundary.leaked says.
     """
 
     time: Annotated[float, "s"]
@@ -37,6 +38,7 @@ class Entry:
     tilt_work: Annotated[float, "J"]
     merge_loss: Annotated[float, "J"]
     density_error_mean: Annotated[float, "-"]
+    density_error_p99: Annotated[float, "-"]
     density_error_max: Annotated[float, "-"]
     top_speed: Annotated[float, "m/s"]
     outside: Annotated[int, "-"]

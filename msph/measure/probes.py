@@ -11,7 +11,7 @@ import numpy as np
 from scipy.ndimage import label
 
 from msph.fluid.simulation import Simulation
-from msph.measure.near import coverage, mirrored, wendland
+from msph.measure.host_kernels import coverage, mirrored, wendland
 from msph.scene.schema import Scene
 
 # Coverage at which water ends: half of the kernel's ball is water there, images included.
@@ -50,7 +50,7 @@ class Snapshot:
             np.array([s.spacing for s in specs])[layer],
             np.array([s.support for s in specs])[layer],
             simulation.size,
-            simulation.walls.free,
+            simulation.boundary.free,
         )
 
     def coverage(self, points: np.ndarray, close: np.ndarray, widen: float = 1.0) -> np.ndarray:

@@ -17,10 +17,11 @@ from msph.measure.machine import machine
 from msph.measure.survey import Survey
 from msph.measure.timings import Timings
 from msph.scene.schema import Scene
+from msph.scene.water import asked_mass
 
 
 def origin(scene: Scene, name: str, arch: str) -> dict[str, Any]:
-    """Of what, where and when a run was."""
+    """Scene, machine, versions and date of a run."""
     return {
         "scene": name,
         "title": scene.title,
@@ -32,6 +33,16 @@ def origin(scene: Scene, name: str, arch: str) -> dict[str, Any]:
         "taichi": ".".join(map(str, ti.__version__)),
         "python": platform.python_version(),
     }
+
+
+def water_laid(scene: Scene, simulation: Simulation, started: list[int]) -> dict[str, float]:
+    """Mass [kg] that the scene asks for beside that of the particles of each layer at the start.
+
+    What bodies displaced is not asked for. The error is a share (-).
+    """
+    asked = asked_mass(scene) - simulation.mass_left_out
+    laid = sum(n * s.mass for n, s in zip(started, simulation.layers.specs, strict=True))
+    return {"mass_asked_kg": asked, "mass_laid_kg": laid, "mass_laid_error": laid / asked - 1.0}
 
 
 def progress(simulation: Simulation, started: list[int], frame_s: float) -> dict[str, Any]:
@@ -62,7 +73,7 @@ def errors(ledger: Ledger, surveys: list[Survey]) -> dict[str, float]:
     """Every error figure of a run, shares (-) but for merge_loss_j [J]; see Ledger and Survey."""
     if not ledger.entries:
         return {}
-    mean, largest = ledger.density_error()
+    mean, p99, largest = ledger.density_error()
     first, last = ledger.entries[0], ledger.entries[-1]
     return {
         "mass_change": last.mass / first.mass - 1.0,
@@ -72,6 +83,7 @@ def errors(ledger: Ledger, surveys: list[Survey]) -> dict[str, float]:
         "energy_rise_in_1_s": ledger.energy_rise(1.0),
         "merge_loss_j": last.merge_loss,
         "density_error_mean": mean,
+        "density_error_p99": p99,
         "density_error_max": largest,
         **survey.errors(surveys),
         "outside_most": max(e.outside for e in ledger.entries),

@@ -9,21 +9,35 @@ import numpy as np
 import psutil
 import taichi as ti
 
+from msph.fluid.stages import no_stage
+
 
 class Timings:
-    """Seconds per frame, split by stage; the device is waited for on both sides of a stage."""
+    """Seconds per frame, by stage; the device is waited for on both sides of a stage.
 
-    def __init__(self):
+    Stages nest: one entered within another goes by its path, "fluid/density". Substages, the parts
+    of a step, are timed only with `profile`, for the waiting slows them.
+    """
+
+    def __init__(self, profile: bool = False):
         self.frames: list[dict[str, float]] = []
+        self.substage = self.stage if profile else no_stage
         self._open: dict[str, float] = defaultdict(float)
+        self._path: list[str] = []
 
     @contextmanager
     def stage(self, name: str):
+        self._path.append(name)
+        path = "/".join(self._path)
+        self._open[path] += 0.0  # parents before their parts
         ti.sync()
         start = time.perf_counter()
-        yield
-        ti.sync()
-        self._open[name] += time.perf_counter() - start
+        try:
+            yield
+            ti.sync()
+        finally:
+            self._path.pop()
+        self._open[path] += time.perf_counter() - start
 
     def close_frame(self) -> None:
         self.frames.append(dict(self._open))
@@ -36,12 +50,33 @@ class Timings:
 
     def percentile(self, percent: float, *stages: str) -> float:
         """Percentile [s] over frames of the time in the given stages together, or in all."""
-        per_frame = [sum(f.get(s, 0.0) for s in (stages or f)) for f in self.frames]
-        return float(np.percentile(per_frame, percent))
+        return float(np.percentile([_time(f, stages) for f in self.frames], percent))
 
     def total(self, *stages: str) -> float:
         """Wall-clock time [s] of all frames in the given stages together, or in all."""
-        return sum(sum(f.get(s, 0.0) for s in (stages or f)) for f in self.frames)
+        return sum(_time(f, stages) for f in self.frames)
+
+    def tree(self) -> dict[str, float]:
+        """Mean time [s] per frame of every stage by its path, each before its parts and these in
+        the order of their first beginnings; last of the parts, as "other", what is in none."""
+        paths = list(dict.fromkeys(path for frame in self.frames for path in frame))
+        return self._branch([p for p in paths if "/" not in p], paths)
+
+    def _branch(self, stages: list[str], paths: list[str]) -> dict[str, float]:
+        """Of the given stages and all that are within them."""
+        found = {}
+        for stage in stages:
+            found[stage] = self.total(stage) / len(self.frames)
+            parts = [p for p in paths if p.rpartition("/")[0] == stage]
+            found |= self._branch(parts, paths)
+            if parts:
+                found[f"{stage}/other"] = found[stage] - sum(found[p] for p in parts)
+        return found
+
+
+def _time(frame: dict[str, float], stages: tuple[str, ...]) -> float:
+    """Time [s] of a frame in the given stages, or in all that are part of no other."""
+    return sum(frame.get(s, 0.0) for s in (stages or [s for s in frame if "/" not in s]))
 
 
 def peak_memory() -> int:

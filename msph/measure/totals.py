@@ -4,7 +4,7 @@ import numpy as np
 import taichi as ti
 
 from msph.fluid.simulation import Simulation
-from msph.launch import data_oriented, kernel
+from msph.taichi_internals import data_oriented, kernel
 
 # Particles that one thread adds up in single precision; the host adds these sums in double.
 # Rounding of a sum of n equal numbers grows as n: 32 keep it under 1e-6, also without f64.
@@ -15,11 +15,11 @@ _VECTORS = ("moment", "momentum", "angular_momentum")
 MOMENT, MOMENTUM, SPIN = range(3)
 _SCALARS = (
     *("mass", "momentum_scale", "angular_scale", "kinetic"),
-    *("error_sum", "not_finite", "outside"),
+    *("not_finite", "outside"),
 )
-MASS, SPEED, ARM_SPEED, KINETIC, ERROR, BROKEN, OUTSIDE = range(7)
-_PEAKS = ("error_max", "top_speed")
-ERROR_MAX, TOP_SPEED = range(2)
+MASS, SPEED, ARM_SPEED, KINETIC, BROKEN, OUTSIDE = range(6)
+_PEAKS = ("top_speed",)
+TOP_SPEED = 0
 _GIVEN_VECTORS = ("internal_impulse", "internal_angular_impulse", "wall_impulse", "user_impulse")
 _GIVEN_SCALARS = ("wall_work", "user_work", "merge_loss")
 
@@ -27,18 +27,18 @@ _GIVEN_SCALARS = ("wall_work", "user_work", "merge_loss")
 @data_oriented
 class Totals:
     """Mass [kg], first moment sum m x [kg m], momenta, energy and errors of all particles, and the
-    accounts that the solver keeps; names and units as in Entry.
+    impulse ledger that the solver keeps; names and units as in Entry.
 
-    error_sum, error_max (-) of rho/rho0 - 1 where positive; not_finite, outside count particles.
+    not_finite and outside count particles.
     """
 
     def __init__(self, simulation: Simulation):
         self.size = ti.Vector(list(simulation.size))
-        self.walls = simulation.walls
+        self.boundary = simulation.boundary
         self.particles, self.layers = simulation.particles, simulation.layers
-        self.rest_density = simulation.solver.terms.density
-        self.given_vectors = tuple(getattr(simulation.solver, name) for name in _GIVEN_VECTORS)
-        self.given_scalars = tuple(getattr(simulation.solver, name) for name in _GIVEN_SCALARS)
+        impulses = simulation.solver.impulses
+        self.given_vectors = tuple(getattr(impulses, name) for name in _GIVEN_VECTORS)
+        self.given_scalars = tuple(getattr(impulses, name) for name in _GIVEN_SCALARS)
 
     def read(self) -> dict:
         """Every total by its name, a float or an array (3,)."""
@@ -68,12 +68,11 @@ class Totals:
         impulses: ti.types.ndarray(),
         works: ti.types.ndarray(),
     ):
-        """One row of partial sums per CHUNK particles, all zero before; and the accounts."""
+        """One row of partial sums per CHUNK particles, all zero before; and the impulse ledger."""
         for row in range(scalars.shape[0]):
             for i in range(row * CHUNK, ti.min((row + 1) * CHUNK, n)):
                 m = self.layers.mass[self.particles.layer[i]]
                 x, v = self.particles.x[i], self.particles.v[i]
-                error = ti.max(self.particles.density[i] / self.rest_density - 1.0, 0.0)
                 speed, arm = v.norm(), (x - 0.5 * self.size).norm()
                 spin = x.cross(v)
                 for k in ti.static(range(3)):
@@ -84,13 +83,11 @@ class Totals:
                 scalars[row, SPEED] += m * speed
                 scalars[row, ARM_SPEED] += m * arm * speed
                 scalars[row, KINETIC] += 0.5 * m * speed * speed
-                scalars[row, ERROR] += error
-                total = x.sum() + v.sum() + error
+                total = x.sum() + v.sum()
                 if ti.math.isnan(total) or ti.math.isinf(total):
                     scalars[row, BROKEN] += 1.0
-                if self.walls.leaked(x):
+                if self.boundary.leaked(x):
                     scalars[row, OUTSIDE] += 1.0
-                peaks[row, ERROR_MAX] = ti.max(peaks[row, ERROR_MAX], error)
                 peaks[row, TOP_SPEED] = ti.max(peaks[row, TOP_SPEED], speed)
         for a in ti.static(range(len(_GIVEN_VECTORS))):
             for k in ti.static(range(3)):

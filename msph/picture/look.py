@@ -1,21 +1,34 @@
-"""What the picture may be asked to look like: one declaration per choice, with its unit."""
+"""How the picture looks: one declaration per choice, with its unit."""
 
 from dataclasses import dataclass
 
 import numpy as np
+
+from msph.parameter import parameter
 
 
 @dataclass(frozen=True)
 class Look:
     sun_azimuth: float = 2.82  # where the sun stands, as the camera's azimuth [rad]
     sun_elevation: float = 0.76  # [rad]
-    absorption: tuple[float, float, float] = (0.42, 0.075, 0.035)  # clear water, RGB [1/m]
-    tint: float = 4.0  # multiplies absorption: metre-sized pools shall look like deep ones
-    scatter: tuple[float, float, float] = (0.02, 0.18, 0.28)  # colour of deep water, linear RGB
     tile: float = 1 / 12  # tile edge, as a share of the longest box edge
-    caustics: bool = True  # light focused by the waves on floor and walls
-    caustic_cells: int = 128  # resolution of their map along each side
-    supersample: int = 1  # rays per pixel along each axis: 2 for capture
+    caustic_cells: int = 128  # resolution of the caustics' map along each side
+    caustics: bool = parameter(True, text="light gathered by the waves on the floor")
+    # 4, not 1: metre-sized pools shall look like deep ones.
+    tint: float = parameter(
+        4.0, ge=0.0, le=100.0, text="strength of the water's colour, 1: real clear water"
+    )
+    absorption: tuple[float, float, float] = parameter(
+        (0.42, 0.075, 0.035), unit="1/m", text="light that the water takes up, red, green, blue"
+    )
+    scatter: tuple[float, float, float] = parameter(
+        (0.02, 0.18, 0.28), text="colour of deep water, linear RGB"
+    )
+    supersample: int = parameter(
+        1, ge=1, le=4, text="rays per pixel along each axis: smoother edges"
+    )
+
+    legend: bool = parameter(True, text="say in the picture what the colours of a view mean")
 
     def sun_direction(self):
         """Unit vector to the sun, world frame."""

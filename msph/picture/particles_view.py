@@ -3,9 +3,10 @@
 import numpy as np
 import taichi as ti
 
-from msph.launch import data_oriented, kernel
 from msph.picture.pool import RIM
 from msph.picture.rasteriser import BLOCK, NOTHING, Rasteriser, sphere_inverse_depth
+from msph.picture.tone import curve
+from msph.taichi_internals import data_oriented, kernel
 
 vec3 = ti.math.vec3
 
@@ -38,6 +39,11 @@ def colour_map(count=COLOURS):
     f = (lab[:, :1] + 16) / 116 + lab[:, 1:2] * (1 / 500, 0, 0) - lab[:, 2:] * (0, 0, 1 / 200)
     xyz = D65 * np.where(f > 6 / 29, f**3, (f - 4 / 29) * 3 * (6 / 29) ** 2)
     return np.clip(xyz @ XYZ_TO_RGB.T, 0, 1)
+
+
+def shown_colour(value):
+    """Display-referred RGB (..., 3) of a particle in full light by its value (...) in 0..1."""
+    return curve(colour_map()[np.int32(np.clip(value, 0, 1) * (COLOURS - 1) + 0.5)])
 
 
 @data_oriented

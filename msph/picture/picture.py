@@ -3,17 +3,18 @@
 import numpy as np
 import taichi as ti
 
-from msph.launch import data_oriented, kernel
-from msph.picture.bodies import Bodies
-from msph.picture.light import Light
+from msph.picture.body_shading import BodyShading
+from msph.picture.legend import LegendPanel
 from msph.picture.look import Look
 from msph.picture.particles_view import LayerRadius, OwnRadius, ParticlesView
 from msph.picture.pool import Backdrop, Pool
 from msph.picture.rasteriser import NOTHING, Rasteriser
 from msph.picture.shot import Lens, shoot
 from msph.picture.sky import Sky
+from msph.picture.sunlight import Light
 from msph.picture.tone import Tone
 from msph.picture.water import Water
+from msph.taichi_internals import data_oriented, kernel
 
 SKIN = 2e-3  # how near to a wall a face counts as lying on it, as a share of the longest edge
 
@@ -28,7 +29,7 @@ class Picture:
     `image`: 3-vec f32 (width, height), 0..1 display-referred, index [right, up].
     """
 
-    def __init__(self, width, height, box, mesh, look=None, particles=0, walls=None):
+    def __init__(self, width, height, box, mesh, look=None, particles=0, boundary=None):
         self.width, self.height, self.mesh = width, height, mesh
         self.box = tuple(map(float, box))
         self.look = look or Look()
@@ -38,7 +39,7 @@ class Picture:
         self.image = ti.Vector.field(3, ti.f32, (width, height))
         self.canvas = self.image if self.rays == 1 else ti.Vector.field(3, ti.f32, (w, h))
         self.lens = lens = Lens()
-        bodies = Bodies(walls) if walls is not None and walls.count else None
+        bodies = BodyShading(boundary) if boundary is not None and boundary.count else None
         tone, pool = Tone(), Pool(Sky(self.look.sun_direction()), bodies)
         self.backdrop = Backdrop(w, h, lens, pool, tone)
         self.raster = Rasteriser(w, h, mesh.triangles.shape[0], lens, thickness=True)
@@ -47,6 +48,7 @@ class Picture:
         self.particles = None
         if particles:
             self.particles = ParticlesView(w, h, particles, lens, self.backdrop, tone)
+        self.legend = LegendPanel(width, height) if particles and self.look.legend else None
         self.radii = {}
         self.seen = None
 
@@ -79,14 +81,19 @@ class Picture:
     def shade(self):
         self.water.shade(self.skin, self.canvas)
 
-    def draw_particles(self, camera, tilt, x, value, lo, hi, n, radius=None, layers=None):
+    def draw_particles(
+        self, camera, tilt, x, value, lo, hi, n, radius=None, layers=None, legend=None
+    ):
         """The first n particles at x [m], coloured by `value` from lo to hi.
 
         radius: a f32 field [m]; or layers: the pair (layer of each particle, spacing of a layer).
+        legend: a Legend to lay over the picture, where the look wants any.
         """
         self.backdrop.refresh(self.aim(camera, tilt))
         self.particles.draw(x, self.radius_of(radius, layers), value, lo, hi, n, self.canvas)
         self.resolve()
+        if legend and self.legend:
+            self.legend.draw(legend, self.image)
 
     def radius_of(self, radius, layers):
         """One reader for each choice of fields: every new one would compile its kernels again."""

@@ -6,11 +6,11 @@ ray that enters the box by glass or by the open top meets tiles, glass or the to
 
 import taichi as ti
 
-from msph.launch import data_oriented, kernel
-from msph.picture.bodies import MISSED
-from msph.picture.lights import SKY_LIGHT, SUN_LIGHT
+from msph.picture.body_shading import MISSED
+from msph.picture.light_sources import SKY_LIGHT, SUN_LIGHT
 from msph.picture.rasteriser import BLOCK, FAR
 from msph.picture.sky import GROUND, Sky, haze
+from msph.taichi_internals import data_oriented, kernel
 
 vec2, vec3, vec4 = ti.math.vec2, ti.math.vec3, ti.math.vec4
 
@@ -258,7 +258,7 @@ class Backdrop:
         """Bring it up to date; changed: the view is new. raster: what hides it, or None."""
         if self.pool.occupied:
             raster = None
-            changed = changed or self.pool.bodies.walls.moving
+            changed = changed or self.pool.bodies.boundary.moving
         if changed:
             self.draw(raster or self, raster is not None)
             self.whole = raster is None

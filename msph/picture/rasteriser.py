@@ -12,7 +12,7 @@ normal. No vertex is divided by its depth, so triangles through the near plane n
 
 import taichi as ti
 
-from msph.launch import data_oriented
+from msph.taichi_internals import data_oriented
 
 vec3 = ti.math.vec3
 

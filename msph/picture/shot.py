@@ -8,8 +8,8 @@ field that is written only when the camera moves costs nothing.
 import numpy as np
 import taichi as ti
 
-from msph.launch import data_oriented, kernel
 from msph.picture.optics import WATER_INDEX, refracted
+from msph.taichi_internals import data_oriented, kernel
 
 vec2, vec3 = ti.math.vec2, ti.math.vec3
 

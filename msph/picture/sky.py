@@ -6,7 +6,7 @@ half sphere by stereographic projection, (x, z) / (1 + y).
 
 import taichi as ti
 
-from msph.launch import data_oriented, kernel
+from msph.taichi_internals import data_oriented, kernel
 
 vec3 = ti.math.vec3
 

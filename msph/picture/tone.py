@@ -3,7 +3,7 @@
 import numpy as np
 import taichi as ti
 
-from msph.launch import data_oriented
+from msph.taichi_internals import data_oriented
 
 CELLS = 4096
 WHITE = 1.6  # radiance shown as full white

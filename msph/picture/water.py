@@ -7,11 +7,11 @@ and mixed with light scattered by the water itself.
 
 import taichi as ti
 
-from msph.launch import data_oriented
 from msph.picture.optics import WATER_INDEX, bend, cosine_beyond, reflectance, transmittance
 from msph.picture.pool import FLATTEST, RIM, along
 from msph.picture.rasteriser import BLOCK, NOTHING
 from msph.picture.sky import SUN
+from msph.taichi_internals import data_oriented
 
 vec3 = ti.math.vec3
 

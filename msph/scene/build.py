@@ -1,17 +1,17 @@
 """From a scene to the simulation it describes."""
 
 import math
+from dataclasses import fields
+from typing import Any
 
 import numpy as np
 
-from msph.fluid.adaptation import AdaptationTerms
-from msph.fluid.classic import ClassicTerms
-from msph.fluid.methods import Terms
-from msph.fluid.projection_terms import ProjectionTerms
+from msph.fluid.adaptivity.bands import AdaptationParameters
+from msph.fluid.methods import METHODS, Parameters
 from msph.fluid.simulation import NoWaterError, Simulation
-from msph.scene.bodies import bodies
 from msph.scene.errors import SceneError
-from msph.scene.schema import Scene
+from msph.scene.obstacles import bodies
+from msph.scene.schema import Scene, Section
 from msph.scene.water import capacity, initial_particles, layer_specs
 
 
@@ -22,36 +22,29 @@ def build_simulation(scene: Scene) -> Simulation:
     """
     specs, initial = layer_specs(scene), initial_particles(scene)
     try:
-        # Lattices fitted to their bodies may hold a few more than was expected.
-        terms, most = solver_terms(scene), max(capacity(scene), len(initial["x"]))
-        return Simulation(scene.box.size, specs, initial, terms, bodies(scene), most)
+        parameters, most = solver_parameters(scene), capacity(scene)
+        return Simulation(scene.box.size, specs, initial, parameters, bodies(scene), most)
     except NoWaterError:
         key = "container" if scene.container else "obstacles"
         raise SceneError(scene.title, "no water is left outside of the bodies", key) from None
 
 
-def solver_terms(scene: Scene) -> Terms:
-    """The constants and switches of the scene's method."""
-    if scene.method == "projection":
-        adaptation = scene.adaptation.model_dump(exclude={"enabled", "capacity"})
-        return ProjectionTerms(
-            density=scene.density,
-            restitution=scene.box.restitution,
-            adaptation=AdaptationTerms(**adaptation) if scene.adaptation.enabled else None,
-            **scene.projection.model_dump(),
-        )
-    c = scene.classic
-    return ClassicTerms(
-        density=scene.density,
-        stiffness=c.stiffness,
-        tension=c.tension,
-        pressure_form=c.pressure_form,
-        viscosity_form=c.viscosity_form,
-        attraction=c.attraction,
-        colour_threshold=c.colour_threshold,
-        courant=c.courant,
+def solver_parameters(scene: Scene) -> Parameters:
+    """The constants and switches of the scene's method: its table's, and the scene's own."""
+    kind = METHODS[scene.method].PARAMETERS
+    adaptation = METHODS[scene.method].ADAPTS and scene.adaptation.enabled
+    return kind(
+        rest_density=scene.density,
         restitution=scene.box.restitution,
+        **({"adaptation": declared(scene.adaptation, AdaptationParameters)} if adaptation else {}),
+        **getattr(scene, scene.method).model_dump(),
     )
+
+
+def declared(section: Section, kind: type) -> Any:
+    """An object of a dataclass that declares parameters, with a section's values of them."""
+    names = {f.name for f in fields(kind) if "declared" in f.metadata}
+    return kind(**section.model_dump(include=names))
 
 
 def sway_angle(scene: Scene, time: float) -> float:

@@ -6,17 +6,17 @@ import itertools
 import numpy as np
 import psutil
 
-from msph.fluid.adaptation import coarser_of
-from msph.fluid.layers import LayerSpec
-from msph.fluid.methods import SOLVERS
-from msph.fluid.particles import CORE
+from msph.fluid.adaptivity.bands import coarser_of
+from msph.fluid.boundary.mesh_samples import numbers_needed
+from msph.fluid.methods import METHODS, able
+from msph.fluid.particles.layers import LayerSpec
+from msph.fluid.particles.particles import CORE
 from msph.fluid.simulation import WORD, footprint
-from msph.fluid.solids import numbers_needed
-from msph.scene.bodies import bodies, check_bodies
-from msph.scene.build import solver_terms
+from msph.scene.build import solver_parameters
 from msph.scene.errors import SceneError
-from msph.scene.schema import Probe, Scene, Water
-from msph.scene.water import bounds, capacity, expected_count, layer_specs
+from msph.scene.obstacles import bodies, check_bodies
+from msph.scene.schema import LAYER_OPTIONS, Layer, Probe, Scene, Water
+from msph.scene.water import bounds, capacity, layer_specs, particle_count
 from msph.surface.surface import Surface
 
 # How far bodies of water may touch or reach over the box before it counts as an error [m]:
@@ -28,19 +28,12 @@ MEMORY_SHARE = 0.8
 MOST_NUMBERS = 2**31 - 1
 # Spacings across the box below which little is left of an arrangement.
 LEAST_ACROSS = 3
-# Views that are no attribute, or come first.
-_DERIVED = ("water", "layer", "speed", "density_error")
 
 
 def views(scene: Scene) -> tuple[str, ...]:
     """What a picture of the scene can show, in the order in which a key cycles through it."""
-    terms = solver_terms(scene)
-    names = [
-        a.name
-        for a in CORE
-        + SOLVERS[type(terms)].attributes(terms, bool(scene.obstacles or scene.container))
-    ]
-    return _DERIVED + tuple(n for n in names if n not in (*_DERIVED, "x", "v", "id"))
+    attributes = CORE + METHODS[scene.method].attributes(solver_parameters(scene))
+    return ("water", *(a.view for a in attributes if a.view), "particles")
 
 
 def check(scene: Scene, where: str) -> None:
@@ -83,13 +76,11 @@ def check(scene: Scene, where: str) -> None:
             raise SceneError(
                 where, f"there are two probes named {probe.name!r}", f"probes.{i}.name"
             )
-    terms = scene.projection
-    if scene.method == "projection" and not terms.slip and not terms.viscosity:
-        raise SceneError(
-            where,
-            "only viscous water can stick to walls: set projection.viscosity",
-            "projection.slip",
-        )
+    contradiction = solver_parameters(scene).contradiction()
+    if contradiction:
+        name, problem = contradiction
+        raise SceneError(where, problem, f"{scene.method}.{name}")
+    _check_layer_options(scene, where)
     _check_adaptation(scene, specs, where)
     check_bodies(scene, where)
     _check_memory(scene, specs, where)
@@ -99,9 +90,11 @@ def _check_adaptation(scene: Scene, specs: list[LayerSpec], where: str) -> None:
     """Adaptation needs the projection method, layers that can exchange, and room to start."""
     if not scene.adaptation.enabled:
         return
-    if scene.method != "projection":
+    if not METHODS[scene.method].ADAPTS:
         raise SceneError(
-            where, 'only method = "projection" can adapt its layers', "adaptation.enabled"
+            where,
+            f"the method {scene.method} cannot adapt its layers; {able('ADAPTS')} can",
+            "adaptation.enabled",
         )
     if all(k < 0 for k in coarser_of(specs)):
         masses = ", ".join(f"{s.mass:.3g}" for s in specs)
@@ -110,7 +103,7 @@ def _check_adaptation(scene: Scene, specs: list[LayerSpec], where: str) -> None:
             f"no two layers have masses of 1 : 2 (got {masses} kg), so none can exchange particles",
             "adaptation.enabled",
         )
-    start = sum(expected_count(w, specs[w.layer]) for w in scene.water)
+    start = sum(particle_count(w, specs[w.layer]) for w in scene.water)
     if scene.adaptation.capacity is not None and scene.adaptation.capacity < start:
         raise SceneError(
             where,
@@ -119,11 +112,27 @@ def _check_adaptation(scene: Scene, specs: list[LayerSpec], where: str) -> None:
         )
 
 
+def _check_layer_options(scene: Scene, where: str) -> None:
+    """A layer's option that the method would not heed is an error, not a decoration."""
+    heeded = METHODS[scene.method].LAYER_OPTIONS
+    for i, layer in enumerate(scene.layers):
+        for option in LAYER_OPTIONS:
+            given = getattr(layer, option) != Layer.model_fields[option].default
+            if given and option not in heeded:
+                others = [n for n, s in METHODS.items() if option in s.LAYER_OPTIONS]
+                raise SceneError(
+                    where,
+                    f"the method {scene.method} has no such option of a layer; "
+                    f"{' or '.join(others)} has",
+                    f"layers.{i}.{option}",
+                )
+
+
 def _check_memory(scene: Scene, specs: list[LayerSpec], where: str) -> None:
     """Everything that is allocated but the picture, whose size is no part of the scene."""
     count = capacity(scene)
     cell = scene.surface.cell * min(s.spacing for s in specs)
-    needs = footprint(scene.box.size, specs, count, solver_terms(scene))
+    needs = footprint(scene.box.size, specs, count, solver_parameters(scene))
     needs["surface"] = Surface.bytes_needed(scene.box.size, cell) // WORD
     needs["obstacles"] = numbers_needed(bodies(scene), specs)
     keys = {"cells": "box.size", "neighbours": "water", "particles": "water"}
@@ -162,10 +171,8 @@ def _check_water(scene: Scene, water: Water, where: str, key: str) -> None:
             key,
         )
     spec = layer_specs(scene)[water.layer]
-    most = expected_count(water.model_copy(update={"count": None}), spec)
-    # Half a sheet of grace: the last sheet of a lattice may stand a little over the body's top.
-    sheet = float(np.prod((hi - lo)[[0, 2]])) / spec.spacing**2
-    if water.count is not None and water.count > most + 0.5 * sheet:
+    most = particle_count(water.model_copy(update={"count": None}), spec)
+    if water.count is not None and water.count > most:
         raise SceneError(
             where, f"{water.count} particles do not fit, there is room for {most}", f"{key}.count"
         )
@@ -173,8 +180,6 @@ def _check_water(scene: Scene, water: Water, where: str, key: str) -> None:
 
 def cautions(scene: Scene) -> list[str]:
     """What of the scene will be computed only roughly, a line each."""
-    if scene.method != "projection":
-        return []
     edge = min(scene.box.size)
     return [
         f"layers.{i}: the box's shortest edge of {edge:.3g} m is less than {LEAST_ACROSS} spacings "

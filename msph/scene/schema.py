@@ -5,15 +5,25 @@ scene beside a capture, and the names in error messages. SI units; y is up; the 
 is the origin.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from types import UnionType
-from typing import Annotated, Any, Literal, Union, get_args, get_origin
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    Any,
+    Literal,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, create_model
 
-from msph.fluid.adaptation import AdaptationTerms
-from msph.fluid.classic import ClassicTerms
-from msph.fluid.projection_terms import ProjectionTerms
+from msph.fluid.adaptivity.bands import AdaptationParameters
+from msph.fluid.classic import ClassicParameters
+from msph.fluid.methods import METHODS
+from msph.fluid.projection.parameters import ProjectionParameters
 from msph.picture.look import Look
 
 
@@ -39,7 +49,18 @@ Vector = Annotated[tuple[Number, Number, Number], Field(strict=False)]
 Size = Annotated[tuple[Edge, Edge, Edge], Field(strict=False)]
 Place = Annotated[tuple[Number, Number], Field(strict=False)]
 
-_terms, _project, _adapt, _look = ClassicTerms(), ProjectionTerms(), AdaptationTerms(), Look()
+
+def section(name: str, text: str, declared: type, **more: tuple[Any, Any]) -> Any:
+    """The section of the parameters that a dataclass declares (see msph.parameter), and of `more`
+    that the scene alone has: (type, parameter) by name."""
+    hints = get_type_hints(declared)
+    own: dict[str, Any] = {}
+    for f in fields(declared):
+        if "declared" in f.metadata:
+            d = f.metadata["declared"]
+            kind = Vector if hints[f.name] == tuple[float, float, float] else hints[f.name]
+            own[f.name] = (kind, parameter(f.default, unit=d.unit, text=d.text, **d.limits))
+    return create_model(name, __base__=Section, __doc__=text, **(more | own))
 
 
 class Box(Section):
@@ -47,7 +68,7 @@ class Box(Section):
 
     size: Size = parameter(unit="m", text="inner edge lengths along x, y (up) and z")
     restitution: float = parameter(
-        _terms.restitution, ge=0.0, le=1.0, text="share of the speed that a wall gives back"
+        0.0, ge=0.0, le=1.0, text="share of the speed that a wall gives back"
     )
 
 
@@ -62,8 +83,8 @@ class Layer(Section):
         None,
         ge=1.2,
         le=4.0,
-        text="support radius over spacing, h/d, where kernels vanish; default: 2 in the classic "
-        "method, 2.45 in projection",
+        text="support radius over spacing, h/d, where kernels vanish; default: "
+        + ", ".join(f"{s.SMOOTHING:g} in {name}" for name, s in METHODS.items()),
     )
     gravity_factor: float = parameter(
         1.0, ge=0.0, le=1.0, text="share of gravity that the layer feels (thesis: less if finer)"
@@ -82,6 +103,10 @@ class Layer(Section):
         return density * (self.spacing or 0.0) ** 3
 
 
+# Options of a layer that only some methods heed.
+LAYER_OPTIONS = ("gravity_factor", "viscosity", "kernels")
+
+
 class Water(Section):
     """A body of water: a box from lo to hi, or a ball, filled with one layer."""
 
@@ -91,7 +116,7 @@ class Water(Section):
     centre: Vector | None = parameter(None, unit="m", text="centre of a ball of water")
     radius: float | None = parameter(None, gt=0.0, unit="m", text="radius of a ball of water")
     count: int | None = parameter(
-        None, gt=0, text="exact number of particles, laid from the bottom; default: what fits"
+        None, gt=0, text="exact number of particles, laid from the bottom; default: by volume"
     )
     velocity: Vector = parameter((0.0, 0.0, 0.0), unit="m/s", text="initial velocity")
     jitter: float = parameter(
@@ -139,132 +164,6 @@ class Obstacle(Placed):
     spin: float = parameter(0.0, unit="deg/s", text="speed of turning about the axis")
 
 
-class Classic(Section):
-    """The thesis's weakly compressible method (Gokdogan 2008)."""
-
-    stiffness: float = parameter(
-        _terms.stiffness,
-        gt=0.0,
-        le=1e7,
-        unit="m^2/s^2",
-        text="k of p = k (rho - rho0), the square of the speed of sound",
-    )
-    viscosity: float = parameter(10.0, ge=0.0, le=1e4, unit="Pa s", text="dynamic viscosity mu")
-    tension: bool = parameter(
-        _terms.tension, text="let pressures below zero pull, as the thesis's formula does"
-    )
-    pressure_form: Literal["mean", "squared", "product"] = parameter(
-        "mean", text="pressure force: mean (27), or symmetrised: squared (32), product (33)"
-    )
-    viscosity_form: Literal["formula", "pseudocode"] = parameter(
-        "formula", text="viscous force: formula (28), or the pseudo-code of A.2"
-    )
-    attraction: float = parameter(
-        _terms.attraction, ge=0.0, unit="N/m", text="surface attraction by the colour term, 0: off"
-    )
-    colour_threshold: float = parameter(
-        _terms.colour_threshold, gt=0.0, text="colour gradient times h above which it attracts"
-    )
-    courant: float = parameter(
-        _terms.courant, ge=0.01, le=1.0, text="time step over the time sound takes to cross h"
-    )
-
-
-class Projection(Section):
-    """The incompressible method: two pressure solves a step."""
-
-    cfl: float = parameter(
-        _project.cfl, gt=0.0, le=1.0, text="most spacings that a particle moves in a step"
-    )
-    pressure_cfl: float = parameter(
-        _project.pressure_cfl,
-        gt=0.0,
-        le=2.0,
-        text="most spacings that the speed sqrt(p/rho) covers in a step",
-    )
-    longest_step: float = parameter(
-        _project.longest_step, gt=0.0, le=0.1, unit="s", text="longest time step of slow water"
-    )
-    release: float = parameter(
-        _project.release, gt=0.0, unit="s", text="time in which a density excess becomes velocity"
-    )
-    tolerance: float = parameter(
-        _project.tolerance,
-        gt=0.0,
-        lt=1.0,
-        text="share of the pressure's displacements that the velocity solve may leave",
-    )
-    motion_tolerance: float = parameter(
-        _project.motion_tolerance,
-        ge=0.0,
-        lt=1.0,
-        text="or share of the way that the water goes in the step",
-    )
-    velocity_iterations: int = parameter(
-        _project.velocity_iterations, ge=1, text="most iterations of the velocity solve"
-    )
-    position_iterations: int = parameter(
-        _project.position_iterations, ge=0, text="iterations of the position solve"
-    )
-    largest_shift: float = parameter(
-        _project.largest_shift, gt=0.0, le=1.0, text="most spacings of the position solve"
-    )
-    spray: float = parameter(
-        _project.spray, ge=0.0, le=1.0, text="relative density below which water is spray"
-    )
-    viscosity: float = parameter(
-        _project.viscosity,
-        ge=0.0,
-        le=1e5,
-        unit="Pa s",
-        text="dynamic viscosity, 0: off; water 0.001, honey 10",
-    )
-    slip: bool = parameter(
-        _project.slip, text="the box does not brake viscous water; bodies never do"
-    )
-    tension: float = parameter(
-        _project.tension,
-        ge=0.0,
-        le=1e3,
-        unit="N/m",
-        text="surface tension, 0: off; water 0.072",
-    )
-    xsph: float = parameter(
-        _project.xsph,
-        ge=0.0,
-        le=0.5,
-        text="share of the way to its neighbours' velocity that water takes in a step, 0: off",
-    )
-
-
-class Adaptation(Section):
-    """Projection alone: particles split and merge, so that each depth has its layer."""
-
-    enabled: bool = parameter(False, text="let particles change their layer with their depth")
-    band: float = parameter(
-        _adapt.band, ge=0.5, le=50.0, text="thickness of a layer's band, in its supports"
-    )
-    hysteresis: float = parameter(
-        _adapt.hysteresis, ge=0.0, le=0.4, text="share of a band's bound that a particle must pass"
-    )
-    every: int = parameter(_adapt.every, ge=1, text="steps between passes, at least")
-    travel: float = parameter(
-        _adapt.travel, ge=0.0, text="spacings that the fastest particle goes between passes"
-    )
-    budget: float = parameter(
-        _adapt.budget, gt=0.0, le=1.0, text="share of all particles that a pass may change"
-    )
-    settle: int = parameter(
-        _adapt.settle, ge=0, text="times `every` steps that a particle waits until its next change"
-    )
-    capacity: int | None = parameter(
-        None,
-        gt=0,
-        text="most particles; beyond, fine layers grow thinner. Default: all water at its finest, "
-        "at most 30,000 or twice the particles at the start",
-    )
-
-
 class Sway(Section):
     """The pool rocks by itself at the start: gravity turns in its frame."""
 
@@ -291,25 +190,6 @@ class Surface(Section):
     iso: float = parameter(0.5, gt=0.0, lt=1.0, text="coverage at which the surface lies")
     smoothing: float = parameter(
         1.0, ge=1.0, le=3.0, text="radius of the surface's kernel, in supports h"
-    )
-
-
-class Picture(Section):
-    """How the water is drawn."""
-
-    view: str = parameter(
-        "water", text="water, layer, speed, density_error, or another particle attribute"
-    )
-    caustics: bool = parameter(_look.caustics, text="light gathered by the waves on the floor")
-    tint: float = parameter(
-        _look.tint, ge=0.0, le=100.0, text="strength of the water's colour, 1: real clear water"
-    )
-    absorption: Vector = parameter(
-        _look.absorption, unit="1/m", text="light that the water takes up, red, green, blue"
-    )
-    scatter: Vector = parameter(_look.scatter, text="colour of deep water, linear RGB")
-    supersample: int = parameter(
-        _look.supersample, ge=1, le=4, text="rays per pixel along each axis: smoother edges"
     )
 
 
@@ -356,6 +236,47 @@ class Measure(Section):
     )
     survey: float = parameter(
         0.1, ge=0.0, unit="s", text="time between surveys of volume and bulk density, 0: none"
+    )
+
+
+# Made from the declarations in the fluid and the picture; to a type checker they may hold anything.
+if TYPE_CHECKING:
+    Classic = Any
+    Projection = Any
+    Adaptation = Any
+    Picture = Any
+else:
+    Classic = section(
+        "Classic", "The thesis's weakly compressible method (Gokdogan 2008).", ClassicParameters
+    )
+    Projection = section(
+        "Projection", "The incompressible method: two pressure solves a step.", ProjectionParameters
+    )
+    Adaptation = section(
+        "Adaptation",
+        "Particles split and merge, so that each depth has its layer.",
+        AdaptationParameters,
+        enabled=(bool, parameter(False, text="let particles change their layer with their depth")),
+        capacity=(
+            int | None,
+            parameter(
+                None,
+                gt=0,
+                text="most particles; beyond, fine layers grow thinner. Default: all water at its "
+                "finest, at most 30,000 or twice the particles at the start",
+            ),
+        ),
+    )
+    Picture = section(
+        "Picture",
+        "How the water is drawn.",
+        Look,
+        view=(
+            str,
+            parameter(
+                "water", text="water, layers, speed, pressure, density_error, depth, particles"
+            ),
+        ),
     )
 
 

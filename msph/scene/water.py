@@ -4,19 +4,15 @@ import math
 
 import numpy as np
 
-from msph.fluid.adaptation import exact
-from msph.fluid.layers import LayerSpec
+from msph.fluid.adaptivity.bands import exact
+from msph.fluid.methods import METHODS
+from msph.fluid.particles.layers import LayerSpec
 from msph.scene.schema import Scene, Water
 
-# Support over spacing. Narrow kernels make an arrangement under pressure stiff against shear, as
-# soft solids are, and waves too fast: at 2 by 12 % with Wendland C2, at 2.2 by 2.4 (uniform) and
-# 3.2 % (layers) with the quartic. Wide ones smooth waves and make them slow, as the square of the
-# spacing. At 2.5 layered water 15 spacings deep sloshes up to 1.1 % too slow, at 2.4 such water 20
-# deep 1.1 % too fast, at 2.45 both are off by .2 to .9 %: about 700/N^2 - 46/N % at N spacings,
-# which is least, -.8 %, at 30.
-SMOOTHING = {"classic": 2.0, "projection": 2.45}
 # Particles that a pool has room for without being asked, where adaptation could need them.
 MANY = 30_000
+# Steps (-) of a sequence of low discrepancy in the plane, of powers of 1/1.3247 (Roberts 2018).
+SCATTER = (0.7548776662, 0.5698402910)
 
 
 def layer_specs(scene: Scene) -> list[LayerSpec]:
@@ -28,7 +24,7 @@ def layer_specs(scene: Scene) -> list[LayerSpec]:
             LayerSpec(
                 mass=layer.mass_at(scene.density),
                 density=scene.density,
-                smoothing=layer.smoothing or SMOOTHING[scene.method],
+                smoothing=layer.smoothing or METHODS[scene.method].SMOOTHING,
                 gravity_factor=layer.gravity_factor,
                 viscosity=viscosity,
                 wendland=layer.kernels == "wendland",
@@ -45,46 +41,61 @@ def bounds(water: Water) -> tuple[np.ndarray, np.ndarray]:
     return np.array(water.lo), np.array(water.hi)
 
 
-def expected_count(water: Water, spec: LayerSpec) -> int:
-    """About how many particles the body will have, without making them."""
-    if water.count is not None:
-        return water.count
+def particle_count(water: Water, spec: LayerSpec) -> int:
+    """Particles of the body: its `count`, or its volume's to half a particle."""
+    return water.count or max(1, round(volume(water) / spec.volume))
+
+
+def volume(water: Water) -> float:
+    """Volume [m^3] between the body's bounds, whatever its `count`."""
     if water.radius is not None:
-        volume = 4.0 / 3.0 * math.pi * water.radius**3
-    else:
-        lo, hi = bounds(water)
-        volume = float(np.prod(hi - lo))
-    return max(1, math.ceil(volume / spec.volume))
+        return 4.0 / 3.0 * math.pi * water.radius**3
+    lo, hi = bounds(water)
+    return float(np.prod(hi - lo))
+
+
+def asked_mass(scene: Scene) -> float:
+    """Mass [kg] of water that the scene asks for: by volume, or by `count` where one is given."""
+    return sum(
+        scene.density * volume(w) if w.count is None else w.count * spec.mass
+        for w, spec in ((w, layer_specs(scene)[w.layer]) for w in scene.water)
+    )
 
 
 def fill(water: Water, spec: LayerSpec, rng: np.random.Generator) -> np.ndarray:
     """Positions [m] of the body's particles, (n, 3), each with its rest volume to itself.
 
-    In a box the lattice is fitted to the edges, the spacings of its axes chosen so that their
-    product stays the volume of a particle. With a `count` it is laid from the bottom, and the
-    last, incomplete sheet is spread evenly.
+    A box is filled evenly from edge to edge; with a `count`, up to the height that so many need.
     """
-    if water.radius is not None:
-        sites = _ball(water, water.radius, spec)
-    else:
-        sites = _sheets(water, spec)
+    sites = _ball(water, spec) if water.radius is not None else _block(water, spec)
     return sites + rng.uniform(-0.5, 0.5, sites.shape) * water.jitter * spec.spacing
 
 
-def _sheets(water: Water, spec: LayerSpec) -> np.ndarray:
+def _block(water: Water, spec: LayerSpec) -> np.ndarray:
+    """Sites of a lattice in rows along the block's longest edge, whose spacings are alike.
+
+    What the rows cannot share evenly, at most a particle each, goes to rows that lie scattered: so
+    no sheet is incomplete, and density is even from the bottom to the surface.
+    """
     lo, hi = bounds(water)
-    length = hi - lo
-    nx, nz = min(_divisions(length[[0, 2]] / spec.spacing), key=lambda n: _stretch(length, n, spec))
-    sheet, height = nx * nz, _height(length, (nx, nz), spec)
-    count = water.count or sheet * max(1, round(length[1] / height))
-    full, rest = divmod(count, sheet)
-    cells = np.arange(full * sheet)
-    if rest:
-        spread = np.floor((np.arange(rest) + 0.5) * sheet / rest).astype(int)
-        cells = np.concatenate([cells, full * sheet + spread])
-    row, column = np.divmod(cells % sheet, nz)
-    sites = np.stack([(row + 0.5) / nx, (cells // sheet + 0.5), (column + 0.5) / nz], axis=1)
-    return lo + sites * np.array([length[0], height, length[2]])
+    length, count = hi - lo, particle_count(water, spec)
+    if water.count is not None:
+        length[1] = count * spec.volume / (length[0] * length[2])
+    order = np.argsort(length, kind="stable")
+    a, b, c = length[order]
+    options = _divisions(np.array([a, b]) / spec.spacing)
+    na, nb = min(options, key=lambda n: _stretch(a / n[0], b / n[1], c * n[0] * n[1] / count))
+    i, j = np.divmod(np.arange(na * nb), nb)
+    each, rest = divmod(count, na * nb)
+    held = np.full(na * nb, each)
+    held[np.argsort((i * SCATTER[0] + j * SCATTER[1]) % 1.0, kind="stable")[:rest]] += 1
+    row = np.repeat(np.arange(na * nb), held)
+    place = np.arange(count) - np.repeat(np.cumsum(held) - held, held)
+    sites = np.empty((count, 3))
+    sites[:, order[0]] = (i[row] + 0.5) * a / na
+    sites[:, order[1]] = (j[row] + 0.5) * b / nb
+    sites[:, order[2]] = (place + 0.5) * c / held[row]
+    return lo + sites
 
 
 def _divisions(spacings: np.ndarray) -> list[tuple[int, int]]:
@@ -93,39 +104,31 @@ def _divisions(spacings: np.ndarray) -> list[tuple[int, int]]:
     return [(down[0] + a, down[1] + b) for a in (0, 1) for b in (0, 1)]
 
 
-def _height(length: np.ndarray, divisions: tuple[int, int], spec: LayerSpec) -> float:
-    """Height [m] of cells of a particle's volume."""
-    return spec.volume * divisions[0] * divisions[1] / (length[0] * length[2])
-
-
-def _stretch(length: np.ndarray, divisions: tuple[int, int], spec: LayerSpec) -> float:
-    """Longest edge of such cells over their shortest (-)."""
-    edges = length[0] / divisions[0], _height(length, divisions, spec), length[2] / divisions[1]
+def _stretch(*edges: float) -> float:
+    """Longest edge of a cell over its shortest (-)."""
     return max(edges) / min(edges)
 
 
-def _ball(water: Water, radius: float, spec: LayerSpec) -> np.ndarray:
-    centre, d = np.array(water.centre), spec.spacing
-    n = math.ceil(radius / d)
+def _ball(water: Water, spec: LayerSpec) -> np.ndarray:
+    """The sites of a cubic lattice that are nearest to the ball's centre."""
+    centre, d, count = np.array(water.centre), spec.spacing, particle_count(water, spec)
+    n = math.ceil((0.75 / math.pi * count) ** (1.0 / 3.0)) + 1
     axis = (np.arange(-n, n) + 0.5) * d
     grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
-    # The sites nearest to the centre, as many as the volume asks for: the mass is right.
-    wanted = max(1, round(4.0 / 3.0 * math.pi * radius**3 / spec.volume))
-    wanted = water.count or wanted
-    nearest = np.argsort((grid**2).sum(axis=1), kind="stable")[:wanted]
+    nearest = np.argsort((grid**2).sum(axis=1), kind="stable")[:count]
     return centre + grid[nearest]
 
 
 def capacity(scene: Scene) -> int:
     """Most particles that the scene's water may come to be."""
     specs = layer_specs(scene)
-    counts = [expected_count(w, specs[w.layer]) for w in scene.water]
-    if not scene.adaptation.enabled or scene.method != "projection":
+    counts = [particle_count(w, specs[w.layer]) for w in scene.water]
+    if not scene.adaptation.enabled:
         return sum(counts)
     if scene.adaptation.capacity:
         return scene.adaptation.capacity
-    volume = sum(n * specs[w.layer].volume for n, w in zip(counts, scene.water, strict=True))
-    finest = math.ceil(volume / min(s.volume for s in specs))
+    filled = sum(n * specs[w.layer].volume for n, w in zip(counts, scene.water, strict=True))
+    finest = math.ceil(filled / min(s.volume for s in specs))
     return min(finest, max(MANY, 2 * sum(counts)))
 
 

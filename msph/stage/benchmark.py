@@ -5,13 +5,13 @@ from dataclasses import asdict, dataclass
 
 from msph.measure.timings import Timings, peak_memory
 from msph.scene.schema import Scene
+from msph.stage.headless import Headless
 from msph.stage.loop import run
-from msph.stage.null import Nobody
 from msph.stage.show import Show
 
 FRAME_TIME = 1.0 / 60.0
 SIZE = (640, 360)
-STAGES = ("bin", "solve", "surface", "picture")
+STAGES = ("fluid", "surface", "picture")
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,8 @@ class Result:
     run, of the fluid alone and of all; errors are shares (-), rest_energy
     [J] the mean kinetic energy of the last second and rest_speed [m/s] the root-mean-square speed
     that goes with it, volume_error the volume of the surface mesh at the end over that of the water
-    at rest density, less one.
+    at rest density, less one. profile_ms are means of all stages and their parts by path, such as
+    "fluid/density", if they were asked for.
     """
 
     scene: str
@@ -37,12 +38,14 @@ class Result:
     steps_per_frame: float
     peak_memory_mib: float
     density_error_mean: float
+    density_error_p99: float
     density_error_max: float
     momentum_drift: float
     energy_gain: float
     rest_energy: float
     rest_speed: float
     volume_error: float
+    profile_ms: dict[str, float]
 
     def as_dict(self) -> dict:
         return asdict(self)
@@ -54,18 +57,20 @@ def benchmark(
     seconds: float,
     render: bool = True,
     size: tuple[int, int] = SIZE,
+    profile: bool = False,
 ) -> Result:
     """Runs a scene for `seconds` [s] of simulated time, warm-up left out.
 
     Raises NotFiniteError when the water blows up. Without `render`, neither surface nor picture is
-    timed; the surface is extracted once at the end, for the volume.
+    timed; the surface is extracted once at the end, for the volume. To `profile` slows the run: the
+    device is waited for round each part of a step.
     """
-    timings = Timings()
+    timings = Timings(profile)
     show = Show(scene, FRAME_TIME, size=size if render else None, timings=timings)
     show.warm_up()
     frames = max(1, math.ceil(seconds / FRAME_TIME))
-    run(show, Nobody(frames))
-    mean, largest = show.ledger.density_error()
+    run(show, Headless(frames))
+    mean, p99, largest = show.ledger.density_error()
     wall = timings.total()
     rest_energy = show.ledger.rest_energy()
     return Result(
@@ -75,18 +80,20 @@ def benchmark(
         frame_p50_ms=1e3 * timings.percentile(50),
         frame_p95_ms=1e3 * timings.percentile(95),
         stages_p50_ms={s: 1e3 * timings.percentile(50, s) for s in STAGES},
-        fluid_frames_per_second=frames / timings.total("bin", "solve"),
+        fluid_frames_per_second=frames / timings.total("fluid"),
         frames_per_second=frames / wall,
         simulated_per_wall=frames * FRAME_TIME / wall,
         steps_per_frame=show.simulation.steps / frames,
         peak_memory_mib=peak_memory() / 2**20,
         density_error_mean=mean,
+        density_error_p99=p99,
         density_error_max=largest,
         momentum_drift=show.ledger.momentum_drift(),
         energy_gain=show.ledger.energy_gain(),
         rest_energy=rest_energy,
         rest_speed=math.sqrt(2.0 * rest_energy / show.ledger.entries[-1].mass),
         volume_error=show.volume_error(),
+        profile_ms={p: 1e3 * t for p, t in timings.tree().items()} if profile else {},
     )
 
 
@@ -98,13 +105,24 @@ def table_row(result: Result) -> dict[str, str]:
         "particles": "+".join(map(str, result.particles)),
         "ms p50": f"{result.frame_p50_ms:.1f}",
         "p95": f"{result.frame_p95_ms:.1f}",
-        "bin solve surface picture": stages,
+        "fluid surface picture": stages,
         "fps": f"{result.frames_per_second:.0f}",
         "sim s / wall s": f"{result.simulated_per_wall:.2f}",
         "process MiB": f"{result.peak_memory_mib:.0f}",
-        "density err mean/max %": f"{100 * result.density_error_mean:.2f} / "
-        f"{100 * result.density_error_max:.1f}",
+        "density err mean/p99/max %": f"{100 * result.density_error_mean:.3f} / "
+        f"{100 * result.density_error_p99:.2f} / {100 * result.density_error_max:.1f}",
         "volume err %": f"{100 * result.volume_error:+.1f}",
         "momentum drift %": f"{100 * result.momentum_drift:.2g}",
         "energy gain %": f"{100 * result.energy_gain:.2g}",
     }
+
+
+def profile_lines(profile_ms: dict[str, float]) -> list[str]:
+    """The tree of stages, each indented below what it is part of: ms per frame, share of it."""
+    frame = sum(time for path, time in profile_ms.items() if "/" not in path)
+    lines = []
+    for path, time in profile_ms.items():
+        *above, name = path.split("/")
+        label = "  " * (1 + len(above)) + name
+        lines.append(f"{label:28}{time:9.2f} ms{100 * time / frame:7.1f} %")
+    return lines

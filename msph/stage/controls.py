@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from msph.fluid.forcing import Hand
+from msph.fluid.external_forces import Hand
 
 KEYS = (
     ("space", "pause and go on"),

@@ -91,8 +91,12 @@ class Measurer:
         }
         if self.show is not None:
             frame_s = self.scene.measure.every
+            laid = summary.water_laid(self.scene, self.show.simulation, self.started)
+            error = laid.pop("mass_laid_error")
+            result |= laid
             result |= summary.progress(self.show.simulation, self.started, frame_s)
             result |= summary.speed(self.show.timings, frame_s)
-            result["errors"] = summary.errors(self.show.ledger, self.surveys)
+            found = summary.errors(self.show.ledger, self.surveys)
+            result["errors"] = {"mass_laid_error": error, **found}
         summary.write(self.folder / SUMMARY, result)
         return [self.folder / name for name in (LEDGER, PROBES, SUMMARY, SCENE)]

@@ -3,7 +3,6 @@
 import math
 import zipfile
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -11,13 +10,15 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from msph.fluid.forcing import Forcing
+from msph.fluid.external_forces import ExternalForces
+from msph.fluid.stages import Stage, no_stage
+from msph.fluid.trapped_water import TrappedWaterError
 from msph.measure.ledger import Ledger
 from msph.measure.timings import Timings
 from msph.picture.camera import Camera
 from msph.picture.look import Look
 from msph.picture.picture import Picture
-from msph.scene.build import build_simulation, rotation, sway_angle, turn
+from msph.scene.build import build_simulation, declared, rotation, sway_angle, turn
 from msph.scene.errors import SceneError
 from msph.scene.schema import Scene
 from msph.stage.controls import Controls
@@ -30,6 +31,9 @@ class Show:
 
     frame_time [s] is the simulated time of a frame. size (width, height) [pixels] of the picture,
     None for no picture. meshes: whether someone wants the surface even if no view draws it.
+    density: whether the ledger measures density errors.
+    stop_bodies: whether a body that leaves the water no room stops, in place of an error; stopped
+    are the names of those that did.
     budget [s]: wall-clock time that the water may take per frame, None for as long as it needs.
     simulated [s] is what the last frame really simulated. What is not asked for is neither
     allocated nor compiled.
@@ -44,15 +48,19 @@ class Show:
         timings: Timings | None = None,
         budget: float | None = None,
         clock: Callable[[], float] = perf_counter,
+        density: bool = True,
+        stop_bodies: bool = False,
     ):
         self.scene = scene
         self.frame_time = frame_time
         self.timings = timings
         self.budget, self.clock = budget, clock
         self.simulated = 0.0
+        self.stop_bodies = stop_bodies
+        self.stopped: set[str] = set()
         self.simulation = build_simulation(scene)
         self.counts = self.simulation.counts()
-        self.ledger = Ledger(self.simulation)
+        self.ledger = Ledger(self.simulation, density)
         self.frames = 0
         self.tilt = np.eye(3)
         self.meshes = meshes
@@ -84,21 +92,16 @@ class Show:
         )
 
     def _build_picture(self, size: tuple[int, int]) -> Picture:
-        p = self.scene.picture
-        look = Look(
-            caustics=p.caustics,
-            tint=p.tint,
-            supersample=p.supersample,
-            absorption=p.absorption,
-            scatter=p.scatter,
-        )
+        look = declared(self.scene.picture, Look)
         capacity = self.simulation.particles.capacity
         sim, mesh = self.simulation, self.surface.mesh
-        return Picture(*size, sim.size, mesh, look, particles=capacity, walls=sim.walls)
+        return Picture(*size, sim.size, mesh, look, particles=capacity, boundary=sim.boundary)
 
     def warm_up(self) -> None:
         """Compiles every kernel by one frame, and starts anew."""
         self.frame(Controls())
+        # A view that stays is drawn by another kernel than one that is new.
+        self.draw()
         ti.sync()
         self.reset()
         self.frames = 0
@@ -111,26 +114,48 @@ class Show:
             self.reset()
         if controls.next_view and self.views:
             self.views.next()
-        forcing = self._force(controls)
+        external = self._force(controls)
         if not controls.paused or controls.single_step:
-            stage = self.timings.stage if self.timings else None
-            self.simulated = self.simulation.advance(
-                self.frame_time, forcing, stage, self.budget, self.clock
-            )
-            self.ledger.record(forcing.gravity)
+            with self._stage("fluid"):
+                self.simulated = self._advance(external)
+                if self.ledger.density and not self.simulation.boundary.moving:
+                    # The next step begins with these densities: measured or not, they cost as much.
+                    self.simulation.measure_density(self._substage)
+            if self.simulated > 0.0:
+                self.ledger.record(external.gravity)
         self.draw()
         self.frames += 1
         if self.timings:
             self.timings.close_frame()
 
-    def _force(self, controls: Controls) -> Forcing:
+    def _advance(self, external: ExternalForces) -> float:
+        """A frame of the fluid; returns its simulated time [s]. One in which a body leaves the
+        water no room is given up: the body goes back by a frame, and stays there."""
+        sim = self.simulation
+        before = sim.state() if self.stop_bodies and sim.boundary.moving else None
+        try:
+            return sim.advance(self.frame_time, external, self._substage, self.budget, self.clock)
+        except TrappedWaterError as error:
+            if before is None:
+                raise
+            stopped = dict(sim.boundary.stopped)
+            sim.restore(before)
+            # What it pressed before needs room again: back farther each time.
+            stopped[error.body] = min(sim.time, stopped.get(error.body, sim.time)) - self.frame_time
+            for body, time in stopped.items():
+                sim.boundary.stop(body, time)
+            sim.boundary.place(sim.time, 0.0)
+            self.stopped.add(error.name)
+            return 0.0
+
+    def _force(self, controls: Controls) -> ExternalForces:
         """The pool turns and gravity stays: in the pool's frame gravity turns the other way."""
         # Keys tilt as seen: right and away are the camera's, on the horizon.
         view = turn(self.camera.azimuth) if self.picture else np.eye(3)
         by_hand = view @ rotation(*controls.tilt) @ view.T
         self.tilt = by_hand @ rotation(sway_angle(self.scene, self.simulation.time), 0.0)
         gx, gy, gz = (self.tilt.T @ np.array(self.scene.gravity)).tolist()
-        return Forcing((gx, gy, gz), controls.hand)
+        return ExternalForces((gx, gy, gz), controls.hand)
 
     def draw(self) -> None:
         """Extracts the surface and draws the picture, as far as anyone wants them."""
@@ -155,13 +180,19 @@ class Show:
                     hi,
                     sim.particles.count,
                     layers=(sim.particles.layer, sim.layers.spacing),
+                    legend=self.views.legend(lo, hi),
                 )
 
     @property
-    def _stage(self) -> Callable[[str], AbstractContextManager]:
+    def _substage(self) -> Stage:
+        """Of the parts of a step."""
+        return self.timings.substage if self.timings else no_stage
+
+    @property
+    def _stage(self) -> Stage:
         if self.timings:
             return self.timings.stage
-        return lambda name: nullcontext()
+        return no_stage
 
     def resume(self, checkpoint: Path) -> None:
         """Goes on from a checkpoint, a .npz file of Simulation.state(). Raises SceneError."""
@@ -180,6 +211,7 @@ class Show:
     def reset(self) -> None:
         """Back to the scene's start; the point of view stays."""
         self.simulation.reset()
+        self.stopped.clear()
         self.counts = self.simulation.counts()
         self.ledger.clear()
 
@@ -216,4 +248,5 @@ class Show:
     def warnings(self) -> list[str]:
         """What went short and was cut, in words."""
         overflow = self.surface.mesh.overflowed() if self.surface else None
-        return [overflow] if overflow else []
+        stopped = [f"{name} stopped: its water had nowhere to go" for name in sorted(self.stopped)]
+        return [*([overflow] if overflow else []), *stopped]

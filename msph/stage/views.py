@@ -3,12 +3,18 @@
 import taichi as ti
 
 from msph.fluid.simulation import Simulation
-from msph.launch import data_oriented, kernel
+from msph.picture.legend import Legend
+from msph.picture.ranges import SteadyRange
 from msph.scene.check import views
 from msph.scene.schema import Scene
+from msph.taichi_internals import data_oriented, kernel
 
-# Colour range of the density error (-): what a weakly compressible method may show.
-DENSITY_RANGE = 0.1
+# Colour range of the density error [%]: what a weakly compressible method may show.
+DENSITY_RANGE = 10.0
+# By unit: the least upper end of a range, below which colours would show noise.
+LEAST, TINY = {"m/s": 0.1, "Pa": 10.0, "m": 0.01}, 1e-6
+# By unit: the one that numbers from 1000 on, or up to .1, are told in, and its size in the first.
+LARGER, SMALLER = {"Pa": ("kPa", 1e3)}, {"m": ("mm", 1e-3)}
 
 
 @data_oriented
@@ -22,29 +28,57 @@ class Views:
         self.value = ti.field(ti.f32, shape=particles.capacity)
         self.names = views(scene)
         self.name = scene.picture.view
+        self.attributes = {a.view: a for a in particles.attributes.values() if a.view}
+        self.ranges = {n: SteadyRange(LEAST.get(a.unit, TINY)) for n, a in self.attributes.items()}
 
     def next(self) -> None:
         """The next view, the first after the last."""
         self.name = self.names[(self.names.index(self.name) + 1) % len(self.names)]
 
     def values(self) -> tuple[ti.Field, float, float]:
-        """The scalar field (capacity,) of the chosen view, and the range of its colours."""
+        """The scalar field (capacity,) of the chosen view, and the range of its colours.
+
+        In the attribute's unit, density errors in %, as of now: densities are measured for it.
+        """
         particles = self.simulation.particles
         n = particles.count
+        if self.name == "particles":
+            self.value.fill(0.0)
+            return self.value, 0.0, 1.0
+        source = particles.fields[self.attributes[self.name].name]
         if self.name == "density_error":
-            self._copy(particles.fields["density"], n, 1.0 / self.rest_density, -1.0)
+            self.simulation.measure_density()
+            self._copy(source, n, 100.0 / self.rest_density, -100.0)
             return self.value, -DENSITY_RANGE, DENSITY_RANGE
-        source = particles.v if self.name == "speed" else particles.fields[self.name]
-        vector = self.name == "speed" or particles.attributes[self.name].width > 1
-        if vector:
+        if self.name == "layers":
+            self._copy(source, n, 1.0, 0.0)
+            return self.value, 0.0, max(1.0, self.simulation.layers.count - 1.0)
+        if self.attributes[self.name].width == 3:
             self._length(source, n)
         else:
             self._copy(source, n, 1.0, 0.0)
-        if self.name == "layer":
-            return self.value, 0.0, max(1.0, self.simulation.layers.count - 1.0)
         values = self.value.to_numpy()[:n]
-        lo, hi = (0.0 if vector else float(values.min())), float(values.max())
-        return self.value, lo, max(hi, lo + 1e-6)
+        return self.value, *self.ranges[self.name].cover(float(values.min()), float(values.max()))
+
+    def legend(self, lo: float, hi: float) -> Legend | None:
+        """What the colours of the chosen view from lo to hi mean, None where they mean nothing."""
+        if self.name == "layers":
+            return self._legend_of_layers(hi)
+        if self.name not in self.attributes:
+            return None
+        unit = "%" if self.name == "density_error" else self.attributes[self.name].unit
+        unit, size = told_in(unit, max(-lo, hi))
+        told = (lo, hi, 0.0) if lo < 0.0 else (lo, hi)
+        marks = tuple(((v - lo) / (hi - lo), f"{v / size:g}") for v in told)
+        return Legend(f"{self.name.replace('_', ' ')} [{unit}]", marks)
+
+    def _legend_of_layers(self, hi: float) -> Legend:
+        """A colour each, from fine to coarse."""
+        specs = self.simulation.layers.specs
+        order = sorted(range(len(specs)), key=lambda k: specs[k].spacing)
+        unit, size = told_in("m", specs[order[0]].spacing)
+        marks = tuple((k / hi, f"{specs[k].spacing / size:.3g}") for k in order)
+        return Legend(f"layers: spacing [{unit}]", marks, bar=False)
 
     @kernel
     def _copy(self, source: ti.template(), n: ti.i32, scale: ti.f32, shift: ti.f32):
@@ -55,3 +89,12 @@ class Views:
     def _length(self, source: ti.template(), n: ti.i32):
         for i in range(n):
             self.value[i] = source[i].norm()
+
+
+def told_in(unit: str, value: float) -> tuple[str, float]:
+    """The unit in which to tell a value [unit], and its size in that unit."""
+    if abs(value) >= 1e3:
+        return LARGER.get(unit, (unit, 1.0))
+    if abs(value) <= 0.1:
+        return SMALLER.get(unit, (unit, 1.0))
+    return unit, 1.0

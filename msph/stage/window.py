@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from msph.fluid.forcing import Hand
+from msph.fluid.external_forces import Hand
 from msph.stage.controls import Controls
 from msph.stage.show import Show
 
 ORBIT_PER_WIDTH = math.radians(200.0)  # a drag across the whole window turns the view so far
 ORBIT_KEY_RATE = math.radians(70.0)  # [rad/s]
 ZOOM_KEY_RATE = 1.5  # [1/s], as the logarithm of the distance
-PANEL = (10.0, 10.0, 290.0, 135.0)  # left, top, width, height of the panel [pixels]
+PANEL = (10.0, 10.0, 290.0, 155.0)  # left, top, width, height of the panel [pixels]
 SETTINGS = Path("imgui.ini")  # where the panel's library leaves its state, unasked
 MARKER_RADIUS = 0.008  # of the marker under a pushing cursor, as a share of the window's height
 SMOOTHING = 0.9  # weight of the past in the displayed frame rate
@@ -187,6 +187,8 @@ class Window:
                 self.gui.text(f"density error {100 * entry.density_error_mean:.2f} %")
                 self.gui.text(f"energy {entry.energy:.1f} J")
             self.gui.text(f"view: {show.views.name}")
+            for name in sorted(show.stopped):
+                self.gui.text(f"{name} stopped: no room")
 
     def close(self) -> None:
         self.window.destroy()

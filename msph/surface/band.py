@@ -19,9 +19,9 @@ import math
 
 import taichi as ti
 
-from msph.launch import data_oriented, kernel
 from msph.surface.lattice import BLOCK, Blocks, Lattice
 from msph.surface.sums import KernelSums
+from msph.taichi_internals import data_oriented, kernel
 
 AIR, BAND, DEEP = 0, 1, 2
 STRIDE = 2  # lattice intervals per sample
@@ -132,6 +132,6 @@ class Band:
 
 
 def sample_shape(shape: tuple[int, int, int]) -> tuple[int, int, int]:
-    """Samples along each axis; a walled lattice has an even number of intervals."""
+    """SampledFields along each axis; a walled lattice has an even number of intervals."""
     nx, ny, nz = ((n - 1) // STRIDE + 1 for n in shape)
     return nx, ny, nz

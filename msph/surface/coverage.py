@@ -2,10 +2,10 @@
 
 import taichi as ti
 
-from msph.launch import data_oriented, kernel
 from msph.surface.band import AIR, BAND, Band
 from msph.surface.lattice import BLOCK, RUNS, Blocks, Lattice
 from msph.surface.sums import KernelSums
+from msph.taichi_internals import data_oriented, kernel
 
 vec3, vec4 = ti.math.vec3, ti.math.vec4
 

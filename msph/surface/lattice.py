@@ -11,7 +11,7 @@ import math
 import numpy as np
 import taichi as ti
 
-from msph.launch import data_oriented, kernel
+from msph.taichi_internals import data_oriented, kernel
 
 BLOCK = 4
 RUNS = BLOCK * BLOCK  # z-runs of 4 nodes per block

@@ -8,11 +8,11 @@ cells, so the counters see one atomic per run.
 import numpy as np
 import taichi as ti
 
-from msph.launch import data_oriented, kernel
-from msph.surface import tables
+from msph.constant_fields import constant_fields
+from msph.surface import cube_tables
 from msph.surface.lattice import BLOCK, RUNS, Blocks, Lattice
 from msph.surface.mesh import SurfaceMesh
-from msph.tables import tables as device_tables
+from msph.taichi_internals import data_oriented, kernel
 
 vec3 = ti.math.vec3
 
@@ -37,11 +37,11 @@ class MarchingCubes:
         self.value = ti.field(ti.f32, shape=lattice.padded)
         self.gradient = ti.Vector.field(3, ti.f32, shape=lattice.padded)
         self.vertex = ti.Vector.field(3, ti.i32, shape=lattice.padded)
-        low = tables.CORNERS[tables.EDGES[:, 0]]
-        self.triangle_count, self.triangle_edge, self.edge = device_tables(
-            tables.TRIANGLE_COUNTS,
-            tables.TRIANGLES,
-            np.column_stack([low, tables.EDGE_AXIS]),
+        low = cube_tables.CORNERS[cube_tables.EDGES[:, 0]]
+        self.triangle_count, self.triangle_edge, self.edge = constant_fields(
+            cube_tables.TRIANGLE_COUNTS,
+            cube_tables.TRIANGLES,
+            np.column_stack([low, cube_tables.EDGE_AXIS]),
         )
 
     @staticmethod

@@ -10,10 +10,10 @@ to the walls, whatever the layers.
 import numpy as np
 import taichi as ti
 
-from msph.launch import data_oriented
+from msph.constant_fields import constant_fields
+from msph.surface.fluid_fraction import POLY6, fluid_fraction
 from msph.surface.lattice import Lattice
-from msph.surface.walls import POLY6, fluid_fraction
-from msph.tables import tables
+from msph.taichi_internals import data_oriented
 
 vec3, vec4 = ti.math.vec3, ti.math.vec4
 
@@ -33,7 +33,7 @@ class KernelSums:
         self.radii = smoothing * layers.support.to_numpy().astype(np.float64)
         x = lattice.coordinate.to_numpy()
         pairs = [[fluid_fraction(x[a], size[a], r) for a in range(3)] for r in self.radii]
-        self.reach, self.weight, self.inverse_fraction, self.log_slope = tables(
+        self.reach, self.weight, self.inverse_fraction, self.log_slope = constant_fields(
             self.radii,
             layers.volume.to_numpy() * POLY6 / self.radii**3,
             1.0 / np.array([[p[0] for p in row] for row in pairs]),

@@ -1,8 +1,9 @@
 """What brute force over all pairs shares."""
 
 import numpy as np
+import taichi as ti
 
-# What an even expansion takes off a plain kernel sum, by support over spacing; see summation.py.
+# What an even expansion takes off a plain kernel sum, by support over spacing; see density.py.
 YIELD = {2.4: 0.9964, 2.5: 0.9970}
 
 
@@ -14,6 +15,23 @@ def pair_support(h, other):
 def relative_density(summed, smoothing):
     """c of plain sums of V_j W_ij, the particle's own included."""
     return 1.0 + (summed - 1.0) / YIELD[smoothing]
+
+
+def fill(field, values):
+    """Sets a field (capacity,) to values (n,), and zero beyond."""
+    field.from_numpy(np.pad(values.astype(np.float32), (0, field.shape[0] - len(values))))
+
+
+def displacements(sim):
+    """Displacements (n, 3) [m] by the velocity multipliers of a simulation's particles."""
+    operator, p = sim.solver.pressure_solve.operator, sim.particles
+
+    @ti.kernel
+    def displace(n: ti.i32):
+        operator.displace(n, False, p.velocity_multiplier)
+
+    displace(p.count)
+    return p.numpy("displacement").astype(float)
 
 
 def quartic(r, h):

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from msph.fluid.adaptation import AdaptationTerms, bands, coarser_of, exact
-from msph.fluid.forcing import Forcing
-from msph.fluid.layers import LayerSpec
-from msph.fluid.projection_terms import ProjectionTerms
+from msph.fluid.adaptivity.bands import AdaptationParameters, bands, coarser_of, exact
+from msph.fluid.external_forces import ExternalForces
+from msph.fluid.particles.layers import LayerSpec
+from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.simulation import Simulation
 
 SIZE = (2.4, 2.4, 2.4)
 MIDDLE = 1.2
-WEIGHTLESS = Forcing(gravity=(0.0, 0.0, 0.0))
+WEIGHTLESS = ExternalForces(gravity=(0.0, 0.0, 0.0))
 D = 0.03
 SPECS = [LayerSpec(1000.0 * D**3 * 2**k, 1000.0, 2.5) for k in range(3)]
 
@@ -38,7 +38,7 @@ def collision():
         "v": v.astype(np.float32),
         "layer": np.repeat([0, 2], [len(fine), len(coarse)]).astype(np.int32),
     }
-    terms = ProjectionTerms(adaptation=AdaptationTerms(band=0.7, every=2))
+    terms = ProjectionParameters(adaptation=AdaptationParameters(band=0.7, every=2))
     return Simulation(SIZE, SPECS, initial, terms, capacity=3000)
 
 
@@ -88,7 +88,7 @@ def test_a_pass_keeps_the_centre_and_books_its_loss(collision):
         collision.advance(1 / 60, WEIGHTLESS)
     solver = collision.solver
     linear, angular, centre, kinetic = momenta(collision)
-    loss = solver.merge_loss[None]
+    loss = solver.impulses.merge_loss[None]
     solver.neighbours.refresh()
     solver.particles.settling.fill(0)
     solver.adaptation.thickness = 0.6
@@ -98,7 +98,7 @@ def test_a_pass_keeps_the_centre_and_books_its_loss(collision):
     assert linear_after == pytest.approx(linear, abs=1e-5)
     assert centre_after == pytest.approx(centre, abs=1e-6)
     assert angular_after == pytest.approx(angular, abs=1e-4 * np.abs(angular).max())
-    loss = solver.merge_loss[None] - loss
+    loss = solver.impulses.merge_loss[None] - loss
     assert loss > 0.0
     assert kinetic - kinetic_after == pytest.approx(loss, rel=1e-2)
 
@@ -118,11 +118,11 @@ def tank():
     ]
     specs.reverse()
     initial["layer"] = np.full(len(x), 2, np.int32)
-    terms = ProjectionTerms(adaptation=AdaptationTerms(band=1.5))
+    terms = ProjectionParameters(adaptation=AdaptationParameters(band=1.5))
     sim = Simulation(TANK, specs, initial, terms, capacity=4000)
     counts = []
     for _ in range(120):
-        sim.advance(1 / 60, Forcing())
+        sim.advance(1 / 60, ExternalForces())
         counts.append(sim.counts())
     return sim, np.array(counts)
 
@@ -145,7 +145,7 @@ def test_layers_lie_in_their_bands(tank):
     assert coarser_of(specs) == [1, 2, -1]
     depth, layer = DEPTH - sim.particles.numpy("x")[:, 1], sim.particles.numpy("layer")
     for k, (top, bottom) in enumerate(bands(specs, 1.5)):
-        slack, beyond = 0.5 * specs[0].support, sim.solver.adaptation.terms.hysteresis
+        slack, beyond = 0.5 * specs[0].support, sim.solver.adaptation.parameters.hysteresis
         own = depth[layer == k]
         assert len(own) > 50
         assert (
@@ -177,7 +177,7 @@ def test_a_split_does_not_let_the_water_drop(tank):
     p, adaptation = sim.particles, sim.solver.adaptation
 
     def height():
-        sim.advance(1 / 120, Forcing())
+        sim.advance(1 / 120, ExternalForces())
         return np.average(p.numpy("x")[:, 1].astype(float), weights=masses(sim))
 
     before = [height() for _ in range(10)]
@@ -188,7 +188,7 @@ def test_a_split_does_not_let_the_water_drop(tank):
     adaptation.tally.fill(0)
     adaptation.split(p.count, 8, p.capacity)
     p.count += 1
-    sim.solver.disturb()
+    sim.solver.particles_moved()
     after = [height() for _ in range(10)]
     assert np.abs(np.array(after) - before[-1]).max() < 2e-5 * DEPTH
 
@@ -199,11 +199,11 @@ def test_a_full_pool_coarsens_and_loses_nothing(tank):
         TANK,
         sim.layers.specs,
         sim.initial,
-        sim.solver.terms,
+        sim.solver.parameters,
         capacity=int(0.7 * sim.particles.count),
     )
     for _ in range(30):
-        small.advance(1 / 60, Forcing())
+        small.advance(1 / 60, ExternalForces())
     assert small.particles.count <= small.particles.capacity
     assert small.solver.adaptation.thickness < 1.0
     assert masses(small).sum() == pytest.approx(masses(sim).sum(), rel=1e-12)
@@ -229,7 +229,7 @@ def test_deep_water_of_halved_cubes_starts_at_rest_density():
         specs[2].spacing
     )
     initial = {"x": x.astype(np.float32), "layer": np.full(len(x), 2, np.int32)}
-    terms = ProjectionTerms(adaptation=AdaptationTerms(band=20.0, every=10**9))
+    terms = ProjectionParameters(adaptation=AdaptationParameters(band=20.0, every=10**9))
     box = (size[0], size[1] + 0.3, size[2])
     sim = Simulation(box, specs, initial, terms, capacity=4 * len(x))
     assert sim.counts()[0] > 2 * len(x)

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from fluid_kit import pair_support, quartic, relative_density
 
-from msph import tables
-from msph.fluid.forcing import Forcing
-from msph.fluid.layers import LayerSpec
-from msph.fluid.projection_terms import ProjectionTerms
+from msph import constant_fields
+from msph.fluid.external_forces import ExternalForces
+from msph.fluid.particles.layers import LayerSpec
+from msph.fluid.projection.density import UNKNOWN
+from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.simulation import Simulation
 from msph.measure.bulk import bulk_density
 
@@ -28,10 +29,10 @@ def tank():
         "x": x.astype(np.float32),
         "layer": np.repeat([0, 1], [len(fine), len(coarse)]).astype(np.int32),
     }
-    sim = Simulation(TANK, layers, initial, ProjectionTerms())
+    sim = Simulation(TANK, layers, initial, ProjectionParameters())
     energies = []
     for _ in range(120):
-        sim.advance(1 / 60, Forcing())
+        sim.advance(1 / 60, ExternalForces())
         m = np.array([s.mass for s in sim.layers.specs])[sim.particles.numpy("layer")]
         x, v = sim.particles.numpy("x"), sim.particles.numpy("v")
         energies.append((m * (9.81 * x[:, 1] + 0.5 * (v**2).sum(axis=1))).sum())
@@ -49,24 +50,23 @@ def test_images_close_opposite_walls_within_one_kernel():
     x = np.random.default_rng(3).uniform(0.0, size, (100, 3)).astype(np.float32)
     layer = np.arange(100, dtype=np.int32) % 2
     specs = [LayerSpec(1000.0 * d**3, 1000.0, 2.5) for d in (0.03, 0.038)]
-    sim = Simulation(size, specs, {"x": x, "layer": layer}, ProjectionTerms())
+    sim = Simulation(size, specs, {"x": x, "layer": layer}, ProjectionParameters())
     assert sim.layers.specs[0].support < size[0] < 2.0 * sim.layers.specs[0].support
     check_images(sim, 100, known=30)
 
 
 def test_simulations_beyond_what_a_process_can_hold_are_an_error(monkeypatch):
     """Taichi's answer is a segmentation fault."""
-    monkeypatch.setattr(tables, "TREES", tables.NEEDED)
+    monkeypatch.setattr(constant_fields, "TREES", constant_fields.NEEDED)
     initial = {"x": np.full((1, 3), 0.1, np.float32), "layer": np.zeros(1, np.int32)}
     with pytest.raises(RuntimeError, match="no room for another simulation"):
-        Simulation((0.3, 0.3, 0.3), [LayerSpec(0.1, 1000.0, 2.5)], initial, ProjectionTerms())
+        Simulation((0.3, 0.3, 0.3), [LayerSpec(0.1, 1000.0, 2.5)], initial, ProjectionParameters())
 
 
 def check_images(sim, points, known):
-    """c and looseness at walls, edges and corners against all pairs with all images stored as
-    particles; looseness of at least so many is known."""
-    sim.solver.neighbours.refresh()
-    sim.solver.summation.weigh(sim.particles.count, sim.particles.alone)
+    """c and its defect at walls, edges and corners against all pairs with all images stored as
+    particles; the defect of at least so many is known."""
+    sim.measure_density()
     x, layer = sim.particles.numpy("x").astype(float), sim.particles.numpy("layer")
     size = np.array(sim.size)
     volume, support = (np.array([getattr(s, k) for s in sim.layers.specs]) for k in WEIGHTS)
@@ -82,13 +82,14 @@ def check_images(sim, points, known):
         shape = np.maximum(1.0 - (r / h) ** 2, 0.0) ** 4
         bell += (weight * 3465.0 / (512.0 * np.pi) / h**3 * shape).sum(axis=1)
     c = relative_density(summed, 2.5)
-    density, hidden, looseness = (
-        sim.particles.numpy(name)[near] for name in ("density", "hidden", "looseness")
+    density, correction, defect = (
+        sim.particles.numpy(name)[near]
+        for name in ("density", "density_correction", "density_defect")
     )
-    assert np.allclose(density / 1000.0, c + hidden, rtol=1e-4)
-    seen = looseness < 1.0
+    assert np.allclose(density / 1000.0, c + correction, rtol=1e-4)
+    seen = defect < UNKNOWN
     assert seen.sum() > known
-    assert np.allclose(looseness[seen], (bell - c)[seen], atol=1e-4)
+    assert np.allclose(defect[seen], (bell - c)[seen], atol=1e-4)
 
 
 def test_still_water_keeps_energy_and_volume(tank):
@@ -112,7 +113,7 @@ def test_pressure_is_hydrostatic(tank, steps):
     errors = np.zeros(3)  # of thirds, each two coarse spacings high
     for _ in range(20):
         for _ in range(steps):
-            sim.advance(1 / 60 / steps, Forcing())
+            sim.advance(1 / 60 / steps, ExternalForces())
         m = np.array([s.mass for s in sim.layers.specs])[sim.particles.numpy("layer")]
         y, p = sim.particles.numpy("x")[:, 1], sim.particles.numpy("pressure")
         sheet = np.minimum((y / depth * 3).astype(int), 2)
@@ -122,6 +123,7 @@ def test_pressure_is_hydrostatic(tank, steps):
 
 
 def test_density_stays_near_rest(tank):
+    tank[0].measure_density()
     c = tank[0].particles.numpy("density") / 1000.0
     assert np.maximum(c - 1.0, 0.0).mean() < 2e-3
     assert c.max() < 1.02
@@ -143,7 +145,7 @@ def test_stirred_water_keeps_its_bulk_density(tank):
     sim.solver.reset()
     found = []
     for frame in range(20):
-        sim.advance(1 / 60, Forcing())
+        sim.advance(1 / 60, ExternalForces())
         if frame % 2:
             spacing = np.array([s.spacing for s in sim.layers.specs])[sim.particles.numpy("layer")]
             found.append(bulk_density(sim.particles.numpy("x"), spacing, TANK).mean)

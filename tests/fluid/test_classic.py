@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from msph.fluid.classic import ClassicTerms
-from msph.fluid.forcing import Forcing, Hand
-from msph.fluid.layers import LayerSpec
+from msph.fluid.classic import ClassicParameters
+from msph.fluid.external_forces import ExternalForces, Hand
+from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.simulation import Simulation
 
 SIZE = (0.8, 0.8, 0.8)
@@ -68,9 +68,9 @@ def brute_force(terms, x, v, layer):
 
 
 SWITCHES = {
-    "formula": ClassicTerms(),
-    "clamped squared": ClassicTerms(tension=False, pressure_form="squared"),
-    "product, pseudocode": ClassicTerms(pressure_form="product", viscosity_form="pseudocode"),
+    "formula": ClassicParameters(),
+    "clamped squared": ClassicParameters(tension=False, pressure_form="squared"),
+    "product, pseudocode": ClassicParameters(pressure_form="product", viscosity_form="pseudocode"),
 }
 
 
@@ -126,14 +126,14 @@ def lone():
         "layer": np.zeros(1, np.int32),
     }
     half = LayerSpec(0.05, 1000.0, 2.0, gravity_factor=0.5)
-    return Simulation(SIZE, [half], initial, ClassicTerms(tension=False, restitution=0.5))
+    return Simulation(SIZE, [half], initial, ClassicParameters(tension=False, restitution=0.5))
 
 
 def test_free_fall_follows_position_verlet_and_the_layers_gravity(lone):
     lone.reset()
     dt, steps = 1e-3, 100
     for _ in range(steps):
-        lone.solver.step(dt, Forcing())
+        lone.solver.step(dt, ExternalForces())
     x, v = lone.particles.numpy("x")[0], lone.particles.numpy("v")[0]
     # x' = 2 x - x_old + dt^2 a from x_old = x - dt v gives x + n dt v + n (n + 1)/2 dt^2 a.
     a = np.array([0.0, -9.81 * 0.5, 0.0])
@@ -150,7 +150,7 @@ def test_wall_reflects_with_its_restitution(lone):
     speeds = []
     for _ in range(2):
         speeds.append(lone.particles.numpy("v")[0, 0])
-        lone.solver.step(dt, Forcing(gravity=(sideways, 0.0, 0.0)))
+        lone.solver.step(dt, ExternalForces(gravity=(sideways, 0.0, 0.0)))
     x, v = lone.particles.numpy("x")[0], lone.particles.numpy("v")[0]
     margin = 0.5 * lone.layers.specs[0].spacing
     before = speeds[-1] + dt * sideways * 0.5
@@ -163,7 +163,7 @@ def test_list_knows_how_far_the_fastest_went(lone):
     lone.reset()
     for _ in range(4):
         before = lone.particles.numpy("x")[0]
-        lone.solver.step(0.1, Forcing(gravity=(40.0, 0.0, 0.0)))
+        lone.solver.step(0.1, ExternalForces(gravity=(40.0, 0.0, 0.0)))
         way = np.linalg.norm(lone.particles.numpy("x")[0] - before)
         assert lone.solver.farthest[None] == pytest.approx(way, rel=1e-4, abs=1e-6)
 
@@ -171,7 +171,7 @@ def test_list_knows_how_far_the_fastest_went(lone):
 def test_hand_drags_water_to_its_own_velocity_and_no_farther(lone):
     lone.reset()
     hand = Hand(position=(0.4, 0.6, 0.4), velocity=(0.0, 0.0, 2.0), radius=0.5, grip=1e6)
-    lone.solver.step(1e-3, Forcing(gravity=(0.0, 0.0, 0.0), hand=hand))
+    lone.solver.step(1e-3, ExternalForces(gravity=(0.0, 0.0, 0.0), hand=hand))
     assert np.allclose(lone.particles.numpy("v")[0], [0.0, 0.0, 2.0], atol=1e-4)
 
 
@@ -187,7 +187,7 @@ def tank(pressure_form):
         "x": ((cells + 0.5) * D).astype(np.float32),
         "layer": np.zeros(len(cells), np.int32),
     }
-    return Simulation(TANK, [layer], initial, ClassicTerms(pressure_form=pressure_form))
+    return Simulation(TANK, [layer], initial, ClassicParameters(pressure_form=pressure_form))
 
 
 @pytest.fixture(scope="module")
@@ -200,11 +200,11 @@ def settled_pressure_slope(sim):
     second, for the water goes on swinging by a few per cent, by 15 at one time."""
     slopes, speeds = [], []
     for frame in range(180):
-        sim.advance(1 / 60, Forcing())
+        sim.advance(1 / 60, ExternalForces())
         if frame < 120 or frame % 6:
             continue
         x, v = sim.particles.numpy("x"), sim.particles.numpy("v")
-        p = sim.solver.terms.stiffness * (sim.particles.numpy("density") - 1000.0)
+        p = sim.solver.parameters.stiffness * (sim.particles.numpy("density") - 1000.0)
         near_middle = np.abs(x[:, [0, 2]] - TANK[0] / 2).max(axis=1) < 4 * D
         inside = near_middle & (x[:, 1] > 2 * D) & (x[:, 1] < 6.7 * D)
         slopes.append(np.polyfit(x[inside, 1], p[inside], 1)[0])
@@ -228,9 +228,9 @@ def test_mean_pressures_must_double_to_carry_the_weight(column):
 
 def test_checkpoint_restores_every_digit(column):
     column.reset()
-    column.advance(1 / 60, Forcing())
+    column.advance(1 / 60, ExternalForces())
     state = column.state()
-    column.advance(1 / 60, Forcing())
+    column.advance(1 / 60, ExternalForces())
     column.restore(state)
     assert column.time == pytest.approx(1 / 60)
     again = column.state()
@@ -268,7 +268,7 @@ def test_attraction_pulls_the_surface_inwards():
     ball = grid[np.linalg.norm(grid, axis=1) < 0.1]
     initial = {"x": (ball + 0.4).astype(np.float32), "layer": np.zeros(len(ball), np.int32)}
     layer = LayerSpec(1000.0 * d**3, 1000.0, 2.0)
-    terms = ClassicTerms(stiffness=1e-6, attraction=50.0)
+    terms = ClassicParameters(stiffness=1e-6, attraction=50.0)
     sim = Simulation(SIZE, [layer], initial, terms)
     n = sim.particles.count
     sim.solver.neighbours.refresh()

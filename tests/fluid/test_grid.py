@@ -4,11 +4,15 @@ import numpy as np
 import pytest
 import taichi as ti
 
-from msph.fluid.grid import CUTS, LayeredGrid
-from msph.fluid.layers import Layers, LayerSpec
-from msph.fluid.neighbours import NeighbourList, NeighbourOverflowError, neighbours_provided
-from msph.fluid.particles import Attribute, Particles
-from msph.fluid.scan import CHUNK, ExclusiveScan
+from msph.fluid.particles.grid import CUTS, LayeredGrid
+from msph.fluid.particles.layers import Layers, LayerSpec
+from msph.fluid.particles.neighbour_list import (
+    NeighbourList,
+    NeighbourOverflowError,
+    neighbours_provided,
+)
+from msph.fluid.particles.particles import Attribute, Particles
+from msph.fluid.particles.prefix_sum import CHUNK, PrefixSum
 
 SIZE = (1.0, 0.7, 0.33)
 COUNT = 600
@@ -54,7 +58,7 @@ def test_scan_is_the_cumulative_sum(length):
     counts = np.random.default_rng(length).integers(0, 9, length).astype(np.int32)
     source, target = ti.field(ti.i32, shape=length), ti.field(ti.i32, shape=length + 1)
     source.from_numpy(counts)
-    ExclusiveScan(length).run(source, target)
+    PrefixSum(length).run(source, target)
     assert np.array_equal(target.to_numpy(), np.concatenate([[0], np.cumsum(counts)]))
 
 

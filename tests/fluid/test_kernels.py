@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import taichi as ti
 
-from msph.fluid import kernels
+from msph.fluid.particles import kernels
 
 H = 0.7
 SAMPLES = 4001

@@ -5,17 +5,17 @@ import pytest
 import taichi as ti
 import trimesh
 
-from msph.fluid.bodies import Ball, Block, Motion, Solid
-from msph.fluid.distance import signed_distance
-from msph.fluid.forcing import Forcing
-from msph.fluid.kernel_share import kernel_share
-from msph.fluid.layers import LayerSpec
-from msph.fluid.obstacles import BEGIN, Walls
-from msph.fluid.projection_terms import ProjectionTerms
-from msph.fluid.samples import Lattice
+from msph.fluid.boundary.boundary import BEGIN, Boundary
+from msph.fluid.boundary.mesh_samples import CELL
+from msph.fluid.boundary.rigid_bodies import Ball, Block, Motion, Solid
+from msph.fluid.boundary.sampled_fields import SampleLattice
+from msph.fluid.boundary.signed_distance import signed_distance
+from msph.fluid.boundary.volume_map import kernel_share
+from msph.fluid.boundary.wall_integrals import ball_share, block_share, wall_support
+from msph.fluid.external_forces import ExternalForces
+from msph.fluid.particles.layers import LayerSpec
+from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.simulation import NoWaterError, Simulation
-from msph.fluid.solids import CELL
-from msph.fluid.walls import ball_share, block_share, wall_support
 from msph.measure.ledger import Ledger
 
 D = 0.05
@@ -68,8 +68,8 @@ def octant(distances, n=120):
 class Evaluator:
     """Shares and distances of some walls at given points."""
 
-    def __init__(self, walls, x, layer=0):
-        self.walls = walls
+    def __init__(self, boundary, x, layer=0):
+        self.boundary = boundary
         x = np.asarray(x, np.float32)
         self.x = ti.Vector.field(3, ti.f32, shape=len(x))
         self.x.from_numpy(x)
@@ -80,10 +80,10 @@ class Evaluator:
     @ti.kernel
     def run(self, layer: ti.i32):
         for i in self.x:
-            share = self.walls.share(self.x[i], layer)
+            share = self.boundary.share(self.x[i], layer)
             self.share[i] = ti.Vector([share[0], share[1], share[2], share[3]])
-            if ti.static(self.walls.count > 0):
-                self.distance[i] = self.walls.distance(0, self.x[i], BEGIN)
+            if ti.static(self.boundary.count > 0):
+                self.distance[i] = self.boundary.distance(0, self.x[i], BEGIN)
 
 
 @pytest.mark.parametrize(
@@ -103,7 +103,7 @@ class Evaluator:
     ],
 )
 def test_signed_distance_of_a_mesh_is_that_of_its_shape(mesh, distance):
-    lattice = Lattice.round(*mesh.bounds, 0.1, 0.03)
+    lattice = SampleLattice.round(*mesh.bounds, 0.1, 0.03)
     found = signed_distance(np.array(mesh.triangles), lattice, 0.1)
     node = np.stack(np.meshgrid(*map(np.arange, lattice.shape), indexing="ij"), -1)
     true = distance(np.array(lattice.origin) + lattice.cell * node)
@@ -117,7 +117,7 @@ def test_signed_distance_of_a_mesh_is_that_of_its_shape(mesh, distance):
 def test_share_of_a_mesh_is_the_kernels_integral_at_faces_edges_and_corners():
     mesh = trimesh.creation.box((3.0, 3.0, 3.0))
     mesh.apply_translation((1.5, 1.5, 1.5))
-    lattice = Lattice.round(*mesh.bounds, 1.0, 0.3)
+    lattice = SampleLattice.round(*mesh.bounds, 1.0, 0.3)
     found = kernel_share(np.array(mesh.vertices), np.array(mesh.faces), lattice, 1.0)
     for node in ((0, 4, 2), (3, 5, 4), (4, 4, 4), (5, 6, 8), (6, 8, 5), (4, 9, 9), (2, 9, 9)):
         x = np.array(lattice.origin) + lattice.cell * np.array(node)
@@ -157,9 +157,9 @@ def test_share_of_a_ball_is_the_kernels_integral_for_every_radius():
 
 
 def test_walls_without_bodies_allocate_nothing():
-    walls = Walls(SIZE, [FINE, COARSE])
-    assert walls.count == 0
-    assert not [k for k, v in vars(walls).items() if isinstance(v, ti.Field)]
+    boundary = Boundary(SIZE, [FINE, COARSE])
+    assert boundary.count == 0
+    assert not [k for k, v in vars(boundary).items() if isinstance(v, ti.Field)]
 
 
 def test_container_shaped_like_a_box_holds_water_as_the_box_does():
@@ -170,7 +170,7 @@ def test_container_shaped_like_a_box_holds_water_as_the_box_does():
     x[:200, 0] *= H / edge[0]
     x[:80, 1] *= H / edge[1]
     mesh = trimesh.creation.box(edge)
-    held = Evaluator(Walls(SIZE, [FINE, COARSE], [solid(mesh, MIDDLE, container=True)]), lo + x)
+    held = Evaluator(Boundary(SIZE, [FINE, COARSE], [solid(mesh, MIDDLE, container=True)]), lo + x)
     plain = np.zeros((len(x), 4), np.float32)
 
     @ti.kernel
@@ -209,8 +209,8 @@ def test_share_of_all_bodies_has_its_own_gradient_and_the_kernels_value():
     )
     step = 2e-4
     moved = [x + e * np.eye(3)[k] for k in range(3) for e in (step, -step)]
-    walls = Walls((1.0, 1.0, 1.0), [FINE, COARSE], bodies)
-    found = Evaluator(walls, np.concatenate([x, *moved]), layer=1).share.to_numpy()
+    boundary = Boundary((1.0, 1.0, 1.0), [FINE, COARSE], bodies)
+    found = Evaluator(boundary, np.concatenate([x, *moved]), layer=1).share.to_numpy()
     n = len(x)
     for k in range(3):
         up, down = found[n * (1 + 2 * k) :][:n, 0], found[n * (2 + 2 * k) :][:n, 0]
@@ -249,7 +249,7 @@ def shaken():
         Ball(np.array((0.4, 0.4, 0.5)), 0.1, Motion(swing=(0.2, 0.1, 0.0), period=0.4)),
     ]
     initial = water((0.1, 0.15, 0.1), (0.9, 0.5, 0.9))
-    return Simulation(SIZE, [FINE], initial, ProjectionTerms(), bodies)
+    return Simulation(SIZE, [FINE], initial, ProjectionParameters(), bodies)
 
 
 def test_violent_water_stays_in_its_container_and_leaks_are_seen(shaken):
@@ -262,7 +262,7 @@ def test_violent_water_stays_in_its_container_and_leaks_are_seen(shaken):
     )
     for k in range(24):
         gravity = (30.0 * (-1) ** (k // 6), -9.81, 20.0 * (-1) ** (k // 4))
-        shaken.advance(1 / 60, Forcing(gravity=gravity))
+        shaken.advance(1 / 60, ExternalForces(gravity=gravity))
         assert ledger.record((0.0, -9.81, 0.0)).outside == 0
     assert ledger.entries[-1].top_speed > 1.0
     r = np.linalg.norm(shaken.particles.numpy("x") - MIDDLE, axis=1)
@@ -270,7 +270,7 @@ def test_violent_water_stays_in_its_container_and_leaks_are_seen(shaken):
     state = shaken.particles.state()
     state["x"][0] = MIDDLE + np.array((0.0, 0.35 + 0.2 * D, 0.0))
     state["x"][1] = MIDDLE + np.array((0.35 + 0.05 * D, 0.0, 0.0))  # too little to count
-    state["x"][2] = shaken.walls.centre[1, 1].to_numpy()
+    state["x"][2] = shaken.boundary.centre[1, 1].to_numpy()
     shaken.particles.fill(**state)
     assert ledger.record((0.0, -9.81, 0.0)).outside == 2
 
@@ -278,11 +278,11 @@ def test_violent_water_stays_in_its_container_and_leaks_are_seen(shaken):
 def test_bodies_stand_where_time_says_after_reset_and_restore(shaken):
     shaken.reset()
     for _ in range(3):
-        shaken.advance(1 / 30, Forcing())
+        shaken.advance(1 / 30, ExternalForces())
     state = shaken.state()
 
     def place():
-        return shaken.walls.centre[1, 1].to_numpy()
+        return shaken.boundary.centre[1, 1].to_numpy()
 
     start = np.array((0.4, 0.4, 0.5))
     expected = (0.5 - 0.5 * np.cos(2.0 * np.pi * 0.1 / 0.4)) * np.array((0.2, 0.1, 0.0))
@@ -300,11 +300,11 @@ def test_piston_lifts_the_water_it_displaces_and_its_work_balances():
         np.array((-0.3, 0.0, 0.0)), np.array((front, 0.8, width)), Motion((speed, 0.0, 0.0))
     )
     initial = water((front, 0.0, 0.0), (length, 0.3, width))
-    sim = Simulation((length, 0.8, width), [FINE], initial, ProjectionTerms(), [piston])
+    sim = Simulation((length, 0.8, width), [FINE], initial, ProjectionParameters(), [piston])
     ledger, gravity = Ledger(sim), (0.0, -9.81, 0.0)
     first = ledger.record(gravity)
     for _ in range(72):
-        sim.advance(1 / 60, Forcing(gravity))
+        sim.advance(1 / 60, ExternalForces(gravity))
         ledger.record(gravity)
     last = ledger.entries[-1]
     face = front + 1.2 * speed
@@ -324,4 +324,4 @@ def test_bodies_that_swallow_all_water_are_an_error():
     everything = Block(np.array((0.0, 0.0, 0.0)), np.array((1.0, 1.0, 1.0)))
     initial = water((0.2, 0.2, 0.2), (0.4, 0.4, 0.4))
     with pytest.raises(NoWaterError, match="64 particles"):
-        Simulation(SIZE, [FINE], initial, ProjectionTerms(), [everything])
+        Simulation(SIZE, [FINE], initial, ProjectionParameters(), [everything])

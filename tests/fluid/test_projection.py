@@ -3,17 +3,25 @@
 import numpy as np
 import pytest
 import taichi as ti
-from fluid_kit import YIELD, pair_support, quartic, quartic_slope, relative_density
+from fluid_kit import (
+    YIELD,
+    displacements,
+    fill,
+    pair_support,
+    quartic,
+    quartic_slope,
+    relative_density,
+)
 
-from msph.fluid.forcing import Forcing
-from msph.fluid.layers import LayerSpec
-from msph.fluid.projection import LEAP
-from msph.fluid.projection_terms import ProjectionTerms
-from msph.fluid.separation import BRISK
+from msph.fluid.external_forces import ExternalForces
+from msph.fluid.particles.layers import LayerSpec
+from msph.fluid.projection.parameters import ProjectionParameters
+from msph.fluid.projection.position_correction import BRISK
+from msph.fluid.projection.solver import LEAP
 from msph.fluid.simulation import Simulation
 
 SIZE = (1.6, 1.6, 1.6)
-WEIGHTLESS = Forcing(gravity=(0.0, 0.0, 0.0))
+WEIGHTLESS = ExternalForces(gravity=(0.0, 0.0, 0.0))
 WEIGHTS = ("volume", "support")
 FINE, COARSE = (LayerSpec(1000.0 * d**3, 1000.0, 2.5) for d in (0.03, 0.06))
 
@@ -43,7 +51,7 @@ def blobs():
 
 @pytest.fixture(scope="module")
 def collision():
-    return Simulation(SIZE, [FINE, COARSE], blobs(), ProjectionTerms())
+    return Simulation(SIZE, [FINE, COARSE], blobs(), ProjectionParameters())
 
 
 def momenta(sim):
@@ -91,8 +99,7 @@ def test_operator_equals_brute_force_and_is_symmetric(collision):
     collision.reset()
     sim, solver = collision, collision.solver
     n = sim.particles.count
-    solver.neighbours.refresh()
-    solver.summation.weigh(n, sim.particles.alone)
+    solver.measure_density()
     x, layer = sim.particles.numpy("x").astype(float), sim.particles.numpy("layer")
     volume = np.array([s.volume for s in sim.layers.specs])[layer]
     h = np.array([s.support for s in sim.layers.specs])[layer]
@@ -117,11 +124,8 @@ def test_operator_equals_brute_force_and_is_symmetric(collision):
     a_q, u = apply(q)
     assert (volume * p * a_q).sum() == pytest.approx((volume * a_p * q).sum(), rel=1e-9)
     assert (volume * q * a_q).sum() > 0.0
-    sim.particles.multiplier.from_numpy(
-        np.pad(q.astype(np.float32), (0, sim.particles.capacity - n))
-    )
-    solver.pressure_solve.find_shifts(n, False, sim.particles.multiplier, sim.particles.shift)
-    assert np.abs(sim.particles.numpy("shift") - u).max() < 1e-4 * np.abs(u).max()
+    fill(sim.particles.velocity_multiplier, q)
+    assert np.abs(displacements(sim) - u).max() < 1e-4 * np.abs(u).max()
     sim.reset()
 
 
@@ -130,13 +134,12 @@ def test_pressure_is_the_virial_mean_over_pairs(collision):
     collision.reset()
     solver, p, dt = collision.solver, collision.particles, 0.01
     n = p.count
-    solver.neighbours.refresh()
-    solver.summation.weigh(n, p.alone)
+    solver.measure_density()
     x, layer = p.numpy("x").astype(float), p.numpy("layer")
     volume, support = (np.array([getattr(s, k) for s in collision.layers.specs]) for k in WEIGHTS)
     q = np.random.default_rng(2).uniform(0.0, 1e-4, n)
-    p.multiplier.from_numpy(np.pad(q.astype(np.float32), (0, p.capacity - n)))
-    solver.move(n, p.alone, dt, 0.0, 0.0, 0.0)
+    fill(p.velocity_multiplier, q)
+    solver.pressure_solve.accelerate(n, p.alone, dt, (0.0, 0.0, 0.0))
     r = np.linalg.norm(x[:, None] - x, axis=2)
     weight = -r * volume[layer] * quartic_slope(r, pair_support(support[layer], support[layer]))
     np.fill_diagonal(weight, 0.0)
@@ -158,21 +161,20 @@ def test_velocity_solve_leaves_a_small_share_of_the_speed(collision, drift):
     state = collision.particles.state()
     state["v"][:, 1] += drift
     collision.particles.fill(**state)
-    collision.solver.disturb()
     solver, p, dt = collision.solver, collision.particles, 1 / 300
-    terms, n = solver.terms, p.count
-    solver.neighbours.refresh()
-    solver.separation.find(n, 0.0)
-    solver.aim_at_no_compression(n, p.alone, dt)
-    begin, found = p.multiplier.to_numpy(), {}
+    limits, n = solver.parameters, p.count
+    solver.particles_moved()
+    solver.measure_density()
+    solver.position_correction.find(0.0)
+    solver.pressure_solve.build_rhs(n, p.alone, dt)
+    begin, found = p.velocity_multiplier.to_numpy(), {}
     for name, tolerance, leeway in (
         ("strict", 1e-6, 0.0),
-        ("usual", terms.tolerance, terms.motion_tolerance / terms.tolerance),
+        ("usual", limits.tolerance, limits.motion_tolerance / limits.tolerance),
     ):
-        p.multiplier.from_numpy(begin)
-        iterations = solver.pressure_solve.converge(p.multiplier, dt, tolerance, leeway, 1000)
-        solver.pressure_solve.find_shifts(n, p.alone, p.multiplier, p.shift)
-        found[name] = iterations, p.numpy("shift").astype(float)
+        p.velocity_multiplier.from_numpy(begin)
+        iterations = solver.pressure_solve.converge(dt, tolerance, leeway, 1000)
+        found[name] = iterations, displacements(collision)
     volume = np.array([s.volume for s in collision.layers.specs])[p.numpy("layer")]
     way = dt * (p.numpy("v") - [0.0, drift, 0.0]) + found["strict"][1]
     off, length = (
@@ -180,7 +182,7 @@ def test_velocity_solve_leaves_a_small_share_of_the_speed(collision, drift):
         for u in (found["usual"][1] - found["strict"][1], way)
     )
     assert 2 * found["usual"][0] < found["strict"][0]
-    assert off < terms.motion_tolerance * length
+    assert off < limits.motion_tolerance * length
     collision.reset()
 
 
@@ -197,7 +199,7 @@ def test_pairs_set_the_spacing_that_pressure_holds(collision):
     @ti.kernel
     def read(n: ti.i32):
         for i in range(n):
-            found[i] = solver.pair_pressure.spacing(i)
+            found[i] = solver.pressure_solve.virial.spacing(i)
 
     read(p.count)
     x, layer = p.numpy("x").astype(float), p.numpy("layer")
@@ -219,7 +221,7 @@ def test_pairs_set_the_spacing_that_pressure_holds(collision):
     collision.reset()
 
 
-def test_pace_is_how_fast_neighbours_and_walls_pass(collision):
+def test_relative_speed_is_that_past_neighbours_and_walls(collision):
     """The blobs as they meet, one of them at a wall, by brute force."""
     collision.reset()
     for _ in range(6):
@@ -228,17 +230,18 @@ def test_pace_is_how_fast_neighbours_and_walls_pass(collision):
     state = p.state()
     state["x"][:, 0] -= state["x"][:, 0].min() - 0.01
     p.fill(**state)
-    solver.disturb()
-    solver.neighbours.refresh()
+    solver.particles_moved()
+    solver.measure_density()
     x, v, layer = (p.numpy(k) for k in ("x", "v", "layer"))
-    solver.separation.find(p.count, 0.0)
-    solver.separation.part(p.count, p.alone)
+    solver.position_correction.find(0.0)
+    solver.position_correction.apply(p.count, p.alone)
     h = np.array([s.support for s in collision.layers.specs])[layer]
     near = np.linalg.norm(x[:, None] - x, axis=2) < pair_support(h, h)
     passing = (np.linalg.norm(v[:, None] - v, axis=2) * near).max(axis=1)
     wall = np.where(x[:, 0] < h, np.abs(v[:, 0]), 0.0)
     assert (wall > passing).any() and (passing > 2.0).any()
-    assert np.allclose(p.numpy("pace"), np.maximum(passing, wall), rtol=1e-3, atol=1e-5)
+    expected = np.maximum(passing, wall)
+    assert np.allclose(p.numpy("relative_speed"), expected, rtol=1e-3, atol=1e-5)
     collision.reset()
 
 
@@ -249,7 +252,7 @@ def test_water_that_moves_as_one_may_move_farther_in_a_step(collision):
     collision.particles.fill(**state)
     collision.advance(1e-3, WEIGHTLESS)
     farthest = 3.0 * collision.solver.longest_step() / collision.layers.finest.spacing
-    assert farthest == pytest.approx(LEAP * collision.solver.terms.cfl, rel=0.02)
+    assert farthest == pytest.approx(LEAP * collision.solver.parameters.cfl, rel=0.02)
     collision.reset()
 
 
@@ -260,15 +263,15 @@ def test_velocity_solve_scales_its_start(collision, off):
     for _ in range(3):
         collision.advance(1 / 60, WEIGHTLESS)
     solver, p, dt = collision.solver, collision.particles, 1 / 300
-    solver.neighbours.refresh()
-    solver.separation.find(p.count, 0.0)
-    solver.aim_at_no_compression(p.count, p.alone, dt)
-    solver.pressure_solve.converge(p.multiplier, dt, 1e-6, 0.0, 1000)
-    solution = p.numpy("multiplier")
-    p.multiplier.from_numpy((off * p.multiplier.to_numpy()).astype(np.float32))
-    solver.pressure_solve.begin(p.count, p.alone, p.multiplier, dt, 0.0, 0.0)
+    solver.measure_density()
+    solver.position_correction.find(0.0)
+    solver.pressure_solve.build_rhs(p.count, p.alone, dt)
+    solver.pressure_solve.converge(dt, 1e-6, 0.0, 1000)
+    solution = p.numpy("velocity_multiplier")
+    fill(p.velocity_multiplier, off * solution)
+    solver.pressure_solve.begin(p.count, p.alone, dt, 0.0)
     assert solution.max() > 0.0
-    assert np.abs(p.numpy("multiplier") - solution).max() < 1e-3 * solution.max()
+    assert np.abs(p.numpy("velocity_multiplier") - solution).max() < 1e-3 * solution.max()
     collision.reset()
 
 
@@ -281,10 +284,9 @@ def test_calm_water_spreads_less(collision):
 
     def spread(speed, dt):
         p.v.fill(speed / np.sqrt(3.0))
-        collision.solver.disturb()
-        collision.solver.neighbours.refresh()
-        collision.solver.separation.find(p.count, dt)
-        return p.numpy("crowding").astype(float).sum()
+        collision.solver.measure_density()
+        collision.solver.position_correction.find(dt)
+        return p.numpy("position_multiplier").astype(float).sum()
 
     full = spread(0.0, 0.0)
     assert spread(1.01 * brisk, dt) == pytest.approx(full, rel=1e-5)
@@ -322,14 +324,14 @@ def full_cube(halvings, cells, rounds):
     """Yields a cube of a mixture after each round of the position solve, its densities known."""
     mass = FULL * 1000.0 / cells**3
     specs = [LayerSpec(mass / 2**halvings, 1000.0, 2.5), LayerSpec(mass, 1000.0, 2.5)]
-    sim = Simulation((1.0, 1.0, 1.0), specs, mixture(halvings, cells), ProjectionTerms())
+    sim = Simulation((1.0, 1.0, 1.0), specs, mixture(halvings, cells), ProjectionParameters())
     p, solver = sim.particles, sim.solver
     for _ in range(rounds):
-        solver.neighbours.refresh()
-        solver.separation.find(p.count, 0.0)
+        solver.measure_density()
+        solver.position_correction.find(0.0)
         yield sim
-        solver.separation.part(p.count, p.alone)
-        solver.disturb()
+        solver.position_correction.apply(p.count, p.alone)
+        solver.particles_moved()
 
 
 @pytest.mark.parametrize("halvings", [1, 2])
@@ -348,9 +350,8 @@ def test_water_squeezed_evenly_gains_density_as_it_loses_volume():
     p, solver, squeeze = sim.particles, sim.solver, 1e-3
 
     def densities():
-        solver.disturb()
-        solver.neighbours.refresh()
-        solver.summation.weigh(p.count, p.alone)
+        solver.particles_moved()
+        solver.measure_density()
         order = np.argsort(p.numpy("id"))
         return p.numpy("x")[order], p.numpy("density")[order]
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import taichi as ti
 
-from msph.fluid.walls import block_share, wendland_behind
+from msph.fluid.boundary.wall_integrals import block_share, wendland_behind
 
 H = 0.3
 SIZE = (1.0, 0.5, 0.8)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from msph.measure.bulk import WIDE, bulk_density
-from msph.measure.near import mirrored, wendland
+from msph.measure.host_kernels import mirrored, wendland
 
 SIZE = (0.8, 0.8, 0.8)
 D = 0.04

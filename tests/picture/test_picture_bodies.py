@@ -6,10 +6,10 @@ import taichi as ti
 import trimesh
 from picture_kit import Mesh, ball, covered, rays
 
-from msph.fluid.bodies import Ball, Solid
-from msph.fluid.layers import LayerSpec
-from msph.fluid.obstacles import Walls
-from msph.picture.bodies import MISSED, Bodies
+from msph.fluid.boundary.boundary import Boundary
+from msph.fluid.boundary.rigid_bodies import Ball, Solid
+from msph.fluid.particles.layers import LayerSpec
+from msph.picture.body_shading import MISSED, BodyShading
 from msph.picture.camera import Camera
 from msph.picture.picture import Picture
 
@@ -21,17 +21,17 @@ WIDTH, HEIGHT = 96, 54
 
 
 @pytest.fixture(scope="module")
-def walls():
+def boundary():
     shell = trimesh.creation.icosphere(3, radius=ROOM)
     shell.apply_translation(SHELL)
     container = Solid(np.array(shell.vertices), np.array(shell.faces), container=True)
-    return Walls(BOX, [LAYER], [Ball(BALL, RADIUS), container])
+    return Boundary(BOX, [LAYER], [Ball(BALL, RADIUS), container])
 
 
 @ti.data_oriented
 class Rays:
-    def __init__(self, walls, p, r):
-        self.bodies = Bodies(walls)
+    def __init__(self, boundary, p, r):
+        self.bodies = BodyShading(boundary)
         n = len(p)
         self.p, self.r = (ti.Vector.field(3, ti.f32, shape=n) for _ in range(2))
         self.p.from_numpy(p.astype(np.float32))
@@ -57,11 +57,11 @@ def sphere(p, r, centre, radius):
     return -b - half, -b + half
 
 
-def test_rays_meet_obstacles_outside_and_the_container_inside(walls):
+def test_rays_meet_obstacles_outside_and_the_container_inside(boundary):
     rng = np.random.default_rng(4)
     p = SHELL + 2.0 * unit(rng.normal(size=(400, 3)))
     r = unit(SHELL + 0.5 * rng.uniform(-1.0, 1.0, (400, 3)) - p)
-    found = Rays(walls, p, r)
+    found = Rays(boundary, p, r)
     near, _ = sphere(p, r, BALL, RADIUS)
     first, far = sphere(p, r, SHELL, ROOM)
     grazing = abs(far - first) < 0.15
@@ -85,9 +85,9 @@ def unit(v):
 
 
 def test_body_hides_water_behind_it_and_water_before_it_shows():
-    obstacle = Walls(BOX, [LAYER], [Ball(np.array((0.5, 0.5, 0.5)), 0.2)])
+    obstacle = Boundary(BOX, [LAYER], [Ball(np.array((0.5, 0.5, 0.5)), 0.2)])
     mesh = Mesh(4096)
-    picture = Picture(WIDTH, HEIGHT, BOX, mesh, walls=obstacle)
+    picture = Picture(WIDTH, HEIGHT, BOX, mesh, boundary=obstacle)
     view = Camera.framing(BOX, WIDTH / HEIGHT, azimuth=0.0, elevation=0.2)
     mesh.counts.fill(0)
     picture.draw_water(view)

@@ -1,6 +1,5 @@
 """Scenes: what loads, what does not, and the one line that says why."""
 
-import numpy as np
 import pytest
 
 from msph.scene import SceneError, load_scene
@@ -8,7 +7,7 @@ from msph.scene.check import cautions, views
 from msph.scene.library import shipped_scenes
 from msph.scene.load import to_toml
 from msph.scene.schema import Scene, parameters
-from msph.scene.water import fill, initial_particles, layer_specs
+from msph.scene.water import asked_mass, initial_particles
 
 GOOD = """
 [box]
@@ -114,7 +113,6 @@ def test_layer_too_coarse_for_its_box_is_said(tmp_path):
     (line,) = cautions(scene)
     assert line.startswith("layers.1: the box's shortest edge of 1 m") and "0.35 m" in line
     assert not cautions(load_scene(write(tmp_path, GOOD)))
-    assert not cautions(scene.model_copy(update={"method": "classic"}))
 
 
 @pytest.mark.parametrize("override", BAD_OVERRIDES)
@@ -174,10 +172,31 @@ def test_thesis_pools_have_the_particles_of_table_5_1(name, system, counts):
     scene = load_scene(name, (f"variant=system-{system}",))
     layers = initial_particles(scene)["layer"]
     assert [int((layers == k).sum()) for k in range(len(scene.layers))] == counts[name]
+    assert not scene.adaptation.enabled
+
+
+@pytest.mark.parametrize("name", ["pool", "pool_2x"])
+def test_pools_hold_the_water_of_system_3_in_layers_that_adapt(name):
+    scene, system_3 = load_scene(name), load_scene(name, ("variant=system-3",))
+    assert scene.adaptation.enabled and scene.layers == system_3.layers
+    assert asked_mass(scene) == pytest.approx(asked_mass(system_3))
+
+
+@pytest.mark.parametrize("name", ["pool", "pool_2x"])
+def test_classic_method_is_told_apart_from_layers_that_adapt(name):
+    assert load_scene(name, ("variant=system-3", "method=classic")).method == "classic"
+    with pytest.raises(SceneError, match="the method classic cannot adapt its layers"):
+        load_scene(name, ("method=classic",))
+
+
+def test_dam_is_twice_as_high_as_wide():
+    (column,) = load_scene("dam_break").water
+    assert (column.hi[1] - column.lo[1]) == 2.0 * (column.hi[0] - column.lo[0])
 
 
 def test_effective_scene_loads_to_the_same_scene(tmp_path):
-    scene = load_scene("pool", ("duration=3", "layers.0.gravity_factor=0.5"))
+    changes = ("duration=3", "layers.0.gravity_factor=0.5", "method=classic")
+    scene = load_scene("pool", ("variant=system-3", *changes))
     assert scene.layers[0].gravity_factor == 0.5
     assert load_scene(write(tmp_path, to_toml(scene))) == scene
 
@@ -197,41 +216,8 @@ def test_every_parameter_is_declared_with_unit_and_help():
 
 
 @pytest.mark.parametrize("method", ["classic", "projection"])
-def test_views_include_every_attribute_once(method):
-    names = views(load_scene("pool", (f"method={method}",)))
+def test_views_are_few_and_of_what_a_person_looks_for(method):
+    names = views(load_scene("pool", ("variant=system-3", f"method={method}")))
     assert len(set(names)) == len(names)
-    assert {"water", "layer", "speed", "density_error", "pressure"} <= set(names)
-
-
-@pytest.mark.parametrize("count", [None, 1445, 2000])
-def test_filled_water_has_its_mass_and_its_volume(tmp_path, count):
-    scene = load_scene(write(tmp_path, GOOD), () if count is None else (f"water.0.count={count}",))
-    spec = layer_specs(scene)[0]
-    rng = np.random.default_rng(0)
-    x = fill(scene.water[0].model_copy(update={"jitter": 0.0}), spec, rng)
-    if count is not None:
-        assert len(x) == count
-    # Uniform in height: the mean height is half of what the volume fills.
-    height = len(x) * spec.volume
-    assert x[:, 1].mean() == pytest.approx(0.5 * height, rel=0.12)
-    assert x.min() > 0.0 and x[:, 0].max() < 1.0
-
-
-def test_lattice_of_water_hardly_wider_than_its_particles_is_as_cubic_as_it_can_be(tmp_path):
-    """3 x 3 columns of 3.4 spacings would be half as wide again as high: such gaps passed for air,
-    and all the water was split."""
-    scene = load_scene(write(tmp_path, GOOD), ("layers.1.spacing=0.294",))
-    water = scene.water[0].model_copy(update={"jitter": 0.0, "lo": (0, 0, 0), "hi": (1, 2, 1)})
-    x = fill(water, layer_specs(scene)[1], np.random.default_rng(0))
-    edges = [np.diff(np.unique(x[:, k].round(6))).min() for k in range(3)]
-    assert max(edges) < 1.35 * min(edges)
-
-
-def test_ball_has_the_mass_of_its_volume(tmp_path):
-    text = GOOD + "[[water]]\ncentre = [0.5, 0.8, 0.5]\nradius = 0.18\n"
-    scene = load_scene(write(tmp_path, text))
-    x = initial_particles(scene)["x"]
-    spec = layer_specs(scene)[0]
-    ball = x[x[:, 1] > 0.55]
-    assert len(ball) * spec.volume == pytest.approx(4.18879 * 0.18**3, rel=0.02)
-    assert abs(ball - [0.5, 0.8, 0.5]).max() < 0.25
+    assert {"water", "layers", "speed", "density_error", "pressure", "particles"} <= set(names)
+    assert len(names) <= 7

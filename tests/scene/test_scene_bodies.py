@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from msph.fluid.bodies import Ball, Block, Solid
+from msph.fluid.boundary.rigid_bodies import Ball, Block, Solid
 from msph.scene import SceneError, build_simulation, load_scene
-from msph.scene.bodies import bodies
 from msph.scene.load import to_toml
+from msph.scene.obstacles import bodies
 
 GOOD = """
 method = "projection"

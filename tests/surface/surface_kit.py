@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 import trimesh
 
-from msph.fluid.grid import LayeredGrid
-from msph.fluid.layers import Layers, LayerSpec
-from msph.fluid.particles import Particles
+from msph.fluid.particles.grid import LayeredGrid
+from msph.fluid.particles.layers import Layers, LayerSpec
+from msph.fluid.particles.particles import Particles
 from msph.surface import Surface, SurfaceMesh
 from msph.surface.lattice import Blocks, Lattice
 from msph.surface.marching_cubes import MarchingCubes

@@ -3,7 +3,7 @@ import pytest
 from surface_kit import COARSE, FINE, SIZE, packed
 
 from msph.surface.band import RIM, STRIDE, Band, bound
-from msph.surface.walls import POLY6, fluid_fraction
+from msph.surface.fluid_fraction import POLY6, fluid_fraction
 
 
 def field(water):

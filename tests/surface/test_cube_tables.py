@@ -3,11 +3,11 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from msph.surface import tables
+from msph.surface import cube_tables
 
 
 def case_triangles(case: int) -> np.ndarray:
-    return tables.TRIANGLES[case, : tables.TRIANGLE_COUNTS[case]]
+    return cube_tables.TRIANGLES[case, : cube_tables.TRIANGLE_COUNTS[case]]
 
 
 def open_edges(case: int) -> set[tuple[int, int]]:
@@ -20,13 +20,13 @@ def open_edges(case: int) -> set[tuple[int, int]]:
 def test_every_crossed_edge_is_used_and_no_other():
     for case in range(256):
         inside = np.array([case >> c & 1 for c in range(8)])
-        crossed = {e for e, (p, q) in enumerate(tables.EDGES) if inside[p] != inside[q]}
+        crossed = {e for e, (p, q) in enumerate(cube_tables.EDGES) if inside[p] != inside[q]}
         assert set(case_triangles(case).ravel().tolist()) == crossed
 
 
 def test_padding():
     for case in range(256):
-        assert (tables.TRIANGLES[case, tables.TRIANGLE_COUNTS[case] :] == -1).all()
+        assert (cube_tables.TRIANGLES[case, cube_tables.TRIANGLE_COUNTS[case] :] == -1).all()
 
 
 def test_inner_edges_never_lie_in_a_face():
@@ -35,7 +35,7 @@ def test_inner_edges_never_lie_in_a_face():
         for t in case_triangles(case).tolist():
             for p, q in combinations(t, 2):
                 if frozenset((p, q)) not in border:
-                    assert not tables.EDGE_FACES[p] & tables.EDGE_FACES[q]
+                    assert not cube_tables.EDGE_FACES[p] & cube_tables.EDGE_FACES[q]
 
 
 @pytest.mark.parametrize("axis", range(3))
@@ -49,8 +49,8 @@ def test_neighbours_draw_the_same_contour_on_their_face_the_other_way_round(axis
         signs = tuple(case >> (c | side * step) & 1 for c in range(8) if not c & step)
         segments = set()
         for p, q in open_edges(case):
-            if face in tables.EDGE_FACES[p] & tables.EDGE_FACES[q]:
-                ends = [frozenset(int(c) & ~step for c in tables.EDGES[e]) for e in (p, q)]
+            if face in cube_tables.EDGE_FACES[p] & cube_tables.EDGE_FACES[q]:
+                ends = [frozenset(int(c) & ~step for c in cube_tables.EDGES[e]) for e in (p, q)]
                 segments.add((ends[0], ends[1]))
         return signs, segments
 
@@ -67,18 +67,18 @@ def test_neighbours_draw_the_same_contour_on_their_face_the_other_way_round(axis
 def test_all_open_edges_lie_in_exactly_one_face():
     for case in range(256):
         for p, q in open_edges(case):
-            assert len(tables.EDGE_FACES[p] & tables.EDGE_FACES[q]) == 1
+            assert len(cube_tables.EDGE_FACES[p] & cube_tables.EDGE_FACES[q]) == 1
 
 
 def test_single_corners_face_away_from_the_water():
     for c in range(8):
-        middle = tables.CORNERS[tables.EDGES].mean(axis=1)
+        middle = cube_tables.CORNERS[cube_tables.EDGES].mean(axis=1)
         a, b, d = middle[case_triangles(1 << c)[0]]
-        assert np.dot(np.cross(b - a, d - a), a - tables.CORNERS[c]) > 0
+        assert np.dot(np.cross(b - a, d - a), a - cube_tables.CORNERS[c]) > 0
 
 
 def test_ambiguous_faces_separate_inside_corners():
     """Two inside corners across a face: two triangles apart, not a band between them."""
     case = 1 << 0 | 1 << 3
-    assert tables.TRIANGLE_COUNTS[case] == 2
+    assert cube_tables.TRIANGLE_COUNTS[case] == 2
     assert len(set(case_triangles(case).ravel().tolist())) == 6

@@ -1,0 +1,173 @@
+"""What the constants of the projection method trade: each halved and doubled, or as listed.
+
+python bench/constants.py [--only NAME] [--arch cpu]
+
+Two waters: layered water at rest, thirty fine spacings deep, and the dam break as shipped. A
+constant that is off shows in one of them; one that shows in neither within a factor of two needs no
+care. Each run is a process of its own: constants are compiled into kernels.
+"""
+
+import importlib
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+from tabulate import tabulate
+from tqdm import tqdm
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from bench import tanks
+from bench.report import RESULTS, heading
+from msph.device import ARCHES, start
+from msph.fluid.external_forces import ExternalForces
+from msph.measure.bulk import bulk_density
+from msph.scene import load_scene
+
+FLUID = "msph.fluid."
+# Module and name of a constant, or "scene" and the key of a parameter; the values tried beside the
+# default.
+TRIED: list[tuple[str, str, tuple[Any, ...]]] = [
+    ("projection.pressure_solve", "FIRST_CARE", (1, 100)),
+    ("projection.pressure_solve", "SMALL_GAP", (0.0, 0.3)),
+    ("projection.density", "EVEN", (0.0, 0.01)),
+    ("projection.density", "MOST_CORRECTED", (0.03, 0.12)),
+    ("projection.solver", "SPRAY_LEAP", (1.25, 5.0)),
+    ("projection.position_correction", "NEAREST", (0.01, 0.2)),
+    ("scene", "adaptation.band", (0.8, 2.0)),
+    ("scene", "adaptation.hysteresis", (0.1, 0.4)),
+    ("scene", "projection.release", (0.1, 1.6)),
+    ("scene", "projection.largest_shift", (0.1, 0.5)),
+    ("scene", "projection.position_iterations", (2, 8)),
+    ("scene", "projection.spray", (0.2, 0.6)),
+    ("adaptivity.adaptation", "HALF", (0.25, 0.45)),
+    ("scene", "adaptation.every", (4, 16)),
+]
+# Water at rest: finest spacing [m], depth in it, layers, seconds to settle and to read.
+FINE, SHEETS, LAYERS, SETTLE, READ = 0.02, 30, 4, 0.5, 0.5
+# Frames of the dam break: to the impact and up the wall.
+FRAMES = 36
+
+
+def run(module: str, name: str, value: Any) -> dict[str, float]:
+    """Both waters with one constant changed; module "" leaves all as they are."""
+    settings = ()
+    if module == "scene":
+        settings = (f"{name}={value}",)
+    elif module:
+        setattr(importlib.import_module(FLUID + module), name, value)
+    return at_rest(settings) | dam_break(settings)
+
+
+def at_rest(settings: tuple[str, ...]) -> dict[str, float]:
+    """Shares (-) of still water: pressure against rho g (H - y), rise of energy in 1 s, mean of
+    the density excess; kinetic energy [mJ]; particles that changed layer."""
+    scene = tanks.tank((10 * FINE, 10 * FINE), SHEETS * FINE, FINE, LAYERS)
+    changed = {}
+    for text in settings:
+        table, key = text.split("=")[0].split(".")
+        changed[table] = getattr(scene, table).model_copy(
+            update={key: json.loads(text.split("=")[1])}
+        )
+    sim = tanks.build(scene.model_copy(update=changed))
+    tanks.run(sim, SETTLE)
+    reading = tanks.Reading(sim)
+    profile, counts = tanks.Profile(sim, reading.depth), np.array(sim.counts())
+    tanks.run(sim, READ, reading, profile)
+    return {
+        "pressure at rest": profile.error(),
+        "energy rise at rest": reading.energy_rise(),
+        "excess at rest": float(np.mean(reading.error_mean)),
+        "kinetic energy at rest, mJ": 1e3 * float(np.mean(reading.kinetic)),
+        "changed layer": float(np.abs(counts - sim.counts()).sum()),
+    }
+
+
+def dam_break(settings: tuple[str, ...]) -> dict[str, float]:
+    """Shares (-) of the dam break: mean and 99th percentile of the density excess by frame, means,
+    and its largest; bulk density, worst; energy at the end over that at the start; steps,
+    iterations of the pressure solve and particles at the end."""
+    sim = tanks.build(load_scene("dam_break", settings))
+    reading, bulk = tanks.Reading(sim), []
+    reading.read()
+    for frame in range(FRAMES):
+        sim.advance(tanks.FRAME, ExternalForces())
+        reading.read()
+        if frame % 6 == 5:
+            spacing = np.array([s.spacing for s in sim.layers.specs])
+            spacing = spacing[sim.particles.numpy("layer")]
+            x = sim.particles.numpy("x").astype(float)
+            bulk.append(bulk_density(x, spacing, sim.size).mean - 1.0)
+    return {
+        "excess, mean": float(np.mean(reading.error_mean)),
+        "99th percentile": float(np.mean(reading.error_p99)),
+        "largest": max(reading.error_max),
+        "bulk density, worst": float(max(bulk, key=lambda b: 0.0 if np.isnan(b) else abs(b))),
+        "energy left": reading.energies[-1] / reading.energies[0],
+        "steps": float(sim.steps),
+        "iterations": float(sim.iterations),
+        "particles": float(sim.particles.count),
+    }
+
+
+def cells(found: dict[str, float]) -> list[str]:
+    """Numbers as a table prints them: shares as percent."""
+    return [
+        f"{value:.3g}"
+        if name.endswith("mJ")
+        else f"{value:.0f}"
+        if value == round(value)
+        else f"{100.0 * value:.3f} %"
+        for name, value in found.items()
+    ]
+
+
+def write(rows: list[list[str]], heads: list[str], arch: str) -> None:
+    """The report of the rows so far."""
+    report = [
+        heading("What the constants of the projection method trade", arch),
+        f"Layered water at rest, {SHEETS} fine spacings deep, {READ:g} s after {SETTLE:g} s; and "
+        f"the dam break as shipped, {FRAMES} frames.\nThe first two rows differ by chance alone: "
+        "threads add up in another order.\n",
+        tabulate(rows, headers=heads, tablefmt="github", disable_numparse=True),
+        "",
+    ]
+    (RESULTS / "constants.md").write_text("\n".join(report))
+
+
+@click.command()
+@click.option("--only", help="Only constants whose name holds this.")
+@click.option("--worker", hidden=True, help="Module, name and value as JSON: one run, printed.")
+@click.option("--arch", type=click.Choice(ARCHES), default="auto", show_default=True)
+def main(only: str | None, worker: str | None, arch: str) -> None:
+    """Measure all and write bench/results/constants.md."""
+    if worker is not None:
+        start(arch)
+        click.echo(json.dumps(run(*json.loads(worker))))
+        return
+    runs: list[tuple[str, str, Any]] = [("", "as they are", 0), ("", "as they are, again", 0)]
+    runs += [(m, n, v) for m, n, values in TRIED for v in values if not only or only in n]
+    arch, rows = start(arch), []
+    for module, name, value in tqdm(runs, unit="run"):
+        command = [sys.executable, __file__, "--arch", arch]
+        done = subprocess.run(
+            [*command, "--worker", json.dumps((module, name, value))],
+            capture_output=True,
+            text=True,
+        )
+        label = f"`{name}` = {value}" if module else name
+        if done.returncode:
+            rows.append([label, done.stderr.strip().splitlines()[-1][:60]])
+            continue
+        found = json.loads(done.stdout.strip().splitlines()[-1])
+        rows.append([label, *cells(found)])
+        write(rows, ["constant", *found], arch)
+    click.echo((RESULTS / "constants.md").read_text())
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,353 @@
+"""Adaptation: particles split near the free surface and merge in the depth.
+
+Every layer has a band of depths. A particle above its band is split into two of the next finer
+layer; two neighbours of a layer below their band merge into one of the next coarser layer (after
+Adams et al. 2007). Mass, momentum and centre of mass are kept to rounding, angular momentum nearly.
+"""
+
+import numpy as np
+import taichi as ti
+
+from msph.fluid.adaptivity.bands import AdaptationParameters, bands, coarser_of
+from msph.fluid.adaptivity.surface_distance import SurfaceDistance
+from msph.fluid.boundary.boundary import END, Boundary
+from msph.fluid.particles import kernels
+from msph.fluid.particles.layers import Layers
+from msph.fluid.particles.neighbour_list import NeighbourList
+from msph.fluid.particles.particles import Attribute, Particles
+from msph.fluid.particles.prefix_sum import PrefixSum
+from msph.taichi_internals import data_oriented, kernel
+
+ATTRIBUTES = (
+    Attribute("depth", "m", "below the free surface, as of the last pass", view="depth"),
+    Attribute("settling", "-", "passes to wait until it adapts again", integer=True, own=True),
+    Attribute("wish", "-", "-1: to be split, 1: to be merged", integer=True, carried=False),
+    Attribute("partner", "-", "whom it would merge with", integer=True, carried=False),
+    Attribute("alive", "-", "0 for what was merged into another", integer=True, carried=False),
+)
+
+# Distance of the halves of a split from their centre, in spacings of the split particle.
+HALF = 0.35
+# Least such distance: in a corner of the box walls leave less room, and the particle is not split.
+LEAST_HALF = 0.15
+# Keeps divisions by what may vanish finite.
+TINY = 1e-20
+# Hysteresis of splits, in shares of `hysteresis`, when the layers are first filled and in a run. At
+# the start 0 makes particles merge again soon, 1 leaves thin bands without their layer. In a run 1
+# makes a sloshing tank split 18 particles in 5 s, 2 one: each split adds a little energy.
+EAGER, RELUCTANT = 0.5, 2.0
+# Largest distance of a pair that merges, in spacings: a merge across a gap would be visible as a
+# jump.
+FARTHEST_MERGE = 1.25
+# Shares of the pool of particles (-): above the first bands shrink, below the second they grow.
+FULL, ROOMY = 0.95, 0.85
+# Factors by which a pass shrinks and grows the bands' thickness, and its least share (-).
+THINNER, THICKER, THINNEST = 0.9, 1.02, 0.1
+# Directions in which the halves of a split may lie: the axes and the diagonals between two of them.
+DIRECTIONS = (
+    *((1, 0, 0), (0, 1, 0), (0, 0, 1)),
+    *((1, 1, 0), (1, -1, 0), (1, 0, 1), (1, 0, -1), (0, 1, 1), (0, 1, -1)),
+)
+
+
+@data_oriented
+class Adaptation:
+    """Splits and merges the particles of one fluid.
+
+    events: (splits, merges, splits refused since the pool was full) of the last pass. thickness
+    (-): factor of all bands, below 1 while the pool is nearly full. merge_loss [J] collects the
+    kinetic energy that merges dissipate.
+    """
+
+    def __init__(
+        self,
+        boundary: Boundary,
+        layers: Layers,
+        particles: Particles,
+        neighbours: NeighbourList,
+        merge_loss: ti.Field,
+        parameters: AdaptationParameters,
+    ):
+        self.layers, self.particles, self.neighbours = layers, particles, neighbours
+        self.inherited = particles.inherited()
+        self.parameters, self.merge_loss = parameters, merge_loss
+        limits = bands(layers.specs, parameters.band)
+        self.farthest = max(top for top, _ in limits) * (1.0 + 2.0 * parameters.hysteresis)
+        self.depth = SurfaceDistance(boundary, layers, particles, self.farthest)
+        self.boundary = boundary
+        self.top, self.bottom = (ti.field(ti.f32, shape=layers.count) for _ in range(2))
+        self.coarser, self.finer = (ti.field(ti.i32, shape=layers.count) for _ in range(2))
+        coarser = coarser_of(layers.specs)
+        for k, (top, bottom) in enumerate(limits):
+            self.top[k], self.bottom[k] = top, bottom
+            self.coarser[k] = coarser[k]
+            self.finer[k] = coarser.index(k) if k in coarser else -1
+        self.place = ti.field(ti.i32, shape=particles.capacity + 1)
+        self.scan = PrefixSum(particles.capacity)
+        self.tally = ti.field(ti.i32, shape=3)  # splits, merges, refused
+        self.next_id = ti.field(ti.i32, shape=())
+        self.travelled = ti.field(ti.f32, shape=())  # by the fastest since the last pass, spacings
+        self.thickness, self.events, self.steps = 1.0, (0, 0, 0), 0
+
+    def reset(self) -> None:
+        """Starts anew, since the particles were replaced: bands have their full thickness."""
+        self.thickness, self.events, self.steps = 1.0, (0, 0, 0), 0
+        self.next_id[None] = int(self.particles.numpy("id").max()) + 1
+        self.travelled[None] = 0.0
+
+    def state(self) -> dict[str, float]:
+        """What a checkpoint holds of it; see restore()."""
+        return {
+            "adaptation_steps": self.steps,
+            "adaptation_thickness": self.thickness,
+            "adaptation_travelled": self.travelled[None],
+            "adaptation_next_id": self.next_id[None],
+        }
+
+    def restore(self, state: dict[str, float]) -> None:
+        """Goes on from a state()."""
+        self.steps, self.thickness = int(state["adaptation_steps"]), state["adaptation_thickness"]
+        self.travelled[None] = state["adaptation_travelled"]
+        self.next_id[None] = int(state["adaptation_next_id"])
+
+    def fill(self) -> None:
+        """Splits particles that the scene made too coarse for their depth, before time starts.
+
+        Each particle of the initial lattice fills a cube. A split halves the cube along its longest
+        edge and puts one particle in the middle of each half, so that the water keeps its level;
+        split() would place halves in gaps, and the water would start too high. Among edges of
+        nearly equal length the choice is random: layers all halved along one axis would carry
+        weight like a crystal.
+        """
+        p, rng = self.particles, np.random.default_rng(0)
+        spacing = np.array([spec.spacing for spec in self.layers.specs])
+        edges = np.repeat(spacing[p.numpy("layer")][:, None], 3, axis=1)
+        self.depth.refresh()
+        while True:
+            self.wish_for(p.count, self.thickness, EAGER)
+            split = np.flatnonzero(p.numpy("wish") == -1)
+            if len(split) == 0:
+                return
+            if p.count + len(split) > FULL * p.capacity:
+                if self.thickness <= THINNEST:
+                    return
+                self.thickness *= THINNER
+                continue
+            axis = (edges[split] * rng.uniform(1.0, 1.1, (len(split), 3))).argmax(axis=1)
+            offset = 0.25 * np.eye(3)[axis] * edges[split]
+            x = p.numpy("x")[split]
+            # Particles with a half inside a body are left to run(), which keeps clear of bodies.
+            free = self.boundary.free(x - offset) & self.boundary.free(x + offset)
+            if not free.any():
+                return
+            split, axis, offset = split[free], axis[free], offset[free]
+            edges[split, axis] *= 0.5
+            self._halve(split, offset)
+            edges = np.concatenate([edges, edges[split]])
+            self.depth.refresh()
+
+    def _halve(self, split: np.ndarray, offset: np.ndarray) -> None:
+        """Puts halves of the particles `split` (k,) at -offset and +offset (k, 3) [m] from them."""
+        state = self.particles.state()
+        state["layer"][split] = self.finer.to_numpy()[state["layer"][split]]
+        halves = {name: values[split] for name, values in state.items()}
+        halves["id"] = state["id"].max() + 1 + np.arange(len(split), dtype=np.int32)
+        halves["x"] = halves["x"] + offset.astype(np.float32)
+        state["x"][split] -= offset.astype(np.float32)
+        joined = {name: np.concatenate([state[name], halves[name]]) for name in state}
+        self.particles.fill(**joined)
+        self.next_id[None] = int(joined["id"].max()) + 1
+
+    def due(self) -> bool:
+        """Counts a step; true for those after which a pass is due."""
+        self.steps += 1
+        if self.steps % self.parameters.every:
+            return False
+        if self.travelled[None] < self.parameters.travel:
+            self.wait(self.particles.count)
+            return False
+        self.travelled[None] = 0.0
+        return True
+
+    def run(self, budget: float | None = None) -> int:
+        """One pass of splits and merges; returns their number. The neighbour list must be fresh.
+
+        budget: largest share (-) of the particles that may split, and that may merge; by default
+        that of the parameters. The order and number of particles change, so grid and neighbour list
+        are invalid afterwards.
+        """
+        p, n = self.particles, self.particles.count
+        most = max(8, int((self.parameters.budget if budget is None else budget) * n))
+        self.depth.refresh()
+        self.tally.fill(0)
+        self.wish_for(n, self.thickness, RELUCTANT)
+        self.find_partners(n)
+        self.merge(n, most)
+        self.split(n, most, p.capacity)
+        splits, merges, refused = self.tally.to_numpy().tolist()
+        splits = min(splits, most, p.capacity - n)
+        self.events = splits, min(merges, most), refused
+        p.count = n + splits
+        if merges:
+            self.scan.run(p.alive, self.place)
+            p.compact(self.place, p.alive, n + splits)
+            p.count = self.place[p.capacity]
+        self._keep_room(refused)
+        return splits + self.events[1]
+
+    def _keep_room(self, refused: int) -> None:
+        full = self.particles.count / self.particles.capacity
+        if refused or full > FULL:
+            self.thickness = max(THINNEST, THINNER * self.thickness)
+        elif full < ROOMY:
+            self.thickness = min(1.0, THICKER * self.thickness)
+
+    @kernel
+    def wait(self, n: ti.i32):
+        """Counts down `settling`, the passes that each particle still has to wait."""
+        for i in range(n):
+            self.particles.settling[i] = ti.max(self.particles.settling[i] - 1, 0)
+
+    @kernel
+    def wish_for(self, n: ti.i32, thickness: ti.f32, reluctant: ti.f32):
+        """wish = -1 for a particle to be split, 1 to be merged, by its depth and its layer's band;
+        also its depth [m], alive and settling."""
+        for i in range(self.particles.capacity):
+            self.particles.alive[i] = ti.select(i < n, 1, 0)
+        for i in range(n):
+            layer = self.particles.layer[i]
+            depth = self.depth.at(self.particles.x[i])
+            self.particles.depth[i] = depth
+            waiting = self.particles.settling[i]
+            self.particles.settling[i] = ti.max(waiting - 1, 0)
+            top, bottom = self.top[layer] * thickness, self.bottom[layer] * thickness
+            rise = reluctant * self.parameters.hysteresis
+            above = depth < top * (1.0 - rise) and self.finer[layer] >= 0
+            below = depth > bottom * (1.0 + self.parameters.hysteresis) and self.coarser[layer] >= 0
+            wish = ti.select(above, -1, ti.select(below, 1, 0))
+            self.particles.wish[i] = ti.select(waiting > 0, 0, wish)
+
+    @kernel
+    def find_partners(self, n: ti.i32):
+        """partner = the nearest particle of the same layer that is to be merged too, or -1."""
+        for i in range(n):
+            best = -1
+            if self.particles.wish[i] == 1:
+                layer, x = self.particles.layer[i], self.particles.x[i]
+                nearest = FARTHEST_MERGE * self.layers.spacing[layer]
+                for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
+                    j = self.neighbours.index[s]
+                    r = (self.particles.x[j] - x).norm()
+                    same = self.particles.layer[j] == layer and self.particles.wish[j] == 1
+                    if same and r < nearest:
+                        nearest, best = r, j
+            self.particles.partner[i] = best
+
+    @kernel
+    def merge(self, n: ti.i32, most: ti.i32):
+        """Merges pairs of which each is the other's partner, at their centre of mass, with their
+        mean velocity; the kinetic energy [J] that is lost goes to merge_loss."""
+        for i in range(n):
+            j, order = self.particles.partner[i], most
+            if j > i and self.particles.partner[j] == i:
+                order = ti.atomic_add(self.tally[1], 1)
+            if order < most:
+                layer = self.particles.layer[i]
+                mass, dv = self.layers.mass[layer], self.particles.v[i] - self.particles.v[j]
+                r = self.particles.x[i] - self.particles.x[j]
+                self.particles.x[i] -= 0.5 * r
+                self.particles.v[i] -= 0.5 * dv
+                # (1/2) m_a m_b/(m_a + m_b) |dv|^2 of equal masses.
+                self.merge_loss[None] += 0.25 * mass * dv.norm_sqr()
+                self.hand_over(i, j, 2.0 * mass, 0.5 * mass * r.cross(dv))
+                for each in ti.static(self.inherited):
+                    each[i] = 0.5 * (each[i] + each[j])
+                self.particles.layer[i] = self.coarser[layer]
+                self.particles.settling[i] = self.parameters.settle
+                self.particles.alive[j] = 0
+
+    @ti.func
+    def hand_over(self, i, j, mass, spin):
+        """Keeps the angular momentum `spin` [kg m^2/s] that a merged pair had about its centre.
+
+        The merged particle i, of `mass` [kg], and one neighbour at r from it get equal and opposite
+        impulses J. r x J = spin has a solution only if r is normal to spin; so the neighbour
+        nearest to that is taken, of those that do not merge themselves.
+        """
+        x, best, least = self.particles.x[i], -1, 1.0
+        for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
+            k = self.neighbours.index[s]
+            if k != j and self.particles.partner[k] < 0:
+                r = self.particles.x[k] - x
+                cosine = abs(r.dot(spin)) / ti.max(r.norm() * spin.norm(), TINY)
+                if cosine < least:
+                    least, best = cosine, k
+        if best >= 0:
+            r = self.particles.x[best] - x
+            impulse = spin.cross(r) / ti.max(r.norm_sqr(), TINY)
+            m_k = self.layers.mass[self.particles.layer[best]]
+            given = impulse.dot(self.particles.v[best] - self.particles.v[i])
+            given += 0.5 * impulse.norm_sqr() * (1.0 / m_k + 1.0 / mass)
+            self.merge_loss[None] -= given
+            self.particles.v[i] -= impulse / mass
+            # Several merges may choose the same neighbour.
+            self.particles.v[best] += impulse / m_k
+
+    @kernel
+    def split(self, n: ti.i32, most: ti.i32, capacity: ti.i32):
+        """Replaces a particle by two halves at the offsets of widest_gap().
+
+        Only the first `most` particles are split, and only while the pool has room (`capacity`).
+        """
+        for i in range(n):
+            offset, place = ti.Vector([0.0, 0.0, 0.0]), most
+            if self.particles.wish[i] == -1:
+                offset = self.widest_gap(i)
+                if offset.norm() > LEAST_HALF * self.layers.spacing[self.particles.layer[i]]:
+                    place = ti.atomic_add(self.tally[0], 1)
+            j = n + place
+            if place < most and j >= capacity:
+                self.tally[2] += 1
+            elif place < most:
+                layer = self.finer[self.particles.layer[i]]
+                self.particles.x[j] = self.particles.x[i] + offset
+                self.particles.x[i] -= offset
+                self.particles.v[j] = self.particles.v[i]
+                for each in ti.static(self.inherited):
+                    each[j] = each[i]
+                self.particles.layer[i] = layer
+                self.particles.layer[j] = layer
+                self.particles.id[j] = ti.atomic_add(self.next_id[None], 1)
+                self.particles.settling[i] = self.parameters.settle
+                self.particles.settling[j] = self.parameters.settle
+                self.particles.alive[j] = 1
+
+    @ti.func
+    def widest_gap(self, i):
+        """The offset [m] of the halves of particle i, out of DIRECTIONS, at which they see the
+        least density."""
+        layer, x = self.particles.layer[i], self.particles.x[i]
+        finer = self.finer[layer]
+        # Halves stay clear of walls: a wall that pushed one back would move the centre of mass.
+        room = ti.min(x, self.boundary.size - x)
+        if ti.static(self.boundary.count > 0):
+            room = ti.min(room, self.boundary.clearance(x, END))
+        best, least = ti.Vector([0.0, 0.0, 0.0]), 1e9
+        for direction in ti.static(DIRECTIONS):
+            unit = ti.Vector(direction, ti.f32).normalized()
+            offset = HALF * self.layers.spacing[layer] * unit
+            offset *= ti.min(1.0, (room / ti.max(abs(offset), 1e-9)).min())
+            c = 0.0
+            for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
+                j = self.neighbours.index[s]
+                other = self.particles.layer[j]
+                h = 1.0 / self.layers.per_h[finer, other]
+                r_ij = x - self.particles.x[j]
+                near = kernels.quartic((r_ij + offset).norm(), h)
+                c += self.layers.volume[other] * (near + kernels.quartic((r_ij - offset).norm(), h))
+            # Near walls the offset is shorter, so that the halves see each other; count that too.
+            other_half = kernels.quartic(2.0 * offset.norm(), self.layers.support[finer])
+            c += 2.0 * self.layers.volume[layer] * other_half
+            if c < least:
+                least, best = c, offset
+        return best

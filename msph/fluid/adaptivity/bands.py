@@ -1,0 +1,61 @@
+"""Bands of depth: which layer belongs at which distance from the free surface."""
+
+from dataclasses import dataclass, replace
+
+from msph.fluid.particles.layers import LayerSpec
+from msph.parameter import parameter
+
+# Two layers exchange particles if their mass ratio is 2 to within this share (-).
+RATIO_TOLERANCE = 0.01
+
+
+@dataclass(frozen=True)
+class AdaptationParameters:
+    """When and how much particles split and merge. Evidence for the defaults: docs/method.md."""
+
+    band: float = parameter(
+        1.25, ge=0.5, le=50.0, text="thickness of a layer's band, in its supports"
+    )
+    hysteresis: float = parameter(
+        0.3, ge=0.0, le=0.4, text="share of a band's bound that a particle must pass"
+    )
+    every: int = parameter(8, ge=1, text="steps between passes, at least")
+    travel: float = parameter(
+        4.0, ge=0.0, text="spacings that the fastest particle goes between passes"
+    )
+    budget: float = parameter(
+        0.1, gt=0.0, le=1.0, text="share of all particles that a pass may change"
+    )
+    settle: int = parameter(
+        3, ge=0, text="times `every` steps that a particle waits until its next change"
+    )
+
+
+def bands(specs: list[LayerSpec], band: float) -> list[tuple[float, float]]:
+    """Depths [m] (top, bottom) of each layer's band, finest on top; the coarsest has no bottom."""
+    order = sorted(range(len(specs)), key=lambda k: specs[k].mass)
+    found, top = [(0.0, 0.0)] * len(specs), 0.0
+    for k in order:
+        bottom = top + band * specs[k].support
+        found[k] = (top, bottom if k != order[-1] else float("inf"))
+        top = bottom
+    return found
+
+
+def coarser_of(specs: list[LayerSpec]) -> list[int]:
+    """Index of the layer that two particles of each layer merge into, -1 where there is none."""
+    return [
+        next((j for j, b in enumerate(specs) if abs(b.mass / a.mass - 2.0) < RATIO_TOLERANCE), -1)
+        for a in specs
+    ]
+
+
+def exact(specs: list[LayerSpec]) -> list[LayerSpec]:
+    """The layers with mass ratios of exactly 2 where they are nearly 2: spacings in a scene are
+    rounded, and each merge would change the mass of the water."""
+    found = list(specs)
+    for k in sorted(range(len(specs)), key=lambda k: specs[k].mass):
+        coarser = coarser_of(found)[k]
+        if coarser >= 0:
+            found[coarser] = replace(found[coarser], mass=2.0 * found[k].mass)
+    return found

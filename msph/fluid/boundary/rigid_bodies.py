@@ -1,0 +1,149 @@
+"""Bodies that water meets: blocks, balls and closed meshes, at rest or moving along a given way.
+
+A body is described where it stands at time zero, in the box's frame. Its pose is a function of
+time alone, so that a reset or a checkpoint finds it where it was.
+"""
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from msph.fluid.particles.layers import LayerSpec
+
+Vec3 = tuple[float, float, float]
+
+# Gap to a wall below which a block counts as touching it, in spacings of the finest layer.
+TOUCHING = 0.5
+
+
+@dataclass(frozen=True)
+class Motion:
+    """x(t) = velocity t + swing (1 - cos(2 pi t/period))/2 [m], and spin at `rate` [rad/s] about
+    `axis` through the body's centre. A swing starts at rest and is `swing` away half a period
+    later. velocity [m/s], swing [m], period [s]."""
+
+    velocity: Vec3 = (0.0, 0.0, 0.0)
+    swing: Vec3 = (0.0, 0.0, 0.0)
+    period: float = 1.0
+    axis: Vec3 = (0.0, 1.0, 0.0)
+    rate: float = 0.0
+
+    @property
+    def spins(self) -> bool:
+        return self.rate != 0.0
+
+    @property
+    def slides(self) -> np.ndarray:
+        """Whether it moves along each axis, (3,) bool."""
+        return (np.array(self.velocity) != 0.0) | (np.array(self.swing) != 0.0)
+
+    @property
+    def moves(self) -> bool:
+        return self.spins or bool(self.slides.any())
+
+    def offset(self, time: float) -> np.ndarray:
+        """Way from where it stood at time zero [m], (3,)."""
+        part = 0.5 - 0.5 * math.cos(2.0 * math.pi * time / self.period)
+        return np.array(self.velocity) * time + np.array(self.swing) * part
+
+    def turn(self, time: float) -> np.ndarray:
+        """Rotation since time zero, (3, 3), by Rodrigues' formula."""
+        x, y, z = self._axis
+        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        angle = self.rate * time
+        return np.eye(3) + math.sin(angle) * cross + (1.0 - math.cos(angle)) * cross @ cross
+
+    def spin(self) -> np.ndarray:
+        """Angular velocity [rad/s], (3,)."""
+        return self.rate * self._axis
+
+    def top_speed(self, reach: float) -> float:
+        """Bound on the speed [m/s] of any point within `reach` [m] of the centre."""
+        swinging = math.pi / self.period * float(np.linalg.norm(self.swing))
+        return float(np.linalg.norm(self.velocity)) + swinging + abs(self.rate) * reach
+
+    @cached_property
+    def _axis(self) -> np.ndarray:
+        axis = np.array(self.axis, float)
+        return axis / np.linalg.norm(axis)
+
+
+STILL = Motion()
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """The box from lo to hi [m], (3,) each."""
+
+    lo: np.ndarray
+    hi: np.ndarray
+    motion: Motion = STILL
+
+    @property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        return self.lo, self.hi
+
+
+@dataclass(frozen=True, eq=False)
+class Ball:
+    """centre (3,) [m], radius [m]."""
+
+    centre: np.ndarray
+    radius: float
+    motion: Motion = STILL
+
+    @property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        return self.centre - self.radius, self.centre + self.radius
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """A closed mesh: vertices (v, 3) [m], triangles (t, 3) counter-clockwise seen from outside.
+
+    container: the water is inside of it; the box's walls then only stop what would leave the box.
+    """
+
+    vertices: np.ndarray
+    triangles: np.ndarray
+    motion: Motion = STILL
+    container: bool = field(default=False)
+
+    @property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        return self.vertices.min(axis=0), self.vertices.max(axis=0)
+
+
+Body = Block | Ball | Solid
+
+
+def centre(body: Body) -> np.ndarray:
+    """Middle of the body's bounds [m], (3,): what it spins about."""
+    lo, hi = body.bounds
+    return 0.5 * (lo + hi)
+
+
+def reach(body: Body) -> float:
+    """Radius [m] of a ball about the centre that holds the body."""
+    if isinstance(body, Ball):
+        return body.radius
+    lo, hi = body.bounds
+    return 0.5 * float(np.linalg.norm(hi - lo))
+
+
+def sunk(body: Body, size: np.ndarray, specs: list[LayerSpec]) -> Body:
+    """A block with the faces that touch a wall of the box pushed out beyond the kernels' reach.
+
+    Faces along an axis on which the block moves stay, since a gap may open there; other bodies
+    are returned unchanged.
+    """
+    if not isinstance(body, Block) or body.motion.spins:
+        return body
+    touching = TOUCHING * min(s.spacing for s in specs)
+    far = 2.0 * max(s.support for s in specs)
+    fixed = ~body.motion.slides
+    lo = np.where(fixed & (body.lo < touching), np.minimum(body.lo, -far), body.lo)
+    hi = np.where(fixed & (body.hi > size - touching), np.maximum(body.hi, size + far), body.hi)
+    return Block(lo, hi, body.motion)

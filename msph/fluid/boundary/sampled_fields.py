@@ -1,0 +1,144 @@
+"""Scalars sampled on regular lattices, interpolated with their gradients inside kernels."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import taichi as ti
+
+from msph.constant_fields import constant_fields
+from msph.taichi_internals import data_oriented
+
+vec3, vec4 = ti.math.vec3, ti.math.vec4
+
+
+@dataclass(frozen=True)
+class SampleLattice:
+    """Nodes at origin + cell * (i, j, k) [m], i below shape[0] and so on."""
+
+    origin: tuple[float, float, float]
+    cell: float
+    shape: tuple[int, int, int]
+
+    # Place of the first node in its cell, in cells. Planes of a model often lie at round numbers; a
+    # row of nodes exactly in such a plane is neither inside nor outside.
+    OFFSET = (0.3819, 0.4142, 0.2679)
+
+    @classmethod
+    def round(cls, lo: np.ndarray, hi: np.ndarray, margin: float, cell: float) -> "SampleLattice":
+        """The lattice that covers lo to hi and a margin round it [m], and two cells more."""
+        first = np.floor((lo - margin) / cell) - 2 + np.array(cls.OFFSET)
+        last = np.ceil((hi + margin) / cell) + 2
+        nx, ny, nz = (int(n) for n in np.ceil(last - first) + 1)
+        x, y, z = (float(v) for v in first * cell)
+        return cls((x, y, z), cell, (nx, ny, nz))
+
+    @property
+    def nodes(self) -> int:
+        return self.shape[0] * self.shape[1] * self.shape[2]
+
+
+@data_oriented
+class SampledFields:
+    """Several sampled lattices, one after the other in one field of f32.
+
+    linear() and cubic() give (value, d/dx, d/dy, d/dz) at a point; the gradient is that of the
+    interpolant itself. covers() says whether a point is inside a lattice; only there they hold.
+    """
+
+    def __init__(self, lattices: list[SampleLattice], values: list[np.ndarray]):
+        n = len(lattices)
+        self.origin = ti.Vector.field(3, ti.f32, shape=n)
+        self.shape = ti.Vector.field(3, ti.i32, shape=n)
+        ends = np.cumsum([lattice.nodes for lattice in lattices])
+        self.cell, self.offset, self.value = constant_fields(
+            np.array([lattice.cell for lattice in lattices]),
+            np.concatenate([[0], ends[:-1]]),
+            np.concatenate([v.ravel() for v in values]),
+        )
+        self.origin.from_numpy(np.array([lattice.origin for lattice in lattices], np.float32))
+        self.shape.from_numpy(np.array([lattice.shape for lattice in lattices], np.int32))
+
+    @ti.func
+    def place(self, m, p):
+        """Where p is in lattice m, in cells from its first node."""
+        return (p - self.origin[m]) / self.cell[m]
+
+    @ti.func
+    def clamped(self, m, p):
+        """The point of lattice m that is nearest to p."""
+        span = self.cell[m] * (ti.cast(self.shape[m], ti.f32) - 1.001)
+        return ti.math.clamp(p, self.origin[m], self.origin[m] + span)
+
+    @ti.func
+    def covers(self, m, p):
+        """Whether p is inside the lattice by a margin of one cell, as cubic() needs."""
+        c = self.place(m, p)
+        return (c >= 1.0).all() and (c < ti.cast(self.shape[m], ti.f32) - 2.0).all()
+
+    @ti.func
+    def at(self, m, i, j, k):
+        shape = self.shape[m]
+        return self.value[self.offset[m] + (i * shape[1] + j) * shape[2] + k]
+
+    @ti.func
+    def linear(self, m, p):
+        """Trilinear; p outside the lattice is moved to its border."""
+        last = ti.cast(self.shape[m], ti.f32) - 1.001
+        c = ti.math.clamp(self.place(m, p), 0.0, last)
+        n = ti.floor(c, ti.i32)
+        f = c - n
+        r = ti.Matrix.zero(ti.f32, 4, 2)  # along z, at the four (x, y): value and slope
+        for q in ti.static(range(4)):
+            low = self.at(m, n[0] + q // 2, n[1] + q % 2, n[2])
+            r[q, 1] = self.at(m, n[0] + q // 2, n[1] + q % 2, n[2] + 1) - low
+            r[q, 0] = low + f[2] * r[q, 1]
+        s = r[0, 0] + f[1] * (r[1, 0] - r[0, 0])
+        t = r[2, 0] + f[1] * (r[3, 0] - r[2, 0])
+        dy = (1.0 - f[0]) * (r[1, 0] - r[0, 0]) + f[0] * (r[3, 0] - r[2, 0])
+        dz = (1.0 - f[0]) * ((1.0 - f[1]) * r[0, 1] + f[1] * r[1, 1])
+        dz += f[0] * ((1.0 - f[1]) * r[2, 1] + f[1] * r[3, 1])
+        per = 1.0 / self.cell[m]
+        return vec4(s + f[0] * (t - s), per * (t - s), per * dy, per * dz)
+
+    @ti.func
+    def cubic(self, m, p):
+        """Catmull-Rom along each axis: smooth gradient, exact for quadratic fields."""
+        c = self.place(m, p)
+        n = ti.math.clamp(ti.floor(c, ti.i32), 1, self.shape[m] - 3)
+        f = c - n
+        wx, wy, wz = catmull_rom(f[0]), catmull_rom(f[1]), catmull_rom(f[2])
+        sx, sy, sz = catmull_rom_slope(f[0]), catmull_rom_slope(f[1]), catmull_rom_slope(f[2])
+        out = vec4(0.0)
+        for a in range(4):
+            for b in range(4):
+                v, s = 0.0, 0.0
+                for k in ti.static(range(4)):
+                    node = self.at(m, n[0] + a - 1, n[1] + b - 1, n[2] + k - 1)
+                    v += wz[k] * node
+                    s += sz[k] * node
+                out += vec4(wx[a] * wy[b] * v, sx[a] * wy[b] * v, wx[a] * sy[b] * v, 0.0)
+                out.w += wx[a] * wy[b] * s
+        per = 1.0 / self.cell[m]
+        return out * vec4(1.0, per, per, per)
+
+
+@ti.func
+def catmull_rom(f):
+    """Weights of the nodes -1, 0, 1, 2 at f in 0..1 (Catmull and Rom 1974)."""
+    return 0.5 * vec4(
+        f * (-1.0 + f * (2.0 - f)),
+        2.0 + f * f * (3.0 * f - 5.0),
+        f * (1.0 + f * (4.0 - 3.0 * f)),
+        f * f * (f - 1.0),
+    )
+
+
+@ti.func
+def catmull_rom_slope(f):
+    """Derivatives of the weights by f."""
+    return 0.5 * vec4(
+        -1.0 + f * (4.0 - 3.0 * f),
+        f * (9.0 * f - 10.0),
+        1.0 + f * (8.0 - 9.0 * f),
+        f * (3.0 * f - 2.0),
+    )

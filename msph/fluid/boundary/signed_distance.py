@@ -1,0 +1,154 @@
+"""Signed distance of a closed mesh on a lattice: negative inside.
+
+Within a band round the surface it is exact to rounding: the nearest point of every triangle near a
+node (Ericson 2005, 5.1.5). Beyond the band it is the length of a path along the lattice's edges and
+diagonals, up to 12 % too long, which suffices to push particles out. The sign counts the crossings
+of the surface along z, each with its direction.
+"""
+
+import numpy as np
+import taichi as ti
+
+from msph.fluid.boundary.sampled_fields import SampleLattice
+
+vec2, vec3 = ti.math.vec2, ti.math.vec3
+
+FAR = 1e9
+
+
+def signed_distance(corners: np.ndarray, lattice: SampleLattice, band: float) -> np.ndarray:
+    """Signed distance [m] at the nodes, (nx, ny, nz) f32. corners: (t, 3, 3) [m] of a closed
+    mesh, counter-clockwise seen from outside; band [m]."""
+    distance = np.full(lattice.shape, FAR, np.float32)
+    corners = np.ascontiguousarray(corners, np.float32)
+    _approach(corners, vec3(*lattice.origin), lattice.cell, band, distance)
+    while _spread(lattice.cell, band, distance) > 0:
+        pass
+    return np.where(inside(corners, lattice), -distance, distance)
+
+
+def inside(corners: np.ndarray, lattice: SampleLattice) -> np.ndarray:
+    """Whether each node is inside the mesh, (nx, ny, nz) bool."""
+    nx, ny, nz = lattice.shape
+    crossings = np.zeros((nx, ny, nz + 1), np.int32)
+    corners = np.ascontiguousarray(corners, np.float32)
+    _cross(corners, vec3(*lattice.origin), lattice.cell, crossings)
+    return np.cumsum(crossings, axis=2)[:, :, :nz] > 0
+
+
+@ti.func
+def nodes_round(a, b, c, margin, origin, cell, shape):
+    """First and last node, two rows, of the box round a triangle and a margin [m]."""
+    lo = ti.ceil((ti.min(a, b, c) - margin - origin) / cell, ti.i32)
+    hi = ti.floor((ti.max(a, b, c) + margin - origin) / cell, ti.i32)
+    return ti.Matrix.rows([ti.max(lo, 0), ti.min(hi, shape - 1)])
+
+
+@ti.func
+def nearest_of_triangle(p, a, b, c):
+    """The point of a triangle that is nearest to p."""
+    ab, ac, ap = b - a, c - a, p - a
+    d1, d2 = ab.dot(ap), ac.dot(ap)
+    bp, cp = p - b, p - c
+    d3, d4 = ab.dot(bp), ac.dot(bp)
+    d5, d6 = ab.dot(cp), ac.dot(cp)
+    va, vb, vc = d3 * d6 - d5 * d4, d5 * d2 - d1 * d6, d1 * d4 - d3 * d2
+    q = a
+    if d1 <= 0.0 and d2 <= 0.0:
+        q = a
+    elif d3 >= 0.0 and d4 <= d3:
+        q = b
+    elif d6 >= 0.0 and d5 <= d6:
+        q = c
+    elif vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
+        q = a + d1 / (d1 - d3) * ab
+    elif vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
+        q = a + d2 / (d2 - d6) * ac
+    elif va <= 0.0 and d4 >= d3 and d5 >= d6:
+        q = b + (d4 - d3) / (d4 - d3 + d5 - d6) * (c - b)
+    else:
+        q = a + (vb * ab + vc * ac) / (va + vb + vc)
+    return q
+
+
+@ti.kernel
+def _approach(
+    corners: ti.types.ndarray(dtype=ti.f32, ndim=3),
+    origin: vec3,
+    cell: ti.f32,
+    band: ti.f32,
+    distance: ti.types.ndarray(dtype=ti.f32, ndim=3),
+):
+    """Distance to the nearest triangle at the nodes within `band` of one."""
+    shape = ti.Vector([distance.shape[0], distance.shape[1], distance.shape[2]])
+    for t in range(corners.shape[0]):
+        a, b, c = corner(corners, t, 0), corner(corners, t, 1), corner(corners, t, 2)
+        near = nodes_round(a, b, c, band, origin, cell, shape)
+        for i in range(near[0, 0], near[1, 0] + 1):
+            for j in range(near[0, 1], near[1, 1] + 1):
+                for k in range(near[0, 2], near[1, 2] + 1):
+                    x = origin + cell * vec3(i, j, k)
+                    d = (x - nearest_of_triangle(x, a, b, c)).norm()
+                    if d < band:
+                        ti.atomic_min(distance[i, j, k], d)
+
+
+@ti.kernel
+def _spread(cell: ti.f32, band: ti.f32, distance: ti.types.ndarray(dtype=ti.f32, ndim=3)) -> ti.i32:
+    """Lets distances beyond the band grow from node to node; returns how many shrank."""
+    shrank = 0
+    shape = ti.Vector([distance.shape[0], distance.shape[1], distance.shape[2]])
+    for i, j in ti.ndrange(shape[0], shape[1]):
+        for k in range(shape[2]):
+            d = distance[i, j, k]
+            if d >= band:
+                for a, b, c in ti.ndrange((-1, 2), (-1, 2), (-1, 2)):
+                    o = ti.Vector([i + a, j + b, k + c])
+                    if (o >= 0).all() and (o < shape).all():
+                        step = cell * ti.sqrt(ti.cast(a * a + b * b + c * c, ti.f32))
+                        d = ti.min(d, distance[o[0], o[1], o[2]] + step)
+                if d < distance[i, j, k]:
+                    distance[i, j, k] = d
+                    shrank += 1
+    return shrank
+
+
+@ti.kernel
+def _cross(
+    corners: ti.types.ndarray(dtype=ti.f32, ndim=3),
+    origin: vec3,
+    cell: ti.f32,
+    crossings: ti.types.ndarray(dtype=ti.i32, ndim=3),
+):
+    """Where columns of nodes go in (+1) and out (-1), noted at the first node above."""
+    shape = ti.Vector([crossings.shape[0], crossings.shape[1], crossings.shape[2]])
+    for t in range(corners.shape[0]):
+        a, b, c = corner(corners, t, 0), corner(corners, t, 1), corner(corners, t, 2)
+        n = (b - a).cross(c - a)
+        up = n.z > 0.0
+        near = nodes_round(a, b, c, 0.0, origin, cell, shape)
+        for i in range(near[0, 0], near[1, 0] + 1):
+            for j in range(near[0, 1], near[1, 1] + 1):
+                p = origin.xy + cell * vec2(i, j)
+                ab, bc, ca = left(a, b, p) == up, left(b, c, p) == up, left(c, a, p) == up
+                if n.z != 0.0 and ab and bc and ca:
+                    z = a.z - (n.x * (p.x - a.x) + n.y * (p.y - a.y)) / n.z
+                    z = ti.math.clamp(z, ti.min(a.z, b.z, c.z), ti.max(a.z, b.z, c.z))
+                    k = ti.math.clamp(ti.ceil((z - origin.z) / cell, ti.i32), 0, shape[2] - 1)
+                    ti.atomic_add(crossings[i, j, k], ti.select(up, -1, 1))
+
+
+@ti.func
+def corner(corners: ti.template(), t, k):
+    return vec3(corners[t, k, 0], corners[t, k, 1], corners[t, k, 2])
+
+
+@ti.func
+def left(p, q, x):
+    """Whether x is left of the way from p to q, seen along -z. Exactly the opposite for the way
+    back, so that of two triangles that share an edge one has each point."""
+    forward = p.x < q.x or (p.x == q.x and p.y < q.y)
+    s, e = p.xy, q.xy
+    if not forward:
+        s, e = q.xy, p.xy
+    return ((e - s).cross(x - s) >= 0.0) == forward

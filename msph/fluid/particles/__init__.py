@@ -1,0 +1,1 @@
+"""Particles of all layers: their pool, sizes, kernels, grids and neighbours."""

@@ -1,0 +1,152 @@
+"""Per-layer grids: a counting sort bins the particles of each layer into cells of h by h by h/3,
+h its support.
+
+One array of cells holds the grids of all layers, one after the other, so a single sort orders the
+particles by (layer, cell), and the cells of a z-run are one contiguous range of particles. Cells
+are ordered by y first: layers lie flat, so that most of a layer's slabs of cells are empty.
+"""
+
+import math
+
+import numpy as np
+import taichi as ti
+
+from msph.constant_fields import constant_fields
+from msph.fluid.particles.layers import Layers
+from msph.fluid.particles.particles import FEW_CELLS, Particles, one_thread_does
+from msph.fluid.particles.prefix_sum import PrefixSum
+from msph.taichi_internals import data_oriented, kernel
+
+# Cells per support along z: rows then end nearer to the ball that is searched, and their number
+# stays. A search takes 13 % less time in uniform and 8 % less in layered water than with 1.
+CUTS = 3
+
+
+def grid_shape(size: tuple[float, float, float], support: float) -> tuple[int, int, int]:
+    """Cells along each axis that cover a box of the given size [m], for a support [m]."""
+    nx, ny, nz = (max(1, math.ceil(length / support)) for length in (*size[:2], CUTS * size[2]))
+    return nx, ny, nz
+
+
+@data_oriented
+class LayeredGrid:
+    """Grids over the box (0, 0, 0) to size [m], one per layer; its cells are h by h by h/CUTS.
+
+    Fields, for L layers and C cells in all: cell_start (C + 1,) i32, first particle of each cell;
+    dims (L,) ivec3; offset (L,) i32, first cell of each layer; per_support (L,) f32 [1/m]; lowest,
+    highest (L,) i32, slabs of cells between which the layer's particles lie.
+    """
+
+    def __init__(self, size: tuple[float, float, float], layers: Layers, particles: Particles):
+        self.layers = layers
+        self.particles = particles
+        shapes = [grid_shape(size, s.support) for s in layers.specs]
+        cells = [nx * ny * nz for nx, ny, nz in shapes]
+        self.total_cells = sum(cells)
+        (self.per_support,) = constant_fields(np.array([1.0 / s.support for s in layers.specs]))
+        self.few_cells = one_thread_does(self.total_cells, FEW_CELLS)
+        self.dims = ti.Vector.field(3, ti.i32, shape=layers.count)
+        self.offset = ti.field(ti.i32, shape=layers.count)
+        self.lowest, self.highest = (ti.field(ti.i32, shape=layers.count) for _ in range(2))
+        self.cell_count = ti.field(ti.i32, shape=self.total_cells)
+        self.cell_start = ti.field(ti.i32, shape=self.total_cells + 1)
+        self.cell = ti.field(ti.i32, shape=particles.capacity)
+        self.place = ti.field(ti.i32, shape=particles.capacity)
+        self.scan = PrefixSum(self.total_cells)
+        self.dims.from_numpy(np.array(shapes, dtype=np.int32))
+        self.offset.from_numpy(np.cumsum([0, *cells[:-1]]).astype(np.int32))
+        self.generation = 0  # counts sorts: a list made before the last sort is invalid
+        self.stale = True
+
+    def invalidate(self) -> None:
+        """Tells the grid that particles moved."""
+        self.stale = True
+
+    def refresh(self) -> None:
+        """Sorts the particles if they moved since the last time."""
+        if self.stale:
+            self.build()
+
+    def build(self) -> None:
+        """Sorts the particles by (layer, cell): count, scan, place, reorder."""
+        self._sort(self.particles.count)
+        self.generation += 1
+        self.stale = False
+
+    @kernel
+    def _sort(self, n: ti.i32):
+        ti.loop_config(serialize=self.few_cells)
+        for c in range(self.total_cells):
+            self.cell_count[c] = 0
+        ti.loop_config(serialize=self.particles.light)
+        for i in range(n):
+            layer = self.particles.layer[i]
+            dims = self.dims[layer]
+            c = self.cell_of(self.particles.x[i], layer)
+            cell = self.offset[layer] + (c[1] * dims[0] + c[0]) * dims[2] + c[2]
+            self.cell[i] = cell
+            self.place[i] = ti.atomic_add(self.cell_count[cell], 1)
+        self.scan.sum_up(self.cell_count, self.cell_start)
+        ti.loop_config(serialize=self.few_cells)
+        for layer in range(self.layers.count):
+            self._find_bounds(layer)
+        ti.loop_config(serialize=self.particles.light)
+        for i in range(n):
+            self.place[i] += self.cell_start[self.cell[i]]
+        self.particles.reorder(self.place, n)
+
+    @ti.func
+    def _find_bounds(self, layer):
+        """The lowest and the highest slab that hold particles of the layer."""
+        dims = self.dims[layer]
+        slab, lowest, highest = dims[0] * dims[2], dims[1], -1
+        for a in range(dims[1]):
+            begin = self.offset[layer] + a * slab
+            if self.cell_start[begin + slab] > self.cell_start[begin]:
+                lowest, highest = ti.min(lowest, a), a
+        self.lowest[layer], self.highest[layer] = lowest, highest
+
+    @ti.func
+    def cell_of(self, x, layer):
+        """Cell of the point x in a layer's grid; points outside belong to the nearest cell."""
+        c = ti.floor(x * self.per_support[layer] * ti.math.vec3(1.0, 1.0, CUTS), ti.i32)
+        return ti.math.clamp(c, 0, self.dims[layer] - 1)
+
+    @ti.func
+    def row(self, layer, i, j, k_lo, k_hi):
+        """Particles [begin, end) of the cells (i, j, k_lo) to (i, j, k_hi), all inside the grid."""
+        dims = self.dims[layer]
+        base = self.offset[layer] + (j * dims[0] + i) * dims[2]
+        return ti.Vector([self.cell_start[base + k_lo], self.cell_start[base + k_hi + 1]])
+
+    @ti.func
+    def for_each_row(self, x, layer, reach, visit: ti.template(), out: ti.template()):
+        """Calls visit(begin, end, out) for rows of a layer's particles that hold all of them with
+        |x - x_j| < reach [m], and others.
+
+        In each slab of cells the rows are cut as the ball around x is in that slab.
+        """
+        # All in supports. Read into locals once: the compiler must assume that visit changes
+        # fields.
+        g, r = x * self.per_support[layer], reach * self.per_support[layer]
+        dims = self.dims[layer]
+        # Clamped to the grid: a position that is not finite must not index memory.
+        lo = ti.max(ti.min(ti.floor(g[1] - r, ti.i32), dims[1] - 1), self.lowest[layer])
+        hi = ti.min(ti.max(ti.floor(g[1] + r, ti.i32), 0), self.highest[layer])
+        first, depth = self.offset[layer], dims[2]
+        for a in range(lo, hi + 1):
+            # Distance from x to the slab; 0 where x lies in it.
+            gap = ti.max(a - g[1], g[1] - (a + 1), 0.0)
+            half = ti.sqrt(ti.max(r * r - gap * gap, 0.0))
+            b_lo = ti.math.clamp(ti.floor(g[0] - half, ti.i32), 0, dims[0] - 1)
+            b_hi = ti.math.clamp(ti.floor(g[0] + half, ti.i32), 0, dims[0] - 1)
+            slab = first + a * dims[0] * depth
+            # One look at the whole slab of rows.
+            begin = self.cell_start[slab + b_lo * depth]
+            end = self.cell_start[slab + (b_hi + 1) * depth]
+            if end > begin:
+                k_lo = ti.math.clamp(ti.floor(CUTS * (g[2] - half), ti.i32), 0, depth - 1)
+                k_hi = ti.math.clamp(ti.floor(CUTS * (g[2] + half), ti.i32), 0, depth - 1)
+                for b in range(b_lo, b_hi + 1):
+                    row = slab + b * depth
+                    visit(self.cell_start[row + k_lo], self.cell_start[row + k_hi + 1], out)

@@ -1,0 +1,168 @@
+"""The particle pool and its registry of attributes.
+
+An attribute is declared once. From the declaration follow its allocation, its place in the sort,
+in checkpoints and exports, and the views that colour by it.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import taichi as ti
+
+from msph.taichi_internals import data_oriented, kernel, on_cpu
+
+# Sizes up to which one CPU thread is as fast as two, whose waking takes 25 us: particles of a loop
+# over neighbours, particles of any other loop, cells of a scan.
+FEW, FEW_LIGHT, FEW_CELLS = 500, 4_000, 50_000
+
+
+def one_thread_does(entries: int, few: int = FEW) -> bool:
+    """Whether a loop over so many entries should not be shared out among threads."""
+    return on_cpu() and entries <= few
+
+
+@dataclass(frozen=True)
+class Attribute:
+    """One quantity that every particle has.
+
+    width is 1 for a scalar and 3 for a vector. carried: it must survive sorting and belongs into
+    checkpoints; what is not carried is recomputed before it is read. Halves of a split inherit a
+    carried number, and a merge takes the mean of both, unless own: then whoever splits and merges
+    sets it. view: the name of the picture that colours particles by it, None for no view.
+    """
+
+    name: str
+    unit: str
+    help: str
+    width: int = 1
+    integer: bool = False
+    carried: bool = True
+    own: bool = False
+    view: str | None = None
+
+    @property
+    def bytes(self) -> int:
+        """Device memory per particle [bytes], with the copy that sorting needs."""
+        return 4 * self.width * (2 if self.carried else 1)
+
+    def allocate(self, capacity: int):
+        dtype = ti.i32 if self.integer else ti.f32
+        if self.width == 1:
+            return ti.field(dtype, shape=capacity)
+        return ti.Vector.field(self.width, dtype, shape=capacity)
+
+
+CORE = (
+    Attribute("x", "m", "position in the box's frame, min corner the origin", width=3, own=True),
+    Attribute("v", "m/s", "velocity", width=3, own=True, view="speed"),
+    Attribute("layer", "-", "index of its layer", integer=True, own=True, view="layers"),
+    Attribute("id", "-", "identity that sorting does not change", integer=True, own=True),
+)
+
+
+@data_oriented
+class Particles:
+    """A preallocated pool: one Taichi field of shape (capacity,) per attribute, by its name.
+
+    count is the number of live particles; they are the first `count` of every field.
+    """
+
+    x: Any
+    v: Any
+    layer: Any
+    id: Any
+
+    def __init__(self, capacity: int, attributes: tuple[Attribute, ...] = ()):
+        self.capacity = capacity
+        self.count = 0
+        # Whether loops that meet no neighbours stay on one thread.
+        self.light = one_thread_does(capacity, FEW_LIGHT)
+        self.attributes = {a.name: a for a in CORE + attributes}
+        self.fields = {a.name: a.allocate(capacity) for a in self.attributes.values()}
+        self.__dict__.update(self.fields)
+        carried = [a for a in self.attributes.values() if a.carried]
+        self._pairs = [(self.fields[a.name], a.allocate(capacity)) for a in carried]
+
+    @staticmethod
+    def bytes_per_particle(attributes: tuple[Attribute, ...]) -> int:
+        return sum(a.bytes for a in CORE + attributes)
+
+    def fill(self, **values: np.ndarray) -> None:
+        """Replaces all particles by the given attributes, arrays of shape (n,) or (n, 3).
+
+        Carried attributes that are not given become zero, ids count up from zero.
+        """
+        n = len(values["x"])
+        if n > self.capacity:
+            raise ValueError(f"{n} particles do not fit in a pool of {self.capacity}")
+        values.setdefault("id", np.arange(n, dtype=np.int32))
+        for name, attribute in self.attributes.items():
+            field = self.fields[name]
+            shape = (self.capacity,) if attribute.width == 1 else (self.capacity, attribute.width)
+            padded = np.zeros(shape, dtype=np.int32 if attribute.integer else np.float32)
+            if name in values:
+                padded[:n] = values[name]
+            field.from_numpy(padded)
+        self.count = n
+
+    @property
+    def alone(self) -> bool:
+        """Whether kernels should keep loops over neighbours on one thread (a template)."""
+        return one_thread_does(self.count)
+
+    def inherited(self) -> tuple[ti.Field, ...]:
+        """Fields that halves of a split take over, and merges average."""
+        return tuple(
+            self.fields[a.name] for a in self.attributes.values() if a.carried and not a.own
+        )
+
+    def numpy(self, name: str) -> np.ndarray:
+        """One attribute of the live particles, (count,) or (count, width)."""
+        return self.fields[name].to_numpy()[: self.count]
+
+    def check(self, values: dict[str, np.ndarray]) -> None:
+        """Raises ValueError unless the arrays are carried attributes of 1 to capacity particles."""
+        n = len(values["x"]) if values["x"].ndim == 2 else 0
+        if not 1 <= n <= self.capacity:
+            raise ValueError(f"it has {n} particles, the pool holds 1 to {self.capacity}")
+        for name, array in values.items():
+            attribute = self.attributes.get(name)
+            if attribute is None:
+                raise ValueError(f"unknown attribute {name}")
+            shape = (n,) if attribute.width == 1 else (n, attribute.width)
+            kind = np.integer if attribute.integer else np.floating
+            if array.shape != shape or not np.issubdtype(array.dtype, kind):
+                raise ValueError(f"{name} is {array.dtype} of shape {array.shape}, not {shape}")
+            if not np.all(np.isfinite(array)):
+                raise ValueError(f"{name} is not finite")
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Every carried attribute of the live particles: what a checkpoint holds."""
+        return {a.name: self.numpy(a.name) for a in self.attributes.values() if a.carried}
+
+    @kernel
+    def compact(self, target: ti.template(), alive: ti.template(), n: ti.i32):
+        """Moves those of the first n with alive[i] = 1 to target[i]. Both i32 (n,)."""
+        ti.loop_config(serialize=self.light)
+        for i in range(n):
+            if alive[i] == 1:
+                for pair in ti.static(self._pairs):
+                    pair[1][target[i]] = pair[0][i]
+        ti.loop_config(serialize=self.light)
+        for i in range(n):
+            for pair in ti.static(self._pairs):
+                pair[0][i] = pair[1][i]
+
+    @ti.func
+    def reorder(self, target: ti.template(), n):
+        """Moves particle i to place target[i], for every carried attribute. target: i32 (n,)."""
+        ti.loop_config(serialize=self.light)
+        for i in range(n):
+            t = target[i]
+            for pair in ti.static(self._pairs):
+                pair[1][t] = pair[0][i]
+        ti.loop_config(serialize=self.light)
+        for i in range(n):
+            for pair in ti.static(self._pairs):
+                pair[0][i] = pair[1][i]

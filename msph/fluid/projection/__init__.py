@@ -1,0 +1,1 @@
+"""The projection method: incompressible, momentum-conserving SPH over layers of any size."""

@@ -1,0 +1,137 @@
+"""Conjugate gradients on the particles, projected or preconditioned, for pressure and viscosity.
+
+Solves A x = b for an operator A that is symmetric and positive under the volumes V,
+<x, y> = sum V x.y, preconditioned by its diagonal D where one is given (Hestenes and Stiefel 1952;
+Saad 2003, alg. 9.1). Without a preconditioner every iterate keeps <y, x> for all y with A y = y,
+such as the momenta under viscosity.
+
+Projected: x >= 0. Then only active particles are searched along, those with x > 0 or r > 0, less
+those that reach x = 0; a round of conjugate gradients ends when the residual of the others exceeds
+that of the active ones.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import taichi as ti
+
+from msph.fluid.particles.layers import Layers
+from msph.fluid.particles.particles import Particles
+from msph.taichi_internals import data_oriented, kernel
+
+# Keeps divisions by what may vanish finite; far below any diagonal or product met.
+TINY = 1e-30
+# Iterations between looks at the state, which wait for the device; they share a launch.
+LOOK = 2
+# What a look tells.
+GO_ON, ROUND_OVER, CONVERGED = 0, 1, 2
+# Most iterations in a round of a projected solve.
+ROUND = 40
+
+
+@data_oriented
+class ConjugateGradient:
+    """operator.apply(n, alone, direction, response) sets response = A direction and returns
+    <direction, response>.
+
+    residual, direction, response and diagonal are fields (capacity,) of x's width; active, for
+    projected solves of scalars, is 1 where x may change. scale [x's unit^2 m^3] is the squared
+    size, in the norm of A, that the tolerance is a share of; descent is <r, r/D>. The caller of
+    solve() sets both at the begin of a round.
+    """
+
+    def __init__(
+        self,
+        layers: Layers,
+        particles: Particles,
+        operator: Any,
+        residual: ti.Field,
+        direction: ti.Field,
+        response: ti.Field,
+        diagonal: ti.Field | None = None,
+        active: ti.Field | None = None,
+    ):
+        self.layers, self.particles, self.operator = layers, particles, operator
+        self.residual, self.direction, self.response = residual, direction, response
+        self.diagonal, self.active, self.projected = diagonal, active, active is not None
+        self.vectors = isinstance(residual, ti.MatrixField)
+        self.has_diagonal = diagonal is not None
+        self.descent = ti.field(ti.f32, shape=())
+        self.scale = ti.field(ti.f32, shape=())
+
+    def solve(self, x: ti.Field, tolerance: float, most: int, begin: Callable[[], None]) -> int:
+        """Iterates on x, in place, and returns the iterations it took, at most `most` (and LOOK).
+
+        begin() sets residual, direction, active, descent and scale at the start of each round, of
+        which an unprojected solve has one. The
+        solve has converged when LOOK iterations together change x by less than the share
+        `tolerance` of sqrt(scale) in the norm of A: what an iteration takes off the squared error
+        is alpha <r, r/D> (Hestenes and Stiefel 1952, th. 6:1).
+        """
+        n, alone = self.particles.count, self.particles.alone
+        taken, state = 0, ROUND_OVER
+        while taken < most and state != CONVERGED:
+            begin()
+            state, ends = GO_ON, min(most, taken + ROUND) if self.projected else most
+            while taken < ends and state == GO_ON:
+                state = self._iterate(n, alone, x, tolerance)
+                taken += LOOK
+        return taken
+
+    @kernel
+    def _iterate(
+        self, n: ti.i32, alone: ti.template(), x: ti.template(), tolerance: ti.f32
+    ) -> ti.i32:
+        """LOOK times: x += alpha p; r -= alpha A p; p = r/D + beta p. Returns the state."""
+        gain, excluded = 0.0, 0.0
+        for _ in ti.static(range(LOOK)):
+            curvature = self.operator.apply(n, alone, self.direction, self.response)
+            last = self.descent[None]
+            alpha = last / ti.max(curvature, TINY)
+            gain += last * alpha
+            descent = 0.0
+            excluded = 0.0
+            ti.loop_config(serialize=self.particles.light)
+            for i in range(n):
+                volume = self.layers.volume[self.particles.layer[i]]
+                r = self.residual[i] - alpha * self.response[i]
+                moved = x[i] + alpha * self.direction[i]
+                part = volume * self.product(r, self.preconditioned(i, r))
+                if ti.static(self.projected):
+                    if moved < 0.0:
+                        self.active[i] = 0.0
+                    moved = ti.max(moved, 0.0)
+                    excluded += (1.0 - self.active[i]) * ti.select(r > 0.0, part, 0.0)
+                    part *= self.active[i]
+                x[i] = moved
+                self.residual[i] = r
+                descent += part
+            beta = descent / ti.max(last, TINY)
+            self.descent[None] = descent
+            ti.loop_config(serialize=self.particles.light)
+            for i in range(n):
+                p = self.preconditioned(i, self.residual[i]) + beta * self.direction[i]
+                if ti.static(self.projected):
+                    p *= self.active[i]
+                self.direction[i] = p
+        self.scale[None] += gain
+        state = ti.select(excluded > self.descent[None], ROUND_OVER, GO_ON)
+        return ti.select(gain <= tolerance * tolerance * self.scale[None], CONVERGED, state)
+
+    @ti.func
+    def preconditioned(self, i, r):
+        """r/D, or r where there is no preconditioner."""
+        found = r
+        if ti.static(self.has_diagonal):
+            found = r / ti.max(self.diagonal[i], TINY)
+        return found
+
+    @ti.func
+    def product(self, a, b):
+        """a b of scalars, a.b of vectors."""
+        found = 0.0
+        if ti.static(self.vectors):
+            found = a.dot(b)
+        else:
+            found = a * b
+        return found

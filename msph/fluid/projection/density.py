@@ -1,0 +1,213 @@
+"""Density, its gradient and the diagonal of the pressure solves, by one pass over the neighbours.
+
+The kernel is the quartic B-spline M5. Under pressure an arrangement resists shear by as much as
+strain changes the kernel's sums; of regular lattices strained at constant volume M5 at 2.4 spacings
+changes its sum by a tenth of Wendland C2's, M4's or Wendland C4's change.
+
+Two corrections (docs/method.md, "Density"):
+- Yield: expansion takes less off the kernel's sum than off the density. W_ij is divided by that
+  share, and the particle's own part, which no motion changes, lowered by as much.
+- Defect: c = 1 at every particle still leaves moving water 2 to 6 % too thin, since each particle
+  sits in the peak of its own kernel. A second kernel, the bell (1 - q^2)^4, which no force obeys,
+  sees it; bell minus c is the density defect. Its mean round a particle, followed slowly, is the
+  density correction, which is added to c.
+"""
+
+import numpy as np
+import taichi as ti
+
+from msph.constant_fields import constant_fields
+from msph.fluid.boundary.boundary import Boundary
+from msph.fluid.particles import kernels
+from msph.fluid.particles.layers import Layers, pair_support
+from msph.fluid.particles.neighbour_list import NeighbourList
+from msph.fluid.particles.particles import Attribute, Particles
+from msph.taichi_internals import data_oriented, kernel
+
+ATTRIBUTES = (
+    Attribute("density", "kg/m^3", "relative density c times rest density", view="density_error"),
+    Attribute("density_defect", "-", "density by the bell kernel less c", carried=False),
+    Attribute("density_correction", "-", "mean defect round a particle, at most 0"),
+    Attribute("gradient", "1/m", "sum V_j grad W_ij, images included", width=3, carried=False),
+    Attribute("diagonal", "1/m^2", "diagonal of the pressure solves' operator", carried=False),
+)
+# Where bodies stand in the water.
+BODY_ATTRIBUTES = (
+    Attribute(
+        "boundary_gradient", "1/m", "gradient of the bodies' part of c", width=3, carried=False
+    ),
+)
+
+# Squared distance [m^2] from which on a direction can be told.
+TINY = 1e-16
+# Relative density from which on a particle is surrounded: no free surface or body is near.
+SURROUNDED = 0.997
+# Value of the density defect (-) where none is known.
+UNKNOWN = 1.0
+# -1/3 sum V_j r_ij.grad W_ij on lattices, by support over spacing: the share of an expansion that
+# the kernel's sum sees. Beyond, the ends' values.
+SMOOTHINGS = (2.4, 2.45, 2.5, 2.6, 2.8, 3.0)
+YIELDS = (0.9964, 0.9962, 0.9970, 0.9980, 1.0016, 1.0011)
+# Defect (-) that evenly spread particles at rest may have, and the largest correction (-); honey
+# needs .07.
+EVEN, MOST_CORRECTED = 0.003, 0.06
+# Share of a step's reading in the correction: the whole would swing from step to step.
+BLEND = 0.25
+# Least divisor of a mean, in a particle's own volume: keeps the mean over none finite.
+SMALLEST = 1e-3
+# Entries whose gradients are found together: as many numbers as Taichi likes in a vector.
+BLOCK = 32
+
+# Sums over the neighbours of one particle: c and its value by the bell (-), sum V_j grad W_ij and
+# its part by the particle's own images [1/m], sum V_j |grad W_ij|^2 [1/m^5].
+Sums = ti.types.struct(
+    c=ti.f32, bell=ti.f32, gradient=ti.math.vec3, own_images=ti.math.vec3, squares=ti.f32
+)
+
+
+@data_oriented
+class Density:
+    """Relative density c (-) and what the pressure solves need beside it.
+
+    pair_gradient (entries,) vec3 [1/m]: V_j grad W_ij of each entry of the neighbour list, a third
+    faster for the solves than slopes and positions that they must gather. inflow (capacity,) [1/s],
+    where bodies move: what their motion adds to dc/dt.
+    """
+
+    def __init__(
+        self,
+        boundary: Boundary,
+        layers: Layers,
+        particles: Particles,
+        neighbours: NeighbourList,
+        rest_density: float,
+    ):
+        self.boundary, self.layers, self.particles = boundary, layers, particles
+        self.neighbours, self.images = neighbours, neighbours.images
+        self.rest_density = rest_density
+        self.summed = 0  # the search of the list over which the sums are
+        self.pair_gradient = ti.Vector.field(
+            3, ti.f32, shape=neighbours.index.shape, layout=ti.Layout.SOA
+        )
+        if boundary.moving:
+            self.inflow = ti.field(ti.f32, shape=particles.capacity)
+        smoothing, supports = (
+            np.array([getattr(s, name) for s in layers.specs]) for name in ("smoothing", "support")
+        )
+        per_yield = 1.0 / np.interp(smoothing, SMOOTHINGS, YIELDS)
+        pairs = np.sqrt(per_yield[:, None] * per_yield)
+        # Factors that turn the kernels' shapes into W_ij [1/m^3].
+        per_h3 = pair_support(supports[:, None], supports) ** -3.0
+        scale, bell_scale = kernels.QUARTIC * pairs * per_h3, kernels.BELL * per_h3
+        # A particle's part of its own density (-), and the factor of the bodies' shares (-).
+        peak = kernels.QUARTIC * kernels.QUARTIC_PEAK / smoothing**3
+        own = 1.0 - per_yield * (1.0 - peak)
+        own_bell = kernels.BELL / smoothing**3
+        self.scale, self.bell_scale, self.own, self.own_bell, self.per_yield = constant_fields(
+            scale, bell_scale, own, own_bell, per_yield
+        )
+
+    def refresh(self) -> None:
+        """Sums anew if the list was searched anew, or where bodies move; the list must be fresh."""
+        if self.summed != self.neighbours.searches or self.boundary.moving:
+            self._sum(self.particles.count, self.particles.alone)
+            self.summed = self.neighbours.searches
+
+    @kernel
+    def _sum(self, n: ti.i32, alone: ti.template()):
+        """c_i = correction_i + own_i + sum V_j W_ij, the density defect, g_i = sum V_j grad W_ij,
+        and D_i = |g_i|^2 + V_i sum V_j |grad W_ij|^2.
+
+        Sums over neighbours and images; a particle's own images move with it, twice as fast.
+        """
+        ti.loop_config(serialize=alone)
+        for i in range(n):
+            layer, x = self.particles.layer[i], self.particles.x[i]
+            sums = Sums(c=self.own[layer], bell=self.own_bell[layer])
+            bodies = 0.0  # their part of the kernel's integral
+            if ti.static(self.boundary.count > 0):
+                share = self.per_yield[layer] * self.boundary.share(x, layer)
+                bodies = share[0]
+                sums.gradient = ti.Vector([share[1], share[2], share[3]])
+                self.particles.boundary_gradient[i] = sums.gradient
+                if ti.static(self.boundary.moving):
+                    self.inflow[i] = -share[4]
+            self._add_entries(i, sums)
+            g, volume = sums.gradient, self.layers.volume[layer]
+            # The correction counts: else water that it compresses near a surface seems surrounded.
+            defect, c = sums.bell - sums.c, sums.c + self.particles.density_correction[i]
+            self.particles.density_defect[i] = ti.select(c > SURROUNDED, defect, UNKNOWN)
+            self.particles.density[i] = (c + bodies) * self.rest_density
+            self.particles.gradient[i] = g
+            diagonal = (g + sums.own_images).norm_sqr() + volume * sums.squares
+            self.particles.diagonal[i] = diagonal
+
+    @ti.func
+    def _add_entries(self, i, sums: ti.template()):
+        """Adds all neighbours and images of particle i to its sums, and stores their gradients.
+
+        Stored block by block: a store might change what the next entry reads, for all that the
+        compiler knows; without one in the loop it meets eight entries at a time, twice as fast.
+        """
+        layer, x = self.particles.layer[i], self.particles.x[i]
+        begin, end = self.neighbours.start[i], self.neighbours.end[i]
+        for block in range((end - begin + BLOCK - 1) // BLOCK):
+            first = begin + BLOCK * block
+            g_x, g_y = ti.Vector([0.0] * BLOCK), ti.Vector([0.0] * BLOCK)
+            g_z = ti.Vector([0.0] * BLOCK)
+            count = ti.min(BLOCK, end - first)
+            for k in range(count):
+                j, mirror, wall = self.images.read(self.neighbours.index[first + k])
+                other = self.particles.layer[j]
+                per_h, scale = self.layers.per_h[layer, other], self.scale[layer, other]
+                r_ij = self.images.offset(x, self.particles.x[j], mirror, wall)
+                r2 = ti.max(r_ij.norm_sqr(), TINY)
+                per_r = ti.rsqrt(r2)
+                # kernels.quartic_shape written out: a division less.
+                q = r2 * per_r * per_h
+                a, b, c = ti.max(1.0 - q, 0.0), ti.max(0.6 - q, 0.0), ti.max(0.2 - q, 0.0)
+                a3, b3, c3 = a * a * a, b * b * b, c * c * c
+                volume = self.layers.volume[other]
+                slope = -4.0 * volume * scale * per_h * per_r * (a3 - 5.0 * b3 + 10.0 * c3)
+                g = slope * r_ij
+                g_x[k], g_y[k], g_z[k] = g.x, g.y, g.z
+                sums.c += volume * scale * (a3 * a - 5.0 * b3 * b + 10.0 * c3 * c)
+                u = ti.max(1.0 - q * q, 0.0)
+                sums.bell += volume * self.bell_scale[layer, other] * (u * u) * (u * u)
+                sums.gradient += g
+                sums.squares += g.norm_sqr() / volume
+                sums.own_images += ti.select(j == i, 1.0, 0.0) * g
+            for k in range(count):
+                self.pair_gradient[first + k] = ti.math.vec3(g_x[k], g_y[k], g_z[k])
+
+    @ti.func
+    def excess(self, i):
+        """c_i - 1 (-), by the positions of the last refresh()."""
+        return self.particles.density[i] / self.rest_density - 1.0
+
+    @kernel
+    def follow_defect(self, n: ti.i32, alone: ti.template()):
+        """Moves the density corrections by BLEND towards the mean defect round each particle."""
+        ti.loop_config(serialize=alone)
+        for i in range(n):
+            target = ti.math.clamp(self.mean_defect(i) + EVEN, -MOST_CORRECTED, 0.0)
+            change = BLEND * (target - self.particles.density_correction[i])
+            self.particles.density_correction[i] += change
+
+    @ti.func
+    def mean_defect(self, i):
+        """Mean density defect (-) of particle i and its neighbours, where it is known.
+
+        Weighed by volume: between layers defects of coarse and of fine particles cancel.
+        """
+        own = self.layers.volume[self.particles.layer[i]]
+        total, known = 0.0, 0.0
+        if self.particles.density_defect[i] < UNKNOWN:
+            total, known = own * self.particles.density_defect[i], own
+        for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
+            j = self.neighbours.index[s]
+            if self.particles.density_defect[j] < UNKNOWN:
+                volume = self.layers.volume[self.particles.layer[j]]
+                total += volume * self.particles.density_defect[j]
+                known += volume
+        return total / ti.max(known, SMALLEST * own)

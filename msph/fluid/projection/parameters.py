@@ -1,0 +1,64 @@
+"""The parameters of the projection method. Evidence for each default: docs/method.md."""
+
+from dataclasses import dataclass
+
+from msph.fluid.adaptivity.bands import AdaptationParameters
+from msph.parameter import parameter
+
+
+@dataclass(frozen=True)
+class ProjectionParameters:
+    """rest_density rho0 [kg/m^3], restitution: share of speed kept at walls (-), adaptation: None
+    where every particle keeps its layer; all else is declared with its unit below."""
+
+    rest_density: float = 1000.0
+    restitution: float = 0.0
+    adaptation: AdaptationParameters | None = None
+    cfl: float = parameter(
+        0.5, gt=0.0, le=1.0, text="most spacings that a particle moves past neighbours in a step"
+    )
+    pressure_cfl: float = parameter(
+        0.7, gt=0.0, le=2.0, text="most spacings that the speed sqrt(p/rho) covers in a step"
+    )
+    longest_step: float = parameter(
+        1.0 / 60.0, gt=0.0, le=0.1, unit="s", text="longest time step of slow water"
+    )
+    release: float = parameter(
+        0.4, gt=0.0, unit="s", text="time in which a density excess may become velocity"
+    )
+    tolerance: float = parameter(
+        0.02,
+        gt=0.0,
+        lt=1.0,
+        text="share of the pressure's displacements that the velocity solve may leave",
+    )
+    motion_tolerance: float = parameter(
+        0.01, ge=0.0, lt=1.0, text="or share of the way that the water goes in the step"
+    )
+    velocity_iterations: int = parameter(120, ge=1, text="most iterations of the velocity solve")
+    position_iterations: int = parameter(4, ge=1, text="iterations of the position correction")
+    largest_shift: float = parameter(
+        0.25, gt=0.0, le=1.0, text="most spacings of a position correction"
+    )
+    spray: float = parameter(
+        0.4, ge=0.0, le=1.0, text="relative density below which water is spray"
+    )
+    viscosity: float = parameter(
+        0.0, ge=0.0, le=1e5, unit="Pa s", text="dynamic viscosity, 0: off; water 0.001, honey 10"
+    )
+    slip: bool = parameter(True, text="the box does not brake viscous water; bodies never do")
+    tension: float = parameter(
+        0.0, ge=0.0, le=1e3, unit="N/m", text="surface tension, 0: off; water 0.072"
+    )
+    xsph: float = parameter(
+        0.0,
+        ge=0.0,
+        le=0.5,
+        text="share of the way to its neighbours' velocity that water takes in a step, 0: off",
+    )
+
+    def contradiction(self) -> tuple[str, str] | None:
+        """A parameter that says nothing beside the others, and why; None where all agree."""
+        if not self.slip and not self.viscosity:
+            return "slip", "only viscous water can stick to walls: set projection.viscosity"
+        return None

@@ -1,0 +1,96 @@
+"""The discrete gradient of pressure and the divergence that is adjoint to it.
+
+Multipliers q [m^2] displace particles by u_i = -sum V_j (q_i + q_j) grad W_ij [m], which changes
+their relative densities by sum V_j (u_i - u_j).grad W_ij. Sums run over neighbours and their mirror
+images; bodies add -q_i b_i to the one and u_i.b_i to the other, b_i the gradient of their part of
+the kernel's integral. Divergence and gradient are adjoint, so that A q = -div u(q) is symmetric and
+positive under the volumes V, and sum V |u|^2 = <q, A q>, whatever the layers.
+"""
+
+import taichi as ti
+
+from msph.fluid.particles.layers import Layers
+from msph.fluid.particles.neighbour_list import NeighbourList
+from msph.fluid.particles.particles import Attribute, Particles
+from msph.taichi_internals import data_oriented
+
+ATTRIBUTES = (
+    Attribute("displacement", "m", "by the multipliers that are looked at", 3, carried=False),
+)
+
+
+@data_oriented
+class PressureOperator:
+    """pair_gradient holds V_j grad W_ij [1/m] of each entry of the neighbour list; bodies: whether
+    any stand in the water."""
+
+    def __init__(
+        self,
+        layers: Layers,
+        particles: Particles,
+        neighbours: NeighbourList,
+        pair_gradient: ti.MatrixField,
+        bodies: bool,
+    ):
+        self.layers, self.particles, self.neighbours = layers, particles, neighbours
+        self.pair_gradient, self.bodies = pair_gradient, bodies
+        self.images = neighbours.images
+
+    @ti.func
+    def displacement(self, i, q: ti.template()):
+        """u_i = -(q_i g_i + sum V_j q_j grad W_ij) [m]."""
+        u = -q[i] * self.particles.gradient[i]
+        for s in range(self.neighbours.start[i], self.neighbours.end[i]):
+            u -= q[self.images.neighbour(self.neighbours.index[s])] * self.pair_gradient[s]
+        return u
+
+    @ti.func
+    def inner_displacement(self, i, q: ti.template()):
+        """The part of u_i [m] by other particles."""
+        u = ti.Vector([0.0, 0.0, 0.0])
+        for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
+            u -= (q[i] + q[self.neighbours.index[s]]) * self.pair_gradient[s]
+        return u
+
+    @ti.func
+    def wall_displacement(self, i, q: ti.template()):
+        """The part of u_i [m] by walls and bodies."""
+        u = ti.Vector([0.0, 0.0, 0.0])
+        if ti.static(self.bodies):
+            u = -q[i] * self.particles.boundary_gradient[i]
+        for s in range(self.neighbours.mirrors[i], self.neighbours.end[i]):
+            j = self.images.neighbour(self.neighbours.index[s])
+            u -= (q[i] + q[j]) * self.pair_gradient[s]
+        return u
+
+    @ti.func
+    def divergence(self, i, field: ti.template()):
+        """sum V_j (u_i - u_j).grad W_ij of a vector field u [u's unit / m]."""
+        u, found = field[i], 0.0
+        if ti.static(self.bodies):
+            found = u.dot(self.particles.boundary_gradient[i])
+        for mirrored in ti.static((False, True)):
+            begin, end = self.neighbours.span(i, mirrored)
+            for s in range(begin, end):
+                j, mirror, _ = self.neighbours.read(s, mirrored)
+                found += (u - mirror * field[j]).dot(self.pair_gradient[s])
+        return found
+
+    @ti.func
+    def displace(self, n, alone: ti.template(), q: ti.template()):
+        """Displacements of all particles by the multipliers q (capacity,) [m^2]."""
+        ti.loop_config(serialize=alone)
+        for i in range(n):
+            self.particles.displacement[i] = self.displacement(i, q)
+
+    @ti.func
+    def apply(self, n, alone: ti.template(), q: ti.template(), response: ti.template()):
+        """response = A q (-); returns <q, A q> = sum V q A q [m^5]."""
+        self.displace(n, alone, q)
+        product = 0.0
+        ti.loop_config(serialize=alone)
+        for i in range(n):
+            found = -self.divergence(i, self.particles.displacement)
+            response[i] = found
+            product += self.layers.volume[self.particles.layer[i]] * q[i] * found
+        return product

@@ -1,0 +1,192 @@
+"""The velocity solve: pressures that leave the water without compression at the end of a step.
+
+Finds multipliers q >= 0 [m^2] whose displacements u (see pressure_operator) undo a given
+compression: rhs_i + sum V_j (u_i - u_j).grad W_ij <= 0, and = 0 where q > 0. Then v += u/dt and
+p = rho0 q/dt^2 (after Bender and Koschier 2015, DFSPH, made conservative for unequal masses).
+"""
+
+import taichi as ti
+
+from msph.fluid.particles.particles import Attribute
+from msph.fluid.projection.conjugate_gradient import TINY, ConjugateGradient
+from msph.fluid.projection.discretisation import Discretisation
+from msph.fluid.projection.virial_pressure import VirialPressure
+from msph.taichi_internals import data_oriented, kernel
+
+ATTRIBUTES = (
+    Attribute("pressure", "Pa", "virial mean over a particle's pairs", view="pressure"),
+    Attribute("pressure_multiplier", "Pa", "of the velocity solve: pairs press with the mean"),
+    Attribute("previous_multiplier", "Pa", "pressure_multiplier of the step before"),
+    Attribute("velocity_multiplier", "m^2", "unknown of the velocity solve", carried=False),
+    Attribute("predicted_density", "kg/m^3", "once positions are corrected", carried=False),
+    Attribute("rhs", "-", "compression that the velocity solve must undo", carried=False),
+    Attribute("residual", "-", "compression that it has left", carried=False),
+    Attribute("direction", "m^2", "its search direction", carried=False),
+    Attribute("response", "-", "compression that the direction undoes", carried=False),
+    Attribute("active", "-", "1 where it may change the multiplier", carried=False),
+)
+
+# How much stricter, and longer, the first solve of a run is, and how much shorter its step: it has
+# no pressures to start from, and its error makes the water fall.
+FIRST_CARE = 10
+# Deficit of density (-) up to which a gap beside a fresh merge is left to the position correction.
+SMALL_GAP = 0.1
+# Deficit of density (-) from which on water may fall together within a step. Slighter ones are the
+# position correction's: water that falls into them bears no weight meanwhile.
+GAP = 0.003
+# Bounds (-) of the factor by which the start of a solve is scaled; beyond them it is no guess.
+LEAST_SCALED, MOST_SCALED = 0.5, 2.0
+# Displacement, in spacings, that counts as none: a share of it is left even by the best stop.
+NO_DISPLACEMENT = 1e-5
+
+
+@data_oriented
+class PressureSolve:
+    """Solves for the velocities of one fluid. adaptive: whether particles split and merge."""
+
+    def __init__(self, shared: Discretisation, adaptive: bool):
+        p = shared.particles
+        self.layers, self.particles, self.parameters = shared.layers, p, shared.parameters
+        self.density, self.operator = shared.density, shared.operator
+        self.impulses = shared.impulses
+        self.moving, self.adaptive = shared.boundary.moving, adaptive
+        self.rest_density = shared.parameters.rest_density
+        self.gradients = ConjugateGradient(
+            shared.layers,
+            p,
+            shared.operator,
+            residual=p.residual,
+            direction=p.direction,
+            response=p.response,
+            diagonal=p.diagonal,
+            active=p.active,
+        )
+        gradients = shared.density.pair_gradient
+        self.virial = VirialPressure(
+            shared.layers, p, shared.neighbours, gradients, self.rest_density
+        )
+
+    def solve(self, dt: float, first: bool) -> int:
+        """Multipliers for a step of dt [s]; returns the iterations it took. first: whether no step
+        has been solved before."""
+        care = FIRST_CARE if first else 1
+        limits = self.parameters
+        self.build_rhs(self.particles.count, self.particles.alone, dt)
+        return self.converge(
+            dt,
+            limits.tolerance / care,
+            limits.motion_tolerance / limits.tolerance,
+            care * limits.velocity_iterations,
+        )
+
+    @kernel
+    def build_rhs(self, n: ti.i32, alone: ti.template(), dt: ti.f32):
+        """rhs_i = dt dc/dt + share (c_i - 1), c_i as it will be once positions are corrected; and
+        velocity multipliers q = dt^2 p/rho0 to start from.
+
+        share is 1 for gaps, and dt/release for what is crowded or hardly thinner than rest. The
+        start is the mean of two steps: pressures swing from one to the next.
+        """
+        p = self.particles
+        ti.loop_config(serialize=alone)
+        for i in range(n):
+            rate = self.operator.divergence(i, p.v)
+            if ti.static(self.moving):
+                rate += self.density.inflow[i]
+            c = self.density.excess(i) + self.operator.divergence(i, p.position_correction)
+            p.predicted_density[i] = self.rest_density * (1.0 + c)
+            if 1.0 + c < self.parameters.spray:
+                rate = ti.min(rate, 0.0)
+            share = ti.max(dt / self.parameters.release, -c / GAP)
+            wanted = ti.min(share, 1.0) * c
+            if ti.static(self.adaptive):
+                # Halves are crowded, and merges leave gaps, until positions have been corrected.
+                wanted = ti.select(p.settling[i] > 0 and c > -SMALL_GAP, 0.0, wanted)
+            p.rhs[i] = dt * rate + wanted
+            now = p.pressure_multiplier[i]
+            start = 0.5 * (now + p.previous_multiplier[i])
+            p.previous_multiplier[i] = now
+            p.velocity_multiplier[i] = start * dt * dt / self.rest_density
+
+    def converge(self, dt: float, tolerance: float, leeway: float, most: int) -> int:
+        """Solves from the velocity multipliers for the rhs; returns the iterations it took.
+
+        To within the share `tolerance` of the displacements' root mean square. The way that
+        particles go in the step of dt [s], less their mean, counts as `leeway` (-) times a
+        displacement: in still water every error stirs it, in a dam break one of a hundredth of its
+        speed is lost, and takes half the iterations.
+        """
+        n, alone = self.particles.count, self.particles.alone
+        return self.gradients.solve(
+            self.particles.velocity_multiplier,
+            tolerance,
+            most,
+            lambda: self.begin(n, alone, dt, leeway),
+        )
+
+    @kernel
+    def begin(self, n: ti.i32, alone: ti.template(), dt: ti.f32, leeway: ti.f32):
+        """q scaled to the least <q - x, A (q - x)> from the solution x, by <q, rhs>/<q, A q>;
+        r = rhs - A q, first direction r/D where particles are active, scale and descent.
+
+        Without the scaling, whole columns rise and fall by less than any tolerance sees.
+        """
+        p = self.particles
+        given = self.operator.apply(n, alone, p.velocity_multiplier, p.response)
+        asked = 0.0
+        ti.loop_config(serialize=p.light)
+        for i in range(n):
+            asked += self.layers.volume[p.layer[i]] * p.velocity_multiplier[i] * p.rhs[i]
+        scaled = 1.0
+        if given > TINY:
+            scaled = ti.math.clamp(asked / given, LEAST_SCALED, MOST_SCALED)
+        descent, scale, whole, square, drift = 0.0, 0.0, 0.0, 0.0, ti.Vector([0.0, 0.0, 0.0])
+        ti.loop_config(serialize=p.light)
+        for i in range(n):
+            layer = p.layer[i]
+            volume, spacing = self.layers.volume[layer], self.layers.spacing[layer]
+            q = scaled * p.velocity_multiplier[i]
+            r = p.rhs[i] - scaled * p.response[i]
+            active = ti.select(q > 0.0 or r > 0.0, 1.0, 0.0)
+            direction = active * self.gradients.preconditioned(i, r)
+            p.velocity_multiplier[i], p.residual[i] = q, r
+            p.active[i], p.direction[i] = active, direction
+            descent += volume * r * direction
+            u = scaled * p.displacement[i]
+            way = dt * p.v[i] + u
+            scale += volume * (u.norm_sqr() + (NO_DISPLACEMENT * spacing) ** 2)
+            whole += volume
+            square += volume * way.norm_sqr()
+            drift += volume * way
+        # Less the way that all water goes together: a drop that falls fast is no less round.
+        apart = ti.max(square - drift.norm_sqr() / whole, 0.0)
+        self.gradients.descent[None] = descent
+        self.gradients.scale[None] = scale + leeway**2 * apart
+
+    @kernel
+    def accelerate(
+        self, n: ti.i32, alone: ti.template(), dt: ti.f32, gravity: ti.math.vec3
+    ) -> ti.f32:
+        """v += u/dt, p = rho0 q/dt^2 and the virial pressure. Returns the largest rate [1/s] by
+        which pressure bounds the next step: sqrt(p/rho0) over pressure_cfl spacings."""
+        p, top = self.particles, 0.0
+        ti.loop_config(serialize=p.light)
+        for i in range(n):
+            p.pressure_multiplier[i] = self.rest_density * p.velocity_multiplier[i] / (dt * dt)
+        ti.loop_config(serialize=alone)
+        for i in range(n):
+            m = self.layers.mass[p.layer[i]]
+            inner = self.operator.inner_displacement(i, p.velocity_multiplier)
+            wall = self.operator.wall_displacement(i, p.velocity_multiplier)
+            self.impulses.record_internal(m, p.x[i], inner / dt)
+            self.impulses.wall_impulse[None] += m / dt * wall
+            if ti.static(self.moving):
+                # Force of the bodies on the particle times their velocity.
+                work = m * p.velocity_multiplier[i] / dt * self.density.inflow[i]
+                self.impulses.wall_work[None] += work
+            p.v[i] += (inner + wall) / dt
+            pressure = self.virial.at(i, gravity)
+            p.pressure[i] = pressure
+            swing = ti.sqrt(ti.max(pressure, 0.0) / self.rest_density)
+            ti.atomic_max(top, swing / (self.parameters.pressure_cfl * self.virial.spacing(i)))
+        return top

@@ -1,0 +1,259 @@
+"""The projection method: one step, and when time may go on.
+
+Symmetric kernel W_ij = W(r_ij, h_ij), so that every pair force is equal and opposite whatever the
+masses; walls are mirrors; one pressure solve for velocities and one correction of positions, which
+gives no velocity. docs/method.md derives all of it.
+"""
+
+import math
+from typing import Any
+
+import taichi as ti
+
+from msph.fluid.adaptivity import adaptation
+from msph.fluid.adaptivity.adaptation import Adaptation
+from msph.fluid.boundary.boundary import Boundary
+from msph.fluid.external_forces import ExternalForces
+from msph.fluid.impulse_ledger import ImpulseLedger
+from msph.fluid.particles.grid import LayeredGrid
+from msph.fluid.particles.layers import Layers
+from msph.fluid.particles.mirror_images import MirrorImages
+from msph.fluid.particles.neighbour_list import NeighbourList
+from msph.fluid.particles.particles import Attribute, Particles
+from msph.fluid.projection import (
+    density,
+    forces,
+    position_correction,
+    pressure_operator,
+    pressure_solve,
+)
+from msph.fluid.projection.density import Density
+from msph.fluid.projection.discretisation import Discretisation
+from msph.fluid.projection.parameters import ProjectionParameters
+from msph.fluid.projection.position_correction import PositionCorrection
+from msph.fluid.projection.pressure_operator import PressureOperator
+from msph.fluid.projection.pressure_solve import FIRST_CARE, PressureSolve
+from msph.fluid.stages import Stage, no_stage
+from msph.taichi_internals import data_oriented, kernel
+
+# Rounds of position correction before time starts, at most, and the density excess (-) that they
+# may leave: what is left lifts the water later. 60 fine sheets of halved cubes take 161.
+ARRANGING, ARRANGED = 400, 1e-3
+# Ways in a step over that past neighbours: at 1.5 and 2 a dam break's bulk density was off by .8
+# and 1.3 % at the impact, not .6. And of spray, which has no neighbours to pass.
+LEAP, SPRAY_LEAP = 1.25, 2.5
+
+
+@data_oriented
+class Projection:
+    """One solver over the particles of all layers."""
+
+    NAME = "projection"
+    PARAMETERS = ProjectionParameters
+    # Its particles may split and merge; bodies and containers may hold the water.
+    ADAPTS, HAS_BODIES = True, True
+    # Options of a layer that it heeds, beyond its size.
+    LAYER_OPTIONS: tuple[str, ...] = ()
+    # Support over spacing: narrower kernels are stiff against shear and make waves fast, wider ones
+    # smooth them and make them slow; at 2.45 both are small (docs/method.md, "Kernel").
+    SMOOTHING = 2.45
+    # Margin of the neighbour list, in supports: the list is made anew in every step.
+    LIST_MARGIN = 0.0
+    # Numbers stored beside each neighbour: its gradient.
+    PER_ENTRY = 3
+
+    def __init__(
+        self,
+        boundary: Boundary,
+        layers: Layers,
+        grid: LayeredGrid,
+        particles: Particles,
+        parameters: ProjectionParameters,
+    ):
+        self.boundary, self.layers, self.grid, self.particles = boundary, layers, grid, particles
+        self.parameters, self.impulses = parameters, ImpulseLedger()
+        images = MirrorImages(boundary.box)
+        self.neighbours = NeighbourList(
+            grid, particles, self.reach(parameters), self.LIST_MARGIN, images
+        )
+        self.density = Density(
+            boundary, layers, particles, self.neighbours, parameters.rest_density
+        )
+        shared = Discretisation(
+            boundary=boundary,
+            layers=layers,
+            particles=particles,
+            neighbours=self.neighbours,
+            density=self.density,
+            operator=PressureOperator(
+                layers, particles, self.neighbours, self.density.pair_gradient, boundary.count > 0
+            ),
+            impulses=self.impulses,
+            parameters=parameters,
+        )
+        self.position_correction = PositionCorrection(shared)
+        self.forces = [force(shared) for force in forces.wanted(parameters)]
+        self.adaptive = parameters.adaptation is not None
+        self.pressure_solve = PressureSolve(shared, self.adaptive)
+        self.adaptation: Any = None
+        if parameters.adaptation is not None:
+            merge_loss = self.impulses.merge_loss
+            self.adaptation = Adaptation(
+                boundary, layers, particles, self.neighbours, merge_loss, parameters.adaptation
+            )
+        self.iterations, self.first, self.top_rate = 0, True, 0.0
+
+    @staticmethod
+    def attributes(parameters: ProjectionParameters, bodies: bool = False) -> tuple[Attribute, ...]:
+        """The attributes of each particle beyond the core, among bodies or not."""
+        own = (a for force in forces.wanted(parameters) for a in force.ATTRIBUTES)
+        return (
+            *density.ATTRIBUTES,
+            *(density.BODY_ATTRIBUTES if bodies else ()),
+            *pressure_operator.ATTRIBUTES,
+            *pressure_solve.ATTRIBUTES,
+            *position_correction.ATTRIBUTES,
+            *own,
+            *(adaptation.ATTRIBUTES if parameters.adaptation else ()),
+        )
+
+    @staticmethod
+    def reach(parameters: ProjectionParameters) -> str:
+        """Form of the neighbour list."""
+        return "pair"
+
+    def reset(self) -> None:
+        """Forgets what it knew of the particles: they were replaced."""
+        self.impulses.clear()
+        self.top_rate, self.first = 0.0, True
+        if self.adaptation:
+            self.adaptation.reset()
+        self.particles_moved()
+        self.grid.refresh()
+
+    def state(self) -> dict[str, float]:
+        """What a checkpoint holds beside the particles; see restore()."""
+        own = {"first": float(self.first), "top_rate": self.top_rate}
+        return own | (self.adaptation.state() if self.adaptation else {})
+
+    def restore(self, state: dict[str, float]) -> None:
+        """Goes on from a state()."""
+        self.first, self.top_rate = bool(state["first"]), state["top_rate"]
+        if self.adaptation:
+            self.adaptation.restore(state)
+
+    def arrange(self) -> None:
+        """Gives each depth its layer, and moves particles apart that the scene placed too near:
+        bodies of water that touch have lattices that do not fit. At time zero it costs no energy.
+        """
+        unchanged = 0
+        if self.adaptation:
+            self.adaptation.fill()
+            self.particles_moved()
+        for _ in range(ARRANGING):
+            self.neighbours.refresh()
+            self.density.refresh()
+            crowded = self.position_correction.find(0.0) > ARRANGED
+            if crowded:
+                self.position_correction.apply(self.particles.count, self.particles.alone)
+            self.particles_moved()
+            if self.adaptation:
+                unchanged = 0 if self.adaptation.run(budget=1.0) else unchanged + 1
+            settled = not self.adaptation or unchanged > self.adaptation.parameters.settle
+            if settled and not crowded:
+                break
+        self.impulses.clear()
+
+    def longest_step(self, leeway: float = 1.0) -> float:
+        """Largest time step [s] now, `leeway` times as short as motion and pressure allow.
+
+        No particle moves farther than cfl of its spacing past its neighbours and walls, nor farther
+        than LEAP times as much. And forces are constant within a step, while an arrangement under
+        the pressure p swings at up to about 2 sqrt(p/rho0)/d, d the spacing of a particle's pairs:
+        longer steps make deep fine water boil and collapse, however well each step converges.
+        """
+        # Nor may a body overtake the water that it pushes.
+        body = self.boundary.top_speed / (self.parameters.cfl * self.layers.finest.spacing)
+        rate = max(self.top_rate, body)
+        bound = 1.0 / (leeway * rate) if rate > 0.0 else self.parameters.longest_step
+        stable = min(force.longest_step for force in self.forces)
+        longest = min(bound, self.parameters.longest_step, stable)
+        # Before the first solve no pressure is known.
+        return longest / FIRST_CARE if self.first else longest
+
+    def step(self, dt: float, external: ExternalForces, stage: Stage = no_stage) -> None:
+        """One step of dt [s]; stage(name) is entered round each part, as a profiler's hook."""
+        if self.adaptation and self.adaptation.due():
+            with stage("adaptation"):
+                self.adapt()
+        with stage("neighbours"):
+            self.neighbours.refresh()
+        with stage("density"):
+            self.density.refresh()
+            if not self.parameters.tension:
+                self.density.follow_defect(self.particles.count, self.particles.alone)
+        with stage("position correction"):
+            self.position_correction.find(dt)
+        with stage("forces"):
+            for force in self.forces:
+                force.apply(dt, external)
+        with stage("pressure"):
+            self.iterations = self.pressure_solve.solve(dt, self.first)
+        with stage("advance"):
+            self.advance(dt, external.gravity)
+        self.first = False
+
+    def adapt(self) -> None:
+        """Splits and merges, before a step: what a split crowds is corrected within the step."""
+        self.neighbours.refresh()
+        self.adaptation.run()
+        self.particles_moved()
+
+    def advance(self, dt: float, gravity: tuple[float, float, float]) -> None:
+        """Velocities by the pressures found, positions by correction and velocities."""
+        n, alone = self.particles.count, self.particles.alone
+        by_pressure = self.pressure_solve.accelerate(n, alone, dt, gravity)
+        self.position_correction.apply(n, alone)
+        self.top_rate = max(by_pressure, self._move(n, dt))
+        self.particles_moved()
+
+    def force(self, kind: type) -> Any:
+        """The solver's force of that class, None where the scene has none."""
+        return next((force for force in self.forces if isinstance(force, kind)), None)
+
+    def measure_density(self, stage: Stage = no_stage) -> None:
+        """Densities of the particles where they are now."""
+        with stage("neighbours"):
+            self.neighbours.refresh()
+        with stage("density"):
+            self.density.refresh()
+
+    def particles_moved(self) -> None:
+        """Tells list and grid."""
+        self.neighbours.moved(math.inf)
+        self.grid.invalidate()
+
+    @kernel
+    def _move(self, n: ti.i32, dt: ti.f32) -> ti.f32:
+        """x += dt v; what would leave is stopped at its wall. Returns the largest rate [1/s] by
+        which motion bounds the next step: speed over cfl spacings."""
+        p = self.particles
+        top, longest = 0.0, 0.0
+        ti.loop_config(serialize=p.light)
+        for i in range(n):
+            layer, v = p.layer[i], p.v[i]
+            d = self.layers.spacing[layer]
+            margin = self.position_correction.margin(i)
+            x, v = self.boundary.guard(p.x[i] + dt * v, v, self.parameters.restitution, margin)
+            self.impulses.wall_impulse[None] += self.layers.mass[layer] * (v - p.v[i])
+            p.x[i], p.v[i] = x, v
+            speed = v.norm()
+            relative = ti.math.clamp(p.relative_speed[i], speed / LEAP, speed)
+            if p.predicted_density[i] < self.parameters.spray * self.parameters.rest_density:
+                speed /= SPRAY_LEAP
+                relative = speed
+            ti.atomic_max(longest, speed * dt / d)
+            ti.atomic_max(top, relative / (self.parameters.cfl * d))
+        if ti.static(self.adaptive):
+            self.adaptation.travelled[None] += longest
+        return top

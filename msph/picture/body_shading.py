@@ -1,0 +1,92 @@
+"""Obstacles and the container in the picture: where a ray meets them, and how they are lit.
+
+Rays are marched by the signed distances that hold the water (sphere tracing, Hart 1996), so what is
+seen is what the water feels. A container is seen from within: like the pool's panes, the side that
+faces the eye is clear.
+"""
+
+import numpy as np
+import taichi as ti
+
+from msph.fluid.boundary.boundary import END
+from msph.picture.light_sources import SKY_LIGHT, SUN_LIGHT
+from msph.taichi_internals import data_oriented
+
+vec2, vec3 = ti.math.vec2, ti.math.vec3
+
+CLAY, GLAZE = vec3(0.60, 0.26, 0.15), vec3(0.40, 0.54, 0.58)  # albedo of obstacles, of a container
+BOUNCE = 0.45  # sky light that comes from below, as a share of that from above
+STEPS = 96  # most of one march
+NEAR = 4e-4  # how near to a body a ray counts as having met it, as a share of the box's edge
+CAREFUL = 0.9  # share of the distance that a step takes: sampled distances may be too far
+SOFT = 14.0  # sharpness of shadows
+MISSED = 1e9
+
+
+@data_oriented
+class BodyShading:
+    """The bodies of `walls`, as a picture sees them at the end of a step."""
+
+    def __init__(self, boundary):
+        self.boundary = boundary
+        self.near = NEAR * max(np.asarray(boundary.size))
+        self.clear = 8.0 * self.near  # off a surface, so as not to meet it again [m]
+
+    @ti.func
+    def span(self, b, p, r, most):
+        """Part of the ray p + t r within the ball round body b: first and last t of 0..most."""
+        c = p - self.boundary.centre[b, END]
+        along = c.dot(r)
+        half = along * along - c.norm_sqr() + self.boundary.reach[b] ** 2
+        found = vec2(1.0, 0.0)
+        if half > 0.0:
+            found = vec2(ti.max(-along - ti.sqrt(half), 0.0), ti.min(-along + ti.sqrt(half), most))
+        return found
+
+    @ti.func
+    def meet(self, p, r, most):
+        """Where the ray p + t r (r unit) first meets a body within t of 0..most: t, MISSED where
+        it does not; which body; and the cosine at which it came into the container, or -1."""
+        nearest, which, steep = MISSED, -1, -1.0
+        for b in range(self.boundary.count):
+            part = self.span(b, p, r, ti.min(most, nearest))
+            t, entered, steps = part[0], self.boundary.side[b] > 0.0, 0
+            while t < part[1] and steps < STEPS:
+                steps += 1
+                found = self.boundary.distance(b, p + t * r, END)
+                d = found.x
+                way = t + ti.max(CAREFUL * abs(d), self.near)
+                if entered and d < self.near:
+                    nearest, which = t, b
+                    way = MISSED
+                elif not entered:
+                    entered = d > self.near
+                    if entered:
+                        steep = ti.max(found.yzw.dot(r), 0.0)
+                    else:
+                        way = t - d + 4.0 * self.near  # how exactly it enters does not matter
+                t = way
+        return nearest, which, steep
+
+    @ti.func
+    def sunlit(self, p, to_sun):
+        """Share of the sun, 0..1, that obstacles leave at p: soft shadows (Quilez)."""
+        share = 1.0
+        for b in range(self.boundary.count):
+            if self.boundary.side[b] > 0.0:
+                part = self.span(b, p, to_sun, MISSED)
+                t, steps = ti.max(part[0], self.clear), 0
+                while t < part[1] and steps < STEPS:
+                    steps += 1
+                    d = self.boundary.distance(b, p + t * to_sun, END).x
+                    share = ti.min(share, SOFT * d / t)
+                    t = ti.select(share <= 0.0, MISSED, t + ti.max(CAREFUL * d, 2.0 * self.near))
+        return ti.max(share, 0.0)
+
+    @ti.func
+    def shade(self, b, p, to_sun, focus, shot: ti.template()):
+        """Colour of body b at p [m] on it; focus: the sun's concentration there."""
+        n = self.boundary.normal(b, p, END)
+        albedo = ti.select(self.boundary.side[b] > 0.0, CLAY, GLAZE)
+        sky = ti.math.mix(BOUNCE, 1.0, 0.5 + 0.5 * n.dot(shot.up))
+        return albedo * (SKY_LIGHT * sky + SUN_LIGHT * (ti.max(n.dot(to_sun), 0.0) * focus))

@@ -1,0 +1,172 @@
+"""Sunlight in the water: how high the water stands in each column, and caustics.
+
+Caustics are a photon map on the floor plane y = 0: each mesh triangle that faces the sun is carried
+along the light refracted at its corners; where it lands, light is denser by the ratio of the area
+that it would cover under still water to the area that it covers. A point higher up looks where its
+own beam would land.
+"""
+
+import taichi as ti
+
+from msph.picture.optics import WATER_INDEX, bend, cosine_beyond
+from msph.picture.rasteriser import BLOCK, on_wall
+from msph.taichi_internals import data_oriented
+
+vec2 = ti.math.vec2
+
+COLUMNS = 28  # cells of the level map along the longer side: coarser than the mesh
+UPWARD = 0.3  # least slope (cosine) of a normal that counts as the water's top
+DRY = 1e9
+FEWEST_WET = 4.0  # weight of wet cells, of 16 in the 3 x 3, that make a column wet
+LOWEST_BEAM = 0.1  # least descent (sine) of a traced beam
+LEAST_AREA = 1e-4  # of a lit patch [map cells, twice]
+UNIT = 1024.0  # light of 1 in the map's whole numbers: integer atomics are the faster
+BRIGHTEST = 5.0  # limit on the concentration of one triangle's light
+HALF_SHADE = 0.6  # light where beams that came in by a wall were not traced
+SHORE = 0.04  # depth over which caustics fade in [m]
+
+
+@data_oriented
+class Light:
+    def __init__(self, mesh, lens, box, caustics, cells):
+        x, z = box[0] * COLUMNS / max(box[0], box[2]), box[2] * COLUMNS / max(box[0], box[2])
+        self.columns = (max(2, round(x)), max(2, round(z)))
+        self.lens = lens
+        self.mesh, self.caustics, self.cells = mesh, caustics, cells
+        self.lowest = ti.field(ti.i32, self.columns)  # bits of a positive f32 [m]
+        self.level = ti.field(ti.f32, self.columns)  # height of the water's top [m]
+        if caustics:
+            self.landing = ti.Vector.field(2, ti.f32, mesh.vertices.shape[0])  # (x, z) [m]
+            self.photons = ti.field(ti.i32, (cells, cells))
+            self.focus = ti.field(ti.f32, (cells, cells))  # concentration, 1 in still water
+
+    @ti.func
+    def cast(self, skin):
+        """Fill the maps for the present mesh; skin [m]: as `Rasteriser.draw_mesh`."""
+        self.survey()
+        if ti.static(self.caustics):
+            self.shine(skin)
+
+    @ti.func
+    def survey(self):
+        """Level map: the lowest upward vertex of each column (droplets fly above it)."""
+        for i, j in self.lowest:
+            self.lowest[i, j] = ti.bit_cast(ti.f32(DRY), ti.i32)
+        ti.loop_config(block_dim=BLOCK)
+        for v in range(self.mesh.counts[0]):
+            if self.mesh.normals[v].y > UPWARD:
+                p = self.mesh.vertices[v]
+                n = vec2(self.columns[0], self.columns[1])
+                c = ti.math.clamp(p.xz / self.lens.shot[None].size.xz * n, 0.0, n - 1.0)
+                y = ti.max(p.y, 0.0)
+                ti.atomic_min(
+                    self.lowest[ti.cast(c.x, ti.i32), ti.cast(c.y, ti.i32)],
+                    ti.bit_cast(y, ti.i32),
+                )
+        for i, j in self.level:
+            self.level[i, j] = self.column(i, j)
+
+    @ti.func
+    def column(self, i, j):
+        """Mean over the wet ones of the cell and its neighbours; 0 where all is dry."""
+        total, wet = 0.0, 0.0
+        for a in range(ti.max(i - 1, 0), ti.min(i + 2, self.columns[0])):
+            for b in range(ti.max(j - 1, 0), ti.min(j + 2, self.columns[1])):
+                y = ti.bit_cast(self.lowest[a, b], ti.f32)
+                if y < DRY:
+                    weight = ti.select(a == i, 2.0, 1.0) * ti.select(b == j, 2.0, 1.0)
+                    total += weight * y
+                    wet += weight
+        # Too few wet neighbours: a shore, not a gap in the mesh.
+        return ti.select(wet >= FEWEST_WET, total / ti.max(wet, 1.0), 0.0)
+
+    @ti.func
+    def height(self, p, shot: ti.template()):
+        """Water level over (x, z) of p [m], bilinear."""
+        n = vec2(self.columns[0], self.columns[1])
+        c = ti.math.clamp(p.xz / shot.size.xz * n - 0.5, 0.0, n - 1.001)
+        return bilinear(self.level, c)
+
+    @ti.func
+    def shine(self, skin):
+        """Caustic map: refract at the vertices, splat the triangles, smooth."""
+        for i, j in self.photons:
+            self.photons[i, j] = 0
+        ti.loop_config(block_dim=BLOCK)
+        for v in range(self.mesh.counts[0]):
+            n, p, sun = self.mesh.normals[v], self.mesh.vertices[v], self.lens.shot[None].sun
+            c = ti.max(n.dot(sun), 0.0)
+            r = bend(-sun, n, c, cosine_beyond(c, 1.0 / WATER_INDEX), 1.0 / WATER_INDEX)
+            self.landing[v] = p.xz - r.xz * (p.y / ti.min(r.y, -LOWEST_BEAM))
+        ti.loop_config(block_dim=BLOCK)
+        for t in range(self.mesh.counts[1]):
+            self.splat(t, self.lens.shot[None], skin)
+        ti.loop_config(block_dim=BLOCK)
+        for i, j in self.focus:
+            self.focus[i, j] = self.smoothed(i, j)
+
+    @ti.func
+    def splat(self, t, shot: ti.template(), skin):
+        """Lay the light of triangle t on the map cells whose centres it covers."""
+        k = self.mesh.triangles[t]
+        pa, pb, pc = self.mesh.vertices[k[0]], self.mesh.vertices[k[1]], self.mesh.vertices[k[2]]
+        lit = (pb - pa).cross(pc - pa).dot(shot.sun) > 0.0
+        if lit and not on_wall(pa, pb, pc, shot.size, skin):
+            # What still water would light: the triangle's shadow in air on a level plane.
+            slant = -shot.sun.xz / ti.max(shot.sun.y, LOWEST_BEAM)
+            ab, ac = (pb - pa).xz + slant * (pb - pa).y, (pc - pa).xz + slant * (pc - pa).y
+            still = abs(ab.cross(ac))
+            s = shot.map_scale
+            a = (self.landing[k[0]] - shot.map_corner) * s
+            b = (self.landing[k[1]] - shot.map_corner) * s
+            c = (self.landing[k[2]] - shot.map_corner) * s
+            area = (b - a).cross(c - a)
+            share = still * s.x * s.y / ti.max(abs(area), LEAST_AREA)
+            light = ti.cast(UNIT * ti.min(share, BRIGHTEST), ti.i32)
+            g = ti.select(area < 0.0, -1.0, 1.0)
+            lo = ti.max(ti.ceil(ti.min(a, b, c) - 0.5), 0.0)
+            hi = ti.min(ti.floor(ti.max(a, b, c) - 0.5), self.cells - 1.0)
+            for i in range(ti.cast(lo.x, ti.i32), ti.cast(hi.x, ti.i32) + 1):
+                for j in range(ti.cast(lo.y, ti.i32), ti.cast(hi.y, ti.i32) + 1):
+                    q = vec2(i, j) + 0.5
+                    ea, eb = (b - a).cross(q - a) * g, (c - b).cross(q - b) * g
+                    if ea >= 0.0 and eb >= 0.0 and (a - c).cross(q - c) * g >= 0.0:
+                        ti.atomic_add(self.photons[i, j], light)
+
+    @ti.func
+    def smoothed(self, i, j):
+        """Binomial 3 x 3 mean."""
+        total = 0
+        for a in range(-1, 2):
+            for b in range(-1, 2):
+                u = ti.math.clamp(i + a, 0, self.cells - 1)
+                v = ti.math.clamp(j + b, 0, self.cells - 1)
+                total += self.photons[u, v] * (2 - abs(a)) * (2 - abs(b))
+        return total / (16.0 * UNIT)
+
+    @ti.func
+    def concentration(self, q, depth, shot: ti.template()):
+        """Sunlight at the point q, `depth` [m] under the surface, as a multiple of still water's.
+
+        Light that came in by the walls was not traced: there, half shade.
+        """
+        focus = 1.0
+        if ti.static(self.caustics):
+            c = (q.xz + shot.drift * q.y - shot.map_corner) * shot.map_scale - 0.5
+            traced = bilinear(self.focus, ti.math.clamp(c, 0.0, self.cells - 1.001))
+            came_in = q.xz - shot.drift * depth
+            inside = ti.min(came_in, shot.size.xz - came_in).min()
+            trust = ti.math.clamp(inside / SHORE, 0.0, 1.0)
+            submerged = ti.math.clamp(depth / SHORE, 0.0, 1.0)
+            focus = ti.math.mix(1.0, traced + HALF_SHADE * (1.0 - trust), submerged)
+        return focus
+
+
+@ti.func
+def bilinear(f: ti.template(), c):
+    """f at c, in cells from the centre of cell (0, 0); c within 0..size - 1."""
+    i, j = ti.cast(c.x, ti.i32), ti.cast(c.y, ti.i32)
+    u, v = c.x - i, c.y - j
+    low = f[i, j] + u * (f[i + 1, j] - f[i, j])
+    high = f[i, j + 1] + u * (f[i + 1, j + 1] - f[i, j + 1])
+    return low + v * (high - low)

@@ -1,0 +1,108 @@
+"""From a scene's obstacles and container to bodies, and what is wrong with them."""
+
+import math
+
+import numpy as np
+
+from msph.fluid.boundary.rigid_bodies import Ball, Block, Body, Motion, Solid
+from msph.fluid.methods import METHODS, able
+from msph.scene.errors import SceneError
+from msph.scene.meshes import MeshError, load_mesh
+from msph.scene.schema import Container, Obstacle, Scene
+
+
+def bodies(scene: Scene) -> list[Body]:
+    """The bodies of a checked scene, the container first."""
+    found: list[Body] = [] if scene.container is None else [_container(scene.container)]
+    return found + [body(obstacle) for obstacle in scene.obstacles]
+
+
+def body(obstacle: Obstacle) -> Body:
+    motion = Motion(
+        velocity=obstacle.velocity,
+        swing=obstacle.swing,
+        period=obstacle.period,
+        axis=obstacle.axis,
+        rate=math.radians(obstacle.spin),
+    )
+    if obstacle.mesh is not None:
+        return Solid(*placed(obstacle), motion)
+    if obstacle.radius is not None:
+        return Ball(np.array(obstacle.centre, float), obstacle.radius, motion)
+    return Block(np.array(obstacle.lo, float), np.array(obstacle.hi, float), motion)
+
+
+def _container(container: Container) -> Solid:
+    return Solid(*placed(container), container=True)
+
+
+def placed(mesh: Obstacle | Container) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices [m] and triangles of a mesh, scaled, rotated about x, y and z, and put in place."""
+    vertices, triangles = load_mesh(str(mesh.mesh))
+    about_x, about_y, about_z = (
+        Motion(axis=axis, rate=math.radians(angle)).turn(1.0)
+        for axis, angle in zip(((1, 0, 0), (0, 1, 0), (0, 0, 1)), mesh.rotation, strict=True)
+    )
+    turned = vertices * mesh.scale @ (about_z @ about_y @ about_x).T
+    return turned + np.array(mesh.position), triangles
+
+
+def check_bodies(scene: Scene, where: str) -> None:
+    """Raises SceneError for obstacles and a container that cannot be built."""
+    if (scene.obstacles or scene.container) and not METHODS[scene.method].HAS_BODIES:
+        key = "obstacles" if scene.obstacles else "container"
+        raise SceneError(where, f"only {able('HAS_BODIES')} models them, not {scene.method}", key)
+    finest = min(layer.mass_at(scene.density) / scene.density for layer in scene.layers)
+    spacing = finest ** (1.0 / 3.0)
+    if scene.container is not None:
+        _check_mesh(scene.container, where, "container")
+        lo, hi = _container(scene.container).bounds
+        if np.any(lo < 0.0) or np.any(hi > np.array(scene.box.size)):
+            raise SceneError(
+                where,
+                f"reaches from {_point(lo)} to {_point(hi)} m, outside the box of "
+                f"{_point(scene.box.size)} m",
+                "container",
+            )
+    for i, obstacle in enumerate(scene.obstacles):
+        _check_obstacle(scene, obstacle, spacing, where, f"obstacles.{i}")
+
+
+def _check_obstacle(scene: Scene, obstacle: Obstacle, spacing: float, where: str, key: str) -> None:
+    shapes = (
+        (obstacle.lo, obstacle.hi),
+        (obstacle.centre, obstacle.radius),
+        (obstacle.mesh,),
+    )
+    given = [shape for shape in shapes if any(part is not None for part in shape)]
+    if len(given) != 1 or any(part is None for part in given[0]):
+        raise SceneError(where, "give either lo and hi, or centre and radius, or mesh", key)
+    if obstacle.mesh is not None:
+        _check_mesh(obstacle, where, key)
+    if not any(obstacle.axis):
+        raise SceneError(where, "has no direction", f"{key}.axis")
+    made = body(obstacle)
+    lo, hi = made.bounds
+    if np.any(hi <= lo):
+        raise SceneError(where, "has no volume: hi must exceed lo on every axis", f"{key}.hi")
+    if np.min(hi - lo) < spacing:
+        raise SceneError(
+            where,
+            f"is {np.min(hi - lo):.3g} m thin; water of particles {spacing:.3g} m wide would "
+            "reach through it",
+            key,
+        )
+    outside = np.any(hi <= 0.0) or np.any(lo >= np.array(scene.box.size))
+    if outside and not made.motion.moves:
+        raise SceneError(where, "is outside the box, and stays there", key)
+
+
+def _check_mesh(mesh: Obstacle | Container, where: str, key: str) -> None:
+    try:
+        load_mesh(str(mesh.mesh))
+    except MeshError as error:
+        raise SceneError(where, str(error), f"{key}.mesh") from None
+
+
+def _point(p) -> str:
+    return "(" + ", ".join(f"{v:g}" for v in p) + ")"

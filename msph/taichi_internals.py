@@ -1,0 +1,166 @@
+"""Everything that this project takes from Taichi's private interfaces, and what stands in for it.
+
+Taichi 1.7.4 takes 30 to 70 us of Python per launch to find again what it compiled for these
+arguments, and .7 us more for each attribute of an object that has kernels: 1 ms in a frame of
+layered water, which computes for 5. Here the first launch of a kernel goes through Taichi; what it
+found is kept, and each later launch only sets the arguments: 5 us.
+
+Where Taichi lacks any of these interfaces, which is warned of, or where MSPH_PLAIN_TAICHI is set in
+the environment, kernels are Taichi's own: the same results, slower launches.
+"""
+
+import functools
+import os
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+import taichi as ti
+
+# Environment variable that asks for plain Taichi; any text but "" and "0" does.
+SWITCH = "MSPH_PLAIN_TAICHI"
+# By type of an argument or result: how a launch sets it, and how its result is read.
+SETTERS = {ti.i32: "set_arg_int", ti.f32: "set_arg_float"}
+VECTOR = type(ti.math.vec3)
+VECTOR_SETTERS = {ti.i32: "set_struct_arg_int", ti.f32: "set_struct_arg_float"}
+GETTERS = {ti.i32: "get_struct_ret_int", ti.f32: "get_struct_ret_float"}
+
+
+def missing(required: dict[str, tuple[Any, tuple[str, ...]]]) -> str | None:
+    """The first interface that is not there: of owners by name, with what is required of each."""
+    for name, (owner, attributes) in required.items():
+        for attribute in attributes:
+            if not hasattr(owner, attribute):
+                return f"{name}.{attribute}"
+    return None
+
+
+try:
+    from taichi._lib import core
+    from taichi.lang import impl
+    from taichi.lang.enums import AutodiffMode
+    from taichi.lang.kernel_impl import Kernel
+
+    _lost = missing(
+        {
+            "impl": (impl, ("get_runtime",)),
+            "AutodiffMode": (AutodiffMode, ("NONE",)),
+            "Kernel": (Kernel, ("ensure_compiled",)),
+            "core": (core, ("Program", "Kernel", "KernelLaunchContext")),
+        }
+    ) or missing(
+        {
+            "Program": (
+                core.Program,
+                ("config", "get_device_caps", "compile_kernel", "launch_kernel", "synchronize"),
+            ),
+            "core.Kernel": (core.Kernel, ("make_launch_context",)),
+            "KernelLaunchContext": (
+                core.KernelLaunchContext,
+                (*SETTERS.values(), *VECTOR_SETTERS.values(), *GETTERS.values()),
+            ),
+        }
+    )
+except ImportError as error:
+    _lost = str(error)
+
+if _lost:
+    warnings.warn(f"Taichi {ti.__version__} lacks {_lost}: launches are slower", stacklevel=1)
+# Whether kernels are Taichi's own.
+PLAIN = bool(_lost) or os.environ.get(SWITCH, "") not in ("", "0")
+
+
+def on_cpu() -> bool:
+    """Whether kernels run on the CPU; ti.init must have been called."""
+    return ti.cfg.arch in (ti.x64, ti.arm64)
+
+
+def field_trees() -> int:
+    """Trees of fields that this process has allocated; 0 where Taichi does not tell."""
+    program = getattr(getattr(ti.lang.impl, "get_runtime", lambda: None)(), "prog", None)
+    return program.get_snode_tree_size() if hasattr(program, "get_snode_tree_size") else 0
+
+
+class FastKernel:
+    """A method that Taichi compiles, once per object and per value of its templates."""
+
+    def __init__(self, function: Callable):
+        functools.update_wrapper(self, function)
+        self.taichi = Kernel(function, autodiff_mode=AutodiffMode.NONE, _classkernel=True)
+
+    def __get__(self, owner: Any, cls: type | None = None):
+        if owner is None:
+            return self
+        # From now on the object has the launcher as its own attribute.
+        launcher = owner.__dict__[self.taichi.func.__name__] = _Launcher(self.taichi, owner)
+        return launcher
+
+
+class _Launcher:
+    """A kernel bound to its object."""
+
+    def __init__(self, taichi: "Kernel", owner: Any):
+        self.taichi, self.owner, self.count = taichi, owner, len(taichi.arguments) - 1
+        # Templates, numbers and vectors among the arguments, the object itself left out.
+        self.templates: list[int] = []
+        self.numbers: list[tuple[int, tuple[int], str]] = []
+        self.vectors: list[tuple[int, list[tuple[int, int]], str]] = []
+        self.plain = True  # whether there is nothing else
+        slot = 0
+        for place, argument in enumerate(taichi.arguments[1:]):
+            kind = argument.annotation
+            if isinstance(kind, ti.template):
+                self.templates.append(place)
+                continue
+            if kind in SETTERS:
+                self.numbers.append((place, (slot,), SETTERS[kind]))
+            elif isinstance(kind, VECTOR) and kind.dtype in VECTOR_SETTERS:
+                slots = [(slot, k) for k in range(kind.n)]
+                self.vectors.append((place, slots, VECTOR_SETTERS[kind.dtype]))
+            else:
+                self.plain = False
+            slot += 1
+        results = taichi.return_type or ()
+        self.plain = self.plain and len(results) <= 1 and all(r in GETTERS for r in results)
+        self.getter = GETTERS[results[0]] if self.plain and results else None
+        self.ready: dict[tuple, tuple] = {}
+
+    def __call__(self, *args):
+        # Taichi also says what is wrong with a call.
+        if not self.plain or len(args) != self.count:
+            return self.taichi(self.owner, *args)
+        key = tuple([args[place] for place in self.templates])
+        if key not in self.ready:
+            self.ready[key] = self._compile(args)
+        compiled, fresh, program = self.ready[key]
+        context = fresh()
+        for place, number_slot, setter in self.numbers:
+            getattr(context, setter)(number_slot, args[place])
+        for place, slots, setter in self.vectors:
+            set_component = getattr(context, setter)
+            for component_slot, value in zip(slots, args[place], strict=True):
+                set_component(component_slot, value)
+        program.launch_kernel(compiled, context)
+        if self.getter:
+            program.synchronize()
+            return getattr(context, self.getter)((0,))
+        return None
+
+    def _compile(self, args: tuple) -> tuple:
+        """What a launch needs, for the templates among the arguments."""
+        key = self.taichi.ensure_compiled(self.owner, *args)
+        found, program = self.taichi.compiled_kernels[key], impl.get_runtime().prog
+        compiled = program.compile_kernel(program.config(), program.get_device_caps(), found)
+        return compiled, found.make_launch_context, program
+
+
+def _mark(cls: type) -> type:
+    """Marks a class that has kernels, as Taichi's own decorator does, which besides looks at each
+    attribute that is read."""
+    cls._data_oriented = True  # type: ignore[attr-defined]
+    return cls
+
+
+# What the project decorates its kernels and the classes that have them with.
+kernel: Any = ti.kernel if PLAIN else FastKernel
+data_oriented: Any = ti.data_oriented if PLAIN else _mark

@@ -1,0 +1,73 @@
+"""A body that leaves the water no room is named, and stops where someone plays."""
+
+import numpy as np
+import pytest
+
+from msph.fluid.external_forces import ExternalForces
+from msph.fluid.trapped_water import TrappedWaterError
+from msph.scene import build_simulation, load_scene
+from msph.stage.headless import Headless
+from msph.stage.loop import run
+from msph.stage.show import Show
+
+# A piston as wide as its box, over a ball at rest in the water.
+PISTON = """
+[box]
+size = [0.24, 0.4, 0.24]
+[[layers]]
+spacing = 0.04
+[[water]]
+lo = [0, 0, 0]
+hi = [0.24, 0.2, 0.24]
+[[obstacles]]
+centre = [0.12, 0.06, 0.12]
+radius = 0.04
+[[obstacles]]
+lo = [0, 0.21, 0]
+hi = [0.24, 0.38, 0.24]
+"""
+MOTIONS = {
+    "slow": ("obstacles.1.velocity=[0, -0.05, 0]",),
+    "swinging": ("obstacles.1.swing=[0, -0.2, 0]", "obstacles.1.period=2"),
+    "fast": ("obstacles.1.velocity=[0, -2, 0]",),
+}
+
+
+def load(folder, *changes):
+    path = folder / "piston.toml"
+    path.write_text(PISTON)
+    return load_scene(str(path), changes)
+
+
+def advance(simulation, frames):
+    for _ in range(frames):
+        simulation.advance(1 / 60, ExternalForces((0.0, -9.81, 0.0)))
+
+
+@pytest.mark.parametrize("motion", MOTIONS)
+def test_piston_that_leaves_no_room_is_named(tmp_path, motion):
+    sim = build_simulation(load(tmp_path, *MOTIONS[motion]))
+    with pytest.raises(TrappedWaterError, match=r"obstacles\.1 presses water that has nowhere to"):
+        advance(sim, 120)
+
+
+def test_piston_with_room_beside_it_traps_nothing(tmp_path):
+    room = ("obstacles.1.hi=[0.12, 0.38, 0.24]", "obstacles.1.velocity=[0, -0.5, 0]")
+    sim = build_simulation(load(tmp_path, *room))
+    advance(sim, 15)
+    assert sim.particles.numpy("x")[:, 1].max() > 0.22
+
+
+@pytest.mark.parametrize("motion", MOTIONS)
+def test_piston_stops_where_someone_plays_and_no_water_is_lost(tmp_path, motion):
+    show = Show(load(tmp_path, *MOTIONS[motion]), 1 / 60, stop_bodies=True)
+    count = show.simulation.particles.count
+    run(show, Headless(90))
+    assert show.stopped == {"obstacles.1"}
+    assert show.warnings() == ["obstacles.1 stopped: its water had nowhere to go"]
+    last = show.ledger.entries[-1]
+    assert show.simulation.particles.count == count and last.outside == 0
+    assert last.time > 0.5 and last.top_speed < 3.0
+    assert np.isfinite(show.simulation.particles.numpy("x")).all()
+    show.reset()
+    assert not show.stopped and not show.warnings()

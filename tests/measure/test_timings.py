@@ -1,0 +1,37 @@
+"""Stages within stages, and the tree that a profile prints."""
+
+import pytest
+
+from msph.measure.timings import Timings
+from msph.stage.benchmark import profile_lines
+
+
+def test_parts_are_timed_only_where_a_profile_is_asked_for():
+    for profile, expected in ((False, ["fluid"]), (True, ["fluid", "fluid/density"])):
+        timings = Timings(profile)
+        with timings.stage("fluid"), timings.substage("density"):
+            pass
+        timings.close_frame()
+        assert list(timings.frames[0]) == expected
+
+
+def test_tree_keeps_the_order_of_the_frame_and_adds_what_is_in_no_part():
+    timings = Timings(profile=True)
+    timings.frames = [
+        {"fluid": 0.5, "fluid/density": 0.1, "fluid/advance": 0.2, "picture": 0.1},
+        {"fluid": 0.7, "fluid/density": 0.3, "fluid/adaptation": 0.2, "picture": 0.3},
+    ]
+    tree = timings.tree()
+    parts = ["density", "advance", "adaptation", "other"]
+    assert list(tree) == ["fluid", *(f"fluid/{part}" for part in parts), "picture"]
+    assert list(tree.values()) == pytest.approx([0.6, 0.2, 0.1, 0.1, 0.2, 0.2])
+
+
+def test_profile_is_indented_with_shares_of_the_frame():
+    lines = profile_lines({"fluid": 7.5, "fluid/density": 2.5, "picture": 2.5})
+    assert [line.split() for line in lines] == [
+        ["fluid", "7.50", "ms", "75.0", "%"],
+        ["density", "2.50", "ms", "25.0", "%"],
+        ["picture", "2.50", "ms", "25.0", "%"],
+    ]
+    assert [len(line) - len(line.lstrip()) for line in lines] == [2, 4, 2]

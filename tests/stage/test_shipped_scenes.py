@@ -1,0 +1,211 @@
+"""Each shipped scene: it runs, nothing leaves it, and it shows what its title promises."""
+
+import numpy as np
+import pytest
+
+from msph.measure.probes import FrontProbe, PressureProbe, Snapshot
+from msph.scene import load_scene
+from msph.scene.library import DEFAULT_SCENE, shipped_scenes
+from msph.stage.headless import Headless
+from msph.stage.loop import run
+from msph.stage.show import Show
+
+FRAME = 1.0 / 60.0
+G = 9.81
+
+
+class Seen:
+    """A scene at its shipped size, and its water frame by frame."""
+
+    def __init__(self, name):
+        self.show = Show(load_scene(name), FRAME)
+        self.simulation, self.ledger = self.show.simulation, self.show.ledger
+        self.record()
+
+    def record(self):
+        self.ledger.record(self.show.gravity())
+
+    def run(self, frames):
+        """So many frames more."""
+        run(self.show, Headless(frames))
+
+    @property
+    def x(self):
+        return self.simulation.particles.numpy("x").astype(float)
+
+    @property
+    def m(self):
+        """Masses [kg], (n,)."""
+        specs = self.simulation.layers.specs
+        return np.array([s.mass for s in specs])[self.simulation.particles.numpy("layer")]
+
+    def centre(self, where=None):
+        """Centre of mass [m] of all the water or where the mask says."""
+        where = np.ones(len(self.m), bool) if where is None else where
+        return np.average(self.x[where], axis=0, weights=self.m[where])
+
+    def depth(self):
+        """Of all the water [m], spread evenly over the box's floor."""
+        floor = self.simulation.size[0] * self.simulation.size[2]
+        return self.m.sum() / self.simulation.layers.specs[0].density / floor
+
+    def pressure(self, *points):
+        """Mean of probes [Pa] at points [m]."""
+        water = Snapshot.of(self.simulation)
+        return np.mean([PressureProbe("", p).read(water) for p in points])
+
+
+def runs_to_the_lower_side(seen):
+    """The rocking pool's centre of mass goes where gravity leans."""
+    start, lean = seen.centre(), 0.0
+    for _ in range(25):
+        seen.run(1)
+        lean += seen.show.gravity()[0]
+    moved = seen.centre() - start
+    assert abs(lean) > 1.0
+    assert moved[0] * np.sign(lean) > 0.005
+    # It rocks about z: nothing leans across.
+    assert abs(moved[2]) < 0.1 * abs(moved[0])
+
+
+def is_hydrostatic_and_calms_down(seen):
+    """p = rho g (H - y) at four depths; the energy never rises, and the motion dies."""
+    depth, (x, _, z) = seen.depth(), seen.simulation.size
+    heights = np.array([0.0, 0.25, 0.5, 0.75]) * depth
+    found = []
+    for _ in range(120):
+        seen.run(1)
+        found.append([seen.pressure((0.5 * x, y, 0.5 * z)) for y in heights])
+    error = np.mean(found, axis=0) - 1000.0 * G * (depth - heights)
+    assert np.abs(error).max() < 0.03 * 1000.0 * G * depth
+    energies = np.array([e.energy for e in seen.ledger.entries])
+    assert np.diff(energies).max() < 1e-4 * energies[0]
+    kinetic = np.array([e.kinetic for e in seen.ledger.entries])
+    assert kinetic.max() < 2e-3 * energies[0] and kinetic[-20:].mean() < 0.5 * kinetic.max()
+
+
+def has_the_weight_of_its_water_on_the_floor(seen):
+    """p = rho g H on the floor of a pool of seven layers, within 3 %."""
+    x, _, z = seen.simulation.size
+    places = [(a * x, 0.0, b * z) for a in (0.25, 0.75) for b in (0.25, 0.75)]
+    found = []
+    for _ in range(10):
+        seen.run(1)
+        found.append(seen.pressure(*places) / (-seen.show.gravity()[1] * 1000.0))
+    assert np.mean(found) == pytest.approx(seen.depth(), rel=0.03)
+
+
+def its_ball_falls_freely(seen):
+    """v = v0 - g t and y = y0 + v0 t - g t^2/2 of the ball's centre, until it meets the pool.
+
+    Steps are of first order in time: y is off by g t dt/2.
+    """
+    scene = load_scene("drop")
+    gap = scene.water[1].centre[1] - scene.water[1].radius - scene.water[0].hi[1]
+    level = scene.water[0].hi[1] + 0.3 * gap
+    v0, above = scene.water[1].velocity[1], seen.x[:, 1] > level
+    start, mass = seen.centre(above), seen.m[above].sum()
+    seen.run(3)
+    t, above = seen.simulation.time, seen.x[:, 1] > level
+    assert seen.m[above].sum() == pytest.approx(mass, rel=1e-6)
+    fallen = seen.centre(above) - start
+    late = 0.5 * G * t * FRAME
+    assert fallen[1] == pytest.approx(v0 * t - 0.5 * G * t**2, abs=late)
+    v = seen.simulation.particles.numpy("v").astype(float)[above]
+    assert np.average(v[:, 1], weights=seen.m[above]) == pytest.approx(v0 - G * t, rel=1e-3)
+    assert np.abs(fallen[[0, 2]]).max() < 0.01 * abs(fallen[1])
+
+
+def its_front_runs_and_no_water_is_lost(seen):
+    """The front goes on in every tenth of a second, slower than Ritter's bound 2 sqrt(g h)."""
+    probe, mass = FrontProbe("", "+x"), seen.m.sum()
+    height = seen.x[:, 1].max()
+    places = [probe.read(Snapshot.of(seen.simulation))]
+    for _ in range(3):
+        seen.run(6)
+        places.append(probe.read(Snapshot.of(seen.simulation)))
+    assert np.all(np.diff(places) > 0.0) and places[-1] > 1.2 * places[0]
+    assert np.diff(places).max() < 2.0 * np.sqrt(G * height) * 6 * FRAME
+    assert seen.m.sum() == pytest.approx(mass, rel=1e-9)
+
+
+def its_water_divides_round_the_pillar(seen):
+    """Water passes on either side, about as much on each, and none stands in a body."""
+    pillar = load_scene("pillar").obstacles[0]
+    (x0, _, z0), (x1, _, z1) = pillar.lo, pillar.hi
+    while seen.simulation.time < 0.7:
+        seen.run(6)
+        assert seen.simulation.boundary.free(seen.x).all()
+    x, m = seen.x, seen.m
+    beside = (x[:, 0] > x0) & (x[:, 0] < x1)
+    left, right = (m[beside & side].sum() for side in (x[:, 2] < z0, x[:, 2] > z1))
+    assert min(left, right) > 0.005 * m.sum()
+    assert left == pytest.approx(right, rel=0.35)
+
+
+def its_container_holds_all(seen):
+    """No particle is outside of the mesh, while the ball of water falls in and the bowl rocks."""
+    mass = seen.m.sum()
+    for _ in range(5):
+        seen.run(4)
+        assert seen.simulation.boundary.free(seen.x).all()
+    assert seen.m.sum() == pytest.approx(mass, rel=1e-9)
+
+
+def gains_no_more_energy_than_its_plate_works(seen):
+    """The water's energy rises, by no more than the work of the bodies that push it."""
+    for _ in range(20):
+        seen.run(1)
+    entries = seen.ledger.entries
+    work = np.array([e.wall_work for e in entries])
+    gained = np.array([e.kinetic + e.potential for e in entries]) - entries[0].energy
+    assert work[-1] > 0.0 and gained[-1] > 0.0
+    assert np.all(gained < work + 0.02 * work.max())
+
+
+def loses_the_energy_of_its_fall(seen):
+    """Honey: the ball's kinetic energy is never above its fall's, and soon after the impact most
+    of it is gone, which water would keep for seconds."""
+    scene = load_scene("honey")
+    start = seen.ledger.entries[0].potential
+    assert seen.ledger.entries[0].kinetic == 0.0
+    while seen.simulation.time < 0.2:
+        seen.run(1)
+    entries = seen.ledger.entries
+    fallen = start - np.array([e.potential for e in entries])
+    kinetic = np.array([e.kinetic for e in entries])
+    assert np.all(kinetic < fallen + 1e-3 * fallen.max())
+    assert kinetic.max() > 0.5 * fallen.max() and kinetic[-1] < 0.1 * kinetic.max()
+    assert scene.projection.viscosity > 1.0
+
+
+FACTS = {
+    "bowl": its_container_holds_all,
+    "dam_break": its_front_runs_and_no_water_is_lost,
+    "deep": has_the_weight_of_its_water_on_the_floor,
+    "drop": its_ball_falls_freely,
+    "honey": loses_the_energy_of_its_fall,
+    "paddle": gains_no_more_energy_than_its_plate_works,
+    "pillar": its_water_divides_round_the_pillar,
+    "pool": runs_to_the_lower_side,
+    "pool_2x": runs_to_the_lower_side,
+    "still": is_hydrostatic_and_calms_down,
+}
+
+
+def test_every_shipped_scene_has_a_fact_of_its_own():
+    assert set(FACTS) == set(shipped_scenes())
+
+
+@pytest.mark.parametrize("name", shipped_scenes())
+def test_shipped_scene_runs_in_its_box_and_shows_what_it_is_for(name):
+    seen = Seen(name)
+    start = seen.x.mean(axis=0)
+    FACTS[name](seen)
+    seen.run(max(0, 7 - len(seen.ledger.entries)))
+    assert [e.outside for e in seen.ledger.entries] == [0] * len(seen.ledger.entries)
+    assert max(e.top_speed for e in seen.ledger.entries) < 20.0
+    if name == DEFAULT_SCENE:
+        while seen.simulation.time < 1.0 - 0.5 * FRAME:
+            seen.run(1)
+        assert np.linalg.norm(seen.x.mean(axis=0) - start) > 0.05

@@ -1,0 +1,172 @@
+"""Kernels that start fast do what Taichi's own do, and where they cannot, Taichi's own run."""
+
+import os
+import subprocess
+import sys
+from types import SimpleNamespace
+
+import pytest
+import taichi as ti
+from taichi.lang.kernel_impl import Kernel
+
+from msph.taichi_internals import PLAIN, SWITCH, data_oriented, kernel, missing
+
+SIZE = 8
+fast_only = pytest.mark.skipif(PLAIN, reason="kernels are Taichi's own")
+
+
+@data_oriented
+class Scaled:
+    """Fields whose elements are this object's `factor` times what they are told."""
+
+    def __init__(self, factor: float):
+        self.factor = factor
+        self.one, self.other = (ti.field(ti.f32, shape=SIZE) for _ in range(2))
+
+    @kernel
+    def fill(self, count: ti.i32, target: ti.template(), negative: ti.template(), value: ti.f32):
+        for i in range(count):
+            target[i] = self.factor * (-value if ti.static(negative) else value)
+
+    @kernel
+    def total(self, count: ti.i32) -> ti.f32:
+        found = 0.0
+        for i in range(count):
+            found += self.one[i]
+        return found
+
+    @kernel
+    def wet(self, level: ti.f32) -> ti.i32:
+        found = 0
+        for i in range(SIZE):
+            found += ti.select(self.one[i] > level, 1, 0)
+        return found
+
+    @kernel
+    def place(self, target: ti.template(), start: ti.i32, v: ti.math.vec3, cell: ti.math.ivec3):
+        for k in ti.static(range(3)):
+            target[start + k] = self.factor * v[k]
+            target[start + 3 + k] = ti.cast(cell[k], ti.f32)
+
+    @kernel
+    def load(self, values: ti.types.ndarray(dtype=ti.f32, ndim=1)):
+        for i in range(SIZE):
+            self.one[i] = values[i]
+
+
+@pytest.fixture(scope="module")
+def pair() -> tuple[Scaled, Scaled]:
+    return Scaled(2.0), Scaled(3.0)
+
+
+def test_each_launch_has_its_own_numbers_templates_and_object(pair) -> None:
+    two, three = pair
+    for value, count in ((1.5, 8), (0.25, 3), (-4.0, 5)):
+        for scaled in pair:
+            for field, sign in ((scaled.one, 1.0), (scaled.other, -1.0)):
+                field.fill(7.0)
+                scaled.fill(count, field, sign < 0.0, value)
+                expected = [sign * scaled.factor * value] * count + [7.0] * (SIZE - count)
+                assert field.to_numpy().tolist() == expected
+        assert two.total(count) == 2.0 * value * count
+        assert three.total(count) == 3.0 * value * count
+        assert three.wet(6.5) == SIZE - count + count * (3.0 * value > 6.5)
+
+
+def test_arrays_go_through_taichi(pair) -> None:
+    values = 0.5 * pair[0].one.to_numpy() + 1.0
+    pair[0].load(values)
+    assert pair[0].one.to_numpy().tolist() == values.tolist()
+
+
+def test_vectors_reach_the_kernel_in_order(pair) -> None:
+    for values, cell in (((1.5, -2.0, 4.0), (7, -8, 9)), ([0.25, 0.5, 8.0], (1, 2, 3))):
+        for scaled in pair:
+            scaled.one.fill(0.0)
+            scaled.place(scaled.one, 1, values, cell)
+            expected = [0.0, *(scaled.factor * v for v in values), *cell, 0.0]
+            assert scaled.one.to_numpy().tolist() == expected
+
+
+@fast_only
+def test_vectors_of_another_length_are_refused(pair) -> None:
+    pair[0].place(pair[0].one, 0, (1.0, 2.0, 3.0), (1, 2, 3))
+    for wrong in ((1.0, 2.0), (1.0, 2.0, 3.0, 4.0)):
+        with pytest.raises(ValueError):
+            pair[0].place(pair[0].one, 0, wrong, (1, 2, 3))
+
+
+@fast_only
+def test_later_launches_skip_taichis_python(pair, monkeypatch) -> None:
+    one = pair[0]
+    first = one.total(SIZE)
+
+    def refuse(*args):
+        raise AssertionError("went through Taichi again")
+
+    monkeypatch.setattr(Kernel, "__call__", refuse)
+    monkeypatch.setattr(Kernel, "ensure_compiled", refuse)
+    assert one.total(SIZE) == first
+
+
+def test_wrong_arguments_are_refused(pair) -> None:
+    pair[0].total(SIZE)
+    with pytest.raises(TypeError):
+        pair[0].total(2.5)
+    for wrong in ((), (SIZE, SIZE)):
+        with pytest.raises(ti.TaichiSyntaxError):
+            pair[0].total(*wrong)
+
+
+def test_missing_interface_is_named() -> None:
+    program = SimpleNamespace(config=None)
+    required = {"Program": (program, ("config",)), "core": (program, ("config", "Kernel"))}
+    assert missing(required) == "core.Kernel"
+    assert missing({"Program": (program, ("config",))}) is None
+
+
+# Launches a kernel after Taichi lost the interfaces that are named as arguments.
+SCRIPT = """
+import sys
+import taichi as ti
+from taichi._lib import core
+for name in sys.argv[1:]:
+    delattr(core.KernelLaunchContext, name)
+from msph.device import start
+from msph.taichi_internals import PLAIN, data_oriented, kernel
+
+@data_oriented
+class Sum:
+    def __init__(self):
+        self.total = ti.field(ti.f32, shape=())
+
+    @kernel
+    def add(self, v: ti.math.vec3, target: ti.template()):
+        target[None] += v.x + 10.0 * v.y + 100.0 * v.z
+
+start("cpu", threads=1)
+total = Sum()
+for _ in range(2):
+    total.add((1.0, 2.0, 3.0), total.total)
+print(PLAIN, kernel is ti.kernel, data_oriented is ti.data_oriented, total.total[None])
+"""
+
+
+@pytest.mark.parametrize(
+    ("switch", "lost", "plain"),
+    [("", [], False), ("0", [], False), ("1", [], True), ("", ["set_struct_arg_int"], True)],
+)
+def test_plain_taichi_by_switch_or_for_want_of_an_interface(tmp_path, switch, lost, plain) -> None:
+    script = tmp_path / "sum.py"
+    script.write_text(SCRIPT)
+    result = subprocess.run(
+        [sys.executable, script, *lost],
+        env={**os.environ, SWITCH: switch},
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    assert result.returncode == 0, result.stderr
+    assert result.stdout.splitlines()[-1] == f"{plain} {plain} {plain} 642.0"
+    lacks = "lacks KernelLaunchContext.set_struct_arg_int: launches are slower"
+    assert (lacks in result.stderr) == bool(lost)
