@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial import cKDTree
 from surface_kit import COARSE, FINE, SIZE, as_trimesh, assert_closed, packed, triangle_set
 
 from msph.surface import Surface
@@ -129,13 +130,20 @@ def test_no_particles_no_mesh(water):
 
 
 def test_frames_leave_nothing_behind(water):
-    """A mesh does not depend on what was extracted before it."""
+    """A mesh does not depend on what was extracted before it.
+
+    Threads bin particles in any order, so sums over neighbours differ by rounding.
+    """
     water.fill(*drops(0))
-    first = triangle_set(water.mesh())
+    first = triangle_set(water.mesh()).mean(axis=1)
     water.fill(*waves(0))
     water.mesh()
     water.fill(*drops(0))
-    assert np.array_equal(triangle_set(water.mesh()), first)
+    again = triangle_set(water.mesh()).mean(axis=1)
+    distance, partner = cKDTree(first).query(again)
+    assert len(first) == len(again)
+    assert distance.max() < 1e-5 * FINE
+    assert len(np.unique(partner)) == len(first)
 
 
 @pytest.mark.parametrize("suffix", [".ply", ".obj"])
