@@ -29,23 +29,49 @@ from msph.measure.bulk import bulk_density
 from msph.scene import load_scene
 
 FLUID = "msph.fluid."
+# Settings in which constants of tension, of viscosity and of a pool of particles nearly full act.
+TENSE = ("projection.tension=0.5",)
+VISCOUS = ("projection.viscosity=100.0",)
+CROWDED = ("adaptation.capacity=2600",)
 # Module and name of a constant, or "scene" and the key of a parameter; the values tried beside the
-# default.
-TRIED: list[tuple[str, str, tuple[Any, ...]]] = [
-    ("projection.pressure_solve", "FIRST_CARE", (1, 100)),
-    ("projection.pressure_solve", "SMALL_GAP", (0.0, 0.3)),
-    ("projection.density", "EVEN", (0.0, 0.01)),
-    ("projection.density", "MOST_CORRECTED", (0.03, 0.12)),
-    ("projection.solver", "SPRAY_LEAP", (1.25, 5.0)),
-    ("projection.position_correction", "NEAREST", (0.01, 0.2)),
-    ("scene", "adaptation.band", (0.8, 2.0)),
-    ("scene", "adaptation.hysteresis", (0.1, 0.4)),
-    ("scene", "projection.release", (0.1, 1.6)),
-    ("scene", "projection.largest_shift", (0.1, 0.5)),
-    ("scene", "projection.position_iterations", (2, 8)),
-    ("scene", "projection.spray", (0.2, 0.6)),
-    ("adaptivity.adaptation", "HALF", (0.25, 0.45)),
-    ("scene", "adaptation.every", (4, 16)),
+# default; settings without which the constant does not act.
+TRIED: list[tuple[str, str, tuple[Any, ...], tuple[str, ...]]] = [
+    ("projection.solver", "ARRANGED", (1e-4, 1e-2), ()),
+    ("projection.solver", "SPRAY_LEAP", (1.25, 5.0), ()),
+    ("scene", "projection.longest_step", (1 / 120, 1 / 30), ()),
+    ("scene", "projection.release", (0.1, 1.6), ()),
+    ("scene", "projection.velocity_iterations", (10, 30, 400), ()),
+    ("scene", "projection.position_iterations", (2, 8), ()),
+    ("scene", "projection.largest_shift", (0.1, 0.5), ()),
+    ("scene", "projection.spray", (0.2, 0.6), ()),
+    ("projection.density", "SURROUNDED", (0.99, 0.999), ()),
+    ("projection.density", "EVEN", (0.0, 0.01), ()),
+    ("projection.density", "MOST_CORRECTED", (0.03, 0.12), ()),
+    ("projection.position_correction", "THIN", (0.01, 0.1), ()),
+    ("projection.position_correction", "NEAREST", (0.01, 0.2), ()),
+    ("projection.pressure_solve", "SMALL_GAP", (0.0, 0.3), ()),
+    ("projection.pressure_solve", "LEAST_SCALED", (0.25, 1.0), ()),
+    ("projection.pressure_solve", "MOST_SCALED", (1.0, 4.0), ()),
+    ("projection.pressure_solve", "NO_DISPLACEMENT", (1e-6, 1e-4), ()),
+    ("projection.conjugate_gradient", "LOOK", (1, 4), ()),
+    ("projection.conjugate_gradient", "ROUND", (20, 80), ()),
+    ("projection.surface_tension", "CAPILLARY", (0.25, 1.0), TENSE),
+    ("projection.viscosity", "TOLERANCE", (1e-4, 1e-2), VISCOUS),
+    ("scene", "adaptation.band", (0.8, 2.0), ()),
+    ("scene", "adaptation.hysteresis", (0.1, 0.4), ()),
+    ("scene", "adaptation.every", (4, 16), ()),
+    ("scene", "adaptation.budget", (0.03, 0.3), ()),
+    ("scene", "adaptation.settle", (1, 6), ()),
+    ("adaptivity.adaptation", "HALF", (0.25, 0.45), ()),
+    ("adaptivity.adaptation", "LEAST_HALF", (0.08, 0.3), ()),
+    ("adaptivity.adaptation", "FARTHEST_MERGE", (1.0, 1.6), ()),
+    ("adaptivity.adaptation", "FULL", (0.85, 0.99), CROWDED),
+    ("adaptivity.adaptation", "ROOMY", (0.7, 0.94), CROWDED),
+    ("adaptivity.adaptation", "THINNER", (0.8, 0.95), CROWDED),
+    ("adaptivity.adaptation", "THICKER", (1.01, 1.05), CROWDED),
+    ("adaptivity.adaptation", "THINNEST", (0.05, 0.3), CROWDED),
+    ("adaptivity.surface_distance", "COVERED", (0.25, 0.45), ()),
+    ("adaptivity.surface_distance", "CELL", (0.4, 0.9), ()),
 ]
 # Water at rest: finest spacing [m], depth in it, layers, seconds to settle and to read.
 FINE, SHEETS, LAYERS, SETTLE, READ = 0.02, 30, 4, 0.5, 0.5
@@ -53,14 +79,13 @@ FINE, SHEETS, LAYERS, SETTLE, READ = 0.02, 30, 4, 0.5, 0.5
 FRAMES = 36
 
 
-def run(module: str, name: str, value: Any) -> dict[str, float]:
+def run(module: str, name: str, value: Any, settings: list[str]) -> dict[str, float]:
     """Both waters with one constant changed; module "" leaves all as they are."""
-    settings = ()
     if module == "scene":
-        settings = (f"{name}={value}",)
+        settings = [*settings, f"{name}={value}"]
     elif module:
         setattr(importlib.import_module(FLUID + module), name, value)
-    return at_rest(settings) | dam_break(settings)
+    return at_rest(tuple(settings)) | dam_break(tuple(settings))
 
 
 def at_rest(settings: tuple[str, ...]) -> dict[str, float]:
@@ -149,17 +174,21 @@ def main(only: str | None, worker: str | None, arch: str) -> None:
         start(arch)
         click.echo(json.dumps(run(*json.loads(worker))))
         return
-    runs: list[tuple[str, str, Any]] = [("", "as they are", 0), ("", "as they are, again", 0)]
-    runs += [(m, n, v) for m, n, values in TRIED for v in values if not only or only in n]
+    asked = [tried for tried in TRIED if not only or only in tried[1]]
+    runs: list[tuple[str, str, Any, tuple[str, ...]]] = []
+    for settings in dict.fromkeys(s for *_, s in asked):
+        runs += [("", "as they are", 0, settings), ("", "as they are, again", 0, settings)]
+        runs += [(m, n, v, s) for m, n, values, s in asked for v in values if s == settings]
     arch, rows = start(arch), []
-    for module, name, value in tqdm(runs, unit="run"):
+    for module, name, value, settings in tqdm(runs, unit="run"):
         command = [sys.executable, __file__, "--arch", arch]
         done = subprocess.run(
-            [*command, "--worker", json.dumps((module, name, value))],
+            [*command, "--worker", json.dumps((module, name, value, settings))],
             capture_output=True,
             text=True,
         )
-        label = f"`{name}` = {value}" if module else name
+        label = f"`{name}` = {value:.4g}" if module else name
+        label = ", ".join([label, *settings])
         if done.returncode:
             rows.append([label, done.stderr.strip().splitlines()[-1][:60]])
             continue

@@ -26,9 +26,6 @@ ATTRIBUTES = (
     Attribute("active", "-", "1 where it may change the multiplier", carried=False),
 )
 
-# How much stricter, and longer, the first solve of a run is, and how much shorter its step: it has
-# no pressures to start from, and its error makes the water fall.
-FIRST_CARE = 10
 # Deficit of density (-) up to which a gap beside a fresh merge is left to the position correction.
 SMALL_GAP = 0.1
 # Deficit of density (-) from which on water may fall together within a step. Slighter ones are the
@@ -66,18 +63,12 @@ class PressureSolve:
             shared.layers, p, shared.neighbours, gradients, self.rest_density
         )
 
-    def solve(self, dt: float, first: bool) -> int:
-        """Multipliers for a step of dt [s]; returns the iterations it took. first: whether no step
-        has been solved before."""
-        care = FIRST_CARE if first else 1
+    def solve(self, dt: float) -> int:
+        """Multipliers for a step of dt [s]; returns the iterations it took."""
         limits = self.parameters
         self.build_rhs(self.particles.count, self.particles.alone, dt)
-        return self.converge(
-            dt,
-            limits.tolerance / care,
-            limits.motion_tolerance / limits.tolerance,
-            care * limits.velocity_iterations,
-        )
+        leeway = limits.motion_tolerance / limits.tolerance
+        return self.converge(dt, limits.tolerance, leeway, limits.velocity_iterations)
 
     @kernel
     def build_rhs(self, n: ti.i32, alone: ti.template(), dt: ti.f32):

@@ -32,7 +32,7 @@ from msph.fluid.projection.discretisation import Discretisation
 from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.projection.position_correction import PositionCorrection
 from msph.fluid.projection.pressure_operator import PressureOperator
-from msph.fluid.projection.pressure_solve import FIRST_CARE, PressureSolve
+from msph.fluid.projection.pressure_solve import PressureSolve
 from msph.fluid.stages import Stage, no_stage
 from msph.taichi_internals import data_oriented, kernel
 
@@ -42,6 +42,8 @@ ARRANGING, ARRANGED = 400, 1e-3
 # Ways in a step over that past neighbours: at 1.5 and 2 a dam break's bulk density was off by .8
 # and 1.3 % at the impact, not .6. And of spray, which has no neighbours to pass.
 LEAP, SPRAY_LEAP = 1.25, 2.5
+# Share (-) of the longest step that the first takes, before any speed or pressure is known.
+FIRST_STEP = 0.1
 
 
 @data_oriented
@@ -178,8 +180,7 @@ class Projection:
         bound = 1.0 / (leeway * rate) if rate > 0.0 else self.parameters.longest_step
         stable = min(force.longest_step for force in self.forces)
         longest = min(bound, self.parameters.longest_step, stable)
-        # Before the first solve no pressure is known.
-        return longest / FIRST_CARE if self.first else longest
+        return FIRST_STEP * longest if self.first else longest
 
     def step(self, dt: float, external: ExternalForces, stage: Stage = no_stage) -> None:
         """One step of dt [s]; stage(name) is entered round each part, as a profiler's hook."""
@@ -198,7 +199,7 @@ class Projection:
             for force in self.forces:
                 force.apply(dt, external)
         with stage("pressure"):
-            self.iterations = self.pressure_solve.solve(dt, self.first)
+            self.iterations = self.pressure_solve.solve(dt)
         with stage("advance"):
             self.advance(dt, external.gravity)
         self.first = False
