@@ -3,7 +3,7 @@
 import numpy as np
 import taichi as ti
 
-from msph.taichi_internals import field_trees
+from msph.taichi_internals import data_oriented, field_trees, kernel
 
 # Trees of fields that a process has room for, and how many of them a simulation, its surface and
 # its picture may need: beyond, Taichi ends in a segmentation fault.
@@ -27,6 +27,40 @@ def constant_fields(*arrays: np.ndarray) -> list:
         ti.field(ti.i32 if kind is np.int32 else ti.f32, shape=a.shape)
         for a, kind in zip(arrays, kinds, strict=True)
     ]
-    for field, array, kind in zip(fields, arrays, kinds, strict=True):
-        field.from_numpy(np.ascontiguousarray(array, kind))
+    for wanted in set(kinds):
+        chosen = [k for k, kind in enumerate(kinds) if kind is wanted]
+        values = np.concatenate([arrays[k].ravel() for k in chosen]).astype(wanted)
+        write = _Tables([fields[k] for k in chosen])
+        (write.integers if wanted is np.int32 else write.numbers)(values)
     return fields
+
+
+@data_oriented
+class _Tables:
+    """Fields of one type, filled by one kernel: a kernel for each would take 10 ms to compile."""
+
+    def __init__(self, fields: list):
+        self.fields = fields
+        sizes = [int(np.prod(f.shape)) for f in fields]
+        self.first = np.cumsum([0, *sizes[:-1]]).tolist()
+        # Values along the last axes, by which a place among all becomes an index.
+        self.strides = [
+            [int(np.prod(f.shape[axis + 1 :])) for axis in range(len(f.shape))] for f in fields
+        ]
+
+    @kernel
+    def numbers(self, values: ti.types.ndarray(dtype=ti.f32, ndim=1)):
+        self._write(values)
+
+    @kernel
+    def integers(self, values: ti.types.ndarray(dtype=ti.i32, ndim=1)):
+        self._write(values)
+
+    @ti.func
+    def _write(self, values: ti.template()):
+        for k in ti.static(range(len(self.fields))):
+            for index in ti.grouped(self.fields[k]):
+                place = self.first[k]
+                for axis in ti.static(range(len(self.strides[k]))):
+                    place += index[axis] * self.strides[k][axis]
+                self.fields[k][index] = values[place]

@@ -8,6 +8,7 @@ Adams et al. 2007). Mass, momentum and centre of mass are kept to rounding, angu
 import numpy as np
 import taichi as ti
 
+from msph.constant_fields import constant_fields
 from msph.fluid.adaptivity.bands import AdaptationParameters, bands, coarser_of
 from msph.fluid.adaptivity.surface_distance import SurfaceDistance
 from msph.fluid.boundary.boundary import END, Boundary
@@ -75,13 +76,12 @@ class Adaptation:
         self.farthest = max(top for top, _ in limits) * (1.0 + 2.0 * parameters.hysteresis)
         self.depth = SurfaceDistance(boundary, layers, particles, self.farthest)
         self.boundary = boundary
-        self.top, self.bottom = (ti.field(ti.f32, shape=layers.count) for _ in range(2))
-        self.coarser, self.finer = (ti.field(ti.i32, shape=layers.count) for _ in range(2))
         coarser = coarser_of(layers.specs)
-        for k, (top, bottom) in enumerate(limits):
-            self.top[k], self.bottom[k] = top, bottom
-            self.coarser[k] = coarser[k]
-            self.finer[k] = coarser.index(k) if k in coarser else -1
+        self.top, self.bottom, self.coarser, self.finer = constant_fields(
+            *np.array(limits).T,
+            np.array(coarser),
+            np.array([coarser.index(k) if k in coarser else -1 for k in range(layers.count)]),
+        )
         self.place = ti.field(ti.i32, shape=particles.capacity + 1)
         self.scan = PrefixSum(particles.capacity)
         self.tally = ti.field(ti.i32, shape=3)  # splits, merges, refused

@@ -43,10 +43,11 @@ class LayeredGrid:
         shapes = [grid_shape(size, s.support) for s in layers.specs]
         cells = [nx * ny * nz for nx, ny, nz in shapes]
         self.total_cells = sum(cells)
-        (self.per_support,) = constant_fields(np.array([1.0 / s.support for s in layers.specs]))
+        self.per_support, self.offset = constant_fields(
+            np.array([1.0 / s.support for s in layers.specs]), np.cumsum([0, *cells[:-1]])
+        )
         self.few_cells = one_thread_does(self.total_cells, FEW_CELLS)
         self.dims = ti.Vector.field(3, ti.i32, shape=layers.count)
-        self.offset = ti.field(ti.i32, shape=layers.count)
         self.lowest, self.highest = (ti.field(ti.i32, shape=layers.count) for _ in range(2))
         self.cell_count = ti.field(ti.i32, shape=self.total_cells)
         self.cell_start = ti.field(ti.i32, shape=self.total_cells + 1)
@@ -54,7 +55,6 @@ class LayeredGrid:
         self.place = ti.field(ti.i32, shape=particles.capacity)
         self.scan = PrefixSum(self.total_cells)
         self.dims.from_numpy(np.array(shapes, dtype=np.int32))
-        self.offset.from_numpy(np.cumsum([0, *cells[:-1]]).astype(np.int32))
         self.generation = 0  # counts sorts: a list made before the last sort is invalid
         self.stale = True
 

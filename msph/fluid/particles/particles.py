@@ -83,6 +83,17 @@ class Particles:
         self.__dict__.update(self.fields)
         carried = [a for a in self.attributes.values() if a.carried]
         self._pairs = [(self.fields[a.name], a.allocate(capacity)) for a in carried]
+        # Names of vectors, of numbers and of integers: the columns of the tables by which fill()
+        # and state() exchange all attributes with the host.
+        every = self.attributes.values()
+        self._names = (
+            [a.name for a in every if a.width == 3],
+            [a.name for a in every if a.width == 1 and not a.integer],
+            [a.name for a in every if a.integer],
+        )
+        self._vectors, self._numbers, self._integers = (
+            [self.fields[name] for name in names] for names in self._names
+        )
 
     @staticmethod
     def bytes_per_particle(attributes: tuple[Attribute, ...]) -> int:
@@ -97,14 +108,60 @@ class Particles:
         if n > self.capacity:
             raise ValueError(f"{n} particles do not fit in a pool of {self.capacity}")
         values.setdefault("id", np.arange(n, dtype=np.int32))
-        for name, attribute in self.attributes.items():
-            field = self.fields[name]
-            shape = (self.capacity,) if attribute.width == 1 else (self.capacity, attribute.width)
-            padded = np.zeros(shape, dtype=np.int32 if attribute.integer else np.float32)
-            if name in values:
-                padded[:n] = values[name]
-            field.from_numpy(padded)
+        vectors, numbers, integers = self._tables(n)
+        for table, names in zip((vectors, numbers, integers), self._names, strict=True):
+            for column, name in enumerate(names):
+                table[:, column] = values.get(name, 0)
+        self._write(vectors, numbers, integers, n)
         self.count = n
+
+    def _tables(self, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Room for the vectors, the numbers and the integers of n particles."""
+        vectors, numbers, integers = map(len, self._names)
+        return (
+            np.zeros((n, vectors, 3), np.float32),
+            np.zeros((n, numbers), np.float32),
+            np.zeros((n, integers), np.int32),
+        )
+
+    @kernel
+    def _write(
+        self,
+        vectors: ti.types.ndarray(dtype=ti.f32, ndim=3),
+        numbers: ti.types.ndarray(dtype=ti.f32, ndim=2),
+        integers: ti.types.ndarray(dtype=ti.i32, ndim=2),
+        n: ti.i32,
+    ):
+        """One kernel for all attributes: one for each would take 10 ms to compile."""
+        for i in range(n):
+            for column, field in ti.static(enumerate(self._vectors)):
+                for k in ti.static(range(3)):
+                    field[i][k] = vectors[i, column, k]
+            for column, field in ti.static(enumerate(self._numbers)):
+                field[i] = numbers[i, column]
+            for column, field in ti.static(enumerate(self._integers)):
+                field[i] = integers[i, column]
+        for i in range(n, self.capacity):
+            for field in ti.static(self._vectors + self._numbers + self._integers):
+                field[i] = 0
+
+    @kernel
+    def _read(
+        self,
+        vectors: ti.types.ndarray(dtype=ti.f32, ndim=3),
+        numbers: ti.types.ndarray(dtype=ti.f32, ndim=2),
+        integers: ti.types.ndarray(dtype=ti.i32, ndim=2),
+        n: ti.i32,
+    ):
+        """What _write() writes, the other way."""
+        for i in range(n):
+            for column, field in ti.static(enumerate(self._vectors)):
+                for k in ti.static(range(3)):
+                    vectors[i, column, k] = field[i][k]
+            for column, field in ti.static(enumerate(self._numbers)):
+                numbers[i, column] = field[i]
+            for column, field in ti.static(enumerate(self._integers)):
+                integers[i, column] = field[i]
 
     @property
     def alone(self) -> bool:
@@ -139,7 +196,14 @@ class Particles:
 
     def state(self) -> dict[str, np.ndarray]:
         """Every carried attribute of the live particles: what a checkpoint holds."""
-        return {a.name: self.numpy(a.name) for a in self.attributes.values() if a.carried}
+        tables = self._tables(self.count)
+        self._read(*tables, self.count)
+        return {
+            name: table[:, column].copy()
+            for table, names in zip(tables, self._names, strict=True)
+            for column, name in enumerate(names)
+            if self.attributes[name].carried
+        }
 
     @kernel
     def compact(self, target: ti.template(), alive: ti.template(), n: ti.i32):
