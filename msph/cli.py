@@ -1,42 +1,21 @@
-"""The commands: play, capture, bench, measure, scenes."""
+"""The command line: play, capture, bench, measure, scenes.
 
-import json
+What a command does stands in msph/stage/commands.py and is imported when the command is called:
+help and wrong options need neither Taichi nor numpy.
+"""
+
 import re
 import sys
-import time
 from pathlib import Path
 
 import click
-from tabulate import tabulate
-from tqdm import tqdm
 
 import msph
-from msph.device import ARCHES, ArchError, start
-from msph.fluid.particles.neighbour_list import NeighbourOverflowError
-from msph.fluid.trapped_water import TrappedWaterError
-from msph.measure.ledger import NotFiniteError
-from msph.measure.summary import water_laid
-from msph.measure.timings import Timings
-from msph.scene import SceneError, load_scene
-from msph.scene.check import cautions
-from msph.scene.library import DEFAULT_SCENE, find_scene, shipped_scenes
-from msph.scene.load import read_toml, to_toml
-from msph.scene.schema import Scene, parameters
-from msph.stage.benchmark import benchmark, profile_lines, table_row
-from msph.stage.controls import KEYS
-from msph.stage.loop import run
-from msph.stage.measurer import SCENE, Measurer
-from msph.stage.recorder import MESH, NUMBER, OutputError, Recorder, check_outputs, make_writable
-from msph.stage.show import Show
-from msph.stage.window import NoWindowError, Window, check_display
+from msph.device import ARCHES
+from msph.errors import MsphError
 
-# What `play` leaves behind where it cannot open a window.
-FALLBACK_SECONDS = 10.0
-FALLBACK_FPS = 30.0
-FALLBACK_SIZE = (1280, 720)
-STILL_TIME = 1.0
-# Exit codes: wrong input, and a run that went wrong.
-BAD_INPUT, BAD_RUN = 2, 1
+# Exit codes: wrong use of the command line, and an interrupted run.
+BAD_USE, INTERRUPTED = 2, 130
 
 
 class Size(click.ParamType):
@@ -79,11 +58,6 @@ def shared_options(command):
     return command
 
 
-def say(text: str) -> None:
-    """A line on the error stream, on its own even while a progress bar is shown."""
-    tqdm.write(text, file=sys.stderr)
-
-
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(msph.__version__, prog_name="msph")
 def cli():
@@ -91,7 +65,7 @@ def cli():
 
 
 @cli.command()
-@click.argument("scene", default=DEFAULT_SCENE)
+@click.argument("scene", default=msph.DEFAULT_SCENE)
 @click.option("--size", type=Size(), default="960x540", show_default=True, help="Window size.")
 @click.option("--frames", type=click.IntRange(min=1), help="Close after so many frames.")
 @shared_options
@@ -100,30 +74,13 @@ def play(scene, size, frames, overrides, arch, threads):
 
     Where no window can be opened, ten seconds of the scene are captured instead.
     """
-    loaded = load_scene(scene, overrides)
-    try:
-        check_display()
-        start(arch, threads)
-        window = Window(f"M-SPH: {loaded.title or scene}", size, frames)
-    except NoWindowError as reason:
-        target = Path("out") / Path(scene).stem
-        say(f"{reason}: capturing {FALLBACK_SECONDS:.0f} s of {scene} instead")
-        outputs = [target.with_suffix(".mp4"), target.with_suffix(".png")]
-        check_outputs(outputs, [], [], FALLBACK_FPS)
-        start(arch, threads)
-        record(loaded, outputs, FALLBACK_SECONDS, FALLBACK_FPS, FALLBACK_SIZE, STILL_TIME)
-        return
-    for key, meaning in KEYS:
-        click.echo(f"  {key:18} {meaning}")
-    budget = loaded.play.budget or None
-    show = prepare(loaded, window.FRAME_TIME, size, budget=budget, stop_bodies=True)
-    run(show, window)
-    for warning in show.warnings():
-        say(f"warning: {warning}")
+    from msph.stage import commands
+
+    commands.play(scene, size, frames, overrides, arch, threads)
 
 
 @cli.command()
-@click.argument("scene", default=DEFAULT_SCENE)
+@click.argument("scene", default=msph.DEFAULT_SCENE)
 @click.option(
     "-o",
     "--output",
@@ -165,12 +122,11 @@ def capture(
     scene, outputs, meshes, particles, resume, seconds, fps, size, overrides, arch, threads
 ):
     """Record SCENE offscreen: video, pictures, meshes, particles. Needs no display."""
-    loaded = load_scene(scene, overrides)
-    extra = [*meshes, *particles]
-    outputs = list(outputs) or ([] if extra else [Path("out") / f"{Path(scene).stem}.mp4"])
-    check_outputs(outputs, list(meshes), list(particles), fps)
-    start(arch, threads)
-    record(loaded, [*outputs, *extra], seconds or loaded.duration, fps, size, resume=resume)
+    from msph.stage import commands
+
+    commands.capture(
+        scene, outputs, meshes, particles, resume, seconds, fps, size, overrides, arch, threads
+    )
 
 
 @cli.command()
@@ -193,35 +149,13 @@ def bench(scenes, seconds, no_render, size, profile, json_file, overrides, arch,
 
     A frame is 1/60 s of simulated time. Exits with 1 when the water does not stay finite.
     """
-    names = scenes or tuple(shipped_scenes())
-    if json_file:
-        make_writable(json_file)
-    loaded = [(name, load_scene(name, overrides)) for name in names]
-    arch = start(arch, threads)
-    rows, failed = [], False
-    for name, scene in loaded:
-        say(f"{name}: compiling kernels, then running")
-        try:
-            duration = seconds or scene.duration
-            rows.append(benchmark(scene, name, duration, not no_render, size, profile))
-        except (NotFiniteError, NeighbourOverflowError, TrappedWaterError) as error:
-            say(f"{name}: FAILED: {error}")
-            failed = True
-    if rows:
-        click.echo(f"arch {arch}, frames of 1/60 s, milliseconds per frame, medians by stage")
-        click.echo(tabulate([table_row(r) for r in rows], headers="keys", tablefmt="github"))
-    if rows and profile:
-        click.echo("\nprofiled, which slows the run: so are the figures above; means per frame")
-        for row in rows:
-            click.echo("\n".join([row.scene, *profile_lines(row.profile_ms)]))
-    if json_file:
-        json_file.write_text(json.dumps([r.as_dict() for r in rows], indent=2) + "\n")
-    if failed:
-        sys.exit(BAD_RUN)
+    from msph.stage import commands
+
+    commands.bench(scenes, seconds, no_render, size, profile, json_file, overrides, arch, threads)
 
 
 @cli.command()
-@click.argument("scene", default=DEFAULT_SCENE)
+@click.argument("scene", default=msph.DEFAULT_SCENE)
 @click.option(
     "-o",
     "--output",
@@ -237,23 +171,9 @@ def measure(scene, folder, seconds, every, overrides, arch, threads):
 
     Works for any scene. A run that fails keeps what it measured, and exits with 1.
     """
-    given = {"duration": seconds, "measure.every": every}
-    options = [f"{key}={value}" for key, value in given.items() if value is not None]
-    loaded = load_scene(scene, (*overrides, *options))
-    folder = folder or Path("out") / Path(scene).stem
-    make_writable(folder / SCENE)
-    arch = start(arch, threads)
-    (folder / SCENE).write_text(to_toml(loaded), encoding="utf-8")
-    measurer = Measurer(folder, loaded, scene, arch)
-    try:
-        show = prepare(loaded, loaded.measure.every, timings=Timings())
-        run(show, measurer)
-    except (Exception, KeyboardInterrupt) as error:
-        measurer.conclude(str(error) or "interrupted")
-        say(f"{folder} holds what was measured until then")
-        raise
-    for path in measurer.conclude():
-        click.echo(path)
+    from msph.stage import commands
+
+    commands.measure(scene, folder, seconds, every, overrides, arch, threads)
 
 
 @cli.command()
@@ -261,77 +181,9 @@ def measure(scene, folder, seconds, every, overrides, arch, threads):
 @click.option("--parameters", "list_parameters", is_flag=True, help="List every scene parameter.")
 def scenes(name, list_parameters):
     """List the shipped scenes, or print the one called NAME."""
-    if list_parameters:
-        rows = [p.row() for p in parameters(Scene)]
-        click.echo(tabulate(rows, headers="keys", tablefmt="simple"))
-    elif name:
-        path = find_scene(name)
-        read_toml(path)
-        click.echo(path.read_text(encoding="utf-8").rstrip())
-    else:
-        rows = []
-        for key, path in shipped_scenes().items():
-            data = read_toml(path)
-            title = data.get("title", "")
-            if "variants" in data:
-                title += f" (--set variant={'|'.join(data['variants'])})"
-            rows.append((key, title))
-        click.echo(tabulate(rows, tablefmt="plain"))
+    from msph.stage import commands
 
-
-def prepare(scene: Scene, frame_time: float, size=None, **options) -> Show:
-    """Builds a show, with the options it has, and compiles its kernels, saying so."""
-    begin = time.perf_counter()
-    for caution in cautions(scene):
-        say(f"warning: {caution}")
-    say("compiling kernels ...")
-    show = Show(scene, frame_time, size, **options)
-    show.warm_up()
-    ready = f"ready in {time.perf_counter() - begin:.1f} s, {sum(show.counts):,} particles, "
-    ready += laid_and_asked(water_laid(scene, show.simulation, show.counts))
-    if show.simulation.left_out:
-        ready += (
-            f"; {show.simulation.left_out:,} inside obstacles or outside the container left out"
-        )
-    say(ready)
-    return show
-
-
-def laid_and_asked(water: dict[str, float]) -> str:
-    """Mass of the water in words, and what the scene asked for where four digits differ."""
-    laid, asked = (f"{water[key]:.4g} kg" for key in ("mass_laid_kg", "mass_asked_kg"))
-    return laid if laid == asked else f"{laid} of {asked} asked"
-
-
-def record(
-    scene: Scene,
-    outputs: list[Path],
-    seconds: float,
-    fps: float,
-    size: tuple[int, int],
-    still_time: float | None = None,
-    resume: str | None = None,
-) -> None:
-    """Runs a scene for the recorder; an interrupt ends the recording, not the files."""
-    pictures = any(p.suffix not in (*MESH, ".npz", ".csv") for p in outputs)
-    meshes = any(p.suffix in MESH for p in outputs)
-    show = prepare(scene, 1.0 / fps, size if pictures else None, meshes=meshes, density=False)
-    if resume:
-        show.resume(Path(resume))
-    still = None if still_time is None else max(1, round(still_time * fps))
-    recorder = Recorder(outputs, max(1, round(seconds * fps)), fps, still)
-    # Never the name of a scene that somebody wrote: .scene.toml is ours.
-    stem = NUMBER.sub("", outputs[0].stem).rstrip("_-") or "capture"
-    beside = outputs[0].with_name(stem + ".scene.toml")
-    beside.write_text(to_toml(scene), encoding="utf-8")
-    try:
-        run(show, recorder)
-    except KeyboardInterrupt:
-        say(f"stopped after {recorder.done} frames")
-    for warning in show.warnings():
-        say(f"warning: {warning}")
-    for path in [*outputs, beside]:
-        click.echo(path)
+    commands.scenes(name, list_parameters)
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -340,19 +192,16 @@ def main(arguments: list[str] | None = None) -> None:
         cli.main(arguments, prog_name="msph", standalone_mode=False)
     except click.exceptions.NoArgsIsHelpError as error:
         error.show()
-        sys.exit(BAD_INPUT)
+        sys.exit(BAD_USE)
     except click.ClickException as error:
-        say(f"msph: {error.format_message()}")
-        sys.exit(BAD_INPUT)
-    except (SceneError, OutputError, ArchError) as error:
-        say(f"msph: {error}")
-        sys.exit(BAD_INPUT)
-    except (NotFiniteError, NeighbourOverflowError) as error:
-        say(f"msph: the water blew up: {error}")
-        sys.exit(BAD_RUN)
-    except TrappedWaterError as error:
-        say(f"msph: {error}")
-        sys.exit(BAD_RUN)
+        fail(error.format_message(), BAD_USE)
+    except MsphError as error:
+        fail(str(error), error.EXIT_CODE)
     except (click.Abort, KeyboardInterrupt):
-        say("msph: interrupted")
-        sys.exit(130)
+        fail("interrupted", INTERRUPTED)
+
+
+def fail(problem: str, code: int) -> None:
+    """Says in one line what went wrong, and exits."""
+    click.echo(f"msph: {problem}", err=True)
+    sys.exit(code)

@@ -5,9 +5,7 @@ import io
 import os
 from pathlib import Path
 
-import taichi as ti
-
-from msph.taichi_internals import on_cpu
+from msph.errors import BadInputError
 
 ARCHES = ("auto", "cpu", "cuda", "vulkan", "metal")
 # Iterations of a CPU loop that a thread takes at once.
@@ -16,7 +14,7 @@ CPU_BLOCK = 64
 THREADS = Path("/proc/self/task")
 
 
-class ArchError(ValueError):
+class ArchError(BadInputError):
     """An architecture that this machine does not have, in one line."""
 
 
@@ -33,6 +31,11 @@ def start(arch: str = "auto", threads: int | None = None) -> str:
     global _started
     if _started:
         return _started
+    # Here, since help and bad options need no Taichi, which takes .2 s to import.
+    import taichi as ti
+
+    from msph.taichi_internals import on_cpu
+
     wanted = {
         "auto": [ti.cuda, ti.metal, ti.cpu],
         "cpu": [ti.cpu],

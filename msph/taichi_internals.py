@@ -13,6 +13,7 @@ Where Taichi lacks any of these interfaces, which is warned of, or where MSPH_PL
 the environment, kernels are Taichi's own: the same results, slower launches.
 """
 
+import contextlib
 import functools
 import os
 import warnings
@@ -87,6 +88,20 @@ if not PLAIN:
     ASTTransformerContext.get_pos_info = _position
     kernel_impl.getsourcelines = functools.cache(kernel_impl.getsourcelines)
     kernel_impl.getsourcefile = functools.cache(kernel_impl.getsourcefile)
+
+
+_watchers: list[Callable[[str], None]] = []
+
+
+@contextlib.contextmanager
+def watch_compiling(watcher: Callable[[str], None]):
+    """Calls watcher("Class.kernel") before each kernel that is compiled within; plain Taichi does
+    not tell."""
+    _watchers.append(watcher)
+    try:
+        yield
+    finally:
+        _watchers.remove(watcher)
 
 
 def on_cpu() -> bool:
@@ -167,6 +182,8 @@ class _Launcher:
 
     def _compile(self, args: tuple) -> tuple:
         """What a launch needs, for the templates among the arguments."""
+        for watcher in _watchers:
+            watcher(f"{type(self.owner).__name__}.{self.taichi.func.__name__.lstrip('_')}")
         key = self.taichi.ensure_compiled(self.owner, *args)
         found, program = self.taichi.compiled_kernels[key], impl.get_runtime().prog
         compiled = program.compile_kernel(program.config(), program.get_device_caps(), found)

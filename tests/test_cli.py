@@ -10,9 +10,10 @@ from types import SimpleNamespace
 
 import pytest
 
-from msph.cli import laid_and_asked, main
+from msph.cli import main
 from msph.scene import load_scene
 from msph.scene.library import shipped_scenes
+from msph.stage.preparation import laid_and_asked
 from tests.scenes_kit import TEXT, write
 
 
@@ -233,3 +234,11 @@ velocity = [0, -2, 0]
     last = result.stderr.strip().splitlines()[-1]
     assert last.startswith("msph: obstacles.0 presses water that has nowhere to go at t = ")
     assert json.loads((out / "summary.json").read_text())["failure"] in last
+
+
+def test_help_needs_no_taichi():
+    """Nor what takes as long to import: --help is there within .4 s."""
+    slow = {"taichi", "numpy", "pydantic", "PIL"}
+    script = f"import sys, msph.cli; print(*{slow} & set(sys.modules))"
+    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == ""

@@ -9,6 +9,7 @@ import pytest
 # Prints, a line each, the CPUs that each thread may use which came with Taichi.
 SCRIPT = """
 import os
+import taichi
 from msph import device
 before = device._threads()
 device.start("cpu", {threads})

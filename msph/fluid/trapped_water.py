@@ -9,6 +9,7 @@ import math
 
 import numpy as np
 
+from msph.errors import MsphError
 from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.layers import Layers
@@ -19,7 +20,7 @@ from msph.fluid.particles.particles import Particles
 PRESSED = 100.0
 
 
-class TrappedWaterError(RuntimeError):
+class TrappedWaterError(MsphError):
     """A body presses water that has nowhere to go. body: its index in the boundary."""
 
     def __init__(self, body: int, name: str, time: float):

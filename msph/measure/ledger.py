@@ -4,12 +4,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from msph.errors import BlowUpError
 from msph.fluid.simulation import Simulation
 from msph.measure.entry import Entry
 from msph.measure.totals import Totals
 
 
-class NotFiniteError(RuntimeError):
+class NotFiniteError(BlowUpError):
     """The water's state holds NaN or infinity."""
 
 

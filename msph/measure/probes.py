@@ -8,7 +8,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import label
 
 from msph.fluid.simulation import Simulation
 from msph.measure.host_kernels import coverage, mirrored, wendland
@@ -140,6 +139,9 @@ class FrontProbe:
         shape = [int(length // edge) + 1 for length in water.size]
         full = np.zeros(shape, dtype=bool)
         full[cell] = True
+        # Here, since only fronts need it: it takes .1 s to import.
+        from scipy.ndimage import label
+
         body = label(full, np.ones((3, 3, 3)))[0][cell]
         largest = np.bincount(body, weights=water.spacing**3).argmax()
         bulk, k = body == largest, AXES[self.axis[1]]

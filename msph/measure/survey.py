@@ -1,11 +1,16 @@
 """Surveys: the water's volume and bulk density, measures too dear for every frame."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from msph.measure.bulk import BulkDensity, bulk_density
 from msph.measure.probes import Snapshot
+
+if TYPE_CHECKING:
+    from msph.measure.bulk import BulkDensity
 
 # Heads of the columns that Survey.row() fills.
 COLUMNS = [
@@ -32,6 +37,9 @@ class Survey:
 
 def survey(time: float, volume: float, water: Snapshot) -> Survey:
     """Surveys the water whose surface encloses `volume` [m^3]."""
+    # Here, since only surveys need scipy, which takes .2 s to import.
+    from msph.measure.bulk import bulk_density
+
     rest = float((water.spacing**3).sum())
     bulk = bulk_density(water.x, water.spacing, water.size, water.free)
     return Survey(time, volume, volume / rest - 1.0, bulk)

@@ -1,7 +1,9 @@
 """The one error that a scene can give: a line that names the file, the key and what is wrong."""
 
+from msph.errors import BadInputError
 
-class SceneError(ValueError):
+
+class SceneError(BadInputError):
     """A scene that cannot be used. str() is one line fit to be shown to a person."""
 
     def __init__(self, where: str, problem: str, key: str = ""):

@@ -5,8 +5,6 @@ from pathlib import Path
 
 from msph.scene.errors import SceneError
 
-DEFAULT_SCENE = "pool"
-
 
 def assets() -> Path:
     """The folder of assets: beside the package in a checkout, inside it once installed."""

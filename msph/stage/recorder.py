@@ -12,6 +12,7 @@ import imageio.v2 as imageio
 import numpy as np
 from tqdm import tqdm
 
+from msph.errors import BadInputError
 from msph.stage.controls import Controls
 from msph.stage.show import Show
 
@@ -26,7 +27,7 @@ NUMBER = re.compile(r"%0?[1-9]?d")
 GIF_FPS = 50.0
 
 
-class OutputError(ValueError):
+class OutputError(BadInputError):
     """An output that cannot be written, in one line."""
 
 

@@ -13,8 +13,9 @@ import numpy as np
 import taichi as ti
 
 from msph.fluid.external_forces import Hand
-from msph.stage.controls import Controls
+from msph.stage.controls import KEYS, Controls
 from msph.stage.show import Show
+from msph.stage.start_screen import StartScreen
 
 ORBIT_PER_WIDTH = math.radians(200.0)  # a drag across the whole window turns the view so far
 ORBIT_KEY_RATE = math.radians(70.0)  # [rad/s]
@@ -23,11 +24,20 @@ PANEL = (10.0, 10.0, 290.0, 155.0)  # left, top, width, height of the panel [pix
 SETTINGS = Path("imgui.ini")  # where the panel's library leaves its state, unasked
 MARKER_RADIUS = 0.008  # of the marker under a pushing cursor, as a share of the window's height
 SMOOTHING = 0.9  # weight of the past in the displayed frame rate
+QUIT = ("q", ti.ui.ESCAPE)  # keys that close the window
 REAL_TIME = 0.97  # simulated over wall-clock time that passes for real time
+
+
+# Least time between two pictures of the start [s]: each takes some milliseconds from compiling.
+TELL_PAUSE = 0.12
 
 
 class NoWindowError(RuntimeError):
     """No window can be opened here; the text says why."""
+
+
+class ClosedError(Exception):
+    """The window was closed before its first frame."""
 
 
 def check_display() -> None:
@@ -64,7 +74,7 @@ class Window:
         self.had_settings = SETTINGS.exists()
         try:
             with silence():
-                self.window = ti.ui.Window(title, size, vsync=True)
+                self.window = ti.ui.Window(f"M-SPH: {title}", size, vsync=True)
         except RuntimeError as error:
             raise NoWindowError(f"no window: {error}") from None
         self.canvas = self.window.get_canvas()
@@ -80,6 +90,23 @@ class Window:
         self.wall = self.simulated = 0.0  # of a frame [s], smoothed
         self.done = False
         self.marker = ti.Vector.field(2, ti.f32, shape=1)
+        self.start: StartScreen | None = StartScreen(size, title, KEYS)
+        self.told = -math.inf
+        self.tell(0.0, "building the scene")
+
+    def tell(self, share: float, doing: str) -> None:
+        """Shows how far the start is, a share (0 to 1), and what is being done. Raises ClosedError
+        where someone has closed the window meanwhile."""
+        now = time.perf_counter()
+        if self.start is None or now - self.told < TELL_PAUSE:
+            return
+        self.told = now
+        for event in self.window.get_events(ti.ui.PRESS):
+            self.done = self.done or event.key in QUIT
+        if self.done or not self.window.running:
+            raise ClosedError
+        self.canvas.set_image(self.start.paint(share, doing))
+        self.window.show()
 
     def wants_more(self, show: Show) -> bool:
         over = self.frames is not None and show.frames >= self.frames
@@ -114,7 +141,7 @@ class Window:
             wishes.next_view = True
         elif key == "h":
             self.panel = not self.panel
-        elif key in ("q", ti.ui.ESCAPE):
+        elif key in QUIT:
             self.done = True
 
     def _hold(self, show: Show, step: float) -> None:

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from msph import DEFAULT_SCENE
 from msph.measure.probes import FrontProbe, PressureProbe, Snapshot
 from msph.scene import load_scene
-from msph.scene.library import DEFAULT_SCENE, shipped_scenes
+from msph.scene.library import shipped_scenes
 from msph.stage.headless import Headless
 from msph.stage.loop import run
 from msph.stage.show import Show

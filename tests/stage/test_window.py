@@ -25,7 +25,9 @@ needs_x = pytest.mark.skipif(bool(missing), reason=f"needs {', '.join(TOOLS)}")
 
 
 # As `python -m msph`, but that what is captured in a window's place is a second long, not ten.
-BRIEF = "import msph.cli as cli; cli.FALLBACK_SECONDS = 1.0; cli.main()"
+BRIEF = (
+    "import msph.stage.commands as c; c.FALLBACK_SECONDS = 1.0; import msph.cli; msph.cli.main()"
+)
 
 
 def play(*arguments, display=None, folder=None, run=("-m", "msph")):

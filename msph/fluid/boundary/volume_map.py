@@ -14,7 +14,6 @@ import math
 
 import numpy as np
 import taichi as ti
-from trimesh.remesh import subdivide_to_size
 
 from msph.fluid.boundary.sampled_fields import SampleLattice
 from msph.fluid.boundary.signed_distance import corner, inside, nearest_of_triangle, nodes_round
@@ -34,6 +33,9 @@ def kernel_share(
 ) -> np.ndarray:
     """Share (-) at the nodes, (nx, ny, nz) f32. vertices (v, 3) [m], triangles (t, 3)
     counter-clockwise seen from outside; h [m]."""
+    # Here, since only meshes need it: it takes .3 s to import.
+    from trimesh.remesh import subdivide_to_size
+
     corners = vertices[triangles]
     share = inside(corners, lattice).astype(np.float32)
     fine_vertices, fine_triangles = subdivide_to_size(vertices, triangles, h, max_iter=40)

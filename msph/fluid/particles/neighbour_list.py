@@ -10,6 +10,7 @@ import numpy as np
 import taichi as ti
 
 from msph.constant_fields import constant_fields
+from msph.errors import BlowUpError
 from msph.fluid.particles.grid import LayeredGrid
 from msph.fluid.particles.layers import LayerSpec, pair_support
 from msph.fluid.particles.mirror_images import INDEX_MASK, MirrorImages
@@ -29,7 +30,7 @@ MUCH_FINER = 16.5
 SHARERS_CPU, SHARERS_GPU = 32, 1
 
 
-class NeighbourOverflowError(RuntimeError):
+class NeighbourOverflowError(BlowUpError):
     """The list is full: the fluid has collapsed to many times its density."""
 
 

@@ -1,0 +1,20 @@
+"""Errors that a user is told of in one line."""
+
+
+class MsphError(Exception):
+    """A run that went wrong. str() is one line fit to be shown to a person."""
+
+    EXIT_CODE = 1
+
+
+class BadInputError(MsphError):
+    """Input that cannot be used."""
+
+    EXIT_CODE = 2
+
+
+class BlowUpError(MsphError):
+    """Water that is not finite any more, or has collapsed."""
+
+    def __init__(self, what: str):
+        super().__init__(f"the water blew up: {what}")

@@ -1,0 +1,179 @@
+"""What each command does, once its options are known."""
+
+import json
+import sys
+from pathlib import Path
+
+import click
+from tabulate import tabulate
+
+from msph.device import start
+from msph.errors import BlowUpError
+from msph.fluid.trapped_water import TrappedWaterError
+from msph.measure.timings import Timings
+from msph.scene import load_scene
+from msph.scene.library import find_scene, shipped_scenes
+from msph.scene.load import read_toml, to_toml
+from msph.scene.schema import Scene, parameters
+from msph.stage.benchmark import benchmark, profile_lines, table_row
+from msph.stage.controls import KEYS
+from msph.stage.loop import run
+from msph.stage.measurer import SCENE, Measurer
+from msph.stage.preparation import prepare, say
+from msph.stage.recorder import MESH, NUMBER, Recorder, check_outputs, make_writable
+from msph.stage.window import ClosedError, NoWindowError, Window, check_display
+
+# What `play` leaves behind where it cannot open a window.
+FALLBACK_SECONDS = 10.0
+FALLBACK_FPS = 30.0
+FALLBACK_SIZE = (1280, 720)
+STILL_TIME = 1.0
+# Exit code of a benchmark in which some water blew up.
+BAD_RUN = 1
+
+
+def play(scene, size, frames, overrides, arch, threads) -> None:
+    """Opens a window, or captures the scene where none can be opened."""
+    loaded = load_scene(scene, overrides)
+    try:
+        check_display()
+        start(arch, threads)
+        window = Window(loaded.title or scene, size, frames)
+    except NoWindowError as reason:
+        target = Path("out") / Path(scene).stem
+        say(f"{reason}: capturing {FALLBACK_SECONDS:.0f} s of {scene} instead")
+        outputs = [target.with_suffix(".mp4"), target.with_suffix(".png")]
+        check_outputs(outputs, [], [], FALLBACK_FPS)
+        start(arch, threads)
+        record(loaded, outputs, FALLBACK_SECONDS, FALLBACK_FPS, FALLBACK_SIZE, STILL_TIME)
+        return
+    for key, meaning in KEYS:
+        click.echo(f"  {key:18} {meaning}")
+    try:
+        show = prepare(
+            loaded,
+            window.FRAME_TIME,
+            size,
+            tell=window.tell,
+            budget=loaded.play.budget or None,
+            stop_bodies=True,
+        )
+    except ClosedError:
+        window.close()
+        return
+    run(show, window)
+    for warning in show.warnings():
+        say(f"warning: {warning}")
+
+
+def capture(
+    scene, outputs, meshes, particles, resume, seconds, fps, size, overrides, arch, threads
+) -> None:
+    """Records a scene into files."""
+    loaded = load_scene(scene, overrides)
+    extra = [*meshes, *particles]
+    outputs = list(outputs) or ([] if extra else [Path("out") / f"{Path(scene).stem}.mp4"])
+    check_outputs(outputs, list(meshes), list(particles), fps)
+    start(arch, threads)
+    record(loaded, [*outputs, *extra], seconds or loaded.duration, fps, size, resume=resume)
+
+
+def bench(scenes, seconds, no_render, size, profile, json_file, overrides, arch, threads) -> None:
+    """Times scenes and prints a row for each."""
+    names = scenes or tuple(shipped_scenes())
+    if json_file:
+        make_writable(json_file)
+    loaded = [(name, load_scene(name, overrides)) for name in names]
+    arch = start(arch, threads)
+    rows, failed = [], False
+    for name, scene in loaded:
+        say(f"{name}:")
+        try:
+            duration = seconds or scene.duration
+            rows.append(benchmark(scene, name, duration, not no_render, size, profile))
+        except (BlowUpError, TrappedWaterError) as error:
+            say(f"{name}: FAILED: {error}")
+            failed = True
+    if rows:
+        click.echo(f"arch {arch}, frames of 1/60 s, milliseconds per frame, medians by stage")
+        click.echo(tabulate([table_row(r) for r in rows], headers="keys", tablefmt="github"))
+    if rows and profile:
+        click.echo("\nprofiled, which slows the run: so are the figures above; means per frame")
+        for row in rows:
+            click.echo("\n".join([row.scene, *profile_lines(row.profile_ms)]))
+    if json_file:
+        json_file.write_text(json.dumps([r.as_dict() for r in rows], indent=2) + "\n")
+    if failed:
+        sys.exit(BAD_RUN)
+
+
+def measure(scene, folder, seconds, every, overrides, arch, threads) -> None:
+    """Writes a scene's ledger, probes and summary into a folder."""
+    given = {"duration": seconds, "measure.every": every}
+    options = [f"{key}={value}" for key, value in given.items() if value is not None]
+    loaded = load_scene(scene, (*overrides, *options))
+    folder = folder or Path("out") / Path(scene).stem
+    make_writable(folder / SCENE)
+    arch = start(arch, threads)
+    (folder / SCENE).write_text(to_toml(loaded), encoding="utf-8")
+    measurer = Measurer(folder, loaded, scene, arch)
+    try:
+        show = prepare(loaded, loaded.measure.every, timings=Timings())
+        run(show, measurer)
+    except (Exception, KeyboardInterrupt) as error:
+        measurer.conclude(str(error) or "interrupted")
+        say(f"{folder} holds what was measured until then")
+        raise
+    for path in measurer.conclude():
+        click.echo(path)
+
+
+def scenes(name, list_parameters) -> None:
+    """Lists scenes or parameters, or prints one scene."""
+    if list_parameters:
+        rows = [p.row() for p in parameters(Scene)]
+        click.echo(tabulate(rows, headers="keys", tablefmt="simple"))
+    elif name:
+        path = find_scene(name)
+        read_toml(path)
+        click.echo(path.read_text(encoding="utf-8").rstrip())
+    else:
+        lines = []
+        for key, path in shipped_scenes().items():
+            data = read_toml(path)
+            title = data.get("title", "")
+            if "variants" in data:
+                title += f" (--set variant={'|'.join(data['variants'])})"
+            lines.append((key, title))
+        click.echo(tabulate(lines, tablefmt="plain"))
+
+
+def record(
+    scene: Scene,
+    outputs: list[Path],
+    seconds: float,
+    fps: float,
+    size: tuple[int, int],
+    still_time: float | None = None,
+    resume: str | None = None,
+) -> None:
+    """Runs a scene for the recorder; an interrupt ends the recording, not the files."""
+    pictures = any(p.suffix not in (*MESH, ".npz", ".csv") for p in outputs)
+    meshes = any(p.suffix in MESH for p in outputs)
+    show = prepare(scene, 1.0 / fps, size if pictures else None, meshes=meshes, density=False)
+    if resume:
+        show.resume(Path(resume))
+    still = None if still_time is None else max(1, round(still_time * fps))
+    recorder = Recorder(outputs, max(1, round(seconds * fps)), fps, still)
+    # Never the name of a scene that somebody wrote: .scene.toml is ours.
+    stem = NUMBER.sub("", outputs[0].stem).rstrip("_-") or "capture"
+    beside = outputs[0].with_name(stem + ".scene.toml")
+    beside.write_text(to_toml(scene), encoding="utf-8")
+    try:
+        run(show, recorder)
+    except KeyboardInterrupt:
+        say(f"stopped after {recorder.done} frames")
+    for warning in show.warnings():
+        say(f"warning: {warning}")
+    for path in [*outputs, beside]:
+        click.echo(path)

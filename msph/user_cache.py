@@ -1,0 +1,41 @@
+"""What was measured on this machine and is worth remembering between runs, in the user's cache."""
+
+import contextlib
+import json
+from pathlib import Path
+from typing import Any
+
+import platformdirs
+
+import msph
+
+
+def file() -> Path:
+    """Where it is kept: one file for each version."""
+    return platformdirs.user_cache_path("msph") / f"measured-{msph.__version__}.json"
+
+
+def _read() -> dict[str, Any]:
+    try:
+        found = json.loads(file().read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def recall(key: str, default: Any = None) -> Any:
+    """The value remembered under a key, or the default."""
+    return _read().get(key, default)
+
+
+def remember(key: str, value: Any) -> None:
+    """Keeps a value; where the cache cannot be written, it is measured again next time."""
+    known = _read()
+    if known.get(key) == value:
+        return
+    with contextlib.suppress(OSError):
+        file().parent.mkdir(parents=True, exist_ok=True)
+        # Another run must never read half a file.
+        part = file().with_suffix(".part")
+        part.write_text(json.dumps(known | {key: value}, indent=1) + "\n", encoding="utf-8")
+        part.replace(file())
