@@ -49,7 +49,6 @@ TRIED: list[tuple[str, str, tuple[Any, ...], tuple[str, ...]]] = [
     ("projection.density", "MOST_CORRECTED", (0.03, 0.12), ()),
     ("projection.position_correction", "THIN", (0.01, 0.1), ()),
     ("projection.position_correction", "NEAREST", (0.01, 0.2), ()),
-    ("projection.pressure_solve", "SMALL_GAP", (0.0, 0.3), ()),
     ("projection.pressure_solve", "LEAST_SCALED", (0.25, 1.0), ()),
     ("projection.pressure_solve", "MOST_SCALED", (1.0, 4.0), ()),
     ("projection.pressure_solve", "NO_DISPLACEMENT", (1e-6, 1e-4), ()),

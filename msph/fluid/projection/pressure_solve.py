@@ -26,8 +26,6 @@ ATTRIBUTES = (
     Attribute("active", "-", "1 where it may change the multiplier", carried=False),
 )
 
-# Deficit of density (-) up to which a gap beside a fresh merge is left to the position correction.
-SMALL_GAP = 0.1
 # Deficit of density (-) from which on water may fall together within a step. Slighter ones are the
 # position correction's: water that falls into them bears no weight meanwhile.
 GAP = 0.003
@@ -91,8 +89,8 @@ class PressureSolve:
             share = ti.max(dt / self.parameters.release, -c / GAP)
             wanted = ti.min(share, 1.0) * c
             if ti.static(self.adaptive):
-                # Halves are crowded, and merges leave gaps, until positions have been corrected.
-                wanted = ti.select(p.settling[i] > 0 and c > -SMALL_GAP, 0.0, wanted)
+                # Halves are crowded until positions have been corrected.
+                wanted = ti.select(p.settling[i] > 0 and c > 0.0, 0.0, wanted)
             p.rhs[i] = dt * rate + wanted
             now = p.pressure_multiplier[i]
             start = 0.5 * (now + p.previous_multiplier[i])
