@@ -18,7 +18,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from bench.report import RESULTS, heading
 from msph.device import ARCHES, start
 from msph.scene import load_scene
-from msph.stage.benchmark import Result, benchmark, table_row
+from msph.stage.benchmark import Result, benchmark
 
 SCENE, VARIANT, METHOD = "pool_2x", "variant=system-3", "method=classic"
 SIZE = (640, 360)
@@ -77,7 +77,7 @@ def main(seconds: float, repeats: int, arch: str) -> None:
         tabulate(rows, headers=["", "target", "measured"], tablefmt="github"),
         "\nEach run, with its errors; milliseconds per frame:\n",
         tabulate(
-            [table_row(r) for runs in results.values() for r in runs],
+            [r.row() for runs in results.values() for r in runs],
             headers="keys",
             tablefmt="github",
         ),

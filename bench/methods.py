@@ -23,7 +23,7 @@ from msph.fluid.external_forces import ExternalForces
 from msph.measure.bulk import bulk_density
 from msph.scene import load_scene
 from msph.scene.build import build_simulation
-from msph.stage.benchmark import benchmark, table_row
+from msph.stage.benchmark import benchmark
 from msph.taichi_internals import data_oriented, kernel
 
 SCENE, VARIANT = "pool_2x", "variant=system-3"

@@ -133,7 +133,13 @@ def capture(
 @click.argument("scenes", nargs=-1)
 @click.option("--seconds", type=click.FloatRange(min=0, min_open=True), help="Simulated time.")
 @click.option("--no-render", is_flag=True, help="Time the fluid alone.")
-@click.option("--size", type=Size(), default="640x360", show_default=True, help="Picture size.")
+@click.option(
+    "--play",
+    "as_played",
+    is_flag=True,
+    help="Run as a window would, by the wall clock: shown frames/s, how fast time goes.",
+)
+@click.option("--size", type=Size(), help="Picture size.  [default: 640x360, with --play 960x540]")
 @click.option(
     "--profile",
     is_flag=True,
@@ -144,14 +150,18 @@ def capture(
     "--json", "json_file", type=click.Path(path_type=Path), help="Also write the rows to a file."
 )
 @shared_options
-def bench(scenes, seconds, no_render, size, profile, json_file, overrides, arch, threads):
+def bench(
+    scenes, seconds, no_render, as_played, size, profile, json_file, overrides, arch, threads
+):
     """Time SCENES (default: all shipped) without a window, and print speed beside error.
 
     A frame is 1/60 s of simulated time. Exits with 1 when the water does not stay finite.
     """
     from msph.stage import commands
 
-    commands.bench(scenes, seconds, no_render, size, profile, json_file, overrides, arch, threads)
+    commands.bench(
+        scenes, seconds, no_render, as_played, size, profile, json_file, overrides, arch, threads
+    )
 
 
 @cli.command()

@@ -2,7 +2,7 @@
 
 import sys
 import time
-from collections import defaultdict
+from collections import defaultdict, deque
 from contextlib import contextmanager
 
 import numpy as np
@@ -16,11 +16,12 @@ class Timings:
     """Seconds per frame, by stage; the device is waited for on both sides of a stage.
 
     Stages nest: one entered within another goes by its path, "fluid/density". Substages, the parts
-    of a step, are timed only with `profile`, for the waiting slows them.
+    of a step, are timed only with `profile`, for the waiting slows them. Of all frames the last
+    `keep` are kept, by default all.
     """
 
-    def __init__(self, profile: bool = False):
-        self.frames: list[dict[str, float]] = []
+    def __init__(self, profile: bool = False, keep: int | None = None):
+        self.frames: deque[dict[str, float]] = deque(maxlen=keep)
         self.substage = self.stage if profile else no_stage
         self._open: dict[str, float] = defaultdict(float)
         self._path: list[str] = []

@@ -204,11 +204,12 @@ class Play(Section):
     push_grip: float = parameter(
         20.0, gt=0.0, unit="1/s", text="how fast water takes the hand's velocity"
     )
-    budget: float = parameter(
-        1.0 / 30.0,
-        ge=0.0,
-        unit="s",
-        text="wall-clock time of the water per frame; time slows where it is short, 0: unlimited",
+    fps: float = parameter(
+        60.0,
+        ge=30.0,
+        le=240.0,
+        unit="1/s",
+        text="frames per second to hold: the picture grows coarser first, time slows last",
     )
 
 

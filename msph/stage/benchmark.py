@@ -3,9 +3,11 @@
 import math
 from dataclasses import asdict, dataclass
 
+import numpy as np
+
 from msph.measure.timings import Timings, peak_memory
 from msph.scene.schema import Scene
-from msph.stage.headless import Headless
+from msph.stage.headless import Headless, HeadlessPlayer
 from msph.stage.loop import run
 from msph.stage.show import Show
 
@@ -49,6 +51,25 @@ class Result:
 
     def as_dict(self) -> dict:
         return asdict(self)
+
+    def row(self) -> dict[str, str]:
+        """The cells of a printed table."""
+        stages = " ".join(f"{self.stages_p50_ms[s]:.1f}" for s in STAGES)
+        return {
+            "scene": self.scene,
+            "particles": "+".join(map(str, self.particles)),
+            "ms p50": f"{self.frame_p50_ms:.1f}",
+            "p95": f"{self.frame_p95_ms:.1f}",
+            "fluid surface picture": stages,
+            "fps": f"{self.frames_per_second:.0f}",
+            "sim s / wall s": f"{self.simulated_per_wall:.2f}",
+            "process MiB": f"{self.peak_memory_mib:.0f}",
+            "density err mean/p99/max %": f"{100 * self.density_error_mean:.3f} / "
+            f"{100 * self.density_error_p99:.2f} / {100 * self.density_error_max:.1f}",
+            "volume err %": f"{100 * self.volume_error:+.1f}",
+            "momentum drift %": f"{100 * self.momentum_drift:.2g}",
+            "energy gain %": f"{100 * self.energy_gain:.2g}",
+        }
 
 
 def benchmark(
@@ -97,24 +118,55 @@ def benchmark(
     )
 
 
-def table_row(result: Result) -> dict[str, str]:
-    """A result as the cells of a printed table."""
-    stages = " ".join(f"{result.stages_p50_ms[s]:.1f}" for s in STAGES)
-    return {
-        "scene": result.scene,
-        "particles": "+".join(map(str, result.particles)),
-        "ms p50": f"{result.frame_p50_ms:.1f}",
-        "p95": f"{result.frame_p95_ms:.1f}",
-        "fluid surface picture": stages,
-        "fps": f"{result.frames_per_second:.0f}",
-        "sim s / wall s": f"{result.simulated_per_wall:.2f}",
-        "process MiB": f"{result.peak_memory_mib:.0f}",
-        "density err mean/p99/max %": f"{100 * result.density_error_mean:.3f} / "
-        f"{100 * result.density_error_p99:.2f} / {100 * result.density_error_max:.1f}",
-        "volume err %": f"{100 * result.volume_error:+.1f}",
-        "momentum drift %": f"{100 * result.momentum_drift:.2g}",
-        "energy gain %": f"{100 * result.energy_gain:.2g}",
-    }
+@dataclass(frozen=True)
+class Played:
+    """One row of the benchmark of `play`.
+
+    Frames shown per second of wall-clock time, median and that of the slowest twentieth; simulated
+    over wall-clock time (-); mean scale of the picture (-); particles at the end, by layer; mean
+    density error (-).
+    """
+
+    scene: str
+    particles: list[int]
+    frames_per_second: float
+    slowest_frames_per_second: float
+    simulated_per_wall: float
+    picture_scale: float
+    density_error_mean: float
+
+    def as_dict(self) -> dict:
+        return asdict(self)
+
+    def row(self) -> dict[str, str]:
+        """The cells of a printed table."""
+        return {
+            "scene": self.scene,
+            "particles": "+".join(map(str, self.particles)),
+            "shown frames/s": f"{self.frames_per_second:.0f}",
+            "slowest 5 %": f"{self.slowest_frames_per_second:.0f}",
+            "simulated / wall-clock": f"x{self.simulated_per_wall:.2f}",
+            "picture scale": f"{self.picture_scale:.2f}",
+            "density err mean %": f"{100 * self.density_error_mean:.3f}",
+        }
+
+
+def play_benchmark(scene: Scene, name: str, seconds: float, size: tuple[int, int]) -> Played:
+    """Plays a scene for `seconds` [s] of wall-clock time as a window of `size` would."""
+    show = Show(scene, 1.0 / scene.play.fps, size, timings=Timings(keep=1), stop_bodies=True)
+    show.warm_up()
+    player = HeadlessPlayer(seconds, scene.play.fps)
+    run(show, player)
+    walls = np.array(player.walls)
+    return Played(
+        scene=name,
+        particles=show.counts,
+        frames_per_second=float(1.0 / np.median(walls)),
+        slowest_frames_per_second=float(1.0 / np.percentile(walls, 95)),
+        simulated_per_wall=sum(player.simulated) / float(walls.sum()),
+        picture_scale=float(np.mean(player.scales)),
+        density_error_mean=show.ledger.density_error()[0],
+    )
 
 
 def profile_lines(profile_ms: dict[str, float]) -> list[str]:

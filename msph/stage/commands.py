@@ -15,7 +15,7 @@ from msph.scene import load_scene
 from msph.scene.library import find_scene, shipped_scenes
 from msph.scene.load import read_toml, to_toml
 from msph.scene.schema import Scene, parameters
-from msph.stage.benchmark import benchmark, profile_lines, table_row
+from msph.stage.benchmark import Played, Result, benchmark, play_benchmark, profile_lines
 from msph.stage.controls import KEYS
 from msph.stage.loop import run
 from msph.stage.measurer import SCENE, Measurer
@@ -28,6 +28,8 @@ FALLBACK_SECONDS = 10.0
 FALLBACK_FPS = 30.0
 FALLBACK_SIZE = (1280, 720)
 STILL_TIME = 1.0
+# Sizes of a benchmark's picture [pixels]: its own, and that of the window it stands for.
+BENCH_SIZE, PLAY_SIZE = (640, 360), (960, 540)
 # Exit code of a benchmark in which some water blew up.
 BAD_RUN = 1
 
@@ -38,7 +40,7 @@ def play(scene, size, frames, overrides, arch, threads) -> None:
     try:
         check_display()
         start(arch, threads)
-        window = Window(loaded.title or scene, size, frames)
+        window = Window(loaded.title or scene, size, loaded.play.fps, frames)
     except NoWindowError as reason:
         target = Path("out") / Path(scene).stem
         say(f"{reason}: capturing {FALLBACK_SECONDS:.0f} s of {scene} instead")
@@ -52,10 +54,10 @@ def play(scene, size, frames, overrides, arch, threads) -> None:
     try:
         show = prepare(
             loaded,
-            window.FRAME_TIME,
+            1.0 / loaded.play.fps,
             size,
             tell=window.tell,
-            budget=loaded.play.budget or None,
+            timings=Timings(keep=1),
             stop_bodies=True,
         )
     except ClosedError:
@@ -78,29 +80,39 @@ def capture(
     record(loaded, [*outputs, *extra], seconds or loaded.duration, fps, size, resume=resume)
 
 
-def bench(scenes, seconds, no_render, size, profile, json_file, overrides, arch, threads) -> None:
+def bench(
+    scenes, seconds, no_render, as_played, size, profile, json_file, overrides, arch, threads
+) -> None:
     """Times scenes and prints a row for each."""
     names = scenes or tuple(shipped_scenes())
     if json_file:
         make_writable(json_file)
     loaded = [(name, load_scene(name, overrides)) for name in names]
     arch = start(arch, threads)
-    rows, failed = [], False
+    rows: list[Result | Played] = []
+    failed = False
     for name, scene in loaded:
-        say(f"{name}:")
+        say(f"{name}: compiling kernels, then running")
         try:
             duration = seconds or scene.duration
-            rows.append(benchmark(scene, name, duration, not no_render, size, profile))
+            if as_played:
+                rows.append(play_benchmark(scene, name, duration, size or PLAY_SIZE))
+            else:
+                rows.append(
+                    benchmark(scene, name, duration, not no_render, size or BENCH_SIZE, profile)
+                )
         except (BlowUpError, TrappedWaterError) as error:
             say(f"{name}: FAILED: {error}")
             failed = True
     if rows:
-        click.echo(f"arch {arch}, frames of 1/60 s, milliseconds per frame, medians by stage")
-        click.echo(tabulate([table_row(r) for r in rows], headers="keys", tablefmt="github"))
-    if rows and profile:
+        timed = "frames of 1/60 s, milliseconds per frame, medians by stage"
+        click.echo(f"arch {arch}, {'played by the wall clock' if as_played else timed}")
+        click.echo(tabulate([r.row() for r in rows], headers="keys", tablefmt="github"))
+    profiled = [r for r in rows if isinstance(r, Result) and r.profile_ms]
+    if profiled:
         click.echo("\nprofiled, which slows the run: so are the figures above; means per frame")
-        for row in rows:
-            click.echo("\n".join([row.scene, *profile_lines(row.profile_ms)]))
+    for row in profiled:
+        click.echo("\n".join([row.scene, *profile_lines(row.profile_ms)]))
     if json_file:
         json_file.write_text(json.dumps([r.as_dict() for r in rows], indent=2) + "\n")
     if failed:

@@ -6,6 +6,7 @@ from msph.fluid.external_forces import Hand
 
 KEYS = (
     ("space", "pause and go on"),
+    ("m", "slow motion, and back"),
     ("n", "single step while paused"),
     ("r", "reset"),
     ("v", "next view: water, layer, speed, density error, ..."),
@@ -23,6 +24,8 @@ class Controls:
     """The wishes of one frame.
 
     tilt: (roll about z, pitch about x) [rad] of the pool, beyond what the scene itself does.
+    frame_time [s]: simulated time of the frame, None for the show's own. budget [s]: wall-clock
+    time that the water may take, None for as long as it needs.
     """
 
     tilt: tuple[float, float] = (0.0, 0.0)
@@ -31,3 +34,5 @@ class Controls:
     single_step: bool = False
     reset: bool = False
     next_view: bool = False
+    frame_time: float | None = None
+    budget: float | None = None

@@ -29,12 +29,11 @@ from msph.surface.surface import Surface
 class Show:
     """Everything that a frame needs, built once.
 
-    frame_time [s] is the simulated time of a frame. size (width, height) [pixels] of the picture,
-    None for no picture. meshes: whether someone wants the surface even if no view draws it.
-    density: whether the ledger measures density errors.
+    frame_time [s] is the simulated time of a frame that asks for no other. size (width, height)
+    [pixels] of the picture, None for no picture. meshes: whether someone wants the surface even if
+    no view draws it. density: whether the ledger measures density errors.
     stop_bodies: whether a body that leaves the water no room stops, in place of an error; stopped
     are the names of those that did.
-    budget [s]: wall-clock time that the water may take per frame, None for as long as it needs.
     simulated [s] is what the last frame really simulated. What is not asked for is neither
     allocated nor compiled.
     """
@@ -46,7 +45,6 @@ class Show:
         size: tuple[int, int] | None = None,
         meshes: bool = False,
         timings: Timings | None = None,
-        budget: float | None = None,
         clock: Callable[[], float] = perf_counter,
         density: bool = True,
         stop_bodies: bool = False,
@@ -54,7 +52,7 @@ class Show:
         self.scene = scene
         self.frame_time = frame_time
         self.timings = timings
-        self.budget, self.clock = budget, clock
+        self.clock = clock
         self.simulated = 0.0
         self.stop_bodies = stop_bodies
         self.stopped: set[str] = set()
@@ -117,7 +115,8 @@ class Show:
         external = self._force(controls)
         if not controls.paused or controls.single_step:
             with self._stage("fluid"):
-                self.simulated = self._advance(external)
+                frame_time = controls.frame_time or self.frame_time
+                self.simulated = self._advance(frame_time, external, controls.budget)
                 if self.ledger.density and not self.simulation.boundary.moving:
                     # The next step begins with these densities: measured or not, they cost as much.
                     self.simulation.measure_density(self._substage)
@@ -128,20 +127,20 @@ class Show:
         if self.timings:
             self.timings.close_frame()
 
-    def _advance(self, external: ExternalForces) -> float:
+    def _advance(self, frame_time: float, external: ExternalForces, budget: float | None) -> float:
         """A frame of the fluid; returns its simulated time [s]. One in which a body leaves the
         water no room is given up: the body goes back by a frame, and stays there."""
         sim = self.simulation
         before = sim.state() if self.stop_bodies and sim.boundary.moving else None
         try:
-            return sim.advance(self.frame_time, external, self._substage, self.budget, self.clock)
+            return sim.advance(frame_time, external, self._substage, budget, self.clock)
         except TrappedWaterError as error:
             if before is None:
                 raise
             stopped = dict(sim.boundary.stopped)
             sim.restore(before)
             # What it pressed before needs room again: back farther each time.
-            stopped[error.body] = min(sim.time, stopped.get(error.body, sim.time)) - self.frame_time
+            stopped[error.body] = min(sim.time, stopped.get(error.body, sim.time)) - frame_time
             for body, time in stopped.items():
                 sim.boundary.stop(body, time)
             sim.boundary.place(sim.time, 0.0)

@@ -14,6 +14,7 @@ import taichi as ti
 
 from msph.fluid.external_forces import Hand
 from msph.stage.controls import KEYS, Controls
+from msph.stage.pacer import Pacer
 from msph.stage.show import Show
 from msph.stage.start_screen import StartScreen
 
@@ -23,9 +24,10 @@ ZOOM_KEY_RATE = 1.5  # [1/s], as the logarithm of the distance
 PANEL = (10.0, 10.0, 290.0, 155.0)  # left, top, width, height of the panel [pixels]
 SETTINGS = Path("imgui.ini")  # where the panel's library leaves its state, unasked
 MARKER_RADIUS = 0.008  # of the marker under a pushing cursor, as a share of the window's height
-SMOOTHING = 0.9  # weight of the past in the displayed frame rate
 QUIT = ("q", ti.ui.ESCAPE)  # keys that close the window
-REAL_TIME = 0.97  # simulated over wall-clock time that passes for real time
+REAL_TIME = 0.95  # simulated over wall-clock time that passes for what was asked for
+SLOW_MOTION = 0.1  # simulated over wall-clock time in slow motion
+FORGET = 1.01  # growth per frame of the least time that showing a frame takes
 
 
 # Least time between two pictures of the start [s]: each takes some milliseconds from compiling.
@@ -63,12 +65,12 @@ def check_display() -> None:
 class Window:
     """A window of size (width, height) [pixels]; raises NoWindowError where none can be.
 
-    frames limits its life, None: until it is closed.
+    fps: frames per second to hold. frames limits its life, None: until it is closed.
     """
 
-    FRAME_TIME = 1.0 / 60.0  # simulated time of a frame [s]: a screen's usual rate
-
-    def __init__(self, title: str, size: tuple[int, int], frames: int | None = None):
+    def __init__(
+        self, title: str, size: tuple[int, int], fps: float = 60.0, frames: int | None = None
+    ):
         check_display()
         self.size, self.frames = size, frames
         self.had_settings = SETTINGS.exists()
@@ -86,8 +88,9 @@ class Window:
         self.tilt = [0.0, 0.0]
         self.cursor: Any = np.zeros(2)  # right, up, as shares of the window
         self.grab: np.ndarray | None = None
-        self.clock = time.perf_counter()
-        self.wall = self.simulated = 0.0  # of a frame [s], smoothed
+        self.pacer = Pacer(fps)
+        self.clock: float | None = None  # when the last frame had been shown [s]
+        self.shown = math.inf  # what showing a frame takes at least [s]: beyond, it waits
         self.done = False
         self.marker = ti.Vector.field(2, ti.f32, shape=1)
         self.start: StartScreen | None = StartScreen(size, title, KEYS)
@@ -116,7 +119,8 @@ class Window:
         wishes = Controls()
         for event in self.window.get_events(ti.ui.PRESS):
             self._press(event.key, wishes)
-        step = show.frame_time
+        self.pacer.steer(wishes)
+        step = self.pacer.frame_time
         self._hold(show, step)
         cursor = np.array(self.window.get_cursor_pos())
         moved, self.cursor = cursor - self.cursor, cursor
@@ -134,6 +138,8 @@ class Window:
             self.paused = not self.paused
         elif key == "n":
             wishes.single_step = True
+        elif key == "m":
+            self.pacer.ask(SLOW_MOTION if self.pacer.speed == 1.0 else 1.0)
         elif key == "r":
             wishes.reset = True
             self.tilt = [0.0, 0.0]
@@ -153,8 +159,9 @@ class Window:
         pitch = down(ti.ui.DOWN) - down(ti.ui.UP)
         self.tilt[0] = float(np.clip(self.tilt[0] + rate * roll, -limit, limit))
         self.tilt[1] = float(np.clip(self.tilt[1] + rate * pitch, -limit, limit))
-        show.camera.orbit(ORBIT_KEY_RATE * step * (down("d") - down("a")), 0.0)
-        show.camera.zoom(math.exp(ZOOM_KEY_RATE * step * (down("s") - down("w"))))
+        wall = self.pacer.wall
+        show.camera.orbit(ORBIT_KEY_RATE * wall * (down("d") - down("a")), 0.0)
+        show.camera.zoom(math.exp(ZOOM_KEY_RATE * wall * (down("s") - down("w"))))
 
     def _hand(self, show: Show, step: float) -> Hand:
         """The ball of water under the cursor goes where the cursor goes.
@@ -186,17 +193,19 @@ class Window:
         return Hand()
 
     def see(self, show: Show) -> None:
-        now = time.perf_counter()
-        frame, self.clock = now - self.clock, now
-        self.wall = _smooth(self.wall, frame)
-        if not self.paused:
-            self.simulated = _smooth(self.simulated, show.simulated)
+        self.start = None
         if self.panel:
             self._draw_panel(show)
         if self.grab is not None:
             self._draw_hand()
+        begin = time.perf_counter()
         self.canvas.set_image(show.picture.image)
         self.window.show()
+        now = time.perf_counter()
+        self.shown = min(FORGET * self.shown, now - begin)
+        if self.clock is not None and not self.paused:
+            self.pacer.see(show, now - self.clock, self.shown)
+        self.clock = now
 
     def _draw_hand(self) -> None:
         """A marker under the cursor: GGUI hides it while the left button is down."""
@@ -204,10 +213,11 @@ class Window:
         self.canvas.circles(self.marker, radius=MARKER_RADIUS, color=(1.0, 0.95, 0.7))
 
     def _draw_panel(self, show: Show) -> None:
-        rate = self.simulated / self.wall
+        pacer = self.pacer
         with self.gui.sub_window("M-SPH", *self.place):
-            self.gui.text(f"{1.0 / self.wall:5.1f} frames/s")
-            self.gui.text(f"time {show.simulation.time:6.2f} s  {pace(rate, self.paused)}")
+            self.gui.text(f"{1.0 / pacer.wall:5.1f} frames/s")
+            time_told = pace(pacer.pace, pacer.speed, self.paused)
+            self.gui.text(f"time {show.simulation.time:6.2f} s  {time_told}")
             self.gui.text(f"{sum(show.counts)} particles in {len(show.counts)} layers")
             if show.ledger.entries:
                 entry = show.ledger.entries[-1]
@@ -239,15 +249,13 @@ def silence():
         os.close(nowhere)
 
 
-def pace(rate: float, paused: bool) -> str:
-    """In words, how fast time goes: simulated over wall-clock time (-)."""
-    slow = "" if rate > REAL_TIME else " slow motion"
-    return f"x{rate:.2f}" + (" paused" if paused else slow)
-
-
-def _smooth(past: float, now: float) -> float:
-    """A running mean; the first value stands for itself."""
-    return now if past == 0.0 else SMOOTHING * past + (1.0 - SMOOTHING) * now
+def pace(rate: float, speed: float, paused: bool) -> str:
+    """In words, how fast time goes: simulated over wall-clock time (-), and what was asked for."""
+    if paused:
+        return f"x{rate:.2f} paused"
+    if rate < REAL_TIME * speed:
+        return f"x{rate:.2f}: this machine is too slow for more"
+    return f"x{rate:.2f}" + (" slow motion" if speed < 1.0 else "")
 
 
 def _inside(point: np.ndarray, panel: tuple[float, ...]) -> bool:

@@ -12,7 +12,7 @@ from msph.picture.picture import Picture
 from msph.scene import SceneError, load_scene
 from msph.scene.build import declared
 from msph.stage.controls import Controls
-from msph.stage.headless import Headless
+from msph.stage.headless import Headless, HeadlessPlayer
 from msph.stage.loop import run
 from msph.stage.show import Show
 from msph.stage.views import told_in
@@ -206,32 +206,48 @@ def ticking(seconds):
 
 
 @pytest.fixture
-def hurried(show):
-    """The show with no more than 10 ms for the water of a frame, on a clock of our own."""
-    show.budget, clock = 0.010, show.clock
+def timed(show):
+    """The show, on a clock of our own afterwards."""
+    clock = show.clock
     yield show
-    show.budget, show.clock = None, clock
+    show.clock = clock
 
 
-def test_time_slows_where_the_budget_is_short(hurried):
-    sim = hurried.simulation
-    hurried.clock = ticking(0.0)
-    hurried.frame(Controls())
+def test_a_frame_takes_the_time_that_is_asked_for(timed):
+    timed.frame(Controls(frame_time=0.007))
+    assert timed.simulation.time == timed.simulated == pytest.approx(0.007)
+
+
+def test_time_slows_where_the_budget_is_short(timed):
+    sim, hurry = timed.simulation, Controls(budget=0.010)
+    timed.clock = ticking(0.0)
+    timed.frame(hurry)
     steps = sim.steps
-    assert steps > 2 and sim.time == hurried.simulated == hurried.frame_time
+    assert steps > 2 and sim.time == timed.simulated == timed.frame_time
     # A step takes 6 ms: there is time for two.
-    hurried.reset()
-    hurried.clock = ticking(0.006)
-    hurried.frame(Controls())
+    timed.reset()
+    timed.clock = ticking(0.006)
+    timed.frame(hurry)
     assert sim.steps == 2
-    assert sim.time == hurried.simulated == pytest.approx(2 / steps * hurried.frame_time, rel=0.01)
-    assert hurried.ledger.entries[-1].time == sim.time
+    assert sim.time == timed.simulated == pytest.approx(2 / steps * timed.frame_time, rel=0.01)
+    assert timed.ledger.entries[-1].time == sim.time
 
 
-def test_one_step_is_always_done(hurried):
-    hurried.clock = ticking(1.0)
-    hurried.frame(Controls())
-    assert hurried.simulation.steps == 1 and 0.0 < hurried.simulated < hurried.frame_time
+def test_one_step_is_always_done(timed):
+    timed.clock = ticking(1.0)
+    timed.frame(Controls(budget=0.010))
+    assert timed.simulation.steps == 1 and 0.0 < timed.simulated < timed.frame_time
+
+
+def test_playing_follows_the_wall_clock(show):
+    show.frame(Controls())
+    begin, player = show.simulation.time, HeadlessPlayer(1.0, 60.0)
+    run(show, player)
+    assert sum(player.walls) == pytest.approx(1.0, abs=0.2)
+    assert len(player.walls) == len(player.simulated) == len(player.scales)
+    assert sum(player.simulated) == pytest.approx(show.simulation.time - begin)
+    # Four hundred particles run as fast as time on any machine; a busy one may lag by a frame.
+    assert sum(player.simulated) == pytest.approx(sum(player.walls), abs=0.1)
 
 
 def test_volume_of_the_surface_is_that_of_the_water(show):

@@ -102,9 +102,10 @@ def read_xwd(path):
 
 
 def test_pace_says_when_time_is_slow():
-    assert pace(1.0, paused=False) == "x1.00"
-    assert pace(0.42, paused=False) == "x0.42 slow motion"
-    assert pace(0.42, paused=True) == "x0.42 paused"
+    assert pace(1.0, 1.0, paused=False) == "x1.00"
+    assert pace(0.42, 1.0, paused=False) == "x0.42: this machine is too slow for more"
+    assert pace(0.1, 0.1, paused=False) == "x0.10 slow motion"
+    assert pace(0.42, 1.0, paused=True) == "x0.42 paused"
 
 
 @needs_x

@@ -1,0 +1,102 @@
+"""The clock of a window: the simulated time of each shown frame, and the scale of its picture.
+
+A frame is given the time that has passed on the wall, times the speed asked for, so that water
+moves at that speed at whatever frame rate. Where the machine is too slow for the frame rate wanted,
+the picture grows coarser first; time slows last.
+"""
+
+import numpy as np
+
+from msph.stage.controls import Controls
+from msph.stage.show import Show
+
+# Frame rates that are tried in turn, over the one wanted: better half of it than slow motion.
+RATES = (1.0, 0.75, 0.5)
+# Scales of the picture: areas halve in two.
+SCALES = tuple(2.0 ** (-k / 4.0) for k in range(5))
+# Longest frame [s]: time slows rather than that fewer frames are shown.
+LONGEST = 1.0 / 24.0
+# Least share of the longest frame that the water may take, however long the picture takes.
+LEAST_WATER = 0.4
+# Share of a frame that is planned: the rest is for what costs vary by.
+PLANNED = 0.9
+# Weight of the past in smoothed times, frames between two looks at the scale, and share of the
+# cost of a finer picture by which it must be affordable, or it would come and go.
+PAST, LOOKS, SURE = 0.9, 15, 1.15
+# Share of the time that the water lags behind which a frame makes up for.
+CATCH_UP = 0.1
+
+
+class Pacer:
+    """fps: shown frames per second wanted. speed (-): simulated over wall-clock time asked for.
+
+    scale (-): of the picture's edges. wall [s]: duration of a frame, water, picture and rest [s]
+    what its parts take, simulated [s] what it simulates; all smoothed.
+    """
+
+    def __init__(self, fps: float, speed: float = 1.0):
+        self.fps, self.speed, self.scale = fps, speed, SCALES[0]
+        self.wall = 1.0 / fps
+        self.simulated = speed * self.wall
+        self.water = self.picture = self.rest = 0.0
+        self.lag = 0.0  # simulated time that the water has yet to make up for [s]
+        self.frames = 0
+
+    @property
+    def frame_time(self) -> float:
+        """Simulated time [s] that the next frame should take."""
+        wanted = self.speed * self.wall + CATCH_UP * self.lag
+        return float(np.clip(wanted, 0.5 * self.speed / self.fps, self.speed * LONGEST))
+
+    @property
+    def budget(self) -> float:
+        """Wall-clock time [s] that the water of the next frame may take."""
+        return max(LONGEST - self.picture - self.rest, LEAST_WATER * LONGEST)
+
+    @property
+    def pace(self) -> float:
+        """Simulated over wall-clock time (-)."""
+        return self.simulated / self.wall
+
+    def ask(self, speed: float) -> None:
+        """Asks for another speed."""
+        self.speed, self.lag = speed, 0.0
+        self.simulated = speed * self.wall
+
+    def steer(self, wishes: Controls) -> None:
+        """Gives the next frame its time."""
+        wishes.frame_time, wishes.budget = self.frame_time, self.budget
+
+    def see(self, show: Show, wall: float, shown: float) -> None:
+        """Takes in the show's last frame, of `wall` [s], of which it took `shown` [s] to be shown
+        without waiting for the screen."""
+        stages = show.timings.frames[-1] if show.timings else {}
+        water, picture = stages.get("fluid", 0.0), stages.get("picture", 0.0)
+        rest = stages.get("surface", 0.0) + shown
+        self.record(wall, water, picture, rest, show.simulated)
+
+    def record(self, wall: float, water: float, picture: float, rest: float, simulated: float):
+        """Takes in a frame: its duration [s], what water, picture and the rest took of it without
+        waiting for the screen [s], and what was simulated [s]."""
+        # What a kernel takes to compile, or a window to be moved, is not made up for.
+        wall = min(wall, LONGEST)
+        self.frames += 1
+        past = min(PAST, 1.0 - 1.0 / self.frames)
+        for name, now in (("wall", wall), ("water", water), ("picture", picture), ("rest", rest)):
+            setattr(self, name, past * getattr(self, name) + (1.0 - past) * now)
+        self.simulated = past * self.simulated + (1.0 - past) * simulated
+        behind = self.lag + self.speed * wall - simulated
+        self.lag = float(np.clip(behind, -self.speed * LONGEST, self.speed * LONGEST))
+        if self.frames % LOOKS == 0:
+            self.scale = self._affordable()
+
+    def _affordable(self) -> float:
+        """The finest picture at the highest frame rate that the machine can hold."""
+        per_second = self.speed * self.water / max(self.simulated, 1e-9)
+        for rate in RATES:
+            room = (PLANNED - per_second) / (rate * self.fps) - self.rest
+            for scale in SCALES:
+                cost = self.picture * (scale / self.scale) ** 2
+                if cost * (SURE if scale > self.scale else 1.0) <= room:
+                    return scale
+        return SCALES[-1]

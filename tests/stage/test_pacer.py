@@ -1,0 +1,79 @@
+"""The clock of a window, on machines whose speed is known."""
+
+import numpy as np
+import pytest
+
+from msph.stage.pacer import LONGEST, SCALES, Pacer
+
+FPS = 60.0
+
+
+def run(pacer, water, picture, rest=0.003, frames=600, noise=0.0):
+    """Frames on a machine on which a simulated second of water takes `water` [s], a picture of full
+    scale `picture` [s] and the rest of a frame `rest` [s], on a screen of 60 frames per second.
+    Returns simulated and wall-clock time [s] of the second half."""
+    rng, halves = np.random.default_rng(0), [[0.0, 0.0], [0.0, 0.0]]
+    for k in range(frames):
+        slower = 1.0 + noise * rng.uniform(-1.0, 1.0)
+        simulated = min(pacer.frame_time, pacer.budget / water)
+        wet, drawn = slower * water * simulated, slower * picture * pacer.scale**2
+        wall = max(wet + drawn + rest, 1.0 / FPS)
+        pacer.record(wall, wet, drawn, rest, simulated)
+        half = halves[2 * k // frames]
+        half[0] += simulated
+        half[1] += wall
+    return halves[1]
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.3])
+@pytest.mark.parametrize("speed", [1.0, 0.1])
+@pytest.mark.parametrize(("water", "picture"), [(0.1, 0.004), (0.35, 0.012), (0.6, 0.025)])
+def test_time_runs_as_asked_wherever_the_water_alone_can(water, picture, speed, noise):
+    pacer = Pacer(FPS, speed)
+    simulated, wall = run(pacer, water, picture, noise=noise)
+    assert simulated / wall == pytest.approx(speed, rel=0.005)
+    assert pacer.pace == pytest.approx(speed, rel=0.1)
+
+
+def test_the_picture_yields_before_time_does():
+    quick, middling, slow = (Pacer(FPS) for _ in range(3))
+    run(quick, 0.1, 0.006)
+    run(middling, 0.35, 0.012)
+    run(slow, 0.9, 0.030)
+    assert quick.scale == SCALES[0]
+    assert SCALES[-1] < middling.scale < SCALES[0]
+    assert middling.wall == pytest.approx(1.0 / FPS, rel=0.05)
+    assert slow.scale == SCALES[-1]
+
+
+def test_time_slows_last_and_frames_are_still_shown():
+    pacer = Pacer(FPS)
+    simulated, wall = run(pacer, 3.0, 0.010)
+    assert simulated / wall == pytest.approx(1.0 / 3.0, rel=0.15)
+    assert pacer.wall <= 1.02 * LONGEST
+
+
+def test_the_picture_comes_back_where_there_is_room():
+    pacer = Pacer(FPS)
+    run(pacer, 0.9, 0.030)
+    assert pacer.scale == SCALES[-1]
+    run(pacer, 0.1, 0.006)
+    assert pacer.scale == SCALES[0]
+
+
+def test_a_halt_is_not_made_up_for():
+    """A kernel that compiles for a second must not send the water a second ahead."""
+    pacer = Pacer(FPS)
+    run(pacer, 0.1, 0.004)
+    pacer.record(1.0, 0.002, 0.004, 0.003, 1.0 / FPS)
+    assert pacer.frame_time <= LONGEST
+    simulated, wall = run(pacer, 0.1, 0.004, frames=60)
+    assert simulated / wall < 1.05
+
+
+def test_another_speed_is_taken_at_once():
+    pacer = Pacer(FPS)
+    run(pacer, 0.1, 0.004)
+    pacer.ask(0.1)
+    assert pacer.frame_time == pytest.approx(0.1 / FPS, rel=0.1)
+    assert pacer.pace == pytest.approx(0.1, rel=0.1)
