@@ -174,7 +174,7 @@ def main(seconds: float, rounds: int, arch: str) -> None:
         for setup, changes in SETUPS.items():
             scene = load_scene(SCENE, (VARIANT, *changes))
             name = f"{SCENE}, rocking, {setup}"
-            speeds.append(table_row(benchmark(scene, name, seconds, render=False)))
+            speeds.append(benchmark(scene, name, seconds, render=False).row())
     found = [errors(setup, seconds) for setup in SETUPS]
     compared = [row for layers in (1, 4) for row in solvers(layers, 60)]
     RESULTS.mkdir(exist_ok=True)
