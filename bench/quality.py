@@ -1,0 +1,164 @@
+"""What each quality costs and how far it is from finer water, by shipped scene.
+
+python bench/quality.py [--explore] [SCENE ...] [--arch cpu]
+
+Every run is a process of its own. The error is the way of the water's centre of mass from that of
+the same scene with spacings .63 as large, root mean square over the run, in shares of the height of
+the water at rest in its box. The cost is the process's CPU time per simulated second and thread: on
+a shared machine it varies less than time on the wall. Tables go to bench/results/quality.md and
+what `scenes` prints and `--quality auto` chooses by to assets/quality.json.
+"""
+
+import itertools
+import json
+import subprocess
+import sys
+import time
+from dataclasses import asdict
+from pathlib import Path
+
+import click
+import numpy as np
+from tabulate import tabulate
+from tqdm import tqdm
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from bench.report import RESULTS, heading
+from msph.device import ARCHES, start
+from msph.scene.library import assets, shipped_scenes
+from msph.scene.quality import LADDER, Quality, scaled
+
+# Spacings of the run that others are compared with, over the scene's.
+REFERENCE = Quality(2.0 ** (-2.0 / 3.0), 2.45, 0.01)
+# Simulated time of a run [s], and the window in which its dearest part is found [s].
+SECONDS, WINDOW = 4.0, 0.5
+FRAME = 1.0 / 60.0
+# Settings that are tried for each size of particles.
+SMOOTHINGS, TOLERANCES = (2.0, 2.2, 2.45), (0.01, 0.03, 0.05)
+
+
+# Scenes on which settings are tried: a wall of water, a rocking pool, a splash.
+TRIED_ON = ("dam_break", "pool", "drop")
+
+
+def run(name: str, quality: Quality) -> dict:
+    """A run of a scene: centres of mass (frames, 3) [m], energies [J], CPU and wall-clock time of
+    each frame [s], most particles, and the height of the water at rest in its box [m]."""
+    from msph.measure.timings import Timings
+    from msph.scene import load_scene
+    from msph.stage.controls import Controls
+    from msph.stage.show import Show
+
+    scene = scaled(load_scene(name), quality, name)
+    show = Show(scene, FRAME, timings=Timings())
+    show.warm_up()
+    cpu, counts = [], []
+    for _ in range(round(SECONDS / FRAME)):
+        begin = time.process_time()
+        show.frame(Controls())
+        cpu.append(time.process_time() - begin)
+        counts.append(show.simulation.particles.count)
+    entries, (length, _, width) = show.ledger.entries, scene.box.size
+    return {
+        "centre": [e.centre.tolist() for e in entries],
+        "energy": [e.energy for e in entries],
+        "cpu": cpu,
+        "wall": [frame["fluid"] for frame in show.timings.frames],
+        "particles": max(counts),
+        "height": entries[0].mass / (scene.density * length * width),
+    }
+
+
+def in_process(name: str, quality: Quality, arch: str) -> dict:
+    """The same in a process of its own."""
+    worker = json.dumps((name, asdict(quality)))
+    command = [sys.executable, __file__, "--arch", arch, "--worker", worker]
+    done = subprocess.run(command, capture_output=True, text=True)
+    if done.returncode:
+        raise click.ClickException(f"{name}: {done.stderr.strip().splitlines()[-1]}")
+    return json.loads(done.stdout.strip().splitlines()[-1])
+
+
+def judged(found: dict, reference: dict) -> dict[str, float]:
+    """Cost and error of a run beside the reference: particles; CPU and wall-clock seconds per
+    simulated second, means, and of its dearest half second; shares (-) of the error, see above, and
+    of the energy lost by the end."""
+    away = np.array(found["centre"]) - np.array(reference["centre"])
+    window = np.ones(round(WINDOW / FRAME)) / WINDOW
+    energy = found["energy"]
+    return {
+        "particles": found["particles"],
+        "cpu": sum(found["cpu"]) / SECONDS,
+        "wall": sum(found["wall"]) / SECONDS,
+        "dearest": float(np.convolve(found["wall"], window, "valid").max()),
+        "error": float(np.sqrt((away**2).sum(axis=1).mean())) / found["height"],
+        "energy_left": energy[-1] / energy[0],
+    }
+
+
+def explore(arch: str) -> None:
+    """Which support and tolerance are the best compromise, at three sizes of particles."""
+    rows = []
+    sizes = [LADDER[name].spacing for name in ("small", "medium", "large")]
+    runs = list(itertools.product(TRIED_ON, sizes, SMOOTHINGS, TOLERANCES))
+    references = {name: in_process(name, REFERENCE, arch) for name in TRIED_ON}
+    for name, spacing, smoothing, tolerance in tqdm(runs, unit="run"):
+        found = in_process(name, Quality(spacing, smoothing, tolerance), arch)
+        row = judged(found, references[name])
+        rows.append([name, spacing, smoothing, tolerance, *cells(row)])
+        heads = ["scene", "spacings", "support", "tolerance", *HEADS]
+        table = tabulate(rows, headers=heads, tablefmt="github", floatfmt=".3g")
+        title = heading("Supports and tolerances of the quality ladder", arch)
+        (RESULTS / "quality_settings.md").write_text(f"{title}\n\n{table}\n")
+
+
+HEADS = (
+    "particles",
+    "CPU s per s",
+    "wall s per s",
+    "dearest half second",
+    "error %",
+    "energy left %",
+)
+
+
+def cells(row: dict[str, float]) -> list[str]:
+    """A run as a table prints it."""
+    shares = ("error", "energy_left")
+    return [f"{100 * v:.2f}" if k in shares else f"{v:.3g}" for k, v in row.items()]
+
+
+@click.command()
+@click.argument("scenes", nargs=-1)
+@click.option("--explore", "exploring", is_flag=True, help="Try supports and tolerances.")
+@click.option("--worker", hidden=True, help="Scene and quality as JSON: one run, printed.")
+@click.option("--arch", type=click.Choice(ARCHES), default="auto", show_default=True)
+def main(scenes: tuple[str, ...], exploring: bool, worker: str | None, arch: str) -> None:
+    """Measure the ladder, or with --explore what its steps should be."""
+    if worker is not None:
+        start(arch)
+        name, settings = json.loads(worker)
+        click.echo(json.dumps(run(name, Quality(**settings))))
+        return
+    arch = start(arch)
+    if exploring:
+        explore(arch)
+        return
+    rows, file = [], assets() / "quality.json"
+    known = json.loads(file.read_text()) if file.exists() else {}
+    for name in tqdm(scenes or tuple(shipped_scenes()), unit="scene"):
+        reference = in_process(name, REFERENCE, arch)
+        known[name] = {}
+        for step, quality in LADDER.items():
+            found = judged(in_process(name, quality, arch), reference)
+            rows.append([name, step, *cells(found)])
+            known[name][step] = {k: float(f"{v:.3g}") for k, v in found.items()}
+            table = tabulate(rows, headers=["scene", "quality", *HEADS], tablefmt="github")
+            title = heading("The quality ladder", arch)
+            (RESULTS / "quality.md").write_text(f"{title}\n\n{table}\n")
+        file.write_text(json.dumps(known, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()
