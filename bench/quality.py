@@ -26,11 +26,12 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bench.report import RESULTS, heading
 from msph.device import ARCHES, start
+from msph.measure.machine_speed import measured_speed
 from msph.scene.library import assets, shipped_scenes
 from msph.scene.quality import LADDER, Quality, scaled
 
 # Spacings of the run that others are compared with, over the scene's.
-REFERENCE = Quality(2.0 ** (-2.0 / 3.0), 2.45, 0.01)
+REFERENCE = Quality(2.0 ** (-2.0 / 3.0), 0.01)
 # Simulated time of a run [s], and the window in which its dearest part is found [s].
 SECONDS, WINDOW = 4.0, 0.5
 FRAME = 1.0 / 60.0
@@ -42,15 +43,21 @@ SMOOTHINGS, TOLERANCES = (2.0, 2.2, 2.45), (0.01, 0.03, 0.05)
 TRIED_ON = ("dam_break", "pool", "drop")
 
 
-def run(name: str, quality: Quality) -> dict:
-    """A run of a scene: centres of mass (frames, 3) [m], energies [J], CPU and wall-clock time of
-    each frame [s], most particles, and the height of the water at rest in its box [m]."""
+def run(name: str, quality: Quality, smoothing: float | None = None) -> dict:
+    """A run of a scene, with another support over spacing where one is given.
+
+    Centres of mass (frames, 3) [m], energies [J], CPU and wall-clock time of each frame [s], most
+    particles, and the height of the water at rest in its box [m].
+    """
     from msph.measure.timings import Timings
     from msph.scene import load_scene
     from msph.stage.controls import Controls
     from msph.stage.show import Show
 
     scene = scaled(load_scene(name), quality, name)
+    if smoothing:
+        layers = [layer.model_copy(update={"smoothing": smoothing}) for layer in scene.layers]
+        scene = scene.model_copy(update={"layers": layers})
     show = Show(scene, FRAME, timings=Timings())
     show.warm_up()
     cpu, counts = [], []
@@ -70,9 +77,9 @@ def run(name: str, quality: Quality) -> dict:
     }
 
 
-def in_process(name: str, quality: Quality, arch: str) -> dict:
+def in_process(name: str, quality: Quality, arch: str, smoothing: float | None = None) -> dict:
     """The same in a process of its own."""
-    worker = json.dumps((name, asdict(quality)))
+    worker = json.dumps((name, asdict(quality), smoothing))
     command = [sys.executable, __file__, "--arch", arch, "--worker", worker]
     done = subprocess.run(command, capture_output=True, text=True)
     if done.returncode:
@@ -104,11 +111,11 @@ def explore(arch: str) -> None:
     runs = list(itertools.product(TRIED_ON, sizes, SMOOTHINGS, TOLERANCES))
     references = {name: in_process(name, REFERENCE, arch) for name in TRIED_ON}
     for name, spacing, smoothing, tolerance in tqdm(runs, unit="run"):
-        found = in_process(name, Quality(spacing, smoothing, tolerance), arch)
+        found = in_process(name, Quality(spacing, tolerance), arch, smoothing)
         row = judged(found, references[name])
-        rows.append([name, spacing, smoothing, tolerance, *cells(row)])
+        rows.append([name, f"{spacing:.3g}", smoothing, tolerance, *cells(row)])
         heads = ["scene", "spacings", "support", "tolerance", *HEADS]
-        table = tabulate(rows, headers=heads, tablefmt="github", floatfmt=".3g")
+        table = tabulate(rows, headers=heads, tablefmt="github", disable_numparse=True)
         title = heading("Supports and tolerances of the quality ladder", arch)
         (RESULTS / "quality_settings.md").write_text(f"{title}\n\n{table}\n")
 
@@ -126,7 +133,10 @@ HEADS = (
 def cells(row: dict[str, float]) -> list[str]:
     """A run as a table prints it."""
     shares = ("error", "energy_left")
-    return [f"{100 * v:.2f}" if k in shares else f"{v:.3g}" for k, v in row.items()]
+    return [
+        f"{100 * v:.2f}" if k in shares else f"{v:,.0f}" if k == "particles" else f"{v:.3g}"
+        for k, v in row.items()
+    ]
 
 
 @click.command()
@@ -138,15 +148,16 @@ def main(scenes: tuple[str, ...], exploring: bool, worker: str | None, arch: str
     """Measure the ladder, or with --explore what its steps should be."""
     if worker is not None:
         start(arch)
-        name, settings = json.loads(worker)
-        click.echo(json.dumps(run(name, Quality(**settings))))
+        name, settings, smoothing = json.loads(worker)
+        click.echo(json.dumps(run(name, Quality(**settings), smoothing)))
         return
     arch = start(arch)
     if exploring:
         explore(arch)
         return
     rows, file = [], assets() / "quality.json"
-    known = json.loads(file.read_text()) if file.exists() else {}
+    known = json.loads(file.read_text())["scenes"] if file.exists() else {}
+    speed = measured_speed()
     for name in tqdm(scenes or tuple(shipped_scenes()), unit="scene"):
         reference = in_process(name, REFERENCE, arch)
         known[name] = {}
@@ -154,10 +165,12 @@ def main(scenes: tuple[str, ...], exploring: bool, worker: str | None, arch: str
             found = judged(in_process(name, quality, arch), reference)
             rows.append([name, step, *cells(found)])
             known[name][step] = {k: float(f"{v:.3g}") for k, v in found.items()}
-            table = tabulate(rows, headers=["scene", "quality", *HEADS], tablefmt="github")
+            heads = ["scene", "quality", *HEADS]
+            table = tabulate(rows, headers=heads, tablefmt="github", disable_numparse=True)
             title = heading("The quality ladder", arch)
             (RESULTS / "quality.md").write_text(f"{title}\n\n{table}\n")
-        file.write_text(json.dumps(known, indent=1) + "\n")
+        measured = {"neighbours_per_second": float(f"{speed:.3g}"), "scenes": known}
+        file.write_text(json.dumps(measured, indent=1) + "\n")
 
 
 if __name__ == "__main__":

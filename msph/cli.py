@@ -18,6 +18,10 @@ from msph.errors import MsphError
 BAD_USE, INTERRUPTED = 2, 130
 
 
+# Steps of the ladder, see msph/scene/quality.py.
+QUALITIES = ("auto", "small", "medium", "large", "finest")
+
+
 class Size(click.ParamType):
     """WIDTHxHEIGHT in pixels."""
 
@@ -31,9 +35,9 @@ class Size(click.ParamType):
         return size
 
 
-def shared_options(command):
-    """What every command that builds a scene takes."""
-    for option in (
+def shared_options(quality="large"):
+    """What every command that builds a scene takes; quality: its default."""
+    options = (
         click.option(
             "--set",
             "overrides",
@@ -53,9 +57,22 @@ def shared_options(command):
             type=click.IntRange(min=1),
             help="CPU threads; with 1, runs repeat bit for bit.",
         ),
-    ):
-        command = option(command)
-    return command
+        click.option(
+            "--quality",
+            type=click.Choice(QUALITIES),
+            default=quality,
+            show_default=True,
+            help="Size of the particles: large is the scene as it is written, auto what this "
+            "machine plays in real time.",
+        ),
+    )
+
+    def with_options(command):
+        for option in options:
+            command = option(command)
+        return command
+
+    return with_options
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
@@ -68,15 +85,15 @@ def cli():
 @click.argument("scene", default=msph.DEFAULT_SCENE)
 @click.option("--size", type=Size(), default="960x540", show_default=True, help="Window size.")
 @click.option("--frames", type=click.IntRange(min=1), help="Close after so many frames.")
-@shared_options
-def play(scene, size, frames, overrides, arch, threads):
+@shared_options("auto")
+def play(scene, size, frames, overrides, arch, threads, quality):
     """Open a window on SCENE (a file or a shipped name) and play with its water.
 
     Where no window can be opened, ten seconds of the scene are captured instead.
     """
     from msph.stage import commands
 
-    commands.play(scene, size, frames, overrides, arch, threads)
+    commands.play(scene, size, frames, overrides, arch, threads, quality)
 
 
 @cli.command()
@@ -117,15 +134,26 @@ def play(scene, size, frames, overrides, arch, threads):
     help="Frames per simulated second.",
 )
 @click.option("--size", type=Size(), default="1280x720", show_default=True, help="Picture size.")
-@shared_options
+@shared_options()
 def capture(
-    scene, outputs, meshes, particles, resume, seconds, fps, size, overrides, arch, threads
+    scene, outputs, meshes, particles, resume, seconds, fps, size, overrides, arch, threads, quality
 ):
     """Record SCENE offscreen: video, pictures, meshes, particles. Needs no display."""
     from msph.stage import commands
 
     commands.capture(
-        scene, outputs, meshes, particles, resume, seconds, fps, size, overrides, arch, threads
+        scene,
+        outputs,
+        meshes,
+        particles,
+        resume,
+        seconds,
+        fps,
+        size,
+        overrides,
+        arch,
+        threads,
+        quality,
     )
 
 
@@ -149,9 +177,19 @@ def capture(
 @click.option(
     "--json", "json_file", type=click.Path(path_type=Path), help="Also write the rows to a file."
 )
-@shared_options
+@shared_options()
 def bench(
-    scenes, seconds, no_render, as_played, size, profile, json_file, overrides, arch, threads
+    scenes,
+    seconds,
+    no_render,
+    as_played,
+    size,
+    profile,
+    json_file,
+    overrides,
+    arch,
+    threads,
+    quality,
 ):
     """Time SCENES (default: all shipped) without a window, and print speed beside error.
 
@@ -160,7 +198,17 @@ def bench(
     from msph.stage import commands
 
     commands.bench(
-        scenes, seconds, no_render, as_played, size, profile, json_file, overrides, arch, threads
+        scenes,
+        seconds,
+        no_render,
+        as_played,
+        size,
+        profile,
+        json_file,
+        overrides,
+        arch,
+        threads,
+        quality,
     )
 
 
@@ -175,15 +223,15 @@ def bench(
 )
 @click.option("--seconds", type=float, help="Sets duration: the simulated time.")
 @click.option("--every", type=float, help="Sets measure.every: seconds between two rows.")
-@shared_options
-def measure(scene, folder, seconds, every, overrides, arch, threads):
+@shared_options()
+def measure(scene, folder, seconds, every, overrides, arch, threads, quality):
     """Run SCENE without a window; write its ledger and probes as CSV, and a summary as JSON.
 
     Works for any scene. A run that fails keeps what it measured, and exits with 1.
     """
     from msph.stage import commands
 
-    commands.measure(scene, folder, seconds, every, overrides, arch, threads)
+    commands.measure(scene, folder, seconds, every, overrides, arch, threads, quality)
 
 
 @cli.command()

@@ -171,6 +171,7 @@ def _model_at(location: list) -> type[BaseModel]:
     return model
 
 
-def to_toml(scene: Scene) -> str:
-    """The effective scene, every parameter spelt out, as TOML that loads to the same scene."""
-    return tomli_w.dumps(scene.model_dump(mode="json", exclude_none=True))
+def to_toml(scene: Scene, note: str) -> str:
+    """The effective scene, every parameter spelt out, as TOML that loads to the same scene; note: a
+    line of comment at its top."""
+    return f"# {note}\n" + tomli_w.dumps(scene.model_dump(mode="json", exclude_none=True))

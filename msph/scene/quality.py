@@ -1,34 +1,44 @@
 """The quality ladder: the same scene with larger or smaller particles, for the machine at hand."""
 
+import json
+import math
 from dataclasses import dataclass
 
 from msph.scene.check import check
+from msph.scene.errors import SceneError
+from msph.scene.library import assets
 from msph.scene.schema import Scene
+from msph.scene.water import capacity, layer_specs
 
 
 @dataclass(frozen=True)
 class Quality:
-    """One step of the ladder, whose settings are those that `python bench/quality.py` found best.
+    """One step of the ladder.
 
-    spacing (-): factor of all spacings. smoothing: support over spacing of layers that give none.
-    motion_tolerance (-): share of the motion that the pressure solve may leave, where the scene
-    gives none.
+    spacing (-): factor of all spacings. motion_tolerance (-): share of the motion that the pressure
+    solve may leave, where the scene gives none.
     """
 
     spacing: float
-    smoothing: float
     motion_tolerance: float
 
 
-# From coarse to fine; "large" is what scenes say. Each step has half the particles of the next.
+# From coarse to fine, each with half the volume per particle of the one before; "large" is what
+# scenes say. Narrower supports cost more at equal error (bench/results/quality_settings.md).
 LADDER = {
-    "small": Quality(2.0 ** (2.0 / 3.0), 2.45, 0.01),
-    "medium": Quality(2.0 ** (1.0 / 3.0), 2.45, 0.01),
-    "large": Quality(1.0, 2.45, 0.01),
-    "finest": Quality(2.0 ** (-1.0 / 3.0), 2.45, 0.01),
+    "small": Quality(2.0 ** (2.0 / 3.0), 0.03),
+    "medium": Quality(2.0 ** (1.0 / 3.0), 0.03),
+    "large": Quality(1.0, 0.01),
+    "finest": Quality(2.0 ** (-1.0 / 3.0), 0.01),
 }
-# What a scene is if nobody asks for anything.
-AS_GIVEN = "large"
+# What a scene is if nobody asks for anything, and what asks for the machine's own choice.
+AS_GIVEN, AUTO = "large", "auto"
+NAMES = (AUTO, *LADDER)
+# Share of the wall-clock time that the water's dearest half second may take in real time: the rest
+# is for surface and picture.
+WATER_SHARE = 0.6
+# sqrt(g H)/d of the dam break in its box H = .9 m high [1/s]: steps per second go with it.
+DAM_BREAK_RATE = math.sqrt(9.81 * 0.9) / 0.0315
 
 
 def fixed(scene: Scene) -> str | None:
@@ -48,7 +58,6 @@ def scaled(scene: Scene, quality: Quality, where: str) -> Scene:
             update={
                 "mass": layer.mass and layer.mass * quality.spacing**3,
                 "spacing": layer.spacing and layer.spacing * quality.spacing,
-                "smoothing": layer.smoothing or quality.smoothing,
             }
         )
         for layer in scene.layers
@@ -59,3 +68,66 @@ def scaled(scene: Scene, quality: Quality, where: str) -> Scene:
     found = scene.model_copy(update={"layers": layers, "projection": projection})
     check(found, where)
     return found
+
+
+def at_quality(scene: Scene, quality: str, where: str) -> Scene:
+    """The scene at that step of the ladder. Raises SceneError where the scene, named as `where`,
+    has one quality only, and another is asked for."""
+    if quality == AS_GIVEN:
+        return scene
+    why = fixed(scene)
+    if why:
+        raise SceneError(where, f"it has one quality, {AS_GIVEN}: {why}", "--quality")
+    return scaled(scene, LADDER[quality], where)
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What a run was measured to cost on the machine of `python bench/quality.py`.
+
+    particles: most at once. dearest (-): wall-clock over simulated time of the water's dearest half
+    second; error (-): of its centre of mass, over the height of the water.
+    """
+
+    particles: int
+    dearest: float
+    error: float
+
+
+def costs(name: str) -> dict[str, Cost]:
+    """Of a shipped scene, by quality; empty for what was not measured."""
+    known = _measured()["scenes"].get(name, {})
+    return {
+        quality: Cost(int(row["particles"]), row["dearest"], row["error"])
+        for quality, row in known.items()
+    }
+
+
+def choose(scene: Scene, name: str, speed: float) -> str:
+    """The finest quality whose water keeps real time on a machine that sums over `speed` neighbours
+    per second, else the coarsest; AS_GIVEN for scenes that have one only."""
+    if fixed(scene):
+        return AS_GIVEN
+    slower = _measured()["neighbours_per_second"] / speed
+    known = costs(name)
+    for quality in reversed(LADDER):
+        dearest = known[quality].dearest if quality in known else estimate(scene, quality)
+        if slower * dearest <= WATER_SHARE:
+            return quality
+    return next(iter(LADDER))
+
+
+def estimate(scene: Scene, quality: str) -> float:
+    """Wall-clock over simulated time (-) of a scene that was not measured, as if all its water fell
+    from its greatest height: by the measured dam break, in proportion to particles and to steps."""
+    known = costs("dam_break")[AS_GIVEN]
+    spacing = LADDER[quality].spacing
+    finest = min(s.spacing for s in layer_specs(scene)) * spacing
+    particles = capacity(scene) / spacing**3
+    fall = math.sqrt(abs(scene.gravity[1]) * scene.box.size[1]) / finest
+    return known.dearest * (particles / known.particles) * (fall / DAM_BREAK_RATE)
+
+
+def _measured() -> dict:
+    """The file that `python bench/quality.py` writes."""
+    return json.loads((assets() / "quality.json").read_text(encoding="utf-8"))

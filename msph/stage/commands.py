@@ -10,10 +10,12 @@ from tabulate import tabulate
 from msph.device import start
 from msph.errors import BlowUpError
 from msph.fluid.trapped_water import TrappedWaterError
+from msph.measure.machine_speed import machine_speed
 from msph.measure.timings import Timings
 from msph.scene import load_scene
 from msph.scene.library import find_scene, shipped_scenes
 from msph.scene.load import read_toml, to_toml
+from msph.scene.quality import AS_GIVEN, AUTO, at_quality, choose, costs
 from msph.scene.schema import Scene, parameters
 from msph.stage.benchmark import Played, Result, benchmark, play_benchmark, profile_lines
 from msph.stage.controls import KEYS
@@ -34,12 +36,12 @@ BENCH_SIZE, PLAY_SIZE = (640, 360), (960, 540)
 BAD_RUN = 1
 
 
-def play(scene, size, frames, overrides, arch, threads) -> None:
+def play(scene, size, frames, overrides, arch, threads, quality) -> None:
     """Opens a window, or captures the scene where none can be opened."""
     loaded = load_scene(scene, overrides)
     try:
         check_display()
-        start(arch, threads)
+        arch = start(arch, threads)
         window = Window(loaded.title or scene, size, loaded.play.fps, frames)
     except NoWindowError as reason:
         target = Path("out") / Path(scene).stem
@@ -47,11 +49,15 @@ def play(scene, size, frames, overrides, arch, threads) -> None:
         outputs = [target.with_suffix(".mp4"), target.with_suffix(".png")]
         check_outputs(outputs, [], [], FALLBACK_FPS)
         start(arch, threads)
-        record(loaded, outputs, FALLBACK_SECONDS, FALLBACK_FPS, FALLBACK_SIZE, STILL_TIME)
+        # A capture need not keep up with the clock.
+        loaded, note = at(loaded, scene, AS_GIVEN if quality == AUTO else quality)
+        record(loaded, note, outputs, FALLBACK_SECONDS, FALLBACK_FPS, FALLBACK_SIZE, STILL_TIME)
         return
     for key, meaning in KEYS:
         click.echo(f"  {key:18} {meaning}")
     try:
+        window.tell(0.0, "measuring this machine")
+        loaded, _ = at(loaded, scene, quality, arch, bool(overrides))
         show = prepare(
             loaded,
             1.0 / loaded.play.fps,
@@ -69,19 +75,31 @@ def play(scene, size, frames, overrides, arch, threads) -> None:
 
 
 def capture(
-    scene, outputs, meshes, particles, resume, seconds, fps, size, overrides, arch, threads
+    scene, outputs, meshes, particles, resume, seconds, fps, size, overrides, arch, threads, quality
 ) -> None:
     """Records a scene into files."""
     loaded = load_scene(scene, overrides)
     extra = [*meshes, *particles]
     outputs = list(outputs) or ([] if extra else [Path("out") / f"{Path(scene).stem}.mp4"])
     check_outputs(outputs, list(meshes), list(particles), fps)
-    start(arch, threads)
-    record(loaded, [*outputs, *extra], seconds or loaded.duration, fps, size, resume=resume)
+    arch = start(arch, threads)
+    loaded, note = at(loaded, scene, quality, arch, bool(overrides))
+    outputs += extra
+    record(loaded, note, outputs, seconds or loaded.duration, fps, size, resume=resume)
 
 
 def bench(
-    scenes, seconds, no_render, as_played, size, profile, json_file, overrides, arch, threads
+    scenes,
+    seconds,
+    no_render,
+    as_played,
+    size,
+    profile,
+    json_file,
+    overrides,
+    arch,
+    threads,
+    quality,
 ) -> None:
     """Times scenes and prints a row for each."""
     names = scenes or tuple(shipped_scenes())
@@ -94,6 +112,7 @@ def bench(
     for name, scene in loaded:
         say(f"{name}: compiling kernels, then running")
         try:
+            scene, _ = at(scene, name, quality, arch, bool(overrides))
             duration = seconds or scene.duration
             if as_played:
                 rows.append(play_benchmark(scene, name, duration, size or PLAY_SIZE))
@@ -119,7 +138,7 @@ def bench(
         sys.exit(BAD_RUN)
 
 
-def measure(scene, folder, seconds, every, overrides, arch, threads) -> None:
+def measure(scene, folder, seconds, every, overrides, arch, threads, quality) -> None:
     """Writes a scene's ledger, probes and summary into a folder."""
     given = {"duration": seconds, "measure.every": every}
     options = [f"{key}={value}" for key, value in given.items() if value is not None]
@@ -127,7 +146,8 @@ def measure(scene, folder, seconds, every, overrides, arch, threads) -> None:
     folder = folder or Path("out") / Path(scene).stem
     make_writable(folder / SCENE)
     arch = start(arch, threads)
-    (folder / SCENE).write_text(to_toml(loaded), encoding="utf-8")
+    loaded, note = at(loaded, scene, quality, arch, bool(overrides))
+    (folder / SCENE).write_text(to_toml(loaded, note), encoding="utf-8")
     measurer = Measurer(folder, loaded, scene, arch)
     try:
         show = prepare(loaded, loaded.measure.every, timings=Timings())
@@ -149,6 +169,8 @@ def scenes(name, list_parameters) -> None:
         path = find_scene(name)
         read_toml(path)
         click.echo(path.read_text(encoding="utf-8").rstrip())
+        for line in ladder_lines(name):
+            click.echo(f"# {line}")
     else:
         lines = []
         for key, path in shipped_scenes().items():
@@ -160,8 +182,34 @@ def scenes(name, list_parameters) -> None:
         click.echo(tabulate(lines, tablefmt="plain"))
 
 
+def ladder_lines(name: str) -> list[str]:
+    """What each quality of a shipped scene costs, and its error, a line each."""
+    heads = ["--quality", "particles", "wall s per s, dearest", "error % of depth"]
+    rows = [
+        [quality, cost.particles, f"{cost.dearest:.2f}", f"{100.0 * cost.error:.2f}"]
+        for quality, cost in costs(name).items()
+    ]
+    return tabulate(rows, headers=heads, tablefmt="plain").splitlines() if rows else []
+
+
+def at(
+    scene: Scene, name: str, quality: str, arch: str = "", changed: bool = False
+) -> tuple[Scene, str]:
+    """The scene of that name at a quality, and a line that says which; for AUTO, Taichi must run on
+    arch. changed: whether it is another scene than the one of that name."""
+    asked = quality
+    if quality == AUTO:
+        quality = choose(scene, "" if changed else name, machine_speed(arch))
+    found = at_quality(scene, quality, name)
+    note = f"quality {quality}" + (", chosen for this machine" if asked == AUTO else "")
+    if (asked, quality) != (AS_GIVEN, AS_GIVEN):
+        say(note)
+    return found, note
+
+
 def record(
     scene: Scene,
+    note: str,
     outputs: list[Path],
     seconds: float,
     fps: float,
@@ -169,7 +217,8 @@ def record(
     still_time: float | None = None,
     resume: str | None = None,
 ) -> None:
-    """Runs a scene for the recorder; an interrupt ends the recording, not the files."""
+    """Runs a scene for the recorder; an interrupt ends the recording, not the files. note: a line
+    for the scene that is written beside them."""
     pictures = any(p.suffix not in (*MESH, ".npz", ".csv") for p in outputs)
     meshes = any(p.suffix in MESH for p in outputs)
     show = prepare(scene, 1.0 / fps, size if pictures else None, meshes=meshes, density=False)
@@ -180,7 +229,7 @@ def record(
     # Never the name of a scene that somebody wrote: .scene.toml is ours.
     stem = NUMBER.sub("", outputs[0].stem).rstrip("_-") or "capture"
     beside = outputs[0].with_name(stem + ".scene.toml")
-    beside.write_text(to_toml(scene), encoding="utf-8")
+    beside.write_text(to_toml(scene, note), encoding="utf-8")
     try:
         run(show, recorder)
     except KeyboardInterrupt:

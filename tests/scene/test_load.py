@@ -198,7 +198,7 @@ def test_effective_scene_loads_to_the_same_scene(tmp_path):
     changes = ("duration=3", "layers.0.gravity_factor=0.5", "method=classic")
     scene = load_scene("pool", ("variant=system-3", *changes))
     assert scene.layers[0].gravity_factor == 0.5
-    assert load_scene(write(tmp_path, to_toml(scene))) == scene
+    assert load_scene(write(tmp_path, to_toml(scene, "quality large"))) == scene
 
 
 def test_override_of_text_needs_no_quotes(tmp_path):

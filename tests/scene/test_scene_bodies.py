@@ -95,7 +95,7 @@ def test_bodies_stand_as_the_scene_says(folder):
 
 def test_mesh_beside_the_scene_is_found_from_elsewhere(folder, tmp_path, monkeypatch):
     scene = load(folder, "obstacles=[{mesh='brick.stl', scale=0.2}]")
-    (tmp_path / "again.toml").write_text(to_toml(scene))
+    (tmp_path / "again.toml").write_text(to_toml(scene, "quality large"))
     monkeypatch.chdir(tmp_path)
     assert load_scene("again.toml") == scene
 
