@@ -1,0 +1,82 @@
+"""The quality ladder: what it changes, where it is refused, and how a machine chooses."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from msph.scene import SceneError, load_scene
+from msph.scene.library import shipped_scenes
+from msph.scene.quality import AS_GIVEN, LADDER, at_quality, choose, costs, estimate
+from msph.scene.water import asked_mass, layer_specs
+
+
+@pytest.fixture(scope="module")
+def dam_break():
+    return load_scene("dam_break")
+
+
+def test_the_command_line_offers_what_the_ladder_has():
+    from msph.cli import QUALITIES
+    from msph.scene.quality import NAMES
+
+    assert QUALITIES == NAMES
+
+
+@pytest.mark.parametrize("name", ["dam_break", "pool", "bowl"])
+def test_steps_halve_the_volume_of_particles_and_keep_the_water(name):
+    scene = load_scene(name)
+    sizes = [np.array([s.volume for s in layer_specs(at_quality(scene, q, name))]) for q in LADDER]
+    for coarse, fine in itertools.pairwise(sizes):
+        assert coarse / fine == pytest.approx(2.0)
+    masses = [asked_mass(at_quality(scene, q, name)) for q in LADDER]
+    assert masses == pytest.approx(asked_mass(scene))
+
+
+def test_large_is_the_scene_as_it_is_written(dam_break):
+    assert at_quality(dam_break, AS_GIVEN, "dam_break") is dam_break
+
+
+def test_a_tolerance_that_the_scene_gives_stays():
+    given = load_scene("dam_break", ("projection.motion_tolerance=0.005",))
+    assert at_quality(given, "small", "dam_break").projection.motion_tolerance == 0.005
+    own = at_quality(load_scene("dam_break"), "small", "dam_break")
+    assert own.projection.motion_tolerance == LADDER["small"].motion_tolerance
+
+
+@pytest.mark.parametrize("variant", ["system-1", "system-3"])
+def test_exact_numbers_of_particles_have_one_quality(variant):
+    scene = load_scene("pool", (f"variant={variant}",))
+    with pytest.raises(SceneError, match="pool: --quality: it has one quality, large"):
+        at_quality(scene, "small", "pool")
+    assert choose(scene, "", 1.0) == AS_GIVEN
+
+
+def test_classic_water_has_one_quality():
+    scene = load_scene("pool", ("variant=system-1", "method=classic"))
+    with pytest.raises(SceneError, match="one quality"):
+        at_quality(scene, "finest", "pool")
+
+
+def test_faster_machines_choose_finer_water(dam_break):
+    speeds = np.geomspace(1e6, 1e13, 60)
+    chosen = [list(LADDER).index(choose(dam_break, "dam_break", s)) for s in speeds]
+    assert chosen == sorted(chosen)
+    assert {chosen[0], chosen[-1]} == {0, len(LADDER) - 1}
+
+
+def test_finer_water_costs_more_and_errs_less():
+    """Of what was measured, for every shipped scene."""
+    for name in shipped_scenes():
+        known = costs(name)
+        assert list(known) == list(LADDER), name
+        particles = [c.particles for c in known.values()]
+        assert particles == sorted(particles), name
+        assert known["finest"].error < known["small"].error + 1e-3, name
+
+
+def test_a_scene_that_was_not_measured_is_estimated(dam_break):
+    """A scene of the reader's own: more water and smaller particles cost more."""
+    found = [estimate(dam_break, quality) for quality in LADDER]
+    assert found == sorted(found)
+    assert 0.3 < estimate(dam_break, AS_GIVEN) / costs("dam_break")[AS_GIVEN].dearest < 30.0
