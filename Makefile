@@ -37,6 +37,7 @@ bench: $(VENV)/dev
 	$(RUN) bench/scenes.py
 	$(RUN) bench/constants.py
 	$(RUN) bench/quality.py
+	$(RUN) bench/play.py
 
 $(VENV)/play: pyproject.toml constraints.txt
 	@test -n "$(PYTHON)" || { echo "M-SPH needs Python 3.10 to 3.13; none of $(PYTHONS) is one" >&2; exit 1; }

@@ -1,9 +1,11 @@
 """Speed beside error: one scene run for nobody, timed, and what its water did meanwhile."""
 
 import math
+import time
 from dataclasses import asdict, dataclass
 
 import numpy as np
+import psutil
 
 from msph.measure.timings import Timings, peak_memory
 from msph.scene.schema import Scene
@@ -124,16 +126,19 @@ class Played:
 
     Frames shown per second of wall-clock time, median and that of the slowest twentieth; simulated
     over wall-clock time (-); mean scale of the picture (-); particles at the end, by layer; mean
-    density error (-).
+    density error (-); start_seconds [s]: from the start of the process until all was ready for the
+    first frame.
     """
 
     scene: str
+    quality: str
     particles: list[int]
     frames_per_second: float
     slowest_frames_per_second: float
     simulated_per_wall: float
     picture_scale: float
     density_error_mean: float
+    start_seconds: float
 
     def as_dict(self) -> dict:
         return asdict(self)
@@ -142,6 +147,7 @@ class Played:
         """The cells of a printed table."""
         return {
             "scene": self.scene,
+            "quality": self.quality,
             "particles": "+".join(map(str, self.particles)),
             "shown frames/s": f"{self.frames_per_second:.0f}",
             "slowest 5 %": f"{self.slowest_frames_per_second:.0f}",
@@ -151,30 +157,36 @@ class Played:
         }
 
 
-def play_benchmark(scene: Scene, name: str, seconds: float, size: tuple[int, int]) -> Played:
-    """Plays a scene for `seconds` [s] of wall-clock time as a window of `size` would."""
+def play_benchmark(
+    scene: Scene, name: str, quality: str, seconds: float, size: tuple[int, int]
+) -> Played:
+    """Plays a scene for `seconds` [s] of wall-clock time as a window of `size` would; quality: what
+    it was loaded at."""
     show = Show(scene, 1.0 / scene.play.fps, size, timings=Timings(keep=1), stop_bodies=True)
     show.warm_up()
+    ready = time.time() - psutil.Process().create_time()
     player = HeadlessPlayer(seconds, scene.play.fps)
     run(show, player)
     walls = np.array(player.walls)
     return Played(
         scene=name,
+        quality=quality,
         particles=show.counts,
         frames_per_second=float(1.0 / np.median(walls)),
         slowest_frames_per_second=float(1.0 / np.percentile(walls, 95)),
         simulated_per_wall=sum(player.simulated) / float(walls.sum()),
         picture_scale=float(np.mean(player.scales)),
         density_error_mean=show.ledger.density_error()[0],
+        start_seconds=ready,
     )
 
 
 def profile_lines(profile_ms: dict[str, float]) -> list[str]:
     """The tree of stages, each indented below what it is part of: ms per frame, share of it."""
-    frame = sum(time for path, time in profile_ms.items() if "/" not in path)
+    frame = sum(spent for path, spent in profile_ms.items() if "/" not in path)
     lines = []
-    for path, time in profile_ms.items():
+    for path, spent in profile_ms.items():
         *above, name = path.split("/")
         label = "  " * (1 + len(above)) + name
-        lines.append(f"{label:28}{time:9.2f} ms{100 * time / frame:7.1f} %")
+        lines.append(f"{label:28}{spent:9.2f} ms{100 * spent / frame:7.1f} %")
     return lines

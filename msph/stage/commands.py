@@ -50,14 +50,14 @@ def play(scene, size, frames, overrides, arch, threads, quality) -> None:
         check_outputs(outputs, [], [], FALLBACK_FPS)
         start(arch, threads)
         # A capture need not keep up with the clock.
-        loaded, note = at(loaded, scene, AS_GIVEN if quality == AUTO else quality)
-        record(loaded, note, outputs, FALLBACK_SECONDS, FALLBACK_FPS, FALLBACK_SIZE, STILL_TIME)
+        loaded, quality = at(loaded, scene, AS_GIVEN if quality == AUTO else quality)
+        record(loaded, quality, outputs, FALLBACK_SECONDS, FALLBACK_FPS, FALLBACK_SIZE, STILL_TIME)
         return
     for key, meaning in KEYS:
         click.echo(f"  {key:18} {meaning}")
     try:
         window.tell(0.0, "measuring this machine")
-        loaded, _ = at(loaded, scene, quality, arch, bool(overrides))
+        loaded, window.quality = at(loaded, scene, quality, arch, bool(overrides))
         show = prepare(
             loaded,
             1.0 / loaded.play.fps,
@@ -83,9 +83,9 @@ def capture(
     outputs = list(outputs) or ([] if extra else [Path("out") / f"{Path(scene).stem}.mp4"])
     check_outputs(outputs, list(meshes), list(particles), fps)
     arch = start(arch, threads)
-    loaded, note = at(loaded, scene, quality, arch, bool(overrides))
+    loaded, quality = at(loaded, scene, quality, arch, bool(overrides))
     outputs += extra
-    record(loaded, note, outputs, seconds or loaded.duration, fps, size, resume=resume)
+    record(loaded, quality, outputs, seconds or loaded.duration, fps, size, resume=resume)
 
 
 def bench(
@@ -112,10 +112,10 @@ def bench(
     for name, scene in loaded:
         say(f"{name}: compiling kernels, then running")
         try:
-            scene, _ = at(scene, name, quality, arch, bool(overrides))
+            scene, step = at(scene, name, quality, arch, bool(overrides))
             duration = seconds or scene.duration
             if as_played:
-                rows.append(play_benchmark(scene, name, duration, size or PLAY_SIZE))
+                rows.append(play_benchmark(scene, name, step, duration, size or PLAY_SIZE))
             else:
                 rows.append(
                     benchmark(scene, name, duration, not no_render, size or BENCH_SIZE, profile)
@@ -146,8 +146,8 @@ def measure(scene, folder, seconds, every, overrides, arch, threads, quality) ->
     folder = folder or Path("out") / Path(scene).stem
     make_writable(folder / SCENE)
     arch = start(arch, threads)
-    loaded, note = at(loaded, scene, quality, arch, bool(overrides))
-    (folder / SCENE).write_text(to_toml(loaded, note), encoding="utf-8")
+    loaded, quality = at(loaded, scene, quality, arch, bool(overrides))
+    (folder / SCENE).write_text(to_toml(loaded, f"quality {quality}"), encoding="utf-8")
     measurer = Measurer(folder, loaded, scene, arch)
     try:
         show = prepare(loaded, loaded.measure.every, timings=Timings())
@@ -195,21 +195,17 @@ def ladder_lines(name: str) -> list[str]:
 def at(
     scene: Scene, name: str, quality: str, arch: str = "", changed: bool = False
 ) -> tuple[Scene, str]:
-    """The scene of that name at a quality, and a line that says which; for AUTO, Taichi must run on
-    arch. changed: whether it is another scene than the one of that name."""
-    asked = quality
+    """The scene of that name at a quality, and which it is; for AUTO, Taichi must run on arch.
+    changed: whether it is another scene than the one of that name."""
     if quality == AUTO:
         quality = choose(scene, "" if changed else name, machine_speed(arch))
-    found = at_quality(scene, quality, name)
-    note = f"quality {quality}" + (", chosen for this machine" if asked == AUTO else "")
-    if (asked, quality) != (AS_GIVEN, AS_GIVEN):
-        say(note)
-    return found, note
+        say(f"quality {quality}, chosen for this machine")
+    return at_quality(scene, quality, name), quality
 
 
 def record(
     scene: Scene,
-    note: str,
+    quality: str,
     outputs: list[Path],
     seconds: float,
     fps: float,
@@ -217,8 +213,8 @@ def record(
     still_time: float | None = None,
     resume: str | None = None,
 ) -> None:
-    """Runs a scene for the recorder; an interrupt ends the recording, not the files. note: a line
-    for the scene that is written beside them."""
+    """Runs a scene for the recorder; an interrupt ends the recording, not the files. quality: what
+    the scene is at."""
     pictures = any(p.suffix not in (*MESH, ".npz", ".csv") for p in outputs)
     meshes = any(p.suffix in MESH for p in outputs)
     show = prepare(scene, 1.0 / fps, size if pictures else None, meshes=meshes, density=False)
@@ -229,7 +225,7 @@ def record(
     # Never the name of a scene that somebody wrote: .scene.toml is ours.
     stem = NUMBER.sub("", outputs[0].stem).rstrip("_-") or "capture"
     beside = outputs[0].with_name(stem + ".scene.toml")
-    beside.write_text(to_toml(scene, note), encoding="utf-8")
+    beside.write_text(to_toml(scene, f"quality {quality}"), encoding="utf-8")
     try:
         run(show, recorder)
     except KeyboardInterrupt:

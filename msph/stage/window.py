@@ -21,7 +21,7 @@ from msph.stage.start_screen import StartScreen
 ORBIT_PER_WIDTH = math.radians(200.0)  # a drag across the whole window turns the view so far
 ORBIT_KEY_RATE = math.radians(70.0)  # [rad/s]
 ZOOM_KEY_RATE = 1.5  # [1/s], as the logarithm of the distance
-PANEL = (10.0, 10.0, 290.0, 155.0)  # left, top, width, height of the panel [pixels]
+PANEL = (10.0, 10.0, 290.0, 170.0)  # left, top, width, height of the panel [pixels]
 SETTINGS = Path("imgui.ini")  # where the panel's library leaves its state, unasked
 MARKER_RADIUS = 0.008  # of the marker under a pushing cursor, as a share of the window's height
 QUIT = ("q", ti.ui.ESCAPE)  # keys that close the window
@@ -89,6 +89,7 @@ class Window:
         self.cursor: Any = np.zeros(2)  # right, up, as shares of the window
         self.grab: np.ndarray | None = None
         self.pacer = Pacer(fps)
+        self.quality = ""  # what the scene is at, for the panel
         self.clock: float | None = None  # when the last frame had been shown [s]
         self.shown = math.inf  # what showing a frame takes at least [s]: beyond, it waits
         self.done = False
@@ -218,7 +219,9 @@ class Window:
             self.gui.text(f"{1.0 / pacer.wall:5.1f} frames/s")
             time_told = pace(pacer.pace, pacer.speed, self.paused)
             self.gui.text(f"time {show.simulation.time:6.2f} s  {time_told}")
-            self.gui.text(f"{sum(show.counts)} particles in {len(show.counts)} layers")
+            layers = len(show.counts)
+            self.gui.text(f"{sum(show.counts)} particles in {layers} layer{'s' * (layers > 1)}")
+            self.gui.text(f"quality {self.quality}")
             if show.ledger.entries:
                 entry = show.ledger.entries[-1]
                 self.gui.text(f"density error {100 * entry.density_error_mean:.2f} %")
