@@ -69,6 +69,11 @@ def test_scenes_lists_all_and_prints_one():
         (["measure", "pool", "-o", "/dev/null/here"], "/dev/null/here/scene.toml: "),
         (["measure", "pool", "--every", "0"], "measure.every: input should be greater than 0"),
         (["measure", "pool", "--seconds", "-1"], "duration: input should be greater than 0"),
+        (
+            ["bench", "pool", "--quality", "small", "--set", "variant=system-1"],
+            "pool: --quality: it has one quality, large: its water has an exact number",
+        ),
+        (["bench", "pool", "--quality", "best"], "'best' is not one of 'auto', 'small'"),
         (["scenes", "pol"], "did you mean 'pool'?"),
         (["swim"], "No such command 'swim'"),
     ],

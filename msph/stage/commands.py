@@ -105,14 +105,14 @@ def bench(
     names = scenes or tuple(shipped_scenes())
     if json_file:
         make_writable(json_file)
-    loaded = [(name, load_scene(name, overrides)) for name in names]
+    given = [(name, load_scene(name, overrides)) for name in names]
     arch = start(arch, threads)
+    loaded = [(name, *at(scene, name, quality, arch, bool(overrides))) for name, scene in given]
     rows: list[Result | Played] = []
     failed = False
-    for name, scene in loaded:
+    for name, scene, step in loaded:
         say(f"{name}: compiling kernels, then running")
         try:
-            scene, step = at(scene, name, quality, arch, bool(overrides))
             duration = seconds or scene.duration
             if as_played:
                 rows.append(play_benchmark(scene, name, step, duration, size or PLAY_SIZE))
@@ -199,7 +199,7 @@ def at(
     changed: whether it is another scene than the one of that name."""
     if quality == AUTO:
         quality = choose(scene, "" if changed else name, machine_speed(arch))
-        say(f"quality {quality}, chosen for this machine")
+        say(f"{name}: quality {quality}, chosen for this machine")
     return at_quality(scene, quality, name), quality
 
 
