@@ -47,7 +47,7 @@ def run(name: str, quality: Quality, smoothing: float | None = None) -> dict:
     """A run of a scene, with another support over spacing where one is given.
 
     Centres of mass (frames, 3) [m], energies [J], CPU and wall-clock time of each frame [s], most
-    particles, and the height of the water at rest in its box [m].
+    particles, the height of the water at rest in its box [m] and its weight [N].
     """
     from msph.measure.timings import Timings
     from msph.scene import load_scene
@@ -74,6 +74,7 @@ def run(name: str, quality: Quality, smoothing: float | None = None) -> dict:
         "wall": [frame["fluid"] for frame in show.timings.frames],
         "particles": max(counts),
         "height": entries[0].mass / (scene.density * length * width),
+        "weight": entries[0].mass * float(np.linalg.norm(scene.gravity)),
     }
 
 
@@ -89,8 +90,8 @@ def in_process(name: str, quality: Quality, arch: str, smoothing: float | None =
 
 def judged(found: dict, reference: dict) -> dict[str, float]:
     """Cost and error of a run beside the reference: particles; CPU and wall-clock seconds per
-    simulated second, means, and of its dearest half second; shares (-) of the error, see above, and
-    of the energy lost by the end."""
+    simulated second, means, and of its dearest half second; the error, see above, and the energy
+    lost by the end over weight times height (-)."""
     away = np.array(found["centre"]) - np.array(reference["centre"])
     window = np.ones(round(WINDOW / FRAME)) / WINDOW
     energy = found["energy"]
@@ -100,7 +101,7 @@ def judged(found: dict, reference: dict) -> dict[str, float]:
         "wall": sum(found["wall"]) / SECONDS,
         "dearest": float(np.convolve(found["wall"], window, "valid").max()),
         "error": float(np.sqrt((away**2).sum(axis=1).mean())) / found["height"],
-        "energy_left": energy[-1] / energy[0],
+        "energy_lost": (energy[0] - energy[-1]) / (found["weight"] * found["height"]),
     }
 
 
@@ -126,13 +127,13 @@ HEADS = (
     "wall s per s",
     "dearest half second",
     "error %",
-    "energy left %",
+    "energy lost %",
 )
 
 
 def cells(row: dict[str, float]) -> list[str]:
     """A run as a table prints it."""
-    shares = ("error", "energy_left")
+    shares = ("error", "energy_lost")
     return [
         f"{100 * v:.2f}" if k in shares else f"{v:,.0f}" if k == "particles" else f"{v:.3g}"
         for k, v in row.items()
