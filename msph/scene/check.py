@@ -133,8 +133,9 @@ def _check_memory(scene: Scene, specs: list[LayerSpec], where: str) -> None:
     count = capacity(scene)
     cell = scene.surface.cell * min(s.spacing for s in specs)
     needs = footprint(scene.box.size, specs, count, solver_parameters(scene))
-    needs["surface"] = Surface.bytes_needed(scene.box.size, cell) // WORD
-    needs["obstacles"] = numbers_needed(bodies(scene), specs)
+    solids = bodies(scene)
+    needs["surface"] = Surface.bytes_needed(scene.box.size, cell, count, bool(solids)) // WORD
+    needs["obstacles"] = numbers_needed(solids, specs)
     keys = {"cells": "box.size", "neighbours": "water", "particles": "water"}
     keys |= {"surface": "surface.cell", "obstacles": "obstacles"}
     largest = max(needs, key=lambda name: needs[name])

@@ -87,6 +87,7 @@ class Show:
             cell=s.cell * sim.layers.finest.spacing,
             iso=s.iso,
             smoothing=s.smoothing,
+            boundary=sim.boundary,
         )
 
     def _build_picture(self, size: tuple[int, int]) -> Picture:

@@ -13,6 +13,10 @@ iso: air. The same bound on the missing water 1 - c, again a sum of kernels over
 water, says: if all corners hold more than 1 - rho (1 - iso), no node inside falls below iso:
 deep. The first holds for any particles; the second assumes that water elsewhere is not packed
 denser than at rest. A margin covers the rim and ordinary noise of the density.
+Both allow for the shift of iso that sets the water's volume right (water_volume.py).
+
+Both bounds are of kernels of full reach. Where those of thin water (thin_water.py) are larger, it
+is band, whatever the samples say. So is what a body's surface crosses, unless it is air.
 """
 
 import math
@@ -21,13 +25,14 @@ import taichi as ti
 
 from msph.surface.lattice import BLOCK, Blocks, Lattice
 from msph.surface.sums import KernelSums
+from msph.surface.water_volume import MOST, least_shift
 from msph.taichi_internals import data_oriented, kernel
 
 AIR, BAND, DEEP = 0, 1, 2
 STRIDE = 2  # lattice intervals per sample
 RIM = 0.016
 # Part of the bounds used. The rest is for the rim and for noise of the density in deep water.
-MARGIN = 0.75
+MARGIN = 0.9
 
 
 def bound(spacing: tuple[float, float, float], reach: float) -> float:
@@ -45,16 +50,21 @@ class Band:
     """
 
     def __init__(self, lattice: Lattice, blocks: Blocks, sums: KernelSums, iso: float):
-        self.blocks, self.sums = blocks, sums
-        finest = float(sums.radii.min())
+        self.lattice, self.blocks, self.sums = lattice, blocks, sums
+        self.thin, self.bodies = sums.thin, sums.bodies
+        self.has_bodies = self.bodies is not None
+        finest = float(self.thin.radii.min())
         rho = bound(lattice.spacing, finest)
         if rho == 0.0:
             raise ValueError(
                 f"surface cells of {max(lattice.spacing):.4g} m are too coarse for a smoothing "
                 f"radius of {finest:.4g} m: use cells of at most {0.5 * finest:.4g} m"
             )
-        self.air_below = MARGIN * rho * iso
-        self.deep_above = 1.0 - MARGIN * rho * (1.0 - iso)
+        self.air_below = MARGIN * rho * (iso + least_shift(self.has_bodies))
+        self.deep_above = 1.0 - MARGIN * rho * (1.0 - iso - MOST)
+        # Half the diagonal of a sub-block, and its edges [m].
+        self.half = 0.5 * STRIDE * math.hypot(*lattice.spacing)
+        self.edges = STRIDE * ti.Vector(list(lattice.spacing))
         self.last_node = ti.math.ivec3(*(n - 1 for n in lattice.shape))
         self.shape = sample_shape(lattice.shape)
         self.last_sub = ti.math.ivec3(*(n - 2 for n in self.shape))
@@ -69,11 +79,12 @@ class Band:
     def find(self) -> None:
         """particles -> state, and the blocks' active flags and list."""
         self.sample()
-        self.classify()
+        self.classify(self.thin.particles.count)
 
     def everywhere(self) -> None:
         """Evaluate all of the box: the plain way, to compare with."""
         self.state.fill(BAND)
+        self.thin.find_all(self.thin.particles.count)
         self.blocks.activate_all()
 
     @kernel
@@ -88,14 +99,17 @@ class Band:
             k = ti.math.ivec4(0)
             for m in ti.static(range(4)):
                 k[m] = ti.math.clamp(STRIDE * (c + m), 1, self.last_node[2] - 1)
-            found = self.sums.at_run(i, j, k)[0]
+            beside = self.sums.beside_bodies(i, j, k)
+            found = self.sums.at_run(i, j, k, beside, True)[0]
             for m in ti.static(range(4)):
                 if c + m < nz:
                     self.sampled[a, b, c + m] = found[m]
 
     @kernel
-    def classify(self):
-        """sampled -> state, active blocks -> list of needed blocks."""
+    def classify(self, n: ti.i32):
+        """sampled -> state; kernels of the n particles, and all that is thin is band; active blocks
+        -> list of needed blocks."""
+        self.thin.volume[None] = 0.0
         self.blocks.count[0] = 0
         for number in range(self.blocks.total):
             block = self.blocks.place(number)
@@ -106,9 +120,32 @@ class Band:
                 self.state[sub] = state
                 active |= ti.cast(state == BAND or (state == DEEP and self.at_wall(sub)), ti.i32)
             self.blocks.active[block] = active
+        for p in range(n):
+            x = self.thin.particles.x[p]
+            sub = ti.math.clamp(self.sub_block(x), 0, self.last_sub)
+            larger = self.thin.find(p, self.state[sub] == DEEP)
+            if larger > 0.0:
+                self.mark(x, larger)
         for number in range(self.blocks.total):
             block = self.blocks.place(number)
             self.blocks.note_need(block[0], block[1], block[2])
+
+    @ti.func
+    def sub_block(self, x):
+        """The sub-block that holds x [m]; the first begins at the ghosts, one interval before the
+        wall."""
+        return ti.floor(x / self.edges + 0.5, ti.i32)
+
+    @ti.func
+    def mark(self, x, r):
+        """All sub-blocks within a cube round x, of half edge r [m], are band."""
+        lo, hi = ti.max(self.sub_block(x - r), 0), ti.min(self.sub_block(x + r), self.last_sub)
+        for a in range(lo[0], hi[0] + 1):
+            for b in range(lo[1], hi[1] + 1):
+                for c in range(lo[2], hi[2] + 1):
+                    if self.state[a, b, c] != BAND:
+                        self.state[a, b, c] = BAND
+                        self.blocks.active[a // 2, b // 2, c // 2] = 1
 
     @ti.func
     def at_wall(self, sub):
@@ -128,6 +165,13 @@ class Band:
                 state = DEEP
             elif most > self.air_below:
                 state = BAND
+            if ti.static(self.has_bodies):
+                if state != AIR:
+                    near = self.bodies.clearance(self.lattice.point(*(STRIDE * sub + 1)))
+                    if near < -self.half:
+                        state = AIR
+                    elif near < self.half:
+                        state = BAND
         return state
 
 

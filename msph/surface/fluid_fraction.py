@@ -7,6 +7,7 @@ is taken as the product of (1 - lambda) over its walls, exact where walls are op
 """
 
 import numpy as np
+import taichi as ti
 
 SLOPE = 315.0 / 256.0
 POLY6 = 315.0 / (64.0 * np.pi)
@@ -16,6 +17,15 @@ def missing(t: np.ndarray) -> np.ndarray:
     """lambda(t), the part of poly6 beyond a plane at distance t h; t >= 0."""
     t = np.clip(t, 0.0, 1.0)
     return 0.5 - SLOPE * (t - 4 / 3 * t**3 + 6 / 5 * t**5 - 4 / 7 * t**7 + t**9 / 9)
+
+
+@ti.func
+def share_behind(t):
+    """missing(t) in kernels."""
+    t = ti.math.clamp(t, 0.0, 1.0)
+    q = t * t
+    inner = 1.0 + q * (-4.0 / 3.0 + q * (1.2 + q * (-4.0 / 7.0 + q / 9.0)))
+    return 0.5 - SLOPE * t * inner
 
 
 def missing_slope(t: np.ndarray) -> np.ndarray:

@@ -20,6 +20,7 @@ RUNS = BLOCK * BLOCK  # z-runs of 4 nodes per block
 INSET = 2.0**-10
 
 
+@data_oriented
 class Lattice:
     """Coordinates [m] of the nodes along each axis.
 
@@ -54,6 +55,11 @@ class Lattice:
     def shape_in_box(size, cell: float) -> tuple[int, int, int]:
         nx, ny, nz = (intervals(length, cell) + 3 for length in size)
         return nx, ny, nz
+
+    @ti.func
+    def point(self, i, j, k):
+        """The node's place [m]."""
+        return ti.math.vec3(self.coordinate[0, i], self.coordinate[1, j], self.coordinate[2, k])
 
     @property
     def spacing(self) -> tuple[float, float, float]:

@@ -104,11 +104,9 @@ class MarchingCubes:
             f0, f1 = self.value[node], self.value[far]
             t = ti.math.clamp(f0 / (f0 - f1), END_GAP, 1.0 - END_GAP)
             n = -ti.math.mix(self.gradient[node], self.gradient[far], t)
-            if ti.static(self.lattice.walled):
-                if node[axis] == 0:
-                    t, n = 0.5, -vec3(ti.Vector.unit(3, axis, ti.f32))
-                elif far[axis] == self.shape[axis] - 1:
-                    t, n = 0.5, vec3(ti.Vector.unit(3, axis, ti.f32))
+            if self.at_wall(node, far):
+                outwards = ti.select(node[axis] == 0, -1.0, 1.0)
+                t, n = 0.5, outwards * vec3(ti.Vector.unit(3, axis, ti.f32))
             x = vec3(0.0)
             for a in ti.static(range(3)):
                 x[a] = self.lattice.coordinate[a, node[a]]
@@ -119,14 +117,38 @@ class MarchingCubes:
             self.mesh.normals[slot] = n.normalized()
 
     @ti.func
-    def case_of(self, cell):
-        """Sign bits of a cell's eight corners; 0 outside the lattice."""
-        case = 0
-        if self.inside_lattice(cell + 1):
-            for c in ti.static(range(8)):
-                corner = cell + ti.Vector([c & 1, c >> 1 & 1, c >> 2])
-                case |= ti.cast(self.value[corner] > 0.0, ti.i32) << c
-        return case
+    def at_wall(self, node, far):
+        """Whether an edge ends at a ghost behind a wall: the mesh then meets it halfway."""
+        found = False
+        if ti.static(self.lattice.walled):
+            # A ghost is the first or last of an axis along which the edge's ends differ.
+            for a in ti.static(range(3)):
+                ghost = node[a] == 0 or far[a] == self.shape[a] - 1
+                found = found or (far[a] > node[a] and ghost)
+        return found
+
+    @ti.func
+    def cases_of(self, first):
+        """Sign bits of the eight corners of the four cells of a run, 8 bits each; 0 outside the
+        lattice."""
+        cases = 0
+        if first[0] + 1 < self.shape[0] and first[1] + 1 < self.shape[1]:
+            for column in range(4):
+                i, j = first[0] + (column & 1), first[1] + (column >> 1)
+                below = 0
+                for k in range(BLOCK + 1):
+                    inside = 0
+                    if first[2] + k < self.shape[2]:
+                        inside = ti.cast(self.value[i, j, first[2] + k] > 0.0, ti.i32)
+                    # A node is a lower corner of its cell and an upper one of the cell below.
+                    if k > 0:
+                        cases |= (below | inside << 4) << (column + 8 * (k - 1))
+                    below = inside
+            # Cells beyond the last nodes are none.
+            left = ti.math.clamp(self.shape[2] - 1 - first[2], 0, BLOCK)
+            if left < BLOCK:
+                cases &= (1 << (8 * left)) - 1
+        return cases
 
     @ti.func
     def triangle(self, cell, case, t):
@@ -145,10 +167,9 @@ class MarchingCubes:
             first, need = self.blocks.run(q)
             cases, n = 0, 0
             if need & 1 != 0:
+                cases = self.cases_of(first)
                 for k in range(BLOCK):
-                    case = self.case_of(first + ti.Vector([0, 0, k]))
-                    cases |= case << (8 * k)
-                    n += self.triangle_count[case]
+                    n += self.triangle_count[cases >> (8 * k) & 255]
             if n > 0:
                 ti.atomic_add(self.mesh.counts[3], n)
                 if self.mesh.counts[2] > self.mesh.max_vertices:

@@ -2,12 +2,17 @@
 
 import math
 
+from msph.fluid.boundary.boundary import Boundary
 from msph.surface.band import Band
+from msph.surface.bodies import Bodies
 from msph.surface.coverage import Coverage
+from msph.surface.fluid_fraction import SLOPE
 from msph.surface.lattice import Blocks, Lattice
 from msph.surface.marching_cubes import MarchingCubes
 from msph.surface.mesh import SurfaceMesh
 from msph.surface.sums import KernelSums
+from msph.surface.thin_water import ThinWater
+from msph.surface.water_volume import WaterVolume
 
 # Lattice faces of the box's hull times this are the vertices provided for: 1 for the walls and
 # still water, the rest for waves, drops and bubbles.
@@ -29,7 +34,8 @@ class Surface:
 
     size (Lx, Ly, Lz) [m], min corner the origin; cell: wanted spacing of the surface lattice [m];
     iso: coverage at the surface (-); smoothing: kernel radius over the layer's support h, >= 1.
-    grid must be sorted (grid.build) before extract().
+    boundary: the bodies, on which the surface ends. The grid must be sorted (grid.build) before
+    extract().
     """
 
     def __init__(
@@ -42,6 +48,7 @@ class Surface:
         cell: float,
         iso: float = 0.5,
         smoothing: float = 1.0,
+        boundary: Boundary | None = None,
         max_vertices: int | None = None,
         max_triangles: int | None = None,
     ):
@@ -55,12 +62,20 @@ class Surface:
         self.blocks = Blocks(lattice)
         self.mesh = SurfaceMesh(max_vertices or default[0], max_triangles or default[1])
         self.cubes = MarchingCubes(lattice, self.blocks, self.mesh)
-        sums = KernelSums(lattice, size, layers, grid, particles, smoothing)
+        # Beside a plane coverage falls by SLOPE/r; where kernels differ, as in the finest layer.
+        slope = SLOPE / (smoothing * layers.finest.support)
+        bodies = Bodies(boundary, slope) if boundary is not None and boundary.count else None
+        thin = ThinWater(size, layers, grid, particles, bodies, smoothing)
+        sums = KernelSums(lattice, size, layers, grid, thin, bodies)
         self.coverage = Coverage(lattice, self.blocks, sums, iso)
+        self.water = WaterVolume(self.blocks, self.cubes, thin, self.coverage.cut)
 
     @staticmethod
-    def bytes_needed(size: tuple[float, float, float], cell: float) -> int:
-        """Device memory of a Surface with default capacities, before allocating it [bytes].
+    def bytes_needed(
+        size: tuple[float, float, float], cell: float, particles: int, bodies: bool
+    ) -> int:
+        """Device memory of a Surface with default capacities, before allocating it [bytes], for so
+        many particles, with bodies in the water or without.
 
         Tables per layer and axis, a few kilobytes, are not counted.
         """
@@ -70,12 +85,15 @@ class Surface:
             + Band.bytes_needed(shape)
             + MarchingCubes.bytes_needed(shape)
             + SurfaceMesh.bytes_needed(*mesh_capacity(shape))
+            + ThinWater.bytes_needed(particles)
+            + Coverage.bytes_needed(shape, bodies)
         )
 
     def extract(self, everywhere: bool = False) -> None:
-        """particles -> mesh: five launches, nothing read back.
+        """particles -> mesh: seven launches, nothing read back.
 
         everywhere: evaluate all of the box, for comparison. It gives the same mesh.
         """
         self.coverage.run(self.cubes.value, self.cubes.gradient, everywhere)
+        self.water.set_right()
         self.cubes.run()

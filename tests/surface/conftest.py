@@ -1,6 +1,9 @@
+import numpy as np
 import pytest
-from surface_kit import Cubes, Water, make_water
+import trimesh
+from surface_kit import SIZE, Cubes, Water, make_water
 
+from msph.fluid.boundary.rigid_bodies import Ball, Block, Solid
 from msph.surface.lattice import Lattice
 
 
@@ -24,3 +27,15 @@ def water() -> Water:
 @pytest.fixture(scope="session")
 def smooth_water() -> Water:
     return make_water(smoothing=1.4)
+
+
+@pytest.fixture(scope="session")
+def held_water() -> Water:
+    """A mesh container of almost the box's size, with a ball and a block in it."""
+    egg = trimesh.creation.icosphere(subdivisions=3)
+    container = Solid(
+        np.array(SIZE) * (0.5 + 0.48 * np.array(egg.vertices)), np.array(egg.faces), container=True
+    )
+    ball = Ball(np.array((0.22, 0.2, 0.2)), 0.07)
+    block = Block(np.array((0.36, 0.05, 0.14)), np.array((0.44, 0.4, 0.24)))
+    return make_water(bodies=[container, ball, block])

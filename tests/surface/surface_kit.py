@@ -4,7 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import trimesh
+from scipy.spatial import cKDTree
 
+from msph.fluid.boundary.boundary import Boundary
+from msph.fluid.boundary.rigid_bodies import Body
 from msph.fluid.particles.grid import LayeredGrid
 from msph.fluid.particles.layers import Layers, LayerSpec
 from msph.fluid.particles.particles import Particles
@@ -33,17 +36,20 @@ def assert_closed(mesh: SurfaceMesh) -> None:
     assert mesh.overflowed() is None
 
 
-def triangle_set(mesh: SurfaceMesh) -> np.ndarray:
-    """Triangles by the positions of their corners, in an order of their own."""
-    vertices, _, triangles = mesh.to_numpy()
-    order = np.lexsort(vertices.T)
-    rank = np.empty(len(order), dtype=np.int64)
-    rank[order] = np.arange(len(order))
-    ranked = rank[triangles]
-    first = ranked.argmin(axis=1)[:, None]
-    turned = np.take_along_axis(ranked, (first + np.arange(3)) % 3, axis=1)
-    turned = turned[np.lexsort(turned.T)]
-    return vertices[order][turned]
+def middles(mesh: SurfaceMesh) -> np.ndarray:
+    """Where the triangles are (t, 3) [m], in the order in which they were made."""
+    return mesh.corners().mean(axis=1)
+
+
+def assert_same(first: np.ndarray, again: np.ndarray) -> None:
+    """Two meshes of the same water, by their middles: equal to rounding, in any order.
+
+    Threads bin particles and add volumes in any order.
+    """
+    distance, partner = cKDTree(first).query(again)
+    assert len(first) == len(again)
+    assert distance.max() < 1e-4 * FINE
+    assert len(np.unique(partner)) == len(first)
 
 
 class Cubes:
@@ -83,6 +89,12 @@ class Water:
     particles: Particles
     grid: LayeredGrid
     surface: Surface
+    boundary: Boundary
+
+    @property
+    def volume(self) -> float:
+        """Of all particles [m^3]."""
+        return float(self.layers.volume.to_numpy()[self.particles.numpy("layer")].sum())
 
     def fill(self, x: np.ndarray, layer: np.ndarray | int = 0) -> None:
         x = np.asarray(x, dtype=np.float32).reshape(-1, 3)
@@ -95,12 +107,15 @@ class Water:
         return self.surface.mesh
 
 
-def make_water(smoothing: float = 1.0) -> Water:
+def make_water(smoothing: float = 1.0, bodies: list[Body] | None = None) -> Water:
     layers = Layers([LayerSpec(1000.0 * d**3, 1000.0, 2.0) for d in (FINE, COARSE)])
+    boundary = Boundary(SIZE, layers.specs, bodies)
     particles = Particles(6000)
     grid = LayeredGrid(SIZE, layers, particles)
-    surface = Surface(SIZE, layers, grid, particles, cell=CELL, smoothing=smoothing)
-    return Water(layers, particles, grid, surface)
+    surface = Surface(
+        SIZE, layers, grid, particles, cell=CELL, smoothing=smoothing, boundary=boundary
+    )
+    return Water(layers, particles, grid, surface, boundary)
 
 
 def packed(low, high, d: float, jitter: float = 0.0, seed: int = 0) -> np.ndarray:

@@ -1,9 +1,11 @@
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from surface_kit import COARSE, FINE, SIZE, packed
 
 from msph.surface.band import RIM, STRIDE, Band, bound
-from msph.surface.fluid_fraction import POLY6, fluid_fraction
+from msph.surface.fluid_fraction import fluid_fraction
 
 
 def field(water):
@@ -13,6 +15,7 @@ def field(water):
     real = tuple(slice(1, n - 1) for n in shape)
     axes = [a[1:-1].astype(np.float64) for a in water.surface.lattice.axes]
     value = cubes.value.to_numpy()[real] + water.surface.coverage.iso
+    value += water.surface.water.shift[None]
     return value, cubes.gradient.to_numpy()[real], axes
 
 
@@ -20,19 +23,15 @@ def brute_force(water):
     """The formula in sums.py in f64, as a function of a point."""
     positions = water.particles.numpy("x").astype(np.float64)
     layer = water.particles.numpy("layer")
-    parts = [
-        (positions[layer == number], r, volume * POLY6 / r**3)
-        for number, (r, volume) in enumerate(
-            zip(water.surface.coverage.sums.radii, water.layers.volume.to_numpy(), strict=True)
-        )
-    ]
+    thin = water.surface.coverage.thin
+    per_r2, weight = thin.kernel.to_numpy()[: len(positions)].astype(np.float64).T
 
     def coverage(x: np.ndarray) -> float:
+        u = np.maximum(1.0 - ((positions - x) ** 2).sum(axis=1) * per_r2, 0.0)
         total = 0.0
-        for points, r, weight in parts:
-            u = np.maximum(1.0 - ((points - x) ** 2).sum(axis=1) / r**2, 0.0)
+        for number, r in enumerate(thin.radii):
             fraction = np.prod([fluid_fraction(x[a], SIZE[a], r)[0] for a in range(3)])
-            total += weight * (u**3).sum() / fraction
+            total += (weight * u**3)[layer == number].sum() / fraction
         return total
 
     return coverage
@@ -92,8 +91,7 @@ def test_bound_holds_for_single_particles(spacing):
 
 
 def test_too_coarse_cells_are_refused(water):
-    class Sums:
-        radii = np.array([0.5 * max(water.surface.lattice.spacing)])
-
+    thin = SimpleNamespace(radii=np.array([0.5 * max(water.surface.lattice.spacing)]))
+    sums = SimpleNamespace(thin=thin, bodies=None)
     with pytest.raises(ValueError, match="too coarse"):
-        Band(water.surface.lattice, water.surface.blocks, Sums(), 0.5)
+        Band(water.surface.lattice, water.surface.blocks, sums, 0.5)

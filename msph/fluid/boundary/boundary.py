@@ -227,7 +227,7 @@ class Boundary:
         free, slope, closing = 1.0, vec3(0.0), 0.0
         h = self.support[layer]
         for b in range(self.count):
-            part = self.body_share(b, x, layer, h)
+            part = self.body_share(b, x, layer, h, BEGIN)
             g = part.yzw
             closing *= 1.0 - part.x
             if ti.static(self.moving):
@@ -240,9 +240,21 @@ class Boundary:
             return vec4(1.0 - free, -slope[0], -slope[1], -slope[2])
 
     @ti.func
-    def body_share(self, b, x, layer, h):
+    def open_share(self, x, layer, pose):
+        """The part (-) of a layer's kernel round x [m] that lies outside of all bodies, the product
+        of 1 - lambda_b, and its gradient [1/m]."""
+        free, slope = 1.0, vec3(0.0)
+        h = self.support[layer]
+        for b in range(self.count):
+            part = self.body_share(b, x, layer, h, pose)
+            slope = slope * (1.0 - part.x) - free * part.yzw
+            free *= 1.0 - part.x
+        return vec4(free, slope[0], slope[1], slope[2])
+
+    @ti.func
+    def body_share(self, b, x, layer, h, pose):
         """lambda (-) of one body and its gradient [1/m]; zero where the body is out of reach."""
-        p = self.inside(b, x, BEGIN)
+        p = self.inside(b, x, pose)
         found = vec4(0.0)
         kind = self.kind[b]
         if ti.static(Block in self.kinds):
@@ -256,7 +268,7 @@ class Boundary:
         if ti.static(Solid in self.kinds):
             if kind == SOLID:
                 found = self.mesh_share(b, p, layer, h)
-        g = self.turn[b, BEGIN] @ found.yzw
+        g = self.turn[b, pose] @ found.yzw
         return vec4(found.x, g[0], g[1], g[2])
 
     @ti.func

@@ -1,0 +1,68 @@
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+from surface_kit import FINE, SIZE, as_trimesh, assert_closed, packed
+
+VOLUME = FINE**3
+
+
+def apart(seed: int) -> np.ndarray:
+    """Particles five spacings from each other and more, each at its own place within a cell."""
+    rng = np.random.default_rng(seed)
+    x = packed((0.06, 0.06, 0.06), np.array(SIZE) - 0.06, 6 * FINE)
+    return x + rng.uniform(-0.5, 0.5, x.shape) * FINE
+
+
+def test_lone_particles_are_drops_of_their_volume(water):
+    """Each is drawn, wherever it lies within a cell; volumes are right in the mean."""
+    found = []
+    for seed in range(4):
+        x = apart(seed)
+        water.fill(x)
+        mesh = water.mesh()
+        assert_closed(mesh)
+        drops = as_trimesh(mesh).split()
+        assert len(drops) == len(x)
+        centres = [drop.center_mass for drop in drops]
+        assert cKDTree(x).query(centres)[0].max() < 0.25 * FINE
+        found += [drop.volume / VOLUME for drop in drops]
+    assert np.mean(found) == pytest.approx(1.0, abs=0.03)
+    assert np.std(found) < 0.35
+
+
+@pytest.mark.parametrize("height", np.array([0.2, 0.2075, 0.2142]))
+def test_a_sheet_of_single_particles_has_their_volume_and_no_hole(water, height):
+    x = packed((0, 0, 0), (SIZE[0], FINE, SIZE[2]), FINE, 0.05)
+    x[:, 1] += height
+    water.fill(x)
+    mesh = water.mesh()
+    assert_closed(mesh)
+    assert as_trimesh(mesh).euler_number == 2
+    assert mesh.volume() == pytest.approx(water.volume, rel=0.01)
+    assert abs(water.surface.water.shift[None]) < 0.06
+
+
+def test_a_particle_that_leaves_the_water_is_drawn_continuously(water):
+    """No step of a tenth of a spacing moves the mesh by more than a spacing, nor loses water."""
+    pool = packed((0, 0, 0), (SIZE[0], 0.15, SIZE[2]), FINE)
+    last = None
+    for rise in np.arange(0.0, 4.0, 0.1):
+        leaving = [[0.31, 0.15 + (rise - 0.5) * FINE, 0.19]]
+        water.fill(np.concatenate([pool, leaving]))
+        mesh = water.mesh()
+        assert mesh.volume() == pytest.approx(water.volume, abs=0.5 * VOLUME)
+        vertices = mesh.to_numpy()[0]
+        if last is not None:
+            ways = cKDTree(last).query(vertices)[0], cKDTree(vertices).query(last)[0]
+            assert max(way.max() for way in ways) < FINE
+        last = vertices
+    assert vertices[:, 1].max() > 0.15 + 3.5 * FINE
+
+
+def test_still_water_keeps_the_kernels_of_full_reach(water):
+    """Where water is not thin it is drawn as smooth as the widest kernels draw it."""
+    water.fill(packed((0, 0, 0), (SIZE[0], 0.3, SIZE[2]), FINE, 0.05))
+    water.mesh()
+    thin = water.surface.coverage.thin
+    per_r2 = thin.kernel.to_numpy()[: water.particles.count, 0]
+    assert np.allclose(per_r2, 1.0 / thin.radii[0] ** 2, rtol=1e-5)
