@@ -25,7 +25,7 @@ import taichi as ti
 
 from msph.surface.lattice import BLOCK, Blocks, Lattice
 from msph.surface.sums import KernelSums
-from msph.surface.water_volume import MOST, least_shift
+from msph.surface.water_volume import shift_bounds
 from msph.taichi_internals import data_oriented, kernel
 
 AIR, BAND, DEEP = 0, 1, 2
@@ -60,8 +60,9 @@ class Band:
                 f"surface cells of {max(lattice.spacing):.4g} m are too coarse for a smoothing "
                 f"radius of {finest:.4g} m: use cells of at most {0.5 * finest:.4g} m"
             )
-        self.air_below = MARGIN * rho * (iso + least_shift(self.has_bodies))
-        self.deep_above = 1.0 - MARGIN * rho * (1.0 - iso - MOST)
+        least, most = shift_bounds(self.has_bodies, iso)
+        self.air_below = MARGIN * rho * (iso + least)
+        self.deep_above = 1.0 - MARGIN * rho * (1.0 - iso - most)
         # Half the diagonal of a sub-block, and its edges [m].
         self.half = 0.5 * STRIDE * math.hypot(*lattice.spacing)
         self.edges = STRIDE * ti.Vector(list(lattice.spacing))

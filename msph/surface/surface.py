@@ -68,7 +68,7 @@ class Surface:
         thin = ThinWater(size, layers, grid, particles, bodies, smoothing)
         sums = KernelSums(lattice, size, layers, grid, thin, bodies)
         self.coverage = Coverage(lattice, self.blocks, sums, iso)
-        self.water = WaterVolume(self.blocks, self.cubes, thin, self.coverage.cut)
+        self.water = WaterVolume(self.blocks, self.cubes, thin, self.coverage.cut, iso)
 
     @staticmethod
     def bytes_needed(

@@ -36,8 +36,10 @@ FAR = 0.08
 TINY = 1e-6
 
 
-def least_shift(has_bodies: bool) -> float:
-    return LEAST_AT_BODIES if has_bodies else LEAST
+def shift_bounds(has_bodies: bool, iso: float) -> tuple[float, float]:
+    """Least and largest shift (-): half of the way from iso to 0 or 1 at most."""
+    least = LEAST_AT_BODIES if has_bodies else LEAST
+    return max(least, -0.5 * iso), min(MOST, 0.5 * (1.0 - iso))
 
 
 @data_oriented
@@ -47,10 +49,10 @@ class WaterVolume:
     cut: what bodies impose on f, None without bodies.
     """
 
-    def __init__(self, blocks: Blocks, cubes: MarchingCubes, thin: ThinWater, cut):
+    def __init__(self, blocks: Blocks, cubes: MarchingCubes, thin: ThinWater, cut, iso: float):
         self.blocks, self.cubes, self.thin, self.cut = blocks, cubes, thin, cut
         self.lattice, self.has_bodies = cubes.lattice, cut is not None
-        self.least = least_shift(self.has_bodies)
+        self.least, self.most = shift_bounds(self.has_bodies, iso)
         self.enclosed, self.change = ti.field(ti.f32, shape=()), ti.field(ti.f32, shape=())
         self.step, self.shift = ti.field(ti.f32, shape=()), ti.field(ti.f32, shape=())
 
@@ -101,7 +103,7 @@ class WaterVolume:
         """Newton's step, as far as the shift stays within its bounds."""
         rest, before = self.thin.volume[None], self.shift[None]
         step = (self.enclosed[None] - rest) / ti.max(self.change[None], TINY * rest)
-        self.shift[None] = ti.math.clamp(before + step, self.least, MOST)
+        self.shift[None] = ti.math.clamp(before + step, self.least, self.most)
         self.step[None] = self.shift[None] - before
 
     @ti.func
