@@ -187,9 +187,6 @@ class Surface(Section):
     cell: float = parameter(
         0.75, ge=0.2, le=2.0, text="edge of a cell, in spacings of the finest layer"
     )
-    iso: float = parameter(
-        0.5, gt=0.0, lt=1.0, text="coverage at the surface, before its volume is set right"
-    )
     smoothing: float = parameter(
         1.0, ge=1.0, le=3.0, text="radius of the surface's kernel, in supports h"
     )

@@ -85,7 +85,6 @@ class Show:
             sim.grid,
             sim.particles,
             cell=s.cell * sim.layers.finest.spacing,
-            iso=s.iso,
             smoothing=s.smoothing,
             boundary=sim.boundary,
         )

@@ -23,6 +23,7 @@ import math
 
 import taichi as ti
 
+from msph.surface.fluid_fraction import ISO
 from msph.surface.lattice import BLOCK, Blocks, Lattice
 from msph.surface.sums import KernelSums
 from msph.surface.water_volume import shift_bounds
@@ -49,7 +50,7 @@ class Band:
     state (2 bx, 2 by, 2 bz) i32: AIR, BAND or DEEP per 2^3 cells, AIR outside the lattice.
     """
 
-    def __init__(self, lattice: Lattice, blocks: Blocks, sums: KernelSums, iso: float):
+    def __init__(self, lattice: Lattice, blocks: Blocks, sums: KernelSums):
         self.lattice, self.blocks, self.sums = lattice, blocks, sums
         self.thin, self.bodies = sums.thin, sums.bodies
         self.has_bodies = self.bodies is not None
@@ -60,9 +61,9 @@ class Band:
                 f"surface cells of {max(lattice.spacing):.4g} m are too coarse for a smoothing "
                 f"radius of {finest:.4g} m: use cells of at most {0.5 * finest:.4g} m"
             )
-        least, most = shift_bounds(self.has_bodies, iso)
-        self.air_below = MARGIN * rho * (iso + least)
-        self.deep_above = 1.0 - MARGIN * rho * (1.0 - iso - most)
+        least, most = shift_bounds(self.has_bodies)
+        self.air_below = MARGIN * rho * (ISO + least)
+        self.deep_above = 1.0 - MARGIN * rho * (1.0 - ISO - most)
         # Half the diagonal of a sub-block, and its edges [m].
         self.half = 0.5 * STRIDE * math.hypot(*lattice.spacing)
         self.edges = STRIDE * ti.Vector(list(lattice.spacing))

@@ -6,6 +6,7 @@ import math
 import taichi as ti
 
 from msph.surface.band import AIR, BAND, Band
+from msph.surface.fluid_fraction import ISO
 from msph.surface.lattice import BLOCK, RUNS, Blocks, Lattice
 from msph.surface.sums import KernelSums
 from msph.taichi_internals import data_oriented, kernel
@@ -25,12 +26,12 @@ class Coverage:
     where no body cuts; None without bodies.
     """
 
-    def __init__(self, lattice: Lattice, blocks: Blocks, sums: KernelSums, iso: float):
-        self.lattice, self.blocks, self.sums, self.iso = lattice, blocks, sums, iso
+    def __init__(self, lattice: Lattice, blocks: Blocks, sums: KernelSums):
+        self.lattice, self.blocks, self.sums = lattice, blocks, sums
         self.thin, self.bodies = sums.thin, sums.bodies
         self.has_bodies = self.bodies is not None
         self.last = ti.math.ivec3(*(n - 1 for n in lattice.shape))
-        self.band = Band(lattice, blocks, sums, iso)
+        self.band = Band(lattice, blocks, sums)
         self.cut = ti.field(ti.f32, shape=lattice.padded) if self.has_bodies else None
 
     @staticmethod
@@ -73,7 +74,7 @@ class Coverage:
                 elif state == BAND:
                     beside = self.sums.beside_bodies(i, j, k)
                     c, gx, gy, gz = self.sums.at_run(i, j, k, beside, False)
-                    f = c - self.iso
+                    f = c - ISO
                     for m in ti.static(range(BLOCK)):
                         gradient[i, j, k[m]] = vec3(gx[m], gy[m], gz[m])
                     if ti.static(self.has_bodies):

@@ -9,6 +9,8 @@ is taken as the product of (1 - lambda) over its walls, exact where walls are op
 import numpy as np
 import taichi as ti
 
+# Coverage (-) at the surface before the volume is set right: that of a plane of deep water.
+ISO = 0.5
 SLOPE = 315.0 / 256.0
 POLY6 = 315.0 / (64.0 * np.pi)
 

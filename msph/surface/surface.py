@@ -33,7 +33,7 @@ class Surface:
     """Closed triangle mesh of the water in a box, its walls flat.
 
     size (Lx, Ly, Lz) [m], min corner the origin; cell: wanted spacing of the surface lattice [m];
-    iso: coverage at the surface (-); smoothing: kernel radius over the layer's support h, >= 1.
+    smoothing: kernel radius over the layer's support h, >= 1.
     boundary: the bodies, on which the surface ends. The grid must be sorted (grid.build) before
     extract().
     """
@@ -46,7 +46,6 @@ class Surface:
         particles,
         *,
         cell: float,
-        iso: float = 0.5,
         smoothing: float = 1.0,
         boundary: Boundary | None = None,
         max_vertices: int | None = None,
@@ -54,8 +53,6 @@ class Surface:
     ):
         if smoothing < 1.0:
             raise ValueError(f"surface smoothing is {smoothing}, must be at least 1")
-        if not 0.0 < iso < 1.0:
-            raise ValueError(f"surface iso-value is {iso}, must lie between 0 and 1")
         lattice = Lattice.in_box(size, cell)
         default = mesh_capacity(lattice.shape)
         self.lattice = lattice
@@ -67,8 +64,8 @@ class Surface:
         bodies = Bodies(boundary, slope) if boundary is not None and boundary.count else None
         thin = ThinWater(size, layers, grid, particles, bodies, smoothing)
         sums = KernelSums(lattice, size, layers, grid, thin, bodies)
-        self.coverage = Coverage(lattice, self.blocks, sums, iso)
-        self.water = WaterVolume(self.blocks, self.cubes, thin, self.coverage.cut, iso)
+        self.coverage = Coverage(lattice, self.blocks, sums)
+        self.water = WaterVolume(self.blocks, self.cubes, thin, self.coverage.cut)
 
     @staticmethod
     def bytes_needed(

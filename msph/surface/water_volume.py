@@ -36,10 +36,9 @@ FAR = 0.08
 TINY = 1e-6
 
 
-def shift_bounds(has_bodies: bool, iso: float) -> tuple[float, float]:
-    """Least and largest shift (-): half of the way from iso to 0 or 1 at most."""
-    least = LEAST_AT_BODIES if has_bodies else LEAST
-    return max(least, -0.5 * iso), min(MOST, 0.5 * (1.0 - iso))
+def shift_bounds(has_bodies: bool) -> tuple[float, float]:
+    """Least and largest shift (-)."""
+    return (LEAST_AT_BODIES if has_bodies else LEAST), MOST
 
 
 @data_oriented
@@ -49,10 +48,10 @@ class WaterVolume:
     cut: what bodies impose on f, None without bodies.
     """
 
-    def __init__(self, blocks: Blocks, cubes: MarchingCubes, thin: ThinWater, cut, iso: float):
+    def __init__(self, blocks: Blocks, cubes: MarchingCubes, thin: ThinWater, cut):
         self.blocks, self.cubes, self.thin, self.cut = blocks, cubes, thin, cut
         self.lattice, self.has_bodies = cubes.lattice, cut is not None
-        self.least, self.most = shift_bounds(self.has_bodies, iso)
+        self.least, self.most = shift_bounds(self.has_bodies)
         self.enclosed, self.change = ti.field(ti.f32, shape=()), ti.field(ti.f32, shape=())
         self.step, self.shift = ti.field(ti.f32, shape=()), ti.field(ti.f32, shape=())
 

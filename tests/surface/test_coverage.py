@@ -5,7 +5,7 @@ import pytest
 from surface_kit import COARSE, FINE, SIZE, packed
 
 from msph.surface.band import RIM, STRIDE, Band, bound
-from msph.surface.fluid_fraction import fluid_fraction
+from msph.surface.fluid_fraction import ISO, fluid_fraction
 
 
 def field(water):
@@ -14,7 +14,7 @@ def field(water):
     cubes, shape = water.surface.cubes, water.surface.lattice.shape
     real = tuple(slice(1, n - 1) for n in shape)
     axes = [a[1:-1].astype(np.float64) for a in water.surface.lattice.axes]
-    value = cubes.value.to_numpy()[real] + water.surface.coverage.iso
+    value = cubes.value.to_numpy()[real] + ISO
     value += water.surface.water.shift[None]
     return value, cubes.gradient.to_numpy()[real], axes
 
@@ -94,4 +94,4 @@ def test_too_coarse_cells_are_refused(water):
     thin = SimpleNamespace(radii=np.array([0.5 * max(water.surface.lattice.spacing)]))
     sums = SimpleNamespace(thin=thin, bodies=None)
     with pytest.raises(ValueError, match="too coarse"):
-        Band(water.surface.lattice, water.surface.blocks, sums, 0.5)
+        Band(water.surface.lattice, water.surface.blocks, sums)
