@@ -1,6 +1,15 @@
 """What benchmarks compare, at sizes that take seconds."""
 
+import importlib.util
+import json
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from bench import peer_splishsplash, peer_surfaces, peers
 from bench.methods import solvers
+from msph.scene.water import layer_specs, particle_count
 
 
 def test_conjugate_gradients_take_fewer_iterations_than_jacobi() -> None:
@@ -9,3 +18,35 @@ def test_conjugate_gradients_take_fewer_iterations_than_jacobi() -> None:
     assert [row["start"] for row in rows] == ["cold", "warm"]
     for row in rows:
         assert int(row["conjugate gradients"].split()[0]) < int(row["Jacobi"].split()[0])
+
+
+def test_peers_that_are_missing_are_named(monkeypatch) -> None:
+    """Each in one line, and the rest goes on."""
+    absent = ("pysplishsplash", "mcubes")
+    find = importlib.util.find_spec
+    monkeypatch.setattr(importlib.util, "find_spec", lambda n: None if n in absent else find(n))
+    lines = peers.skipped_peers()
+    assert lines[0].startswith("pysplishsplash is not installed")
+    assert "PyMCubes is not installed" in lines[-1]
+    assert "PyMCubes" not in peer_surfaces.versions()
+
+
+def test_a_peers_block_is_the_tanks() -> None:
+    """As many particles, and walls behind ours."""
+    tank = peers.TANKS[0]
+    with tempfile.TemporaryDirectory() as folder:
+        scene = json.loads(peer_splishsplash.write_scene(Path(folder), tank).read_text())
+    block, walls = scene["FluidBlocks"][0], scene["RigidBodies"][0]
+    length = np.array(block["end"]) - np.array(block["start"])
+    assert tuple(np.round(length / tank.spacing).astype(int) - 1) == tank.counts
+    assert np.all(np.array(walls["scale"]) > tank.size)
+    assert particle_count(tank.scene(1).water[0], layer_specs(tank.scene(1))[0]) == tank.particles
+
+
+def test_peers_tables_do_without_peers() -> None:
+    """Ours is shown where theirs is missing."""
+    ours = peers.Run(10, 12, simulated=1.0, wall=2.0, steps=4, iterations=8, compression=[0.01])
+    runs = {peers.THEIRS: [], peers.UNIFORM: [ours], peers.LAYERED: []}
+    row = peers.speeds(peers.TANKS[0], 1.0, runs)
+    assert row[peers.UNIFORM] == "0.5" and row[peers.THEIRS] == "-"
+    assert [r["water"] for r in peers.details(peers.TANKS[0], runs)] == [peers.UNIFORM]

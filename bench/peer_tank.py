@@ -1,0 +1,134 @@
+"""The tank in which fluids of peers and ours are compared, and our run of it."""
+
+import math
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+import taichi as ti
+
+from bench.tanks import FRAME, GRAVITY
+from msph.device import start
+from msph.fluid.external_forces import ExternalForces
+from msph.fluid.simulation import Simulation
+from msph.measure.bulk import bulk_density
+from msph.scene.build import build_simulation
+from msph.scene.schema import Scene
+
+# Inner edges of the tank along x and y [m]; across, it is as wide as the block.
+LENGTH, HEIGHT = 3.0, 2.0
+# Frames between readings of the bulk density, which take longer than a frame, and when they begin
+# [s]: a block that starts a spacing off has reached its walls by then.
+BULK_EVERY, BULK_FROM = 6, 0.15
+
+
+@dataclass(frozen=True)
+class Tank:
+    """A block of counts (nx, ny, nz) particles of 1/per_metre [m] in a corner of the tank."""
+
+    counts: tuple[int, int, int]
+    per_metre: int
+
+    @property
+    def spacing(self) -> float:
+        """[m]"""
+        return 1.0 / self.per_metre
+
+    @property
+    def particles(self) -> int:
+        return math.prod(self.counts)
+
+    @property
+    def size(self) -> tuple[float, float, float]:
+        """Edges of the tank [m]."""
+        return LENGTH, HEIGHT, self.counts[2] * self.spacing
+
+    def scene(self, layers: int) -> Scene:
+        """The tank as our scene: uniform, or that many adaptive layers, the finest of its spacing,
+        each of twice the mass of the next finer."""
+        mass = 1000.0 * self.spacing**3
+        high = [n * self.spacing for n in self.counts]
+        return Scene.model_validate(
+            {
+                "box": {"size": self.size},
+                "layers": [{"mass": mass * 2**k} for k in range(layers)],
+                "water": [{"layer": layers - 1, "lo": [0, 0, 0], "hi": high}],
+                "adaptation": {"enabled": layers > 1},
+            }
+        )
+
+
+@dataclass
+class Run:
+    """What a run gave: particles; simulated and wall-clock time [s]; steps, and iterations of the
+    pressure solves; frame by frame the mean over particles of max(rho/rho0 - 1, 0) (-); and bulk
+    densities (-), see msph.measure.bulk, NaN where the water was too shallow."""
+
+    particles_start: int = 0
+    particles_end: int = 0
+    simulated: float = 0.0
+    wall: float = 0.0
+    steps: int = 0
+    iterations: int = 0
+    compression: list[float] = field(default_factory=list)
+    bulk: list[float] = field(default_factory=list)
+    settings: str = ""
+
+    @property
+    def speed(self) -> float:
+        """Simulated over wall-clock time (-)."""
+        return self.simulated / self.wall
+
+
+def run(tank: Tank, layers: int, seconds: float, arch: str) -> Run:
+    """Our run of `seconds` [s]; kernels are compiled before."""
+    arch = start(arch)
+    gravity = ExternalForces(gravity=(0.0, -GRAVITY, 0.0))
+    sim = build_simulation(tank.scene(layers))
+    sim.advance(FRAME, gravity)
+    sim.reset()
+    found = Run(particles_start=sim.particles.count, settings=settings(sim, arch))
+    for frame in range(max(1, round(seconds / FRAME))):
+        ti.sync()
+        begin = time.perf_counter()
+        sim.advance(FRAME, gravity)
+        ti.sync()
+        found.wall += time.perf_counter() - begin
+        found.simulated += FRAME
+        found.compression.append(compression(sim))
+        if frame % BULK_EVERY == 0 and sim.time >= BULK_FROM:
+            found.bulk.append(bulk(sim))
+    found.particles_end = sim.particles.count
+    found.steps, found.iterations = sim.steps, sim.iterations
+    return found
+
+
+def compression(sim: Simulation) -> float:
+    """Mean over particles of max(rho/rho0 - 1, 0) (-), summed anew where they are now."""
+    sim.measure_density()
+    # A frame that is timed shall find its own neighbours and densities.
+    sim.solver.neighbours.moved(math.inf)
+    rest = sim.solver.parameters.rest_density
+    return float(np.maximum(sim.particles.numpy("density") / rest - 1.0, 0.0).mean())
+
+
+def bulk(sim: Simulation) -> float:
+    """Mean bulk density (-)."""
+    spacings = np.array([s.spacing for s in sim.layers.specs])
+    x = sim.particles.numpy("x").astype(float)
+    return bulk_density(x, spacings[sim.particles.numpy("layer")], sim.size).mean
+
+
+def settings(sim: Simulation, arch: str) -> str:
+    """Those that bear on speed and error."""
+    p, specs = sim.solver.parameters, sim.layers.specs
+    masses = " : ".join(f"{s.mass / specs[0].mass:g}" for s in specs)
+    return (
+        f"{sim.solver.NAME} on {arch}; masses {masses}; M5 spline, support "
+        f"{specs[0].smoothing:g} spacings; dt <= {p.longest_step:.3g} s, {p.cfl:g} spacings past "
+        f"neighbours and {p.pressure_cfl:g} of sqrt(p/rho), equal steps to the end of a frame of "
+        f"1/{1.0 / FRAME:.0f} s; velocity solve to {100 * p.tolerance:g} % of the pressure's "
+        f"displacements or {100 * p.motion_tolerance:g} % of the motion in at most "
+        f"{p.velocity_iterations} iterations, {p.position_iterations} of the position correction; "
+        f"viscosity {p.viscosity:g} Pa s; threads: {ti.cfg.cpu_max_num_threads}"
+    )
