@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import taichi as ti
 
-from bench.tanks import FRAME, GRAVITY
+from bench.tanks import FRAME, GRAVITY, warm_up
 from msph.device import start
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.simulation import Simulation
@@ -85,7 +85,7 @@ def run(tank: Tank, layers: int, seconds: float, arch: str) -> Run:
     arch = start(arch)
     gravity = ExternalForces(gravity=(0.0, -GRAVITY, 0.0))
     sim = build_simulation(tank.scene(layers))
-    sim.advance(FRAME, gravity)
+    warm_up(sim)
     sim.reset()
     found = Run(particles_start=sim.particles.count, settings=settings(sim, arch))
     for frame in range(max(1, round(seconds / FRAME))):

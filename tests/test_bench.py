@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bench import peer_splishsplash, peer_surfaces, peers
+from bench import peer_splishsplash, peer_surfaces, peers, scale
 from bench.methods import solvers
 from msph.scene.water import layer_specs, particle_count
 
@@ -50,3 +50,12 @@ def test_peers_tables_do_without_peers() -> None:
     row = peers.speeds(peers.TANKS[0], 1.0, runs)
     assert row[peers.UNIFORM] == "0.5" and row[peers.THEIRS] == "-"
     assert [r["water"] for r in peers.details(peers.TANKS[0], runs)] == [peers.UNIFORM]
+
+
+def test_slopes_and_layers_of_scale() -> None:
+    """Exponents are those of large runs; pools have more layers the finer they are."""
+    sizes = [1e3, 1e4, 1e5, 1e6]
+    assert abs(scale.slope(sizes, [5.0, 1.0, 10.0, 100.0]) - 1.0) < 1e-9
+    layers = [scale.layers_of(n) for n in scale.ALONG]
+    assert layers[0] >= 2 and layers == sorted(layers) and layers[-1] <= 16
+    assert scale.scene_of(scale.LAYERED, 100).adaptation.capacity < 1_000_000 / 4
