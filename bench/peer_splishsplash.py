@@ -25,14 +25,13 @@ from typing import Any
 
 import numpy as np
 
-from bench.peer_tank import BULK_EVERY, BULK_FROM, Run, Tank
+from bench.peer_tank import BULK_EVERY, BULK_FROM, Run, Tank, inner_bulk
 from bench.tanks import FRAME, GRAVITY
-from msph.measure.bulk import bulk_density
 
 MODULE = "pysplishsplash"
 DISPATCH = "libGLdispatch.so.0"
-# Spacings from the block to the walls at the start, see above, and at which water comes to rest.
-START_GAP, REST_GAP = 2.0, 1.0
+# Spacings from the block to the walls at the start: see above.
+START_GAP = 2.0
 # Walls: corners of a unit cube about the origin, and its faces counter-clockwise from outside.
 CORNERS = [(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]
 FACES = (
@@ -171,13 +170,8 @@ class Watch:
         excess = np.maximum(self.read("density") / self.model.getDensity0() - 1.0, 0.0)
         self.found.compression.append(float(excess.mean()))
         if self.frames % BULK_EVERY == 0 and self.found.simulated >= BULK_FROM:
-            spacing = self.volume ** (1.0 / 3.0)
-            # As if water stood half a spacing from its walls, where bulk_density() expects it.
-            room = (START_GAP - REST_GAP) * self.tank.spacing
-            size = tuple(length + 2.0 * room for length in self.tank.size)
-            x = np.clip(self.before + room, 0.0, size)
-            bulk = bulk_density(x, np.full(len(x), spacing), size)
-            self.found.bulk.append(bulk.mean)
+            spacing = np.full(len(self.before), self.volume ** (1.0 / 3.0))
+            self.found.bulk.append(inner_bulk(self.before, spacing, self.tank.size))
 
 
 def settings(module: Any) -> str:

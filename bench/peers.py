@@ -24,7 +24,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bench import peer_splishsplash, peer_surfaces, peer_tank
 from bench.peer_tank import Run, Tank
-from bench.report import RESULTS, heading
+from bench.report import RESULTS, heading, load
 from msph.device import ARCHES
 
 # Blocks of about a cubic metre.
@@ -71,8 +71,9 @@ def in_process(kind: str, tank: Tank, folder: str, **task) -> object | None:
 
 
 def spread(values: list[float]) -> str:
-    """Median, lowest and highest to two digits."""
-    shown = [f"{v:.2g}" for v in (np.median(values), min(values), max(values))]
+    """Median, lowest and highest to two digits or whole numbers."""
+    read = (float(np.median(values)), min(values), max(values))
+    shown = [f"{v:.0f}" if v >= 10.0 else f"{v:.2g}" for v in read]
     return f"{shown[0]} ({shown[1]} to {shown[2]})" if len(values) > 1 else shown[0]
 
 
@@ -153,7 +154,7 @@ class Report:
     """bench/results/peers.md, written anew with every row."""
 
     def __init__(self, arch: str, repeats: int, skipped: list[str]):
-        self.title = heading("Beside other programs", arch)
+        self.title = heading("Beside other programs", arch) + load()
         self.repeats, self.skipped = repeats, skipped
         self.speeds: list[dict[str, str]] = []
         self.details: list[dict[str, str]] = []
@@ -172,9 +173,9 @@ class Report:
                 table(self.speeds),
                 "\nCompression: mean over particles of max(rho/rho0 - 1, 0), rho by each method's "
                 "own sums over the positions at the end of frames of 1/60 s. Bulk density: of all "
-                "by msph/measure/bulk.py, mean over the run where the water is deep enough. "
-                "Iterations: DFSPH's of its density solve, its divergence solve comes on top; ours "
-                "of the velocity solve.\n",
+                "by msph/measure/bulk.py, a kernel away from surface and walls, mean over the time "
+                "in which there is such water. Iterations: DFSPH's of its density solve, its "
+                "divergence solve comes on top; ours of the velocity solve.\n",
                 table(self.details),
                 "\nSettings:\n",
                 *(f"- {kind}: {text}" for kind, text in self.settings.items()),

@@ -25,7 +25,7 @@ from tabulate import tabulate
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bench import tanks
-from bench.report import RESULTS, heading
+from bench.report import RESULTS, heading, load
 from msph.device import ARCHES, start
 from msph.fluid.adaptivity.bands import AdaptationParameters, bands
 from msph.fluid.external_forces import ExternalForces
@@ -228,13 +228,13 @@ def text_of(found: list[dict], frames: int, note: str, arches: str) -> str:
     options = {"headers": "keys", "tablefmt": "github", "disable_numparse": True}
     return "\n".join(
         [
-            heading("Cost and memory by the number of particles", arches),
+            heading("Cost and memory by the number of particles", arches) + note,
             f"{EDGE:g} m^3 of water at rest; {frames} frames of 1/60 s, {LAYERED_FRAMES} or more "
             "in layers, the first steps left out: mean (lowest to highest). Fine-equivalent: "
             "particles of the finest layer that would fill it. Bytes: of the fields of particles, "
             "neighbour list and cells, for each particle there is room for; an entry of the list "
             f"takes {WORD * (1 + Projection.PER_ENTRY)}. Target: {TARGET_BYTES} bytes a particle. "
-            f"Process: its largest resident size, on the host. {note}\n",
+            f"Process: its largest resident size, on the host.\n",
             tabulate([row(f) for f in found], **options),
             f"\nSlopes over the fine-equivalent number, from {FIT_FROM:,} on:\n",
             tabulate(slopes(found), **options),
@@ -257,11 +257,12 @@ def main(most: int, frames: int, arches: tuple[str, ...], worker: str | None) ->
     if worker is not None:
         click.echo(json.dumps(run(*json.loads(worker))))
         return
-    note = ""
+    note = load()
     if not arches:
         accelerated = starts("cuda")
         arches = ("cpu", "cuda", "vulkan") if accelerated else ("cpu",)
-        note = "" if accelerated else "No accelerator at hand (CUDA does not start): CPU alone."
+        if not accelerated:
+            note += "No accelerator at hand (CUDA does not start): CPU alone.\n"
     found: list[dict] = []
     for along in (n for n in ALONG if n**3 <= most):
         for arch in arches:
@@ -270,11 +271,9 @@ def main(most: int, frames: int, arches: tuple[str, ...], worker: str | None) ->
                 if result:
                     found.append(result)
                     click.echo(" | ".join(row(result).values()))
-                    (RESULTS / "scale.md").write_text(
-                        text_of(found, frames, note, ", ".join(arches))
-                    )
-    draw(found, RESULTS / "scale.png")
-    click.echo(text_of(found, frames, note, ", ".join(arches)))
+                    text = text_of(found, frames, note, ", ".join(arches))
+                    (RESULTS / "scale.md").write_text(text)
+                    draw(found, RESULTS / "scale.png")
 
 
 if __name__ == "__main__":
