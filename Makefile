@@ -36,4 +36,6 @@ bench: $(VENV)/dev
 	$(RUN) bench/methods.py
 	$(RUN) bench/scenes.py
 	$(RUN) bench/constants.py
+	$(RUN) bench/quality.py
+	$(RUN) bench/play.py
 	$(RUN) bench/scale.py
