@@ -152,11 +152,8 @@ def run(simulation: Simulation, seconds: float, *readings: Reading | Profile) ->
 
 
 def warm_up(simulation: Simulation) -> None:
-    """Advances until all kernels are compiled: those of adaptation are called every few steps."""
-    adaptation = simulation.solver.adaptation
-    steps = adaptation.parameters.every if adaptation else 1
-    while simulation.steps < steps:
-        simulation.advance(FRAME, ExternalForces(gravity=(0.0, -GRAVITY, 0.0)))
+    """Advances by a frame, so that all kernels are compiled."""
+    simulation.advance(FRAME, ExternalForces(gravity=(0.0, -GRAVITY, 0.0)))
 
 
 def build(scene: Scene) -> Simulation:

@@ -120,6 +120,7 @@ class Adaptation:
         weight like a crystal.
         """
         p, rng = self.particles, np.random.default_rng(0)
+        self._compile()
         spacing = np.array([spec.spacing for spec in self.layers.specs])
         edges = np.repeat(spacing[p.numpy("layer")][:, None], 3, axis=1)
         self.depth.refresh()
@@ -145,6 +146,13 @@ class Adaptation:
             self._halve(split, offset)
             edges = np.concatenate([edges, edges[split]])
             self.depth.refresh()
+
+    def _compile(self) -> None:
+        """Launches on no particles what a run needs some steps later: else a frame would wait for
+        its compiling."""
+        self.wait(0)
+        self.scan.run(self.particles.alive, self.place)
+        self.particles.compact(self.place, self.particles.alive, 0)
 
     def _halve(self, split: np.ndarray, offset: np.ndarray) -> None:
         """Puts halves of the particles `split` (k,) at -offset and +offset (k, 3) [m] from them."""
