@@ -33,31 +33,35 @@ class BodyShading:
         self.clear = 8.0 * self.near  # off a surface, so as not to meet it again [m]
 
     @ti.func
-    def span(self, b, p, r, most):
-        """Part of the ray p + t r within the ball round body b: first and last t of 0..most."""
+    def span(self, b, p, r, most, more):
+        """Part of the ray p + t r within the ball round body b, larger by `more` [m]: first and
+        last t of 0..most."""
         c = p - self.boundary.centre[b, END]
         along = c.dot(r)
-        half = along * along - c.norm_sqr() + self.boundary.reach[b] ** 2
+        half = along * along - c.norm_sqr() + (self.boundary.reach[b] + more) ** 2
         found = vec2(1.0, 0.0)
         if half > 0.0:
             found = vec2(ti.max(-along - ti.sqrt(half), 0.0), ti.min(-along + ti.sqrt(half), most))
         return found
 
     @ti.func
-    def meet(self, p, r, most):
+    def meet(self, p, r, most, reach, wide):
         """Where the ray p + t r (r unit) first meets a body within t of 0..most: t, MISSED where
-        it does not; which body; and the cosine at which it came into the container, or -1."""
-        nearest, which, steep = MISSED, -1, -1.0
+        it does not; which body; the cosine at which it came into the container, or -1; and whether
+        it passes a body by less than `wide` times its way from the eye, which is reach [m] at p."""
+        nearest, which, steep, close = MISSED, -1, -1.0, False
         for b in range(self.boundary.count):
-            part = self.span(b, p, r, ti.min(most, nearest))
+            part = self.span(b, p, r, ti.min(most, nearest), wide * (reach + most))
             t, entered, steps = part[0], self.boundary.side[b] > 0.0, 0
+            margin = MISSED  # least distance from the body, over the way from the eye
             while t < part[1] and steps < STEPS:
                 steps += 1
                 found = self.boundary.distance(b, p + t * r, END)
                 d = found.x
                 way = t + ti.max(CAREFUL * abs(d), self.near)
+                margin = ti.min(margin, abs(d) / (reach + t))
                 if entered and d < self.near:
-                    nearest, which = t, b
+                    nearest, which, margin = t, b, MISSED
                     way = MISSED
                 elif not entered:
                     entered = d > self.near
@@ -66,7 +70,8 @@ class BodyShading:
                     else:
                         way = t - d + 4.0 * self.near  # how exactly it enters does not matter
                 t = way
-        return nearest, which, steep
+            close = close or margin < wide
+        return nearest, which, steep, close
 
     @ti.func
     def sunlit(self, p, to_sun):
@@ -74,7 +79,7 @@ class BodyShading:
         share = 1.0
         for b in range(self.boundary.count):
             if self.boundary.side[b] > 0.0:
-                part = self.span(b, p, to_sun, MISSED)
+                part = self.span(b, p, to_sun, MISSED, 0.0)
                 t, steps = ti.max(part[0], self.clear), 0
                 while t < part[1] and steps < STEPS:
                     steps += 1

@@ -3,11 +3,12 @@
 import numpy as np
 import taichi as ti
 
+from msph.picture.backdrop import Backdrop
 from msph.picture.body_shading import BodyShading
 from msph.picture.legend import LegendPanel
 from msph.picture.look import Look
 from msph.picture.particles_view import LayerRadius, OwnRadius, ParticlesView
-from msph.picture.pool import Backdrop, Pool
+from msph.picture.pool import Pool
 from msph.picture.rasteriser import NOTHING, Rasteriser
 from msph.picture.shot import Lens, shoot
 from msph.picture.sky import Sky
@@ -41,10 +42,12 @@ class Picture:
         self.lens = lens = Lens()
         bodies = BodyShading(boundary) if boundary is not None and boundary.count else None
         tone, pool = Tone(), Pool(Sky(self.look.sun_direction()), bodies)
-        self.backdrop = Backdrop(w, h, lens, pool, tone)
         self.raster = Rasteriser(w, h, mesh.triangles.shape[0], lens, thickness=True)
+        self.backdrop = Backdrop(w, h, lens, pool, tone, self.raster)
         self.light = Light(mesh, lens, self.box, self.look.caustics, self.look.caustic_cells)
-        self.water = Water(mesh, lens, self.raster, pool, self.light, self.backdrop, tone)
+        self.water = Water(
+            mesh, lens, self.raster, pool, self.light, self.backdrop, tone, self.canvas
+        )
         self.particles = None
         if particles:
             self.particles = ParticlesView(w, h, particles, lens, self.backdrop, tone)
@@ -66,7 +69,7 @@ class Picture:
         """The water's mesh in its pool; tilt: 3x3 rotation of the box about its centre."""
         changed = self.aim(camera, tilt)
         self.rasterise()
-        self.backdrop.refresh(changed, self.raster)
+        self.backdrop.refresh(changed, flooded=True)
         self.shade()
         self.resolve()
 
@@ -79,7 +82,7 @@ class Picture:
 
     @kernel
     def shade(self):
-        self.water.shade(self.skin, self.canvas)
+        self.water.shade(self.skin)
 
     def draw_particles(
         self, camera, tilt, x, value, lo, hi, n, radius=None, layers=None, legend=None

@@ -8,11 +8,11 @@ import taichi as ti
 
 from msph.picture.body_shading import MISSED
 from msph.picture.light_sources import SKY_LIGHT, SUN_LIGHT
-from msph.picture.rasteriser import BLOCK, FAR
+from msph.picture.samples import ADDED, BARE, LEFT, PLACE, SPAN
 from msph.picture.sky import GROUND, Sky, haze
 from msph.taichi_internals import data_oriented, kernel
 
-vec2, vec3, vec4 = ti.math.vec2, ti.math.vec3, ti.math.vec4
+vec2, vec3 = ti.math.vec2, ti.math.vec3
 
 PALE, DEEP = vec3(0.60, 0.82, 0.85), vec3(0.27, 0.57, 0.68)  # the two ends of the tiles' tone
 BAND = vec3(0.03, 0.16, 0.46)  # the row of blue tiles under the brim
@@ -22,10 +22,6 @@ BEVEL, BEVEL_SHADE = 0.10, 0.07  # of a tile's edge where the glaze rounds off; 
 WRAP = 0.35  # glazed tiles pass light on: their lit side reaches this far round (cosine)
 CORNER, CORNER_REACH = 0.42, 5.0  # depth of the shade in corners; its falloff [1/box height]
 RIM = vec3(0.86, 0.93, 0.95)  # the glass edges, display-referred
-RIM_WIDTH = 0.0035  # of the longest box edge
-LINE_LIMIT = 1.6  # most pixels that one face's edge is wide
-RIM_STRENGTH, INNER_STRENGTH = 0.85, 0.35  # opacity of edges before and behind the water
-GLASS = 0.045  # reflectance of a pane at right angles
 CONTACT, CONTACT_REACH = 0.45, 0.22  # shade under the box; its falloff, of the longest box edge
 SHADOW, SHADOW_WAY = vec3(0.52, 0.40, 0.32), 0.30  # light that the box takes; way for half
 TONES, GOLDEN = 256, 0.618034
@@ -84,8 +80,9 @@ class Pool:
         return ti.math.mix(colour * (1.0 - BEVEL_SHADE * (1.0 - bevel)), GROUT, joint)
 
     @ti.func
-    def light(self, p, axis, low, to_sun, focus, shot: ti.template()):
-        """Light on the wall at p; low: the wall at the axis's origin; focus: sun's concentration.
+    def lighting(self, p, axis, low, to_sun, shot: ti.template()):
+        """Sun and sky light on the wall at p, over SUN_LIGHT and SKY_LIGHT; low: the wall at the
+        axis's origin.
 
         Sky light is dimmed in corners, sunlight follows Lambert's law.
         """
@@ -97,7 +94,7 @@ class Pool:
         open_sky *= ti.select(axis == 2, 1.0, shade.z)
         n = along(to_sun, axis)
         lambert = ti.max(ti.select(low, n, -n) + WRAP, 0.0) / (1.0 + WRAP)
-        return SKY_LIGHT * open_sky + SUN_LIGHT * (lambert * focus * (0.4 + 0.6 * open_sky))
+        return vec2(lambert * (0.4 + 0.6 * open_sky), open_sky)
 
     @ti.func
     def leave(self, p, r, size):
@@ -119,11 +116,16 @@ class Pool:
         return e > 0.0 and (axis != 1 or low)
 
     @ti.func
-    def dry(self, p, axis, low, focus, footprint, shot: ti.template()):
-        """Colour of the wall at p in air; focus: the share of the sun it gets."""
-        return self.albedo(p, axis, footprint, shot) * self.light(
-            p, axis, low, shot.sun, focus, shot
-        )
+    def finish(self, kind, sample, focus, shot: ti.template()):
+        """Linear colour of a sample; focus: the sun's concentration at its place."""
+        p = vec3(sample[PLACE, 0], sample[PLACE, 1], sample[PLACE, 2])
+        left = vec3(sample[LEFT, 0], sample[LEFT, 1], sample[LEFT, 2])
+        colour = vec3(sample[ADDED, 0], sample[ADDED, 1], sample[ADDED, 2])
+        axis = kind & BARE
+        if axis != BARE:
+            light = SKY_LIGHT * sample[ADDED, 3] + SUN_LIGHT * (sample[LEFT, 3] * focus)
+            colour += self.albedo(p, axis, sample[PLACE, 3], shot) * light * left
+        return colour
 
     @ti.func
     def sunlit(self, p, r, to_sun):
@@ -134,13 +136,14 @@ class Pool:
         return share
 
     @ti.func
-    def meet(self, p, r, most):
-        """Where a ray from p meets a body: distance [m], MISSED where it does not; which body; and
-        the cosine at which it came into the container, or -1."""
-        t, body, steep = MISSED, -1, -1.0
+    def meet(self, p, r, most, reach, shot: ti.template()):
+        """Where a ray from p, reach [m] from the eye, meets a body: distance [m], MISSED where it
+        does not; which body; the cosine at which it came into the container, or -1; and whether
+        the body's outline may be within a block of pixels round the ray."""
+        t, body, steep, close = MISSED, -1, -1.0, False
         if ti.static(self.occupied):
-            t, body, steep = self.bodies.meet(p, r, most)
-        return t, body, steep
+            t, body, steep, close = self.bodies.meet(p, r, most, reach, 1.5 * SPAN * shot.pixel)
+        return t, body, steep, close
 
     @ti.func
     def around(self, d, shot: ti.template()):
@@ -184,126 +187,3 @@ class Pool:
         way_in = ti.select(near == lo.x, 0, ti.select(near == lo.y, 1, 2))
         way_out = ti.select(far == hi.x, 0, ti.select(far == hi.y, 1, 2))
         return near, far, way_in, way_out
-
-    @ti.func
-    def edge(self, p, axis, width, footprint, shot: ti.template()):
-        """Share of the pixel covered by the lines along the borders of the face across `axis`."""
-        width = ti.min(width, LINE_LIMIT * footprint)
-        room = ti.min(p, shot.size - p)
-        across = vec3(axis == 0, axis == 1, axis == 2)
-        return ti.math.clamp((width - (room + INFINITE * across).min()) / footprint + 0.5, 0.0, 1.0)
-
-    @ti.func
-    def view(self, d, beyond, hidden, shot: ti.template()):
-        """Linear colour without water along the eye ray d (unit), and opacity of edges before it.
-
-        beyond: what the ray would meet without the box; hidden: whether water takes its place, so
-        that only the opacity counts. Returns (r, g, b, opacity), and the distance of a body.
-        """
-        colour, rim = beyond, 0.0
-        near, far, way_in, axis = self.cross(d, shot)
-        hit = far > ti.max(near, 0.0)
-        width = RIM_WIDTH * shot.size.max()
-        low = along(d, axis) < 0.0
-        start = shot.eye + d * ti.max(near, 0.0)
-        t, body, steep = MISSED, -1, -1.0
-        if hit and not hidden:
-            t, body, steep = self.meet(start, d, far - ti.max(near, 0.0))
-        tiled = self.is_tiled(axis, low, shot)
-        if hit and not hidden and (tiled or body >= 0):
-            p = ti.select(body >= 0, start + t * d, shot.eye + d * far)
-            lit = self.sunlit(p, d, shot.sun)
-            if body < 0:
-                footprint = shot.pixel * far / ti.max(abs(along(d, axis)), FLATTEST)
-                line = self.edge(p, axis, 0.5 * width, footprint, shot)
-                colour = self.dry(p, axis, low, lit, footprint, shot)
-                colour = ti.math.mix(colour, RIM * RIM, INNER_STRENGTH * line)
-            elif ti.static(self.occupied):
-                colour = self.bodies.shade(body, p, shot.sun, lit, shot)
-        if ti.static(self.occupied):
-            if steep >= 0.0:  # the clear side of a container mirrors the sky faintly
-                share = GLASS + (1.0 - GLASS) * (1.0 - steep) ** 5
-                colour = ti.math.mix(colour, self.around(vec3(d.x, abs(d.y), d.z), shot), share)
-        if hit and near > 0.0:
-            steep = abs(along(d, way_in))
-            footprint = shot.pixel * near / ti.max(steep, FLATTEST)
-            p = shot.eye + d * near
-            rim = RIM_STRENGTH * self.edge(p, way_in, width, footprint, shot)
-            if way_in != 1 and not hidden:  # a pane mirrors its surroundings faintly
-                mirrored = d * vec3(1 - 2 * (way_in == 0), 1, 1 - 2 * (way_in == 2))
-                share = GLASS + (1.0 - GLASS) * (1.0 - steep) ** 5
-                colour = ti.math.mix(colour, self.around(mirrored, shot), share)
-        return vec4(colour, rim), ti.max(near, 0.0) + t
-
-
-@data_oriented
-class Backdrop:
-    """The view without water, display-referred, with the opacity of the rim that lies before all.
-
-    Drawn anew only when the camera, the tilt or a body moves. While they change, what water hides
-    is left out: its colour is not drawn, only the rim before it. With bodies all is drawn, as they
-    may be before the water.
-    """
-
-    def __init__(self, width, height, lens, pool, tone):
-        self.lens = lens
-        self.width, self.height = width, height
-        self.pool, self.tone = pool, tone
-        self.colour = ti.Vector.field(4, ti.f32, (width, height))
-        if pool.occupied:
-            self.depth = ti.field(ti.f32, (width, height))  # of bodies along the view [m], or FAR
-        self.whole = False
-
-    def refresh(self, changed, raster=None):
-        """Bring it up to date; changed: the view is new. raster: what hides it, or None."""
-        if self.pool.occupied:
-            raster = None
-            changed = changed or self.pool.bodies.boundary.moving
-        if changed:
-            self.draw(raster or self, raster is not None)
-            self.whole = raster is None
-        elif not self.whole:
-            self.draw(self, False)
-            self.whole = True
-
-    @ti.func
-    def hides(self, i, j):
-        """Nothing hides a backdrop from itself."""
-        return False
-
-    @kernel
-    def draw(self, raster: ti.template(), partly: ti.template()):
-        """Sky and ground are smooth: one sample of them serves a block of 2 x 2 pixels."""
-        ti.loop_config(block_dim=BLOCK)
-        for a, b in ti.ndrange((self.width + 1) // 2, (self.height + 1) // 2):
-            shot = self.lens.shot[None]
-            corner = shot.origin + shot.du * (2 * a) + shot.dv * (2 * b)
-            beyond = self.pool.country((corner + 0.5 * (shot.du + shot.dv)).normalized(), shot)
-            around = vec4(self.tone.show(beyond), 0.0)
-            block = vec2(2 * a, 2 * b)
-            boxed = (block + 1.0 >= shot.lo).all() and (block <= shot.hi).all()
-            for i in range(2 * a, ti.min(2 * a + 2, self.width)):
-                for j in range(2 * b, ti.min(2 * b + 2, self.height)):
-                    if boxed:
-                        d = (shot.origin + shot.du * i + shot.dv * j).normalized()
-                        hidden = False
-                        if ti.static(partly):
-                            hidden = raster.hides(i, j)
-                        c, body_at = self.pool.view(d, beyond, hidden, shot)
-                        if ti.static(self.pool.occupied):
-                            depth = body_at * d.dot(shot.forward)
-                            self.depth[i, j] = ti.select(body_at < MISSED, depth, FAR)
-                        shown = ti.math.mix(self.tone.show(c.xyz), RIM, c.w)
-                        self.colour[i, j] = vec4(shown, c.w)
-                    else:
-                        self.colour[i, j] = around
-                        if ti.static(self.pool.occupied):
-                            self.depth[i, j] = FAR
-
-    @ti.func
-    def covers(self, i, j, depth):
-        """Whether a body lies before `depth` [m] at a pixel."""
-        found = False
-        if ti.static(self.pool.occupied):
-            found = self.depth[i, j] < depth
-        return found

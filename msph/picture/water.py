@@ -7,47 +7,126 @@ and mixed with light scattered by the water itself.
 
 import taichi as ti
 
+from msph.picture.light_sources import SKY_LIGHT, SUN_LIGHT
 from msph.picture.optics import WATER_INDEX, bend, cosine_beyond, reflectance, transmittance
 from msph.picture.pool import FLATTEST, RIM, along
-from msph.picture.rasteriser import BLOCK, NOTHING
+from msph.picture.rasteriser import NOTHING
+from msph.picture.samples import (
+    BARE,
+    CORNERS,
+    DETAIL,
+    PLACE,
+    REST,
+    SPAN,
+    draw_blocks,
+    make_sample,
+)
 from msph.picture.sky import SUN
 from msph.taichi_internals import data_oriented
 
-vec3 = ti.math.vec3
+vec2, vec3, vec4 = ti.math.vec2, ti.math.vec3, ti.math.vec4
 
 GLINT, SHEEN = 40.0, 2.5  # brightness of the sun's mirror image, and of the ripples' round it
 SHEEN_GLOSS, GLINT_GLOSS = 6, 5  # widths: cosine^(2^6) and that^(2^5)
 FLAT = 0.98  # least cosine between a cut face's normal and the wall's
 GRAZING = 0.03  # least cosine of incidence counted with
 DOWNWELLING = 0.5  # share of absorption on the light's own way down
+STEP = 1e-3  # of the span of depths: a change of depth that is a step from crest to trough
+NEAR_GLINT = 0.5  # sheen from which on the sun's mirror image may lie between two samples
+# Places in a kind: the low wall of two; seen through a side of the water; folded by total
+# reflection; out of the water again; the body.
+LOW, CUT, FOLDED, LEFT_AGAIN, BODY = 4, 8, 16, 32, 64
 
 
 @data_oriented
 class Water:
-    def __init__(self, mesh, lens, rasteriser, pool, light, backdrop, tone):
-        self.lens = lens
+    def __init__(self, mesh, lens, rasteriser, pool, light, backdrop, tone, image):
+        """image: the 3-vec field that is drawn, display-referred."""
+        self.lens, self.image = lens, image
+        self.slack = int(STEP * rasteriser.levels) << rasteriser.item_bits
         self.mesh, self.raster, self.pool, self.light = mesh, rasteriser, pool, light
         self.backdrop, self.tone = backdrop, tone
 
     @ti.func
-    def shade(self, skin, image: ti.template()):
+    def shade(self, skin):
         """The picture from the visibility buffer: water where it is seen, else the backdrop."""
-        ti.loop_config(block_dim=BLOCK)
-        for i, j in ti.ndrange(self.raster.width, self.raster.height):
-            key = self.raster.key[i, j]
-            behind = self.backdrop.colour[i, j]
-            if key == NOTHING:
-                image[i, j] = behind.xyz
-            else:
-                shot = self.lens.shot[None]
-                back = ti.bit_cast(self.raster.back[i, j], ti.f32)
-                d = shot.origin + shot.du * i + shot.dv * j
-                t = key & self.raster.item_mask
-                depth, flat, n = self.strike(t, d, shot)
-                image[i, j] = behind.xyz
-                if not self.backdrop.covers(i, j, depth):
-                    c = self.colour(depth, flat, n, d, back, skin, shot)
-                    image[i, j] = ti.math.mix(self.tone.show(c), RIM, behind.w)
+        draw_blocks(self, skin, self.raster.width, self.raster.height)
+
+    @ti.func
+    def begin(self, i0, j0, skin):
+        """Of a block: whether water is seen, and whether in every pixel and without a step in
+        depth. Without water it shows the backdrop. Note: skin [m], as `Rasteriser.draw_mesh`."""
+        nearest, farthest = NOTHING, 0
+        for i in range(i0, ti.min(i0 + SPAN, self.raster.width)):
+            for j in range(j0, ti.min(j0 + SPAN, self.raster.height)):
+                key = self.raster.key[i, j]
+                nearest, farthest = ti.min(nearest, key), ti.max(farthest, key)
+        even = farthest != NOTHING
+        if nearest == NOTHING:
+            for i in range(i0, ti.min(i0 + SPAN, self.raster.width)):
+                for j in range(j0, ti.min(j0 + SPAN, self.raster.height)):
+                    self.image[i, j] = self.backdrop.colour[i, j].xyz
+        elif even:
+            # On a plane the corners are the nearest and the farthest.
+            near, far = NOTHING, 0
+            for k in range(CORNERS):
+                i, j = i0 + (SPAN - 1) * (k // 2), j0 + (SPAN - 1) * (k % 2)
+                near, far = ti.min(near, self.raster.key[i, j]), ti.max(far, self.raster.key[i, j])
+            slack = self.slack + (far - near) // 2
+            even = near - nearest < slack and farthest - far < slack
+        return nearest != NOTHING, even, skin
+
+    @ti.func
+    def wanted(self, i, j):
+        """Of a block with water, pixels without it show the backdrop."""
+        wet = self.raster.key[i, j] != NOTHING
+        if not wet:
+            self.image[i, j] = self.backdrop.colour[i, j].xyz
+        return wet
+
+    @ti.func
+    def put(self, i, j, kind, sample):
+        """Water, or a body before it."""
+        shot = self.lens.shot[None]
+        behind = self.backdrop.colour[i, j]
+        shown = behind.xyz
+        if not self.backdrop.covers(i, j, sample[REST, 1]):
+            q = vec3(sample[PLACE, 0], sample[PLACE, 1], sample[PLACE, 2])
+            focus = self.light.concentration(q, sample[REST, 0], shot)
+            c = self.pool.finish(kind, sample, focus, shot)
+            shown = ti.math.mix(self.tone.show(c), RIM, behind.w)
+        self.image[i, j] = shown
+
+    @ti.func
+    def trace(self, i, j, skin):
+        """What is seen through the water that a pixel shows."""
+        shot = self.lens.shot[None]
+        d = shot.origin + shot.du * i + shot.dv * j
+        back = ti.bit_cast(self.raster.back[i, j], ti.f32)
+        depth, flat, n = self.strike(self.raster.key[i, j] & self.raster.item_mask, d, shot)
+        stretch = d.norm()
+        p = shot.eye + d * depth
+        d /= stretch
+        room = ti.min(p, shot.size - p)
+        cut = ti.min(room.x, room.z) < skin and ti.max(abs(flat.x), abs(flat.z)) > FLAT
+        if cut:
+            n = ti.round(flat)
+        p = ti.math.clamp(p, 0.0, shot.size)
+        c = ti.max(-d.dot(n), GRAZING)
+        ct = cosine_beyond(c, 1.0 / WATER_INDEX)
+        r = bend(d, n, c, ct, 1.0 / WATER_INDEX)
+        reach = depth * stretch
+        kind, q, under, light, left, added = self.inner(
+            p, r, cut, (back - depth) * stretch, reach, shot
+        )
+        mirrored, outer, detail = d + 2.0 * c * n, vec3(0.0), False
+        if cut:
+            outer = self.pool.around(mirrored, shot)
+        else:
+            outer, detail = self.outer(p, mirrored, reach, shot)
+        share = reflectance(c, ct, 1.0 / WATER_INDEX)
+        left, added = left * (1.0 - share), ti.math.mix(added, outer, share)
+        return kind + DETAIL * detail, make_sample(q, light, left, added, under, depth, 0.0)
 
     @ti.func
     def strike(self, t, d, shot: ti.template()):
@@ -63,83 +142,70 @@ class Water:
         return a.dot(flat) / d.dot(flat), flat.normalized(), -n.normalized()
 
     @ti.func
-    def colour(self, depth, flat, n, d, back, skin, shot: ti.template()):
-        """Linear colour of the water along the ray d, whose strike gave depth and normals; back:
-        depth of its far side."""
-        stretch = d.norm()
-        p = shot.eye + d * depth
-        d /= stretch
-        room = ti.min(p, shot.size - p)
-        cut = ti.min(room.x, room.z) < skin and ti.max(abs(flat.x), abs(flat.z)) > FLAT
-        if cut:
-            n = ti.round(flat)
-        p = ti.math.clamp(p, 0.0, shot.size)
-        c = ti.max(-d.dot(n), GRAZING)
-        ct = cosine_beyond(c, 1.0 / WATER_INDEX)
-        r = bend(d, n, c, ct, 1.0 / WATER_INDEX)
-        reach = depth * stretch
-        inner = self.inner(p, r, cut, (back - depth) * stretch, reach, shot)
-        mirrored, outer = d + 2.0 * c * n, vec3(0.0)
-        if cut:
-            outer = self.pool.around(mirrored, shot)
-        else:
-            outer = self.outer(p, mirrored, reach, shot)
-        return ti.math.mix(inner, outer, reflectance(c, ct, 1.0 / WATER_INDEX))
-
-    @ti.func
     def inner(self, p, r, cut, thickness, reach, shot: ti.template()):
-        """Light that comes along the bent ray r from p: the pool through water.
+        """What the bent ray r from p comes to, through water: kind; its place [m] and width of the
+        pixel there [m]; depth of that under water [m]; light there (sun, sky); share of it that is
+        left, RGB; light added on the way.
 
         cut: whether p is on a wall; thickness: way through the water [m]; reach: from the eye [m].
         """
         s, axis, low = self.pool.leave(p, r, shot.size)
-        t, body, _ = self.pool.meet(p, r, s)
+        t, body, _, close = self.pool.meet(p, r, s, reach, shot)
         s = ti.min(s, t)
         q = p + r * s
         path, depth = s, p.y - q.y
+        way = CUT * cut + DETAIL * close
         if cut or thickness < s:
             depth = self.light.height(q, shot) - q.y
             if cut and r.y > 0.0 and depth < 0.0 and p.y < self.light.height(p, shot):
                 # Up to the surface from below: total reflection folds the ray down again.
                 q.y = ti.math.clamp(q.y + 2.0 * depth, 0.0, shot.size.y)
                 depth = -depth
+                way += FOLDED
             else:
                 # Once through a crest or a drop, it may enter the water below it again.
                 again = ti.max(depth, 0.0) / ti.max(abs(r.y), FLATTEST)
                 path = ti.min(s, thickness + again)
+                way += LEFT_AGAIN
         depth = ti.max(depth, 0.0)
-        footprint = shot.pixel * (reach + s) / ti.max(abs(along(r, axis)), FLATTEST)
-        focus = self.light.concentration(q, depth, shot) * self.pool.sunlit(q, r, shot.beam)
-        colour = vec3(0.0)
-        if body < 0:
-            colour = self.pool.albedo(q, axis, footprint, shot)
-            colour *= self.pool.light(q, axis, low, shot.beam, focus, shot)
-        elif ti.static(self.pool.occupied):
-            colour = self.pool.bodies.shade(body, q, shot.beam, focus, shot)
         left = transmittance(shot.absorption, path + DOWNWELLING * depth)
-        return colour * left + shot.scatter * (1.0 - left)
+        kind = axis + LOW * low
+        footprint = shot.pixel * (reach + s) / ti.max(abs(along(r, axis)), FLATTEST)
+        lit, added = self.pool.sunlit(q, r, shot.beam), shot.scatter * (1.0 - left)
+        light = self.pool.lighting(q, axis, low, shot.beam, shot) * vec2(lit, 1.0)
+        if ti.static(self.pool.occupied):
+            if body >= 0:
+                kind = BARE + BODY * (1 + body)
+                focus = lit * self.light.concentration(q, depth, shot)
+                added += left * self.pool.bodies.shade(body, q, shot.beam, focus, shot)
+        return kind + way, vec4(q, footprint), depth, light, left, added
 
     @ti.func
     def outer(self, p, r, reach, shot: ti.template()):
-        """Light that comes along the mirrored ray r: tiled wall, or sky with the sun."""
+        """Light that comes along the mirrored ray r: tiled wall, or sky with the sun; and whether
+        the sun's image or a body's outline is near."""
         rise = r.dot(shot.up)
         if rise < 0.0:  # other waves would be met: take the sky that they mirror
             r -= 2.0 * rise * shot.up
         s, axis, low = self.pool.leave(p, r, shot.size)
-        t, body, _ = self.pool.meet(p, r, s)
-        colour = vec3(0.0)
-        if body >= 0:
-            if ti.static(self.pool.occupied):
-                colour = self.pool.bodies.shade(body, p + r * t, shot.sun, 1.0, shot)
-        elif self.pool.is_tiled(axis, low, shot):
+        q, colour, detail = p + r * s, vec3(0.0), False
+        if self.pool.is_tiled(axis, low, shot):
             footprint = shot.pixel * (reach + s) / ti.max(abs(along(r, axis)), FLATTEST)
-            colour = self.pool.dry(p + r * s, axis, low, 1.0, footprint, shot)
+            light = self.pool.lighting(q, axis, low, shot.sun, shot)
+            colour = self.pool.albedo(q, axis, footprint, shot)
+            colour *= SUN_LIGHT * light.x + SKY_LIGHT * light.y
         else:
             sheen = ti.max(r.dot(shot.sun), 0.0)
             for _ in ti.static(range(SHEEN_GLOSS)):
                 sheen *= sheen
-            glint = sheen
+            mirror = sheen
             for _ in ti.static(range(GLINT_GLOSS)):
-                glint *= glint
-            colour = self.pool.around(r, shot) + SUN * (GLINT * glint + SHEEN * sheen)
-        return colour
+                mirror *= mirror
+            detail = sheen > NEAR_GLINT
+            colour = self.pool.around(r, shot) + SUN * (GLINT * mirror + SHEEN * sheen)
+        if ti.static(self.pool.occupied):
+            t, body, _, close = self.pool.meet(p, r, s, reach, shot)
+            detail = detail or close
+            if body >= 0:
+                colour = self.pool.bodies.shade(body, p + r * t, shot.sun, 1.0, shot)
+        return colour, detail

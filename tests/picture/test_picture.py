@@ -3,6 +3,7 @@ import pytest
 import taichi as ti
 from picture_kit import BOX, HEIGHT, LEVEL, WIDTH, ball, covered, still_water
 
+from msph.picture import samples
 from msph.picture.camera import Camera
 from msph.picture.look import Look
 from msph.picture.optics import WATER_INDEX
@@ -221,7 +222,30 @@ def test_backdrop_left_out_under_water_changes_no_picture(picture, mesh):
     np.testing.assert_array_equal(first, second)
     seen = covered(picture.raster)
     assert (partly[~seen] == whole[~seen]).all() and np.abs(partly - whole)[seen].max() > 0.05
+    np.testing.assert_array_equal(partly[..., 3], whole[..., 3], "edges before the water")
     # Water that falls away shows the tiles that it hid.
     mesh.counts.fill(0)
     picture.draw_water(view)
     np.testing.assert_array_equal(picture.image.to_numpy(), whole[..., :3])
+
+
+@pytest.mark.parametrize("size", [(0.02, 25.0), (0.004, 90.0)])
+def test_means_in_even_blocks_look_like_samples_of_every_pixel(mesh, monkeypatch, size):
+    """Long waves and steep ripples: within the bounds of a change that is not seen."""
+    height, number = size
+    v, t, n = still_water(n=36)
+    top = n[:, 1] > 0.5
+    phase = number * (v[:, 0] + 0.4 * v[:, 2])
+    slope = height * number * np.cos(phase)
+    v[top, 1] += (height * np.sin(phase))[top]
+    n[top] = np.stack([-slope, np.ones_like(slope), -0.4 * slope], 1)[top]
+    n /= np.linalg.norm(n, axis=1, keepdims=True)
+    mesh.fill(v, t, n)
+    shown = []
+    for most in (samples.MOST_ADDED, -1.0):  # below 0 no block is even
+        monkeypatch.setattr(samples, "MOST_ADDED", most)
+        drawn = Picture(WIDTH, HEIGHT, BOX, mesh)
+        drawn.draw_water(camera(elevation=0.6))
+        shown.append(drawn.to_numpy_u8().astype(int))
+    change = np.abs(shown[0] - shown[1])
+    assert 0.0 < change.mean() < 1.0 and np.percentile(change, 99.0) < 8.0

@@ -43,7 +43,7 @@ class Rays:
     @ti.kernel
     def run(self):
         for i in self.p:
-            t, body, steep = self.bodies.meet(self.p[i], self.r[i], 10.0)
+            t, body, steep, _ = self.bodies.meet(self.p[i], self.r[i], 10.0, 0.0, 0.0)
             self.t[i], self.body[i], self.steep[i] = t, body, steep
             self.lit[i] = self.bodies.sunlit(self.p[i], self.r[i])
 
@@ -99,8 +99,9 @@ def test_body_hides_water_behind_it_and_water_before_it_shows():
     inside = np.isfinite(near).reshape(WIDTH, HEIGHT)
     depth = picture.backdrop.depth.to_numpy()
     assert abs((depth < 100.0).sum() - inside.sum()) < 0.05 * inside.sum()
+    # Between samples depth is a mean, here of a ball only 14 pixels wide.
     assert depth[inside & (depth < 100.0)] == pytest.approx(
-        (near / length).reshape(WIDTH, HEIGHT)[inside & (depth < 100.0)], abs=0.01
+        (near / length).reshape(WIDTH, HEIGHT)[inside & (depth < 100.0)], abs=0.015
     )
     # A drop behind the ball changes nothing, one before it does.
     for z, shown in ((0.15, False), (0.85, True)):
