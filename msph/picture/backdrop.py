@@ -41,7 +41,6 @@ class Backdrop:
 
     def __init__(self, width, height, lens, pool, tone, raster):
         self.lens, self.raster = lens, raster
-        self.width, self.height = width, height
         self.pool, self.tone = pool, tone
         self.colour = ti.Vector.field(4, ti.f32, (width, height))
         # Sky and ground at pixels (COARSE a, COARSE b), linear.
@@ -67,10 +66,11 @@ class Backdrop:
             shot = self.lens.shot[None]
             d = shot.origin + shot.du * (COARSE * a) + shot.dv * (COARSE * b)
             self.country[a, b] = self.pool.country(d.normalized(), shot)
+        columns, rows = self.lens.shot[None].columns, self.lens.shot[None].rows
         ti.loop_config(block_dim=BLOCK // COARSE)
-        for a, b in ti.ndrange(self.width // COARSE + 1, self.height // COARSE + 1):
+        for a, b in ti.ndrange(columns // COARSE + 1, rows // COARSE + 1):
             self.draw_country(a, b)
-        draw_blocks(self, flooded, self.width, self.height)
+        draw_blocks(self, flooded, columns, rows)
 
     @ti.func
     def draw_country(self, a, b):
@@ -78,10 +78,10 @@ class Backdrop:
         low, up = self.tone.show(self.country[a, b]), self.tone.show(self.country[a, b + 1])
         right = self.tone.show(self.country[a + 1, b])
         far = self.tone.show(self.country[a + 1, b + 1])
-        for i in range(COARSE * a, ti.min(COARSE * (a + 1), self.width)):
+        for i in range(COARSE * a, ti.min(COARSE * (a + 1), self.lens.shot[None].columns)):
             u = i / COARSE - a
             start, end = ti.math.mix(low, right, u), ti.math.mix(up, far, u)
-            for j in range(COARSE * b, ti.min(COARSE * (b + 1), self.height)):
+            for j in range(COARSE * b, ti.min(COARSE * (b + 1), self.lens.shot[None].rows)):
                 self.colour[i, j] = vec4(ti.math.mix(start, end, j / COARSE - b), 0.0)
                 if ti.static(self.pool.occupied):
                     self.depth[i, j] = FAR
@@ -94,8 +94,8 @@ class Backdrop:
         boxed = (corner + SPAN >= shot.lo).all() and (corner <= shot.hi).all()
         hidden = flooded != 0
         if boxed and hidden:
-            for i in range(i0, ti.min(i0 + SPAN, self.width)):
-                for j in range(j0, ti.min(j0 + SPAN, self.height)):
+            for i in range(i0, ti.min(i0 + SPAN, shot.columns)):
+                for j in range(j0, ti.min(j0 + SPAN, shot.rows)):
                     hidden = hidden and self.raster.hides(i, j)
         return boxed, True, hidden
 

@@ -107,8 +107,9 @@ class ParticlesView:
         image: ti.template(),
     ):
         """scale: 1 / (hi - lo) of the value's range."""
+        columns, rows = self.lens.shot[None].columns, self.lens.shot[None].rows
         ti.loop_config(block_dim=BLOCK)
-        for i, j in ti.ndrange(self.raster.width, self.raster.height):
+        for i, j in ti.ndrange(columns, rows):
             key = self.raster.key[i, j]
             behind = self.backdrop.colour[i, j]
             if key == NOTHING:

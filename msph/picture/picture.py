@@ -5,6 +5,7 @@ import taichi as ti
 
 from msph.picture.backdrop import Backdrop
 from msph.picture.body_shading import BodyShading
+from msph.picture.enlarger import Enlarger
 from msph.picture.legend import LegendPanel
 from msph.picture.look import Look
 from msph.picture.particles_view import LayerRadius, OwnRadius, ParticlesView
@@ -27,18 +28,27 @@ class Picture:
     mesh: the water's surface in box coordinates; fields `vertices` [m], `normals`, `triangles`,
     `counts` (vertices, triangles). particles: capacity of the particle view, 0 for none. walls:
     the fluid's, where bodies are to be drawn, else None.
+    scalable: whether `scale` may be set below 1: fewer pixels are drawn then, and enlarged; a
+    picture that is supersampled keeps its scale.
     `image`: 3-vec f32 (width, height), 0..1 display-referred, index [right, up].
     """
 
-    def __init__(self, width, height, box, mesh, look=None, particles=0, boundary=None):
+    def __init__(
+        self, width, height, box, mesh, look=None, particles=0, boundary=None, scalable=False
+    ):
         self.width, self.height, self.mesh = width, height, mesh
+        self.size = width, height
         self.box = tuple(map(float, box))
         self.look = look or Look()
         self.rays = self.look.supersample
         self.skin = SKIN * max(self.box)
         w, h = width * self.rays, height * self.rays
-        self.image = ti.Vector.field(3, ti.f32, (width, height))
-        self.canvas = self.image if self.rays == 1 else ti.Vector.field(3, ti.f32, (w, h))
+        self.canvas = ti.Vector.field(3, ti.f32, (w, h))
+        self.mean = ti.Vector.field(3, ti.f32, (width, height)) if self.rays > 1 else None
+        self.enlarger = None
+        if scalable and self.rays == 1:
+            self.enlarger = Enlarger(self.canvas, width, height)
+        self.scale = 1.0
         self.lens = lens = Lens()
         bodies = BodyShading(boundary) if boundary is not None and boundary.count else None
         tone, pool = Tone(), Pool(Sky(self.look.sun_direction()), bodies)
@@ -55,12 +65,26 @@ class Picture:
         self.radii = {}
         self.seen = None
 
+    @property
+    def image(self):
+        """The field that holds the picture last drawn."""
+        if self.mean is not None:
+            return self.mean
+        return self.enlarger.image if self.drawn != (self.width, self.height) else self.canvas
+
+    @property
+    def drawn(self):
+        """Pixels (right, up) that rays are sent through."""
+        factor = self.scale if self.enlarger else self.rays
+        return max(1, round(factor * self.width)), max(1, round(factor * self.height))
+
     def aim(self, camera, tilt):
         """Set the lens for this frame; returns whether the view changed."""
-        seen = (camera.state(), None if tilt is None else np.asarray(tilt, float).tobytes())
+        state = None if tilt is None else np.asarray(tilt, float).tobytes()
+        seen = (camera.state(), state, self.drawn)
         changed = seen != self.seen
         if changed:
-            w, h = self.width * self.rays, self.height * self.rays
+            w, h = self.drawn
             self.lens.set(shoot(camera, tilt, self.box, w, h, self.look))
             self.seen = seen
         return changed
@@ -106,17 +130,19 @@ class Picture:
         return self.radii[key]
 
     def resolve(self):
-        """Average the rays of each pixel."""
+        """Average the rays of each pixel, or enlarge a picture of fewer pixels."""
         if self.rays > 1:
             self.average()
+        elif self.image is not self.canvas:
+            self.enlarger.enlarge(*self.drawn)
 
     @kernel
     def average(self):
-        for i, j in self.image:
+        for i, j in self.mean:
             total = ti.math.vec3(0.0)
             for a, b in ti.ndrange(self.rays, self.rays):
                 total += self.canvas[i * self.rays + a, j * self.rays + b]
-            self.image[i, j] = total / self.rays**2
+            self.mean[i, j] = total / self.rays**2
 
     def to_numpy_u8(self):
         """(height, width, 3) uint8, first row at the top."""
@@ -127,7 +153,9 @@ class Picture:
         """Box position [m] of the water last drawn under pixel (i right, j up), or None."""
         if not (0 <= i < self.width and 0 <= j < self.height):
             return None
-        i, j = int(i) * self.rays, int(j) * self.rays
+        i, j = (
+            int(p * n / m) for p, n, m in zip((i, j), self.drawn, self.size, strict=True)
+        )
         key = self.raster.key[i, j]
         if self.seen is None or key == NOTHING:
             return None

@@ -25,11 +25,10 @@ OVERLAP = 2e-3  # pixels by which triangles reach over their edges, so that none
 
 @data_oriented
 class Rasteriser:
-    """Visibility buffer of width x height pixels for items numbered below `capacity`."""
+    """Visibility buffer of up to width x height pixels for items numbered below `capacity`."""
 
     def __init__(self, width, height, capacity, lens, thickness=False):
         self.lens = lens
-        self.width, self.height = width, height
         self.item_bits = max(1, (capacity - 1).bit_length())
         self.item_mask = (1 << self.item_bits) - 1
         self.levels = float((1 << (KEY_BITS - self.item_bits)) - 2)
@@ -40,8 +39,9 @@ class Rasteriser:
 
     @ti.func
     def clear(self):
+        columns, rows = self.lens.shot[None].columns, self.lens.shot[None].rows
         ti.loop_config(block_dim=BLOCK)
-        for i, j in ti.ndrange(self.width, self.height):
+        for i, j in ti.ndrange(columns, rows):
             self.key[i, j] = NOTHING
             if ti.static(self.thickness):
                 self.back[i, j] = ti.bit_cast(ti.f32(FAR), ti.i32)
@@ -63,14 +63,14 @@ class Rasteriser:
             ti.atomic_min(self.key[i, j], key)
 
     @ti.func
-    def bounds(self, lo, hi):
+    def bounds(self, lo, hi, shot: ti.template()):
         """Pixel range [i0, j0, i1, j1] within the picture of a box of pixel coordinates."""
         return ti.Vector(
             [
                 ti.cast(ti.ceil(ti.max(lo.x, 0.0)), ti.i32),
                 ti.cast(ti.ceil(ti.max(lo.y, 0.0)), ti.i32),
-                ti.cast(ti.floor(ti.min(hi.x, self.width - 1.0)), ti.i32),
-                ti.cast(ti.floor(ti.min(hi.y, self.height - 1.0)), ti.i32),
+                ti.cast(ti.floor(ti.min(hi.x, shot.columns - 1.0)), ti.i32),
+                ti.cast(ti.floor(ti.min(hi.y, shot.rows - 1.0)), ti.i32),
             ]
         )
 
@@ -78,7 +78,7 @@ class Rasteriser:
     def triangle_bounds(self, a, b, c, shot: ti.template()):
         """Pixels a triangle (relative to the eye) may cover; all, if it passes the near plane."""
         za, zb, zc = a.dot(shot.forward), b.dot(shot.forward), c.dot(shot.forward)
-        lo, hi = ti.Vector([0.0, 0.0]), ti.Vector([self.width - 1.0, self.height - 1.0])
+        lo, hi = ti.Vector([0.0, 0.0]), ti.Vector([shot.columns - 1.0, shot.rows - 1.0])
         near = 1.0 / shot.w_near
         if ti.min(za, zb, zc) > 0.5 * near:
             ra, rb, rc = 1.0 / za, 1.0 / zb, 1.0 / zc
@@ -89,7 +89,7 @@ class Rasteriser:
             hi = ti.max(pa, pb, pc) + shot.centre + OVERLAP
         elif ti.max(za, zb, zc) < near:
             hi = ti.Vector([-1.0, -1.0])
-        return self.bounds(lo, hi)
+        return self.bounds(lo, hi, shot)
 
     @ti.func
     def draw_mesh(self, mesh: ti.template(), skin):
@@ -146,7 +146,7 @@ class Rasteriser:
                 m += shot.centre
                 # Off the axis a sphere's picture is an ellipse, longer by at most 1 / cos.
                 reach = r / (shot.pixel * (z - r)) * c.norm() * rz
-                box = self.bounds(m - reach, m + reach)
+                box = self.bounds(m - reach, m + reach, shot)
                 for i in range(box[0], box[2] + 1):
                     for j in range(box[1], box[3] + 1):
                         w = sphere_inverse_depth(c, r, shot.origin + shot.du * i + shot.dv * j)

@@ -27,6 +27,8 @@ Shot = ti.types.struct(
     to_j=vec3,  # likewise j
     centre=vec2,  # pixel coordinates of the view axis
     pixel=ti.f32,  # width of a pixel at depth 1
+    columns=ti.i32,  # pixels that are drawn, to the right and up
+    rows=ti.i32,
     w_near=ti.f32,  # 1 / depth of the nearest thing drawn [1/m]
     w_span=ti.f32,  # w_near less the same of the farthest [1/m]
     right_world=vec3,  # box frame to world frame: rows of R
@@ -80,6 +82,8 @@ def shoot(camera, tilt, box, width, height, look):
         "to_j": dv / step**2,
         "centre": middle,
         "pixel": step,
+        "columns": width,
+        "rows": height,
         "w_near": 1 / near,
         "w_span": 1 / near - 1 / far,
         "right_world": R[0],

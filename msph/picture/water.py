@@ -50,21 +50,22 @@ class Water:
     @ti.func
     def shade(self, skin):
         """The picture from the visibility buffer: water where it is seen, else the backdrop."""
-        draw_blocks(self, skin, self.raster.width, self.raster.height)
+        draw_blocks(self, skin, self.lens.shot[None].columns, self.lens.shot[None].rows)
 
     @ti.func
     def begin(self, i0, j0, skin):
         """Of a block: whether water is seen, and whether in every pixel and without a step in
         depth. Without water it shows the backdrop. Note: skin [m], as `Rasteriser.draw_mesh`."""
+        columns, rows = self.lens.shot[None].columns, self.lens.shot[None].rows
         nearest, farthest = NOTHING, 0
-        for i in range(i0, ti.min(i0 + SPAN, self.raster.width)):
-            for j in range(j0, ti.min(j0 + SPAN, self.raster.height)):
+        for i in range(i0, ti.min(i0 + SPAN, columns)):
+            for j in range(j0, ti.min(j0 + SPAN, rows)):
                 key = self.raster.key[i, j]
                 nearest, farthest = ti.min(nearest, key), ti.max(farthest, key)
         even = farthest != NOTHING
         if nearest == NOTHING:
-            for i in range(i0, ti.min(i0 + SPAN, self.raster.width)):
-                for j in range(j0, ti.min(j0 + SPAN, self.raster.height)):
+            for i in range(i0, ti.min(i0 + SPAN, columns)):
+                for j in range(j0, ti.min(j0 + SPAN, rows)):
                     self.image[i, j] = self.backdrop.colour[i, j].xyz
         elif even:
             # On a plane the corners are the nearest and the farthest.

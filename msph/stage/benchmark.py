@@ -162,7 +162,8 @@ def play_benchmark(
 ) -> Played:
     """Plays a scene for `seconds` [s] of wall-clock time as a window of `size` would; quality: what
     it was loaded at."""
-    show = Show(scene, 1.0 / scene.play.fps, size, timings=Timings(keep=1), stop_bodies=True)
+    timings = Timings(keep=1)
+    show = Show(scene, 1.0 / scene.play.fps, size, timings=timings, stop_bodies=True, scalable=True)
     show.warm_up()
     ready = time.time() - psutil.Process().create_time()
     player = HeadlessPlayer(seconds, scene.play.fps)

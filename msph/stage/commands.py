@@ -65,6 +65,7 @@ def play(scene, size, frames, overrides, arch, threads, quality) -> None:
             tell=window.tell,
             timings=Timings(keep=1),
             stop_bodies=True,
+            scalable=True,
         )
     except ClosedError:
         window.close()

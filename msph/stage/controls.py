@@ -25,7 +25,8 @@ class Controls:
 
     tilt: (roll about z, pitch about x) [rad] of the pool, beyond what the scene itself does.
     frame_time [s]: simulated time of the frame, None for the show's own. budget [s]: wall-clock
-    time that the water may take, None for as long as it needs.
+    time that the water may take, None for as long as it needs. scale (-): of the picture's edges,
+    where the show is scalable.
     """
 
     tilt: tuple[float, float] = (0.0, 0.0)
@@ -36,3 +37,4 @@ class Controls:
     next_view: bool = False
     frame_time: float | None = None
     budget: float | None = None
+    scale: float = 1.0

@@ -64,8 +64,9 @@ class Pacer:
         self.simulated = speed * self.wall
 
     def steer(self, wishes: Controls) -> None:
-        """Gives the next frame its time."""
+        """Gives the next frame its time and its picture's scale."""
         wishes.frame_time, wishes.budget = self.frame_time, self.budget
+        wishes.scale = self.scale
 
     def see(self, show: Show, wall: float, shown: float) -> None:
         """Takes in the show's last frame, of `wall` [s], of which it took `shown` [s] to be shown

@@ -33,7 +33,7 @@ class Show:
     [pixels] of the picture, None for no picture. meshes: whether someone wants the surface even if
     no view draws it. density: whether the ledger measures density errors.
     stop_bodies: whether a body that leaves the water no room stops, in place of an error; stopped
-    are the names of those that did.
+    are the names of those that did. scalable: whether frames may ask for a coarser picture.
     simulated [s] is what the last frame really simulated. What is not asked for is neither
     allocated nor compiled.
     """
@@ -48,13 +48,14 @@ class Show:
         clock: Callable[[], float] = perf_counter,
         density: bool = True,
         stop_bodies: bool = False,
+        scalable: bool = False,
     ):
         self.scene = scene
         self.frame_time = frame_time
         self.timings = timings
         self.clock = clock
         self.simulated = 0.0
-        self.stop_bodies = stop_bodies
+        self.stop_bodies, self.scalable = stop_bodies, scalable
         self.stopped: set[str] = set()
         self.simulation = build_simulation(scene)
         self.counts = self.simulation.counts()
@@ -93,7 +94,15 @@ class Show:
         look = declared(self.scene.picture, Look)
         capacity = self.simulation.particles.capacity
         sim, mesh = self.simulation, self.surface.mesh
-        return Picture(*size, sim.size, mesh, look, particles=capacity, boundary=sim.boundary)
+        return Picture(
+            *size,
+            sim.size,
+            mesh,
+            look,
+            particles=capacity,
+            boundary=sim.boundary,
+            scalable=self.scalable,
+        )
 
     def warm_up(self) -> None:
         """Compiles every kernel by one frame, and starts anew."""
@@ -122,6 +131,8 @@ class Show:
                     self.simulation.measure_density(self._substage)
             if self.simulated > 0.0:
                 self.ledger.record(external.gravity)
+        if self.scalable:
+            self.picture.scale = controls.scale
         self.draw()
         self.frames += 1
         if self.timings:
