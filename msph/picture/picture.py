@@ -153,9 +153,7 @@ class Picture:
         """Box position [m] of the water last drawn under pixel (i right, j up), or None."""
         if not (0 <= i < self.width and 0 <= j < self.height):
             return None
-        i, j = (
-            int(p * n / m) for p, n, m in zip((i, j), self.drawn, self.size, strict=True)
-        )
+        i, j = (int(p * n / m) for p, n, m in zip((i, j), self.drawn, self.size, strict=True))
         key = self.raster.key[i, j]
         if self.seen is None or key == NOTHING:
             return None
