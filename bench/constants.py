@@ -52,7 +52,7 @@ TRIED: list[tuple[str, str, tuple[Any, ...], tuple[str, ...]]] = [
     ("projection.pressure_solve", "LEAST_SCALED", (0.25, 1.0), ()),
     ("projection.pressure_solve", "MOST_SCALED", (1.0, 4.0), ()),
     ("projection.pressure_solve", "NO_DISPLACEMENT", (1e-6, 1e-4), ()),
-    ("projection.conjugate_gradient", "LOOK", (1, 4), ()),
+    ("projection.conjugate_gradient", "LOOK_CPU", (2, 4), ()),
     ("projection.conjugate_gradient", "ROUND", (20, 80), ()),
     ("projection.surface_tension", "CAPILLARY", (0.25, 1.0), TENSE),
     ("projection.viscosity", "TOLERANCE", (1e-4, 1e-2), VISCOUS),

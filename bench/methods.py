@@ -85,7 +85,7 @@ class Jacobi:
     def _relax(self, n: ti.i32, alone: ti.template()):
         p = self.particles
         for _ in ti.static(range(RELAXED)):
-            self.operator.displace(n, alone, p.velocity_multiplier)
+            self.operator.apply(n, alone, p.velocity_multiplier)
             ti.loop_config(serialize=alone)
             for i in range(n):
                 r = p.rhs[i] + self.operator.divergence(i, p.displacement)
@@ -94,7 +94,7 @@ class Jacobi:
     @kernel
     def displace(self, n: ti.i32, alone: ti.template()):
         """Displacements by the velocity multipliers."""
-        self.operator.displace(n, alone, self.particles.velocity_multiplier)
+        self.operator.apply(n, alone, self.particles.velocity_multiplier)
 
 
 def solvers(layers: int, sheets: int) -> list[dict[str, str]]:

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-import taichi as ti
 from fluid_kit import (
     YIELD,
     displacements,
@@ -16,7 +15,7 @@ from fluid_kit import (
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.projection.parameters import ProjectionParameters
-from msph.fluid.projection.position_correction import BRISK
+from msph.fluid.projection.position_correction import BRISK, CROWDED
 from msph.fluid.projection.solver import LEAP
 from msph.fluid.simulation import Simulation
 
@@ -186,6 +185,26 @@ def test_velocity_solve_leaves_a_small_share_of_the_speed(collision, drift):
     collision.reset()
 
 
+def test_crowds_are_crowded_particles_and_their_neighbours(collision):
+    """2 within reach of an excess above CROWDED, 1 within reach of those, 0 elsewhere."""
+    collision.reset()
+    for _ in range(4):
+        collision.advance(1 / 60, WEIGHTLESS)
+    solver, p = collision.solver, collision.particles
+    solver.measure_density()
+    solver.position_correction._find_crowds(p.count)
+    x, h = p.numpy("x").astype(float), np.array([s.support for s in collision.layers.specs])
+    h = h[p.numpy("layer")]
+    met = np.linalg.norm(x[:, None] - x, axis=2) < pair_support(h, h)
+    crowded = p.numpy("density") / 1000.0 - 1.0 > CROWDED
+    corrected = (met & crowded).any(axis=1)
+    displaced = (met & corrected).any(axis=1)
+    assert crowded.any() and not displaced.all()
+    assert np.array_equal(p.numpy("crowding"), np.where(corrected, 2, np.where(displaced, 1, 0)))
+    assert solver.density.largest_excess == pytest.approx(p.numpy("density").max() / 1000.0 - 1.0)
+    collision.reset()
+
+
 def test_pairs_set_the_spacing_that_pressure_holds(collision):
     """Alike: their own. A fine particle drawn down among coarse ones, which once halved all steps
     of a pool, is held more softly."""
@@ -193,15 +212,7 @@ def test_pairs_set_the_spacing_that_pressure_holds(collision):
     for _ in range(6):
         collision.advance(1 / 60, WEIGHTLESS)
     solver, p = collision.solver, collision.particles
-    solver.neighbours.refresh()
-    found = ti.field(ti.f32, shape=p.capacity)
-
-    @ti.kernel
-    def read(n: ti.i32):
-        for i in range(n):
-            found[i] = solver.pressure_solve.virial.spacing(i)
-
-    read(p.count)
+    solver.measure_density()
     x, layer = p.numpy("x").astype(float), p.numpy("layer")
     volume, h, d = (
         np.array([getattr(s, name) for s in collision.layers.specs])[layer]
@@ -211,7 +222,7 @@ def test_pairs_set_the_spacing_that_pressure_holds(collision):
     weight = np.where((r < h_ij) & (r > 0.0), volume / h_ij**3, 0.0)
     met = weight.sum(axis=1) > 0.1
     per_h2 = (weight / h_ij**2).sum(axis=1)[met] / weight.sum(axis=1)[met]
-    share = found.to_numpy()[: p.count][met] / d[met]
+    share = p.numpy("pair_spacing")[met] / d[met]
     assert np.allclose(share, per_h2**-0.5 / h[met], rtol=5e-3)
     alike = np.array(
         [len(set(layer[row])) == 1 for row in (weight > 0.0) | np.eye(len(x), dtype=bool)]

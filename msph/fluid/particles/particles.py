@@ -14,7 +14,7 @@ from msph.taichi_internals import data_oriented, kernel, on_cpu
 
 # Sizes up to which one CPU thread is as fast as two, whose waking takes 25 us: particles of a loop
 # over neighbours, particles of any other loop, cells of a scan.
-FEW, FEW_LIGHT, FEW_CELLS = 500, 4_000, 50_000
+FEW, FEW_LIGHT, FEW_CELLS = 500, 10_000, 50_000
 
 
 def one_thread_does(entries: int, few: int = FEW) -> bool:

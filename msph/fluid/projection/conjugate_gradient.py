@@ -8,6 +8,9 @@ such as the momenta under viscosity.
 Projected: x >= 0. Then only active particles are searched along, those with x > 0 or r > 0, less
 those that reach x = 0; a round of conjugate gradients ends when the residual of the others exceeds
 that of the active ones.
+
+What an iteration takes off the squared error, in the norm of A, is alpha <r, r/D> (Hestenes and
+Stiefel 1952, th. 6:1); what the last few took off tells what is left (Strakos and Tichy 2002).
 """
 
 from collections.abc import Callable
@@ -17,12 +20,15 @@ import taichi as ti
 
 from msph.fluid.particles.layers import Layers
 from msph.fluid.particles.particles import Particles
-from msph.taichi_internals import data_oriented, kernel
+from msph.taichi_internals import data_oriented, kernel, on_cpu
 
 # Keeps divisions by what may vanish finite; far below any diagonal or product met.
 TINY = 1e-30
-# Iterations between looks at the state, which wait for the device; they share a launch.
-LOOK = 2
+# A squared error that is not known yet.
+FAR = 1e30
+# Iterations in a launch: between two, the host looks at the state, for which it waits. On a CPU
+# that is 5 us, less than the iterations saved; on a GPU as long as an iteration.
+LOOK_CPU, LOOK_GPU = 1, 2
 # What a look tells.
 GO_ON, ROUND_OVER, CONVERGED = 0, 1, 2
 # Most iterations in a round of a projected solve.
@@ -31,13 +37,14 @@ ROUND = 40
 
 @data_oriented
 class ConjugateGradient:
-    """operator.apply(n, alone, direction, response) sets response = A direction and returns
-    <direction, response>.
+    """operator.apply(n, alone, direction) returns <direction, A direction>; after it
+    operator.response(i, direction) is A direction at particle i. So where an operator knows the
+    first without the second, the pass that finds the response takes the step too.
 
-    residual, direction, response and diagonal are fields (capacity,) of x's width; active, for
+    residual, direction and diagonal are fields (capacity,) of x's width; active, for
     projected solves of scalars, is 1 where x may change. scale [x's unit^2 m^3] is the squared
-    size, in the norm of A, that the tolerance is a share of; descent is <r, r/D>. The caller of
-    solve() sets both at the begin of a round.
+    size, in the norm of A, that the tolerance is a share of; descent is <r, r/D>. begin_round()
+    sets both.
     """
 
     def __init__(
@@ -47,26 +54,26 @@ class ConjugateGradient:
         operator: Any,
         residual: ti.Field,
         direction: ti.Field,
-        response: ti.Field,
         diagonal: ti.Field | None = None,
         active: ti.Field | None = None,
     ):
         self.layers, self.particles, self.operator = layers, particles, operator
-        self.residual, self.direction, self.response = residual, direction, response
+        self.residual, self.direction = residual, direction
         self.diagonal, self.active, self.projected = diagonal, active, active is not None
         self.vectors = isinstance(residual, ti.MatrixField)
         self.has_diagonal = diagonal is not None
+        self.look = LOOK_CPU if on_cpu() else LOOK_GPU
         self.descent = ti.field(ti.f32, shape=())
         self.scale = ti.field(ti.f32, shape=())
+        self.last_gain = ti.field(ti.f32, shape=())
 
     def solve(self, x: ti.Field, tolerance: float, most: int, begin: Callable[[], None]) -> int:
-        """Iterates on x, in place, and returns the iterations it took, at most `most` (and LOOK).
+        """Iterates on x, in place, and returns the iterations it took, at most `most` (and the
+        rest of a launch).
 
-        begin() sets residual, direction, active, descent and scale at the start of each round, of
-        which an unprojected solve has one. The
-        solve has converged when LOOK iterations together change x by less than the share
-        `tolerance` of sqrt(scale) in the norm of A: what an iteration takes off the squared error
-        is alpha <r, r/D> (Hestenes and Stiefel 1952, th. 6:1).
+        begin() sets residual, direction and active and calls begin_round() at the start of each
+        round, of which an unprojected solve has one. The solve has converged when two iterations
+        together take off less than the share `tolerance` of sqrt(scale), in the norm of A.
         """
         n, alone = self.particles.count, self.particles.alone
         taken, state = 0, ROUND_OVER
@@ -75,26 +82,28 @@ class ConjugateGradient:
             state, ends = GO_ON, min(most, taken + ROUND) if self.projected else most
             while taken < ends and state == GO_ON:
                 state = self._iterate(n, alone, x, tolerance)
-                taken += LOOK
+                taken += self.look
         return taken
 
     @kernel
     def _iterate(
         self, n: ti.i32, alone: ti.template(), x: ti.template(), tolerance: ti.f32
     ) -> ti.i32:
-        """LOOK times: x += alpha p; r -= alpha A p; p = r/D + beta p. Returns the state."""
-        gain, excluded = 0.0, 0.0
-        for _ in ti.static(range(LOOK)):
-            curvature = self.operator.apply(n, alone, self.direction, self.response)
+        """x += alpha p; r -= alpha A p; p = r/D + beta p. Returns the state after the last."""
+        gains, excluded = 0.0, 0.0
+        for _ in ti.static(range(self.look)):
+            curvature = self.operator.apply(n, alone, self.direction)
             last = self.descent[None]
             alpha = last / ti.max(curvature, TINY)
-            gain += last * alpha
+            gain = last * alpha
+            gains = self.last_gain[None] + gain
+            self.last_gain[None] = gain
             descent = 0.0
             excluded = 0.0
-            ti.loop_config(serialize=self.particles.light)
+            ti.loop_config(serialize=alone)
             for i in range(n):
                 volume = self.layers.volume[self.particles.layer[i]]
-                r = self.residual[i] - alpha * self.response[i]
+                r = self.residual[i] - alpha * self.operator.response(i, self.direction)
                 moved = x[i] + alpha * self.direction[i]
                 part = volume * self.product(r, self.preconditioned(i, r))
                 if ti.static(self.projected):
@@ -114,9 +123,14 @@ class ConjugateGradient:
                 if ti.static(self.projected):
                     p *= self.active[i]
                 self.direction[i] = p
-        self.scale[None] += gain
+            self.scale[None] += gain
         state = ti.select(excluded > self.descent[None], ROUND_OVER, GO_ON)
-        return ti.select(gain <= tolerance * tolerance * self.scale[None], CONVERGED, state)
+        return ti.select(gains <= tolerance * tolerance * self.scale[None], CONVERGED, state)
+
+    @ti.func
+    def begin_round(self, descent, scale):
+        """Takes <r, r/D> and the tolerance's scale. No gain of one iteration alone is small."""
+        self.descent[None], self.scale[None], self.last_gain[None] = descent, scale, FAR
 
     @ti.func
     def preconditioned(self, i, r):

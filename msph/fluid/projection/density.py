@@ -26,10 +26,12 @@ from msph.taichi_internals import data_oriented, kernel
 
 ATTRIBUTES = (
     Attribute("density", "kg/m^3", "relative density c times rest density", view="density_error"),
-    Attribute("density_defect", "-", "density by the bell kernel less c", carried=False),
+    Attribute("known_volume", "m^3", "its own where its defect is known, else 0", carried=False),
+    Attribute("known_defect", "m^3", "times density by the bell kernel less c", carried=False),
     Attribute("density_correction", "-", "mean defect round a particle, at most 0"),
     Attribute("gradient", "1/m", "sum V_j grad W_ij, images included", width=3, carried=False),
     Attribute("diagonal", "1/m^2", "diagonal of the pressure solves' operator", carried=False),
+    Attribute("pair_spacing", "m", "of equals that pressure holds as stiffly", carried=False),
 )
 # Where bodies stand in the water.
 BODY_ATTRIBUTES = (
@@ -42,8 +44,6 @@ BODY_ATTRIBUTES = (
 TINY = 1e-16
 # Relative density from which on a particle is surrounded: no free surface or body is near.
 SURROUNDED = 0.997
-# Value of the density defect (-) where none is known.
-UNKNOWN = 1.0
 # -1/3 sum V_j r_ij.grad W_ij on lattices, by support over spacing: the share of an expansion that
 # the kernel's sum sees. Beyond, the ends' values.
 SMOOTHINGS = (2.4, 2.45, 2.5, 2.6, 2.8, 3.0)
@@ -58,10 +58,20 @@ SMALLEST = 1e-3
 # Entries whose gradients are found together: as many numbers as Taichi likes in a vector.
 BLOCK = 32
 
+# Weight (-) of a particle as its own neighbour in pair_spacing(): decides only where it has none.
+ALONE = 1e-3
+
 # Sums over the neighbours of one particle: c and its value by the bell (-), sum V_j grad W_ij and
-# its part by the particle's own images [1/m], sum V_j |grad W_ij|^2 [1/m^5].
+# its part by the particle's own images [1/m], sum V_j |grad W_ij|^2 [1/m^5], sum V_j/h_ij^3 (-) and
+# sum V_j/h_ij^5 [1/m^2], both times the bell's factor.
 Sums = ti.types.struct(
-    c=ti.f32, bell=ti.f32, gradient=ti.math.vec3, own_images=ti.math.vec3, squares=ti.f32
+    c=ti.f32,
+    bell=ti.f32,
+    gradient=ti.math.vec3,
+    own_images=ti.math.vec3,
+    squares=ti.f32,
+    shares=ti.f32,
+    stiffness=ti.f32,
 )
 
 
@@ -71,7 +81,8 @@ class Density:
 
     pair_gradient (entries,) vec3 [1/m]: V_j grad W_ij of each entry of the neighbour list, a third
     faster for the solves than slopes and positions that they must gather. inflow (capacity,) [1/s],
-    where bodies move: what their motion adds to dc/dt.
+    where bodies move: what their motion adds to dc/dt. largest_excess is that of c - 1 over all
+    particles (-).
     """
 
     def __init__(
@@ -86,6 +97,7 @@ class Density:
         self.neighbours, self.images = neighbours, neighbours.images
         self.rest_density = rest_density
         self.summed = 0  # the search of the list over which the sums are
+        self.largest_excess = 0.0
         self.pair_gradient = ti.Vector.field(
             3, ti.f32, shape=neighbours.index.shape, layout=ti.Layout.SOA
         )
@@ -96,30 +108,33 @@ class Density:
         )
         per_yield = 1.0 / np.interp(smoothing, SMOOTHINGS, YIELDS)
         pairs = np.sqrt(per_yield[:, None] * per_yield)
-        # Factors that turn the kernels' shapes into W_ij [1/m^3].
-        per_h3 = pair_support(supports[:, None], supports) ** -3.0
-        scale, bell_scale = kernels.QUARTIC * pairs * per_h3, kernels.BELL * per_h3
+        # Factors that turn the kernels' shapes into V_j W_ij (-).
+        volumes = np.array([s.volume for s in layers.specs])
+        shares = volumes * pair_support(supports[:, None], supports) ** -3.0
+        scale, bell_scale = kernels.QUARTIC * pairs * shares, kernels.BELL * shares
         # A particle's part of its own density (-), and the factor of the bodies' shares (-).
         peak = kernels.QUARTIC * kernels.QUARTIC_PEAK / smoothing**3
         own = 1.0 - per_yield * (1.0 - peak)
         own_bell = kernels.BELL / smoothing**3
-        self.scale, self.bell_scale, self.own, self.own_bell, self.per_yield = constant_fields(
-            scale, bell_scale, own, own_bell, per_yield
+        self.scale, self.bell_scale, self.own, self.own_bell, *others = constant_fields(
+            scale, bell_scale, own, own_bell, per_yield, 1.0 / volumes
         )
+        self.per_yield, self.per_volume = others
 
     def refresh(self) -> None:
         """Sums anew if the list was searched anew, or where bodies move; the list must be fresh."""
         if self.summed != self.neighbours.searches or self.boundary.moving:
-            self._sum(self.particles.count, self.particles.alone)
+            self.largest_excess = self._sum(self.particles.count, self.particles.alone)
             self.summed = self.neighbours.searches
 
     @kernel
-    def _sum(self, n: ti.i32, alone: ti.template()):
+    def _sum(self, n: ti.i32, alone: ti.template()) -> ti.f32:
         """c_i = correction_i + own_i + sum V_j W_ij, the density defect, g_i = sum V_j grad W_ij,
-        and D_i = |g_i|^2 + V_i sum V_j |grad W_ij|^2.
+        and D_i = |g_i|^2 + V_i sum V_j |grad W_ij|^2. Returns the largest c_i - 1.
 
         Sums over neighbours and images; a particle's own images move with it, twice as fast.
         """
+        most = -1.0
         ti.loop_config(serialize=alone)
         for i in range(n):
             layer, x = self.particles.layer[i], self.particles.x[i]
@@ -132,33 +147,53 @@ class Density:
                 self.particles.boundary_gradient[i] = sums.gradient
                 if ti.static(self.boundary.moving):
                     self.inflow[i] = -share[4]
-            self._add_entries(i, sums)
+            for mirrored in ti.static((False, True)):
+                self._add_entries(i, mirrored, sums)
             g, volume = sums.gradient, self.layers.volume[layer]
             # The correction counts: else water that it compresses near a surface seems surrounded.
             defect, c = sums.bell - sums.c, sums.c + self.particles.density_correction[i]
-            self.particles.density_defect[i] = ti.select(c > SURROUNDED, defect, UNKNOWN)
+            known = ti.select(c > SURROUNDED, volume, 0.0)
+            self.particles.known_volume[i], self.particles.known_defect[i] = known, known * defect
             self.particles.density[i] = (c + bodies) * self.rest_density
+            ti.atomic_max(most, c + bodies - 1.0)
             self.particles.gradient[i] = g
             diagonal = (g + sums.own_images).norm_sqr() + volume * sums.squares
             self.particles.diagonal[i] = diagonal
+            self.particles.pair_spacing[i] = self.pair_spacing(layer, sums)
+        return most
 
     @ti.func
-    def _add_entries(self, i, sums: ti.template()):
-        """Adds all neighbours and images of particle i to its sums, and stores their gradients.
+    def pair_spacing(self, layer, sums):
+        """Spacing [m] of equal particles among which pressure would hold one as stiffly in place.
+
+        It pulls by sum V_j (p_i + p_j)/rho0 W''_ij, W'' as 1/h_ij^5: so it is the mean of 1/h_ij^2,
+        weighed by V_j/h_ij^3. By its own spacing a single fine particle that waves had drawn down
+        among coarse ones halved all steps of a pool.
+        """
+        own, share = self.layers.per_h[layer, layer], ALONE * self.bell_scale[layer, layer]
+        held = (sums.stiffness + share * own**2) / (sums.shares + share)
+        return self.layers.spacing[layer] * own / ti.sqrt(held)
+
+    @ti.func
+    def _add_entries(self, i, mirrored: ti.template(), sums: ti.template()):
+        """Adds the neighbours of particle i, or with `mirrored` the images, to its sums, and stores
+        their gradients.
 
         Stored block by block: a store might change what the next entry reads, for all that the
         compiler knows; without one in the loop it meets eight entries at a time, twice as fast.
         """
         layer, x = self.particles.layer[i], self.particles.x[i]
-        begin, end = self.neighbours.start[i], self.neighbours.end[i]
+        begin, end = self.neighbours.span(i, mirrored)
         for block in range((end - begin + BLOCK - 1) // BLOCK):
             first = begin + BLOCK * block
             g_x, g_y = ti.Vector([0.0] * BLOCK), ti.Vector([0.0] * BLOCK)
             g_z = ti.Vector([0.0] * BLOCK)
             count = ti.min(BLOCK, end - first)
             for k in range(count):
-                j, mirror, wall = self.images.read(self.neighbours.index[first + k])
-                other = self.particles.layer[j]
+                j, mirror, wall = self.neighbours.read(first + k, mirrored)
+                other = 0
+                if ti.static(self.layers.count > 1):
+                    other = self.particles.layer[j]
                 per_h, scale = self.layers.per_h[layer, other], self.scale[layer, other]
                 r_ij = self.images.offset(x, self.particles.x[j], mirror, wall)
                 r2 = ti.max(r_ij.norm_sqr(), TINY)
@@ -167,16 +202,20 @@ class Density:
                 q = r2 * per_r * per_h
                 a, b, c = ti.max(1.0 - q, 0.0), ti.max(0.6 - q, 0.0), ti.max(0.2 - q, 0.0)
                 a3, b3, c3 = a * a * a, b * b * b, c * c * c
-                volume = self.layers.volume[other]
-                slope = -4.0 * volume * scale * per_h * per_r * (a3 - 5.0 * b3 + 10.0 * c3)
+                slope = -4.0 * scale * per_h * per_r * (a3 - 5.0 * b3 + 10.0 * c3)
                 g = slope * r_ij
                 g_x[k], g_y[k], g_z[k] = g.x, g.y, g.z
-                sums.c += volume * scale * (a3 * a - 5.0 * b3 * b + 10.0 * c3 * c)
+                sums.c += scale * (a3 * a - 5.0 * b3 * b + 10.0 * c3 * c)
                 u = ti.max(1.0 - q * q, 0.0)
-                sums.bell += volume * self.bell_scale[layer, other] * (u * u) * (u * u)
+                share = self.bell_scale[layer, other]
+                sums.bell += share * (u * u) * (u * u)
                 sums.gradient += g
-                sums.squares += g.norm_sqr() / volume
-                sums.own_images += ti.select(j == i, 1.0, 0.0) * g
+                sums.squares += g.norm_sqr() * self.per_volume[other]
+                if ti.static(mirrored):
+                    sums.own_images += ti.select(j == i, 1.0, 0.0) * g
+                if ti.static(self.layers.count > 1):
+                    sums.shares += share
+                    sums.stiffness += share * per_h * per_h
             for k in range(count):
                 self.pair_gradient[first + k] = ti.math.vec3(g_x[k], g_y[k], g_z[k])
 
@@ -200,14 +239,10 @@ class Density:
 
         Weighed by volume: between layers defects of coarse and of fine particles cancel.
         """
-        own = self.layers.volume[self.particles.layer[i]]
-        total, known = 0.0, 0.0
-        if self.particles.density_defect[i] < UNKNOWN:
-            total, known = own * self.particles.density_defect[i], own
+        total, known = self.particles.known_defect[i], self.particles.known_volume[i]
         for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
             j = self.neighbours.index[s]
-            if self.particles.density_defect[j] < UNKNOWN:
-                volume = self.layers.volume[self.particles.layer[j]]
-                total += volume * self.particles.density_defect[j]
-                known += volume
+            total += self.particles.known_defect[j]
+            known += self.particles.known_volume[j]
+        own = self.layers.volume[self.particles.layer[i]]
         return total / ti.max(known, SMALLEST * own)

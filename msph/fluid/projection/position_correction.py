@@ -23,6 +23,7 @@ from msph.taichi_internals import data_oriented, kernel
 ATTRIBUTES = (
     Attribute("position_multiplier", "m^2", "unknown of the position correction", carried=False),
     Attribute("position_correction", "m", "displacement that ends crowding", 3, carried=False),
+    Attribute("crowding", "-", "2: corrected first, 1: displaced", integer=True, carried=False),
     Attribute("velocity_exchange", "m/s", "given by neighbours", 3, carried=False),
     Attribute("relative_speed", "m/s", "largest past neighbours and walls", carried=False),
 )
@@ -30,6 +31,8 @@ ATTRIBUTES = (
 # Density excess (-) from which on there are so many rounds of iterations: waves reach the first,
 # halves after a split the second. Three for both left up to 1 % in rocking layers, not .5 to .7.
 URGENT_ROUNDS = {0.02: 3, 0.06: 4}
+# Density excess (-) from which on particles are the middle of a crowd, which has these rounds.
+CROWDED = 0.005
 # Background pressure, as a density excess (-), and the deficit (-) from which on it is off. It
 # takes stiffness against shear: at .0265 water 15 spacings deep sloshes 1 % too slowly.
 SPREAD, THIN = 0.014, 0.03
@@ -66,30 +69,67 @@ class PositionCorrection:
         """Displacements that end crowding; returns the largest density excess (-). dt [s]: the
         step; 0 before time starts, when all spread in full."""
         n, alone = self.particles.count, self.particles.alone
-        crowded = self._begin(n, alone, dt, 1.0)
-        rounds = max((r for least, r in URGENT_ROUNDS.items() if crowded > least), default=1)
+        largest = self.density.largest_excess
+        rounds = max((r for least, r in URGENT_ROUNDS.items() if largest > least), default=1)
         # Only the last round spreads: more iterations would leave less of the spreading.
         if rounds > 1:
-            self._begin(n, alone, dt, 0.0)
-            for _ in range((rounds - 1) * self.iterations - 1):
-                self._relax(n, alone, dt, 0.0)
+            self._find_crowds(n)
+            for _ in range((rounds - 1) * self.iterations):
+                self._part_crowds(n)
             self._relax(n, alone, dt, 1.0)
+        else:
+            self._begin(n, alone, dt)
         for _ in range(self.iterations - 1):
             self._relax(n, alone, dt, 0.0)
-        return crowded
+        return largest
 
     @kernel
-    def _begin(self, n: ti.i32, alone: ti.template(), dt: ti.f32, spread: ti.f32) -> ti.f32:
-        """The first iteration, from q = 0; see _relax(). Returns the largest excess."""
-        p, most = self.particles, -1.0
+    def _begin(self, n: ti.i32, alone: ti.template(), dt: ti.f32):
+        """The first iteration, from q = 0, with the background; see _relax()."""
+        p = self.particles
         ti.loop_config(serialize=p.light)
         for i in range(n):
-            excess = self.density.excess(i)
-            wanted = excess + spread * self.background(i, dt)
+            wanted = self.density.excess(i) + self.background(i, dt)
             p.position_multiplier[i] = self.corrected(i, 0.0, wanted)
-            ti.atomic_max(most, excess)
         self._displace(n, alone)
-        return most
+
+    @kernel
+    def _find_crowds(self, n: ti.i32):
+        """q = 0, u = 0, and the crowding: 2 for particles of an excess above CROWDED and their
+        neighbours, 1 for neighbours of those."""
+        p = self.particles
+        ti.loop_config(serialize=p.light)
+        for i in range(n):
+            p.position_multiplier[i], p.crowding[i] = 0.0, 0
+            p.position_correction[i] = ti.Vector([0.0, 0.0, 0.0])
+        # Threads may mark the same particle, all with the same value.
+        ti.loop_config(serialize=p.light)
+        for i in range(n):
+            if self.density.excess(i) > CROWDED:
+                p.crowding[i] = 2
+                for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
+                    p.crowding[self.neighbours.index[s]] = 2
+        ti.loop_config(serialize=p.light)
+        for i in range(n):
+            if p.crowding[i] == 2:
+                for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
+                    j = self.neighbours.index[s]
+                    if p.crowding[j] == 0:
+                        p.crowding[j] = 1
+
+    @kernel
+    def _part_crowds(self, n: ti.i32):
+        """_relax() of crowds alone, without the background."""
+        p = self.particles
+        ti.loop_config(serialize=p.light)
+        for i in range(n):
+            if p.crowding[i] == 2:
+                r = self.density.excess(i) + self.operator.divergence(i, p.position_correction)
+                p.position_multiplier[i] = self.corrected(i, p.position_multiplier[i], r)
+        ti.loop_config(serialize=p.light)
+        for i in range(n):
+            if p.crowding[i] > 0:
+                p.position_correction[i] = self.operator.displacement(i, p.position_multiplier)
 
     @kernel
     def _relax(self, n: ti.i32, alone: ti.template(), dt: ti.f32, spread: ti.f32):

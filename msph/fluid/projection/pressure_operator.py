@@ -45,14 +45,6 @@ class PressureOperator:
         return u
 
     @ti.func
-    def inner_displacement(self, i, q: ti.template()):
-        """The part of u_i [m] by other particles."""
-        u = ti.Vector([0.0, 0.0, 0.0])
-        for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
-            u -= (q[i] + q[self.neighbours.index[s]]) * self.pair_gradient[s]
-        return u
-
-    @ti.func
     def wall_displacement(self, i, q: ti.template()):
         """The part of u_i [m] by walls and bodies."""
         u = ti.Vector([0.0, 0.0, 0.0])
@@ -62,6 +54,22 @@ class PressureOperator:
             j = self.images.neighbour(self.neighbours.index[s])
             u -= (q[i] + q[j]) * self.pair_gradient[s]
         return u
+
+    @ti.func
+    def divergences(self, i, first: ti.template(), second: ti.template()):
+        """divergence() of two fields in one pass."""
+        a, b, found = first[i], second[i], ti.Vector([0.0, 0.0])
+        if ti.static(self.bodies):
+            by_body = self.particles.boundary_gradient[i]
+            found = ti.Vector([a.dot(by_body), b.dot(by_body)])
+        for mirrored in ti.static((False, True)):
+            begin, end = self.neighbours.span(i, mirrored)
+            for s in range(begin, end):
+                j, mirror, _ = self.neighbours.read(s, mirrored)
+                gradient = self.pair_gradient[s]
+                found[0] += (a - mirror * first[j]).dot(gradient)
+                found[1] += (b - mirror * second[j]).dot(gradient)
+        return found
 
     @ti.func
     def divergence(self, i, field: ti.template()):
@@ -77,20 +85,18 @@ class PressureOperator:
         return found
 
     @ti.func
-    def displace(self, n, alone: ti.template(), q: ti.template()):
-        """Displacements of all particles by the multipliers q (capacity,) [m^2]."""
-        ti.loop_config(serialize=alone)
-        for i in range(n):
-            self.particles.displacement[i] = self.displacement(i, q)
-
-    @ti.func
-    def apply(self, n, alone: ti.template(), q: ti.template(), response: ti.template()):
-        """response = A q (-); returns <q, A q> = sum V q A q [m^5]."""
-        self.displace(n, alone, q)
+    def apply(self, n, alone: ti.template(), q: ti.template()):
+        """Displacements u of all particles by the multipliers q (capacity,) [m^2]; returns
+        <q, A q> = sum V |u|^2 [m^5]."""
         product = 0.0
         ti.loop_config(serialize=alone)
         for i in range(n):
-            found = -self.divergence(i, self.particles.displacement)
-            response[i] = found
-            product += self.layers.volume[self.particles.layer[i]] * q[i] * found
+            u = self.displacement(i, q)
+            self.particles.displacement[i] = u
+            product += self.layers.volume[self.particles.layer[i]] * u.norm_sqr()
         return product
+
+    @ti.func
+    def response(self, i, q: ti.template()):
+        """A q at particle i (-), after apply() of q."""
+        return -self.divergence(i, self.particles.displacement)

@@ -22,7 +22,6 @@ ATTRIBUTES = (
     Attribute("rhs", "-", "compression that the velocity solve must undo", carried=False),
     Attribute("residual", "-", "compression that it has left", carried=False),
     Attribute("direction", "m^2", "its search direction", carried=False),
-    Attribute("response", "-", "compression that the direction undoes", carried=False),
     Attribute("active", "-", "1 where it may change the multiplier", carried=False),
 )
 
@@ -45,6 +44,7 @@ class PressureSolve:
         self.density, self.operator = shared.density, shared.operator
         self.impulses = shared.impulses
         self.moving, self.adaptive = shared.boundary.moving, adaptive
+        self.bodies = shared.boundary.count > 0
         self.rest_density = shared.parameters.rest_density
         self.gradients = ConjugateGradient(
             shared.layers,
@@ -52,7 +52,6 @@ class PressureSolve:
             shared.operator,
             residual=p.residual,
             direction=p.direction,
-            response=p.response,
             diagonal=p.diagonal,
             active=p.active,
         )
@@ -79,10 +78,10 @@ class PressureSolve:
         p = self.particles
         ti.loop_config(serialize=alone)
         for i in range(n):
-            rate = self.operator.divergence(i, p.v)
+            rate, closing = self.operator.divergences(i, p.v, p.position_correction)
             if ti.static(self.moving):
                 rate += self.density.inflow[i]
-            c = self.density.excess(i) + self.operator.divergence(i, p.position_correction)
+            c = self.density.excess(i) + closing
             p.predicted_density[i] = self.rest_density * (1.0 + c)
             if 1.0 + c < self.parameters.spray:
                 rate = ti.min(rate, 0.0)
@@ -121,8 +120,7 @@ class PressureSolve:
         Without the scaling, whole columns rise and fall by less than any tolerance sees.
         """
         p = self.particles
-        given = self.operator.apply(n, alone, p.velocity_multiplier, p.response)
-        asked = 0.0
+        given, asked = self.operator.apply(n, alone, p.velocity_multiplier), 0.0
         ti.loop_config(serialize=p.light)
         for i in range(n):
             asked += self.layers.volume[p.layer[i]] * p.velocity_multiplier[i] * p.rhs[i]
@@ -130,12 +128,12 @@ class PressureSolve:
         if given > TINY:
             scaled = ti.math.clamp(asked / given, LEAST_SCALED, MOST_SCALED)
         descent, scale, whole, square, drift = 0.0, 0.0, 0.0, 0.0, ti.Vector([0.0, 0.0, 0.0])
-        ti.loop_config(serialize=p.light)
+        ti.loop_config(serialize=alone)
         for i in range(n):
             layer = p.layer[i]
             volume, spacing = self.layers.volume[layer], self.layers.spacing[layer]
             q = scaled * p.velocity_multiplier[i]
-            r = p.rhs[i] - scaled * p.response[i]
+            r = p.rhs[i] - scaled * self.operator.response(i, p.velocity_multiplier)
             active = ti.select(q > 0.0 or r > 0.0, 1.0, 0.0)
             direction = active * self.gradients.preconditioned(i, r)
             p.velocity_multiplier[i], p.residual[i] = q, r
@@ -149,8 +147,7 @@ class PressureSolve:
             drift += volume * way
         # Less the way that all water goes together: a drop that falls fast is no less round.
         apart = ti.max(square - drift.norm_sqr() / whole, 0.0)
-        self.gradients.descent[None] = descent
-        self.gradients.scale[None] = scale + leeway**2 * apart
+        self.gradients.begin_round(descent, scale + leeway**2 * apart)
 
     @kernel
     def accelerate(
@@ -165,17 +162,18 @@ class PressureSolve:
         ti.loop_config(serialize=alone)
         for i in range(n):
             m = self.layers.mass[p.layer[i]]
-            inner = self.operator.inner_displacement(i, p.velocity_multiplier)
-            wall = self.operator.wall_displacement(i, p.velocity_multiplier)
-            self.impulses.record_internal(m, p.x[i], inner / dt)
-            self.impulses.wall_impulse[None] += m / dt * wall
+            pressed = self.virial.pressed(i, gravity)
+            inner, wall = pressed.inner, pressed.wall
+            if ti.static(self.bodies):
+                wall -= p.pressure_multiplier[i] / self.rest_density * p.boundary_gradient[i]
+            self.impulses.record_internal(m, p.x[i], dt * inner)
+            self.impulses.wall_impulse[None] += m * dt * wall
             if ti.static(self.moving):
                 # Force of the bodies on the particle times their velocity.
                 work = m * p.velocity_multiplier[i] / dt * self.density.inflow[i]
                 self.impulses.wall_work[None] += work
-            p.v[i] += (inner + wall) / dt
-            pressure = self.virial.at(i, gravity)
-            p.pressure[i] = pressure
-            swing = ti.sqrt(ti.max(pressure, 0.0) / self.rest_density)
-            ti.atomic_max(top, swing / (self.parameters.pressure_cfl * self.virial.spacing(i)))
+            p.v[i] += dt * (inner + wall)
+            p.pressure[i] = pressed.virial
+            swing = ti.sqrt(ti.max(pressed.virial, 0.0) / self.rest_density)
+            ti.atomic_max(top, swing / (self.parameters.pressure_cfl * p.pair_spacing[i]))
         return top

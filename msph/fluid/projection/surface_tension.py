@@ -100,7 +100,7 @@ class SurfaceTension:
         per_h, scale = self.layers.per_h[layer, other], self.density.scale[layer, other]
         r2, volume = r_ij.norm_sqr(), self.layers.volume[other]
         q = ti.min(ti.sqrt(r2) * per_h, 1.0)
-        second = volume * scale * per_h**2 * kernels.quartic_shape(q).z
+        second = scale * per_h**2 * kernels.quartic_shape(q).z
         slope = self.density.pair_gradient[s].dot(r_ij) / ti.max(r2, TINY)
         along = (second - slope) / ti.max(r2, TINY)
         area = AREA * (slope * bend + along * r_ij.dot(bend) * r_ij)

@@ -17,8 +17,10 @@ from msph.taichi_internals import data_oriented
 
 # Sum of the weights (-) from which on there is a mean; 3 in bulk.
 LEAST_WEIGHT = 1e-6
-# Weight (-) of a particle as its own neighbour in spacing(): decides only where it has none.
-ALONE = 1e-3
+
+# What presses on a particle: accelerations [m/s^2] by other particles and by walls, and the virial
+# pressure [Pa].
+Pressed = ti.types.struct(inner=ti.math.vec3, wall=ti.math.vec3, virial=ti.f32)
 
 
 @data_oriented
@@ -39,46 +41,33 @@ class VirialPressure:
         self.rest_density = rest_density
 
     @ti.func
-    def at(self, i, gravity):
-        """Pressure [Pa] at particle i; of a lone particle its own multiplier."""
+    def pressed(self, i, gravity):
+        """Particle i under the multipliers, bodies left out: Pressed, in one pass. A lone
+        particle's pressure is its own multiplier."""
         x, own = self.particles.x[i], self.particles.pressure_multiplier[i]
+        found = Pressed()
         others, weights = 0.0, 0.0
         for mirrored in ti.static((False, True)):
+            pushes = ti.Vector([0.0, 0.0, 0.0])
             begin, end = self.neighbours.span(i, mirrored)
             for s in range(begin, end):
                 j, mirror, wall = self.neighbours.read(s, mirrored)
+                gradient = self.pair_gradient[s]
                 r_ij = self.images.offset(x, self.particles.x[j], mirror, wall)
-                weight = -r_ij.dot(self.pair_gradient[s])
+                weight = -r_ij.dot(gradient)
                 other = self.particles.pressure_multiplier[j]
+                pushes -= (own + other) * gradient
                 if ti.static(mirrored):
                     other += self.image_excess(x - r_ij, j, gravity)
                 others += weight * other
                 weights += weight
+            if ti.static(mirrored):
+                found.wall = pushes / self.rest_density
+            else:
+                found.inner = pushes / self.rest_density
         mean = ti.select(weights > LEAST_WEIGHT, others / ti.max(weights, LEAST_WEIGHT), own)
-        return 0.5 * (own + mean)
-
-    @ti.func
-    def spacing(self, i):
-        """Spacing [m] of equal particles among which pressure would hold i as stiffly in place.
-
-        It pulls by sum V_j (p_i + p_j)/rho0 W''_ij, W'' as 1/h_ij^5: so it is the mean of 1/h_ij^2,
-        weighed by V_j/h_ij^3. By its own spacing a single fine particle that waves had drawn down
-        among coarse ones halved all steps of a pool.
-        """
-        layer = self.particles.layer[i]
-        d = self.layers.spacing[layer]
-        if ti.static(self.layers.count > 1):
-            own = self.layers.per_h[layer, layer]
-            weights = ALONE * self.layers.volume[layer] * own**3
-            stiffness = weights * own**2
-            for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
-                other = self.particles.layer[self.neighbours.index[s]]
-                per_h = self.layers.per_h[layer, other]
-                weight = self.layers.volume[other] * per_h**3
-                weights += weight
-                stiffness += weight * per_h**2
-            d *= own * ti.sqrt(weights / stiffness)
-        return d
+        found.virial = 0.5 * (own + mean)
+        return found
 
     @ti.func
     def image_acceleration(self, i, gravity):

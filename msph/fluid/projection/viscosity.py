@@ -49,14 +49,15 @@ class Viscosity:
         self.rest_density = shared.parameters.rest_density
         self.nu = shared.parameters.viscosity / self.rest_density
         self.stiffness = self.nu * STIFFNESS / shared.layers.finest.support**2
-        self.operator = ViscousOperator(shared.layers, p, shared.neighbours, shared.parameters.slip)
+        self.operator = ViscousOperator(
+            shared.layers, p, shared.neighbours, shared.parameters.slip, p.viscous_response
+        )
         self.gradients = ConjugateGradient(
             shared.layers,
             p,
             self.operator,
             residual=p.viscous_residual,
             direction=p.viscous_direction,
-            response=p.viscous_response,
         )
         self.longest_step = math.inf
         self.iterations = 0
@@ -104,7 +105,7 @@ class Viscosity:
             p.viscous_residual[i] = r
             p.viscous_direction[i] = r
             descent += self.layers.volume[p.layer[i]] * r.norm_sqr()
-        self.gradients.descent[None], self.gradients.scale[None] = descent, 0.0
+        self.gradients.begin_round(descent, 0.0)
 
     @kernel
     def take_pressure(self, n: ti.i32, explicit: ti.f32):

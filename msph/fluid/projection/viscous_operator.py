@@ -31,23 +31,35 @@ TINY = 1e-30
 @data_oriented
 class ViscousOperator:
     """1 - span lap, symmetric and positive under the volumes V; span [m^2] = dt nu is a field of
-    shape (). slip: walls do not brake."""
+    shape (). slip: walls do not brake. product (capacity,) vec3 holds what apply() found."""
 
-    def __init__(self, layers: Layers, particles: Particles, neighbours: NeighbourList, slip: bool):
+    def __init__(
+        self,
+        layers: Layers,
+        particles: Particles,
+        neighbours: NeighbourList,
+        slip: bool,
+        product: ti.MatrixField,
+    ):
         self.layers, self.particles, self.neighbours = layers, particles, neighbours
-        self.images, self.slip = neighbours.images, slip
+        self.images, self.slip, self.product = neighbours.images, slip, product
         self.span = ti.field(ti.f32, shape=())
 
     @ti.func
-    def apply(self, n, alone: ti.template(), v: ti.template(), response: ti.template()):
-        """response = v - span lap v [v's unit]; returns <v, response> = sum V v.response."""
-        product = 0.0
+    def apply(self, n, alone: ti.template(), v: ti.template()):
+        """product = v - span lap v [v's unit]; returns <v, product> = sum V v.product."""
+        total = 0.0
         ti.loop_config(serialize=alone)
         for i in range(n):
             found = v[i] - self.span[None] * self.laplacian(i, v)
-            response[i] = found
-            product += self.layers.volume[self.particles.layer[i]] * v[i].dot(found)
-        return product
+            self.product[i] = found
+            total += self.layers.volume[self.particles.layer[i]] * v[i].dot(found)
+        return total
+
+    @ti.func
+    def response(self, i, v: ti.template()):
+        """v - span lap v at particle i, after apply() of v."""
+        return self.product[i]
 
     @ti.func
     def laplacian(self, i, field: ti.template()):
