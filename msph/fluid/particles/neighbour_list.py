@@ -143,6 +143,7 @@ class NeighbourList:
                     for layer in range(self.grid.layers.count):
                         search.reach = self.reaches[self.particles.layer[i], layer]
                         self.grid.for_each_row(search.x, layer, search.reach, self._add_row, search)
+                    self._leave_out_self(search)
                     if ti.static(self.mirrored):
                         self.mirrors[i] = search.place
                         self._add_images(search)
@@ -178,18 +179,29 @@ class NeighbourList:
             search.place = place
 
     @ti.func
+    def _leave_out_self(self, search: ti.template()):
+        """Puts the last entry in the place of particle i's own: to ask of each candidate whether it
+        is i would take a quarter of the search."""
+        own = -1
+        for s in range(self.start[search.i], search.place):
+            own = ti.max(own, ti.select(self.index[s] == search.i, s, -1))
+        if own >= 0:
+            search.place -= 1
+            self.index[own] = self.index[search.place]
+
+    @ti.func
     def _add_row(self, begin, end, search: ti.template()):
-        """Adds the particles of a row that are within reach. Each is written to the next place,
-        which advances only if it is within reach: a branch would be mispredicted. A row that might
-        not fit into the stretch is only counted."""
+        """Adds the particles of a row that are within reach, i too. Each is written to the next
+        place, which advances only if it is within reach: a branch would be mispredicted. A row that
+        might not fit into the stretch is only counted."""
         place = search.place
         fits = place + end - begin < search.limit
         last = ti.select(fits, end, begin)
-        x, reach2, i = search.x, search.reach * search.reach, search.i
+        x, reach2 = search.x, search.reach * search.reach
         for j in range(begin, last):
             r2 = (x - self.particles.x[j]).norm_sqr()
             self.index[place] = j
-            place += ti.select(r2 < reach2, 1, 0) * ti.select(j != i, 1, 0)
+            place += ti.select(r2 < reach2, 1, 0)
         search.wanted += ti.select(fits, place - search.place, end - begin)
         search.place = place
 
