@@ -33,7 +33,7 @@ class ProjectionParameters:
         text="share of the pressure's displacements that the velocity solve may leave",
     )
     motion_tolerance: float = parameter(
-        0.02, ge=0.0, lt=1.0, text="or share of the way that the water goes in the step"
+        0.01, ge=0.0, lt=1.0, text="or share of the way that the water goes in the step"
     )
     velocity_iterations: int = parameter(120, ge=1, text="most iterations of the velocity solve")
     position_iterations: int = parameter(4, ge=1, text="iterations of the position correction")
