@@ -23,8 +23,8 @@ REACHES = {"scatter": lambda h_i, h_j: h_i * 0.0 + h_j, "pair": pair_support, "w
 ROOM = 2.0
 # Mass ratio (-) beyond which no room is provided for a coarse particle among fine ones, unless
 # their layers are next to each other: layers between keep them apart but in splashes, where they
-# are few.
-MUCH_FINER = 16.5
+# are few; the first where a stretch is shared, so that they may use what others leave.
+MUCH_FINER_SHARED, MUCH_FINER = 2.5, 16.5
 # Particles that share one stretch of the list, found by one thread in turn: room that one leaves
 # free serves the next. On a GPU each particle has its own stretch and thread.
 SHARERS_CPU, SHARERS_GPU = 32, 1
@@ -73,7 +73,7 @@ class NeighbourList:
         self.reaches, self.farthest = constant_fields(reaches, reaches.max(axis=1))
         self.sharers = SHARERS_CPU if on_cpu() else SHARERS_GPU
         specs = grid.layers.specs
-        self.stretch = self.sharers * neighbours_provided(specs, margin, reach)
+        self.stretch = self.sharers * neighbours_provided(specs, margin, reach, self.sharers > 1)
         stretches = math.ceil(particles.capacity / self.sharers)
         self.start = ti.field(ti.i32, shape=particles.capacity)
         self.end = ti.field(ti.i32, shape=particles.capacity)
@@ -206,17 +206,20 @@ class NeighbourList:
         search.place = place
 
 
-def neighbours_provided(specs: list[LayerSpec], margin: float, reach: str) -> int:
-    """Entries that the list provides per particle.
+def neighbours_provided(
+    specs: list[LayerSpec], margin: float, reach: str, shared: bool = False
+) -> int:
+    """Entries that the list provides per particle; shared: where several share a stretch.
 
     At rest a ball of radius r holds 4/3 pi r^3/V particles. The most neighbours has a coarse
     particle among fine ones; pairs of layers count here if they are next to each other in size, or
     differ by less than MUCH_FINER in mass.
     """
+    finer = MUCH_FINER_SHARED if shared else MUCH_FINER
     order = sorted(specs, key=lambda s: s.volume)
     supports, volumes = (np.array([getattr(s, k) for s in order]) for k in ("support", "volume"))
     reaches = REACHES[reach](supports[:, None], supports) + margin * supports.min()
     rank = np.arange(len(order))
-    met = (volumes[:, None] <= MUCH_FINER * volumes) | (rank[:, None] <= rank + 1)
+    met = (volumes[:, None] <= finer * volumes) | (rank[:, None] <= rank + 1)
     most = (reaches**3 / volumes)[met].max()
     return math.ceil(ROOM * 4.0 / 3.0 * math.pi * most)
