@@ -39,3 +39,19 @@ bench: $(VENV)/dev
 	$(RUN) bench/quality.py
 	$(RUN) bench/play.py
 	$(RUN) bench/scale.py
+
+$(VENV)/play: pyproject.toml constraints.txt
+	@test -n "$(PYTHON)" || { echo "M-SPH needs Python 3.10 to 3.13; none of $(PYTHONS) is one" >&2; exit 1; }
+	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || \
+		{ echo "$(PYTHON) cannot make virtual environments; on Debian: apt-get install python3-venv" >&2; exit 1; }
+	@echo "setting up $(VENV) with $(PYTHON), once"
+	@$(PYTHON) -m venv $(VENV)
+	@$(RUN) -m pip install --quiet --disable-pip-version-check -c constraints.txt -e .
+	@touch $@
+
+$(VENV)/dev: $(VENV)/play
+	@$(RUN) -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	@touch $@
+
+clean:
+	rm -rf $(VENV) build *.egg-info .pytest_cache .ruff_cache .mypy_cache
