@@ -83,7 +83,10 @@ def run(module: str, name: str, value: Any, settings: list[str]) -> dict[str, fl
     if module == "scene":
         settings = [*settings, f"{name}={value}"]
     elif module:
-        setattr(importlib.import_module(FLUID + module), name, value)
+        found = importlib.import_module(FLUID + module)
+        if not hasattr(found, name):
+            raise AttributeError(f"{FLUID}{module} has no {name}: this run would change nothing")
+        setattr(found, name, value)
     return at_rest(tuple(settings)) | dam_break(tuple(settings))
 
 
