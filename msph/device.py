@@ -3,6 +3,7 @@
 import contextlib
 import io
 import os
+import time
 from pathlib import Path
 
 from msph.errors import BadInputError
@@ -10,6 +11,9 @@ from msph.errors import BadInputError
 ARCHES = ("auto", "cpu", "cuda", "vulkan", "metal")
 # Iterations of a CPU loop that a thread takes at once.
 CPU_BLOCK = 64
+# Taichi's lock on its cache of kernels, and the age [s] from which on nobody holds it: Taichi does
+# for less than a second. One left by a process that was killed makes every later start a cold one.
+LOCK, STALE = "ticache.lock", 60.0
 # Threads of this process, on Linux.
 THREADS = Path("/proc/self/task")
 
@@ -34,7 +38,7 @@ def start(arch: str = "auto", threads: int | None = None) -> str:
     # Here, since help and bad options need no Taichi, which takes .2 s to import.
     import taichi as ti
 
-    from msph.taichi_internals import on_cpu
+    from msph.taichi_internals import cache_folder, on_cpu
 
     wanted = {
         "auto": [ti.cuda, ti.metal, ti.cpu],
@@ -48,6 +52,7 @@ def start(arch: str = "auto", threads: int | None = None) -> str:
     options = {"cpu_block_dim_adaptive": False, "default_cpu_block_dim": CPU_BLOCK}
     if threads:
         options["cpu_max_num_threads"] = threads
+    unlock(cache_folder())
     before = _threads()
     # Taichi prints what it starts on; commands say it where it matters.
     with contextlib.redirect_stdout(io.StringIO()):
@@ -59,6 +64,16 @@ def start(arch: str = "auto", threads: int | None = None) -> str:
         _keep_apart(_threads() - before)
     _started = name
     return name
+
+
+def unlock(cache: Path | None) -> None:
+    """Removes the lock of a folder of compiled kernels that a killed process has left."""
+    if cache:
+        # Another process may do the same, or the folder belong to somebody else.
+        with contextlib.suppress(OSError):
+            lock = cache / LOCK
+            if time.time() - lock.stat().st_mtime > STALE:
+                lock.unlink()
 
 
 def _threads() -> set[int]:

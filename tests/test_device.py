@@ -3,8 +3,11 @@
 import os
 import subprocess
 import sys
+import time
 
 import pytest
+
+from msph import device
 
 # Prints, a line each, the CPUs that each thread may use which came with Taichi.
 SCRIPT = """
@@ -38,3 +41,28 @@ def test_each_thread_has_a_cpu_of_its_own():
 def test_fewer_threads_run_where_they_like():
     """Two runs of one thread each would else share a CPU."""
     assert set(cpus_by_thread(1)) == {tuple(sorted(os.sched_getaffinity(0)))}
+
+
+def test_a_lock_that_a_killed_process_left_is_removed(tmp_path):
+    """With it no kernel is read from the cache or written to it; a fresh one is in use."""
+    lock = tmp_path / device.LOCK
+    device.unlock(tmp_path)
+    lock.touch()
+    device.unlock(tmp_path)
+    assert lock.exists()
+    long_ago = time.time() - 2.0 * device.STALE
+    os.utime(lock, (long_ago, long_ago))
+    device.unlock(tmp_path)
+    assert not lock.exists()
+
+
+def test_the_cache_is_where_taichi_has_it(tmp_path):
+    """Its lock, left there, is gone after a start that used the cache."""
+    (tmp_path / device.LOCK).touch()
+    os.utime(tmp_path / device.LOCK, (0.0, 0.0))
+    script = "import taichi as ti\nfrom msph import device\ndevice.start('cpu')\n"
+    script += "ti.field(ti.f32, 4).fill(1.0)\n"
+    cache = {**os.environ, "TI_OFFLINE_CACHE_FILE_PATH": str(tmp_path)}
+    subprocess.run([sys.executable, "-c", script], check=True, env=cache, capture_output=True)
+    assert not (tmp_path / device.LOCK).exists()
+    assert list(tmp_path.glob("*.tic"))
