@@ -22,7 +22,7 @@ from msph.fluid.external_forces import ExternalForces
 from msph.fluid.simulation import Simulation
 from msph.scene.build import build_simulation
 from msph.surface import Surface, SurfaceMesh
-from msph.surface.lattice import Blocks, Lattice
+from msph.surface.lattice import Lattice
 from msph.surface.marching_cubes import MarchingCubes
 
 # Modules of the peers, and the packages that bring them.
@@ -163,11 +163,11 @@ def from_field(values: np.ndarray) -> list[Way]:
 
 
 def our_cubes(values: np.ndarray) -> tuple[MarchingCubes, SurfaceMesh]:
-    """Marching cubes over all blocks of a field and its slopes."""
+    """Marching cubes over all of a field and its slopes."""
     lattice = Lattice.uniform(values.shape)
-    mesh, blocks = SurfaceMesh(ROOM, ROOM), Blocks(lattice)
-    cubes = MarchingCubes(lattice, blocks, mesh)
-    blocks.activate_all()
+    mesh = SurfaceMesh(ROOM, ROOM)
+    cubes = MarchingCubes(lattice, mesh)
+    cubes.signs.read_all()
     beyond = [(0, p - n) for p, n in zip(lattice.padded, lattice.shape, strict=True)]
     cubes.value.from_numpy(np.pad(values, beyond))
     slopes = np.stack([np.pad(g, beyond) for g in np.gradient(values)], axis=-1)

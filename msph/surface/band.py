@@ -24,13 +24,18 @@ import math
 import taichi as ti
 
 from msph.surface.fluid_fraction import ISO
-from msph.surface.lattice import BLOCK, Blocks, Lattice
-from msph.surface.sums import KernelSums
+from msph.surface.lattice import PAIR, RUN, Lattice
+from msph.surface.signs import WORD, Signs, count, lowest, words_of
+from msph.surface.sums import SIDE, TILE, KernelSums
 from msph.surface.water_volume import shift_bounds
 from msph.taichi_internals import data_oriented, kernel
 
 AIR, BAND, DEEP = 0, 1, 2
-STRIDE = 2  # lattice intervals per sample
+STRIDE = PAIR  # lattice intervals per sample
+# Sub-blocks along z in a word of signs.
+SUBS = WORD // STRIDE
+# Steps that part the lowest 16 bits of a word to every second place: shifts and masks.
+SPREAD = ((8, 0x00FF00FF), (4, 0x0F0F0F0F), (2, 0x33333333), (1, 0x55555555))
 RIM = 0.016
 # Part of the bounds used. The rest is for the rim and for noise of the density in deep water.
 MARGIN = 0.9
@@ -44,14 +49,16 @@ def bound(spacing: tuple[float, float, float], reach: float) -> float:
 
 @data_oriented
 class Band:
-    """Sub-block states, and from them the active blocks.
+    """Sub-block states, and from them the tiles of nodes to evaluate and the signs of all others.
 
     sampled (sx, sy, sz) f32: coverage at every second node, ghosts at the wall node next to them;
-    state (2 bx, 2 by, 2 bz) i32: AIR, BAND or DEEP per 2^3 cells, AIR outside the lattice.
+    state (nx/2, ny/2, nz/2) i32: AIR, BAND or DEEP per 2^3 cells, AIR outside the lattice; near,
+    of the shape of signs.read, u32: sub-blocks that are BAND, the lowest 16 bits of a word; tiles
+    i32: numbers of the tiles (of sums.py) to evaluate, the first count[None] of them live.
     """
 
-    def __init__(self, lattice: Lattice, blocks: Blocks, sums: KernelSums):
-        self.lattice, self.blocks, self.sums = lattice, blocks, sums
+    def __init__(self, lattice: Lattice, signs: Signs, sums: KernelSums):
+        self.lattice, self.signs, self.sums = lattice, signs, sums
         self.thin, self.bodies = sums.thin, sums.bodies
         self.has_bodies = self.bodies is not None
         finest = float(self.thin.radii.min())
@@ -71,15 +78,20 @@ class Band:
         self.shape = sample_shape(lattice.shape)
         self.last_sub = ti.math.ivec3(*(n - 2 for n in self.shape))
         self.sampled = ti.field(ti.f32, shape=self.shape)
-        self.state = ti.field(ti.i32, shape=[2 * b for b in blocks.dims])
+        self.state = ti.field(ti.i32, shape=state_shape(lattice.shape))
+        self.near = ti.field(ti.u32, shape=signs.read.shape)
+        self.runs = lattice.padded[2] // RUN
+        self.tiles = ti.field(ti.i32, shape=tile_count(lattice.shape))
+        self.count = ti.field(ti.i32, shape=())
 
     @staticmethod
     def bytes_needed(shape: tuple[int, int, int]) -> int:
-        subs = math.prod(2 * -(-n // BLOCK) for n in shape)
-        return 4 * (math.prod(sample_shape(shape)) + subs)
+        subs, samples = math.prod(state_shape(shape)), math.prod(sample_shape(shape))
+        words = subs // state_shape(shape)[2] * words_of(shape[2])
+        return 4 * (subs + samples + words + tile_count(shape))
 
     def find(self) -> None:
-        """particles -> state, and the blocks' active flags and list."""
+        """particles -> state, tiles and signs."""
         self.sample()
         self.classify(self.thin.particles.count)
 
@@ -87,50 +99,94 @@ class Band:
         """Evaluate all of the box: the plain way, to compare with."""
         self.state.fill(BAND)
         self.thin.find_all(self.thin.particles.count)
-        self.blocks.activate_all()
+        self.enlist()
 
     @kernel
     def sample(self):
-        """sampled = c at every second node, four along z at once."""
+        """sampled = c at every second node."""
         nx, ny, nz = self.shape
-        runs = ti.static((self.shape[2] + 3) // 4)
-        for q in range(nx * ny * runs):
-            a, b, c = q // (ny * runs), q // runs % ny, 4 * (q % runs)
-            i = ti.math.clamp(STRIDE * a, 1, self.last_node[0] - 1)
-            j = ti.math.clamp(STRIDE * b, 1, self.last_node[1] - 1)
-            k = ti.math.ivec4(0)
-            for m in ti.static(range(4)):
+        ta, tb, tc = (nx + 1) // PAIR, (ny + 1) // PAIR, (nz + RUN - 1) // RUN
+        for q in range(ta * tb * tc):
+            a, b, c = PAIR * (q // (tb * tc)), PAIR * (q // tc % tb), RUN * (q % tc)
+            i, j, k = ti.math.ivec2(0), ti.math.ivec2(0), ti.math.ivec4(0)
+            for m in ti.static(range(PAIR)):
+                i[m] = ti.math.clamp(STRIDE * (a + m), 1, self.last_node[0] - 1)
+                j[m] = ti.math.clamp(STRIDE * (b + m), 1, self.last_node[1] - 1)
+            for m in ti.static(range(RUN)):
                 k[m] = ti.math.clamp(STRIDE * (c + m), 1, self.last_node[2] - 1)
             beside = self.sums.beside_bodies(i, j, k)
-            found = self.sums.at_run(i, j, k, beside, True)[0]
-            for m in ti.static(range(4)):
-                if c + m < nz:
-                    self.sampled[a, b, c + m] = found[m]
+            found = self.sums.at_tile(i, j, k, beside, True)[0]
+            for n in ti.static(range(TILE)):
+                at = ti.Vector([a + n // SIDE, b + n // RUN % PAIR, c + n % RUN])
+                if at[0] < nx and at[1] < ny and at[2] < nz:
+                    self.sampled[at] = found[n]
 
     @kernel
     def classify(self, n: ti.i32):
-        """sampled -> state; kernels of the n particles, and all that is thin is band; active blocks
-        -> list of needed blocks."""
+        """sampled -> state; kernels of the n particles, and all that is thin is band."""
         self.thin.volume[None] = 0.0
-        self.blocks.count[0] = 0
-        for number in range(self.blocks.total):
-            block = self.blocks.place(number)
-            active = 0
-            for s in range(8):
-                sub = 2 * block + ti.Vector([s & 1, s >> 1 & 1, s >> 2])
-                state = self.state_of(sub)
-                self.state[sub] = state
-                active |= ti.cast(state == BAND or (state == DEEP and self.at_wall(sub)), ti.i32)
-            self.blocks.active[block] = active
+        for sub in ti.grouped(self.state):
+            self.state[sub] = self.state_of(sub)
         for p in range(n):
             x = self.thin.particles.x[p]
             sub = ti.math.clamp(self.sub_block(x), 0, self.last_sub)
             larger = self.thin.find(p, self.state[sub] == DEEP)
             if larger > 0.0:
                 self.mark(x, larger)
-        for number in range(self.blocks.total):
-            block = self.blocks.place(number)
-            self.blocks.note_need(block[0], block[1], block[2])
+        self.list_tiles()
+
+    @kernel
+    def enlist(self):
+        """state -> tiles and signs."""
+        self.list_tiles()
+
+    @ti.func
+    def list_tiles(self):
+        """The same within a kernel, at its top level, where its loops are shared out."""
+        self.count[None] = 0
+        for a, b, w in self.near:
+            near, deep = ti.u32(0), ti.u32(0)
+            for m in range(ti.min(SUBS, self.state.shape[2] - SUBS * w)):
+                state = self.state[a, b, SUBS * w + m]
+                near |= ti.cast(state == BAND, ti.u32) << ti.cast(m, ti.u32)
+                deep |= ti.cast(state == DEEP, ti.u32) << ti.cast(m, ti.u32)
+            self.near[a, b, w] = near
+            self.signs.deep[a, b, w] = doubled(deep)
+        for a, b, w in self.near:
+            runs = self.runs_of(a, b, w)
+            pairs = runs | runs << ti.u32(1)
+            self.signs.read[a, b, w] = doubled(pairs)
+            if runs != 0:
+                slot = ti.atomic_add(self.count[None], count(runs))
+                first = (a * self.near.shape[1] + b) * self.runs + WORD // RUN * w
+                while runs != 0:
+                    self.tiles[slot] = first + lowest(runs) // 2
+                    runs &= runs - ti.u32(1)
+                    slot += 1
+
+    @ti.func
+    def runs_of(self, a, b, w):
+        """Bits 2 q: of the 4 nodes from 4 q on in the rows (2 a, 2 b) to (2 a + 1, 2 b + 1) of a
+        word, some touch a BAND sub-block."""
+        near, before = ti.u32(0), ti.u32(0)
+        # The rows (last, ..) are ghosts, as are those beyond.
+        if a <= self.last_sub[0] and b <= self.last_sub[1]:
+            for s in ti.static(range(4)):
+                row = ti.max(ti.Vector([a - (s & 1), b - (s >> 1)]), 0)
+                near |= self.near[row[0], row[1], w]
+                if w > 0:
+                    before |= self.near[row[0], row[1], w - 1]
+        # A sub-block's last nodes are the first of the next pair.
+        near |= near << ti.u32(1) | before >> ti.u32(SUBS - 1)
+        return (near | near >> ti.u32(1)) & ti.u32(0x5555)
+
+    @ti.func
+    def tile(self, q):
+        """First node (i, j, k) of the q-th tile listed."""
+        number = self.tiles[q]
+        row = number // self.runs
+        ny = self.near.shape[1]
+        return ti.Vector([PAIR * (row // ny), PAIR * (row % ny), RUN * (number % self.runs)])
 
     @ti.func
     def sub_block(self, x):
@@ -145,14 +201,7 @@ class Band:
         for a in range(lo[0], hi[0] + 1):
             for b in range(lo[1], hi[1] + 1):
                 for c in range(lo[2], hi[2] + 1):
-                    if self.state[a, b, c] != BAND:
-                        self.state[a, b, c] = BAND
-                        self.blocks.active[a // 2, b // 2, c // 2] = 1
-
-    @ti.func
-    def at_wall(self, sub):
-        """Whether a sub-block holds ghost nodes."""
-        return sub.min() == 0 or (self.last_sub - sub).min() == 0
+                    self.state[a, b, c] = BAND
 
     @ti.func
     def state_of(self, sub):
@@ -177,7 +226,27 @@ class Band:
         return state
 
 
+@ti.func
+def doubled(word):
+    """Bit k of the lowest 16 at 2 k and 2 k + 1."""
+    for shift, mask in ti.static(SPREAD):
+        word = (word | word << ti.u32(shift)) & ti.u32(mask)
+    return word | word << ti.u32(1)
+
+
 def sample_shape(shape: tuple[int, int, int]) -> tuple[int, int, int]:
-    """SampledFields along each axis; a walled lattice has an even number of intervals."""
+    """Samples along each axis; a walled lattice has an even number of intervals."""
     nx, ny, nz = ((n - 1) // STRIDE + 1 for n in shape)
     return nx, ny, nz
+
+
+def state_shape(shape: tuple[int, int, int]) -> tuple[int, int, int]:
+    """Sub-blocks along each axis, those that begin at the last nodes too."""
+    nx, ny, nz = (-(-n // STRIDE) for n in shape)
+    return nx, ny, nz
+
+
+def tile_count(shape: tuple[int, int, int]) -> int:
+    """Tiles of all the lattice."""
+    nx, ny, nz = Lattice.padded_shape(shape)
+    return nx * ny * nz // TILE

@@ -1,20 +1,22 @@
-"""Marching cubes with shared vertices over the active blocks of a lattice.
+"""Marching cubes with shared vertices over the words of signs of a lattice.
 
-Pass 1 makes one vertex per crossed lattice edge and stores its number at the edge's low node;
-pass 2 emits the triangles of each cell from the table. A thread handles a z-run of four nodes or
-cells, so the counters see one atomic per run.
+Pass 1 finds the signs; pass 2 makes one vertex per crossed lattice edge, those of a word one after
+the other; pass 3 emits the triangles of each cell from the table. A thread handles the edges or
+cells of a word, so the counters see one atomic per word that has any.
 """
 
-import numpy as np
+import math
+
 import taichi as ti
 
 from msph.constant_fields import constant_fields
 from msph.surface import cube_tables
-from msph.surface.lattice import BLOCK, RUNS, Blocks, Lattice
+from msph.surface.lattice import Lattice
 from msph.surface.mesh import SurfaceMesh
+from msph.surface.signs import WORD, Signs, before, count, lowest, words_of
 from msph.taichi_internals import data_oriented, kernel
 
-vec3 = ti.math.vec3
+vec3, vec4 = ti.math.vec3, ti.math.vec4
 
 # Vertices keep this part of an edge's length from its ends, so that no triangle loses all area.
 END_GAP = 1e-3
@@ -24,97 +26,135 @@ FLAT = 1e-20
 
 @data_oriented
 class MarchingCubes:
-    """Polygonises value = 0 of node fields, inside where value > 0.
+    """Polygonises level = 0 of node fields, inside where level > 0.
 
-    value (nx, ny, nz) f32 and gradient, same shape, 3-vectors, are padded to whole blocks
-    (lattice.padded). Both must hold at the nodes of the active cells, gradient only at the ends
-    of crossed edges. The mesh is closed if all border nodes are outside, as ghosts always are.
+    value and, where wanted, cut f32 (nodes): the level is value - iso, but at most cut; where value
+    is not below cut, a body's, it stays. gradient, 3-vectors (nodes), is that of the level. They
+    must hold where signs.read says so, gradient only at the ends of crossed edges. The mesh is
+    closed if all border nodes are outside, as ghosts always are. crossed (words) u32 and first
+    (words) i32, 3-vectors by axis: crossed edges of a word, and the first one's vertex.
     """
 
-    def __init__(self, lattice: Lattice, blocks: Blocks, mesh: SurfaceMesh):
-        self.lattice, self.blocks, self.mesh = lattice, blocks, mesh
-        self.shape = lattice.shape
+    def __init__(self, lattice: Lattice, mesh: SurfaceMesh, has_cut: bool = False):
+        self.lattice, self.mesh, self.has_cut = lattice, mesh, has_cut
+        self.shape, self.last = lattice.shape, tuple(n - 1 for n in lattice.shape)
+        self.signs = Signs(lattice)
         self.value = ti.field(ti.f32, shape=lattice.padded)
         self.gradient = ti.Vector.field(3, ti.f32, shape=lattice.padded)
-        self.vertex = ti.Vector.field(3, ti.i32, shape=lattice.padded)
-        low = cube_tables.CORNERS[cube_tables.EDGES[:, 0]]
-        self.triangle_count, self.triangle_edge, self.edge = constant_fields(
-            cube_tables.TRIANGLE_COUNTS,
-            cube_tables.TRIANGLES,
-            np.column_stack([low, cube_tables.EDGE_AXIS]),
+        self.cut = ti.field(ti.f32, shape=lattice.padded) if has_cut else None
+        self.iso = ti.field(ti.f32, shape=())
+        words = self.signs.inside.shape
+        self.crossed = ti.Vector.field(3, ti.u32, shape=words)
+        self.first = ti.Vector.field(3, ti.i32, shape=words)
+        self.cell_words = self.last[0] * self.last[1] * self.signs.words
+        # Of an edge: corner of its low end, and 8 times its axis.
+        codes = cube_tables.EDGES[:, 0] + 8 * cube_tables.EDGE_AXIS
+        self.triangle_count, self.triangle_edge = constant_fields(
+            cube_tables.TRIANGLE_COUNTS, codes[cube_tables.TRIANGLES]
         )
 
     @staticmethod
-    def bytes_needed(shape: tuple[int, int, int]) -> int:
-        padded = [BLOCK * -(-n // BLOCK) for n in shape]
-        return 4 * 7 * padded[0] * padded[1] * padded[2]
+    def bytes_needed(shape: tuple[int, int, int], has_cut: bool) -> int:
+        nodes = math.prod(Lattice.padded_shape(shape))
+        words = shape[0] * shape[1] * words_of(shape[2])
+        return 4 * ((5 if has_cut else 4) * nodes + 6 * words) + Signs.bytes_needed(shape)
 
     def run(self) -> None:
-        """value, gradient -> mesh, over the blocks listed."""
+        """value, gradient -> mesh."""
+        self.find_signs()
         self.make_vertices()
         self.make_triangles()
 
-    @ti.func
-    def crossed(self, node, need, axis: ti.template()):
-        """Whether the edge from a node along an axis belongs to an active cell and is crossed."""
-        at = self.blocks.inner_axes(node) & ~(1 << axis)
-        far = node + ti.Vector.unit(3, axis, ti.i32)
-        hit = False
-        if far[axis] < self.shape[axis] and need & self.blocks.reach_mask[at] != 0:
-            hit = (self.value[node] > 0.0) != (self.value[far] > 0.0)
-        return hit
+    @kernel
+    def find_signs(self):
+        """inside, from the values where they are read."""
+        for q in range(self.signs.total):
+            self.find_word(q)
 
     @ti.func
-    def inside_lattice(self, node):
-        return node[0] < self.shape[0] and node[1] < self.shape[1] and node[2] < self.shape[2]
+    def find_word(self, q):
+        """Signs of the nodes of a word."""
+        i, j, w = self.signs.place(q)
+        read, found = self.signs.read[i // 2, j // 2, w], ti.u32(0)
+        if read != 0:
+            iso = self.iso[None]
+            for m in range(ti.min(WORD, self.shape[2] - WORD * w)):
+                at = ti.Vector([i, j, WORD * w + m])
+                inside = self.value[at] > iso
+                if ti.static(self.has_cut):
+                    inside = self.below_cut(self.value[at], self.cut[at], iso) > 0.0
+                found |= ti.cast(inside, ti.u32) << ti.cast(m, ti.u32)
+        nodes = (found & read) | (self.signs.deep[i // 2, j // 2, w] & ~read)
+        self.signs.inside[i, j, w] = nodes & self.signs.real(i, j, w)
+
+    @ti.func
+    def below_cut(self, f, cut, iso):
+        """The level where bodies cut."""
+        return ti.select(f < cut, ti.min(f - iso, cut), f)
+
+    @ti.func
+    def level(self, node):
+        """The field whose zero is the surface; 1 or -1 where no value is known."""
+        f = self.value[node]
+        if ti.static(self.has_cut):
+            f = self.below_cut(f, self.cut[node], self.iso[None])
+        else:
+            f -= self.iso[None]
+        if not self.signs.is_read(node[0], node[1], node[2]):
+            f = ti.select(self.signs.is_inside(node[0], node[1], node[2]), 1.0, -1.0)
+        return f
 
     @kernel
     def make_vertices(self):
-        """One vertex per crossed edge of the active cells, at the root of linear interpolation."""
+        """One vertex per crossed edge, at the root of linear interpolation."""
         for c in range(4):
             self.mesh.counts[c] = 0
-        for q in range(self.blocks.count[0] * RUNS):
-            first, need = self.blocks.run(q)
-            bits, n = 0, 0
-            for k in range(BLOCK):
-                node = first + ti.Vector([0, 0, k])
-                if self.inside_lattice(node):
-                    for axis in ti.static(range(3)):
-                        if self.crossed(node, need, axis):
-                            bits |= 1 << (3 * k + axis)
-                            n += 1
-            if n > 0:
+        for q in range(self.signs.total):
+            i, j, w = self.signs.place(q)
+            own = self.signs.inside[i, j, w]
+            # The last row is its own neighbour: no edge leaves the lattice.
+            bits = ti.Vector(
+                [
+                    own ^ self.signs.inside[ti.min(i + 1, self.last[0]), j, w],
+                    own ^ self.signs.inside[i, ti.min(j + 1, self.last[1]), w],
+                    (own ^ self.signs.above(i, j, w)) & self.signs.followed(w),
+                ],
+                dt=ti.u32,
+            )
+            if (bits[0] | bits[1] | bits[2]) != 0:
+                nx, ny = count(bits[0]), count(bits[1])
+                n = nx + ny + count(bits[2])
                 slot = ti.atomic_add(self.mesh.counts[2], n)
-                for k in range(BLOCK):
-                    node = first + ti.Vector([0, 0, k])
-                    for axis in ti.static(range(3)):
-                        if bits >> (3 * k + axis) & 1 != 0:
+                self.crossed[i, j, w] = bits
+                self.first[i, j, w] = ti.Vector([slot, slot + nx, slot + nx + ny])
+                for axis in ti.static(range(3)):
+                    rest = bits[axis]
+                    while rest != 0:
+                        node = ti.Vector([i, j, WORD * w + lowest(rest)])
+                        rest &= rest - ti.u32(1)
+                        if slot < self.mesh.max_vertices:
                             self.place_vertex(node, axis, slot)
-                            slot += 1
+                        slot += 1
         ti.loop_config(serialize=True)
         for _ in range(1):
             self.mesh.counts[0] = ti.min(self.mesh.counts[2], self.mesh.max_vertices)
 
     @ti.func
     def place_vertex(self, node, axis: ti.template(), slot):
-        """Store vertex `slot` on the edge from a node along an axis; -1 if it does not fit."""
-        self.vertex[node][axis] = ti.select(slot < self.mesh.max_vertices, slot, -1)
-        if slot < self.mesh.max_vertices:
-            far = node + ti.Vector.unit(3, axis, ti.i32)
-            f0, f1 = self.value[node], self.value[far]
-            t = ti.math.clamp(f0 / (f0 - f1), END_GAP, 1.0 - END_GAP)
-            n = -ti.math.mix(self.gradient[node], self.gradient[far], t)
-            if self.at_wall(node, far):
-                outwards = ti.select(node[axis] == 0, -1.0, 1.0)
-                t, n = 0.5, outwards * vec3(ti.Vector.unit(3, axis, ti.f32))
-            x = vec3(0.0)
-            for a in ti.static(range(3)):
-                x[a] = self.lattice.coordinate[a, node[a]]
-            x[axis] += t * (self.lattice.coordinate[axis, far[axis]] - x[axis])
-            if n.norm_sqr() < FLAT:
-                n = ti.select(f0 > f1, 1.0, -1.0) * ti.Vector.unit(3, axis, ti.f32)
-            self.mesh.vertices[slot] = x
-            self.mesh.normals[slot] = n.normalized()
+        """Vertex `slot` on the edge from a node along an axis."""
+        far = node + ti.Vector.unit(3, axis, ti.i32)
+        unit = vec3(ti.Vector.unit(3, axis, ti.f32))
+        f0, f1 = self.level(node), self.level(far)
+        t = ti.math.clamp(f0 / (f0 - f1), END_GAP, 1.0 - END_GAP)
+        n = -ti.math.mix(self.gradient[node], self.gradient[far], t)
+        if self.at_wall(node, far):
+            t, n = 0.5, ti.select(node[axis] == 0, -1.0, 1.0) * unit
+        x = self.lattice.point(node[0], node[1], node[2])
+        x[axis] += t * (self.lattice.coordinate[axis, far[axis]] - x[axis])
+        if n.norm_sqr() < FLAT:
+            n = ti.select(f0 > f1, 1.0, -1.0) * unit
+        self.mesh.vertices[slot] = x
+        self.mesh.normals[slot] = n.normalized()
 
     @ti.func
     def at_wall(self, node, far):
@@ -123,63 +163,81 @@ class MarchingCubes:
         if ti.static(self.lattice.walled):
             # A ghost is the first or last of an axis along which the edge's ends differ.
             for a in ti.static(range(3)):
-                ghost = node[a] == 0 or far[a] == self.shape[a] - 1
+                ghost = node[a] == 0 or far[a] == self.last[a]
                 found = found or (far[a] > node[a] and ghost)
         return found
 
     @ti.func
-    def cases_of(self, first):
-        """Sign bits of the eight corners of the four cells of a run, 8 bits each; 0 outside the
-        lattice."""
-        cases = 0
-        if first[0] + 1 < self.shape[0] and first[1] + 1 < self.shape[1]:
-            for column in range(4):
-                i, j = first[0] + (column & 1), first[1] + (column >> 1)
-                below = 0
-                for k in range(BLOCK + 1):
-                    inside = 0
-                    if first[2] + k < self.shape[2]:
-                        inside = ti.cast(self.value[i, j, first[2] + k] > 0.0, ti.i32)
-                    # A node is a lower corner of its cell and an upper one of the cell below.
-                    if k > 0:
-                        cases |= (below | inside << 4) << (column + 8 * (k - 1))
-                    below = inside
-            # Cells beyond the last nodes are none.
-            left = ti.math.clamp(self.shape[2] - 1 - first[2], 0, BLOCK)
-            if left < BLOCK:
-                cases &= (1 << (8 * left)) - 1
-        return cases
+    def cell_place(self, q):
+        """Row (i, j) and word w of the q-th word of cells."""
+        row = q // self.signs.words
+        return ti.Vector([row // self.last[1], row % self.last[1], q % self.signs.words])
+
+    @ti.func
+    def corners(self, i, j, w):
+        """Words of signs of the four lower and the four upper corners of a word's cells."""
+        low, high = ti.Vector([ti.u32(0)] * 4), ti.Vector([ti.u32(0)] * 4)
+        for c in ti.static(range(4)):
+            low[c] = self.signs.inside[i + (c & 1), j + (c >> 1), w]
+            high[c] = self.signs.above(i + (c & 1), j + (c >> 1), w)
+        return low, high
+
+    @ti.func
+    def cells(self, low, high, w):
+        """The cells of a word that the surface crosses."""
+        some = low[0] | low[1] | low[2] | low[3] | high[0] | high[1] | high[2] | high[3]
+        every = low[0] & low[1] & low[2] & low[3] & high[0] & high[1] & high[2] & high[3]
+        return some & ~every & self.signs.followed(w)
+
+    @ti.func
+    def case(self, low, high, k):
+        """Sign bits of the eight corners of the k-th cell of a word."""
+        found = ti.u32(0)
+        for c in ti.static(range(4)):
+            found |= ((low[c] >> ti.cast(k, ti.u32)) & ti.u32(1)) << ti.u32(c)
+            found |= ((high[c] >> ti.cast(k, ti.u32)) & ti.u32(1)) << ti.u32(c + 4)
+        return ti.cast(found, ti.i32)
+
+    @ti.func
+    def edge(self, cell, code):
+        """Low node and axis of an edge of a cell."""
+        return cell + ti.Vector([code & 1, code >> 1 & 1, code >> 2 & 1]), code >> 3
 
     @ti.func
     def triangle(self, cell, case, t):
         """Vertex numbers of the t-th triangle of a cell."""
         v = ti.Vector([0, 0, 0])
         for m in ti.static(range(3)):
-            e = self.triangle_edge[case, t, m]
-            low = ti.Vector([self.edge[e, 0], self.edge[e, 1], self.edge[e, 2]])
-            v[m] = self.vertex[cell + low][self.edge[e, 3]]
+            low, axis = self.edge(cell, self.triangle_edge[case, t, m])
+            at = ti.Vector([low[0], low[1], low[2] // WORD])
+            v[m] = self.first[at][axis] + before(self.crossed[at][axis], low[2] % WORD)
         return v
 
     @kernel
     def make_triangles(self):
-        """The table's triangles for every cell of the active blocks; whole triangles only."""
-        for q in range(self.blocks.count[0] * RUNS):
-            first, need = self.blocks.run(q)
-            cases, n = 0, 0
-            if need & 1 != 0:
-                cases = self.cases_of(first)
-                for k in range(BLOCK):
-                    n += self.triangle_count[cases >> (8 * k) & 255]
-            if n > 0:
+        """The table's triangles for every cell; whole triangles only."""
+        for q in range(self.cell_words):
+            i, j, w = self.cell_place(q)
+            low, high = self.corners(i, j, w)
+            cells = self.cells(low, high, w)
+            if cells != 0:
+                n, whole, rest = 0, 0, cells
+                while rest != 0:
+                    n += self.triangle_count[self.case(low, high, lowest(rest))]
+                    rest &= rest - ti.u32(1)
                 ti.atomic_add(self.mesh.counts[3], n)
+                whole = n
                 if self.mesh.counts[2] > self.mesh.max_vertices:
-                    n = self.count_whole(first, cases)
-                slot = ti.atomic_add(self.mesh.counts[1], n)
-                for k in range(BLOCK):
-                    case = cases >> (8 * k) & 255
+                    whole = self.count_whole(i, j, w, low, high, cells)
+                slot = ti.atomic_add(self.mesh.counts[1], whole)
+                rest = cells
+                while rest != 0:
+                    k = lowest(rest)
+                    rest &= rest - ti.u32(1)
+                    case = self.case(low, high, k)
                     for t in range(self.triangle_count[case]):
-                        v = self.triangle(first + ti.Vector([0, 0, k]), case, t)
-                        if v.min() >= 0:
+                        v = self.triangle(ti.Vector([i, j, WORD * w + k]), case, t)
+                        if v.max() < self.mesh.max_vertices:
                             if slot < self.mesh.max_triangles:
                                 self.mesh.triangles[slot] = v
                             slot += 1
@@ -188,12 +246,14 @@ class MarchingCubes:
             self.mesh.counts[1] = ti.min(self.mesh.counts[1], self.mesh.max_triangles)
 
     @ti.func
-    def count_whole(self, first, cases):
-        """Triangles of a run of cells whose vertices all fitted."""
-        n = 0
-        for k in range(BLOCK):
-            case = cases >> (8 * k) & 255
+    def count_whole(self, i, j, w, low, high, cells):
+        """Triangles of a word of cells whose vertices all fitted."""
+        n, rest = 0, cells
+        while rest != 0:
+            k = lowest(rest)
+            rest &= rest - ti.u32(1)
+            case = self.case(low, high, k)
             for t in range(self.triangle_count[case]):
-                if self.triangle(first + ti.Vector([0, 0, k]), case, t).min() >= 0:
-                    n += 1
+                v = self.triangle(ti.Vector([i, j, WORD * w + k]), case, t)
+                n += ti.cast(v.max() < self.mesh.max_vertices, ti.i32)
         return n

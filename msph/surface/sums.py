@@ -1,4 +1,4 @@
-"""Sums over particles at four points of a z-run at once: coverage and its gradient.
+"""Sums over particles at sixteen points at once: coverage and its gradient.
 
     c(x) = sum over layers l of 1/F_l(x) sum over j in l of V_j w_j W(|x - x_j|, r_j),
 
@@ -13,18 +13,22 @@ import taichi as ti
 
 from msph.constant_fields import constant_fields
 from msph.surface.fluid_fraction import fluid_fraction
-from msph.surface.lattice import Lattice
+from msph.surface.lattice import PAIR, RUN, Lattice
 from msph.surface.thin_water import ThinWater
 from msph.taichi_internals import data_oriented
 
-vec3, vec4 = ti.math.vec3, ti.math.vec4
+vec2, vec3, vec4 = ti.math.vec2, ti.math.vec3, ti.math.vec4
+# Points of a tile, and those of one x.
+TILE, SIDE = PAIR * PAIR * RUN, PAIR * RUN
+vec16 = ti.types.vector(TILE, ti.f32)
 
 
 @data_oriented
 class KernelSums:
     """c and grad c at lattice nodes, gathered from the sorted particles.
 
-    Four nodes of a column share every particle read. inverse_fraction and log_slope
+    A tile is 2 x 2 x 4 nodes (i[u], j[v], k[m]), which share every particle read; values at them
+    are a vec16 in the order 8 u + 4 v + m. inverse_fraction and log_slope
     (L, 3, nodes): 1/F and d(log F)/dx [1/m] of the two walls of an axis, at each node.
     """
 
@@ -42,70 +46,83 @@ class KernelSums:
 
     @ti.func
     def beside_bodies(self, i, j, k):
-        """Whether kernels round nodes (i, j, k[0..3]) may reach a body."""
+        """Whether kernels round the nodes of a tile may reach a body."""
         beside = False
         if ti.static(self.has_bodies):
-            first = self.lattice.point(i, j, k[0])
-            half = 0.5 * (self.lattice.point(i, j, k[3]) - first)
-            beside = self.bodies.clearance(first + half) < self.widest + half[2]
+            first = self.lattice.point(i[0], j[0], k[0])
+            half = 0.5 * (self.lattice.point(i[1], j[1], k[3]) - first)
+            beside = self.bodies.clearance(first + half) < self.widest + half.norm()
         return beside
 
     @ti.func
-    def at_run(self, i, j, k, beside, full: ti.template()):
-        """c and the components of grad c [1/m], a vec4 each, at nodes (i, j, k[0..3]).
+    def at_tile(self, i, j, k, beside, full: ti.template()):
+        """c and the components of grad c [1/m], a vec16 each, at the nodes of a tile.
 
-        beside: whether bodies are looked at. full: by kernels of full reach, for all particles.
+        beside: whether bodies are looked at. full: by kernels of full reach, for all particles, and
+        without grad c.
         """
-        x, y = self.lattice.coordinate[0, i], self.lattice.coordinate[1, j]
-        z = vec4(0.0)
-        for m in ti.static(range(4)):
+        x, y, z = vec2(0.0), vec2(0.0), vec4(0.0)
+        for m in ti.static(range(PAIR)):
+            x[m], y[m] = self.lattice.coordinate[0, i[m]], self.lattice.coordinate[1, j[m]]
+        for m in ti.static(range(RUN)):
             z[m] = self.lattice.coordinate[2, k[m]]
-        c, gx, gy, gz = vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0)
+        c, gx, gy, gz = vec16(0.0), vec16(0.0), vec16(0.0), vec16(0.0)
         for layer in range(self.layer_count):
             s, ax, ay, az = self.sum_layer(layer, x, y, z, full)
-            if ti.static(self.has_bodies):
-                if beside:
-                    for m in range(4):
-                        share = self.bodies.open_share(vec3(x, y, z[m]), layer)
-                        s[m] /= share[0]
-                        ax[m] = (ax[m] - s[m] * share[1]) / share[0]
-                        ay[m] = (ay[m] - s[m] * share[2]) / share[0]
-                        az[m] = (az[m] - s[m] * share[3]) / share[0]
-            fxy = self.inverse_fraction[layer, 0, i] * self.inverse_fraction[layer, 1, j]
-            hx, hy = self.log_slope[layer, 0, i], self.log_slope[layer, 1, j]
-            for m in ti.static(range(4)):
-                f = fxy * self.inverse_fraction[layer, 2, k[m]]
-                c[m] += f * s[m]
-                gx[m] += f * (ax[m] - s[m] * hx)
-                gy[m] += f * (ay[m] - s[m] * hy)
-                gz[m] += f * (az[m] - s[m] * self.log_slope[layer, 2, k[m]])
+            # Elements by a number that is not known to the compiler: sums are arrays in memory, and
+            # it then adds eight at once. As 64 scalars it does not.
+            for n in range(TILE):
+                u, v, m = n // SIDE, n // RUN % PAIR, n % RUN
+                f = self.inverse_fraction[layer, 0, i[u]]
+                f *= self.inverse_fraction[layer, 1, j[v]]
+                f *= self.inverse_fraction[layer, 2, k[m]]
+                h = vec3(self.log_slope[layer, 0, i[u]], self.log_slope[layer, 1, j[v]], 0.0)
+                h[2] = self.log_slope[layer, 2, k[m]]
+                if ti.static(self.has_bodies):
+                    if beside:
+                        share = self.bodies.open_share(vec3(x[u], y[v], z[m]), layer)
+                        f /= share[0]
+                        h += share.yzw / share[0]
+                c[n] += f * s[n]
+                if ti.static(not full):
+                    gx[n] += f * (ax[n] - s[n] * h[0])
+                    gy[n] += f * (ay[n] - s[n] * h[1])
+                    gz[n] += f * (az[n] - s[n] * h[2])
         return c, gx, gy, gz
 
     @ti.func
     def sum_layer(self, layer, x, y, z, full: ti.template()):
-        """One layer's sum of V w W at (x, y, z[0..3]), and of V w grad W: four vec4."""
+        """One layer's sum of V w W at the points (x[u], y[v], z[m]) [m], and, unless full, of
+        V w grad W."""
         r = self.thin.reach[layer]
         of_layer = self.thin.full(layer)
-        lo = self.grid.cell_of(vec3(x, y, z[0]) - r, layer)
-        hi = self.grid.cell_of(vec3(x, y, z[3]) + r, layer)
-        low, high = self.grid.lowest[layer], self.grid.highest[layer]
-        s, ax, ay, az = vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0)
-        for b in range(ti.max(lo[1], low), ti.min(hi[1], high) + 1):
+        low = vec3(x[0], y[0], z[0])
+        high = vec3(x[1], y[1], z[3])
+        lo, hi = self.grid.cell_of(low - r, layer), self.grid.cell_of(high + r, layer)
+        first, last = self.grid.lowest[layer], self.grid.highest[layer]
+        s, ax, ay, az = vec16(0.0), vec16(0.0), vec16(0.0), vec16(0.0)
+        for b in range(ti.max(lo[1], first), ti.min(hi[1], last) + 1):
             for a in range(lo[0], hi[0] + 1):
                 begin_end = self.grid.row(layer, a, b, lo[2], hi[2])
                 for p in range(begin_end[0], begin_end[1]):
                     xp, own = self.particles.x[p], of_layer
                     if ti.static(not full):
                         own = self.thin.kernel[p]
-                    dx, dy, per_r2 = x - xp[0], y - xp[1], own[0]
-                    uxy = 1.0 - (dx * dx + dy * dy) * per_r2
-                    if uxy > 0.0:
-                        dz = z - xp[2]
-                        u = ti.max(uxy - dz * dz * per_r2, 0.0)
-                        wu2 = own[1] * u * u
-                        s += wu2 * u
-                        wu2 *= per_r2
-                        ax += wu2 * dx
-                        ay += wu2 * dy
-                        az += wu2 * dz
+                    per_r2 = own[0]
+                    dx, dy = x - xp[0], y - xp[1]
+                    dx2, dy2 = dx * dx, dy * dy
+                    if (ti.min(dx2[0], dx2[1]) + ti.min(dy2[0], dy2[1])) * per_r2 < 1.0:
+                        ex, ey, ez = vec16(0.0), vec16(0.0), vec16(0.0)
+                        for n in ti.static(range(TILE)):
+                            ex[n] = dx[n // SIDE]
+                            ey[n] = dy[n // RUN % PAIR]
+                            ez[n] = z[n % RUN] - xp[2]
+                        t = ti.max(1.0 - (ex * ex + ey * ey + ez * ez) * per_r2, 0.0)
+                        wt2 = own[1] * t * t
+                        s += wt2 * t
+                        if ti.static(not full):
+                            wt2 *= per_r2
+                            ax += wt2 * ex
+                            ay += wt2 * ey
+                            az += wt2 * ez
         return s, -6.0 * ax, -6.0 * ay, -6.0 * az

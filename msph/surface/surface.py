@@ -7,7 +7,7 @@ from msph.surface.band import Band
 from msph.surface.bodies import Bodies
 from msph.surface.coverage import Coverage
 from msph.surface.fluid_fraction import SLOPE
-from msph.surface.lattice import Blocks, Lattice
+from msph.surface.lattice import Lattice
 from msph.surface.marching_cubes import MarchingCubes
 from msph.surface.mesh import SurfaceMesh
 from msph.surface.sums import KernelSums
@@ -56,16 +56,15 @@ class Surface:
         lattice = Lattice.in_box(size, cell)
         default = mesh_capacity(lattice.shape)
         self.lattice = lattice
-        self.blocks = Blocks(lattice)
         self.mesh = SurfaceMesh(max_vertices or default[0], max_triangles or default[1])
-        self.cubes = MarchingCubes(lattice, self.blocks, self.mesh)
         # Beside a plane coverage falls by SLOPE/r; where kernels differ, as in the finest layer.
         slope = SLOPE / (smoothing * layers.finest.support)
         bodies = Bodies(boundary, slope) if boundary is not None and boundary.count else None
+        self.cubes = MarchingCubes(lattice, self.mesh, bodies is not None)
         thin = ThinWater(size, layers, grid, particles, bodies, smoothing)
         sums = KernelSums(lattice, size, layers, grid, thin, bodies)
-        self.coverage = Coverage(lattice, self.blocks, sums)
-        self.water = WaterVolume(self.blocks, self.cubes, thin, self.coverage.cut)
+        self.coverage = Coverage(self.cubes, sums)
+        self.water = WaterVolume(self.cubes, thin)
 
     @staticmethod
     def bytes_needed(
@@ -78,19 +77,21 @@ class Surface:
         """
         shape = Lattice.shape_in_box(size, cell)
         return (
-            Blocks.bytes_needed(shape)
-            + Band.bytes_needed(shape)
-            + MarchingCubes.bytes_needed(shape)
+            Band.bytes_needed(shape)
+            + MarchingCubes.bytes_needed(shape, bodies)
             + SurfaceMesh.bytes_needed(*mesh_capacity(shape))
             + ThinWater.bytes_needed(particles)
-            + Coverage.bytes_needed(shape, bodies)
         )
+
+    def shortfall(self) -> str | None:
+        """Why the last mesh may lack volume of the water, in words; None where nothing was cut."""
+        return self.mesh.overflowed() or self.water.limited()
 
     def extract(self, everywhere: bool = False) -> None:
         """particles -> mesh: seven launches, nothing read back.
 
         everywhere: evaluate all of the box, for comparison. It gives the same mesh.
         """
-        self.coverage.run(self.cubes.value, self.cubes.gradient, everywhere)
+        self.coverage.run(everywhere)
         self.water.set_right()
         self.cubes.run()

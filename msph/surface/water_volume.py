@@ -15,10 +15,11 @@ volume of the mesh that marching cubes is about to make: with corners x on cell 
 Volume controls of this kind: Kim, Liu, Llamas, Jiao and Rossignac 2007 for level sets.
 """
 
+import numpy as np
 import taichi as ti
 
-from msph.surface.lattice import BLOCK, RUNS, Blocks
 from msph.surface.marching_cubes import MarchingCubes
+from msph.surface.signs import WORD, lowest
 from msph.surface.thin_water import ThinWater
 from msph.taichi_internals import data_oriented, kernel
 
@@ -43,59 +44,59 @@ def shift_bounds(has_bodies: bool) -> tuple[float, float]:
 
 @data_oriented
 class WaterVolume:
-    """enclosed and change [m^3]: V and dV/df; step and shift (-): the last step's and that of all.
+    """enclosed and change [m^3]: V and dV/df; shift (-): the iso of marching cubes."""
 
-    cut: what bodies impose on f, None without bodies.
-    """
-
-    def __init__(self, blocks: Blocks, cubes: MarchingCubes, thin: ThinWater, cut):
-        self.blocks, self.cubes, self.thin, self.cut = blocks, cubes, thin, cut
-        self.lattice, self.has_bodies = cubes.lattice, cut is not None
+    def __init__(self, cubes: MarchingCubes, thin: ThinWater):
+        self.cubes, self.thin = cubes, thin
+        self.lattice, self.has_bodies = cubes.lattice, cubes.has_cut
         self.least, self.most = shift_bounds(self.has_bodies)
         self.enclosed, self.change = ti.field(ti.f32, shape=()), ti.field(ti.f32, shape=())
-        self.step, self.shift = ti.field(ti.f32, shape=()), ti.field(ti.f32, shape=())
+        self.shift = cubes.iso
 
     def set_right(self) -> None:
-        """f -> f - shift at all nodes of the listed blocks; where bodies cut, they go on to."""
+        """Shifts f; where bodies cut, they go on to."""
         self.approach(0)
         self.approach(1)
+
+    def limited(self) -> str | None:
+        """Why the last mesh may not hold the water's volume, in words; None where the shift was
+        free."""
+        shift = np.float32(self.shift[None])
+        if shift <= np.float32(self.least):
+            return "the surface would have to move outwards by more than it may"
+        if shift >= np.float32(self.most):
+            return "the surface would have to move inwards by more than it may"
+        return None
 
     @kernel
     def approach(self, again: ti.i32):
         """One step; again: whether it is the second, which is made only after a far one."""
-        runs = self.blocks.count[0] * RUNS
+        words = self.cubes.signs.total
         if again == 0:
             self.shift[None] = 0.0
         elif abs(self.shift[None]) < FAR:
-            runs = 0
+            words = 0
         self.enclosed[None], self.change[None] = 0.0, 0.0
-        for q in range(runs):
-            first, need = self.blocks.run(q)
-            cases = 0
-            if need & 1 != 0:
-                cases = self.cubes.cases_of(first)
+        for q in range(words):
+            self.cubes.find_word(q)
+        for q in range(ti.min(words, self.cubes.cell_words)):
+            i, j, w = self.cubes.cell_place(q)
+            low, high = self.cubes.corners(i, j, w)
+            rest = self.cubes.cells(low, high, w)
             volume, change = 0.0, 0.0
-            for k in range(BLOCK):
-                cell, case = first + ti.Vector([0, 0, k]), cases >> (8 * k) & 255
+            while rest != 0:
+                k = lowest(rest)
+                rest &= rest - ti.u32(1)
+                case = self.cubes.case(low, high, k)
                 for t in range(self.cubes.triangle_count[case]):
-                    part = self.triangle(cell, case, t)
+                    part = self.triangle(ti.Vector([i, j, WORD * w + k]), case, t)
                     volume += part[0]
                     change += part[1]
             if volume != 0.0:
                 self.enclosed[None] += volume
                 self.change[None] += change
-        if runs > 0:
+        if words > 0:
             self.find_step()
-        for q in range(runs):
-            first, _ = self.blocks.run(q)
-            for k in range(BLOCK):
-                node = first + ti.Vector([0, 0, k])
-                f = self.cubes.value[node]
-                if ti.static(self.has_bodies):
-                    if f < self.cut[node]:
-                        self.cubes.value[node] = ti.min(f - self.step[None], self.cut[node])
-                else:
-                    self.cubes.value[node] = f - self.step[None]
 
     @ti.func
     def find_step(self):
@@ -103,7 +104,6 @@ class WaterVolume:
         rest, before = self.thin.volume[None], self.shift[None]
         step = (self.enclosed[None] - rest) / ti.max(self.change[None], TINY * rest)
         self.shift[None] = ti.math.clamp(before + step, self.least, self.most)
-        self.step[None] = self.shift[None] - before
 
     @ti.func
     def triangle(self, cell, case, t):
@@ -115,19 +115,18 @@ class WaterVolume:
         return ti.Vector([volume, (b - a).cross(c - a).dot(da + db + dc) / 6.0])
 
     @ti.func
-    def corner(self, cell, e):
-        """Place [m] of the vertex on edge e of a cell, and its derivative by f [m]."""
-        low, way = ti.Vector([0, 0, 0]), ti.Vector([0, 0, 0])
+    def corner(self, cell, code):
+        """Place [m] of the vertex on an edge of a cell, and its derivative by f [m]."""
+        low, axis = self.cubes.edge(cell, code)
+        far = low
         for a in ti.static(range(3)):
-            low[a] = cell[a] + self.cubes.edge[e, a]
-            way[a] = ti.cast(self.cubes.edge[e, 3] == a, ti.i32)
-        far = low + way
-        f0, f1 = self.cubes.value[low], self.cubes.value[far]
+            far[a] += ti.cast(axis == a, ti.i32)
+        f0, f1 = self.cubes.level(low), self.cubes.level(far)
         t, change = f0 / (f0 - f1), 1.0 / (f0 - f1)
         if self.cubes.at_wall(low, far):
             t, change = 0.5, 0.0
         if ti.static(self.has_bodies):
-            if f0 >= self.cut[low] or f1 >= self.cut[far]:
+            if f0 >= self.cubes.cut[low] or f1 >= self.cubes.cut[far]:
                 change = 0.0
         begin = self.lattice.point(low[0], low[1], low[2])
         length = self.lattice.point(far[0], far[1], far[2]) - begin

@@ -15,7 +15,7 @@ def cubes() -> Cubes:
 
 @pytest.fixture(scope="session")
 def oblong_cubes() -> Cubes:
-    """Spacing and extent differ between the axes; no extent is a multiple of the block."""
+    """Spacing and extent differ between the axes; no extent is a multiple of a word of signs."""
     return Cubes(Lattice.uniform((31, 22, 45), (0.1, 0.17, 0.06), (-1.5, -1.8, -1.3)))
 
 

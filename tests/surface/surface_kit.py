@@ -12,7 +12,7 @@ from msph.fluid.particles.grid import LayeredGrid
 from msph.fluid.particles.layers import Layers, LayerSpec
 from msph.fluid.particles.particles import Particles
 from msph.surface import Surface, SurfaceMesh
-from msph.surface.lattice import Blocks, Lattice
+from msph.surface.lattice import Lattice
 from msph.surface.marching_cubes import MarchingCubes
 
 SIZE = (0.6, 0.5, 0.4)
@@ -58,9 +58,8 @@ class Cubes:
     def __init__(self, lattice: Lattice, max_vertices=60_000, max_triangles=120_000):
         self.lattice = lattice
         self.mesh = SurfaceMesh(max_vertices, max_triangles)
-        self.blocks = Blocks(lattice)
-        self.cubes = MarchingCubes(lattice, self.blocks, self.mesh)
-        self.blocks.activate_all()
+        self.cubes = MarchingCubes(lattice, self.mesh)
+        self.cubes.signs.read_all()
 
     def nodes(self) -> np.ndarray:
         """Node positions (3, nx, ny, nz)."""

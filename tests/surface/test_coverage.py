@@ -14,9 +14,7 @@ def field(water):
     cubes, shape = water.surface.cubes, water.surface.lattice.shape
     real = tuple(slice(1, n - 1) for n in shape)
     axes = [a[1:-1].astype(np.float64) for a in water.surface.lattice.axes]
-    value = cubes.value.to_numpy()[real] + ISO
-    value += water.surface.water.shift[None]
-    return value, cubes.gradient.to_numpy()[real], axes
+    return cubes.value.to_numpy()[real] + ISO, cubes.gradient.to_numpy()[real], axes
 
 
 def brute_force(water):
@@ -94,4 +92,4 @@ def test_too_coarse_cells_are_refused(water):
     thin = SimpleNamespace(radii=np.array([0.5 * max(water.surface.lattice.spacing)]))
     sums = SimpleNamespace(thin=thin, bodies=None)
     with pytest.raises(ValueError, match="too coarse"):
-        Band(water.surface.lattice, water.surface.blocks, sums)
+        Band(water.surface.lattice, water.surface.cubes.signs, sums)

@@ -90,6 +90,18 @@ def test_empty_field_gives_an_empty_mesh(cubes):
     assert mesh.area() == 0.0 and mesh.volume() == 0.0
 
 
+@pytest.mark.parametrize("nodes", [31, 32, 33, 64])
+def test_rows_may_end_anywhere_in_a_word_of_signs(nodes):
+    """One vertex for each edge whose ends differ, and none beyond the lattice."""
+    cubes = Cubes(Lattice.uniform((5, 4, nodes)), 10_000, 20_000)
+    noise = np.random.default_rng(nodes).normal(size=cubes.lattice.shape)
+    for value in (noise, walled_in(noise)):
+        inside = value > 0.0
+        crossed = sum(int(np.diff(inside, axis=a).sum()) for a in range(3))
+        assert cubes.extract(value).counts[2] == crossed
+    assert_closed(cubes.mesh)
+
+
 @pytest.mark.parametrize("capacity", [(500, 100_000), (50_000, 500)])
 def test_overflow_is_reported_and_what_is_there_stays_valid(capacity):
     small = Cubes(Lattice.uniform((18, 18, 18)), *capacity)

@@ -67,7 +67,7 @@ def test_the_band_follows_the_surface_not_the_volume(water):
     assert (state == 1).mean() < 0.2
     water.fill(np.zeros((0, 3)))
     water.mesh()
-    assert water.surface.blocks.count[0] == 0
+    assert water.surface.coverage.band.count[None] == 0
 
 
 @pytest.mark.parametrize(("d", "layer"), [(FINE, 0), (COARSE, 1)])
