@@ -21,6 +21,7 @@ NEAR = 4e-4  # how near to a body a ray counts as having met it, as a share of t
 CAREFUL = 0.9  # share of the distance that a step takes: sampled distances may be too far
 SOFT = 14.0  # sharpness of shadows
 MISSED = 1e9
+PARALLEL = 1e-6  # component of a direction that counts as none
 
 
 @data_oriented
@@ -34,14 +35,23 @@ class BodyShading:
 
     @ti.func
     def span(self, b, p, r, most, more):
-        """Part of the ray p + t r within the ball round body b, larger by `more` [m]: first and
-        last t of 0..most."""
+        """Part of the ray p + t r within both the ball and the box round body b, larger by `more`
+        [m]: first and last t of 0..most."""
         c = p - self.boundary.centre[b, END]
         along = c.dot(r)
         half = along * along - c.norm_sqr() + (self.boundary.reach[b] + more) ** 2
         found = vec2(1.0, 0.0)
         if half > 0.0:
             found = vec2(ti.max(-along - ti.sqrt(half), 0.0), ti.min(-along + ti.sqrt(half), most))
+            turn = self.boundary.turn[b, END].transpose()
+            q, s = turn @ c, turn @ r
+            for k in ti.static(range(3)):
+                # A face may be part of the body.
+                out = self.boundary.half[b][k] + more + self.clear
+                per = 1.0 / ti.select(abs(s[k]) > PARALLEL, s[k], PARALLEL)
+                near, far = (-out - q[k]) * per, (out - q[k]) * per
+                found[0] = ti.max(found[0], ti.min(near, far))
+                found[1] = ti.min(found[1], ti.max(near, far))
         return found
 
     @ti.func
@@ -79,7 +89,9 @@ class BodyShading:
         share = 1.0
         for b in range(self.boundary.count):
             if self.boundary.side[b] > 0.0:
-                part = self.span(b, p, to_sun, MISSED, 0.0)
+                # As far from the body as its shadow is soft.
+                ahead = (self.boundary.centre[b, END] - p).dot(to_sun) + self.boundary.reach[b]
+                part = self.span(b, p, to_sun, ahead, ahead / SOFT)
                 t, steps = ti.max(part[0], self.clear), 0
                 while t < part[1] and steps < STEPS:
                     steps += 1

@@ -26,7 +26,7 @@ class Picture:
     """Pictures of width x height pixels of the box (Lx, Ly, Lz) [m].
 
     mesh: the water's surface in box coordinates; fields `vertices` [m], `normals`, `triangles`,
-    `counts` (vertices, triangles). particles: capacity of the particle view, 0 for none. walls:
+    `counts` (vertices, triangles). particles: capacity of the particle view, 0 for none. boundary:
     the fluid's, where bodies are to be drawn, else None.
     scalable: whether `scale` may be set below 1: fewer pixels are drawn then, and enlarged; a
     picture that is supersampled keeps its scale.
