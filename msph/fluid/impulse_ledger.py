@@ -12,6 +12,7 @@ class ImpulseLedger:
     internal_impulse [N s] and internal_angular_impulse [N m s], about the origin: of pair forces
     and of position corrections at constant velocity; zero for an exact method.
     wall_impulse [N s], wall_work [J]: of walls and bodies; walls at rest do no work.
+    body_impulse [N s]: the part of wall_impulse that is of bodies.
     user_impulse [N s], user_work [J]: of the hand.
     merge_loss [J]: kinetic energy that merges dissipated.
 
@@ -22,6 +23,7 @@ class ImpulseLedger:
         self.internal_impulse = ti.Vector.field(3, ti.f32, shape=())
         self.internal_angular_impulse = ti.Vector.field(3, ti.f32, shape=())
         self.wall_impulse = ti.Vector.field(3, ti.f32, shape=())
+        self.body_impulse = ti.Vector.field(3, ti.f32, shape=())
         self.wall_work = ti.field(ti.f32, shape=())
         self.user_impulse = ti.Vector.field(3, ti.f32, shape=())
         self.user_work = ti.field(ti.f32, shape=())
@@ -35,6 +37,7 @@ class ImpulseLedger:
                 self.internal_impulse,
                 self.internal_angular_impulse,
                 self.wall_impulse,
+                self.body_impulse,
                 self.user_impulse,
             )
         ):

@@ -12,7 +12,7 @@ from msph.fluid.external_forces import ExternalForces
 from msph.fluid.methods import Parameters, solver_of
 from msph.fluid.particles.grid import LayeredGrid, grid_shape
 from msph.fluid.particles.layers import Layers, LayerSpec
-from msph.fluid.particles.neighbour_list import neighbours_provided
+from msph.fluid.particles.neighbour_list import entries_provided
 from msph.fluid.particles.particles import Particles
 from msph.fluid.stages import Stage, no_stage
 from msph.fluid.trapped_water import check_room
@@ -29,15 +29,19 @@ class NoWaterError(ValueError):
 
 
 def footprint(
-    size: tuple[float, float, float], specs: list[LayerSpec], count: int, parameters: Parameters
+    size: tuple[float, float, float],
+    specs: list[LayerSpec],
+    count: int,
+    parameters: Parameters,
+    pooled: bool = False,
 ) -> dict[str, int]:
-    """Numbers (of WORD bytes) that `count` particles in a box of `size` [m] need, by purpose."""
+    """Numbers (of WORD bytes) that `count` particles in a box of `size` [m] need, by purpose;
+    pooled: on a CPU, as entries_provided() says."""
     solver = solver_of(parameters)
     return {
         "cells": 2 * sum(math.prod(grid_shape(size, s.support)) for s in specs),
         "neighbours": (1 + solver.PER_ENTRY)
-        * count
-        * neighbours_provided(specs, solver.LIST_MARGIN, solver.reach(parameters)),
+        * entries_provided(specs, solver.LIST_MARGIN, solver.reach(parameters), count, pooled),
         # Attributes, and place, cell, start and end of the sort and the list.
         "particles": count
         * (Particles.bytes_per_particle(solver.attributes(parameters)) // WORD + 4),

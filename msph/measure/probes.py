@@ -13,8 +13,14 @@ from msph.fluid.simulation import Simulation
 from msph.measure.host_kernels import coverage, mirrored, wendland
 from msph.scene.schema import Scene
 
-# Coverage at which water ends: half of the kernel's ball is water there, images included.
+# Coverage at which water ends, over the share of the kernel that bodies leave: half of the kernel's
+# ball is water there, images included.
 SURFACE = 0.5
+# Points of a lattice along the diameter of a kernel's ball by which that share is found: to 1 %.
+ACROSS = 11
+# Depth in a body, in spacings, from which on a place is none for water; a mesh is sampled, and what
+# lies on its faces should be read.
+BURIED = 0.1
 # Radius of the pressure fit, in supports h_j. At a wall half of the ball is empty, in a corner
 # seven eighths: with h alone four particles would be left there for four unknowns.
 FIT_RADIUS = 1.5
@@ -30,7 +36,7 @@ AXES = {"x": 0, "y": 1, "z": 2}
 class Snapshot:
     """Particles at one time, host arrays of length n: x (n, 3) [m], pressure [Pa] or None while no
     solver has run, spacing and support [m]; size (3,) [m] of the box; free(points, margin) tells
-    which points (p, 3) [m] are `margin` [m] outside of all bodies."""
+    which points (p, 3) [m] are `margin` [m] outside of all bodies, if there are `bodies`."""
 
     x: np.ndarray
     pressure: np.ndarray | None
@@ -38,6 +44,7 @@ class Snapshot:
     support: np.ndarray
     size: tuple[float, float, float]
     free: Callable[[np.ndarray, float], np.ndarray]
+    bodies: bool = False
 
     @classmethod
     def of(cls, simulation: Simulation) -> "Snapshot":
@@ -50,19 +57,41 @@ class Snapshot:
             np.array([s.support for s in specs])[layer],
             simulation.size,
             simulation.boundary.free,
+            simulation.boundary.count > 0,
         )
 
     def coverage(self, points: np.ndarray, close: np.ndarray, widen: float = 1.0) -> np.ndarray:
         """c (p,) at points (p, 3) [m] by those particles that are `close`, (n,) bool, and their
-        images, with kernels of radius widen * h_j."""
+        images, with kernels of radius widen * h_j; over the share of the kernel outside of bodies,
+        and 0 inside of them."""
         reach = widen * self.support[close]
         x, which = mirrored(self.x[close], self.size, reach.max(initial=0.0))
-        return coverage(points, x, self.spacing[close][which] ** 3, reach[which])
+        c = coverage(points, x, self.spacing[close][which] ** 3, reach[which])
+        if self.bodies and close.any():
+            nearest = np.linalg.norm(points[:, None] - self.x[close], axis=2).argmin(axis=1)
+            depth = BURIED * self.spacing[close].min()
+            room = np.maximum(self._room(points, reach[nearest]), 1.0 / ACROSS**3)
+            c = np.where(self.free(points, -depth), c / room, 0.0)
+        return c
+
+    def _room(self, points: np.ndarray, reach: np.ndarray) -> np.ndarray:
+        """Share (p,) of kernels of radius reach (p,) [m] round points (p, 3) [m] that lies outside
+        of bodies, what is behind walls being a mirror's image."""
+        axis = (np.arange(ACROSS) + 0.5) / ACROSS * 2.0 - 1.0
+        ball = np.stack(np.meshgrid(axis, axis, axis), axis=-1).reshape(-1, 3)
+        weight = wendland(np.linalg.norm(ball, axis=1), 1.0)
+        ball, weight = ball[weight > 0.0], weight[weight > 0.0]
+        size = np.array(self.size)
+        places = np.abs(points[:, None] + reach[:, None, None] * ball)
+        places = size - np.abs(size - places)
+        outside = self.free(places.reshape(-1, 3), 0.0).reshape(len(points), -1)
+        return (weight * outside).sum(axis=1) / weight.sum()
 
 
 @dataclass(frozen=True)
 class PressureProbe:
-    """Pressure [Pa] at `point` [m], in the water or on a wall; 0 in air, NaN before the first step.
+    """Pressure [Pa] at `point` [m], in the water or on a wall or a body; 0 in air and inside of
+    bodies, NaN before the first step.
 
     Moving least squares of first order: the plane that fits best the pressures around, each weighed
     by V_j W(r_j, 1.5 h_j) (Lancaster & Salkauskas 1981). Exact for linear fields whatever the
@@ -95,7 +124,8 @@ class PressureProbe:
 @dataclass(frozen=True)
 class HeightProbe:
     """Height [m] of the water over the floor at `at` (x, z) [m]: the highest place where coverage
-    falls through one half; 0 where there is no water. A lone particle never covers a half."""
+    falls through one half; 0 where there is no water. A lone particle in the open never covers a
+    half."""
 
     name: str
     at: tuple[float, float]

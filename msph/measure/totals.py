@@ -20,7 +20,10 @@ _SCALARS = (
 MASS, SPEED, ARM_SPEED, KINETIC, BROKEN, OUTSIDE = range(6)
 _PEAKS = ("top_speed",)
 TOP_SPEED = 0
-_GIVEN_VECTORS = ("internal_impulse", "internal_angular_impulse", "wall_impulse", "user_impulse")
+_GIVEN_VECTORS = (
+    *("internal_impulse", "internal_angular_impulse"),
+    *("wall_impulse", "body_impulse", "user_impulse"),
+)
 _GIVEN_SCALARS = ("wall_work", "user_work", "merge_loss")
 
 

@@ -6,14 +6,16 @@ import taichi as ti
 
 from msph.fluid.particles.grid import CUTS, LayeredGrid
 from msph.fluid.particles.layers import Layers, LayerSpec
+from msph.fluid.particles.mirror_images import MirrorImages
 from msph.fluid.particles.neighbour_list import (
     NeighbourList,
     NeighbourOverflowError,
-    neighbours_provided,
+    mean_neighbours,
 )
 from msph.fluid.particles.particles import Attribute, Particles
 from msph.fluid.particles.prefix_sum import CHUNK, PrefixSum
 
+FORMS = ["scatter", "pair", "widest"]
 SIZE = (1.0, 0.7, 0.33)
 COUNT = 600
 TAG = Attribute("tag", "-", "rides along with the sort")
@@ -92,23 +94,18 @@ def test_cells_hold_what_lies_in_them(world, seed):
         assert np.all(start[index] <= mine) and np.all(mine < start[index + 1])
 
 
-@pytest.mark.parametrize("form", ["scatter", "pair", "widest"])
-@pytest.mark.parametrize("seed", range(3))
-def test_neighbour_lists_equal_brute_force(world, seed, form):
-    world.place(*cloud(seed))
+def assert_equals_brute_force(world, form):
+    """Finds the list of this form and compares it with the distances of all pairs."""
     neighbours = world.lists[form]
     neighbours.find()
     x = world.particles.numpy("x").astype(np.float64)
     h = np.array([s.support for s in world.layers.specs])[world.particles.numpy("layer")]
-    own, other = np.meshgrid(h, h, indexing="ij")
-    pair = (0.5 * (own**2.5 + other**2.5)) ** 0.4
-    forms = {"scatter": other, "pair": pair, "widest": np.maximum(own, other)}
-    reach = forms[form]
+    reach = reaches(form, h)
     distance = np.linalg.norm(x[:, None] - x[None, :], axis=2) - neighbours.margin
     start, end = neighbours.start.to_numpy(), neighbours.end.to_numpy()
     index = neighbours.index.to_numpy()
     edge = 1e-6
-    for i in range(COUNT):
+    for i in range(len(x)):
         found = index[start[i] : end[i]]
         assert len(set(found)) == len(found) and i not in found
         certain = set(np.flatnonzero(distance[i] < reach[i] - edge)) - {i}
@@ -116,23 +113,71 @@ def test_neighbour_lists_equal_brute_force(world, seed, form):
         assert certain <= set(found) <= possible
 
 
-def test_lists_provide_for_layers_that_meet():
-    """A coarse particle among many times finer ones, unless layers between part them."""
+def reaches(form, h):
+    """Reaches (n, n) [m] of all pairs of supports h (n,) [m]."""
+    own, other = np.meshgrid(h, h, indexing="ij")
+    pair = (0.5 * (own**2.5 + other**2.5)) ** 0.4
+    return {"scatter": other, "pair": pair, "widest": np.maximum(own, other)}[form]
 
-    def provided(*masses):
-        return neighbours_provided([LayerSpec(m, 1000.0, 2.45) for m in masses], 0.0, "pair")
 
-    reach = 2.45 * (0.5 * (4.0**2.5 + 1.0)) ** 0.4
-    assert provided(64.0, 1.0) > 4.0 / 3.0 * np.pi * reach**3
-    doubling = [2.0**k for k in range(10)]
-    assert provided(*doubling) == provided(*doubling[:5])
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("seed", range(3))
+def test_neighbour_lists_equal_brute_force(world, seed, form):
+    world.place(*cloud(seed))
+    assert_equals_brute_force(world, form)
+
+
+def test_crowd_in_one_point_takes_room_that_others_leave(world):
+    """Each of the crowd has more than half as many again as the usual neighbours."""
+    if not world.lists["scatter"].pooled:
+        pytest.skip("on a GPU each particle has room of its own")
+    x, layer = cloud(0)
+    x[200:350], layer[200:350] = x[500], layer[500]
+    world.place(x, layer)
+    assert_equals_brute_force(world, "scatter")
+    neighbours = world.lists["scatter"]
+    most = (neighbours.end.to_numpy() - neighbours.start.to_numpy()).max()
+    assert most > 1.5 * neighbours.usual
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_mean_of_neighbours_is_bounded_in_all_mixtures(form):
+    """By the integral over all pairs of a mixture of layers, which the worst one nearly attains."""
+    specs = [LayerSpec(m, 1000.0, 2.45) for m in (1.0, 4.0, 64.0)]
+    h, volume = (np.array([getattr(s, name) for s in specs]) for name in ("support", "volume"))
+    balls = 4.0 / 3.0 * np.pi * reaches(form, h) ** 3
+    shares = np.random.default_rng(0).dirichlet([0.3] * 3, 20_000)
+    number = shares / volume
+    means = np.einsum("ka,ab,kb->k", number, balls, number) / number.sum(axis=1)
+    bound = mean_neighbours(specs, 0.0, form)
+    assert 0.9 * bound < means.max() <= bound * (1.0 + 1e-6)
+
+
+def test_cubic_lattice_between_walls_fits():
+    """Most of its particles have images, for which threads take room that stays free."""
+    along = 12
+    spec = LayerSpec(1.0, 1000.0, 2.45)
+    size = (0.1 * along,) * 3
+    particles = Particles(along**3, ())
+    grid = LayeredGrid(size, Layers([spec]), particles)
+    neighbours = NeighbourList(grid, particles, "pair", 0.0, MirrorImages(size))
+    corner = np.stack(np.meshgrid(*[np.arange(along)] * 3), axis=-1).reshape(-1, 3)
+    particles.fill(x=(0.1 * (corner + 0.5)).astype(np.float32), layer=np.zeros(along**3, np.int32))
+    grid.build()
+    neighbours.find()
+    steps = np.stack(np.meshgrid(*[np.arange(-3, 4)] * 3), axis=-1).reshape(-1, 3)
+    near = np.sum(np.linalg.norm(steps, axis=1) < 2.45) - 1
+    start, end = (f.to_numpy() for f in (neighbours.start, neighbours.end))
+    assert np.all(end - start == near)
 
 
 def test_full_list_says_that_the_water_collapsed(world):
     x = np.full((COUNT, 3), 0.3, dtype=np.float32)
     world.place(x, np.full(COUNT, 2, dtype=np.int32))
+    neighbours = world.lists["scatter"]
     with pytest.raises(NeighbourOverflowError, match="collapsed"):
-        world.lists["scatter"].find()
+        neighbours.find()
+    assert neighbours.end.to_numpy().max() <= neighbours.index.shape[0]
 
 
 def test_list_is_stale_once_something_moved_half_its_margin(world):

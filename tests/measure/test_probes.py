@@ -25,6 +25,52 @@ def snapshot(x, d=D, smoothing=2.0, pressure=None):
     )
 
 
+PILLAR = np.array([(0.2, -1.0, 0.2), (0.44, 0.6, 0.44)])
+
+
+def beside_pillar(points, margin):
+    """free() of a pillar from the floor on, higher than the water."""
+    q = np.maximum(PILLAR[0] - points, points - PILLAR[1])
+    outside = np.linalg.norm(np.maximum(q, 0.0), axis=1) + np.minimum(q.max(axis=1), 0.0)
+    return outside >= margin
+
+
+def round_pillar(keep=lambda x: x[:, 1] < LEVEL):
+    x = filled(jitter=0.2, keep=lambda x: keep(x) & beside_pillar(x, 0.0))
+    sizes = np.full(len(x), D), np.full(len(x), 2.0 * D)
+    return Snapshot(x, field(x), *sizes, SIZE, beside_pillar, bodies=True)
+
+
+@pytest.mark.parametrize(
+    "point",
+    [(0.44, 0.2, 0.3), (0.44, 0.0, 0.3), (0.3, 0.35, 0.2), (0.44, 0.2, 0.44), (0.44, 0.0, 0.44)],
+    ids=("face", "foot", "face near the surface", "edge", "foot of an edge"),
+)
+def test_pressure_is_read_on_a_body_and_its_height_too(point):
+    water = round_pillar()
+    expected = field(np.array(point))
+    assert PressureProbe("p", point).read(water) == pytest.approx(expected, abs=0.03 * RHO_G_D * 10)
+    assert HeightProbe("h", (point[0], point[2])).read(water) == pytest.approx(LEVEL, abs=0.2 * D)
+
+
+def test_probes_beside_a_body_in_air_and_inside_of_it_read_nothing():
+    water = round_pillar()
+    for point in ((0.44, 0.5, 0.3), (0.3, 0.2, 0.3), (0.42, 0.2, 0.3)):
+        assert PressureProbe("p", point).read(water) == 0.0
+    assert HeightProbe("h", (0.3, 0.3)).read(water) == 0.0
+
+
+def test_pressure_on_a_body_does_not_flicker_as_particles_move():
+    """With half of the kernel in the body, coverage is a half there: by chance above or below."""
+    rng = np.random.default_rng(6)
+    points = np.column_stack(
+        [np.full(40, 0.44), rng.uniform(0.05, 0.3, 40), rng.uniform(0.2, 0.44, 40)]
+    )
+    water = round_pillar()
+    readings = [PressureProbe("p", tuple(p)).read(water) for p in points]
+    assert min(readings) > 0.0
+
+
 def field(x):
     """Water that is at rest in a pool that accelerates along x and z [Pa]."""
     return 9810 * (LEVEL - x[..., 1]) + 900 * x[..., 0] - 400 * x[..., 2]

@@ -15,7 +15,7 @@ import taichi as ti
 from msph.fluid.boundary.mesh_samples import lattices, sample
 from msph.fluid.boundary.rigid_bodies import Ball, Block, Body, Solid, centre, reach, sunk
 from msph.fluid.boundary.sampled_fields import SampledFields, SampleLattice
-from msph.fluid.boundary.wall_integrals import ball_share, block_share, wall_support
+from msph.fluid.boundary.wall_integrals import ball_share, block_share, swelling, wall_support
 from msph.fluid.particles.layers import LayerSpec
 from msph.taichi_internals import data_oriented, kernel
 
@@ -62,6 +62,7 @@ class Boundary:
     def _allocate(self, specs: list[LayerSpec]) -> None:
         n = self.count
         self.support = ti.field(ti.f32, shape=len(specs))  # of the integrals' kernel [m]
+        self.swell = ti.field(ti.f32, shape=len(specs))  # of bodies as a layer meets them [m]
         self.kind = ti.field(ti.i32, shape=n)
         self.side = ti.field(ti.f32, shape=n)  # 1, or -1 where the water is inside
         self.half = ti.Vector.field(3, ti.f32, shape=n)  # extents of a block, radius of a ball [m]
@@ -73,6 +74,7 @@ class Boundary:
         self.spin = ti.Vector.field(3, ti.f32, shape=n)
         for k, spec in enumerate(specs):
             self.support[k] = wall_support(spec)
+            self.swell[k] = swelling(spec)
         grids: list[SampleLattice] = []
         values: list[np.ndarray] = []
         for k, body in enumerate(self.bodies):
@@ -253,16 +255,19 @@ class Boundary:
 
     @ti.func
     def body_share(self, b, x, layer, h, pose):
-        """lambda (-) of one body and its gradient [1/m]; zero where the body is out of reach."""
+        """lambda (-) of one body, swollen as `layer` meets it, and its gradient [1/m]; zero where
+        the body is out of reach."""
         p = self.inside(b, x, pose)
         found = vec4(0.0)
         kind = self.kind[b]
         if ti.static(Block in self.kinds):
-            if kind == BLOCK and (abs(p) < self.half[b] + h).all():
-                found = block_share(p, h, -self.half[b], self.half[b])
+            half = self.half[b] + self.swell[layer]
+            if kind == BLOCK and (abs(p) < half + h).all():
+                found = block_share(p, h, -half, half)
         if ti.static(Ball in self.kinds):
-            if kind == BALL and p.norm() < self.half[b][0] + h:
-                part = ball_share(p.norm(), h, self.half[b][0])
+            radius = self.half[b][0] + self.swell[layer]
+            if kind == BALL and p.norm() < radius + h:
+                part = ball_share(p.norm(), h, radius)
                 n = part[1] * p / ti.max(p.norm(), 1e-9)
                 found = vec4(part[0], n[0], n[1], n[2])
         if ti.static(Solid in self.kinds):
@@ -303,20 +308,24 @@ class Boundary:
     @ti.func
     def guard(self, x, v, restitution, margin):
         """Position [m] and velocity [m/s] of a particle at the end of a step, stopped `margin` [m]
-        before walls and bodies."""
+        before walls and bodies; the change of velocity [m/s] that is by bodies, and their work on
+        it [J/kg]."""
+        by_bodies, work = vec3(0.0), 0.0
         if ti.static(self.count > 0):
             for b in range(self.count):
                 near = self.distance(b, x, END)
                 if near.x < margin:
                     n = near.yzw.normalized(1e-9)
-                    against = (v - self.velocity_at(b, x)).dot(n)
-                    v -= (1.0 + restitution) * ti.min(against, 0.0) * n
-            x = self.keep(x, END, margin)
+                    own = self.velocity_at(b, x)
+                    push = -(1.0 + restitution) * ti.min((v - own).dot(n), 0.0) * n
+                    v += push
+                    by_bodies += push
+                    work += push.dot(own)
+        # Before keep() moves x off the walls: else what slides along a wall falls on for ever.
         for k in ti.static(range(3)):
             if x[k] < margin or x[k] > self.size[k] - margin:
-                x[k] = ti.math.clamp(x[k], margin, self.size[k] - margin)
                 v[k] = -restitution * v[k]
-        return x, v
+        return self.keep(x, END, margin), v, by_bodies, work
 
     @ti.func
     def leaked(self, x):

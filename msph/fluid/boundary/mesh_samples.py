@@ -6,11 +6,14 @@ from msph.fluid.boundary.rigid_bodies import Body, Solid, centre
 from msph.fluid.boundary.sampled_fields import SampleLattice
 from msph.fluid.boundary.signed_distance import signed_distance
 from msph.fluid.boundary.volume_map import kernel_share
-from msph.fluid.boundary.wall_integrals import wall_support
+from msph.fluid.boundary.wall_integrals import swelling, wall_support
 from msph.fluid.particles.layers import LayerSpec
 
 # Cell of the lattices in supports: cubic interpolation then keeps shares to half a percent.
 CELL = 0.2
+# Share of the largest eigenvalue of a vertex's normals from which on they span a direction: lower,
+# vertices of flat but rough faces would run away along them.
+FLAT = 0.05
 
 
 def lattices(body: Solid, specs: list[LayerSpec]) -> list[SampleLattice]:
@@ -34,5 +37,22 @@ def sample(body: Solid, own: list[SampleLattice], specs: list[LayerSpec]) -> lis
     finest = min(s.support for s in specs)
     values = [signed_distance(vertices[body.triangles], own[0], finest)]
     for spec, lattice in zip(specs, own[1:], strict=True):
-        values.append(kernel_share(vertices, body.triangles, lattice, wall_support(spec)))
+        out = swelling(spec) * (-1.0 if body.container else 1.0)
+        moved = vertices + out * outward(vertices, body.triangles)
+        values.append(kernel_share(moved, body.triangles, lattice, wall_support(spec)))
     return values
+
+
+def outward(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """The ways u (v, 3) of vertices (-) that move every face out by 1: n.u = 1 for the normals n of
+    a vertex's triangles, in the least squares weighed by area, and no farther than that takes."""
+    a, b, c = (vertices[triangles[:, k]] for k in range(3))
+    twice = np.cross(b - a, c - a)
+    area = np.linalg.norm(twice, axis=1)
+    n = twice / np.maximum(area, 1e-30)[:, None]
+    squares, sums = np.zeros((len(vertices), 3, 3)), np.zeros((len(vertices), 3))
+    for k in range(3):
+        np.add.at(squares, triangles[:, k], area[:, None, None] * n[:, :, None] * n[:, None, :])
+        np.add.at(sums, triangles[:, k], area[:, None] * n)
+    inverse = np.linalg.pinv(squares, rcond=FLAT, hermitian=True)
+    return np.einsum("vij,vj->vi", inverse, sums)

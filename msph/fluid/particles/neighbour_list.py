@@ -19,25 +19,39 @@ from msph.taichi_internals import data_oriented, kernel, on_cpu
 
 # Largest distance [m] of neighbours by the list's form, from their supports h_i and h_j [m].
 REACHES = {"scatter": lambda h_i, h_j: h_i * 0.0 + h_j, "pair": pair_support, "widest": np.maximum}
-# Length of the list over the neighbours at rest (-): compressed water and mixed sizes have more.
-ROOM = 2.0
-# Mass ratio (-) beyond which no room is provided for a coarse particle among fine ones, unless
-# their layers are next to each other: layers between keep them apart but in splashes, where they
-# are few; the first where a stretch is shared, so that they may use what others leave.
-MUCH_FINER_SHARED, MUCH_FINER = 2.5, 16.5
-# Particles that share one stretch of the list, found by one thread in turn: room that one leaves
-# free serves the next. On a GPU each particle has its own stretch and thread.
-SHARERS_CPU, SHARERS_GPU = 32, 1
+# On a CPU, particles found by one thread in turn, which share the room that it takes from the pool.
+# On a GPU each particle has a thread and room of its own.
+SHARERS = 64
+# Particles with the usual number of neighbours for which a thread takes room: AHEAD of those left
+# to search (-), so that little stays free after the last, but for LEAST_AHEAD particles at least.
+AHEAD, LEAST_AHEAD = 0.8, 0.75
+# Entries of the pool over mean_neighbours() (-): a cubic lattice's at a reach of 2.45 spacings, the
+# most, are 1.3. Threads leave 2 to 9 % of what they take free.
+ROOM = 1.4
+# Entries that the smallest pool has: 362 particles in one point fill it.
+LEAST_ENTRIES = 1 << 17
+# Room of a particle on a GPU, over the neighbours of the densest layer at rest (-): a cubic lattice
+# has 1.3, whose images ask for as much again. Beyond the mass ratio MUCH_FINER (-) only layers next
+# to each other count: those between keep the others apart but in splashes, where they are few.
+OWN_ROOM, MUCH_FINER = 2.8, 16.5
 
 
 class NeighbourOverflowError(BlowUpError):
     """The list is full: the fluid has collapsed to many times its density."""
 
 
-# State of a search for particle i at x [m]: entries are written at `place`, below `limit`; wanted
-# counts the entries that the stretch would need.
+# State of a search for particle i at x [m], after which its thread has `left` to search. Its
+# entries are those from `first` to `place`, of which the first `inner` are no images; the thread
+# has room up to `limit`.
 Search = ti.types.struct(
-    i=ti.i32, place=ti.i32, limit=ti.i32, wanted=ti.i32, x=ti.math.vec3, reach=ti.f32
+    i=ti.i32,
+    left=ti.i32,
+    first=ti.i32,
+    place=ti.i32,
+    inner=ti.i32,
+    limit=ti.i32,
+    x=ti.math.vec3,
+    reach=ti.f32,
 )
 
 
@@ -47,9 +61,12 @@ class NeighbourList:
 
     j is listed while r_ij < reach + margin, reach by its form: "scatter" h_j, "pair" their
     symmetric support, "widest" max(h_i, h_j). margin is a share (-) of the finest support. start,
-    end (capacity,) i32, index (room,) i32. Kernels vanish at h, so that readers of the list need
-    not test the distance. With `images` the entries from mirrors[i] on are mirror images, i's own
-    among them; see MirrorImages.read. searches counts the searches made.
+    end (capacity,) i32, index (entries,) i32: a pool of entries, where each particle's are
+    contiguous, in the order of the grid; on a CPU those of different particles lie as threads took
+    room.
+    Kernels vanish at h, so that readers of the list need not test the distance. With `images` the
+    entries from mirrors[i] on are mirror images, i's own among them; see MirrorImages.read.
+    searches counts the searches made.
     """
 
     def __init__(
@@ -71,14 +88,17 @@ class NeighbourList:
         supports = np.array([s.support for s in grid.layers.specs])
         reaches = REACHES[reach](supports[:, None], supports) + self.margin
         self.reaches, self.farthest = constant_fields(reaches, reaches.max(axis=1))
-        self.sharers = SHARERS_CPU if on_cpu() else SHARERS_GPU
         specs = grid.layers.specs
-        self.stretch = self.sharers * neighbours_provided(specs, margin, reach, self.sharers > 1)
-        stretches = math.ceil(particles.capacity / self.sharers)
+        self.pooled = on_cpu()
+        self.sharers = SHARERS if self.pooled else 1
+        self.usual = mean_neighbours(specs, margin, reach)
+        self.own_room = most_neighbours(specs, margin, reach)
+        self.entries = entries_provided(specs, margin, reach, particles.capacity, self.pooled)
         self.start = ti.field(ti.i32, shape=particles.capacity)
         self.end = ti.field(ti.i32, shape=particles.capacity)
         self.mirrors = ti.field(ti.i32, shape=particles.capacity) if images else self.end
-        self.index = ti.field(ti.i32, shape=stretches * self.stretch)
+        self.index = ti.field(ti.i32, shape=self.entries)
+        self.taken = ti.field(ti.i32, shape=())  # entries of the pool that threads have room in
         self.slack = 0.0
         self.generation = -1
         self.searches = 0
@@ -91,11 +111,10 @@ class NeighbourList:
 
     def find(self) -> None:
         """Searches anew in a fresh grid. Raises NeighbourOverflowError if the list is full."""
-        wanted = self._find(self.particles.count, self.particles.alone)
-        if wanted > self.stretch:
+        if self._find(self.particles.count, self.particles.alone) > self.entries:
             raise NeighbourOverflowError(
-                f"{wanted} neighbours of {self.sharers} particles do not fit in a list of "
-                f"{self.stretch}: the water has collapsed"
+                f"the neighbours of {self.particles.count:,} particles do not fit in a list of "
+                f"{self.entries:,}: the water has collapsed"
             )
         self.slack = self.margin
         self.generation = self.grid.generation
@@ -128,62 +147,87 @@ class NeighbourList:
 
     @kernel
     def _find(self, n: ti.i32, alone: ti.template()) -> ti.i32:
-        """Returns the most entries that a stretch needs."""
-        fullest = 0
+        """Returns the entries that threads took room for, or asked for where the pool is full."""
+        self.taken[None] = 0
         # Over particles, not over stretches: the CPU runtime keeps loops under 512 on one thread.
         ti.loop_config(serialize=alone)
-        for first in range(n):
-            if first % self.sharers == 0:
-                place = first // self.sharers * self.stretch
-                search = Search(place=place, limit=place + self.stretch, wanted=1)
-                for i in range(first, ti.min(first + self.sharers, n)):
-                    search.i = i
-                    search.x = self.particles.x[i]
-                    self.start[i] = search.place
+        for begin in range(n):
+            if begin % self.sharers == 0:
+                end = ti.min(begin + self.sharers, n)
+                search = Search(place=0, limit=0)
+                if ti.static(not self.pooled):
+                    search.place, search.limit = begin * self.own_room, (begin + 1) * self.own_room
+                for i in range(begin, end):
+                    search.i, search.left, search.x = i, end - i - 1, self.particles.x[i]
+                    search.first = search.place
                     for layer in range(self.grid.layers.count):
                         search.reach = self.reaches[self.particles.layer[i], layer]
                         self.grid.for_each_row(search.x, layer, search.reach, self._add_row, search)
                     self._leave_out_self(search)
+                    search.inner = search.place - search.first
                     if ti.static(self.mirrored):
-                        self.mirrors[i] = search.place
                         self._add_images(search)
-                    self.end[i] = search.place
-                ti.atomic_max(fullest, search.wanted)
-        return fullest
+                        self.mirrors[i] = search.first + search.inner
+                    self.start[i], self.end[i] = search.first, search.place
+        return self.taken[None]
+
+    @ti.func
+    def _make_room(self, count, search: ti.template()):
+        """Whether there is room for `count` further entries, taken from the pool where the thread
+        has none."""
+        if search.place + count > search.limit:
+            if ti.static(self.pooled):
+                self._take(count, search)
+            else:
+                self.taken[None] = self.entries + 1
+        return search.place + count <= search.limit
+
+    @ti.func
+    def _take(self, count, search: ti.template()):
+        """Takes room for the particle with `count` further entries and for others after it. Its
+        entries so far move there, unless it goes on where the thread's room ends."""
+        found = search.place - search.first
+        ahead = ti.max(AHEAD * search.left, LEAST_AHEAD)
+        wanted = found + count + ti.ceil(ahead * self.usual, ti.i32)
+        begin = self.entries
+        if self.taken[None] <= self.entries:
+            begin = ti.atomic_add(self.taken[None], wanted)
+        if begin + wanted <= self.entries:
+            if begin != search.limit:
+                for k in range(found):
+                    self.index[begin + k] = self.index[search.first + k]
+                search.first, search.place = begin, begin + found
+            search.limit = begin + wanted
 
     @ti.func
     def _add_images(self, search: ti.template()):
-        """Adds the mirror images, within reach, of the neighbours found so far and of the particle.
-
-        Written as in _add_row(): without branches, and only counted where they might not fit.
-        """
-        i, x, first, last = search.i, search.x, self.start[search.i], search.place
+        """Adds the mirror images, within reach, of the neighbours found so far and of the particle,
+        without branches as _add_row()."""
+        i, x, inner = search.i, search.x, search.inner
         layer = self.particles.layer[i]
         near = self.images.near(x, self.farthest[layer])
         for way in range(1, self.images.combinations(near)):
-            mirrors = self.images.combination(way, near)
-            mirror, wall = self.images.seen_in(mirrors)
-            place = search.place
-            fits = place + last - first + 1 < search.limit
-            own = self.images.offset(x, x, mirror, wall).norm_sqr()
-            if fits:
+            if self._make_room(inner + 1, search):
+                mirrors = self.images.combination(way, near)
+                mirror, wall = self.images.seen_in(mirrors)
+                first, place = search.first, search.place
+                own = self.images.offset(x, x, mirror, wall).norm_sqr()
                 self.index[place] = self.images.entry(i, mirrors)
                 place += ti.select(own < self.reaches[layer, layer] ** 2, 1, 0)
-            for s in range(first, ti.select(fits, last, first)):
-                j = self.index[s]
-                reach = self.reaches[layer, self.particles.layer[j]]
-                r_ij = self.images.offset(x, self.particles.x[j], mirror, wall)
-                self.index[place] = self.images.entry(j, mirrors)
-                place += ti.select(r_ij.norm_sqr() < reach * reach, 1, 0)
-            search.wanted += ti.select(fits, place - search.place, last - first + 1)
-            search.place = place
+                for s in range(first, first + inner):
+                    j = self.index[s]
+                    reach = self.reaches[layer, self.particles.layer[j]]
+                    r_ij = self.images.offset(x, self.particles.x[j], mirror, wall)
+                    self.index[place] = self.images.entry(j, mirrors)
+                    place += ti.select(r_ij.norm_sqr() < reach * reach, 1, 0)
+                search.place = place
 
     @ti.func
     def _leave_out_self(self, search: ti.template()):
         """Puts the last entry in the place of particle i's own: to ask of each candidate whether it
         is i would take a quarter of the search."""
         own = -1
-        for s in range(self.start[search.i], search.place):
+        for s in range(search.first, search.place):
             own = ti.max(own, ti.select(self.index[s] == search.i, s, -1))
         if own >= 0:
             search.place -= 1
@@ -191,35 +235,54 @@ class NeighbourList:
 
     @ti.func
     def _add_row(self, begin, end, search: ti.template()):
-        """Adds the particles of a row that are within reach, i too. Each is written to the next
-        place, which advances only if it is within reach: a branch would be mispredicted. A row that
-        might not fit into the stretch is only counted."""
-        place = search.place
-        fits = place + end - begin < search.limit
-        last = ti.select(fits, end, begin)
-        x, reach2 = search.x, search.reach * search.reach
-        for j in range(begin, last):
-            r2 = (x - self.particles.x[j]).norm_sqr()
-            self.index[place] = j
-            place += ti.select(r2 < reach2, 1, 0)
-        search.wanted += ti.select(fits, place - search.place, end - begin)
-        search.place = place
+        """Adds the particles of a row that are within reach, i too, if the row might fit. Each is
+        written to the next place, which advances only if it is within reach: a branch would be
+        mispredicted."""
+        if self._make_room(end - begin, search):
+            place = search.place
+            x, reach2 = search.x, search.reach * search.reach
+            for j in range(begin, end):
+                r2 = (x - self.particles.x[j]).norm_sqr()
+                self.index[place] = j
+                place += ti.select(r2 < reach2, 1, 0)
+            search.place = place
 
 
-def neighbours_provided(
-    specs: list[LayerSpec], margin: float, reach: str, shared: bool = False
-) -> int:
-    """Entries that the list provides per particle; shared: where several share a stretch.
+def mean_neighbours(specs: list[LayerSpec], margin: float, reach: str) -> float:
+    """The most neighbours (-), images among them, that particles have in the mean at rest.
+
+    Of n_a particles of layer a in a volume, sum n_a V_a = 1, all have sum n_a n_b 4/3 pi r_ab^3.
+    Both ends of a pair together, r_ab^3 + r_ba^3, are at most (V_a + V_b) times their largest such
+    quotient, so that times sum n_a is the most. That is what one layer alone has for "scatter" and
+    "pair", whose mean of supports is below that of their cubes, at most twice as much for "widest".
+    """
+    supports, volumes = (np.array([getattr(s, k) for s in specs]) for k in ("support", "volume"))
+    balls = (REACHES[reach](supports[:, None], supports) + margin * supports.min()) ** 3
+    most = ((balls + balls.T) / (volumes[:, None] + volumes)).max()
+    return float(4.0 / 3.0 * math.pi * most)
+
+
+def most_neighbours(specs: list[LayerSpec], margin: float, reach: str) -> int:
+    """Entries that a particle has room for where each has its own.
 
     At rest a ball of radius r holds 4/3 pi r^3/V particles. The most neighbours has a coarse
     particle among fine ones; pairs of layers count here if they are next to each other in size, or
     differ by less than MUCH_FINER in mass.
     """
-    finer = MUCH_FINER_SHARED if shared else MUCH_FINER
     order = sorted(specs, key=lambda s: s.volume)
     supports, volumes = (np.array([getattr(s, k) for s in order]) for k in ("support", "volume"))
     reaches = REACHES[reach](supports[:, None], supports) + margin * supports.min()
     rank = np.arange(len(order))
-    met = (volumes[:, None] <= finer * volumes) | (rank[:, None] <= rank + 1)
+    met = (volumes[:, None] <= MUCH_FINER * volumes) | (rank[:, None] <= rank + 1)
     most = (reaches**3 / volumes)[met].max()
-    return math.ceil(ROOM * 4.0 / 3.0 * math.pi * most)
+    return math.ceil(OWN_ROOM * 4.0 / 3.0 * math.pi * most)
+
+
+def entries_provided(
+    specs: list[LayerSpec], margin: float, reach: str, capacity: int, pooled: bool = False
+) -> int:
+    """Entries of the list for `capacity` particles; pooled: where threads take room from a pool, as
+    on a CPU."""
+    if not pooled:
+        return capacity * most_neighbours(specs, margin, reach)
+    return max(LEAST_ENTRIES, math.ceil(ROOM * mean_neighbours(specs, margin, reach) * capacity))

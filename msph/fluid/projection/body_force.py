@@ -29,8 +29,7 @@ class BodyForce:
             shared.layers,
             shared.particles,
             shared.neighbours,
-            shared.density.pair_gradient,
-            shared.parameters.rest_density,
+            shared.density,
         )
         self.longest_step = math.inf
 

@@ -220,6 +220,12 @@ class Density:
                 self.pair_gradient[first + k] = ti.math.vec3(g_x[k], g_y[k], g_z[k])
 
     @ti.func
+    def weight(self, layer, other, r):
+        """V_j W_ij (-) of two layers' particles at the distance r [m], as in c."""
+        shape = kernels.quartic_shape(r * self.layers.per_h[layer, other]).x
+        return self.scale[layer, other] * shape
+
+    @ti.func
     def excess(self, i):
         """c_i - 1 (-), by the positions of the last refresh()."""
         return self.particles.density[i] / self.rest_density - 1.0

@@ -55,10 +55,7 @@ class PressureSolve:
             diagonal=p.diagonal,
             active=p.active,
         )
-        gradients = shared.density.pair_gradient
-        self.virial = VirialPressure(
-            shared.layers, p, shared.neighbours, gradients, self.rest_density
-        )
+        self.virial = VirialPressure(shared.layers, p, shared.neighbours, shared.density)
 
     def solve(self, dt: float) -> int:
         """Multipliers for a step of dt [s]; returns the iterations it took."""
@@ -165,7 +162,9 @@ class PressureSolve:
             pressed = self.virial.pressed(i, gravity)
             inner, wall = pressed.inner, pressed.wall
             if ti.static(self.bodies):
-                wall -= p.pressure_multiplier[i] / self.rest_density * p.boundary_gradient[i]
+                body = -p.pressure_multiplier[i] / self.rest_density * p.boundary_gradient[i]
+                wall += body
+                self.impulses.body_impulse[None] += m * dt * body
             self.impulses.record_internal(m, p.x[i], dt * inner)
             self.impulses.wall_impulse[None] += m * dt * wall
             if ti.static(self.moving):
@@ -173,7 +172,11 @@ class PressureSolve:
                 work = m * p.velocity_multiplier[i] / dt * self.density.inflow[i]
                 self.impulses.wall_work[None] += work
             p.v[i] += dt * (inner + wall)
-            p.pressure[i] = pressed.virial
+            pressure = pressed.virial
+            if ti.static(self.bodies):
+                if p.boundary_gradient[i].norm_sqr() > 0.0:
+                    pressure = self.virial.beside_body(i, gravity)
+            p.pressure[i] = pressure
             swing = ti.sqrt(ti.max(pressed.virial, 0.0) / self.rest_density)
             ti.atomic_max(top, swing / (self.parameters.pressure_cfl * p.pair_spacing[i]))
         return top

@@ -245,8 +245,15 @@ class Projection:
             layer, v = p.layer[i], p.v[i]
             d = self.layers.spacing[layer]
             margin = self.position_correction.margin(i)
-            x, v = self.boundary.guard(p.x[i] + dt * v, v, self.parameters.restitution, margin)
-            self.impulses.wall_impulse[None] += self.layers.mass[layer] * (v - p.v[i])
+            x, v, by_bodies, work = self.boundary.guard(
+                p.x[i] + dt * v, v, self.parameters.restitution, margin
+            )
+            m = self.layers.mass[layer]
+            self.impulses.wall_impulse[None] += m * (v - p.v[i])
+            if ti.static(self.boundary.count > 0):
+                self.impulses.body_impulse[None] += m * by_bodies
+            if ti.static(self.boundary.moving):
+                self.impulses.wall_work[None] += m * work
             p.x[i], p.v[i] = x, v
             speed = v.norm()
             relative = ti.math.clamp(p.relative_speed[i], speed / LEAP, speed)

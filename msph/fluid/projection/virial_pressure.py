@@ -4,8 +4,11 @@ A multiplier p_i is no pressure of its own: i and j press on each other with
 V_i V_j (p_i + p_j) grad W_ij, and weight is borne by all pairs across a plane. So the pressure at a
 particle is the mean of (p_i + p_j)/2 over its pairs, weighed as in the virial by -r_ij.grad W_ij
 (Irving and Kirkwood 1950). At surfaces and between layers multipliers fall short of it by up to 5 %
-of rho g H (docs/method.md, "Pressure"). Bodies are no pairs: beside them the mean is over the
-water's side alone.
+of rho g H (docs/method.md, "Pressure").
+
+A body is no partner: it pushes with the multiplier of the particle that it meets, which for that is
+larger than the pressure, up to twice. What pushes is the gradient of the kernel's mean of
+multipliers, where the body counts as 0: so beside bodies this mean is the pressure.
 """
 
 import taichi as ti
@@ -13,6 +16,7 @@ import taichi as ti
 from msph.fluid.particles.layers import Layers
 from msph.fluid.particles.neighbour_list import NeighbourList
 from msph.fluid.particles.particles import Particles
+from msph.fluid.projection.density import Density
 from msph.taichi_internals import data_oriented
 
 # Sum of the weights (-) from which on there is a mean; 3 in bulk.
@@ -25,20 +29,18 @@ Pressed = ti.types.struct(inner=ti.math.vec3, wall=ti.math.vec3, virial=ti.f32)
 
 @data_oriented
 class VirialPressure:
-    """Reads particles' `pressure_multiplier` [Pa]; pair_gradient holds V_j grad W_ij [1/m] of each
-    entry of the neighbour list; rest_density [kg/m^3]."""
+    """Reads particles' `pressure_multiplier` [Pa], and the densities of the last refresh()."""
 
     def __init__(
         self,
         layers: Layers,
         particles: Particles,
         neighbours: NeighbourList,
-        pair_gradient: ti.MatrixField,
-        rest_density: float,
+        density: Density,
     ):
         self.layers, self.particles, self.neighbours = layers, particles, neighbours
-        self.images, self.pair_gradient = neighbours.images, pair_gradient
-        self.rest_density = rest_density
+        self.images, self.density = neighbours.images, density
+        self.pair_gradient, self.rest_density = density.pair_gradient, density.rest_density
 
     @ti.func
     def pressed(self, i, gravity):
@@ -68,6 +70,28 @@ class VirialPressure:
         mean = ti.select(weights > LEAST_WEIGHT, others / ti.max(weights, LEAST_WEIGHT), own)
         found.virial = 0.5 * (own + mean)
         return found
+
+    @ti.func
+    def beside_body(self, i, gravity):
+        """Pressure [Pa] at particle i, which a body's kernel integral reaches: the mean of its own
+        and its neighbours' multipliers, weighed as in c_i, where bodies have the weight lambda_i
+        and the pressure 0.
+
+        With p the sum of V_j q_j W_ij over all, u_i = -grad p - q_i grad c_i by definition, and
+        grad c is 0 in the mean where c = 1.
+        """
+        layer, x = self.particles.layer[i], self.particles.x[i]
+        total = self.density.own[layer] * self.particles.pressure_multiplier[i]
+        for mirrored in ti.static((False, True)):
+            begin, end = self.neighbours.span(i, mirrored)
+            for s in range(begin, end):
+                j, mirror, wall = self.neighbours.read(s, mirrored)
+                r_ij = self.images.offset(x, self.particles.x[j], mirror, wall)
+                q = self.particles.pressure_multiplier[j]
+                if ti.static(mirrored):
+                    q += self.image_excess(x - r_ij, j, gravity)
+                total += q * self.density.weight(layer, self.particles.layer[j], r_ij.norm())
+        return total / (1.0 + self.density.excess(i))
 
     @ti.func
     def image_acceleration(self, i, gravity):

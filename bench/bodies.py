@@ -1,0 +1,180 @@
+"""Bodies against formulas: pressure on their faces, what bears them, and the energy they leave.
+
+python bench/bodies.py [--seconds 2] [--arch cpu]
+"""
+
+import math
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+import trimesh
+from tabulate import tabulate
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from bench import tanks
+from bench.report import RESULTS, heading
+from msph.device import ARCHES, start
+from msph.fluid.external_forces import ExternalForces
+from msph.measure.ledger import Ledger
+from msph.measure.probes import PressureProbe, Snapshot
+from msph.scene.schema import Scene
+
+# Still water: edge of a square box, depth, finest spacing [m]; layers of each water.
+EDGE, DEPTH, FINE = 0.6, 0.4, 0.025
+WATERS = {"uniform": 1, "layered": 3}
+# A pillar's half width, and a ball's place and radius [m]; radii of the other balls.
+HALF, MIDDLE, RADIUS = 0.075, (0.3, 0.2, 0.3), 0.1
+RADII = (0.03, 0.05, 0.075, 0.15)
+# Gravity [m/s^2] under which a column of water collapses past a ball, and the balls' radii over
+# the spacing.
+SLANTED, SIZES = (5.0, -6.5, 5.0), (0.2, 0.5, 1.0, 1.5, 2.5, 4.0)
+# Share of a run in which the water settles.
+SETTLING = 0.5
+
+
+def still_water(bodies: list[dict[str, Any]], layers: int) -> Any:
+    """A simulation of a tank with bodies in it."""
+    tank = tanks.tank((EDGE, EDGE), DEPTH, FINE, layers, air=0.15)
+    return tanks.build(Scene.model_validate({**tank.model_dump(), "obstacles": bodies}))
+
+
+def sphere(n: int) -> np.ndarray:
+    """Evenly spread directions (n, 3), by the golden section."""
+    y = 1.0 - 2.0 * (np.arange(n) + 0.5) / n
+    turn, ring = np.pi * (3.0 - 5.0**0.5) * np.arange(n), np.sqrt(1.0 - y**2)
+    return np.column_stack([ring * np.cos(turn), y, ring * np.sin(turn)])
+
+
+def settle(sim: Any, points: np.ndarray, seconds: float) -> tuple[np.ndarray, np.ndarray, Ledger]:
+    """Mean pressures [Pa] at points (n, 3) and force on the bodies [N] of the time after the
+    water has settled, and the ledger of it all."""
+    probes = [PressureProbe("p", (x, y, z)) for x, y, z in points.tolist()]
+    ledger, readings = Ledger(sim, density=False), []
+    gravity, frames = (0.0, -tanks.GRAVITY, 0.0), round(seconds / tanks.FRAME)
+    settled = round(SETTLING * frames)
+    ledger.record(gravity)
+    for frame in range(1, frames + 1):
+        sim.advance(tanks.FRAME, ExternalForces(gravity))
+        ledger.record(gravity)
+        if frame > settled and frame % 6 == 0:
+            water = Snapshot.of(sim)
+            readings.append([probe.read(water) for probe in probes])
+    first, last = ledger.entries[settled], ledger.entries[-1]
+    force = (first.body_impulse - last.body_impulse) / (last.time - first.time)
+    return np.mean(readings, axis=0), force, ledger
+
+
+def faces(kind: str, water: str, seconds: float, folder: Path) -> dict[str, str]:
+    """A row of pressures on a body in still water."""
+    layers, sunk = WATERS[water], 0.0
+    lo, hi = np.array(MIDDLE) - HALF, np.array(MIDDLE) + HALF
+    mesh = kind.startswith("mesh")
+    if kind.endswith("ball"):
+        points = np.array(MIDDLE) + RADIUS * sphere(60)
+        body: dict[str, Any] = {"centre": MIDDLE, "radius": RADIUS}
+        shape = trimesh.creation.icosphere(4, radius=RADIUS).apply_translation(MIDDLE)
+        sunk, area = 4.0 / 3.0 * math.pi * RADIUS**3, EDGE**2
+    else:
+        y, across = np.meshgrid(np.linspace(0.05, 0.3, 6), np.linspace(lo[2], hi[2], 5))
+        points = np.column_stack([np.full(y.size, hi[0]), y.ravel(), across.ravel()])
+        body = {"lo": [lo[0], 0.0, lo[2]], "hi": [hi[0], DEPTH + 0.1, hi[2]]}
+        below = 0.1  # a mesh should be sunk into the floor
+        shape = trimesh.creation.box((2.0 * HALF, DEPTH + 0.1 + below, 2.0 * HALF))
+        shape.apply_translation((MIDDLE[0], 0.5 * (DEPTH + 0.1 - below), MIDDLE[2]))
+        area = EDGE**2 - 4.0 * HALF**2
+    if mesh:
+        file = folder / f"{kind}.obj"
+        shape.export(file)
+        body = {"mesh": str(file)}
+    sim = still_water([body], layers)
+    mass = sum(n * spec.mass for n, spec in zip(sim.counts(), sim.layers.specs, strict=True))
+    level = (mass / 1000.0 + sunk) / area
+    found, force, ledger = settle(sim, points, seconds)
+    ratio = found / (1000.0 * tanks.GRAVITY * (level - points[:, 1])) - 1.0
+    row = {
+        "body": kind,
+        "water": water,
+        "pressure, mean": f"{ratio.mean():+.2%}",
+        "rms": f"{np.sqrt((ratio**2).mean()):.2%}",
+        "worst place": f"{ratio[np.abs(ratio).argmax()]:+.2%}",
+        "borne by": "-",
+        "integral over ledger": "-",
+        "energy rise in 1 s": f"{ledger.energy_rise():.3%}",
+    }
+    if sunk:
+        normal = (points - MIDDLE) / RADIUS
+        integral = -(found[:, None] * normal).mean(axis=0) * 4.0 * math.pi * RADIUS**2
+        row["borne by"] = f"{force[1] / (1000.0 * tanks.GRAVITY * sunk):.2%}"
+        row["integral over ledger"] = f"{integral[1] / force[1] - 1.0:+.2%}"
+    return row
+
+
+def borne(radius: float, seconds: float) -> dict[str, str]:
+    """A row of the force on a sunk ball of `radius` [m]."""
+    sim = still_water([{"centre": MIDDLE, "radius": radius}], 1)
+    _, force, _ = settle(sim, np.zeros((0, 3)), seconds)
+    weight = 1000.0 * tanks.GRAVITY * 4.0 / 3.0 * math.pi * radius**3
+    return {"radius over spacing": f"{radius / FINE:.1f}", "borne by": f"{force[1] / weight:.2%}"}
+
+
+def collapse(ratio: float, seconds: float) -> dict[str, str]:
+    """A row of the energy of water that collapses past a ball of `ratio` spacings' radius."""
+    spacing = 0.03
+    ball = {"centre": [0.4, 0.1, 0.35], "radius": ratio * spacing}
+    scene = {
+        "box": {"size": [EDGE, EDGE, EDGE]},
+        "layers": [{"spacing": spacing}],
+        "water": [{"lo": [0, 0, 0], "hi": [0.3, 0.4, EDGE]}],
+        "obstacles": [ball],
+    }
+    sim = tanks.build(Scene.model_validate(scene))
+    ledger = Ledger(sim)
+    ledger.record(SLANTED)
+    for _ in range(round(seconds / tanks.FRAME)):
+        sim.advance(tanks.FRAME, ExternalForces(SLANTED))
+        ledger.record(SLANTED)
+    return {
+        "radius over spacing": f"{ratio:g}",
+        "energy rise in 1 s": f"{ledger.energy_rise():.3%}",
+        "density error, 99th percentile": f"{ledger.density_error()[1]:.2%}",
+        "outside": str(max(e.outside for e in ledger.entries)),
+    }
+
+
+@click.command()
+@click.option("--seconds", default=2.0, show_default=True, help="Simulated time of each.")
+@click.option("--arch", type=click.Choice(ARCHES), default="auto", show_default=True)
+def main(seconds: float, arch: str) -> None:
+    """Measure all and write bench/results/bodies.md."""
+    arch = start(arch)
+    report = [heading("Bodies in the water", arch)]
+    with tempfile.TemporaryDirectory() as folder:
+        rows = []
+        for water in WATERS:
+            for kind in ("pillar", "ball", "mesh of a pillar", "mesh of a ball"):
+                rows.append(faces(kind, water, seconds, Path(folder)))
+                click.echo(" ".join(rows[-1].values()))
+    sunk = [borne(radius, seconds) for radius in RADII]
+    fallen = [collapse(ratio, seconds) for ratio in SIZES]
+    for title, table in (
+        (
+            f"Still water {DEPTH} m deep, finest spacing {FINE} m: pressure on faces against "
+            r"$\rho g (H - y)$, vertical force over the displaced weight, and the integral of the "
+            "pressure over the force that the ledger books",
+            rows,
+        ),
+        ("Sunk balls by size, uniform water", sunk),
+        (f"A column collapses past a ball under gravity {SLANTED} m/s²", fallen),
+    ):
+        report += [f"## {title}\n", tabulate(table, "keys", "github", disable_numparse=True), ""]
+    (RESULTS / "bodies.md").write_text("\n".join(report))
+    click.echo("\n".join(report))
+
+
+if __name__ == "__main__":
+    main()
