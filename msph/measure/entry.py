@@ -32,6 +32,7 @@ class Entry:
     internal_impulse: Annotated[np.ndarray, "N s"]
     internal_angular_impulse: Annotated[np.ndarray, "N m s"]
     wall_impulse: Annotated[np.ndarray, "N s"]
+    body_impulse: Annotated[np.ndarray, "N s"]
     wall_work: Annotated[float, "J"]
     user_impulse: Annotated[np.ndarray, "N s"]
     user_work: Annotated[float, "J"]

@@ -7,11 +7,12 @@ import platform
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import taichi as ti
 
 import msph
 from msph.fluid.simulation import Simulation
-from msph.measure import survey
+from msph.measure import account, survey
 from msph.measure.ledger import Ledger
 from msph.measure.machine import machine
 from msph.measure.survey import Survey
@@ -45,14 +46,17 @@ def water_laid(scene: Scene, simulation: Simulation, started: list[int]) -> dict
     return {"mass_asked_kg": asked, "mass_laid_kg": laid, "mass_laid_error": laid / asked - 1.0}
 
 
-def progress(simulation: Simulation, started: list[int], frame_s: float) -> dict[str, Any]:
-    """How far a run came; particles of each layer at its start and its end."""
-    steps = simulation.steps
+def progress(
+    simulation: Simulation, started: list[int], frame_s: float, first_step: int = 0
+) -> dict[str, Any]:
+    """How far a run came that began, or was gone on with, at `first_step`; particles of each layer
+    then and at its end."""
+    done = simulation.steps - first_step
     return {
         "simulated_s": simulation.time,
         "frame_s": frame_s,
-        "steps": steps,
-        "iterations_per_step": simulation.iterations / steps if steps else math.nan,
+        "steps": simulation.steps,
+        "iterations_per_step": simulation.iterations / done if done else math.nan,
         "particles_start": started,
         "particles_end": simulation.counts(),
     }
@@ -70,7 +74,7 @@ def speed(timings: Timings, frame_s: float) -> dict[str, float]:
 
 
 def errors(ledger: Ledger, surveys: list[Survey]) -> dict[str, float]:
-    """Every error figure of a run, shares (-) but for merge_loss_j [J]; see Ledger and Survey."""
+    """Every error figure of a run, shares (-) but for merge_loss_J [J]; see Ledger and Survey."""
     if not ledger.entries:
         return {}
     mean, p99, largest = ledger.density_error()
@@ -81,13 +85,36 @@ def errors(ledger: Ledger, surveys: list[Survey]) -> dict[str, float]:
         "angular_momentum_drift": ledger.angular_drift(),
         "energy_gain": ledger.energy_gain(),
         "energy_rise_in_1_s": ledger.energy_rise(1.0),
-        "merge_loss_j": last.merge_loss,
+        "merge_loss_J": last.merge_loss,
         "density_error_mean": mean,
         "density_error_p99": p99,
         "density_error_max": largest,
         **survey.errors(surveys),
         "outside_most": max(e.outside for e in ledger.entries),
     }
+
+
+def judged(
+    scene: Scene, ledger: Ledger, surveys: list[Survey], found: dict[str, float]
+) -> dict[str, Any]:
+    """Resolution of a run, the limits that good runs keep, and in words what of its resolution and
+    its errors `found` is beyond them."""
+    # Here, since only measured runs need it, and trimesh is slow to import.
+    from msph.measure.resolution import mean_depth, resolution
+
+    centres = np.array([e.centre for e in ledger.entries])
+    resolved = resolution(scene, mean_depth(scene, centres))
+    lines = account.account({**resolved, **found})
+    return {
+        "resolution": resolved,
+        "limits": account.limits(lines),
+        "cautions": account.cautions(lines, survey.shortfall(surveys)),
+    }
+
+
+def figures(summary: dict[str, Any]) -> dict[str, float]:
+    """All figures of a summary that an account may show."""
+    return {**summary["resolution"], **summary["errors"]}
 
 
 def write(path: Path, summary: dict[str, Any]) -> None:
@@ -99,4 +126,6 @@ def write(path: Path, summary: dict[str, Any]) -> None:
 def _known(value: Any) -> Any:
     if isinstance(value, dict):
         return {k: _known(v) for k, v in value.items()}
+    if isinstance(value, list):
+        return [_known(v) for v in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -24,25 +24,35 @@ COLUMNS = [
 @dataclass(frozen=True)
 class Survey:
     """time [s]; volume [m^3] that the surface encloses and its share of the water's volume at rest
-    density, less one (-); bulk density, over rest (-)."""
+    density, less one (-); bulk density, over rest (-); shortfall: why volume is missing, in words,
+    where the surface knows."""
 
     time: float
     volume: float
     volume_error: float
     bulk: BulkDensity
+    shortfall: str | None = None
 
     def row(self) -> list[float]:
         return [self.volume, self.bulk.mean, self.bulk.least, self.bulk.most]
 
 
-def survey(time: float, volume: float, water: Snapshot) -> Survey:
-    """Surveys the water whose surface encloses `volume` [m^3]."""
+def survey(time: float, volume: float, water: Snapshot, shortfall: str | None = None) -> Survey:
+    """Surveys the water whose surface encloses `volume` [m^3], and lacks some for `shortfall`."""
     # Here, since only surveys need scipy, which takes .2 s to import.
     from msph.measure.bulk import bulk_density
 
     rest = float((water.spacing**3).sum())
     bulk = bulk_density(water.x, water.spacing, water.size, water.free)
-    return Survey(time, volume, volume / rest - 1.0, bulk)
+    return Survey(time, volume, volume / rest - 1.0, bulk, shortfall)
+
+
+def shortfall(surveys: list[Survey]) -> str | None:
+    """Why the survey with the largest error of volume lacks it, in words; None if unknown."""
+    overflowed = [s for s in surveys if np.isnan(s.volume_error)]
+    known = [s for s in surveys if np.isfinite(s.volume_error)]
+    worst = overflowed or sorted(known, key=lambda s: abs(s.volume_error))[-1:]
+    return worst[0].shortfall if worst else None
 
 
 def errors(surveys: list[Survey]) -> dict[str, float]:

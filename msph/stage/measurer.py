@@ -1,46 +1,76 @@
-"""The measurer: writes ledger, probes and a summary of a show to a folder."""
+"""The measurer: writes ledger, probes, checkpoints and a summary of a show to a folder."""
 
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from tqdm import tqdm
 
-from msph.measure import entry, summary
+from msph.measure import account, entry, past, summary
+from msph.measure.entry import Entry
 from msph.measure.probes import Snapshot, build_probes
 from msph.measure.survey import COLUMNS, Survey, survey
-from msph.measure.table import Table
+from msph.measure.table import ROUNDING, Table
 from msph.scene.schema import Scene
 from msph.stage.controls import Controls
 from msph.stage.show import Show
 
 LEDGER, PROBES, SUMMARY, SCENE = "ledger.csv", "probes.csv", "summary.json", "scene.toml"
+CHECKPOINT = "checkpoint.npz"
+# Wall-clock time between checkpoints [s]: an interrupted run loses no more, and writing one takes
+# milliseconds.
+CHECKPOINT_GAP = 10.0
 
 
 class Measurer:
     """Watches the scene's whole duration, a row of each table per frame and one of its start.
 
-    name is what the scene was asked for by, arch where kernels run. What it writes: ledger.csv,
-    the entries and, from time to time, the surveys; probes.csv; and by conclude() summary.json.
+    name is what the scene was asked for by, arch where kernels run, since [s] the time of the
+    checkpoint from which the show goes on, if it does: the tables in the folder then grow. What it
+    writes: ledger.csv, the entries and, from time to time, the surveys; probes.csv; checkpoint.npz;
+    and by conclude() summary.json.
     """
 
-    def __init__(self, folder: Path, scene: Scene, name: str, arch: str, bar: bool = True):
-        self.folder, self.scene = folder, scene
+    def __init__(
+        self,
+        folder: Path,
+        scene: Scene,
+        name: str,
+        arch: str,
+        bar: bool = True,
+        since: float | None = None,
+    ):
+        self.folder, self.scene, self.since = folder, scene, since
         self.origin = summary.origin(scene, name, arch)
         every, gap = scene.measure.every, scene.measure.survey
         self.frames = max(1, round(scene.duration / every))
         # Frames between surveys, 0: none.
         self.gap = max(1, round(gap / every)) if gap > 0.0 else 0
-        self.done = 0
+        self.done = round((since or 0.0) / every)
+        if self.done >= self.frames:
+            raise past.CheckpointError(
+                f"the checkpoint is of {since:g} s, and the scene lasts {scene.duration:g} s; "
+                "--seconds lets it last longer"
+            )
         self.probes = build_probes(scene)
         self.surveys: list[Survey] = []
+        self.before: Entry | None = None
+        self.saved = time.monotonic()
         self.show: Any = None  # while nothing was shown
+        self.result: dict[str, Any] = {}
         heads = entry.columns() + (COLUMNS if self.gap else [])
-        self.ledger = Table(folder / LEDGER, heads)
+        self.ledger = Table(folder / LEDGER, heads, since)
         heads = ["time [s]", *(f"{p.name} [{p.unit}]" for p in self.probes)]
-        self.readings = Table(folder / PROBES, heads)
+        self.readings = Table(folder / PROBES, heads, since)
         self.bar = tqdm(
-            total=self.frames, unit="frame", disable=not bar, file=sys.stderr, dynamic_ncols=True
+            total=self.frames,
+            initial=self.done,
+            unit="frame",
+            disable=not bar,
+            file=sys.stderr,
+            dynamic_ncols=True,
         )
 
     def wants_more(self, show: Show) -> bool:
@@ -48,15 +78,33 @@ class Measurer:
 
     def controls(self, show: Show) -> Controls:
         if self.show is None:
-            self.show, self.started = show, show.simulation.counts()
-            show.ledger.record(show.gravity())
-            self._write(show)
+            self._begin(show)
         return Controls()
 
     def see(self, show: Show) -> None:
         self.done += 1
+        entries = show.ledger.entries
+        entries[-1] = past.after(entries[-1], self.before)
         self._write(show)
         self.bar.update()
+        if time.monotonic() - self.saved > CHECKPOINT_GAP:
+            self._save()
+
+    def _begin(self, show: Show) -> None:
+        """The state that the run starts from, and what was measured of it before."""
+        self.show, self.started = show, show.simulation.counts()
+        self.first_step = show.simulation.steps
+        earlier = past.entries(self.ledger.kept)
+        if self.gap and earlier:
+            self.surveys = past.surveys(self.ledger.kept, show.rest_volume())
+        self.before = earlier[-1] if earlier else None
+        goes_on = earlier and abs(show.simulation.time - earlier[-1].time) < ROUNDING
+        # A frame has the gravity of its start: the work of turning it is counted in the next one.
+        x, y, z = earlier[-1].gravity.tolist() if goes_on else show.gravity()
+        first = past.after(show.ledger.record((x, y, z)), self.before)
+        show.ledger.entries[:] = earlier if goes_on else [*earlier, first]
+        if not goes_on:
+            self._write(show)
 
     def _write(self, show: Show) -> None:
         """A row of each table, from the ledger's last entry and the water as it is."""
@@ -65,7 +113,8 @@ class Measurer:
         water = Snapshot.of(show.simulation) if due or self.probes else None
         row = last.row()
         if water and due:
-            self.surveys.append(survey(last.time, show.volume(), water))
+            volume = show.volume()
+            self.surveys.append(survey(last.time, volume, water, show.surface.shortfall()))
             row += self.surveys[-1].row()
         elif self.gap:
             row += [float("nan")] * len(COLUMNS)
@@ -75,6 +124,13 @@ class Measurer:
             self.readings.write([last.time, *readings])
         else:
             self.readings.write([last.time])
+
+    def _save(self) -> None:
+        """The checkpoint, whole or not at all."""
+        new = self.folder / f"new_{CHECKPOINT}"
+        np.savez_compressed(new, **self.show.simulation.state())
+        new.replace(self.folder / CHECKPOINT)
+        self.saved = time.monotonic()
 
     def close(self) -> None:
         self.bar.close()
@@ -87,16 +143,33 @@ class Measurer:
             **self.origin,
             "complete": failure is None,
             "failure": failure,
+            "resumed_at_s": self.since,
             "frames": self.done,
         }
         if self.show is not None:
-            frame_s = self.scene.measure.every
-            laid = summary.water_laid(self.scene, self.show.simulation, self.started)
-            error = laid.pop("mass_laid_error")
-            result |= laid
-            result |= summary.progress(self.show.simulation, self.started, frame_s)
-            result |= summary.speed(self.show.timings, frame_s)
-            found = summary.errors(self.show.ledger, self.surveys)
-            result["errors"] = {"mass_laid_error": error, **found}
+            show, frame_s = self.show, self.scene.measure.every
+            result |= summary.water_laid(self.scene, show.simulation, self.started)
+            error = result.pop("mass_laid_error")
+            result |= summary.progress(show.simulation, self.started, frame_s, self.first_step)
+            result |= summary.speed(show.timings, frame_s)
+            result["errors"] = {
+                "mass_laid_error": error,
+                **summary.errors(show.ledger, self.surveys),
+            }
+            result |= summary.judged(self.scene, show.ledger, self.surveys, result["errors"])
+            if failure is None:
+                self._save()
+        self.result = result
         summary.write(self.folder / SUMMARY, result)
-        return [self.folder / name for name in (LEDGER, PROBES, SUMMARY, SCENE)]
+        names = (LEDGER, PROBES, SUMMARY, SCENE, CHECKPOINT)
+        return [self.folder / name for name in names if (self.folder / name).exists()]
+
+    def add(self, key: str, value: Any) -> None:
+        """Adds to the summary what was found of the run later."""
+        self.result[key] = value
+        summary.write(self.folder / SUMMARY, self.result)
+
+    def account(self) -> str:
+        """How wrong the run is, in words; after conclude()."""
+        lines = account.account(summary.figures(self.result))
+        return account.text(lines, self.result["cautions"], self.result)

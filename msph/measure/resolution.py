@@ -1,0 +1,99 @@
+"""Resolution of a scene: how many of its finest spacings fit across water, gaps and bodies."""
+
+import itertools
+import math
+
+import numpy as np
+import trimesh
+from scipy.spatial import cKDTree
+
+from msph.fluid.boundary.rigid_bodies import TOUCHING, Ball, Block, Body, Solid
+from msph.scene.obstacles import bodies
+from msph.scene.schema import Scene
+from msph.scene.water import layer_specs
+
+# Points on the surface of a body between which gaps are sought: they lie 1 % of its size apart.
+POINTS = 20_000
+
+
+def resolution(scene: Scene, depth: float = math.nan) -> dict[str, float]:
+    """Finest and coarsest spacing [m] and, in finest spacings (-): the water's mean `depth` [m];
+    the narrowest gap that the bodies leave where they stand at the start, or the box's shortest
+    edge; the thickness of each body.
+
+    What is not known, or of which there is none, is NaN or left out.
+    """
+    spacings = [s.spacing for s in layer_specs(scene)]
+    d = min(spacings)
+    across = {
+        f"spacings_across_obstacles.{i}": thickness(b) / d
+        for i, b in enumerate(b for b in bodies(scene) if not _contains(b))
+    }
+    return {
+        "finest_spacing_m": d,
+        "coarsest_spacing_m": max(spacings),
+        "spacings_across_depth": depth / d,
+        "spacings_across_narrowest_gap": narrowest_gap(scene.box.size, bodies(scene), d) / d,
+        **across,
+    }
+
+
+def mean_depth(scene: Scene, centres: np.ndarray) -> float:
+    """Twice the height [m] of the centre of mass over the lowest corner of box or container, mean
+    over `centres` (n, 3) [m]: the depth of water that stands level. NaN without gravity."""
+    gravity = np.array(scene.gravity)
+    if not gravity.any():
+        return math.nan
+    lo, hi = room(scene)
+    up = -gravity / np.linalg.norm(gravity)
+    lowest = np.where(up > 0.0, lo, hi)
+    return float(2.0 * ((centres - lowest) @ up).mean())
+
+
+def room(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """Lower and upper corner [m] of what holds the water: the container, or else the box."""
+    for body in bodies(scene):
+        if _contains(body):
+            return body.bounds
+    return np.zeros(3), np.array(scene.box.size)
+
+
+def narrowest_gap(size: tuple[float, float, float], solids: list[Body], d: float) -> float:
+    """Least distance [m] between opposite walls, a body and a wall, or two bodies; what is nearer
+    than half a spacing d [m] touches. Between two bodies good to 1 % of their size."""
+    walls = np.array(size)
+    lo, hi = np.zeros(3), walls
+    for container in filter(_contains, solids):
+        lo, hi = container.bounds
+    gaps = list(hi - lo)
+    for body in solids:
+        if not _contains(body) and not any(map(_contains, solids)):
+            gaps += [*body.bounds[0], *(walls - body.bounds[1])]
+    clouds = []
+    if len(solids) > 1:
+        clouds = [trimesh.sample.sample_surface(_surface(b), POINTS, seed=0)[0] for b in solids]
+    for a, b in itertools.combinations(clouds, 2):
+        gaps.append(cKDTree(a).query(b)[0].min())
+    return float(min(g for g in gaps if g > TOUCHING * d))
+
+
+def thickness(body: Body) -> float:
+    """Shortest edge [m] of the narrowest box round a body."""
+    if isinstance(body, Ball):
+        return 2.0 * body.radius
+    if isinstance(body, Block):
+        return float((body.hi - body.lo).min())
+    _, edges = trimesh.bounds.oriented_bounds(_surface(body))
+    return float(edges.min())
+
+
+def _surface(body: Body) -> trimesh.Trimesh:
+    if isinstance(body, Ball):
+        return trimesh.creation.icosphere(radius=body.radius).apply_translation(body.centre)
+    if isinstance(body, Block):
+        return trimesh.creation.box(bounds=[body.lo, body.hi])
+    return trimesh.Trimesh(body.vertices, body.triangles, process=False)
+
+
+def _contains(body: Body) -> bool:
+    return isinstance(body, Solid) and body.container

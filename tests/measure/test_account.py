@@ -1,0 +1,49 @@
+"""The account of a run: what is beyond a limit is said, what is unknown is no fault."""
+
+import math
+
+from msph.measure import account
+
+GOOD = {
+    "spacings_across_depth": 20.0,
+    "spacings_across_obstacles.0": 5.0,
+    "mass_change": -1e-9,
+    "outside_most": 0,
+    "density_error_mean": 0.001,
+    "volume_error_worst": -0.001,
+    "bulk_density_error_mean": math.nan,
+}
+WATER = {"mass_laid_kg": 1.0, "mass_asked_kg": 1.0}
+
+
+def test_a_good_run_has_no_cautions():
+    lines = account.account(GOOD)
+    assert {line.key for line in lines} == set(GOOD)
+    assert account.cautions(lines) == []
+    text = account.text(lines, [], WATER)
+    assert "all within what good runs keep" in text and "beyond" not in text
+    assert "not known" in next(row for row in text.splitlines() if "bulk density" in row)
+
+
+def test_every_figure_beyond_its_limit_is_a_caution_in_words():
+    """Lower limits, upper ones, of either sign, and of each body by its name."""
+    bad = {
+        "spacings_across_depth": 4.0,
+        "spacings_across_obstacles.0": 1.0,
+        "spacings_across_obstacles.1": 9.0,
+        "mass_change": -0.1,
+        "outside_most": 3,
+        "volume_error_worst": -0.08,
+    }
+    lines = account.account(bad)
+    notes = account.cautions(lines, "surface mesh overflow: 9 triangles wanted, 8 fit")
+    assert len(notes) == 5
+    assert any(note.startswith("across obstacles.0: 1.0 (good runs >= 1.45): ") for note in notes)
+    assert any("-8.000 %" in note and note.endswith("9 triangles wanted, 8 fit") for note in notes)
+    text = account.text(lines, notes, WATER)
+    assert text.count("beyond") == text.count("caution: ") == 5
+
+
+def test_limits_are_those_of_the_lines():
+    limits = account.limits(account.account(GOOD))
+    assert limits["spacings_across_obstacles.0"] > 1.0 and limits["outside_most"] == 0.0

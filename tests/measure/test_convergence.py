@@ -1,0 +1,95 @@
+"""Discretisation errors of values whose limit and order are known."""
+
+import csv
+import math
+
+import numpy as np
+import pytest
+
+from msph.measure import convergence
+from msph.measure.convergence import RATIO, compare, estimate, factors
+
+
+def values(order, runs=3, limit=2.0, slope=-0.3):
+    return [limit + slope * f**order for f in factors(runs)]
+
+
+@pytest.mark.parametrize("runs", [3, 4, 5])
+@pytest.mark.parametrize("order", [1.0, 1.4, 2.0])
+def test_order_limit_and_error_of_a_power_law_are_found(order, runs):
+    found = estimate(values(order, runs))
+    assert found.order == pytest.approx(order, abs=1e-4)
+    assert found.limit == pytest.approx(2.0, abs=1e-4)
+    assert found.error == pytest.approx(-0.3, abs=1e-4)
+    assert found.uncertainty == pytest.approx(1.25 * 0.3, abs=1e-4)
+    assert found.verdict == "in the asymptotic range"
+
+
+def test_scatter_of_five_runs_is_fitted_by_least_squares():
+    rng = np.random.default_rng(3)
+    phi = np.array(values(1.5, 5)) + 1e-3 * rng.normal(size=5)
+    found = estimate(phi)
+    assert found.order == pytest.approx(1.5, abs=0.1) and found.limit == pytest.approx(
+        2.0, abs=0.02
+    )
+
+
+@pytest.mark.parametrize(
+    ("phi", "words"),
+    [
+        ([1.0, 1.4, 1.2], "swing"),
+        ([1.0, 1.1, 1.4], "grow"),
+        (values(0.4), "slower than first"),
+        (values(5.0), "faster than second"),
+        ([1.0, math.nan, 1.2], "not known"),
+    ],
+)
+def test_what_is_not_asymptotic_is_said_and_its_uncertainty_no_less_than_the_differences(
+    phi, words
+):
+    found = estimate(phi)
+    assert words in found.verdict and found.verdict != "in the asymptotic range"
+    if np.isfinite(phi).all():
+        assert found.uncertainty >= 1.25 * np.ptp(phi)
+
+
+def test_equal_values_have_no_error():
+    found = estimate([3.0, 3.0, 3.0])
+    assert found.error == found.uncertainty == 0.0 and math.isnan(found.order)
+
+
+def tables(order, runs=3):
+    """Ledgers and probes of water whose height errs as h^order, beside a quantity that swings."""
+    time = np.linspace(0.0, 1.0, 11)
+    ledgers, probes = [], []
+    for k, f in enumerate(factors(runs)):
+        y = 0.3 - 0.1 * time + 0.01 * f**order * time
+        ledger = {"centre_x_m": 0 * time, "centre_y_m": y, "centre_z_m": 1e-5 * time}
+        ledger |= {"kinetic_J": time, "potential_J": y, "wall_work_J": 0 * time}
+        ledger |= {"user_work_J": 0 * time, "tilt_work_J": 0 * time}
+        ledgers.append(ledger)
+        swinging = np.where(time > 0.0, 5.0 + (-1.0) ** k, np.nan)
+        probes.append({"time_s": time, "P1_Pa": swinging})
+    return ledgers, probes
+
+
+def test_figures_of_runs_are_compared(tmp_path):
+    rows = compare(*tables(1.5), spacing=0.01)
+    found = {row.name: row for row in rows}
+    # Neither x nor z moves by a tenth of a spacing.
+    names = ["centre_y_mean", "kinetic_mean", "energy_lost", "P1_mean", "path_to_next_finer"]
+    assert list(found) == names
+    centre, path = found["centre_y_mean"].estimate, found["path_to_next_finer"].estimate
+    assert centre.order == pytest.approx(1.5, abs=1e-3)
+    assert centre.error == pytest.approx(0.01 * 0.5, abs=1e-5)
+    assert path.order == pytest.approx(1.5, abs=1e-6)
+    rms = math.sqrt(np.mean(np.linspace(0.0, 1.0, 11) ** 2))
+    assert path.error == pytest.approx(0.01 * rms, rel=1e-6)
+    assert found["P1_mean"].unit == "Pa" and "swing" in found["P1_mean"].estimate.verdict
+    assert found["energy_lost"].values[-1] == pytest.approx(-1.0 + 0.1 - 0.01)
+    convergence.write(tmp_path / "c.csv", rows, [0.02, 0.01 * RATIO, 0.01])
+    with open(tmp_path / "c.csv", newline="") as file:
+        spacing, *lines = csv.DictReader(file)
+    assert float(spacing["run_3"]) == 0.01 and [line["quantity"] for line in lines] == names
+    assert lines[3]["order"] == "" and float(lines[0]["order"]) == pytest.approx(1.5, abs=1e-3)
+    assert convergence.text(rows, [0.02, 0.014, 0.01]).splitlines()[-1].startswith("3 of 5 figures")

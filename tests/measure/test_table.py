@@ -1,0 +1,60 @@
+"""Tables: names of columns, and going on with a table that there is."""
+
+import numpy as np
+import pytest
+
+from msph.measure import entry
+from msph.measure.table import Table, TableError, column, read
+
+
+@pytest.mark.parametrize(
+    ("head", "name"),
+    [
+        ("pressure [Pa]", "pressure_Pa"),
+        ("bulk_density_mean [-]", "bulk_density_mean"),
+        ("gravity_y [m/s^2]", "gravity_y_m_per_s2"),
+        ("angular_momentum_z [kg m^2/s]", "angular_momentum_z_kg_m2_per_s"),
+        ("volume [m^3]", "volume_m3"),
+        ("rate [1/s]", "rate_per_s"),
+    ],
+)
+def test_a_columns_name_ends_in_its_unit(head, name):
+    assert column(head) == name
+
+
+def test_the_ledgers_columns_are_names_for_a_data_frame():
+    names = [column(head) for head in entry.columns()]
+    assert all(name.isidentifier() for name in names) and len(set(names)) == len(names)
+
+
+HEADS = ["time [s]", "P1 [Pa]"]
+
+
+def written(path, rows, **options):
+    table = Table(path, HEADS, **options)
+    for row in rows:
+        table.write(row)
+    return table
+
+
+def test_a_table_grows_from_the_time_of_a_checkpoint(tmp_path):
+    path = tmp_path / "probes.csv"
+    written(path, [(0.0, np.nan), (0.1, 5.0), (0.2, 7.0)])
+    table = written(path, [(0.2, 8.0)], until=0.1)
+    assert table.kept.shape == (2, 2)
+    found = read(path)
+    assert list(found) == ["time_s", "P1_Pa"]
+    assert found["time_s"].tolist() == [0.0, 0.1, 0.2]
+    assert found["P1_Pa"].tolist()[1:] == [5.0, 8.0] and np.isnan(found["P1_Pa"][0])
+    written(path, [], until=0.1)
+    assert len(read(path)["time_s"]) == 3
+    written(path, [])
+    assert path.read_text() == "time_s,P1_Pa\n"
+
+
+def test_a_table_of_other_columns_is_refused_and_kept(tmp_path):
+    path = tmp_path / "probes.csv"
+    path.write_text("time_s,P2_Pa\n0,1\n")
+    with pytest.raises(TableError, match="its columns are not those of this run"):
+        written(path, [], until=1.0)
+    assert path.read_text() == "time_s,P2_Pa\n0,1\n"

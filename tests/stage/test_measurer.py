@@ -1,0 +1,99 @@
+"""A measured run that goes on from its checkpoint, beside the run that was never stopped."""
+
+import json
+
+import numpy as np
+import pytest
+
+from msph.measure.past import CheckpointError, time_of
+from msph.measure.table import read
+from msph.measure.timings import Timings
+from msph.scene import load_scene
+from msph.stage.controls import Controls
+from msph.stage.loop import run
+from msph.stage.measurer import Measurer
+from msph.stage.show import Show
+from tests.scenes_kit import TEXT, write
+
+EVERY, CUT, END = 0.02, 0.06, 0.12
+SWAY = """
+[sway]
+angle = 20.0
+period = 0.5
+[measure]
+every = 0.02
+survey = 0.04
+[[probes]]
+name = "gauge"
+kind = "height"
+at = [0.2, 0.2]
+"""
+
+
+def measured(show, folder, scene, seconds, since=None):
+    scene = scene.model_copy(update={"duration": seconds})
+    measurer = Measurer(folder, scene, "small", "cpu", bar=False, since=since)
+    run(show, measurer)
+    measurer.conclude()
+    return json.loads((folder / "summary.json").read_text())
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    """Folders and summaries of a whole run, and of one that was stopped once it was beyond its
+    checkpoint, and resumed."""
+    whole, cut = tmp_path_factory.mktemp("whole"), tmp_path_factory.mktemp("cut")
+    scene = load_scene(write(whole, TEXT + SWAY))
+    show = Show(scene, EVERY, timings=Timings())
+    found = [measured(show, whole, scene, END)]
+    show.reset()
+    measured(show, cut, scene, CUT)
+    checkpoint = cut / "first.npz"
+    (cut / "checkpoint.npz").rename(checkpoint)
+    # Beyond the checkpoint, as an interrupted run is.
+    show.frame(Controls())
+    with open(cut / "ledger.csv", "a") as file:
+        file.write(file_row(cut, 0.08))
+    show.resume(checkpoint)
+    found.append(measured(show, cut, scene, END, since=time_of(checkpoint)))
+    return (whole, cut), found
+
+
+def file_row(folder, time):
+    """A row of a ledger that nobody shall find again."""
+    columns = len((folder / "ledger.csv").read_text().splitlines()[0].split(","))
+    return ",".join([f"{time}", *["9e9"] * (columns - 1)]) + "\n"
+
+
+def test_tables_go_on_where_the_checkpoint_was(runs):
+    """Sums since the start too, which the fluid begins anew: walls' impulse and tilting's work."""
+    (whole, cut), _ = runs
+    for name in ("ledger.csv", "probes.csv"):
+        ours, theirs = read(cut / name), read(whole / name)
+        assert list(ours) == list(theirs)
+        assert ours["time_s"] == pytest.approx(theirs["time_s"])
+        assert ours["time_s"] == pytest.approx(np.arange(7) * EVERY)
+    ours, theirs = read(cut / "ledger.csv"), read(whole / "ledger.csv")
+    for column in ("wall_impulse_y_N_s", "tilt_work_J", "kinetic_J", "centre_y_m", "volume_m3"):
+        known = np.isfinite(theirs[column])
+        scale = np.abs(theirs[column][known]).max()
+        # The run that was stopped ended with a survey.
+        assert np.isfinite(ours[column][known]).all()
+        assert np.allclose(ours[column][known], theirs[column][known], atol=0.02 * scale), column
+    assert abs(theirs["tilt_work_J"][-1]) > 1.5 * abs(theirs["tilt_work_J"][3]) > 0.0
+
+
+def test_the_summary_is_of_the_whole(runs):
+    _, (whole, resumed) = runs
+    assert resumed["resumed_at_s"] == pytest.approx(CUT) and whole["resumed_at_s"] is None
+    assert resumed["frames"] == whole["frames"] == 6
+    assert resumed["steps"] == pytest.approx(whole["steps"], abs=2)
+    for key in ("mass_change", "energy_gain", "volume_error_mean", "density_error_mean"):
+        assert resumed["errors"][key] == pytest.approx(whole["errors"][key], abs=2e-3), key
+
+
+def test_a_checkpoint_at_the_end_of_the_scene_is_refused(tmp_path):
+    scene = load_scene(write(tmp_path))
+    with pytest.raises(CheckpointError, match=r"is of 0.2 s, and the scene lasts 0.2 s"):
+        Measurer(tmp_path, scene, "small", "cpu", bar=False, since=0.2)
+    assert not (tmp_path / "ledger.csv").exists()
