@@ -1,0 +1,98 @@
+"""Balls of liquid: two that collide without weight, and one that falls and bursts."""
+
+import numpy as np
+
+from bench import tanks
+from bench.cases.case import ADAPTIVE, UNIFORM, Case, Run, Setting, begin, scene
+
+RADIUS, EDGE = 0.15, 1.2
+# Edge of the box in which balls collide [m]: nothing reaches its walls.
+WIDE = 2.4
+# Two balls meet at this speed each [m/s], off centre by this much each [m], for so long [s].
+SPEED, OFFSET, APART, SECONDS = 1.0, 0.04, 0.18, 0.4
+# The drop's centre starts this high [m], and meets the floor; then it is read on [s].
+HIGH, AFTER = 0.75, 0.3
+
+
+def momenta(run: Run, middle: np.ndarray) -> tuple[np.ndarray, np.ndarray, float, float]:
+    """Momentum, angular momentum about `middle`, and sums of m v and m r v."""
+    m, arm, v = run.masses()[:, None], run.places() - middle, run.velocities()
+    speed = np.linalg.norm(v, axis=1)
+    scale = float((m[:, 0] * speed).sum())
+    spin = float((m[:, 0] * np.linalg.norm(arm, axis=1) * speed).sum())
+    return (m * v).sum(axis=0), (m * np.cross(arm, v)).sum(axis=0), scale, spin
+
+
+def collision(setting: Setting) -> tuple[Run, dict[str, float]]:
+    middle = np.full(3, 0.5 * WIDE)
+    water = []
+    for side in (-1.0, 1.0):
+        centre = middle + side * np.array([APART, -OFFSET, 0.0])
+        water.append(
+            {"centre": centre.tolist(), "radius": RADIUS, "velocity": [-side * SPEED, 0, 0]}
+        )
+    still = {"gravity": [0.0, 0.0, 0.0]}
+    run = begin(scene(setting, (WIDE,) * 3, RADIUS / setting.fineness, water, **still))
+    linear, angular, scale, spin = momenta(run, middle)
+    energies, mass = [run.energy(0.0)], run.masses().sum()
+    run.go(SECONDS, lambda: energies.append(run.energy(0.0)), gravity=0.0)
+    after, turned, _, _ = momenta(run, middle)
+    rise = np.maximum.accumulate(np.array(energies)[::-1])[::-1] - energies
+    return run, {
+        "angular_momentum": float(np.linalg.norm(turned - angular)) / spin,
+        "momentum": float(np.linalg.norm(after - linear)) / scale,
+        "mass": float(abs(run.masses().sum() / mass - 1.0)),
+        "energy_rise": float(rise.max() / energies[0]),
+    }
+
+
+def falling(setting: Setting) -> tuple[Run, dict[str, float]]:
+    water = [{"centre": [0.5 * EDGE, HIGH, 0.5 * EDGE], "radius": RADIUS}]
+    run = begin(scene(setting, (EDGE,) * 3, RADIUS / setting.fineness, water))
+    start, first = run.centre(), run.energy()
+    way = HIGH - RADIUS - 2.0 * RADIUS / setting.fineness
+    until = float(np.sqrt(2.0 * way / tanks.GRAVITY))
+    frames = int(until / tanks.FRAME)
+    run.go(frames * tanks.FRAME)
+    fall = 0.5 * tanks.GRAVITY * (frames * tanks.FRAME) ** 2
+    off = float(np.linalg.norm(run.centre() - start + [0.0, fall, 0.0]))
+    kept = run.energy() / first - 1.0
+    energies = [run.energy()]
+    run.go(AFTER, lambda: energies.append(run.energy()))
+    rise = np.maximum.accumulate(np.array(energies)[::-1])[::-1] - energies
+    return run, {
+        "way": off / fall,
+        "energy": abs(kept),
+        "energy_rise": float(rise.max() / first),
+    }
+
+
+COLLISION = Case(
+    "collision",
+    "Two balls collide off centre without gravity",
+    "the balls' radius",
+    {
+        "angular_momentum": "drift of the angular momentum, over sum m r v",
+        "momentum": "drift of the momentum, over sum m v",
+        "mass": "drift of the mass",
+        "energy_rise": "largest rise of the energy, over the energy at the start",
+    },
+    (4, 6, 8),
+    collision,
+    waters=(UNIFORM, ADAPTIVE),
+    classic=(UNIFORM,),
+)
+FALLING_DROP = Case(
+    "falling_drop",
+    "A ball of water falls and bursts",
+    "the ball's radius",
+    {
+        "way": "distance of the centre from g t^2/2 before the floor, over that way",
+        "energy": "change of the energy before the floor, over the energy at the start",
+        "energy_rise": "largest rise of the energy after it, over the energy at the start",
+    },
+    (4, 6, 8),
+    falling,
+    waters=(UNIFORM, ADAPTIVE),
+    classic=(UNIFORM,),
+)

@@ -1,0 +1,88 @@
+"""Collapse of a column twice as high as wide on a dry bed: Martin and Moyce 1952, and Ritter 1892.
+
+The experiment's gate let its water go late, by T = .1 to .2: computed fronts are read at T - GATE
+beside the table's at T, and heights with the same delay in seconds.
+"""
+
+import numpy as np
+
+from bench import tanks
+from bench.cases.case import Case, Run, Setting, begin, scene
+from msph.measure.probes import FrontProbe, HeightProbe, Snapshot
+from msph.scene.library import assets
+
+# The column's width a [m], and the tank: 5 a long, 2.5 a high, two thirds of a wide.
+A, WIDTH = 0.24, 0.16
+SIZE = (5.0 * A, 2.5 * A, WIDTH)
+# Delay by the gate, in units of T = t sqrt(2 g/a).
+GATE = 0.2
+# Times in units of T until which the front and the height are read: before the far wall matters.
+FRONT_UNTIL, HEIGHT_UNTIL = 3.33, 3.3
+UNIT_T, UNIT_TAU = np.sqrt(A / (2.0 * tanks.GRAVITY)), np.sqrt(A / tanks.GRAVITY)
+# Readings per unit of T, and the times in it at which values are compared with finer runs.
+PER_UNIT, COMPARED = 20, 2.0
+
+
+def reference(name: str) -> np.ndarray:
+    """Columns of a table of the experiment, (2, n)."""
+    path = assets() / "reference" / f"martin_moyce_1952_{name}.csv"
+    lines = [line for line in path.read_text().splitlines() if not line.startswith("#")]
+    return np.array([line.split(",") for line in lines[1:]], float).T
+
+
+def measure(setting: Setting) -> tuple[Run, dict[str, float]]:
+    body = [{"lo": [0, 0, 0], "hi": [A, 2.0 * A, WIDTH]}]
+    spacing = A / setting.fineness
+    run = begin(scene(setting, SIZE, spacing, body))
+    sim = run.simulation
+    front, height = FrontProbe("", "+x"), HeightProbe("", (0.5 * spacing, 0.5 * WIDTH))
+    times, fronts, heights, energies = [0.0], [A], [2.0 * A], [run.energy()]
+    centres = [run.centre()]
+
+    def read() -> None:
+        water = Snapshot.of(sim)
+        times.append(sim.time)
+        fronts.append(max(fronts[-1], front.read(water)))
+        heights.append(height.read(water))
+        energies.append(run.energy())
+        centres.append(run.centre())
+
+    run.go((FRONT_UNTIL + 0.1) * UNIT_T, read, frame=UNIT_T / PER_UNIT)
+    t = np.array(times) / UNIT_T
+    z, h = np.array(fronts) / A, np.array(heights) / (2.0 * A)
+    seen_t, seen_z = reference("front")
+    seen_tau, seen_h = reference("height")
+    # tau = t sqrt(g/a); the gate's delay is the same time.
+    delayed = seen_tau * UNIT_TAU / UNIT_T - GATE
+    early = delayed <= HEIGHT_UNTIL
+    off_z = np.interp(seen_t - GATE, t, z) / seen_z - 1.0
+    off_h = np.interp(delayed[early], t, h) - seen_h[early]
+    at = int(np.argmin(np.abs(t - COMPARED)))
+    energy = np.maximum.accumulate(np.array(energies)[::-1])[::-1] - energies
+    return run, {
+        "front": float(np.sqrt(np.mean(off_z**2))),
+        "height": float(np.sqrt(np.mean(off_h**2))),
+        "beyond_ritter": float(max(0.0, np.max(z - 1.0 - 2.0 * t))),
+        "energy_rise": float(energy.max() / energies[0]),
+        "front_at_T_2_over_a": float(z[at]),
+        "centre_x_at_T_2_over_a": float(centres[at][0] / A),
+        "centre_y_at_T_2_over_a": float(centres[at][1] / A),
+    }
+
+
+CASE = Case(
+    "dam_break",
+    "Dam break of Martin and Moyce (1952), n^2 = 2",
+    "the column's width a",
+    {
+        "front": f"front Z(T - {GATE:g}) against the experiment, rms of the relative error",
+        "height": "height of the column at the wall over 2a, the same delay, rms",
+        "beyond_ritter": "front beyond Ritter's bound 1 + 2T, over a",
+        "energy_rise": "largest rise of the energy, over the energy at the start",
+    },
+    (6, 9, 12, 18),
+    measure,
+    classic=("uniform",),
+    references=(24,),
+    values=("front_at_T_2_over_a", "centre_x_at_T_2_over_a", "centre_y_at_T_2_over_a"),
+)

@@ -1,0 +1,43 @@
+"""Water laid in disorder comes to rest: its height, its bulk density, and what still moves."""
+
+import numpy as np
+
+from bench import tanks
+from bench.cases.case import Case, Run, Setting, begin, tank
+from msph.measure.bulk import bulk_density
+
+FOOTPRINT, DEPTH, AIR = (0.5, 0.5), 0.5, 0.3
+# Shift of each particle at the start, in spacings: the most that a scene may ask for.
+JITTER = 0.5
+SECONDS = 3.0
+
+
+def measure(setting: Setting) -> tuple[Run, dict[str, float]]:
+    run = begin(tank(setting, FOOTPRINT, DEPTH, AIR, jitter=JITTER))
+    reading = tanks.Reading(run.simulation)
+    run.go(SECONDS, reading.read)
+    sim = run.simulation
+    spacing = np.array([s.spacing for s in sim.layers.specs])[sim.particles.numpy("layer")]
+    bulk = bulk_density(run.places(), spacing, sim.size).mean
+    whole = 1000.0 * tanks.GRAVITY * DEPTH * DEPTH * FOOTPRINT[0] * FOOTPRINT[1]
+    return run, {
+        "height": abs(reading.volume_error()),
+        "bulk_density": abs(bulk - 1.0),
+        "kinetic": reading.kinetic[-1] / whole,
+        "energy_rise": reading.energy_rise(),
+    }
+
+
+CASE = Case(
+    "settling",
+    "Water laid in disorder, 0.5 m deep, after 3 s",
+    "depth",
+    {
+        "height": "height of the centre of mass against H/2, over H/2",
+        "bulk_density": "bulk density against rest",
+        "kinetic": "kinetic energy left, over M g H",
+        "energy_rise": "largest rise of the energy in 1 s, over that of the water above the floor",
+    },
+    (6, 9, 14, 20),
+    measure,
+)

@@ -1,0 +1,110 @@
+"""The first sloshing mode of a tank: its period, and by viscosity its decay.
+
+omega^2 = g k tanh(k H), k = pi/L. Between free-slip walls the velocities of a standing wave of
+small viscosity decay as exp(-2 nu k^2 t), at any depth: dissipation is mu times the integral of the
+normal derivative of |u|^2 over the surface of an irrotational flow, which vanishes at walls (Lamb
+1932, art. 329, 348).
+"""
+
+import math
+
+import numpy as np
+from scipy.optimize import curve_fit
+
+from bench import tanks
+from bench.cases.case import ADAPTIVE, UNIFORM, Case, Run, Setting, begin, tank
+
+LENGTH, WIDTH, DEPTH, AIR = 1.0, 0.3, 0.5, 0.3
+# Amplitude as a share of the depth: linear theory is .1 % off there.
+AMPLITUDE = 0.05
+SETTLE, READ = 1.0, 5.0
+# Viscosity that halves velocities in 1.8 s, beside which the method's own damping is small.
+VISCOSITY = 20.0
+
+
+def swing(
+    setting: Setting, decay: float = 0.0, **more
+) -> tuple[Run, tanks.Reading, float, float, float]:
+    """The run; its reading; period [s] and decay [1/s] of the damped cosine that fits best; and the
+    distance of the centre of mass from theory over two periods, rms, over theory's own way, rms.
+
+    decay [1/s]: of the amplitude, by theory.
+    """
+    run = begin(tank(setting, (LENGTH, WIDTH), DEPTH, AIR, **more))
+    run.go(SETTLE)
+    tanks.slosh(run.simulation, DEPTH, AMPLITUDE * DEPTH)
+    reading, masses = tanks.Reading(run.simulation), run.masses()
+    speed = float((masses * run.velocities()[:, 0]).sum() / masses.sum())
+    at_rest = run.centre()[0]
+    run.go(READ, reading.read)
+    x, times = np.array(reading.centres)[:, 0], np.array(reading.times) - SETTLE
+    expected = tanks.slosh_period(LENGTH, DEPTH)
+    omega, early = 2.0 * math.pi / expected, times <= 2.0 * expected
+    theory = speed / omega * np.exp(-decay * times) * np.sin(omega * times)
+    apart = np.sqrt(np.mean((x - at_rest - theory)[early] ** 2) / np.mean(theory[early] ** 2))
+
+    def wave(t, mean, a, b, rate, period):
+        angle = 2.0 * np.pi * t / period
+        return mean + np.exp(-rate * t) * (a * np.cos(angle) + b * np.sin(angle))
+
+    guess = (x.mean(), 0.0, x.min() - x.mean(), 0.1, expected)
+    (*_, rate, period), _ = curve_fit(wave, times, x, p0=guess, maxfev=20_000)
+    return run, reading, float(period), float(rate), float(apart)
+
+
+def inviscid(setting: Setting) -> tuple[Run, dict[str, float]]:
+    run, reading, period, rate, apart = swing(setting)
+    theory = tanks.slosh_period(LENGTH, DEPTH)
+    return run, {
+        "wave": apart,
+        "period": abs(period / theory - 1.0),
+        "damping": abs(rate) * theory / (2.0 * math.pi),
+        "height": abs(reading.volume_error()),
+        "energy_rise": reading.energy_rise(),
+    }
+
+
+def viscous(setting: Setting) -> tuple[Run, dict[str, float]]:
+    theory = 2.0 * VISCOSITY / 1000.0 * (math.pi / LENGTH) ** 2
+    viscosity = {"viscosity": VISCOSITY}
+    run, reading, period, rate, apart = swing(setting, theory, projection=viscosity)
+    return run, {
+        "wave": apart,
+        "decay": abs(rate / theory - 1.0),
+        "period": abs(period / tanks.slosh_period(LENGTH, DEPTH) - 1.0),
+        "energy_rise": reading.energy_rise(),
+    }
+
+
+ENERGY = "largest rise of the energy in 1 s, over that of the water above the floor"
+WAVE = "way of the centre of mass in two periods against theory, rms, over theory's own"
+PERIOD = "period of the first mode against linear theory"
+SLOSHING = Case(
+    "sloshing",
+    "Sloshing of a tank 1 m long, 0.5 m deep",
+    "depth",
+    {
+        "wave": WAVE,
+        "period": PERIOD,
+        "damping": "damping ratio of water without viscosity, 0 by theory",
+        "height": "height of the centre of mass against H/2, over H/2",
+        "energy_rise": ENERGY,
+    },
+    (5, 7, 10, 15, 25),
+    inviscid,
+)
+STANDING_WAVE = Case(
+    "standing_wave",
+    f"The same in a liquid of {VISCOSITY:g} Pa s",
+    "depth",
+    {
+        "wave": WAVE,
+        "decay": "rate of decay against 2 nu k^2",
+        "period": PERIOD,
+        "energy_rise": ENERGY,
+    },
+    (7, 10, 15),
+    viscous,
+    waters=(UNIFORM, ADAPTIVE),
+    classic=(),
+)

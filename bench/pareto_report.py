@@ -1,0 +1,274 @@
+"""Tables and figures of the sweep of speed against error, from its rows alone."""
+
+import math
+import sys
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+from scipy.stats import linregress
+from tabulate import tabulate
+
+from bench.cases import CASES
+from bench.cases.case import ADAPTIVE, FIXED, UNIFORM, Case
+from bench.report import RESULTS
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+
+# Errors below are drawn there: what is left is rounding.
+LEAST = 1e-7
+# Cases of the summary figure.
+SUMMARY = ("hydrostatic", "sloshing", "dam_break")
+# How waters are drawn: colours that the colour-blind tell apart (Okabe and Ito 2008), and markers.
+STYLES = {
+    ("projection", UNIFORM): ("#0072B2", "o", "uniform"),
+    ("projection", FIXED): ("#56B4E9", "s", "fixed layers"),
+    ("projection", ADAPTIVE): ("#D55E00", "D", "adaptive layers"),
+    ("classic", UNIFORM): ("#999999", "v", "classic, uniform"),
+    ("classic", FIXED): ("#555555", "^", "classic, layers"),
+}
+OTHER = ("#009E73", "P")
+COSTS = {
+    "wall_per_simulated": "wall-clock s / simulated s",
+    "particles": "particles",
+    "peak_mib": "peak MiB",
+    "compression_mean": "compression, mean",
+    "compression_largest": "largest",
+}
+
+
+def number(row: dict, name: str) -> float:
+    """A row's figure, NaN where there is none."""
+    text = row.get(name)
+    return float(text) if text not in (None, "") else math.nan
+
+
+def changes(row: dict) -> str:
+    """What a row's setting changes, in words."""
+    names = {"smoothing": "support", "motion_tolerance": "tolerance", "cfl": "cfl"}
+    found = [f"{text} {float(row[k]):g}" for k, text in names.items() if row.get(k)]
+    return ", ".join(found)
+
+
+def undominated(rows: list[dict], error: str) -> list[dict]:
+    """Rows for which no other is both faster and nearer, from fast to slow."""
+    found: list[dict] = []
+    for row in sorted(rows, key=lambda r: number(r, "wall_per_simulated")):
+        if not found or number(row, error) < number(found[-1], error):
+            found.append(row)
+    return found
+
+
+def drawn(rows: list[dict], case: Case) -> list[dict]:
+    """Rows of the case that have a time and its first error."""
+    return [
+        row
+        for row in rows
+        if row["case"] == case.name
+        and all(np.isfinite(number(row, k)) for k in ("wall_per_simulated", case.main))
+    ]
+
+
+def plot(axis, rows: list[dict], case: Case) -> None:
+    """Time across, error up."""
+    for row in rows:
+        kind = (row["method"], row["water"])
+        colour, marker, _ = STYLES.get(kind, (*OTHER, ""))
+        x, y = number(row, "wall_per_simulated"), max(number(row, case.main), LEAST)
+        size = 25 if changes(row) else 60
+        axis.scatter(x, y, size, colour, marker, edgecolors="white", linewidths=0.5, zorder=3)
+        if kind not in STYLES:
+            label = f"{row['water']}, {row['method']}"
+            axis.annotate(label, (x, y), (5, 3), textcoords="offset points", fontsize=8)
+    best = undominated(rows, case.main)
+    x = [number(row, "wall_per_simulated") for row in best]
+    axis.plot(x, [max(number(row, case.main), LEAST) for row in best], color="#000000", lw=0.8)
+    axis.set(xscale="log", yscale="log", title=case.title)
+    axis.set_xlabel("wall-clock seconds per simulated second")
+    axis.set_ylabel(case.main.replace("_", " ") + " error (-)")
+    axis.axvline(1.0, color="#bbbbbb", lw=0.8, ls=":")
+    axis.spines[["top", "right"]].set_visible(False)
+
+
+def legend(axis) -> None:
+    for colour, marker, label in STYLES.values():
+        axis.scatter([], [], 60, colour, marker, label=label)
+    axis.scatter([], [], 25, "#000000", label="small: another setting")
+    axis.plot([], [], color="#000000", lw=0.8, label="undominated")
+    axis.legend(fontsize=8, framealpha=0.9)
+
+
+def figures(rows: list[dict], folder: Path) -> list[str]:
+    """One for each case that has rows, and one of the cases in SUMMARY; returns the names."""
+    names = []
+    for case in CASES.values():
+        own = drawn(rows, case)
+        if own:
+            figure, axis = plt.subplots(figsize=(7.5, 5.0))
+            plot(axis, own, case)
+            legend(axis)
+            names.append(save(figure, folder, f"pareto_{case.name}"))
+    summary = [CASES[name] for name in SUMMARY if drawn(rows, CASES[name])]
+    if summary:
+        figure, axes = plt.subplots(1, len(summary), figsize=(5.0 * len(summary), 4.4))
+        for axis, case in zip(np.atleast_1d(axes), summary, strict=True):
+            plot(axis, drawn(rows, case), case)
+            axis.set_title(case.title, fontsize=10)
+        legend(np.atleast_1d(axes)[-1])
+        save(figure, folder, "pareto")
+    return names
+
+
+def save(figure, folder: Path, name: str) -> str:
+    figure.tight_layout()
+    figure.savefig(folder / f"{name}.png", dpi=100)
+    plt.close(figure)
+    return name
+
+
+def ratio_at_equal_error(rows: list[dict], case: Case) -> str:
+    """How many times as long uniform water takes as adaptive layers at the same error, the most of
+    all adaptive rows; uniform rows between which an error lies are joined in logarithms."""
+    by = {
+        w: [r for r in rows if r["water"] == w and r["method"] == "projection"] for w in STYLES_OF
+    }
+    uniform = undominated([r for r in by[UNIFORM] if not changes(r)], case.main)
+    error = np.log([max(number(r, case.main), LEAST) for r in uniform])
+    time = np.log([number(r, "wall_per_simulated") for r in uniform])
+    best = None
+    for row in by[ADAPTIVE]:
+        wanted = math.log(max(number(row, case.main), LEAST))
+        if len(error) and error.min() <= wanted <= error.max():
+            at = np.interp(-wanted, -error, time)
+            found = math.exp(at) / number(row, "wall_per_simulated")
+            best = found if best is None else max(best, found)
+    if best is None:
+        return "no uniform run has the errors of one in adaptive layers"
+    return f"at equal error, uniform water takes up to {best:.2g} times as long as adaptive layers"
+
+
+STYLES_OF = (UNIFORM, FIXED, ADAPTIVE)
+
+
+def slope(fineness: list[float], errors: list[float]) -> str:
+    """Order of convergence: how fast errors fall with the spacing, and its standard error."""
+    if len(errors) < 3:
+        return "-"
+    fit = linregress(-np.log(fineness), np.log(np.maximum(errors, LEAST)))
+    return f"{fit.slope:.1f} +- {fit.stderr:.1f}"
+
+
+def orders(rows: list[dict], case: Case) -> list[dict[str, str]]:
+    """A row for each water of projection: the order in which each error falls with the spacing."""
+    found = []
+    for water in STYLES_OF:
+        own = [
+            r for r in rows if (r["method"], r["water"]) == ("projection", water) and not changes(r)
+        ]
+        own.sort(key=lambda r: float(r["fineness"]))
+        if len(own) > 2:
+            fineness = [float(r["fineness"]) for r in own]
+            by = {e: slope(fineness, [number(r, e) for r in own]) for e in case.errors}
+            found.append({"water": water, **by})
+    return found
+
+
+def self_convergence(rows: list[dict], case: Case) -> list[dict[str, str]]:
+    """Differences of the case's values from those of the finest uniform run, and their order."""
+    own = [
+        r
+        for r in rows
+        if r["case"] == case.name
+        and r["method"] == "projection"
+        and not changes(r)
+        and np.isfinite(number(r, (case.values or ("",))[0]))
+    ]
+    uniform = sorted((r for r in own if r["water"] == UNIFORM), key=lambda r: float(r["fineness"]))
+    if len(uniform) < 3:
+        return []
+    finest, found = uniform[-1], []
+    for name in case.values:
+        exact, row = number(finest, name), {"value": name, "finest": f"{number(finest, name):.4g}"}
+        for water in STYLES_OF:
+            same = [r for r in own if r["water"] == water and r is not finest]
+            same.sort(key=lambda r: float(r["fineness"]))
+            apart = [abs(number(r, name) - exact) for r in same]
+            for r, difference in zip(same, apart, strict=True):
+                row[f"{water} {r['fineness']}"] = f"{difference:.2g}"
+            row[f"{water}, order"] = slope([float(r["fineness"]) for r in same], apart)
+        found.append(row)
+    return found
+
+
+def table(rows: list[dict], case: Case) -> str:
+    """A line a row, from fast to slow, as Markdown; undominated ones in bold."""
+    best = [id(row) for row in undominated(drawn(rows, case), case.main)]
+    lines = []
+    for row in sorted((r for r in rows if r["case"] == case.name), key=order):
+        mark = "**" if id(row) in best else ""
+        cells = {"method": row["method"], "water": f"{mark}{row['water']}{mark}"}
+        cells |= {"fineness": row["fineness"], "changed": changes(row)}
+        for name, head in COSTS.items():
+            cells[head] = shown(name, number(row, name))
+        for name in case.errors:
+            cells[name.replace("_", " ")] = shown("error", number(row, name))
+        if row.get("failure"):
+            cells["changed"] += f" failed: {row['failure']}"
+        lines.append(cells)
+    return tabulate(lines, headers="keys", tablefmt="github", disable_numparse=True)
+
+
+def order(row: dict) -> tuple[bool, float]:
+    time = number(row, "wall_per_simulated")
+    return math.isnan(time), time
+
+
+def shown(name: str, value: float) -> str:
+    if math.isnan(value):
+        return "-"
+    if name in ("particles", "peak_mib"):
+        return f"{value:,.0f}"
+    if name == "wall_per_simulated":
+        return f"{value:.3g}"
+    return f"{100.0 * value:.3f} %" if value >= 1e-5 else f"{value:.0e}"
+
+
+def report(rows: list[dict], folder: Path = RESULTS) -> None:
+    """Writes pareto.md and the figures."""
+    where = sorted({f"{r['machine']}; arch {r['arch']}; {r['date']}" for r in rows})
+    command = " ".join(["python", *sys.argv])
+    text = [
+        "# Speed against error\n",
+        *(f"- {place}" for place in where),
+        f"- drawn by `{command}`\n",
+        "Wall-clock seconds per simulated second, of frames of 1/60 s; the process's largest "
+        "resident size, 150 MiB of which\nis Python and Taichi; compression: max(rho/rho0 - 1, 0), "
+        "rho summed over positions at the end of frames. Bold: no other\nrow is both faster and "
+        "nearer, by the case's first error. Every row is one run.\n",
+    ]
+    figures(rows, folder)
+    for case in CASES.values():
+        own = [row for row in rows if row["case"] == case.name]
+        if not own:
+            continue
+        text += [
+            f"## {case.title}\n",
+            f"Fineness: spacings of the finest particles over {case.across}.\n",
+        ]
+        text += [f"- {name.replace('_', ' ')}: {what}" for name, what in case.errors.items()]
+        if {UNIFORM, ADAPTIVE} <= {row["water"] for row in own}:
+            text.append(f"\n{ratio_at_equal_error(drawn(rows, case), case).capitalize()}.")
+        text += ["", table(rows, case), ""]
+        for title, found in (
+            (
+                "Order in which errors fall with the spacing, and its standard error:",
+                orders(own, case),
+            ),
+            ("Differences from the finest uniform run:", self_convergence(rows, case)),
+        ):
+            if found:
+                text += [title, "", tabulate(found, headers="keys", tablefmt="github"), ""]
+        if drawn(rows, case):
+            text.append(f"![{case.title}](pareto_{case.name}.png)\n")
+    (folder / "pareto.md").write_text("\n".join(text), encoding="utf-8")
