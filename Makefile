@@ -32,6 +32,8 @@ bench: $(VENV)/dev
 	$(RUN) bench/table_5_1.py
 	$(RUN) bench/terms.py
 	$(RUN) bench/accuracy.py
+	$(RUN) bench/bodies.py
+	$(RUN) bench/pareto.py
 	$(RUN) bench/layers.py
 	$(RUN) bench/methods.py
 	$(RUN) bench/scenes.py

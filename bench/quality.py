@@ -4,9 +4,9 @@ python bench/quality.py [--explore] [SCENE ...] [--arch cpu]
 
 Every run is a process of its own. The error is the way of the water's centre of mass from that of
 the same scene with spacings .63 as large, root mean square over the run, in shares of the height of
-the water at rest in its box. The cost is the process's CPU time per simulated second and thread: on
-a shared machine it varies less than time on the wall. Tables go to bench/results/quality.md and
-what `scenes` prints and `--quality auto` chooses by to assets/quality.json.
+the water at rest in its box. Costs are wall-clock time, by which `--quality auto` chooses, and CPU
+time of all threads, which other programs disturb less; both per simulated second. The table goes to
+bench/results/quality.md, what `scenes` prints to assets/quality.json.
 """
 
 import itertools
@@ -37,8 +37,6 @@ SECONDS, WINDOW = 4.0, 0.5
 FRAME = 1.0 / 60.0
 # Settings that are tried for each size of particles.
 SMOOTHINGS, TOLERANCES = (2.0, 2.2, 2.45), (0.01, 0.03, 0.05)
-
-
 # Scenes on which settings are tried: a wall of water, a rocking pool, a splash.
 TRIED_ON = ("dam_break", "pool", "drop")
 
@@ -54,7 +52,7 @@ def run(name: str, quality: Quality, smoothing: float | None = None) -> dict:
     from msph.stage.controls import Controls
     from msph.stage.show import Show
 
-    scene = scaled(load_scene(name), quality, name)
+    scene = scaled(load_scene(name), quality)
     if smoothing:
         layers = [layer.model_copy(update={"smoothing": smoothing}) for layer in scene.layers]
         scene = scene.model_copy(update={"layers": layers})
@@ -156,22 +154,20 @@ def main(scenes: tuple[str, ...], exploring: bool, worker: str | None, arch: str
     if exploring:
         explore(arch)
         return
-    rows, file = [], assets() / "quality.json"
+    file = assets() / "quality.json"
     known = json.loads(file.read_text())["scenes"] if file.exists() else {}
     speed = measured_speed()
     for name in tqdm(scenes or tuple(shipped_scenes()), unit="scene"):
         reference = in_process(name, REFERENCE, arch)
-        known[name] = {}
-        for step, quality in LADDER.items():
-            found = judged(in_process(name, quality, arch), reference)
-            rows.append([name, step, *cells(found)])
-            known[name][step] = {k: float(f"{v:.3g}") for k, v in found.items()}
-            heads = ["scene", "quality", *HEADS]
-            table = tabulate(rows, headers=heads, tablefmt="github", disable_numparse=True)
-            title = heading("The quality ladder", arch)
-            (RESULTS / "quality.md").write_text(f"{title}\n\n{table}\n")
+        found = {q: judged(in_process(name, LADDER[q], arch), reference) for q in LADDER}
+        known[name] = {q: {k: float(f"{v:.3g}") for k, v in r.items()} for q, r in found.items()}
         measured = {"neighbours_per_second": float(f"{speed:.3g}"), "scenes": known}
         file.write_text(json.dumps(measured, indent=1) + "\n")
+    # Also the scenes that were measured before.
+    rows = [[n, q, *cells(row)] for n, ladder in known.items() for q, row in ladder.items()]
+    heads = ["scene", "quality", *HEADS]
+    table = tabulate(rows, headers=heads, tablefmt="github", disable_numparse=True)
+    (RESULTS / "quality.md").write_text(f"{heading('The quality ladder', arch)}\n\n{table}\n")
 
 
 if __name__ == "__main__":

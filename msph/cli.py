@@ -21,6 +21,9 @@ BAD_USE, INTERRUPTED = 2, 130
 # Steps of the ladder, see msph/scene/quality.py.
 QUALITIES = ("auto", "small", "medium", "large", "finest")
 
+# With two runs no order is known; of six the first would have a sixth of the scene's fineness.
+CONVERGENCE_RUNS = (3, 5)
+
 
 class Size(click.ParamType):
     """WIDTHxHEIGHT in pixels."""
@@ -86,14 +89,14 @@ def cli():
 @click.option("--size", type=Size(), default="960x540", show_default=True, help="Window size.")
 @click.option("--frames", type=click.IntRange(min=1), help="Close after so many frames.")
 @shared_options("auto")
-def play(scene, size, frames, overrides, arch, threads, quality):
+def play(**options):
     """Open a window on SCENE (a file or a shipped name) and play with its water.
 
     Where no window can be opened, ten seconds of the scene are captured instead.
     """
     from msph.stage import commands
 
-    commands.play(scene, size, frames, overrides, arch, threads, quality)
+    commands.play(**options)
 
 
 @cli.command()
@@ -112,13 +115,14 @@ def play(scene, size, frames, overrides, arch, threads, quality):
     "meshes",
     multiple=True,
     type=click.Path(path_type=Path),
-    help="Also write the surface of every frame: out_%04d.ply or .obj.",
+    help="Also write the surface of every frame: out_%04d.ply, .obj, or .vtu for ParaView.",
 )
 @click.option(
     "--particles",
     multiple=True,
     type=click.Path(path_type=Path),
-    help="Also write the particles of every frame: out_%04d.csv, or .npz, a checkpoint.",
+    help="Also write the particles of every frame: out_%04d.csv, .vtu for ParaView, or .npz, a "
+    "checkpoint.",
 )
 @click.option(
     "--resume", type=click.Path(exists=True, dir_okay=False), help="Go on from a .npz checkpoint."
@@ -135,26 +139,11 @@ def play(scene, size, frames, overrides, arch, threads, quality):
 )
 @click.option("--size", type=Size(), default="1280x720", show_default=True, help="Picture size.")
 @shared_options()
-def capture(
-    scene, outputs, meshes, particles, resume, seconds, fps, size, overrides, arch, threads, quality
-):
+def capture(**options):
     """Record SCENE offscreen: video, pictures, meshes, particles. Needs no display."""
     from msph.stage import commands
 
-    commands.capture(
-        scene,
-        outputs,
-        meshes,
-        particles,
-        resume,
-        seconds,
-        fps,
-        size,
-        overrides,
-        arch,
-        threads,
-        quality,
-    )
+    commands.capture(**options)
 
 
 @cli.command()
@@ -178,38 +167,14 @@ def capture(
     "--json", "json_file", type=click.Path(path_type=Path), help="Also write the rows to a file."
 )
 @shared_options()
-def bench(
-    scenes,
-    seconds,
-    no_render,
-    as_played,
-    size,
-    profile,
-    json_file,
-    overrides,
-    arch,
-    threads,
-    quality,
-):
+def bench(**options):
     """Time SCENES (default: all shipped) without a window, and print speed beside error.
 
     A frame is 1/60 s of simulated time. Exits with 1 when the water does not stay finite.
     """
     from msph.stage import commands
 
-    commands.bench(
-        scenes,
-        seconds,
-        no_render,
-        as_played,
-        size,
-        profile,
-        json_file,
-        overrides,
-        arch,
-        threads,
-        quality,
-    )
+    commands.bench(**options)
 
 
 @cli.command()
@@ -219,29 +184,43 @@ def bench(
     "--output",
     "folder",
     type=click.Path(path_type=Path),
-    help="Folder for ledger.csv, probes.csv, summary.json, scene.toml.  [default: out/SCENE]",
+    help="Folder for ledger.csv, probes.csv, plots, summary.json, scene.toml and checkpoint.npz.  "
+    "[default: out/SCENE]",
 )
 @click.option("--seconds", type=float, help="Sets duration: the simulated time.")
 @click.option("--every", type=float, help="Sets measure.every: seconds between two rows.")
+@click.option(
+    "--converge",
+    type=click.IntRange(*CONVERGENCE_RUNS),
+    metavar="N",
+    help="Run the scene at N spacings (3 to 5), coarse ones first, and estimate the error that its "
+    "own spacing makes: convergence.csv.",
+)
+@click.option(
+    "--resume",
+    type=click.Path(exists=True, dir_okay=False),
+    help="Go on from a checkpoint.npz up to the scene's duration; tables in the folder grow.",
+)
 @shared_options()
-def measure(scene, folder, seconds, every, overrides, arch, threads, quality):
-    """Run SCENE without a window; write its ledger and probes as CSV, and a summary as JSON.
+def measure(**options):
+    """Run SCENE without a window; write its ledger and probes as CSV, plots and a summary.
 
-    Works for any scene. A run that fails keeps what it measured, and exits with 1.
+    Prints last how wrong the run is, each figure beside what good runs keep. Works for any scene. A
+    run that fails keeps what it measured, and exits with 1.
     """
     from msph.stage import commands
 
-    commands.measure(scene, folder, seconds, every, overrides, arch, threads, quality)
+    commands.measure(**options)
 
 
 @cli.command()
 @click.argument("name", required=False)
 @click.option("--parameters", "list_parameters", is_flag=True, help="List every scene parameter.")
-def scenes(name, list_parameters):
+def scenes(**options):
     """List the shipped scenes, or print the one called NAME."""
     from msph.stage import commands
 
-    commands.scenes(name, list_parameters)
+    commands.scenes(**options)
 
 
 def main(arguments: list[str] | None = None) -> None:

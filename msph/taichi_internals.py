@@ -18,6 +18,7 @@ import functools
 import os
 import warnings
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import taichi as ti
@@ -107,6 +108,14 @@ def watch_compiling(watcher: Callable[[str], None]):
 def on_cpu() -> bool:
     """Whether kernels run on the CPU; ti.init must have been called."""
     return ti.cfg.arch in (ti.x64, ti.arm64)
+
+
+def cache_folder() -> Path | None:
+    """Where Taichi keeps compiled kernels; None where it does not tell. Before ti.init."""
+    given = os.environ.get("TI_OFFLINE_CACHE_FILE_PATH")
+    config = getattr(getattr(ti._lib, "core", None), "default_compile_config", None)
+    found = given or getattr(config() if config else None, "offline_cache_file_path", "")
+    return Path(found) if found else None
 
 
 def field_trees() -> int:

@@ -8,6 +8,8 @@ import subprocess
 import sys
 from types import SimpleNamespace
 
+import imageio.v2 as imageio
+import numpy as np
 import pytest
 
 from msph.cli import main
@@ -41,7 +43,7 @@ def test_help_names_every_option(command):
     options = {
         "play": ["--set", "--arch"],
         "bench": ["--no-render", "--profile", "--json"],
-        "measure": ["--output", "--seconds", "--every", "--set", "--arch"],
+        "measure": ["--output", "--seconds", "--every", "--converge", "--resume", "--set"],
     }
     for option in options.get(command, []):
         assert option in result.stdout
@@ -61,8 +63,8 @@ def test_scenes_lists_all_and_prints_one():
         (["play", "pool", "--set", "box.sise=3"], "box.sise: unknown key; did you mean 'size'?"),
         (["bench", "pool", "--set", "duration=soon"], "duration: input should be a valid number"),
         (["capture", "pool", "-o", "a.xyz"], "a.xyz: unknown kind of file"),
-        (["capture", "pool", "--mesh", "a_%04d.mp4"], "known: .ply, .obj"),
-        (["capture", "pool", "--particles", "a.png"], "known: .npz, .csv"),
+        (["capture", "pool", "--mesh", "a_%04d.mp4"], "known: .ply, .obj, .vtu"),
+        (["capture", "pool", "--particles", "a.png"], "known: .npz, .csv, .vtu"),
         (["bench", "pool", "--json", "/dev/null/rows.json"], "/dev/null/rows.json: "),
         (["capture", "pool", "--size", "big"], "is no size such as 1280x720"),
         (["capture", "pool", "--seconds", "-1"], "-1.0 is not in the range x>0"),
@@ -72,6 +74,21 @@ def test_scenes_lists_all_and_prints_one():
         (
             ["bench", "pool", "--quality", "small", "--set", "variant=system-1"],
             "pool: --quality: it has one quality, large: its water has an exact number",
+        ),
+        (["measure", "pool", "--converge", "2"], "2 is not in the range 3<=x<=5"),
+        (["measure", "pool", "--resume", "Makefile"], "Makefile: is no checkpoint"),
+        (["measure", "pool", "--resume", "none.npz"], "'none.npz' does not exist"),
+        (
+            ["measure", "pool", "--resume", "Makefile", "--converge", "3"],
+            "--converge and --resume exclude each other",
+        ),
+        (
+            ["measure", "pool", "--converge", "3", "--set", "variant=system-1"],
+            "pool: --converge: its spacings cannot change: its water has an exact number",
+        ),
+        (
+            ["measure", "still", "--converge", "5", "--set", "layers.0.spacing=0.2"],
+            "still with 4.00 times its spacings: layers.0: particles of 0.8 m do not fit",
         ),
         (["bench", "pool", "--quality", "best"], "'best' is not one of 'auto', 'small'"),
         (["scenes", "pol"], "did you mean 'pool'?"),
@@ -147,8 +164,6 @@ def test_capture_resumes_from_a_checkpoint(tmp_path):
         *("--resume", last),
     )
     assert again.returncode == 0, again.stderr
-    import numpy as np
-
     with np.load(tmp_path / "q_0002.npz") as state:
         assert state["time"] == pytest.approx(0.2)
 
@@ -178,15 +193,15 @@ def test_measure_writes_probes_ledger_and_a_summary(tmp_path):
     )
     assert result.returncode == 0, result.stderr
     readings, ledger = read_table(out / "probes.csv"), read_table(out / "ledger.csv")
-    assert list(readings[0]) == ["time [s]", "floor [Pa]", "gauge [m]"]
-    times = [float(row["time [s]"]) for row in readings]
+    assert list(readings[0]) == ["time_s", "floor_Pa", "gauge_m"]
+    times = [float(row["time_s"]) for row in readings]
     assert times == pytest.approx([0.0, 0.02, 0.04, 0.06, 0.08, 0.1])
     # No pressure is known before the first step; water stands .18 m high.
-    assert readings[0]["floor [Pa]"] == "" and float(readings[1]["floor [Pa]"]) != 0.0
-    assert float(readings[0]["gauge [m]"]) == pytest.approx(0.18, abs=0.01)
-    assert [float(row["time [s]"]) for row in ledger] == pytest.approx(times)
-    assert float(ledger[0]["mass [kg]"]) == pytest.approx(28.8, rel=0.02)
-    surveyed = [row["volume [m^3]"] != "" for row in ledger]
+    assert readings[0]["floor_Pa"] == "" and float(readings[1]["floor_Pa"]) != 0.0
+    assert float(readings[0]["gauge_m"]) == pytest.approx(0.18, abs=0.01)
+    assert [float(row["time_s"]) for row in ledger] == pytest.approx(times)
+    assert float(ledger[0]["mass_kg"]) == pytest.approx(28.8, rel=0.02)
+    surveyed = [row["volume_m3"] != "" for row in ledger]
     assert surveyed == [True, False, True, False, True, True]
     summary = json.loads((out / "summary.json").read_text())
     assert summary["complete"] and summary["failure"] is None and summary["method"] == "classic"
@@ -202,6 +217,16 @@ def test_measure_writes_probes_ledger_and_a_summary(tmp_path):
     assert abs(errors["volume_error_last"]) < 0.3 and errors["energy_gain"] >= 0.0
     # Too shallow for a bulk density, and that is said.
     assert errors["bulk_density_error_last"] is None
+    # The same figures are printed, and what is beyond the limits is said.
+    for words in ("How wrong this run is", "mass laid", "bulk density over rest", "good runs"):
+        assert words in result.stdout
+    depth = 2.0 * np.mean([float(row["centre_y_m"]) for row in ledger])
+    assert summary["resolution"]["spacings_across_depth"] == pytest.approx(depth / 0.04, rel=1e-4)
+    assert summary["limits"]["spacings_across_depth"] > depth / 0.04
+    assert any("across the mean depth: " in caution for caution in summary["cautions"])
+    assert all(f"caution: {caution}" in result.stdout for caution in summary["cautions"])
+    for plot in ("ledger.png", "probes.png"):
+        assert np.ptp(imageio.imread(out / plot)) > 100
     again = load_scene(str(out / "scene.toml"))
     assert again.measure.every == 0.02 and again.duration == 0.1 and len(again.probes) == 2
 
@@ -216,7 +241,7 @@ def test_measure_of_water_that_blows_up_keeps_what_there_is(tmp_path):
     assert last[1].startswith("msph: the water blew up: ")
     summary = json.loads((out / "summary.json").read_text())
     assert not summary["complete"] and summary["failure"] in last[1]
-    assert "kinetic [J]" in (out / "ledger.csv").read_text()
+    assert "kinetic_J" in (out / "ledger.csv").read_text()
 
 
 def test_water_laid_is_told_from_water_asked_where_they_differ():

@@ -4,11 +4,14 @@ import json
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from msph.scene.check import check
 from msph.scene.errors import SceneError
 from msph.scene.library import assets
+from msph.scene.load import load_scene
 from msph.scene.schema import Scene
-from msph.scene.water import capacity, layer_specs
+from msph.scene.water import layer_specs, settled_count
 
 
 @dataclass(frozen=True)
@@ -39,6 +42,11 @@ NAMES = (AUTO, *LADDER)
 WATER_SHARE = 0.6
 # sqrt(g H)/d of the dam break in its box H = .9 m high [1/s]: steps per second go with it.
 DAM_BREAK_RATE = math.sqrt(9.81 * 0.9) / 0.0315
+# Sections of a scene on which the cost of its water depends; camera, picture and keys do not.
+WATER = (
+    *("method", "density", "gravity", "box", "layers", "water", "obstacles", "container"),
+    *("projection", "adaptation", "sway"),
+)
 
 
 def fixed(scene: Scene) -> str | None:
@@ -50,9 +58,8 @@ def fixed(scene: Scene) -> str | None:
     return None
 
 
-def scaled(scene: Scene, quality: Quality, where: str) -> Scene:
-    """The scene at that quality. Raises SceneError, which names the scene as `where`, for layers
-    that its box cannot hold."""
+def scaled(scene: Scene, quality: Quality) -> Scene:
+    """The scene at that quality, not checked again."""
     layers = [
         layer.model_copy(
             update={
@@ -65,20 +72,33 @@ def scaled(scene: Scene, quality: Quality, where: str) -> Scene:
     projection = scene.projection
     if "motion_tolerance" not in projection.model_fields_set:
         projection = projection.model_copy(update={"motion_tolerance": quality.motion_tolerance})
-    found = scene.model_copy(update={"layers": layers, "projection": projection})
-    check(found, where)
-    return found
+    return scene.model_copy(update={"layers": layers, "projection": projection})
 
 
 def at_quality(scene: Scene, quality: str, where: str) -> Scene:
-    """The scene at that step of the ladder. Raises SceneError where the scene, named as `where`,
-    has one quality only, and another is asked for."""
+    """The scene at that step of the ladder. Raises SceneError, which names the scene as `where`, if
+    it has one quality only and another is asked for, or for particles that do not fit."""
     if quality == AS_GIVEN:
         return scene
     why = fixed(scene)
     if why:
         raise SceneError(where, f"it has one quality, {AS_GIVEN}: {why}", "--quality")
-    return scaled(scene, LADDER[quality], where)
+    found = scaled(scene, LADDER[quality])
+    check(found, where)
+    return found
+
+
+def coarser(scene: Scene, factors: list[float], where: str) -> list[tuple[float, Scene]]:
+    """The scene with spacings larger by each factor, all else as it is. Raises SceneError, which
+    names the scene as `where`, if its spacings cannot change or such particles do not fit."""
+    why = fixed(scene)
+    if why:
+        raise SceneError(where, f"its spacings cannot change: {why}", "--converge")
+    tolerance = scene.projection.motion_tolerance
+    found = [(factor, scaled(scene, Quality(factor, tolerance))) for factor in factors]
+    for factor, each in found:
+        check(each, f"{where} with {factor:.2f} times its spacings")
+    return found
 
 
 @dataclass(frozen=True)
@@ -95,7 +115,7 @@ class Cost:
 
 
 def costs(name: str) -> dict[str, Cost]:
-    """Of a shipped scene, by quality; empty for what was not measured."""
+    """Of a shipped scene, by quality; empty for a scene that was not measured."""
     known = _measured()["scenes"].get(name, {})
     return {
         quality: Cost(int(row["particles"]), row["dearest"], row["error"])
@@ -105,11 +125,18 @@ def costs(name: str) -> dict[str, Cost]:
 
 def choose(scene: Scene, name: str, speed: float) -> str:
     """The finest quality whose water keeps real time on a machine that sums over `speed` neighbours
-    per second, else the coarsest; AS_GIVEN for scenes that have one only."""
+    per second, else the coarsest; AS_GIVEN for scenes that have one only.
+
+    A scene whose water is that of the shipped one called `name` costs what that was measured to.
+    """
     if fixed(scene):
         return AS_GIVEN
     slower = _measured()["neighbours_per_second"] / speed
     known = costs(name)
+    if known:
+        shipped = load_scene(name)
+        same = all(getattr(scene, part) == getattr(shipped, part) for part in WATER)
+        known = known if same else {}
     for quality in reversed(LADDER):
         dearest = known[quality].dearest if quality in known else estimate(scene, quality)
         if slower * dearest <= WATER_SHARE:
@@ -118,14 +145,14 @@ def choose(scene: Scene, name: str, speed: float) -> str:
 
 
 def estimate(scene: Scene, quality: str) -> float:
-    """Wall-clock over simulated time (-) of a scene that was not measured, as if all its water fell
-    from its greatest height: by the measured dam break, in proportion to particles and to steps."""
+    """Wall-clock over simulated time (-) of a scene that was not measured, as if its water fell
+    through its box: by the measured dam break, in proportion to particles and to steps."""
     known = costs("dam_break")[AS_GIVEN]
-    spacing = LADDER[quality].spacing
-    finest = min(s.spacing for s in layer_specs(scene)) * spacing
-    particles = capacity(scene) / spacing**3
-    fall = math.sqrt(abs(scene.gravity[1]) * scene.box.size[1]) / finest
-    return known.dearest * (particles / known.particles) * (fall / DAM_BREAK_RATE)
+    found = scaled(scene, LADDER[quality])
+    finest = min(s.spacing for s in layer_specs(found))
+    rate = math.sqrt(float(np.linalg.norm(found.gravity)) * found.box.size[1]) / finest
+    particles = settled_count(found)
+    return known.dearest * (particles / known.particles) * (rate / DAM_BREAK_RATE)
 
 
 def _measured() -> dict:

@@ -10,19 +10,23 @@ from tabulate import tabulate
 from msph.device import start
 from msph.errors import BlowUpError
 from msph.fluid.trapped_water import TrappedWaterError
+from msph.measure import convergence, table
 from msph.measure.machine_speed import machine_speed
+from msph.measure.past import time_of
+from msph.measure.plots import PlotError, plot
 from msph.measure.timings import Timings
 from msph.scene import load_scene
 from msph.scene.library import find_scene, shipped_scenes
 from msph.scene.load import read_toml, to_toml
-from msph.scene.quality import AS_GIVEN, AUTO, at_quality, choose, costs
+from msph.scene.quality import AS_GIVEN, AUTO, at_quality, choose, coarser, costs
 from msph.scene.schema import Scene, parameters
+from msph.scene.water import layer_specs
 from msph.stage.benchmark import Played, Result, benchmark, play_benchmark, profile_lines
 from msph.stage.controls import KEYS
 from msph.stage.loop import run
-from msph.stage.measurer import SCENE, Measurer
+from msph.stage.measurer import CHECKPOINT, LEDGER, PROBES, SCENE, Measurer
 from msph.stage.preparation import prepare, say
-from msph.stage.recorder import MESH, NUMBER, Recorder, check_outputs, make_writable
+from msph.stage.recorder import NUMBER, Outputs, Recorder, check_outputs, make_writable
 from msph.stage.window import ClosedError, NoWindowError, Window, check_display
 
 # What `play` leaves behind where it cannot open a window.
@@ -32,6 +36,8 @@ FALLBACK_SIZE = (1280, 720)
 STILL_TIME = 1.0
 # Sizes of a benchmark's picture [pixels]: its own, and that of the window it stands for.
 BENCH_SIZE, PLAY_SIZE = (640, 360), (960, 540)
+# What comparing spacings writes.
+CONVERGENCE = "convergence.csv"
 # Exit code of a benchmark in which some water blew up.
 BAD_RUN = 1
 
@@ -46,8 +52,8 @@ def play(scene, size, frames, overrides, arch, threads, quality) -> None:
     except NoWindowError as reason:
         target = Path("out") / Path(scene).stem
         say(f"{reason}: capturing {FALLBACK_SECONDS:.0f} s of {scene} instead")
-        outputs = [target.with_suffix(".mp4"), target.with_suffix(".png")]
-        check_outputs(outputs, [], [], FALLBACK_FPS)
+        outputs = Outputs([target.with_suffix(".mp4"), target.with_suffix(".png")])
+        check_outputs(outputs, FALLBACK_FPS)
         start(arch, threads)
         # A capture need not keep up with the clock.
         loaded, quality = at(loaded, scene, AS_GIVEN if quality == AUTO else quality)
@@ -57,7 +63,7 @@ def play(scene, size, frames, overrides, arch, threads, quality) -> None:
         click.echo(f"  {key:18} {meaning}")
     try:
         window.tell(0.0, "measuring this machine")
-        loaded, window.quality = at(loaded, scene, quality, arch, bool(overrides))
+        loaded, window.quality = at(loaded, scene, quality, arch)
         show = prepare(
             loaded,
             1.0 / loaded.play.fps,
@@ -80,13 +86,13 @@ def capture(
 ) -> None:
     """Records a scene into files."""
     loaded = load_scene(scene, overrides)
-    extra = [*meshes, *particles]
-    outputs = list(outputs) or ([] if extra else [Path("out") / f"{Path(scene).stem}.mp4"])
-    check_outputs(outputs, list(meshes), list(particles), fps)
+    some = outputs or meshes or particles
+    kinds = list(outputs or () if some else [Path("out") / f"{Path(scene).stem}.mp4"])
+    files = Outputs(kinds, list(meshes), list(particles))
+    check_outputs(files, fps)
     arch = start(arch, threads)
-    loaded, quality = at(loaded, scene, quality, arch, bool(overrides))
-    outputs += extra
-    record(loaded, quality, outputs, seconds or loaded.duration, fps, size, resume=resume)
+    loaded, quality = at(loaded, scene, quality, arch)
+    record(loaded, quality, files, seconds or loaded.duration, fps, size, resume=resume)
 
 
 def bench(
@@ -108,7 +114,7 @@ def bench(
         make_writable(json_file)
     given = [(name, load_scene(name, overrides)) for name in names]
     arch = start(arch, threads)
-    loaded = [(name, *at(scene, name, quality, arch, bool(overrides))) for name, scene in given]
+    loaded = [(name, *at(scene, name, quality, arch)) for name, scene in given]
     rows: list[Result | Played] = []
     failed = False
     for name, scene, step in loaded:
@@ -139,26 +145,84 @@ def bench(
         sys.exit(BAD_RUN)
 
 
-def measure(scene, folder, seconds, every, overrides, arch, threads, quality) -> None:
-    """Writes a scene's ledger, probes and summary into a folder."""
+def measure(
+    scene, folder, seconds, every, converge, resume, overrides, arch, threads, quality
+) -> None:
+    """Writes a scene's ledger, probes, summary and plots into a folder, and prints how wrong it
+    is."""
+    if converge and resume:
+        raise click.UsageError("--converge and --resume exclude each other")
+    since = time_of(Path(resume)) if resume else None
     given = {"duration": seconds, "measure.every": every}
     options = [f"{key}={value}" for key, value in given.items() if value is not None]
     loaded = load_scene(scene, (*overrides, *options))
     folder = folder or Path("out") / Path(scene).stem
     make_writable(folder / SCENE)
     arch = start(arch, threads)
-    loaded, quality = at(loaded, scene, quality, arch, bool(overrides))
-    (folder / SCENE).write_text(to_toml(loaded, f"quality {quality}"), encoding="utf-8")
-    measurer = Measurer(folder, loaded, scene, arch)
+    loaded, quality = at(loaded, scene, quality, arch)
+    if converge:
+        measure_convergence(loaded, scene, folder, converge, quality, arch)
+    else:
+        run_of = measured(loaded, scene, folder, quality, arch, resume, since)
+        click.echo(f"\n{run_of.account()}")
+
+
+def measured(
+    scene: Scene,
+    name: str,
+    folder: Path,
+    quality: str,
+    arch: str,
+    resume: str | None = None,
+    since: float | None = None,
+) -> Measurer:
+    """Measures one run of a scene, called `name`, into a folder, from its start or from a
+    checkpoint `resume` of the time `since` [s], and names the files that there are."""
+    make_writable(folder / SCENE)
+    show = None
+    if resume:
+        # First of all, since a checkpoint of another scene must not cost what the folder holds.
+        show = prepare(scene, scene.measure.every, timings=Timings())
+        show.resume(Path(resume))
+    measurer = Measurer(folder, scene, name, arch, since=since)
+    (folder / SCENE).write_text(to_toml(scene, f"quality {quality}"), encoding="utf-8")
     try:
-        show = prepare(loaded, loaded.measure.every, timings=Timings())
-        run(show, measurer)
+        run(show or prepare(scene, scene.measure.every, timings=Timings()), measurer)
     except (Exception, KeyboardInterrupt) as error:
         measurer.conclude(str(error) or "interrupted")
         say(f"{folder} holds what was measured until then")
+        if (folder / CHECKPOINT).exists():
+            say(f"--resume {folder / CHECKPOINT} goes on")
         raise
-    for path in measurer.conclude():
+    paths = measurer.conclude()
+    try:
+        paths += plot(folder, f"{scene.title or name}, quality {quality}")
+    except PlotError as missing:
+        say(str(missing))
+    for path in paths:
         click.echo(path)
+    return measurer
+
+
+def measure_convergence(
+    scene: Scene, name: str, folder: Path, runs: int, quality: str, arch: str
+) -> None:
+    """Measures a scene at several spacings, the scene's own last, each in a folder within, and
+    estimates the discretisation error. Raises SceneError where spacings cannot change."""
+    sequence = coarser(scene, convergence.factors(runs), name)
+    folders, spacings = [], []
+    for factor, coarse in sequence:
+        folders.append(folder if factor == 1.0 else folder / f"spacings_x{factor:.2f}")
+        spacings.append(min(s.spacing for s in layer_specs(coarse)))
+        say(f"{name}: finest spacing {1e3 * spacings[-1]:.4g} mm, run {len(folders)} of {runs}")
+        finest = measured(coarse, name, folders[-1], f"{quality}, spacings x{factor:.2f}", arch)
+    ledgers, probes = ([table.read(f / file) for f in folders] for file in (LEDGER, PROBES))
+    rows = convergence.compare(ledgers, probes, spacings[-1])
+    convergence.write(folder / CONVERGENCE, rows, spacings)
+    finest.add("discretisation", convergence.as_json(rows))
+    click.echo(folder / CONVERGENCE)
+    click.echo(f"\n{finest.account()}")
+    click.echo(f"\nDiscretisation error of {name}\n{convergence.text(rows, spacings)}")
 
 
 def scenes(name, list_parameters) -> None:
@@ -193,13 +257,10 @@ def ladder_lines(name: str) -> list[str]:
     return tabulate(rows, headers=heads, tablefmt="plain").splitlines() if rows else []
 
 
-def at(
-    scene: Scene, name: str, quality: str, arch: str = "", changed: bool = False
-) -> tuple[Scene, str]:
-    """The scene of that name at a quality, and which it is; for AUTO, Taichi must run on arch.
-    changed: whether it is another scene than the one of that name."""
+def at(scene: Scene, name: str, quality: str, arch: str = "") -> tuple[Scene, str]:
+    """The scene of that name at a quality, and which it is; for AUTO, Taichi must run on arch."""
     if quality == AUTO:
-        quality = choose(scene, "" if changed else name, machine_speed(arch))
+        quality = choose(scene, name, machine_speed(arch))
         say(f"{name}: quality {quality}, chosen for this machine")
     return at_quality(scene, quality, name), quality
 
@@ -207,7 +268,7 @@ def at(
 def record(
     scene: Scene,
     quality: str,
-    outputs: list[Path],
+    outputs: Outputs,
     seconds: float,
     fps: float,
     size: tuple[int, int],
@@ -216,16 +277,16 @@ def record(
 ) -> None:
     """Runs a scene for the recorder; an interrupt ends the recording, not the files. quality: what
     the scene is at."""
-    pictures = any(p.suffix not in (*MESH, ".npz", ".csv") for p in outputs)
-    meshes = any(p.suffix in MESH for p in outputs)
-    show = prepare(scene, 1.0 / fps, size if pictures else None, meshes=meshes, density=False)
+    seen, meshes = size if outputs.pictures else None, bool(outputs.meshes)
+    show = prepare(scene, 1.0 / fps, seen, meshes=meshes, density=False)
     if resume:
         show.resume(Path(resume))
     still = None if still_time is None else max(1, round(still_time * fps))
     recorder = Recorder(outputs, max(1, round(seconds * fps)), fps, still)
     # Never the name of a scene that somebody wrote: .scene.toml is ours.
-    stem = NUMBER.sub("", outputs[0].stem).rstrip("_-") or "capture"
-    beside = outputs[0].with_name(stem + ".scene.toml")
+    first = outputs.all()[0]
+    stem = NUMBER.sub("", first.stem).rstrip("_-") or "capture"
+    beside = first.with_name(stem + ".scene.toml")
     beside.write_text(to_toml(scene, f"quality {quality}"), encoding="utf-8")
     try:
         run(show, recorder)
@@ -233,5 +294,5 @@ def record(
         say(f"stopped after {recorder.done} frames")
     for warning in show.warnings():
         say(f"warning: {warning}")
-    for path in [*outputs, beside]:
+    for path in [*outputs.all(), beside]:
         click.echo(path)

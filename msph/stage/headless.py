@@ -1,6 +1,7 @@
 """Audiences that see nothing: the benchmarks."""
 
 import time
+from collections.abc import Callable
 
 from msph.stage.controls import Controls
 from msph.stage.pacer import Pacer
@@ -31,21 +32,29 @@ class HeadlessPlayer:
     """Plays for `seconds` [s] of wall-clock time by the clock of a window, on a screen that shows
     at most `fps` frames per second, without a hand on the keys.
 
-    walls [s], simulated [s] and scales (-) are those of each frame.
+    walls [s], simulated [s] and scales (-) are those of each frame. Showing a frame takes no time.
+    clock and sleep: as those of `time`.
     """
 
-    def __init__(self, seconds: float, fps: float):
+    def __init__(
+        self,
+        seconds: float,
+        fps: float,
+        clock: Callable[[], float] = time.perf_counter,
+        sleep: Callable[[float], None] = time.sleep,
+    ):
         self.seconds, self.least = seconds, 1.0 / fps
+        self.now, self.sleep = clock, sleep
         self.pacer = Pacer(fps)
         self.walls: list[float] = []
         self.simulated: list[float] = []
         self.scales: list[float] = []
-        self.begin = self.clock = time.perf_counter()
+        self.begin = self.shown = clock()
 
     def wants_more(self, show: Show) -> bool:
         if not self.walls:
-            self.begin = self.clock = time.perf_counter()
-        return time.perf_counter() - self.begin < self.seconds
+            self.begin = self.shown = self.now()
+        return self.now() - self.begin < self.seconds
 
     def controls(self, show: Show) -> Controls:
         wishes = Controls()
@@ -54,9 +63,9 @@ class HeadlessPlayer:
 
     def see(self, show: Show) -> None:
         # The screen waits for its next refresh.
-        time.sleep(max(0.0, self.clock + self.least - time.perf_counter()))
-        now = time.perf_counter()
-        wall, self.clock = now - self.clock, now
+        self.sleep(max(0.0, self.shown + self.least - self.now()))
+        now = self.now()
+        wall, self.shown = now - self.shown, now
         self.scales.append(self.pacer.scale)
         self.pacer.see(show, wall, 0.0)
         self.walls.append(wall)

@@ -23,20 +23,27 @@ PLANNED = 0.9
 # Weight of the past in smoothed times, frames between two looks at the scale, and share of the
 # cost of a finer picture by which it must be affordable, or it would come and go.
 PAST, LOOKS, SURE = 0.9, 15, 1.15
-# Share of the time that the water lags behind which a frame makes up for.
-CATCH_UP = 0.1
+# Most that the water lags behind [s], and goes on to make up for: a splash, seldom more. A frame
+# that takes longer is a halt, of a window that is moved or a kernel that compiles.
+BACKLOG = 0.25
+# Share of that lag which a frame makes up for, and by how much time runs faster meanwhile at most.
+CATCH_UP, FASTER = 0.1, 0.15
+# Most that a frame simulates over the duration of the one before (-): a mean that remembers a slow
+# splash would let the water race after it.
+LEAP = 1.25
 
 
 class Pacer:
     """fps: shown frames per second wanted. speed (-): simulated over wall-clock time asked for.
 
-    scale (-): of the picture's edges. wall [s]: duration of a frame, water, picture and rest [s]
-    what its parts take, simulated [s] what it simulates; all smoothed.
+    scale (-): of the picture's edges. last [s]: duration of the last frame. wall [s] is that of
+    frames, water, picture and rest [s] what their parts take, simulated [s] what they simulate; all
+    smoothed.
     """
 
     def __init__(self, fps: float, speed: float = 1.0):
         self.fps, self.speed, self.scale = fps, speed, SCALES[0]
-        self.wall = 1.0 / fps
+        self.wall = self.last = 1.0 / fps
         self.simulated = speed * self.wall
         self.water = self.picture = self.rest = 0.0
         self.lag = 0.0  # simulated time that the water has yet to make up for [s]
@@ -45,7 +52,8 @@ class Pacer:
     @property
     def frame_time(self) -> float:
         """Simulated time [s] that the next frame should take."""
-        wanted = self.speed * self.wall + CATCH_UP * self.lag
+        asked = self.speed * min(self.wall, LEAP / (1.0 + FASTER) * self.last)
+        wanted = asked + float(np.clip(CATCH_UP * self.lag, -FASTER * asked, FASTER * asked))
         return float(np.clip(wanted, 0.5 * self.speed / self.fps, self.speed * LONGEST))
 
     @property
@@ -76,18 +84,19 @@ class Pacer:
         rest = stages.get("surface", 0.0) + shown
         self.record(wall, water, picture, rest, show.simulated)
 
-    def record(self, wall: float, water: float, picture: float, rest: float, simulated: float):
+    def record(
+        self, wall: float, water: float, picture: float, rest: float, simulated: float
+    ) -> None:
         """Takes in a frame: its duration [s], what water, picture and the rest took of it without
         waiting for the screen [s], and what was simulated [s]."""
-        # What a kernel takes to compile, or a window to be moved, is not made up for.
-        wall = min(wall, LONGEST)
+        wall = self.last = wall if wall <= BACKLOG else LONGEST
         self.frames += 1
         past = min(PAST, 1.0 - 1.0 / self.frames)
         for name, now in (("wall", wall), ("water", water), ("picture", picture), ("rest", rest)):
             setattr(self, name, past * getattr(self, name) + (1.0 - past) * now)
         self.simulated = past * self.simulated + (1.0 - past) * simulated
         behind = self.lag + self.speed * wall - simulated
-        self.lag = float(np.clip(behind, -self.speed * LONGEST, self.speed * LONGEST))
+        self.lag = float(np.clip(behind, -self.speed * BACKLOG, self.speed * BACKLOG))
         if self.frames % LOOKS == 0:
             self.scale = self._affordable()
 

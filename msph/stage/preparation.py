@@ -1,5 +1,6 @@
 """From a scene to a show that is ready for its first frame, telling how far it is."""
 
+import contextlib
 import sys
 import time
 from collections.abc import Callable
@@ -13,8 +14,8 @@ from msph.scene.schema import Scene
 from msph.stage.show import Show
 from msph.taichi_internals import watch_compiling
 
-# Kernels of a scene that has not been started before: those of the default one.
-TYPICAL_KERNELS = 65
+# Kernels of a scene whose terms have not been started before: those of the default one.
+TYPICAL_KERNELS = 41
 # How far preparation is: a share (0 to 1), and what is being compiled.
 Tell = Callable[[float, str], None]
 
@@ -38,7 +39,7 @@ def prepare(
     begin = time.perf_counter()
     for caution in cautions(scene):
         say(f"warning: {caution}")
-    with Kernels(scene, size is not None, tell):
+    with counting(scene, size is not None, tell):
         show = Show(scene, frame_time, size, **options)
         show.warm_up()
     ready = f"ready in {time.perf_counter() - begin:.1f} s, {sum(show.counts):,} particles, "
@@ -57,47 +58,39 @@ def laid_and_asked(water: dict[str, float]) -> str:
     return laid if laid == asked else f"{laid} of {asked} asked"
 
 
-class Kernels:
-    """Counts the kernels compiled while it is entered; their number is known from the last time
-    that a scene with the same terms was started."""
+@contextlib.contextmanager
+def counting(scene: Scene, picture: bool, tell: Tell | None):
+    """Counts the kernels compiled within, and tells or shows how far it is. Their number is known
+    from the last time that a scene with the same terms was started."""
+    p = scene.projection
+    terms = {
+        "adaptation": scene.adaptation.enabled,
+        "bodies": bool(scene.obstacles or scene.container),
+        "viscosity": p.viscosity > 0.0,
+        "tension": p.tension > 0.0,
+        "picture": picture,
+    }
+    key = " ".join(["kernels", scene.method, *(name for name, on in terms.items() if on)])
+    expected, count = int(user_cache.recall(key, TYPICAL_KERNELS)), 0
+    # With disable=None the bar appears on terminals only.
+    bar = tqdm(
+        total=expected,
+        desc="compiling kernels",
+        unit="kernel",
+        disable=True if tell else None,
+        leave=False,
+        file=sys.stderr,
+        dynamic_ncols=True,
+    )
 
-    def __init__(self, scene: Scene, picture: bool, tell: Tell | None):
-        self.tell, self.count = tell, 0
-        p = scene.projection
-        terms = {
-            "adaptation": scene.adaptation.enabled,
-            "bodies": bool(scene.obstacles or scene.container),
-            "viscosity": p.viscosity > 0.0,
-            "tension": p.tension > 0.0,
-            "picture": picture,
-        }
-        self.key = " ".join(["kernels", scene.method, *(name for name, on in terms.items() if on)])
-        self.expected = int(user_cache.recall(self.key, TYPICAL_KERNELS))
+    def next_kernel(name: str) -> None:
+        nonlocal count
+        count += 1
+        bar.update()
+        if tell:
+            tell(min(count / expected, 1.0), f"compiling {name} ({count} of {expected})")
 
-    def __enter__(self) -> "Kernels":
-        self.watch = watch_compiling(self._next)
-        self.watch.__enter__()
-        # With disable=None the bar appears on terminals only.
-        self.bar = tqdm(
-            total=self.expected,
-            desc="compiling kernels",
-            unit="kernel",
-            disable=True if self.tell else None,
-            leave=False,
-            file=sys.stderr,
-            dynamic_ncols=True,
-        )
-        return self
-
-    def _next(self, name: str) -> None:
-        self.count += 1
-        self.bar.update()
-        if self.tell:
-            share = min(self.count / self.expected, 1.0)
-            self.tell(share, f"compiling {name} ({self.count} of {self.expected})")
-
-    def __exit__(self, kind, error, trace) -> None:
-        self.bar.close()
-        self.watch.__exit__(kind, error, trace)
-        if kind is None and self.count:
-            user_cache.remember(self.key, self.count)
+    with bar, watch_compiling(next_kernel):
+        yield
+    if count:
+        user_cache.remember(key, count)

@@ -5,6 +5,7 @@ import itertools
 import os
 import re
 import sys
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +14,15 @@ import numpy as np
 from tqdm import tqdm
 
 from msph.errors import BadInputError
+from msph.measure.table import column
+from msph.stage import vtu
 from msph.stage.controls import Controls
 from msph.stage.show import Show
 
 VIDEO = (".mp4", ".mov", ".mkv", ".webm")
-MESH = (".ply", ".obj")
-TABLE = (".npz", ".csv")
+PARAVIEW = ".vtu"
+MESH = (".ply", ".obj", PARAVIEW)
+TABLE = (".npz", ".csv", PARAVIEW)
 # Encoder's constant quality, 0 to 10: water has fine detail that lower ones smear.
 VIDEO_QUALITY = 8
 # The place for a frame number in a name.
@@ -31,17 +35,27 @@ class OutputError(BadInputError):
     """An output that cannot be written, in one line."""
 
 
-class Recorder:
-    """Writes `frames` frames at `fps` to each of `outputs`.
+@dataclass(frozen=True)
+class Outputs:
+    """Files to be recorded. A picture is a video (.mp4, .mov, .mkv, .webm, .gif), a still (.png),
+    or with a number such as %04d in its name one .png per frame; meshes of the surface (.ply, .obj,
+    .vtu) and particles (.npz, a checkpoint, .csv, .vtu) have numbers in their names."""
 
-    An output is a video (.mp4, .mov, .mkv, .webm, .gif), a still (.png) of frame `still` or the
-    last, or with a number such as %04d in its name one file per frame: pictures (.png), surface
-    meshes (.ply, .obj), particles and checkpoints (.npz, .csv). The bar shows the time to go.
-    """
+    pictures: list[Path] = field(default_factory=list)
+    meshes: list[Path] = field(default_factory=list)
+    particles: list[Path] = field(default_factory=list)
+
+    def all(self) -> list[Path]:
+        return [*self.pictures, *self.meshes, *self.particles]
+
+
+class Recorder:
+    """Writes `frames` frames at `fps` to the outputs, a still of frame `still` or the last. The bar
+    shows the time to go."""
 
     def __init__(
         self,
-        outputs: list[Path],
+        outputs: Outputs,
         frames: int,
         fps: float,
         still: int | None = None,
@@ -51,9 +65,10 @@ class Recorder:
         self.still = frames if still is None else min(still, frames)
         self.done = 0
         self.last: Any = None  # the picture last recorded, (height, width, 3) uint8
-        self.videos = [p for p in outputs if p.suffix in (*VIDEO, ".gif")]
-        self.stills = [p for p in outputs if p.suffix == ".png" and not numbered(p)]
-        self.sequences = [p for p in outputs if numbered(p)]
+        self.videos = [p for p in outputs.pictures if p.suffix in (*VIDEO, ".gif")]
+        self.stills = [p for p in outputs.pictures if p.suffix == ".png" and not numbered(p)]
+        self.pictures = [p for p in outputs.pictures if numbered(p)]
+        self.meshes, self.particles = outputs.meshes, outputs.particles
         self.writers: list = []
         self.bar = tqdm(
             total=frames, unit="frame", disable=not bar, file=sys.stderr, dynamic_ncols=True
@@ -72,8 +87,12 @@ class Recorder:
                 writer.append_data(self._even() if path.suffix != ".gif" else self.last)
             if self.done + 1 == self.still:
                 self._write_stills()
-        for path in self.sequences:
-            self._write_numbered(path, show)
+        for path in self.pictures:
+            imageio.imwrite(self._numbered(path), self.last)
+        for path in self.meshes:
+            write_mesh(self._numbered(path), show)
+        for path in self.particles:
+            write_particles(self._numbered(path), show)
         self.done += 1
         self.bar.update()
 
@@ -110,20 +129,9 @@ class Recorder:
         ends = [round(100.0 * k / self.fps) for k in range(self.frames + 1)]
         return [10.0 * (b - a) for a, b in itertools.pairwise(ends)]
 
-    def _write_numbered(self, path: Path, show: Show) -> None:
-        target = path.with_name(NUMBER.sub(self._number, path.name))
-        if path.suffix == ".png":
-            imageio.imwrite(target, self.last)
-        elif path.suffix in MESH:
-            show.surface.mesh.export(target)
-        elif path.suffix == ".npz":
-            state: dict[str, Any] = show.simulation.state()
-            np.savez_compressed(target, **state)
-        else:
-            write_csv(target, show)
-
-    def _number(self, place: re.Match) -> str:
-        return place[0] % self.done
+    def _numbered(self, path: Path) -> Path:
+        """The file of this frame."""
+        return path.with_name(NUMBER.sub(lambda place: place[0] % self.done, path.name))
 
 
 def numbered(path: Path) -> bool:
@@ -131,19 +139,23 @@ def numbered(path: Path) -> bool:
     return NUMBER.search(path.name) is not None
 
 
-def check_outputs(
-    pictures: list[Path], meshes: list[Path], particles: list[Path], fps: float
-) -> None:
+def check_outputs(outputs: Outputs, fps: float) -> None:
     """Raises OutputError for what cannot be written, and makes the folders for the rest."""
-    kinds = (pictures, (*VIDEO, ".gif", ".png")), (meshes, MESH), (particles, TABLE)
+    kinds = (
+        (outputs.pictures, (*VIDEO, ".gif", ".png")),
+        (outputs.meshes, MESH),
+        (outputs.particles, TABLE),
+    )
     for paths, suffixes in kinds:
         for path in paths:
             check_output(path, suffixes)
-    paths = [*pictures, *meshes, *particles]
+    paths = outputs.all()
     if len(set(paths)) < len(paths):
         raise OutputError("the same output is named twice")
     if fps > GIF_FPS and any(p.suffix == ".gif" for p in paths):
         raise OutputError(f"a GIF has at most {GIF_FPS:g} frames per second")
+    if any(p.suffix == PARAVIEW for p in paths) and not vtu.available():
+        raise OutputError("files .vtu need meshio: pip install 'msph[paraview]'")
     for path in paths:
         make_writable(path)
 
@@ -171,6 +183,25 @@ def check_output(path: Path, suffixes: tuple[str, ...]) -> None:
         raise OutputError(f"{path}: a video is one file, leave out the frame number")
 
 
+def write_mesh(path: Path, show: Show) -> None:
+    """The surface, as its suffix says."""
+    if path.suffix == PARAVIEW:
+        vtu.write_surface(path, show.surface.mesh, show.simulation)
+    else:
+        show.surface.mesh.export(path)
+
+
+def write_particles(path: Path, show: Show) -> None:
+    """The particles, as its suffix says."""
+    if path.suffix == PARAVIEW:
+        vtu.write_particles(path, show.simulation)
+    elif path.suffix == ".npz":
+        state: dict[str, Any] = show.simulation.state()
+        np.savez_compressed(path, **state)
+    else:
+        write_csv(path, show)
+
+
 def write_csv(path: Path, show: Show) -> None:
     """Every carried attribute of every particle, a column each, named in the first line."""
     columns, names = [], []
@@ -179,5 +210,5 @@ def write_csv(path: Path, show: Show) -> None:
             values = show.simulation.particles.numpy(name)
             columns.append(values.reshape(len(values), -1))
             parts = [f"{name}_{k}" for k in "xyz"] if attribute.width == 3 else [name]
-            names += [f"{part} [{attribute.unit}]" for part in parts]
+            names += [column(f"{part} [{attribute.unit}]") for part in parts]
     np.savetxt(path, np.hstack(columns), delimiter=",", header=",".join(names), comments="")

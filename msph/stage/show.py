@@ -25,6 +25,9 @@ from msph.stage.controls import Controls
 from msph.stage.views import Views
 from msph.surface.surface import Surface
 
+# Scale of the picture while kernels are compiled (-).
+WARM_UP_SCALE = 0.5
+
 
 class Show:
     """Everything that a frame needs, built once.
@@ -106,9 +109,8 @@ class Show:
 
     def warm_up(self) -> None:
         """Compiles every kernel by one frame, and starts anew."""
-        self.frame(Controls())
-        # A view that stays is drawn by another kernel than one that is new.
-        self.draw()
+        # A coarser picture, where the show is scalable, is enlarged by kernels of its own.
+        self.frame(Controls(scale=WARM_UP_SCALE))
         ti.sync()
         self.reset()
         self.frames = 0
@@ -251,9 +253,12 @@ class Show:
 
     def volume_error(self) -> float:
         """Volume of the surface over the volume of the water at rest density, less one (-)."""
+        return self.volume() / self.rest_volume() - 1.0
+
+    def rest_volume(self) -> float:
+        """Volume [m^3] of the water at rest density."""
         specs = self.simulation.layers.specs
-        rest = sum(n * s.volume for n, s in zip(self.simulation.counts(), specs, strict=True))
-        return self.volume() / rest - 1.0
+        return sum(n * s.volume for n, s in zip(self.simulation.counts(), specs, strict=True))
 
     def warnings(self) -> list[str]:
         """What went short and was cut, in words."""

@@ -28,8 +28,6 @@ QUIT = ("q", ti.ui.ESCAPE)  # keys that close the window
 REAL_TIME = 0.95  # simulated over wall-clock time that passes for what was asked for
 SLOW_MOTION = 0.1  # simulated over wall-clock time in slow motion
 FORGET = 1.01  # growth per frame of the least time that showing a frame takes
-
-
 # Least time between two pictures of the start [s]: each takes some milliseconds from compiling.
 TELL_PAUSE = 0.12
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from msph.stage.pacer import LONGEST, SCALES, Pacer
+from msph.stage.pacer import LEAP, LONGEST, SCALES, Pacer
 
 FPS = 60.0
 
@@ -69,6 +69,22 @@ def test_a_halt_is_not_made_up_for():
     assert pacer.frame_time <= LONGEST
     simulated, wall = run(pacer, 0.1, 0.004, frames=60)
     assert simulated / wall < 1.05
+
+
+def test_what_a_splash_took_is_made_up_for_gently():
+    """Half a second of water that costs a third more than time itself, then calm water."""
+    pacer, frames = Pacer(FPS), []
+    run(pacer, 0.3, 0.004)
+    for k in range(240):
+        water = 1.33 if k < 15 else 0.3
+        simulated = min(pacer.frame_time, pacer.budget / water)
+        wall = max(water * simulated + 0.007, 1.0 / FPS)
+        pacer.record(wall, water * simulated, 0.004, 0.003, simulated)
+        frames.append((simulated, wall))
+    assert np.divide(*np.sum(frames[:15], axis=0)) < 0.9
+    assert np.divide(*np.sum(frames, axis=0)) == pytest.approx(1.0, abs=0.005)
+    # The first frames after the splash cannot know that it is over.
+    assert max(np.divide(*frame) for frame in frames[17:]) < 1.01 * LEAP
 
 
 def test_another_speed_is_taken_at_once():

@@ -6,14 +6,17 @@ import time
 from pathlib import Path
 
 import imageio.v2 as imageio
+import meshio
 import numpy as np
 import pytest
 import trimesh
 from PIL import Image
 
+from msph.measure.host_kernels import wendland
 from msph.scene import load_scene
+from msph.stage import vtu
 from msph.stage.loop import run
-from msph.stage.recorder import OutputError, Recorder, check_outputs
+from msph.stage.recorder import OutputError, Outputs, Recorder, check_outputs
 from msph.stage.show import Show
 from tests.scenes_kit import write
 
@@ -31,10 +34,14 @@ def show(tmp_path_factory):
 def recorded(show, tmp_path_factory):
     """Four frames to every kind of output at once."""
     folder = tmp_path_factory.mktemp("recorded")
-    names = ["a.mp4", "a.gif", "last.png", "f_%04d.png", "m_%04d.ply", "m_%04d.obj"]
-    names += ["p_%04d.csv", "p_%04d.npz"]
+    names = (
+        ["a.mp4", "a.gif", "last.png", "f_%04d.png"],
+        ["m_%04d.ply", "m_%04d.obj", "m_%04d.vtu"],
+        ["p_%04d.csv", "p_%04d.npz", "p_%04d.vtu"],
+    )
     show.reset()
-    run(show, Recorder([folder / n for n in names], 4, FPS, bar=False))
+    outputs = Outputs(*([folder / name for name in kind] for kind in names))
+    run(show, Recorder(outputs, 4, FPS, bar=False))
     return folder
 
 
@@ -67,11 +74,60 @@ def test_meshes_are_closed_and_hold_the_water(recorded, show, suffix):
 
 def test_tables_hold_every_particle(recorded, show):
     lines = (recorded / "p_0003.csv").read_text().splitlines()
-    assert lines[0].startswith("x_x [m],x_y [m],x_z [m],v_x [m/s]")
+    assert lines[0].startswith("x_x_m,x_y_m,x_z_m,v_x_m_per_s")
     assert len(lines) == 1 + sum(show.counts)
     with np.load(recorded / "p_0003.npz") as state:
         assert len(state["x"]) == sum(show.counts)
         assert state["time"] == pytest.approx(4 / FPS)
+
+
+def test_paraviews_particles_are_those_of_the_checkpoint(recorded, show):
+    """In SI units, each name with its unit, and densities of where the particles are."""
+    found = meshio.read(recorded / "p_0003.vtu")
+    assert {cells.type for cells in found.cells} == {"vertex"}
+    arrays = found.point_data
+    with np.load(recorded / "p_0003.npz") as state:
+        assert np.array_equal(found.points, state["x"])
+        assert np.array_equal(arrays["velocity_m_per_s"], state["v"])
+        assert np.array_equal(arrays["layer"], state["layer"])
+        assert np.allclose(arrays["pressure_Pa"], state["pressure"])
+        specs = show.simulation.layers.specs
+        assert np.allclose(arrays["spacing_m"], [specs[k].spacing for k in state["layer"]])
+        density = reference_density(state, [specs[k] for k in state["layer"]])
+    assert np.allclose(arrays["density_error"], density / 1000.0 - 1.0, atol=1e-3)
+
+
+def reference_density(state, specs):
+    """Eq. 26 by brute force [kg/m^3]: poly6 over all pairs."""
+    x, m = state["x"].astype(float), np.array([s.mass for s in specs])
+    h = np.array([s.support for s in specs])
+    r = np.linalg.norm(x[:, None] - x, axis=2)
+    w = 315.0 / (64.0 * np.pi * h**3) * np.clip(1.0 - (r / h) ** 2, 0.0, None) ** 3
+    return (m * w).sum(axis=1)
+
+
+def test_paraviews_surface_has_the_waters_values(recorded, show):
+    """The triangles of the other files, and by brute force the means of all particles, weighed by
+    the volume and kernel of each; the layer of the nearest."""
+    found, mesh = meshio.read(recorded / "m_0003.vtu"), trimesh.load(recorded / "m_0003.ply")
+    assert found.points == pytest.approx(mesh.vertices, abs=1e-6)
+    assert np.array_equal(found.cells_dict["triangle"], mesh.faces)
+    water, some = meshio.read(recorded / "p_0003.vtu"), slice(0, None, 7)
+    data, here = water.point_data, {k: v[some] for k, v in found.point_data.items()}
+    r = np.linalg.norm(found.points[some, None] - water.points, axis=2)
+    supports = np.array([s.support for s in show.simulation.layers.specs])
+    weight = data["spacing_m"] ** 3 * wendland(r, supports[data["layer"]])
+    weight /= weight.sum(axis=1, keepdims=True)
+    for name in ("velocity_m_per_s", "pressure_Pa", "density_error"):
+        scale = np.abs(data[name]).max()
+        assert np.allclose(here[name], weight @ data[name], atol=1e-4 * scale)
+    assert np.array_equal(here["layer"], data["layer"][r.argmin(axis=1)])
+
+
+def test_paraviews_files_without_their_library_are_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(vtu, "available", lambda: False)
+    with pytest.raises(OutputError, match=r"need meshio: pip install 'msph\[paraview\]'"):
+        check_outputs(Outputs(particles=[tmp_path / "p_%04d.vtu"]), FPS)
 
 
 @pytest.mark.parametrize(
@@ -87,19 +143,19 @@ def test_output_that_cannot_be_is_refused_at_once(tmp_path, name, message):
     path = tmp_path / name
     mesh = path.suffix in (".ply", ".obj")
     with pytest.raises(OutputError, match=message):
-        check_outputs([] if mesh else [path], [path] if mesh else [], [], FPS)
+        check_outputs(Outputs(meshes=[path]) if mesh else Outputs([path]), FPS)
 
 
 def test_outputs_that_clash_or_have_no_place_are_refused(tmp_path):
     video, gif = tmp_path / "a.mp4", tmp_path / "a.gif"
     with pytest.raises(OutputError, match="named twice"):
-        check_outputs([video, video], [], [], FPS)
+        check_outputs(Outputs([video, video]), FPS)
     with pytest.raises(OutputError, match="at most 50 frames per second"):
-        check_outputs([gif], [], [], 60.0)
+        check_outputs(Outputs([gif]), 60.0)
     (tmp_path / "file").touch()
     with pytest.raises(OutputError, match=r"file/a\.mp4: (file exists|not a directory)"):
-        check_outputs([tmp_path / "file" / "a.mp4"], [], [], FPS)
-    check_outputs([tmp_path / "new" / "deep" / "a.mp4"], [], [], FPS)
+        check_outputs(Outputs([tmp_path / "file" / "a.mp4"]), FPS)
+    check_outputs(Outputs([tmp_path / "new" / "deep" / "a.mp4"]), FPS)
     assert (tmp_path / "new" / "deep").is_dir()
 
 

@@ -239,15 +239,28 @@ def test_one_step_is_always_done(timed):
     assert timed.simulation.steps == 1 and 0.0 < timed.simulated < timed.frame_time
 
 
-def test_playing_follows_the_wall_clock(show):
-    show.frame(Controls())
-    begin, player = show.simulation.time, HeadlessPlayer(1.0, 60.0)
-    run(show, player)
-    assert sum(player.walls) == pytest.approx(1.0, abs=0.2)
-    assert len(player.walls) == len(player.simulated) == len(player.scales)
-    assert sum(player.simulated) == pytest.approx(show.simulation.time - begin)
-    # Four hundred particles run as fast as time on any machine; a busy one may lag by a frame.
-    assert sum(player.simulated) == pytest.approx(sum(player.walls), abs=0.1)
+class Stopwatch:
+    """A clock that only sleeping moves."""
+
+    def __init__(self):
+        self.time = 0.0
+
+    def __call__(self):
+        return self.time
+
+    def sleep(self, seconds):
+        self.time += seconds
+
+
+@pytest.mark.parametrize("fps", [60.0, 30.0])
+def test_playing_follows_the_wall_clock(timed, fps):
+    """Each frame lasts as long as the screen shows it, and the water goes on by as much."""
+    watch = timed.clock = Stopwatch()
+    player = HeadlessPlayer(0.99, fps, watch, watch.sleep)
+    run(timed, player)
+    assert player.walls == pytest.approx([1.0 / fps] * round(fps))
+    assert player.simulated == pytest.approx(player.walls)
+    assert sum(player.simulated) == pytest.approx(timed.simulation.time)
 
 
 def test_volume_of_the_surface_is_that_of_the_water(show):
