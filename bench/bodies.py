@@ -54,7 +54,7 @@ def settle(sim: Any, points: np.ndarray, seconds: float) -> tuple[np.ndarray, np
     """Mean pressures [Pa] at points (n, 3) and force on the bodies [N] of the time after the
     water has settled, and the ledger of it all."""
     probes = [PressureProbe("p", (x, y, z)) for x, y, z in points.tolist()]
-    ledger, readings = Ledger(sim, density=False), []
+    ledger, readings = Ledger(sim, density_every=math.inf), []
     gravity, frames = (0.0, -tanks.GRAVITY, 0.0), round(seconds / tanks.FRAME)
     settled = round(SETTLING * frames)
     ledger.record(gravity)

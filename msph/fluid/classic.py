@@ -127,6 +127,9 @@ class Classic:
     def arrange(self) -> None:
         """Leaves the particles where the scene placed them, as the thesis does."""
 
+    def warm_up(self) -> None:
+        """Every step launches the same kernels."""
+
     def longest_step(self, leeway: float = 1.0) -> float:
         """Largest stable time step [s]: sound crosses courant * h, viscosity diffuses within h.
 

@@ -91,6 +91,13 @@ class Simulation:
         self._start(dict(self.initial), 0.0, 0)
         self.solver.arrange()
 
+    def warm_up(self, duration: float) -> None:
+        """Compiles every kernel of the fluid by a frame of `duration` [s], and starts anew."""
+        self.advance(duration, ExternalForces())
+        self.measure_density()
+        self.solver.warm_up()
+        self.reset()
+
     def advance(
         self,
         duration: float,
@@ -114,8 +121,6 @@ class Simulation:
                 now, longest = self.time + duration - left, self.solver.longest_step()
                 check_room(self.boundary, self.layers, self.particles, external, longest, now)
             dt = self.last_step = left / self._steps_to(left)
-            if self.boundary.moving:
-                self.boundary.place(self.time + duration - left, dt)
             self.solver.step(dt, external, stage)
             left -= dt
             self.steps += 1
@@ -129,10 +134,9 @@ class Simulation:
         return done
 
     def measure_density(self, stage: Stage = no_stage) -> None:
-        """Sums the densities at the present positions; a step sums them at its start only.
+        """Sums the densities at the present positions; a step sums them in its middle only.
 
-        Where no body moves, the next step uses these sums, so that they cost nothing. stage(name)
-        is entered round each part, as in advance().
+        stage(name) is entered round each part, as in advance().
         """
         if self.boundary.moving:
             self.boundary.place(self.time, 0.0)

@@ -1,5 +1,6 @@
 """The ledger: mass, momenta, energy and density error of the water, entry by entry."""
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -16,14 +17,18 @@ class NotFiniteError(BlowUpError):
 
 @dataclass
 class Ledger:
-    """Entries of one run; record() adds one per frame. density: whether each measures the density
-    errors, which costs a sum over all neighbours where bodies move; else they are NaN."""
+    """Entries of one run; record() adds one per frame.
+
+    density_every: simulated time [s] between entries that measure density errors, which costs a
+    list of neighbours and a sum over it; infinite: none does. The others' are NaN.
+    """
 
     simulation: Simulation
-    density: bool = True
+    density_every: float = 0.0
     entries: list[Entry] = field(default_factory=list)
     _tilt_work: float = 0.0
     _gravity: np.ndarray | None = None
+    _density_due: float = 0.0
 
     def __post_init__(self):
         self._totals = Totals(self.simulation)
@@ -31,6 +36,7 @@ class Ledger:
     def clear(self) -> None:
         self.entries.clear()
         self._tilt_work, self._gravity = 0.0, None
+        self._density_due = 0.0
 
     def record(self, gravity: tuple[float, float, float]) -> Entry:
         """Reads the water under `gravity` [m/s^2] (box frame). Raises NotFiniteError."""
@@ -51,7 +57,7 @@ class Ledger:
             self._tilt_work -= float(moment @ (g - self._gravity))
         self._gravity = g
         del totals["not_finite"]
-        excess = self._density_excess() if self.density else np.array([np.nan])
+        excess = self._density_excess()
         entry = Entry(
             time=sim.time,
             centre=moment / totals["mass"],
@@ -68,7 +74,12 @@ class Ledger:
         return entry
 
     def _density_excess(self) -> np.ndarray:
-        """rho/rho0 - 1 where positive, else 0, of each particle where it is now (n,)."""
+        """rho/rho0 - 1 where positive, else 0, of each particle where it is now, (n,); one NaN
+        where it is not measured."""
+        if self.simulation.time < self._density_due or math.isinf(self.density_every):
+            return np.array([np.nan])
+        # Times are sums of frames.
+        self._density_due = self.simulation.time + self.density_every * (1.0 - 1e-6)
         self.simulation.measure_density()
         rest = self.simulation.solver.parameters.rest_density
         density = self.simulation.particles.numpy("density").astype(float)
@@ -130,10 +141,17 @@ class Ledger:
 
     def density_error(self) -> tuple[float, float, float]:
         """Means over the run of the mean density error and of its 99th percentile, and the largest
-        error of all (-)."""
+        error of all (-); of the entries that measured them."""
         columns = ("density_error_mean", "density_error_p99", "density_error_max")
         mean, p99, largest = ([getattr(e, k) for e in self.entries] for k in columns)
-        return float(np.mean(mean)), float(np.mean(p99)), float(np.max(largest))
+        if np.isnan(mean).all():
+            return np.nan, np.nan, np.nan
+        return float(np.nanmean(mean)), float(np.nanmean(p99)), float(np.nanmax(largest))
+
+    def last_density_error(self) -> float:
+        """The mean density error that was measured last (-), NaN where none was."""
+        found = (e.density_error_mean for e in reversed(self.entries))
+        return next((error for error in found if not math.isnan(error)), math.nan)
 
     def rest_energy(self, seconds: float = 1.0) -> float:
         """Mean kinetic energy [J] over the last `seconds`: zero for water at rest."""

@@ -11,7 +11,7 @@ from msph.measure.timings import Timings, peak_memory
 from msph.scene.schema import Scene
 from msph.stage.headless import Headless, HeadlessPlayer
 from msph.stage.loop import run
-from msph.stage.show import Show
+from msph.stage.show import PLAYED, Show
 
 FRAME_TIME = 1.0 / 60.0
 SIZE = (640, 360)
@@ -163,7 +163,7 @@ def play_benchmark(
     """Plays a scene for `seconds` [s] of wall-clock time as a window of `size` would; quality: what
     it was loaded at."""
     timings = Timings(keep=1)
-    show = Show(scene, 1.0 / scene.play.fps, size, timings=timings, stop_bodies=True, scalable=True)
+    show = Show(scene, 1.0 / scene.play.fps, size, timings=timings, **PLAYED)
     show.warm_up()
     ready = time.time() - psutil.Process().create_time()
     player = HeadlessPlayer(seconds, scene.play.fps)

@@ -1,6 +1,7 @@
 """What each command does, once its options are known."""
 
 import json
+import math
 import sys
 from pathlib import Path
 
@@ -27,6 +28,7 @@ from msph.stage.loop import run
 from msph.stage.measurer import CHECKPOINT, LEDGER, PROBES, SCENE, Measurer
 from msph.stage.preparation import prepare, say
 from msph.stage.recorder import NUMBER, Outputs, Recorder, check_outputs, make_writable
+from msph.stage.show import PLAYED
 from msph.stage.window import ClosedError, NoWindowError, Window, check_display
 
 # What `play` leaves behind where it cannot open a window.
@@ -70,8 +72,7 @@ def play(scene, size, frames, overrides, arch, threads, quality) -> None:
             size,
             tell=window.tell,
             timings=Timings(keep=1),
-            stop_bodies=True,
-            scalable=True,
+            **PLAYED,
         )
     except ClosedError:
         window.close()
@@ -278,7 +279,7 @@ def record(
     """Runs a scene for the recorder; an interrupt ends the recording, not the files. quality: what
     the scene is at."""
     seen, meshes = size if outputs.pictures else None, bool(outputs.meshes)
-    show = prepare(scene, 1.0 / fps, seen, meshes=meshes, density=False)
+    show = prepare(scene, 1.0 / fps, seen, meshes=meshes, density_every=math.inf)
     if resume:
         show.resume(Path(resume))
     still = None if still_time is None else max(1, round(still_time * fps))

@@ -28,13 +28,17 @@ from msph.surface.surface import Surface
 # Scale of the picture while kernels are compiled (-).
 WARM_UP_SCALE = 0.5
 
+# Options of a show that someone plays with. Density errors, which no frame needs, are measured
+# every tenth of a second [s]: often enough to be read, a tenth of the water's cost.
+PLAYED: dict[str, Any] = {"stop_bodies": True, "scalable": True, "density_every": 0.1}
+
 
 class Show:
     """Everything that a frame needs, built once.
 
     frame_time [s] is the simulated time of a frame that asks for no other. size (width, height)
     [pixels] of the picture, None for no picture. meshes: whether someone wants the surface even if
-    no view draws it. density: whether the ledger measures density errors.
+    no view draws it. density_every [s]: as of a Ledger.
     stop_bodies: whether a body that leaves the water no room stops, in place of an error; stopped
     are the names of those that did. scalable: whether frames may ask for a coarser picture.
     simulated [s] is what the last frame really simulated. What is not asked for is neither
@@ -49,7 +53,7 @@ class Show:
         meshes: bool = False,
         timings: Timings | None = None,
         clock: Callable[[], float] = perf_counter,
-        density: bool = True,
+        density_every: float = 0.0,
         stop_bodies: bool = False,
         scalable: bool = False,
     ):
@@ -62,7 +66,7 @@ class Show:
         self.stopped: set[str] = set()
         self.simulation = build_simulation(scene)
         self.counts = self.simulation.counts()
-        self.ledger = Ledger(self.simulation, density)
+        self.ledger = Ledger(self.simulation, density_every)
         self.frames = 0
         self.tilt = np.eye(3)
         self.meshes = meshes
@@ -111,6 +115,7 @@ class Show:
         """Compiles every kernel by one frame, and starts anew."""
         # A coarser picture, where the show is scalable, is enlarged by kernels of its own.
         self.frame(Controls(scale=WARM_UP_SCALE))
+        self.simulation.solver.warm_up()
         ti.sync()
         self.reset()
         self.frames = 0
@@ -128,9 +133,6 @@ class Show:
             with self._stage("fluid"):
                 frame_time = controls.frame_time or self.frame_time
                 self.simulated = self._advance(frame_time, external, controls.budget)
-                if self.ledger.density and not self.simulation.boundary.moving:
-                    # The next step begins with these densities: measured or not, they cost as much.
-                    self.simulation.measure_density(self._substage)
             if self.simulated > 0.0:
                 self.ledger.record(external.gravity)
         if self.scalable:

@@ -221,9 +221,9 @@ class Window:
             self.gui.text(f"{sum(show.counts)} particles in {layers} layer{'s' * (layers > 1)}")
             self.gui.text(f"quality {self.quality}")
             if show.ledger.entries:
-                entry = show.ledger.entries[-1]
-                self.gui.text(f"density error {100 * entry.density_error_mean:.2f} %")
-                self.gui.text(f"energy {entry.energy:.1f} J")
+                error = show.ledger.last_density_error()
+                self.gui.text(f"density error {100 * error:.2f} %")
+                self.gui.text(f"energy {show.ledger.entries[-1].energy:.1f} J")
             self.gui.text(f"view: {show.views.name}")
             for name in sorted(show.stopped):
                 self.gui.text(f"{name} stopped: no room")

@@ -10,6 +10,7 @@ from msph.scene.library import shipped_scenes
 from msph.stage.headless import Headless
 from msph.stage.loop import run
 from msph.stage.show import Show
+from msph.taichi_internals import watch_compiling
 
 FRAME = 1.0 / 60.0
 G = 9.81
@@ -99,7 +100,7 @@ def has_the_weight_of_its_water_on_the_floor(seen):
 def its_ball_falls_freely(seen):
     """v = v0 - g t and y = y0 + v0 t - g t^2/2 of the ball's centre, until it meets the pool.
 
-    Steps are of first order in time: y is off by g t dt/2.
+    y was off by g t dt/2 once, 15 % of the fall that is seen here.
     """
     scene = load_scene("drop")
     gap = scene.water[1].centre[1] - scene.water[1].radius - scene.water[0].hi[1]
@@ -110,8 +111,7 @@ def its_ball_falls_freely(seen):
     t, above = seen.simulation.time, seen.x[:, 1] > level
     assert seen.m[above].sum() == pytest.approx(mass, rel=1e-6)
     fallen = seen.centre(above) - start
-    late = 0.5 * G * t * FRAME
-    assert fallen[1] == pytest.approx(v0 * t - 0.5 * G * t**2, abs=late)
+    assert fallen[1] == pytest.approx(v0 * t - 0.5 * G * t**2, abs=2e-3 * G * t**2)
     v = seen.simulation.particles.numpy("v").astype(float)[above]
     assert np.average(v[:, 1], weights=seen.m[above]) == pytest.approx(v0 - G * t, rel=1e-3)
     assert np.abs(fallen[[0, 2]]).max() < 0.01 * abs(fallen[1])
@@ -166,7 +166,23 @@ def gains_no_more_energy_than_its_plate_works(seen):
 
 def loses_the_energy_of_its_fall(seen):
     """Honey: the ball's kinetic energy is never above its fall's, and soon after the impact most
-    of it is gone, which water would keep for seconds."""
+    of it is gone, which water would keep for seconds.
+
+    Nothing compiles on the way, nor in a crowd, which has kernels of its own.
+    """
+    seen.show.warm_up()
+    seen.record()
+    compiled = []
+    with watch_compiling(compiled.append):
+        _falls_and_loses_its_energy(seen)
+        solver = seen.simulation.solver
+        solver.measure_density()
+        solver.density.largest_excess = 0.1
+        solver.position_correction.find(1e-3)
+    assert not compiled
+
+
+def _falls_and_loses_its_energy(seen):
     scene = load_scene("honey")
     start = seen.ledger.entries[0].potential
     assert seen.ledger.entries[0].kinetic == 0.0

@@ -53,6 +53,7 @@ class Boundary:
         self.moving = any(b.motion.moves for b in self.bodies)
         self.top_speed = max((b.motion.top_speed(reach(b)) for b in self.bodies), default=0.0)
         self.kinds = {type(b) for b in self.bodies}
+        self.time = 0.0  # at the end of the step for which bodies stand [s]
         # Bodies that were stopped, and when [s].
         self.stopped: dict[int, float] = {}
         if self.bodies:
@@ -117,8 +118,14 @@ class Boundary:
     def _distance_from(self, b: ti.i32, x: ti.f32, y: ti.f32, z: ti.f32) -> ti.f32:
         return self.distance(b, vec3(x, y, z), END).x
 
+    def move(self, dt: float) -> None:
+        """Moves the bodies on by dt [s]."""
+        if self.moving:
+            self.place(self.time, dt)
+
     def place(self, time: float, dt: float) -> None:
         """Puts the bodies where a step from `time` of length dt [s] begins and where it ends."""
+        self.time = time + dt
         for k, body in enumerate(self.bodies):
             motion = body.motion
             if dt > 0.0 and not motion.moves:

@@ -83,6 +83,11 @@ class PositionCorrection:
             self._relax(n, alone, dt, 0.0)
         return largest
 
+    def warm_up(self) -> None:
+        """Compiles kernels that only crowds launch."""
+        self._find_crowds(0)
+        self._part_crowds(0)
+
     @kernel
     def _begin(self, n: ti.i32, alone: ti.template(), dt: ti.f32):
         """The first iteration, from q = 0, with the background; see _relax()."""

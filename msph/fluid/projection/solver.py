@@ -166,6 +166,10 @@ class Projection:
                 break
         self.impulses.clear()
 
+    def warm_up(self) -> None:
+        """Compiles kernels that only violent water launches."""
+        self.position_correction.warm_up()
+
     def longest_step(self, leeway: float = 1.0) -> float:
         """Largest time step [s] now, `leeway` times as short as motion and pressure allow.
 
@@ -183,7 +187,16 @@ class Projection:
         return FIRST_STEP * longest if self.first else longest
 
     def step(self, dt: float, external: ExternalForces, stage: Stage = no_stage) -> None:
-        """One step of dt [s]; stage(name) is entered round each part, as a profiler's hook."""
+        """One step of dt [s]; stage(name) is entered round each part, as a profiler's hook.
+
+        Leapfrog: half the way by the old velocities, forces and pressures there, and half the way
+        by the new ones. Positions are of second order in dt, and what compression a step leaves,
+        quadratic in its length, is a quarter at its end.
+        """
+        with stage("advance"):
+            self.boundary.move(0.5 * dt)
+            self._drift(0.5 * dt)
+            self.boundary.move(0.5 * dt)
         if self.adaptation and self.adaptation.due():
             with stage("adaptation"):
                 self.adapt()
@@ -215,7 +228,12 @@ class Projection:
         n, alone = self.particles.count, self.particles.alone
         by_pressure = self.pressure_solve.accelerate(n, alone, dt, gravity)
         self.position_correction.apply(n, alone)
-        self.top_rate = max(by_pressure, self._move(n, dt))
+        self.top_rate = max(by_pressure, self._top_rate(n, dt))
+        self._drift(0.5 * dt)
+
+    def _drift(self, dt: float) -> None:
+        """Particles by their velocities for dt [s], to where bodies stand at the end of it."""
+        self._move(self.particles.count, dt)
         self.particles_moved()
 
     def force(self, kind: type) -> Any:
@@ -235,27 +253,31 @@ class Projection:
         self.grid.invalidate()
 
     @kernel
-    def _move(self, n: ti.i32, dt: ti.f32) -> ti.f32:
-        """x += dt v; what would leave is stopped at its wall. Returns the largest rate [1/s] by
-        which motion bounds the next step: speed over cfl spacings."""
+    def _move(self, n: ti.i32, dt: ti.f32):
+        """x += dt v; what would leave is stopped at its wall."""
         p = self.particles
-        top, longest = 0.0, 0.0
         ti.loop_config(serialize=p.light)
         for i in range(n):
-            layer, v = p.layer[i], p.v[i]
-            d = self.layers.spacing[layer]
-            margin = self.position_correction.margin(i)
+            v, margin = p.v[i], self.position_correction.margin(i)
             x, v, by_bodies, work = self.boundary.guard(
                 p.x[i] + dt * v, v, self.parameters.restitution, margin
             )
-            m = self.layers.mass[layer]
+            m = self.layers.mass[p.layer[i]]
             self.impulses.wall_impulse[None] += m * (v - p.v[i])
             if ti.static(self.boundary.count > 0):
                 self.impulses.body_impulse[None] += m * by_bodies
             if ti.static(self.boundary.moving):
                 self.impulses.wall_work[None] += m * work
             p.x[i], p.v[i] = x, v
-            speed = v.norm()
+
+    @kernel
+    def _top_rate(self, n: ti.i32, dt: ti.f32) -> ti.f32:
+        """Largest rate [1/s] by which motion bounds the next step: speed over cfl spacings."""
+        p = self.particles
+        top, longest = 0.0, 0.0
+        ti.loop_config(serialize=p.light)
+        for i in range(n):
+            d, speed = self.layers.spacing[p.layer[i]], p.v[i].norm()
             relative = ti.math.clamp(p.relative_speed[i], speed / LEAP, speed)
             if p.predicted_density[i] < self.parameters.spray * self.parameters.rest_density:
                 speed /= SPRAY_LEAP
