@@ -3,15 +3,14 @@
 python bench/pareto.py [--quick] [--case NAME] [--resume] [--cluster ADDRESS] [--arch cpu]
 
 Every row is a run in a process of its own, one at a time; it is written to bench/results/pareto.csv
-as soon as it is measured, where --resume takes up again. Rows of which only errors are wanted, the
+as soon as it is measured, where --resume takes up again, and measures anew what ran beside other
+busy processes. Rows of which only errors are wanted, the
 references of self-convergence, may be handed to a Dask scheduler that exists: pip install
 '.[cluster]', and this checkout at the workers. bench/results/pareto.md and pareto*.png are drawn
 from the table alone.
 """
 
-import csv
 import dataclasses
-import datetime
 import json
 import subprocess
 import sys
@@ -24,12 +23,13 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bench.cases import CASES
 from bench.cases.case import Setting
+from bench.pareto_table import disturbed, key, read, row_of, write
 from bench.report import RESULTS
 from msph.device import ARCHES, start
-from msph.measure.machine import machine
 
 TABLE = "pareto.csv"
-KEYS = ["case", *(f.name for f in dataclasses.fields(Setting))]
+# Figures of rows whose time counts alone.
+TIMED = ("wall_per_simulated", "peak_mib", "others")
 # A run that takes longer [s] is given up, and said.
 MOST_SECONDS = 1800
 
@@ -40,7 +40,7 @@ def run(case: str, setting: Setting, arch: str) -> dict[str, float]:
     done, found = CASES[case].measure(setting)
     costs = done.costs()
     if not setting.timed:
-        costs = {k: v for k, v in costs.items() if k not in ("wall_per_simulated", "peak_mib")}
+        costs = {k: v for k, v in costs.items() if k not in TIMED}
     return {**costs, **found}
 
 
@@ -57,52 +57,24 @@ def in_process(case: str, setting: dict, arch: str) -> dict[str, float | str]:
     return json.loads(last) if done.returncode == 0 else {"failure": last[:200]}
 
 
-def read(path: Path) -> list[dict[str, str]]:
-    """Rows of a table; none where there is no file."""
-    if not path.exists():
-        return []
-    with open(path, newline="", encoding="utf-8") as file:
-        return list(csv.DictReader(file))
-
-
-def write(path: Path, rows: list[dict]) -> None:
-    """Writes them beside and renames, so that a run that is stopped keeps what it had."""
-    heads = list(dict.fromkeys([*KEYS, *(k for row in rows for k in row)]))
-    beside = path.with_suffix(".part")
-    with open(beside, "w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, heads)
-        writer.writeheader()
-        writer.writerows(rows)
-    beside.replace(path)
-
-
-def key(row: dict) -> tuple[str, ...]:
-    """What tells a row from others; numbers as they are written to the table."""
-    return tuple("" if row[k] is None else str(row[k]) for k in KEYS)
-
-
-def row_of(case: str, setting: Setting, arch: str, found: dict) -> dict:
-    """A table's row: what was run, when, where, and what was found."""
-    numbers = {k: v if isinstance(v, str) else f"{v:.5g}" for k, v in found.items()}
-    today = datetime.date.today().isoformat()
-    where = {"arch": arch, "machine": machine(), "date": today}
-    return {"case": case, **dataclasses.asdict(setting), **where, **numbers}
-
-
 def sweep(names: tuple[str, ...], quick: bool, known: list[dict], arch: str, cluster: str) -> None:
-    """Measures every row that is not known, and writes the table after each."""
+    """Measures every row that is not known, or was disturbed, and writes the table after each."""
     asked = [(name, setting) for name in names for setting in CASES[name].settings(quick)]
-    done = {key(row) for row in known}
+    done = {key(row) for row in known if not disturbed(row)}
     todo = [(n, s) for n, s in asked if key({"case": n, **dataclasses.asdict(s)}) not in done]
     elsewhere = [(n, s) for n, s in todo if not s.timed] if cluster else []
     pending = submit(cluster, elsewhere, arch) if elsewhere else []
     for name, setting in tqdm([t for t in todo if t not in elsewhere], unit="run"):
         found = in_process(name, dataclasses.asdict(setting), arch)
-        known.append(row_of(name, setting, arch, found))
-        write(RESULTS / TABLE, known)
+        keep(row_of(name, setting, arch, found), known)
     for (name, setting), future in zip(elsewhere, pending, strict=True):
-        known.append(row_of(name, setting, arch, future.result()))
-        write(RESULTS / TABLE, known)
+        keep(row_of(name, setting, arch, future.result()), known)
+
+
+def keep(row: dict, known: list[dict]) -> None:
+    """Puts a row into the table, in place of one of the same run."""
+    known[:] = [other for other in known if key(other) != key(row)] + [row]
+    write(RESULTS / TABLE, known)
 
 
 def submit(address: str, tasks: list[tuple[str, Setting]], arch: str) -> list:

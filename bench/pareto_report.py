@@ -11,6 +11,7 @@ from tabulate import tabulate
 
 from bench.cases import CASES
 from bench.cases.case import ADAPTIVE, FIXED, UNIFORM, Case
+from bench.pareto_table import disturbed, number
 from bench.report import RESULTS
 
 matplotlib.use("Agg")
@@ -18,8 +19,6 @@ import matplotlib.pyplot as plt
 
 # Errors below are drawn there: what is left is rounding.
 LEAST = 1e-7
-# Cases of the summary figure.
-SUMMARY = ("hydrostatic", "sloshing", "dam_break")
 # How waters are drawn: colours that the colour-blind tell apart (Okabe and Ito 2008), and markers.
 STYLES = {
     ("projection", UNIFORM): ("#0072B2", "o", "uniform"),
@@ -36,12 +35,6 @@ COSTS = {
     "compression_mean": "compression, mean",
     "compression_largest": "largest",
 }
-
-
-def number(row: dict, name: str) -> float:
-    """A row's figure, NaN where there is none."""
-    text = row.get(name)
-    return float(text) if text not in (None, "") else math.nan
 
 
 def changes(row: dict) -> str:
@@ -100,7 +93,7 @@ def legend(axis) -> None:
 
 
 def figures(rows: list[dict], folder: Path) -> list[str]:
-    """One for each case that has rows, and one of the cases in SUMMARY; returns the names."""
+    """One for each case that has rows, and one of several; returns the names."""
     names = []
     for case in CASES.values():
         own = drawn(rows, case)
@@ -109,7 +102,7 @@ def figures(rows: list[dict], folder: Path) -> list[str]:
             plot(axis, own, case)
             legend(axis)
             names.append(save(figure, folder, f"pareto_{case.name}"))
-    summary = [CASES[name] for name in SUMMARY if drawn(rows, CASES[name])]
+    summary = [case for case in CASES.values() if case.summary and drawn(rows, case)]
     if summary:
         figure, axes = plt.subplots(1, len(summary), figsize=(5.0 * len(summary), 4.4))
         for axis, case in zip(np.atleast_1d(axes), summary, strict=True):
@@ -213,6 +206,8 @@ def table(rows: list[dict], case: Case) -> str:
             cells[head] = shown(name, number(row, name))
         for name in case.errors:
             cells[name.replace("_", " ")] = shown("error", number(row, name))
+        if disturbed(row):
+            cells["changed"] += f" (beside {number(row, 'others'):.1f} busy cores)"
         if row.get("failure"):
             cells["changed"] += f" failed: {row['failure']}"
         lines.append(cells)

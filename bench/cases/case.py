@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
+import psutil
 import taichi as ti
 
 from bench import tanks
@@ -60,9 +61,9 @@ class Setting:
 class Run:
     """A simulation that is timed, and read at the end of each frame.
 
-    wall [s] is what `simulated` [s] took; compression, p99 and largest are the mean, 99th
-    percentile and maximum over particles of max(rho/rho0 - 1, 0) (-) in each frame, rho summed over
-    positions then.
+    wall [s] is what `simulated` [s] took; others (-): mean number of cores that other processes
+    kept busy meanwhile; compression, p99 and largest are the mean, 99th percentile and maximum over
+    particles of max(rho/rho0 - 1, 0) (-) in each frame, rho summed over positions then.
     """
 
     simulation: Simulation
@@ -71,6 +72,12 @@ class Run:
     compression: list[float] = field(default_factory=list)
     p99: list[float] = field(default_factory=list)
     largest: list[float] = field(default_factory=list)
+    _begun: tuple[float, float] = field(default_factory=lambda: (time.time(), others_busy()))
+
+    @property
+    def others(self) -> float:
+        begun, busy = self._begun
+        return max(0.0, others_busy() - busy) / max(time.time() - begun, 1e-9)
 
     def go(
         self,
@@ -129,6 +136,7 @@ class Run:
             "wall_per_simulated": self.wall / max(self.simulated, 1e-9),
             "particles": sim.particles.count,
             "peak_mib": peak_mib(),
+            "others": self.others,
             "steps": sim.steps,
             "iterations_per_step": sim.iterations / max(sim.steps, 1),
             "compression_mean": float(np.mean(self.compression)),
@@ -156,6 +164,8 @@ class Case:
     # Finer uniform runs for errors alone, and the values that are compared with the finest.
     references: tuple[int, ...] = ()
     values: tuple[str, ...] = ()
+    # Whether it is in the summary figure, and in a quick sweep more than a single run.
+    summary: bool = False
 
     @property
     def main(self) -> str:
@@ -164,13 +174,16 @@ class Case:
 
     def settings(self, quick: bool) -> list[Setting]:
         """The sweep, from cheap to dear."""
+        richest = self.waters[-1]
+        if quick and not self.summary:
+            return [Setting(water=richest, fineness=self.finenesses[0])]
         finenesses = self.finenesses[:2] if quick else self.finenesses
         found = [Setting(water=w, fineness=n) for n in finenesses for w in self.waters]
         coarse = finenesses[: 1 if quick else 2]
         found += [Setting("classic", w, n) for n in coarse for w in self.classic]
         if quick:
             return [s for s in found if s.water != FIXED]
-        middle, richest = finenesses[len(finenesses) // 2], self.waters[-1]
+        middle = finenesses[len(finenesses) // 2]
         for change in CHANGES:
             found.append(Setting(water=richest, fineness=middle, **change))
         found += [Setting(fineness=n, timed=False) for n in self.references]
@@ -249,6 +262,14 @@ def begin(scene: Scene, water: dict[str, np.ndarray] | None = None) -> Run:
         sim.initial = water
     sim.warm_up(tanks.FRAME)
     return Run(sim)
+
+
+def others_busy() -> float:
+    """CPU time [s] that processes but this one, and machines on the same host, have taken."""
+    every, own = psutil.cpu_times(), psutil.Process().cpu_times()
+    idle = every.idle + getattr(every, "iowait", 0.0)
+    guests = getattr(every, "guest", 0.0) + getattr(every, "guest_nice", 0.0)  # in user and nice
+    return sum(every) - idle - guests - own.user - own.system
 
 
 def peak_mib() -> float:

@@ -36,4 +36,5 @@ CASE = Case(
     },
     (8, 12, 20, 32),
     measure,
+    summary=True,
 )

@@ -92,6 +92,7 @@ SLOSHING = Case(
     },
     (5, 7, 10, 15, 25),
     inviscid,
+    summary=True,
 )
 STANDING_WAVE = Case(
     "standing_wave",

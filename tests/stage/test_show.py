@@ -1,6 +1,7 @@
 """Shows: the frame loop with nobody, what they allocate, views, resets, failures."""
 
 import itertools
+import math
 
 import numpy as np
 import pytest
@@ -131,7 +132,7 @@ def test_large_and_small_numbers_are_told_in_other_units():
 
 
 def test_view_of_the_density_measures_it(show, monkeypatch):
-    monkeypatch.setattr(show.ledger, "density", False)
+    monkeypatch.setattr(show.ledger, "density_every", math.inf)
     fresh = {}
     for show.views.name in ("speed", "density_error"):
         show.frame(Controls())

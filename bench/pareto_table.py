@@ -1,0 +1,57 @@
+"""The table of the sweep of speed against error: a row per run, in a CSV file."""
+
+import csv
+import dataclasses
+import datetime
+import math
+from pathlib import Path
+
+from bench.cases.case import Setting
+from msph.measure.machine import machine
+
+KEYS = ["case", *(f.name for f in dataclasses.fields(Setting))]
+# Cores that other processes may keep busy beside a run whose time counts.
+QUIET = 0.1
+
+
+def read(path: Path) -> list[dict[str, str]]:
+    """Rows of a table; none where there is no file."""
+    if not path.exists():
+        return []
+    with open(path, newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def write(path: Path, rows: list[dict]) -> None:
+    """Writes them beside and renames, so that a run that is stopped keeps what it had."""
+    heads = list(dict.fromkeys([*KEYS, *(k for row in rows for k in row)]))
+    beside = path.with_suffix(".part")
+    with open(beside, "w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, heads)
+        writer.writeheader()
+        writer.writerows(rows)
+    beside.replace(path)
+
+
+def key(row: dict) -> tuple[str, ...]:
+    """What tells a row from others; numbers as they are written to the table."""
+    return tuple("" if row[k] is None else str(row[k]) for k in KEYS)
+
+
+def row_of(case: str, setting: Setting, arch: str, found: dict) -> dict:
+    """A table's row: what was run, when, where, and what was found."""
+    numbers = {k: v if isinstance(v, str) else f"{v:.5g}" for k, v in found.items()}
+    today = datetime.date.today().isoformat()
+    where = {"arch": arch, "machine": machine(), "date": today}
+    return {"case": case, **dataclasses.asdict(setting), **where, **numbers}
+
+
+def number(row: dict, name: str) -> float:
+    """A row's figure, NaN where there is none."""
+    text = row.get(name)
+    return float(text) if text not in (None, "") else math.nan
+
+
+def disturbed(row: dict) -> bool:
+    """Whether other processes took so much beside a run that its time says little."""
+    return number(row, "others") > QUIET
