@@ -2,7 +2,10 @@
 
 import sys
 
-from msph.cli import cli, main
+from msph.interrupts import at_once
+
+with at_once():
+    from msph.cli import cli, main
 
 if __name__ == "__main__":
     known = {*cli.commands, "-h", "--help", "--version"}

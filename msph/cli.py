@@ -13,8 +13,9 @@ import click
 import msph
 from msph.device import ARCHES
 from msph.errors import MsphError
+from msph.interrupts import at_once
 
-# Exit codes: wrong use of the command line, and an interrupted run.
+# Exit codes: wrong use of the command line, and a command that Ctrl-C ended.
 BAD_USE, INTERRUPTED = 2, 130
 
 
@@ -78,6 +79,11 @@ def shared_options(quality="large"):
     return with_options
 
 
+force_option = click.option(
+    "--force", is_flag=True, help="Write over files, too, that no run wrote."
+)
+
+
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(msph.__version__, prog_name="msph")
 def cli():
@@ -94,9 +100,7 @@ def play(**options):
 
     Where no window can be opened, ten seconds of the scene are captured instead.
     """
-    from msph.stage import commands
-
-    commands.play(**options)
+    commands().play(**options)
 
 
 @cli.command()
@@ -138,12 +142,11 @@ def play(**options):
     help="Frames per simulated second.",
 )
 @click.option("--size", type=Size(), default="1280x720", show_default=True, help="Picture size.")
+@force_option
 @shared_options()
 def capture(**options):
     """Record SCENE offscreen: video, pictures, meshes, particles. Needs no display."""
-    from msph.stage import commands
-
-    commands.capture(**options)
+    commands().capture(**options)
 
 
 @cli.command()
@@ -172,9 +175,7 @@ def bench(**options):
 
     A frame is 1/60 s of simulated time. Exits with 1 when the water does not stay finite.
     """
-    from msph.stage import commands
-
-    commands.bench(**options)
+    commands().bench(**options)
 
 
 @cli.command()
@@ -201,6 +202,7 @@ def bench(**options):
     type=click.Path(exists=True, dir_okay=False),
     help="Go on from a checkpoint.npz up to the scene's duration; tables in the folder grow.",
 )
+@force_option
 @shared_options()
 def measure(**options):
     """Run SCENE without a window; write its ledger and probes as CSV, plots and a summary.
@@ -208,9 +210,7 @@ def measure(**options):
     Prints last how wrong the run is, each figure beside what good runs keep. Works for any scene. A
     run that fails keeps what it measured, and exits with 1.
     """
-    from msph.stage import commands
-
-    commands.measure(**options)
+    commands().measure(**options)
 
 
 @cli.command()
@@ -218,13 +218,19 @@ def measure(**options):
 @click.option("--parameters", "list_parameters", is_flag=True, help="List every scene parameter.")
 def scenes(**options):
     """List the shipped scenes, or print the one called NAME."""
-    from msph.stage import commands
+    commands().scenes(**options)
 
-    commands.scenes(**options)
+
+def commands():
+    """The module of what commands do."""
+    with at_once():
+        from msph.stage import commands
+    return commands
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """The command line; every error is one line, wrong input exits with 2."""
+    """The command line; every error is one line, wrong input exits with 2, a signal with 128 and
+    its number."""
     try:
         cli.main(arguments, prog_name="msph", standalone_mode=False)
     except click.exceptions.NoArgsIsHelpError as error:
@@ -234,8 +240,14 @@ def main(arguments: list[str] | None = None) -> None:
         fail(error.format_message(), BAD_USE)
     except MsphError as error:
         fail(str(error), error.EXIT_CODE)
-    except (click.Abort, KeyboardInterrupt):
-        fail("interrupted", INTERRUPTED)
+    except OSError as error:
+        # Of a disk that is full or gone: files that users name are checked before.
+        if not error.filename:
+            raise
+        fail(f"{error.filename}: {str(error.strerror).lower()}", MsphError.EXIT_CODE)
+    except (click.Abort, KeyboardInterrupt) as error:
+        # click turns interrupts into its Abort.
+        fail("interrupted", getattr(error.__cause__ or error, "exit_code", INTERRUPTED))
 
 
 def fail(problem: str, code: int) -> None:

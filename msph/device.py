@@ -7,6 +7,7 @@ import time
 from pathlib import Path
 
 from msph.errors import BadInputError
+from msph.interrupts import at_once
 
 ARCHES = ("auto", "cpu", "cuda", "vulkan", "metal")
 # Iterations of a CPU loop that a thread takes at once.
@@ -36,9 +37,13 @@ def start(arch: str = "auto", threads: int | None = None) -> str:
     if _started:
         return _started
     # Here, since help and bad options need no Taichi, which takes .2 s to import.
-    import taichi as ti
+    with at_once():
+        import taichi as ti
 
-    from msph.taichi_internals import cache_folder, on_cpu
+        # Taichi would import it at the first kernel, and lose an interrupt meanwhile.
+        import taichi.lang.matrix_ops
+
+        from msph.taichi_internals import cache_folder, on_cpu
 
     wanted = {
         "auto": [ti.cuda, ti.metal, ti.cpu],
@@ -55,7 +60,7 @@ def start(arch: str = "auto", threads: int | None = None) -> str:
     unlock(cache_folder())
     before = _threads()
     # Taichi prints what it starts on; commands say it where it matters.
-    with contextlib.redirect_stdout(io.StringIO()):
+    with at_once(), contextlib.redirect_stdout(io.StringIO()):
         ti.init(arch=wanted, log_level=ti.ERROR, **options)
     name = "cpu" if on_cpu() else ti.cfg.arch.name
     if arch not in ("auto", name):

@@ -4,8 +4,10 @@ import contextlib
 import csv
 import io
 import json
+import signal
 import subprocess
 import sys
+import time
 from types import SimpleNamespace
 
 import imageio.v2 as imageio
@@ -153,6 +155,45 @@ def test_capture_never_overwrites_the_scene_it_was_given(tmp_path):
     assert "seed = 0" in (tmp_path / "small.scene.toml").read_text()
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="sends an interrupt")
+@pytest.mark.parametrize("wait", [0.15, "then running"])
+def test_an_interrupt_ends_the_program_from_its_first_moment_on(tmp_path, wait):
+    """4 of 10 were lost in callbacks of libraries while they were imported, or were tracebacks."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "msph", "bench", write(tmp_path), "--seconds", "100"],
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
+    said = ""
+    if isinstance(wait, float):
+        time.sleep(wait)
+    else:
+        while wait not in said:
+            said += process.stderr.read(1)
+    process.send_signal(signal.SIGINT)
+    try:
+        said += process.communicate(timeout=30)[1]
+    finally:
+        process.kill()
+    assert process.returncode in (-signal.SIGINT, 130)
+    assert "Traceback" not in said
+
+
+def test_what_no_run_wrote_is_not_written_over(tmp_path):
+    """An edited scene of an earlier run was."""
+    scene, edited = write(tmp_path), tmp_path / "own.scene.toml"
+    edited.write_text(TEXT)
+    result = msph("capture", scene, "-o", tmp_path / "own.mp4", "--seconds", 0.01)
+    assert result.returncode == 2
+    assert "own.scene.toml: was not written by a run; --force" in result.stderr
+    result = msph("measure", scene, "-o", tmp_path / "folder", "--seconds", 0.01)
+    assert result.returncode == 0
+    (tmp_path / "folder" / "scene.toml").write_text(TEXT)
+    result = msph("measure", scene, "-o", tmp_path / "folder", "--seconds", 0.01)
+    assert result.returncode == 2 and edited.read_text() == TEXT
+
+
 def test_capture_resumes_from_a_checkpoint(tmp_path):
     scene, target = write(tmp_path), tmp_path / "p_%04d.npz"
     first = msph("capture", scene, "--particles", target, "--seconds", 0.1)
@@ -164,7 +205,9 @@ def test_capture_resumes_from_a_checkpoint(tmp_path):
         *("--resume", last),
     )
     assert again.returncode == 0, again.stderr
-    with np.load(tmp_path / "q_0002.npz") as state:
+    # Numbers go on: a name tells the frame, and none is written over.
+    assert not (tmp_path / "q_0002.npz").exists()
+    with np.load(tmp_path / "q_0005.npz") as state:
         assert state["time"] == pytest.approx(0.2)
 
 

@@ -17,6 +17,7 @@ from msph.measure.ledger import Ledger
 from msph.measure.machine import machine
 from msph.measure.survey import Survey
 from msph.measure.timings import Timings
+from msph.own_files import replace
 from msph.scene.schema import Scene
 from msph.scene.water import asked_mass
 
@@ -120,7 +121,7 @@ def figures(summary: dict[str, Any]) -> dict[str, float]:
 def write(path: Path, summary: dict[str, Any]) -> None:
     """Writes it as JSON; what is not known (NaN) is null."""
     text = json.dumps(_known(summary), indent=2, ensure_ascii=False, allow_nan=False)
-    path.write_text(text + "\n", encoding="utf-8")
+    replace(path, text + "\n")
 
 
 def _known(value: Any) -> Any:

@@ -2,6 +2,7 @@
 
 import csv
 import math
+import os
 import re
 from collections.abc import Iterable
 from pathlib import Path
@@ -36,7 +37,7 @@ def read(path: Path) -> dict[str, np.ndarray]:
 
 
 class TableError(BadInputError):
-    """A table that cannot be gone on with."""
+    """A table that cannot be gone on with, or cannot grow."""
 
 
 class Table:
@@ -74,5 +75,11 @@ class Table:
             self.write(row)
 
     def _append(self, cells: list[str]) -> None:
-        with open(self.path, "a", newline="", encoding="utf-8") as file:
-            csv.writer(file, lineterminator="\n").writerow(cells)
+        length = self.path.stat().st_size
+        try:
+            with open(self.path, "a", newline="", encoding="utf-8") as file:
+                csv.writer(file, lineterminator="\n").writerow(cells)
+        except OSError as error:
+            # A disk that fills must leave whole rows.
+            os.truncate(self.path, length)
+            raise TableError(f"{self.path}: {str(error.strerror).lower()}") from None

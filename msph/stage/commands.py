@@ -16,6 +16,7 @@ from msph.measure.machine_speed import machine_speed
 from msph.measure.past import time_of
 from msph.measure.plots import PlotError, plot
 from msph.measure.timings import Timings
+from msph.own_files import guard, replace, sealed
 from msph.scene import load_scene
 from msph.scene.library import find_scene, shipped_scenes
 from msph.scene.load import read_toml, to_toml
@@ -25,7 +26,7 @@ from msph.scene.water import layer_specs
 from msph.stage.benchmark import Played, Result, benchmark, play_benchmark, profile_lines
 from msph.stage.controls import KEYS
 from msph.stage.loop import run
-from msph.stage.measurer import CHECKPOINT, LEDGER, PROBES, SCENE, Measurer
+from msph.stage.measurer import CHECKPOINT, FILES, LEDGER, PROBES, SCENE, Measurer
 from msph.stage.preparation import prepare, say
 from msph.stage.recorder import NUMBER, Outputs, Recorder, check_outputs, make_writable
 from msph.stage.show import PLAYED
@@ -83,7 +84,19 @@ def play(scene, size, frames, overrides, arch, threads, quality) -> None:
 
 
 def capture(
-    scene, outputs, meshes, particles, resume, seconds, fps, size, overrides, arch, threads, quality
+    scene,
+    outputs,
+    meshes,
+    particles,
+    resume,
+    seconds,
+    fps,
+    size,
+    force,
+    overrides,
+    arch,
+    threads,
+    quality,
 ) -> None:
     """Records a scene into files."""
     loaded = load_scene(scene, overrides)
@@ -91,6 +104,7 @@ def capture(
     kinds = list(outputs or () if some else [Path("out") / f"{Path(scene).stem}.mp4"])
     files = Outputs(kinds, list(meshes), list(particles))
     check_outputs(files, fps)
+    guard(scene_beside(files), files.existing(), force)
     arch = start(arch, threads)
     loaded, quality = at(loaded, scene, quality, arch)
     record(loaded, quality, files, seconds or loaded.duration, fps, size, resume=resume)
@@ -147,7 +161,7 @@ def bench(
 
 
 def measure(
-    scene, folder, seconds, every, converge, resume, overrides, arch, threads, quality
+    scene, folder, seconds, every, converge, resume, force, overrides, arch, threads, quality
 ) -> None:
     """Writes a scene's ledger, probes, summary and plots into a folder, and prints how wrong it
     is."""
@@ -159,6 +173,7 @@ def measure(
     loaded = load_scene(scene, (*overrides, *options))
     folder = folder or Path("out") / Path(scene).stem
     make_writable(folder / SCENE)
+    guard(folder / SCENE, (folder / name for name in FILES), force)
     arch = start(arch, threads)
     loaded, quality = at(loaded, scene, quality, arch)
     if converge:
@@ -186,7 +201,7 @@ def measured(
         show = prepare(scene, scene.measure.every, timings=Timings())
         show.resume(Path(resume))
     measurer = Measurer(folder, scene, name, arch, since=since)
-    (folder / SCENE).write_text(to_toml(scene, f"quality {quality}"), encoding="utf-8")
+    replace(folder / SCENE, sealed(to_toml(scene, f"quality {quality}")))
     try:
         run(show or prepare(scene, scene.measure.every, timings=Timings()), measurer)
     except (Exception, KeyboardInterrupt) as error:
@@ -279,21 +294,28 @@ def record(
     """Runs a scene for the recorder; an interrupt ends the recording, not the files. quality: what
     the scene is at."""
     seen, meshes = size if outputs.pictures else None, bool(outputs.meshes)
+    beside = scene_beside(outputs)
     show = prepare(scene, 1.0 / fps, seen, meshes=meshes, density_every=math.inf)
     if resume:
         show.resume(Path(resume))
     still = None if still_time is None else max(1, round(still_time * fps))
-    recorder = Recorder(outputs, max(1, round(seconds * fps)), fps, still)
-    # Never the name of a scene that somebody wrote: .scene.toml is ours.
-    first = outputs.all()[0]
-    stem = NUMBER.sub("", first.stem).rstrip("_-") or "capture"
-    beside = first.with_name(stem + ".scene.toml")
-    beside.write_text(to_toml(scene, f"quality {quality}"), encoding="utf-8")
+    frames, first = max(1, round(seconds * fps)), round(show.simulation.time * fps)
+    recorder = Recorder(outputs, frames, fps, still, first=first)
+    replace(beside, sealed(to_toml(scene, f"quality {quality}")))
     try:
         run(show, recorder)
     except KeyboardInterrupt:
         say(f"stopped after {recorder.done} frames")
-    for warning in show.warnings():
-        say(f"warning: {warning}")
-    for path in [*outputs.all(), beside]:
-        click.echo(path)
+        raise
+    finally:
+        for warning in show.warnings():
+            say(f"warning: {warning}")
+        for path in [*recorder.kept(), beside]:
+            click.echo(path)
+
+
+def scene_beside(outputs: Outputs) -> Path:
+    """Where a recording's scene is written: beside the first output, named like it."""
+    first = outputs.all()[0]
+    stem = NUMBER.sub("", first.stem).rstrip("_-") or "capture"
+    return first.with_name(stem + ".scene.toml")

@@ -2,6 +2,7 @@
 
 from typing import Protocol
 
+from msph.interrupts import held_back
 from msph.stage.controls import Controls
 from msph.stage.show import Show
 
@@ -19,10 +20,13 @@ class Audience(Protocol):
 
 
 def run(show: Show, audience: Audience) -> None:
-    """Frames until the audience has had enough; it is closed whatever happens."""
-    try:
-        while audience.wants_more(show):
-            show.frame(audience.controls(show))
-            audience.see(show)
-    finally:
-        audience.close()
+    """Frames until the audience has had enough; it is closed whatever happens. Raises
+    InterruptedRun after the frame in which a signal asked for it."""
+    with held_back() as raise_if_asked:
+        try:
+            while audience.wants_more(show):
+                show.frame(audience.controls(show))
+                audience.see(show)
+                raise_if_asked()
+        finally:
+            audience.close()

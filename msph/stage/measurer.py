@@ -19,6 +19,7 @@ from msph.stage.show import Show
 
 LEDGER, PROBES, SUMMARY, SCENE = "ledger.csv", "probes.csv", "summary.json", "scene.toml"
 CHECKPOINT = "checkpoint.npz"
+FILES = (LEDGER, PROBES, SUMMARY, SCENE, CHECKPOINT)
 # Wall-clock time between checkpoints [s]: an interrupted run loses no more, and writing one takes
 # milliseconds.
 CHECKPOINT_GAP = 10.0
@@ -161,8 +162,7 @@ class Measurer:
                 self._save()
         self.result = result
         summary.write(self.folder / SUMMARY, result)
-        names = (LEDGER, PROBES, SUMMARY, SCENE, CHECKPOINT)
-        return [self.folder / name for name in names if (self.folder / name).exists()]
+        return [self.folder / name for name in FILES if (self.folder / name).exists()]
 
     def add(self, key: str, value: Any) -> None:
         """Adds to the summary what was found of the run later."""

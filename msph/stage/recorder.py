@@ -1,10 +1,14 @@
 """The recorder: pictures, video, meshes and checkpoints of a show, to files."""
 
+import contextlib
 import errno
+import glob
 import itertools
 import os
 import re
+import shutil
 import sys
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,7 +17,7 @@ import imageio.v2 as imageio
 import numpy as np
 from tqdm import tqdm
 
-from msph.errors import BadInputError
+from msph.errors import BadInputError, MsphError
 from msph.measure.table import column
 from msph.stage import vtu
 from msph.stage.controls import Controls
@@ -25,6 +29,15 @@ MESH = (".ply", ".obj", PARAVIEW)
 TABLE = (".npz", ".csv", PARAVIEW)
 # Encoder's constant quality, 0 to 10: water has fine detail that lower ones smear.
 VIDEO_QUALITY = 8
+# WebM holds no H.264. VP9 of about that quality, by its fast encoder: the usual one is slower than
+# the water.
+WEBM: dict[str, Any] = {
+    "codec": "libvpx-vp9",
+    "quality": None,
+    "output_params": ["-crf", "24", "-b:v", "0", "-deadline", "realtime", "-cpu-used", "5"],
+}
+# Room on a disk [bytes] below which an encoder that fails does so for want of it.
+FULL_DISK = 1 << 20
 # The place for a frame number in a name.
 NUMBER = re.compile(r"%0?[1-9]?d")
 # The shortest time that a frame of a GIF can last is two hundredths of a second.
@@ -33,6 +46,10 @@ GIF_FPS = 50.0
 
 class OutputError(BadInputError):
     """An output that cannot be written, in one line."""
+
+
+class LostOutputError(MsphError):
+    """An output that could not be written to its end, in one line."""
 
 
 @dataclass(frozen=True)
@@ -48,10 +65,19 @@ class Outputs:
     def all(self) -> list[Path]:
         return [*self.pictures, *self.meshes, *self.particles]
 
+    def existing(self) -> list[Path]:
+        """Files that a recording might write over."""
+        found: list[Path] = []
+        for path in self.all():
+            found += path.parent.glob(NUMBER.sub("[0-9]*", glob.escape(path.name)))
+        return found
+
 
 class Recorder:
     """Writes `frames` frames at `fps` to the outputs, a still of frame `still` or the last. The bar
-    shows the time to go."""
+    shows the time to go. first: number of the first frame in the names of files; a run that was
+    resumed goes on with them. Raises LostOutputError where a file cannot be written to its end.
+    """
 
     def __init__(
         self,
@@ -60,10 +86,12 @@ class Recorder:
         fps: float,
         still: int | None = None,
         bar: bool = True,
+        first: int = 0,
     ):
         self.frames, self.fps = frames, fps
         self.still = frames if still is None else min(still, frames)
-        self.done = 0
+        self.done, self.first = 0, first
+        self.outputs, self.lost = outputs, set[Path]()
         self.last: Any = None  # the picture last recorded, (height, width, 3) uint8
         self.videos = [p for p in outputs.pictures if p.suffix in (*VIDEO, ".gif")]
         self.stills = [p for p in outputs.pictures if p.suffix == ".png" and not numbered(p)]
@@ -84,38 +112,71 @@ class Recorder:
         if show.picture:
             self.last = show.picture.to_numpy_u8()
             for path, writer in zip(self.videos, self.writers or self._open(), strict=True):
-                writer.append_data(self._even() if path.suffix != ".gif" else self.last)
+                with self._writing(path):
+                    writer.append_data(self._even() if path.suffix != ".gif" else self.last)
             if self.done + 1 == self.still:
                 self._write_stills()
         for path in self.pictures:
-            imageio.imwrite(self._numbered(path), self.last)
+            with self._writing(path):
+                imageio.imwrite(self._numbered(path), self.last)
         for path in self.meshes:
-            write_mesh(self._numbered(path), show)
+            with self._writing(path):
+                write_mesh(self._numbered(path), show)
         for path in self.particles:
-            write_particles(self._numbered(path), show)
+            with self._writing(path):
+                write_particles(self._numbered(path), show)
         self.done += 1
         self.bar.update()
 
     def close(self) -> None:
         """Finishes every file, also after an interrupt: what was recorded can be played."""
         self.bar.close()
-        for writer in self.writers:
-            writer.close()
+        failures = []
+        for path, writer in zip(self.videos, self.writers, strict=False):
+            try:
+                with self._writing(path):
+                    writer.close()
+                    if path.suffix in VIDEO and path not in self.lost:
+                        check_video(path, self.done)
+            except LostOutputError as failure:
+                failures.append(failure)
         if self.last is not None and self.done < self.still:
             self._write_stills()
+        if failures:
+            raise failures[0]
+
+    def kept(self) -> list[Path]:
+        """Outputs that there are, whole as far as the run went."""
+        return [
+            path
+            for path in self.outputs.all()
+            if path not in self.lost and (self.done if numbered(path) else path.exists())
+        ]
+
+    @contextlib.contextmanager
+    def _writing(self, path: Path) -> Iterator[None]:
+        """What the system refuses of an output, as a LostOutputError."""
+        try:
+            yield
+        except OSError as error:
+            self.lost.add(path)
+            full = shutil.disk_usage(path.parent).free < FULL_DISK
+            problem = os.strerror(errno.ENOSPC) if full else str(error.strerror or error)
+            line = problem.strip().splitlines()[0]
+            raise LostOutputError(f"{path}: {line[0].lower()}{line[1:]}") from None
 
     def _write_stills(self) -> None:
         for path in self.stills:
-            imageio.imwrite(path, self.last)
+            with self._writing(path):
+                imageio.imwrite(path, self.last)
 
     def _open(self) -> list:
         for path in self.videos:
             if path.suffix == ".gif":
                 writer = imageio.get_writer(path, duration=self._gif_durations(), loop=0)
             else:
-                writer = imageio.get_writer(
-                    path, fps=self.fps, quality=VIDEO_QUALITY, macro_block_size=1
-                )
+                options = WEBM if path.suffix == ".webm" else {"quality": VIDEO_QUALITY}
+                writer = imageio.get_writer(path, fps=self.fps, macro_block_size=1, **options)
             self.writers.append(writer)
         return self.writers
 
@@ -131,7 +192,21 @@ class Recorder:
 
     def _numbered(self, path: Path) -> Path:
         """The file of this frame."""
-        return path.with_name(NUMBER.sub(lambda place: place[0] % self.done, path.name))
+        return path.with_name(
+            NUMBER.sub(lambda place: place[0] % (self.first + self.done), path.name)
+        )
+
+
+def check_video(path: Path, frames: int) -> None:
+    """Reads a video's frames back: encoders fail without a word. Raises LostOutputError."""
+    from imageio_ffmpeg import count_frames_and_secs
+
+    try:
+        found = count_frames_and_secs(str(path))[0]
+    except (RuntimeError, OSError, ValueError):
+        found = 0
+    if found < frames:
+        raise OSError(f"the encoder left {found} of {frames} frames")
 
 
 def numbered(path: Path) -> bool:

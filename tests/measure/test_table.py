@@ -1,10 +1,34 @@
 """Tables: names of columns, and going on with a table that there is."""
 
+import errno
+
 import numpy as np
 import pytest
 
 from msph.measure import entry
 from msph.measure.table import Table, TableError, column, read
+
+
+class HalfAWriter:
+    """csv.writer on a disk that fills."""
+
+    def __init__(self, file, **_):
+        self.file = file
+
+    def writerow(self, cells):
+        self.file.write(cells[0])
+        self.file.flush()
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+
+def test_a_disk_that_fills_leaves_whole_rows(tmp_path, monkeypatch):
+    table = Table(tmp_path / "t.csv", ["time [s]", "height [m]"])
+    table.write([0.0, 1.0])
+    whole = table.path.read_text()
+    monkeypatch.setattr("msph.measure.table.csv.writer", HalfAWriter)
+    with pytest.raises(TableError, match=r"t\.csv: no space left on device"):
+        table.write([0.5, 1.0])
+    assert table.path.read_text() == whole
 
 
 @pytest.mark.parametrize(

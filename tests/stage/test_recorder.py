@@ -1,5 +1,7 @@
 """Recordings: every kind of file, played back; interrupts; refusals."""
 
+import errno
+import signal
 import subprocess
 import sys
 import time
@@ -16,7 +18,14 @@ from msph.measure.host_kernels import wendland
 from msph.scene import load_scene
 from msph.stage import vtu
 from msph.stage.loop import run
-from msph.stage.recorder import OutputError, Outputs, Recorder, check_outputs
+from msph.stage.recorder import (
+    LostOutputError,
+    OutputError,
+    Outputs,
+    Recorder,
+    check_outputs,
+    check_video,
+)
 from msph.stage.show import Show
 from tests.scenes_kit import write
 
@@ -35,7 +44,7 @@ def recorded(show, tmp_path_factory):
     """Four frames to every kind of output at once."""
     folder = tmp_path_factory.mktemp("recorded")
     names = (
-        ["a.mp4", "a.gif", "last.png", "f_%04d.png"],
+        ["a.mp4", "a.webm", "a.gif", "last.png", "f_%04d.png"],
         ["m_%04d.ply", "m_%04d.obj", "m_%04d.vtu"],
         ["p_%04d.csv", "p_%04d.npz", "p_%04d.vtu"],
     )
@@ -45,13 +54,13 @@ def recorded(show, tmp_path_factory):
     return folder
 
 
-@pytest.mark.parametrize("name", ["a.mp4", "a.gif"])
+@pytest.mark.parametrize("name", ["a.mp4", "a.webm", "a.gif"])
 def test_video_plays_back_every_frame(recorded, name):
     reader = imageio.get_reader(recorded / name)
     frames = [frame for frame in reader.iter_data()]
     assert len(frames) == 4
     even = (SIZE[1] // 2 * 2, SIZE[0] // 2 * 2)
-    assert frames[0].shape[:2] == (even if name.endswith("mp4") else SIZE[::-1])
+    assert frames[0].shape[:2] == (SIZE[::-1] if name.endswith("gif") else even)
     assert frames[0].std() > 5.0
 
 
@@ -168,11 +177,35 @@ def test_gif_takes_the_time_that_it_shows(recorded):
     assert sum(times) == pytest.approx(1000.0 * 4 / FPS, abs=10.0)
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="sends an interrupt")
-def test_interrupt_leaves_a_playable_file(tmp_path):
-    import signal
+def test_a_video_that_its_encoder_left_unfinished_is_lost(recorded, tmp_path):
+    cut = tmp_path / "cut.mp4"
+    cut.write_bytes((recorded / "a.mp4").read_bytes()[:1000])
+    with pytest.raises(OSError, match="the encoder left 0 of 4 frames"):
+        check_video(cut, 4)
+    check_video(recorded / "a.mp4", 4)
 
-    target = tmp_path / "cut.mp4"
+
+def test_a_disk_that_fills_is_one_line_and_what_is_lost_is_not_told(show, tmp_path, monkeypatch):
+    video, still = tmp_path / "a.mp4", tmp_path / "s.png"
+    recorder = Recorder(Outputs([video, still]), 2, FPS, bar=False)
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("msph.stage.recorder.imageio.imwrite", full)
+    show.reset()
+    with pytest.raises(LostOutputError, match=r"s\.png: no space left on device"):
+        run(show, recorder)
+    assert recorder.kept() == [video]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="sends an interrupt")
+@pytest.mark.parametrize(
+    ("number", "name"), [(signal.SIGINT, "cut.mp4"), (signal.SIGTERM, "cut.gif")]
+)
+def test_a_signal_leaves_a_playable_file(tmp_path, number, name):
+    """An interrupt within a write killed the encoder; SIGTERM left nothing of a GIF."""
+    target = tmp_path / name
     command = [sys.executable, "-m", "msph", "capture", write(tmp_path), "-o", str(target)]
     command += ["--seconds", "1000", "--size", "160x90", "--arch", "cpu"]
     process = subprocess.Popen(
@@ -189,11 +222,11 @@ def test_interrupt_leaves_a_playable_file(tmp_path):
         while "frame/s" not in seen and time.monotonic() < deadline:
             seen += process.stderr.read(64)
         time.sleep(1.0)
-        process.send_signal(signal.SIGINT)
+        process.send_signal(number)
         rest = process.communicate(timeout=60)[1]
     finally:
         process.kill()
-    assert process.returncode == 0
-    assert "stopped after" in rest
+    assert process.returncode == 128 + number
+    assert "stopped after" in rest and "msph: interrupted" in rest
     assert sum(1 for _ in imageio.get_reader(target)) > 1
     assert (Path(tmp_path) / "cut.scene.toml").exists()

@@ -1,0 +1,33 @@
+"""Files of runs and files of others."""
+
+import pytest
+
+from msph.own_files import ForeignFileError, guard, replace, sealed, untouched
+
+
+def test_a_runs_scene_is_told_from_an_edited_one(tmp_path):
+    scene, output = tmp_path / "a.scene.toml", tmp_path / "a.mp4"
+    guard(scene, [output], force=False)
+    replace(scene, sealed("seed = 1\n"))
+    output.write_text("frames")
+    assert untouched(scene) and not untouched(output)
+    guard(scene, [output], force=False)
+    scene.write_text(scene.read_text().replace("1", "2"))
+    with pytest.raises(ForeignFileError, match=r"a\.scene\.toml: was not written by a run"):
+        guard(scene, [output], force=False)
+    guard(scene, [output], force=True)
+
+
+def test_an_output_without_a_runs_scene_is_somebodys(tmp_path):
+    output = tmp_path / "a.mp4"
+    output.write_text("a holiday")
+    with pytest.raises(ForeignFileError, match=r"a\.mp4: was not written"):
+        guard(tmp_path / "a.scene.toml", [output], force=False)
+
+
+def test_a_write_that_fails_leaves_what_there_was(tmp_path):
+    path = tmp_path / "a.json"
+    replace(path, "old")
+    with pytest.raises(UnicodeEncodeError):
+        replace(path, "new \ud800")
+    assert path.read_text() == "old"
