@@ -21,7 +21,7 @@ from bench.report import RESULTS, heading
 from msph.device import ARCHES, start
 from msph.fluid.external_forces import ExternalForces
 from msph.measure.ledger import Ledger
-from msph.measure.probes import PressureProbe, Snapshot
+from msph.measure.snapshot import Snapshot
 from msph.scene.schema import Scene
 
 # Still water: edge of a square box, depth, finest spacing [m]; layers of each water.
@@ -53,7 +53,6 @@ def sphere(n: int) -> np.ndarray:
 def settle(sim: Any, points: np.ndarray, seconds: float) -> tuple[np.ndarray, np.ndarray, Ledger]:
     """Mean pressures [Pa] at points (n, 3) and force on the bodies [N] of the time after the
     water has settled, and the ledger of it all."""
-    probes = [PressureProbe("p", (x, y, z)) for x, y, z in points.tolist()]
     ledger, readings = Ledger(sim, density_every=math.inf), []
     gravity, frames = (0.0, -tanks.GRAVITY, 0.0), round(seconds / tanks.FRAME)
     settled = round(SETTLING * frames)
@@ -62,8 +61,7 @@ def settle(sim: Any, points: np.ndarray, seconds: float) -> tuple[np.ndarray, np
         sim.advance(tanks.FRAME, ExternalForces(gravity))
         ledger.record(gravity)
         if frame > settled and frame % 6 == 0:
-            water = Snapshot.of(sim)
-            readings.append([probe.read(water) for probe in probes])
+            readings.append(Snapshot.of(sim).pressures(points) if len(points) else [])
     first, last = ledger.entries[settled], ledger.entries[-1]
     force = (first.body_impulse - last.body_impulse) / (last.time - first.time)
     return np.mean(readings, axis=0), force, ledger

@@ -19,6 +19,8 @@ import matplotlib.pyplot as plt
 
 # Errors below are drawn there: what is left is rounding.
 LEAST = 1e-7
+# Errors asked of the recommended settings (-).
+ASKED = (0.1, 0.03, 0.01, 0.003)
 # How waters are drawn: colours that the colour-blind tell apart (Okabe and Ito 2008), and markers.
 STYLES = {
     ("projection", UNIFORM): ("#0072B2", "o", "uniform"),
@@ -167,6 +169,29 @@ def orders(rows: list[dict], case: Case) -> list[dict[str, str]]:
     return found
 
 
+def recommended(rows: list[dict]) -> list[dict[str, str]]:
+    """A line for each case and each error asked: the cheapest run that keeps it."""
+    lines = []
+    for case in CASES.values():
+        for asked in ASKED:
+            good = [r for r in drawn(rows, case) if number(r, case.main) <= asked]
+            if good:
+                best = min(good, key=lambda r: number(r, "wall_per_simulated"))
+                error = shown("error", number(best, case.main))
+                lines.append(
+                    {
+                        "case": case.title,
+                        "asked": f"{case.main.replace('_', ' ')} within {100.0 * asked:g} %",
+                        "cheapest": f"{best['method']}, {best['water']}",
+                        "fineness": best["fineness"],
+                        "changed": changes(best),
+                        "error": error,
+                        "s per s": shown("wall_per_simulated", number(best, "wall_per_simulated")),
+                    }
+                )
+    return lines
+
+
 def self_convergence(rows: list[dict], case: Case) -> list[dict[str, str]]:
     """Differences of the case's values from those of the finest uniform run, and their order."""
     own = [
@@ -211,7 +236,12 @@ def table(rows: list[dict], case: Case) -> str:
         if row.get("failure"):
             cells["changed"] += f" failed: {row['failure']}"
         lines.append(cells)
-    return tabulate(lines, headers="keys", tablefmt="github", disable_numparse=True)
+    return lines_of(lines)
+
+
+def lines_of(rows: list[dict[str, str]]) -> str:
+    """As a table in Markdown."""
+    return tabulate(rows, headers="keys", tablefmt="github", disable_numparse=True)
 
 
 def order(row: dict) -> tuple[bool, float]:
@@ -243,6 +273,7 @@ def report(rows: list[dict], folder: Path = RESULTS) -> None:
         "nearer, by the case's first error. Every row is one run.\n",
     ]
     figures(rows, folder)
+    text += ["## The cheapest run at an error\n", f"{lines_of(recommended(rows))}\n"]
     for case in CASES.values():
         own = [row for row in rows if row["case"] == case.name]
         if not own:

@@ -8,7 +8,8 @@ import numpy as np
 
 from bench import tanks
 from bench.cases.case import Case, Run, Setting, begin, scene
-from msph.measure.probes import FrontProbe, HeightProbe, Snapshot
+from msph.measure.probes import FrontProbe, HeightProbe
+from msph.measure.snapshot import Snapshot
 from msph.scene.library import assets
 
 # The column's width a [m], and the tank: 5 a long, 2.5 a high, two thirds of a wide.
@@ -42,8 +43,8 @@ def measure(setting: Setting) -> tuple[Run, dict[str, float]]:
     def read() -> None:
         water = Snapshot.of(sim)
         times.append(sim.time)
-        fronts.append(max(fronts[-1], front.read(water)))
-        heights.append(height.read(water))
+        fronts.append(front.read(water)[0])
+        heights.append(height.read(water)[0])
         energies.append(run.energy())
         centres.append(run.centre())
 

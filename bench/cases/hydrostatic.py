@@ -34,7 +34,7 @@ CASE = Case(
         "height": "height of the centre of mass against H/2, over H/2",
         "energy_rise": "largest rise of the energy in 1 s, over that of the water above the floor",
     },
-    (8, 12, 20, 32),
+    (8, 12, 20, 32, 56),
     measure,
     summary=True,
 )

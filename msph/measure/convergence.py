@@ -18,6 +18,8 @@ from pathlib import Path
 import numpy as np
 from tabulate import tabulate
 
+from msph.measure.table import parts
+
 # Ratio of the spacings of successive runs: Celik et al. ask for 1.3 at least; a coarser run costs
 # a quarter of the next finer.
 RATIO = math.sqrt(2.0)
@@ -111,6 +113,11 @@ def _order(h: np.ndarray, phi: np.ndarray) -> float:
     return float(found.x)
 
 
+def _mean(values: np.ndarray) -> float:
+    """Of what is known; NaN where nothing is."""
+    return float(np.nanmean(values)) if np.isfinite(values).any() else math.nan
+
+
 def compare(ledgers: list[dict], probes: list[dict], spacing: float) -> list[Row]:
     """Rows for tables of runs from coarse to fine (see table.read); spacing [m]: the finest.
 
@@ -128,8 +135,8 @@ def compare(ledgers: list[dict], probes: list[dict], spacing: float) -> list[Row
     rows.append(_row("kinetic_mean", "J", [t["kinetic_J"].mean() for t in ledgers]))
     rows.append(_row("energy_lost", "J", [_lost(t) for t in ledgers]))
     for name in (n for n in probes[-1] if n != "time_s"):
-        means = [np.nanmean(t[name]) if name in t else math.nan for t in probes]
-        head, _, unit = name.rpartition("_")
+        means = [_mean(t[name]) if name in t else math.nan for t in probes]
+        head, unit = parts(name)
         rows.append(_row(f"{head}_mean", unit, means))
     n = min(map(len, paths))
     steps = [

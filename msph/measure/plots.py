@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from msph.errors import BadInputError
-from msph.measure.table import read
+from msph.measure.table import parts, read
 
 # Inches of a panel, and pixels per inch.
 WIDTH, HEIGHT, DPI = 8.0, 2.2, 110
@@ -49,7 +49,14 @@ PANELS: tuple[tuple[str, dict[str, str]], ...] = (
     ("top speed [m/s]", {"top_speed_m_per_s": "fastest particle"}),
 )
 # In words on the axes of probes.png.
-UNITS = {"Pa": "pressure [Pa]", "m": "place [m]"}
+WORDS = {
+    "Pa": "pressure [Pa]",
+    "m": "place [m]",
+    "m_per_s": "velocity [m/s]",
+    "m3_per_s": "flux [m^3/s]",
+    "N": "force [N]",
+    "N_m": "torque [N m]",
+}
 
 
 class PlotError(BadInputError):
@@ -101,8 +108,8 @@ def _probe_panels(table: dict[str, np.ndarray]) -> list[Panel]:
     """A panel for each unit."""
     panels: dict[str, dict] = {}
     for column in (name for name in table if name != "time_s"):
-        name, _, unit = column.rpartition("_")
-        curves = panels.setdefault(UNITS.get(unit, unit), {})
+        name, unit = parts(column)
+        curves = panels.setdefault(WORDS[unit], {})
         curves[name] = table["time_s"], table[column]
     return list(panels.items())
 
@@ -124,7 +131,7 @@ def _draw(path: Path, title: str, panels: list[Panel]) -> None:
         axis.set_ylabel(label, fontsize=8)
         axis.tick_params(labelsize=8)
         axis.grid(alpha=0.3)
-        if len(curves) > 1 or label in UNITS.values():
+        if len(curves) > 1 or label in WORDS.values():
             axis.legend(fontsize=7, loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
     axes[-1].set_xlabel("time [s]", fontsize=8)
     figure.savefig(path)

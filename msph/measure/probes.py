@@ -1,157 +1,126 @@
-"""Probes: pressure at a point, water height over a point of the floor, position of a front.
+"""Probes: instruments that read a Snapshot of the water, a number or three each.
 
-A probe reads a Snapshot of the water. It looks at the few particles near it, on the host: no time
-step waits for it, and nothing is compiled or allocated for it.
+NaN, an empty cell of the table, is what a probe reads where there is no water: in air, inside of a
+body, over a dry floor; and of pressures before the first step.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from abc import ABC, abstractmethod
+from collections import deque
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from msph.fluid.simulation import Simulation
-from msph.measure.host_kernels import coverage, mirrored, wendland
+from msph.measure.snapshot import SURFACE, Snapshot
 from msph.scene.schema import Scene
 
-# Coverage at which water ends, over the share of the kernel that bodies leave: half of the kernel's
-# ball is water there, images included.
-SURFACE = 0.5
-# Points of a lattice along the diameter of a kernel's ball by which that share is found: to 1 %.
-ACROSS = 11
-# Depth in a body, in spacings, from which on a place is none for water; a mesh is sampled, and what
-# lies on its faces should be read.
-BURIED = 0.1
-# Radius of the pressure fit, in supports h_j. At a wall half of the ball is empty, in a corner
-# seven eighths: with h alone four particles would be left there for four unknowns.
-FIT_RADIUS = 1.5
-# Weight of "no slope" in the fit, in squared radii: bounds a slope across which the particles tell
-# nothing, as in a sheet of one layer. It costs .4 % of rho g d at a wall.
-RIDGE = 1e-4
 # Height is sought in steps of this many finest spacings.
 HEIGHT_STEP = 0.1
 AXES = {"x": 0, "y": 1, "z": 2}
 
 
-@dataclass(frozen=True)
-class Snapshot:
-    """Particles at one time, host arrays of length n: x (n, 3) [m], pressure [Pa] or None while no
-    solver has run, spacing and support [m]; size (3,) [m] of the box; free(points, margin) tells
-    which points (p, 3) [m] are `margin` [m] outside of all bodies, if there are `bodies`."""
+class Probe(ABC):
+    """An instrument with a name."""
 
-    x: np.ndarray
-    pressure: np.ndarray | None
-    spacing: np.ndarray
-    support: np.ndarray
-    size: tuple[float, float, float]
-    free: Callable[[np.ndarray, float], np.ndarray]
-    bodies: bool = False
+    name: str
 
-    @classmethod
-    def of(cls, simulation: Simulation) -> "Snapshot":
-        p, specs = simulation.particles, simulation.layers.specs
-        layer = p.numpy("layer")
-        return cls(
-            p.numpy("x").astype(float),
-            p.numpy("pressure").astype(float) if simulation.steps else None,
-            np.array([s.spacing for s in specs])[layer],
-            np.array([s.support for s in specs])[layer],
-            simulation.size,
-            simulation.boundary.free,
-            simulation.boundary.count > 0,
-        )
+    @property
+    @abstractmethod
+    def heads(self) -> list[str]:
+        """ "name [unit]" of each number that read() gives."""
 
-    def coverage(self, points: np.ndarray, close: np.ndarray, widen: float = 1.0) -> np.ndarray:
-        """c (p,) at points (p, 3) [m] by those particles that are `close`, (n,) bool, and their
-        images, with kernels of radius widen * h_j; over the share of the kernel outside of bodies,
-        and 0 inside of them."""
-        reach = widen * self.support[close]
-        x, which = mirrored(self.x[close], self.size, reach.max(initial=0.0))
-        c = coverage(points, x, self.spacing[close][which] ** 3, reach[which])
-        if self.bodies and close.any():
-            nearest = np.linalg.norm(points[:, None] - self.x[close], axis=2).argmin(axis=1)
-            depth = BURIED * self.spacing[close].min()
-            room = np.maximum(self._room(points, reach[nearest]), 1.0 / ACROSS**3)
-            c = np.where(self.free(points, -depth), c / room, 0.0)
-        return c
+    @abstractmethod
+    def read(self, water: Snapshot) -> list[float]:
+        """In SI units, NaN for what is not known."""
 
-    def _room(self, points: np.ndarray, reach: np.ndarray) -> np.ndarray:
-        """Share (p,) of kernels of radius reach (p,) [m] round points (p, 3) [m] that lies outside
-        of bodies, what is behind walls being a mirror's image."""
-        axis = (np.arange(ACROSS) + 0.5) / ACROSS * 2.0 - 1.0
-        ball = np.stack(np.meshgrid(axis, axis, axis), axis=-1).reshape(-1, 3)
-        weight = wendland(np.linalg.norm(ball, axis=1), 1.0)
-        ball, weight = ball[weight > 0.0], weight[weight > 0.0]
-        size = np.array(self.size)
-        places = np.abs(points[:, None] + reach[:, None, None] * ball)
-        places = size - np.abs(size - places)
-        outside = self.free(places.reshape(-1, 3), 0.0).reshape(len(points), -1)
-        return (weight * outside).sum(axis=1) / weight.sum()
+    def go_on(self, last: list[float]) -> None:  # noqa: B027 -- most have nothing to take up
+        """Takes up from what it read last: a run is resumed."""
 
 
-@dataclass(frozen=True)
-class PressureProbe:
-    """Pressure [Pa] at `point` [m], in the water or on a wall or a body; 0 in air and inside of
-    bodies, NaN before the first step.
+@dataclass
+class PressureProbe(Probe):
+    """Pressure [Pa] at the point lo [m], in the water or on a wall or a body; or if hi is another,
+    its mean over the rectangle between, a sensor's face, of which dry parts bear none.
 
-    Moving least squares of first order: the plane that fits best the pressures around, each weighed
-    by V_j W(r_j, 1.5 h_j) (Lancaster & Salkauskas 1981). Exact for linear fields whatever the
-    particles' places, so a wall reads the hydrostatic pressure of the wall and not of the first
-    layer of particles, half a spacing off.
+    window [s]: of the sensor's sampling, the mean of the readings within which is read. A front
+    that meets a wall is pressed for single steps, many times as hard as for long; impulses tell.
     """
 
     name: str
-    point: tuple[float, float, float]
-    unit = "Pa"
+    lo: tuple[float, float, float]
+    hi: tuple[float, float, float] | None = None
+    window: float = 0.0
+    past: deque[tuple[float, float]] = field(default_factory=deque)
 
-    def read(self, water: Snapshot) -> float:
+    @property
+    def heads(self) -> list[str]:
+        return [f"{self.name} [Pa]"]
+
+    def read(self, water: Snapshot) -> list[float]:
         if water.pressure is None:
-            return float("nan")
-        point = np.array(self.point)
-        distance, reach = np.linalg.norm(water.x - point, axis=1), FIT_RADIUS * water.support
-        close = distance < reach
-        if water.coverage(point[None], close, FIT_RADIUS)[0] < SURFACE:
-            return 0.0
-        h = reach[close]
-        weight = water.spacing[close] ** 3 * wendland(distance[close], h)
-        scale = h.max()
-        basis = np.column_stack([np.ones(len(h)), (water.x[close] - point) / scale])
-        moments = basis.T @ (weight[:, None] * basis)
-        moments[range(1, 4), range(1, 4)] += RIDGE * weight.sum()
-        fit = np.linalg.solve(moments, basis.T @ (weight * water.pressure[close]))
-        return float(fit[0])
+            return [np.nan]
+        lo = np.array(self.lo)
+        if self.hi is None:
+            now = float(water.at(lo, "pressure"))
+        else:
+            points, _ = lattice(lo, np.array(self.hi), water.spacing.min())
+            wet, pressures = water.wetted(points, "pressure")
+            now = float((wet * pressures).mean()) if wet.any() else np.nan
+        self.past.append((water.time, now))
+        while self.past[0][0] <= water.time - self.window and len(self.past) > 1:
+            self.past.popleft()
+        known = [p for _, p in self.past if np.isfinite(p)]
+        return [float(np.mean(known)) if known else np.nan]
 
 
-@dataclass(frozen=True)
-class HeightProbe:
+@dataclass
+class VelocityProbe(Probe):
+    """Velocity [m/s] of the water at `point` [m]."""
+
+    name: str
+    point: tuple[float, float, float]
+
+    @property
+    def heads(self) -> list[str]:
+        return [f"{self.name}_{k} [m/s]" for k in "xyz"]
+
+    def read(self, water: Snapshot) -> list[float]:
+        return water.at(np.array(self.point), "v").tolist()
+
+
+@dataclass
+class HeightProbe(Probe):
     """Height [m] of the water over the floor at `at` (x, z) [m]: the highest place where coverage
-    falls through one half; 0 where there is no water. A lone particle in the open never covers a
-    half."""
+    falls through one half. A lone particle in the open never covers a half."""
 
     name: str
     at: tuple[float, float]
-    unit = "m"
 
-    def read(self, water: Snapshot) -> float:
+    @property
+    def heads(self) -> list[str]:
+        return [f"{self.name} [m]"]
+
+    def read(self, water: Snapshot) -> list[float]:
         x, z = self.at
         close = np.hypot(water.x[:, 0] - x, water.x[:, 2] - z) < water.support
         if not close.any():
-            return 0.0
+            return [np.nan]
         step = HEIGHT_STEP * water.spacing[close].min()
         top = min((water.x[:, 1] + water.support)[close].max(), water.size[1])
         y = np.linspace(0.0, top, int(np.ceil(top / step)) + 1)
         c = water.coverage(np.stack([np.full_like(y, x), y, np.full_like(y, z)], axis=1), close)
         wet = np.flatnonzero(c >= SURFACE)
         if len(wet) == 0:
-            return 0.0
+            return [np.nan]
         k = wet[-1]
         if k == len(y) - 1:
-            return float(top)
-        return float(y[k] + (y[k + 1] - y[k]) * (c[k] - SURFACE) / (c[k] - c[k + 1]))
+            return [float(top)]
+        return [float(y[k] + (y[k + 1] - y[k]) * (c[k] - SURFACE) / (c[k] - c[k + 1]))]
 
 
-@dataclass(frozen=True)
-class FrontProbe:
-    """Farthest coordinate [m] of the bulk of the water along `axis`, such as "+x" or "-z".
+@dataclass
+class FrontProbe(Probe):
+    """Farthest coordinate [m] that the bulk of the water has reached along `axis`, such as "+x" or
+    "-z". It does not step back: where a tongue breaks off, the bulk ends behind for some frames.
 
     The bulk is the largest connected body: cells of the coarsest spacing that hold particles and
     touch, also at corners. Spray that flies ahead of it with air between does not count, a sheet of
@@ -160,9 +129,13 @@ class FrontProbe:
 
     name: str
     axis: str
-    unit = "m"
+    reached: float = np.nan
 
-    def read(self, water: Snapshot) -> float:
+    @property
+    def heads(self) -> list[str]:
+        return [f"{self.name} [m]"]
+
+    def read(self, water: Snapshot) -> list[float]:
         edge = water.spacing.max()
         cell = np.clip(water.x, 0.0, water.size) // edge
         cell = tuple(cell.astype(int).T)
@@ -176,21 +149,44 @@ class FrontProbe:
         largest = np.bincount(body, weights=water.spacing**3).argmax()
         bulk, k = body == largest, AXES[self.axis[1]]
         sign = 1.0 if self.axis[0] == "+" else -1.0
-        farthest = (sign * water.x[bulk, k] + 0.5 * water.spacing[bulk]).max()
-        return float(np.clip(sign * farthest, 0.0, water.size[k])) + 0.0  # no minus zero
+        farthest = sign * (sign * water.x[bulk, k] + 0.5 * water.spacing[bulk]).max()
+        now = float(np.clip(farthest, 0.0, water.size[k])) + 0.0  # no minus zero
+        ahead = np.fmax if sign > 0.0 else np.fmin
+        self.reached = float(ahead(self.reached, now))
+        return [self.reached]
+
+    def go_on(self, last: list[float]) -> None:
+        (self.reached,) = last
 
 
-Probe = PressureProbe | HeightProbe | FrontProbe
+def lattice(lo: np.ndarray, hi: np.ndarray, spacing: float) -> tuple[np.ndarray, float]:
+    """Middles (p, 3) [m] of the cells, at most `spacing` [m] wide, of the rectangle from lo to hi
+    [m], and a cell's area [m^2]; a point where they are the same."""
+    edges = hi - lo
+    counts = np.maximum(1, np.ceil(edges / spacing - 1e-6)).astype(int)
+    axes = [a + (np.arange(n) + 0.5) * e / n for a, e, n in zip(lo, edges, counts, strict=True)]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    return points, float(np.prod(edges[edges > 0.0])) / len(points)
 
 
 def build_probes(scene: Scene) -> list[Probe]:
     """The scene's probes, in its order; the scene must have been checked."""
+    from msph.measure.face_probes import FluxProbe, ForceProbe
+
     built: list[Probe] = []
     for p in scene.probes:
-        if p.point is not None:
-            built.append(PressureProbe(p.name, p.point))
-        elif p.at is not None:
+        if p.kind == "pressure":
+            lo = p.point if p.lo is None else p.lo
+            assert lo is not None
+            built.append(PressureProbe(p.name, lo, p.hi, p.window))
+        elif p.kind == "velocity" and p.point is not None:
+            built.append(VelocityProbe(p.name, p.point))
+        elif p.kind == "height" and p.at is not None:
             built.append(HeightProbe(p.name, p.at))
-        elif p.axis is not None:
+        elif p.kind == "front" and p.axis is not None:
             built.append(FrontProbe(p.name, p.axis))
+        elif p.kind == "flux" and p.lo is not None and p.hi is not None:
+            built.append(FluxProbe(p.name, p.lo, p.hi))
+        elif p.kind == "force" and p.body is not None:
+            built.append(ForceProbe.of(p.name, scene, p.body))
     return built

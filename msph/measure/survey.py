@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from msph.measure.probes import Snapshot
+from msph.measure.snapshot import Snapshot
 
 if TYPE_CHECKING:
     from msph.measure.bulk import BulkDensity

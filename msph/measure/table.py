@@ -13,6 +13,8 @@ from msph.errors import BadInputError
 
 # Times of rows and checkpoints differ by less [s]: digits of a table.
 ROUNDING = 1e-6
+# Units of probes, as column() writes them.
+UNITS = ("Pa", "m", "m_per_s", "m3_per_s", "N", "N_m")
 
 
 def column(head: str) -> str:
@@ -26,6 +28,12 @@ def column(head: str) -> str:
         return name
     parts = re.sub(r"^1/", "per_", unit).replace("/", "_per_").replace("^", "").replace(" ", "_")
     return f"{name}_{parts}"
+
+
+def parts(name: str) -> tuple[str, str]:
+    """A probe's column as name and unit, the longest of UNITS that it ends in."""
+    unit = max((u for u in UNITS if name.endswith(f"_{u}")), key=len)
+    return name.removesuffix(f"_{unit}"), unit
 
 
 def read(path: Path) -> dict[str, np.ndarray]:

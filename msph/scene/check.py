@@ -191,30 +191,52 @@ def cautions(scene: Scene) -> list[str]:
     ]
 
 
-# The key that says where a probe of each kind is.
-_PROBE_KEYS = {"pressure": "point", "height": "at", "front": "axis"}
+# The keys that say where a probe of each kind is, one tuple of them or another.
+_PROBE_KEYS: dict[str, tuple[tuple[str, ...], ...]] = {
+    "pressure": (("point",), ("lo", "hi")),
+    "velocity": (("point",),),
+    "height": (("at",),),
+    "front": (("axis",),),
+    "flux": (("lo", "hi"),),
+    "force": (("body",),),
+}
 
 
 def _check_probe(scene: Scene, probe: Probe, where: str, key: str) -> None:
-    needed = _PROBE_KEYS[probe.kind]
-    if getattr(probe, needed) is None:
-        raise SceneError(where, f"a probe of {probe.kind} needs {needed}", key)
-    for other in _PROBE_KEYS.values():
-        if other != needed and getattr(probe, other) is not None:
+    choices = _PROBE_KEYS[probe.kind]
+    every = dict.fromkeys(k for sets in _PROBE_KEYS.values() for keys in sets for k in keys)
+    given = tuple(name for name in every if getattr(probe, name) is not None)
+    needed = " or ".join(" and ".join(names) for names in choices)
+    for name in given:
+        if not any(name in names for names in choices):
             problem = f"belongs to another kind of probe than {probe.kind}, which has {needed}"
-            raise SceneError(where, problem, f"{key}.{other}")
+            raise SceneError(where, problem, f"{key}.{name}")
+    if given not in choices:
+        raise SceneError(where, f"a probe of {probe.kind} needs {needed}", key)
+    if probe.window and probe.kind != "pressure":
+        raise SceneError(where, "only probes of pressure have one", f"{key}.window")
     size = np.array(scene.box.size)
-    place, room = {
-        "pressure": (probe.point, size),
-        "height": (probe.at, size[[0, 2]]),
-        "front": ((), size[:0]),
-    }[probe.kind]
-    if np.any(np.array(place) < -TOLERANCE) or np.any(np.array(place) > room + TOLERANCE):
-        raise SceneError(
-            where,
-            f"{_point(place)} m lies outside the box of {_point(size)} m",
-            f"{key}.{needed}",
-        )
+    rooms = {"point": size, "lo": size, "hi": size, "at": size[[0, 2]]}
+    for name in given:
+        place, room = getattr(probe, name), rooms.get(name)
+        if room is not None and (
+            np.any(np.array(place) < -TOLERANCE) or np.any(np.array(place) > room + TOLERANCE)
+        ):
+            problem = f"{_point(place)} m lies outside the box of {_point(size)} m"
+            raise SceneError(where, problem, f"{key}.{name}")
+    if probe.lo is not None and probe.hi is not None:
+        edges = np.array(probe.hi) - np.array(probe.lo)
+        if sorted(np.sign(edges)) != [0.0, 1.0, 1.0]:
+            problem = "must equal lo on one axis and exceed it on the others: a rectangle"
+            raise SceneError(where, problem, f"{key}.hi")
+    if probe.body is not None:
+        bodies = {f"obstacles.{i}" for i in range(len(scene.obstacles))}
+        bodies |= {"container"} if scene.container else set()
+        if probe.body not in bodies:
+            known = ", ".join(sorted(bodies)) or "none"
+            raise SceneError(
+                where, f"{probe.body} is no body of the scene; known: {known}", f"{key}.body"
+            )
 
 
 def _overlap(a: Water, b: Water) -> bool:

@@ -18,21 +18,23 @@ from msph.scene.water import layer_specs, settled_count
 class Quality:
     """One step of the ladder.
 
-    spacing (-): factor of all spacings. motion_tolerance (-): share of the motion that the pressure
-    solve may leave, where the scene gives none.
+    spacing (-): factor of all spacings. Where the scene gives none, motion_tolerance (-): share of
+    the motion that the pressure solve may leave; cfl (-): spacings that it may go in a step.
     """
 
     spacing: float
-    motion_tolerance: float
+    motion_tolerance: float = 0.01
+    cfl: float = 0.5
 
 
 # From coarse to fine, each with half the volume per particle of the one before; "large" is what
-# scenes say. Narrower supports cost more at equal error (bench/results/quality_settings.md).
+# scenes say. Looser tolerances and longer steps are undominated in bench/results/pareto.md, while
+# narrower supports cost more at equal error (bench/results/quality_settings.md).
 LADDER = {
-    "small": Quality(2.0 ** (2.0 / 3.0), 0.03),
-    "medium": Quality(2.0 ** (1.0 / 3.0), 0.03),
-    "large": Quality(1.0, 0.01),
-    "finest": Quality(2.0 ** (-1.0 / 3.0), 0.01),
+    "small": Quality(2.0 ** (2.0 / 3.0), 0.03, 0.8),
+    "medium": Quality(2.0 ** (1.0 / 3.0), 0.03, 0.8),
+    "large": Quality(1.0),
+    "finest": Quality(2.0 ** (-1.0 / 3.0)),
 }
 # What a scene is if nobody asks for anything, and what asks for the machine's own choice.
 AS_GIVEN, AUTO = "large", "auto"
@@ -69,9 +71,10 @@ def scaled(scene: Scene, quality: Quality) -> Scene:
         )
         for layer in scene.layers
     ]
-    projection = scene.projection
-    if "motion_tolerance" not in projection.model_fields_set:
-        projection = projection.model_copy(update={"motion_tolerance": quality.motion_tolerance})
+    given = scene.projection.model_fields_set
+    wanted = {"motion_tolerance": quality.motion_tolerance, "cfl": quality.cfl}
+    update = {name: value for name, value in wanted.items() if name not in given}
+    projection = scene.projection.model_copy(update=update)
     return scene.model_copy(update={"layers": layers, "projection": projection})
 
 
@@ -94,8 +97,11 @@ def coarser(scene: Scene, factors: list[float], where: str) -> list[tuple[float,
     why = fixed(scene)
     if why:
         raise SceneError(where, f"its spacings cannot change: {why}", "--converge")
-    tolerance = scene.projection.motion_tolerance
-    found = [(factor, scaled(scene, Quality(factor, tolerance))) for factor in factors]
+    own = scene.projection
+    found = [
+        (factor, scaled(scene, Quality(factor, own.motion_tolerance, own.cfl)))
+        for factor in factors
+    ]
     for factor, each in found:
         check(each, f"{where} with {factor:.2f} times its spacings")
     return found

@@ -218,9 +218,23 @@ class Probe(Section):
     name: str = parameter(
         pattern=r"^[A-Za-z0-9_.-]+$", text="letters, digits, _ . -: its column in probes.csv"
     )
-    kind: Literal["pressure", "height", "front"] = parameter(text="what it reads")
+    kind: Literal["pressure", "velocity", "height", "front", "flux", "force"] = parameter(
+        text="what it reads"
+    )
     point: Vector | None = parameter(
-        None, unit="m", text="pressure: where, in the water or on a wall"
+        None, unit="m", text="pressure, velocity: where, in the water or on a wall"
+    )
+    lo: Vector | None = parameter(
+        None, unit="m", text="flux, mean pressure: corner of a rectangle across one axis"
+    )
+    hi: Vector | None = parameter(None, unit="m", text="the opposite corner")
+    window: float = parameter(
+        0.0, ge=0.0, le=10.0, unit="s", text="pressure: time over which readings are averaged"
+    )
+    body: str | None = parameter(
+        None,
+        pattern=r"^(container|obstacles\.[0-9]+)$",
+        text="force: on which body, such as obstacles.0, and its torque",
     )
     at: Place | None = parameter(None, unit="m", text="height: x and z of the column of water")
     axis: Literal["+x", "-x", "+y", "-y", "+z", "-z"] | None = parameter(

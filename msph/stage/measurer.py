@@ -10,7 +10,8 @@ from tqdm import tqdm
 
 from msph.measure import account, entry, past, summary
 from msph.measure.entry import Entry
-from msph.measure.probes import Snapshot, build_probes
+from msph.measure.probes import build_probes
+from msph.measure.snapshot import Snapshot
 from msph.measure.survey import COLUMNS, Survey, survey
 from msph.measure.table import ROUNDING, Table
 from msph.scene.schema import Scene
@@ -63,8 +64,12 @@ class Measurer:
         self.result: dict[str, Any] = {}
         heads = entry.columns() + (COLUMNS if self.gap else [])
         self.ledger = Table(folder / LEDGER, heads, since)
-        heads = ["time [s]", *(f"{p.name} [{p.unit}]" for p in self.probes)]
+        heads = ["time [s]", *(head for p in self.probes for head in p.heads)]
         self.readings = Table(folder / PROBES, heads, since)
+        if len(self.readings.kept):
+            last = self.readings.kept[-1][1:].tolist()
+            for probe in self.probes:
+                probe.go_on([last.pop(0) for _ in probe.heads])
         self.bar = tqdm(
             total=self.frames,
             initial=self.done,
@@ -121,8 +126,7 @@ class Measurer:
             row += [float("nan")] * len(COLUMNS)
         self.ledger.write(row)
         if water:
-            readings = [probe.read(water) for probe in self.probes]
-            self.readings.write([last.time, *readings])
+            self.readings.write([last.time, *(n for p in self.probes for n in p.read(water))])
         else:
             self.readings.write([last.time])
 

@@ -10,7 +10,8 @@ from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.projection.solver import Projection
 from msph.fluid.simulation import Simulation
-from msph.measure.probes import FrontProbe, Snapshot
+from msph.measure.probes import FrontProbe
+from msph.measure.snapshot import Snapshot
 from msph.scene.library import assets
 
 G = 9.81
@@ -124,7 +125,7 @@ def dam():
     probe, found = FrontProbe("", "+x"), [(0.0, 1.0)]
     while found[-1][0] < 3.4:
         sim.advance(0.05 * unit, ExternalForces())
-        found.append((sim.time / unit, probe.read(Snapshot.of(sim)) / a))
+        found.append((sim.time / unit, probe.read(Snapshot.of(sim))[0] / a))
     return np.array(found).T
 
 

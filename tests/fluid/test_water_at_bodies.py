@@ -12,7 +12,7 @@ from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.simulation import Simulation
 from msph.measure.ledger import Ledger
-from msph.measure.probes import PressureProbe, Snapshot
+from msph.measure.snapshot import Snapshot
 
 D, RADIUS, DEPTH = 0.04, 0.1, 0.4
 SIZE = (1.2, 0.6, 0.48)
@@ -55,8 +55,7 @@ def rest(pool):
 
 def read(waters, points):
     """Mean pressures at points (n, 3), (n,) [Pa]."""
-    probes = [PressureProbe("p", tuple(point)) for point in points]
-    return np.mean([[probe.read(water) for probe in probes] for water in waters[::6]], axis=0)
+    return np.mean([water.pressures(points) for water in waters[::6]], axis=0)
 
 
 def sphere(n=40):

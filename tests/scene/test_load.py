@@ -43,6 +43,22 @@ BAD = {
         '[[probes]]\nname = "a"\nkind = "front"\naxis = "+x"\npoint = [0, 0, 0]\n',
         "probes.0.point: belongs to another kind of probe than front, which has axis",
     ),
+    "probe of half a rectangle": (
+        '[[probes]]\nname = "a"\nkind = "pressure"\nlo = [0.5, 0, 0]\n',
+        "probes.0: a probe of pressure needs point or lo and hi",
+    ),
+    "flux through a box": (
+        '[[probes]]\nname = "a"\nkind = "flux"\nlo = [0.5, 0, 0]\nhi = [0.6, 0.2, 1]\n',
+        "probes.0.hi: must equal lo on one axis and exceed it on the others: a rectangle",
+    ),
+    "force on a body that there is not": (
+        '[[probes]]\nname = "a"\nkind = "force"\nbody = "obstacles.0"\n',
+        "probes.0.body: obstacles.0 is no body of the scene; known: none",
+    ),
+    "window of a probe that has none": (
+        '[[probes]]\nname = "a"\nkind = "front"\naxis = "+x"\nwindow = 0.1\n',
+        "probes.0.window: only probes of pressure have one",
+    ),
     "probe outside the box": (
         '[[probes]]\nname = "a"\nkind = "pressure"\npoint = [0.5, 1.2, 0]\n',
         "probes.0.point: (0.5, 1.2, 0) m lies outside the box of (1, 1, 1) m",

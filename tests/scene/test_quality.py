@@ -7,7 +7,7 @@ import pytest
 
 from msph.scene import SceneError, load_scene
 from msph.scene.library import shipped_scenes
-from msph.scene.quality import AS_GIVEN, LADDER, at_quality, choose, costs, estimate
+from msph.scene.quality import AS_GIVEN, LADDER, Quality, at_quality, choose, costs, estimate
 from msph.scene.water import asked_mass, layer_specs
 
 
@@ -37,11 +37,17 @@ def test_large_is_the_scene_as_it_is_written(dam_break):
     assert at_quality(dam_break, AS_GIVEN, "dam_break") is dam_break
 
 
-def test_a_tolerance_that_the_scene_gives_stays():
-    given = load_scene("dam_break", ("projection.motion_tolerance=0.005",))
-    assert at_quality(given, "small", "dam_break").projection.motion_tolerance == 0.005
+@pytest.mark.parametrize("name", ["motion_tolerance", "cfl"])
+def test_a_solvers_setting_that_the_scene_gives_stays(name):
+    given = load_scene("dam_break", (f"projection.{name}=0.2",))
+    assert getattr(at_quality(given, "small", "dam_break").projection, name) == 0.2
     own = at_quality(load_scene("dam_break"), "small", "dam_break")
-    assert own.projection.motion_tolerance == LADDER["small"].motion_tolerance
+    assert getattr(own.projection, name) == getattr(LADDER["small"], name)
+
+
+def test_the_ladders_defaults_are_the_scenes():
+    own = load_scene("dam_break").projection
+    assert LADDER[AS_GIVEN] == Quality(1.0, own.motion_tolerance, own.cfl)
 
 
 @pytest.mark.parametrize("variant", ["system-1", "system-3"])

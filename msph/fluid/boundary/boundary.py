@@ -109,6 +109,12 @@ class Boundary:
         before = sum(isinstance(b, Solid) and b.container for b in self.bodies[:body])
         return f"obstacles.{body - before}"
 
+    def pose(self, body: int) -> tuple[np.ndarray, np.ndarray]:
+        """Way of a body since time zero, (3,) [m], and its rotation, (3, 3), at the end of the
+        step."""
+        now = np.array(self.centre[body, END].to_list())
+        return now - centre(self.bodies[body]), np.array(self.turn[body, END].to_list())
+
     def nearest_moving(self, x: np.ndarray) -> int:
         """Index of the moving body that is nearest to x [m], (3,)."""
         moving = [k for k, body in enumerate(self.bodies) if body.motion.moves]
