@@ -2,9 +2,9 @@
 
 import sys
 
-from msph.interrupts import at_once
+from msph.interrupts import importing
 
-with at_once():
+with importing():
     from msph.cli import cli, main
 
 if __name__ == "__main__":

@@ -1,11 +1,11 @@
 """`python -m msph` is the command `msph`."""
 
-from msph.interrupts import at_once
+from msph.interrupts import importing
 
 
 def main(arguments: list[str] | None = None) -> None:
     """The command line; see msph/cli.py."""
-    with at_once():
+    with importing():
         from msph.cli import main as run
     run(arguments)
 

@@ -4,16 +4,20 @@ What a command does stands in msph/stage/commands.py and is imported when the co
 help and wrong options need neither Taichi nor numpy.
 """
 
+import math
 import re
 import sys
+import time
+import traceback
 from pathlib import Path
 
 import click
 
 import msph
+from msph import user_cache
 from msph.device import ARCHES
 from msph.errors import MsphError
-from msph.interrupts import at_once
+from msph.interrupts import importing
 
 # Exit codes: wrong use of the command line, and a command that Ctrl-C ended.
 BAD_USE, INTERRUPTED = 2, 130
@@ -22,8 +26,20 @@ BAD_USE, INTERRUPTED = 2, 130
 # Steps of the ladder, see msph/scene/quality.py.
 QUALITIES = ("auto", "small", "medium", "large", "finest")
 
+# Letters of an unforeseen error that are said.
+LONGEST = 200
 # With two runs no order is known; of six the first would have a sixth of the scene's fineness.
 CONVERGENCE_RUNS = (3, 5)
+
+
+class Finite(click.FloatRange):
+    """A number in a range; click lets nan and inf through."""
+
+    def convert(self, value, param, ctx):
+        number = super().convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"{value!r} is no finite number", param, ctx)
+        return number
 
 
 class Size(click.ParamType):
@@ -131,12 +147,10 @@ def play(**options):
 @click.option(
     "--resume", type=click.Path(exists=True, dir_okay=False), help="Go on from a .npz checkpoint."
 )
-@click.option(
-    "--seconds", type=click.FloatRange(min=0, min_open=True), help="Default: the scene's duration."
-)
+@click.option("--seconds", type=Finite(min=0, min_open=True), help="Default: the scene's duration.")
 @click.option(
     "--fps",
-    type=click.FloatRange(min=1, max=10000),
+    type=Finite(min=1, max=10000),
     default=30.0,
     show_default=True,
     help="Frames per simulated second.",
@@ -151,7 +165,7 @@ def capture(**options):
 
 @cli.command()
 @click.argument("scenes", nargs=-1)
-@click.option("--seconds", type=click.FloatRange(min=0, min_open=True), help="Simulated time.")
+@click.option("--seconds", type=Finite(min=0, min_open=True), help="Simulated time.")
 @click.option("--no-render", is_flag=True, help="Time the fluid alone.")
 @click.option(
     "--play",
@@ -223,7 +237,7 @@ def scenes(**options):
 
 def commands():
     """The module of what commands do."""
-    with at_once():
+    with importing():
         from msph.stage import commands
     return commands
 
@@ -240,14 +254,28 @@ def main(arguments: list[str] | None = None) -> None:
         fail(error.format_message(), BAD_USE)
     except MsphError as error:
         fail(str(error), error.EXIT_CODE)
-    except OSError as error:
-        # Of a disk that is full or gone: files that users name are checked before.
-        if not error.filename:
-            raise
-        fail(f"{error.filename}: {str(error.strerror).lower()}", MsphError.EXIT_CODE)
     except (click.Abort, KeyboardInterrupt) as error:
         # click turns interrupts into its Abort.
         fail("interrupted", getattr(error.__cause__ or error, "exit_code", INTERRUPTED))
+    except Exception as error:
+        fail(unforeseen(error), MsphError.EXIT_CODE)
+
+
+def unforeseen(error: Exception) -> str:
+    """In one line what nobody thought of; where it was stands in a file of its own."""
+    if isinstance(error, OSError) and error.filename:
+        # A disk that is full or gone: files that users name are checked before.
+        return f"{error.filename}: {str(error.strerror).lower()}"
+    what = " ".join(f"{type(error).__name__}: {error}".split())
+    report = user_cache.file().parent / f"crash_{time.strftime('%Y%m%d_%H%M%S')}.txt"
+    command = " ".join(["msph", *sys.argv[1:]])
+    text = f"{command}\nmsph {msph.__version__}, Python {sys.version}\n\n{traceback.format_exc()}"
+    try:
+        report.parent.mkdir(parents=True, exist_ok=True)
+        report.write_text(text, encoding="utf-8", errors="backslashreplace")
+    except OSError:
+        return f"unforeseen: {what[:LONGEST]}"
+    return f"unforeseen: {what[:LONGEST]}; where it was stands in {report}"
 
 
 def fail(problem: str, code: int) -> None:

@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 
 from msph.errors import BadInputError
-from msph.interrupts import at_once
+from msph.interrupts import importing
 
 ARCHES = ("auto", "cpu", "cuda", "vulkan", "metal")
 # Iterations of a CPU loop that a thread takes at once.
@@ -37,7 +37,7 @@ def start(arch: str = "auto", threads: int | None = None) -> str:
     if _started:
         return _started
     # Here, since help and bad options need no Taichi, which takes .2 s to import.
-    with at_once():
+    with importing():
         import taichi as ti
 
         # Taichi would import it at the first kernel, and lose an interrupt meanwhile.
@@ -60,7 +60,7 @@ def start(arch: str = "auto", threads: int | None = None) -> str:
     unlock(cache_folder())
     before = _threads()
     # Taichi prints what it starts on; commands say it where it matters.
-    with at_once(), contextlib.redirect_stdout(io.StringIO()):
+    with importing(), contextlib.redirect_stdout(io.StringIO()):
         ti.init(arch=wanted, log_level=ti.ERROR, **options)
     name = "cpu" if on_cpu() else ti.cfg.arch.name
     if arch not in ("auto", name):

@@ -3,6 +3,7 @@
 import contextlib
 import signal
 import threading
+import warnings
 from collections.abc import Callable, Iterator
 
 # Exit status of a process that a signal ended, less the signal's number: the shells' convention.
@@ -22,9 +23,16 @@ class InterruptedRun(KeyboardInterrupt):
 
 
 @contextlib.contextmanager
-def at_once() -> Iterator[None]:
-    """Within, Ctrl-C ends the process and nothing is said: libraries that are being imported would
-    lose the exception in a callback, or print where they were."""
+def importing() -> Iterator[None]:
+    """Within, libraries are imported. Ctrl-C ends the process, and nothing is said: they would lose
+    the exception in a callback, or print where they were. What they warn of is theirs."""
+    with warnings.catch_warnings(), _sudden_end():
+        warnings.simplefilter("ignore")
+        yield
+
+
+@contextlib.contextmanager
+def _sudden_end() -> Iterator[None]:
     python_heeds = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if not python_heeds or threading.current_thread() is not threading.main_thread():
         yield

@@ -188,6 +188,8 @@ class Simulation:
             raise ValueError("it has particles outside the box")
         if layer.min() < 0 or layer.max() >= self.layers.count:
             raise ValueError(f"it has layers that are none of the scene's {self.layers.count}")
+        if not 0.0 <= time < math.inf:
+            raise ValueError(f"its time is {time:g} s")
         if not last_step > 0.0:
             raise ValueError(f"its last step took {last_step:g} s")
         self._start(attributes, float(time), int(steps))

@@ -1,6 +1,7 @@
 """What a run that is gone on with has measured before."""
 
 import zipfile
+import zlib
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import get_args
@@ -18,6 +19,13 @@ SUMS = (
 )
 
 
+# What reading a file raises that is no archive of arrays, or an empty one, or a cut one.
+UNREADABLE = (
+    *(ValueError, TypeError, AttributeError, OSError, EOFError),
+    *(zipfile.BadZipFile, zlib.error),
+)
+
+
 class CheckpointError(BadInputError):
     """A file that is no checkpoint, or one beyond the end of the run."""
 
@@ -27,7 +35,7 @@ def time_of(checkpoint: Path) -> float:
     try:
         with np.load(checkpoint) as state:
             return float(state["time"])
-    except (ValueError, TypeError, KeyError, AttributeError, OSError, zipfile.BadZipFile):
+    except (*UNREADABLE, KeyError):
         raise CheckpointError(f"{checkpoint.name}: is no checkpoint") from None
 
 

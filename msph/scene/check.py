@@ -15,7 +15,8 @@ from msph.fluid.simulation import WORD, footprint
 from msph.scene.build import solver_parameters
 from msph.scene.errors import SceneError
 from msph.scene.obstacles import bodies, check_bodies
-from msph.scene.schema import LAYER_OPTIONS, Layer, Probe, Scene, Water
+from msph.scene.probes import check_probes, probe_cautions
+from msph.scene.schema import LAYER_OPTIONS, Layer, Scene, Water
 from msph.scene.water import bounds, capacity, layer_specs, particle_count
 from msph.surface.surface import Surface
 
@@ -70,12 +71,6 @@ def check(scene: Scene, where: str) -> None:
     for (i, a), (j, b) in itertools.combinations(enumerate(scene.water), 2):
         if _overlap(a, b):
             raise SceneError(where, f"overlaps water.{i}", f"water.{j}")
-    for i, probe in enumerate(scene.probes):
-        _check_probe(scene, probe, where, f"probes.{i}")
-        if probe.name in [p.name for p in scene.probes[:i]]:
-            raise SceneError(
-                where, f"there are two probes named {probe.name!r}", f"probes.{i}.name"
-            )
     contradiction = solver_parameters(scene).contradiction()
     if contradiction:
         name, problem = contradiction
@@ -83,6 +78,7 @@ def check(scene: Scene, where: str) -> None:
     _check_layer_options(scene, where)
     _check_adaptation(scene, specs, where)
     check_bodies(scene, where)
+    check_probes(scene, where)
     _check_memory(scene, specs, where)
 
 
@@ -182,61 +178,13 @@ def _check_water(scene: Scene, water: Water, where: str, key: str) -> None:
 def cautions(scene: Scene) -> list[str]:
     """What of the scene will be computed only roughly, a line each."""
     edge = min(scene.box.size)
-    return [
+    return probe_cautions(scene) + [
         f"layers.{i}: the box's shortest edge of {edge:.3g} m is less than {LEAST_ACROSS} spacings "
         f"of {spec.spacing:.3g} m or a support of {spec.support:.3g} m; pressures of so few "
         "particles will be rough"
         for i, spec in enumerate(layer_specs(scene))
         if max(LEAST_ACROSS * spec.spacing, spec.support) > edge
     ]
-
-
-# The keys that say where a probe of each kind is, one tuple of them or another.
-_PROBE_KEYS: dict[str, tuple[tuple[str, ...], ...]] = {
-    "pressure": (("point",), ("lo", "hi")),
-    "velocity": (("point",),),
-    "height": (("at",),),
-    "front": (("axis",),),
-    "flux": (("lo", "hi"),),
-    "force": (("body",),),
-}
-
-
-def _check_probe(scene: Scene, probe: Probe, where: str, key: str) -> None:
-    choices = _PROBE_KEYS[probe.kind]
-    every = dict.fromkeys(k for sets in _PROBE_KEYS.values() for keys in sets for k in keys)
-    given = tuple(name for name in every if getattr(probe, name) is not None)
-    needed = " or ".join(" and ".join(names) for names in choices)
-    for name in given:
-        if not any(name in names for names in choices):
-            problem = f"belongs to another kind of probe than {probe.kind}, which has {needed}"
-            raise SceneError(where, problem, f"{key}.{name}")
-    if given not in choices:
-        raise SceneError(where, f"a probe of {probe.kind} needs {needed}", key)
-    if probe.window and probe.kind != "pressure":
-        raise SceneError(where, "only probes of pressure have one", f"{key}.window")
-    size = np.array(scene.box.size)
-    rooms = {"point": size, "lo": size, "hi": size, "at": size[[0, 2]]}
-    for name in given:
-        place, room = getattr(probe, name), rooms.get(name)
-        if room is not None and (
-            np.any(np.array(place) < -TOLERANCE) or np.any(np.array(place) > room + TOLERANCE)
-        ):
-            problem = f"{_point(place)} m lies outside the box of {_point(size)} m"
-            raise SceneError(where, problem, f"{key}.{name}")
-    if probe.lo is not None and probe.hi is not None:
-        edges = np.array(probe.hi) - np.array(probe.lo)
-        if sorted(np.sign(edges)) != [0.0, 1.0, 1.0]:
-            problem = "must equal lo on one axis and exceed it on the others: a rectangle"
-            raise SceneError(where, problem, f"{key}.hi")
-    if probe.body is not None:
-        bodies = {f"obstacles.{i}" for i in range(len(scene.obstacles))}
-        bodies |= {"container"} if scene.container else set()
-        if probe.body not in bodies:
-            known = ", ".join(sorted(bodies)) or "none"
-            raise SceneError(
-                where, f"{probe.body} is no body of the scene; known: {known}", f"{key}.body"
-            )
 
 
 def _overlap(a: Water, b: Water) -> bool:

@@ -21,6 +21,10 @@ else:
     import tomli as tomllib
 
 
+# What tomllib raises: for wrong syntax; for integers of thousands of digits; for arrays as deep.
+UNREADABLE = (tomllib.TOMLDecodeError, ValueError, RecursionError)
+
+
 def load_scene(name: str, overrides: tuple[str, ...] = ()) -> Scene:
     """Reads the scene of that path or shipped name and applies overrides "key=value".
 
@@ -55,14 +59,15 @@ def mesh_tables(data: dict[str, Any]) -> list[dict[str, Any]]:
 def read_toml(path: Path) -> dict[str, Any]:
     """The tables of a TOML file. Raises SceneError for what is no text, no TOML, or empty."""
     try:
-        text = path.read_text(encoding="utf-8")
+        # Editors on Windows begin a text with a mark of its byte order.
+        text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
         raise SceneError(path.name, "is not a text file") from None
     except OSError as error:
         raise SceneError(str(path), error.strerror or "cannot be read") from None
     try:
         data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except UNREADABLE as error:
         raise SceneError(path.name, f"is not TOML: {error}") from None
     if not data:
         raise SceneError(path.name, "is empty; `msph scenes pool` prints an example")
@@ -73,11 +78,13 @@ def parse_override(text: str) -> tuple[str, Any]:
     """ "box.size=[1, 1, 1]" -> ("box.size", [1, 1, 1]). What is no TOML value is a string."""
     key, sign, value = text.partition("=")
     key = key.strip()
+    if not text.isprintable():
+        raise SceneError("--set", "is no text", ascii(text))
     if not sign or not key:
         raise SceneError("--set", "expects key=value", text)
     try:
         return key, tomllib.loads(f"value = {value}")["value"]
-    except tomllib.TOMLDecodeError:
+    except UNREADABLE:
         return key, value.strip()
 
 
@@ -87,11 +94,13 @@ def choose_variant(data: dict, settings: list[tuple[str, Any]], where: str) -> d
     variants = data.pop("variants", {})
     chosen = data.pop("variant", None)
     asked = [value for key, value in settings if key == "variant"]
+    if not isinstance(variants, dict):
+        raise SceneError(where, f"is no table of variants (got {variants!r})", "variants")
     if asked:
         chosen, where = asked[-1], "--set"
     if chosen is None:
         return data
-    if not isinstance(variants, dict) or str(chosen) not in variants:
+    if str(chosen) not in variants:
         known = ", ".join(variants) if variants else "none in this scene"
         raise SceneError(where, f"unknown variant {chosen!r}; known: {known}", "variant")
     change = variants[str(chosen)]
@@ -118,6 +127,9 @@ def assign(data: Any, key: str, value: Any, where: str) -> None:
         if isinstance(data, list):
             data = data[_index(data, name, key, where)]
         elif isinstance(data, dict):
+            if name not in data and last.isdigit():
+                problem = f"this scene gives no {name}: set all of it, such as {name}=[...]"
+                raise SceneError(where, problem, key)
             data = data.setdefault(name, {})
         else:
             raise SceneError(where, f"{name!r} has no parameters of its own", key)

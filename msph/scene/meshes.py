@@ -1,6 +1,8 @@
 """Mesh files of obstacles and containers: found, read, and checked to enclose a volume."""
 
 import difflib
+import io
+import math
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -48,10 +50,13 @@ def load_mesh(name: str) -> tuple[np.ndarray, np.ndarray]:
 
     path = find_mesh(name)
     try:
-        read: Any = trimesh.load(path, force="mesh")
+        text, how = source(path)
+        read: Any = trimesh.load(text, force="mesh", **how)
         # Corners that a file keeps apart for their normals or colours are one place.
         mesh = trimesh.Trimesh(read.vertices, read.faces, process=True)
         mesh.update_faces(mesh.nondegenerate_faces())
+    except MeshError:
+        raise
     except Exception as error:  # every reader of every kind has errors of its own
         raise MeshError(f"{path.name}: is no mesh: {first_line(error)}") from None
     if len(mesh.faces) == 0:
@@ -67,6 +72,19 @@ def load_mesh(name: str) -> tuple[np.ndarray, np.ndarray]:
         raise MeshError(f"{path.name}: encloses no volume")
     triangles = np.array(mesh.faces)
     return np.array(mesh.vertices), triangles if mesh.volume > 0.0 else triangles[:, ::-1]
+
+
+def source(path: Path) -> tuple[Any, dict[str, Any]]:
+    """What trimesh shall read, and how. Texts may hold comments in old encodings, of which Latin-1
+    reads any; and its reader drops vertices that are not finite, and their triangles: MeshError."""
+    if path.suffix.lower() != ".obj":
+        return path, {}
+    text = path.read_text(encoding="latin-1")
+    for number, line in enumerate(text.splitlines(), 1):
+        kind, *numbers = line.split() or [""]
+        if kind == "v" and not all(math.isfinite(float(x)) for x in numbers[:3]):
+            raise MeshError(f"{path.name}: line {number}: a vertex that is not finite")
+    return io.StringIO(text), {"file_type": "obj", "skip_materials": True}
 
 
 def first_line(error: Exception) -> str:

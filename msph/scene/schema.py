@@ -127,7 +127,7 @@ class Water(Section):
 class Placed(Section):
     """A mesh and where it stands."""
 
-    scale: float = parameter(1.0, gt=0.0, unit="m", text="length of the mesh file's unit")
+    scale: float = parameter(1.0, gt=0.0, le=1e6, unit="m", text="length of the mesh file's unit")
     rotation: Vector = parameter(
         (0.0, 0.0, 0.0), unit="deg", text="turns of the mesh about x, then y, then z"
     )

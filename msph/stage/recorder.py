@@ -93,8 +93,8 @@ class Recorder:
         self.done, self.first = 0, first
         self.outputs, self.lost = outputs, set[Path]()
         self.last: Any = None  # the picture last recorded, (height, width, 3) uint8
-        self.videos = [p for p in outputs.pictures if p.suffix in (*VIDEO, ".gif")]
-        self.stills = [p for p in outputs.pictures if p.suffix == ".png" and not numbered(p)]
+        self.videos = [p for p in outputs.pictures if kind(p) in (*VIDEO, ".gif")]
+        self.stills = [p for p in outputs.pictures if kind(p) == ".png" and not numbered(p)]
         self.pictures = [p for p in outputs.pictures if numbered(p)]
         self.meshes, self.particles = outputs.meshes, outputs.particles
         self.writers: list = []
@@ -113,7 +113,7 @@ class Recorder:
             self.last = show.picture.to_numpy_u8()
             for path, writer in zip(self.videos, self.writers or self._open(), strict=True):
                 with self._writing(path):
-                    writer.append_data(self._even() if path.suffix != ".gif" else self.last)
+                    writer.append_data(self._even() if kind(path) != ".gif" else self.last)
             if self.done + 1 == self.still:
                 self._write_stills()
         for path in self.pictures:
@@ -136,7 +136,7 @@ class Recorder:
             try:
                 with self._writing(path):
                     writer.close()
-                    if path.suffix in VIDEO and path not in self.lost:
+                    if kind(path) in VIDEO and path not in self.lost:
                         check_video(path, self.done)
             except LostOutputError as failure:
                 failures.append(failure)
@@ -172,10 +172,10 @@ class Recorder:
 
     def _open(self) -> list:
         for path in self.videos:
-            if path.suffix == ".gif":
+            if kind(path) == ".gif":
                 writer = imageio.get_writer(path, duration=self._gif_durations(), loop=0)
             else:
-                options = WEBM if path.suffix == ".webm" else {"quality": VIDEO_QUALITY}
+                options = WEBM if kind(path) == ".webm" else {"quality": VIDEO_QUALITY}
                 writer = imageio.get_writer(path, fps=self.fps, macro_block_size=1, **options)
             self.writers.append(writer)
         return self.writers
@@ -209,6 +209,11 @@ def check_video(path: Path, frames: int) -> None:
         raise OSError(f"the encoder left {found} of {frames} frames")
 
 
+def kind(path: Path) -> str:
+    """Its suffix, by which its format goes, in lower case."""
+    return path.suffix.lower()
+
+
 def numbered(path: Path) -> bool:
     """Whether the name has a place for a frame number, such as %04d."""
     return NUMBER.search(path.name) is not None
@@ -225,22 +230,29 @@ def check_outputs(outputs: Outputs, fps: float) -> None:
         for path in paths:
             check_output(path, suffixes)
     paths = outputs.all()
-    if len(set(paths)) < len(paths):
+    if len({path.resolve() for path in paths}) < len(paths):
         raise OutputError("the same output is named twice")
-    if fps > GIF_FPS and any(p.suffix == ".gif" for p in paths):
+    if fps > GIF_FPS and any(kind(p) == ".gif" for p in paths):
         raise OutputError(f"a GIF has at most {GIF_FPS:g} frames per second")
-    if any(p.suffix == PARAVIEW for p in paths) and not vtu.available():
+    if any(kind(p) == PARAVIEW for p in paths) and not vtu.available():
         raise OutputError("files .vtu need meshio: pip install 'msph[paraview]'")
     for path in paths:
         make_writable(path)
 
 
 def make_writable(path: Path) -> None:
-    """Makes the folder of a file to be written. Raises OutputError where that cannot be."""
+    """Makes the folder of a file to be written, and tries to write there before much work is done
+    for it. Raises OutputError where that cannot be."""
+    path = path.with_name(NUMBER.sub(lambda place: place[0] % 0, path.name))
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        if not path.parent.is_dir() or not os.access(path.parent, os.W_OK):
-            raise PermissionError(errno.EACCES, "permission denied")
+        new = not path.exists()
+        with open(path, "ab"):
+            pass
+        if new:
+            path.unlink()
+    except FileExistsError:
+        raise OutputError(f"{path.parent}: is a file, and no folder") from None
     except OSError as error:
         problem = error.strerror or "cannot be written"
         raise OutputError(f"{path}: {problem[0].lower()}{problem[1:]}") from None
@@ -248,19 +260,19 @@ def make_writable(path: Path) -> None:
 
 def check_output(path: Path, suffixes: tuple[str, ...]) -> None:
     """Raises OutputError for a name that is not one of these kinds of file."""
-    if path.suffix not in suffixes:
+    if kind(path) not in suffixes:
         raise OutputError(f"{path}: unknown kind of file; known: {', '.join(suffixes)}")
     if len(NUMBER.findall(path.name)) > 1:
         raise OutputError(f"{path}: has more than one place for the frame number")
-    if path.suffix in (*MESH, *TABLE) and not numbered(path):
+    if kind(path) in (*MESH, *TABLE) and not numbered(path):
         raise OutputError(f"{path}: needs a frame number in its name, such as %04d")
-    if path.suffix in (*VIDEO, ".gif") and numbered(path):
+    if kind(path) in (*VIDEO, ".gif") and numbered(path):
         raise OutputError(f"{path}: a video is one file, leave out the frame number")
 
 
 def write_mesh(path: Path, show: Show) -> None:
     """The surface, as its suffix says."""
-    if path.suffix == PARAVIEW:
+    if kind(path) == PARAVIEW:
         vtu.write_surface(path, show.surface.mesh, show.simulation)
     else:
         show.surface.mesh.export(path)
@@ -268,9 +280,9 @@ def write_mesh(path: Path, show: Show) -> None:
 
 def write_particles(path: Path, show: Show) -> None:
     """The particles, as its suffix says."""
-    if path.suffix == PARAVIEW:
+    if kind(path) == PARAVIEW:
         vtu.write_particles(path, show.simulation)
-    elif path.suffix == ".npz":
+    elif kind(path) == ".npz":
         state: dict[str, Any] = show.simulation.state()
         np.savez_compressed(path, **state)
     else:

@@ -1,7 +1,6 @@
 """A show: one scene's fluid, surface, picture and ledger, advanced frame by frame."""
 
 import math
-import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from time import perf_counter
@@ -14,6 +13,7 @@ from msph.fluid.external_forces import ExternalForces
 from msph.fluid.stages import Stage, no_stage
 from msph.fluid.trapped_water import TrappedWaterError
 from msph.measure.ledger import Ledger
+from msph.measure.past import UNREADABLE
 from msph.measure.timings import Timings
 from msph.picture.camera import Camera
 from msph.picture.look import Look
@@ -213,7 +213,7 @@ class Show:
         try:
             with np.load(checkpoint) as state:
                 self.simulation.restore(dict(state))
-        except (ValueError, TypeError, AttributeError, OSError, zipfile.BadZipFile) as error:
+        except UNREADABLE as error:
             raise SceneError(checkpoint.name, f"is no checkpoint of this scene: {error}") from None
         self.counts = self.simulation.counts()
         self.ledger.clear()

@@ -247,6 +247,8 @@ SPOILT = {
     "layer is .* not": lambda s: {**s, "layer": s["layer"].astype(str)},
     "not finite": lambda s: {**s, "v": s["v"] * np.nan},
     "its last step took 0 s": lambda s: {**s, "last_step": 0 * s["last_step"]},
+    "its time is inf s": lambda s: {**s, "time": s["time"] + np.inf},
+    "its time is -5 s": lambda s: {**s, "time": 0 * s["time"] - 5},
     "it has 0 particles": lambda s: {k: a[:0] if a.ndim else a for k, a in s.items()}
     | {"fluid": s["fluid"]},
     "not those of the scene": lambda s: {**s, "fluid": s["fluid"] * 2},

@@ -43,6 +43,15 @@ BAD = {
         '[[probes]]\nname = "a"\nkind = "front"\naxis = "+x"\npoint = [0, 0, 0]\n',
         "probes.0.point: belongs to another kind of probe than front, which has axis",
     ),
+    "variants that are none": ("variants = 3\n", "variants: is no table of variants (got 3)"),
+    "an integer of thousands of digits": (
+        f"seed = {'9' * 5000}\n",
+        "is not TOML: Exceeds the limit",
+    ),
+    "arrays thousands deep": (
+        f"title = {'[' * 5000}{']' * 5000}\n",
+        "is not TOML: maximum recursion",
+    ),
     "probe of half a rectangle": (
         '[[probes]]\nname = "a"\nkind = "pressure"\nlo = [0.5, 0, 0]\n',
         "probes.0: a probe of pressure needs point or lo and hi",
@@ -122,6 +131,20 @@ def test_bad_scene_gives_one_line_with_file_and_key(tmp_path, name):
         load_scene(write(tmp_path, text + GOOD))
     line = str(error.value)
     assert line.startswith(f"scene.toml: {message}") and "\n" not in line
+
+
+def test_a_mark_of_the_byte_order_is_no_syntax_error(tmp_path):
+    path = tmp_path / "scene.toml"
+    path.write_text(GOOD, encoding="utf-8-sig")
+    assert load_scene(str(path)) == load_scene(write(tmp_path, GOOD, "plain.toml"))
+
+
+def test_a_probe_inside_of_a_body_is_said(tmp_path):
+    body = "[[obstacles]]\ncentre = [0.5, 0.2, 0.5]\nradius = 0.3\n"
+    probe = '[[probes]]\nname = "{}"\nkind = "pressure"\npoint = [0.5, {}, 0.5]\n'
+    text = GOOD + body + probe.format("in", 0.3) + probe.format("on", 0.5)
+    (line,) = cautions(load_scene(write(tmp_path, text)))
+    assert line.startswith("probes.0: (0.5, 0.3, 0.5) m is inside of a body")
 
 
 def test_layer_too_coarse_for_its_box_is_said(tmp_path):

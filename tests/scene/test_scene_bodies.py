@@ -33,6 +33,7 @@ BAD = {
     "obstacles=[{mesh='bowel.obj'}]": "obstacles.0.mesh: bowel.obj: no such mesh file; did you "
     "mean 'bowl.obj'?",
     "obstacles=[{mesh='open.ply'}]": "obstacles.0.mesh: open.ply: is not closed: 9 open edges",
+    "obstacles=[{mesh='nan.obj'}]": "nan.obj: line 6: a vertex that is not finite",
     "obstacles=[{mesh='text.stl'}]": "obstacles.0.mesh: text.stl: ",
     "obstacles=[{mesh='flat.obj'}]": "obstacles.0.mesh: flat.obj: encloses no volume",
     "obstacles=[{mesh='turned.obj'}]": "obstacles.0.mesh: turned.obj: does not tell inside from",
@@ -61,11 +62,19 @@ def folder(tmp_path_factory):
     flat.merge_vertices(digits_vertex=12)
     flat.export(path / "flat.obj", digits=12)
     (path / "text.stl").write_text("no mesh at all\n")
+    brick = trimesh.creation.box((0.4, 0.2, 0.4)).export(file_type="obj")
+    (path / "old.obj").write_bytes(b"# caf\xe9\n" + brick.encode())
+    (path / "nan.obj").write_text(brick.replace("v 0.20000000", "v nan", 1))
     return path
 
 
 def load(folder, *overrides):
     return load_scene(str(folder / "scene.toml"), overrides)
+
+
+def test_a_comment_in_an_old_encoding_is_no_harm(folder):
+    """It was "No module named 'charset_normalizer'"."""
+    load(folder, "obstacles=[{mesh='old.obj', position=[0.5, 0.3, 0.5]}]")
 
 
 @pytest.mark.parametrize("override", BAD)
