@@ -19,6 +19,7 @@ import matplotlib.pyplot as plt
 
 # Errors below are drawn there: what is left is rounding.
 LEAST = 1e-7
+RUN = "run"
 # Errors asked of the recommended settings (-).
 ASKED = (0.1, 0.03, 0.01, 0.003)
 # How waters are drawn: colours that the colour-blind tell apart (Okabe and Ito 2008), and markers.
@@ -80,10 +81,25 @@ def plot(axis, rows: list[dict], case: Case) -> None:
     x = [number(row, "wall_per_simulated") for row in best]
     axis.plot(x, [max(number(row, case.main), LEAST) for row in best], color="#000000", lw=0.8)
     axis.set(xscale="log", yscale="log", title=case.title)
+    for ticks, format_ in ((axis.yaxis, "{:g} %"), (axis.xaxis, "{:g}")):
+        label_ticks(ticks, format_, 100.0 if "%" in format_ else 1.0)
     axis.set_xlabel("wall-clock seconds per simulated second")
-    axis.set_ylabel(case.main.replace("_", " ") + " error (-)")
+    axis.set_ylabel(case.main.replace("_", " ") + " error")
     axis.axvline(1.0, color="#bbbbbb", lw=0.8, ls=":")
     axis.spines[["top", "right"]].set_visible(False)
+
+
+def label_ticks(ticks, format_: str, scale: float) -> None:
+    """Numbers in place of powers; within few decades at 2 and 5, too."""
+    low, high = ticks.get_view_interval()
+    few = math.log10(high / low) < 2.5
+    ticks.set_major_formatter(lambda value, _: format_.format(float(f"{scale * value:.3g}")))
+
+    def between(value: float, _: int) -> str:
+        digit = round(value / 10.0 ** math.floor(math.log10(value)))
+        return format_.format(float(f"{scale * value:.3g}")) if few and digit in (2, 5) else ""
+
+    ticks.set_minor_formatter(between)
 
 
 def legend(axis) -> None:
@@ -123,24 +139,38 @@ def save(figure, folder: Path, name: str) -> str:
 
 
 def ratio_at_equal_error(rows: list[dict], case: Case) -> str:
-    """How many times as long uniform water takes as adaptive layers at the same error, the most of
-    all adaptive rows; uniform rows between which an error lies are joined in logarithms."""
+    """How many times as long uniform water takes as adaptive layers at the same error, in words."""
+    found = {error: _ratio(rows, error) for error in case.errors}
+    told = [
+        f"{name.replace('_', ' ')} {'over ' * bound}{ratio:.2g}"
+        for name, (ratio, bound) in found.items()
+        if ratio
+    ]
+    if not told:
+        return "no uniform run has the errors of one in adaptive layers"
+    times = ", ".join(told)
+    return f"at equal error uniform water takes up to so many times as long as adaptive: {times}"
+
+
+def _ratio(rows: list[dict], error: str) -> tuple[float, bool]:
+    """The most of all adaptive rows, 0 where none has an error that uniform ones reach, and whether
+    it is a bound, since no uniform row is as near; uniform rows between which an error lies are
+    joined in logarithms."""
     by = {
         w: [r for r in rows if r["water"] == w and r["method"] == "projection"] for w in STYLES_OF
     }
-    uniform = undominated([r for r in by[UNIFORM] if not changes(r)], case.main)
-    error = np.log([max(number(r, case.main), LEAST) for r in uniform])
+    uniform = undominated([r for r in by[UNIFORM] if not changes(r)], error)
+    errors = np.log([max(number(r, error), LEAST) for r in uniform])
     time = np.log([number(r, "wall_per_simulated") for r in uniform])
-    best = None
+    best, bound = 0.0, False
     for row in by[ADAPTIVE]:
-        wanted = math.log(max(number(row, case.main), LEAST))
-        if len(error) and error.min() <= wanted <= error.max():
-            at = np.interp(-wanted, -error, time)
+        wanted = math.log(max(number(row, error), LEAST))
+        if wanted > math.log(LEAST) and len(errors) and wanted <= errors.max():
+            at = np.interp(-wanted, -errors, time)
             found = math.exp(at) / number(row, "wall_per_simulated")
-            best = found if best is None else max(best, found)
-    if best is None:
-        return "no uniform run has the errors of one in adaptive layers"
-    return f"at equal error, uniform water takes up to {best:.2g} times as long as adaptive layers"
+            if found > best:
+                best, bound = found, wanted < errors.min()
+    return best, bound
 
 
 STYLES_OF = (UNIFORM, FIXED, ADAPTIVE)
@@ -170,16 +200,19 @@ def orders(rows: list[dict], case: Case) -> list[dict[str, str]]:
 
 
 def recommended(rows: list[dict]) -> list[dict[str, str]]:
-    """A line for each case and each error asked: the cheapest run that keeps it."""
-    lines = []
+    """A line for each run that is the cheapest to keep some error asked of its case."""
+    lines: list[dict] = []
     for case in CASES.values():
         for asked in ASKED:
             good = [r for r in drawn(rows, case) if number(r, case.main) <= asked]
             if good:
                 best = min(good, key=lambda r: number(r, "wall_per_simulated"))
                 error = shown("error", number(best, case.main))
+                if lines and lines[-1][RUN] == id(best):
+                    lines.pop()
                 lines.append(
                     {
+                        RUN: id(best),
                         "case": case.title,
                         "asked": f"{case.main.replace('_', ' ')} within {100.0 * asked:g} %",
                         "cheapest": f"{best['method']}, {best['water']}",
@@ -189,7 +222,7 @@ def recommended(rows: list[dict]) -> list[dict[str, str]]:
                         "s per s": shown("wall_per_simulated", number(best, "wall_per_simulated")),
                     }
                 )
-    return lines
+    return [{k: v for k, v in line.items() if k != RUN} for line in lines]
 
 
 def self_convergence(rows: list[dict], case: Case) -> list[dict[str, str]]:
