@@ -12,7 +12,6 @@ from the table alone.
 
 import dataclasses
 import json
-import subprocess
 import sys
 from pathlib import Path
 
@@ -21,9 +20,10 @@ from tqdm import tqdm
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
+from bench import rows
 from bench.cases import CASES
 from bench.cases.case import Setting
-from bench.pareto_table import disturbed, key, read, row_of, write
+from bench.pareto_table import disturbed, key, row_of
 from bench.report import RESULTS
 from msph.device import ARCHES, start
 
@@ -45,16 +45,9 @@ def run(case: str, setting: Setting, arch: str) -> dict[str, float]:
 
 
 def in_process(case: str, setting: dict, arch: str) -> dict[str, float | str]:
-    """The same in a process of its own; of a run that fails, its last line as "failure"."""
-    task = json.dumps({"case": case, "setting": setting, "arch": arch})
-    command = [sys.executable, str(Path(__file__).resolve()), "--worker", task]
-    try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=MOST_SECONDS)
-    except subprocess.TimeoutExpired:
-        return {"failure": f"longer than {MOST_SECONDS} s"}
-    lines = (done.stdout if done.returncode == 0 else done.stderr).strip().splitlines()
-    last = lines[-1] if lines else f"exit status {done.returncode}"
-    return json.loads(last) if done.returncode == 0 else {"failure": last[:200]}
+    """The same in a process of its own."""
+    task = {"case": case, "setting": setting, "arch": arch}
+    return rows.in_process(__file__, task, MOST_SECONDS)
 
 
 def sweep(names: tuple[str, ...], quick: bool, known: list[dict], arch: str, cluster: str) -> None:
@@ -74,7 +67,7 @@ def sweep(names: tuple[str, ...], quick: bool, known: list[dict], arch: str, clu
 def keep(row: dict, known: list[dict]) -> None:
     """Puts a row into the table, in place of one of the same run."""
     known[:] = [other for other in known if key(other) != key(row)] + [row]
-    write(RESULTS / TABLE, known)
+    rows.write(RESULTS / TABLE, known)
 
 
 def submit(address: str, tasks: list[tuple[str, Setting]], arch: str) -> list:
@@ -104,7 +97,7 @@ def main(quick, cases, resume, cluster, draw, arch, worker) -> None:
     from bench.pareto_report import report
 
     cases = cases or tuple(CASES)
-    known = read(RESULTS / TABLE)
+    known = rows.read(RESULTS / TABLE)
     if not resume and not draw:
         known = [row for row in known if row["case"] not in cases]
     RESULTS.mkdir(exist_ok=True)

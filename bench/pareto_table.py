@@ -1,10 +1,8 @@
-"""The table of the sweep of speed against error: a row per run, in a CSV file."""
+"""Rows of the sweep of speed against error: a run each."""
 
-import csv
 import dataclasses
 import datetime
 import math
-from pathlib import Path
 
 from bench.cases.case import Setting
 from msph.measure.machine import machine
@@ -12,25 +10,6 @@ from msph.measure.machine import machine
 KEYS = ["case", *(f.name for f in dataclasses.fields(Setting))]
 # Cores that other processes may keep busy beside a run whose time counts.
 QUIET = 0.1
-
-
-def read(path: Path) -> list[dict[str, str]]:
-    """Rows of a table; none where there is no file."""
-    if not path.exists():
-        return []
-    with open(path, newline="", encoding="utf-8") as file:
-        return list(csv.DictReader(file))
-
-
-def write(path: Path, rows: list[dict]) -> None:
-    """Writes them beside and renames, so that a run that is stopped keeps what it had."""
-    heads = list(dict.fromkeys([*KEYS, *(k for row in rows for k in row)]))
-    beside = path.with_suffix(".part")
-    with open(beside, "w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, heads)
-        writer.writeheader()
-        writer.writerows(rows)
-    beside.replace(path)
 
 
 def key(row: dict) -> tuple[str, ...]:

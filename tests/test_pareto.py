@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from bench import pareto, pareto_report, pareto_table
+from bench import pareto, pareto_report, pareto_table, rows
 from bench.cases import CASES
 from bench.cases.case import ADAPTIVE, UNIFORM, Setting
 from bench.cases.dam_break import reference
@@ -61,15 +61,15 @@ def row(case, time, error, **more):
 
 
 def test_rows_that_are_dominated_are_left_out():
-    rows = [row("sloshing", *pair) for pair in ((1.0, 0.1), (2.0, 0.2), (3.0, 0.01), (4.0, 0.01))]
-    best = pareto_report.undominated(rows, "wave")
+    found = [row("sloshing", *pair) for pair in ((1.0, 0.1), (2.0, 0.2), (3.0, 0.01), (4.0, 0.01))]
+    best = pareto_report.undominated(found, "wave")
     assert [pareto_table.number(r, "wave") for r in best] == [0.1, 0.01]
 
 
 def test_time_at_equal_error_is_read_between_rows():
-    rows = [row("sloshing", 1.0, 0.1), row("sloshing", 100.0, 0.001, fineness=20)]
-    rows.append(row("sloshing", 2.0, 0.01, water=ADAPTIVE))
-    words = pareto_report.ratio_at_equal_error(rows, CASES["sloshing"])
+    found = [row("sloshing", 1.0, 0.1), row("sloshing", 100.0, 0.001, fineness=20)]
+    found.append(row("sloshing", 2.0, 0.01, water=ADAPTIVE))
+    words = pareto_report.ratio_at_equal_error(found, CASES["sloshing"])
     assert "wave 5" in words
 
 
@@ -92,7 +92,7 @@ def test_a_sweep_goes_on_where_it_was(tmp_path, monkeypatch):
     pareto.sweep(("sloshing",), True, [], "cpu", "")
     whole = len(ran)
     assert whole == len(CASES["sloshing"].settings(True))
-    known = pareto_table.read(tmp_path / pareto.TABLE)
+    known = rows.read(tmp_path / pareto.TABLE)
     assert len(known) == whole
     pareto.sweep(("sloshing",), True, known[:-2], "cpu", "")
     assert len(ran) == whole + 2

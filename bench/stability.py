@@ -1,0 +1,210 @@
+"""Hard cases: what was demanded of the water, what it did, and whether it holds.
+
+python bench/stability.py [--case NAME] [--resume] [--arch cpu]
+
+Every row is a run in a process of its own, written to bench/results/stability.csv as soon as it is
+measured, where --resume takes up again; bench/results/stability.md is drawn from it. Of the method
+projection is demanded: all finite and inside, mass to rounding, energy up by at most .1 % within a
+second without input, momentum to 1e-5 of the largest sum m |v|, and a second after the insult
+density (from positions) within 1 % in the mean and bulk density within 1 %. `classic` may fail.
+"""
+
+import datetime
+import json
+import math
+import sys
+from pathlib import Path
+
+import click
+import numpy as np
+from tabulate import tabulate
+from tqdm import tqdm
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from bench import rows
+from bench.hard_cases import CASES, Hard
+from bench.report import RESULTS, heading
+from msph.device import ARCHES, start
+from msph.errors import BlowUpError
+from msph.fluid.external_forces import ExternalForces
+from msph.fluid.trapped_water import TrappedWaterError
+from msph.measure.bulk import bulk_density
+from msph.measure.ledger import Ledger
+from msph.measure.machine import machine
+from msph.measure.timings import peak_memory
+from msph.scene.build import build_simulation
+from msph.scene.schema import Scene
+
+TABLE, REPORT = "stability.csv", "stability.md"
+# Demands (-): mass, rise of the energy in a second, drift of the momentum, density in the mean, and
+# bulk density.
+MASS, RISE, DRIFT, DENSITY, BULK = 1e-6, 1e-3, 1e-5, 0.01, 0.01
+# Time of rest after the insult [s]; simulated time between entries of the ledger in long runs [s].
+REST, BETWEEN = 1.0, 1.0
+# Growth of the process that an hour may cost [MiB].
+GROWTH = 20.0
+# A run that takes longer [s] is given up.
+MOST_SECONDS = 2400.0
+
+
+def run(case: Hard, method: str) -> dict[str, float | str]:
+    """What the water did: figures of the ledger, and how it ended."""
+    sim = build_simulation(Scene.model_validate(case.data(method)))
+    sim.warm_up(1.0 / 60.0)
+    if case.change:
+        case.change(sim)
+    ledger = Ledger(sim, density_every=math.inf)
+    ledger.record(case.drive(0.0).gravity)
+    before, ended = peak_memory(), "well"
+    try:
+        frames, skip = round(case.seconds / case.frame), 1
+        if case.seconds > 100.0:
+            skip = round(BETWEEN / case.frame)
+        for k in range(frames):
+            external = case.drive(k * case.frame)
+            sim.advance(case.frame, external)
+            if k % skip == 0:
+                ledger.record(external.gravity)
+        for _ in range(round(60 * REST)):
+            sim.advance(1.0 / 60.0, ExternalForces(case.rest))
+            ledger.record(case.rest)
+    except BlowUpError as error:
+        ended = str(error)
+    except TrappedWaterError as error:
+        ended = f"trapped: {error}"
+    return {"ended": ended, **figures(sim, ledger, peak_memory() - before)}
+
+
+def figures(sim, ledger: Ledger, growth: int) -> dict[str, float | str]:
+    """Of what happened so far."""
+    entries = ledger.entries
+    mass = np.array([e.mass for e in entries])
+    spacing = np.array([s.spacing for s in sim.layers.specs])[sim.particles.numpy("layer")]
+    x = sim.particles.numpy("x").astype(float)
+    finite = bool(np.isfinite(x).all())
+    if finite:
+        sim.measure_density()
+    excess = np.maximum(sim.particles.numpy("density") / 1000.0 - 1.0, 0.0)
+    bulk = bulk_density(x, spacing, sim.size, sim.boundary.free).mean if finite else np.nan
+    return {
+        "particles": len(x),
+        "steps": sim.steps,
+        "outside": max(e.outside for e in entries),
+        "mass": float(np.abs(mass / mass[0] - 1.0).max()),
+        "energy_rise": ledger.energy_rise(),
+        "momentum_drift": ledger.momentum_drift(),
+        "density_end": float(excess.mean()),
+        "density_largest": float(excess.max()),
+        "bulk_end": float(bulk - 1.0),
+        "top_speed": max(e.top_speed for e in entries),
+        "growth_mib": growth / 2**20,
+    }
+
+
+def broken(case: Hard, found: dict) -> list[str]:
+    """Demands that a run did not keep, in words; none for a run that holds."""
+    if "failure" in found:
+        return [str(found["failure"])]
+    if case.trapped:
+        return [] if str(found["ended"]).startswith("trapped") else ["the water was not named"]
+    problems = [] if found["ended"] == "well" else [str(found["ended"])]
+    limits = {
+        "outside": (0.0, "particles outside"),
+        "mass": (MASS, "mass"),
+        "energy_rise": (RISE, "energy rises"),
+        "momentum_drift": (DRIFT, "momentum"),
+    }
+    if case.settles:
+        limits |= {"density_end": (DENSITY, "density"), "bulk_end": (BULK, "bulk density")}
+    if case.seconds > 100.0:
+        limits["growth_mib"] = (GROWTH, "MiB more")
+    for name, (most, words) in limits.items():
+        value = float(found[name])
+        # What is not known, such as the bulk density of a sheet, breaks nothing.
+        if abs(value) > most:
+            problems.append(f"{words} {value:.2g}")
+    return problems
+
+
+def in_process(name: str, method: str, arch: str) -> dict:
+    """A row of the table, measured in a process of its own."""
+    found = rows.in_process(__file__, {"case": name, "method": method, "arch": arch}, MOST_SECONDS)
+    problems = broken(CASES[name], found)
+    if method == "classic" and not problems:
+        verdict = "holds"
+    else:
+        verdict = "FAILS" if problems else "holds"
+    where = {"arch": arch, "machine": machine(), "date": datetime.date.today().isoformat()}
+    ran = {"case": name, "method": method, "verdict": verdict, "broken": "; ".join(problems)}
+    return {**ran, **where, **found}
+
+
+def report(known: list[dict], arch: str) -> None:
+    """Writes the table, by case and method."""
+    order = list(CASES)
+    lines = [
+        {
+            "case": row["case"],
+            "method": row["method"],
+            "demanded": CASES[row["case"]].what,
+            "verdict": f"**{row['verdict']}**" if row["verdict"] != "holds" else "holds",
+            "what broke": row["broken"],
+            "energy rise, %": percent(row.get("energy_rise")),
+            "momentum": row.get("momentum_drift", ""),
+            "density after, %": percent(row.get("density_end")),
+            "bulk after, %": percent(row.get("bulk_end")),
+            "top speed, m/s": row.get("top_speed", ""),
+        }
+        for row in sorted(known, key=lambda r: (order.index(r["case"]), r["method"] == "classic"))
+    ]
+    own = [row for row in known if row["method"] == "projection"]
+    held = sum(row["verdict"] == "holds" for row in own)
+    old = [row for row in known if row["method"] == "classic"]
+    total = f"projection holds in {held} of {len(own)} cases"
+    total += f", classic in {sum(row['verdict'] == 'holds' for row in old)} of {len(old)}"
+    demands = __doc__.split("\n\n")[-1].split("drawn from it. ")[-1].replace("\n", " ")
+    text = [heading("Hard cases", arch), demands, f"\n**{total}.**\n"]
+    text.append(tabulate(lines, headers="keys", tablefmt="github", disable_numparse=True))
+    (RESULTS / REPORT).write_text("\n".join(text) + "\n", encoding="utf-8")
+    click.echo(total)
+
+
+def percent(value: str | float | None) -> str:
+    number = float(value) if value not in (None, "") else math.nan
+    return "" if math.isnan(number) else f"{100.0 * number:.3f}"
+
+
+@click.command()
+@click.option("--case", "names", multiple=True, type=click.Choice(list(CASES)))
+@click.option("--resume", is_flag=True, help="Keep the rows that were measured before.")
+@click.option("--arch", type=click.Choice(ARCHES), default="auto", show_default=True)
+@click.option("--worker", hidden=True)
+def main(names, resume, arch, worker) -> None:
+    """Run the cases, and write bench/results/stability.{csv,md}."""
+    if worker:
+        task = json.loads(worker)
+        start(task["arch"])
+        print(json.dumps(run(CASES[task["case"]], task["method"])))
+        return
+    arch = start(arch)
+    asked = [
+        (name, method)
+        for name in names or CASES
+        for method in ("projection", "classic")
+        if method == "projection" or CASES[name].classic
+    ]
+    known = rows.read(RESULTS / TABLE)
+    if not resume:
+        known = [row for row in known if (row["case"], row["method"]) not in asked]
+    done = {(row["case"], row["method"]) for row in known}
+    for name, method in tqdm([a for a in asked if a not in done], unit="run"):
+        known.append(in_process(name, method, arch))
+        rows.write(RESULTS / TABLE, known)
+    report(known, arch)
+    if any(row["verdict"] != "holds" for row in known if row["method"] == "projection"):
+        sys.exit(1)
+
+
+if __name__ == "__main__":
+    main()

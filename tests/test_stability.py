@@ -1,0 +1,58 @@
+"""Hard cases in a small form: what is demanded of all, and that a case can fail."""
+
+import pytest
+
+from bench import stability
+from bench.hard_cases import CASES, Hard, short
+from msph.scene.check import check
+from msph.scene.schema import Scene
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_cases_are_scenes(name):
+    check(Scene.model_validate(CASES[name].data("projection")), name)
+
+
+def test_water_that_starts_in_one_place_holds():
+    found = stability.run(short(CASES["pairs in one place"]), "projection")
+    assert stability.broken(CASES["pairs in one place"], found) == []
+    assert found["steps"] > 60 and found["density_end"] > 0.0
+
+
+def test_what_breaks_is_told():
+    """The classic method lets such water boil."""
+    case = CASES["pairs in one place"]
+    found = stability.run(short(case), "classic")
+    assert any(
+        "energy" in problem or "density" in problem for problem in stability.broken(case, found)
+    )
+
+
+@pytest.mark.parametrize(
+    ("figure", "value", "problem"),
+    [
+        ("outside", 2, "particles outside 2"),
+        ("mass", 1e-3, "mass 0.001"),
+        ("energy_rise", 0.01, "energy rises 0.01"),
+        ("bulk_end", -0.02, "bulk density -0.02"),
+        ("ended", "the water blew up: 3 of 9", "the water blew up: 3 of 9"),
+    ],
+)
+def test_each_demand_can_break(figure, value, problem):
+    good = {
+        **{"ended": "well", "outside": 0, "mass": 0.0, "energy_rise": 0.0, "momentum_drift": 1e-7},
+        **{"density_end": 1e-4, "bulk_end": float("nan"), "growth_mib": 0.0},
+    }
+    assert stability.broken(Hard("rest"), good) == []
+    assert stability.broken(Hard("rest"), {**good, figure: value}) == [problem]
+    if figure == "ended":
+        assert stability.broken(Hard("named", trapped=True), good) == ["the water was not named"]
+
+
+def test_runs_that_fail_are_rows_and_the_report_says_so(tmp_path, monkeypatch):
+    monkeypatch.setattr(stability, "RESULTS", tmp_path)
+    monkeypatch.setattr(stability.rows, "in_process", lambda *_: {"failure": "killed"})
+    row = stability.in_process("still", "projection", "cpu")
+    assert row["verdict"] == "FAILS" and row["broken"] == "killed"
+    stability.report([row], "cpu")
+    assert "holds in 0 of 1" in (tmp_path / "stability.md").read_text()
