@@ -34,6 +34,7 @@ bench: $(VENV)/dev
 	$(RUN) bench/accuracy.py
 	$(RUN) bench/bodies.py
 	$(RUN) bench/pareto.py
+	$(RUN) bench/stability.py
 	$(RUN) bench/layers.py
 	$(RUN) bench/methods.py
 	$(RUN) bench/scenes.py
