@@ -44,6 +44,8 @@ MASS, RISE, DRIFT, DENSITY, BULK = 1e-6, 1e-3, 1e-5, 0.01, 0.01
 REST, BETWEEN = 1.0, 1.0
 # Growth of the process that an hour may cost [MiB].
 GROWTH = 20.0
+# How a run ends that nothing stopped.
+WELL = "well"
 # A run that takes longer [s] is given up.
 MOST_SECONDS = 2400.0
 
@@ -52,12 +54,14 @@ def run(case: Hard, method: str) -> dict[str, float | str]:
     """What the water did: figures of the ledger, and how it ended."""
     sim = build_simulation(Scene.model_validate(case.data(method)))
     sim.warm_up(1.0 / 60.0)
-    if case.change:
-        case.change(sim)
     ledger = Ledger(sim, density_every=math.inf)
     ledger.record(case.drive(0.0).gravity)
-    before, ended = peak_memory(), "well"
+    before, ended = peak_memory(), WELL
     try:
+        if case.change:
+            case.change(sim)
+            ledger.clear()
+            ledger.record(case.drive(0.0).gravity)
         frames, skip = round(case.seconds / case.frame), 1
         if case.seconds > 100.0:
             skip = round(BETWEEN / case.frame)
@@ -69,21 +73,19 @@ def run(case: Hard, method: str) -> dict[str, float | str]:
         for _ in range(round(60 * REST)):
             sim.advance(1.0 / 60.0, ExternalForces(case.rest))
             ledger.record(case.rest)
-    except BlowUpError as error:
+    except (BlowUpError, TrappedWaterError) as error:
         ended = str(error)
-    except TrappedWaterError as error:
-        ended = f"trapped: {error}"
-    return {"ended": ended, **figures(sim, ledger, peak_memory() - before)}
+    return {"ended": ended, **figures(sim, ledger, ended, peak_memory() - before)}
 
 
-def figures(sim, ledger: Ledger, growth: int) -> dict[str, float | str]:
+def figures(sim, ledger: Ledger, ended: str, growth: int) -> dict[str, float | str]:
     """Of what happened so far."""
     entries = ledger.entries
     mass = np.array([e.mass for e in entries])
     spacing = np.array([s.spacing for s in sim.layers.specs])[sim.particles.numpy("layer")]
     x = sim.particles.numpy("x").astype(float)
     finite = bool(np.isfinite(x).all())
-    if finite:
+    if finite and ended == WELL:
         sim.measure_density()
     excess = np.maximum(sim.particles.numpy("density") / 1000.0 - 1.0, 0.0)
     bulk = bulk_density(x, spacing, sim.size, sim.boundary.free).mean if finite else np.nan
@@ -98,6 +100,7 @@ def figures(sim, ledger: Ledger, growth: int) -> dict[str, float | str]:
         "density_largest": float(excess.max()),
         "bulk_end": float(bulk - 1.0),
         "top_speed": max(e.top_speed for e in entries),
+        "kinetic": max(e.kinetic for e in entries),
         "growth_mib": growth / 2**20,
     }
 
@@ -106,14 +109,16 @@ def broken(case: Hard, found: dict) -> list[str]:
     """Demands that a run did not keep, in words; none for a run that holds."""
     if "failure" in found:
         return [str(found["failure"])]
-    if case.trapped:
-        return [] if str(found["ended"]).startswith("trapped") else ["the water was not named"]
-    problems = [] if found["ended"] == "well" else [str(found["ended"])]
+    ended = str(found["ended"])
+    if case.named:
+        return [] if ended.startswith(case.named) else [f"ended {ended}"]
+    problems = [] if ended == WELL else [ended]
     limits = {
         "outside": (0.0, "particles outside"),
         "mass": (MASS, "mass"),
         "energy_rise": (RISE, "energy rises"),
         "momentum_drift": (DRIFT, "momentum"),
+        "kinetic": (case.kinetic, "J in motion"),
     }
     if case.settles:
         limits |= {"density_end": (DENSITY, "density"), "bulk_end": (BULK, "bulk density")}

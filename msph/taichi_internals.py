@@ -110,6 +110,12 @@ def on_cpu() -> bool:
     return ti.cfg.arch in (ti.x64, ti.arm64)
 
 
+def longest_float():
+    """The type of numbers in which kernels may sum: f64 on CPUs and CUDA, else f32; ti.init must
+    have been called."""
+    return ti.f64 if on_cpu() or ti.cfg.arch == ti.cuda else ti.f32
+
+
 def cache_folder() -> Path | None:
     """Where Taichi keeps compiled kernels; None where it does not tell. Before ti.init."""
     given = os.environ.get("TI_OFFLINE_CACHE_FILE_PATH")

@@ -41,12 +41,13 @@ def test_what_breaks_is_told():
 def test_each_demand_can_break(figure, value, problem):
     good = {
         **{"ended": "well", "outside": 0, "mass": 0.0, "energy_rise": 0.0, "momentum_drift": 1e-7},
-        **{"density_end": 1e-4, "bulk_end": float("nan"), "growth_mib": 0.0},
+        **{"density_end": 1e-4, "bulk_end": float("nan"), "kinetic": 1.0},
     }
     assert stability.broken(Hard("rest"), good) == []
     assert stability.broken(Hard("rest"), {**good, figure: value}) == [problem]
     if figure == "ended":
-        assert stability.broken(Hard("named", trapped=True), good) == ["the water was not named"]
+        assert stability.broken(Hard("named", named="the water"), good) == ["ended well"]
+        assert stability.broken(Hard("named", named="the water"), {**good, figure: value}) == []
 
 
 def test_runs_that_fail_are_rows_and_the_report_says_so(tmp_path, monkeypatch):

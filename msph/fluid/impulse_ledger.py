@@ -2,7 +2,7 @@
 
 import taichi as ti
 
-from msph.taichi_internals import data_oriented, kernel
+from msph.taichi_internals import data_oriented, kernel, longest_float
 
 
 @data_oriented
@@ -16,18 +16,20 @@ class ImpulseLedger:
     user_impulse [N s], user_work [J]: of the hand.
     merge_loss [J]: kinetic energy that merges dissipated.
 
-    Single precision: the impulses of a long run are good to about 1e-5 of all that was exchanged.
+    Double precision where the device sums it: in single precision the sums of still water drifted
+    by 2.6e-5 of its largest sum m |v| within 2 s, of which 1.2e-6 were the water's.
     """
 
     def __init__(self):
-        self.internal_impulse = ti.Vector.field(3, ti.f32, shape=())
-        self.internal_angular_impulse = ti.Vector.field(3, ti.f32, shape=())
-        self.wall_impulse = ti.Vector.field(3, ti.f32, shape=())
-        self.body_impulse = ti.Vector.field(3, ti.f32, shape=())
-        self.wall_work = ti.field(ti.f32, shape=())
-        self.user_impulse = ti.Vector.field(3, ti.f32, shape=())
-        self.user_work = ti.field(ti.f32, shape=())
-        self.merge_loss = ti.field(ti.f32, shape=())
+        number = longest_float()
+        self.internal_impulse = ti.Vector.field(3, number, shape=())
+        self.internal_angular_impulse = ti.Vector.field(3, number, shape=())
+        self.wall_impulse = ti.Vector.field(3, number, shape=())
+        self.body_impulse = ti.Vector.field(3, number, shape=())
+        self.wall_work = ti.field(number, shape=())
+        self.user_impulse = ti.Vector.field(3, number, shape=())
+        self.user_work = ti.field(number, shape=())
+        self.merge_loss = ti.field(number, shape=())
 
     @kernel
     def clear(self):
