@@ -11,6 +11,7 @@ bench/results/quality.md, what `scenes` prints to assets/quality.json.
 
 import itertools
 import json
+import math
 import subprocess
 import sys
 import time
@@ -56,7 +57,7 @@ def run(name: str, quality: Quality, smoothing: float | None = None) -> dict:
     if smoothing:
         layers = [layer.model_copy(update={"smoothing": smoothing}) for layer in scene.layers]
         scene = scene.model_copy(update={"layers": layers})
-    show = Show(scene, FRAME, timings=Timings())
+    show = Show(scene, FRAME, timings=Timings(), density_every=math.inf)
     show.warm_up()
     cpu, counts = [], []
     for _ in range(round(SECONDS / FRAME)):
