@@ -4,7 +4,7 @@ import numpy as np
 import taichi as ti
 
 from msph.fluid.simulation import Simulation
-from msph.taichi_internals import data_oriented, kernel
+from msph.taichi_internals import data_oriented, kernel, longest_float
 
 # Particles that one thread adds up in single precision; the host adds these sums in double.
 # Rounding of a sum of n equal numbers grows as n: 32 keep it under 1e-6, also without f64.
@@ -50,8 +50,9 @@ class Totals:
         vectors = np.zeros((rows, len(_VECTORS), 3), np.float32)
         scalars = np.zeros((rows, len(_SCALARS)), np.float32)
         peaks = np.zeros((rows, len(_PEAKS)), np.float32)
-        impulses = np.zeros((len(_GIVEN_VECTORS), 3), np.float32)
-        works = np.zeros(len(_GIVEN_SCALARS), np.float32)
+        longest = np.float64 if longest_float() == ti.f64 else np.float32
+        impulses = np.zeros((len(_GIVEN_VECTORS), 3), longest)
+        works = np.zeros(len(_GIVEN_SCALARS), longest)
         self._reduce(n, vectors, scalars, peaks, impulses, works)
         return {
             **dict(zip(_VECTORS, vectors.sum(axis=0, dtype=float), strict=True)),
