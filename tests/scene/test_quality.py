@@ -92,8 +92,8 @@ def test_only_what_changes_the_water_makes_another_scene(dam_break):
 
 @pytest.mark.parametrize("name", shipped_scenes())
 def test_a_scene_that_was_not_measured_is_estimated(name):
-    """Within a factor of 5: calm water is taken as violent, and splashes grow more surface."""
+    """Within a factor of 8: calm water is taken as violent, and splashes grow more surface."""
     scene = load_scene(name)
     found = [estimate(scene, quality) for quality in LADDER]
     assert found == sorted(found)
-    assert 0.2 < estimate(scene, AS_GIVEN) / costs(name)[AS_GIVEN].dearest < 5.0
+    assert 0.2 < estimate(scene, AS_GIVEN) / costs(name)[AS_GIVEN].dearest < 8.0

@@ -162,7 +162,7 @@ def test_outputs_that_clash_or_have_no_place_are_refused(tmp_path):
     with pytest.raises(OutputError, match="at most 50 frames per second"):
         check_outputs(Outputs([gif]), 60.0)
     (tmp_path / "file").touch()
-    with pytest.raises(OutputError, match=r"file/a\.mp4: (file exists|not a directory)"):
+    with pytest.raises(OutputError, match="file: is a file, and no folder"):
         check_outputs(Outputs([tmp_path / "file" / "a.mp4"]), FPS)
     check_outputs(Outputs([tmp_path / "new" / "deep" / "a.mp4"]), FPS)
     assert (tmp_path / "new" / "deep").is_dir()
