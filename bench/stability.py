@@ -156,10 +156,10 @@ def report(known: list[dict], arch: str) -> None:
             "verdict": f"**{row['verdict']}**" if row["verdict"] != "holds" else "holds",
             "what broke": row["broken"],
             "energy rise, %": percent(row.get("energy_rise")),
-            "momentum": row.get("momentum_drift", ""),
+            "momentum": digits(row.get("momentum_drift")),
             "density after, %": percent(row.get("density_end")),
             "bulk after, %": percent(row.get("bulk_end")),
-            "top speed, m/s": row.get("top_speed", ""),
+            "top speed, m/s": digits(row.get("top_speed")),
         }
         for row in sorted(known, key=lambda r: (order.index(r["case"]), r["method"] == "classic"))
     ]
@@ -173,6 +173,11 @@ def report(known: list[dict], arch: str) -> None:
     text.append(tabulate(lines, headers="keys", tablefmt="github", disable_numparse=True))
     (RESULTS / REPORT).write_text("\n".join(text) + "\n", encoding="utf-8")
     click.echo(total)
+
+
+def digits(value: str | float | None) -> str:
+    """Two of a number that there is."""
+    return f"{float(value):.2g}" if value not in (None, "") else ""
 
 
 def percent(value: str | float | None) -> str:
