@@ -1,6 +1,6 @@
 """The command line: play, capture, bench, measure, scenes.
 
-What a command does stands in msph/stage/commands.py and is imported when the command is called:
+What a command does is in msph/stage/commands.py, imported when the command is called:
 help and wrong options need neither Taichi nor numpy.
 """
 
@@ -262,10 +262,11 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def unforeseen(error: Exception) -> str:
-    """In one line what nobody thought of; where it was stands in a file of its own."""
-    if isinstance(error, OSError) and error.filename:
+    """In one line an error that no code expects; details are in a file of its own."""
+    if isinstance(error, OSError) and error.strerror:
         # A disk that is full or gone: files that users name are checked before.
-        return f"{error.filename}: {str(error.strerror).lower()}"
+        where = f"{error.filename}: " if error.filename else ""
+        return f"{where}{error.strerror.lower()}"
     what = " ".join(f"{type(error).__name__}: {error}".split())
     report = user_cache.file().parent / f"crash_{time.strftime('%Y%m%d_%H%M%S')}.txt"
     command = " ".join(["msph", *sys.argv[1:]])
@@ -275,7 +276,7 @@ def unforeseen(error: Exception) -> str:
         report.write_text(text, encoding="utf-8", errors="backslashreplace")
     except OSError:
         return f"unforeseen: {what[:LONGEST]}"
-    return f"unforeseen: {what[:LONGEST]}; where it was stands in {report}"
+    return f"unforeseen: {what[:LONGEST]}; details in {report}"
 
 
 def fail(problem: str, code: int) -> None:

@@ -13,6 +13,10 @@ class BadInputError(MsphError):
     EXIT_CODE = 2
 
 
+class LostOutputError(MsphError):
+    """An output that could not be written to its end."""
+
+
 class BlowUpError(MsphError):
     """Water that is not finite any more, or has collapsed."""
 

@@ -24,10 +24,11 @@ class InterruptedRun(KeyboardInterrupt):
 
 @contextlib.contextmanager
 def importing() -> Iterator[None]:
-    """Within, libraries are imported. Ctrl-C ends the process, and nothing is said: they would lose
-    the exception in a callback, or print where they were. What they warn of is theirs."""
+    """Within, libraries are imported or start. Ctrl-C ends the process, and nothing is said: they
+    would lose the exception in a callback, or print a traceback. Deprecations are their own."""
     with warnings.catch_warnings(), _sudden_end():
-        warnings.simplefilter("ignore")
+        warnings.simplefilter("ignore", DeprecationWarning)
+        warnings.simplefilter("ignore", SyntaxWarning)
         yield
 
 
@@ -38,8 +39,10 @@ def _sudden_end() -> Iterator[None]:
         yield
         return
     signal.signal(signal.SIGINT, signal.SIG_DFL)
-    yield
-    signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @contextlib.contextmanager

@@ -1,17 +1,23 @@
-"""Files of earlier runs may be written over; files that a run did not write may not.
+"""Files of a run: written whole or said to be lost, and never over files that no run wrote.
 
 A run writes its scene beside what it makes, with a digest of the text in the first line. Outputs
 beside an untouched scene of that kind are a run's.
 """
 
+import contextlib
+import errno
 import hashlib
+import os
 import re
-from collections.abc import Iterable
+import shutil
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from msph.errors import BadInputError
+from msph.errors import BadInputError, LostOutputError
 
 HEAD = re.compile(r"# written by msph, sha256 ([0-9a-f]{16})\n")
+# Room on a disk [bytes] below which a write that fails does so for want of it: encoders do not say.
+FULL_DISK = 1 << 20
 
 
 class ForeignFileError(BadInputError):
@@ -40,18 +46,40 @@ def guard(scene: Path, outputs: Iterable[Path], force: bool) -> None:
         return
     for path in (scene, *outputs):
         if path.exists():
-            raise ForeignFileError(f"{path}: was not written by a run; --force writes over it")
+            raise ForeignFileError(
+                f"{path}: was not written by a run; --force of capture and measure"
+            )
+
+
+@contextlib.contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Within, a file is written: what the system refuses is a LostOutputError that names it."""
+    try:
+        yield
+    except OSError as error:
+        full = shutil.disk_usage(path.parent).free < FULL_DISK
+        problem = os.strerror(errno.ENOSPC) if full else str(error.strerror or error)
+        line = problem.strip().splitlines()[0]
+        raise LostOutputError(f"{path}: {line[0].lower()}{line[1:]}") from None
+
+
+@contextlib.contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """Within, the file given is written, which then takes the place of `path`: a disk that fills
+    leaves what there was. Raises LostOutputError."""
+    beside = path.with_name(f"new_{path.name}")
+    try:
+        with writing(path):
+            yield beside
+            beside.replace(path)
+    finally:
+        beside.unlink(missing_ok=True)
 
 
 def replace(path: Path, text: str) -> None:
-    """Writes beside and renames: a disk that fills leaves what there was."""
-    beside = path.with_name(f"{path.name}.part")
-    try:
+    """Writes a text file whole or not at all. Raises LostOutputError."""
+    with replacing(path) as beside:
         beside.write_text(text, encoding="utf-8")
-        beside.replace(path)
-    except (OSError, ValueError):
-        beside.unlink(missing_ok=True)
-        raise
 
 
 def _digest(text: str) -> str:

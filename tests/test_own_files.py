@@ -1,8 +1,11 @@
 """Files of runs and files of others."""
 
+import errno
+
 import pytest
 
-from msph.own_files import ForeignFileError, guard, replace, sealed, untouched
+from msph.errors import LostOutputError
+from msph.own_files import ForeignFileError, guard, replace, replacing, sealed, untouched
 
 
 def test_a_runs_scene_is_told_from_an_edited_one(tmp_path):
@@ -30,4 +33,16 @@ def test_a_write_that_fails_leaves_what_there_was(tmp_path):
     replace(path, "old")
     with pytest.raises(UnicodeEncodeError):
         replace(path, "new \ud800")
+    assert path.read_text() == "old"
+
+
+def test_a_disk_that_fills_is_said_and_leaves_no_part(tmp_path):
+    """A part of a checkpoint was left, and the error named no file."""
+    path = tmp_path / "checkpoint.npz"
+    path.write_text("old")
+    message = r"checkpoint\.npz: no space left on device"
+    with pytest.raises(LostOutputError, match=message), replacing(path) as new:
+        new.write_text("half")
+        raise OSError(errno.ENOSPC, "No space left on device")
+    assert [p.name for p in tmp_path.iterdir()] == ["checkpoint.npz"]
     assert path.read_text() == "old"

@@ -19,6 +19,7 @@ import numpy as np
 from tabulate import tabulate
 
 from msph.measure.table import parts
+from msph.own_files import replacing
 
 # Ratio of the spacings of successive runs: Celik et al. ask for 1.3 at least; a coarser run costs
 # a quarter of the next finer.
@@ -193,7 +194,7 @@ def write(path: Path, rows: list[Row], spacings: list[float]) -> None:
     heads = ["quantity", "unit", *(f"run_{k + 1}" for k in range(len(spacings))), *ESTIMATE]
     first = ["finest_spacing", "m", *(f"{d:.6g}" for d in spacings), *[""] * len(ESTIMATE)]
     cells = [_cells(row, 6, "") for row in rows]
-    with open(path, "w", newline="", encoding="utf-8") as file:
+    with replacing(path) as new, open(new, "w", newline="", encoding="utf-8") as file:
         csv.writer(file, lineterminator="\n").writerows([heads, first, *cells])
 
 

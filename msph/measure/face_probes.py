@@ -3,17 +3,15 @@
 from dataclasses import dataclass
 
 import numpy as np
-import trimesh
 
-from msph.fluid.boundary.rigid_bodies import Ball, Block, Body, Solid, centre
+from msph.fluid.boundary.rigid_bodies import Solid, centre
+from msph.measure.body_faces import faces
 from msph.measure.probes import Probe, lattice
 from msph.measure.snapshot import Snapshot
 from msph.scene.obstacles import bodies
 from msph.scene.schema import Scene
 from msph.scene.water import layer_specs
 
-# Rounds of halving an icosahedron's edges for a ball: 1280 faces, whose volume is .4 % short.
-ROUNDS = 3
 # Most edge of a body's faces, in finest spacings, and most faces: each is read by itself.
 EDGE, MOST_FACES = 0.75, 8000
 
@@ -86,16 +84,3 @@ class ForceProbe(Probe):
         pressures[inside] = wet * found
         forces = -pressures[:, None] * (self.areas @ turn.T)
         return [*forces.sum(axis=0).tolist(), *np.cross(arms, forces).sum(axis=0).tolist()]
-
-
-def faces(body: Body) -> trimesh.Trimesh:
-    """The faces of a body where it stands at time zero, as triangles."""
-    if isinstance(body, Ball):
-        mesh = trimesh.creation.icosphere(ROUNDS, radius=body.radius)
-        # Faces of the ball and not of the polyhedron within it: of the same area in all.
-        mesh.apply_scale(np.sqrt(4.0 * np.pi * body.radius**2 / mesh.area))
-        mesh.apply_translation(body.centre)
-        return mesh
-    if isinstance(body, Block):
-        return trimesh.creation.box(bounds=np.array([body.lo, body.hi]))
-    return trimesh.Trimesh(body.vertices, body.triangles, process=False)

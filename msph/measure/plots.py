@@ -6,6 +6,7 @@ import numpy as np
 
 from msph.errors import BadInputError
 from msph.measure.table import parts, read
+from msph.own_files import replacing
 
 # Inches of a panel, and pixels per inch.
 WIDTH, HEIGHT, DPI = 8.0, 2.2, 110
@@ -134,4 +135,5 @@ def _draw(path: Path, title: str, panels: list[Panel]) -> None:
         if len(curves) > 1 or label in WORDS.values():
             axis.legend(fontsize=7, loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
     axes[-1].set_xlabel("time [s]", fontsize=8)
-    figure.savefig(path)
+    with replacing(path) as file:
+        figure.savefig(file)

@@ -171,6 +171,7 @@ def lattice(lo: np.ndarray, hi: np.ndarray, spacing: float) -> tuple[np.ndarray,
 
 def build_probes(scene: Scene) -> list[Probe]:
     """The scene's probes, in its order; the scene must have been checked."""
+    # Here, since those probes build on this file, and trimesh is slow to import.
     from msph.measure.face_probes import FluxProbe, ForceProbe
 
     built: list[Probe] = []

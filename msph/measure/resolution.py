@@ -8,6 +8,7 @@ import trimesh
 from scipy.spatial import cKDTree
 
 from msph.fluid.boundary.rigid_bodies import TOUCHING, Ball, Block, Body, Solid
+from msph.measure.body_faces import faces
 from msph.scene.obstacles import bodies
 from msph.scene.schema import Scene
 from msph.scene.water import layer_specs
@@ -71,7 +72,7 @@ def narrowest_gap(size: tuple[float, float, float], solids: list[Body], d: float
             gaps += [*body.bounds[0], *(walls - body.bounds[1])]
     clouds = []
     if len(solids) > 1:
-        clouds = [trimesh.sample.sample_surface(_surface(b), POINTS, seed=0)[0] for b in solids]
+        clouds = [trimesh.sample.sample_surface(faces(b), POINTS, seed=0)[0] for b in solids]
     for a, b in itertools.combinations(clouds, 2):
         gaps.append(cKDTree(a).query(b)[0].min())
     return float(min(g for g in gaps if g > TOUCHING * d))
@@ -83,16 +84,8 @@ def thickness(body: Body) -> float:
         return 2.0 * body.radius
     if isinstance(body, Block):
         return float((body.hi - body.lo).min())
-    _, edges = trimesh.bounds.oriented_bounds(_surface(body))
+    _, edges = trimesh.bounds.oriented_bounds(faces(body))
     return float(edges.min())
-
-
-def _surface(body: Body) -> trimesh.Trimesh:
-    if isinstance(body, Ball):
-        return trimesh.creation.icosphere(radius=body.radius).apply_translation(body.centre)
-    if isinstance(body, Block):
-        return trimesh.creation.box(bounds=[body.lo, body.hi])
-    return trimesh.Trimesh(body.vertices, body.triangles, process=False)
 
 
 def _contains(body: Body) -> bool:

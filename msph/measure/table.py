@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from msph.errors import BadInputError
+from msph.errors import BadInputError, LostOutputError
+from msph.own_files import writing
 
 # Times of rows and checkpoints differ by less [s]: digits of a table.
 ROUNDING = 1e-6
@@ -45,7 +46,7 @@ def read(path: Path) -> dict[str, np.ndarray]:
 
 
 class TableError(BadInputError):
-    """A table that cannot be gone on with, or cannot grow."""
+    """A table that cannot be gone on with."""
 
 
 class Table:
@@ -54,7 +55,8 @@ class Table:
     heads: "name [unit]" of each column, whose name in the file is column(head); the first is the
     time [s]. What is not known (NaN) is an empty cell. until [s]: the table that there is keeps its
     rows up to that time, which are `kept`, and stays as it is until a row is written; None starts
-    anew. Raises TableError for other columns.
+    anew. Raises TableError for other columns,
+    LostOutputError where a row cannot be written.
     """
 
     def __init__(self, path: Path, heads: list[str], until: float | None = None):
@@ -85,9 +87,12 @@ class Table:
     def _append(self, cells: list[str]) -> None:
         length = self.path.stat().st_size
         try:
-            with open(self.path, "a", newline="", encoding="utf-8") as file:
+            with (
+                writing(self.path),
+                open(self.path, "a", newline="", encoding="utf-8") as file,
+            ):
                 csv.writer(file, lineterminator="\n").writerow(cells)
-        except OSError as error:
+        except LostOutputError:
             # A disk that fills must leave whole rows.
             os.truncate(self.path, length)
-            raise TableError(f"{self.path}: {str(error.strerror).lower()}") from None
+            raise

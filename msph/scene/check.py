@@ -13,16 +13,13 @@ from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.particles.particles import CORE
 from msph.fluid.simulation import WORD, footprint
 from msph.scene.build import solver_parameters
-from msph.scene.errors import SceneError
+from msph.scene.errors import SceneError, in_metres
 from msph.scene.obstacles import bodies, check_bodies
 from msph.scene.probes import check_probes, probe_cautions
 from msph.scene.schema import LAYER_OPTIONS, Layer, Scene, Water
-from msph.scene.water import bounds, capacity, layer_specs, particle_count
+from msph.scene.water import TOLERANCE, bounds, capacity, layer_specs, particle_count
 from msph.surface.surface import Surface
 
-# How far bodies of water may touch or reach over the box before it counts as an error [m]:
-# rounding in a scene file, not a design.
-TOLERANCE = 1e-6
 # Share of the free memory that a scene may take.
 MEMORY_SHARE = 0.8
 # Indices are 32-bit integers.
@@ -139,7 +136,7 @@ def _check_memory(scene: Scene, specs: list[LayerSpec], where: str) -> None:
     if WORD * sum(needs.values()) > free or needs[largest] > MOST_NUMBERS:
         raise SceneError(
             where,
-            f"{count:,} particles in a box of {_point(scene.box.size)} m need "
+            f"{count:,} particles in a box of {in_metres(scene.box.size)} need "
             f"{WORD * sum(needs.values()) / 2**30:.1f} GiB, most of it for {largest}; "
             f"{free / 2**30:.1f} GiB are free",
             keys[largest],
@@ -163,8 +160,8 @@ def _check_water(scene: Scene, water: Water, where: str, key: str) -> None:
     if np.any(lo < -TOLERANCE) or np.any(hi > np.array(scene.box.size) + TOLERANCE):
         raise SceneError(
             where,
-            f"reaches from {_point(lo)} to {_point(hi)} m, outside the box of "
-            f"{_point(scene.box.size)} m",
+            f"reaches from {in_metres(lo)} to {in_metres(hi)}, outside the box of "
+            f"{in_metres(scene.box.size)}",
             key,
         )
     spec = layer_specs(scene)[water.layer]
@@ -199,7 +196,3 @@ def _overlap(a: Water, b: Water) -> bool:
             apart = np.linalg.norm(centre - np.clip(centre, lo, hi))
             return bool(apart < ball.radius - TOLERANCE)
     return bool(np.all(np.minimum(hi_a, hi_b) - np.maximum(lo_a, lo_b) > TOLERANCE))
-
-
-def _point(p) -> str:
-    return "(" + ", ".join(f"{v:g}" for v in p) + ")"

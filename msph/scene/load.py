@@ -78,8 +78,10 @@ def parse_override(text: str) -> tuple[str, Any]:
     """ "box.size=[1, 1, 1]" -> ("box.size", [1, 1, 1]). What is no TOML value is a string."""
     key, sign, value = text.partition("=")
     key = key.strip()
-    if not text.isprintable():
-        raise SceneError("--set", "is no text", ascii(text))
+    try:
+        text.encode("utf-8")
+    except UnicodeEncodeError:
+        raise SceneError("--set", "is no text", ascii(text)) from None
     if not sign or not key:
         raise SceneError("--set", "expects key=value", text)
     try:

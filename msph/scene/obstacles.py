@@ -6,7 +6,7 @@ import numpy as np
 
 from msph.fluid.boundary.rigid_bodies import Ball, Block, Body, Motion, Solid
 from msph.fluid.methods import METHODS, able
-from msph.scene.errors import SceneError
+from msph.scene.errors import SceneError, in_metres
 from msph.scene.meshes import MeshError, load_mesh
 from msph.scene.schema import Container, Obstacle, Scene
 
@@ -60,8 +60,8 @@ def check_bodies(scene: Scene, where: str) -> None:
         if np.any(lo < 0.0) or np.any(hi > np.array(scene.box.size)):
             raise SceneError(
                 where,
-                f"reaches from {_point(lo)} to {_point(hi)} m, outside the box of "
-                f"{_point(scene.box.size)} m",
+                f"reaches from {in_metres(lo)} to {in_metres(hi)}, outside the box of "
+                f"{in_metres(scene.box.size)}",
                 "container",
             )
     for i, obstacle in enumerate(scene.obstacles):
@@ -102,7 +102,3 @@ def _check_mesh(mesh: Obstacle | Container, where: str, key: str) -> None:
         load_mesh(str(mesh.mesh))
     except MeshError as error:
         raise SceneError(where, str(error), f"{key}.mesh") from None
-
-
-def _point(p) -> str:
-    return "(" + ", ".join(f"{v:g}" for v in p) + ")"

@@ -3,12 +3,11 @@
 import numpy as np
 
 from msph.fluid.boundary.rigid_bodies import Ball, Block
-from msph.scene.errors import SceneError
+from msph.scene.errors import SceneError, in_metres
 from msph.scene.obstacles import bodies
 from msph.scene.schema import Probe, Scene
+from msph.scene.water import TOLERANCE
 
-# Tolerance [m] of places on the box's walls, which are sums of decimals.
-TOLERANCE = 1e-9
 # The keys that say where a probe of each kind is, one tuple of them or another.
 KEYS: dict[str, tuple[tuple[str, ...], ...]] = {
     "pressure": (("point",), ("lo", "hi")),
@@ -40,7 +39,7 @@ def _check_probe(scene: Scene, probe: Probe, where: str, key: str) -> None:
         if room is not None and (
             np.any(np.array(place) < -TOLERANCE) or np.any(np.array(place) > room + TOLERANCE)
         ):
-            problem = f"{_point(place)} m lies outside the box of {_point(size)} m"
+            problem = f"{in_metres(place)} lies outside the box of {in_metres(size)}"
             raise SceneError(where, problem, f"{key}.{name}")
     if probe.lo is not None and probe.hi is not None:
         edges = np.array(probe.hi) - np.array(probe.lo)
@@ -72,19 +71,15 @@ def probe_cautions(scene: Scene) -> list[str]:
     if not any(p.point for p in scene.probes):
         return []
     return [
-        f"probes.{i}: {_point(p.point)} m is inside of a body, where there is nothing to read"
+        f"probes.{i}: {in_metres(p.point)} is inside of a body, where there is nothing to read"
         for i, p in enumerate(scene.probes)
         if p.point and any(_covers(body, np.array(p.point)) for body in bodies(scene))
     ]
 
 
 def _covers(body, point: np.ndarray) -> bool:
-    """Whether a point is deep inside of a body; of meshes it is not known."""
+    """Whether a point is inside of a body; of meshes it is not known."""
     if isinstance(body, Ball):
         return bool(np.linalg.norm(point - body.centre) < body.radius - TOLERANCE)
     inside = isinstance(body, Block) and np.all((point > body.lo) & (point < body.hi))
     return bool(inside)
-
-
-def _point(p) -> str:
-    return "(" + ", ".join(f"{v:g}" for v in p) + ")"

@@ -11,6 +11,9 @@ from msph.scene.schema import Scene, Water
 
 # Particles that a pool has room for without being asked, where adaptation could need them.
 MANY = 30_000
+# How far bodies of water may touch or reach over the box before it counts as an error [m]:
+# rounding in a scene file, not a design.
+TOLERANCE = 1e-6
 # Steps (-) of a sequence of low discrepancy in the plane, of powers of 1/1.3247 (Roberts 2018).
 SCATTER = (0.7548776662, 0.5698402910)
 

@@ -9,7 +9,7 @@ import click
 from tabulate import tabulate
 
 from msph.device import start
-from msph.errors import BlowUpError
+from msph.errors import BlowUpError, LostOutputError
 from msph.fluid.trapped_water import TrappedWaterError
 from msph.measure import convergence, table
 from msph.measure.machine_speed import machine_speed
@@ -57,6 +57,7 @@ def play(scene, size, frames, overrides, arch, threads, quality) -> None:
         say(f"{reason}: capturing {FALLBACK_SECONDS:.0f} s of {scene} instead")
         outputs = Outputs([target.with_suffix(".mp4"), target.with_suffix(".png")])
         check_outputs(outputs, FALLBACK_FPS)
+        guard(scene_beside(outputs), outputs.existing(), force=False)
         start(arch, threads)
         # A capture need not keep up with the clock.
         loaded, quality = at(loaded, scene, AS_GIVEN if quality == AUTO else quality)
@@ -155,7 +156,7 @@ def bench(
     for row in profiled:
         click.echo("\n".join([row.scene, *profile_lines(row.profile_ms)]))
     if json_file:
-        json_file.write_text(json.dumps([r.as_dict() for r in rows], indent=2) + "\n")
+        replace(json_file, json.dumps([r.as_dict() for r in rows], indent=2) + "\n")
     if failed:
         sys.exit(BAD_RUN)
 
@@ -177,7 +178,7 @@ def measure(
     arch = start(arch, threads)
     loaded, quality = at(loaded, scene, quality, arch)
     if converge:
-        measure_convergence(loaded, scene, folder, converge, quality, arch)
+        measure_convergence(loaded, scene, folder, converge, quality, arch, force)
     else:
         run_of = measured(loaded, scene, folder, quality, arch, resume, since)
         click.echo(f"\n{run_of.account()}")
@@ -205,7 +206,10 @@ def measured(
     try:
         run(show or prepare(scene, scene.measure.every, timings=Timings()), measurer)
     except (Exception, KeyboardInterrupt) as error:
-        measurer.conclude(str(error) or "interrupted")
+        try:
+            measurer.conclude(str(error) or "interrupted")
+        except LostOutputError as lost:
+            say(str(lost))
         say(f"{folder} holds what was measured until then")
         if (folder / CHECKPOINT).exists():
             say(f"--resume {folder / CHECKPOINT} goes on")
@@ -221,14 +225,16 @@ def measured(
 
 
 def measure_convergence(
-    scene: Scene, name: str, folder: Path, runs: int, quality: str, arch: str
+    scene: Scene, name: str, folder: Path, runs: int, quality: str, arch: str, force: bool
 ) -> None:
     """Measures a scene at several spacings, the scene's own last, each in a folder within, and
-    estimates the discretisation error. Raises SceneError where spacings cannot change."""
+    estimates the discretisation error. Raises SceneError where spacings cannot change,
+    ForeignFileError where files that no run wrote would be lost, unless by `force`."""
     sequence = coarser(scene, convergence.factors(runs), name)
     folders, spacings = [], []
     for factor, coarse in sequence:
         folders.append(folder if factor == 1.0 else folder / f"spacings_x{factor:.2f}")
+        guard(folders[-1] / SCENE, (folders[-1] / name for name in FILES), force)
         spacings.append(min(s.spacing for s in layer_specs(coarse)))
         say(f"{name}: finest spacing {1e3 * spacings[-1]:.4g} mm, run {len(folders)} of {runs}")
         finest = measured(coarse, name, folders[-1], f"{quality}, spacings x{factor:.2f}", arch)

@@ -14,6 +14,7 @@ from msph.measure.probes import build_probes
 from msph.measure.snapshot import Snapshot
 from msph.measure.survey import COLUMNS, Survey, survey
 from msph.measure.table import ROUNDING, Table
+from msph.own_files import replacing
 from msph.scene.schema import Scene
 from msph.stage.controls import Controls
 from msph.stage.show import Show
@@ -132,9 +133,8 @@ class Measurer:
 
     def _save(self) -> None:
         """The checkpoint, whole or not at all."""
-        new = self.folder / f"new_{CHECKPOINT}"
-        np.savez_compressed(new, **self.show.simulation.state())
-        new.replace(self.folder / CHECKPOINT)
+        with replacing(self.folder / CHECKPOINT) as file:
+            np.savez_compressed(file, **self.show.simulation.state())
         self.saved = time.monotonic()
 
     def close(self) -> None:

@@ -1,12 +1,9 @@
 """The recorder: pictures, video, meshes and checkpoints of a show, to files."""
 
 import contextlib
-import errno
 import glob
 import itertools
-import os
 import re
-import shutil
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -15,10 +12,12 @@ from typing import Any
 
 import imageio.v2 as imageio
 import numpy as np
+from imageio.v3 import imwrite
 from tqdm import tqdm
 
-from msph.errors import BadInputError, MsphError
+from msph.errors import BadInputError, LostOutputError
 from msph.measure.table import column
+from msph.own_files import writing
 from msph.stage import vtu
 from msph.stage.controls import Controls
 from msph.stage.show import Show
@@ -36,8 +35,6 @@ WEBM: dict[str, Any] = {
     "quality": None,
     "output_params": ["-crf", "24", "-b:v", "0", "-deadline", "realtime", "-cpu-used", "5"],
 }
-# Room on a disk [bytes] below which an encoder that fails does so for want of it.
-FULL_DISK = 1 << 20
 # The place for a frame number in a name.
 NUMBER = re.compile(r"%0?[1-9]?d")
 # The shortest time that a frame of a GIF can last is two hundredths of a second.
@@ -46,10 +43,6 @@ GIF_FPS = 50.0
 
 class OutputError(BadInputError):
     """An output that cannot be written, in one line."""
-
-
-class LostOutputError(MsphError):
-    """An output that could not be written to its end, in one line."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +86,9 @@ class Recorder:
         self.done, self.first = 0, first
         self.outputs, self.lost = outputs, set[Path]()
         self.last: Any = None  # the picture last recorded, (height, width, 3) uint8
-        self.videos = [p for p in outputs.pictures if kind(p) in (*VIDEO, ".gif")]
+        self.videos = [p for p in outputs.pictures if kind(p) in VIDEO]
+        self.gifs = [p for p in outputs.pictures if kind(p) == ".gif"]
+        self.gif_frames: list[np.ndarray] = []
         self.stills = [p for p in outputs.pictures if kind(p) == ".png" and not numbered(p)]
         self.pictures = [p for p in outputs.pictures if numbered(p)]
         self.meshes, self.particles = outputs.meshes, outputs.particles
@@ -113,7 +108,9 @@ class Recorder:
             self.last = show.picture.to_numpy_u8()
             for path, writer in zip(self.videos, self.writers or self._open(), strict=True):
                 with self._writing(path):
-                    writer.append_data(self._even() if kind(path) != ".gif" else self.last)
+                    writer.append_data(self._even())
+            if self.gifs:
+                self.gif_frames.append(self.last)
             if self.done + 1 == self.still:
                 self._write_stills()
         for path in self.pictures:
@@ -136,8 +133,14 @@ class Recorder:
             try:
                 with self._writing(path):
                     writer.close()
-                    if kind(path) in VIDEO and path not in self.lost:
+                    if path not in self.lost:
                         check_video(path, self.done)
+            except LostOutputError as failure:
+                failures.append(failure)
+        for path in self.gifs if self.gif_frames else ():
+            try:
+                with self._writing(path):
+                    path.write_bytes(self._gif())
             except LostOutputError as failure:
                 failures.append(failure)
         if self.last is not None and self.done < self.still:
@@ -155,15 +158,13 @@ class Recorder:
 
     @contextlib.contextmanager
     def _writing(self, path: Path) -> Iterator[None]:
-        """What the system refuses of an output, as a LostOutputError."""
+        """As own_files.writing; what cannot be written is lost."""
         try:
-            yield
-        except OSError as error:
+            with writing(path):
+                yield
+        except LostOutputError:
             self.lost.add(path)
-            full = shutil.disk_usage(path.parent).free < FULL_DISK
-            problem = os.strerror(errno.ENOSPC) if full else str(error.strerror or error)
-            line = problem.strip().splitlines()[0]
-            raise LostOutputError(f"{path}: {line[0].lower()}{line[1:]}") from None
+            raise
 
     def _write_stills(self) -> None:
         for path in self.stills:
@@ -172,12 +173,10 @@ class Recorder:
 
     def _open(self) -> list:
         for path in self.videos:
-            if kind(path) == ".gif":
-                writer = imageio.get_writer(path, duration=self._gif_durations(), loop=0)
-            else:
-                options = WEBM if kind(path) == ".webm" else {"quality": VIDEO_QUALITY}
-                writer = imageio.get_writer(path, fps=self.fps, macro_block_size=1, **options)
-            self.writers.append(writer)
+            options = WEBM if kind(path) == ".webm" else {"quality": VIDEO_QUALITY}
+            self.writers.append(
+                imageio.get_writer(path, fps=self.fps, macro_block_size=1, **options)
+            )
         return self.writers
 
     def _even(self) -> np.ndarray:
@@ -185,10 +184,11 @@ class Recorder:
         height, width = self.last.shape[:2]
         return self.last[: height // 2 * 2, : width // 2 * 2]
 
-    def _gif_durations(self) -> list[float]:
-        """Milliseconds of every frame: hundredths of a second that add up to the true time."""
-        ends = [round(100.0 * k / self.fps) for k in range(self.frames + 1)]
-        return [10.0 * (b - a) for a, b in itertools.pairwise(ends)]
+    def _gif(self) -> bytes:
+        """The frames as a GIF; each lasts hundredths of a second, which add up to the true time."""
+        ends = [round(100.0 * k / self.fps) for k in range(len(self.gif_frames) + 1)]
+        durations = [10.0 * (b - a) for a, b in itertools.pairwise(ends)]
+        return imwrite("<bytes>", self.gif_frames, extension=".gif", duration=durations, loop=0)
 
     def _numbered(self, path: Path) -> Path:
         """The file of this frame."""
@@ -198,7 +198,7 @@ class Recorder:
 
 
 def check_video(path: Path, frames: int) -> None:
-    """Reads a video's frames back: encoders fail without a word. Raises LostOutputError."""
+    """Reads a video's frames back: encoders fail without a word. Raises OSError."""
     from imageio_ffmpeg import count_frames_and_secs
 
     try:

@@ -5,6 +5,7 @@ import errno
 import numpy as np
 import pytest
 
+from msph.errors import LostOutputError
 from msph.measure import entry
 from msph.measure.table import Table, TableError, column, read
 
@@ -26,7 +27,7 @@ def test_a_disk_that_fills_leaves_whole_rows(tmp_path, monkeypatch):
     table.write([0.0, 1.0])
     whole = table.path.read_text()
     monkeypatch.setattr("msph.measure.table.csv.writer", HalfAWriter)
-    with pytest.raises(TableError, match=r"t\.csv: no space left on device"):
+    with pytest.raises(LostOutputError, match=r"t\.csv: no space left on device"):
         table.write([0.5, 1.0])
     assert table.path.read_text() == whole
 

@@ -102,7 +102,7 @@ BAD_OVERRIDES = {
     "layers.0.mass=2000": "layers.0: particles of 1.26 m do not fit in the box",
     "layers.9.mass=1": "layers.9.mass: expected an index from 0 to 1, got '9'",
     "water.0.hi=[1, 0, 1]": "water.0.hi: has no volume",
-    "water.0.hi=[1, 1.5, 1]": "water.0: reaches from (0, 0, 0) to (1, 1.5, 1) m, outside the box",
+    "water.0.hi=[1, 1.5, 1]": "water.0: reaches from (0, 0, 0) m to (1, 1.5, 1) m, outside the box",
     "water.0.layer=2": "water.0.layer: there are 2 layers, no layer 2",
     "water.0.radius=0.1": "water.0: give either lo and hi, or centre and radius",
     "water.0.count=99999": "water.0.count: 99999 particles do not fit, there is room for",
@@ -260,3 +260,8 @@ def test_views_are_few_and_of_what_a_person_looks_for(method):
     assert len(set(names)) == len(names)
     assert {"water", "layers", "speed", "density_error", "pressure", "particles"} <= set(names)
     assert len(names) <= 7
+
+
+def test_an_override_may_have_several_lines(tmp_path):
+    scene = load_scene(write(tmp_path, GOOD), ("box.size=[\n\t2.0,\n\t2.0,\n\t1.0\n]",))
+    assert scene.box.size == (2.0, 2.0, 1.0)

@@ -7,7 +7,7 @@ import trimesh
 from msph.fluid.boundary.rigid_bodies import Ball, Block, Solid
 from msph.scene import SceneError, build_simulation, load_scene
 from msph.scene.load import to_toml
-from msph.scene.obstacles import bodies
+from msph.scene.obstacles import bodies, placed
 
 GOOD = """
 method = "projection"
@@ -39,7 +39,7 @@ BAD = {
     "obstacles=[{mesh='turned.obj'}]": "obstacles.0.mesh: turned.obj: does not tell inside from",
     "obstacles=[{mesh='scene.toml'}]": "obstacles.0.mesh: scene.toml: unknown kind of mesh",
     "container={mesh='open.ply'}": "container.mesh: open.ply: is not closed: 9 open edges",
-    "container={mesh='bowl.obj'}": "container: reaches from (-0.5, 0, -0.5) to (0.5, 0.4, 0.5) m",
+    "container={mesh='bowl.obj'}": "container: reaches from (-0.5, 0, -0.5) m to (0.5, 0.4, 0.5) m",
     "container.scale=2.0": "container.mesh: is required",
     "method=classic": "obstacles: only projection models them, not classic",
     "obstacles.0.velocty=[1, 0, 0]": "obstacles.0.velocty: unknown key; did you mean 'velocity'?",
@@ -74,7 +74,9 @@ def load(folder, *overrides):
 
 def test_a_comment_in_an_old_encoding_is_no_harm(folder):
     """It was "No module named 'charset_normalizer'"."""
-    load(folder, "obstacles=[{mesh='old.obj', position=[0.5, 0.3, 0.5]}]")
+    scene = load(folder, "obstacles=[{mesh='old.obj', position=[0.5, 0.3, 0.5]}]")
+    vertices, triangles = placed(scene.obstacles[0])
+    assert np.allclose(np.ptp(vertices, axis=0), (0.4, 0.2, 0.4)) and len(triangles) == 12
 
 
 @pytest.mark.parametrize("override", BAD)
