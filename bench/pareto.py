@@ -4,10 +4,9 @@ python bench/pareto.py [--quick] [--case NAME] [--resume] [--cluster ADDRESS] [-
 
 Every row is a run in a process of its own, one at a time; it is written to bench/results/pareto.csv
 as soon as it is measured, where --resume takes up again, and measures anew what ran beside other
-busy processes. Rows of which only errors are wanted, the
-references of self-convergence, may be handed to a Dask scheduler that exists: pip install
-'.[cluster]', and this checkout at the workers. bench/results/pareto.md and pareto*.png are drawn
-from the table alone.
+busy processes. Rows of which only errors are wanted, the references of self-convergence, may be
+handed to a Dask scheduler that exists: pip install '.[cluster]', and this checkout at the workers.
+bench/results/pareto.md and pareto*.png are drawn from the table alone.
 """
 
 import dataclasses

@@ -40,8 +40,8 @@ class Figure:
         )
 
 
-# Limits are about twice the worst figure of the shipped scenes in their first 2 s by the projection
-# method (docs/scenes.md), but for those that say why they are what they are.
+# Limits were set at about twice the worst figure of the shipped scenes in their first 2 s by the
+# projection method (docs/scenes.md), but for those that say why they are what they are.
 FIGURES = (
     # Sloshing, bench/results/accuracy.md: periods 2 % off at 10 spacings, .9 % at 12.
     Figure(

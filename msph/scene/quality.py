@@ -28,8 +28,9 @@ class Quality:
 
 
 # From coarse to fine, each with half the volume per particle of the one before; "large" is what
-# scenes say. Looser tolerances and longer steps are undominated in bench/results/pareto.md, while
-# narrower supports cost more at equal error (bench/results/quality_settings.md).
+# scenes say. Looser tolerances and longer steps are undominated in still and sloshing water, not in
+# dam breaks (bench/results/pareto.md): they are for the time, and their error is printed. Narrower
+# supports cost more at equal error everywhere (bench/results/quality_settings.md).
 LADDER = {
     "small": Quality(2.0 ** (2.0 / 3.0), 0.03, 0.8),
     "medium": Quality(2.0 ** (1.0 / 3.0), 0.03, 0.8),

@@ -29,7 +29,7 @@ from msph.surface.surface import Surface
 WARM_UP_SCALE = 0.5
 
 # Options of a show that someone plays with. Density errors, which no frame needs, are measured
-# every tenth of a second [s]: often enough to be read, a tenth of the water's cost.
+# every tenth of a second [s], often enough to be read: they take a list of neighbours and a sum.
 PLAYED: dict[str, Any] = {"stop_bodies": True, "scalable": True, "density_every": 0.1}
 
 

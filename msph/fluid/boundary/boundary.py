@@ -53,7 +53,7 @@ class Boundary:
         self.moving = any(b.motion.moves for b in self.bodies)
         self.top_speed = max((b.motion.top_speed(reach(b)) for b in self.bodies), default=0.0)
         self.kinds = {type(b) for b in self.bodies}
-        self.time = 0.0  # at the end of the step for which bodies stand [s]
+        self.time = 0.0  # up to which bodies have moved [s]
         # Bodies that were stopped, and when [s].
         self.stopped: dict[int, float] = {}
         if self.bodies:

@@ -272,7 +272,8 @@ class Projection:
 
     @kernel
     def _top_rate(self, n: ti.i32, dt: ti.f32) -> ti.f32:
-        """Largest rate [1/s] by which motion bounds the next step: speed over cfl spacings."""
+        """Largest rate [1/s] by which motion bounds the next step: speed over cfl spacings. Adds
+        to the way that adaptation has let particles go."""
         p = self.particles
         top, longest = 0.0, 0.0
         ti.loop_config(serialize=p.light)
