@@ -71,6 +71,17 @@ def start(arch: str = "auto", threads: int | None = None) -> str:
     return name
 
 
+def restart(arch: str, threads: int | None = None) -> str:
+    """Starts Taichi anew: all its fields and kernels are gone, and kernels are found in the cache
+    again by the numbers that their fields get. As start()."""
+    global _started
+    import taichi as ti
+
+    ti.reset()
+    _started = None
+    return start(arch, threads)
+
+
 def unlock(cache: Path | None) -> None:
     """Removes the lock of a folder of compiled kernels that a killed process has left."""
     if cache:

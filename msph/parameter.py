@@ -10,13 +10,23 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Declared:
-    """What a declaration says beside the default: unit, help, and limits as pydantic names them."""
+    """What a declaration says beside the default: unit, help, limits as pydantic names them, and
+    where it may change while the water moves, the range of its slider."""
 
     unit: str
     text: str
     limits: dict[str, float]
+    live: tuple[float, float] | None
 
 
-def parameter(default: Any, *, unit: str = "-", text: str, **limits: float) -> Any:
-    """A dataclass field that scenes can set. limits: gt, ge, lt, le."""
-    return field(default=default, metadata={"declared": Declared(unit, text, limits)})
+def parameter(
+    default: Any,
+    *,
+    unit: str = "-",
+    text: str,
+    live: tuple[float, float] | None = None,
+    **limits: float,
+) -> Any:
+    """A dataclass field that scenes can set. limits: gt, ge, lt, le. live: the range of its slider
+    where it may change while the water moves."""
+    return field(default=default, metadata={"declared": Declared(unit, text, limits, live)})

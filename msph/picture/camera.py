@@ -10,12 +10,14 @@ import numpy as np
 
 ELEVATION = np.radians((3.0, 88.0))  # never under the ground, never over the pole
 ZOOM = (0.35, 4.0)  # distance limits, as multiples of the framing distance
+PAN = 0.6  # farthest that the target goes from the box's middle, over the distance of the eye
 MARGIN = 1.06  # air left round the box by `framing`
 
 
 @dataclass
 class Camera:
-    """Looks at `target` [m] from `distance` [m]; angles in radians, `fov` is vertical.
+    """Looks at `target` [m] from `distance` [m]; angles in radians, `fov` is vertical. The target
+    is seen `shift` picture widths right of the middle.
 
     Azimuth 0 looks along -z, growing azimuth moves the eye towards +x.
     """
@@ -25,6 +27,8 @@ class Camera:
     elevation: float = 0.42
     distance: float = 2.5
     fov: float = 0.66
+    shift: float = 0.0
+    home: np.ndarray = field(default_factory=lambda: np.zeros(3))  # target before any pan [m]
     reach: tuple[float, float] = (0.05, 50.0)  # distance limits [m]
 
     @classmethod
@@ -32,6 +36,7 @@ class Camera:
         """The camera that shows the whole box (Lx, Ly, Lz) [m] with a little air round it."""
         box = np.asarray(box, float)
         camera = cls(box / 2, azimuth, elevation, 1.0, fov)
+        camera.home = box / 2
         right, up, back = camera.axes()
         corners = (np.indices((2, 2, 2)).reshape(3, 8).T - 0.5) * box
         tall = np.tan(fov / 2)
@@ -51,6 +56,14 @@ class Camera:
         """Multiply the distance; below 1 comes nearer."""
         self.distance = float(np.clip(self.distance * factor, *self.reach))
 
+    def pan(self, right, up):
+        """Move the target along the view's axes [m], at most as far as the box is seen from."""
+        x, y, _ = self.axes()
+        moved = np.asarray(self.target) + right * x + up * y
+        away = moved - self.home
+        far = np.linalg.norm(away) / self.distance
+        self.target = self.home + away / max(1.0, far / PAN)
+
     def axes(self):
         """Right, up and back: unit vectors of the view, world frame."""
         ca, sa = np.cos(self.azimuth), np.sin(self.azimuth)
@@ -67,7 +80,8 @@ class Camera:
         """World ray through the centre of pixel (i right, j up): eye, unit direction."""
         right, up, back = self.axes()
         step = 2 * np.tan(self.fov / 2) / height
-        d = (i + 0.5 - width / 2) * step * right + (j + 0.5 - height / 2) * step * up - back
+        middle = (0.5 + self.shift) * width
+        d = (i + 0.5 - middle) * step * right + (j + 0.5 - height / 2) * step * up - back
         return self.eye, d / np.linalg.norm(d)
 
     def box_ray(self, i, j, width, height, box, tilt=None):
@@ -78,4 +92,5 @@ class Camera:
 
     def state(self):
         """What the view depends on, to tell whether it moved."""
-        return (*map(float, self.target), self.azimuth, self.elevation, self.distance, self.fov)
+        view = self.azimuth, self.elevation, self.distance, self.fov, self.shift
+        return (*map(float, self.target), *view)

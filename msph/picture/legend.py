@@ -3,11 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-import taichi as ti
 from PIL import Image, ImageDraw, ImageFont
 
+from msph.picture.overlay import Overlay
 from msph.picture.particles_view import shown_colour
-from msph.taichi_internals import data_oriented, kernel
 
 # Text height over the picture's, and the least that can be read [pixels].
 TEXT, LEAST_TEXT = 1.0 / 36.0, 12
@@ -77,39 +76,28 @@ def _bar(length: int, thick: int) -> Image.Image:
     return Image.fromarray(np.tile((255 * row + 0.5).astype(np.uint8), (thick, 1, 1)))
 
 
-@data_oriented
 class LegendPanel:
-    """Blends a legend into the lower left corner of pictures of width x height pixels."""
+    """Lays a legend into the lower right corner of pictures of width x height pixels."""
 
     def __init__(self, width: int, height: int):
         self.size = max(LEAST_TEXT, round(TEXT * height))
         self.gap = round(GAP * self.size)
+        self.picture = width, height
         room = (n - 2 * self.gap for n in (width, height))
-        self.most = tuple(
-            max(1, min(r, int(m * self.size))) for r, m in zip(room, MOST, strict=True)
-        )
-        self.pixels = ti.Vector.field(4, ti.f32, self.most)  # 0..1, index [right, up]
+        most = (max(1, min(r, int(m * self.size))) for r, m in zip(room, MOST, strict=True))
+        self.overlay = Overlay(width, height, {"legend": tuple(most)})  # type: ignore[dict-item]
         self.legend: Legend | None = None
-        self.shape = (0, 0)  # (width, height) of the panel [pixels]
 
     def draw(self, legend: Legend, image) -> None:
         """Over the image, a 3-vec field (width, height), index [right, up]."""
         if legend != self.legend:
-            self._set(legend)
-        self._blend(*self.shape, self.gap, image)
-
-    def _set(self, legend: Legend) -> None:
-        """Renders the panel; what does not fit is cut off at the right and at the bottom."""
-        width, height = self.most
-        panel = paint(legend, self.size)[:height, :width]
-        self.shape = panel.shape[1], panel.shape[0]
-        padded = np.zeros((*self.most, 4), np.float32)
-        padded[: self.shape[0], : self.shape[1]] = panel[::-1].transpose(1, 0, 2) / 255
-        self.pixels.from_numpy(padded)
-        self.legend = legend
-
-    @kernel
-    def _blend(self, width: ti.i32, height: ti.i32, gap: ti.i32, image: ti.template()):
-        for i, j in ti.ndrange(width, height):
-            over = self.pixels[i, j]
-            image[gap + i, gap + j] = ti.math.mix(image[gap + i, gap + j], over.xyz, over.w)
+            panel = paint(legend, self.size)
+            height, width = panel.shape[:2]
+            most = self.overlay.rooms["legend"]
+            left, top = (
+                n - self.gap - min(m, p)
+                for n, m, p in zip(self.picture, most, (width, height), strict=True)
+            )
+            self.overlay.put("legend", panel, left, top)
+            self.legend = legend
+        self.overlay.draw(image)

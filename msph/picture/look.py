@@ -16,7 +16,11 @@ class Look:
     caustics: bool = parameter(True, text="light gathered by the waves on the floor")
     # 4, not 1: metre-sized pools shall look like deep ones.
     tint: float = parameter(
-        4.0, ge=0.0, le=100.0, text="strength of the water's colour, 1: real clear water"
+        4.0,
+        ge=0.0,
+        le=100.0,
+        text="strength of the water's colour, 1: real clear water",
+        live=(0.0, 20.0),
     )
     absorption: tuple[float, float, float] = parameter(
         (0.42, 0.075, 0.035), unit="1/m", text="light that the water takes up, red, green, blue"

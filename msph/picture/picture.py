@@ -78,6 +78,10 @@ class Picture:
         factor = self.scale if self.enlarger else self.rays
         return max(1, round(factor * self.width)), max(1, round(factor * self.height))
 
+    def change(self, look):
+        """Another look, as far as it may change while the picture is seen: its live parameters."""
+        self.look, self.seen = look, None
+
     def aim(self, camera, tilt):
         """Set the lens for this frame; returns whether the view changed."""
         state = None if tilt is None else np.asarray(tilt, float).tobytes()

@@ -62,7 +62,7 @@ def shoot(camera, tilt, box, width, height, look):
     depths = (corners - C) @ forward * REACH + (C - eye) @ forward
     near = max(depths.min(), NEAREST)
     far = max(depths.max(), 2 * near)
-    middle = np.array((width / 2 - 0.5, height / 2 - 0.5))
+    middle = np.array(((0.5 + camera.shift) * width - 0.5, height / 2 - 0.5))
     z = (corners - eye) @ forward
     lo, hi = np.zeros(2), np.array((width, height))
     if z.min() > NEAREST:
@@ -75,7 +75,7 @@ def shoot(camera, tilt, box, width, height, look):
     return {
         "eye": eye,
         "forward": forward,
-        "origin": forward + (0.5 - width / 2) * du + (0.5 - height / 2) * dv,
+        "origin": forward - middle[0] * du + (0.5 - height / 2) * dv,
         "du": du,
         "dv": dv,
         "to_i": du / step**2,

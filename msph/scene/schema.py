@@ -27,13 +27,20 @@ from msph.fluid.projection.parameters import ProjectionParameters
 from msph.picture.look import Look
 
 
-def parameter(default: Any = ..., *, unit: str = "-", text: str, **limits) -> Any:
-    """A scene parameter; `...` as default makes it required. limits: gt, ge, lt, le, lengths."""
+def parameter(
+    default: Any = ...,
+    *,
+    unit: str = "-",
+    text: str,
+    live: tuple[float, float] | None = None,
+    **limits,
+) -> Any:
+    """A scene parameter; `...` as default makes it required. limits: gt, ge, lt, le, lengths. live:
+    as of msph.parameter; of a vector the range of its length."""
+    extra: dict[str, Any] = {"unit": unit, "live": live}
     if callable(default):
-        return Field(
-            default_factory=default, description=text, json_schema_extra={"unit": unit}, **limits
-        )
-    return Field(default, description=text, json_schema_extra={"unit": unit}, **limits)
+        return Field(default_factory=default, description=text, json_schema_extra=extra, **limits)
+    return Field(default, description=text, json_schema_extra=extra, **limits)
 
 
 class Section(BaseModel):
@@ -59,7 +66,10 @@ def section(name: str, text: str, declared: type, **more: tuple[Any, Any]) -> An
         if "declared" in f.metadata:
             d = f.metadata["declared"]
             kind = Vector if hints[f.name] == tuple[float, float, float] else hints[f.name]
-            own[f.name] = (kind, parameter(f.default, unit=d.unit, text=d.text, **d.limits))
+            own[f.name] = (
+                kind,
+                parameter(f.default, unit=d.unit, text=d.text, live=d.live, **d.limits),
+            )
     return create_model(name, __base__=Section, __doc__=text, **(more | own))
 
 
@@ -197,11 +207,36 @@ class Play(Section):
 
     tilt_limit: float = parameter(35.0, ge=0.0, le=80.0, unit="deg", text="largest tilt of the box")
     tilt_rate: float = parameter(60.0, gt=0.0, unit="deg/s", text="speed of tilting by arrow keys")
+    level: bool = parameter(True, text="the box comes level again when no key tilts it")
     push_radius: float = parameter(
-        0.15, gt=0.0, le=1.0, text="radius of the pushing hand, in box lengths"
+        0.15,
+        gt=0.0,
+        le=1.0,
+        text="radius of the pushing hand, in box lengths",
+        live=(0.05, 0.5),
     )
     push_grip: float = parameter(
-        20.0, gt=0.0, unit="1/s", text="how fast water takes the hand's velocity"
+        20.0,
+        gt=0.0,
+        unit="1/s",
+        text="how fast water takes the hand's velocity",
+        live=(1.0, 60.0),
+    )
+    hover: bool = parameter(True, text="a cursor over the water leaves a wake without a click")
+    idle: bool = parameter(True, text="the box sways when nobody has done anything for a while")
+    speed: float = parameter(
+        1.0,
+        ge=0.01,
+        le=10.0,
+        text="simulated over wall-clock time that is asked for",
+        live=(0.05, 2.0),
+    )
+    scale: float = parameter(
+        1.0,
+        ge=0.5,
+        le=1.0,
+        text="largest scale of the picture's edges, which shrink to hold the frame rate",
+        live=(0.5, 1.0),
     )
     fps: float = parameter(
         60.0,
@@ -305,7 +340,7 @@ class Scene(Section):
     density: float = parameter(
         1000.0, ge=1.0, le=1e5, unit="kg/m^3", text="rest density of the water"
     )
-    gravity: Vector = parameter((0.0, -9.81, 0.0), unit="m/s^2", text="gravity")
+    gravity: Vector = parameter((0.0, -9.81, 0.0), unit="m/s^2", text="gravity", live=(0.01, 30.0))
     duration: float = parameter(10.0, gt=0.0, unit="s", text="simulated time of a capture or bench")
     seed: int = parameter(0, ge=0, text="seed of the initial jitter")
     box: Box = parameter(text="the pool")
@@ -337,6 +372,7 @@ class Parameter:
     unit: str
     limits: str
     text: str
+    live: tuple[float, float] | None
 
     def row(self) -> dict[str, str]:
         return {
@@ -371,6 +407,7 @@ def parameters(section: type[Section], prefix: str = "") -> list[Parameter]:
                 unit=str(extra.get("unit", "-")),
                 limits=", ".join(limits),
                 text=info.description or "",
+                live=extra.get("live"),  # type: ignore[arg-type]
             )
         )
     return found

@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 from tabulate import tabulate
 
-from msph.device import start
+from msph.device import restart, start
 from msph.errors import BlowUpError, LostOutputError
 from msph.fluid.trapped_water import TrappedWaterError
 from msph.measure import convergence, table
@@ -27,6 +27,7 @@ from msph.stage.benchmark import Played, Result, benchmark, play_benchmark, prof
 from msph.stage.controls import KEYS
 from msph.stage.loop import run
 from msph.stage.measurer import CHECKPOINT, FILES, LEDGER, PROBES, SCENE, Measurer
+from msph.stage.player import Choice, Player
 from msph.stage.preparation import prepare, say
 from msph.stage.recorder import NUMBER, Outputs, Recorder, check_outputs, make_writable
 from msph.stage.show import PLAYED
@@ -46,30 +47,40 @@ BAD_RUN = 1
 
 
 def play(scene, size, frames, overrides, arch, threads, quality) -> None:
-    """Opens a window, or captures the scene where none can be opened."""
+    """Plays a scene, and what is chosen in its window after it; captures the scene where none can
+    be opened."""
     loaded = load_scene(scene, overrides)
+    choice: Choice | None = Choice(scene, quality)
     try:
         check_display()
         arch = start(arch, threads)
-        window = Window(loaded.title or scene, size, loaded.play.fps, frames)
+        window = Window(loaded.title or scene, size)
     except NoWindowError as reason:
-        target = Path("out") / Path(scene).stem
-        say(f"{reason}: capturing {FALLBACK_SECONDS:.0f} s of {scene} instead")
-        outputs = Outputs([target.with_suffix(".mp4"), target.with_suffix(".png")])
-        check_outputs(outputs, FALLBACK_FPS)
-        guard(scene_beside(outputs), outputs.existing(), force=False)
-        start(arch, threads)
-        # A capture need not keep up with the clock.
-        loaded, quality = at(loaded, scene, AS_GIVEN if quality == AUTO else quality)
-        record(loaded, quality, outputs, FALLBACK_SECONDS, FALLBACK_FPS, FALLBACK_SIZE, STILL_TIME)
+        capture_instead(scene, loaded, quality, str(reason), arch, threads)
         return
-    for key, meaning in KEYS:
-        click.echo(f"  {key:18} {meaning}")
+    for key in KEYS:
+        click.echo(f"  {key.shown:18} {key.does}")
+    while choice:
+        try:
+            choice = play_choice(window, choice, loaded, size, frames, arch)
+        finally:
+            window.close()
+        if choice:
+            # Of another scene, as it is written; of the same one, as it was called.
+            loaded = load_scene(choice.scene, overrides if choice.scene == scene else ())
+            restart(arch, threads)
+            window = Window(loaded.title or choice.scene, size)
+
+
+def play_choice(
+    window: Window, choice: Choice, loaded: Scene, size, frames: int | None, arch: str
+) -> Choice | None:
+    """Plays a choice, whose scene is loaded, and returns that which follows it, if any does."""
     try:
         window.tell(0.0, "measuring this machine")
-        loaded, window.quality = at(loaded, scene, quality, arch)
+        at_step, quality = at(loaded, choice.scene, choice.quality, arch)
         show = prepare(
-            loaded,
+            at_step,
             1.0 / loaded.play.fps,
             size,
             tell=window.tell,
@@ -77,11 +88,25 @@ def play(scene, size, frames, overrides, arch, threads, quality) -> None:
             **PLAYED,
         )
     except ClosedError:
-        window.close()
-        return
-    run(show, window)
+        return None
+    player = Player(window, show, choice, quality, frames)
+    run(show, player)
     for warning in show.warnings():
         say(f"warning: {warning}")
+    return player.next
+
+
+def capture_instead(scene: str, loaded: Scene, quality: str, reason: str, arch, threads) -> None:
+    """Ten seconds of a scene, where no window can be opened, and a picture of it."""
+    target = Path("out") / Path(scene).stem
+    say(f"{reason}: capturing {FALLBACK_SECONDS:.0f} s of {scene} instead")
+    outputs = Outputs([target.with_suffix(".mp4"), target.with_suffix(".png")])
+    check_outputs(outputs, FALLBACK_FPS)
+    guard(scene_beside(outputs), outputs.existing(), force=False)
+    start(arch, threads)
+    # A capture need not keep up with the clock.
+    loaded, quality = at(loaded, scene, AS_GIVEN if quality == AUTO else quality)
+    record(loaded, quality, outputs, FALLBACK_SECONDS, FALLBACK_FPS, FALLBACK_SIZE, STILL_TIME)
 
 
 def capture(

@@ -1,22 +1,58 @@
-"""What a person can do to a show in one frame."""
+"""What a person can do to a show in one frame, and the keys and gestures that ask for it."""
 
 from dataclasses import dataclass, field
 
 from msph.fluid.external_forces import Hand
 
+
+@dataclass(frozen=True)
+class Key:
+    """keys: of the keyboard and mouse, as the window's library names them, each with the action it
+    asks for; shown: these keys in words; does: what they do. hint: a few words that ask to try it,
+    for what a stranger should try."""
+
+    shown: str
+    does: str
+    keys: dict[str, str]
+    hint: str = ""
+
+
+# The one table that program, help overlay and README are made from.
 KEYS = (
-    ("space", "pause and go on"),
-    ("m", "slow motion, and back"),
-    ("n", "single step while paused"),
-    ("r", "reset"),
-    ("v", "next view: water, layer, speed, density error, ..."),
-    ("arrow keys", "tilt the pool"),
-    ("left drag", "push the water"),
-    ("right drag, a, d", "orbit"),
-    ("w, s", "zoom in and out"),
-    ("h", "hide or show the panel"),
-    ("q, escape", "quit"),
+    Key("left drag", "push the water", {"LMB": "push"}, "drag: push the water"),
+    Key(
+        "arrow keys",
+        "tilt the pool",
+        dict.fromkeys(("Left", "Right", "Up", "Down"), "tilt"),
+        "arrows: tilt",
+    ),
+    Key("l", "lock the tilt, or let the pool come level again", {"l": "lock"}),
+    Key(
+        "right drag, a, d",
+        "orbit",
+        {"RMB": "orbit", "a": "orbit", "d": "orbit"},
+        "right drag: orbit",
+    ),
+    Key("w, s", "zoom in and out", {"w": "zoom", "s": "zoom"}),
+    Key("middle drag", "move the view; also right drag with shift", {"MMB": "pan"}),
+    Key("return", "home: the scene's view, the pool level", {"Return": "home"}),
+    Key("space", "pause and go on", {" ": "pause"}, "space: pause"),
+    Key("n", "single step while paused", {"n": "step"}),
+    Key("m", "slow motion, and back", {"m": "slow_motion"}),
+    Key("r", "reset", {"r": "reset"}),
+    Key("v", "next view: water, layers, speed, pressure, ...", {"v": "next_view"}, "v: views"),
+    Key("i", "settings and scenes, graphs, or neither", {"i": "next_panel"}, "i: settings"),
+    Key(
+        "tab, backspace",
+        "next and previous scene",
+        {"Tab": "next_scene", "BackSpace": "previous_scene"},
+    ),
+    Key("p, c", "picture, and clip of the last 10 s, into out/", {"p": "picture", "c": "clip"}),
+    Key("k, o", "keep this water, and open what was kept last", {"k": "keep", "o": "reopen"}),
+    Key("h", "help", {"h": "help"}, "h: help"),
+    Key("q, escape", "quit", {"q": "quit", "Escape": "quit"}),
 )
+ACTIONS = {name: action for key in KEYS for name, action in key.keys.items()}
 
 
 @dataclass

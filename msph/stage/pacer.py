@@ -36,13 +36,14 @@ LEAP = 1.25
 class Pacer:
     """fps: shown frames per second wanted. speed (-): simulated over wall-clock time asked for.
 
-    scale (-): of the picture's edges. last [s]: duration of the last frame. wall [s] is that of
-    frames, water, picture and rest [s] what their parts take, simulated [s] what they simulate; all
-    smoothed.
+    scale (-): of the picture's edges, at most `finest`. last [s]: duration of the last frame. wall
+    [s] is that of frames, water, picture and rest [s] what their parts take, simulated [s] what
+    they simulate; all smoothed.
     """
 
-    def __init__(self, fps: float, speed: float = 1.0):
+    def __init__(self, fps: float, speed: float = 1.0, finest: float = SCALES[0]):
         self.fps, self.speed, self.scale = fps, speed, SCALES[0]
+        self.finest = finest
         self.wall = self.last = 1.0 / fps
         self.simulated = speed * self.wall
         self.water = self.picture = self.rest = 0.0
@@ -105,8 +106,8 @@ class Pacer:
         per_second = self.speed * self.water / max(self.simulated, 1e-9)
         for rate in RATES:
             room = (PLANNED - per_second) / (rate * self.fps) - self.rest
-            for scale in SCALES:
+            for scale in (min(s, self.finest) for s in SCALES):
                 cost = self.picture * (scale / self.scale) ** 2
                 if cost * (SURE if scale > self.scale else 1.0) <= room:
                     return scale
-        return SCALES[-1]
+        return min(SCALES[-1], self.finest)

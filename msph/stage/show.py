@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from copy import copy
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -18,8 +19,16 @@ from msph.measure.timings import Timings
 from msph.picture.camera import Camera
 from msph.picture.look import Look
 from msph.picture.picture import Picture
-from msph.scene.build import build_simulation, declared, rotation, sway_angle, turn
+from msph.scene.build import (
+    build_simulation,
+    declared,
+    rotation,
+    solver_parameters,
+    sway_angle,
+    turn,
+)
 from msph.scene.errors import SceneError
+from msph.scene.live import changed
 from msph.scene.schema import Scene
 from msph.stage.controls import Controls
 from msph.stage.views import Views
@@ -75,15 +84,30 @@ class Show:
         self.picture: Any = self._build_picture(size) if size else None
         self.views: Any = Views(self.simulation, scene) if size else None
         if size:
-            c = scene.camera
-            self.camera = Camera.framing(
-                scene.box.size,
-                aspect=size[0] / size[1],
-                azimuth=math.radians(c.azimuth),
-                elevation=math.radians(c.elevation),
-                fov=math.radians(c.fov),
-            )
-            self.camera.zoom(1.0 / c.zoom)
+            self.camera = self.framing()
+
+    def framing(self, free: float = 1.0) -> Camera:
+        """The scene's own point of view, in which the box is within the right share `free` of the
+        picture."""
+        c, picture = self.scene.camera, self.picture
+        camera = Camera.framing(
+            self.scene.box.size,
+            aspect=free * picture.width / picture.height,
+            azimuth=math.radians(c.azimuth),
+            elevation=math.radians(c.elevation),
+            fov=math.radians(c.fov),
+        )
+        camera.zoom(1.0 / c.zoom)
+        camera.shift = 0.5 * (1.0 - free)
+        return camera
+
+    def set(self, key: str, value: float) -> None:
+        """Changes a live parameter of the scene (msph.scene.live)."""
+        self.scene = changed(self.scene, key, value)
+        if key.startswith("picture.") and self.picture:
+            self.picture.change(declared(self.scene.picture, Look))
+        if key.startswith("projection."):
+            self.simulation.solver.tune(solver_parameters(self.scene))
 
     def _build_surface(self) -> Surface:
         s, sim = self.scene.surface, self.simulation
@@ -156,11 +180,35 @@ class Show:
             sim.restore(before)
             # What it pressed before needs room again: back farther each time.
             stopped[error.body] = min(sim.time, stopped.get(error.body, sim.time)) - frame_time
-            for body, time in stopped.items():
-                sim.boundary.stop(body, time)
-            sim.boundary.place(sim.time, 0.0)
+            self._stop(stopped)
             self.stopped.add(error.name)
             return 0.0
+
+    def _stop(self, stopped: dict[int, float]) -> None:
+        """Bodies by number, and when [s] they stopped."""
+        boundary, time = self.simulation.boundary, self.simulation.time
+        for body, since in stopped.items():
+            boundary.stop(body, since)
+        boundary.place(time, 0.0)
+
+    def moment(self) -> dict[str, Any]:
+        """What is seen now: the water, the bodies that stopped, tilt, point of view."""
+        return {
+            "state": self.simulation.state(),
+            "stopped": dict(self.simulation.boundary.stopped),
+            "tilt": self.tilt.copy(),
+            "camera": copy(self.camera),
+            "view": self.views.name,
+        }
+
+    def see_again(self, moment: dict[str, Any]) -> None:
+        """Goes back to a moment(), and draws it."""
+        self.simulation.restore(moment["state"])
+        self._stop(moment["stopped"])
+        self.tilt, self.camera = moment["tilt"], moment["camera"]
+        self.views.name = moment["view"]
+        self.simulation.grid.refresh()
+        self.draw()
 
     def _force(self, controls: Controls) -> ExternalForces:
         """The pool turns and gravity stays: in the pool's frame gravity turns the other way."""

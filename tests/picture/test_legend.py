@@ -75,12 +75,13 @@ def test_blending_changes_the_panels_rectangle_alone():
     for legend in (LAYERS, SPEED):
         image.fill(0.8)
         panel.draw(legend, image)
-        width, height = panel.shape
+        _, _, width, height = panel.overlay.shown["legend"]
         expected = paint(legend, panel.size)
         assert expected.shape[:2] == (height, width)
         changed = np.abs(image.to_numpy() - 0.8).max(-1) > 1e-6
         inside = np.zeros_like(changed)
-        inside[panel.gap : panel.gap + width, panel.gap : panel.gap + height] = True
+        right = 320 - panel.gap
+        inside[right - width : right, panel.gap : panel.gap + height] = True
         assert not changed[~inside].any() and changed[inside].mean() > 0.9
         shown = image.to_numpy()[inside].reshape(width, height, 3).transpose(1, 0, 2)[::-1]
         opacity = expected[..., 3:] / 255
@@ -91,4 +92,6 @@ def test_blending_changes_the_panels_rectangle_alone():
 def test_panel_is_cut_to_a_small_picture():
     panel, image = LegendPanel(64, 36), ti.Vector.field(3, ti.f32, (64, 36))
     panel.draw(LAYERS, image)
-    assert panel.shape[0] <= 64 - 2 * panel.gap and panel.shape[1] <= 36 - 2 * panel.gap
+    left, low, width, height = panel.overlay.shown["legend"]
+    assert left >= panel.gap and width <= 64 - 2 * panel.gap
+    assert low >= panel.gap and height <= 36 - 2 * panel.gap

@@ -95,9 +95,9 @@ def test_legend_changes_its_rectangle_alone(show, monkeypatch):
             pictures[panel] = show.picture.image.to_numpy()
         changed = np.abs(pictures[legend] - pictures[None]).max(-1) > 0.0
         if name not in ("water", "particles"):
-            (width, height), gap = legend.shape, legend.gap
-            assert changed[gap : gap + width, gap : gap + height].mean() > 0.8
-            changed[gap : gap + width, gap : gap + height] = False
+            left, low, width, height = legend.overlay.shown["legend"]
+            assert changed[left : left + width, low : low + height].mean() > 0.8
+            changed[left : left + width, low : low + height] = False
         assert not changed.any()
 
 

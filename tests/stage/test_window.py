@@ -10,13 +10,16 @@ import imageio.v2 as imageio
 import numpy as np
 import pytest
 
-from msph.stage.window import pace
+from msph.scene.load import read_toml
+from msph.stage.status import pace
 from tests.scenes_kit import write
 
 TOOLS = ("Xvfb", "xdotool")
 WIDTH, HEIGHT = 640, 360
 PATIENCE = 60.0
-SCREEN = ("-screen", "0", f"{WIDTH}x{HEIGHT}x24")
+# Where windows open on a screen without a window manager [pixels].
+CORNER = 100
+SCREEN = ("-screen", "0", f"{WIDTH + CORNER}x{HEIGHT + CORNER}x24")
 
 missing = [t for t in TOOLS if not shutil.which(t)]
 if missing and os.environ.get("MSPH_REQUIRE_WINDOW"):
@@ -57,8 +60,12 @@ class Screen:
         time.sleep(0.7)
 
     def look(self):
-        """The screen as (height, width, 3) integers."""
-        return read_xwd(self.framebuffer)
+        """The window as (height, width, 3) integers."""
+        return read_xwd(self.framebuffer)[CORNER : CORNER + HEIGHT, CORNER : CORNER + WIDTH]
+
+    def move(self, right, down, *more):
+        """The mouse to a place of the window [pixels], and more of xdotool's commands."""
+        self.do("mousemove", CORNER + right, CORNER + down, *more)
 
     def still(self, unlike=None, by=0.0):
         """The screen once it no longer changes, and differs from another by more, however slow the
@@ -108,19 +115,39 @@ def test_pace_says_when_time_is_slow():
     assert pace(0.42, 1.0, paused=True) == "x0.42 paused"
 
 
+# As `python -m msph`, but that the scene given is the only one that is shipped.
+ALONE = (
+    "import sys, msph.stage.player as p; p.shipped_scenes = lambda: {sys.argv[2]: None}; "
+    "import msph.cli; msph.cli.main()"
+)
+
+
+def wait_for(process, text, seen=""):
+    """Lines of a process up to one with this text, after those that were seen."""
+    while text not in seen:
+        line = process.stdout.readline()
+        assert line, f"play ended: {seen}"
+        seen += line
+    return seen
+
+
+def wait_for_file(folder, pattern):
+    deadline = time.monotonic() + PATIENCE
+    while not list(folder.glob(pattern)):
+        assert time.monotonic() < deadline, f"no {pattern}"
+        time.sleep(0.2)
+    return next(iter(folder.glob(pattern)))
+
+
 @needs_x
 def test_window_opens_obeys_keys_and_shows_water(display, tmp_path):
-    process = play(write(tmp_path), "--size", f"{WIDTH}x{HEIGHT}", display=display.display)
+    arguments = (write(tmp_path), "--size", f"{WIDTH}x{HEIGHT}")
+    process = play(*arguments, display=display.display, folder=tmp_path, run=("-c", ALONE))
     try:
-        seen = ""
-        while "ready in" not in seen:
-            line = process.stdout.readline()
-            assert line, f"play ended: {seen}"
-            seen += line
+        seen = wait_for(process, "ready in")
         assert "pause and go on" in seen and "left drag" in seen
         screen = display
         time.sleep(2.0)
-        screen.do("key", "h")
         water = screen.look()
         assert water.std() > 10.0
         # Turquoise water: blue and green well over red somewhere in the middle.
@@ -128,6 +155,10 @@ def test_window_opens_obeys_keys_and_shows_water(display, tmp_path):
         assert ((middle[..., 2] - middle[..., 0]) > 25).mean() > 0.05
         screen.do("key", "space")
         paused = screen.still()
+        screen.do("key", "h")
+        helped = screen.still(unlike=paused, by=5.0)
+        screen.do("key", "Escape")
+        screen.still(unlike=helped, by=5.0)
         screen.do("key", "v")
         particles = screen.still(unlike=paused, by=2.0)
         screen.do("keydown", "d")
@@ -135,15 +166,36 @@ def test_window_opens_obeys_keys_and_shows_water(display, tmp_path):
         turned = screen.still(unlike=particles, by=1.0)
         screen.do("keydown", "Right")
         screen.do("keyup", "Right")
-        screen.still(unlike=turned, by=1.0)
-        # A push in a view of particles, and one in the view of the water.
-        screen.do("key", "space")
+        tilted = screen.still(unlike=turned, by=1.0)
+        screen.do("key", "Return")
+        screen.still(unlike=tilted, by=1.0)
+        # A slider: gravity, the first of the panel, below its header.
+        screen.do("key", "i")
+        top = 2 * 6 + 2.5 * 1.35 * 12 + 60
+        screen.move(20, top, "mousedown", 1)
+        screen.move(100, top)
+        screen.do("mouseup", 1)
+        screen.do("key", "k")
+        wait_for_file(tmp_path / "out", "small_*.npz")
+        scene = wait_for_file(tmp_path / "out", "small_*.scene.toml")
+        gravity = read_toml(scene)["gravity"][1]
+        assert gravity < 0.0 and abs(gravity + 9.81) > 0.1
+        # A push in a view of particles, and one in the view of the water; a clip and a picture.
+        screen.do("key", "i", "i", "space")
         for _ in range(2):
-            screen.do("mousemove", WIDTH // 2, HEIGHT * 2 // 3, "mousedown", 1)
-            screen.do("mousemove", WIDTH // 2 + 60, HEIGHT * 2 // 3)
+            screen.move(WIDTH // 2, HEIGHT * 2 // 3, "mousedown", 1)
+            screen.move(WIDTH // 2 + 60, HEIGHT * 2 // 3)
             screen.do("mouseup", 1)
             screen.do("key", "r")
             screen.do("key", *["v"] * 6)
+        screen.do("key", "p", "o", "c")
+        wait_for_file(tmp_path / "out", "small_*.png")
+        wait_for_file(tmp_path / "out", "small_*.mp4")
+        # Another scene, in a window of its own: here the same once more.
+        screen.do("key", "Tab")
+        wait_for(process, "ready in")
+        time.sleep(2.0)
+        assert screen.look().std() > 10.0
         assert process.poll() is None
         screen.do("key", "q")
         assert process.wait(timeout=PATIENCE) == 0

@@ -133,6 +133,7 @@ class Particles:
         n: ti.i32,
     ):
         """One kernel for all attributes: one for each would take 10 ms to compile."""
+        ti.loop_config(serialize=self.light)
         for i in range(n):
             for column, field in ti.static(enumerate(self._vectors)):
                 for k in ti.static(range(3)):
@@ -141,8 +142,13 @@ class Particles:
                 field[i] = numbers[i, column]
             for column, field in ti.static(enumerate(self._integers)):
                 field[i] = integers[i, column]
+        ti.loop_config(serialize=self.light)
         for i in range(n, self.capacity):
-            for field in ti.static(self._vectors + self._numbers + self._integers):
+            for field in ti.static(self._vectors):
+                field[i] = 0
+            for field in ti.static(self._numbers):
+                field[i] = 0
+            for field in ti.static(self._integers):
                 field[i] = 0
 
     @kernel
@@ -154,6 +160,7 @@ class Particles:
         n: ti.i32,
     ):
         """What _write() writes, the other way."""
+        ti.loop_config(serialize=self.light)
         for i in range(n):
             for column, field in ti.static(enumerate(self._vectors)):
                 for k in ti.static(range(3)):

@@ -33,6 +33,9 @@ class BodyForce:
         )
         self.longest_step = math.inf
 
+    def tune(self, parameters: ProjectionParameters) -> None:
+        """None of its parameters is live."""
+
     def apply(self, dt: float, external: ExternalForces) -> None:
         """Velocities after dt [s] of the external forces."""
         self._accelerate(self.particles.count, self.particles.alone, dt, *external.arguments())

@@ -28,6 +28,9 @@ class Force(Protocol):
     def wanted(parameters: ProjectionParameters) -> bool:
         """Whether the scene asks for it: else it costs nothing."""
 
+    def tune(self, parameters: ProjectionParameters) -> None:
+        """Takes over those parameters that are live (msph.parameter)."""
+
     def apply(self, dt: float, external: ExternalForces) -> None:
         """Velocities after dt [s] of this force."""
 

@@ -44,11 +44,21 @@ class ProjectionParameters:
         0.4, ge=0.0, le=1.0, text="relative density below which water is spray"
     )
     viscosity: float = parameter(
-        0.0, ge=0.0, le=1e5, unit="Pa s", text="dynamic viscosity, 0: off; water 0.001, honey 10"
+        0.0,
+        ge=0.0,
+        le=1e5,
+        unit="Pa s",
+        text="dynamic viscosity, 0: off; water 0.001, honey 10",
+        live=(0.1, 100.0),
     )
     slip: bool = parameter(True, text="the box does not brake viscous water; bodies never do")
     tension: float = parameter(
-        0.0, ge=0.0, le=1e3, unit="N/m", text="surface tension, 0: off; water 0.072"
+        0.0,
+        ge=0.0,
+        le=1e3,
+        unit="N/m",
+        text="surface tension, 0: off; water 0.072",
+        live=(0.01, 10.0),
     )
     xsph: float = parameter(
         0.0,

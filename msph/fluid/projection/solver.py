@@ -186,6 +186,12 @@ class Projection:
         longest = min(bound, self.parameters.longest_step, stable)
         return FIRST_STEP * longest if self.first else longest
 
+    def tune(self, parameters: ProjectionParameters) -> None:
+        """Takes over those parameters that are live (msph.parameter)."""
+        self.parameters = parameters
+        for force in self.forces:
+            force.tune(parameters)
+
     def step(self, dt: float, external: ExternalForces, stage: Stage = no_stage) -> None:
         """One step of dt [s]; stage(name) is entered round each part, as a profiler's hook.
 

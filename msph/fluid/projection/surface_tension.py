@@ -54,8 +54,11 @@ class SurfaceTension:
         self.layers, self.particles = shared.layers, shared.particles
         self.density, self.neighbours = shared.density, shared.neighbours
         self.images = shared.neighbours.images
-        self.ratio = shared.parameters.tension / shared.parameters.rest_density
-        wave = shared.layers.finest.volume / (2.0 * math.pi * self.ratio)
+        self.tune(shared.parameters)
+
+    def tune(self, parameters: ProjectionParameters) -> None:
+        self.ratio = parameters.tension / parameters.rest_density
+        wave = self.layers.finest.volume / (2.0 * math.pi * self.ratio)
         self.longest_step = CAPILLARY * math.sqrt(wave)
 
     def apply(self, dt: float, external: ExternalForces) -> None:

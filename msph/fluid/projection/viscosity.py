@@ -47,8 +47,7 @@ class Viscosity:
         p = shared.particles
         self.layers, self.particles, self.pressure = shared.layers, p, shared.operator
         self.rest_density = shared.parameters.rest_density
-        self.nu = shared.parameters.viscosity / self.rest_density
-        self.stiffness = self.nu * STIFFNESS / shared.layers.finest.support**2
+        self.tune(shared.parameters)
         self.operator = ViscousOperator(
             shared.layers, p, shared.neighbours, shared.parameters.slip, p.viscous_response
         )
@@ -61,6 +60,10 @@ class Viscosity:
         )
         self.longest_step = math.inf
         self.iterations = 0
+
+    def tune(self, parameters: ProjectionParameters) -> None:
+        self.nu = parameters.viscosity / self.rest_density
+        self.stiffness = self.nu * STIFFNESS / self.layers.finest.support**2
 
     def apply(self, dt: float, external: ExternalForces) -> None:
         """Velocities after dt [s] of viscosity.

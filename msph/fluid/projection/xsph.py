@@ -37,6 +37,9 @@ class Xsph:
         self.strength = shared.parameters.xsph
         self.longest_step = math.inf
 
+    def tune(self, parameters: ProjectionParameters) -> None:
+        """None of its parameters is live."""
+
     def apply(self, dt: float, external: ExternalForces) -> None:
         """Smooths the velocities, whatever the step."""
         self._smooth(self.particles.count, self.particles.alone)

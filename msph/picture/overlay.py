@@ -1,0 +1,62 @@
+"""Panels of painted pixels, such as text, laid over a picture."""
+
+import numpy as np
+import taichi as ti
+
+from msph.taichi_internals import data_oriented, kernel
+
+
+@data_oriented
+class Overlay:
+    """Panels over pictures of width x height pixels. rooms: by name the most pixels (width, height)
+    that a panel may have; what does not fit is cut off at the right and at the bottom."""
+
+    def __init__(self, width: int, height: int, rooms: dict[str, tuple[int, int]]):
+        self.size = width, height
+        self.rooms = {n: (min(w, width), min(h, height)) for n, (w, h) in rooms.items()}
+        areas = [w * h for w, h in self.rooms.values()]
+        self.begins = dict(zip(self.rooms, np.cumsum([0, *areas[:-1]]).tolist(), strict=True))
+        self.pixels = ti.field(ti.u32, shape=max(1, sum(areas)))  # RGBA, from the lowest byte on
+        # Left, lower edge, width, height [pixels] of those that are shown.
+        self.shown: dict[str, tuple[int, int, int, int]] = {}
+
+    def put(self, name: str, page: np.ndarray, left: int, top: int) -> None:
+        """Shows pixels (height, width, 4) uint8, first row at the top, so far from the left and the
+        upper edge of the picture."""
+        most = self.rooms[name]
+        left, top = max(0, left), max(0, top)
+        page = page[: min(most[1], self.size[1] - top), : min(most[0], self.size[0] - left)]
+        height, width = page.shape[:2]
+        flat = np.ascontiguousarray(page[::-1]).view(np.uint32).ravel()
+        self._write(self.begins[name], flat)
+        self.shown[name] = left, self.size[1] - top - height, width, height
+
+    def hide(self, name: str) -> None:
+        self.shown.pop(name, None)
+
+    def draw(self, image) -> None:
+        """Over the image, a 3-vec field (width, height), index [right, up], in order of rooms."""
+        for name in self.rooms:
+            if name in self.shown:
+                self._blend(self.begins[name], *self.shown[name], image)
+
+    @kernel
+    def _write(self, begin: ti.i32, values: ti.types.ndarray(dtype=ti.u32, ndim=1)):
+        for k in range(values.shape[0]):
+            self.pixels[begin + k] = values[k]
+
+    @kernel
+    def _blend(
+        self,
+        begin: ti.i32,
+        left: ti.i32,
+        low: ti.i32,
+        width: ti.i32,
+        height: ti.i32,
+        image: ti.template(),
+    ):
+        for i, j in ti.ndrange(width, height):
+            over = self.pixels[begin + j * width + i]
+            colour = ti.Vector([ti.cast((over >> (8 * k)) & 255, ti.f32) / 255.0 for k in range(3)])
+            opacity = ti.cast(over >> 24, ti.f32) / 255.0
+            image[left + i, low + j] = ti.math.mix(image[left + i, low + j], colour, opacity)

@@ -1,0 +1,114 @@
+"""Curves of the last seconds: where the time of a frame goes, and how true the water is."""
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from PIL import Image, ImageDraw
+
+from msph.stage.pages import DENSE, FAINT, INK, font_of
+from msph.stage.show import Show
+
+# Time that is shown [s], and between two samples [s].
+SPAN, EVERY = 10.0, 0.2
+# Colours of curves that the colour-blind tell apart (Okabe and Ito 2008).
+COLOURS = ((86, 180, 233), (230, 159, 0), (0, 158, 115), (240, 228, 66), (204, 121, 167))
+# In text heights: the title, the space between graphs; width of curves [pixels].
+TITLE, GAP, STROKE = 1.3, 0.35, 2
+
+
+@dataclass(frozen=True)
+class Graph:
+    """title with its unit, names of the curves, and a sample of each from the show and the pace
+    (simulated over wall-clock time, -)."""
+
+    title: str
+    names: Callable[[Show], list[str]]
+    sample: Callable[[Show, float], list[float]]
+    form: str = "{:.0f}"
+
+
+def _stages(show: Show, _: float) -> list[float]:
+    frame = show.timings.frames[-1] if show.timings and show.timings.frames else {}
+    return [1e3 * frame.get(name, 0.0) for name in ("fluid", "surface", "picture")]
+
+
+GRAPHS = (
+    Graph("ms", lambda show: ["water", "surface", "picture"], _stages),
+    Graph("simulated / wall-clock [-]", lambda show: [""], lambda show, pace: [pace], "x{:.2f}"),
+    Graph(
+        "density error [%]",
+        lambda show: [""],
+        lambda show, pace: [100.0 * show.ledger.last_density_error()],
+        "{:.3f}",
+    ),
+    Graph(
+        "energy [J]",
+        lambda show: [""],
+        lambda show, pace: [show.ledger.entries[-1].energy if show.ledger.entries else np.nan],
+        "{:.1f}",
+    ),
+    Graph(
+        "particles",
+        lambda show: [str(k) for k in range(show.simulation.layers.count)],
+        lambda show, pace: [float(n) for n in show.simulation.counts()],
+    ),
+)
+
+
+class Graphs:
+    """Samples of the last SPAN seconds."""
+
+    def __init__(self) -> None:
+        self.times: deque[float] = deque()
+        self.samples: deque[list[list[float]]] = deque()
+
+    def see(self, show: Show, now: float, pace: float) -> bool:
+        """Takes a sample at the wall-clock time `now` [s] where one is due; returns whether it
+        did."""
+        if self.times and now - self.times[-1] < EVERY:
+            return False
+        self.times.append(now)
+        self.samples.append([graph.sample(show, pace) for graph in GRAPHS])
+        while now - self.times[0] > SPAN:
+            self.times.popleft()
+            self.samples.popleft()
+        return True
+
+    def paint(self, show: Show, width: int, height: int, size: int) -> np.ndarray:
+        """All graphs below each other, (height, width, 4) uint8; size: of the text [pixels]."""
+        page = Image.new("RGBA", (width, height), DENSE)
+        draw = ImageDraw.Draw(page)
+        font = font_of(size)
+        pad, each = round(0.5 * size), height / len(GRAPHS)
+        x = (np.array(self.times) - self.times[-1]) / SPAN + 1.0
+        for k, graph in enumerate(GRAPHS):
+            top, bottom = k * each + TITLE * size, (k + 1) * each - GAP * size
+            curves = np.array([sample[k] for sample in self.samples]).T
+            draw.text((pad, top), graph.title, INK, font, anchor="ls")
+            self._legend(draw, graph, show, curves[:, -1], width - pad, top, font)
+            known = curves[np.isfinite(curves)]
+            lo, hi = (known.min(), known.max()) if known.size else (0.0, 1.0)
+            # Of energies the change is seen, of all else the size.
+            lo = lo if graph.title.startswith("energy") else min(lo, 0.0)
+            span = max(hi - lo, 1e-9)
+            draw.line((pad, bottom, width - pad, bottom), FAINT)
+            for curve, colour in zip(curves, COLOURS * 3, strict=False):
+                y = bottom - (curve - lo) / span * (bottom - top - 0.4 * size)
+                points = [(pad + a * (width - 2 * pad), b) for a, b in zip(x, y, strict=True)]
+                points = [p for p in points if np.isfinite(p[1])]
+                if len(points) > 1:
+                    draw.line(points, colour, STROKE)
+        return np.asarray(page)
+
+    @staticmethod
+    def _legend(draw, graph: Graph, show: Show, last, right: float, base: float, font) -> None:
+        """Names and last values in the colours of their curves, from the right."""
+        names = graph.names(show)
+        for name, value, colour in reversed(list(zip(names, last, COLOURS * 3, strict=False))):
+            number = graph.form.format(value) if np.isfinite(value) else "-"
+            # Of many curves only the numbers fit.
+            text = f"{name} {number}".strip() if len(names) < 4 and name.isalpha() else number
+            draw.text((right, base), text, colour, font, anchor="rs")
+            right -= font.getlength(text + "  ")

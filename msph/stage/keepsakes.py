@@ -1,0 +1,74 @@
+"""What a person takes from a show: pictures, clips, and water to go on with."""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import imageio.v2 as imageio
+import numpy as np
+
+from msph.own_files import replace, replacing, sealed
+from msph.scene.errors import SceneError
+from msph.scene.load import to_toml
+from msph.stage.replay import Replay
+from msph.stage.show import Show
+
+
+class Keepsakes:
+    """Files in a folder, named by the scene and the time; beside each its scene as it was then,
+    with what was changed in it, and the quality. Each method returns a line that says what was
+    done, and raises LostOutputError for what cannot be written."""
+
+    def __init__(self, folder: Path, scene: str, quality: str):
+        self.folder, self.scene, self.quality = folder, scene, quality
+        self.image: Any = None  # what a clip draws
+
+    def picture(self, show: Show) -> str:
+        """The picture as it was drawn last, with its legend, without the window's pages."""
+        scale, show.picture.scale = show.picture.scale, 1.0
+        show.draw()
+        pixels = show.picture.to_numpy_u8()
+        show.picture.scale = scale
+        path = self._path(".png", show)
+        with replacing(path) as new:
+            imageio.imwrite(new, pixels)
+        return f"{path}"
+
+    def clip(self, show: Show, replay: Replay, tell: Callable[[float], None]) -> str:
+        """A video of the last seconds; tell: called with the share (0 to 1) of it that there is."""
+        path = self._path(".mp4", show)
+
+        def told(share: float) -> None:
+            self.image = show.picture.image
+            tell(share)
+
+        replay.write(show, path, told)
+        return f"{path}"
+
+    def water(self, show: Show) -> str:
+        """A checkpoint of the water."""
+        path, state = self._path(".npz", show), show.simulation.state()
+        with replacing(path) as new:
+            np.savez_compressed(new, **state)  # type: ignore[arg-type]
+        return f"{path}; o opens it"
+
+    def reopen(self, show: Show) -> str:
+        """Goes on with the water of this scene that was kept last. Raises SceneError."""
+        kept = sorted(self.folder.glob(f"{self.scene}_*.npz"), key=lambda p: p.stat().st_mtime)
+        if not kept:
+            raise SceneError(str(self.folder), f"no water of {self.scene} was kept; k keeps some")
+        show.resume(kept[-1])
+        return f"{kept[-1]}, of {show.simulation.time:.2f} s"
+
+    def _path(self, suffix: str, show: Show) -> Path:
+        """A new file, with its scene beside it."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        stem = f"{self.scene}_{time.strftime('%Y%m%d_%H%M%S')}"
+        taken, number = stem, 1
+        while list(self.folder.glob(f"{taken}.*")):
+            number += 1
+            taken = f"{stem}_{number}"
+        note = f"quality {self.quality}"
+        replace(self.folder / f"{taken}.scene.toml", sealed(to_toml(show.scene, note)))
+        return self.folder / f"{taken}{suffix}"

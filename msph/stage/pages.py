@@ -1,0 +1,81 @@
+"""Pages of text that a window lays over its picture: status, hints, messages, help."""
+
+import functools
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from msph.stage.controls import KEYS
+
+# Height of text over the window's, and the least that can be read [pixels].
+TEXT, LEAST_TEXT = 1.0 / 30.0, 12
+# In text heights: space round text, pitch of lines, width of the column of keys in the help.
+PADDING, LINE, KEY_WIDTH = 0.5, 1.35, 10.0
+# Colours with opacity, 0..255, of the ground, text, lesser text and warnings: on dark ground each
+# has a contrast of 7 or more.
+GROUND, INK, FAINT = (10, 20, 30, 176), (245, 247, 250, 255), (176, 206, 222, 255)
+WARNING = (255, 209, 102, 255)
+DENSE = (*GROUND[:3], 226)  # ground of pages that are read for longer
+
+
+@functools.cache
+def font_of(size: int):
+    """The font whose text is so high [pixels]; to read it takes milliseconds."""
+    return ImageFont.load_default(size=size)
+
+
+def text_height(height: int) -> int:
+    """Of a window so high [pixels]."""
+    return max(LEAST_TEXT, round(TEXT * height))
+
+
+def lines(texts: list[tuple[str, tuple]], size: int, ground: tuple = GROUND) -> np.ndarray:
+    """Texts with their colours, one below the other, (height, width, 4) uint8, first row at the
+    top; size: height of the text [pixels]."""
+    font = font_of(size)
+    pad, pitch = round(PADDING * size), LINE * size
+    width = max(int(font.getlength(text)) for text, _ in texts) + 2 * pad
+    page = Image.new("RGBA", (width, round(pitch * len(texts)) + pad), ground)
+    draw = ImageDraw.Draw(page)
+    for row, (text, colour) in enumerate(texts):
+        y = 0.5 * pad + pitch * (row + 0.5)
+        draw.text((pad, y), text, colour, font, anchor="lm")
+    return np.asarray(page)
+
+
+def hints(texts: list[str], urgent: bool, size: int, most: float) -> np.ndarray:
+    """Hints side by side, in lines of at most `most` pixels; the first stands out where urgent."""
+    font = font_of(size)
+    pad, pitch, between = round(PADDING * size), LINE * size, 1.5 * size
+    places, x, row = [], float(pad), 0
+    for text in texts:
+        length = font.getlength(text)
+        if x > pad and x + length > most:
+            x, row = float(pad), row + 1
+        places.append((x, 0.5 * pad + pitch * (row + 0.5)))
+        x += length + between
+    widest = max(x + font.getlength(t) for (x, _), t in zip(places, texts, strict=True))
+    page = Image.new("RGBA", (int(widest) + pad, round(pitch * (row + 1)) + pad), GROUND)
+    draw = ImageDraw.Draw(page)
+    for k, (place, text) in enumerate(zip(places, texts, strict=True)):
+        draw.text(place, text, WARNING if urgent and k == 0 else FAINT, font, anchor="lm")
+    return np.asarray(page)
+
+
+def help_page(size: int, most: int) -> np.ndarray:
+    """Every key and what it does; size: height of the text where that is at most `most` [pixels]
+    high, else less."""
+    rows = [(key.shown, key.does) for key in KEYS]
+    size = min(size, int(most / (LINE * (len(rows) + 1) + 2.0 * PADDING)))
+    font = font_of(size)
+    pad, pitch, column = round(2.0 * PADDING * size), LINE * size, KEY_WIDTH * size
+    widest = max(font.getlength(does) for _, does in rows)
+    width, height = int(column + widest) + 2 * pad, round(pitch * (len(rows) + 1)) + 2 * pad
+    page = Image.new("RGBA", (width, height), DENSE)
+    draw = ImageDraw.Draw(page)
+    draw.text((pad, pad + 0.5 * pitch), "Keys and mouse (h closes)", WARNING, font, anchor="lm")
+    for row, (shown, does) in enumerate(rows):
+        y = pad + pitch * (row + 1.5)
+        draw.text((pad, y), shown, INK, font, anchor="lm")
+        draw.text((pad + column, y), does, FAINT, font, anchor="lm")
+    return np.asarray(page)

@@ -1,0 +1,348 @@
+"""The person at the window: keys and mouse become controls, and pages tell what happens."""
+
+import math
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from msph.errors import LostOutputError
+from msph.measure.resolution import mean_depth
+from msph.picture.overlay import Overlay
+from msph.scene.errors import SceneError
+from msph.scene.library import shipped_scenes
+from msph.scene.load import load_scene
+from msph.scene.quality import AUTO, at_quality
+from msph.stage import pages
+from msph.stage.controls import ACTIONS, Controls
+from msph.stage.graphs import Graphs
+from msph.stage.idle import Idle
+from msph.stage.keepsakes import Keepsakes
+from msph.stage.pacer import Pacer
+from msph.stage.panel import Panel, Wish
+from msph.stage.pushing import PushingHand
+from msph.stage.replay import Replay
+from msph.stage.show import Show
+from msph.stage.status import Status
+from msph.stage.window import Window
+
+ORBIT_PER_WIDTH = math.radians(200.0)  # a drag across the whole window turns the view so far
+ORBIT_KEY_RATE = math.radians(70.0)  # [rad/s]
+ZOOM_KEY_RATE = 1.5  # [1/s], as the logarithm of the distance
+SLOW_MOTION = 0.1  # simulated over wall-clock time in slow motion
+LEVELLING = 0.5  # rate at which a pool comes level over that of tilting it
+FORGET = 1.01  # growth per frame of the least time that showing a frame takes
+LASTS = 4.0  # time that a message is shown [s]
+# Width of the column of settings or graphs, and gaps, in text heights; share of the window's width
+# that hints may take beside a legend.
+COLUMN, GAP, HINTS = 16.0, 0.5, 0.62
+PANELS = ("", "settings", "graphs")
+BUTTONS = ("LMB", "RMB", "MMB")
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A scene by name or file, at a quality; set: live parameters that somebody has changed."""
+
+    scene: str
+    quality: str
+    set: dict[str, float] = field(default_factory=dict)
+
+
+class Player:
+    """Plays a choice in a window until it is closed, or `next` is chosen; quality: what it is at.
+    frames limits the number of frames, None: until then."""
+
+    def __init__(
+        self, window: Window, show: Show, choice: Choice, quality: str, frames: int | None = None
+    ):
+        self.window, self.choice, self.quality, self.frames = window, choice, quality, frames
+        self.next: Choice | None = None
+        play = show.scene.play
+        self.pacer = Pacer(play.fps, play.speed, play.scale)
+        self.panel, self.open = Panel(show, choice.scene, quality), ""
+        self.graphs, self.replay = Graphs(), Replay()
+        self.keepsakes = Keepsakes(Path("out"), Path(choice.scene).stem, quality)
+        depth = mean_depth(show.scene, show.simulation.particles.numpy("x").mean(axis=0)[None])
+        self.idle = Idle(show.scene, depth)
+        self.status = Status(quality)
+        self.hand = PushingHand()
+        self.tilt: Any = np.zeros(2)  # roll, pitch [rad]
+        self.locked = not play.level
+        self.paused = self.done = self.helping = False
+        self.cursor = window.cursor()
+        self.free: dict[str, bool] = {}  # whether a button went down beside the panel
+        self.clock: float | None = None  # when the last frame had been shown [s]
+        self.shown = math.inf  # what showing a frame takes at least [s]: beyond, it waits
+        self.message, self.until = "", 0.0
+        self.hints: Any = None  # as they were last painted
+        width, height = window.size
+        self.text = pages.text_height(height)
+        self.gap, self.column = round(GAP * self.text), round(COLUMN * self.text)
+        rooms = {name: (width, 8 * self.text) for name in ("status", "hints", "message")}
+        rooms["graphs"], rooms["help"] = (self.column, height), (width, height)
+        self.overlay = Overlay(width, height, rooms)
+        for key, value in choice.set.items():
+            self._set(show, key, value)
+
+    # Each frame, before it.
+
+    def wants_more(self, show: Show) -> bool:
+        over = self.frames is not None and show.frames >= self.frames
+        return self.window.open and not self.done and self.next is None and not over
+
+    def controls(self, show: Show) -> Controls:
+        wishes, pressed = Controls(), self.window.presses()
+        cursor = self.window.cursor()
+        moved, self.cursor = cursor - self.cursor, cursor
+        for key in pressed:
+            if key in BUTTONS:
+                self.free[key] = not self._on_panel()
+            elif key in ACTIONS:
+                self._press(ACTIONS[key], show, wishes)
+        self.pacer.steer(wishes)
+        step = self.pacer.frame_time
+        held = self._hold(show, step)
+        dragged = self._drag(show, moved, wishes, step)
+        self.idle.pass_time(self.pacer.wall, bool(pressed or held or dragged or moved.any()))
+        sway = self.idle.roll(show.simulation.time, 0.0 if self.paused else step)
+        wishes.tilt = (float(self.tilt[0]) + sway, float(self.tilt[1]))
+        wishes.paused = self.paused
+        return wishes
+
+    def _press(self, action: str, show: Show, wishes: Controls) -> None:
+        """What a key asks for at once; others act as long as they are down."""
+        self.idle.tried.add(action)
+        if action == "quit" and self.helping:
+            action = "help"
+        act = getattr(self, f"_{action}", None)
+        if action in ("reset", "next_view"):
+            setattr(wishes, action, True)
+        elif action == "step":
+            wishes.single_step = True
+        elif act:
+            act(show)
+        if action == "reset":
+            self.tilt[:] = 0.0
+
+    def _pause(self, show: Show) -> None:
+        self.paused = not self.paused
+
+    def _slow_motion(self, show: Show) -> None:
+        usual = show.scene.play.speed
+        self.pacer.ask(SLOW_MOTION * usual if self.pacer.speed == usual else usual)
+
+    def _lock(self, show: Show) -> None:
+        self.locked = not self.locked
+        self.say("the tilt is locked" if self.locked else "the pool comes level by itself")
+
+    def _home(self, show: Show) -> None:
+        show.camera = show.framing(self._free_width())
+        self.tilt[:] = 0.0
+
+    def _help(self, show: Show) -> None:
+        self.helping = not self.helping
+        if not self.helping:
+            self.overlay.hide("help")
+            return
+        width, height = self.window.size
+        page = pages.help_page(self.text, height - 2 * self.gap)
+        left, top = (width - page.shape[1]) // 2, (height - page.shape[0]) // 2
+        self.overlay.put("help", page, left, top)
+
+    def _next_panel(self, show: Show) -> None:
+        before = show.framing(self._free_width()).distance
+        self.open = PANELS[(PANELS.index(self.open) + 1) % len(PANELS)]
+        self.overlay.hide("graphs")
+        show.camera.shift = 0.5 * (1.0 - self._free_width())
+        show.camera.zoom(show.framing(self._free_width()).distance / before)
+        self.hints = None
+
+    def _next_scene(self, show: Show) -> None:
+        self._beside(1)
+
+    def _previous_scene(self, show: Show) -> None:
+        self._beside(-1)
+
+    def _beside(self, step: int) -> None:
+        names = list(shipped_scenes())
+        here = names.index(self.choice.scene) if self.choice.scene in names else -max(step, 0)
+        self._leave(Choice(names[(here + step) % len(names)], self.choice.quality))
+
+    def _leave(self, choice: Choice) -> None:
+        """For another scene or quality, if it can be loaded."""
+        try:
+            scene = load_scene(choice.scene)
+            if choice.quality != AUTO:
+                at_quality(scene, choice.quality, choice.scene)
+        except SceneError as error:
+            self.say(str(error))
+        else:
+            self.next = choice
+
+    def _picture(self, show: Show) -> None:
+        self._keep_by(lambda: self.keepsakes.picture(show))
+
+    def _clip(self, show: Show) -> None:
+        if self.replay.frames:
+            self._keep_by(lambda: self.keepsakes.clip(show, self.replay, self._tell))
+
+    def _keep(self, show: Show) -> None:
+        self._keep_by(lambda: self.keepsakes.water(show))
+
+    def _reopen(self, show: Show) -> None:
+        self._keep_by(lambda: self.keepsakes.reopen(show))
+
+    def _keep_by(self, act) -> None:
+        """Files of the show: what was done is said, and what went wrong."""
+        try:
+            self.say(act())
+        except (LostOutputError, SceneError, OSError) as error:
+            self.say(str(error))
+        self.clock = None
+
+    def _tell(self, share: float) -> None:
+        self.overlay.put("message", self._line(f"clip: {100.0 * share:.0f} %"), *self._low(4))
+        self.overlay.draw(self.keepsakes.image)
+        self.window.show(self.keepsakes.image)
+
+    def _quit(self, show: Show) -> None:
+        self.done = True
+
+    def _hold(self, show: Show, step: float) -> bool:
+        """Keys that act as long as they are down; whether any is."""
+        down, play, wall = self.window.down, show.scene.play, self.pacer.wall
+        rate, limit = math.radians(play.tilt_rate) * step, math.radians(play.tilt_limit)
+        asked = np.array([down("Left") - down("Right"), down("Down") - down("Up")], float)
+        back = LEVELLING * rate * (asked == 0.0) * (not self.locked and not self.paused)
+        self.tilt -= np.clip(self.tilt, -back, back)
+        self.tilt = np.clip(self.tilt + rate * asked, -limit, limit)
+        orbit, zoom = down("d") - down("a"), down("s") - down("w")
+        show.camera.orbit(ORBIT_KEY_RATE * wall * orbit, 0.0)
+        show.camera.zoom(math.exp(ZOOM_KEY_RATE * wall * zoom))
+        return bool(asked.any() or orbit or zoom)
+
+    def _drag(self, show: Show, moved: np.ndarray, wishes: Controls, step: float) -> bool:
+        """What the mouse does beside the panel; whether a button is down there."""
+        left, right, middle = (self.window.down(b) and self.free.get(b, True) for b in BUTTONS)
+        if middle or (right and self.window.down("Shift")):
+            self.idle.tried.add("pan")
+            across = 2.0 * math.tan(0.5 * show.camera.fov) * show.camera.distance
+            aspect = self.window.size[0] / self.window.size[1]
+            show.camera.pan(-moved[0] * across * aspect, -moved[1] * across)
+        elif right:
+            self.idle.tried.add("orbit")
+            show.camera.orbit(-moved[0] * ORBIT_PER_WIDTH, -moved[1] * ORBIT_PER_WIDTH)
+        if left:
+            self.idle.tried.add("push")
+            wishes.hand = self.hand.push(show, self.cursor, step)
+        elif show.scene.play.hover and moved.any() and not (right or middle or self._on_panel()):
+            wishes.hand = self.hand.pass_over(show, self.cursor, step)
+        else:
+            wishes.hand = self.hand.let_go()
+        return bool(left or right or middle)
+
+    def _free_width(self) -> float:
+        """Share of the window's width beside the column."""
+        return 1.0 - self.column / self.window.size[0] if self.open else 1.0
+
+    def _on_panel(self) -> bool:
+        return bool(self.open) and 0.0 <= self.cursor[0] <= 1.0 - self._free_width()
+
+    # Each frame, after it.
+
+    def say(self, message: str) -> None:
+        """Shows a line for a while."""
+        self.message, self.until = message, time.perf_counter() + LASTS
+
+    def see(self, show: Show) -> None:
+        now = time.perf_counter()
+        if not self.paused:
+            self.replay.see(show, now)
+        self._lay_pages(show, now)
+        image = show.picture.image
+        self.overlay.draw(image)
+        for wish in self._widgets(show):
+            self._grant(show, wish)
+        if self.hand.pushes:
+            self.window.mark(self.cursor)
+        begin = time.perf_counter()
+        self.window.show(image)
+        now = time.perf_counter()
+        self.shown = min(FORGET * self.shown, now - begin)
+        if self.clock is not None and not self.paused:
+            self.pacer.see(show, now - self.clock, self.shown)
+        self.clock = now
+
+    def _lay_pages(self, show: Show, now: float) -> None:
+        """Status, hints, message and graphs, painted where they have changed."""
+        status = self.status.page(show, self.pacer, self.paused, now, self.text)
+        if status is not None:
+            self.overlay.put("status", status, self.gap, self.gap)
+        hints = [k.hint for k in self.idle.hints()], bool(self.idle.hint()), self.open
+        if hints != self.hints:
+            self.hints = hints
+            self.overlay.hide("hints")
+            if hints[0]:
+                most = HINTS * self._free_width() * self.window.size[0]
+                page = pages.hints(hints[0], hints[1], self.text, most)
+                low = self.window.size[1] - self.gap - page.shape[0]
+                self.overlay.put("hints", page, self._left(), low)
+        if self.message and now < self.until:
+            self.overlay.put("message", self._line(self.message), *self._low(4))
+        else:
+            self.overlay.hide("message")
+        if self.graphs.see(show, now, self.pacer.pace) and self.open == "graphs":
+            top = self._top()
+            height = self.window.size[1] - top
+            page = self.graphs.paint(show, self.column, height, self.text)
+            self.overlay.put("graphs", page, 0, top)
+
+    def _line(self, text: str) -> np.ndarray:
+        return pages.lines([(text, pages.WARNING)], self.text)
+
+    def _left(self) -> int:
+        """Left edge of pages beside the column [pixels]."""
+        return self.gap + (self.column if self.open else 0)
+
+    def _low(self, rows: int) -> tuple[int, int]:
+        """Left and upper edge of a line so many rows over the window's lower edge [pixels]."""
+        return self._left(), round(self.window.size[1] - 1.5 * rows * self.text)
+
+    def _top(self) -> int:
+        """Upper edge of the column [pixels]."""
+        return 2 * self.gap + round(2.5 * pages.LINE * self.text)
+
+    def _widgets(self, show: Show) -> list[Wish]:
+        if self.open != "settings":
+            return []
+        width, height = self.window.size
+        top = self._top() / height
+        return self.panel.draw(self.window.gui, (0.0, top, self.column / width, 1.0 - top), show)
+
+    def _grant(self, show: Show, wish: Wish) -> None:
+        if wish.kind == "set":
+            self._set(show, wish.name, wish.value)
+        elif wish.kind == "view":
+            show.views.name = wish.name
+        elif wish.kind == "scene":
+            self._leave(Choice(wish.name, self.choice.quality))
+        elif wish.kind == "quality":
+            changed = {
+                live.key: value
+                for live in self.panel.live
+                if (value := self.panel.value(show, live.key)) != self.panel.given[live.key]
+            }
+            self._leave(Choice(self.choice.scene, wish.name, changed))
+
+    def _set(self, show: Show, key: str, value: float) -> None:
+        show.set(key, value)
+        if key == "play.speed":
+            self.pacer.ask(value)
+        if key == "play.scale":
+            self.pacer.finest = value
+
+    def close(self) -> None:
+        """The window stays open: another scene may follow."""

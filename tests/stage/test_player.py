@@ -1,0 +1,485 @@
+"""A person at a window, without a screen: each key and gesture, its effect read from the show."""
+
+import itertools
+import math
+import random
+
+import imageio.v2 as imageio
+import numpy as np
+import pytest
+
+from msph.measure.timings import Timings
+from msph.scene import load_scene
+from msph.scene.library import shipped_scenes
+from msph.scene.live import live_parameters, read
+from msph.scene.load import read_toml
+from msph.stage import idle, replay
+from msph.stage.controls import ACTIONS, KEYS
+from msph.stage.keepsakes import Keepsakes
+from msph.stage.panel import Wish
+from msph.stage.player import PANELS, SLOW_MOTION, Choice, Player
+from msph.stage.show import PLAYED, Show
+from tests.scenes_kit import TEXT, write
+
+SIZE = WIDTH, HEIGHT = 480, 270
+FRAME = 1 / 60
+
+
+class Screen:
+    """What a window brings: keys and buttons that are pressed or held, and a cursor."""
+
+    def __init__(self):
+        self.size, self.open = SIZE, True
+        self.pressed, self.held = [], set()
+        self.at, self.marks, self.image = np.array([0.5, 0.4]), 0, None
+        self.gui = Widgets()
+
+    def presses(self):
+        pressed, self.pressed = self.pressed, []
+        return pressed
+
+    def down(self, *keys):
+        return any(key in self.held for key in keys)
+
+    def cursor(self):
+        return self.at.copy()
+
+    def mark(self, cursor):
+        self.marks += 1
+
+    def show(self, image):
+        self.image = image
+
+
+class Widgets:
+    """The panel's library. moved: sliders by label, and the value that they are moved to; clicked:
+    buttons that are clicked."""
+
+    def __init__(self):
+        self.moved, self.clicked, self.labels = {}, set(), []
+
+    def sub_window(self, *_):
+        self.labels = []
+        return self
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        return False
+
+    def checkbox(self, label, value):
+        return True
+
+    def slider_float(self, label, value, lo, hi):
+        assert lo <= value <= hi
+        self.labels.append(label)
+        return self.moved.get(label, value)
+
+    def button(self, label):
+        self.labels.append(label)
+        return label in self.clicked
+
+
+@pytest.fixture(scope="module")
+def show(tmp_path_factory):
+    """Viscous water, so that more parameters are live."""
+    path = write(
+        tmp_path_factory.mktemp("scene"),
+        TEXT.split("[classic]")[0]
+        + """
+[projection]
+viscosity = 1.0
+[[water]]
+layer = 1
+lo = [0, 0, 0]
+hi = [0.4, 0.1512, 0.4]
+""",
+    )
+    scene = load_scene(path, ("method=projection", "adaptation.enabled=true"))
+    return Show(scene, FRAME, SIZE, timings=Timings(keep=1), **PLAYED)
+
+
+@pytest.fixture
+def given(show):
+    """The show at its start, with the scene as it was."""
+    scene = show.scene
+    show.reset()
+    show.views.name, show.camera = "water", show.framing()
+    yield show
+    for live in live_parameters(scene):
+        show.set(live.key, read(scene, live.key))
+    show.scene = scene
+
+
+@pytest.fixture
+def player(given, tmp_path):
+    player = Player(Screen(), given, Choice("pool", "auto"), "medium")
+    player.keepsakes = Keepsakes(tmp_path, "pool", "medium")
+    return player
+
+
+def frames(player, show, number=1):
+    """Frames of player and show; the last picture, (width, height, 3)."""
+    for _ in range(number):
+        show.frame(player.controls(show))
+        player.see(show)
+    return player.window.image.to_numpy()
+
+
+def press(player, show, *keys, number=1):
+    player.window.pressed += keys
+    return frames(player, show, number)
+
+
+def test_every_action_of_the_table_is_one_of_the_player():
+    known = {"reset", "next_view", "step", "push", "tilt", "orbit", "zoom", "pan"}
+    for action in ACTIONS.values():
+        assert action in known or callable(getattr(Player, f"_{action}"))
+
+
+def test_readme_has_the_table_of_keys():
+    with open("README.md", encoding="utf-8") as file:
+        text = file.read()
+    for key in KEYS:
+        assert f"| {key.shown} | {key.does} |" in text
+
+
+def test_pause_single_step_reset(player, show):
+    press(player, show, " ")
+    assert show.simulation.time == 0.0
+    press(player, show, "n")
+    assert show.simulation.time > 0.0
+    press(player, show, "r")
+    assert show.simulation.time == 0.0
+    press(player, show, " ")
+    assert show.simulation.time > 0.0
+
+
+def test_slow_motion_and_back(player, show):
+    press(player, show, "m")
+    assert player.pacer.speed == SLOW_MOTION
+    press(player, show, "m")
+    assert player.pacer.speed == 1.0
+
+
+def test_arrows_tilt_and_the_pool_comes_level_unless_locked(player, show):
+    player.window.held = {"Right"}
+    frames(player, show, 5)
+    tilt = player.tilt[0]
+    assert tilt < -0.02 and show.tilt[0, 1] != 0.0
+    player.window.held = set()
+    frames(player, show, 4)
+    assert tilt < player.tilt[0] < 0.0
+    frames(player, show, 40)
+    assert player.tilt[0] == 0.0
+    press(player, show, "l")
+    player.window.held = {"Up"}
+    frames(player, show, 5)
+    player.window.held = set()
+    tilt = player.tilt[1]
+    frames(player, show, 10)
+    assert player.tilt[1] == tilt != 0.0
+    press(player, show, "Return")
+    assert not player.tilt.any()
+
+
+def test_camera_orbits_zooms_pans_and_comes_home(player, show):
+    home = show.camera.state()
+    seen = {home}
+    for held, moved in (({"d"}, 0.0), ({"s"}, 0.0), ({"RMB"}, 0.1), ({"MMB"}, 0.1)):
+        player.window.held = held
+        frames(player, show)
+        player.window.at = player.window.at + moved
+        frames(player, show, 2)
+        assert show.camera.state() not in seen
+        seen.add(show.camera.state())
+    # A pan by a tenth of the window moves the water by as much.
+    player.window.held = set()
+    press(player, show, "Return")
+    assert show.camera.state() == home
+
+
+def test_a_pan_moves_the_picture_as_far_as_the_cursor(given):
+    camera, centre = given.camera, np.array(given.simulation.size) / 2
+
+    def seen():
+        right, up, back = camera.axes()
+        across = 2.0 * math.tan(0.5 * camera.fov) * camera.distance
+        away = centre - camera.target
+        return np.array([away @ right, away @ up]) / across
+
+    before = seen()
+    across = 2.0 * math.tan(0.5 * camera.fov) * camera.distance
+    camera.pan(-0.1 * across, 0.0)
+    assert seen() - before == pytest.approx([0.1, 0.0], abs=1e-6)
+    camera.pan(100.0, 0.0)
+    assert np.linalg.norm(camera.target - centre) < camera.distance
+
+
+def test_a_drag_pushes_the_water_and_a_cursor_leaves_a_wake(player, show):
+    frames(player, show, 2)
+    size = show.picture.width, show.picture.height
+    pixels = itertools.product(range(0, size[0], 4), range(0, size[1], 4))
+    wet = [pixel for pixel in pixels if show.pick(*pixel) is not None]
+    place = np.array(wet[len(wet) // 2]) / size
+
+    def work_of(held):
+        show.reset()
+        player.window.at, player.window.held = place.copy(), held
+        frames(player, show, 2)
+        for _ in range(6):
+            player.window.at = player.window.at + np.array([0.01, 0.0])
+            frames(player, show)
+        player.window.held = set()
+        return show.ledger.entries[-1].user_work
+
+    pushed, wake = work_of({"LMB"}), work_of(set())
+    assert pushed > wake > 0.0 and player.window.marks > 0
+    show.scene = show.scene.model_copy(
+        update={"play": show.scene.play.model_copy(update={"hover": False})}
+    )
+    assert work_of(set()) == 0.0
+
+
+def test_water_that_nobody_touches_moves_until_somebody_does(player, show, monkeypatch):
+    def level():
+        return np.allclose(show.tilt, np.eye(3), atol=1e-3)
+
+    frames(player, show, 3)
+    assert level() and player.idle.hint() == ""
+    monkeypatch.setattr(idle, "PATIENCE", 0.0)
+    monkeypatch.setattr(idle, "RAMP", 1e-3)
+    # Frames are as long as this machine needs.
+    for _ in range(300):
+        frames(player, show)
+        if not level():
+            break
+    assert not level() and player.idle.hint() == "drag: push the water"
+    player.idle.tried.add("push")
+    assert player.idle.hint() == "arrows: tilt"
+    monkeypatch.setattr(idle, "PATIENCE", 1e9)
+    press(player, show, "l", number=2)
+    assert level() and player.idle.hint() == ""
+
+
+def test_a_scene_that_sways_is_left_to_itself(show):
+    sway = show.scene.sway.model_copy(update={"angle": 5.0, "seconds": 4.0})
+    swaying = idle.Idle(show.scene.model_copy(update={"sway": sway}), depth=0.1)
+    swaying.pass_time(2.0 * idle.PATIENCE, busy=False)
+    assert swaying.strength == 1.0
+    assert swaying.roll(3.9, 0.1) == 0.0 and swaying.roll(4.1, 0.1) != 0.0
+    swaying.pass_time(2.0 * idle.RAMP, busy=True)
+    assert swaying.strength == 0.0
+
+
+def test_hints_go_once_they_were_tried(player, show):
+    everything = frames(player, show, 2)
+    low = slice(0, HEIGHT // 5)
+    for key in KEYS:
+        if key.hint:
+            player.idle.tried |= set(key.keys.values())
+    nothing = frames(player, show)
+    assert "hints" not in player.overlay.shown
+    assert np.abs(everything[: WIDTH // 2, low] - nothing[: WIDTH // 2, low]).mean() > 0.01
+
+
+def test_help_lies_over_the_picture_until_it_is_closed(player, show):
+    player.idle.tried |= set(ACTIONS.values())
+    press(player, show, " ")
+    without = frames(player, show)
+    assert np.abs(press(player, show, "h") - without).mean() > 0.05
+    # Pages are laid over, and not into, what is drawn: the same picture again.
+    assert np.abs(press(player, show, "Escape") - without).mean() < 1e-3
+    assert player.wants_more(show)
+    press(player, show, "q")
+    assert not player.wants_more(show)
+
+
+def test_panels_make_room_for_themselves(player, show):
+    shifts = []
+    for _ in PANELS:
+        press(player, show, "i")
+        shifts.append(show.camera.shift)
+    assert shifts[0] == shifts[1] > 0.1 and shifts[2] == 0.0
+    assert show.camera.state() == show.framing().state()
+    # The middle of the box is in the middle of what is free.
+    press(player, show, "i")
+    size, box = (WIDTH, HEIGHT), np.array(show.simulation.size)
+    middle = (0.5 + show.camera.shift) * WIDTH
+    eye, direction = show.camera.ray(middle - 0.5, HEIGHT / 2 - 0.5, *size)
+    away = box / 2 - eye
+    assert np.cross(away, direction) == pytest.approx(np.zeros(3), abs=1e-9)
+
+
+def test_graphs_are_drawn_of_what_was_measured(player, show):
+    press(player, show, "i", "i")
+    before = frames(player, show)
+    for k in range(12):
+        player.graphs.see(show, player.graphs.times[-1] + 0.25 * k + 0.2, 1.0)
+    page = player.graphs.paint(show, 200, 200, 12)
+    assert page.shape == (200, 200, 4) and (page[..., :3].max(-1) > 150).mean() > 0.02
+    assert player.overlay.shown["graphs"][0] == 0 and before.std() > 0.05
+    assert len(player.graphs.samples[-1][-1]) == len(show.scene.layers)
+
+
+def test_sliders_change_what_runs_and_never_push(player, show):
+    press(player, show, "i")
+    gui = player.window.gui
+    labels = {label.split(" [")[0]: label for label in gui.labels if " " in label or label}
+    assert {"gravity", "viscosity", "tint", "push radius", "speed", "scale"} <= set(labels)
+    player.window.at = np.array([0.1, 0.4])
+    player.window.held = {"LMB"}
+    player.window.pressed = ["LMB"]
+    for name, key, value in (
+        ("gravity", "gravity", 3.0),
+        ("viscosity", "projection.viscosity", 5.0),
+        ("tint", "picture.tint", 9.0),
+        ("speed", "play.speed", 0.5),
+        ("scale", "play.scale", 0.6),
+    ):
+        gui.moved = {labels[name]: value}
+        frames(player, show)
+        assert read(show.scene, key) == pytest.approx(value)
+    gui.moved = {}
+    assert show.ledger.entries[-1].user_work == 0.0
+    assert player.pacer.speed == 0.5 and player.pacer.finest == 0.6
+    viscosity = show.simulation.solver.forces[-1]
+    assert viscosity.nu == pytest.approx(5.0 / 1000.0)
+    assert show.picture.lens.numbers["absorption"][0] == pytest.approx(9.0 * 0.42)
+    assert math.hypot(*show.gravity()) == pytest.approx(3.0)
+    gui.clicked = {"as the scene says"}
+    frames(player, show)
+    assert read(show.scene, "gravity") == pytest.approx(9.81)
+    assert viscosity.nu == pytest.approx(1.0 / 1000.0)
+
+
+def test_views_scenes_and_qualities_are_chosen_in_the_panel(player, show):
+    press(player, show, "i")
+    gui = player.window.gui
+    gui.clicked = {"  speed##view"}
+    frames(player, show)
+    assert show.views.name == "speed"
+    gui.clicked = {"  large##quality"}
+    player._set(show, "gravity", 2.0)
+    frames(player, show)
+    assert player.next == Choice("pool", "large", {"gravity": pytest.approx(2.0)})
+    gui.clicked, player.next = {"  drop##scene"}, None
+    frames(player, show)
+    assert player.next == Choice("drop", "auto") and not player.wants_more(show)
+
+
+def test_keys_go_through_the_scenes(player, show):
+    names = list(shipped_scenes())
+    press(player, show, "Tab")
+    here = names.index("pool")
+    assert player.next.scene == names[(here + 1) % len(names)]
+    press(player, show, "BackSpace")
+    assert player.next.scene == names[here - 1]
+
+
+def test_a_live_value_chosen_before_is_taken_over(given):
+    Player(Screen(), given, Choice("pool", "small", {"gravity": 4.0}), "small")
+    assert read(given.scene, "gravity") == pytest.approx(4.0)
+
+
+def test_a_picture_has_no_pages_and_its_scene_beside_it(player, show, tmp_path):
+    press(player, show, " ")
+    show.set("gravity", 5.0)
+    press(player, show, "p")
+    (path,) = tmp_path.glob("pool_*.png")
+    picture = imageio.imread(path)
+    assert picture.shape == (HEIGHT, WIDTH, 3)
+    show.draw()
+    assert np.array_equal(picture, show.picture.to_numpy_u8())
+    assert str(path) in player.message
+    scene = read_toml(path.with_suffix(".scene.toml"))
+    assert scene["gravity"][1] == pytest.approx(-5.0)
+
+
+def test_water_that_was_kept_is_opened_again(player, show, tmp_path):
+    frames(player, show, 3)
+    press(player, show, "o")
+    assert "no water of pool was kept" in player.message
+    press(player, show, " ", "k")
+    kept = show.simulation.state()
+    press(player, show, " ", number=4)
+    press(player, show, " ", "o")
+    again = show.simulation.state()
+    order, order_again = np.argsort(kept["id"]), np.argsort(again["id"])
+    assert np.array_equal(kept["x"][order], again["x"][order_again])
+    assert again["time"] == kept["time"]
+
+
+def test_a_clip_shows_what_was_seen_and_leaves_the_water_alone(player, show, tmp_path, monkeypatch):
+    monkeypatch.setattr(replay, "FPS", 1000.0)
+    frames(player, show, 4)
+    show.views.name = "speed"
+    frames(player, show, 4)
+    before, shown = show.simulation.state(), show.picture.image.to_numpy()
+    moments = len(player.replay.frames)
+    assert moments == 8
+    monkeypatch.setattr(replay, "FPS", 24.0)
+    first, last = player.replay.frames[0], player.replay.frames[-1]
+    # As if they had been seen over a third of a second.
+    kept = [moment for _, moment in player.replay.frames]
+    player.replay.frames.clear()
+    player.replay.frames.extend((k / 24.0, moment) for k, moment in enumerate(kept))
+    player.keepsakes.clip(show, player.replay, lambda share: None)
+    (path,) = tmp_path.glob("*.mp4")
+    seen = [frame for frame in imageio.get_reader(path)]
+    assert len(seen) == 7 and seen[0].shape == (HEIGHT, WIDTH, 3)
+    assert np.abs(seen[0].astype(int) - seen[-1]).mean() > 1.0
+    after = show.simulation.state()
+    for name in ("x", "v", "id"):
+        assert np.array_equal(before[name], after[name])
+    assert show.views.name == "speed" and shown.shape == show.picture.image.to_numpy().shape
+    assert first[0] < last[0]
+
+
+def test_memory_of_the_replay_is_bounded(player, show, monkeypatch):
+    monkeypatch.setattr(replay, "FPS", 1e6)
+    frames(player, show)
+    size = player.replay.bytes
+    monkeypatch.setattr(replay, "MOST_BYTES", 3.5 * size)
+    frames(player, show, 8)
+    assert len(player.replay.frames) == 3
+    assert player.replay.bytes == pytest.approx(3 * size, rel=0.2)
+
+
+def test_what_cannot_be_written_is_said(player, show, tmp_path):
+    (tmp_path / "file").touch()
+    player.keepsakes.folder = tmp_path / "file"
+    for key in ("p", "c", "k"):
+        frames(player, show, 2)
+        press(player, show, key)
+        assert "file" in player.message
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_storm_of_inputs_loses_no_water(player, show, seed):
+    """A thousand random inputs: whatever is pressed, dragged, slid and chosen."""
+    dice = random.Random(seed)
+    mass = show.ledger.record(show.gravity()).mass
+    names = [k for k in ACTIONS if ACTIONS[k] not in ("quit", "clip", "keep", "reopen", "picture")]
+    window, limits = player.window, {}
+    for _ in range(250):
+        for _ in range(4):
+            kind = dice.randrange(5)
+            if kind == 0:
+                window.pressed.append(dice.choice(names))
+            elif kind == 1:
+                window.held ^= {dice.choice(names)}
+            elif kind == 2:
+                window.at = np.array([dice.uniform(-0.3, 1.3), dice.uniform(-0.3, 1.3)])
+            elif kind == 3 and window.gui.labels:
+                live = dice.choice(player.panel.live)
+                limits[live.key] = dice.uniform(live.lo, live.hi)
+                player._grant(show, Wish("set", live.key, limits[live.key]))
+            else:
+                window.held.clear()
+        frames(player, show)
+        player.next, player.helping = None, False
+    entry = show.ledger.record(show.gravity())
+    assert entry.mass == pytest.approx(mass, rel=1e-6) and entry.outside == 0
+    assert np.isfinite(show.simulation.particles.numpy("v")).all()
