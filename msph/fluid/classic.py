@@ -87,6 +87,7 @@ class Classic:
     LAYER_OPTIONS = ("gravity_factor", "viscosity", "kernels")
     # Support over spacing; the thesis gives none.
     SMOOTHING = 2.0
+    KERNEL = staticmethod(kernels.poly6)
 
     @staticmethod
     def attributes(parameters: ClassicParameters, bodies: bool = False) -> tuple[Attribute, ...]:

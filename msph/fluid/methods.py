@@ -20,8 +20,9 @@ class Solver(Protocol):
     NAME: what scenes call it, and the table of their files that holds its parameters, of the class
     PARAMETERS. ADAPTS: whether its particles may split and merge; HAS_BODIES: whether bodies and
     containers may hold its water; LAYER_OPTIONS: the options of a layer that it heeds beyond its
-    size; SMOOTHING: support over spacing where a scene gives none (-). iterations: of the last
-    step's pressure solve, 0 for a method that solves nothing.
+    size; SMOOTHING: support over spacing where a scene gives none (-); KERNEL: W(r, h) of its
+    density, a Taichi function, where layers choose no other. iterations: of the last step's
+    pressure solve, 0 for a method that solves nothing.
     """
 
     NAME: str
@@ -30,6 +31,7 @@ class Solver(Protocol):
     HAS_BODIES: bool
     LAYER_OPTIONS: tuple[str, ...]
     SMOOTHING: float
+    KERNEL: Any
     LIST_MARGIN: float
     PER_ENTRY: int
 

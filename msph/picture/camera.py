@@ -84,6 +84,16 @@ class Camera:
         d = (i + 0.5 - middle) * step * right + (j + 0.5 - height / 2) * step * up - back
         return self.eye, d / np.linalg.norm(d)
 
+    def seen(self, points, width, height, box, tilt=None):
+        """Places (n, 2) of points (n, 3) of the box in the picture: right and up, in shares of it;
+        NaN of what is behind the eye."""
+        R, C = np.eye(3) if tilt is None else np.asarray(tilt, float), np.asarray(box, float) / 2
+        away = C + (np.asarray(points, float) - C) @ R.T - self.eye
+        x, y, z = (away @ axis for axis in self.axes())
+        depth = np.where(z < 0, -z, np.nan) * 2 * np.tan(self.fov / 2)
+        across = x / depth * height / width
+        return np.stack((0.5 + self.shift + across, 0.5 + y / depth), axis=-1)
+
     def box_ray(self, i, j, width, height, box, tilt=None):
         """The same ray in box coordinates."""
         eye, d = self.ray(i, j, width, height)

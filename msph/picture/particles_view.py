@@ -59,18 +59,6 @@ class OwnRadius:
 
 
 @data_oriented
-class LayerRadius:
-    """Radius from the particle's layer (i32 field) by a table of spacings (f32 field) [m]."""
-
-    def __init__(self, layer, spacing, factor=0.5):
-        self.layer, self.spacing, self.factor = layer, spacing, factor
-
-    @ti.func
-    def of(self, p):
-        return self.factor * self.spacing[self.layer[p]]
-
-
-@data_oriented
 class ParticlesView:
     """Draws up to `capacity` spheres over the backdrop."""
 

@@ -8,7 +8,7 @@ from msph.picture.body_shading import BodyShading
 from msph.picture.enlarger import Enlarger
 from msph.picture.legend import LegendPanel
 from msph.picture.look import Look
-from msph.picture.particles_view import LayerRadius, OwnRadius, ParticlesView
+from msph.picture.particles_view import OwnRadius, ParticlesView
 from msph.picture.pool import Pool
 from msph.picture.rasteriser import NOTHING, Rasteriser
 from msph.picture.shot import Lens, shoot
@@ -112,26 +112,23 @@ class Picture:
     def shade(self):
         self.water.shade(self.skin)
 
-    def draw_particles(
-        self, camera, tilt, x, value, lo, hi, n, radius=None, layers=None, legend=None
-    ):
+    def draw_particles(self, camera, tilt, x, value, lo, hi, n, radius, legend=None):
         """The first n particles at x [m], coloured by `value` from lo to hi.
 
-        radius: a f32 field [m]; or layers: the pair (layer of each particle, spacing of a layer).
-        legend: a Legend to lay over the picture, where the look wants any.
+        radius: a f32 field [m]; what has none is hidden. legend: a Legend to lay over the picture,
+        where the look wants any.
         """
         self.backdrop.refresh(self.aim(camera, tilt))
-        self.particles.draw(x, self.radius_of(radius, layers), value, lo, hi, n, self.canvas)
+        self.particles.draw(x, self.radius_of(radius), value, lo, hi, n, self.canvas)
         self.resolve()
         if legend and self.legend:
             self.legend.draw(legend, self.image)
 
-    def radius_of(self, radius, layers):
-        """One reader for each choice of fields: every new one would compile its kernels again."""
-        key = (id(radius), *map(id, layers or ()))
-        if key not in self.radii:
-            self.radii[key] = LayerRadius(*layers) if layers else OwnRadius(radius)
-        return self.radii[key]
+    def radius_of(self, radius):
+        """One reader for each field: every new one would compile its kernels again."""
+        if id(radius) not in self.radii:
+            self.radii[id(radius)] = OwnRadius(radius)
+        return self.radii[id(radius)]
 
     def resolve(self):
         """Average the rays of each pixel, or enlarge a picture of fewer pixels."""

@@ -140,7 +140,8 @@ class Rasteriser:
             c = x[p] - shot.eye
             r = radius.of(p)
             z = c.dot(shot.forward)
-            if z - r > 1.0 / shot.w_near:
+            # A radius of zero hides a sphere.
+            if r > 0.0 and z - r > 1.0 / shot.w_near:
                 rz = 1.0 / z
                 m = ti.Vector([c.dot(shot.to_i), c.dot(shot.to_j)]) * rz
                 m += shot.centre

@@ -52,7 +52,9 @@ class Panel:
             value = read(show.scene, live.key)
             unit = "" if live.unit == "-" else f" [{live.unit}]"
             name = live.key.rpartition(".")[2].replace("_", " ")
-            moved = gui.slider_float(f"{name}{unit}", value, live.lo, live.hi)
+            # A label of its own, since that of a slider is cut off at the column's edge.
+            gui.text(f"{name}{unit}")
+            moved = gui.slider_float(f"##{live.key}", value, live.lo, live.hi)
             if abs(moved - value) > SAME * (live.hi - live.lo):
                 wishes.append(Wish("set", live.key, moved))
         if gui.button("as the scene says"):

@@ -10,23 +10,20 @@ import numpy as np
 
 from msph.errors import LostOutputError
 from msph.measure.resolution import mean_depth
-from msph.picture.overlay import Overlay
 from msph.scene.errors import SceneError
 from msph.scene.library import shipped_scenes
 from msph.scene.load import load_scene
 from msph.scene.quality import AUTO, at_quality
-from msph.stage import pages
 from msph.stage.controls import ACTIONS, Controls
-from msph.stage.graphs import Graphs
 from msph.stage.idle import Idle
 from msph.stage.keepsakes import Keepsakes
+from msph.stage.layout import Layout
 from msph.stage.pacer import Pacer
 from msph.stage.panel import Panel, Wish
 from msph.stage.pushing import PushingHand
 from msph.stage.replay import Replay
 from msph.stage.show import Show
-from msph.stage.status import Status
-from msph.stage.window import Window
+from msph.stage.window import TELL_PAUSE, Window
 
 ORBIT_PER_WIDTH = math.radians(200.0)  # a drag across the whole window turns the view so far
 ORBIT_KEY_RATE = math.radians(70.0)  # [rad/s]
@@ -34,11 +31,8 @@ ZOOM_KEY_RATE = 1.5  # [1/s], as the logarithm of the distance
 SLOW_MOTION = 0.1  # simulated over wall-clock time in slow motion
 LEVELLING = 0.5  # rate at which a pool comes level over that of tilting it
 FORGET = 1.01  # growth per frame of the least time that showing a frame takes
-LASTS = 4.0  # time that a message is shown [s]
-# Width of the column of settings or graphs, and gaps, in text heights; share of the window's width
-# that hints may take beside a legend.
-COLUMN, GAP, HINTS = 16.0, 0.5, 0.62
-PANELS = ("", "settings", "graphs")
+CLICK_WAY, CLICK_TIME = 0.01, 0.4  # most way (shares of the window) and time [s] of a click
+ARROW = 0.3  # length of an arrow of 10 m/s^2, over the box's longest edge
 BUTTONS = ("LMB", "RMB", "MMB")
 
 
@@ -62,28 +56,20 @@ class Player:
         self.next: Choice | None = None
         play = show.scene.play
         self.pacer = Pacer(play.fps, play.speed, play.scale)
-        self.panel, self.open = Panel(show, choice.scene, quality), ""
-        self.graphs, self.replay = Graphs(), Replay()
+        self.layout, self.panel = Layout(window.size, quality), Panel(show, choice.scene, quality)
+        self.replay = Replay()
         self.keepsakes = Keepsakes(Path("out"), Path(choice.scene).stem, quality)
         depth = mean_depth(show.scene, show.simulation.particles.numpy("x").mean(axis=0)[None])
         self.idle = Idle(show.scene, depth)
-        self.status = Status(quality)
         self.hand = PushingHand()
         self.tilt: Any = np.zeros(2)  # roll, pitch [rad]
         self.locked = not play.level
         self.paused = self.done = self.helping = False
         self.cursor = window.cursor()
+        self.down: Any = None  # where the left button went down, and when [s]
         self.free: dict[str, bool] = {}  # whether a button went down beside the panel
         self.clock: float | None = None  # when the last frame had been shown [s]
         self.shown = math.inf  # what showing a frame takes at least [s]: beyond, it waits
-        self.message, self.until = "", 0.0
-        self.hints: Any = None  # as they were last painted
-        width, height = window.size
-        self.text = pages.text_height(height)
-        self.gap, self.column = round(GAP * self.text), round(COLUMN * self.text)
-        rooms = {name: (width, 8 * self.text) for name in ("status", "hints", "message")}
-        rooms["graphs"], rooms["help"] = (self.column, height), (width, height)
-        self.overlay = Overlay(width, height, rooms)
         for key, value in choice.set.items():
             self._set(show, key, value)
 
@@ -99,7 +85,7 @@ class Player:
         moved, self.cursor = cursor - self.cursor, cursor
         for key in pressed:
             if key in BUTTONS:
-                self.free[key] = not self._on_panel()
+                self.free[key] = not self.layout.covers(self.cursor)
             elif key in ACTIONS:
                 self._press(ACTIONS[key], show, wishes)
         self.pacer.steer(wishes)
@@ -136,29 +122,21 @@ class Player:
 
     def _lock(self, show: Show) -> None:
         self.locked = not self.locked
-        self.say("the tilt is locked" if self.locked else "the pool comes level by itself")
+        self.layout.say("the tilt is locked" if self.locked else "the pool comes level by itself")
 
     def _home(self, show: Show) -> None:
-        show.camera = show.framing(self._free_width())
+        show.camera = show.framing(self.layout.free)
         self.tilt[:] = 0.0
 
     def _help(self, show: Show) -> None:
         self.helping = not self.helping
-        if not self.helping:
-            self.overlay.hide("help")
-            return
-        width, height = self.window.size
-        page = pages.help_page(self.text, height - 2 * self.gap)
-        left, top = (width - page.shape[1]) // 2, (height - page.shape[0]) // 2
-        self.overlay.put("help", page, left, top)
+        self.layout.show_help(self.helping)
 
     def _next_panel(self, show: Show) -> None:
-        before = show.framing(self._free_width()).distance
-        self.open = PANELS[(PANELS.index(self.open) + 1) % len(PANELS)]
-        self.overlay.hide("graphs")
-        show.camera.shift = 0.5 * (1.0 - self._free_width())
-        show.camera.zoom(show.framing(self._free_width()).distance / before)
-        self.hints = None
+        before = show.framing(self.layout.free).distance
+        self.layout.next_panel()
+        show.camera.shift = 0.5 * (1.0 - self.layout.free)
+        show.camera.zoom(show.framing(self.layout.free).distance / before)
 
     def _next_scene(self, show: Show) -> None:
         self._beside(1)
@@ -178,7 +156,7 @@ class Player:
             if choice.quality != AUTO:
                 at_quality(scene, choice.quality, choice.scene)
         except SceneError as error:
-            self.say(str(error))
+            self.layout.say(str(error))
         else:
             self.next = choice
 
@@ -198,14 +176,17 @@ class Player:
     def _keep_by(self, act) -> None:
         """Files of the show: what was done is said, and what went wrong."""
         try:
-            self.say(act())
+            self.layout.say(act())
         except (LostOutputError, SceneError, OSError) as error:
-            self.say(str(error))
+            self.layout.say(str(error))
         self.clock = None
 
     def _tell(self, share: float) -> None:
-        self.overlay.put("message", self._line(f"clip: {100.0 * share:.0f} %"), *self._low(4))
-        self.overlay.draw(self.keepsakes.image)
+        now = time.perf_counter()
+        if self.clock is not None and now - self.clock < TELL_PAUSE:
+            return
+        self.clock = now
+        self.layout.tell(f"clip: {100.0 * share:.0f} %", self.keepsakes.image)
         self.window.show(self.keepsakes.image)
 
     def _quit(self, show: Show) -> None:
@@ -226,6 +207,7 @@ class Player:
 
     def _drag(self, show: Show, moved: np.ndarray, wishes: Controls, step: float) -> bool:
         """What the mouse does beside the panel; whether a button is down there."""
+        on_panel = self.layout.covers(self.cursor)
         left, right, middle = (self.window.down(b) and self.free.get(b, True) for b in BUTTONS)
         if middle or (right and self.window.down("Shift")):
             self.idle.tried.add("pan")
@@ -235,92 +217,68 @@ class Player:
         elif right:
             self.idle.tried.add("orbit")
             show.camera.orbit(-moved[0] * ORBIT_PER_WIDTH, -moved[1] * ORBIT_PER_WIDTH)
+        self._click(show, bool(left))
         if left:
             self.idle.tried.add("push")
             wishes.hand = self.hand.push(show, self.cursor, step)
-        elif show.scene.play.hover and moved.any() and not (right or middle or self._on_panel()):
+        elif show.scene.play.hover and moved.any() and not (right or middle or on_panel):
             wishes.hand = self.hand.pass_over(show, self.cursor, step)
         else:
             wishes.hand = self.hand.let_go()
         return bool(left or right or middle)
 
-    def _free_width(self) -> float:
-        """Share of the window's width beside the column."""
-        return 1.0 - self.column / self.window.size[0] if self.open else 1.0
+    def _click(self, show: Show, left: bool) -> None:
+        """A button that goes up where it went down, and soon, has clicked."""
+        now = time.perf_counter()
+        if left and self.down is None:
+            self.down = self.cursor, now
+        elif not left and self.down is not None:
+            place, since = self.down
+            self.down = None
+            still = np.abs(self.cursor - place).max() < CLICK_WAY
+            if still and now - since < CLICK_TIME and show.views.name != "water":
+                i, j = (int(v) for v in self.cursor * self.window.size)
+                found = show.particle_at(i, j)
+                show.views.neighbourhood.pick(None if found is None else found[0])
 
-    def _on_panel(self) -> bool:
-        return bool(self.open) and 0.0 <= self.cursor[0] <= 1.0 - self._free_width()
+    def _slice(self, show: Show) -> None:
+        show.slice()
+        if show.views.cut is not None and show.views.name == "water":
+            self.layout.say("the slice is seen in views of particles: v")
 
     # Each frame, after it.
-
-    def say(self, message: str) -> None:
-        """Shows a line for a while."""
-        self.message, self.until = message, time.perf_counter() + LASTS
 
     def see(self, show: Show) -> None:
         now = time.perf_counter()
         if not self.paused:
             self.replay.see(show, now)
-        self._lay_pages(show, now)
-        image = show.picture.image
-        self.overlay.draw(image)
-        for wish in self._widgets(show):
-            self._grant(show, wish)
+        self.layout.lay(show, self.pacer, self.paused, self.idle)
+        if self.layout.panel == "settings":
+            for wish in self.panel.draw(self.window.gui, self.layout.place, show):
+                self._grant(show, wish)
         if self.hand.pushes:
             self.window.mark(self.cursor)
+        self._draw_arrows(show)
         begin = time.perf_counter()
-        self.window.show(image)
+        self.window.show(show.picture.image)
         now = time.perf_counter()
         self.shown = min(FORGET * self.shown, now - begin)
         if self.clock is not None and not self.paused:
             self.pacer.see(show, now - self.clock, self.shown)
         self.clock = now
 
-    def _lay_pages(self, show: Show, now: float) -> None:
-        """Status, hints, message and graphs, painted where they have changed."""
-        status = self.status.page(show, self.pacer, self.paused, now, self.text)
-        if status is not None:
-            self.overlay.put("status", status, self.gap, self.gap)
-        hints = [k.hint for k in self.idle.hints()], bool(self.idle.hint()), self.open
-        if hints != self.hints:
-            self.hints = hints
-            self.overlay.hide("hints")
-            if hints[0]:
-                most = HINTS * self._free_width() * self.window.size[0]
-                page = pages.hints(hints[0], hints[1], self.text, most)
-                low = self.window.size[1] - self.gap - page.shape[0]
-                self.overlay.put("hints", page, self._left(), low)
-        if self.message and now < self.until:
-            self.overlay.put("message", self._line(self.message), *self._low(4))
-        else:
-            self.overlay.hide("message")
-        if self.graphs.see(show, now, self.pacer.pace) and self.open == "graphs":
-            top = self._top()
-            height = self.window.size[1] - top
-            page = self.graphs.paint(show, self.column, height, self.text)
-            self.overlay.put("graphs", page, 0, top)
-
-    def _line(self, text: str) -> np.ndarray:
-        return pages.lines([(text, pages.WARNING)], self.text)
-
-    def _left(self) -> int:
-        """Left edge of pages beside the column [pixels]."""
-        return self.gap + (self.column if self.open else 0)
-
-    def _low(self, rows: int) -> tuple[int, int]:
-        """Left and upper edge of a line so many rows over the window's lower edge [pixels]."""
-        return self._left(), round(self.window.size[1] - 1.5 * rows * self.text)
-
-    def _top(self) -> int:
-        """Upper edge of the column [pixels]."""
-        return 2 * self.gap + round(2.5 * pages.LINE * self.text)
-
-    def _widgets(self, show: Show) -> list[Wish]:
-        if self.open != "settings":
-            return []
-        width, height = self.window.size
-        top = self._top() / height
-        return self.panel.draw(self.window.gui, (0.0, top, self.column / width, 1.0 - top), show)
+    def _draw_arrows(self, show: Show) -> None:
+        """What acts on the particle that was picked."""
+        about, sim = show.views.neighbourhood, show.simulation
+        if show.views.name == "water" or not about.find():
+            return
+        gravity = show.tilt.T @ np.array(show.scene.gravity)
+        place, length = about.place(), ARROW / 10.0 * max(sim.size)
+        ends = [(place, place + length * a) for a in about.arrows(gravity).values()]
+        if ends:
+            flat = np.array(ends).reshape(-1, 3)
+            places = show.camera.seen(flat, *self.window.size, sim.size, show.tilt)
+            self.window.arrows(places.reshape(-1, 2, 2))
 
     def _grant(self, show: Show, wish: Wish) -> None:
         if wish.kind == "set":

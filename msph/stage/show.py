@@ -232,6 +232,9 @@ class Show:
                 self.picture.draw_water(self.camera, self.tilt)
             else:
                 sim = self.simulation
+                self.views.neighbourhood.follow()
+                if self.views.cut is not None:
+                    self.views.cut = self._near()
                 value, lo, hi = self.views.values()
                 self.picture.draw_particles(
                     self.camera,
@@ -241,7 +244,7 @@ class Show:
                     lo,
                     hi,
                     sim.particles.count,
-                    layers=(sim.particles.layer, sim.layers.spacing),
+                    self.views.radius,
                     legend=self.views.legend(lo, hi),
                 )
 
@@ -281,14 +284,32 @@ class Show:
         """Point of the water [m], box frame, seen under the pixel (i right, j up), or None."""
         if self.views.name == "water":
             return self.picture.pick(i, j)
+        found = self.particle_at(i, j)
+        return None if found is None else found[1]
+
+    def particle_at(self, i: int, j: int) -> tuple[int, np.ndarray] | None:
+        """The nearest particle that is seen under a pixel, its place in the pool, and the point [m]
+        on the way to it that is nearest to its centre; None where none is."""
         size, sim = (self.picture.width, self.picture.height), self.simulation
         eye, direction = self.camera.box_ray(i, j, *size, sim.size, self.tilt)
         x = sim.particles.numpy("x") - eye
         depth = x @ direction
         aside = np.linalg.norm(x - depth[:, None] * direction, axis=1)
-        radius = 0.5 * np.array([s.spacing for s in sim.layers.specs])
-        seen = np.flatnonzero((aside < radius[sim.particles.numpy("layer")]) & (depth > 0.0))
-        return eye + depth[seen].min() * direction if len(seen) else None
+        radius = self.views.radius.to_numpy()[: len(x)]
+        seen = np.flatnonzero((aside < radius) & (depth > 0.0))
+        if len(seen) == 0:
+            return None
+        first = int(seen[depth[seen].argmin()])
+        return first, eye + depth[first] * direction
+
+    def slice(self) -> None:
+        """Hides the near half of the particles, as the camera goes, or shows it again."""
+        self.views.cut = None if self.views.cut is not None else self._near()
+
+    def _near(self) -> np.ndarray:
+        """Horizontal unit vector to the camera, (3,), in the box's frame."""
+        back = self.camera.axes()[2] * (1.0, 0.0, 1.0)
+        return self.tilt.T @ (back / np.linalg.norm(back))
 
     def volume(self) -> float:
         """Volume [m^3] that the surface encloses now; NaN where its mesh overflowed.

@@ -1,5 +1,6 @@
 """What a picture can show: the water itself, or its particles coloured by any attribute."""
 
+import numpy as np
 import taichi as ti
 
 from msph.fluid.simulation import Simulation
@@ -7,6 +8,7 @@ from msph.picture.legend import Legend
 from msph.picture.ranges import SteadyRange
 from msph.scene.check import views
 from msph.scene.schema import Scene
+from msph.stage.neighbourhood import Neighbourhood
 from msph.taichi_internals import data_oriented, kernel
 
 # Colour range of the density error [%]: what a weakly compressible method may show.
@@ -26,13 +28,18 @@ class Views:
         particles = simulation.particles
         self.rest_density = scene.density
         self.value = ti.field(ti.f32, shape=particles.capacity)
+        self.radius = ti.field(ti.f32, shape=particles.capacity)  # [m], 0: hidden
+        # Towards what is hidden beyond the box's middle, in its frame (3,); None: all is shown.
+        self.cut: np.ndarray | None = None
+        self.neighbourhood = Neighbourhood(simulation)
         self.names = views(scene)
         self.name = scene.picture.view
         self.attributes = {a.view: a for a in particles.attributes.values() if a.view}
         self.ranges = {n: SteadyRange(LEAST.get(a.unit, TINY)) for n, a in self.attributes.items()}
 
     def next(self) -> None:
-        """The next view, the first after the last."""
+        """The next view, the first after the last, of all particles."""
+        self.neighbourhood.pick(None)
         self.name = self.names[(self.names.index(self.name) + 1) % len(self.names)]
 
     def values(self) -> tuple[ti.Field, float, float]:
@@ -42,6 +49,12 @@ class Views:
         """
         particles = self.simulation.particles
         n = particles.count
+        cut = np.zeros(3) if self.cut is None else self.cut
+        offset = float(0.5 * np.array(self.simulation.size) @ cut)
+        self._radii(n, *cut.tolist(), offset)
+        if self.neighbourhood.find():
+            self.neighbourhood.weigh(self.value, self.radius)
+            return self.value, 0.0, 1.0
         if self.name == "particles":
             self.value.fill(0.0)
             return self.value, 0.0, 1.0
@@ -62,6 +75,8 @@ class Views:
 
     def legend(self, lo: float, hi: float) -> Legend | None:
         """What the colours of the chosen view from lo to hi mean, None where they mean nothing."""
+        if self.neighbourhood.id is not None:
+            return self.neighbourhood.legend()
         if self.name == "layers":
             return self._legend_of_layers(hi)
         if self.name not in self.attributes:
@@ -79,6 +94,15 @@ class Views:
         unit, size = told_in("m", specs[order[0]].spacing)
         marks = tuple((k / hi, f"{specs[k].spacing / size:.3g}") for k in order)
         return Legend(f"layers: spacing [{unit}]", marks, bar=False)
+
+    @kernel
+    def _radii(self, n: ti.i32, a: ti.f32, b: ti.f32, c: ti.f32, offset: ti.f32):
+        """Half a spacing each; none where (a, b, c) . x exceeds offset [m]."""
+        p = self.simulation.particles
+        for i in range(n):
+            radius = 0.5 * self.simulation.layers.spacing[p.layer[i]]
+            beyond = p.x[i].dot(ti.Vector([a, b, c])) > offset + 1e-6
+            self.radius[i] = 0.0 if beyond else radius
 
     @kernel
     def _copy(self, source: ti.template(), n: ti.i32, scale: ti.f32, shift: ti.f32):

@@ -16,6 +16,9 @@ from msph.stage.start_screen import StartScreen
 
 SETTINGS = Path("imgui.ini")  # where the panel's library leaves its state, unasked
 MARKER_RADIUS = 0.008  # of the marker under a pushing cursor, as a share of the window's height
+# Colours of arrows, in their order; width of their lines, over the window's height, and length of a
+# tip over that of its arrow.
+ARROWS, STROKE, TIP = ((1.0, 0.82, 0.4), (0.34, 0.71, 0.91)), 0.006, 0.22
 # Least time between two pictures of the start [s]: each takes some milliseconds from compiling.
 TELL_PAUSE = 0.12
 
@@ -63,7 +66,9 @@ class Window:
         self.canvas = self.window.get_canvas()
         self.gui = self.window.get_gui()
         self.closing = False
+        self.marked, self.arrowed = False, 0  # what lies over the next picture
         self.marker = ti.Vector.field(2, ti.f32, shape=1)
+        self.lines = [ti.Vector.field(2, ti.f32, shape=6) for _ in ARROWS]
         first = tuple((key.shown, key.does) for key in KEYS if key.hint)
         self.start = StartScreen(size, title, first)
         self.told = -math.inf
@@ -103,11 +108,26 @@ class Window:
     def mark(self, cursor: np.ndarray) -> None:
         """A marker in the next picture: GGUI hides the cursor while the left button is down."""
         self.marker[0] = cursor.tolist()
-        self.canvas.circles(self.marker, radius=MARKER_RADIUS, color=(1.0, 0.95, 0.7))
+        self.marked = True
+
+    def arrows(self, places: np.ndarray) -> None:
+        """Lines with a tip in the next picture: from and to, (k, 2, 2), in shares of the window."""
+        for k, (begin, end) in enumerate(places[: len(ARROWS)]):
+            along = end - begin
+            aside = np.array([-along[1], along[0]])
+            tips = [end - TIP * (along + s * 0.6 * aside) for s in (-1.0, 1.0)]
+            line = np.array([begin, end, end, tips[0], end, tips[1]], np.float32)
+            self.lines[k].from_numpy(line)
+        self.arrowed = len(places)
 
     def show(self, image: ti.Field) -> None:
-        """Shows an image, and waits for the screen."""
+        """Shows an image under marker and arrows, and waits for the screen."""
         self.canvas.set_image(image)
+        if self.marked:
+            self.canvas.circles(self.marker, radius=MARKER_RADIUS, color=(1.0, 0.95, 0.7))
+        for line, colour in zip(self.lines[: self.arrowed], ARROWS, strict=False):
+            self.canvas.lines(line, width=STROKE, color=colour)
+        self.marked, self.arrowed = False, 0
         self.window.show()
 
     def close(self) -> None:

@@ -169,34 +169,35 @@ def test_level_map_ignores_drops_above_the_water(picture, mesh):
 
 @pytest.fixture(scope="module")
 def particles(taichi_runtime):
-    x, value = ti.Vector.field(3, ti.f32, 64), ti.field(ti.f32, 64)
-    layer, spacing = ti.field(ti.i32, 64), ti.field(ti.f32, 2)
-    spacing.from_numpy(np.array((0.4, 0.2), np.float32))
-    return x, value, layer, spacing
+    x, value, radius = ti.Vector.field(3, ti.f32, 64), ti.field(ti.f32, 64), ti.field(ti.f32, 64)
+    return x, value, radius
 
 
 def test_the_nearer_particle_hides_the_farther(picture, particles):
-    x, value, layer, spacing = particles
+    x, value, radius = particles
     view = camera()
     middle = np.array(BOX) / 2
     toward = (view.eye - middle) / np.linalg.norm(view.eye - middle)
     places, values = np.zeros((64, 3), np.float32), np.zeros(64, np.float32)
     places[0], places[1], places[2] = middle, middle + 0.3 * toward, (0.5, 0.65, 0.5)
     values[:3] = 0.0, 1.0, 0.0
-    layers = np.zeros(64, np.int32)
-    layers[1] = 1
+    radii = np.full(64, 0.2, np.float32)
+    radii[1] = 0.1
     x.from_numpy(places)
     value.from_numpy(values)
-    layer.from_numpy(layers)
-    picture.draw_particles(view, None, x, value, 0.0, 1.0, 2, layers=(layer, spacing))
+    radius.from_numpy(radii)
+    picture.draw_particles(view, None, x, value, 0.0, 1.0, 2, radius)
     image = picture.image.to_numpy()
     front = image[WIDTH // 2, HEIGHT // 2]
     assert front[0] > front[2], "the near particle has the map's yellow end"
     seen = covered(picture.particles.raster)
     beside = image[seen & (image[..., 2] > image[..., 0] + 0.1)]
     assert len(beside) > 100, "round it shows the far one, dark blue"
-    picture.draw_particles(view, None, x, value, 0.0, 1.0, 3, layers=(layer, spacing))
+    picture.draw_particles(view, None, x, value, 0.0, 1.0, 3, radius)
     assert covered(picture.particles.raster).sum() > seen.sum(), "the count is an argument"
+    radius.fill(0.0)
+    picture.draw_particles(view, None, x, value, 0.0, 1.0, 3, radius)
+    assert not covered(picture.particles.raster).any(), "without a radius they are hidden"
 
 
 def test_supersampling_averages_the_same_picture(picture, mesh):

@@ -8,6 +8,7 @@ import imageio.v2 as imageio
 import numpy as np
 import pytest
 
+from msph.fluid.particles.layers import pair_support
 from msph.measure.timings import Timings
 from msph.scene import load_scene
 from msph.scene.library import shipped_scenes
@@ -16,8 +17,9 @@ from msph.scene.load import read_toml
 from msph.stage import idle, replay
 from msph.stage.controls import ACTIONS, KEYS
 from msph.stage.keepsakes import Keepsakes
+from msph.stage.layout import PANELS
 from msph.stage.panel import Wish
-from msph.stage.player import PANELS, SLOW_MOTION, Choice, Player
+from msph.stage.player import SLOW_MOTION, Choice, Player
 from msph.stage.show import PLAYED, Show
 from tests.scenes_kit import TEXT, write
 
@@ -32,6 +34,7 @@ class Screen:
         self.size, self.open = SIZE, True
         self.pressed, self.held = [], set()
         self.at, self.marks, self.image = np.array([0.5, 0.4]), 0, None
+        self.arrowed = None
         self.gui = Widgets()
 
     def presses(self):
@@ -46,6 +49,9 @@ class Screen:
 
     def mark(self, cursor):
         self.marks += 1
+
+    def arrows(self, places):
+        self.arrowed = places
 
     def show(self, image):
         self.image = image
@@ -70,6 +76,9 @@ class Widgets:
 
     def checkbox(self, label, value):
         return True
+
+    def text(self, label):
+        self.labels.append(label)
 
     def slider_float(self, label, value, lo, hi):
         assert lo <= value <= hi
@@ -280,7 +289,7 @@ def test_hints_go_once_they_were_tried(player, show):
         if key.hint:
             player.idle.tried |= set(key.keys.values())
     nothing = frames(player, show)
-    assert "hints" not in player.overlay.shown
+    assert "hints" not in player.layout.overlay.shown
     assert np.abs(everything[: WIDTH // 2, low] - nothing[: WIDTH // 2, low]).mean() > 0.01
 
 
@@ -316,29 +325,29 @@ def test_graphs_are_drawn_of_what_was_measured(player, show):
     press(player, show, "i", "i")
     before = frames(player, show)
     for k in range(12):
-        player.graphs.see(show, player.graphs.times[-1] + 0.25 * k + 0.2, 1.0)
-    page = player.graphs.paint(show, 200, 200, 12)
+        player.layout.graphs.see(show, player.layout.graphs.times[-1] + 0.25 * k + 0.2, 1.0)
+    page = player.layout.graphs.paint(show, 200, 200, 12)
     assert page.shape == (200, 200, 4) and (page[..., :3].max(-1) > 150).mean() > 0.02
-    assert player.overlay.shown["graphs"][0] == 0 and before.std() > 0.05
-    assert len(player.graphs.samples[-1][-1]) == len(show.scene.layers)
+    assert player.layout.overlay.shown["graphs"][0] == 0 and before.std() > 0.05
+    assert len(player.layout.graphs.samples[-1][-1]) == len(show.scene.layers)
 
 
 def test_sliders_change_what_runs_and_never_push(player, show):
     press(player, show, "i")
     gui = player.window.gui
-    labels = {label.split(" [")[0]: label for label in gui.labels if " " in label or label}
-    assert {"gravity", "viscosity", "tint", "push radius", "speed", "scale"} <= set(labels)
+    told = {label.split(" [")[0] for label in gui.labels}
+    assert {"gravity", "viscosity", "tint", "push radius", "speed", "scale"} <= told
     player.window.at = np.array([0.1, 0.4])
     player.window.held = {"LMB"}
     player.window.pressed = ["LMB"]
-    for name, key, value in (
-        ("gravity", "gravity", 3.0),
-        ("viscosity", "projection.viscosity", 5.0),
-        ("tint", "picture.tint", 9.0),
-        ("speed", "play.speed", 0.5),
-        ("scale", "play.scale", 0.6),
+    for key, value in (
+        ("gravity", 3.0),
+        ("projection.viscosity", 5.0),
+        ("picture.tint", 9.0),
+        ("play.speed", 0.5),
+        ("play.scale", 0.6),
     ):
-        gui.moved = {labels[name]: value}
+        gui.moved = {f"##{key}": value}
         frames(player, show)
         assert read(show.scene, key) == pytest.approx(value)
     gui.moved = {}
@@ -392,15 +401,70 @@ def test_a_picture_has_no_pages_and_its_scene_beside_it(player, show, tmp_path):
     assert picture.shape == (HEIGHT, WIDTH, 3)
     show.draw()
     assert np.array_equal(picture, show.picture.to_numpy_u8())
-    assert str(path) in player.message
+    assert str(path) in player.layout.message
     scene = read_toml(path.with_suffix(".scene.toml"))
     assert scene["gravity"][1] == pytest.approx(-5.0)
+
+
+def test_a_slice_hides_the_near_half_and_follows_the_camera(player, show):
+    show.views.name = "speed"
+    press(player, show, " ")
+    whole = show.views.radius.to_numpy()[: show.simulation.particles.count]
+    assert (whole > 0.0).all()
+    x = show.simulation.particles.numpy("x") - 0.5 * np.array(show.simulation.size)
+    press(player, show, "x")
+    for _ in range(2):
+        back = show.camera.axes()[2] * (1.0, 0.0, 1.0)
+        near = x @ (back / np.linalg.norm(back)) > 1e-5
+        hidden = show.views.radius.to_numpy()[: len(x)] == 0.0
+        assert 0.3 < hidden.mean() < 0.7 and (hidden == near).mean() > 0.99
+        show.camera.orbit(1.0, 0.0)
+        frames(player, show)
+    press(player, show, "x")
+    assert (show.views.radius.to_numpy()[: len(x)] > 0.0).all()
+
+
+def test_a_click_on_a_particle_shows_its_neighbours_and_what_acts(player, show):
+    show.views.name, about = "speed", show.views.neighbourhood
+    frames(player, show, 3)
+    player.window.at = np.array([0.5, 0.45])
+    frames(player, show, 2)
+    player.window.held, player.window.pressed = {"LMB"}, ["LMB"]
+    press(player, show, " ")
+    player.window.held = set()
+    frames(player, show)
+    assert about.id is not None and "particle" in player.layout.overlay.shown
+    # Weights by hand: M5 of support h vanishes there, and is 1 at no distance.
+    sim = show.simulation
+    x, layer = sim.particles.numpy("x").astype(float), sim.particles.numpy("layer")
+    specs = sim.layers.specs
+    h = np.array([pair_support(specs[layer[about.index]].support, specs[k].support) for k in layer])
+    q = np.linalg.norm(x - x[about.index], axis=1) / h
+
+    def shape(q):
+        parts = ((1.0, 1.0), (-5.0, 0.6), (10.0, 0.2))
+        return sum(c * np.maximum(a - q, 0.0) ** 4 for c, a in parts)
+
+    found = show.views.value.to_numpy()[: len(x)]
+    assert found == pytest.approx(shape(q) / shape(0.0), abs=1e-5)
+    assert f"{(q < 1.0).sum() - 1} neighbours" in about.facts()[0]
+    radius = show.views.radius.to_numpy()[: len(x)]
+    assert radius[q > 1.001].max() < radius[q < 0.999].min()
+    # Water at rest bears what gravity pulls.
+    press(player, show, " ")
+    frames(player, show, 30)
+    acting = about.arrows(np.array([0.0, -9.81, 0.0]))
+    assert acting["water"][1] == pytest.approx(-acting["gravity"][1], rel=0.3)
+    begin, end = player.window.arrowed[0]
+    assert end[1] < begin[1] and np.all((begin > 0.0) & (begin < 1.0))
+    press(player, show, "v")
+    assert about.id is None
 
 
 def test_water_that_was_kept_is_opened_again(player, show, tmp_path):
     frames(player, show, 3)
     press(player, show, "o")
-    assert "no water of pool was kept" in player.message
+    assert "no water of pool was kept" in player.layout.message
     press(player, show, " ", "k")
     kept = show.simulation.state()
     press(player, show, " ", number=4)
@@ -453,7 +517,7 @@ def test_what_cannot_be_written_is_said(player, show, tmp_path):
     for key in ("p", "c", "k"):
         frames(player, show, 2)
         press(player, show, key)
-        assert "file" in player.message
+        assert "file" in player.layout.message
 
 
 @pytest.mark.parametrize("seed", [1, 2])

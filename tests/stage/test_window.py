@@ -171,7 +171,7 @@ def test_window_opens_obeys_keys_and_shows_water(display, tmp_path):
         screen.still(unlike=tilted, by=1.0)
         # A slider: gravity, the first of the panel, below its header.
         screen.do("key", "i")
-        top = 2 * 6 + 2.5 * 1.35 * 12 + 60
+        top = 2 * 6 + 2.5 * 1.35 * 12 + 78
         screen.move(20, top, "mousedown", 1)
         screen.move(100, top)
         screen.do("mouseup", 1)

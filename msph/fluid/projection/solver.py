@@ -15,6 +15,7 @@ from msph.fluid.adaptivity.adaptation import Adaptation
 from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.impulse_ledger import ImpulseLedger
+from msph.fluid.particles import kernels
 from msph.fluid.particles.grid import LayeredGrid
 from msph.fluid.particles.layers import Layers
 from msph.fluid.particles.mirror_images import MirrorImages
@@ -59,6 +60,7 @@ class Projection:
     # Support over spacing: narrower kernels are stiff against shear and make waves fast, wider ones
     # smooth them and make them slow; at 2.45 both are small (docs/method.md, "Kernel").
     SMOOTHING = 2.45
+    KERNEL = staticmethod(kernels.quartic)
     # Margin of the neighbour list, in supports: the list is made anew in every step.
     LIST_MARGIN = 0.0
     # Numbers stored beside each neighbour: its gradient.

@@ -1,0 +1,130 @@
+"""Where a window shows what: pages over the picture, and the column beside the water."""
+
+import time
+from typing import Any
+
+import numpy as np
+
+from msph.picture.overlay import Overlay
+from msph.stage import pages
+from msph.stage.graphs import Graphs
+from msph.stage.idle import Idle
+from msph.stage.pacer import Pacer
+from msph.stage.show import Show
+from msph.stage.status import Status
+from msph.stage.window import ARROWS
+
+LASTS = 4.0  # time that a message is shown [s]
+# In text heights: width of the column of settings or graphs, gaps, room of a page of lines. Share
+# of the window's width that hints may take beside a legend.
+COLUMN, GAP, ROOM, HINTS = 16.0, 0.5, 8, 0.62
+# What the column shows, in the order in which a key goes through it.
+PANELS = ("", "settings", "graphs")
+
+
+class Layout:
+    """size (width, height) [pixels] of the window, quality: what the scene is at. panel: what the
+    column shows, "" for no column."""
+
+    def __init__(self, size: tuple[int, int], quality: str):
+        width, height = self.size = size
+        self.text = pages.text_height(height)
+        self.gap, self.column = round(GAP * self.text), round(COLUMN * self.text)
+        self.panel = ""
+        self.status, self.graphs = Status(quality), Graphs()
+        self.message, self.until = "", 0.0
+        self.hinted: Any = None  # hints as they were last painted
+        small = ("status", "hints", "message", "particle")
+        rooms = {name: (width, ROOM * self.text) for name in small}
+        rooms["graphs"], rooms["help"] = (self.column, height), size
+        self.overlay = Overlay(width, height, rooms)
+
+    @property
+    def free(self) -> float:
+        """Share of the window's width beside the column."""
+        return 1.0 - self.column / self.size[0] if self.panel else 1.0
+
+    @property
+    def place(self) -> tuple[float, float, float, float]:
+        """Left, top, width, height of the column, in shares of the window."""
+        top = self._top() / self.size[1]
+        return 0.0, top, self.column / self.size[0], 1.0 - top
+
+    def covers(self, cursor: np.ndarray) -> bool:
+        """Whether the cursor, (right, up) in shares of the window, is on the column."""
+        return bool(self.panel) and 0.0 <= cursor[0] <= 1.0 - self.free
+
+    def next_panel(self) -> None:
+        self.panel = PANELS[(PANELS.index(self.panel) + 1) % len(PANELS)]
+        self.overlay.hide("graphs")
+        self.hinted = None
+
+    def say(self, message: str) -> None:
+        """Shows a line for a while."""
+        self.message, self.until = message, time.perf_counter() + LASTS
+
+    def tell(self, message: str, image) -> None:
+        """Lays a line over an image at once."""
+        self._put_message(message)
+        self.overlay.draw(image)
+
+    def show_help(self, shown: bool) -> None:
+        if not shown:
+            self.overlay.hide("help")
+            return
+        width, height = self.size
+        page = pages.help_page(self.text, height - 2 * self.gap)
+        left, top = (width - page.shape[1]) // 2, (height - page.shape[0]) // 2
+        self.overlay.put("help", page, left, top)
+
+    def lay(self, show: Show, pacer: Pacer, paused: bool, idle: Idle) -> None:
+        """Lays all pages over the show's picture, those painted anew that have changed."""
+        now = time.perf_counter()
+        status = self.status.page(show, pacer, paused, now, self.text)
+        if status is not None:
+            self.overlay.put("status", status, self.gap, self.gap)
+        self._lay_hints([k.hint for k in idle.hints()], bool(idle.hint()))
+        if self.message and now < self.until:
+            self._put_message(self.message)
+        else:
+            self.overlay.hide("message")
+        self._lay_particle(show)
+        if self.graphs.see(show, now, pacer.pace) and self.panel == "graphs":
+            top = self._top()
+            page = self.graphs.paint(show, self.column, self.size[1] - top, self.text)
+            self.overlay.put("graphs", page, 0, top)
+        self.overlay.draw(show.picture.image)
+
+    def _lay_hints(self, texts: list[str], urgent: bool) -> None:
+        if (texts, urgent) == self.hinted:
+            return
+        self.hinted = texts, urgent
+        self.overlay.hide("hints")
+        if texts:
+            page = pages.hints(texts, urgent, self.text, HINTS * self.free * self.size[0])
+            low = self.size[1] - self.gap - page.shape[0]
+            self.overlay.put("hints", page, self._left(), low)
+
+    def _lay_particle(self, show: Show) -> None:
+        """Facts of the particle that was picked, and what its arrows are."""
+        about = show.views.neighbourhood
+        if show.views.name == "water" or not about.find():
+            self.overlay.hide("particle")
+            return
+        texts: list[tuple[str, tuple]] = [(line, pages.INK) for line in about.facts()]
+        for name, colour in zip(about.arrows(np.zeros(3)), ARROWS, strict=False):
+            texts.append((f"arrow: {name}", (*(int(255 * c) for c in colour), 255)))
+        self.overlay.put("particle", pages.lines(texts, self.text), self._left(), self._top())
+
+    def _put_message(self, text: str) -> None:
+        page = pages.lines([(text, pages.WARNING)], self.text)
+        low = self.size[1] - 4 * round(1.5 * self.text)
+        self.overlay.put("message", page, self._left(), low)
+
+    def _left(self) -> int:
+        """Left edge of pages beside the column [pixels]."""
+        return self.gap + (self.column if self.panel else 0)
+
+    def _top(self) -> int:
+        """Upper edge of the column [pixels]."""
+        return 2 * self.gap + round(2.5 * pages.LINE * self.text)
