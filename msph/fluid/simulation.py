@@ -105,13 +105,15 @@ class Simulation:
         stage: Stage = no_stage,
         budget: float | None = None,
         clock: Callable[[], float] = perf_counter,
+        tell: Callable[[float], None] | None = None,
     ) -> float:
         """Simulates `duration` [s] in steps no longer than the solver allows; returns the time [s]
         simulated.
 
         It is less than `duration` only where `budget` [s] of wall-clock time did not suffice; one
         step is always made. Leaves the particles sorted into the grid, as the surface needs them.
-        stage(name) is entered round each part of a step, as a profiler's hook. Raises
+        stage(name) is entered round each part of a step, as a profiler's hook; tell is called
+        after each step with the share (0 to 1) of the duration that is over. Raises
         TrappedWaterError where a moving body leaves the water no room.
         """
         deadline = math.inf if budget is None else clock() + budget
@@ -125,6 +127,8 @@ class Simulation:
             left -= dt
             self.steps += 1
             self.iterations += self.solver.iterations
+            if tell:
+                tell(1.0 - left / duration)
             if clock() >= deadline:
                 break
         with stage("neighbours"):

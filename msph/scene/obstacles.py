@@ -4,11 +4,14 @@ import math
 
 import numpy as np
 
-from msph.fluid.boundary.rigid_bodies import Ball, Block, Body, Motion, Solid
+from msph.fluid.boundary.rigid_bodies import Ball, Block, Body, Motion, Solid, reach
 from msph.fluid.methods import METHODS, able
 from msph.scene.errors import SceneError, in_metres
 from msph.scene.meshes import MeshError, load_mesh
 from msph.scene.schema import Container, Obstacle, Scene
+
+# Fastest surface of a body [m/s]: sound goes at 1480 m/s in water.
+FASTEST = 500.0
 
 
 def bodies(scene: Scene) -> list[Body]:
@@ -82,6 +85,13 @@ def _check_obstacle(scene: Scene, obstacle: Obstacle, spacing: float, where: str
     if not any(obstacle.axis):
         raise SceneError(where, "has no direction", f"{key}.axis")
     made = body(obstacle)
+    if made.motion.top_speed(reach(made)) > FASTEST:
+        raise SceneError(
+            where,
+            f"its surface moves at {made.motion.top_speed(reach(made)):.3g} m/s; at most "
+            f"{FASTEST:g}, beyond which water is not incompressible",
+            key,
+        )
     lo, hi = made.bounds
     if np.any(hi <= lo):
         raise SceneError(where, "has no volume: hi must exceed lo on every axis", f"{key}.hi")

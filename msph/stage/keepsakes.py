@@ -1,5 +1,6 @@
 """What a person takes from a show: pictures, clips, and water to go on with."""
 
+import contextlib
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -54,12 +55,16 @@ class Keepsakes:
         return f"{path}; o opens it"
 
     def reopen(self, show: Show) -> str:
-        """Goes on with the water of this scene that was kept last. Raises SceneError."""
-        kept = sorted(self.folder.glob(f"{self.scene}_*.npz"), key=lambda p: p.stat().st_mtime)
-        if not kept:
-            raise SceneError(str(self.folder), f"no water of {self.scene} was kept; k keeps some")
-        show.resume(kept[-1])
-        return f"{kept[-1]}, of {show.simulation.time:.2f} s"
+        """Goes on with the water of this scene, at this quality, that was kept last. Raises
+        SceneError where none was."""
+        kept = self.folder.glob(f"{self.scene}_*.npz")
+        for path in sorted(kept, key=lambda p: p.stat().st_mtime, reverse=True):
+            # That of another quality has other layers.
+            with contextlib.suppress(SceneError):
+                show.resume(path)
+                return f"{path}, of {show.simulation.time:.2f} s"
+        what = f"no water of {self.scene} was kept at quality {self.quality}; k keeps some"
+        raise SceneError(str(self.folder), what)
 
     def _path(self, suffix: str, show: Show) -> Path:
         """A new file, with its scene beside it."""

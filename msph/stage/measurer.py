@@ -1,12 +1,10 @@
 """The measurer: writes ledger, probes, checkpoints and a summary of a show to a folder."""
 
-import sys
 import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
 from msph.measure import account, entry, past, summary
 from msph.measure.entry import Entry
@@ -17,6 +15,7 @@ from msph.measure.table import ROUNDING, Table
 from msph.own_files import replacing
 from msph.scene.schema import Scene
 from msph.stage.controls import Controls
+from msph.stage.preparation import FrameBar
 from msph.stage.show import Show
 
 LEDGER, PROBES, SUMMARY, SCENE = "ledger.csv", "probes.csv", "summary.json", "scene.toml"
@@ -62,6 +61,7 @@ class Measurer:
         self.before: Entry | None = None
         self.saved = time.monotonic()
         self.show: Any = None  # while nothing was shown
+        self.good: dict[str, Any] = {}  # the water after the last whole frame
         self.result: dict[str, Any] = {}
         heads = entry.columns() + (COLUMNS if self.gap else [])
         self.ledger = Table(folder / LEDGER, heads, since)
@@ -71,14 +71,7 @@ class Measurer:
             last = self.readings.kept[-1][1:].tolist()
             for probe in self.probes:
                 probe.go_on([last.pop(0) for _ in probe.heads])
-        self.bar = tqdm(
-            total=self.frames,
-            initial=self.done,
-            unit="frame",
-            disable=not bar,
-            file=sys.stderr,
-            dynamic_ncols=True,
-        )
+        self.bar = FrameBar(self.frames, bar, self.done)
 
     def wants_more(self, show: Show) -> bool:
         return self.done < self.frames
@@ -86,6 +79,7 @@ class Measurer:
     def controls(self, show: Show) -> Controls:
         if self.show is None:
             self._begin(show)
+            show.tell = self.bar.within
         return Controls()
 
     def see(self, show: Show) -> None:
@@ -93,6 +87,7 @@ class Measurer:
         entries = show.ledger.entries
         entries[-1] = past.after(entries[-1], self.before)
         self._write(show)
+        self.good = show.simulation.state()
         self.bar.update()
         if time.monotonic() - self.saved > CHECKPOINT_GAP:
             self._save()
@@ -134,7 +129,7 @@ class Measurer:
     def _save(self) -> None:
         """The checkpoint, whole or not at all."""
         with replacing(self.folder / CHECKPOINT) as file:
-            np.savez_compressed(file, **self.show.simulation.state())
+            np.savez_compressed(file, **self.good)
         self.saved = time.monotonic()
 
     def close(self) -> None:
@@ -162,7 +157,7 @@ class Measurer:
                 **summary.errors(show.ledger, self.surveys),
             }
             result |= summary.judged(self.scene, show.ledger, self.surveys, result["errors"])
-            if failure is None:
+            if self.good:
                 self._save()
         self.result = result
         summary.write(self.folder / SUMMARY, result)

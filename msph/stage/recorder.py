@@ -4,7 +4,6 @@ import contextlib
 import glob
 import itertools
 import re
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,13 +12,13 @@ from typing import Any
 import imageio.v2 as imageio
 import numpy as np
 from imageio.v3 import imwrite
-from tqdm import tqdm
 
 from msph.errors import BadInputError, LostOutputError
 from msph.measure.table import column
 from msph.own_files import writing
 from msph.stage import vtu
 from msph.stage.controls import Controls
+from msph.stage.preparation import FrameBar
 from msph.stage.show import Show
 
 VIDEO = (".mp4", ".mov", ".mkv", ".webm")
@@ -93,14 +92,13 @@ class Recorder:
         self.pictures = [p for p in outputs.pictures if numbered(p)]
         self.meshes, self.particles = outputs.meshes, outputs.particles
         self.writers: list = []
-        self.bar = tqdm(
-            total=frames, unit="frame", disable=not bar, file=sys.stderr, dynamic_ncols=True
-        )
+        self.bar = FrameBar(frames, bar)
 
     def wants_more(self, show: Show) -> bool:
         return self.done < self.frames
 
     def controls(self, show: Show) -> Controls:
+        show.tell = self.bar.within
         return Controls()
 
     def see(self, show: Show) -> None:

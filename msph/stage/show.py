@@ -71,6 +71,8 @@ class Show:
         self.timings = timings
         self.clock = clock
         self.simulated = 0.0
+        # Called after each step with the share (0 to 1) of its frame that is over.
+        self.tell: Callable[[float], None] | None = None
         self.stop_bodies, self.scalable = stop_bodies, scalable
         self.stopped: set[str] = set()
         self.simulation = build_simulation(scene)
@@ -172,7 +174,7 @@ class Show:
         sim = self.simulation
         before = sim.state() if self.stop_bodies and sim.boundary.moving else None
         try:
-            return sim.advance(frame_time, external, self._substage, budget, self.clock)
+            return sim.advance(frame_time, external, self._substage, budget, self.clock, self.tell)
         except TrappedWaterError as error:
             if before is None:
                 raise

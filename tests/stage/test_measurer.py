@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from msph.measure.ledger import NotFiniteError
 from msph.measure.past import CheckpointError, time_of
 from msph.measure.table import read
 from msph.measure.timings import Timings
@@ -12,6 +13,7 @@ from msph.scene import load_scene
 from msph.stage.controls import Controls
 from msph.stage.loop import run
 from msph.stage.measurer import Measurer
+from msph.stage.preparation import FrameBar
 from msph.stage.show import Show
 from tests.scenes_kit import TEXT, write
 
@@ -97,3 +99,35 @@ def test_a_checkpoint_at_the_end_of_the_scene_is_refused(tmp_path):
     with pytest.raises(CheckpointError, match=r"is of 0.2 s, and the scene lasts 0.2 s"):
         Measurer(tmp_path, scene, "small", "cpu", bar=False, since=0.2)
     assert not (tmp_path / "ledger.csv").exists()
+
+
+def test_water_that_blows_up_leaves_the_last_good_frame(tmp_path):
+    """The checkpoint was that of up to ten seconds before, if there was one."""
+    scene = load_scene(write(tmp_path, TEXT))
+    show = Show(scene, EVERY, timings=Timings())
+    measurer = Measurer(tmp_path, scene, "small", "cpu", bar=False)
+
+    class Blow(Measurer):
+        def wants_more(self, show):
+            if self.done == 2:
+                show.simulation.particles.fields["v"][3] = [np.nan, 0.0, 0.0]
+            return super().wants_more(show)
+
+    measurer.__class__ = Blow
+    with pytest.raises(NotFiniteError, match="particles are not finite"):
+        run(show, measurer)
+    measurer.conclude("blew up")
+    with np.load(tmp_path / "checkpoint.npz") as state:
+        assert float(state["time"]) == pytest.approx(2 * EVERY)
+        assert np.isfinite(state["v"]).all()
+
+
+def test_long_frames_tell_how_far_they_are(monkeypatch):
+    bar, told = FrameBar(3, shown=False), []
+    monkeypatch.setattr(bar.bar, "set_postfix_str", lambda text, **_: told.append(text))
+    bar.within(0.1)
+    assert told == []
+    bar.since -= 2.0
+    bar.within(0.25)
+    bar.update()
+    assert told == ["25.0 % of the next", ""]

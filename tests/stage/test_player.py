@@ -465,7 +465,9 @@ def test_water_that_was_kept_is_opened_again(player, show, tmp_path):
     frames(player, show, 3)
     press(player, show, "o")
     assert "no water of pool was kept" in player.layout.message
+    np.savez(tmp_path / "pool_of_another_quality.npz", fluid=np.zeros(5))
     press(player, show, " ", "k")
+    (tmp_path / "pool_of_another_quality.npz").touch()
     kept = show.simulation.state()
     press(player, show, " ", number=4)
     press(player, show, " ", "o")

@@ -21,7 +21,7 @@ class ProjectionParameters:
         0.7, gt=0.0, le=2.0, text="most spacings that the speed sqrt(p/rho) covers in a step"
     )
     longest_step: float = parameter(
-        1.0 / 60.0, gt=0.0, le=0.1, unit="s", text="longest time step of slow water"
+        1.0 / 60.0, ge=1e-7, le=0.1, unit="s", text="longest time step of slow water"
     )
     release: float = parameter(
         0.4, gt=0.0, unit="s", text="time in which a density excess may become velocity"
@@ -35,8 +35,12 @@ class ProjectionParameters:
     motion_tolerance: float = parameter(
         0.01, ge=0.0, lt=1.0, text="or share of the way that the water goes in the step"
     )
-    velocity_iterations: int = parameter(120, ge=1, text="most iterations of the velocity solve")
-    position_iterations: int = parameter(4, ge=1, text="iterations of the position correction")
+    velocity_iterations: int = parameter(
+        120, ge=1, le=100_000, text="most iterations of the velocity solve"
+    )
+    position_iterations: int = parameter(
+        4, ge=1, le=1000, text="iterations of the position correction"
+    )
     largest_shift: float = parameter(
         0.25, gt=0.0, le=1.0, text="most spacings of a position correction"
     )

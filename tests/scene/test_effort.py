@@ -1,0 +1,65 @@
+"""Scenes that would take for ever say so before they begin, or are refused."""
+
+import pytest
+
+from msph.scene import SceneError, load_scene
+from msph.scene.effort import effort, in_words, steps_per_second
+from msph.scene.library import shipped_scenes
+from tests.scenes_kit import write
+
+POOL = """
+[box]
+size = [1.0, 1.0, 1.0]
+[[layers]]
+spacing = 0.05
+[[water]]
+lo = [0, 0, 0]
+hi = [1, 0.5, 1]
+"""
+BALL = "obstacles=[{centre=[0.5, 0.2, 0.5], radius=0.1, "
+
+
+def scene(tmp_path, *overrides):
+    return load_scene(write(tmp_path, POOL), overrides)
+
+
+@pytest.mark.parametrize("name", shipped_scenes())
+def test_shipped_scenes_take_no_such_time(name):
+    assert effort(load_scene(name)) == []
+
+
+def test_short_steps_are_said_with_the_time_that_they_take(tmp_path):
+    (line,) = effort(scene(tmp_path, "projection.longest_step=1e-6"))
+    # 4,000 particles: a million steps of 1 + 10 ms.
+    assert line.startswith("projection.longest_step: asks for 1,000,000 steps a simulated second")
+    assert "3.1 hours" in line
+
+
+def test_fast_bodies_are_said_or_refused(tmp_path):
+    fast = scene(tmp_path, BALL + "velocity=[400, 0, 0]}]")
+    steps, key = steps_per_second(fast)
+    assert steps == pytest.approx(400.0 / (0.5 * 0.05)) and key == "obstacles.0"
+    assert effort(fast)
+    for motion in ("velocity=[2000, 0, 0]", "spin=1e6", "swing=[0.3, 0, 0], period=1e-4"):
+        with pytest.raises(SceneError, match=r"obstacles\.0: its surface moves at"):
+            scene(tmp_path, BALL + motion + "}]")
+
+
+@pytest.mark.parametrize(
+    "key", ["projection.longest_step=1e-9", "projection.velocity_iterations=1000000000"]
+)
+def test_limits_end_what_could_not_be_waited_for(tmp_path, key):
+    with pytest.raises(SceneError, match=key.partition("=")[0]):
+        scene(tmp_path, key)
+
+
+def test_stiff_classic_water_is_said(tmp_path):
+    text = ("method=classic", "classic.stiffness=1e6")
+    assert effort(scene(tmp_path, *text))[0].startswith("classic.stiffness")
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"), [(7.0, "7 seconds"), (90.0, "1.5 minutes"), (2e5, "2.3 days")]
+)
+def test_times_are_told_in_their_unit(seconds, words):
+    assert in_words(seconds) == words

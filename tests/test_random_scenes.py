@@ -1,0 +1,161 @@
+"""Random scenes and inputs (hypothesis, seeded): water keeps its promises, and what is no scene is
+one line. A scene that fails is written to failing_scene.toml, as small as it could be made."""
+
+import os
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from msph.fluid.external_forces import ExternalForces, Hand
+from msph.measure.ledger import Ledger
+from msph.measure.past import CheckpointError, time_of
+from msph.scene import SceneError, load_scene
+from msph.scene.build import build_simulation
+from msph.scene.load import load_scene as load
+from msph.scene.load import to_toml
+from msph.scene.meshes import MeshError, load_mesh
+from msph.scene.schema import Scene, parameters
+from msph.stage.recorder import OutputError, Outputs, check_outputs
+
+# Random scenes whose water is simulated: each compiles its kernels. More by this variable.
+EXAMPLES = int(os.environ.get("MSPH_EXAMPLES", "3"))
+FRAME, FRAMES = 1 / 60, 24
+FAILING = Path("failing_scene.toml")
+ALL = settings(
+    deadline=None,
+    derandomize=True,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+)
+
+numbers = st.floats(allow_nan=True, allow_infinity=True)
+texts = st.text(max_size=12)
+anything = st.recursive(
+    st.none() | st.booleans() | st.integers() | numbers | texts,
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(texts, inner, max_size=3),
+    max_leaves=6,
+)
+
+
+@st.composite
+def scenes(draw):
+    """Scenes that are well formed: a box, one to three layers, water in it, perhaps a body."""
+    size = [draw(st.floats(0.3, 0.8)) for _ in range(3)]
+    depth = draw(st.floats(0.2, 0.9)) * size[1]
+    spacing = draw(st.floats(0.05, 0.09))
+    count = draw(st.integers(1, 3))
+    layers = [{"mass": 1000.0 * spacing**3 * 2.0**k} for k in range(count)]
+    adaptive = count > 1 and draw(st.booleans())
+    data = {
+        "title": "random",
+        "box": {"size": size, "restitution": draw(st.sampled_from([0.0, 0.5]))},
+        "layers": layers,
+        "water": [{"layer": count - 1, "lo": [0, 0, 0], "hi": [size[0], depth, size[2]]}],
+        "adaptation": {"enabled": adaptive},
+        "projection": {"viscosity": draw(st.sampled_from([0.0, 0.0, 10.0]))},
+    }
+    if draw(st.booleans()):
+        radius = draw(st.floats(0.08, 0.14))
+        centre = [draw(st.floats(0.3, 0.7)) * edge for edge in size]
+        spin = draw(st.floats(-360.0, 360.0))
+        data["obstacles"] = [{"centre": centre, "radius": radius, "spin": spin}]
+    return data
+
+
+vectors = st.tuples(*[st.floats(-20.0, 20.0)] * 3)
+hands = st.builds(
+    Hand,
+    st.tuples(*[st.floats(0.0, 0.5)] * 3),
+    st.tuples(*[st.floats(-5.0, 5.0)] * 3),
+    st.just(0.15),
+    st.sampled_from([0.0, 20.0, 200.0]),
+)
+inputs = st.lists(st.tuples(vectors, hands), min_size=1, max_size=4)
+
+
+@settings(ALL, max_examples=EXAMPLES)
+@given(scenes(), inputs)
+def test_water_keeps_its_promises(data, given_inputs):
+    """Inside, finite, mass exact, momentum booked, whatever the scene and whoever shakes it."""
+    try:
+        scene = Scene.model_validate(data)
+        simulation = build_simulation(scene)
+    except SceneError:
+        return
+    FAILING.write_text(to_toml(scene, f"gravity and hand by turns: {given_inputs}"))
+    ledger = Ledger(simulation)
+    mass = ledger.record(scene.gravity).mass
+    for k in range(FRAMES):
+        gravity, hand = given_inputs[k * len(given_inputs) // FRAMES]
+        simulation.advance(FRAME, ExternalForces(gravity, hand))
+        entry = ledger.record(gravity)
+        assert entry.outside == 0
+        assert entry.mass == pytest.approx(mass, rel=1e-6)
+    assert ledger.momentum_drift() < 1e-4
+    # Undisturbed for half a second, crowds part.
+    for _ in range(30):
+        simulation.advance(FRAME, ExternalForces(scene.gravity))
+        entry = ledger.record(scene.gravity)
+    assert entry.density_error_mean < 0.01
+    FAILING.unlink()
+
+
+@settings(ALL, max_examples=300)
+@given(st.dictionaries(st.sampled_from([*Scene.model_fields, "variants", "boxes"]), anything))
+def test_what_is_no_scene_is_one_line(tmp_path_factory, data):
+    path = tmp_path_factory.getbasetemp() / "random.toml"
+    path.write_bytes(_toml(data))
+    _one_line(lambda: load(str(path)))
+
+
+@settings(ALL, max_examples=200)
+@given(st.binary(max_size=200))
+def test_bytes_that_are_no_scene_no_mesh_no_checkpoint_are_one_line(tmp_path_factory, content):
+    folder = tmp_path_factory.getbasetemp()
+    for name, read in (
+        ("bytes.toml", lambda path: load(str(path))),
+        ("bytes.obj", lambda path: load_mesh.__wrapped__(str(path))),
+        ("bytes.stl", lambda path: load_mesh.__wrapped__(str(path))),
+        ("bytes.ply", lambda path: load_mesh.__wrapped__(str(path))),
+        ("bytes.npz", time_of),
+    ):
+        path = folder / name
+        path.write_bytes(content)
+        _one_line(lambda path=path, read=read: read(path))
+
+
+KEYS = [p.key for p in parameters(Scene)]
+
+
+@settings(ALL, max_examples=300)
+@given(st.lists(st.tuples(st.sampled_from(KEYS), anything | texts), min_size=1, max_size=3))
+def test_any_override_is_taken_or_one_line(settings_given):
+    overrides = tuple(f"{key}={value}" for key, value in settings_given)
+    _one_line(lambda: load_scene("pool", overrides))
+
+
+@settings(ALL, max_examples=150)
+@given(st.text(max_size=30))
+def test_any_name_of_an_output_is_taken_or_one_line(tmp_path_factory, name):
+    folder = tmp_path_factory.getbasetemp()
+    _one_line(lambda: check_outputs(Outputs([folder / "in" / name.replace("/", "_")]), 30.0))
+
+
+def _one_line(act) -> None:
+    try:
+        act()
+    except (SceneError, MeshError, CheckpointError, OutputError) as error:
+        assert "\n" not in str(error) and str(error)
+
+
+def _toml(data) -> bytes:
+    """As TOML where it can be said so: a line for each key."""
+    import tomli_w
+
+    try:
+        return tomli_w.dumps(data).encode()
+    except (TypeError, ValueError, UnicodeEncodeError, OverflowError):
+        return b"\n".join(
+            f"{key} = {value!r}".encode(errors="replace") for key, value in data.items()
+        )
