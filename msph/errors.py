@@ -6,6 +6,10 @@ class MsphError(Exception):
 
     EXIT_CODE = 1
 
+    def __str__(self) -> str:
+        # Names of files and keys may hold any character.
+        return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in super().__str__())
+
 
 class BadInputError(MsphError):
     """Input that cannot be used."""
