@@ -13,6 +13,7 @@ from msph.fluid.external_forces import ExternalForces
 from msph.fluid.simulation import Simulation
 from msph.measure.bulk import WIDE, bulk_density
 from msph.scene.build import build_simulation
+from msph.scene.quality import LADDER
 from msph.scene.schema import Scene
 
 # Inner edges of the tank along x and y [m]; across, it is as wide as the block.
@@ -43,9 +44,11 @@ class Tank:
         """Edges of the tank [m]."""
         return LENGTH, HEIGHT, self.counts[2] * self.spacing
 
-    def scene(self, layers: int) -> Scene:
+    def scene(self, layers: int, looser: bool = False) -> Scene:
         """The tank as our scene: uniform, or that many adaptive layers, the finest of its spacing,
-        each of twice the mass of the next finer."""
+        each of twice the mass of the next finer. looser: with the steps and the tolerance of the
+        ladder's coarser qualities."""
+        step = LADDER["medium" if looser else "large"]
         mass = 1000.0 * self.spacing**3
         high = [n * self.spacing for n in self.counts]
         return Scene.model_validate(
@@ -54,6 +57,7 @@ class Tank:
                 "layers": [{"mass": mass * 2**k} for k in range(layers)],
                 "water": [{"layer": layers - 1, "lo": [0, 0, 0], "hi": high}],
                 "adaptation": {"enabled": layers > 1},
+                "projection": {"cfl": step.cfl, "motion_tolerance": step.motion_tolerance},
             }
         )
 
@@ -80,11 +84,11 @@ class Run:
         return self.simulated / self.wall
 
 
-def run(tank: Tank, layers: int, seconds: float, arch: str) -> Run:
+def run(tank: Tank, layers: int, looser: bool, seconds: float, arch: str) -> Run:
     """Our run of `seconds` [s]; kernels are compiled before."""
     arch = start(arch)
     gravity = ExternalForces(gravity=(0.0, -GRAVITY, 0.0))
-    sim = build_simulation(tank.scene(layers))
+    sim = build_simulation(tank.scene(layers, looser))
     sim.warm_up(FRAME)
     found = Run(particles_start=sim.particles.count, settings=settings(sim, arch))
     for frame in range(max(1, round(seconds / FRAME))):

@@ -41,7 +41,10 @@ SURFACE_OF = TANKS[2]
 # Targets for surfaces: times as fast as the fastest peer.
 SURFACE_TARGET = 5.0
 THEIRS, UNIFORM, LAYERED = "DFSPH", "ours, uniform", "ours, layered"
-WATER = (THEIRS, UNIFORM, LAYERED)
+# Ours again with longer steps and a looser tolerance, which leave about their compression.
+UNIFORM_LOOSER, LAYERED_LOOSER = "ours, uniform, looser", "ours, layered, looser"
+OURS = (UNIFORM, LAYERED, UNIFORM_LOOSER, LAYERED_LOOSER)
+WATER = (THEIRS, *OURS)
 
 
 def work(task: dict) -> object:
@@ -51,7 +54,7 @@ def work(task: dict) -> object:
         return peer_surfaces.measured(tank, task["rounds"], task["arch"])
     if task["kind"] == THEIRS:
         return asdict(peer_splishsplash.run(tank, task["seconds"], Path(task["folder"])))
-    return asdict(peer_tank.run(tank, task["layers"], task["seconds"], task["arch"]))
+    return asdict(peer_tank.run(tank, *(task[k] for k in ("layers", "looser", "seconds", "arch"))))
 
 
 def in_process(kind: str, tank: Tank, folder: str, **task) -> object | None:
@@ -89,7 +92,7 @@ def speeds(tank: Tank, seconds: float, runs: dict[str, list[Run]]) -> dict[str, 
     for kind in WATER:
         row[kind] = spread([run.speed for run in runs[kind]]) if runs[kind] else "-"
     theirs = [run.speed for run in runs[THEIRS]]
-    for kind in (UNIFORM, LAYERED):
+    for kind in OURS:
         ours = [run.speed for run in runs[kind]]
         known = theirs and ours
         row[f"{kind} / {THEIRS}"] = f"{np.median(ours) / np.median(theirs):.2f}" if known else "-"
@@ -241,8 +244,9 @@ def main(
             runs: dict[str, list[Run]] = {kind: [] for kind in WATER}
             for _ in range(repeats):
                 for kind in kinds:
-                    count = layers if kind == LAYERED else 1
-                    task = {"seconds": time, "layers": count, "arch": arch}
+                    count = layers if kind in (LAYERED, LAYERED_LOOSER) else 1
+                    looser = kind in (UNIFORM_LOOSER, LAYERED_LOOSER)
+                    task = {"seconds": time, "layers": count, "looser": looser, "arch": arch}
                     found = in_process(kind, tank, folder, **task)
                     if found:
                         runs[kind].append(Run(**found))

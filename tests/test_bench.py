@@ -46,7 +46,7 @@ def test_a_peers_block_is_the_tanks() -> None:
 def test_peers_tables_do_without_peers() -> None:
     """Ours is shown where theirs is missing."""
     ours = peers.Run(10, 12, simulated=1.0, wall=2.0, steps=4, iterations=8, compression=[0.01])
-    runs = {peers.THEIRS: [], peers.UNIFORM: [ours], peers.LAYERED: []}
+    runs = {kind: [] for kind in peers.WATER} | {peers.UNIFORM: [ours]}
     row = peers.speeds(peers.TANKS[0], 1.0, runs)
     assert row[peers.UNIFORM] == "0.5" and row[peers.THEIRS] == "-"
     assert [r["water"] for r in peers.details(peers.TANKS[0], runs)] == [peers.UNIFORM]
