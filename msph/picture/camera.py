@@ -17,7 +17,8 @@ MARGIN = 1.06  # air left round the box by `framing`
 @dataclass
 class Camera:
     """Looks at `target` [m] from `distance` [m]; angles in radians, `fov` is vertical. The target
-    is seen `shift` picture widths right of the middle.
+    is seen `shift` picture widths right of the middle. A screen that shows pixels `stretch` times
+    as wide as high shows the picture without distortion.
 
     Azimuth 0 looks along -z, growing azimuth moves the eye towards +x.
     """
@@ -28,6 +29,7 @@ class Camera:
     distance: float = 2.5
     fov: float = 0.66
     shift: float = 0.0
+    stretch: float = 1.0
     home: np.ndarray = field(default_factory=lambda: np.zeros(3))  # target before any pan [m]
     reach: tuple[float, float] = (0.05, 50.0)  # distance limits [m]
 
@@ -81,7 +83,11 @@ class Camera:
         right, up, back = self.axes()
         step = 2 * np.tan(self.fov / 2) / height
         middle = (0.5 + self.shift) * width
-        d = (i + 0.5 - middle) * step * right + (j + 0.5 - height / 2) * step * up - back
+        d = (
+            (i + 0.5 - middle) * step * self.stretch * right
+            + (j + 0.5 - height / 2) * step * up
+            - back
+        )
         return self.eye, d / np.linalg.norm(d)
 
     def seen(self, points, width, height, box, tilt=None):
@@ -91,7 +97,7 @@ class Camera:
         away = C + (np.asarray(points, float) - C) @ R.T - self.eye
         x, y, z = (away @ axis for axis in self.axes())
         depth = np.where(z < 0, -z, np.nan) * 2 * np.tan(self.fov / 2)
-        across = x / depth * height / width
+        across = x / depth * height / width / self.stretch
         return np.stack((0.5 + self.shift + across, 0.5 + y / depth), axis=-1)
 
     def box_ray(self, i, j, width, height, box, tilt=None):
@@ -102,5 +108,6 @@ class Camera:
 
     def state(self):
         """What the view depends on, to tell whether it moved."""
-        view = self.azimuth, self.elevation, self.distance, self.fov, self.shift
+        lens = self.fov, self.shift, self.stretch
+        view = self.azimuth, self.elevation, self.distance, *lens
         return (*map(float, self.target), *view)

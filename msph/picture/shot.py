@@ -57,7 +57,9 @@ def shoot(camera, tilt, box, width, height, look):
     right, up, back = (R.T @ a for a in camera.axes())
     eye = C + R.T @ (camera.eye - C)
     step = 2 * np.tan(camera.fov / 2) / height
-    du, dv, forward = step * right, step * up, -back
+    across = camera.stretch * step
+    du, dv, forward = across * right, step * up, -back
+    to_i, to_j = right / across, up / step
     corners = np.indices((2, 2, 2)).reshape(3, 8).T * box
     depths = (corners - C) @ forward * REACH + (C - eye) @ forward
     near = max(depths.min(), NEAREST)
@@ -66,7 +68,7 @@ def shoot(camera, tilt, box, width, height, look):
     z = (corners - eye) @ forward
     lo, hi = np.zeros(2), np.array((width, height))
     if z.min() > NEAREST:
-        pixels = middle + (corners - eye) @ np.stack((du, dv), 1) / step**2 / z[:, None]
+        pixels = middle + (corners - eye) @ np.stack((to_i, to_j), 1) / z[:, None]
         lo, hi = pixels.min(0) - 1, pixels.max(0) + 1
     sun = R.T @ look.sun_direction()
     beam = -refracted(-sun, R[1], 1 / WATER_INDEX)
@@ -78,10 +80,10 @@ def shoot(camera, tilt, box, width, height, look):
         "origin": forward - middle[0] * du + (0.5 - height / 2) * dv,
         "du": du,
         "dv": dv,
-        "to_i": du / step**2,
-        "to_j": dv / step**2,
+        "to_i": to_i,
+        "to_j": to_j,
         "centre": middle,
-        "pixel": step,
+        "pixel": min(step, across),
         "columns": width,
         "rows": height,
         "w_near": 1 / near,

@@ -29,8 +29,8 @@ class Neighbourhood:
         self.kernel: Any = simulation.solver.KERNEL
         solver, h = simulation.solver, np.array([s.support for s in self.layers.specs])
         reach: Any = REACHES[solver.reach(solver.parameters)]
-        self.reaches = reach(h[:, None], h[None])
-        (self.reach,) = constant_fields(self.reaches)  # [m], by the layers of a pair
+        self.reaches = reach(h[:, None], h[None])  # [m], by the layers of a pair
+        self.reach: Any = None  # the same on the device, once a particle was picked
         self.id: int | None = None
         self.before: Any = None  # time [s] and velocity [m/s] of the frame before
         self.acceleration: Any = None  # (3,) [m/s^2], smoothed
@@ -38,6 +38,8 @@ class Neighbourhood:
 
     def pick(self, index: int | None) -> None:
         """Takes the particle at that place of the pool, or none."""
+        if index is not None and self.reach is None:
+            (self.reach,) = constant_fields(self.reaches)
         self.id = None if index is None else int(self.particles.numpy("id")[index])
         self.before = self.acceleration = None
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from msph.errors import LostOutputError
 from msph.measure.resolution import mean_depth
+from msph.picture.camera import Camera
 from msph.scene.errors import SceneError
 from msph.scene.library import shipped_scenes
 from msph.scene.load import load_scene
@@ -88,6 +89,8 @@ class Player:
                 self.free[key] = not self.layout.covers(self.cursor)
             elif key in ACTIONS:
                 self._press(ACTIONS[key], show, wishes)
+        # A window that was resized shows the same pixels in another shape.
+        show.camera.stretch = self.window.aspect * self.window.size[1] / self.window.size[0]
         self.pacer.steer(wishes)
         step = self.pacer.frame_time
         held = self._hold(show, step)
@@ -124,8 +127,12 @@ class Player:
         self.locked = not self.locked
         self.layout.say("the tilt is locked" if self.locked else "the pool comes level by itself")
 
+    def _framing(self, show: Show) -> Camera:
+        """The scene's view beside the column."""
+        return show.framing(self.layout.free, show.camera.stretch)
+
     def _home(self, show: Show) -> None:
-        show.camera = show.framing(self.layout.free)
+        show.camera = self._framing(show)
         self.tilt[:] = 0.0
 
     def _help(self, show: Show) -> None:
@@ -133,10 +140,10 @@ class Player:
         self.layout.show_help(self.helping)
 
     def _next_panel(self, show: Show) -> None:
-        before = show.framing(self.layout.free).distance
+        before = self._framing(show).distance
         self.layout.next_panel()
         show.camera.shift = 0.5 * (1.0 - self.layout.free)
-        show.camera.zoom(show.framing(self.layout.free).distance / before)
+        show.camera.zoom(self._framing(show).distance / before)
 
     def _next_scene(self, show: Show) -> None:
         self._beside(1)
@@ -212,8 +219,7 @@ class Player:
         if middle or (right and self.window.down("Shift")):
             self.idle.tried.add("pan")
             across = 2.0 * math.tan(0.5 * show.camera.fov) * show.camera.distance
-            aspect = self.window.size[0] / self.window.size[1]
-            show.camera.pan(-moved[0] * across * aspect, -moved[1] * across)
+            show.camera.pan(-moved[0] * across * self.window.aspect, -moved[1] * across)
         elif right:
             self.idle.tried.add("orbit")
             show.camera.orbit(-moved[0] * ORBIT_PER_WIDTH, -moved[1] * ORBIT_PER_WIDTH)

@@ -88,19 +88,19 @@ class Show:
         if size:
             self.camera = self.framing()
 
-    def framing(self, free: float = 1.0) -> Camera:
+    def framing(self, free: float = 1.0, stretch: float = 1.0) -> Camera:
         """The scene's own point of view, in which the box is within the right share `free` of the
-        picture."""
+        picture, on a screen of `stretch` (see Camera)."""
         c, picture = self.scene.camera, self.picture
         camera = Camera.framing(
             self.scene.box.size,
-            aspect=free * picture.width / picture.height,
+            aspect=free * stretch * picture.width / picture.height,
             azimuth=math.radians(c.azimuth),
             elevation=math.radians(c.elevation),
             fov=math.radians(c.fov),
         )
         camera.zoom(1.0 / c.zoom)
-        camera.shift = 0.5 * (1.0 - free)
+        camera.shift, camera.stretch = 0.5 * (1.0 - free), stretch
         return camera
 
     def set(self, key: str, value: float) -> None:

@@ -11,8 +11,9 @@ from msph.scene.schema import Scene
 from msph.stage.neighbourhood import Neighbourhood
 from msph.taichi_internals import data_oriented, kernel
 
-# Colour range of the density error [%]: what a weakly compressible method may show.
-DENSITY_RANGE = 10.0
+# Colour range of the density error [%] by method: what a weakly compressible one may show, and what
+# is left of crowds in a splash where densities are solved for.
+DENSITY_RANGE = {"classic": 10.0, "projection": 1.0}
 # By unit: the least upper end of a range, below which colours would show noise.
 LEAST, TINY = {"m/s": 0.1, "Pa": 10.0, "m": 0.01}, 1e-6
 # By unit: the one that numbers from 1000 on, or up to .1, are told in, and its size in the first.
@@ -27,6 +28,7 @@ class Views:
         self.simulation = simulation
         particles = simulation.particles
         self.rest_density = scene.density
+        self.density_range = DENSITY_RANGE[scene.method]
         self.value = ti.field(ti.f32, shape=particles.capacity)
         self.radius = ti.field(ti.f32, shape=particles.capacity)  # [m], 0: hidden
         # Towards what is hidden beyond the box's middle, in its frame (3,); None: all is shown.
@@ -62,7 +64,7 @@ class Views:
         if self.name == "density_error":
             self.simulation.measure_density()
             self._copy(source, n, 100.0 / self.rest_density, -100.0)
-            return self.value, -DENSITY_RANGE, DENSITY_RANGE
+            return self.value, -self.density_range, self.density_range
         if self.name == "layers":
             self._copy(source, n, 1.0, 0.0)
             return self.value, 0.0, max(1.0, self.simulation.layers.count - 1.0)

@@ -101,6 +101,12 @@ class Window:
         """Whether any of these keys and buttons is down."""
         return self.window.is_pressed(*keys)
 
+    @property
+    def aspect(self) -> float:
+        """Width over height as the screen shows it, whatever the pictures' size."""
+        width, height = self.window.get_window_shape()
+        return width / max(height, 1)
+
     def cursor(self) -> np.ndarray:
         """Right, up, as shares of the window."""
         return np.array(self.window.get_cursor_pos())

@@ -31,7 +31,7 @@ class Screen:
     """What a window brings: keys and buttons that are pressed or held, and a cursor."""
 
     def __init__(self):
-        self.size, self.open = SIZE, True
+        self.size, self.open, self.aspect = SIZE, True, WIDTH / HEIGHT
         self.pressed, self.held = [], set()
         self.at, self.marks, self.image = np.array([0.5, 0.4]), 0, None
         self.arrowed = None
@@ -224,6 +224,29 @@ def test_a_pan_moves_the_picture_as_far_as_the_cursor(given):
     assert seen() - before == pytest.approx([0.1, 0.0], abs=1e-6)
     camera.pan(100.0, 0.0)
     assert np.linalg.norm(camera.target - centre) < camera.distance
+
+
+def test_a_window_of_another_shape_shows_balls_as_round(player, show):
+    """Resized, it stretched the picture."""
+    player.window.aspect = 1.0
+    player.window.pressed.append("Return")
+    show.views.name = "speed"
+    frames(player, show)
+    camera, box = show.camera, show.simulation.size
+    middle = 0.5 * np.array(box)
+    right, up, _ = camera.axes()
+    places = camera.seen([middle, middle + 0.1 * right, middle + 0.1 * up], WIDTH, HEIGHT, box)
+    across, high = places[1, 0] - places[0, 0], places[2, 1] - places[0, 1]
+    assert across * player.window.aspect == pytest.approx(high, rel=0.02)
+    # And what the cursor meets is what is drawn there.
+    i, j = (places[1] * (WIDTH, HEIGHT) - 0.5).tolist()
+    eye, direction = camera.box_ray(i, j, WIDTH, HEIGHT, box)
+    away = middle + 0.1 * right - eye
+    assert np.cross(away, direction) == pytest.approx(np.zeros(3), abs=1e-9)
+    shot = show.picture.lens.numbers
+    away = middle + 0.1 * right - shot["eye"]
+    seen = away @ shot["to_i"] / (away @ shot["forward"]) + shot["centre"][0]
+    assert (seen + 0.5) / show.picture.drawn[0] == pytest.approx(places[1, 0], abs=1e-6)
 
 
 def test_a_drag_pushes_the_water_and_a_cursor_leaves_a_wake(player, show):
