@@ -2,7 +2,7 @@
 
 import math
 
-from msph.fluid.boundary.rigid_bodies import reach
+from msph.fluid.boundary.rigid_bodies import Solid, reach
 from msph.scene.obstacles import bodies
 from msph.scene.schema import Scene
 from msph.scene.water import layer_specs, particle_count
@@ -10,6 +10,9 @@ from msph.scene.water import layer_specs, particle_count
 # Wall-clock time of a step [s], and of each particle in it, on two cores (bench/results/peers.md,
 # bench/results/scale.md): of the size, no more.
 STEP, PARTICLE = 1e-3, 2.5e-6
+# Wall-clock time [s] that a face of a mesh takes until its distances are sampled: 1.3 million took
+# two minutes; and from which time on that is said.
+FACE, LONG = 9e-5, 10.0
 # Steps per simulated second from which on a scene is said to take long.
 MANY = 6000.0
 
@@ -31,16 +34,22 @@ def steps_per_second(scene: Scene) -> tuple[float, str]:
 
 
 def effort(scene: Scene) -> list[str]:
-    """A line where the scene will take many steps: what asks for them, how many, how long."""
+    """Lines where the scene will take long to prepare, or many steps: what asks for them, how many,
+    how long."""
+    faces = sum(len(b.triangles) for b in bodies(scene) if isinstance(b, Solid))
+    lines = []
+    if faces * FACE > LONG:
+        lines.append(f"meshes of {faces:,} faces take about {in_words(faces * FACE)} to prepare")
     steps, key = steps_per_second(scene)
     if steps < MANY:
-        return []
+        return lines
     specs = layer_specs(scene)
     count = sum(particle_count(w, specs[w.layer]) for w in scene.water)
     wall = steps * (STEP + PARTICLE * count)
     return [
+        *lines,
         f"{key}: asks for {steps:,.0f} steps a simulated second, of the order of "
-        f"{in_words(wall)} for each"
+        f"{in_words(wall)} for each",
     ]
 
 

@@ -12,6 +12,8 @@ from msph.scene.schema import Container, Obstacle, Scene
 
 # Fastest surface of a body [m/s]: sound goes at 1480 m/s in water.
 FASTEST = 500.0
+# Largest edge of a mesh over the box's: beyond, it is in another unit.
+LARGEST = 50.0
 
 
 def bodies(scene: Scene) -> list[Body]:
@@ -101,6 +103,14 @@ def _check_obstacle(scene: Scene, obstacle: Obstacle, spacing: float, where: str
             f"is {np.min(hi - lo):.3g} m thin; water of particles {spacing:.3g} m wide would "
             "reach through it",
             key,
+        )
+    times = float(np.max(hi - lo) / max(scene.box.size))
+    if obstacle.mesh is not None and times > LARGEST:
+        raise SceneError(
+            where,
+            f"is {np.max(hi - lo):.3g} m large, {times:.0f} times the box; a file in millimetres "
+            "needs scale = 0.001",
+            f"{key}.mesh",
         )
     outside = np.any(hi <= 0.0) or np.any(lo >= np.array(scene.box.size))
     if outside and not made.motion.moves:

@@ -1,6 +1,7 @@
 """Scenes that would take for ever say so before they begin, or are refused."""
 
 import pytest
+import trimesh
 
 from msph.scene import SceneError, load_scene
 from msph.scene.effort import effort, in_words, steps_per_second
@@ -56,6 +57,15 @@ def test_limits_end_what_could_not_be_waited_for(tmp_path, key):
 def test_stiff_classic_water_is_said(tmp_path):
     text = ("method=classic", "classic.stiffness=1e6")
     assert effort(scene(tmp_path, *text))[0].startswith("classic.stiffness")
+
+
+def test_large_meshes_are_said(tmp_path, monkeypatch):
+    trimesh.creation.icosphere(2, radius=0.1).export(tmp_path / "ball.stl")
+    monkeypatch.setattr("msph.scene.effort.FACE", 0.1)
+    given = "obstacles=[{mesh='ball.stl', position=[0.5, 0.3, 0.5]}]"
+    assert effort(scene(tmp_path, given)) == [
+        "meshes of 320 faces take about 32 seconds to prepare"
+    ]
 
 
 @pytest.mark.parametrize(

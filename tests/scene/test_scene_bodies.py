@@ -39,6 +39,7 @@ BAD = {
     "obstacles=[{mesh='turned.obj'}]": "obstacles.0.mesh: turned.obj: does not tell inside from",
     "obstacles=[{mesh='scene.toml'}]": "obstacles.0.mesh: scene.toml: unknown kind of mesh",
     "container={mesh='open.ply'}": "container.mesh: open.ply: is not closed: 9 open edges",
+    "obstacles=[{mesh='millimetres.stl'}]": "a file in millimetres needs scale = 0.001",
     "container={mesh='bowl.obj'}": "container: reaches from (-0.5, 0, -0.5) m to (0.5, 0.4, 0.5) m",
     "container.scale=2.0": "container.mesh: is required",
     "method=classic": "obstacles: only projection models them, not classic",
@@ -61,6 +62,10 @@ def folder(tmp_path_factory):
     flat = trimesh.creation.box((1.0, 1.0, 1e-9))
     flat.merge_vertices(digits_vertex=12)
     flat.export(path / "flat.obj", digits=12)
+    trimesh.creation.box((200.0, 200.0, 200.0)).export(path / "millimetres.stl")
+    ball = trimesh.creation.icosphere(2, radius=0.1)
+    beside = ball.copy().apply_translation((0.07, 0.0, 0.0))
+    trimesh.util.concatenate([ball, beside]).export(path / "crossing.obj")
     (path / "text.stl").write_text("no mesh at all\n")
     brick = trimesh.creation.box((0.4, 0.2, 0.4)).export(file_type="obj")
     (path / "old.obj").write_bytes(b"# caf\xe9\n" + brick.encode())
@@ -77,6 +82,10 @@ def test_a_comment_in_an_old_encoding_is_no_harm(folder):
     scene = load(folder, "obstacles=[{mesh='old.obj', position=[0.5, 0.3, 0.5]}]")
     vertices, triangles = placed(scene.obstacles[0])
     assert np.allclose(np.ptp(vertices, axis=0), (0.4, 0.2, 0.4)) and len(triangles) == 12
+
+
+def test_a_mesh_that_crosses_itself_works(folder):
+    load(folder, "obstacles=[{mesh='crossing.obj', position=[0.5, 0.3, 0.5]}]")
 
 
 @pytest.mark.parametrize("override", BAD)
