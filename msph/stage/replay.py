@@ -26,7 +26,7 @@ class Replay:
         kept = show.moment()
         self.frames.append((now, kept))
         self.bytes += _bytes(kept)
-        while now - self.frames[0][0] > SPAN or self.bytes > MOST_BYTES:
+        while len(self.frames) > 1 and (now - self.frames[0][0] > SPAN or self.bytes > MOST_BYTES):
             self.bytes -= _bytes(self.frames.popleft()[1])
 
     def write(self, show: Show, path: Path, tell: Callable[[float], None]) -> None:

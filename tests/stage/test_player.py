@@ -534,6 +534,10 @@ def test_memory_of_the_replay_is_bounded(player, show, monkeypatch):
     frames(player, show, 8)
     assert len(player.replay.frames) == 3
     assert player.replay.bytes == pytest.approx(3 * size, rel=0.2)
+    # One frame of a large water may be more than there is room for.
+    monkeypatch.setattr(replay, "MOST_BYTES", 0.5 * size)
+    frames(player, show)
+    assert len(player.replay.frames) == 1
 
 
 def test_what_cannot_be_written_is_said(player, show, tmp_path):
