@@ -25,7 +25,8 @@ class InterruptedRun(KeyboardInterrupt):
 @contextlib.contextmanager
 def importing() -> Iterator[None]:
     """Within, libraries are imported or start. Ctrl-C ends the process, and nothing is said: they
-    would lose the exception in a callback, or print a traceback. Deprecations are their own."""
+    would lose the exception in a callback, or print a traceback. Deprecations and their
+    old string escapes (SyntaxWarning) are not for users."""
     with warnings.catch_warnings(), _sudden_end():
         warnings.simplefilter("ignore", DeprecationWarning)
         warnings.simplefilter("ignore", SyntaxWarning)

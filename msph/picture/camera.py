@@ -59,7 +59,8 @@ class Camera:
         self.distance = float(np.clip(self.distance * factor, *self.reach))
 
     def pan(self, right, up):
-        """Move the target along the view's axes [m], at most as far as the box is seen from."""
+        """Move the target along the view's axes [m]; it stays within PAN distances of the eye from
+        the box's middle."""
         x, y, _ = self.axes()
         moved = np.asarray(self.target) + right * x + up * y
         away = moved - self.home

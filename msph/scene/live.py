@@ -5,7 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from msph.scene.schema import Scene, parameters
+from msph.scene.parameters import parameters
+from msph.scene.schema import Scene
 
 # Terms that a scene without them has no kernels for.
 TERMS = ("projection.viscosity", "projection.tension")

@@ -20,8 +20,9 @@ from msph.own_files import guard, replace, sealed
 from msph.scene import load_scene
 from msph.scene.library import find_scene, shipped_scenes
 from msph.scene.load import read_toml, to_toml
+from msph.scene.parameters import parameters
 from msph.scene.quality import AS_GIVEN, AUTO, at_quality, choose, coarser, costs
-from msph.scene.schema import Scene, parameters
+from msph.scene.schema import Scene
 from msph.scene.water import layer_specs
 from msph.stage.benchmark import Played, Result, benchmark, play_benchmark, profile_lines
 from msph.stage.controls import KEYS

@@ -7,8 +7,8 @@ from msph.stage.controls import KEYS
 
 # Time without anybody [s] until then; time [s] in which the sway grows and fades.
 PATIENCE, RAMP = 3.0, 2.0
-# Largest tilt [rad]: waves of a few centimetres. Periods of the sway over that of the pool's first
-# mode: off resonance, or they would break after a while.
+# Largest tilt [rad], and period of the sway over that of the pool's first mode (-): at resonance
+# the waves would grow until they break.
 ANGLE, SLOWER = math.radians(2.5), 1.4
 
 

@@ -11,7 +11,7 @@ from msph.stage.graphs import Graphs
 from msph.stage.idle import Idle
 from msph.stage.pacer import Pacer
 from msph.stage.show import Show
-from msph.stage.status import Status
+from msph.stage.status import EVERY, Status
 from msph.stage.window import ARROWS
 
 LASTS = 4.0  # time that a message is shown [s]
@@ -33,6 +33,7 @@ class Layout:
         self.panel = ""
         self.status, self.graphs = Status(quality), Graphs()
         self.message, self.until = "", 0.0
+        self.told: tuple[int | None, float] = None, 0.0  # particle whose facts are shown, and since
         self.hinted: Any = None  # hints as they were last painted
         small = ("status", "hints", "message", "particle")
         rooms = {name: (width, ROOM * self.text) for name in small}
@@ -61,7 +62,9 @@ class Layout:
 
     def say(self, message: str) -> None:
         """Shows a line for a while."""
-        self.message, self.until = message, time.perf_counter() + LASTS
+        self._put_message(message)
+        self.until = time.perf_counter() + LASTS
+        self.message = message
 
     def tell(self, message: str, image) -> None:
         """Lays a line over an image at once."""
@@ -84,11 +87,9 @@ class Layout:
         if status is not None:
             self.overlay.put("status", status, self.gap, self.gap)
         self._lay_hints([k.hint for k in idle.hints()], bool(idle.hint()))
-        if self.message and now < self.until:
-            self._put_message(self.message)
-        else:
+        if now > self.until:
             self.overlay.hide("message")
-        self._lay_particle(show)
+        self._lay_particle(show, now)
         if self.graphs.see(show, now, pacer.pace) and self.panel == "graphs":
             top = self._top()
             page = self.graphs.paint(show, self.column, self.size[1] - top, self.text)
@@ -105,12 +106,15 @@ class Layout:
             low = self.size[1] - self.gap - page.shape[0]
             self.overlay.put("hints", page, self._left(), low)
 
-    def _lay_particle(self, show: Show) -> None:
+    def _lay_particle(self, show: Show, now: float) -> None:
         """Facts of the particle that was picked, and what its arrows are."""
         about = show.views.neighbourhood
-        if show.views.name == "water" or not about.find():
+        if show.views.name == "water" or about.id is None:
             self.overlay.hide("particle")
             return
+        if about.id == self.told[0] and now - self.told[1] < EVERY:
+            return
+        self.told = about.id, now
         texts: list[tuple[str, tuple]] = [(line, pages.INK) for line in about.facts()]
         for name, colour in zip(about.arrows(np.zeros(3)), ARROWS, strict=False):
             texts.append((f"arrow: {name}", (*(int(255 * c) for c in colour), 255)))

@@ -15,7 +15,7 @@ from msph.measure.table import ROUNDING, Table
 from msph.own_files import replacing
 from msph.scene.schema import Scene
 from msph.stage.controls import Controls
-from msph.stage.preparation import FrameBar
+from msph.stage.frame_bar import FrameBar
 from msph.stage.show import Show
 
 LEDGER, PROBES, SUMMARY, SCENE = "ledger.csv", "probes.csv", "summary.json", "scene.toml"

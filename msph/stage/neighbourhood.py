@@ -86,7 +86,11 @@ class Neighbourhood:
         return Legend("kernel W(r)/W(0) [-]", ((0.0, "0"), (0.5, "0.5"), (1.0, "1")))
 
     def facts(self) -> list[str]:
-        """What is known of the particle, a line each; images behind walls are no particles."""
+        """What is known of the particle, a line each, its density summed over the positions as they
+        are; images behind walls are no particles. find() must have found it."""
+        self.simulation.measure_density()
+        # Measuring sorts the particles.
+        self.find()
         i, p = self.index, self.particles
         layer = int(p.numpy("layer")[i])
         x, layers = p.numpy("x"), p.numpy("layer")

@@ -276,7 +276,7 @@ class Player:
     def _draw_arrows(self, show: Show) -> None:
         """What acts on the particle that was picked."""
         about, sim = show.views.neighbourhood, show.simulation
-        if show.views.name == "water" or not about.find():
+        if show.views.name == "water" or about.id is None:
             return
         gravity = show.tilt.T @ np.array(show.scene.gravity)
         place, length = about.place(), ARROW / 10.0 * max(sim.size)

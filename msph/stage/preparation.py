@@ -17,8 +17,6 @@ from msph.taichi_internals import watch_compiling
 
 # Kernels of a scene whose terms have not been started before: those of the default one.
 TYPICAL_KERNELS = 41
-# Time in which a frame should be over [s]: beyond, a bar tells how far it is.
-LONG_FRAME = 1.0
 # How far preparation is: a share (0 to 1), and what is being compiled.
 Tell = Callable[[float, str], None]
 
@@ -53,36 +51,6 @@ def prepare(
         )
     say(ready)
     return show
-
-
-class FrameBar:
-    """A progress bar of frames, which in frames that take long tells how far they are."""
-
-    def __init__(self, total: int, shown: bool, initial: int = 0):
-        self.bar = tqdm(
-            total=total,
-            initial=initial,
-            unit="frame",
-            disable=not shown,
-            file=sys.stderr,
-            dynamic_ncols=True,
-        )
-        self.since = time.monotonic()
-
-    def within(self, share: float) -> None:
-        """Takes in that a share (0 to 1) of the frame is over; see Show.tell."""
-        if time.monotonic() - self.since > LONG_FRAME:
-            self.since = time.monotonic()
-            self.bar.set_postfix_str(f"{100.0 * share:.1f} % of the next")
-
-    def update(self) -> None:
-        """A frame is whole."""
-        self.since = time.monotonic()
-        self.bar.set_postfix_str("", refresh=False)
-        self.bar.update()
-
-    def close(self) -> None:
-        self.bar.close()
 
 
 def laid_and_asked(water: dict[str, float]) -> str:

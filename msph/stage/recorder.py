@@ -18,7 +18,7 @@ from msph.measure.table import column
 from msph.own_files import writing
 from msph.stage import vtu
 from msph.stage.controls import Controls
-from msph.stage.preparation import FrameBar
+from msph.stage.frame_bar import FrameBar
 from msph.stage.show import Show
 
 VIDEO = (".mp4", ".mov", ".mkv", ".webm")

@@ -19,7 +19,6 @@ class Status:
 
     def __init__(self, quality: str):
         self.quality, self.last, self.counted = quality, -math.inf, -math.inf
-        self.volume = math.nan  # of the surface over the water's, less one (-)
         self.water = ""
 
     def page(
@@ -45,10 +44,10 @@ class Status:
         told = [f"{sum(counts):,} particles in {layers}", f"quality {self.quality}"]
         if show.ledger.entries:
             told.append(f"density off by {100.0 * show.ledger.last_density_error():.2f} %")
+        # Other views extract no surface.
         if show.views.name == "water" and not show.surface.mesh.overflowed():
-            self.volume = show.surface.mesh.volume() / show.rest_volume() - 1.0
-        if not math.isnan(self.volume):
-            told.append(f"volume by {100.0 * self.volume:+.1f} %")
+            volume = show.surface.mesh.volume() / show.rest_volume() - 1.0
+            told.append(f"volume by {100.0 * volume:+.1f} %")
         return ", ".join(told)
 
 

@@ -6,7 +6,8 @@ from msph.scene import SceneError, load_scene
 from msph.scene.check import cautions, views
 from msph.scene.library import shipped_scenes
 from msph.scene.load import to_toml
-from msph.scene.schema import Scene, parameters
+from msph.scene.parameters import parameters
+from msph.scene.schema import Scene
 from msph.scene.water import asked_mass, initial_particles
 
 GOOD = """

@@ -85,7 +85,9 @@ def test_a_comment_in_an_old_encoding_is_no_harm(folder):
 
 
 def test_a_mesh_that_crosses_itself_works(folder):
-    load(folder, "obstacles=[{mesh='crossing.obj', position=[0.5, 0.3, 0.5]}]")
+    scene = load(folder, "obstacles=[{mesh='crossing.obj', position=[0.5, 0.3, 0.5]}]")
+    (lo, hi) = bodies(scene)[0].bounds
+    assert hi - lo == pytest.approx([0.27, 0.2, 0.2], rel=0.02)
 
 
 @pytest.mark.parametrize("override", BAD)

@@ -11,9 +11,9 @@ from msph.measure.table import read
 from msph.measure.timings import Timings
 from msph.scene import load_scene
 from msph.stage.controls import Controls
+from msph.stage.frame_bar import FrameBar
 from msph.stage.loop import run
 from msph.stage.measurer import Measurer
-from msph.stage.preparation import FrameBar
 from msph.stage.show import Show
 from tests.scenes_kit import TEXT, write
 

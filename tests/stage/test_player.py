@@ -3,6 +3,7 @@
 import itertools
 import math
 import random
+import re
 
 import imageio.v2 as imageio
 import numpy as np
@@ -115,6 +116,8 @@ def given(show):
     scene = show.scene
     show.reset()
     show.views.name, show.camera = "water", show.framing()
+    show.views.neighbourhood.pick(None)
+    show.views.cut = None
     yield show
     for live in live_parameters(scene):
         show.set(live.key, read(scene, live.key))
@@ -344,6 +347,34 @@ def test_panels_make_room_for_themselves(player, show):
     assert np.cross(away, direction) == pytest.approx(np.zeros(3), abs=1e-9)
 
 
+def test_numbers_of_the_status_are_those_of_ledger_and_surface(player, show):
+    frames(player, show, 3)
+    told = player.layout.status._water(show)
+    counts = [n for n in show.simulation.counts() if n]
+    assert told.startswith(f"{sum(counts):,} particles in {len(counts)} layer")
+    assert f"density off by {100.0 * show.ledger.last_density_error():.2f} %" in told
+    volume = show.surface.mesh.volume() / show.rest_volume() - 1.0
+    assert told.endswith(f"volume by {100.0 * volume:+.1f} %")
+    # Views of particles extract no surface, so there is no volume of now.
+    show.views.name = "speed"
+    frames(player, show)
+    assert "volume" not in player.layout.status._water(show)
+
+
+def test_pages_are_painted_where_they_change(player, show, monkeypatch):
+    """A message was painted in every frame, and so were the facts of a particle."""
+    monkeypatch.setattr("msph.stage.layout.EVERY", 60.0)
+    monkeypatch.setattr("msph.stage.layout.LASTS", 60.0)
+    painted = []
+    put = player.layout.overlay.put
+    monkeypatch.setattr(player.layout.overlay, "put", lambda *a: (painted.append(a[0]), put(*a)))
+    show.views.name = "speed"
+    frames(player, show)
+    show.views.neighbourhood.pick(0)
+    press(player, show, "l", number=6)
+    assert painted.count("message") == painted.count("particle") == 1
+
+
 def test_graphs_are_drawn_of_what_was_measured(player, show):
     press(player, show, "i", "i")
     before = frames(player, show)
@@ -447,7 +478,9 @@ def test_a_slice_hides_the_near_half_and_follows_the_camera(player, show):
     assert (show.views.radius.to_numpy()[: len(x)] > 0.0).all()
 
 
-def test_a_click_on_a_particle_shows_its_neighbours_and_what_acts(player, show):
+def test_a_click_on_a_particle_shows_its_neighbours_and_what_acts(player, show, monkeypatch):
+    # However long this machine takes for a frame.
+    monkeypatch.setattr("msph.stage.player.CLICK_TIME", 60.0)
     show.views.name, about = "speed", show.views.neighbourhood
     frames(player, show, 3)
     player.window.at = np.array([0.5, 0.45])
@@ -473,6 +506,13 @@ def test_a_click_on_a_particle_shows_its_neighbours_and_what_acts(player, show):
     assert f"{(q < 1.0).sum() - 1} neighbours" in about.facts()[0]
     radius = show.views.radius.to_numpy()[: len(x)]
     assert radius[q > 1.001].max() < radius[q < 0.999].min()
+    # Its density is summed where the particles are, and not what the last step left.
+    sim.particles.fields["density"].fill(0.0)
+    (told,) = re.findall(r"density ([+-][0-9.]+) %", about.facts()[1])
+    sim.measure_density()
+    (place,) = np.flatnonzero(sim.particles.numpy("id") == about.id)
+    density = sim.particles.numpy("density")[place]
+    assert float(told) == pytest.approx(100.0 * (density / 1000.0 - 1.0), abs=0.006)
     # Water at rest bears what gravity pulls.
     press(player, show, " ")
     frames(player, show, 30)
