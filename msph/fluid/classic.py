@@ -7,6 +7,7 @@ Equation numbers are the thesis's.
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
 import taichi as ti
 
 from msph.fluid.boundary.boundary import Boundary
@@ -49,9 +50,15 @@ class ClassicParameters:
         le=1e7,
         unit="m^2/s^2",
         text="k of p = k (rho - rho0), the square of the speed of sound",
+        live=(1.0, 2000.0),
     )
     viscosity: float = parameter(
-        10.0, ge=0.0, le=1e4, unit="Pa s", text="dynamic viscosity mu of layers that give none"
+        10.0,
+        ge=0.0,
+        le=1e4,
+        unit="Pa s",
+        text="dynamic viscosity mu of layers that give none",
+        live=(0.0, 100.0),
     )
     tension: bool = parameter(
         True, text="let pressures below zero pull, as the thesis's formula does"
@@ -69,7 +76,11 @@ class ClassicParameters:
         0.5, gt=0.0, text="colour gradient times h above which it attracts"
     )
     courant: float = parameter(
-        0.4, ge=0.01, le=1.0, text="time step over the time sound takes to cross h"
+        0.4,
+        ge=0.01,
+        le=10.0,
+        text="time step over the time sound takes to cross h",
+        live=(0.05, 2.0),
     )
 
     def contradiction(self) -> tuple[str, str] | None:
@@ -119,6 +130,8 @@ class Classic:
         self.neighbours = NeighbourList(grid, particles, self.reach(parameters), self.LIST_MARGIN)
         self.farthest = ti.field(ti.f32, shape=())  # way of the fastest particle in a step [m]
         self.iterations = 0  # explicit: no system is solved
+        # Layers that give no viscosity of their own.
+        self.plain = np.array([s.viscosity == parameters.viscosity for s in layers.specs])
 
     @staticmethod
     def reach(parameters: ClassicParameters) -> str:
@@ -134,13 +147,26 @@ class Classic:
     def longest_step(self, leeway: float = 1.0) -> float:
         """Largest stable time step [s]: sound crosses courant * h, viscosity diffuses within h.
 
-        It is constant, so that `leeway` has no use here.
+        Motion does not bound it, so that `leeway` has no use here.
         """
         c = self.parameters.stiffness**0.5
         steps = [self.parameters.courant * s.support / c for s in self.layers.specs]
-        viscous = [s for s in self.layers.specs if s.viscosity > 0.0]
-        steps += [VISCOUS_NUMBER * s.support**2 * s.density / s.viscosity for s in viscous]
+        steps += [
+            VISCOUS_NUMBER * s.support**2 * s.density / mu
+            for s, mu in zip(self.layers.specs, self._viscosities(), strict=True)
+            if mu > 0.0
+        ]
         return min(steps)
+
+    def tune(self, parameters: ClassicParameters) -> None:
+        """Takes over those parameters that are live (msph.parameter)."""
+        self.parameters = parameters
+        self.layers.viscosity.from_numpy(self._viscosities().astype(np.float32))
+
+    def _viscosities(self) -> np.ndarray:
+        """Dynamic viscosity [Pa s] of each layer."""
+        own = np.array([s.viscosity for s in self.layers.specs])
+        return np.where(self.plain, self.parameters.viscosity, own)
 
     def reset(self) -> None:
         """Forgets what it knew of the particles: they were replaced."""
@@ -154,7 +180,7 @@ class Classic:
         with stage("neighbours"):
             self.neighbours.refresh()
         with stage("density"):
-            self.find_densities(n)
+            self.find_densities(n, self.parameters.stiffness)
         with stage("forces"):
             self.find_forces(n)
         with stage("advance"):
@@ -167,7 +193,7 @@ class Classic:
         with stage("neighbours"):
             self.neighbours.refresh()
         with stage("density"):
-            self.find_densities(self.particles.count)
+            self.find_densities(self.particles.count, self.parameters.stiffness)
 
     def state(self) -> dict[str, float]:
         """What a checkpoint holds beside the particles: nothing."""
@@ -177,7 +203,7 @@ class Classic:
         """Goes on from a state()."""
 
     @kernel
-    def find_densities(self, n: ti.i32):
+    def find_densities(self, n: ti.i32, stiffness: ti.f32):
         """rho_i = sum_j m_j W(r_ij, h_j) (26) [kg/m^3]; p_i = k (rho_i - rho0) (15) [Pa]."""
         for i in range(n):
             layer = self.particles.layer[i]
@@ -186,7 +212,7 @@ class Classic:
             )
             for s in range(self.neighbours.start[i], self.neighbours.end[i]):
                 self._add_density(i, self.neighbours.index[s], rho)
-            p = self.parameters.stiffness * (rho - self.parameters.rest_density)
+            p = stiffness * (rho - self.parameters.rest_density)
             if ti.static(not self.parameters.tension):
                 p = ti.max(p, 0.0)
             self.particles.density[i] = rho

@@ -14,6 +14,15 @@ class Look:
     tile: float = 1 / 12  # tile edge, as a share of the longest box edge
     caustic_cells: int = 128  # resolution of the caustics' map along each side
     caustics: bool = parameter(True, text="light gathered by the waves on the floor")
+    caustic_contrast: float = parameter(
+        1.0, ge=0.0, le=1.0, text="share of the caustics' contrast that is shown", live=(0.0, 1.0)
+    )
+    refractive_index: float = parameter(
+        1.333, ge=1.0, le=2.5, text="of the water against air; 1: nothing is bent", live=(1.0, 1.6)
+    )
+    reflection: float = parameter(
+        1.0, ge=0.0, le=1.0, text="share of the mirrored light that is shown", live=(0.0, 1.0)
+    )
     # 4, not 1: metre-sized pools shall look like deep ones.
     tint: float = parameter(
         4.0,

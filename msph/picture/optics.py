@@ -5,8 +5,6 @@ import taichi as ti
 
 vec3 = ti.math.vec3
 
-WATER_INDEX = 1.333  # refractive index, water against air
-
 
 def refracted(d, n, eta):
     """Unit direction d bent at the unit normal n (against d); eta = n_from / n_to; numpy, no

@@ -8,7 +8,7 @@ field that is written only when the camera moves costs nothing.
 import numpy as np
 import taichi as ti
 
-from msph.picture.optics import WATER_INDEX, refracted
+from msph.picture.optics import refracted
 from msph.taichi_internals import data_oriented, kernel
 
 vec2, vec3 = ti.math.vec2, ti.math.vec3
@@ -42,6 +42,9 @@ Shot = ti.types.struct(
     lo=vec2,  # pixels between which the box lies
     hi=vec2,
     tiles=vec3,  # tiles per metre along x, y, z
+    eta=ti.f32,  # refractive index of air over the water's
+    reflection=ti.f32,  # share of mirrored light that is shown
+    contrast=ti.f32,  # share of the caustics' contrast
     absorption=vec3,  # Beer-Lambert coefficients, RGB [1/m]
     scatter=vec3,  # colour of deep water, RGB, linear
     drift=vec2,  # (x, z) that sunlight under water travels per metre of descent
@@ -71,7 +74,7 @@ def shoot(camera, tilt, box, width, height, look):
         pixels = middle + (corners - eye) @ np.stack((to_i, to_j), 1) / z[:, None]
         lo, hi = pixels.min(0) - 1, pixels.max(0) + 1
     sun = R.T @ look.sun_direction()
-    beam = -refracted(-sun, R[1], 1 / WATER_INDEX)
+    beam = -refracted(-sun, R[1], 1 / look.refractive_index)
     drift = -beam[[0, 2]] / max(beam[1], STEEPEST)
     shift = drift * box[1]  # how far light drifts from brim to floor
     return {
@@ -99,6 +102,9 @@ def shoot(camera, tilt, box, width, height, look):
         "lo": lo,
         "hi": hi,
         "tiles": np.maximum(np.round(box / (look.tile * box.max())), 1) / box,
+        "eta": 1 / look.refractive_index,
+        "reflection": look.reflection,
+        "contrast": look.caustic_contrast,
         "absorption": np.asarray(look.absorption) * look.tint,
         "scatter": np.asarray(look.scatter),
         "drift": drift,

@@ -8,7 +8,7 @@ own beam would land.
 
 import taichi as ti
 
-from msph.picture.optics import WATER_INDEX, bend, cosine_beyond
+from msph.picture.optics import bend, cosine_beyond
 from msph.picture.rasteriser import BLOCK, on_wall
 from msph.taichi_internals import data_oriented
 
@@ -96,7 +96,8 @@ class Light:
         for v in range(self.mesh.counts[0]):
             n, p, sun = self.mesh.normals[v], self.mesh.vertices[v], self.lens.shot[None].sun
             c = ti.max(n.dot(sun), 0.0)
-            r = bend(-sun, n, c, cosine_beyond(c, 1.0 / WATER_INDEX), 1.0 / WATER_INDEX)
+            eta = self.lens.shot[None].eta
+            r = bend(-sun, n, c, cosine_beyond(c, eta), eta)
             self.landing[v] = p.xz - r.xz * (p.y / ti.min(r.y, -LOWEST_BEAM))
         ti.loop_config(block_dim=BLOCK)
         for t in range(self.mesh.counts[1]):
@@ -158,7 +159,8 @@ class Light:
             inside = ti.min(came_in, shot.size.xz - came_in).min()
             trust = ti.math.clamp(inside / SHORE, 0.0, 1.0)
             submerged = ti.math.clamp(depth / SHORE, 0.0, 1.0)
-            focus = ti.math.mix(1.0, traced + HALF_SHADE * (1.0 - trust), submerged)
+            traced += HALF_SHADE * (1.0 - trust)
+            focus = ti.math.mix(1.0, traced, submerged * shot.contrast)
         return focus
 
 

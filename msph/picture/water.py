@@ -8,7 +8,7 @@ and mixed with light scattered by the water itself.
 import taichi as ti
 
 from msph.picture.light_sources import SKY_LIGHT, SUN_LIGHT
-from msph.picture.optics import WATER_INDEX, bend, cosine_beyond, reflectance, transmittance
+from msph.picture.optics import bend, cosine_beyond, reflectance, transmittance
 from msph.picture.pool import FLATTEST, RIM, along
 from msph.picture.rasteriser import NOTHING
 from msph.picture.samples import (
@@ -114,8 +114,8 @@ class Water:
             n = ti.round(flat)
         p = ti.math.clamp(p, 0.0, shot.size)
         c = ti.max(-d.dot(n), GRAZING)
-        ct = cosine_beyond(c, 1.0 / WATER_INDEX)
-        r = bend(d, n, c, ct, 1.0 / WATER_INDEX)
+        ct = cosine_beyond(c, shot.eta)
+        r = bend(d, n, c, ct, shot.eta)
         reach = depth * stretch
         kind, q, under, light, left, added = self.inner(
             p, r, cut, (back - depth) * stretch, reach, shot
@@ -125,7 +125,7 @@ class Water:
             outer = self.pool.around(mirrored, shot)
         else:
             outer, detail = self.outer(p, mirrored, reach, shot)
-        share = reflectance(c, ct, 1.0 / WATER_INDEX)
+        share = shot.reflection * reflectance(c, ct, shot.eta)
         left, added = left * (1.0 - share), ti.math.mix(added, outer, share)
         return kind + DETAIL * detail, make_sample(q, light, left, added, under, depth, 0.0)
 

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from msph.fluid.methods import METHODS
 from msph.scene.parameters import parameters
 from msph.scene.schema import Scene
 
@@ -28,7 +29,8 @@ def live_parameters(scene: Scene) -> list[Live]:
     """Those of a scene, in the order of its sections; ranges hold the scene's own value."""
     found = []
     for p in parameters(Scene):
-        if p.live is None or (p.key.startswith("projection.") and scene.method != "projection"):
+        section = p.key.partition(".")[0]
+        if p.live is None or (section in METHODS and section != scene.method):
             continue
         value = read(scene, p.key)
         # Without gravity there is no direction for it.

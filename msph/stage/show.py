@@ -108,7 +108,7 @@ class Show:
         self.scene = changed(self.scene, key, value)
         if key.startswith("picture.") and self.picture:
             self.picture.change(declared(self.scene.picture, Look))
-        if key.startswith("projection."):
+        if key.startswith(f"{self.scene.method}."):
             self.simulation.solver.tune(solver_parameters(self.scene))
 
     def _build_surface(self) -> Surface:

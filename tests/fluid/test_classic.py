@@ -1,6 +1,7 @@
 """The classic method against its formulas, summed by brute force, and against mechanics."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -87,7 +88,7 @@ def test_densities_and_forces_equal_the_formulas(clouds, name):
     sim.reset()
     solver, n = sim.solver, sim.particles.count
     solver.neighbours.refresh()
-    solver.find_densities(n)
+    solver.find_densities(n, solver.parameters.stiffness)
     solver.find_forces(n)
     x, v, layer = (sim.particles.numpy(k) for k in ("x", "v", "layer"))
     rho, a = brute_force(SWITCHES[name], x, v, layer)
@@ -96,12 +97,28 @@ def test_densities_and_forces_equal_the_formulas(clouds, name):
     assert np.abs(found - a).max() < 2e-4 * np.abs(a).max()
 
 
+def test_stiffness_and_viscosity_change_while_the_water_moves():
+    """They were compiled in; of two layers the second gives its own viscosity."""
+    terms = ClassicParameters()
+    specs = [spec(MASSES[0], terms.viscosity), spec(MASSES[1], 3.0)]
+    initial = cloud()
+    initial["layer"] = np.minimum(initial["layer"], 1)
+    sim = Simulation(SIZE, specs, initial, terms)
+    sim.solver.measure_density()
+    before, step = sim.particles.numpy("pressure"), sim.solver.longest_step()
+    sim.solver.tune(replace(terms, stiffness=4.0 * terms.stiffness, viscosity=0.0))
+    sim.solver.measure_density()
+    assert sim.particles.numpy("pressure") == pytest.approx(4.0 * before, rel=1e-4)
+    assert sim.solver.longest_step() == pytest.approx(0.5 * step)
+    assert sim.layers.viscosity.to_numpy().tolist() == [0.0, 3.0]
+
+
 def pair_force_sum(sim):
     """|sum m a| over sum m |a|: zero if pair forces are equal and opposite."""
     sim.reset()
     solver, n = sim.solver, sim.particles.count
     solver.neighbours.refresh()
-    solver.find_densities(n)
+    solver.find_densities(n, solver.parameters.stiffness)
     solver.find_forces(n)
     m = np.array(MASSES)[sim.particles.numpy("layer")][:, None]
     a = sim.particles.numpy("acceleration").astype(float)
@@ -274,7 +291,7 @@ def test_attraction_pulls_the_surface_inwards():
     sim = Simulation(SIZE, [layer], initial, terms)
     n = sim.particles.count
     sim.solver.neighbours.refresh()
-    sim.solver.find_densities(n)
+    sim.solver.find_densities(n, terms.stiffness)
     sim.solver.find_forces(n)
     outward = sim.particles.numpy("x") - 0.4
     a = sim.particles.numpy("acceleration")

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 import taichi as ti
 
+from msph.picture.look import Look
 from msph.picture.optics import (
-    WATER_INDEX,
     bend,
     cosine_beyond,
     reflectance,
@@ -12,6 +12,7 @@ from msph.picture.optics import (
 )
 
 vec3 = ti.math.vec3
+WATER_INDEX = Look().refractive_index
 
 
 @ti.kernel

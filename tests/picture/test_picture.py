@@ -6,7 +6,6 @@ from picture_kit import BOX, HEIGHT, LEVEL, WIDTH, ball, covered, still_water
 from msph.picture import samples
 from msph.picture.camera import Camera
 from msph.picture.look import Look
-from msph.picture.optics import WATER_INDEX
 from msph.picture.picture import Picture
 
 TILT = np.array([[np.cos(0.2), -np.sin(0.2), 0], [np.sin(0.2), np.cos(0.2), 0], [0, 0, 1]])
@@ -83,7 +82,7 @@ def apparent_rows(view, z, level):
         lo, hi = 0.0, far
         for _ in range(60):
             s = (lo + hi) / 2
-            sine = s / np.hypot(s, h) / WATER_INDEX
+            sine = s / np.hypot(s, h) / Look().refractive_index
             lo, hi = (s, hi) if s + level * sine / np.sqrt(1 - sine**2) < far else (lo, s)
         p = np.array((shot_eye[0], level, shot_eye[2] - s)) - shot_eye
         _, up, back = view.axes()

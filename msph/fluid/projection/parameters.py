@@ -31,6 +31,7 @@ class ProjectionParameters:
         gt=0.0,
         lt=1.0,
         text="share of the pressure's displacements that the velocity solve may leave",
+        live=(0.001, 0.5),
     )
     motion_tolerance: float = parameter(
         0.01, ge=0.0, lt=1.0, text="or share of the way that the water goes in the step"

@@ -190,7 +190,7 @@ class Projection:
 
     def tune(self, parameters: ProjectionParameters) -> None:
         """Takes over those parameters that are live (msph.parameter)."""
-        self.parameters = parameters
+        self.parameters = self.pressure_solve.parameters = parameters
         for force in self.forces:
             force.tune(parameters)
 
