@@ -110,6 +110,13 @@ def cli():
 @click.argument("scene", default=msph.DEFAULT_SCENE)
 @click.option("--size", type=Size(), default="960x540", show_default=True, help="Window size.")
 @click.option("--frames", type=click.IntRange(min=1), help="Close after so many frames.")
+@click.option(
+    "--beside",
+    multiple=True,
+    metavar="'KEY=VALUE ...'",
+    help="Also show the scene with these changes, in the same picture and under the same hands, "
+    "speed and error under each. Up to twice.",
+)
 @shared_options("auto")
 def play(**options):
     """Open a window on SCENE (a file or a shipped name) and play with its water.
@@ -233,6 +240,27 @@ def measure(**options):
 def scenes(**options):
     """List the shipped scenes, or print the one called NAME."""
     commands().scenes(**options)
+
+
+@cli.command()
+@click.argument("name", required=False)
+@click.option("--html", type=click.Path(path_type=Path), metavar="DIR", help="Write a page.")
+@click.option("--slides", type=click.Path(path_type=Path), metavar="DIR", help="Write pictures.")
+@click.option("--size", type=Size(), default="960x540", show_default=True, help="Window size.")
+@click.option("--frames", type=click.IntRange(min=1), help="Close after so many frames.")
+@click.option(
+    "--arch", type=click.Choice(ARCHES), default="auto", show_default=True, help="As play."
+)
+@click.option("--threads", type=click.IntRange(min=1), help="CPU threads.")
+def lesson(**options):
+    """List the lessons, or run the one called NAME (or in a folder) in a window.
+
+    --html writes it as a page that needs no network, --slides as numbered pictures with captions:
+    both do what the lesson's solution says.
+    """
+    with importing():
+        from msph.lesson import commands as lessons
+    lessons.lesson(**options)
 
 
 def commands():

@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 
-from msph.errors import BadInputError
 from msph.measure.table import parts, read
 from msph.own_files import replacing
 
@@ -60,13 +59,8 @@ WORDS = {
 }
 
 
-class PlotError(BadInputError):
-    """No plots, since matplotlib is missing."""
-
-
 def plot(folder: Path, title: str) -> list[Path]:
-    """Draws folder/ledger.csv and folder/probes.csv beside them; returns the files. Raises
-    PlotError."""
+    """Draws folder/ledger.csv and folder/probes.csv beside them; returns the files."""
     found = [folder / "ledger.png"]
     _draw(found[0], title, _ledger_panels(read(folder / "ledger.csv")))
     readings = read(folder / "probes.csv")
@@ -116,10 +110,9 @@ def _probe_panels(table: dict[str, np.ndarray]) -> list[Panel]:
 
 
 def _draw(path: Path, title: str, panels: list[Panel]) -> None:
-    try:
-        from matplotlib.figure import Figure
-    except ModuleNotFoundError:
-        raise PlotError("no plots: they need matplotlib, pip install 'msph[plots]'") from None
+    # Here, since it takes .3 s to import.
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=(WIDTH, 0.6 + HEIGHT * len(panels)), dpi=DPI, layout="constrained")
     figure.suptitle(title, fontsize=10)
     axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]

@@ -149,8 +149,10 @@ def _index(items: list, name: str, key: str, where: str) -> int:
     return int(name)
 
 
-def explain(error: ValidationError, where: str, data: dict) -> SceneError:
-    """The first error of a validation as one line: file, key, what is wrong, a hint."""
+def explain(
+    error: ValidationError, where: str, data: dict, model: type[BaseModel] = Scene
+) -> SceneError:
+    """The first error of a validation of a model as one line: file, key, what is wrong, a hint."""
     details = error.errors()
     # A misspelt key also leaves its rightful one missing: name the cause.
     first = next((d for d in details if d["type"] == "extra_forbidden"), details[0])
@@ -158,7 +160,7 @@ def explain(error: ValidationError, where: str, data: dict) -> SceneError:
     key = ".".join(str(part) for part in location)
     kind, value = first["type"], first.get("input")
     if kind == "extra_forbidden":
-        known = list(_model_at(location[:-1]).model_fields)
+        known = list(_model_at(location[:-1], model).model_fields)
         near = difflib.get_close_matches(str(location[-1]), known, n=1, cutoff=0.5)
         hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(known)}"
         problem = f"unknown key; {hint}"
@@ -174,9 +176,8 @@ def explain(error: ValidationError, where: str, data: dict) -> SceneError:
     return SceneError(where, problem, key)
 
 
-def _model_at(location: list) -> type[BaseModel]:
-    """The section of the schema that a location of the data belongs to."""
-    model: type[BaseModel] = Scene
+def _model_at(location: list, model: type[BaseModel]) -> type[BaseModel]:
+    """The section of the schema `model` that a location of the data belongs to."""
     for part in location:
         if isinstance(part, str) and part in model.model_fields:
             kind = model.model_fields[part].annotation

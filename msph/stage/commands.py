@@ -2,6 +2,7 @@
 
 import json
 import math
+import shlex
 import sys
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from msph.fluid.trapped_water import TrappedWaterError
 from msph.measure import convergence, table
 from msph.measure.machine_speed import machine_speed
 from msph.measure.past import time_of
-from msph.measure.plots import PlotError, plot
+from msph.measure.plots import plot
 from msph.measure.timings import Timings
 from msph.own_files import guard, replace, sealed
 from msph.scene import load_scene
@@ -29,9 +30,8 @@ from msph.stage.controls import KEYS
 from msph.stage.loop import run
 from msph.stage.measurer import CHECKPOINT, FILES, LEDGER, PROBES, SCENE, Measurer
 from msph.stage.player import Choice, Player
-from msph.stage.preparation import prepare, say
+from msph.stage.preparation import prepare, prepare_row, say
 from msph.stage.recorder import NUMBER, Outputs, Recorder, check_outputs, make_writable
-from msph.stage.show import PLAYED
 from msph.stage.window import ClosedError, NoWindowError, Window, check_display
 
 # What `play` leaves behind where it cannot open a window.
@@ -43,15 +43,25 @@ STILL_TIME = 1.0
 BENCH_SIZE, PLAY_SIZE = (640, 360), (960, 540)
 # What comparing spacings writes.
 CONVERGENCE = "convergence.csv"
+# Waters that are played side by side: more are too narrow to be seen.
+MOST_WATERS = 3
 # Exit code of a benchmark in which some water blew up.
 BAD_RUN = 1
 
 
-def play(scene, size, frames, overrides, arch, threads, quality) -> None:
+def play(scene, size, frames, beside, overrides, arch, threads, quality) -> None:
     """Plays a scene, and what is chosen in its window after it; captures the scene where none can
     be opened."""
-    loaded = load_scene(scene, overrides)
+    if len(beside) >= MOST_WATERS:
+        raise click.UsageError(f"--beside: at most {MOST_WATERS - 1}")
+    changes = [(*overrides, *shlex.split(text)) for text in ("", *beside)]
+    waters = [load_scene(scene, change) for change in changes]
+    loaded = waters[0]
+    if beside and quality == AUTO:
+        # What one water may cost says nothing of several, and they are to be compared as written.
+        quality = AS_GIVEN
     choice: Choice | None = Choice(scene, quality)
+    labels = [text or " ".join(overrides) or scene for text in ("", *beside)]
     try:
         check_display()
         arch = start(arch, threads)
@@ -63,31 +73,33 @@ def play(scene, size, frames, overrides, arch, threads, quality) -> None:
         click.echo(f"  {key.shown:18} {key.does}")
     while choice:
         try:
-            choice = play_choice(window, choice, loaded, size, frames, arch)
+            choice = play_choice(window, choice, waters, labels, frames, arch)
         finally:
             window.close()
         if choice:
             # Of another scene, as it is written; of the same one, as it was called.
-            loaded = load_scene(choice.scene, overrides if choice.scene == scene else ())
+            if choice.scene != scene:
+                waters, labels = [load_scene(choice.scene)], [choice.scene]
+            loaded = waters[0]
             restart(arch, threads)
             window = Window(loaded.title or choice.scene, size)
 
 
 def play_choice(
-    window: Window, choice: Choice, loaded: Scene, size, frames: int | None, arch: str
+    window: Window,
+    choice: Choice,
+    waters: list[Scene],
+    labels: list[str],
+    frames: int | None,
+    arch: str,
 ) -> Choice | None:
-    """Plays a choice, whose scene is loaded, and returns that which follows it, if any does."""
+    """Plays a choice, whose scene is loaded, as it is and as it is changed, and returns that which
+    follows it, if any does."""
     try:
         window.tell(0.0, "measuring this machine")
-        at_step, quality = at(loaded, choice.scene, choice.quality, arch)
-        show = prepare(
-            at_step,
-            1.0 / loaded.play.fps,
-            size,
-            tell=window.tell,
-            timings=Timings(keep=1),
-            **PLAYED,
-        )
+        at_step, quality = at(waters[0], choice.scene, choice.quality, arch)
+        scenes = [at_step, *(at_quality(w, quality, choice.scene) for w in waters[1:])]
+        show = prepare_row(scenes, labels, window.size, window.tell)
     except ClosedError:
         return None
     player = Player(window, show, choice, quality, frames)
@@ -241,10 +253,7 @@ def measured(
             say(f"--resume {folder / CHECKPOINT} goes on")
         raise
     paths = measurer.conclude()
-    try:
-        paths += plot(folder, f"{scene.title or name}, quality {quality}")
-    except PlotError as missing:
-        say(str(missing))
+    paths += plot(folder, f"{scene.title or name}, quality {quality}")
     for path in paths:
         click.echo(path)
     return measurer

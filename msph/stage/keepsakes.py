@@ -13,6 +13,7 @@ from msph.own_files import replace, replacing, sealed
 from msph.scene.errors import SceneError
 from msph.scene.load import to_toml
 from msph.stage.replay import Replay
+from msph.stage.row import Waters
 from msph.stage.show import Show
 
 
@@ -25,7 +26,7 @@ class Keepsakes:
         self.folder, self.scene, self.quality = folder, scene, quality
         self.image: Any = None  # what a clip draws
 
-    def picture(self, show: Show) -> str:
+    def picture(self, show: Waters) -> str:
         """The picture as it was drawn last, with its legend, without the window's pages."""
         scale, show.picture.scale = show.picture.scale, 1.0
         show.draw()
@@ -36,7 +37,7 @@ class Keepsakes:
             imageio.imwrite(new, pixels)
         return f"{path}"
 
-    def clip(self, show: Show, replay: Replay, tell: Callable[[float], None]) -> str:
+    def clip(self, show: Waters, replay: Replay, tell: Callable[[float], None]) -> str:
         """A video of the last seconds; tell: called with the share (0 to 1) of it that there is."""
         path = self._path(".mp4", show)
 
@@ -66,7 +67,7 @@ class Keepsakes:
         what = f"no water of {self.scene} was kept at quality {self.quality}; k keeps some"
         raise SceneError(str(self.folder), what)
 
-    def _path(self, suffix: str, show: Show) -> Path:
+    def _path(self, suffix: str, show: Waters) -> Path:
         """A new file, with its scene beside it."""
         self.folder.mkdir(parents=True, exist_ok=True)
         stem = f"{self.scene}_{time.strftime('%Y%m%d_%H%M%S')}"

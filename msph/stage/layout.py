@@ -10,7 +10,7 @@ from msph.stage import pages
 from msph.stage.graphs import Graphs
 from msph.stage.idle import Idle
 from msph.stage.pacer import Pacer
-from msph.stage.show import Show
+from msph.stage.row import Waters, with_picked
 from msph.stage.status import EVERY, Status
 from msph.stage.window import ARROWS
 
@@ -80,7 +80,7 @@ class Layout:
         left, top = (width - page.shape[1]) // 2, (height - page.shape[0]) // 2
         self.overlay.put("help", page, left, top)
 
-    def lay(self, show: Show, pacer: Pacer, paused: bool, idle: Idle) -> None:
+    def lay(self, show: Waters, pacer: Pacer, paused: bool, idle: Idle) -> None:
         """Lays all pages over the show's picture, those painted anew that have changed."""
         now = time.perf_counter()
         status = self.status.page(show, pacer, paused, now, self.text)
@@ -90,9 +90,9 @@ class Layout:
         if now > self.until:
             self.overlay.hide("message")
         self._lay_particle(show, now)
-        if self.graphs.see(show, now, pacer.pace) and self.panel == "graphs":
+        if self.graphs.see(show.lead, now, pacer.pace) and self.panel == "graphs":
             top = self._top()
-            page = self.graphs.paint(show, self.column, self.size[1] - top, self.text)
+            page = self.graphs.paint(show.lead, self.column, self.size[1] - top, self.text)
             self.overlay.put("graphs", page, 0, top)
         self.overlay.draw(show.picture.image)
 
@@ -106,12 +106,13 @@ class Layout:
             low = self.size[1] - self.gap - page.shape[0]
             self.overlay.put("hints", page, self._left(), low)
 
-    def _lay_particle(self, show: Show, now: float) -> None:
+    def _lay_particle(self, show: Waters, now: float) -> None:
         """Facts of the particle that was picked, and what its arrows are."""
-        about = show.views.neighbourhood
-        if show.views.name == "water" or about.id is None:
+        of = with_picked(show)
+        if of is None:
             self.overlay.hide("particle")
             return
+        about = of.views.neighbourhood
         if about.id == self.told[0] and now - self.told[1] < EVERY:
             return
         self.told = about.id, now

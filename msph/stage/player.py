@@ -4,7 +4,7 @@ import math
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from msph.stage.pacer import Pacer
 from msph.stage.panel import Panel, Wish
 from msph.stage.pushing import PushingHand
 from msph.stage.replay import Replay
-from msph.stage.show import Show
+from msph.stage.row import Waters, with_picked
 from msph.stage.window import TELL_PAUSE, Window
 
 ORBIT_PER_WIDTH = math.radians(200.0)  # a drag across the whole window turns the view so far
@@ -46,22 +46,53 @@ class Choice:
     set: dict[str, float] = field(default_factory=dict)
 
 
+class Companion(Protocol):
+    """Somebody beside the player, such as the guide of a lesson, who takes keys and the mouse
+    first."""
+
+    @property
+    def waits(self) -> bool:
+        """Whether the water waits."""
+
+    def takes(self, key: str) -> bool: ...
+
+    def covers(self, cursor: np.ndarray) -> bool: ...
+
+    def drag(self, cursor: np.ndarray, down: bool) -> bool: ...
+
+    def look(self) -> None: ...
+
+    def lay(self, image: Any) -> None: ...
+
+
 class Player:
     """Plays a choice in a window until it is closed, or `next` is chosen; quality: what it is at.
-    frames limits the number of frames, None: until then."""
+    frames limits the number of frames, None: until then. guide: whom a lesson sends along."""
 
     def __init__(
-        self, window: Window, show: Show, choice: Choice, quality: str, frames: int | None = None
+        self,
+        window: Window,
+        show: Waters,
+        choice: Choice,
+        quality: str,
+        frames: int | None = None,
+        guide: Companion | None = None,
     ):
+        self.guide = guide
         self.window, self.choice, self.quality, self.frames = window, choice, quality, frames
         self.next: Choice | None = None
         play = show.scene.play
         self.pacer = Pacer(play.fps, play.speed, play.scale)
-        self.layout, self.panel = Layout(window.size, quality), Panel(show, choice.scene, quality)
+        self.layout = Layout(window.size, quality)
+        self.panel = Panel(show.lead, choice.scene, quality)
         self.replay = Replay()
         self.keepsakes = Keepsakes(Path("out"), Path(choice.scene).stem, quality)
-        depth = mean_depth(show.scene, show.simulation.particles.numpy("x").mean(axis=0)[None])
+        lead = show.lead
+        depth = mean_depth(lead.scene, lead.simulation.particles.numpy("x").mean(axis=0)[None])
         self.idle = Idle(show.scene, depth)
+        if guide:
+            # It says what to try.
+            self.idle.tried |= set(ACTIONS.values())
         self.hand = PushingHand()
         self.tilt: Any = np.zeros(2)  # roll, pitch [rad]
         self.locked = not play.level
@@ -76,17 +107,19 @@ class Player:
 
     # Each frame, before it.
 
-    def wants_more(self, show: Show) -> bool:
+    def wants_more(self, show: Waters) -> bool:
         over = self.frames is not None and show.frames >= self.frames
         return self.window.open and not self.done and self.next is None and not over
 
-    def controls(self, show: Show) -> Controls:
+    def controls(self, show: Waters) -> Controls:
         wishes, pressed = Controls(), self.window.presses()
         cursor = self.window.cursor()
         moved, self.cursor = cursor - self.cursor, cursor
         for key in pressed:
             if key in BUTTONS:
-                self.free[key] = not self.layout.covers(self.cursor)
+                self.free[key] = not self._covered()
+            elif self.guide and self.guide.takes(key):
+                continue
             elif key in ACTIONS:
                 self._press(ACTIONS[key], show, wishes)
         # A window that was resized shows the same pixels in another shape.
@@ -96,12 +129,17 @@ class Player:
         held = self._hold(show, step)
         dragged = self._drag(show, moved, wishes, step)
         self.idle.pass_time(self.pacer.wall, bool(pressed or held or dragged or moved.any()))
-        sway = self.idle.roll(show.simulation.time, 0.0 if self.paused else step)
+        sway = self.idle.roll(show.lead.simulation.time, 0.0 if self.paused else step)
         wishes.tilt = (float(self.tilt[0]) + sway, float(self.tilt[1]))
-        wishes.paused = self.paused
+        wishes.paused = self.paused or (self.guide is not None and self.guide.waits)
         return wishes
 
-    def _press(self, action: str, show: Show, wishes: Controls) -> None:
+    def _covered(self) -> bool:
+        """Whether the cursor is over a page, and not over the water."""
+        guided = self.guide is not None and self.guide.covers(self.cursor)
+        return guided or self.layout.covers(self.cursor)
+
+    def _press(self, action: str, show: Waters, wishes: Controls) -> None:
         """What a key asks for at once; others act as long as they are down."""
         self.idle.tried.add(action)
         if action == "quit" and self.helping:
@@ -116,39 +154,41 @@ class Player:
         if action == "reset":
             self.tilt[:] = 0.0
 
-    def _pause(self, show: Show) -> None:
+    def _pause(self, show: Waters) -> None:
         self.paused = not self.paused
 
-    def _slow_motion(self, show: Show) -> None:
+    def _slow_motion(self, show: Waters) -> None:
         usual = show.scene.play.speed
         self.pacer.ask(SLOW_MOTION * usual if self.pacer.speed == usual else usual)
 
-    def _lock(self, show: Show) -> None:
+    def _lock(self, show: Waters) -> None:
         self.locked = not self.locked
         self.layout.say("the tilt is locked" if self.locked else "the pool comes level by itself")
 
-    def _framing(self, show: Show) -> Camera:
+    def _framing(self, show: Waters) -> Camera:
         """The scene's view beside the column."""
-        return show.framing(self.layout.free, show.camera.stretch)
+        free = self.layout.free if show is show.lead else 1.0
+        return show.lead.framing(free, show.camera.stretch)
 
-    def _home(self, show: Show) -> None:
-        show.camera = self._framing(show)
+    def _home(self, show: Waters) -> None:
+        show.lead.camera = self._framing(show)
         self.tilt[:] = 0.0
 
-    def _help(self, show: Show) -> None:
+    def _help(self, show: Waters) -> None:
         self.helping = not self.helping
         self.layout.show_help(self.helping)
 
-    def _next_panel(self, show: Show) -> None:
+    def _next_panel(self, show: Waters) -> None:
         before = self._framing(show).distance
         self.layout.next_panel()
-        show.camera.shift = 0.5 * (1.0 - self.layout.free)
-        show.camera.zoom(self._framing(show).distance / before)
+        framing = self._framing(show)
+        show.camera.shift = framing.shift
+        show.camera.zoom(framing.distance / before)
 
-    def _next_scene(self, show: Show) -> None:
+    def _next_scene(self, show: Waters) -> None:
         self._beside(1)
 
-    def _previous_scene(self, show: Show) -> None:
+    def _previous_scene(self, show: Waters) -> None:
         self._beside(-1)
 
     def _beside(self, step: int) -> None:
@@ -167,18 +207,18 @@ class Player:
         else:
             self.next = choice
 
-    def _picture(self, show: Show) -> None:
+    def _picture(self, show: Waters) -> None:
         self._keep_by(lambda: self.keepsakes.picture(show))
 
-    def _clip(self, show: Show) -> None:
+    def _clip(self, show: Waters) -> None:
         if self.replay.frames:
             self._keep_by(lambda: self.keepsakes.clip(show, self.replay, self._tell))
 
-    def _keep(self, show: Show) -> None:
-        self._keep_by(lambda: self.keepsakes.water(show))
+    def _keep(self, show: Waters) -> None:
+        self._keep_by(lambda: self.keepsakes.water(show.lead))
 
-    def _reopen(self, show: Show) -> None:
-        self._keep_by(lambda: self.keepsakes.reopen(show))
+    def _reopen(self, show: Waters) -> None:
+        self._keep_by(lambda: self.keepsakes.reopen(show.lead))
 
     def _keep_by(self, act) -> None:
         """Files of the show: what was done is said, and what went wrong."""
@@ -196,10 +236,10 @@ class Player:
         self.layout.tell(f"clip: {100.0 * share:.0f} %", self.keepsakes.image)
         self.window.show(self.keepsakes.image)
 
-    def _quit(self, show: Show) -> None:
+    def _quit(self, show: Waters) -> None:
         self.done = True
 
-    def _hold(self, show: Show, step: float) -> bool:
+    def _hold(self, show: Waters, step: float) -> bool:
         """Keys that act as long as they are down; whether any is."""
         down, play, wall = self.window.down, show.scene.play, self.pacer.wall
         rate, limit = math.radians(play.tilt_rate) * step, math.radians(play.tilt_limit)
@@ -212,9 +252,9 @@ class Player:
         show.camera.zoom(math.exp(ZOOM_KEY_RATE * wall * zoom))
         return bool(asked.any() or orbit or zoom)
 
-    def _drag(self, show: Show, moved: np.ndarray, wishes: Controls, step: float) -> bool:
+    def _drag(self, show: Waters, moved: np.ndarray, wishes: Controls, step: float) -> bool:
         """What the mouse does beside the panel; whether a button is down there."""
-        on_panel = self.layout.covers(self.cursor)
+        on_page = self._covered()
         left, right, middle = (self.window.down(b) and self.free.get(b, True) for b in BUTTONS)
         if middle or (right and self.window.down("Shift")):
             self.idle.tried.add("pan")
@@ -223,17 +263,19 @@ class Player:
         elif right:
             self.idle.tried.add("orbit")
             show.camera.orbit(-moved[0] * ORBIT_PER_WIDTH, -moved[1] * ORBIT_PER_WIDTH)
+        if self.guide and self.guide.drag(self.cursor, self.window.down("LMB")):
+            return True
         self._click(show, bool(left))
         if left:
             self.idle.tried.add("push")
-            wishes.hand = self.hand.push(show, self.cursor, step)
-        elif show.scene.play.hover and moved.any() and not (right or middle or on_panel):
-            wishes.hand = self.hand.pass_over(show, self.cursor, step)
+            wishes.hand = self.hand.push(*show.under(self.cursor), step)
+        elif show.scene.play.hover and moved.any() and not (right or middle or on_page):
+            wishes.hand = self.hand.pass_over(*show.under(self.cursor), step)
         else:
             wishes.hand = self.hand.let_go()
         return bool(left or right or middle)
 
-    def _click(self, show: Show, left: bool) -> None:
+    def _click(self, show: Waters, left: bool) -> None:
         """A button that goes up where it went down, and soon, has clicked."""
         now = time.perf_counter()
         if left and self.down is None:
@@ -242,25 +284,36 @@ class Player:
             place, since = self.down
             self.down = None
             still = np.abs(self.cursor - place).max() < CLICK_WAY
-            if still and now - since < CLICK_TIME and show.views.name != "water":
-                i, j = (int(v) for v in self.cursor * self.window.size)
-                found = show.particle_at(i, j)
-                show.views.neighbourhood.pick(None if found is None else found[0])
+            if still and now - since < CLICK_TIME and show.lead.views.name != "water":
+                self._pick(show)
 
-    def _slice(self, show: Show) -> None:
+    def _pick(self, show: Waters) -> None:
+        """The particle under the cursor, of whichever water."""
+        under, place = show.under(self.cursor)
+        i, j = (int(v) for v in place * (under.picture.width, under.picture.height))
+        found = under.particle_at(i, j)
+        for other in show.shows:
+            picked = None if found is None or other is not under else found[0]
+            other.views.neighbourhood.pick(picked)
+
+    def _slice(self, show: Waters) -> None:
         show.slice()
-        if show.views.cut is not None and show.views.name == "water":
+        if show.lead.views.cut is not None and show.lead.views.name == "water":
             self.layout.say("the slice is seen in views of particles: v")
 
     # Each frame, after it.
 
-    def see(self, show: Show) -> None:
+    def see(self, show: Waters) -> None:
         now = time.perf_counter()
         if not self.paused:
             self.replay.see(show, now)
+        if self.guide:
+            self.guide.look()
         self.layout.lay(show, self.pacer, self.paused, self.idle)
+        if self.guide:
+            self.guide.lay(show.picture.image)
         if self.layout.panel == "settings":
-            for wish in self.panel.draw(self.window.gui, self.layout.place, show):
+            for wish in self.panel.draw(self.window.gui, self.layout.place, show.lead):
                 self._grant(show, wish)
         if self.hand.pushes:
             self.window.mark(self.cursor)
@@ -273,35 +326,37 @@ class Player:
             self.pacer.see(show, now - self.clock, self.shown)
         self.clock = now
 
-    def _draw_arrows(self, show: Show) -> None:
+    def _draw_arrows(self, show: Waters) -> None:
         """What acts on the particle that was picked."""
-        about, sim = show.views.neighbourhood, show.simulation
-        if show.views.name == "water" or about.id is None:
+        of = with_picked(show)
+        if of is None:
             return
-        gravity = show.tilt.T @ np.array(show.scene.gravity)
+        about, sim = of.views.neighbourhood, of.simulation
+        gravity = of.tilt.T @ np.array(of.scene.gravity)
         place, length = about.place(), ARROW / 10.0 * max(sim.size)
         ends = [(place, place + length * a) for a in about.arrows(gravity).values()]
         if ends:
             flat = np.array(ends).reshape(-1, 3)
-            places = show.camera.seen(flat, *self.window.size, sim.size, show.tilt)
+            size = of.picture.width, of.picture.height
+            places = show.placed(of, of.camera.seen(flat, *size, sim.size, of.tilt))
             self.window.arrows(places.reshape(-1, 2, 2))
 
-    def _grant(self, show: Show, wish: Wish) -> None:
+    def _grant(self, show: Waters, wish: Wish) -> None:
         if wish.kind == "set":
             self._set(show, wish.name, wish.value)
         elif wish.kind == "view":
-            show.views.name = wish.name
+            show.lead.views.name = wish.name
         elif wish.kind == "scene":
             self._leave(Choice(wish.name, self.choice.quality))
         elif wish.kind == "quality":
             changed = {
                 live.key: value
                 for live in self.panel.live
-                if (value := self.panel.value(show, live.key)) != self.panel.given[live.key]
+                if (value := self.panel.value(show.lead, live.key)) != self.panel.given[live.key]
             }
             self._leave(Choice(self.choice.scene, wish.name, changed))
 
-    def _set(self, show: Show, key: str, value: float) -> None:
+    def _set(self, show: Waters, key: str, value: float) -> None:
         show.set(key, value)
         if key == "play.speed":
             self.pacer.ask(value)

@@ -9,10 +9,12 @@ from tqdm import tqdm
 
 from msph import user_cache
 from msph.measure.summary import water_laid
+from msph.measure.timings import Timings
 from msph.scene.check import cautions
 from msph.scene.effort import effort
 from msph.scene.schema import Scene
-from msph.stage.show import Show
+from msph.stage.row import KEPT, Row, Waters, width_of_each
+from msph.stage.show import PLAYED, Show
 from msph.taichi_internals import watch_compiling
 
 # Kernels of a scene whose terms have not been started before: those of the default one.
@@ -51,6 +53,33 @@ def prepare(
         )
     say(ready)
     return show
+
+
+def prepare_row(
+    scenes: list[Scene],
+    labels: list[str],
+    size: tuple[int, int] | None,
+    tell: Tell | None = None,
+    below: int = 0,
+) -> Waters:
+    """A show to be played with in pictures of size (width, height) [pixels]; of several scenes, or
+    over `below` pixels that are left free, a row of shows, with their labels."""
+    alone = len(scenes) == 1 and not below
+    each = size
+    if size and not alone:
+        each = width_of_each(len(scenes), size[0]), size[1] - below
+    shows = [
+        prepare(
+            scene,
+            1.0 / scene.play.fps,
+            each,
+            tell=tell,
+            timings=Timings(keep=1 if alone else KEPT),
+            **PLAYED,
+        )
+        for scene in scenes
+    ]
+    return shows[0] if alone else Row(shows, labels, size, below)
 
 
 def laid_and_asked(water: dict[str, float]) -> str:

@@ -19,6 +19,7 @@ from msph.own_files import writing
 from msph.stage import vtu
 from msph.stage.controls import Controls
 from msph.stage.frame_bar import FrameBar
+from msph.stage.row import Waters
 from msph.stage.show import Show
 
 VIDEO = (".mp4", ".mov", ".mkv", ".webm")
@@ -94,14 +95,14 @@ class Recorder:
         self.writers: list = []
         self.bar = FrameBar(frames, bar)
 
-    def wants_more(self, show: Show) -> bool:
+    def wants_more(self, show: Waters) -> bool:
         return self.done < self.frames
 
-    def controls(self, show: Show) -> Controls:
+    def controls(self, show: Waters) -> Controls:
         show.tell = self.bar.within
         return Controls()
 
-    def see(self, show: Show) -> None:
+    def see(self, show: Waters) -> None:
         if show.picture:
             self.last = show.picture.to_numpy_u8()
             for path, writer in zip(self.videos, self.writers or self._open(), strict=True):
@@ -116,10 +117,10 @@ class Recorder:
                 imageio.imwrite(self._numbered(path), self.last)
         for path in self.meshes:
             with self._writing(path):
-                write_mesh(self._numbered(path), show)
+                write_mesh(self._numbered(path), show.lead)
         for path in self.particles:
             with self._writing(path):
-                write_particles(self._numbered(path), show)
+                write_particles(self._numbered(path), show.lead)
         self.done += 1
         self.bar.update()
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from msph.stage.recorder import Outputs, Recorder
-from msph.stage.show import Show
+from msph.stage.row import Waters
 
 # What is kept: time [s], frames per second, and memory [bytes], which large waters fill sooner.
 SPAN, FPS, MOST_BYTES = 10.0, 24.0, 256 << 20
@@ -19,7 +19,7 @@ class Replay:
         self.frames: deque[tuple[float, dict[str, Any]]] = deque()
         self.bytes = 0
 
-    def see(self, show: Show, now: float) -> None:
+    def see(self, show: Waters, now: float) -> None:
         """Keeps the show's water at the wall-clock time `now` [s] where a frame is due."""
         if self.frames and now - self.frames[-1][0] < 1.0 / FPS:
             return
@@ -29,7 +29,7 @@ class Replay:
         while len(self.frames) > 1 and (now - self.frames[0][0] > SPAN or self.bytes > MOST_BYTES):
             self.bytes -= _bytes(self.frames.popleft()[1])
 
-    def write(self, show: Show, path: Path, tell: Callable[[float], None]) -> None:
+    def write(self, show: Waters, path: Path, tell: Callable[[float], None]) -> None:
         """Draws what is kept at full scale into a video; tell: called with the share (0 to 1) after
         each frame. The show is afterwards as it was. Raises LostOutputError."""
         before = show.moment()

@@ -73,7 +73,7 @@ class Show:
         self.simulated = 0.0
         # Called after each step with the share (0 to 1) of its frame that is over.
         self.tell: Callable[[float], None] | None = None
-        self.stop_bodies, self.scalable = stop_bodies, scalable
+        self.stop_bodies, self.scalable = stop_bodies, scalable and size is not None
         self.stopped: set[str] = set()
         self.simulation = build_simulation(scene)
         self.counts = self.simulation.counts()
@@ -87,6 +87,22 @@ class Show:
         self.views: Any = Views(self.simulation, scene) if size else None
         if size:
             self.camera = self.framing()
+
+    # To an audience a show is a row of one; see msph.stage.row.
+
+    @property
+    def lead(self) -> "Show":
+        return self
+
+    @property
+    def shows(self) -> "list[Show]":
+        return [self]
+
+    def under(self, cursor: np.ndarray) -> tuple["Show", np.ndarray]:
+        return self, cursor
+
+    def placed(self, show: "Show", shares: np.ndarray) -> np.ndarray:
+        return shares
 
     def framing(self, free: float = 1.0, stretch: float = 1.0) -> Camera:
         """The scene's own point of view, in which the box is within the right share `free` of the

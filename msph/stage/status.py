@@ -6,6 +6,7 @@ import numpy as np
 
 from msph.stage import pages
 from msph.stage.pacer import Pacer
+from msph.stage.row import Waters
 from msph.stage.show import Show
 
 REAL_TIME = 0.95  # simulated over wall-clock time that passes for what was asked for
@@ -22,20 +23,26 @@ class Status:
         self.water = ""
 
     def page(
-        self, show: Show, pacer: Pacer, paused: bool, now: float, size: int
+        self, show: Waters, pacer: Pacer, paused: bool, now: float, size: int
     ) -> np.ndarray | None:
         """The page at the wall-clock time `now` [s], text `size` pixels high; None while that of
         before still holds."""
         if now - self.last < EVERY:
             return None
         self.last = now
-        if now - self.counted > WATER_EVERY:
-            self.counted, self.water = now, self._water(show)
         told = pace(pacer.pace, pacer.speed, paused)
         slow = "too slow" in told
-        first = f"time {show.simulation.time:.1f} s  {told}    {1.0 / pacer.wall:.0f} frames/s"
-        lines = [(first, pages.WARNING if slow else pages.INK), (self.water, pages.FAINT)]
-        lines += [(f"{n} stopped: no room", pages.WARNING) for n in sorted(show.stopped)]
+        first = f"time {show.lead.simulation.time:.1f} s  {told}    {1.0 / pacer.wall:.0f} frames/s"
+        lines = [(first, pages.WARNING if slow else pages.INK)]
+        # A row says it of each.
+        if show is show.lead:
+            if now - self.counted > WATER_EVERY:
+                self.counted, self.water = now, self._water(show.lead)
+            lines.append((self.water, pages.FAINT))
+        lines += [
+            (f"{name} stopped: no room", pages.WARNING)
+            for name in sorted(set().union(*(s.stopped for s in show.shows)))
+        ]
         return pages.lines(lines, size)
 
     def _water(self, show: Show) -> str:

@@ -1,13 +1,10 @@
 """Plots of tables, and what is said where they cannot be drawn."""
 
-import sys
-
 import imageio.v2 as imageio
 import numpy as np
-import pytest
 
 from msph.measure import entry
-from msph.measure.plots import PlotError, plot
+from msph.measure.plots import plot
 from msph.measure.survey import COLUMNS
 from msph.measure.table import Table
 
@@ -39,10 +36,3 @@ def test_ledger_and_probes_are_drawn(tmp_path):
 def test_without_probes_there_is_one_plot(tmp_path):
     write_tables(tmp_path, probes=())
     assert [f.name for f in plot(tmp_path, "water")] == ["ledger.png"]
-
-
-def test_without_matplotlib_one_line_says_how_to_get_it(tmp_path, monkeypatch):
-    write_tables(tmp_path)
-    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
-    with pytest.raises(PlotError, match=r"pip install 'msph\[plots\]'"):
-        plot(tmp_path, "water")

@@ -55,9 +55,9 @@ DIRECTIONS = (
 class Adaptation:
     """Splits and merges the particles of one fluid.
 
-    events: (splits, merges, splits refused since the pool was full) of the last pass. thickness
-    (-): factor of all bands, below 1 while the pool is nearly full. merge_loss [J] collects the
-    kinetic energy that merges dissipate.
+    events: (splits, merges, splits refused since the pool was full) of the last pass, passed: the
+    first two in all since the particles were laid. thickness (-): factor of all bands, below 1
+    while the pool is nearly full. merge_loss [J] collects the kinetic energy that merges dissipate.
     """
 
     def __init__(
@@ -88,10 +88,12 @@ class Adaptation:
         self.next_id = ti.field(ti.i32, shape=())
         self.travelled = ti.field(ti.f32, shape=())  # by the fastest since the last pass, spacings
         self.thickness, self.events, self.steps = 1.0, (0, 0, 0), 0
+        self.passed = np.zeros(2, int)
 
     def reset(self) -> None:
         """Starts anew, since the particles were replaced: bands have their full thickness."""
         self.thickness, self.events, self.steps = 1.0, (0, 0, 0), 0
+        self.passed = np.zeros(2, int)
         self.next_id[None] = int(self.particles.numpy("id").max()) + 1
         self.travelled[None] = 0.0
 
@@ -195,6 +197,7 @@ class Adaptation:
         splits, merges, refused = self.tally.to_numpy().tolist()
         splits = min(splits, most, p.capacity - n)
         self.events = splits, min(merges, most), refused
+        self.passed += np.array(self.events[:2])
         p.count = n + splits
         if merges:
             self.scan.run(p.alive, self.place)

@@ -167,6 +167,8 @@ class Projection:
             if settled and not crowded:
                 break
         self.impulses.clear()
+        if self.adaptation:
+            self.adaptation.passed[:] = 0
 
     def warm_up(self) -> None:
         """Compiles kernels that only violent water launches."""

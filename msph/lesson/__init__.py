@@ -1,0 +1,1 @@
+"""Lessons: predict, do, a check that ticks itself, why."""

@@ -1,0 +1,123 @@
+"""The board of smoothing kernels: their shapes, a particle's neighbours, and the sum that becomes
+its density."""
+
+from typing import ClassVar
+
+import numpy as np
+import taichi as ti
+
+from msph.fluid.particles import kernels
+from msph.lesson import chart
+
+# Those that densities are summed with, in the order of the slider, from 1.
+DENSITY = ("poly6", "spiky", "Wendland C2", "quartic")
+NAMES = (*DENSITY, "viscosity")
+# Half the edge of the lattice and of the middle whose densities are compared, in spacings.
+REACH, MIDDLE = 7, 2
+SEED = 3
+
+
+@ti.kernel
+def shapes(
+    r: ti.types.ndarray(dtype=ti.f32, ndim=1),
+    h: ti.f32,
+    w: ti.types.ndarray(dtype=ti.f32, ndim=2),
+):
+    """w[k, i] = W_k(r_i, h) [1/m^3] of each kernel in the order of NAMES."""
+    for i in range(r.shape[0]):
+        w[0, i] = kernels.poly6(r[i], h)
+        w[1, i] = kernels.spiky(r[i], h)
+        w[2, i] = kernels.wendland(r[i], h)
+        w[3, i] = kernels.quartic(r[i], h)
+        w[4, i] = kernels.viscosity(ti.max(r[i], 1e-3 * h), h)
+
+
+def sampled(r: np.ndarray, h: float) -> np.ndarray:
+    """(kernels, n) [1/m^3] at the distances r (n,), support h, in the unit of both."""
+    w = np.zeros((len(NAMES), len(r)), np.float32)
+    shapes(r.astype(np.float32), h, w)
+    return w
+
+
+class Board:
+    """Spacing is the unit of length."""
+
+    INPUTS: ClassVar[dict[str, str]] = {
+        "support": "spacings",
+        "kernel": "-",
+        "disorder": "spacings",
+    }
+    NUMBERS: ClassVar[dict[str, str]] = {"neighbours": "-", "density_error": "%"}
+
+    def __init__(self) -> None:
+        axis = np.arange(-REACH, REACH + 1)
+        self.lattice = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
+        self.shifts = np.random.default_rng(SEED).uniform(-1.0, 1.0, self.lattice.shape)
+        self.known: dict[tuple[float, ...], dict[str, float]] = {}
+
+    def _places(self, disorder: float) -> np.ndarray:
+        return self.lattice + disorder * self.shifts
+
+    def numbers(self, values: dict[str, float]) -> dict[str, float]:
+        """neighbours: mean within the support. density_error: root mean square of the sums of the
+        middle's particles, less one."""
+        key = tuple(values[name] for name in self.INPUTS)
+        if key not in self.known:
+            self.known[key] = self._numbers(*key)
+        return self.known[key]
+
+    def _numbers(self, support: float, kernel: float, disorder: float) -> dict[str, float]:
+        x = self._places(disorder)
+        middle = x[np.abs(self.lattice).max(axis=1) <= MIDDLE]
+        r = np.linalg.norm(middle[:, None] - x[None], axis=-1)
+        near = r < support
+        w = sampled(r[near], support)[round(kernel) - 1]
+        sums = np.bincount(np.nonzero(near)[0], w, len(middle))
+        return {
+            "neighbours": float(near.sum(axis=1).mean() - 1.0),
+            "density_error": 100.0 * float(np.sqrt(((sums - 1.0) ** 2).mean())),
+        }
+
+    def draw(self, values: dict[str, float], size: tuple[int, int]) -> np.ndarray:
+        """Left a slice of the particles, coloured by weight; right the kernels."""
+        support, chosen = values["support"], round(values["kernel"]) - 1
+        drawing, (left, right) = chart.figure(size, (3, 5))
+        x = self._places(values["disorder"])
+        x = x[self.lattice[:, 2] == 0]
+        r = np.linalg.norm(x, axis=1)
+        weight = sampled(r, support)[chosen] / sampled(np.zeros(1), support)[chosen, 0]
+        left.scatter(x[:, 0], x[:, 1], s=30, color="none", edgecolors=chart.FAINT)
+        left.scatter(
+            *x[r < support, :2].T, s=90, c=weight[r < support], cmap="viridis", vmin=-0.4, vmax=1
+        )
+        left.add_patch(_circle(support))
+        left.set(aspect="equal", xlim=(-4.4, 4.4), ylim=(-4.4, 4.4), xticks=(), yticks=())
+        left.set_title("a slice: who is heard, and how loud")
+        q = np.linspace(0.0, 1.0, 200)
+        for k, w in enumerate(sampled(q * support, support)):
+            own = k == chosen
+            style = "--" if NAMES[k] == "viscosity" else "-"
+            right.plot(
+                q * support,
+                w,
+                style,
+                lw=4.5 if own else 1.6,
+                color=chart.COLOURS[k],
+                alpha=1.0 if own else 0.75,
+                label=NAMES[k],
+            )
+        right.set(xlim=(0, 4), ylim=(0, 2.2 * sampled(np.zeros(1), support)[chosen, 0]))
+        right.set_xlabel("distance r [spacings]")
+        right.set_ylabel(r"weight W(r, h)")
+        chart.legend(right)
+        told = self.numbers(values)
+        right.set_title(
+            f"{told['neighbours']:.0f} neighbours, density off by {told['density_error']:.2f} %"
+        )
+        return chart.finish(drawing)
+
+
+def _circle(radius: float):
+    from matplotlib.patches import Circle
+
+    return Circle((0, 0), radius, fill=False, color=chart.COLOURS[1], lw=2.5)

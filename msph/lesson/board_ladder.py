@@ -1,0 +1,70 @@
+"""The board of speed against error: what each quality of each shipped scene costs, measured."""
+
+from typing import Any, ClassVar
+
+import numpy as np
+
+from msph.lesson import chart
+from msph.scene.library import shipped_scenes
+from msph.scene.quality import costs
+
+
+class Board:
+    """Errors are those of the water's shape and motion against a finer run, in shares of its depth;
+    costs those of the ladder's machine (bench/results/quality.md)."""
+
+    INPUTS: ClassVar[dict[str, str]] = {"scene": "-", "quality": "-", "budget": "s/s"}
+    NUMBERS: ClassVar[dict[str, str]] = {
+        "cost": "s/s",
+        "error": "%",
+        "particles": "-",
+        "best": "-",
+    }
+
+    def __init__(self) -> None:
+        found = {name: costs(name) for name in shipped_scenes()}
+        self.costs: dict[str, Any] = {name: steps for name, steps in found.items() if steps}
+
+    def _chosen(self, values: dict[str, float]) -> tuple[str, str]:
+        name = list(self.costs)[round(values["scene"]) - 1]
+        return name, list(self.costs[name])[round(values["quality"]) - 1]
+
+    def numbers(self, values: dict[str, float]) -> dict[str, float]:
+        """Of the chosen scene and quality; best: 1 where it has the least error that the budget
+        buys, else 0."""
+        name, quality = self._chosen(values)
+        steps = self.costs[name]
+        within = [s for s in steps.values() if s.dearest <= values["budget"]]
+        own = steps[quality]
+        best = bool(within) and own == min(within, key=lambda s: s.error)
+        return {
+            "cost": own.dearest,
+            "error": 100.0 * own.error,
+            "particles": own.particles,
+            "best": float(best),
+        }
+
+    def draw(self, values: dict[str, float], size: tuple[int, int]) -> np.ndarray:
+        drawing, (ax,) = chart.figure(size, (1,))
+        chosen, quality = self._chosen(values)
+        for name, steps in self.costs.items():
+            own = name == chosen
+            x, y = ([getattr(s, k) for s in steps.values()] for k in ("dearest", "error"))
+            y = [100.0 * e for e in y]
+            colour = chart.COLOURS[1] if own else chart.FAINT
+            ax.plot(x, y, "o-", color=colour, lw=3 if own else 1, alpha=1.0 if own else 0.5)
+            if own:
+                for step, a, b in zip(steps, x, y, strict=True):
+                    ax.annotate(step, (a, b), (8, 8), textcoords="offset points", color=colour)
+        told = self.numbers(values)
+        ax.plot(told["cost"], told["error"], "o", ms=20, mfc="none", mec=chart.INK, mew=3)
+        ax.axvspan(values["budget"], 1e3, color=chart.RED, alpha=0.18)
+        ax.axvline(values["budget"], color=chart.RED, lw=2)
+        ax.set(xscale="log", yscale="log")
+        ax.set(xlim=(0.02, 30.0), ylim=(0.01, 60.0))
+        for axis in (ax.xaxis, ax.yaxis):
+            axis.set_major_formatter("{x:g}")
+        ax.set_xlabel("wall-clock time of a simulated second, dearest [s]")
+        ax.set_ylabel("error [% of depth]")
+        ax.set_title(f"{chosen}, {quality}: {told['particles']:.0f} particles")
+        return chart.finish(drawing)

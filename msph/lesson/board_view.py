@@ -1,0 +1,29 @@
+"""A board as a picture over the lesson's band."""
+
+from typing import Any
+
+import numpy as np
+import taichi as ti
+
+from msph.lesson.course import Progress
+
+
+class BoardView:
+    """image: 3-vec f32 (width, height), 0..1, index [right, up]: the board of a lesson, drawn anew
+    where its inputs change, over `below` pixels that are left free."""
+
+    def __init__(self, size: tuple[int, int], below: int):
+        self.size, self.below = size, below
+        self.image = ti.Vector.field(3, ti.f32, size)
+        self.drawn: Any = None
+        self.pixels: Any = None  # (height, width, 3) uint8, first row at the top
+
+    def draw(self, progress: Progress) -> None:
+        if self.drawn != progress.values:
+            self.drawn = dict(progress.values)
+            size = self.size[0], self.size[1] - self.below
+            self.pixels = progress.board.draw(self.drawn, size)
+        # The lesson's pages were laid over it.
+        whole = np.zeros((*self.size, 3), np.float32)
+        whole[:, self.below :] = self.pixels[::-1].transpose(1, 0, 2) / np.float32(255.0)
+        self.image.from_numpy(whole)

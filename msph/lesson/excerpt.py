@@ -1,0 +1,43 @@
+"""Excerpts of this program's own source, taken when they are shown: they cannot age."""
+
+import importlib
+import inspect
+import textwrap
+from pathlib import Path
+from typing import Any
+
+
+class ExcerptError(ValueError):
+    """Code that is not there; str() says which."""
+
+
+def excerpt(code: str, first: str = "", last: str = "") -> list[str]:
+    """Lines of the function, class or module `module:name`, from the one that holds `first` up to
+    the next that holds `last`. Raises ExcerptError."""
+    module, _, name = code.partition(":")
+    try:
+        found: Any = importlib.import_module(module)
+        for part in name.split(".") if name else ():
+            found = found.__dict__[part]
+    except (ImportError, KeyError, ValueError):
+        raise ExcerptError(f"there is no {code}") from None
+    lines = _source(found)
+    begin = _line(lines, first, 0, code) if first else 0
+    end = _line(lines, last, begin, code) if last else len(lines) - 1
+    return textwrap.dedent("\n".join(lines[begin : end + 1])).rstrip().splitlines()
+
+
+def _source(found: Any) -> list[str]:
+    # What Taichi wraps keeps its function.
+    for inner in ("__wrapped__", "func", "fn"):
+        found = getattr(found, inner, found)
+    if inspect.ismodule(found):
+        return Path(str(found.__file__)).read_text(encoding="utf-8").splitlines()
+    return inspect.getsource(found).splitlines()
+
+
+def _line(lines: list[str], text: str, begin: int, code: str) -> int:
+    place = next((k for k in range(begin, len(lines)) if text in lines[k]), None)
+    if place is None:
+        raise ExcerptError(f"{code} has no line with {text!r}")
+    return place

@@ -1,0 +1,110 @@
+"""The guide of a lesson in a window: its keys, its sliders, its pages over the picture."""
+
+import time
+
+import numpy as np
+
+from msph.lesson.boards import board_of
+from msph.lesson.course import Progress
+from msph.lesson.load import Course
+from msph.lesson.paint import LETTERS, Band, Place, Reasons, band_height
+from msph.picture.overlay import Overlay
+from msph.scene.parameters import parameters
+from msph.scene.schema import Scene
+from msph.stage.pages import text_height
+from msph.stage.row import Waters
+
+# Time between two readings of the numbers [s]: faster ones cannot be read.
+EVERY = 0.25
+# Keys that lead to other scenes and settings: not from here.
+LEAVING = ("Tab", "BackSpace", "i")
+
+
+def units_of(course: Course) -> dict[str, str]:
+    """Units of the sliders, by their names."""
+    if course.lesson.board:
+        return board_of(course.lesson.board).INPUTS
+    known = {p.key: p.unit for p in parameters(Scene)}
+    return {s.name: known[s.key] for s in course.lesson.slider}
+
+
+class Guide:
+    """course: the lesson; row: its waters, None where it has a board; size (width, height) [pixels]
+    of the window. What it says of itself: `progress`."""
+
+    def __init__(self, course: Course, row: Waters | None, size: tuple[int, int]):
+        self.size, self.text = size, text_height(size[1])
+        self.reasons = Reasons(course.lesson, course.code, size, self.text)
+        self.progress = Progress(course, row, self.reasons.pages)
+        self.below = band_height(self.text)
+        self.band = Band((size[0], self.below), self.text, units_of(course))
+        self.overlay = Overlay(*size, {"band": (size[0], self.below), "why": size})
+        self.painted: object = None
+        self.read, self.shown = -np.inf, list[str]()
+        self.held: Place | None = None  # the slider under a button that is down
+        self.down = False
+
+    @property
+    def waits(self) -> bool:
+        """Whether the water waits."""
+        return self.progress.waits
+
+    @property
+    def whole(self) -> bool:
+        """Whether a page covers the picture."""
+        return self.progress.page > len(self.progress.lesson.do)
+
+    def takes(self, key: str) -> bool:
+        """Acts on a key that went down; whether it is the lesson's."""
+        progress = self.progress
+        if progress.page == 0 and key in LETTERS:
+            progress.answer(LETTERS.index(key) + 1)
+        elif key in ("n", "b"):
+            if progress.go(1 if key == "n" else -1):
+                self.read = -np.inf
+        elif key == "r" and progress.task:
+            progress.again()
+        else:
+            return key in LEAVING
+        return True
+
+    def covers(self, cursor: np.ndarray) -> bool:
+        """Whether a cursor, (right, up) in shares of the window, is on one of the pages."""
+        return self.whole or bool(cursor[1] * self.size[1] < self.below)
+
+    def drag(self, cursor: np.ndarray, down: bool) -> bool:
+        """Moves the slider that the left button was put down on; whether it holds one."""
+        x, y = cursor[0] * self.size[0], (1.0 - cursor[1]) * self.size[1]
+        y -= self.size[1] - self.below
+        if not down:
+            self.held = None
+        elif not self.down and self.progress.task:
+            for place in self.band.places:
+                if place.top <= y <= place.bottom and x >= place.left - self.text:
+                    self.held = place
+        self.down = down
+        if self.held is not None:
+            self.progress.move(self.held.slider, self.held.value(x))
+        return self.held is not None
+
+    def look(self) -> None:
+        """After a frame: whether the task is done, and what its numbers are now."""
+        self.progress.look()
+        now = time.perf_counter()
+        if now - self.read > EVERY:
+            self.read, self.shown = now, self.progress.shown()
+
+    def lay(self, image) -> None:
+        """Its pages over the image, a 3-vec field (width, height)."""
+        p = self.progress
+        state = (p.page, p.answered, tuple(p.ticked), tuple(p.values.values()), tuple(self.shown))
+        if state != self.painted:
+            self.painted = state
+            self.overlay.hide("why")
+            if self.whole:
+                page = self.reasons.paint(p.page - 1 - len(p.lesson.do), p)
+                self.overlay.put("why", page, 0, 0)
+            else:
+                page = self.band.paint(p, self.shown)
+                self.overlay.put("band", page, 0, self.size[1] - self.below)
+        self.overlay.draw(image)

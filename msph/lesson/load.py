@@ -1,0 +1,179 @@
+"""From a lesson's folder to a checked lesson."""
+
+import difflib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+from pydantic import ValidationError
+
+from msph.lesson import expressions
+from msph.lesson.boards import MODULES, board_of
+from msph.lesson.errors import LessonError
+from msph.lesson.excerpt import ExcerptError, excerpt
+from msph.lesson.quantities import known_numbers
+from msph.lesson.schema import LINES, WORDS, Lesson, SliderOf, WaterOf
+from msph.lesson.typeset import FormulaError, check_formula
+from msph.scene.check import views
+from msph.scene.errors import SceneError
+from msph.scene.library import assets, shipped_scenes
+from msph.scene.live import changed, live_parameters
+from msph.scene.load import explain, load_scene, read_toml
+from msph.scene.schema import Scene
+
+FILE = "lesson.toml"
+
+
+@dataclass(frozen=True)
+class Course:
+    """A lesson with what it names: its scenes, and its excerpt. name: of its folder."""
+
+    name: str
+    lesson: Lesson
+    scenes: list[Scene]
+    code: list[str]
+
+
+def shipped_lessons() -> dict[str, Path]:
+    """Their files by name, in their order."""
+    found = {p.parent.name: p for p in (assets() / "lessons").glob(f"*/{FILE}")}
+    return dict(sorted(found.items(), key=lambda item: (read_toml(item[1]).get("order", 99), item)))
+
+
+def find_lesson(name: str) -> Path:
+    """The file of a lesson given by its shipped name, its folder or its file."""
+    lessons, path = shipped_lessons(), Path(name)
+    if name in lessons:
+        return lessons[name]
+    for candidate in (path / FILE, path):
+        if candidate.is_file():
+            return candidate
+    if path.is_dir():
+        raise LessonError(name, f"has no {FILE}")
+    near = difflib.get_close_matches(name, lessons, n=1)
+    hint = f"did you mean {near[0]!r}?" if near else f"shipped: {', '.join(lessons)}"
+    raise LessonError(name, f"no such lesson; {hint}")
+
+
+def load_lesson(name: str) -> Course:
+    """Reads and checks a lesson. Raises LessonError, or SceneError for one of its scenes."""
+    path = find_lesson(name)
+    data = read_toml(path)
+    try:
+        lesson = Lesson.model_validate(data)
+    except ValidationError as error:
+        raise explain(error, f"{path.parent.name}/{path.name}", data, Lesson) from None
+    where = f"{path.parent.name}/{path.name}"
+    if bool(lesson.board) == bool(lesson.water):
+        raise LessonError(where, "needs either waters or a board")
+    scenes = [_scene(water, path.parent, where, k) for k, water in enumerate(lesson.water)]
+    known = _known(lesson, scenes, where)
+    _check_sliders(lesson, scenes, where)
+    _check_words(lesson, where)
+    for k, task in enumerate(lesson.do):
+        key = f"do.{k}"
+        for name, text in (("check", task.check), *(("show", text) for text in task.show)):
+            try:
+                expressions.check(text, known)
+            except expressions.ExpressionError as error:
+                raise LessonError(where, str(error), f"{key}.{name}") from None
+        sliders = [slider.name for slider in lesson.slider]
+        for name in task.solution.set:
+            _demand(name, sliders, "slider", where, f"{key}.solution.set")
+        if task.view:
+            _demand(task.view, views(scenes[0]) if scenes else (), "view", where, f"{key}.view")
+    return Course(path.parent.name, lesson, scenes, _code(lesson, where))
+
+
+def _scene(water: WaterOf, folder: Path, where: str, k: int) -> Scene:
+    """The scene of a water, with its changes."""
+    beside = folder / water.scene
+    name = water.scene if water.scene in shipped_scenes() else str(beside)
+    changes = [f"{key}={_toml(value)}" for key, value in water.set.items()]
+    try:
+        return load_scene(name, tuple(changes))
+    except SceneError as error:
+        raise LessonError(where, str(error), f"water.{k}") from None
+
+
+def _toml(value: Any) -> str:
+    """A value as TOML writes it."""
+    if isinstance(value, str):
+        return value
+    return tomli_w.dumps({"value": value}).partition("=")[2].strip()
+
+
+def _known(lesson: Lesson, scenes: list[Scene], where: str) -> dict[str, set[str] | None]:
+    """Names that expressions may use, with their attributes; None for numbers."""
+    known: dict[str, set[str] | None] = {s.name: None for s in lesson.slider}
+    for water, scene in zip(lesson.water, scenes, strict=True):
+        if water.name in known:
+            raise LessonError(where, f"the name {water.name!r} is given twice")
+        known[water.name] = known_numbers(scene)
+    if lesson.board:
+        _demand(lesson.board, MODULES, "board", where, "board")
+        known["board"] = set(board_of(lesson.board).NUMBERS)
+    return known
+
+
+def _check_sliders(lesson: Lesson, scenes: list[Scene], where: str) -> None:
+    for k, slider in enumerate(lesson.slider):
+        key = f"slider.{k}"
+        if not slider.lo <= slider.start <= slider.hi or slider.lo == slider.hi:
+            raise LessonError(where, "start must lie between lo and hi, and lo below hi", key)
+        if lesson.board:
+            _demand(slider.name, board_of(lesson.board).INPUTS, "input", where, f"{key}.name")
+            continue
+        live = {live.key for scene in scenes for live in live_parameters(scene)}
+        _demand(slider.key, sorted(live), "live parameter", where, f"{key}.key")
+        for end in ("lo", "hi"):
+            _check_end(scenes, slider, end, where, f"{key}.{end}")
+
+
+def _check_end(scenes: list[Scene], slider: SliderOf, end: str, where: str, key: str) -> None:
+    """Raises LessonError where a slider leads to a value that its parameter cannot have."""
+    for scene in scenes:
+        try:
+            moved = changed(scene, slider.key, getattr(slider, end))
+            Scene.model_validate(moved.model_dump(exclude_none=True))
+        except ValidationError as error:
+            problem = error.errors()[0]["msg"]
+            raise LessonError(where, problem[0].lower() + problem[1:], key) from None
+
+
+def _check_words(lesson: Lesson, where: str) -> None:
+    """Captions are short, of plain characters that every font has, and formulas can be set."""
+    texts = {"predict.ask": lesson.predict.ask, "why.text": lesson.why.text}
+    texts |= {f"do.{k}.text": task.text for k, task in enumerate(lesson.do)}
+    for key, text in texts.items():
+        if len(text.split()) > WORDS:
+            raise LessonError(where, f"has {len(text.split())} words; at most {WORDS}", key)
+        if not text.isascii():
+            raise LessonError(where, "has characters that not every font has", key)
+    if lesson.predict.answer > len(lesson.predict.choices):
+        raise LessonError(where, "is none of the choices", "predict.answer")
+    try:
+        check_formula(lesson.why.formula)
+    except FormulaError as error:
+        raise LessonError(where, str(error), "why.formula") from None
+
+
+def _code(lesson: Lesson, where: str) -> list[str]:
+    try:
+        code = excerpt(lesson.why.code, lesson.why.first, lesson.why.last)
+    except ExcerptError as error:
+        raise LessonError(where, str(error), "why.code") from None
+    if len(code) > LINES:
+        problem = f"has {len(code)} lines, at most {LINES}; `first` and `last` cut it"
+        raise LessonError(where, problem, "why.code")
+    return code
+
+
+def _demand(name: str, known: Any, what: str, where: str, key: str) -> None:
+    """Raises LessonError for a name that is not known."""
+    if name in known:
+        return
+    near = difflib.get_close_matches(name, list(known), n=1, cutoff=0.5)
+    hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(known) or 'none'}"
+    raise LessonError(where, f"unknown {what} {name!r}; {hint}", key)

@@ -1,0 +1,219 @@
+"""Pages of a lesson: a band under the picture for questions and tasks, and whole pages of reasons.
+
+All text is at least 18 pixels high in a window of 960 x 540.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from msph.lesson import typeset
+from msph.lesson.course import Progress
+from msph.lesson.schema import Lesson, SliderOf
+from msph.stage.pages import DENSE, FAINT, INK, LINE, WARNING, font_of
+
+# Lines of text in the band, share of its width for the caption, and space round text in text
+# heights.
+LINES, CAPTION, PAD = 8.4, 0.56, 0.6
+# Widths of a slider's name and of its value, and its knob's radius, in text heights.
+NAME, VALUE, KNOB = 7.2, 4.6, 0.38
+# Height of a formula over that of text; lines of code on a page without a caption.
+FORMULA = 1.5
+# Colours of what is right or done and of a slider's track; told apart by words and shapes, too.
+DONE, TRACK = (124, 214, 160, 255), (86, 112, 130, 255)
+LETTERS = "abcd"
+
+
+def band_height(text: int) -> int:
+    """Of the band under the picture, for text so high [pixels]."""
+    return round(LINES * LINE * text)
+
+
+def wrapped(text: str, font: Any, width: float) -> list[str]:
+    """Lines of at most `width` pixels."""
+    lines = [""]
+    for word in text.split():
+        longer = f"{lines[-1]} {word}".strip()
+        if lines[-1] and font.getlength(longer) > width:
+            lines.append(word)
+        else:
+            lines[-1] = longer
+    return lines
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a slider can be taken: left, right, top, bottom [pixels] from the page's corner."""
+
+    slider: SliderOf
+    left: float
+    right: float
+    top: float
+    bottom: float
+
+    def value(self, x: float) -> float:
+        """Of the slider with its knob at x."""
+        share = min(max((x - self.left) / (self.right - self.left), 0.0), 1.0)
+        return self.slider.lo + share * (self.slider.hi - self.slider.lo)
+
+
+class Band:
+    """Paints the band, size (width, height) [pixels], text so high [pixels]."""
+
+    def __init__(self, size: tuple[int, int], text: int, units: dict[str, str]):
+        self.size, self.text, self.units = size, text, units
+        self.places: list[Place] = []
+
+    def paint(self, progress: Progress, shown: list[str]) -> np.ndarray:
+        """(height, width, 4) uint8, first row at the top; shown: the numbers of a task."""
+        page = Image.new("RGBA", self.size, (*DENSE[:3], 255))
+        self.draw, self.font = ImageDraw.Draw(page), font_of(self.text)
+        self.places = []
+        pad, middle = PAD * self.text, CAPTION * self.size[0]
+        width = middle - 2 * pad
+        lesson, task = progress.lesson, progress.task
+        caption = task.text if task else lesson.predict.ask
+        where = f"task {progress.page} of {len(lesson.do)}" if task else "first a question"
+        y = self._lines([f"{lesson.title}: {where}"], pad, pad, WARNING, width)
+        self._lines([caption], pad, y + 0.2 * self.text, INK, width)
+        right = self.size[0] - middle - pad
+        if task:
+            y = self._sliders(progress, middle, pad, right)
+            for line in shown:
+                y = self._lines([line], middle, y, INK, right)
+            self._tick(progress, middle, y, right)
+        else:
+            self._choices(progress, middle, pad, right)
+        low = self.size[1] - pad - self.text
+        self._lines([keys_of(progress)], pad, low, FAINT, width)
+        return np.asarray(page)
+
+    def _lines(self, texts: list[str], x: float, y: float, colour: tuple, width: float) -> float:
+        """Wrapped texts from (x, y) on; returns where the next begins."""
+        for text in texts:
+            for line in wrapped(text, self.font, width):
+                self.draw.text((x, y + 0.5 * LINE * self.text), line, colour, self.font, "lm")
+                y += LINE * self.text
+        return y
+
+    def _choices(self, progress: Progress, x: float, y: float, width: float) -> None:
+        predict = progress.lesson.predict
+        for k, choice in enumerate(predict.choices):
+            colour, mark = INK, ""
+            if progress.answered:
+                right = k + 1 == predict.answer
+                colour = DONE if right else WARNING if k + 1 == progress.answered else FAINT
+                mark = " - right" if right else " - your guess" * (k + 1 == progress.answered)
+            y = self._lines([f"{LETTERS[k]}   {choice}{mark}"], x, y, colour, width)
+
+    def _sliders(self, progress: Progress, x: float, y: float, width: float) -> float:
+        for slider in progress.lesson.slider:
+            value = progress.values[slider.name]
+            middle = y + 0.5 * LINE * self.text
+            left, right = x + NAME * self.text, x + width - VALUE * self.text
+            place = Place(slider, left, right, y, y + LINE * self.text)
+            self.places.append(place)
+            self.draw.text((x, middle), slider.name.replace("_", " "), INK, self.font, "lm")
+            self.draw.line((left, middle, right, middle), TRACK, 4)
+            knob = left + (value - slider.lo) / (slider.hi - slider.lo) * (right - left)
+            r = KNOB * self.text
+            self.draw.ellipse((knob - r, middle - r, knob + r, middle + r), WARNING)
+            unit = self.units.get(slider.name, "-")
+            told = f"{value:.3g}" + (f" {unit}" if unit != "-" else "")
+            self.draw.text((right + 1.2 * r, middle), told, FAINT, self.font, "lm")
+            y += LINE * self.text
+        return y
+
+    def _tick(self, progress: Progress, x: float, y: float, width: float) -> None:
+        """A box, and a hook in it where the task is done."""
+        k, edge = progress.page - 1, 0.8 * self.text
+        done = progress.ticked[k]
+        top = y + 0.5 * (LINE * self.text - edge)
+        colour = DONE if done else FAINT
+        self.draw.rectangle((x, top, x + edge, top + edge), None, colour, 2)
+        if done:
+            a, b = 0.2 * edge, 0.42 * edge
+            hook = (x + a, top + 0.5 * edge, x + b, top + 0.75 * edge, x + edge, top)
+            self.draw.line(hook, colour, 3)
+        told = "done: " + ", ".join(progress.reached[k][:1]) if done else "not yet"
+        self._lines([told], x + 1.5 * edge, y, colour, width - 1.5 * edge)
+
+
+def keys_of(progress: Progress) -> str:
+    """Keys that turn pages, as far as they do now."""
+    if progress.page == 0 and not progress.answered:
+        return f"press {', '.join(LETTERS[: len(progress.lesson.predict.choices)])}"
+    told = ["n next"] if progress.page + 1 < progress.pages else ["q ends the lesson"]
+    told += ["b back"] if progress.page else []
+    told += ["r again"] if progress.task else []
+    return "   ".join(told)
+
+
+class Reasons:
+    """Paints why: caption, formula and code, size (width, height) [pixels], on as many pages as the
+    code takes."""
+
+    def __init__(self, lesson: Lesson, code: list[str], size: tuple[int, int], text: int):
+        self.lesson, self.code, self.size, self.text = lesson, code, size, text
+        self.pitch = 1.2 * text
+        self.mono = code_font(text, max((len(line) for line in code), default=1), size[0])
+        self.head = self._head()
+        first = int((size[1] - self.head.height - 2.6 * text) / self.pitch)
+        rest = int((size[1] - 3.0 * text) / self.pitch)
+        self.parts = [code[:first]]
+        while code[first:]:
+            self.parts.append(code[first : first + rest])
+            first += rest
+
+    @property
+    def pages(self) -> int:
+        return len(self.parts)
+
+    def _head(self) -> Image.Image:
+        """Caption and formula."""
+        width, pad, font = self.size[0], PAD * self.text, font_of(self.text)
+        lines = wrapped(self.lesson.why.text, font, width - 2 * pad)
+        formula = Image.fromarray(
+            typeset.pixels(self.lesson.why.formula, round(FORMULA * self.text), "#f5f7fa")
+        )
+        most = width - 2 * pad
+        if formula.width > most:
+            formula = formula.resize((int(most), round(formula.height * most / formula.width)))
+        top = pad + LINE * self.text * (len(lines) + 1)
+        page = Image.new("RGBA", (width, round(top + formula.height + pad)), (*DENSE[:3], 255))
+        draw = ImageDraw.Draw(page)
+        texts = [(f"{self.lesson.title}: why", WARNING), *((line, INK) for line in lines)]
+        for k, (line, colour) in enumerate(texts):
+            draw.text((pad, pad + LINE * self.text * (k + 0.5)), line, colour, font, "lm")
+        page.alpha_composite(formula, (int(pad), round(top)))
+        return page
+
+    def paint(self, number: int, progress: Progress) -> np.ndarray:
+        """Page `number` from 0, (height, width, 4) uint8, first row at the top."""
+        page = Image.new("RGBA", self.size, (*DENSE[:3], 255))
+        draw, font, pad = ImageDraw.Draw(page), font_of(self.text), PAD * self.text
+        y = pad
+        if number == 0:
+            page.paste(self.head, (0, 0))
+            y = self.head.height
+        source = self.lesson.why.code.replace(":", ": ")
+        draw.text((pad, y + 0.5 * self.text), source, FAINT, font, "lm")
+        y += 1.2 * self.text
+        for line in self.parts[number]:
+            draw.text((pad, y), line, INK, self.mono)
+            y += self.pitch
+        low = self.size[1] - 0.7 * self.text
+        draw.text((self.size[0] - pad, low), keys_of(progress), FAINT, font, "rm")
+        return np.asarray(page)
+
+
+def code_font(text: int, columns: int, width: int) -> Any:
+    """A font of even widths: so high [pixels], less where so many columns would not fit."""
+    from matplotlib.font_manager import findfont
+
+    path = findfont("DejaVu Sans Mono")
+    font = ImageFont.truetype(path, text)
+    most = (width - 2 * PAD * text) / max(columns, 1)
+    return font if font.getlength("x") <= most else ImageFont.truetype(path, int(most / 0.6021))

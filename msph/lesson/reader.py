@@ -1,0 +1,21 @@
+"""Somebody at the window in front of a board."""
+
+from msph.lesson.board_view import BoardView
+from msph.lesson.guide import Guide
+from msph.stage.controls import ACTIONS
+from msph.stage.window import Window
+
+
+def read(window: Window, guide: Guide, frames: int | None = None) -> None:
+    """Shows a board and its lesson until the window is closed; frames: most of them."""
+    view, done = BoardView(window.size, guide.below), 0
+    while window.open and (frames is None or done < frames):
+        for key in window.presses():
+            if not guide.takes(key) and ACTIONS.get(key) == "quit":
+                return
+        guide.drag(window.cursor(), window.down("LMB"))
+        guide.look()
+        view.draw(guide.progress)
+        guide.lay(view.image)
+        window.show(view.image)
+        done += 1

@@ -1,0 +1,66 @@
+"""A lesson as numbered pictures with captions, for a lecture."""
+
+from pathlib import Path
+from typing import Any
+
+import imageio.v2 as imageio
+import numpy as np
+
+from msph.lesson.board_view import BoardView
+from msph.lesson.guide import Guide
+from msph.lesson.load import Course
+from msph.lesson.paint import band_height
+from msph.lesson.student import Student
+from msph.own_files import replace, replacing
+from msph.stage.pages import text_height
+from msph.stage.preparation import prepare_row
+from msph.stage.recorder import make_writable
+
+SIZE = (1280, 720)
+CAPTIONS = "captions.txt"
+
+
+def write(course: Course, folder: Path) -> list[Path]:
+    """NAME_01.png and on: the question, each task as its solution leaves it, the explanation; and
+    captions.txt. Returns the files."""
+    make_writable(folder / CAPTIONS)
+    below, row = band_height(text_height(SIZE[1])), None
+    view: Any = None
+    if course.lesson.board:
+        view = BoardView(SIZE, below)
+    else:
+        labels = [water.label for water in course.lesson.water]
+        row = prepare_row(course.scenes, labels, SIZE, None, below)
+    guide = Guide(course, row, SIZE)
+    student, lesson = Student(guide.progress, row), course.lesson
+    captions = [lesson.predict.ask, *(task.text for task in lesson.do), lesson.why.text]
+    paths: list[Path] = []
+
+    def slide() -> None:
+        guide.shown = guide.progress.shown()
+        if row is not None:
+            row.draw()
+        if view is not None:
+            view.draw(guide.progress)
+        image = row.picture.image if row is not None else view.image
+        guide.lay(image)
+        pixels = image.to_numpy().transpose(1, 0, 2)[::-1]
+        path = folder / f"{course.name}_{len(paths) + 1:02d}.png"
+        with replacing(path) as new:
+            imageio.imwrite(new, (255.0 * pixels + 0.5).clip(0, 255).astype(np.uint8))
+        paths.append(path)
+
+    slide()
+    student.answer()
+    for _ in lesson.do:
+        student.work()
+        slide()
+        guide.progress.go(1)
+    for k in range(guide.reasons.pages):
+        slide()
+        if k:
+            captions.append("The code goes on.")
+        guide.progress.go(1)
+    lines = [f"{path.name}: {text}" for path, text in zip(paths, captions, strict=True)]
+    replace(folder / CAPTIONS, "\n".join(lines) + "\n")
+    return [*paths, folder / CAPTIONS]

@@ -1,0 +1,60 @@
+"""Formulas set by matplotlib's TeX, as pixels for the window and as SVG for pages."""
+
+import io
+from typing import Any
+
+import numpy as np
+
+
+class FormulaError(ValueError):
+    """A formula that cannot be set."""
+
+
+def pyplot() -> Any:
+    """matplotlib, drawing into memory; it takes .5 s to import."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    return plt
+
+
+def check_formula(formula: str) -> None:
+    """Raises FormulaError where it cannot be set."""
+    pyplot()
+    from matplotlib.mathtext import MathTextParser
+
+    try:
+        MathTextParser("path").parse(f"${formula}$")
+    except ValueError as error:
+        problem = str(error).strip().splitlines()[-1]
+        raise FormulaError(f"cannot be set: {problem}") from None
+
+
+def pixels(formula: str, height: int, colour: str) -> np.ndarray:
+    """RGBA (rows, columns, 4) uint8, first row at the top; height: of its text [pixels]."""
+    plt = pyplot()
+    figure = plt.figure(figsize=(0.01, 0.01), dpi=100)
+    figure.text(0, 0, f"${formula}$", fontsize=0.72 * height, color=colour)
+    file = io.BytesIO()
+    figure.savefig(file, format="png", transparent=True, bbox_inches="tight", pad_inches=0.04)
+    plt.close(figure)
+    from PIL import Image
+
+    file.seek(0)
+    return np.asarray(Image.open(file).convert("RGBA"))
+
+
+def svg(formula: str) -> str:
+    """The same as an <svg> element, its text as outlines."""
+    plt = pyplot()
+    figure = plt.figure(figsize=(0.01, 0.01))
+    figure.text(0, 0, f"${formula}$", fontsize=18)
+    file = io.StringIO()
+    figure.savefig(
+        file, format="svg", transparent=True, bbox_inches="tight", metadata={"Date": None}
+    )
+    plt.close(figure)
+    text = file.getvalue()
+    return text[text.index("<svg") :]

@@ -1,0 +1,236 @@
+"""Several waters side by side in one picture: the first is steered, the others get the same."""
+
+from collections.abc import Callable
+from copy import copy
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import taichi as ti
+
+from msph.fluid.methods import METHODS
+from msph.picture.camera import Camera
+from msph.picture.overlay import Overlay
+from msph.stage import pages
+from msph.stage.controls import Controls
+from msph.stage.show import Show
+from msph.taichi_internals import data_oriented, kernel
+
+# Pixels between two pictures, and their colour.
+GAP, GROUND = 2, (0.04, 0.08, 0.12)
+# Room of the text on each and its distance from the top, under the line that tells the time, in
+# text heights; frames between two readings of what it says.
+ROOM, TOP, EVERY = 5.0, 2.6, 20
+# Frames whose times are kept of each, for their median.
+KEPT = 60
+
+
+def width_of_each(number: int, width: int) -> int:
+    """Width of each of `number` pictures in a row of `width` pixels."""
+    return (width - GAP * (number - 1)) // number
+
+
+@data_oriented
+class Row:
+    """shows, each with a picture of width_of_each() pixels, in a picture of size (width, height),
+    over `below` pixels that are left free; None: without pictures. labels: a name of each, shown
+    with its speed and error; "" for none.
+
+    To an audience it is a show: frames, moments and parameters are those of all.
+    """
+
+    def __init__(
+        self, shows: list[Show], labels: list[str], size: tuple[int, int] | None, below: int = 0
+    ):
+        self.shows, self.labels, self.below = shows, labels, below
+        self.size, self.told = size, 0
+        # Of each the distance at which its whole box is seen [m].
+        self.homes = [show.camera.distance if size else 1.0 for show in shows]
+        if size:
+            self._lay_out(size)
+
+    def _lay_out(self, size: tuple[int, int]) -> None:
+        """The common picture, and room for words on it."""
+        shows = self.shows
+        self.width, self.height = size
+        self.image = ti.Vector.field(3, ti.f32, size)
+        self.image.fill(GROUND)
+        text = pages.text_height(size[1])
+        room = shows[0].picture.width, round(ROOM * text)
+        self.names = [f"water {k}" for k in range(len(shows))]
+        self.overlay = Overlay(*size, dict.fromkeys(self.names, room))
+        self.text = text
+
+    @property
+    def lead(self) -> Show:
+        """The one that is steered."""
+        return self.shows[0]
+
+    @property
+    def picture(self) -> Any:
+        """What is seen of all, if anything is."""
+        return self if self.size else None
+
+    @property
+    def camera(self) -> Camera:
+        return self.lead.camera
+
+    @property
+    def scene(self):
+        return self.lead.scene
+
+    @property
+    def frames(self) -> int:
+        return self.lead.frames
+
+    @property
+    def tell(self) -> Callable[[float], None] | None:
+        return self.lead.tell
+
+    @tell.setter
+    def tell(self, told: Callable[[float], None] | None) -> None:
+        self.lead.tell = told
+
+    def frame(self, controls: Controls) -> None:
+        """A frame of each; the others simulate what the first has. Controls are in the first's
+        frame: boxes of other sizes are pushed at the same place in metres."""
+        lead = self.lead
+        lead.frame(controls)
+        same = replace(controls, frame_time=lead.simulated or None, budget=None)
+        for show, home in zip(self.shows[1:], self.homes[1:], strict=True):
+            if self.size:
+                self._aim(show, home)
+            show.frame(replace(same, next_view=False))
+        if self.size:
+            self.draw_together()
+
+    def _aim(self, show: Show, home: float) -> None:
+        """Shows of another what is shown of the first."""
+        lead = self.lead
+        show.camera = self._beside(show, home)
+        show.views.cut = None if lead.views.cut is None else show.views.cut
+        show.views.name = lead.views.name if lead.views.name in show.views.names else "water"
+
+    def _beside(self, show: Show, home: float) -> Camera:
+        """The first one's point of view, at this one's distance."""
+        lead, camera = self.lead.camera, copy(self.lead.camera)
+        scale = home / self.homes[0]
+        camera.home = np.array(show.simulation.size) / 2
+        camera.target = camera.home + scale * (lead.target - lead.home)
+        camera.distance = scale * lead.distance
+        return camera
+
+    def draw_together(self) -> None:
+        """Puts the pictures side by side, with what is known of each under it."""
+        for k, show in enumerate(self.shows):
+            self._put(k * (show.picture.width + GAP), self.below, show.picture.image)
+        if any(self.labels):
+            if self.told % EVERY == 0:
+                for k, show in enumerate(self.shows):
+                    self._tell(k, show)
+            self.told += 1
+            self.overlay.draw(self.image)
+
+    def _tell(self, k: int, show: Show) -> None:
+        """Name, speed and error of one, over it."""
+        texts = [(self.labels[k], pages.INK), *((t, pages.FAINT) for t in speed_and_error(show))]
+        page = pages.lines(texts, self.text)
+        left = k * (show.picture.width + GAP)
+        self.overlay.put(self.names[k], page, left, round(TOP * self.text))
+
+    @kernel
+    def _put(self, left: ti.i32, low: ti.i32, image: ti.template()):
+        for i, j in image:
+            self.image[left + i, low + j] = image[i, j]
+
+    def under(self, cursor: np.ndarray) -> tuple[Show, np.ndarray]:
+        """The show under a cursor (right, up, in shares of the window), and the cursor in shares of
+        its picture."""
+        pitch = self.lead.picture.width + GAP
+        place = cursor * self.size
+        k = int(np.clip(place[0] // pitch, 0, len(self.shows) - 1))
+        show = self.shows[k]
+        local = (place - (k * pitch, self.below)) / (show.picture.width, show.picture.height)
+        return show, local
+
+    def placed(self, show: Show, shares: np.ndarray) -> np.ndarray:
+        """Places (n, 2) in shares of a show's picture, in shares of the window."""
+        left = self.shows.index(show) * (show.picture.width + GAP)
+        pixels = shares * (show.picture.width, show.picture.height) + (left, self.below)
+        return pixels / self.size
+
+    # What an audience does to a show, done to all.
+
+    def set(self, key: str, value: float) -> None:
+        for show in self.shows:
+            if can_set(show, key):
+                show.set(key, value)
+
+    def slice(self) -> None:
+        for show in self.shows:
+            show.slice()
+
+    def reset(self) -> None:
+        for show in self.shows:
+            show.reset()
+
+    def draw(self) -> None:
+        for show in self.shows:
+            show.draw()
+        self.draw_together()
+
+    def moment(self) -> dict[str, Any]:
+        """What is seen now; "state" holds the arrays, as of a show."""
+        moments = [show.moment() for show in self.shows]
+        states = {f"{k} {name}": a for k, m in enumerate(moments) for name, a in m["state"].items()}
+        return {"state": states, "moments": moments}
+
+    def see_again(self, moment: dict[str, Any]) -> None:
+        for show, its in zip(self.shows, moment["moments"], strict=True):
+            show.see_again(its)
+        self.draw_together()
+
+    @property
+    def scale(self) -> float:
+        return self.lead.picture.scale
+
+    @scale.setter
+    def scale(self, scale: float) -> None:
+        for show in self.shows:
+            show.picture.scale = scale
+
+    def to_numpy_u8(self) -> np.ndarray:
+        """(height, width, 3) uint8, first row at the top, without what is left free."""
+        pixels = self.image.to_numpy()[:, self.below :]
+        return (pixels.transpose(1, 0, 2)[::-1] * 255 + 0.5).clip(0, 255).astype(np.uint8)
+
+    def warnings(self) -> list[str]:
+        return [warning for show in self.shows for warning in show.warnings()]
+
+
+# What an audience is given: one water, or several.
+Waters = Show | Row
+
+
+def with_picked(show: Waters) -> Show | None:
+    """The one whose particle was picked and is seen, if any."""
+    seen = (s for s in show.shows if s.views.name != "water")
+    return next((s for s in seen if s.views.neighbourhood.id is not None), None)
+
+
+def can_set(show: Show, key: str) -> bool:
+    """Whether a live parameter is one of the show's method."""
+    section = key.partition(".")[0]
+    return section not in METHODS or section == show.scene.method
+
+
+def speed_and_error(show: Show) -> list[str]:
+    """What a frame's water takes, how many particles, and the density error, in words."""
+    frames = show.timings.frames if show.timings else []
+    fluid = [frame["fluid"] for frame in frames if "fluid" in frame]
+    told = [f"{sum(show.simulation.counts()):,} particles"]
+    if fluid:
+        told.append(f"{1e3 * float(np.median(fluid)):.1f} ms")
+    error = show.ledger.last_density_error() if show.ledger.entries else np.nan
+    second = f"density off by {100.0 * error:.2f} %" if np.isfinite(error) else ""
+    return [", ".join(told), *([second] if second else [])]
