@@ -33,7 +33,11 @@ RULES = ("each cube by itself", "by the shared face")
 
 
 class Board:
-    INPUTS: ClassVar[dict[str, str]] = {"threshold": "-", "diagonal": "-", "rule": "-"}
+    INPUTS: ClassVar[dict[str, tuple[str, float]]] = {
+        "threshold": ("-", 5.0),
+        "diagonal": ("-", 0.0),
+        "rule": ("-", 1.0),
+    }
     NUMBERS: ClassVar[dict[str, str]] = {"ponds": "-", "ambiguous": "-", "open_edges": "-"}
 
     def numbers(self, values: dict[str, float]) -> dict[str, float]:
@@ -56,15 +60,16 @@ class Board:
         for i in range(rows):
             for j in range(columns):
                 colour = chart.COLOURS[0] if inside[i, j] else chart.FAINT
-                left.text(j, i, f"{NUMBERS[i, j]:.0f}", color=colour, ha="center", va="center")
+                style = {"color": colour, "ha": "center", "va": "center"}
+                left.text(j, i, f"{NUMBERS[i, j]:.0f}", fontsize=left.title.get_size(), **style)
         for line in contour(values["threshold"] + BESIDE, values["diagonal"] > 0.5):
             left.plot(*zip(*line, strict=True), color=chart.COLOURS[1], lw=3)
         left.set(xticks=(), yticks=(), aspect="equal", xlim=(-0.5, columns - 0.5))
         left.set_ylim(rows - 0.5, -0.5)
         told = self.numbers(values)
         left.set_title(
-            f"threshold {values['threshold']:g}: {told['ponds']:.0f} ponds, "
-            f"{told['ambiguous']:.0f} ambiguous"
+            f"threshold {values['threshold']:g}: ponds {told['ponds']:.0f}, "
+            f"ambiguous cells {told['ambiguous']:.0f}"
         )
         self._draw_pair(right, values["rule"] > 0.5)
         right.set_title(f"{RULES[round(values['rule'])]}: {told['open_edges']:.0f} open edges")
@@ -93,7 +98,7 @@ class Board:
         for edge in open_edges(triangles):
             ax.plot(*zip(*edge, strict=True), color=chart.RED, lw=5)
         ax.set(xlim=(0, 2), ylim=(0, 1), zlim=(0, 1))
-        ax.set_box_aspect((2, 1, 1), zoom=1.15)
+        ax.set_box_aspect((2, 1, 1), zoom=0.95)
         ax.view_init(elev=24, azim=-58)
         ax.set_axis_off()
 

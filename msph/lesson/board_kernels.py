@@ -40,12 +40,12 @@ def sampled(r: np.ndarray, h: float) -> np.ndarray:
 
 
 class Board:
-    """Spacing is the unit of length."""
+    """The spacing d is the unit of length."""
 
-    INPUTS: ClassVar[dict[str, str]] = {
-        "support": "spacings",
-        "kernel": "-",
-        "disorder": "spacings",
+    INPUTS: ClassVar[dict[str, tuple[str, float]]] = {
+        "support": ("d", 2.45),
+        "kernel": ("-", 4.0),
+        "disorder": ("d", 0.05),
     }
     NUMBERS: ClassVar[dict[str, str]] = {"neighbours": "-", "density_error": "%"}
 
@@ -107,7 +107,7 @@ class Board:
                 label=NAMES[k],
             )
         right.set(xlim=(0, 4), ylim=(0, 2.2 * sampled(np.zeros(1), support)[chosen, 0]))
-        right.set_xlabel("distance r [spacings]")
+        right.set_xlabel("distance r [spacings d]")
         right.set_ylabel(r"weight W(r, h)")
         chart.legend(right)
         told = self.numbers(values)

@@ -13,7 +13,11 @@ class Board:
     """Errors are those of the water's shape and motion against a finer run, in shares of its depth;
     costs those of the ladder's machine (bench/results/quality.md)."""
 
-    INPUTS: ClassVar[dict[str, str]] = {"scene": "-", "quality": "-", "budget": "s/s"}
+    INPUTS: ClassVar[dict[str, tuple[str, float]]] = {
+        "scene": ("-", 1.0),
+        "quality": ("-", 3.0),
+        "budget": ("s/s", 1.0),
+    }
     NUMBERS: ClassVar[dict[str, str]] = {
         "cost": "s/s",
         "error": "%",
@@ -55,7 +59,9 @@ class Board:
             ax.plot(x, y, "o-", color=colour, lw=3 if own else 1, alpha=1.0 if own else 0.5)
             if own:
                 for step, a, b in zip(steps, x, y, strict=True):
-                    ax.annotate(step, (a, b), (8, 8), textcoords="offset points", color=colour)
+                    size = ax.title.get_size()
+                    style = {"textcoords": "offset points", "color": colour, "fontsize": size}
+                    ax.annotate(step, (a, b), (8, 8), **style)
         told = self.numbers(values)
         ax.plot(told["cost"], told["error"], "o", ms=20, mfc="none", mec=chart.INK, mew=3)
         ax.axvspan(values["budget"], 1e3, color=chart.RED, alpha=0.18)

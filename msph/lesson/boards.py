@@ -12,9 +12,10 @@ MODULES = {
 
 
 class Board(Protocol):
-    """INPUTS: what sliders can move, NUMBERS: what expressions can read, each with its unit."""
+    """INPUTS: what sliders can move, each with its unit and its value where none does. NUMBERS:
+    what expressions can read, each with its unit."""
 
-    INPUTS: dict[str, str]
+    INPUTS: dict[str, tuple[str, float]]
     NUMBERS: dict[str, str]
 
     def draw(self, values: dict[str, float], size: tuple[int, int]) -> Any:

@@ -7,7 +7,7 @@ from tabulate import tabulate
 
 from msph import user_cache
 from msph.device import start
-from msph.errors import BadInputError
+from msph.errors import BadInputError, BlowUpError
 from msph.lesson import slides, web
 from msph.lesson.guide import Guide
 from msph.lesson.load import Course, load_lesson, shipped_lessons
@@ -80,9 +80,7 @@ def in_window(course: Course, size, frames: int | None, arch, threads) -> None:
         if guide.progress.row is None:
             read(window, guide, frames)
         else:
-            given = Choice(course.name, "large")
-            player = Player(window, guide.progress.row, given, given.quality, frames, guide)
-            run(guide.progress.row, player)
+            play(guide, window, course.name, frames)
         progress = guide.progress
         kept = {"ticked": progress.ticked, "answered": progress.answered}
         user_cache.remember(key(course.name), kept)
@@ -90,6 +88,20 @@ def in_window(course: Course, size, frames: int | None, arch, threads) -> None:
         pass
     finally:
         window.close()
+
+
+def play(guide: Guide, window: Window, name: str, frames: int | None) -> None:
+    """Plays a lesson's waters. What blows up begins again: some lessons ask for it."""
+    row, choice = guide.progress.row, Choice(name, "large")
+    assert row is not None
+    player = Player(window, row, choice, choice.quality, frames, guide)
+    while True:
+        try:
+            run(row, player)
+            return
+        except BlowUpError:
+            guide.progress.again()
+            player.layout.say("the water blew up: it begins again")
 
 
 def begin(course: Course, window: Window) -> Guide:

@@ -25,7 +25,9 @@ class Progress:
         self.page, self.answered = 0, 0
         self.ticked = [False] * len(self.lesson.do)
         self.reached: list[list[str]] = [[] for _ in self.lesson.do]
-        self.values = {s.name: s.start for s in self.lesson.slider}
+        inputs = self.board.INPUTS if self.board else {}
+        self.values = {name: start for name, (_, start) in inputs.items()}
+        self.values |= {s.name: s.start for s in self.lesson.slider}
         self.numbers: dict[str, Numbers] = {}
         self.again()
 

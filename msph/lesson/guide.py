@@ -23,7 +23,7 @@ LEAVING = ("Tab", "BackSpace", "i")
 def units_of(course: Course) -> dict[str, str]:
     """Units of the sliders, by their names."""
     if course.lesson.board:
-        return board_of(course.lesson.board).INPUTS
+        return {name: unit for name, (unit, _) in board_of(course.lesson.board).INPUTS.items()}
     known = {p.key: p.unit for p in parameters(Scene)}
     return {s.name: known[s.key] for s in course.lesson.slider}
 

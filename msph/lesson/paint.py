@@ -3,6 +3,7 @@
 All text is at least 18 pixels high in a window of 960 x 540.
 """
 
+import textwrap
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,9 +19,9 @@ from msph.stage.pages import DENSE, FAINT, INK, LINE, WARNING, font_of
 # heights.
 LINES, CAPTION, PAD = 8.4, 0.56, 0.6
 # Widths of a slider's name and of its value, and its knob's radius, in text heights.
-NAME, VALUE, KNOB = 7.2, 4.6, 0.38
-# Height of a formula over that of text; lines of code on a page without a caption.
-FORMULA = 1.5
+NAME, VALUE, KNOB = 6.4, 5.6, 0.38
+# Height of a formula over that of text; columns by which a folded line of code goes on further in.
+FORMULA, FOLD = 1.5, 8
 # Colours of what is right or done and of a slider's track; told apart by words and shapes, too.
 DONE, TRACK = (124, 214, 160, 255), (86, 112, 130, 255)
 LETTERS = "abcd"
@@ -137,18 +138,18 @@ class Band:
             a, b = 0.2 * edge, 0.42 * edge
             hook = (x + a, top + 0.5 * edge, x + b, top + 0.75 * edge, x + edge, top)
             self.draw.line(hook, colour, 3)
-        told = "done: " + ", ".join(progress.reached[k][:1]) if done else "not yet"
+        told = "done: " + ", ".join(progress.reached[k]) if done else "not yet"
         self._lines([told], x + 1.5 * edge, y, colour, width - 1.5 * edge)
 
 
 def keys_of(progress: Progress) -> str:
     """Keys that turn pages, as far as they do now."""
     if progress.page == 0 and not progress.answered:
-        return f"press {', '.join(LETTERS[: len(progress.lesson.predict.choices)])}"
-    told = ["n next"] if progress.page + 1 < progress.pages else ["q ends the lesson"]
-    told += ["b back"] if progress.page else []
-    told += ["r again"] if progress.task else []
-    return "   ".join(told)
+        return f"your guess? {', '.join(LETTERS[: len(progress.lesson.predict.choices)])}"
+    told = ["n: next"] if progress.page + 1 < progress.pages else ["q: end of the lesson"]
+    told += ["b: back"] if progress.page else []
+    told += ["r: again"] if progress.task else []
+    return ", ".join(told)
 
 
 class Reasons:
@@ -156,9 +157,11 @@ class Reasons:
     code takes."""
 
     def __init__(self, lesson: Lesson, code: list[str], size: tuple[int, int], text: int):
-        self.lesson, self.code, self.size, self.text = lesson, code, size, text
+        self.lesson, self.size, self.text = lesson, size, text
         self.pitch = 1.2 * text
-        self.mono = code_font(text, max((len(line) for line in code), default=1), size[0])
+        self.mono = code_font(text)
+        columns = int((size[0] - 2 * PAD * text) / self.mono.getlength("x"))
+        code = [part for line in code for part in folded(line, columns)]
         self.head = self._head()
         first = int((size[1] - self.head.height - 2.6 * text) / self.pitch)
         rest = int((size[1] - 3.0 * text) / self.pitch)
@@ -209,11 +212,14 @@ class Reasons:
         return np.asarray(page)
 
 
-def code_font(text: int, columns: int, width: int) -> Any:
-    """A font of even widths: so high [pixels], less where so many columns would not fit."""
+def code_font(text: int) -> Any:
+    """A font of even widths, so high [pixels]."""
     from matplotlib.font_manager import findfont
 
-    path = findfont("DejaVu Sans Mono")
-    font = ImageFont.truetype(path, text)
-    most = (width - 2 * PAD * text) / max(columns, 1)
-    return font if font.getlength("x") <= most else ImageFont.truetype(path, int(most / 0.6021))
+    return ImageFont.truetype(findfont("DejaVu Sans Mono"), text)
+
+
+def folded(line: str, columns: int) -> list[str]:
+    """A line of code on as many lines as it needs, those after the first further in."""
+    indent = " " * (len(line) - len(line.lstrip()) + FOLD)
+    return textwrap.wrap(line, columns, subsequent_indent=indent, drop_whitespace=False) or [""]

@@ -86,7 +86,7 @@ class Lesson(Section):
     title: str = parameter(text="one line")
     order: int = parameter(99, ge=0, text="place in the list")
     water: list[WaterOf] = parameter(list, max_length=WATERS, text="waters, side by side")
-    board: str = parameter("", text="a drawing in place of waters: see `msph lesson --boards`")
+    board: str = parameter("", text="a drawing in place of waters: kernels, contours, ladder")
     slider: list[SliderOf] = parameter(list, max_length=SLIDERS, text="what can be moved")
     predict: Predict = parameter(text="before anything runs")
     do: list[Task] = parameter(min_length=1, max_length=4, text="tasks, one after another")

@@ -17,13 +17,14 @@ from msph.stage.preparation import prepare_row
 from msph.stage.recorder import make_writable
 
 SIZE = (1280, 720)
-CAPTIONS = "captions.txt"
+CAPTIONS = "{}_captions.txt"
 
 
 def write(course: Course, folder: Path) -> list[Path]:
     """NAME_01.png and on: the question, each task as its solution leaves it, the explanation; and
-    captions.txt. Returns the files."""
-    make_writable(folder / CAPTIONS)
+    NAME_captions.txt. Returns the files."""
+    captioned = folder / CAPTIONS.format(course.name)
+    make_writable(captioned)
     below, row = band_height(text_height(SIZE[1])), None
     view: Any = None
     if course.lesson.board:
@@ -62,5 +63,5 @@ def write(course: Course, folder: Path) -> list[Path]:
             captions.append("The code goes on.")
         guide.progress.go(1)
     lines = [f"{path.name}: {text}" for path, text in zip(paths, captions, strict=True)]
-    replace(folder / CAPTIONS, "\n".join(lines) + "\n")
-    return [*paths, folder / CAPTIONS]
+    replace(captioned, "\n".join(lines) + "\n")
+    return [*paths, captioned]

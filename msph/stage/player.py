@@ -131,8 +131,13 @@ class Player:
         self.idle.pass_time(self.pacer.wall, bool(pressed or held or dragged or moved.any()))
         sway = self.idle.roll(show.lead.simulation.time, 0.0 if self.paused else step)
         wishes.tilt = (float(self.tilt[0]) + sway, float(self.tilt[1]))
-        wishes.paused = self.paused or (self.guide is not None and self.guide.waits)
+        wishes.paused = self._still
         return wishes
+
+    @property
+    def _still(self) -> bool:
+        """Whether the water waits, for the player or for the guide."""
+        return self.paused or (self.guide is not None and self.guide.waits)
 
     def _covered(self) -> bool:
         """Whether the cursor is over a page, and not over the water."""
@@ -305,11 +310,11 @@ class Player:
 
     def see(self, show: Waters) -> None:
         now = time.perf_counter()
-        if not self.paused:
+        if not self._still:
             self.replay.see(show, now)
         if self.guide:
             self.guide.look()
-        self.layout.lay(show, self.pacer, self.paused, self.idle)
+        self.layout.lay(show, self.pacer, self._still, self.idle)
         if self.guide:
             self.guide.lay(show.picture.image)
         if self.layout.panel == "settings":
@@ -322,7 +327,7 @@ class Player:
         self.window.show(show.picture.image)
         now = time.perf_counter()
         self.shown = min(FORGET * self.shown, now - begin)
-        if self.clock is not None and not self.paused:
+        if self.clock is not None and not self._still:
             self.pacer.see(show, now - self.clock, self.shown)
         self.clock = now
 

@@ -1,0 +1,374 @@
+"""Lessons: each is done by a student who does what its solution says, and not by one who does
+nothing; bad lesson files get one line; pages and slides hold what they should."""
+
+import json
+import math
+import re
+import shutil
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+
+import imageio.v2 as imageio
+import numpy as np
+import pytest
+
+from msph.errors import BlowUpError
+from msph.lesson import slides, web
+from msph.lesson.board_contours import NUMBERS, contour, open_edges, pair_mesh
+from msph.lesson.board_kernels import sampled
+from msph.lesson.boards import MODULES, board_of
+from msph.lesson.course import Progress
+from msph.lesson.excerpt import ExcerptError, excerpt
+from msph.lesson.expressions import ExpressionError, check, value
+from msph.lesson.guide import Guide
+from msph.lesson.load import load_lesson, shipped_lessons
+from msph.lesson.paint import band_height, folded
+from msph.lesson.quantities import QUANTITIES, Numbers
+from msph.lesson.schema import LINES, WORDS
+from msph.lesson.student import Student
+from msph.scene.errors import SceneError
+from msph.scene.library import assets
+from msph.stage.pages import text_height
+from msph.stage.preparation import prepare_row
+
+SIZE = (480, 270)
+LESSONS = tuple(shipped_lessons())
+# Whose numbers are those of the picture.
+SEEN = ("light",)
+
+
+def prepared(course, size=None):
+    """The waters of a lesson, or None for one with a board."""
+    if course.lesson.board:
+        return None
+    return prepare_row(course.scenes, ["" for _ in course.scenes], size)
+
+
+def test_there_are_ten_in_their_order():
+    assert len(LESSONS) == 10
+    orders = [load_lesson(name).lesson.order for name in LESSONS]
+    assert orders == list(range(1, 11))
+
+
+@pytest.mark.parametrize("name", LESSONS)
+def test_a_student_ticks_every_task_and_one_who_does_nothing_none(name):
+    course = load_lesson(name)
+    row = prepared(course, (320, 180) if name in SEEN else None)
+    progress = Progress(course, row)
+    student = Student(progress, row)
+    assert not progress.go(1), "the question comes first"
+    student.answer()
+    for k, task in enumerate(course.lesson.do):
+        idle = Student(progress, row).work(acts=False)
+        assert not idle, f"task {k + 1} ticks by itself: {progress.shown()}"
+        if task.fresh:
+            progress.again()
+        assert student.work(), f"task {k + 1} does not tick: {progress.shown()}"
+        told = " ".join(progress.reached[k])
+        assert "nan" not in told and re.search(r"\d", told)
+        assert progress.go(1)
+    assert progress.waits and progress.page == 1 + len(course.lesson.do)
+
+
+def test_numbers_on_the_screen_are_those_of_the_ledger():
+    course = load_lesson("forces")
+    row = prepared(course)
+    progress = Progress(course, row)
+    student = Student(progress, row)
+    student.answer()
+    student.work()
+    show = row.lead
+    entry = show.ledger.entries[-1]
+    names = progress.names()
+    assert names["water"].kinetic == entry.kinetic
+    assert names["water"].time == show.simulation.time == pytest.approx(entry.time)
+    assert names["gravity"] == course.lesson.do[0].solution.set["gravity"]
+    assert math.hypot(*show.scene.gravity) == pytest.approx(names["gravity"])
+    # Measured anew from the positions, by the formula.
+    show.simulation.measure_density()
+    density = show.simulation.particles.numpy("density") / show.scene.density
+    assert Numbers(show).density_error == pytest.approx(
+        100.0 * np.maximum(density - 1.0, 0.0).mean(), rel=1e-5
+    )
+    shown = dict(line.rsplit(" ", 2)[:2] for line in progress.shown())
+    assert float(shown["centre y"]) == pytest.approx(entry.centre[1], rel=1e-3)
+
+
+@pytest.mark.parametrize("name", LESSONS)
+def test_captions_are_short_and_spelt_right(name, tmp_path):
+    lesson = load_lesson(name).lesson
+    texts = [lesson.title, lesson.predict.ask, *lesson.predict.choices, lesson.why.text]
+    texts += [task.text for task in lesson.do]
+    assert all(len(text.split()) <= WORDS for text in texts)
+    (tmp_path / "texts.txt").write_text("\n".join(texts))
+    found = subprocess.run(
+        [sys.executable, "-m", "codespell_lib", str(tmp_path / "texts.txt")],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert found.returncode == 0, found.stdout
+
+
+def test_excerpts_are_the_source_as_it_is():
+    for name in LESSONS:
+        course = load_lesson(name)
+        assert 3 <= len(course.code) <= LINES
+        module = course.lesson.why.code.partition(":")[0].replace(".", "/") + ".py"
+        source = (assets().parent / module).read_text(encoding="utf-8")
+        for line in course.code:
+            assert line.strip() in source
+    with pytest.raises(ExcerptError, match="there is no msph.fluid.classic:Classic.nothing"):
+        excerpt("msph.fluid.classic:Classic.nothing")
+    with pytest.raises(ExcerptError, match="no line with 'purple'"):
+        excerpt("msph.fluid.classic", first="purple")
+
+
+# Lessons that cannot be used: a change of a good one, and what is said.
+TINY = """
+title = "A small lesson"
+board = "contours"
+[[slider]]
+name = "threshold"
+lo = 1.0
+hi = 8.0
+start = 5.0
+[predict]
+ask = "How many ponds?"
+choices = ["one", "two"]
+answer = 2
+[[do]]
+text = "Lower the threshold."
+check = "board.ponds == 1"
+show = ["board.ponds"]
+solution = { set = { threshold = 1.0 } }
+[why]
+text = "They meet."
+formula = 'f = 5'
+code = "msph.lesson.board_contours:contour"
+last = "segments = []"
+"""
+BAD = {
+    "title": ('title = "A small lesson"', "", r"lesson.toml: title: is required"),
+    "typo": ("[predict]", "[predikt]", r"predikt: unknown key; did you mean 'predict'\?"),
+    "board": ('"contours"', '"contour"', r"board: unknown board 'contour'; did you mean 'contours"),
+    "slider": ('name = "threshold"', 'name = "treshold"', r"slider.0.name: unknown input"),
+    "range": ("start = 5.0", "start = 9.0", r"slider.0: start must lie between lo and hi"),
+    "answer": ("answer = 2", "answer = 3", r"predict.answer: is none of the choices"),
+    "number": ("board.ponds ==", "board.pond ==", r"do.0.check: unknown number of 'board' 'pond'"),
+    "name": ("board.ponds ==", "water.time ==", r"do.0.check: unknown name 'water'"),
+    "grammar": ("board.ponds == 1", "board.ponds ==", r"do.0.check: is no expression"),
+    "import": ("board.ponds == 1", "__import__('os')", r"do.0.check: unknown function"),
+    "words": ("They meet.", "word " * 41, r"why.text: has 41 words; at most 40"),
+    "formula": ("'f = 5'", r"'\frac{1'", r"why.formula: cannot be set"),
+    "code": ("board_contours:contour", "board_contours:kontur", r"why.code: there is no"),
+    "long": ('last = "segments = []"', "", r""),
+    "both": ('board = "contours"', "", r"needs either waters or a board"),
+    "solution": ("{ threshold = 1.0 }", "{ level = 1.0 }", r"unknown slider 'level'"),
+}
+
+
+def written(folder, text):
+    folder.mkdir(exist_ok=True)
+    (folder / "lesson.toml").write_text(text)
+    return str(folder)
+
+
+@pytest.mark.parametrize("kind", [k for k in BAD if k != "long"])
+def test_a_bad_lesson_gets_one_line(kind, tmp_path):
+    old, new, problem = BAD[kind]
+    assert old in TINY
+    with pytest.raises(SceneError, match=problem) as error:
+        load_lesson(written(tmp_path / "mine", TINY.replace(old, new)))
+    assert "\n" not in str(error.value) and str(error.value).startswith("mine/lesson.toml")
+
+
+def test_a_lesson_of_thirty_lines_works(tmp_path):
+    assert len(TINY.strip().splitlines()) < 30
+    course = load_lesson(written(tmp_path / "mine", TINY))
+    progress = Progress(course, None)
+    student = Student(progress, None)
+    student.answer()
+    assert not student.work(acts=False) and student.work()
+
+
+def test_sliders_cannot_leave_what_a_parameter_may_be(tmp_path):
+    shutil.copytree(assets() / "lessons" / "forces", tmp_path / "mine")
+    path = tmp_path / "mine" / "lesson.toml"
+    path.write_text(path.read_text().replace("lo = 1.0", "lo = -1.0"))
+    with pytest.raises(SceneError, match=r"slider.1.lo: input should be greater than 0"):
+        load_lesson(str(tmp_path / "mine"))
+
+
+def test_unknown_lessons_are_told_of():
+    with pytest.raises(SceneError, match="no such lesson; did you mean 'kernels'"):
+        load_lesson("kernel")
+
+
+def test_expressions_compare_and_refuse():
+    names = {"a": 2.0, "b": math.nan}
+    assert value("a > 1 and abs(-a) == 2", names) is True
+    assert not value("b > 1 or b < 1", names)
+    assert math.isnan(value("a / 0", names))
+    for text in ("a.__class__", "open('x')", "[a for a in b]", "'x' * 10**9", "a.real"):
+        with pytest.raises(ExpressionError):
+            check(text, {"a": None, "b": {"x"}})
+
+
+def test_every_quantity_has_a_unit_and_words():
+    for quantity in QUANTITIES.values():
+        assert quantity.unit and quantity.text
+
+
+def test_kernels_of_the_board_are_ours_and_integrate_to_one():
+    r = np.linspace(1e-4, 2.0, 4001)
+    for w in sampled(r, 2.0):
+        integral = np.trapezoid(4.0 * np.pi * r**2 * w, r)
+        assert integral == pytest.approx(1.0, abs=2e-3)
+
+
+def test_contours_lie_where_the_numbers_cross_the_threshold():
+    for threshold in (2.5, 4.5, 6.5):
+        for line in contour(threshold, diagonal=False):
+            for column, row in line:
+                j, i = int(column), int(row)
+                a = NUMBERS[i, j]
+                b = NUMBERS[min(i + (row > i), 6), min(j + (column > j), 6)]
+                t = max(column - j, row - i)
+                assert a + t * (b - a) == pytest.approx(threshold)
+
+
+def test_cubes_fit_by_the_shared_face_and_not_each_by_itself():
+    assert len(open_edges(pair_mesh(by_face=False))) == 4
+    assert open_edges(pair_mesh(by_face=True)) == []
+
+
+def test_boards_are_drawn_in_full_size():
+    for name in MODULES:
+        board = board_of(name)
+        values = {name: start for name, (_, start) in board.INPUTS.items()}
+        pixels = board.draw(values, (480, 200))
+        assert pixels.shape == (200, 480, 3) and pixels.std() > 10.0
+        assert set(board.numbers(values)) == set(board.NUMBERS)
+
+
+class TestGuide:
+    """Keys and mouse of a lesson with a board, as a window brings them."""
+
+    @pytest.fixture
+    def guide(self):
+        return Guide(load_lesson("cubes"), None, SIZE)
+
+    def test_the_question_is_answered_before_anything_runs(self, guide):
+        assert guide.takes("n") and guide.progress.page == 0 and guide.waits
+        assert guide.takes("d") and guide.progress.answered == 0, "there are three choices"
+        assert guide.takes("b") and guide.progress.answered == 2
+        assert guide.takes("a") and guide.progress.answered == 2, "once"
+        assert guide.takes("n") and guide.progress.page == 1 and not guide.waits
+        assert guide.takes("b") and guide.progress.page == 0
+        assert not guide.takes("p")
+
+    def test_a_slider_follows_the_mouse_from_where_it_was_taken(self, guide):
+        import taichi as ti
+
+        guide.takes("a"), guide.takes("n")
+        image = ti.Vector.field(3, ti.f32, SIZE)
+        guide.lay(image)
+        place = guide.band.places[0]
+        y = 1.0 - (SIZE[1] - guide.below + 0.5 * (place.top + place.bottom)) / SIZE[1]
+
+        def at(x):
+            return np.array([x / SIZE[0], y])
+
+        assert guide.covers(at(place.left)) and not guide.covers(np.array([0.5, 0.9]))
+        # A button that went down elsewhere takes no slider.
+        assert not guide.drag(np.array([0.1, 0.9]), True)
+        assert not guide.drag(at(place.left), True)
+        guide.drag(at(place.left), False)
+        assert guide.drag(at(place.left), True)
+        assert guide.progress.values["threshold"] == place.slider.lo
+        assert guide.drag(np.array([2.0, 2.0]), True), "it may leave the window"
+        assert guide.progress.values["threshold"] == place.slider.hi
+        assert not guide.drag(at(place.left), False)
+        assert guide.takes("r") and guide.progress.values["threshold"] == place.slider.start
+
+    def test_pages_are_laid_over_the_picture(self, guide):
+        import taichi as ti
+
+        image = ti.Vector.field(3, ti.f32, SIZE)
+        image.fill(1.0)
+        guide.lay(image)
+        pixels = image.to_numpy()
+        assert pixels[:, : guide.below].mean() < 0.3 and pixels[:, guide.below :].min() == 1.0
+        guide.takes("a")
+        for _ in range(1 + len(guide.progress.lesson.do)):
+            guide.takes("n")
+        assert guide.whole and guide.covers(np.array([0.5, 0.9]))
+        guide.lay(image)
+        assert image.to_numpy().mean() < 0.3
+
+    def test_text_can_be_read(self):
+        assert text_height(540) >= 18 and band_height(18) < 0.45 * 540
+        assert folded("    x = 1", 80) == ["    x = 1"]
+        assert folded("    " + "word " * 30, 40)[1].startswith(" " * 12)
+
+
+def test_water_that_blew_up_begins_again(monkeypatch):
+    from msph.lesson import commands
+
+    calls = []
+
+    class Fake:
+        def __init__(self, *arguments):
+            self.layout = self
+
+        def say(self, text):
+            calls.append(text)
+
+    def run(row, player):
+        if len(calls) < 2:
+            raise BlowUpError("boiled")
+
+    class Stub:
+        progress = type("P", (), {"row": object(), "again": lambda self: calls.append("again")})()
+
+    monkeypatch.setattr(commands, "Player", Fake)
+    monkeypatch.setattr(commands, "run", run)
+    commands.play(Stub(), None, "boiling", None)
+    assert calls == ["again", "the water blew up: it begins again"]
+
+
+def test_a_page_is_whole_and_needs_no_network(tmp_path):
+    course = load_lesson("cubes")
+    (path,) = web.write(course, tmp_path)
+    text = path.read_text(encoding="utf-8")
+    lesson = course.lesson
+    for wanted in (lesson.title, lesson.why.text, *(task.text for task in lesson.do)):
+        assert wanted.replace("'", "&#x27;") in text
+    links = re.findall(r'(?:src|href)="([^"]*)"', text)
+    assert not [link for link in links if not link.startswith(("data:", "#"))]
+    formula = re.search(r"<svg.*?</svg>", text, re.DOTALL)
+    assert formula and ET.fromstring(formula[0]).tag.endswith("svg")
+    frames = [json.loads(t) for t in re.findall(r'json">(.*?)</script>', text, re.DOTALL)]
+    assert len(frames) == len(lesson.do) and all(len(f) >= 2 for f in frames)
+    assert "not reached" not in text and text.count("Ticked at:") == len(lesson.do)
+
+
+def test_videos_of_a_page_play(tmp_path):
+    import base64
+
+    frames = [np.full((48, 64, 3), 8 * k, np.uint8) for k in range(10)]
+    path = tmp_path / "video.mp4"
+    path.write_bytes(base64.b64decode(web.video(frames).partition(",")[2]))
+    assert len(list(imageio.get_reader(path).iter_data())) == 10
+
+
+def test_slides_are_numbered_and_captioned(tmp_path):
+    course = load_lesson("kernels")
+    *pictures, captions = slides.write(course, tmp_path)
+    assert len(pictures) >= 2 + len(course.lesson.do)
+    lines = captions.read_text().splitlines()
+    assert [line.partition(":")[0] for line in lines] == [p.name for p in pictures]
+    for picture in pictures:
+        assert imageio.imread(picture).shape[:2] == slides.SIZE[::-1]
