@@ -372,3 +372,25 @@ def test_slides_are_numbered_and_captioned(tmp_path):
     assert [line.partition(":")[0] for line in lines] == [p.name for p in pictures]
     for picture in pictures:
         assert imageio.imread(picture).shape[:2] == slides.SIZE[::-1]
+
+
+def test_teaching_md_tells_of_every_lesson_and_every_number():
+    text = (assets().parent / "docs" / "teaching.md").read_text(encoding="utf-8")
+    for name, quantity in QUANTITIES.items():
+        assert f"| `{name}` | {quantity.unit} | {quantity.text} |" in text
+    for name in LESSONS:
+        course = load_lesson(name)
+        assert f"| `{name}` | {'abcd'[course.lesson.predict.answer - 1]}: " in text
+
+
+def test_the_lesson_of_teaching_md_works(tmp_path):
+    text = (assets().parent / "docs" / "teaching.md").read_text(encoding="utf-8")
+    example = re.search(r"```toml\n(.*?)```", text, re.DOTALL)
+    assert example and len([line for line in example[1].splitlines() if line]) < 30
+    course = load_lesson(written(tmp_path / "mine", example[1]))
+    row = prepared(course)
+    progress = Progress(course, row)
+    student = Student(progress, row)
+    student.answer()
+    assert not student.work(acts=False), progress.shown()
+    assert student.work(), progress.shown()

@@ -1,5 +1,6 @@
 """A real window under Xvfb: it opens, obeys keys, shows the water, and says when it cannot."""
 
+import json
 import os
 import shutil
 import subprocess
@@ -10,7 +11,9 @@ import imageio.v2 as imageio
 import numpy as np
 import pytest
 
+from msph.lesson.paint import CAPTION, LINE, NAME, PAD, band_height
 from msph.scene.load import read_toml
+from msph.stage.pages import text_height
 from msph.stage.status import pace
 from tests.scenes_kit import write
 
@@ -33,11 +36,12 @@ BRIEF = (
 )
 
 
-def play(*arguments, display=None, folder=None, run=("-m", "msph")):
+def play(*arguments, display=None, folder=None, run=("-m", "msph"), command="play", **more):
     environment = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    environment |= more
     if display:
         environment["DISPLAY"] = display
-    command = [sys.executable, "-u", *run, "play", *arguments, "--arch", "cpu"]
+    command = [sys.executable, "-u", *run, command, *arguments, "--arch", "cpu"]
     return subprocess.Popen(
         command,
         env=environment,
@@ -201,6 +205,45 @@ def test_window_opens_obeys_keys_and_shows_water(display, tmp_path):
         assert process.wait(timeout=PATIENCE) == 0
     finally:
         process.kill()
+
+
+@needs_x
+def test_a_lesson_is_answered_and_done_with_keys_and_mouse(display, tmp_path):
+    """Its progress is read from the user's cache."""
+    size = ("--size", f"{WIDTH}x{HEIGHT}")
+    process = play(
+        "kernels", *size, display=display.display, command="lesson", XDG_CACHE_HOME=str(tmp_path)
+    )
+    try:
+        blank = display.look()
+        question = display.still(unlike=blank, by=3.0)
+        display.do("key", "n")
+        assert np.array_equal(display.still(), question), "the question comes first"
+        display.do("key", "b")
+        answered = display.still(unlike=question, by=0.1)
+        display.do("key", "n")
+        task = display.still(unlike=answered, by=0.1)
+        # The first slider, of the support: to its lower end.
+        text = text_height(HEIGHT)
+        y = HEIGHT - band_height(text) + (PAD + 0.5 * LINE) * text
+        left = CAPTION * WIDTH + NAME * text
+        display.move(left + 40, y, "mousedown", 1)
+        display.move(left, y)
+        display.do("mouseup", 1)
+        display.still(unlike=task, by=1.0)
+        display.do("key", "n", "q")
+        assert process.wait(timeout=PATIENCE) == 0
+    finally:
+        process.kill()
+    kept = json.loads(next(tmp_path.glob("msph/measured-*.json")).read_text())
+    assert kept["lesson kernels"] == {"ticked": [True, False, False], "answered": 2}
+
+
+def test_a_lesson_without_a_display_says_how_to_read_it():
+    process = play("kernels", command="lesson")
+    told, _ = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 2
+    assert told.splitlines()[-1].endswith("--html DIR writes the lesson as a page")
 
 
 def test_without_a_display_play_captures_instead(tmp_path):
