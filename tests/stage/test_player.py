@@ -16,11 +16,12 @@ from msph.scene.library import shipped_scenes
 from msph.scene.live import live_parameters, read
 from msph.scene.load import read_toml
 from msph.stage import idle, replay
-from msph.stage.controls import ACTIONS, KEYS
+from msph.stage.controls import ACTIONS, KEYS, Controls
 from msph.stage.keepsakes import Keepsakes
 from msph.stage.layout import PANELS
 from msph.stage.panel import Wish
 from msph.stage.player import SLOW_MOTION, Choice, Player
+from msph.stage.row import Row
 from msph.stage.show import PLAYED, Show
 from tests.scenes_kit import TEXT, write
 
@@ -616,3 +617,99 @@ def test_a_storm_of_inputs_loses_no_water(player, show, seed):
     entry = show.ledger.record(show.gravity())
     assert entry.mass == pytest.approx(mass, rel=1e-6) and entry.outside == 0
     assert np.isfinite(show.simulation.particles.numpy("v")).all()
+
+
+BELOW = 40
+
+
+@pytest.fixture(scope="module")
+def other(show):
+    """The water beside: coarser particles alone."""
+    scene = show.scene.model_copy(update={"adaptation": type(show.scene.adaptation)()})
+    return Show(scene, FRAME, SIZE, timings=Timings(keep=5), **PLAYED)
+
+
+@pytest.fixture
+def row(given, other):
+    other.reset()
+    other.views.name = "water"
+    return Row([given, other], ["one", "two"], (2 * WIDTH + 2, HEIGHT + BELOW), BELOW)
+
+
+class TestRow:
+    """Two waters side by side under the same hands."""
+
+    def test_both_get_the_same_frames_and_are_drawn_beside_each_other(self, row):
+        for _ in range(3):
+            row.frame(Controls(tilt=(0.2, 0.0), frame_time=FRAME))
+        first, second = row.shows
+        assert first.simulation.time == second.simulation.time == pytest.approx(3 * FRAME)
+        assert np.array_equal(first.tilt, second.tilt) and first.tilt[0, 1] != 0.0
+        pixels = row.image.to_numpy()
+        beside = slice(WIDTH + 2, 2 * WIDTH + 2)
+        # Below the names the pictures are as they were drawn.
+        low = slice(BELOW, BELOW + HEIGHT // 2)
+        assert np.array_equal(pixels[:WIDTH, low], first.picture.image.to_numpy()[:, : HEIGHT // 2])
+        assert np.array_equal(
+            pixels[beside, low], second.picture.image.to_numpy()[:, : HEIGHT // 2]
+        )
+        assert row.to_numpy_u8().shape == (HEIGHT, 2 * WIDTH + 2, 3)
+        row.frame(Controls(paused=True))
+        assert first.simulation.time == second.simulation.time == pytest.approx(3 * FRAME)
+
+    def test_a_slower_lead_holds_the_other_back(self, row):
+        """A budget that ends after one step of the first: the other goes no farther."""
+        row.frame(Controls(frame_time=5 * FRAME, budget=0.0))
+        first, second = row.shows
+        assert 0.0 < first.simulation.time < 5 * FRAME
+        assert second.simulation.time == pytest.approx(first.simulation.time)
+
+    def test_the_cursor_meets_the_water_that_it_is_over(self, row):
+        first, second = row.shows
+        for show, left in ((first, 0), (second, WIDTH + 2)):
+            cursor = np.array([left + 0.25 * WIDTH, BELOW + 0.5 * HEIGHT]) / row.size
+            under, place = row.under(cursor)
+            assert under is show and place == pytest.approx([0.25, 0.5])
+            assert row.placed(show, np.array([[0.25, 0.5]]))[0] == pytest.approx(cursor)
+
+    def test_parameters_reach_those_that_have_them(self, row):
+        row.set("gravity", 5.0)
+        row.set("classic.stiffness", 100.0)
+        for show in row.shows:
+            assert math.hypot(*show.scene.gravity) == pytest.approx(5.0)
+            assert show.scene.classic.stiffness != 100.0
+        row.set("gravity", 9.81)
+
+    def test_a_push_in_the_second_pushes_both(self, row, tmp_path):
+        screen = Screen()
+        screen.size, screen.aspect = row.size, row.size[0] / row.size[1]
+        player = Player(screen, row, Choice("pool", "auto"), "medium")
+        player.keepsakes = Keepsakes(tmp_path, "pool", "medium")
+        frames(player, row, 2)
+        pixels = itertools.product(range(0, WIDTH, 4), range(0, HEIGHT, 4))
+        second = row.shows[1]
+        wet = [pixel for pixel in pixels if second.pick(*pixel) is not None]
+        i, j = wet[len(wet) // 2]
+        screen.at = np.array([WIDTH + 2 + i, BELOW + j]) / row.size
+        screen.held = {"LMB"}
+        frames(player, row, 2)
+        for _ in range(6):
+            screen.at = screen.at + np.array([0.005, 0.0])
+            frames(player, row)
+        assert all(show.ledger.entries[-1].user_work > 0.0 for show in row.shows)
+        screen.held = set()
+        # Pictures are of both.
+        press(player, row, "p")
+        (path,) = tmp_path.glob("*.png")
+        assert imageio.imread(path).shape == (HEIGHT, 2 * WIDTH + 2, 3)
+
+    def test_it_goes_back_to_a_moment(self, row):
+        row.frame(Controls(frame_time=FRAME))
+        kept = row.moment()
+        before = row.image.to_numpy()
+        row.frame(Controls(frame_time=FRAME, tilt=(0.3, 0.0)))
+        assert not np.array_equal(before, row.image.to_numpy())
+        row.see_again(kept)
+        assert [s.simulation.time for s in row.shows] == pytest.approx([FRAME, FRAME])
+        row.reset()
+        assert [s.simulation.time for s in row.shows] == [0.0, 0.0]
