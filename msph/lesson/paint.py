@@ -19,7 +19,7 @@ from msph.stage.pages import DENSE, FAINT, INK, LINE, WARNING, font_of
 # heights.
 LINES, CAPTION, PAD = 8.4, 0.56, 0.6
 # Widths of a slider's name and of its value, and its knob's radius, in text heights.
-NAME, VALUE, KNOB = 6.4, 5.6, 0.38
+NAME, VALUE, KNOB = 5.8, 6.6, 0.38
 # Height of a formula over that of text; columns by which a folded line of code goes on further in.
 FORMULA, FOLD = 1.5, 8
 # Colours of what is right or done and of a slider's track; told apart by words and shapes, too.
@@ -138,7 +138,7 @@ class Band:
             a, b = 0.2 * edge, 0.42 * edge
             hook = (x + a, top + 0.5 * edge, x + b, top + 0.75 * edge, x + edge, top)
             self.draw.line(hook, colour, 3)
-        told = "done: " + ", ".join(progress.reached[k]) if done else "not yet"
+        told = f"done: {progress.reached[k][0]}" if done else "not yet"
         self._lines([told], x + 1.5 * edge, y, colour, width - 1.5 * edge)
 
 

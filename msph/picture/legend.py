@@ -8,8 +8,9 @@ from PIL import Image, ImageDraw, ImageFont
 from msph.picture.overlay import Overlay
 from msph.picture.particles_view import shown_colour
 
-# Text height over the picture's, and the least that can be read [pixels].
-TEXT, LEAST_TEXT = 1.0 / 36.0, 12
+# Text height over the picture's; the least that can be read, and that which all can read [pixels],
+# which pictures take that are so many times as high.
+TEXT, LEAST_TEXT, READABLE, ROOMY = 1.0 / 36.0, 12, 18, 18
 # Lengths in text heights: space round and in the panel, the bar, the pitch of lines, the most that
 # a panel may measure.
 GAP, PADDING, BAR, LINE, MOST = 0.8, 0.7, (11.0, 0.9), 1.35, (22.0, 28.0)
@@ -80,7 +81,7 @@ class LegendPanel:
     """Lays a legend into the lower right corner of pictures of width x height pixels."""
 
     def __init__(self, width: int, height: int):
-        self.size = max(LEAST_TEXT, round(TEXT * height))
+        self.size = max(LEAST_TEXT, round(TEXT * height), min(READABLE, height // ROOMY))
         self.gap = round(GAP * self.size)
         self.picture = width, height
         room = (n - 2 * self.gap for n in (width, height))
