@@ -275,7 +275,7 @@ class TestGuide:
         guide.takes("a"), guide.takes("n")
         image = ti.Vector.field(3, ti.f32, SIZE)
         guide.lay(image)
-        place = guide.band.places[0]
+        place = guide.band.sheet.sliders[0]
         y = 1.0 - (SIZE[1] - guide.below + 0.5 * (place.top + place.bottom)) / SIZE[1]
 
         def at(x):
@@ -287,11 +287,11 @@ class TestGuide:
         assert not guide.drag(at(place.left), True)
         guide.drag(at(place.left), False)
         assert guide.drag(at(place.left), True)
-        assert guide.progress.values["threshold"] == place.slider.lo
+        assert guide.progress.values["threshold"] == place.lo
         assert guide.drag(np.array([2.0, 2.0]), True), "it may leave the window"
-        assert guide.progress.values["threshold"] == place.slider.hi
+        assert guide.progress.values["threshold"] == place.hi
         assert not guide.drag(at(place.left), False)
-        assert guide.takes("r") and guide.progress.values["threshold"] == place.slider.start
+        assert guide.takes("r") and guide.progress.values["threshold"] == 5.0
 
     def test_pages_are_laid_over_the_picture(self, guide):
         import taichi as ti

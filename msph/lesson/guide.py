@@ -7,12 +7,13 @@ import numpy as np
 from msph.lesson.boards import board_of
 from msph.lesson.course import Progress
 from msph.lesson.load import Course
-from msph.lesson.paint import LETTERS, Band, Place, Reasons, band_height
+from msph.lesson.paint import LETTERS, Band, Reasons, band_height
 from msph.picture.overlay import Overlay
 from msph.scene.parameters import parameters
 from msph.scene.schema import Scene
 from msph.stage.pages import text_height
 from msph.stage.row import Waters
+from msph.stage.widgets import Grip, Slider
 
 # Time between two readings of the numbers [s]: faster ones cannot be read.
 EVERY = 0.25
@@ -41,8 +42,7 @@ class Guide:
         self.overlay = Overlay(*size, {"band": (size[0], self.below), "why": size})
         self.painted: object = None
         self.read, self.shown = -np.inf, list[str]()
-        self.held: Place | None = None  # the slider under a button that is down
-        self.down = False
+        self.grip = Grip()
 
     @property
     def waits(self) -> bool:
@@ -76,16 +76,11 @@ class Guide:
         """Moves the slider that the left button was put down on; whether it holds one."""
         x, y = cursor[0] * self.size[0], (1.0 - cursor[1]) * self.size[1]
         y -= self.size[1] - self.below
-        if not down:
-            self.held = None
-        elif not self.down and self.progress.task:
-            for place in self.band.places:
-                if place.top <= y <= place.bottom and x >= place.left - self.text:
-                    self.held = place
-        self.down = down
-        if self.held is not None:
-            self.progress.move(self.held.slider, self.held.value(x))
-        return self.held is not None
+        moved = self.grip.act(self.band.sheet if self.progress.task else None, x, y, down)
+        if isinstance(moved, Slider):
+            sliders = {s.name: s for s in self.progress.lesson.slider}
+            self.progress.move(sliders[moved.name], moved.value(x))
+        return self.grip.holds
 
     def look(self) -> None:
         """After a frame: whether the task is done, and what its numbers are now."""

@@ -4,7 +4,6 @@ All text is at least 18 pixels high in a window of 960 x 540.
 """
 
 import textwrap
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,18 +11,19 @@ from PIL import Image, ImageDraw, ImageFont
 
 from msph.lesson import typeset
 from msph.lesson.course import Progress
-from msph.lesson.schema import Lesson, SliderOf
+from msph.lesson.schema import Lesson
 from msph.stage.pages import DENSE, FAINT, INK, LINE, WARNING, font_of
+from msph.stage.widgets import AWAY, Sheet
 
 # Lines of text in the band, share of its width for the caption, and space round text in text
 # heights.
 LINES, CAPTION, PAD = 8.4, 0.56, 0.6
-# Widths of a slider's name and of its value, and its knob's radius, in text heights.
-NAME, VALUE, KNOB = 5.8, 6.6, 0.38
+# Widths of a slider's name and of its value, in text heights.
+NAME, VALUE = 5.8, 6.6
 # Height of a formula over that of text; columns by which a folded line of code goes on further in.
 FORMULA, FOLD = 1.5, 8
-# Colours of what is right or done and of a slider's track; told apart by words and shapes, too.
-DONE, TRACK = (124, 214, 160, 255), (86, 112, 130, 255)
+# Colour of what is right or done; told apart by words and shapes, too.
+DONE = (124, 214, 160, 255)
 LETTERS = "abcd"
 
 
@@ -44,34 +44,18 @@ def wrapped(text: str, font: Any, width: float) -> list[str]:
     return lines
 
 
-@dataclass(frozen=True)
-class Place:
-    """Where a slider can be taken: left, right, top, bottom [pixels] from the page's corner."""
-
-    slider: SliderOf
-    left: float
-    right: float
-    top: float
-    bottom: float
-
-    def value(self, x: float) -> float:
-        """Of the slider with its knob at x."""
-        share = min(max((x - self.left) / (self.right - self.left), 0.0), 1.0)
-        return self.slider.lo + share * (self.slider.hi - self.slider.lo)
-
-
 class Band:
     """Paints the band, size (width, height) [pixels], text so high [pixels]."""
 
     def __init__(self, size: tuple[int, int], text: int, units: dict[str, str]):
         self.size, self.text, self.units = size, text, units
-        self.places: list[Place] = []
+        self.sheet: Sheet | None = None
 
     def paint(self, progress: Progress, shown: list[str]) -> np.ndarray:
         """(height, width, 4) uint8, first row at the top; shown: the numbers of a task."""
         page = Image.new("RGBA", self.size, (*DENSE[:3], 255))
         self.draw, self.font = ImageDraw.Draw(page), font_of(self.text)
-        self.places = []
+        self.sheet = Sheet(self.draw, self.font, self.text)
         pad, middle = PAD * self.text, CAPTION * self.size[0]
         width = middle - 2 * pad
         lesson, task = progress.lesson, progress.task
@@ -110,20 +94,16 @@ class Band:
             y = self._lines([f"{LETTERS[k]}   {choice}{mark}"], x, y, colour, width)
 
     def _sliders(self, progress: Progress, x: float, y: float, width: float) -> float:
+        assert self.sheet is not None
         for slider in progress.lesson.slider:
             value = progress.values[slider.name]
             middle = y + 0.5 * LINE * self.text
-            left, right = x + NAME * self.text, x + width - VALUE * self.text
-            place = Place(slider, left, right, y, y + LINE * self.text)
-            self.places.append(place)
+            ends = x + NAME * self.text, x + width - VALUE * self.text
             self.draw.text((x, middle), slider.name.replace("_", " "), INK, self.font, "lm")
-            self.draw.line((left, middle, right, middle), TRACK, 4)
-            knob = left + (value - slider.lo) / (slider.hi - slider.lo) * (right - left)
-            r = KNOB * self.text
-            self.draw.ellipse((knob - r, middle - r, knob + r, middle + r), WARNING)
+            self.sheet.slider(slider.name, value, (slider.lo, slider.hi), ends, y)
             unit = self.units.get(slider.name, "-")
             told = f"{value:.3g}" + (f" {unit}" if unit != "-" else "")
-            self.draw.text((right + 1.2 * r, middle), told, FAINT, self.font, "lm")
+            self.draw.text((ends[1] + AWAY * self.text, middle), told, FAINT, self.font, "lm")
             y += LINE * self.text
         return y
 

@@ -37,7 +37,8 @@ class Layout:
         self.hinted: Any = None  # hints as they were last painted
         small = ("status", "hints", "message", "particle")
         rooms = {name: (width, ROOM * self.text) for name in small}
-        rooms["graphs"], rooms["help"] = (self.column, height), size
+        rooms["graphs"] = rooms["settings"] = self.column, height
+        rooms["help"] = size
         self.overlay = Overlay(width, height, rooms)
 
     @property
@@ -46,10 +47,19 @@ class Layout:
         return 1.0 - self.column / self.size[0] if self.panel else 1.0
 
     @property
-    def place(self) -> tuple[float, float, float, float]:
-        """Left, top, width, height of the column, in shares of the window."""
-        top = self._top() / self.size[1]
-        return 0.0, top, self.column / self.size[0], 1.0 - top
+    def column_size(self) -> tuple[int, int]:
+        """Width and height of the column [pixels]."""
+        return self.column, self.size[1] - self._top()
+
+    def on_column(self, cursor: np.ndarray) -> tuple[float, float]:
+        """A cursor, (right, up) in shares of the window, in pixels right of and below the column's
+        upper left corner."""
+        return cursor[0] * self.size[0], (1.0 - cursor[1]) * self.size[1] - self._top()
+
+    def lay_panel(self, page: np.ndarray | None) -> None:
+        """Shows settings in the column; None: as they are shown."""
+        if page is not None:
+            self.overlay.put("settings", page, 0, self._top())
 
     def covers(self, cursor: np.ndarray) -> bool:
         """Whether the cursor, (right, up) in shares of the window, is on the column."""
@@ -58,6 +68,7 @@ class Layout:
     def next_panel(self) -> None:
         self.panel = PANELS[(PANELS.index(self.panel) + 1) % len(PANELS)]
         self.overlay.hide("graphs")
+        self.overlay.hide("settings")
         self.hinted = None
 
     def say(self, message: str) -> None:

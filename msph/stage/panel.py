@@ -3,15 +3,24 @@
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+from PIL import Image, ImageDraw
+
 from msph.scene.library import shipped_scenes
 from msph.scene.live import Live, live_parameters, read
 from msph.scene.quality import NAMES
+from msph.stage.pages import DENSE, FAINT, INK, LINE, font_of
 from msph.stage.show import Show
+from msph.stage.widgets import Button, Grip, Sheet, Slider
 
-# Groups that are open at first.
-OPEN = ("settings",)
-# Least change of a slider, over its range: less is its own rounding.
-SAME = 1e-5
+# What the panel has a page for, and by section of the scene the page of its live parameters; those
+# of no section are the water's.
+PAGES = ("water", "light", "play", "views", "scenes", "quality")
+PAGE_OF = {"picture": "light", "play": "play"}
+# Buttons of pages in a row, and room round all in text heights.
+ABREAST, PAD = 3, 0.5
+# The button that undoes all changes.
+RESET = "as the scene says"
 
 
 @dataclass(frozen=True)
@@ -24,58 +33,90 @@ class Wish:
 
 
 class Panel:
-    """scene: what the show was asked for by, quality: what it is at."""
+    """scene: what the show was asked for by, quality: what it is at. page: which of PAGES is
+    open."""
 
     def __init__(self, show: Show, scene: str, quality: str):
         self.live: list[Live] = live_parameters(show.scene)
         self.given = {live.key: read(show.scene, live.key) for live in self.live}
-        self.scene, self.quality = scene, quality
-        self.open = {name: name in OPEN for name in ("settings", "views", "scenes", "quality")}
-
-    def draw(self, gui: Any, place: tuple[float, float, float, float], show: Show) -> list[Wish]:
-        """Widgets within left, top, width, height (shares of the window); what they ask for."""
-        wishes: list[Wish] = []
-        with gui.sub_window("settings", *place):
-            for name in self.open:
-                self.open[name] = gui.checkbox(name, self.open[name])
-                if self.open[name]:
-                    wishes += getattr(self, f"_{name}")(gui, show)
-        return wishes
+        self.scene, self.quality, self.page = scene, quality, PAGES[0]
+        self.sheet: Sheet | None = None
+        self.grip = Grip()
+        self.painted: Any = None
 
     def value(self, show: Show, key: str) -> float:
         """Of a live parameter now."""
         return read(show.scene, key)
 
-    def _settings(self, gui: Any, show: Show) -> list[Wish]:
-        wishes = []
-        for live in self.live:
+    def paint(self, show: Show, size: tuple[int, int], text: int) -> np.ndarray | None:
+        """The open page, (height, width, 4) uint8, first row at the top, of a size (width, height)
+        with text so high [pixels]; None while that of before still holds."""
+        values = tuple(read(show.scene, live.key) for live in self._here())
+        state = (self.page, show.views.name, values, size, text)
+        if state == self.painted:
+            return None
+        self.painted = state
+        page = Image.new("RGBA", size, DENSE)
+        self.sheet = Sheet(ImageDraw.Draw(page), font_of(text), text)
+        pad, high = PAD * text, LINE * text
+        inner = size[0] - 2 * pad
+        for k, name in enumerate(PAGES):
+            left = pad + (k % ABREAST) * inner / ABREAST
+            span = left, left + inner / ABREAST - 0.3 * pad
+            y = pad + (k // ABREAST) * high
+            self.sheet.button(f"page {name}", name, span, y, name == self.page)
+        y = pad + (len(PAGES) // ABREAST + 0.5) * high
+        if self.page in ("views", "scenes", "quality"):
+            self._choices(show, (pad, size[0] - pad), y)
+        else:
+            self._sliders(show, (pad, size[0] - pad), y)
+        return np.asarray(page)
+
+    def touch(self, x: float, y: float, down: bool, show: Show) -> list[Wish]:
+        """What the left button asks for with the cursor at (x, y) [pixels from the page's
+        corner]."""
+        acted = self.grip.act(self.sheet, x, y, down)
+        if isinstance(acted, Slider):
+            return [Wish("set", acted.name, acted.value(x))]
+        return self._click(acted.name) if isinstance(acted, Button) else []
+
+    def _click(self, button: str) -> list[Wish]:
+        kind, _, name = button.partition(" ")
+        if kind == "page":
+            self.page = name
+            return []
+        if kind == "reset":
+            return [Wish("set", live.key, self.given[live.key]) for live in self._here()]
+        return [Wish(kind, name)]
+
+    def _here(self) -> list[Live]:
+        """Live parameters of the open page."""
+        return [x for x in self.live if PAGE_OF.get(x.key.partition(".")[0], "water") == self.page]
+
+    def _sliders(self, show: Show, x: tuple[float, float], y: float) -> None:
+        """Of each parameter a line with its name and value, and its slider below."""
+        assert self.sheet is not None
+        sheet, high = self.sheet, LINE * self.sheet.text
+        for live in self._here():
             value = read(show.scene, live.key)
-            unit = "" if live.unit == "-" else f" [{live.unit}]"
             name = live.key.rpartition(".")[2].replace("_", " ")
-            # A label of its own, since that of a slider is cut off at the column's edge.
-            gui.text(f"{name}{unit}")
-            moved = gui.slider_float(f"##{live.key}", value, live.lo, live.hi)
-            if abs(moved - value) > SAME * (live.hi - live.lo):
-                wishes.append(Wish("set", live.key, moved))
-        if gui.button("as the scene says"):
-            wishes += [Wish("set", key, value) for key, value in self.given.items()]
-        return wishes
+            unit = "" if live.unit == "-" else f" {live.unit}"
+            sheet.draw.text((x[0], y + 0.5 * high), name, INK, sheet.font, anchor="lm")
+            told = f"{value:.3g}{unit}"
+            sheet.draw.text((x[1], y + 0.5 * high), told, FAINT, sheet.font, anchor="rm")
+            ends = x[0] + 0.4 * sheet.text, x[1] - 0.4 * sheet.text
+            sheet.slider(live.key, value, (live.lo, live.hi), ends, y + 0.9 * high)
+            y += 2.1 * high
+        sheet.button("reset", RESET, x, y + 0.2 * high, False)
 
-    def _views(self, gui: Any, show: Show) -> list[Wish]:
-        return self._choice(gui, "view", show.views.names, show.views.name)
-
-    def _scenes(self, gui: Any, show: Show) -> list[Wish]:
-        return self._choice(gui, "scene", tuple(shipped_scenes()), self.scene)
-
-    def _quality(self, gui: Any, show: Show) -> list[Wish]:
-        return self._choice(gui, "quality", NAMES, self.quality)
-
-    @staticmethod
-    def _choice(gui: Any, kind: str, names: tuple[str, ...], now: str) -> list[Wish]:
-        """A button for each name, of which one is marked; the label tells kinds apart."""
-        wishes = []
+    def _choices(self, show: Show, x: tuple[float, float], y: float) -> None:
+        """A button for each name, of which one is marked."""
+        assert self.sheet is not None
+        kind, names, now = {
+            "views": ("view", show.views.names, show.views.name),
+            "scenes": ("scene", tuple(shipped_scenes()), self.scene),
+            "quality": ("quality", NAMES, self.quality),
+        }[self.page]
         for name in names:
-            mark = "> " if name == now else "  "
-            if gui.button(f"{mark}{name.replace('_', ' ')}##{kind}") and name != now:
-                wishes.append(Wish(kind, name))
-        return wishes
+            self.sheet.button(f"{kind} {name}", name.replace("_", " "), x, y, name == now)
+            y += 1.15 * LINE * self.sheet.text

@@ -186,6 +186,7 @@ class Player:
     def _next_panel(self, show: Waters) -> None:
         before = self._framing(show).distance
         self.layout.next_panel()
+        self.panel.painted = None
         framing = self._framing(show)
         show.camera.shift = framing.shift
         show.camera.zoom(framing.distance / before)
@@ -270,6 +271,7 @@ class Player:
             show.camera.orbit(-moved[0] * ORBIT_PER_WIDTH, -moved[1] * ORBIT_PER_WIDTH)
         if self.guide and self.guide.drag(self.cursor, self.window.down("LMB")):
             return True
+        self._touch_panel(show)
         self._click(show, bool(left))
         if left:
             self.idle.tried.add("push")
@@ -279,6 +281,14 @@ class Player:
         else:
             wishes.hand = self.hand.let_go()
         return bool(left or right or middle)
+
+    def _touch_panel(self, show: Waters) -> None:
+        """What the left button asks for on the panel, if it is open."""
+        if self.layout.panel != "settings":
+            return
+        x, y = self.layout.on_column(self.cursor)
+        for wish in self.panel.touch(x, y, self.window.down("LMB"), show.lead):
+            self._grant(show, wish)
 
     def _click(self, show: Waters, left: bool) -> None:
         """A button that goes up where it went down, and soon, has clicked."""
@@ -314,12 +324,12 @@ class Player:
             self.replay.see(show, now)
         if self.guide:
             self.guide.look()
+        if self.layout.panel == "settings":
+            size, text = self.layout.column_size, self.layout.text
+            self.layout.lay_panel(self.panel.paint(show.lead, size, text))
         self.layout.lay(show, self.pacer, self._still, self.idle)
         if self.guide:
             self.guide.lay(show.picture.image)
-        if self.layout.panel == "settings":
-            for wish in self.panel.draw(self.window.gui, self.layout.place, show.lead):
-                self._grant(show, wish)
         if self.hand.pushes:
             self.window.mark(self.cursor)
         self._draw_arrows(show)

@@ -6,7 +6,6 @@ import math
 import os
 import sys
 import time
-from pathlib import Path
 
 import numpy as np
 import taichi as ti
@@ -14,7 +13,6 @@ import taichi as ti
 from msph.stage.controls import ACTIONS, KEYS
 from msph.stage.start_screen import StartScreen
 
-SETTINGS = Path("imgui.ini")  # where the panel's library leaves its state, unasked
 MARKER_RADIUS = 0.008  # of the marker under a pushing cursor, as a share of the window's height
 # Colours of arrows, in their order; width of their lines, over the window's height, and length of a
 # tip over that of its arrow.
@@ -57,14 +55,12 @@ class Window:
     def __init__(self, title: str, size: tuple[int, int]):
         check_display()
         self.size = size
-        self.had_settings = SETTINGS.exists()
         try:
             with silence():
                 self.window = ti.ui.Window(f"M-SPH: {title}", size, vsync=True)
         except RuntimeError as error:
             raise NoWindowError(f"no window: {error}") from None
         self.canvas = self.window.get_canvas()
-        self.gui = self.window.get_gui()
         self.closing = False
         self.marked, self.arrowed = False, 0  # what lies over the next picture
         self.marker = ti.Vector.field(2, ti.f32, shape=1)
@@ -138,8 +134,6 @@ class Window:
 
     def close(self) -> None:
         self.window.destroy()
-        if not self.had_settings:
-            SETTINGS.unlink(missing_ok=True)
 
 
 @contextlib.contextmanager

@@ -19,7 +19,7 @@ from msph.stage import idle, replay
 from msph.stage.controls import ACTIONS, KEYS, Controls
 from msph.stage.keepsakes import Keepsakes
 from msph.stage.layout import PANELS
-from msph.stage.panel import Wish
+from msph.stage.panel import PAGES, Wish
 from msph.stage.player import SLOW_MOTION, Choice, Player
 from msph.stage.row import Row
 from msph.stage.show import PLAYED, Show
@@ -37,7 +37,6 @@ class Screen:
         self.pressed, self.held = [], set()
         self.at, self.marks, self.image = np.array([0.5, 0.4]), 0, None
         self.arrowed = None
-        self.gui = Widgets()
 
     def presses(self):
         pressed, self.pressed = self.pressed, []
@@ -59,37 +58,35 @@ class Screen:
         self.image = image
 
 
-class Widgets:
-    """The panel's library. moved: sliders by label, and the value that they are moved to; clicked:
-    buttons that are clicked."""
+def at_panel(player, x, y):
+    """The cursor at a place of the open panel [pixels from its corner]."""
+    layout = player.layout
+    top = HEIGHT - layout.column_size[1]
+    player.window.at = np.array([x / WIDTH, 1.0 - (top + y) / HEIGHT])
 
-    def __init__(self):
-        self.moved, self.clicked, self.labels = {}, set(), []
 
-    def sub_window(self, *_):
-        self.labels = []
-        return self
+def click(player, show, name):
+    """A click on a button of the open panel."""
+    button = next(b for b in player.panel.sheet.buttons if b.name == name)
+    at_panel(player, 0.5 * (button.left + button.right), 0.5 * (button.top + button.bottom))
+    player.window.held, player.window.pressed = {"LMB"}, ["LMB"]
+    frames(player, show)
+    player.window.held = set()
+    frames(player, show, 2)
 
-    def __enter__(self):
-        return self
 
-    def __exit__(self, *_):
-        return False
-
-    def checkbox(self, label, value):
-        return True
-
-    def text(self, label):
-        self.labels.append(label)
-
-    def slider_float(self, label, value, lo, hi):
-        assert lo <= value <= hi
-        self.labels.append(label)
-        return self.moved.get(label, value)
-
-    def button(self, label):
-        self.labels.append(label)
-        return label in self.clicked
+def move(player, show, key, value):
+    """A slider of the open panel, dragged from where it is to a value."""
+    slider = next(s for s in player.panel.sheet.sliders if s.name == key)
+    y = 0.5 * (slider.top + slider.bottom)
+    at_panel(player, slider.left, y)
+    player.window.held, player.window.pressed = {"LMB"}, ["LMB"]
+    frames(player, show)
+    share = (value - slider.lo) / (slider.hi - slider.lo)
+    at_panel(player, slider.left + share * (slider.right - slider.left), y)
+    frames(player, show, 2)
+    player.window.held = set()
+    frames(player, show)
 
 
 @pytest.fixture(scope="module")
@@ -389,47 +386,73 @@ def test_graphs_are_drawn_of_what_was_measured(player, show):
 
 def test_sliders_change_what_runs_and_never_push(player, show):
     press(player, show, "i")
-    gui = player.window.gui
-    told = {label.split(" [")[0] for label in gui.labels}
-    assert {"gravity", "viscosity", "tint", "push radius", "speed", "scale"} <= told
-    player.window.at = np.array([0.1, 0.4])
-    player.window.held = {"LMB"}
-    player.window.pressed = ["LMB"]
-    for key, value in (
-        ("gravity", 3.0),
-        ("projection.viscosity", 5.0),
-        ("picture.tint", 9.0),
-        ("play.speed", 0.5),
-        ("play.scale", 0.6),
-    ):
-        gui.moved = {f"##{key}": value}
-        frames(player, show)
-        assert read(show.scene, key) == pytest.approx(value)
-    gui.moved = {}
+    wanted = {
+        "water": {"gravity": 3.0, "projection.viscosity": 5.0},
+        "light": {"picture.tint": 9.0},
+        "play": {"play.speed": 0.5, "play.scale": 0.6},
+    }
+    for page, values in wanted.items():
+        click(player, show, f"page {page}")
+        assert set(values) <= {s.name for s in player.panel.sheet.sliders}
+        for key, value in values.items():
+            move(player, show, key, value)
+            assert read(show.scene, key) == pytest.approx(value, rel=1e-4)
     assert show.ledger.entries[-1].user_work == 0.0
-    assert player.pacer.speed == 0.5 and player.pacer.finest == 0.6
+    assert player.pacer.speed == pytest.approx(0.5) and player.pacer.finest == pytest.approx(0.6)
     viscosity = show.simulation.solver.forces[-1]
     assert viscosity.nu == pytest.approx(5.0 / 1000.0)
     assert show.picture.lens.numbers["absorption"][0] == pytest.approx(9.0 * 0.42)
     assert math.hypot(*show.gravity()) == pytest.approx(3.0)
-    gui.clicked = {"as the scene says"}
-    frames(player, show)
+    click(player, show, "page water")
+    click(player, show, "reset")
     assert read(show.scene, "gravity") == pytest.approx(9.81)
     assert viscosity.nu == pytest.approx(1.0 / 1000.0)
+    assert read(show.scene, "picture.tint") == pytest.approx(9.0), "of another page"
+
+
+def test_the_panel_is_readable_and_painted_where_it_changes(player, show):
+    press(player, show, "i")
+    column = player.layout.column
+    before = player.window.image.to_numpy()[:column]
+    assert player.panel.paint(show, player.layout.column_size, player.layout.text) is None
+    press(player, show, " ")
+    move(player, show, "gravity", 3.0)
+    after = player.window.image.to_numpy()[:column]
+    assert np.abs(after - before).max() > 0.3
+    # All that a scene has fits in a window of 960 x 540, with text of 18 pixels.
+    height = 540 - 2 * 9 - round(2.5 * 1.35 * 18)
+    for name in PAGES:
+        player.panel.page = name
+        player.panel.paint(show, (288, height), 18)
+        low = [w.bottom for w in (*player.panel.sheet.sliders, *player.panel.sheet.buttons)]
+        assert max(low) <= height
+
+
+def test_a_drag_that_begins_elsewhere_moves_no_slider(player, show):
+    press(player, show, "i")
+    slider = player.panel.sheet.sliders[0]
+    player.window.at = np.array([0.9, 0.9])
+    player.window.held, player.window.pressed = {"LMB"}, ["LMB"]
+    frames(player, show)
+    at_panel(player, slider.right, 0.5 * (slider.top + slider.bottom))
+    frames(player, show, 2)
+    assert read(show.scene, slider.name) == pytest.approx(player.panel.given[slider.name])
+    player.window.held = set()
+    frames(player, show)
 
 
 def test_views_scenes_and_qualities_are_chosen_in_the_panel(player, show):
     press(player, show, "i")
-    gui = player.window.gui
-    gui.clicked = {"  speed##view"}
-    frames(player, show)
+    click(player, show, "page views")
+    click(player, show, "view speed")
     assert show.views.name == "speed"
-    gui.clicked = {"  large##quality"}
     player._set(show, "gravity", 2.0)
-    frames(player, show)
+    click(player, show, "page quality")
+    click(player, show, "quality large")
     assert player.next == Choice("pool", "large", {"gravity": pytest.approx(2.0)})
-    gui.clicked, player.next = {"  drop##scene"}, None
-    frames(player, show)
+    player.next = None
+    click(player, show, "page scenes")
+    click(player, show, "scene drop")
     assert player.next == Choice("drop", "auto") and not player.wants_more(show)
 
 
@@ -606,7 +629,7 @@ def test_a_storm_of_inputs_loses_no_water(player, show, seed):
                 window.held ^= {dice.choice(names)}
             elif kind == 2:
                 window.at = np.array([dice.uniform(-0.3, 1.3), dice.uniform(-0.3, 1.3)])
-            elif kind == 3 and window.gui.labels:
+            elif kind == 3:
                 live = dice.choice(player.panel.live)
                 limits[live.key] = dice.uniform(live.lo, live.hi)
                 player._grant(show, Wish("set", live.key, limits[live.key]))

@@ -173,10 +173,12 @@ def test_window_opens_obeys_keys_and_shows_water(display, tmp_path):
         tilted = screen.still(unlike=turned, by=1.0)
         screen.do("key", "Return")
         screen.still(unlike=tilted, by=1.0)
-        # A slider: gravity, the first of the panel, below its header.
+        # A slider: gravity, the first of the panel, below the buttons of its pages.
         screen.do("key", "i")
-        top = 2 * 6 + 2.5 * 1.35 * 12 + 78
-        screen.move(20, top, "mousedown", 1)
+        text = text_height(HEIGHT)
+        column = 2 * round(0.5 * text) + round(2.5 * LINE * text)
+        top = column + (0.5 + (2 + 0.5 + 0.9 + 0.5) * LINE) * text
+        screen.move(40, top, "mousedown", 1)
         screen.move(100, top)
         screen.do("mouseup", 1)
         screen.do("key", "k")

@@ -1,0 +1,113 @@
+"""Sliders and buttons painted on a page of the window, and the mouse that moves them.
+
+GGUI's own are 13 pixels high, and its panel can be dragged off its place.
+"""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from msph.stage.pages import FAINT, INK, LINE, WARNING
+
+# Radius of a slider's knob, distance of its value, and room round a button's text, in text heights;
+# width of a track [pixels].
+KNOB, AWAY, PADDING, STROKE = 0.38, 0.5, 0.35, 4
+# Colours of a track, and of a button and the one that is chosen.
+TRACK, BUTTON, CHOSEN = (86, 112, 130, 255), (27, 51, 71, 255), (58, 92, 112, 255)
+
+
+@dataclass(frozen=True)
+class Slider:
+    """A track from left to right, taken between top and bottom [pixels from the page's corner],
+    for the values from lo to hi."""
+
+    name: str
+    lo: float
+    hi: float
+    left: float
+    right: float
+    top: float
+    bottom: float
+
+    def value(self, x: float) -> float:
+        """With its knob at x."""
+        share = min(max((x - self.left) / (self.right - self.left), 0.0), 1.0)
+        return self.lo + share * (self.hi - self.lo)
+
+    def under(self, x: float, y: float) -> bool:
+        """Whether a place is on it: a knob at an end reaches beyond."""
+        reach = 0.5 * (self.bottom - self.top)
+        return self.left - reach <= x <= self.right + reach and self.top <= y <= self.bottom
+
+
+@dataclass(frozen=True)
+class Button:
+    """A rectangle [pixels from the page's corner]."""
+
+    name: str
+    left: float
+    right: float
+    top: float
+    bottom: float
+
+    def under(self, x: float, y: float) -> bool:
+        return self.left <= x <= self.right and self.top <= y <= self.bottom
+
+
+@dataclass
+class Sheet:
+    """What was painted on a page: draw and font are PIL's, text the height of its text [pixels]."""
+
+    draw: Any
+    font: Any
+    text: int
+    sliders: list[Slider] = field(default_factory=list)
+    buttons: list[Button] = field(default_factory=list)
+
+    def slider(
+        self, name: str, value: float, span: tuple[float, float], x: tuple[float, float], y: float
+    ) -> None:
+        """A slider of the values of `span`, from x[0] to x[1], in the line of text below y."""
+        high = LINE * self.text
+        made = Slider(name, *span, *x, y, y + high)
+        self.sliders.append(made)
+        middle, r = y + 0.5 * high, KNOB * self.text
+        self.draw.line((x[0], middle, x[1], middle), TRACK, STROKE)
+        knob = x[0] + (value - span[0]) / (span[1] - span[0]) * (x[1] - x[0])
+        self.draw.ellipse((knob - r, middle - r, knob + r, middle + r), WARNING)
+
+    def button(self, name: str, label: str, x: tuple[float, float], y: float, chosen: bool) -> None:
+        """A button in the line of text below y."""
+        high = LINE * self.text
+        self.buttons.append(Button(name, *x, y, y + high))
+        self.draw.rectangle((x[0], y + 1, x[1], y + high - 2), CHOSEN if chosen else BUTTON)
+        place = x[0] + PADDING * self.text, y + 0.5 * high
+        self.draw.text(place, label, INK if chosen else FAINT, self.font, anchor="lm")
+
+
+class Grip:
+    """The left button over a sheet: what it went down on is held until it goes up."""
+
+    def __init__(self) -> None:
+        self.slider: Slider | None = None
+        self.button: Button | None = None
+        self.down = False
+
+    def act(self, sheet: Sheet | None, x: float, y: float, down: bool) -> Slider | Button | None:
+        """The slider that is moved, or the button that was clicked: let go of where it was
+        pressed. x, y: the cursor [pixels from the page's corner]; down: whether the left button
+        is."""
+        begins, ends = down and not self.down, self.down and not down
+        self.down = down
+        if begins and sheet:
+            self.slider = next((s for s in sheet.sliders if s.under(x, y)), None)
+            self.button = next((b for b in sheet.buttons if b.under(x, y)), None)
+        if ends:
+            clicked = self.button if self.button and self.button.under(x, y) else None
+            self.slider = self.button = None
+            return clicked
+        return self.slider
+
+    @property
+    def holds(self) -> bool:
+        """Whether the button that is down went down on a widget."""
+        return self.slider is not None or self.button is not None
