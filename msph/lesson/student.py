@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from msph.errors import BlowUpError
 from msph.fluid.external_forces import Hand
 from msph.lesson.course import Progress
 from msph.lesson.schema import Solution
@@ -16,7 +17,7 @@ from msph.stage.row import Waters
 # hand pushes, and for which it goes on once the task is done; radius of that hand over the box's
 # longest edge, and its grip [1/s].
 FRAME = 1.0 / 60.0
-MOVING, PUSHING, LINGERING, HAND, GRIP = 0.25, 0.3, 0.2, 0.3, 20.0
+MOVING, PUSHING, LINGERING, HAND, GRIP = 0.25, 0.3, 0.1, 0.3, 20.0
 
 # Called after each frame.
 See = Callable[[], None]
@@ -35,7 +36,7 @@ class Student:
 
     def work(self, acts: bool = True) -> bool:
         """On the page's task for the time of its solution, doing what it says, or nothing; whether
-        the task is ticked then. A task that is ticked is left a fifth of that time later."""
+        the task is ticked then. A task that is ticked is left a tenth of that time later."""
         progress, task = self.progress, self.progress.task
         assert task is not None
         solution = task.solution if acts else Solution(seconds=task.solution.seconds)
@@ -53,7 +54,14 @@ class Student:
             if camera:
                 self._orbit(solution, camera, share)
             ticked = progress.ticked[progress.page - 1]
-            self._frame(solution, share, k < PUSHING * number)
+            try:
+                self._frame(solution, share, k < PUSHING * number)
+            except BlowUpError:
+                # Some tasks ask for it; but first their check must hold.
+                if not ticked:
+                    raise
+                progress.again()
+                break
             if progress.ticked[progress.page - 1] and not ticked:
                 last = k + 1 + round(LINGERING * number)
         return progress.ticked[progress.page - 1]
