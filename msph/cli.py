@@ -1,4 +1,4 @@
-"""The command line: play, capture, bench, measure, scenes.
+"""The command line: play, capture, bench, measure, scenes, lesson.
 
 What a command does is in msph/stage/commands.py, imported when the command is called:
 help and wrong options need neither Taichi nor numpy.
@@ -115,7 +115,7 @@ def cli():
     multiple=True,
     metavar="'KEY=VALUE ...'",
     help="Also show the scene with these changes, in the same picture and under the same hands, "
-    "speed and error under each. Up to twice.",
+    "speed and error over each. Up to twice.",
 )
 @shared_options("auto")
 def play(**options):

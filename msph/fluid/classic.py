@@ -80,7 +80,7 @@ class ClassicParameters:
         ge=0.01,
         le=10.0,
         text="time step over the time sound takes to cross h",
-        live=(0.05, 2.0),
+        live=(0.05, 1.0),
     )
 
     def contradiction(self) -> tuple[str, str] | None:
@@ -130,7 +130,7 @@ class Classic:
         self.neighbours = NeighbourList(grid, particles, self.reach(parameters), self.LIST_MARGIN)
         self.farthest = ti.field(ti.f32, shape=())  # way of the fastest particle in a step [m]
         self.iterations = 0  # explicit: no system is solved
-        # Layers that give no viscosity of their own.
+        # Layers whose viscosity is the common one, and changes with it.
         self.plain = np.array([s.viscosity == parameters.viscosity for s in layers.specs])
 
     @staticmethod

@@ -7,6 +7,7 @@ import numpy as np
 from scipy.ndimage import label
 
 from msph.lesson import chart
+from msph.lesson.boards import Input
 from msph.surface import cube_tables
 
 # Numbers on a grid, after the manner of the thesis's figure 4.3: two ponds with a saddle between.
@@ -33,10 +34,10 @@ RULES = ("each cube by itself", "by the shared face")
 
 
 class Board:
-    INPUTS: ClassVar[dict[str, tuple[str, float]]] = {
-        "threshold": ("-", 5.0),
-        "diagonal": ("-", 0.0),
-        "rule": ("-", 1.0),
+    INPUTS: ClassVar[dict[str, Input]] = {
+        "threshold": Input("-", 5.0, 0.0, 9.0),
+        "diagonal": Input("-", 0.0, 0.0, 1.0),
+        "rule": Input("-", 1.0, 0.0, 1.0),
     }
     NUMBERS: ClassVar[dict[str, str]] = {"ponds": "-", "ambiguous": "-", "open_edges": "-"}
 

@@ -8,6 +8,7 @@ import taichi as ti
 
 from msph.fluid.particles import kernels
 from msph.lesson import chart
+from msph.lesson.boards import Input
 
 # Those that densities are summed with, in the order of the slider, from 1.
 DENSITY = ("poly6", "spiky", "Wendland C2", "quartic")
@@ -42,10 +43,10 @@ def sampled(r: np.ndarray, h: float) -> np.ndarray:
 class Board:
     """The spacing d is the unit of length."""
 
-    INPUTS: ClassVar[dict[str, tuple[str, float]]] = {
-        "support": ("d", 2.45),
-        "kernel": ("-", 4.0),
-        "disorder": ("d", 0.05),
+    INPUTS: ClassVar[dict[str, Input]] = {
+        "support": Input("d", 2.45, 1.0, 5.0),
+        "kernel": Input("-", 4.0, 1.0, len(DENSITY)),
+        "disorder": Input("d", 0.05, 0.0, 0.5),
     }
     NUMBERS: ClassVar[dict[str, str]] = {"neighbours": "-", "density_error": "%"}
 

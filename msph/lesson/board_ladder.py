@@ -5,18 +5,19 @@ from typing import Any, ClassVar
 import numpy as np
 
 from msph.lesson import chart
+from msph.lesson.boards import Input
 from msph.scene.library import shipped_scenes
 from msph.scene.quality import costs
 
 
 class Board:
-    """Errors are those of the water's shape and motion against a finer run, in shares of its depth;
+    """Errors are those of the centre of mass against a finer run, in shares of the water's depth;
     costs those of the ladder's machine (bench/results/quality.md)."""
 
-    INPUTS: ClassVar[dict[str, tuple[str, float]]] = {
-        "scene": ("-", 1.0),
-        "quality": ("-", 3.0),
-        "budget": ("s/s", 1.0),
+    INPUTS: ClassVar[dict[str, Input]] = {
+        "scene": Input("-", 1.0, 1.0, 10.0),
+        "quality": Input("-", 3.0, 1.0, 4.0),
+        "budget": Input("s/s", 1.0, 0.01, 100.0),
     }
     NUMBERS: ClassVar[dict[str, str]] = {
         "cost": "s/s",

@@ -1,7 +1,7 @@
 """Boards: flat drawings, labelled, that a lesson's sliders change, and the numbers in them."""
 
 import importlib
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 # By name the module of each, whose Board draws it.
 MODULES = {
@@ -11,11 +11,19 @@ MODULES = {
 }
 
 
-class Board(Protocol):
-    """INPUTS: what sliders can move, each with its unit and its value where none does. NUMBERS:
-    what expressions can read, each with its unit."""
+class Input(NamedTuple):
+    """Unit, value where no slider moves it, least and largest value."""
 
-    INPUTS: dict[str, tuple[str, float]]
+    unit: str
+    start: float
+    lo: float
+    hi: float
+
+
+class Board(Protocol):
+    """INPUTS: what sliders can move. NUMBERS: what expressions can read, each with its unit."""
+
+    INPUTS: dict[str, Input]
     NUMBERS: dict[str, str]
 
     def draw(self, values: dict[str, float], size: tuple[int, int]) -> Any:

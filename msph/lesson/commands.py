@@ -1,6 +1,7 @@
 """What `msph lesson` does: lists, runs in a window, writes pages and slides."""
 
 from pathlib import Path
+from typing import Any
 
 import click
 from tabulate import tabulate
@@ -9,16 +10,21 @@ from msph import user_cache
 from msph.device import start
 from msph.errors import BadInputError, BlowUpError
 from msph.lesson import slides, web
+from msph.lesson.course import Progress
 from msph.lesson.guide import Guide
 from msph.lesson.load import Course, load_lesson, shipped_lessons
 from msph.lesson.paint import band_height
 from msph.lesson.reader import read
 from msph.scene.load import read_toml
+from msph.stage.choice import Choice
 from msph.stage.loop import run
 from msph.stage.pages import text_height
-from msph.stage.player import Choice, Player
+from msph.stage.player import Player
 from msph.stage.preparation import prepare_row
 from msph.stage.window import ClosedError, NoWindowError, Window, check_display
+
+# Smallest window that a lesson's pages fit in [pixels].
+LEAST = (480, 270)
 
 
 class NoLessonWindowError(BadInputError):
@@ -33,6 +39,8 @@ def lesson(name, html, slides, size, frames, arch, threads) -> None:
         click.echo(tabulate(listed(), tablefmt="plain"))
         return
     course = load_lesson(name)
+    if size[0] < LEAST[0] or size[1] < LEAST[1]:
+        raise click.UsageError(f"--size: a lesson needs {LEAST[0]}x{LEAST[1]} or more")
     if html or slides:
         start(arch, threads)
         write(course, html, slides)
@@ -45,8 +53,8 @@ def listed() -> list[tuple[str, str, str]]:
     rows = []
     for name, path in shipped_lessons().items():
         data = read_toml(path)
-        kept = user_cache.recall(key(name), {}).get("ticked", [])
-        done = f"{sum(kept)} of {len(kept)} done" if any(kept) else ""
+        ticked = user_cache.recall(key(name), {}).get("ticked", [])
+        done = f"{sum(ticked)} of {len(ticked)} done" if any(ticked) else ""
         rows.append((name, str(data.get("title", "")), done))
     return rows
 
@@ -74,20 +82,20 @@ def in_window(course: Course, size, frames: int | None, arch, threads) -> None:
         window = Window(course.lesson.title, size)
     except NoWindowError as reason:
         raise NoLessonWindowError(f"{reason}; --html DIR writes the lesson as a page") from None
+    guide = None
     try:
         guide = begin(course, window)
-        resume(guide, course.name)
+        resume(guide.progress)
         if guide.progress.row is None:
             read(window, guide, frames)
         else:
             play(guide, window, course.name, frames)
-        progress = guide.progress
-        kept = {"ticked": progress.ticked, "answered": progress.answered}
-        user_cache.remember(key(course.name), kept)
     except ClosedError:
         pass
     finally:
         window.close()
+        if guide:
+            keep(guide.progress)
 
 
 def play(guide: Guide, window: Window, name: str, frames: int | None) -> None:
@@ -114,11 +122,27 @@ def begin(course: Course, window: Window) -> Guide:
     return Guide(course, row, window.size)
 
 
-def resume(guide: Guide, name: str) -> None:
-    """Takes up what was done before, and opens the first page that was not."""
-    kept, progress = user_cache.recall(key(name), {}), guide.progress
-    ticked = kept.get("ticked", [])
-    if len(ticked) != len(progress.ticked) or all(ticked) or not kept.get("answered"):
-        return
-    progress.answered, progress.ticked = kept["answered"], list(ticked)
-    progress.go(1 + ticked.index(False))
+def kept(course: Course) -> dict[str, Any]:
+    """What is remembered of a lesson, if it still has the same tasks."""
+    found = user_cache.recall(key(course.name), {})
+    return found if found.get("checks") == checks(course) else {}
+
+
+def checks(course: Course) -> list[str]:
+    """What tells whether a lesson is the one that was done."""
+    return [task.check for task in course.lesson.do]
+
+
+def resume(progress: Progress) -> None:
+    """Goes on where a lesson was left, if tasks are open."""
+    before = kept(progress.course)
+    if before.get("answered") and not all(before["ticked"]):
+        progress.resume(before["answered"], before["ticked"])
+
+
+def keep(progress: Progress) -> None:
+    """Remembers what was done, now or before."""
+    before = kept(progress.course).get("ticked", [False] * len(progress.ticked))
+    ticked = [a or b for a, b in zip(before, progress.ticked, strict=True)]
+    found = {"ticked": ticked, "answered": progress.answered, "checks": checks(progress.course)}
+    user_cache.remember(key(progress.course.name), found)

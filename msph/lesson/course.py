@@ -26,10 +26,24 @@ class Progress:
         self.ticked = [False] * len(self.lesson.do)
         self.reached: list[list[str]] = [[] for _ in self.lesson.do]
         inputs = self.board.INPUTS if self.board else {}
-        self.values = {name: start for name, (_, start) in inputs.items()}
+        self.values = {name: given.start for name, given in inputs.items()}
         self.values |= {s.name: s.start for s in self.lesson.slider}
         self.numbers: dict[str, Numbers] = {}
+        self.runs = 0  # how often the water has begun anew
         self.again()
+
+    def resume(self, answered: int, ticked: list[bool]) -> None:
+        """Takes up what was done before at the first task that was not, with the sliders as the
+        solutions of those before leave them."""
+        self.answered = answered
+        sliders = {slider.name: slider for slider in self.lesson.slider}
+        for k, task in enumerate(self.lesson.do):
+            self.go(1)
+            if not ticked[k]:
+                return
+            self.ticked[k], self.reached[k] = True, ["before"]
+            for name, value in task.solution.set.items():
+                self.move(sliders[name], value)
 
     @property
     def task(self) -> Task | None:
@@ -61,6 +75,7 @@ class Progress:
 
     def again(self) -> None:
         """Waters and sliders as at the start."""
+        self.runs += 1
         if self.row:
             self.row.reset()
             names = [water.name for water in self.lesson.water]
@@ -81,7 +96,10 @@ class Progress:
     def look(self) -> None:
         """Ticks the task of this page if its check holds now."""
         k = self.page - 1
-        if self.task and not self.ticked[k] and expressions.value(self.task.check, self.names()):
+        if not self.task or self.ticked[k]:
+            return
+        # Numbers that are not known are no reason to tick.
+        if expressions.value(self.task.check, self.names()) is True:
             self.ticked[k] = True
             self.reached[k] = self.shown()
 

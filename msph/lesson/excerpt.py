@@ -6,6 +6,8 @@ import textwrap
 from pathlib import Path
 from typing import Any
 
+OWN = "msph"
+
 
 class ExcerptError(ValueError):
     """Code that is not there; str() says which."""
@@ -15,13 +17,15 @@ def excerpt(code: str, first: str = "", last: str = "") -> list[str]:
     """Lines of the function, class or module `module:name`, from the one that holds `first` up to
     the next that holds `last`. Raises ExcerptError."""
     module, _, name = code.partition(":")
+    if module.partition(".")[0] != OWN:
+        raise ExcerptError(f"{code} is none of this program")
     try:
         found: Any = importlib.import_module(module)
         for part in name.split(".") if name else ():
             found = found.__dict__[part]
-    except (ImportError, KeyError, ValueError):
-        raise ExcerptError(f"there is no {code}") from None
-    lines = _source(found)
+        lines = _source(found)
+    except (ImportError, KeyError, AttributeError, ValueError, TypeError, OSError):
+        raise ExcerptError(f"there is no {code} with a source") from None
     begin = _line(lines, first, 0, code) if first else 0
     end = _line(lines, last, begin, code) if last else len(lines) - 1
     return textwrap.dedent("\n".join(lines[begin : end + 1])).rstrip().splitlines()
@@ -29,7 +33,7 @@ def excerpt(code: str, first: str = "", last: str = "") -> list[str]:
 
 def _source(found: Any) -> list[str]:
     # What Taichi wraps keeps its function.
-    for inner in ("__wrapped__", "func", "fn"):
+    for inner in ("__wrapped__", "func", "fn", "fget"):
         found = getattr(found, inner, found)
     if inspect.ismodule(found):
         return Path(str(found.__file__)).read_text(encoding="utf-8").splitlines()

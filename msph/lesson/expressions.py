@@ -2,13 +2,16 @@
 
 import ast
 import difflib
+import math
 from collections.abc import Mapping
 from typing import Any
 
-from simpleeval import EvalWithCompoundTypes, InvalidExpression
+import numpy as np
+from simpleeval import InvalidExpression, SimpleEval
 
-# Functions that expressions may call.
+# Functions that expressions may call, and a number with which they are tried.
 FUNCTIONS = {"abs": abs, "min": min, "max": max}
+SOME = 1.234567
 
 
 class ExpressionError(ValueError):
@@ -35,34 +38,24 @@ def check(text: str, known: Mapping[str, set[str] | None]) -> None:
             _demand(node.id, known, "name")
             if known[node.id] is not None and id(node) not in named:
                 raise ExpressionError(f"{node.id!r} is no number; say {node.id}.NUMBER")
+    found = value(text, {name: _Some() if inner else SOME for name, inner in known.items()})
+    if found != found:
+        raise ExpressionError(f"is no number: {text!r}")
+
+
+def value(text: str, names: Mapping[str, Any]) -> bool | float:
+    """What an expression amounts to: True, False or a number, NaN where it cannot be computed with
+    these values. Raises ExpressionError."""
     try:
-        value(text, {name: _Ones() if inner else 1.0 for name, inner in known.items()})
-    except ExpressionError:
-        raise
-    except (TypeError, ArithmeticError):
-        raise ExpressionError(f"cannot be computed: {text!r}") from None
-
-
-def uses(text: str) -> set[tuple[str, str]]:
-    """Pairs of a name and its attribute, "" for a plain name."""
-    tree = ast.parse(text, mode="eval")
-    found = set()
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
-            found.add((node.value.id, node.attr))
-        elif isinstance(node, ast.Name):
-            found.add((node.id, ""))
-    return found
-
-
-def value(text: str, names: Mapping[str, Any]) -> Any:
-    """What an expression amounts to; comparisons with NaN are false. Raises ExpressionError."""
-    try:
-        return EvalWithCompoundTypes(names=dict(names), functions=FUNCTIONS).eval(text)
+        # It adds to the functions that it is given.
+        found = SimpleEval(names=dict(names), functions=dict(FUNCTIONS)).eval(text)
     except InvalidExpression as error:
         raise ExpressionError(f"{text!r}: {error}") from None
-    except ZeroDivisionError:
-        return float("nan")
+    except (ArithmeticError, TypeError, ValueError):
+        return math.nan
+    if isinstance(found, bool | np.bool_):
+        return bool(found)
+    return float(found) if isinstance(found, int | float | np.number) else math.nan
 
 
 def _demand(name: str, known: Any, what: str) -> None:
@@ -73,8 +66,8 @@ def _demand(name: str, known: Any, what: str) -> None:
     raise ExpressionError(f"unknown {what} {name!r}; {hint}")
 
 
-class _Ones:
-    """Whose every attribute is one."""
+class _Some:
+    """Whose every attribute is some number."""
 
     def __getattr__(self, name: str) -> float:
-        return 1.0
+        return SOME

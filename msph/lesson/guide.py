@@ -17,14 +17,15 @@ from msph.stage.widgets import Grip, Slider
 
 # Time between two readings of the numbers [s]: faster ones cannot be read.
 EVERY = 0.25
-# Keys that lead to other scenes and settings: not from here.
-LEAVING = ("Tab", "BackSpace", "i")
+# Keys of the lesson, and those that lead to other scenes, settings and waters: not from here.
+TURNING, LEAVING = ("n", "b", "r"), ("Tab", "BackSpace", "i", "k", "o")
 
 
 def units_of(course: Course) -> dict[str, str]:
     """Units of the sliders, by their names."""
     if course.lesson.board:
-        return {name: unit for name, (unit, _) in board_of(course.lesson.board).INPUTS.items()}
+        inputs = board_of(course.lesson.board).INPUTS
+        return {name: given.unit for name, given in inputs.items()}
     known = {p.key: p.unit for p in parameters(Scene)}
     return {s.name: known[s.key] for s in course.lesson.slider}
 
@@ -43,6 +44,13 @@ class Guide:
         self.painted: object = None
         self.read, self.shown = -np.inf, list[str]()
         self.grip = Grip()
+
+    taken = frozenset((*TURNING, *LEAVING))
+
+    @property
+    def runs(self) -> int:
+        """How often the water has begun anew."""
+        return self.progress.runs
 
     @property
     def waits(self) -> bool:
@@ -65,7 +73,7 @@ class Guide:
         elif key == "r" and progress.task:
             progress.again()
         else:
-            return key in LEAVING
+            return key in LEAVING or key in TURNING or (self.whole and key == "h")
         return True
 
     def covers(self, cursor: np.ndarray) -> bool:

@@ -1,6 +1,7 @@
 """From a lesson's folder to a checked lesson."""
 
 import difflib
+import keyword
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ from msph.lesson.boards import MODULES, board_of
 from msph.lesson.errors import LessonError
 from msph.lesson.excerpt import ExcerptError, excerpt
 from msph.lesson.quantities import known_numbers
-from msph.lesson.schema import LINES, WORDS, Lesson, SliderOf, WaterOf
+from msph.lesson.schema import LINES, WORDS, Lesson, SliderOf, Task, WaterOf
 from msph.lesson.typeset import FormulaError, check_formula
 from msph.scene.check import views
 from msph.scene.errors import SceneError
@@ -23,6 +24,10 @@ from msph.scene.load import explain, load_scene, read_toml
 from msph.scene.schema import Scene
 
 FILE = "lesson.toml"
+# Most words of titles, choices and labels, which have a line or two.
+BRIEF = 12
+# Live parameters that only the clock of a window knows.
+CLOCK = {"play.speed", "play.scale"}
 
 
 @dataclass(frozen=True)
@@ -43,7 +48,7 @@ def shipped_lessons() -> dict[str, Path]:
 
 def find_lesson(name: str) -> Path:
     """The file of a lesson given by its shipped name, its folder or its file."""
-    lessons, path = shipped_lessons(), Path(name)
+    lessons, path = shipped_lessons(), Path(name).resolve()
     if name in lessons:
         return lessons[name]
     for candidate in (path / FILE, path):
@@ -78,9 +83,7 @@ def load_lesson(name: str) -> Course:
                 expressions.check(text, known)
             except expressions.ExpressionError as error:
                 raise LessonError(where, str(error), f"{key}.{name}") from None
-        sliders = [slider.name for slider in lesson.slider]
-        for name in task.solution.set:
-            _demand(name, sliders, "slider", where, f"{key}.solution.set")
+        _check_solution(lesson, task, where, f"{key}.solution")
         if task.view:
             _demand(task.view, views(scenes[0]) if scenes else (), "view", where, f"{key}.view")
     return Course(path.parent.name, lesson, scenes, _code(lesson, where))
@@ -107,6 +110,8 @@ def _toml(value: Any) -> str:
 def _known(lesson: Lesson, scenes: list[Scene], where: str) -> dict[str, set[str] | None]:
     """Names that expressions may use, with their attributes; None for numbers."""
     known: dict[str, set[str] | None] = {s.name: None for s in lesson.slider}
+    if len(known) < len(lesson.slider):
+        raise LessonError(where, "two sliders have one name", "slider")
     for water, scene in zip(lesson.water, scenes, strict=True):
         if water.name in known:
             raise LessonError(where, f"the name {water.name!r} is given twice")
@@ -122,13 +127,37 @@ def _check_sliders(lesson: Lesson, scenes: list[Scene], where: str) -> None:
         key = f"slider.{k}"
         if not slider.lo <= slider.start <= slider.hi or slider.lo == slider.hi:
             raise LessonError(where, "start must lie between lo and hi, and lo below hi", key)
+        if keyword.iskeyword(slider.name):
+            raise LessonError(where, "is a word of the language", f"{key}.name")
         if lesson.board:
-            _demand(slider.name, board_of(lesson.board).INPUTS, "input", where, f"{key}.name")
+            _check_input(lesson, slider, where, key)
             continue
-        live = {live.key for scene in scenes for live in live_parameters(scene)}
+        live = {live.key for scene in scenes for live in live_parameters(scene)} - CLOCK
         _demand(slider.key, sorted(live), "live parameter", where, f"{key}.key")
         for end in ("lo", "hi"):
             _check_end(scenes, slider, end, where, f"{key}.{end}")
+
+
+def _check_input(lesson: Lesson, slider: SliderOf, where: str, key: str) -> None:
+    inputs = board_of(lesson.board).INPUTS
+    _demand(slider.name, inputs, "input", where, f"{key}.name")
+    if slider.key:
+        problem = "a board has none: a slider's name says what it moves"
+        raise LessonError(where, problem, f"{key}.key")
+    given = inputs[slider.name]
+    if slider.lo < given.lo or slider.hi > given.hi:
+        problem = f"the board takes {slider.name} from {given.lo:g} to {given.hi:g}"
+        raise LessonError(where, problem, key)
+
+
+def _check_solution(lesson: Lesson, task: Task, where: str, key: str) -> None:
+    sliders = {slider.name: slider for slider in lesson.slider}
+    for name, value in task.solution.set.items():
+        _demand(name, sliders, "slider", where, f"{key}.set")
+        if not sliders[name].lo <= value <= sliders[name].hi:
+            raise LessonError(where, f"{name} {value:g} lies beyond its slider", f"{key}.set")
+    if lesson.board and not task.solution.set:
+        raise LessonError(where, "moves no slider, and nothing else moves a board", key)
 
 
 def _check_end(scenes: list[Scene], slider: SliderOf, end: str, where: str, key: str) -> None:
@@ -146,9 +175,14 @@ def _check_words(lesson: Lesson, where: str) -> None:
     """Captions are short, of plain characters that every font has, and formulas can be set."""
     texts = {"predict.ask": lesson.predict.ask, "why.text": lesson.why.text}
     texts |= {f"do.{k}.text": task.text for k, task in enumerate(lesson.do)}
+    most = dict.fromkeys(texts, WORDS)
+    brief = {"title": lesson.title}
+    brief |= {f"predict.choices.{k}": text for k, text in enumerate(lesson.predict.choices)}
+    brief |= {f"water.{k}.label": water.label for k, water in enumerate(lesson.water)}
+    texts, most = texts | brief, most | dict.fromkeys(brief, BRIEF)
     for key, text in texts.items():
-        if len(text.split()) > WORDS:
-            raise LessonError(where, f"has {len(text.split())} words; at most {WORDS}", key)
+        if len(text.split()) > most[key]:
+            raise LessonError(where, f"has {len(text.split())} words; at most {most[key]}", key)
         if not text.isascii():
             raise LessonError(where, "has characters that not every font has", key)
     if lesson.predict.answer > len(lesson.predict.choices):

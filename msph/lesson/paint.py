@@ -143,7 +143,7 @@ class Reasons:
         columns = int((size[0] - 2 * PAD * text) / self.mono.getlength("x"))
         code = [part for line in code for part in folded(line, columns)]
         self.head = self._head()
-        first = int((size[1] - self.head.height - 2.6 * text) / self.pitch)
+        first = max(1, int((size[1] - self.head.height - 2.6 * text) / self.pitch))
         rest = int((size[1] - 3.0 * text) / self.pitch)
         self.parts = [code[:first]]
         while code[first:]:

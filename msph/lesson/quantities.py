@@ -125,11 +125,17 @@ QUANTITIES: dict[str, Quantity] = {
     "time": Quantity("s", "simulated time", lambda show: show.simulation.time),
     "particles": Quantity("-", "number", lambda show: float(sum(show.simulation.counts()))),
     "kinetic": Quantity("J", "kinetic energy", _last("kinetic")),
-    "energy_rise": Quantity(
-        "%", "largest rise of the energy, of M g H and the first motion", _of_ledger("energy_gain")
+    "energy_gain": Quantity(
+        "%",
+        "largest rise of the energy, of M g H and the first motion",
+        _of_ledger("energy_gain"),
+        dear=True,
     ),
     "momentum_drift": Quantity(
-        "%", "momentum out of nothing, of the largest sum m |v|", _of_ledger("momentum_drift")
+        "%",
+        "momentum out of nothing, of the largest sum of mass times speed",
+        _of_ledger("momentum_drift"),
+        dear=True,
     ),
     "speed": Quantity("m/s", "root mean square of the speed", _speed),
     "top_speed": Quantity("m/s", "of the fastest particle", _last("top_speed")),

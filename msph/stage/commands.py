@@ -26,10 +26,11 @@ from msph.scene.quality import AS_GIVEN, AUTO, at_quality, choose, coarser, cost
 from msph.scene.schema import Scene
 from msph.scene.water import layer_specs
 from msph.stage.benchmark import Played, Result, benchmark, play_benchmark, profile_lines
+from msph.stage.choice import Choice, WatersOf
 from msph.stage.controls import KEYS
 from msph.stage.loop import run
 from msph.stage.measurer import CHECKPOINT, FILES, LEDGER, PROBES, SCENE, Measurer
-from msph.stage.player import Choice, Player
+from msph.stage.player import Player
 from msph.stage.preparation import prepare, prepare_row, say
 from msph.stage.recorder import NUMBER, Outputs, Recorder, check_outputs, make_writable
 from msph.stage.window import ClosedError, NoWindowError, Window, check_display
@@ -52,57 +53,67 @@ BAD_RUN = 1
 def play(scene, size, frames, beside, overrides, arch, threads, quality) -> None:
     """Plays a scene, and what is chosen in its window after it; captures the scene where none can
     be opened."""
-    if len(beside) >= MOST_WATERS:
-        raise click.UsageError(f"--beside: at most {MOST_WATERS - 1}")
-    changes = [(*overrides, *shlex.split(text)) for text in ("", *beside)]
-    waters = [load_scene(scene, change) for change in changes]
-    loaded = waters[0]
-    if beside and quality == AUTO:
-        # What one water may cost says nothing of several, and they are to be compared as written.
-        quality = AS_GIVEN
-    choice: Choice | None = Choice(scene, quality)
+    changes = [(*overrides, *change) for change in ((), *changes_beside(beside))]
     labels = [text or " ".join(overrides) or scene for text in ("", *beside)]
+
+    def waters_of(name: str) -> dict[str, Scene]:
+        """Of the scene that was called, as it was called; of another, as it is written."""
+        if name != scene:
+            return {name: load_scene(name)}
+        loaded = (load_scene(scene, change) for change in changes)
+        return dict(zip(labels, loaded, strict=True))
+
+    loaded = next(iter(waters_of(scene).values()))
+    choice: Choice | None = Choice(scene, quality)
     try:
         check_display()
         arch = start(arch, threads)
         window = Window(loaded.title or scene, size)
     except NoWindowError as reason:
+        if beside:
+            say("--beside needs a window: the first water is captured")
         capture_instead(scene, loaded, quality, str(reason), arch, threads)
         return
     for key in KEYS:
         click.echo(f"  {key.shown:18} {key.does}")
     while choice:
         try:
-            choice = play_choice(window, choice, waters, labels, frames, arch)
+            choice = play_choice(window, choice, waters_of, frames, arch)
         finally:
             window.close()
         if choice:
-            # Of another scene, as it is written; of the same one, as it was called.
-            if choice.scene != scene:
-                waters, labels = [load_scene(choice.scene)], [choice.scene]
-            loaded = waters[0]
+            loaded = next(iter(waters_of(choice.scene).values()))
             restart(arch, threads)
             window = Window(loaded.title or choice.scene, size)
 
 
+def changes_beside(beside: tuple[str, ...]) -> list[list[str]]:
+    """Overrides of each water that is played beside the scene. Raises UsageError."""
+    if len(beside) >= MOST_WATERS:
+        raise click.UsageError(f"--beside: at most {MOST_WATERS - 1}")
+    try:
+        return [shlex.split(text) for text in beside]
+    except ValueError as error:
+        raise click.UsageError(f"--beside {' '.join(beside)}: {error}") from None
+
+
 def play_choice(
-    window: Window,
-    choice: Choice,
-    waters: list[Scene],
-    labels: list[str],
-    frames: int | None,
-    arch: str,
+    window: Window, choice: Choice, waters_of: WatersOf, frames: int | None, arch: str
 ) -> Choice | None:
-    """Plays a choice, whose scene is loaded, as it is and as it is changed, and returns that which
-    follows it, if any does."""
+    """Plays a choice and returns that which follows it, if any does."""
+    waters, quality = waters_of(choice.scene), choice.quality
+    if len(waters) > 1 and quality == AUTO:
+        # What one water may cost says nothing of several, and they are to be compared as written.
+        quality = AS_GIVEN
     try:
         window.tell(0.0, "measuring this machine")
-        at_step, quality = at(waters[0], choice.scene, choice.quality, arch)
-        scenes = [at_step, *(at_quality(w, quality, choice.scene) for w in waters[1:])]
-        show = prepare_row(scenes, labels, window.size, window.tell)
+        first, *others = waters.values()
+        at_step, quality = at(first, choice.scene, quality, arch)
+        scenes = [at_step, *(at_quality(other, quality, choice.scene) for other in others)]
+        show = prepare_row(scenes, list(waters), window.size, window.tell)
     except ClosedError:
         return None
-    player = Player(window, show, choice, quality, frames)
+    player = Player(window, show, choice, quality, frames, waters_of=waters_of)
     run(show, player)
     for warning in show.warnings():
         say(f"warning: {warning}")

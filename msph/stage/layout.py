@@ -31,6 +31,8 @@ class Layout:
         self.text = pages.text_height(height)
         self.gap, self.column = round(GAP * self.text), round(COLUMN * self.text)
         self.panel = ""
+        # What a lesson takes: height at the lower edge [pixels], and keys.
+        self.below, self.taken = 0, frozenset[str]()
         self.status, self.graphs = Status(quality), Graphs()
         self.message, self.until = "", 0.0
         self.told: tuple[int | None, float] = None, 0.0  # particle whose facts are shown, and since
@@ -87,7 +89,7 @@ class Layout:
             self.overlay.hide("help")
             return
         width, height = self.size
-        page = pages.help_page(self.text, height - 2 * self.gap)
+        page = pages.help_page(self.text, height - 2 * self.gap, self.taken)
         left, top = (width - page.shape[1]) // 2, (height - page.shape[0]) // 2
         self.overlay.put("help", page, left, top)
 
@@ -134,7 +136,7 @@ class Layout:
 
     def _put_message(self, text: str) -> None:
         page = pages.lines([(text, pages.WARNING)], self.text)
-        low = self.size[1] - 4 * round(1.5 * self.text)
+        low = self.size[1] - self.below - 4 * round(1.5 * self.text)
         self.overlay.put("message", page, self._left(), low)
 
     def _left(self) -> int:

@@ -25,7 +25,8 @@ RESET = "as the scene says"
 
 @dataclass(frozen=True)
 class Wish:
-    """What was chosen: of a kind ("set", "view", "scene", "quality"), which, and its value."""
+    """What was chosen: of a kind ("set", "reset", "view", "scene", "quality"), which, and its
+    value."""
 
     kind: str
     name: str
@@ -86,8 +87,8 @@ class Panel:
             self.page = name
             return []
         if kind == "reset":
-            return [Wish("set", live.key, self.given[live.key]) for live in self._here()]
-        return [Wish(kind, name)]
+            return [Wish("reset", live.key) for live in self._here()]
+        return [] if name in (self.scene, self.quality) else [Wish(kind, name)]
 
     def _here(self) -> list[Live]:
         """Live parameters of the open page."""

@@ -2,9 +2,8 @@
 
 import math
 import time
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -13,8 +12,11 @@ from msph.measure.resolution import mean_depth
 from msph.picture.camera import Camera
 from msph.scene.errors import SceneError
 from msph.scene.library import shipped_scenes
+from msph.scene.live import live_parameters, read
 from msph.scene.load import load_scene
 from msph.scene.quality import AUTO, at_quality
+from msph.stage.choice import Choice, WatersOf
+from msph.stage.companion import Companion
 from msph.stage.controls import ACTIONS, Controls
 from msph.stage.idle import Idle
 from msph.stage.keepsakes import Keepsakes
@@ -24,6 +26,7 @@ from msph.stage.panel import Panel, Wish
 from msph.stage.pushing import PushingHand
 from msph.stage.replay import Replay
 from msph.stage.row import Waters, with_picked
+from msph.stage.show import Show
 from msph.stage.window import TELL_PAUSE, Window
 
 ORBIT_PER_WIDTH = math.radians(200.0)  # a drag across the whole window turns the view so far
@@ -37,37 +40,10 @@ ARROW = 0.3  # length of an arrow of 10 m/s^2, over the box's longest edge
 BUTTONS = ("LMB", "RMB", "MMB")
 
 
-@dataclass(frozen=True)
-class Choice:
-    """A scene by name or file, at a quality; set: live parameters that somebody has changed."""
-
-    scene: str
-    quality: str
-    set: dict[str, float] = field(default_factory=dict)
-
-
-class Companion(Protocol):
-    """Somebody beside the player, such as the guide of a lesson, who takes keys and the mouse
-    first."""
-
-    @property
-    def waits(self) -> bool:
-        """Whether the water waits."""
-
-    def takes(self, key: str) -> bool: ...
-
-    def covers(self, cursor: np.ndarray) -> bool: ...
-
-    def drag(self, cursor: np.ndarray, down: bool) -> bool: ...
-
-    def look(self) -> None: ...
-
-    def lay(self, image: Any) -> None: ...
-
-
 class Player:
     """Plays a choice in a window until it is closed, or `next` is chosen; quality: what it is at.
-    frames limits the number of frames, None: until then. guide: whom a lesson sends along."""
+    frames limits the number of frames, None: until then. guide: whom a lesson sends along.
+    waters_of: what there is of a scene that is chosen."""
 
     def __init__(
         self,
@@ -77,8 +53,14 @@ class Player:
         quality: str,
         frames: int | None = None,
         guide: Companion | None = None,
+        waters_of: WatersOf = lambda name: {name: load_scene(name)},
     ):
-        self.guide = guide
+        self.guide, self.waters_of = guide, waters_of
+        # Of each water the live parameters as its scene says.
+        self.given = [
+            {live.key: read(each.scene, live.key) for live in live_parameters(each.scene)}
+            for each in show.shows
+        ]
         self.window, self.choice, self.quality, self.frames = window, choice, quality, frames
         self.next: Choice | None = None
         play = show.scene.play
@@ -91,9 +73,13 @@ class Player:
         depth = mean_depth(lead.scene, lead.simulation.particles.numpy("x").mean(axis=0)[None])
         self.idle = Idle(show.scene, depth)
         if guide:
-            # It says what to try.
+            # It says what to try, and nothing moves but what somebody moves.
             self.idle.tried |= set(ACTIONS.values())
+            self.idle.sways = False
+            self.layout.below, self.layout.taken = guide.below, guide.taken
         self.hand = PushingHand()
+        self.over = show.lead  # the water under the hand
+        self.runs = guide.runs if guide else 0
         self.tilt: Any = np.zeros(2)  # roll, pitch [rad]
         self.locked = not play.level
         self.paused = self.done = self.helping = False
@@ -119,7 +105,7 @@ class Player:
             if key in BUTTONS:
                 self.free[key] = not self._covered()
             elif self.guide and self.guide.takes(key):
-                continue
+                self._follow(self.guide)
             elif key in ACTIONS:
                 self._press(ACTIONS[key], show, wishes)
         # A window that was resized shows the same pixels in another shape.
@@ -129,7 +115,7 @@ class Player:
         held = self._hold(show, step)
         dragged = self._drag(show, moved, wishes, step)
         self.idle.pass_time(self.pacer.wall, bool(pressed or held or dragged or moved.any()))
-        sway = self.idle.roll(show.lead.simulation.time, 0.0 if self.paused else step)
+        sway = self.idle.roll(show.lead.simulation.time, 0.0 if self._still else step)
         wishes.tilt = (float(self.tilt[0]) + sway, float(self.tilt[1]))
         wishes.paused = self._still
         return wishes
@@ -138,6 +124,12 @@ class Player:
     def _still(self) -> bool:
         """Whether the water waits, for the player or for the guide."""
         return self.paused or (self.guide is not None and self.guide.waits)
+
+    def _follow(self, guide: Companion) -> None:
+        """Levels the pool where the guide has let the water begin anew."""
+        if guide.runs != self.runs:
+            self.runs = guide.runs
+            self.tilt[:] = 0.0
 
     def _covered(self) -> bool:
         """Whether the cursor is over a page, and not over the water."""
@@ -205,9 +197,9 @@ class Player:
     def _leave(self, choice: Choice) -> None:
         """For another scene or quality, if it can be loaded."""
         try:
-            scene = load_scene(choice.scene)
-            if choice.quality != AUTO:
-                at_quality(scene, choice.quality, choice.scene)
+            for scene in self.waters_of(choice.scene).values():
+                if choice.quality != AUTO:
+                    at_quality(scene, choice.quality, choice.scene)
         except SceneError as error:
             self.layout.say(str(error))
         else:
@@ -221,9 +213,19 @@ class Player:
             self._keep_by(lambda: self.keepsakes.clip(show, self.replay, self._tell))
 
     def _keep(self, show: Waters) -> None:
+        if self._several(show):
+            return
         self._keep_by(lambda: self.keepsakes.water(show.lead))
 
+    def _several(self, show: Waters) -> bool:
+        """Says that of waters side by side none is kept: they would part in time."""
+        if len(show.shows) > 1:
+            self.layout.say("one water alone can be kept and opened")
+        return len(show.shows) > 1
+
     def _reopen(self, show: Waters) -> None:
+        if self._several(show):
+            return
         self._keep_by(lambda: self.keepsakes.reopen(show.lead))
 
     def _keep_by(self, act) -> None:
@@ -246,7 +248,9 @@ class Player:
         self.done = True
 
     def _hold(self, show: Waters, step: float) -> bool:
-        """Keys that act as long as they are down; whether any is."""
+        """Keys that act as long as they are down; whether any is. While a lesson waits, none."""
+        if self.guide and self.guide.waits:
+            return False
         down, play, wall = self.window.down, show.scene.play, self.pacer.wall
         rate, limit = math.radians(play.tilt_rate) * step, math.radians(play.tilt_limit)
         asked = np.array([down("Left") - down("Right"), down("Down") - down("Up")], float)
@@ -275,12 +279,26 @@ class Player:
         self._click(show, bool(left))
         if left:
             self.idle.tried.add("push")
-            wishes.hand = self.hand.push(*show.under(self.cursor), step)
+            wishes.hand = self.hand.push(*self._held(show), step)
         elif show.scene.play.hover and moved.any() and not (right or middle or on_page):
-            wishes.hand = self.hand.pass_over(*show.under(self.cursor), step)
+            wishes.hand = self.hand.pass_over(*self._passed(show), step)
         else:
             wishes.hand = self.hand.let_go()
         return bool(left or right or middle)
+
+    def _held(self, show: Waters) -> tuple[Show, np.ndarray]:
+        """The water that a push began in, and the cursor in its picture, wherever it is by now."""
+        if not self.hand.pushes:
+            self.over = show.under(self.cursor)[0]
+        return self.over, show.within(self.over, self.cursor)
+
+    def _passed(self, show: Waters) -> tuple[Show, np.ndarray]:
+        """The water under the cursor; from one to the next the hand lets go."""
+        under, place = show.under(self.cursor)
+        if under is not self.over:
+            self.hand.let_go()
+        self.over = under
+        return under, place
 
     def _touch_panel(self, show: Waters) -> None:
         """What the left button asks for on the panel, if it is open."""
@@ -327,9 +345,10 @@ class Player:
         if self.layout.panel == "settings":
             size, text = self.layout.column_size, self.layout.text
             self.layout.lay_panel(self.panel.paint(show.lead, size, text))
-        self.layout.lay(show, self.pacer, self._still, self.idle)
         if self.guide:
             self.guide.lay(show.picture.image)
+        if not (self.guide and self.guide.whole):
+            self.layout.lay(show, self.pacer, self._still, self.idle)
         if self.hand.pushes:
             self.window.mark(self.cursor)
         self._draw_arrows(show)
@@ -359,6 +378,11 @@ class Player:
     def _grant(self, show: Waters, wish: Wish) -> None:
         if wish.kind == "set":
             self._set(show, wish.name, wish.value)
+        elif wish.kind == "reset":
+            for each, given in zip(show.shows, self.given, strict=True):
+                if wish.name in given:
+                    each.set(wish.name, given[wish.name])
+            self._pace(wish.name, read(show.lead.scene, wish.name))
         elif wish.kind == "view":
             show.lead.views.name = wish.name
         elif wish.kind == "scene":
@@ -373,6 +397,10 @@ class Player:
 
     def _set(self, show: Waters, key: str, value: float) -> None:
         show.set(key, value)
+        self._pace(key, value)
+
+    def _pace(self, key: str, value: float) -> None:
+        """Tells the pacer of a parameter that is its own."""
         if key == "play.speed":
             self.pacer.ask(value)
         if key == "play.scale":

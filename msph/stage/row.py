@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from msph.fluid.methods import METHODS
 from msph.picture.camera import Camera
 from msph.picture.overlay import Overlay
+from msph.scene.live import live_parameters
 from msph.stage import pages
 from msph.stage.controls import Controls
 from msph.stage.show import Show
@@ -96,7 +96,9 @@ class Row:
         frame: boxes of other sizes are pushed at the same place in metres."""
         lead = self.lead
         lead.frame(controls)
-        same = replace(controls, frame_time=lead.simulated or None, budget=None)
+        # Where a body stops a frame is given up, of all.
+        waits = controls.paused or lead.simulated == 0.0
+        same = replace(controls, frame_time=lead.simulated or None, budget=None, paused=waits)
         for show, home in zip(self.shows[1:], self.homes[1:], strict=True):
             if self.size:
                 self._aim(show, home)
@@ -121,7 +123,8 @@ class Row:
         return camera
 
     def draw_together(self) -> None:
-        """Puts the pictures side by side, with what is known of each under it."""
+        """Puts the pictures side by side, with what is known of each over it."""
+        self.image.fill(GROUND)
         for k, show in enumerate(self.shows):
             self._put(k * (show.picture.width + GAP), self.below, show.picture.image)
         if any(self.labels):
@@ -149,9 +152,13 @@ class Row:
         pitch = self.lead.picture.width + GAP
         place = cursor * self.size
         k = int(np.clip(place[0] // pitch, 0, len(self.shows) - 1))
-        show = self.shows[k]
-        local = (place - (k * pitch, self.below)) / (show.picture.width, show.picture.height)
-        return show, local
+        return self.shows[k], self.within(self.shows[k], cursor)
+
+    def within(self, show: Show, cursor: np.ndarray) -> np.ndarray:
+        """The cursor in shares of a show's picture, beyond its edges, too."""
+        left = self.shows.index(show) * (show.picture.width + GAP)
+        pixels = cursor * self.size - (left, self.below)
+        return pixels / (show.picture.width, show.picture.height)
 
     def placed(self, show: Show, shares: np.ndarray) -> np.ndarray:
         """Places (n, 2) in shares of a show's picture, in shares of the window."""
@@ -219,9 +226,8 @@ def with_picked(show: Waters) -> Show | None:
 
 
 def can_set(show: Show, key: str) -> bool:
-    """Whether a live parameter is one of the show's method."""
-    section = key.partition(".")[0]
-    return section not in METHODS or section == show.scene.method
+    """Whether a parameter is live in the show's scene."""
+    return any(live.key == key for live in live_parameters(show.scene))
 
 
 def speed_and_error(show: Show) -> list[str]:

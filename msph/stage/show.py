@@ -101,6 +101,9 @@ class Show:
     def under(self, cursor: np.ndarray) -> tuple["Show", np.ndarray]:
         return self, cursor
 
+    def within(self, show: "Show", cursor: np.ndarray) -> np.ndarray:
+        return cursor
+
     def placed(self, show: "Show", shares: np.ndarray) -> np.ndarray:
         return shares
 

@@ -16,11 +16,12 @@ from msph.scene.library import shipped_scenes
 from msph.scene.live import live_parameters, read
 from msph.scene.load import read_toml
 from msph.stage import idle, replay
+from msph.stage.choice import Choice
 from msph.stage.controls import ACTIONS, KEYS, Controls
 from msph.stage.keepsakes import Keepsakes
 from msph.stage.layout import PANELS
 from msph.stage.panel import PAGES, Wish
-from msph.stage.player import SLOW_MOTION, Choice, Player
+from msph.stage.player import SLOW_MOTION, Player
 from msph.stage.row import Row
 from msph.stage.show import PLAYED, Show
 from tests.scenes_kit import TEXT, write
@@ -726,6 +727,45 @@ class TestRow:
         (path,) = tmp_path.glob("*.png")
         assert imageio.imread(path).shape == (HEIGHT, 2 * WIDTH + 2, 3)
 
+    def test_a_push_stays_in_the_water_that_it_began_in(self, row):
+        """It jumped by a box's width where the cursor came into the next picture."""
+        screen = Screen()
+        screen.size, screen.aspect = row.size, row.size[0] / row.size[1]
+        player = Player(screen, row, Choice("pool", "auto"), "medium")
+        frames(player, row, 2)
+        first = row.shows[0]
+        wet = [(i, j) for i in range(0, WIDTH, 4) for j in range(0, HEIGHT, 4)]
+        i, j = max(pixel for pixel in wet if first.pick(*pixel) is not None)
+        screen.at = np.array([i, BELOW + j]) / row.size
+        screen.held = {"LMB"}
+        frames(player, row, 2)
+        speeds = []
+        for right in range(i, WIDTH + 60, 6):
+            screen.at = np.array([right, BELOW + j]) / row.size
+            hand = player.controls(row).hand
+            speeds.append(math.hypot(*hand.velocity) * player.pacer.frame_time)
+        assert max(speeds) < 0.1 * max(first.simulation.size)
+        assert row.under(screen.at)[0] is row.shows[1]
+
+    def test_settings_go_back_to_what_each_scene_says(self, row):
+        second = row.shows[1]
+        player = Player(Screen(), row, Choice("pool", "auto"), "medium")
+        player.given[1]["gravity"] = 3.0
+        player._grant(row, Wish("set", "gravity", 7.0))
+        assert math.hypot(*second.scene.gravity) == pytest.approx(7.0)
+        player._grant(row, Wish("reset", "gravity"))
+        assert math.hypot(*second.scene.gravity) == pytest.approx(3.0)
+        assert math.hypot(*row.lead.scene.gravity) == pytest.approx(9.81)
+        row.set("gravity", 9.81)
+
+    def test_one_of_several_is_neither_kept_nor_opened(self, row, tmp_path):
+        screen = Screen()
+        screen.size = row.size
+        player = Player(screen, row, Choice("pool", "auto"), "medium")
+        player.keepsakes = Keepsakes(tmp_path, "pool", "medium")
+        press(player, row, "k", "o")
+        assert not list(tmp_path.iterdir()) and "one water alone" in player.layout.message
+
     def test_it_goes_back_to_a_moment(self, row):
         row.frame(Controls(frame_time=FRAME))
         kept = row.moment()
@@ -736,3 +776,31 @@ class TestRow:
         assert [s.simulation.time for s in row.shows] == pytest.approx([FRAME, FRAME])
         row.reset()
         assert [s.simulation.time for s in row.shows] == [0.0, 0.0]
+
+
+def test_a_scene_that_is_left_comes_back_as_it_was_called(monkeypatch):
+    """The water of the last scene was played under its name."""
+    from msph.stage import commands
+
+    played, ways = [], [Choice("drop", "auto"), Choice("pool", "auto"), None]
+
+    def play_choice(window, choice, waters_of, frames, arch):
+        played.append((choice.scene, [w.title for w in waters_of(choice.scene).values()]))
+        return ways.pop(0)
+
+    window = type("W", (), {"__init__": lambda self, *_: None, "close": lambda self: None})
+    for name, fake in (
+        ("check_display", lambda: None),
+        ("start", lambda *_: "cpu"),
+        ("restart", lambda *_: "cpu"),
+        ("Window", window),
+        ("play_choice", play_choice),
+    ):
+        monkeypatch.setattr(commands, name, fake)
+    commands.play("pool", SIZE, None, ("title=beside",), ("title=called",), "cpu", None, "auto")
+    drop = load_scene("drop").title
+    assert played == [
+        ("pool", ["called", "beside"]),
+        ("drop", [drop]),
+        ("pool", ["called", "beside"]),
+    ]
