@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from msph.errors import LostOutputError
 from msph.measure.resolution import mean_depth
 from msph.picture.camera import Camera
 from msph.scene.errors import SceneError
@@ -19,6 +18,7 @@ from msph.stage.choice import Choice, WatersOf
 from msph.stage.companion import Companion
 from msph.stage.controls import ACTIONS, Controls
 from msph.stage.idle import Idle
+from msph.stage.keeper import KEEPING, Keeper
 from msph.stage.keepsakes import Keepsakes
 from msph.stage.layout import Layout
 from msph.stage.pacer import Pacer
@@ -26,8 +26,7 @@ from msph.stage.panel import Panel, Wish
 from msph.stage.pushing import PushingHand
 from msph.stage.replay import Replay
 from msph.stage.row import Waters, with_picked
-from msph.stage.show import Show
-from msph.stage.window import TELL_PAUSE, Window
+from msph.stage.window import Window
 
 ORBIT_PER_WIDTH = math.radians(200.0)  # a drag across the whole window turns the view so far
 ORBIT_KEY_RATE = math.radians(70.0)  # [rad/s]
@@ -68,7 +67,8 @@ class Player:
         self.layout = Layout(window.size, quality)
         self.panel = Panel(show.lead, choice.scene, quality)
         self.replay = Replay()
-        self.keepsakes = Keepsakes(Path("out"), Path(choice.scene).stem, quality)
+        keepsakes = Keepsakes(Path("out"), Path(choice.scene).stem, quality)
+        self.keeper = Keeper(window, self.layout, self.replay, keepsakes)
         lead = show.lead
         depth = mean_depth(lead.scene, lead.simulation.particles.numpy("x").mean(axis=0)[None])
         self.idle = Idle(show.scene, depth)
@@ -78,7 +78,6 @@ class Player:
             self.idle.sways = False
             self.layout.below, self.layout.taken = guide.below, guide.taken
         self.hand = PushingHand()
-        self.over = show.lead  # the water under the hand
         self.runs = guide.runs if guide else 0
         self.tilt: Any = np.zeros(2)  # roll, pitch [rad]
         self.locked = not play.level
@@ -146,6 +145,9 @@ class Player:
             setattr(wishes, action, True)
         elif action == "step":
             wishes.single_step = True
+        elif action in KEEPING:
+            getattr(self.keeper, action)(show)
+            self.clock = None
         elif act:
             act(show)
         if action == "reset":
@@ -205,45 +207,6 @@ class Player:
         else:
             self.next = choice
 
-    def _picture(self, show: Waters) -> None:
-        self._keep_by(lambda: self.keepsakes.picture(show))
-
-    def _clip(self, show: Waters) -> None:
-        if self.replay.frames:
-            self._keep_by(lambda: self.keepsakes.clip(show, self.replay, self._tell))
-
-    def _keep(self, show: Waters) -> None:
-        if self._several(show):
-            return
-        self._keep_by(lambda: self.keepsakes.water(show.lead))
-
-    def _several(self, show: Waters) -> bool:
-        """Says that of waters side by side none is kept: they would part in time."""
-        if len(show.shows) > 1:
-            self.layout.say("one water alone can be kept and opened")
-        return len(show.shows) > 1
-
-    def _reopen(self, show: Waters) -> None:
-        if self._several(show):
-            return
-        self._keep_by(lambda: self.keepsakes.reopen(show.lead))
-
-    def _keep_by(self, act) -> None:
-        """Files of the show: what was done is said, and what went wrong."""
-        try:
-            self.layout.say(act())
-        except (LostOutputError, SceneError, OSError) as error:
-            self.layout.say(str(error))
-        self.clock = None
-
-    def _tell(self, share: float) -> None:
-        now = time.perf_counter()
-        if self.clock is not None and now - self.clock < TELL_PAUSE:
-            return
-        self.clock = now
-        self.layout.tell(f"clip: {100.0 * share:.0f} %", self.keepsakes.image)
-        self.window.show(self.keepsakes.image)
-
     def _quit(self, show: Waters) -> None:
         self.done = True
 
@@ -279,26 +242,12 @@ class Player:
         self._click(show, bool(left))
         if left:
             self.idle.tried.add("push")
-            wishes.hand = self.hand.push(*self._held(show), step)
+            wishes.hand = self.hand.push(show, self.cursor, step)
         elif show.scene.play.hover and moved.any() and not (right or middle or on_page):
-            wishes.hand = self.hand.pass_over(*self._passed(show), step)
+            wishes.hand = self.hand.pass_over(show, self.cursor, step)
         else:
             wishes.hand = self.hand.let_go()
         return bool(left or right or middle)
-
-    def _held(self, show: Waters) -> tuple[Show, np.ndarray]:
-        """The water that a push began in, and the cursor in its picture, wherever it is by now."""
-        if not self.hand.pushes:
-            self.over = show.under(self.cursor)[0]
-        return self.over, show.within(self.over, self.cursor)
-
-    def _passed(self, show: Waters) -> tuple[Show, np.ndarray]:
-        """The water under the cursor; from one to the next the hand lets go."""
-        under, place = show.under(self.cursor)
-        if under is not self.over:
-            self.hand.let_go()
-        self.over = under
-        return under, place
 
     def _touch_panel(self, show: Waters) -> None:
         """What the left button asks for on the panel, if it is open."""

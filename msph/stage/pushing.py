@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from msph.fluid.external_forces import Hand
+from msph.stage.row import Waters
 from msph.stage.show import Show
 
 # Radius and grip of a cursor that only passes over the water, over those of a push; least radius of
@@ -15,17 +16,23 @@ WAKE_SPEED = 2.0
 
 
 class PushingHand:
-    """place: where it holds the water [m], in the box's frame, None while it does not."""
+    """place: where it holds the water [m], in the box's frame, None while it does not; over: the
+    water that it is over, of those side by side."""
 
     def __init__(self) -> None:
         self.place: Any = None
+        self.over: Any = None
         self.pushes = False
 
-    def push(self, show: Show, cursor: np.ndarray, step: float) -> Hand:
-        """A push in a frame of `step` [s], cursor: (right, up) in shares of the picture.
+    def push(self, waters: Waters, cursor: np.ndarray, step: float) -> Hand:
+        """A push in a frame of `step` [s], cursor: (right, up) in shares of the window.
 
-        The water is taken where the cursor's ray meets it, and dragged at that depth.
+        The water is taken where the cursor's ray meets it, and dragged at that depth; it is the
+        one that the push began in, wherever the cursor is by now.
         """
+        if not self.pushes:
+            self.over = waters.under(cursor)[0]
+        show, cursor = self.over, waters.within(self.over, cursor)
         eye, direction = self._ray(show, cursor)
         if not self.pushes:
             self.place = self._hit(show, cursor)
@@ -37,8 +44,13 @@ class PushingHand:
         self.place = eye + (before - eye) @ axis / (direction @ axis) * direction
         return self._hand(show, (self.place - before) / step)
 
-    def pass_over(self, show: Show, cursor: np.ndarray, step: float) -> Hand:
-        """A wake where the cursor moves over the water without a push."""
+    def pass_over(self, waters: Waters, cursor: np.ndarray, step: float) -> Hand:
+        """A wake where the cursor moves over the water without a push; from one water to the next
+        the hand lets go."""
+        show, cursor = waters.under(cursor)
+        if show is not self.over:
+            self.let_go()
+        self.over = show
         hit = self._hit(show, cursor)
         before, self.place, self.pushes = self.place, hit, False
         if hit is None or before is None:

@@ -18,6 +18,7 @@ from msph.scene.load import read_toml
 from msph.stage import idle, replay
 from msph.stage.choice import Choice
 from msph.stage.controls import ACTIONS, KEYS, Controls
+from msph.stage.keeper import KEEPING, Keeper
 from msph.stage.keepsakes import Keepsakes
 from msph.stage.layout import PANELS
 from msph.stage.panel import PAGES, Wish
@@ -126,7 +127,7 @@ def given(show):
 @pytest.fixture
 def player(given, tmp_path):
     player = Player(Screen(), given, Choice("pool", "auto"), "medium")
-    player.keepsakes = Keepsakes(tmp_path, "pool", "medium")
+    player.keeper.keepsakes = Keepsakes(tmp_path, "pool", "medium")
     return player
 
 
@@ -146,7 +147,8 @@ def press(player, show, *keys, number=1):
 def test_every_action_of_the_table_is_one_of_the_player():
     known = {"reset", "next_view", "step", "push", "tilt", "orbit", "zoom", "pan"}
     for action in ACTIONS.values():
-        assert action in known or callable(getattr(Player, f"_{action}"))
+        owner, name = (Keeper, action) if action in KEEPING else (Player, f"_{action}")
+        assert action in known or callable(getattr(owner, name))
 
 
 def test_readme_has_the_table_of_keys():
@@ -579,7 +581,7 @@ def test_a_clip_shows_what_was_seen_and_leaves_the_water_alone(player, show, tmp
     kept = [moment for _, moment in player.replay.frames]
     player.replay.frames.clear()
     player.replay.frames.extend((k / 24.0, moment) for k, moment in enumerate(kept))
-    player.keepsakes.clip(show, player.replay, lambda share: None)
+    player.keeper.keepsakes.clip(show, player.replay, lambda share: None)
     (path,) = tmp_path.glob("*.mp4")
     seen = [frame for frame in imageio.get_reader(path)]
     assert len(seen) == 7 and seen[0].shape == (HEIGHT, WIDTH, 3)
@@ -607,7 +609,7 @@ def test_memory_of_the_replay_is_bounded(player, show, monkeypatch):
 
 def test_what_cannot_be_written_is_said(player, show, tmp_path):
     (tmp_path / "file").touch()
-    player.keepsakes.folder = tmp_path / "file"
+    player.keeper.keepsakes.folder = tmp_path / "file"
     for key in ("p", "c", "k"):
         frames(player, show, 2)
         press(player, show, key)
@@ -708,7 +710,7 @@ class TestRow:
         screen = Screen()
         screen.size, screen.aspect = row.size, row.size[0] / row.size[1]
         player = Player(screen, row, Choice("pool", "auto"), "medium")
-        player.keepsakes = Keepsakes(tmp_path, "pool", "medium")
+        player.keeper.keepsakes = Keepsakes(tmp_path, "pool", "medium")
         frames(player, row, 2)
         pixels = itertools.product(range(0, WIDTH, 4), range(0, HEIGHT, 4))
         second = row.shows[1]
@@ -762,7 +764,7 @@ class TestRow:
         screen = Screen()
         screen.size = row.size
         player = Player(screen, row, Choice("pool", "auto"), "medium")
-        player.keepsakes = Keepsakes(tmp_path, "pool", "medium")
+        player.keeper.keepsakes = Keepsakes(tmp_path, "pool", "medium")
         press(player, row, "k", "o")
         assert not list(tmp_path.iterdir()) and "one water alone" in player.layout.message
 

@@ -1,0 +1,60 @@
+"""What a player takes from a show by a key, and how it is told in the window."""
+
+import time
+from collections.abc import Callable
+
+from msph.errors import LostOutputError
+from msph.scene.errors import SceneError
+from msph.stage.keepsakes import Keepsakes
+from msph.stage.layout import Layout
+from msph.stage.replay import Replay
+from msph.stage.row import Waters
+from msph.stage.window import TELL_PAUSE, Window
+
+# Actions of keys that are its methods.
+KEEPING = ("picture", "clip", "keep", "reopen")
+
+
+class Keeper:
+    """Keepsakes of what a window shows, and of its last seconds; each says what was done, or what
+    went wrong."""
+
+    def __init__(self, window: Window, layout: Layout, replay: Replay, keepsakes: Keepsakes):
+        self.window, self.layout, self.replay, self.keepsakes = window, layout, replay, keepsakes
+        self.told = 0.0  # when a clip was last told of [s]
+
+    def picture(self, show: Waters) -> None:
+        self._say(lambda: self.keepsakes.picture(show))
+
+    def clip(self, show: Waters) -> None:
+        if self.replay.frames:
+            self._say(lambda: self.keepsakes.clip(show, self.replay, self._tell))
+
+    def keep(self, show: Waters) -> None:
+        if self._alone(show):
+            self._say(lambda: self.keepsakes.water(show.lead))
+
+    def reopen(self, show: Waters) -> None:
+        if self._alone(show):
+            self._say(lambda: self.keepsakes.reopen(show.lead))
+
+    def _alone(self, show: Waters) -> bool:
+        """Whether there is one water; of several none is kept: they would part in time."""
+        if len(show.shows) > 1:
+            self.layout.say("one water alone can be kept and opened")
+        return len(show.shows) == 1
+
+    def _say(self, act: Callable[[], str]) -> None:
+        try:
+            self.layout.say(act())
+        except (LostOutputError, SceneError, OSError) as error:
+            self.layout.say(str(error))
+
+    def _tell(self, share: float) -> None:
+        """How much of a clip there is."""
+        now = time.perf_counter()
+        if now - self.told < TELL_PAUSE:
+            return
+        self.told = now
+        self.layout.tell(f"clip: {100.0 * share:.0f} %", self.keepsakes.image)
+        self.window.show(self.keepsakes.image)
