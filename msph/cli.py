@@ -237,6 +237,14 @@ def measure(**options):
 @cli.command()
 @click.argument("name", required=False)
 @click.option("--parameters", "list_parameters", is_flag=True, help="List every scene parameter.")
+@click.option(
+    "--explain",
+    "explained",
+    is_flag=True,
+    help="Run NAME with and without each part that it has switched on: what each costs, and the "
+    "error without it. Takes a minute.",
+)
+@shared_options()
 def scenes(**options):
     """List the shipped scenes, or print the one called NAME."""
     commands().scenes(**options)

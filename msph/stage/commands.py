@@ -28,6 +28,7 @@ from msph.scene.water import layer_specs
 from msph.stage.benchmark import Played, Result, benchmark, play_benchmark, profile_lines
 from msph.stage.choice import Choice, WatersOf
 from msph.stage.controls import KEYS
+from msph.stage.explain import explain
 from msph.stage.loop import run
 from msph.stage.measurer import CHECKPOINT, FILES, LEDGER, PROBES, SCENE, Measurer
 from msph.stage.player import Player
@@ -293,8 +294,18 @@ def measure_convergence(
     click.echo(f"\nDiscretisation error of {name}\n{convergence.text(rows, spacings)}")
 
 
-def scenes(name, list_parameters) -> None:
-    """Lists scenes or parameters, or prints one scene."""
+def scenes(name, list_parameters, explained, overrides, arch, threads, quality) -> None:
+    """Lists scenes or parameters, prints one scene, or what its parts cost."""
+    if explained:
+        if not name:
+            raise click.UsageError("--explain needs the NAME of a scene")
+        loaded = load_scene(name, overrides)
+        arch = start(arch, threads)
+        loaded, _ = at(loaded, name, quality, arch)
+        click.echo(explain(loaded))
+        return
+    if overrides or threads or (arch, quality) != ("auto", AS_GIVEN):
+        raise click.UsageError("--set, --arch, --threads and --quality go with --explain")
     if list_parameters:
         rows = [p.row() for p in parameters(Scene)]
         click.echo(tabulate(rows, headers="keys", tablefmt="simple"))

@@ -1,0 +1,162 @@
+"""What a scene has switched on, what each costs, and what goes wrong without it: measured."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from tabulate import tabulate
+
+from msph.fluid.simulation import WORD, footprint
+from msph.measure.resolution import mean_depth
+from msph.measure.timings import Timings
+from msph.scene.build import solver_parameters
+from msph.scene.schema import Scene
+from msph.scene.water import capacity, layer_specs
+from msph.stage.benchmark import FRAME_TIME, SIZE, STAGES
+from msph.stage.controls import Controls
+from msph.stage.preparation import prepare
+from msph.stage.show import Show
+from msph.taichi_internals import watch_compiling
+
+# Simulated time of a run [s], and frames at its start that are not timed: caches fill.
+SECONDS, UNTIMED = 1.0, 3
+
+
+@dataclass(frozen=True)
+class Switch:
+    """An optional part: whether a scene has it, and the scene without it. picture: whether it
+    changes the picture alone."""
+
+    name: str
+    on: Callable[[Scene], bool]
+    without: dict[str, Any]
+    picture: bool = False
+
+
+def _term(key: str) -> Callable[[Scene], bool]:
+    return lambda s: s.method == "projection" and getattr(s.projection, key) > 0.0
+
+
+SWITCHES = (
+    Switch("adaptation", lambda s: s.adaptation.enabled, {"adaptation": {"enabled": False}}),
+    Switch("viscosity", _term("viscosity"), {"projection": {"viscosity": 0.0, "slip": True}}),
+    Switch("tension", _term("tension"), {"projection": {"tension": 0.0}}),
+    Switch("xsph", _term("xsph"), {"projection": {"xsph": 0.0}}),
+    Switch("caustics", lambda s: s.picture.caustics, {"picture": {"caustics": False}}, True),
+    Switch(
+        "supersample", lambda s: s.picture.supersample > 1, {"picture": {"supersample": 1}}, True
+    ),
+)
+
+
+def without(scene: Scene, switch: Switch) -> Scene:
+    """The scene with a part switched off."""
+    changes = {
+        section: getattr(scene, section).model_copy(update=values)
+        for section, values in switch.without.items()
+    }
+    return scene.model_copy(update=changes)
+
+
+@dataclass
+class Run:
+    """A show that is timed: what its start takes [s], kernels that it compiles, and bytes of its
+    particles and lists."""
+
+    show: Show
+    start: float
+    kernels: int
+    bytes: int
+    centres: list[np.ndarray] = field(default_factory=list)
+
+    def milliseconds(self, *stages: str) -> float:
+        """Median of a frame, or of its stages together."""
+        assert self.show.timings is not None
+        return 1e3 * self.show.timings.percentile(50.0, *stages)
+
+
+def begin(scene: Scene) -> Run:
+    """Builds a scene with its picture."""
+    kernels: list[str] = []
+    since = time.perf_counter()
+    with watch_compiling(kernels.append):
+        show = prepare(scene, FRAME_TIME, SIZE, timings=Timings())
+    taken = time.perf_counter() - since
+    numbers = footprint(
+        scene.box.size, layer_specs(scene), capacity(scene), solver_parameters(scene)
+    )
+    return Run(show, taken, len(kernels), WORD * sum(numbers.values()))
+
+
+def explain(scene: Scene) -> str:
+    """A table of the scene and of it without each part that it has, in turn frame by frame."""
+    switches = [switch for switch in SWITCHES if switch.on(scene)]
+    runs = [begin(scene), *(begin(without(scene, switch)) for switch in switches)]
+    for k in range(UNTIMED + round(SECONDS / FRAME_TIME)):
+        for run in runs:
+            run.show.frame(Controls())
+            if k < UNTIMED and run.show.timings:
+                run.show.timings.discard()
+            run.centres.append(run.show.ledger.entries[-1].centre)
+    whole, *others = runs
+    depth = mean_depth(scene, np.array(whole.centres[:1]))
+    heads = ["", "particles", "ms a frame", *STAGES]
+    heads += ["saved", "start s", "kernels", "MiB", "error without it"]
+    rows = [[*_costs("as it is", whole, whole), ""]]
+    for switch, run in zip(switches, others, strict=True):
+        error = picture_error(whole, run) if switch.picture else water_error(whole, run, depth)
+        rows.append([*_costs(f"without {switch.name}", run, whole), error])
+    return "\n".join(
+        [
+            tabulate(rows, headers=heads, tablefmt="simple", disable_numparse=True),
+            "",
+            f"{SECONDS:g} s of simulated time, frames of 1/60 s in turn, {SIZE[0]}x{SIZE[1]}; "
+            "medians of wall-clock time.",
+            saving(switches, others, whole),
+        ]
+    )
+
+
+def _costs(name: str, run: Run, whole: Run) -> list[str]:
+    frame = run.milliseconds()
+    return [
+        name,
+        f"{sum(run.show.simulation.counts()):,}",
+        f"{frame:.1f}",
+        *(f"{run.milliseconds(stage):.1f}" for stage in STAGES),
+        f"{100.0 * (1.0 - frame / whole.milliseconds()):+.0f} %" if run is not whole else "",
+        f"{run.start:.1f}",
+        str(run.kernels),
+        f"{run.bytes / 2**20:.1f}",
+    ]
+
+
+def water_error(whole: Run, run: Run, depth: float) -> str:
+    """Largest distance of the centres of mass, over the depth where there is any."""
+    away = np.linalg.norm(np.array(run.centres) - np.array(whole.centres), axis=1).max()
+    if np.isfinite(depth) and depth > 0.0:
+        return f"{100.0 * away / depth:.2f} % of the depth"
+    return f"{1e3 * away:.2f} mm"
+
+
+def picture_error(whole: Run, run: Run) -> str:
+    """Mean difference of the pictures of the same water."""
+    run.show.simulation.restore(whole.show.simulation.state())
+    run.show.simulation.grid.refresh()
+    for show in (whole.show, run.show):
+        show.draw()
+    a, b = (r.show.picture.to_numpy_u8().astype(float) for r in (whole, run))
+    return f"{np.abs(a - b).mean():.1f} of 255 a pixel"
+
+
+def saving(switches: list[Switch], others: list[Run], whole: Run) -> str:
+    """Which part costs most, in words."""
+    if not switches:
+        return "Nothing that could be left out is switched on."
+    best = min(range(len(others)), key=lambda k: others[k].milliseconds())
+    share = 1.0 - others[best].milliseconds() / whole.milliseconds()
+    if share <= 0.0:
+        return "Nothing would be saved by leaving a part out."
+    return f"Most would be saved without {switches[best].name}: {100.0 * share:.0f} % of a frame."

@@ -1,0 +1,50 @@
+"""What a scene's parts cost: a table of the scene with and without each."""
+
+import re
+
+import pytest
+
+from msph.scene import load_scene
+from msph.stage import explain
+from tests.scenes_kit import write
+
+
+@pytest.fixture
+def scene(tmp_path):
+    return load_scene(write(tmp_path))
+
+
+def test_switches_are_those_that_a_scene_has(tmp_path, scene):
+    def on(scene):
+        return [switch.name for switch in explain.SWITCHES if switch.on(scene)]
+
+    assert on(scene) == ["caustics"]
+    honey = load_scene("honey", ("projection.tension=0.1",))
+    assert {"viscosity", "tension", "caustics"} <= set(on(honey))
+    for switch in explain.SWITCHES:
+        assert not switch.on(explain.without(honey, switch))
+    sticky = load_scene("honey", ("projection.slip=false",))
+    (viscosity,) = (s for s in explain.SWITCHES if s.name == "viscosity")
+    # Without viscosity water cannot stick to walls.
+    assert explain.without(sticky, viscosity).projection.slip
+
+
+def test_the_table_has_costs_and_errors(scene, monkeypatch):
+    monkeypatch.setattr(explain, "SECONDS", 0.1)
+    told = explain.explain(scene)
+    (whole,) = re.findall(r"as it is +(\d+) +([\d.]+) ", told)
+    (bare,) = re.findall(r"without caustics +(\d+) .*?([-+]\d+) %.*?([\d.]+) of 255 a pixel", told)
+    assert whole[0] == bare[0] == "324" and float(whole[1]) > 0.0
+    # The pictures of the same water differ by the caustics.
+    assert float(bare[2]) > 0.1
+
+
+def test_words_name_what_saves_most():
+    def run(milliseconds):
+        return type("R", (), {"milliseconds": lambda self: milliseconds})()
+
+    switches = list(explain.SWITCHES[:2])
+    told = explain.saving(switches, [run(9.0), run(5.0)], run(10.0))
+    assert told == "Most would be saved without viscosity: 50 % of a frame."
+    assert "Nothing" in explain.saving(switches, [run(11.0), run(12.0)], run(10.0))
+    assert "Nothing" in explain.saving([], [], run(10.0))
