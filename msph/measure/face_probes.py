@@ -6,7 +6,7 @@ import numpy as np
 
 from msph.fluid.boundary.rigid_bodies import Solid, centre
 from msph.measure.body_faces import faces
-from msph.measure.probes import Probe, lattice
+from msph.measure.probe import Probe, lattice
 from msph.measure.snapshot import Snapshot
 from msph.scene.obstacles import bodies
 from msph.scene.schema import Scene

@@ -4,36 +4,18 @@ NaN, an empty cell of the table, is what a probe reads where there is no water: 
 body, over a dry floor; and of pressures before the first step.
 """
 
-from abc import ABC, abstractmethod
 from collections import deque
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from msph.measure.probe import Probe, lattice
 from msph.measure.snapshot import SURFACE, Snapshot
 from msph.scene.schema import Scene
 
 # Height is sought in steps of this many finest spacings.
 HEIGHT_STEP = 0.1
 AXES = {"x": 0, "y": 1, "z": 2}
-
-
-class Probe(ABC):
-    """An instrument with a name."""
-
-    name: str
-
-    @property
-    @abstractmethod
-    def heads(self) -> list[str]:
-        """ "name [unit]" of each number that read() gives."""
-
-    @abstractmethod
-    def read(self, water: Snapshot) -> list[float]:
-        """In SI units, NaN for what is not known."""
-
-    def go_on(self, last: list[float]) -> None:  # noqa: B027 -- most have nothing to take up
-        """Takes up from what it read last: a run is resumed."""
 
 
 @dataclass
@@ -159,19 +141,9 @@ class FrontProbe(Probe):
         (self.reached,) = last
 
 
-def lattice(lo: np.ndarray, hi: np.ndarray, spacing: float) -> tuple[np.ndarray, float]:
-    """Middles (p, 3) [m] of the cells, at most `spacing` [m] wide, of the rectangle from lo to hi
-    [m], and a cell's area [m^2]; a point where they are the same."""
-    edges = hi - lo
-    counts = np.maximum(1, np.ceil(edges / spacing - 1e-6)).astype(int)
-    axes = [a + (np.arange(n) + 0.5) * e / n for a, e, n in zip(lo, edges, counts, strict=True)]
-    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    return points, float(np.prod(edges[edges > 0.0])) / len(points)
-
-
 def build_probes(scene: Scene) -> list[Probe]:
     """The scene's probes, in its order; the scene must have been checked."""
-    # Here, since those probes build on this file, and trimesh is slow to import.
+    # Here, since trimesh is slow to import.
     from msph.measure.face_probes import FluxProbe, ForceProbe
 
     built: list[Probe] = []
