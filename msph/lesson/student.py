@@ -13,21 +13,27 @@ from msph.lesson.schema import Solution
 from msph.stage.controls import Controls
 from msph.stage.row import Waters
 
-# Frame [s]; share of a solution's time in which sliders, pool and view are moved, and in which the
-# hand pushes, and for which it goes on once the task is done; radius of that hand over the box's
-# longest edge, and its grip [1/s].
+# Frame [s]; shares of a solution's time in which sliders, pool and view are moved, and in which the
+# hand pushes; radius of that hand over the box's longest edge, and its grip [1/s].
 FRAME = 1.0 / 60.0
-MOVING, PUSHING, LINGERING, HAND, GRIP = 0.25, 0.3, 0.1, 0.3, 20.0
+MOVING, PUSHING, HAND, GRIP = 0.25, 0.3, 0.3, 20.0
 
 # Called after each frame.
 See = Callable[[], None]
 
 
 class Student:
-    """row: the waters of the lesson, None where it has a board; see: called after each frame."""
+    """row: the waters of the lesson, None where it has a board; see: called after each frame;
+    lingers: for so long [s] the student goes on with a task that is done."""
 
-    def __init__(self, progress: Progress, row: Waters | None, see: See = lambda: None):
-        self.progress, self.row, self.see = progress, row, see
+    def __init__(
+        self,
+        progress: Progress,
+        row: Waters | None,
+        see: See = lambda: None,
+        lingers: float = 0.2,
+    ):
+        self.progress, self.row, self.see, self.lingers = progress, row, see, lingers
 
     def answer(self) -> None:
         """Gives the right answer, and turns to the first task."""
@@ -36,16 +42,18 @@ class Student:
 
     def work(self, acts: bool = True) -> bool:
         """On the page's task for the time of its solution, doing what it says, or nothing; whether
-        the task is ticked then. A task that is ticked is left a tenth of that time later."""
+        the task is ticked then."""
         progress, task = self.progress, self.progress.task
         assert task is not None
         solution = task.solution if acts else Solution(seconds=task.solution.seconds)
         begin = dict(progress.values)
         camera = self._view()
-        number = last = max(2, round(solution.seconds / FRAME))
+        number = max(2, round(solution.seconds / FRAME))
+        left = number
         for k in range(number):
-            if k >= last:
+            if left == 0:
                 break
+            left -= 1
             share = min(1.0, (k + 1) / (MOVING * number))
             for slider in progress.lesson.slider:
                 if slider.name in solution.set:
@@ -63,7 +71,7 @@ class Student:
                 progress.again()
                 break
             if progress.ticked[progress.page - 1] and not ticked:
-                last = k + 1 + round(LINGERING * number)
+                left = round(self.lingers / FRAME)
         return progress.ticked[progress.page - 1]
 
     def _view(self) -> tuple[float, ...]:

@@ -27,6 +27,8 @@ TEMPLATE = Path(__file__).with_name("page.html")
 SIZE, SKIP = (960, 400), 2
 # Positions of a slider that has no steps of its own; most of one that has.
 POSITIONS, MOST = 9, 12
+# Time [s] that a video goes on once its task is done.
+LINGERS = 1.5
 
 
 def write(course: Course, folder: Path) -> list[Path]:
@@ -72,7 +74,7 @@ def in_water(course: Course) -> list[str]:
             frames.append(row.picture.to_numpy_u8())
         count += 1
 
-    student, parts = Student(progress, row, see), []
+    student, parts = Student(progress, row, see, LINGERS), []
     student.answer()
     for k in range(len(course.lesson.do)):
         frames.clear()
