@@ -18,7 +18,7 @@ from msph.lesson import slides, web
 from msph.lesson.board_contours import NUMBERS, contour, open_edges, pair_mesh
 from msph.lesson.board_kernels import sampled
 from msph.lesson.boards import MODULES, board_of
-from msph.lesson.course import Progress
+from msph.lesson.course import Progress, readable
 from msph.lesson.excerpt import ExcerptError, excerpt
 from msph.lesson.expressions import FUNCTIONS, ExpressionError, check, value
 from msph.lesson.guide import Guide
@@ -158,6 +158,7 @@ BAD = {
     "answer": ("answer = 2", "answer = 3", r"predict.answer: is none of the choices"),
     "number": ("board.ponds ==", "board.pond ==", r"do.0.check: unknown number of 'board' 'pond'"),
     "name": ("board.ponds ==", "water.time ==", r"do.0.check: unknown name 'water'"),
+    "assigns": ("board.ponds == 1", "board.ponds = 1", r"do.0.check: .*== compares"),
     "grammar": ("board.ponds == 1", "board.ponds ==", r"do.0.check: is no expression"),
     "import": ("board.ponds == 1", "__import__('os')", r"do.0.check: unknown function"),
     "words": ("They meet.", "word " * 41, r"why.text: has 41 words; at most 40"),
@@ -384,12 +385,12 @@ def test_water_that_blew_up_begins_again(monkeypatch):
             raise BlowUpError("boiled")
 
     class Stub:
-        progress = type("P", (), {"row": object(), "again": lambda self: calls.append("again")})()
+        progress = type("P", (), {"row": object(), "refill": lambda self: calls.append("again")})()
 
     monkeypatch.setattr(commands, "Player", Fake)
     monkeypatch.setattr(commands, "run", run)
     commands.play(Stub(), None, "boiling", None)
-    assert calls == ["again", "the water blew up: it begins again"]
+    assert calls == ["again", "the water blew up and begins again; r puts the sliders back"]
 
 
 def test_a_page_is_whole_and_needs_no_network(tmp_path):
@@ -406,6 +407,20 @@ def test_a_page_is_whole_and_needs_no_network(tmp_path):
     frames = [json.loads(t) for t in re.findall(r'json">(.*?)</script>', text, re.DOTALL)]
     assert len(frames) == len(lesson.do) and all(len(f) >= 2 for f in frames)
     assert "not reached" not in text and text.count("Ticked at:") == len(lesson.do)
+
+
+def test_lessons_that_do_not_work_are_warned_of(tmp_path, capsys):
+    text = TINY.replace("{ threshold = 1.0 }", "{ threshold = 7.0 }")
+    slides.write(load_lesson(written(tmp_path / "vain", text)), tmp_path / "out")
+    assert "vain: do.0.solution: does not make the check hold" in capsys.readouterr().err
+    text = TINY.replace("board.ponds == 1", "board.ponds > 0")
+    web.write(load_lesson(written(tmp_path / "idle", text)), tmp_path / "out")
+    assert "idle: do.0.check: holds before anything is done" in capsys.readouterr().err
+
+
+def test_numbers_are_told_without_powers_of_ten():
+    told = [readable(v) for v in (0.0, 1.234567, 123456.0, 1.3e-6, -2.5e-9, -1890.0)]
+    assert told == ["0", "1.235", "123,456", "under 0.001", "under 0.001", "-1,890"]
 
 
 def test_videos_of_a_page_play(tmp_path):

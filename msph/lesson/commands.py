@@ -23,6 +23,16 @@ from msph.stage.player import Player
 from msph.stage.preparation import prepare_row
 from msph.stage.window import ClosedError, NoWindowError, Window, check_display
 
+# Keys that are told while a lesson is prepared.
+KEYS = (
+    ("a to d", "answer the question"),
+    ("n, b", "the next page, the one before"),
+    ("r", "begin the task again"),
+    ("left drag", "move sliders, push the water"),
+    ("arrow keys", "tilt the pool"),
+    ("right drag", "turn the view"),
+    ("h", "help"),
+)
 # Smallest window that a lesson's pages fit in [pixels].
 LEAST = (480, 270)
 
@@ -79,7 +89,7 @@ def in_window(course: Course, size, frames: int | None, arch, threads) -> None:
     try:
         check_display()
         start(arch, threads)
-        window = Window(course.lesson.title, size)
+        window = Window(course.lesson.title, size, KEYS)
     except NoWindowError as reason:
         raise NoLessonWindowError(f"{reason}; --html DIR writes the lesson as a page") from None
     guide = None
@@ -108,8 +118,8 @@ def play(guide: Guide, window: Window, name: str, frames: int | None) -> None:
             run(row, player)
             return
         except BlowUpError:
-            guide.progress.again()
-            player.layout.say("the water blew up: it begins again")
+            guide.progress.refill()
+            player.layout.say("the water blew up and begins again; r puts the sliders back")
 
 
 def begin(course: Course, window: Window) -> Guide:

@@ -83,6 +83,11 @@ class Progress:
         for slider in self.lesson.slider:
             self.move(slider, slider.start)
 
+    def refill(self) -> None:
+        """Water as at the start, sliders as they are."""
+        if self.row:
+            self.row.reset()
+
     def move(self, slider: SliderOf, value: float) -> None:
         """Moves a slider, within its range."""
         value = min(max(value, slider.lo), slider.hi)
@@ -99,7 +104,7 @@ class Progress:
         if not self.task or self.ticked[k]:
             return
         # Numbers that are not known are no reason to tick.
-        if expressions.value(self.task.check, self.names()) is True:
+        if self.holds():
             self.ticked[k] = True
             self.reached[k] = self.shown()
 
@@ -115,6 +120,10 @@ class Progress:
         names = self.names()
         return [self._told(text, expressions.value(text, names)) for text in self.task.show]
 
+    def holds(self) -> bool:
+        """Whether the check of this page's task holds now."""
+        return self.task is not None and expressions.value(self.task.check, self.names()) is True
+
     def _told(self, text: str, value: float) -> str:
         """A number with its name, and its unit where it is one of a water or of the board."""
         owner, _, name = text.partition(".")
@@ -125,8 +134,15 @@ class Progress:
         elif owner in units:
             unit = units[owner].get(name, "")
         label = self._label(owner, name) if name.isidentifier() else text
-        return f"{label} {value:.4g}" + (f" {unit}" if unit not in ("", "-") else "")
+        return f"{label} {readable(value)}" + (f" {unit}" if unit not in ("", "-") else "")
 
     def _label(self, owner: str, name: str) -> str:
         words = name.replace("_", " ")
         return words if owner == "board" or len(self.numbers) < 2 else f"{owner}: {words}"
+
+
+def readable(value: float) -> str:
+    """A number as a student reads it, without powers of ten."""
+    if abs(value) >= 1000.0:
+        return f"{value:,.0f}"
+    return f"{value:.4g}" if value == 0.0 or abs(value) >= 1e-3 else "under 0.001"

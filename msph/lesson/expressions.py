@@ -3,6 +3,7 @@
 import ast
 import difflib
 import math
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -24,7 +25,8 @@ def check(text: str, known: Mapping[str, set[str] | None]) -> None:
     try:
         tree = ast.parse(text, mode="eval")
     except (SyntaxError, ValueError, RecursionError):
-        raise ExpressionError(f"is no expression: {text!r}") from None
+        hint = "; == compares" if re.search(r"[^=<>!]=[^=]", text) else ""
+        raise ExpressionError(f"is no expression: {text!r}{hint}") from None
     named = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
     called = {id(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)}
     for node in ast.walk(tree):

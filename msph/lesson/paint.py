@@ -10,7 +10,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from msph.lesson import typeset
-from msph.lesson.course import Progress
+from msph.lesson.course import Progress, readable
 from msph.lesson.schema import Lesson
 from msph.stage.pages import DENSE, FAINT, INK, LINE, WARNING, font_of
 from msph.stage.widgets import AWAY, Sheet
@@ -50,6 +50,7 @@ class Band:
     def __init__(self, size: tuple[int, int], text: int, units: dict[str, str]):
         self.size, self.text, self.units = size, text, units
         self.sheet: Sheet | None = None
+        self.keys = True  # whether keys are told
 
     def paint(self, progress: Progress, shown: list[str]) -> np.ndarray:
         """(height, width, 4) uint8, first row at the top; shown: the numbers of a task."""
@@ -72,7 +73,8 @@ class Band:
         else:
             self._choices(progress, middle, pad, right)
         low = self.size[1] - pad - self.text
-        self._lines([keys_of(progress)], pad, low, FAINT, width)
+        if self.keys:
+            self._lines([keys_of(progress)], pad, low, FAINT, width)
         return np.asarray(page)
 
     def _lines(self, texts: list[str], x: float, y: float, colour: tuple, width: float) -> float:
@@ -91,7 +93,7 @@ class Band:
                 right = k + 1 == predict.answer
                 colour = DONE if right else WARNING if k + 1 == progress.answered else FAINT
                 mark = " - right" if right else " - your guess" * (k + 1 == progress.answered)
-            y = self._lines([f"{LETTERS[k]}   {choice}{mark}"], x, y, colour, width)
+            y = self._lines([f"{LETTERS[k]}) {choice}{mark}"], x, y, colour, width)
 
     def _sliders(self, progress: Progress, x: float, y: float, width: float) -> float:
         assert self.sheet is not None
@@ -102,7 +104,7 @@ class Band:
             self.draw.text((x, middle), slider.name.replace("_", " "), INK, self.font, "lm")
             self.sheet.slider(slider.name, value, (slider.lo, slider.hi), ends, y)
             unit = self.units.get(slider.name, "-")
-            told = f"{value:.3g}" + (f" {unit}" if unit != "-" else "")
+            told = readable(float(f"{value:.3g}")) + (f" {unit}" if unit != "-" else "")
             self.draw.text((ends[1] + AWAY * self.text, middle), told, FAINT, self.font, "lm")
             y += LINE * self.text
         return y
@@ -138,7 +140,7 @@ class Reasons:
 
     def __init__(self, lesson: Lesson, code: list[str], size: tuple[int, int], text: int):
         self.lesson, self.size, self.text = lesson, size, text
-        self.pitch = 1.2 * text
+        self.pitch, self.keys = 1.2 * text, True
         self.mono = code_font(text)
         columns = int((size[0] - 2 * PAD * text) / self.mono.getlength("x"))
         code = [part for line in code for part in folded(line, columns)]
@@ -188,7 +190,8 @@ class Reasons:
             draw.text((pad, y), line, INK, self.mono)
             y += self.pitch
         low = self.size[1] - 0.7 * self.text
-        draw.text((self.size[0] - pad, low), keys_of(progress), FAINT, font, "rm")
+        if self.keys:
+            draw.text((self.size[0] - pad, low), keys_of(progress), FAINT, font, "rm")
         return np.asarray(page)
 
 

@@ -10,7 +10,7 @@ from msph.lesson.board_view import BoardView
 from msph.lesson.guide import Guide
 from msph.lesson.load import Course
 from msph.lesson.paint import band_height
-from msph.lesson.student import Student
+from msph.lesson.student import Student, rehearse
 from msph.own_files import replace, replacing
 from msph.stage.pages import text_height
 from msph.stage.preparation import prepare_row
@@ -33,6 +33,7 @@ def write(course: Course, folder: Path) -> list[Path]:
         labels = [water.label for water in course.lesson.water]
         row = prepare_row(course.scenes, labels, SIZE, None, below)
     guide = Guide(course, row, SIZE)
+    guide.band.keys = guide.reasons.keys = False
     student, lesson = Student(guide.progress, row), course.lesson
     captions = [lesson.predict.ask, *(task.text for task in lesson.do), lesson.why.text]
     paths: list[Path] = []
@@ -54,7 +55,7 @@ def write(course: Course, folder: Path) -> list[Path]:
     slide()
     student.answer()
     for _ in lesson.do:
-        student.work()
+        rehearse(student)
         slide()
         guide.progress.go(1)
     for k in range(guide.reasons.pages):

@@ -11,6 +11,7 @@ from msph.fluid.external_forces import Hand
 from msph.lesson.course import Progress
 from msph.lesson.schema import Solution
 from msph.stage.controls import Controls
+from msph.stage.preparation import say
 from msph.stage.row import Waters
 
 # Frame [s]; shares of a solution's time in which sliders, pool and view are moved, and in which the
@@ -102,3 +103,13 @@ class Student:
         middle = sim.particles.numpy("x").mean(axis=0)
         x, y, z = np.asarray(middle, float).tolist()
         return Hand((x, y, z), solution.push, HAND * max(sim.size), GRIP)
+
+
+def rehearse(student: Student) -> None:
+    """Does the page's task, and warns of a check that holds before, or not even then."""
+    progress = student.progress
+    task = f"{progress.course.name}: do.{progress.page - 1}"
+    if progress.holds():
+        say(f"warning: {task}.check: holds before anything is done")
+    if not student.work():
+        say(f"warning: {task}.solution: does not make the check hold")

@@ -14,10 +14,10 @@ import numpy as np
 
 from msph.lesson import typeset
 from msph.lesson.course import Progress
-from msph.lesson.load import Course
+from msph.lesson.load import Course, shipped_lessons
 from msph.lesson.paint import LETTERS
 from msph.lesson.schema import SliderOf
-from msph.lesson.student import FRAME, Student
+from msph.lesson.student import FRAME, Student, rehearse
 from msph.own_files import replace
 from msph.stage.preparation import prepare_row
 from msph.stage.recorder import make_writable
@@ -42,13 +42,14 @@ def write(course: Course, folder: Path) -> list[Path]:
 
 def page(course: Course, tasks: list[str]) -> str:
     """The whole text; tasks: of each its part."""
-    lesson, escape = course.lesson, html.escape
+    lesson, escape, shipped = course.lesson, html.escape, course.name in shipped_lessons()
+    pointer = '<p class="note">In the window: <code>msph lesson {}</code></p>'
     choices = (
         f'<button type="button">{LETTERS[k]}&ensp;{escape(choice)}</button>'
         for k, choice in enumerate(lesson.predict.choices)
     )
     return Template(TEMPLATE.read_text(encoding="utf-8")).substitute(
-        name=escape(course.name),
+        window=pointer.format(escape(course.name)) if shipped else "",
         title=escape(lesson.title),
         ask=escape(lesson.predict.ask),
         choices="\n".join(choices),
@@ -78,7 +79,7 @@ def in_water(course: Course) -> list[str]:
     student.answer()
     for k in range(len(course.lesson.do)):
         frames.clear()
-        student.work()
+        rehearse(student)
         shown = f'<video controls loop muted playsinline src="{video(frames)}"></video>'
         parts.append(part(progress, k, shown, progress.reached[k]))
         progress.go(1)
@@ -94,7 +95,7 @@ def on_board(course: Course) -> list[str]:
         slider = next(s for s in course.lesson.slider if s.name in task.solution.set)
         others = {n: v for n, v in task.solution.set.items() if n != slider.name}
         frames = positions(progress, slider, others)
-        student.work()
+        rehearse(student)
         parts.append(part(progress, k, flipbook(slider, frames), progress.reached[k]))
         progress.go(1)
     return parts

@@ -312,7 +312,8 @@ class Player:
     def _draw_arrows(self, show: Waters) -> None:
         """What acts on the particle that was picked."""
         of = with_picked(show)
-        if of is None:
+        # They lie over every page.
+        if of is None or self.helping or self.layout.panel:
             return
         about, sim = of.views.neighbourhood, of.simulation
         gravity = of.tilt.T @ np.array(of.scene.gravity)

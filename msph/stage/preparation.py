@@ -114,8 +114,9 @@ def counting(scene: Scene, picture: bool, tell: Tell | None):
     )
 
     def next_kernel(name: str) -> None:
-        nonlocal count
+        nonlocal count, expected
         count += 1
+        expected = max(expected, count)
         bar.update()
         if tell:
             tell(min(count / expected, 1.0), f"compiling {name} ({count} of {expected})")

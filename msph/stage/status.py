@@ -54,7 +54,7 @@ class Status:
         # Other views extract no surface.
         if show.views.name == "water" and not show.surface.mesh.overflowed():
             volume = show.surface.mesh.volume() / show.rest_volume() - 1.0
-            told.append(f"volume by {100.0 * volume:+.1f} %")
+            told.append(f"volume by {round(100.0 * volume, 1) + 0.0:+.1f} %")
         return ", ".join(told)
 
 

@@ -21,6 +21,10 @@ ARROWS, STROKE, TIP = ((1.0, 0.82, 0.4), (0.34, 0.71, 0.91)), 0.006, 0.22
 TELL_PAUSE = 0.12
 
 
+# Keys that are told while the first frame is prepared, and what they do.
+FIRST = tuple((key.shown, key.does) for key in KEYS if key.hint)
+
+
 class NoWindowError(RuntimeError):
     """No window can be opened here; the text says why."""
 
@@ -50,9 +54,12 @@ def check_display() -> None:
 
 
 class Window:
-    """A window of size (width, height) [pixels]; raises NoWindowError where none can be."""
+    """A window of size (width, height) [pixels]; keys: those told until its first frame, and what
+    they do. Raises NoWindowError where none can be."""
 
-    def __init__(self, title: str, size: tuple[int, int]):
+    def __init__(
+        self, title: str, size: tuple[int, int], keys: tuple[tuple[str, str], ...] = FIRST
+    ):
         check_display()
         self.size = size
         try:
@@ -65,8 +72,7 @@ class Window:
         self.marked, self.arrowed = False, 0  # what lies over the next picture
         self.marker = ti.Vector.field(2, ti.f32, shape=1)
         self.lines = [ti.Vector.field(2, ti.f32, shape=6) for _ in ARROWS]
-        first = tuple((key.shown, key.does) for key in KEYS if key.hint)
-        self.start = StartScreen(size, title, first)
+        self.start = StartScreen(size, title, keys)
         self.told = -math.inf
         self.tell(0.0, "building the scene")
 
