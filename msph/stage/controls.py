@@ -40,7 +40,7 @@ KEYS = (
     Key("n", "single step while paused", {"n": "step"}),
     Key("m", "slow motion, and back", {"m": "slow_motion"}),
     Key("r", "reset", {"r": "reset"}),
-    Key("v", "next view: water, layers, speed, pressure, ...", {"v": "next_view"}, "v: views"),
+    Key("v", "next view: water, speed, layers, pressure, ...", {"v": "next_view"}, "v: views"),
     Key("x", "slice: hide the near half of the particles", {"x": "slice"}),
     Key("left click", "a particle's neighbours, in a view of particles", {}),
     Key("i", "settings and scenes, graphs, or neither", {"i": "next_panel"}, "i: settings"),

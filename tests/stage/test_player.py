@@ -355,7 +355,7 @@ def test_numbers_of_the_status_are_those_of_ledger_and_surface(player, show):
     assert told.startswith(f"{sum(counts):,} particles in {len(counts)} layer")
     assert f"density off by {100.0 * show.ledger.last_density_error():.2f} %" in told
     volume = show.surface.mesh.volume() / show.rest_volume() - 1.0
-    assert told.endswith(f"volume by {100.0 * volume:+.1f} %")
+    assert told.endswith(f"volume by {round(100.0 * volume, 1) + 0.0:+.1f} %")
     # Views of particles extract no surface, so there is no volume of now.
     show.views.name = "speed"
     frames(player, show)
