@@ -8,7 +8,7 @@ from PIL import Image, ImageDraw, ImageFont
 SKY, DEEP = (24, 66, 92), (8, 24, 38)
 INK, FAINT, BAR, TROUGH = (240, 246, 250), (150, 178, 194), (92, 190, 220), (36, 70, 90)
 # Heights of text over the window's, and the least that can be read [pixels].
-TITLE, TEXT, LEAST_TEXT = 1.0 / 14.0, 1.0 / 34.0, 11
+TITLE, TEXT, LEAST_TEXT = 1.0 / 14.0, 1.0 / 30.0, 12
 # Places in shares of the window: left edge, top of title, of the bar, of the keys; the bar's width
 # and height; the width of the column of keys; lines per text height.
 LEFT, TOP, BAR_TOP, KEYS_TOP = 0.08, 0.12, 0.34, 0.47
