@@ -1,5 +1,6 @@
 """Where kernels run."""
 
+import atexit
 import contextlib
 import io
 import os
@@ -12,6 +13,9 @@ from msph.interrupts import importing
 ARCHES = ("auto", "cpu", "cuda", "vulkan", "metal")
 # Iterations of a CPU loop that a thread takes at once.
 CPU_BLOCK = 64
+# Room for compiled kernels on the disk [bytes]: a scene has 2 to 4 MB of them, and the 100 MB that
+# Taichi gives them are full after a day of work.
+CACHE_ROOM = 1 << 30
 # Taichi's lock on its cache of kernels, and the age [s] from which on nobody holds it: Taichi does
 # for less than a second. One left by a process that was killed makes every later start a cold one.
 LOCK, STALE = "ticache.lock", 60.0
@@ -54,7 +58,11 @@ def start(arch: str = "auto", threads: int | None = None) -> str:
     }[arch]
     # Unless told otherwise Taichi shares out CPU loops in blocks of at least 512, so that of two
     # threads one would get two thirds of 1,500 particles.
-    options = {"cpu_block_dim_adaptive": False, "default_cpu_block_dim": CPU_BLOCK}
+    options = {
+        "cpu_block_dim_adaptive": False,
+        "default_cpu_block_dim": CPU_BLOCK,
+        "offline_cache_max_size_of_files": CACHE_ROOM,
+    }
     if threads:
         options["cpu_max_num_threads"] = threads
     unlock(cache_folder())
@@ -62,6 +70,8 @@ def start(arch: str = "auto", threads: int | None = None) -> str:
     # Taichi prints what it starts on; commands say it where it matters.
     with importing(), contextlib.redirect_stdout(io.StringIO()):
         ti.init(arch=wanted, log_level=ti.ERROR, **options)
+    # Taichi keeps what it compiled as it ends, and at the end of Python it sometimes does not end.
+    atexit.register(ti.reset)
     name = "cpu" if on_cpu() else ti.cfg.arch.name
     if arch not in ("auto", name):
         raise ArchError(f"--arch {arch}: this machine has none, or no driver for it")

@@ -66,3 +66,28 @@ def test_the_cache_is_where_taichi_has_it(tmp_path):
     subprocess.run([sys.executable, "-c", script], check=True, env=cache, capture_output=True)
     assert not (tmp_path / device.LOCK).exists()
     assert list(tmp_path.glob("*.tic"))
+
+
+STARTED = """
+import msph.stage.commands
+from msph.device import start
+start("cpu")
+import taichi as ti
+
+@ti.kernel
+def number() -> ti.i32:
+    return 7
+
+number()
+"""
+
+
+def test_what_was_compiled_is_kept_for_the_next_start(tmp_path):
+    """By the order in which modules were left, Taichi did not end, and every start was cold."""
+    (tmp_path / "started.py").write_text(STARTED)
+    cache = tmp_path / "cache"
+    environment = {**os.environ, "TI_OFFLINE_CACHE_FILE_PATH": str(cache)}
+    environment["PYTHONPATH"] = os.getcwd()
+    command = [sys.executable, str(tmp_path / "started.py")]
+    subprocess.run(command, env=environment, check=True, capture_output=True)
+    assert list(cache.glob("*.tic"))
