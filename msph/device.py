@@ -70,7 +70,8 @@ def start(arch: str = "auto", threads: int | None = None) -> str:
     # Taichi prints what it starts on; commands say it where it matters.
     with importing(), contextlib.redirect_stdout(io.StringIO()):
         ti.init(arch=wanted, log_level=ti.ERROR, **options)
-    # Taichi keeps what it compiled as it ends, and at the end of Python it sometimes does not end.
+    # Taichi writes its cache of kernels as its program is destroyed; the end of Python alone does
+    # not always destroy it.
     atexit.register(ti.reset)
     name = "cpu" if on_cpu() else ti.cfg.arch.name
     if arch not in ("auto", name):

@@ -1,5 +1,12 @@
 """Errors that a user is told of in one line."""
 
+import difflib
+from collections.abc import Iterable
+
+# Least likeness (0 to 1) of a name to one that is known for it to be taken as meant: one wrong
+# letter of two, or two swapped of four.
+LIKENESS = 0.5
+
 
 class MsphError(Exception):
     """A run that went wrong. str() is one line fit to be shown to a person."""
@@ -26,3 +33,11 @@ class BlowUpError(MsphError):
 
     def __init__(self, what: str):
         super().__init__(f"the water blew up: {what}")
+
+
+def did_you_mean(name: str, known: Iterable[str], kind: str = "known") -> str:
+    """What to write in place of a name that is not known: the nearest of those that are, or all,
+    under the word that says what they are."""
+    names = list(known)
+    near = difflib.get_close_matches(name, names, n=1, cutoff=LIKENESS)
+    return f"did you mean {near[0]!r}?" if near else f"{kind}: {', '.join(names) or 'none'}"

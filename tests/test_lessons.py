@@ -66,7 +66,7 @@ def test_a_student_ticks_every_task_and_one_who_does_nothing_none(name):
             progress.again()
         assert student.work(), f"task {k + 1} does not tick: {progress.shown()}"
         told = " ".join(progress.reached[k])
-        assert "nan" not in told and re.search(r"\d", told)
+        assert "unknown" not in told and re.search(r"\d", told)
         assert progress.go(1)
     assert progress.waits and progress.page == 1 + len(course.lesson.do)
 
@@ -419,8 +419,8 @@ def test_lessons_that_do_not_work_are_warned_of(tmp_path, capsys):
 
 
 def test_numbers_are_told_without_powers_of_ten():
-    told = [readable(v) for v in (0.0, 1.234567, 123456.0, 1.3e-6, -2.5e-9, -1890.0)]
-    assert told == ["0", "1.235", "123,456", "under 0.001", "under 0.001", "-1,890"]
+    told = [readable(v) for v in (0.0, 1.234567, 123456.0, 1.3e-6, -2.5e-9, -1890.0, math.nan)]
+    assert told == ["0", "1.235", "123,456", "under 0.001", "under 0.001", "-1,890", "unknown"]
 
 
 def test_videos_of_a_page_play(tmp_path):

@@ -127,8 +127,7 @@ def begin(course: Course, window: Window) -> Guide:
     if course.lesson.board:
         return Guide(course, None, window.size)
     below = band_height(text_height(window.size[1]))
-    labels = [water.label for water in course.lesson.water]
-    row = prepare_row(course.scenes, labels, window.size, window.tell, below)
+    row = prepare_row(course.scenes, course.labels, window.size, window.tell, below)
     return Guide(course, row, window.size)
 
 

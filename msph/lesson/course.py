@@ -1,5 +1,6 @@
 """A lesson on its way: which page, what was answered, what is moved, what is ticked."""
 
+import math
 from typing import Any
 
 from msph.lesson import expressions
@@ -7,7 +8,7 @@ from msph.lesson.boards import board_of
 from msph.lesson.load import Course
 from msph.lesson.quantities import QUANTITIES, Numbers
 from msph.lesson.schema import SliderOf, Task
-from msph.stage.row import Waters, can_set
+from msph.stage.row import Waters
 
 
 class Progress:
@@ -95,7 +96,7 @@ class Progress:
             steps = round((value - slider.lo) / slider.step)
             value = min(slider.lo + steps * slider.step, slider.hi)
         self.values[slider.name] = value
-        if self.row and any(can_set(show, slider.key) for show in self.row.shows):
+        if self.row:
             self.row.set(slider.key, value)
 
     def look(self) -> None:
@@ -143,6 +144,8 @@ class Progress:
 
 def readable(value: float) -> str:
     """A number as a student reads it, without powers of ten."""
+    if math.isnan(value):
+        return "unknown"
     if abs(value) >= 1000.0:
         return f"{value:,.0f}"
     return f"{value:.4g}" if value == 0.0 or abs(value) >= 1e-3 else "under 0.001"

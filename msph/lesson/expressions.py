@@ -1,7 +1,6 @@
 """Expressions of a lesson, over waters, sliders and boards; simpleeval reads them."""
 
 import ast
-import difflib
 import math
 import re
 from collections.abc import Mapping
@@ -9,6 +8,8 @@ from typing import Any
 
 import numpy as np
 from simpleeval import InvalidExpression, SimpleEval
+
+from msph.errors import did_you_mean
 
 # Functions that expressions may call, and a number with which they are tried.
 FUNCTIONS = {"abs": abs, "min": min, "max": max}
@@ -63,9 +64,7 @@ def value(text: str, names: Mapping[str, Any]) -> bool | float:
 def _demand(name: str, known: Any, what: str) -> None:
     if name in known:
         return
-    near = difflib.get_close_matches(name, list(known), n=1, cutoff=0.5)
-    hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(known) or 'none'}"
-    raise ExpressionError(f"unknown {what} {name!r}; {hint}")
+    raise ExpressionError(f"unknown {what} {name!r}; {did_you_mean(name, known)}")
 
 
 class _Some:

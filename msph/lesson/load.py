@@ -1,6 +1,5 @@
 """From a lesson's folder to a checked lesson."""
 
-import difflib
 import keyword
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,6 +8,7 @@ from typing import Any
 import tomli_w
 from pydantic import ValidationError
 
+from msph.errors import did_you_mean
 from msph.lesson import expressions
 from msph.lesson.boards import MODULES, board_of
 from msph.lesson.errors import LessonError
@@ -39,6 +39,11 @@ class Course:
     scenes: list[Scene]
     code: list[str]
 
+    @property
+    def labels(self) -> list[str]:
+        """What is written over each of its waters."""
+        return [water.label for water in self.lesson.water]
+
 
 def shipped_lessons() -> dict[str, Path]:
     """Their files by name, in their order."""
@@ -56,8 +61,7 @@ def find_lesson(name: str) -> Path:
             return candidate
     if path.is_dir():
         raise LessonError(name, f"has no {FILE}")
-    near = difflib.get_close_matches(name, lessons, n=1)
-    hint = f"did you mean {near[0]!r}?" if near else f"shipped: {', '.join(lessons)}"
+    hint = did_you_mean(name, lessons, "shipped")
     raise LessonError(name, f"no such lesson; {hint}")
 
 
@@ -208,6 +212,4 @@ def _demand(name: str, known: Any, what: str, where: str, key: str) -> None:
     """Raises LessonError for a name that is not known."""
     if name in known:
         return
-    near = difflib.get_close_matches(name, list(known), n=1, cutoff=0.5)
-    hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(known) or 'none'}"
-    raise LessonError(where, f"unknown {what} {name!r}; {hint}", key)
+    raise LessonError(where, f"unknown {what} {name!r}; {did_you_mean(name, known)}", key)

@@ -26,9 +26,9 @@ class Quantity:
     dear: bool = False
 
 
-def _last(name: str, factor: float = 1.0) -> Callable[[Show], float]:
+def _last(name: str) -> Callable[[Show], float]:
     """A number of the ledger's last entry."""
-    return lambda show: factor * getattr(show.ledger.entries[-1], name)
+    return lambda show: getattr(show.ledger.entries[-1], name)
 
 
 def _of_ledger(name: str) -> Callable[[Show], float]:
@@ -123,39 +123,54 @@ def _caustics(show: Show) -> float:
 
 QUANTITIES: dict[str, Quantity] = {
     "time": Quantity("s", "simulated time", lambda show: show.simulation.time),
-    "particles": Quantity("-", "number", lambda show: float(sum(show.simulation.counts()))),
+    "particles": Quantity(
+        "-", "number of particles", lambda show: float(sum(show.simulation.counts()))
+    ),
     "kinetic": Quantity("J", "kinetic energy", _last("kinetic")),
     "energy_gain": Quantity(
         "%",
-        "largest rise of the energy, of M g H and the first motion",
+        "largest rise of the energy, over M g H and the first kinetic energy",
         _of_ledger("energy_gain"),
         dear=True,
     ),
     "momentum_drift": Quantity(
         "%",
-        "momentum out of nothing, of the largest sum of mass times speed",
+        "change of momentum that no force explains, over the largest sum of mass times speed",
         _of_ledger("momentum_drift"),
         dear=True,
     ),
     "speed": Quantity("m/s", "root mean square of the speed", _speed),
-    "top_speed": Quantity("m/s", "of the fastest particle", _last("top_speed")),
+    "top_speed": Quantity("m/s", "speed of the fastest particle", _last("top_speed")),
     "centre_x": Quantity("m", "centre of mass, along x", lambda s: s.ledger.entries[-1].centre[0]),
     "centre_y": Quantity("m", "centre of mass, height", lambda s: s.ledger.entries[-1].centre[1]),
-    "mass_error": Quantity("%", "of the mass at the start", _mass_error),
+    "mass_error": Quantity("%", "change of the mass, over the mass at the start", _mass_error),
     "merge_loss": Quantity("J", "kinetic energy lost by merges", _last("merge_loss")),
     "exchanges": Quantity("-", "splits and merges since the start", _exchanges),
-    "density_error": Quantity("%", "mean of what is over rest", _density_error, dear=True),
-    "bulk_density": Quantity("%", "over rest, from positions alone", _bulk_density, dear=True),
-    "volume_error": Quantity(
-        "%", "of the surface's volume", lambda s: 100.0 * s.volume_error(), dear=True
+    "density_error": Quantity(
+        "%", "excess of density over rest density, mean of particles", _density_error, dear=True
     ),
-    "updates": Quantity("1/s", "particles over the last time step", _updates),
+    "bulk_density": Quantity(
+        "%",
+        "difference of bulk density from rest density, over it, from positions",
+        _bulk_density,
+        dear=True,
+    ),
+    "volume_error": Quantity(
+        "%", "error of the surface's volume", lambda s: 100.0 * s.volume_error(), dear=True
+    ),
+    "updates": Quantity("1/s", "number of particles over the last time step", _updates),
     "frame_time": Quantity("ms", "wall-clock time of a frame's water", _frame_time),
-    "tilt": Quantity("deg", "of the pool", _tilt),
-    "reflectance": Quantity("%", "of level water, as the view looks down on it", _reflectance),
-    "apparent_depth": Quantity("%", "of the depth", _apparent_depth),
-    "red_left": Quantity("%", "of red light that reaches the floor", _red_left),
-    "caustics": Quantity("%", "spread of the light on the floor", _caustics),
+    "tilt": Quantity("deg", "tilt of the pool", _tilt),
+    "reflectance": Quantity(
+        "%", "reflectance of level water at the angle of the view", _reflectance
+    ),
+    "apparent_depth": Quantity(
+        "%", "apparent depth of the floor, over the true depth", _apparent_depth
+    ),
+    "red_left": Quantity("%", "share of red light that reaches the floor", _red_left),
+    "caustics": Quantity(
+        "%", "standard deviation of the light on the floor, over its mean", _caustics
+    ),
 }
 
 

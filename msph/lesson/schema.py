@@ -12,15 +12,13 @@ WORDS, CHOICES, WATERS, SLIDERS, LINES = 40, 4, 3, 4, 40
 # Names that expressions know waters and sliders by.
 NAME = r"^[a-z][a-z0-9_]*$"
 
-Value = Annotated[Any, Field()]
-
 
 class WaterOf(Section):
     """One of the waters, side by side from left to right."""
 
     name: str = parameter("water", pattern=NAME, text="by which expressions know it")
     scene: str = parameter(text="a shipped scene, or a file beside the lesson")
-    set: dict[str, Value] = parameter(dict, text='changes, such as { "classic.stiffness" = 50.0 }')
+    set: dict[str, Any] = parameter(dict, text='changes, such as { "classic.stiffness" = 50.0 }')
     label: str = parameter("", text="shown over it, with its speed and error")
 
 

@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import Any
 
 import imageio.v2 as imageio
-import numpy as np
 
 from msph.lesson.board_view import BoardView
 from msph.lesson.guide import Guide
@@ -12,6 +11,7 @@ from msph.lesson.load import Course
 from msph.lesson.paint import band_height
 from msph.lesson.student import Student, rehearse
 from msph.own_files import replace, replacing
+from msph.picture.pixels import as_u8
 from msph.stage.pages import text_height
 from msph.stage.preparation import prepare_row
 from msph.stage.recorder import make_writable
@@ -30,8 +30,7 @@ def write(course: Course, folder: Path) -> list[Path]:
     if course.lesson.board:
         view = BoardView(SIZE, below)
     else:
-        labels = [water.label for water in course.lesson.water]
-        row = prepare_row(course.scenes, labels, SIZE, None, below)
+        row = prepare_row(course.scenes, course.labels, SIZE, None, below)
     guide = Guide(course, row, SIZE)
     guide.band.keys = guide.reasons.keys = False
     student, lesson = Student(guide.progress, row), course.lesson
@@ -46,10 +45,9 @@ def write(course: Course, folder: Path) -> list[Path]:
             view.draw(guide.progress)
         image = row.picture.image if row is not None else view.image
         guide.lay(image)
-        pixels = image.to_numpy().transpose(1, 0, 2)[::-1]
         path = folder / f"{course.name}_{len(paths) + 1:02d}.png"
         with replacing(path) as new:
-            imageio.imwrite(new, (255.0 * pixels + 0.5).clip(0, 255).astype(np.uint8))
+            imageio.imwrite(new, as_u8(image))
         paths.append(path)
 
     slide()

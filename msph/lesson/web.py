@@ -23,7 +23,7 @@ from msph.stage.preparation import prepare_row
 from msph.stage.recorder import make_writable
 
 TEMPLATE = Path(__file__).with_name("page.html")
-# Pictures and videos [pixels]; of the simulated frames every second is shown.
+# Pictures and videos [pixels]; every other simulated frame is shown.
 SIZE, SKIP = (960, 400), 2
 # Positions of a slider that has no steps of its own; most of one that has.
 POSITIONS, MOST = 9, 12
@@ -64,8 +64,7 @@ def page(course: Course, tasks: list[str]) -> str:
 
 def in_water(course: Course) -> list[str]:
     """Of each task a video of its solution."""
-    labels = [water.label for water in course.lesson.water]
-    row = prepare_row(course.scenes, labels, SIZE)
+    row = prepare_row(course.scenes, course.labels, SIZE)
     progress, frames = Progress(course, row), list[np.ndarray]()
     count = 0
 

@@ -8,8 +8,8 @@ from PIL import Image, ImageDraw, ImageFont
 from msph.picture.overlay import Overlay
 from msph.picture.particles_view import shown_colour
 
-# Text height over the picture's; the least that can be read, and that which all can read [pixels],
-# which pictures take that are so many times as high.
+# Text height over the picture's height; least heights of text [pixels] of any picture, and of
+# pictures at least ROOMY times as high as READABLE text.
 TEXT, LEAST_TEXT, READABLE, ROOMY = 1.0 / 36.0, 12, 18, 18
 # Lengths in text heights: space round and in the panel, the bar, the pitch of lines, the most that
 # a panel may measure.

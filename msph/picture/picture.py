@@ -9,6 +9,7 @@ from msph.picture.enlarger import Enlarger
 from msph.picture.legend import LegendPanel
 from msph.picture.look import Look
 from msph.picture.particles_view import OwnRadius, ParticlesView
+from msph.picture.pixels import as_u8
 from msph.picture.pool import Pool
 from msph.picture.rasteriser import NOTHING, Rasteriser
 from msph.picture.shot import Lens, shoot
@@ -147,8 +148,7 @@ class Picture:
 
     def to_numpy_u8(self):
         """(height, width, 3) uint8, first row at the top."""
-        pixels = self.image.to_numpy()
-        return (pixels.transpose(1, 0, 2)[::-1] * 255 + 0.5).clip(0, 255).astype(np.uint8)
+        return as_u8(self.image)
 
     def pick(self, i, j):
         """Box position [m] of the water last drawn under pixel (i right, j up), or None."""

@@ -1,11 +1,11 @@
 """What a schema cannot say: geometry, references between tables, and memory."""
 
-import difflib
 import itertools
 
 import numpy as np
 import psutil
 
+from msph.errors import did_you_mean
 from msph.fluid.adaptivity.bands import coarser_of
 from msph.fluid.boundary.mesh_samples import numbers_needed
 from msph.fluid.methods import METHODS, able
@@ -41,8 +41,7 @@ def check(scene: Scene, where: str) -> None:
             raise SceneError(where, "give either mass or spacing", f"layers.{i}")
     known = views(scene)
     if scene.picture.view not in known:
-        near = difflib.get_close_matches(scene.picture.view, known, n=1)
-        hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(known)}"
+        hint = did_you_mean(scene.picture.view, known)
         raise SceneError(where, f"unknown view {scene.picture.view!r}; {hint}", "picture.view")
     specs = layer_specs(scene)
     for i, spec in enumerate(specs):

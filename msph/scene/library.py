@@ -1,8 +1,8 @@
 """The shipped scenes: where they are, what they are called, and their first lines."""
 
-import difflib
 from pathlib import Path
 
+from msph.errors import did_you_mean
 from msph.scene.errors import SceneError
 
 
@@ -28,6 +28,5 @@ def find_scene(name: str) -> Path:
         return path
     if path.is_dir():
         raise SceneError(name, "is a folder, not a scene file")
-    near = difflib.get_close_matches(name, scenes, n=1)
-    hint = f"did you mean {near[0]!r}?" if near else f"shipped: {', '.join(scenes)}"
+    hint = did_you_mean(name, scenes, "shipped")
     raise SceneError(name, f"no such scene file or shipped scene; {hint}")

@@ -1,7 +1,6 @@
 """From a TOML file, its variants and overrides to a checked scene."""
 
 import copy
-import difflib
 import sys
 from pathlib import Path
 from typing import Any
@@ -9,6 +8,7 @@ from typing import Any
 import tomli_w
 from pydantic import BaseModel, ValidationError
 
+from msph.errors import did_you_mean
 from msph.scene.check import check
 from msph.scene.errors import SceneError
 from msph.scene.library import find_scene
@@ -161,9 +161,7 @@ def explain(
     kind, value = first["type"], first.get("input")
     if kind == "extra_forbidden":
         known = list(_model_at(location[:-1], model).model_fields)
-        near = difflib.get_close_matches(str(location[-1]), known, n=1, cutoff=0.5)
-        hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(known)}"
-        problem = f"unknown key; {hint}"
+        problem = f"unknown key; {did_you_mean(str(location[-1]), known)}"
     elif kind == "missing":
         problem = "is required"
     else:

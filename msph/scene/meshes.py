@@ -1,6 +1,5 @@
 """Mesh files of obstacles and containers: found, read, and checked to enclose a volume."""
 
-import difflib
 import io
 import math
 from functools import lru_cache
@@ -9,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from msph.errors import did_you_mean
 from msph.scene.library import assets
 
 KINDS = (".obj", ".ply", ".stl")
@@ -34,8 +34,7 @@ def find_mesh(name: str) -> Path:
     if path.suffix.lower() not in KINDS:
         raise MeshError(f"{path.name}: unknown kind of mesh; known: {', '.join(KINDS)}")
     if not path.is_file():
-        near = difflib.get_close_matches(name, shipped, n=1)
-        hint = f"did you mean {near[0]!r}?" if near else f"shipped: {', '.join(shipped)}"
+        hint = did_you_mean(name, shipped, "shipped")
         raise MeshError(f"{name}: no such mesh file; {hint}")
     return path
 

@@ -10,6 +10,7 @@ import taichi as ti
 
 from msph.picture.camera import Camera
 from msph.picture.overlay import Overlay
+from msph.picture.pixels import as_u8
 from msph.scene.live import live_parameters
 from msph.stage import pages
 from msph.stage.controls import Controls
@@ -44,6 +45,8 @@ class Row:
     ):
         self.shows, self.labels, self.below = shows, labels, below
         self.size, self.told = size, 0
+        # Of each the live keys of its scene as given: a viscosity moved to 0 stays one.
+        self.live = [{live.key for live in live_parameters(show.scene)} for show in shows]
         # Of each the distance at which its whole box is seen [m].
         self.homes = [show.camera.distance if size else 1.0 for show in shows]
         if size:
@@ -169,8 +172,8 @@ class Row:
     # What an audience does to a show, done to all.
 
     def set(self, key: str, value: float) -> None:
-        for show in self.shows:
-            if can_set(show, key):
+        for show, live in zip(self.shows, self.live, strict=True):
+            if key in live:
                 show.set(key, value)
 
     def slice(self) -> None:
@@ -208,8 +211,7 @@ class Row:
 
     def to_numpy_u8(self) -> np.ndarray:
         """(height, width, 3) uint8, first row at the top, without what is left free."""
-        pixels = self.image.to_numpy()[:, self.below :]
-        return (pixels.transpose(1, 0, 2)[::-1] * 255 + 0.5).clip(0, 255).astype(np.uint8)
+        return as_u8(self.image)[: self.height - self.below]
 
     def warnings(self) -> list[str]:
         return [warning for show in self.shows for warning in show.warnings()]
@@ -223,11 +225,6 @@ def with_picked(show: Waters) -> Show | None:
     """The one whose particle was picked and is seen, if any."""
     seen = (s for s in show.shows if s.views.name != "water")
     return next((s for s in seen if s.views.neighbourhood.id is not None), None)
-
-
-def can_set(show: Show, key: str) -> bool:
-    """Whether a parameter is live in the show's scene."""
-    return any(live.key == key for live in live_parameters(show.scene))
 
 
 def speed_and_error(show: Show) -> list[str]:

@@ -6,6 +6,7 @@ import math
 import os
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import taichi as ti
@@ -17,6 +18,8 @@ MARKER_RADIUS = 0.008  # of the marker under a pushing cursor, as a share of the
 # Colours of arrows, in their order; width of their lines, over the window's height, and length of a
 # tip over that of its arrow.
 ARROWS, STROKE, TIP = ((1.0, 0.82, 0.4), (0.34, 0.71, 0.91)), 0.006, 0.22
+# GGUI writes the places of its own panels here, unasked, where the program runs.
+SETTINGS = Path("imgui.ini")
 # Least time between two pictures of the start [s]: each takes some milliseconds from compiling.
 TELL_PAUSE = 0.12
 
@@ -62,6 +65,7 @@ class Window:
     ):
         check_display()
         self.size = size
+        self.had_settings = SETTINGS.exists()
         try:
             with silence():
                 self.window = ti.ui.Window(f"M-SPH: {title}", size, vsync=True)
@@ -140,6 +144,8 @@ class Window:
 
     def close(self) -> None:
         self.window.destroy()
+        if not self.had_settings:
+            SETTINGS.unlink(missing_ok=True)
 
 
 @contextlib.contextmanager

@@ -205,6 +205,7 @@ def test_window_opens_obeys_keys_and_shows_water(display, tmp_path):
         assert process.poll() is None
         screen.do("key", "q")
         assert process.wait(timeout=PATIENCE) == 0
+        assert not (tmp_path / "imgui.ini").exists(), "GGUI's settings, which nobody asked for"
     finally:
         process.kill()
 
