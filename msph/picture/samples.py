@@ -73,26 +73,33 @@ def draw_block(source: ti.template(), i0, j0, even, note, width, height):
         if is_corner:
             a, b = (SPAN - 1) * (k // 2), (SPAN - 1) * (k % 2)
         if k == CORNERS:
-            change = abs(along_i) + abs(along_j) + abs(twist)
-            added = ti.max(change[ADDED, 0], change[ADDED, 1], change[ADDED, 2])
-            even = even and agreed == CORNERS and first < DETAIL and added <= MOST_ADDED
-            bent = ti.max(abs(twist[PLACE, 0]), abs(twist[PLACE, 1]), abs(twist[PLACE, 2]))
-            even = even and bent <= MOST_BENT * base[PLACE, 3]
+            even = even and agreed == CORNERS and first < DETAIL
+            for n in range(3):
+                slope = abs(along_i[ADDED, n]) + abs(along_j[ADDED, n]) + abs(twist[ADDED, n])
+                bent = abs(twist[PLACE, n])
+                even = even and slope <= MOST_ADDED and bent <= MOST_BENT * base[PLACE, 3]
             if even and first >= VOID:
                 break
         again = not is_corner and a % (SPAN - 1) == 0 and b % (SPAN - 1) == 0
         i, j = i0 + a, j0 + b
         if not again and i < width and j < height and source.wanted(i, j):
             u, v = a / (SPAN - 1), b / (SPAN - 1)
-            kind, sample = first, base + u * along_i + v * (along_j + u * twist)
+            kind, sample = first, Sample(0.0)
             if is_corner or not even:
                 kind, sample = source.trace(i, j, note)
             if is_corner:
                 if k == 0:
                     first = kind
                 agreed += kind == first
-                base += (1.0 - u) * (1.0 - v) * sample
-                along_i += (2.0 * u - 1.0) * (1.0 - v) * sample
-                along_j += (1.0 - u) * (2.0 * v - 1.0) * sample
-                twist += (2.0 * u - 1.0) * (2.0 * v - 1.0) * sample
+                # Over elements in loops: written out, they would take a second to compile.
+                for m, n in ti.ndrange(4, 4):
+                    part = sample[m, n]
+                    base[m, n] += (1.0 - u) * (1.0 - v) * part
+                    along_i[m, n] += (2.0 * u - 1.0) * (1.0 - v) * part
+                    along_j[m, n] += (1.0 - u) * (2.0 * v - 1.0) * part
+                    twist[m, n] += (2.0 * u - 1.0) * (2.0 * v - 1.0) * part
+            elif even:
+                for m, n in ti.ndrange(4, 4):
+                    slope = along_j[m, n] + u * twist[m, n]
+                    sample[m, n] = base[m, n] + u * along_i[m, n] + v * slope
             source.put(i, j, kind, sample)

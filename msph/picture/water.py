@@ -120,11 +120,7 @@ class Water:
         kind, q, under, light, left, added = self.inner(
             p, r, cut, (back - depth) * stretch, reach, shot
         )
-        mirrored, outer, detail = d + 2.0 * c * n, vec3(0.0), False
-        if cut:
-            outer = self.pool.around(mirrored, shot)
-        else:
-            outer, detail = self.outer(p, mirrored, reach, shot)
+        outer, detail = self.outer(p, d + 2.0 * c * n, cut, reach, shot)
         share = shot.reflection * reflectance(c, ct, shot.eta)
         left, added = left * (1.0 - share), ti.math.mix(added, outer, share)
         return kind + DETAIL * detail, make_sample(q, light, left, added, under, depth, 0.0)
@@ -182,15 +178,15 @@ class Water:
         return kind + way, vec4(q, footprint), depth, light, left, added
 
     @ti.func
-    def outer(self, p, r, reach, shot: ti.template()):
+    def outer(self, p, r, cut, reach, shot: ti.template()):
         """Light that comes along the mirrored ray r: tiled wall, or sky with the sun; and whether
-        the sun's image or a body's outline is near."""
+        the sun's image or a body's outline is near. cut: whether it leaves the box from a wall."""
         rise = r.dot(shot.up)
-        if rise < 0.0:  # other waves would be met: take the sky that they mirror
+        if rise < 0.0 and not cut:  # other waves would be met: take the sky that they mirror
             r -= 2.0 * rise * shot.up
         s, axis, low = self.pool.leave(p, r, shot.size)
         q, colour, detail = p + r * s, vec3(0.0), False
-        if self.pool.is_tiled(axis, low, shot):
+        if not cut and self.pool.is_tiled(axis, low, shot):
             footprint = shot.pixel * (reach + s) / ti.max(abs(along(r, axis)), FLATTEST)
             light = self.pool.lighting(q, axis, low, shot.sun, shot)
             colour = self.pool.albedo(q, axis, footprint, shot)
@@ -202,8 +198,9 @@ class Water:
             mirror = sheen
             for _ in ti.static(range(GLINT_GLOSS)):
                 mirror *= mirror
-            detail = sheen > NEAR_GLINT
-            colour = self.pool.around(r, shot) + SUN * (GLINT * mirror + SHEEN * sheen)
+            sunny = ti.select(cut, 0.0, GLINT * mirror + SHEEN * sheen)
+            detail = not cut and sheen > NEAR_GLINT
+            colour = self.pool.around(r, shot) + SUN * sunny
         if ti.static(self.pool.occupied):
             t, body, _, close = self.pool.meet(p, r, s, reach, shot)
             detail = detail or close

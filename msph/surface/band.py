@@ -116,7 +116,7 @@ class Band:
                 k[m] = ti.math.clamp(STRIDE * (c + m), 1, self.last_node[2] - 1)
             beside = self.sums.beside_bodies(i, j, k)
             found = self.sums.at_tile(i, j, k, beside, True)[0]
-            for n in ti.static(range(TILE)):
+            for n in range(TILE):
                 at = ti.Vector([a + n // SIDE, b + n // RUN % PAIR, c + n % RUN])
                 if at[0] < nx and at[1] < ny and at[2] < nz:
                     self.sampled[at] = found[n]

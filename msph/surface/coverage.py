@@ -44,8 +44,8 @@ class Coverage:
             k = first[2] + ti.Vector([0, 1, 2, 3])
             beside = self.sums.beside_bodies(i, j, k)
             c, gx, gy, gz = self.sums.at_tile(i, j, k, beside, False)
-            for n in ti.static(range(TILE)):
-                node = ti.Vector([i[n // SIDE], j[n // RUN % PAIR], k[n % RUN]])
+            for n in range(TILE):
+                node = first + ti.Vector([n // SIDE, n // RUN % PAIR, n % RUN])
                 self.cubes.value[node] = c[n] - ISO
                 self.cubes.gradient[node] = vec3(gx[n], gy[n], gz[n])
             if ti.static(self.has_bodies):

@@ -127,7 +127,7 @@ class MarchingCubes:
                 slot = ti.atomic_add(self.mesh.counts[2], n)
                 self.crossed[i, j, w] = bits
                 self.first[i, j, w] = ti.Vector([slot, slot + nx, slot + nx + ny])
-                for axis in ti.static(range(3)):
+                for axis in range(3):
                     rest = bits[axis]
                     while rest != 0:
                         node = ti.Vector([i, j, WORD * w + lowest(rest)])
@@ -140,17 +140,17 @@ class MarchingCubes:
             self.mesh.counts[0] = ti.min(self.mesh.counts[2], self.mesh.max_vertices)
 
     @ti.func
-    def place_vertex(self, node, axis: ti.template(), slot):
+    def place_vertex(self, node, axis, slot):
         """Vertex `slot` on the edge from a node along an axis."""
-        far = node + ti.Vector.unit(3, axis, ti.i32)
-        unit = vec3(ti.Vector.unit(3, axis, ti.f32))
+        step = ti.cast(ti.Vector([axis == 0, axis == 1, axis == 2]), ti.i32)
+        far, unit = node + step, ti.cast(step, ti.f32)
         f0, f1 = self.level(node), self.level(far)
         t = ti.math.clamp(f0 / (f0 - f1), END_GAP, 1.0 - END_GAP)
         n = -ti.math.mix(self.gradient[node], self.gradient[far], t)
         if self.at_wall(node, far):
-            t, n = 0.5, ti.select(node[axis] == 0, -1.0, 1.0) * unit
+            t, n = 0.5, ti.select(node.dot(step) == 0, -1.0, 1.0) * unit
         x = self.lattice.point(node[0], node[1], node[2])
-        x[axis] += t * (self.lattice.coordinate[axis, far[axis]] - x[axis])
+        x += t * (self.lattice.point(far[0], far[1], far[2]) - x)
         if n.norm_sqr() < FLAT:
             n = ti.select(f0 > f1, 1.0, -1.0) * unit
         self.mesh.vertices[slot] = x

@@ -108,11 +108,15 @@ class WaterVolume:
     @ti.func
     def triangle(self, cell, case, t):
         """Parts of the t-th triangle of a cell in V and in dV/df [m^3]."""
-        a, da = self.corner(cell, self.cubes.triangle_edge[case, t, 0])
-        b, db = self.corner(cell, self.cubes.triangle_edge[case, t, 1])
-        c, dc = self.corner(cell, self.cubes.triangle_edge[case, t, 2])
+        # Corner m is column m; one by one, since code for three takes thrice as long to compile.
+        corners, moved = ti.math.mat3(0.0), ti.math.vec3(0.0)
+        for m in range(3):
+            place, change = self.corner(cell, self.cubes.triangle_edge[case, t, m])
+            corners[0, m], corners[1, m], corners[2, m] = place
+            moved += change
+        a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
         volume = a.dot(b.cross(c)) / 6.0
-        return ti.Vector([volume, (b - a).cross(c - a).dot(da + db + dc) / 6.0])
+        return ti.Vector([volume, (b - a).cross(c - a).dot(moved) / 6.0])
 
     @ti.func
     def corner(self, cell, code):

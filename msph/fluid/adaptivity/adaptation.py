@@ -77,10 +77,12 @@ class Adaptation:
         self.depth = SurfaceDistance(boundary, layers, particles, self.farthest)
         self.boundary = boundary
         coarser = coarser_of(layers.specs)
-        self.top, self.bottom, self.coarser, self.finer = constant_fields(
+        unit = np.array(DIRECTIONS) / np.linalg.norm(DIRECTIONS, axis=1, keepdims=True)
+        self.top, self.bottom, self.coarser, self.finer, self.directions = constant_fields(
             *np.array(limits).T,
             np.array(coarser),
             np.array([coarser.index(k) if k in coarser else -1 for k in range(layers.count)]),
+            unit,
         )
         self.place = ti.field(ti.i32, shape=particles.capacity + 1)
         self.scan = PrefixSum(particles.capacity)
@@ -344,8 +346,8 @@ class Adaptation:
         if ti.static(self.boundary.count > 0):
             room = ti.min(room, self.boundary.clearance(x, END))
         best, least = ti.Vector([0.0, 0.0, 0.0]), 1e9
-        for direction in ti.static(DIRECTIONS):
-            unit = ti.Vector(direction, ti.f32).normalized()
+        for d in range(self.directions.shape[0]):
+            unit = ti.Vector([self.directions[d, k] for k in range(3)])
             offset = HALF * self.layers.spacing[layer] * unit
             offset *= ti.min(1.0, (room / ti.max(abs(offset), 1e-9)).min())
             c = 0.0

@@ -57,11 +57,9 @@ class SurfaceDistance:
         self.reach = math.ceil(farthest / self.cell) + 1
         self.coverage = ti.field(ti.f32, shape=self.shape)
         self.air = ti.field(ti.i32, shape=self.shape)
-        # Squared distance [cells^2] to the nearest cell of air, and the number of that cell; each
-        # pass reads one pair of fields and writes the other.
-        self.squares, self.nearest = (
-            [ti.field(ti.i32, shape=self.shape) for _ in range(2)] for _ in range(2)
-        )
+        # Squared distance [cells^2] to the nearest cell of air, and the number of that cell: twice,
+        # since each pass reads one and writes the other.
+        self.squares, self.nearest = (ti.field(ti.i32, shape=(2, *self.shape)) for _ in range(2))
         # gap: distance from the centre of a cell of air to the surface; depth. Both in cells.
         self.gap, self.depth = (ti.field(ti.f32, shape=self.shape) for _ in range(2))
 
@@ -149,8 +147,9 @@ class SurfaceDistance:
                 for corner in ti.static(ti.ndrange(2, 2, 2)):
                     self.air[ti.min(c + ti.Vector(corner), self.dims - 1)] = 1
         for c in ti.grouped(self.air):
-            self.squares[0][c] = ti.select(self.air[c] == 1, 0, self.reach * self.reach)
-            self.nearest[0][c] = self._number(c)
+            square = ti.select(self.air[c] == 1, 0, self.reach * self.reach)
+            self.squares[0, c[0], c[1], c[2]] = square
+            self.nearest[0, c[0], c[1], c[2]] = self._number(c)
             self.gap[c] = self._gap(c)
 
     @ti.func
@@ -168,29 +167,32 @@ class SurfaceDistance:
         return (c[0] * self.dims[1] + c[1]) * self.dims[2] + c[2]
 
     @kernel
-    def _spread(self, near: ti.template(), far: ti.template(), axis: ti.template()):
+    def _spread(self, near: ti.i32, far: ti.i32, axis: ti.i32):
         """squares[far] = min over k of squares[near](cell + k along the axis) + k^2; nearest[far]
         is the cell of air with that minimum."""
         for c in ti.grouped(self.air):
-            least, nearest = self.squares[near][c], self.nearest[near][c]
-            step = ti.Vector.unit(3, axis, ti.i32)
-            lo = ti.max(-self.reach, -c[axis])
-            hi = ti.min(self.reach, self.dims[axis] - 1 - c[axis])
+            least, best = self.squares[near, c[0], c[1], c[2]], 0
+            step = ti.cast(ti.Vector([axis == 0, axis == 1, axis == 2]), ti.i32)
+            place = c.dot(step)
+            lo, hi = ti.max(-self.reach, -place), ti.min(self.reach, self.dims.dot(step) - 1 - place)
             for k in range(lo, hi + 1):
-                square = self.squares[near][c + k * step] + k * k
+                at = c + k * step
+                square = self.squares[near, at[0], at[1], at[2]] + k * k
                 if square < least:
-                    least, nearest = square, self.nearest[near][c + k * step]
-            self.squares[far][c] = least
-            self.nearest[far][c] = nearest
+                    least, best = square, k
+            self.squares[far, c[0], c[1], c[2]] = least
+            at = c + best * step
+            self.nearest[far, c[0], c[1], c[2]] = self.nearest[near, at[0], at[1], at[2]]
 
     @kernel
     def _measure(self):
         """Depth of the cells' centres, negative in air."""
         for c in ti.grouped(self.depth):
-            number = self.nearest[1][c]
+            number = self.nearest[1, c[0], c[1], c[2]]
             row = number // self.dims[2]
+            square = self.squares[1, c[0], c[1], c[2]]
             at = ti.Vector([row // self.dims[1], row % self.dims[1], number % self.dims[2]])
-            self.depth[c] = ti.sqrt(ti.cast(self.squares[1][c], ti.f32)) - self.gap[at]
+            self.depth[c] = ti.sqrt(ti.cast(square, ti.f32)) - self.gap[at]
 
 
 def depth_shape(size: tuple[float, float, float], cell: float) -> tuple[int, int, int]:

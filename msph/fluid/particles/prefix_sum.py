@@ -12,7 +12,8 @@ CHUNK = 256
 
 @data_oriented
 class PrefixSum:
-    """Prefix sums in three passes: sums of chunks, scan of the sums, scan within the chunks.
+    """Prefix sums in one pass on one thread where they are short, else in three: sums of chunks,
+    scan of the sums, scan within the chunks.
 
     Needs no shared memory and no atomics, so it runs the same on CPU, CUDA, Vulkan and Metal
     (Taichi's own PrefixSumExecutor knows CUDA and Vulkan only) and its result is deterministic.
@@ -32,7 +33,16 @@ class PrefixSum:
     @ti.func
     def sum_up(self, counts: ti.template(), starts: ti.template()):
         """The same within a kernel, at its top level, where its loops are shared out."""
-        ti.loop_config(serialize=self.few)
+        if ti.static(self.few):
+            starts[0] = 0
+            ti.loop_config(serialize=True)
+            for i in range(self.length):
+                starts[i + 1] = starts[i] + counts[i]
+        else:
+            self._sum_up_in_chunks(counts, starts)
+
+    @ti.func
+    def _sum_up_in_chunks(self, counts: ti.template(), starts: ti.template()):
         for c in range(self.chunks):
             total = 0
             for i in range(c * CHUNK, ti.min((c + 1) * CHUNK, self.length)):
@@ -41,7 +51,6 @@ class PrefixSum:
         ti.loop_config(serialize=True)
         for c in range(1, self.chunks):
             self.sums[c] += self.sums[c - 1]
-        ti.loop_config(serialize=self.few)
         for c in range(self.chunks):
             total = 0
             if c > 0:
