@@ -41,9 +41,9 @@ class _Tables:
 
     def __init__(self, fields: list):
         self.fields = fields
-        sizes = [int(np.prod(f.shape)) for f in fields]
-        self.first = np.cumsum([0, *sizes[:-1]]).tolist()
-        # Values along the last axes, by which a place among all becomes an index.
+        self.sizes = [int(np.prod(f.shape)) for f in fields]
+        self.first = np.cumsum([0, *self.sizes[:-1]]).tolist()
+        # Values along the last axes, by which a place in a field becomes an index.
         self.strides = [
             [int(np.prod(f.shape[axis + 1 :])) for axis in range(len(f.shape))] for f in fields
         ]
@@ -58,9 +58,14 @@ class _Tables:
 
     @ti.func
     def _write(self, values: ti.template()):
-        for k in ti.static(range(len(self.fields))):
-            for index in ti.grouped(self.fields[k]):
-                place = self.first[k]
-                for axis in ti.static(range(len(self.strides[k]))):
-                    place += index[axis] * self.strides[k][axis]
-                self.fields[k][index] = values[place]
+        # One loop over all values: one for each field would take as long to compile as each.
+        ti.loop_config(serialize=True)
+        for place in range(values.shape[0]):
+            for k in ti.static(range(len(self.fields))):
+                rest = place - self.first[k]
+                if 0 <= rest < self.sizes[k]:
+                    index = ti.Vector(self.strides[k])
+                    for axis in ti.static(range(index.n)):
+                        stride = self.strides[k][axis]
+                        index[axis], rest = rest // stride, rest % stride
+                    self.fields[k][index] = values[place]

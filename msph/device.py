@@ -73,6 +73,10 @@ def start(arch: str = "auto", threads: int | None = None) -> str:
     # Taichi writes its cache of kernels as its program is destroyed; the end of Python alone does
     # not always destroy it.
     atexit.register(ti.reset)
+    if on_cpu():
+        # Taichi's analysis of loads and stores takes half of a first start, more than in proportion
+        # to a kernel's length; LLVM finds the same: kernels run as fast without.
+        ti.cfg.cfg_optimization = False
     name = "cpu" if on_cpu() else ti.cfg.arch.name
     if arch not in ("auto", name):
         raise ArchError(f"--arch {arch}: this machine has none, or no driver for it")

@@ -94,9 +94,10 @@ class Backdrop:
         boxed = (corner + SPAN >= shot.lo).all() and (corner <= shot.hi).all()
         hidden = flooded != 0
         if boxed and hidden:
-            for i in range(i0, ti.min(i0 + SPAN, shot.columns)):
-                for j in range(j0, ti.min(j0 + SPAN, shot.rows)):
-                    hidden = hidden and self.raster.hides(i, j)
+            for k in range(SPAN * SPAN):
+                i = ti.min(i0 + k // SPAN, shot.columns - 1)
+                j = ti.min(j0 + k % SPAN, shot.rows - 1)
+                hidden = hidden and self.raster.hides(i, j)
         return boxed, True, hidden
 
     @ti.func

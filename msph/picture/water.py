@@ -58,15 +58,15 @@ class Water:
         depth. Without water it shows the backdrop. Note: skin [m], as `Rasteriser.draw_mesh`."""
         columns, rows = self.lens.shot[None].columns, self.lens.shot[None].rows
         nearest, farthest = NOTHING, 0
-        for i in range(i0, ti.min(i0 + SPAN, columns)):
-            for j in range(j0, ti.min(j0 + SPAN, rows)):
-                key = self.raster.key[i, j]
-                nearest, farthest = ti.min(nearest, key), ti.max(farthest, key)
+        for k in range(SPAN * SPAN):
+            i, j = ti.min(i0 + k // SPAN, columns - 1), ti.min(j0 + k % SPAN, rows - 1)
+            key = self.raster.key[i, j]
+            nearest, farthest = ti.min(nearest, key), ti.max(farthest, key)
         even = farthest != NOTHING
         if nearest == NOTHING:
-            for i in range(i0, ti.min(i0 + SPAN, columns)):
-                for j in range(j0, ti.min(j0 + SPAN, rows)):
-                    self.image[i, j] = self.backdrop.colour[i, j].xyz
+            for k in range(SPAN * SPAN):
+                i, j = ti.min(i0 + k // SPAN, columns - 1), ti.min(j0 + k % SPAN, rows - 1)
+                self.image[i, j] = self.backdrop.colour[i, j].xyz
         elif even:
             # On a plane the corners are the nearest and the farthest.
             near, far = NOTHING, 0
@@ -115,15 +115,49 @@ class Water:
         p = ti.math.clamp(p, 0.0, shot.size)
         c = ti.max(-d.dot(n), GRAZING)
         ct = cosine_beyond(c, shot.eta)
-        r = bend(d, n, c, ct, shot.eta)
-        reach = depth * stretch
-        kind, q, under, light, left, added = self.inner(
-            p, r, cut, (back - depth) * stretch, reach, shot
-        )
-        outer, detail = self.outer(p, d + 2.0 * c * n, cut, reach, shot)
+        bent, mirrored = bend(d, n, c, ct, shot.eta), d + 2.0 * c * n
+        rise = mirrored.dot(shot.up)
+        if rise < 0.0 and not cut:  # other waves would be met: take the sky that they mirror
+            mirrored -= 2.0 * rise * shot.up
+        reach, thickness = depth * stretch, (back - depth) * stretch
+        kind, under, sky, detail = 0, 0.0, vec3(0.0), False
+        place, light, left, added = vec4(0.0), vec2(0.0), vec3(0.0), vec3(0.0)
+        # One after the other: walls and bodies are met by code that is compiled once.
+        for way in range(2):
+            inwards = way == 0
+            r = ti.select(inwards, bent, mirrored)
+            to_sun = ti.select(inwards, shot.beam, shot.sun)
+            s, axis, low = self.pool.leave(p, r, shot.size)
+            t, body, _, close = self.pool.meet(p, r, s, reach, shot)
+            s = ti.min(s, t)
+            q, share, deep, lit = p + r * s, vec3(0.0), 0.0, 1.0
+            footprint = shot.pixel * (reach + s) / ti.max(abs(along(r, axis)), FLATTEST)
+            if inwards:
+                q, deep, path, bits = self.submerged(p, q, r, s, cut, thickness, shot)
+                share = transmittance(shot.absorption, path + DOWNWELLING * deep)
+                lit = self.pool.sunlit(q, r, to_sun)
+                kind = axis + LOW * low + CUT * cut + bits + DETAIL * close
+            lighting = self.pool.lighting(q, axis, low, to_sun, shot)
+            seen = vec3(0.0)
+            if ti.static(self.pool.occupied):
+                if body >= 0:
+                    focus = 1.0
+                    if inwards:
+                        kind += BARE - axis - LOW * low + BODY * (1 + body)
+                        focus = lit * self.light.concentration(q, deep, shot)
+                    seen = self.pool.bodies.shade(body, q, to_sun, focus, shot)
+            if inwards:
+                place, under, left = vec4(q, footprint), deep, share
+                light, added = lighting * vec2(lit, 1.0), shot.scatter * (1.0 - share) + share * seen
+            else:
+                sky, detail = self.mirror(q, r, axis, low, cut, lighting, footprint, shot)
+                if body >= 0:
+                    sky = seen
+                detail = detail or close
         share = shot.reflection * reflectance(c, ct, shot.eta)
-        left, added = left * (1.0 - share), ti.math.mix(added, outer, share)
-        return kind + DETAIL * detail, make_sample(q, light, left, added, under, depth, 0.0)
+        left, added = left * (1.0 - share), ti.math.mix(added, sky, share)
+        sample = make_sample(place, light, left, added, under, depth, 0.0)
+        return kind + DETAIL * detail, sample
 
     @ti.func
     def strike(self, t, d, shot: ti.template()):
@@ -139,71 +173,43 @@ class Water:
         return a.dot(flat) / d.dot(flat), flat.normalized(), -n.normalized()
 
     @ti.func
-    def inner(self, p, r, cut, thickness, reach, shot: ti.template()):
-        """What the bent ray r from p comes to, through water: kind; its place [m] and width of the
-        pixel there [m]; depth of that under water [m]; light there (sun, sky); share of it that is
-        left, RGB; light added on the way.
+    def submerged(self, p, q, r, s, cut, thickness, shot: ti.template()):
+        """Of the bent ray r from p, through water, s [m] long: where it ends [m], how deep under
+        water [m], its way through water [m], and bits of the kind.
 
-        cut: whether p is on a wall; thickness: way through the water [m]; reach: from the eye [m].
-        """
-        s, axis, low = self.pool.leave(p, r, shot.size)
-        t, body, _, close = self.pool.meet(p, r, s, reach, shot)
-        s = ti.min(s, t)
-        q = p + r * s
-        path, depth = s, p.y - q.y
-        way = CUT * cut + DETAIL * close
+        cut: whether p is on a wall; thickness: way through the water [m]."""
+        path, deep, bits = s, p.y - q.y, 0
         if cut or thickness < s:
-            depth = self.light.height(q, shot) - q.y
-            if cut and r.y > 0.0 and depth < 0.0 and p.y < self.light.height(p, shot):
+            deep = self.light.height(q, shot) - q.y
+            if cut and r.y > 0.0 and deep < 0.0 and p.y < self.light.height(p, shot):
                 # Up to the surface from below: total reflection folds the ray down again.
-                q.y = ti.math.clamp(q.y + 2.0 * depth, 0.0, shot.size.y)
-                depth = -depth
-                way += FOLDED
+                q.y = ti.math.clamp(q.y + 2.0 * deep, 0.0, shot.size.y)
+                deep = -deep
+                bits = FOLDED
             else:
                 # Once through a crest or a drop, it may enter the water below it again.
-                again = ti.max(depth, 0.0) / ti.max(abs(r.y), FLATTEST)
+                again = ti.max(deep, 0.0) / ti.max(abs(r.y), FLATTEST)
                 path = ti.min(s, thickness + again)
-                way += LEFT_AGAIN
-        depth = ti.max(depth, 0.0)
-        left = transmittance(shot.absorption, path + DOWNWELLING * depth)
-        kind = axis + LOW * low
-        footprint = shot.pixel * (reach + s) / ti.max(abs(along(r, axis)), FLATTEST)
-        lit, added = self.pool.sunlit(q, r, shot.beam), shot.scatter * (1.0 - left)
-        light = self.pool.lighting(q, axis, low, shot.beam, shot) * vec2(lit, 1.0)
-        if ti.static(self.pool.occupied):
-            if body >= 0:
-                kind = BARE + BODY * (1 + body)
-                focus = lit * self.light.concentration(q, depth, shot)
-                added += left * self.pool.bodies.shade(body, q, shot.beam, focus, shot)
-        return kind + way, vec4(q, footprint), depth, light, left, added
+                bits = LEFT_AGAIN
+        return q, ti.max(deep, 0.0), path, bits
 
     @ti.func
-    def outer(self, p, r, cut, reach, shot: ti.template()):
-        """Light that comes along the mirrored ray r: tiled wall, or sky with the sun; and whether
-        the sun's image or a body's outline is near. cut: whether it leaves the box from a wall."""
-        rise = r.dot(shot.up)
-        if rise < 0.0 and not cut:  # other waves would be met: take the sky that they mirror
-            r -= 2.0 * rise * shot.up
-        s, axis, low = self.pool.leave(p, r, shot.size)
-        q, colour, detail = p + r * s, vec3(0.0), False
+    def mirror(self, q, r, axis, low, cut, light, footprint, shot: ti.template()):
+        """Light that comes along the mirrored ray r: the tiled wall at q [m], lit so (sun, sky), or
+        sky with the sun; and whether the sun's image is near. cut: whether the ray begins on a
+        wall, out of the box."""
+        colour, detail = vec3(0.0), False
         if not cut and self.pool.is_tiled(axis, low, shot):
-            footprint = shot.pixel * (reach + s) / ti.max(abs(along(r, axis)), FLATTEST)
-            light = self.pool.lighting(q, axis, low, shot.sun, shot)
             colour = self.pool.albedo(q, axis, footprint, shot)
             colour *= SUN_LIGHT * light.x + SKY_LIGHT * light.y
         else:
             sheen = ti.max(r.dot(shot.sun), 0.0)
             for _ in ti.static(range(SHEEN_GLOSS)):
                 sheen *= sheen
-            mirror = sheen
+            glint = sheen
             for _ in ti.static(range(GLINT_GLOSS)):
-                mirror *= mirror
-            sunny = ti.select(cut, 0.0, GLINT * mirror + SHEEN * sheen)
+                glint *= glint
+            sunny = ti.select(cut, 0.0, GLINT * glint + SHEEN * sheen)
             detail = not cut and sheen > NEAR_GLINT
             colour = self.pool.around(r, shot) + SUN * sunny
-        if ti.static(self.pool.occupied):
-            t, body, _, close = self.pool.meet(p, r, s, reach, shot)
-            detail = detail or close
-            if body >= 0:
-                colour = self.pool.bodies.shade(body, p + r * t, shot.sun, 1.0, shot)
         return colour, detail

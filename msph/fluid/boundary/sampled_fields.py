@@ -88,7 +88,7 @@ class SampledFields:
         n = ti.floor(c, ti.i32)
         f = c - n
         r = ti.Matrix.zero(ti.f32, 4, 2)  # along z, at the four (x, y): value and slope
-        for q in ti.static(range(4)):
+        for q in range(4):
             low = self.at(m, n[0] + q // 2, n[1] + q % 2, n[2])
             r[q, 1] = self.at(m, n[0] + q // 2, n[1] + q % 2, n[2] + 1) - low
             r[q, 0] = low + f[2] * r[q, 1]
