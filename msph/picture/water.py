@@ -148,7 +148,8 @@ class Water:
                     seen = self.pool.bodies.shade(body, q, to_sun, focus, shot)
             if inwards:
                 place, under, left = vec4(q, footprint), deep, share
-                light, added = lighting * vec2(lit, 1.0), shot.scatter * (1.0 - share) + share * seen
+                light = lighting * vec2(lit, 1.0)
+                added = shot.scatter * (1.0 - share) + share * seen
             else:
                 sky, detail = self.mirror(q, r, axis, low, cut, lighting, footprint, shot)
                 if body >= 0:

@@ -173,8 +173,8 @@ class SurfaceDistance:
         for c in ti.grouped(self.air):
             least, best = self.squares[near, c[0], c[1], c[2]], 0
             step = ti.cast(ti.Vector([axis == 0, axis == 1, axis == 2]), ti.i32)
-            place = c.dot(step)
-            lo, hi = ti.max(-self.reach, -place), ti.min(self.reach, self.dims.dot(step) - 1 - place)
+            place, last = c.dot(step), self.dims.dot(step) - 1
+            lo, hi = ti.max(-self.reach, -place), ti.min(self.reach, last - place)
             for k in range(lo, hi + 1):
                 at = c + k * step
                 square = self.squares[near, at[0], at[1], at[2]] + k * k
