@@ -4,8 +4,6 @@ import itertools
 import math
 
 import numpy as np
-import trimesh
-from scipy.spatial import cKDTree
 
 from msph.fluid.boundary.rigid_bodies import TOUCHING, Ball, Block, Body, Solid
 from msph.measure.body_faces import faces
@@ -71,8 +69,12 @@ def narrowest_gap(size: tuple[float, float, float], solids: list[Body], d: float
         if not _contains(body) and not any(map(_contains, solids)):
             gaps += [*body.bounds[0], *(walls - body.bounds[1])]
     clouds = []
+    # Here, since trimesh and scipy take .5 s and most scenes have no bodies.
     if len(solids) > 1:
-        clouds = [trimesh.sample.sample_surface(faces(b), POINTS, seed=0)[0] for b in solids]
+        from scipy.spatial import cKDTree
+        from trimesh.sample import sample_surface
+
+        clouds = [sample_surface(faces(b), POINTS, seed=0)[0] for b in solids]
     for a, b in itertools.combinations(clouds, 2):
         gaps.append(cKDTree(a).query(b)[0].min())
     return float(min(g for g in gaps if g > TOUCHING * d))
@@ -84,7 +86,9 @@ def thickness(body: Body) -> float:
         return 2.0 * body.radius
     if isinstance(body, Block):
         return float((body.hi - body.lo).min())
-    _, edges = trimesh.bounds.oriented_bounds(faces(body))
+    from trimesh.bounds import oriented_bounds
+
+    _, edges = oriented_bounds(faces(body))
     return float(edges.min())
 
 

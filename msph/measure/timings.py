@@ -88,3 +88,12 @@ def peak_memory() -> int:
 
     unit = 1 if sys.platform == "darwin" else 1024
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
+
+
+def process_age() -> float:
+    """Wall-clock time [s] since this process began."""
+    began = psutil.Process().create_time()
+    if sys.platform == "linux":
+        # There it is whole seconds of the boot, rounded, plus an exact time since.
+        return time.clock_gettime(time.CLOCK_BOOTTIME) - (began - psutil.boot_time())
+    return time.time() - began

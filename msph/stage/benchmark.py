@@ -1,13 +1,11 @@
 """Speed beside error: one scene run for nobody, timed, and what its water did meanwhile."""
 
 import math
-import time
 from dataclasses import asdict, dataclass
 
 import numpy as np
-import psutil
 
-from msph.measure.timings import Timings, peak_memory
+from msph.measure.timings import Timings, peak_memory, process_age
 from msph.scene.schema import Scene
 from msph.stage.headless import Headless, HeadlessPlayer
 from msph.stage.loop import run
@@ -165,7 +163,7 @@ def play_benchmark(
     timings = Timings(keep=1)
     show = Show(scene, 1.0 / scene.play.fps, size, timings=timings, **PLAYED)
     show.warm_up()
-    ready = time.time() - psutil.Process().create_time()
+    ready = process_age()
     player = HeadlessPlayer(seconds, scene.play.fps)
     run(show, player)
     walls = np.array(player.walls)

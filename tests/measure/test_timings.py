@@ -1,4 +1,8 @@
-"""Stages within stages, and the tree that a profile prints."""
+"""Stages within stages, the tree that a profile prints, and the age of a process."""
+
+import subprocess
+import sys
+import time
 
 import pytest
 
@@ -35,3 +39,12 @@ def test_profile_is_indented_with_shares_of_the_frame():
         ["picture", "2.50", "ms", "25.0", "%"],
     ]
     assert [len(line) - len(line.lstrip()) for line in lines] == [2, 4, 2]
+
+
+def test_a_process_is_no_older_than_who_waited_for_it():
+    age = "from msph.measure.timings import process_age; print(process_age())"
+    begin = time.perf_counter()
+    told = subprocess.run([sys.executable, "-c", age], check=True, capture_output=True, text=True)
+    waited = time.perf_counter() - begin
+    # To the clock tick by which the system counts, a hundredth of a second.
+    assert 0.5 * waited < float(told.stdout.splitlines()[-1]) < waited + 0.02
