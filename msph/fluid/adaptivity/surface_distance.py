@@ -17,7 +17,7 @@ from msph.fluid.boundary.boundary import END, Boundary
 from msph.fluid.particles import kernels
 from msph.fluid.particles.layers import Layers
 from msph.fluid.particles.mirror_images import MirrorImages
-from msph.fluid.particles.particles import Particles
+from msph.fluid.particles.particles import Particles, one_thread_does
 from msph.taichi_internals import data_oriented, kernel
 
 # Coverage sum V_j W (-) above which a cell's centre lies in water. Gaps between particles of mixed
@@ -50,6 +50,8 @@ class SurfaceDistance:
     ):
         self.layers, self.particles = layers, particles
         self.boundary, self.images = boundary, MirrorImages(boundary.box)
+        # By the capacity, not by the count: one kernel, also where water is filled from coarse.
+        self.alone = one_thread_does(particles.capacity)
         self.cell = CELL * layers.finest.support
         self.margin = MARGIN * layers.finest.spacing
         self.shape = depth_shape(boundary.box, self.cell)
@@ -65,7 +67,7 @@ class SurfaceDistance:
 
     def refresh(self) -> None:
         """Measures the depth of every cell anew."""
-        self._cover(self.particles.count, self.particles.alone)
+        self._cover(self.particles.count)
         self._find_air()
         for axis in range(3):
             self._spread(axis % 2, (axis + 1) % 2, axis)
@@ -87,18 +89,18 @@ class SurfaceDistance:
         return ti.max(depth, 0.0) * self.cell
 
     @kernel
-    def _cover(self, n: ti.i32, alone: ti.template()):
+    def _cover(self, n: ti.i32):
         """Coverage sum V_j W of the cells' centres, images included."""
         for c in ti.grouped(self.coverage):
             self.coverage[c] = 0.0
-        ti.loop_config(serialize=alone)
+        ti.loop_config(serialize=self.alone)
         for i in range(n):
             layer, x = self.particles.layer[i], self.particles.x[i]
             h, volume = REACH * self.layers.spacing[layer] + self.margin, self.layers.volume[layer]
             near = self.images.near(x, h)
             for way in range(self.images.combinations(near)):
                 mirror, wall = self.images.seen_in(self.images.combination(way, near))
-                self._cover_by(wall + mirror * (x - wall), h, volume, alone)
+                self._cover_by(wall + mirror * (x - wall), h, volume)
         if ti.static(self.boundary.count > 0):
             for c in ti.grouped(self.coverage):
                 centre = (ti.cast(c, ti.f32) + 0.5) * self.cell
@@ -106,7 +108,7 @@ class SurfaceDistance:
                     self.coverage[c] = 1.0
 
     @ti.func
-    def _cover_by(self, x, h, volume, alone: ti.template()):
+    def _cover_by(self, x, h, volume):
         lo, hi = self._first(x[0] - h, 0), self._last(x[0] + h, 0)
         for a in range(lo, hi + 1):
             left = h**2 - ((a + 0.5) * self.cell - x[0]) ** 2
@@ -117,7 +119,7 @@ class SurfaceDistance:
                 for c in range(self._first(x[2] - deep, 2), self._last(x[2] + deep, 2) + 1):
                     r2 = h**2 - rest + ((c + 0.5) * self.cell - x[2]) ** 2
                     part = volume * kernels.quartic(ti.sqrt(r2), h)
-                    if ti.static(alone):
+                    if ti.static(self.alone):
                         # += would be atomic, which one thread does not need.
                         self.coverage[a, b, c] = self.coverage[a, b, c] + part
                     else:
