@@ -70,8 +70,9 @@ class Light:
     def column(self, i, j):
         """Mean over the wet ones of the cell and its neighbours; 0 where all is dry."""
         total, wet = 0.0, 0.0
-        for a in range(ti.max(i - 1, 0), ti.min(i + 2, self.columns[0])):
-            for b in range(ti.max(j - 1, 0), ti.min(j + 2, self.columns[1])):
+        for k in range(9):
+            a, b = i + k // 3 - 1, j + k % 3 - 1
+            if 0 <= a < self.columns[0] and 0 <= b < self.columns[1]:
                 y = ti.bit_cast(self.lowest[a, b], ti.f32)
                 if y < DRY:
                     weight = ti.select(a == i, 2.0, 1.0) * ti.select(b == j, 2.0, 1.0)
@@ -138,11 +139,11 @@ class Light:
     def smoothed(self, i, j):
         """Binomial 3 x 3 mean."""
         total = 0
-        for a in range(-1, 2):
-            for b in range(-1, 2):
-                u = ti.math.clamp(i + a, 0, self.cells - 1)
-                v = ti.math.clamp(j + b, 0, self.cells - 1)
-                total += self.photons[u, v] * (2 - abs(a)) * (2 - abs(b))
+        for k in range(9):
+            a, b = k // 3 - 1, k % 3 - 1
+            u = ti.math.clamp(i + a, 0, self.cells - 1)
+            v = ti.math.clamp(j + b, 0, self.cells - 1)
+            total += self.photons[u, v] * (2 - abs(a)) * (2 - abs(b))
         return total / (16.0 * UNIT)
 
     @ti.func
