@@ -1,4 +1,4 @@
-"""Cost and error of each optional term of the projection method.
+"""Cost and error of each optional term of the projection method, and of each part of a scene.
 
 python bench/terms.py [--repeats 5] [--arch cpu]
 """
@@ -16,7 +16,7 @@ from tabulate import tabulate
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from bench import tanks
+from bench import parts, tanks
 from bench.report import RESULTS, heading
 from msph.device import ARCHES, start
 from msph.fluid.external_forces import ExternalForces
@@ -43,6 +43,11 @@ TERMS = {
 TIMED, ACROSS, SHEETS, STEPS = 0.02, 24, 12, 12
 # A box of 1 m, so many spacings long, in which flows decay; depth of the tank in sheets.
 CELLS, DEEP = 16, 6
+# What is measured by bench/parts.py.
+PARTS_TITLE = (
+    f"Parts of a scene, off and on: a tank of 3,072 particles, medians of {parts.FRAMES} frames "
+    "of 1/60 s in turn, picture 640x360"
+)
 # Drops: radius [m], radii in spacings, and by how much they are drawn out at the start.
 RADIUS, FINENESS, STRETCH = 0.005, (5, 7, 9), 0.1
 
@@ -300,6 +305,7 @@ def main(repeats: int, arch: str) -> None:
         (f"Cost: {ACROSS**2 * SHEETS:,} particles sloshing, steps of 1/120 s", costs),
         ("Error against formulas", errors),
         ("What a ball of two layers gains by itself in 15 frames", kept),
+        (PARTS_TITLE, parts.rows(arch)),
     )
     text = [heading("Cost and error of the projection method's optional terms", arch)]
     text.append(

@@ -105,6 +105,22 @@ def watch_compiling(watcher: Callable[[str], None]):
         _watchers.remove(watcher)
 
 
+@contextlib.contextmanager
+def watch_launches(watcher: Callable[[Any, str], None]):
+    """Calls watcher(object, kernel) before each launch within; plain Taichi does not tell."""
+    launch = _Launcher.__call__
+
+    def watched(self, *args):
+        watcher(self.owner, self.taichi.func.__name__.lstrip("_"))
+        return launch(self, *args)
+
+    _Launcher.__call__ = watched  # type: ignore[method-assign]
+    try:
+        yield
+    finally:
+        _Launcher.__call__ = launch  # type: ignore[method-assign]
+
+
 def on_cpu() -> bool:
     """Whether kernels run on the CPU; ti.init must have been called."""
     return ti.cfg.arch in (ti.x64, ti.arm64)

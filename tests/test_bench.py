@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bench import peer_splishsplash, peer_surfaces, peers, scale
+from bench import parts, peer_splishsplash, peer_surfaces, peers, scale
 from bench.methods import solvers
 from msph.scene.water import layer_specs, particle_count
 
@@ -59,3 +59,17 @@ def test_slopes_and_layers_of_scale() -> None:
     layers = [scale.layers_of(n) for n in scale.ALONG]
     assert layers[0] >= 2 and layers == sorted(layers) and layers[-1] <= 16
     assert scale.scene_of(scale.LAYERED, 100).adaptation.capacity < 1_000_000 / 4
+
+
+def test_parts_take_nothing_while_off(monkeypatch) -> None:
+    """Neither kernels nor launches; while on, some of each, and memory."""
+    monkeypatch.setattr(parts, "UNTIMED", 0)
+    monkeypatch.setattr(parts, "FRAMES", 2)
+    monkeypatch.setattr(parts, "SPACING", 0.05)
+    (xsph,) = (part for part in parts.PARTS if part.name == "xsph")
+    row = parts.measured(xsph)
+    assert row["kernels"][0] == row["launches"][0] == 0
+    assert row["kernels"][1] > 0 and row["launches"][1] >= 1.0
+    assert row["bytes"][1] > row["bytes"][0]
+    assert row["error"].endswith("% of the depth")
+    assert parts.cells(row)["own kernels: off, on"].startswith("0, ")

@@ -14,6 +14,7 @@ import pytest
 from msph.lesson.paint import CAPTION, LINE, NAME, PAD, band_height
 from msph.scene.load import read_toml
 from msph.stage.pages import text_height
+from msph.stage.start_screen import SKY
 from msph.stage.status import pace
 from tests.scenes_kit import write
 
@@ -82,6 +83,14 @@ class Screen:
             if changed and np.array_equal(before, last):
                 return last
         raise AssertionError("the screen did not change" if unlike is not None else "not paused")
+
+    def begun(self):
+        """The screen at rest after the start, whose picture stands while kernels compile."""
+        deadline, before = time.monotonic() + PATIENCE, ((0, 0, 0), SKY)
+        while tuple(self.look()[0, 0]) in before:
+            assert time.monotonic() < deadline, "nothing but the start is shown"
+            time.sleep(0.2)
+        return self.still()
 
 
 @pytest.fixture(scope="module")
@@ -218,8 +227,7 @@ def test_a_lesson_is_answered_and_done_with_keys_and_mouse(display, tmp_path):
         "kernels", *size, display=display.display, command="lesson", XDG_CACHE_HOME=str(tmp_path)
     )
     try:
-        blank = display.look()
-        question = display.still(unlike=blank, by=3.0)
+        question = display.begun()
         display.do("key", "n")
         assert np.array_equal(display.still(), question), "the question comes first"
         display.do("key", "b")
