@@ -130,11 +130,11 @@ class Water:
             s, axis, low = self.pool.leave(p, r, shot.size)
             t, body, _, close = self.pool.meet(p, r, s, reach, shot)
             s = ti.min(s, t)
-            q, share, deep, lit = p + r * s, vec3(0.0), 0.0, 1.0
+            q, through, deep, lit = p + r * s, vec3(0.0), 0.0, 1.0
             footprint = shot.pixel * (reach + s) / ti.max(abs(along(r, axis)), FLATTEST)
             if inwards:
                 q, deep, path, bits = self.submerged(p, q, r, s, cut, thickness, shot)
-                share = transmittance(shot.absorption, path + DOWNWELLING * deep)
+                through = transmittance(shot.absorption, path + DOWNWELLING * deep)
                 lit = self.pool.sunlit(q, r, to_sun)
                 kind = axis + LOW * low + CUT * cut + bits + DETAIL * close
             lighting = self.pool.lighting(q, axis, low, to_sun, shot)
@@ -147,9 +147,9 @@ class Water:
                         focus = lit * self.light.concentration(q, deep, shot)
                     seen = self.pool.bodies.shade(body, q, to_sun, focus, shot)
             if inwards:
-                place, under, left = vec4(q, footprint), deep, share
+                place, under, left = vec4(q, footprint), deep, through
                 light = lighting * vec2(lit, 1.0)
-                added = shot.scatter * (1.0 - share) + share * seen
+                added = shot.scatter * (1.0 - through) + through * seen
             else:
                 sky, detail = self.mirror(q, r, axis, low, cut, lighting, footprint, shot)
                 if body >= 0:

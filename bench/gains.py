@@ -1,0 +1,67 @@
+"""What layers gain over water as fine as their finest: both in one process, frame by frame in turn.
+
+python bench/gains.py SCENE [--seconds 2] [--arch cpu]
+
+Prints how many times as fast the layers are, and how many times as many particles uniform water
+has, in the mean over frames, as JSON. `bench/scenes.py` asks for every shipped scene.
+"""
+
+import json
+import sys
+import time
+from pathlib import Path
+
+import click
+import numpy as np
+import taichi as ti
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from bench.tanks import FRAME
+from msph.device import ARCHES, start
+from msph.scene import load_scene
+from msph.scene.water import layer_specs
+from msph.stage.controls import Controls
+from msph.stage.show import Show
+
+
+def uniform(name: str) -> tuple[str, ...]:
+    """Overrides that make all particles of an adaptive scene as fine as its finest; () where the
+    scene has one size of particles."""
+    scene = load_scene(name)
+    if not scene.adaptation.enabled:
+        return ()
+    finest = min(spec.mass for spec in layer_specs(scene))
+    layers = [f"water.{k}.layer=0" for k in range(len(scene.water))]
+    return f"layers=[{{ mass = {finest} }}]", "adaptation.enabled=false", *layers
+
+
+@click.command()
+@click.argument("scene")
+@click.option("--seconds", default=2.0, show_default=True, help="Simulated time.")
+@click.option("--arch", type=click.Choice(ARCHES), default="auto", show_default=True)
+def main(scene: str, seconds: float, arch: str) -> None:
+    """Measures an adaptive scene's water beside uniform water."""
+    start(arch)
+    # Density errors, which no frame needs, are left out.
+    shows = [
+        Show(load_scene(scene, changes), FRAME, density_every=float("inf"))
+        for changes in ((), uniform(scene))
+    ]
+    for show in shows:
+        show.warm_up()
+    times, counts = np.zeros(2), np.zeros(2)
+    for _ in range(round(seconds / FRAME)):
+        for k, show in enumerate(shows):
+            ti.sync()
+            begin = time.perf_counter()
+            show.frame(Controls())
+            ti.sync()
+            times[k] += time.perf_counter() - begin
+            counts[k] += sum(show.simulation.counts())
+    faster, fewer = times[1] / times[0], counts[1] / counts[0]
+    click.echo(json.dumps({"times as fast": faster, "times as many": fewer}))
+
+
+if __name__ == "__main__":
+    main()
