@@ -1,9 +1,12 @@
 """Scan, sort, grid and neighbour list against brute force."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import taichi as ti
 
+from msph.fluid.particles import particles
 from msph.fluid.particles.grid import CUTS, LayeredGrid
 from msph.fluid.particles.layers import Layers, LayerSpec
 from msph.fluid.particles.mirror_images import MirrorImages
@@ -30,6 +33,12 @@ def cloud(seed):
     return (x * SIZE).astype(np.float32), rng.integers(0, 3, COUNT).astype(np.int32)
 
 
+class Shared(Particles):
+    """Threads share loops over them, few as they are."""
+
+    alone = False
+
+
 class World:
     """Particles in a grid, with a scatter list and a symmetric one."""
 
@@ -37,7 +46,7 @@ class World:
         masses = (1.0, 0.25, 3.0)
         # Supports of about .2, .12 and .3 m, none of which divides the box.
         self.layers = Layers([LayerSpec(m, 1000.0, 2.03) for m in masses])
-        self.particles = Particles(COUNT + 50, (TAG,))
+        self.particles = Shared(COUNT + 50, (TAG,))
         self.grid = LayeredGrid(SIZE, self.layers, self.particles)
         self.lists = {
             "scatter": NeighbourList(self.grid, self.particles, "scatter", 0.3),
@@ -55,12 +64,16 @@ def world():
     return World()
 
 
+@pytest.mark.parametrize("few", [True, False])
 @pytest.mark.parametrize("length", [1, CHUNK - 1, CHUNK, CHUNK + 1, 5 * CHUNK + 17])
-def test_scan_is_the_cumulative_sum(length):
+def test_scan_is_the_cumulative_sum(length, few):
+    """On one thread, and in chunks that threads share."""
     counts = np.random.default_rng(length).integers(0, 9, length).astype(np.int32)
     source, target = ti.field(ti.i32, shape=length), ti.field(ti.i32, shape=length + 1)
     source.from_numpy(counts)
-    PrefixSum(length).run(source, target)
+    scan = PrefixSum(length)
+    scan.few = few
+    scan.run(source, target)
     assert np.array_equal(target.to_numpy(), np.concatenate([[0], np.cumsum(counts)]))
 
 
@@ -193,3 +206,13 @@ def test_list_is_stale_once_something_moved_half_its_margin(world):
 def test_pool_refuses_more_particles_than_it_holds(world):
     with pytest.raises(ValueError, match="do not fit"):
         world.particles.fill(x=np.zeros((COUNT + 51, 3), np.float32))
+
+
+@pytest.mark.parametrize(("threads", "most"), [(1, 10**6), (2, 1300), (4, 866), (16, 693)])
+def test_few_entries_stay_on_one_thread(monkeypatch, threads, most):
+    """The more threads share a loop, the fewer entries pay for waking them."""
+    monkeypatch.setattr(particles, "on_cpu", lambda: True)
+    cfg = SimpleNamespace(cpu_max_num_threads=threads)
+    monkeypatch.setattr(particles, "ti", SimpleNamespace(cfg=cfg))
+    assert particles.one_thread_does(most)
+    assert threads == 1 or not particles.one_thread_does(most + 1)

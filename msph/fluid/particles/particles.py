@@ -12,14 +12,16 @@ import taichi as ti
 
 from msph.taichi_internals import data_oriented, kernel, on_cpu
 
-# Sizes up to which one CPU thread is as fast as two, whose waking takes 25 us: particles of a loop
-# over neighbours, particles of any other loop, cells of a scan.
-FEW, FEW_LIGHT, FEW_CELLS = 500, 10_000, 50_000
+# Sizes up to which one CPU thread is as fast as two, whose waking takes 25 to 50 us: particles of a
+# loop over neighbours, particles of any other loop, cells of a scan.
+FEW, FEW_LIGHT, FEW_CELLS = 1_300, 10_000, 50_000
 
 
 def one_thread_does(entries: int, few: int = FEW) -> bool:
-    """Whether a loop over so many entries should not be shared out among threads."""
-    return on_cpu() and entries <= few
+    """Whether a loop over so many entries should not be shared out among threads. Of T threads each
+    saves (T - 1)/T of it, where two save a half."""
+    threads = ti.cfg.cpu_max_num_threads
+    return on_cpu() and 2 * (threads - 1) * entries <= threads * few
 
 
 @dataclass(frozen=True)
