@@ -3,8 +3,8 @@
 import difflib
 from collections.abc import Iterable
 
-# Least likeness (0 to 1) of a name to one that is known for it to be taken as meant: one wrong
-# letter of two, or two swapped of four.
+# Least likeness (-) of a name to a known one that is taken as meant: half of the letters of both are
+# alike and in order.
 LIKENESS = 0.5
 
 
