@@ -3,8 +3,8 @@
 import difflib
 from collections.abc import Iterable
 
-# Least likeness (-) of a name to a known one that is taken as meant: half of the letters of both are
-# alike and in order.
+# Least likeness (-) of a name to a known one that is taken as meant: half of the letters of both
+# are alike and in order.
 LIKENESS = 0.5
 
 

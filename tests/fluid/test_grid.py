@@ -216,3 +216,16 @@ def test_few_entries_stay_on_one_thread(monkeypatch, threads, most):
     monkeypatch.setattr(particles, "ti", SimpleNamespace(cfg=cfg))
     assert particles.one_thread_does(most)
     assert threads == 1 or not particles.one_thread_does(most + 1)
+
+
+def test_a_run_does_not_go_to_and_fro_between_threads(monkeypatch):
+    monkeypatch.setattr(particles, "on_cpu", lambda: True)
+    pool = Particles(4000)
+    monkeypatch.setattr(
+        particles, "ti", SimpleNamespace(cfg=SimpleNamespace(cpu_max_num_threads=2))
+    )
+    found = []
+    for count in (1200, 1400, 1900, 2000, 1400, 900, 860):
+        pool.count = count
+        found.append(pool.alone)
+    assert found == [True, True, True, False, False, False, True]

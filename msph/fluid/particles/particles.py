@@ -15,9 +15,12 @@ from msph.taichi_internals import data_oriented, kernel, on_cpu
 # Sizes up to which one CPU thread is as fast as two, whose waking takes 25 to 50 us: particles of a
 # loop over neighbours, particles of any other loop, cells of a scan.
 FEW, FEW_LIGHT, FEW_CELLS = 1_300, 10_000, 50_000
+# Factor by which a number of particles leaves FEW behind before a run goes over to more threads or
+# back: each way has kernels of its own, and a player waits a second for them.
+HYSTERESIS = 1.5
 
 
-def one_thread_does(entries: int, few: int = FEW) -> bool:
+def one_thread_does(entries: int, few: float = FEW) -> bool:
     """Whether a loop over so many entries should not be shared out among threads. Of T threads each
     saves (T - 1)/T of it, where two save a half."""
     threads = ti.cfg.cpu_max_num_threads
@@ -78,6 +81,7 @@ class Particles:
     def __init__(self, capacity: int, attributes: tuple[Attribute, ...] = ()):
         self.capacity = capacity
         self.count = 0
+        self._alone: bool | None = None
         # Whether loops that meet no neighbours stay on one thread.
         self.light = one_thread_does(capacity, FEW_LIGHT)
         self.attributes = {a.name: a for a in CORE + attributes}
@@ -115,7 +119,7 @@ class Particles:
             for column, name in enumerate(names):
                 table[:, column] = values.get(name, 0)
         self._write(vectors, numbers, integers, n)
-        self.count = n
+        self.count, self._alone = n, None
 
     def _tables(self, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Room for the vectors, the numbers and the integers of n particles."""
@@ -175,7 +179,9 @@ class Particles:
     @property
     def alone(self) -> bool:
         """Whether kernels should keep loops over neighbours on one thread (a template)."""
-        return one_thread_does(self.count)
+        leeway = {None: 1.0, True: HYSTERESIS, False: 1.0 / HYSTERESIS}[self._alone]
+        self._alone = one_thread_does(self.count, leeway * FEW)
+        return self._alone
 
     def inherited(self) -> tuple[ti.Field, ...]:
         """Fields that halves of a split take over, and merges average."""
