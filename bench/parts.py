@@ -26,11 +26,13 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from bench.tanks import FRAME
 from msph.device import ARCHES, start
 from msph.fluid.external_forces import ExternalForces
+from msph.fluid.simulation import WORD
 from msph.measure.ledger import Ledger
 from msph.measure.probes import build_probes
 from msph.measure.snapshot import Snapshot
 from msph.scene.build import build_simulation
 from msph.scene.schema import Scene
+from msph.stage.explain import picture_error, water_error
 from msph.stage.show import Show
 from msph.taichi_internals import watch_launches
 
@@ -38,16 +40,14 @@ from msph.taichi_internals import watch_launches
 SIZE, DEPTH, SPACING, GRAVITY = (0.6, 0.4, 0.4), 0.2, 0.025, (1.5, -9.7, 0.0)
 # The picture [pixels]; frames that are timed, and those before, in which caches fill.
 PICTURE, FRAMES, UNTIMED = (640, 360), 30, 3
-# Bytes of a number in a field.
-WORD = 4
 
 
 @dataclass(frozen=True)
 class Part:
-    """on, off: changes of the tank with it and without it. beside: what is run each frame with it
-    alone, "ledger", "probes", "surface" or "picture" (with the surface); always: what is run with
-    it and without. modules: begin of the modules whose kernels are its own, "" where it has none:
-    it is a few lines in those of others."""
+    """on, off: changes of the tank's scene, by section, with the part and without it. beside: what
+    is run after each frame of the side that has the part: "ledger", "probes", "surface" or
+    "picture" (surface and picture); always: what is run on both sides. modules: prefix of the
+    modules whose kernels belong to the part, "" where other parts' kernels do its work."""
 
     name: str
     on: dict[str, Any] = field(default_factory=dict)
@@ -100,9 +100,12 @@ def scene_with(changes: dict[str, Any]) -> Scene:
 
 
 class Side:
-    """The tank with or without a part. start [s]: CPU time of building and compiling, bytes: of its
-    fields, kernels: launched by then, as module:Class.kernel; launches: in the frames that were
-    timed."""
+    """The tank with a part, or without it.
+
+    start [s]: CPU time of building, compiling and a first frame. bytes: size of its fields.
+    kernels: those launched by then, as module:Class.kernel. launches: their number in the timed
+    frames, by kernel. times [s]: wall-clock time of each timed frame. centres (3,) [m]: centre of
+    mass after each frame."""
 
     def __init__(self, changes: dict[str, Any], beside: str):
         self.scene, self.beside = scene_with(changes), beside
@@ -201,18 +204,11 @@ def measured(part: Part) -> dict[str, Any]:
 
 def error(part: Part, off: Side, on: Side) -> str:
     """What is wrong without the part."""
-    if part.always == "picture":
-        off.sim.restore(on.sim.state())
-        pictures = []
-        for side in (off, on):
-            assert side.show
-            side.show.draw()
-            pictures.append(side.show.picture.to_numpy_u8().astype(float))
-        return f"picture: {np.abs(pictures[0] - pictures[1]).mean():.1f} of 255 a pixel"
+    if on.show and off.show:
+        return f"picture: {picture_error(on.show, off.show)}"
     if part.beside:
         return "none: it reads the water"
-    away = np.linalg.norm(np.array(off.centres) - np.array(on.centres), axis=1).max()
-    return f"{100.0 * away / DEPTH:.2f} % of the depth"
+    return water_error(on.centres, off.centres, DEPTH)
 
 
 def rows(arch: str) -> list[dict[str, str]]:
@@ -235,7 +231,7 @@ def cells(row: dict[str, Any]) -> dict[str, str]:
         "on": f"{ms_on:.1f}",
         "share of it when on": f"{100.0 * (1.0 - ms_off / ms_on):.0f} %",
         "MiB more": f"{(row['bytes'][1] - row['bytes'][0]) / 2**20:.2f}",
-        "s more at a first start": f"{start_on - start_off:.1f}",
+        "s more at a first start, one of each": f"{start_on - start_off:.1f}",
         "own kernels: off, on": "{}, {}".format(*row["kernels"]),
         "own launches a frame: off, on": "{:.1f}, {:.1f}".format(*row["launches"]),
         "error without it after .5 s": row["error"],

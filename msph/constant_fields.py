@@ -58,7 +58,7 @@ class _Tables:
 
     @ti.func
     def _write(self, values: ti.template()):
-        # One loop over all values: one for each field would take as long to compile as each.
+        # One loop over all values: a loop for each field would multiply the time to compile.
         ti.loop_config(serialize=True)
         for place in range(values.shape[0]):
             for k in ti.static(range(len(self.fields))):

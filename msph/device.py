@@ -74,8 +74,8 @@ def start(arch: str = "auto", threads: int | None = None) -> str:
     # not always destroy it.
     atexit.register(ti.reset)
     if on_cpu():
-        # Taichi's analysis of loads and stores takes half of a first start, more than in proportion
-        # to a kernel's length; LLVM finds the same: kernels run as fast without.
+        # Taichi's control-flow analysis takes half of a first start, since its time grows faster
+        # than a kernel's length. LLVM removes the same loads and stores: kernels are as fast.
         ti.cfg.cfg_optimization = False
     name = "cpu" if on_cpu() else ti.cfg.arch.name
     if arch not in ("auto", name):

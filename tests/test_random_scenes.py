@@ -107,7 +107,7 @@ def test_water_keeps_its_promises(data, given_inputs):
 def test_what_is_no_scene_is_one_line(tmp_path_factory, data):
     path = tmp_path_factory.getbasetemp() / "random.toml"
     path.write_bytes(_toml(data))
-    _one_line(lambda: load(str(path)))
+    assert_one_line(lambda: load(str(path)))
 
 
 @settings(ALL, max_examples=200)
@@ -123,7 +123,7 @@ def test_bytes_that_are_no_scene_no_mesh_no_checkpoint_are_one_line(tmp_path_fac
     ):
         path = folder / name
         path.write_bytes(content)
-        _one_line(lambda path=path, read=read: read(path))
+        assert_one_line(lambda path=path, read=read: read(path))
 
 
 KEYS = [p.key for p in parameters(Scene)]
@@ -133,17 +133,17 @@ KEYS = [p.key for p in parameters(Scene)]
 @given(st.lists(st.tuples(st.sampled_from(KEYS), anything | texts), min_size=1, max_size=3))
 def test_any_override_is_taken_or_one_line(settings_given):
     overrides = tuple(f"{key}={value}" for key, value in settings_given)
-    _one_line(lambda: load_scene("pool", overrides))
+    assert_one_line(lambda: load_scene("pool", overrides))
 
 
 @settings(ALL, max_examples=150)
 @given(st.text(max_size=30))
 def test_any_name_of_an_output_is_taken_or_one_line(tmp_path_factory, name):
     folder = tmp_path_factory.getbasetemp()
-    _one_line(lambda: check_outputs(Outputs([folder / "in" / name.replace("/", "_")]), 30.0))
+    assert_one_line(lambda: check_outputs(Outputs([folder / "in" / name.replace("/", "_")]), 30.0))
 
 
-def _one_line(act) -> None:
+def assert_one_line(act) -> None:
     try:
         act()
     except (SceneError, MeshError, CheckpointError, OutputError) as error:

@@ -58,6 +58,8 @@ class Water:
         depth. Without water it shows the backdrop. Note: skin [m], as `Rasteriser.draw_mesh`."""
         columns, rows = self.lens.shot[None].columns, self.lens.shot[None].rows
         nearest, farthest = NOTHING, 0
+        # One loop of constant length, which repeats pixels at the picture's edge: nested loops with
+        # variable bounds take LLVM five times as long to compile.
         for k in range(SPAN * SPAN):
             i, j = ti.min(i0 + k // SPAN, columns - 1), ti.min(j0 + k % SPAN, rows - 1)
             key = self.raster.key[i, j]
@@ -122,7 +124,8 @@ class Water:
         reach, thickness = depth * stretch, (back - depth) * stretch
         kind, under, sky, detail = 0, 0.0, vec3(0.0), False
         place, light, left, added = vec4(0.0), vec2(0.0), vec3(0.0), vec3(0.0)
-        # One after the other: walls and bodies are met by code that is compiled once.
+        # First the bent ray, then the mirrored one: in a loop, so that the code by which rays meet
+        # walls and bodies is compiled once.
         for way in range(2):
             inwards = way == 0
             r = ti.select(inwards, bent, mirrored)

@@ -106,7 +106,9 @@ def explain(scene: Scene) -> str:
     heads += ["saved", "start s", "kernels", "MiB", "error without it"]
     rows = [[*_costs("as it is", whole, whole), ""]]
     for switch, run in zip(switches, others, strict=True):
-        error = picture_error(whole, run) if switch.picture else water_error(whole, run, depth)
+        error = water_error(whole.centres, run.centres, depth)
+        if switch.picture:
+            error = picture_error(whole.show, run.show)
         rows.append([*_costs(f"without {switch.name}", run, whole), error])
     return "\n".join(
         [
@@ -133,21 +135,22 @@ def _costs(name: str, run: Run, whole: Run) -> list[str]:
     ]
 
 
-def water_error(whole: Run, run: Run, depth: float) -> str:
-    """Largest distance of the centres of mass, over the depth where there is any."""
-    away = np.linalg.norm(np.array(run.centres) - np.array(whole.centres), axis=1).max()
+def water_error(centres: list[np.ndarray], others: list[np.ndarray], depth: float) -> str:
+    """Largest distance between two waters' centres of mass [m], frame by frame, over the depth [m]
+    where there is any."""
+    away = np.linalg.norm(np.array(others) - np.array(centres), axis=1).max()
     if np.isfinite(depth) and depth > 0.0:
         return f"{100.0 * away / depth:.2f} % of the depth"
     return f"{1e3 * away:.2f} mm"
 
 
-def picture_error(whole: Run, run: Run) -> str:
-    """Mean difference of the pictures of the same water."""
-    run.show.simulation.restore(whole.show.simulation.state())
-    run.show.simulation.grid.refresh()
-    for show in (whole.show, run.show):
+def picture_error(whole: Show, other: Show) -> str:
+    """Mean difference between two shows' pictures of the same water: that of the first."""
+    other.simulation.restore(whole.simulation.state())
+    other.simulation.grid.refresh()
+    for show in (whole, other):
         show.draw()
-    a, b = (r.show.picture.to_numpy_u8().astype(float) for r in (whole, run))
+    a, b = (show.picture.to_numpy_u8().astype(float) for show in (whole, other))
     return f"{np.abs(a - b).mean():.1f} of 255 a pixel"
 
 

@@ -108,7 +108,7 @@ class WaterVolume:
     @ti.func
     def triangle(self, cell, case, t):
         """Parts of the t-th triangle of a cell in V and in dV/df [m^3]."""
-        # Corner m is column m; one by one, since code for three takes thrice as long to compile.
+        # Corner m is column m. In a loop, so that corner() is compiled once and not three times.
         corners, moved = ti.math.mat3(0.0), ti.math.vec3(0.0)
         for m in range(3):
             place, change = self.corner(cell, self.cubes.triangle_edge[case, t, m])

@@ -50,7 +50,7 @@ class SurfaceDistance:
     ):
         self.layers, self.particles = layers, particles
         self.boundary, self.images = boundary, MirrorImages(boundary.box)
-        # By the capacity, not by the count: one kernel, also where water is filled from coarse.
+        # By the capacity, since the count grows while layers are filled: so one kernel is compiled.
         self.alone = one_thread_does(particles.capacity)
         self.cell = CELL * layers.finest.support
         self.margin = MARGIN * layers.finest.spacing

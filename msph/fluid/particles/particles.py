@@ -15,14 +15,14 @@ from msph.taichi_internals import data_oriented, kernel, on_cpu
 # Sizes up to which one CPU thread is as fast as two, whose waking takes 25 to 50 us: particles of a
 # loop over neighbours, particles of any other loop, cells of a scan.
 FEW, FEW_LIGHT, FEW_CELLS = 1_300, 10_000, 50_000
-# Factor by which a number of particles leaves FEW behind before a run goes over to more threads or
-# back: each way has kernels of its own, and a player waits a second for them.
+# Factor by which the number of particles must pass FEW before a run changes from one thread to
+# several, or back: each has kernels of its own, which take about a second to compile.
 HYSTERESIS = 1.5
 
 
 def one_thread_does(entries: int, few: float = FEW) -> bool:
-    """Whether a loop over so many entries should not be shared out among threads. Of T threads each
-    saves (T - 1)/T of it, where two save a half."""
+    """Whether a loop over so many entries should stay on one CPU thread. `few`: the limit for two
+    threads, which halve a loop's time; T threads save (T - 1)/T of it, so their limit is lower."""
     threads = ti.cfg.cpu_max_num_threads
     return on_cpu() and 2 * (threads - 1) * entries <= threads * few
 
