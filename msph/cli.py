@@ -6,28 +6,18 @@ help and wrong options need neither Taichi nor numpy.
 
 import math
 import re
-import sys
-import time
-import traceback
 from pathlib import Path
 
 import click
 
 import msph
-from msph import user_cache
 from msph.device import ARCHES
-from msph.errors import MsphError
+from msph.ending import in_one_line
 from msph.interrupts import importing
-
-# Exit codes: wrong use of the command line, and a command that Ctrl-C ended.
-BAD_USE, INTERRUPTED = 2, 130
-
 
 # Steps of the ladder, see msph/scene/quality.py.
 QUALITIES = ("auto", "small", "medium", "large", "finest")
 
-# Letters of an unforeseen error that are said.
-LONGEST = 200
 # With two runs no order is known; of six the first would have a sixth of the scene's fineness.
 CONVERGENCE_RUNS = (3, 5)
 
@@ -123,7 +113,9 @@ def play(**options):
 
     Where no window can be opened, ten seconds of the scene are captured instead.
     """
-    commands().play(**options)
+    with importing():
+        from msph.stage import playing
+    playing.play(**options)
 
 
 @cli.command()
@@ -279,43 +271,6 @@ def commands():
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """The command line; every error is one line, wrong input exits with 2, a signal with 128 and
-    its number."""
-    try:
+    """The command line; errors as msph/ending.py says."""
+    with in_one_line():
         cli.main(arguments, prog_name="msph", standalone_mode=False)
-    except click.exceptions.NoArgsIsHelpError as error:
-        error.show()
-        sys.exit(BAD_USE)
-    except click.ClickException as error:
-        fail(error.format_message(), BAD_USE)
-    except MsphError as error:
-        fail(str(error), error.EXIT_CODE)
-    except (click.Abort, KeyboardInterrupt) as error:
-        # click turns interrupts into its Abort.
-        fail("interrupted", getattr(error.__cause__ or error, "exit_code", INTERRUPTED))
-    except Exception as error:
-        fail(unforeseen(error), MsphError.EXIT_CODE)
-
-
-def unforeseen(error: Exception) -> str:
-    """In one line an error that no code expects; details are in a file of its own."""
-    if isinstance(error, OSError) and error.strerror:
-        # A disk that is full or gone: files that users name are checked before.
-        where = f"{error.filename}: " if error.filename else ""
-        return f"{where}{error.strerror.lower()}"
-    what = " ".join(f"{type(error).__name__}: {error}".split())
-    report = user_cache.file().parent / f"crash_{time.strftime('%Y%m%d_%H%M%S')}.txt"
-    command = " ".join(["msph", *sys.argv[1:]])
-    text = f"{command}\nmsph {msph.__version__}, Python {sys.version}\n\n{traceback.format_exc()}"
-    try:
-        report.parent.mkdir(parents=True, exist_ok=True)
-        report.write_text(text, encoding="utf-8", errors="backslashreplace")
-    except OSError:
-        return f"unforeseen: {what[:LONGEST]}"
-    return f"unforeseen: {what[:LONGEST]}; details in {report}"
-
-
-def fail(problem: str, code: int) -> None:
-    """Says in one line what went wrong, and exits."""
-    click.echo(f"msph: {problem}", err=True)
-    sys.exit(code)

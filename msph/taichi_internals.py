@@ -73,6 +73,11 @@ try:
 except ImportError as error:
     _lost = str(error)
 
+try:
+    from taichi.ui.utils import get_field_info as _field_info
+except ImportError:
+    _field_info = None
+
 if _lost:
     warnings.warn(f"Taichi {ti.__version__} lacks {_lost}: launches are slower", stacklevel=1)
 # Whether kernels are Taichi's own.
@@ -144,6 +149,16 @@ def field_trees() -> int:
     """Trees of fields that this process has allocated; 0 where Taichi does not tell."""
     program = getattr(getattr(ti.lang.impl, "get_runtime", lambda: None)(), "prog", None)
     return program.get_snode_tree_size() if hasattr(program, "get_snode_tree_size") else 0
+
+
+def set_image(canvas: Any, words: Any) -> None:
+    """Puts packed pixels, (width, height) int32 with red in the lowest byte, on a canvas of GGUI,
+    which else makes such words itself, one pixel after the other: 30 ms for 960x540."""
+    inner = getattr(canvas, "canvas", None)
+    if _field_info and not PLAIN and hasattr(inner, "set_image"):
+        inner.set_image(_field_info(words.view("u4")))
+    else:
+        canvas.set_image(words.view("u1").reshape(*words.shape, 4))
 
 
 class FastKernel:

@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +36,7 @@ def remember(key: str, value: Any) -> None:
         return
     with contextlib.suppress(OSError):
         file().parent.mkdir(parents=True, exist_ok=True)
-        # Another run must never read half a file.
-        part = file().with_suffix(".part")
+        # Another run must never read half a file, nor write into the same.
+        part = file().with_suffix(f".{os.getpid()}.part")
         part.write_text(json.dumps(known | {key: value}, indent=1) + "\n", encoding="utf-8")
         part.replace(file())

@@ -114,7 +114,7 @@ def test_bad_input_is_one_line_and_exit_2_to_the_shell():
 
 
 def test_what_nobody_thought_of_is_one_line_and_a_report(tmp_path, monkeypatch):
-    monkeypatch.setattr("msph.cli.user_cache.file", lambda: tmp_path / "cache" / "measured.json")
+    monkeypatch.setattr("msph.ending.user_cache.file", lambda: tmp_path / "cache" / "measured.json")
     monkeypatch.setattr("msph.stage.commands.scenes", lambda **_: {}["a key\nthat is missing"])
     result = here("scenes")
     assert result.returncode == 1

@@ -374,7 +374,7 @@ def test_water_that_blew_up_begins_again(monkeypatch):
     calls = []
 
     class Fake:
-        def __init__(self, *arguments):
+        def __init__(self, *arguments, guide):
             self.layout = self
 
         def say(self, text):

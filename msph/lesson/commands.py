@@ -17,6 +17,7 @@ from msph.lesson.paint import band_height
 from msph.lesson.reader import read
 from msph.scene.load import read_toml
 from msph.stage.choice import Choice
+from msph.stage.ggui_window import GguiWindow
 from msph.stage.loop import run
 from msph.stage.pages import text_height
 from msph.stage.player import Player
@@ -89,7 +90,7 @@ def in_window(course: Course, size, frames: int | None, arch, threads) -> None:
     try:
         check_display()
         start(arch, threads)
-        window = Window(course.lesson.title, size, KEYS)
+        window = GguiWindow(course.lesson.title, size, KEYS)
     except NoWindowError as reason:
         raise NoLessonWindowError(f"{reason}; --html DIR writes the lesson as a page") from None
     guide = None
@@ -112,7 +113,7 @@ def play(guide: Guide, window: Window, name: str, frames: int | None) -> None:
     """Plays a lesson's waters. What blows up begins again: some lessons ask for it."""
     row, choice = guide.progress.row, Choice(name, "large")
     assert row is not None
-    player = Player(window, row, choice, choice.quality, frames, guide)
+    player = Player(window, row, choice, choice.quality, frames, guide=guide)
     while True:
         try:
             run(row, player)

@@ -2,7 +2,6 @@
 
 import json
 import math
-import shlex
 import sys
 from pathlib import Path
 
@@ -26,15 +25,14 @@ from msph.scene.quality import AS_GIVEN, AUTO, at_quality, choose, coarser, cost
 from msph.scene.schema import Scene
 from msph.scene.water import layer_specs
 from msph.stage.benchmark import Played, Result, benchmark, play_benchmark, profile_lines
-from msph.stage.choice import Choice, WatersOf
-from msph.stage.controls import KEYS
+from msph.stage.choice import Called, Choice
 from msph.stage.explain import explain
 from msph.stage.loop import run
 from msph.stage.measurer import CHECKPOINT, FILES, LEDGER, PROBES, SCENE, Measurer
 from msph.stage.player import Player
 from msph.stage.preparation import prepare, prepare_row, say
 from msph.stage.recorder import NUMBER, Outputs, Recorder, check_outputs, make_writable
-from msph.stage.window import ClosedError, NoWindowError, Window, check_display
+from msph.stage.remote_window import RemoteWindow
 
 # What `play` leaves behind where it cannot open a window.
 FALLBACK_SECONDS = 10.0
@@ -45,90 +43,40 @@ STILL_TIME = 1.0
 BENCH_SIZE, PLAY_SIZE = (640, 360), (960, 540)
 # What comparing spacings writes.
 CONVERGENCE = "convergence.csv"
-# Waters that are played side by side: more are too narrow to be seen.
-MOST_WATERS = 3
 # Exit code of a benchmark in which some water blew up.
 BAD_RUN = 1
 
 
-def play(scene, size, frames, beside, overrides, arch, threads, quality) -> None:
-    """Plays a scene, and what is chosen in its window after it; captures the scene where none can
-    be opened."""
-    changes = [(*overrides, *change) for change in ((), *changes_beside(beside))]
-    labels = [text or " ".join(overrides) or scene for text in ("", *beside)]
-
-    def waters_of(name: str) -> dict[str, Scene]:
-        """Of the scene that was called, as it was called; of another, as it is written."""
-        if name != scene:
-            return {name: load_scene(name)}
-        loaded = (load_scene(scene, change) for change in changes)
-        return dict(zip(labels, loaded, strict=True))
-
-    loaded = next(iter(waters_of(scene).values()))
-    choice: Choice | None = Choice(scene, quality)
-    try:
-        check_display()
-        arch = start(arch, threads)
-        window = Window(loaded.title or scene, size)
-    except NoWindowError as reason:
-        if beside:
-            say("--beside needs a window: the first water is captured")
-        capture_instead(scene, loaded, quality, str(reason), arch, threads)
-        return
-    for key in KEYS:
-        click.echo(f"  {key.shown:18} {key.does}")
-    while choice:
-        try:
-            choice = play_choice(window, choice, waters_of, frames, arch)
-        finally:
-            window.close()
-        if choice:
-            loaded = next(iter(waters_of(choice.scene).values()))
-            restart(arch, threads)
-            window = Window(loaded.title or choice.scene, size)
-
-
-def changes_beside(beside: tuple[str, ...]) -> list[list[str]]:
-    """Overrides of each water that is played beside the scene. Raises UsageError."""
-    if len(beside) >= MOST_WATERS:
-        raise click.UsageError(f"--beside: at most {MOST_WATERS - 1}")
-    try:
-        return [shlex.split(text) for text in beside]
-    except ValueError as error:
-        raise click.UsageError(f"--beside {' '.join(beside)}: {error}") from None
-
-
-def play_choice(
-    window: Window, choice: Choice, waters_of: WatersOf, frames: int | None, arch: str
-) -> Choice | None:
-    """Plays a choice and returns that which follows it, if any does."""
-    waters, quality = waters_of(choice.scene), choice.quality
+def play_choice(window: RemoteWindow, choice: Choice, called: Called, arch: str) -> None:
+    """Plays a choice until its window is closed, or shows another water."""
+    waters, quality = called.waters_of(choice.scene), choice.quality
     if len(waters) > 1 and quality == AUTO:
         # What one water may cost says nothing of several, and they are to be compared as written.
         quality = AS_GIVEN
-    try:
-        window.tell(0.0, "measuring this machine")
-        first, *others = waters.values()
-        at_step, quality = at(first, choice.scene, quality, arch)
-        scenes = [at_step, *(at_quality(other, quality, choice.scene) for other in others)]
-        show = prepare_row(scenes, list(waters), window.size, window.tell)
-    except ClosedError:
-        return None
-    player = Player(window, show, choice, quality, frames, waters_of=waters_of)
+    window.tell(0.0, "measuring this machine")
+    first, *others = waters.values()
+    at_step, quality = at(first, choice.scene, quality, arch)
+    scenes = [at_step, *(at_quality(other, quality, choice.scene) for other in others)]
+    show = prepare_row(scenes, list(waters), window.size, window.tell)
+    player = Player(window, show, choice, quality, called.frames, window.ask, called.waters_of)
     run(show, player)
     for warning in show.warnings():
         say(f"warning: {warning}")
-    return player.next
 
 
-def capture_instead(scene: str, loaded: Scene, quality: str, reason: str, arch, threads) -> None:
+def capture_instead(called: Called, quality: str, reason: str) -> None:
     """Ten seconds of a scene, where no window can be opened, and a picture of it."""
+    scene = called.scene
+    loaded = load_scene(scene, called.overrides)
+    if called.beside:
+        say("--beside needs a window: the first water is captured")
     target = Path("out") / Path(scene).stem
     say(f"{reason}: capturing {FALLBACK_SECONDS:.0f} s of {scene} instead")
     outputs = Outputs([target.with_suffix(".mp4"), target.with_suffix(".png")])
     check_outputs(outputs, FALLBACK_FPS)
     guard(scene_beside(outputs), outputs.existing(), force=False)
-    start(arch, threads)
+    # A window may have been tried.
+    restart(called.arch, called.threads)
     # A capture need not keep up with the clock.
     loaded, quality = at(loaded, scene, AS_GIVEN if quality == AUTO else quality)
     record(loaded, quality, outputs, FALLBACK_SECONDS, FALLBACK_FPS, FALLBACK_SIZE, STILL_TIME)

@@ -55,6 +55,8 @@ KEYS = (
     Key("q, escape", "quit", {"q": "quit", "Escape": "quit"}),
 )
 ACTIONS = {name: action for key in KEYS for name, action in key.keys.items()}
+# Keys and buttons of which it matters whether they are down.
+HEARD = (*ACTIONS, "Shift")
 
 
 @dataclass

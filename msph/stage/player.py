@@ -2,6 +2,7 @@
 
 import math
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -40,9 +41,9 @@ BUTTONS = ("LMB", "RMB", "MMB")
 
 
 class Player:
-    """Plays a choice in a window until it is closed, or `next` is chosen; quality: what it is at.
-    frames limits the number of frames, None: until then. guide: whom a lesson sends along.
-    waters_of: what there is of a scene that is chosen."""
+    """Plays a choice in a window until it is closed; quality: what it is at. frames limits the
+    number of frames, None: until then. follow: is told of a choice that is to follow, `next`;
+    waters_of: what there is of its scene. guide: whom a lesson sends along."""
 
     def __init__(
         self,
@@ -51,10 +52,11 @@ class Player:
         choice: Choice,
         quality: str,
         frames: int | None = None,
-        guide: Companion | None = None,
+        follow: Callable[[Choice], None] = lambda choice: None,
         waters_of: WatersOf = lambda name: {name: load_scene(name)},
+        guide: Companion | None = None,
     ):
-        self.guide, self.waters_of = guide, waters_of
+        self.guide, self.follow, self.waters_of = guide, follow, waters_of
         # Of each water the live parameters as its scene says.
         self.given = [
             {live.key: read(each.scene, live.key) for live in live_parameters(each.scene)}
@@ -62,6 +64,7 @@ class Player:
         ]
         self.window, self.choice, self.quality, self.frames = window, choice, quality, frames
         self.next: Choice | None = None
+        self.notice = ""  # what the window has told last
         play = show.scene.play
         self.pacer = Pacer(play.fps, play.speed, play.scale)
         self.layout = Layout(window.size, quality)
@@ -94,7 +97,7 @@ class Player:
 
     def wants_more(self, show: Waters) -> bool:
         over = self.frames is not None and show.frames >= self.frames
-        return self.window.open and not self.done and self.next is None and not over
+        return self.window.open and not self.done and not over
 
     def controls(self, show: Waters) -> Controls:
         wishes, pressed = Controls(), self.window.presses()
@@ -192,8 +195,8 @@ class Player:
         self._beside(-1)
 
     def _beside(self, step: int) -> None:
-        names = list(shipped_scenes())
-        here = names.index(self.choice.scene) if self.choice.scene in names else -max(step, 0)
+        names, last = list(shipped_scenes()), (self.next or self.choice).scene
+        here = names.index(last) if last in names else -max(step, 0)
         self._leave(Choice(names[(here + step) % len(names)], self.choice.quality))
 
     def _leave(self, choice: Choice) -> None:
@@ -206,6 +209,7 @@ class Player:
             self.layout.say(str(error))
         else:
             self.next = choice
+            self.follow(choice)
 
     def _quit(self, show: Waters) -> None:
         self.done = True
@@ -289,6 +293,9 @@ class Player:
         now = time.perf_counter()
         if not self._still:
             self.replay.see(show, now)
+        if self.window.notice() != self.notice:
+            self.notice = self.window.notice()
+            self.layout.say(self.notice)
         if self.guide:
             self.guide.look()
         if self.layout.panel == "settings":
@@ -357,4 +364,4 @@ class Player:
             self.pacer.finest = value
 
     def close(self) -> None:
-        """The window stays open: another scene may follow."""
+        """The window stays open: another water may follow."""

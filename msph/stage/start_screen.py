@@ -37,7 +37,8 @@ class StartScreen:
             draw.text((left + KEY_WIDTH * width, y), meaning, FAINT, self.font)
 
     def paint(self, share: float, doing: str) -> np.ndarray:
-        """Pixels (width, height, 3) uint8, index [right, up]; share (0 to 1) of the bar is full."""
+        """Packed pixels (width, height) int32, index [right, up], see msph/picture/pixels.py; share
+        (0 to 1) of the bar is full."""
         width, height = self.size
         page = self.base.copy()
         draw = ImageDraw.Draw(page)
@@ -46,4 +47,5 @@ class StartScreen:
         draw.rectangle((left, top, right, bottom), TROUGH)
         draw.rectangle((left, top, left + min(share, 1.0) * (right - left), bottom), BAR)
         draw.text((left, bottom + 0.6 * self.text), doing, FAINT, self.font)
-        return np.ascontiguousarray(np.asarray(page)[::-1].transpose(1, 0, 2))
+        words = np.asarray(page.convert("RGBA")).view("<i4")[..., 0]
+        return np.ascontiguousarray(words[::-1].T)

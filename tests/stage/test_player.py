@@ -16,7 +16,7 @@ from msph.scene.library import shipped_scenes
 from msph.scene.live import live_parameters, read
 from msph.scene.load import read_toml
 from msph.stage import idle, replay
-from msph.stage.choice import Choice
+from msph.stage.choice import Called, Choice
 from msph.stage.controls import ACTIONS, KEYS, Controls
 from msph.stage.keeper import KEEPING, Keeper
 from msph.stage.keepsakes import Keepsakes
@@ -38,7 +38,10 @@ class Screen:
         self.size, self.open, self.aspect = SIZE, True, WIDTH / HEIGHT
         self.pressed, self.held = [], set()
         self.at, self.marks, self.image = np.array([0.5, 0.4]), 0, None
-        self.arrowed = None
+        self.arrowed, self.noticed = None, ""
+
+    def notice(self):
+        return self.noticed
 
     def presses(self):
         pressed, self.pressed = self.pressed, []
@@ -456,16 +459,27 @@ def test_views_scenes_and_qualities_are_chosen_in_the_panel(player, show):
     player.next = None
     click(player, show, "page scenes")
     click(player, show, "scene drop")
-    assert player.next == Choice("drop", "auto") and not player.wants_more(show)
+    assert player.next == Choice("drop", "auto")
 
 
-def test_keys_go_through_the_scenes(player, show):
-    names = list(shipped_scenes())
-    press(player, show, "Tab")
-    here = names.index("pool")
-    assert player.next.scene == names[(here + 1) % len(names)]
-    press(player, show, "BackSpace")
-    assert player.next.scene == names[here - 1]
+def test_keys_go_through_the_scenes_while_the_water_plays_on(player, show):
+    names, asked = list(shipped_scenes()), []
+    player.follow = asked.append
+    for _ in range(2):
+        press(player, show, "Tab")
+    press(player, show, *["BackSpace"] * 3)
+    here = names.index("pool") + len(names)
+    ways = [names[(here + way) % len(names)] for way in (1, 2, 1, 0, -1)]
+    assert [choice.scene for choice in asked] == ways and player.wants_more(show)
+
+
+def test_the_window_tells_of_a_water_that_is_made_ready(player, show):
+    player.window.noticed = "drop: 40 % ready"
+    frames(player, show)
+    assert player.layout.message == "drop: 40 % ready"
+    player.layout.say("something else")
+    frames(player, show)
+    assert player.layout.message == "something else", "once"
 
 
 def test_a_live_value_chosen_before_is_taken_over(given):
@@ -780,29 +794,9 @@ class TestRow:
         assert [s.simulation.time for s in row.shows] == [0.0, 0.0]
 
 
-def test_a_scene_that_is_left_comes_back_as_it_was_called(monkeypatch):
+def test_a_scene_that_is_left_comes_back_as_it_was_called():
     """The water of the last scene was played under its name."""
-    from msph.stage import commands
-
-    played, ways = [], [Choice("drop", "auto"), Choice("pool", "auto"), None]
-
-    def play_choice(window, choice, waters_of, frames, arch):
-        played.append((choice.scene, [w.title for w in waters_of(choice.scene).values()]))
-        return ways.pop(0)
-
-    window = type("W", (), {"__init__": lambda self, *_: None, "close": lambda self: None})
-    for name, fake in (
-        ("check_display", lambda: None),
-        ("start", lambda *_: "cpu"),
-        ("restart", lambda *_: "cpu"),
-        ("Window", window),
-        ("play_choice", play_choice),
-    ):
-        monkeypatch.setattr(commands, name, fake)
-    commands.play("pool", SIZE, None, ("title=beside",), ("title=called",), "cpu", None, "auto")
-    drop = load_scene("drop").title
-    assert played == [
-        ("pool", ["called", "beside"]),
-        ("drop", [drop]),
-        ("pool", ["called", "beside"]),
-    ]
+    called = Called("pool", ("title=called",), ("'title=with spaces'",), "cpu", None, None, SIZE)
+    titles = {label: water.title for label, water in called.waters_of("pool").items()}
+    assert titles == {"title=called": "called", "'title=with spaces'": "with spaces"}
+    assert {w.title for w in called.waters_of("drop").values()} == {load_scene("drop").title}

@@ -3,6 +3,7 @@
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -37,7 +38,15 @@ BRIEF = (
 )
 
 
-def play(*arguments, display=None, folder=None, run=("-m", "msph"), command="play", **more):
+def play(
+    *arguments,
+    display=None,
+    folder=None,
+    run=("-m", "msph"),
+    command="play",
+    start_new_session=False,
+    **more,
+):
     environment = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
     environment |= more
     if display:
@@ -50,6 +59,7 @@ def play(*arguments, display=None, folder=None, run=("-m", "msph"), command="pla
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
+        start_new_session=start_new_session,
     )
 
 
@@ -128,11 +138,17 @@ def test_pace_says_when_time_is_slow():
     assert pace(0.42, 1.0, paused=True) == "x0.42 paused"
 
 
-# As `python -m msph`, but that the scene given is the only one that is shipped.
-ALONE = (
-    "import sys, msph.stage.player as p; p.shipped_scenes = lambda: {sys.argv[2]: None}; "
-    "import msph.cli; msph.cli.main()"
-)
+# As `python -m msph`, but that the scene given is the only one that is shipped; processes that play
+# a water run this file, too.
+ALONE = """
+import pathlib
+import sys
+import msph.scene.library as library
+library.shipped_scenes = lambda: {sys.argv[2]: pathlib.Path(sys.argv[2])}
+if __name__ == "__main__":
+    import msph.cli
+    msph.cli.main()
+"""
 
 
 def wait_for(process, text, seen=""):
@@ -155,7 +171,8 @@ def wait_for_file(folder, pattern):
 @needs_x
 def test_window_opens_obeys_keys_and_shows_water(display, tmp_path):
     arguments = (write(tmp_path), "--size", f"{WIDTH}x{HEIGHT}")
-    process = play(*arguments, display=display.display, folder=tmp_path, run=("-c", ALONE))
+    (tmp_path / "alone.py").write_text(ALONE)
+    process = play(*arguments, display=display.display, folder=tmp_path, run=("alone.py",))
     try:
         seen = wait_for(process, "ready in")
         assert "pause and go on" in seen and "left drag" in seen
@@ -206,17 +223,29 @@ def test_window_opens_obeys_keys_and_shows_water(display, tmp_path):
         screen.do("key", "p", "o", "c")
         wait_for_file(tmp_path / "out", "small_*.png")
         wait_for_file(tmp_path / "out", "small_*.mp4")
-        # Another scene, in a window of its own: here the same once more.
-        screen.do("key", "Tab")
+        # Another scene, here the same once more. Until it is ready the first is seen and obeys.
+        screen.do("key", "space")
+        first = screen.still()
+        screen.do("key", "Tab", "v")
+        screen.still(unlike=first, by=1.0)
         wait_for(process, "ready in")
-        time.sleep(2.0)
-        assert screen.look().std() > 10.0
         assert process.poll() is None
         screen.do("key", "q")
         assert process.wait(timeout=PATIENCE) == 0
         assert not (tmp_path / "imgui.ini").exists(), "GGUI's settings, which nobody asked for"
     finally:
         process.kill()
+
+
+@needs_x
+@pytest.mark.parametrize("wait", [0.2, 0.35, 0.8])
+def test_ctrl_c_is_for_the_process_of_the_window(display, wait):
+    """The process of the water, still importing, had answered it with a traceback."""
+    process = play("still", display=display.display, start_new_session=True)
+    time.sleep(wait)
+    os.killpg(process.pid, signal.SIGINT)
+    said, _ = process.communicate(timeout=PATIENCE)
+    assert process.returncode in (-signal.SIGINT, 130) and "Traceback" not in said, said
 
 
 @needs_x

@@ -1,0 +1,132 @@
+"""The window: GGUI shows pictures and brings keys and mouse."""
+
+import contextlib
+import math
+import os
+import time
+from pathlib import Path
+
+import numpy as np
+import taichi as ti
+
+from msph.picture.pixels import pack
+from msph.stage.controls import ACTIONS, KEYS
+from msph.stage.start_screen import StartScreen
+from msph.stage.window import ARROWS, TELL_PAUSE, ClosedError, NoWindowError, check_display
+from msph.taichi_internals import set_image
+
+MARKER_RADIUS = 0.008  # of the marker under a pushing cursor, as a share of the window's height
+# Width of arrows' lines over the window's height, and length of a tip over that of its arrow.
+STROKE, TIP = 0.006, 0.22
+# GGUI writes the places of its own panels here, unasked, where the program runs.
+SETTINGS = Path("imgui.ini")
+
+
+# Keys that are told while the first frame is prepared, and what they do.
+FIRST = tuple((key.shown, key.does) for key in KEYS if key.hint)
+
+
+class GguiWindow:
+    """A Window of Taichi's. keys: those told until its first frame, and what they do. Raises
+    NoWindowError where none can be."""
+
+    def __init__(
+        self, title: str, size: tuple[int, int], keys: tuple[tuple[str, str], ...] = FIRST
+    ):
+        check_display()
+        self.size = size
+        self.had_settings = SETTINGS.exists()
+        try:
+            with silence():
+                self.window = ti.ui.Window("M-SPH", size, vsync=True)
+        except RuntimeError as error:
+            raise NoWindowError(f"no window: {error}") from None
+        self.canvas = self.window.get_canvas()
+        self.closing = False
+        self.marked, self.arrowed = False, 0  # what lies over the next picture
+        self.marker = ti.Vector.field(2, ti.f32, shape=1)
+        self.lines = [ti.Vector.field(2, ti.f32, shape=6) for _ in ARROWS]
+        self.words = np.zeros(size, np.int32)  # packed pixels of what is shown
+        self.start = StartScreen(size, title, keys)
+        self.told = -math.inf
+        self.tell(0.0, "building the scene")
+
+    def tell(self, share: float, doing: str) -> None:
+        now = time.perf_counter()
+        if now - self.told < TELL_PAUSE:
+            return
+        self.told = now
+        if any(ACTIONS.get(key) == "quit" for key in self.presses()):
+            self.closing = True
+        if not self.open:
+            raise ClosedError
+        self.show(self.start.paint(share, doing))
+
+    def notice(self) -> str:
+        return ""
+
+    @property
+    def open(self) -> bool:
+        return self.window.running and not self.closing
+
+    def presses(self) -> list[str]:
+        return [event.key for event in self.window.get_events(ti.ui.PRESS)]
+
+    def down(self, *keys: str) -> bool:
+        return self.window.is_pressed(*keys)
+
+    @property
+    def aspect(self) -> float:
+        width, height = self.window.get_window_shape()
+        return width / max(height, 1)
+
+    def cursor(self) -> np.ndarray:
+        return np.array(self.window.get_cursor_pos())
+
+    def mark(self, cursor: np.ndarray) -> None:
+        # GGUI hides the cursor while the left button is down.
+        self.marker[0] = cursor.tolist()
+        self.marked = True
+
+    def arrows(self, places: np.ndarray) -> None:
+        for k, (begin, end) in enumerate(places[: len(ARROWS)]):
+            along = end - begin
+            aside = np.array([-along[1], along[0]])
+            tips = [end - TIP * (along + s * 0.6 * aside) for s in (-1.0, 1.0)]
+            line = np.array([begin, end, end, tips[0], end, tips[1]], np.float32)
+            self.lines[k].from_numpy(line)
+        self.arrowed = len(places)
+
+    def show(self, image: ti.Field | np.ndarray) -> None:
+        if isinstance(image, np.ndarray):
+            self.words = image
+        else:
+            pack(image, self.words)
+        set_image(self.canvas, self.words)
+        if self.marked:
+            self.canvas.circles(self.marker, radius=MARKER_RADIUS, color=(1.0, 0.95, 0.7))
+        for line, colour in zip(self.lines[: self.arrowed], ARROWS, strict=False):
+            self.canvas.lines(line, width=STROKE, color=colour)
+        self.marked, self.arrowed = False, 0
+        self.window.show()
+
+    def close(self) -> None:
+        self.window.destroy()
+        if not self.had_settings:
+            SETTINGS.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def silence():
+    """Keeps what libraries print past Python from the terminal: we say it in our own line."""
+    saved = [os.dup(fd) for fd in (1, 2)]
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        for fd in (1, 2):
+            os.dup2(nowhere, fd)
+        yield
+    finally:
+        for fd, copy in zip((1, 2), saved, strict=True):
+            os.dup2(copy, fd)
+            os.close(copy)
+        os.close(nowhere)
