@@ -33,6 +33,7 @@ bench: $(VENV)/dev
 	$(RUN) bench/terms.py
 	$(RUN) bench/accuracy.py
 	$(RUN) bench/bodies.py
+	$(RUN) bench/impact.py
 	$(RUN) bench/pareto.py
 	$(RUN) bench/stability.py
 	$(RUN) bench/layers.py

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bench import parts, peer_splishsplash, peer_surfaces, peers, scale
+from bench import impact, parts, peer_splishsplash, peer_surfaces, peers, scale
 from bench.methods import solvers
 from msph.scene.water import layer_specs, particle_count
 
@@ -73,3 +73,15 @@ def test_parts_take_nothing_while_off(monkeypatch) -> None:
     assert row["bytes"][1] > row["bytes"][0]
     assert row["error"].endswith("% of the depth")
     assert parts.cells(row)["own kernels: off, on"].startswith("0, ")
+
+
+def test_longer_windows_read_less_of_an_impact(monkeypatch) -> None:
+    """A front that is slower than Ritter's, 2 sqrt(g H) with H = .7 m, presses the foot of a wall
+    for long with at most its stagnation pressure, less farther up."""
+    monkeypatch.setattr(impact, "SECONDS", 0.6)
+    rows = impact.run(1.6, 0.004)
+    for row in rows:
+        assert row["peak 0.0"] >= row["peak 0.01"] >= row["peak 0.05"] > 0.0
+    foot, _, top = (row["peak 0.05"] for row in rows)
+    assert 3.0 * top < foot < 0.5 * 1000.0 * 4.0 * 9.81 * 0.7
+    assert rows[0]["impulse"] > rows[1]["impulse"] > rows[2]["impulse"]

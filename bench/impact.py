@@ -1,0 +1,123 @@
+"""Pressures where a dam break meets the far wall: which of them settle as the water is refined.
+
+python bench/impact.py [--quick] [--arch cpu]
+
+Incompressible water stops within a step, so that the pressure of a single step is an impulse over
+the step's length: it grows as steps get shorter, and falls with the mass that arrives at once, as
+spacings do. What converges is the impulse, and the mean pressure over a time in which more than one
+particle arrives.
+"""
+
+import math
+import sys
+from pathlib import Path
+
+import click
+import numpy as np
+from tabulate import tabulate
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from bench.report import RESULTS, heading
+from msph.device import ARCHES, start
+from msph.measure.probes import PressureProbe
+from msph.measure.snapshot import Snapshot
+from msph.scene import load_scene
+from msph.scene.schema import Scene
+from msph.stage.controls import Controls
+from msph.stage.show import Show
+
+# Spacings over those of the scene, and times between readings [s]: no step is longer, and at the
+# first most steps are as long.
+RUNS = ((1.26, 0.004), (1.0, 0.004), (0.8, 0.004), (0.63, 0.004), (1.0, 0.002), (1.0, 0.001))
+QUICK = RUNS[:2]
+# Time that the front meets the wall and the water climbs it [s].
+SECONDS = 1.1
+# Heights of the middle of a sensor over the floor, and its edge [m]; windows of its sampling [s].
+HEIGHTS, EDGE = (0.03, 0.1, 0.2), 0.05
+WINDOWS = (0.0, 0.01, 0.05)
+
+
+def sensors(scene: Scene) -> list[PressureProbe]:
+    """For each height on the far wall one of each window."""
+    wall, _, middle = np.array(scene.box.size) / 2.0 * (2.0, 1.0, 1.0)
+    return [
+        PressureProbe(
+            f"{height} m",
+            (wall, height - EDGE / 2.0, middle - EDGE / 2.0),
+            (wall, height + EDGE / 2.0, middle + EDGE / 2.0),
+            window,
+        )
+        for height in HEIGHTS
+        for window in WINDOWS
+    ]
+
+
+def run(factor: float, every: float) -> list[dict[str, str | float]]:
+    """A row for each height: peaks [Pa] of the sensors of each window, and the impulse [Pa s]."""
+    scene = load_scene("dam_break")
+    layers = [s.model_copy(update={"spacing": factor * s.spacing}) for s in scene.layers]
+    scene = scene.model_copy(update={"layers": layers})
+    show, probes = Show(scene, every, density_every=math.inf), sensors(scene)
+    particles, readings = sum(show.counts), []
+    while show.simulation.time < SECONDS:
+        show.frame(Controls())
+        water = Snapshot.of(show.simulation)
+        readings.append([probe.read(water)[0] for probe in probes])
+    read = np.nan_to_num(np.array(readings)).reshape(-1, len(HEIGHTS), len(WINDOWS))
+    return [
+        {
+            "spacing": 1e3 * layers[0].spacing,
+            "particles": particles,
+            "readings": every,
+            "steps": show.simulation.steps,
+            "height": height,
+            **{f"peak {window}": read[:, k, j].max() for j, window in enumerate(WINDOWS)},
+            "impulse": read[:, k, 0].sum() * every,
+        }
+        for k, height in enumerate(HEIGHTS)
+    ]
+
+
+def table(rows: list[dict]) -> str:
+    """Rows in the field's words and units."""
+    named = [
+        {
+            "spacing, mm": f"{row['spacing']:.1f}",
+            "particles": f"{row['particles']:,}",
+            "read every, ms": f"{1e3 * row['readings']:g}",
+            "steps": row["steps"],
+            "height of the sensor, m": row["height"],
+            "highest reading, kPa": f"{1e-3 * row['peak 0.0']:.1f}",
+            **{
+                f"highest mean over {1e3 * w:g} ms": f"{1e-3 * row[f'peak {w}']:.1f}"
+                for w in WINDOWS[1:]
+            },
+            "impulse, kPa s": f"{1e-3 * row['impulse']:.2f}",
+        }
+        for row in sorted(rows, key=lambda r: (r["height"], -r["readings"], -r["spacing"]))
+    ]
+    return tabulate(named, "keys", "github", disable_numparse=True)
+
+
+@click.command()
+@click.option("--quick", is_flag=True, help="Two spacings; nothing is written.")
+@click.option("--arch", type=click.Choice(ARCHES), default="auto", show_default=True)
+def main(quick: bool, arch: str) -> None:
+    """Measure all and write bench/results/impact.md."""
+    arch = start(arch)
+    rows = [row for given in (QUICK if quick else RUNS) for row in run(*given)]
+    report = [
+        heading("Pressures of an impact", arch),
+        f"`dam_break`, {SECONDS} s; sensors of {EDGE} x {EDGE} m on the wall that the front runs "
+        "against.\n",
+        table(rows),
+        "",
+    ]
+    if not quick:
+        (RESULTS / "impact.md").write_text("\n".join(report))
+    click.echo("\n".join(report))
+
+
+if __name__ == "__main__":
+    main()
