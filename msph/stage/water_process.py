@@ -12,7 +12,7 @@ import numpy as np
 
 from msph.device import start
 from msph.ending import in_one_line
-from msph.interrupts import SIGNALS, importing
+from msph.interrupts import SIGNALS, held_back, importing
 from msph.stage.choice import Called, Choice
 from msph.stage.link import Failed, FromWater, Input, Over, Title
 
@@ -32,9 +32,14 @@ class WaterProcess:
         self.pixels = np.ctypeslib.as_array(shared).reshape(width, height)
         self.link, other = context.Pipe()
         self.process = context.Process(target=perform, args=(other, shared, choice, called))
-        with _held_from_children():
-            self.process.start()
-        other.close()
+        try:
+            with held_from_children():
+                self.process.start()
+        except BaseException:
+            self.leave()
+            raise
+        finally:
+            other.close()
 
     def heard(self) -> list[FromWater] | None:
         """What it has said since the last call; None where it has ended, or is about to."""
@@ -66,9 +71,18 @@ class WaterProcess:
 
 
 @contextlib.contextmanager
-def _held_from_children() -> Iterator[None]:
+def held_from_children() -> Iterator[None]:
     """Processes started within do not see a terminal's signals: that of the window tells them to
-    end. None that arrives within is lost."""
+    end. A signal that arrives within is raised behind it, as InterruptedRun: a child whose start
+    was cut short would print a traceback."""
+    # The mask is inherited, but holds nothing back here: other threads take the signal.
+    with held_back() as raise_if_asked, _blocked():
+        yield
+    raise_if_asked()
+
+
+@contextlib.contextmanager
+def _blocked() -> Iterator[None]:
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return

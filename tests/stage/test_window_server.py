@@ -1,16 +1,21 @@
 """The process of the window and those of waters, each with the other played by the test."""
 
 import multiprocessing
+import os
+import signal
+import threading
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import taichi as ti
 
+from msph.interrupts import InterruptedRun
 from msph.picture.pixels import as_bytes
 from msph.stage.choice import Choice
 from msph.stage.link import Failed, Input, Over, Picture, Progress, Title, Wanted
 from msph.stage.remote_window import RemoteWindow
+from msph.stage.water_process import held_from_children
 from msph.stage.window import ClosedError
 from msph.stage.window_server import LostWaterError, WindowServer
 
@@ -203,3 +208,19 @@ class TestRemoteWindow:
         here.close()
         with pytest.raises(ClosedError):
             RemoteWindow(there, bytearray(48), SIZE)
+
+
+def test_a_signal_waits_until_a_process_has_started():
+    """One that another thread took had cut the start short; the child printed a traceback."""
+    over, started = threading.Event(), False
+    other = threading.Thread(target=over.wait)
+    other.start()
+    try:
+        with pytest.raises(InterruptedRun), held_from_children():
+            os.kill(os.getpid(), signal.SIGINT)
+            over.wait(0.2)
+            started = True
+    finally:
+        over.set()
+        other.join()
+    assert started
