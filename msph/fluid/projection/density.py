@@ -51,8 +51,9 @@ YIELDS = (0.9964, 0.9962, 0.9970, 0.9980, 1.0016, 1.0011)
 # Defect (-) that evenly spread particles at rest may have, and the largest correction (-); honey
 # needs .07.
 EVEN, MOST_CORRECTED = 0.003, 0.06
-# Share of a step's reading in the correction: the whole would swing from step to step.
-BLEND = 0.25
+# Share of a step's reading in the correction: the whole would swing from step to step. And the most
+# (-) that it changes in a step: more would take surrounded particles for a surface in the next.
+BLEND, MOST_CHANGED = 0.25, 1.0 - SURROUNDED
 # Least divisor of a mean, in a particle's own volume: keeps the mean over none finite.
 SMALLEST = 1e-3
 # Entries whose gradients are found together: as many numbers as Taichi likes in a vector.
@@ -232,12 +233,16 @@ class Density:
 
     @kernel
     def follow_defect(self, n: ti.i32, alone: ti.template()):
-        """Moves the density corrections by BLEND towards the mean defect round each particle."""
+        """Moves the density corrections by BLEND towards the mean defect round each particle, and
+        the densities with them: the next step's water is at rest density under the new ones, not
+        thinner by the change, which would blind the reading that they follow."""
         ti.loop_config(serialize=alone)
         for i in range(n):
             target = ti.math.clamp(self.mean_defect(i) + EVEN, -MOST_CORRECTED, 0.0)
             change = BLEND * (target - self.particles.density_correction[i])
+            change = ti.math.clamp(change, -MOST_CHANGED, MOST_CHANGED)
             self.particles.density_correction[i] += change
+            self.particles.density[i] += change * self.rest_density
 
     @ti.func
     def mean_defect(self, i):
