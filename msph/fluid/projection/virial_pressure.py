@@ -17,19 +17,20 @@ from msph.fluid.particles.layers import Layers
 from msph.fluid.particles.neighbour_list import NeighbourList
 from msph.fluid.particles.particles import Particles
 from msph.fluid.projection.density import Density
-from msph.taichi_internals import data_oriented
+from msph.taichi_internals import data_oriented, longest_float
 
 # Sum of the weights (-) from which on there is a mean; 3 in bulk.
 LEAST_WEIGHT = 1e-6
 
-# What presses on a particle: accelerations [m/s^2] by other particles and by walls, and the virial
-# pressure [Pa].
-Pressed = ti.types.struct(inner=ti.math.vec3, wall=ti.math.vec3, virial=ti.f32)
-
 
 @data_oriented
 class VirialPressure:
-    """Reads particles' `pressure_multiplier` [Pa], and the densities of the last refresh()."""
+    """Reads particles' `pressure_multiplier` [Pa], and the densities of the last refresh().
+
+    Pressed is what presses on a particle: accelerations [m/s^2] by other particles and by walls,
+    and the virial pressure [Pa]. Pushes are summed in double precision where the device has it: at
+    rest their sums round off in every step in the same way, and the water's momentum drifted.
+    """
 
     def __init__(
         self,
@@ -41,16 +42,18 @@ class VirialPressure:
         self.layers, self.particles, self.neighbours = layers, particles, neighbours
         self.images, self.density = neighbours.images, density
         self.pair_gradient, self.rest_density = density.pair_gradient, density.rest_density
+        self.long_vector = ti.types.vector(3, longest_float())
+        self.Pressed = ti.types.struct(inner=self.long_vector, wall=self.long_vector, virial=ti.f32)
 
     @ti.func
     def pressed(self, i, gravity):
         """Particle i under the multipliers, bodies left out: Pressed, in one pass. A lone
         particle's pressure is its own multiplier."""
         x, own = self.particles.x[i], self.particles.pressure_multiplier[i]
-        found = Pressed()
+        found = self.Pressed()
         others, weights = 0.0, 0.0
         for mirrored in ti.static((False, True)):
-            pushes = ti.Vector([0.0, 0.0, 0.0])
+            pushes = self.long_vector(0.0)
             begin, end = self.neighbours.span(i, mirrored)
             for s in range(begin, end):
                 j, mirror, wall = self.neighbours.read(s, mirrored)
