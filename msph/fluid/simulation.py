@@ -6,6 +6,7 @@ from time import perf_counter
 
 import numpy as np
 
+from msph.errors import BlowUpError
 from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.rigid_bodies import Body
 from msph.fluid.external_forces import ExternalForces
@@ -114,7 +115,8 @@ class Simulation:
         step is always made. Leaves the particles sorted into the grid, as the surface needs them.
         stage(name) is entered round each part of a step, as a profiler's hook; tell is called
         after each step with the share (0 to 1) of the duration that is over. Raises
-        TrappedWaterError where a moving body leaves the water no room.
+        TrappedWaterError where a moving body leaves the water no room, BlowUpError where
+        speeds or pressures have grown beyond any step.
         """
         deadline = math.inf if budget is None else clock() + budget
         left = duration
@@ -152,8 +154,19 @@ class Simulation:
         """Number of equal steps to the end of the frame, `left` [s] away. Their length is that of
         the last step while that is allowed and at most LEEWAY times too short."""
         longest = self.solver.longest_step
+        if longest(LEEWAY) <= 0.0:
+            raise BlowUpError(f"no step is short enough for it; the fastest is {self._fastest()}")
         least, most = (math.ceil(left / longest(k) - 1e-6) for k in (1.0, LEEWAY))
         return min(max(least, round(left / self.last_step)), most)
+
+    def _fastest(self) -> str:
+        """The fastest particle, in words."""
+        p = self.particles
+        x, v, layer, number = (p.numpy(name) for name in ("x", "v", "layer", "id"))
+        k = int(np.argmax(np.linalg.norm(v.astype(float), axis=1)))
+        place, speed = (", ".join(f"{n:.4g}" for n in a[k]) for a in (x, v))
+        which = f"particle {number[k]} of layer {layer[k]}"
+        return f"{which} at ({place}) m with ({speed}) m/s, step {self.steps}"
 
     def counts(self) -> list[int]:
         """Live particles of each layer."""

@@ -5,6 +5,7 @@ import pytest
 from fluid_kit import pair_support, quartic, relative_density
 
 from msph import constant_fields
+from msph.errors import BlowUpError
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.projection.density import SURROUNDED
@@ -190,4 +191,16 @@ def test_densities_follow_the_correction_at_once(tank):
     gain, change = (p.numpy(name) - before[name] for name in names)
     assert 1e-3 < np.abs(change).max() < 1.001 * (1.0 - SURROUNDED)
     assert np.abs(gain / 1000.0 - change).max() < 1e-6
+    sim.reset()
+
+
+def test_water_that_no_step_is_short_enough_for_has_blown_up(tank):
+    """It had ended in a division by zero."""
+    sim, _ = tank
+    v = sim.particles.numpy("v")
+    v[7] = 0.0, 5.0, 0.0
+    sim.particles.fill(**(sim.particles.state() | {"v": v}))
+    sim.solver.top_rate = np.inf
+    with pytest.raises(BlowUpError, match=r"fastest is particle .* \(0, 5, 0\) m/s, step"):
+        sim.advance(1 / 60, ExternalForces())
     sim.reset()
