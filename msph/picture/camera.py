@@ -4,6 +4,7 @@ World frame: y up, metres. The box stands with its lower corner at the origin an
 a matrix R about its centre C: p_world = C + R (p_box - C).
 """
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -69,11 +70,11 @@ class Camera:
 
     def axes(self):
         """Right, up and back: unit vectors of the view, world frame."""
-        ca, sa = np.cos(self.azimuth), np.sin(self.azimuth)
-        ce, se = np.cos(self.elevation), np.sin(self.elevation)
+        ca, sa = math.cos(self.azimuth), math.sin(self.azimuth)
+        ce, se = math.cos(self.elevation), math.sin(self.elevation)
         back = np.array((ce * sa, se, ce * ca))
-        right = np.array((ca, 0.0, -sa))
-        return right, np.cross(back, right), back
+        right, up = np.array((ca, 0.0, -sa)), np.array((-se * sa, ce, -se * ca))
+        return right, up, back
 
     @property
     def eye(self):

@@ -16,6 +16,7 @@ vec2, vec3 = ti.math.vec2, ti.math.vec3
 NEAREST = 0.02  # near plane [m]
 REACH = 1.3  # how far beyond the box things are still given distinct depths
 STEEPEST = 0.3  # least descent of a sunbeam under water counted with, when the box is tilted
+UNIT_CORNERS = np.indices((2, 2, 2)).reshape(3, 8).T  # of a box of edge 1, (8, 3)
 
 Shot = ti.types.struct(
     eye=vec3,  # camera [m]
@@ -63,7 +64,7 @@ def shoot(camera, tilt, box, width, height, look):
     across = camera.stretch * step
     du, dv, forward = across * right, step * up, -back
     to_i, to_j = right / across, up / step
-    corners = np.indices((2, 2, 2)).reshape(3, 8).T * box
+    corners = UNIT_CORNERS * box
     depths = (corners - C) @ forward * REACH + (C - eye) @ forward
     near = max(depths.min(), NEAREST)
     far = max(depths.max(), 2 * near)
