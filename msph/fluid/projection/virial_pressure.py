@@ -21,6 +21,11 @@ from msph.taichi_internals import data_oriented, longest_float
 
 # Sum of the weights (-) from which on there is a mean; 3 in bulk.
 LEAST_WEIGHT = 1e-6
+# Speed over sqrt(a d) (-) from which on the acceleration a by images' excess pressure bears rising
+# particles no more: in sloshing water .005 in the median, where coarse ones bounced .08.
+FOLLOWED = 0.05
+# Least acceleration [m/s^2] that has a direction.
+LEAST_ACCELERATION = 1e-6
 
 
 @data_oriented
@@ -100,14 +105,20 @@ class VirialPressure:
     def image_acceleration(self, i, gravity):
         """Acceleration [m/s^2] by the excess pressure of the mirror images round particle i.
 
-        Without it the lowest sheet bears half a sheet's weight too much.
+        Without it the lowest sheet bears half a sheet's weight too much. It has no potential: it
+        fades where particles follow it, so that it feeds no motion.
         """
-        x, total = self.particles.x[i], ti.Vector([0.0, 0.0, 0.0])
+        layer, x = self.particles.layer[i], self.particles.x[i]
+        total = ti.Vector([0.0, 0.0, 0.0])
         for s in range(self.neighbours.mirrors[i], self.neighbours.end[i]):
             j, mirror, wall = self.images.read(self.neighbours.index[s])
             seen_at = x - self.images.offset(x, self.particles.x[j], mirror, wall)
             total -= self.image_excess(seen_at, j, gravity) * self.pair_gradient[s]
-        return total / self.rest_density
+        acceleration = total / self.rest_density
+        size = ti.max(acceleration.norm(), LEAST_ACCELERATION)
+        along = self.particles.v[i].dot(acceleration) / size
+        followed = along / (FOLLOWED * ti.sqrt(size * self.layers.spacing[layer]))
+        return acceleration * ti.math.clamp(1.0 - followed, 0.0, 1.0)
 
     @ti.func
     def image_excess(self, seen_at, j, gravity):
