@@ -43,6 +43,8 @@ NAMES = (AUTO, *LADDER)
 # Share of the wall-clock time that the water's dearest half second may take in real time: the rest
 # is for surface and picture.
 WATER_SHARE = 0.6
+# Pictures per second for which the display's processor time is set aside.
+LEAST_RATE = 30.0
 # sqrt(g H)/d of the dam break in its box H = .9 m high [1/s]: steps per second go with it.
 DAM_BREAK_RATE = math.sqrt(9.81 * 0.9) / 0.0315
 # Sections of a scene on which the cost of its water depends; camera, picture and keys do not.
@@ -130,15 +132,18 @@ def costs(name: str) -> dict[str, Cost]:
     }
 
 
-def choose(scene: Scene, name: str, speed: float) -> str:
+def choose(scene: Scene, name: str, speed: float, display: float = 0.0) -> str:
     """The finest quality whose water keeps real time on a machine that sums over `speed` neighbours
     per second, else the coarsest; AS_GIVEN for scenes that have one only.
 
     A scene whose water is that of the shipped one called `name` costs what that was measured to.
+    display [s]: processor time that a picture takes to be shown. Threads of the water wait for each
+    other, so that what one core is taken for counts as if all were.
     """
     if fixed(scene):
         return AS_GIVEN
     slower = _measured()["neighbours_per_second"] / speed
+    share = WATER_SHARE * max(1.0 - LEAST_RATE * display, 0.0)
     known = costs(name)
     if known:
         shipped = load_scene(name)
@@ -146,7 +151,7 @@ def choose(scene: Scene, name: str, speed: float) -> str:
         known = known if same else {}
     for quality in reversed(LADDER):
         dearest = known[quality].dearest if quality in known else estimate(scene, quality)
-        if slower * dearest <= WATER_SHARE:
+        if slower * dearest <= share:
             return quality
     return next(iter(LADDER))
 

@@ -55,7 +55,7 @@ def play_choice(window: RemoteWindow, choice: Choice, called: Called, arch: str)
         quality = AS_GIVEN
     window.tell(0.0, "measuring this machine")
     first, *others = waters.values()
-    at_step, quality = at(first, choice.scene, quality, arch)
+    at_step, quality = at(first, choice.scene, quality, arch, window.display)
     scenes = [at_step, *(at_quality(other, quality, choice.scene) for other in others)]
     show = prepare_row(scenes, list(waters), window.size, window.tell)
     player = Player(window, show, choice, quality, called.frames, window.ask, called.waters_of)
@@ -284,10 +284,13 @@ def ladder_lines(name: str) -> list[str]:
     return tabulate(rows, headers=heads, tablefmt="plain").splitlines() if rows else []
 
 
-def at(scene: Scene, name: str, quality: str, arch: str = "") -> tuple[Scene, str]:
-    """The scene of that name at a quality, and which it is; for AUTO, Taichi must run on arch."""
+def at(
+    scene: Scene, name: str, quality: str, arch: str = "", display: float = 0.0
+) -> tuple[Scene, str]:
+    """The scene of that name at a quality, and which it is; for AUTO, Taichi must run on arch.
+    display [s]: processor time that a picture takes to be shown."""
     if quality == AUTO:
-        quality = choose(scene, name, machine_speed(arch))
+        quality = choose(scene, name, machine_speed(arch), display)
         say(f"{name}: quality {quality}, chosen for this machine")
     return at_quality(scene, quality, name), quality
 

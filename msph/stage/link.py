@@ -59,7 +59,8 @@ FromWater = Title | Progress | Picture | Wanted | Over | Failed
 class Input:
     """From the window to a water: keys and buttons that went down since the last, and that are
     down; the cursor, (2,), in shares of the window; its width over its height; pictures that were
-    shown; what is to be told of the water that follows."""
+    shown; what is to be told of the water that follows; processor time [s] that a picture takes to
+    be shown."""
 
     presses: tuple[str, ...]
     held: frozenset[str]
@@ -67,3 +68,4 @@ class Input:
     aspect: float
     shown: int
     notice: str = ""
+    display: float = 0.0

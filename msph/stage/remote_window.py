@@ -51,6 +51,11 @@ class RemoteWindow:
     def notice(self) -> str:
         return self.input.notice
 
+    @property
+    def display(self) -> float:
+        """Processor time that the display takes for a picture [s]."""
+        return self.input.display
+
     def presses(self) -> list[str]:
         self._receive()
         pressed, self.pressed = self.pressed, []

@@ -42,6 +42,7 @@ class WindowServer:
         # The last picture, its pixels, and how many the water that plays has had shown.
         self.picture, self.pixels = Picture(None, None), np.empty((0, 0), np.int32)
         self.shown = 0
+        self.display = 0.0  # processor time that the display takes for a picture [s]
         self.code: int | None = None
 
     def serve(self) -> int:
@@ -76,7 +77,9 @@ class WindowServer:
     def _take(self, water: WaterProcess, message: FromWater) -> None:
         match message:
             case Title(text):
-                self.window = self.window or self.open_window(text)
+                if not self.window:
+                    self.window = self.open_window(text)
+                    self.display = self.window.processor_time()
                 water.tell(self._input((), 0))
             case Progress(share, _):
                 self.progress = message
@@ -144,7 +147,7 @@ class WindowServer:
         assert self.window
         held = frozenset(key for key in HEARD if self.window.down(key))
         cursor, aspect = self.window.cursor(), self.window.aspect
-        return Input(presses, held, cursor, aspect, shown, self.notice)
+        return Input(presses, held, cursor, aspect, shown, self.notice, self.display)
 
     def _close(self) -> None:
         """Ends what there is; the window first, since waters end after a frame or a kernel."""

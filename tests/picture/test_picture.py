@@ -229,8 +229,18 @@ def test_backdrop_left_out_under_water_changes_no_picture(picture, mesh):
     np.testing.assert_array_equal(picture.image.to_numpy(), whole[..., :3])
 
 
+@pytest.fixture(scope="module")
+def every_pixel(mesh):
+    """A picture that samples every pixel of the water."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(samples, "MOST_ADDED", -1.0)  # below 0 no block is even
+        drawn = Picture(WIDTH, HEIGHT, BOX, mesh)
+        drawn.draw_water(camera())
+    return drawn
+
+
 @pytest.mark.parametrize("size", [(0.02, 25.0), (0.004, 90.0)])
-def test_means_in_even_blocks_look_like_samples_of_every_pixel(mesh, monkeypatch, size):
+def test_means_in_even_blocks_look_like_samples_of_every_pixel(picture, every_pixel, mesh, size):
     """Long waves and steep ripples: within the bounds of a change that is not seen."""
     height, number = size
     v, t, n = still_water(n=36)
@@ -242,9 +252,7 @@ def test_means_in_even_blocks_look_like_samples_of_every_pixel(mesh, monkeypatch
     n /= np.linalg.norm(n, axis=1, keepdims=True)
     mesh.fill(v, t, n)
     shown = []
-    for most in (samples.MOST_ADDED, -1.0):  # below 0 no block is even
-        monkeypatch.setattr(samples, "MOST_ADDED", most)
-        drawn = Picture(WIDTH, HEIGHT, BOX, mesh)
+    for drawn in (picture, every_pixel):
         drawn.draw_water(camera(elevation=0.6))
         shown.append(drawn.to_numpy_u8().astype(int))
     change = np.abs(shown[0] - shown[1])

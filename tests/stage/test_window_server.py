@@ -66,6 +66,9 @@ class Screen:
     def cursor(self):
         return np.array([0.5, 0.5])
 
+    def processor_time(self):
+        return 0.008
+
     def tell(self, share, doing):
         self.progress.append(share)
 
@@ -112,6 +115,7 @@ def test_the_start_is_told_until_the_first_picture(served):
     assert found.code == 0 and found.titles == ["A pool"]
     assert found.screen.progress == [0.0, 0.5] and len(found.screen.shown) == 2
     assert [told.shown for told in pool.told] == [0, 1, 1]
+    assert pool.told[0].display == 0.008, "before it chooses its quality"
     assert pool.told[-1].held == {"a"}
 
 
@@ -170,10 +174,10 @@ class TestRemoteWindow:
         here, window, _ = ends
         assert window.cursor() == pytest.approx([0.2, 0.3]) and window.aspect == 1.6
         for key in ("v", "h"):
-            here.send(Input((key,), frozenset("a"), np.zeros(2), 1.0, 0, "drop: 40 % ready"))
+            here.send(Input((key,), frozenset("a"), np.zeros(2), 1.0, 0, "drop: 40 % ready", 0.008))
         assert window.presses() == ["v", "h"] and window.presses() == []
         assert window.down("a") and not window.down("b", "c")
-        assert window.notice() == "drop: 40 % ready"
+        assert window.notice() == "drop: 40 % ready" and window.display == 0.008
         window.ask(Choice("drop", "auto"))
         assert here.recv() == Wanted(Choice("drop", "auto"))
 

@@ -22,8 +22,9 @@ from msph.taichi_internals import data_oriented, longest_float
 # Sum of the weights (-) from which on there is a mean; 3 in bulk.
 LEAST_WEIGHT = 1e-6
 # Speed over sqrt(a d) (-) from which on the acceleration a by images' excess pressure bears rising
-# particles no more: in sloshing water .005 in the median, where coarse ones bounced .08.
-FOLLOWED = 0.05
+# particles among unlike ones no more: in sloshing water .005 in the median; coarse ones bounced at
+# .08. And the share by which spacings differ among particles of another layer, twice the mass.
+FOLLOWED, UNLIKE = 0.05, 0.1
 # Least acceleration [m/s^2] that has a direction.
 LEAST_ACCELERATION = 1e-6
 
@@ -105,8 +106,9 @@ class VirialPressure:
     def image_acceleration(self, i, gravity):
         """Acceleration [m/s^2] by the excess pressure of the mirror images round particle i.
 
-        Without it the lowest sheet bears half a sheet's weight too much. It has no potential: it
-        fades where particles follow it, so that it feeds no motion.
+        Without it the lowest sheet bears half a sheet's weight too much. Like particles give back
+        what they take from it, unlike ones, which change places, do not: so it fades where these
+        follow it, and feeds no motion.
         """
         layer, x = self.particles.layer[i], self.particles.x[i]
         total = ti.Vector([0.0, 0.0, 0.0])
@@ -116,8 +118,9 @@ class VirialPressure:
             total -= self.image_excess(seen_at, j, gravity) * self.pair_gradient[s]
         acceleration = total / self.rest_density
         size = ti.max(acceleration.norm(), LEAST_ACCELERATION)
-        along = self.particles.v[i].dot(acceleration) / size
-        followed = along / (FOLLOWED * ti.sqrt(size * self.layers.spacing[layer]))
+        d, along = self.layers.spacing[layer], self.particles.v[i].dot(acceleration) / size
+        unlike = ti.min(ti.abs(self.particles.pair_spacing[i] / d - 1.0) / UNLIKE, 1.0)
+        followed = unlike * along / (FOLLOWED * ti.sqrt(size * d))
         return acceleration * ti.math.clamp(1.0 - followed, 0.0, 1.0)
 
     @ti.func
