@@ -189,9 +189,10 @@ def test_container_shaped_like_a_box_holds_water_as_the_box_does():
 
     box(x.astype(np.float32), plain)
     difference = abs(held.share - plain)
-    # Half a percent by interpolation; the box's own product is off by .35 % at most.
-    assert difference[:, 0].max() < 8e-3
-    assert np.sqrt((difference[:, 1:] ** 2).mean()) < 0.022 / H
+    # The box's own product is off by .35 % at most. By Catmull-Rom's cubics it was twice, gradients
+    # five times as much, and the sides of a mesh read up to 2.4 % of pressure too much.
+    assert difference[:, 0].max() < 4e-3
+    assert np.sqrt((difference[:, 1:] ** 2).mean()) < 0.005 / H
     # Exact but where two walls are equally near: there a third of a cell.
     missed = abs(held.distance[:, 0] - np.minimum(x, edge - x).min(axis=1))
     assert np.median(missed) < 1e-5 and missed.max() < 0.35 * CELL * H

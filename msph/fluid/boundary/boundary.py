@@ -298,7 +298,7 @@ class Boundary:
         if self.samples.covers(m, p):
             distance = self.samples.linear(first, p).x
             if abs(distance) < h:
-                found = self.samples.cubic(m, p)
+                found = self.samples.spline(m, p)
             elif distance < 0.0:
                 found.x = 1.0
         if self.side[b] < 0.0:

@@ -9,7 +9,7 @@ from msph.fluid.boundary.volume_map import kernel_share
 from msph.fluid.boundary.wall_integrals import swelling, wall_support
 from msph.fluid.particles.layers import LayerSpec
 
-# Cell of the lattices in supports: cubic interpolation then keeps shares to half a percent.
+# Cell of the lattices in supports: splines then keep shares to a thousandth.
 CELL = 0.2
 # Share of the largest eigenvalue of a vertex's normals from which on they span a direction: lower,
 # vertices of flat but rough faces would run away along them.
@@ -32,14 +32,19 @@ def numbers_needed(bodies: list[Body], specs: list[LayerSpec]) -> int:
 
 
 def sample(body: Solid, own: list[SampleLattice], specs: list[LayerSpec]) -> list[np.ndarray]:
-    """A mesh's signed distance [m] and its shares (-) at the nodes of its lattices."""
+    """A mesh's signed distance [m] at the nodes of its first lattice, and on the others the
+    coefficients of the cubic B-splines (-) that take its shares at the nodes."""
+    # Here, since only meshes need it.
+    from scipy.ndimage import spline_filter
+
     vertices = body.vertices - centre(body)
     finest = min(s.support for s in specs)
     values = [signed_distance(vertices[body.triangles], own[0], finest)]
     for spec, lattice in zip(specs, own[1:], strict=True):
         out = swelling(spec) * (-1.0 if body.container else 1.0)
         moved = vertices + out * outward(vertices, body.triangles)
-        values.append(kernel_share(moved, body.triangles, lattice, wall_support(spec)))
+        share = kernel_share(moved, body.triangles, lattice, wall_support(spec))
+        values.append(spline_filter(share, order=3, output=np.float32, mode="mirror"))
     return values
 
 
