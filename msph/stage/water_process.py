@@ -18,19 +18,14 @@ from msph.stage.link import Failed, FromWater, Input, Over, Title
 
 # A process that was told to end does so after a frame or a kernel; then it is killed [s].
 PATIENCE = 20.0
-# Processes are forked from one that has imported Taichi, a second before: not from that of the
-# window, whose threads would not survive it.
-METHOD = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
-IMPORTED = ["msph.stage.imported"]
 
 
 class WaterProcess:
     """Starts a process that plays a choice, and is what the process of the window knows of it."""
 
     def __init__(self, choice: Choice, called: Called):
-        context = multiprocessing.get_context(METHOD)
-        if METHOD == "forkserver":
-            context.set_forkserver_preload(IMPORTED)
+        # Taichi's threads do not survive a fork.
+        context = multiprocessing.get_context("spawn")
         width, height = called.size
         shared = context.RawArray(c_int32, width * height)
         self.choice, self.failure = choice, ""
