@@ -140,6 +140,12 @@ def scaled(edge: float) -> dict[str, Any]:
     }
 
 
+def relieved(case: Hard) -> Hard:
+    """The same with shear relief."""
+    terms = {**case.scene.get("projection", {}), "shear_relief": 0.9}
+    return replace(case, scene={**case.scene, "projection": terms}, classic=False)
+
+
 def places(make: Callable[[np.ndarray], np.ndarray]) -> Callable[[Simulation], None]:
     """Puts the particles where make(x) says before the run, and starts it anew."""
 
@@ -279,6 +285,23 @@ CASES: dict[str, Hard] = {
         seconds=HOUR,
         settles=False,
     ),
+}
+CASES |= {
+    f"{name}, shear relief": relieved(CASES[name])
+    for name in (
+        "still",
+        "column, 80 spacings",
+        "column, six layers",
+        "mass ratio 64, fine on coarse",
+        "mass ratio 64, coarse on fine",
+        "upside down",
+        "shaken at 10 g",
+        "steps of 5 bounds",
+        "ball shot through at 50 m/s",
+        "sheet of one particle",
+        "spray",
+        "an hour",
+    )
 }
 
 

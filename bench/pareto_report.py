@@ -1,5 +1,6 @@
 """Tables and figures of the sweep of speed against error, from its rows alone."""
 
+import itertools
 import math
 import sys
 from pathlib import Path
@@ -10,7 +11,15 @@ from scipy.stats import linregress
 from tabulate import tabulate
 
 from bench.cases import CASES
-from bench.cases.case import ADAPTIVE, FIXED, UNIFORM, Case
+from bench.cases.case import (
+    ADAPTIVE,
+    CHANGEABLE,
+    FIXED,
+    RELIEF,
+    UNIFORM,
+    Case,
+    Setting,
+)
 from bench.pareto_table import disturbed, number
 from bench.report import RESULTS
 
@@ -29,6 +38,8 @@ STYLES = {
     ("classic", UNIFORM): ("#999999", "v", "classic, uniform"),
     ("classic", FIXED): ("#555555", "^", "classic, layers"),
 }
+# What rows with shear relief change, in words.
+RELIEVED = Setting(shear_relief=RELIEF).changes
 OTHER = ("#009E73", "P")
 COSTS = {
     "wall_per_simulated": "wall-clock s / simulated s",
@@ -41,8 +52,7 @@ COSTS = {
 
 def changes(row: dict) -> str:
     """What a row's setting changes, in words."""
-    names = {"smoothing": "support", "motion_tolerance": "tolerance", "cfl": "cfl"}
-    found = [f"{text} {float(row[k]):g}" for k, text in names.items() if row.get(k)]
+    found = [f"{text} {float(row[k]):g}" for k, text in CHANGEABLE.items() if row.get(k)]
     return ", ".join(found)
 
 
@@ -71,8 +81,10 @@ def plot(axis, rows: list[dict], case: Case) -> None:
         kind = (row["method"], row["water"])
         colour, marker, _ = STYLES.get(kind, (*OTHER, ""))
         x, y = number(row, "wall_per_simulated"), max(number(row, case.main), LEAST)
-        size = 25 if changes(row) else 60
-        axis.scatter(x, y, size, colour, marker, edgecolors="white", linewidths=0.5, zorder=3)
+        size, edge = 25 if changes(row) else 60, "white"
+        if changes(row) == RELIEVED:
+            size, edge = 40, "black"
+        axis.scatter(x, y, size, colour, marker, edgecolors=edge, linewidths=0.8, zorder=3)
         if kind not in STYLES:
             label = f"{row['water']}, {row['method']}"
             axis.annotate(label, (x, y), (5, 3), textcoords="offset points", fontsize=8)
@@ -104,6 +116,7 @@ def label_ticks(ticks, format_: str, scale: float) -> None:
 def legend(axis) -> None:
     for colour, marker, label in STYLES.values():
         axis.scatter([], [], 60, colour, marker, label=label)
+    axis.scatter([], [], 40, "white", edgecolors="black", label="black edge: shear relief")
     axis.scatter([], [], 25, "#000000", label="small: another setting")
     axis.plot([], [], color="#000000", lw=0.8, label="undominated")
     axis.legend(fontsize=8, framealpha=0.9)
@@ -158,7 +171,7 @@ def _ratio(rows: list[dict], error: str) -> tuple[float, bool]:
     by = {
         w: [r for r in rows if r["water"] == w and r["method"] == "projection"] for w in STYLES_OF
     }
-    uniform = undominated([r for r in by[UNIFORM] if not changes(r)], error)
+    uniform = undominated(by[UNIFORM], error)
     errors = np.log([max(number(r, error), LEAST) for r in uniform])
     time = np.log([number(r, "wall_per_simulated") for r in uniform])
     best, bound = 0.0, False
@@ -186,15 +199,17 @@ def slope(fineness: list[float], errors: list[float]) -> str:
 def orders(rows: list[dict], case: Case) -> list[dict[str, str]]:
     """A row for each water of projection: the order in which each error falls with the spacing."""
     found = []
-    for water in STYLES_OF:
+    for change, water in itertools.product(("", RELIEVED), STYLES_OF):
         own = [
-            r for r in rows if (r["method"], r["water"]) == ("projection", water) and not changes(r)
+            r
+            for r in rows
+            if (r["method"], r["water"], changes(r)) == ("projection", water, change)
         ]
         own.sort(key=lambda r: float(r["fineness"]))
         if len(own) > 2:
             fineness = [float(r["fineness"]) for r in own]
             by = {e: slope(fineness, [number(r, e) for r in own]) for e in case.errors}
-            found.append({"water": water, **by})
+            found.append({"water": water, "changed": change, **by})
     return found
 
 

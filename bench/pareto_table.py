@@ -14,7 +14,7 @@ QUIET = 0.1
 
 def key(row: dict) -> tuple[str, ...]:
     """What tells a row from others; numbers as they are written to the table."""
-    return tuple("" if row[k] is None else str(row[k]) for k in KEYS)
+    return tuple("" if row.get(k) is None else str(row[k]) for k in KEYS)
 
 
 def row_of(case: str, setting: Setting, arch: str, found: dict) -> dict:

@@ -70,6 +70,11 @@ PARTS = (
         {"projection": {"tension": 0.072}},
         modules="msph.fluid.projection.surface_tension",
     ),
+    Part(
+        "shear relief",
+        {"projection": {"shear_relief": 0.9}},
+        modules="msph.fluid.projection.shear_relief",
+    ),
     Part("xsph", {"projection": {"xsph": 0.05}}, modules="msph.fluid.projection.xsph"),
     Part(
         "adaptation",

@@ -17,6 +17,13 @@ from msph.fluid.simulation import Simulation
 from msph.scene.build import build_simulation
 from msph.scene.schema import Scene
 
+# Words for what a setting may change.
+CHANGEABLE = {
+    "smoothing": "support",
+    "motion_tolerance": "tolerance",
+    "cfl": "cfl",
+    "shear_relief": "relief",
+}
 UNIFORM, FIXED, ADAPTIVE = "uniform", "fixed layers", "adaptive layers"
 # Steps between passes of adaptation where layers stay as the start gives them.
 NEVER = 10**9
@@ -39,6 +46,7 @@ class Setting:
     smoothing: float | None = None
     motion_tolerance: float | None = None
     cfl: float | None = None
+    shear_relief: float | None = None
     timed: bool = True
 
     @property
@@ -52,8 +60,7 @@ class Setting:
     @property
     def changes(self) -> str:
         """What is not the default, in words."""
-        names = {"smoothing": "support", "motion_tolerance": "tolerance", "cfl": "cfl"}
-        known = {text: getattr(self, name) for name, text in names.items()}
+        known = {text: getattr(self, name) for name, text in CHANGEABLE.items()}
         return ", ".join(f"{text} {value:g}" for text, value in known.items() if value is not None)
 
 
@@ -164,6 +171,8 @@ class Case:
     # Finer uniform runs for errors alone, and the values that are compared with the finest.
     references: tuple[int, ...] = ()
     values: tuple[str, ...] = ()
+    # Whether its water moves or rests under pressure, so that shear relief matters.
+    sheared: bool = False
     # Whether it is in the summary figure, and in a quick sweep more than a single run.
     summary: bool = False
 
@@ -186,10 +195,19 @@ class Case:
         middle = finenesses[len(finenesses) // 2]
         for change in CHANGES:
             found.append(Setting(water=richest, fineness=middle, **change))
+        if self.sheared:
+            waters = (self.waters[0], richest)
+            found += [
+                Setting(water=w, fineness=n, shear_relief=RELIEF)
+                for n in finenesses
+                for w in waters
+            ]
         found += [Setting(fineness=n, timed=False) for n in self.references]
         return sorted(found, key=lambda s: s.fineness)
 
 
+# The share of shear relief that is swept (docs/method.md, "Shear relief").
+RELIEF = 0.9
 # What is changed one at a time: support over spacing, share of the motion, spacings in a step.
 CHANGES: tuple[dict[str, float], ...] = (
     {"smoothing": 2.0},
@@ -208,7 +226,7 @@ def scene(
     given = {"smoothing": setting.smoothing} if setting.smoothing else {}
     solver = {
         name: getattr(setting, name)
-        for name in ("cfl", "motion_tolerance")
+        for name in ("cfl", "motion_tolerance", "shear_relief")
         if getattr(setting, name) is not None
     }
     adaptation = {"enabled": layers > 1 and setting.method != "classic"}

@@ -86,5 +86,6 @@ CASE = Case(
     classic=("uniform",),
     references=(24,),
     values=("front_at_T_2_over_a", "centre_x_at_T_2_over_a", "centre_y_at_T_2_over_a"),
+    sheared=True,
     summary=True,
 )

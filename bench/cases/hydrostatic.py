@@ -36,5 +36,6 @@ CASE = Case(
     },
     (8, 12, 20, 32, 56),
     measure,
+    sheared=True,
     summary=True,
 )

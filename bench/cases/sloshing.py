@@ -93,6 +93,7 @@ SLOSHING = Case(
     (5, 7, 10, 15, 25),
     inviscid,
     summary=True,
+    sheared=True,
 )
 STANDING_WAVE = Case(
     "standing_wave",
@@ -108,4 +109,5 @@ STANDING_WAVE = Case(
     viscous,
     waters=(UNIFORM, ADAPTIVE),
     classic=(),
+    sheared=True,
 )

@@ -62,6 +62,7 @@ TAYLOR_GREEN = Case(
     viscous,
     waters=(UNIFORM, ADAPTIVE),
     classic=(),
+    sheared=True,
 )
 INVISCID_VORTEX = Case(
     "inviscid_vortex",
@@ -72,4 +73,5 @@ INVISCID_VORTEX = Case(
     inviscid,
     waters=(UNIFORM, ADAPTIVE),
     classic=(),
+    sheared=True,
 )

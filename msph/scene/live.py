@@ -10,7 +10,7 @@ from msph.scene.parameters import parameters
 from msph.scene.schema import Scene
 
 # Terms that a scene without them has no kernels for.
-TERMS = ("projection.viscosity", "projection.tension")
+TERMS = ("projection.viscosity", "projection.tension", "projection.shear_relief")
 
 
 @dataclass(frozen=True)

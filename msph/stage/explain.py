@@ -43,6 +43,7 @@ SWITCHES = (
     Switch("adaptation", lambda s: s.adaptation.enabled, {"adaptation": {"enabled": False}}),
     Switch("viscosity", _term("viscosity"), {"projection": {"viscosity": 0.0, "slip": True}}),
     Switch("tension", _term("tension"), {"projection": {"tension": 0.0}}),
+    Switch("shear relief", _term("shear_relief"), {"projection": {"shear_relief": 0.0}}),
     Switch("xsph", _term("xsph"), {"projection": {"xsph": 0.0}}),
     Switch("caustics", lambda s: s.picture.caustics, {"picture": {"caustics": False}}, True),
     Switch(

@@ -10,6 +10,7 @@ from msph.fluid.particles.particles import Attribute
 from msph.fluid.projection.body_force import BodyForce
 from msph.fluid.projection.discretisation import Discretisation
 from msph.fluid.projection.parameters import ProjectionParameters
+from msph.fluid.projection.shear_relief import ShearRelief
 from msph.fluid.projection.surface_tension import SurfaceTension
 from msph.fluid.projection.viscosity import Viscosity
 from msph.fluid.projection.xsph import Xsph
@@ -36,7 +37,7 @@ class Force(Protocol):
 
 
 # XSPH before gravity: after it it would brake the fall that the floor's pressure has yet to stop.
-FORCES: tuple[type[Force], ...] = (Xsph, BodyForce, SurfaceTension, Viscosity)
+FORCES: tuple[type[Force], ...] = (Xsph, BodyForce, ShearRelief, SurfaceTension, Viscosity)
 
 
 def wanted(parameters: ProjectionParameters) -> tuple[type[Force], ...]:

@@ -65,6 +65,13 @@ class ProjectionParameters:
         text="surface tension, 0: off; water 0.072",
         live=(0.01, 10.0),
     )
+    shear_relief: float = parameter(
+        0.0,
+        ge=0.0,
+        le=1.0,
+        text="share of the particles' false resistance to shear that is given back, 0: off",
+        live=(0.01, 1.0),
+    )
     xsph: float = parameter(
         0.0,
         ge=0.0,

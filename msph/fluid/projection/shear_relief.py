@@ -1,0 +1,233 @@
+"""Shear relief: what an arrangement of particles bears beside pressure is given back to the water.
+
+The stress of an inviscid fluid is isotropic. Pairs press on each other along their axes, so
+particles under pressure have the virial stress (Irving and Kirkwood 1950)
+
+    S_i = -1/2 sum V_j (p_i + p_j) r_ij (x) grad W_ij.
+
+Strain makes neighbourhoods anisotropic, and the deviator of S then resists it, as the friction of a
+granular medium does: low waves die. The deviator's mean over a kernel, the stress of the scale on
+which water flows, is taken out of the momentum balance; what differs from particle to particle
+stays, and keeps them apart.
+
+Half of a pair's stress counts at either end in S, though it acts all along the line between. To
+second order that is 1/12 (r.grad)^2 of the mean too much, which is nothing but where the pressure
+times the kernel's variance is curved: between layers it is as large as the friction. With the
+isotropic fourth moment p s^2 (dd + dd + dd), s^2 the variance of W along an axis, the mean is
+
+    T_i = dev(sum V_j W_ij S_j - 1/6 sum V_j (p_j s_j^2 - p_i s_i^2) grad grad W_ij)/sum V_j W_ij.
+
+docs/method.md, "Shear relief", has the measurements.
+"""
+
+import math
+
+import taichi as ti
+
+from msph.fluid.external_forces import ExternalForces
+from msph.fluid.particles.particles import Attribute
+from msph.fluid.projection.discretisation import Discretisation
+from msph.fluid.projection.parameters import ProjectionParameters
+from msph.fluid.projection.virial_pressure import VirialPressure
+from msph.taichi_internals import data_oriented, kernel
+
+# Deviator over mean stress (-), both of the kernel's mean, up to which it is an arrangement's, and
+# from twice of which on it is none of it: a sheet of one particle has .5, surfaces .25, depths .01.
+ARRANGED = 0.2
+# Difference (-) of the spacing of a particle's pairs from its own, likewise: coarse particles on
+# fine ones of a 64th of their mass are borne by shear, and tumbled without.
+UNLIKE = 0.07
+# Way in a step over cfl spacings (-), likewise: the longest that the solver takes in bulk.
+LEAP = 1.25
+# Variance of M5 along an axis over its squared support (-): (4 pi/3) int W r^4 dr.
+VARIANCE = 23.0 / 375.0
+# Least mean stress [Pa] that a deviator is compared with, and least weight (-) of a mean.
+LEAST_STRESS, LEAST_WEIGHT = 1e-6, 1e-6
+
+
+@ti.func
+def upto(limit, value):
+    """1 up to `limit`, 0 from twice of it on."""
+    return ti.math.clamp(2.0 - value / limit, 0.0, 1.0)
+
+
+@ti.func
+def shears(a, b):
+    """The yz, xz and xy components of the symmetric part of 2 a (x) b, less the diagonal."""
+    return ti.Vector([a.y * b.z + a.z * b.y, a.x * b.z + a.z * b.x, a.x * b.y + a.y * b.x])
+
+
+@ti.func
+def seen(mirror, shear):
+    """Shear components seen in a mirror: two of its signs multiply each."""
+    return mirror.x * mirror.y * mirror.z * mirror * shear
+
+
+@ti.func
+def times(normal, shear, g):
+    """The symmetric tensor of diagonal `normal` and yz, xz, xy components `shear`, times g."""
+    return normal * g + shears(shear, g)
+
+
+@data_oriented
+class ShearRelief:
+    """Accelerates the water by div T/rho0, `shear_relief` (-) times.
+
+    Pairs exchange V_i V_j (T_i + T_j).grad W_ij, equal and opposite, so momentum is kept whatever
+    the layers. Their torques sum up to the product of T_i and sum V_j r_ij (x) grad W_ij, which is
+    symmetric but for the deviator of that, so angular momentum is kept to second order.
+    """
+
+    ATTRIBUTES = (
+        Attribute("normal_stress", "Pa", "diagonal of the virial stress", 3, carried=False),
+        Attribute("shear_stress", "Pa", "its yz, xz and xy components", 3, carried=False),
+        Attribute("mean_normal_stress", "Pa", "of the mean deviator", 3, carried=False),
+        Attribute("mean_shear_stress", "Pa", "of the mean deviator", 3, carried=False),
+    )
+
+    @staticmethod
+    def wanted(parameters: ProjectionParameters) -> bool:
+        return parameters.shear_relief > 0.0
+
+    def __init__(self, shared: Discretisation):
+        self.layers, self.particles = shared.layers, shared.particles
+        self.neighbours, self.images = shared.neighbours, shared.neighbours.images
+        self.density, self.impulses = shared.density, shared.impulses
+        self.virial = VirialPressure(self.layers, self.particles, self.neighbours, self.density)
+        self.rest_density = shared.parameters.rest_density
+        self.bodies = shared.boundary.count > 0
+        self.longest_step = math.inf
+        self.tune(shared.parameters)
+
+    def tune(self, parameters: ProjectionParameters) -> None:
+        """Takes over the share, and the steps in which forces by pressures are stable."""
+        self.share = parameters.shear_relief
+        self.cfl, self.pressure_cfl = parameters.cfl, parameters.pressure_cfl
+
+    def apply(self, dt: float, external: ExternalForces) -> None:
+        """Velocities after dt [s] without the deviator, by the pressures of the last step."""
+        n, alone, gravity = self.particles.count, self.particles.alone, external.gravity
+        self._find_stress(n, alone, gravity)
+        self._find_mean(n, alone, gravity, dt / self.pressure_cfl, dt / self.cfl)
+        self._accelerate(n, alone, self.share * dt / self.rest_density)
+
+    @kernel
+    def _find_stress(self, n: ti.i32, alone: ti.template(), gravity: ti.math.vec3):
+        """S_i, images with the pressure that gravity adds behind walls."""
+        p = self.particles
+        ti.loop_config(serialize=alone)
+        for i in range(n):
+            x, own = p.x[i], p.pressure_multiplier[i]
+            normal, shear = ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0])
+            for mirrored in ti.static((False, True)):
+                begin, end = self.neighbours.span(i, mirrored)
+                for s in range(begin, end):
+                    j, mirror, wall = self.neighbours.read(s, mirrored)
+                    r = self.images.offset(x, p.x[j], mirror, wall)
+                    both = own + p.pressure_multiplier[j]
+                    if ti.static(mirrored):
+                        both += self.virial.image_excess(x - r, j, gravity)
+                    push = -0.5 * both * self.density.pair_gradient[s]
+                    normal += r * push
+                    shear += ti.Vector([r.y * push.z, r.x * push.z, r.x * push.y])
+            share, mean = self.borne(i), normal.sum() / 3.0
+            p.normal_stress[i] = mean + share * (normal - mean)
+            p.shear_stress[i] = share * shear
+
+    @kernel
+    def _find_mean(
+        self, n: ti.i32, alone: ti.template(), gravity: ti.math.vec3, swing: ti.f32, way: ti.f32
+    ):
+        """T_i with the bell (1 - q^2)^4 as W, i itself included, over those that are known; swing,
+        way [s]: the time step over pressure_cfl and over cfl. In steps beyond their bounds the
+        stress is no more that of where particles are, and none of it is given back."""
+        p = self.particles
+        ti.loop_config(serialize=alone)
+        for i in range(n):
+            x, layer = p.x[i], p.layer[i]
+            total = self.known(i) * self.density.own_bell[layer]
+            normal, shear = total * p.normal_stress[i], total * p.shear_stress[i]
+            own = self.spread(i, 0.0)
+            for mirrored in ti.static((False, True)):
+                begin, end = self.neighbours.span(i, mirrored)
+                for s in range(begin, end):
+                    j, mirror, wall = self.neighbours.read(s, mirrored)
+                    r = self.images.offset(x, p.x[j], mirror, wall)
+                    excess = 0.0
+                    if ti.static(mirrored):
+                        excess = self.virial.image_excess(x - r, j, gravity)
+                    per_h = self.layers.per_h[layer, p.layer[j]]
+                    u = ti.max(1.0 - r.norm_sqr() * per_h**2, 0.0)
+                    slope = self.known(j) * self.density.bell_scale[layer, p.layer[j]] * u * u
+                    weight = slope * u * u
+                    # A sixth of the deviator of grad grad W: 48 (1 - q^2)^2 r (x) r/h^4.
+                    bend = 8.0 * slope * per_h**4 * (self.spread(j, excess) - own)
+                    normal += weight * p.normal_stress[j] - bend * r * r
+                    shear += weight * seen(mirror, p.shear_stress[j]) - 0.5 * bend * shears(r, r)
+                    total += weight
+            pressure = normal.sum() / 3.0
+            normal -= pressure
+            size = ti.sqrt(normal.norm_sqr() + 2.0 * shear.norm_sqr())
+            share = self.borne(i) * upto(ARRANGED, size / ti.max(pressure, LEAST_STRESS))
+            per_total = 1.0 / ti.max(total, LEAST_WEIGHT)
+            wave = ti.sqrt(ti.max(per_total * pressure, 0.0) / self.rest_density)
+            share *= per_total * upto(1.0, swing * wave / p.pair_spacing[i])
+            share *= upto(LEAP, way * p.v[i].norm() / self.layers.spacing[layer])
+            p.mean_normal_stress[i], p.mean_shear_stress[i] = share * normal, share * shear
+
+    @kernel
+    def _accelerate(self, n: ti.i32, alone: ti.template(), impulse: ti.f32):
+        """v_i += impulse sum V_j (T_i + T_j).grad W_ij; impulse: share dt/rho0 [s m^3/kg]."""
+        p = self.particles
+        ti.loop_config(serialize=alone)
+        for i in range(n):
+            m, v = self.layers.mass[p.layer[i]], p.v[i]
+            own, own_shear = p.mean_normal_stress[i], p.mean_shear_stress[i]
+            for mirrored in ti.static((False, True)):
+                change = ti.Vector([0.0, 0.0, 0.0])
+                begin, end = self.neighbours.span(i, mirrored)
+                for s in range(begin, end):
+                    j, mirror, _ = self.neighbours.read(s, mirrored)
+                    normal = own + p.mean_normal_stress[j]
+                    shear = own_shear + seen(mirror, p.mean_shear_stress[j])
+                    change += times(normal, shear, self.density.pair_gradient[s])
+                change *= impulse
+                v += change
+                if ti.static(mirrored):
+                    self.impulses.wall_impulse[None] += m * change
+                else:
+                    self.impulses.record_internal(m, p.x[i], change)
+            if ti.static(self.bodies):
+                # Twice, for sum V_j grad W_ij + b_i = 0: an even stress pushes nowhere.
+                body = 2.0 * impulse * times(own, own_shear, p.boundary_gradient[i])
+                v += body
+                self.impulses.body_impulse[None] += m * body
+                self.impulses.wall_impulse[None] += m * body
+            p.v[i] = v
+
+    @ti.func
+    def borne(self, i):
+        """Share (-) of the deviator round particle i that is the friction of an arrangement: none
+        among particles of other sizes."""
+        share = 1.0
+        if ti.static(self.layers.count > 1):
+            own = self.layers.spacing[self.particles.layer[i]]
+            share = upto(UNLIKE, ti.abs(self.particles.pair_spacing[i] / own - 1.0))
+        return share
+
+    @ti.func
+    def known(self, i):
+        """1, or 0 where a body bears a part of the stress of particle i."""
+        found = 1.0
+        if ti.static(self.bodies):
+            free = self.particles.boundary_gradient[i].norm_sqr() == 0.0
+            found = ti.select(free, 1.0, 0.0)
+        return found
+
+    @ti.func
+    def spread(self, i, excess):
+        """Pressure of particle i, and what its image has in excess [Pa], times the variance of its
+        kernel [Pa m^2]."""
+        p = self.particles
+        variance = VARIANCE * self.layers.support[p.layer[i]] ** 2
+        return variance * (p.normal_stress[i].sum() / 3.0 + excess)
