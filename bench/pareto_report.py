@@ -190,7 +190,7 @@ STYLES_OF = (UNIFORM, FIXED, ADAPTIVE)
 
 def slope(fineness: list[float], errors: list[float]) -> str:
     """Order of convergence: how fast errors fall with the spacing, and its standard error."""
-    if len(errors) < 3:
+    if len(errors) < 3 or not np.isfinite(errors).all():
         return "-"
     fit = linregress(-np.log(fineness), np.log(np.maximum(errors, LEAST)))
     return f"{fit.slope:.1f} +- {fit.stderr:.1f}"
