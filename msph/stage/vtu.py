@@ -15,7 +15,8 @@ from msph.fluid.simulation import Simulation
 from msph.measure.host_kernels import wendland
 from msph.measure.table import column
 
-# Particles that tell the values at a vertex: those of half a kernel's ball, the rest is air.
+# Particles of a layer that tell the values at a vertex: those of half a kernel's ball, the rest is
+# air.
 NEAREST = 40
 
 
@@ -64,8 +65,16 @@ def _at(points: np.ndarray, simulation: Simulation) -> dict[str, np.ndarray]:
 
     x, arrays = _particles(simulation)
     support = np.array([s.support for s in simulation.layers.specs])[arrays["layer"]]
-    r, near = cKDTree(x).query(points, k=min(NEAREST, len(x)))
-    r, near = r.reshape(len(points), -1), near.reshape(len(points), -1)
+    # By layers: among fine particles coarse ones that reach a point are not its nearest.
+    found_r, found_near = [], []
+    for layer in np.unique(arrays["layer"]):
+        own = np.flatnonzero(arrays["layer"] == layer)
+        some_r, some = cKDTree(x[own]).query(points, k=min(NEAREST, len(own)))
+        found_r.append(some_r.reshape(len(points), -1))
+        found_near.append(own[some].reshape(len(points), -1))
+    r, near = np.hstack(found_r), np.hstack(found_near)
+    order = r.argsort(axis=1)
+    r, near = np.take_along_axis(r, order, 1), np.take_along_axis(near, order, 1)
     weight = arrays["spacing_m"][near] ** 3 * wendland(r, support[near])
     # Beyond every kernel the nearest speaks alone.
     weight[:, 0] += np.where(weight.sum(axis=1) > 0.0, 0.0, 1.0)
