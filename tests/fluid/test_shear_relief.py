@@ -16,8 +16,7 @@ from msph.fluid.simulation import Simulation
 
 N, D, SMOOTHING = 7, 0.05, 2.4
 EDGE, DT, SHARE = N * D, 1e-3, 0.9
-STILL = ExternalForces()
-# Of walls that gravity presses on, which no image's excess pressure joins.
+# Without gravity images have the pressure of their particles.
 WEIGHTLESS = ExternalForces((0.0, 0.0, 0.0))
 
 
@@ -106,7 +105,7 @@ def test_walls_take_what_the_water_gets(cube):
 
 
 def test_a_low_wave_keeps_its_period_and_most_of_its_height():
-    """Half a spacing high in water 10 spacings deep, 5 s: without the force its period was 1.8 to
+    """Half a spacing high in water 10 spacings deep, 4 s: without the force its period was 1.8 to
     3.0 % off, by the start, and it lost .49 of its height per second."""
     length, depth, d = 1.0, 0.5, 0.05
     scene = tanks.tank((length, 0.3), depth, d, layers=1)

@@ -34,10 +34,10 @@ from msph.taichi_internals import data_oriented, kernel
 # Deviator over mean stress (-), both of the kernel's mean, up to which it is an arrangement's, and
 # from twice of which on it is none of it: a sheet of one particle has .5, surfaces .25, depths .01.
 ARRANGED = 0.2
-# Difference (-) of the spacing of a particle's pairs from its own, likewise: coarse particles on
-# fine ones of a 64th of their mass are borne by shear, and tumbled without.
+# Relative difference (-) between a particle's pair_spacing and its spacing, with the same fade:
+# without it coarse particles on fine ones of a 64th of their mass gain .25 % of the energy in 1 s.
 UNLIKE = 0.07
-# Way in a step over cfl spacings (-), likewise: the longest that the solver takes in bulk.
+# Way in a step over cfl spacings (-), with the same fade: the solver's longest in bulk.
 LEAP = 1.25
 # Variance of M5 along an axis over its squared support (-): (4 pi/3) int W r^4 dr.
 VARIANCE = 23.0 / 375.0
@@ -53,7 +53,7 @@ def upto(limit, value):
 
 @ti.func
 def shears(a, b):
-    """The yz, xz and xy components of the symmetric part of 2 a (x) b, less the diagonal."""
+    """The yz, xz and xy components of a (x) b + b (x) a."""
     return ti.Vector([a.y * b.z + a.z * b.y, a.x * b.z + a.z * b.x, a.x * b.y + a.y * b.x])
 
 
