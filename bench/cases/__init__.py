@@ -8,8 +8,10 @@ CASES: dict[str, Case] = {
     for case in (
         hydrostatic.CASE,
         sloshing.SLOSHING,
+        sloshing.DEEP_SLOSHING,
         sloshing.STANDING_WAVE,
         vortex.TAYLOR_GREEN,
+        vortex.SHEAR_WAVE,
         vortex.INVISCID_VORTEX,
         dam_break.CASE,
         balls.COLLISION,

@@ -12,6 +12,7 @@ import psutil
 import taichi as ti
 
 from bench import tanks
+from bench.terms import set_velocity
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.simulation import Simulation
 from msph.scene.build import build_simulation
@@ -27,6 +28,8 @@ CHANGEABLE = {
 UNIFORM, FIXED, ADAPTIVE = "uniform", "fixed layers", "adaptive layers"
 # Steps between passes of adaptation where layers stay as the start gives them.
 NEVER = 10**9
+# Random velocities [m/s] by which water loses its lattice.
+STIR = 0.3
 # A layer more, of twice the mass, for every so many times the spacings of two layers (-); the
 # coarsest then still lies in bands of two of its spacings.
 TWO_LAYERS, PER_LAYER, MOST_LAYERS = 5.0, 1.6, 6
@@ -218,11 +221,16 @@ CHANGES: tuple[dict[str, float], ...] = (
 
 
 def scene(
-    setting: Setting, size: tuple[float, float, float], spacing: float, water: list[dict], **more
+    setting: Setting,
+    size: tuple[float, float, float],
+    spacing: float,
+    water: list[dict],
+    most_layers: int = MOST_LAYERS,
+    **more,
 ) -> Scene:
     """A box of `size` [m] with bodies of water as in a scene file, finest particles of `spacing`
     [m], each layer of twice the mass of the next finer; more: sections of the scene."""
-    layers = setting.layers
+    layers = min(setting.layers, most_layers)
     given = {"smoothing": setting.smoothing} if setting.smoothing else {}
     solver = {
         name: getattr(setting, name)
@@ -280,6 +288,16 @@ def begin(scene: Scene, water: dict[str, np.ndarray] | None = None) -> Run:
         sim.initial = water
     sim.warm_up(tanks.FRAME)
     return Run(sim)
+
+
+def stir(run: Run, seconds: float, start: int = 0) -> None:
+    """Random velocities, the same for a `start`, and `seconds` [s] to come to rest. A lattice
+    resists shear until it is broken, and its stress is isotropic by symmetry, as in no water that
+    has moved."""
+    sim = run.simulation
+    v = np.random.default_rng(start).normal(0.0, STIR, (sim.particles.count, 3))
+    set_velocity(sim, v)
+    run.go(seconds)
 
 
 def others_busy() -> float:

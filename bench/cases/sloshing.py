@@ -6,6 +6,7 @@ normal derivative of |u|^2 over the surface of an irrotational flow, which vanis
 1932, art. 329, 348).
 """
 
+import functools
 import math
 
 import numpy as np
@@ -15,30 +16,32 @@ from bench import tanks
 from bench.cases.case import ADAPTIVE, UNIFORM, Case, Run, Setting, begin, tank
 
 LENGTH, WIDTH, DEPTH, AIR = 1.0, 0.3, 0.5, 0.3
-# Amplitude as a share of the depth: linear theory is .1 % off there.
-AMPLITUDE = 0.05
+# Depth of a tank whose wave leaves the water below at rest: the bottom's moves by .004 of the top's.
+DEEP = 2.0
+# Amplitude [m]: linear theory is .1 % off there.
+AMPLITUDE = 0.025
 SETTLE, READ = 1.0, 5.0
 # Viscosity that halves velocities in 1.8 s, beside which the method's own damping is small.
 VISCOSITY = 20.0
 
 
 def swing(
-    setting: Setting, decay: float = 0.0, **more
+    setting: Setting, depth: float = DEPTH, decay: float = 0.0, **more
 ) -> tuple[Run, tanks.Reading, float, float, float]:
-    """The run; its reading; period [s] and decay [1/s] of the damped cosine that fits best; and the
+    """A run in water of `depth` [m]; its reading; period [s] and decay [1/s] of the damped cosine that fits best; and the
     distance of the centre of mass from theory over two periods, rms, over theory's own way, rms.
 
     decay [1/s]: of the amplitude, by theory.
     """
-    run = begin(tank(setting, (LENGTH, WIDTH), DEPTH, AIR, **more))
+    run = begin(tank(setting, (LENGTH, WIDTH), depth, AIR, **more))
     run.go(SETTLE)
-    tanks.slosh(run.simulation, DEPTH, AMPLITUDE * DEPTH)
+    tanks.slosh(run.simulation, depth, AMPLITUDE)
     reading, masses = tanks.Reading(run.simulation), run.masses()
     speed = float((masses * run.velocities()[:, 0]).sum() / masses.sum())
     at_rest = run.centre()[0]
     run.go(READ, reading.read)
     x, times = np.array(reading.centres)[:, 0], np.array(reading.times) - SETTLE
-    expected = tanks.slosh_period(LENGTH, DEPTH)
+    expected = tanks.slosh_period(LENGTH, depth)
     omega, early = 2.0 * math.pi / expected, times <= 2.0 * expected
     theory = speed / omega * np.exp(-decay * times) * np.sin(omega * times)
     apart = np.sqrt(np.mean((x - at_rest - theory)[early] ** 2) / np.mean(theory[early] ** 2))
@@ -52,9 +55,9 @@ def swing(
     return run, reading, float(period), float(rate), float(apart)
 
 
-def inviscid(setting: Setting) -> tuple[Run, dict[str, float]]:
-    run, reading, period, rate, apart = swing(setting)
-    theory = tanks.slosh_period(LENGTH, DEPTH)
+def inviscid(setting: Setting, depth: float = DEPTH) -> tuple[Run, dict[str, float]]:
+    run, reading, period, rate, apart = swing(setting, depth)
+    theory = tanks.slosh_period(LENGTH, depth)
     return run, {
         "wave": apart,
         "period": abs(period / theory - 1.0),
@@ -67,7 +70,7 @@ def inviscid(setting: Setting) -> tuple[Run, dict[str, float]]:
 def viscous(setting: Setting) -> tuple[Run, dict[str, float]]:
     theory = 2.0 * VISCOSITY / 1000.0 * (math.pi / LENGTH) ** 2
     viscosity = {"viscosity": VISCOSITY}
-    run, reading, period, rate, apart = swing(setting, theory, projection=viscosity)
+    run, reading, period, rate, apart = swing(setting, decay=theory, projection=viscosity)
     return run, {
         "wave": apart,
         "decay": abs(rate / theory - 1.0),
@@ -79,25 +82,38 @@ def viscous(setting: Setting) -> tuple[Run, dict[str, float]]:
 ENERGY = "largest rise of the energy in 1 s, over that of the water above the floor"
 WAVE = "way of the centre of mass in two periods against theory, rms, over theory's own"
 PERIOD = "period of the first mode against linear theory"
+INVISCID = {
+    "wave": WAVE,
+    "period": PERIOD,
+    "damping": "damping ratio of water without viscosity, 0 by theory",
+    "height": "height of the centre of mass against H/2, over H/2",
+    "energy_rise": ENERGY,
+}
 SLOSHING = Case(
     "sloshing",
-    "Sloshing of a tank 1 m long, 0.5 m deep",
+    f"Sloshing of a tank {LENGTH:g} m long, {DEPTH:g} m deep",
     "depth",
-    {
-        "wave": WAVE,
-        "period": PERIOD,
-        "damping": "damping ratio of water without viscosity, 0 by theory",
-        "height": "height of the centre of mass against H/2, over H/2",
-        "energy_rise": ENERGY,
-    },
+    INVISCID,
     (5, 7, 10, 15, 25),
     inviscid,
     summary=True,
     sheared=True,
 )
+DEEP_SLOSHING = Case(
+    "deep_sloshing",
+    f"Sloshing of a tank {LENGTH:g} m long, {DEEP:g} m deep",
+    "depth",
+    INVISCID,
+    (20, 28, 40, 60, 80),
+    functools.partial(inviscid, depth=DEEP),
+    waters=(UNIFORM, ADAPTIVE),
+    classic=(),
+    summary=True,
+    sheared=True,
+)
 STANDING_WAVE = Case(
     "standing_wave",
-    f"The same in a liquid of {VISCOSITY:g} Pa s",
+    f"Sloshing of a liquid of {VISCOSITY:g} Pa s, {DEPTH:g} m deep",
     "depth",
     {
         "wave": WAVE,
