@@ -16,7 +16,7 @@ from bench import tanks
 from bench.cases.case import ADAPTIVE, UNIFORM, Case, Run, Setting, begin, tank
 
 LENGTH, WIDTH, DEPTH, AIR = 1.0, 0.3, 0.5, 0.3
-# Depth of a tank whose wave leaves the water below at rest: the bottom's moves by .004 of the top's.
+# Depth [m] below which a wave leaves the water at rest: there it goes .004 of its way at the top.
 DEEP = 2.0
 # Amplitude [m]: linear theory is .1 % off there.
 AMPLITUDE = 0.025
@@ -28,10 +28,10 @@ VISCOSITY = 20.0
 def swing(
     setting: Setting, depth: float = DEPTH, decay: float = 0.0, **more
 ) -> tuple[Run, tanks.Reading, float, float, float]:
-    """A run in water of `depth` [m]; its reading; period [s] and decay [1/s] of the damped cosine that fits best; and the
+    """The run; its reading; period [s] and decay [1/s] of the damped cosine that fits best; and the
     distance of the centre of mass from theory over two periods, rms, over theory's own way, rms.
 
-    decay [1/s]: of the amplitude, by theory.
+    depth [m] of the water; decay [1/s]: of the amplitude, by theory.
     """
     run = begin(tank(setting, (LENGTH, WIDTH), depth, AIR, **more))
     run.go(SETTLE)
