@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bench import pareto, pareto_report, pareto_table, rows, tanks
-from bench.cases import CASES, vortex
+from bench.cases import CASES, thesis_pool, vortex
 from bench.cases.case import ADAPTIVE, RELIEF, UNIFORM, Setting, begin, tank
 from bench.cases.dam_break import reference
 from bench.terms import VORTEX_SPEED, set_velocity
@@ -56,6 +56,15 @@ def test_layers_have_their_mass_in_a_vortex():
     shape = (taylor_green(x) ** 2).sum(axis=1)
     share = (m * shape)[fine[:, 0]].sum() / (m * shape).sum()
     assert vortex.amplitude(run) == pytest.approx(1.0 + share, rel=1e-5)
+
+
+def test_settings_reach_the_shipped_pool():
+    """They were listed as runs of their own, and were the same run."""
+    given = {"motion_tolerance": 0.03, "cfl": 0.8, "shear_relief": 0.5}
+    scene = thesis_pool.pool(Setting(water="adaptive", smoothing=2.0, **given))
+    assert {layer.smoothing for layer in scene.layers} == {2.0}
+    assert {k: getattr(scene.projection, k) for k in given} == given
+    assert thesis_pool.pool(Setting(water="adaptive")).projection.shear_relief == 0.0
 
 
 def test_momenta_of_a_collision_are_kept():

@@ -61,6 +61,12 @@ class Setting:
         return min(MOST_LAYERS, max(2, 2 + round(more)))
 
     @property
+    def solver(self) -> dict[str, float]:
+        """Parameters of projection that are not the default."""
+        names = [name for name in CHANGEABLE if name != "smoothing"]
+        return {name: getattr(self, name) for name in names if getattr(self, name) is not None}
+
+    @property
     def changes(self) -> str:
         """What is not the default, in words."""
         known = {text: getattr(self, name) for name, text in CHANGEABLE.items()}
@@ -229,14 +235,10 @@ def scene(
     **more,
 ) -> Scene:
     """A box of `size` [m] with bodies of water as in a scene file, finest particles of `spacing`
-    [m], each layer of twice the mass of the next finer; more: sections of the scene."""
+    [m], each layer of twice the mass of the next finer, at most so many; more: sections of the
+    scene."""
     layers = min(setting.layers, most_layers)
     given = {"smoothing": setting.smoothing} if setting.smoothing else {}
-    solver = {
-        name: getattr(setting, name)
-        for name in ("cfl", "motion_tolerance", "shear_relief")
-        if getattr(setting, name) is not None
-    }
     adaptation = {"enabled": layers > 1 and setting.method != "classic"}
     if setting.water == FIXED:
         adaptation["every"] = NEVER
@@ -248,7 +250,7 @@ def scene(
             "water": [{"layer": layers - 1, **w} for w in water],
             "adaptation": adaptation,
             **more,
-            "projection": {**solver, **more.get("projection", {})},
+            "projection": {**setting.solver, **more.get("projection", {})},
         }
     )
 
@@ -280,12 +282,9 @@ def tank(
     return scene(setting, (x, depth + air, z), spacing, water, **more)
 
 
-def begin(scene: Scene, water: dict[str, np.ndarray] | None = None) -> Run:
-    """A run of the scene; its kernels are compiled. water: attributes of its particles, in place of
-    what the scene says."""
+def begin(scene: Scene) -> Run:
+    """A run of the scene; its kernels are compiled."""
     sim = build_simulation(scene)
-    if water:
-        sim.initial = water
     sim.warm_up(tanks.FRAME)
     return Run(sim)
 
