@@ -27,7 +27,7 @@ from msph.stage.benchmark import benchmark
 from msph.taichi_internals import data_oriented, kernel
 
 SCENE = "pool_2x"
-# The thesis's particles, and methods by their defaults: the scene has shear relief.
+# The thesis's particles; shear relief, which the scene has on, is off by the method's default.
 GIVEN = ("variant=system-3", "projection.shear_relief=0")
 # What is compared, by its changes to the scene: both methods on the thesis's particles, and the
 # same water in bands of a sheet or two, seven layers, which the start gives each depth.

@@ -35,6 +35,8 @@ def test_still_water_is_read_once_it_has_moved():
     assert errors["pressure"] < 0.02 and errors["height"] < 0.02
     cell = run.places() * 6.0 % 1.0
     assert np.abs(cell - 0.5).mean() > 0.1
+    # Of all starts: resets had begun the count anew.
+    assert run.costs()["steps"] >= 60 * run.simulated - 1
 
 
 def test_a_vortex_is_slow_enough_to_leave_the_surface_level():

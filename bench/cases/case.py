@@ -78,13 +78,16 @@ class Run:
     """A simulation that is timed, and read at the end of each frame.
 
     wall [s] is what `simulated` [s] took; others (-): mean number of cores that other processes
-    kept busy meanwhile; compression, p99 and largest are the mean, 99th percentile and maximum over
-    particles of max(rho/rho0 - 1, 0) (-) in each frame, rho summed over positions then.
+    kept busy meanwhile; steps, iterations: of all frames that go() ran; compression, p99 and
+    largest are the mean, 99th percentile and maximum over particles of max(rho/rho0 - 1, 0) (-) in
+    each frame, rho summed over positions then.
     """
 
     simulation: Simulation
     wall: float = 0.0
     simulated: float = 0.0
+    steps: int = 0
+    iterations: int = 0
     compression: list[float] = field(default_factory=list)
     p99: list[float] = field(default_factory=list)
     largest: list[float] = field(default_factory=list)
@@ -105,12 +108,16 @@ class Run:
         """Frames of `frame` [s] for `seconds` [s] under gravity [m/s^2], read() after each."""
         forces = ExternalForces(gravity=(0.0, -gravity, 0.0))
         for _ in range(max(1, round(seconds / frame))):
+            sim = self.simulation
+            steps, iterations = sim.steps, sim.iterations
             ti.sync()
             begin = time.perf_counter()
-            self.simulation.advance(frame, forces)
+            sim.advance(frame, forces)
             ti.sync()
             self.wall += time.perf_counter() - begin
             self.simulated += frame
+            self.steps += sim.steps - steps
+            self.iterations += sim.iterations - iterations
             self._look()
             read()
 
@@ -153,8 +160,8 @@ class Run:
             "particles": sim.particles.count,
             "peak_mib": peak_mib(),
             "others": self.others,
-            "steps": sim.steps,
-            "iterations_per_step": sim.iterations / max(sim.steps, 1),
+            "steps": self.steps,
+            "iterations_per_step": self.iterations / max(self.steps, 1),
             "compression_mean": float(np.mean(self.compression)),
             "compression_p99": float(np.mean(self.p99)),
             "compression_largest": max(self.largest),
@@ -235,8 +242,8 @@ def scene(
     **more,
 ) -> Scene:
     """A box of `size` [m] with bodies of water as in a scene file, finest particles of `spacing`
-    [m], each layer of twice the mass of the next finer, at most so many; more: sections of the
-    scene."""
+    [m], each layer of twice the mass of the next finer; most_layers: the most there are, whatever
+    the setting; more: sections of the scene."""
     layers = min(setting.layers, most_layers)
     given = {"smoothing": setting.smoothing} if setting.smoothing else {}
     adaptation = {"enabled": layers > 1 and setting.method != "classic"}
@@ -290,9 +297,10 @@ def begin(scene: Scene) -> Run:
 
 
 def stir(run: Run, seconds: float, start: int = 0) -> None:
-    """Random velocities, the same for a `start`, and `seconds` [s] to come to rest. A lattice
-    resists shear until it is broken, and its stress is isotropic by symmetry, as in no water that
-    has moved."""
+    """Breaks the lattice by random velocities, `start` their seed, and runs `seconds` [s] to rest.
+
+    A lattice resists shear until it is broken, and on it all particles have the same kernel sums,
+    which hides errors of what is read from them."""
     sim = run.simulation
     v = np.random.default_rng(start).normal(0.0, STIR, (sim.particles.count, 3))
     set_velocity(sim, v)

@@ -13,8 +13,8 @@ FINENESS = 20
 
 
 def pool(setting: Setting) -> Scene:
-    """Still, and by the method's defaults but for what the setting changes: the shipped scene has
-    shear relief."""
+    """The shipped scene, not rocked, with the setting's changes; without shear relief, which the
+    scene has, unless the setting asks for it."""
     solver = {"shear_relief": 0.0, **setting.solver}
     changes = [f"variant={setting.water}", f"method={setting.method}", "sway.angle=0"]
     scene = load_scene(SCENE, changes + [f"projection.{k}={v:g}" for k, v in solver.items()])

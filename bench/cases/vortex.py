@@ -1,7 +1,7 @@
 """Vortices about the vertical that fill a tank of free-slip walls: Taylor-Green, and a shear wave.
 
 u = U (sin kx x cos kz z, 0, -kx/kz cos kx x sin kz z) decays as exp(-nu (kx^2 + kz^2) t), half a
-wave along each edge; without viscosity all decay is error. A plane shear wave would flow through
+wave along each edge; without viscosity it keeps its speed. A plane shear wave would flow through
 walls: in a tank SHEAR_LENGTH times as long as wide the vortex is one but for its ends. Under
 gravity and a free surface, for the method's pressures only push: without weight the water would
 part in the vortex's middle. What the surface takes is part of the error (terms.VORTEX_SPEED).
@@ -21,19 +21,22 @@ SETTLE = 2.0
 # The flow fills the depth, so its error is that of the coarsest particles: these refine with the
 # finest while the number of layers stays.
 LAYERS = 2
-# Kinematic viscosity [m^2/s] by which half of Taylor and Green's is lost in the time read [s];
-# without it the fastest water goes .4 of the edge.
+# Kinematic viscosity [m^2/s] by which Taylor and Green's vortex loses half of its amplitude in READ
+# [s]. In READ_INVISCID [s], without viscosity, the fastest water goes .4 of the edge.
 NU, READ, READ_INVISCID = 0.1, 0.35, 1.6
 
 
 def amplitude(run: Run, length: float = 1.0) -> float:
-    """Of the vortex in the water's momentum [m/s]."""
+    """Amplitude U [m/s] of the vortex, by least squares weighted by mass; length [m]: the tank's."""
     shape, m = vortex(run.places(), length), run.masses()[:, None]
     return float((m * run.velocities() * shape).sum() / (m * shape**2).sum())
 
 
-def left(setting: Setting, nu: float, seconds: float, length: float = 1.0) -> tuple[Run, float]:
-    """The run, and the share of the amplitude that is left after so long [s]."""
+def share_left(
+    setting: Setting, nu: float, seconds: float, length: float = 1.0
+) -> tuple[Run, float]:
+    """A run of `seconds` [s] at the kinematic viscosity nu [m^2/s] in a tank of `length` [m], and
+    the share of the vortex's amplitude (-) that is left."""
 
     def water(**more) -> Run:
         return begin(tank(setting, (length, WIDTH), DEPTH, AIR, most_layers=LAYERS, **more))
@@ -49,17 +52,18 @@ def left(setting: Setting, nu: float, seconds: float, length: float = 1.0) -> tu
 
 
 def viscous(setting: Setting, length: float = 1.0) -> tuple[Run, dict[str, float]]:
-    run, found = left(setting, NU, READ, length)
+    run, found = share_left(setting, NU, READ, length)
     rate = NU * np.pi**2 * (1.0 / length**2 + 1.0 / WIDTH**2)
     return run, {"amplitude": abs(found / np.exp(-rate * READ) - 1.0)}
 
 
 def inviscid(setting: Setting) -> tuple[Run, dict[str, float]]:
-    run, found = left(setting, 0.0, READ_INVISCID)
+    run, found = share_left(setting, 0.0, READ_INVISCID)
     return run, {"amplitude": abs(found - 1.0)}
 
 
 def case(name: str, title: str, measure) -> Case:
+    """A vortex as a case: its amplitude against the formula."""
     return Case(
         name,
         title,
