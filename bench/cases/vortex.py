@@ -27,7 +27,7 @@ NU, READ, READ_INVISCID = 0.1, 0.35, 1.6
 
 
 def amplitude(run: Run, length: float = 1.0) -> float:
-    """Amplitude U [m/s] of the vortex, by least squares weighted by mass; length [m]: the tank's."""
+    """Amplitude U [m/s] of the vortex, by least squares weighted by mass; length [m] of tank."""
     shape, m = vortex(run.places(), length), run.masses()[:, None]
     return float((m * run.velocities() * shape).sum() / (m * shape**2).sum())
 
