@@ -18,6 +18,7 @@ from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.projection.position_correction import BRISK, CROWDED
 from msph.fluid.projection.solver import LEAP
+from msph.fluid.projection.virial_pressure import BULK_WEIGHT, MOVED, SURFACE_WEIGHT, VARIANCE
 from msph.fluid.simulation import Simulation
 from msph.taichi_internals import longest_float
 
@@ -130,25 +131,34 @@ def test_operator_equals_brute_force_and_is_symmetric(collision):
     sim.reset()
 
 
-def test_pressure_is_the_virial_mean_over_pairs(collision):
-    """Of random multipliers against all pairs; a lone particle keeps its own."""
+def test_pressure_is_a_third_of_the_virials_trace(collision):
+    """Of random multipliers against all pairs, of which the coarser end has more; the mean over
+    pairs where weights are missing, and a lone particle's own."""
     collision.reset()
+    for _ in range(6):
+        collision.advance(1 / 60, WEIGHTLESS)
     solver, p, dt = collision.solver, collision.particles, 0.01
     n = p.count
     solver.measure_density()
     x, layer = p.numpy("x").astype(float), p.numpy("layer")
     volume, support = (np.array([getattr(s, k) for s in collision.layers.specs]) for k in WEIGHTS)
+    volume, h = volume[layer], support[layer]
     q = np.random.default_rng(2).uniform(0.0, 1e-4, n)
     fill(p.velocity_multiplier, q)
     solver.pressure_solve.accelerate(n, p.alone, dt, (0.0, 0.0, 0.0))
     r = np.linalg.norm(x[:, None] - x, axis=2)
-    weight = -r * volume[layer] * quartic_slope(r, pair_support(support[layer], support[layer]))
+    np.fill_diagonal(r, 1.0)
+    weight = -r * volume * quartic_slope(r, pair_support(h, h)) / YIELD[2.5]
     np.fill_diagonal(weight, 0.0)
-    met = weight.sum(axis=1) > 0.0
-    others = (weight * q).sum(axis=1)[met] / weight.sum(axis=1)[met]
-    expected = q.copy()
-    expected[met] = 0.5 * (q[met] + others)
-    assert np.allclose(p.numpy("pressure"), 1000.0 / dt**2 * expected, rtol=1e-4)
+    sums, both = weight.sum(axis=1), 0.5 * (q[:, None] + q)
+    mean = np.where(sums > 0.0, (weight * both).sum(axis=1) / np.where(sums > 0.0, sums, 1.0), q)
+    moved = MOVED * VARIANCE * (h**2 - h[:, None] ** 2) / r**2
+    trace = (weight * both * (1.0 - np.clip(moved, -1.0, 1.0))).sum(axis=1) / 3.0
+    bulk = np.interp(sums / 3.0, (SURFACE_WEIGHT, BULK_WEIGHT), (0.0, 1.0))
+    assert (((moved > 0.1) & (weight > 0.0)).any(axis=1) & (bulk == 1.0)).sum() > 10
+    assert (bulk == 0.0).sum() > 10
+    expected = 1000.0 / dt**2 * (bulk * trace + (1.0 - bulk) * mean)
+    assert np.allclose(p.numpy("pressure"), expected, rtol=1e-4)
     collision.reset()
 
 

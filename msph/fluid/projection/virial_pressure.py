@@ -2,9 +2,14 @@
 
 A multiplier p_i is no pressure of its own: i and j press on each other with
 V_i V_j (p_i + p_j) grad W_ij, and weight is borne by all pairs across a plane. So the pressure at a
-particle is the mean of (p_i + p_j)/2 over its pairs, weighed as in the virial by -r_ij.grad W_ij
-(Irving and Kirkwood 1950). At surfaces and between layers multipliers fall short of it by up to 5 %
-of rho g H (docs/method.md, "Pressure").
+particle is a third of the trace of its virial stress (Irving and Kirkwood 1950),
+
+    1/3 sum w_ij (p_i + p_j)/2,    w_ij = -V_j r_ij.grad W_ij (1 - 5/6 (s_j^2 - s_i^2)/r_ij^2).
+
+Half of a pair's virial belongs to either end among equals. It acts all along the line between:
+what counting it at the ends adds to a mean is cancelled, to second order, by giving the coarser end
+more, s^2 being the variance of W along an axis. At surfaces, where directions are missing, it is
+the mean by w instead (docs/method.md, "Pressure").
 
 A body is no partner: it pushes with the multiplier of the particle that it meets, which for that is
 larger than the pressure, up to twice. What pushes is the gradient of the kernel's mean of
@@ -16,11 +21,19 @@ import taichi as ti
 from msph.fluid.particles.layers import Layers
 from msph.fluid.particles.neighbour_list import NeighbourList
 from msph.fluid.particles.particles import Particles
-from msph.fluid.projection.density import Density
+from msph.fluid.projection.density import TINY, Density
 from msph.taichi_internals import data_oriented, longest_float
 
 # Sum of the weights (-) from which on there is a mean; 3 in bulk.
 LEAST_WEIGHT = 1e-6
+# Thirds of that sum between which the mean gives way to the trace: flat surfaces have .82 to .87,
+# bulk .96 to 1.04 between layers and .99 to 1.01 else.
+SURFACE_WEIGHT, BULK_WEIGHT = 0.85, 0.95
+# Variance of M5 along an axis over its squared support (-): (4 pi/3) int W r^4 dr.
+VARIANCE = 23.0 / 375.0
+# Part of (s_j^2 - s_i^2)/r_ij^2 that moves from one end to the other: 1/12, by which ends exceed
+# the line, over 1/10, half of three times the 1/15 of an isotropic fourth moment of directions.
+MOVED = 5.0 / 6.0
 # Speed over sqrt(a d) (-) from which on the acceleration a by images' excess pressure bears rising
 # particles among unlike ones no more: in sloshing water .005 in the median; coarse ones bounced at
 # .08. And the share by which spacings differ among particles of another layer, twice the mass.
@@ -57,7 +70,7 @@ class VirialPressure:
         particle's pressure is its own multiplier."""
         x, own = self.particles.x[i], self.particles.pressure_multiplier[i]
         found = self.Pressed()
-        others, weights = 0.0, 0.0
+        trace, others, weights = 0.0, 0.0, 0.0
         for mirrored in ti.static((False, True)):
             pushes = self.long_vector(0.0)
             begin, end = self.neighbours.span(i, mirrored)
@@ -72,13 +85,26 @@ class VirialPressure:
                     other += self.image_excess(x - r_ij, j, gravity)
                 others += weight * other
                 weights += weight
+                trace += self.share(i, j, r_ij) * weight * (own + other)
             if ti.static(mirrored):
                 found.wall = pushes / self.rest_density
             else:
                 found.inner = pushes / self.rest_density
         mean = ti.select(weights > LEAST_WEIGHT, others / ti.max(weights, LEAST_WEIGHT), own)
-        found.virial = 0.5 * (own + mean)
+        bulk = (weights / 3.0 - SURFACE_WEIGHT) / (BULK_WEIGHT - SURFACE_WEIGHT)
+        found.virial = ti.math.mix(0.5 * (own + mean), trace / 3.0, ti.math.clamp(bulk, 0.0, 1.0))
         return found
+
+    @ti.func
+    def share(self, i, j, r_ij):
+        """Share (-) of their pair's virial that belongs to i; that of j is what is left of 1."""
+        share = 0.5
+        if ti.static(self.layers.count > 1):
+            own = self.layers.support[self.particles.layer[i]]
+            other = self.layers.support[self.particles.layer[j]]
+            excess = MOVED * VARIANCE * (other**2 - own**2) / ti.max(r_ij.norm_sqr(), TINY)
+            share -= 0.5 * ti.math.clamp(excess, -1.0, 1.0)
+        return share
 
     @ti.func
     def beside_body(self, i, gravity):
