@@ -18,7 +18,7 @@ from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.projection.position_correction import BRISK, CROWDED
 from msph.fluid.projection.solver import LEAP
-from msph.fluid.projection.virial_pressure import BULK_WEIGHT, MOVED, SURFACE_WEIGHT, VARIANCE
+from msph.fluid.projection.virial_pressure import BULK_WEIGHT, SURFACE_WEIGHT
 from msph.fluid.simulation import Simulation
 from msph.taichi_internals import longest_float
 
@@ -152,8 +152,8 @@ def test_pressure_is_a_third_of_the_virials_trace(collision):
     np.fill_diagonal(weight, 0.0)
     sums, both = weight.sum(axis=1), 0.5 * (q[:, None] + q)
     mean = np.where(sums > 0.0, (weight * both).sum(axis=1) / np.where(sums > 0.0, sums, 1.0), q)
-    moved = MOVED * VARIANCE * (h**2 - h[:, None] ** 2) / r**2
-    trace = (weight * both * (1.0 - np.clip(moved, -1.0, 1.0))).sum(axis=1) / 3.0
+    moved = (h**2 - h[:, None] ** 2) / (6.0 * pair_support(h, h) ** 2)
+    trace = (weight * both * (1.0 - moved)).sum(axis=1) / 3.0
     bulk = np.interp(sums / 3.0, (SURFACE_WEIGHT, BULK_WEIGHT), (0.0, 1.0))
     assert (((moved > 0.1) & (weight > 0.0)).any(axis=1) & (bulk == 1.0)).sum() > 10
     assert (bulk == 0.0).sum() > 10

@@ -57,6 +57,19 @@ def pair_support(h_i, h_j):
     return (0.5 * (h_i**PAIRING + h_j**PAIRING)) ** (1.0 / PAIRING)
 
 
+def stress_share(supports: np.ndarray) -> np.ndarray:
+    """Share (n, n) of the stress of a pair of layers that belongs to the first (-); the other has
+    the rest of 1. supports (n,) [m].
+
+    A pair's stress acts all along the line between its ends. Counted at the ends, it exceeds that
+    by 1/12 (r.grad)^2 in any mean: nothing among equals, but not between layers, where the second
+    moment of pairs varies as h^2. This share cancels it to second order, whatever the kernel
+    (docs/method.md, "Pressure").
+    """
+    own, other = supports[:, None], supports
+    return 0.5 - (other**2 - own**2) / (12.0 * pair_support(own, other) ** 2)
+
+
 class Layers:
     """The layers of a scene as Taichi fields of shape (count,): mass [kg], volume [m^3],
     spacing [m], support [m], gravity_factor (-), viscosity [Pa s], wendland (0 or 1); and per_h

@@ -19,7 +19,7 @@ import taichi as ti
 from msph.constant_fields import constant_fields
 from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.particles import kernels
-from msph.fluid.particles.layers import Layers, pair_support
+from msph.fluid.particles.layers import Layers, pair_support, stress_share
 from msph.fluid.particles.neighbour_list import NeighbourList
 from msph.fluid.particles.particles import Attribute, Particles
 from msph.taichi_internals import data_oriented, kernel
@@ -118,9 +118,9 @@ class Density:
         own = 1.0 - per_yield * (1.0 - peak)
         own_bell = kernels.BELL / smoothing**3
         self.scale, self.bell_scale, self.own, self.own_bell, *others = constant_fields(
-            scale, bell_scale, own, own_bell, per_yield, 1.0 / volumes
+            scale, bell_scale, own, own_bell, per_yield, 1.0 / volumes, stress_share(supports)
         )
-        self.per_yield, self.per_volume = others
+        self.per_yield, self.per_volume, self.stress_share = others
 
     def refresh(self) -> None:
         """Sums anew if the list was searched anew, or where bodies move; the list must be fresh."""

@@ -10,11 +10,12 @@ import taichi as ti
 from msph.fluid.particles.particles import Attribute
 from msph.fluid.projection.conjugate_gradient import TINY, ConjugateGradient
 from msph.fluid.projection.discretisation import Discretisation
+from msph.fluid.projection.shear_relief import ShearRelief
 from msph.fluid.projection.virial_pressure import VirialPressure
 from msph.taichi_internals import data_oriented, kernel
 
 ATTRIBUTES = (
-    Attribute("pressure", "Pa", "virial mean over a particle's pairs", view="pressure"),
+    Attribute("pressure", "Pa", "a third of the virial stress's trace", view="pressure"),
     Attribute("pressure_multiplier", "Pa", "of the velocity solve: pairs press with the mean"),
     Attribute("previous_multiplier", "Pa", "pressure_multiplier of the step before"),
     Attribute("velocity_multiplier", "m^2", "unknown of the velocity solve", carried=False),
@@ -55,7 +56,10 @@ class PressureSolve:
             diagonal=p.diagonal,
             active=p.active,
         )
-        self.virial = VirialPressure(shared.layers, p, shared.neighbours, shared.density)
+        self.relieved = ShearRelief.wanted(shared.parameters)
+        self.virial = VirialPressure(
+            shared.layers, p, shared.neighbours, shared.density, stressed=self.relieved
+        )
 
     def solve(self, dt: float) -> int:
         """Multipliers for a step of dt [s]; returns the iterations it took."""
@@ -150,7 +154,7 @@ class PressureSolve:
     def accelerate(
         self, n: ti.i32, alone: ti.template(), dt: ti.f32, gravity: ti.math.vec3
     ) -> ti.f32:
-        """v += u/dt, p = rho0 q/dt^2 and the virial pressure. Returns the largest rate [1/s] by
+        """v += u/dt, p = rho0 q/dt^2, the virial pressure and stress. Returns the largest rate [1/s] by
         which pressure bounds the next step: sqrt(p/rho0) over pressure_cfl spacings."""
         p, top = self.particles, 0.0
         ti.loop_config(serialize=p.light)
@@ -177,6 +181,8 @@ class PressureSolve:
                 if p.boundary_gradient[i].norm_sqr() > 0.0:
                     pressure = self.virial.beside_body(i, gravity)
             p.pressure[i] = pressure
+            if ti.static(self.relieved):
+                p.normal_stress[i], p.shear_stress[i] = pressed.normal, pressed.shear
             swing = ti.sqrt(ti.max(pressed.virial, 0.0) / self.rest_density)
             ti.atomic_max(top, swing / (self.parameters.pressure_cfl * p.pair_spacing[i]))
         return top

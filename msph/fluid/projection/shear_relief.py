@@ -3,21 +3,16 @@
 The stress of an inviscid fluid is isotropic. Pairs press on each other along their axes, so
 particles under pressure have the virial stress (Irving and Kirkwood 1950)
 
-    S_i = -1/2 sum V_j (p_i + p_j) r_ij (x) grad W_ij.
+    S_i = -sum V_j share_ij (p_i + p_j) r_ij (x) grad W_ij,
 
-Strain makes neighbourhoods anisotropic, and the deviator of S then resists it, as the friction of a
-granular medium does: low waves die. The deviator's mean over a kernel, the stress of the scale on
-which water flows, is taken out of the momentum balance; what differs from particle to particle
-stays, and keeps them apart.
+share_ij = 1/2 among equals (virial_pressure.py). Strain makes neighbourhoods anisotropic, and the
+deviator of S then resists it, as the friction of a granular medium does: low waves die. The
+deviator's mean over a kernel, the stress of the scale on which water flows,
 
-Half of a pair's stress counts at either end in S, though it acts all along the line between. To
-second order that is 1/12 (r.grad)^2 of the mean too much, which is nothing but where the pressure
-times the kernel's variance is curved: between layers it is as large as the friction. With the
-isotropic fourth moment p s^2 (dd + dd + dd), s^2 the variance of W along an axis, the mean is
+    T_i = dev(sum V_j W_ij S_j)/sum V_j W_ij,
 
-    T_i = dev(sum V_j W_ij S_j - 1/6 sum V_j (p_j s_j^2 - p_i s_i^2) grad grad W_ij)/sum V_j W_ij.
-
-docs/method.md, "Shear relief", has the measurements.
+is taken out of the momentum balance; what differs from particle to particle stays, and keeps them
+apart. docs/method.md, "Shear relief", has the measurements.
 """
 
 import math
@@ -28,7 +23,6 @@ from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.particles import Attribute
 from msph.fluid.projection.discretisation import Discretisation
 from msph.fluid.projection.parameters import ProjectionParameters
-from msph.fluid.projection.virial_pressure import VirialPressure
 from msph.taichi_internals import data_oriented, kernel
 
 # Deviator over mean stress (-), both of the kernel's mean, up to which it is an arrangement's, and
@@ -39,8 +33,6 @@ ARRANGED = 0.2
 UNLIKE = 0.07
 # Way in a step over cfl spacings (-), with the same fade: the solver's longest in bulk.
 LEAP = 1.25
-# Variance of M5 along an axis over its squared support (-): (4 pi/3) int W r^4 dr.
-VARIANCE = 23.0 / 375.0
 # Least mean stress [Pa] that a deviator is compared with, and least weight (-) of a mean.
 LEAST_STRESS, LEAST_WEIGHT = 1e-6, 1e-6
 
@@ -79,8 +71,8 @@ class ShearRelief:
     """
 
     ATTRIBUTES = (
-        Attribute("normal_stress", "Pa", "diagonal of the virial stress", 3, carried=False),
-        Attribute("shear_stress", "Pa", "its yz, xz and xy components", 3, carried=False),
+        Attribute("normal_stress", "Pa", "diagonal of the last step's virial stress", 3),
+        Attribute("shear_stress", "Pa", "its yz, xz and xy components", 3),
         Attribute("mean_normal_stress", "Pa", "of the mean deviator", 3, carried=False),
         Attribute("mean_shear_stress", "Pa", "of the mean deviator", 3, carried=False),
     )
@@ -93,7 +85,6 @@ class ShearRelief:
         self.layers, self.particles = shared.layers, shared.particles
         self.neighbours, self.images = shared.neighbours, shared.neighbours.images
         self.density, self.impulses = shared.density, shared.impulses
-        self.virial = VirialPressure(self.layers, self.particles, self.neighbours, self.density)
         self.rest_density = shared.parameters.rest_density
         self.bodies = shared.boundary.count > 0
         self.longest_step = math.inf
@@ -105,39 +96,13 @@ class ShearRelief:
         self.cfl, self.pressure_cfl = parameters.cfl, parameters.pressure_cfl
 
     def apply(self, dt: float, external: ExternalForces) -> None:
-        """Velocities after dt [s] without the deviator, by the pressures of the last step."""
-        n, alone, gravity = self.particles.count, self.particles.alone, external.gravity
-        self._find_stress(n, alone, gravity)
-        self._find_mean(n, alone, gravity, dt / self.pressure_cfl, dt / self.cfl)
+        """Velocities after dt [s] without the deviator, by the stresses of the last step."""
+        n, alone = self.particles.count, self.particles.alone
+        self._find_mean(n, alone, dt / self.pressure_cfl, dt / self.cfl)
         self._accelerate(n, alone, self.share * dt / self.rest_density)
 
     @kernel
-    def _find_stress(self, n: ti.i32, alone: ti.template(), gravity: ti.math.vec3):
-        """S_i, images with the pressure that gravity adds behind walls."""
-        p = self.particles
-        ti.loop_config(serialize=alone)
-        for i in range(n):
-            x, own = p.x[i], p.pressure_multiplier[i]
-            normal, shear = ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0])
-            for mirrored in ti.static((False, True)):
-                begin, end = self.neighbours.span(i, mirrored)
-                for s in range(begin, end):
-                    j, mirror, wall = self.neighbours.read(s, mirrored)
-                    r = self.images.offset(x, p.x[j], mirror, wall)
-                    both = own + p.pressure_multiplier[j]
-                    if ti.static(mirrored):
-                        both += self.virial.image_excess(x - r, j, gravity)
-                    push = -0.5 * both * self.density.pair_gradient[s]
-                    normal += r * push
-                    shear += ti.Vector([r.y * push.z, r.x * push.z, r.x * push.y])
-            share, mean = self.borne(i), normal.sum() / 3.0
-            p.normal_stress[i] = mean + share * (normal - mean)
-            p.shear_stress[i] = share * shear
-
-    @kernel
-    def _find_mean(
-        self, n: ti.i32, alone: ti.template(), gravity: ti.math.vec3, swing: ti.f32, way: ti.f32
-    ):
+    def _find_mean(self, n: ti.i32, alone: ti.template(), swing: ti.f32, way: ti.f32):
         """T_i with the bell (1 - q^2)^4 as W, i itself included, over those that are known; swing,
         way [s]: the time step over pressure_cfl and over cfl. In steps beyond their bounds the
         stress is no more that of where particles are, and none of it is given back."""
@@ -147,23 +112,17 @@ class ShearRelief:
             x, layer = p.x[i], p.layer[i]
             total = self.known(i) * self.density.own_bell[layer]
             normal, shear = total * p.normal_stress[i], total * p.shear_stress[i]
-            own = self.spread(i, 0.0)
             for mirrored in ti.static((False, True)):
                 begin, end = self.neighbours.span(i, mirrored)
                 for s in range(begin, end):
                     j, mirror, wall = self.neighbours.read(s, mirrored)
                     r = self.images.offset(x, p.x[j], mirror, wall)
-                    excess = 0.0
-                    if ti.static(mirrored):
-                        excess = self.virial.image_excess(x - r, j, gravity)
                     per_h = self.layers.per_h[layer, p.layer[j]]
                     u = ti.max(1.0 - r.norm_sqr() * per_h**2, 0.0)
-                    slope = self.known(j) * self.density.bell_scale[layer, p.layer[j]] * u * u
-                    weight = slope * u * u
-                    # A sixth of the deviator of grad grad W: 48 (1 - q^2)^2 r (x) r/h^4.
-                    bend = 8.0 * slope * per_h**4 * (self.spread(j, excess) - own)
-                    normal += weight * p.normal_stress[j] - bend * r * r
-                    shear += weight * seen(mirror, p.shear_stress[j]) - 0.5 * bend * shears(r, r)
+                    weight = self.known(j) * self.density.bell_scale[layer, p.layer[j]]
+                    weight *= (u * u) * (u * u)
+                    normal += weight * p.normal_stress[j]
+                    shear += weight * seen(mirror, p.shear_stress[j])
                     total += weight
             pressure = normal.sum() / 3.0
             normal -= pressure
@@ -223,11 +182,3 @@ class ShearRelief:
             free = self.particles.boundary_gradient[i].norm_sqr() == 0.0
             found = ti.select(free, 1.0, 0.0)
         return found
-
-    @ti.func
-    def spread(self, i, excess):
-        """Pressure of particle i, and what its image has in excess [Pa], times the variance of its
-        kernel [Pa m^2]."""
-        p = self.particles
-        variance = VARIANCE * self.layers.support[p.layer[i]] ** 2
-        return variance * (p.normal_stress[i].sum() / 3.0 + excess)

@@ -1,15 +1,14 @@
-"""Pressure in the water, from the multipliers that a velocity solve found.
+"""Pressure and stress in the water, from the multipliers that a velocity solve found.
 
 A multiplier p_i is no pressure of its own: i and j press on each other with
 V_i V_j (p_i + p_j) grad W_ij, and weight is borne by all pairs across a plane. So the pressure at a
 particle is a third of the trace of its virial stress (Irving and Kirkwood 1950),
 
-    1/3 sum w_ij (p_i + p_j)/2,    w_ij = -V_j r_ij.grad W_ij (1 - 5/6 (s_j^2 - s_i^2)/r_ij^2).
+    S_i = -sum V_j share_ij (p_i + p_j) r_ij (x) grad W_ij,
 
-Half of a pair's virial belongs to either end among equals. It acts all along the line between:
-what counting it at the ends adds to a mean is cancelled, to second order, by giving the coarser end
-more, s^2 being the variance of W along an axis. At surfaces, where directions are missing, it is
-the mean by w instead (docs/method.md, "Pressure").
+of which the coarser end of a pair has the larger share (layers.stress_share). At surfaces, where
+directions are missing, it is the mean of (p_i + p_j)/2 by -V_j r_ij.grad W_ij instead
+(docs/method.md, "Pressure").
 
 A body is no partner: it pushes with the multiplier of the particle that it meets, which for that is
 larger than the pressure, up to twice. What pushes is the gradient of the kernel's mean of
@@ -21,7 +20,7 @@ import taichi as ti
 from msph.fluid.particles.layers import Layers
 from msph.fluid.particles.neighbour_list import NeighbourList
 from msph.fluid.particles.particles import Particles
-from msph.fluid.projection.density import TINY, Density
+from msph.fluid.projection.density import Density
 from msph.taichi_internals import data_oriented, longest_float
 
 # Sum of the weights (-) from which on there is a mean; 3 in bulk.
@@ -29,11 +28,6 @@ LEAST_WEIGHT = 1e-6
 # Thirds of that sum between which the mean gives way to the trace: flat surfaces have .82 to .87,
 # bulk .96 to 1.04 between layers and .99 to 1.01 else.
 SURFACE_WEIGHT, BULK_WEIGHT = 0.85, 0.95
-# Variance of M5 along an axis over its squared support (-): (4 pi/3) int W r^4 dr.
-VARIANCE = 23.0 / 375.0
-# Part of (s_j^2 - s_i^2)/r_ij^2 that moves from one end to the other: 1/12, by which ends exceed
-# the line, over 1/10, half of three times the 1/15 of an isotropic fourth moment of directions.
-MOVED = 5.0 / 6.0
 # Speed over sqrt(a d) (-) from which on the acceleration a by images' excess pressure bears rising
 # particles among unlike ones no more: in sloshing water .005 in the median; coarse ones bounced at
 # .08. And the share by which spacings differ among particles of another layer, twice the mass.
@@ -47,8 +41,9 @@ class VirialPressure:
     """Reads particles' `pressure_multiplier` [Pa], and the densities of the last refresh().
 
     Pressed is what presses on a particle: accelerations [m/s^2] by other particles and by walls,
-    and the virial pressure [Pa]. Pushes are summed in double precision where the device has it: at
-    rest their sums round off in every step in the same way, and the water's momentum drifted.
+    the virial pressure [Pa], and if `stressed` S by its diagonal and its yz, xz, xy components
+    [Pa]. Pushes are summed in double precision where the device has it: at rest their sums round
+    off in every step in the same way, and the water's momentum drifted.
     """
 
     def __init__(
@@ -57,19 +52,26 @@ class VirialPressure:
         particles: Particles,
         neighbours: NeighbourList,
         density: Density,
+        stressed: bool = False,
     ):
         self.layers, self.particles, self.neighbours = layers, particles, neighbours
-        self.images, self.density = neighbours.images, density
+        self.images, self.density, self.stressed = neighbours.images, density, stressed
         self.pair_gradient, self.rest_density = density.pair_gradient, density.rest_density
         self.long_vector = ti.types.vector(3, longest_float())
-        self.Pressed = ti.types.struct(inner=self.long_vector, wall=self.long_vector, virial=ti.f32)
+        self.Pressed = ti.types.struct(
+            inner=self.long_vector,
+            wall=self.long_vector,
+            virial=ti.f32,
+            normal=ti.math.vec3,
+            shear=ti.math.vec3,
+        )
 
     @ti.func
     def pressed(self, i, gravity):
         """Particle i under the multipliers, bodies left out: Pressed, in one pass. A lone
         particle's pressure is its own multiplier."""
-        x, own = self.particles.x[i], self.particles.pressure_multiplier[i]
-        found = self.Pressed()
+        layer, x = self.particles.layer[i], self.particles.x[i]
+        own, found = self.particles.pressure_multiplier[i], self.Pressed()
         trace, others, weights = 0.0, 0.0, 0.0
         for mirrored in ti.static((False, True)):
             pushes = self.long_vector(0.0)
@@ -85,26 +87,23 @@ class VirialPressure:
                     other += self.image_excess(x - r_ij, j, gravity)
                 others += weight * other
                 weights += weight
-                trace += self.share(i, j, r_ij) * weight * (own + other)
+                share = 0.5
+                if ti.static(self.layers.count > 1):
+                    share = self.density.stress_share[layer, self.particles.layer[j]]
+                trace += share * weight * (own + other)
+                if ti.static(self.stressed):
+                    push = -share * (own + other) * gradient
+                    found.normal += r_ij * push
+                    found.shear += ti.Vector([r_ij.y * push.z, r_ij.x * push.z, r_ij.x * push.y])
             if ti.static(mirrored):
                 found.wall = pushes / self.rest_density
             else:
                 found.inner = pushes / self.rest_density
         mean = ti.select(weights > LEAST_WEIGHT, others / ti.max(weights, LEAST_WEIGHT), own)
         bulk = (weights / 3.0 - SURFACE_WEIGHT) / (BULK_WEIGHT - SURFACE_WEIGHT)
-        found.virial = ti.math.mix(0.5 * (own + mean), trace / 3.0, ti.math.clamp(bulk, 0.0, 1.0))
+        bulk = ti.math.clamp(bulk, 0.0, 1.0)
+        found.virial = ti.math.mix(0.5 * (own + mean), trace / 3.0, bulk)
         return found
-
-    @ti.func
-    def share(self, i, j, r_ij):
-        """Share (-) of their pair's virial that belongs to i; that of j is what is left of 1."""
-        share = 0.5
-        if ti.static(self.layers.count > 1):
-            own = self.layers.support[self.particles.layer[i]]
-            other = self.layers.support[self.particles.layer[j]]
-            excess = MOVED * VARIANCE * (other**2 - own**2) / ti.max(r_ij.norm_sqr(), TINY)
-            share -= 0.5 * ti.math.clamp(excess, -1.0, 1.0)
-        return share
 
     @ti.func
     def beside_body(self, i, gravity):
