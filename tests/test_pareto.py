@@ -39,6 +39,13 @@ def test_still_water_is_read_once_it_has_moved():
     assert run.costs()["steps"] >= 60 * run.simulated - 1
 
 
+def test_layers_bear_the_weight_above():
+    """Twelve spacings deep and off its lattice: pressures divided by their weights were .5 % of
+    rho g H off, with half of a pair's stress at either end .8 %."""
+    _, errors = CASES["hydrostatic"].measure(Setting(water=ADAPTIVE, fineness=12))
+    assert errors["pressure"] < 0.003
+
+
 def test_a_vortex_is_slow_enough_to_leave_the_surface_level():
     """Of 1 m/s it gave up to 6.4 % of its amplitude to the surface, which no resolution mends: now
     .4 %, and uniform water of 4 spacings keeps 80 % of it over .4 of the edge."""

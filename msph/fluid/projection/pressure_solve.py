@@ -154,8 +154,8 @@ class PressureSolve:
     def accelerate(
         self, n: ti.i32, alone: ti.template(), dt: ti.f32, gravity: ti.math.vec3
     ) -> ti.f32:
-        """v += u/dt, p = rho0 q/dt^2, the virial pressure and stress. Returns the largest rate [1/s] by
-        which pressure bounds the next step: sqrt(p/rho0) over pressure_cfl spacings."""
+        """v += u/dt, p = rho0 q/dt^2, the virial pressure and stress. Returns the largest rate
+        [1/s] by which pressure bounds the next step: sqrt(p/rho0) over pressure_cfl spacings."""
         p, top = self.particles, 0.0
         ti.loop_config(serialize=p.light)
         for i in range(n):
