@@ -56,7 +56,7 @@ PARTS_TITLE = (
 VORTEX_SPEED = 0.25
 # Drops: radius [m], radii in spacings, by how much they are drawn out at the start, and lattices,
 # turned and shifted at random, that they are cut from: from one to the next periods differ by 10 %.
-RADIUS, FINENESS, STRETCH, LATTICES = 0.005, (5, 7, 9, 12), 0.1, 4
+RADIUS, FINENESS, STRETCH, LATTICES = 0.005, (5, 7, 9, 12, 15), 0.1, 4
 
 
 def build(x: np.ndarray, spacing: float, size, v=None, layer=None, ratio=1, **terms) -> Simulation:
