@@ -173,15 +173,18 @@ class SurfaceDistance:
         """squares[far] = min over k of squares[near](cell + k along the axis) + k^2; nearest[far]
         is the cell of air with that minimum."""
         for c in ti.grouped(self.air):
-            least, best = self.squares[near, c[0], c[1], c[2]], 0
+            least, best, k = self.squares[near, c[0], c[1], c[2]], 0, 1
             step = ti.cast(ti.Vector([axis == 0, axis == 1, axis == 2]), ti.i32)
             place, last = c.dot(step), self.dims.dot(step) - 1
-            lo, hi = ti.max(-self.reach, -place), ti.min(self.reach, last - place)
-            for k in range(lo, hi + 1):
-                at = c + k * step
-                square = self.squares[near, at[0], at[1], at[2]] + k * k
-                if square < least:
-                    least, best = square, k
+            # Outwards, while a cell so far can be the nearest: none for air, few near the surface.
+            while k * k < least:
+                for way in ti.static((-k, k)):
+                    if 0 <= place + way <= last:
+                        at = c + way * step
+                        square = self.squares[near, at[0], at[1], at[2]] + k * k
+                        if square < least:
+                            least, best = square, way
+                k += 1
             self.squares[far, c[0], c[1], c[2]] = least
             at = c + best * step
             self.nearest[far, c[0], c[1], c[2]] = self.nearest[near, at[0], at[1], at[2]]
