@@ -54,8 +54,8 @@ PARTS_TITLE = (
 # lifts linear waves from depth D, with up to U^2/(2 g D) of its energy: .4 % of its amplitude at
 # .25 m/s, 6.4 % at 1 m/s (D = .4 m).
 VORTEX_SPEED = 0.25
-# Drops: radius [m], radii in spacings, by how much they are drawn out at the start, and lattices,
-# turned and shifted at random, that they are cut from: from one to the next periods differ by 10 %.
+# Drops: radius [m], radii in spacings, how far they are drawn out at the start (-), and the number
+# of lattices, turned and shifted at random, from which they are cut: periods differ by up to 10 %.
 RADIUS, FINENESS, STRETCH, LATTICES = 0.005, (5, 7, 9, 12, 15), 0.1, 4
 
 

@@ -41,7 +41,7 @@ def test_still_water_is_read_once_it_has_moved():
 
 def test_layers_bear_the_weight_above():
     """Twelve spacings deep and off its lattice: pressures divided by their weights were .5 % of
-    rho g H off, with half of a pair's stress at either end .8 %."""
+    rho g H off, with half of a pair's stress at either end .7 %."""
     _, errors = CASES["hydrostatic"].measure(Setting(water=ADAPTIVE, fineness=12))
     assert errors["pressure"] < 0.003
 

@@ -10,8 +10,9 @@ RADIUS, EDGE = 0.15, 1.2
 WIDE = 2.4
 # Two balls meet at this speed each [m/s], off centre by this much each [m], for so long [s].
 SPEED, OFFSET, APART, SECONDS = 1.0, 0.04, 0.18, 0.4
-# The drop's centre starts this high [m], and meets the floor; then it is read on [s]. What it loses
-# is read once it would have fallen on by its radius, before the spray is at the walls.
+# The drop's centre starts this high [m], and meets the floor; the energy is followed for so
+# long after it [s]. The loss is read once the drop would have fallen further by its radius: before
+# the spray reaches the walls.
 HIGH, AFTER = 0.75, 0.3
 
 
@@ -96,7 +97,7 @@ FALLING_DROP = Case(
     "A ball of water falls and bursts",
     "the ball's radius",
     {
-        "loss": "energy lost in the impact, of which an ideal liquid without air loses none",
+        "loss": "share of the energy lost in the impact; an ideal liquid without air loses none",
         "way": "distance of the centre from g t^2/2 before the floor, over that way",
         "energy": "change of the energy before the floor, over the energy at the start",
         "energy_rise": "largest rise of the energy after it, over the energy at the start",

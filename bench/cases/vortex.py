@@ -1,9 +1,9 @@
 """Vortices about the vertical that fill a tank of free-slip walls: Taylor-Green, and a shear wave.
 
 u = U (sin kx x cos kz z, 0, -kx/kz cos kx x sin kz z) decays as exp(-nu (kx^2 + kz^2) t), half a
-wave along each edge; without viscosity it keeps its speed. The error is the amplitude's logarithm
-against the formula's: a false viscosity changes that in proportion, while a loss of amplitude ends
-at all of it. A plane shear wave would flow through walls: in a tank SHEAR_LENGTH times as long as
+wave along each edge; without viscosity it keeps its speed. The error is that of the amplitude's
+logarithm, which is proportional to the numerical viscosity; the share of the amplitude that is lost
+saturates at 1. A plane shear wave would flow through walls: in a tank SHEAR_LENGTH times as long as
 wide the vortex is one but for its ends. Under gravity and a free surface, for the method's
 pressures only push: without weight the water would part in the vortex's middle. What the surface
 takes is part of the error (terms.VORTEX_SPEED).
@@ -26,7 +26,7 @@ LAYERS = 2
 # Kinematic viscosity [m^2/s] by which Taylor and Green's vortex loses half of its amplitude in READ
 # [s]. In READ_INVISCID [s], without viscosity, the fastest water goes .4 of the edge.
 NU, READ, READ_INVISCID = 0.1, 0.35, 1.6
-# A share of the amplitude (-) below all that can be told from the particles' own motion.
+# Least share of the amplitude (-) that differs from the particles' own motion.
 LEAST_SHARE = 1e-3
 
 
@@ -56,7 +56,8 @@ def share_left(
 
 
 def off(found: float, decay: float) -> float:
-    """How far the logarithm of the share of the amplitude that is left is from -decay (-)."""
+    """Error of the logarithm of the share `found` of the amplitude that is left, against -decay
+    (-)."""
     return abs(float(np.log(max(found, LEAST_SHARE))) + decay)
 
 

@@ -176,7 +176,7 @@ class SurfaceDistance:
             least, best, k = self.squares[near, c[0], c[1], c[2]], 0, 1
             step = ti.cast(ti.Vector([axis == 0, axis == 1, axis == 2]), ti.i32)
             place, last = c.dot(step), self.dims.dot(step) - 1
-            # Outwards, while a cell so far can be the nearest: none for air, few near the surface.
+            # Search outwards until k^2 alone exceeds the least: at once in air, soon near it.
             while k * k < least:
                 for way in ti.static((-k, k)):
                     if 0 <= place + way <= last:
