@@ -24,6 +24,7 @@ from msph.device import ARCHES, start
 from msph.fluid.adaptivity.bands import AdaptationParameters
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.layers import LayerSpec
+from msph.fluid.plan import Plan
 from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.projection.solver import Projection
 from msph.fluid.simulation import Simulation
@@ -137,7 +138,9 @@ def collision() -> list[Figure]:
     v[: len(balls[0]), 0], v[len(balls[0]) :, 0] = 1.0, -1.0
     layer = np.repeat([0, 2], [len(b) for b in balls]).astype(np.int32)
     terms = ProjectionParameters(adaptation=AdaptationParameters(band=0.7, every=2))
-    sim = Simulation((2.4, 2.4, 2.4), specs, {"x": x, "v": v, "layer": layer}, terms, capacity=5000)
+    sim = Simulation(
+        Plan((2.4, 2.4, 2.4), specs, {"x": x, "v": v, "layer": layer}, terms, capacity=5000)
+    )
 
     def momenta():
         m = np.array([s.mass for s in specs])[sim.particles.numpy("layer")][:, None]

@@ -80,14 +80,14 @@ class Jacobi:
     def run(self, launches: int) -> int:
         """RELAXED iterations a launch; returns how many that makes."""
         for _ in range(launches):
-            self._relax(self.particles.count, self.particles.alone)
+            self._relax(self.particles.count)
         return RELAXED * launches
 
     @kernel
     def _relax(self, n: ti.i32, alone: ti.template()):
         p = self.particles
         for _ in ti.static(range(RELAXED)):
-            self.operator.apply(n, alone, p.velocity_multiplier)
+            self.operator.apply(n, p.velocity_multiplier)
             ti.loop_config(serialize=alone)
             for i in range(n):
                 r = p.rhs[i] + self.operator.divergence(i, p.displacement)
@@ -96,7 +96,7 @@ class Jacobi:
     @kernel
     def displace(self, n: ti.i32, alone: ti.template()):
         """Displacements by the velocity multipliers."""
-        self.operator.apply(n, alone, self.particles.velocity_multiplier)
+        self.operator.apply(n, self.particles.velocity_multiplier)
 
 
 def solvers(layers: int, sheets: int) -> list[dict[str, str]]:
@@ -115,7 +115,7 @@ def solvers(layers: int, sheets: int) -> list[dict[str, str]]:
     for force in solver.forces:
         force.apply(dt, ExternalForces(gravity=(0.0, -tanks.GRAVITY, 0.0)))
     solve_for = solver.pressure_solve
-    solve_for.build_rhs(n, p.alone, dt)
+    solve_for.build_rhs(n, dt)
     warm = p.velocity_multiplier.to_numpy()
     jacobi = Jacobi(solver)
 
@@ -124,7 +124,7 @@ def solvers(layers: int, sheets: int) -> list[dict[str, str]]:
         ti.sync()
         begin = time.perf_counter()
         iterations = run()
-        jacobi.displace(n, p.alone)
+        jacobi.displace(n)
         ti.sync()
         wall = 1e3 * (time.perf_counter() - begin)
         return iterations, wall, p.numpy("displacement").astype(float)

@@ -22,6 +22,7 @@ from bench.report import RESULTS, heading
 from msph.device import ARCHES, start
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.layers import LayerSpec
+from msph.fluid.plan import Plan
 from msph.fluid.projection.body_force import BodyForce
 from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.projection.solver import Projection
@@ -68,7 +69,7 @@ def build(x: np.ndarray, spacing: float, size, v=None, layer=None, ratio=1, **te
     initial["layer"] = np.zeros(len(x), np.int32) if layer is None else layer.astype(np.int32)
     if v is not None:
         initial["v"] = v.astype(np.float32)
-    return Simulation(size, specs, initial, ProjectionParameters(**terms))
+    return Simulation(Plan(size, specs, initial, ProjectionParameters(**terms)))
 
 
 def lattice(counts, spacing: float) -> np.ndarray:

@@ -28,6 +28,12 @@ class ArchError(BadInputError):
 
 
 _started: str | None = None
+_starts = 0
+
+
+def starts() -> int:
+    """How often Taichi was started in this process: fields of an earlier start are gone."""
+    return _starts
 
 
 def start(arch: str = "auto", threads: int | None = None) -> str:
@@ -37,7 +43,7 @@ def start(arch: str = "auto", threads: int | None = None) -> str:
     one, slower than the CPU itself, so Vulkan must be asked for. Unless `threads` are asked for, a
     CPU runs as many as it has cores, each on its own. Raises ArchError.
     """
-    global _started
+    global _started, _starts
     if _started:
         return _started
     # Here, since help and bad options need no Taichi, which takes .2 s to import.
@@ -83,6 +89,7 @@ def start(arch: str = "auto", threads: int | None = None) -> str:
     if name == "cpu" and not threads:
         _keep_apart(_threads() - before)
     _started = name
+    _starts += 1
     return name
 
 

@@ -5,19 +5,16 @@ Equation numbers are the thesis's.
 """
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import taichi as ti
 
-from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.external_forces import ExternalForces, hand_acceleration
-from msph.fluid.impulse_ledger import ImpulseLedger
 from msph.fluid.particles import kernels
-from msph.fluid.particles.grid import LayeredGrid
-from msph.fluid.particles.layers import Layers
-from msph.fluid.particles.neighbour_list import NeighbourList
-from msph.fluid.particles.particles import Attribute, Particles
+from msph.fluid.particles.layers import LayerSpec
+from msph.fluid.particles.particles import Attribute
+from msph.fluid.parts import Parts
 from msph.fluid.stages import Stage, no_stage
 from msph.parameter import parameter
 from msph.taichi_internals import data_oriented, kernel
@@ -25,7 +22,7 @@ from msph.taichi_internals import data_oriented, kernel
 # Explicit viscosity is stable while dt < VISCOUS_NUMBER h^2 rho / mu (Morris et al. 1997, eq. 19).
 VISCOUS_NUMBER = 0.125
 
-_ATTRIBUTES = (
+ATTRIBUTES = (
     Attribute("density", "kg/m^3", "density by eq. 26", view="density_error"),
     Attribute("pressure", "Pa", "pressure by eq. 15", view="pressure"),
     Attribute("acceleration", "m/s^2", "by the other particles", width=3, carried=False),
@@ -98,40 +95,51 @@ class Classic:
     LAYER_OPTIONS = ("gravity_factor", "viscosity", "kernels")
     # Support over spacing; the thesis gives none.
     SMOOTHING = 2.0
-    KERNEL = staticmethod(kernels.poly6)
 
     @staticmethod
-    def attributes(parameters: ClassicParameters, bodies: bool = False) -> tuple[Attribute, ...]:
-        """The attributes of each particle beyond the core."""
-        return _ATTRIBUTES
+    def every_attribute() -> tuple[Attribute, ...]:
+        """Those of all scenes."""
+        return ATTRIBUTES
+
+    @staticmethod
+    def attributes(parameters: ClassicParameters) -> tuple[Attribute, ...]:
+        """Those that a scene of these parameters uses, beyond the core: all."""
+        return ATTRIBUTES
 
     # Margin of the neighbour list, in supports: wider lists are searched less often, but are
     # longer.
     LIST_MARGIN = 0.5
     # Numbers stored beside each neighbour.
     PER_ENTRY = 0
+    # Walls reflect particles, and nothing is seen in them.
+    MIRRORS = False
 
-    def __init__(
-        self,
-        boundary: Boundary,
-        layers: Layers,
-        grid: LayeredGrid,
-        particles: Particles,
-        parameters: ClassicParameters,
-    ):
-        self.impulses = ImpulseLedger()
-        self.size = boundary.size
-        self.layers = layers
-        self.grid = grid
-        self.particles = particles
-        self.parameters = parameters
-        self.own_kernels = any(s.wendland for s in layers.specs)
-        self.symmetric = parameters.pressure_form != "mean"
-        self.neighbours = NeighbourList(grid, particles, self.reach(parameters), self.LIST_MARGIN)
+    parameters: ClassicParameters
+
+    def __init__(self, parts: Parts):
+        self.constants, self.layers, self.grid = parts.constants, parts.layers, parts.grid
+        self.particles, self.neighbours = parts.particles, parts.neighbours
+        self.impulses = parts.impulses
         self.farthest = ti.field(ti.f32, shape=())  # way of the fastest particle in a step [m]
         self.iterations = 0  # explicit: no system is solved
+
+    def load(self, parameters: ClassicParameters) -> None:
+        """Takes the parameters of a scene; layers and constants have theirs."""
+        self.parameters = parameters
+        self.own_kernels = any(s.wendland for s in self.layers.specs)
         # Layers whose viscosity is the common one, and changes with it.
-        self.plain = np.array([s.viscosity == parameters.viscosity for s in layers.specs])
+        self.plain = np.array([s.viscosity == parameters.viscosity for s in self.layers.specs])
+
+    @staticmethod
+    def constants_of(parameters: ClassicParameters, specs: list[LayerSpec]) -> dict[str, Any]:
+        """The scene's numbers that kernels of this method read, by their names in Constants."""
+        return {}
+
+    @staticmethod
+    def tables_of(parameters: ClassicParameters, specs: list[LayerSpec]) -> tuple[dict, dict]:
+        """Rows by layer, and by pair of layers, that kernels of this method read: none beyond those
+        of every layer."""
+        return {}, {}
 
     @staticmethod
     def reach(parameters: ClassicParameters) -> str:
@@ -140,9 +148,6 @@ class Classic:
 
     def arrange(self) -> None:
         """Leaves the particles where the scene placed them, as the thesis does."""
-
-    def warm_up(self) -> None:
-        """Every step launches the same kernels."""
 
     def longest_step(self, leeway: float = 1.0) -> float:
         """Largest stable time step [s]: sound crosses courant * h, viscosity diffuses within h.
@@ -161,7 +166,8 @@ class Classic:
     def tune(self, parameters: ClassicParameters) -> None:
         """Takes over those parameters that are live (msph.parameter)."""
         self.parameters = parameters
-        self.layers.viscosity.from_numpy(self._viscosities().astype(np.float32))
+        for layer, viscosity in enumerate(self._viscosities()):
+            self.layers.viscosity[layer] = viscosity
 
     def _viscosities(self) -> np.ndarray:
         """Dynamic viscosity [Pa s] of each layer."""
@@ -176,24 +182,29 @@ class Classic:
 
     def step(self, dt: float, external: ExternalForces, stage: Stage = no_stage) -> None:
         """A.2: grid, densities and pressures, forces, positions and boundaries."""
-        n = self.particles.count
-        with stage("neighbours"):
-            self.neighbours.refresh()
-        with stage("density"):
-            self.find_densities(n, self.parameters.stiffness)
-        with stage("forces"):
-            self.find_forces(n)
+        self.find_accelerations(stage)
         with stage("advance"):
-            self.move(n, dt, *external.arguments())
+            self.move(self.particles.count, dt, *external.arguments())
             self.neighbours.moved(self.farthest[None])
             self.grid.invalidate()
+
+    def find_accelerations(self, stage: Stage = no_stage) -> None:
+        """Densities, pressures and accelerations by the other particles."""
+        n, p = self.particles.count, self.parameters
+        self.measure_density(stage)
+        with stage("forces"):
+            symmetric, squared = p.pressure_form != "mean", p.pressure_form == "squared"
+            self.find_forces(n, symmetric, squared, p.viscosity_form == "formula", self.own_kernels)
+            if p.attraction > 0.0:
+                self.attract(n, p.attraction, p.colour_threshold)
 
     def measure_density(self, stage: Stage = no_stage) -> None:
         """Densities and pressures of the particles where they are now."""
         with stage("neighbours"):
             self.neighbours.refresh()
         with stage("density"):
-            self.find_densities(self.particles.count, self.parameters.stiffness)
+            n, p = self.particles.count, self.parameters
+            self.find_densities(n, p.stiffness, p.tension, self.own_kernels)
 
     def state(self) -> dict[str, float]:
         """What a checkpoint holds beside the particles: nothing."""
@@ -203,31 +214,45 @@ class Classic:
         """Goes on from a state()."""
 
     @kernel
-    def find_densities(self, n: ti.i32, stiffness: ti.f32):
+    def find_densities(
+        self, n: ti.i32, stiffness: ti.f32, tension: ti.template(), own_kernels: ti.template()
+    ):
         """rho_i = sum_j m_j W(r_ij, h_j) (26) [kg/m^3]; p_i = k (rho_i - rho0) (15) [Pa]."""
         for i in range(n):
             layer = self.particles.layer[i]
-            rho = self.layers.mass[layer] * self._density_kernel(
-                0.0, self.layers.support[layer], layer
-            )
+            peak = self._density_kernel(0.0, self.layers.support[layer], layer, own_kernels)
+            rho = self.layers.mass[layer] * peak
             for s in range(self.neighbours.start[i], self.neighbours.end[i]):
-                self._add_density(i, self.neighbours.index[s], rho)
-            p = stiffness * (rho - self.parameters.rest_density)
-            if ti.static(not self.parameters.tension):
+                self._add_density(i, self.neighbours.index[s], rho, own_kernels)
+            p = stiffness * (rho - self.constants.rest_density[None])
+            if ti.static(not tension):
                 p = ti.max(p, 0.0)
             self.particles.density[i] = rho
             self.particles.pressure[i] = p
 
     @kernel
-    def find_forces(self, n: ti.i32):
-        """a_i = (f_pressure + f_viscosity + f_attraction) / rho_i [m/s^2]: (27), (28)."""
+    def find_forces(
+        self,
+        n: ti.i32,
+        symmetric: ti.template(),
+        squared: ti.template(),
+        formula: ti.template(),
+        own_kernels: ti.template(),
+    ):
+        """a_i = (f_pressure + f_viscosity) / rho_i [m/s^2]: (27), (28); symmetric: (33), and also
+        squared: (32); formula: (28) and not the pseudo-code."""
         for i in range(n):
             a = ti.Vector([0.0, 0.0, 0.0])
             for s in range(self.neighbours.start[i], self.neighbours.end[i]):
-                self._add_forces(i, self.neighbours.index[s], a)
-            if ti.static(self.parameters.attraction > 0.0):
-                a += self._attraction(i)
+                j = self.neighbours.index[s]
+                self._add_forces(i, j, a, symmetric, squared, formula, own_kernels)
             self.particles.acceleration[i] = a
+
+    @kernel
+    def attract(self, n: ti.i32, attraction: ti.f32, threshold: ti.f32):
+        """a_i += f_attraction / rho_i [m/s^2]."""
+        for i in range(n):
+            self.particles.acceleration[i] += self._attraction(i, attraction, threshold)
 
     @kernel
     def move(
@@ -259,22 +284,22 @@ class Classic:
             v += dt * (a + hand)
             start, free = x, v
             x += dt * v
-            margin = 0.5 * self.layers.spacing[layer]
+            margin, restitution = 0.5 * self.layers.spacing[layer], self.constants.restitution[None]
             for k in ti.static(range(3)):
-                lo, hi = margin, self.size[k] - margin
+                lo, hi = margin, self.constants.size[None][k] - margin
                 if x[k] < lo or x[k] > hi:
                     wall = ti.select(x[k] < lo, lo, hi)
-                    x[k] = ti.math.clamp(wall + self.parameters.restitution * (wall - x[k]), lo, hi)
-                    v[k] = -self.parameters.restitution * v[k]
+                    x[k] = ti.math.clamp(wall + restitution * (wall - x[k]), lo, hi)
+                    v[k] = -restitution * v[k]
             self.impulses.wall_impulse[None] += m * (v - free)
             self.particles.x[i] = x
             self.particles.v[i] = v
             ti.atomic_max(self.farthest[None], (x - start).norm())
 
     @ti.func
-    def _density_kernel(self, r, h, layer):
+    def _density_kernel(self, r, h, layer, own_kernels: ti.template()):
         w = 0.0
-        if ti.static(self.own_kernels):
+        if ti.static(own_kernels):
             if self.layers.wendland[layer] == 1:
                 w = kernels.wendland(r, h)
             else:
@@ -284,9 +309,9 @@ class Classic:
         return w
 
     @ti.func
-    def _pressure_slope(self, r, h, layer):
+    def _pressure_slope(self, r, h, layer, own_kernels: ti.template()):
         slope = 0.0
-        if ti.static(self.own_kernels):
+        if ti.static(own_kernels):
             if self.layers.wendland[layer] == 1:
                 slope = kernels.wendland_slope(r, h)
             else:
@@ -296,38 +321,48 @@ class Classic:
         return slope
 
     @ti.func
-    def _add_density(self, i, j, rho: ti.template()):
+    def _add_density(self, i, j, rho: ti.template(), own_kernels: ti.template()):
         layer = self.particles.layer[j]
         h = self.layers.support[layer]
         r = (self.particles.x[i] - self.particles.x[j]).norm()
-        rho += self.layers.mass[layer] * self._density_kernel(r, h, layer)
+        rho += self.layers.mass[layer] * self._density_kernel(r, h, layer, own_kernels)
 
     @ti.func
-    def _add_forces(self, i, j, a: ti.template()):
+    def _add_forces(
+        self,
+        i,
+        j,
+        a: ti.template(),
+        symmetric: ti.template(),
+        squared: ti.template(),
+        formula: ti.template(),
+        own_kernels: ti.template(),
+    ):
         l_i, l_j = self.particles.layer[i], self.particles.layer[j]
         m, h = self.layers.mass[l_j], self.layers.support[l_j]
         r_ij = self.particles.x[i] - self.particles.x[j]
         r = r_ij.norm()
         rho_i, rho_j = self.particles.density[i], self.particles.density[j]
         p_i, p_j = self.particles.pressure[i], self.particles.pressure[j]
-        slope = self._pressure_slope(r, h, l_j)
+        slope = self._pressure_slope(r, h, l_j, own_kernels)
         push = 0.0
-        if ti.static(self.symmetric):
-            slope = 0.5 * (slope + self._pressure_slope(r, self.layers.support[l_i], l_i))
-        if ti.static(self.parameters.pressure_form == "squared"):
+        if ti.static(symmetric):
+            other = self._pressure_slope(r, self.layers.support[l_i], l_i, own_kernels)
+            slope = 0.5 * (slope + other)
+        if ti.static(squared):
             push = p_i / rho_i**2 + p_j / rho_j**2
         else:
             push = (p_i + p_j) / (2.0 * rho_i * rho_j)
         a -= m * push * slope * r_ij / ti.max(r, 1e-6 * h)
         drag = m * kernels.viscosity_laplacian(r, h)
-        if ti.static(self.parameters.viscosity_form == "formula"):
+        if ti.static(formula):
             drag *= self.layers.viscosity[l_i] / (rho_i * rho_j)
         else:
             drag *= (self.layers.viscosity[l_i] + self.layers.viscosity[l_j]) / (2.0 * rho_i**2)
         a += drag * (self.particles.v[j] - self.particles.v[i])
 
     @ti.func
-    def _attraction(self, i):
+    def _attraction(self, i, attraction, threshold):
         """-sigma lap(c) n/|n| / rho_i, n = grad c of the colour c = sum m_j/rho_j W [m/s^2]."""
         layer = self.particles.layer[i]
         h = self.layers.support[layer]
@@ -338,8 +373,8 @@ class Classic:
         normal = colour.xyz
         length = normal.norm()
         a = ti.Vector([0.0, 0.0, 0.0])
-        if length * h > self.parameters.colour_threshold:
-            strength = self.parameters.attraction * colour.w / self.particles.density[i]
+        if length * h > threshold:
+            strength = attraction * colour.w / self.particles.density[i]
             a = -strength * normal / length
         return a
 

@@ -5,6 +5,7 @@ from typing import Any, Protocol
 from msph.fluid.classic import Classic, ClassicParameters
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.impulse_ledger import ImpulseLedger
+from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.particles.neighbour_list import NeighbourList
 from msph.fluid.particles.particles import Attribute
 from msph.fluid.projection.parameters import ProjectionParameters
@@ -20,9 +21,10 @@ class Solver(Protocol):
     NAME: what scenes call it, and the table of their files that holds its parameters, of the class
     PARAMETERS. ADAPTS: whether its particles may split and merge; HAS_BODIES: whether bodies and
     containers may hold its water; LAYER_OPTIONS: the options of a layer that it heeds beyond its
-    size; SMOOTHING: support over spacing where a scene gives none (-); KERNEL: W(r, h) of its
-    density, a Taichi function, where layers choose no other. iterations: of the last step's
-    pressure solve, 0 for a method that solves nothing.
+    size; SMOOTHING: support over spacing where a scene gives none (-); LIST_MARGIN: margin of the
+    neighbour list, in supports; PER_ENTRY: numbers stored beside each of its entries; MIRRORS:
+    whether walls are mirrors. One object works for every scene in turn, after load(). iterations:
+    of the last step's pressure solve, 0 for a method that solves nothing.
     """
 
     NAME: str
@@ -31,9 +33,9 @@ class Solver(Protocol):
     HAS_BODIES: bool
     LAYER_OPTIONS: tuple[str, ...]
     SMOOTHING: float
-    KERNEL: Any
     LIST_MARGIN: float
     PER_ENTRY: int
+    MIRRORS: bool
 
     parameters: Any
     impulses: ImpulseLedger
@@ -41,10 +43,21 @@ class Solver(Protocol):
     iterations: int
 
     @staticmethod
-    def attributes(parameters, bodies: bool = False) -> tuple[Attribute, ...]: ...
+    def every_attribute() -> tuple[Attribute, ...]: ...
+
+    @staticmethod
+    def attributes(parameters) -> tuple[Attribute, ...]: ...
+
+    @staticmethod
+    def constants_of(parameters, specs: list[LayerSpec]) -> dict[str, Any]: ...
+
+    @staticmethod
+    def tables_of(parameters, specs: list[LayerSpec]) -> tuple[dict, dict]: ...
 
     @staticmethod
     def reach(parameters) -> str: ...
+
+    def load(self, parameters) -> None: ...
 
     def longest_step(self, leeway: float = 1.0) -> float: ...
 
@@ -55,8 +68,6 @@ class Solver(Protocol):
     def reset(self) -> None: ...
 
     def arrange(self) -> None: ...
-
-    def warm_up(self) -> None: ...
 
     def state(self) -> dict[str, float]: ...
 

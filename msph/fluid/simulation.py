@@ -1,22 +1,24 @@
-"""A fluid in its box, through time: particles, grid and solver under one roof."""
+"""The simulation of one scene: its state, its time and its steps."""
 
 import math
+import weakref
 from collections.abc import Callable
 from time import perf_counter
 
 import numpy as np
 
+from msph import device
 from msph.errors import BlowUpError
-from msph.fluid.boundary.boundary import Boundary
-from msph.fluid.boundary.rigid_bodies import Body
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.methods import Parameters, solver_of
-from msph.fluid.particles.grid import LayeredGrid, grid_shape
-from msph.fluid.particles.layers import Layers, LayerSpec
+from msph.fluid.particles.grid import grid_shape
+from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.particles.neighbour_list import entries_provided
 from msph.fluid.particles.particles import Particles
+from msph.fluid.plan import Plan
 from msph.fluid.stages import Stage, no_stage
 from msph.fluid.trapped_water import check_room
+from msph.fluid.world import give_back, take
 
 # Factor (-) by which a step may stay shorter than allowed before it is lengthened: the first steps
 # of a new length take three times the iterations, since pressures depend on it.
@@ -50,42 +52,36 @@ def footprint(
 
 
 class Simulation:
-    """The water of one scene.
+    """The water of one scene, as a Plan describes it.
 
-    size [m] of the box, layer specs, initial attributes (x, v, layer as arrays), parameters of the
-    solver, bodies in the water or round it, and the most particles it may come to have, by default
-    those it starts with. time [s] is simulated time; steps counts solver steps since the last
-    reset, iterations those of their pressure solves; left_out counts initial particles dropped
-    because they were inside a body, mass_left_out [kg] is theirs. Raises NoWaterError where none
-    remain.
+    time [s] is simulated time; steps counts solver steps since the last reset, iterations those of
+    their pressure solves; left_out counts initial particles dropped because they were inside a
+    body, mass_left_out [kg] is theirs. Raises NoWaterError where none remain. close() lets the next
+    simulation use its fields.
     """
 
-    def __init__(
-        self,
-        size: tuple[float, float, float],
-        specs: list[LayerSpec],
-        initial: dict[str, np.ndarray],
-        parameters: Parameters,
-        bodies: list[Body] | None = None,
-        capacity: int | None = None,
-    ):
-        self.size = size
-        self.layers = Layers(specs)
-        solver = solver_of(parameters)
-        self.boundary = Boundary(size, specs, bodies)
-        free = self.boundary.free(initial["x"])
+    def __init__(self, plan: Plan):
+        self.plan, self.size = plan, plan.size
+        self.world = take(plan.needed)
+        self._lease = weakref.finalize(self, give_back, self.world, device.starts())
+        parts = self.world.parts
+        self.layers, self.particles, self.grid = parts.layers, parts.particles, parts.grid
+        self.boundary, self.contact = parts.boundary, parts.contact
+        self.solver = self.world.load(plan)
+        free = self.boundary.free(plan.initial["x"])
         self.left_out = len(free) - int(free.sum())
-        masses = np.array([s.mass for s in specs])
-        self.mass_left_out = float(masses[initial["layer"][~free]].sum())
+        masses = np.array([s.mass for s in plan.specs])
+        self.mass_left_out = float(masses[plan.initial["layer"][~free]].sum())
         if not free.any():
+            self.close()
             raise NoWaterError(f"all {len(free)} particles are inside bodies")
-        initial = {name: values[free] for name, values in initial.items()}
-        most = max(capacity or 0, len(initial["x"]))
-        self.particles = Particles(most, solver.attributes(parameters, self.boundary.count > 0))
-        self.grid = LayeredGrid(size, self.layers, self.particles)
-        self.solver = solver(self.boundary, self.layers, self.grid, self.particles, parameters)
-        self.initial = initial
+        self.initial = {name: values[free] for name, values in plan.initial.items()}
+        self.particles.capacity = max(plan.capacity or 0, int(free.sum()))
         self.reset()
+
+    def close(self) -> None:
+        """Gives the fields back; the simulation cannot be used any more."""
+        self._lease()
 
     def reset(self) -> None:
         """Back to the initial state at time zero."""
@@ -93,10 +89,9 @@ class Simulation:
         self.solver.arrange()
 
     def warm_up(self, duration: float) -> None:
-        """Compiles every kernel of the fluid by a frame of `duration` [s], and starts anew."""
+        """Compiles every kernel by a frame of `duration` [s], and starts anew."""
         self.advance(duration, ExternalForces())
         self.measure_density()
-        self.solver.warm_up()
         self.reset()
 
     def advance(

@@ -3,7 +3,7 @@
 import numpy as np
 import taichi as ti
 
-from msph.fluid.simulation import Simulation
+from msph.fluid.world import World
 from msph.taichi_internals import data_oriented, kernel, longest_float
 
 # Particles that one thread adds up in single precision; the host adds these sums in double.
@@ -15,9 +15,9 @@ _VECTORS = ("moment", "momentum", "angular_momentum")
 MOMENT, MOMENTUM, SPIN = range(3)
 _SCALARS = (
     *("mass", "momentum_scale", "angular_scale", "kinetic"),
-    *("not_finite", "outside"),
+    "not_finite",
 )
-MASS, SPEED, ARM_SPEED, KINETIC, BROKEN, OUTSIDE = range(6)
+MASS, SPEED, ARM_SPEED, KINETIC, BROKEN = range(5)
 _PEAKS = ("top_speed",)
 TOP_SPEED = 0
 _GIVEN_VECTORS = (
@@ -35,11 +35,10 @@ class Totals:
     not_finite and outside count particles.
     """
 
-    def __init__(self, simulation: Simulation):
-        self.size = ti.Vector(list(simulation.size))
-        self.boundary = simulation.boundary
-        self.particles, self.layers = simulation.particles, simulation.layers
-        impulses = simulation.solver.impulses
+    def __init__(self, world: World):
+        parts, impulses = world.parts, world.parts.impulses
+        self.constants, self.contact = parts.constants, parts.contact
+        self.particles, self.layers = parts.particles, parts.layers
         self.given_vectors = tuple(getattr(impulses, name) for name in _GIVEN_VECTORS)
         self.given_scalars = tuple(getattr(impulses, name) for name in _GIVEN_SCALARS)
 
@@ -60,6 +59,7 @@ class Totals:
             **dict(zip(_PEAKS, peaks.max(axis=0).tolist(), strict=True)),
             **dict(zip(_GIVEN_VECTORS, impulses.astype(float), strict=True)),
             **dict(zip(_GIVEN_SCALARS, works.tolist(), strict=True)),
+            "outside": self.contact.leaked(),
         }
 
     @kernel
@@ -77,7 +77,7 @@ class Totals:
             for i in range(row * CHUNK, ti.min((row + 1) * CHUNK, n)):
                 m = self.layers.mass[self.particles.layer[i]]
                 x, v = self.particles.x[i], self.particles.v[i]
-                speed, arm = v.norm(), (x - 0.5 * self.size).norm()
+                speed, arm = v.norm(), (x - 0.5 * self.constants.size[None]).norm()
                 spin = x.cross(v)
                 for k in ti.static(range(3)):
                     vectors[row, MOMENT, k] += m * x[k]
@@ -90,8 +90,6 @@ class Totals:
                 total = x.sum() + v.sum()
                 if ti.math.isnan(total) or ti.math.isinf(total):
                     scalars[row, BROKEN] += 1.0
-                if self.boundary.leaked(x):
-                    scalars[row, OUTSIDE] += 1.0
                 peaks[row, TOP_SPEED] = ti.max(peaks[row, TOP_SPEED], speed)
         for a in ti.static(range(len(_GIVEN_VECTORS))):
             for k in ti.static(range(3)):

@@ -8,6 +8,7 @@ import numpy as np
 
 from msph.fluid.adaptivity.bands import AdaptationParameters
 from msph.fluid.methods import METHODS, Parameters
+from msph.fluid.plan import Plan
 from msph.fluid.simulation import NoWaterError, Simulation
 from msph.scene.errors import SceneError
 from msph.scene.obstacles import bodies
@@ -16,17 +17,27 @@ from msph.scene.water import capacity, initial_particles, layer_specs
 
 
 def build_simulation(scene: Scene) -> Simulation:
-    """Allocates and fills everything the scene's fluid needs. ti.init must have been called.
+    """Fills everything that the scene's fluid needs. ti.init must have been called.
 
     Raises SceneError where bodies leave no room for the water.
     """
-    specs, initial = layer_specs(scene), initial_particles(scene)
     try:
-        parameters, most = solver_parameters(scene), capacity(scene)
-        return Simulation(scene.box.size, specs, initial, parameters, bodies(scene), most)
+        return Simulation(plan_of(scene))
     except NoWaterError:
         key = "container" if scene.container else "obstacles"
         raise SceneError(scene.title, "no water is left outside of the bodies", key) from None
+
+
+def plan_of(scene: Scene) -> Plan:
+    """What the scene's fluid is made from."""
+    return Plan(
+        size=scene.box.size,
+        specs=layer_specs(scene),
+        initial=initial_particles(scene),
+        parameters=solver_parameters(scene),
+        bodies=bodies(scene),
+        capacity=capacity(scene),
+    )
 
 
 def solver_parameters(scene: Scene) -> Parameters:

@@ -5,10 +5,12 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from msph.constant_fields import constant_fields
+from msph.device_table import DeviceTable, f32
 from msph.fluid.particles import kernels
+from msph.fluid.particles.layers import MOST_LAYERS
 from msph.fluid.particles.neighbour_list import REACHES
 from msph.fluid.simulation import Simulation
+from msph.fluid.world import World
 from msph.picture.legend import Legend
 from msph.taichi_internals import data_oriented, kernel
 
@@ -20,17 +22,47 @@ PAST = 0.8
 
 
 @data_oriented
+class NeighbourWeights:
+    """Weights of the kernel of one particle at all others."""
+
+    def __init__(self, world: World):
+        self.particles, self.layers = world.parts.particles, world.parts.layers
+        self._pairs = DeviceTable((MOST_LAYERS, MOST_LAYERS), reach=f32)  # [m]
+        self.reach, self.load = self._pairs.reach, self._pairs.fill
+
+    @kernel
+    def weigh(
+        self,
+        i: ti.i32,
+        n: ti.i32,
+        classic: ti.template(),
+        value: ti.template(),
+        radius: ti.template(),
+    ):
+        """value (n,): W_ij over W(0); radius (n,) [m] of what is no neighbour shrinks."""
+        for j in range(n):
+            layer, other = self.particles.layer[i], self.particles.layer[j]
+            h = self.reach[layer, other]
+            r, w = (self.particles.x[j] - self.particles.x[i]).norm(), 0.0
+            if ti.static(classic):
+                w = kernels.poly6(r, h) / kernels.poly6(0.0, h)
+                if self.layers.wendland[layer] == 1:
+                    w = kernels.wendland(r, h) / kernels.wendland(0.0, h)
+            else:
+                w = kernels.quartic(r, h) / kernels.quartic(0.0, h)
+            value[j] = w
+            radius[j] *= DOT if r >= h else ti.math.mix(SHELL, 1.0, w)
+
+
 class Neighbourhood:
     """id: of the particle that was picked, None while none is."""
 
     def __init__(self, simulation: Simulation):
         self.simulation = simulation
         self.particles, self.layers = simulation.particles, simulation.layers
-        self.kernel: Any = simulation.solver.KERNEL
         solver, h = simulation.solver, np.array([s.support for s in self.layers.specs])
         reach: Any = REACHES[solver.reach(solver.parameters)]
         self.reaches = reach(h[:, None], h[None])  # [m], by the layers of a pair
-        self.reach: Any = None  # the same on the device, once a particle was picked
         self.id: int | None = None
         self.before: Any = None  # time [s] and velocity [m/s] of the frame before
         self.acceleration: Any = None  # (3,) [m/s^2], smoothed
@@ -38,8 +70,6 @@ class Neighbourhood:
 
     def pick(self, index: int | None) -> None:
         """Takes the particle at that place of the pool, or none."""
-        if index is not None and self.reach is None:
-            (self.reach,) = constant_fields(self.reaches)
         self.id = None if index is None else int(self.particles.numpy("id")[index])
         self.before = self.acceleration = None
 
@@ -68,19 +98,10 @@ class Neighbourhood:
 
     def weigh(self, value: ti.Field, radius: ti.Field) -> None:
         """value (n,): W_ij over W(0); radius (n,) [m] of what is no neighbour shrinks."""
-        self._weigh(self.index, self.particles.count, value, radius)
-
-    @kernel
-    def _weigh(self, i: ti.i32, n: ti.i32, value: ti.template(), radius: ti.template()):
-        for j in range(n):
-            layer, other = self.particles.layer[i], self.particles.layer[j]
-            h = self.reach[layer, other]
-            r = (self.particles.x[j] - self.particles.x[i]).norm()
-            w = self.kernel(r, h) / self.kernel(0.0, h)
-            if self.layers.wendland[layer] == 1:
-                w = kernels.wendland(r, h) / kernels.wendland(0.0, h)
-            value[j] = w
-            radius[j] *= DOT if r >= h else ti.math.mix(SHELL, 1.0, w)
+        weights = self.simulation.world.once(NeighbourWeights)
+        weights.load(reach=self.reaches)
+        classic = self.simulation.solver.NAME == "classic"
+        weights.weigh(self.index, self.particles.count, classic, value, radius)
 
     def legend(self) -> Legend:
         return Legend("kernel W(r)/W(0) [-]", ((0.0, "0"), (0.5, "0.5"), (1.0, "1")))

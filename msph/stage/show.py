@@ -160,7 +160,6 @@ class Show:
         """Compiles every kernel by one frame, and starts anew."""
         # A coarser picture, where the show is scalable, is enlarged by kernels of its own.
         self.frame(Controls(scale=WARM_UP_SCALE))
-        self.simulation.solver.warm_up()
         ti.sync()
         self.reset()
         self.frames = 0
@@ -316,7 +315,7 @@ class Show:
         x = sim.particles.numpy("x") - eye
         depth = x @ direction
         aside = np.linalg.norm(x - depth[:, None] * direction, axis=1)
-        radius = self.views.radius.to_numpy()[: len(x)]
+        radius = self.views.radii()
         seen = np.flatnonzero((aside < radius) & (depth > 0.0))
         if len(seen) == 0:
             return None

@@ -1,9 +1,12 @@
 """What a picture can show: the water itself, or its particles coloured by any attribute."""
 
+import math
+
 import numpy as np
 import taichi as ti
 
 from msph.fluid.simulation import Simulation
+from msph.fluid.world import World
 from msph.picture.legend import Legend
 from msph.picture.ranges import SteadyRange
 from msph.scene.check import views
@@ -21,6 +24,50 @@ LARGER, SMALLER = {"Pa": ("kPa", 1e3)}, {"m": ("mm", 1e-3)}
 
 
 @data_oriented
+class ViewFields:
+    """value and radius [m] of each particle in a view, fields (room,); radius 0: hidden."""
+
+    def __init__(self, world: World):
+        self.particles, self.layers = world.parts.particles, world.parts.layers
+        self.value, self.radius = (
+            ti.field(ti.f32, shape=world.parts.room.particles) for _ in range(2)
+        )
+
+    @kernel
+    def find_radii(self, n: ti.i32, cut: ti.math.vec3, offset: ti.f32):
+        """Half a spacing each; none where cut . x exceeds offset [m]."""
+        for i in range(n):
+            radius = 0.5 * self.layers.spacing[self.particles.layer[i]]
+            beyond = self.particles.x[i].dot(cut) > offset + 1e-6
+            self.radius[i] = 0.0 if beyond else radius
+
+    @kernel
+    def copy(self, source: ti.template(), n: ti.i32, scale: ti.f32, shift: ti.f32):
+        """value = scale source + shift."""
+        for i in range(n):
+            self.value[i] = scale * source[i] + shift
+
+    @kernel
+    def find_lengths(self, source: ti.template(), n: ti.i32):
+        """value = |source|."""
+        for i in range(n):
+            self.value[i] = source[i].norm()
+
+    @kernel
+    def read_radii(self, found: ti.types.ndarray(dtype=ti.f32, ndim=1)):
+        for i in range(found.shape[0]):
+            found[i] = self.radius[i]
+
+    @kernel
+    def find_range(self, n: ti.i32) -> ti.math.vec2:
+        """Least and greatest value."""
+        least, most = math.inf, -math.inf
+        for i in range(n):
+            ti.atomic_min(least, self.value[i])
+            ti.atomic_max(most, self.value[i])
+        return ti.math.vec2(least, most)
+
+
 class Views:
     """The views of one simulation, by name, and the scalar field that colours the particles."""
 
@@ -29,8 +76,8 @@ class Views:
         particles = simulation.particles
         self.rest_density = scene.density
         self.density_range = DENSITY_RANGE[scene.method]
-        self.value = ti.field(ti.f32, shape=particles.capacity)
-        self.radius = ti.field(ti.f32, shape=particles.capacity)  # [m], 0: hidden
+        self.shown = simulation.world.once(ViewFields)
+        self.value, self.radius = self.shown.value, self.shown.radius
         # Towards what is hidden beyond the box's middle, in its frame (3,); None: all is shown.
         self.cut: np.ndarray | None = None
         self.neighbourhood = Neighbourhood(simulation)
@@ -53,7 +100,7 @@ class Views:
         n = particles.count
         cut = np.zeros(3) if self.cut is None else self.cut
         offset = float(0.5 * np.array(self.simulation.size) @ cut)
-        self._radii(n, *cut.tolist(), offset)
+        self.shown.find_radii(n, cut.tolist(), offset)
         if self.neighbourhood.find():
             self.neighbourhood.weigh(self.value, self.radius)
             return self.value, 0.0, 1.0
@@ -63,17 +110,23 @@ class Views:
         source = particles.fields[self.attributes[self.name].name]
         if self.name == "density_error":
             self.simulation.measure_density()
-            self._copy(source, n, 100.0 / self.rest_density, -100.0)
+            self.shown.copy(source, n, 100.0 / self.rest_density, -100.0)
             return self.value, -self.density_range, self.density_range
         if self.name == "layers":
-            self._copy(source, n, 1.0, 0.0)
+            self.shown.copy(source, n, 1.0, 0.0)
             return self.value, 0.0, max(1.0, self.simulation.layers.count - 1.0)
         if self.attributes[self.name].width == 3:
-            self._length(source, n)
+            self.shown.find_lengths(source, n)
         else:
-            self._copy(source, n, 1.0, 0.0)
-        values = self.value.to_numpy()[:n]
-        return self.value, *self.ranges[self.name].cover(float(values.min()), float(values.max()))
+            self.shown.copy(source, n, 1.0, 0.0)
+        least, most = self.shown.find_range(n)
+        return self.value, *self.ranges[self.name].cover(float(least), float(most))
+
+    def radii(self) -> np.ndarray:
+        """Radius of every particle [m], (count,); 0 of those that are hidden."""
+        found = np.empty(self.simulation.particles.count, np.float32)
+        self.shown.read_radii(found)
+        return found
 
     def legend(self, lo: float, hi: float) -> Legend | None:
         """What the colours of the chosen view from lo to hi mean, None where they mean nothing."""
@@ -96,25 +149,6 @@ class Views:
         unit, size = told_in("m", specs[order[0]].spacing)
         marks = tuple((k / hi, f"{specs[k].spacing / size:.3g}") for k in order)
         return Legend(f"layers: spacing [{unit}]", marks, bar=False)
-
-    @kernel
-    def _radii(self, n: ti.i32, a: ti.f32, b: ti.f32, c: ti.f32, offset: ti.f32):
-        """Half a spacing each; none where (a, b, c) . x exceeds offset [m]."""
-        p = self.simulation.particles
-        for i in range(n):
-            radius = 0.5 * self.simulation.layers.spacing[p.layer[i]]
-            beyond = p.x[i].dot(ti.Vector([a, b, c])) > offset + 1e-6
-            self.radius[i] = 0.0 if beyond else radius
-
-    @kernel
-    def _copy(self, source: ti.template(), n: ti.i32, scale: ti.f32, shift: ti.f32):
-        for i in range(n):
-            self.value[i] = scale * source[i] + shift
-
-    @kernel
-    def _length(self, source: ti.template(), n: ti.i32):
-        for i in range(n):
-            self.value[i] = source[i].norm()
 
 
 def told_in(unit: str, value: float) -> tuple[str, float]:

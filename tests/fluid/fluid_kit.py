@@ -28,7 +28,7 @@ def displacements(sim):
 
     @ti.kernel
     def displace(n: ti.i32):
-        operator.apply(n, False, p.velocity_multiplier)
+        operator.apply(n, p.velocity_multiplier)
 
     displace(p.count)
     return p.numpy("displacement").astype(float)

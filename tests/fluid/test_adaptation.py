@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
+from msph.fluid.adaptivity.adaptation import farthest_depth
 from msph.fluid.adaptivity.bands import AdaptationParameters, bands, coarser_of, exact
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.layers import LayerSpec
+from msph.fluid.plan import Plan
 from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.simulation import Simulation
 
@@ -39,7 +41,7 @@ def collision():
         "layer": np.repeat([0, 2], [len(fine), len(coarse)]).astype(np.int32),
     }
     terms = ProjectionParameters(adaptation=AdaptationParameters(band=0.7, every=2))
-    return Simulation(SIZE, SPECS, initial, terms, capacity=3000)
+    return Simulation(Plan(SIZE, SPECS, initial, terms, capacity=3000))
 
 
 def masses(sim):
@@ -119,7 +121,7 @@ def tank():
     specs.reverse()
     initial["layer"] = np.full(len(x), 2, np.int32)
     terms = ProjectionParameters(adaptation=AdaptationParameters(band=1.5))
-    sim = Simulation(TANK, specs, initial, terms, capacity=4000)
+    sim = Simulation(Plan(TANK, specs, initial, terms, capacity=4000))
     counts = []
     for _ in range(120):
         sim.advance(1 / 60, ExternalForces())
@@ -132,11 +134,13 @@ def test_depth_is_the_distance_to_the_surface(tank):
     sim.solver.adaptation.depth.refresh()
     sim.solver.adaptation.wish_for(sim.particles.count, 1.0, 1.0)
     depth, y = sim.particles.numpy("depth"), sim.particles.numpy("x")[:, 1]
-    inside = (depth > 0.0) & (depth < 0.9 * sim.solver.adaptation.farthest)
+    inside = (depth > 0.0) & (
+        depth < 0.9 * farthest_depth(sim.layers.specs, sim.plan.parameters.adaptation)
+    )
     error = depth[inside] - (DEPTH - y[inside])
     assert inside.sum() > 500
-    assert np.abs(error).max() < 0.6 * sim.solver.adaptation.depth.cell
-    assert abs(error.mean()) < 0.2 * sim.solver.adaptation.depth.cell
+    assert np.abs(error).max() < 0.6 * sim.plan.constants()["depth_cell"]
+    assert abs(error.mean()) < 0.2 * sim.plan.constants()["depth_cell"]
 
 
 def test_layers_lie_in_their_bands(tank):
@@ -182,7 +186,7 @@ def test_a_split_does_not_let_the_water_drop(tank):
 
     before = [height() for _ in range(10)]
     middle = np.abs(p.numpy("x") - np.array(TANK) / 2).sum(axis=1) + (p.numpy("layer") != 1)
-    wish = np.zeros(p.capacity, np.int32)
+    wish = np.zeros(p.room, np.int32)
     wish[middle.argmin()] = -1
     p.wish.from_numpy(wish)
     adaptation.tally.fill(0)
@@ -196,11 +200,13 @@ def test_a_split_does_not_let_the_water_drop(tank):
 def test_a_full_pool_coarsens_and_loses_nothing(tank):
     sim, _ = tank
     small = Simulation(
-        TANK,
-        sim.layers.specs,
-        sim.initial,
-        sim.solver.parameters,
-        capacity=int(0.7 * sim.particles.count),
+        Plan(
+            TANK,
+            sim.layers.specs,
+            sim.initial,
+            sim.solver.parameters,
+            capacity=int(0.7 * sim.particles.count),
+        )
     )
     for _ in range(30):
         small.advance(1 / 60, ExternalForces())
@@ -231,6 +237,6 @@ def test_deep_water_of_halved_cubes_starts_at_rest_density():
     initial = {"x": x.astype(np.float32), "layer": np.full(len(x), 2, np.int32)}
     terms = ProjectionParameters(adaptation=AdaptationParameters(band=20.0, every=10**9))
     box = (size[0], size[1] + 0.3, size[2])
-    sim = Simulation(box, specs, initial, terms, capacity=4 * len(x))
+    sim = Simulation(Plan(box, specs, initial, terms, capacity=4 * len(x)))
     assert sim.counts()[0] > 2 * len(x)
     assert sim.particles.numpy("density").max() < 1001.0

@@ -4,13 +4,15 @@ import numpy as np
 import pytest
 from fluid_kit import pair_support, quartic, relative_density
 
-from msph import constant_fields
 from msph.errors import BlowUpError
+from msph.fluid import world
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.layers import LayerSpec
+from msph.fluid.plan import Plan
 from msph.fluid.projection.body_force import BodyForce
 from msph.fluid.projection.density import SURROUNDED
 from msph.fluid.projection.parameters import ProjectionParameters
+from msph.fluid.room import FIRST
 from msph.fluid.simulation import Simulation
 from msph.measure.bulk import bulk_density
 
@@ -31,7 +33,7 @@ def tank():
         "x": x.astype(np.float32),
         "layer": np.repeat([0, 1], [len(fine), len(coarse)]).astype(np.int32),
     }
-    sim = Simulation(TANK, layers, initial, ProjectionParameters())
+    sim = Simulation(Plan(TANK, layers, initial, ProjectionParameters()))
     energies = []
     for _ in range(120):
         sim.advance(1 / 60, ExternalForces())
@@ -52,17 +54,19 @@ def test_images_close_opposite_walls_within_one_kernel():
     x = np.random.default_rng(3).uniform(0.0, size, (100, 3)).astype(np.float32)
     layer = np.arange(100, dtype=np.int32) % 2
     specs = [LayerSpec(1000.0 * d**3, 1000.0, 2.5) for d in (0.03, 0.038)]
-    sim = Simulation(size, specs, {"x": x, "layer": layer}, ProjectionParameters())
+    sim = Simulation(Plan(size, specs, {"x": x, "layer": layer}, ProjectionParameters()))
     assert sim.layers.specs[0].support < size[0] < 2.0 * sim.layers.specs[0].support
     check_images(sim, 100, known=30)
 
 
 def test_simulations_beyond_what_a_process_can_hold_are_an_error(monkeypatch):
     """Taichi's answer is a segmentation fault."""
-    monkeypatch.setattr(constant_fields, "TREES", constant_fields.NEEDED)
+    monkeypatch.setattr(world, "TREES", world.NEEDED)
     initial = {"x": np.full((1, 3), 0.1, np.float32), "layer": np.zeros(1, np.int32)}
     with pytest.raises(RuntimeError, match="no room for another simulation"):
-        Simulation((0.3, 0.3, 0.3), [LayerSpec(0.1, 1000.0, 2.5)], initial, ProjectionParameters())
+        # More than any world of the stock holds.
+        most, layer = 30 * FIRST.particles, LayerSpec(0.1, 1000.0, 2.5)
+        Simulation(Plan((0.3, 0.3, 0.3), [layer], initial, ProjectionParameters(), capacity=most))
 
 
 def check_images(sim, points, known):
@@ -188,7 +192,7 @@ def test_densities_follow_the_correction_at_once(tank):
     sim.measure_density()
     names = "density", "density_correction"
     before = {name: p.numpy(name) for name in names}
-    sim.solver.density.follow_defect(p.count, p.alone)
+    sim.solver.density.follow_defect(p.count)
     gain, change = (p.numpy(name) - before[name] for name in names)
     assert 1e-3 < np.abs(change).max() < 1.001 * (1.0 - SURROUNDED)
     assert np.abs(gain / 1000.0 - change).max() < 1e-6

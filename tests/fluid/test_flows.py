@@ -7,6 +7,7 @@ from bench import tanks
 from bench.terms import amplitude, lattice, set_velocity, vortex
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.layers import LayerSpec
+from msph.fluid.plan import Plan
 from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.projection.solver import Projection
 from msph.fluid.simulation import Simulation
@@ -25,7 +26,7 @@ def water(x, d, size, v=None, **terms):
     if v is not None:
         initial["v"] = v.astype(np.float32)
     spec = LayerSpec(1000.0 * d**3, 1000.0, Projection.SMOOTHING)
-    return Simulation(size, [spec], initial, ProjectionParameters(**terms))
+    return Simulation(Plan(size, [spec], initial, ProjectionParameters(**terms)))
 
 
 def energies(sim):

@@ -1,24 +1,27 @@
 """Scan, sort, grid and neighbour list against brute force."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 import taichi as ti
 
-from msph.fluid.particles import particles
-from msph.fluid.particles.grid import CUTS, LayeredGrid
+from msph.fluid.constants import Constants
+from msph.fluid.particles.grid import CUTS, LayeredGrid, cells_of, grid_rows
 from msph.fluid.particles.layers import Layers, LayerSpec
 from msph.fluid.particles.mirror_images import MirrorImages
 from msph.fluid.particles.neighbour_list import (
     NeighbourList,
     NeighbourOverflowError,
+    entries_provided,
+    list_tables,
     mean_neighbours,
+    most_neighbours,
 )
 from msph.fluid.particles.particles import Attribute, Particles
-from msph.fluid.particles.prefix_sum import CHUNK, PrefixSum
+from msph.fluid.particles.prefix_sum import CHUNKS, PrefixSum
+from msph.fluid.room import FIRST
 
 FORMS = ["scatter", "pair", "widest"]
+MARGINS = {"scatter": 0.3, "pair": 0.1, "widest": 0.0}
 SIZE = (1.0, 0.7, 0.33)
 COUNT = 600
 TAG = Attribute("tag", "-", "rides along with the sort")
@@ -33,26 +36,40 @@ def cloud(seed):
     return (x * SIZE).astype(np.float32), rng.integers(0, 3, COUNT).astype(np.int32)
 
 
-class Shared(Particles):
-    """Threads share loops over them, few as they are."""
-
-    alone = False
-
-
 class World:
-    """Particles in a grid, with a scatter list and a symmetric one."""
+    """Particles in a grid, with a neighbour list of any form."""
 
-    def __init__(self):
-        masses = (1.0, 0.25, 3.0)
-        # Supports of about .2, .12 and .3 m, none of which divides the box.
-        self.layers = Layers([LayerSpec(m, 1000.0, 2.03) for m in masses])
-        self.particles = Shared(COUNT + 50, (TAG,))
-        self.grid = LayeredGrid(SIZE, self.layers, self.particles)
-        self.lists = {
-            "scatter": NeighbourList(self.grid, self.particles, "scatter", 0.3),
-            "pair": NeighbourList(self.grid, self.particles, "pair", 0.1),
-            "widest": NeighbourList(self.grid, self.particles, "widest", 0.0),
-        }
+    def __init__(self, size=SIZE, masses=(1.0, 0.25, 3.0), smoothing=2.03, mirrored=False):
+        # By default supports of about .2, .12 and .3 m, none of which divides the box.
+        self.specs = [LayerSpec(m, 1000.0, smoothing) for m in masses]
+        self.size, self.mirrored = size, mirrored
+        self.constants, self.layers = Constants(), Layers()
+        self.particles = Particles(FIRST.particles, (TAG,))
+        self.grid = LayeredGrid(FIRST, self.constants, self.layers, self.particles)
+        images = MirrorImages(self.constants)
+        self.neighbours = NeighbourList(FIRST, self.constants, self.grid, self.particles, images)
+        self.particles.capacity = COUNT + 50 if not mirrored else FIRST.particles
+        self.list_of("pair")
+
+    def list_of(self, form):
+        """The list of this form, not searched yet."""
+        margin = MARGINS[form] * (not self.mirrored)
+        rows, pairs = list_tables(self.specs, margin, form)
+        self.layers.load(self.specs, rows | grid_rows(self.size, self.specs), pairs)
+        most = self.particles.capacity
+        entries = entries_provided(self.specs, margin, form, most, self.neighbours.pooled)
+        self.cells = sum(cells_of(self.size, self.specs))
+        self.usual = mean_neighbours(self.specs, margin, form)
+        self.constants.fill(
+            size=self.size,
+            layers=len(self.specs),
+            cells=self.cells,
+            entries=entries,
+            usual_neighbours=self.usual,
+            own_entries=most_neighbours(self.specs, margin, form),
+        )
+        self.neighbours.load(entries, margin * self.layers.finest.support, self.mirrored)
+        return self.neighbours
 
     def place(self, x, layer):
         self.particles.fill(x=x, layer=layer, tag=np.arange(len(x), dtype=np.float32))
@@ -64,16 +81,16 @@ def world():
     return World()
 
 
-@pytest.mark.parametrize("few", [True, False])
-@pytest.mark.parametrize("length", [1, CHUNK - 1, CHUNK, CHUNK + 1, 5 * CHUNK + 17])
-def test_scan_is_the_cumulative_sum(length, few):
+@pytest.mark.parametrize("serial", [True, False])
+@pytest.mark.parametrize("length", [1, CHUNKS - 1, CHUNKS, CHUNKS + 1, 5 * CHUNKS + 17])
+def test_scan_is_the_cumulative_sum(length, serial):
     """On one thread, and in chunks that threads share."""
     counts = np.random.default_rng(length).integers(0, 9, length).astype(np.int32)
     source, target = ti.field(ti.i32, shape=length), ti.field(ti.i32, shape=length + 1)
     source.from_numpy(counts)
-    scan = PrefixSum(length)
-    scan.few = few
-    scan.run(source, target)
+    scan = PrefixSum()
+    scan.serial = serial
+    scan.run(source, target, length)
     assert np.array_equal(target.to_numpy(), np.concatenate([[0], np.cumsum(counts)]))
 
 
@@ -93,7 +110,7 @@ def test_sort_keeps_every_particle_whole(world, seed):
 def test_cells_hold_what_lies_in_them(world, seed):
     x, layer = cloud(seed)
     world.place(x, layer)
-    start = world.grid.cell_start.to_numpy()
+    start = world.grid.cell_start.to_numpy()[: world.cells + 1]
     assert start[0] == 0 and start[-1] == COUNT
     sorted_x, sorted_layer = world.particles.numpy("x"), world.particles.numpy("layer")
     for k in range(3):
@@ -109,7 +126,7 @@ def test_cells_hold_what_lies_in_them(world, seed):
 
 def assert_equals_brute_force(world, form):
     """Finds the list of this form and compares it with the distances of all pairs."""
-    neighbours = world.lists[form]
+    neighbours = world.list_of(form)
     neighbours.find()
     x = world.particles.numpy("x").astype(np.float64)
     h = np.array([s.support for s in world.layers.specs])[world.particles.numpy("layer")]
@@ -142,15 +159,14 @@ def test_neighbour_lists_equal_brute_force(world, seed, form):
 
 def test_crowd_in_one_point_takes_room_that_others_leave(world):
     """Each of the crowd has more than half as many again as the usual neighbours."""
-    if not world.lists["scatter"].pooled:
+    if not world.neighbours.pooled:
         pytest.skip("on a GPU each particle has room of its own")
     x, layer = cloud(0)
     x[200:350], layer[200:350] = x[500], layer[500]
     world.place(x, layer)
     assert_equals_brute_force(world, "scatter")
-    neighbours = world.lists["scatter"]
-    most = (neighbours.end.to_numpy() - neighbours.start.to_numpy()).max()
-    assert most > 1.5 * neighbours.usual
+    start, end = (f.to_numpy()[:COUNT] for f in (world.neighbours.start, world.neighbours.end))
+    assert (end - start).max() > 1.5 * world.usual
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -169,33 +185,30 @@ def test_mean_of_neighbours_is_bounded_in_all_mixtures(form):
 def test_cubic_lattice_between_walls_fits():
     """Most of its particles have images, for which threads take room that stays free."""
     along = 12
-    spec = LayerSpec(1.0, 1000.0, 2.45)
-    size = (0.1 * along,) * 3
-    particles = Particles(along**3, ())
-    grid = LayeredGrid(size, Layers([spec]), particles)
-    neighbours = NeighbourList(grid, particles, "pair", 0.0, MirrorImages(size))
+    world = World((0.1 * along,) * 3, (1.0,), 2.45, mirrored=True)
+    particles, neighbours = world.particles, world.neighbours
     corner = np.stack(np.meshgrid(*[np.arange(along)] * 3), axis=-1).reshape(-1, 3)
     particles.fill(x=(0.1 * (corner + 0.5)).astype(np.float32), layer=np.zeros(along**3, np.int32))
-    grid.build()
+    world.grid.build()
     neighbours.find()
     steps = np.stack(np.meshgrid(*[np.arange(-3, 4)] * 3), axis=-1).reshape(-1, 3)
     near = np.sum(np.linalg.norm(steps, axis=1) < 2.45) - 1
-    start, end = (f.to_numpy() for f in (neighbours.start, neighbours.end))
+    start, end = (f.to_numpy()[: along**3] for f in (neighbours.start, neighbours.end))
     assert np.all(end - start == near)
 
 
 def test_full_list_says_that_the_water_collapsed(world):
     x = np.full((COUNT, 3), 0.3, dtype=np.float32)
     world.place(x, np.full(COUNT, 2, dtype=np.int32))
-    neighbours = world.lists["scatter"]
+    neighbours = world.list_of("scatter")
     with pytest.raises(NeighbourOverflowError, match="collapsed"):
         neighbours.find()
-    assert neighbours.end.to_numpy().max() <= neighbours.index.shape[0]
+    assert neighbours.end.to_numpy().max() <= neighbours.entries
 
 
 def test_list_is_stale_once_something_moved_half_its_margin(world):
     world.place(*cloud(0))
-    neighbours = world.lists["scatter"]
+    neighbours = world.list_of("scatter")
     neighbours.find()
     neighbours.moved(0.49 * neighbours.margin)
     assert not neighbours.stale
@@ -206,26 +219,3 @@ def test_list_is_stale_once_something_moved_half_its_margin(world):
 def test_pool_refuses_more_particles_than_it_holds(world):
     with pytest.raises(ValueError, match="do not fit"):
         world.particles.fill(x=np.zeros((COUNT + 51, 3), np.float32))
-
-
-@pytest.mark.parametrize(("threads", "most"), [(1, 10**6), (2, 1300), (4, 866), (16, 693)])
-def test_few_entries_stay_on_one_thread(monkeypatch, threads, most):
-    """The more threads share a loop, the fewer entries pay for waking them."""
-    monkeypatch.setattr(particles, "on_cpu", lambda: True)
-    cfg = SimpleNamespace(cpu_max_num_threads=threads)
-    monkeypatch.setattr(particles, "ti", SimpleNamespace(cfg=cfg))
-    assert particles.one_thread_does(most)
-    assert threads == 1 or not particles.one_thread_does(most + 1)
-
-
-def test_a_run_does_not_go_to_and_fro_between_threads(monkeypatch):
-    monkeypatch.setattr(particles, "on_cpu", lambda: True)
-    pool = Particles(4000)
-    monkeypatch.setattr(
-        particles, "ti", SimpleNamespace(cfg=SimpleNamespace(cpu_max_num_threads=2))
-    )
-    found = []
-    for count in (1200, 1400, 1900, 2000, 1400, 900, 860):
-        pool.count = count
-        found.append(pool.alone)
-    assert found == [True, True, True, False, False, False, True]

@@ -5,7 +5,7 @@ import pytest
 import taichi as ti
 import trimesh
 
-from msph.fluid.boundary.boundary import BEGIN, Boundary
+from msph.fluid.boundary.boundary import BEGIN
 from msph.fluid.boundary.mesh_samples import CELL
 from msph.fluid.boundary.rigid_bodies import Ball, Block, Motion, Solid
 from msph.fluid.boundary.sampled_fields import SampleLattice
@@ -14,9 +14,11 @@ from msph.fluid.boundary.volume_map import kernel_share
 from msph.fluid.boundary.wall_integrals import SWELL, ball_share, block_share, wall_support
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.layers import LayerSpec
+from msph.fluid.plan import Plan
 from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.simulation import NoWaterError, Simulation
 from msph.measure.ledger import Ledger
+from tests.boundary_kit import boundary_of
 
 D = 0.05
 FINE, COARSE = (LayerSpec(1000.0 * d**3, 1000.0, 2.0) for d in (D, 1.6 * D))
@@ -161,12 +163,6 @@ def test_share_of_a_ball_is_the_kernels_integral_for_every_radius():
     assert abs(slope - out[:n, 1]).max() < 5e-3
 
 
-def test_walls_without_bodies_allocate_nothing():
-    boundary = Boundary(SIZE, [FINE, COARSE])
-    assert boundary.count == 0
-    assert not [k for k, v in vars(boundary).items() if isinstance(v, ti.Field)]
-
-
 def test_container_shaped_like_a_box_holds_water_as_the_box_does():
     edge = np.array((0.6, 0.5, 0.7))
     lo = MIDDLE - 0.5 * edge
@@ -175,7 +171,9 @@ def test_container_shaped_like_a_box_holds_water_as_the_box_does():
     x[:200, 0] *= H / edge[0]
     x[:80, 1] *= H / edge[1]
     mesh = trimesh.creation.box(edge)
-    held = Evaluator(Boundary(SIZE, [FINE, COARSE], [solid(mesh, MIDDLE, container=True)]), lo + x)
+    held = Evaluator(
+        boundary_of(SIZE, [FINE, COARSE], [solid(mesh, MIDDLE, container=True)]), lo + x
+    )
     plain, near = np.zeros((len(x), 4), np.float32), SWELL * D
 
     @ti.kernel
@@ -215,7 +213,7 @@ def test_share_of_all_bodies_has_its_own_gradient_and_the_kernels_value():
     )
     step = 2e-4
     moved = [x + e * np.eye(3)[k] for k in range(3) for e in (step, -step)]
-    boundary = Boundary((1.0, 1.0, 1.0), [FINE, COARSE], bodies)
+    boundary = boundary_of((1.0, 1.0, 1.0), [FINE, COARSE], bodies)
     found = Evaluator(boundary, np.concatenate([x, *moved]), layer=1).share
     n = len(x)
     for k in range(3):
@@ -257,45 +255,32 @@ def shaken():
         Ball(np.array((0.4, 0.4, 0.5)), 0.1, Motion(swing=(0.2, 0.1, 0.0), period=0.4)),
     ]
     initial = water((0.1, 0.15, 0.1), (0.9, 0.5, 0.9))
-    return Simulation(SIZE, [FINE], initial, ProjectionParameters(), bodies)
+    return Simulation(Plan(SIZE, [FINE], initial, ProjectionParameters(), bodies))
 
 
-@ti.data_oriented
-class Guarded:
-    """What guard() makes of particles that were at x (n, 3) with velocities v, margin .01."""
-
-    def __init__(self, boundary, x, v):
-        self.boundary = boundary
-        self.x, self.v = np.array(x, np.float32), np.array(v, np.float32)
-        self.push, self.work = np.zeros_like(self.x), np.zeros((len(x), 1), np.float32)
-        self.run(self.x, self.v, self.push, self.work)
-
-    @ti.kernel
-    def run(self, x: NUMBERS, v: NUMBERS, push: NUMBERS, work: NUMBERS):
-        for i in range(x.shape[0]):
-            at = ti.Vector([x[i, 0], x[i, 1], x[i, 2]])
-            speed = ti.Vector([v[i, 0], v[i, 1], v[i, 2]])
-            at, speed, by_bodies, given = self.boundary.guard(at, speed, 0.0, 0.01)
-            work[i, 0] = given
-            for k in ti.static(range(3)):
-                x[i, k], v[i, k], push[i, k] = at[k], speed[k], by_bodies[k]
-
-
-def test_guard_stops_what_meets_a_wall_though_there_are_bodies():
+def test_particles_stop_at_walls_and_bodies():
     """The third and the fourth meet the ball, which comes towards them at .5 m/s."""
-    motion = Motion((0.5, 0.0, 0.0))
-    boundary = Boundary(SIZE, [FINE], [Ball(MIDDLE, 0.2, motion)])
-    boundary.place(0.0, 1e-3)
-    x = [(0.3, -0.02, 0.3), (0.3, 0.4, 1.01), (0.695, 0.5, 0.5), (0.69, 0.5, 0.5)]
+    x = [(0.3, 0.001, 0.3), (0.3, 0.4, 0.999), (0.701, 0.5, 0.5), (0.72, 0.5, 0.5)]
     v = [(1.0, -2.0, 0.5), (0.0, 1.0, 3.0), (-1.0, 2.0, 0.0), (2.0, 0.0, 0.0)]
-    found = Guarded(boundary, x, v)
+    initial = {"x": np.array(x, np.float32), "v": np.array(v, np.float32)}
+    initial["layer"] = np.zeros(4, np.int32)
+    ball = Ball(MIDDLE, 0.2, Motion((0.5, 0.0, 0.0)))
+    sim = Simulation(Plan(SIZE, [FINE], initial, ProjectionParameters(), [ball]))
+    p, dt = sim.particles, 1e-6
+    p.fill(**initial)
+    sim.solver.impulses.clear()
+    sim.boundary.place(0.0, dt)
+    sim.contact.drift(dt)
+    found, at, mass = p.numpy("v"), p.numpy("x"), FINE.mass
     after = [(1.0, 0.0, 0.5), (0.0, 1.0, 0.0), (0.5, 2.0, 0.0), (2.0, 0.0, 0.0)]
-    assert found.v == pytest.approx(np.array(after), abs=1e-5)
-    kept = [(0.3, 0.01, 0.3), (0.3, 0.4, 0.99), (0.7105, 0.5, 0.5), (0.7105, 0.5, 0.5)]
-    assert found.x == pytest.approx(np.array(kept), abs=1e-5)
-    by_ball = np.array([(0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (1.5, 0.0, 0.0), (0.0, 0.0, 0.0)])
-    assert found.push == pytest.approx(by_ball, abs=1e-5)
-    assert found.work[:, 0] == pytest.approx(0.5 * by_ball[:, 0], abs=1e-5)
+    assert found == pytest.approx(np.array(after), abs=5e-5)
+    # Each keeps a distance of its own, of .05 to .1 spacings.
+    assert 0.05 * D <= at[0, 1] <= 0.1 * D and 0.05 * D <= SIZE[2] - at[1, 2] <= 0.1 * D
+    assert 0.05 * D - 1e-6 <= at[2, 0] - 0.7 <= 0.1 * D
+    assert at[3] == pytest.approx((0.72, 0.5, 0.5), abs=1e-5)
+    pushed = sim.solver.impulses.body_impulse[None].to_numpy()
+    assert pushed == pytest.approx(np.array((1.5 * mass, 0.0, 0.0)), abs=5e-5 * mass)
+    assert sim.solver.impulses.wall_work[None] == pytest.approx(0.75 * mass, rel=1e-4)
 
 
 def test_violent_water_stays_in_its_container_and_leaks_are_seen(shaken):
@@ -346,7 +331,7 @@ def test_piston_lifts_the_water_it_displaces_and_its_work_balances():
         np.array((-0.3, 0.0, 0.0)), np.array((front, 0.8, width)), Motion((speed, 0.0, 0.0))
     )
     initial = water((front, 0.0, 0.0), (length, 0.3, width))
-    sim = Simulation((length, 0.8, width), [FINE], initial, ProjectionParameters(), [piston])
+    sim = Simulation(Plan((length, 0.8, width), [FINE], initial, ProjectionParameters(), [piston]))
     ledger, gravity = Ledger(sim), (0.0, -9.81, 0.0)
     first = ledger.record(gravity)
     for _ in range(72):
@@ -370,4 +355,4 @@ def test_bodies_that_swallow_all_water_are_an_error():
     everything = Block(np.array((0.0, 0.0, 0.0)), np.array((1.0, 1.0, 1.0)))
     initial = water((0.2, 0.2, 0.2), (0.4, 0.4, 0.4))
     with pytest.raises(NoWaterError, match="64 particles"):
-        Simulation(SIZE, [FINE], initial, ProjectionParameters(), [everything])
+        Simulation(Plan(SIZE, [FINE], initial, ProjectionParameters(), [everything]))

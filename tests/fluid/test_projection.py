@@ -15,6 +15,7 @@ from fluid_kit import (
 
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.layers import LayerSpec
+from msph.fluid.plan import Plan
 from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.projection.position_correction import BRISK, CROWDED
 from msph.fluid.projection.solver import LEAP
@@ -53,7 +54,7 @@ def blobs():
 
 @pytest.fixture(scope="module")
 def collision():
-    return Simulation(SIZE, [FINE, COARSE], blobs(), ProjectionParameters())
+    return Simulation(Plan(SIZE, [FINE, COARSE], blobs(), ProjectionParameters()))
 
 
 def momenta(sim):
@@ -145,7 +146,7 @@ def test_pressure_is_a_third_of_the_virials_trace(collision):
     volume, h = volume[layer], support[layer]
     q = np.random.default_rng(2).uniform(0.0, 1e-4, n)
     fill(p.velocity_multiplier, q)
-    solver.pressure_solve.accelerate(n, p.alone, dt, (0.0, 0.0, 0.0))
+    solver.pressure_solve.accelerate(dt, (0.0, 0.0, 0.0), False)
     r = np.linalg.norm(x[:, None] - x, axis=2)
     np.fill_diagonal(r, 1.0)
     weight = -r * volume * quartic_slope(r, pair_support(h, h)) / YIELD[2.5]
@@ -163,8 +164,9 @@ def test_pressure_is_a_third_of_the_virials_trace(collision):
 
 
 def test_pushes_add_up_to_nothing(collision):
-    """Of equal particles they are equal and opposite to the last bit. Sums in single precision left
-    1e-8 of them, in still water the same in every step."""
+    """Of equal particles they are equal and opposite, but for the last bit of one pair in 2,000,
+    whose ends are summed by vector and by scalar instructions. Sums in single precision left 1e-8
+    of them, in still water the same in every step."""
     collision.reset()
     solver, p, dt = collision.solver, collision.particles, 0.01
     fine = p.numpy("layer") == 0
@@ -172,11 +174,11 @@ def test_pushes_add_up_to_nothing(collision):
     fill(p.velocity_multiplier, fine * np.random.default_rng(2).uniform(0.0, 1e-4, p.count))
     before = p.numpy("v")
     solver.impulses.clear()
-    solver.pressure_solve.accelerate(p.count, p.alone, dt, (0.0, 0.0, 0.0))
+    solver.pressure_solve.accelerate(dt, (0.0, 0.0, 0.0), False)
     pushed = FINE.mass * np.linalg.norm(p.numpy("v") - before, axis=1).sum()
     left = np.linalg.norm(solver.impulses.internal_impulse.to_numpy())
     assert pushed > 0.1
-    assert left < (1e-12 if longest_float() == ti.f64 else 1e-6) * pushed
+    assert left < (1e-9 if longest_float() == ti.f64 else 1e-6) * pushed
     collision.reset()
 
 
@@ -195,7 +197,7 @@ def test_velocity_solve_leaves_a_small_share_of_the_speed(collision, drift):
     solver.particles_moved()
     solver.measure_density()
     solver.position_correction.find(0.0)
-    solver.pressure_solve.build_rhs(n, p.alone, dt)
+    solver.pressure_solve.build_rhs(n, dt)
     begin, found = p.velocity_multiplier.to_numpy(), {}
     for name, tolerance, leeway in (
         ("strict", 1e-6, 0.0),
@@ -280,7 +282,7 @@ def test_relative_speed_is_that_past_neighbours_and_walls(collision):
     solver.measure_density()
     x, v, layer = (p.numpy(k) for k in ("x", "v", "layer"))
     solver.position_correction.find(0.0)
-    solver.position_correction.apply(p.count, p.alone)
+    solver.position_correction.apply()
     h = np.array([s.support for s in collision.layers.specs])[layer]
     near = np.linalg.norm(x[:, None] - x, axis=2) < pair_support(h, h)
     passing = (np.linalg.norm(v[:, None] - v, axis=2) * near).max(axis=1)
@@ -311,11 +313,11 @@ def test_velocity_solve_scales_its_start(collision, off):
     solver, p, dt = collision.solver, collision.particles, 1 / 300
     solver.measure_density()
     solver.position_correction.find(0.0)
-    solver.pressure_solve.build_rhs(p.count, p.alone, dt)
+    solver.pressure_solve.build_rhs(p.count, dt)
     solver.pressure_solve.converge(dt, 1e-6, 0.0, 1000)
     solution = p.numpy("velocity_multiplier")
     fill(p.velocity_multiplier, off * solution)
-    solver.pressure_solve.begin(p.count, p.alone, dt, 0.0)
+    solver.pressure_solve.begin(p.count, dt, 0.0)
     assert solution.max() > 0.0
     assert np.abs(p.numpy("velocity_multiplier") - solution).max() < 1e-3 * solution.max()
     collision.reset()
@@ -370,13 +372,13 @@ def full_cube(halvings, cells, rounds):
     """Yields a cube of a mixture after each round of the position solve, its densities known."""
     mass = FULL * 1000.0 / cells**3
     specs = [LayerSpec(mass / 2**halvings, 1000.0, 2.5), LayerSpec(mass, 1000.0, 2.5)]
-    sim = Simulation((1.0, 1.0, 1.0), specs, mixture(halvings, cells), ProjectionParameters())
-    p, solver = sim.particles, sim.solver
+    sim = Simulation(Plan((1.0, 1.0, 1.0), specs, mixture(halvings, cells), ProjectionParameters()))
+    solver = sim.solver
     for _ in range(rounds):
         solver.measure_density()
         solver.position_correction.find(0.0)
         yield sim
-        solver.position_correction.apply(p.count, p.alone)
+        solver.position_correction.apply()
         solver.particles_moved()
 
 

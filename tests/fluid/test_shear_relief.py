@@ -10,6 +10,7 @@ from bench import tanks
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles import kernels
 from msph.fluid.particles.layers import LayerSpec
+from msph.fluid.plan import Plan
 from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.projection.shear_relief import ARRANGED, ShearRelief
 from msph.fluid.simulation import Simulation
@@ -28,15 +29,15 @@ def cube():
     initial = {"x": x.astype(np.float32), "layer": np.zeros(len(x), np.int32)}
     spec = LayerSpec(1000.0 * D**3, 1000.0, SMOOTHING)
     terms = ProjectionParameters(shear_relief=SHARE)
-    return Simulation((EDGE,) * 3, [spec], initial, terms)
+    return Simulation(Plan((EDGE,) * 3, [spec], initial, terms))
 
 
 def accelerated(sim, pressure, external=WEIGHTLESS):
     """Velocities (n, 3) [m/s] that DT of the force gives water at rest under multipliers [Pa]."""
     sim.measure_density()
-    p, n = sim.particles, sim.particles.count
+    p = sim.particles
     fill(p.velocity_multiplier, DT**2 / 1000.0 * pressure(p.numpy("x").astype(float)))
-    sim.solver.pressure_solve.accelerate(n, p.alone, DT, external.gravity)
+    sim.solver.pressure_solve.accelerate(DT, external.gravity, True)
     p.v.fill(0.0)
     sim.solver.impulses.clear()
     sim.solver.force(ShearRelief).apply(DT, external)

@@ -4,11 +4,9 @@ import numpy as np
 import pytest
 from fluid_kit import YIELD, pair_support
 
-from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.external_forces import ExternalForces
-from msph.fluid.particles.grid import LayeredGrid
-from msph.fluid.particles.layers import Layers, LayerSpec
-from msph.fluid.particles.particles import Particles
+from msph.fluid.particles.layers import LayerSpec
+from msph.fluid.plan import Plan
 from msph.fluid.projection import surface_tension, viscosity
 from msph.fluid.projection.body_force import BodyForce
 from msph.fluid.projection.parameters import ProjectionParameters
@@ -48,7 +46,7 @@ def two_layers():
 def blob():
     """All terms on; tests call them one by one, or switch them off."""
     terms = ProjectionParameters(viscosity=20.0, tension=1.0, xsph=0.1)
-    return Simulation((2 * MIDDLE,) * 3, [FINE, COARSE], two_layers(), terms)
+    return Simulation(Plan((2 * MIDDLE,) * 3, [FINE, COARSE], two_layers(), terms))
 
 
 def prepare(sim):
@@ -102,7 +100,7 @@ def test_viscosity_equals_brute_force(blob):
     v, dt = velocities(blob), 1e-3
     force = solver.force(Viscosity)
     expected = dt * force.nu * laplacian(blob, v)
-    force.begin(n, blob.particles.alone, dt * force.nu)
+    force.begin(n, dt * force.nu)
     found = blob.particles.numpy("viscous_residual")
     assert np.abs(found - expected).max() < 1e-4 * np.abs(expected).max()
 
@@ -153,7 +151,7 @@ def test_tar_at_rest_stays_at_rest():
     initial = {"x": x.astype(np.float32), "layer": np.zeros(len(x), np.int32)}
     spec = LayerSpec(1000.0 * d**3, 1000.0, 2.45)
     parameters = ProjectionParameters(viscosity=1e5)
-    sim = Simulation((n * d, 2 * n * d, n * d), [spec], initial, parameters)
+    sim = Simulation(Plan((n * d, 2 * n * d, n * d), [spec], initial, parameters))
     height = sim.particles.numpy("x")[:, 1].mean()
     for _ in range(20):
         sim.advance(1 / 60, ExternalForces())
@@ -229,7 +227,9 @@ def tank():
     x += np.random.default_rng(2).uniform(-0.1, 0.1, x.shape) / CELLS
     initial = {"x": x.astype(np.float32), "layer": np.zeros(len(x), np.int32)}
     spec = LayerSpec(1000.0 / CELLS**3, 1000.0, 2.4)
-    return Simulation((1.0, 5.0 / CELLS, 1.0), [spec], initial, ProjectionParameters(viscosity=5.0))
+    return Simulation(
+        Plan((1.0, 5.0 / CELLS, 1.0), [spec], initial, ProjectionParameters(viscosity=5.0))
+    )
 
 
 @pytest.mark.parametrize("steps", [20, 1])
@@ -261,13 +261,13 @@ def test_walls_without_slip_stop_the_water():
     x = (np.indices((8, 20, 8)).reshape(3, -1).T + 0.5) * 0.05
     initial = {"x": x.astype(np.float32), "layer": np.zeros(len(x), np.int32)}
     terms = ProjectionParameters(viscosity=1.0, slip=False)
-    sim = Simulation((0.4, 1.0, 0.4), [LayerSpec(0.125, 1000.0, 2.4)], initial, terms)
+    sim = Simulation(Plan((0.4, 1.0, 0.4), [LayerSpec(0.125, 1000.0, 2.4)], initial, terms))
     solver, n = prepare(sim)
     x = sim.particles.numpy("x").astype(float)
     v = np.zeros_like(x)
     v[:, 1] = np.sin(np.pi * x[:, 0] / 0.4) * np.sin(np.pi * x[:, 2] / 0.4)
     sim.particles.v.from_numpy(v.astype(np.float32))
-    solver.force(Viscosity).begin(n, sim.particles.alone, 1.0)
+    solver.force(Viscosity).begin(n, 1.0)
     middle = np.abs(x[:, 1] - 0.5) < 0.3
     found = sim.particles.numpy("viscous_residual")[middle]
     rate = -(found * v[middle]).sum() / (v[middle] ** 2).sum()
@@ -279,7 +279,7 @@ def test_a_cube_of_water_becomes_a_ball_of_its_volume():
     x = (np.indices((n, n, n)).reshape(3, -1).T + 0.5) * edge / n + 0.0155
     initial = {"x": x.astype(np.float32), "layer": np.zeros(len(x), np.int32)}
     spec = LayerSpec(1000.0 * (edge / n) ** 3, 1000.0, 2.4)
-    sim = Simulation((0.04,) * 3, [spec], initial, ProjectionParameters(tension=0.072))
+    sim = Simulation(Plan((0.04,) * 3, [spec], initial, ProjectionParameters(tension=0.072)))
     radius = (0.75 / np.pi) ** (1.0 / 3.0) * edge
     diagonals = np.array([[a, b, c] for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)]) / 3**0.5
     axes = np.concatenate([np.eye(3), -np.eye(3)])
@@ -308,11 +308,10 @@ def test_what_is_off_is_not_there():
     ):
         assert name not in plain
         assert name in {a.name for a in Projection.attributes(terms)}
-    layers, particles = Layers([FINE]), Particles(1, Projection.attributes(ProjectionParameters()))
-    boundary = Boundary((1.0,) * 3, [FINE])
-    grid = LayeredGrid((1.0,) * 3, layers, particles)
-    solver = Projection(boundary, layers, grid, particles, ProjectionParameters())
-    assert [type(force) for force in solver.forces] == [BodyForce]
+    initial = {"x": np.full((1, 3), 0.5, np.float32), "layer": np.zeros(1, np.int32)}
+    sim = Simulation(Plan((1.0,) * 3, [FINE], initial, ProjectionParameters()))
+    assert [type(force) for force in sim.solver.forces] == [BodyForce]
+    assert sim.solver.adaptation is None
 
 
 def test_walls_that_stick_need_viscosity(tmp_path):

@@ -9,6 +9,7 @@ import trimesh
 from msph.fluid.boundary.rigid_bodies import Ball, Block, Solid
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.layers import LayerSpec
+from msph.fluid.plan import Plan
 from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.simulation import Simulation
 from msph.measure.ledger import Ledger
@@ -35,7 +36,7 @@ def pool():
     x = (np.indices(n).reshape(3, -1).T + 0.5) * D
     initial = {"x": x.astype(np.float32), "layer": np.zeros(len(x), np.int32)}
     layers = [LayerSpec(1000.0 * D**3, 1000.0, 2.45)]
-    return Simulation(SIZE, layers, initial, ProjectionParameters(), bodies)
+    return Simulation(Plan(SIZE, layers, initial, ProjectionParameters(), bodies))
 
 
 @pytest.fixture(scope="module")

@@ -9,6 +9,7 @@ import pytest
 from msph.fluid.classic import ClassicParameters
 from msph.fluid.external_forces import ExternalForces, Hand
 from msph.fluid.particles.layers import LayerSpec
+from msph.fluid.plan import Plan
 from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.simulation import Simulation
 from msph.measure.entry import columns
@@ -29,7 +30,7 @@ def world():
         "layer": rng.integers(0, 2, n).astype(np.int32),
     }
     layers = [LayerSpec(m, 1000.0, 2.0, viscosity=1.0) for m in MASSES]
-    sim = Simulation(SIZE, layers, initial, ClassicParameters())
+    sim = Simulation(Plan(SIZE, layers, initial, ClassicParameters()))
     return sim, Ledger(sim)
 
 
@@ -198,7 +199,7 @@ def pool():
         "layer": (sites[:, 1] < 4).astype(np.int32),
     }
     layers = [LayerSpec(1000.0 * d**3, 1000.0, 2.0), LayerSpec(1050.0 * d**3, 1000.0, 2.0)]
-    sim = Simulation((8 * d, 10 * d, 8 * d), layers, initial, ProjectionParameters())
+    sim = Simulation(Plan((8 * d, 10 * d, 8 * d), layers, initial, ProjectionParameters()))
     return sim, Ledger(sim)
 
 

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from msph.fluid.boundary.boundary import Boundary
 from msph.measure.face_probes import FluxProbe, ForceProbe
 from msph.measure.probes import FrontProbe, HeightProbe, PressureProbe, VelocityProbe
 from msph.measure.snapshot import Snapshot
 from msph.scene.obstacles import bodies
 from msph.scene.schema import Scene
 from msph.scene.water import layer_specs
+from tests.boundary_kit import boundary_of
 
 SIZE = (0.8, 0.8, 0.8)
 D = 0.04
@@ -222,7 +222,7 @@ def sunk(obstacle, tilt=0.0):
         {"box": box, "layers": layers, "water": water, "obstacles": [obstacle]}
     )
     (body,) = bodies(scene)
-    boundary = Boundary(SIZE, layer_specs(scene), [body])
+    boundary = boundary_of(SIZE, layer_specs(scene), [body])
     x = filled(0.2)
     x = x[boundary.free(x)]
     sizes = np.full(len(x), D), np.full(len(x), 2.0 * D)

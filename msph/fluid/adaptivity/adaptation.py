@@ -8,15 +8,14 @@ Adams et al. 2007). Mass, momentum and centre of mass are kept to rounding, angu
 import numpy as np
 import taichi as ti
 
-from msph.constant_fields import constant_fields
-from msph.fluid.adaptivity.bands import AdaptationParameters, bands, coarser_of
+from msph.fluid.adaptivity.bands import AdaptationParameters, bands, coarser_of, finer_of
 from msph.fluid.adaptivity.surface_distance import SurfaceDistance
-from msph.fluid.boundary.boundary import END, Boundary
 from msph.fluid.particles import kernels
-from msph.fluid.particles.layers import Layers
-from msph.fluid.particles.neighbour_list import NeighbourList
-from msph.fluid.particles.particles import Attribute, Particles
+from msph.fluid.particles.layers import LayerSpec
+from msph.fluid.particles.particles import Attribute
 from msph.fluid.particles.prefix_sum import PrefixSum
+from msph.fluid.projection.discretisation import Discretisation
+from msph.fluid.room import Room
 from msph.taichi_internals import data_oriented, kernel
 
 ATTRIBUTES = (
@@ -60,37 +59,29 @@ class Adaptation:
     while the pool is nearly full. merge_loss [J] collects the kinetic energy that merges dissipate.
     """
 
-    def __init__(
-        self,
-        boundary: Boundary,
-        layers: Layers,
-        particles: Particles,
-        neighbours: NeighbourList,
-        merge_loss: ti.Field,
-        parameters: AdaptationParameters,
-    ):
-        self.layers, self.particles, self.neighbours = layers, particles, neighbours
-        self.inherited = particles.inherited()
-        self.parameters, self.merge_loss = parameters, merge_loss
-        limits = bands(layers.specs, parameters.band)
-        self.farthest = max(top for top, _ in limits) * (1.0 + 2.0 * parameters.hysteresis)
-        self.depth = SurfaceDistance(boundary, layers, particles, self.farthest)
-        self.boundary = boundary
-        coarser = coarser_of(layers.specs)
+    parameters: AdaptationParameters
+
+    def __init__(self, room: Room, shared: Discretisation):
+        self.constants, self.contact, self.layers = shared.constants, shared.contact, shared.layers
+        self.particles, self.neighbours = shared.particles, shared.neighbours
+        self.inherited, self.merge_loss = shared.particles.inherited, shared.impulses.merge_loss
+        self.boundary = shared.boundary
+        self.depth = SurfaceDistance(room, shared)
+        self.coarser, self.finer = shared.layers.coarser, shared.layers.finer
         unit = np.array(DIRECTIONS) / np.linalg.norm(DIRECTIONS, axis=1, keepdims=True)
-        self.top, self.bottom, self.coarser, self.finer, self.directions = constant_fields(
-            *np.array(limits).T,
-            np.array(coarser),
-            np.array([coarser.index(k) if k in coarser else -1 for k in range(layers.count)]),
-            unit,
-        )
-        self.place = ti.field(ti.i32, shape=particles.capacity + 1)
-        self.scan = PrefixSum(particles.capacity)
+        self.directions = ti.Vector.field(3, ti.f32, shape=len(DIRECTIONS))
+        self.directions.from_numpy(unit.astype(np.float32))
+        self.place = ti.field(ti.i32, shape=room.particles + 1)
+        self.scan = PrefixSum()
         self.tally = ti.field(ti.i32, shape=3)  # splits, merges, refused
         self.next_id = ti.field(ti.i32, shape=())
         self.travelled = ti.field(ti.f32, shape=())  # by the fastest since the last pass, spacings
         self.thickness, self.events, self.steps = 1.0, (0, 0, 0), 0
         self.passed = np.zeros(2, int)
+
+    def load(self, parameters: AdaptationParameters) -> None:
+        """Takes the parameters of a scene; its bands are rows of the layers."""
+        self.parameters = parameters
 
     def reset(self) -> None:
         """Starts anew, since the particles were replaced: bands have their full thickness."""
@@ -124,7 +115,6 @@ class Adaptation:
         weight like a crystal.
         """
         p, rng = self.particles, np.random.default_rng(0)
-        self._compile()
         spacing = np.array([spec.spacing for spec in self.layers.specs])
         edges = np.repeat(spacing[p.numpy("layer")][:, None], 3, axis=1)
         self.depth.refresh()
@@ -151,17 +141,10 @@ class Adaptation:
             edges = np.concatenate([edges, edges[split]])
             self.depth.refresh()
 
-    def _compile(self) -> None:
-        """Launches on no particles what a run needs some steps later: else a frame would wait for
-        its compiling."""
-        self.wait(0)
-        self.scan.run(self.particles.alive, self.place)
-        self.particles.compact(self.place, self.particles.alive, 0)
-
     def _halve(self, split: np.ndarray, offset: np.ndarray) -> None:
         """Puts halves of the particles `split` (k,) at -offset and +offset (k, 3) [m] from them."""
         state = self.particles.state()
-        state["layer"][split] = self.finer.to_numpy()[state["layer"][split]]
+        state["layer"][split] = np.array(finer_of(self.layers.specs))[state["layer"][split]]
         halves = {name: values[split] for name, values in state.items()}
         halves["id"] = state["id"].max() + 1 + np.arange(len(split), dtype=np.int32)
         halves["x"] = halves["x"] + offset.astype(np.float32)
@@ -191,6 +174,7 @@ class Adaptation:
         p, n = self.particles, self.particles.count
         most = max(8, int((self.parameters.budget if budget is None else budget) * n))
         self.depth.refresh()
+        self.contact.refresh_clearance()
         self.tally.fill(0)
         self.wish_for(n, self.thickness, RELUCTANT)
         self.find_partners(n)
@@ -202,9 +186,9 @@ class Adaptation:
         self.passed += np.array(self.events[:2])
         p.count = n + splits
         if merges:
-            self.scan.run(p.alive, self.place)
+            self.scan.run(p.alive, self.place, n + splits)
             p.compact(self.place, p.alive, n + splits)
-            p.count = self.place[p.capacity]
+            p.count = self.place[n + splits]
         self._keep_room(refused)
         return splits + self.events[1]
 
@@ -225,18 +209,19 @@ class Adaptation:
     def wish_for(self, n: ti.i32, thickness: ti.f32, reluctant: ti.f32):
         """wish = -1 for a particle to be split, 1 to be merged, by its depth and its layer's band;
         also its depth [m], alive and settling."""
-        for i in range(self.particles.capacity):
-            self.particles.alive[i] = ti.select(i < n, 1, 0)
         for i in range(n):
+            self.particles.alive[i] = 1
             layer = self.particles.layer[i]
             depth = self.depth.at(self.particles.x[i])
             self.particles.depth[i] = depth
             waiting = self.particles.settling[i]
             self.particles.settling[i] = ti.max(waiting - 1, 0)
-            top, bottom = self.top[layer] * thickness, self.bottom[layer] * thickness
-            rise = reluctant * self.parameters.hysteresis
+            top = self.layers.top[layer] * thickness
+            bottom = self.layers.bottom[layer] * thickness
+            hysteresis = self.constants.hysteresis[None]
+            rise = reluctant * hysteresis
             above = depth < top * (1.0 - rise) and self.finer[layer] >= 0
-            below = depth > bottom * (1.0 + self.parameters.hysteresis) and self.coarser[layer] >= 0
+            below = depth > bottom * (1.0 + hysteresis) and self.coarser[layer] >= 0
             wish = ti.select(above, -1, ti.select(below, 1, 0))
             self.particles.wish[i] = ti.select(waiting > 0, 0, wish)
 
@@ -276,7 +261,7 @@ class Adaptation:
                 for each in ti.static(self.inherited):
                     each[i] = 0.5 * (each[i] + each[j])
                 self.particles.layer[i] = self.coarser[layer]
-                self.particles.settling[i] = self.parameters.settle
+                self.particles.settling[i] = self.constants.settle[None]
                 self.particles.alive[j] = 0
 
     @ti.func
@@ -331,8 +316,8 @@ class Adaptation:
                 self.particles.layer[i] = layer
                 self.particles.layer[j] = layer
                 self.particles.id[j] = ti.atomic_add(self.next_id[None], 1)
-                self.particles.settling[i] = self.parameters.settle
-                self.particles.settling[j] = self.parameters.settle
+                self.particles.settling[i] = self.constants.settle[None]
+                self.particles.settling[j] = self.constants.settle[None]
                 self.particles.alive[j] = 1
 
     @ti.func
@@ -342,13 +327,12 @@ class Adaptation:
         layer, x = self.particles.layer[i], self.particles.x[i]
         finer = self.finer[layer]
         # Halves stay clear of walls: a wall that pushed one back would move the centre of mass.
-        room = ti.min(x, self.boundary.size - x)
-        if ti.static(self.boundary.count > 0):
-            room = ti.min(room, self.boundary.clearance(x, END))
+        room = ti.min(x, self.constants.size[None] - x)
+        if self.constants.bodies[None] > 0:
+            room = ti.min(room, self.particles.clearance[i])
         best, least = ti.Vector([0.0, 0.0, 0.0]), 1e9
         for d in range(self.directions.shape[0]):
-            unit = ti.Vector([self.directions[d, k] for k in range(3)])
-            offset = HALF * self.layers.spacing[layer] * unit
+            offset = HALF * self.layers.spacing[layer] * self.directions[d]
             offset *= ti.min(1.0, (room / ti.max(abs(offset), 1e-9)).min())
             c = 0.0
             for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
@@ -364,3 +348,20 @@ class Adaptation:
             if c < least:
                 least, best = c, offset
         return best
+
+
+def farthest_depth(specs: list[LayerSpec], parameters: AdaptationParameters) -> float:
+    """Depth [m] up to which it must be known, to tell the band."""
+    tops = [top for top, _ in bands(specs, parameters.band)]
+    return max(tops) * (1.0 + 2.0 * parameters.hysteresis)
+
+
+def band_rows(specs: list[LayerSpec], parameters: AdaptationParameters) -> dict[str, np.ndarray]:
+    """What bands tell of each layer, for its row in Layers."""
+    top, bottom = np.array(bands(specs, parameters.band)).T
+    return {
+        "top": top,
+        "bottom": bottom,
+        "coarser": np.array(coarser_of(specs)),
+        "finer": np.array(finer_of(specs)),
+    }

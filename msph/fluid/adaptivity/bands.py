@@ -50,6 +50,13 @@ def coarser_of(specs: list[LayerSpec]) -> list[int]:
     ]
 
 
+def finer_of(specs: list[LayerSpec]) -> list[int]:
+    """Index of the layer whose particles each layer's particles split into, -1 where there is
+    none."""
+    coarser = coarser_of(specs)
+    return [coarser.index(k) if k in coarser else -1 for k in range(len(specs))]
+
+
 def exact(specs: list[LayerSpec]) -> list[LayerSpec]:
     """The layers with mass ratios of exactly 2 where they are nearly 2: spacings in a scene are
     rounded, and each merge would change the mass of the water."""

@@ -10,14 +10,15 @@ cell.
 """
 
 import math
+from typing import Any
 
 import taichi as ti
 
-from msph.fluid.boundary.boundary import END, Boundary
+from msph.fluid.boundary.boundary import END
 from msph.fluid.particles import kernels
-from msph.fluid.particles.layers import Layers
-from msph.fluid.particles.mirror_images import MirrorImages
-from msph.fluid.particles.particles import Particles, one_thread_does
+from msph.fluid.particles.layers import LayerSpec
+from msph.fluid.projection.discretisation import Discretisation
+from msph.fluid.room import Room
 from msph.taichi_internals import data_oriented, kernel
 
 # Coverage sum V_j W (-) above which a cell's centre lies in water. Gaps between particles of mixed
@@ -38,166 +39,190 @@ CELL = 0.6
 class SurfaceDistance:
     """Distance [m] to the free surface, good to about a fifth of a cell.
 
-    Distances beyond `farthest` [m] are not searched, and read as about `farthest`.
+    Distances beyond depth_reach cells are not searched, and read as about that.
     """
 
-    def __init__(
-        self,
-        boundary: Boundary,
-        layers: Layers,
-        particles: Particles,
-        farthest: float,
-    ):
-        self.layers, self.particles = layers, particles
-        self.boundary, self.images = boundary, MirrorImages(boundary.box)
-        # By the capacity, since the count grows while layers are filled: so one kernel is compiled.
-        self.alone = one_thread_does(particles.capacity)
-        self.cell = CELL * layers.finest.support
-        self.margin = MARGIN * layers.finest.spacing
-        self.shape = depth_shape(boundary.box, self.cell)
-        self.dims = ti.Vector(list(self.shape))
-        self.reach = math.ceil(farthest / self.cell) + 1
-        self.coverage = ti.field(ti.f32, shape=self.shape)
-        self.air = ti.field(ti.i32, shape=self.shape)
+    def __init__(self, room: Room, shared: Discretisation):
+        self.constants, self.boundary = shared.constants, shared.boundary
+        self.layers, self.particles = shared.layers, shared.particles
+        self.images = shared.neighbours.images
+        self.coverage = ti.field(ti.f32, shape=room.depth_cells)
+        self.air = ti.field(ti.i32, shape=room.depth_cells)
         # Squared distance [cells^2] to the nearest cell of air, and the number of that cell: twice,
         # since each pass reads one and writes the other.
-        self.squares, self.nearest = (ti.field(ti.i32, shape=(2, *self.shape)) for _ in range(2))
+        self.squares, self.nearest = (
+            ti.field(ti.i32, shape=(2, room.depth_cells)) for _ in range(2)
+        )
         # gap: distance from the centre of a cell of air to the surface; depth. Both in cells.
-        self.gap, self.depth = (ti.field(ti.f32, shape=self.shape) for _ in range(2))
+        self.gap, self.depth = (ti.field(ti.f32, shape=room.depth_cells) for _ in range(2))
 
     def refresh(self) -> None:
         """Measures the depth of every cell anew."""
         self._cover(self.particles.count)
+        if self.boundary.count:
+            self._cover_by_bodies()
         self._find_air()
         for axis in range(3):
             self._spread(axis % 2, (axis + 1) % 2, axis)
         self._measure()
 
     @ti.func
+    def cells(self):
+        """Number of cells."""
+        dims = self.constants.depth_dims[None]
+        return dims[0] * dims[1] * dims[2]
+
+    @ti.func
+    def number(self, c, dims):
+        """Index of cell c (3,) of a grid of dims (3,)."""
+        return (c[0] * dims[1] + c[1]) * dims[2] + c[2]
+
+    @ti.func
+    def cell_at(self, number, dims):
+        """Cell (3,) of an index."""
+        row = number // dims[2]
+        return ti.Vector([row // dims[1], row % dims[1], number % dims[2]])
+
+    @ti.func
     def at(self, x):
         """Depth [m] at x [m]: interpolated between cells, 0 at the surface."""
-        g = x / self.cell - 0.5
-        base = ti.math.clamp(ti.floor(g, ti.i32), 0, ti.max(self.dims - 2, 0))
+        cell, dims = self.constants.depth_cell[None], self.constants.depth_dims[None]
+        g = x / cell - 0.5
+        base = ti.math.clamp(ti.floor(g, ti.i32), 0, ti.max(dims - 2, 0))
         t = ti.math.clamp(g - ti.cast(base, ti.f32), 0.0, 1.0)
         depth = 0.0
         for corner in ti.static(ti.ndrange(2, 2, 2)):
             at, weight = ti.Vector([0, 0, 0]), 1.0
             for k in ti.static(range(3)):
-                at[k] = ti.min(base[k] + corner[k], self.dims[k] - 1)
+                at[k] = ti.min(base[k] + corner[k], dims[k] - 1)
                 weight *= corner[k] * t[k] + (1 - corner[k]) * (1.0 - t[k])
-            depth += weight * self.depth[at]
-        return ti.max(depth, 0.0) * self.cell
+            depth += weight * self.depth[self.number(at, dims)]
+        return ti.max(depth, 0.0) * cell
 
     @kernel
     def _cover(self, n: ti.i32):
         """Coverage sum V_j W of the cells' centres, images included."""
-        for c in ti.grouped(self.coverage):
+        for c in range(self.cells()):
             self.coverage[c] = 0.0
-        ti.loop_config(serialize=self.alone)
         for i in range(n):
             layer, x = self.particles.layer[i], self.particles.x[i]
-            h, volume = REACH * self.layers.spacing[layer] + self.margin, self.layers.volume[layer]
-            near = self.images.near(x, h)
+            h = REACH * self.layers.spacing[layer] + self.constants.depth_margin[None]
+            volume, near = self.layers.volume[layer], self.images.near(x, h)
             for way in range(self.images.combinations(near)):
                 mirror, wall = self.images.seen_in(self.images.combination(way, near))
                 self._cover_by(wall + mirror * (x - wall), h, volume)
-        if ti.static(self.boundary.count > 0):
-            for c in ti.grouped(self.coverage):
-                centre = (ti.cast(c, ti.f32) + 0.5) * self.cell
-                if self.boundary.clearance(centre, END) < 0.0:
-                    self.coverage[c] = 1.0
+
+    @kernel
+    def _cover_by_bodies(self):
+        """The inside of bodies counts as water."""
+        for c in range(self.cells()):
+            at = ti.cast(self.cell_at(c, self.constants.depth_dims[None]), ti.f32)
+            centre = (at + 0.5) * self.constants.depth_cell[None]
+            if self.boundary.clearance(centre, END) < 0.0:
+                self.coverage[c] = 1.0
 
     @ti.func
     def _cover_by(self, x, h, volume):
-        lo, hi = self._first(x[0] - h, 0), self._last(x[0] + h, 0)
+        dims, cell = self.constants.depth_dims[None], self.constants.depth_cell[None]
+        lo, hi = first(x[0] - h, cell, dims[0]), last(x[0] + h, cell, dims[0])
         for a in range(lo, hi + 1):
-            left = h**2 - ((a + 0.5) * self.cell - x[0]) ** 2
+            left = h**2 - ((a + 0.5) * cell - x[0]) ** 2
             half = ti.sqrt(ti.max(left, 0.0))
-            for b in range(self._first(x[1] - half, 1), self._last(x[1] + half, 1) + 1):
-                rest = left - ((b + 0.5) * self.cell - x[1]) ** 2
+            lo_b, hi_b = first(x[1] - half, cell, dims[1]), last(x[1] + half, cell, dims[1])
+            for b in range(lo_b, hi_b + 1):
+                rest = left - ((b + 0.5) * cell - x[1]) ** 2
                 deep = ti.sqrt(ti.max(rest, 0.0))
-                for c in range(self._first(x[2] - deep, 2), self._last(x[2] + deep, 2) + 1):
-                    r2 = h**2 - rest + ((c + 0.5) * self.cell - x[2]) ** 2
-                    part = volume * kernels.quartic(ti.sqrt(r2), h)
-                    if ti.static(self.alone):
-                        # += would be atomic, which one thread does not need.
-                        self.coverage[a, b, c] = self.coverage[a, b, c] + part
-                    else:
-                        self.coverage[a, b, c] += part
-
-    @ti.func
-    def _first(self, x, axis: ti.template()):
-        """First cell along an axis whose centre lies at x [m] or beyond."""
-        return ti.math.clamp(ti.ceil(x / self.cell - 0.5, ti.i32), 0, self.dims[axis] - 1)
-
-    @ti.func
-    def _last(self, x, axis: ti.template()):
-        """Last cell along an axis whose centre lies at x [m] or before."""
-        return ti.math.clamp(ti.floor(x / self.cell - 0.5, ti.i32), 0, self.dims[axis] - 1)
+                row = (a * dims[1] + b) * dims[2]
+                lo_c, hi_c = first(x[2] - deep, cell, dims[2]), last(x[2] + deep, cell, dims[2])
+                for c in range(lo_c, hi_c + 1):
+                    r2 = h**2 - rest + ((c + 0.5) * cell - x[2]) ** 2
+                    self.coverage[row + c] += volume * kernels.quartic(ti.sqrt(r2), h)
 
     @kernel
     def _find_air(self):
         """Air is what a block of 2 x 2 x 2 dry cells covers; smaller voids are water."""
-        for c in ti.grouped(self.air):
+        for c in range(self.cells()):
             self.air[c] = 0
-        for c in ti.grouped(self.coverage):
-            dry = 1
+        for k in range(self.cells()):
+            dims = self.constants.depth_dims[None]
+            c, dry = self.cell_at(k, dims), 1
             for corner in ti.static(ti.ndrange(2, 2, 2)):
-                at = ti.min(c + ti.Vector(corner), self.dims - 1)
+                at = self.number(ti.min(c + ti.Vector(corner), dims - 1), dims)
                 dry = ti.select(self.coverage[at] < COVERED, dry, 0)
             if dry == 1:
                 for corner in ti.static(ti.ndrange(2, 2, 2)):
-                    self.air[ti.min(c + ti.Vector(corner), self.dims - 1)] = 1
-        for c in ti.grouped(self.air):
-            square = ti.select(self.air[c] == 1, 0, self.reach * self.reach)
-            self.squares[0, c[0], c[1], c[2]] = square
-            self.nearest[0, c[0], c[1], c[2]] = self._number(c)
+                    self.air[self.number(ti.min(c + ti.Vector(corner), dims - 1), dims)] = 1
+        for c in range(self.cells()):
+            reach = self.constants.depth_reach[None]
+            self.squares[0, c] = ti.select(self.air[c] == 1, 0, reach * reach)
+            self.nearest[0, c] = c
             self.gap[c] = self._gap(c)
 
     @ti.func
-    def _gap(self, c):
-        """Way [cells] from the centre of cell c to the surface, towards its wettest neighbour."""
-        wettest, own = 0.0, self.coverage[c]
+    def _gap(self, number):
+        """Way [cells] from the centre of a cell to the surface, towards its wettest neighbour."""
+        dims, wettest, own = self.constants.depth_dims[None], 0.0, self.coverage[number]
+        c = self.cell_at(number, dims)
         for axis in ti.static(range(3)):
             for way in ti.static((-1, 1)):
-                at = ti.math.clamp(c + way * ti.Vector.unit(3, axis, ti.i32), 0, self.dims - 1)
+                beside = ti.math.clamp(c + way * ti.Vector.unit(3, axis, ti.i32), 0, dims - 1)
+                at = self.number(beside, dims)
                 wettest = ti.max(wettest, ti.select(self.air[at] == 1, 0.0, self.coverage[at]))
         return ti.math.clamp(ACROSS - ti.min(wettest, 1.0) - own, 0.0, 1.0)
-
-    @ti.func
-    def _number(self, c):
-        return (c[0] * self.dims[1] + c[1]) * self.dims[2] + c[2]
 
     @kernel
     def _spread(self, near: ti.i32, far: ti.i32, axis: ti.i32):
         """squares[far] = min over k of squares[near](cell + k along the axis) + k^2; nearest[far]
         is the cell of air with that minimum."""
-        for c in ti.grouped(self.air):
-            least, best, k = self.squares[near, c[0], c[1], c[2]], 0, 1
-            step = ti.cast(ti.Vector([axis == 0, axis == 1, axis == 2]), ti.i32)
-            place, last = c.dot(step), self.dims.dot(step) - 1
+        for c in range(self.cells()):
+            dims = self.constants.depth_dims[None]
+            least, best, k = self.squares[near, c], 0, 1
+            along = ti.cast(ti.Vector([axis == 0, axis == 1, axis == 2]), ti.i32)
+            step = self.number(along, dims)
+            place, end = self.cell_at(c, dims).dot(along), dims.dot(along) - 1
             # Search outwards until k^2 alone exceeds the least: at once in air, soon near it.
             while k * k < least:
                 for way in ti.static((-k, k)):
-                    if 0 <= place + way <= last:
-                        at = c + way * step
-                        square = self.squares[near, at[0], at[1], at[2]] + k * k
+                    if 0 <= place + way <= end:
+                        square = self.squares[near, c + way * step] + k * k
                         if square < least:
                             least, best = square, way
                 k += 1
-            self.squares[far, c[0], c[1], c[2]] = least
-            at = c + best * step
-            self.nearest[far, c[0], c[1], c[2]] = self.nearest[near, at[0], at[1], at[2]]
+            self.squares[far, c] = least
+            self.nearest[far, c] = self.nearest[near, c + best * step]
 
     @kernel
     def _measure(self):
         """Depth of the cells' centres, negative in air."""
-        for c in ti.grouped(self.depth):
-            number = self.nearest[1, c[0], c[1], c[2]]
-            row = number // self.dims[2]
-            square = self.squares[1, c[0], c[1], c[2]]
-            at = ti.Vector([row // self.dims[1], row % self.dims[1], number % self.dims[2]])
-            self.depth[c] = ti.sqrt(ti.cast(square, ti.f32)) - self.gap[at]
+        for c in range(self.cells()):
+            distance = ti.sqrt(ti.cast(self.squares[1, c], ti.f32))
+            self.depth[c] = distance - self.gap[self.nearest[1, c]]
+
+
+@ti.func
+def first(x, cell, count):
+    """First of `count` cells along an axis whose centre lies at x [m] or beyond."""
+    return ti.math.clamp(ti.ceil(x / cell - 0.5, ti.i32), 0, count - 1)
+
+
+@ti.func
+def last(x, cell, count):
+    """Last of `count` cells along an axis whose centre lies at x [m] or before."""
+    return ti.math.clamp(ti.floor(x / cell - 0.5, ti.i32), 0, count - 1)
+
+
+def depth_constants(
+    size: tuple[float, float, float], finest: LayerSpec, farthest: float
+) -> dict[str, Any]:
+    """The numbers of the depth grid, by their names in Constants: in a box of `size` [m] of water
+    whose finest layer is given, for depths up to `farthest` [m]."""
+    cell = CELL * finest.support
+    return {
+        "depth_cell": cell,
+        "depth_margin": MARGIN * finest.spacing,
+        "depth_dims": depth_shape(size, cell),
+        "depth_reach": math.ceil(farthest / cell) + 1,
+    }
 
 
 def depth_shape(size: tuple[float, float, float], cell: float) -> tuple[int, int, int]:

@@ -12,85 +12,95 @@ import math
 import numpy as np
 import taichi as ti
 
+from msph.device_table import DeviceTable, f32, i32
 from msph.fluid.boundary.mesh_samples import lattices, sample
 from msph.fluid.boundary.rigid_bodies import Ball, Block, Body, Solid, centre, reach, sunk
 from msph.fluid.boundary.sampled_fields import SampledFields, SampleLattice
 from msph.fluid.boundary.wall_integrals import ball_share, block_share, swelling, wall_support
-from msph.fluid.particles.layers import LayerSpec
+from msph.fluid.constants import Constants
+from msph.fluid.particles.layers import Layers, LayerSpec
+from msph.fluid.room import Room
 from msph.taichi_internals import data_oriented, kernel
 
 vec3, vec4 = ti.math.vec3, ti.math.vec4
 
 BLOCK, BALL, SOLID = 0, 1, 2
-# Depth in a wall beyond which a particle counts as leaked, in spacings of the finest layer.
-LEAK = 0.1
-# Rounds of pushing a particle out of bodies and walls in turn: out of one may lead into the next.
-# Without turns up to 8 of the 4,104 particles of the scene `pillar` leaked, with 8 rounds none.
-ROUNDS = 8
+# Most bodies of a scene, the container among them.
+MOST_BODIES = 64
 # Index of a body's pose: at the begin and at the end of a step.
 BEGIN, END = 0, 1
 
 
 @data_oriented
 class Boundary:
-    """The box of `size` [m] and the bodies in it, for the particles of the given layers.
+    """The box and the bodies in it, as the particles of all layers meet them.
 
-    Without bodies nothing is allocated. The pose of a body is kept for the begin and the end of a
-    step; its velocity is the mean over the step.
+    The pose of a body is kept for the begin and the end of a step; its velocity is the mean over
+    the step. box [m], bodies and count are the host's; kernels read the tables: by body (room for
+    MOST_BODIES) kind; side, 1 or -1 where the water is inside; half, the extents of a block or the
+    radius of a ball [m]; reach, the radius of a ball that holds it [m]; first, the lattice of a
+    mesh's distance, which those of its shares follow; velocity [m/s] and spin [rad/s]. By body and
+    pose: centre [m] and turn, body frame to box frame.
     """
 
-    def __init__(
-        self,
-        size: tuple[float, float, float],
-        specs: list[LayerSpec],
-        bodies: list[Body] | None = None,
-    ):
-        self.box, self.size = size, ti.Vector(list(size))
-        self.bodies = [sunk(b, np.array(size), specs) for b in bodies or []]
-        self.count = len(self.bodies)
-        self.layers = len(specs)
-        self.leak = LEAK * min(s.spacing for s in specs)
-        self.moving = any(b.motion.moves for b in self.bodies)
-        self.top_speed = max((b.motion.top_speed(reach(b)) for b in self.bodies), default=0.0)
-        self.kinds = {type(b) for b in self.bodies}
-        self.time = 0.0  # up to which bodies have moved [s]
+    def __init__(self, room: Room, constants: Constants, layers: Layers):
+        self.constants, self.layers = constants, layers
+        self.support, self.swell = layers.wall_support, layers.swell
+        self._shapes = DeviceTable(
+            (MOST_BODIES,), kind=i32, side=f32, half=vec3, reach=f32, first=i32
+        )
+        self._poses = DeviceTable((MOST_BODIES, 2), centre=vec3, turn=ti.math.mat3)
+        self._motions = DeviceTable((MOST_BODIES,), velocity=vec3, spin=vec3)
+        for table in (self._shapes, self._poses, self._motions):
+            self.__dict__.update({name: getattr(table, name) for name in table.fields})
+        self.samples = SampledFields(room.samples)
+        self.box, self.bodies, self.count = (0.0, 0.0, 0.0), [], 0
+        self.moving, self.top_speed, self.time = False, 0.0, 0.0
         # Bodies that were stopped, and when [s].
         self.stopped: dict[int, float] = {}
-        if self.bodies:
-            self._allocate(specs)
-            self.reset(0.0)
 
-    def _allocate(self, specs: list[LayerSpec]) -> None:
-        n = self.count
-        self.support = ti.field(ti.f32, shape=len(specs))  # of the integrals' kernel [m]
-        self.swell = ti.field(ti.f32, shape=len(specs))  # of bodies as a layer meets them [m]
-        self.kind = ti.field(ti.i32, shape=n)
-        self.side = ti.field(ti.f32, shape=n)  # 1, or -1 where the water is inside
-        self.half = ti.Vector.field(3, ti.f32, shape=n)  # extents of a block, radius of a ball [m]
-        self.reach = ti.field(ti.f32, shape=n)  # radius of a ball that holds the body [m]
-        self.first = ti.field(ti.i32, shape=n)  # lattice of a mesh's distance; shares follow
-        self.centre = ti.Vector.field(3, ti.f32, shape=(n, 2))
-        self.turn = ti.Matrix.field(3, 3, ti.f32, shape=(n, 2))  # body frame to box frame
-        self.velocity = ti.Vector.field(3, ti.f32, shape=n)
-        self.spin = ti.Vector.field(3, ti.f32, shape=n)
-        for k, spec in enumerate(specs):
-            self.support[k] = wall_support(spec)
-            self.swell[k] = swelling(spec)
+    def load(self, size: tuple[float, float, float], specs: list[LayerSpec], bodies: list[Body]):
+        """Takes a box of `size` [m] and the bodies of a scene, for particles of these layers."""
+        self.box = size
+        self.bodies = [sunk(b, np.array(size), specs) for b in bodies]
+        self.count = len(self.bodies)
+        self.moving = any(b.motion.moves for b in self.bodies)
+        self.top_speed = max((b.motion.top_speed(reach(b)) for b in self.bodies), default=0.0)
+        if self.bodies:
+            self._load_shapes(specs)
+        # At rest, whatever the last scene's bodies did.
+        self._motions.fill(velocity=np.zeros((1, 3)), spin=np.zeros((1, 3)))
+        self.reset(0.0)
+
+    @staticmethod
+    def layer_rows(specs: list[LayerSpec]) -> dict[str, np.ndarray]:
+        """What bodies' integrals need of each layer, for its row in Layers."""
+        return {
+            "wall_support": np.array([wall_support(s) for s in specs]),
+            "swell": np.array([swelling(s) for s in specs]),
+        }
+
+    def _load_shapes(self, specs: list[LayerSpec]) -> None:
+        first: list[int] = []
         grids: list[SampleLattice] = []
         values: list[np.ndarray] = []
-        for k, body in enumerate(self.bodies):
-            lo, hi = body.bounds
-            self.side[k] = -1.0 if isinstance(body, Solid) and body.container else 1.0
-            self.reach[k] = reach(body)
-            self.half[k] = 0.5 * (hi - lo)
-            self.kind[k] = (Block, Ball, Solid).index(type(body))
+        for body in self.bodies:
+            first.append(len(grids))
             if isinstance(body, Solid):
-                self.first[k] = len(grids)
                 own = lattices(body, specs)
                 grids += own
                 values += sample(body, own, specs)
+        ends = [body.bounds for body in self.bodies]
+        inward = [isinstance(b, Solid) and b.container for b in self.bodies]
+        self._shapes.fill(
+            kind=[(Block, Ball, Solid).index(type(b)) for b in self.bodies],
+            side=np.where(inward, -1.0, 1.0),
+            half=[0.5 * (hi - lo) for lo, hi in ends],
+            reach=[reach(b) for b in self.bodies],
+            first=first,
+        )
         if grids:
-            self.samples = SampledFields(grids, values)
+            self.samples.load(grids, values)
 
     def reset(self, time: float) -> None:
         """Puts the bodies where they stand at `time` [s], those too that were stopped."""
@@ -112,8 +122,9 @@ class Boundary:
     def pose(self, body: int) -> tuple[np.ndarray, np.ndarray]:
         """Way of a body since time zero, (3,) [m], and its rotation, (3, 3), at the end of the
         step."""
-        now = np.array(self.centre[body, END].to_list())
-        return now - centre(self.bodies[body]), np.array(self.turn[body, END].to_list())
+        last = min(self.time, self.stopped.get(body, math.inf))
+        motion = self.bodies[body].motion
+        return motion.offset(last), motion.turn(last)
 
     def nearest_moving(self, x: np.ndarray) -> int:
         """Index of the moving body that is nearest to x [m], (3,)."""
@@ -132,20 +143,21 @@ class Boundary:
     def place(self, time: float, dt: float) -> None:
         """Puts the bodies where a step from `time` of length dt [s] begins and where it ends."""
         self.time = time + dt
+        if not self.bodies:
+            return
+        centres, turns, velocities, spins = [], [], [], []
         for k, body in enumerate(self.bodies):
-            motion = body.motion
-            if dt > 0.0 and not motion.moves:
-                continue
-            last = self.stopped.get(k, math.inf)
+            motion, last = body.motion, self.stopped.get(k, math.inf)
             times = min(time, last), min(time + dt, last)
-            ends = [motion.offset(t) for t in times]
-            for pose, t in enumerate(times):
-                self.centre[k, pose] = ti.Vector((centre(body) + ends[pose]).tolist())
-                self.turn[k, pose] = ti.Matrix(motion.turn(t).tolist())
+            ways = [motion.offset(t) for t in times]
+            centres.append([centre(body) + way for way in ways])
+            turns.append([motion.turn(t) for t in times])
             if dt > 0.0:
-                self.velocity[k] = ti.Vector(((ends[1] - ends[0]) / dt).tolist())
-                turning = times[1] > times[0]
-                self.spin[k] = ti.Vector((motion.spin() * turning).tolist())
+                velocities.append((ways[1] - ways[0]) / dt)
+                spins.append(motion.spin() * (times[1] > times[0]))
+        self._poses.fill(centre=centres, turn=turns)
+        if dt > 0.0:
+            self._motions.fill(velocity=velocities, spin=spins)
 
     def free(self, x: np.ndarray, margin: float = 0.0) -> np.ndarray:
         """Whether each point of x (n, 3) [m] is `margin` [m] outside of all bodies, (n,) bool."""
@@ -186,20 +198,17 @@ class Boundary:
         p = self.inside(b, x, pose)
         found = vec4(0.0)
         kind = self.kind[b]
-        if ti.static(Block in self.kinds):
-            if kind == BLOCK:
-                found = block_distance(p, self.half[b])
-        if ti.static(Ball in self.kinds):
-            if kind == BALL:
-                r = p.norm()
-                n = p / ti.max(r, 1e-9)
-                found = vec4(r - self.half[b][0], n[0], n[1], n[2])
-        if ti.static(Solid in self.kinds):
-            if kind == SOLID:
-                if ti.static(smooth):
-                    found = self.samples.cubic(self.first[b], p)
-                else:
-                    found = self.mesh_distance(b, p)
+        if kind == BLOCK:
+            found = block_distance(p, self.half[b])
+        if kind == BALL:
+            r = p.norm()
+            n = p / ti.max(r, 1e-9)
+            found = vec4(r - self.half[b][0], n[0], n[1], n[2])
+        if kind == SOLID:
+            if ti.static(smooth):
+                found = self.samples.cubic(self.first[b], p)
+            else:
+                found = self.mesh_distance(b, p)
         g = self.turn[b, pose] @ found.yzw
         return self.side[b] * vec4(found.x, g[0], g[1], g[2])
 
@@ -223,7 +232,7 @@ class Boundary:
     def clearance(self, x, pose):
         """Distance [m] of x to the nearest body, negative inside of one."""
         found = 1e9
-        for b in range(self.count):
+        for b in range(self.constants.bodies[None]):
             found = ti.min(found, self.distance(b, x, pose).x)
         return found
 
@@ -235,24 +244,20 @@ class Boundary:
     @ti.func
     def share(self, x, layer):
         """The bodies' part (-) of the relative density of a layer's particle at x [m], and its
-        gradient [1/m]; where bodies move, as fifth number minus its rate by their motion [1/s].
+        gradient [1/m]; as fifth number minus its rate by their motion [1/s].
 
         The part is 1 - product over bodies of (1 - lambda_b), without the box's walls.
         """
         free, slope, closing = 1.0, vec3(0.0), 0.0
         h = self.support[layer]
-        for b in range(self.count):
+        for b in range(self.constants.bodies[None]):
             part = self.body_share(b, x, layer, h, BEGIN)
             g = part.yzw
             closing *= 1.0 - part.x
-            if ti.static(self.moving):
-                closing += free * self.velocity_at(b, x).dot(g)
+            closing += free * self.velocity_at(b, x).dot(g)
             slope = slope * (1.0 - part.x) - free * g
             free *= 1.0 - part.x
-        if ti.static(self.moving):
-            return ti.Vector([1.0 - free, -slope[0], -slope[1], -slope[2], closing])
-        else:
-            return vec4(1.0 - free, -slope[0], -slope[1], -slope[2])
+        return ti.Vector([1.0 - free, -slope[0], -slope[1], -slope[2], closing])
 
     @ti.func
     def open_share(self, x, layer, pose):
@@ -260,7 +265,7 @@ class Boundary:
         of 1 - lambda_b, and its gradient [1/m]."""
         free, slope = 1.0, vec3(0.0)
         h = self.support[layer]
-        for b in range(self.count):
+        for b in range(self.constants.bodies[None]):
             part = self.body_share(b, x, layer, h, pose)
             slope = slope * (1.0 - part.x) - free * part.yzw
             free *= 1.0 - part.x
@@ -273,19 +278,16 @@ class Boundary:
         p = self.inside(b, x, pose)
         found = vec4(0.0)
         kind = self.kind[b]
-        if ti.static(Block in self.kinds):
-            half = self.half[b] + self.swell[layer]
-            if kind == BLOCK and (abs(p) < half + h).all():
-                found = block_share(p, h, -half, half)
-        if ti.static(Ball in self.kinds):
-            radius = self.half[b][0] + self.swell[layer]
-            if kind == BALL and p.norm() < radius + h:
-                part = ball_share(p.norm(), h, radius)
-                n = part[1] * p / ti.max(p.norm(), 1e-9)
-                found = vec4(part[0], n[0], n[1], n[2])
-        if ti.static(Solid in self.kinds):
-            if kind == SOLID:
-                found = self.mesh_share(b, p, layer, h)
+        half = self.half[b] + self.swell[layer]
+        if kind == BLOCK and (abs(p) < half + h).all():
+            found = block_share(p, h, -half, half)
+        radius = self.half[b][0] + self.swell[layer]
+        if kind == BALL and p.norm() < radius + h:
+            part = ball_share(p.norm(), h, radius)
+            n = part[1] * p / ti.max(p.norm(), 1e-9)
+            found = vec4(part[0], n[0], n[1], n[2])
+        if kind == SOLID:
+            found = self.mesh_share(b, p, layer, h)
         g = self.turn[b, pose] @ found.yzw
         return vec4(found.x, g[0], g[1], g[2])
 
@@ -304,49 +306,6 @@ class Boundary:
         if self.side[b] < 0.0:
             found = vec4(1.0, 0.0, 0.0, 0.0) - found
         return found
-
-    @ti.func
-    def keep(self, x, pose, margin):
-        """The nearest place to x [m] that is `margin` [m] away from all walls."""
-        if ti.static(self.count > 0):
-            for _ in range(ROUNDS):
-                for b in range(self.count):
-                    near = self.distance(b, x, pose)
-                    if near.x < margin:
-                        x -= (near.x - margin) * near.yzw / ti.max(near.yzw.norm_sqr(), 0.25)
-                # In the wedge between a body and a wall both must push in turn.
-                x = ti.math.clamp(x, margin, self.size - margin)
-        return ti.math.clamp(x, margin, self.size - margin)
-
-    @ti.func
-    def guard(self, x, v, restitution, margin):
-        """Position [m] and velocity [m/s] of a particle at the end of a step, stopped `margin` [m]
-        before walls and bodies; the change of velocity [m/s] that is by bodies, and their work on
-        it [J/kg]."""
-        by_bodies, work = vec3(0.0), 0.0
-        if ti.static(self.count > 0):
-            for b in range(self.count):
-                near = self.distance(b, x, END)
-                if near.x < margin:
-                    n = near.yzw.normalized(1e-9)
-                    own = self.velocity_at(b, x)
-                    push = -(1.0 + restitution) * ti.min((v - own).dot(n), 0.0) * n
-                    v += push
-                    by_bodies += push
-                    work += push.dot(own)
-        # Before keep() moves x off the walls: else what slides along a wall falls on for ever.
-        for k in ti.static(range(3)):
-            if x[k] < margin or x[k] > self.size[k] - margin:
-                v[k] = -restitution * v[k]
-        return self.keep(x, END, margin), v, by_bodies, work
-
-    @ti.func
-    def leaked(self, x):
-        """Whether x [m] is outside the box, or deeper than LEAK spacings inside a body."""
-        out = (x < 0.0).any() or (x > self.size).any()
-        if ti.static(self.count > 0):
-            out = out or self.clearance(x, END) < -self.leak
-        return out
 
 
 @ti.func

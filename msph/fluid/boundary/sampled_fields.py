@@ -5,10 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 import taichi as ti
 
-from msph.constant_fields import constant_fields
-from msph.taichi_internals import data_oriented
+from msph.device_table import DeviceTable, f32, i32
+from msph.taichi_internals import data_oriented, kernel
 
 vec3, vec4 = ti.math.vec3, ti.math.vec4
+
+# Most lattices of a scene: a mesh has one for its distance and one for each layer.
+MOST_LATTICES = 512
 
 
 @dataclass(frozen=True)
@@ -46,18 +49,31 @@ class SampledFields:
     hold.
     """
 
-    def __init__(self, lattices: list[SampleLattice], values: list[np.ndarray]):
-        n = len(lattices)
-        self.origin = ti.Vector.field(3, ti.f32, shape=n)
-        self.shape = ti.Vector.field(3, ti.i32, shape=n)
-        ends = np.cumsum([lattice.nodes for lattice in lattices])
-        self.cell, self.offset, self.value = constant_fields(
-            np.array([lattice.cell for lattice in lattices]),
-            np.concatenate([[0], ends[:-1]]),
-            np.concatenate([v.ravel() for v in values]),
+    def __init__(self, room: int):
+        self._lattices = DeviceTable(
+            (MOST_LATTICES,), origin=vec3, cell=f32, shape=ti.math.ivec3, offset=i32
         )
-        self.origin.from_numpy(np.array([lattice.origin for lattice in lattices], np.float32))
-        self.shape.from_numpy(np.array([lattice.shape for lattice in lattices], np.int32))
+        table = self._lattices
+        self.origin, self.cell, self.shape = table.origin, table.cell, table.shape
+        self.offset, self.value = table.offset, ti.field(f32, shape=room)
+
+    def load(self, lattices: list[SampleLattice], values: list[np.ndarray]) -> None:
+        """Takes lattices and the values at their nodes. Raises ValueError for too many."""
+        if len(lattices) > MOST_LATTICES:
+            raise ValueError(f"{len(lattices)} sampled fields; at most {MOST_LATTICES}")
+        ends = np.cumsum([lattice.nodes for lattice in lattices])
+        self._lattices.fill(
+            origin=[lattice.origin for lattice in lattices],
+            cell=[lattice.cell for lattice in lattices],
+            shape=[lattice.shape for lattice in lattices],
+            offset=[0, *ends[:-1]],
+        )
+        self._write(np.concatenate([v.ravel() for v in values]).astype(np.float32))
+
+    @kernel
+    def _write(self, values: ti.types.ndarray(dtype=ti.f32, ndim=1)):
+        for k in range(values.shape[0]):
+            self.value[k] = values[k]
 
     @ti.func
     def place(self, m, p):

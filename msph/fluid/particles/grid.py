@@ -11,10 +11,11 @@ import math
 import numpy as np
 import taichi as ti
 
-from msph.constant_fields import constant_fields
-from msph.fluid.particles.layers import Layers
-from msph.fluid.particles.particles import FEW_CELLS, Particles, one_thread_does
+from msph.fluid.constants import Constants
+from msph.fluid.particles.layers import MOST_LAYERS, Layers, LayerSpec
+from msph.fluid.particles.particles import Particles
 from msph.fluid.particles.prefix_sum import PrefixSum
+from msph.fluid.room import Room
 from msph.taichi_internals import data_oriented, kernel
 
 # Cells per support along z: rows then end nearer to the ball that is searched, and their number
@@ -28,33 +29,38 @@ def grid_shape(size: tuple[float, float, float], support: float) -> tuple[int, i
     return nx, ny, nz
 
 
+def cells_of(size: tuple[float, float, float], specs: list[LayerSpec]) -> list[int]:
+    """Cells of each layer's grid over a box of `size` [m]."""
+    return [math.prod(grid_shape(size, s.support)) for s in specs]
+
+
+def grid_rows(size: tuple[float, float, float], specs: list[LayerSpec]) -> dict[str, np.ndarray]:
+    """What the grids tell of each layer, for its row in Layers."""
+    return {
+        "per_support": np.array([1.0 / s.support for s in specs]),
+        "dims": np.array([grid_shape(size, s.support) for s in specs]),
+        "offset": np.cumsum([0, *cells_of(size, specs)[:-1]]),
+    }
+
+
 @data_oriented
 class LayeredGrid:
-    """Grids over the box (0, 0, 0) to size [m], one per layer; its cells are h by h by h/CUTS.
+    """Grids over the box (0, 0, 0) to size [m], one per layer; their cells are h by h by h/CUTS.
 
-    Fields, for L layers and C cells in all: cell_start (C + 1,) i32, first particle of each cell;
-    dims (L,) ivec3; offset (L,) i32, first cell of each layer; per_support (L,) f32 [1/m]; lowest,
-    highest (L,) i32, slabs of cells between which the layer's particles lie.
+    Fields: cell_start (room of cells + 1,) i32, first particle of each cell; by layer dims ivec3;
+    offset i32, first cell of each layer; per_support [1/m]; lowest, highest i32, slabs of cells
+    between which the layer's particles lie.
     """
 
-    def __init__(self, size: tuple[float, float, float], layers: Layers, particles: Particles):
-        self.layers = layers
-        self.particles = particles
-        shapes = [grid_shape(size, s.support) for s in layers.specs]
-        cells = [nx * ny * nz for nx, ny, nz in shapes]
-        self.total_cells = sum(cells)
-        self.per_support, self.offset = constant_fields(
-            np.array([1.0 / s.support for s in layers.specs]), np.cumsum([0, *cells[:-1]])
-        )
-        self.few_cells = one_thread_does(self.total_cells, FEW_CELLS)
-        self.dims = ti.Vector.field(3, ti.i32, shape=layers.count)
-        self.lowest, self.highest = (ti.field(ti.i32, shape=layers.count) for _ in range(2))
-        self.cell_count = ti.field(ti.i32, shape=self.total_cells)
-        self.cell_start = ti.field(ti.i32, shape=self.total_cells + 1)
-        self.cell = ti.field(ti.i32, shape=particles.capacity)
-        self.place = ti.field(ti.i32, shape=particles.capacity)
-        self.scan = PrefixSum(self.total_cells)
-        self.dims.from_numpy(np.array(shapes, dtype=np.int32))
+    def __init__(self, room: Room, constants: Constants, layers: Layers, particles: Particles):
+        self.constants, self.layers, self.particles = constants, layers, particles
+        self.per_support, self.offset, self.dims = layers.per_support, layers.offset, layers.dims
+        self.lowest, self.highest = (ti.field(ti.i32, shape=MOST_LAYERS) for _ in range(2))
+        self.cell_count = ti.field(ti.i32, shape=room.cells)
+        self.cell_start = ti.field(ti.i32, shape=room.cells + 1)
+        self.cell = ti.field(ti.i32, shape=room.particles)
+        self.place = ti.field(ti.i32, shape=room.particles)
+        self.scan = PrefixSum()
         self.generation = 0  # counts sorts: a list made before the last sort is invalid
         self.stale = True
 
@@ -75,10 +81,8 @@ class LayeredGrid:
 
     @kernel
     def _sort(self, n: ti.i32):
-        ti.loop_config(serialize=self.few_cells)
-        for c in range(self.total_cells):
+        for c in range(self.constants.cells[None]):
             self.cell_count[c] = 0
-        ti.loop_config(serialize=self.particles.light)
         for i in range(n):
             layer = self.particles.layer[i]
             dims = self.dims[layer]
@@ -86,11 +90,9 @@ class LayeredGrid:
             cell = self.offset[layer] + (c[1] * dims[0] + c[0]) * dims[2] + c[2]
             self.cell[i] = cell
             self.place[i] = ti.atomic_add(self.cell_count[cell], 1)
-        self.scan.sum_up(self.cell_count, self.cell_start)
-        ti.loop_config(serialize=self.few_cells)
-        for layer in range(self.layers.count):
+        self.scan.sum_up(self.cell_count, self.cell_start, self.constants.cells[None])
+        for layer in range(self.constants.layers[None]):
             self._find_bounds(layer)
-        ti.loop_config(serialize=self.particles.light)
         for i in range(n):
             self.place[i] += self.cell_start[self.cell[i]]
         self.particles.reorder(self.place, n)

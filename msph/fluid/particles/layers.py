@@ -8,11 +8,46 @@ everything that follows from it is looked up here.
 from dataclasses import dataclass
 
 import numpy as np
+import taichi as ti
 
-from msph.constant_fields import constant_fields
+from msph.device_table import DeviceTable, f32, i32
 
 # Exponent (-) of the power mean of two supports; see pair_support().
 PAIRING = 2.5
+# Most layers of a scene: masses of 1 : 2 reach 1 : 32768.
+MOST_LAYERS = 16
+# What kernels look up by a particle's layer ...
+ROWS = {
+    "mass": f32,  # of a particle [kg]
+    "volume": f32,  # at rest [m^3]
+    "per_volume": f32,  # [1/m^3]
+    "spacing": f32,  # [m]
+    "support": f32,  # [m]
+    "gravity_factor": f32,  # of the classic method (-)
+    "viscosity": f32,  # of the classic method [Pa s]
+    "wendland": i32,  # 1: the classic method takes Wendland's kernel
+    "per_support": f32,  # [1/m]
+    "dims": ti.math.ivec3,  # cells of its grid along each axis
+    "offset": i32,  # first cell of its grid
+    "farthest": f32,  # reach of its neighbour list [m]
+    "own": f32,  # a particle's part of its own density (-)
+    "own_bell": f32,  # the same by the bell kernel (-)
+    "per_yield": f32,  # factor of the bodies' shares (-)
+    "wall_support": f32,  # of the kernel of bodies' integrals [m]
+    "swell": f32,  # by which bodies are larger for it [m]
+    "top": f32,  # of its band of depths [m]
+    "bottom": f32,  # [m]
+    "coarser": i32,  # the layer that two of its particles merge into, or -1
+    "finer": i32,  # the layer that its particles split into, or -1
+}
+# ... and by a pair of layers.
+PAIRS = {
+    "per_h": f32,  # over their symmetric support [1/m]
+    "list_reach": f32,  # of the neighbour list [m]
+    "scale": f32,  # turns the kernel's shape into V_j W_ij (-)
+    "bell_scale": f32,  # the same of the bell (-)
+    "stress_share": f32,  # of a pair's stress that is the first one's (-)
+}
 
 
 @dataclass(frozen=True)
@@ -71,23 +106,30 @@ def stress_share(supports: np.ndarray) -> np.ndarray:
 
 
 class Layers:
-    """The layers of a scene as Taichi fields of shape (count,): mass [kg], volume [m^3],
-    spacing [m], support [m], gravity_factor (-), viscosity [Pa s], wendland (0 or 1); and per_h
-    (count, count), over the symmetric support of a pair [1/m]."""
+    """Tables of what follows from a particle's layer, refilled for each scene.
 
-    def __init__(self, specs: list[LayerSpec]):
-        if not specs:
-            raise ValueError("a fluid needs at least one layer")
-        self.specs = specs
-        self.count = len(specs)
-        names = ("mass", "volume", "spacing", "support", "gravity_factor", "viscosity")
+    By layer, Taichi fields of shape (MOST_LAYERS,): the members of ROWS; by a pair of layers, of
+    shape (MOST_LAYERS, MOST_LAYERS): those of PAIRS. count and specs are the host's.
+    """
+
+    def __init__(self):
+        self.specs: list[LayerSpec] = []
+        self.count = 0
+        self._rows = DeviceTable((MOST_LAYERS,), **ROWS)
+        self._pairs = DeviceTable((MOST_LAYERS, MOST_LAYERS), **PAIRS)
+        for table in (self._rows, self._pairs):
+            self.__dict__.update({name: getattr(table, name) for name in table.fields})
+
+    def load(self, specs: list[LayerSpec], rows: dict, pairs: dict) -> None:
+        """Takes the layers of a scene, and the rows and pairs that other parts derive of them;
+        what is not given is 0."""
         supports = np.array([s.support for s in specs])
-        self.mass, self.volume, self.spacing, self.support, *others = constant_fields(
-            *(np.array([getattr(s, name) for s in specs]) for name in names),
-            np.array([int(s.wendland) for s in specs]),
-            1.0 / pair_support(supports[:, None], supports),
-        )
-        self.gravity_factor, self.viscosity, self.wendland, self.per_h = others
+        names = ("mass", "volume", "spacing", "support", "gravity_factor", "viscosity", "wendland")
+        own = {name: [getattr(s, name) for s in specs] for name in names}
+        per_h = 1.0 / pair_support(supports[:, None], supports)
+        self.specs, self.count = specs, len(specs)
+        self._rows.fill(**own, **rows)
+        self._pairs.fill(per_h=per_h, **pairs)
 
     @property
     def finest(self) -> LayerSpec:

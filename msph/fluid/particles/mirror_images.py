@@ -11,6 +11,7 @@ of the pressure force: see docs/method.md, "Walls and bodies".
 
 import taichi as ti
 
+from msph.fluid.constants import Constants
 from msph.taichi_internals import data_oriented
 
 # Bits of an entry of the neighbour list: 24 for the neighbour's index, then one per axis that is
@@ -21,14 +22,14 @@ INDEX_MASK = (1 << INDEX_BITS) - 1
 
 @data_oriented
 class MirrorImages:
-    """Mirror images in the walls, edges and corners of a box of `size` [m].
+    """Mirror images in the walls, edges and corners of the box.
 
     Exact for boxes whose edges are at least a support long: in shorter ones images of images would
     be within reach.
     """
 
-    def __init__(self, size: tuple[float, float, float]):
-        self.size = ti.Vector(list(size))
+    def __init__(self, constants: Constants):
+        self.size = constants.size  # [m]
 
     @ti.func
     def near(self, x, reach):
@@ -37,7 +38,7 @@ class MirrorImages:
         found = 0
         for k in ti.static(range(3)):
             found |= ti.select(x[k] < reach, 1 << k, 0)
-            found |= ti.select(self.size[k] - x[k] < reach, 8 << k, 0)
+            found |= ti.select(self.size[None][k] - x[k] < reach, 8 << k, 0)
         return found
 
     @ti.func
@@ -67,7 +68,7 @@ class MirrorImages:
         sign, wall = ti.Vector([1.0, 1.0, 1.0]), ti.Vector([0.0, 0.0, 0.0])
         for k in ti.static(range(3)):
             sign[k] -= 2.0 * ti.cast((mirrors >> k) & 1, ti.f32)
-            wall[k] = self.size[k] * ti.cast((mirrors >> (k + 3)) & 1, ti.f32)
+            wall[k] = self.size[None][k] * ti.cast((mirrors >> (k + 3)) & 1, ti.f32)
         return sign, wall
 
     @ti.func

@@ -9,12 +9,13 @@ import math
 import numpy as np
 import taichi as ti
 
-from msph.constant_fields import constant_fields
 from msph.errors import BlowUpError
+from msph.fluid.constants import Constants
 from msph.fluid.particles.grid import LayeredGrid
 from msph.fluid.particles.layers import LayerSpec, pair_support
 from msph.fluid.particles.mirror_images import INDEX_MASK, MirrorImages
 from msph.fluid.particles.particles import Particles
+from msph.fluid.room import Room
 from msph.taichi_internals import data_oriented, kernel, on_cpu
 
 # Largest distance [m] of neighbours by the list's form, from their supports h_i and h_j [m].
@@ -60,48 +61,41 @@ class NeighbourList:
     """Neighbours of particle i: index[start[i]] to index[end[i] - 1], i itself left out.
 
     j is listed while r_ij < reach + margin, reach by its form: "scatter" h_j, "pair" their
-    symmetric support, "widest" max(h_i, h_j). margin is a share (-) of the finest support. start,
-    end (capacity,) i32, index (entries,) i32: a pool of entries, where each particle's are
-    contiguous, in the order of the grid; on a CPU those of different particles lie as threads took
-    room.
-    Kernels vanish at h, so that readers of the list need not test the distance. With `images` the
-    entries from mirrors[i] on are mirror images, i's own among them; see MirrorImages.read.
-    searches counts the searches made.
+    symmetric support, "widest" max(h_i, h_j). start, end (room,) i32, index (entries,) i32: a pool
+    of entries, where each particle's are contiguous, in the order of the grid; on a CPU those of
+    different particles lie as threads took room. Kernels vanish at h, so that readers of the list
+    need not test the distance. Where walls are mirrors, the entries from mirrors[i] on are mirror
+    images, i's own among them; see MirrorImages.read. searches counts the searches made.
     """
 
     def __init__(
         self,
+        room: Room,
+        constants: Constants,
         grid: LayeredGrid,
         particles: Particles,
-        reach: str,
-        margin: float,
-        images: MirrorImages | None = None,
+        images: MirrorImages,
     ):
-        if particles.capacity > INDEX_MASK:
-            raise ValueError(
-                f"a list can name {INDEX_MASK:,} particles, not {particles.capacity:,}"
-            )
-        self.grid = grid
-        self.images, self.mirrored = images, images is not None
-        self.particles = particles
-        self.margin = margin * grid.layers.finest.support
-        supports = np.array([s.support for s in grid.layers.specs])
-        reaches = REACHES[reach](supports[:, None], supports) + self.margin
-        self.reaches, self.farthest = constant_fields(reaches, reaches.max(axis=1))
-        specs = grid.layers.specs
+        self.constants, self.grid, self.particles, self.images = constants, grid, particles, images
+        self.reaches, self.farthest = grid.layers.list_reach, grid.layers.farthest
         self.pooled = on_cpu()
         self.sharers = SHARERS if self.pooled else 1
-        self.usual = mean_neighbours(specs, margin, reach)
-        self.own_room = most_neighbours(specs, margin, reach)
-        self.entries = entries_provided(specs, margin, reach, particles.capacity, self.pooled)
-        self.start = ti.field(ti.i32, shape=particles.capacity)
-        self.end = ti.field(ti.i32, shape=particles.capacity)
-        self.mirrors = ti.field(ti.i32, shape=particles.capacity) if images else self.end
-        self.index = ti.field(ti.i32, shape=self.entries)
+        self.start = ti.field(ti.i32, shape=room.particles)
+        self.end = ti.field(ti.i32, shape=room.particles)
+        self.mirrors = ti.field(ti.i32, shape=room.particles)
+        self.index = ti.field(ti.i32, shape=room.entries)
         self.taken = ti.field(ti.i32, shape=())  # entries of the pool that threads have room in
+        self.searches = 0
+        self.load(0, 0.0, True)
+
+    def load(self, entries: int, margin: float, mirrored: bool) -> None:
+        """Takes the most entries, the margin [m] and whether walls are mirrors, of a scene."""
+        if self.particles.capacity > INDEX_MASK:
+            most, asked = f"{INDEX_MASK:,}", f"{self.particles.capacity:,}"
+            raise ValueError(f"a list can name {most} particles, not {asked}")
+        self.entries, self.margin, self.mirrored = entries, margin, mirrored
         self.slack = 0.0
         self.generation = -1
-        self.searches = 0
 
     def refresh(self) -> None:
         """Searches anew if particles were reordered or may have moved by half the margin."""
@@ -111,7 +105,7 @@ class NeighbourList:
 
     def find(self) -> None:
         """Searches anew in a fresh grid. Raises NeighbourOverflowError if the list is full."""
-        if self._find(self.particles.count, self.particles.alone) > self.entries:
+        if self._find(self.particles.count, self.mirrored) > self.entries:
             raise NeighbourOverflowError(
                 f"the neighbours of {self.particles.count:,} particles do not fit in a list of "
                 f"{self.entries:,}: the water has collapsed"
@@ -146,26 +140,26 @@ class NeighbourList:
         return j, mirror, wall
 
     @kernel
-    def _find(self, n: ti.i32, alone: ti.template()) -> ti.i32:
+    def _find(self, n: ti.i32, mirrored: ti.template()) -> ti.i32:
         """Returns the entries that threads took room for, or asked for where the pool is full."""
         self.taken[None] = 0
         # Over particles, not over stretches: the CPU runtime keeps loops under 512 on one thread.
-        ti.loop_config(serialize=alone)
         for begin in range(n):
             if begin % self.sharers == 0:
                 end = ti.min(begin + self.sharers, n)
                 search = Search(place=0, limit=0)
                 if ti.static(not self.pooled):
-                    search.place, search.limit = begin * self.own_room, (begin + 1) * self.own_room
+                    own = self.constants.own_entries[None]
+                    search.place, search.limit = begin * own, (begin + 1) * own
                 for i in range(begin, end):
                     search.i, search.left, search.x = i, end - i - 1, self.particles.x[i]
                     search.first = search.place
-                    for layer in range(self.grid.layers.count):
+                    for layer in range(self.constants.layers[None]):
                         search.reach = self.reaches[self.particles.layer[i], layer]
                         self.grid.for_each_row(search.x, layer, search.reach, self._add_row, search)
                     self._leave_out_self(search)
                     search.inner = search.place - search.first
-                    if ti.static(self.mirrored):
+                    if ti.static(mirrored):
                         self._add_images(search)
                         self.mirrors[i] = search.first + search.inner
                     self.start[i], self.end[i] = search.first, search.place
@@ -179,7 +173,7 @@ class NeighbourList:
             if ti.static(self.pooled):
                 self._take(count, search)
             else:
-                self.taken[None] = self.entries + 1
+                self.taken[None] = self.constants.entries[None] + 1
         return search.place + count <= search.limit
 
     @ti.func
@@ -188,11 +182,12 @@ class NeighbourList:
         entries so far move there, unless it goes on where the thread's room ends."""
         found = search.place - search.first
         ahead = ti.max(AHEAD * search.left, LEAST_AHEAD)
-        wanted = found + count + ti.ceil(ahead * self.usual, ti.i32)
-        begin = self.entries
-        if self.taken[None] <= self.entries:
+        wanted = found + count + ti.ceil(ahead * self.constants.usual_neighbours[None], ti.i32)
+        entries = self.constants.entries[None]
+        begin = entries
+        if self.taken[None] <= entries:
             begin = ti.atomic_add(self.taken[None], wanted)
-        if begin + wanted <= self.entries:
+        if begin + wanted <= entries:
             if begin != search.limit:
                 for k in range(found):
                     self.index[begin + k] = self.index[search.first + k]
@@ -246,6 +241,16 @@ class NeighbourList:
                 self.index[place] = j
                 place += ti.select(r2 < reach2, 1, 0)
             search.place = place
+
+
+def list_tables(
+    specs: list[LayerSpec], margin: float, reach: str
+) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """What the list tells of each layer, for its row in Layers, and of each pair of layers; margin
+    is a share (-) of the finest support."""
+    supports = np.array([s.support for s in specs])
+    reaches = REACHES[reach](supports[:, None], supports) + margin * supports.min()
+    return {"farthest": reaches.max(axis=1)}, {"list_reach": reaches}
 
 
 def mean_neighbours(specs: list[LayerSpec], margin: float, reach: str) -> float:

@@ -10,21 +10,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from msph.taichi_internals import data_oriented, kernel, on_cpu
-
-# Sizes up to which one CPU thread is as fast as two, whose waking takes 25 to 50 us: particles of a
-# loop over neighbours, particles of any other loop, cells of a scan.
-FEW, FEW_LIGHT, FEW_CELLS = 1_300, 10_000, 50_000
-# Factor by which the number of particles must pass FEW before a run changes from one thread to
-# several, or back: each has kernels of its own, which take about a second to compile.
-HYSTERESIS = 1.5
-
-
-def one_thread_does(entries: int, few: float = FEW) -> bool:
-    """Whether a loop over so many entries should stay on one CPU thread. `few`: the limit for two
-    threads, which halve a loop's time; T threads save (T - 1)/T of it, so their limit is lower."""
-    threads = ti.cfg.cpu_max_num_threads
-    return on_cpu() and 2 * (threads - 1) * entries <= threads * few
+from msph.taichi_internals import data_oriented, kernel
 
 
 @dataclass(frozen=True)
@@ -68,9 +54,11 @@ CORE = (
 
 @data_oriented
 class Particles:
-    """A preallocated pool: one Taichi field of shape (capacity,) per attribute, by its name.
+    """A preallocated pool: one Taichi field of shape (room,) per attribute, by its name.
 
-    count is the number of live particles; they are the first `count` of every field.
+    count is the number of live particles; they are the first `count` of every field. capacity: the
+    most that the scene may have. attributes: those that the scene's method uses, by name; the pool
+    holds the fields of all methods, so that one set of kernels moves them.
     """
 
     x: Any
@@ -78,24 +66,22 @@ class Particles:
     layer: Any
     id: Any
 
-    def __init__(self, capacity: int, attributes: tuple[Attribute, ...] = ()):
-        self.capacity = capacity
-        self.count = 0
-        self._alone: bool | None = None
-        # Whether loops that meet no neighbours stay on one thread.
-        self.light = one_thread_does(capacity, FEW_LIGHT)
-        self.attributes = {a.name: a for a in CORE + attributes}
-        self.fields = {a.name: a.allocate(capacity) for a in self.attributes.values()}
+    def __init__(self, room: int, attributes: tuple[Attribute, ...]):
+        self.capacity = self.room = room
+        self.count = self.touched = 0
+        every = {a.name: a for a in CORE + attributes}
+        self.attributes = every
+        self.fields = {a.name: a.allocate(room) for a in every.values()}
         self.__dict__.update(self.fields)
-        carried = [a for a in self.attributes.values() if a.carried]
-        self._pairs = [(self.fields[a.name], a.allocate(capacity)) for a in carried]
+        carried = [a for a in every.values() if a.carried]
+        self._pairs = [(self.fields[a.name], a.allocate(room)) for a in carried]
+        self.inherited = tuple(self.fields[a.name] for a in carried if not a.own)
         # Names of vectors, of numbers and of integers: the columns of the tables by which fill()
         # and state() exchange all attributes with the host.
-        every = self.attributes.values()
         self._names = (
-            [a.name for a in every if a.width == 3],
-            [a.name for a in every if a.width == 1 and not a.integer],
-            [a.name for a in every if a.integer],
+            [a.name for a in every.values() if a.width == 3],
+            [a.name for a in every.values() if a.width == 1 and not a.integer],
+            [a.name for a in every.values() if a.integer],
         )
         self._vectors, self._numbers, self._integers = (
             [self.fields[name] for name in names] for names in self._names
@@ -105,10 +91,15 @@ class Particles:
     def bytes_per_particle(attributes: tuple[Attribute, ...]) -> int:
         return sum(a.bytes for a in CORE + attributes)
 
+    def load(self, attributes: tuple[Attribute, ...], capacity: int) -> None:
+        """Takes the attributes and the most particles of a scene."""
+        self.attributes = {a.name: a for a in CORE + attributes}
+        self.capacity = capacity
+
     def fill(self, **values: np.ndarray) -> None:
         """Replaces all particles by the given attributes, arrays of shape (n,) or (n, 3).
 
-        Carried attributes that are not given become zero, ids count up from zero.
+        All other attributes become zero, but ids, which count up from zero.
         """
         n = len(values["x"])
         if n > self.capacity:
@@ -118,8 +109,8 @@ class Particles:
         for table, names in zip((vectors, numbers, integers), self._names, strict=True):
             for column, name in enumerate(names):
                 table[:, column] = values.get(name, 0)
-        self._write(vectors, numbers, integers, n)
-        self.count, self._alone = n, None
+        self._write(vectors, numbers, integers, n, self.touched)
+        self.count, self.touched = n, self.capacity
 
     def _tables(self, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Room for the vectors, the numbers and the integers of n particles."""
@@ -137,9 +128,10 @@ class Particles:
         numbers: ti.types.ndarray(dtype=ti.f32, ndim=2),
         integers: ti.types.ndarray(dtype=ti.i32, ndim=2),
         n: ti.i32,
+        touched: ti.i32,
     ):
-        """One kernel for all attributes: one for each would take 10 ms to compile."""
-        ti.loop_config(serialize=self.light)
+        """One kernel for all attributes: one for each would take 10 ms to compile. Particles from n
+        to `touched` become zero."""
         for i in range(n):
             for column, field in ti.static(enumerate(self._vectors)):
                 for k in ti.static(range(3)):
@@ -148,8 +140,7 @@ class Particles:
                 field[i] = numbers[i, column]
             for column, field in ti.static(enumerate(self._integers)):
                 field[i] = integers[i, column]
-        ti.loop_config(serialize=self.light)
-        for i in range(n, self.capacity):
+        for i in range(n, touched):
             for field in ti.static(self._vectors):
                 field[i] = 0
             for field in ti.static(self._numbers):
@@ -166,7 +157,6 @@ class Particles:
         n: ti.i32,
     ):
         """What _write() writes, the other way."""
-        ti.loop_config(serialize=self.light)
         for i in range(n):
             for column, field in ti.static(enumerate(self._vectors)):
                 for k in ti.static(range(3)):
@@ -176,22 +166,43 @@ class Particles:
             for column, field in ti.static(enumerate(self._integers)):
                 integers[i, column] = field[i]
 
-    @property
-    def alone(self) -> bool:
-        """Whether kernels should keep loops over neighbours on one thread (a template)."""
-        leeway = {None: 1.0, True: HYSTERESIS, False: 1.0 / HYSTERESIS}[self._alone]
-        self._alone = one_thread_does(self.count, leeway * FEW)
-        return self._alone
-
-    def inherited(self) -> tuple[ti.Field, ...]:
-        """Fields that halves of a split take over, and merges average."""
-        return tuple(
-            self.fields[a.name] for a in self.attributes.values() if a.carried and not a.own
-        )
-
     def numpy(self, name: str) -> np.ndarray:
-        """One attribute of the live particles, (count,) or (count, width)."""
-        return self.fields[name].to_numpy()[: self.count]
+        """One attribute of the live particles, (count,) or (count, 3)."""
+        vectors, numbers, integers = self._names
+        if name in vectors:
+            found = np.empty((self.count, 3), np.float32)
+            self._read_vector(vectors.index(name), found, self.count)
+        elif name in numbers:
+            found = np.empty(self.count, np.float32)
+            self._read_number(numbers.index(name), found, self.count)
+        else:
+            found = np.empty(self.count, np.int32)
+            self._read_integer(integers.index(name), found, self.count)
+        return found
+
+    @kernel
+    def _read_vector(self, which: ti.i32, found: ti.types.ndarray(dtype=ti.f32, ndim=2), n: ti.i32):
+        for i in range(n):
+            for column, field in ti.static(enumerate(self._vectors)):
+                if which == column:
+                    for k in ti.static(range(3)):
+                        found[i, k] = field[i][k]
+
+    @kernel
+    def _read_number(self, which: ti.i32, found: ti.types.ndarray(dtype=ti.f32, ndim=1), n: ti.i32):
+        for i in range(n):
+            for column, field in ti.static(enumerate(self._numbers)):
+                if which == column:
+                    found[i] = field[i]
+
+    @kernel
+    def _read_integer(
+        self, which: ti.i32, found: ti.types.ndarray(dtype=ti.i32, ndim=1), n: ti.i32
+    ):
+        for i in range(n):
+            for column, field in ti.static(enumerate(self._integers)):
+                if which == column:
+                    found[i] = field[i]
 
     def check(self, values: dict[str, np.ndarray]) -> None:
         """Raises ValueError unless the arrays are carried attributes of 1 to capacity particles."""
@@ -217,18 +228,16 @@ class Particles:
             name: table[:, column].copy()
             for table, names in zip(tables, self._names, strict=True)
             for column, name in enumerate(names)
-            if self.attributes[name].carried
+            if name in self.attributes and self.attributes[name].carried
         }
 
     @kernel
     def compact(self, target: ti.template(), alive: ti.template(), n: ti.i32):
         """Moves those of the first n with alive[i] = 1 to target[i]. Both i32 (n,)."""
-        ti.loop_config(serialize=self.light)
         for i in range(n):
             if alive[i] == 1:
                 for pair in ti.static(self._pairs):
                     pair[1][target[i]] = pair[0][i]
-        ti.loop_config(serialize=self.light)
         for i in range(n):
             for pair in ti.static(self._pairs):
                 pair[0][i] = pair[1][i]
@@ -236,12 +245,10 @@ class Particles:
     @ti.func
     def reorder(self, target: ti.template(), n):
         """Moves particle i to place target[i], for every carried attribute. target: i32 (n,)."""
-        ti.loop_config(serialize=self.light)
         for i in range(n):
             t = target[i]
             for pair in ti.static(self._pairs):
                 pair[1][t] = pair[0][i]
-        ti.loop_config(serialize=self.light)
         for i in range(n):
             for pair in ti.static(self._pairs):
                 pair[0][i] = pair[1][i]

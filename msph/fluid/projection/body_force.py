@@ -38,13 +38,12 @@ class BodyForce:
 
     def apply(self, dt: float, external: ExternalForces) -> None:
         """Velocities after dt [s] of the external forces."""
-        self._accelerate(self.particles.count, self.particles.alone, dt, *external.arguments())
+        self._accelerate(self.particles.count, dt, *external.arguments())
 
     @kernel
     def _accelerate(
         self,
         n: ti.i32,
-        alone: ti.template(),
         dt: ti.f32,
         gravity: ti.math.vec3,
         hand_position: ti.math.vec3,
@@ -54,7 +53,6 @@ class BodyForce:
     ):
         """v* = v + dt (g + hand + what images have more pressure than their particles)."""
         p = self.particles
-        ti.loop_config(serialize=alone)
         for i in range(n):
             m, x, v = self.layers.mass[p.layer[i]], p.x[i], p.v[i]
             wall = self.virial.image_acceleration(i, gravity)

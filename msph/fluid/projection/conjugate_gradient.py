@@ -37,7 +37,7 @@ ROUND = 40
 
 @data_oriented
 class ConjugateGradient:
-    """operator.apply(n, alone, direction) returns <direction, A direction>; after it
+    """operator.apply(n, direction) returns <direction, A direction>; after it
     operator.response(i, direction) is A direction at particle i. So where an operator knows the
     first without the second, the pass that finds the response takes the step too.
 
@@ -75,24 +75,22 @@ class ConjugateGradient:
         round, of which an unprojected solve has one. The solve has converged when two iterations
         together take off less than the share `tolerance` of sqrt(scale), in the norm of A.
         """
-        n, alone = self.particles.count, self.particles.alone
+        n = self.particles.count
         taken, state = 0, ROUND_OVER
         while taken < most and state != CONVERGED:
             begin()
             state, ends = GO_ON, min(most, taken + ROUND) if self.projected else most
             while taken < ends and state == GO_ON:
-                state = self._iterate(n, alone, x, tolerance)
+                state = self._iterate(n, x, tolerance)
                 taken += self.look
         return taken
 
     @kernel
-    def _iterate(
-        self, n: ti.i32, alone: ti.template(), x: ti.template(), tolerance: ti.f32
-    ) -> ti.i32:
+    def _iterate(self, n: ti.i32, x: ti.template(), tolerance: ti.f32) -> ti.i32:
         """x += alpha p; r -= alpha A p; p = r/D + beta p. Returns the state after the last."""
         gains, excluded = 0.0, 0.0
         for _ in ti.static(range(self.look)):
-            curvature = self.operator.apply(n, alone, self.direction)
+            curvature = self.operator.apply(n, self.direction)
             last = self.descent[None]
             alpha = last / ti.max(curvature, TINY)
             gain = last * alpha
@@ -100,7 +98,6 @@ class ConjugateGradient:
             self.last_gain[None] = gain
             descent = 0.0
             excluded = 0.0
-            ti.loop_config(serialize=alone)
             for i in range(n):
                 volume = self.layers.volume[self.particles.layer[i]]
                 r = self.residual[i] - alpha * self.operator.response(i, self.direction)
@@ -117,7 +114,6 @@ class ConjugateGradient:
                 descent += part
             beta = descent / ti.max(last, TINY)
             self.descent[None] = descent
-            ti.loop_config(serialize=self.particles.light)
             for i in range(n):
                 p = self.preconditioned(i, self.residual[i]) + beta * self.direction[i]
                 if ti.static(self.projected):

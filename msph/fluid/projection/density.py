@@ -16,10 +16,10 @@ Two corrections (docs/method.md, "Density"):
 import numpy as np
 import taichi as ti
 
-from msph.constant_fields import constant_fields
-from msph.fluid.boundary.boundary import Boundary
+from msph.fluid.boundary.contact import Contact
+from msph.fluid.constants import Constants
 from msph.fluid.particles import kernels
-from msph.fluid.particles.layers import Layers, pair_support, stress_share
+from msph.fluid.particles.layers import Layers, LayerSpec, pair_support, stress_share
 from msph.fluid.particles.neighbour_list import NeighbourList
 from msph.fluid.particles.particles import Attribute, Particles
 from msph.taichi_internals import data_oriented, kernel
@@ -32,12 +32,6 @@ ATTRIBUTES = (
     Attribute("gradient", "1/m", "sum V_j grad W_ij, images included", width=3, carried=False),
     Attribute("diagonal", "1/m^2", "diagonal of the pressure solves' operator", carried=False),
     Attribute("pair_spacing", "m", "of equals that pressure holds as stiffly", carried=False),
-)
-# Where bodies stand in the water.
-BODY_ATTRIBUTES = (
-    Attribute(
-        "boundary_gradient", "1/m", "gradient of the bodies' part of c", width=3, carried=False
-    ),
 )
 
 # Squared distance [m^2] from which on a direction can be told.
@@ -81,73 +75,47 @@ class Density:
     """Relative density c (-) and what the pressure solves need beside it.
 
     pair_gradient (entries,) vec3 [1/m]: V_j grad W_ij of each entry of the neighbour list, a third
-    faster for the solves than slopes and positions that they must gather. inflow (capacity,) [1/s],
-    where bodies move: what their motion adds to dc/dt. largest_excess is that of c - 1 over all
-    particles (-).
+    faster for the solves than slopes and positions that they must gather. largest_excess is that of
+    c - 1 over all particles (-).
     """
 
     def __init__(
         self,
-        boundary: Boundary,
+        constants: Constants,
+        contact: Contact,
         layers: Layers,
         particles: Particles,
         neighbours: NeighbourList,
-        rest_density: float,
     ):
-        self.boundary, self.layers, self.particles = boundary, layers, particles
+        self.constants, self.contact = constants, contact
+        self.layers, self.particles = layers, particles
         self.neighbours, self.images = neighbours, neighbours.images
-        self.rest_density = rest_density
         self.summed = 0  # the search of the list over which the sums are
         self.largest_excess = 0.0
         self.pair_gradient = ti.Vector.field(
             3, ti.f32, shape=neighbours.index.shape, layout=ti.Layout.SOA
         )
-        if boundary.moving:
-            self.inflow = ti.field(ti.f32, shape=particles.capacity)
-        smoothing, supports = (
-            np.array([getattr(s, name) for s in layers.specs]) for name in ("smoothing", "support")
-        )
-        per_yield = 1.0 / np.interp(smoothing, SMOOTHINGS, YIELDS)
-        pairs = np.sqrt(per_yield[:, None] * per_yield)
-        # Factors that turn the kernels' shapes into V_j W_ij (-).
-        volumes = np.array([s.volume for s in layers.specs])
-        shares = volumes * pair_support(supports[:, None], supports) ** -3.0
-        scale, bell_scale = kernels.QUARTIC * pairs * shares, kernels.BELL * shares
-        # A particle's part of its own density (-), and the factor of the bodies' shares (-).
-        peak = kernels.QUARTIC * kernels.QUARTIC_PEAK / smoothing**3
-        own = 1.0 - per_yield * (1.0 - peak)
-        own_bell = kernels.BELL / smoothing**3
-        self.scale, self.bell_scale, self.own, self.own_bell, *others = constant_fields(
-            scale, bell_scale, own, own_bell, per_yield, 1.0 / volumes, stress_share(supports)
-        )
-        self.per_yield, self.per_volume, self.stress_share = others
 
     def refresh(self) -> None:
         """Sums anew if the list was searched anew, or where bodies move; the list must be fresh."""
-        if self.summed != self.neighbours.searches or self.boundary.moving:
-            self.largest_excess = self._sum(self.particles.count, self.particles.alone)
+        if self.summed != self.neighbours.searches or self.contact.boundary.moving:
+            self.contact.refresh_shares()
+            self.largest_excess = self._sum(self.particles.count)
             self.summed = self.neighbours.searches
 
     @kernel
-    def _sum(self, n: ti.i32, alone: ti.template()) -> ti.f32:
+    def _sum(self, n: ti.i32) -> ti.f32:
         """c_i = correction_i + own_i + sum V_j W_ij, the density defect, g_i = sum V_j grad W_ij,
         and D_i = |g_i|^2 + V_i sum V_j |grad W_ij|^2. Returns the largest c_i - 1.
 
         Sums over neighbours and images; a particle's own images move with it, twice as fast.
         """
         most = -1.0
-        ti.loop_config(serialize=alone)
         for i in range(n):
-            layer, x = self.particles.layer[i], self.particles.x[i]
-            sums = Sums(c=self.own[layer], bell=self.own_bell[layer])
-            bodies = 0.0  # their part of the kernel's integral
-            if ti.static(self.boundary.count > 0):
-                share = self.per_yield[layer] * self.boundary.share(x, layer)
-                bodies = share[0]
-                sums.gradient = ti.Vector([share[1], share[2], share[3]])
-                self.particles.boundary_gradient[i] = sums.gradient
-                if ti.static(self.boundary.moving):
-                    self.inflow[i] = -share[4]
+            layer = self.particles.layer[i]
+            sums = Sums(c=self.layers.own[layer], bell=self.layers.own_bell[layer])
+            sums.gradient = self.particles.boundary_gradient[i]
+            bodies = self.particles.boundary_share[i]
             for mirrored in ti.static((False, True)):
                 self._add_entries(i, mirrored, sums)
             g, volume = sums.gradient, self.layers.volume[layer]
@@ -155,7 +123,7 @@ class Density:
             defect, c = sums.bell - sums.c, sums.c + self.particles.density_correction[i]
             known = ti.select(c > SURROUNDED, volume, 0.0)
             self.particles.known_volume[i], self.particles.known_defect[i] = known, known * defect
-            self.particles.density[i] = (c + bodies) * self.rest_density
+            self.particles.density[i] = (c + bodies) * self.constants.rest_density[None]
             ti.atomic_max(most, c + bodies - 1.0)
             self.particles.gradient[i] = g
             diagonal = (g + sums.own_images).norm_sqr() + volume * sums.squares
@@ -171,7 +139,7 @@ class Density:
         weighed by V_j/h_ij^3. By its own spacing a single fine particle that waves had drawn down
         among coarse ones halved all steps of a pool.
         """
-        own, share = self.layers.per_h[layer, layer], ALONE * self.bell_scale[layer, layer]
+        own, share = self.layers.per_h[layer, layer], ALONE * self.layers.bell_scale[layer, layer]
         held = (sums.stiffness + share * own**2) / (sums.shares + share)
         return self.layers.spacing[layer] * own / ti.sqrt(held)
 
@@ -192,10 +160,8 @@ class Density:
             count = ti.min(BLOCK, end - first)
             for k in range(count):
                 j, mirror, wall = self.neighbours.read(first + k, mirrored)
-                other = 0
-                if ti.static(self.layers.count > 1):
-                    other = self.particles.layer[j]
-                per_h, scale = self.layers.per_h[layer, other], self.scale[layer, other]
+                other = self.particles.layer[j]
+                per_h, scale = self.layers.per_h[layer, other], self.layers.scale[layer, other]
                 r_ij = self.images.offset(x, self.particles.x[j], mirror, wall)
                 r2 = ti.max(r_ij.norm_sqr(), TINY)
                 per_r = ti.rsqrt(r2)
@@ -208,15 +174,14 @@ class Density:
                 g_x[k], g_y[k], g_z[k] = g.x, g.y, g.z
                 sums.c += scale * (a3 * a - 5.0 * b3 * b + 10.0 * c3 * c)
                 u = ti.max(1.0 - q * q, 0.0)
-                share = self.bell_scale[layer, other]
+                share = self.layers.bell_scale[layer, other]
                 sums.bell += share * (u * u) * (u * u)
                 sums.gradient += g
-                sums.squares += g.norm_sqr() * self.per_volume[other]
+                sums.squares += g.norm_sqr() * self.layers.per_volume[other]
                 if ti.static(mirrored):
                     sums.own_images += ti.select(j == i, 1.0, 0.0) * g
-                if ti.static(self.layers.count > 1):
-                    sums.shares += share
-                    sums.stiffness += share * per_h * per_h
+                sums.shares += share
+                sums.stiffness += share * per_h * per_h
             for k in range(count):
                 self.pair_gradient[first + k] = ti.math.vec3(g_x[k], g_y[k], g_z[k])
 
@@ -224,25 +189,24 @@ class Density:
     def weight(self, layer, other, r):
         """V_j W_ij (-) of two layers' particles at the distance r [m], as in c."""
         shape = kernels.quartic_shape(r * self.layers.per_h[layer, other]).x
-        return self.scale[layer, other] * shape
+        return self.layers.scale[layer, other] * shape
 
     @ti.func
     def excess(self, i):
         """c_i - 1 (-), by the positions of the last refresh()."""
-        return self.particles.density[i] / self.rest_density - 1.0
+        return self.particles.density[i] / self.constants.rest_density[None] - 1.0
 
     @kernel
-    def follow_defect(self, n: ti.i32, alone: ti.template()):
+    def follow_defect(self, n: ti.i32):
         """Moves the density corrections by BLEND towards the mean defect round each particle, and
         the densities with them: the next step's water is at rest density under the new ones, not
         thinner by the change, which would blind the reading that they follow."""
-        ti.loop_config(serialize=alone)
         for i in range(n):
             target = ti.math.clamp(self.mean_defect(i) + EVEN, -MOST_CORRECTED, 0.0)
             change = BLEND * (target - self.particles.density_correction[i])
             change = ti.math.clamp(change, -MOST_CHANGED, MOST_CHANGED)
             self.particles.density_correction[i] += change
-            self.particles.density[i] += change * self.rest_density
+            self.particles.density[i] += change * self.constants.rest_density[None]
 
     @ti.func
     def mean_defect(self, i):
@@ -257,3 +221,28 @@ class Density:
             known += self.particles.known_volume[j]
         own = self.layers.volume[self.particles.layer[i]]
         return total / ti.max(known, SMALLEST * own)
+
+
+def density_tables(
+    specs: list[LayerSpec],
+) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """What the density tells of each layer, for its row in Layers, and of each pair of layers."""
+    smoothing, support, volume = (
+        np.array([getattr(s, name) for s in specs]) for name in ("smoothing", "support", "volume")
+    )
+    per_yield = 1.0 / np.interp(smoothing, SMOOTHINGS, YIELDS)
+    # Factors that turn the kernels' shapes into V_j W_ij (-).
+    shares = volume * pair_support(support[:, None], support) ** -3.0
+    peak = kernels.QUARTIC * kernels.QUARTIC_PEAK / smoothing**3
+    rows = {
+        "per_volume": 1.0 / volume,
+        "per_yield": per_yield,
+        "own": 1.0 - per_yield * (1.0 - peak),
+        "own_bell": kernels.BELL / smoothing**3,
+    }
+    pairs = {
+        "scale": kernels.QUARTIC * np.sqrt(per_yield[:, None] * per_yield) * shares,
+        "bell_scale": kernels.BELL * shares,
+        "stress_share": stress_share(support),
+    }
+    return rows, pairs

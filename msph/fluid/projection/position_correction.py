@@ -14,7 +14,6 @@ import math
 
 import taichi as ti
 
-from msph.fluid.boundary.boundary import BEGIN
 from msph.fluid.particles.particles import Attribute
 from msph.fluid.projection.conjugate_gradient import TINY
 from msph.fluid.projection.discretisation import Discretisation
@@ -39,8 +38,6 @@ SPREAD, THIN = 0.014, 0.03
 # Way in a step, in spacings, from which on particles spread in full, and the share (-) at rest. In
 # full everywhere waves of half a spacing swing 4.9 % too slowly, not 2.9.
 BRISK, LEAST = 0.1, 0.3
-# Least distance to a wall, in spacings; multiples of the golden section spread it over particles.
-NEAREST, GOLDEN = 0.05, 0.6180340
 # Under-relaxation of Jacobi: DAMPING over the number of neighbours, at most MOST_DAMPING. Stable
 # below 2/lambda_max, which was .68, .53 and .31 at 27, 57 and 97 neighbours.
 DAMPING, MOST_DAMPING = 24.0, 0.5
@@ -55,20 +52,17 @@ class PositionCorrection:
     """Finds displacements of at most `largest_shift` spacings, and applies them."""
 
     def __init__(self, shared: Discretisation):
-        self.boundary, self.layers = shared.boundary, shared.layers
+        self.constants, self.contact, self.layers = shared.constants, shared.contact, shared.layers
         self.particles = shared.particles
         self.neighbours, self.density = shared.neighbours, shared.density
         self.operator, self.impulses = shared.operator, shared.impulses
         self.pair_gradient = shared.density.pair_gradient
-        self.iterations = shared.parameters.position_iterations
-        self.largest_shift = shared.parameters.largest_shift
-        widest = max(s.smoothing for s in shared.layers.specs)
-        self.omega = min(MOST_DAMPING, DAMPING / (4.0 / 3.0 * math.pi * widest**3))
+        self.iterations = 1
 
     def find(self, dt: float) -> float:
         """Displacements that end crowding; returns the largest density excess (-). dt [s]: the
         step; 0 before time starts, when all spread in full."""
-        n, alone = self.particles.count, self.particles.alone
+        n = self.particles.count
         largest = self.density.largest_excess
         rounds = max((r for least, r in URGENT_ROUNDS.items() if largest > least), default=1)
         # Only the last round spreads: more iterations would leave less of the spreading.
@@ -76,45 +70,36 @@ class PositionCorrection:
             self._find_crowds(n)
             for _ in range((rounds - 1) * self.iterations):
                 self._part_crowds(n)
-            self._relax(n, alone, dt, 1.0)
+            self._relax(n, dt, 1.0)
         else:
-            self._begin(n, alone, dt)
+            self._begin(n, dt)
         for _ in range(self.iterations - 1):
-            self._relax(n, alone, dt, 0.0)
+            self._relax(n, dt, 0.0)
         return largest
 
-    def warm_up(self) -> None:
-        """Compiles kernels that only crowds launch."""
-        self._find_crowds(0)
-        self._part_crowds(0)
-
     @kernel
-    def _begin(self, n: ti.i32, alone: ti.template(), dt: ti.f32):
+    def _begin(self, n: ti.i32, dt: ti.f32):
         """The first iteration, from q = 0, with the background; see _relax()."""
         p = self.particles
-        ti.loop_config(serialize=p.light)
         for i in range(n):
             wanted = self.density.excess(i) + self.background(i, dt)
             p.position_multiplier[i] = self.corrected(i, 0.0, wanted)
-        self._displace(n, alone)
+        self._displace(n)
 
     @kernel
     def _find_crowds(self, n: ti.i32):
         """q = 0, u = 0, and the crowding: 2 for particles of an excess above CROWDED and their
         neighbours, 1 for neighbours of those."""
         p = self.particles
-        ti.loop_config(serialize=p.light)
         for i in range(n):
             p.position_multiplier[i], p.crowding[i] = 0.0, 0
             p.position_correction[i] = ti.Vector([0.0, 0.0, 0.0])
         # Threads may mark the same particle, all with the same value.
-        ti.loop_config(serialize=p.light)
         for i in range(n):
             if self.density.excess(i) > CROWDED:
                 p.crowding[i] = 2
                 for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
                     p.crowding[self.neighbours.index[s]] = 2
-        ti.loop_config(serialize=p.light)
         for i in range(n):
             if p.crowding[i] == 2:
                 for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
@@ -126,39 +111,37 @@ class PositionCorrection:
     def _part_crowds(self, n: ti.i32):
         """_relax() of crowds alone, without the background."""
         p = self.particles
-        ti.loop_config(serialize=p.light)
         for i in range(n):
             if p.crowding[i] == 2:
                 r = self.density.excess(i) + self.operator.divergence(i, p.position_correction)
                 p.position_multiplier[i] = self.corrected(i, p.position_multiplier[i], r)
-        ti.loop_config(serialize=p.light)
         for i in range(n):
             if p.crowding[i] > 0:
                 p.position_correction[i] = self.operator.displacement(i, p.position_multiplier)
 
     @kernel
-    def _relax(self, n: ti.i32, alone: ti.template(), dt: ti.f32, spread: ti.f32):
+    def _relax(self, n: ti.i32, dt: ti.f32, spread: ti.f32):
         """q += omega r/D, not below 0, with r = c - 1 + sum V_j (u_i - u_j).grad W_ij, the
         displacements u in position_correction; `spread` (-) times the background is added to r."""
         p = self.particles
-        ti.loop_config(serialize=alone)
         for i in range(n):
             r = self.density.excess(i) + self.operator.divergence(i, p.position_correction)
             r += spread * self.background(i, dt)
             p.position_multiplier[i] = self.corrected(i, p.position_multiplier[i], r)
-        self._displace(n, alone)
+        self._displace(n)
 
     @ti.func
-    def _displace(self, n, alone: ti.template()):
+    def _displace(self, n):
         p = self.particles
-        ti.loop_config(serialize=alone)
         for i in range(n):
             p.position_correction[i] = self.operator.displacement(i, p.position_multiplier)
 
     @ti.func
     def corrected(self, i, q, r):
         """Multiplier of i after q += omega r/D, not below 0; r the compression left by q."""
-        return ti.max(q + self.omega * r / ti.max(self.particles.diagonal[i], TINY), 0.0)
+        return ti.max(
+            q + self.constants.relaxation[None] * r / ti.max(self.particles.diagonal[i], TINY), 0.0
+        )
 
     @ti.func
     def background(self, i, dt):
@@ -167,8 +150,13 @@ class PositionCorrection:
         share = ti.select(dt > 0.0, ti.math.clamp(way / BRISK, LEAST, 1.0), 1.0)
         return ti.select(self.density.excess(i) > -THIN, share * SPREAD, 0.0)
 
+    def apply(self) -> None:
+        """Moves the particles by what find() has found, but not into walls and bodies."""
+        self._apply(self.particles.count)
+        self.contact.clear_bodies()
+
     @kernel
-    def apply(self, n: ti.i32, alone: ti.template()):
+    def _apply(self, n: ti.i32):
         """x += position_correction, at most `largest_shift` spacings; lists must be of find().
 
         A pair that is moved apart to r (1 + a) keeps its angular momentum only if its relative
@@ -176,7 +164,6 @@ class PositionCorrection:
         which keeps the momentum too, and adds no energy. The same pass finds relative speeds.
         """
         p = self.particles
-        ti.loop_config(serialize=alone)
         for i in range(n):
             change = ti.Vector([0.0, 0.0, 0.0])
             q, v, x = p.position_multiplier[i], p.v[i], p.x[i]
@@ -196,10 +183,9 @@ class PositionCorrection:
             wall = self.operator.wall_displacement(i, p.position_multiplier)
             inner = self.limit(i) * (p.position_correction[i] - wall)
             self.impulses.internal_angular_impulse[None] += m * inner.cross(v + change)
-        ti.loop_config(serialize=p.light)
         for i in range(n):
-            x = p.x[i] + self.limit(i) * p.position_correction[i]
-            p.x[i] = self.boundary.keep(x, BEGIN, self.margin(i))
+            x, margin = p.x[i] + self.limit(i) * p.position_correction[i], self.contact.margin(i)
+            p.x[i] = ti.math.clamp(x, margin, self.constants.size[None] - margin)
             p.v[i] += p.velocity_exchange[i]
 
     @ti.func
@@ -211,22 +197,17 @@ class PositionCorrection:
         for k in ti.static(range(3)):
             meets = ((near >> k) | (near >> (k + 3))) & 1
             speed = ti.max(speed, meets * abs(v[k]))
-        if ti.static(self.boundary.count > 0):
-            by_body = self.particles.boundary_gradient[i].norm_sqr() > 0.0
-            speed = ti.select(by_body, v.norm(), speed)
-        return speed
+        by_body = self.particles.boundary_gradient[i].norm_sqr() > 0.0
+        return ti.select(by_body, v.norm(), speed)
 
     @ti.func
     def limit(self, i):
         """Share of the correction that is at most `largest_shift` spacings long."""
         d = self.layers.spacing[self.particles.layer[i]]
         length = ti.max(self.particles.position_correction[i].norm(), SMALLEST * d)
-        return ti.min(1.0, self.largest_shift * d / length)
+        return ti.min(1.0, self.constants.largest_shift[None] * d / length)
 
-    @ti.func
-    def margin(self, i):
-        """Distance [m] from walls at which particle i is stopped: each at its own, since what lies
-        in one point cannot part again, and what lies on a wall is not repelled by its image."""
-        share = GOLDEN * ti.cast(self.particles.id[i] & 1023, ti.f32)
-        d = self.layers.spacing[self.particles.layer[i]]
-        return NEAREST * (1.0 + share - ti.floor(share)) * d
+
+def relaxation(widest: float) -> float:
+    """Under-relaxation of Jacobi (-), for the largest support over spacing of all layers."""
+    return min(MOST_DAMPING, DAMPING / (4.0 / 3.0 * math.pi * widest**3))

@@ -21,8 +21,8 @@ ATTRIBUTES = (
 
 @data_oriented
 class PressureOperator:
-    """pair_gradient holds V_j grad W_ij [1/m] of each entry of the neighbour list; bodies: whether
-    any stand in the water."""
+    """pair_gradient holds V_j grad W_ij [1/m] of each entry of the neighbour list. Where there are
+    no bodies their gradients are 0."""
 
     def __init__(
         self,
@@ -30,10 +30,9 @@ class PressureOperator:
         particles: Particles,
         neighbours: NeighbourList,
         pair_gradient: ti.MatrixField,
-        bodies: bool,
     ):
         self.layers, self.particles, self.neighbours = layers, particles, neighbours
-        self.pair_gradient, self.bodies = pair_gradient, bodies
+        self.pair_gradient = pair_gradient
         self.images = neighbours.images
 
     @ti.func
@@ -47,9 +46,7 @@ class PressureOperator:
     @ti.func
     def wall_displacement(self, i, q: ti.template()):
         """The part of u_i [m] by walls and bodies."""
-        u = ti.Vector([0.0, 0.0, 0.0])
-        if ti.static(self.bodies):
-            u = -q[i] * self.particles.boundary_gradient[i]
+        u = -q[i] * self.particles.boundary_gradient[i]
         for s in range(self.neighbours.mirrors[i], self.neighbours.end[i]):
             j = self.images.neighbour(self.neighbours.index[s])
             u -= (q[i] + q[j]) * self.pair_gradient[s]
@@ -58,10 +55,8 @@ class PressureOperator:
     @ti.func
     def divergences(self, i, first: ti.template(), second: ti.template()):
         """divergence() of two fields in one pass."""
-        a, b, found = first[i], second[i], ti.Vector([0.0, 0.0])
-        if ti.static(self.bodies):
-            by_body = self.particles.boundary_gradient[i]
-            found = ti.Vector([a.dot(by_body), b.dot(by_body)])
+        a, b, by_body = first[i], second[i], self.particles.boundary_gradient[i]
+        found = ti.Vector([a.dot(by_body), b.dot(by_body)])
         for mirrored in ti.static((False, True)):
             begin, end = self.neighbours.span(i, mirrored)
             for s in range(begin, end):
@@ -74,9 +69,8 @@ class PressureOperator:
     @ti.func
     def divergence(self, i, field: ti.template()):
         """sum V_j (u_i - u_j).grad W_ij of a vector field u [u's unit / m]."""
-        u, found = field[i], 0.0
-        if ti.static(self.bodies):
-            found = u.dot(self.particles.boundary_gradient[i])
+        u = field[i]
+        found = u.dot(self.particles.boundary_gradient[i])
         for mirrored in ti.static((False, True)):
             begin, end = self.neighbours.span(i, mirrored)
             for s in range(begin, end):
@@ -85,11 +79,10 @@ class PressureOperator:
         return found
 
     @ti.func
-    def apply(self, n, alone: ti.template(), q: ti.template()):
+    def apply(self, n, q: ti.template()):
         """Displacements u of all particles by the multipliers q (capacity,) [m^2]; returns
         <q, A q> = sum V |u|^2 [m^5]."""
         product = 0.0
-        ti.loop_config(serialize=alone)
         for i in range(n):
             u = self.displacement(i, q)
             self.particles.displacement[i] = u

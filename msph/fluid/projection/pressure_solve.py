@@ -10,7 +10,7 @@ import taichi as ti
 from msph.fluid.particles.particles import Attribute
 from msph.fluid.projection.conjugate_gradient import TINY, ConjugateGradient
 from msph.fluid.projection.discretisation import Discretisation
-from msph.fluid.projection.shear_relief import ShearRelief
+from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.projection.virial_pressure import VirialPressure
 from msph.taichi_internals import data_oriented, kernel
 
@@ -37,16 +37,16 @@ NO_DISPLACEMENT = 1e-5
 
 @data_oriented
 class PressureSolve:
-    """Solves for the velocities of one fluid. adaptive: whether particles split and merge."""
+    """Solves for the velocities of one fluid."""
 
-    def __init__(self, shared: Discretisation, adaptive: bool):
+    parameters: ProjectionParameters
+
+    def __init__(self, shared: Discretisation):
         p = shared.particles
-        self.layers, self.particles, self.parameters = shared.layers, p, shared.parameters
+        self.constants, self.layers, self.particles = shared.constants, shared.layers, p
+        self.contact = shared.contact
         self.density, self.operator = shared.density, shared.operator
         self.impulses = shared.impulses
-        self.moving, self.adaptive = shared.boundary.moving, adaptive
-        self.bodies = shared.boundary.count > 0
-        self.rest_density = shared.parameters.rest_density
         self.gradients = ConjugateGradient(
             shared.layers,
             p,
@@ -56,20 +56,17 @@ class PressureSolve:
             diagonal=p.diagonal,
             active=p.active,
         )
-        self.relieved = ShearRelief.wanted(shared.parameters)
-        self.virial = VirialPressure(
-            shared.layers, p, shared.neighbours, shared.density, stressed=self.relieved
-        )
+        self.virial = VirialPressure(shared.layers, p, shared.neighbours, shared.density)
 
     def solve(self, dt: float) -> int:
         """Multipliers for a step of dt [s]; returns the iterations it took."""
         limits = self.parameters
-        self.build_rhs(self.particles.count, self.particles.alone, dt)
+        self.build_rhs(self.particles.count, dt)
         leeway = limits.motion_tolerance / limits.tolerance
         return self.converge(dt, limits.tolerance, leeway, limits.velocity_iterations)
 
     @kernel
-    def build_rhs(self, n: ti.i32, alone: ti.template(), dt: ti.f32):
+    def build_rhs(self, n: ti.i32, dt: ti.f32):
         """rhs_i = dt dc/dt + share (c_i - 1), c_i as it will be once positions are corrected; and
         velocity multipliers q = dt^2 p/rho0 to start from.
 
@@ -77,25 +74,32 @@ class PressureSolve:
         start is the mean of two steps: pressures swing from one to the next.
         """
         p = self.particles
-        ti.loop_config(serialize=alone)
         for i in range(n):
             rate, closing = self.operator.divergences(i, p.v, p.position_correction)
-            if ti.static(self.moving):
-                rate += self.density.inflow[i]
+            rate += p.boundary_inflow[i]
             c = self.density.excess(i) + closing
-            p.predicted_density[i] = self.rest_density * (1.0 + c)
-            if 1.0 + c < self.parameters.spray:
+            p.predicted_density[i] = self.constants.rest_density[None] * (1.0 + c)
+            if 1.0 + c < self.constants.spray[None]:
                 rate = ti.min(rate, 0.0)
-            share = ti.max(dt / self.parameters.release, -c / GAP)
+            share = ti.max(dt / self.constants.release[None], -c / GAP)
             wanted = ti.min(share, 1.0) * c
-            if ti.static(self.adaptive):
-                # Halves are crowded until positions have been corrected.
-                wanted = ti.select(p.settling[i] > 0 and c > 0.0, 0.0, wanted)
+            # Halves of a split are crowded until positions have been corrected.
+            wanted = ti.select(p.settling[i] > 0 and c > 0.0, 0.0, wanted)
             p.rhs[i] = dt * rate + wanted
             now = p.pressure_multiplier[i]
             start = 0.5 * (now + p.previous_multiplier[i])
             p.previous_multiplier[i] = now
-            p.velocity_multiplier[i] = start * dt * dt / self.rest_density
+            p.velocity_multiplier[i] = start * dt * dt / self.constants.rest_density[None]
+
+    def accelerate(self, dt: float, gravity: tuple[float, float, float], stressed: bool) -> float:
+        """v += u/dt, p = rho0 q/dt^2, the virial pressure and, if `stressed`, the virial stress.
+        Returns the largest rate [1/s] by which pressure bounds the next step: sqrt(p/rho0) over
+        pressure_cfl spacings."""
+        n = self.particles.count
+        rate = self._accelerate(n, dt, gravity, stressed)
+        if self.contact.boundary.count:
+            self._read_beside_bodies(n, gravity)
+        return rate
 
     def converge(self, dt: float, tolerance: float, leeway: float, most: int) -> int:
         """Solves from the velocity multipliers for the rhs; returns the iterations it took.
@@ -105,31 +109,29 @@ class PressureSolve:
         displacement: in still water every error stirs it, in a dam break one of a hundredth of its
         speed is lost, and takes half the iterations.
         """
-        n, alone = self.particles.count, self.particles.alone
+        n = self.particles.count
         return self.gradients.solve(
             self.particles.velocity_multiplier,
             tolerance,
             most,
-            lambda: self.begin(n, alone, dt, leeway),
+            lambda: self.begin(n, dt, leeway),
         )
 
     @kernel
-    def begin(self, n: ti.i32, alone: ti.template(), dt: ti.f32, leeway: ti.f32):
+    def begin(self, n: ti.i32, dt: ti.f32, leeway: ti.f32):
         """q scaled to the least <q - x, A (q - x)> from the solution x, by <q, rhs>/<q, A q>;
         r = rhs - A q, first direction r/D where particles are active, scale and descent.
 
         Without the scaling, whole columns rise and fall by less than any tolerance sees.
         """
         p = self.particles
-        given, asked = self.operator.apply(n, alone, p.velocity_multiplier), 0.0
-        ti.loop_config(serialize=p.light)
+        given, asked = self.operator.apply(n, p.velocity_multiplier), 0.0
         for i in range(n):
             asked += self.layers.volume[p.layer[i]] * p.velocity_multiplier[i] * p.rhs[i]
         scaled = 1.0
         if given > TINY:
             scaled = ti.math.clamp(asked / given, LEAST_SCALED, MOST_SCALED)
         descent, scale, whole, square, drift = 0.0, 0.0, 0.0, 0.0, ti.Vector([0.0, 0.0, 0.0])
-        ti.loop_config(serialize=alone)
         for i in range(n):
             layer = p.layer[i]
             volume, spacing = self.layers.volume[layer], self.layers.spacing[layer]
@@ -151,38 +153,38 @@ class PressureSolve:
         self.gradients.begin_round(descent, scale + leeway**2 * apart)
 
     @kernel
-    def accelerate(
-        self, n: ti.i32, alone: ti.template(), dt: ti.f32, gravity: ti.math.vec3
+    def _accelerate(
+        self, n: ti.i32, dt: ti.f32, gravity: ti.math.vec3, stressed: ti.template()
     ) -> ti.f32:
-        """v += u/dt, p = rho0 q/dt^2, the virial pressure and stress. Returns the largest rate
-        [1/s] by which pressure bounds the next step: sqrt(p/rho0) over pressure_cfl spacings."""
         p, top = self.particles, 0.0
-        ti.loop_config(serialize=p.light)
         for i in range(n):
-            p.pressure_multiplier[i] = self.rest_density * p.velocity_multiplier[i] / (dt * dt)
-        ti.loop_config(serialize=alone)
+            p.pressure_multiplier[i] = (
+                self.constants.rest_density[None] * p.velocity_multiplier[i] / (dt * dt)
+            )
         for i in range(n):
-            m = self.layers.mass[p.layer[i]]
-            pressed = self.virial.pressed(i, gravity)
+            m, rest_density = self.layers.mass[p.layer[i]], self.constants.rest_density[None]
+            pressed = self.virial.pressed(i, gravity, stressed)
             inner, wall = pressed.inner, pressed.wall
-            if ti.static(self.bodies):
-                body = -p.pressure_multiplier[i] / self.rest_density * p.boundary_gradient[i]
-                wall += body
-                self.impulses.body_impulse[None] += m * dt * body
+            body = -p.pressure_multiplier[i] / rest_density * p.boundary_gradient[i]
+            wall += body
+            self.impulses.body_impulse[None] += m * dt * body
             self.impulses.record_internal(m, p.x[i], dt * inner)
             self.impulses.wall_impulse[None] += m * dt * wall
-            if ti.static(self.moving):
-                # Force of the bodies on the particle times their velocity.
-                work = m * p.velocity_multiplier[i] / dt * self.density.inflow[i]
-                self.impulses.wall_work[None] += work
+            # Force of the bodies on the particle times their velocity.
+            self.impulses.wall_work[None] += (
+                m * p.velocity_multiplier[i] / dt * p.boundary_inflow[i]
+            )
             p.v[i] += dt * (inner + wall)
-            pressure = pressed.virial
-            if ti.static(self.bodies):
-                if p.boundary_gradient[i].norm_sqr() > 0.0:
-                    pressure = self.virial.beside_body(i, gravity)
-            p.pressure[i] = pressure
-            if ti.static(self.relieved):
+            p.pressure[i] = pressed.virial
+            if ti.static(stressed):
                 p.normal_stress[i], p.shear_stress[i] = pressed.normal, pressed.shear
-            swing = ti.sqrt(ti.max(pressed.virial, 0.0) / self.rest_density)
-            ti.atomic_max(top, swing / (self.parameters.pressure_cfl * p.pair_spacing[i]))
+            swing = ti.sqrt(ti.max(pressed.virial, 0.0) / rest_density)
+            ti.atomic_max(top, swing / (self.constants.pressure_cfl[None] * p.pair_spacing[i]))
         return top
+
+    @kernel
+    def _read_beside_bodies(self, n: ti.i32, gravity: ti.math.vec3):
+        """The pressure of particles whose kernels reach a body."""
+        for i in range(n):
+            if self.particles.boundary_gradient[i].norm_sqr() > 0.0:
+                self.particles.pressure[i] = self.virial.beside_body(i, gravity)

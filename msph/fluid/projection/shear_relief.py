@@ -85,32 +85,29 @@ class ShearRelief:
         self.layers, self.particles = shared.layers, shared.particles
         self.neighbours, self.images = shared.neighbours, shared.neighbours.images
         self.density, self.impulses = shared.density, shared.impulses
-        self.rest_density = shared.parameters.rest_density
-        self.bodies = shared.boundary.count > 0
+        self.constants = shared.constants
         self.longest_step = math.inf
-        self.tune(shared.parameters)
 
     def tune(self, parameters: ProjectionParameters) -> None:
         """Takes over the share, and the steps in which forces by pressures are stable."""
-        self.share = parameters.shear_relief
+        self.share = parameters.shear_relief / parameters.rest_density
         self.cfl, self.pressure_cfl = parameters.cfl, parameters.pressure_cfl
 
     def apply(self, dt: float, external: ExternalForces) -> None:
         """Velocities after dt [s] without the deviator, by the stresses of the last step."""
-        n, alone = self.particles.count, self.particles.alone
-        self._find_mean(n, alone, dt / self.pressure_cfl, dt / self.cfl)
-        self._accelerate(n, alone, self.share * dt / self.rest_density)
+        n = self.particles.count
+        self._find_mean(n, dt / self.pressure_cfl, dt / self.cfl)
+        self._accelerate(n, self.share * dt)
 
     @kernel
-    def _find_mean(self, n: ti.i32, alone: ti.template(), swing: ti.f32, way: ti.f32):
+    def _find_mean(self, n: ti.i32, swing: ti.f32, way: ti.f32):
         """T_i with the bell (1 - q^2)^4 as W, i itself included, over those that are known; swing,
         way [s]: the time step over pressure_cfl and over cfl. In steps beyond their bounds the
         stress is no more that of where particles are, and none of it is given back."""
         p = self.particles
-        ti.loop_config(serialize=alone)
         for i in range(n):
             x, layer = p.x[i], p.layer[i]
-            total = self.known(i) * self.density.own_bell[layer]
+            total = self.known(i) * self.layers.own_bell[layer]
             normal, shear = total * p.normal_stress[i], total * p.shear_stress[i]
             for mirrored in ti.static((False, True)):
                 begin, end = self.neighbours.span(i, mirrored)
@@ -119,7 +116,7 @@ class ShearRelief:
                     r = self.images.offset(x, p.x[j], mirror, wall)
                     per_h = self.layers.per_h[layer, p.layer[j]]
                     u = ti.max(1.0 - r.norm_sqr() * per_h**2, 0.0)
-                    weight = self.known(j) * self.density.bell_scale[layer, p.layer[j]]
+                    weight = self.known(j) * self.layers.bell_scale[layer, p.layer[j]]
                     weight *= (u * u) * (u * u)
                     normal += weight * p.normal_stress[j]
                     shear += weight * seen(mirror, p.shear_stress[j])
@@ -129,16 +126,15 @@ class ShearRelief:
             size = ti.sqrt(normal.norm_sqr() + 2.0 * shear.norm_sqr())
             share = self.borne(i) * upto(ARRANGED, size / ti.max(pressure, LEAST_STRESS))
             per_total = 1.0 / ti.max(total, LEAST_WEIGHT)
-            wave = ti.sqrt(ti.max(per_total * pressure, 0.0) / self.rest_density)
+            wave = ti.sqrt(ti.max(per_total * pressure, 0.0) / self.constants.rest_density[None])
             share *= per_total * upto(1.0, swing * wave / p.pair_spacing[i])
             share *= upto(LEAP, way * p.v[i].norm() / self.layers.spacing[layer])
             p.mean_normal_stress[i], p.mean_shear_stress[i] = share * normal, share * shear
 
     @kernel
-    def _accelerate(self, n: ti.i32, alone: ti.template(), impulse: ti.f32):
+    def _accelerate(self, n: ti.i32, impulse: ti.f32):
         """v_i += impulse sum V_j (T_i + T_j).grad W_ij; impulse: share dt/rho0 [s m^3/kg]."""
         p = self.particles
-        ti.loop_config(serialize=alone)
         for i in range(n):
             m, v = self.layers.mass[p.layer[i]], p.v[i]
             own, own_shear = p.mean_normal_stress[i], p.mean_shear_stress[i]
@@ -156,29 +152,21 @@ class ShearRelief:
                     self.impulses.wall_impulse[None] += m * change
                 else:
                     self.impulses.record_internal(m, p.x[i], change)
-            if ti.static(self.bodies):
-                # Twice, for sum V_j grad W_ij + b_i = 0: an even stress pushes nowhere.
-                body = 2.0 * impulse * times(own, own_shear, p.boundary_gradient[i])
-                v += body
-                self.impulses.body_impulse[None] += m * body
-                self.impulses.wall_impulse[None] += m * body
+            # Twice, for sum V_j grad W_ij + b_i = 0: an even stress pushes nowhere.
+            body = 2.0 * impulse * times(own, own_shear, p.boundary_gradient[i])
+            v += body
+            self.impulses.body_impulse[None] += m * body
+            self.impulses.wall_impulse[None] += m * body
             p.v[i] = v
 
     @ti.func
     def borne(self, i):
         """Share (-) of the deviator round particle i that is the friction of an arrangement: none
         among particles of other sizes."""
-        share = 1.0
-        if ti.static(self.layers.count > 1):
-            own = self.layers.spacing[self.particles.layer[i]]
-            share = upto(UNLIKE, ti.abs(self.particles.pair_spacing[i] / own - 1.0))
-        return share
+        own = self.layers.spacing[self.particles.layer[i]]
+        return upto(UNLIKE, ti.abs(self.particles.pair_spacing[i] / own - 1.0))
 
     @ti.func
     def known(self, i):
         """1, or 0 where a body bears a part of the stress of particle i."""
-        found = 1.0
-        if ti.static(self.bodies):
-            free = self.particles.boundary_gradient[i].norm_sqr() == 0.0
-            found = ti.select(free, 1.0, 0.0)
-        return found
+        return ti.select(self.particles.boundary_gradient[i].norm_sqr() == 0.0, 1.0, 0.0)

@@ -12,15 +12,11 @@ import taichi as ti
 
 from msph.fluid.adaptivity import adaptation
 from msph.fluid.adaptivity.adaptation import Adaptation
-from msph.fluid.boundary.boundary import Boundary
+from msph.fluid.boundary import contact
 from msph.fluid.external_forces import ExternalForces
-from msph.fluid.impulse_ledger import ImpulseLedger
-from msph.fluid.particles import kernels
-from msph.fluid.particles.grid import LayeredGrid
-from msph.fluid.particles.layers import Layers
-from msph.fluid.particles.mirror_images import MirrorImages
-from msph.fluid.particles.neighbour_list import NeighbourList
-from msph.fluid.particles.particles import Attribute, Particles
+from msph.fluid.particles.layers import LayerSpec
+from msph.fluid.particles.particles import Attribute
+from msph.fluid.parts import Parts
 from msph.fluid.projection import (
     density,
     forces,
@@ -34,6 +30,7 @@ from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.projection.position_correction import PositionCorrection
 from msph.fluid.projection.pressure_operator import PressureOperator
 from msph.fluid.projection.pressure_solve import PressureSolve
+from msph.fluid.projection.shear_relief import ShearRelief
 from msph.fluid.stages import Stage, no_stage
 from msph.taichi_internals import data_oriented, kernel
 
@@ -45,6 +42,15 @@ ARRANGING, ARRANGED = 400, 1e-3
 LEAP, SPRAY_LEAP = 1.25, 2.5
 # Share (-) of the longest step that the first takes, before any speed or pressure is known.
 FIRST_STEP = 0.1
+
+# Attributes of every particle beyond the core; forces and adaptation have theirs.
+ATTRIBUTES = (
+    *density.ATTRIBUTES,
+    *contact.ATTRIBUTES,
+    *pressure_operator.ATTRIBUTES,
+    *pressure_solve.ATTRIBUTES,
+    *position_correction.ATTRIBUTES,
+)
 
 
 @data_oriented
@@ -60,66 +66,85 @@ class Projection:
     # Support over spacing: narrower kernels are stiff against shear and make waves fast, wider ones
     # smooth them and make them slow; at 2.45 both are small (docs/method.md, "Kernel").
     SMOOTHING = 2.45
-    KERNEL = staticmethod(kernels.quartic)
     # Margin of the neighbour list, in supports: the list is made anew in every step.
     LIST_MARGIN = 0.0
     # Numbers stored beside each neighbour: its gradient.
     PER_ENTRY = 3
+    MIRRORS = True
 
-    def __init__(
-        self,
-        boundary: Boundary,
-        layers: Layers,
-        grid: LayeredGrid,
-        particles: Particles,
-        parameters: ProjectionParameters,
-    ):
-        self.boundary, self.layers, self.grid, self.particles = boundary, layers, grid, particles
-        self.parameters, self.impulses = parameters, ImpulseLedger()
-        images = MirrorImages(boundary.box)
-        self.neighbours = NeighbourList(
-            grid, particles, self.reach(parameters), self.LIST_MARGIN, images
-        )
+    parameters: ProjectionParameters
+
+    def __init__(self, parts: Parts):
+        self.constants, self.boundary, self.contact = parts.constants, parts.boundary, parts.contact
+        self.layers, self.grid, self.particles = parts.layers, parts.grid, parts.particles
+        self.neighbours, self.impulses = parts.neighbours, parts.impulses
         self.density = Density(
-            boundary, layers, particles, self.neighbours, parameters.rest_density
+            parts.constants, parts.contact, parts.layers, parts.particles, parts.neighbours
+        )
+        operator = PressureOperator(
+            parts.layers, parts.particles, parts.neighbours, self.density.pair_gradient
         )
         shared = Discretisation(
-            boundary=boundary,
-            layers=layers,
-            particles=particles,
-            neighbours=self.neighbours,
+            constants=parts.constants,
+            boundary=parts.boundary,
+            contact=parts.contact,
+            layers=parts.layers,
+            particles=parts.particles,
+            neighbours=parts.neighbours,
             density=self.density,
-            operator=PressureOperator(
-                layers, particles, self.neighbours, self.density.pair_gradient, boundary.count > 0
-            ),
-            impulses=self.impulses,
-            parameters=parameters,
+            operator=operator,
+            impulses=parts.impulses,
         )
         self.position_correction = PositionCorrection(shared)
-        self.forces = [force(shared) for force in forces.wanted(parameters)]
-        self.adaptive = parameters.adaptation is not None
-        self.pressure_solve = PressureSolve(shared, self.adaptive)
-        self.adaptation: Any = None
-        if parameters.adaptation is not None:
-            merge_loss = self.impulses.merge_loss
-            self.adaptation = Adaptation(
-                boundary, layers, particles, self.neighbours, merge_loss, parameters.adaptation
-            )
+        self.every_force: list[Any] = [force(shared) for force in forces.FORCES]
+        self.forces: list[Any] = []
+        self.pressure_solve = PressureSolve(shared)
+        self.adapting = Adaptation(parts.room, shared)
+        self.adaptation: Any = None  # where particles split and merge
         self.iterations, self.first, self.top_rate = 0, True, 0.0
 
+    def load(self, parameters: ProjectionParameters) -> None:
+        """Takes the parameters of a scene; layers, boundary and constants have theirs."""
+        wanted = [f for f in self.every_force if type(f).wanted(parameters)]
+        self.forces, self.adaptation = wanted, None
+        self.relieved = ShearRelief.wanted(parameters)
+        self.position_correction.iterations = parameters.position_iterations
+        self.tune(parameters)
+        if parameters.adaptation is not None:
+            self.adaptation = self.adapting
+            self.adaptation.load(parameters.adaptation)
+
     @staticmethod
-    def attributes(parameters: ProjectionParameters, bodies: bool = False) -> tuple[Attribute, ...]:
-        """The attributes of each particle beyond the core, among bodies or not."""
+    def constants_of(parameters: ProjectionParameters, specs: list[LayerSpec]) -> dict[str, Any]:
+        """The scene's numbers that kernels of this method read, by their names in Constants."""
+        names = ("cfl", "pressure_cfl", "release", "spray", "largest_shift", "slip")
+        found: dict[str, Any] = {name: getattr(parameters, name) for name in names}
+        found["relaxation"] = position_correction.relaxation(max(s.smoothing for s in specs))
+        if parameters.adaptation is not None:
+            found["hysteresis"] = parameters.adaptation.hysteresis
+            found["settle"] = parameters.adaptation.settle
+        return found
+
+    @staticmethod
+    def tables_of(parameters: ProjectionParameters, specs: list[LayerSpec]) -> tuple[dict, dict]:
+        """Rows by layer, and by pair of layers, that kernels of this method read."""
+        rows, pairs = density.density_tables(specs)
+        if parameters.adaptation is not None:
+            rows |= adaptation.band_rows(specs, parameters.adaptation)
+        return rows, pairs
+
+    @staticmethod
+    def every_attribute() -> tuple[Attribute, ...]:
+        """Those of all scenes."""
+        own = (a for force in forces.FORCES for a in force.ATTRIBUTES)
+        return (*ATTRIBUTES, *own, *adaptation.ATTRIBUTES)
+
+    @staticmethod
+    def attributes(parameters: ProjectionParameters) -> tuple[Attribute, ...]:
+        """Those that a scene of these parameters uses, beyond the core."""
         own = (a for force in forces.wanted(parameters) for a in force.ATTRIBUTES)
-        return (
-            *density.ATTRIBUTES,
-            *(density.BODY_ATTRIBUTES if bodies else ()),
-            *pressure_operator.ATTRIBUTES,
-            *pressure_solve.ATTRIBUTES,
-            *position_correction.ATTRIBUTES,
-            *own,
-            *(adaptation.ATTRIBUTES if parameters.adaptation else ()),
-        )
+        adaptive = adaptation.ATTRIBUTES if parameters.adaptation else ()
+        return (*ATTRIBUTES, *own, *adaptive)
 
     @staticmethod
     def reach(parameters: ProjectionParameters) -> str:
@@ -159,7 +184,7 @@ class Projection:
             self.density.refresh()
             crowded = self.position_correction.find(0.0) > ARRANGED
             if crowded:
-                self.position_correction.apply(self.particles.count, self.particles.alone)
+                self.position_correction.apply()
             self.particles_moved()
             if self.adaptation:
                 unchanged = 0 if self.adaptation.run(budget=1.0) else unchanged + 1
@@ -169,10 +194,6 @@ class Projection:
         self.impulses.clear()
         if self.adaptation:
             self.adaptation.passed[:] = 0
-
-    def warm_up(self) -> None:
-        """Compiles kernels that only violent water launches."""
-        self.position_correction.warm_up()
 
     def longest_step(self, leeway: float = 1.0) -> float:
         """Largest time step [s] now, `leeway` times as short as motion and pressure allow.
@@ -215,7 +236,7 @@ class Projection:
         with stage("density"):
             self.density.refresh()
             if not self.parameters.tension:
-                self.density.follow_defect(self.particles.count, self.particles.alone)
+                self.density.follow_defect(self.particles.count)
         with stage("position correction"):
             self.position_correction.find(dt)
         with stage("forces"):
@@ -235,15 +256,14 @@ class Projection:
 
     def advance(self, dt: float, gravity: tuple[float, float, float]) -> None:
         """Velocities by the pressures found, positions by correction and velocities."""
-        n, alone = self.particles.count, self.particles.alone
-        by_pressure = self.pressure_solve.accelerate(n, alone, dt, gravity)
-        self.position_correction.apply(n, alone)
-        self.top_rate = max(by_pressure, self._top_rate(n, dt))
+        by_pressure = self.pressure_solve.accelerate(dt, gravity, self.relieved)
+        self.position_correction.apply()
+        self.top_rate = max(by_pressure, self._top_rate(self.particles.count, dt))
         self._drift(0.5 * dt)
 
     def _drift(self, dt: float) -> None:
         """Particles by their velocities for dt [s], to where bodies stand at the end of it."""
-        self._move(self.particles.count, dt)
+        self.contact.drift(dt)
         self.particles_moved()
 
     def force(self, kind: type) -> Any:
@@ -263,38 +283,19 @@ class Projection:
         self.grid.invalidate()
 
     @kernel
-    def _move(self, n: ti.i32, dt: ti.f32):
-        """x += dt v; what would leave is stopped at its wall."""
-        p = self.particles
-        ti.loop_config(serialize=p.light)
-        for i in range(n):
-            v, margin = p.v[i], self.position_correction.margin(i)
-            x, v, by_bodies, work = self.boundary.guard(
-                p.x[i] + dt * v, v, self.parameters.restitution, margin
-            )
-            m = self.layers.mass[p.layer[i]]
-            self.impulses.wall_impulse[None] += m * (v - p.v[i])
-            if ti.static(self.boundary.count > 0):
-                self.impulses.body_impulse[None] += m * by_bodies
-            if ti.static(self.boundary.moving):
-                self.impulses.wall_work[None] += m * work
-            p.x[i], p.v[i] = x, v
-
-    @kernel
     def _top_rate(self, n: ti.i32, dt: ti.f32) -> ti.f32:
         """Largest rate [1/s] by which motion bounds the next step: speed over cfl spacings. Adds
         to the way that adaptation has let particles go."""
         p = self.particles
         top, longest = 0.0, 0.0
-        ti.loop_config(serialize=p.light)
         for i in range(n):
+            spray = self.constants.spray[None] * self.constants.rest_density[None]
             d, speed = self.layers.spacing[p.layer[i]], p.v[i].norm()
             relative = ti.math.clamp(p.relative_speed[i], speed / LEAP, speed)
-            if p.predicted_density[i] < self.parameters.spray * self.parameters.rest_density:
+            if p.predicted_density[i] < spray:
                 speed /= SPRAY_LEAP
                 relative = speed
             ti.atomic_max(longest, speed * dt / d)
-            ti.atomic_max(top, relative / (self.parameters.cfl * d))
-        if ti.static(self.adaptive):
-            self.adaptation.travelled[None] += longest
+            ti.atomic_max(top, relative / (self.constants.cfl[None] * d))
+        self.adapting.travelled[None] += longest
         return top

@@ -54,7 +54,6 @@ class SurfaceTension:
         self.layers, self.particles = shared.layers, shared.particles
         self.density, self.neighbours = shared.density, shared.neighbours
         self.images = shared.neighbours.images
-        self.tune(shared.parameters)
 
     def tune(self, parameters: ProjectionParameters) -> None:
         self.ratio = parameters.tension / parameters.rest_density
@@ -63,27 +62,25 @@ class SurfaceTension:
 
     def apply(self, dt: float, external: ExternalForces) -> None:
         """Velocities after dt [s] of surface tension."""
-        n, alone = self.particles.count, self.particles.alone
+        n = self.particles.count
         self.find_normals(n)
-        self.pull(n, alone, dt * self.ratio)
+        self.pull(n, dt * self.ratio)
 
     @kernel
     def find_normals(self, n: ti.i32):
         """n_i = g_i / sqrt(|g_i|^2 + 1/h_i^2)."""
-        ti.loop_config(serialize=self.particles.light)
         for i in range(n):
             g = self.particles.gradient[i]
             soft = 1.0 / self.layers.support[self.particles.layer[i]]
             self.particles.normal[i] = g / ti.sqrt(g.norm_sqr() + soft * soft)
 
     @kernel
-    def pull(self, n: ti.i32, alone: ti.template(), impulse: ti.f32):
+    def pull(self, n: ti.i32, impulse: ti.f32):
         """v_i -= dt sigma/rho sum V_j (AREA H_ij (n_i - n_j) + COHESION s_ij f(r_ij) e_ij).
 
         H: second derivatives of W, W'/r + (W'' - W'/r) e e; s_ij = (|n_i| + |n_j|)/2, so that
         water within is not squeezed.
         """
-        ti.loop_config(serialize=alone)
         for i in range(n):
             x, normal = self.particles.x[i], self.particles.normal[i]
             layer, total = self.particles.layer[i], ti.Vector([0.0, 0.0, 0.0])
@@ -100,7 +97,7 @@ class SurfaceTension:
     def pair(self, s, layer, j, r_ij, n_i, n_j):
         """Neighbour j's part of the sum [1/m^2] of a particle of a layer."""
         other, bend = self.particles.layer[j], n_i - n_j
-        per_h, scale = self.layers.per_h[layer, other], self.density.scale[layer, other]
+        per_h, scale = self.layers.per_h[layer, other], self.layers.scale[layer, other]
         r2, volume = r_ij.norm_sqr(), self.layers.volume[other]
         q = ti.min(ti.sqrt(r2) * per_h, 1.0)
         second = scale * per_h**2 * kernels.quartic_shape(q).z

@@ -52,11 +52,10 @@ class VirialPressure:
         particles: Particles,
         neighbours: NeighbourList,
         density: Density,
-        stressed: bool = False,
     ):
         self.layers, self.particles, self.neighbours = layers, particles, neighbours
-        self.images, self.density, self.stressed = neighbours.images, density, stressed
-        self.pair_gradient, self.rest_density = density.pair_gradient, density.rest_density
+        self.images, self.density, self.constants = neighbours.images, density, density.constants
+        self.pair_gradient = density.pair_gradient
         self.long_vector = ti.types.vector(3, longest_float())
         self.Pressed = ti.types.struct(
             inner=self.long_vector,
@@ -67,7 +66,7 @@ class VirialPressure:
         )
 
     @ti.func
-    def pressed(self, i, gravity):
+    def pressed(self, i, gravity, stressed: ti.template()):
         """Particle i under the multipliers, bodies left out: Pressed, in one pass. A lone
         particle's pressure is its own multiplier."""
         layer, x = self.particles.layer[i], self.particles.x[i]
@@ -87,18 +86,16 @@ class VirialPressure:
                     other += self.image_excess(x - r_ij, j, gravity)
                 others += weight * other
                 weights += weight
-                share = 0.5
-                if ti.static(self.layers.count > 1):
-                    share = self.density.stress_share[layer, self.particles.layer[j]]
+                share = self.layers.stress_share[layer, self.particles.layer[j]]
                 trace += share * weight * (own + other)
-                if ti.static(self.stressed):
+                if ti.static(stressed):
                     push = -share * (own + other) * gradient
                     found.normal += r_ij * push
                     found.shear += ti.Vector([r_ij.y * push.z, r_ij.x * push.z, r_ij.x * push.y])
             if ti.static(mirrored):
-                found.wall = pushes / self.rest_density
+                found.wall = pushes / self.constants.rest_density[None]
             else:
-                found.inner = pushes / self.rest_density
+                found.inner = pushes / self.constants.rest_density[None]
         mean = ti.select(weights > LEAST_WEIGHT, others / ti.max(weights, LEAST_WEIGHT), own)
         bulk = (weights / 3.0 - SURFACE_WEIGHT) / (BULK_WEIGHT - SURFACE_WEIGHT)
         bulk = ti.math.clamp(bulk, 0.0, 1.0)
@@ -115,7 +112,7 @@ class VirialPressure:
         grad c is 0 in the mean where c = 1.
         """
         layer, x = self.particles.layer[i], self.particles.x[i]
-        total = self.density.own[layer] * self.particles.pressure_multiplier[i]
+        total = self.layers.own[layer] * self.particles.pressure_multiplier[i]
         for mirrored in ti.static((False, True)):
             begin, end = self.neighbours.span(i, mirrored)
             for s in range(begin, end):
@@ -141,7 +138,7 @@ class VirialPressure:
             j, mirror, wall = self.images.read(self.neighbours.index[s])
             seen_at = x - self.images.offset(x, self.particles.x[j], mirror, wall)
             total -= self.image_excess(seen_at, j, gravity) * self.pair_gradient[s]
-        acceleration = total / self.rest_density
+        acceleration = total / self.constants.rest_density[None]
         size = ti.max(acceleration.norm(), LEAST_ACCELERATION)
         d, along = self.layers.spacing[layer], self.particles.v[i].dot(acceleration) / size
         unlike = ti.min(ti.abs(self.particles.pair_spacing[i] / d - 1.0) / UNLIKE, 1.0)
@@ -156,5 +153,5 @@ class VirialPressure:
         rising. At most the particle's own, so that water that only passes by is not lifted.
         """
         own = self.particles.pressure_multiplier[j]
-        weight = self.rest_density * gravity.dot(seen_at - self.particles.x[j])
+        weight = self.constants.rest_density[None] * gravity.dot(seen_at - self.particles.x[j])
         return ti.math.clamp(weight, -own, own)

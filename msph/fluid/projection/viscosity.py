@@ -46,10 +46,9 @@ class Viscosity:
     def __init__(self, shared: Discretisation):
         p = shared.particles
         self.layers, self.particles, self.pressure = shared.layers, p, shared.operator
-        self.rest_density = shared.parameters.rest_density
-        self.tune(shared.parameters)
+        self.constants = shared.constants
         self.operator = ViscousOperator(
-            shared.layers, p, shared.neighbours, shared.parameters.slip, p.viscous_response
+            shared.constants, shared.layers, p, shared.neighbours, p.viscous_response
         )
         self.gradients = ConjugateGradient(
             shared.layers,
@@ -62,7 +61,7 @@ class Viscosity:
         self.iterations = 0
 
     def tune(self, parameters: ProjectionParameters) -> None:
-        self.nu = parameters.viscosity / self.rest_density
+        self.nu = parameters.viscosity / parameters.rest_density
         self.stiffness = self.nu * STIFFNESS / self.layers.finest.support**2
 
     def apply(self, dt: float, external: ExternalForces) -> None:
@@ -72,37 +71,34 @@ class Viscosity:
         at rest on its floor, which the pressure has yet to stop, and bear its weight.
         """
         p = self.particles
-        n, alone = p.count, p.alone
-        self.add_pressure(n, alone, dt)
+        n = p.count
+        self.add_pressure(n, dt)
         self.iterations = 0
         explicit = dt * self.stiffness <= EXPLICIT
         if explicit:
-            self.begin(n, alone, dt * self.nu)
+            self.begin(n, dt * self.nu)
         else:
             self.iterations = self.gradients.solve(
-                p.v, TOLERANCE, MOST, lambda: self.begin(n, alone, dt * self.nu)
+                p.v, TOLERANCE, MOST, lambda: self.begin(n, dt * self.nu)
             )
         self.take_pressure(n, float(explicit))
 
     @kernel
-    def add_pressure(self, n: ti.i32, alone: ti.template(), dt: ti.f32):
+    def add_pressure(self, n: ti.i32, dt: ti.f32):
         """v -= dt/rho0 grad p of the last step's pressures."""
         p = self.particles
-        ti.loop_config(serialize=alone)
         for i in range(n):
             u = self.pressure.displacement(i, p.pressure_multiplier)
-            p.pressure_velocity[i] = dt / self.rest_density * u
-        ti.loop_config(serialize=p.light)
+            p.pressure_velocity[i] = dt / self.constants.rest_density[None] * u
         for i in range(n):
             p.v[i] += p.pressure_velocity[i]
 
     @kernel
-    def begin(self, n: ti.i32, alone: ti.template(), span: ti.f32):
+    def begin(self, n: ti.i32, span: ti.f32):
         """r = dt nu lap v, which is also the first direction; span = dt nu [m^2]."""
         p = self.particles
         self.operator.span[None] = span
         descent = 0.0
-        ti.loop_config(serialize=alone)
         for i in range(n):
             r = span * self.operator.laplacian(i, p.v)
             p.viscous_residual[i] = r
@@ -114,6 +110,5 @@ class Viscosity:
     def take_pressure(self, n: ti.i32, explicit: ti.f32):
         """v less the pressure's part; explicit: times r = dt nu lap v is added."""
         p = self.particles
-        ti.loop_config(serialize=p.light)
         for i in range(n):
             p.v[i] += explicit * p.viscous_residual[i] - p.pressure_velocity[i]

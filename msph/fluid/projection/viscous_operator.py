@@ -13,6 +13,7 @@ import math
 
 import taichi as ti
 
+from msph.fluid.constants import Constants
 from msph.fluid.particles.layers import Layers
 from msph.fluid.particles.neighbour_list import NeighbourList
 from msph.fluid.particles.particles import Particles
@@ -31,25 +32,24 @@ TINY = 1e-30
 @data_oriented
 class ViscousOperator:
     """1 - span lap, symmetric and positive under the volumes V; span [m^2] = dt nu is a field of
-    shape (). slip: walls do not brake. product (capacity,) vec3 holds what apply() found."""
+    shape (). product (room,) vec3 holds what apply() found."""
 
     def __init__(
         self,
+        constants: Constants,
         layers: Layers,
         particles: Particles,
         neighbours: NeighbourList,
-        slip: bool,
         product: ti.MatrixField,
     ):
         self.layers, self.particles, self.neighbours = layers, particles, neighbours
-        self.images, self.slip, self.product = neighbours.images, slip, product
+        self.images, self.constants, self.product = neighbours.images, constants, product
         self.span = ti.field(ti.f32, shape=())
 
     @ti.func
-    def apply(self, n, alone: ti.template(), v: ti.template()):
+    def apply(self, n, v: ti.template()):
         """product = v - span lap v [v's unit]; returns <v, product> = sum V v.product."""
         total = 0.0
-        ti.loop_config(serialize=alone)
         for i in range(n):
             found = v[i] - self.span[None] * self.laplacian(i, v)
             self.product[i] = found
@@ -65,18 +65,19 @@ class ViscousOperator:
     def laplacian(self, i, field: ti.template()):
         """lap of a vector field on the particles [its unit / m^2]."""
         x, v, total = self.particles.x[i], field[i], ti.Vector([0.0, 0.0, 0.0])
-        layer = self.particles.layer[i]
+        layer, slip = self.particles.layer[i], self.constants.slip[None]
         for mirrored in ti.static((False, True)):
             begin, end = self.neighbours.span(i, mirrored)
             for s in range(begin, end):
                 j, mirror, wall = self.neighbours.read(s, mirrored)
                 r_ij = self.images.offset(x, self.particles.x[j], mirror, wall)
                 weight = self.weight(layer, j, r_ij)
-                if ti.static(mirrored and not self.slip):
+                along = (mirror * field[j] - v).dot(r_ij) * r_ij
+                if ti.static(mirrored):
                     # Images move against the water, so that it stands at the wall.
-                    total -= NO_SLIP * weight * r_ij.norm_sqr() * (field[j] + v)
-                else:
-                    total += weight * (mirror * field[j] - v).dot(r_ij) * r_ij
+                    against = -NO_SLIP * r_ij.norm_sqr() * (field[j] + v)
+                    along = ti.select(slip == 1, along, against)
+                total += weight * along
         return total
 
     @ti.func

@@ -34,20 +34,18 @@ class Xsph:
     def __init__(self, shared: Discretisation):
         self.layers, self.particles = shared.layers, shared.particles
         self.neighbours, self.images = shared.neighbours, shared.neighbours.images
-        self.strength = shared.parameters.xsph
         self.longest_step = math.inf
 
     def tune(self, parameters: ProjectionParameters) -> None:
-        """None of its parameters is live."""
+        self.strength = parameters.xsph
 
     def apply(self, dt: float, external: ExternalForces) -> None:
         """Smooths the velocities, whatever the step."""
-        self._smooth(self.particles.count, self.particles.alone)
+        self._smooth(self.particles.count, self.strength)
 
     @kernel
-    def _smooth(self, n: ti.i32, alone: ti.template()):
+    def _smooth(self, n: ti.i32, strength: ti.f32):
         """v_i += strength sum V_j (v_j - v_i) W_ij."""
-        ti.loop_config(serialize=alone)
         for i in range(n):
             x, v = self.particles.x[i], self.particles.v[i]
             layer, total = self.particles.layer[i], ti.Vector([0.0, 0.0, 0.0])
@@ -57,8 +55,7 @@ class Xsph:
                     j, mirror, wall = self.neighbours.read(s, mirrored)
                     r = self.images.offset(x, self.particles.x[j], mirror, wall).norm()
                     total += self.weight(layer, j, r) * (mirror * self.particles.v[j] - v)
-            self.particles.velocity_exchange[i] = self.strength * total
-        ti.loop_config(serialize=self.particles.light)
+            self.particles.velocity_exchange[i] = strength * total
         for i in range(n):
             self.particles.v[i] += self.particles.velocity_exchange[i]
 

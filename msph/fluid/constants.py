@@ -1,0 +1,40 @@
+"""The numbers of a scene that the fluid's kernels read."""
+
+import taichi as ti
+
+from msph.device_table import DeviceTable, f32, i32
+
+vec3, ivec3 = ti.math.vec3, ti.math.ivec3
+
+MEMBERS = {
+    "size": vec3,  # of the box [m]
+    "layers": i32,  # number of layers
+    "bodies": i32,  # number of bodies
+    "leak": f32,  # depth in a wall beyond which a particle has leaked [m]
+    "rest_density": f32,  # [kg/m^3]
+    "restitution": f32,  # share of speed kept at walls (-)
+    "cells": i32,  # of the neighbour grids of all layers
+    "entries": i32,  # most of the neighbour list
+    "usual_neighbours": f32,  # of a particle at rest, images included
+    "own_entries": i32,  # of a particle, where each has its own (GPU)
+    "cfl": f32,  # spacings per step (-)
+    "pressure_cfl": f32,  # spacings that sqrt(p/rho) covers per step (-)
+    "release": f32,  # time in which a density excess may become velocity [s]
+    "spray": f32,  # relative density of spray (-)
+    "largest_shift": f32,  # of a position correction, in spacings
+    "relaxation": f32,  # of the position correction's Jacobi iteration (-)
+    "slip": i32,  # 1: walls do not brake viscous water
+    "depth_cell": f32,  # edge of a cell of the depth grid [m]
+    "depth_margin": f32,  # of the covering kernel's support [m]
+    "depth_dims": ivec3,  # cells of the depth grid along each axis
+    "depth_reach": i32,  # cells from which on no surface is sought
+    "hysteresis": f32,  # share of a band's limit that a particle must pass (-)
+    "settle": i32,  # passes that a particle waits after it was split or merged
+}
+
+
+class Constants(DeviceTable):
+    """One value of each of MEMBERS: in kernels `constants.rest_density[None]`."""
+
+    def __init__(self):
+        super().__init__((), **MEMBERS)

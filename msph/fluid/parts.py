@@ -1,0 +1,28 @@
+"""The parts of a fluid that every method works on."""
+
+from dataclasses import dataclass
+
+from msph.fluid.boundary.boundary import Boundary
+from msph.fluid.boundary.contact import Contact
+from msph.fluid.constants import Constants
+from msph.fluid.impulse_ledger import ImpulseLedger
+from msph.fluid.particles.grid import LayeredGrid
+from msph.fluid.particles.layers import Layers
+from msph.fluid.particles.neighbour_list import NeighbourList
+from msph.fluid.particles.particles import Particles
+from msph.fluid.room import Room
+
+
+@dataclass(frozen=True, eq=False)
+class Parts:
+    """Fields with room for any scene of a class, and the kernels that keep them."""
+
+    room: Room
+    constants: Constants
+    layers: Layers
+    particles: Particles
+    grid: LayeredGrid
+    neighbours: NeighbourList
+    boundary: Boundary
+    contact: Contact
+    impulses: ImpulseLedger

@@ -1,0 +1,111 @@
+"""All that a fluid is made from, computed once: sizes, tables and constants of a scene."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from msph.fluid.adaptivity.adaptation import farthest_depth
+from msph.fluid.adaptivity.surface_distance import depth_constants, depth_shape
+from msph.fluid.boundary.boundary import Boundary
+from msph.fluid.boundary.contact import LEAK
+from msph.fluid.boundary.mesh_samples import numbers_needed
+from msph.fluid.boundary.rigid_bodies import Body
+from msph.fluid.methods import Parameters, solver_of
+from msph.fluid.particles.grid import cells_of, grid_rows
+from msph.fluid.particles.layers import LayerSpec
+from msph.fluid.particles.neighbour_list import (
+    entries_provided,
+    list_tables,
+    mean_neighbours,
+    most_neighbours,
+)
+from msph.fluid.room import Room
+from msph.taichi_internals import on_cpu
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """size [m] of the box, layer specs, initial attributes (x, v, layer as arrays), parameters of
+    the method, bodies in the water or round it, and the most particles that there may come to be,
+    by default those of the start."""
+
+    size: tuple[float, float, float]
+    specs: list[LayerSpec]
+    initial: dict[str, np.ndarray]
+    parameters: Parameters
+    bodies: Sequence[Body] = ()
+    capacity: int | None = None
+
+    @cached_property
+    def method(self) -> Any:
+        """Class of the solver."""
+        return solver_of(self.parameters)
+
+    @cached_property
+    def most(self) -> int:
+        """Most particles."""
+        return max(self.capacity or 0, len(self.initial["x"]))
+
+    @cached_property
+    def finest(self) -> LayerSpec:
+        return min(self.specs, key=lambda s: s.mass)
+
+    @cached_property
+    def reach(self) -> str:
+        """Form of the neighbour list."""
+        return self.method.reach(self.parameters)
+
+    @cached_property
+    def entries(self) -> int:
+        """Most entries of the neighbour list."""
+        margin = self.method.LIST_MARGIN
+        return entries_provided(self.specs, margin, self.reach, self.most, on_cpu())
+
+    @cached_property
+    def _depth(self) -> dict[str, Any]:
+        """Numbers of the grid on which depth is measured; none where nothing adapts."""
+        adaptation = getattr(self.parameters, "adaptation", None)
+        if adaptation is None:
+            return {}
+        farthest = farthest_depth(self.specs, adaptation)
+        return depth_constants(self.size, self.finest, farthest)
+
+    @cached_property
+    def needed(self) -> Room:
+        """The room that the fluid takes."""
+        depth = depth_shape(self.size, self._depth["depth_cell"]) if self._depth else (0,)
+        return Room(
+            particles=self.most,
+            entries=self.entries,
+            cells=sum(cells_of(self.size, self.specs)),
+            depth_cells=int(np.prod(depth)),
+            samples=numbers_needed(list(self.bodies), self.specs),
+        )
+
+    def constants(self) -> dict[str, Any]:
+        """The numbers that kernels read, by their names in Constants."""
+        margin = self.method.LIST_MARGIN
+        return {
+            "size": self.size,
+            "layers": len(self.specs),
+            "bodies": len(self.bodies),
+            "leak": LEAK * self.finest.spacing,
+            "rest_density": self.parameters.rest_density,
+            "restitution": self.parameters.restitution,
+            "cells": self.needed.cells,
+            "entries": self.entries,
+            "usual_neighbours": mean_neighbours(self.specs, margin, self.reach),
+            "own_entries": most_neighbours(self.specs, margin, self.reach),
+            **self._depth,
+            **self.method.constants_of(self.parameters, self.specs),
+        }
+
+    def tables(self) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+        """Rows by layer, and by pair of layers, that kernels read beside those of every layer."""
+        rows, pairs = list_tables(self.specs, self.method.LIST_MARGIN, self.reach)
+        own_rows, own_pairs = self.method.tables_of(self.parameters, self.specs)
+        rows |= own_rows | grid_rows(self.size, self.specs) | Boundary.layer_rows(self.specs)
+        return rows, pairs | own_pairs

@@ -1,0 +1,116 @@
+"""All fields of a fluid, and the kernels over them: allocated once, filled by scene after scene.
+
+Kernels are compiled for the fields that they work on. So a simulation does not allocate fields: it
+takes a world from the stock and gives it back when it is closed, and the next simulation finds
+every kernel compiled.
+"""
+
+import gc
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+from msph import device
+from msph.fluid.boundary.boundary import Boundary
+from msph.fluid.boundary.contact import Contact
+from msph.fluid.constants import Constants
+from msph.fluid.impulse_ledger import ImpulseLedger
+from msph.fluid.methods import METHODS
+from msph.fluid.particles.grid import LayeredGrid
+from msph.fluid.particles.layers import Layers
+from msph.fluid.particles.mirror_images import MirrorImages
+from msph.fluid.particles.neighbour_list import NeighbourList
+from msph.fluid.particles.particles import Particles
+from msph.fluid.parts import Parts
+from msph.fluid.plan import Plan
+from msph.fluid.room import Room, room_for
+from msph.taichi_internals import field_trees
+
+# Trees of fields that a process has room for, and how many of them a world, its surface and its
+# image may need: beyond, Taichi ends in a segmentation fault.
+TREES, NEEDED = 512, 24
+
+T = TypeVar("T")
+
+
+class World:
+    """The parts of a fluid with room for any scene of a class, and the solvers of each method."""
+
+    def __init__(self, room: Room):
+        taken = field_trees()
+        if taken > TREES - NEEDED:
+            raise RuntimeError(
+                f"{taken} of {TREES} trees of Taichi's fields are taken: "
+                "no room for another simulation in this process"
+            )
+        attributes = {a.name: a for m in METHODS.values() for a in m.every_attribute()}
+        constants, layers = Constants(), Layers()
+        particles = Particles(room.particles, tuple(attributes.values()))
+        grid = LayeredGrid(room, constants, layers, particles)
+        boundary, impulses = Boundary(room, constants, layers), ImpulseLedger()
+        self.parts = Parts(
+            room=room,
+            constants=constants,
+            layers=layers,
+            particles=particles,
+            grid=grid,
+            neighbours=NeighbourList(room, constants, grid, particles, MirrorImages(constants)),
+            boundary=boundary,
+            contact=Contact(constants, boundary, layers, particles, impulses),
+            impulses=impulses,
+        )
+        self._built: dict[Any, Any] = {}
+
+    def once(self, build: Callable[["World"], T]) -> T:
+        """What build(world) gives, built by the first caller and kept for the later ones."""
+        if build not in self._built:
+            self._built[build] = build(self)
+        return self._built[build]
+
+    def load(self, plan: Plan) -> Any:
+        """Fills tables and constants for a scene, and returns its solver."""
+        parts, specs = self.parts, plan.specs
+        parts.constants.fill(**plan.constants())
+        parts.layers.load(specs, *plan.tables())
+        parts.particles.load(plan.method.attributes(plan.parameters), plan.most)
+        margin = plan.method.LIST_MARGIN * plan.finest.support
+        parts.neighbours.load(plan.entries, margin, plan.method.MIRRORS)
+        parts.boundary.load(plan.size, specs, list(plan.bodies))
+        if plan.method not in self._built:
+            self._built[plan.method] = plan.method(parts)
+        solver = self._built[plan.method]
+        solver.load(plan.parameters)
+        return solver
+
+
+# Worlds that no simulation uses.
+_stock: list[World] = []
+_start = 0  # the start of Taichi that they belong to
+
+
+def take(needed: Room) -> World:
+    """A world with room for what is needed, which is the caller's until give_back(). Raises
+    RuntimeError where Taichi has no room for another."""
+    global _start
+    if _start != device.starts():
+        _stock.clear()
+        _start = device.starts()
+    found = _smallest(needed)
+    if found is None and gc.collect():
+        # A simulation that nothing refers to any more may still hold one.
+        found = _smallest(needed)
+    if found is None:
+        return World(room_for(needed))
+    _stock.remove(found)
+    return found
+
+
+def give_back(world: World, start: int) -> None:
+    """Lets another simulation have the world; start: that of Taichi when it was taken."""
+    if start == device.starts():
+        _stock.append(world)
+
+
+def _smallest(needed: Room) -> World | None:
+    """The world of the stock with the least room of those that have enough."""
+    held = [w for w in _stock if w.parts.room.holds(needed)]
+    return min(held, key=lambda w: w.parts.room.entries, default=None)

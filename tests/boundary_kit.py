@@ -1,0 +1,19 @@
+"""A boundary by itself, for tests of bodies without water."""
+
+from msph.fluid.boundary.boundary import Boundary
+from msph.fluid.constants import Constants
+from msph.fluid.particles.layers import Layers
+from msph.fluid.room import FIRST
+
+_built: list[Boundary] = []
+
+
+def boundary_of(size, specs, bodies=()):
+    """The one boundary of all such tests, with these bodies in it."""
+    if not _built:
+        _built.append(Boundary(FIRST, Constants(), Layers()))
+    (boundary,) = _built
+    boundary.layers.load(specs, Boundary.layer_rows(specs), {})
+    boundary.constants.fill(size=size, bodies=len(bodies))
+    boundary.load(size, specs, list(bodies))
+    return boundary
