@@ -41,7 +41,8 @@ def start(arch: str = "auto", threads: int | None = None) -> str:
 
     "auto" takes CUDA or Metal where there is one, else the CPU: a Vulkan driver may be a software
     one, slower than the CPU itself, so Vulkan must be asked for. Unless `threads` are asked for, a
-    CPU runs as many as it has cores, each on its own. Raises ArchError.
+    CPU runs as many as it has cores, each on its own; with one, for the rest of the process, loops
+    are not shared out at all. Raises ArchError.
     """
     global _started, _starts
     if _started:
@@ -53,7 +54,7 @@ def start(arch: str = "auto", threads: int | None = None) -> str:
         # Taichi would import it at the first kernel, and lose an interrupt meanwhile.
         import taichi.lang.matrix_ops
 
-        from msph.taichi_internals import cache_folder, on_cpu
+        from msph.taichi_internals import cache_folder, on_cpu, serialize_loops
 
     wanted = {
         "auto": [ti.cuda, ti.metal, ti.cpu],
@@ -86,6 +87,8 @@ def start(arch: str = "auto", threads: int | None = None) -> str:
     name = "cpu" if on_cpu() else ti.cfg.arch.name
     if arch not in ("auto", name):
         raise ArchError(f"--arch {arch}: this machine has none, or no driver for it")
+    if name == "cpu" and threads == 1:
+        serialize_loops()
     if name == "cpu" and not threads:
         _keep_apart(_threads() - before)
     _started = name

@@ -39,8 +39,8 @@ class Boundary:
     the step. box [m], bodies and count are the host's; kernels read the tables: by body (room for
     MOST_BODIES) kind; side, 1 or -1 where the water is inside; half, the extents of a block or the
     radius of a ball [m]; reach, the radius of a ball that holds it [m]; first, the lattice of a
-    mesh's distance, which those of its shares follow; velocity [m/s] and spin [rad/s]. By body and
-    pose: centre [m] and turn, body frame to box frame.
+    mesh's distance, which those of its shares follow. By body and pose: centre [m] and turn, body
+    frame to box frame; velocity [m/s] and spin [rad/s], the same for both poses.
     """
 
     def __init__(self, room: Room, constants: Constants, layers: Layers):
@@ -49,13 +49,15 @@ class Boundary:
         self._shapes = DeviceTable(
             (MOST_BODIES,), kind=i32, side=f32, half=vec3, reach=f32, first=i32
         )
-        self._poses = DeviceTable((MOST_BODIES, 2), centre=vec3, turn=ti.math.mat3)
-        self._motions = DeviceTable((MOST_BODIES,), velocity=vec3, spin=vec3)
-        for table in (self._shapes, self._poses, self._motions):
+        self._poses = DeviceTable(
+            (MOST_BODIES, 2), centre=vec3, turn=ti.math.mat3, velocity=vec3, spin=vec3
+        )
+        for table in (self._shapes, self._poses):
             self.__dict__.update({name: getattr(table, name) for name in table.fields})
         self.samples = SampledFields(room.samples)
         self.box, self.bodies, self.count = (0.0, 0.0, 0.0), [], 0
         self.moving, self.top_speed, self.time = False, 0.0, 0.0
+        self.velocities = self.spins = np.zeros((0, 3))
         # Bodies that were stopped, and when [s].
         self.stopped: dict[int, float] = {}
 
@@ -68,8 +70,7 @@ class Boundary:
         self.top_speed = max((b.motion.top_speed(reach(b)) for b in self.bodies), default=0.0)
         if self.bodies:
             self._load_shapes(specs)
-        # At rest, whatever the last scene's bodies did.
-        self._motions.fill(velocity=np.zeros((1, 3)), spin=np.zeros((1, 3)))
+        self.velocities = self.spins = np.zeros((self.count, 3))
         self.reset(0.0)
 
     @staticmethod
@@ -145,19 +146,22 @@ class Boundary:
         self.time = time + dt
         if not self.bodies:
             return
-        centres, turns, velocities, spins = [], [], [], []
-        for k, body in enumerate(self.bodies):
-            motion, last = body.motion, self.stopped.get(k, math.inf)
-            times = min(time, last), min(time + dt, last)
-            ways = [motion.offset(t) for t in times]
-            centres.append([centre(body) + way for way in ways])
-            turns.append([motion.turn(t) for t in times])
-            if dt > 0.0:
-                velocities.append((ways[1] - ways[0]) / dt)
-                spins.append(motion.spin() * (times[1] > times[0]))
-        self._poses.fill(centre=centres, turn=turns)
+        last = [self.stopped.get(k, math.inf) for k in range(self.count)]
+        ends = [(min(time, t), min(time + dt, t)) for t in last]
+        motions = [body.motion for body in self.bodies]
+        ways = np.array(
+            [[m.offset(t) for t in pair] for m, pair in zip(motions, ends, strict=True)]
+        )
         if dt > 0.0:
-            self._motions.fill(velocity=velocities, spin=spins)
+            self.velocities = (ways[:, END] - ways[:, BEGIN]) / dt
+            spins = [m.spin() * (b > a) for m, (a, b) in zip(motions, ends, strict=True)]
+            self.spins = np.array(spins)
+        self._poses.fill(
+            centre=np.array([centre(body) for body in self.bodies])[:, None] + ways,
+            turn=[[m.turn(t) for t in pair] for m, pair in zip(motions, ends, strict=True)],
+            velocity=np.stack([self.velocities] * 2, axis=1),
+            spin=np.stack([self.spins] * 2, axis=1),
+        )
 
     def free(self, x: np.ndarray, margin: float = 0.0) -> np.ndarray:
         """Whether each point of x (n, 3) [m] is `margin` [m] outside of all bodies, (n,) bool."""
@@ -239,7 +243,7 @@ class Boundary:
     @ti.func
     def velocity_at(self, b, x):
         """Velocity [m/s] of body b at x [m]."""
-        return self.velocity[b] + self.spin[b].cross(x - self.centre[b, BEGIN])
+        return self.velocity[b, BEGIN] + self.spin[b, BEGIN].cross(x - self.centre[b, BEGIN])
 
     @ti.func
     def share(self, x, layer):

@@ -49,14 +49,16 @@ class Contact:
     def drift(self, dt: float) -> None:
         """x += dt v for dt [s]; what would leave is stopped at its wall or body, at their poses at
         the end of the step."""
-        self._drift(self.particles.count, dt)
+        n = self.particles.count
+        self._drift(n, dt)
         if self.boundary.count:
-            self._stop_at_bodies(self.particles.count)
+            self._stop_at_bodies(n)
+            self._clear_bodies(n, END)
 
     def clear_bodies(self) -> None:
         """Puts particles out of bodies, at their poses at the begin of the step."""
         if self.boundary.count:
-            self._clear_bodies(self.particles.count)
+            self._clear_bodies(self.particles.count, BEGIN)
 
     def refresh_shares(self) -> None:
         """boundary_share, boundary_gradient and boundary_inflow of where particles and bodies are;
@@ -89,6 +91,7 @@ class Contact:
 
     @kernel
     def _stop_at_bodies(self, n: ti.i32):
+        """Velocities of particles that meet a body, and the bodies' impulse and work."""
         p = self.particles
         for i in range(n):
             x, v, margin, work = p.x[i], p.v[i], self.margin(i), 0.0
@@ -105,12 +108,21 @@ class Contact:
             self.impulses.wall_impulse[None] += impulse
             self.impulses.body_impulse[None] += impulse
             self.impulses.wall_work[None] += self.layers.mass[p.layer[i]] * work
-            p.x[i], p.v[i] = self.outside(x, END, margin), v
+            p.v[i] = v
 
     @kernel
-    def _clear_bodies(self, n: ti.i32):
+    def _clear_bodies(self, n: ti.i32, pose: ti.i32):
+        """Moves particles to the nearest place that is `margin` away from all bodies and walls."""
         for i in range(n):
-            self.particles.x[i] = self.outside(self.particles.x[i], BEGIN, self.margin(i))
+            size, x, margin = self.constants.size[None], self.particles.x[i], self.margin(i)
+            for _ in range(ROUNDS):
+                for b in range(self.constants.bodies[None]):
+                    near = self.boundary.distance(b, x, pose)
+                    if near.x < margin:
+                        x -= (near.x - margin) * near.yzw / ti.max(near.yzw.norm_sqr(), 0.25)
+                # In the wedge between a body and a wall both must push in turn.
+                x = ti.math.clamp(x, margin, size - margin)
+            self.particles.x[i] = x
 
     @kernel
     def _find_shares(self, n: ti.i32):
@@ -146,19 +158,6 @@ class Contact:
     def is_outside(self, x):
         """Whether x [m] is outside the box."""
         return (x < 0.0).any() or (x > self.constants.size[None]).any()
-
-    @ti.func
-    def outside(self, x, pose, margin):
-        """The nearest place to x [m] that is `margin` [m] away from all bodies and walls."""
-        size = self.constants.size[None]
-        for _ in range(ROUNDS):
-            for b in range(self.constants.bodies[None]):
-                near = self.boundary.distance(b, x, pose)
-                if near.x < margin:
-                    x -= (near.x - margin) * near.yzw / ti.max(near.yzw.norm_sqr(), 0.25)
-            # In the wedge between a body and a wall both must push in turn.
-            x = ti.math.clamp(x, margin, size - margin)
-        return x
 
     @ti.func
     def margin(self, i):
