@@ -150,18 +150,11 @@ class Simulation:
         the last step while that is allowed and at most LEEWAY times too short."""
         longest = self.solver.longest_step
         if longest(LEEWAY) <= 0.0:
-            raise BlowUpError(f"no step is short enough for it; the fastest is {self._fastest()}")
+            speed = np.linalg.norm(self.particles.numpy("v").astype(float), axis=1)
+            which = self.particles.describe(int(np.argmax(speed)))
+            raise BlowUpError(f"step {self.steps}: no step is short enough for {which}")
         least, most = (math.ceil(left / longest(k) - 1e-6) for k in (1.0, LEEWAY))
         return min(max(least, round(left / self.last_step)), most)
-
-    def _fastest(self) -> str:
-        """The fastest particle, in words."""
-        p = self.particles
-        x, v, layer, number = (p.numpy(name) for name in ("x", "v", "layer", "id"))
-        k = int(np.argmax(np.linalg.norm(v.astype(float), axis=1)))
-        place, speed = (", ".join(f"{n:.4g}" for n in a[k]) for a in (x, v))
-        which = f"particle {number[k]} of layer {layer[k]}"
-        return f"{which} at ({place}) m with ({speed}) m/s, step {self.steps}"
 
     def counts(self) -> list[int]:
         """Live particles of each layer."""

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from tabulate import tabulate
 
-from msph.measure.table import parts
+from msph.measure.table import energy_less_work, parts
 from msph.own_files import replacing
 
 # Ratio of the spacings of successive runs: Celik et al. ask for 1.3 at least; a coarser run costs
@@ -155,8 +155,7 @@ def _row(name: str, unit: str, values: list) -> Row:
 
 def _lost(ledger: dict) -> float:
     """Mechanical energy lost by the end [J], what was given from outside counted."""
-    work = ledger["wall_work_J"] + ledger["user_work_J"] + ledger["tilt_work_J"]
-    energy = ledger["kinetic_J"] + ledger["potential_J"] - work
+    energy = energy_less_work(ledger)
     return float(energy[0] - energy[-1])
 
 

@@ -43,9 +43,12 @@ class Ledger:
         sim, g = self.simulation, np.array(gravity)
         totals = self._totals.read()
         if totals["not_finite"] > 0:
+            state = np.hstack([sim.particles.numpy("x"), sim.particles.numpy("v")])
+            first = int(np.argmin(np.isfinite(state).all(axis=1)))
             raise NotFiniteError(
                 f"{totals['not_finite']:.0f} of {sim.particles.count} particles are not finite "
-                f"at t = {sim.time:.3f} s (step {sim.steps}): {self._first_lost()}"
+                f"at t = {sim.time:.3f} s (step {sim.steps}), the first: "
+                f"{sim.particles.describe(first)}"
             )
         broken = [k for k, value in totals.items() if not np.all(np.isfinite(value))]
         if broken:
@@ -72,15 +75,6 @@ class Ledger:
         )
         self.entries.append(entry)
         return entry
-
-    def _first_lost(self) -> str:
-        """The first particle that is not finite, in words."""
-        p = self.simulation.particles
-        x, v = p.numpy("x"), p.numpy("v")
-        k = int(np.argmin(np.isfinite(np.hstack([x, v])).all(axis=1)))
-        place, speed = (", ".join(f"{n:.4g}" for n in a[k]) for a in (x, v))
-        layer = p.numpy("layer")[k]
-        return f"particle {p.numpy('id')[k]} of layer {layer} at ({place}) m has ({speed}) m/s"
 
     def _density_excess(self) -> np.ndarray:
         """rho/rho0 - 1 where positive, else 0, of each particle where it is now, (n,); one NaN

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from msph.measure.table import parts, read
+from msph.measure.table import energy_less_work, parts, read
 from msph.own_files import replacing
 
 # Inches of a panel, and pixels per inch.
@@ -77,9 +77,7 @@ Panel = tuple[str, dict[str, tuple[np.ndarray, np.ndarray]]]
 def _ledger_panels(table: dict[str, np.ndarray]) -> list[Panel]:
     """Panels of all columns that hold anything, and of the energy that is not accounted for by
     work: in a method that only dissipates it falls."""
-    energy = table["kinetic_J"] + table["potential_J"]
-    work = table["wall_work_J"] + table["user_work_J"] + table["tilt_work_J"]
-    table = {**table, "left_J": energy - work}
+    table = {**table, "left_J": energy_less_work(table)}
     panels: list[Panel] = []
     for axis, columns in PANELS:
         curves = {}

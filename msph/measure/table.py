@@ -45,6 +45,13 @@ def read(path: Path) -> dict[str, np.ndarray]:
     return dict(zip(names, numbers.reshape(len(rows), len(names)).T, strict=True))
 
 
+def energy_less_work(ledger: dict[str, np.ndarray]) -> np.ndarray:
+    """Mechanical energy [J] less the work done from outside, of each row of a ledger: without
+    dissipation it stays what it was."""
+    given = ledger["wall_work_J"] + ledger["user_work_J"] + ledger["tilt_work_J"]
+    return ledger["kinetic_J"] + ledger["potential_J"] - given
+
+
 class TableError(BadInputError):
     """A table that cannot be gone on with."""
 

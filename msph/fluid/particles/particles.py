@@ -204,6 +204,12 @@ class Particles:
                 if which == column:
                     found[i] = field[i]
 
+    def describe(self, k: int) -> str:
+        """The k-th particle in words: identity, layer, place and velocity."""
+        x, v = (", ".join(f"{n:.4g}" for n in self.numpy(name)[k]) for name in ("x", "v"))
+        number, layer = (self.numpy(name)[k] for name in ("id", "layer"))
+        return f"particle {number} of layer {layer} at ({x}) m with ({v}) m/s"
+
     def check(self, values: dict[str, np.ndarray]) -> None:
         """Raises ValueError unless the arrays are carried attributes of 1 to capacity particles."""
         n = len(values["x"]) if values["x"].ndim == 2 else 0

@@ -22,7 +22,7 @@ import taichi as ti
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.particles import Attribute
 from msph.fluid.projection.discretisation import Discretisation
-from msph.fluid.projection.parameters import ProjectionParameters
+from msph.fluid.projection.parameters import LEAP, ProjectionParameters
 from msph.taichi_internals import data_oriented, kernel
 
 # Deviator over mean stress (-), both of the kernel's mean, up to which it is an arrangement's, and
@@ -31,8 +31,6 @@ ARRANGED = 0.2
 # Relative difference (-) between a particle's pair_spacing and its spacing, with the same fade:
 # without it coarse particles on fine ones of a 64th of their mass gain .25 % of the energy in 1 s.
 UNLIKE = 0.07
-# Way in a step over cfl spacings (-), with the same fade: the solver's longest in bulk.
-LEAP = 1.25
 # Least mean stress [Pa] that a deviator is compared with, and least weight (-) of a mean.
 LEAST_STRESS, LEAST_WEIGHT = 1e-6, 1e-6
 

@@ -26,7 +26,7 @@ from msph.fluid.projection import (
 )
 from msph.fluid.projection.density import Density
 from msph.fluid.projection.discretisation import Discretisation
-from msph.fluid.projection.parameters import ProjectionParameters
+from msph.fluid.projection.parameters import LEAP, ProjectionParameters
 from msph.fluid.projection.position_correction import PositionCorrection
 from msph.fluid.projection.pressure_operator import PressureOperator
 from msph.fluid.projection.pressure_solve import PressureSolve
@@ -37,9 +37,8 @@ from msph.taichi_internals import data_oriented, kernel
 # Rounds of position correction before time starts, at most, and the density excess (-) that they
 # may leave: what is left lifts the water later. 60 fine sheets of halved cubes take 161.
 ARRANGING, ARRANGED = 400, 1e-3
-# Ways in a step over that past neighbours: at 1.5 and 2 a dam break's bulk density was off by .8
-# and 1.3 % at the impact, not .6. And of spray, which has no neighbours to pass.
-LEAP, SPRAY_LEAP = 1.25, 2.5
+# The same as LEAP for spray, which has no neighbours to pass.
+SPRAY_LEAP = 2.5
 # Share (-) of the longest step that the first takes, before any speed or pressure is known.
 FIRST_STEP = 0.1
 
