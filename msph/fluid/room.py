@@ -30,6 +30,8 @@ class Room:
 FIRST = Room(33_000, 2_900_000, 50_000, 40_000, 900_000)
 # Factor from one class to the next, of each kind by itself.
 GROWTH = 4
+# Most that a class has of a kind unless a scene needs more: indices are 32-bit integers.
+MOST = 1 << 29
 
 
 def room_for(needed: Room) -> Room:
@@ -38,5 +40,5 @@ def room_for(needed: Room) -> Room:
     for field in fields(Room):
         first, least = getattr(FIRST, field.name), getattr(needed, field.name)
         steps = max(0, math.ceil(math.log(least / first, GROWTH))) if least else 0
-        found[field.name] = first * GROWTH**steps
+        found[field.name] = max(least, min(first * GROWTH**steps, MOST))
     return Room(**found)
