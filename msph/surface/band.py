@@ -171,8 +171,8 @@ class Band:
         self.count[None] = 0
         for q in range(self.words()):
             near, deep = ti.u32(0), ti.u32(0)
-            words, depth = self.numbers.words[None], self.numbers.pairs[None][2]
-            w = q % words
+            words, pairs = self.numbers.words[None], self.numbers.pairs[None]
+            w, depth = q % words, pairs[2]
             first = q // words * depth + SUBS * w
             for m in range(ti.min(SUBS, depth - SUBS * w)):
                 state = self.state[first + m]
@@ -204,7 +204,8 @@ class Band:
         """Bits 2 q: of the 4 nodes from 4 q on in the rows (2 a, 2 b) to (2 a + 1, 2 b + 1) of a
         word, some touch a BAND sub-block."""
         near, before, last = ti.u32(0), ti.u32(0), self.last_sub()
-        words, ny = self.numbers.words[None], self.numbers.pairs[None][1]
+        words, pairs = self.numbers.words[None], self.numbers.pairs[None]
+        ny = pairs[1]
         a, b, w = q // words // ny, q // words % ny, q % words
         # The rows (last, ..) are ghosts, as are those beyond.
         if a <= last[0] and b <= last[1]:
@@ -220,8 +221,8 @@ class Band:
     @ti.func
     def tile(self, q):
         """First node (i, j, k) of the q-th tile listed."""
-        number, runs, ny = self.tiles[q], self.numbers.runs[None], self.numbers.pairs[None][1]
-        row = number // runs
+        number, runs, pairs = self.tiles[q], self.numbers.runs[None], self.numbers.pairs[None]
+        row, ny = number // runs, pairs[1]
         return ti.Vector([PAIR * (row // ny), PAIR * (row % ny), RUN * (number % runs)])
 
     @ti.func

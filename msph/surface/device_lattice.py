@@ -47,7 +47,9 @@ SCENE = {
 class DeviceLattice:
     """Indices into the flat arrays over nodes, words and pairs, and the nodes' coordinates.
 
-    numbers: LATTICE and SCENE. Arrays over nodes are in the order of the padded lattice, z first.
+    numbers: LATTICE and SCENE. Kernels read a vector of them whole, `nodes = numbers.nodes[None]`:
+    of a component read at once Taichi does not know that it is not what a loop sums up, and then
+    keeps no sums by thread. Arrays over nodes are in the order of the padded lattice, z first.
     """
 
     def __init__(self, room: SurfaceRoom):
@@ -79,13 +81,14 @@ class DeviceLattice:
     @ti.func
     def word(self, i, j, w):
         """Index of the w-th word of the row (i, j)."""
-        return (i * self.numbers.nodes[None][1] + j) * self.numbers.words[None] + w
+        nodes = self.numbers.nodes[None]
+        return (i * nodes[1] + j) * self.numbers.words[None] + w
 
     @ti.func
     def pair(self, i, j, w):
         """Index of the w-th word of the pair of rows that holds the row (i, j)."""
-        row = i // PAIR * self.numbers.pairs[None][1] + j // PAIR
-        return row * self.numbers.words[None] + w
+        pairs = self.numbers.pairs[None]
+        return (i // PAIR * pairs[1] + j // PAIR) * self.numbers.words[None] + w
 
     @ti.func
     def point(self, node):

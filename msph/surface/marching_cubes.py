@@ -49,14 +49,15 @@ class MarchingCubes:
         self.iso = ti.field(ti.f32, shape=())
         self.crossed = ti.Vector.field(3, ti.u32, shape=self.signs.room)
         self.first = ti.Vector.field(3, ti.i32, shape=self.signs.room)
-        # By case and triangle: its edges, and in each row the number of triangles of the case.
-        self.cases = DeviceTable(cube_tables.TRIANGLES.shape[:2], edges=ti.math.ivec3, count=i32)
-        # Of an edge: corner of its low end, and 8 times its axis.
+        # By case: the edges of its triangles, three for each, and in every column how many it has.
+        # Numbers and no vectors: one read by a component that varies may be any place in memory to
+        # Taichi, which then adds up no sums by thread.
         codes = cube_tables.EDGES[:, 0] + 8 * cube_tables.EDGE_AXIS
-        counts = np.repeat(cube_tables.TRIANGLE_COUNTS, self.cases.columns)
-        self.cases.fill(
-            edges=codes[cube_tables.TRIANGLES], count=counts.reshape(*self.cases.shape, 1)
-        )
+        edges = codes[cube_tables.TRIANGLES].reshape(256, -1)
+        counts = np.repeat(cube_tables.TRIANGLE_COUNTS, edges.shape[1])
+        # Of an edge: corner of its low end, and 8 times its axis.
+        self.cases = DeviceTable(edges.shape, edge=i32, count=i32)
+        self.cases.fill(edge=edges[..., None], count=counts.reshape(*edges.shape, 1))
 
     def load_field(self, lattice: Lattice, value: np.ndarray, gradient: np.ndarray) -> None:
         """A field of which all values hold, in place of water: value (nx, ny, nz), gradient
@@ -100,11 +101,12 @@ class MarchingCubes:
         read, found = self.signs.read[pair], ti.u32(0)
         if read != 0:
             iso, first = self.iso[None], self.lattice.at(ti.Vector([i, j, WORD * w]))
-            for m in range(ti.min(WORD, self.numbers.nodes[None][2] - WORD * w)):
-                inside = self.below_cut(self.value[first + m], self.cut[first + m], iso) > 0.0
-                found |= ti.cast(inside, ti.u32) << ti.cast(m, ti.u32)
-        nodes = (found & read) | (self.signs.deep[pair] & ~read)
-        self.signs.inside[q] = nodes & self.signs.real(i, j, w)
+            nodes = self.numbers.nodes[None]
+            for m in range(ti.min(WORD, nodes[2] - WORD * w)):
+                level = self.below_cut(self.value[first + m], self.cut[first + m], iso)
+                found |= ti.cast(level > 0.0, ti.u32) << ti.cast(m, ti.u32)
+        inside = (found & read) | (self.signs.deep[pair] & ~read)
+        self.signs.inside[q] = inside & self.signs.real(i, j, w)
 
     @ti.func
     def below_cut(self, f, cut, iso):
@@ -194,8 +196,8 @@ class MarchingCubes:
     @ti.func
     def cell_place(self, q):
         """Row (i, j) and word w of the q-th word of cells."""
-        words, rows = self.numbers.words[None], self.numbers.nodes[None][1] - 1
-        row = q // words
+        words, nodes = self.numbers.words[None], self.numbers.nodes[None]
+        row, rows = q // words, nodes[1] - 1
         return ti.Vector([row // rows, row % rows, q % words])
 
     @ti.func
@@ -231,9 +233,9 @@ class MarchingCubes:
     @ti.func
     def triangle(self, cell, case, t):
         """Vertex numbers of the t-th triangle of a cell."""
-        v, edges = ti.Vector([0, 0, 0]), self.cases.edges[case, t]
+        v = ti.Vector([0, 0, 0])
         for m in ti.static(range(3)):
-            low, axis = self.edge(cell, edges[m])
+            low, axis = self.edge(cell, self.cases.edge[case, 3 * t + m])
             at = self.lattice.word(low[0], low[1], low[2] // WORD)
             v[m] = self.first[at][axis] + before(self.crossed[at][axis], low[2] % WORD)
         return v

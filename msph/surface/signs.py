@@ -39,8 +39,8 @@ class Signs:
     @ti.func
     def place(self, q):
         """Row (i, j) and word w of the q-th word of all."""
-        words, ny = self.numbers.words[None], self.numbers.nodes[None][1]
-        row = q // words
+        words, nodes = self.numbers.words[None], self.numbers.nodes[None]
+        row, ny = q // words, nodes[1]
         return ti.Vector([row // ny, row % ny, q % words])
 
     @ti.func
@@ -67,7 +67,8 @@ class Signs:
     @ti.func
     def followed(self, w):
         """The nodes of a word that have a next one along z."""
-        return ones(ti.min(self.numbers.nodes[None][2] - 1 - WORD * w, WORD))
+        nodes = self.numbers.nodes[None]
+        return ones(ti.min(nodes[2] - 1 - WORD * w, WORD))
 
     @ti.func
     def is_read(self, node):

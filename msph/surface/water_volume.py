@@ -110,9 +110,8 @@ class WaterVolume:
         """Parts of the t-th triangle of a cell in V and in dV/df [m^3]."""
         # Corner m is column m. In a loop, so that corner() is compiled once and not three times.
         corners, moved = ti.math.mat3(0.0), ti.math.vec3(0.0)
-        edges = self.cubes.cases.edges[case, t]
         for m in range(3):
-            place, change = self.corner(cell, edges[m])
+            place, change = self.corner(cell, self.cubes.cases.edge[case, 3 * t + m])
             corners[0, m], corners[1, m], corners[2, m] = place
             moved += change
         a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
