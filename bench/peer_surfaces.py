@@ -21,7 +21,7 @@ from msph.device import start
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.simulation import Simulation
 from msph.scene.build import build_simulation
-from msph.surface import Surface, SurfaceMesh
+from msph.surface import Surface, SurfaceMesh, SurfaceRoom
 from msph.surface.lattice import Lattice
 from msph.surface.marching_cubes import MarchingCubes
 
@@ -101,7 +101,9 @@ def from_particles(sim: Simulation, cell: float) -> list[Way]:
     """Ways from the particles, at cells of `cell` radii."""
     d = sim.layers.finest.spacing
     edge = 0.5 * cell * d
-    surface = Surface(sim.size, sim.layers, sim.grid, sim.particles, cell=edge)
+    room = SurfaceRoom.holding(sim.size, edge, sim.particles.capacity)
+    surface = Surface(sim.layers, sim.grid, sim.particles, room=room)
+    surface.load(sim.size, edge)
     count = triangles(surface.mesh)
 
     def sorted_too() -> None:
@@ -165,14 +167,9 @@ def from_field(values: np.ndarray) -> list[Way]:
 def our_cubes(values: np.ndarray) -> tuple[MarchingCubes, SurfaceMesh]:
     """Marching cubes over all of a field and its slopes."""
     lattice = Lattice.uniform(values.shape)
-    mesh = SurfaceMesh(ROOM, ROOM)
-    cubes = MarchingCubes(lattice, mesh)
-    cubes.signs.read_all()
-    beyond = [(0, p - n) for p, n in zip(lattice.padded, lattice.shape, strict=True)]
-    cubes.value.from_numpy(np.pad(values, beyond))
-    slopes = np.stack([np.pad(g, beyond) for g in np.gradient(values)], axis=-1)
-    cubes.gradient.from_numpy(np.ascontiguousarray(slopes, dtype=np.float32))
-    return cubes, mesh
+    cubes = MarchingCubes(SurfaceRoom(values.size, vertices=ROOM, triangles=ROOM))
+    cubes.load_field(lattice, values, np.stack(np.gradient(values), axis=-1))
+    return cubes, cubes.mesh
 
 
 def triangles(mesh: SurfaceMesh) -> Callable[[], int]:

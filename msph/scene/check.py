@@ -18,7 +18,7 @@ from msph.scene.obstacles import bodies, check_bodies
 from msph.scene.probes import check_probes, probe_cautions
 from msph.scene.schema import LAYER_OPTIONS, Layer, Scene, Water
 from msph.scene.water import TOLERANCE, bounds, capacity, layer_specs, particle_count
-from msph.surface.surface import Surface
+from msph.surface.room import SurfaceRoom
 
 # Share of the free memory that a scene may take.
 MEMORY_SHARE = 0.8
@@ -126,7 +126,7 @@ def _check_memory(scene: Scene, specs: list[LayerSpec], where: str) -> None:
     cell = scene.surface.cell * min(s.spacing for s in specs)
     needs = footprint(scene.box.size, specs, count, solver_parameters(scene))
     solids = bodies(scene)
-    needs["surface"] = Surface.bytes_needed(scene.box.size, cell, count, bool(solids)) // WORD
+    needs["surface"] = SurfaceRoom.holding(scene.box.size, cell, count).bytes // WORD
     needs["obstacles"] = numbers_needed(solids, specs)
     keys = {"cells": "box.size", "neighbours": "water", "particles": "water"}
     keys |= {"surface": "surface.cell", "obstacles": "obstacles"}

@@ -32,7 +32,7 @@ from msph.scene.live import changed
 from msph.scene.schema import Scene
 from msph.stage.controls import Controls
 from msph.stage.views import Views
-from msph.surface.surface import Surface
+from msph.surface import Surface, SurfaceRoom
 
 # Scale of the picture while kernels are compiled (-).
 WARM_UP_SCALE = 0.5
@@ -132,15 +132,11 @@ class Show:
 
     def _build_surface(self) -> Surface:
         s, sim = self.scene.surface, self.simulation
-        return Surface(
-            sim.size,
-            sim.layers,
-            sim.grid,
-            sim.particles,
-            cell=s.cell * sim.layers.finest.spacing,
-            smoothing=s.smoothing,
-            boundary=sim.boundary,
-        )
+        cell = s.cell * sim.layers.finest.spacing
+        room = SurfaceRoom.holding(sim.size, cell, sim.particles.capacity)
+        surface = Surface(sim.layers, sim.grid, sim.particles, sim.boundary, room)
+        surface.load(sim.size, cell, s.smoothing)
+        return surface
 
     def _build_picture(self, size: tuple[int, int]) -> Picture:
         look = declared(self.scene.picture, Look)

@@ -1,11 +1,13 @@
 """The water's surface: coverage of the particles, marching cubes in a band, and the mesh.
 
-surface = Surface(box_size, layers, grid, particles, cell=0.028)
+surface = Surface(layers, grid, particles, boundary, room)
+surface.load(box_size, cell=0.028)    # again for each scene that fits in the room
 surface.extract()            # a few launches, nothing read back
 surface.mesh                 # Taichi fields: vertices, normals, triangles, counts
 """
 
 from msph.surface.mesh import SurfaceMesh
+from msph.surface.room import SurfaceRoom
 from msph.surface.surface import Surface
 
-__all__ = ["Surface", "SurfaceMesh"]
+__all__ = ["Surface", "SurfaceMesh", "SurfaceRoom"]

@@ -10,6 +10,7 @@ that meets the wall by less than a tenth of a spacing.
 
 import taichi as ti
 
+from msph.device_table import DeviceTable
 from msph.fluid.boundary.boundary import END, Boundary
 from msph.taichi_internals import data_oriented
 
@@ -22,10 +23,11 @@ LEAST_OPEN = 0.1
 
 @data_oriented
 class Bodies:
-    """The bodies of `boundary` at the end of a step; slope [1/m]: 1/l."""
+    """The bodies of `boundary` at the end of a step. Kernels for scenes without bodies are compiled
+    without any of this."""
 
-    def __init__(self, boundary: Boundary, slope: float):
-        self.boundary, self.slope = boundary, slope
+    def __init__(self, boundary: Boundary | None, numbers: DeviceTable):
+        self.boundary, self.numbers = boundary, numbers
 
     @ti.func
     def clearance(self, x):
@@ -45,8 +47,8 @@ class Bodies:
     def cut(self, x):
         """s/l (-) of the nearest body at x [m], and its gradient [1/m]."""
         nearest = vec4(1e9, 0.0, 0.0, 0.0)
-        for b in range(self.boundary.count):
+        for b in range(self.numbers.bodies[None]):
             found = self.boundary.distance(b, x, END)
             if found[0] < nearest[0]:
                 nearest = found
-        return self.slope * nearest
+        return self.numbers.slope[None] * nearest

@@ -3,9 +3,6 @@
 import math
 
 import numpy as np
-import taichi as ti
-
-from msph.taichi_internals import data_oriented
 
 # Rows of a pair along x and y, and nodes of a run along z: 2 x 2 runs are evaluated together.
 PAIR, RUN = 2, 4
@@ -14,7 +11,6 @@ PAIR, RUN = 2, 4
 INSET = 2.0**-10
 
 
-@data_oriented
 class Lattice:
     """Coordinates [m] of the nodes along each axis.
 
@@ -26,12 +22,9 @@ class Lattice:
         self.axes = [np.asarray(a, dtype=np.float32) for a in axes]
         self.shape = tuple(len(a) for a in self.axes)
         self.walled = walled
-        self.padded = self.padded_shape(self.shape)
-        self.coordinate = ti.field(ti.f32, shape=(3, max(self.padded)))
-        table = np.zeros(self.coordinate.shape, dtype=np.float32)
-        for a in range(3):
-            table[a] = np.pad(self.axes[a], (0, max(self.padded) - self.shape[a]), mode="edge")
-        self.coordinate.from_numpy(table)
+        # Nodes in whole pairs of rows and whole runs.
+        tile = (PAIR, PAIR, RUN)
+        self.padded = tuple(e * -(-n // e) for n, e in zip(self.shape, tile, strict=True))
 
     @classmethod
     def uniform(cls, shape, spacing=(1.0, 1.0, 1.0), origin=(0.0, 0.0, 0.0)) -> "Lattice":
@@ -44,22 +37,10 @@ class Lattice:
         """Walled lattice over the box (0, 0, 0) to size [m], spacing close to `cell` [m]."""
         return cls([walled_axis(length, cell) for length in size], walled=True)
 
-    @staticmethod
-    def shape_in_box(size, cell: float) -> tuple[int, int, int]:
-        nx, ny, nz = (intervals(length, cell) + 3 for length in size)
-        return nx, ny, nz
-
-    @staticmethod
-    def padded_shape(shape) -> tuple[int, int, int]:
-        """Nodes in whole pairs of rows and whole runs."""
-        tile = (PAIR, PAIR, RUN)
-        nx, ny, nz = (edge * -(-n // edge) for n, edge in zip(shape, tile, strict=True))
-        return nx, ny, nz
-
-    @ti.func
-    def point(self, i, j, k):
-        """The node's place [m]."""
-        return ti.math.vec3(self.coordinate[0, i], self.coordinate[1, j], self.coordinate[2, k])
+    def rows(self) -> list[np.ndarray]:
+        """The axes [m], each prolonged by its last node to the longest padded one."""
+        longest = max(self.padded)
+        return [np.pad(a, (0, longest - len(a)), mode="edge") for a in self.axes]
 
     @property
     def spacing(self) -> tuple[float, float, float]:

@@ -5,7 +5,10 @@ from pathlib import Path
 import numpy as np
 import taichi as ti
 
+from msph.taichi_internals import data_oriented, kernel
 
+
+@data_oriented
 class SurfaceMesh:
     """An indexed triangle mesh of fixed capacity.
 
@@ -23,18 +26,28 @@ class SurfaceMesh:
         self.triangles = ti.Vector.field(3, ti.i32, shape=max_triangles)
         self.counts = ti.field(ti.i32, shape=4)
 
-    @staticmethod
-    def bytes_needed(max_vertices: int, max_triangles: int) -> int:
-        return 4 * (6 * max_vertices + 3 * max_triangles)
-
     def to_numpy(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Live vertices (v, 3) [m], normals (v, 3) and triangles (t, 3)."""
         v, t = self.counts.to_numpy()[:2]
-        return (
-            self.vertices.to_numpy()[:v],
-            self.normals.to_numpy()[:v],
-            self.triangles.to_numpy()[:t],
-        )
+        vertices, normals = np.zeros((2, v, 3), np.float32)
+        triangles = np.zeros((t, 3), np.int32)
+        if v > 0:
+            self._read(vertices, normals, triangles)
+        return vertices, normals, triangles
+
+    @kernel
+    def _read(
+        self,
+        vertices: ti.types.ndarray(dtype=ti.f32, ndim=2),
+        normals: ti.types.ndarray(dtype=ti.f32, ndim=2),
+        triangles: ti.types.ndarray(dtype=ti.i32, ndim=2),
+    ):
+        for i in range(vertices.shape[0]):
+            for k in ti.static(range(3)):
+                vertices[i, k], normals[i, k] = self.vertices[i][k], self.normals[i][k]
+        for i in range(triangles.shape[0]):
+            for k in ti.static(range(3)):
+                triangles[i, k] = self.triangles[i][k]
 
     def overflowed(self) -> str | None:
         """What did not fit in the last extraction, in words, or None."""

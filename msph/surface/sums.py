@@ -11,9 +11,11 @@ bodies, whatever the layers.
 import numpy as np
 import taichi as ti
 
-from msph.constant_fields import constant_fields
+from msph.device_table import DeviceTable, f32
+from msph.surface.device_lattice import DeviceLattice
 from msph.surface.fluid_fraction import fluid_fraction
 from msph.surface.lattice import PAIR, RUN, Lattice
+from msph.surface.room import LAYERS, SurfaceRoom
 from msph.surface.thin_water import ThinWater
 from msph.taichi_internals import data_oriented
 
@@ -28,57 +30,58 @@ class KernelSums:
     """c and grad c at lattice nodes, gathered from the sorted particles.
 
     A tile is 2 x 2 x 4 nodes (i[u], j[v], k[m]), which share every particle read; values at them
-    are a vec16 in the order 8 u + 4 v + m. inverse_fraction and log_slope
-    (L, 3, nodes): 1/F and d(log F)/dx [1/m] of the two walls of an axis, at each node.
+    are a vec16 in the order 8 u + 4 v + m. walls, by layer, axis and node, each axis as long as the
+    longest: inverse, 1/F, and slope, d(log F)/dx [1/m], of the two walls of the axis.
     """
 
-    def __init__(self, lattice: Lattice, size, layers, grid, thin: ThinWater, bodies):
-        self.lattice, self.grid, self.thin, self.bodies = lattice, grid, thin, bodies
-        self.particles, self.layer_count = thin.particles, layers.count
-        self.has_bodies = bodies is not None
-        self.widest = float(thin.radii.max())
-        x = lattice.coordinate.to_numpy()
-        pairs = [[fluid_fraction(x[a], size[a], r) for a in range(3)] for r in thin.radii]
-        self.inverse_fraction, self.log_slope = constant_fields(
-            1.0 / np.array([[p[0] for p in row] for row in pairs]),
-            np.array([[p[1] for p in row] for row in pairs]),
-        )
+    def __init__(self, lattice: DeviceLattice, thin: ThinWater, room: SurfaceRoom):
+        self.lattice, self.thin, self.numbers = lattice, thin, lattice.numbers
+        self.grid, self.particles, self.bodies = thin.grid, thin.particles, thin.bodies
+        self.walls = DeviceTable((3 * LAYERS * room.axis,), inverse=f32, slope=f32)
+
+    def load(self, lattice: Lattice, size: tuple[float, float, float], radii: np.ndarray) -> None:
+        """size: of the box [m]; radii (layers,): reach of each layer's kernel [m]."""
+        pairs = [
+            fluid_fraction(x, length, r)
+            for r in radii
+            for x, length in zip(lattice.rows(), size, strict=True)
+        ]
+        fraction, slope = np.concatenate(pairs, axis=1)
+        self.walls.fill(inverse=1.0 / fraction, slope=slope)
 
     @ti.func
     def beside_bodies(self, i, j, k):
         """Whether kernels round the nodes of a tile may reach a body."""
-        beside = False
-        if ti.static(self.has_bodies):
-            first = self.lattice.point(i[0], j[0], k[0])
-            half = 0.5 * (self.lattice.point(i[1], j[1], k[3]) - first)
-            beside = self.bodies.clearance(first + half) < self.widest + half.norm()
-        return beside
+        first = self.lattice.point(ti.Vector([i[0], j[0], k[0]]))
+        half = 0.5 * (self.lattice.point(ti.Vector([i[1], j[1], k[3]])) - first)
+        return self.bodies.clearance(first + half) < self.numbers.widest[None] + half.norm()
 
     @ti.func
-    def at_tile(self, i, j, k, beside, full: ti.template()):
+    def at_tile(self, i, j, k, bodies: ti.template(), beside, full: ti.template()):
         """c and the components of grad c [1/m], a vec16 each, at the nodes of a tile.
 
-        beside: whether bodies are looked at. full: by kernels of full reach, for all particles, and
-        without grad c.
+        bodies: whether the scene has any. beside: whether they are looked at. full: by kernels of
+        full reach, for all particles, and without grad c.
         """
         x, y, z = vec2(0.0), vec2(0.0), vec4(0.0)
+        longest = self.numbers.longest[None]
         for m in ti.static(range(PAIR)):
-            x[m], y[m] = self.lattice.coordinate[0, i[m]], self.lattice.coordinate[1, j[m]]
+            x[m] = self.lattice.coordinate.x[i[m]]
+            y[m] = self.lattice.coordinate.x[j[m] + longest]
         for m in ti.static(range(RUN)):
-            z[m] = self.lattice.coordinate[2, k[m]]
+            z[m] = self.lattice.coordinate.x[k[m] + 2 * longest]
         c, gx, gy, gz = vec16(0.0), vec16(0.0), vec16(0.0), vec16(0.0)
-        for layer in range(self.layer_count):
+        for layer in range(self.numbers.layers[None]):
             s, ax, ay, az = self.sum_layer(layer, x, y, z, full)
+            first = 3 * layer * longest
+            a, b, d = i + first, j + (first + longest), k + (first + 2 * longest)
             # Elements by a number that is not known to the compiler: sums are arrays in memory, and
             # it then adds eight at once. As 64 scalars it does not.
             for n in range(TILE):
                 u, v, m = n // SIDE, n // RUN % PAIR, n % RUN
-                f = self.inverse_fraction[layer, 0, i[u]]
-                f *= self.inverse_fraction[layer, 1, j[v]]
-                f *= self.inverse_fraction[layer, 2, k[m]]
-                h = vec3(self.log_slope[layer, 0, i[u]], self.log_slope[layer, 1, j[v]], 0.0)
-                h[2] = self.log_slope[layer, 2, k[m]]
-                if ti.static(self.has_bodies):
+                f = self.walls.inverse[a[u]] * self.walls.inverse[b[v]] * self.walls.inverse[d[m]]
+                h = vec3(self.walls.slope[a[u]], self.walls.slope[b[v]], self.walls.slope[d[m]])
+                if ti.static(bodies):
                     if beside:
                         share = self.bodies.open_share(vec3(x[u], y[v], z[m]), layer)
                         f /= share[0]
@@ -94,7 +97,7 @@ class KernelSums:
     def sum_layer(self, layer, x, y, z, full: ti.template()):
         """One layer's sum of V w W at the points (x[u], y[v], z[m]) [m], and, unless full, of
         V w grad W."""
-        r = self.thin.reach[layer]
+        r = self.thin.by_layer.reach[layer]
         of_layer = self.thin.full(layer)
         low = vec3(x[0], y[0], z[0])
         high = vec3(x[1], y[1], z[3])

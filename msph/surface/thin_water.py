@@ -16,9 +16,12 @@ kernels follow the neighbourhood is common (Yu and Turk 2013, who also stretch t
 import numpy as np
 import taichi as ti
 
-from msph.constant_fields import constant_fields
+from msph.device_table import DeviceTable, f32
+from msph.fluid.particles.layers import LayerSpec
+from msph.surface.bodies import Bodies
 from msph.surface.fluid_fraction import POLY6, SLOPE, missing, share_behind
-from msph.taichi_internals import data_oriented, kernel
+from msph.surface.room import LAYERS, SurfaceRoom
+from msph.taichi_internals import data_oriented
 
 vec3 = ti.math.vec3
 
@@ -43,54 +46,47 @@ class Sum:
 class ThinWater:
     """The kernel V w poly6(|x - x_j|, r_j) of every particle j.
 
-    By layer: reach r [m]; alone, sheet, thick (-), the coverages c of the module's text. By
+    by_layer: reach r [m]; alone, sheet, thick (-), the coverages c of the module's text. By
     particle: kernel, 1/r_j^2 [1/m^2] and the kernel's value at its particle (-). volume [m^3] of
     all particles.
     """
 
-    def __init__(self, size, layers, grid, particles, bodies, smoothing: float):
-        self.size = ti.Vector(list(size))
+    def __init__(self, layers, grid, particles, bodies: Bodies, room: SurfaceRoom):
         self.layers, self.grid, self.particles, self.bodies = layers, grid, particles, bodies
-        self.has_bodies = bodies is not None
-        self.radii = smoothing * layers.support.to_numpy().astype(np.float64)
-        volume, d = layers.volume.to_numpy(), layers.spacing.to_numpy() / self.radii
-        self.reach, self.alone, self.sheet, self.thick = constant_fields(
-            self.radii,
-            volume * POLY6 / self.radii**3,
-            SLOPE * d,
-            0.5 * (SLOPE * d + 1.0 - missing(0.5 * d)),
-        )
-        self.kernel = ti.Vector.field(2, ti.f32, shape=particles.capacity)
+        self.numbers = bodies.numbers
+        self.by_layer = DeviceTable((LAYERS,), reach=f32, alone=f32, sheet=f32, thick=f32)
+        self.kernel = ti.Vector.field(2, ti.f32, shape=room.particles)
         self.volume = ti.field(ti.f32, shape=())
 
-    @staticmethod
-    def bytes_needed(capacity: int) -> int:
-        return 4 * 2 * capacity
-
-    @kernel
-    def find_all(self, n: ti.i32):
-        """Kernels of the n particles, wherever they are."""
-        self.volume[None] = 0.0
-        for i in range(n):
-            self.find(i, False)
+    def load(self, specs: list[LayerSpec], radii: np.ndarray) -> None:
+        """radii (layers,): reach of each layer's kernel [m]."""
+        d = np.array([s.spacing for s in specs]) / radii
+        self.by_layer.fill(
+            reach=radii,
+            alone=POLY6 * d**3,
+            sheet=SLOPE * d,
+            thick=0.5 * (SLOPE * d + 1.0 - missing(0.5 * d)),
+        )
 
     @ti.func
     def full(self, layer):
         """The kernel of a particle in deep water."""
-        return ti.Vector([1.0 / self.reach[layer] ** 2, self.alone[layer]])
+        return ti.Vector([1.0 / self.by_layer.reach[layer] ** 2, self.by_layer.alone[layer]])
 
     @ti.func
-    def find(self, i, deep):
+    def find(self, i, deep, bodies: ti.template()):
         """Sets kernel of particle i, which is known to be in deep water or is not, and adds its
-        volume. Returns the distance [m] up to which the kernel is larger than the full one."""
+        volume. bodies: whether the scene has bodies. Returns the distance [m] up to which the
+        kernel is larger than the full one."""
         layer = self.particles.layer[i]
         self.volume[None] += self.layers.volume[layer]
         self.kernel[i], larger = self.full(layer), 0.0
         if not deep:
-            c = self.coverage(self.particles.x[i])
-            sheet, thick, alone = self.sheet[layer], self.thick[layer], self.alone[layer]
+            c = self.coverage(self.particles.x[i], bodies)
+            sheet, thick = self.by_layer.sheet[layer], self.by_layer.thick[layer]
+            alone = self.by_layer.alone[layer]
             if c < thick:
-                full, least = self.reach[layer], THIN * self.layers.spacing[layer]
+                full, least = self.by_layer.reach[layer], THIN * self.layers.spacing[layer]
                 r = ti.math.mix(least, full, ti.max((c - sheet) / (thick - sheet), 0.0))
                 lack = ti.math.clamp((sheet - c) / (sheet - alone), 0.0, 1.0)
                 peak = (1.0 + (LONE - 1.0) * lack * lack) * (full / r) ** 3
@@ -101,21 +97,21 @@ class ThinWater:
         return larger
 
     @ti.func
-    def coverage(self, x):
+    def coverage(self, x, bodies: ti.template()):
         """Coverage (-) at x [m] by kernels of full reach."""
-        c = 0.0
-        for layer in range(self.layers.count):
-            r = self.reach[layer]
+        c, size = 0.0, self.numbers.size[None]
+        for layer in range(self.numbers.layers[None]):
+            r = self.by_layer.reach[layer]
             found = Sum(x=x, per_r2=1.0 / (r * r), total=0.0)
             self.grid.for_each_row(x, layer, r, self.add_row, found)
             if found.total > 0.0:
                 share = 1.0
                 for axis in ti.static(range(3)):
                     share *= 1.0 - share_behind(x[axis] / r)
-                    share *= 1.0 - share_behind((self.size[axis] - x[axis]) / r)
-                if ti.static(self.has_bodies):
+                    share *= 1.0 - share_behind((size[axis] - x[axis]) / r)
+                if ti.static(bodies):
                     share *= self.bodies.open_share(x, layer)[0]
-                c += self.alone[layer] * found.total / share
+                c += self.by_layer.alone[layer] * found.total / share
         return c
 
     @ti.func

@@ -15,11 +15,11 @@ volume of the mesh that marching cubes is about to make: with corners x on cell 
 Volume controls of this kind: Kim, Liu, Llamas, Jiao and Rossignac 2007 for level sets.
 """
 
-import numpy as np
 import taichi as ti
 
+from msph.surface.device_lattice import WORD
 from msph.surface.marching_cubes import MarchingCubes
-from msph.surface.signs import WORD, lowest
+from msph.surface.signs import lowest
 from msph.surface.thin_water import ThinWater
 from msph.taichi_internals import data_oriented, kernel
 
@@ -48,8 +48,7 @@ class WaterVolume:
 
     def __init__(self, cubes: MarchingCubes, thin: ThinWater):
         self.cubes, self.thin = cubes, thin
-        self.lattice, self.has_bodies = cubes.lattice, cubes.has_cut
-        self.least, self.most = shift_bounds(self.has_bodies)
+        self.lattice, self.numbers = cubes.lattice, cubes.numbers
         self.enclosed, self.change = ti.field(ti.f32, shape=()), ti.field(ti.f32, shape=())
         self.shift = cubes.iso
 
@@ -61,17 +60,17 @@ class WaterVolume:
     def limited(self) -> str | None:
         """Why the last mesh may not hold the water's volume, in words; None where the shift was
         free."""
-        shift = np.float32(self.shift[None])
-        if shift <= np.float32(self.least):
+        shift = self.shift[None]
+        if shift <= self.numbers.least[None]:
             return "the surface would have to move outwards by more than it may"
-        if shift >= np.float32(self.most):
+        if shift >= self.numbers.most[None]:
             return "the surface would have to move inwards by more than it may"
         return None
 
     @kernel
     def approach(self, again: ti.i32):
         """One step; again: whether it is the second, which is made only after a far one."""
-        words = self.cubes.signs.total
+        words = self.cubes.signs.total()
         if again == 0:
             self.shift[None] = 0.0
         elif abs(self.shift[None]) < FAR:
@@ -79,7 +78,7 @@ class WaterVolume:
         self.enclosed[None], self.change[None] = 0.0, 0.0
         for q in range(words):
             self.cubes.find_word(q)
-        for q in range(ti.min(words, self.cubes.cell_words)):
+        for q in range(ti.min(words, self.cubes.cell_words())):
             i, j, w = self.cubes.cell_place(q)
             low, high = self.cubes.corners(i, j, w)
             rest = self.cubes.cells(low, high, w)
@@ -88,7 +87,7 @@ class WaterVolume:
                 k = lowest(rest)
                 rest &= rest - ti.u32(1)
                 case = self.cubes.case(low, high, k)
-                for t in range(self.cubes.triangle_count[case]):
+                for t in range(self.cubes.cases.count[case, 0]):
                     part = self.triangle(ti.Vector([i, j, WORD * w + k]), case, t)
                     volume += part[0]
                     change += part[1]
@@ -103,7 +102,8 @@ class WaterVolume:
         """Newton's step, as far as the shift stays within its bounds."""
         rest, before = self.thin.volume[None], self.shift[None]
         step = (self.enclosed[None] - rest) / ti.max(self.change[None], TINY * rest)
-        self.shift[None] = ti.math.clamp(before + step, self.least, self.most)
+        least, most = self.numbers.least[None], self.numbers.most[None]
+        self.shift[None] = ti.math.clamp(before + step, least, most)
 
     @ti.func
     def triangle(self, cell, case, t):
@@ -111,7 +111,7 @@ class WaterVolume:
         # Corner m is column m. In a loop, so that corner() is compiled once and not three times.
         corners, moved = ti.math.mat3(0.0), ti.math.vec3(0.0)
         for m in range(3):
-            place, change = self.corner(cell, self.cubes.triangle_edge[case, t, m])
+            place, change = self.corner(cell, self.cubes.cases.edge[case, 3 * t + m])
             corners[0, m], corners[1, m], corners[2, m] = place
             moved += change
         a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
@@ -129,9 +129,9 @@ class WaterVolume:
         t, change = f0 / (f0 - f1), 1.0 / (f0 - f1)
         if self.cubes.at_wall(low, far):
             t, change = 0.5, 0.0
-        if ti.static(self.has_bodies):
-            if f0 >= self.cubes.cut[low] or f1 >= self.cubes.cut[far]:
-                change = 0.0
-        begin = self.lattice.point(low[0], low[1], low[2])
-        length = self.lattice.point(far[0], far[1], far[2]) - begin
+        a, b = self.lattice.at(low), self.lattice.at(far)
+        if f0 >= self.cubes.cut[a] or f1 >= self.cubes.cut[b]:
+            change = 0.0
+        begin = self.lattice.point(low)
+        length = self.lattice.point(far) - begin
         return begin + t * length, change * length

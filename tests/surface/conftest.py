@@ -1,22 +1,34 @@
+from collections.abc import Iterator
+
 import numpy as np
 import pytest
 import trimesh
 from surface_kit import SIZE, Cubes, Water, make_water
 
 from msph.fluid.boundary.rigid_bodies import Ball, Block, Solid
+from msph.surface import SurfaceRoom
 from msph.surface.lattice import Lattice
+from msph.surface.marching_cubes import MarchingCubes
+from msph.taichi_internals import watch_compiling
 
 
 @pytest.fixture(scope="session")
-def cubes() -> Cubes:
+def marching_cubes() -> MarchingCubes:
+    """For all lattices in turn."""
+    return MarchingCubes(SurfaceRoom(vertices=60_000, triangles=120_000))
+
+
+@pytest.fixture
+def cubes(marching_cubes) -> Cubes:
     """Unit spacing, centred on the origin."""
-    return Cubes(Lattice.uniform((42, 42, 42), origin=(-20.5, -20.5, -20.5)))
+    return Cubes(Lattice.uniform((42, 42, 42), origin=(-20.5, -20.5, -20.5)), marching_cubes)
 
 
-@pytest.fixture(scope="session")
-def oblong_cubes() -> Cubes:
+@pytest.fixture
+def oblong_cubes(marching_cubes) -> Cubes:
     """Spacing and extent differ between the axes; no extent is a multiple of a word of signs."""
-    return Cubes(Lattice.uniform((31, 22, 45), (0.1, 0.17, 0.06), (-1.5, -1.8, -1.3)))
+    lattice = Lattice.uniform((31, 22, 45), (0.1, 0.17, 0.06), (-1.5, -1.8, -1.3))
+    return Cubes(lattice, marching_cubes)
 
 
 @pytest.fixture(scope="session")
@@ -39,3 +51,11 @@ def held_water() -> Water:
     ball = Ball(np.array((0.22, 0.2, 0.2)), 0.07)
     block = Block(np.array((0.36, 0.05, 0.14)), np.array((0.44, 0.4, 0.24)))
     return make_water(bodies=[container, ball, block])
+
+
+@pytest.fixture
+def compiled() -> Iterator[list[str]]:
+    """Names of the kernels that the test has compiled so far."""
+    names: list[str] = []
+    with watch_compiling(names.append):
+        yield names

@@ -55,11 +55,8 @@ def assert_same(first: np.ndarray, again: np.ndarray) -> None:
 class Cubes:
     """Marching cubes over a whole lattice, fed with numpy functions."""
 
-    def __init__(self, lattice: Lattice, max_vertices=60_000, max_triangles=120_000):
-        self.lattice = lattice
-        self.mesh = SurfaceMesh(max_vertices, max_triangles)
-        self.cubes = MarchingCubes(lattice, self.mesh)
-        self.cubes.signs.read_all()
+    def __init__(self, lattice: Lattice, cubes: MarchingCubes):
+        self.lattice, self.cubes = lattice, cubes
 
     def nodes(self) -> np.ndarray:
         """Node positions (3, nx, ny, nz)."""
@@ -70,14 +67,9 @@ class Cubes:
         value = np.asarray(value)
         if gradient is None:
             gradient = np.zeros((3, *value.shape))
-        room = [(0, p - n) for p, n in zip(self.lattice.padded, self.lattice.shape, strict=True)]
-        # What lies beyond the lattice must not be read: it says "inside".
-        padded = np.pad(value, room, constant_values=1.0)
-        self.cubes.value.from_numpy(padded.astype(np.float32))
-        slopes = np.moveaxis(np.pad(gradient, [(0, 0), *room]), 0, -1)
-        self.cubes.gradient.from_numpy(np.ascontiguousarray(slopes, dtype=np.float32))
+        self.cubes.load_field(self.lattice, value, np.moveaxis(gradient, 0, -1))
         self.cubes.run()
-        return self.mesh
+        return self.cubes.mesh
 
 
 @dataclass
@@ -89,6 +81,13 @@ class Water:
     grid: LayeredGrid
     surface: Surface
     boundary: Boundary
+
+    def nodes(self, field) -> np.ndarray:
+        """A flat field over the lattice's nodes, as (nx, ny, nz) or (nx, ny, nz, 3)."""
+        lattice = self.surface.lattice
+        flat = field.to_numpy()[: np.prod(lattice.padded)]
+        whole = flat.reshape(*lattice.padded, *flat.shape[1:])
+        return whole[tuple(slice(n) for n in lattice.shape)]
 
     @property
     def volume(self) -> float:
@@ -111,9 +110,8 @@ def make_water(smoothing: float = 1.0, bodies: list[Body] | None = None) -> Wate
     boundary = Boundary(SIZE, layers.specs, bodies)
     particles = Particles(6000)
     grid = LayeredGrid(SIZE, layers, particles)
-    surface = Surface(
-        SIZE, layers, grid, particles, cell=CELL, smoothing=smoothing, boundary=boundary
-    )
+    surface = Surface(layers, grid, particles, boundary)
+    surface.load(SIZE, CELL, smoothing)
     return Water(layers, particles, grid, surface, boundary)
 
 

@@ -1,33 +1,31 @@
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from surface_kit import COARSE, FINE, SIZE, packed
 
-from msph.surface.band import RIM, STRIDE, Band, bound
+from msph.surface.band import RIM, STRIDE, bound
 from msph.surface.fluid_fraction import ISO, fluid_fraction
 
 
 def field(water):
     """Coverage and its gradient at every real node, and the nodes' coordinates."""
     water.surface.extract(everywhere=True)
-    cubes, shape = water.surface.cubes, water.surface.lattice.shape
-    real = tuple(slice(1, n - 1) for n in shape)
+    cubes, real = water.surface.cubes, (slice(1, -1),) * 3
     axes = [a[1:-1].astype(np.float64) for a in water.surface.lattice.axes]
-    return cubes.value.to_numpy()[real] + ISO, cubes.gradient.to_numpy()[real], axes
+    return water.nodes(cubes.value)[real] + ISO, water.nodes(cubes.gradient)[real], axes
 
 
 def brute_force(water):
     """The formula in sums.py in f64, as a function of a point."""
     positions = water.particles.numpy("x").astype(np.float64)
     layer = water.particles.numpy("layer")
-    thin = water.surface.coverage.thin
+    thin = water.surface.thin
+    reach = thin.by_layer.reach.to_numpy()[: water.layers.count]
     per_r2, weight = thin.kernel.to_numpy()[: len(positions)].astype(np.float64).T
 
     def coverage(x: np.ndarray) -> float:
         u = np.maximum(1.0 - ((positions - x) ** 2).sum(axis=1) * per_r2, 0.0)
         total = 0.0
-        for number, r in enumerate(thin.radii):
+        for number, r in enumerate(reach):
             fraction = np.prod([fluid_fraction(x[a], SIZE[a], r)[0] for a in range(3)])
             total += (weight * u**3)[layer == number].sum() / fraction
         return total
@@ -89,7 +87,5 @@ def test_bound_holds_for_single_particles(spacing):
 
 
 def test_too_coarse_cells_are_refused(water):
-    thin = SimpleNamespace(radii=np.array([0.5 * max(water.surface.lattice.spacing)]))
-    sums = SimpleNamespace(thin=thin, bodies=None)
     with pytest.raises(ValueError, match="too coarse"):
-        Band(water.surface.lattice, water.surface.cubes.signs, sums)
+        water.surface.load(SIZE, 2 * FINE)

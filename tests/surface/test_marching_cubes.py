@@ -2,7 +2,9 @@ import numpy as np
 import pytest
 from surface_kit import Cubes, as_trimesh, assert_closed
 
+from msph.surface import SurfaceRoom
 from msph.surface.lattice import Lattice
+from msph.surface.marching_cubes import MarchingCubes
 
 
 def walled_in(value: np.ndarray) -> np.ndarray:
@@ -91,20 +93,22 @@ def test_empty_field_gives_an_empty_mesh(cubes):
 
 
 @pytest.mark.parametrize("nodes", [31, 32, 33, 64])
-def test_rows_may_end_anywhere_in_a_word_of_signs(nodes):
+def test_rows_may_end_anywhere_in_a_word_of_signs(marching_cubes, nodes):
     """One vertex for each edge whose ends differ, and none beyond the lattice."""
-    cubes = Cubes(Lattice.uniform((5, 4, nodes)), 10_000, 20_000)
+    cubes = Cubes(Lattice.uniform((5, 4, nodes)), marching_cubes)
     noise = np.random.default_rng(nodes).normal(size=cubes.lattice.shape)
     for value in (noise, walled_in(noise)):
         inside = value > 0.0
         crossed = sum(int(np.diff(inside, axis=a).sum()) for a in range(3))
         assert cubes.extract(value).counts[2] == crossed
-    assert_closed(cubes.mesh)
+    assert_closed(marching_cubes.mesh)
 
 
 @pytest.mark.parametrize("capacity", [(500, 100_000), (50_000, 500)])
 def test_overflow_is_reported_and_what_is_there_stays_valid(capacity):
-    small = Cubes(Lattice.uniform((18, 18, 18)), *capacity)
+    vertices, triangles = capacity
+    room = SurfaceRoom(vertices=vertices, triangles=triangles)
+    small = Cubes(Lattice.uniform((18, 18, 18)), MarchingCubes(room))
     noise = np.random.default_rng(5).normal(size=(18, 18, 18))
     mesh = small.extract(walled_in(noise))
     vertices, normals, triangles = mesh.to_numpy()

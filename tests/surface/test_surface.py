@@ -1,9 +1,22 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
-from surface_kit import COARSE, FINE, SIZE, as_trimesh, assert_closed, assert_same, middles, packed
+from surface_kit import (
+    CELL,
+    COARSE,
+    FINE,
+    SIZE,
+    as_trimesh,
+    assert_closed,
+    assert_same,
+    make_water,
+    middles,
+    packed,
+)
 
-from msph.surface import Surface
+from msph.surface import SurfaceRoom
 
 MIDDLE = np.array(SIZE) / 2
 
@@ -63,7 +76,8 @@ def test_the_band_follows_the_surface_not_the_volume(water):
     """Still water: a small part of the box is evaluated, and nothing without particles."""
     water.fill(packed((0, 0, 0), (SIZE[0], 0.35, SIZE[2]), FINE))
     water.mesh()
-    state = water.surface.coverage.band.state.to_numpy()
+    pairs = [(n + 1) // 2 for n in water.surface.lattice.shape]
+    state = water.surface.coverage.band.state.to_numpy()[: np.prod(pairs)]
     assert (state == 1).mean() < 0.2
     water.fill(np.zeros((0, 3)))
     water.mesh()
@@ -156,11 +170,40 @@ def test_export_refuses_other_formats(water, tmp_path):
 
 def test_a_kernel_narrower_than_the_water_s_is_refused(water):
     with pytest.raises(ValueError, match="surface smoothing is 0.9"):
-        Surface(SIZE, water.layers, water.grid, water.particles, cell=0.02, smoothing=0.9)
+        water.surface.load(SIZE, 0.02, smoothing=0.9)
 
 
-def test_memory_is_known_before_allocation():
-    needed = Surface.bytes_needed
-    small, large = (needed((1.0, 1.0, 1.0), cell, 1000, False) for cell in (0.05, 0.025))
-    assert 4 * small < large < 8 * small
-    assert large < needed((1.0, 1.0, 1.0), 0.025, 1000, True) < 1.2 * large
+def test_a_scene_beyond_the_room_is_refused(water):
+    with pytest.raises(ValueError, match="room for 330,000 nodes, not for"):
+        water.surface.load(SIZE, 0.006)
+
+
+def test_one_surface_serves_all_scenes(water, compiled):
+    """Loaded with another box, cells and kernels it compiles nothing, and its mesh is that of a
+    surface made for the scene."""
+    other, size = make_water(smoothing=1.4), (0.63, 0.52, 0.4)
+    for surface in (water.surface, other.surface):
+        surface.load(size, 0.9 * CELL, 1.4)
+    x, layer = waves(2)
+    other.fill(x, layer)
+    fresh = middles(other.mesh())
+    water.fill(x, layer)
+    water.surface.load(SIZE, CELL)
+    first = middles(water.mesh())
+    compiled.clear()
+    water.surface.load(size, 0.9 * CELL, 1.4)
+    assert_same(fresh, middles(water.mesh()))
+    water.surface.load(SIZE, CELL)
+    assert_same(first, middles(water.mesh()))
+    assert compiled == []
+
+
+def test_rooms_grow_by_kind():
+    """Each kind by itself, and memory is known before allocation."""
+    first = SurfaceRoom()
+    assert SurfaceRoom.holding((1.0, 1.0, 1.0), 0.05, 1000) == first
+    many = SurfaceRoom.holding((1.0, 1.0, 1.0), 0.05, 40_000)
+    assert many == replace(first, particles=4 * first.particles)
+    large = SurfaceRoom.holding((1.0, 1.0, 1.0), 0.01, 1000)
+    assert large.nodes == 4 * first.nodes and large.particles == first.particles
+    assert first.bytes < many.bytes < large.bytes < 5 * first.bytes

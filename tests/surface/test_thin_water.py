@@ -63,6 +63,6 @@ def test_still_water_keeps_the_kernels_of_full_reach(water):
     """Where water is not thin it is drawn as smooth as the widest kernels draw it."""
     water.fill(packed((0, 0, 0), (SIZE[0], 0.3, SIZE[2]), FINE, 0.05))
     water.mesh()
-    thin = water.surface.coverage.thin
+    thin = water.surface.thin
     per_r2 = thin.kernel.to_numpy()[: water.particles.count, 0]
-    assert np.allclose(per_r2, 1.0 / thin.radii[0] ** 2, rtol=1e-5)
+    assert np.allclose(per_r2, 1.0 / thin.by_layer.reach[0] ** 2, rtol=1e-5)
