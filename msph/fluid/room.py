@@ -23,11 +23,11 @@ class Room:
         return all(a >= b for a, b in zip(astuple(self), astuple(needed), strict=True))
 
 
-# Room of the first class: every shipped scene fits at every quality (the most are 30,000 particles,
-# 2.6 million entries, 39,000 and 32,000 cells, 813,000 samples), so that none compiles anything
-# that another has compiled. Pages that nothing touches cost no memory on a CPU. No power of two:
-# fields a multiple of 4096 bytes apart would compete for the same lines of a cache.
-FIRST = Room(33_000, 2_900_000, 50_000, 40_000, 900_000)
+# The first class, 40 MiB: every shipped scene fits at every quality (the most are 16,000 particles,
+# 1.38 million entries, 39,000 and 26,000 cells, 813,000 samples), so that none compiles anything
+# that another has compiled. No power of two: fields a multiple of 4096 bytes apart would compete
+# for the same lines of a cache.
+FIRST = Room(16_500, 1_425_000, 40_000, 27_000, 820_000)
 # Factor from one class to the next, of each kind by itself.
 GROWTH = 4
 # Most that a class has of a kind unless a scene needs more: indices are 32-bit integers.

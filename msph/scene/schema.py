@@ -308,7 +308,7 @@ else:
                 None,
                 gt=0,
                 text="most particles; beyond, fine layers grow thinner. Default: all water at its "
-                "finest, at most 30,000 or twice the particles at the start",
+                "finest, at most 16,000 or twice the particles at the start",
             ),
         ),
     )

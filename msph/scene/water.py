@@ -10,7 +10,7 @@ from msph.fluid.particles.layers import LayerSpec
 from msph.scene.schema import Scene, Water
 
 # Particles that a pool has room for without being asked, where adaptation could need them.
-MANY = 30_000
+MANY = 16_000
 # How far bodies of water may touch or reach over the box before it counts as an error [m]:
 # rounding in a scene file, not a design.
 TOLERANCE = 1e-6

@@ -31,7 +31,7 @@ class SurfaceRoom:
     axis: int = 1_024
     vertices: int = 100_000
     triangles: int = 210_000
-    particles: int = 33_000
+    particles: int = 16_500
 
     @classmethod
     def needed(cls, lattice: Lattice, particles: int) -> "SurfaceRoom":
