@@ -22,12 +22,12 @@ class DeviceTable:
     """
 
     def __init__(self, shape: tuple[int, ...], **members: Any):
-        self.shape, self.rows = shape, int(np.prod(shape))
-        self.columns = shape[1] if len(shape) == 2 else 1
+        self.shape, self._rows = shape, int(np.prod(shape))
+        self._columns = shape[1] if len(shape) == 2 else 1
         self.fields = {
             name: _width_and_type(kind) for name, kind in members.items()
         }  # components and number type of each member
-        field = ti.types.struct(**members).field(shape=shape)
+        field = self.struct = ti.types.struct(**members).field(shape=shape)
         self.__dict__.update({name: field.get_member_field(name) for name in members})
         slots = {name: _components(getattr(self, name)) for name in members}
         self._numbers = [
@@ -44,10 +44,10 @@ class DeviceTable:
             given = np.asarray(values.pop(name), kind)
             given = given.reshape(*given.shape[: len(self.shape)], width)
             table[tuple(slice(n) for n in given.shape[:-1])] = given
-            tables[kind].append(table.reshape(self.rows, width))
+            tables[kind].append(table.reshape(self._rows, width))
         if values:
             raise TypeError(f"the table has no {', '.join(values)}")
-        empty = np.zeros((self.rows, 0))
+        empty = np.zeros((self._rows, 0))
         self._store(
             np.concatenate([empty, *tables[np.float32]], axis=1).astype(np.float32),
             np.concatenate([empty, *tables[np.int32]], axis=1).astype(np.int32),
@@ -59,21 +59,21 @@ class DeviceTable:
         numbers: ti.types.ndarray(dtype=ti.f32, ndim=2),
         integers: ti.types.ndarray(dtype=ti.i32, ndim=2),
     ):
-        for row in range(self.rows):
+        for row in range(self._rows):
             for column, slot in ti.static(enumerate(self._numbers)):
                 if ti.static(len(self.shape) == 0):
                     slot[None] = numbers[row, column]
                 elif ti.static(len(self.shape) == 1):
                     slot[row] = numbers[row, column]
                 else:
-                    slot[row // self.columns, row % self.columns] = numbers[row, column]
+                    slot[row // self._columns, row % self._columns] = numbers[row, column]
             for column, slot in ti.static(enumerate(self._integers)):
                 if ti.static(len(self.shape) == 0):
                     slot[None] = integers[row, column]
                 elif ti.static(len(self.shape) == 1):
                     slot[row] = integers[row, column]
                 else:
-                    slot[row // self.columns, row % self.columns] = integers[row, column]
+                    slot[row // self._columns, row % self._columns] = integers[row, column]
 
 
 def _width_and_type(kind: Any) -> tuple[int, type]:

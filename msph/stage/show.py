@@ -19,6 +19,7 @@ from msph.measure.timings import Timings
 from msph.picture.camera import Camera
 from msph.picture.look import Look
 from msph.picture.picture import Picture
+from msph.picture.room import PictureRoom
 from msph.scene.build import (
     build_simulation,
     declared,
@@ -144,17 +145,10 @@ class Show:
 
     def _build_picture(self, size: tuple[int, int]) -> Picture:
         look = declared(self.scene.picture, Look)
-        capacity = self.simulation.particles.capacity
-        sim, mesh = self.simulation, self.surface.mesh
-        return Picture(
-            *size,
-            sim.size,
-            mesh,
-            look,
-            particles=capacity,
-            boundary=sim.boundary,
-            scalable=self.scalable,
-        )
+        sim, room = self.simulation, PictureRoom.holding(*size, look.supersample)
+        picture = Picture(self.surface.mesh, sim.boundary, room)
+        picture.load(*size, sim.size, look)
+        return picture
 
     def warm_up(self) -> None:
         """Compiles every kernel by one frame, and starts anew."""
