@@ -29,11 +29,16 @@ class DeviceTable:
         }  # components and number type of each member
         field = self.struct = ti.types.struct(**members).field(shape=shape)
         self.__dict__.update({name: field.get_member_field(name) for name in members})
-        slots = {name: _components(getattr(self, name)) for name in members}
-        self._numbers = [
-            s for n, ss in slots.items() if self.fields[n][1] is np.float32 for s in ss
-        ]
-        self._integers = [s for n, ss in slots.items() if self.fields[n][1] is np.int32 for s in ss]
+        self._numbers, self._integers = self._slots(np.float32), self._slots(np.int32)
+
+    def _slots(self, kind: type) -> list[tuple[int, list[Any]]]:
+        """Of each member of one number type its first column and its scalar fields."""
+        slots: list[tuple[int, list[Any]]] = []
+        column = 0
+        for name in (name for name, (_, found) in self.fields.items() if found is kind):
+            slots.append((column, _components(getattr(self, name))))
+            column += len(slots[-1][1])
+        return slots
 
     def fill(self, **values: Any) -> None:
         """Writes all rows. values: for every member an array of shape (rows used, components), or
@@ -60,20 +65,22 @@ class DeviceTable:
         integers: ti.types.ndarray(dtype=ti.i32, ndim=2),
     ):
         for row in range(self._rows):
-            for column, slot in ti.static(enumerate(self._numbers)):
-                if ti.static(len(self.shape) == 0):
-                    slot[None] = numbers[row, column]
-                elif ti.static(len(self.shape) == 1):
-                    slot[row] = numbers[row, column]
-                else:
-                    slot[row // self._columns, row % self._columns] = numbers[row, column]
-            for column, slot in ti.static(enumerate(self._integers)):
-                if ti.static(len(self.shape) == 0):
-                    slot[None] = integers[row, column]
-                elif ti.static(len(self.shape) == 1):
-                    slot[row] = integers[row, column]
-                else:
-                    slot[row // self._columns, row % self._columns] = integers[row, column]
+            for first, slots in ti.static(self._numbers):
+                for k, slot in ti.static(enumerate(slots)):
+                    if ti.static(len(self.shape) == 0):
+                        slot[None] = numbers[row, first + k]
+                    elif ti.static(len(self.shape) == 1):
+                        slot[row] = numbers[row, first + k]
+                    else:
+                        slot[row // self._columns, row % self._columns] = numbers[row, first + k]
+            for first, slots in ti.static(self._integers):
+                for k, slot in ti.static(enumerate(slots)):
+                    if ti.static(len(self.shape) == 0):
+                        slot[None] = integers[row, first + k]
+                    elif ti.static(len(self.shape) == 1):
+                        slot[row] = integers[row, first + k]
+                    else:
+                        slot[row // self._columns, row % self._columns] = integers[row, first + k]
 
 
 def _width_and_type(kind: Any) -> tuple[int, type]:

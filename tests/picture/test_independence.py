@@ -23,6 +23,7 @@ FLAT, TALL = (0.9, 0.5, 0.7), (0.6, 1.2, 0.5)
 # Of each image: size, box, look, scale.
 IMAGES = [
     ((96, 54), BOX, Look(), 0.5),
+    ((96, 54), BOX, Look(), 1.0),
     ((64, 48), BOX, Look(supersample=2), 1.0),
     ((160, 120), FLAT, Look(tint=9.0, reflection=0.3), 1.0),
     ((90, 110), TALL, Look(caustics=False, sun_azimuth=1.0, sun_elevation=0.5), 0.6),
@@ -60,11 +61,11 @@ def test_other_scenes_and_sizes_need_no_other_kernels(spheres, bodies):
     mesh.fill(*ball((0.3, 0.3, 0.35), 0.2))
     boundary = Boundary(FLAT, [LayerSpec(1000.0 * 0.04**3, 1000.0, 2.0)], bodies)
     picture = Picture(mesh, boundary, PictureRoom(192, 128))
-    for image in IMAGES[:2]:
+    for image in IMAGES[:3]:
         draw(picture, image, spheres)
     compiled = []
     with watch_compiling(compiled.append):
-        for image in IMAGES[2:]:
+        for image in IMAGES[3:]:
             shown = draw(picture, image, spheres)
     assert PLAIN or not compiled
     fresh = Picture(mesh, boundary, PictureRoom.holding(*IMAGES[-1][0], 3))
