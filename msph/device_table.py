@@ -13,38 +13,41 @@ f32, i32 = ti.f32, ti.i32
 
 @data_oriented
 class DeviceTable:
-    """A table of shape (), (rows,) or (rows, columns) with members of f32 or i32, which one launch
-    writes from the host.
+    """A struct field of shape (), (rows,) or (rows, columns) with members of f32 or i32, which one
+    launch writes from the host.
 
     Each member is an attribute, a Taichi field of that shape: kernels read `table.spacing[layer]`,
-    or `table.size[None]` where the shape is (). Kernels that read a table need not be compiled
-    again when its numbers change.
+    or `table.size[None]` where the shape is (); `struct` is the whole. No member may be called
+    `shape`. Kernels that read a table need not be compiled again when its numbers change.
     """
 
-    def __init__(self, shape: tuple[int, ...], /, **members: Any):
-        self._shape, self._rows = shape, int(np.prod(shape))
+    def __init__(self, shape: tuple[int, ...], **members: Any):
+        self.shape, self._rows = shape, int(np.prod(shape))
         self._columns = shape[1] if len(shape) == 2 else 1
         # Components and number type of each member.
         self.fields = {name: _width_and_type(kind) for name, kind in members.items()}
-        found = {name: _unplaced(kind) for name, kind in members.items()}
-        self.__dict__.update(found)
-        # A row's members lie side by side.
-        place = ti.root.dense([ti.i, ti.ij][len(shape) - 1], shape) if shape else ti.root
-        for field in found.values():
-            place.place(field)
-        slots = [(self.fields[n][1], slot) for n, f in found.items() for slot in _components(f)]
-        self._numbers = [slot for kind, slot in slots if kind is np.float32]
-        self._integers = [slot for kind, slot in slots if kind is np.int32]
+        field = self.struct = ti.types.struct(**members).field(shape=shape)
+        self.__dict__.update({name: field.get_member_field(name) for name in members})
+        self._numbers, self._integers = self._slots(np.float32), self._slots(np.int32)
+
+    def _slots(self, kind: type) -> list[tuple[int, list[Any]]]:
+        """Of each member of one number type its first column and its scalar fields."""
+        slots: list[tuple[int, list[Any]]] = []
+        column = 0
+        for name in (name for name, (_, found) in self.fields.items() if found is kind):
+            slots.append((column, _components(getattr(self, name))))
+            column += len(slots[-1][1])
+        return slots
 
     def fill(self, **values: Any) -> None:
         """Writes all rows. values: of each member an array of shape (rows used, components), or
         (rows, columns, components) of a table of two axes; what is not given becomes 0."""
-        tables = {np.float32: [], np.int32: []}
+        tables: dict[type, list] = {np.float32: [], np.int32: []}
         for name, (width, kind) in self.fields.items():
-            table = np.zeros((*self._shape, width), kind)
+            table = np.zeros((*self.shape, width), kind)
             if name in values:
                 given = np.asarray(values.pop(name), kind)
-                given = given.reshape(*given.shape[: len(self._shape)], width)
+                given = given.reshape(*given.shape[: len(self.shape)], width)
                 table[tuple(slice(n) for n in given.shape[:-1])] = given
             tables[kind].append(table.reshape(self._rows, width))
         if values:
@@ -62,20 +65,22 @@ class DeviceTable:
         integers: ti.types.ndarray(dtype=ti.i32, ndim=2),
     ):
         for row in range(self._rows):
-            for column, slot in ti.static(enumerate(self._numbers)):
-                if ti.static(len(self._shape) == 0):
-                    slot[None] = numbers[row, column]
-                elif ti.static(len(self._shape) == 1):
-                    slot[row] = numbers[row, column]
-                else:
-                    slot[row // self._columns, row % self._columns] = numbers[row, column]
-            for column, slot in ti.static(enumerate(self._integers)):
-                if ti.static(len(self._shape) == 0):
-                    slot[None] = integers[row, column]
-                elif ti.static(len(self._shape) == 1):
-                    slot[row] = integers[row, column]
-                else:
-                    slot[row // self._columns, row % self._columns] = integers[row, column]
+            for first, slots in ti.static(self._numbers):
+                for k, slot in ti.static(enumerate(slots)):
+                    if ti.static(len(self.shape) == 0):
+                        slot[None] = numbers[row, first + k]
+                    elif ti.static(len(self.shape) == 1):
+                        slot[row] = numbers[row, first + k]
+                    else:
+                        slot[row // self._columns, row % self._columns] = numbers[row, first + k]
+            for first, slots in ti.static(self._integers):
+                for k, slot in ti.static(enumerate(slots)):
+                    if ti.static(len(self.shape) == 0):
+                        slot[None] = integers[row, first + k]
+                    elif ti.static(len(self.shape) == 1):
+                        slot[row] = integers[row, first + k]
+                    else:
+                        slot[row // self._columns, row % self._columns] = integers[row, first + k]
 
 
 def _width_and_type(kind: Any) -> tuple[int, type]:
@@ -83,15 +88,6 @@ def _width_and_type(kind: Any) -> tuple[int, type]:
     width = getattr(kind, "n", 1) * getattr(kind, "m", 1)
     number = getattr(kind, "dtype", kind)
     return width, np.int32 if number is ti.i32 else np.float32
-
-
-def _unplaced(kind: Any) -> Any:
-    """A field of a member's type, which has no place yet."""
-    if not hasattr(kind, "n"):
-        return ti.field(kind)
-    if getattr(kind, "m", 1) == 1:
-        return ti.Vector.field(kind.n, kind.dtype)
-    return ti.Matrix.field(kind.n, kind.m, kind.dtype)
 
 
 def _components(field: Any) -> list[Any]:

@@ -60,11 +60,13 @@ class World:
         )
         self._built: dict[Any, Any] = {}
 
-    def once(self, build: Callable[["World"], T]) -> T:
-        """What build(world) gives, built by the first caller and kept for the later ones."""
-        if build not in self._built:
-            self._built[build] = build(self)
-        return self._built[build]
+    def once(self, build: Callable[..., T], *arguments: Any) -> T:
+        """What build(world, *arguments) gives, built by the first caller and kept for later ones
+        with equal arguments."""
+        key = build, *arguments
+        if key not in self._built:
+            self._built[key] = build(self, *arguments)
+        return self._built[key]
 
     def load(self, plan: Plan) -> Any:
         """Fills tables and constants for a scene, and returns its solver."""
@@ -75,11 +77,14 @@ class World:
         margin = plan.method.LIST_MARGIN * plan.finest.support
         parts.neighbours.load(plan.entries, margin, plan.method.MIRRORS)
         parts.boundary.load(plan.size, specs, list(plan.bodies))
-        if plan.method not in self._built:
-            self._built[plan.method] = plan.method(parts)
-        solver = self._built[plan.method]
+        solver = self.once(_solver, plan.method)
         solver.load(plan.parameters)
         return solver
+
+
+def _solver(world: World, method: Any) -> Any:
+    """The solver of a method over a world's fields."""
+    return method(world.parts)
 
 
 # Worlds that no simulation uses.

@@ -6,15 +6,16 @@ import numpy as np
 import taichi as ti
 
 from msph.lesson.course import Progress
+from msph.picture.pixels import Image
 
 
 class BoardView:
-    """image: 3-vec f32 (width, height), 0..1, index [right, up]: the board of a lesson, drawn anew
-    where its inputs change, over `below` pixels that are left free."""
+    """image: the board of a lesson, drawn anew where its inputs change, over `below` pixels that
+    are left free."""
 
     def __init__(self, size: tuple[int, int], below: int):
         self.size, self.below = size, below
-        self.image = ti.Vector.field(3, ti.f32, size)
+        self.image = Image(ti.Vector.field(3, ti.f32, size), *size)
         self.drawn: Any = None
         self.pixels: Any = None  # (height, width, 3) uint8, first row at the top
 
@@ -26,4 +27,4 @@ class BoardView:
         # The lesson's pages were laid over it.
         whole = np.zeros((*self.size, 3), np.float32)
         whole[:, self.below :] = self.pixels[::-1].transpose(1, 0, 2) / np.float32(255.0)
-        self.image.from_numpy(whole)
+        self.image.field.from_numpy(whole)

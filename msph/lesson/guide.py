@@ -98,7 +98,7 @@ class Guide:
             self.read, self.shown = now, self.progress.shown()
 
     def lay(self, image) -> None:
-        """Its pages over the image, a 3-vec field (width, height)."""
+        """Lays its pages over the image."""
         p = self.progress
         state = (p.page, p.answered, tuple(p.ticked), tuple(p.values.values()), tuple(self.shown))
         if state != self.painted:

@@ -6,7 +6,8 @@ Sky and ground are sampled once every COARSE pixels, the box and what is in it a
 import taichi as ti
 
 from msph.picture.pool import FLATTEST, INFINITE, RIM, along
-from msph.picture.rasteriser import BLOCK, FAR
+from msph.picture.rasteriser import BLOCK, FAR, NOTHING
+from msph.picture.room import COARSE, PixelFields
 from msph.picture.samples import (
     BARE,
     DETAIL,
@@ -21,7 +22,6 @@ from msph.taichi_internals import data_oriented, kernel
 
 vec2, vec3, vec4 = ti.math.vec2, ti.math.vec3, ti.math.vec4
 
-COARSE = 8  # pixels from one sample of sky and ground to the next: clouds are hardly finer
 RIM_WIDTH = 0.0035  # of the longest box edge
 LINE_LIMIT = 1.6  # most pixels that one face's edge is wide
 RIM_STRENGTH, INNER_STRENGTH = 0.85, 0.35  # opacity of edges before and behind the water
@@ -34,23 +34,19 @@ MORE, NEXT = 4, 1 << 18
 class Backdrop:
     """Display-referred colours, with the opacity of the rim that lies before all.
 
-    Drawn anew only when the camera, the tilt or a body moves. While they change, what the water of
-    `raster` hides is left out: its colour is not drawn, only the rim before it. With bodies all is
-    drawn, as they may be before the water.
+    Drawn anew only when the camera, the tilt or a body moves. While they change, what the water
+    hides is left out: its colour is not drawn, only the rim before it. With bodies all is drawn, as
+    they may be before the water.
     """
 
-    def __init__(self, width, height, lens, pool, tone, raster):
-        self.lens, self.raster = lens, raster
+    def __init__(self, fields: PixelFields, lens, pool, tone):
+        self.lens, self.key = lens, fields.key
         self.pool, self.tone = pool, tone
-        self.colour = ti.Vector.field(4, ti.f32, (width, height))
-        # Sky and ground at pixels (COARSE a, COARSE b), linear.
-        self.country = ti.Vector.field(3, ti.f32, (width // COARSE + 2, height // COARSE + 2))
-        if pool.occupied:
-            self.depth = ti.field(ti.f32, (width, height))  # of bodies along the view [m], or FAR
+        self.colour, self.country, self.depth = fields.backdrop, fields.country, fields.depth
         self.whole = False
 
     def refresh(self, changed, flooded=False):
-        """Bring it up to date; changed: the view is new; flooded: the raster's water hides it."""
+        """Bring it up to date; changed: the view is new; flooded: the water of `key` hides it."""
         if self.pool.occupied:
             flooded = False
             changed = changed or self.pool.bodies.boundary.moving
@@ -61,12 +57,12 @@ class Backdrop:
 
     @kernel
     def draw(self, flooded: ti.i32):
+        columns, rows = self.lens.shot[None].columns, self.lens.shot[None].rows
         ti.loop_config(block_dim=BLOCK)
-        for a, b in self.country:
+        for a, b in ti.ndrange(columns // COARSE + 2, rows // COARSE + 2):
             shot = self.lens.shot[None]
             d = shot.origin + shot.du * (COARSE * a) + shot.dv * (COARSE * b)
             self.country[a, b] = self.pool.country(d.normalized(), shot)
-        columns, rows = self.lens.shot[None].columns, self.lens.shot[None].rows
         ti.loop_config(block_dim=BLOCK // COARSE)
         for a, b in ti.ndrange(columns // COARSE + 1, rows // COARSE + 1):
             self.draw_country(a, b)
@@ -97,7 +93,7 @@ class Backdrop:
             for k in range(SPAN * SPAN):
                 i = ti.min(i0 + k // SPAN, shot.columns - 1)
                 j = ti.min(j0 + k % SPAN, shot.rows - 1)
-                hidden = hidden and self.raster.hides(i, j)
+                hidden = hidden and self.key[i, j] != NOTHING
         return boxed, True, hidden
 
     @ti.func

@@ -5,9 +5,9 @@ seen is what the water feels. A container is seen from within: like the pool's p
 faces the eye is clear.
 """
 
-import numpy as np
 import taichi as ti
 
+from msph.device_table import DeviceTable, f32, i32
 from msph.fluid.boundary.boundary import END
 from msph.picture.light_sources import SKY_LIGHT, SUN_LIGHT
 from msph.taichi_internals import data_oriented
@@ -30,8 +30,16 @@ class BodyShading:
 
     def __init__(self, boundary):
         self.boundary = boundary
-        self.near = NEAR * max(np.asarray(boundary.size))
-        self.clear = 8.0 * self.near  # off a surface, so as not to meet it again [m]
+        self.numbers = DeviceTable((), count=i32, near=f32)
+
+    def load(self, box):
+        """Draws the bodies that the boundary has now, in a box (Lx, Ly, Lz) [m]."""
+        self.numbers.fill(count=self.boundary.count, near=NEAR * max(box))
+
+    @ti.func
+    def clear(self):
+        """Way [m] off a surface, so as not to meet it again."""
+        return 8.0 * self.numbers.near[None]
 
     @ti.func
     def span(self, b, p, r, most, more):
@@ -43,11 +51,11 @@ class BodyShading:
         found = vec2(1.0, 0.0)
         if half > 0.0:
             found = vec2(ti.max(-along - ti.sqrt(half), 0.0), ti.min(-along + ti.sqrt(half), most))
-            turn = self.boundary.turn[b, END].transpose()
+            turn, clear = self.boundary.turn[b, END].transpose(), self.clear()
             q, s = turn @ c, turn @ r
             for k in ti.static(range(3)):
                 # A face may be part of the body.
-                out = self.boundary.half[b][k] + more + self.clear
+                out = self.boundary.half[b][k] + more + clear
                 per = 1.0 / ti.select(abs(s[k]) > PARALLEL, s[k], PARALLEL)
                 near, far = (-out - q[k]) * per, (out - q[k]) * per
                 found[0] = ti.max(found[0], ti.min(near, far))
@@ -60,7 +68,8 @@ class BodyShading:
         it does not; which body; the cosine at which it came into the container, or -1; and whether
         it passes a body by less than `wide` times its way from the eye, which is reach [m] at p."""
         nearest, which, steep, close = MISSED, -1, -1.0, False
-        for b in range(self.boundary.count):
+        near = self.numbers.near[None]
+        for b in range(self.numbers.count[None]):
             part = self.span(b, p, r, ti.min(most, nearest), wide * (reach + most))
             t, entered, steps = part[0], self.boundary.side[b] > 0.0, 0
             margin = MISSED  # least distance from the body, over the way from the eye
@@ -68,17 +77,17 @@ class BodyShading:
                 steps += 1
                 found = self.boundary.distance(b, p + t * r, END)
                 d = found.x
-                way = t + ti.max(CAREFUL * abs(d), self.near)
+                way = t + ti.max(CAREFUL * abs(d), near)
                 margin = ti.min(margin, abs(d) / (reach + t))
-                if entered and d < self.near:
+                if entered and d < near:
                     nearest, which, margin = t, b, MISSED
                     way = MISSED
                 elif not entered:
-                    entered = d > self.near
+                    entered = d > near
                     if entered:
                         steep = ti.max(found.yzw.dot(r), 0.0)
                     else:
-                        way = t - d + 4.0 * self.near  # how exactly it enters does not matter
+                        way = t - d + 4.0 * near  # how exactly it enters does not matter
                 t = way
             close = close or margin < wide
         return nearest, which, steep, close
@@ -87,17 +96,18 @@ class BodyShading:
     def sunlit(self, p, to_sun):
         """Share of the sun, 0..1, that obstacles leave at p: soft shadows (Quilez)."""
         share = 1.0
-        for b in range(self.boundary.count):
+        near = self.numbers.near[None]
+        for b in range(self.numbers.count[None]):
             if self.boundary.side[b] > 0.0:
                 # As far from the body as its shadow is soft.
                 ahead = (self.boundary.centre[b, END] - p).dot(to_sun) + self.boundary.reach[b]
                 part = self.span(b, p, to_sun, ahead, ahead / SOFT)
-                t, steps = ti.max(part[0], self.clear), 0
+                t, steps = ti.max(part[0], self.clear()), 0
                 while t < part[1] and steps < STEPS:
                     steps += 1
                     d = self.boundary.distance(b, p + t * to_sun, END).x
                     share = ti.min(share, SOFT * d / t)
-                    t = ti.select(share <= 0.0, MISSED, t + ti.max(CAREFUL * d, 2.0 * self.near))
+                    t = ti.select(share <= 0.0, MISSED, t + ti.max(CAREFUL * d, 2.0 * near))
         return ti.max(share, 0.0)
 
     @ti.func

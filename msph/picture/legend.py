@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from msph.picture import pixels
 from msph.picture.overlay import Overlay
 from msph.picture.particles_view import shown_colour
 
@@ -32,6 +33,11 @@ class Legend:
     title: str
     marks: tuple[tuple[float, str], ...]
     bar: bool = True
+
+
+def text_height(height: int) -> int:
+    """Height [pixels] of a legend's text in an image of so many rows."""
+    return max(LEAST_TEXT, round(TEXT * height), min(READABLE, height // ROOMY))
 
 
 def paint(legend: Legend, size: int) -> np.ndarray:
@@ -78,19 +84,25 @@ def _bar(length: int, thick: int) -> Image.Image:
 
 
 class LegendPanel:
-    """Lays a legend into the lower right corner of pictures of width x height pixels."""
+    """Lays a legend into the lower right corner of images of up to width x height pixels."""
 
     def __init__(self, width: int, height: int):
-        self.size = max(LEAST_TEXT, round(TEXT * height), min(READABLE, height // ROOMY))
+        most = (int(m * text_height(height)) for m in MOST)
+        self.overlay = Overlay(width, height, {"legend": tuple(most)})  # type: ignore[dict-item]
+        self.resize(width, height)
+
+    def resize(self, width: int, height: int) -> None:
+        """For images of another size."""
+        self.size = text_height(height)
         self.gap = round(GAP * self.size)
         self.picture = width, height
-        room = (n - 2 * self.gap for n in (width, height))
+        room = (n - 2 * self.gap for n in self.picture)
         most = (max(1, min(r, int(m * self.size))) for r, m in zip(room, MOST, strict=True))
-        self.overlay = Overlay(width, height, {"legend": tuple(most)})  # type: ignore[dict-item]
+        self.overlay.resize(width, height, {"legend": tuple(most)})  # type: ignore[dict-item]
         self.legend: Legend | None = None
 
-    def draw(self, legend: Legend, image) -> None:
-        """Over the image, a 3-vec field (width, height), index [right, up]."""
+    def draw(self, legend: Legend, image: pixels.Image) -> None:
+        """Over the image."""
         if legend != self.legend:
             panel = paint(legend, self.size)
             height, width = panel.shape[:2]

@@ -12,7 +12,6 @@ class Look:
     sun_azimuth: float = 2.82  # where the sun stands, as the camera's azimuth [rad]
     sun_elevation: float = 0.76  # [rad]
     tile: float = 1 / 12  # tile edge, as a share of the longest box edge
-    caustic_cells: int = 128  # resolution of the caustics' map along each side
     caustics: bool = parameter(True, text="light gathered by the waves on the floor")
     caustic_contrast: float = parameter(
         1.0, ge=0.0, le=1.0, text="share of the caustics' contrast that is shown", live=(0.0, 1.0)

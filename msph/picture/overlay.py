@@ -3,20 +3,29 @@
 import numpy as np
 import taichi as ti
 
+from msph.picture.pixels import Image
 from msph.taichi_internals import data_oriented, kernel
 
 
 @data_oriented
 class Overlay:
-    """Panels over pictures of width x height pixels. rooms: by name the most pixels (width, height)
-    that a panel may have; what does not fit is cut off at the right and at the bottom."""
+    """Panels over images of width x height pixels. rooms: by name the most pixels (width, height)
+    that a panel may have; what does not fit is cut off at the right and at the bottom. Memory is
+    that of these rooms; `resize` lays out others in it."""
 
     def __init__(self, width: int, height: int, rooms: dict[str, tuple[int, int]]):
+        areas = [min(w, width) * min(h, height) for w, h in rooms.values()]
+        self.pixels = ti.field(ti.u32, shape=max(1, sum(areas)))  # RGBA, from the lowest byte on
+        self.resize(width, height, rooms)
+
+    def resize(self, width: int, height: int, rooms: dict[str, tuple[int, int]]) -> None:
+        """Hides all panels, for images of another size. Raises ValueError where memory is short."""
         self.size = width, height
         self.rooms = {n: (min(w, width), min(h, height)) for n, (w, h) in rooms.items()}
         areas = [w * h for w, h in self.rooms.values()]
+        if sum(areas) > self.pixels.shape[0]:
+            raise ValueError(f"panels of {sum(areas)} pixels exceed {self.pixels.shape[0]}")
         self.begins = dict(zip(self.rooms, np.cumsum([0, *areas[:-1]]).tolist(), strict=True))
-        self.pixels = ti.field(ti.u32, shape=max(1, sum(areas)))  # RGBA, from the lowest byte on
         # Left, lower edge, width, height [pixels] of those that are shown.
         self.shown: dict[str, tuple[int, int, int, int]] = {}
 
@@ -34,11 +43,11 @@ class Overlay:
     def hide(self, name: str) -> None:
         self.shown.pop(name, None)
 
-    def draw(self, image) -> None:
-        """Over the image, a 3-vec field (width, height), index [right, up], in order of rooms."""
+    def draw(self, image: Image) -> None:
+        """Over the image, in order of rooms."""
         for name in self.rooms:
             if name in self.shown:
-                self._blend(self.begins[name], *self.shown[name], image)
+                self._blend(self.begins[name], *self.shown[name], image.field)
 
     @kernel
     def _write(self, begin: ti.i32, values: ti.types.ndarray(dtype=ti.u32, ndim=1)):

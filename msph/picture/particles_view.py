@@ -4,7 +4,7 @@ import numpy as np
 import taichi as ti
 
 from msph.picture.pool import RIM
-from msph.picture.rasteriser import BLOCK, NOTHING, Rasteriser, sphere_inverse_depth
+from msph.picture.rasteriser import BLOCK, NOTHING, sphere_inverse_depth
 from msph.picture.tone import curve
 from msph.taichi_internals import data_oriented, kernel
 
@@ -60,12 +60,10 @@ class OwnRadius:
 
 @data_oriented
 class ParticlesView:
-    """Draws up to `capacity` spheres over the backdrop."""
+    """Draws spheres over a backdrop into the 3-vec field `image`."""
 
-    def __init__(self, width, height, capacity, lens, backdrop, tone):
-        self.lens = lens
-        self.raster = Rasteriser(width, height, capacity, lens)
-        self.backdrop, self.tone = backdrop, tone
+    def __init__(self, lens, rasteriser, tone, image):
+        self.lens, self.raster, self.tone, self.image = lens, rasteriser, tone, image
         self.map = ti.Vector.field(3, ti.f32, COLOURS)
         self.map.from_numpy(colour_map().astype(np.float32))
 
@@ -78,11 +76,11 @@ class ParticlesView:
         lo: ti.f32,
         hi: ti.f32,
         n: ti.i32,
-        image: ti.template(),
+        backdrop: ti.template(),
     ):
-        self.raster.clear()
+        self.raster.clear(n)
         self.raster.draw_spheres(n, x, radius)
-        self.shade(x, radius, value, lo, 1.0 / ti.max(hi - lo, TINY), image)
+        self.shade(x, radius, value, lo, 1.0 / ti.max(hi - lo, TINY), backdrop)
 
     @ti.func
     def shade(
@@ -92,27 +90,27 @@ class ParticlesView:
         value: ti.template(),
         lo,
         scale,
-        image: ti.template(),
+        backdrop: ti.template(),
     ):
         """scale: 1 / (hi - lo) of the value's range."""
         columns, rows = self.lens.shot[None].columns, self.lens.shot[None].rows
         ti.loop_config(block_dim=BLOCK)
         for i, j in ti.ndrange(columns, rows):
             key = self.raster.key[i, j]
-            behind = self.backdrop.colour[i, j]
+            behind = backdrop.colour[i, j]
             if key == NOTHING:
-                image[i, j] = behind.xyz
+                self.image[i, j] = behind.xyz
             else:
                 shot = self.lens.shot[None]
-                p = key & self.raster.item_mask
+                p = self.raster.item(i, j)
                 d = shot.origin + shot.du * i + shot.dv * j
                 v = ti.math.clamp((value[p] - lo) * scale, 0.0, 1.0)
                 base = self.map[ti.cast(v * (COLOURS - 1) + 0.5, ti.i32)]
                 w = sphere_inverse_depth(x[p] - shot.eye, radius.of(p), d)
-                image[i, j] = behind.xyz
-                if not self.backdrop.covers(i, j, 1.0 / ti.max(w, 1e-9)):
+                self.image[i, j] = behind.xyz
+                if not backdrop.covers(i, j, 1.0 / ti.max(w, 1e-9)):
                     c = self.lit(base, x[p] - shot.eye, radius.of(p), d, shot)
-                    image[i, j] = ti.math.mix(self.tone.show(c), RIM, behind.w)
+                    self.image[i, j] = ti.math.mix(self.tone.show(c), RIM, behind.w)
 
     @ti.func
     def lit(self, base, c, r, d, shot: ti.template()):

@@ -1,4 +1,7 @@
-"""Pictures out of Taichi."""
+"""Images on the device, and their pixels on the host."""
+
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import taichi as ti
@@ -7,17 +10,42 @@ import taichi as ti
 OPAQUE = -0x01000000
 
 
+@dataclass(frozen=True, eq=False)
+class Image:
+    """The lower left width x height pixels of a 3-vec f32 field of colours, 0..1 display-referred,
+    index [right, up]."""
+
+    field: Any
+    width: int
+    height: int
+
+    def to_numpy(self) -> np.ndarray:
+        """(width, height, 3) float32."""
+        pixels = np.empty((self.width, self.height, 3), np.float32)
+        _read(self.field, pixels)
+        return pixels
+
+
 @ti.kernel
-def pack(image: ti.template(), pixels: ti.types.ndarray(dtype=ti.i32, ndim=2)):
-    """A 3-vec field (width, height), 0..1, as words (width, height), since not every device stores
-    bytes: red, green, blue, opacity from the lowest byte on."""
-    for i in range(image.shape[0]):
-        for j in range(image.shape[1]):
-            word = OPAQUE
-            for k in ti.static(range(3)):
-                byte = ti.cast(ti.math.clamp(255.0 * image[i, j][k] + 0.5, 0.0, 255.0), ti.i32)
-                word |= byte << (8 * k)
-            pixels[i, j] = word
+def _read(field: ti.template(), pixels: ti.types.ndarray(dtype=ti.f32, ndim=3)):
+    for i, j, k in ti.ndrange(pixels.shape[0], pixels.shape[1], 3):
+        pixels[i, j, k] = field[i, j][k]
+
+
+@ti.kernel
+def _pack(field: ti.template(), pixels: ti.types.ndarray(dtype=ti.i32, ndim=2)):
+    for i, j in ti.ndrange(pixels.shape[0], pixels.shape[1]):
+        word = OPAQUE
+        for k in ti.static(range(3)):
+            byte = ti.cast(ti.math.clamp(255.0 * field[i, j][k] + 0.5, 0.0, 255.0), ti.i32)
+            word |= byte << (8 * k)
+        pixels[i, j] = word
+
+
+def pack(image: Image, pixels: np.ndarray) -> None:
+    """Writes an image as words (width, height) int32, since not every device stores bytes: red,
+    green, blue, opacity from the lowest byte on."""
+    _pack(image.field, pixels)
 
 
 def as_bytes(pixels: np.ndarray) -> np.ndarray:
@@ -25,9 +53,8 @@ def as_bytes(pixels: np.ndarray) -> np.ndarray:
     return pixels.astype("<i4", copy=False).view(np.uint8).reshape(*pixels.shape, 4)
 
 
-def as_u8(image: ti.Field) -> np.ndarray:
-    """The pixels (height, width, 3) uint8, first row at the top, of a 3-vec field (width, height),
-    0..1, index [right, up]."""
-    pixels = np.empty(image.shape, np.int32)
+def as_u8(image: Image) -> np.ndarray:
+    """The pixels (height, width, 3) uint8 of an image, first row at the top."""
+    pixels = np.empty((image.width, image.height), np.int32)
     pack(image, pixels)
     return np.ascontiguousarray(as_bytes(pixels)[..., :3].transpose(1, 0, 2)[::-1])

@@ -10,7 +10,7 @@ from msph.picture.body_shading import MISSED
 from msph.picture.light_sources import SKY_LIGHT, SUN_LIGHT
 from msph.picture.samples import ADDED, BARE, LEFT, PLACE, SPAN
 from msph.picture.sky import GROUND, Sky, haze
-from msph.taichi_internals import data_oriented, kernel
+from msph.taichi_internals import data_oriented
 
 vec2, vec3 = ti.math.vec2, ti.math.vec3
 
@@ -45,17 +45,10 @@ def reciprocal(d):
 @data_oriented
 class Pool:
     def __init__(self, sky: Sky, bodies=None):
-        """bodies: the Bodies in the pool, or None."""
+        """bodies: the BodyShading of the bodies in the pool, or None. Code for bodies is compiled
+        only for a pool that has them."""
         self.sky, self.bodies = sky, bodies
         self.occupied = bodies is not None
-        self.tone = ti.field(ti.f32, TONES)  # shade of a tile, 0..1
-        self.glaze()
-
-    @kernel
-    def glaze(self):
-        """Fixed pseudo-random tones: a golden-ratio sequence, shuffled."""
-        for i in range(TONES):
-            self.tone[i] = ti.math.fract(GOLDEN * ((i * 167 + 13) % TONES))
 
     @ti.func
     def albedo(self, p, axis, footprint, shot: ti.template()):
@@ -71,7 +64,9 @@ class Pool:
         cover *= ti.min(1.0, GROUT_WIDTH / f)
         joint = 1.0 - (1.0 - cover.x) * (1.0 - cover.y)
         k = ti.cast(cell, ti.i32)
-        tone = self.tone[(k.x * 73 + k.y * 151 + axis * 37) & (TONES - 1)]
+        # Fixed pseudo-random tones: a golden-ratio sequence, shuffled.
+        place = (k.x * 73 + k.y * 151 + axis * 37) & (TONES - 1)
+        tone = ti.math.fract(GOLDEN * ((place * 167 + 13) & (TONES - 1)))
         tone = ti.math.mix(tone, 0.5, ti.min(f.x + f.y, 1.0))
         colour = ti.math.mix(PALE, DEEP, tone)
         if axis != 1 and (shot.size.y - p.y) * sv < 1.0:
@@ -132,7 +127,7 @@ class Pool:
         """Share of the sun that bodies leave at p, where a ray r ended."""
         share = 1.0
         if ti.static(self.occupied):
-            share = self.bodies.sunlit(p - self.bodies.clear * r, to_sun)
+            share = self.bodies.sunlit(p - self.bodies.clear() * r, to_sun)
         return share
 
     @ti.func

@@ -12,6 +12,7 @@ normal. No vertex is divided by its depth, so triangles through the near plane n
 
 import taichi as ti
 
+from msph.picture.room import PixelFields
 from msph.taichi_internals import data_oriented
 
 vec3 = ti.math.vec3
@@ -25,37 +26,33 @@ OVERLAP = 2e-3  # pixels by which triangles reach over their edges, so that none
 
 @data_oriented
 class Rasteriser:
-    """Visibility buffer of up to width x height pixels for items numbered below `capacity`."""
+    """The visibility buffer of an image. The number of items decides how many bits of a key hold
+    their numbers."""
 
-    def __init__(self, width, height, capacity, lens, thickness=False):
-        self.lens = lens
-        self.item_bits = max(1, (capacity - 1).bit_length())
-        self.item_mask = (1 << self.item_bits) - 1
-        self.levels = float((1 << (KEY_BITS - self.item_bits)) - 2)
-        self.key = ti.field(ti.i32, (width, height))
-        self.thickness = thickness
-        # Depth of the nearest back face within the box, bits of a positive f32.
-        self.back = ti.field(ti.i32, (width, height) if thickness else (1, 1))
+    def __init__(self, fields: PixelFields, lens):
+        self.lens, self.key, self.back = lens, fields.key, fields.back
+        self.item_bits = ti.field(ti.i32, ())
 
     @ti.func
-    def clear(self):
+    def clear(self, items):
+        """Empties the buffer, for items numbered below `items`."""
+        self.item_bits[None] = ti.max(1, 32 - ti.math.clz(ti.max(items - 1, 1)))
         columns, rows = self.lens.shot[None].columns, self.lens.shot[None].rows
         ti.loop_config(block_dim=BLOCK)
         for i, j in ti.ndrange(columns, rows):
             self.key[i, j] = NOTHING
-            if ti.static(self.thickness):
-                self.back[i, j] = ti.bit_cast(ti.f32(FAR), ti.i32)
+            self.back[i, j] = ti.bit_cast(ti.f32(FAR), ti.i32)
 
     @ti.func
-    def hides(self, i, j):
-        """Whether something was drawn at a pixel."""
-        return self.key[i, j] != NOTHING
+    def item(self, i, j):
+        """Number of the item that a pixel shows; something must have been drawn there."""
+        return self.key[i, j] & ((1 << self.item_bits[None]) - 1)
 
     @ti.func
-    def make_key(self, w, item, shot: ti.template()):
-        """Sorting key of an item at inverse depth w [1/m]."""
+    def make_key(self, w, item, bits, shot: ti.template()):
+        """Sorting key of an item at inverse depth w [1/m]; bits: those of the item's number."""
         x = ti.math.clamp((shot.w_near - w) / shot.w_span, 0.0, 1.0)
-        return (ti.cast(x * self.levels, ti.i32) << self.item_bits) | item
+        return (ti.cast(x * levels(bits), ti.i32) << bits) | item
 
     @ti.func
     def offer(self, i, j, key):
@@ -92,8 +89,8 @@ class Rasteriser:
         return self.bounds(lo, hi, shot)
 
     @ti.func
-    def draw_mesh(self, mesh: ti.template(), skin):
-        """Front faces into `key`; back faces off the box walls (by `skin` [m]) into `back`."""
+    def draw_mesh(self, mesh: ti.template()):
+        """Front faces into `key`; back faces off the box walls into `back`."""
         ti.loop_config(block_dim=BLOCK)
         for t in range(mesh.counts[1]):
             shot = self.lens.shot[None]
@@ -104,8 +101,8 @@ class Rasteriser:
             volume = a.dot(n)
             front = volume < 0.0
             wanted = front
-            if ti.static(self.thickness) and volume > 0.0:
-                wanted = not on_wall(pa, pb, pc, shot.size, skin)
+            if volume > 0.0:
+                wanted = not on_wall(pa, pb, pc, shot)
             if wanted:
                 self.fill(t, a, b, c, n, volume, front, shot)
 
@@ -118,7 +115,7 @@ class Rasteriser:
             edges = ti.Matrix.rows([b.cross(c) * s, c.cross(a) * s, a.cross(b) * s])
             e0, ei, ej = edges @ shot.origin, edges @ shot.du, edges @ shot.dv
             e0 += OVERLAP * (abs(ei) + abs(ej))
-            w_scale = 1.0 / volume
+            w_scale, bits = 1.0 / volume, self.item_bits[None]
             w0 = shot.origin.dot(n) * w_scale
             wi, wj = shot.du.dot(n) * w_scale, shot.dv.dot(n) * w_scale
             for i in range(box[0], box[2] + 1):
@@ -127,8 +124,8 @@ class Rasteriser:
                     w = w0 + wi * i + wj * j
                     if e.min() >= 0.0 and w > 0.0 and w <= shot.w_near:
                         if front:
-                            self.offer(i, j, self.make_key(w, t, shot))
-                        elif ti.static(self.thickness):
+                            self.offer(i, j, self.make_key(w, t, bits, shot))
+                        else:
                             ti.atomic_min(self.back[i, j], ti.bit_cast(1.0 / w, ti.i32))
 
     @ti.func
@@ -136,7 +133,7 @@ class Rasteriser:
         """Spheres at x [m] with `radius.of(p)` [m]: the near side of each into `key`."""
         ti.loop_config(block_dim=BLOCK)
         for p in range(n):
-            shot = self.lens.shot[None]
+            shot, bits = self.lens.shot[None], self.item_bits[None]
             c = x[p] - shot.eye
             r = radius.of(p)
             z = c.dot(shot.forward)
@@ -152,7 +149,7 @@ class Rasteriser:
                     for j in range(box[1], box[3] + 1):
                         w = sphere_inverse_depth(c, r, shot.origin + shot.du * i + shot.dv * j)
                         if w > 0.0:
-                            self.offer(i, j, self.make_key(w, p, shot))
+                            self.offer(i, j, self.make_key(w, p, bits, shot))
 
 
 @ti.func
@@ -170,7 +167,13 @@ def sphere_inverse_depth(c, r, d):
 
 
 @ti.func
-def on_wall(a, b, c, size, skin):
-    """Whether a triangle lies on one of the box's six faces, to within `skin` [m]."""
+def on_wall(a, b, c, shot: ti.template()):
+    """Whether a triangle lies on one of the box's six faces, to within the shot's skin."""
     lo, hi = ti.max(a, b, c), ti.min(a, b, c)
-    return lo.min() < skin or (size - hi).min() < skin
+    return lo.min() < shot.skin or (shot.size - hi).min() < shot.skin
+
+
+@ti.func
+def levels(bits):
+    """Depths that keys tell apart beside item numbers of so many bits."""
+    return ti.cast((1 << (KEY_BITS - bits)) - 2, ti.f32)

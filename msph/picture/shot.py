@@ -1,20 +1,25 @@
 """All that a drawing kernel needs to know of one frame: the `Shot`, held on the device by a `Lens`.
 
 Everything is in box coordinates: eye, sun and up are turned into the box instead of the mesh into
-the world, so a tilt costs nothing. A struct argument of this size costs .2 ms a launch; a small
-field that is written only when the camera moves costs nothing.
+the world, so a tilt costs nothing. A struct argument of this size costs 0.2 ms a launch; a table
+that is written only when the camera moves costs nothing. Kernels read the box, the look and the
+image size from the shot, so none of them is compiled again when these change.
 """
 
 import numpy as np
 import taichi as ti
 
+from msph.device_table import DeviceTable
 from msph.picture.optics import refracted
-from msph.taichi_internals import data_oriented, kernel
 
 vec2, vec3 = ti.math.vec2, ti.math.vec3
 
 NEAREST = 0.02  # near plane [m]
 REACH = 1.3  # how far beyond the box things are still given distinct depths
+SKIN = 2e-3  # how near to a wall a face counts as lying on it, as a share of the longest edge
+# Cells of the map of water levels along the longer side of the floor (coarser than the mesh), and
+# of the map of caustics along each side.
+LEVEL_CELLS, CAUSTIC_CELLS = 28, 128
 STEEPEST = 0.3  # least descent of a sunbeam under water counted with, when the box is tilted
 UNIT_CORNERS = np.indices((2, 2, 2)).reshape(3, 8).T  # of a box of edge 1, (8, 3)
 
@@ -40,15 +45,17 @@ Shot = ti.types.struct(
     beam=vec3,  # to the sun, from under a level water surface (refracted)
     ground=ti.f32,  # height of the ground along `up`, measured from the box centre [m]
     size=vec3,  # box [m]
+    skin=ti.f32,  # how near to a wall a face counts as lying on it [m]
     lo=vec2,  # pixels between which the box lies
     hi=vec2,
     tiles=vec3,  # tiles per metre along x, y, z
     eta=ti.f32,  # refractive index of air over the water's
     reflection=ti.f32,  # share of mirrored light that is shown
-    contrast=ti.f32,  # share of the caustics' contrast
+    contrast=ti.f32,  # share of the caustics' contrast, 0 without caustics
     absorption=vec3,  # Beer-Lambert coefficients, RGB [1/m]
     scatter=vec3,  # colour of deep water, RGB, linear
     drift=vec2,  # (x, z) that sunlight under water travels per metre of descent
+    level_cells=vec2,  # cells of the map of water levels along x and z
     map_corner=vec2,  # (x, z) of the corner of the caustic map [m]
     map_scale=vec2,  # cells of the caustic map per metre
 )
@@ -100,42 +107,31 @@ def shoot(camera, tilt, box, width, height, look):
         "beam": beam,
         "ground": ((corners - C) @ R[1]).min(),
         "size": box,
+        "skin": SKIN * box.max(),
         "lo": lo,
         "hi": hi,
         "tiles": np.maximum(np.round(box / (look.tile * box.max())), 1) / box,
         "eta": 1 / look.refractive_index,
         "reflection": look.reflection,
-        "contrast": look.caustic_contrast,
+        "contrast": look.caustic_contrast * look.caustics,
         "absorption": np.asarray(look.absorption) * look.tint,
         "scatter": np.asarray(look.scatter),
         "drift": drift,
+        "level_cells": np.maximum(np.round(box[[0, 2]] * LEVEL_CELLS / box[[0, 2]].max()), 2),
         "map_corner": np.minimum(shift, 0),
-        "map_scale": look.caustic_cells / (box[[0, 2]] + np.abs(shift)),
+        "map_scale": CAUSTIC_CELLS / (box[[0, 2]] + np.abs(shift)),
     }
 
 
-@data_oriented
 class Lens:
     """Holds the shot of the present frame: `shot[None]` in a kernel, `numbers` outside."""
 
     def __init__(self):
-        self.shot = Shot.field(shape=())
+        self.table = DeviceTable((), **Shot.members)
+        self.shot = self.table.struct
         self.numbers = {}
-        parts = [self.shot.get_member_field(name) for name in Shot.members]
-        self.slots = [
-            [p.get_scalar_field(k) for k in range(p.n)] if hasattr(p, "n") else [p] for p in parts
-        ]
 
     def set(self, numbers):
         """numbers: as `shoot` gives them."""
         self.numbers = numbers
-        flat = [np.ravel(numbers[name]) for name in Shot.members]
-        self.store(np.concatenate(flat).astype(np.float32))
-
-    @kernel
-    def store(self, numbers: ti.types.ndarray(dtype=ti.f32, ndim=1)):
-        k = 0
-        for slots in ti.static(self.slots):
-            for slot in ti.static(slots):
-                slot[None] = numbers[k]
-                k += 1
+        self.table.fill(**numbers)

@@ -48,13 +48,12 @@ def lattice(c):
 
 @data_oriented
 class Sky:
-    def __init__(self, sun):
-        """sun: unit vector to it, world frame."""
+    def __init__(self):
         self.dome = ti.Vector.field(3, ti.f32, (CELLS, CELLS))
-        self.paint(vec3(*sun))
 
     @kernel
     def paint(self, sun: vec3):
+        """sun: unit vector to it, world frame."""
         for i, j in self.dome:
             q = (ti.math.vec2(i, j) + 0.5) * (2.0 / CELLS) - 1.0
             s = ti.min(q.norm_sqr(), 1.0)

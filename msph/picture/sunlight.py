@@ -10,11 +10,11 @@ import taichi as ti
 
 from msph.picture.optics import bend, cosine_beyond
 from msph.picture.rasteriser import BLOCK, on_wall
-from msph.taichi_internals import data_oriented
+from msph.picture.shot import CAUSTIC_CELLS, LEVEL_CELLS
+from msph.taichi_internals import data_oriented, kernel
 
 vec2 = ti.math.vec2
 
-COLUMNS = 28  # cells of the level map along the longer side: coarser than the mesh
 UPWARD = 0.3  # least slope (cosine) of a normal that counts as the water's top
 DRY = 1e9
 FEWEST_WET = 4.0  # weight of wet cells, of 16 in the 3 x 3, that make a column wet
@@ -28,24 +28,15 @@ SHORE = 0.04  # depth over which caustics fade in [m]
 
 @data_oriented
 class Light:
-    def __init__(self, mesh, lens, box, caustics, cells):
-        x, z = box[0] * COLUMNS / max(box[0], box[2]), box[2] * COLUMNS / max(box[0], box[2])
-        self.columns = (max(2, round(x)), max(2, round(z)))
-        self.lens = lens
-        self.mesh, self.caustics, self.cells = mesh, caustics, cells
-        self.lowest = ti.field(ti.i32, self.columns)  # bits of a positive f32 [m]
-        self.level = ti.field(ti.f32, self.columns)  # height of the water's top [m]
-        if caustics:
-            self.landing = ti.Vector.field(2, ti.f32, mesh.vertices.shape[0])  # (x, z) [m]
-            self.photons = ti.field(ti.i32, (cells, cells))
-            self.focus = ti.field(ti.f32, (cells, cells))  # concentration, 1 in still water
-
-    @ti.func
-    def cast(self, skin):
-        """Fill the maps for the present mesh; skin [m]: as `Rasteriser.draw_mesh`."""
-        self.survey()
-        if ti.static(self.caustics):
-            self.shine(skin)
+    def __init__(self, mesh, lens):
+        self.mesh, self.lens = mesh, lens
+        # Of the level map as many cells are used as the shot says.
+        self.lowest = ti.field(ti.i32, (LEVEL_CELLS, LEVEL_CELLS))  # bits of a positive f32 [m]
+        self.level = ti.field(ti.f32, (LEVEL_CELLS, LEVEL_CELLS))  # height of the water's top [m]
+        self.landing = ti.Vector.field(2, ti.f32, mesh.vertices.shape[0])  # (x, z) [m]
+        self.photons = ti.field(ti.i32, (CAUSTIC_CELLS, CAUSTIC_CELLS))
+        # Concentration of light, 1 in still water.
+        self.focus = ti.field(ti.f32, (CAUSTIC_CELLS, CAUSTIC_CELLS))
 
     @ti.func
     def survey(self):
@@ -56,7 +47,7 @@ class Light:
         for v in range(self.mesh.counts[0]):
             if self.mesh.normals[v].y > UPWARD:
                 p = self.mesh.vertices[v]
-                n = vec2(self.columns[0], self.columns[1])
+                n = self.lens.shot[None].level_cells
                 c = ti.math.clamp(p.xz / self.lens.shot[None].size.xz * n, 0.0, n - 1.0)
                 y = ti.max(p.y, 0.0)
                 ti.atomic_min(
@@ -72,7 +63,7 @@ class Light:
         total, wet = 0.0, 0.0
         for k in range(9):
             a, b = i + k // 3 - 1, j + k % 3 - 1
-            if 0 <= a < self.columns[0] and 0 <= b < self.columns[1]:
+            if 0 <= a < LEVEL_CELLS and 0 <= b < LEVEL_CELLS:
                 y = ti.bit_cast(self.lowest[a, b], ti.f32)
                 if y < DRY:
                     weight = ti.select(a == i, 2.0, 1.0) * ti.select(b == j, 2.0, 1.0)
@@ -84,12 +75,12 @@ class Light:
     @ti.func
     def height(self, p, shot: ti.template()):
         """Water level over (x, z) of p [m], bilinear."""
-        n = vec2(self.columns[0], self.columns[1])
+        n = shot.level_cells
         c = ti.math.clamp(p.xz / shot.size.xz * n - 0.5, 0.0, n - 1.001)
         return bilinear(self.level, c)
 
-    @ti.func
-    def shine(self, skin):
+    @kernel
+    def shine(self):
         """Caustic map: refract at the vertices, splat the triangles, smooth."""
         for i, j in self.photons:
             self.photons[i, j] = 0
@@ -102,18 +93,18 @@ class Light:
             self.landing[v] = p.xz - r.xz * (p.y / ti.min(r.y, -LOWEST_BEAM))
         ti.loop_config(block_dim=BLOCK)
         for t in range(self.mesh.counts[1]):
-            self.splat(t, self.lens.shot[None], skin)
+            self.splat(t, self.lens.shot[None])
         ti.loop_config(block_dim=BLOCK)
         for i, j in self.focus:
             self.focus[i, j] = self.smoothed(i, j)
 
     @ti.func
-    def splat(self, t, shot: ti.template(), skin):
+    def splat(self, t, shot: ti.template()):
         """Lay the light of triangle t on the map cells whose centres it covers."""
         k = self.mesh.triangles[t]
         pa, pb, pc = self.mesh.vertices[k[0]], self.mesh.vertices[k[1]], self.mesh.vertices[k[2]]
         lit = (pb - pa).cross(pc - pa).dot(shot.sun) > 0.0
-        if lit and not on_wall(pa, pb, pc, shot.size, skin):
+        if lit and not on_wall(pa, pb, pc, shot):
             # What still water would light: the triangle's shadow in air on a level plane.
             slant = -shot.sun.xz / ti.max(shot.sun.y, LOWEST_BEAM)
             ab, ac = (pb - pa).xz + slant * (pb - pa).y, (pc - pa).xz + slant * (pc - pa).y
@@ -127,7 +118,7 @@ class Light:
             light = ti.cast(UNIT * ti.min(share, BRIGHTEST), ti.i32)
             g = ti.select(area < 0.0, -1.0, 1.0)
             lo = ti.max(ti.ceil(ti.min(a, b, c) - 0.5), 0.0)
-            hi = ti.min(ti.floor(ti.max(a, b, c) - 0.5), self.cells - 1.0)
+            hi = ti.min(ti.floor(ti.max(a, b, c) - 0.5), CAUSTIC_CELLS - 1.0)
             for i in range(ti.cast(lo.x, ti.i32), ti.cast(hi.x, ti.i32) + 1):
                 for j in range(ti.cast(lo.y, ti.i32), ti.cast(hi.y, ti.i32) + 1):
                     q = vec2(i, j) + 0.5
@@ -141,8 +132,8 @@ class Light:
         total = 0
         for k in range(9):
             a, b = k // 3 - 1, k % 3 - 1
-            u = ti.math.clamp(i + a, 0, self.cells - 1)
-            v = ti.math.clamp(j + b, 0, self.cells - 1)
+            u = ti.math.clamp(i + a, 0, CAUSTIC_CELLS - 1)
+            v = ti.math.clamp(j + b, 0, CAUSTIC_CELLS - 1)
             total += self.photons[u, v] * (2 - abs(a)) * (2 - abs(b))
         return total / (16.0 * UNIT)
 
@@ -153,9 +144,9 @@ class Light:
         Light that came in by the walls was not traced: there, half shade.
         """
         focus = 1.0
-        if ti.static(self.caustics):
+        if shot.contrast > 0.0:
             c = (q.xz + shot.drift * q.y - shot.map_corner) * shot.map_scale - 0.5
-            traced = bilinear(self.focus, ti.math.clamp(c, 0.0, self.cells - 1.001))
+            traced = bilinear(self.focus, ti.math.clamp(c, 0.0, CAUSTIC_CELLS - 1.001))
             came_in = q.xz - shot.drift * depth
             inside = ti.min(came_in, shot.size.xz - came_in).min()
             trust = ti.math.clamp(inside / SHORE, 0.0, 1.0)

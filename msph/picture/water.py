@@ -10,7 +10,7 @@ import taichi as ti
 from msph.picture.light_sources import SKY_LIGHT, SUN_LIGHT
 from msph.picture.optics import bend, cosine_beyond, reflectance, transmittance
 from msph.picture.pool import FLATTEST, RIM, along
-from msph.picture.rasteriser import NOTHING
+from msph.picture.rasteriser import KEY_BITS, NOTHING
 from msph.picture.samples import (
     BARE,
     CORNERS,
@@ -22,7 +22,7 @@ from msph.picture.samples import (
     make_sample,
 )
 from msph.picture.sky import SUN
-from msph.taichi_internals import data_oriented
+from msph.taichi_internals import data_oriented, kernel
 
 vec2, vec3, vec4 = ti.math.vec2, ti.math.vec3, ti.math.vec4
 
@@ -31,7 +31,8 @@ SHEEN_GLOSS, GLINT_GLOSS = 6, 5  # widths: cosine^(2^6) and that^(2^5)
 FLAT = 0.98  # least cosine between a cut face's normal and the wall's
 GRAZING = 0.03  # least cosine of incidence counted with
 DOWNWELLING = 0.5  # share of absorption on the light's own way down
-STEP = 1e-3  # of the span of depths: a change of depth that is a step from crest to trough
+# Change of depth that is a step from crest to trough, in keys: a thousandth of all.
+STEP = int(1e-3 * 2**KEY_BITS)
 NEAR_GLINT = 0.5  # sheen from which on the sun's mirror image may lie between two samples
 # Places in a kind: the low wall of two; seen through a side of the water; folded by total
 # reflection; out of the water again; the body.
@@ -40,22 +41,21 @@ LOW, CUT, FOLDED, LEFT_AGAIN, BODY = 4, 8, 16, 32, 64
 
 @data_oriented
 class Water:
-    def __init__(self, mesh, lens, rasteriser, pool, light, backdrop, tone, image):
+    def __init__(self, mesh, lens, rasteriser, light, backdrop, image):
         """image: the 3-vec field that is drawn, display-referred."""
-        self.lens, self.image = lens, image
-        self.slack = int(STEP * rasteriser.levels) << rasteriser.item_bits
-        self.mesh, self.raster, self.pool, self.light = mesh, rasteriser, pool, light
-        self.backdrop, self.tone = backdrop, tone
+        self.mesh, self.lens, self.raster, self.light = mesh, lens, rasteriser, light
+        self.backdrop, self.pool, self.tone = backdrop, backdrop.pool, backdrop.tone
+        self.image = image
 
-    @ti.func
-    def shade(self, skin):
+    @kernel
+    def shade(self):
         """The picture from the visibility buffer: water where it is seen, else the backdrop."""
-        draw_blocks(self, skin, self.lens.shot[None].columns, self.lens.shot[None].rows)
+        draw_blocks(self, 0, self.lens.shot[None].columns, self.lens.shot[None].rows)
 
     @ti.func
-    def begin(self, i0, j0, skin):
+    def begin(self, i0, j0, note):
         """Of a block: whether water is seen, and whether in every pixel and without a step in
-        depth. Without water it shows the backdrop. Note: skin [m], as `Rasteriser.draw_mesh`."""
+        depth. Without water it shows the backdrop. The note is not used."""
         columns, rows = self.lens.shot[None].columns, self.lens.shot[None].rows
         nearest, farthest = NOTHING, 0
         # One loop of constant length, which repeats pixels at the picture's edge: nested loops with
@@ -75,9 +75,9 @@ class Water:
             for k in range(CORNERS):
                 i, j = i0 + (SPAN - 1) * (k // 2), j0 + (SPAN - 1) * (k % 2)
                 near, far = ti.min(near, self.raster.key[i, j]), ti.max(far, self.raster.key[i, j])
-            slack = self.slack + (far - near) // 2
+            slack = STEP + (far - near) // 2
             even = near - nearest < slack and farthest - far < slack
-        return nearest != NOTHING, even, skin
+        return nearest != NOTHING, even, note
 
     @ti.func
     def wanted(self, i, j):
@@ -101,17 +101,17 @@ class Water:
         self.image[i, j] = shown
 
     @ti.func
-    def trace(self, i, j, skin):
+    def trace(self, i, j, note):
         """What is seen through the water that a pixel shows."""
         shot = self.lens.shot[None]
         d = shot.origin + shot.du * i + shot.dv * j
         back = ti.bit_cast(self.raster.back[i, j], ti.f32)
-        depth, flat, n = self.strike(self.raster.key[i, j] & self.raster.item_mask, d, shot)
+        depth, flat, n = self.strike(self.raster.item(i, j), d, shot)
         stretch = d.norm()
         p = shot.eye + d * depth
         d /= stretch
         room = ti.min(p, shot.size - p)
-        cut = ti.min(room.x, room.z) < skin and ti.max(abs(flat.x), abs(flat.z)) > FLAT
+        cut = ti.min(room.x, room.z) < shot.skin and ti.max(abs(flat.x), abs(flat.z)) > FLAT
         if cut:
             n = ti.round(flat)
         p = ti.math.clamp(p, 0.0, shot.size)

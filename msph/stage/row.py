@@ -10,7 +10,7 @@ import taichi as ti
 
 from msph.picture.camera import Camera
 from msph.picture.overlay import Overlay
-from msph.picture.pixels import as_u8
+from msph.picture.pixels import Image, as_u8
 from msph.scene.live import live_parameters
 from msph.stage import pages
 from msph.stage.controls import Controls
@@ -56,8 +56,7 @@ class Row:
         """The common picture, and room for words on it."""
         shows = self.shows
         self.width, self.height = size
-        self.image = ti.Vector.field(3, ti.f32, size)
-        self.image.fill(GROUND)
+        self.image = Image(ti.Vector.field(3, ti.f32, size), *size)
         text = pages.text_height(size[1])
         room = shows[0].picture.width, round(ROOM * text)
         self.names = [f"water {k}" for k in range(len(shows))]
@@ -127,9 +126,10 @@ class Row:
 
     def draw_together(self) -> None:
         """Puts the pictures side by side, with what is known of each over it."""
-        self.image.fill(GROUND)
+        self.image.field.fill(GROUND)
         for k, show in enumerate(self.shows):
-            self._put(k * (show.picture.width + GAP), self.below, show.picture.image)
+            picture, left = show.picture, k * (show.picture.width + GAP)
+            self._put(left, self.below, *picture.size, picture.image.field)
         if any(self.labels):
             if self.told % EVERY == 0:
                 for k, show in enumerate(self.shows):
@@ -145,9 +145,9 @@ class Row:
         self.overlay.put(self.names[k], page, left, round(TOP * self.text))
 
     @kernel
-    def _put(self, left: ti.i32, low: ti.i32, image: ti.template()):
-        for i, j in image:
-            self.image[left + i, low + j] = image[i, j]
+    def _put(self, left: ti.i32, low: ti.i32, width: ti.i32, height: ti.i32, field: ti.template()):
+        for i, j in ti.ndrange(width, height):
+            self.image.field[left + i, low + j] = field[i, j]
 
     def under(self, cursor: np.ndarray) -> tuple[Show, np.ndarray]:
         """The show under a cursor (right, up, in shares of the window), and the cursor in shares of

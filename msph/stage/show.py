@@ -18,7 +18,8 @@ from msph.measure.past import UNREADABLE
 from msph.measure.timings import Timings
 from msph.picture.camera import Camera
 from msph.picture.look import Look
-from msph.picture.picture import Picture
+from msph.picture.picture import Picture, picture_of
+from msph.picture.room import PictureRoom
 from msph.scene.build import (
     build_simulation,
     declared,
@@ -32,7 +33,7 @@ from msph.scene.live import changed
 from msph.scene.schema import Scene
 from msph.stage.controls import Controls
 from msph.stage.views import Views
-from msph.surface import Surface, SurfaceRoom
+from msph.surface import Surface, SurfaceRoom, surface_of
 
 # Scale of the picture while kernels are compiled (-).
 WARM_UP_SCALE = 0.5
@@ -82,8 +83,8 @@ class Show:
         self.tilt = np.eye(3)
         self.meshes = meshes
         # Each is None where nobody asked for it.
-        self.surface: Any = self._build_surface() if size or meshes else None
-        self.picture: Any = self._build_picture(size) if size else None
+        self.surface: Any = self._load_surface() if size or meshes else None
+        self.picture: Any = self._load_picture(size) if size else None
         self.views: Any = Views(self.simulation, scene) if size else None
         if size:
             self.camera = self.framing()
@@ -130,27 +131,20 @@ class Show:
         if key.startswith(f"{self.scene.method}."):
             self.simulation.solver.tune(solver_parameters(self.scene))
 
-    def _build_surface(self) -> Surface:
+    def _load_surface(self) -> Surface:
         s, sim = self.scene.surface, self.simulation
         cell = s.cell * sim.layers.finest.spacing
         room = SurfaceRoom.holding(sim.size, cell, sim.particles.capacity)
-        surface = Surface(sim.layers, sim.grid, sim.particles, sim.boundary, room)
+        surface = sim.world.once(surface_of, room)
         surface.load(sim.size, cell, s.smoothing)
         return surface
 
-    def _build_picture(self, size: tuple[int, int]) -> Picture:
+    def _load_picture(self, size: tuple[int, int]) -> Picture:
         look = declared(self.scene.picture, Look)
-        capacity = self.simulation.particles.capacity
-        sim, mesh = self.simulation, self.surface.mesh
-        return Picture(
-            *size,
-            sim.size,
-            mesh,
-            look,
-            particles=capacity,
-            boundary=sim.boundary,
-            scalable=self.scalable,
-        )
+        sim, room = self.simulation, PictureRoom.holding(*size, look.supersample)
+        picture = sim.world.once(picture_of, self.surface.room, room)
+        picture.load(*size, sim.size, look)
+        return picture
 
     def warm_up(self) -> None:
         """Compiles every kernel by one frame, and starts anew."""
@@ -332,7 +326,7 @@ class Show:
 
         The mesh is closed along the walls too, so the divergence theorem needs nothing else.
         """
-        self.surface = self.surface or self._build_surface()
+        self.surface = self.surface or self._load_surface()
         self.simulation.grid.refresh()
         self.surface.extract()
         mesh = self.surface.mesh

@@ -58,8 +58,8 @@ class Window(Protocol):
         """What is to be told of another water that is made ready meanwhile; "" for nothing."""
 
     def show(self, image: Any) -> None:
-        """Shows an image under marker and arrows, and waits for the screen: a 3-vec field (width,
-        height), 0..1, or its packed pixels (width, height) int32; index [right, up]."""
+        """Shows an image under marker and arrows, and waits for the screen: an Image
+        (msph.picture.pixels), or its packed pixels (width, height) int32; index [right, up]."""
 
 
 def check_display() -> None:

@@ -8,6 +8,6 @@ surface.mesh                 # Taichi fields: vertices, normals, triangles, coun
 
 from msph.surface.mesh import SurfaceMesh
 from msph.surface.room import SurfaceRoom
-from msph.surface.surface import Surface
+from msph.surface.surface import Surface, surface_of
 
-__all__ = ["Surface", "SurfaceMesh", "SurfaceRoom"]
+__all__ = ["Surface", "SurfaceMesh", "SurfaceRoom", "surface_of"]

@@ -3,6 +3,7 @@
 import numpy as np
 
 from msph.fluid.boundary.boundary import Boundary
+from msph.fluid.world import World
 from msph.surface.band import band_numbers
 from msph.surface.bodies import Bodies
 from msph.surface.coverage import Coverage
@@ -13,6 +14,12 @@ from msph.surface.room import SurfaceRoom
 from msph.surface.sums import KernelSums
 from msph.surface.thin_water import ThinWater
 from msph.surface.water_volume import WaterVolume
+
+
+def surface_of(world: World, room: SurfaceRoom) -> "Surface":
+    """A surface of the particles of a world, for World.once."""
+    parts = world.parts
+    return Surface(parts.layers, parts.grid, parts.particles, parts.boundary, room)
 
 
 class Surface:

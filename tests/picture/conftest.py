@@ -18,4 +18,6 @@ def mesh(taichi_runtime):
 @pytest.fixture(scope="session")
 def picture(mesh):
     """The one picture of these tests: each further instance would compile everything again."""
-    return Picture(WIDTH, HEIGHT, BOX, mesh, particles=64, scalable=True)
+    picture = Picture(mesh)
+    picture.load(WIDTH, HEIGHT, BOX)
+    return picture

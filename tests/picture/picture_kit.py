@@ -83,8 +83,8 @@ def ball(centre, radius, n=24):
     return np.asarray(centre) + radius * out, triangles[:, ::-1], out
 
 
-def covered(raster):
-    return raster.key.to_numpy() != NOTHING
+def covered(raster, width=WIDTH, height=HEIGHT):
+    return raster.key.to_numpy()[:width, :height] != NOTHING
 
 
 def rays(shot, width, height):

@@ -2,16 +2,16 @@
 
 import numpy as np
 import pytest
-import taichi as ti
 from picture_kit import BOX, HEIGHT, WIDTH, still_water
 
 from msph.picture.camera import Camera
 from msph.picture.enlarger import Enlarger
+from msph.picture.room import PictureRoom, PixelFields
 
 
 @pytest.fixture(scope="module")
 def enlarger() -> Enlarger:
-    return Enlarger(ti.Vector.field(3, ti.f32, (48, 32)), 48, 32)
+    return Enlarger(PixelFields(PictureRoom(48, 32)))
 
 
 @pytest.mark.parametrize(("columns", "rows"), [(48, 32), (37, 21), (24, 16)])
@@ -25,8 +25,8 @@ def test_linear_pictures_are_enlarged_exactly(enlarger, columns, rows):
     small = np.full((48, 32, 3), np.nan, np.float32)
     small[:columns, :rows] = ramp(x / columns, y / rows)[:columns, :rows]
     enlarger.canvas.from_numpy(small)
-    enlarger.enlarge(columns, rows)
-    found, wanted = enlarger.image.to_numpy(), ramp(x / 48, y / 32)
+    enlarger.enlarge(columns, rows, 48, 32)
+    found, wanted = enlarger.resolved.to_numpy(), ramp(x / 48, y / 32)
     assert np.isfinite(found).all()
     np.testing.assert_allclose(found[4:-4, 4:-4], wanted[4:-4, 4:-4], atol=1e-5)
     np.testing.assert_allclose(found, wanted, atol=0.03)

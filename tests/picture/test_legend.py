@@ -6,6 +6,7 @@ import taichi as ti
 
 from msph.picture.legend import Legend, LegendPanel, paint
 from msph.picture.particles_view import colour_map, shown_colour
+from msph.picture.pixels import Image
 from msph.picture.ranges import SteadyRange, nice
 from msph.picture.tone import curve
 
@@ -71,9 +72,9 @@ def test_number_that_would_touch_another_is_left_out():
 
 def test_blending_changes_the_panels_rectangle_alone():
     panel = LegendPanel(320, 180)
-    image = ti.Vector.field(3, ti.f32, (320, 180))
+    image = Image(ti.Vector.field(3, ti.f32, (320, 180)), 320, 180)
     for legend in (LAYERS, SPEED):
-        image.fill(0.8)
+        image.field.fill(0.8)
         panel.draw(legend, image)
         _, _, width, height = panel.overlay.shown["legend"]
         expected = paint(legend, panel.size)
@@ -90,7 +91,7 @@ def test_blending_changes_the_panels_rectangle_alone():
 
 
 def test_panel_is_cut_to_a_small_picture():
-    panel, image = LegendPanel(64, 36), ti.Vector.field(3, ti.f32, (64, 36))
+    panel, image = LegendPanel(64, 36), Image(ti.Vector.field(3, ti.f32, (64, 36)), 64, 36)
     panel.draw(LAYERS, image)
     left, low, width, height = panel.overlay.shown["legend"]
     assert left >= panel.gap and width <= 64 - 2 * panel.gap

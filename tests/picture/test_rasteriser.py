@@ -6,11 +6,11 @@ from picture_kit import BOX, Mesh, ball, covered, grid, rays
 from msph.picture.camera import Camera
 from msph.picture.look import Look
 from msph.picture.particles_view import OwnRadius
-from msph.picture.rasteriser import FAR, NOTHING, Rasteriser
+from msph.picture.rasteriser import FAR, KEY_BITS, NOTHING, Rasteriser
+from msph.picture.room import PictureRoom, PixelFields
 from msph.picture.shot import Lens, shoot
 
 WIDTH, HEIGHT = 97, 61
-SKIN = 1e-3
 
 
 @ti.data_oriented
@@ -19,18 +19,18 @@ class Bench:
 
     def __init__(self):
         self.lens, self.mesh = Lens(), Mesh(2048)
-        self.raster = Rasteriser(WIDTH, HEIGHT, 2048, self.lens, thickness=True)
+        self.raster = Rasteriser(PixelFields(PictureRoom(WIDTH, HEIGHT)), self.lens)
         self.x, self.r = ti.Vector.field(3, ti.f32, 3), ti.field(ti.f32, 3)
         self.radius = OwnRadius(self.r)
 
     @ti.kernel
     def draw_mesh(self):
-        self.raster.clear()
-        self.raster.draw_mesh(self.mesh, SKIN)
+        self.raster.clear(2048)
+        self.raster.draw_mesh(self.mesh)
 
     @ti.kernel
     def draw_spheres(self, n: ti.i32):
-        self.raster.clear()
+        self.raster.clear(n)
         self.raster.draw_spheres(n, self.x, self.radius)
 
     def aim(self, camera):
@@ -40,8 +40,9 @@ class Bench:
     def depth(self):
         """Depth by the keys, and the bound of its rounding [m]; FAR where nothing is."""
         shot, key = self.lens.numbers, self.raster.key.to_numpy()
-        step = shot["w_span"] / self.raster.levels
-        w = shot["w_near"] - ((key >> self.raster.item_bits) + 0.5) * step
+        bits = self.raster.item_bits[None]
+        step = shot["w_span"] / ((1 << (KEY_BITS - bits)) - 2)
+        w = shot["w_near"] - ((key >> bits) + 0.5) * step
         z = np.where(key == NOTHING, FAR, 1 / np.maximum(w, 1e-9))
         return z, step * z**2
 
@@ -60,7 +61,7 @@ def test_depth_of_a_plane_is_exact(bench):
     bench.draw_mesh()
     n = np.cross((0.8, 0.1, 0), (0, 0.1, -0.7))
     want = (np.array((0.1, 0.3, 0.9)) - shot["eye"]) @ n / (d @ n)
-    seen, (z, slack) = covered(bench.raster), bench.depth()
+    seen, (z, slack) = covered(bench.raster, WIDTH, HEIGHT), bench.depth()
     assert seen.sum() > 300
     assert (np.abs(z - want) < 1.01 * slack + 1e-5)[seen].all()
     assert slack[seen].max() < 2e-4
@@ -71,7 +72,7 @@ def test_back_side_of_a_plane_is_not_a_front(bench):
     bench.mesh.fill(v, t[:, ::-1], n)
     bench.aim(Camera.framing(BOX))
     bench.draw_mesh()
-    assert not covered(bench.raster).any()
+    assert not covered(bench.raster, WIDTH, HEIGHT).any()
     assert (bench.back() < FAR).sum() > 300
 
 
@@ -91,7 +92,7 @@ def test_no_cracks_between_triangles(bench):
     for azimuth in (0.0, 0.4, 1.3):
         bench.aim(Camera(np.array((0.5, 0, 0.5)), azimuth, 1.2, 1.5, 0.7))
         bench.draw_mesh()
-        assert covered(bench.raster).all()
+        assert covered(bench.raster, WIDTH, HEIGHT).all()
 
 
 def test_triangles_through_the_near_plane_stay_on_their_plane(bench):
@@ -104,7 +105,7 @@ def test_triangles_through_the_near_plane_stay_on_their_plane(bench):
     hit = shot["eye"] + d * z[..., None]
     inside = (d[..., 1] < 0) & (np.abs(hit[..., [0, 2]]) < 39).all(-1) & (z * shot["w_near"] > 1)
     outside = (d[..., 1] >= 0) | (np.abs(hit[..., [0, 2]]) > 41).any(-1)
-    seen = covered(bench.raster)
+    seen = covered(bench.raster, WIDTH, HEIGHT)
     assert inside.sum() > 500 and outside.sum() > 500
     assert seen[inside].all() and not seen[outside].any()
 
@@ -141,7 +142,7 @@ def test_spheres_are_round_and_the_nearer_wins(bench):
         owner[z < best] = k
         best = np.minimum(best, z)
     key = bench.raster.key.to_numpy()
-    got = np.where(key == NOTHING, -1, key & bench.raster.item_mask)
+    got = np.where(key == NOTHING, -1, key & ((1 << bench.raster.item_bits[None]) - 1))
     assert (got != owner).mean() < 2e-3
     z, slack = bench.depth()
     same = (got == owner) & (owner >= 0)

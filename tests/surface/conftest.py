@@ -3,7 +3,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 import trimesh
-from surface_kit import SIZE, Cubes, Water, make_water
+from surface_kit import SIZE, Cubes, Water
 
 from msph.fluid.boundary.rigid_bodies import Ball, Block, Solid
 from msph.surface import SurfaceRoom
@@ -33,12 +33,12 @@ def oblong_cubes(marching_cubes) -> Cubes:
 
 @pytest.fixture(scope="session")
 def water() -> Water:
-    return make_water()
+    return Water()
 
 
 @pytest.fixture(scope="session")
 def smooth_water() -> Water:
-    return make_water(smoothing=1.4)
+    return Water(smoothing=1.4)
 
 
 @pytest.fixture(scope="session")
@@ -50,7 +50,7 @@ def held_water() -> Water:
     )
     ball = Ball(np.array((0.22, 0.2, 0.2)), 0.07)
     block = Block(np.array((0.36, 0.05, 0.14)), np.array((0.44, 0.4, 0.24)))
-    return make_water(bodies=[container, ball, block])
+    return Water(bodies=[container, ball, block])
 
 
 @pytest.fixture

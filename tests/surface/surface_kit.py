@@ -1,17 +1,17 @@
 """What the surface tests share: meshes seen by trimesh, lattices to fill, a small box of water."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 import trimesh
 from scipy.spatial import cKDTree
 
-from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.rigid_bodies import Body
-from msph.fluid.particles.grid import LayeredGrid
-from msph.fluid.particles.layers import Layers, LayerSpec
-from msph.fluid.particles.particles import Particles
-from msph.surface import Surface, SurfaceMesh
+from msph.fluid.particles.layers import LayerSpec
+from msph.fluid.plan import Plan
+from msph.fluid.projection.parameters import ProjectionParameters
+from msph.fluid.simulation import Simulation
+from msph.surface import SurfaceMesh, SurfaceRoom, surface_of
 from msph.surface.lattice import Lattice
 from msph.surface.marching_cubes import MarchingCubes
 
@@ -72,15 +72,18 @@ class Cubes:
         return self.cubes.mesh
 
 
-@dataclass
 class Water:
     """A box, two layers, and a surface, refilled by every test."""
 
-    layers: Layers
-    particles: Particles
-    grid: LayeredGrid
-    surface: Surface
-    boundary: Boundary
+    def __init__(self, smoothing: float = 1.0, bodies: Sequence[Body] = ()):
+        specs = [LayerSpec(1000.0 * d**3, 1000.0, 2.0) for d in (FINE, COARSE)]
+        start = {"x": np.array([[0.3, 0.25, 0.2]], np.float32), "layer": np.zeros(1, np.int32)}
+        plan = Plan(SIZE, specs, start, ProjectionParameters(), bodies, capacity=6000)
+        self.simulation = sim = Simulation(plan)
+        self.layers, self.particles, self.grid = sim.layers, sim.particles, sim.grid
+        self.boundary = sim.boundary
+        self.surface = sim.world.once(surface_of, SurfaceRoom())
+        self.surface.load(SIZE, CELL, smoothing)
 
     def nodes(self, field) -> np.ndarray:
         """A flat field over the lattice's nodes, as (nx, ny, nz) or (nx, ny, nz, 3)."""
@@ -92,7 +95,8 @@ class Water:
     @property
     def volume(self) -> float:
         """Of all particles [m^3]."""
-        return float(self.layers.volume.to_numpy()[self.particles.numpy("layer")].sum())
+        volumes = np.array([s.volume for s in self.layers.specs])
+        return float(volumes[self.particles.numpy("layer")].sum())
 
     def fill(self, x: np.ndarray, layer: np.ndarray | int = 0) -> None:
         x = np.asarray(x, dtype=np.float32).reshape(-1, 3)
@@ -103,16 +107,6 @@ class Water:
     def mesh(self, everywhere: bool = False) -> SurfaceMesh:
         self.surface.extract(everywhere)
         return self.surface.mesh
-
-
-def make_water(smoothing: float = 1.0, bodies: list[Body] | None = None) -> Water:
-    layers = Layers([LayerSpec(1000.0 * d**3, 1000.0, 2.0) for d in (FINE, COARSE)])
-    boundary = Boundary(SIZE, layers.specs, bodies)
-    particles = Particles(6000)
-    grid = LayeredGrid(SIZE, layers, particles)
-    surface = Surface(layers, grid, particles, boundary)
-    surface.load(SIZE, CELL, smoothing)
-    return Water(layers, particles, grid, surface, boundary)
 
 
 def packed(low, high, d: float, jitter: float = 0.0, seed: int = 0) -> np.ndarray:

@@ -51,10 +51,10 @@ class SampledFields:
 
     def __init__(self, room: int):
         self._lattices = DeviceTable(
-            (MOST_LATTICES,), origin=vec3, cell=f32, shape=ti.math.ivec3, offset=i32
+            (MOST_LATTICES,), origin=vec3, cell=f32, dims=ti.math.ivec3, offset=i32
         )
         table = self._lattices
-        self.origin, self.cell, self.shape = table.origin, table.cell, table.shape
+        self.origin, self.cell, self.dims = table.origin, table.cell, table.dims
         self.offset, self.value = table.offset, ti.field(f32, shape=room)
 
     def load(self, lattices: list[SampleLattice], values: list[np.ndarray]) -> None:
@@ -65,7 +65,7 @@ class SampledFields:
         self._lattices.fill(
             origin=[lattice.origin for lattice in lattices],
             cell=[lattice.cell for lattice in lattices],
-            shape=[lattice.shape for lattice in lattices],
+            dims=[lattice.shape for lattice in lattices],
             offset=[0, *ends[:-1]],
         )
         self._write(np.concatenate([v.ravel() for v in values]).astype(np.float32))
@@ -83,7 +83,7 @@ class SampledFields:
     @ti.func
     def clamped(self, m, p):
         """The point of lattice m that is nearest to p."""
-        span = self.cell[m] * (ti.cast(self.shape[m], ti.f32) - 1.001)
+        span = self.cell[m] * (ti.cast(self.dims[m], ti.f32) - 1.001)
         return ti.math.clamp(p, self.origin[m], self.origin[m] + span)
 
     @ti.func
@@ -91,17 +91,17 @@ class SampledFields:
         """Whether p is inside the lattice by a margin of one cell, as cubic() and spline()
         need."""
         c = self.place(m, p)
-        return (c >= 1.0).all() and (c < ti.cast(self.shape[m], ti.f32) - 2.0).all()
+        return (c >= 1.0).all() and (c < ti.cast(self.dims[m], ti.f32) - 2.0).all()
 
     @ti.func
     def at(self, m, i, j, k):
-        shape = self.shape[m]
-        return self.value[self.offset[m] + (i * shape[1] + j) * shape[2] + k]
+        dims = self.dims[m]
+        return self.value[self.offset[m] + (i * dims[1] + j) * dims[2] + k]
 
     @ti.func
     def linear(self, m, p):
         """Trilinear; p outside the lattice is moved to its border."""
-        last = ti.cast(self.shape[m], ti.f32) - 1.001
+        last = ti.cast(self.dims[m], ti.f32) - 1.001
         c = ti.math.clamp(self.place(m, p), 0.0, last)
         n = ti.floor(c, ti.i32)
         f = c - n
@@ -133,7 +133,7 @@ class SampledFields:
     def weighed(self, m, p, weights: ti.template(), slopes: ti.template()):
         """By the four nodes round p along each axis."""
         c = self.place(m, p)
-        n = ti.math.clamp(ti.floor(c, ti.i32), 1, self.shape[m] - 3)
+        n = ti.math.clamp(ti.floor(c, ti.i32), 1, self.dims[m] - 3)
         f = c - n
         wx, wy, wz = weights(f[0]), weights(f[1]), weights(f[2])
         sx, sy, sz = slopes(f[0]), slopes(f[1]), slopes(f[2])

@@ -1,0 +1,88 @@
+"""One picture, loaded with other boxes, looks, sizes and bodies, without compiling anything again.
+
+The image is then the one of a picture that was built for them.
+"""
+
+import numpy as np
+import pytest
+import taichi as ti
+from picture_kit import BOX, Mesh, ball
+
+from msph.fluid.boundary.rigid_bodies import Ball
+from msph.fluid.particles.layers import LayerSpec
+from msph.picture.camera import Camera
+from msph.picture.legend import Legend
+from msph.picture.look import Look
+from msph.picture.picture import Picture
+from msph.picture.room import PictureRoom
+from msph.taichi_internals import PLAIN, watch_compiling
+from tests.boundary_kit import boundary_of
+
+LEGEND = Legend("speed [m/s]", ((0.0, "0"), (1.0, "2")))
+FLAT, TALL = (0.9, 0.5, 0.7), (0.6, 1.2, 0.5)
+# Of each image: size, box, look, scale.
+IMAGES = [
+    ((96, 54), BOX, Look(), 0.5),
+    ((96, 54), BOX, Look(), 1.0),
+    ((64, 48), BOX, Look(supersample=2), 1.0),
+    ((160, 120), FLAT, Look(tint=9.0, reflection=0.3), 1.0),
+    ((90, 110), TALL, Look(caustics=False, sun_azimuth=1.0, sun_elevation=0.5), 0.6),
+    ((50, 40), TALL, Look(supersample=3, refractive_index=1.2), 1.0),
+]
+
+
+@pytest.fixture(scope="module")
+def spheres():
+    x, value, radius = ti.Vector.field(3, ti.f32, 8), ti.field(ti.f32, 8), ti.field(ti.f32, 8)
+    x.from_numpy(np.random.default_rng(1).uniform(0.1, 0.5, (8, 3)).astype(np.float32))
+    value.from_numpy(np.linspace(0, 1, 8, dtype=np.float32))
+    radius.fill(0.05)
+    return x, value, radius
+
+
+def draw(picture, image, spheres):
+    """The pixels of water and of particles."""
+    size, box, look, scale = image
+    picture.load(*size, box, look)
+    picture.scale = scale
+    x, value, radius = spheres
+    view, shown = Camera.framing(box, size[0] / size[1]), []
+    picture.draw_water(view)
+    shown.append(picture.image.to_numpy())
+    picture.draw_particles(view, None, x, value, 0.0, 1.0, 8, radius, LEGEND)
+    shown.append(picture.image.to_numpy())
+    assert picture.to_numpy_u8().shape == (size[1], size[0], 3)
+    return shown
+
+
+@pytest.mark.parametrize("bodies", [[], [Ball(np.array((0.4, 0.3, 0.2)), 0.1)]])
+def test_other_scenes_and_sizes_need_no_other_kernels(spheres, bodies):
+    mesh = Mesh(4096)
+    mesh.fill(*ball((0.3, 0.3, 0.35), 0.2))
+    boundary = boundary_of(FLAT, [LayerSpec(1000.0 * 0.04**3, 1000.0, 2.0)], bodies)
+    picture = Picture(mesh, boundary, PictureRoom(192, 128))
+    for image in IMAGES[:3]:
+        draw(picture, image, spheres)
+    compiled = []
+    with watch_compiling(compiled.append):
+        for image in IMAGES[3:]:
+            shown = draw(picture, image, spheres)
+    assert PLAIN or not compiled
+    fresh = Picture(mesh, boundary, PictureRoom.holding(*IMAGES[-1][0], 3))
+    for one, other in zip(shown, draw(fresh, IMAGES[-1], spheres), strict=True):
+        assert one.std() > 0.05
+        np.testing.assert_allclose(one, other, atol=1 / 255)
+
+
+def test_rooms_are_classes_of_sizes():
+    assert PictureRoom.holding(640, 360) == PictureRoom.holding(960, 544) == PictureRoom()
+    assert PictureRoom.holding(961, 90) == PictureRoom(1920, 544)
+    assert PictureRoom.holding(1280, 720, rays=3) == PictureRoom(3840, 2176)
+    assert PictureRoom.holding(8192, 4352) == PictureRoom(15360, 4352)
+    assert not PictureRoom().holds(1000, 500, rays=3)
+
+
+def test_image_that_exceeds_the_room_is_refused():
+    picture = Picture(Mesh(16), room=PictureRoom(64, 36))
+    with pytest.raises(ValueError, match="exceed"):
+        picture.load(65, 36, BOX)
