@@ -4,9 +4,12 @@ a = -1/2) with the weights of Catmull and Rom, along x, then along y."""
 import taichi as ti
 
 from msph.fluid.boundary.sampled_fields import catmull_rom
-from msph.picture.rasteriser import BLOCK
 from msph.picture.room import PixelFields
-from msph.taichi_internals import data_oriented, kernel
+from msph.picture.samples import CPU_BLOCKS, GPU_BLOCKS
+from msph.taichi_internals import data_oriented, kernel, on_cpu
+
+# Pixels of a column that one iteration of a CPU's loop makes: their loop is vectorised.
+STRIP = 256
 
 
 @data_oriented
@@ -15,24 +18,28 @@ class Enlarger:
 
     def __init__(self, fields: PixelFields):
         self.canvas, self.wide, self.resolved = fields.canvas, fields.wide, fields.resolved
+        self.strip, self.block = (STRIP, CPU_BLOCKS) if on_cpu() else (1, GPU_BLOCKS)
 
     @kernel
     def enlarge(self, columns: ti.i32, rows: ti.i32, width: ti.i32, height: ti.i32):
         """The canvas's first columns x rows pixels fill the first width x height resolved ones."""
-        ti.loop_config(block_dim=BLOCK)
-        for i, b in ti.ndrange(width, rows):
+        strip = self.strip
+        ti.loop_config(block_dim=self.block)
+        for i, s in ti.ndrange(width, (rows + strip - 1) // strip):
             first, weights = taps(i, columns / width)
-            total = ti.math.vec3(0.0)
-            for k in ti.static(range(4)):
-                total += weights[k] * self.canvas[ti.math.clamp(first + k, 0, columns - 1), b]
-            self.wide[i, b] = total
-        ti.loop_config(block_dim=BLOCK)
-        for i, j in ti.ndrange(width, height):
-            first, weights = taps(j, rows / height)
-            total = ti.math.vec3(0.0)
-            for k in ti.static(range(4)):
-                total += weights[k] * self.wide[i, ti.math.clamp(first + k, 0, rows - 1)]
-            self.resolved[i, j] = ti.math.clamp(total, 0.0, 1.0)
+            for b in range(s * strip, ti.min((s + 1) * strip, rows)):
+                total = ti.math.vec3(0.0)
+                for k in ti.static(range(4)):
+                    total += weights[k] * self.canvas[ti.math.clamp(first + k, 0, columns - 1), b]
+                self.wide[i, b] = total
+        ti.loop_config(block_dim=self.block)
+        for i, s in ti.ndrange(width, (height + strip - 1) // strip):
+            for j in range(s * strip, ti.min((s + 1) * strip, height)):
+                first, weights = taps(j, rows / height)
+                total = ti.math.vec3(0.0)
+                for k in ti.static(range(4)):
+                    total += weights[k] * self.wide[i, ti.math.clamp(first + k, 0, rows - 1)]
+                self.resolved[i, j] = ti.math.clamp(total, 0.0, 1.0)
 
 
 @ti.func

@@ -2,16 +2,14 @@
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from msph.measure.ledger import NotFiniteError
 from msph.measure.timings import Timings
-from msph.picture.look import Look
-from msph.picture.picture import Picture
 from msph.scene import SceneError, load_scene
-from msph.scene.build import declared
 from msph.stage.controls import Controls
 from msph.stage.headless import Headless, HeadlessPlayer
 from msph.stage.loop import run
@@ -84,27 +82,21 @@ def test_every_view_draws_something_else(show, monkeypatch):
             assert np.abs(picture - other).mean() > 0.02
 
 
-def test_legend_changes_its_rectangle_alone(show, monkeypatch):
+def test_legend_changes_its_rectangle_alone(show):
     show.frame(Controls())
     legend, pictures = show.picture.legend, {}
     for name in show.views.names:
         show.views.name = name
-        for panel in (None, legend):
-            monkeypatch.setattr(show.picture, "legend", panel)
+        for shown in (False, True):
+            show.picture.change(replace(show.picture.look, legend=shown))
             show.draw()
-            pictures[panel] = show.picture.image.to_numpy()
-        changed = np.abs(pictures[legend] - pictures[None]).max(-1) > 0.0
+            pictures[shown] = show.picture.image.to_numpy()
+        changed = np.abs(pictures[True] - pictures[False]).max(-1) > 0.0
         if name not in ("water", "particles"):
             left, low, width, height = legend.overlay.shown["legend"]
             assert changed[left : left + width, low : low + height].mean() > 0.8
             changed[left : left + width, low : low + height] = False
         assert not changed.any()
-
-
-def test_legend_can_be_switched_off(show, tmp_path):
-    scene = load_scene(write(tmp_path), ("picture.legend=false",))
-    look = declared(scene.picture, Look)
-    assert Picture(32, 18, (1, 1, 1), show.surface.mesh, look, particles=8).legend is None
 
 
 @pytest.mark.parametrize(
