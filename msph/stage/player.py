@@ -45,11 +45,8 @@ class Player:
     ):
         self.window, self.row, self.frames, self.guide = window, row, frames, guide
         lead, play = row.lead, row.lead.scene.play
-        self.pacer, self.layout, self.replay = (
-            Pacer(play.fps, play.speed, play.scale),
-            layout,
-            Replay(),
-        )
+        self.layout, self.replay = layout, Replay()
+        self.pacer = Pacer(play.fps, play.speed, play.scale)
         layout.begin(quality)
         self.menu = Menu(row, choice, quality, layout, self.pacer, called)
         self.steering = Steering(window, row)
