@@ -31,6 +31,7 @@ from msph.measure.ledger import Ledger
 from msph.measure.probes import build_probes
 from msph.measure.snapshot import Snapshot
 from msph.scene.build import build_simulation
+from msph.scene.parts import PARTS
 from msph.scene.schema import Scene
 from msph.stage.explain import picture_error, water_error
 from msph.stage.show import Show
@@ -43,7 +44,7 @@ PICTURE, FRAMES, UNTIMED = (640, 360), 30, 3
 
 
 @dataclass(frozen=True)
-class Part:
+class Case:
     """on, off: changes of the tank's scene, by section, with the part and without it. beside: what
     is run after each frame of the side that has the part: "ledger", "probes", "surface" or
     "picture" (surface and picture); always: what is run on both sides. modules: prefix of the
@@ -58,37 +59,33 @@ class Part:
 
 
 LAYERS = [{"spacing": SPACING * 2.0 ** (k / 3.0)} for k in range(3)]
+LAYERED = {"layers": LAYERS, "water": [{"layer": 2}]}
 BALL = {"centre": [0.4, 0.1, 0.2], "radius": 0.08}
 PROBES = [
     {"name": "floor", "kind": "pressure", "point": [0.3, 0.0, 0.2]},
     {"name": "front", "kind": "front", "axis": "+x"},
 ]
-PARTS = (
-    Part("viscosity", {"projection": {"viscosity": 1.0}}, modules="msph.fluid.projection.visc"),
-    Part(
-        "tension",
-        {"projection": {"tension": 0.072}},
-        modules="msph.fluid.projection.surface_tension",
+# Scenes with and without each of the parts, and what is run on both sides.
+SCENES: dict[str, tuple[dict[str, Any], dict[str, Any], str]] = {
+    "viscosity": ({"projection": {"viscosity": 1.0}}, {}, ""),
+    "tension": ({"projection": {"tension": 0.072}}, {}, ""),
+    "shear relief": ({"projection": {"shear_relief": 0.9}}, {}, ""),
+    "xsph": ({"projection": {"xsph": 0.05}}, {}, ""),
+    "adaptation": ({**LAYERED, "adaptation": {"enabled": True}}, LAYERED, ""),
+    "bodies": ({"obstacles": [BALL]}, {}, ""),
+    "caustics": ({}, {"picture": {"caustics": False}}, "picture"),
+    "supersample": ({"picture": {"supersample": 2}}, {}, "picture"),
+}
+CASES = (
+    *(
+        Case(part.name, *SCENES[part.name][:2], "", SCENES[part.name][2], part.modules)
+        for part in PARTS
     ),
-    Part(
-        "shear relief",
-        {"projection": {"shear_relief": 0.9}},
-        modules="msph.fluid.projection.shear_relief",
-    ),
-    Part("xsph", {"projection": {"xsph": 0.05}}, modules="msph.fluid.projection.xsph"),
-    Part(
-        "adaptation",
-        {"layers": LAYERS, "adaptation": {"enabled": True}, "water": [{"layer": 2}]},
-        {"layers": LAYERS, "water": [{"layer": 2}]},
-        modules="msph.fluid.adaptivity",
-    ),
-    Part("bodies", {"obstacles": [BALL]}, modules="msph.fluid.boundary"),
-    Part("ledger", beside="ledger", modules="msph.measure"),
-    Part("probes", {"probes": PROBES}, beside="probes", modules="msph.measure"),
-    Part("surface", beside="surface", modules="msph.surface"),
-    Part("picture, surface included", beside="picture", modules="msph.picture"),
-    Part("caustics", off={"picture": {"caustics": False}}, always="picture"),
-    Part("refraction", off={"picture": {"refractive_index": 1.0}}, always="picture"),
+    Case("ledger", beside="ledger", modules="msph.measure"),
+    Case("probes", {"probes": PROBES}, beside="probes", modules="msph.measure"),
+    Case("surface", beside="surface", modules="msph.surface"),
+    Case("picture, surface included", beside="picture", modules="msph.picture"),
+    Case("refraction", off={"picture": {"refractive_index": 1.0}}, always="picture"),
 )
 
 
@@ -178,7 +175,7 @@ def field_bytes() -> int:
     return sum(WORD * math.prod(f.shape) * getattr(f, "n", 1) * getattr(f, "m", 1) for f in placed)
 
 
-def measured(part: Part) -> dict[str, Any]:
+def measured(part: Case) -> dict[str, Any]:
     """The part's row, in numbers."""
     # The first build pays for what all share, such as Taichi's own library.
     Side({}, "")
@@ -207,7 +204,7 @@ def measured(part: Part) -> dict[str, Any]:
     }
 
 
-def error(part: Part, off: Side, on: Side) -> str:
+def error(part: Case, off: Side, on: Side) -> str:
     """What is wrong without the part."""
     if on.show and off.show:
         return f"picture: {picture_error(on.show, off.show)}"
@@ -219,7 +216,7 @@ def error(part: Part, off: Side, on: Side) -> str:
 def rows(arch: str) -> list[dict[str, str]]:
     """Rows of all parts, each measured in a process of its own, with an empty cache of kernels."""
     found = []
-    for part in PARTS:
+    for part in CASES:
         command = [sys.executable, __file__, "--worker", part.name, "--arch", arch]
         environment = {**os.environ, "TI_OFFLINE_CACHE": "0"}
         done = subprocess.run(command, check=True, capture_output=True, text=True, env=environment)
@@ -244,12 +241,12 @@ def cells(row: dict[str, Any]) -> dict[str, str]:
 
 
 @click.command()
-@click.option("--worker", "name", required=True, type=click.Choice([p.name for p in PARTS]))
+@click.option("--worker", "name", required=True, type=click.Choice([p.name for p in CASES]))
 @click.option("--arch", type=click.Choice(ARCHES), default="auto", show_default=True)
 def main(name: str, arch: str) -> None:
     """Prints the row of one part as JSON."""
     start(arch)
-    (part,) = (p for p in PARTS if p.name == name)
+    (part,) = (p for p in CASES if p.name == name)
     click.echo(json.dumps(measured(part)))
 
 

@@ -4,8 +4,8 @@ python bench/quality.py [--explore] [SCENE ...] [--arch cpu]
 
 Every run is a process of its own. The error is the way of the water's centre of mass from that of
 the same scene with spacings .63 as large, root mean square over the run, in shares of the height of
-the water at rest in its box. Costs are wall-clock time, by which `--quality auto` chooses, and CPU
-time of all threads, which other programs disturb less; both per simulated second. The table goes to
+the water at rest in its box. Costs are wall-clock time, and CPU time of all threads,
+which other programs disturb less; both per simulated second. The table goes to
 bench/results/quality.md, what `scenes` prints to assets/quality.json.
 """
 
@@ -27,7 +27,6 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bench.report import RESULTS, heading
 from msph.device import ARCHES, start
-from msph.measure.machine_speed import measured_speed
 from msph.scene.library import assets, shipped_scenes
 from msph.scene.quality import LADDER, Quality, scaled
 
@@ -156,14 +155,12 @@ def main(scenes: tuple[str, ...], exploring: bool, worker: str | None, arch: str
         explore(arch)
         return
     file = assets() / "quality.json"
-    known = json.loads(file.read_text())["scenes"] if file.exists() else {}
-    speed = measured_speed()
+    known = json.loads(file.read_text()) if file.exists() else {}
     for name in tqdm(scenes or tuple(shipped_scenes()), unit="scene"):
         reference = in_process(name, REFERENCE, arch)
         found = {q: judged(in_process(name, LADDER[q], arch), reference) for q in LADDER}
         known[name] = {q: {k: float(f"{v:.3g}") for k, v in r.items()} for q, r in found.items()}
-        measured = {"neighbours_per_second": float(f"{speed:.3g}"), "scenes": known}
-        file.write_text(json.dumps(measured, indent=1) + "\n")
+        file.write_text(json.dumps(known, indent=1) + "\n")
     # Also the scenes that were measured before.
     rows = [[n, q, *cells(row)] for n, ladder in known.items() for q, row in ladder.items()]
     heads = ["scene", "quality", *HEADS]

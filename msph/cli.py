@@ -4,6 +4,7 @@ What a command does is in msph/stage/commands.py, imported when the command is c
 help and wrong options need neither Taichi nor numpy.
 """
 
+import functools
 import math
 import re
 from pathlib import Path
@@ -14,11 +15,18 @@ import msph
 from msph.device import ARCHES
 from msph.ending import in_one_line
 from msph.interrupts import importing
+from msph.options import (
+    AS_GIVEN,
+    AUTO,
+    QUALITIES,
+    BenchOptions,
+    CaptureOptions,
+    MeasureOptions,
+    PlayOptions,
+    RunOptions,
+)
 
-# Steps of the ladder, see msph/scene/quality.py.
-QUALITIES = ("auto", "small", "medium", "large", "finest")
-
-# With two runs no order is known; of six the first would have a sixth of the scene's fineness.
+# With two runs no order is known; of six the first would have a sixth of the scene's resolution.
 CONVERGENCE_RUNS = (3, 5)
 
 
@@ -45,8 +53,23 @@ class Size(click.ParamType):
         return size
 
 
-def shared_options(quality="large"):
-    """What every command that builds a scene takes; quality: its default."""
+arch_option = click.option(
+    "--arch",
+    type=click.Choice(ARCHES),
+    default="auto",
+    show_default=True,
+    help="Where kernels run; auto takes CUDA or Metal where there is one, else the CPU.",
+)
+threads_option = click.option(
+    "--threads",
+    type=click.IntRange(min=1),
+    help="CPU threads; with 1, runs repeat bit for bit.",
+)
+
+
+def shared_options(quality=AS_GIVEN):
+    """Options of every command that builds a scene, given to the command as `run`; quality: the
+    default."""
     options = (
         click.option(
             "--set",
@@ -55,32 +78,26 @@ def shared_options(quality="large"):
             metavar="KEY=VALUE",
             help="Set a scene parameter, e.g. --set box.restitution=0.2. Repeatable.",
         ),
-        click.option(
-            "--arch",
-            type=click.Choice(ARCHES),
-            default="auto",
-            show_default=True,
-            help="Where kernels run; auto takes CUDA or Metal where there is one, else the CPU.",
-        ),
-        click.option(
-            "--threads",
-            type=click.IntRange(min=1),
-            help="CPU threads; with 1, runs repeat bit for bit.",
-        ),
+        arch_option,
+        threads_option,
         click.option(
             "--quality",
-            type=click.Choice(QUALITIES),
+            type=click.Choice((AUTO, *QUALITIES)),
             default=quality,
             show_default=True,
-            help="Size of the particles: large is the scene as it is written, auto what this "
-            "machine plays in real time.",
+            help="Size of the particles: large is the scene as it is written, auto tries which is "
+            "the finest that plays in real time.",
         ),
     )
 
     def with_options(command):
+        @functools.wraps(command)
+        def bundled(overrides, arch, threads, quality, **own):
+            return command(run=RunOptions(overrides, arch, threads, quality), **own)
+
         for option in options:
-            command = option(command)
-        return command
+            bundled = option(bundled)
+        return bundled
 
     return with_options
 
@@ -104,18 +121,18 @@ def cli():
     "--beside",
     multiple=True,
     metavar="'KEY=VALUE ...'",
-    help="Also show the scene with these changes, in the same picture and under the same hands, "
-    "speed and error over each. Up to twice.",
+    help="Compare: also run the scene with these changes side by side, with the same input; the "
+    "speed and error of each are shown. Up to twice.",
 )
-@shared_options("auto")
-def play(**options):
+@shared_options(AUTO)
+def play(scene, run, **options):
     """Open a window on SCENE (a file or a shipped name) and play with its water.
 
     Where no window can be opened, ten seconds of the scene are captured instead.
     """
     with importing():
         from msph.stage import playing
-    playing.play(**options)
+    playing.play(scene, PlayOptions(**options), run)
 
 
 @cli.command()
@@ -157,9 +174,9 @@ def play(**options):
 @click.option("--size", type=Size(), default="1280x720", show_default=True, help="Picture size.")
 @force_option
 @shared_options()
-def capture(**options):
+def capture(scene, run, **options):
     """Record SCENE offscreen: video, pictures, meshes, particles. Needs no display."""
-    commands().capture(**options)
+    commands().capture(scene, CaptureOptions(**options), run)
 
 
 @cli.command()
@@ -183,12 +200,12 @@ def capture(**options):
     "--json", "json_file", type=click.Path(path_type=Path), help="Also write the rows to a file."
 )
 @shared_options()
-def bench(**options):
+def bench(scenes, run, **options):
     """Time SCENES (default: all shipped) without a window, and print speed beside error.
 
     A frame is 1/60 s of simulated time. Exits with 1 when the water does not stay finite.
     """
-    commands().bench(**options)
+    commands().bench(scenes, BenchOptions(**options), run)
 
 
 @cli.command()
@@ -217,13 +234,13 @@ def bench(**options):
 )
 @force_option
 @shared_options()
-def measure(**options):
+def measure(scene, run, **options):
     """Run SCENE without a window; write its ledger and probes as CSV, plots and a summary.
 
     Prints last how wrong the run is, each figure beside what good runs keep. Works for any scene. A
     run that fails keeps what it measured, and exits with 1.
     """
-    commands().measure(**options)
+    commands().measure(scene, MeasureOptions(**options), run)
 
 
 @cli.command()
@@ -248,11 +265,9 @@ def scenes(**options):
 @click.option("--slides", type=click.Path(path_type=Path), metavar="DIR", help="Write pictures.")
 @click.option("--size", type=Size(), default="960x540", show_default=True, help="Window size.")
 @click.option("--frames", type=click.IntRange(min=1), help="Close after so many frames.")
-@click.option(
-    "--arch", type=click.Choice(ARCHES), default="auto", show_default=True, help="As play."
-)
-@click.option("--threads", type=click.IntRange(min=1), help="CPU threads.")
-def lesson(**options):
+@arch_option
+@threads_option
+def lesson(arch, threads, **options):
     """List the lessons, or run the one called NAME (or in a folder) in a window.
 
     --html writes it as a page that needs no network, --slides as numbered pictures with captions:
@@ -260,7 +275,7 @@ def lesson(**options):
     """
     with importing():
         from msph.lesson import commands as lessons
-    lessons.lesson(**options)
+    lessons.lesson(run=RunOptions(arch=arch, threads=threads), **options)
 
 
 def commands():

@@ -66,7 +66,7 @@ def test_parts_take_nothing_while_off(monkeypatch) -> None:
     monkeypatch.setattr(parts, "UNTIMED", 0)
     monkeypatch.setattr(parts, "FRAMES", 2)
     monkeypatch.setattr(parts, "SPACING", 0.05)
-    (tension,) = (part for part in parts.PARTS if part.name == "tension")
+    (tension,) = (part for part in parts.CASES if part.name == "tension")
     row = parts.measured(tension)
     assert row["kernels"][0] == row["launches"][0] == 0
     assert row["kernels"][1] > 0 and row["launches"][1] >= 1.0

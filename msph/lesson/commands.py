@@ -1,4 +1,4 @@
-"""What `msph lesson` does: lists, runs in a window, writes pages and slides."""
+"""Implementation of `msph lesson`: lists lessons, runs one in a window, writes pages and slides."""
 
 from pathlib import Path
 from typing import Any
@@ -15,10 +15,12 @@ from msph.lesson.guide import Guide
 from msph.lesson.load import Course, load_lesson, shipped_lessons
 from msph.lesson.paint import band_height
 from msph.lesson.reader import read
+from msph.options import AS_GIVEN, RunOptions
 from msph.scene.load import read_toml
-from msph.stage.choice import Choice
+from msph.stage.called import Called, Choice
 from msph.stage.ggui_window import GguiWindow
-from msph.stage.loop import run
+from msph.stage.layout import Layout
+from msph.stage.loop import run as run_loop
 from msph.stage.pages import text_height
 from msph.stage.player import Player
 from msph.stage.preparation import prepare_row
@@ -42,7 +44,7 @@ class NoLessonWindowError(BadInputError):
     """A lesson needs a window, and none can be opened."""
 
 
-def lesson(name, html, slides, size, frames, arch, threads) -> None:
+def lesson(name, html, slides, size, frames, run: RunOptions) -> None:
     """As its options say."""
     if name is None:
         if html or slides:
@@ -53,10 +55,10 @@ def lesson(name, html, slides, size, frames, arch, threads) -> None:
     if size[0] < LEAST[0] or size[1] < LEAST[1]:
         raise click.UsageError(f"--size: a lesson needs {LEAST[0]}x{LEAST[1]} or more")
     if html or slides:
-        start(arch, threads)
+        start(run.arch, run.threads)
         write(course, html, slides)
     else:
-        in_window(course, size, frames, arch, threads)
+        in_window(course, size, frames, run)
 
 
 def listed() -> list[tuple[str, str, str]]:
@@ -85,11 +87,11 @@ def write(course: Course, html: Path | None, slides_folder: Path | None) -> None
             click.echo(path)
 
 
-def in_window(course: Course, size, frames: int | None, arch, threads) -> None:
-    """Runs it until the window is closed; what was done is remembered."""
+def in_window(course: Course, size: tuple[int, int], frames: int | None, run: RunOptions) -> None:
+    """Runs a lesson until the window is closed; what was done is remembered."""
     try:
         check_display()
-        start(arch, threads)
+        start(run.arch, run.threads)
         window = GguiWindow(course.lesson.title, size, KEYS)
     except NoWindowError as reason:
         raise NoLessonWindowError(f"{reason}; --html DIR writes the lesson as a page") from None
@@ -110,13 +112,14 @@ def in_window(course: Course, size, frames: int | None, arch, threads) -> None:
 
 
 def play(guide: Guide, window: Window, name: str, frames: int | None) -> None:
-    """Plays a lesson's waters. What blows up begins again: some lessons ask for it."""
-    row, choice = guide.progress.row, Choice(name, "large")
+    """Plays a lesson's simulations. One that blows up is reset: some lessons ask for it."""
+    row, choice = guide.progress.row, Choice(name, AS_GIVEN)
     assert row is not None
-    player = Player(window, row, choice, choice.quality, frames, guide=guide)
+    layout, called = Layout(window.size), Called(name)
+    player = Player(window, row, choice, AS_GIVEN, layout, called, frames, guide)
     while True:
         try:
-            run(row, player)
+            run_loop(row, player)
             return
         except BlowUpError:
             guide.progress.refill()

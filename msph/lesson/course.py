@@ -8,7 +8,7 @@ from msph.lesson.boards import board_of
 from msph.lesson.load import Course
 from msph.lesson.quantities import QUANTITIES, Numbers
 from msph.lesson.schema import SliderOf, Task
-from msph.stage.row import Waters
+from msph.stage.row import Row
 
 
 class Progress:
@@ -19,7 +19,7 @@ class Progress:
     of each what its numbers were then. values: of the sliders.
     """
 
-    def __init__(self, course: Course, row: Waters | None, code_pages: int = 1):
+    def __init__(self, course: Course, row: Row | None, code_pages: int = 1):
         self.course, self.lesson, self.row = course, course.lesson, row
         self.board: Any = board_of(self.lesson.board) if self.lesson.board else None
         self.pages = 1 + len(self.lesson.do) + code_pages
@@ -75,7 +75,7 @@ class Progress:
         return True
 
     def again(self) -> None:
-        """Waters and sliders as at the start."""
+        """Row and sliders as at the start."""
         self.runs += 1
         if self.row:
             self.row.reset()

@@ -12,7 +12,7 @@ from msph.picture.overlay import Overlay
 from msph.scene.parameters import parameters
 from msph.scene.schema import Scene
 from msph.stage.pages import text_height
-from msph.stage.row import Waters
+from msph.stage.row import Row
 from msph.stage.widgets import Grip, Slider
 
 # Time between two readings of the numbers [s]: faster ones cannot be read.
@@ -34,7 +34,7 @@ class Guide:
     """course: the lesson; row: its waters, None where it has a board; size (width, height) [pixels]
     of the window. What it says of itself: `progress`."""
 
-    def __init__(self, course: Course, row: Waters | None, size: tuple[int, int]):
+    def __init__(self, course: Course, row: Row | None, size: tuple[int, int]):
         self.size, self.text = size, text_height(size[1])
         self.reasons = Reasons(course.lesson, course.code, size, self.text)
         self.progress = Progress(course, row, self.reasons.pages)

@@ -12,7 +12,7 @@ from msph.lesson.course import Progress
 from msph.lesson.schema import Solution
 from msph.stage.controls import Controls
 from msph.stage.preparation import say
-from msph.stage.row import Waters
+from msph.stage.row import Row
 
 # Frame [s]; shares of a solution's time in which sliders, pool and view are moved, and in which the
 # hand pushes; radius of that hand over the box's longest edge, and its grip [1/s].
@@ -30,7 +30,7 @@ class Student:
     def __init__(
         self,
         progress: Progress,
-        row: Waters | None,
+        row: Row | None,
         see: See = lambda: None,
         lingers: float = 0.2,
     ):

@@ -1,21 +1,22 @@
-"""Parameters that may change while the water moves: those declared live that the scene models."""
+"""Live parameters: those that may change while a simulation runs."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from msph.fluid.methods import METHODS
 from msph.scene.parameters import parameters
+from msph.scene.parts import PARTS, value_of, with_value
 from msph.scene.schema import Scene
 
-# Terms that a scene without them has no kernels for.
-TERMS = ("projection.viscosity", "projection.tension", "projection.shear_relief")
+# Parameters without a slider where they are 0: a part that is off has no kernels, and without
+# gravity there is no direction for it.
+HIDDEN_AT_ZERO = {"gravity", *(key for part in PARTS for key in part.off)}
 
 
 @dataclass(frozen=True)
 class Live:
-    """One of them: its dotted key, unit, help, and the range of its slider (-, or the unit). Of a
+    """One live parameter: its dotted key, unit, help, and the range of its slider [unit]. Of a
     vector the length is meant."""
 
     key: str
@@ -33,8 +34,7 @@ def live_parameters(scene: Scene) -> list[Live]:
         if p.live is None or (section in METHODS and section != scene.method):
             continue
         value = read(scene, p.key)
-        # Without gravity there is no direction for it.
-        if value > 0.0 or not (p.key in TERMS or p.key == "gravity"):
+        if value > 0.0 or p.key not in HIDDEN_AT_ZERO:
             lo, hi = min(p.live[0], value), max(p.live[1], value)
             found.append(Live(p.key, p.unit, p.text, lo, hi))
     return found
@@ -42,18 +42,13 @@ def live_parameters(scene: Scene) -> list[Live]:
 
 def read(scene: Scene, key: str) -> float:
     """The value of a live parameter, of a vector its length."""
-    value: Any = scene
-    for name in key.split("."):
-        value = getattr(value, name)
-    return float(np.linalg.norm(value))
+    return float(np.linalg.norm(value_of(scene, key)))
 
 
 def changed(scene: Scene, key: str, value: float) -> Scene:
     """The scene with another value of a live parameter."""
-    section, _, name = key.rpartition(".")
-    if not section:
-        old = np.array(getattr(scene, name))
-        vector = tuple((old * (value / np.linalg.norm(old))).tolist())
-        return scene.model_copy(update={name: vector})
-    part = getattr(scene, section).model_copy(update={name: value})
-    return scene.model_copy(update={section: part})
+    old = value_of(scene, key)
+    if np.ndim(old):
+        vector = np.array(old) * (value / np.linalg.norm(old))
+        return with_value(scene, key, tuple(vector.tolist()))
+    return with_value(scene, key, value)

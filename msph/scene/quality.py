@@ -1,17 +1,13 @@
-"""The quality ladder: the same scene with larger or smaller particles, for the machine at hand."""
+"""The quality ladder: the same scene with larger or smaller particles."""
 
 import json
-import math
 from dataclasses import dataclass
 
-import numpy as np
-
+from msph.options import AS_GIVEN, QUALITIES
 from msph.scene.check import check
 from msph.scene.errors import SceneError
 from msph.scene.library import assets
-from msph.scene.load import load_scene
 from msph.scene.schema import Scene
-from msph.scene.water import layer_specs, settled_count
 
 
 @dataclass(frozen=True)
@@ -31,27 +27,13 @@ class Quality:
 # scenes say. Looser tolerances and longer steps are undominated in still and sloshing water, not in
 # dam breaks (bench/results/pareto.md): they are for the time, and their error is printed. Narrower
 # supports cost more at equal error everywhere (bench/results/quality_settings.md).
-LADDER = {
-    "small": Quality(2.0 ** (2.0 / 3.0), 0.03, 0.8),
-    "medium": Quality(2.0 ** (1.0 / 3.0), 0.03, 0.8),
-    "large": Quality(1.0),
-    "finest": Quality(2.0 ** (-1.0 / 3.0)),
-}
-# What a scene is if nobody asks for anything, and what asks for the machine's own choice.
-AS_GIVEN, AUTO = "large", "auto"
-NAMES = (AUTO, *LADDER)
-# Share of the wall-clock time that the water's dearest half second may take in real time: the rest
-# is for surface and picture.
-WATER_SHARE = 0.6
-# Pictures per second for which the display's processor time is set aside.
-LEAST_RATE = 30.0
-# sqrt(g H)/d of the dam break in its box H = .9 m high [1/s]: steps per second go with it.
-DAM_BREAK_RATE = math.sqrt(9.81 * 0.9) / 0.0315
-# Sections of a scene on which the cost of its water depends; camera, picture and keys do not.
-WATER = (
-    *("method", "density", "gravity", "box", "layers", "water", "obstacles", "container"),
-    *("projection", "adaptation", "sway"),
+STEPS = (
+    Quality(2.0 ** (2.0 / 3.0), 0.03, 0.8),
+    Quality(2.0 ** (1.0 / 3.0), 0.03, 0.8),
+    Quality(1.0),
+    Quality(2.0 ** (-1.0 / 3.0)),
 )
+LADDER = dict(zip(QUALITIES, STEPS, strict=True))
 
 
 def fixed(scene: Scene) -> str | None:
@@ -124,49 +106,10 @@ class Cost:
 
 
 def costs(name: str) -> dict[str, Cost]:
-    """Of a shipped scene, by quality; empty for a scene that was not measured."""
-    known = _measured()["scenes"].get(name, {})
+    """Of a shipped scene, by quality; empty for a scene that was not measured. The file is what
+    `python bench/quality.py` writes."""
+    known = json.loads((assets() / "quality.json").read_text(encoding="utf-8"))
     return {
         quality: Cost(int(row["particles"]), row["dearest"], row["error"])
-        for quality, row in known.items()
+        for quality, row in known.get(name, {}).items()
     }
-
-
-def choose(scene: Scene, name: str, speed: float, display: float = 0.0) -> str:
-    """The finest quality whose water keeps real time on a machine that sums over `speed` neighbours
-    per second, else the coarsest; AS_GIVEN for scenes that have one only.
-
-    A scene whose water is that of the shipped one called `name` costs what that was measured to.
-    display [s]: processor time that a picture takes to be shown. Threads of the water wait for each
-    other, so that what one core is taken for counts as if all were.
-    """
-    if fixed(scene):
-        return AS_GIVEN
-    slower = _measured()["neighbours_per_second"] / speed
-    share = WATER_SHARE * max(1.0 - LEAST_RATE * display, 0.0)
-    known = costs(name)
-    if known:
-        shipped = load_scene(name)
-        same = all(getattr(scene, part) == getattr(shipped, part) for part in WATER)
-        known = known if same else {}
-    for quality in reversed(LADDER):
-        dearest = known[quality].dearest if quality in known else estimate(scene, quality)
-        if slower * dearest <= share:
-            return quality
-    return next(iter(LADDER))
-
-
-def estimate(scene: Scene, quality: str) -> float:
-    """Wall-clock over simulated time (-) of a scene that was not measured, as if its water fell
-    through its box: by the measured dam break, in proportion to particles and to steps."""
-    known = costs("dam_break")[AS_GIVEN]
-    found = scaled(scene, LADDER[quality])
-    finest = min(s.spacing for s in layer_specs(found))
-    rate = math.sqrt(float(np.linalg.norm(found.gravity)) * found.box.size[1]) / finest
-    particles = settled_count(found)
-    return known.dearest * (particles / known.particles) * (rate / DAM_BREAK_RATE)
-
-
-def _measured() -> dict:
-    """The file that `python bench/quality.py` writes."""
-    return json.loads((assets() / "quality.json").read_text(encoding="utf-8"))

@@ -9,6 +9,7 @@ from msph.measure.timings import Timings, peak_memory, process_age
 from msph.scene.schema import Scene
 from msph.stage.headless import Headless, HeadlessPlayer
 from msph.stage.loop import run
+from msph.stage.row import Row
 from msph.stage.show import PLAYED, Show
 
 FRAME_TIME = 1.0 / 60.0
@@ -90,7 +91,7 @@ def benchmark(
     show = Show(scene, FRAME_TIME, size=size if render else None, timings=timings)
     show.warm_up()
     frames = max(1, math.ceil(seconds / FRAME_TIME))
-    run(show, Headless(frames))
+    run(Row([show]), Headless(frames))
     mean, p99, largest = show.ledger.density_error()
     wall = timings.total()
     rest_energy = show.ledger.rest_energy()
@@ -165,7 +166,7 @@ def play_benchmark(
     show.warm_up()
     ready = process_age()
     player = HeadlessPlayer(seconds, scene.play.fps)
-    run(show, player)
+    run(Row([show]), player)
     walls = np.array(player.walls)
     return Played(
         scene=name,

@@ -1,44 +1,50 @@
-"""What each command does, once its options are known."""
+"""Implementation of the command-line commands, but for `play` and `lesson`."""
 
 import json
 import math
 import sys
+from dataclasses import dataclass
+from dataclasses import replace as replace_fields
 from pathlib import Path
 
 import click
 from tabulate import tabulate
 
-from msph.device import restart, start
+from msph.device import start
 from msph.errors import BlowUpError, LostOutputError
 from msph.fluid.trapped_water import TrappedWaterError
 from msph.measure import convergence, table
-from msph.measure.machine_speed import machine_speed
 from msph.measure.past import time_of
 from msph.measure.plots import plot
 from msph.measure.timings import Timings
+from msph.options import (
+    AS_GIVEN,
+    AUTO,
+    BenchOptions,
+    CaptureOptions,
+    MeasureOptions,
+    PlayOptions,
+    RunOptions,
+)
 from msph.own_files import guard, replace, sealed
 from msph.scene import load_scene
 from msph.scene.library import find_scene, shipped_scenes
 from msph.scene.load import read_toml, to_toml
 from msph.scene.parameters import parameters
-from msph.scene.quality import AS_GIVEN, AUTO, at_quality, choose, coarser, costs
+from msph.scene.quality import at_quality, coarser, costs
 from msph.scene.schema import Scene
 from msph.scene.water import layer_specs
 from msph.stage.benchmark import Played, Result, benchmark, play_benchmark, profile_lines
-from msph.stage.choice import Called, Choice
 from msph.stage.explain import explain
-from msph.stage.loop import run
+from msph.stage.loop import run as run_loop
 from msph.stage.measurer import CHECKPOINT, FILES, LEDGER, PROBES, SCENE, Measurer
-from msph.stage.player import Player
-from msph.stage.preparation import prepare, prepare_row, say
+from msph.stage.preparation import prepare, say
 from msph.stage.recorder import NUMBER, Outputs, Recorder, check_outputs, make_writable
-from msph.stage.remote_window import RemoteWindow
+from msph.stage.row import Row
+from msph.stage.trial import finest_in_real_time
 
-# What `play` leaves behind where it cannot open a window.
-FALLBACK_SECONDS = 10.0
-FALLBACK_FPS = 30.0
-FALLBACK_SIZE = (1280, 720)
-STILL_TIME = 1.0
+# What `play` captures where it cannot open a window [s, 1/s, pixels], and when its still is [s].
+FALLBACK_SECONDS, FALLBACK_FPS, FALLBACK_SIZE, STILL_TIME = 10.0, 30.0, (1280, 720), 1.0
 # Sizes of a benchmark's picture [pixels]: its own, and that of the window it stands for.
 BENCH_SIZE, PLAY_SIZE = (640, 360), (960, 540)
 # What comparing spacings writes.
@@ -47,162 +53,131 @@ CONVERGENCE = "convergence.csv"
 BAD_RUN = 1
 
 
-def play_choice(window: RemoteWindow, choice: Choice, called: Called, arch: str) -> None:
-    """Plays a choice until its window is closed, or shows another water."""
-    waters, quality = called.waters_of(choice.scene), choice.quality
-    if len(waters) > 1 and quality == AUTO:
-        # What one water may cost says nothing of several, and they are to be compared as written.
-        quality = AS_GIVEN
-    window.tell(0.0, "measuring this machine")
-    first, *others = waters.values()
-    at_step, quality = at(first, choice.scene, quality, arch, window.display)
-    scenes = [at_step, *(at_quality(other, quality, choice.scene) for other in others)]
-    show = prepare_row(scenes, list(waters), window.size, window.tell)
-    player = Player(window, show, choice, quality, called.frames, window.ask, called.waters_of)
-    run(show, player)
-    for warning in show.warnings():
-        say(f"warning: {warning}")
+@dataclass(frozen=True)
+class Loaded:
+    """A scene by the name it was asked for, at a quality, and where kernels run."""
+
+    scene: Scene
+    name: str
+    quality: str
+    arch: str
+
+    def toml(self) -> str:
+        """The scene as a file that only runs write over."""
+        return sealed(to_toml(self.scene, f"quality {self.quality}"))
 
 
-def capture_instead(called: Called, quality: str, reason: str) -> None:
-    """Ten seconds of a scene, where no window can be opened, and a picture of it."""
-    scene = called.scene
-    loaded = load_scene(scene, called.overrides)
-    if called.beside:
-        say("--beside needs a window: the first water is captured")
+def at(scene: Scene, name: str, run: RunOptions) -> Loaded:
+    """Starts Taichi, and takes the scene of that name to its quality."""
+    arch, quality = start(run.arch, run.threads), run.quality
+    if quality == AUTO:
+        quality = finest_in_real_time(scene, name)
+    return Loaded(at_quality(scene, quality, name), name, quality, arch)
+
+
+def capture_instead(scene: str, options: PlayOptions, run: RunOptions, reason: str) -> None:
+    """Captures ten seconds of a scene, where no window can be opened, and an image of it."""
+    if options.beside:
+        say("--beside needs a window: the first simulation is captured")
     target = Path("out") / Path(scene).stem
     say(f"{reason}: capturing {FALLBACK_SECONDS:.0f} s of {scene} instead")
-    outputs = Outputs([target.with_suffix(".mp4"), target.with_suffix(".png")])
-    check_outputs(outputs, FALLBACK_FPS)
-    guard(scene_beside(outputs), outputs.existing(), force=False)
-    # A window may have been tried.
-    restart(called.arch, called.threads)
     # A capture need not keep up with the clock.
-    loaded, quality = at(loaded, scene, AS_GIVEN if quality == AUTO else quality)
-    record(loaded, quality, outputs, FALLBACK_SECONDS, FALLBACK_FPS, FALLBACK_SIZE, STILL_TIME)
+    run = replace_fields(run, quality=AS_GIVEN) if run.quality == AUTO else run
+    files = target.with_suffix(".mp4"), target.with_suffix(".png")
+    seconds, still = FALLBACK_SECONDS, STILL_TIME
+    capture(
+        scene,
+        CaptureOptions(FALLBACK_FPS, FALLBACK_SIZE, seconds, files, still_time=still),
+        run,
+    )
 
 
-def capture(
-    scene,
-    outputs,
-    meshes,
-    particles,
-    resume,
-    seconds,
-    fps,
-    size,
-    force,
-    overrides,
-    arch,
-    threads,
-    quality,
-) -> None:
+def capture(scene: str, options: CaptureOptions, run: RunOptions) -> None:
     """Records a scene into files."""
-    loaded = load_scene(scene, overrides)
-    some = outputs or meshes or particles
-    kinds = list(outputs or () if some else [Path("out") / f"{Path(scene).stem}.mp4"])
-    files = Outputs(kinds, list(meshes), list(particles))
-    check_outputs(files, fps)
-    guard(scene_beside(files), files.existing(), force)
-    arch = start(arch, threads)
-    loaded, quality = at(loaded, scene, quality, arch)
-    record(loaded, quality, files, seconds or loaded.duration, fps, size, resume=resume)
+    loaded = load_scene(scene, run.overrides)
+    some = options.outputs or options.meshes or options.particles
+    kinds = list(options.outputs if some else [Path("out") / f"{Path(scene).stem}.mp4"])
+    files = Outputs(kinds, list(options.meshes), list(options.particles))
+    check_outputs(files, options.fps)
+    guard(scene_beside(files), files.existing(), options.force)
+    record(at(loaded, scene, run), files, options)
 
 
-def bench(
-    scenes,
-    seconds,
-    no_render,
-    as_played,
-    size,
-    profile,
-    json_file,
-    overrides,
-    arch,
-    threads,
-    quality,
-) -> None:
+def bench(scenes: tuple[str, ...], options: BenchOptions, run: RunOptions) -> None:
     """Times scenes and prints a row for each."""
     names = scenes or tuple(shipped_scenes())
-    if json_file:
-        make_writable(json_file)
-    given = [(name, load_scene(name, overrides)) for name in names]
-    arch = start(arch, threads)
-    loaded = [(name, *at(scene, name, quality, arch)) for name, scene in given]
+    if options.json_file:
+        make_writable(options.json_file)
+    given = [(name, load_scene(name, run.overrides)) for name in names]
+    arch = start(run.arch, run.threads)
     rows: list[Result | Played] = []
     failed = False
-    for name, scene, step in loaded:
-        say(f"{name}: compiling kernels, then running")
+    for loaded in [at(scene, name, run) for name, scene in given]:
+        say(f"{loaded.name}: compiling kernels, then running")
         try:
-            duration = seconds or scene.duration
-            if as_played:
-                rows.append(play_benchmark(scene, name, step, duration, size or PLAY_SIZE))
-            else:
-                rows.append(
-                    benchmark(scene, name, duration, not no_render, size or BENCH_SIZE, profile)
-                )
+            rows.append(timed(loaded, options))
         except (BlowUpError, TrappedWaterError) as error:
-            say(f"{name}: FAILED: {error}")
+            say(f"{loaded.name}: FAILED: {error}")
             failed = True
     if rows:
-        timed = "frames of 1/60 s, milliseconds per frame, medians by stage"
-        click.echo(f"arch {arch}, {'played by the wall clock' if as_played else timed}")
+        how = "frames of 1/60 s, milliseconds per frame, medians by stage"
+        click.echo(f"arch {arch}, {'played by the wall clock' if options.as_played else how}")
         click.echo(tabulate([r.row() for r in rows], headers="keys", tablefmt="github"))
     profiled = [r for r in rows if isinstance(r, Result) and r.profile_ms]
     if profiled:
         click.echo("\nprofiled, which slows the run: so are the figures above; means per frame")
     for row in profiled:
         click.echo("\n".join([row.scene, *profile_lines(row.profile_ms)]))
-    if json_file:
-        replace(json_file, json.dumps([r.as_dict() for r in rows], indent=2) + "\n")
+    if options.json_file:
+        replace(options.json_file, json.dumps([r.as_dict() for r in rows], indent=2) + "\n")
     if failed:
         sys.exit(BAD_RUN)
 
 
-def measure(
-    scene, folder, seconds, every, converge, resume, force, overrides, arch, threads, quality
-) -> None:
+def timed(loaded: Loaded, options: BenchOptions) -> Result | Played:
+    """The benchmark of one scene."""
+    scene, name, duration = loaded.scene, loaded.name, options.seconds or loaded.scene.duration
+    if options.as_played:
+        return play_benchmark(scene, name, loaded.quality, duration, options.size or PLAY_SIZE)
+    size = options.size or BENCH_SIZE
+    return benchmark(scene, name, duration, not options.no_render, size, options.profile)
+
+
+def measure(scene: str, options: MeasureOptions, run: RunOptions) -> None:
     """Writes a scene's ledger, probes, summary and plots into a folder, and prints how wrong it
     is."""
-    if converge and resume:
+    if options.converge and options.resume:
         raise click.UsageError("--converge and --resume exclude each other")
-    since = time_of(Path(resume)) if resume else None
-    given = {"duration": seconds, "measure.every": every}
-    options = [f"{key}={value}" for key, value in given.items() if value is not None]
-    loaded = load_scene(scene, (*overrides, *options))
-    folder = folder or Path("out") / Path(scene).stem
+    since = time_of(Path(options.resume)) if options.resume else None
+    given = {"duration": options.seconds, "measure.every": options.every}
+    more = [f"{key}={value}" for key, value in given.items() if value is not None]
+    found = load_scene(scene, (*run.overrides, *more))
+    folder = options.folder or Path("out") / Path(scene).stem
     make_writable(folder / SCENE)
-    guard(folder / SCENE, (folder / name for name in FILES), force)
-    arch = start(arch, threads)
-    loaded, quality = at(loaded, scene, quality, arch)
-    if converge:
-        measure_convergence(loaded, scene, folder, converge, quality, arch, force)
+    guard(folder / SCENE, (folder / name for name in FILES), options.force)
+    loaded = at(found, scene, run)
+    if options.converge:
+        measure_convergence(loaded, folder, options.converge, options.force)
     else:
-        run_of = measured(loaded, scene, folder, quality, arch, resume, since)
-        click.echo(f"\n{run_of.account()}")
+        click.echo(f"\n{measured(loaded, folder, options.resume, since).account()}")
 
 
 def measured(
-    scene: Scene,
-    name: str,
-    folder: Path,
-    quality: str,
-    arch: str,
-    resume: str | None = None,
-    since: float | None = None,
+    loaded: Loaded, folder: Path, resume: str | None = None, since: float | None = None
 ) -> Measurer:
-    """Measures one run of a scene, called `name`, into a folder, from its start or from a
-    checkpoint `resume` of the time `since` [s], and names the files that there are."""
+    """Measures one run of a scene into a folder, from its start or from a checkpoint `resume` of
+    the time `since` [s], and names the files that there are."""
     make_writable(folder / SCENE)
-    show = None
+    scene, show = loaded.scene, None
     if resume:
         # First of all, since a checkpoint of another scene must not cost what the folder holds.
         show = prepare(scene, scene.measure.every, timings=Timings())
         show.resume(Path(resume))
-    measurer = Measurer(folder, scene, name, arch, since=since)
-    replace(folder / SCENE, sealed(to_toml(scene, f"quality {quality}")))
+    measurer = Measurer(folder, scene, loaded.name, loaded.arch, since=since)
+    replace(folder / SCENE, loaded.toml())
     try:
-        run(show or prepare(scene, scene.measure.every, timings=Timings()), measurer)
+        show = show or prepare(scene, scene.measure.every, timings=Timings())
+        run_loop(Row([show]), measurer)
     except (Exception, KeyboardInterrupt) as error:
         try:
             measurer.conclude(str(error) or "interrupted")
@@ -213,26 +188,25 @@ def measured(
             say(f"--resume {folder / CHECKPOINT} goes on")
         raise
     paths = measurer.conclude()
-    paths += plot(folder, f"{scene.title or name}, quality {quality}")
+    paths += plot(folder, f"{scene.title or loaded.name}, quality {loaded.quality}")
     for path in paths:
         click.echo(path)
     return measurer
 
 
-def measure_convergence(
-    scene: Scene, name: str, folder: Path, runs: int, quality: str, arch: str, force: bool
-) -> None:
+def measure_convergence(loaded: Loaded, folder: Path, runs: int, force: bool) -> None:
     """Measures a scene at several spacings, the scene's own last, each in a folder within, and
     estimates the discretisation error. Raises SceneError where spacings cannot change,
     ForeignFileError where files that no run wrote would be lost, unless by `force`."""
-    sequence = coarser(scene, convergence.factors(runs), name)
+    name = loaded.name
     folders, spacings = [], []
-    for factor, coarse in sequence:
+    for factor, coarse in coarser(loaded.scene, convergence.factors(runs), name):
         folders.append(folder if factor == 1.0 else folder / f"spacings_x{factor:.2f}")
         guard(folders[-1] / SCENE, (folders[-1] / name for name in FILES), force)
         spacings.append(min(s.spacing for s in layer_specs(coarse)))
         say(f"{name}: finest spacing {1e3 * spacings[-1]:.4g} mm, run {len(folders)} of {runs}")
-        finest = measured(coarse, name, folders[-1], f"{quality}, spacings x{factor:.2f}", arch)
+        quality = f"{loaded.quality}, spacings x{factor:.2f}"
+        finest = measured(replace_fields(loaded, scene=coarse, quality=quality), folders[-1])
     ledgers, probes = ([table.read(f / file) for f in folders] for file in (LEDGER, PROBES))
     rows = convergence.compare(ledgers, probes, spacings[-1])
     convergence.write(folder / CONVERGENCE, rows, spacings)
@@ -242,17 +216,14 @@ def measure_convergence(
     click.echo(f"\nDiscretisation error of {name}\n{convergence.text(rows, spacings)}")
 
 
-def scenes(name, list_parameters, explained, overrides, arch, threads, quality) -> None:
+def scenes(name: str | None, list_parameters: bool, explained: bool, run: RunOptions) -> None:
     """Lists scenes or parameters, prints one scene, or what its parts cost."""
     if explained:
         if not name:
             raise click.UsageError("--explain needs the NAME of a scene")
-        loaded = load_scene(name, overrides)
-        arch = start(arch, threads)
-        loaded, _ = at(loaded, name, quality, arch)
-        click.echo(explain(loaded))
+        click.echo(explain(at(load_scene(name, run.overrides), name, run).scene))
         return
-    if overrides or threads or (arch, quality) != ("auto", AS_GIVEN):
+    if run != RunOptions():
         raise click.UsageError("--set, --arch, --threads and --quality go with --explain")
     if list_parameters:
         rows = [p.row() for p in parameters(Scene)]
@@ -284,40 +255,20 @@ def ladder_lines(name: str) -> list[str]:
     return tabulate(rows, headers=heads, tablefmt="plain").splitlines() if rows else []
 
 
-def at(
-    scene: Scene, name: str, quality: str, arch: str = "", display: float = 0.0
-) -> tuple[Scene, str]:
-    """The scene of that name at a quality, and which it is; for AUTO, Taichi must run on arch.
-    display [s]: processor time that a picture takes to be shown."""
-    if quality == AUTO:
-        quality = choose(scene, name, machine_speed(arch), display)
-        say(f"{name}: quality {quality}, chosen for this machine")
-    return at_quality(scene, quality, name), quality
-
-
-def record(
-    scene: Scene,
-    quality: str,
-    outputs: Outputs,
-    seconds: float,
-    fps: float,
-    size: tuple[int, int],
-    still_time: float | None = None,
-    resume: str | None = None,
-) -> None:
-    """Runs a scene for the recorder; an interrupt ends the recording, not the files. quality: what
-    the scene is at."""
-    seen, meshes = size if outputs.pictures else None, bool(outputs.meshes)
-    beside = scene_beside(outputs)
-    show = prepare(scene, 1.0 / fps, seen, meshes=meshes, density_every=math.inf)
-    if resume:
-        show.resume(Path(resume))
-    still = None if still_time is None else max(1, round(still_time * fps))
-    frames, first = max(1, round(seconds * fps)), round(show.simulation.time * fps)
-    recorder = Recorder(outputs, frames, fps, still, first=first)
-    replace(beside, sealed(to_toml(scene, f"quality {quality}")))
+def record(loaded: Loaded, files: Outputs, options: CaptureOptions) -> None:
+    """Runs a scene for the recorder; an interrupt ends the recording, not the files."""
+    seen, meshes = options.size if files.pictures else None, bool(files.meshes)
+    fps, beside = options.fps, scene_beside(files)
+    show = prepare(loaded.scene, 1.0 / fps, seen, meshes=meshes, density_every=math.inf)
+    if options.resume:
+        show.resume(Path(options.resume))
+    still = None if options.still_time is None else max(1, round(options.still_time * fps))
+    frames = max(1, round((options.seconds or loaded.scene.duration) * fps))
+    first = round(show.simulation.time * fps)
+    recorder = Recorder(files, frames, fps, still, first=first)
+    replace(beside, loaded.toml())
     try:
-        run(show, recorder)
+        run_loop(Row([show]), recorder)
     except KeyboardInterrupt:
         say(f"stopped after {recorder.done} frames")
         raise

@@ -1,9 +1,7 @@
-"""What a scene has switched on, what each costs, and what goes wrong without it: measured."""
+"""Measures what each optional part of a scene costs, and the error without it."""
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from tabulate import tabulate
@@ -12,53 +10,17 @@ from msph.fluid.simulation import WORD, footprint
 from msph.measure.resolution import mean_depth
 from msph.measure.timings import Timings
 from msph.scene.build import solver_parameters
+from msph.scene.parts import PARTS, Part
 from msph.scene.schema import Scene
 from msph.scene.water import capacity, layer_specs
 from msph.stage.benchmark import FRAME_TIME, SIZE, STAGES
 from msph.stage.controls import Controls
 from msph.stage.preparation import prepare
 from msph.stage.show import Show
-from msph.taichi_internals import watch_compiling
+from msph.taichi_internals import on_cpu, watch_compiling
 
 # Simulated time of a run [s], and frames at its start that are not timed: caches fill.
 SECONDS, UNTIMED = 1.0, 3
-
-
-@dataclass(frozen=True)
-class Switch:
-    """An optional part: whether a scene has it, and the scene without it. picture: whether it
-    changes the picture alone."""
-
-    name: str
-    on: Callable[[Scene], bool]
-    without: dict[str, Any]
-    picture: bool = False
-
-
-def _term(key: str) -> Callable[[Scene], bool]:
-    return lambda s: s.method == "projection" and getattr(s.projection, key) > 0.0
-
-
-SWITCHES = (
-    Switch("adaptation", lambda s: s.adaptation.enabled, {"adaptation": {"enabled": False}}),
-    Switch("viscosity", _term("viscosity"), {"projection": {"viscosity": 0.0, "slip": True}}),
-    Switch("tension", _term("tension"), {"projection": {"tension": 0.0}}),
-    Switch("shear relief", _term("shear_relief"), {"projection": {"shear_relief": 0.0}}),
-    Switch("xsph", _term("xsph"), {"projection": {"xsph": 0.0}}),
-    Switch("caustics", lambda s: s.picture.caustics, {"picture": {"caustics": False}}, True),
-    Switch(
-        "supersample", lambda s: s.picture.supersample > 1, {"picture": {"supersample": 1}}, True
-    ),
-)
-
-
-def without(scene: Scene, switch: Switch) -> Scene:
-    """The scene with a part switched off."""
-    changes = {
-        section: getattr(scene, section).model_copy(update=values)
-        for section, values in switch.without.items()
-    }
-    return scene.model_copy(update=changes)
 
 
 @dataclass
@@ -85,16 +47,15 @@ def begin(scene: Scene) -> Run:
     with watch_compiling(kernels.append):
         show = prepare(scene, FRAME_TIME, SIZE, timings=Timings())
     taken = time.perf_counter() - since
-    numbers = footprint(
-        scene.box.size, layer_specs(scene), capacity(scene), solver_parameters(scene)
-    )
+    specs, most, parameters = layer_specs(scene), capacity(scene), solver_parameters(scene)
+    numbers = footprint(scene.box.size, specs, most, parameters, pooled=on_cpu())
     return Run(show, taken, len(kernels), WORD * sum(numbers.values()))
 
 
 def explain(scene: Scene) -> str:
     """A table of the scene and of it without each part that it has, in turn frame by frame."""
-    switches = [switch for switch in SWITCHES if switch.on(scene)]
-    runs = [begin(scene), *(begin(without(scene, switch)) for switch in switches)]
+    parts = [part for part in PARTS if part.active(scene)]
+    runs = [begin(scene), *(begin(part.without(scene)) for part in parts)]
     for k in range(UNTIMED + round(SECONDS / FRAME_TIME)):
         for run in runs:
             run.show.frame(Controls())
@@ -106,18 +67,18 @@ def explain(scene: Scene) -> str:
     heads = ["", "particles", "ms a frame", *STAGES]
     heads += ["saved", "start s", "kernels", "MiB", "error without it"]
     rows = [[*_costs("as it is", whole, whole), ""]]
-    for switch, run in zip(switches, others, strict=True):
+    for part, run in zip(parts, others, strict=True):
         error = water_error(whole.centres, run.centres, depth)
-        if switch.picture:
+        if part.picture:
             error = picture_error(whole.show, run.show)
-        rows.append([*_costs(f"without {switch.name}", run, whole), error])
+        rows.append([*_costs(f"without {part.name}", run, whole), error])
     return "\n".join(
         [
             tabulate(rows, headers=heads, tablefmt="simple", disable_numparse=True),
             "",
             f"{SECONDS:g} s of simulated time, frames of 1/60 s in turn, {SIZE[0]}x{SIZE[1]}; "
             "medians of wall-clock time.",
-            saving(switches, others, whole),
+            saving(parts, others, whole),
         ]
     )
 
@@ -155,12 +116,12 @@ def picture_error(whole: Show, other: Show) -> str:
     return f"{np.abs(a - b).mean():.1f} of 255 a pixel"
 
 
-def saving(switches: list[Switch], others: list[Run], whole: Run) -> str:
+def saving(parts: list[Part], others: list[Run], whole: Run) -> str:
     """Which part costs most, in words."""
-    if not switches:
+    if not parts:
         return "Nothing that could be left out is switched on."
     best = min(range(len(others)), key=lambda k: others[k].milliseconds())
     share = 1.0 - others[best].milliseconds() / whole.milliseconds()
     if share <= 0.0:
         return "Nothing would be saved by leaving a part out."
-    return f"Most would be saved without {switches[best].name}: {100.0 * share:.0f} % of a frame."
+    return f"Most would be saved without {parts[best].name}: {100.0 * share:.0f} % of a frame."

@@ -4,6 +4,7 @@ import contextlib
 import math
 import os
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -20,9 +21,6 @@ MARKER_RADIUS = 0.008  # of the marker under a pushing cursor, as a share of the
 STROKE, TIP = 0.006, 0.22
 # GGUI writes the places of its own panels here, unasked, where the program runs.
 SETTINGS = Path("imgui.ini")
-# Pictures of which the display's processor time is the mean: 30 ms on a slow one.
-SHOWN = 4
-
 
 # Keys that are told while the first frame is prepared, and what they do.
 FIRST = tuple((key.shown, key.does) for key in KEYS if key.hint)
@@ -44,35 +42,35 @@ class GguiWindow:
         except RuntimeError as error:
             raise NoWindowError(f"no window: {error}") from None
         self.canvas = self.window.get_canvas()
-        self.closing = False
         self.marked, self.arrowed = False, 0  # what lies over the next picture
         self.marker = ti.Vector.field(2, ti.f32, shape=1)
         self.lines = [ti.Vector.field(2, ti.f32, shape=6) for _ in ARROWS]
         self.words = np.zeros(size, np.int32)  # packed pixels of what is shown
-        self.start = StartScreen(size, title, keys)
-        self.told = -math.inf
-        self.tell(0.0, "building the scene")
+        self.keys, self.waiting = keys, list[str]()  # keys told, and presses not yet asked for
+        self.begin(title)
 
-    def tell(self, share: float, doing: str) -> None:
+    def begin(self, title: str) -> None:
+        self.start, self.told = StartScreen(self.size, title, self.keys), -math.inf
+        self.tell("building the scene")
+
+    def tell(self, doing: str) -> None:
         now = time.perf_counter()
         if now - self.told < TELL_PAUSE:
             return
         self.told = now
-        if any(ACTIONS.get(key) == "quit" for key in self.presses()):
-            self.closing = True
-        if not self.open:
+        self.waiting = self.presses()
+        if not self.open or any(ACTIONS.get(key) == "quit" for key in self.waiting):
             raise ClosedError
-        self.show(self.start.paint(share, doing))
-
-    def notice(self) -> str:
-        return ""
+        self.show(self.start.paint(doing))
 
     @property
     def open(self) -> bool:
-        return self.window.running and not self.closing
+        return self.window.running
 
     def presses(self) -> list[str]:
-        return [event.key for event in self.window.get_events(ti.ui.PRESS)]
+        pressed = [event.key for event in self.window.get_events(ti.ui.PRESS)]
+        pressed, self.waiting = [*self.waiting, *pressed], []
+        return pressed
 
     def down(self, *keys: str) -> bool:
         return self.window.is_pressed(*keys)
@@ -112,13 +110,8 @@ class GguiWindow:
         self.marked, self.arrowed = False, 0
         self.window.show()
 
-    def processor_time(self) -> float:
-        """That the display takes for a picture [s]: milliseconds of one without a graphics card,
-        which draws with the cores that the water wants."""
-        begin = time.process_time()
-        for _ in range(SHOWN):
-            self.show(self.words)
-        return (time.process_time() - begin) / SHOWN
+    def again(self) -> None:
+        self.show(self.words)
 
     def close(self) -> None:
         self.window.destroy()
@@ -127,7 +120,7 @@ class GguiWindow:
 
 
 @contextlib.contextmanager
-def silence():
+def silence() -> Iterator[None]:
     """Keeps what libraries print past Python from the terminal: we say it in our own line."""
     saved = [os.dup(fd) for fd in (1, 2)]
     nowhere = os.open(os.devnull, os.O_WRONLY)

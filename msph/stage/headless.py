@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 from msph.stage.controls import Controls
 from msph.stage.pacer import Pacer
-from msph.stage.show import Show
+from msph.stage.row import Row
 
 
 class Headless:
@@ -15,13 +15,13 @@ class Headless:
         self.frames = frames
         self.done = 0
 
-    def wants_more(self, show: Show) -> bool:
+    def wants_more(self, row: Row) -> bool:
         return self.done < self.frames
 
-    def controls(self, show: Show) -> Controls:
+    def controls(self, row: Row) -> Controls:
         return Controls()
 
-    def see(self, show: Show) -> None:
+    def see(self, row: Row) -> None:
         self.done += 1
 
     def close(self) -> None:
@@ -51,25 +51,25 @@ class HeadlessPlayer:
         self.scales: list[float] = []
         self.begin = self.shown = clock()
 
-    def wants_more(self, show: Show) -> bool:
+    def wants_more(self, row: Row) -> bool:
         if not self.walls:
             self.begin = self.shown = self.now()
         return self.now() - self.begin < self.seconds
 
-    def controls(self, show: Show) -> Controls:
+    def controls(self, row: Row) -> Controls:
         wishes = Controls()
         self.pacer.steer(wishes)
         return wishes
 
-    def see(self, show: Show) -> None:
+    def see(self, row: Row) -> None:
         # The screen waits for its next refresh.
         self.sleep(max(0.0, self.shown + self.least - self.now()))
         now = self.now()
         wall, self.shown = now - self.shown, now
         self.scales.append(self.pacer.scale)
-        self.pacer.see(show, wall, 0.0)
+        self.pacer.see(row, wall, 0.0)
         self.walls.append(wall)
-        self.simulated.append(show.simulated)
+        self.simulated.append(row.lead.simulated)
 
     def close(self) -> None:
         pass

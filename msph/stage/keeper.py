@@ -1,4 +1,4 @@
-"""What a player takes from a show by a key, and how it is told in the window."""
+"""What a player takes from a row by a key, and how it is told in the window."""
 
 import time
 from collections.abc import Callable
@@ -8,7 +8,7 @@ from msph.scene.errors import SceneError
 from msph.stage.keepsakes import Keepsakes
 from msph.stage.layout import Layout
 from msph.stage.replay import Replay
-from msph.stage.row import Waters
+from msph.stage.row import Row
 from msph.stage.window import TELL_PAUSE, Window
 
 # Actions of keys that are its methods.
@@ -23,26 +23,26 @@ class Keeper:
         self.window, self.layout, self.replay, self.keepsakes = window, layout, replay, keepsakes
         self.told = 0.0  # when a clip was last told of [s]
 
-    def picture(self, show: Waters) -> None:
-        self._say(lambda: self.keepsakes.picture(show))
+    def picture(self, row: Row) -> None:
+        self._say(lambda: self.keepsakes.picture(row))
 
-    def clip(self, show: Waters) -> None:
+    def clip(self, row: Row) -> None:
         if self.replay.frames:
-            self._say(lambda: self.keepsakes.clip(show, self.replay, self._tell))
+            self._say(lambda: self.keepsakes.clip(row, self.replay, self._tell))
 
-    def keep(self, show: Waters) -> None:
-        if self._alone(show):
-            self._say(lambda: self.keepsakes.water(show.lead))
+    def keep(self, row: Row) -> None:
+        if self._alone(row):
+            self._say(lambda: self.keepsakes.water(row.lead))
 
-    def reopen(self, show: Waters) -> None:
-        if self._alone(show):
-            self._say(lambda: self.keepsakes.reopen(show.lead))
+    def reopen(self, row: Row) -> None:
+        if self._alone(row):
+            self._say(lambda: self.keepsakes.reopen(row.lead))
 
-    def _alone(self, show: Waters) -> bool:
+    def _alone(self, row: Row) -> bool:
         """Whether there is one water; of several none is kept: they would part in time."""
-        if len(show.shows) > 1:
+        if len(row.shows) > 1:
             self.layout.say("one water alone can be kept and opened")
-        return len(show.shows) == 1
+        return len(row.shows) == 1
 
     def _say(self, act: Callable[[], str]) -> None:
         try:

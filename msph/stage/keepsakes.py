@@ -1,4 +1,4 @@
-"""What a person takes from a show: pictures, clips, and water to go on with."""
+"""What the user takes from a simulation: pictures, clips, and water to go on with."""
 
 import contextlib
 import time
@@ -12,9 +12,9 @@ import numpy as np
 from msph.own_files import replace, replacing, sealed
 from msph.scene.errors import SceneError
 from msph.scene.load import to_toml
+from msph.scene.schema import Scene
 from msph.stage.replay import Replay
-from msph.stage.row import Waters
-from msph.stage.show import Show
+from msph.stage.row import Row, Show
 
 
 class Keepsakes:
@@ -26,31 +26,31 @@ class Keepsakes:
         self.folder, self.scene, self.quality = folder, scene, quality
         self.image: Any = None  # what a clip draws
 
-    def picture(self, show: Waters) -> str:
+    def picture(self, row: Row) -> str:
         """The picture as it was drawn last, with its legend, without the window's pages."""
-        scale, show.picture.scale = show.picture.scale, 1.0
-        show.draw()
-        pixels = show.picture.to_numpy_u8()
-        show.picture.scale = scale
-        path = self._path(".png", show)
+        scale, row.picture.scale = row.picture.scale, 1.0
+        row.draw()
+        pixels = row.picture.to_numpy_u8()
+        row.picture.scale = scale
+        path = self._path(".png", row.lead.scene)
         with replacing(path) as new:
             imageio.imwrite(new, pixels)
         return f"{path}"
 
-    def clip(self, show: Waters, replay: Replay, tell: Callable[[float], None]) -> str:
+    def clip(self, row: Row, replay: Replay, tell: Callable[[float], None]) -> str:
         """A video of the last seconds; tell: called with the share (0 to 1) of it that there is."""
-        path = self._path(".mp4", show)
+        path = self._path(".mp4", row.lead.scene)
 
         def told(share: float) -> None:
-            self.image = show.picture.image
+            self.image = row.picture.image
             tell(share)
 
-        replay.write(show, path, told)
+        replay.write(row, path, told)
         return f"{path}"
 
     def water(self, show: Show) -> str:
         """A checkpoint of the water."""
-        path, state = self._path(".npz", show), show.simulation.state()
+        path, state = self._path(".npz", show.scene), show.simulation.state()
         with replacing(path) as new:
             np.savez_compressed(new, **state)  # type: ignore[arg-type]
         return f"{path}; o opens it"
@@ -67,7 +67,7 @@ class Keepsakes:
         what = f"no water of {self.scene} was kept at quality {self.quality}; k keeps some"
         raise SceneError(str(self.folder), what)
 
-    def _path(self, suffix: str, show: Waters) -> Path:
+    def _path(self, suffix: str, scene: Scene) -> Path:
         """A new file, with its scene beside it."""
         self.folder.mkdir(parents=True, exist_ok=True)
         stem = f"{self.scene}_{time.strftime('%Y%m%d_%H%M%S')}"
@@ -76,5 +76,5 @@ class Keepsakes:
             number += 1
             taken = f"{stem}_{number}"
         note = f"quality {self.quality}"
-        replace(self.folder / f"{taken}.scene.toml", sealed(to_toml(show.scene, note)))
+        replace(self.folder / f"{taken}.scene.toml", sealed(to_toml(scene, note)))
         return self.folder / f"{taken}{suffix}"

@@ -10,7 +10,7 @@ from msph.stage import pages
 from msph.stage.graphs import Graphs
 from msph.stage.idle import Idle
 from msph.stage.pacer import Pacer
-from msph.stage.row import Waters, with_picked
+from msph.stage.row import Row, with_picked
 from msph.stage.status import EVERY, Status
 from msph.stage.window import ARROWS
 
@@ -23,13 +23,22 @@ PANELS = ("", "settings", "graphs")
 
 
 class Layout:
-    """size (width, height) [pixels] of the window, quality: what the scene is at. panel: what the
-    column shows, "" for no column."""
+    """size (width, height) [pixels] of the window. panel: what the column shows, "" for no column.
+    begin() comes before the first frame of each scene."""
 
-    def __init__(self, size: tuple[int, int], quality: str):
+    def __init__(self, size: tuple[int, int]):
         width, height = self.size = size
         self.text = pages.text_height(height)
         self.gap, self.column = round(GAP * self.text), round(COLUMN * self.text)
+        small = ("status", "hints", "message", "particle")
+        rooms = {name: (width, ROOM * self.text) for name in small}
+        rooms["graphs"] = rooms["settings"] = self.column, height
+        rooms["help"] = size
+        self.overlay = Overlay(width, height, rooms)
+        self.begin("")
+
+    def begin(self, quality: str) -> None:
+        """Forgets the scene before; quality: what the next one is at."""
         self.panel = ""
         # What a lesson takes: height at the lower edge [pixels], and keys.
         self.below, self.taken = 0, frozenset[str]()
@@ -37,11 +46,7 @@ class Layout:
         self.message, self.until = "", 0.0
         self.told: tuple[int | None, float] = None, 0.0  # particle whose facts are shown, and since
         self.hinted: Any = None  # hints as they were last painted
-        small = ("status", "hints", "message", "particle")
-        rooms = {name: (width, ROOM * self.text) for name in small}
-        rooms["graphs"] = rooms["settings"] = self.column, height
-        rooms["help"] = size
-        self.overlay = Overlay(width, height, rooms)
+        self.overlay.shown.clear()
 
     @property
     def free(self) -> float:
@@ -93,21 +98,21 @@ class Layout:
         left, top = (width - page.shape[1]) // 2, (height - page.shape[0]) // 2
         self.overlay.put("help", page, left, top)
 
-    def lay(self, show: Waters, pacer: Pacer, paused: bool, idle: Idle) -> None:
-        """Lays all pages over the show's picture, those painted anew that have changed."""
+    def lay(self, row: Row, pacer: Pacer, paused: bool, idle: Idle) -> None:
+        """Lays all pages over the row's image, those painted anew that have changed."""
         now = time.perf_counter()
-        status = self.status.page(show, pacer, paused, now, self.text)
+        status = self.status.page(row, pacer, paused, now, self.text)
         if status is not None:
             self.overlay.put("status", status, self.gap, self.gap)
         self._lay_hints([k.hint for k in idle.hints()], bool(idle.hint()))
         if now > self.until:
             self.overlay.hide("message")
-        self._lay_particle(show, now)
-        if self.graphs.see(show.lead, now, pacer.pace) and self.panel == "graphs":
+        self._lay_particle(row, now)
+        if self.graphs.see(row.lead, now, pacer.pace) and self.panel == "graphs":
             top = self._top()
-            page = self.graphs.paint(show.lead, self.column, self.size[1] - top, self.text)
+            page = self.graphs.paint(row.lead, self.column, self.size[1] - top, self.text)
             self.overlay.put("graphs", page, 0, top)
-        self.overlay.draw(show.picture.image)
+        self.overlay.draw(row.image)
 
     def _lay_hints(self, texts: list[str], urgent: bool) -> None:
         if (texts, urgent) == self.hinted:
@@ -119,9 +124,9 @@ class Layout:
             low = self.size[1] - self.gap - page.shape[0]
             self.overlay.put("hints", page, self._left(), low)
 
-    def _lay_particle(self, show: Waters, now: float) -> None:
+    def _lay_particle(self, row: Row, now: float) -> None:
         """Facts of the particle that was picked, and what its arrows are."""
-        of = with_picked(show)
+        of = with_picked(row)
         if of is None:
             self.overlay.hide("particle")
             return

@@ -16,6 +16,7 @@ from msph.own_files import replacing
 from msph.scene.schema import Scene
 from msph.stage.controls import Controls
 from msph.stage.frame_bar import FrameBar
+from msph.stage.row import Row
 from msph.stage.show import Show
 
 LEDGER, PROBES, SUMMARY, SCENE = "ledger.csv", "probes.csv", "summary.json", "scene.toml"
@@ -73,16 +74,17 @@ class Measurer:
                 probe.go_on([last.pop(0) for _ in probe.heads])
         self.bar = FrameBar(self.frames, bar, self.done)
 
-    def wants_more(self, show: Show) -> bool:
+    def wants_more(self, row: Row) -> bool:
         return self.done < self.frames
 
-    def controls(self, show: Show) -> Controls:
+    def controls(self, row: Row) -> Controls:
         if self.show is None:
-            self._begin(show)
-            show.tell = self.bar.within
+            self._begin(row.lead)
+            row.lead.tell = self.bar.within
         return Controls()
 
-    def see(self, show: Show) -> None:
+    def see(self, row: Row) -> None:
+        show = row.lead
         self.done += 1
         entries = show.ledger.entries
         entries[-1] = past.after(entries[-1], self.before)

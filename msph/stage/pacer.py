@@ -8,7 +8,7 @@ the picture grows coarser first; time slows last.
 import numpy as np
 
 from msph.stage.controls import Controls
-from msph.stage.row import Waters
+from msph.stage.row import Row
 
 # Frame rates that are tried in turn, over the one wanted: better half of it than slow motion.
 RATES = (1.0, 0.75, 0.5)
@@ -77,15 +77,15 @@ class Pacer:
         wishes.frame_time, wishes.budget = self.frame_time, self.budget
         wishes.scale = self.scale
 
-    def see(self, show: Waters, wall: float, shown: float) -> None:
-        """Takes in the show's last frame, of `wall` [s], of which it took `shown` [s] to be shown
+    def see(self, row: Row, wall: float, shown: float) -> None:
+        """Takes in the row's last frame, of `wall` [s], of which it took `shown` [s] to be shown
         without waiting for the screen."""
-        frames = [s.timings.frames[-1] for s in show.shows if s.timings]
+        frames = [s.timings.frames[-1] for s in row.shows if s.timings]
         water, surface, picture = (
             sum(frame.get(stage, 0.0) for frame in frames)
             for stage in ("fluid", "surface", "picture")
         )
-        self.record(wall, water, picture, surface + shown, show.lead.simulated)
+        self.record(wall, water, picture, surface + shown, row.lead.simulated)
 
     def record(
         self, wall: float, water: float, picture: float, rest: float, simulated: float

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from PIL import Image, ImageDraw
 
+from msph.options import AUTO, QUALITIES
 from msph.scene.library import shipped_scenes
 from msph.scene.live import Live, live_parameters, read
-from msph.scene.quality import NAMES
 from msph.stage.pages import DENSE, FAINT, INK, LINE, font_of
 from msph.stage.show import Show
 from msph.stage.widgets import Button, Grip, Sheet, Slider
@@ -116,7 +116,7 @@ class Panel:
         kind, names, now = {
             "views": ("view", show.views.names, show.views.name),
             "scenes": ("scene", tuple(shipped_scenes()), self.scene),
-            "quality": ("quality", NAMES, self.quality),
+            "quality": ("quality", (AUTO, *QUALITIES), self.quality),
         }[self.page]
         for name in names:
             self.sheet.button(f"{kind} {name}", name.replace("_", " "), x, y, name == now)

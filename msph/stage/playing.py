@@ -1,67 +1,56 @@
-"""What `msph play` does: a window here, and each water in a process of its own."""
+"""The command `play`: scenes in one window, one after another."""
 
 import shlex
-import sys
 
 import click
 
 from msph.device import start
 from msph.interrupts import importing
-from msph.stage.choice import Called, Choice
-from msph.stage.water_process import WaterProcess
-from msph.stage.window import NoWindowError, check_display
+from msph.options import PlayOptions, RunOptions
+from msph.stage.called import Called
+from msph.stage.window import ClosedError, NoWindowError, check_display
 
-# Waters that are played side by side: more are too narrow to be seen.
-MOST_WATERS = 3
+# Simulations side by side: more are too narrow to be seen.
+MOST = 3
 
 
-def play(scene, size, frames, beside, overrides, arch, threads, quality) -> None:
-    """Plays a scene, and what is chosen in its window after it; captures the scene where none can
-    be opened."""
-    check_beside(beside)
-    called = Called(scene, overrides, beside, arch, threads, frames, size)
+def play(scene: str, options: PlayOptions, run: RunOptions) -> None:
+    """Plays a scene, and those that are chosen in its window; captures it where no window can be
+    opened."""
+    check_beside(options.beside)
+    called = Called(scene, run.overrides, options.beside)
+    first = next(iter(called.scenes_of(scene).values()))
     try:
         check_display()
-        code = in_window(called, quality)
-    except NoWindowError as reason:
-        with importing():
-            from msph.stage.commands import capture_instead
-        capture_instead(called, quality, str(reason))
-    else:
-        sys.exit(code)
-
-
-def in_window(called: Called, quality: str) -> int:
-    """Plays in a window; the exit code. Raises NoWindowError."""
-
-    def begin(choice: Choice) -> WaterProcess:
-        return WaterProcess(choice, called)
-
-    first = begin(Choice(called.scene, quality))
-    try:
-        # A water's process imports and loads while this one does.
+        start(run.arch, run.threads)
         with importing():
             from msph.stage.controls import KEYS
             from msph.stage.ggui_window import GguiWindow
-            from msph.stage.window_server import WindowServer
-        # Taichi only shows pictures here.
-        start("cpu", threads=1)
-
-        def open_window(title: str) -> GguiWindow:
-            window = GguiWindow(title, called.size)
-            for key in KEYS:
-                click.echo(f"  {key.shown:18} {key.does}")
-            return window
-
-        return WindowServer(first, begin, open_window).serve()
+        window = GguiWindow(first.title or scene, options.size)
+    except NoWindowError as reason:
+        with importing():
+            from msph.stage.commands import capture_instead
+        capture_instead(scene, options, run, str(reason))
+        return
+    except ClosedError:
+        return
+    try:
+        for key in KEYS:
+            click.echo(f"  {key.shown:18} {key.does}")
+        # The window is there while the rest is imported.
+        with importing():
+            from msph.stage.session import Session
+        Session(window, called, options.frames).play(scene, run.quality)
+    except ClosedError:
+        pass
     finally:
-        first.leave()
+        window.close()
 
 
 def check_beside(beside: tuple[str, ...]) -> None:
-    """Raises UsageError where these are no overrides of waters beside the scene."""
-    if len(beside) >= MOST_WATERS:
-        raise click.UsageError(f"--beside: at most {MOST_WATERS - 1}")
+    """Raises UsageError where these are no overrides of simulations side by side."""
+    if len(beside) >= MOST:
+        raise click.UsageError(f"--beside: at most {MOST - 1}")
     for text in beside:
         try:
             shlex.split(text)

@@ -1,26 +1,23 @@
-"""From a scene to a show that is ready for its first frame, telling how far it is."""
+"""From a scene to a row of simulations that are ready for their first frame."""
 
 import contextlib
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 from tqdm import tqdm
 
-from msph import user_cache
 from msph.measure.summary import water_laid
 from msph.measure.timings import Timings
 from msph.scene.check import cautions
 from msph.scene.effort import effort
 from msph.scene.schema import Scene
-from msph.stage.row import KEPT, Row, Waters, width_of_each
+from msph.stage.row import KEPT, Row, width_of_each
 from msph.stage.show import PLAYED, Show
 from msph.taichi_internals import watch_compiling
 
-# Kernels of a scene whose terms have not been started before: those of the default one.
-TYPICAL_KERNELS = 41
-# How far preparation is: a share (0 to 1), and what is being compiled.
-Tell = Callable[[float, str], None]
+# Called with what is being done, in words, before each kernel that is compiled.
+Tell = Callable[[str], None]
 
 
 def say(text: str) -> None:
@@ -35,14 +32,11 @@ def prepare(
     tell: Tell | None = None,
     **options,
 ) -> Show:
-    """Builds a show, with the options it has, and compiles its kernels.
-
-    tell: called before each kernel; without it a bar is shown where there is a terminal.
-    """
+    """Builds a show, with the options it has, and compiles its kernels."""
     begin = time.perf_counter()
     for caution in (*cautions(scene), *effort(scene)):
         say(f"warning: {caution}")
-    with counting(scene, size is not None, tell):
+    with compiling(tell):
         show = Show(scene, frame_time, size, **options)
         show.warm_up()
     ready = f"ready in {time.perf_counter() - begin:.1f} s, {sum(show.counts):,} particles, "
@@ -61,9 +55,9 @@ def prepare_row(
     size: tuple[int, int] | None,
     tell: Tell | None = None,
     below: int = 0,
-) -> Waters:
-    """A show to be played with in pictures of size (width, height) [pixels]; of several scenes, or
-    over `below` pixels that are left free, a row of shows, with their labels."""
+) -> Row:
+    """A row of simulations to be played with in an image of size (width, height) [pixels], over
+    `below` pixels that are left free, with their labels."""
     alone = len(scenes) == 1 and not below
     each = size
     if size and not alone:
@@ -79,7 +73,7 @@ def prepare_row(
         )
         for scene in scenes
     ]
-    return shows[0] if alone else Row(shows, labels, size, below)
+    return Row(shows) if alone else Row(shows, labels, size, below)
 
 
 def laid_and_asked(water: dict[str, float]) -> str:
@@ -89,39 +83,22 @@ def laid_and_asked(water: dict[str, float]) -> str:
 
 
 @contextlib.contextmanager
-def counting(scene: Scene, picture: bool, tell: Tell | None):
-    """Counts the kernels compiled within, and tells or shows how far it is. Their number is known
-    from the last time that a scene with the same terms was started."""
-    p = scene.projection
-    terms = {
-        "adaptation": scene.adaptation.enabled,
-        "bodies": bool(scene.obstacles or scene.container),
-        "viscosity": p.viscosity > 0.0,
-        "tension": p.tension > 0.0,
-        "picture": picture,
-    }
-    key = " ".join(["kernels", scene.method, *(name for name, on in terms.items() if on)])
-    expected, count = int(user_cache.recall(key, TYPICAL_KERNELS)), 0
-    # With disable=None the bar appears on terminals only.
-    bar = tqdm(
-        total=expected,
-        desc="compiling kernels",
-        unit="kernel",
+def compiling(tell: Tell | None) -> Iterator[None]:
+    """Tells of each kernel that is compiled within, and of the elapsed time; without `tell` a
+    terminal shows it."""
+    since = time.perf_counter()
+    # With disable=None the line appears on terminals only.
+    line = tqdm(
+        bar_format="compiling {postfix} ({elapsed})",
         disable=True if tell else None,
         leave=False,
         file=sys.stderr,
-        dynamic_ncols=True,
     )
 
     def next_kernel(name: str) -> None:
-        nonlocal count, expected
-        count += 1
-        expected = max(expected, count)
-        bar.update()
+        line.set_postfix_str(name)
         if tell:
-            tell(min(count / expected, 1.0), f"compiling {name} ({count} of {expected})")
+            tell(f"compiling {name}, {time.perf_counter() - since:.1f} s")
 
-    with bar, watch_compiling(next_kernel):
+    with line, watch_compiling(next_kernel):
         yield
-    if count:
-        user_cache.remember(key, count)

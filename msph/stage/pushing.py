@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from msph.fluid.external_forces import Hand
-from msph.stage.row import Waters
+from msph.stage.row import Row
 from msph.stage.show import Show
 
 # Radius and grip of a cursor that only passes over the water, over those of a push; least radius of
@@ -24,15 +24,15 @@ class PushingHand:
         self.over: Any = None
         self.pushes = False
 
-    def push(self, waters: Waters, cursor: np.ndarray, step: float) -> Hand:
+    def push(self, row: Row, cursor: np.ndarray, step: float) -> Hand:
         """A push in a frame of `step` [s], cursor: (right, up) in shares of the window.
 
         The water is taken where the cursor's ray meets it, and dragged at that depth; it is the
         one that the push began in, wherever the cursor is by now.
         """
         if not self.pushes:
-            self.over = waters.under(cursor)[0]
-        show, cursor = self.over, waters.within(self.over, cursor)
+            self.over = row.under(cursor)[0]
+        show, cursor = self.over, row.within(self.over, cursor)
         eye, direction = self._ray(show, cursor)
         if not self.pushes:
             self.place = self._hit(show, cursor)
@@ -44,10 +44,10 @@ class PushingHand:
         self.place = eye + (before - eye) @ axis / (direction @ axis) * direction
         return self._hand(show, (self.place - before) / step)
 
-    def pass_over(self, waters: Waters, cursor: np.ndarray, step: float) -> Hand:
+    def pass_over(self, row: Row, cursor: np.ndarray, step: float) -> Hand:
         """A wake where the cursor moves over the water without a push; from one water to the next
         the hand lets go."""
-        show, cursor = waters.under(cursor)
+        show, cursor = row.under(cursor)
         if show is not self.over:
             self.let_go()
         self.over = show

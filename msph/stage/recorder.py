@@ -19,7 +19,7 @@ from msph.own_files import writing
 from msph.stage import vtu
 from msph.stage.controls import Controls
 from msph.stage.frame_bar import FrameBar
-from msph.stage.row import Waters
+from msph.stage.row import Row
 from msph.stage.show import Show
 
 VIDEO = (".mp4", ".mov", ".mkv", ".webm")
@@ -95,16 +95,16 @@ class Recorder:
         self.writers: list = []
         self.bar = FrameBar(frames, bar)
 
-    def wants_more(self, show: Waters) -> bool:
+    def wants_more(self, row: Row) -> bool:
         return self.done < self.frames
 
-    def controls(self, show: Waters) -> Controls:
-        show.tell = self.bar.within
+    def controls(self, row: Row) -> Controls:
+        row.lead.tell = self.bar.within
         return Controls()
 
-    def see(self, show: Waters) -> None:
-        if show.picture:
-            self.last = show.picture.to_numpy_u8()
+    def see(self, row: Row) -> None:
+        if row.picture:
+            self.last = row.picture.to_numpy_u8()
             for path, writer in zip(self.videos, self.writers or self._open(), strict=True):
                 with self._writing(path):
                     writer.append_data(self._even())
@@ -117,10 +117,10 @@ class Recorder:
                 imageio.imwrite(self._numbered(path), self.last)
         for path in self.meshes:
             with self._writing(path):
-                write_mesh(self._numbered(path), show.lead)
+                write_mesh(self._numbered(path), row.lead)
         for path in self.particles:
             with self._writing(path):
-                write_particles(self._numbered(path), show.lead)
+                write_particles(self._numbered(path), row.lead)
         self.done += 1
         self.bar.update()
 

@@ -1,6 +1,6 @@
-"""Several waters side by side in one picture: the first is steered, the others get the same."""
+"""Simulations side by side in one image: what every audience is given, of one or of several."""
 
-from collections.abc import Callable
+import gc
 from copy import copy
 from dataclasses import replace
 from typing import Any
@@ -33,65 +33,61 @@ def width_of_each(number: int, width: int) -> int:
 
 @data_oriented
 class Row:
-    """shows, each with a picture of width_of_each() pixels, in a picture of size (width, height),
-    over `below` pixels that are left free; None: without pictures. labels: a name of each, shown
-    with its speed and error; "" for none.
+    """Simulations side by side in one image: the first, `lead`, is steered.
 
-    To an audience it is a show: frames, moments and parameters are those of all.
+    shows: one or several, each with an image of width_of_each() pixels or none. labels: a name of
+    each, shown with its speed and error; "" for none. size (width, height) [pixels] of the common
+    image, over `below` pixels that are left free; None where one image, or none, is all there is.
     """
 
     def __init__(
-        self, shows: list[Show], labels: list[str], size: tuple[int, int] | None, below: int = 0
+        self,
+        shows: list[Show],
+        labels: list[str] | None = None,
+        size: tuple[int, int] | None = None,
+        below: int = 0,
     ):
-        self.shows, self.labels, self.below = shows, labels, below
-        self.size, self.told = size, 0
+        self.shows, self.labels, self.below = shows, labels or [""] * len(shows), below
+        self.told = 0
         # Of each the live keys of its scene as given: a viscosity moved to 0 stays one.
         self.live = [{live.key for live in live_parameters(show.scene)} for show in shows]
         # Of each the distance at which its whole box is seen [m].
-        self.homes = [show.camera.distance if size else 1.0 for show in shows]
+        self.homes = [show.camera.distance if show.picture else 1.0 for show in shows]
+        self.common: Image | None = None
         if size:
-            self._lay_out(size)
+            self._compose(size)
+        elif self.lead.picture:
+            self.size = self.lead.picture.size
 
-    def _lay_out(self, size: tuple[int, int]) -> None:
-        """The common picture, and room for words on it."""
-        shows = self.shows
-        self.width, self.height = size
-        self.image = Image(ti.Vector.field(3, ti.f32, size), *size)
-        text = pages.text_height(size[1])
-        room = shows[0].picture.width, round(ROOM * text)
-        self.names = [f"water {k}" for k in range(len(shows))]
+    def _compose(self, size: tuple[int, int]) -> None:
+        """The common image, and room for words on it."""
+        self.size, self.common = size, Image(ti.Vector.field(3, ti.f32, size), *size)
+        self.text = pages.text_height(size[1])
+        room = self.lead.picture.width, round(ROOM * self.text)
+        self.names = [f"simulation {k}" for k in range(len(self.shows))]
         self.overlay = Overlay(*size, dict.fromkeys(self.names, room))
-        self.text = text
+
+    @property
+    def image(self) -> Image:
+        """What is seen of all."""
+        return self.common or self.lead.picture.image
 
     @property
     def lead(self) -> Show:
-        """The one that is steered."""
+        """The simulation that is steered."""
         return self.shows[0]
 
     @property
     def picture(self) -> Any:
         """What is seen of all, if anything is."""
-        return self if self.size else None
+        return self if self.lead.picture else None
 
-    @property
-    def camera(self) -> Camera:
-        return self.lead.camera
-
-    @property
-    def scene(self):
-        return self.lead.scene
-
-    @property
-    def frames(self) -> int:
-        return self.lead.frames
-
-    @property
-    def tell(self) -> Callable[[float], None] | None:
-        return self.lead.tell
-
-    @tell.setter
-    def tell(self, told: Callable[[float], None] | None) -> None:
-        self.lead.tell = told
+    def close(self) -> None:
+        """Gives back the memory of all simulations; nothing can be done with them afterwards."""
+        for show in self.shows:
+            show.close()
+        # Objects with kernels refer to themselves.
+        gc.collect()
 
     def frame(self, controls: Controls) -> None:
         """A frame of each; the others simulate what the first has. Controls are in the first's
@@ -102,11 +98,10 @@ class Row:
         waits = controls.paused or lead.simulated == 0.0
         same = replace(controls, frame_time=lead.simulated or None, budget=None, paused=waits)
         for show, home in zip(self.shows[1:], self.homes[1:], strict=True):
-            if self.size:
+            if self.picture:
                 self._aim(show, home)
             show.frame(replace(same, next_view=False))
-        if self.size:
-            self.draw_together()
+        self.draw_together()
 
     def _aim(self, show: Show, home: float) -> None:
         """Shows of another what is shown of the first."""
@@ -125,8 +120,10 @@ class Row:
         return camera
 
     def draw_together(self) -> None:
-        """Puts the pictures side by side, with what is known of each over it."""
-        self.image.field.fill(GROUND)
+        """Puts the images side by side, with what is known of each over it."""
+        if not self.common:
+            return
+        self.common.field.fill(GROUND)
         for k, show in enumerate(self.shows):
             picture, left = show.picture, k * (show.picture.width + GAP)
             self._put(left, self.below, *picture.size, picture.image.field)
@@ -147,7 +144,7 @@ class Row:
     @kernel
     def _put(self, left: ti.i32, low: ti.i32, width: ti.i32, height: ti.i32, field: ti.template()):
         for i, j in ti.ndrange(width, height):
-            self.image.field[left + i, low + j] = field[i, j]
+            self.common.field[left + i, low + j] = field[i, j]
 
     def under(self, cursor: np.ndarray) -> tuple[Show, np.ndarray]:
         """The show under a cursor (right, up, in shares of the window), and the cursor in shares of
@@ -190,7 +187,7 @@ class Row:
         self.draw_together()
 
     def moment(self) -> dict[str, Any]:
-        """What is seen now; "state" holds the arrays, as of a show."""
+        """What is seen now; "state" holds the arrays."""
         moments = [show.moment() for show in self.shows]
         states = {f"{k} {name}": a for k, m in enumerate(moments) for name, a in m["state"].items()}
         return {"state": states, "moments": moments}
@@ -211,19 +208,15 @@ class Row:
 
     def to_numpy_u8(self) -> np.ndarray:
         """(height, width, 3) uint8, first row at the top, without what is left free."""
-        return as_u8(self.image)[: self.height - self.below]
+        return as_u8(self.image)[: self.size[1] - self.below]
 
     def warnings(self) -> list[str]:
         return [warning for show in self.shows for warning in show.warnings()]
 
 
-# What an audience is given: one water, or several.
-Waters = Show | Row
-
-
-def with_picked(show: Waters) -> Show | None:
+def with_picked(row: Row) -> Show | None:
     """The one whose particle was picked and is seen, if any."""
-    seen = (s for s in show.shows if s.views.name != "water")
+    seen = (s for s in row.shows if s.views.name != "water")
     return next((s for s in seen if s.views.neighbourhood.id is not None), None)
 
 

@@ -8,7 +8,6 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-import taichi as ti
 
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.stages import Stage, no_stage
@@ -35,7 +34,7 @@ from msph.stage.controls import Controls
 from msph.stage.views import Views
 from msph.surface import Surface, SurfaceRoom, surface_of
 
-# Scale of the picture while kernels are compiled (-).
+# Scale of the image while kernels are compiled (-).
 WARM_UP_SCALE = 0.5
 
 # Options of a show that someone plays with. Density errors, which no frame needs, are measured
@@ -89,25 +88,6 @@ class Show:
         if size:
             self.camera = self.framing()
 
-    # To an audience a show is a row of one; see msph.stage.row.
-
-    @property
-    def lead(self) -> "Show":
-        return self
-
-    @property
-    def shows(self) -> "list[Show]":
-        return [self]
-
-    def under(self, cursor: np.ndarray) -> tuple["Show", np.ndarray]:
-        return self, cursor
-
-    def within(self, show: "Show", cursor: np.ndarray) -> np.ndarray:
-        return cursor
-
-    def placed(self, show: "Show", shares: np.ndarray) -> np.ndarray:
-        return shares
-
     def framing(self, free: float = 1.0, stretch: float = 1.0) -> Camera:
         """The scene's own point of view, in which the box is within the right share `free` of the
         picture, on a screen of `stretch` (see Camera)."""
@@ -147,14 +127,18 @@ class Show:
         return picture
 
     def warm_up(self) -> None:
-        """Compiles every kernel by one frame, and starts anew."""
-        # A coarser picture, where the show is scalable, is enlarged by kernels of its own.
+        """Compiles the kernels of a frame by one of them, and resets."""
+        # A coarser image, where the show is scalable, is enlarged by kernels of its own.
         self.frame(Controls(scale=WARM_UP_SCALE))
-        ti.sync()
         self.reset()
         self.frames = 0
         if self.timings:
             self.timings.discard()
+
+    def close(self) -> None:
+        """Drops all parts, so that another simulation can use their memory."""
+        for part in ("simulation", "ledger", "surface", "picture", "views"):
+            setattr(self, part, None)
 
     def frame(self, controls: Controls) -> None:
         """Controls, fluid, ledger, surface, picture: in this order, once."""

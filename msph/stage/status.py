@@ -6,7 +6,7 @@ import numpy as np
 
 from msph.stage import pages
 from msph.stage.pacer import Pacer
-from msph.stage.row import Waters
+from msph.stage.row import Row
 from msph.stage.show import Show
 
 REAL_TIME = 0.95  # simulated over wall-clock time that passes for what was asked for
@@ -23,7 +23,7 @@ class Status:
         self.water = ""
 
     def page(
-        self, show: Waters, pacer: Pacer, paused: bool, now: float, size: int
+        self, row: Row, pacer: Pacer, paused: bool, now: float, size: int
     ) -> np.ndarray | None:
         """The page at the wall-clock time `now` [s], text `size` pixels high; None while that of
         before still holds."""
@@ -32,16 +32,16 @@ class Status:
         self.last = now
         told = pace(pacer.pace, pacer.speed, paused)
         slow = "too slow" in told
-        first = f"time {show.lead.simulation.time:.1f} s  {told}    {1.0 / pacer.wall:.0f} frames/s"
+        first = f"time {row.lead.simulation.time:.1f} s  {told}    {1.0 / pacer.wall:.0f} frames/s"
         lines = [(first, pages.WARNING if slow else pages.INK)]
         # A row says it of each.
-        if show is show.lead:
+        if not row.composed:
             if now - self.counted > WATER_EVERY:
-                self.counted, self.water = now, self._water(show.lead)
+                self.counted, self.water = now, self._water(row.lead)
             lines.append((self.water, pages.FAINT))
         lines += [
             (f"{name} stopped: no room", pages.WARNING)
-            for name in sorted(set().union(*(s.stopped for s in show.shows)))
+            for name in sorted(set().union(*(s.stopped for s in row.shows)))
         ]
         return pages.lines(lines, size)
 

@@ -1,4 +1,4 @@
-"""What a window is to those who show something in it, and whether there can be one here."""
+"""Interface of a window, and whether one can be opened here."""
 
 import ctypes
 import os
@@ -9,7 +9,7 @@ import numpy as np
 
 # Colours of arrows, in their order.
 ARROWS = ((1.0, 0.82, 0.4), (0.34, 0.71, 0.91))
-# Least time between two reports of how far something is [s]: each takes milliseconds to be shown.
+# Least time between two reports of what is being done [s]: each takes milliseconds to be shown.
 TELL_PAUSE = 0.12
 
 
@@ -18,7 +18,7 @@ class NoWindowError(RuntimeError):
 
 
 class ClosedError(Exception):
-    """The window was closed before its first frame."""
+    """The window was closed, or a key asked to quit, while something was prepared in it."""
 
 
 class Window(Protocol):
@@ -29,7 +29,7 @@ class Window(Protocol):
 
     @property
     def open(self) -> bool:
-        """Whether nobody has closed it."""
+        """True until the user closes the window."""
 
     @property
     def aspect(self) -> float:
@@ -50,12 +50,15 @@ class Window(Protocol):
     def arrows(self, places: np.ndarray) -> None:
         """Lines with a tip in the next picture: from and to, (k, 2, 2)."""
 
-    def tell(self, share: float, doing: str) -> None:
-        """Shows how far the start is, a share (0 to 1), and what is being done. Raises ClosedError
-        where someone has closed the window meanwhile."""
+    def begin(self, title: str) -> None:
+        """Shows the start screen of a scene with this title, until the next image."""
 
-    def notice(self) -> str:
-        """What is to be told of another water that is made ready meanwhile; "" for nothing."""
+    def tell(self, doing: str) -> None:
+        """Shows on the start screen what is being done. Raises ClosedError if the user has asked to
+        quit or closed the window meanwhile; other keys wait for the next presses()."""
+
+    def again(self) -> None:
+        """Shows the last image again."""
 
     def show(self, image: Any) -> None:
         """Shows an image under marker and arrows, and waits for the screen: an Image

@@ -8,6 +8,7 @@ from msph.fluid.trapped_water import TrappedWaterError
 from msph.scene import build_simulation, load_scene
 from msph.stage.headless import Headless
 from msph.stage.loop import run
+from msph.stage.row import Row
 from msph.stage.show import Show
 
 # A piston as wide as its box, over a ball at rest in the water.
@@ -64,7 +65,7 @@ def test_piston_stops_where_someone_plays_and_no_water_is_lost(tmp_path, motion)
     gains energy in bursts (docs/method.md, "What is approximate")."""
     show = Show(load(tmp_path, *MOTIONS[motion]), 1 / 60, stop_bodies=True)
     count = show.simulation.particles.count
-    run(show, Headless(90))
+    run(Row([show]), Headless(90))
     assert show.stopped == {"obstacles.1"}
     assert show.warnings() == ["obstacles.1 stopped: its water had nowhere to go"]
     last = show.ledger.entries[-1]

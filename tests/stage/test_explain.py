@@ -5,6 +5,7 @@ import re
 import pytest
 
 from msph.scene import load_scene
+from msph.scene.parts import PARTS
 from msph.stage import explain
 from tests.scenes_kit import write
 
@@ -14,19 +15,19 @@ def scene(tmp_path):
     return load_scene(write(tmp_path))
 
 
-def test_switches_are_those_that_a_scene_has(tmp_path, scene):
-    def on(scene):
-        return [switch.name for switch in explain.SWITCHES if switch.on(scene)]
+def test_parts_are_those_that_a_scene_has(tmp_path, scene):
+    def active(scene):
+        return [part.name for part in PARTS if part.active(scene)]
 
-    assert on(scene) == ["caustics"]
+    assert active(scene) == ["caustics"]
     honey = load_scene("honey", ("projection.tension=0.1",))
-    assert {"viscosity", "tension", "caustics"} <= set(on(honey))
-    for switch in explain.SWITCHES:
-        assert not switch.on(explain.without(honey, switch))
+    assert {"viscosity", "tension", "caustics"} <= set(active(honey))
+    for part in PARTS:
+        assert not part.active(part.without(honey))
     sticky = load_scene("honey", ("projection.slip=false",))
-    (viscosity,) = (s for s in explain.SWITCHES if s.name == "viscosity")
+    (viscosity,) = (part for part in PARTS if part.name == "viscosity")
     # Without viscosity water cannot stick to walls.
-    assert explain.without(sticky, viscosity).projection.slip
+    assert viscosity.without(sticky).projection.slip
 
 
 def test_the_table_has_costs_and_errors(scene, monkeypatch):
@@ -43,8 +44,8 @@ def test_words_name_what_saves_most():
     def run(milliseconds):
         return type("R", (), {"milliseconds": lambda self: milliseconds})()
 
-    switches = list(explain.SWITCHES[:2])
-    told = explain.saving(switches, [run(9.0), run(5.0)], run(10.0))
+    parts = [p for p in PARTS if p.name in ("viscosity", "tension")]
+    told = explain.saving(parts, [run(9.0), run(5.0)], run(10.0))
     assert told == "Most would be saved without viscosity: 50 % of a frame."
-    assert "Nothing" in explain.saving(switches, [run(11.0), run(12.0)], run(10.0))
+    assert "Nothing" in explain.saving(parts, [run(11.0), run(12.0)], run(10.0))
     assert "Nothing" in explain.saving([], [], run(10.0))

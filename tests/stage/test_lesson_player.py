@@ -9,9 +9,10 @@ from msph.lesson.guide import Guide
 from msph.lesson.load import load_lesson
 from msph.lesson.paint import band_height
 from msph.stage import idle
-from msph.stage.choice import Choice
+from msph.stage.called import Called, Choice
 from msph.stage.controls import ACTIONS
 from msph.stage.keepsakes import Keepsakes
+from msph.stage.layout import Layout
 from msph.stage.pages import text_height
 from msph.stage.player import Player
 from msph.stage.preparation import prepare_row
@@ -28,11 +29,15 @@ def row(course):
     return prepare_row(course.scenes, [""], SIZE, None, band_height(text_height(HEIGHT)))
 
 
+@pytest.fixture(scope="module")
+def layout():
+    return Layout(SIZE)
+
+
 @pytest.fixture
-def player(course, row, tmp_path):
-    player = Player(
-        Screen(), row, Choice("forces", "large"), "large", guide=Guide(course, row, SIZE)
-    )
+def player(course, row, layout, tmp_path):
+    choice, guide = Choice("forces", "large"), Guide(course, row, SIZE)
+    player = Player(Screen(), row, choice, "large", layout, Called("forces"), guide=guide)
     player.keeper.keepsakes = Keepsakes(tmp_path, "forces", "large")
     return player
 
@@ -59,12 +64,12 @@ def test_a_task_begins_again_level(player, row):
     player.window.held = {"Left"}
     frames(player, row, 6)
     player.window.held = set()
-    assert player.tilt.any()
+    assert player.steering.tilt.any()
     press(player, row, "r")
-    assert not player.tilt.any() and row.lead.simulation.time < 0.1
-    assert player.wants_more(row) and player.next is None
+    assert not player.steering.tilt.any() and row.lead.simulation.time < 0.1
+    assert player.wants_more(row) and player.menu.next is None
     press(player, row, "Tab")
-    assert player.next is None, "no other scene is led to"
+    assert player.menu.next is None, "no other scene is led to"
 
 
 def test_help_and_messages_lie_over_the_band(player, row):

@@ -14,6 +14,7 @@ from msph.stage.controls import Controls
 from msph.stage.frame_bar import FrameBar
 from msph.stage.loop import run
 from msph.stage.measurer import Measurer
+from msph.stage.row import Row
 from msph.stage.show import Show
 from tests.scenes_kit import TEXT, write
 
@@ -35,7 +36,7 @@ at = [0.2, 0.2]
 def measured(show, folder, scene, seconds, since=None):
     scene = scene.model_copy(update={"duration": seconds})
     measurer = Measurer(folder, scene, "small", "cpu", bar=False, since=since)
-    run(show, measurer)
+    run(Row([show]), measurer)
     measurer.conclude()
     return json.loads((folder / "summary.json").read_text())
 
@@ -115,7 +116,7 @@ def test_water_that_blows_up_leaves_the_last_good_frame(tmp_path):
 
     measurer.__class__ = Blow
     with pytest.raises(NotFiniteError, match="particles are not finite"):
-        run(show, measurer)
+        run(Row([show]), measurer)
     measurer.conclude("blew up")
     with np.load(tmp_path / "checkpoint.npz") as state:
         assert float(state["time"]) == pytest.approx(2 * EVERY)

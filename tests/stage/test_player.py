@@ -1,4 +1,4 @@
-"""A person at a window, without a screen: each key and gesture, its effect read from the show."""
+"""A player at a window without a screen: each key and gesture, its effect read from the show."""
 
 import itertools
 import math
@@ -15,12 +15,11 @@ from msph.scene import load_scene
 from msph.scene.library import shipped_scenes
 from msph.scene.live import live_parameters, read
 from msph.scene.load import read_toml
-from msph.stage import idle, replay
-from msph.stage.choice import Called, Choice
+from msph.stage import idle, menu, replay
+from msph.stage.called import Called, Choice
 from msph.stage.controls import ACTIONS, KEYS, Controls
-from msph.stage.keeper import KEEPING, Keeper
 from msph.stage.keepsakes import Keepsakes
-from msph.stage.layout import PANELS
+from msph.stage.layout import PANELS, Layout
 from msph.stage.panel import PAGES, Wish
 from msph.stage.player import SLOW_MOTION, Player
 from msph.stage.row import Row
@@ -38,10 +37,7 @@ class Screen:
         self.size, self.open, self.aspect = SIZE, True, WIDTH / HEIGHT
         self.pressed, self.held = [], set()
         self.at, self.marks, self.image = np.array([0.5, 0.4]), 0, None
-        self.arrowed, self.noticed = None, ""
-
-    def notice(self):
-        return self.noticed
+        self.arrowed = None
 
     def presses(self):
         pressed, self.pressed = self.pressed, []
@@ -72,7 +68,7 @@ def at_panel(player, x, y):
 
 def click(player, show, name):
     """A click on a button of the open panel."""
-    button = next(b for b in player.panel.sheet.buttons if b.name == name)
+    button = next(b for b in player.menu.panel.sheet.buttons if b.name == name)
     at_panel(player, 0.5 * (button.left + button.right), 0.5 * (button.top + button.bottom))
     player.window.held, player.window.pressed = {"LMB"}, ["LMB"]
     frames(player, show)
@@ -82,7 +78,7 @@ def click(player, show, name):
 
 def move(player, show, key, value):
     """A slider of the open panel, dragged from where it is to a value."""
-    slider = next(s for s in player.panel.sheet.sliders if s.name == key)
+    slider = next(s for s in player.menu.panel.sheet.sliders if s.name == key)
     y = 0.5 * (slider.top + slider.bottom)
     at_panel(player, slider.left, y)
     player.window.held, player.window.pressed = {"LMB"}, ["LMB"]
@@ -127,31 +123,35 @@ def given(show):
     show.scene = scene
 
 
+@pytest.fixture(scope="module")
+def layout():
+    """One for all players, as in a session."""
+    return Layout(SIZE)
+
+
+def played(row, layout, *, screen=None, choice=None, quality="medium"):
+    choice = choice or Choice("pool", "auto")
+    return Player(screen or Screen(), row, choice, quality, layout, Called("pool"))
+
+
 @pytest.fixture
-def player(given, tmp_path):
-    player = Player(Screen(), given, Choice("pool", "auto"), "medium")
+def player(given, layout, tmp_path):
+    player = played(Row([given]), layout)
     player.keeper.keepsakes = Keepsakes(tmp_path, "pool", "medium")
     return player
 
 
-def frames(player, show, number=1):
-    """Frames of player and show; the last picture, (width, height, 3)."""
+def frames(player, _=None, number=1):
+    """Frames of a player and its row; the last image, (width, height, 3)."""
     for _ in range(number):
-        show.frame(player.controls(show))
-        player.see(show)
+        player.row.frame(player.controls(player.row))
+        player.see(player.row)
     return player.window.image.to_numpy()
 
 
 def press(player, show, *keys, number=1):
     player.window.pressed += keys
     return frames(player, show, number)
-
-
-def test_every_action_of_the_table_is_one_of_the_player():
-    known = {"reset", "next_view", "step", "push", "tilt", "orbit", "zoom", "pan"}
-    for action in ACTIONS.values():
-        owner, name = (Keeper, action) if action in KEEPING else (Player, f"_{action}")
-        assert action in known or callable(getattr(owner, name))
 
 
 def test_readme_has_the_table_of_keys():
@@ -182,22 +182,22 @@ def test_slow_motion_and_back(player, show):
 def test_arrows_tilt_and_the_pool_comes_level_unless_locked(player, show):
     player.window.held = {"Right"}
     frames(player, show, 5)
-    tilt = player.tilt[0]
+    tilt = player.steering.tilt[0]
     assert tilt < -0.02 and show.tilt[0, 1] != 0.0
     player.window.held = set()
     frames(player, show, 4)
-    assert tilt < player.tilt[0] < 0.0
+    assert tilt < player.steering.tilt[0] < 0.0
     frames(player, show, 40)
-    assert player.tilt[0] == 0.0
+    assert player.steering.tilt[0] == 0.0
     press(player, show, "l")
     player.window.held = {"Up"}
     frames(player, show, 5)
     player.window.held = set()
-    tilt = player.tilt[1]
+    tilt = player.steering.tilt[1]
     frames(player, show, 10)
-    assert player.tilt[1] == tilt != 0.0
+    assert player.steering.tilt[1] == tilt != 0.0
     press(player, show, "Return")
-    assert not player.tilt.any()
+    assert not player.steering.tilt.any()
 
 
 def test_camera_orbits_zooms_pans_and_comes_home(player, show):
@@ -330,9 +330,9 @@ def test_help_lies_over_the_picture_until_it_is_closed(player, show):
     assert np.abs(press(player, show, "h") - without).mean() > 0.05
     # Pages are laid over, and not into, what is drawn: the same picture again.
     assert np.abs(press(player, show, "Escape") - without).mean() < 1e-3
-    assert player.wants_more(show)
+    assert player.wants_more(player.row)
     press(player, show, "q")
-    assert not player.wants_more(show)
+    assert not player.wants_more(player.row)
 
 
 def test_panels_make_room_for_themselves(player, show):
@@ -399,7 +399,7 @@ def test_sliders_change_what_runs_and_never_push(player, show):
     }
     for page, values in wanted.items():
         click(player, show, f"page {page}")
-        assert set(values) <= {s.name for s in player.panel.sheet.sliders}
+        assert set(values) <= {s.name for s in player.menu.panel.sheet.sliders}
         for key, value in values.items():
             move(player, show, key, value)
             assert read(show.scene, key) == pytest.approx(value, rel=1e-4)
@@ -420,7 +420,7 @@ def test_the_panel_is_readable_and_painted_where_it_changes(player, show):
     press(player, show, "i")
     column = player.layout.column
     before = player.window.image.to_numpy()[:column]
-    assert player.panel.paint(show, player.layout.column_size, player.layout.text) is None
+    assert player.menu.panel.paint(show, player.layout.column_size, player.layout.text) is None
     press(player, show, " ")
     move(player, show, "gravity", 3.0)
     after = player.window.image.to_numpy()[:column]
@@ -428,21 +428,23 @@ def test_the_panel_is_readable_and_painted_where_it_changes(player, show):
     # All that a scene has fits in a window of 960 x 540, with text of 18 pixels.
     height = 540 - 2 * 9 - round(2.5 * 1.35 * 18)
     for name in PAGES:
-        player.panel.page = name
-        player.panel.paint(show, (288, height), 18)
-        low = [w.bottom for w in (*player.panel.sheet.sliders, *player.panel.sheet.buttons)]
+        player.menu.panel.page = name
+        player.menu.panel.paint(show, (288, height), 18)
+        low = [
+            w.bottom for w in (*player.menu.panel.sheet.sliders, *player.menu.panel.sheet.buttons)
+        ]
         assert max(low) <= height
 
 
 def test_a_drag_that_begins_elsewhere_moves_no_slider(player, show):
     press(player, show, "i")
-    slider = player.panel.sheet.sliders[0]
+    slider = player.menu.panel.sheet.sliders[0]
     player.window.at = np.array([0.9, 0.9])
     player.window.held, player.window.pressed = {"LMB"}, ["LMB"]
     frames(player, show)
     at_panel(player, slider.right, 0.5 * (slider.top + slider.bottom))
     frames(player, show, 2)
-    assert read(show.scene, slider.name) == pytest.approx(player.panel.given[slider.name])
+    assert read(show.scene, slider.name) == pytest.approx(player.menu.panel.given[slider.name])
     player.window.held = set()
     frames(player, show)
 
@@ -452,38 +454,30 @@ def test_views_scenes_and_qualities_are_chosen_in_the_panel(player, show):
     click(player, show, "page views")
     click(player, show, "view speed")
     assert show.views.name == "speed"
-    player._set(show, "gravity", 2.0)
+    player.menu.set("gravity", 2.0)
     click(player, show, "page quality")
     click(player, show, "quality large")
-    assert player.next == Choice("pool", "large", {"gravity": pytest.approx(2.0)})
-    player.next = None
+    assert player.menu.next == Choice("pool", "large", {"gravity": pytest.approx(2.0)})
+    player.menu.next = None
     click(player, show, "page scenes")
     click(player, show, "scene drop")
-    assert player.next == Choice("drop", "auto")
+    assert player.menu.next == Choice("drop", "auto")
 
 
-def test_keys_go_through_the_scenes_while_the_water_plays_on(player, show):
-    names, asked = list(shipped_scenes()), []
-    player.follow = asked.append
-    for _ in range(2):
-        press(player, show, "Tab")
+def test_keys_move_the_selection_and_the_last_one_follows(player, show, monkeypatch):
+    names = list(shipped_scenes())
+    press(player, show, *["Tab"] * 2)
     press(player, show, *["BackSpace"] * 3)
-    here = names.index("pool") + len(names)
-    ways = [names[(here + way) % len(names)] for way in (1, 2, 1, 0, -1)]
-    assert [choice.scene for choice in asked] == ways and player.wants_more(show)
+    here = names.index("pool") - 1
+    assert player.menu.next.scene == names[here] and player.wants_more(player.row)
+    monkeypatch.setattr(menu, "SETTLED", -1.0)
+    assert not player.wants_more(player.row) and player.follows.scene == names[here]
+    player.done = True
+    assert player.follows is None, "quitting goes before"
 
 
-def test_the_window_tells_of_a_water_that_is_made_ready(player, show):
-    player.window.noticed = "drop: 40 % ready"
-    frames(player, show)
-    assert player.layout.message == "drop: 40 % ready"
-    player.layout.say("something else")
-    frames(player, show)
-    assert player.layout.message == "something else", "once"
-
-
-def test_a_live_value_chosen_before_is_taken_over(given):
-    Player(Screen(), given, Choice("pool", "small", {"gravity": 4.0}), "small")
+def test_a_live_value_chosen_before_is_taken_over(given, layout):
+    played(Row([given]), layout, choice=Choice("pool", "small", {"gravity": 4.0}))
     assert read(given.scene, "gravity") == pytest.approx(4.0)
 
 
@@ -521,7 +515,7 @@ def test_a_slice_hides_the_near_half_and_follows_the_camera(player, show):
 
 def test_a_click_on_a_particle_shows_its_neighbours_and_what_acts(player, show, monkeypatch):
     # However long this machine takes for a frame.
-    monkeypatch.setattr("msph.stage.player.CLICK_TIME", 60.0)
+    monkeypatch.setattr("msph.stage.steering.CLICK_TIME", 60.0)
     show.views.name, about = "speed", show.views.neighbourhood
     frames(player, show, 3)
     player.window.at = np.array([0.5, 0.45])
@@ -595,7 +589,7 @@ def test_a_clip_shows_what_was_seen_and_leaves_the_water_alone(player, show, tmp
     kept = [moment for _, moment in player.replay.frames]
     player.replay.frames.clear()
     player.replay.frames.extend((k / 24.0, moment) for k, moment in enumerate(kept))
-    player.keeper.keepsakes.clip(show, player.replay, lambda share: None)
+    player.keeper.keepsakes.clip(player.row, player.replay, lambda share: None)
     (path,) = tmp_path.glob("*.mp4")
     seen = [frame for frame in imageio.get_reader(path)]
     assert len(seen) == 7 and seen[0].shape == (HEIGHT, WIDTH, 3)
@@ -647,13 +641,13 @@ def test_a_storm_of_inputs_loses_no_water(player, show, seed):
             elif kind == 2:
                 window.at = np.array([dice.uniform(-0.3, 1.3), dice.uniform(-0.3, 1.3)])
             elif kind == 3:
-                live = dice.choice(player.panel.live)
+                live = dice.choice(player.menu.panel.live)
                 limits[live.key] = dice.uniform(live.lo, live.hi)
-                player._grant(show, Wish("set", live.key, limits[live.key]))
+                player.menu.grant(Wish("set", live.key, limits[live.key]))
             else:
                 window.held.clear()
         frames(player, show)
-        player.next, player.helping = None, False
+        player.menu.next, player.helping = None, False
     entry = show.ledger.record(show.gravity())
     assert entry.mass == pytest.approx(mass, rel=1e-6) and entry.outside == 0
     assert np.isfinite(show.simulation.particles.numpy("v")).all()
@@ -674,6 +668,11 @@ def row(given, other):
     other.reset()
     other.views.name = "water"
     return Row([given, other], ["one", "two"], (2 * WIDTH + 2, HEIGHT + BELOW), BELOW)
+
+
+@pytest.fixture(scope="module")
+def wide():
+    return Layout((2 * WIDTH + 2, HEIGHT + BELOW))
 
 
 class TestRow:
@@ -720,10 +719,10 @@ class TestRow:
             assert show.scene.classic.stiffness != 100.0
         row.set("gravity", 9.81)
 
-    def test_a_push_in_the_second_pushes_both(self, row, tmp_path):
+    def test_a_push_in_the_second_pushes_both(self, row, wide, tmp_path):
         screen = Screen()
         screen.size, screen.aspect = row.size, row.size[0] / row.size[1]
-        player = Player(screen, row, Choice("pool", "auto"), "medium")
+        player = played(row, wide, screen=screen)
         player.keeper.keepsakes = Keepsakes(tmp_path, "pool", "medium")
         frames(player, row, 2)
         pixels = itertools.product(range(0, WIDTH, 4), range(0, HEIGHT, 4))
@@ -743,11 +742,11 @@ class TestRow:
         (path,) = tmp_path.glob("*.png")
         assert imageio.imread(path).shape == (HEIGHT, 2 * WIDTH + 2, 3)
 
-    def test_a_push_stays_in_the_water_that_it_began_in(self, row):
+    def test_a_push_stays_in_the_simulation_that_it_began_in(self, row, wide):
         """It jumped by a box's width where the cursor came into the next picture."""
         screen = Screen()
         screen.size, screen.aspect = row.size, row.size[0] / row.size[1]
-        player = Player(screen, row, Choice("pool", "auto"), "medium")
+        player = played(row, wide, screen=screen)
         frames(player, row, 2)
         first = row.shows[0]
         wet = [(i, j) for i in range(0, WIDTH, 4) for j in range(0, HEIGHT, 4)]
@@ -763,21 +762,21 @@ class TestRow:
         assert max(speeds) < 0.1 * max(first.simulation.size)
         assert row.under(screen.at)[0] is row.shows[1]
 
-    def test_settings_go_back_to_what_each_scene_says(self, row):
+    def test_settings_go_back_to_what_each_scene_says(self, row, wide):
         second = row.shows[1]
-        player = Player(Screen(), row, Choice("pool", "auto"), "medium")
-        player.given[1]["gravity"] = 3.0
-        player._grant(row, Wish("set", "gravity", 7.0))
+        player = played(row, wide)
+        player.menu.given[1]["gravity"] = 3.0
+        player.menu.grant(Wish("set", "gravity", 7.0))
         assert math.hypot(*second.scene.gravity) == pytest.approx(7.0)
-        player._grant(row, Wish("reset", "gravity"))
+        player.menu.grant(Wish("reset", "gravity"))
         assert math.hypot(*second.scene.gravity) == pytest.approx(3.0)
         assert math.hypot(*row.lead.scene.gravity) == pytest.approx(9.81)
         row.set("gravity", 9.81)
 
-    def test_one_of_several_is_neither_kept_nor_opened(self, row, tmp_path):
+    def test_one_of_several_is_neither_kept_nor_opened(self, row, wide, tmp_path):
         screen = Screen()
         screen.size = row.size
-        player = Player(screen, row, Choice("pool", "auto"), "medium")
+        player = played(row, wide, screen=screen)
         player.keeper.keepsakes = Keepsakes(tmp_path, "pool", "medium")
         press(player, row, "k", "o")
         assert not list(tmp_path.iterdir()) and "one water alone" in player.layout.message
@@ -795,8 +794,8 @@ class TestRow:
 
 
 def test_a_scene_that_is_left_comes_back_as_it_was_called():
-    """The water of the last scene was played under its name."""
-    called = Called("pool", ("title=called",), ("'title=with spaces'",), "cpu", None, None, SIZE)
-    titles = {label: water.title for label, water in called.waters_of("pool").items()}
+    """The scene chosen last was played under its name."""
+    called = Called("pool", ("title=called",), ("'title=with spaces'",))
+    titles = {label: scene.title for label, scene in called.scenes_of("pool").items()}
     assert titles == {"title=called": "called", "'title=with spaces'": "with spaces"}
-    assert {w.title for w in called.waters_of("drop").values()} == {load_scene("drop").title}
+    assert {s.title for s in called.scenes_of("drop").values()} == {load_scene("drop").title}

@@ -26,6 +26,7 @@ from msph.stage.recorder import (
     check_outputs,
     check_video,
 )
+from msph.stage.row import Row
 from msph.stage.show import Show
 from tests.scenes_kit import write
 
@@ -50,7 +51,7 @@ def recorded(show, tmp_path_factory):
     )
     show.reset()
     outputs = Outputs(*([folder / name for name in kind] for kind in names))
-    run(show, Recorder(outputs, 4, FPS, bar=False))
+    run(Row([show]), Recorder(outputs, 4, FPS, bar=False))
     return folder
 
 
@@ -195,7 +196,7 @@ def test_a_disk_that_fills_is_one_line_and_what_is_lost_is_not_told(show, tmp_pa
     monkeypatch.setattr("msph.stage.recorder.imageio.imwrite", full)
     show.reset()
     with pytest.raises(LostOutputError, match=r"s\.png: no space left on device"):
-        run(show, recorder)
+        run(Row([show]), recorder)
     assert recorder.kept() == [video]
 
 

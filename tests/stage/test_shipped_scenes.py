@@ -10,6 +10,7 @@ from msph.scene import load_scene
 from msph.scene.library import shipped_scenes
 from msph.stage.headless import Headless
 from msph.stage.loop import run
+from msph.stage.row import Row
 from msph.stage.show import Show
 from msph.taichi_internals import watch_compiling
 
@@ -30,7 +31,7 @@ class Seen:
 
     def run(self, frames):
         """So many frames more."""
-        run(self.show, Headless(frames))
+        run(Row([self.show]), Headless(frames))
 
     @property
     def x(self):

@@ -13,6 +13,7 @@ from msph.scene import SceneError, load_scene
 from msph.stage.controls import Controls
 from msph.stage.headless import Headless, HeadlessPlayer
 from msph.stage.loop import run
+from msph.stage.row import Row
 from msph.stage.show import Show
 from msph.stage.views import told_in
 from tests.scenes_kit import write
@@ -36,7 +37,7 @@ def start_anew(show):
 
 def test_nobody_gets_the_frames_it_wants(show):
     before = show.simulation.time
-    run(show, Headless(3))
+    run(Row([show]), Headless(3))
     assert show.simulation.time - before == pytest.approx(3 / 60)
     assert len(show.ledger.entries) == 3
     assert set(show.timings.frames[-1]) == {"fluid", "surface", "picture"}
@@ -51,7 +52,7 @@ def test_paused_show_stands_still_but_for_single_steps(show):
 
 def test_reset_brings_back_the_start(show):
     start = show.simulation.state()
-    run(show, Headless(2))
+    run(Row([show]), Headless(2))
     show.frame(Controls(reset=True, paused=True))
     again = show.simulation.state()
     order, order_again = np.argsort(start["id"]), np.argsort(again["id"])
@@ -172,7 +173,7 @@ def test_water_that_blows_up_ends_the_show(show):
 
 
 def test_checkpoint_file_resumes_and_others_are_refused(show, tmp_path):
-    run(show, Headless(2))
+    run(Row([show]), Headless(2))
     np.savez(tmp_path / "good.npz", **show.simulation.state())
     time = show.simulation.time
     show.reset()
@@ -250,7 +251,7 @@ def test_playing_follows_the_wall_clock(timed, fps):
     """Each frame lasts as long as the screen shows it, and the water goes on by as much."""
     watch = timed.clock = Stopwatch()
     player = HeadlessPlayer(0.99, fps, watch, watch.sleep)
-    run(timed, player)
+    run(Row([timed]), player)
     assert player.walls == pytest.approx([1.0 / fps] * round(fps))
     assert player.simulated == pytest.approx(player.walls)
     assert sum(player.simulated) == pytest.approx(timed.simulation.time)

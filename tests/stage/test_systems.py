@@ -5,6 +5,7 @@ import pytest
 from msph.scene import load_scene
 from msph.stage.headless import Headless
 from msph.stage.loop import run
+from msph.stage.row import Row
 from msph.stage.show import Show
 
 
@@ -12,7 +13,7 @@ from msph.stage.show import Show
 def test_system_stays_finite_and_in_its_box_for_ten_seconds(system):
     """The ledger raises for what is not finite."""
     show = Show(load_scene("pool", (f"variant={system}", "method=classic", "sway.angle=0")), 1 / 30)
-    run(show, Headless(300))
+    run(Row([show]), Headless(300))
     last = show.ledger.entries[-1]
     assert last.time == pytest.approx(10.0)
     assert all(e.outside == 0 for e in show.ledger.entries)

@@ -1,0 +1,64 @@
+"""A session of `play`: one scene after another in the same window."""
+
+from msph.errors import MsphError
+from msph.options import AS_GIVEN, AUTO
+from msph.scene.quality import at_quality
+from msph.stage.called import Called, Choice
+from msph.stage.layout import Layout
+from msph.stage.loop import run
+from msph.stage.player import Player
+from msph.stage.preparation import prepare_row, say
+from msph.stage.row import Row
+from msph.stage.trial import finest_in_real_time
+from msph.stage.window import Window
+
+
+class Session:
+    """frames: the largest number of frames of each scene, None for no limit."""
+
+    def __init__(self, window: Window, called: Called, frames: int | None = None):
+        self.window, self.called, self.frames = window, called, frames
+        self.layout = Layout(window.size)
+        self.problem = ""  # why the scene chosen last is not played
+
+    def play(self, scene: str, quality: str) -> None:
+        """Plays a scene, and each one chosen after it; a scene that cannot be built leaves the one
+        before. Raises ClosedError where the window is closed meanwhile."""
+        before: Choice | None = None
+        choice: Choice | None = Choice(scene, quality)
+        while choice:
+            try:
+                row, at = self._build(choice)
+            except MsphError as error:
+                if before is None:
+                    raise
+                self.problem = f"{choice.scene}: {error}"
+                before, choice = None, before
+                continue
+            before, choice = choice, self._play(row, choice, at)
+            row.close()
+            del row
+
+    def _build(self, choice: Choice) -> tuple[Row, str]:
+        """The simulations of a choice, and their quality."""
+        scenes, quality = self.called.scenes_of(choice.scene), choice.quality
+        first = next(iter(scenes.values()))
+        self.window.begin(first.title or choice.scene)
+        if quality == AUTO and len(scenes) > 1:
+            # They are compared as they are written.
+            quality = AS_GIVEN
+        elif quality == AUTO:
+            quality = finest_in_real_time(first, choice.scene, self.window)
+        found = [at_quality(scene, quality, choice.scene) for scene in scenes.values()]
+        return prepare_row(found, list(scenes), self.window.size, self.window.tell), quality
+
+    def _play(self, row: Row, choice: Choice, quality: str) -> Choice | None:
+        """Plays until the window is closed or another scene is chosen, which is returned."""
+        player = Player(self.window, row, choice, quality, self.layout, self.called, self.frames)
+        if self.problem:
+            self.layout.say(self.problem)
+            self.problem = ""
+        run(row, player)
+        for warning in row.warnings():
+            say(f"warning: {warning}")
+        return player.follows

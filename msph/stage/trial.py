@@ -1,0 +1,59 @@
+"""Which quality runs in real time on this machine: each is tried for half a second."""
+
+import itertools
+import time
+
+from msph.measure.timings import Timings
+from msph.options import AS_GIVEN, QUALITIES
+from msph.scene.quality import at_quality, fixed
+from msph.scene.schema import Scene
+from msph.stage.controls import Controls
+from msph.stage.pacer import PLANNED, RATES, SCALES
+from msph.stage.preparation import compiling, say
+from msph.stage.row import Row
+from msph.stage.show import PLAYED, Show
+from msph.stage.window import Window
+
+# Wall-clock time of a trial [s], and the image's size without a window [pixels].
+SECONDS, SIZE = 0.5, (960, 540)
+
+
+def finest_in_real_time(scene: Scene, name: str, window: Window | None = None) -> str:
+    """Returns the finest quality that runs in real time, else the coarsest; AS_GIVEN for scenes
+    with one quality only. window: that is shown meanwhile, and takes its time."""
+    if fixed(scene):
+        return AS_GIVEN
+
+    def fits(quality: str) -> bool:
+        factor = real_time_factor(at_quality(scene, quality, name), quality, window)
+        say(f"{name}: quality {quality} runs at {factor:.1f} times real time")
+        return factor * PLANNED >= 1.0
+
+    own = QUALITIES.index(AS_GIVEN)
+    if fits(AS_GIVEN):
+        return [AS_GIVEN, *itertools.takewhile(fits, QUALITIES[own + 1 :])][-1]
+    # The coarsest is taken in any case.
+    return next(filter(fits, reversed(QUALITIES[1:own])), QUALITIES[0])
+
+
+def real_time_factor(scene: Scene, quality: str, window: Window | None = None) -> float:
+    """Simulated over wall-clock time (-), over the speed that the scene asks for, of frames as
+    `play` renders them where it has to save: at its lowest frame rate and image scale."""
+    frame_time, size = scene.play.speed / (RATES[-1] * scene.play.fps), SIZE
+    if window:
+        size = window.size
+        window.tell(f"trying quality {quality}")
+    with compiling(window.tell if window else None):
+        row = Row([Show(scene, frame_time, size, timings=Timings(keep=1), **PLAYED)])
+        row.lead.warm_up()
+    wishes, simulated = Controls(budget=SECONDS, scale=SCALES[-1]), 0.0
+    begin, wall = time.perf_counter(), 0.0
+    while wall < SECONDS:
+        row.frame(wishes)
+        simulated += row.lead.simulated
+        if window:
+            window.tell(f"trying quality {quality}")
+            window.again()
+        wall = time.perf_counter() - begin
+    row.close()
+    return simulated / (scene.play.speed * wall)
