@@ -30,6 +30,10 @@ class DeviceTable:
         self.__dict__.update({name: field.get_member_field(name) for name in members})
         self._numbers, self._integers = self._slots(np.float32), self._slots(np.int32)
 
+    def __getattr__(self, name: str) -> Any:
+        # Members are attributes; type checkers cannot know their names.
+        raise AttributeError(f"the table has no member {name}")
+
     def _slots(self, kind: type) -> list[tuple[int, list[Any]]]:
         """Of each member of one number type its first column and its scalar fields."""
         slots: list[tuple[int, list[Any]]] = []

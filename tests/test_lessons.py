@@ -327,7 +327,7 @@ class TestGuide:
 
         guide.takes("a"), guide.takes("n")
         assert guide.takes("i") and guide.takes("Tab"), "other scenes are not led to"
-        image = ti.Vector.field(3, ti.f32, SIZE)
+        image = Image(ti.Vector.field(3, ti.f32, SIZE), *SIZE)
         guide.lay(image)
         place = guide.band.sheet.sliders[0]
         y = 1.0 - (SIZE[1] - guide.below + 0.5 * (place.top + place.bottom)) / SIZE[1]
@@ -350,10 +350,10 @@ class TestGuide:
     def test_pages_are_laid_over_the_picture(self, guide):
         import taichi as ti
 
-        image = ti.Vector.field(3, ti.f32, SIZE)
-        image.fill(1.0)
+        image = Image(ti.Vector.field(3, ti.f32, SIZE), *SIZE)
+        image.field.fill(1.0)
         guide.lay(image)
-        pixels = image.to_numpy()
+        pixels = image.field.to_numpy()
         assert pixels[:, : guide.below].mean() < 0.3 and pixels[:, guide.below :].min() == 1.0
         guide.takes("a")
         for _ in range(1 + len(guide.progress.lesson.do)):

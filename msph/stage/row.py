@@ -73,6 +73,11 @@ class Row:
         return self.common or self.lead.picture.image
 
     @property
+    def composed(self) -> bool:
+        """Whether the image is put together from several, or has pixels left free."""
+        return self.common is not None
+
+    @property
     def lead(self) -> Show:
         """The simulation that is steered."""
         return self.shows[0]
@@ -144,7 +149,7 @@ class Row:
     @kernel
     def _put(self, left: ti.i32, low: ti.i32, width: ti.i32, height: ti.i32, field: ti.template()):
         for i, j in ti.ndrange(width, height):
-            self.common.field[left + i, low + j] = field[i, j]
+            self.common.field[left + i, low + j] = field[i, j]  # type: ignore[union-attr]
 
     def under(self, cursor: np.ndarray) -> tuple[Show, np.ndarray]:
         """The show under a cursor (right, up, in shares of the window), and the cursor in shares of

@@ -70,7 +70,7 @@ def test_tilt_turns_gravity_in_the_pool_and_the_pool_in_the_picture(show):
 
 
 def test_every_view_draws_something_else(show, monkeypatch):
-    monkeypatch.setattr(show.picture, "legend", None)
+    monkeypatch.setattr(show.picture, "look", replace(show.picture.look, legend=False))
     show.frame(Controls())
     pictures = []
     for name in show.views.names:

@@ -6,6 +6,7 @@ everything that follows from it is looked up here.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import taichi as ti
@@ -130,6 +131,10 @@ class Layers:
         self.specs, self.count = specs, len(specs)
         self._rows.fill(**own, **rows)
         self._pairs.fill(per_h=per_h, **pairs)
+
+    def __getattr__(self, name: str) -> Any:
+        # Members of the tables are attributes; type checkers cannot know their names.
+        raise AttributeError(f"layers have no {name}")
 
     @property
     def finest(self) -> LayerSpec:
