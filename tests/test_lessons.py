@@ -374,7 +374,9 @@ def test_water_that_blew_up_begins_again(monkeypatch):
     calls = []
 
     class Fake:
-        def __init__(self, *arguments, guide):
+        size = SIZE
+
+        def __init__(self, *_):
             self.layout = self
 
         def say(self, text):
@@ -388,8 +390,9 @@ def test_water_that_blew_up_begins_again(monkeypatch):
         progress = type("P", (), {"row": object(), "refill": lambda self: calls.append("again")})()
 
     monkeypatch.setattr(commands, "Player", Fake)
-    monkeypatch.setattr(commands, "run", run)
-    commands.play(Stub(), None, "boiling", None)
+    monkeypatch.setattr(commands, "run_loop", run)
+    monkeypatch.setattr(commands, "Layout", Fake)
+    commands.play(Stub(), Fake(), "boiling", None)
     assert calls == ["again", "the water blew up and begins again; r puts the sliders back"]
 
 
