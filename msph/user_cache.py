@@ -1,4 +1,4 @@
-"""What was measured on this machine and is worth remembering between runs, in the user's cache."""
+"""Values that are remembered between runs, in the user's cache: progress in lessons."""
 
 import contextlib
 import json
@@ -30,7 +30,7 @@ def recall(key: str, default: Any = None) -> Any:
 
 
 def remember(key: str, value: Any) -> None:
-    """Keeps a value; where the cache cannot be written, it is measured again next time."""
+    """Keeps a value, if the cache can be written."""
     known = _read()
     if known.get(key) == value:
         return

@@ -38,19 +38,6 @@ def here(*arguments):
     return SimpleNamespace(returncode=code, stdout=out.getvalue(), stderr=err.getvalue())
 
 
-@pytest.mark.parametrize("command", ["play", "capture", "bench", "measure", "scenes", ""])
-def test_help_names_every_option(command):
-    result = here(*command.split(), "--help")
-    assert result.returncode == 0
-    options = {
-        "play": ["--set", "--arch"],
-        "bench": ["--no-render", "--profile", "--json"],
-        "measure": ["--output", "--seconds", "--every", "--converge", "--resume", "--set"],
-    }
-    for option in options.get(command, []):
-        assert option in result.stdout
-
-
 def test_scenes_lists_all_and_prints_one():
     listing = here("scenes").stdout
     assert all(name in listing for name in shipped_scenes())

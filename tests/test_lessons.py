@@ -27,6 +27,7 @@ from msph.lesson.paint import band_height, folded
 from msph.lesson.quantities import QUANTITIES, Numbers
 from msph.lesson.schema import LINES, WORDS
 from msph.lesson.student import Student
+from msph.picture.pixels import Image
 from msph.scene.errors import SceneError
 from msph.scene.library import assets
 from msph.stage.pages import text_height
@@ -360,7 +361,7 @@ class TestGuide:
             guide.takes("n")
         assert guide.whole and guide.covers(np.array([0.5, 0.9]))
         guide.lay(image)
-        assert image.to_numpy().mean() < 0.3
+        assert image.field.to_numpy().mean() < 0.3
 
     def test_text_can_be_read(self):
         assert text_height(540) >= 18 and band_height(18) < 0.45 * 540
@@ -374,7 +375,9 @@ def test_water_that_blew_up_begins_again(monkeypatch):
     calls = []
 
     class Fake:
-        def __init__(self, *arguments, guide):
+        size = SIZE
+
+        def __init__(self, *_):
             self.layout = self
 
         def say(self, text):
@@ -388,8 +391,9 @@ def test_water_that_blew_up_begins_again(monkeypatch):
         progress = type("P", (), {"row": object(), "refill": lambda self: calls.append("again")})()
 
     monkeypatch.setattr(commands, "Player", Fake)
-    monkeypatch.setattr(commands, "run", run)
-    commands.play(Stub(), None, "boiling", None)
+    monkeypatch.setattr(commands, "run_loop", run)
+    monkeypatch.setattr(commands, "Layout", Fake)
+    commands.play(Stub(), Fake(), "boiling", None)
     assert calls == ["again", "the water blew up and begins again; r puts the sliders back"]
 
 

@@ -109,10 +109,10 @@ def test_water_that_blows_up_leaves_the_last_good_frame(tmp_path):
     measurer = Measurer(tmp_path, scene, "small", "cpu", bar=False)
 
     class Blow(Measurer):
-        def wants_more(self, show):
+        def wants_more(self, row):
             if self.done == 2:
-                show.simulation.particles.fields["v"][3] = [np.nan, 0.0, 0.0]
-            return super().wants_more(show)
+                row.lead.simulation.particles.fields["v"][3] = [np.nan, 0.0, 0.0]
+            return super().wants_more(row)
 
     measurer.__class__ = Blow
     with pytest.raises(NotFiniteError, match="particles are not finite"):

@@ -1,0 +1,121 @@
+"""A session in a window without a screen: scenes follow each other, and compiling is ended."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from msph.errors import MsphError
+from msph.scene import load_scene
+from msph.scene.library import shipped_scenes
+from msph.stage import menu, session, trial
+from msph.stage.called import Called, Choice
+from msph.stage.session import Session
+from msph.stage.window import ClosedError
+from msph.taichi_internals import PLAIN
+from tests.scenes_kit import write
+from tests.stage.test_player import Screen
+
+NAMES = list(shipped_scenes())
+
+
+class Window(Screen):
+    """A window that is closed when its start screen is shown for the `closes`-th time."""
+
+    def __init__(self, closes=None):
+        super().__init__()
+        self.closes, self.told = closes, []
+
+    def begin(self, title):
+        self.tell("building the scene")
+
+    def tell(self, doing):
+        self.told.append(doing)
+        if len(self.told) == self.closes:
+            raise ClosedError
+
+
+@pytest.fixture
+def rounds(monkeypatch):
+    """Plays choices, each chosen while the one before plays; returns what was built and said."""
+
+    def play(*choices, broken=()):
+        built, said, following = [], [], iter(choices)
+
+        def build(self, choice):
+            if choice.scene in broken:
+                raise MsphError("cannot be built")
+            built.append(choice.scene)
+            return SimpleNamespace(close=lambda: None), choice.quality
+
+        def end(self, row, choice, quality):
+            said.append(self.problem)
+            return next(following, None)
+
+        monkeypatch.setattr(Session, "_build", build)
+        monkeypatch.setattr(Session, "_play", end)
+        monkeypatch.setattr(session, "Layout", lambda size: None)
+        Session(Window(), Called("pool")).play("pool", "small")
+        return built, said
+
+    return play
+
+
+def test_scenes_follow_each_other(rounds):
+    assert rounds(Choice("drop", "auto"), Choice("still", "auto"))[0] == ["pool", "drop", "still"]
+
+
+def test_a_scene_that_cannot_be_built_leaves_the_one_before(rounds):
+    built, said = rounds(Choice("drop", "auto"), broken=("drop",))
+    assert built == ["pool", "pool"] and said[-1] == "drop: cannot be built"
+    with pytest.raises(MsphError):
+        rounds(broken=("pool",))
+
+
+def test_thirty_presses_of_tab_build_one_further_scene(tmp_path, monkeypatch):
+    asked, scene = [], write(tmp_path)
+    monkeypatch.setattr(menu, "SETTLED", -1.0)
+
+    class Recorded(Session):
+        def _build(self, choice):
+            asked.append(choice.scene)
+            if len(asked) > 1:
+                raise ClosedError
+            return super()._build(choice)
+
+    window = Window()
+    window.pressed = ["Tab"] * 30
+    with pytest.raises(ClosedError):
+        Recorded(window, Called(scene)).play(scene, "large")
+    # A scene that is not shipped stands before the first.
+    assert asked == [scene, NAMES[29 % len(NAMES)]]
+
+
+@pytest.mark.skipif(PLAIN, reason="plain Taichi does not tell of kernels")
+def test_closing_the_window_ends_compiling(tmp_path):
+    scene, window = write(tmp_path), Window(closes=5)
+    with pytest.raises(ClosedError):
+        Session(window, Called(scene)).play(scene, "large")
+    assert len(window.told) == 5 and window.image is None
+    assert window.told[-1].startswith("compiling ")
+
+
+@pytest.mark.parametrize(
+    ("fast", "tried", "chosen"),
+    [
+        ({"large", "finest"}, ["large", "finest"], "finest"),
+        ({"large"}, ["large", "finest"], "large"),
+        ({"medium"}, ["large", "medium"], "medium"),
+        (set(), ["large", "medium"], "small"),
+    ],
+)
+def test_auto_keeps_the_finest_quality_in_real_time(fast, tried, chosen, monkeypatch):
+    found = []
+
+    def factor(scene, quality, window):
+        found.append(quality)
+        return 2.0 if quality in fast else 1.0
+
+    monkeypatch.setattr(trial, "real_time_factor", factor)
+    assert trial.finest_in_real_time(load_scene("pool"), "pool") == chosen and found == tried
+    fixed = load_scene("pool", ("variant=system-1",))
+    assert trial.finest_in_real_time(fixed, "pool") == "large" and found == tried
