@@ -152,7 +152,9 @@ class Simulation:
         if longest(LEEWAY) <= 0.0:
             speed = np.linalg.norm(self.particles.numpy("v").astype(float), axis=1)
             which = self.particles.describe(int(np.argmax(speed)))
-            raise BlowUpError(f"step {self.steps}: no step is short enough for {which}")
+            raise BlowUpError(
+                f"step {self.steps}: no step is short enough for the fastest, {which}"
+            )
         least, most = (math.ceil(left / longest(k) - 1e-6) for k in (1.0, LEEWAY))
         return min(max(least, round(left / self.last_step)), most)
 
