@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from msph.fluid.adaptivity.bands import bands, exact
+from msph.fluid.adaptivity.bands import exact
 from msph.fluid.methods import METHODS
 from msph.fluid.particles.layers import LayerSpec
 from msph.scene.schema import Scene, Water
@@ -120,21 +120,6 @@ def _ball(water: Water, spec: LayerSpec) -> np.ndarray:
     grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
     nearest = np.argsort((grid**2).sum(axis=1), kind="stable")[:count]
     return centre + grid[nearest]
-
-
-def settled_count(scene: Scene) -> int:
-    """Particles once each depth has its layer, as if each body of water stood alone as a block."""
-    specs = layer_specs(scene)
-    if not scene.adaptation.enabled:
-        return sum(particle_count(w, specs[w.layer]) for w in scene.water)
-    count = 0.0
-    for water in scene.water:
-        lo, hi = bounds(water)
-        height = hi[1] - lo[1]
-        for (top, bottom), spec in zip(bands(specs, scene.adaptation.band), specs, strict=True):
-            thickness = min(bottom, height) - min(top, height)
-            count += volume(water) * thickness / height / spec.volume
-    return math.ceil(count)
 
 
 def capacity(scene: Scene) -> int:

@@ -46,6 +46,6 @@ def test_words_name_what_saves_most():
 
     parts = [p for p in PARTS if p.name in ("viscosity", "tension")]
     told = explain.saving(parts, [run(9.0), run(5.0)], run(10.0))
-    assert told == "Most would be saved without viscosity: 50 % of a frame."
+    assert told == "Most would be saved without tension: 50 % of a frame."
     assert "Nothing" in explain.saving(parts, [run(11.0), run(12.0)], run(10.0))
     assert "Nothing" in explain.saving([], [], run(10.0))
