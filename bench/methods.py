@@ -84,17 +84,16 @@ class Jacobi:
         return RELAXED * launches
 
     @kernel
-    def _relax(self, n: ti.i32, alone: ti.template()):
+    def _relax(self, n: ti.i32):
         p = self.particles
         for _ in ti.static(range(RELAXED)):
             self.operator.apply(n, p.velocity_multiplier)
-            ti.loop_config(serialize=alone)
             for i in range(n):
                 r = p.rhs[i] + self.operator.divergence(i, p.displacement)
                 p.velocity_multiplier[i] = self.correction.corrected(i, p.velocity_multiplier[i], r)
 
     @kernel
-    def displace(self, n: ti.i32, alone: ti.template()):
+    def displace(self, n: ti.i32):
         """Displacements by the velocity multipliers."""
         self.operator.apply(n, self.particles.velocity_multiplier)
 

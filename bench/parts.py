@@ -4,7 +4,6 @@ A process for each part builds the same water without it and with it, and runs b
 in turn. `bench/terms.py` prints the table.
 """
 
-import gc
 import json
 import math
 import os
@@ -26,7 +25,6 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from bench.tanks import FRAME
 from msph.device import ARCHES, start
 from msph.fluid.external_forces import ExternalForces
-from msph.fluid.simulation import WORD
 from msph.measure.ledger import Ledger
 from msph.measure.probes import build_probes
 from msph.measure.snapshot import Snapshot
@@ -104,8 +102,7 @@ def scene_with(changes: dict[str, Any]) -> Scene:
 class Side:
     """The tank with a part, or without it.
 
-    start [s]: CPU time of building, compiling and a first frame. bytes: size of its fields.
-    kernels: those launched by then, as module:Class.kernel. launches: their number in the timed
+    start [s]: CPU time of building, compiling and a first frame. kernels: those launched by then, as module:Class.kernel. launches: their number in the timed
     frames, by kernel. times [s]: wall-clock time of each timed frame. centres (3,) [m]: centre of
     mass after each frame."""
 
@@ -115,11 +112,11 @@ class Side:
         self.launches: Counter[str] = Counter()
         self.times: list[float] = []
         self.centres: list[np.ndarray] = []
-        before, begin = field_bytes(), time.process_time()
+        begin = time.process_time()
         with watch_launches(lambda owner, name: self.kernels.add(full_name(owner, name))):
             self._build()
             self.frame()
-        self.start, self.bytes = time.process_time() - begin, field_bytes() - before
+        self.start = time.process_time() - begin
         self.sim.reset()
 
     def _build(self) -> None:
@@ -166,15 +163,6 @@ def full_name(owner: Any, kernel: str) -> str:
     return f"{type(owner).__module__}:{type(owner).__name__}.{kernel}"
 
 
-def field_bytes() -> int:
-    """Bytes of all fields that there are."""
-    gc.collect()
-    fields = [f for f in gc.get_objects() if isinstance(f, ti.ScalarField | ti.MatrixField)]
-    # Each has companions for derivatives, which are not allocated.
-    placed = [f for f in fields if f.snode.ptr is not None]
-    return sum(WORD * math.prod(f.shape) * getattr(f, "n", 1) * getattr(f, "m", 1) for f in placed)
-
-
 def measured(part: Case) -> dict[str, Any]:
     """The part's row, in numbers."""
     # The first build pays for what all share, such as Taichi's own library.
@@ -195,7 +183,6 @@ def measured(part: Case) -> dict[str, Any]:
         "name": part.name,
         "ms": [statistics.median(side.times) * 1e3 for side in (off, on)],
         "start": [off.start, on.start],
-        "bytes": [off.bytes, on.bytes],
         "kernels": [len(own(side.kernels)) for side in (off, on)],
         "launches": [
             sum(side.launches[name] for name in own(side.launches)) / FRAMES for side in (off, on)
@@ -232,7 +219,6 @@ def cells(row: dict[str, Any]) -> dict[str, str]:
         "ms a frame, off": f"{ms_off:.1f}",
         "on": f"{ms_on:.1f}",
         "share of it when on": f"{100.0 * (1.0 - ms_off / ms_on):.0f} %",
-        "MiB more": f"{(row['bytes'][1] - row['bytes'][0]) / 2**20:.2f}",
         "s more at a first start, one of each": f"{start_on - start_off:.1f}",
         "own kernels: off, on": "{}, {}".format(*row["kernels"]),
         "own launches a frame: off, on": "{:.1f}, {:.1f}".format(*row["launches"]),

@@ -62,7 +62,7 @@ def test_slopes_and_layers_of_scale() -> None:
 
 
 def test_parts_take_nothing_while_off(monkeypatch) -> None:
-    """Neither kernels nor launches; while on, some of each, and memory."""
+    """Neither kernels nor launches; while on, some of each."""
     monkeypatch.setattr(parts, "UNTIMED", 0)
     monkeypatch.setattr(parts, "FRAMES", 2)
     monkeypatch.setattr(parts, "SPACING", 0.05)
@@ -70,7 +70,6 @@ def test_parts_take_nothing_while_off(monkeypatch) -> None:
     row = parts.measured(tension)
     assert row["kernels"][0] == row["launches"][0] == 0
     assert row["kernels"][1] > 0 and row["launches"][1] >= 1.0
-    assert row["bytes"][1] > row["bytes"][0]
     assert row["error"].endswith("% of the depth")
     assert parts.cells(row)["own kernels: off, on"].startswith("0, ")
 
