@@ -102,9 +102,9 @@ def scene_with(changes: dict[str, Any]) -> Scene:
 class Side:
     """The tank with a part, or without it.
 
-    start [s]: CPU time of building, compiling and a first frame. kernels: those launched by then, as module:Class.kernel. launches: their number in the timed
-    frames, by kernel. times [s]: wall-clock time of each timed frame. centres (3,) [m]: centre of
-    mass after each frame."""
+    start [s]: CPU time of building, compiling and a first frame. kernels: those launched by then,
+    as module:Class.kernel. launches: their number in the timed frames, by kernel. times [s]:
+    wall-clock time of each timed frame. centres (3,) [m]: centre of mass after each frame."""
 
     def __init__(self, changes: dict[str, Any], beside: str):
         self.scene, self.beside = scene_with(changes), beside
