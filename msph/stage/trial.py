@@ -14,8 +14,8 @@ from msph.stage.row import Row
 from msph.stage.show import PLAYED, Show
 from msph.stage.window import Window
 
-# Wall-clock time of a trial [s], frames before it in which rarer kernels are compiled, and the image's
-# size without a window [pixels].
+# Wall-clock time of a trial [s], frames before it, in which rarer kernels are compiled, and size of
+# the image without a window [pixels].
 SECONDS, UNTIMED, SIZE = 0.5, 3, (960, 540)
 
 
