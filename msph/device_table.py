@@ -26,7 +26,7 @@ class DeviceTable:
         self._columns = shape[1] if len(shape) == 2 else 1
         # Components and number type of each member.
         self.fields = {name: _width_and_type(kind) for name, kind in members.items()}
-        field = self.struct = ti.types.struct(**members).field(shape=shape)
+        field = self.struct = ti.types.struct(**members).field(shape=shape, layout=ti.Layout.SOA)
         self.__dict__.update({name: field.get_member_field(name) for name in members})
         self._numbers, self._integers = self._slots(np.float32), self._slots(np.int32)
 

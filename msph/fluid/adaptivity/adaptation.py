@@ -82,6 +82,10 @@ class Adaptation:
     def load(self, parameters: AdaptationParameters) -> None:
         """Takes the parameters of a scene; its bands are rows of the layers."""
         self.parameters = parameters
+        # Compiles now what a run needs some steps later: a frame would wait for it.
+        self.wait(0)
+        self.scan.run(self.particles.alive, self.place, 0)
+        self.particles.compact(self.place, self.particles.alive, 0)
 
     def reset(self) -> None:
         """Starts anew, since the particles were replaced: bands have their full thickness."""

@@ -115,13 +115,19 @@ class Contact:
         """Moves particles to the nearest place that is `margin` away from all bodies and walls."""
         for i in range(n):
             size, x, margin = self.constants.size[None], self.particles.x[i], self.margin(i)
-            for _ in range(ROUNDS):
+            rounds = 0
+            while rounds < ROUNDS:
+                rounds += 1
+                pushed = False
                 for b in range(self.constants.bodies[None]):
                     near = self.boundary.distance(b, x, pose)
                     if near.x < margin:
                         x -= (near.x - margin) * near.yzw / ti.max(near.yzw.norm_sqr(), 0.25)
+                        pushed = True
                 # In the wedge between a body and a wall both must push in turn.
                 x = ti.math.clamp(x, margin, size - margin)
+                if not pushed:
+                    rounds = ROUNDS
             self.particles.x[i] = x
 
     @kernel

@@ -249,10 +249,11 @@ class Particles:
                 pair[0][i] = pair[1][i]
 
     @ti.func
-    def reorder(self, target: ti.template(), n):
-        """Moves particle i to place target[i], for every carried attribute. target: i32 (n,)."""
+    def reorder(self, place: ti.template(), cell: ti.template(), start: ti.template(), n):
+        """Moves particle i to start[cell[i]] + place[i], for every carried attribute: its place in
+        its cell, its cell, and the cells' first particles, i32."""
         for i in range(n):
-            t = target[i]
+            t = start[cell[i]] + place[i]
             for pair in ti.static(self._pairs):
                 pair[1][t] = pair[0][i]
         for i in range(n):

@@ -59,6 +59,13 @@ class PositionCorrection:
         self.pair_gradient = shared.density.pair_gradient
         self.iterations = 1
 
+    def load(self, iterations: int) -> None:
+        """Takes the iterations of a scene."""
+        self.iterations = iterations
+        # Compiles now what only crowds launch: a splash would wait for it.
+        self._find_crowds(0)
+        self._part_crowds(0)
+
     def find(self, dt: float) -> float:
         """Displacements that end crowding; returns the largest density excess (-). dt [s]: the
         step; 0 before time starts, when all spread in full."""

@@ -165,15 +165,16 @@ class PressureSolve:
             m, rest_density = self.layers.mass[p.layer[i]], self.constants.rest_density[None]
             pressed = self.virial.pressed(i, gravity, stressed)
             inner, wall = pressed.inner, pressed.wall
-            body = -p.pressure_multiplier[i] / rest_density * p.boundary_gradient[i]
-            wall += body
-            self.impulses.body_impulse[None] += m * dt * body
+            # Only beside bodies: sums of zeros would cost a third of this loop.
+            if p.boundary_gradient[i].norm_sqr() > 0.0:
+                body = -p.pressure_multiplier[i] / rest_density * p.boundary_gradient[i]
+                wall += body
+                self.impulses.body_impulse[None] += m * dt * body
+                # Force of the bodies on the particle times their velocity.
+                work = m * p.velocity_multiplier[i] / dt * p.boundary_inflow[i]
+                self.impulses.wall_work[None] += work
             self.impulses.record_internal(m, p.x[i], dt * inner)
             self.impulses.wall_impulse[None] += m * dt * wall
-            # Force of the bodies on the particle times their velocity.
-            self.impulses.wall_work[None] += (
-                m * p.velocity_multiplier[i] / dt * p.boundary_inflow[i]
-            )
             p.v[i] += dt * (inner + wall)
             p.pressure[i] = pressed.virial
             if ti.static(stressed):

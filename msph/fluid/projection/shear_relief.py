@@ -150,11 +150,12 @@ class ShearRelief:
                     self.impulses.wall_impulse[None] += m * change
                 else:
                     self.impulses.record_internal(m, p.x[i], change)
-            # Twice, for sum V_j grad W_ij + b_i = 0: an even stress pushes nowhere.
-            body = 2.0 * impulse * times(own, own_shear, p.boundary_gradient[i])
-            v += body
-            self.impulses.body_impulse[None] += m * body
-            self.impulses.wall_impulse[None] += m * body
+            if p.boundary_gradient[i].norm_sqr() > 0.0:
+                # Twice, for sum V_j grad W_ij + b_i = 0: an even stress pushes nowhere.
+                body = 2.0 * impulse * times(own, own_shear, p.boundary_gradient[i])
+                v += body
+                self.impulses.body_impulse[None] += m * body
+                self.impulses.wall_impulse[None] += m * body
             p.v[i] = v
 
     @ti.func

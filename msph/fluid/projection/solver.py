@@ -107,7 +107,7 @@ class Projection:
         wanted = [f for f in self.every_force if type(f).wanted(parameters)]
         self.forces, self.adaptation = wanted, None
         self.relieved = ShearRelief.wanted(parameters)
-        self.position_correction.iterations = parameters.position_iterations
+        self.position_correction.load(parameters.position_iterations)
         self.tune(parameters)
         if parameters.adaptation is not None:
             self.adaptation = self.adapting
