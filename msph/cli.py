@@ -58,7 +58,7 @@ arch_option = click.option(
     type=click.Choice(ARCHES),
     default="auto",
     show_default=True,
-    help="Where kernels run; auto takes CUDA or Metal where there is one, else the CPU.",
+    help="Where kernels run; auto takes CUDA where there is one, else the CPU.",
 )
 threads_option = click.option(
     "--threads",

@@ -4,6 +4,7 @@ import atexit
 import contextlib
 import io
 import os
+import sys
 import time
 from pathlib import Path
 
@@ -39,10 +40,11 @@ def starts() -> int:
 def start(arch: str = "auto", threads: int | None = None) -> str:
     """Starts Taichi once and returns the name of the architecture it runs on.
 
-    "auto" takes CUDA or Metal where there is one, else the CPU: a Vulkan driver may be a software
-    one, slower than the CPU itself, so Vulkan must be asked for. Unless `threads` are asked for, a
-    CPU runs as many as it has cores, each on its own; with one, for the rest of the process, loops
-    are not shared out at all. Raises ArchError.
+    "auto" takes CUDA where there is one, else the CPU. Vulkan must be asked for, since its driver
+    may be a software one, slower than the CPU itself; Metal must be asked for, since a Metal window
+    of Taichi 1.7.4 has frozen macOS (taichi issue #8775). Unless `threads` are asked for, a CPU
+    runs as many as it has cores, each on its own; with one, for the rest of the process, loops are
+    not shared out at all. Raises ArchError.
     """
     global _started, _starts
     if _started:
@@ -57,7 +59,7 @@ def start(arch: str = "auto", threads: int | None = None) -> str:
         from msph.taichi_internals import cache_folder, on_cpu, serialize_loops
 
     wanted = {
-        "auto": [ti.cuda, ti.metal, ti.cpu],
+        "auto": [ti.cpu] if sys.platform == "darwin" else [ti.cuda, ti.cpu],
         "cpu": [ti.cpu],
         "cuda": [ti.cuda],
         "vulkan": [ti.vulkan],

@@ -6,6 +6,7 @@ import sys
 import time
 
 import pytest
+import taichi as ti
 
 from msph import device
 
@@ -91,3 +92,16 @@ def test_what_was_compiled_is_kept_for_the_next_start(tmp_path):
     command = [sys.executable, str(tmp_path / "started.py")]
     subprocess.run(command, env=environment, check=True, capture_output=True)
     assert list(cache.glob("*.tic"))
+
+
+def test_auto_selects_the_cpu_on_macos(monkeypatch):
+    """A Metal window of Taichi 1.7.4 has frozen macOS (taichi issue #8775)."""
+    asked = []
+    monkeypatch.setattr(sys, "platform", "darwin")
+    monkeypatch.setattr(device, "_started", None)
+    monkeypatch.setattr(device, "_starts", device.starts())
+    monkeypatch.setattr(device.atexit, "register", lambda function: None)
+    monkeypatch.setattr(device, "_keep_apart", lambda threads: None)
+    monkeypatch.setattr(ti, "init", lambda arch, **options: asked.append(arch))
+    device.start("auto", 2)
+    assert asked == [[ti.cpu]]
