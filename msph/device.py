@@ -29,12 +29,6 @@ class ArchError(BadInputError):
 
 
 _started: str | None = None
-_starts = 0
-
-
-def starts() -> int:
-    """How often Taichi was started in this process: fields of an earlier start are gone."""
-    return _starts
 
 
 def start(arch: str = "auto", threads: int | None = None) -> str:
@@ -46,7 +40,7 @@ def start(arch: str = "auto", threads: int | None = None) -> str:
     runs as many as it has cores, each on its own; with one, for the rest of the process, loops are
     not shared out at all. Raises ArchError.
     """
-    global _started, _starts
+    global _started
     if _started:
         return _started
     # Here, since help and bad options need no Taichi, which takes .2 s to import.
@@ -94,19 +88,7 @@ def start(arch: str = "auto", threads: int | None = None) -> str:
     if name == "cpu" and not threads:
         _keep_apart(_threads() - before)
     _started = name
-    _starts += 1
     return name
-
-
-def restart(arch: str, threads: int | None = None) -> str:
-    """Starts Taichi anew: all its fields and kernels are gone, and kernels are found in the cache
-    again by the numbers that their fields get. As start()."""
-    global _started
-    import taichi as ti
-
-    ti.reset()
-    _started = None
-    return start(arch, threads)
 
 
 def unlock(cache: Path | None) -> None:

@@ -285,8 +285,9 @@ class Classic:
             start, free = x, v
             x += dt * v
             margin, restitution = 0.5 * self.layers.spacing[layer], self.constants.restitution[None]
+            size = self.constants.size[None]
             for k in ti.static(range(3)):
-                lo, hi = margin, self.constants.size[None][k] - margin
+                lo, hi = margin, size[k] - margin
                 if x[k] < lo or x[k] > hi:
                     wall = ti.select(x[k] < lo, lo, hi)
                     x[k] = ti.math.clamp(wall + restitution * (wall - x[k]), lo, hi)

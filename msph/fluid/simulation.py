@@ -7,7 +7,6 @@ from time import perf_counter
 
 import numpy as np
 
-from msph import device
 from msph.errors import BlowUpError
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.methods import Parameters, solver_of
@@ -63,7 +62,7 @@ class Simulation:
     def __init__(self, plan: Plan):
         self.plan, self.size = plan, plan.size
         self.world = take(plan.needed)
-        self._lease = weakref.finalize(self, give_back, self.world, device.starts())
+        self._lease = weakref.finalize(self, give_back, self.world)
         parts = self.world.parts
         self.layers, self.particles, self.grid = parts.layers, parts.particles, parts.grid
         self.boundary, self.contact = parts.boundary, parts.contact

@@ -9,7 +9,6 @@ import gc
 from collections.abc import Callable
 from typing import Any, TypeVar
 
-from msph import device
 from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.contact import Contact
 from msph.fluid.constants import Constants
@@ -89,16 +88,11 @@ def _solver(world: World, method: Any) -> Any:
 
 # Worlds that no simulation uses.
 _stock: list[World] = []
-_start = 0  # the start of Taichi that they belong to
 
 
 def take(needed: Room) -> World:
     """A world with room for what is needed, which is the caller's until give_back(). Raises
     RuntimeError where Taichi has no room for another."""
-    global _start
-    if _start != device.starts():
-        _stock.clear()
-        _start = device.starts()
     found = _smallest(needed)
     if found is None and gc.collect():
         # A simulation that nothing refers to any more may still hold one.
@@ -109,10 +103,9 @@ def take(needed: Room) -> World:
     return found
 
 
-def give_back(world: World, start: int) -> None:
-    """Lets another simulation have the world; start: that of Taichi when it was taken."""
-    if start == device.starts():
-        _stock.append(world)
+def give_back(world: World) -> None:
+    """Lets another simulation have the world."""
+    _stock.append(world)
 
 
 def _smallest(needed: Room) -> World | None:

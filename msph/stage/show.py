@@ -136,7 +136,8 @@ class Show:
             self.timings.discard()
 
     def close(self) -> None:
-        """Drops all parts, so that another simulation can use their memory."""
+        """Drops all parts, and lets another simulation use their memory."""
+        self.simulation.close()
         for part in ("simulation", "ledger", "surface", "picture", "views"):
             setattr(self, part, None)
 

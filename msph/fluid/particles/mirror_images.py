@@ -35,10 +35,11 @@ class MirrorImages:
     def near(self, x, reach):
         """Bits of the walls less than `reach` [m] away from x: three for the walls at 0, by axis,
         then three for the far walls."""
-        found = 0
+        # The whole vector: a load of one component would cost the sums by thread of any loop.
+        size, found = self.size[None], 0
         for k in ti.static(range(3)):
             found |= ti.select(x[k] < reach, 1 << k, 0)
-            found |= ti.select(self.size[None][k] - x[k] < reach, 8 << k, 0)
+            found |= ti.select(size[k] - x[k] < reach, 8 << k, 0)
         return found
 
     @ti.func
@@ -66,9 +67,10 @@ class MirrorImages:
         """Factors of vectors seen in the mirrors, -1 along mirrored axes, and the walls' places
         [m]."""
         sign, wall = ti.Vector([1.0, 1.0, 1.0]), ti.Vector([0.0, 0.0, 0.0])
+        size = self.size[None]
         for k in ti.static(range(3)):
             sign[k] -= 2.0 * ti.cast((mirrors >> k) & 1, ti.f32)
-            wall[k] = self.size[None][k] * ti.cast((mirrors >> (k + 3)) & 1, ti.f32)
+            wall[k] = size[k] * ti.cast((mirrors >> (k + 3)) & 1, ti.f32)
         return sign, wall
 
     @ti.func
