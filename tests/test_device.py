@@ -99,7 +99,6 @@ def test_auto_selects_the_cpu_on_macos(monkeypatch):
     asked = []
     monkeypatch.setattr(sys, "platform", "darwin")
     monkeypatch.setattr(device, "_started", None)
-    monkeypatch.setattr(device, "_starts", device.starts())
     monkeypatch.setattr(device.atexit, "register", lambda function: None)
     monkeypatch.setattr(device, "_keep_apart", lambda threads: None)
     monkeypatch.setattr(ti, "init", lambda arch, **options: asked.append(arch))
