@@ -1,4 +1,4 @@
-"""Tables on the device that the host refills: the numbers of a scene, its layers, its bodies."""
+"""Tables on the device that the host refills, such as the constants of a scene or its layers."""
 
 from typing import Any
 
@@ -13,12 +13,15 @@ f32, i32 = ti.f32, ti.i32
 
 @data_oriented
 class DeviceTable:
-    """A struct field of shape (), (rows,) or (rows, columns) with members of f32 or i32, which one
-    launch writes from the host.
+    """A struct field of shape (), (rows,) or (rows, columns) with members of f32 or i32, written
+    from the host by one launch.
 
     Each member is an attribute, a Taichi field of that shape: kernels read `table.spacing[layer]`,
-    or `table.size[None]` where the shape is (); `struct` is the whole. No member may be called
-    `shape`. Kernels that read a table need not be compiled again when its numbers change.
+    or `table.size[None]` where the shape is (). `struct` is the whole struct field. No member may
+    be called `shape`. Kernels that read a table stay valid when its numbers change.
+
+    A kernel must read a vector member whole (`size = table.size[None]`) before it reads components:
+    `table.size[None][k]` makes Taichi replace sums by thread with atomic additions.
     """
 
     def __init__(self, shape: tuple[int, ...], **members: Any):
@@ -71,20 +74,20 @@ class DeviceTable:
         for row in range(self._rows):
             for first, slots in ti.static(self._numbers):
                 for k, slot in ti.static(enumerate(slots)):
-                    if ti.static(len(self.shape) == 0):
-                        slot[None] = numbers[row, first + k]
-                    elif ti.static(len(self.shape) == 1):
-                        slot[row] = numbers[row, first + k]
-                    else:
-                        slot[row // self._columns, row % self._columns] = numbers[row, first + k]
+                    self._put(slot, row, numbers[row, first + k])
             for first, slots in ti.static(self._integers):
                 for k, slot in ti.static(enumerate(slots)):
-                    if ti.static(len(self.shape) == 0):
-                        slot[None] = integers[row, first + k]
-                    elif ti.static(len(self.shape) == 1):
-                        slot[row] = integers[row, first + k]
-                    else:
-                        slot[row // self._columns, row % self._columns] = integers[row, first + k]
+                    self._put(slot, row, integers[row, first + k])
+
+    @ti.func
+    def _put(self, slot: ti.template(), row, value):
+        """Writes a value into a row of a scalar field."""
+        if ti.static(len(self.shape) == 0):
+            slot[None] = value
+        elif ti.static(len(self.shape) == 1):
+            slot[row] = value
+        else:
+            slot[row // self._columns, row % self._columns] = value
 
 
 def _width_and_type(kind: Any) -> tuple[int, type]:

@@ -98,12 +98,12 @@ class Classic:
 
     @staticmethod
     def every_attribute() -> tuple[Attribute, ...]:
-        """Those of all scenes."""
+        """All attributes that any scene may use, beyond the core."""
         return ATTRIBUTES
 
     @staticmethod
     def attributes(parameters: ClassicParameters) -> tuple[Attribute, ...]:
-        """Those that a scene of these parameters uses, beyond the core: all."""
+        """Attributes that a scene with these parameters uses, beyond the core: all."""
         return ATTRIBUTES
 
     # Margin of the neighbour list, in supports: wider lists are searched less often, but are
@@ -124,7 +124,7 @@ class Classic:
         self.iterations = 0  # explicit: no system is solved
 
     def load(self, parameters: ClassicParameters) -> None:
-        """Takes the parameters of a scene; layers and constants have theirs."""
+        """Takes the parameters of a scene, whose tables and constants are filled already."""
         self.parameters = parameters
         self.own_kernels = any(s.wendland for s in self.layers.specs)
         # Layers whose viscosity is the common one, and changes with it.
@@ -132,13 +132,12 @@ class Classic:
 
     @staticmethod
     def constants_of(parameters: ClassicParameters, specs: list[LayerSpec]) -> dict[str, Any]:
-        """The scene's numbers that kernels of this method read, by their names in Constants."""
+        """Constants that only this method reads: none."""
         return {}
 
     @staticmethod
     def tables_of(parameters: ClassicParameters, specs: list[LayerSpec]) -> tuple[dict, dict]:
-        """Rows by layer, and by pair of layers, that kernels of this method read: none beyond those
-        of every layer."""
+        """Columns of the tables by layer that only this method reads: none."""
         return {}, {}
 
     @staticmethod

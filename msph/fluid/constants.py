@@ -1,4 +1,4 @@
-"""The numbers of a scene that the fluid's kernels read."""
+"""Constants of a scene that the fluid's kernels read at run time."""
 
 import taichi as ti
 
@@ -34,7 +34,7 @@ MEMBERS = {
 
 
 class Constants(DeviceTable):
-    """One value of each of MEMBERS: in kernels `constants.rest_density[None]`."""
+    """A table of one row with MEMBERS; kernels read `constants.rest_density[None]`."""
 
     def __init__(self):
         super().__init__((), **MEMBERS)

@@ -1,4 +1,4 @@
-"""The parts of a fluid that every method works on."""
+"""The parts of a fluid that all methods share."""
 
 from dataclasses import dataclass
 
@@ -15,7 +15,7 @@ from msph.fluid.room import Room
 
 @dataclass(frozen=True, eq=False)
 class Parts:
-    """Fields with room for any scene of a class, and the kernels that keep them."""
+    """Fields of one capacity, and the objects whose kernels maintain them."""
 
     room: Room
     constants: Constants

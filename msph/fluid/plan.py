@@ -1,4 +1,4 @@
-"""All that a fluid is made from, computed once: sizes, tables and constants of a scene."""
+"""Plan: everything that a simulation needs to know of a scene, computed once."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -28,9 +28,12 @@ from msph.taichi_internals import on_cpu
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """size [m] of the box, layer specs, initial attributes (x, v, layer as arrays), parameters of
-    the method, bodies in the water or round it, and the most particles that there may come to be,
-    by default those of the start."""
+    """Input of a Simulation.
+
+    size: of the box [m]. specs: the layers. initial: attributes of the initial particles by name, x
+    and v (n, 3) [m, m/s] and layer (n,). parameters: of the method. bodies: in the box, containers
+    included. capacity: largest number of particles, by default that of the initial ones.
+    """
 
     size: tuple[float, float, float]
     specs: list[LayerSpec]
@@ -46,7 +49,7 @@ class Plan:
 
     @cached_property
     def most(self) -> int:
-        """Most particles."""
+        """Largest number of particles."""
         return max(self.capacity or 0, len(self.initial["x"]))
 
     @cached_property
@@ -60,7 +63,7 @@ class Plan:
 
     @cached_property
     def entries(self) -> int:
-        """Most entries of the neighbour list."""
+        """Largest number of entries of the neighbour list."""
         margin = self.method.LIST_MARGIN
         return entries_provided(self.specs, margin, self.reach, self.most, on_cpu())
 
@@ -75,7 +78,7 @@ class Plan:
 
     @cached_property
     def needed(self) -> Room:
-        """The room that the fluid takes."""
+        """Capacity that the simulation needs."""
         depth = depth_shape(self.size, self._depth["depth_cell"]) if self._depth else (0,)
         return Room(
             particles=self.most,
@@ -86,7 +89,7 @@ class Plan:
         )
 
     def constants(self) -> dict[str, Any]:
-        """The numbers that kernels read, by their names in Constants."""
+        """Values of the scene's constants, by their names in Constants."""
         margin = self.method.LIST_MARGIN
         return {
             "size": self.size,
@@ -104,7 +107,8 @@ class Plan:
         }
 
     def tables(self) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-        """Rows by layer, and by pair of layers, that kernels read beside those of every layer."""
+        """Columns of the tables by layer and by pair of layers (see layers.py) that do
+        not follow from a layer's spec alone, by name."""
         rows, pairs = list_tables(self.specs, self.method.LIST_MARGIN, self.reach)
         own_rows, own_pairs = self.method.tables_of(self.parameters, self.specs)
         rows |= own_rows | grid_rows(self.size, self.specs) | Boundary.layer_rows(self.specs)

@@ -1,15 +1,15 @@
-"""How much a set of fields has room for: classes of capacity, so that scenes share kernels."""
+"""Classes of capacity: scenes of one class share fields, and so their compiled kernels."""
 
-import math
-from dataclasses import astuple, dataclass, fields
+from dataclasses import astuple, dataclass
 
 
 @dataclass(frozen=True)
 class Room:
-    """What is allocated once and filled by one scene after another.
+    """Capacity of the fluid's fields, which are allocated once and refilled for each scene.
 
-    particles; entries of the neighbour list; cells of the neighbour grids, and of the grid on which
-    depth is measured; samples, the f32 numbers of meshes' sampled fields.
+    particles: number of particles. entries: of the neighbour list. cells: of the neighbour grids of
+    all layers. depth_cells: of the grid on which depth is measured. samples: f32 numbers of the
+    sampled fields of meshes.
     """
 
     particles: int
@@ -19,7 +19,7 @@ class Room:
     samples: int
 
     def holds(self, needed: "Room") -> bool:
-        """Whether there is as much room as needed, of every kind."""
+        """Returns True if every kind has at least the capacity needed."""
         return all(a >= b for a, b in zip(astuple(self), astuple(needed), strict=True))
 
 
@@ -28,17 +28,20 @@ class Room:
 # that another has compiled. No power of two: fields a multiple of 4096 bytes apart would compete
 # for the same lines of a cache.
 FIRST = Room(16_500, 1_425_000, 40_000, 27_000, 820_000)
-# Factor from one class to the next, of each kind by itself.
-GROWTH = 4
+# Factor from one class to the next, of each kind by itself: Taichi touches all that it allocates.
+GROWTH = 2
 # Most that a class has of a kind unless a scene needs more: indices are 32-bit integers.
 MOST = 1 << 29
 
 
 def room_for(needed: Room) -> Room:
     """The smallest class that holds what is needed."""
-    found = {}
-    for field in fields(Room):
-        first, least = getattr(FIRST, field.name), getattr(needed, field.name)
-        steps = max(0, math.ceil(math.log(least / first, GROWTH))) if least else 0
-        found[field.name] = max(least, min(first * GROWTH**steps, MOST))
-    return Room(**found)
+    return Room(*(grown(*pair) for pair in zip(astuple(FIRST), astuple(needed), strict=True)))
+
+
+def grown(first: int, needed: int) -> int:
+    """`first` times the power of GROWTH that holds `needed`; `needed` itself beyond MOST."""
+    found = first
+    while found < needed:
+        found = found * GROWTH if found * GROWTH <= MOST else needed
+    return found

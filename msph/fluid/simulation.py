@@ -10,11 +10,12 @@ import numpy as np
 from msph.errors import BlowUpError
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.methods import Parameters, solver_of
-from msph.fluid.particles.grid import grid_shape
+from msph.fluid.particles.grid import cells_of
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.particles.neighbour_list import entries_provided
 from msph.fluid.particles.particles import Particles
 from msph.fluid.plan import Plan
+from msph.fluid.room import FIRST, grown
 from msph.fluid.stages import Stage, no_stage
 from msph.fluid.trapped_water import check_room
 from msph.fluid.world import give_back, take
@@ -37,26 +38,26 @@ def footprint(
     parameters: Parameters,
     pooled: bool = False,
 ) -> dict[str, int]:
-    """Numbers (of WORD bytes) that `count` particles in a box of `size` [m] need, by purpose;
-    pooled: on a CPU, as entries_provided() says."""
-    solver = solver_of(parameters)
+    """Numbers (of WORD bytes) that are allocated for `count` particles in a box of `size` [m], by
+    purpose: those of the class of capacity. pooled: on a CPU, as entries_provided() says."""
+    solver, margin = solver_of(parameters), solver_of(parameters).LIST_MARGIN
+    entries = entries_provided(specs, margin, solver.reach(parameters), count, pooled)
+    # Attributes, and place, cell, start and end of the sort and the list.
+    each = Particles.bytes_per_particle(solver.attributes(parameters)) // WORD + 4
     return {
-        "cells": 2 * sum(math.prod(grid_shape(size, s.support)) for s in specs),
-        "neighbours": (1 + solver.PER_ENTRY)
-        * entries_provided(specs, solver.LIST_MARGIN, solver.reach(parameters), count, pooled),
-        # Attributes, and place, cell, start and end of the sort and the list.
-        "particles": count
-        * (Particles.bytes_per_particle(solver.attributes(parameters)) // WORD + 4),
+        "cells": 2 * grown(FIRST.cells, sum(cells_of(size, specs))),
+        "neighbours": (1 + solver.PER_ENTRY) * grown(FIRST.entries, entries),
+        "particles": each * grown(FIRST.particles, count),
     }
 
 
 class Simulation:
-    """The water of one scene, as a Plan describes it.
+    """Simulation of one scene, as a Plan describes it.
 
     time [s] is simulated time; steps counts solver steps since the last reset, iterations those of
     their pressure solves; left_out counts initial particles dropped because they were inside a
-    body, mass_left_out [kg] is theirs. Raises NoWaterError where none remain. close() lets the next
-    simulation use its fields.
+    body, mass_left_out [kg] is theirs. Raises NoWaterError where none remain. close() gives the
+    fields back for the next simulation.
     """
 
     def __init__(self, plan: Plan):
@@ -79,7 +80,7 @@ class Simulation:
         self.reset()
 
     def close(self) -> None:
-        """Gives the fields back; the simulation cannot be used any more."""
+        """Gives the fields back; nothing can be done with the simulation afterwards."""
         self._lease()
 
     def reset(self) -> None:

@@ -1,8 +1,8 @@
-"""All fields of a fluid, and the kernels over them: allocated once, filled by scene after scene.
+"""Worlds: the fields of a fluid, allocated once and refilled for each scene.
 
-Kernels are compiled for the fields that they work on. So a simulation does not allocate fields: it
-takes a world from the stock and gives it back when it is closed, and the next simulation finds
-every kernel compiled.
+Taichi compiles a kernel for the fields that it works on. So a simulation does not allocate fields.
+It takes a world from a stock and gives it back when it is closed, and the next simulation that
+takes this world finds its kernels compiled.
 """
 
 import gc
@@ -32,7 +32,7 @@ T = TypeVar("T")
 
 
 class World:
-    """The parts of a fluid with room for any scene of a class, and the solvers of each method."""
+    """The parts of a fluid with the capacity `room`, and all objects with kernels over them."""
 
     def __init__(self, room: Room):
         taken = field_trees()
@@ -60,15 +60,14 @@ class World:
         self._built: dict[Any, Any] = {}
 
     def once(self, build: Callable[..., T], *arguments: Any) -> T:
-        """What build(world, *arguments) gives, built by the first caller and kept for later ones
-        with equal arguments."""
+        """Returns build(world, *arguments), which is called once for equal arguments."""
         key = build, *arguments
         if key not in self._built:
             self._built[key] = build(self, *arguments)
         return self._built[key]
 
     def load(self, plan: Plan) -> Any:
-        """Fills tables and constants for a scene, and returns its solver."""
+        """Fills tables and constants for a scene, and returns the solver of its method."""
         parts, specs = self.parts, plan.specs
         parts.constants.fill(**plan.constants())
         parts.layers.load(specs, *plan.tables())
@@ -86,16 +85,16 @@ def _solver(world: World, method: Any) -> Any:
     return method(world.parts)
 
 
-# Worlds that no simulation uses.
+# Worlds that no simulation holds.
 _stock: list[World] = []
 
 
 def take(needed: Room) -> World:
-    """A world with room for what is needed, which is the caller's until give_back(). Raises
-    RuntimeError where Taichi has no room for another."""
+    """Returns a world of at least the capacity needed, for the caller alone until give_back().
+    Raises RuntimeError where Taichi cannot hold another world."""
     found = _smallest(needed)
     if found is None and gc.collect():
-        # A simulation that nothing refers to any more may still hold one.
+        # A simulation that was dropped without close() may still hold one.
         found = _smallest(needed)
     if found is None:
         return World(room_for(needed))
@@ -104,11 +103,11 @@ def take(needed: Room) -> World:
 
 
 def give_back(world: World) -> None:
-    """Lets another simulation have the world."""
+    """Returns a world to the stock."""
     _stock.append(world)
 
 
 def _smallest(needed: Room) -> World | None:
-    """The world of the stock with the least room of those that have enough."""
+    """Returns the smallest sufficient world of the stock, None where there is none."""
     held = [w for w in _stock if w.parts.room.holds(needed)]
     return min(held, key=lambda w: w.parts.room.entries, default=None)

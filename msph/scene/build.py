@@ -17,7 +17,7 @@ from msph.scene.water import capacity, initial_particles, layer_specs
 
 
 def build_simulation(scene: Scene) -> Simulation:
-    """Fills everything that the scene's fluid needs. ti.init must have been called.
+    """Returns a simulation of the scene. ti.init must have been called.
 
     Raises SceneError where bodies leave no room for the water.
     """
@@ -29,7 +29,7 @@ def build_simulation(scene: Scene) -> Simulation:
 
 
 def plan_of(scene: Scene) -> Plan:
-    """What the scene's fluid is made from."""
+    """Returns the plan of a checked scene."""
     return Plan(
         size=scene.box.size,
         specs=layer_specs(scene),

@@ -70,7 +70,10 @@ class Neighbourhood:
 
     def pick(self, index: int | None) -> None:
         """Takes the particle at that place of the pool, or none."""
-        self.id = None if index is None else int(self.particles.numpy("id")[index])
+        self.id = None
+        if index is not None:
+            self.simulation.world.once(NeighbourWeights).load(reach=self.reaches)
+            self.id = int(self.particles.numpy("id")[index])
         self.before = self.acceleration = None
 
     def find(self) -> bool:
@@ -99,7 +102,6 @@ class Neighbourhood:
     def weigh(self, value: ti.Field, radius: ti.Field) -> None:
         """value (n,): W_ij over W(0); radius (n,) [m] of what is no neighbour shrinks."""
         weights = self.simulation.world.once(NeighbourWeights)
-        weights.load(reach=self.reaches)
         classic = self.simulation.solver.NAME == "classic"
         weights.weigh(self.index, self.particles.count, classic, value, radius)
 

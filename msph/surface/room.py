@@ -3,12 +3,11 @@
 import math
 from dataclasses import astuple, dataclass
 
+from msph.fluid.room import grown
 from msph.surface.lattice import Lattice
 
 # Layers for which tables have rows.
 LAYERS = 16
-# Ratio of the capacities of successive classes.
-GROWTH = 4
 # Vertices per lattice face of the box's hull: 1 for the walls and still water, the rest for waves,
 # drops and bubbles.
 VERTICES_PER_HULL_FACE = 2.5
@@ -64,10 +63,3 @@ class SurfaceRoom:
     def bytes(self) -> int:
         """Device memory [bytes]."""
         return 4 * sum(n * k for n, k in zip(astuple(self), NUMBERS, strict=True))
-
-
-def grown(first: int, needed: int) -> int:
-    """`first`, times GROWTH until `needed` fits."""
-    while first < needed:
-        first *= GROWTH
-    return first

@@ -100,6 +100,14 @@ def test_legend_changes_its_rectangle_alone(show):
         assert not changed.any()
 
 
+def test_legend_can_be_switched_off(tmp_path):
+    scene = load_scene(write(tmp_path), ("picture.legend=false", "picture.view='layers'"))
+    show = Show(scene, 1.0 / 60.0, SIZE)
+    show.frame(Controls())
+    assert show.picture.legend.legend is None and not show.picture.legend.overlay.shown
+    show.close()
+
+
 @pytest.mark.parametrize(
     ("view", "title", "numbers"),
     [

@@ -80,9 +80,9 @@ class Adaptation:
         self.passed = np.zeros(2, int)
 
     def load(self, parameters: AdaptationParameters) -> None:
-        """Takes the parameters of a scene; its bands are rows of the layers."""
+        """Takes the parameters of a scene; its bands are columns of the table by layer."""
         self.parameters = parameters
-        # Compiles now what a run needs some steps later: a frame would wait for it.
+        # Launched on no particles, so that no later frame waits for compilation.
         self.wait(0)
         self.scan.run(self.particles.alive, self.place, 0)
         self.particles.compact(self.place, self.particles.alive, 0)
@@ -355,13 +355,13 @@ class Adaptation:
 
 
 def farthest_depth(specs: list[LayerSpec], parameters: AdaptationParameters) -> float:
-    """Depth [m] up to which it must be known, to tell the band."""
+    """Depth [m] beyond which all particles belong to the coarsest band."""
     tops = [top for top, _ in bands(specs, parameters.band)]
     return max(tops) * (1.0 + 2.0 * parameters.hysteresis)
 
 
 def band_rows(specs: list[LayerSpec], parameters: AdaptationParameters) -> dict[str, np.ndarray]:
-    """What bands tell of each layer, for its row in Layers."""
+    """Columns of the bands in the table by layer: top and bottom [m], coarser and finer."""
     top, bottom = np.array(bands(specs, parameters.band)).T
     return {
         "top": top,

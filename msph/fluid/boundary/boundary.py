@@ -25,8 +25,8 @@ from msph.taichi_internals import data_oriented, kernel
 vec3, vec4 = ti.math.vec3, ti.math.vec4
 
 BLOCK, BALL, SOLID = 0, 1, 2
-# Most bodies of a scene, the container among them.
-MOST_BODIES = 64
+# Most bodies of a scene: 64 obstacles and a container.
+MOST_BODIES = 65
 # Index of a body's pose: at the begin and at the end of a step.
 BEGIN, END = 0, 1
 
@@ -62,7 +62,7 @@ class Boundary:
         self.stopped: dict[int, float] = {}
 
     def load(self, size: tuple[float, float, float], specs: list[LayerSpec], bodies: list[Body]):
-        """Takes a box of `size` [m] and the bodies of a scene, for particles of these layers."""
+        """Fills the tables for a box of `size` [m], its bodies, and particles of these layers."""
         self.box = size
         self.bodies = [sunk(b, np.array(size), specs) for b in bodies]
         self.count = len(self.bodies)
@@ -75,7 +75,7 @@ class Boundary:
 
     @staticmethod
     def layer_rows(specs: list[LayerSpec]) -> dict[str, np.ndarray]:
-        """What bodies' integrals need of each layer, for its row in Layers."""
+        """Columns of the bodies' integrals in the table by layer: wall_support and swell [m]."""
         return {
             "wall_support": np.array([wall_support(s) for s in specs]),
             "swell": np.array([swelling(s) for s in specs]),

@@ -1,7 +1,8 @@
-"""What walls and bodies do to particles: stop them, and fill the part of their kernels beyond.
+"""Contact of particles with walls and bodies: they stop particles and complete their kernels.
 
-Walls of the box are mirrors (mirror_images.py) and stop particles here. The kernels about bodies
-are launched only where there are bodies.
+Beyond the walls of the box kernels are completed by mirror images (mirror_images.py), inside bodies
+by the bodies' share of the kernel's integral. Kernels about bodies are launched only in scenes that
+have bodies.
 """
 
 import taichi as ti
@@ -47,8 +48,8 @@ class Contact:
         self.particles, self.impulses = particles, impulses
 
     def drift(self, dt: float) -> None:
-        """x += dt v for dt [s]; what would leave is stopped at its wall or body, at their poses at
-        the end of the step."""
+        """Moves particles by dt v, dt [s]. Particles that would leave are stopped at walls, and at
+        bodies in their poses at the end of the step."""
         n = self.particles.count
         self._drift(n, dt)
         if self.boundary.count:
@@ -56,23 +57,23 @@ class Contact:
             self._clear_bodies(n, END)
 
     def clear_bodies(self) -> None:
-        """Puts particles out of bodies, at their poses at the begin of the step."""
+        """Moves particles out of bodies in their poses at the begin of the step."""
         if self.boundary.count:
             self._clear_bodies(self.particles.count, BEGIN)
 
     def refresh_shares(self) -> None:
-        """boundary_share, boundary_gradient and boundary_inflow of where particles and bodies are;
-        all are 0 without bodies."""
+        """Computes boundary_share, boundary_gradient and boundary_inflow at the present positions.
+        In scenes without bodies all three are 0."""
         if self.boundary.count:
             self._find_shares(self.particles.count)
 
     def refresh_clearance(self) -> None:
-        """Distances from the nearest body."""
+        """Computes the distance of each particle from the nearest body."""
         if self.boundary.count:
             self._find_clearance(self.particles.count)
 
     def leaked(self) -> int:
-        """Particles outside the box or deeper than LEAK spacings inside a body."""
+        """Number of particles outside the box or deeper than LEAK spacings inside a body."""
         n = self.particles.count
         return self._count_outside(n) if not self.boundary.count else self._count_leaked(n)
 

@@ -10,8 +10,9 @@ from msph.taichi_internals import data_oriented, kernel
 
 vec3, vec4 = ti.math.vec3, ti.math.vec4
 
-# Most lattices of a scene: a mesh has one for its distance and one for each layer.
-MOST_LATTICES = 512
+# Most lattices of a scene: each of 65 meshes has one for its distance, and one for each of 16
+# layers.
+MOST_LATTICES = 65 * 17
 
 
 @dataclass(frozen=True)
@@ -58,9 +59,7 @@ class SampledFields:
         self.offset, self.value = table.offset, ti.field(f32, shape=room)
 
     def load(self, lattices: list[SampleLattice], values: list[np.ndarray]) -> None:
-        """Takes lattices and the values at their nodes. Raises ValueError for too many."""
-        if len(lattices) > MOST_LATTICES:
-            raise ValueError(f"{len(lattices)} sampled fields; at most {MOST_LATTICES}")
+        """Takes lattices and the values at their nodes."""
         ends = np.cumsum([lattice.nodes for lattice in lattices])
         self._lattices.fill(
             origin=[lattice.origin for lattice in lattices],

@@ -35,7 +35,7 @@ def cells_of(size: tuple[float, float, float], specs: list[LayerSpec]) -> list[i
 
 
 def grid_rows(size: tuple[float, float, float], specs: list[LayerSpec]) -> dict[str, np.ndarray]:
-    """What the grids tell of each layer, for its row in Layers."""
+    """Columns of the grids in the table by layer: per_support [1/m], dims (3,), offset."""
     return {
         "per_support": np.array([1.0 / s.support for s in specs]),
         "dims": np.array([grid_shape(size, s.support) for s in specs]),

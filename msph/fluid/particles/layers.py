@@ -107,10 +107,10 @@ def stress_share(supports: np.ndarray) -> np.ndarray:
 
 
 class Layers:
-    """Tables of what follows from a particle's layer, refilled for each scene.
+    """Tables by layer and by pair of layers, refilled for each scene.
 
-    By layer, Taichi fields of shape (MOST_LAYERS,): the members of ROWS; by a pair of layers, of
-    shape (MOST_LAYERS, MOST_LAYERS): those of PAIRS. count and specs are the host's.
+    The members of ROWS are Taichi fields of shape (MOST_LAYERS,), those of PAIRS of shape
+    (MOST_LAYERS, MOST_LAYERS). `count` and `specs` are on the host, and no kernel may read them.
     """
 
     def __init__(self):
@@ -122,8 +122,8 @@ class Layers:
             self.__dict__.update({name: getattr(table, name) for name in table.fields})
 
     def load(self, specs: list[LayerSpec], rows: dict, pairs: dict) -> None:
-        """Takes the layers of a scene, and the rows and pairs that other parts derive of them;
-        what is not given is 0."""
+        """Fills the tables for the layers of a scene. rows, pairs: columns that other modules
+        compute, by name; columns that are not given become 0."""
         supports = np.array([s.support for s in specs])
         names = ("mass", "volume", "spacing", "support", "gravity_factor", "viscosity", "wendland")
         own = {name: [getattr(s, name) for s in specs] for name in names}

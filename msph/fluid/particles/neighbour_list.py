@@ -89,7 +89,8 @@ class NeighbourList:
         self.load(0, 0.0, True)
 
     def load(self, entries: int, margin: float, mirrored: bool) -> None:
-        """Takes the most entries, the margin [m] and whether walls are mirrors, of a scene."""
+        """Prepares the list for a scene: largest number of entries, margin [m], and whether walls
+        are mirrors. Raises ValueError for more particles than an entry can name."""
         if self.particles.capacity > INDEX_MASK:
             most, asked = f"{INDEX_MASK:,}", f"{self.particles.capacity:,}"
             raise ValueError(f"a list can name {most} particles, not {asked}")
@@ -246,8 +247,8 @@ class NeighbourList:
 def list_tables(
     specs: list[LayerSpec], margin: float, reach: str
 ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """What the list tells of each layer, for its row in Layers, and of each pair of layers; margin
-    is a share (-) of the finest support."""
+    """Columns of the list in the tables by layer (farthest [m]) and by pair of layers (list_reach
+    [m]); margin: share (-) of the finest support."""
     supports = np.array([s.support for s in specs])
     reaches = REACHES[reach](supports[:, None], supports) + margin * supports.min()
     return {"farthest": reaches.max(axis=1)}, {"list_reach": reaches}

@@ -226,7 +226,7 @@ class Density:
 def density_tables(
     specs: list[LayerSpec],
 ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """What the density tells of each layer, for its row in Layers, and of each pair of layers."""
+    """Columns of the density in the tables by layer and by pair of layers."""
     smoothing, support, volume = (
         np.array([getattr(s, name) for s in specs]) for name in ("smoothing", "support", "volume")
     )

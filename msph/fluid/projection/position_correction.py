@@ -60,9 +60,9 @@ class PositionCorrection:
         self.iterations = 1
 
     def load(self, iterations: int) -> None:
-        """Takes the iterations of a scene."""
+        """Takes the number of iterations of a scene."""
         self.iterations = iterations
-        # Compiles now what only crowds launch: a splash would wait for it.
+        # Launched on no particles, so that no splash waits for compilation.
         self._find_crowds(0)
         self._part_crowds(0)
 

@@ -103,7 +103,7 @@ class Projection:
         self.iterations, self.first, self.top_rate = 0, True, 0.0
 
     def load(self, parameters: ProjectionParameters) -> None:
-        """Takes the parameters of a scene; layers, boundary and constants have theirs."""
+        """Takes the parameters of a scene, whose tables and constants are filled already."""
         wanted = [f for f in self.every_force if type(f).wanted(parameters)]
         self.forces, self.adaptation = wanted, None
         self.relieved = ShearRelief.wanted(parameters)
@@ -115,7 +115,7 @@ class Projection:
 
     @staticmethod
     def constants_of(parameters: ProjectionParameters, specs: list[LayerSpec]) -> dict[str, Any]:
-        """The scene's numbers that kernels of this method read, by their names in Constants."""
+        """Constants of a scene that only this method reads, by their names in Constants."""
         names = ("cfl", "pressure_cfl", "release", "spray", "largest_shift", "slip")
         found: dict[str, Any] = {name: getattr(parameters, name) for name in names}
         found["relaxation"] = position_correction.relaxation(max(s.smoothing for s in specs))
@@ -126,7 +126,7 @@ class Projection:
 
     @staticmethod
     def tables_of(parameters: ProjectionParameters, specs: list[LayerSpec]) -> tuple[dict, dict]:
-        """Rows by layer, and by pair of layers, that kernels of this method read."""
+        """Columns of the tables by layer and by pair of layers that only this method reads."""
         rows, pairs = density.density_tables(specs)
         if parameters.adaptation is not None:
             rows |= adaptation.band_rows(specs, parameters.adaptation)
@@ -134,13 +134,13 @@ class Projection:
 
     @staticmethod
     def every_attribute() -> tuple[Attribute, ...]:
-        """Those of all scenes."""
+        """All attributes that any scene may use, beyond the core."""
         own = (a for force in forces.FORCES for a in force.ATTRIBUTES)
         return (*ATTRIBUTES, *own, *adaptation.ATTRIBUTES)
 
     @staticmethod
     def attributes(parameters: ProjectionParameters) -> tuple[Attribute, ...]:
-        """Those that a scene of these parameters uses, beyond the core."""
+        """Attributes that a scene with these parameters uses, beyond the core."""
         own = (a for force in forces.wanted(parameters) for a in force.ATTRIBUTES)
         adaptive = adaptation.ATTRIBUTES if parameters.adaptation else ()
         return (*ATTRIBUTES, *own, *adaptive)

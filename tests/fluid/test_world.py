@@ -1,0 +1,94 @@
+"""Fields and kernels that one simulation leaves to the next."""
+
+import numpy as np
+import pytest
+
+from msph.fluid.external_forces import ExternalForces
+from msph.fluid.room import FIRST, MOST, Room, grown, room_for
+from msph.options import QUALITIES
+from msph.scene import build_simulation, load_scene
+from msph.scene.library import shipped_scenes
+from msph.scene.quality import at_quality
+from msph.taichi_internals import PLAIN, watch_compiling, watch_launches
+
+FRAME = 1.0 / 60.0
+
+
+def run(name, *overrides, frames=2):
+    """Every carried attribute after some frames; the fields are given back."""
+    sim = build_simulation(load_scene(name, overrides))
+    for _ in range(frames):
+        sim.advance(FRAME, ExternalForces())
+    state = sim.particles.state()
+    sim.close()
+    return state
+
+
+@pytest.mark.parametrize("name", ["still", "pillar", "pool"])
+def test_a_scene_leaves_nothing_behind(name):
+    """Bit for bit the same, before and after scenes with bodies, layers, viscosity, the classic
+    method and more particles have used the fields."""
+    before = run(name)
+    for other in ("bowl", "drop", "honey", "pool_2x"):
+        run(other, frames=1)
+    run("pool", "variant=system-3", "method=classic", frames=1)
+    after = run(name)
+    assert before.keys() == after.keys()
+    for attribute, values in before.items():
+        assert np.array_equal(values, after[attribute]), attribute
+
+
+@pytest.mark.skipif(PLAIN, reason="plain Taichi does not tell of kernels")
+def test_scenes_share_kernels():
+    """Once one scene of each kind has run, no other scene compiles any kernel of the fluid."""
+    for kind in ("drop", "bowl", "honey", "pool"):
+        run(kind, frames=1)
+    compiled = []
+    with watch_compiling(compiled.append):
+        for name in shipped_scenes():
+            run(name, frames=1)
+    assert compiled == []
+
+
+@pytest.mark.skipif(PLAIN, reason="plain Taichi does not tell of launches")
+def test_without_bodies_none_of_their_kernels_is_launched():
+    launched = set()
+    with watch_launches(lambda owner, name: launched.add(name)):
+        run("still", frames=1)
+        without = set(launched)
+        run("pillar", frames=1)
+    of_bodies = {"stop_at_bodies", "clear_bodies", "find_shares", "read_beside_bodies"}
+    assert not without & of_bodies
+    assert of_bodies <= launched
+
+
+def test_the_first_class_holds_every_shipped_scene():
+    for name in shipped_scenes():
+        for quality in QUALITIES:
+            sim = build_simulation(at_quality(load_scene(name), quality, name))
+            assert FIRST.holds(sim.plan.needed), (name, quality)
+            sim.close()
+
+
+def test_rooms_grow_by_kind_and_within_what_indices_name():
+    assert room_for(Room(1, 1, 1, 0, 0)) == FIRST
+    more = room_for(Room(FIRST.particles + 1, 1, 1, 0, 5 * FIRST.samples))
+    assert more.particles == 2 * FIRST.particles and more.samples == 8 * FIRST.samples
+    assert (more.entries, more.cells, more.depth_cells) == (FIRST.entries, FIRST.cells, 27_000)
+    assert grown(3, 3 * 2**20) == 3 * 2**20
+    assert grown(FIRST.entries, MOST + 1) == MOST + 1
+
+
+def test_sixty_four_obstacles_and_a_container_fit(tmp_path):
+    """As many as a scene may have."""
+    balls = [
+        {"centre": [0.2 + 0.02 * (k % 8), 0.3, 0.2 + 0.02 * (k // 8)], "radius": 0.03}
+        for k in range(64)
+    ]
+    scene = load_scene("bowl")
+    obstacles = [type(scene).model_fields["obstacles"].annotation.__args__[0](**b) for b in balls]
+    sim = build_simulation(scene.model_copy(update={"obstacles": obstacles}))
+    assert sim.boundary.count == 65
+    sim.advance(FRAME, ExternalForces())
+    assert np.isfinite(sim.particles.numpy("x")).all()
+    sim.close()
