@@ -73,7 +73,7 @@ class Screen:
         environment = {**os.environ, "DISPLAY": self.display}
         subprocess.run(["xdotool", *map(str, arguments)], env=environment, check=True)
         # A drag needs a frame at each of its ends.
-        time.sleep(0.3)
+        time.sleep(0.7)
 
     def look(self):
         """The window as (height, width, 3) integers."""
@@ -243,10 +243,14 @@ def test_window_opens_obeys_keys_and_shows_water(display, tmp_path):
 @needs_x
 @pytest.mark.parametrize("wait", [0.2, 0.8])
 def test_ctrl_c_ends_play_without_a_traceback(display, wait):
-    process = play("still", display=display.display, start_new_session=True)
-    time.sleep(wait)
-    os.killpg(process.pid, signal.SIGINT)
-    said, _ = process.communicate(timeout=PATIENCE)
+    said = "init_import_site"
+    # Python's own start, which a loaded machine draws out, is not the program's.
+    for _ in range(5):
+        if "init_import_site" in said:
+            process = play("still", display=display.display, start_new_session=True)
+            time.sleep(wait)
+            os.killpg(process.pid, signal.SIGINT)
+            said, _ = process.communicate(timeout=PATIENCE)
     assert process.returncode in (-signal.SIGINT, 130) and "Traceback" not in said, said
 
 
