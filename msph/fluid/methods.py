@@ -83,6 +83,12 @@ def able(ability: str) -> str:
     return " or ".join(name for name, solver in METHODS.items() if getattr(solver, ability))
 
 
+def every_attribute() -> tuple[Attribute, ...]:
+    """Attributes that any scene may use, beyond the core: a world has fields for all of them."""
+    found = {a.name: a for solver in METHODS.values() for a in solver.every_attribute()}
+    return tuple(found.values())
+
+
 def solver_of(parameters: Parameters) -> Any:
     """The class of the solver that has such parameters."""
     return next(s for s in METHODS.values() if isinstance(parameters, s.PARAMETERS))

@@ -9,7 +9,7 @@ import numpy as np
 
 from msph.errors import BlowUpError
 from msph.fluid.external_forces import ExternalForces
-from msph.fluid.methods import Parameters, solver_of
+from msph.fluid.methods import Parameters, every_attribute, solver_of
 from msph.fluid.particles.grid import cells_of
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.particles.neighbour_list import entries_provided
@@ -36,14 +36,13 @@ def footprint(
     specs: list[LayerSpec],
     count: int,
     parameters: Parameters,
-    pooled: bool = False,
 ) -> dict[str, int]:
     """Numbers (of WORD bytes) that are allocated for `count` particles in a box of `size` [m], by
-    purpose: those of the class of capacity. pooled: on a CPU, as entries_provided() says."""
-    solver, margin = solver_of(parameters), solver_of(parameters).LIST_MARGIN
-    entries = entries_provided(specs, margin, solver.reach(parameters), count, pooled)
+    purpose, on a GPU; lists of neighbours are smaller on a CPU."""
+    solver = solver_of(parameters)
+    entries = entries_provided(specs, solver.LIST_MARGIN, solver.reach(parameters), count)
     # Attributes, and place, cell, start and end of the sort and the list.
-    each = Particles.bytes_per_particle(solver.attributes(parameters)) // WORD + 4
+    each = Particles.bytes_per_particle(every_attribute()) // WORD + 4
     return {
         "cells": 2 * grown(FIRST.cells, sum(cells_of(size, specs))),
         "neighbours": (1 + solver.PER_ENTRY) * grown(FIRST.entries, entries),

@@ -13,7 +13,7 @@ from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.contact import Contact
 from msph.fluid.constants import Constants
 from msph.fluid.impulse_ledger import ImpulseLedger
-from msph.fluid.methods import METHODS
+from msph.fluid.methods import every_attribute
 from msph.fluid.particles.grid import LayeredGrid
 from msph.fluid.particles.layers import Layers
 from msph.fluid.particles.mirror_images import MirrorImages
@@ -41,9 +41,8 @@ class World:
                 f"{taken} of {TREES} trees of Taichi's fields are taken: "
                 "no room for another simulation in this process"
             )
-        attributes = {a.name: a for m in METHODS.values() for a in m.every_attribute()}
         constants, layers = Constants(), Layers()
-        particles = Particles(room.particles, tuple(attributes.values()))
+        particles = Particles(room.particles, every_attribute())
         grid = LayeredGrid(room, constants, layers, particles)
         boundary, impulses = Boundary(room, constants, layers), ImpulseLedger()
         self.parts = Parts(

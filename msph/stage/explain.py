@@ -6,18 +6,15 @@ from dataclasses import dataclass, field
 import numpy as np
 from tabulate import tabulate
 
-from msph.fluid.simulation import WORD, footprint
 from msph.measure.resolution import mean_depth
 from msph.measure.timings import Timings
-from msph.scene.build import solver_parameters
 from msph.scene.parts import PARTS, Part
 from msph.scene.schema import Scene
-from msph.scene.water import capacity, layer_specs
 from msph.stage.benchmark import FRAME_TIME, SIZE, STAGES
 from msph.stage.controls import Controls
 from msph.stage.preparation import prepare
 from msph.stage.show import Show
-from msph.taichi_internals import on_cpu, watch_compiling
+from msph.taichi_internals import watch_compiling
 
 # Simulated time of a run [s], and frames at its start that are not timed: caches fill.
 SECONDS, UNTIMED = 1.0, 3
@@ -25,13 +22,12 @@ SECONDS, UNTIMED = 1.0, 3
 
 @dataclass
 class Run:
-    """A show that is timed: what its start takes [s], kernels that it compiles, and bytes of its
-    particles and lists."""
+    """A timed simulation. start: time that it takes to begin [s]. kernels: number of kernels that
+    are compiled for it. centres: centre of mass (3,) [m] after each frame."""
 
     show: Show
     start: float
     kernels: int
-    bytes: int
     centres: list[np.ndarray] = field(default_factory=list)
 
     def milliseconds(self, *stages: str) -> float:
@@ -46,10 +42,7 @@ def begin(scene: Scene) -> Run:
     since = time.perf_counter()
     with watch_compiling(kernels.append):
         show = prepare(scene, FRAME_TIME, SIZE, timings=Timings())
-    taken = time.perf_counter() - since
-    specs, most, parameters = layer_specs(scene), capacity(scene), solver_parameters(scene)
-    numbers = footprint(scene.box.size, specs, most, parameters, pooled=on_cpu())
-    return Run(show, taken, len(kernels), WORD * sum(numbers.values()))
+    return Run(show, time.perf_counter() - since, len(kernels))
 
 
 def explain(scene: Scene) -> str:
@@ -65,7 +58,7 @@ def explain(scene: Scene) -> str:
     whole, *others = runs
     depth = mean_depth(scene, np.array(whole.centres[:1]))
     heads = ["", "particles", "ms a frame", *STAGES]
-    heads += ["saved", "start s", "kernels", "MiB", "error without it"]
+    heads += ["saved", "start s", "kernels", "error without it"]
     rows = [[*_costs("as it is", whole, whole), ""]]
     for part, run in zip(parts, others, strict=True):
         error = water_error(whole.centres, run.centres, depth)
@@ -93,7 +86,6 @@ def _costs(name: str, run: Run, whole: Run) -> list[str]:
         f"{100.0 * (1.0 - frame / whole.milliseconds()):+.0f} %" if run is not whole else "",
         f"{run.start:.1f}",
         str(run.kernels),
-        f"{run.bytes / 2**20:.1f}",
     ]
 
 
