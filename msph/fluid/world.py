@@ -84,7 +84,8 @@ def _solver(world: World, method: Any) -> Any:
     return method(world.parts)
 
 
-# Worlds that no simulation holds.
+# Worlds that no simulation holds, the one used last first: it has most of the kernels that the next
+# scene needs.
 _stock: list[World] = []
 
 
@@ -103,7 +104,7 @@ def take(needed: Room) -> World:
 
 def give_back(world: World) -> None:
     """Returns a world to the stock."""
-    _stock.append(world)
+    _stock.insert(0, world)
 
 
 def _smallest(needed: Room) -> World | None:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from msph.fluid import world
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.room import FIRST, MOST, Room, grown, room_for
 from msph.options import QUALITIES
@@ -60,6 +61,17 @@ def test_without_bodies_none_of_their_kernels_is_launched():
     of_bodies = {"stop_at_bodies", "clear_bodies", "find_shares", "read_beside_bodies"}
     assert not without & of_bodies
     assert of_bodies <= launched
+
+
+def test_the_world_used_last_is_taken_first():
+    """Of two equal worlds, the one that was given back last has the kernels."""
+    first, second = world.take(FIRST), world.take(FIRST)
+    for given in (first, second):
+        world.give_back(given)
+    assert world.take(FIRST) is second
+    world.give_back(second)
+    assert world.take(FIRST) is second
+    world.give_back(second)
 
 
 def test_the_first_class_holds_every_shipped_scene():
