@@ -137,9 +137,10 @@ def collision() -> list[Figure]:
     v = np.zeros_like(x)
     v[: len(balls[0]), 0], v[len(balls[0]) :, 0] = 1.0, -1.0
     layer = np.repeat([0, 2], [len(b) for b in balls]).astype(np.int32)
-    terms = ProjectionParameters(adaptation=AdaptationParameters(band=0.7, every=2))
+    initial = {"x": x, "v": v, "layer": layer}
+    adaptation = AdaptationParameters(band=0.7, every=2)
     sim = Simulation(
-        Plan((2.4, 2.4, 2.4), specs, {"x": x, "v": v, "layer": layer}, terms, capacity=5000)
+        Plan((2.4, 2.4, 2.4), specs, initial, ProjectionParameters(), (), adaptation, capacity=5000)
     )
 
     def momenta():

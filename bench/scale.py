@@ -34,7 +34,6 @@ from msph.fluid.projection.solver import Projection
 from msph.fluid.simulation import WORD, Simulation, footprint
 from msph.measure.timings import peak_memory
 from msph.scene.schema import Scene
-from msph.taichi_internals import on_cpu
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
@@ -120,7 +119,7 @@ def memory(sim: Simulation) -> dict:
     """Bytes per particle there is room for, by purpose, and entries of the neighbour list per
     particle, provided and used."""
     capacity, parameters = sim.particles.capacity, sim.solver.parameters
-    words = footprint(sim.size, sim.layers.specs, capacity, parameters, on_cpu())
+    words = footprint(sim.size, sim.layers.specs, capacity, parameters)
     neighbours, live = sim.solver.neighbours, sim.particles.count
     begin, end = (f.to_numpy()[:live] for f in (neighbours.start, neighbours.end))
     return {

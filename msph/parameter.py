@@ -1,32 +1,35 @@
-"""How a parameter is declared, once: its default, range, unit and help beside its name.
+"""Declarations of parameters: default, range, unit and help in one place.
 
-The fluid's and the picture's parameters are fields of dataclasses declared so; the sections of a
-scene file are made from them, see msph.scene.schema.
+Sections hold the parameters of fluid, picture, scene files and lesson files. From the declarations
+come the checks of input, `--set`, sliders, `msph scenes --parameters` and written scenes.
 """
 
-from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field
+
+Number = Annotated[float, Field(strict=True)]
+Vector = Annotated[tuple[Number, Number, Number], Field(strict=False)]
 
 
-@dataclass(frozen=True)
-class Declared:
-    """What a declaration says beside the default: unit, help, limits as pydantic names them, and
-    where it may change while the water moves, the range of its slider."""
+class Section(BaseModel):
+    """A table of parameters. Unknown keys, wrong types, NaN and infinity are errors."""
 
-    unit: str
-    text: str
-    limits: dict[str, float]
-    live: tuple[float, float] | None
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 
 
 def parameter(
-    default: Any,
+    default: Any = ...,
     *,
     unit: str = "-",
     text: str,
     live: tuple[float, float] | None = None,
-    **limits: float,
+    **limits: Any,
 ) -> Any:
-    """A dataclass field that scenes can set. limits: gt, ge, lt, le. live: the range of its slider
-    where it may change while the water moves."""
-    return field(default=default, metadata={"declared": Declared(unit, text, limits, live)})
+    """A parameter of a Section; `...` as default makes it required. limits: gt, ge, lt, le,
+    lengths, pattern. live: range of its slider where it may change while the simulation runs, for
+    vectors the range of the length."""
+    extra: dict[str, Any] = {"unit": unit, "live": live}
+    if callable(default):
+        return Field(default_factory=default, description=text, json_schema_extra=extra, **limits)
+    return Field(default, description=text, json_schema_extra=extra, **limits)

@@ -4,7 +4,6 @@ Densities and forces sum over all layers, each neighbour j with its own mass m_j
 Equation numbers are the thesis's.
 """
 
-from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -16,7 +15,7 @@ from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.particles.particles import Attribute
 from msph.fluid.parts import Parts
 from msph.fluid.stages import Stage, no_stage
-from msph.parameter import parameter
+from msph.parameter import Section, parameter
 from msph.taichi_internals import data_oriented, kernel
 
 # Explicit viscosity is stable while dt < VISCOUS_NUMBER h^2 rho / mu (Morris et al. 1997, eq. 19).
@@ -29,18 +28,14 @@ ATTRIBUTES = (
 )
 
 
-@dataclass(frozen=True)
-class ClassicParameters:
-    """Constants and switches of the classic method: rest_density rho0 [kg/m^3], restitution: share
-    of speed kept at walls (-); all else is declared with its unit below.
+class ClassicParameters(Section):
+    """The thesis's weakly compressible method (Gokdogan 2008).
 
     (32) and (33) use the gradient averaged over both supports here. With the neighbour's support
     alone, (33) would be (27) divided by rho_i, and neither would be antisymmetric between layers,
     which is their purpose. attraction is the colour field's (Mueller et al. 2003, eq. 17 to 19).
     """
 
-    rest_density: float = 1000.0
-    restitution: float = 0.0
     stiffness: float = parameter(
         200.0,
         gt=0.0,
@@ -102,7 +97,7 @@ class Classic:
         return ATTRIBUTES
 
     @staticmethod
-    def attributes(parameters: ClassicParameters) -> tuple[Attribute, ...]:
+    def attributes(parameters: ClassicParameters, adaptive: bool) -> tuple[Attribute, ...]:
         """Attributes that a scene with these parameters uses, beyond the core: all."""
         return ATTRIBUTES
 
@@ -123,7 +118,7 @@ class Classic:
         self.farthest = ti.field(ti.f32, shape=())  # way of the fastest particle in a step [m]
         self.iterations = 0  # explicit: no system is solved
 
-    def load(self, parameters: ClassicParameters) -> None:
+    def load(self, parameters: ClassicParameters, adaptation: None) -> None:
         """Takes the parameters of a scene, whose tables and constants are filled already."""
         self.parameters = parameters
         self.own_kernels = any(s.wendland for s in self.layers.specs)
@@ -131,12 +126,14 @@ class Classic:
         self.plain = np.array([s.viscosity == parameters.viscosity for s in self.layers.specs])
 
     @staticmethod
-    def constants_of(parameters: ClassicParameters, specs: list[LayerSpec]) -> dict[str, Any]:
+    def constants_of(
+        parameters: ClassicParameters, adaptation: None, specs: list[LayerSpec]
+    ) -> dict[str, Any]:
         """Constants that only this method reads: none."""
         return {}
 
     @staticmethod
-    def tables_of(parameters: ClassicParameters, specs: list[LayerSpec]) -> tuple[dict, dict]:
+    def tables_of(adaptation: None, specs: list[LayerSpec]) -> tuple[dict, dict]:
         """Columns of the tables by layer that only this method reads: none."""
         return {}, {}
 
@@ -182,7 +179,7 @@ class Classic:
     def step(self, dt: float, external: ExternalForces, stage: Stage = no_stage) -> None:
         """A.2: grid, densities and pressures, forces, positions and boundaries."""
         self.find_accelerations(stage)
-        with stage("advance"):
+        with stage("drift"):
             self.move(self.particles.count, dt, *external.arguments())
             self.neighbours.moved(self.farthest[None])
             self.grid.invalidate()

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from msph.fluid.adaptivity.adaptation import farthest_depth
+from msph.fluid.adaptivity.bands import AdaptationParameters
 from msph.fluid.adaptivity.surface_distance import depth_constants, depth_shape
 from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.contact import LEAK
@@ -32,7 +33,8 @@ class Plan:
 
     size: of the box [m]. specs: the layers. initial: attributes of the initial particles by name, x
     and v (n, 3) [m, m/s] and layer (n,). parameters: of the method. bodies: in the box, containers
-    included. capacity: largest number of particles, by default that of the initial ones.
+    included. adaptation: None where every particle keeps its layer. capacity: largest number of
+    particles, by default that of the initial ones. restitution: share of speed kept at walls (-).
     """
 
     size: tuple[float, float, float]
@@ -40,7 +42,9 @@ class Plan:
     initial: dict[str, np.ndarray]
     parameters: Parameters
     bodies: Sequence[Body] = ()
+    adaptation: AdaptationParameters | None = None
     capacity: int | None = None
+    restitution: float = 0.0
 
     @cached_property
     def method(self) -> Any:
@@ -51,6 +55,11 @@ class Plan:
     def most(self) -> int:
         """Largest number of particles."""
         return max(self.capacity or 0, len(self.initial["x"]))
+
+    @cached_property
+    def rest_density(self) -> float:
+        """Rest density rho0 [kg/m^3]."""
+        return self.specs[0].density
 
     @cached_property
     def finest(self) -> LayerSpec:
@@ -70,10 +79,9 @@ class Plan:
     @cached_property
     def _depth(self) -> dict[str, Any]:
         """Numbers of the grid on which depth is measured; none where nothing adapts."""
-        adaptation = getattr(self.parameters, "adaptation", None)
-        if adaptation is None:
+        if self.adaptation is None:
             return {}
-        farthest = farthest_depth(self.specs, adaptation)
+        farthest = farthest_depth(self.specs, self.adaptation)
         return depth_constants(self.size, self.finest, farthest)
 
     @cached_property
@@ -96,20 +104,20 @@ class Plan:
             "layers": len(self.specs),
             "bodies": len(self.bodies),
             "leak": LEAK * self.finest.spacing,
-            "rest_density": self.parameters.rest_density,
-            "restitution": self.parameters.restitution,
+            "rest_density": self.rest_density,
+            "restitution": self.restitution,
             "cells": self.needed.cells,
             "entries": self.entries,
             "usual_neighbours": mean_neighbours(self.specs, margin, self.reach),
             "own_entries": most_neighbours(self.specs, margin, self.reach),
             **self._depth,
-            **self.method.constants_of(self.parameters, self.specs),
+            **self.method.constants_of(self.parameters, self.adaptation, self.specs),
         }
 
     def tables(self) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
         """Columns of the tables by layer and by pair of layers (see layers.py) that do
         not follow from a layer's spec alone, by name."""
         rows, pairs = list_tables(self.specs, self.method.LIST_MARGIN, self.reach)
-        own_rows, own_pairs = self.method.tables_of(self.parameters, self.specs)
+        own_rows, own_pairs = self.method.tables_of(self.adaptation, self.specs)
         rows |= own_rows | grid_rows(self.size, self.specs) | Boundary.layer_rows(self.specs)
         return rows, pairs | own_pairs

@@ -70,12 +70,13 @@ class World:
         parts, specs = self.parts, plan.specs
         parts.constants.fill(**plan.constants())
         parts.layers.load(specs, *plan.tables())
-        parts.particles.load(plan.method.attributes(plan.parameters), plan.most)
+        attributes = plan.method.attributes(plan.parameters, plan.adaptation is not None)
+        parts.particles.load(attributes, plan.most)
         margin = plan.method.LIST_MARGIN * plan.finest.support
         parts.neighbours.load(plan.entries, margin, plan.method.MIRRORS)
         parts.boundary.load(plan.size, specs, list(plan.bodies))
         solver = self.once(_solver, plan.method)
-        solver.load(plan.parameters)
+        solver.load(plan.parameters, plan.adaptation)
         return solver
 
 

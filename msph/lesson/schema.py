@@ -4,7 +4,7 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from msph.scene.schema import Number, Section, parameter
+from msph.parameter import Number, Section, parameter
 
 # Most words of a caption, choices, waters, sliders and lines of an excerpt: what can be read at a
 # glance, told apart, seen side by side, laid out under a picture, and followed.

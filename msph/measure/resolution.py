@@ -2,62 +2,55 @@
 
 import itertools
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from msph.fluid.boundary.rigid_bodies import TOUCHING, Ball, Block, Body, Solid
+from msph.fluid.plan import Plan
 from msph.measure.body_faces import faces
-from msph.scene.obstacles import bodies
-from msph.scene.schema import Scene
-from msph.scene.water import layer_specs
 
 # Points on the surface of a body between which gaps are sought: they lie 1 % of its size apart.
 POINTS = 20_000
 
 
-def resolution(scene: Scene, depth: float = math.nan) -> dict[str, float]:
+def resolution(plan: Plan, depth: float = math.nan) -> dict[str, float]:
     """Finest and coarsest spacing [m] and, in finest spacings (-): the water's mean `depth` [m];
     the narrowest gap that the bodies leave where they stand at the start, or the box's shortest
     edge; the thickness of each body.
 
     What is not known, or of which there is none, is NaN or left out.
     """
-    spacings = [s.spacing for s in layer_specs(scene)]
+    spacings = [s.spacing for s in plan.specs]
     d = min(spacings)
     across = {
         f"spacings_across_obstacles.{i}": thickness(b) / d
-        for i, b in enumerate(b for b in bodies(scene) if not _contains(b))
+        for i, b in enumerate(b for b in plan.bodies if not _contains(b))
     }
     return {
         "finest_spacing_m": d,
         "coarsest_spacing_m": max(spacings),
         "spacings_across_depth": depth / d,
-        "spacings_across_narrowest_gap": narrowest_gap(scene.box.size, bodies(scene), d) / d,
+        "spacings_across_narrowest_gap": narrowest_gap(plan.size, plan.bodies, d) / d,
         **across,
     }
 
 
-def mean_depth(scene: Scene, centres: np.ndarray) -> float:
+def mean_depth(gravity: tuple[float, float, float], plan: Plan, centres: np.ndarray) -> float:
     """Twice the height [m] of the centre of mass over the lowest corner of box or container, mean
-    over `centres` (n, 3) [m]: the depth of water that stands level. NaN without gravity."""
-    gravity = np.array(scene.gravity)
-    if not gravity.any():
+    over `centres` (n, 3) [m] under `gravity` [m/s^2]: the depth of water that stands level. NaN
+    without gravity."""
+    if not any(gravity):
         return math.nan
-    lo, hi = room(scene)
-    up = -gravity / np.linalg.norm(gravity)
+    lo, hi = np.zeros(3), np.array(plan.size)
+    for container in filter(_contains, plan.bodies):
+        lo, hi = container.bounds
+    up = -np.array(gravity) / np.linalg.norm(gravity)
     lowest = np.where(up > 0.0, lo, hi)
     return float(2.0 * ((centres - lowest) @ up).mean())
 
 
-def room(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """Lower and upper corner [m] of what holds the water: the container, or else the box."""
-    for body in bodies(scene):
-        if _contains(body):
-            return body.bounds
-    return np.zeros(3), np.array(scene.box.size)
-
-
-def narrowest_gap(size: tuple[float, float, float], solids: list[Body], d: float) -> float:
+def narrowest_gap(size: tuple[float, float, float], solids: Sequence[Body], d: float) -> float:
     """Least distance [m] between opposite walls, a body and a wall, or two bodies; what is nearer
     than half a spacing d [m] touches. Between two bodies good to 1 % of their size."""
     walls = np.array(size)

@@ -42,7 +42,7 @@ def water_laid(scene: Scene, simulation: Simulation, started: list[int]) -> dict
 
     What bodies displaced is not asked for. The error is a share (-).
     """
-    asked = asked_mass(scene) - simulation.mass_left_out
+    asked = asked_mass(scene, simulation.plan.specs) - simulation.mass_left_out
     laid = sum(n * s.mass for n, s in zip(started, simulation.layers.specs, strict=True))
     return {"mass_asked_kg": asked, "mass_laid_kg": laid, "mass_laid_error": laid / asked - 1.0}
 
@@ -104,7 +104,8 @@ def judged(
     from msph.measure.resolution import mean_depth, resolution
 
     centres = np.array([e.centre for e in ledger.entries])
-    resolved = resolution(scene, mean_depth(scene, centres))
+    plan = ledger.simulation.plan
+    resolved = resolution(plan, mean_depth(scene.gravity, plan, centres))
     lines = account.account({**resolved, **found})
     return {
         "resolution": resolved,

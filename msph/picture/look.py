@@ -1,17 +1,22 @@
 """How the picture looks: one declaration per choice, with its unit."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from msph.parameter import parameter
+from msph.parameter import Section, Vector, parameter
 
 
-@dataclass(frozen=True)
-class Look:
-    sun_azimuth: float = 2.82  # where the sun stands, as the camera's azimuth [rad]
-    sun_elevation: float = 0.76  # [rad]
-    tile: float = 1 / 12  # tile edge, as a share of the longest box edge
+class Look(Section):
+    """How the water is drawn."""
+
+    view: str = parameter(
+        "water", text="water, layers, speed, pressure, density_error, depth, particles"
+    )
+    sun_azimuth: float = parameter(
+        161.6, ge=-360.0, le=360.0, unit="deg", text="where the sun stands, as camera.azimuth"
+    )
+    sun_elevation: float = parameter(
+        43.5, ge=5.0, le=90.0, unit="deg", text="height of the sun over the horizon"
+    )
     caustics: bool = parameter(True, text="light gathered by the waves on the floor")
     caustic_contrast: float = parameter(
         1.0, ge=0.0, le=1.0, text="share of the caustics' contrast that is shown", live=(0.0, 1.0)
@@ -30,19 +35,16 @@ class Look:
         text="strength of the water's colour, 1: real clear water",
         live=(0.0, 20.0),
     )
-    absorption: tuple[float, float, float] = parameter(
+    absorption: Vector = parameter(
         (0.42, 0.075, 0.035), unit="1/m", text="light that the water takes up, red, green, blue"
     )
-    scatter: tuple[float, float, float] = parameter(
-        (0.02, 0.18, 0.28), text="colour of deep water, linear RGB"
-    )
+    scatter: Vector = parameter((0.02, 0.18, 0.28), text="colour of deep water, linear RGB")
     supersample: int = parameter(
         1, ge=1, le=4, text="rays per pixel along each axis: smoother edges"
     )
-
     legend: bool = parameter(True, text="say in the picture what the colours of a view mean")
 
     def sun_direction(self):
         """Unit vector to the sun, world frame."""
-        a, e = self.sun_azimuth, self.sun_elevation
+        a, e = np.radians((self.sun_azimuth, self.sun_elevation))
         return np.array((np.cos(e) * np.sin(a), np.sin(e), np.cos(e) * np.cos(a)))

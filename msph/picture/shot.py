@@ -21,6 +21,7 @@ SKIN = 2e-3  # how near to a wall a face counts as lying on it, as a share of th
 # of the map of caustics along each side.
 LEVEL_CELLS, CAUSTIC_CELLS = 28, 128
 STEEPEST = 0.3  # least descent of a sunbeam under water counted with, when the box is tilted
+TILE = 1 / 12  # edge of a tile, as a share of the longest edge of the box
 UNIT_CORNERS = np.indices((2, 2, 2)).reshape(3, 8).T  # of a box of edge 1, (8, 3)
 
 Shot = ti.types.struct(
@@ -110,7 +111,7 @@ def shoot(camera, tilt, box, width, height, look):
         "skin": SKIN * box.max(),
         "lo": lo,
         "hi": hi,
-        "tiles": np.maximum(np.round(box / (look.tile * box.max())), 1) / box,
+        "tiles": np.maximum(np.round(box / (TILE * box.max())), 1) / box,
         "eta": 1 / look.refractive_index,
         "reflection": look.reflection,
         "contrast": look.caustic_contrast * look.caustics,

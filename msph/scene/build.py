@@ -1,18 +1,14 @@
 """From a scene to the simulation it describes."""
 
 import math
-from dataclasses import fields
-from typing import Any
 
 import numpy as np
 
-from msph.fluid.adaptivity.bands import AdaptationParameters
-from msph.fluid.methods import METHODS, Parameters
 from msph.fluid.plan import Plan
 from msph.fluid.simulation import NoWaterError, Simulation
 from msph.scene.errors import SceneError
 from msph.scene.obstacles import bodies
-from msph.scene.schema import Scene, Section
+from msph.scene.schema import Scene
 from msph.scene.water import capacity, initial_particles, layer_specs
 
 
@@ -30,32 +26,17 @@ def build_simulation(scene: Scene) -> Simulation:
 
 def plan_of(scene: Scene) -> Plan:
     """Returns the plan of a checked scene."""
+    specs = layer_specs(scene)
     return Plan(
         size=scene.box.size,
-        specs=layer_specs(scene),
-        initial=initial_particles(scene),
-        parameters=solver_parameters(scene),
+        specs=specs,
+        initial=initial_particles(scene, specs),
+        parameters=getattr(scene, scene.method),
         bodies=bodies(scene),
-        capacity=capacity(scene),
-    )
-
-
-def solver_parameters(scene: Scene) -> Parameters:
-    """The constants and switches of the scene's method: its table's, and the scene's own."""
-    kind = METHODS[scene.method].PARAMETERS
-    adaptation = METHODS[scene.method].ADAPTS and scene.adaptation.enabled
-    return kind(
-        rest_density=scene.density,
+        adaptation=scene.adaptation if scene.adaptation.enabled else None,
+        capacity=capacity(scene, specs),
         restitution=scene.box.restitution,
-        **({"adaptation": declared(scene.adaptation, AdaptationParameters)} if adaptation else {}),
-        **getattr(scene, scene.method).model_dump(),
     )
-
-
-def declared(section: Section, kind: type) -> Any:
-    """An object of a dataclass that declares parameters, with a section's values of them."""
-    names = {f.name for f in fields(kind) if "declared" in f.metadata}
-    return kind(**section.model_dump(include=names))
 
 
 def sway_angle(scene: Scene, time: float) -> float:

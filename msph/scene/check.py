@@ -8,13 +8,13 @@ import psutil
 from msph.errors import did_you_mean
 from msph.fluid.adaptivity.bands import coarser_of
 from msph.fluid.boundary.mesh_samples import numbers_needed
+from msph.fluid.boundary.rigid_bodies import Body
 from msph.fluid.methods import METHODS, able
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.particles.particles import CORE
 from msph.fluid.simulation import WORD, footprint
-from msph.scene.build import solver_parameters
 from msph.scene.errors import SceneError, in_metres
-from msph.scene.obstacles import bodies, check_bodies
+from msph.scene.obstacles import check_bodies
 from msph.scene.probes import check_probes, probe_cautions
 from msph.scene.schema import LAYER_OPTIONS, Layer, Scene, Water
 from msph.scene.water import TOLERANCE, bounds, capacity, layer_specs, particle_count
@@ -30,7 +30,8 @@ LEAST_ACROSS = 3
 
 def views(scene: Scene) -> tuple[str, ...]:
     """What a picture of the scene can show, in the order in which a key cycles through it."""
-    attributes = CORE + METHODS[scene.method].attributes(solver_parameters(scene))
+    parameters = getattr(scene, scene.method)
+    attributes = CORE + METHODS[scene.method].attributes(parameters, scene.adaptation.enabled)
     return ("water", *(a.view for a in attributes if a.view), "particles")
 
 
@@ -63,19 +64,19 @@ def check(scene: Scene, where: str) -> None:
             "surface.cell",
         )
     for i, water in enumerate(scene.water):
-        _check_water(scene, water, where, f"water.{i}")
+        _check_water(scene, water, specs, where, f"water.{i}")
     for (i, a), (j, b) in itertools.combinations(enumerate(scene.water), 2):
         if _overlap(a, b):
             raise SceneError(where, f"overlaps water.{i}", f"water.{j}")
-    contradiction = solver_parameters(scene).contradiction()
+    contradiction = getattr(scene, scene.method).contradiction()
     if contradiction:
         name, problem = contradiction
         raise SceneError(where, problem, f"{scene.method}.{name}")
     _check_layer_options(scene, where)
     _check_adaptation(scene, specs, where)
-    check_bodies(scene, where)
+    solids = check_bodies(scene, min(specs, key=lambda s: s.mass).spacing, where)
     check_probes(scene, where)
-    _check_memory(scene, specs, where)
+    _check_memory(scene, specs, solids, where)
 
 
 def _check_adaptation(scene: Scene, specs: list[LayerSpec], where: str) -> None:
@@ -120,12 +121,11 @@ def _check_layer_options(scene: Scene, where: str) -> None:
                 )
 
 
-def _check_memory(scene: Scene, specs: list[LayerSpec], where: str) -> None:
+def _check_memory(scene: Scene, specs: list[LayerSpec], solids: list[Body], where: str) -> None:
     """Everything that is allocated but the picture, whose size is no part of the scene."""
-    count = capacity(scene)
+    count = capacity(scene, specs)
     cell = scene.surface.cell * min(s.spacing for s in specs)
-    needs = footprint(scene.box.size, specs, count, solver_parameters(scene))
-    solids = bodies(scene)
+    needs = footprint(scene.box.size, specs, count, getattr(scene, scene.method))
     needs["surface"] = SurfaceRoom.holding(scene.box.size, cell, count).bytes // WORD
     needs["obstacles"] = numbers_needed(solids, specs)
     keys = {"cells": "box.size", "neighbours": "water", "particles": "water"}
@@ -142,7 +142,7 @@ def _check_memory(scene: Scene, specs: list[LayerSpec], where: str) -> None:
         )
 
 
-def _check_water(scene: Scene, water: Water, where: str, key: str) -> None:
+def _check_water(scene: Scene, water: Water, specs: list[LayerSpec], where: str, key: str) -> None:
     if water.layer >= len(scene.layers):
         raise SceneError(
             where, f"there are {len(scene.layers)} layers, no layer {water.layer}", f"{key}.layer"
@@ -163,7 +163,7 @@ def _check_water(scene: Scene, water: Water, where: str, key: str) -> None:
             f"{in_metres(scene.box.size)}",
             key,
         )
-    spec = layer_specs(scene)[water.layer]
+    spec = specs[water.layer]
     most = particle_count(water.model_copy(update={"count": None}), spec)
     if water.count is not None and water.count > most:
         raise SceneError(

@@ -2,7 +2,8 @@
 
 import math
 
-from msph.fluid.boundary.rigid_bodies import Solid, reach
+from msph.fluid.boundary.rigid_bodies import Body, Solid, reach
+from msph.fluid.particles.layers import LayerSpec
 from msph.scene.obstacles import bodies
 from msph.scene.schema import Scene
 from msph.scene.water import layer_specs, particle_count
@@ -17,9 +18,8 @@ FACE, LONG = 9e-5, 10.0
 MANY = 6000.0
 
 
-def steps_per_second(scene: Scene) -> tuple[float, str]:
+def steps_per_second(scene: Scene, specs: list[LayerSpec], solids: list[Body]) -> tuple[float, str]:
     """Fewest steps of a simulated second [1/s], and the key of what asks for them."""
-    specs = layer_specs(scene)
     d, h = min(s.spacing for s in specs), min(s.support for s in specs)
     if scene.method == "classic":
         sound = math.sqrt(scene.classic.stiffness)
@@ -27,7 +27,7 @@ def steps_per_second(scene: Scene) -> tuple[float, str]:
     p = scene.projection
     asked = {"projection.longest_step": 1.0 / p.longest_step}
     outer = int(scene.container is not None)
-    for k, body in enumerate(bodies(scene)[outer:]):
+    for k, body in enumerate(solids[outer:]):
         asked[f"obstacles.{k}"] = body.motion.top_speed(reach(body)) / (p.cfl * d)
     key = max(asked, key=lambda name: asked[name])
     return asked[key], key
@@ -36,14 +36,14 @@ def steps_per_second(scene: Scene) -> tuple[float, str]:
 def effort(scene: Scene) -> list[str]:
     """Lines where the scene will take long to prepare, or many steps: what asks for them, how many,
     how long."""
-    faces = sum(len(b.triangles) for b in bodies(scene) if isinstance(b, Solid))
+    specs, solids = layer_specs(scene), bodies(scene)
+    faces = sum(len(b.triangles) for b in solids if isinstance(b, Solid))
     lines = []
     if faces * FACE > LONG:
         lines.append(f"meshes of {faces:,} faces take about {in_words(faces * FACE)} to prepare")
-    steps, key = steps_per_second(scene)
+    steps, key = steps_per_second(scene, specs, solids)
     if steps < MANY:
         return lines
-    specs = layer_specs(scene)
     count = sum(particle_count(w, specs[w.layer]) for w in scene.water)
     wall = steps * (STEP + PARTICLE * count)
     return [

@@ -52,16 +52,17 @@ def placed(mesh: Obstacle | Container) -> tuple[np.ndarray, np.ndarray]:
     return turned + np.array(mesh.position), triangles
 
 
-def check_bodies(scene: Scene, where: str) -> None:
-    """Raises SceneError for obstacles and a container that cannot be built."""
+def check_bodies(scene: Scene, spacing: float, where: str) -> list[Body]:
+    """Returns the bodies of a scene whose finest `spacing` is given [m], the container first.
+    Raises SceneError for obstacles and a container that cannot be built."""
+    found: list[Body] = []
     if (scene.obstacles or scene.container) and not METHODS[scene.method].HAS_BODIES:
         key = "obstacles" if scene.obstacles else "container"
         raise SceneError(where, f"only {able('HAS_BODIES')} models them, not {scene.method}", key)
-    finest = min(layer.mass_at(scene.density) / scene.density for layer in scene.layers)
-    spacing = finest ** (1.0 / 3.0)
     if scene.container is not None:
         _check_mesh(scene.container, where, "container")
-        lo, hi = _container(scene.container).bounds
+        found.append(_container(scene.container))
+        lo, hi = found[0].bounds
         if np.any(lo < 0.0) or np.any(hi > np.array(scene.box.size)):
             raise SceneError(
                 where,
@@ -70,10 +71,11 @@ def check_bodies(scene: Scene, where: str) -> None:
                 "container",
             )
     for i, obstacle in enumerate(scene.obstacles):
-        _check_obstacle(scene, obstacle, spacing, where, f"obstacles.{i}")
+        found.append(_check_obstacle(scene, obstacle, spacing, where, f"obstacles.{i}"))
+    return found
 
 
-def _check_obstacle(scene: Scene, obstacle: Obstacle, spacing: float, where: str, key: str) -> None:
+def _check_obstacle(scene: Scene, obstacle: Obstacle, spacing: float, where: str, key: str) -> Body:
     shapes = (
         (obstacle.lo, obstacle.hi),
         (obstacle.centre, obstacle.radius),
@@ -115,6 +117,7 @@ def _check_obstacle(scene: Scene, obstacle: Obstacle, spacing: float, where: str
     outside = np.any(hi <= 0.0) or np.any(lo >= np.array(scene.box.size))
     if outside and not made.motion.moves:
         raise SceneError(where, "is outside the box, and stays there", key)
+    return made
 
 
 def _check_mesh(mesh: Obstacle | Container, where: str, key: str) -> None:

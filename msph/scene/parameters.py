@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from types import UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
-from msph.scene.schema import Section
+from msph.parameter import Section
 
 
 @dataclass(frozen=True)

@@ -5,68 +5,21 @@ scene beside a capture, and the names in error messages. SI units; y is up; the 
 is the origin.
 """
 
-from dataclasses import fields
-from typing import (
-    TYPE_CHECKING,
-    Annotated,
-    Any,
-    Literal,
-    get_type_hints,
-)
+from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, create_model
+from pydantic import Field
 
 from msph.fluid.adaptivity.bands import AdaptationParameters
 from msph.fluid.classic import ClassicParameters
 from msph.fluid.methods import METHODS
 from msph.fluid.projection.parameters import ProjectionParameters
+from msph.parameter import Number, Section, Vector, parameter
 from msph.picture.look import Look
 
-
-def parameter(
-    default: Any = ...,
-    *,
-    unit: str = "-",
-    text: str,
-    live: tuple[float, float] | None = None,
-    **limits,
-) -> Any:
-    """A scene parameter; `...` as default makes it required. limits: gt, ge, lt, le, lengths. live:
-    as of msph.parameter; of a vector the range of its length."""
-    extra: dict[str, Any] = {"unit": unit, "live": live}
-    if callable(default):
-        return Field(default_factory=default, description=text, json_schema_extra=extra, **limits)
-    return Field(default, description=text, json_schema_extra=extra, **limits)
-
-
-class Section(BaseModel):
-    """A table of a scene file. Unknown keys, other types, NaN and infinity are errors."""
-
-    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
-
-
-Number = Annotated[float, Field(strict=True)]
 # Edges of a box [m]: beyond these single precision cannot place particles.
 Edge = Annotated[float, Field(strict=True, ge=1e-3, le=1e4)]
-Vector = Annotated[tuple[Number, Number, Number], Field(strict=False)]
 Size = Annotated[tuple[Edge, Edge, Edge], Field(strict=False)]
 Place = Annotated[tuple[Number, Number], Field(strict=False)]
-
-
-def section(name: str, text: str, declared: type, **more: tuple[Any, Any]) -> Any:
-    """The section of the parameters that a dataclass declares (see msph.parameter), and of `more`
-    that the scene alone has: (type, parameter) by name."""
-    hints = get_type_hints(declared)
-    own: dict[str, Any] = {}
-    for f in fields(declared):
-        if "declared" in f.metadata:
-            d = f.metadata["declared"]
-            kind = Vector if hints[f.name] == tuple[float, float, float] else hints[f.name]
-            own[f.name] = (
-                kind,
-                parameter(f.default, unit=d.unit, text=d.text, live=d.live, **d.limits),
-            )
-    return create_model(name, __base__=Section, __doc__=text, **(more | own))
 
 
 class Box(Section):
@@ -284,47 +237,6 @@ class Measure(Section):
     )
 
 
-# Made from the declarations in the fluid and the picture; to a type checker they may hold anything.
-if TYPE_CHECKING:
-    Classic = Any
-    Projection = Any
-    Adaptation = Any
-    Picture = Any
-else:
-    Classic = section(
-        "Classic", "The thesis's weakly compressible method (Gokdogan 2008).", ClassicParameters
-    )
-    Projection = section(
-        "Projection", "The incompressible method: two pressure solves a step.", ProjectionParameters
-    )
-    Adaptation = section(
-        "Adaptation",
-        "Particles split and merge, so that each depth has its layer.",
-        AdaptationParameters,
-        enabled=(bool, parameter(False, text="let particles change their layer with their depth")),
-        capacity=(
-            int | None,
-            parameter(
-                None,
-                gt=0,
-                text="most particles; beyond, fine layers grow thinner. Default: all water at its "
-                "finest, at most 16,000 or twice the particles at the start",
-            ),
-        ),
-    )
-    Picture = section(
-        "Picture",
-        "How the water is drawn.",
-        Look,
-        view=(
-            str,
-            parameter(
-                "water", text="water, layers, speed, pressure, density_error, depth, particles"
-            ),
-        ),
-    )
-
-
 class Scene(Section):
     """A scene file."""
 
@@ -346,13 +258,19 @@ class Scene(Section):
     container: Container | None = parameter(
         None, text="a mesh that holds the water; the box should enclose it"
     )
-    projection: Projection = parameter(Projection, text="constants of the projection method")
-    adaptation: Adaptation = parameter(Adaptation, text="layers that follow the surface")
-    classic: Classic = parameter(Classic, text="constants and switches of the classic method")
+    projection: ProjectionParameters = parameter(
+        ProjectionParameters, text="constants of the projection method"
+    )
+    adaptation: AdaptationParameters = parameter(
+        AdaptationParameters, text="layers that follow the surface"
+    )
+    classic: ClassicParameters = parameter(
+        ClassicParameters, text="constants and switches of the classic method"
+    )
     sway: Sway = parameter(Sway, text="rocking at the start")
     camera: Camera = parameter(Camera, text="point of view")
     surface: Surface = parameter(Surface, text="quality of the surface")
-    picture: Picture = parameter(Picture, text="look of the picture")
+    picture: Look = parameter(Look, text="look of the picture")
     play: Play = parameter(Play, text="keys and mouse")
     probes: list[Probe] = parameter(list, text="instruments in the water")
     measure: Measure = parameter(Measure, text="how often it is measured")

@@ -57,11 +57,11 @@ def volume(water: Water) -> float:
     return float(np.prod(hi - lo))
 
 
-def asked_mass(scene: Scene) -> float:
+def asked_mass(scene: Scene, specs: list[LayerSpec]) -> float:
     """Mass [kg] of water that the scene asks for: by volume, or by `count` where one is given."""
     return sum(
-        scene.density * volume(w) if w.count is None else w.count * spec.mass
-        for w, spec in ((w, layer_specs(scene)[w.layer]) for w in scene.water)
+        scene.density * volume(w) if w.count is None else w.count * specs[w.layer].mass
+        for w in scene.water
     )
 
 
@@ -122,9 +122,8 @@ def _ball(water: Water, spec: LayerSpec) -> np.ndarray:
     return centre + grid[nearest]
 
 
-def capacity(scene: Scene) -> int:
+def capacity(scene: Scene, specs: list[LayerSpec]) -> int:
     """Most particles that the scene's water may come to be."""
-    specs = layer_specs(scene)
     counts = [particle_count(w, specs[w.layer]) for w in scene.water]
     if not scene.adaptation.enabled:
         return sum(counts)
@@ -135,10 +134,9 @@ def capacity(scene: Scene) -> int:
     return min(finest, max(MANY, 2 * sum(counts)))
 
 
-def initial_particles(scene: Scene) -> dict[str, np.ndarray]:
+def initial_particles(scene: Scene, specs: list[LayerSpec]) -> dict[str, np.ndarray]:
     """Positions [m] and velocities [m/s], (n, 3), and layers, (n,), of all the scene's water."""
     rng = np.random.default_rng(scene.seed)
-    specs = layer_specs(scene)
     xs, vs, layers = [], [], []
     for water in scene.water:
         spec = specs[water.layer]

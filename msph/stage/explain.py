@@ -56,7 +56,7 @@ def explain(scene: Scene) -> str:
                 run.show.timings.discard()
             run.centres.append(run.show.ledger.entries[-1].centre)
     whole, *others = runs
-    depth = mean_depth(scene, np.array(whole.centres[:1]))
+    depth = mean_depth(scene.gravity, whole.show.simulation.plan, np.array(whole.centres[:1]))
     heads = ["", "particles", "ms a frame", *STAGES]
     heads += ["saved", "start s", "kernels", "error without it"]
     rows = [[*_costs("as it is", whole, whole), ""]]

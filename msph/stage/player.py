@@ -52,7 +52,9 @@ class Player:
         self.steering = Steering(window, row)
         keepsakes = Keepsakes(Path("out"), Path(choice.scene).stem, quality)
         self.keeper = Keeper(window, layout, self.replay, keepsakes)
-        depth = mean_depth(lead.scene, lead.simulation.particles.numpy("x").mean(axis=0)[None])
+        sim = lead.simulation
+        centre = sim.particles.numpy("x").mean(axis=0)[None]
+        depth = mean_depth(lead.scene.gravity, sim.plan, centre)
         self.idle = Idle(lead.scene, depth)
         if guide:
             # The guide says what to try, and nothing moves but what the user moves.

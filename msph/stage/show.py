@@ -16,14 +16,11 @@ from msph.measure.ledger import Ledger
 from msph.measure.past import UNREADABLE
 from msph.measure.timings import Timings
 from msph.picture.camera import Camera
-from msph.picture.look import Look
 from msph.picture.picture import Picture, picture_of
 from msph.picture.room import PictureRoom
 from msph.scene.build import (
     build_simulation,
-    declared,
     rotation,
-    solver_parameters,
     sway_angle,
     turn,
 )
@@ -107,9 +104,9 @@ class Show:
         """Changes a live parameter of the scene (msph.scene.live)."""
         self.scene = changed(self.scene, key, value)
         if key.startswith("picture.") and self.picture:
-            self.picture.change(declared(self.scene.picture, Look))
+            self.picture.change(self.scene.picture)
         if key.startswith(f"{self.scene.method}."):
-            self.simulation.solver.tune(solver_parameters(self.scene))
+            self.simulation.solver.tune(getattr(self.scene, self.scene.method))
 
     def _load_surface(self) -> Surface:
         s, sim = self.scene.surface, self.simulation
@@ -120,7 +117,7 @@ class Show:
         return surface
 
     def _load_picture(self, size: tuple[int, int]) -> Picture:
-        look = declared(self.scene.picture, Look)
+        look = self.scene.picture
         sim, room = self.simulation, PictureRoom.holding(*size, look.supersample)
         picture = sim.world.once(picture_of, self.surface.room, room)
         picture.load(*size, sim.size, look)

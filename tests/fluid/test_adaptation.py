@@ -40,8 +40,10 @@ def collision():
         "v": v.astype(np.float32),
         "layer": np.repeat([0, 2], [len(fine), len(coarse)]).astype(np.int32),
     }
-    terms = ProjectionParameters(adaptation=AdaptationParameters(band=0.7, every=2))
-    return Simulation(Plan(SIZE, SPECS, initial, terms, capacity=3000))
+    adaptation = AdaptationParameters(band=0.7, every=2)
+    return Simulation(
+        Plan(SIZE, SPECS, initial, ProjectionParameters(), (), adaptation, capacity=3000)
+    )
 
 
 def masses(sim):
@@ -120,8 +122,10 @@ def tank():
     ]
     specs.reverse()
     initial["layer"] = np.full(len(x), 2, np.int32)
-    terms = ProjectionParameters(adaptation=AdaptationParameters(band=1.5))
-    sim = Simulation(Plan(TANK, specs, initial, terms, capacity=4000))
+    adaptation = AdaptationParameters(band=1.5)
+    sim = Simulation(
+        Plan(TANK, specs, initial, ProjectionParameters(), (), adaptation, capacity=4000)
+    )
     counts = []
     for _ in range(120):
         sim.advance(1 / 60, ExternalForces())
@@ -134,9 +138,7 @@ def test_depth_is_the_distance_to_the_surface(tank):
     sim.solver.adaptation.depth.refresh()
     sim.solver.adaptation.wish_for(sim.particles.count, 1.0, 1.0)
     depth, y = sim.particles.numpy("depth"), sim.particles.numpy("x")[:, 1]
-    inside = (depth > 0.0) & (
-        depth < 0.9 * farthest_depth(sim.layers.specs, sim.plan.parameters.adaptation)
-    )
+    inside = (depth > 0.0) & (depth < 0.9 * farthest_depth(sim.layers.specs, sim.plan.adaptation))
     error = depth[inside] - (DEPTH - y[inside])
     assert inside.sum() > 500
     assert np.abs(error).max() < 0.6 * sim.plan.constants()["depth_cell"]
@@ -168,11 +170,11 @@ def test_passes_are_due_where_water_travels(tank):
     """Every eighth step, and only when the fastest has gone four spacings."""
     adaptation = tank[0].solver.adaptation
     adaptation.steps = 7
-    adaptation.travelled[None] = 3.9
+    adaptation.travelled = 3.9
     assert not adaptation.due()
-    adaptation.travelled[None] = 4.1
+    adaptation.travelled = 4.1
     assert [adaptation.due() for _ in range(8)] == [False] * 7 + [True]
-    assert adaptation.travelled[None] == 0.0
+    assert adaptation.travelled == 0.0
 
 
 def test_a_split_does_not_let_the_water_drop(tank):
@@ -205,6 +207,7 @@ def test_a_full_pool_coarsens_and_loses_nothing(tank):
             sim.layers.specs,
             sim.initial,
             sim.solver.parameters,
+            adaptation=sim.plan.adaptation,
             capacity=int(0.7 * sim.particles.count),
         )
     )
@@ -235,8 +238,10 @@ def test_deep_water_of_halved_cubes_starts_at_rest_density():
         specs[2].spacing
     )
     initial = {"x": x.astype(np.float32), "layer": np.full(len(x), 2, np.int32)}
-    terms = ProjectionParameters(adaptation=AdaptationParameters(band=20.0, every=10**9))
+    adaptation = AdaptationParameters(band=20.0, every=10**9)
     box = (size[0], size[1] + 0.3, size[2])
-    sim = Simulation(Plan(box, specs, initial, terms, capacity=4 * len(x)))
+    sim = Simulation(
+        Plan(box, specs, initial, ProjectionParameters(), (), adaptation, capacity=4 * len(x))
+    )
     assert sim.counts()[0] > 2 * len(x)
     assert sim.particles.numpy("density").max() < 1001.0

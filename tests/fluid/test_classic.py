@@ -141,7 +141,7 @@ def lone():
     }
     half = LayerSpec(0.05, 1000.0, 2.0, gravity_factor=0.5)
     return Simulation(
-        Plan(SIZE, [half], initial, ClassicParameters(tension=False, restitution=0.5))
+        Plan(SIZE, [half], initial, ClassicParameters(tension=False), restitution=0.5)
     )
 
 

@@ -5,6 +5,7 @@ import pytest
 
 from msph.measure.resolution import mean_depth, narrowest_gap, resolution
 from msph.scene import load_scene
+from msph.scene.build import plan_of
 from tests.scenes_kit import write
 
 SCENE = """
@@ -38,7 +39,7 @@ def scene(tmp_path, bodies=""):
 
 
 def test_without_bodies_the_gap_is_the_boxs_shortest_edge(tmp_path):
-    found = resolution(scene(tmp_path), depth=0.3)
+    found = resolution(plan_of(scene(tmp_path)), depth=0.3)
     assert found["spacings_across_narrowest_gap"] == pytest.approx(30.0)
     assert found["spacings_across_depth"] == pytest.approx(15.0)
     assert found["finest_spacing_m"] == pytest.approx(0.02)
@@ -46,14 +47,14 @@ def test_without_bodies_the_gap_is_the_boxs_shortest_edge(tmp_path):
 
 
 def test_between_two_balls(tmp_path):
-    found = resolution(scene(tmp_path, BALLS))
+    found = resolution(plan_of(scene(tmp_path, BALLS)))
     assert found["spacings_across_narrowest_gap"] == pytest.approx(0.08 / 0.02, rel=0.05)
     assert found["spacings_across_obstacles.0"] == pytest.approx(0.2 / 0.02)
 
 
 def test_between_a_plate_and_a_wall_that_it_does_not_touch(tmp_path):
     """It stands on the floor and against z = 0, which is no gap, and leaves .06 m at z = .6."""
-    found = resolution(scene(tmp_path, PLATE))
+    found = resolution(plan_of(scene(tmp_path, PLATE)))
     assert found["spacings_across_narrowest_gap"] == pytest.approx(0.06 / 0.02)
     assert found["spacings_across_obstacles.0"] == pytest.approx(0.03 / 0.02)
 
@@ -64,9 +65,10 @@ def test_a_rings_thickness_is_that_of_its_tube():
     flat = ring.obstacles[1].model_copy(update={"rotation": (0.0, 0.0, 0.0)})
     plain = ring.model_copy(update={"obstacles": [ring.obstacles[0], flat]})
     key = "spacings_across_obstacles.1"
-    assert resolution(ring)[key] == pytest.approx(resolution(plain)[key], rel=1e-3)
+    turned, straight = resolution(plan_of(ring))[key], resolution(plan_of(plain))[key]
+    assert turned == pytest.approx(straight, rel=1e-3)
     bowl = load_scene("bowl")
-    height = resolution(bowl)["spacings_across_narrowest_gap"] * bowl.layers[0].spacing
+    height = resolution(plan_of(bowl))["spacings_across_narrowest_gap"] * bowl.layers[0].spacing
     assert 0.2 < height < 0.6
 
 
@@ -76,8 +78,7 @@ def test_no_gap_is_seen_where_bodies_touch():
 
 def test_mean_depth_is_twice_the_centres_height(tmp_path):
     centres = np.array([[0.5, 0.1, 0.3], [0.5, 0.2, 0.3]])
-    assert mean_depth(scene(tmp_path), centres) == pytest.approx(0.3)
-    up = scene(tmp_path).model_copy(update={"gravity": (0.0, 9.81, 0.0)})
-    assert mean_depth(up, centres) == pytest.approx(2 * (0.8 - 0.15))
-    none = scene(tmp_path).model_copy(update={"gravity": (0.0, 0.0, 0.0)})
-    assert np.isnan(mean_depth(none, centres))
+    plan = plan_of(scene(tmp_path))
+    assert mean_depth((0.0, -9.81, 0.0), plan, centres) == pytest.approx(0.3)
+    assert mean_depth((0.0, 9.81, 0.0), plan, centres) == pytest.approx(2 * (0.8 - 0.15))
+    assert np.isnan(mean_depth((0.0, 0.0, 0.0), plan, centres))

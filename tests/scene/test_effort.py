@@ -6,6 +6,8 @@ import trimesh
 from msph.scene import SceneError, load_scene
 from msph.scene.effort import effort, in_words, steps_per_second
 from msph.scene.library import shipped_scenes
+from msph.scene.obstacles import bodies
+from msph.scene.water import layer_specs
 from tests.scenes_kit import write
 
 POOL = """
@@ -38,7 +40,7 @@ def test_short_steps_are_said_with_the_time_that_they_take(tmp_path):
 
 def test_fast_bodies_are_said_or_refused(tmp_path):
     fast = scene(tmp_path, BALL + "velocity=[400, 0, 0]}]")
-    steps, key = steps_per_second(fast)
+    steps, key = steps_per_second(fast, layer_specs(fast), bodies(fast))
     assert steps == pytest.approx(400.0 / (0.5 * 0.05)) and key == "obstacles.0"
     assert effort(fast)
     for motion in ("velocity=[2000, 0, 0]", "spin=1e6", "swing=[0.3, 0, 0], period=1e-4"):

@@ -17,14 +17,18 @@ def dam_break():
     return load_scene("dam_break")
 
 
+def asked(scene):
+    return asked_mass(scene, layer_specs(scene))
+
+
 @pytest.mark.parametrize("name", ["dam_break", "pool", "bowl"])
 def test_steps_halve_the_volume_of_particles_and_keep_the_water(name):
     scene = load_scene(name)
     sizes = [np.array([s.volume for s in layer_specs(at_quality(scene, q, name))]) for q in LADDER]
     for coarse, fine in itertools.pairwise(sizes):
         assert coarse / fine == pytest.approx(2.0)
-    masses = [asked_mass(at_quality(scene, q, name)) for q in LADDER]
-    assert masses == pytest.approx([asked_mass(scene)] * len(LADDER))
+    masses = [asked(at_quality(scene, q, name)) for q in LADDER]
+    assert masses == pytest.approx([asked(scene)] * len(LADDER))
 
 
 def test_large_is_the_scene_as_it_is_written(dam_break):

@@ -33,9 +33,13 @@ def sites(scene, layer=0):
     return fill(water, spec, np.random.default_rng(0)), spec
 
 
+def asked(scene):
+    return asked_mass(scene, layer_specs(scene))
+
+
 def laid_mass(scene):
     specs = layer_specs(scene)
-    return sum(specs[k].mass for k in initial_particles(scene)["layer"])
+    return sum(specs[k].mass for k in initial_particles(scene, layer_specs(scene))["layer"])
 
 
 # Block .6 m wide; without care .4 m of water at .048 was laid 4.2 % short, at .06 5 % too high.
@@ -46,9 +50,11 @@ def test_block_is_laid_with_its_mass_to_half_a_particle(tmp_path, spacing, depth
         *(tmp_path, TEXT, f"water.0.hi=[0.6, {depth}, 0.6]", f"layers.1.spacing={spacing}"),
         "water.0.layer=1",
     )
-    assert asked_mass(scene) == pytest.approx(360.0 * depth)
-    assert abs(laid_mass(scene) - asked_mass(scene)) <= 0.5 * layer_specs(scene)[1].mass + 1e-9
-    assert len(initial_particles(scene)["x"]) == capacity(scene)
+    assert asked(scene) == pytest.approx(360.0 * depth)
+    assert abs(laid_mass(scene) - asked(scene)) <= 0.5 * layer_specs(scene)[1].mass + 1e-9
+    assert len(initial_particles(scene, layer_specs(scene))["x"]) == capacity(
+        scene, layer_specs(scene)
+    )
 
 
 @pytest.mark.parametrize("width", [0.21, 0.3])
@@ -57,7 +63,7 @@ def test_tall_block_is_laid_with_its_mass_to_half_a_particle(tmp_path, width):
         *(tmp_path, TEXT, f"water.0.hi=[{width}, 0.97, {width}]", "layers.1.spacing=0.09"),
         "water.0.layer=1",
     )
-    assert abs(laid_mass(scene) - asked_mass(scene)) <= 0.5 * layer_specs(scene)[1].mass + 1e-9
+    assert abs(laid_mass(scene) - asked(scene)) <= 0.5 * layer_specs(scene)[1].mass + 1e-9
 
 
 @pytest.mark.parametrize("spacing", [0.031, 0.0437, 0.05])
@@ -85,9 +91,9 @@ radius = 0.1
 """
     scene = load(tmp_path, text)
     specs = layer_specs(scene)
-    assert asked_mass(scene) == pytest.approx(111.6 + 4.18879)
+    assert asked(scene) == pytest.approx(111.6 + 4.18879)
     half_particles = 0.5 * sum(specs[w.layer].mass for w in scene.water)
-    assert abs(laid_mass(scene) - asked_mass(scene)) <= half_particles
+    assert abs(laid_mass(scene) - asked(scene)) <= half_particles
     if adaptive == "true":
         assert specs[1].mass == 2.0 * specs[0].mass
 
@@ -96,12 +102,12 @@ radius = 0.1
 def test_shipped_scene_is_laid_with_its_mass(name):
     scene = load_scene(name)
     half_particles = 0.5 * sum(layer_specs(scene)[w.layer].mass for w in scene.water)
-    assert abs(laid_mass(scene) - asked_mass(scene)) <= half_particles + 1e-9
+    assert abs(laid_mass(scene) - asked(scene)) <= half_particles + 1e-9
 
 
 def test_mass_asked_by_count_is_that_of_so_many_particles(tmp_path):
     scene = load(tmp_path, TEXT, "water.0.count=1445")
-    assert asked_mass(scene) == pytest.approx(289.0) == laid_mass(scene)
+    assert asked(scene) == pytest.approx(289.0) == laid_mass(scene)
 
 
 def test_more_particles_than_there_is_room_for_are_refused(tmp_path):
@@ -146,7 +152,7 @@ def test_lattice_of_water_hardly_wider_than_its_particles_is_as_cubic_as_it_can_
 def test_ball_has_the_mass_of_its_volume(tmp_path):
     text = TEXT + "[[water]]\ncentre = [0.5, 0.8, 0.5]\nradius = 0.18\n"
     scene = load(tmp_path, text)
-    x, spec = initial_particles(scene)["x"], layer_specs(scene)[0]
+    x, spec = initial_particles(scene, layer_specs(scene))["x"], layer_specs(scene)[0]
     ball = x[x[:, 1] > 0.55]
     assert abs(len(ball) * spec.volume - 4.18879 * 0.18**3) <= 0.5 * spec.volume
     assert abs(ball - [0.5, 0.8, 0.5]).max() < 0.25

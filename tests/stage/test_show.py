@@ -2,7 +2,6 @@
 
 import itertools
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -70,7 +69,9 @@ def test_tilt_turns_gravity_in_the_pool_and_the_pool_in_the_picture(show):
 
 
 def test_every_view_draws_something_else(show, monkeypatch):
-    monkeypatch.setattr(show.picture, "look", replace(show.picture.look, legend=False))
+    monkeypatch.setattr(
+        show.picture, "look", show.picture.look.model_copy(update={"legend": False})
+    )
     show.frame(Controls())
     pictures = []
     for name in show.views.names:
@@ -89,7 +90,7 @@ def test_legend_changes_its_rectangle_alone(show):
     for name in show.views.names:
         show.views.name = name
         for shown in (False, True):
-            show.picture.change(replace(show.picture.look, legend=shown))
+            show.picture.change(show.picture.look.model_copy(update={"legend": shown}))
             show.draw()
             pictures[shown] = show.picture.image.to_numpy()
         changed = np.abs(pictures[True] - pictures[False]).max(-1) > 0.0

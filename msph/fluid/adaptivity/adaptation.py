@@ -56,7 +56,8 @@ class Adaptation:
 
     events: (splits, merges, splits refused since the pool was full) of the last pass, passed: the
     first two in all since the particles were laid. thickness (-): factor of all bands, below 1
-    while the pool is nearly full. merge_loss [J] collects the kinetic energy that merges dissipate.
+    while the pool is nearly full. travelled: way of the fastest particle since the last pass, in
+    spacings. merge_loss [J] collects the kinetic energy that merges dissipate.
     """
 
     parameters: AdaptationParameters
@@ -75,9 +76,8 @@ class Adaptation:
         self.scan = PrefixSum()
         self.tally = ti.field(ti.i32, shape=3)  # splits, merges, refused
         self.next_id = ti.field(ti.i32, shape=())
-        self.travelled = ti.field(ti.f32, shape=())  # by the fastest since the last pass, spacings
         self.thickness, self.events, self.steps = 1.0, (0, 0, 0), 0
-        self.passed = np.zeros(2, int)
+        self.passed, self.travelled = np.zeros(2, int), 0.0
 
     def load(self, parameters: AdaptationParameters) -> None:
         """Takes the parameters of a scene; its bands are columns of the table by layer."""
@@ -90,23 +90,22 @@ class Adaptation:
     def reset(self) -> None:
         """Starts anew, since the particles were replaced: bands have their full thickness."""
         self.thickness, self.events, self.steps = 1.0, (0, 0, 0), 0
-        self.passed = np.zeros(2, int)
+        self.passed, self.travelled = np.zeros(2, int), 0.0
         self.next_id[None] = int(self.particles.numpy("id").max()) + 1
-        self.travelled[None] = 0.0
 
     def state(self) -> dict[str, float]:
         """What a checkpoint holds of it; see restore()."""
         return {
             "adaptation_steps": self.steps,
             "adaptation_thickness": self.thickness,
-            "adaptation_travelled": self.travelled[None],
+            "adaptation_travelled": self.travelled,
             "adaptation_next_id": self.next_id[None],
         }
 
     def restore(self, state: dict[str, float]) -> None:
         """Goes on from a state()."""
         self.steps, self.thickness = int(state["adaptation_steps"]), state["adaptation_thickness"]
-        self.travelled[None] = state["adaptation_travelled"]
+        self.travelled = state["adaptation_travelled"]
         self.next_id[None] = int(state["adaptation_next_id"])
 
     def fill(self) -> None:
@@ -162,10 +161,10 @@ class Adaptation:
         self.steps += 1
         if self.steps % self.parameters.every:
             return False
-        if self.travelled[None] < self.parameters.travel:
+        if self.travelled < self.parameters.travel:
             self.wait(self.particles.count)
             return False
-        self.travelled[None] = 0.0
+        self.travelled = 0.0
         return True
 
     def run(self, budget: float | None = None) -> int:

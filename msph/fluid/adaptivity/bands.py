@@ -1,18 +1,27 @@
 """Bands of depth: which layer belongs at which distance from the free surface."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from msph.fluid.particles.layers import LayerSpec
-from msph.parameter import parameter
+from msph.parameter import Section, parameter
 
 # Two layers exchange particles if their mass ratio is 2 to within this share (-).
 RATIO_TOLERANCE = 0.01
 
 
-@dataclass(frozen=True)
-class AdaptationParameters:
-    """When and how much particles split and merge. Evidence for the defaults: docs/method.md."""
+class AdaptationParameters(Section):
+    """Particles split and merge, so that each depth has its layer.
 
+    Evidence for the defaults: docs/method.md.
+    """
+
+    enabled: bool = parameter(False, text="let particles change their layer with their depth")
+    capacity: int | None = parameter(
+        None,
+        gt=0,
+        text="most particles; beyond, fine layers grow thinner. Default: all water at its "
+        "finest, at most 16,000 or twice the particles at the start",
+    )
     band: float = parameter(
         1.25, ge=0.5, le=50.0, text="thickness of a layer's band, in its supports"
     )

@@ -137,5 +137,10 @@ class Layers:
         raise AttributeError(f"layers have no {name}")
 
     @property
+    def rest_density(self) -> float:
+        """Rest density rho0 [kg/m^3], the same in all layers."""
+        return self.specs[0].density
+
+    @property
     def finest(self) -> LayerSpec:
         return min(self.specs, key=lambda s: s.mass)

@@ -1,23 +1,15 @@
 """The parameters of the projection method. Evidence for each default: docs/method.md."""
 
-from dataclasses import dataclass
-
-from msph.fluid.adaptivity.bands import AdaptationParameters
-from msph.parameter import parameter
+from msph.parameter import Section, parameter
 
 # Distance in a step over that past neighbours, in cfl spacings (-): at 1.5 and 2 a dam break's bulk
 # density was off by .8 and 1.3 % at the impact, not .6.
 LEAP = 1.25
 
 
-@dataclass(frozen=True)
-class ProjectionParameters:
-    """rest_density rho0 [kg/m^3], restitution: share of speed kept at walls (-), adaptation: None
-    where every particle keeps its layer; all else is declared with its unit below."""
+class ProjectionParameters(Section):
+    """The incompressible method: two pressure solves a step."""
 
-    rest_density: float = 1000.0
-    restitution: float = 0.0
-    adaptation: AdaptationParameters | None = None
     cfl: float = parameter(
         0.5, gt=0.0, le=1.0, text="most spacings that a particle moves past neighbours in a step"
     )

@@ -59,9 +59,8 @@ class PressureSolve:
         self.virial = VirialPressure(shared.layers, p, shared.neighbours, shared.density)
 
     def solve(self, dt: float) -> int:
-        """Multipliers for a step of dt [s]; returns the iterations it took."""
+        """Multipliers for a step of dt [s] after build_rhs(); returns the iterations it took."""
         limits = self.parameters
-        self.build_rhs(self.particles.count, dt)
         leeway = limits.motion_tolerance / limits.tolerance
         return self.converge(dt, limits.tolerance, leeway, limits.velocity_iterations)
 

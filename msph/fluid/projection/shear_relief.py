@@ -88,7 +88,7 @@ class ShearRelief:
 
     def tune(self, parameters: ProjectionParameters) -> None:
         """Takes over the share, and the steps in which forces by pressures are stable."""
-        self.share = parameters.shear_relief / parameters.rest_density
+        self.share = parameters.shear_relief / self.layers.rest_density
         self.cfl, self.pressure_cfl = parameters.cfl, parameters.pressure_cfl
 
     def apply(self, dt: float, external: ExternalForces) -> None:

@@ -10,8 +10,9 @@ from typing import Any
 
 import taichi as ti
 
-from msph.fluid.adaptivity import adaptation
-from msph.fluid.adaptivity.adaptation import Adaptation
+from msph.fluid.adaptivity.adaptation import ATTRIBUTES as ADAPTATION_ATTRIBUTES
+from msph.fluid.adaptivity.adaptation import Adaptation, band_rows
+from msph.fluid.adaptivity.bands import AdaptationParameters
 from msph.fluid.boundary import contact
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.layers import LayerSpec
@@ -102,48 +103,54 @@ class Projection:
         self.adaptation: Any = None  # where particles split and merge
         self.iterations, self.first, self.top_rate = 0, True, 0.0
 
-    def load(self, parameters: ProjectionParameters) -> None:
+    def load(
+        self, parameters: ProjectionParameters, adaptation: AdaptationParameters | None
+    ) -> None:
         """Takes the parameters of a scene, whose tables and constants are filled already."""
         wanted = [f for f in self.every_force if type(f).wanted(parameters)]
         self.forces, self.adaptation = wanted, None
         self.relieved = ShearRelief.wanted(parameters)
         self.position_correction.load(parameters.position_iterations)
         self.tune(parameters)
-        if parameters.adaptation is not None:
+        if adaptation is not None:
             self.adaptation = self.adapting
-            self.adaptation.load(parameters.adaptation)
+            self.adaptation.load(adaptation)
 
     @staticmethod
-    def constants_of(parameters: ProjectionParameters, specs: list[LayerSpec]) -> dict[str, Any]:
+    def constants_of(
+        parameters: ProjectionParameters,
+        adaptation: AdaptationParameters | None,
+        specs: list[LayerSpec],
+    ) -> dict[str, Any]:
         """Constants of a scene that only this method reads, by their names in Constants."""
         names = ("cfl", "pressure_cfl", "release", "spray", "largest_shift", "slip")
         found: dict[str, Any] = {name: getattr(parameters, name) for name in names}
         found["relaxation"] = position_correction.relaxation(max(s.smoothing for s in specs))
-        if parameters.adaptation is not None:
-            found["hysteresis"] = parameters.adaptation.hysteresis
-            found["settle"] = parameters.adaptation.settle
+        if adaptation is not None:
+            found |= {"hysteresis": adaptation.hysteresis, "settle": adaptation.settle}
         return found
 
     @staticmethod
-    def tables_of(parameters: ProjectionParameters, specs: list[LayerSpec]) -> tuple[dict, dict]:
+    def tables_of(
+        adaptation: AdaptationParameters | None, specs: list[LayerSpec]
+    ) -> tuple[dict, dict]:
         """Columns of the tables by layer and by pair of layers that only this method reads."""
         rows, pairs = density.density_tables(specs)
-        if parameters.adaptation is not None:
-            rows |= adaptation.band_rows(specs, parameters.adaptation)
+        if adaptation is not None:
+            rows |= band_rows(specs, adaptation)
         return rows, pairs
 
     @staticmethod
     def every_attribute() -> tuple[Attribute, ...]:
         """All attributes that any scene may use, beyond the core."""
         own = (a for force in forces.FORCES for a in force.ATTRIBUTES)
-        return (*ATTRIBUTES, *own, *adaptation.ATTRIBUTES)
+        return (*ATTRIBUTES, *own, *ADAPTATION_ATTRIBUTES)
 
     @staticmethod
-    def attributes(parameters: ProjectionParameters) -> tuple[Attribute, ...]:
+    def attributes(parameters: ProjectionParameters, adaptive: bool) -> tuple[Attribute, ...]:
         """Attributes that a scene with these parameters uses, beyond the core."""
         own = (a for force in forces.wanted(parameters) for a in force.ATTRIBUTES)
-        adaptive = adaptation.ATTRIBUTES if parameters.adaptation else ()
-        return (*ATTRIBUTES, *own, *adaptive)
+        return (*ATTRIBUTES, *own, *(ADAPTATION_ATTRIBUTES if adaptive else ()))
 
     @staticmethod
     def reach(parameters: ProjectionParameters) -> str:
@@ -217,53 +224,49 @@ class Projection:
             force.tune(parameters)
 
     def step(self, dt: float, external: ExternalForces, stage: Stage = no_stage) -> None:
-        """One step of dt [s]; stage(name) is entered round each part, as a profiler's hook.
+        """Advances the particles by one time step dt [s]; docs/method.md, "A step", has this box.
 
-        Leapfrog: half the way by the old velocities, forces and pressures there, and half the way
-        by the new ones. Positions are of second order in dt, and what compression a step leaves,
-        quadratic in its length, is a quarter at its end.
+        Leapfrog: half the drift with the old velocities, forces and pressures at mid-step, half the
+        drift with the new velocities. Each line says: what is read -> what is written. stage(name)
+        is entered around each part, as the hook of a profiler.
         """
-        with stage("advance"):
-            self.boundary.move(0.5 * dt)
-            self._drift(0.5 * dt)
-            self.boundary.move(0.5 * dt)
+        with stage("drift"):
+            self.boundary.move(0.5 * dt)  # body poses and velocities at t, at t + dt/2
+            self.contact.drift(0.5 * dt)  # x, v -> x; v where walls and bodies stop particles
+            self.boundary.move(0.5 * dt)  # body poses and velocities at t + dt/2, at t + dt
+            self.particles_moved()
         if self.adaptation and self.adaptation.due():
             with stage("adaptation"):
-                self.adapt()
+                self.neighbours.refresh()
+                self.adaptation.run()  # x, v, layer, neighbours -> all attributes: split, merged
+                self.particles_moved()
         with stage("neighbours"):
-            self.neighbours.refresh()
+            self.neighbours.refresh()  # x, layer -> order of all attributes, neighbour list
         with stage("density"):
-            self.density.refresh()
+            self.density.refresh()  # x, list -> density, pair gradients, diagonal
             if not self.parameters.tension:
-                self.density.follow_defect(self.particles.count)
+                self.density.follow_defect(self.particles.count)  # density -> density correction
         with stage("position correction"):
-            self.position_correction.find(dt)
+            self.position_correction.find(dt)  # density, v -> displacements, applied below
         with stage("forces"):
             for force in self.forces:
+                # v -> v; ShearRelief also reads the stress of the previous step.
                 force.apply(dt, external)
         with stage("pressure"):
-            self.iterations = self.pressure_solve.solve(dt)
-        with stage("advance"):
-            self.advance(dt, external.gravity)
+            # v, density, displacements -> rhs, multipliers of the previous steps as a start
+            self.pressure_solve.build_rhs(self.particles.count, dt)
+            self.iterations = self.pressure_solve.solve(dt)  # rhs, start -> multipliers
+            # multipliers -> v, pressure, stress
+            pressing = self.pressure_solve.accelerate(dt, external.gravity, self.relieved)
+        with stage("drift"):
+            self.position_correction.apply()  # displacements -> x, v, relative speeds
+            moving, way = self._fastest(self.particles.count, dt)
+            self.top_rate = max(pressing, moving)  # bounds the next step
+            if self.adaptation:
+                self.adaptation.travelled += way
+            self.contact.drift(0.5 * dt)  # x, v -> x, v
+            self.particles_moved()
         self.first = False
-
-    def adapt(self) -> None:
-        """Splits and merges, before a step: what a split crowds is corrected within the step."""
-        self.neighbours.refresh()
-        self.adaptation.run()
-        self.particles_moved()
-
-    def advance(self, dt: float, gravity: tuple[float, float, float]) -> None:
-        """Velocities by the pressures found, positions by correction and velocities."""
-        by_pressure = self.pressure_solve.accelerate(dt, gravity, self.relieved)
-        self.position_correction.apply()
-        self.top_rate = max(by_pressure, self._top_rate(self.particles.count, dt))
-        self._drift(0.5 * dt)
-
-    def _drift(self, dt: float) -> None:
-        """Particles by their velocities for dt [s], to where bodies stand at the end of it."""
-        self.contact.drift(dt)
-        self.particles_moved()
 
     def force(self, kind: type) -> Any:
         """The solver's force of that class, None where the scene has none."""
@@ -282,9 +285,9 @@ class Projection:
         self.grid.invalidate()
 
     @kernel
-    def _top_rate(self, n: ti.i32, dt: ti.f32) -> ti.f32:
-        """Largest rate [1/s] by which motion bounds the next step: speed over cfl spacings. Adds
-        to the way that adaptation has let particles go."""
+    def _fastest(self, n: ti.i32, dt: ti.f32) -> ti.math.vec2:
+        """Largest rate [1/s] by which motion bounds the next step, speed over cfl spacings; and the
+        farthest way of a particle in dt [s], in spacings."""
         p = self.particles
         top, longest = 0.0, 0.0
         for i in range(n):
@@ -296,5 +299,4 @@ class Projection:
                 relative = speed
             ti.atomic_max(longest, speed * dt / d)
             ti.atomic_max(top, relative / (self.constants.cfl[None] * d))
-        self.adapting.travelled[None] += longest
-        return top
+        return ti.Vector([top, longest])

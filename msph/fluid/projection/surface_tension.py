@@ -56,7 +56,7 @@ class SurfaceTension:
         self.images = shared.neighbours.images
 
     def tune(self, parameters: ProjectionParameters) -> None:
-        self.ratio = parameters.tension / parameters.rest_density
+        self.ratio = parameters.tension / self.layers.rest_density
         wave = self.layers.finest.volume / (2.0 * math.pi * self.ratio)
         self.longest_step = CAPILLARY * math.sqrt(wave)
 

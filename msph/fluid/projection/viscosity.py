@@ -61,7 +61,7 @@ class Viscosity:
         self.iterations = 0
 
     def tune(self, parameters: ProjectionParameters) -> None:
-        self.nu = parameters.viscosity / parameters.rest_density
+        self.nu = parameters.viscosity / self.layers.rest_density
         self.stiffness = self.nu * STIFFNESS / self.layers.finest.support**2
 
     def apply(self, dt: float, external: ExternalForces) -> None:
