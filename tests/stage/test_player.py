@@ -154,13 +154,6 @@ def press(player, show, *keys, number=1):
     return frames(player, show, number)
 
 
-def test_readme_has_the_table_of_keys():
-    with open("README.md", encoding="utf-8") as file:
-        text = file.read()
-    for key in KEYS:
-        assert f"| {key.shown} | {key.does} |" in text
-
-
 def test_pause_single_step_reset(player, show):
     press(player, show, " ")
     assert show.simulation.time == 0.0
