@@ -1,7 +1,7 @@
-"""Declarations of parameters: default, range, unit and help in one place.
+"""Declaration of parameters: default, range, unit and help text in one place.
 
-Sections hold the parameters of fluid, picture, scene files and lesson files. From the declarations
-come the checks of input, `--set`, sliders, `msph scenes --parameters` and written scenes.
+Sections declare the parameters of the solvers, the renderer, scene files and lesson files. Input
+checks, `--set`, sliders, `msph scenes --parameters` and written scenes are derived from them.
 """
 
 from typing import Annotated, Any
@@ -13,7 +13,7 @@ Vector = Annotated[tuple[Number, Number, Number], Field(strict=False)]
 
 
 class Section(BaseModel):
-    """A table of parameters. Unknown keys, wrong types, NaN and infinity are errors."""
+    """A table of parameters; unknown keys, wrong types, NaN and infinity are errors."""
 
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 
@@ -26,9 +26,10 @@ def parameter(
     live: tuple[float, float] | None = None,
     **limits: Any,
 ) -> Any:
-    """A parameter of a Section; `...` as default makes it required. limits: gt, ge, lt, le,
-    lengths, pattern. live: range of its slider where it may change while the simulation runs, for
-    vectors the range of the length."""
+    """Declares a parameter of a Section; it is required if the default is `...`.
+
+    limits: gt, ge, lt, le, lengths, pattern, as in pydantic. live: range of its slider if it may
+    change while the simulation runs; for a vector, the range of its length."""
     extra: dict[str, Any] = {"unit": unit, "live": live}
     if callable(default):
         return Field(default_factory=default, description=text, json_schema_extra=extra, **limits)

@@ -60,8 +60,8 @@ def test_scenes_lists_all_and_prints_one():
         (["capture", "pool", "-o", "a" * 300 + ".mp4"], "file name too long"),
         (["capture", "pool", "-o", "a.png", "-o", "tests/../a.png"], "output is named twice"),
         (["bench", "pool", "--json", "tests"], "tests: is a directory"),
-        (["bench", "pool", "--set", "gravity.1=-3"], "this scene gives no gravity: set all of it"),
-        (["bench", "pool", "--set", "title=\udce9"], "is no text"),
+        (["bench", "pool", "--set", "gravity.1=-3"], "gravity is not set in this scene"),
+        (["bench", "pool", "--set", "title=\udce9"], "is not valid Unicode text"),
         (["capture", "pool", "--size", "big"], "is no size such as 1280x720"),
         (["capture", "pool", "--seconds", "-1"], "-1.0 is not in the range x>0"),
         (["measure", "pool", "-o", "/dev/null/here"], "/dev/null/here/scene.toml: "),
@@ -69,7 +69,7 @@ def test_scenes_lists_all_and_prints_one():
         (["measure", "pool", "--seconds", "-1"], "duration: input should be greater than 0"),
         (
             ["bench", "pool", "--quality", "small", "--set", "variant=system-1"],
-            "pool: --quality: it has one quality, large: its water has an exact number",
+            "pool: --quality: has only the quality large: its number of particles is given",
         ),
         (["measure", "pool", "--converge", "2"], "2 is not in the range 3<=x<=5"),
         (["measure", "pool", "--resume", "Makefile"], "Makefile: is no checkpoint"),
@@ -80,11 +80,11 @@ def test_scenes_lists_all_and_prints_one():
         ),
         (
             ["measure", "pool", "--converge", "3", "--set", "variant=system-1"],
-            "pool: --converge: its spacings cannot change: its water has an exact number",
+            "pool: --converge: spacings cannot change: its number of particles is given",
         ),
         (
             ["measure", "still", "--converge", "5", "--set", "layers.0.spacing=0.2"],
-            "still with 4.00 times its spacings: layers.0: particles of 0.8 m do not fit",
+            "still with spacings multiplied by 4.00: layers.0: particles of 0.8 m do not fit",
         ),
         (["bench", "pool", "--quality", "best"], "'best' is not one of 'auto', 'small'"),
         (["scenes", "pol"], "did you mean 'pool'?"),

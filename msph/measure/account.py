@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from tabulate import tabulate
 
-from msph.scene.check import LEAST_ACROSS
+from msph.scene.check import MIN_SPACINGS_ACROSS
 
 # Forms of printing: percent, spacings, particles, shares near rounding.
 SHARE, COUNT, NUMBER, TINY = "{:+.3f} %", "{:.1f}", "{:.0f}", "{:.1e}"
@@ -57,7 +57,7 @@ FIGURES = (
         "spacings_across_narrowest_gap",
         "resolution",
         "across the narrowest gap",
-        float(LEAST_ACROSS),
+        float(MIN_SPACINGS_ACROSS),
         COUNT,
         "water in the gap has no room to flow: particles pass one by one or not at all",
         least=True,

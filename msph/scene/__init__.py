@@ -1,4 +1,4 @@
-"""What a scene is: declared parameters, TOML files that set them, and the water they describe."""
+"""Scenes: declared parameters, the TOML files that set them, and the particles they describe."""
 
 from msph.scene.build import build_simulation
 from msph.scene.errors import SceneError

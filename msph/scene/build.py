@@ -1,4 +1,4 @@
-"""From a scene to the simulation it describes."""
+"""Building a simulation from a scene."""
 
 import math
 
@@ -13,15 +13,15 @@ from msph.scene.water import capacity, initial_particles, layer_specs
 
 
 def build_simulation(scene: Scene) -> Simulation:
-    """Returns a simulation of the scene. ti.init must have been called.
+    """Returns a simulation of the scene; ti.init must have been called.
 
-    Raises SceneError where bodies leave no room for the water.
+    Raises SceneError if the bodies leave no room for water.
     """
     try:
         return Simulation(plan_of(scene))
     except NoWaterError:
         key = "container" if scene.container else "obstacles"
-        raise SceneError(scene.title, "no water is left outside of the bodies", key) from None
+        raise SceneError(scene.title, "no water is left outside the bodies", key) from None
 
 
 def plan_of(scene: Scene) -> Plan:
@@ -40,7 +40,7 @@ def plan_of(scene: Scene) -> Plan:
 
 
 def sway_angle(scene: Scene, time: float) -> float:
-    """Tilt [rad] that the scene gives to its pool at `time` [s], about the z axis."""
+    """Returns the tilt [rad] of the pool about the z axis at `time` [s], by the scene's sway."""
     sway = scene.sway
     if time >= sway.seconds:
         return 0.0
@@ -48,13 +48,14 @@ def sway_angle(scene: Scene, time: float) -> float:
 
 
 def turn(azimuth: float) -> np.ndarray:
-    """Rotation by `azimuth` [rad] about y, (3, 3): world axes to those of a camera's orbit."""
+    """Returns the rotation by `azimuth` [rad] about y, (3, 3), from world to camera-orbit axes."""
     c, s = math.cos(azimuth), math.sin(azimuth)
     return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
 
 
 def rotation(roll: float, pitch: float) -> np.ndarray:
-    """Rotation box -> world, (3, 3): `roll` [rad] about z, then `pitch` [rad] about x."""
+    """Returns the rotation from box to world axes, (3, 3): `roll` [rad] about z, then `pitch`
+    [rad] about x."""
     cr, sr, cp, sp = math.cos(roll), math.sin(roll), math.cos(pitch), math.sin(pitch)
     about_z = np.array([[cr, -sr, 0.0], [sr, cr, 0.0], [0.0, 0.0, 1.0]])
     about_x = np.array([[1.0, 0.0, 0.0], [0.0, cp, -sp], [0.0, sp, cp]])

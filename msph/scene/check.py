@@ -1,4 +1,4 @@
-"""What a schema cannot say: geometry, references between tables, and memory."""
+"""Checks of a scene beyond its schema: geometry, references between tables, and memory."""
 
 import itertools
 
@@ -22,21 +22,22 @@ from msph.surface.room import SurfaceRoom
 
 # Share of the free memory that a scene may take.
 MEMORY_SHARE = 0.8
-# Indices are 32-bit integers.
-MOST_NUMBERS = 2**31 - 1
-# Spacings across the box below which little is left of an arrangement.
-LEAST_ACROSS = 3
+# Most numbers in an array: indices are 32-bit integers.
+MAX_NUMBERS = 2**31 - 1
+# Particle spacings across a box or a gap below which pressures are inaccurate.
+MIN_SPACINGS_ACROSS = 3
 
 
 def views(scene: Scene) -> tuple[str, ...]:
-    """What a picture of the scene can show, in the order in which a key cycles through it."""
+    """Returns the views of the scene that can be rendered, in the order of the key that cycles
+    through them."""
     parameters = getattr(scene, scene.method)
     attributes = CORE + METHODS[scene.method].attributes(parameters, scene.adaptation.enabled)
     return ("water", *(a.view for a in attributes if a.view), "particles")
 
 
 def check(scene: Scene, where: str) -> None:
-    """Raises SceneError for a scene that is well formed but cannot be built."""
+    """Raises SceneError if a scene that satisfies its schema cannot be built."""
     for i, layer in enumerate(scene.layers):
         if (layer.mass is None) == (layer.spacing is None):
             raise SceneError(where, "give either mass or spacing", f"layers.{i}")
@@ -59,8 +60,8 @@ def check(scene: Scene, where: str) -> None:
         most = coarsest_cell / min(s.spacing for s in specs)
         raise SceneError(
             where,
-            f"is too coarse for a kernel of {scene.surface.smoothing:g} supports; at most "
-            f"{most:.4g} here (got {scene.surface.cell:g})",
+            f"is too coarse for surface.smoothing = {scene.surface.smoothing:g}; at most "
+            f"{most:.4g} is allowed (got {scene.surface.cell:g})",
             "surface.cell",
         )
     for i, water in enumerate(scene.water):
@@ -80,49 +81,51 @@ def check(scene: Scene, where: str) -> None:
 
 
 def _check_adaptation(scene: Scene, specs: list[LayerSpec], where: str) -> None:
-    """Adaptation needs the projection method, layers that can exchange, and room to start."""
+    """Raises SceneError if adaptation is enabled for a method that has none, without two layers
+    that can exchange particles, or with a capacity below the initial number of particles."""
     if not scene.adaptation.enabled:
         return
     if not METHODS[scene.method].ADAPTS:
         raise SceneError(
             where,
-            f"the method {scene.method} cannot adapt its layers; {able('ADAPTS')} can",
+            f"the method {scene.method} cannot adapt layers; {able('ADAPTS')} can",
             "adaptation.enabled",
         )
     if all(k < 0 for k in coarser_of(specs)):
         masses = ", ".join(f"{s.mass:.3g}" for s in specs)
         raise SceneError(
             where,
-            f"no two layers have masses of 1 : 2 (got {masses} kg), so none can exchange particles",
+            f"needs two layers whose particle masses are 1 : 2 (got {masses} kg)",
             "adaptation.enabled",
         )
     start = sum(particle_count(w, specs[w.layer]) for w in scene.water)
     if scene.adaptation.capacity is not None and scene.adaptation.capacity < start:
         raise SceneError(
             where,
-            f"the scene starts with {start:,} particles (got {scene.adaptation.capacity:,})",
+            f"is below the {start:,} particles at the start (got {scene.adaptation.capacity:,})",
             "adaptation.capacity",
         )
 
 
 def _check_layer_options(scene: Scene, where: str) -> None:
-    """A layer's option that the method would not heed is an error, not a decoration."""
-    heeded = METHODS[scene.method].LAYER_OPTIONS
+    """Raises SceneError for a layer option that the scene's method does not use."""
+    used = METHODS[scene.method].LAYER_OPTIONS
     for i, layer in enumerate(scene.layers):
         for option in LAYER_OPTIONS:
             given = getattr(layer, option) != Layer.model_fields[option].default
-            if given and option not in heeded:
+            if given and option not in used:
                 others = [n for n, s in METHODS.items() if option in s.LAYER_OPTIONS]
                 raise SceneError(
                     where,
-                    f"the method {scene.method} has no such option of a layer; "
-                    f"{' or '.join(others)} has",
+                    f"the method {scene.method} does not use this option; "
+                    f"{' or '.join(others)} does",
                     f"layers.{i}.{option}",
                 )
 
 
 def _check_memory(scene: Scene, specs: list[LayerSpec], solids: list[Body], where: str) -> None:
-    """Everything that is allocated but the picture, whose size is no part of the scene."""
+    """Raises SceneError if the simulation and its surface do not fit into the free memory; image
+    buffers are not counted, as their size is not part of the scene."""
     count = capacity(scene, specs)
     cell = scene.surface.cell * min(s.spacing for s in specs)
     needs = footprint(scene.box.size, specs, count, getattr(scene, scene.method))
@@ -132,7 +135,7 @@ def _check_memory(scene: Scene, specs: list[LayerSpec], solids: list[Body], wher
     keys |= {"surface": "surface.cell", "obstacles": "obstacles"}
     largest = max(needs, key=lambda name: needs[name])
     free = psutil.virtual_memory().available * MEMORY_SHARE
-    if WORD * sum(needs.values()) > free or needs[largest] > MOST_NUMBERS:
+    if WORD * sum(needs.values()) > free or needs[largest] > MAX_NUMBERS:
         raise SceneError(
             where,
             f"{count:,} particles in a box of {in_metres(scene.box.size)} need "
@@ -145,7 +148,9 @@ def _check_memory(scene: Scene, specs: list[LayerSpec], solids: list[Body], wher
 def _check_water(scene: Scene, water: Water, specs: list[LayerSpec], where: str, key: str) -> None:
     if water.layer >= len(scene.layers):
         raise SceneError(
-            where, f"there are {len(scene.layers)} layers, no layer {water.layer}", f"{key}.layer"
+            where,
+            f"must be a layer's index from 0 to {len(scene.layers) - 1} (got {water.layer})",
+            f"{key}.layer",
         )
     box = water.lo is not None and water.hi is not None
     ball = water.centre is not None and water.radius is not None
@@ -172,14 +177,14 @@ def _check_water(scene: Scene, water: Water, specs: list[LayerSpec], where: str,
 
 
 def cautions(scene: Scene) -> list[str]:
-    """What of the scene will be computed only roughly, a line each."""
+    """Returns one line for each part of the scene that will be computed inaccurately."""
     edge = min(scene.box.size)
     return probe_cautions(scene) + [
-        f"layers.{i}: the box's shortest edge of {edge:.3g} m is less than {LEAST_ACROSS} spacings "
-        f"of {spec.spacing:.3g} m or a support of {spec.support:.3g} m; pressures of so few "
-        "particles will be rough"
+        f"layers.{i}: pressures will be inaccurate, as the box's shortest edge of {edge:.3g} m is "
+        f"less than {MIN_SPACINGS_ACROSS} spacings of {spec.spacing:.3g} m or a support of "
+        f"{spec.support:.3g} m"
         for i, spec in enumerate(layer_specs(scene))
-        if max(LEAST_ACROSS * spec.spacing, spec.support) > edge
+        if max(MIN_SPACINGS_ACROSS * spec.spacing, spec.support) > edge
     ]
 
 

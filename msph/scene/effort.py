@@ -1,4 +1,4 @@
-"""How long a scene will take, as far as that is known before it runs."""
+"""Estimates of a scene's preparation time and number of steps before it runs."""
 
 import math
 
@@ -8,53 +8,53 @@ from msph.scene.obstacles import bodies
 from msph.scene.schema import Scene
 from msph.scene.water import layer_specs, particle_count
 
-# Wall-clock time of a step [s], and of each particle in it, on two cores (bench/results/peers.md,
-# bench/results/scale.md): of the size, no more.
-STEP, PARTICLE = 1e-3, 2.5e-6
-# Wall-clock time [s] that a face of a mesh takes until its distances are sampled: 1.3 million took
-# two minutes; and from which time on that is said.
-FACE, LONG = 9e-5, 10.0
-# Steps per simulated second from which on a scene is said to take long.
-MANY = 6000.0
+# Elapsed time [s] per step, and per particle and step, on two cores: order of magnitude only
+# (bench/results/peers.md, bench/results/scale.md).
+STEP_TIME, PARTICLE_TIME = 1e-3, 2.5e-6
+# Elapsed time [s] to sample the distances of one mesh face: two minutes for 1.3 million faces.
+FACE_TIME = 9e-5
+# Preparation time [s] and steps per simulated second above which a caution is given.
+LONG_PREPARATION, MANY_STEPS = 10.0, 6000.0
 
 
 def steps_per_second(scene: Scene, specs: list[LayerSpec], solids: list[Body]) -> tuple[float, str]:
-    """Fewest steps of a simulated second [1/s], and the key of what asks for them."""
+    """Returns the least number of steps per simulated second [1/s] and the scene key that sets
+    it."""
     d, h = min(s.spacing for s in specs), min(s.support for s in specs)
     if scene.method == "classic":
         sound = math.sqrt(scene.classic.stiffness)
         return sound / (scene.classic.courant * h), "classic.stiffness"
     p = scene.projection
-    asked = {"projection.longest_step": 1.0 / p.longest_step}
+    needed = {"projection.longest_step": 1.0 / p.longest_step}
     outer = int(scene.container is not None)
     for k, body in enumerate(solids[outer:]):
-        asked[f"obstacles.{k}"] = body.motion.top_speed(reach(body)) / (p.cfl * d)
-    key = max(asked, key=lambda name: asked[name])
-    return asked[key], key
+        needed[f"obstacles.{k}"] = body.motion.top_speed(reach(body)) / (p.cfl * d)
+    key = max(needed, key=lambda name: needed[name])
+    return needed[key], key
 
 
 def effort(scene: Scene) -> list[str]:
-    """Lines where the scene will take long to prepare, or many steps: what asks for them, how many,
-    how long."""
+    """Returns one line each if the scene needs a long preparation or many steps: the cause, the
+    number and the estimated elapsed time."""
     specs, solids = layer_specs(scene), bodies(scene)
     faces = sum(len(b.triangles) for b in solids if isinstance(b, Solid))
     lines = []
-    if faces * FACE > LONG:
-        lines.append(f"meshes of {faces:,} faces take about {in_words(faces * FACE)} to prepare")
+    preparation = faces * FACE_TIME
+    if preparation > LONG_PREPARATION:
+        lines.append(f"meshes of {faces:,} faces take about {in_words(preparation)} to prepare")
     steps, key = steps_per_second(scene, specs, solids)
-    if steps < MANY:
-        return lines
-    count = sum(particle_count(w, specs[w.layer]) for w in scene.water)
-    wall = steps * (STEP + PARTICLE * count)
-    return [
-        *lines,
-        f"{key}: asks for {steps:,.0f} steps a simulated second, of the order of "
-        f"{in_words(wall)} for each",
-    ]
+    if steps >= MANY_STEPS:
+        count = sum(particle_count(w, specs[w.layer]) for w in scene.water)
+        elapsed = steps * (STEP_TIME + PARTICLE_TIME * count)
+        lines.append(
+            f"{key}: requires {steps:,.0f} steps per simulated second, which take roughly "
+            f"{in_words(elapsed)}"
+        )
+    return lines
 
 
 def in_words(seconds: float) -> str:
-    """A time of two digits, in the unit that fits."""
+    """Formats a time [s] with two digits, in the largest fitting unit."""
     for size, unit in ((86400.0, "days"), (3600.0, "hours"), (60.0, "minutes")):
         if seconds >= size:
             return f"{seconds / size:.2g} {unit}"

@@ -1,4 +1,4 @@
-"""The one error that a scene can give: a line that names the file, the key and what is wrong."""
+"""The error of a scene: one line that names the file, the key and the problem."""
 
 from collections.abc import Iterable
 
@@ -6,7 +6,7 @@ from msph.errors import BadInputError
 
 
 class SceneError(BadInputError):
-    """A scene that cannot be used. str() is one line fit to be shown to a person."""
+    """A scene that cannot be used; str() is one line for the user: file, key, problem."""
 
     def __init__(self, where: str, problem: str, key: str = ""):
         self.where, self.key, self.problem = where, key, problem
@@ -14,5 +14,5 @@ class SceneError(BadInputError):
 
 
 def in_metres(point: Iterable[float]) -> str:
-    """A point or an extent [m] as messages write it."""
+    """Formats a point or an extent [m] for messages."""
     return "(" + ", ".join(f"{v:g}" for v in point) + ") m"

@@ -1,4 +1,4 @@
-"""The shipped scenes: where they are, what they are called, and their first lines."""
+"""The shipped scenes: their folder, names and files."""
 
 from pathlib import Path
 
@@ -7,19 +7,19 @@ from msph.scene.errors import SceneError
 
 
 def assets() -> Path:
-    """The folder of assets: beside the package in a checkout, inside it once installed."""
+    """Returns the assets folder: next to the package in a checkout, inside it once installed."""
     package = Path(__file__).resolve().parent.parent
     inside = package / "assets"
     return inside if inside.is_dir() else package.parent / "assets"
 
 
 def shipped_scenes() -> dict[str, Path]:
-    """The shipped scenes by name, in alphabetic order."""
+    """Returns the files of the shipped scenes by name, in alphabetic order."""
     return {p.stem: p for p in sorted((assets() / "scenes").glob("*.toml"))}
 
 
 def find_scene(name: str) -> Path:
-    """The file of a scene given as a path or as a shipped name. Raises SceneError."""
+    """Returns the file of a scene given as a path or a shipped name. Raises SceneError."""
     scenes = shipped_scenes()
     if name in scenes:
         return scenes[name]

@@ -1,4 +1,4 @@
-"""Live parameters: those that may change while a simulation runs."""
+"""Live parameters: parameters that may change while a simulation runs."""
 
 from dataclasses import dataclass
 
@@ -9,15 +9,15 @@ from msph.scene.parameters import parameters
 from msph.scene.parts import PARTS, value_of, with_value
 from msph.scene.schema import Scene
 
-# Parameters without a slider where they are 0: a part that is off has no kernels, and without
-# gravity there is no direction for it.
+# Parameters that get no slider if they are 0: the kernels of a part that is off are not built, and
+# zero gravity has no direction.
 HIDDEN_AT_ZERO = {"gravity", *(key for part in PARTS for key in part.off)}
 
 
 @dataclass(frozen=True)
 class Live:
-    """One live parameter: its dotted key, unit, help, and the range of its slider [unit]. Of a
-    vector the length is meant."""
+    """A live parameter: dotted key, unit, help text and slider range [unit]; for a vector, the
+    range of its length."""
 
     key: str
     unit: str
@@ -27,7 +27,8 @@ class Live:
 
 
 def live_parameters(scene: Scene) -> list[Live]:
-    """Those of a scene, in the order of its sections; ranges hold the scene's own value."""
+    """Returns the live parameters of a scene in the order of its sections; each range includes the
+    scene's own value."""
     found = []
     for p in parameters(Scene):
         section = p.key.partition(".")[0]
@@ -41,12 +42,12 @@ def live_parameters(scene: Scene) -> list[Live]:
 
 
 def read(scene: Scene, key: str) -> float:
-    """The value of a live parameter, of a vector its length."""
+    """Returns the value of a live parameter; for a vector, its length."""
     return float(np.linalg.norm(value_of(scene, key)))
 
 
 def changed(scene: Scene, key: str, value: float) -> Scene:
-    """The scene with another value of a live parameter."""
+    """Returns the scene with another value of a live parameter; a vector keeps its direction."""
     old = value_of(scene, key)
     if np.ndim(old):
         vector = np.array(old) * (value / np.linalg.norm(old))

@@ -1,4 +1,4 @@
-"""From a TOML file, its variants and overrides to a checked scene."""
+"""Reading scenes: TOML file, variants and overrides to a checked Scene, and back to TOML."""
 
 import copy
 import sys
@@ -21,15 +21,15 @@ else:
     import tomli as tomllib
 
 
-# What tomllib raises: for wrong syntax; for integers of thousands of digits; for arrays as deep.
+# Errors of tomllib: for wrong syntax, for integers of thousands of digits, for deep nesting.
 UNREADABLE = (tomllib.TOMLDecodeError, ValueError, RecursionError)
 
 
 def load_scene(name: str, overrides: tuple[str, ...] = ()) -> Scene:
-    """Reads the scene of that path or shipped name and applies overrides "key=value".
+    """Returns the checked scene of a path or shipped name with the overrides "key=value" applied.
 
-    A file may hold `variants`, named tables of changes to itself, and `variant`, which of them
-    applies; an override `variant=NAME` chooses another. Raises SceneError.
+    A file may hold `variants`, named tables of changes, and `variant`, the name of the one to
+    apply; an override `variant=NAME` selects another. Raises SceneError.
     """
     path = find_scene(name)
     data = read_toml(path)
@@ -49,7 +49,7 @@ def load_scene(name: str, overrides: tuple[str, ...] = ()) -> Scene:
 
 
 def mesh_tables(data: dict[str, Any]) -> list[dict[str, Any]]:
-    """The tables of a scene that name a mesh file."""
+    """Returns the tables of a scene that name a mesh file."""
     obstacles = data.get("obstacles")
     tables = [*obstacles] if isinstance(obstacles, list) else []
     tables.append(data.get("container"))
@@ -57,9 +57,9 @@ def mesh_tables(data: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """The tables of a TOML file. Raises SceneError for what is no text, no TOML, or empty."""
+    """Returns the tables of a TOML file. Raises SceneError if it is not text, not TOML or empty."""
     try:
-        # Editors on Windows begin a text with a mark of its byte order.
+        # Editors on Windows may write a byte-order mark.
         text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
         raise SceneError(path.name, "is not a text file") from None
@@ -75,13 +75,14 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def parse_override(text: str) -> tuple[str, Any]:
-    """ "box.size=[1, 1, 1]" -> ("box.size", [1, 1, 1]). What is no TOML value is a string."""
+    """Splits "box.size=[1, 1, 1]" into ("box.size", [1, 1, 1]); text that is not a TOML value is
+    returned as a string. Raises SceneError."""
     key, sign, value = text.partition("=")
     key = key.strip()
     try:
         text.encode("utf-8")
     except UnicodeEncodeError:
-        raise SceneError("--set", "is no text", ascii(text)) from None
+        raise SceneError("--set", "is not valid Unicode text", ascii(text)) from None
     if not sign or not key:
         raise SceneError("--set", "expects key=value", text)
     try:
@@ -91,46 +92,46 @@ def parse_override(text: str) -> tuple[str, Any]:
 
 
 def choose_variant(data: dict, settings: list[tuple[str, Any]], where: str) -> dict:
-    """The scene with the changes of its chosen variant, without the keys that say so."""
+    """Returns the scene's tables with the chosen variant applied and without the keys `variant`
+    and `variants`. Raises SceneError."""
     data = copy.deepcopy(data)
     variants = data.pop("variants", {})
     chosen = data.pop("variant", None)
-    asked = [value for key, value in settings if key == "variant"]
     if not isinstance(variants, dict):
-        raise SceneError(where, f"is no table of variants (got {variants!r})", "variants")
-    if asked:
-        chosen, where = asked[-1], "--set"
+        raise SceneError(where, f"is not a table of variants (got {variants!r})", "variants")
+    for key, value in settings:
+        if key == "variant":
+            chosen, where = value, "--set"
     if chosen is None:
         return data
     if str(chosen) not in variants:
-        known = ", ".join(variants) if variants else "none in this scene"
+        known = ", ".join(variants) or "none in this scene"
         raise SceneError(where, f"unknown variant {chosen!r}; known: {known}", "variant")
     change = variants[str(chosen)]
     if not isinstance(change, dict):
-        raise SceneError(where, "is no table of changes", f"variants.{chosen}")
+        raise SceneError(where, "is not a table", f"variants.{chosen}")
     return merge(data, change)
 
 
 def merge(base: dict, change: dict) -> dict:
-    """Tables are merged key by key; anything else is replaced."""
+    """Returns `base` updated by `change`: tables are merged key by key, other values replaced."""
     result = dict(base)
     for key, value in change.items():
         old = result.get(key)
-        result[key] = (
-            merge(old, value) if isinstance(old, dict) and isinstance(value, dict) else value
-        )
+        both = isinstance(old, dict) and isinstance(value, dict)
+        result[key] = merge(old, value) if both else value
     return result
 
 
 def assign(data: Any, key: str, value: Any, where: str) -> None:
-    """Sets a dotted key such as layers.0.mass in nested tables and lists."""
+    """Sets a dotted key such as layers.0.mass in nested tables and lists. Raises SceneError."""
     *parents, last = key.split(".")
     for name in parents:
         if isinstance(data, list):
             data = data[_index(data, name, key, where)]
         elif isinstance(data, dict):
             if name not in data and last.isdigit():
-                problem = f"this scene gives no {name}: set all of it, such as {name}=[...]"
+                problem = f"{name} is not set in this scene: set the whole list, {name}=[...]"
                 raise SceneError(where, problem, key)
             data = data.setdefault(name, {})
         else:
@@ -140,7 +141,7 @@ def assign(data: Any, key: str, value: Any, where: str) -> None:
     elif isinstance(data, dict):
         data[last] = value
     else:
-        raise SceneError(where, f"{last!r} is no parameter", key)
+        raise SceneError(where, f"{last!r} is not a parameter", key)
 
 
 def _index(items: list, name: str, key: str, where: str) -> int:
@@ -152,9 +153,9 @@ def _index(items: list, name: str, key: str, where: str) -> int:
 def explain(
     error: ValidationError, where: str, data: dict, model: type[BaseModel] = Scene
 ) -> SceneError:
-    """The first error of a validation of a model as one line: file, key, what is wrong, a hint."""
+    """Returns the first error of a validation as one line: file, key, problem and hint."""
     details = error.errors()
-    # A misspelt key also leaves its rightful one missing: name the cause.
+    # A misspelt key is reported before the required key that it leaves missing.
     first = next((d for d in details if d["type"] == "extra_forbidden"), details[0])
     location = [part for part in first["loc"] if not str(part).startswith("function-")]
     key = ".".join(str(part) for part in location)
@@ -175,7 +176,7 @@ def explain(
 
 
 def _model_at(location: list, model: type[BaseModel]) -> type[BaseModel]:
-    """The section of the schema `model` that a location of the data belongs to."""
+    """Returns the section of the schema `model` at a location of the data."""
     for part in location:
         if isinstance(part, str) and part in model.model_fields:
             kind = model.model_fields[part].annotation
@@ -185,6 +186,6 @@ def _model_at(location: list, model: type[BaseModel]) -> type[BaseModel]:
 
 
 def to_toml(scene: Scene, note: str) -> str:
-    """The effective scene, every parameter spelt out, as TOML that loads to the same scene; note: a
-    line of comment at its top."""
+    """Returns the scene with all its parameters as TOML that loads to the same scene; note: text of
+    the comment on the first line."""
     return f"# {note}\n" + tomli_w.dumps(scene.model_dump(mode="json", exclude_none=True))

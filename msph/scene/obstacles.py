@@ -1,4 +1,4 @@
-"""From a scene's obstacles and container to bodies, and what is wrong with them."""
+"""Building and checking the bodies of a scene: its obstacles and its container."""
 
 import math
 
@@ -10,19 +10,20 @@ from msph.scene.errors import SceneError, in_metres
 from msph.scene.meshes import MeshError, load_mesh
 from msph.scene.schema import Container, Obstacle, Scene
 
-# Fastest surface of a body [m/s]: sound goes at 1480 m/s in water.
-FASTEST = 500.0
-# Largest edge of a mesh over the box's: beyond, it is in another unit.
-LARGEST = 50.0
+# Largest speed of a body's surface [m/s]; the speed of sound in water is 1480 m/s.
+MAX_SPEED = 500.0
+# Largest extent of a mesh over the box's longest edge; larger meshes are in another unit.
+MAX_EXTENT = 50.0
 
 
 def bodies(scene: Scene) -> list[Body]:
-    """The bodies of a checked scene, the container first."""
+    """Returns the bodies of a checked scene, the container first."""
     found: list[Body] = [] if scene.container is None else [_container(scene.container)]
     return found + [body(obstacle) for obstacle in scene.obstacles]
 
 
 def body(obstacle: Obstacle) -> Body:
+    """Returns the body of a checked obstacle."""
     motion = Motion(
         velocity=obstacle.velocity,
         swing=obstacle.swing,
@@ -42,23 +43,23 @@ def _container(container: Container) -> Solid:
 
 
 def placed(mesh: Obstacle | Container) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices [m] and triangles of a mesh, scaled, rotated about x, y and z, and put in place."""
+    """Returns vertices [m] and triangles of a mesh: scaled, rotated about x, y, z, translated."""
+    from scipy.spatial.transform import Rotation  # 0.5 s to import, and only meshes need it
+
     vertices, triangles = load_mesh(str(mesh.mesh))
-    about_x, about_y, about_z = (
-        Motion(axis=axis, rate=math.radians(angle)).turn(1.0)
-        for axis, angle in zip(((1, 0, 0), (0, 1, 0), (0, 0, 1)), mesh.rotation, strict=True)
-    )
-    turned = vertices * mesh.scale @ (about_z @ about_y @ about_x).T
-    return turned + np.array(mesh.position), triangles
+    rotation = Rotation.from_euler("xyz", mesh.rotation, degrees=True)
+    return rotation.apply(vertices * mesh.scale) + np.array(mesh.position), triangles
 
 
 def check_bodies(scene: Scene, spacing: float, where: str) -> list[Body]:
-    """Returns the bodies of a scene whose finest `spacing` is given [m], the container first.
-    Raises SceneError for obstacles and a container that cannot be built."""
+    """Returns the bodies of a scene, the container first; spacing: the finest layer's [m].
+
+    Raises SceneError for an obstacle or a container that cannot be built."""
     found: list[Body] = []
     if (scene.obstacles or scene.container) and not METHODS[scene.method].HAS_BODIES:
         key = "obstacles" if scene.obstacles else "container"
-        raise SceneError(where, f"only {able('HAS_BODIES')} models them, not {scene.method}", key)
+        problem = f"the method {scene.method} has no bodies; {able('HAS_BODIES')} has"
+        raise SceneError(where, problem, key)
     if scene.container is not None:
         _check_mesh(scene.container, where, "container")
         found.append(_container(scene.container))
@@ -89,11 +90,12 @@ def _check_obstacle(scene: Scene, obstacle: Obstacle, spacing: float, where: str
     if not any(obstacle.axis):
         raise SceneError(where, "has no direction", f"{key}.axis")
     made = body(obstacle)
-    if made.motion.top_speed(reach(made)) > FASTEST:
+    speed = made.motion.top_speed(reach(made))
+    if speed > MAX_SPEED:
         raise SceneError(
             where,
-            f"its surface moves at {made.motion.top_speed(reach(made)):.3g} m/s; at most "
-            f"{FASTEST:g}, beyond which water is not incompressible",
+            f"its surface moves at {speed:.3g} m/s; at most {MAX_SPEED:g} m/s is allowed, beyond "
+            "which water is not incompressible",
             key,
         )
     lo, hi = made.bounds
@@ -102,21 +104,21 @@ def _check_obstacle(scene: Scene, obstacle: Obstacle, spacing: float, where: str
     if np.min(hi - lo) < spacing:
         raise SceneError(
             where,
-            f"is {np.min(hi - lo):.3g} m thin; water of particles {spacing:.3g} m wide would "
-            "reach through it",
+            f"is {np.min(hi - lo):.3g} m thick, less than the particle spacing of {spacing:.3g} m, "
+            "so water on both sides would interact through it",
             key,
         )
     times = float(np.max(hi - lo) / max(scene.box.size))
-    if obstacle.mesh is not None and times > LARGEST:
+    if obstacle.mesh is not None and times > MAX_EXTENT:
         raise SceneError(
             where,
-            f"is {np.max(hi - lo):.3g} m large, {times:.0f} times the box; a file in millimetres "
+            f"is {np.max(hi - lo):.3g} m large, {times:.0f} times the box; a mesh in millimetres "
             "needs scale = 0.001",
             f"{key}.mesh",
         )
     outside = np.any(hi <= 0.0) or np.any(lo >= np.array(scene.box.size))
     if outside and not made.motion.moves:
-        raise SceneError(where, "is outside the box, and stays there", key)
+        raise SceneError(where, "is outside the box and does not move", key)
     return made
 
 

@@ -1,4 +1,4 @@
-"""Every parameter of a scene as it was declared: for lists, and for sliders."""
+"""List of a section's declared parameters, for `msph scenes --parameters` and for sliders."""
 
 from dataclasses import dataclass
 from types import UnionType
@@ -9,7 +9,7 @@ from msph.parameter import Section
 
 @dataclass(frozen=True)
 class Parameter:
-    """One declared parameter: its dotted key, type, default, unit, range and help, in words."""
+    """A declared parameter as text: dotted key, type, default, unit, range and help."""
 
     key: str
     kind: str
@@ -31,7 +31,7 @@ class Parameter:
 
 
 def parameters(section: type[Section], prefix: str = "") -> list[Parameter]:
-    """Every parameter of a section and of the sections within it; list items as name.0."""
+    """Returns the parameters of a section and its subsections; list items are named name.0."""
     found: list[Parameter] = []
     for name, info in section.model_fields.items():
         key, kinds = prefix + name, _kinds(info.annotation)
@@ -62,7 +62,7 @@ _SIGNS = (("gt", ">"), ("ge", ">="), ("lt", "<"), ("le", "<="))
 
 
 def _kinds(annotation: Any) -> list[Any]:
-    """The types an annotation allows, Annotated, Optional, Literal and list opened up."""
+    """Returns the types of an annotation, with Annotated, Optional, Literal and list unwrapped."""
     origin = get_origin(annotation)
     if origin is Annotated:
         return _kinds(get_args(annotation)[0])

@@ -1,4 +1,4 @@
-"""The optional parts of a scene, listed once: for sliders, `scenes --explain` and benchmarks."""
+"""The optional parts of a scene, used by sliders, `scenes --explain` and benchmarks."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -9,8 +9,8 @@ from msph.scene.schema import Scene
 
 @dataclass(frozen=True)
 class Part:
-    """An optional part. off: parameters that switch it off, by dotted keys. modules: prefix of the
-    modules whose kernels belong to it, "" where its work is done by others."""
+    """An optional part. off: values of the parameters, by dotted key, that switch it off. modules:
+    prefix of the modules that hold its kernels, "" if it has none of its own."""
 
     name: str
     off: dict[str, Any]
@@ -18,7 +18,7 @@ class Part:
 
     @property
     def picture(self) -> bool:
-        """True if the part changes the image alone."""
+        """True if the part changes only the image."""
         return all(key.startswith("picture.") for key in self.off)
 
     def active(self, scene: Scene) -> bool:
@@ -39,7 +39,7 @@ _PROJECTION = "msph.fluid.projection"
 PARTS = (
     Part("adaptation", {"adaptation.enabled": False}, "msph.fluid.adaptivity"),
     Part("bodies", {"obstacles": [], "container": None}, "msph.fluid.boundary"),
-    # Without viscosity nothing sticks to walls.
+    # Walls without slip act through viscosity.
     Part(
         "viscosity",
         {"projection.viscosity": 0.0, "projection.slip": True},
@@ -62,7 +62,7 @@ def value_of(scene: Scene, key: str) -> Any:
 
 
 def with_value(scene: Scene, key: str, value: Any) -> Scene:
-    """Returns the scene with another value of a parameter, by its dotted key; not checked again."""
+    """Returns the scene, unchecked, with another value of a parameter by its dotted key."""
     section, _, name = key.rpartition(".")
     if not section:
         return scene.model_copy(update={name: value})

@@ -1,4 +1,4 @@
-"""What is wrong with the probes of a scene."""
+"""Checks of a scene's probes."""
 
 import numpy as np
 
@@ -8,8 +8,8 @@ from msph.scene.obstacles import bodies
 from msph.scene.schema import Probe, Scene
 from msph.scene.water import TOLERANCE
 
-# The keys that say where a probe of each kind is, one tuple of them or another.
-KEYS: dict[str, tuple[tuple[str, ...], ...]] = {
+# Alternative sets of keys that place a probe of each kind.
+PLACE_KEYS: dict[str, tuple[tuple[str, ...], ...]] = {
     "pressure": (("point",), ("lo", "hi")),
     "velocity": (("point",),),
     "height": (("at",),),
@@ -20,18 +20,18 @@ KEYS: dict[str, tuple[tuple[str, ...], ...]] = {
 
 
 def _check_probe(scene: Scene, probe: Probe, where: str, key: str) -> None:
-    choices = KEYS[probe.kind]
-    every = dict.fromkeys(k for sets in KEYS.values() for keys in sets for k in keys)
+    choices = PLACE_KEYS[probe.kind]
+    every = dict.fromkeys(k for sets in PLACE_KEYS.values() for keys in sets for k in keys)
     given = tuple(name for name in every if getattr(probe, name) is not None)
     needed = " or ".join(" and ".join(names) for names in choices)
     for name in given:
         if not any(name in names for names in choices):
-            problem = f"belongs to another kind of probe than {probe.kind}, which has {needed}"
+            problem = f"is not a key of {probe.kind} probes, which need {needed}"
             raise SceneError(where, problem, f"{key}.{name}")
     if given not in choices:
-        raise SceneError(where, f"a probe of {probe.kind} needs {needed}", key)
+        raise SceneError(where, f"a {probe.kind} probe needs {needed}", key)
     if probe.window and probe.kind != "pressure":
-        raise SceneError(where, "only probes of pressure have one", f"{key}.window")
+        raise SceneError(where, "is a key of pressure probes only", f"{key}.window")
     size = np.array(scene.box.size)
     rooms = {"point": size, "lo": size, "hi": size, "at": size[[0, 2]]}
     for name in given:
@@ -39,12 +39,12 @@ def _check_probe(scene: Scene, probe: Probe, where: str, key: str) -> None:
         if room is not None and (
             np.any(np.array(place) < -TOLERANCE) or np.any(np.array(place) > room + TOLERANCE)
         ):
-            problem = f"{in_metres(place)} lies outside the box of {in_metres(size)}"
+            problem = f"{in_metres(place)} is outside the box of {in_metres(size)}"
             raise SceneError(where, problem, f"{key}.{name}")
     if probe.lo is not None and probe.hi is not None:
         edges = np.array(probe.hi) - np.array(probe.lo)
         if sorted(np.sign(edges)) != [0.0, 1.0, 1.0]:
-            problem = "must equal lo on one axis and exceed it on the others: a rectangle"
+            problem = "must equal lo on one axis and exceed it on the others, to form a rectangle"
             raise SceneError(where, problem, f"{key}.hi")
     if probe.body is not None:
         bodies = {f"obstacles.{i}" for i in range(len(scene.obstacles))}
@@ -52,12 +52,12 @@ def _check_probe(scene: Scene, probe: Probe, where: str, key: str) -> None:
         if probe.body not in bodies:
             known = ", ".join(sorted(bodies)) or "none"
             raise SceneError(
-                where, f"{probe.body} is no body of the scene; known: {known}", f"{key}.body"
+                where, f"the scene has no body {probe.body}; known: {known}", f"{key}.body"
             )
 
 
 def check_probes(scene: Scene, where: str) -> None:
-    """Raises SceneError for probes that cannot be built."""
+    """Raises SceneError if a probe cannot be built."""
     for i, probe in enumerate(scene.probes):
         _check_probe(scene, probe, where, f"probes.{i}")
         if probe.name in [p.name for p in scene.probes[:i]]:
@@ -67,18 +67,16 @@ def check_probes(scene: Scene, where: str) -> None:
 
 
 def probe_cautions(scene: Scene) -> list[str]:
-    """Probes at points that a block or a ball covers at the start, a line each."""
-    if not any(p.point for p in scene.probes):
-        return []
+    """Returns one line for each probe at a point inside a block or a ball at the start."""
     return [
-        f"probes.{i}: {in_metres(p.point)} is inside of a body, where there is nothing to read"
+        f"probes.{i}: {in_metres(p.point)} is inside a body, where the probe reads nothing"
         for i, p in enumerate(scene.probes)
-        if p.point and any(_covers(body, np.array(p.point)) for body in bodies(scene))
+        if p.point and any(_contains(body, np.array(p.point)) for body in bodies(scene))
     ]
 
 
-def _covers(body, point: np.ndarray) -> bool:
-    """Whether a point is inside of a body; of meshes it is not known."""
+def _contains(body, point: np.ndarray) -> bool:
+    """Returns True if a block or a ball contains the point; False for meshes."""
     if isinstance(body, Ball):
         return bool(np.linalg.norm(point - body.centre) < body.radius - TOLERANCE)
     inside = isinstance(body, Block) and np.all((point > body.lo) & (point < body.hi))

@@ -1,4 +1,4 @@
-"""The quality ladder: the same scene with larger or smaller particles."""
+"""Qualities of a scene: the same scene with larger or smaller particles."""
 
 import json
 from dataclasses import dataclass
@@ -12,41 +12,44 @@ from msph.scene.schema import Scene
 
 @dataclass(frozen=True)
 class Quality:
-    """One step of the ladder.
-
-    spacing (-): factor of all spacings. Where the scene gives none, motion_tolerance (-): share of
-    the motion that the pressure solve may leave; cfl (-): spacings that it may go in a step.
-    """
+    """A quality. spacing (-): factor of all spacings. motion_tolerance (-): relative tolerance of
+    the pressure solve, and cfl (-): limit of the way per step, in spacings; both apply only if the
+    scene does not set them."""
 
     spacing: float
     motion_tolerance: float = 0.01
     cfl: float = 0.5
 
 
-# From coarse to fine, each with half the volume per particle of the one before; "large" is what
-# scenes say. Looser tolerances and longer steps are undominated in still and sloshing water, not in
-# dam breaks (bench/results/pareto.md): they are for the time, and their error is printed. Narrower
-# supports cost more at equal error everywhere (bench/results/quality_settings.md).
-STEPS = (
-    Quality(2.0 ** (2.0 / 3.0), 0.03, 0.8),
-    Quality(2.0 ** (1.0 / 3.0), 0.03, 0.8),
-    Quality(1.0),
-    Quality(2.0 ** (-1.0 / 3.0)),
+# Qualities from coarse to fine; each has half the particle volume of the one before, and "large"
+# has the scene's own spacings. Looser tolerances and longer steps are Pareto-optimal for still and
+# sloshing water, not for dam breaks (bench/results/pareto.md). Smaller supports cost more at equal
+# error (bench/results/quality_settings.md).
+LADDER = dict(
+    zip(
+        QUALITIES,
+        (
+            Quality(2.0 ** (2.0 / 3.0), 0.03, 0.8),
+            Quality(2.0 ** (1.0 / 3.0), 0.03, 0.8),
+            Quality(1.0),
+            Quality(2.0 ** (-1.0 / 3.0)),
+        ),
+        strict=True,
+    )
 )
-LADDER = dict(zip(QUALITIES, STEPS, strict=True))
 
 
 def fixed(scene: Scene) -> str | None:
-    """Why the scene has one quality only; None where it has them all."""
+    """Returns the reason why the scene has only one quality, or None if it has all."""
     if scene.method == "classic":
-        return "the classic method's constants belong to its spacings"
+        return "the constants of the classic method are set for its spacings"
     if any(w.count for w in scene.water):
-        return "its water has an exact number of particles"
+        return "its number of particles is given"
     return None
 
 
 def scaled(scene: Scene, quality: Quality) -> Scene:
-    """The scene at that quality, not checked again."""
+    """Returns the scene at that quality, unchecked."""
     layers = [
         layer.model_copy(
             update={
@@ -64,41 +67,39 @@ def scaled(scene: Scene, quality: Quality) -> Scene:
 
 
 def at_quality(scene: Scene, quality: str, where: str) -> Scene:
-    """The scene at that step of the ladder. Raises SceneError, which names the scene as `where`, if
-    it has one quality only and another is asked for, or for particles that do not fit."""
+    """Returns the checked scene at that quality. Raises SceneError, with `where` as the scene's
+    name, if the scene has only one quality or its particles do not fit the box."""
     if quality == AS_GIVEN:
         return scene
     why = fixed(scene)
     if why:
-        raise SceneError(where, f"it has one quality, {AS_GIVEN}: {why}", "--quality")
+        raise SceneError(where, f"has only the quality {AS_GIVEN}: {why}", "--quality")
     found = scaled(scene, LADDER[quality])
     check(found, where)
     return found
 
 
 def coarser(scene: Scene, factors: list[float], where: str) -> list[tuple[float, Scene]]:
-    """The scene with spacings larger by each factor, all else as it is. Raises SceneError, which
-    names the scene as `where`, if its spacings cannot change or such particles do not fit."""
+    """Returns the scene with its spacings multiplied by each factor. Raises SceneError, with
+    `where` as the scene's name, if its spacings cannot change or its particles do not fit."""
     why = fixed(scene)
     if why:
-        raise SceneError(where, f"its spacings cannot change: {why}", "--converge")
+        raise SceneError(where, f"spacings cannot change: {why}", "--converge")
     own = scene.projection
     found = [
         (factor, scaled(scene, Quality(factor, own.motion_tolerance, own.cfl)))
         for factor in factors
     ]
     for factor, each in found:
-        check(each, f"{where} with {factor:.2f} times its spacings")
+        check(each, f"{where} with spacings multiplied by {factor:.2f}")
     return found
 
 
 @dataclass(frozen=True)
 class Cost:
-    """What a run was measured to cost on the machine of `python bench/quality.py`.
-
-    particles: most at once. dearest (-): wall-clock over simulated time of the water's dearest half
-    second; error (-): of its centre of mass, over the height of the water.
-    """
+    """Measured cost of a run, by `python bench/quality.py`. particles: largest number. dearest (-):
+    elapsed over simulated time in the slowest half second. error (-): of the centre of mass, over
+    the water's height."""
 
     particles: int
     dearest: float
@@ -106,8 +107,8 @@ class Cost:
 
 
 def costs(name: str) -> dict[str, Cost]:
-    """Of a shipped scene, by quality; empty for a scene that was not measured. The file is what
-    `python bench/quality.py` writes."""
+    """Returns the costs of a shipped scene by quality, from the file that `python bench/quality.py`
+    writes; empty if the scene was not measured."""
     known = json.loads((assets() / "quality.json").read_text(encoding="utf-8"))
     return {
         quality: Cost(int(row["particles"]), row["dearest"], row["error"])

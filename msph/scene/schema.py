@@ -1,8 +1,7 @@
-"""Every parameter of a scene, declared once: default, range, unit and help.
+"""Schema of a scene: every parameter with default, range, unit and help text.
 
-From these declarations come the strict schema, `--set`, `msph scenes --parameters`, the written
-scene beside a capture, and the names in error messages. SI units; y is up; the box's min corner
-is the origin.
+Input checks, `--set`, `msph scenes --parameters`, the scene file written by a capture and the keys
+in error messages are derived from it. SI units; y is up; the origin is the box's lower corner.
 """
 
 from typing import Annotated, Literal
@@ -16,7 +15,7 @@ from msph.fluid.projection.parameters import ProjectionParameters
 from msph.parameter import Number, Section, Vector, parameter
 from msph.picture.look import Look
 
-# Edges of a box [m]: beyond these single precision cannot place particles.
+# Edge of a box [m]; single precision cannot resolve positions beyond this range.
 Edge = Annotated[float, Field(strict=True, ge=1e-3, le=1e4)]
 Size = Annotated[tuple[Edge, Edge, Edge], Field(strict=False)]
 Place = Annotated[tuple[Number, Number], Field(strict=False)]
@@ -27,84 +26,87 @@ class Box(Section):
 
     size: Size = parameter(unit="m", text="inner edge lengths along x, y (up) and z")
     restitution: float = parameter(
-        0.0, ge=0.0, le=1.0, text="share of the speed that a wall gives back"
+        0.0, ge=0.0, le=1.0, text="rebound speed over impact speed at a wall"
     )
 
 
 class Layer(Section):
-    """A particle size. Give its mass or its spacing; one follows from the other."""
+    """A particle size, given by mass or by spacing."""
 
     mass: float | None = parameter(None, gt=1e-12, le=1e9, unit="kg", text="mass of one particle")
     spacing: float | None = parameter(
-        None, gt=1e-5, le=1e3, unit="m", text="edge of the cube that one particle fills at rest"
+        None, gt=1e-5, le=1e3, unit="m", text="edge of the cube of one particle's rest volume"
     )
     smoothing: float | None = parameter(
         None,
         ge=1.2,
         le=4.0,
-        text="support radius over spacing, h/d, where kernels vanish; default: "
+        text="support radius of the kernels over spacing, h/d; default: "
         + ", ".join(f"{s.SMOOTHING:g} in {name}" for name, s in METHODS.items()),
     )
     gravity_factor: float = parameter(
-        1.0, ge=0.0, le=1.0, text="share of gravity that the layer feels (thesis: less if finer)"
+        1.0, ge=0.0, le=1.0, text="factor of gravity in this layer (thesis: smaller if finer)"
     )
     viscosity: float | None = parameter(
-        None, ge=0.0, unit="Pa s", text="own dynamic viscosity in place of classic.viscosity"
+        None,
+        ge=0.0,
+        unit="Pa s",
+        text="dynamic viscosity; default: classic.viscosity",
     )
     kernels: Literal["mueller", "wendland"] = parameter(
-        "mueller", text="poly6 and spiky (Mueller 2003), or Wendland C2 for both"
+        "mueller", text="kernels: poly6 and spiky (Mueller 2003), or Wendland C2 for both"
     )
 
     def mass_at(self, density: float) -> float:
-        """Mass of a particle [kg], given or from the spacing at that rest density [kg/m^3]."""
+        """Returns the mass of a particle [kg] at a rest density [kg/m^3]."""
         if self.mass is not None:
             return self.mass
         return density * (self.spacing or 0.0) ** 3
 
 
-# Options of a layer that only some methods heed.
+# Options of a layer that only some methods use.
 LAYER_OPTIONS = ("gravity_factor", "viscosity", "kernels")
 
 
 class Water(Section):
-    """A body of water: a box from lo to hi, or a ball, filled with one layer."""
+    """A volume of water, filled with one layer: a box from lo to hi, or a ball."""
 
-    layer: int = parameter(0, ge=0, text="index into layers")
+    layer: int = parameter(0, ge=0, text="index of the layer, from 0")
     lo: Vector | None = parameter(None, unit="m", text="lower corner of a box of water")
     hi: Vector | None = parameter(None, unit="m", text="upper corner of a box of water")
     centre: Vector | None = parameter(None, unit="m", text="centre of a ball of water")
     radius: float | None = parameter(None, gt=0.0, unit="m", text="radius of a ball of water")
     count: int | None = parameter(
-        None, gt=0, text="exact number of particles, laid from the bottom; default: by volume"
+        None, gt=0, text="exact number of particles, from the bottom up; default: by volume"
     )
     velocity: Vector = parameter((0.0, 0.0, 0.0), unit="m/s", text="initial velocity")
     jitter: float = parameter(
-        0.02, ge=0.0, le=0.5, text="random shift of the initial lattice, in spacings"
+        0.02, ge=0.0, le=0.5, text="range of random initial displacements, in spacings"
     )
 
 
 class Placed(Section):
-    """A mesh and where it stands."""
+    """Placement of a mesh."""
 
     scale: float = parameter(1.0, gt=0.0, le=1e6, unit="m", text="length of the mesh file's unit")
     rotation: Vector = parameter(
-        (0.0, 0.0, 0.0), unit="deg", text="turns of the mesh about x, then y, then z"
+        (0.0, 0.0, 0.0), unit="deg", text="angles of rotation about x, then y, then z"
     )
     position: Vector = parameter(
-        (0.0, 0.0, 0.0), unit="m", text="where the mesh file's origin comes to be"
+        (0.0, 0.0, 0.0), unit="m", text="position of the mesh file's origin"
     )
 
 
 class Container(Placed):
-    """A closed mesh that holds the water in place of the box's walls."""
+    """A closed mesh that contains the water, instead of the box's walls."""
 
-    mesh: str = parameter(text="file (.obj .ply .stl), beside the scene file or shipped")
+    mesh: str = parameter(text="mesh file (.obj .ply .stl): next to the scene file, or shipped")
 
 
 class Obstacle(Placed):
-    """A body in the water: a box from lo to hi, a ball, or a closed mesh; at rest or moving.
+    """A fixed or moving body: a box from lo to hi, a ball, or a closed mesh.
 
-    What stands on the floor or against a wall should be sunk into it; boxes that touch are.
+    A body on the floor or at a wall should reach into it; boxes that touch are extended into it.
     """
 
     lo: Vector | None = parameter(None, unit="m", text="lower corner of a box")
@@ -112,39 +114,43 @@ class Obstacle(Placed):
     centre: Vector | None = parameter(None, unit="m", text="centre of a ball")
     radius: float | None = parameter(None, gt=0.0, unit="m", text="radius of a ball")
     mesh: str | None = parameter(
-        None, text="file (.obj .ply .stl), beside the scene file or shipped"
+        None, text="mesh file (.obj .ply .stl): next to the scene file, or shipped"
     )
-    velocity: Vector = parameter((0.0, 0.0, 0.0), unit="m/s", text="steady velocity")
+    velocity: Vector = parameter((0.0, 0.0, 0.0), unit="m/s", text="constant velocity")
     swing: Vector = parameter(
-        (0.0, 0.0, 0.0), unit="m", text="way to the far end of a swing to and fro"
+        (0.0, 0.0, 0.0), unit="m", text="displacement at the far end of an oscillation"
     )
-    period: float = parameter(1.0, gt=0.0, unit="s", text="time of a swing there and back")
-    axis: Vector = parameter((0.0, 1.0, 0.0), text="direction of the axis, through its middle")
-    spin: float = parameter(0.0, unit="deg/s", text="speed of turning about the axis")
+    period: float = parameter(1.0, gt=0.0, unit="s", text="period of the oscillation")
+    axis: Vector = parameter(
+        (0.0, 1.0, 0.0), text="direction of the rotation axis, which passes through the centre"
+    )
+    spin: float = parameter(0.0, unit="deg/s", text="angular velocity about the axis")
 
 
 class Sway(Section):
-    """The pool rocks by itself at the start: gravity turns in its frame."""
+    """Rocking of the pool at the start: gravity turns in the box's frame."""
 
-    angle: float = parameter(0.0, ge=0.0, le=45.0, unit="deg", text="largest tilt, 0: off")
-    period: float = parameter(2.0, gt=0.0, unit="s", text="time of one swing")
-    seconds: float = parameter(4.0, ge=0.0, unit="s", text="how long it lasts")
+    angle: float = parameter(0.0, ge=0.0, le=45.0, unit="deg", text="amplitude of the tilt, 0: off")
+    period: float = parameter(2.0, gt=0.0, unit="s", text="period of the tilt")
+    seconds: float = parameter(4.0, ge=0.0, unit="s", text="duration of the rocking")
 
 
 class Camera(Section):
-    """Where the picture is seen from: an orbit around the middle of the box."""
+    """The camera, on an orbit around the centre of the box."""
 
-    azimuth: float = parameter(30.0, ge=-360.0, le=360.0, unit="deg", text="turn about y")
-    elevation: float = parameter(21.0, ge=3.0, le=88.0, unit="deg", text="height over the horizon")
-    zoom: float = parameter(1.0, ge=0.25, le=2.8, text="1 shows the whole box, 2 half of it")
-    fov: float = parameter(41.0, ge=10.0, le=90.0, unit="deg", text="vertical angle of view")
+    azimuth: float = parameter(30.0, ge=-360.0, le=360.0, unit="deg", text="angle about the y axis")
+    elevation: float = parameter(21.0, ge=3.0, le=88.0, unit="deg", text="angle above horizontal")
+    zoom: float = parameter(
+        1.0, ge=0.25, le=2.8, text="magnification: the whole box fits into the image at 1"
+    )
+    fov: float = parameter(41.0, ge=10.0, le=90.0, unit="deg", text="vertical field of view")
 
 
 class Surface(Section):
-    """The mesh drawn through the water by marching cubes."""
+    """The water's surface mesh, built by marching cubes."""
 
     cell: float = parameter(
-        0.75, ge=0.2, le=2.0, text="edge of a cell, in spacings of the finest layer"
+        0.75, ge=0.2, le=2.0, text="edge of a marching-cubes cell, in spacings of the finest layer"
     )
     smoothing: float = parameter(
         1.0, ge=1.0, le=3.0, text="radius of the surface's kernel, in supports h"
@@ -152,39 +158,37 @@ class Surface(Section):
 
 
 class Play(Section):
-    """What keys and mouse do."""
+    """Interaction by keys and mouse, and frame rate."""
 
     tilt_limit: float = parameter(35.0, ge=0.0, le=80.0, unit="deg", text="largest tilt of the box")
-    tilt_rate: float = parameter(60.0, gt=0.0, unit="deg/s", text="speed of tilting by arrow keys")
-    level: bool = parameter(True, text="the box comes level again when no key tilts it")
+    tilt_rate: float = parameter(
+        60.0, gt=0.0, unit="deg/s", text="angular velocity of tilting by arrow keys"
+    )
+    level: bool = parameter(True, text="return the box to level while no key tilts it")
     push_radius: float = parameter(
         0.15,
         gt=0.0,
         le=1.0,
-        text="radius of the pushing hand, in box lengths",
+        text="radius around the cursor within which water is pushed, in box lengths",
         live=(0.05, 0.5),
     )
     push_grip: float = parameter(
         20.0,
         gt=0.0,
         unit="1/s",
-        text="how fast water takes the hand's velocity",
+        text="rate at which pushed water approaches the cursor's velocity",
         live=(1.0, 60.0),
     )
-    hover: bool = parameter(True, text="a cursor over the water leaves a wake without a click")
-    idle: bool = parameter(True, text="the box sways when nobody has done anything for a while")
+    hover: bool = parameter(True, text="push the water under the cursor without a click")
+    idle: bool = parameter(True, text="sway the box after some time without input")
     speed: float = parameter(
-        1.0,
-        ge=0.01,
-        le=10.0,
-        text="simulated over wall-clock time that is asked for",
-        live=(0.05, 2.0),
+        1.0, ge=0.01, le=10.0, text="requested real-time factor", live=(0.05, 2.0)
     )
     scale: float = parameter(
         1.0,
         ge=0.5,
         le=1.0,
-        text="largest scale of the picture's edges, which shrink to hold the frame rate",
+        text="largest render scale; the scale decreases to hold the frame rate",
         live=(0.5, 1.0),
     )
     fps: float = parameter(
@@ -192,85 +196,91 @@ class Play(Section):
         ge=30.0,
         le=240.0,
         unit="1/s",
-        text="frames per second to hold: the picture grows coarser first, time slows last",
+        text="frame rate to hold: resolution decreases first, simulation speed last",
     )
 
 
 class Probe(Section):
-    """An instrument in the water, read by `msph measure`: give what its kind needs."""
+    """A measuring point, face or column, read by `msph measure`; its kind decides on its keys."""
 
     name: str = parameter(
-        pattern=r"^[A-Za-z0-9_.-]+$", text="letters, digits, _ . -: its column in probes.csv"
+        pattern=r"^[A-Za-z0-9_.-]+$", text="column name in probes.csv: letters, digits, _ . -"
     )
     kind: Literal["pressure", "velocity", "height", "front", "flux", "force"] = parameter(
-        text="what it reads"
+        text="measured quantity"
     )
     point: Vector | None = parameter(
-        None, unit="m", text="pressure, velocity: where, in the water or on a wall"
+        None, unit="m", text="pressure, velocity: position in the water or on a wall"
     )
     lo: Vector | None = parameter(
-        None, unit="m", text="flux, mean pressure: corner of a rectangle across one axis"
+        None, unit="m", text="flux, mean pressure: lower corner of a rectangle normal to an axis"
     )
-    hi: Vector | None = parameter(None, unit="m", text="the opposite corner")
+    hi: Vector | None = parameter(
+        None, unit="m", text="flux, mean pressure: upper corner of the rectangle"
+    )
     window: float = parameter(
-        0.0, ge=0.0, le=10.0, unit="s", text="pressure: time over which readings are averaged"
+        0.0, ge=0.0, le=10.0, unit="s", text="pressure: averaging time of the readings"
     )
     body: str | None = parameter(
         None,
         pattern=r"^(container|obstacles\.[0-9]+)$",
-        text="force: on which body, such as obstacles.0, and its torque",
+        text="force and torque: body, such as obstacles.0",
     )
     at: Place | None = parameter(None, unit="m", text="height: x and z of the column of water")
     axis: Literal["+x", "-x", "+y", "-y", "+z", "-z"] | None = parameter(
-        None, text="front: how far the connected water reaches in this direction"
+        None, text="front: direction in which the farthest connected water is sought"
     )
 
 
 class Measure(Section):
-    """How often `msph measure` looks."""
+    """Intervals of `msph measure`."""
 
     every: float = parameter(
         1.0 / 60.0, gt=0.0, le=10.0, unit="s", text="time between rows of ledger and probes"
     )
     survey: float = parameter(
-        0.1, ge=0.0, unit="s", text="time between surveys of volume and bulk density, 0: none"
+        0.1, ge=0.0, unit="s", text="time between measurements of volume and bulk density, 0: none"
     )
 
 
 class Scene(Section):
     """A scene file."""
 
-    title: str = parameter("", text="one line that says what is to be seen")
-    source: str = parameter("", text="where the set-up comes from, or its purpose")
+    title: str = parameter("", text="title: what the scene shows, in one line")
+    source: str = parameter("", text="source or purpose of the set-up")
     method: Literal["classic", "projection"] = parameter(
-        "projection", text="the solver: the thesis's, or the incompressible, conserving one"
+        "projection", text="solver: classic (the thesis's) or projection (incompressible)"
     )
     density: float = parameter(
         1000.0, ge=1.0, le=1e5, unit="kg/m^3", text="rest density of the water"
     )
-    gravity: Vector = parameter((0.0, -9.81, 0.0), unit="m/s^2", text="gravity", live=(0.01, 30.0))
-    duration: float = parameter(10.0, gt=0.0, unit="s", text="simulated time of a capture or bench")
-    seed: int = parameter(0, ge=0, text="seed of the initial jitter")
+    gravity: Vector = parameter(
+        (0.0, -9.81, 0.0), unit="m/s^2", text="gravitational acceleration", live=(0.01, 30.0)
+    )
+    duration: float = parameter(
+        10.0, gt=0.0, unit="s", text="simulated time of `msph capture` and `msph bench`"
+    )
+    seed: int = parameter(0, ge=0, text="random seed of the initial displacements")
     box: Box = parameter(text="the pool")
-    layers: list[Layer] = parameter(min_length=1, max_length=16, text="the particle sizes")
-    water: list[Water] = parameter(min_length=1, text="the bodies of water")
-    obstacles: list[Obstacle] = parameter(list, max_length=64, text="bodies in the water")
+    layers: list[Layer] = parameter(min_length=1, max_length=16, text="particle sizes")
+    water: list[Water] = parameter(min_length=1, text="volumes of water")
+    obstacles: list[Obstacle] = parameter(list, max_length=64, text="fixed and moving bodies")
     container: Container | None = parameter(
-        None, text="a mesh that holds the water; the box should enclose it"
+        None, text="closed mesh around the water; the box must enclose it"
     )
     projection: ProjectionParameters = parameter(
         ProjectionParameters, text="constants of the projection method"
     )
     adaptation: AdaptationParameters = parameter(
-        AdaptationParameters, text="layers that follow the surface"
+        AdaptationParameters, text="adaptation of the layers to the surface"
     )
     classic: ClassicParameters = parameter(
         ClassicParameters, text="constants and switches of the classic method"
     )
     sway: Sway = parameter(Sway, text="rocking at the start")
-    camera: Camera = parameter(Camera, text="point of view")
-    surface: Surface = parameter(Surface, text="quality of the surface")
-    picture: Look = parameter(Look, text="look of the picture")
-    play: Play = parameter(Play, text="keys and mouse")
-    probes: list[Probe] = parameter(list, text="instruments in the water")
-    measure: Measure = parameter(Measure, text="how often it is measured")
+    camera: Camera = parameter(Camera, text="camera position")
+    surface: Surface = parameter(Surface, text="resolution of the surface mesh")
+    picture: Look = parameter(Look, text="appearance of the image")
+    play: Play = parameter(Play, text="interaction and frame rate")
+    probes: list[Probe] = parameter(list, text="probes")
+    measure: Measure = parameter(Measure, text="intervals of measurement")

@@ -1,4 +1,4 @@
-"""From bodies of water to particles: lattices that hold the right mass and the right volume."""
+"""Initial particles: lattices that fill the volumes of water at their exact mass and volume."""
 
 import math
 
@@ -9,17 +9,16 @@ from msph.fluid.methods import METHODS
 from msph.fluid.particles.layers import LayerSpec
 from msph.scene.schema import Scene, Water
 
-# Particles that a pool has room for without being asked, where adaptation could need them.
-MANY = 16_000
-# How far bodies of water may touch or reach over the box before it counts as an error [m]:
-# rounding in a scene file, not a design.
+# Least default capacity [particles] of a scene with adaptation, if it could need as many.
+MIN_ADAPTIVE_CAPACITY = 16_000
+# Overlap of volumes of water, or with the outside of the box, that is allowed as rounding [m].
 TOLERANCE = 1e-6
-# Steps (-) of a sequence of low discrepancy in the plane, of powers of 1/1.3247 (Roberts 2018).
-SCATTER = (0.7548776662, 0.5698402910)
+# Steps (-) of the two-dimensional low-discrepancy sequence R2, powers of 1/1.3247 (Roberts 2018).
+R2_STEPS = (0.7548776662, 0.5698402910)
 
 
 def layer_specs(scene: Scene) -> list[LayerSpec]:
-    """The scene's layers with mass and spacing resolved; see LayerSpec for units."""
+    """Returns the scene's layers with mass and spacing resolved; see LayerSpec for units."""
     specs = []
     for layer in scene.layers:
         viscosity = scene.classic.viscosity if layer.viscosity is None else layer.viscosity
@@ -37,7 +36,7 @@ def layer_specs(scene: Scene) -> list[LayerSpec]:
 
 
 def bounds(water: Water) -> tuple[np.ndarray, np.ndarray]:
-    """Lower and upper corner [m] of the box around a body of water, (3,) each."""
+    """Returns the lower and upper corner [m] of a volume of water's bounding box, (3,) each."""
     if water.radius is not None:
         centre = np.array(water.centre)
         return centre - water.radius, centre + water.radius
@@ -45,12 +44,12 @@ def bounds(water: Water) -> tuple[np.ndarray, np.ndarray]:
 
 
 def particle_count(water: Water, spec: LayerSpec) -> int:
-    """Particles of the body: its `count`, or its volume's to half a particle."""
+    """Returns the number of particles: `count`, or the volume over the particle volume."""
     return water.count or max(1, round(volume(water) / spec.volume))
 
 
 def volume(water: Water) -> float:
-    """Volume [m^3] between the body's bounds, whatever its `count`."""
+    """Returns the volume [m^3] of the box or ball; `count` is ignored."""
     if water.radius is not None:
         return 4.0 / 3.0 * math.pi * water.radius**3
     lo, hi = bounds(water)
@@ -58,7 +57,7 @@ def volume(water: Water) -> float:
 
 
 def asked_mass(scene: Scene, specs: list[LayerSpec]) -> float:
-    """Mass [kg] of water that the scene asks for: by volume, or by `count` where one is given."""
+    """Returns the mass [kg] of water in the scene file: by volume, or by `count` where given."""
     return sum(
         scene.density * volume(w) if w.count is None else w.count * specs[w.layer].mass
         for w in scene.water
@@ -66,19 +65,19 @@ def asked_mass(scene: Scene, specs: list[LayerSpec]) -> float:
 
 
 def fill(water: Water, spec: LayerSpec, rng: np.random.Generator) -> np.ndarray:
-    """Positions [m] of the body's particles, (n, 3), each with its rest volume to itself.
+    """Returns the positions [m] of the particles, (n, 3), at rest density.
 
-    A box is filled evenly from edge to edge; with a `count`, up to the height that so many need.
+    A box is filled evenly from edge to edge; with a `count`, up to the height of its volume.
     """
     sites = _ball(water, spec) if water.radius is not None else _block(water, spec)
     return sites + rng.uniform(-0.5, 0.5, sites.shape) * water.jitter * spec.spacing
 
 
 def _block(water: Water, spec: LayerSpec) -> np.ndarray:
-    """Sites of a lattice in rows along the block's longest edge, whose spacings are alike.
+    """Returns sites [m], (n, 3), of a nearly cubic lattice in rows along the block's longest edge.
 
-    What the rows cannot share evenly, at most a particle each, goes to rows that lie scattered: so
-    no sheet is incomplete, and density is even from the bottom to the surface.
+    The remainder of n over the number of rows adds one particle each to rows spread by the R2
+    sequence, so that the density is even from the bottom to the surface.
     """
     lo, hi = bounds(water)
     length, count = hi - lo, particle_count(water, spec)
@@ -86,34 +85,29 @@ def _block(water: Water, spec: LayerSpec) -> np.ndarray:
         length[1] = count * spec.volume / (length[0] * length[2])
     order = np.argsort(length, kind="stable")
     a, b, c = length[order]
-    options = _divisions(np.array([a, b]) / spec.spacing)
-    na, nb = min(options, key=lambda n: _stretch(a / n[0], b / n[1], c * n[0] * n[1] / count))
+    na, nb = np.maximum(np.floor(np.array([a, b]) / spec.spacing), 1).astype(int)
+    options = [(na + i, nb + j) for i in (0, 1) for j in (0, 1)]
+    na, nb = min(options, key=lambda n: _aspect(a / n[0], b / n[1], c * n[0] * n[1] / count))
     i, j = np.divmod(np.arange(na * nb), nb)
     each, rest = divmod(count, na * nb)
-    held = np.full(na * nb, each)
-    held[np.argsort((i * SCATTER[0] + j * SCATTER[1]) % 1.0, kind="stable")[:rest]] += 1
-    row = np.repeat(np.arange(na * nb), held)
-    place = np.arange(count) - np.repeat(np.cumsum(held) - held, held)
+    in_row = np.full(na * nb, each)
+    in_row[np.argsort((i * R2_STEPS[0] + j * R2_STEPS[1]) % 1.0, kind="stable")[:rest]] += 1
+    row = np.repeat(np.arange(na * nb), in_row)
+    place = np.arange(count) - np.repeat(np.cumsum(in_row) - in_row, in_row)
     sites = np.empty((count, 3))
     sites[:, order[0]] = (i[row] + 0.5) * a / na
     sites[:, order[1]] = (j[row] + 0.5) * b / nb
-    sites[:, order[2]] = (place + 0.5) * c / held[row]
+    sites[:, order[2]] = (place + 0.5) * c / in_row[row]
     return lo + sites
 
 
-def _divisions(spacings: np.ndarray) -> list[tuple[int, int]]:
-    """Ways to divide edges that are so many spacings long, (2,), into whole cells."""
-    down = np.maximum(np.floor(spacings), 1).astype(int)
-    return [(down[0] + a, down[1] + b) for a in (0, 1) for b in (0, 1)]
-
-
-def _stretch(*edges: float) -> float:
-    """Longest edge of a cell over its shortest (-)."""
+def _aspect(*edges: float) -> float:
+    """Returns the aspect ratio of a cell: longest edge over shortest (-)."""
     return max(edges) / min(edges)
 
 
 def _ball(water: Water, spec: LayerSpec) -> np.ndarray:
-    """The sites of a cubic lattice that are nearest to the ball's centre."""
+    """Returns the sites [m] of a cubic lattice nearest to the ball's centre, (n, 3)."""
     centre, d, count = np.array(water.centre), spec.spacing, particle_count(water, spec)
     n = math.ceil((0.75 / math.pi * count) ** (1.0 / 3.0)) + 1
     axis = (np.arange(-n, n) + 0.5) * d
@@ -123,7 +117,7 @@ def _ball(water: Water, spec: LayerSpec) -> np.ndarray:
 
 
 def capacity(scene: Scene, specs: list[LayerSpec]) -> int:
-    """Most particles that the scene's water may come to be."""
+    """Returns the largest number of particles that the simulation can hold."""
     counts = [particle_count(w, specs[w.layer]) for w in scene.water]
     if not scene.adaptation.enabled:
         return sum(counts)
@@ -131,17 +125,17 @@ def capacity(scene: Scene, specs: list[LayerSpec]) -> int:
         return scene.adaptation.capacity
     filled = sum(n * specs[w.layer].volume for n, w in zip(counts, scene.water, strict=True))
     finest = math.ceil(filled / min(s.volume for s in specs))
-    return min(finest, max(MANY, 2 * sum(counts)))
+    return min(finest, max(MIN_ADAPTIVE_CAPACITY, 2 * sum(counts)))
 
 
 def initial_particles(scene: Scene, specs: list[LayerSpec]) -> dict[str, np.ndarray]:
-    """Positions [m] and velocities [m/s], (n, 3), and layers, (n,), of all the scene's water."""
+    """Returns the initial positions [m] and velocities [m/s], (n, 3), and layers, (n,), by name."""
     rng = np.random.default_rng(scene.seed)
     xs, vs, layers = [], [], []
     for water in scene.water:
         spec = specs[water.layer]
         x = fill(water, spec, rng)
-        # Half a spacing from the walls is where the solver would put them anyway.
+        # The solver keeps particles half a spacing away from the walls.
         margin = 0.5 * spec.spacing
         x = np.clip(x, margin, np.array(scene.box.size) - margin)
         xs.append(x)

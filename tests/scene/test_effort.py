@@ -34,7 +34,7 @@ def test_shipped_scenes_take_no_such_time(name):
 def test_short_steps_are_said_with_the_time_that_they_take(tmp_path):
     (line,) = effort(scene(tmp_path, "projection.longest_step=1e-6"))
     # 4,000 particles: a million steps of 1 + 10 ms.
-    assert line.startswith("projection.longest_step: asks for 1,000,000 steps a simulated second")
+    assert line.startswith("projection.longest_step: requires 1,000,000 steps per simulated second")
     assert "3.1 hours" in line
 
 
@@ -63,7 +63,7 @@ def test_stiff_classic_water_is_said(tmp_path):
 
 def test_large_meshes_are_said(tmp_path, monkeypatch):
     trimesh.creation.icosphere(2, radius=0.1).export(tmp_path / "ball.stl")
-    monkeypatch.setattr("msph.scene.effort.FACE", 0.1)
+    monkeypatch.setattr("msph.scene.effort.FACE_TIME", 0.1)
     given = "obstacles=[{mesh='ball.stl', position=[0.5, 0.3, 0.5]}]"
     assert effort(scene(tmp_path, given)) == [
         "meshes of 320 faces take about 32 seconds to prepare"

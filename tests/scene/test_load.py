@@ -38,13 +38,13 @@ BAD = {
     ),
     "probe without its key": (
         '[[probes]]\nname = "a"\nkind = "height"\n',
-        "probes.0: a probe of height needs at",
+        "probes.0: a height probe needs at",
     ),
     "probe with another's key": (
         '[[probes]]\nname = "a"\nkind = "front"\naxis = "+x"\npoint = [0, 0, 0]\n',
-        "probes.0.point: belongs to another kind of probe than front, which has axis",
+        "probes.0.point: is not a key of front probes, which need axis",
     ),
-    "variants that are none": ("variants = 3\n", "variants: is no table of variants (got 3)"),
+    "variants that are none": ("variants = 3\n", "variants: is not a table of variants (got 3)"),
     "an integer of thousands of digits": (
         f"seed = {'9' * 5000}\n",
         "is not TOML: Exceeds the limit",
@@ -55,27 +55,27 @@ BAD = {
     ),
     "probe of half a rectangle": (
         '[[probes]]\nname = "a"\nkind = "pressure"\nlo = [0.5, 0, 0]\n',
-        "probes.0: a probe of pressure needs point or lo and hi",
+        "probes.0: a pressure probe needs point or lo and hi",
     ),
     "flux through a box": (
         '[[probes]]\nname = "a"\nkind = "flux"\nlo = [0.5, 0, 0]\nhi = [0.6, 0.2, 1]\n',
-        "probes.0.hi: must equal lo on one axis and exceed it on the others: a rectangle",
+        "probes.0.hi: must equal lo on one axis and exceed it on the others, to form a rectangle",
     ),
     "force on a body that there is not": (
         '[[probes]]\nname = "a"\nkind = "force"\nbody = "obstacles.0"\n',
-        "probes.0.body: obstacles.0 is no body of the scene; known: none",
+        "probes.0.body: the scene has no body obstacles.0; known: none",
     ),
     "window of a probe that has none": (
         '[[probes]]\nname = "a"\nkind = "front"\naxis = "+x"\nwindow = 0.1\n',
-        "probes.0.window: only probes of pressure have one",
+        "probes.0.window: is a key of pressure probes only",
     ),
     "probe outside the box": (
         '[[probes]]\nname = "a"\nkind = "pressure"\npoint = [0.5, 1.2, 0]\n',
-        "probes.0.point: (0.5, 1.2, 0) m lies outside the box of (1, 1, 1) m",
+        "probes.0.point: (0.5, 1.2, 0) m is outside the box of (1, 1, 1) m",
     ),
     "gauge outside the box": (
         '[[probes]]\nname = "a"\nkind = "height"\nat = [0.5, -0.1]\n',
-        "probes.0.at: (0.5, -0.1) m lies outside the box of (1, 1, 1) m",
+        "probes.0.at: (0.5, -0.1) m is outside the box of (1, 1, 1) m",
     ),
     "probes of one name": (
         '[[probes]]\nname = "a"\nkind = "front"\naxis = "+x"\n'
@@ -104,18 +104,18 @@ BAD_OVERRIDES = {
     "layers.9.mass=1": "layers.9.mass: expected an index from 0 to 1, got '9'",
     "water.0.hi=[1, 0, 1]": "water.0.hi: has no volume",
     "water.0.hi=[1, 1.5, 1]": "water.0: reaches from (0, 0, 0) m to (1, 1.5, 1) m, outside the box",
-    "water.0.layer=2": "water.0.layer: there are 2 layers, no layer 2",
+    "water.0.layer=2": "water.0.layer: must be a layer's index from 0 to 1 (got 2)",
     "water.0.radius=0.1": "water.0: give either lo and hi, or centre and radius",
     "water.0.count=99999": "water.0.count: 99999 particles do not fit, there is room for",
     "layers.0.mass=1e-9": "water: 500,000,000,000 particles in a box of (1, 1, 1) m need",
     "box.size=[9999, 9999, 9999]": "GiB, most of it for surface",
-    "surface.cell=2": "surface.cell: is too coarse for a kernel of 1 supports; at most 1.225 here",
+    "surface.cell=2": "surface.cell: is too coarse for surface.smoothing = 1; at most 1.225",
     "layers.0.spacing=1e-200": "layers.0.spacing: input should be greater than 0.00001",
     "density=1e30": "density: input should be less than or equal to 100000",
     "duration": "--set: duration: expects key=value",
     "variant=four": "--set: variant: unknown variant 'four'; known: none in this scene",
     "title.text=1": "title: input should be a valid string (got {'text': 1})",
-    "water.0.lo.0.a=1": "--set: water.0.lo.0.a: 'a' is no parameter",
+    "water.0.lo.0.a=1": "--set: water.0.lo.0.a: 'a' is not a parameter",
 }
 
 
@@ -145,13 +145,13 @@ def test_a_probe_inside_of_a_body_is_said(tmp_path):
     probe = '[[probes]]\nname = "{}"\nkind = "pressure"\npoint = [0.5, {}, 0.5]\n'
     text = GOOD + body + probe.format("in", 0.3) + probe.format("on", 0.5)
     (line,) = cautions(load_scene(write(tmp_path, text)))
-    assert line.startswith("probes.0: (0.5, 0.3, 0.5) m is inside of a body")
+    assert line.startswith("probes.0: (0.5, 0.3, 0.5) m is inside a body")
 
 
 def test_layer_too_coarse_for_its_box_is_said(tmp_path):
     scene = load_scene(write(tmp_path, GOOD), ("layers.1.spacing=0.35",))
     (line,) = cautions(scene)
-    assert line.startswith("layers.1: the box's shortest edge of 1 m") and "0.35 m" in line
+    assert line.startswith("layers.1: pressures will be inaccurate") and "0.35 m" in line
     assert not cautions(load_scene(write(tmp_path, GOOD)))
 
 
@@ -227,7 +227,7 @@ def test_pools_hold_the_water_of_system_3_in_layers_that_adapt(name):
 @pytest.mark.parametrize("name", ["pool", "pool_2x"])
 def test_classic_method_is_told_apart_from_layers_that_adapt(name):
     assert load_scene(name, ("variant=system-3", "method=classic")).method == "classic"
-    with pytest.raises(SceneError, match="the method classic cannot adapt its layers"):
+    with pytest.raises(SceneError, match="the method classic cannot adapt layers"):
         load_scene(name, ("method=classic",))
 
 

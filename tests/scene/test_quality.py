@@ -51,13 +51,13 @@ def test_the_ladders_defaults_are_the_scenes():
 @pytest.mark.parametrize("variant", ["system-1", "system-3"])
 def test_exact_numbers_of_particles_have_one_quality(variant):
     scene = load_scene("pool", (f"variant={variant}",))
-    with pytest.raises(SceneError, match="pool: --quality: it has one quality, large"):
+    with pytest.raises(SceneError, match="pool: --quality: has only the quality large"):
         at_quality(scene, "small", "pool")
 
 
 def test_classic_water_has_one_quality():
     scene = load_scene("pool", ("variant=system-1", "method=classic"))
-    with pytest.raises(SceneError, match="one quality"):
+    with pytest.raises(SceneError, match="only the quality"):
         at_quality(scene, "finest", "pool")
 
 

@@ -26,23 +26,23 @@ hi = [0.4, 0.6, 0.4]
 BAD = {
     "obstacles.0.lo=[0, 0.7, 0]": "obstacles.0.hi: has no volume",
     "obstacles.0.radius=0.2": "obstacles.0: give either lo and hi, or centre and radius, or mesh",
-    "obstacles.0.hi=[0.25, 1, 1]": "obstacles.0: is 0.05 m thin; water of particles 0.1 m wide",
+    "obstacles.0.hi=[0.25, 1, 1]": "obstacles.0: is 0.05 m thick, less than the particle spacing",
     "obstacles.0.axis=[0, 0, 0]": "obstacles.0.axis: has no direction",
-    "obstacles=[{lo=[2, 0, 0], hi=[3, 1, 1]}]": "obstacles.0: is outside the box, and stays",
+    "obstacles=[{lo=[2, 0, 0], hi=[3, 1, 1]}]": "obstacles.0: is outside the box and does not move",
     "obstacles=[{mesh='zz.stl'}]": "obstacles.0.mesh: zz.stl: no such mesh file; shipped: ",
     "obstacles=[{mesh='bowel.obj'}]": "obstacles.0.mesh: bowel.obj: no such mesh file; did you "
     "mean 'bowl.obj'?",
     "obstacles=[{mesh='open.ply'}]": "obstacles.0.mesh: open.ply: is not closed: 9 open edges",
-    "obstacles=[{mesh='nan.obj'}]": "nan.obj: line 6: a vertex that is not finite",
+    "obstacles=[{mesh='nan.obj'}]": "nan.obj: line 6: vertex is not finite",
     "obstacles=[{mesh='text.stl'}]": "obstacles.0.mesh: text.stl: ",
     "obstacles=[{mesh='flat.obj'}]": "obstacles.0.mesh: flat.obj: encloses no volume",
-    "obstacles=[{mesh='turned.obj'}]": "obstacles.0.mesh: turned.obj: does not tell inside from",
-    "obstacles=[{mesh='scene.toml'}]": "obstacles.0.mesh: scene.toml: unknown kind of mesh",
+    "obstacles=[{mesh='turned.obj'}]": "obstacles.0.mesh: turned.obj: has no clear inside",
+    "obstacles=[{mesh='scene.toml'}]": "obstacles.0.mesh: scene.toml: unknown mesh format",
     "container={mesh='open.ply'}": "container.mesh: open.ply: is not closed: 9 open edges",
-    "obstacles=[{mesh='millimetres.stl'}]": "a file in millimetres needs scale = 0.001",
+    "obstacles=[{mesh='millimetres.stl'}]": "a mesh in millimetres needs scale = 0.001",
     "container={mesh='bowl.obj'}": "container: reaches from (-0.5, 0, -0.5) m to (0.5, 0.4, 0.5) m",
     "container.scale=2.0": "container.mesh: is required",
-    "method=classic": "obstacles: only projection models them, not classic",
+    "method=classic": "obstacles: the method classic has no bodies; projection has",
     "obstacles.0.velocty=[1, 0, 0]": "obstacles.0.velocty: unknown key; did you mean 'velocity'?",
 }
 
@@ -141,5 +141,5 @@ def test_water_inside_obstacles_is_left_out_and_counted(folder):
 
 def test_water_that_is_swallowed_is_an_error(folder):
     scene = load(folder, "obstacles.0.lo=[0, 0, 0]", "obstacles.0.hi=[1, 1, 1]")
-    with pytest.raises(SceneError, match="obstacles: no water is left outside of the bodies"):
+    with pytest.raises(SceneError, match="obstacles: no water is left outside the bodies"):
         build_simulation(scene)
