@@ -11,7 +11,7 @@ from bench.tanks import FRAME, GRAVITY
 from msph.device import start
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.simulation import Simulation
-from msph.measure.bulk import WIDE, bulk_density
+from msph.measure.bulk import KERNEL_RADIUS, bulk_density
 from msph.scene.build import build_simulation
 from msph.scene.quality import LADDER
 from msph.scene.schema import Scene
@@ -127,7 +127,7 @@ def inner_bulk(x: np.ndarray, spacing: np.ndarray, size: tuple[float, float, flo
     Walls count as air, far behind them the box ends: each method keeps its own distance from walls,
     and half a spacing more or less would read as 4 % of the density.
     """
-    room = 2.0 * WIDE * float(spacing.max())
+    room = 2.0 * KERNEL_RADIUS * float(spacing.max())
     return bulk_density(x + room, spacing, tuple(length + 2.0 * room for length in size)).mean
 
 

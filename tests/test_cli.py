@@ -72,7 +72,7 @@ def test_scenes_lists_all_and_prints_one():
             "pool: --quality: has only the quality large: its number of particles is given",
         ),
         (["measure", "pool", "--converge", "2"], "2 is not in the range 3<=x<=5"),
-        (["measure", "pool", "--resume", "Makefile"], "Makefile: is no checkpoint"),
+        (["measure", "pool", "--resume", "Makefile"], "Makefile: is not a checkpoint"),
         (["measure", "pool", "--resume", "none.npz"], "'none.npz' does not exist"),
         (
             ["measure", "pool", "--resume", "Makefile", "--converge", "3"],
@@ -115,7 +115,7 @@ def test_an_empty_checkpoint_is_none(tmp_path):
     empty = tmp_path / "empty.npz"
     empty.touch()
     check_refusal(
-        here("measure", write(tmp_path), "--resume", empty), "empty.npz: is no checkpoint"
+        here("measure", write(tmp_path), "--resume", empty), "empty.npz: is not a checkpoint"
     )
 
 
@@ -274,7 +274,7 @@ def test_measure_writes_probes_ledger_and_a_summary(tmp_path):
     # Too shallow for a bulk density, and that is said.
     assert errors["bulk_density_error_last"] is None
     # The same figures are printed, and what is beyond the limits is said.
-    for words in ("How wrong this run is", "mass laid", "bulk density over rest", "good runs"):
+    for words in ("Errors of this run", "initial mass", "bulk density over rest", "limit"):
         assert words in result.stdout
     depth = 2.0 * np.mean([float(row["centre_y_m"]) for row in ledger])
     assert summary["resolution"]["spacings_across_depth"] == pytest.approx(depth / 0.04, rel=1e-4)

@@ -1,1 +1,1 @@
-"""What is true of the water: errors, conserved quantities, timings. Reads all, changes nothing."""
+"""Measurements: errors, conserved quantities, timings."""

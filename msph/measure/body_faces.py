@@ -1,4 +1,4 @@
-"""The faces of a body as triangles."""
+"""Triangle meshes of bodies."""
 
 from typing import TYPE_CHECKING
 
@@ -9,17 +9,17 @@ from msph.fluid.boundary.rigid_bodies import Ball, Block, Body
 if TYPE_CHECKING:
     import trimesh
 
-# Rounds of halving an icosahedron's edges for a ball: 1280 faces. Scaled to the ball's area they
-# enclose .15 % less than its volume.
-ROUNDS = 3
+# Subdivisions of an icosahedron for a ball: 1280 faces, which enclose 0.15 % less than the ball's
+# volume when scaled to its area.
+SUBDIVISIONS = 3
 
 
 def faces(body: Body) -> "trimesh.Trimesh":
-    """The faces of a body where it stands at time zero; those of a ball have its area in all."""
-    import trimesh  # here, since it takes .4 s and most starts do without
+    """Returns the faces of a body at time zero; the faces of a ball have the ball's area."""
+    import trimesh  # 0.4 s to import, and most runs do not need it
 
     if isinstance(body, Ball):
-        mesh = trimesh.creation.icosphere(ROUNDS, radius=body.radius)
+        mesh = trimesh.creation.icosphere(SUBDIVISIONS, radius=body.radius)
         mesh.apply_scale(np.sqrt(4.0 * np.pi * body.radius**2 / mesh.area))
         return mesh.apply_translation(body.centre)
     if isinstance(body, Block):

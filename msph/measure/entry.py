@@ -1,4 +1,4 @@
-"""One line of the ledger: what is known of the water at one time, each quantity with its unit."""
+"""An entry of the ledger: quantities of the water at one time, with their units."""
 
 from dataclasses import dataclass, fields
 from typing import Annotated, get_args
@@ -8,15 +8,15 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Entry:
-    """The water at one time; vectors are (3,), moments of momentum about the box's origin.
+    """Quantities of the water at one time; vectors are (3,), angular momenta about the origin.
 
-    momentum_scale = sum m |v|, angular_scale = sum m |x - c| |v| with c the middle of the box: what
-    a drift is measured against. potential = -M g . centre, zero at the origin. Impulses, works and
-    merge_loss are sums since the start, as in msph.fluid.impulse_ledger; tilt_work is the work of
-    turning the pool. Density errors: mean, 99th percentile and maximum over particles of
-    rho/rho0 - 1 where positive, for below rest density lies every free surface; rho is summed with
-    the method's kernel over the positions at `time`. outside counts particles beyond the box, the
-    container, or inside an obstacle, by more than Boundary.leaked says.
+    momentum_scale = sum m |v| and angular_scale = sum m |x - c| |v|, with c the box's centre, are
+    the references of drifts. potential = -M g . centre, zero at the origin. Impulses, works and
+    merge_loss are sums since the start (msph.fluid.impulse_ledger); tilt_work is the work of
+    tilting the box. Density errors are the mean, 99th percentile and maximum over particles of
+    max(rho/rho0 - 1, 0), as densities at free surfaces are below rest; rho is summed with the
+    method's kernel over the positions at `time`. outside: number of particles outside the box or
+    the container or inside an obstacle, by Boundary.leaked.
     """
 
     time: Annotated[float, "s"]
@@ -46,22 +46,22 @@ class Entry:
 
     @property
     def work(self) -> float:
-        """What walls, the user and tilting gave since the start [J]."""
+        """External work since the start [J]: by walls, the user and tilting."""
         return self.wall_work + self.user_work + self.tilt_work
 
     @property
     def energy(self) -> float:
-        """Kinetic and potential energy less the work done from outside [J]."""
+        """Kinetic and potential energy less external work [J]."""
         return self.kinetic + self.potential - self.work
 
     def row(self) -> list[float]:
-        """The numbers of a table's row, in the order of columns()."""
+        """Returns the numbers of a table row, in the order of columns()."""
         values = (getattr(self, f.name) for f in fields(self))
         return [x for value in values for x in np.atleast_1d(value).tolist()]
 
 
 def columns() -> list[str]:
-    """Heads of an entry's columns, "name [unit]", a vector's three as name_x, name_y, name_z."""
+    """Returns the column heads "name [unit]"; a vector has name_x, name_y, name_z."""
     heads = []
     for f in fields(Entry):
         kind, unit = get_args(f.type)

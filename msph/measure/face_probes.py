@@ -1,4 +1,4 @@
-"""Probes of faces: the flux through a rectangle, force and torque on a body."""
+"""Probes on faces: flux through a rectangle, force and torque on a body."""
 
 from dataclasses import dataclass
 
@@ -12,14 +12,13 @@ from msph.scene.obstacles import bodies
 from msph.scene.schema import Scene
 from msph.scene.water import layer_specs
 
-# Most edge of a body's faces, in finest spacings, and most faces: each is read by itself.
-EDGE, MOST_FACES = 0.75, 8000
+# Largest edge of a body's faces, in finest spacings, and largest number of faces, each read alone.
+MAX_EDGE, MAX_FACES = 0.75, 8000
 
 
 @dataclass
 class FluxProbe(Probe):
-    """Volume [m^3/s] that flows through the rectangle from lo to hi [m], across one axis, along
-    that axis."""
+    """Volume flux [m^3/s] along an axis through a rectangle from lo to hi [m] normal to it."""
 
     name: str
     lo: tuple[float, float, float]
@@ -39,11 +38,11 @@ class FluxProbe(Probe):
 
 @dataclass
 class ForceProbe(Probe):
-    """Force [N] of the water on body number `body`, the integral of the pressure over its faces,
-    and torque [N m] about its centre; in the box's frame. Dry faces bear nothing.
+    """Force [N] of the water on body number `body`, the integral of the pressure over its wet
+    faces, and torque [N m] about its centre, in the box's frame.
 
-    At time zero: the body's centre (3,) [m], from there the middles (f, 3) [m] of its faces, and
-    their areas (f, 3) [m^2], normal to them, towards the water.
+    At time zero: centre (3,) [m] of the body, centres (f, 3) [m] of its faces relative to it, and
+    area vectors (f, 3) [m^2] of the faces, towards the water.
     """
 
     name: str
@@ -54,13 +53,13 @@ class ForceProbe(Probe):
 
     @classmethod
     def of(cls, name: str, scene: Scene, body: str) -> "ForceProbe":
-        """For the body that the scene calls so: container, or obstacles.0 and so on."""
+        """Returns the probe of a body by its key in the scene: container, obstacles.0, ..."""
         known = bodies(scene)
         outer = int(scene.container is not None)
         number = 0 if body == "container" else outer + int(body.rpartition(".")[2])
         mesh = faces(known[number])
-        spacing = EDGE * min(s.spacing for s in layer_specs(scene))
-        while mesh.edges_unique_length.max() > spacing and 4 * len(mesh.faces) <= MOST_FACES:
+        edge = MAX_EDGE * min(s.spacing for s in layer_specs(scene))
+        while mesh.edges_unique_length.max() > edge and 4 * len(mesh.faces) <= MAX_FACES:
             mesh = mesh.subdivide()
         inward = isinstance(known[number], Solid) and known[number].container
         areas = mesh.face_normals * mesh.area_faces[:, None] * (-1.0 if inward else 1.0)

@@ -1,8 +1,7 @@
-"""Kernel sums over particle positions on the host, for measures that no time step waits for.
+"""Kernel sums over particle positions on the host, for measurements outside of time steps.
 
-Walls are mirrors here: particles within reach of a wall are counted again behind it. Water that
-fills its box evenly then has the same density up to walls, edges and corners. A wall's share by the
-kernel's integral would hide an error instead, for it takes what lies behind to be at rest density.
+Walls mirror the particles near them, so evenly spread water has the same density up to walls, edges
+and corners. The kernel's integral over a wall would hide errors, as it assumes rest density.
 """
 
 import math
@@ -11,7 +10,7 @@ import numpy as np
 
 
 def wendland(r: np.ndarray, h: np.ndarray | float) -> np.ndarray:
-    """Wendland C2 [1/m^3] at distance r [m] for the support radius h [m]."""
+    """Returns the Wendland C2 kernel [1/m^3] at distance r [m] for the support radius h [m]."""
     q = np.minimum(r / h, 1.0)
     return 21.0 / (2.0 * math.pi) / h**3 * (1.0 - q) ** 4 * (1.0 + 4.0 * q)
 
@@ -19,8 +18,8 @@ def wendland(r: np.ndarray, h: np.ndarray | float) -> np.ndarray:
 def mirrored(
     x: np.ndarray, size: tuple[float, float, float], reach: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Positions (m, 3) [m] and all their images behind walls nearer than `reach` [m], and which of
-    the n given particles each one is, (m,)."""
+    """Returns the positions x (n, 3) [m] with their images behind walls nearer than `reach` [m],
+    (m, 3), and the index into x of each, (m,)."""
     which = np.arange(len(x))
     for axis, length in enumerate(size):
         images, of = [x], [which]
@@ -35,6 +34,6 @@ def mirrored(
 
 
 def coverage(points: np.ndarray, x: np.ndarray, volume: np.ndarray, support: np.ndarray):
-    """c = sum V_j W(|p - x_j|, h_j) (-) at points (p, 3) [m], over all particles: (p,)."""
+    """Returns the coverage c = sum V_j W(|p - x_j|, h_j) (-) of points p (n, 3) [m], (n,)."""
     r = np.linalg.norm(points[:, None] - x[None], axis=2)
     return (volume * wendland(r, support)).sum(axis=1)

@@ -1,4 +1,4 @@
-"""The ledger: mass, momenta, energy and density error of the water, entry by entry."""
+"""The ledger of a run: mass, momenta, energy and density error of the water over time."""
 
 import math
 from dataclasses import dataclass, field
@@ -12,15 +12,15 @@ from msph.measure.totals import Totals
 
 
 class NotFiniteError(BlowUpError):
-    """The water's state holds NaN or infinity."""
+    """The state of the water contains NaN or infinity."""
 
 
 @dataclass
 class Ledger:
     """Entries of one run; record() adds one per frame.
 
-    density_every: simulated time [s] between entries that measure density errors, which costs a
-    list of neighbours and a sum over it; infinite: none does. The others' are NaN.
+    density_every: simulated time [s] between measurements of density errors, each of which builds a
+    neighbour list; infinite: none. Entries without a measurement hold NaN.
     """
 
     simulation: Simulation
@@ -39,7 +39,9 @@ class Ledger:
         self._density_due = 0.0
 
     def record(self, gravity: tuple[float, float, float]) -> Entry:
-        """Reads the water under `gravity` [m/s^2] (box frame). Raises NotFiniteError."""
+        """Adds and returns an entry of the water under `gravity` [m/s^2], in the box's frame.
+
+        Raises NotFiniteError if a particle or a total is not finite."""
         sim, g = self.simulation, np.array(gravity)
         totals = self._totals.read()
         if totals["not_finite"] > 0:
@@ -56,7 +58,7 @@ class Ledger:
             raise NotFiniteError(f"{what} overflowed at t = {sim.time:.3f} s (step {sim.steps})")
         moment = totals.pop("moment")
         if self._gravity is not None:
-            # Turning gravity in the box's frame lifts the water: energy given from outside.
+            # Tilting the box turns gravity in its frame, which changes the potential energy.
             self._tilt_work -= float(moment @ (g - self._gravity))
         self._gravity = g
         del totals["not_finite"]
@@ -77,11 +79,10 @@ class Ledger:
         return entry
 
     def _density_excess(self) -> np.ndarray:
-        """rho/rho0 - 1 where positive, else 0, of each particle where it is now, (n,); one NaN
-        where it is not measured."""
+        """Returns max(rho/rho0 - 1, 0) at the current positions, (n,); one NaN if not measured."""
         if self.simulation.time < self._density_due or math.isinf(self.density_every):
             return np.array([np.nan])
-        # Times are sums of frames.
+        # The factor allows for rounding, as times are sums of frame times.
         self._density_due = self.simulation.time + self.density_every * (1.0 - 1e-6)
         self.simulation.measure_density()
         rest = self.simulation.plan.rest_density
@@ -89,39 +90,37 @@ class Ledger:
         return np.maximum(density / rest - 1.0, 0.0)
 
     def momentum_drift(self) -> float:
-        """|sum of internal impulses| over the largest sum m |v| of the run (-)."""
+        """Returns |sum of internal impulses| over the largest sum m |v| of the run (-)."""
         scale = max(e.momentum_scale for e in self.entries)
         drift = max(float(np.linalg.norm(e.internal_impulse)) for e in self.entries)
         return drift / scale if scale > 0.0 else 0.0
 
     def angular_drift(self) -> float:
-        """|sum of internal angular impulses| over the largest angular scale of the run (-)."""
+        """Returns |sum of internal angular impulses| over the run's largest angular scale (-)."""
         scale = max(e.angular_scale for e in self.entries)
         drift = max(float(np.linalg.norm(e.internal_angular_impulse)) for e in self.entries)
         return drift / scale if scale > 0.0 else 0.0
 
     def reference_energy(self) -> float:
-        """What energy errors are shares of [J]: the first entry's kinetic energy and M g H, H the
-        height of its centre of mass over the lowest corner of the box."""
+        """Returns the reference [J] of energy errors: kinetic energy + M g H of the first entry,
+        with H the height of the centre of mass over the lowest corner of the box."""
         first = self.entries[0]
         fall = self.simulation.size * (first.gravity > 0.0) - first.centre
         return first.kinetic + first.mass * float(first.gravity @ fall)
 
     def energy_gain(self) -> float:
-        """Largest rise of the energy over an earlier entry, as a share of reference_energy() (-).
-
-        A dissipative method on its own can only lose, so any gain is error.
-        """
+        """Returns the largest rise of the energy over an earlier entry, over reference_energy()
+        (-); any rise is an error, as a dissipative method only loses energy."""
         energies = np.array([e.energy for e in self.entries])
         rise = float(np.max(energies - np.minimum.accumulate(energies)))
         first = self.reference_energy()
         return rise / first if first > 0.0 else 0.0
 
     def energy_rise(self, window: float = 1.0) -> float:
-        """Largest rise of kinetic + potential energy between two entries at most `window` [s]
-        apart, with no input between them, as a share of reference_energy() (-).
+        """Returns the largest rise of kinetic + potential energy between two entries at most
+        `window` [s] apart without input between them, over reference_energy() (-).
 
-        Input is what moves walls, the user's hand or the pool. NaN where input never ceased.
+        Input is work of walls, pushing by the user, or tilting. NaN if there is always input.
         """
         rises = [
             later.kinetic + later.potential - earlier.kinetic - earlier.potential
@@ -131,9 +130,9 @@ class Ledger:
         return max(0.0, *rises) / first if rises and first > 0.0 else float("nan")
 
     def _undisturbed(self, window: float) -> list[tuple[Entry, Entry]]:
-        """Pairs of entries at most `window` [s] apart between which nobody gave energy."""
+        """Returns the pairs of entries at most `window` [s] apart without input between them."""
         pairs: list[tuple[Entry, Entry]] = []
-        begin = 0  # of the entries that end here and lie within window and stretch
+        begin = 0  # first entry that pairs with entry k
         for k, entry in enumerate(self.entries):
             if k and _disturbed(self.entries[k - 1], entry):
                 begin = k
@@ -143,8 +142,8 @@ class Ledger:
         return pairs
 
     def density_error(self) -> tuple[float, float, float]:
-        """Means over the run of the mean density error and of its 99th percentile, and the largest
-        error of all (-); of the entries that measured them."""
+        """Returns the density errors of the run (-): means over time of the mean and of the 99th
+        percentile, and the largest; NaN if they were not measured."""
         columns = ("density_error_mean", "density_error_p99", "density_error_max")
         mean, p99, largest = ([getattr(e, k) for e in self.entries] for k in columns)
         if np.isnan(mean).all():
@@ -152,18 +151,18 @@ class Ledger:
         return float(np.nanmean(mean)), float(np.nanmean(p99)), float(np.nanmax(largest))
 
     def last_density_error(self) -> float:
-        """The mean density error that was measured last (-), NaN where none was."""
+        """Returns the last measured mean density error (-), NaN if there is none."""
         found = (e.density_error_mean for e in reversed(self.entries))
         return next((error for error in found if not math.isnan(error)), math.nan)
 
     def rest_energy(self, seconds: float = 1.0) -> float:
-        """Mean kinetic energy [J] over the last `seconds`: zero for water at rest."""
+        """Returns the mean kinetic energy [J] over the last `seconds`; zero for water at rest."""
         last = self.entries[-1].time
         return float(np.mean([e.kinetic for e in self.entries if e.time >= last - seconds]))
 
 
 def _disturbed(before: Entry, after: Entry) -> bool:
-    """Whether walls, the user or tilting gave anything between two entries."""
+    """Returns True if there was input by walls, the user or tilting between two entries."""
     turned = not np.array_equal(before.gravity, after.gravity)
     pushed = not np.array_equal(before.user_impulse, after.user_impulse)
     return turned or pushed or before.wall_work != after.wall_work

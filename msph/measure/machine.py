@@ -1,4 +1,4 @@
-"""Which machine measured: no figure of speed means anything without it."""
+"""Description of this machine, printed with every measured speed."""
 
 import platform
 from pathlib import Path
@@ -7,7 +7,7 @@ import psutil
 
 
 def machine() -> str:
-    """Processor, cores and memory of this machine, in words."""
+    """Returns the processor, number of cores, memory and system of this machine in words."""
     model = platform.processor() or platform.machine()
     info = Path("/proc/cpuinfo")
     if info.exists():

@@ -1,4 +1,4 @@
-"""What a run that is gone on with has measured before."""
+"""Earlier measurements of a resumed run."""
 
 import zipfile
 import zlib
@@ -12,14 +12,13 @@ from msph.errors import BadInputError
 from msph.measure.entry import Entry
 from msph.measure.survey import Survey
 
-# Sums since the start of an entry: a run that is gone on with begins them anew.
+# Fields of an entry that are sums since the start; a resumed run restarts them at zero.
 SUMS = (
     *("internal_impulse", "internal_angular_impulse", "wall_impulse", "body_impulse"),
     *("wall_work", "user_impulse", "user_work", "tilt_work", "merge_loss"),
 )
 
-
-# What reading a file raises that is no archive of arrays, or an empty one, or a cut one.
+# Errors of np.load for a file that is not an archive of arrays, or empty, or truncated.
 UNREADABLE = (
     *(ValueError, TypeError, AttributeError, OSError, EOFError),
     *(zipfile.BadZipFile, zlib.error),
@@ -27,20 +26,20 @@ UNREADABLE = (
 
 
 class CheckpointError(BadInputError):
-    """A file that is no checkpoint, or one beyond the end of the run."""
+    """A file that is not a checkpoint, or a checkpoint later than the end of the run."""
 
 
 def time_of(checkpoint: Path) -> float:
-    """Simulated time [s] of a checkpoint. Raises CheckpointError."""
+    """Returns the simulated time [s] of a checkpoint. Raises CheckpointError."""
     try:
         with np.load(checkpoint) as state:
             return float(state["time"])
     except (*UNREADABLE, KeyError):
-        raise CheckpointError(f"{checkpoint.name}: is no checkpoint") from None
+        raise CheckpointError(f"{checkpoint.name}: is not a checkpoint") from None
 
 
 def entries(rows: np.ndarray) -> list[Entry]:
-    """Of the rows (n, columns) of a ledger, whose first columns are those of an entry."""
+    """Returns the entries of a ledger's rows (n, columns), which begin with entry.columns()."""
     found = []
     for row in rows:
         values, place = {}, 0
@@ -57,10 +56,9 @@ def entries(rows: np.ndarray) -> list[Entry]:
 
 
 def surveys(rows: np.ndarray, rest_volume: float) -> list[Survey]:
-    """Of a ledger's rows (n, columns) whose last four columns are Survey.row(); rest_volume [m^3]
-    of the water. Rows without a survey are left out."""
-    # Here, as in survey().
-    from msph.measure.bulk import BulkDensity
+    """Returns the surveys of a ledger's rows (n, columns) that have one; their last four columns
+    are Survey.row(). rest_volume [m^3] of the water."""
+    from msph.measure.bulk import BulkDensity  # imports scipy, which takes 0.2 s
 
     return [
         Survey(row[0], row[-4], row[-4] / rest_volume - 1.0, BulkDensity(*row[-3:], 0))
@@ -69,8 +67,8 @@ def surveys(rows: np.ndarray, rest_volume: float) -> list[Survey]:
     ]
 
 
-def after(entry: Entry, before: Entry | None) -> Entry:
-    """The entry with its sums continued from the last one before the run was gone on with."""
+def continued(entry: Entry, before: Entry | None) -> Entry:
+    """Returns the entry with its sums continued from the last entry before the run was resumed."""
     if before is None:
         return entry
     return replace(entry, **{k: getattr(entry, k) + getattr(before, k) for k in SUMS})

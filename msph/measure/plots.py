@@ -1,4 +1,4 @@
-"""Plots of what was measured: ledger.png and probes.png from the tables, by matplotlib."""
+"""Plots of a run's tables: ledger.png and probes.png."""
 
 from pathlib import Path
 
@@ -7,12 +7,12 @@ import numpy as np
 from msph.measure.table import energy_less_work, parts, read
 from msph.own_files import replacing
 
-# Inches of a panel, and pixels per inch.
+# Size of a panel [inches], and pixels per inch.
 WIDTH, HEIGHT, DPI = 8.0, 2.2, 110
 
-ENERGY, VOLUME = "energy less its start [J]", "surface's volume\nover its start, less 1 [%]"
+ENERGY, VOLUME = "change of energy [J]", "change of the\nsurface's volume [%]"
 DENSITY = "density error [-]"
-# Panels of ledger.png: what the axis is, and the columns it shows with their labels.
+# Panels of ledger.png: axis label, and columns with their labels.
 PANELS: tuple[tuple[str, dict[str, str]], ...] = (
     (
         ENERGY,
@@ -20,7 +20,7 @@ PANELS: tuple[tuple[str, dict[str, str]], ...] = (
             "kinetic_J": "kinetic",
             "potential_J": "potential",
             "wall_work_J": "work of walls",
-            "user_work_J": "work of the hand",
+            "user_work_J": "work of the user",
             "tilt_work_J": "work of tilting",
             "left_J": "energy less work",
         },
@@ -48,10 +48,10 @@ PANELS: tuple[tuple[str, dict[str, str]], ...] = (
     (VOLUME, {"volume_m3": "volume"}),
     ("top speed [m/s]", {"top_speed_m_per_s": "fastest particle"}),
 )
-# In words on the axes of probes.png.
-WORDS = {
+# Axis labels of probes.png by unit.
+AXIS_LABELS = {
     "Pa": "pressure [Pa]",
-    "m": "place [m]",
+    "m": "position [m]",
     "m_per_s": "velocity [m/s]",
     "m3_per_s": "flux [m^3/s]",
     "N": "force [N]",
@@ -60,7 +60,7 @@ WORDS = {
 
 
 def plot(folder: Path, title: str) -> list[Path]:
-    """Draws folder/ledger.csv and folder/probes.csv beside them; returns the files."""
+    """Plots folder/ledger.csv and folder/probes.csv; returns the image files."""
     found = [folder / "ledger.png"]
     _draw(found[0], title, _ledger_panels(read(folder / "ledger.csv")))
     readings = read(folder / "probes.csv")
@@ -70,13 +70,13 @@ def plot(folder: Path, title: str) -> list[Path]:
     return found
 
 
-# An axis and its curves: times [s] and values by label.
+# Axis label and curves: times [s] and values by label.
 Panel = tuple[str, dict[str, tuple[np.ndarray, np.ndarray]]]
 
 
 def _ledger_panels(table: dict[str, np.ndarray]) -> list[Panel]:
-    """Panels of all columns that hold anything, and of the energy that is not accounted for by
-    work: in a method that only dissipates it falls."""
+    """Returns the panels of all columns with values, and of the energy less external work, which
+    falls for a dissipative method."""
     table = {**table, "left_J": energy_less_work(table)}
     panels: list[Panel] = []
     for axis, columns in PANELS:
@@ -89,7 +89,7 @@ def _ledger_panels(table: dict[str, np.ndarray]) -> list[Panel]:
                     values = values - values[0]
                 if axis == VOLUME:
                     values = 100.0 * (values / values[0] - 1.0)
-                # Works that nobody did are no curves.
+                # Energies that stay zero get no curve.
                 if axis != ENERGY or values.any():
                     curves[label] = table["time_s"][known], values
         if curves:
@@ -98,18 +98,16 @@ def _ledger_panels(table: dict[str, np.ndarray]) -> list[Panel]:
 
 
 def _probe_panels(table: dict[str, np.ndarray]) -> list[Panel]:
-    """A panel for each unit."""
+    """Returns a panel for each unit."""
     panels: dict[str, dict] = {}
     for column in (name for name in table if name != "time_s"):
         name, unit = parts(column)
-        curves = panels.setdefault(WORDS[unit], {})
-        curves[name] = table["time_s"], table[column]
+        panels.setdefault(AXIS_LABELS[unit], {})[name] = table["time_s"], table[column]
     return list(panels.items())
 
 
 def _draw(path: Path, title: str, panels: list[Panel]) -> None:
-    # Here, since it takes .3 s to import.
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure  # 0.3 s to import
 
     figure = Figure(figsize=(WIDTH, 0.6 + HEIGHT * len(panels)), dpi=DPI, layout="constrained")
     figure.suptitle(title, fontsize=10)
@@ -117,13 +115,13 @@ def _draw(path: Path, title: str, panels: list[Panel]) -> None:
     for axis, (label, curves) in zip(axes, panels, strict=True):
         for name, (time, values) in curves.items():
             axis.plot(time, values, label=name, lw=1.2, marker="." if len(time) < 40 else "")
-        # From what is left of still water to an impact: decades.
+        # From still water to an impact, errors span decades.
         if label == DENSITY:
             axis.set_yscale("log", nonpositive="mask")
         axis.set_ylabel(label, fontsize=8)
         axis.tick_params(labelsize=8)
         axis.grid(alpha=0.3)
-        if len(curves) > 1 or label in WORDS.values():
+        if len(curves) > 1 or label in AXIS_LABELS.values():
             axis.legend(fontsize=7, loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
     axes[-1].set_xlabel("time [s]", fontsize=8)
     with replacing(path) as file:

@@ -1,4 +1,4 @@
-"""What a probe is, and the lattice of points on a face that several read."""
+"""Base class of probes, and the lattice of points on a rectangle."""
 
 from abc import ABC, abstractmethod
 
@@ -8,26 +8,26 @@ from msph.measure.snapshot import Snapshot
 
 
 class Probe(ABC):
-    """An instrument with a name."""
+    """A named probe: reads quantities of the water at a place."""
 
     name: str
 
     @property
     @abstractmethod
     def heads(self) -> list[str]:
-        """ "name [unit]" of each number that read() gives."""
+        """Column heads "name [unit]" of the numbers that read() returns."""
 
     @abstractmethod
     def read(self, water: Snapshot) -> list[float]:
-        """In SI units, NaN for what is not known."""
+        """Returns the readings in SI units, NaN if unknown."""
 
-    def go_on(self, last: list[float]) -> None:  # noqa: B027 -- most have nothing to take up
-        """Takes up from what it read last: a run is resumed."""
+    def resume(self, last: list[float]) -> None:  # noqa: B027 -- most probes have no state
+        """Restores the probe's state from its last readings when a run is resumed."""
 
 
 def lattice(lo: np.ndarray, hi: np.ndarray, spacing: float) -> tuple[np.ndarray, float]:
-    """Middles (p, 3) [m] of the cells, at most `spacing` [m] wide, of the rectangle from lo to hi
-    [m], and a cell's area [m^2]; a point where they are the same."""
+    """Returns the centres (p, 3) [m] of cells at most `spacing` [m] wide that divide the rectangle
+    from lo to hi [m], and a cell's area [m^2]."""
     edges = hi - lo
     counts = np.maximum(1, np.ceil(edges / spacing - 1e-6)).astype(int)
     axes = [a + (np.arange(n) + 0.5) * e / n for a, e, n in zip(lo, edges, counts, strict=True)]

@@ -1,7 +1,7 @@
-"""Probes: instruments that read a Snapshot of the water, a number or three each.
+"""Probes at points, columns and fronts, which read a Snapshot of the water.
 
-NaN, an empty cell of the table, is what a probe reads where there is no water: in air, inside of a
-body, over a dry floor; and of pressures before the first step.
+A reading is NaN, an empty cell of the table, where there is no water: in air, inside a body, over a
+dry floor; pressures are NaN before the first step.
 """
 
 from collections import deque
@@ -10,21 +10,21 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from msph.measure.probe import Probe, lattice
-from msph.measure.snapshot import SURFACE, Snapshot
+from msph.measure.snapshot import SURFACE_COVERAGE, Snapshot
 from msph.scene.schema import Scene
 
-# Height is sought in steps of this many finest spacings.
+# Step of the search for the height, in finest spacings.
 HEIGHT_STEP = 0.1
 AXES = {"x": 0, "y": 1, "z": 2}
 
 
 @dataclass
 class PressureProbe(Probe):
-    """Pressure [Pa] at the point lo [m], in the water or on a wall or a body; or if hi is another,
-    its mean over the rectangle between, a sensor's face, of which dry parts bear none.
+    """Pressure [Pa] at the point lo [m], in the water or on a wall or a body; with hi, the mean
+    over the rectangle from lo to hi, where dry parts count as zero.
 
-    window [s]: of the sensor's sampling, the mean of the readings within which is read. A front
-    that meets a wall is pressed for single steps, many times as hard as for long; impulses tell.
+    window [s]: averaging time of the readings. In an impact on a wall the pressure peaks for single
+    steps, so only its average is meaningful.
     """
 
     name: str
@@ -71,8 +71,8 @@ class VelocityProbe(Probe):
 
 @dataclass
 class HeightProbe(Probe):
-    """Height [m] of the water over the floor at `at` (x, z) [m]: the highest place where coverage
-    falls through one half. A lone particle in the open never covers a half."""
+    """Height [m] of the water above the floor at `at` (x, z) [m]: the highest point where coverage
+    falls below one half, which single particles of spray never reach."""
 
     name: str
     at: tuple[float, float]
@@ -90,23 +90,23 @@ class HeightProbe(Probe):
         top = min((water.x[:, 1] + water.support)[close].max(), water.size[1])
         y = np.linspace(0.0, top, int(np.ceil(top / step)) + 1)
         c = water.coverage(np.stack([np.full_like(y, x), y, np.full_like(y, z)], axis=1), close)
-        wet = np.flatnonzero(c >= SURFACE)
+        wet = np.flatnonzero(c >= SURFACE_COVERAGE)
         if len(wet) == 0:
             return [np.nan]
         k = wet[-1]
         if k == len(y) - 1:
             return [float(top)]
-        return [float(y[k] + (y[k + 1] - y[k]) * (c[k] - SURFACE) / (c[k] - c[k + 1]))]
+        return [float(y[k] + (y[k + 1] - y[k]) * (c[k] - SURFACE_COVERAGE) / (c[k] - c[k + 1]))]
 
 
 @dataclass
 class FrontProbe(Probe):
-    """Farthest coordinate [m] that the bulk of the water has reached along `axis`, such as "+x" or
-    "-z". It does not step back: where a tongue breaks off, the bulk ends behind for some frames.
+    """Farthest coordinate [m] that the bulk of the water has reached so far along `axis`, such as
+    "+x" or "-z".
 
-    The bulk is the largest connected body: cells of the coarsest spacing that hold particles and
-    touch, also at corners. Spray that flies ahead of it with air between does not count, a sheet of
-    one particle's thickness does. Half a spacing of water lies beyond the last centre.
+    The bulk is the largest set of connected cells that hold particles; cells have the coarsest
+    spacing and connect also at corners, so detached spray is not part of it. The front is half a
+    spacing beyond the last particle's centre.
     """
 
     name: str
@@ -124,27 +124,25 @@ class FrontProbe(Probe):
         shape = [int(length // edge) + 1 for length in water.size]
         full = np.zeros(shape, dtype=bool)
         full[cell] = True
-        # Here, since only fronts need it: it takes .1 s to import.
-        from scipy.ndimage import label
+        from scipy.ndimage import label  # 0.1 s to import, and only fronts need it
 
         body = label(full, np.ones((3, 3, 3)))[0][cell]
         largest = np.bincount(body, weights=water.spacing**3).argmax()
         bulk, k = body == largest, AXES[self.axis[1]]
         sign = 1.0 if self.axis[0] == "+" else -1.0
         farthest = sign * (sign * water.x[bulk, k] + 0.5 * water.spacing[bulk]).max()
-        now = float(np.clip(farthest, 0.0, water.size[k])) + 0.0  # no minus zero
+        now = float(np.clip(farthest, 0.0, water.size[k])) + 0.0  # turns -0.0 into 0.0
         ahead = np.fmax if sign > 0.0 else np.fmin
         self.reached = float(ahead(self.reached, now))
         return [self.reached]
 
-    def go_on(self, last: list[float]) -> None:
+    def resume(self, last: list[float]) -> None:
         (self.reached,) = last
 
 
 def build_probes(scene: Scene) -> list[Probe]:
-    """The scene's probes, in its order; the scene must have been checked."""
-    # Here, since trimesh is slow to import.
-    from msph.measure.face_probes import FluxProbe, ForceProbe
+    """Returns the probes of a checked scene, in its order."""
+    from msph.measure.face_probes import FluxProbe, ForceProbe  # imports trimesh, which is slow
 
     built: list[Probe] = []
     for p in scene.probes:

@@ -1,4 +1,4 @@
-"""Resolution of a scene: how many of its finest spacings fit across water, gaps and bodies."""
+"""Resolution of a scene: finest spacings across the water's depth, gaps and bodies."""
 
 import itertools
 import math
@@ -10,16 +10,15 @@ from msph.fluid.boundary.rigid_bodies import TOUCHING, Ball, Block, Body, Solid
 from msph.fluid.plan import Plan
 from msph.measure.body_faces import faces
 
-# Points on the surface of a body between which gaps are sought: they lie 1 % of its size apart.
+# Number of points on a body's surface for distances between bodies: 1 % of its size apart.
 POINTS = 20_000
 
 
 def resolution(plan: Plan, depth: float = math.nan) -> dict[str, float]:
-    """Finest and coarsest spacing [m] and, in finest spacings (-): the water's mean `depth` [m];
-    the narrowest gap that the bodies leave where they stand at the start, or the box's shortest
-    edge; the thickness of each body.
+    """Returns the finest and coarsest spacing [m] and, in finest spacings (-): the water's mean
+    `depth` [m], the narrowest gap at the start, and the thickness of each body.
 
-    What is not known, or of which there is none, is NaN or left out.
+    Unknown values are NaN.
     """
     spacings = [s.spacing for s in plan.specs]
     d = min(spacings)
@@ -37,32 +36,27 @@ def resolution(plan: Plan, depth: float = math.nan) -> dict[str, float]:
 
 
 def mean_depth(gravity: tuple[float, float, float], plan: Plan, centres: np.ndarray) -> float:
-    """Twice the height [m] of the centre of mass over the lowest corner of box or container, mean
-    over `centres` (n, 3) [m] under `gravity` [m/s^2]: the depth of water that stands level. NaN
-    without gravity."""
+    """Returns the mean depth [m] of level water: twice the height of the centre of mass above the
+    lowest corner of box or container, mean over `centres` (n, 3) [m]; NaN without `gravity`
+    [m/s^2]."""
     if not any(gravity):
         return math.nan
-    lo, hi = np.zeros(3), np.array(plan.size)
-    for container in filter(_contains, plan.bodies):
-        lo, hi = container.bounds
+    lo, hi = _room(plan.size, plan.bodies)
     up = -np.array(gravity) / np.linalg.norm(gravity)
     lowest = np.where(up > 0.0, lo, hi)
     return float(2.0 * ((centres - lowest) @ up).mean())
 
 
 def narrowest_gap(size: tuple[float, float, float], solids: Sequence[Body], d: float) -> float:
-    """Least distance [m] between opposite walls, a body and a wall, or two bodies; what is nearer
-    than half a spacing d [m] touches. Between two bodies good to 1 % of their size."""
-    walls = np.array(size)
-    lo, hi = np.zeros(3), walls
-    for container in filter(_contains, solids):
-        lo, hi = container.bounds
+    """Returns the least distance [m] between opposite walls, a body and a wall, or two bodies, if
+    more than half a spacing d [m]; the distance of two bodies is within 1 % of their size."""
+    lo, hi = _room(size, solids)
     gaps = list(hi - lo)
-    for body in solids:
-        if not _contains(body) and not any(map(_contains, solids)):
-            gaps += [*body.bounds[0], *(walls - body.bounds[1])]
+    if not any(map(_contains, solids)):
+        for body in solids:
+            gaps += [*body.bounds[0], *(hi - body.bounds[1])]
     clouds = []
-    # Here, since trimesh and scipy take .5 s and most scenes have no bodies.
+    # Imported here, as they take 0.5 s and most scenes have no bodies.
     if len(solids) > 1:
         from scipy.spatial import cKDTree
         from trimesh.sample import sample_surface
@@ -74,7 +68,7 @@ def narrowest_gap(size: tuple[float, float, float], solids: Sequence[Body], d: f
 
 
 def thickness(body: Body) -> float:
-    """Shortest edge [m] of the narrowest box round a body."""
+    """Returns the shortest edge [m] of a body's smallest oriented bounding box."""
     if isinstance(body, Ball):
         return 2.0 * body.radius
     if isinstance(body, Block):
@@ -83,6 +77,14 @@ def thickness(body: Body) -> float:
 
     _, edges = oriented_bounds(faces(body))
     return float(edges.min())
+
+
+def _room(
+    size: tuple[float, float, float], solids: Sequence[Body]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Returns the lower and upper corner (3,) [m] of the container, or of the box without one."""
+    container = next(filter(_contains, solids), None)
+    return container.bounds if container else (np.zeros(3), np.array(size))
 
 
 def _contains(body: Body) -> bool:

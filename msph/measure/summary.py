@@ -1,4 +1,4 @@
-"""The summary of a run: what was measured where, how fast it was, and every error beside it."""
+"""Summary of a run: scene, machine, speed and errors."""
 
 import datetime
 import json
@@ -23,7 +23,7 @@ from msph.scene.water import asked_mass
 
 
 def origin(scene: Scene, name: str, arch: str) -> dict[str, Any]:
-    """Scene, machine, versions and date of a run."""
+    """Returns the scene, machine, versions and date of a run."""
     return {
         "scene": name,
         "title": scene.title,
@@ -38,10 +38,8 @@ def origin(scene: Scene, name: str, arch: str) -> dict[str, Any]:
 
 
 def water_laid(scene: Scene, simulation: Simulation, started: list[int]) -> dict[str, float]:
-    """Mass [kg] that the scene asks for beside that of the particles of each layer at the start.
-
-    What bodies displaced is not asked for. The error is a share (-).
-    """
+    """Returns the mass [kg] of water in the scene file, less the mass displaced by bodies, the mass
+    of the particles at the start, and the relative error (-); started: particles per layer."""
     asked = asked_mass(scene, simulation.plan.specs) - simulation.mass_left_out
     laid = sum(n * s.mass for n, s in zip(started, simulation.layers.specs, strict=True))
     return {"mass_asked_kg": asked, "mass_laid_kg": laid, "mass_laid_error": laid / asked - 1.0}
@@ -50,8 +48,8 @@ def water_laid(scene: Scene, simulation: Simulation, started: list[int]) -> dict
 def progress(
     simulation: Simulation, started: list[int], frame_s: float, first_step: int = 0
 ) -> dict[str, Any]:
-    """How far a run came that began, or was gone on with, at `first_step`; particles of each layer
-    then and at its end."""
+    """Returns the time and steps of a run that started or resumed at `first_step`, and the numbers
+    of particles per layer at its start and end."""
     done = simulation.steps - first_step
     return {
         "simulated_s": simulation.time,
@@ -64,10 +62,8 @@ def progress(
 
 
 def speed(timings: Timings, frame_s: float) -> dict[str, float]:
-    """Quartiles of the fluid's wall-clock time per frame [ms], and simulated over wall-clock time.
-
-    What measuring itself took is left out.
-    """
+    """Returns the quartiles of the elapsed time per frame [ms] and the real-time factor (-), both
+    without the time of measuring."""
     if not timings.frames:
         return {}
     quartiles = {f"frame_ms_p{p}": 1e3 * timings.percentile(p) for p in (25, 50, 75)}
@@ -75,7 +71,7 @@ def speed(timings: Timings, frame_s: float) -> dict[str, float]:
 
 
 def errors(ledger: Ledger, surveys: list[Survey]) -> dict[str, float]:
-    """Every error figure of a run, shares (-) but for merge_loss_J [J]; see Ledger and Survey."""
+    """Returns all errors of a run, relative (-) except merge_loss_J [J]; see Ledger and Survey."""
     if not ledger.entries:
         return {}
     mean, p99, largest = ledger.density_error()
@@ -95,13 +91,12 @@ def errors(ledger: Ledger, surveys: list[Survey]) -> dict[str, float]:
     }
 
 
-def judged(
+def assessment(
     scene: Scene, ledger: Ledger, surveys: list[Survey], found: dict[str, float]
 ) -> dict[str, Any]:
-    """Resolution of a run, the limits that good runs keep, and in words what of its resolution and
-    its errors `found` is beyond them."""
-    # Here, since only measured runs need it, and trimesh is slow to import.
-    from msph.measure.resolution import mean_depth, resolution
+    """Returns the resolution of a run, the limits of resolution and errors `found`, and cautions
+    for those outside their limits."""
+    from msph.measure.resolution import mean_depth, resolution  # imports trimesh, which is slow
 
     centres = np.array([e.centre for e in ledger.entries])
     plan = ledger.simulation.plan
@@ -115,19 +110,19 @@ def judged(
 
 
 def figures(summary: dict[str, Any]) -> dict[str, float]:
-    """All figures of a summary that an account may show."""
+    """Returns the figures of a summary for account()."""
     return {**summary["resolution"], **summary["errors"]}
 
 
 def write(path: Path, summary: dict[str, Any]) -> None:
-    """Writes it as JSON; what is not known (NaN) is null."""
-    text = json.dumps(_known(summary), indent=2, ensure_ascii=False, allow_nan=False)
+    """Writes the summary as JSON; values that are not finite become null."""
+    text = json.dumps(_finite(summary), indent=2, ensure_ascii=False, allow_nan=False)
     replace(path, text + "\n")
 
 
-def _known(value: Any) -> Any:
+def _finite(value: Any) -> Any:
     if isinstance(value, dict):
-        return {k: _known(v) for k, v in value.items()}
+        return {k: _finite(v) for k, v in value.items()}
     if isinstance(value, list):
-        return [_known(v) for v in value]
+        return [_finite(v) for v in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,4 +1,4 @@
-"""Surveys: the water's volume and bulk density, measures too dear for every frame."""
+"""Surveys: measurements of volume and bulk density, too slow for every frame."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from msph.measure.snapshot import Snapshot
 if TYPE_CHECKING:
     from msph.measure.bulk import BulkDensity
 
-# Heads of the columns that Survey.row() fills.
+# Column heads of Survey.row().
 COLUMNS = [
     "volume [m^3]",
     "bulk_density_mean [-]",
@@ -23,9 +23,9 @@ COLUMNS = [
 
 @dataclass(frozen=True)
 class Survey:
-    """time [s]; volume [m^3] that the surface encloses and its share of the water's volume at rest
-    density, less one (-); bulk density, over rest (-); shortfall: why volume is missing, in words,
-    where the surface knows."""
+    """A survey at a time [s]: volume [m^3] within the surface mesh, its error relative to the
+    volume at rest density (-), bulk density over rest (-), and the reason for missing volume, if
+    the surface gives one."""
 
     time: float
     volume: float
@@ -38,9 +38,8 @@ class Survey:
 
 
 def survey(time: float, volume: float, water: Snapshot, shortfall: str | None = None) -> Survey:
-    """Surveys the water whose surface encloses `volume` [m^3], and lacks some for `shortfall`."""
-    # Here, since only surveys need scipy, which takes .2 s to import.
-    from msph.measure.bulk import bulk_density
+    """Returns the survey of water whose surface mesh encloses `volume` [m^3]."""
+    from msph.measure.bulk import bulk_density  # imports scipy, which takes 0.2 s
 
     rest = float((water.spacing**3).sum())
     bulk = bulk_density(water.x, water.spacing, water.size, water.free)
@@ -48,7 +47,7 @@ def survey(time: float, volume: float, water: Snapshot, shortfall: str | None = 
 
 
 def shortfall(surveys: list[Survey]) -> str | None:
-    """Why the survey with the largest error of volume lacks it, in words; None if unknown."""
+    """Returns the reason for missing volume in the survey with the largest error, or None."""
     overflowed = [s for s in surveys if np.isnan(s.volume_error)]
     known = [s for s in surveys if np.isfinite(s.volume_error)]
     worst = overflowed or sorted(known, key=lambda s: abs(s.volume_error))[-1:]
@@ -56,7 +55,7 @@ def shortfall(surveys: list[Survey]) -> str | None:
 
 
 def errors(surveys: list[Survey]) -> dict[str, float]:
-    """Mean, last and worst errors of volume and bulk density over a run (-); NaN if unknown."""
+    """Returns the mean, last and worst errors of volume and bulk density (-), NaN if unknown."""
     found = {}
     for name, values in (
         ("volume_error", [s.volume_error for s in surveys]),

@@ -1,4 +1,4 @@
-"""Tables of numbers that grow while a run goes on: CSV with units in the names of its columns."""
+"""CSV tables written row by row during a run, with units in the column names."""
 
 import csv
 import math
@@ -12,17 +12,17 @@ import numpy as np
 from msph.errors import BadInputError, LostOutputError
 from msph.own_files import writing
 
-# Times of rows and checkpoints differ by less [s]: digits of a table.
+# Tolerance of times [s] in a table, from its number of digits.
 ROUNDING = 1e-6
-# Units of probes, as column() writes them.
+# Units of probes in column names.
 UNITS = ("Pa", "m", "m_per_s", "m3_per_s", "N", "N_m")
 
 
 def column(head: str) -> str:
-    """The name of a column from "name [unit]", fit to be an attribute of a data frame: name_unit.
+    """Returns the column name of a head "name [unit]", a valid identifier.
 
-    Factors of a unit are joined by _, powers follow their unit, and what divides comes after
-    "per": "gravity_y [m/s^2]" is gravity_y_m_per_s2. Quantities without a unit [-] have no suffix.
+    Factors of a unit are joined by _, powers follow their unit, and denominators follow "per":
+    "gravity_y [m/s^2]" becomes gravity_y_m_per_s2. Quantities without a unit [-] get no suffix.
     """
     name, _, unit = head.removesuffix("]").partition(" [")
     if unit in ("", "-"):
@@ -32,13 +32,13 @@ def column(head: str) -> str:
 
 
 def parts(name: str) -> tuple[str, str]:
-    """A probe's column as name and unit, the longest of UNITS that it ends in."""
+    """Splits the column name of a probe into name and unit, the longest matching one of UNITS."""
     unit = max((u for u in UNITS if name.endswith(f"_{u}")), key=len)
     return name.removesuffix(f"_{unit}"), unit
 
 
 def read(path: Path) -> dict[str, np.ndarray]:
-    """Every column of a table by its name, (rows,) each; NaN where a cell is empty."""
+    """Returns the columns of a table by name, (rows,) each; empty cells are NaN."""
     with open(path, newline="", encoding="utf-8") as file:
         names, *rows = list(csv.reader(file)) or [[]]
     numbers = np.array([[float(cell or "nan") for cell in row] for row in rows])
@@ -46,24 +46,23 @@ def read(path: Path) -> dict[str, np.ndarray]:
 
 
 def energy_less_work(ledger: dict[str, np.ndarray]) -> np.ndarray:
-    """Mechanical energy [J] less the work done from outside, of each row of a ledger: without
-    dissipation it stays what it was."""
-    given = ledger["wall_work_J"] + ledger["user_work_J"] + ledger["tilt_work_J"]
-    return ledger["kinetic_J"] + ledger["potential_J"] - given
+    """Returns the mechanical energy [J] less external work of each row of a ledger; constant
+    without dissipation."""
+    work = ledger["wall_work_J"] + ledger["user_work_J"] + ledger["tilt_work_J"]
+    return ledger["kinetic_J"] + ledger["potential_J"] - work
 
 
 class TableError(BadInputError):
-    """A table that cannot be gone on with."""
+    """A table that a resumed run cannot extend."""
 
 
 class Table:
-    """A CSV file; each row is written at once, so a run that fails leaves the rows it had.
+    """A CSV file to which each row is written immediately, so that a failed run keeps its rows.
 
-    heads: "name [unit]" of each column, whose name in the file is column(head); the first is the
-    time [s]. What is not known (NaN) is an empty cell. until [s]: the table that there is keeps its
-    rows up to that time, which are `kept`, and stays as it is until a row is written; None starts
-    anew. Raises TableError for other columns,
-    LostOutputError where a row cannot be written.
+    heads: "name [unit]" of each column; the first is the time [s]. NaN is an empty cell. until [s]:
+    rows of the existing file up to that time are `kept`, and the file is unchanged until a row is
+    written; None starts a new file. Raises TableError if the existing columns differ,
+    LostOutputError if a row cannot be written.
     """
 
     def __init__(self, path: Path, heads: list[str], until: float | None = None):
@@ -72,10 +71,10 @@ class Table:
         self._begun = False
         if until is None:
             self._begin()
-        if until is not None and path.exists():
+        elif path.exists():
             found = read(path)
             if list(found) != names:
-                raise TableError(f"{path}: its columns are not those of this run")
+                raise TableError(f"{path}: its columns differ from this run's")
             rows = np.column_stack(list(found.values()))
             self.kept = rows[rows[:, 0] <= until + ROUNDING]
 
@@ -100,6 +99,6 @@ class Table:
             ):
                 csv.writer(file, lineterminator="\n").writerow(cells)
         except LostOutputError:
-            # A disk that fills must leave whole rows.
+            # A full disk must not leave an incomplete row.
             os.truncate(self.path, length)
             raise

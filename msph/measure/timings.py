@@ -1,4 +1,4 @@
-"""Wall-clock time per frame and stage. Off, it costs nothing."""
+"""Elapsed time per frame and stage; costs nothing if not used."""
 
 import sys
 import time
@@ -13,11 +13,10 @@ from msph.fluid.stages import no_stage
 
 
 class Timings:
-    """Seconds per frame, by stage; the device is waited for on both sides of a stage.
+    """Elapsed time [s] per frame by stage; the device is synchronised before and after a stage.
 
-    Stages nest: one entered within another goes by its path, "fluid/density". Substages, the parts
-    of a step, are timed only with `profile`, for the waiting slows them. Of all frames the last
-    `keep` are kept, by default all.
+    A nested stage is named by its path, "fluid/density". Substages, the parts of a step, are timed
+    only with `profile`, as synchronisation slows them. keep: number of last frames kept, None: all.
     """
 
     def __init__(self, profile: bool = False, keep: int | None = None):
@@ -30,7 +29,7 @@ class Timings:
     def stage(self, name: str):
         self._path.append(name)
         path = "/".join(self._path)
-        self._open[path] += 0.0  # parents before their parts
+        self._open[path] += 0.0  # places parents before their parts
         ti.sync()
         start = time.perf_counter()
         try:
@@ -45,26 +44,26 @@ class Timings:
         self._open.clear()
 
     def discard(self) -> None:
-        """Forgets all frames so far: the warm-up."""
+        """Discards all frames so far, as after a warm-up."""
         self.frames.clear()
         self._open.clear()
 
     def percentile(self, percent: float, *stages: str) -> float:
-        """Percentile [s] over frames of the time in the given stages together, or in all."""
+        """Returns a percentile [s] over frames of the time in the given stages, or in all."""
         return float(np.percentile([_time(f, stages) for f in self.frames], percent))
 
     def total(self, *stages: str) -> float:
-        """Wall-clock time [s] of all frames in the given stages together, or in all."""
+        """Returns the elapsed time [s] of all frames in the given stages, or in all."""
         return sum(_time(f, stages) for f in self.frames)
 
     def tree(self) -> dict[str, float]:
-        """Mean time [s] per frame of every stage by its path, each before its parts and these in
-        the order of their first beginnings; last of the parts, as "other", what is in none."""
+        """Returns the mean time [s] per frame of each stage by its path. Stages precede their
+        parts, which are in the order of first use; "other" is the remainder, after the parts."""
         paths = list(dict.fromkeys(path for frame in self.frames for path in frame))
         return self._branch([p for p in paths if "/" not in p], paths)
 
     def _branch(self, stages: list[str], paths: list[str]) -> dict[str, float]:
-        """Of the given stages and all that are within them."""
+        """Returns the mean times [s] of the given stages and of their parts."""
         found = {}
         for stage in stages:
             found[stage] = self.total(stage) / len(self.frames)
@@ -76,24 +75,24 @@ class Timings:
 
 
 def _time(frame: dict[str, float], stages: tuple[str, ...]) -> float:
-    """Time [s] of a frame in the given stages, or in all that are part of no other."""
+    """Returns the time [s] of a frame in the given stages, or in all top-level stages."""
     return sum(frame.get(s, 0.0) for s in (stages or [s for s in frame if "/" not in s]))
 
 
 def peak_memory() -> int:
-    """Largest resident size of this process so far [bytes], earlier runs within it included."""
+    """Returns the largest resident memory of this process so far [bytes]."""
     if sys.platform == "win32":
         return psutil.Process().memory_info().peak_wset
-    import resource  # POSIX alone has it
+    import resource  # POSIX only
 
     unit = 1 if sys.platform == "darwin" else 1024
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
 
 
 def process_age() -> float:
-    """Wall-clock time [s] since this process began."""
+    """Returns the elapsed time [s] since the start of this process."""
     began = psutil.Process().create_time()
     if sys.platform == "linux":
-        # There it is whole seconds of the boot, rounded, plus an exact time since.
+        # create_time() is the boot time, rounded to seconds, plus an exact time since boot.
         return time.clock_gettime(time.CLOCK_BOOTTIME) - (began - psutil.boot_time())
     return time.time() - began

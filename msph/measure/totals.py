@@ -1,4 +1,4 @@
-"""Sums over all particles, in one launch whose result is good to 1e-6 on every backend."""
+"""Sums over all particles in one kernel launch, accurate to 1e-6 on every backend."""
 
 import numpy as np
 import taichi as ti
@@ -6,11 +6,11 @@ import taichi as ti
 from msph.fluid.world import World
 from msph.taichi_internals import data_oriented, kernel, longest_float
 
-# Particles that one thread adds up in single precision; the host adds these sums in double.
-# Rounding of a sum of n equal numbers grows as n: 32 keep it under 1e-6, also without f64.
+# Particles per thread, summed in single precision; the host adds the partial sums in double.
+# Rounding grows with the number of terms: 32 keep it below 1e-6, also without f64.
 CHUNK = 32
 
-# What is added up, and its place in a partial sum.
+# Names of the sums, and their indices in a partial sum.
 _VECTORS = ("moment", "momentum", "angular_momentum")
 MOMENT, MOMENTUM, SPIN = range(3)
 _SCALARS = (
@@ -29,10 +29,8 @@ _GIVEN_SCALARS = ("wall_work", "user_work", "merge_loss")
 
 @data_oriented
 class Totals:
-    """Mass [kg], first moment sum m x [kg m], momenta, energy and errors of all particles, and the
-    impulse ledger that the solver keeps; names and units as in Entry.
-
-    not_finite and outside count particles.
+    """Totals of all particles: mass [kg], first moment sum m x [kg m], momenta, energy, numbers of
+    particles not finite and outside, and the solver's impulse ledger; names and units as in Entry.
     """
 
     def __init__(self, world: World):
@@ -43,7 +41,7 @@ class Totals:
         self.given_scalars = tuple(getattr(impulses, name) for name in _GIVEN_SCALARS)
 
     def read(self) -> dict:
-        """Every total by its name, a float or an array (3,)."""
+        """Returns the totals by name, each a float or an array (3,)."""
         n = self.particles.count
         rows = -(-n // CHUNK)
         vectors = np.zeros((rows, len(_VECTORS), 3), np.float32)
@@ -72,7 +70,8 @@ class Totals:
         impulses: ti.types.ndarray(),
         works: ti.types.ndarray(),
     ):
-        """One row of partial sums per CHUNK particles, all zero before; and the impulse ledger."""
+        """Adds one row of partial sums per CHUNK particles to zeroed arrays, and copies the impulse
+        ledger."""
         for row in range(scalars.shape[0]):
             for i in range(row * CHUNK, ti.min((row + 1) * CHUNK, n)):
                 m = self.layers.mass[self.particles.layer[i]]

@@ -71,7 +71,7 @@ class Measurer:
         if len(self.readings.kept):
             last = self.readings.kept[-1][1:].tolist()
             for probe in self.probes:
-                probe.go_on([last.pop(0) for _ in probe.heads])
+                probe.resume([last.pop(0) for _ in probe.heads])
         self.bar = FrameBar(self.frames, bar, self.done)
 
     def wants_more(self, row: Row) -> bool:
@@ -87,7 +87,7 @@ class Measurer:
         show = row.lead
         self.done += 1
         entries = show.ledger.entries
-        entries[-1] = past.after(entries[-1], self.before)
+        entries[-1] = past.continued(entries[-1], self.before)
         self._write(show)
         self.good = show.simulation.state()
         self.bar.update()
@@ -105,7 +105,7 @@ class Measurer:
         goes_on = earlier and abs(show.simulation.time - earlier[-1].time) < ROUNDING
         # A frame has the gravity of its start: the work of turning it is counted in the next one.
         x, y, z = earlier[-1].gravity.tolist() if goes_on else show.gravity()
-        first = past.after(show.ledger.record((x, y, z)), self.before)
+        first = past.continued(show.ledger.record((x, y, z)), self.before)
         show.ledger.entries[:] = earlier if goes_on else [*earlier, first]
         if not goes_on:
             self._write(show)
@@ -158,7 +158,7 @@ class Measurer:
                 "mass_laid_error": error,
                 **summary.errors(show.ledger, self.surveys),
             }
-            result |= summary.judged(self.scene, show.ledger, self.surveys, result["errors"])
+            result |= summary.assessment(self.scene, show.ledger, self.surveys, result["errors"])
             if self.good:
                 self._save()
         self.result = result

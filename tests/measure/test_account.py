@@ -21,8 +21,8 @@ def test_a_good_run_has_no_cautions():
     assert {line.key for line in lines} == set(GOOD)
     assert account.cautions(lines) == []
     text = account.text(lines, [], WATER)
-    assert "all within what good runs keep" in text and "beyond" not in text
-    assert "not known" in next(row for row in text.splitlines() if "bulk density" in row)
+    assert "all within their limits" in text and not any(row.endswith("outside") for row in text.splitlines())
+    assert "unknown" in next(row for row in text.splitlines() if "bulk density" in row)
 
 
 def test_every_figure_beyond_its_limit_is_a_caution_in_words():
@@ -38,10 +38,10 @@ def test_every_figure_beyond_its_limit_is_a_caution_in_words():
     lines = account.account(bad)
     notes = account.cautions(lines, "surface mesh overflow: 9 triangles wanted, 8 fit")
     assert len(notes) == 5
-    assert any(note.startswith("across obstacles.0: 1.0 (good runs >= 1.45): ") for note in notes)
+    assert any(note.startswith("across obstacles.0: 1.0 (limit >= 1.45): ") for note in notes)
     assert any("-8.000 %" in note and note.endswith("9 triangles wanted, 8 fit") for note in notes)
     text = account.text(lines, notes, WATER)
-    assert text.count("beyond") == text.count("caution: ") == 5
+    assert text.count("outside\n") == text.count("caution: ") == 5
 
 
 def test_limits_are_those_of_the_lines():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from msph.measure.bulk import WIDE, bulk_density
+from msph.measure.bulk import KERNEL_RADIUS, bulk_density
 from msph.measure.host_kernels import mirrored, wendland
 
 SIZE = (0.8, 0.8, 0.8)
@@ -99,8 +99,8 @@ def test_a_handful_of_places_is_no_bulk():
 
 
 def test_wide_kernel_is_normalised_and_mirrors_double_what_a_wall_cuts():
-    r = np.linspace(0.0, WIDE, 4001)
-    whole = np.trapezoid(4 * np.pi * r**2 * wendland(r, WIDE), r)
+    r = np.linspace(0.0, KERNEL_RADIUS, 4001)
+    whole = np.trapezoid(4 * np.pi * r**2 * wendland(r, KERNEL_RADIUS), r)
     assert whole == pytest.approx(1.0, abs=1e-6)
     x, which = mirrored(np.array([[0.01, 0.4, 0.79]]), SIZE, 0.05)
     images = {(0.01, 0.79), (-0.01, 0.79), (0.01, 0.81), (-0.01, 0.81)}

@@ -37,11 +37,11 @@ def test_scatter_of_five_runs_is_fitted_by_least_squares():
 @pytest.mark.parametrize(
     ("phi", "words"),
     [
-        ([1.0, 1.4, 1.2], "swing"),
+        ([1.0, 1.4, 1.2], "oscillate"),
         ([1.0, 1.1, 1.4], "grow"),
         (values(0.4), "slower than first"),
         (values(5.0), "faster than second"),
-        ([1.0, math.nan, 1.2], "not known"),
+        ([1.0, math.nan, 1.2], "unknown"),
     ],
 )
 def test_what_is_not_asymptotic_is_said_and_its_uncertainty_no_less_than_the_differences(
@@ -85,7 +85,7 @@ def test_figures_of_runs_are_compared(tmp_path):
     assert path.order == pytest.approx(1.5, abs=1e-6)
     rms = math.sqrt(np.mean(np.linspace(0.0, 1.0, 11) ** 2))
     assert path.error == pytest.approx(0.01 * rms, rel=1e-6)
-    assert found["P1_mean"].unit == "Pa" and "swing" in found["P1_mean"].estimate.verdict
+    assert found["P1_mean"].unit == "Pa" and "oscillate" in found["P1_mean"].estimate.verdict
     assert found["energy_lost"].values[-1] == pytest.approx(-1.0 + 0.1 - 0.01)
     convergence.write(tmp_path / "c.csv", rows, [0.02, 0.01 * RATIO, 0.01])
     with open(tmp_path / "c.csv", newline="") as file:

@@ -167,7 +167,7 @@ def test_a_front_does_not_step_back():
     reached = front.read(snapshot(whole))
     assert FrontProbe("f", "+x").read(snapshot(broken))[0] < reached[0] - 2 * D
     assert front.read(snapshot(broken)) == reached
-    resumed.go_on(reached)
+    resumed.resume(reached)
     assert resumed.read(snapshot(broken)) == reached
 
 

@@ -80,6 +80,6 @@ def test_a_table_grows_from_the_time_of_a_checkpoint(tmp_path):
 def test_a_table_of_other_columns_is_refused_and_kept(tmp_path):
     path = tmp_path / "probes.csv"
     path.write_text("time_s,P2_Pa\n0,1\n")
-    with pytest.raises(TableError, match="its columns are not those of this run"):
+    with pytest.raises(TableError, match="its columns differ from this run's"):
         written(path, [], until=1.0)
     assert path.read_text() == "time_s,P2_Pa\n0,1\n"

@@ -26,7 +26,7 @@ def test_tree_keeps_the_order_of_the_frame_and_adds_what_is_in_no_part():
         {"fluid": 0.7, "fluid/density": 0.3, "fluid/adaptation": 0.2, "picture": 0.3},
     ]
     tree = timings.tree()
-    parts = ["density", "drift", "adaptation", "other"]
+    parts = ["density", "advance", "adaptation", "other"]
     assert list(tree) == ["fluid", *(f"fluid/{part}" for part in parts), "picture"]
     assert list(tree.values()) == pytest.approx([0.6, 0.2, 0.1, 0.1, 0.2, 0.2])
 
