@@ -1,1 +1,1 @@
-"""Lessons: predict, do, a check that ticks itself, why."""
+"""Lessons: a question, tasks that are checked off automatically, and an explanation."""

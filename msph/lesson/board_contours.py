@@ -1,4 +1,4 @@
-"""The board of marching squares and cubes: numbers and a threshold, ambiguous cells, and holes."""
+"""Board of marching squares and cubes: contours at a threshold, ambiguous cells, and holes."""
 
 from itertools import pairwise
 from typing import ClassVar
@@ -10,7 +10,7 @@ from msph.lesson import chart
 from msph.lesson.boards import Input
 from msph.surface import cube_tables
 
-# Numbers on a grid, after the manner of the thesis's figure 4.3: two ponds with a saddle between.
+# Numbers on a grid, similar to the thesis's figure 4.3: two ponds with a saddle between them.
 NUMBERS = np.array(
     [
         [1, 2, 1, 1, 2, 1, 1],
@@ -23,9 +23,9 @@ NUMBERS = np.array(
     ],
     float,
 )
-# Heights are compared with thresholds a little beside the whole numbers, so that none is met.
-BESIDE = 1e-3
-# Two cubes that share a face whose water corners lie across: by corner (i, j, k), water or not.
+# Offset of thresholds from whole numbers, so that no number equals a threshold.
+OFFSET = 1e-3
+# Water at the corners (i, j, k) of two cubes; the water corners of their shared face are opposite.
 PAIR = np.array(
     [[[1, 1], [1, 1]], [[1, 0], [0, 1]], [[0, 0], [0, 0]]],
     bool,
@@ -34,6 +34,8 @@ RULES = ("each cube by itself", "by the shared face")
 
 
 class Board:
+    """Left a grid of numbers with its contours, right the meshes of two adjacent cubes."""
+
     INPUTS: ClassVar[dict[str, Input]] = {
         "threshold": Input("-", 5.0, 0.0, 9.0),
         "diagonal": Input("-", 0.0, 0.0, 1.0),
@@ -42,8 +44,8 @@ class Board:
     NUMBERS: ClassVar[dict[str, str]] = {"ponds": "-", "ambiguous": "-", "open_edges": "-"}
 
     def numbers(self, values: dict[str, float]) -> dict[str, float]:
-        """ponds: pieces of water in the plane; ambiguous: cells whose water corners lie across;
-        open_edges: edges of the mesh of two cubes with a triangle on one side only, inside."""
+        """Returns the number of ponds (connected water on the grid), of ambiguous cells (opposite
+        water corners), and of interior mesh edges with one triangle only."""
         inside = _inside(values)
         corners = np.ones((3, 3)) if values["diagonal"] > 0.5 else None
         return {
@@ -63,22 +65,22 @@ class Board:
                 colour = chart.COLOURS[0] if inside[i, j] else chart.FAINT
                 style = {"color": colour, "ha": "center", "va": "center"}
                 left.text(j, i, f"{NUMBERS[i, j]:.0f}", fontsize=left.title.get_size(), **style)
-        for line in contour(values["threshold"] + BESIDE, values["diagonal"] > 0.5):
+        for line in contour(values["threshold"] + OFFSET, values["diagonal"] > 0.5):
             left.plot(*zip(*line, strict=True), color=chart.COLOURS[1], lw=3)
         left.set(xticks=(), yticks=(), aspect="equal", xlim=(-0.5, columns - 0.5))
         left.set_ylim(rows - 0.5, -0.5)
-        told = self.numbers(values)
+        numbers = self.numbers(values)
         left.set_title(
-            f"threshold {values['threshold']:g}: ponds {told['ponds']:.0f}, "
-            f"ambiguous cells {told['ambiguous']:.0f}"
+            f"threshold {values['threshold']:g}: ponds {numbers['ponds']:.0f}, "
+            f"ambiguous cells {numbers['ambiguous']:.0f}"
         )
         self._draw_pair(right, values["rule"] > 0.5)
-        right.set_title(f"{RULES[round(values['rule'])]}: {told['open_edges']:.0f} open edges")
+        right.set_title(f"{RULES[round(values['rule'])]}: {numbers['open_edges']:.0f} open edges")
         return chart.finish(drawing)
 
     @staticmethod
     def _draw_pair(ax, by_face: bool) -> None:
-        """Two cubes, their corners, their triangles, and open edges in red."""
+        """Draws two cubes with their corners and triangles, and open edges in red."""
         from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
         for i in range(3):
@@ -105,11 +107,11 @@ class Board:
 
 
 def _inside(values: dict[str, float]) -> np.ndarray:
-    return values["threshold"] + BESIDE < NUMBERS
+    return values["threshold"] + OFFSET < NUMBERS
 
 
 def _ambiguous(inside: np.ndarray) -> list[tuple[int, int]]:
-    """Cells (row, column) whose two water corners lie across."""
+    """Returns the cells (row, column) whose two water corners are opposite."""
     a, b = inside[:-1, :-1], inside[:-1, 1:]
     c, d = inside[1:, 1:], inside[1:, :-1]
     rows, columns = np.nonzero((a == c) & (b == d) & (a != b))
@@ -117,8 +119,8 @@ def _ambiguous(inside: np.ndarray) -> list[tuple[int, int]]:
 
 
 def contour(threshold: float, diagonal: bool) -> list[list[tuple[float, float]]]:
-    """Segments of the line through the numbers at a threshold, ends (column, row), linear between
-    two corners. diagonal: whether an ambiguous cell joins its water corners."""
+    """Returns the segments of the contour at a threshold, ends (column, row), by linear
+    interpolation. diagonal: True if an ambiguous cell connects its water corners."""
     segments = []
     for i in range(NUMBERS.shape[0] - 1):
         for j in range(NUMBERS.shape[1] - 1):
@@ -132,7 +134,7 @@ def contour(threshold: float, diagonal: bool) -> list[list[tuple[float, float]]]
             if len(cuts) == 2:
                 segments.append(list(cuts.values()))
             elif len(cuts) == 4:
-                # Corner k lies between the cuts of the edges k - 1 and k.
+                # Corner k is between the cuts on edges k - 1 and k.
                 wet = NUMBERS[ring[0]] > threshold
                 first = 0 if wet != diagonal else 1
                 segments += [[cuts[(k - 1) % 4], cuts[k]] for k in (first, first + 2)]
@@ -140,9 +142,9 @@ def contour(threshold: float, diagonal: bool) -> list[list[tuple[float, float]]]
 
 
 def pair_mesh(by_face: bool) -> list[np.ndarray]:
-    """Triangles (3, 3) of both cubes. by_face: an ambiguous face separates its water corners, as
-    our tables do; else a cube with more water than air takes the triangles of its complement, as
-    the 15 cases of Lorensen and Cline (1987) do."""
+    """Returns the triangles (3, 3) of both cubes. by_face: an ambiguous face separates its water
+    corners, as in our tables; otherwise a cube with more water than air uses the triangles of its
+    complement, as in the 15 cases of Lorensen and Cline (1987)."""
     found = []
     for i in range(2):
         corners = cube_tables.CORNERS + np.array((i, 0, 0))
@@ -157,15 +159,15 @@ def pair_mesh(by_face: bool) -> list[np.ndarray]:
 
 
 def open_edges(triangles: list[np.ndarray]) -> list[tuple]:
-    """Edges with one triangle only that do not lie on the outside of the two cubes."""
+    """Returns the edges with one triangle only, except those on the outside of the two cubes."""
     count: dict[frozenset, int] = {}
     for triangle in triangles:
         ring = [tuple(corner.tolist()) for corner in triangle]
         for p, q in pairwise([*ring, ring[0]]):
             edge = frozenset((p, q))
             count[edge] = count.get(edge, 0) + 1
-    alone = [tuple(edge) for edge, number in count.items() if number == 1]
-    return [edge for edge in alone if not _outside(*edge)]
+    single = [tuple(edge) for edge, number in count.items() if number == 1]
+    return [edge for edge in single if not _outside(*edge)]
 
 
 def _outside(p: tuple, q: tuple) -> bool:

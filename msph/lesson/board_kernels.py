@@ -1,5 +1,4 @@
-"""The board of smoothing kernels: their shapes, a particle's neighbours, and the sum that becomes
-its density."""
+"""Board of smoothing kernels: their shapes, a particle's neighbours, and its density sum."""
 
 from typing import ClassVar
 
@@ -10,11 +9,11 @@ from msph.fluid.particles import kernels
 from msph.lesson import chart
 from msph.lesson.boards import Input
 
-# Those that densities are summed with, in the order of the slider, from 1.
+# Kernels of density sums, in the order of the slider, from 1.
 DENSITY = ("poly6", "spiky", "Wendland C2", "quartic")
 NAMES = (*DENSITY, "viscosity")
-# Half the edge of the lattice and of the middle whose densities are compared, in spacings.
-REACH, MIDDLE = 7, 2
+# Half the edge of the lattice, and of its centre where densities are compared, in spacings.
+LATTICE, CENTRE = 7, 2
 SEED = 3
 
 
@@ -24,7 +23,7 @@ def shapes(
     h: ti.f32,
     w: ti.types.ndarray(dtype=ti.f32, ndim=2),
 ):
-    """w[k, i] = W_k(r_i, h) [1/m^3] of each kernel in the order of NAMES."""
+    """Computes w[k, i] = W_k(r_i, h) [1/m^3] of each kernel, in the order of NAMES."""
     for i in range(r.shape[0]):
         w[0, i] = kernels.poly6(r[i], h)
         w[1, i] = kernels.spiky(r[i], h)
@@ -34,14 +33,14 @@ def shapes(
 
 
 def sampled(r: np.ndarray, h: float) -> np.ndarray:
-    """(kernels, n) [1/m^3] at the distances r (n,), support h, in the unit of both."""
+    """Returns the kernels (kernels, n) at distances r (n,) for the support h, in units of h^-3."""
     w = np.zeros((len(NAMES), len(r)), np.float32)
     shapes(r.astype(np.float32), h, w)
     return w
 
 
 class Board:
-    """The spacing d is the unit of length."""
+    """Left particles on a disturbed lattice, right the kernels; lengths in spacings d."""
 
     INPUTS: ClassVar[dict[str, Input]] = {
         "support": Input("d", 2.45, 1.0, 5.0),
@@ -51,7 +50,7 @@ class Board:
     NUMBERS: ClassVar[dict[str, str]] = {"neighbours": "-", "density_error": "%"}
 
     def __init__(self) -> None:
-        axis = np.arange(-REACH, REACH + 1)
+        axis = np.arange(-LATTICE, LATTICE + 1)
         self.lattice = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
         self.shifts = np.random.default_rng(SEED).uniform(-1.0, 1.0, self.lattice.shape)
         self.known: dict[tuple[float, ...], dict[str, float]] = {}
@@ -60,8 +59,8 @@ class Board:
         return self.lattice + disorder * self.shifts
 
     def numbers(self, values: dict[str, float]) -> dict[str, float]:
-        """neighbours: mean within the support. density_error: root mean square of the sums of the
-        middle's particles, less one."""
+        """Returns, for the particles at the centre, the mean number of neighbours within the
+        support and the density error, the root mean square of sum W d^3 - 1 [%]."""
         key = tuple(values[name] for name in self.INPUTS)
         if key not in self.known:
             self.known[key] = self._numbers(*key)
@@ -69,7 +68,7 @@ class Board:
 
     def _numbers(self, support: float, kernel: float, disorder: float) -> dict[str, float]:
         x = self._places(disorder)
-        middle = x[np.abs(self.lattice).max(axis=1) <= MIDDLE]
+        middle = x[np.abs(self.lattice).max(axis=1) <= CENTRE]
         r = np.linalg.norm(middle[:, None] - x[None], axis=-1)
         near = r < support
         w = sampled(r[near], support)[round(kernel) - 1]
@@ -80,7 +79,6 @@ class Board:
         }
 
     def draw(self, values: dict[str, float], size: tuple[int, int]) -> np.ndarray:
-        """Left a slice of the particles, coloured by weight; right the kernels."""
         support, chosen = values["support"], round(values["kernel"]) - 1
         drawing, (left, right) = chart.figure(size, (3, 5))
         x = self._places(values["disorder"])
@@ -93,7 +91,7 @@ class Board:
         )
         left.add_patch(_circle(support))
         left.set(aspect="equal", xlim=(-4.4, 4.4), ylim=(-4.4, 4.4), xticks=(), yticks=())
-        left.set_title("a slice: who is heard, and how loud")
+        left.set_title("slice: weight of each neighbour")
         q = np.linspace(0.0, 1.0, 200)
         for k, w in enumerate(sampled(q * support, support)):
             own = k == chosen
@@ -111,9 +109,10 @@ class Board:
         right.set_xlabel("distance r [spacings d]")
         right.set_ylabel(r"weight W(r, h)")
         chart.legend(right)
-        told = self.numbers(values)
+        numbers = self.numbers(values)
         right.set_title(
-            f"{told['neighbours']:.0f} neighbours, density off by {told['density_error']:.2f} %"
+            f"{numbers['neighbours']:.0f} neighbours, density error "
+            f"{numbers['density_error']:.2f} %"
         )
         return chart.finish(drawing)
 

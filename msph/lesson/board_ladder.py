@@ -1,4 +1,4 @@
-"""The board of speed against error: what each quality of each shipped scene costs, measured."""
+"""Board of error against time: measured costs of each quality of the shipped scenes."""
 
 from typing import Any, ClassVar
 
@@ -11,8 +11,8 @@ from msph.scene.quality import costs
 
 
 class Board:
-    """Errors are those of the centre of mass against a finer run, in shares of the water's depth;
-    costs those of the ladder's machine (bench/results/quality.md)."""
+    """Errors of the centre of mass against a finer run [% of the water's depth] over the elapsed
+    time per simulated second, as measured in bench/results/quality.md."""
 
     INPUTS: ClassVar[dict[str, Input]] = {
         "scene": Input("-", 1.0, 1.0, 10.0),
@@ -35,8 +35,8 @@ class Board:
         return name, list(self.costs[name])[round(values["quality"]) - 1]
 
     def numbers(self, values: dict[str, float]) -> dict[str, float]:
-        """Of the chosen scene and quality; best: 1 where it has the least error that the budget
-        buys, else 0."""
+        """Returns the numbers of the chosen scene and quality; best: 1 if its error is the smallest
+        within the budget, else 0."""
         name, quality = self._chosen(values)
         steps = self.costs[name]
         within = [s for s in steps.values() if s.dearest <= values["budget"]]
@@ -63,15 +63,15 @@ class Board:
                     size = ax.title.get_size()
                     style = {"textcoords": "offset points", "color": colour, "fontsize": size}
                     ax.annotate(step, (a, b), (8, 8), **style)
-        told = self.numbers(values)
-        ax.plot(told["cost"], told["error"], "o", ms=20, mfc="none", mec=chart.INK, mew=3)
+        numbers = self.numbers(values)
+        ax.plot(numbers["cost"], numbers["error"], "o", ms=20, mfc="none", mec=chart.INK, mew=3)
         ax.axvspan(values["budget"], 1e3, color=chart.RED, alpha=0.18)
         ax.axvline(values["budget"], color=chart.RED, lw=2)
         ax.set(xscale="log", yscale="log")
         ax.set(xlim=(0.02, 30.0), ylim=(0.01, 60.0))
         for axis in (ax.xaxis, ax.yaxis):
             axis.set_major_formatter("{x:g}")
-        ax.set_xlabel("wall-clock time of a simulated second, dearest [s]")
+        ax.set_xlabel("largest elapsed time per simulated second [s]")
         ax.set_ylabel("error [% of depth]")
-        ax.set_title(f"{chosen}, {quality}: {told['particles']:.0f} particles")
+        ax.set_title(f"{chosen}, {quality}: {numbers['particles']:.0f} particles")
         return chart.finish(drawing)

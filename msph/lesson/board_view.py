@@ -1,4 +1,4 @@
-"""A board as a picture over the lesson's band."""
+"""Image of a board above the lesson's band."""
 
 from typing import Any
 
@@ -10,8 +10,8 @@ from msph.picture.pixels import Image
 
 
 class BoardView:
-    """image: the board of a lesson, drawn anew where its inputs change, over `below` pixels that
-    are left free."""
+    """image: the board of a lesson, redrawn when its inputs change; the lowest `below` pixels are
+    left free for the band."""
 
     def __init__(self, size: tuple[int, int], below: int):
         self.size, self.below = size, below
@@ -24,7 +24,7 @@ class BoardView:
             self.drawn = dict(progress.values)
             size = self.size[0], self.size[1] - self.below
             self.pixels = progress.board.draw(self.drawn, size)
-        # The lesson's pages were laid over it.
+        # Copied in each frame, as the lesson's pages are drawn over the image.
         whole = np.zeros((*self.size, 3), np.float32)
         whole[:, self.below :] = self.pixels[::-1].transpose(1, 0, 2) / np.float32(255.0)
         self.image.field.from_numpy(whole)

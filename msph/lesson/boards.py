@@ -1,9 +1,9 @@
-"""Boards: flat drawings, labelled, that a lesson's sliders change, and the numbers in them."""
+"""Boards: diagrams with numbers that depend on a lesson's sliders, used without a simulation."""
 
 import importlib
 from typing import Any, NamedTuple, Protocol
 
-# By name the module of each, whose Board draws it.
+# Module of each board's class Board, by name.
 MODULES = {
     "kernels": "msph.lesson.board_kernels",
     "contours": "msph.lesson.board_contours",
@@ -12,7 +12,7 @@ MODULES = {
 
 
 class Input(NamedTuple):
-    """Unit, value where no slider moves it, least and largest value."""
+    """An input of a board: unit, default, least and largest value."""
 
     unit: str
     start: float
@@ -21,18 +21,18 @@ class Input(NamedTuple):
 
 
 class Board(Protocol):
-    """INPUTS: what sliders can move. NUMBERS: what expressions can read, each with its unit."""
+    """A board. INPUTS: inputs by slider name. NUMBERS: units of its numbers, by name."""
 
     INPUTS: dict[str, Input]
     NUMBERS: dict[str, str]
 
     def draw(self, values: dict[str, float], size: tuple[int, int]) -> Any:
-        """The drawing for these inputs: pixels (height, width, 3) uint8, first row at the top."""
+        """Returns the diagram for the inputs: (height, width, 3) uint8, first row at the top."""
 
     def numbers(self, values: dict[str, float]) -> dict[str, float]:
-        """The numbers for these inputs."""
+        """Returns the numbers for the inputs."""
 
 
 def board_of(name: str) -> Any:
-    """The board of that name; KeyError where there is none."""
+    """Returns the board of a name in MODULES."""
     return importlib.import_module(MODULES[name]).Board()

@@ -1,4 +1,4 @@
-"""The style of boards: dark ground, light lines, text that can be read, colours told apart."""
+"""Style of boards: colours, text size, figures and their pixels."""
 
 from typing import Any
 
@@ -6,19 +6,20 @@ import numpy as np
 
 from msph.lesson.typeset import pyplot
 
-# Okabe and Ito (2008), which the colour-blind tell apart, on dark ground.
+# Colours on a dark background, distinguishable with colour blindness (Okabe and Ito 2008).
 GROUND, INK, FAINT = "#0a141e", "#f5f7fa", "#8aa4b4"
 COLOURS = ("#56b4e9", "#e69f00", "#009e73", "#cc79a7", "#f0e442")
 RED = "#ff6b5e"
-DPI, TEXT = 100, 1.0 / 28.0  # text height over the picture's, at least 18 pixels
-LEAST = 18
+DPI = 100
+# Text height over the image's, and least text height [pixels].
+TEXT, MIN_TEXT = 1.0 / 28.0, 18
 
 
 def figure(size: tuple[int, int], panels: tuple[int, ...] = (1, 1), flat: bool = True) -> Any:
-    """A figure of size (width, height) [pixels] and its axes side by side, as wide as `panels`
-    says; not flat: the last in perspective."""
+    """Returns a figure of size (width, height) [pixels] and its axes side by side, with relative
+    widths `panels`; flat: False gives the last axes a third dimension."""
     plt = pyplot()
-    points = 0.72 * max(LEAST, TEXT * size[1])
+    points = 0.72 * max(MIN_TEXT, TEXT * size[1])
     style = {
         "font.size": points,
         "axes.facecolor": GROUND,
@@ -45,13 +46,13 @@ def figure(size: tuple[int, int], panels: tuple[int, ...] = (1, 1), flat: bool =
 
 
 def legend(ax: Any) -> None:
-    """Names of the lines, in the upper right corner."""
+    """Adds a legend in the upper right corner."""
     size = ax.xaxis.label.get_size()
     ax.legend(loc="upper right", fontsize=size, facecolor=GROUND, edgecolor=FAINT, labelcolor=INK)
 
 
 def finish(drawing: Any) -> np.ndarray:
-    """Its pixels, (height, width, 3) uint8, first row at the top."""
+    """Closes a figure and returns its pixels (height, width, 3) uint8, first row at the top."""
     drawing.canvas.draw()
     pixels = np.asarray(drawing.canvas.buffer_rgba())[..., :3].copy()
     pyplot().close(drawing)

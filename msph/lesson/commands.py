@@ -1,6 +1,5 @@
 """Implementation of `msph lesson`: lists lessons, runs one in a window, writes pages and slides."""
 
-from pathlib import Path
 from typing import Any
 
 import click
@@ -9,12 +8,13 @@ from tabulate import tabulate
 from msph import user_cache
 from msph.device import start
 from msph.errors import BadInputError, BlowUpError
-from msph.lesson import slides, web
+from msph.lesson import web
 from msph.lesson.course import Progress
 from msph.lesson.guide import Guide
 from msph.lesson.load import Course, load_lesson, shipped_lessons
 from msph.lesson.paint import band_height
 from msph.lesson.reader import read
+from msph.lesson.slides import write as write_slides
 from msph.options import AS_GIVEN, RunOptions
 from msph.scene.load import read_toml
 from msph.stage.called import Called, Choice
@@ -26,18 +26,18 @@ from msph.stage.player import Player
 from msph.stage.preparation import prepare_row
 from msph.stage.window import ClosedError, NoWindowError, Window, check_display
 
-# Keys that are told while a lesson is prepared.
+# Keys that are listed while a lesson is prepared.
 KEYS = (
     ("a to d", "answer the question"),
-    ("n, b", "the next page, the one before"),
-    ("r", "begin the task again"),
+    ("n, b", "next page, previous page"),
+    ("r", "restart the task"),
     ("left drag", "move sliders, push the water"),
     ("arrow keys", "tilt the pool"),
-    ("right drag", "turn the view"),
+    ("right drag", "turn the camera"),
     ("h", "help"),
 )
-# Smallest window that a lesson's pages fit in [pixels].
-LEAST = (480, 270)
+# Smallest window size for a lesson's pages [pixels].
+MIN_SIZE = (480, 270)
 
 
 class NoLessonWindowError(BadInputError):
@@ -45,24 +45,26 @@ class NoLessonWindowError(BadInputError):
 
 
 def lesson(name, html, slides, size, frames, run: RunOptions) -> None:
-    """As its options say."""
+    """Implements `msph lesson`: lists the lessons, or runs or writes the one called `name`."""
     if name is None:
         if html or slides:
             raise click.UsageError("--html and --slides need the NAME of a lesson")
         click.echo(tabulate(listed(), tablefmt="plain"))
         return
     course = load_lesson(name)
-    if size[0] < LEAST[0] or size[1] < LEAST[1]:
-        raise click.UsageError(f"--size: a lesson needs {LEAST[0]}x{LEAST[1]} or more")
+    if size[0] < MIN_SIZE[0] or size[1] < MIN_SIZE[1]:
+        raise click.UsageError(f"--size: a lesson needs at least {MIN_SIZE[0]}x{MIN_SIZE[1]}")
     if html or slides:
         start(run.arch, run.threads)
-        write(course, html, slides)
+        for write, folder in ((web.write, html), (write_slides, slides)):
+            for path in write(course, folder) if folder else ():
+                click.echo(path)
     else:
         in_window(course, size, frames, run)
 
 
 def listed() -> list[tuple[str, str, str]]:
-    """Name, title and progress of each."""
+    """Returns name, title and progress of each lesson."""
     rows = []
     for name, path in shipped_lessons().items():
         data = read_toml(path)
@@ -73,28 +75,18 @@ def listed() -> list[tuple[str, str, str]]:
 
 
 def key(name: str) -> str:
-    """Under which the progress in a lesson is remembered."""
+    """Returns the key of a lesson's progress in the user's cache."""
     return f"lesson {name}"
 
 
-def write(course: Course, html: Path | None, slides_folder: Path | None) -> None:
-    """The page, the slides, or both; names the files."""
-    if html:
-        for path in web.write(course, html):
-            click.echo(path)
-    if slides_folder:
-        for path in slides.write(course, slides_folder):
-            click.echo(path)
-
-
 def in_window(course: Course, size: tuple[int, int], frames: int | None, run: RunOptions) -> None:
-    """Runs a lesson until the window is closed; what was done is remembered."""
+    """Runs a lesson until the window is closed, and stores its progress."""
     try:
         check_display()
         start(run.arch, run.threads)
         window = GguiWindow(course.lesson.title, size, KEYS)
     except NoWindowError as reason:
-        raise NoLessonWindowError(f"{reason}; --html DIR writes the lesson as a page") from None
+        raise NoLessonWindowError(f"{reason}; --html DIR writes a web page instead") from None
     guide = None
     try:
         guide = begin(course, window)
@@ -112,7 +104,7 @@ def in_window(course: Course, size: tuple[int, int], frames: int | None, run: Ru
 
 
 def play(guide: Guide, window: Window, name: str, frames: int | None) -> None:
-    """Plays a lesson's simulations. One that blows up is reset: some lessons ask for it."""
+    """Plays a lesson's simulations, and resets them if one becomes unstable, as in some tasks."""
     row, choice = guide.progress.row, Choice(name, AS_GIVEN)
     assert row is not None
     layout, called = Layout(window.size), Called(name)
@@ -123,11 +115,11 @@ def play(guide: Guide, window: Window, name: str, frames: int | None) -> None:
             return
         except BlowUpError:
             guide.progress.refill()
-            player.layout.say("the water blew up and begins again; r puts the sliders back")
+            player.layout.say("unstable simulation restarted; r also resets the sliders")
 
 
 def begin(course: Course, window: Window) -> Guide:
-    """The guide, with its waters ready."""
+    """Returns the guide of a lesson with its simulations prepared."""
     if course.lesson.board:
         return Guide(course, None, window.size)
     below = band_height(text_height(window.size[1]))
@@ -136,25 +128,25 @@ def begin(course: Course, window: Window) -> Guide:
 
 
 def kept(course: Course) -> dict[str, Any]:
-    """What is remembered of a lesson, if it still has the same tasks."""
+    """Returns the stored progress of a lesson, empty if its tasks have changed."""
     found = user_cache.recall(key(course.name), {})
     return found if found.get("checks") == checks(course) else {}
 
 
 def checks(course: Course) -> list[str]:
-    """What tells whether a lesson is the one that was done."""
+    """Returns the checks of a lesson's tasks, which identify the lesson of a stored progress."""
     return [task.check for task in course.lesson.do]
 
 
 def resume(progress: Progress) -> None:
-    """Goes on where a lesson was left, if tasks are open."""
+    """Restores the stored progress of a lesson if it has open tasks."""
     before = kept(progress.course)
     if before.get("answered") and not all(before["ticked"]):
         progress.resume(before["answered"], before["ticked"])
 
 
 def keep(progress: Progress) -> None:
-    """Remembers what was done, now or before."""
+    """Stores the progress; tasks that were done before stay done."""
     before = kept(progress.course).get("ticked", [False] * len(progress.ticked))
     ticked = [a or b for a, b in zip(before, progress.ticked, strict=True)]
     found = {"ticked": ticked, "answered": progress.answered, "checks": checks(progress.course)}

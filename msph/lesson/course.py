@@ -1,4 +1,4 @@
-"""A lesson on its way: which page, what was answered, what is moved, what is ticked."""
+"""Progress of a running lesson: page, answer, slider values and completed tasks."""
 
 import math
 from typing import Any
@@ -12,11 +12,11 @@ from msph.stage.row import Row
 
 
 class Progress:
-    """course: the lesson; row: its waters, None where it has a board. Pages: the question, each
-    task, the explanation and what of its code did not fit; see `page`.
+    """Progress of a lesson. row: its simulations, None for a board. Pages: the question, each task,
+    and `code_pages` of the explanation; page: the current one, from 0.
 
-    answered: what was chosen, from 1, 0 before. ticked: of each task whether it was done. reached:
-    of each what its numbers were then. values: of the sliders.
+    answered: chosen answer, from 1, 0 before. ticked: True for each completed task. reached: the
+    numbers of each task at its completion. values: slider values by name.
     """
 
     def __init__(self, course: Course, row: Row | None, code_pages: int = 1):
@@ -30,12 +30,12 @@ class Progress:
         self.values = {name: given.start for name, given in inputs.items()}
         self.values |= {s.name: s.start for s in self.lesson.slider}
         self.numbers: dict[str, Numbers] = {}
-        self.runs = 0  # how often the water has begun anew
+        self.runs = 0  # number of restarts
         self.again()
 
     def resume(self, answered: int, ticked: list[bool]) -> None:
-        """Takes up what was done before at the first task that was not, with the sliders as the
-        solutions of those before leave them."""
+        """Restores stored progress at the first open task, with the sliders as set by the solutions
+        of the tasks before."""
         self.answered = answered
         sliders = {slider.name: slider for slider in self.lesson.slider}
         for k, task in enumerate(self.lesson.do):
@@ -48,22 +48,22 @@ class Progress:
 
     @property
     def task(self) -> Task | None:
-        """What there is to do on this page."""
+        """The task of this page, None on other pages."""
         k = self.page - 1
         return self.lesson.do[k] if 0 <= k < len(self.lesson.do) else None
 
     @property
     def waits(self) -> bool:
-        """Whether nothing runs: the question comes first, and explanations are read in peace."""
+        """True while the simulations are paused, on pages without a task."""
         return self.task is None
 
     def answer(self, choice: int) -> None:
-        """Takes an answer, from 1, once."""
+        """Stores an answer, from 1; later answers are ignored."""
         if self.page == 0 and not self.answered and choice <= len(self.lesson.predict.choices):
             self.answered = choice
 
     def go(self, step: int) -> bool:
-        """Turns pages; whether it did. The first is left once it is answered."""
+        """Turns pages and returns True if possible; the question must be answered first."""
         page = self.page + step
         if not 0 <= page < self.pages or (step > 0 and not self.answered):
             return False
@@ -75,7 +75,7 @@ class Progress:
         return True
 
     def again(self) -> None:
-        """Row and sliders as at the start."""
+        """Resets the simulations and the sliders."""
         self.runs += 1
         if self.row:
             self.row.reset()
@@ -85,12 +85,12 @@ class Progress:
             self.move(slider, slider.start)
 
     def refill(self) -> None:
-        """Water as at the start, sliders as they are."""
+        """Resets the simulations and keeps the sliders."""
         if self.row:
             self.row.reset()
 
     def move(self, slider: SliderOf, value: float) -> None:
-        """Moves a slider, within its range."""
+        """Sets a slider to the nearest value that it can take."""
         value = min(max(value, slider.lo), slider.hi)
         if slider.step:
             steps = round((value - slider.lo) / slider.step)
@@ -100,50 +100,44 @@ class Progress:
             self.row.set(slider.key, value)
 
     def look(self) -> None:
-        """Ticks the task of this page if its check holds now."""
+        """Completes the task of this page if its check holds."""
         k = self.page - 1
-        if not self.task or self.ticked[k]:
-            return
-        # Numbers that are not known are no reason to tick.
-        if self.holds():
+        if self.task and not self.ticked[k] and self.holds():
             self.ticked[k] = True
             self.reached[k] = self.shown()
 
     def names(self) -> dict[str, Any]:
-        """What expressions may use, as it is now."""
+        """Returns the current values of the names in expressions."""
         board = {"board": self.board.numbers(self.values)} if self.board else {}
         return {**self.values, **self.numbers, **board}
 
     def shown(self) -> list[str]:
-        """The numbers of this page's task, a line each: expression in words, value, unit."""
+        """Returns a line for each number of this page's task: name, value, unit."""
         if self.task is None:
             return []
         names = self.names()
-        return [self._told(text, expressions.value(text, names)) for text in self.task.show]
+        return [self._line(text, expressions.value(text, names)) for text in self.task.show]
 
     def holds(self) -> bool:
-        """Whether the check of this page's task holds now."""
+        """Returns True if the check of this page's task holds; unknown numbers never satisfy it."""
         return self.task is not None and expressions.value(self.task.check, self.names()) is True
 
-    def _told(self, text: str, value: float) -> str:
-        """A number with its name, and its unit where it is one of a water or of the board."""
+    def _line(self, text: str, value: float) -> str:
+        """Returns the name of an expression and its value, with a unit if it is a quantity."""
         owner, _, name = text.partition(".")
-        units = {"board": self.board.NUMBERS} if self.board else {}
-        unit = ""
+        unit = "-"
         if name in QUANTITIES and owner in self.numbers:
             unit = QUANTITIES[name].unit
-        elif owner in units:
-            unit = units[owner].get(name, "")
-        label = self._label(owner, name) if name.isidentifier() else text
-        return f"{label} {readable(value)}" + (f" {unit}" if unit not in ("", "-") else "")
-
-    def _label(self, owner: str, name: str) -> str:
-        words = name.replace("_", " ")
-        return words if owner == "board" or len(self.numbers) < 2 else f"{owner}: {words}"
+        elif self.board and owner == "board":
+            unit = self.board.NUMBERS.get(name, "-")
+        label = name.replace("_", " ") if name.isidentifier() else text
+        if name.isidentifier() and owner != "board" and len(self.numbers) > 1:
+            label = f"{owner}: {label}"
+        return f"{label} {readable(value)}" + (f" {unit}" if unit != "-" else "")
 
 
 def readable(value: float) -> str:
-    """A number as a student reads it, without powers of ten."""
+    """Formats a number without powers of ten."""
     if math.isnan(value):
         return "unknown"
     if abs(value) >= 1000.0:

@@ -1,7 +1,7 @@
-"""What is wrong with a lesson, in one line."""
+"""The error of a lesson file."""
 
 from msph.scene.errors import SceneError
 
 
 class LessonError(SceneError):
-    """A lesson that cannot be used: where, key, problem."""
+    """A lesson that cannot be used; str() is one line: file, key, problem."""

@@ -1,4 +1,4 @@
-"""Excerpts of this program's own source, taken when they are shown: they cannot age."""
+"""Excerpts of this program's source, read at run time so that they stay up to date."""
 
 import importlib
 import inspect
@@ -10,29 +10,29 @@ OWN = "msph"
 
 
 class ExcerptError(ValueError):
-    """Code that is not there; str() says which."""
+    """Source code that cannot be found; str() names it."""
 
 
 def excerpt(code: str, first: str = "", last: str = "") -> list[str]:
-    """Lines of the function, class or module `module:name`, from the one that holds `first` up to
-    the next that holds `last`. Raises ExcerptError."""
+    """Returns the lines of the function, class or module `module:name`, from the first line with
+    `first` to the next line with `last`. Raises ExcerptError."""
     module, _, name = code.partition(":")
     if module.partition(".")[0] != OWN:
-        raise ExcerptError(f"{code} is none of this program")
+        raise ExcerptError(f"{code} is not part of {OWN}")
     try:
         found: Any = importlib.import_module(module)
         for part in name.split(".") if name else ():
             found = found.__dict__[part]
         lines = _source(found)
     except (ImportError, KeyError, AttributeError, ValueError, TypeError, OSError):
-        raise ExcerptError(f"there is no {code} with a source") from None
+        raise ExcerptError(f"no source found for {code}") from None
     begin = _line(lines, first, 0, code) if first else 0
     end = _line(lines, last, begin, code) if last else len(lines) - 1
     return textwrap.dedent("\n".join(lines[begin : end + 1])).rstrip().splitlines()
 
 
 def _source(found: Any) -> list[str]:
-    # What Taichi wraps keeps its function.
+    # Taichi's wrappers and properties keep the function in one of these attributes.
     for inner in ("__wrapped__", "func", "fn", "fget"):
         found = getattr(found, inner, found)
     if inspect.ismodule(found):

@@ -1,4 +1,4 @@
-"""Expressions of a lesson, over waters, sliders and boards; simpleeval reads them."""
+"""Expressions of a lesson over simulations, sliders and boards, evaluated by simpleeval."""
 
 import ast
 import math
@@ -11,23 +11,23 @@ from simpleeval import InvalidExpression, SimpleEval
 
 from msph.errors import did_you_mean
 
-# Functions that expressions may call, and a number with which they are tried.
+# Functions that expressions may call, and the value of every name in a trial evaluation.
 FUNCTIONS = {"abs": abs, "min": min, "max": max}
-SOME = 1.234567
+TRIAL_VALUE = 1.234567
 
 
 class ExpressionError(ValueError):
-    """An expression that cannot be read, in one line."""
+    """An invalid expression; str() is one line."""
 
 
 def check(text: str, known: Mapping[str, set[str] | None]) -> None:
-    """Raises ExpressionError where an expression is none, or uses what is not known: names, each
-    with its attributes, or None for a number."""
+    """Raises ExpressionError for an expression that is invalid or uses unknown names; known: names
+    with their attributes, or None for a number."""
     try:
         tree = ast.parse(text, mode="eval")
     except (SyntaxError, ValueError, RecursionError):
         hint = "; == compares" if re.search(r"[^=<>!]=[^=]", text) else ""
-        raise ExpressionError(f"is no expression: {text!r}{hint}") from None
+        raise ExpressionError(f"is not an expression: {text!r}{hint}") from None
     named = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
     called = {id(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)}
     for node in ast.walk(tree):
@@ -40,17 +40,18 @@ def check(text: str, known: Mapping[str, set[str] | None]) -> None:
         elif isinstance(node, ast.Name):
             _demand(node.id, known, "name")
             if known[node.id] is not None and id(node) not in named:
-                raise ExpressionError(f"{node.id!r} is no number; say {node.id}.NUMBER")
-    found = value(text, {name: _Some() if inner else SOME for name, inner in known.items()})
+                raise ExpressionError(f"{node.id!r} is not a number; write {node.id}.NUMBER")
+    trial = {name: _Trial() if inner else TRIAL_VALUE for name, inner in known.items()}
+    found = value(text, trial)
     if found != found:
-        raise ExpressionError(f"is no number: {text!r}")
+        raise ExpressionError(f"is not a number: {text!r}")
 
 
 def value(text: str, names: Mapping[str, Any]) -> bool | float:
-    """What an expression amounts to: True, False or a number, NaN where it cannot be computed with
-    these values. Raises ExpressionError."""
+    """Returns the value of an expression: True, False or a number, NaN if undefined for these
+    values. Raises ExpressionError."""
     try:
-        # It adds to the functions that it is given.
+        # Copied, as SimpleEval adds functions to the dictionary.
         found = SimpleEval(names=dict(names), functions=dict(FUNCTIONS)).eval(text)
     except InvalidExpression as error:
         raise ExpressionError(f"{text!r}: {error}") from None
@@ -67,8 +68,8 @@ def _demand(name: str, known: Any, what: str) -> None:
     raise ExpressionError(f"unknown {what} {name!r}; {did_you_mean(name, known)}")
 
 
-class _Some:
-    """Whose every attribute is some number."""
+class _Trial:
+    """Object whose every attribute is TRIAL_VALUE."""
 
     def __getattr__(self, name: str) -> float:
-        return SOME
+        return TRIAL_VALUE

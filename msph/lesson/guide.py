@@ -1,4 +1,4 @@
-"""The guide of a lesson in a window: its keys, its sliders, its pages over the picture."""
+"""Overlay of a lesson in a window: keys, sliders, and pages over the image."""
 
 import time
 
@@ -15,14 +15,14 @@ from msph.stage.pages import text_height
 from msph.stage.row import Row
 from msph.stage.widgets import Grip, Slider
 
-# Time between two readings of the numbers [s]: faster ones cannot be read.
-EVERY = 0.25
-# Keys of the lesson, and those that lead to other scenes, settings and waters: not from here.
-TURNING, LEAVING = ("n", "b", "r"), ("Tab", "BackSpace", "i", "k", "o")
+# Elapsed time between updates of the displayed numbers [s], slow enough to be read.
+UPDATE_INTERVAL = 0.25
+# Keys of the lesson, and keys of the player that a lesson disables, as they change the scene.
+PAGE_KEYS, DISABLED_KEYS = ("n", "b", "r"), ("Tab", "BackSpace", "i", "k", "o")
 
 
 def units_of(course: Course) -> dict[str, str]:
-    """Units of the sliders, by their names."""
+    """Returns the units of the sliders by name."""
     if course.lesson.board:
         inputs = board_of(course.lesson.board).INPUTS
         return {name: given.unit for name, given in inputs.items()}
@@ -31,8 +31,8 @@ def units_of(course: Course) -> dict[str, str]:
 
 
 class Guide:
-    """course: the lesson; row: its waters, None where it has a board; size (width, height) [pixels]
-    of the window. What it says of itself: `progress`."""
+    """Overlay of a lesson. row: its simulations, None for a board; size (width, height) of the
+    window [pixels]; progress: see Progress."""
 
     def __init__(self, course: Course, row: Row | None, size: tuple[int, int]):
         self.size, self.text = size, text_height(size[1])
@@ -45,25 +45,25 @@ class Guide:
         self.read, self.shown = -np.inf, list[str]()
         self.grip = Grip()
 
-    taken = frozenset((*TURNING, *LEAVING))
+    taken = frozenset((*PAGE_KEYS, *DISABLED_KEYS))
 
     @property
     def runs(self) -> int:
-        """How often the water has begun anew."""
+        """Number of restarts."""
         return self.progress.runs
 
     @property
     def waits(self) -> bool:
-        """Whether the water waits."""
+        """True while the simulations are paused."""
         return self.progress.waits
 
     @property
     def whole(self) -> bool:
-        """Whether a page covers the picture."""
+        """True if a page covers the whole image."""
         return self.progress.page > len(self.progress.lesson.do)
 
     def takes(self, key: str) -> bool:
-        """Acts on a key that went down; whether it is the lesson's."""
+        """Handles a pressed key and returns True if it belongs to the lesson."""
         progress = self.progress
         if progress.page == 0 and key in LETTERS:
             progress.answer(LETTERS.index(key) + 1)
@@ -73,15 +73,15 @@ class Guide:
         elif key == "r" and progress.task:
             progress.again()
         else:
-            return key in LEAVING or key in TURNING or (self.whole and key == "h")
+            return key in self.taken or (self.whole and key == "h")
         return True
 
     def covers(self, cursor: np.ndarray) -> bool:
-        """Whether a cursor, (right, up) in shares of the window, is on one of the pages."""
+        """Returns True if the cursor, (right, up) in shares of the window, is on a page."""
         return self.whole or bool(cursor[1] * self.size[1] < self.below)
 
     def drag(self, cursor: np.ndarray, down: bool) -> bool:
-        """Moves the slider that the left button was put down on; whether it holds one."""
+        """Moves the slider on which the left button was pressed; returns True while it is held."""
         x, y = cursor[0] * self.size[0], (1.0 - cursor[1]) * self.size[1]
         y -= self.size[1] - self.below
         moved = self.grip.act(self.band.sheet if self.progress.task else None, x, y, down)
@@ -91,14 +91,14 @@ class Guide:
         return self.grip.holds
 
     def look(self) -> None:
-        """After a frame: whether the task is done, and what its numbers are now."""
+        """Updates the task and its displayed numbers after a frame."""
         self.progress.look()
         now = time.perf_counter()
-        if now - self.read > EVERY:
+        if now - self.read > UPDATE_INTERVAL:
             self.read, self.shown = now, self.progress.shown()
 
     def lay(self, image) -> None:
-        """Lays its pages over the image."""
+        """Draws the current page over the image."""
         p = self.progress
         state = (p.page, p.answered, tuple(p.ticked), tuple(p.values.values()), tuple(self.shown))
         if state != self.painted:

@@ -1,4 +1,4 @@
-"""From a lesson's folder to a checked lesson."""
+"""Reading and checking lessons."""
 
 import keyword
 from dataclasses import dataclass
@@ -24,15 +24,15 @@ from msph.scene.load import explain, load_scene, read_toml
 from msph.scene.schema import Scene
 
 FILE = "lesson.toml"
-# Most words of titles, choices and labels, which have a line or two.
-BRIEF = 12
-# Live parameters that only the clock of a window knows.
-CLOCK = {"play.speed", "play.scale"}
+# Most words of titles, choices and labels, which have one or two lines.
+SHORT_WORDS = 12
+# Live parameters that have no effect in a lesson, which has its own time steps and image size.
+WINDOW_ONLY = {"play.speed", "play.scale"}
 
 
 @dataclass(frozen=True)
 class Course:
-    """A lesson with what it names: its scenes, and its excerpt. name: of its folder."""
+    """A checked lesson with its scenes and the lines of its code excerpt; name: its folder's."""
 
     name: str
     lesson: Lesson
@@ -41,18 +41,18 @@ class Course:
 
     @property
     def labels(self) -> list[str]:
-        """What is written over each of its waters."""
+        """Labels of the simulations."""
         return [water.label for water in self.lesson.water]
 
 
 def shipped_lessons() -> dict[str, Path]:
-    """Their files by name, in their order."""
+    """Returns the files of the shipped lessons by name, in their order."""
     found = {p.parent.name: p for p in (assets() / "lessons").glob(f"*/{FILE}")}
     return dict(sorted(found.items(), key=lambda item: (read_toml(item[1]).get("order", 99), item)))
 
 
 def find_lesson(name: str) -> Path:
-    """The file of a lesson given by its shipped name, its folder or its file."""
+    """Returns the file of a lesson given by shipped name, folder or file. Raises LessonError."""
     lessons, path = shipped_lessons(), Path(name).resolve()
     if name in lessons:
         return lessons[name]
@@ -66,16 +66,16 @@ def find_lesson(name: str) -> Path:
 
 
 def load_lesson(name: str) -> Course:
-    """Reads and checks a lesson. Raises LessonError, or SceneError for one of its scenes."""
+    """Returns a checked lesson. Raises LessonError, or SceneError for an invalid file."""
     path = find_lesson(name)
     data = read_toml(path)
+    where = f"{path.parent.name}/{path.name}"
     try:
         lesson = Lesson.model_validate(data)
     except ValidationError as error:
-        raise explain(error, f"{path.parent.name}/{path.name}", data, Lesson) from None
-    where = f"{path.parent.name}/{path.name}"
+        raise explain(error, where, data, Lesson) from None
     if bool(lesson.board) == bool(lesson.water):
-        raise LessonError(where, "needs either waters or a board")
+        raise LessonError(where, "needs either [[water]] tables or a board")
     scenes = [_scene(water, path.parent, where, k) for k, water in enumerate(lesson.water)]
     known = _known(lesson, scenes, where)
     _check_sliders(lesson, scenes, where)
@@ -94,7 +94,7 @@ def load_lesson(name: str) -> Course:
 
 
 def _scene(water: WaterOf, folder: Path, where: str, k: int) -> Scene:
-    """The scene of a water, with its changes."""
+    """Returns the scene of a simulation with its changes applied."""
     beside = folder / water.scene
     name = water.scene if water.scene in shipped_scenes() else str(beside)
     changes = [f"{key}={_toml(value)}" for key, value in water.set.items()]
@@ -105,20 +105,20 @@ def _scene(water: WaterOf, folder: Path, where: str, k: int) -> Scene:
 
 
 def _toml(value: Any) -> str:
-    """A value as TOML writes it."""
+    """Returns a value in the syntax of overrides."""
     if isinstance(value, str):
         return value
     return tomli_w.dumps({"value": value}).partition("=")[2].strip()
 
 
 def _known(lesson: Lesson, scenes: list[Scene], where: str) -> dict[str, set[str] | None]:
-    """Names that expressions may use, with their attributes; None for numbers."""
+    """Returns the names that expressions may use, with their attributes, or None for numbers."""
     known: dict[str, set[str] | None] = {s.name: None for s in lesson.slider}
     if len(known) < len(lesson.slider):
-        raise LessonError(where, "two sliders have one name", "slider")
+        raise LessonError(where, "two sliders have the same name", "slider")
     for water, scene in zip(lesson.water, scenes, strict=True):
         if water.name in known:
-            raise LessonError(where, f"the name {water.name!r} is given twice")
+            raise LessonError(where, f"the name {water.name!r} is used twice")
         known[water.name] = known_numbers(scene)
     if lesson.board:
         _demand(lesson.board, MODULES, "board", where, "board")
@@ -132,11 +132,11 @@ def _check_sliders(lesson: Lesson, scenes: list[Scene], where: str) -> None:
         if not slider.lo <= slider.start <= slider.hi or slider.lo == slider.hi:
             raise LessonError(where, "start must lie between lo and hi, and lo below hi", key)
         if keyword.iskeyword(slider.name):
-            raise LessonError(where, "is a word of the language", f"{key}.name")
+            raise LessonError(where, "is a reserved word", f"{key}.name")
         if lesson.board:
             _check_input(lesson, slider, where, key)
             continue
-        live = {live.key for scene in scenes for live in live_parameters(scene)} - CLOCK
+        live = {live.key for scene in scenes for live in live_parameters(scene)} - WINDOW_ONLY
         _demand(slider.key, sorted(live), "live parameter", where, f"{key}.key")
         for end in ("lo", "hi"):
             _check_end(scenes, slider, end, where, f"{key}.{end}")
@@ -146,11 +146,11 @@ def _check_input(lesson: Lesson, slider: SliderOf, where: str, key: str) -> None
     inputs = board_of(lesson.board).INPUTS
     _demand(slider.name, inputs, "input", where, f"{key}.name")
     if slider.key:
-        problem = "a board has none: a slider's name says what it moves"
+        problem = "is not allowed with a board, whose inputs are selected by the slider's name"
         raise LessonError(where, problem, f"{key}.key")
     given = inputs[slider.name]
     if slider.lo < given.lo or slider.hi > given.hi:
-        problem = f"the board takes {slider.name} from {given.lo:g} to {given.hi:g}"
+        problem = f"the board's range of {slider.name} is {given.lo:g} to {given.hi:g}"
         raise LessonError(where, problem, key)
 
 
@@ -159,13 +159,14 @@ def _check_solution(lesson: Lesson, task: Task, where: str, key: str) -> None:
     for name, value in task.solution.set.items():
         _demand(name, sliders, "slider", where, f"{key}.set")
         if not sliders[name].lo <= value <= sliders[name].hi:
-            raise LessonError(where, f"{name} {value:g} lies beyond its slider", f"{key}.set")
+            problem = f"{name} = {value:g} is outside the slider's range"
+            raise LessonError(where, problem, f"{key}.set")
     if lesson.board and not task.solution.set:
-        raise LessonError(where, "moves no slider, and nothing else moves a board", key)
+        raise LessonError(where, "must move a slider, as the lesson has a board", key)
 
 
 def _check_end(scenes: list[Scene], slider: SliderOf, end: str, where: str, key: str) -> None:
-    """Raises LessonError where a slider leads to a value that its parameter cannot have."""
+    """Raises LessonError if an end of a slider is outside its parameter's range."""
     for scene in scenes:
         try:
             moved = changed(scene, slider.key, getattr(slider, end))
@@ -176,21 +177,22 @@ def _check_end(scenes: list[Scene], slider: SliderOf, end: str, where: str, key:
 
 
 def _check_words(lesson: Lesson, where: str) -> None:
-    """Captions are short, of plain characters that every font has, and formulas can be set."""
-    texts = {"predict.ask": lesson.predict.ask, "why.text": lesson.why.text}
-    texts |= {f"do.{k}.text": task.text for k, task in enumerate(lesson.do)}
-    most = dict.fromkeys(texts, WORDS)
-    brief = {"title": lesson.title}
-    brief |= {f"predict.choices.{k}": text for k, text in enumerate(lesson.predict.choices)}
-    brief |= {f"water.{k}.label": water.label for k, water in enumerate(lesson.water)}
-    texts, most = texts | brief, most | dict.fromkeys(brief, BRIEF)
-    for key, text in texts.items():
-        if len(text.split()) > most[key]:
-            raise LessonError(where, f"has {len(text.split())} words; at most {most[key]}", key)
-        if not text.isascii():
-            raise LessonError(where, "has characters that not every font has", key)
+    """Raises LessonError for long captions, characters beyond ASCII, which some fonts lack, a wrong
+    answer number, and formulas that cannot be typeset."""
+    long = {"predict.ask": lesson.predict.ask, "why.text": lesson.why.text}
+    long |= {f"do.{k}.text": task.text for k, task in enumerate(lesson.do)}
+    short = {"title": lesson.title}
+    short |= {f"predict.choices.{k}": text for k, text in enumerate(lesson.predict.choices)}
+    short |= {f"water.{k}.label": water.label for k, water in enumerate(lesson.water)}
+    for texts, most in ((long, WORDS), (short, SHORT_WORDS)):
+        for key, text in texts.items():
+            if len(text.split()) > most:
+                raise LessonError(where, f"has {len(text.split())} words; at most {most}", key)
+            if not text.isascii():
+                raise LessonError(where, "has characters beyond ASCII", key)
     if lesson.predict.answer > len(lesson.predict.choices):
-        raise LessonError(where, "is none of the choices", "predict.answer")
+        most = len(lesson.predict.choices)
+        raise LessonError(where, f"must be a choice from 1 to {most}", "predict.answer")
     try:
         check_formula(lesson.why.formula)
     except FormulaError as error:
@@ -203,13 +205,12 @@ def _code(lesson: Lesson, where: str) -> list[str]:
     except ExcerptError as error:
         raise LessonError(where, str(error), "why.code") from None
     if len(code) > LINES:
-        problem = f"has {len(code)} lines, at most {LINES}; `first` and `last` cut it"
+        problem = f"has {len(code)} lines, at most {LINES}; `first` and `last` select some"
         raise LessonError(where, problem, "why.code")
     return code
 
 
 def _demand(name: str, known: Any, what: str, where: str, key: str) -> None:
-    """Raises LessonError for a name that is not known."""
-    if name in known:
-        return
-    raise LessonError(where, f"unknown {what} {name!r}; {did_you_mean(name, known)}", key)
+    """Raises LessonError for an unknown name."""
+    if name not in known:
+        raise LessonError(where, f"unknown {what} {name!r}; {did_you_mean(name, known)}", key)

@@ -1,7 +1,5 @@
-"""Pages of a lesson: a band under the picture for questions and tasks, and whole pages of reasons.
-
-All text is at least 18 pixels high in a window of 960 x 540.
-"""
+"""Pages of a lesson: a band below the image for the question and tasks, and full-window pages for
+the explanation. Text is at least 18 pixels high in a window of 960 x 540 pixels."""
 
 import textwrap
 from typing import Any
@@ -15,25 +13,24 @@ from msph.lesson.schema import Lesson
 from msph.stage.pages import DENSE, FAINT, INK, LINE, WARNING, font_of
 from msph.stage.widgets import AWAY, Sheet
 
-# Lines of text in the band, share of its width for the caption, and space round text in text
-# heights.
+# Lines of text in the band, share of its width for the caption, and padding in text heights.
 LINES, CAPTION, PAD = 8.4, 0.56, 0.6
 # Widths of a slider's name and of its value, in text heights.
 NAME, VALUE = 5.8, 6.6
-# Height of a formula over that of text; columns by which a folded line of code goes on further in.
+# Height of a formula over the text's; extra indent of continued lines of code, in columns.
 FORMULA, FOLD = 1.5, 8
-# Colour of what is right or done; told apart by words and shapes, too.
+# Colour of right answers and completed tasks, which also differ by words and shapes.
 DONE = (124, 214, 160, 255)
 LETTERS = "abcd"
 
 
 def band_height(text: int) -> int:
-    """Of the band under the picture, for text so high [pixels]."""
+    """Returns the height of the band for a text height, both in pixels."""
     return round(LINES * LINE * text)
 
 
 def wrapped(text: str, font: Any, width: float) -> list[str]:
-    """Lines of at most `width` pixels."""
+    """Returns the text in lines of at most `width` pixels."""
     lines = [""]
     for word in text.split():
         longer = f"{lines[-1]} {word}".strip()
@@ -45,15 +42,16 @@ def wrapped(text: str, font: Any, width: float) -> list[str]:
 
 
 class Band:
-    """Paints the band, size (width, height) [pixels], text so high [pixels]."""
+    """Painter of the band; size (width, height) and text height [pixels], units of the sliders."""
 
     def __init__(self, size: tuple[int, int], text: int, units: dict[str, str]):
         self.size, self.text, self.units = size, text, units
         self.sheet: Sheet | None = None
-        self.keys = True  # whether keys are told
+        self.keys = True  # False hides the line of keys
 
     def paint(self, progress: Progress, shown: list[str]) -> np.ndarray:
-        """(height, width, 4) uint8, first row at the top; shown: the numbers of a task."""
+        """Returns the band (height, width, 4) uint8, first row at the top; shown: lines with the
+        numbers of a task."""
         page = Image.new("RGBA", self.size, (*DENSE[:3], 255))
         self.draw, self.font = ImageDraw.Draw(page), font_of(self.text)
         self.sheet = Sheet(self.draw, self.font, self.text)
@@ -61,7 +59,7 @@ class Band:
         width = middle - 2 * pad
         lesson, task = progress.lesson, progress.task
         caption = task.text if task else lesson.predict.ask
-        where = f"task {progress.page} of {len(lesson.do)}" if task else "first a question"
+        where = f"task {progress.page} of {len(lesson.do)}" if task else "question"
         y = self._lines([f"{lesson.title}: {where}"], pad, pad, WARNING, width)
         self._lines([caption], pad, y + 0.2 * self.text, INK, width)
         right = self.size[0] - middle - pad
@@ -78,7 +76,7 @@ class Band:
         return np.asarray(page)
 
     def _lines(self, texts: list[str], x: float, y: float, colour: tuple, width: float) -> float:
-        """Wrapped texts from (x, y) on; returns where the next begins."""
+        """Draws wrapped texts from (x, y) down, and returns the y below them."""
         for text in texts:
             for line in wrapped(text, self.font, width):
                 self.draw.text((x, y + 0.5 * LINE * self.text), line, colour, self.font, "lm")
@@ -92,7 +90,7 @@ class Band:
             if progress.answered:
                 right = k + 1 == predict.answer
                 colour = DONE if right else WARNING if k + 1 == progress.answered else FAINT
-                mark = " - right" if right else " - your guess" * (k + 1 == progress.answered)
+                mark = " - correct" if right else " - your answer" * (k + 1 == progress.answered)
             y = self._lines([f"{LETTERS[k]}) {choice}{mark}"], x, y, colour, width)
 
     def _sliders(self, progress: Progress, x: float, y: float, width: float) -> float:
@@ -104,13 +102,13 @@ class Band:
             self.draw.text((x, middle), slider.name.replace("_", " "), INK, self.font, "lm")
             self.sheet.slider(slider.name, value, (slider.lo, slider.hi), ends, y)
             unit = self.units.get(slider.name, "-")
-            told = readable(float(f"{value:.3g}")) + (f" {unit}" if unit != "-" else "")
-            self.draw.text((ends[1] + AWAY * self.text, middle), told, FAINT, self.font, "lm")
+            label = readable(float(f"{value:.3g}")) + (f" {unit}" if unit != "-" else "")
+            self.draw.text((ends[1] + AWAY * self.text, middle), label, FAINT, self.font, "lm")
             y += LINE * self.text
         return y
 
     def _tick(self, progress: Progress, x: float, y: float, width: float) -> None:
-        """A box, and a hook in it where the task is done."""
+        """Draws the check box of a task, ticked if the task is completed."""
         k, edge = progress.page - 1, 0.8 * self.text
         done = progress.ticked[k]
         top = y + 0.5 * (LINE * self.text - edge)
@@ -118,25 +116,25 @@ class Band:
         self.draw.rectangle((x, top, x + edge, top + edge), None, colour, 2)
         if done:
             a, b = 0.2 * edge, 0.42 * edge
-            hook = (x + a, top + 0.5 * edge, x + b, top + 0.75 * edge, x + edge, top)
-            self.draw.line(hook, colour, 3)
-        told = f"done: {progress.reached[k][0]}" if done else "not yet"
-        self._lines([told], x + 1.5 * edge, y, colour, width - 1.5 * edge)
+            tick = (x + a, top + 0.5 * edge, x + b, top + 0.75 * edge, x + edge, top)
+            self.draw.line(tick, colour, 3)
+        state = f"done: {progress.reached[k][0]}" if done else "not done"
+        self._lines([state], x + 1.5 * edge, y, colour, width - 1.5 * edge)
 
 
 def keys_of(progress: Progress) -> str:
-    """Keys that turn pages, as far as they do now."""
+    """Returns the keys that can be used on the current page, with their actions."""
     if progress.page == 0 and not progress.answered:
-        return f"your guess? {', '.join(LETTERS[: len(progress.lesson.predict.choices)])}"
-    told = ["n: next"] if progress.page + 1 < progress.pages else ["q: end of the lesson"]
-    told += ["b: back"] if progress.page else []
-    told += ["r: again"] if progress.task else []
-    return ", ".join(told)
+        return f"your answer? {', '.join(LETTERS[: len(progress.lesson.predict.choices)])}"
+    keys = ["n: next"] if progress.page + 1 < progress.pages else ["q: end the lesson"]
+    keys += ["b: back"] if progress.page else []
+    keys += ["r: restart"] if progress.task else []
+    return ", ".join(keys)
 
 
 class Reasons:
-    """Paints why: caption, formula and code, size (width, height) [pixels], on as many pages as the
-    code takes."""
+    """Painter of the explanation: caption, formula and code, on as many pages as the code needs;
+    size (width, height) and text height [pixels]."""
 
     def __init__(self, lesson: Lesson, code: list[str], size: tuple[int, int], text: int):
         self.lesson, self.size, self.text = lesson, size, text
@@ -157,7 +155,7 @@ class Reasons:
         return len(self.parts)
 
     def _head(self) -> Image.Image:
-        """Caption and formula."""
+        """Returns the image of caption and formula."""
         width, pad, font = self.size[0], PAD * self.text, font_of(self.text)
         lines = wrapped(self.lesson.why.text, font, width - 2 * pad)
         formula = Image.fromarray(
@@ -176,7 +174,7 @@ class Reasons:
         return page
 
     def paint(self, number: int, progress: Progress) -> np.ndarray:
-        """Page `number` from 0, (height, width, 4) uint8, first row at the top."""
+        """Returns page `number`, from 0, (height, width, 4) uint8, first row at the top."""
         page = Image.new("RGBA", self.size, (*DENSE[:3], 255))
         draw, font, pad = ImageDraw.Draw(page), font_of(self.text), PAD * self.text
         y = pad
@@ -196,13 +194,13 @@ class Reasons:
 
 
 def code_font(text: int) -> Any:
-    """A font of even widths, so high [pixels]."""
+    """Returns a monospaced font of a text height [pixels]."""
     from matplotlib.font_manager import findfont
 
     return ImageFont.truetype(findfont("DejaVu Sans Mono"), text)
 
 
 def folded(line: str, columns: int) -> list[str]:
-    """A line of code on as many lines as it needs, those after the first further in."""
+    """Returns a line of code in lines of at most `columns`, indented further after the first."""
     indent = " " * (len(line) - len(line.lstrip()) + FOLD)
     return textwrap.wrap(line, columns, subsequent_indent=indent, drop_whitespace=False) or [""]

@@ -1,5 +1,4 @@
-"""Numbers of a water by name: from its ledger, its survey, its view. What nobody asks for is not
-measured."""
+"""Quantities of a simulation by name, each measured only when a lesson reads it."""
 
 import math
 from collections.abc import Callable
@@ -12,27 +11,28 @@ from msph.measure.probes import build_probes
 from msph.measure.snapshot import Snapshot
 from msph.stage.show import Show
 
-# Simulated time [s] between two readings of what takes milliseconds to measure.
-SURVEY_EVERY = 0.1
+# Simulated time [s] between measurements of quantities that take milliseconds.
+SURVEY_INTERVAL = 0.1
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """unit, text: what it is. read: its value. dear: whether to read it takes milliseconds."""
+    """A quantity: unit, description, function that measures it; slow: True if that takes
+    milliseconds."""
 
     unit: str
     text: str
     read: Callable[[Show], float]
-    dear: bool = False
+    slow: bool = False
 
 
 def _last(name: str) -> Callable[[Show], float]:
-    """A number of the ledger's last entry."""
+    """Returns a function that reads an attribute of the ledger's last entry."""
     return lambda show: getattr(show.ledger.entries[-1], name)
 
 
 def _of_ledger(name: str) -> Callable[[Show], float]:
-    """A share that the ledger makes up of its entries [%]."""
+    """Returns a function that calls a method of the ledger, in percent."""
     return lambda show: 100.0 * getattr(show.ledger, name)()
 
 
@@ -42,7 +42,7 @@ def _speed(show: Show) -> float:
 
 
 def _density_error(show: Show) -> float:
-    """Of the positions as they are: those of the last frame."""
+    """Returns the mean density excess [%] at the positions of the last frame."""
     sim = show.simulation
     sim.measure_density()
     density = sim.particles.numpy("density").astype(float)
@@ -62,7 +62,7 @@ def _updates(show: Show) -> float:
 
 
 def _frame_time(show: Show) -> float:
-    """Median of the last frames."""
+    """Returns the median elapsed time [ms] of the fluid over the last frames."""
     fluid = [f["fluid"] for f in show.timings.frames if "fluid" in f] if show.timings else []
     return 1e3 * float(np.median(fluid)) if fluid else math.nan
 
@@ -82,14 +82,15 @@ def _tilt(show: Show) -> float:
 
 
 def _cosines(show: Show) -> tuple[float, float]:
-    """Of the view's angle to the vertical in air, and of the bent one in level water (Snell)."""
+    """Returns the cosines of the view ray's angles to the vertical: in air, and refracted in level
+    water (Snell)."""
     c = math.sin(show.camera.elevation)
     n = show.scene.picture.refractive_index
     return c, math.sqrt(1.0 - (1.0 - c * c) / n**2)
 
 
 def _reflectance(show: Show) -> float:
-    """Fresnel's, unpolarised, of level water as the camera looks down on it."""
+    """Returns the unpolarised Fresnel reflectance [%] of level water at the camera's elevation."""
     c, t = _cosines(show)
     n = show.scene.picture.refractive_index
     rs, rp = (c - n * t) / (c + n * t), (n * c - t) / (n * c + t)
@@ -97,7 +98,7 @@ def _reflectance(show: Show) -> float:
 
 
 def _apparent_depth(show: Show) -> float:
-    """Where the bent ray seems to end over where it does: tan beyond over tan before."""
+    """Returns the apparent over the true depth [%]: tan of the refracted over the straight ray."""
     c, t = _cosines(show)
     bent, straight = math.sqrt(1.0 - t * t) / t, math.sqrt(1.0 - c * c) / c
     index = show.scene.picture.refractive_index
@@ -105,14 +106,15 @@ def _apparent_depth(show: Show) -> float:
 
 
 def _red_left(show: Show) -> float:
-    """Beer and Lambert: of red light down to the floor, straight through the mean depth."""
+    """Returns the share [%] of red light that crosses the mean depth vertically (Beer-Lambert)."""
     look, size = show.scene.picture, show.simulation.size
     depth = show.rest_volume() / (size[0] * size[2])
     return 100.0 * math.exp(-look.absorption[0] * look.tint * depth)
 
 
 def _caustics(show: Show) -> float:
-    """Standard deviation of the light on the floor over its mean, inside the shores."""
+    """Returns the standard deviation of the light on the floor over its mean [%], away from the
+    walls."""
     focus = show.picture.light.focus.to_numpy()
     edge = len(focus) // 4
     inner = focus[edge:-edge, edge:-edge]
@@ -129,40 +131,37 @@ QUANTITIES: dict[str, Quantity] = {
     "kinetic": Quantity("J", "kinetic energy", _last("kinetic")),
     "energy_gain": Quantity(
         "%",
-        "largest rise of the energy, over M g H and the first kinetic energy",
+        "largest rise of the energy, over M g H plus the initial kinetic energy",
         _of_ledger("energy_gain"),
-        dear=True,
+        slow=True,
     ),
     "momentum_drift": Quantity(
         "%",
-        "change of momentum that no force explains, over the largest sum of mass times speed",
+        "momentum created by pair forces, over the largest sum of mass times speed",
         _of_ledger("momentum_drift"),
-        dear=True,
+        slow=True,
     ),
     "speed": Quantity("m/s", "root mean square of the speed", _speed),
     "top_speed": Quantity("m/s", "speed of the fastest particle", _last("top_speed")),
-    "centre_x": Quantity("m", "centre of mass, along x", lambda s: s.ledger.entries[-1].centre[0]),
-    "centre_y": Quantity("m", "centre of mass, height", lambda s: s.ledger.entries[-1].centre[1]),
-    "mass_error": Quantity("%", "change of the mass, over the mass at the start", _mass_error),
+    "centre_x": Quantity("m", "x of the centre of mass", lambda s: s.ledger.entries[-1].centre[0]),
+    "centre_y": Quantity("m", "y of the centre of mass", lambda s: s.ledger.entries[-1].centre[1]),
+    "mass_error": Quantity("%", "change of the mass, over the initial mass", _mass_error),
     "merge_loss": Quantity("J", "kinetic energy lost by merges", _last("merge_loss")),
     "exchanges": Quantity("-", "splits and merges since the start", _exchanges),
     "density_error": Quantity(
-        "%", "excess of density over rest density, mean of particles", _density_error, dear=True
+        "%", "excess of density over rest density, mean over particles", _density_error, slow=True
     ),
     "bulk_density": Quantity(
-        "%",
-        "difference of bulk density from rest density, over it, from positions",
-        _bulk_density,
-        dear=True,
+        "%", "error of the bulk density, computed from positions", _bulk_density, slow=True
     ),
     "volume_error": Quantity(
-        "%", "error of the surface's volume", lambda s: 100.0 * s.volume_error(), dear=True
+        "%", "error of the surface's volume", lambda s: 100.0 * s.volume_error(), slow=True
     ),
-    "updates": Quantity("1/s", "number of particles over the last time step", _updates),
-    "frame_time": Quantity("ms", "wall-clock time of a frame's water", _frame_time),
+    "updates": Quantity("1/s", "particle updates per simulated second", _updates),
+    "frame_time": Quantity("ms", "elapsed time of the fluid per frame", _frame_time),
     "tilt": Quantity("deg", "tilt of the pool", _tilt),
     "reflectance": Quantity(
-        "%", "reflectance of level water at the angle of the view", _reflectance
+        "%", "reflectance of level water at the camera's elevation", _reflectance
     ),
     "apparent_depth": Quantity(
         "%", "apparent depth of the floor, over the true depth", _apparent_depth
@@ -175,8 +174,8 @@ QUANTITIES: dict[str, Quantity] = {
 
 
 class Numbers:
-    """Quantities and probes of one water as attributes. Dear ones are read again when simulated
-    time has gone on by SURVEY_EVERY."""
+    """Quantities and probes of a simulation as attributes; slow quantities and probes are measured
+    once per SURVEY_INTERVAL."""
 
     def __init__(self, show: Show):
         self._show = show
@@ -185,25 +184,23 @@ class Numbers:
 
     def __getattr__(self, name: str) -> float:
         if name in self._probes:
-            return self._now(name, lambda _: self._probe(name))
+            probe = self._probes[name]
+            return self._cached(name, lambda show: probe.read(Snapshot.of(show.simulation))[0])
         quantity = QUANTITIES.get(name)
         if quantity is None:
             raise AttributeError(name)
         if not self._show.ledger.entries:
             self._show.ledger.record(self._show.gravity())
-        return self._now(name, quantity.read) if quantity.dear else quantity.read(self._show)
+        return self._cached(name, quantity.read) if quantity.slow else quantity.read(self._show)
 
-    def _probe(self, name: str) -> float:
-        return self._probes[name].read(Snapshot.of(self._show.simulation))[0]
-
-    def _now(self, name: str, read: Callable[[Show], float]) -> float:
+    def _cached(self, name: str, read: Callable[[Show], float]) -> float:
         time = self._show.simulation.time
         known = self._read.get(name)
-        if known is None or not 0.0 <= time - known[0] < SURVEY_EVERY:
+        if known is None or not 0.0 <= time - known[0] < SURVEY_INTERVAL:
             known = self._read[name] = time, read(self._show)
         return known[1]
 
 
 def known_numbers(scene: Any) -> set[str]:
-    """Names of a scene's quantities and probes."""
+    """Returns the names of a scene's quantities and of its probes with one reading."""
     return set(QUANTITIES) | {p.name for p in build_probes(scene) if len(p.heads) == 1}

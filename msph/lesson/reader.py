@@ -1,4 +1,4 @@
-"""Somebody at the window in front of a board."""
+"""Window loop of a lesson with a board."""
 
 from msph.lesson.board_view import BoardView
 from msph.lesson.guide import Guide
@@ -7,7 +7,7 @@ from msph.stage.window import Window
 
 
 def read(window: Window, guide: Guide, frames: int | None = None) -> None:
-    """Shows a board and its lesson until the window is closed; frames: most of them."""
+    """Shows a board and its lesson until the window is closed or after `frames` frames."""
     view, done = BoardView(window.size, guide.below), 0
     while window.open and (frames is None or done < frames):
         for key in window.presses():

@@ -1,4 +1,4 @@
-"""Every key of a lesson file, declared once: what `msph lesson` reads, and its clear errors."""
+"""Schema of a lesson file: every key with default, range, unit and help text."""
 
 from typing import Annotated, Any
 
@@ -6,86 +6,86 @@ from pydantic import Field
 
 from msph.parameter import Number, Section, parameter
 
-# Most words of a caption, choices, waters, sliders and lines of an excerpt: what can be read at a
-# glance, told apart, seen side by side, laid out under a picture, and followed.
+# Most words of a caption, choices, simulations, sliders, and lines of an excerpt: as many as fit
+# into the layout.
 WORDS, CHOICES, WATERS, SLIDERS, LINES = 40, 4, 3, 4, 40
-# Names that expressions know waters and sliders by.
+# Pattern of the names of simulations and sliders in expressions.
 NAME = r"^[a-z][a-z0-9_]*$"
 
 
 class WaterOf(Section):
-    """One of the waters, side by side from left to right."""
+    """A simulation of the lesson; several run side by side, from left to right."""
 
-    name: str = parameter("water", pattern=NAME, text="by which expressions know it")
-    scene: str = parameter(text="a shipped scene, or a file beside the lesson")
+    name: str = parameter("water", pattern=NAME, text="name in expressions")
+    scene: str = parameter(text="a shipped scene, or a scene file in the lesson's folder")
     set: dict[str, Any] = parameter(dict, text='changes, such as { "classic.stiffness" = 50.0 }')
-    label: str = parameter("", text="shown over it, with its speed and error")
+    label: str = parameter("", text="label above the image, with speed and error")
 
 
 class SliderOf(Section):
-    """A slider under the picture: for a live parameter of the scenes, or a number of the board."""
+    """A slider below the image, for a live parameter of the scenes or an input of the board."""
 
-    name: str = parameter(pattern=NAME, text="by which expressions know it; shown beside it")
-    key: str = parameter("", text="the live parameter; default: the board's number of that name")
+    name: str = parameter(pattern=NAME, text="name in expressions, and label")
+    key: str = parameter("", text="live parameter; default: the board's input of that name")
     lo: float = parameter(text="least value, in the parameter's unit")
     hi: float = parameter(text="largest value")
-    start: float = parameter(text="value at the start")
-    step: float = parameter(0.0, ge=0.0, text="distance of the values it can take, 0: any")
+    start: float = parameter(text="initial value")
+    step: float = parameter(0.0, ge=0.0, text="increment of its values, 0: continuous")
 
 
 class Predict(Section):
-    """The question that is answered before anything runs."""
+    """The question at the start of the lesson."""
 
     ask: str = parameter(text="the question")
-    choices: list[str] = parameter(min_length=2, max_length=CHOICES, text="what may be chosen")
-    answer: int = parameter(ge=1, text="which is right, from 1")
+    choices: list[str] = parameter(min_length=2, max_length=CHOICES, text="possible answers")
+    answer: int = parameter(ge=1, text="number of the correct answer, from 1")
 
 
 class Solution(Section):
-    """What somebody does who solves a task: for tests, pages and teachers."""
+    """Actions that solve a task, for tests, pages, slides and teachers."""
 
-    set: dict[str, Number] = parameter(dict, text="sliders and where they are moved to")
+    set: dict[str, Number] = parameter(dict, text="final slider values by name")
     tilt: Annotated[tuple[Number, Number], Field(strict=False)] = parameter(
-        (0.0, 0.0), unit="deg", text="of the pool, rolled and pitched"
+        (0.0, 0.0), unit="deg", text="roll and pitch of the pool"
     )
     push: Annotated[tuple[Number, Number, Number], Field(strict=False)] = parameter(
-        (0.0, 0.0, 0.0), unit="m/s", text="velocity of a hand in the middle of the water"
+        (0.0, 0.0, 0.0), unit="m/s", text="velocity of a push at the centre of mass"
     )
     orbit: Annotated[tuple[Number, Number], Field(strict=False)] = parameter(
-        (0.0, 0.0), unit="deg", text="of the view, round and up"
+        (0.0, 0.0), unit="deg", text="change of the camera's azimuth and elevation"
     )
-    seconds: float = parameter(3.0, gt=0.0, le=60.0, unit="s", text="simulated time it lasts")
+    seconds: float = parameter(3.0, gt=0.0, le=60.0, unit="s", text="simulated time of the actions")
 
 
 class Task(Section):
-    """Something to do, and the number that tells when it is done."""
+    """A task, and the condition that completes it."""
 
     text: str = parameter(text="what to do, at most 40 words")
-    check: str = parameter(text="expression that is true once it is done")
-    show: list[str] = parameter(min_length=1, max_length=3, text="numbers shown, expressions")
-    fresh: bool = parameter(False, text="begin with the water and the sliders as at the start")
-    view: str = parameter("", text="what the picture shows, as picture.view of a scene")
-    solution: Solution = parameter(text="what solves it")
+    check: str = parameter(text="expression that is true when the task is completed")
+    show: list[str] = parameter(min_length=1, max_length=3, text="expressions to display")
+    fresh: bool = parameter(False, text="reset the simulations and the sliders at the start")
+    view: str = parameter("", text="view of the image, as picture.view of a scene")
+    solution: Solution = parameter(text="actions that solve the task")
 
 
 class Why(Section):
-    """The explanation: a caption, a formula, and the code that does it."""
+    """The explanation: a caption, a formula, and the code that implements it."""
 
-    text: str = parameter(text="at most 40 words")
-    formula: str = parameter(text="in TeX's mathematics, without the dollars")
-    code: str = parameter(text="module:name or module:Class.name of what does it")
-    first: str = parameter("", text="begin the excerpt at the first line that holds this")
-    last: str = parameter("", text="end it at the first line after that holds this")
+    text: str = parameter(text="caption, at most 40 words")
+    formula: str = parameter(text="formula in TeX math mode, without the dollars")
+    code: str = parameter(text="code to show: module:name or module:Class.name")
+    first: str = parameter("", text="text in the first line of the excerpt")
+    last: str = parameter("", text="text in the last line of the excerpt")
 
 
 class Lesson(Section):
     """A lesson file, lesson.toml in a folder of its own."""
 
-    title: str = parameter(text="one line")
-    order: int = parameter(99, ge=0, text="place in the list")
-    water: list[WaterOf] = parameter(list, max_length=WATERS, text="waters, side by side")
-    board: str = parameter("", text="a drawing in place of waters: kernels, contours, ladder")
-    slider: list[SliderOf] = parameter(list, max_length=SLIDERS, text="what can be moved")
-    predict: Predict = parameter(text="before anything runs")
-    do: list[Task] = parameter(min_length=1, max_length=4, text="tasks, one after another")
-    why: Why = parameter(text="afterwards")
+    title: str = parameter(text="title in one line")
+    order: int = parameter(99, ge=0, text="place in the list of lessons")
+    water: list[WaterOf] = parameter(list, max_length=WATERS, text="simulations, side by side")
+    board: str = parameter("", text="board without simulations: kernels, contours or ladder")
+    slider: list[SliderOf] = parameter(list, max_length=SLIDERS, text="sliders")
+    predict: Predict = parameter(text="question at the start")
+    do: list[Task] = parameter(min_length=1, max_length=4, text="tasks in their order")
+    why: Why = parameter(text="explanation at the end")

@@ -1,4 +1,4 @@
-"""A lesson as numbered pictures with captions, for a lecture."""
+"""Slides of a lesson: numbered images and a file of captions."""
 
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,7 @@ CAPTIONS = "{}_captions.txt"
 
 
 def write(course: Course, folder: Path) -> list[Path]:
-    """NAME_01.png and on: the question, each task as its solution leaves it, the explanation; and
+    """Writes NAME_01.png, ... with the question, each solved task and the explanation, and
     NAME_captions.txt. Returns the files."""
     captioned = folder / CAPTIONS.format(course.name)
     make_writable(captioned)
@@ -59,7 +59,7 @@ def write(course: Course, folder: Path) -> list[Path]:
     for k in range(guide.reasons.pages):
         slide()
         if k:
-            captions.append("The code goes on.")
+            captions.append("The code, continued.")
         guide.progress.go(1)
     lines = [f"{path.name}: {text}" for path, text in zip(paths, captions, strict=True)]
     replace(captioned, "\n".join(lines) + "\n")

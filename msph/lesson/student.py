@@ -1,4 +1,4 @@
-"""A student who does what a lesson's solutions say, without a window: for tests and pages."""
+"""Simulated student: carries out the solutions of a lesson headless, for tests and pages."""
 
 import math
 from collections.abc import Callable
@@ -14,18 +14,18 @@ from msph.stage.controls import Controls
 from msph.stage.preparation import say
 from msph.stage.row import Row
 
-# Frame [s]; shares of a solution's time in which sliders, pool and view are moved, and in which the
-# hand pushes; radius of that hand over the box's longest edge, and its grip [1/s].
+# Frame time [s]; shares of a solution's time for moving sliders, pool and camera, and for pushing;
+# radius of the push over the box's longest edge, and its grip [1/s].
 FRAME = 1.0 / 60.0
-MOVING, PUSHING, HAND, GRIP = 0.25, 0.3, 0.3, 20.0
+MOVING, PUSHING, PUSH_RADIUS, GRIP = 0.25, 0.3, 0.3, 20.0
 
 # Called after each frame.
 See = Callable[[], None]
 
 
 class Student:
-    """row: the waters of the lesson, None where it has a board; see: called after each frame;
-    lingers: for so long [s] the student goes on with a task that is done."""
+    """Simulated student. row: the lesson's simulations, None for a board; see: called after each
+    frame; lingers: time [s] that a completed task continues."""
 
     def __init__(
         self,
@@ -37,13 +37,13 @@ class Student:
         self.progress, self.row, self.see, self.lingers = progress, row, see, lingers
 
     def answer(self) -> None:
-        """Gives the right answer, and turns to the first task."""
+        """Gives the correct answer, and turns to the first task."""
         self.progress.answer(self.progress.lesson.predict.answer)
         self.progress.go(1)
 
     def work(self, acts: bool = True) -> bool:
-        """On the page's task for the time of its solution, doing what it says, or nothing; whether
-        the task is ticked then."""
+        """Runs the page's task for the time of its solution, with its actions if `acts`; returns
+        True if the task was completed."""
         progress, task = self.progress, self.progress.task
         assert task is not None
         solution = task.solution if acts else Solution(seconds=task.solution.seconds)
@@ -66,7 +66,7 @@ class Student:
             try:
                 self._frame(solution, share, k < PUSHING * number)
             except BlowUpError:
-                # Some tasks ask for it; but first their check must hold.
+                # Some tasks end in an unstable simulation, but only after their check holds.
                 if not ticked:
                     raise
                 progress.again()
@@ -76,20 +76,20 @@ class Student:
         return progress.ticked[progress.page - 1]
 
     def _view(self) -> tuple[float, ...]:
-        """Azimuth and elevation of the view [rad], where there is any."""
+        """Returns azimuth and elevation of the camera [rad], empty without an image."""
         if self.row is None or self.row.lead.picture is None:
             return ()
         return self.row.lead.camera.azimuth, self.row.lead.camera.elevation
 
     def _orbit(self, solution: Solution, camera: Any, share: float) -> None:
-        """The view, a share of the way from where it was."""
+        """Moves the camera by a share of the solution's orbit from where it was."""
         assert self.row is not None
         lead = self.row.lead
         lead.camera.azimuth, lead.camera.elevation = camera
         lead.camera.orbit(*(share * math.radians(a) for a in solution.orbit))
 
     def _frame(self, solution: Solution, share: float, pushes: bool) -> None:
-        """One frame under the solution's hands."""
+        """Runs one frame with the solution's tilt and push."""
         if self.row is not None:
             roll, pitch = (share * math.radians(a) for a in solution.tilt)
             hand = self._hand(solution) if pushes and any(solution.push) else Hand()
@@ -102,14 +102,14 @@ class Student:
         sim = self.row.lead.simulation
         middle = sim.particles.numpy("x").mean(axis=0)
         x, y, z = np.asarray(middle, float).tolist()
-        return Hand((x, y, z), solution.push, HAND * max(sim.size), GRIP)
+        return Hand((x, y, z), solution.push, PUSH_RADIUS * max(sim.size), GRIP)
 
 
 def rehearse(student: Student) -> None:
-    """Does the page's task, and warns of a check that holds before, or not even then."""
+    """Solves the page's task, and warns if its check holds before or does not hold after."""
     progress = student.progress
     task = f"{progress.course.name}: do.{progress.page - 1}"
     if progress.holds():
-        say(f"warning: {task}.check: holds before anything is done")
+        say(f"warning: {task}.check: holds before the solution")
     if not student.work():
         say(f"warning: {task}.solution: does not make the check hold")

@@ -1,4 +1,4 @@
-"""Formulas set by matplotlib's TeX, as pixels for the window and as SVG for pages."""
+"""Formulas typeset by matplotlib, as pixels for the window and as SVG for web pages."""
 
 import io
 from typing import Any
@@ -7,11 +7,11 @@ import numpy as np
 
 
 class FormulaError(ValueError):
-    """A formula that cannot be set."""
+    """A formula that cannot be typeset."""
 
 
 def pyplot() -> Any:
-    """matplotlib, drawing into memory; it takes .5 s to import."""
+    """Returns matplotlib.pyplot with a backend that draws into memory; 0.5 s to import."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -21,7 +21,7 @@ def pyplot() -> Any:
 
 
 def check_formula(formula: str) -> None:
-    """Raises FormulaError where it cannot be set."""
+    """Raises FormulaError if a formula cannot be typeset."""
     pyplot()
     from matplotlib.mathtext import MathTextParser
 
@@ -29,11 +29,12 @@ def check_formula(formula: str) -> None:
         MathTextParser("path").parse(f"${formula}$")
     except ValueError as error:
         problem = str(error).strip().splitlines()[-1]
-        raise FormulaError(f"cannot be set: {problem}") from None
+        raise FormulaError(f"cannot be typeset: {problem}") from None
 
 
 def pixels(formula: str, height: int, colour: str) -> np.ndarray:
-    """RGBA (rows, columns, 4) uint8, first row at the top; height: of its text [pixels]."""
+    """Returns a formula as RGBA (rows, columns, 4) uint8, first row at the top; height of its text
+    [pixels]."""
     plt = pyplot()
     figure = plt.figure(figsize=(0.01, 0.01), dpi=100)
     figure.text(0, 0, f"${formula}$", fontsize=0.72 * height, color=colour)
@@ -47,7 +48,7 @@ def pixels(formula: str, height: int, colour: str) -> np.ndarray:
 
 
 def svg(formula: str) -> str:
-    """The same as an <svg> element, its text as outlines."""
+    """Returns a formula as an <svg> element with its text as outlines."""
     plt = pyplot()
     figure = plt.figure(figsize=(0.01, 0.01))
     figure.text(0, 0, f"${formula}$", fontsize=18)

@@ -1,4 +1,4 @@
-"""A lesson as one page for a browser: text, pictures and videos within it, no network."""
+"""A lesson as one self-contained web page with text, images and videos."""
 
 import base64
 import html
@@ -23,16 +23,16 @@ from msph.stage.preparation import prepare_row
 from msph.stage.recorder import make_writable
 
 TEMPLATE = Path(__file__).with_name("page.html")
-# Pictures and videos [pixels]; every other simulated frame is shown.
+# Size of images and videos [pixels]; a video shows every SKIP-th frame.
 SIZE, SKIP = (960, 400), 2
-# Positions of a slider that has no steps of its own; most of one that has.
-POSITIONS, MOST = 9, 12
-# Time [s] that a video goes on once its task is done.
+# Images along a slider without steps, and largest number along a slider with steps.
+POSITIONS, MAX_POSITIONS = 9, 12
+# Time [s] that a video continues after its task is completed.
 LINGERS = 1.5
 
 
 def write(course: Course, folder: Path) -> list[Path]:
-    """The page, NAME.html in the folder; what its tasks show is what their solutions do."""
+    """Writes the page NAME.html, which shows the solution of each task. Returns its path."""
     path = folder / f"{course.name}.html"
     make_writable(path)
     tasks = on_board(course) if course.lesson.board else in_water(course)
@@ -41,7 +41,7 @@ def write(course: Course, folder: Path) -> list[Path]:
 
 
 def page(course: Course, tasks: list[str]) -> str:
-    """The whole text; tasks: of each its part."""
+    """Returns the HTML of the page; tasks: HTML of each task."""
     lesson, escape, shipped = course.lesson, html.escape, course.name in shipped_lessons()
     pointer = '<p class="note">In the window: <code>msph lesson {}</code></p>'
     choices = (
@@ -63,7 +63,7 @@ def page(course: Course, tasks: list[str]) -> str:
 
 
 def in_water(course: Course) -> list[str]:
-    """Of each task a video of its solution."""
+    """Returns the HTML of each task with a video of its solution."""
     row = prepare_row(course.scenes, course.labels, SIZE)
     progress, frames = Progress(course, row), list[np.ndarray]()
     count = 0
@@ -86,7 +86,8 @@ def in_water(course: Course) -> list[str]:
 
 
 def on_board(course: Course) -> list[str]:
-    """Of each task its drawing at the positions of the slider that its solution moves."""
+    """Returns the HTML of each task with the board at several positions of the slider that its
+    solution moves."""
     progress, parts = Progress(course, None), []
     student = Student(progress, None)
     student.answer()
@@ -103,10 +104,11 @@ def on_board(course: Course) -> list[str]:
 def positions(
     progress: Progress, slider: SliderOf, others: dict[str, float]
 ) -> list[dict[str, str]]:
-    """The board along a slider, the others as the solution leaves them: pictures, and words."""
+    """Returns images and numbers of the board at positions of a slider; others: values of the other
+    sliders."""
     steps = POSITIONS
     if slider.step:
-        steps = min(MOST, round((slider.hi - slider.lo) / slider.step) + 1)
+        steps = min(MAX_POSITIONS, round((slider.hi - slider.lo) / slider.step) + 1)
     found = []
     for value in np.linspace(slider.lo, slider.hi, steps).tolist():
         if slider.step:
@@ -127,10 +129,10 @@ def positions(
 
 
 def flipbook(slider: SliderOf, frames: list[dict[str, str]]) -> str:
-    """Pictures along a slider."""
+    """Returns the HTML of images selected by a slider."""
     name = html.escape(slider.name.replace("_", " "))
     return (
-        f'<div data-frames><img alt="the drawing at this position of {name}">'
+        f'<div data-frames><img alt="the board at this value of {name}">'
         f'<label>{name} <input type="range" min="0" max="{len(frames) - 1}" value="0"></label>'
         f"<output></output>"
         f'<script type="application/json">{json.dumps(frames)}</script></div>'
@@ -138,17 +140,17 @@ def flipbook(slider: SliderOf, frames: list[dict[str, str]]) -> str:
 
 
 def part(progress: Progress, k: int, shown: str, reached: list[str]) -> str:
-    """A task: what to do, what is seen, and the numbers when it is done."""
+    """Returns the HTML of a task: text, image or video, and the numbers at its completion."""
     task = progress.lesson.do[k]
-    told = "; ".join(reached) if reached else "not reached in this run"
+    numbers = "; ".join(reached) if reached else "not reached in this run"
     return (
-        f"<h2>Do {k + 1}</h2>\n<p>{html.escape(task.text)}</p>\n{shown}\n"
-        f'<p class="done">Ticked at: {html.escape(told)}</p>'
+        f"<h2>Task {k + 1}</h2>\n<p>{html.escape(task.text)}</p>\n{shown}\n"
+        f'<p class="done">Completed at: {html.escape(numbers)}</p>'
     )
 
 
 def video(frames: list[np.ndarray]) -> str:
-    """Frames (height, width, 3) uint8 as a data address of an MP4."""
+    """Returns frames (height, width, 3) uint8 as a data URL of an MP4 video."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "video.mp4"
         fps = 1.0 / (SKIP * FRAME)
@@ -161,7 +163,7 @@ def video(frames: list[np.ndarray]) -> str:
 
 
 def png(pixels: np.ndarray) -> bytes:
-    """(height, width, 3) uint8 as a file's bytes, in a palette: flat drawings have few colours."""
+    """Returns pixels (height, width, 3) uint8 as a PNG file with 64 colours, enough for boards."""
     from PIL import Image
 
     file = io.BytesIO()
@@ -171,5 +173,5 @@ def png(pixels: np.ndarray) -> bytes:
 
 
 def data_of(content: bytes, kind: str) -> str:
-    """A data address."""
+    """Returns a data URL."""
     return f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}"
