@@ -1,8 +1,8 @@
 """Output files: written whole or reported as lost, and never over files that existed before.
 
-A command claims the files that it will write before it computes anything. A claim fails where a file
-exists, unless the user gave --force. writing() and replacing() claim what was not claimed before, so
-that no write goes around this rule.
+A command claims the files that it will write before it computes anything. A claim fails where a
+file exists, unless the user gave --force. writing() and replacing() claim what was not claimed
+before, so that no write goes around this rule.
 """
 
 import contextlib
@@ -38,7 +38,7 @@ def claim(paths: Iterable[Path], force: bool = False) -> None:
     places = {path.resolve(): path for path in paths}
     for place, path in places.items():
         if place not in _claimed and place.is_file() and not force:
-            raise ExistingFileError(f"{path}: exists; --force of capture and measure overwrites it")
+            raise ExistingFileError(f"{path}: exists; --force overwrites it")
     _claimed.update(places)
 
 
