@@ -166,7 +166,7 @@ def from_field(values: np.ndarray) -> list[Way]:
 
 def our_cubes(values: np.ndarray) -> tuple[MarchingCubes, SurfaceMesh]:
     """Marching cubes over all of a field and its slopes."""
-    lattice = Lattice.uniform(values.shape)
+    lattice = Lattice([np.arange(n) for n in values.shape])
     cubes = MarchingCubes(SurfaceRoom(values.size, vertices=ROOM, triangles=ROOM))
     cubes.load_field(lattice, values, np.stack(np.gradient(values), axis=-1))
     return cubes, cubes.mesh

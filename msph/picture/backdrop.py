@@ -1,6 +1,6 @@
-"""The view without water: country, pool and bodies, kept as long as neither they nor the eye move.
+"""Image without water: sky, ground, pool and bodies, redrawn only when the view or a body changes.
 
-Sky and ground are sampled once every COARSE pixels, the box and what is in it as in `samples`.
+Sky and ground are sampled once every COARSE pixels; the box and its contents as in `samples`.
 """
 
 import taichi as ti
@@ -22,21 +22,20 @@ from msph.taichi_internals import data_oriented, kernel
 
 vec2, vec3, vec4 = ti.math.vec2, ti.math.vec3, ti.math.vec4
 
-RIM_WIDTH = 0.0035  # of the longest box edge
-LINE_LIMIT = 1.6  # most pixels that one face's edge is wide
+RIM_WIDTH = 0.0035  # width of edge lines, over the longest edge of the box
+LINE_LIMIT = 1.6  # largest width of the line of one face [pixels]
 RIM_STRENGTH, INNER_STRENGTH = 0.85, 0.35  # opacity of edges before and behind the water
-GLASS = 0.045  # reflectance of a pane at right angles
-# Places in a kind: of the low bit of the wall, or the body; of the axis that the ray came in by.
+GLASS = 0.045  # reflectance of a pane at normal incidence
+# Digits of a sample's kind: low wall (0, 1) or body; axis by which the ray entered the box.
 MORE, NEXT = 4, 1 << 18
 
 
 @data_oriented
 class Backdrop:
-    """Display-referred colours, with the opacity of the rim that lies before all.
+    """Display-referred colours, with the opacity of the edge lines in front of the water.
 
-    Drawn anew only when the camera, the tilt or a body moves. While they change, what the water
-    hides is left out: its colour is not drawn, only the rim before it. With bodies all is drawn, as
-    they may be before the water.
+    Pixels that water hides are skipped while the view changes: only the edge lines in front are
+    drawn. With bodies all pixels are drawn, since a body can be in front of the water.
     """
 
     def __init__(self, fields: PixelFields, lens, pool, tone):
@@ -46,11 +45,12 @@ class Backdrop:
         self.whole = False
 
     def refresh(self, changed, flooded=False):
-        """Bring it up to date; changed: the view is new; flooded: the water of `key` hides it."""
+        """Redraws what changed. changed: True if the view is new; flooded: True if the visibility
+        buffer `key` holds the water of this view."""
         if self.pool.occupied:
             flooded = False
             changed = changed or self.pool.bodies.boundary.moving
-        flooded = flooded and changed  # in a view that stays, water may uncover what it hid
+        flooded = flooded and changed  # in a constant view, water may uncover pixels it hid
         if changed or not self.whole:
             self.draw(flooded)
             self.whole = not flooded
@@ -70,7 +70,7 @@ class Backdrop:
 
     @ti.func
     def draw_country(self, a, b):
-        """The block of pixels between four samples of sky and ground."""
+        """Draws the block of pixels between four samples of sky and ground."""
         low, up = self.tone.show(self.country[a, b]), self.tone.show(self.country[a, b + 1])
         right = self.tone.show(self.country[a + 1, b])
         far = self.tone.show(self.country[a + 1, b + 1])
@@ -84,7 +84,8 @@ class Backdrop:
 
     @ti.func
     def begin(self, i0, j0, flooded):
-        """Note: whether water hides the whole block."""
+        """Block setup for `draw_blocks`. Returns as its note whether water hides the whole
+        block."""
         shot = self.lens.shot[None]
         corner = vec2(i0, j0)
         boxed = (corner + SPAN >= shot.lo).all() and (corner <= shot.hi).all()
@@ -102,7 +103,8 @@ class Backdrop:
 
     @ti.func
     def trace(self, i, j, hidden):
-        """What the ray through a pixel finds in the box; hidden: whether only edges count."""
+        """Returns kind and sample of the ray through a pixel; hidden: True to draw edge lines
+        only."""
         shot = self.lens.shot[None]
         d = (shot.origin + shot.du * i + shot.dv * j).normalized()
         near, far, way_in, axis = self.pool.cross(d, shot)
@@ -113,7 +115,7 @@ class Backdrop:
             share, mirrored = 0.0, d
             if near > 0.0:
                 rim = RIM_STRENGTH * self.border(d, near, way_in, 1.0, shot)
-                kind += 1 + way_in  # between two panes there is an edge, even where all is hidden
+                kind += 1 + way_in  # there is an edge between two panes, even in hidden blocks
                 if way_in != 1:
                     share = pane(abs(along(d, way_in)))
                     mirrored *= vec3(1 - 2 * (way_in == 0), 1, 1 - 2 * (way_in == 2))
@@ -133,10 +135,11 @@ class Backdrop:
 
     @ti.func
     def inside(self, i, j, d, entry, far, axis, shot: ti.template()):
-        """What the ray d (unit) finds between its ways into and out of the box, `entry` and `far`
-        [m], a wall, a body, or what is beyond the glass: kind; place [m] and width of the pixel
-        there [m]; light there (sun, sky); share of it that is left; light added; depth of a body
-        along the view [m], or FAR."""
+        """Intersects the ray d (unit) with the contents of the box, between its entry and exit [m].
+
+        Returns: kind; position [m] and pixel width there [m]; light there (sun, sky); share of it
+        that reaches the eye; light added on the way; depth of a body along the view [m], or FAR.
+        """
         low, depth = along(d, axis) < 0.0, FAR
         start = shot.eye + d * entry
         t, body, steep, close = self.pool.meet(start, d, far - entry, entry, shot)
@@ -161,7 +164,7 @@ class Backdrop:
                 added = self.pool.bodies.shade(body, p, shot.sun, lit, shot)
                 depth = (entry + t) * d.dot(shot.forward)
             kind += DETAIL * close
-            if steep >= 0.0:  # the clear side of a container mirrors the sky faintly
+            if steep >= 0.0:  # the transparent side of a container reflects the sky faintly
                 share = pane(steep)
                 left *= 1.0 - share
                 mirrored = vec3(d.x, abs(d.y), d.z)
@@ -170,8 +173,8 @@ class Backdrop:
 
     @ti.func
     def border(self, d, s, axis, share, shot: ti.template()):
-        """How much of the pixel the lines along the borders of the face across `axis` cover, which
-        its ray d meets at the distance s [m]; share: of the lines' full width."""
+        """Returns the coverage of a pixel by the edge lines of the face across `axis`, at the
+        distance s [m] along its ray d; share: of the full line width."""
         footprint = shot.pixel * s / ti.max(abs(along(d, axis)), FLATTEST)
         width = ti.min(share * RIM_WIDTH * shot.size.max(), LINE_LIMIT * footprint)
         p = shot.eye + d * s
@@ -189,7 +192,7 @@ class Backdrop:
 
     @ti.func
     def covers(self, i, j, depth):
-        """Whether a body lies before `depth` [m] at a pixel."""
+        """Returns True if a body is in front of `depth` [m] at a pixel."""
         found = False
         if ti.static(self.pool.occupied):
             found = self.depth[i, j] < depth
@@ -198,5 +201,5 @@ class Backdrop:
 
 @ti.func
 def pane(cosine):
-    """Reflectance of a pane of glass by the cosine of incidence (Schlick 1994)."""
+    """Reflectance of a glass pane at a cosine of incidence (Schlick 1994)."""
     return GLASS + (1.0 - GLASS) * (1.0 - cosine) ** 5

@@ -1,8 +1,8 @@
-"""Obstacles and the container in the picture: where a ray meets them, and how they are lit.
+"""Rendering of bodies: ray intersection and shading of solids and containers.
 
-Rays are marched by the signed distances that hold the water (sphere tracing, Hart 1996), so what is
-seen is what the water feels. A container is seen from within: like the pool's panes, the side that
-faces the eye is clear.
+Rays are marched through the signed distances that the fluid uses (sphere tracing, Hart 1996), so
+images show exactly the boundary of the simulation. The side of a container that faces the eye is
+transparent, like the panes of the pool.
 """
 
 import taichi as ti
@@ -14,37 +14,36 @@ from msph.taichi_internals import data_oriented
 
 vec2, vec3 = ti.math.vec2, ti.math.vec3
 
-CLAY, GLAZE = vec3(0.60, 0.26, 0.15), vec3(0.40, 0.54, 0.58)  # albedo of obstacles, of a container
-BOUNCE = 0.45  # sky light that comes from below, as a share of that from above
-STEPS = 96  # most of one march
-NEAR = 4e-4  # how near to a body a ray counts as having met it, as a share of the box's edge
-CAREFUL = 0.9  # share of the distance that a step takes: sampled distances may be too far
+CLAY, GLAZE = vec3(0.60, 0.26, 0.15), vec3(0.40, 0.54, 0.58)  # albedo of solids, of containers
+BOUNCE = 0.45  # sky light from below, over sky light from above
+STEPS = 96  # largest number of steps of a ray
+NEAR = 4e-4  # distance at which a ray hits a body, over the longest edge of the box
+CAREFUL = 0.9  # step over distance: sampled distances may be too large
 SOFT = 14.0  # sharpness of shadows
 MISSED = 1e9
-PARALLEL = 1e-6  # component of a direction that counts as none
 
 
 @data_oriented
 class BodyShading:
-    """The bodies of `walls`, as a picture sees them at the end of a step."""
+    """The bodies of a boundary at the end of a step, as they are rendered."""
 
     def __init__(self, boundary):
         self.boundary = boundary
         self.numbers = DeviceTable((), count=i32, near=f32)
 
     def load(self, box):
-        """Draws the bodies that the boundary has now, in a box (Lx, Ly, Lz) [m]."""
+        """Loads the boundary's present bodies in a box (Lx, Ly, Lz) [m]."""
         self.numbers.fill(count=self.boundary.count, near=NEAR * max(box))
 
     @ti.func
     def clear(self):
-        """Way [m] off a surface, so as not to meet it again."""
+        """Offset [m] from a surface at which a ray does not hit it again."""
         return 8.0 * self.numbers.near[None]
 
     @ti.func
     def span(self, b, p, r, most, more):
-        """Part of the ray p + t r within both the ball and the box round body b, larger by `more`
-        [m]: first and last t of 0..most."""
+        """Returns the first and last t of 0..most at which the ray p + t r is inside both the
+        bounding sphere and the bounding box of body b, enlarged by `more` [m]."""
         c = p - self.boundary.centre[b, END]
         along = c.dot(r)
         half = along * along - c.norm_sqr() + (self.boundary.reach[b] + more) ** 2
@@ -54,7 +53,7 @@ class BodyShading:
             turn, clear = self.boundary.turn[b, END].transpose(), self.clear()
             q, s = turn @ c, turn @ r
             for k in ti.static(range(3)):
-                # A face may be part of the body.
+                # The margin keeps body faces that coincide with the bounding box.
                 out = self.boundary.half[b][k] + more + clear
                 per = 1.0 / ti.select(abs(s[k]) > PARALLEL, s[k], PARALLEL)
                 near, far = (-out - q[k]) * per, (out - q[k]) * per
@@ -64,15 +63,18 @@ class BodyShading:
 
     @ti.func
     def meet(self, p, r, most, reach, wide):
-        """Where the ray p + t r (r unit) first meets a body within t of 0..most: t, MISSED where
-        it does not; which body; the cosine at which it came into the container, or -1; and whether
-        it passes a body by less than `wide` times its way from the eye, which is reach [m] at p."""
+        """Intersects the ray p + t r (r unit) with the bodies, for t of 0..most.
+
+        Returns: t of the first hit, or MISSED; index of the body; cosine of incidence at the entry
+        into a container, or -1; True if the ray passes a body within `wide` times its distance from
+        the eye, which is `reach` [m] at p.
+        """
         nearest, which, steep, close = MISSED, -1, -1.0, False
         near = self.numbers.near[None]
         for b in range(self.numbers.count[None]):
             part = self.span(b, p, r, ti.min(most, nearest), wide * (reach + most))
             t, entered, steps = part[0], self.boundary.side[b] > 0.0, 0
-            margin = MISSED  # least distance from the body, over the way from the eye
+            margin = MISSED  # smallest distance to the body over distance from the eye
             while t < part[1] and steps < STEPS:
                 steps += 1
                 found = self.boundary.distance(b, p + t * r, END)
@@ -87,19 +89,19 @@ class BodyShading:
                     if entered:
                         steep = ti.max(found.yzw.dot(r), 0.0)
                     else:
-                        way = t - d + 4.0 * near  # how exactly it enters does not matter
+                        way = t - d + 4.0 * near  # the exact point of entry does not matter
                 t = way
             close = close or margin < wide
         return nearest, which, steep, close
 
     @ti.func
     def sunlit(self, p, to_sun):
-        """Share of the sun, 0..1, that obstacles leave at p: soft shadows (Quilez)."""
+        """Returns the share of the sun, 0..1, that solids leave at p: soft shadows (Quilez)."""
         share = 1.0
         near = self.numbers.near[None]
         for b in range(self.numbers.count[None]):
             if self.boundary.side[b] > 0.0:
-                # As far from the body as its shadow is soft.
+                # March where the penumbra can reach.
                 ahead = (self.boundary.centre[b, END] - p).dot(to_sun) + self.boundary.reach[b]
                 part = self.span(b, p, to_sun, ahead, ahead / SOFT)
                 t, steps = ti.max(part[0], self.clear()), 0
@@ -112,7 +114,8 @@ class BodyShading:
 
     @ti.func
     def shade(self, b, p, to_sun, focus, shot: ti.template()):
-        """Colour of body b at p [m] on it; focus: the sun's concentration there."""
+        """Returns the colour of body b at the point p [m] on it; focus: concentration of sunlight
+        there."""
         n = self.boundary.normal(b, p, END)
         albedo = ti.select(self.boundary.side[b] > 0.0, CLAY, GLAZE)
         sky = ti.math.mix(BOUNCE, 1.0, 0.5 + 0.5 * n.dot(shot.up))

@@ -1,4 +1,4 @@
-"""The legend of a view of particles: a panel in the picture that says what the colours mean."""
+"""Legend of a particle view: a panel in the image that explains the colours."""
 
 from dataclasses import dataclass
 
@@ -9,25 +9,22 @@ from msph.picture import pixels
 from msph.picture.overlay import Overlay
 from msph.picture.particles_view import shown_colour
 
-# Text height over the picture's height; least heights of text [pixels] of any picture, and of
-# pictures at least ROOMY times as high as READABLE text.
+# Text height over image height; smallest text height [pixels] of any image, and of images at least
+# ROOMY times as high as READABLE text.
 TEXT, LEAST_TEXT, READABLE, ROOMY = 1.0 / 36.0, 12, 18, 18
-# Lengths in text heights: space round and in the panel, the bar, the pitch of lines, the most that
-# a panel may measure.
+# In text heights: gap around the panel, padding, size of the bar, line height, largest panel.
 GAP, PADDING, BAR, LINE, MOST = 0.8, 0.7, (11.0, 0.9), 1.35, (22.0, 28.0)
-# Painted so many times as large and averaged: small letters keep their shapes and distances.
-FINER = 4
-# Colours of panel and text, with opacity, 0..255.
-PANEL, INK = (12, 20, 28, 150), (245, 247, 250, 255)
+FINER = 4  # oversampling: small letters keep their shapes and spacing
+PANEL, INK = (12, 20, 28, 150), (245, 247, 250, 255)  # RGBA of panel and text
 
 
 @dataclass(frozen=True)
 class Legend:
-    """What the colours of a view mean.
+    """Meaning of the colours of a view.
 
-    title: the quantity and its unit. marks: places on the colour map (0..1), each with its text:
-    numbers under a bar of all colours, of which those are left out that would touch an earlier
-    one; or where `bar` is false a patch of colour each, from top to bottom.
+    title: quantity and unit. marks: positions on the colour map (0..1) with their texts. With
+    `bar`, numbers under a bar of all colours, without numbers that would touch an earlier one;
+    otherwise a list of colour patches from top to bottom.
     """
 
     title: str
@@ -36,20 +33,20 @@ class Legend:
 
 
 def text_height(height: int) -> int:
-    """Height [pixels] of a legend's text in an image of so many rows."""
+    """Returns the text height [pixels] for an image of `height` rows."""
     return max(LEAST_TEXT, round(TEXT * height), min(READABLE, height // ROOMY))
 
 
 def paint(legend: Legend, size: int) -> np.ndarray:
-    """The panel as pixels (height, width, 4) uint8, RGBA, first row at the top.
+    """Returns the panel as pixels (height, width, 4) uint8, RGBA, first row at the top.
 
-    size: height of the text [pixels].
+    size: text height [pixels].
     """
     size *= FINER
     font = ImageFont.load_default(size=size)
     pad, line = round(PADDING * size), round(LINE * size)
     length, thick = (round(side * size) for side in BAR)
-    patch = 2 * thick  # as wide as that
+    patch = 2 * thick
     widest = max(font.getlength(text) for _, text in legend.marks)
     inside = length if legend.bar else patch + pad + widest
     width = 2 * pad + int(max(inside, font.getlength(legend.title)))
@@ -61,13 +58,13 @@ def paint(legend: Legend, size: int) -> np.ndarray:
     if legend.bar:
         length = width - 2 * pad
         panel.paste(_bar(length, thick), (pad, top))
-        told: list[tuple[float, float]] = []  # middle and half width of the numbers
+        placed: list[tuple[float, float]] = []  # centre and half width of the numbers
         for place, text in legend.marks:
             half = 0.5 * font.getlength(text)
             x = pad + min(max(place * length, half), length - half)
-            if all(abs(x - y) > half + other + 0.5 * size for y, other in told):
+            if all(abs(x - y) > half + other + 0.5 * size for y, other in placed):
                 draw.text((x, top + thick + 0.75 * size), text, INK, font, anchor="mm")
-                told.append((x, half))
+                placed.append((x, half))
     else:
         for row, (place, text) in enumerate(legend.marks):
             colour = (255 * shown_colour(place) + 0.5).astype(int)
@@ -84,7 +81,7 @@ def _bar(length: int, thick: int) -> Image.Image:
 
 
 class LegendPanel:
-    """Lays a legend into the lower right corner of images of up to width x height pixels."""
+    """Draws a legend in the lower right corner of images of up to width x height pixels."""
 
     def __init__(self, width: int, height: int):
         most = (int(m * text_height(height)) for m in MOST)
@@ -92,7 +89,7 @@ class LegendPanel:
         self.resize(width, height)
 
     def resize(self, width: int, height: int) -> None:
-        """For images of another size."""
+        """Adapts to images of another size."""
         self.size = text_height(height)
         self.gap = round(GAP * self.size)
         self.picture = width, height
@@ -102,7 +99,7 @@ class LegendPanel:
         self.legend: Legend | None = None
 
     def draw(self, legend: Legend, image: pixels.Image) -> None:
-        """Over the image."""
+        """Draws the legend over the image."""
         if legend != self.legend:
             panel = paint(legend, self.size)
             height, width = panel.shape[:2]

@@ -1,4 +1,4 @@
-"""How the picture looks: one declaration per choice, with its unit."""
+"""Rendering parameters."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from msph.parameter import Section, Vector, parameter
 
 
 class Look(Section):
-    """How the water is drawn."""
+    """How the water is rendered."""
 
     view: str = parameter(
         "water", text="water, layers, speed, pressure, density_error, depth, particles"

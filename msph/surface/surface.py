@@ -1,4 +1,4 @@
-"""The water's surface from the particles, once per frame: band, coverage, marching cubes."""
+"""Surface of the water from the particles, once per frame: band, coverage, marching cubes."""
 
 import numpy as np
 
@@ -17,17 +17,16 @@ from msph.surface.water_volume import WaterVolume
 
 
 def surface_of(world: World, room: SurfaceRoom) -> "Surface":
-    """A surface of the particles of a world, for World.once."""
+    """Builds a surface of the particles of a world (for World.once)."""
     parts = world.parts
     return Surface(parts.layers, parts.grid, parts.particles, parts.boundary, room)
 
 
 class Surface:
-    """Closed triangle mesh of the water in a box, its walls flat.
+    """Closed triangle mesh of the water in a box, flat along its walls.
 
-    Built once, and loaded with one scene after another: memory and compiled kernels serve all
-    scenes that fit in `room`. layers, grid and particles are those of the fluid; boundary: its
-    bodies, on which the surface ends.
+    Built once and loaded with one scene after another: memory and compiled kernels serve all scenes
+    that fit in `room`. boundary: the fluid's bodies, on which the surface ends.
     """
 
     def __init__(
@@ -49,11 +48,12 @@ class Surface:
         self.water = WaterVolume(self.cubes, self.thin)
 
     def load(self, size: tuple[float, float, float], cell: float, smoothing: float = 1.0) -> None:
-        """Takes over a scene: its box, the fluid's layers, and the number of bodies.
+        """Loads a scene: its box, the fluid's layers, and the number of bodies.
 
-        size (Lx, Ly, Lz) [m], min corner the origin; cell: wanted spacing of the surface lattice
-        [m]; smoothing: kernel radius over the layer's support h, >= 1. Raises ValueError where
-        smoothing is less, cells are too coarse for the kernels, or the scene exceeds the room.
+        size (Lx, Ly, Lz) [m], with the minimum corner at the origin; cell: requested lattice
+        spacing [m]; smoothing: kernel radius over the layer's support h, >= 1. Raises ValueError if
+        smoothing is less than 1, if cells are too coarse for the kernels, or if the scene exceeds
+        the room.
         """
         if smoothing < 1.0:
             raise ValueError(f"surface smoothing is {smoothing}, must be at least 1")
@@ -63,7 +63,7 @@ class Surface:
         band = band_numbers(lattice.spacing, radii.min(), bodies > 0)
         self.room.check(lattice, len(specs), self.particles.capacity)
         self.lattice, self.has_bodies = lattice, bodies > 0
-        # Beside a plane coverage falls by SLOPE/r; where kernels differ, as in the finest layer.
+        # Slope of coverage at a plane, SLOPE/r; where kernels differ, of the finest layer.
         slope = SLOPE / (smoothing * self.layers.finest.support)
         self.cubes.lattice.load(
             lattice,
@@ -78,14 +78,13 @@ class Surface:
         self.sums.load(lattice, size, radii)
 
     def shortfall(self) -> str | None:
-        """Why the last mesh may lack volume of the water, in words; None where nothing was cut."""
-        return self.mesh.overflowed() or self.water.limited()
+        """Returns a message if the last mesh may lack volume of the water, else None."""
+        return self.mesh.overflowed() or self.water.limit_reached()
 
     def extract(self, everywhere: bool = False) -> None:
-        """particles -> mesh: seven launches, nothing read back. The grid must be sorted.
-
-        everywhere: evaluate all of the box, for comparison. It gives the same mesh.
-        """
+        """Computes the mesh from the particles in seven kernel launches, without reading back. The
+        grid must be sorted. everywhere: True to evaluate the whole box, which gives the same mesh
+        (for tests)."""
         self.coverage.run(self.has_bodies, everywhere)
-        self.water.set_right()
+        self.water.correct()
         self.cubes.run()
