@@ -5,18 +5,10 @@ Sky and ground are sampled once every COARSE pixels; the box and its contents as
 
 import taichi as ti
 
-from msph.picture.pool import FLATTEST, INFINITE, RIM, along
-from msph.picture.rasteriser import BLOCK, FAR, NOTHING
+from msph.picture.pool import MIN_COSINE, RIM, component
+from msph.picture.rasteriser import BLOCK, FAR, NO_ITEM
 from msph.picture.room import COARSE, PixelFields
-from msph.picture.samples import (
-    BARE,
-    DETAIL,
-    REST,
-    SPAN,
-    VOID,
-    draw_blocks,
-    make_sample,
-)
+from msph.picture.samples import DETAIL, EMPTY, REST, SPAN, UNTILED, draw_blocks, make_sample
 from msph.picture.sunlight import bilinear
 from msph.taichi_internals import data_oriented, kernel
 
@@ -27,7 +19,7 @@ LINE_LIMIT = 1.6  # largest width of the line of one face [pixels]
 RIM_STRENGTH, INNER_STRENGTH = 0.85, 0.35  # opacity of edges before and behind the water
 GLASS = 0.045  # reflectance of a pane at normal incidence
 # Digits of a sample's kind: low wall (0, 1) or body; axis by which the ray entered the box.
-MORE, NEXT = 4, 1 << 18
+WALL_OR_BODY, ENTRY_AXIS = 4, 1 << 18
 
 
 @data_oriented
@@ -41,8 +33,8 @@ class Backdrop:
     def __init__(self, fields: PixelFields, lens, pool, tone):
         self.lens, self.key = lens, fields.key
         self.pool, self.tone = pool, tone
-        self.colour, self.country, self.depth = fields.backdrop, fields.country, fields.depth
-        self.whole = False
+        self.colour, self.background, self.depth = fields.backdrop, fields.background, fields.depth
+        self.complete = False
 
     def refresh(self, changed, flooded=False):
         """Redraws what changed. changed: True if the view is new; flooded: True if the visibility
@@ -51,9 +43,9 @@ class Backdrop:
             flooded = False
             changed = changed or self.pool.bodies.boundary.moving
         flooded = flooded and changed  # in a constant view, water may uncover pixels it hid
-        if changed or not self.whole:
+        if changed or not self.complete:
             self.draw(flooded)
-            self.whole = not flooded
+            self.complete = not flooded
 
     @kernel
     def draw(self, flooded: ti.i32):
@@ -62,18 +54,21 @@ class Backdrop:
         for a, b in ti.ndrange(columns // COARSE + 2, rows // COARSE + 2):
             shot = self.lens.shot[None]
             d = shot.origin + shot.du * (COARSE * a) + shot.dv * (COARSE * b)
-            self.country[a, b] = self.pool.country(d.normalized(), shot)
+            self.background[a, b] = self.pool.background(d.normalized(), shot)
         ti.loop_config(block_dim=BLOCK // COARSE)
         for a, b in ti.ndrange(columns // COARSE + 1, rows // COARSE + 1):
-            self.draw_country(a, b)
+            self.draw_background(a, b)
         draw_blocks(self, flooded, columns, rows)
 
     @ti.func
-    def draw_country(self, a, b):
+    def draw_background(self, a, b):
         """Draws the block of pixels between four samples of sky and ground."""
-        low, up = self.tone.show(self.country[a, b]), self.tone.show(self.country[a, b + 1])
-        right = self.tone.show(self.country[a + 1, b])
-        far = self.tone.show(self.country[a + 1, b + 1])
+        low, up = (
+            self.tone.display(self.background[a, b]),
+            self.tone.display(self.background[a, b + 1]),
+        )
+        right = self.tone.display(self.background[a + 1, b])
+        far = self.tone.display(self.background[a + 1, b + 1])
         for i in range(COARSE * a, ti.min(COARSE * (a + 1), self.lens.shot[None].columns)):
             u = i / COARSE - a
             start, end = ti.math.mix(low, right, u), ti.math.mix(up, far, u)
@@ -94,7 +89,7 @@ class Backdrop:
             for k in range(SPAN * SPAN):
                 i = ti.min(i0 + k // SPAN, shot.columns - 1)
                 j = ti.min(j0 + k % SPAN, shot.rows - 1)
-                hidden = hidden and self.key[i, j] != NOTHING
+                hidden = hidden and self.key[i, j] != NO_ITEM
         return boxed, True, hidden
 
     @ti.func
@@ -107,9 +102,9 @@ class Backdrop:
         only."""
         shot = self.lens.shot[None]
         d = (shot.origin + shot.du * i + shot.dv * j).normalized()
-        near, far, way_in, axis = self.pool.cross(d, shot)
+        near, far, way_in, axis = self.pool.slab_test(d, shot)
         entry = ti.max(near, 0.0)
-        kind, place, light, added, depth = VOID, vec4(0.0), vec2(0.0), vec3(0.0), FAR
+        kind, place, light, added, depth = EMPTY, vec4(0.0), vec2(0.0), vec3(0.0), FAR
         left, rim = 1.0, 0.0
         if far > entry:
             share, mirrored = 0.0, d
@@ -117,18 +112,18 @@ class Backdrop:
                 rim = RIM_STRENGTH * self.border(d, near, way_in, 1.0, shot)
                 kind += 1 + way_in  # there is an edge between two panes, even in hidden blocks
                 if way_in != 1:
-                    share = pane(abs(along(d, way_in)))
+                    share = pane(abs(component(d, way_in)))
                     mirrored *= vec3(1 - 2 * (way_in == 0), 1, 1 - 2 * (way_in == 2))
             if not hidden:
                 kind, place, light, left, added, depth = self.inside(
                     i, j, d, entry, far, axis, shot
                 )
-                kind += NEXT * ti.select(near > 0.0, way_in, 3)
+                kind += ENTRY_AXIS * ti.select(near > 0.0, way_in, 3)
                 if share > 0.0:
                     left *= 1.0 - share
-                    added = ti.math.mix(added, self.pool.around(mirrored, shot), share)
+                    added = ti.math.mix(added, self.pool.far_radiance(mirrored, shot), share)
             if rim > 0.0:
-                kind = DETAIL + ti.select(hidden, BARE, kind)
+                kind = DETAIL + ti.select(hidden, UNTILED, kind)
         elif far > near * (1.0 - 2.0 * SPAN * shot.pixel):
             kind += DETAIL  # the box may begin within the block
         return kind, make_sample(place, light, vec3(left), added, 0.0, depth, rim)
@@ -140,17 +135,17 @@ class Backdrop:
         Returns: kind; position [m] and pixel width there [m]; light there (sun, sky); share of it
         that reaches the eye; light added on the way; depth of a body along the view [m], or FAR.
         """
-        low, depth = along(d, axis) < 0.0, FAR
+        low, depth = component(d, axis) < 0.0, FAR
         start = shot.eye + d * entry
-        t, body, steep, close = self.pool.meet(start, d, far - entry, entry, shot)
+        t, body, entry_cosine, close = self.pool.intersect(start, d, far - entry, entry, shot)
         p = ti.select(body >= 0, start + t * d, shot.eye + d * far)
-        kind, left, added = axis + MORE * low, 1.0, vec3(0.0)
-        footprint = shot.pixel * far / ti.max(abs(along(d, axis)), FLATTEST)
+        kind, left, added = axis + WALL_OR_BODY * low, 1.0, vec3(0.0)
+        footprint = shot.pixel * far / ti.max(abs(component(d, axis)), MIN_COSINE)
         line = INNER_STRENGTH * self.border(d, far, axis, 0.5, shot)
         light = self.pool.lighting(p, axis, low, shot.sun, shot)
         tiled = self.pool.is_tiled(axis, low, shot)
         if not tiled:
-            kind, added = BARE, bilinear(self.country, vec2(i, j) / COARSE)
+            kind, added = UNTILED, bilinear(self.background, vec2(i, j) / COARSE)
         elif line > 0.0:
             kind += DETAIL
             left, added = 1.0 - line, RIM * RIM * line
@@ -160,32 +155,32 @@ class Backdrop:
                 lit = self.pool.sunlit(p, d, shot.sun)
             light.x *= lit
             if body >= 0:
-                kind = BARE + MORE * (2 + body)
+                kind = UNTILED + WALL_OR_BODY * (2 + body)
                 added = self.pool.bodies.shade(body, p, shot.sun, lit, shot)
                 depth = (entry + t) * d.dot(shot.forward)
             kind += DETAIL * close
-            if steep >= 0.0:  # the transparent side of a container reflects the sky faintly
-                share = pane(steep)
+            if entry_cosine >= 0.0:  # the transparent side of a container reflects the sky faintly
+                share = pane(entry_cosine)
                 left *= 1.0 - share
                 mirrored = vec3(d.x, abs(d.y), d.z)
-                added = ti.math.mix(added, self.pool.around(mirrored, shot), share)
+                added = ti.math.mix(added, self.pool.far_radiance(mirrored, shot), share)
         return kind, vec4(p, footprint), light, left, added, depth
 
     @ti.func
     def border(self, d, s, axis, share, shot: ti.template()):
         """Returns the coverage of a pixel by the edge lines of the face across `axis`, at the
         distance s [m] along its ray d; share: of the full line width."""
-        footprint = shot.pixel * s / ti.max(abs(along(d, axis)), FLATTEST)
+        footprint = shot.pixel * s / ti.max(abs(component(d, axis)), MIN_COSINE)
         width = ti.min(share * RIM_WIDTH * shot.size.max(), LINE_LIMIT * footprint)
         p = shot.eye + d * s
-        room = ti.min(p, shot.size - p) + INFINITE * vec3(axis == 0, axis == 1, axis == 2)
+        room = ti.min(p, shot.size - p) + 1e6 * vec3(axis == 0, axis == 1, axis == 2)
         return ti.math.clamp((width - room.min()) / footprint + 0.5, 0.0, 1.0)
 
     @ti.func
     def put(self, i, j, kind, sample):
-        if kind % DETAIL < VOID:
+        if kind % DETAIL < EMPTY:
             rim = sample[REST, 2]
-            c = self.tone.show(self.pool.finish(kind, sample, 1.0, self.lens.shot[None]))
+            c = self.tone.display(self.pool.colour_of(kind, sample, 1.0, self.lens.shot[None]))
             self.colour[i, j] = vec4(ti.math.mix(c, RIM, rim), rim)
             if ti.static(self.pool.occupied):
                 self.depth[i, j] = sample[REST, 1]

@@ -9,17 +9,18 @@ import taichi as ti
 
 from msph.device_table import DeviceTable, f32, i32
 from msph.fluid.boundary.boundary import END
-from msph.picture.light_sources import SKY_LIGHT, SUN_LIGHT
+from msph.picture.shot import PARALLEL
+from msph.picture.sky import SKY_LIGHT, SUN_LIGHT
 from msph.taichi_internals import data_oriented
 
 vec2, vec3 = ti.math.vec2, ti.math.vec3
 
 CLAY, GLAZE = vec3(0.60, 0.26, 0.15), vec3(0.40, 0.54, 0.58)  # albedo of solids, of containers
 BOUNCE = 0.45  # sky light from below, over sky light from above
-STEPS = 96  # largest number of steps of a ray
-NEAR = 4e-4  # distance at which a ray hits a body, over the longest edge of the box
-CAREFUL = 0.9  # step over distance: sampled distances may be too large
-SOFT = 14.0  # sharpness of shadows
+MAX_STEPS = 96  # largest number of steps of a ray
+HIT_DISTANCE = 4e-4  # distance at which a ray hits a body, over the longest edge of the box
+STEP_FRACTION = 0.9  # step over distance: sampled distances may be too large
+SHADOW_SHARPNESS = 14.0  # sharpness of shadows
 MISSED = 1e9
 
 
@@ -33,10 +34,10 @@ class BodyShading:
 
     def load(self, box):
         """Loads the boundary's present bodies in a box (Lx, Ly, Lz) [m]."""
-        self.numbers.fill(count=self.boundary.count, near=NEAR * max(box))
+        self.numbers.fill(count=self.boundary.count, near=HIT_DISTANCE * max(box))
 
     @ti.func
-    def clear(self):
+    def offset(self):
         """Offset [m] from a surface at which a ray does not hit it again."""
         return 8.0 * self.numbers.near[None]
 
@@ -50,7 +51,7 @@ class BodyShading:
         found = vec2(1.0, 0.0)
         if half > 0.0:
             found = vec2(ti.max(-along - ti.sqrt(half), 0.0), ti.min(-along + ti.sqrt(half), most))
-            turn, clear = self.boundary.turn[b, END].transpose(), self.clear()
+            turn, clear = self.boundary.turn[b, END].transpose(), self.offset()
             q, s = turn @ c, turn @ r
             for k in ti.static(range(3)):
                 # The margin keeps body faces that coincide with the bounding box.
@@ -62,24 +63,24 @@ class BodyShading:
         return found
 
     @ti.func
-    def meet(self, p, r, most, reach, wide):
+    def intersect(self, p, r, most, reach, wide):
         """Intersects the ray p + t r (r unit) with the bodies, for t of 0..most.
 
         Returns: t of the first hit, or MISSED; index of the body; cosine of incidence at the entry
         into a container, or -1; True if the ray passes a body within `wide` times its distance from
         the eye, which is `reach` [m] at p.
         """
-        nearest, which, steep, close = MISSED, -1, -1.0, False
+        nearest, which, entry_cosine, close = MISSED, -1, -1.0, False
         near = self.numbers.near[None]
         for b in range(self.numbers.count[None]):
             part = self.span(b, p, r, ti.min(most, nearest), wide * (reach + most))
             t, entered, steps = part[0], self.boundary.side[b] > 0.0, 0
             margin = MISSED  # smallest distance to the body over distance from the eye
-            while t < part[1] and steps < STEPS:
+            while t < part[1] and steps < MAX_STEPS:
                 steps += 1
                 found = self.boundary.distance(b, p + t * r, END)
                 d = found.x
-                way = t + ti.max(CAREFUL * abs(d), near)
+                way = t + ti.max(STEP_FRACTION * abs(d), near)
                 margin = ti.min(margin, abs(d) / (reach + t))
                 if entered and d < near:
                     nearest, which, margin = t, b, MISSED
@@ -87,12 +88,12 @@ class BodyShading:
                 elif not entered:
                     entered = d > near
                     if entered:
-                        steep = ti.max(found.yzw.dot(r), 0.0)
+                        entry_cosine = ti.max(found.yzw.dot(r), 0.0)
                     else:
                         way = t - d + 4.0 * near  # the exact point of entry does not matter
                 t = way
             close = close or margin < wide
-        return nearest, which, steep, close
+        return nearest, which, entry_cosine, close
 
     @ti.func
     def sunlit(self, p, to_sun):
@@ -103,13 +104,13 @@ class BodyShading:
             if self.boundary.side[b] > 0.0:
                 # March where the penumbra can reach.
                 ahead = (self.boundary.centre[b, END] - p).dot(to_sun) + self.boundary.reach[b]
-                part = self.span(b, p, to_sun, ahead, ahead / SOFT)
-                t, steps = ti.max(part[0], self.clear()), 0
-                while t < part[1] and steps < STEPS:
+                part = self.span(b, p, to_sun, ahead, ahead / SHADOW_SHARPNESS)
+                t, steps = ti.max(part[0], self.offset()), 0
+                while t < part[1] and steps < MAX_STEPS:
                     steps += 1
                     d = self.boundary.distance(b, p + t * to_sun, END).x
-                    share = ti.min(share, SOFT * d / t)
-                    t = ti.select(share <= 0.0, MISSED, t + ti.max(CAREFUL * d, 2.0 * near))
+                    share = ti.min(share, SHADOW_SHARPNESS * d / t)
+                    t = ti.select(share <= 0.0, MISSED, t + ti.max(STEP_FRACTION * d, 2.0 * near))
         return ti.max(share, 0.0)
 
     @ti.func

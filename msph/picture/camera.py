@@ -93,7 +93,7 @@ class Camera:
         )
         return self.eye, d / np.linalg.norm(d)
 
-    def seen(self, points, width, height, box, tilt=None):
+    def project(self, points, width, height, box, tilt=None):
         """Projects points (n, 3) of the box to image coordinates (n, 2): right and up, 0..1 in the
         image; NaN for points behind the eye."""
         R, C = np.eye(3) if tilt is None else np.asarray(tilt, float), np.asarray(box, float) / 2

@@ -10,11 +10,11 @@ from msph.picture.overlay import Overlay
 from msph.picture.particles_view import shown_colour
 
 # Text height over image height; smallest text height [pixels] of any image, and of images at least
-# ROOMY times as high as READABLE text.
-TEXT, LEAST_TEXT, READABLE, ROOMY = 1.0 / 36.0, 12, 18, 18
+# READABLE_ROWS times as high as READABLE text.
+TEXT, LEAST_TEXT, READABLE, READABLE_ROWS = 1.0 / 36.0, 12, 18, 18
 # In text heights: gap around the panel, padding, size of the bar, line height, largest panel.
-GAP, PADDING, BAR, LINE, MOST = 0.8, 0.7, (11.0, 0.9), 1.35, (22.0, 28.0)
-FINER = 4  # oversampling: small letters keep their shapes and spacing
+GAP, PADDING, BAR, LINE, MAX_PANEL = 0.8, 0.7, (11.0, 0.9), 1.35, (22.0, 28.0)
+OVERSAMPLING = 4  # oversampling: small letters keep their shapes and spacing
 PANEL, INK = (12, 20, 28, 150), (245, 247, 250, 255)  # RGBA of panel and text
 
 
@@ -34,7 +34,7 @@ class Legend:
 
 def text_height(height: int) -> int:
     """Returns the text height [pixels] for an image of `height` rows."""
-    return max(LEAST_TEXT, round(TEXT * height), min(READABLE, height // ROOMY))
+    return max(LEAST_TEXT, round(TEXT * height), min(READABLE, height // READABLE_ROWS))
 
 
 def paint(legend: Legend, size: int) -> np.ndarray:
@@ -42,7 +42,7 @@ def paint(legend: Legend, size: int) -> np.ndarray:
 
     size: text height [pixels].
     """
-    size *= FINER
+    size *= OVERSAMPLING
     font = ImageFont.load_default(size=size)
     pad, line = round(PADDING * size), round(LINE * size)
     length, thick = (round(side * size) for side in BAR)
@@ -57,7 +57,8 @@ def paint(legend: Legend, size: int) -> np.ndarray:
     top = pad + line
     if legend.bar:
         length = width - 2 * pad
-        panel.paste(_bar(length, thick), (pad, top))
+        row = (255 * shown_colour((np.arange(length) + 0.5) / length) + 0.5).astype(np.uint8)
+        panel.paste(Image.fromarray(np.tile(row, (thick, 1, 1))), (pad, top))
         placed: list[tuple[float, float]] = []  # centre and half width of the numbers
         for place, text in legend.marks:
             half = 0.5 * font.getlength(text)
@@ -71,20 +72,14 @@ def paint(legend: Legend, size: int) -> np.ndarray:
             y = top + row * line
             draw.rectangle((pad, y, pad + patch - 1, y + thick - 1), (*colour.tolist(), 255))
             draw.text((2 * pad + patch, y + 0.5 * thick), text, INK, font, anchor="lm")
-    return np.asarray(panel.reduce(FINER))
-
-
-def _bar(length: int, thick: int) -> Image.Image:
-    """Every colour of the map from left to right."""
-    row = shown_colour((np.arange(length) + 0.5) / length)
-    return Image.fromarray(np.tile((255 * row + 0.5).astype(np.uint8), (thick, 1, 1)))
+    return np.asarray(panel.reduce(OVERSAMPLING))
 
 
 class LegendPanel:
     """Draws a legend in the lower right corner of images of up to width x height pixels."""
 
     def __init__(self, width: int, height: int):
-        most = (int(m * text_height(height)) for m in MOST)
+        most = (int(m * text_height(height)) for m in MAX_PANEL)
         self.overlay = Overlay(width, height, {"legend": tuple(most)})  # type: ignore[dict-item]
         self.resize(width, height)
 
@@ -94,7 +89,7 @@ class LegendPanel:
         self.gap = round(GAP * self.size)
         self.picture = width, height
         room = (n - 2 * self.gap for n in self.picture)
-        most = (max(1, min(r, int(m * self.size))) for r, m in zip(room, MOST, strict=True))
+        most = (max(1, min(r, int(m * self.size))) for r, m in zip(room, MAX_PANEL, strict=True))
         self.overlay.resize(width, height, {"legend": tuple(most)})  # type: ignore[dict-item]
         self.legend: Legend | None = None
 

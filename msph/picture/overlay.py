@@ -26,7 +26,7 @@ class Overlay:
         areas = [w * h for w, h in self.rooms.values()]
         if sum(areas) > self.pixels.shape[0]:
             raise ValueError(f"panels of {sum(areas)} pixels exceed {self.pixels.shape[0]}")
-        self.begins = dict(zip(self.rooms, np.cumsum([0, *areas[:-1]]).tolist(), strict=True))
+        self.offsets = dict(zip(self.rooms, np.cumsum([0, *areas[:-1]]).tolist(), strict=True))
         # Left, lower edge, width, height [pixels] of the visible panels.
         self.shown: dict[str, tuple[int, int, int, int]] = {}
 
@@ -38,7 +38,7 @@ class Overlay:
         page = page[: min(most[1], self.size[1] - top), : min(most[0], self.size[0] - left)]
         height, width = page.shape[:2]
         flat = np.ascontiguousarray(page[::-1]).view(np.uint32).ravel()
-        self._write(self.begins[name], flat)
+        self._write(self.offsets[name], flat)
         self.shown[name] = left, self.size[1] - top - height, width, height
 
     def hide(self, name: str) -> None:
@@ -48,7 +48,7 @@ class Overlay:
         """Blends the visible panels over the image, in the order of rooms."""
         for name in self.rooms:
             if name in self.shown:
-                self._blend(self.begins[name], *self.shown[name], image.field)
+                self._blend(self.offsets[name], *self.shown[name], image.field)
 
     @kernel
     def _write(self, begin: ti.i32, values: ti.types.ndarray(dtype=ti.u32, ndim=1)):

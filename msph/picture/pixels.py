@@ -20,15 +20,7 @@ class Image:
 
     def to_numpy(self) -> np.ndarray:
         """Returns (width, height, 3) float32."""
-        pixels = np.empty((self.width, self.height, 3), np.float32)
-        _read(self.field, pixels)
-        return pixels
-
-
-@ti.kernel
-def _read(field: ti.template(), pixels: ti.types.ndarray(dtype=ti.f32, ndim=3)):
-    for i, j, k in ti.ndrange(pixels.shape[0], pixels.shape[1], 3):
-        pixels[i, j, k] = field[i, j][k]
+        return self.field.to_numpy()[: self.width, : self.height]
 
 
 @ti.kernel

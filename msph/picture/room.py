@@ -48,6 +48,6 @@ class PixelFields:
         self.backdrop = ti.Vector.field(4, ti.f32, size)
         self.depth = ti.field(ti.f32, size)  # of bodies along the view [m], or FAR
         # Sky and ground at pixels (COARSE a, COARSE b), linear.
-        self.country = ti.Vector.field(
+        self.background = ti.Vector.field(
             3, ti.f32, (room.width // COARSE + 2, room.height // COARSE + 2)
         )
