@@ -102,7 +102,7 @@ def from_particles(sim: Simulation, cell: float) -> list[Way]:
     d = sim.layers.finest.spacing
     edge = 0.5 * cell * d
     room = SurfaceRoom.holding(sim.size, edge, sim.particles.capacity)
-    surface = Surface(sim.layers, sim.grid, sim.particles, room=room)
+    surface = Surface(sim.layers, sim.grid, sim.particles, None, room)
     surface.load(sim.size, edge)
     count = triangles(surface.mesh)
 

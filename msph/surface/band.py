@@ -47,8 +47,8 @@ def corner_bound(spacing: tuple[float, float, float], reach: float) -> float:
 
 
 def band_numbers(spacing: tuple[float, float, float], finest: float, bodies: bool) -> dict:
-    """Returns the members of SCENE that a Band reads, for nodes `spacing` [m] apart and kernels of
-    reach `finest` [m] or more. Raises ValueError if the cells are too coarse."""
+    """Returns the numbers of the scene that a Band reads, for nodes `spacing` [m] apart and kernels
+    of reach `finest` [m] or more. Raises ValueError if the cells are too coarse."""
     rho = corner_bound(spacing, finest)
     if rho == 0.0:
         raise ValueError(
@@ -90,20 +90,12 @@ class Band:
         self.count = ti.field(ti.i32, shape=())
 
     @kernel
-    def everywhere(self, n: ti.i32, bodies: ti.template()):
-        """Marks the whole box as band and computes the kernels of all n particles (reference for
-        tests)."""
-        self.thin.volume[None] = 0.0
-        for q in range(self.block_count()):
-            self.state[q] = BAND
-        for p in range(n):
-            self.thin.find(p, False, bodies)
-        self.list_tiles()
-
-    @kernel
     def sample(self, bodies: ti.template()):
         """Computes sampled, the coverage at every second node."""
-        for q in range(self.sample_tile_count()):
+        tiles = (self.numbers.pairs[None] + ti.Vector([1, 1, RUN - 1])) // ti.Vector(
+            [PAIR, PAIR, RUN]
+        )
+        for q in range(tiles[0] * tiles[1] * tiles[2]):
             size, last = self.numbers.pairs[None], self.numbers.nodes[None] - 1
             tb, tc = (size[1] + 1) // PAIR, (size[2] + RUN - 1) // RUN
             a, b, c = PAIR * (q // (tb * tc)), PAIR * (q // tc % tb), RUN * (q % tc)
@@ -136,12 +128,6 @@ class Band:
             if larger > 0.0:
                 self.mark(x, larger)
         self.list_tiles()
-
-    @ti.func
-    def sample_tile_count(self):
-        """Returns the number of tiles of samples."""
-        n = self.numbers.pairs[None]
-        return (n[0] + 1) // PAIR * ((n[1] + 1) // PAIR) * ((n[2] + RUN - 1) // RUN)
 
     @ti.func
     def block_count(self):

@@ -20,22 +20,12 @@ class Coverage:
 
     def __init__(self, cubes: MarchingCubes, sums: KernelSums, room: SurfaceRoom):
         self.cubes, self.sums, self.lattice = cubes, sums, cubes.lattice
-        self.thin, self.bodies = sums.thin, sums.bodies
+        self.bodies = sums.bodies
         self.band = Band(cubes.signs, sums, room)
-
-    def run(self, bodies: bool, everywhere: bool = False) -> None:
-        """Computes the band, then value, gradient and cut at its nodes. bodies: True if the scene
-        has any; everywhere: True to evaluate the whole box."""
-        if everywhere:
-            self.band.everywhere(self.thin.particles.count, bodies)
-        else:
-            self.band.sample(bodies)
-            self.band.classify(self.thin.particles.count, bodies)
-        self.gather(bodies)
 
     @kernel
     def gather(self, bodies: ti.template()):
-        """Computes f and grad f at the nodes of all listed tiles."""
+        """Computes f, its gradient and its cut at the nodes of all listed tiles."""
         for q in range(self.band.count[None]):
             first = self.band.tile(q)
             i, j = first[0] + ti.Vector([0, 1]), first[1] + ti.Vector([0, 1])
@@ -51,14 +41,8 @@ class Coverage:
                 self.cubes.gradient[at] = vec3(gx[n], gy[n], gz[n])
                 if ti.static(bodies):
                     if near_body:
-                        self.cut_node(node, at)
-
-    @ti.func
-    def cut_node(self, node, at):
-        """Applies the cut of the nearest body at a node, with flat index `at`, to its value and
-        gradient."""
-        cut = self.bodies.cut(self.lattice.point(node))
-        self.cubes.cut[at] = cut[0]
-        if cut[0] < self.cubes.value[at]:
-            self.cubes.value[at] = cut[0]
-            self.cubes.gradient[at] = cut.yzw
+                        cut = self.bodies.cut(self.lattice.point(node))
+                        self.cubes.cut[at] = cut[0]
+                        if cut[0] < self.cubes.value[at]:
+                            self.cubes.value[at] = cut[0]
+                            self.cubes.gradient[at] = cut.yzw

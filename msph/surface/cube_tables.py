@@ -86,19 +86,14 @@ def triangulations(polygon: list[int]):
                 yield [(polygon[0], polygon[k], polygon[-1]), *left, *right]
 
 
-def diagonals(triangles, polygon) -> set[frozenset]:
-    """Returns the inner edges of a triangulation."""
-    sides = {frozenset((polygon[i - 1], polygon[i])) for i in range(len(polygon))}
-    return {frozenset(pair) for t in triangles for pair in combinations(t, 2)} - sides
-
-
 def triangulate(polygon: list[int]) -> list[tuple[int, int, int]]:
     """Returns the triangulation with no diagonal in a face and the smallest sum of squared
     diagonals."""
     middle = CORNERS[EDGES].mean(axis=1)
+    sides = {frozenset((polygon[i - 1], polygon[i])) for i in range(len(polygon))}
     best, least = None, np.inf
     for triangles in triangulations(polygon):
-        inner = [tuple(d) for d in diagonals(triangles, polygon)]
+        inner = {frozenset(pair) for t in triangles for pair in combinations(t, 2)} - sides
         if any(EDGE_FACES[p] & EDGE_FACES[q] for p, q in inner):
             continue
         length = sum(float(((middle[p] - middle[q]) ** 2).sum()) for p, q in inner)

@@ -112,8 +112,10 @@ class MarchingCubes:
         """Returns the level at a node; 1 or -1 where value is not valid."""
         at = self.lattice.node_index(node)
         f = self.cut_level(self.value[at], self.cut[at], self.iso[None])
-        if not self.signs.is_read(node):
-            f = ti.select(self.signs.is_inside(node), 1.0, -1.0)
+        i, j, w, bit = node[0], node[1], node[2] // WORD, ti.cast(node[2] % WORD, ti.u32)
+        if (self.signs.read[self.lattice.pair_index(i, j, w)] >> bit) & ti.u32(1) == 0:
+            inside = self.signs.inside[self.lattice.word_index(i, j, w)] >> bit
+            f = ti.select(inside & ti.u32(1) != 0, 1.0, -1.0)
         return f
 
     @kernel

@@ -71,18 +71,6 @@ class Signs:
         nodes = self.numbers.nodes[None]
         return ones(ti.min(nodes[2] - 1 - WORD * w, WORD))
 
-    @ti.func
-    def is_read(self, node):
-        """Returns True if a node's value is valid."""
-        word = self.read[self.lattice.pair_index(node[0], node[1], node[2] // WORD)]
-        return (word >> ti.cast(node[2] % WORD, ti.u32)) & ti.u32(1) != 0
-
-    @ti.func
-    def is_inside(self, node):
-        """Returns True if a node is inside the water."""
-        word = self.inside[self.lattice.word_index(node[0], node[1], node[2] // WORD)]
-        return (word >> ti.cast(node[2] % WORD, ti.u32)) & ti.u32(1) != 0
-
 
 @ti.func
 def ones(n):

@@ -29,23 +29,16 @@ class Surface:
     that fit in `room`. boundary: the fluid's bodies, on which the surface ends.
     """
 
-    def __init__(
-        self,
-        layers,
-        grid,
-        particles,
-        boundary: Boundary | None = None,
-        room: SurfaceRoom | None = None,
-    ):
-        self.room = room or SurfaceRoom()
+    def __init__(self, layers, grid, particles, boundary: Boundary | None, room: SurfaceRoom):
+        self.room = room
         self.layers, self.particles, self.boundary = layers, particles, boundary
-        self.cubes = MarchingCubes(self.room)
+        self.cubes = MarchingCubes(room)
         self.mesh = self.cubes.mesh
         bodies = Bodies(boundary, self.cubes.numbers)
-        self.thin = ThinWater(layers, grid, particles, bodies, self.room)
-        self.sums = KernelSums(self.cubes.lattice, self.thin, self.room)
-        self.coverage = Coverage(self.cubes, self.sums, self.room)
-        self.water = WaterVolume(self.cubes, self.thin)
+        self.thin = ThinWater(layers, grid, particles, bodies, room)
+        self.sums = KernelSums(self.cubes.lattice, self.thin, room)
+        self.coverage = Coverage(self.cubes, self.sums, room)
+        self.volume_control = WaterVolume(self.cubes, self.thin)
 
     def load(self, size: tuple[float, float, float], cell: float, smoothing: float = 1.0) -> None:
         """Loads a scene: its box, the fluid's layers, and the number of bodies.
@@ -79,12 +72,13 @@ class Surface:
 
     def shortfall(self) -> str | None:
         """Returns a message if the last mesh may lack volume of the water, else None."""
-        return self.mesh.overflowed() or self.water.limit_reached()
+        return self.mesh.overflowed() or self.volume_control.limit_reached()
 
-    def extract(self, everywhere: bool = False) -> None:
+    def extract(self) -> None:
         """Computes the mesh from the particles in seven kernel launches, without reading back. The
-        grid must be sorted. everywhere: True to evaluate the whole box, which gives the same mesh
-        (for tests)."""
-        self.coverage.run(self.has_bodies, everywhere)
-        self.water.correct()
+        grid must be sorted."""
+        self.coverage.band.sample(self.has_bodies)
+        self.coverage.band.classify(self.particles.count, self.has_bodies)
+        self.coverage.gather(self.has_bodies)
+        self.volume_control.correct()
         self.cubes.run()

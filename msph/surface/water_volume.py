@@ -89,15 +89,11 @@ class WaterVolume:
                 self.enclosed[None] += volume
                 self.derivative[None] += change
         if words > 0:
-            self.update_shift()
-
-    @ti.func
-    def update_shift(self):
-        """Updates the shift by a Newton step, clamped to its bounds."""
-        rest, before = self.thin.volume[None], self.shift[None]
-        step = (self.enclosed[None] - rest) / ti.max(self.derivative[None], MIN_DERIVATIVE * rest)
-        least, most = self.numbers.min_shift[None], self.numbers.max_shift[None]
-        self.shift[None] = ti.math.clamp(before + step, least, most)
+            water, before = self.thin.volume[None], self.shift[None]
+            slope = ti.max(self.derivative[None], MIN_DERIVATIVE * water)
+            least, most = self.numbers.min_shift[None], self.numbers.max_shift[None]
+            step = (self.enclosed[None] - water) / slope
+            self.shift[None] = ti.math.clamp(before + step, least, most)
 
     @ti.func
     def triangle(self, cell, case, t):

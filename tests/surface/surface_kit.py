@@ -112,7 +112,15 @@ class Water:
         self.grid.build()
 
     def mesh(self, everywhere: bool = False) -> SurfaceMesh:
-        self.surface.extract(everywhere)
+        """everywhere: evaluate the whole box, by bounds that no sub-block of air or water meets."""
+        numbers = self.surface.cubes.numbers
+        bounds = {"air_below": -1.0, "deep_above": 1e9, "half_diagonal": 1e9} if everywhere else {}
+        loaded = {name: getattr(numbers, name)[None] for name in bounds}
+        for name, bound in bounds.items():
+            getattr(numbers, name)[None] = bound
+        self.surface.extract()
+        for name, bound in loaded.items():
+            getattr(numbers, name)[None] = bound
         return self.surface.mesh
 
 

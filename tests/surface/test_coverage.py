@@ -8,7 +8,7 @@ from msph.surface.fluid_fraction import ISO, fluid_fraction
 
 def field(water):
     """Coverage and its gradient at every real node, and the nodes' coordinates."""
-    water.surface.extract(everywhere=True)
+    water.mesh(everywhere=True)
     cubes, real = water.surface.cubes, (slice(1, -1),) * 3
     axes = [a[1:-1].astype(np.float64) for a in water.surface.lattice.axes]
     return water.nodes(cubes.value)[real] + ISO, water.nodes(cubes.gradient)[real], axes
