@@ -37,8 +37,8 @@ class Backdrop:
         self.complete = False
 
     def refresh(self, changed, flooded=False):
-        """Redraws what changed. changed: True if the view is new; flooded: True if the visibility
-        buffer `key` holds the water of this view."""
+        """Redraws what changed. changed: the view is new; flooded: `key` holds the water of this
+        view."""
         if self.pool.occupied:
             flooded = False
             changed = changed or self.pool.bodies.boundary.moving
@@ -79,8 +79,7 @@ class Backdrop:
 
     @ti.func
     def begin(self, i0, j0, flooded):
-        """Block setup for `draw_blocks`. Returns as its note whether water hides the whole
-        block."""
+        """Block setup for `draw_blocks`. Its note: whether water hides the whole block."""
         shot = self.lens.shot[None]
         corner = vec2(i0, j0)
         boxed = (corner + SPAN >= shot.lo).all() and (corner <= shot.hi).all()
@@ -98,8 +97,7 @@ class Backdrop:
 
     @ti.func
     def trace(self, i, j, hidden):
-        """Returns kind and sample of the ray through a pixel; hidden: True to draw edge lines
-        only."""
+        """Returns kind and sample of the ray through a pixel; hidden: draw edge lines only."""
         shot = self.lens.shot[None]
         d = (shot.origin + shot.du * i + shot.dv * j).normalized()
         near, far, way_in, axis = self.pool.slab_test(d, shot)
@@ -131,10 +129,8 @@ class Backdrop:
     @ti.func
     def inside(self, i, j, d, entry, far, axis, shot: ti.template()):
         """Intersects the ray d (unit) with the contents of the box, between its entry and exit [m].
-
         Returns: kind; position [m] and pixel width there [m]; light there (sun, sky); share of it
-        that reaches the eye; light added on the way; depth of a body along the view [m], or FAR.
-        """
+        that reaches the eye; light added on the way; depth of a body along the view [m], or FAR."""
         low, depth = component(d, axis) < 0.0, FAR
         start = shot.eye + d * entry
         t, body, entry_cosine, close = self.pool.intersect(start, d, far - entry, entry, shot)

@@ -43,8 +43,8 @@ class BodyShading:
 
     @ti.func
     def span(self, b, p, r, most, more):
-        """Returns the first and last t of 0..most at which the ray p + t r is inside both the
-        bounding sphere and the bounding box of body b, enlarged by `more` [m]."""
+        """Returns the range of t in 0..most where the ray p + t r is inside the bounding sphere and
+        the bounding box of body b, enlarged by `more` [m]."""
         c = p - self.boundary.centre[b, END]
         along = c.dot(r)
         half = along * along - c.norm_sqr() + (self.boundary.reach[b] + more) ** 2
@@ -64,12 +64,10 @@ class BodyShading:
 
     @ti.func
     def intersect(self, p, r, most, reach, wide):
-        """Intersects the ray p + t r (r unit) with the bodies, for t of 0..most.
-
-        Returns: t of the first hit, or MISSED; index of the body; cosine of incidence at the entry
-        into a container, or -1; True if the ray passes a body within `wide` times its distance from
-        the eye, which is `reach` [m] at p.
-        """
+        """Intersects the ray p + t r (r unit) with the bodies, for t of 0..most. Returns: t of the
+        first hit, or MISSED; index of the body; cosine of incidence at the entry into a container,
+        or -1; True if the ray passes a body within `wide` times its distance from the eye, which is
+        `reach` [m] at p."""
         nearest, which, entry_cosine, close = MISSED, -1, -1.0, False
         near = self.numbers.near[None]
         for b in range(self.numbers.count[None]):
@@ -115,7 +113,7 @@ class BodyShading:
 
     @ti.func
     def shade(self, b, p, to_sun, focus, shot: ti.template()):
-        """Returns the colour of body b at the point p [m] on it; focus: concentration of sunlight
+        """Returns the colour of body b at its point p [m]; focus: concentration of sunlight
         there."""
         n = self.boundary.normal(b, p, END)
         albedo = ti.select(self.boundary.side[b] > 0.0, CLAY, GLAZE)

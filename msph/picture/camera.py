@@ -81,8 +81,7 @@ class Camera:
         return np.asarray(self.target) + self.distance * self.axes()[2]
 
     def ray(self, i, j, width, height):
-        """Returns eye and unit direction of the world ray through the centre of pixel (i right, j
-        up)."""
+        """Returns eye and unit direction of the world ray through pixel (i right, j up)."""
         right, up, back = self.axes()
         step = 2 * np.tan(self.fov / 2) / height
         middle = (0.5 + self.shift) * width
@@ -110,7 +109,7 @@ class Camera:
         return C + R.T @ (eye - C), R.T @ d
 
     def state(self):
-        """Returns all values that the view depends on, for comparison."""
+        """Returns all values that the view depends on."""
         lens = self.fov, self.shift, self.stretch
         view = self.azimuth, self.elevation, self.distance, *lens
         return (*map(float, self.target), *view)

@@ -38,10 +38,8 @@ def text_height(height: int) -> int:
 
 
 def paint(legend: Legend, size: int) -> np.ndarray:
-    """Returns the panel as pixels (height, width, 4) uint8, RGBA, first row at the top.
-
-    size: text height [pixels].
-    """
+    """Returns the panel as pixels (height, width, 4) uint8, RGBA, top row first; size: of text
+    [pixels]."""
     size *= OVERSAMPLING
     font = ImageFont.load_default(size=size)
     pad, line = round(PADDING * size), round(LINE * size)
@@ -94,7 +92,6 @@ class LegendPanel:
         self.legend: Legend | None = None
 
     def draw(self, legend: Legend, image: pixels.Image) -> None:
-        """Draws the legend over the image."""
         if legend != self.legend:
             panel = paint(legend, self.size)
             height, width = panel.shape[:2]

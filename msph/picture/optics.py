@@ -3,20 +3,18 @@
 import numpy as np
 import taichi as ti
 
-vec3 = ti.math.vec3
-
 
 def refracted(d, n, eta):
-    """Refracts the unit direction d at the unit normal n (against d) in NumPy, without total
-    reflection; eta = n_from / n_to."""
+    """Refracts the unit direction d at the unit normal n (against d), in NumPy; eta = n_from /
+    n_to."""
     c = -np.dot(d, n)
     return eta * d + (eta * c - np.sqrt(1 - eta**2 * (1 - c * c))) * n
 
 
 @ti.func
 def cosine_beyond(c, eta):
-    """Cosine of refraction from the cosine of incidence c (Snell: sin' = eta sin); eta = n_from /
-    n_to. Returns 0 for total reflection."""
+    """Cosine of refraction from the cosine of incidence c, eta = n_from / n_to; 0: total
+    reflection."""
     return ti.sqrt(ti.max(0.0, 1.0 - eta * eta * (1.0 - c * c)))
 
 

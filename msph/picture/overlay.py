@@ -19,8 +19,8 @@ class Overlay:
         self.resize(width, height, rooms)
 
     def resize(self, width: int, height: int, rooms: dict[str, tuple[int, int]]) -> None:
-        """Hides all panels and adapts to images of another size. Raises ValueError if the rooms
-        need more memory than allocated."""
+        """Hides all panels and adapts to another image size. Raises ValueError if memory is too
+        small."""
         self.size = width, height
         self.rooms = {n: (min(w, width), min(h, height)) for n, (w, h) in rooms.items()}
         areas = [w * h for w, h in self.rooms.values()]
@@ -31,8 +31,8 @@ class Overlay:
         self.shown: dict[str, tuple[int, int, int, int]] = {}
 
     def put(self, name: str, page: np.ndarray, left: int, top: int) -> None:
-        """Shows pixels (height, width, 4) uint8, first row at the top, at a distance from the left
-        and the upper edge of the image [pixels]."""
+        """Shows pixels (height, width, 4) uint8, top row first, at a distance from the left and the
+        upper edge of the image [pixels]."""
         most = self.rooms[name]
         left, top = max(0, left), max(0, top)
         page = page[: min(most[1], self.size[1] - top), : min(most[0], self.size[0] - left)]

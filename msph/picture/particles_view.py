@@ -43,8 +43,7 @@ def colour_map(count=COLOURS):
 
 
 def shown_colour(value):
-    """Returns the display-referred RGB (..., 3) of fully lit particles with a value (...) in
-    0..1."""
+    """Returns the display-referred RGB (..., 3) of lit particles with a value (...) in 0..1."""
     return curve(colour_map()[np.int32(np.clip(value, 0, 1) * (COLOURS - 1) + 0.5)])
 
 
@@ -68,8 +67,7 @@ class ParticlesView:
         n: ti.i32,
         backdrop: ti.template(),
     ):
-        """backdrop: the Backdrop behind the spheres. The other arguments are those of
-        Picture.draw_particles."""
+        """Draws the first n spheres; see Picture.draw_particles."""
         self.raster.clear(n)
         self.raster.draw_spheres(n, x, radius)
         scale = 1.0 / ti.max(hi - lo, MIN_RANGE)

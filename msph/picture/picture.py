@@ -98,7 +98,7 @@ class Picture:
 
     @property
     def ray_counts(self):
-        """Rays (right, up): fewer than pixels if `scale` is below 1 and the look has one ray per
+        """Rays (right, up), fewer than pixels if `scale` is below 1 and the look has one per
         pixel."""
         factor = self.rays if self.rays > 1 else self.scale
         return max(1, round(factor * self.width)), max(1, round(factor * self.height))
@@ -132,11 +132,8 @@ class Picture:
         self.raster.draw_mesh(self.mesh)
 
     def draw_particles(self, camera, tilt, x, value, lo, hi, n, radius, legend=None):
-        """Renders the first n particles at x [m], coloured by `value` from lo to hi.
-
-        radius: f32 field [m]; particles of radius 0 are hidden. legend: drawn if the look shows
-        legends.
-        """
+        """Renders the first n particles at x [m], coloured by `value` from lo to hi. radius: f32
+        field [m]; particles of radius 0 are hidden. legend: drawn if the look shows legends."""
         self.backdrop.refresh(self.set_view(camera, tilt))
         self.particles.draw(x, radius, value, lo, hi, n, self.backdrop)
         self.resolve()
@@ -163,8 +160,7 @@ class Picture:
         return as_u8(self.image)
 
     def pick(self, i, j):
-        """Returns the box position [m] on the last surface drawn at pixel (i right, j up), or
-        None."""
+        """Returns the point [m] on the last surface drawn at pixel (i right, j up), or None."""
         if not (0 <= i < self.width and 0 <= j < self.height):
             return None
         i, j = (int(p * n / m) for p, n, m in zip((i, j), self.ray_counts, self.size, strict=True))

@@ -157,8 +157,8 @@ class Pool:
 
     @ti.func
     def ground_light(self, g, shot: ti.template()):
-        """Sunlight at the ground point g, over open ground: less near the box (occluded sky) and in
-        its tinted shadow."""
+        """Light at the ground point g over open ground: less near the box and in its tinted
+        shadow."""
         away = ti.max(abs(g - 0.5 * shot.size) - 0.5 * shot.size, 0.0).norm_sqr()
         reach = CONTACT_REACH * shot.size.max()
         contact = 1.0 - CONTACT * reach * reach / (reach * reach + away)
@@ -171,8 +171,7 @@ class Pool:
 
     @ti.func
     def slab_test(self, d, shot: ti.template()):
-        """Slab test of the eye ray d: distances of entry and exit (entry > exit: a miss), axes of
-        both."""
+        """Slab test of the eye ray d: distances in and out (in > out: a miss), axes of both."""
         inv = reciprocal(d)
         t0, t1 = -shot.eye * inv, (shot.size - shot.eye) * inv
         lo, hi = ti.min(t0, t1), ti.max(t0, t1)

@@ -6,8 +6,7 @@ HEADROOM = 1.5  # a range shrinks to a smaller end that is at least this times t
 
 
 def nice(value: float) -> float:
-    """Returns the smallest of 1, 2 and 5 times powers of ten that is not below value > 0; otherwise
-    0."""
+    """Returns the smallest of 1, 2, 5 times powers of ten that is not below value > 0; else 0."""
     if value <= 0.0:
         return 0.0
     power = 10.0 ** math.floor(math.log10(value))

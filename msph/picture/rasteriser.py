@@ -15,8 +15,6 @@ import taichi as ti
 from msph.picture.room import PixelFields
 from msph.taichi_internals import data_oriented
 
-vec3 = ti.math.vec3
-
 BLOCK = 256  # pixels or items per chunk of a thread: the default divides images unevenly
 KEY_BITS = 31
 NO_ITEM = 0x7FFFFFFF  # key of a pixel without an item
@@ -26,8 +24,7 @@ OVERLAP = 2e-3  # pixels by which triangles exceed their edges, against gaps
 
 @data_oriented
 class Rasteriser:
-    """Visibility buffer of an image. The number of items sets the number of key bits for item
-    numbers."""
+    """Visibility buffer of an image; `item_bits` of a key hold the item number."""
 
     def __init__(self, fields: PixelFields, lens):
         self.lens, self.key, self.back = lens, fields.key, fields.back
@@ -70,7 +67,7 @@ class Rasteriser:
 
     @ti.func
     def triangle_bounds(self, a, b, c, shot: ti.template()):
-        """Pixels that a triangle (relative to the eye) may cover; all if it crosses the near
+        """Pixels that a triangle (relative to the eye) may cover: all if it crosses the near
         plane."""
         za, zb, zc = a.dot(shot.forward), b.dot(shot.forward), c.dot(shot.forward)
         lo, hi = ti.Vector([0.0, 0.0]), ti.Vector([shot.columns - 1.0, shot.rows - 1.0])

@@ -10,8 +10,7 @@ COARSE = 8  # pixels between samples of sky and ground, which have little finer 
 
 @dataclass(frozen=True)
 class PictureRoom:
-    """Class of image sizes: rays through up to width x height pixels. Images of one class share
-    compiled kernels."""
+    """Class of image sizes, up to width x height rays, that share compiled kernels."""
 
     width: int = FIRST[0]
     height: int = FIRST[1]
@@ -31,13 +30,10 @@ SMALLEST = PictureRoom()  # the first class
 
 
 class PixelFields:
-    """All fields with a value per pixel, index [right, up]; an image uses their lower left part.
-
-    64 bytes per pixel: 32 MiB in the first class.
-    """
+    """Fields with a value per pixel, index [right, up]; an image uses their lower left part. 64
+    bytes per pixel: 32 MiB in the first class."""
 
     def __init__(self, room: PictureRoom):
-        self.room = room
         size = room.width, room.height
         self.canvas = ti.Vector.field(3, ti.f32, size)  # colour of each ray, display-referred
         self.wide = ti.Vector.field(3, ti.f32, size)  # the canvas enlarged along x

@@ -100,7 +100,7 @@ class Sunlight:
 
     @ti.func
     def splat(self, t, shot: ti.template()):
-        """Lay the light of triangle t on the map cells whose centres it covers."""
+        """Adds the light of triangle t to the map cells whose centres it covers."""
         k = self.mesh.triangles[t]
         pa, pb, pc = self.mesh.vertices[k[0]], self.mesh.vertices[k[1]], self.mesh.vertices[k[2]]
         lit = (pb - pa).cross(pc - pa).dot(shot.sun) > 0.0
@@ -139,11 +139,8 @@ class Sunlight:
 
     @ti.func
     def concentration(self, q, depth, shot: ti.template()):
-        """Concentration of sunlight at the point q, `depth` [m] under the surface; 1 under still
-        water.
-
-        Sunlight through the walls is not traced: half shade.
-        """
+        """Concentration of sunlight at q, `depth` [m] under the surface; 1 under still water. Light
+        through the walls is not traced: half shade."""
         focus = 1.0
         if shot.contrast > 0.0:
             c = (q.xz + shot.drift * q.y - shot.map_corner) * shot.map_scale - 0.5
@@ -159,8 +156,7 @@ class Sunlight:
 
 @ti.func
 def bilinear(f: ti.template(), c):
-    """Bilinear interpolation of f at c, in cells from the centre of cell (0, 0); c within 0..size -
-    1."""
+    """Bilinear interpolation of f at c, in cells from the centre of cell (0, 0), 0..size - 1."""
     i, j = ti.cast(c.x, ti.i32), ti.cast(c.y, ti.i32)
     u, v = c.x - i, c.y - j
     low = f[i, j] + u * (f[i + 1, j] - f[i, j])

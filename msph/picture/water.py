@@ -48,14 +48,13 @@ class WaterShader:
 
     @kernel
     def shade(self):
-        """Draws the image from the visibility buffer: water where visible, elsewhere the
-        backdrop."""
+        """Draws the image from the visibility buffer: water, or the backdrop."""
         draw_blocks(self, 0, self.lens.shot[None].columns, self.lens.shot[None].rows)
 
     @ti.func
     def begin(self, i0, j0, note):
         """Block setup for `draw_blocks`: even if all pixels show water without a step in depth.
-        Draws the backdrop of blocks without water. The note is not used."""
+        Blocks without water are drawn here. The note is not used."""
         columns, rows = self.lens.shot[None].columns, self.lens.shot[None].rows
         nearest, farthest = NO_ITEM, 0
         # One loop of constant length, which repeats pixels at the edge of the image: nested loops
@@ -178,10 +177,8 @@ class WaterShader:
     @ti.func
     def follow_refracted(self, p, q, r, s, cut, thickness, shot: ti.template()):
         """Follows the refracted ray r from p through water to q, s [m] long. Returns its end [m],
-        the depth of the end under water [m], the path through water [m], and bits of the kind.
-
-        cut: True if p is on a wall; thickness: path through the water [m].
-        """
+        the depth of the end under water [m], the path through water [m], and bits of the kind. cut:
+        p is on a wall; thickness: path through the water [m]."""
         path, deep, bits = s, p.y - q.y, 0
         if cut or thickness < s:
             deep = self.sunlight.height(q, shot) - q.y
@@ -200,8 +197,8 @@ class WaterShader:
     @ti.func
     def reflected_light(self, q, r, axis, low, cut, light, footprint, shot: ti.template()):
         """Radiance along the reflected ray r: the tiled wall at q [m] under light (sun, sky), or
-        sky with the sun; and True if the sun's reflection is near. cut: True if the ray begins on a
-        wall, outside."""
+        sky with the sun; and True if the sun's reflection is near. cut: the ray begins on a wall,
+        outside."""
         colour, detail = vec3(0.0), False
         if not cut and self.pool.is_tiled(axis, low, shot):
             colour = self.pool.albedo(q, axis, footprint, shot)

@@ -2,7 +2,7 @@
 
 surface = Surface(layers, grid, particles, boundary, room) surface.load(box_size, cell=0.028) # for
 each scene that fits in the room surface.extract() # a few kernel launches, nothing is read back
-surface.mesh # Taichi fields: vertices, normals, triangles, counts
+surface.mesh # vertices, normals, triangles, counts: Taichi fields
 """
 
 from msph.surface.mesh import SurfaceMesh

@@ -3,15 +3,14 @@
 Coverage is sampled at every second lattice node. A sub-block, the 2^3 cells between eight samples,
 is skipped if the following bound excludes the surface.
 
-Let a particle at p add w(x - p) to the coverage at a point x of a sub-block of diagonal D. The
-trilinear interpolation of w from the eight corners is at least rho w(x) - RIM_LOSS w(0), where rho
-= (1 - D^2/(4 r^2))^3 is poly6 with reach r at D/2: the worst case is a particle at the centre of
-the sub-block. RIM_LOSS covers corners out of the kernel's reach. Summed over particles, some corner
-has coverage of at least rho c(x). If all corners have less than rho iso, no node inside reaches
-iso: air. The same bound on the missing water 1 - c, also a sum of kernels, gives: if all corners
-have more than 1 - rho (1 - iso), no node inside falls below iso: deep. The air bound holds for any
-particles; the deep bound assumes that water is not denser than at rest. MARGIN covers the rim and
-noise of the density. Both bounds include the shift of iso by the volume control (water_volume.py).
+A particle at p adds w(x - p) to the coverage at a point x of a sub-block of diagonal D. The
+trilinear interpolation of w from the eight corners is at least rho w(x) - RIM_LOSS w(0), with rho =
+(1 - D^2/(4 r^2))^3, poly6 of reach r at D/2 (worst case: a particle at the centre); RIM_LOSS is due
+to corners out of reach. Summed over particles, some corner has at least rho c(x). If all corners
+have less than rho iso, no node inside reaches iso: air. The same bound on 1 - c, also a sum of
+kernels, gives: if all corners have more than 1 - rho (1 - iso), no node inside falls below iso:
+deep. The latter assumes that water is not denser than at rest. Both include the shift of iso by the
+volume control (water_volume.py).
 
 The bounds hold for kernels of full reach. Sub-blocks in reach of larger kernels (thin_water.py) are
 always band; so are sub-blocks that a body's surface crosses, unless they are air.
@@ -69,14 +68,13 @@ def band_numbers(spacing: tuple[float, float, float], finest: float, bodies: boo
 
 @data_oriented
 class Band:
-    """State of each sub-block; from the states, the tiles to evaluate and the signs of all other
-    nodes.
+    """States of sub-blocks; from them, the tiles to evaluate and the signs of all other nodes.
 
-    sampled f32: coverage (-) at every second node, ghosts sampled at the adjacent wall node; state
-    i32: AIR, BAND or DEEP per 2^3 cells, AIR outside the lattice. Both are flat, with as many
-    entries along each axis as the lattice has pairs. near u32, in the order of signs.read: BAND
-    sub-blocks, in the lowest 16 bits of each word. tiles i32: indices of the tiles (sums.py) to
-    evaluate, of which the first count[None] are valid.
+    sampled f32: coverage (-) at every second node, for ghosts at the adjacent wall node; state i32:
+    AIR, BAND or DEEP per 2^3 cells, AIR outside the lattice. Both are flat, with as many entries
+    along each axis as the lattice has pairs. near u32, in the order of signs.read: BAND sub-blocks,
+    in the lowest 16 bits of each word. tiles i32: indices of tiles (sums.py); the first count[None]
+    are valid.
     """
 
     def __init__(self, signs: Signs, sums: KernelSums, room: SurfaceRoom):
@@ -91,7 +89,7 @@ class Band:
 
     @kernel
     def sample(self, bodies: ti.template()):
-        """Computes sampled, the coverage at every second node."""
+        """Computes sampled."""
         tiles = (self.numbers.pairs[None] + ti.Vector([1, 1, RUN - 1])) // ti.Vector(
             [PAIR, PAIR, RUN]
         )
@@ -116,7 +114,7 @@ class Band:
 
     @kernel
     def classify(self, n: ti.i32, bodies: ti.template()):
-        """Computes state from sampled; sub-blocks in reach of the larger kernels of thin water are
+        """Computes state from sampled. Sub-blocks in reach of larger kernels (thin_water.py) are
         band."""
         self.thin.volume[None] = 0.0
         for q in range(self.block_count()):
@@ -131,13 +129,11 @@ class Band:
 
     @ti.func
     def block_count(self):
-        """Returns the number of sub-blocks, including those that begin at the last nodes."""
         n = self.numbers.pairs[None]
         return n[0] * n[1] * n[2]
 
     @ti.func
     def block_index(self, sub):
-        """Returns the index of the sub-block (a, b, c)."""
         n = self.numbers.pairs[None]
         return (sub[0] * n[1] + sub[1]) * n[2] + sub[2]
 
@@ -148,8 +144,8 @@ class Band:
 
     @ti.func
     def list_tiles(self):
-        """Computes near, tiles, signs.read and signs.deep from state. Called at the top level of a
-        kernel, so that the loops run in parallel."""
+        """Computes near, tiles, signs.read and signs.deep. Its loops are parallel at a kernel's top
+        level."""
         self.count[None] = 0
         for q in range(self.word_count()):
             near, deep = ti.u32(0), ti.u32(0)
@@ -177,7 +173,6 @@ class Band:
 
     @ti.func
     def word_count(self):
-        """Returns the number of words of all pairs of rows."""
         pairs = self.numbers.pairs[None]
         return pairs[0] * pairs[1] * self.numbers.words[None]
 
@@ -209,8 +204,8 @@ class Band:
 
     @ti.func
     def block_at(self, x):
-        """Returns the sub-block that holds x [m]. The first one begins at the ghosts, one interval
-        outside the wall."""
+        """Returns the sub-block that holds x [m]; the first one begins an interval outside the
+        wall."""
         return ti.floor(x / self.numbers.block_edges[None] + 0.5, ti.i32)
 
     @ti.func

@@ -1,10 +1,10 @@
 """Bodies at the surface: the part of a kernel outside of bodies, and the cut of the surface.
 
 The surface is where f = min(coverage - iso, s/l) is zero, with s the distance to the nearest body
-and l the length over which coverage falls: the mesh is closed along bodies. Coverage beside a body
-is divided by the part of the kernel's ball outside of bodies, as at the walls of the box. The
-boundary provides this part for the fluid's kernel, which is narrower than poly6: beside a wall the
-coverage of still water is up to 6 % low, which moves the surface there by less than 0.1 spacings.
+and l the length over which coverage falls: the mesh is closed along bodies. Coverage is divided by
+the part of the kernel's ball outside of bodies, as at the walls. That part is of the fluid's
+kernel, narrower than poly6: beside a wall the coverage of still water is up to 6 % low, which moves
+the surface there by less than 0.1 spacings.
 """
 
 import taichi as ti
@@ -21,8 +21,8 @@ MIN_OPEN = 0.1
 
 @data_oriented
 class Bodies:
-    """The bodies of `boundary` at the end of a step. Kernels for scenes without bodies do not use
-    it."""
+    """The bodies of `boundary` at the end of a step; not used by kernels for scenes without
+    bodies."""
 
     def __init__(self, boundary: Boundary | None, numbers: DeviceTable):
         self.boundary, self.numbers = boundary, numbers
@@ -34,7 +34,7 @@ class Bodies:
 
     @ti.func
     def open_share(self, x, layer):
-        """Returns the part F (-) of a layer's kernel around x [m] outside of all bodies, and its
+        """Returns the part F (-) of a layer's kernel around x [m] outside of bodies, and its
         gradient [1/m]."""
         found = self.boundary.open_share(x, layer, END)
         if found[0] < MIN_OPEN:

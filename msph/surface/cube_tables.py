@@ -26,8 +26,7 @@ EDGE_NUMBER = {frozenset(edge): e for e, edge in enumerate(EDGES.tolist())}
 
 
 def face_cycles() -> list[list[int]]:
-    """Returns the four corners of each face (axis a, side 0 then 1), counter-clockwise from
-    outside."""
+    """Returns the four corners of each face (axis a, side 0, 1), counter-clockwise from outside."""
     cycles = []
     for a in range(3):
         b, c = (a + 1) % 3, (a + 2) % 3
@@ -44,9 +43,8 @@ def face_segments(case: int, ring: list[int]) -> list[tuple[int, int]]:
     """Returns the directed contour segments (from edge, to edge) of a face, one per run of inside
     corners.
 
-    Along the counter-clockwise cycle, a segment leads from the edge where the run of inside corners
-    begins to the edge where it ends. The cell behind the face has the opposite cycle and so the
-    reversed segment, which makes the winding consistent.
+    Along the counter-clockwise cycle a segment leads from the begin of the run to its end; the cell
+    behind the face has the reversed segment, which makes the winding consistent.
     """
     inside = [case >> corner & 1 for corner in ring]
     segments = []
@@ -87,8 +85,8 @@ def triangulations(polygon: list[int]):
 
 
 def triangulate(polygon: list[int]) -> list[tuple[int, int, int]]:
-    """Returns the triangulation with no diagonal in a face and the smallest sum of squared
-    diagonals."""
+    """Returns the triangulation without diagonals in faces that has the shortest diagonals (squared
+    sum)."""
     middle = CORNERS[EDGES].mean(axis=1)
     sides = {frozenset((polygon[i - 1], polygon[i])) for i in range(len(polygon))}
     best, least = None, np.inf

@@ -66,19 +66,18 @@ class DeviceLattice:
 
     @ti.func
     def node_index(self, node):
-        """Returns the index of a node (i, j, k)."""
         padded = self.numbers.padded[None]
         return (node[0] * padded[1] + node[1]) * padded[2] + node[2]
 
     @ti.func
     def word_index(self, i, j, w):
-        """Returns the index of the w-th word of the row (i, j)."""
+        """Returns the index of word w of the row (i, j)."""
         nodes = self.numbers.nodes[None]
         return (i * nodes[1] + j) * self.numbers.words[None] + w
 
     @ti.func
     def pair_index(self, i, j, w):
-        """Returns the index of the w-th word of the pair of rows that contains the row (i, j)."""
+        """Returns the index of word w of the pair of rows that contains the row (i, j)."""
         pairs = self.numbers.pairs[None]
         return (i // PAIR * pairs[1] + j // PAIR) * self.numbers.words[None] + w
 

@@ -32,10 +32,7 @@ def cut_share(t):
 
 def fluid_fraction(x: np.ndarray, length: float, reach: float) -> tuple[np.ndarray, np.ndarray]:
     """Computes the fluid fraction F between walls at 0 and `length`, and d(log F)/dx [1/m], at x
-    [m].
-
-    reach [m] is the kernel's radius. Points outside are moved to the nearest wall.
-    """
+    [m]; reach [m] is the kernel's radius. Points outside are moved to the nearest wall."""
     x = np.clip(np.asarray(x, dtype=np.float64), 0.0, length)
     low, high = x / reach, (length - x) / reach
     left, right = 1.0 - missing(low), 1.0 - missing(high)

@@ -28,7 +28,7 @@ class Lattice:
 
     @classmethod
     def in_box(cls, size: tuple[float, float, float], cell: float) -> "Lattice":
-        """Returns a walled lattice over the box (0, 0, 0) to size [m], spacing close to `cell`
+        """Returns a walled lattice over the box from 0 to size [m] with a spacing close to `cell`
         [m]."""
         return cls([walled_axis(length, cell) for length in size], walled=True)
 
@@ -46,10 +46,8 @@ class Lattice:
 
 def walled_axis(length: float, cell: float) -> np.ndarray:
     """Returns the coordinates of one axis: ghost, wall node, interior nodes, wall node, ghost.
-
-    Ghost and wall node are at equal distances from the wall. The distance is a power of two, so
-    that both coordinates, and the plane halfway, are exact in f32.
-    """
+    Ghost and wall node are at equal distances from the wall: a power of two, so that both
+    coordinates, and the plane halfway, are exact in f32."""
     n = 2 * max(1, round(0.5 * length / cell))  # even, for samples at every second node
     inset = 2.0 ** round(math.log2(INSET * length / n))
     x = np.linspace(0.0, length, n + 1)

@@ -61,8 +61,7 @@ class MarchingCubes:
         self.cases.fill(edge=edges[..., None], count=counts.reshape(*edges.shape, 1))
 
     def load_field(self, lattice: Lattice, value: np.ndarray, gradient: np.ndarray) -> None:
-        """Loads a field valid at all nodes instead of water: value (nx, ny, nz), gradient (nx, ny,
-        nz, 3)."""
+        """Loads a field valid at all nodes: value (nx, ny, nz) and gradient (nx, ny, nz, 3)."""
         self.lattice.load(lattice)
         # Padding is "inside", so that tests fail if it is read.
         beyond = [(0, p - n) for p, n in zip(lattice.padded, lattice.shape, strict=True)]
@@ -83,7 +82,6 @@ class MarchingCubes:
 
     @kernel
     def find_signs(self):
-        """Computes signs.inside."""
         for q in range(self.signs.word_count()):
             self.find_word(q)
 
@@ -183,7 +181,6 @@ class MarchingCubes:
 
     @ti.func
     def cell_words(self):
-        """Returns the number of words of cells."""
         nodes = self.numbers.nodes[None]
         return (nodes[0] - 1) * (nodes[1] - 1) * self.numbers.words[None]
 
@@ -196,8 +193,7 @@ class MarchingCubes:
 
     @ti.func
     def corners(self, i, j, w):
-        """Returns the words of signs at the four lower and the four upper corners of a word's
-        cells."""
+        """Returns the words of signs at the four lower and the four upper corners of cells."""
         low, high = ti.Vector([ti.u32(0)] * 4), ti.Vector([ti.u32(0)] * 4)
         for c in ti.static(range(4)):
             low[c] = self.signs.inside[self.lattice.word_index(i + (c & 1), j + (c >> 1), w)]

@@ -69,9 +69,7 @@ class SurfaceMesh:
         vertices, normals, triangles = self.to_numpy()
         mesh = trimesh.Trimesh(vertices, triangles, vertex_normals=normals, process=False)
         suffix = Path(path).suffix.lower()
-        if suffix == ".ply":
-            mesh.export(path, vertex_normal=True)
-        elif suffix == ".obj":
-            mesh.export(path, include_normals=True)
-        else:
+        options = {".ply": "vertex_normal", ".obj": "include_normals"}
+        if suffix not in options:
             raise ValueError(f"cannot export to '{suffix}': use .ply or .obj")
+        mesh.export(path, **{options[suffix]: True})

@@ -19,8 +19,7 @@ VALUES = (8, 3 * (2 * LAYERS + 1), 6, 3, 2)
 
 @dataclass(frozen=True)
 class SurfaceRoom:
-    """Capacity of a Surface. The defaults are the first class, which holds every shipped scene at
-    every quality level.
+    """Capacity of a Surface. The defaults are the first class, which holds every shipped scene.
 
     nodes: of the padded lattice; axis: nodes along its longest padded axis.
     """
@@ -33,8 +32,7 @@ class SurfaceRoom:
 
     @classmethod
     def needed(cls, lattice: Lattice, particles: int) -> "SurfaceRoom":
-        """Returns the capacity needed for a lattice, `particles`, and a mesh with waves and
-        splashes."""
+        """Returns the capacity for a lattice, `particles`, and a mesh with waves and splashes."""
         nx, ny, nz = lattice.shape
         vertices = math.ceil(VERTICES_PER_HULL_FACE * 2 * (nx * ny + ny * nz + nz * nx))
         triangles = math.ceil(TRIANGLES_PER_VERTEX * vertices)
@@ -52,9 +50,8 @@ class SurfaceRoom:
 
     def check(self, lattice: Lattice, layers: int, particles: int) -> None:
         """Raises ValueError if the lattice, the layers or the particles do not fit."""
-        needed = self.needed(lattice, particles)
-        wanted = {name: getattr(needed, name) for name in ("nodes", "axis", "particles")}
-        for name, n in (*wanted.items(), ("layers", layers)):
+        needed = {"nodes": math.prod(lattice.padded), "axis": max(lattice.padded)}
+        for name, n in {**needed, "particles": particles, "layers": layers}.items():
             most = getattr(self, name, LAYERS)
             if n > most:
                 raise ValueError(f"the surface has room for {most:,} {name}, not for {n:,}")

@@ -32,7 +32,6 @@ class Signs:
 
     @ti.func
     def word_count(self):
-        """Returns the number of words of all rows."""
         nodes = self.numbers.nodes[None]
         return nodes[0] * nodes[1] * self.numbers.words[None]
 
@@ -57,7 +56,7 @@ class Signs:
 
     @ti.func
     def next_word(self, i, j, w):
-        """Returns the word of the next nodes along z; nodes beyond the end of the row are
+        """Returns the word of the next nodes along z; beyond the end of the row they are
         outside."""
         at = self.lattice.word_index(i, j, w)
         nodes = self.inside[at] >> ti.u32(1)
@@ -88,11 +87,10 @@ def lowest_bit(word):
 
 @ti.func
 def popcount(word):
-    """Returns the number of set bits."""
     return ti.cast(ti.math.popcnt(word), ti.i32)
 
 
 @ti.func
 def count_below(word, k):
-    """Returns the number of set bits below position k."""
+    """Returns the number of bits set below position k."""
     return popcount(word & ones(k))

@@ -95,7 +95,7 @@ class KernelSums:
 
     @ti.func
     def sum_layer(self, layer, x, y, z, full: ti.template()):
-        """Sums V w W of one layer at the points (x[u], y[v], z[m]) [m], and V w grad W unless
+        """Sums V w W of a layer at the points (x[u], y[v], z[m]) [m], and V w grad W unless
         full."""
         r = self.thin.by_layer.reach[layer]
         of_layer = self.thin.full(layer)

@@ -44,9 +44,8 @@ class Surface:
         """Loads a scene: its box, the fluid's layers, and the number of bodies.
 
         size (Lx, Ly, Lz) [m], with the minimum corner at the origin; cell: requested lattice
-        spacing [m]; smoothing: kernel radius over the layer's support h, >= 1. Raises ValueError if
-        smoothing is less than 1, if cells are too coarse for the kernels, or if the scene exceeds
-        the room.
+        spacing [m]; smoothing: kernel radius over the layer's support h, >= 1. Raises ValueError
+        for smoothing below 1, cells too coarse for the kernels, or a scene that exceeds the room.
         """
         if smoothing < 1.0:
             raise ValueError(f"surface smoothing is {smoothing}, must be at least 1")
@@ -75,8 +74,8 @@ class Surface:
         return self.mesh.overflowed() or self.volume_control.limit_reached()
 
     def extract(self) -> None:
-        """Computes the mesh from the particles in seven kernel launches, without reading back. The
-        grid must be sorted."""
+        """Computes the mesh from the particles in seven kernel launches. The grid must be
+        sorted."""
         self.coverage.band.sample(self.has_bodies)
         self.coverage.band.classify(self.particles.count, self.has_bodies)
         self.coverage.gather(self.has_bodies)

@@ -75,9 +75,8 @@ class ThinWater:
 
     @ti.func
     def find(self, i, deep, bodies: ti.template()):
-        """Sets the kernel of particle i and adds its volume. deep: True if the particle is known to
-        be in deep water. Returns the distance [m] within which the kernel exceeds the full
-        kernel."""
+        """Sets the kernel of particle i (deep: in deep water) and adds its volume. Returns the
+        distance [m] within which the kernel exceeds the full kernel."""
         layer = self.particles.layer[i]
         self.volume[None] += self.layers.volume[layer]
         self.kernel[i], larger = self.full(layer), 0.0
@@ -116,7 +115,6 @@ class ThinWater:
 
     @ti.func
     def add_row(self, begin, end, found: ti.template()):
-        """Adds the particles begin to end."""
         for j in range(begin, end):
             u = ti.max(1.0 - (found.x - self.particles.x[j]).norm_sqr() * found.per_r2, 0.0)
             found.total += u * u * u

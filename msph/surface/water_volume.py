@@ -110,8 +110,7 @@ class WaterVolume:
 
     @ti.func
     def corner(self, cell, code):
-        """Computes the position [m] of the vertex on an edge of a cell, and its derivative by f
-        [m]."""
+        """Computes the position [m] of the vertex on a cell's edge, and its derivative by f [m]."""
         low, axis = self.cubes.edge(cell, code)
         far = low
         for a in ti.static(range(3)):
