@@ -63,10 +63,8 @@ class Backdrop:
     @ti.func
     def draw_background(self, a, b):
         """Draws the block of pixels between four samples of sky and ground."""
-        low, up = (
-            self.tone.display(self.background[a, b]),
-            self.tone.display(self.background[a, b + 1]),
-        )
+        low = self.tone.display(self.background[a, b])
+        up = self.tone.display(self.background[a, b + 1])
         right = self.tone.display(self.background[a + 1, b])
         far = self.tone.display(self.background[a + 1, b + 1])
         for i in range(COARSE * a, ti.min(COARSE * (a + 1), self.lens.shot[None].columns)):

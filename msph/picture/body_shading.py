@@ -51,11 +51,11 @@ class BodyShading:
         found = vec2(1.0, 0.0)
         if half > 0.0:
             found = vec2(ti.max(-along - ti.sqrt(half), 0.0), ti.min(-along + ti.sqrt(half), most))
-            turn, clear = self.boundary.turn[b, END].transpose(), self.offset()
+            turn, offset = self.boundary.turn[b, END].transpose(), self.offset()
             q, s = turn @ c, turn @ r
             for k in ti.static(range(3)):
                 # The margin keeps body faces that coincide with the bounding box.
-                out = self.boundary.half[b][k] + more + clear
+                out = self.boundary.half[b][k] + more + offset
                 per = 1.0 / ti.select(abs(s[k]) > PARALLEL, s[k], PARALLEL)
                 near, far = (-out - q[k]) * per, (out - q[k]) * per
                 found[0] = ti.max(found[0], ti.min(near, far))

@@ -85,11 +85,8 @@ class Camera:
         right, up, back = self.axes()
         step = 2 * np.tan(self.fov / 2) / height
         middle = (0.5 + self.shift) * width
-        d = (
-            (i + 0.5 - middle) * step * self.stretch * right
-            + (j + 0.5 - height / 2) * step * up
-            - back
-        )
+        across, rise = (i + 0.5 - middle) * step * self.stretch, (j + 0.5 - height / 2) * step
+        d = across * right + rise * up - back
         return self.eye, d / np.linalg.norm(d)
 
     def project(self, points, width, height, box, tilt=None):

@@ -96,10 +96,8 @@ class LegendPanel:
             panel = paint(legend, self.size)
             height, width = panel.shape[:2]
             most = self.overlay.rooms["legend"]
-            left, top = (
-                n - self.gap - min(m, p)
-                for n, m, p in zip(self.picture, most, (width, height), strict=True)
-            )
+            left = self.picture[0] - self.gap - min(most[0], width)
+            top = self.picture[1] - self.gap - min(most[1], height)
             self.overlay.put("legend", panel, left, top)
             self.legend = legend
         self.overlay.draw(image)

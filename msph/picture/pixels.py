@@ -24,19 +24,15 @@ class Image:
 
 
 @ti.kernel
-def _pack(field: ti.template(), pixels: ti.types.ndarray(dtype=ti.i32, ndim=2)):
+def pack(field: ti.template(), pixels: ti.types.ndarray(dtype=ti.i32, ndim=2)):
+    """Writes an image's field as words (width, height) int32, since not every device stores bytes:
+    red, green, blue, opacity from the lowest byte on."""
     for i, j in ti.ndrange(pixels.shape[0], pixels.shape[1]):
         word = OPAQUE
         for k in ti.static(range(3)):
             byte = ti.cast(ti.math.clamp(255.0 * field[i, j][k] + 0.5, 0.0, 255.0), ti.i32)
             word |= byte << (8 * k)
         pixels[i, j] = word
-
-
-def pack(image: Image, pixels: np.ndarray) -> None:
-    """Writes an image as words (width, height) int32, since not every device stores bytes: red,
-    green, blue, opacity from the lowest byte on."""
-    _pack(image.field, pixels)
 
 
 def as_bytes(pixels: np.ndarray) -> np.ndarray:
@@ -47,5 +43,5 @@ def as_bytes(pixels: np.ndarray) -> np.ndarray:
 def as_u8(image: Image) -> np.ndarray:
     """Returns an image as (height, width, 3) uint8, first row at the top."""
     pixels = np.empty((image.width, image.height), np.int32)
-    pack(image, pixels)
+    pack(image.field, pixels)
     return np.ascontiguousarray(as_bytes(pixels)[..., :3].transpose(1, 0, 2)[::-1])

@@ -19,7 +19,7 @@ VALUES = (8, 3 * (2 * LAYERS + 1), 6, 3, 2)
 
 @dataclass(frozen=True)
 class SurfaceRoom:
-    """Capacity of a Surface. The defaults are the first class, which holds every shipped scene.
+    """Capacity of a Surface. The defaults are the first class, for every shipped scene and quality.
 
     nodes: of the padded lattice; axis: nodes along its longest padded axis.
     """

@@ -1,19 +1,20 @@
 """Surface of the water from the particles, once per frame: band, coverage, marching cubes."""
 
 import numpy as np
+import taichi as ti
 
 from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.world import World
-from msph.surface.band import band_numbers
+from msph.surface.band import Band, band_numbers
 from msph.surface.bodies import Bodies
-from msph.surface.coverage import Coverage
-from msph.surface.fluid_fraction import SLOPE
-from msph.surface.lattice import Lattice
-from msph.surface.marching_cubes import MarchingCubes
+from msph.surface.fluid_fraction import ISO, SLOPE
+from msph.surface.lattice import PAIR, RUN, Lattice
+from msph.surface.marching_cubes import NO_CUT, MarchingCubes
 from msph.surface.room import SurfaceRoom
-from msph.surface.sums import KernelSums
+from msph.surface.sums import HALF_TILE, TILE, KernelSums
 from msph.surface.thin_water import ThinWater
 from msph.surface.water_volume import WaterVolume
+from msph.taichi_internals import data_oriented, kernel
 
 
 def surface_of(world: World, room: SurfaceRoom) -> "Surface":
@@ -22,6 +23,7 @@ def surface_of(world: World, room: SurfaceRoom) -> "Surface":
     return Surface(parts.layers, parts.grid, parts.particles, parts.boundary, room)
 
 
+@data_oriented
 class Surface:
     """Closed triangle mesh of the water in a box, flat along its walls.
 
@@ -37,7 +39,7 @@ class Surface:
         bodies = Bodies(boundary, self.cubes.numbers)
         self.thin = ThinWater(layers, grid, particles, bodies, room)
         self.sums = KernelSums(self.cubes.lattice, self.thin, room)
-        self.coverage = Coverage(self.cubes, self.sums, room)
+        self.band = Band(self.cubes.signs, self.sums, room)
         self.volume_control = WaterVolume(self.cubes, self.thin)
 
     def load(self, size: tuple[float, float, float], cell: float, smoothing: float = 1.0) -> None:
@@ -76,8 +78,33 @@ class Surface:
     def extract(self) -> None:
         """Computes the mesh from the particles in seven kernel launches. The grid must be
         sorted."""
-        self.coverage.band.sample(self.has_bodies)
-        self.coverage.band.classify(self.particles.count, self.has_bodies)
-        self.coverage.gather(self.has_bodies)
+        self.band.sample(self.has_bodies)
+        self.band.classify(self.particles.count, self.has_bodies)
+        self.evaluate(self.has_bodies)
         self.volume_control.correct()
         self.cubes.run()
+
+    @kernel
+    def evaluate(self, bodies: ti.template()):
+        """Computes f = c - iso (sums.py), its gradient, and the cut of bodies at the nodes of the
+        band."""
+        for q in range(self.band.count[None]):
+            first = self.band.tile(q)
+            i, j = first[0] + ti.Vector([0, 1]), first[1] + ti.Vector([0, 1])
+            k = first[2] + ti.Vector([0, 1, 2, 3])
+            near_body = False
+            if ti.static(bodies):
+                near_body = self.sums.near_bodies(i, j, k)
+            c, gx, gy, gz = self.sums.sum_tile(i, j, k, bodies, near_body, False)
+            for n in range(TILE):
+                node = first + ti.Vector([n // HALF_TILE, n // RUN % PAIR, n % RUN])
+                at = self.cubes.lattice.node_index(node)
+                self.cubes.value[at], self.cubes.cut[at] = c[n] - ISO, NO_CUT
+                self.cubes.gradient[at] = ti.math.vec3(gx[n], gy[n], gz[n])
+                if ti.static(bodies):
+                    if near_body:
+                        cut = self.sums.bodies.cut(self.cubes.lattice.point(node))
+                        self.cubes.cut[at] = cut[0]
+                        if cut[0] < self.cubes.value[at]:
+                            self.cubes.value[at] = cut[0]
+                            self.cubes.gradient[at] = cut.yzw
