@@ -14,7 +14,7 @@ from msph.picture.particles_view import shown_colour
 TEXT, LEAST_TEXT, READABLE, READABLE_ROWS = 1.0 / 36.0, 12, 18, 18
 # In text heights: gap around the panel, padding, size of the bar, line height, largest panel.
 GAP, PADDING, BAR, LINE, MAX_PANEL = 0.8, 0.7, (11.0, 0.9), 1.35, (22.0, 28.0)
-OVERSAMPLING = 4  # oversampling: small letters keep their shapes and spacing
+OVERSAMPLING = 4  # panels are reduced by this factor: small letters keep their shapes and spacing
 PANEL, INK = (12, 20, 28, 150), (245, 247, 250, 255)  # RGBA of panel and text
 
 
@@ -55,8 +55,8 @@ def paint(legend: Legend, size: int) -> np.ndarray:
     top = pad + line
     if legend.bar:
         length = width - 2 * pad
-        row = (255 * shown_colour((np.arange(length) + 0.5) / length) + 0.5).astype(np.uint8)
-        panel.paste(Image.fromarray(np.tile(row, (thick, 1, 1))), (pad, top))
+        colours = (255 * shown_colour((np.arange(length) + 0.5) / length) + 0.5).astype(np.uint8)
+        panel.paste(Image.fromarray(np.tile(colours, (thick, 1, 1))), (pad, top))
         placed: list[tuple[float, float]] = []  # centre and half width of the numbers
         for place, text in legend.marks:
             half = 0.5 * font.getlength(text)

@@ -33,9 +33,9 @@ MIN_RANGE = 1e-30  # smallest range of values, against division by zero
 SHEEN_POWER = 5  # highlight: cosine^(2^5)
 
 
-def colour_map(count=COLOURS):
-    """Returns linear RGB (count, 3) of even steps through `LAB_STOPS`."""
-    x = np.linspace(0, len(LAB_STOPS) - 1, count)
+def colour_map():
+    """Returns linear RGB (COLOURS, 3) of even steps through `LAB_STOPS`."""
+    x = np.linspace(0, len(LAB_STOPS) - 1, COLOURS)
     lab = np.stack([np.interp(x, np.arange(len(LAB_STOPS)), c) for c in LAB_STOPS.T], 1)
     f = (lab[:, :1] + 16) / 116 + lab[:, 1:2] * (1 / 500, 0, 0) - lab[:, 2:] * (0, 0, 1 / 200)
     xyz = D65 * np.where(f > 6 / 29, f**3, (f - 4 / 29) * 3 * (6 / 29) ** 2)

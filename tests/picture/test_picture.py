@@ -206,7 +206,7 @@ def test_supersampling_averages_the_same_picture(picture, mesh):
     fine = Picture(mesh, room=PictureRoom(WIDTH, HEIGHT))
     fine.load(WIDTH // 2, HEIGHT // 2, BOX, Look(supersample=2, caustics=False))
     fine.draw_water(camera())
-    assert not fine.light.focus.to_numpy().any(), "caustics cost nothing when off"
+    assert not fine.sunlight.focus.to_numpy().any(), "caustics cost nothing when off"
     picture.draw_water(camera())
     coarse = picture.image.to_numpy().reshape(WIDTH // 2, 2, HEIGHT // 2, 2, 3).mean((1, 3))
     dry = ~covered(picture.raster).reshape(WIDTH // 2, 2, HEIGHT // 2, 2).any((1, 3))
