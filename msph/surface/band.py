@@ -122,7 +122,7 @@ class Band:
         for p in range(n):
             x = self.thin.particles.x[p]
             sub = ti.math.clamp(self.block_at(x), 0, self.last_block())
-            larger = self.thin.find(p, self.state[self.block_index(sub)] == DEEP, bodies)
+            larger = self.thin.set_kernel(p, self.state[self.block_index(sub)] == DEEP, bodies)
             if larger > 0.0:
                 self.mark(x, larger)
         self.list_tiles()

@@ -125,11 +125,11 @@ class MarchingCubes:
             i, j, w = self.signs.position(q)
             own, nodes = self.signs.inside[q], self.numbers.nodes[None]
             # The last row is its own neighbour, so no edge leaves the lattice.
-            along_x = self.lattice.word_index(ti.min(i + 1, nodes[0] - 1), j, w)
-            along_y = self.lattice.word_index(i, ti.min(j + 1, nodes[1] - 1), w)
+            next_x = self.lattice.word_index(ti.min(i + 1, nodes[0] - 1), j, w)
+            next_y = self.lattice.word_index(i, ti.min(j + 1, nodes[1] - 1), w)
             along_z = (own ^ self.signs.next_word(i, j, w)) & self.signs.has_next(w)
             bits = ti.Vector(
-                [own ^ self.signs.inside[along_x], own ^ self.signs.inside[along_y], along_z],
+                [own ^ self.signs.inside[next_x], own ^ self.signs.inside[next_y], along_z],
                 dt=ti.u32,
             )
             if (bits[0] | bits[1] | bits[2]) != 0:

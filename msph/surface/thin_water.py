@@ -74,9 +74,9 @@ class ThinWater:
         return ti.Vector([1.0 / self.by_layer.reach[layer] ** 2, self.by_layer.isolated[layer]])
 
     @ti.func
-    def find(self, i, deep, bodies: ti.template()):
-        """Sets the kernel of particle i (deep: in deep water) and adds its volume. Returns the
-        distance [m] within which the kernel exceeds the full kernel."""
+    def set_kernel(self, i, deep, bodies: ti.template()):
+        """Sets the kernel of particle i (deep: known to be in deep water) and adds its volume.
+        Returns the distance [m] within which the kernel exceeds the full kernel."""
         layer = self.particles.layer[i]
         self.volume[None] += self.layers.volume[layer]
         self.kernel[i], larger = self.full(layer), 0.0
@@ -87,8 +87,8 @@ class ThinWater:
             if c < thick:
                 full, least = self.by_layer.reach[layer], SHEET_REACH * self.layers.spacing[layer]
                 r = ti.math.mix(least, full, ti.max((c - sheet) / (thick - sheet), 0.0))
-                lack = ti.math.clamp((sheet - c) / (sheet - isolated), 0.0, 1.0)
-                peak = (1.0 + (ISOLATED_WEIGHT - 1.0) * lack * lack) * (full / r) ** 3
+                t = ti.math.clamp((sheet - c) / (sheet - isolated), 0.0, 1.0)
+                peak = (1.0 + (ISOLATED_WEIGHT - 1.0) * t * t) * (full / r) ** 3
                 self.kernel[i] = ti.Vector([1.0 / (r * r), isolated * peak])
                 # peak (1 - x^2/r^2)^3 = (1 - x^2/full^2)^3
                 s = peak ** (1.0 / 3.0)
