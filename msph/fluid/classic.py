@@ -92,7 +92,7 @@ class Classic:
     SMOOTHING = 2.0
 
     @staticmethod
-    def every_attribute() -> tuple[Attribute, ...]:
+    def all_attributes() -> tuple[Attribute, ...]:
         """All attributes that any scene may use, beyond the core."""
         return ATTRIBUTES
 

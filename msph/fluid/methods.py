@@ -43,7 +43,7 @@ class Solver(Protocol):
     iterations: int
 
     @staticmethod
-    def every_attribute() -> tuple[Attribute, ...]: ...
+    def all_attributes() -> tuple[Attribute, ...]: ...
 
     @staticmethod
     def attributes(parameters, adaptive: bool) -> tuple[Attribute, ...]: ...
@@ -78,14 +78,14 @@ class Solver(Protocol):
 METHODS: dict[str, Any] = {solver.NAME: solver for solver in (Classic, Projection)}
 
 
-def able(ability: str) -> str:
+def methods_with(ability: str) -> str:
     """Names of the methods that have an ability, such as "ADAPTS", in words."""
     return " or ".join(name for name, solver in METHODS.items() if getattr(solver, ability))
 
 
-def every_attribute() -> tuple[Attribute, ...]:
+def all_attributes() -> tuple[Attribute, ...]:
     """Attributes that any scene may use, beyond the core: a world has fields for all of them."""
-    found = {a.name: a for solver in METHODS.values() for a in solver.every_attribute()}
+    found = {a.name: a for solver in METHODS.values() for a in solver.all_attributes()}
     return tuple(found.values())
 
 

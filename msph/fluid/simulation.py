@@ -9,7 +9,7 @@ import numpy as np
 
 from msph.errors import BlowUpError
 from msph.fluid.external_forces import ExternalForces
-from msph.fluid.methods import Parameters, every_attribute, solver_of
+from msph.fluid.methods import Parameters, all_attributes, solver_of
 from msph.fluid.particles.grid import cells_of
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.particles.neighbour_list import entries_provided
@@ -42,7 +42,7 @@ def footprint(
     solver = solver_of(parameters)
     entries = entries_provided(specs, solver.LIST_MARGIN, solver.reach(parameters), count)
     # Attributes, and place, cell, start and end of the sort and the list.
-    each = Particles.bytes_per_particle(every_attribute()) // WORD + 4
+    each = Particles.bytes_per_particle(all_attributes()) // WORD + 4
     return {
         "cells": 2 * grown(FIRST.cells, sum(cells_of(size, specs))),
         "neighbours": (1 + solver.PER_ENTRY) * grown(FIRST.entries, entries),

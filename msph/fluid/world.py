@@ -13,7 +13,7 @@ from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.contact import Contact
 from msph.fluid.constants import Constants
 from msph.fluid.impulse_ledger import ImpulseLedger
-from msph.fluid.methods import every_attribute
+from msph.fluid.methods import all_attributes
 from msph.fluid.particles.grid import LayeredGrid
 from msph.fluid.particles.layers import Layers
 from msph.fluid.particles.mirror_images import MirrorImages
@@ -42,7 +42,7 @@ class World:
                 "no room for another simulation in this process"
             )
         constants, layers = Constants(), Layers()
-        particles = Particles(room.particles, every_attribute())
+        particles = Particles(room.particles, all_attributes())
         grid = LayeredGrid(room, constants, layers, particles)
         boundary, impulses = Boundary(room, constants, layers), ImpulseLedger()
         self.parts = Parts(

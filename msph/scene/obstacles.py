@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from msph.fluid.boundary.rigid_bodies import Ball, Block, Body, Motion, Solid, reach
-from msph.fluid.methods import METHODS, able
+from msph.fluid.methods import METHODS, methods_with
 from msph.scene.errors import SceneError, in_metres
 from msph.scene.meshes import MeshError, load_mesh
 from msph.scene.schema import Container, Obstacle, Scene
@@ -58,7 +58,7 @@ def check_bodies(scene: Scene, spacing: float, where: str) -> list[Body]:
     found: list[Body] = []
     if (scene.obstacles or scene.container) and not METHODS[scene.method].HAS_BODIES:
         key = "obstacles" if scene.obstacles else "container"
-        raise SceneError(where, f"only {able('HAS_BODIES')} models them, not {scene.method}", key)
+        raise SceneError(where, f"only {methods_with('HAS_BODIES')} models them, not {scene.method}", key)
     if scene.container is not None:
         _check_mesh(scene.container, where, "container")
         found.append(_container(scene.container))

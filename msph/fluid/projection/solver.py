@@ -141,7 +141,7 @@ class Projection:
         return rows, pairs
 
     @staticmethod
-    def every_attribute() -> tuple[Attribute, ...]:
+    def all_attributes() -> tuple[Attribute, ...]:
         """All attributes that any scene may use, beyond the core."""
         own = (a for force in forces.FORCES for a in force.ATTRIBUTES)
         return (*ATTRIBUTES, *own, *ADAPTATION_ATTRIBUTES)
