@@ -145,10 +145,10 @@ class Classic:
     def arrange(self) -> None:
         """Leaves the particles where the scene placed them, as the thesis does."""
 
-    def longest_step(self, leeway: float = 1.0) -> float:
+    def longest_step(self, safety: float = 1.0) -> float:
         """Largest stable time step [s]: sound crosses courant * h, viscosity diffuses within h.
 
-        Motion does not bound it, so that `leeway` has no use here.
+        Motion does not bound it, so that `safety` has no use here.
         """
         c = self.parameters.stiffness**0.5
         steps = [self.parameters.courant * s.support / c for s in self.layers.specs]

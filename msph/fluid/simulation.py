@@ -22,7 +22,7 @@ from msph.fluid.world import give_back, take
 
 # Factor (-) by which a step may stay shorter than allowed before it is lengthened: the first steps
 # of a new length take three times the iterations, since pressures depend on it.
-LEEWAY = 1.1
+LENGTHENING_RATIO = 1.1
 # Bytes of an i32 or f32, the only numbers that fields hold.
 WORD = 4
 
@@ -146,15 +146,15 @@ class Simulation:
 
     def _steps_to(self, left: float) -> int:
         """Number of equal steps to the end of the frame, `left` [s] away. Their length is that of
-        the last step while that is allowed and at most LEEWAY times too short."""
+        the last step while that is allowed and at most LENGTHENING_RATIO times too short."""
         longest = self.solver.longest_step
-        if longest(LEEWAY) <= 0.0:
+        if longest(LENGTHENING_RATIO) <= 0.0:
             speed = np.linalg.norm(self.particles.numpy("v").astype(float), axis=1)
             which = self.particles.describe(int(np.argmax(speed)))
             raise BlowUpError(
                 f"step {self.steps}: no step is short enough for the fastest, {which}"
             )
-        least, most = (math.ceil(left / longest(k) - 1e-6) for k in (1.0, LEEWAY))
+        least, most = (math.ceil(left / longest(k) - 1e-6) for k in (1.0, LENGTHENING_RATIO))
         return min(max(least, round(left / self.last_step)), most)
 
     def counts(self) -> list[int]:

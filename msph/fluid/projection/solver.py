@@ -201,8 +201,8 @@ class Projection:
         if self.adaptation:
             self.adaptation.passed[:] = 0
 
-    def longest_step(self, leeway: float = 1.0) -> float:
-        """Largest time step [s] now, `leeway` times as short as motion and pressure allow.
+    def longest_step(self, safety: float = 1.0) -> float:
+        """Largest time step [s] now, `safety` times as short as motion and pressure allow.
 
         No particle moves farther than cfl of its spacing past its neighbours and walls, nor farther
         than LEAP times as much. And forces are constant within a step, while an arrangement under
@@ -212,7 +212,7 @@ class Projection:
         # Nor may a body overtake the water that it pushes.
         body = self.boundary.top_speed / (self.parameters.cfl * self.layers.finest.spacing)
         rate = max(self.top_rate, body)
-        bound = 1.0 / (leeway * rate) if rate > 0.0 else self.parameters.longest_step
+        bound = 1.0 / (safety * rate) if rate > 0.0 else self.parameters.longest_step
         stable = min(force.longest_step for force in self.forces)
         longest = min(bound, self.parameters.longest_step, stable)
         return FIRST_STEP * longest if self.first else longest
