@@ -138,7 +138,7 @@ class Classic:
         return {}, {}
 
     @staticmethod
-    def reach(parameters: ClassicParameters) -> str:
+    def list_form(parameters: ClassicParameters) -> str:
         """Form of the neighbour list: symmetrised pressures need either particle's support."""
         return "scatter" if parameters.pressure_form == "mean" else "widest"
 

@@ -66,15 +66,15 @@ class Plan:
         return min(self.specs, key=lambda s: s.mass)
 
     @cached_property
-    def reach(self) -> str:
+    def list_form(self) -> str:
         """Form of the neighbour list."""
-        return self.method.reach(self.parameters)
+        return self.method.list_form(self.parameters)
 
     @cached_property
     def entries(self) -> int:
         """Largest number of entries of the neighbour list."""
         margin = self.method.LIST_MARGIN
-        return entries_provided(self.specs, margin, self.reach, self.most, on_cpu())
+        return entries_provided(self.specs, margin, self.list_form, self.most, on_cpu())
 
     @cached_property
     def _depth(self) -> dict[str, Any]:
@@ -108,8 +108,8 @@ class Plan:
             "restitution": self.restitution,
             "cells": self.needed.cells,
             "entries": self.entries,
-            "usual_neighbours": mean_neighbours(self.specs, margin, self.reach),
-            "own_entries": most_neighbours(self.specs, margin, self.reach),
+            "usual_neighbours": mean_neighbours(self.specs, margin, self.list_form),
+            "own_entries": most_neighbours(self.specs, margin, self.list_form),
             **self._depth,
             **self.method.constants_of(self.parameters, self.adaptation, self.specs),
         }
@@ -117,7 +117,7 @@ class Plan:
     def tables(self) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
         """Columns of the tables by layer and by pair of layers (see layers.py) that do
         not follow from a layer's spec alone, by name."""
-        rows, pairs = list_tables(self.specs, self.method.LIST_MARGIN, self.reach)
+        rows, pairs = list_tables(self.specs, self.method.LIST_MARGIN, self.list_form)
         own_rows, own_pairs = self.method.tables_of(self.adaptation, self.specs)
         rows |= own_rows | grid_rows(self.size, self.specs) | Boundary.layer_rows(self.specs)
         return rows, pairs | own_pairs

@@ -40,7 +40,7 @@ def footprint(
     """Numbers (of WORD bytes) that are allocated for `count` particles in a box of `size` [m], by
     purpose, on a GPU; lists of neighbours are smaller on a CPU."""
     solver = solver_of(parameters)
-    entries = entries_provided(specs, solver.LIST_MARGIN, solver.reach(parameters), count)
+    entries = entries_provided(specs, solver.LIST_MARGIN, solver.list_form(parameters), count)
     # Attributes, and place, cell, start and end of the sort and the list.
     each = Particles.bytes_per_particle(all_attributes()) // WORD + 4
     return {

@@ -58,7 +58,8 @@ def check_bodies(scene: Scene, spacing: float, where: str) -> list[Body]:
     found: list[Body] = []
     if (scene.obstacles or scene.container) and not METHODS[scene.method].HAS_BODIES:
         key = "obstacles" if scene.obstacles else "container"
-        raise SceneError(where, f"only {methods_with('HAS_BODIES')} models them, not {scene.method}", key)
+        able = methods_with("HAS_BODIES")
+        raise SceneError(where, f"only {able} models them, not {scene.method}", key)
     if scene.container is not None:
         _check_mesh(scene.container, where, "container")
         found.append(_container(scene.container))

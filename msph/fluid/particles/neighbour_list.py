@@ -19,7 +19,7 @@ from msph.fluid.room import Room
 from msph.taichi_internals import data_oriented, kernel, on_cpu
 
 # Largest distance [m] of neighbours by the list's form, from their supports h_i and h_j [m].
-REACHES = {"scatter": lambda h_i, h_j: h_i * 0.0 + h_j, "pair": pair_support, "widest": np.maximum}
+LIST_FORMS = {"scatter": lambda h_i, h_j: h_i * 0.0 + h_j, "pair": pair_support, "widest": np.maximum}
 # On a CPU, particles found by one thread in turn, which share the room that it takes from the pool.
 # On a GPU each particle has a thread and room of its own.
 SHARERS = 64
@@ -245,16 +245,16 @@ class NeighbourList:
 
 
 def list_tables(
-    specs: list[LayerSpec], margin: float, reach: str
+    specs: list[LayerSpec], margin: float, form: str
 ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
     """Columns of the list in the tables by layer (farthest [m]) and by pair of layers (list_reach
     [m]); margin: share (-) of the finest support."""
     supports = np.array([s.support for s in specs])
-    reaches = REACHES[reach](supports[:, None], supports) + margin * supports.min()
+    reaches = LIST_FORMS[form](supports[:, None], supports) + margin * supports.min()
     return {"farthest": reaches.max(axis=1)}, {"list_reach": reaches}
 
 
-def mean_neighbours(specs: list[LayerSpec], margin: float, reach: str) -> float:
+def mean_neighbours(specs: list[LayerSpec], margin: float, form: str) -> float:
     """The most neighbours (-), images among them, that particles have in the mean at rest.
 
     Of n_a particles of layer a in a volume, sum n_a V_a = 1, all have sum n_a n_b 4/3 pi r_ab^3.
@@ -263,12 +263,12 @@ def mean_neighbours(specs: list[LayerSpec], margin: float, reach: str) -> float:
     "pair", whose mean of supports is below that of their cubes, at most twice as much for "widest".
     """
     supports, volumes = (np.array([getattr(s, k) for s in specs]) for k in ("support", "volume"))
-    balls = (REACHES[reach](supports[:, None], supports) + margin * supports.min()) ** 3
+    balls = (LIST_FORMS[form](supports[:, None], supports) + margin * supports.min()) ** 3
     most = ((balls + balls.T) / (volumes[:, None] + volumes)).max()
     return float(4.0 / 3.0 * math.pi * most)
 
 
-def most_neighbours(specs: list[LayerSpec], margin: float, reach: str) -> int:
+def most_neighbours(specs: list[LayerSpec], margin: float, form: str) -> int:
     """Entries that a particle has room for where each has its own.
 
     At rest a ball of radius r holds 4/3 pi r^3/V particles. The most neighbours has a coarse
@@ -277,7 +277,7 @@ def most_neighbours(specs: list[LayerSpec], margin: float, reach: str) -> int:
     """
     order = sorted(specs, key=lambda s: s.volume)
     supports, volumes = (np.array([getattr(s, k) for s in order]) for k in ("support", "volume"))
-    reaches = REACHES[reach](supports[:, None], supports) + margin * supports.min()
+    reaches = LIST_FORMS[form](supports[:, None], supports) + margin * supports.min()
     rank = np.arange(len(order))
     met = (volumes[:, None] <= MUCH_FINER * volumes) | (rank[:, None] <= rank + 1)
     most = (reaches**3 / volumes)[met].max()
@@ -285,10 +285,10 @@ def most_neighbours(specs: list[LayerSpec], margin: float, reach: str) -> int:
 
 
 def entries_provided(
-    specs: list[LayerSpec], margin: float, reach: str, capacity: int, pooled: bool = False
+    specs: list[LayerSpec], margin: float, form: str, capacity: int, pooled: bool = False
 ) -> int:
     """Entries of the list for `capacity` particles; pooled: where threads take room from a pool, as
     on a CPU."""
     if not pooled:
-        return capacity * most_neighbours(specs, margin, reach)
-    return max(LEAST_ENTRIES, math.ceil(ROOM * mean_neighbours(specs, margin, reach) * capacity))
+        return capacity * most_neighbours(specs, margin, form)
+    return max(LEAST_ENTRIES, math.ceil(ROOM * mean_neighbours(specs, margin, form) * capacity))

@@ -153,7 +153,7 @@ class Projection:
         return (*ATTRIBUTES, *own, *(ADAPTATION_ATTRIBUTES if adaptive else ()))
 
     @staticmethod
-    def reach(parameters: ProjectionParameters) -> str:
+    def list_form(parameters: ProjectionParameters) -> str:
         """Form of the neighbour list."""
         return "pair"
 
