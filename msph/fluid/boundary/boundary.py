@@ -14,7 +14,7 @@ import taichi as ti
 
 from msph.device_table import DeviceTable, f32, i32
 from msph.fluid.boundary.mesh_samples import lattices, sample
-from msph.fluid.boundary.rigid_bodies import Ball, Block, Body, Solid, centre, reach, sunk
+from msph.fluid.boundary.rigid_bodies import Ball, Block, Body, Solid, centre, bounding_radius, extended_into_walls
 from msph.fluid.boundary.sampled_fields import SampledFields, SampleLattice
 from msph.fluid.boundary.wall_integrals import ball_share, block_share, swelling, wall_support
 from msph.fluid.constants import Constants
@@ -38,7 +38,7 @@ class Boundary:
     The pose of a body is kept for the begin and the end of a step; its velocity is the mean over
     the step. box [m], bodies and count are the host's; kernels read the tables: by body (room for
     MOST_BODIES) kind; side, 1 or -1 where the water is inside; half, the extents of a block or the
-    radius of a ball [m]; reach, the radius of a ball that holds it [m]; first, the lattice of a
+    radius of a ball [m]; bounding_radius [m]; first, the lattice of a
     mesh's distance, which those of its shares follow. By body and pose: centre [m] and turn, body
     frame to box frame; velocity [m/s] and spin [rad/s], the same for both poses.
     """
@@ -47,10 +47,10 @@ class Boundary:
         self.constants, self.layers = constants, layers
         self.support, self.swell = layers.wall_support, layers.swell
         self._shapes = DeviceTable(
-            (MOST_BODIES,), kind=i32, side=f32, half=vec3, reach=f32, first=i32
+            (MOST_BODIES,), kind=i32, side=f32, half=vec3, bounding_radius=f32, first=i32
         )
         self._poses = DeviceTable(
-            (MOST_BODIES, 2), centre=vec3, turn=ti.math.mat3, velocity=vec3, spin=vec3
+            (MOST_BODIES, 2), centre=vec3, rotation=ti.math.mat3, velocity=vec3, spin=vec3
         )
         for table in (self._shapes, self._poses):
             self.__dict__.update({name: getattr(table, name) for name in table.fields})
@@ -64,10 +64,10 @@ class Boundary:
     def load(self, size: tuple[float, float, float], specs: list[LayerSpec], bodies: list[Body]):
         """Fills the tables for a box of `size` [m], its bodies, and particles of these layers."""
         self.box = size
-        self.bodies = [sunk(b, np.array(size), specs) for b in bodies]
+        self.bodies = [extended_into_walls(b, np.array(size), specs) for b in bodies]
         self.count = len(self.bodies)
         self.moving = any(b.motion.moves for b in self.bodies)
-        self.top_speed = max((b.motion.top_speed(reach(b)) for b in self.bodies), default=0.0)
+        self.top_speed = max((b.motion.top_speed(bounding_radius(b)) for b in self.bodies), default=0.0)
         if self.bodies:
             self._load_shapes(specs)
         self.velocities = self.spins = np.zeros((self.count, 3))
@@ -97,7 +97,7 @@ class Boundary:
             kind=[(Block, Ball, Solid).index(type(b)) for b in self.bodies],
             side=np.where(inward, -1.0, 1.0),
             half=[0.5 * (hi - lo) for lo, hi in ends],
-            reach=[reach(b) for b in self.bodies],
+            bounding_radius=[bounding_radius(b) for b in self.bodies],
             first=first,
         )
         if grids:
@@ -125,7 +125,7 @@ class Boundary:
         step."""
         last = min(self.time, self.stopped.get(body, math.inf))
         motion = self.bodies[body].motion
-        return motion.offset(last), motion.turn(last)
+        return motion.offset(last), motion.rotation(last)
 
     def nearest_moving(self, x: np.ndarray) -> int:
         """Index of the moving body that is nearest to x [m], (3,)."""
@@ -158,7 +158,7 @@ class Boundary:
             self.spins = np.array(spins)
         self._poses.fill(
             centre=np.array([centre(body) for body in self.bodies])[:, None] + ways,
-            turn=[[m.turn(t) for t in pair] for m, pair in zip(motions, ends, strict=True)],
+            rotation=[[m.rotation(t) for t in pair] for m, pair in zip(motions, ends, strict=True)],
             velocity=np.stack([self.velocities] * 2, axis=1),
             spin=np.stack([self.spins] * 2, axis=1),
         )
@@ -182,9 +182,9 @@ class Boundary:
             found[i] = ti.cast(self.clearance(p, END) >= margin, ti.i32)
 
     @ti.func
-    def inside(self, b, x, pose):
+    def to_body_frame(self, b, x, pose):
         """x [m] in the frame of body b."""
-        return self.turn[b, pose].transpose() @ (x - self.centre[b, pose])
+        return self.rotation[b, pose].transpose() @ (x - self.centre[b, pose])
 
     @ti.func
     def distance(self, b, x, pose):
@@ -199,7 +199,7 @@ class Boundary:
     @ti.func
     def distance_by(self, b, x, pose, smooth: ti.template()):
         """As distance(); smooth: whether meshes are interpolated by cubics."""
-        p = self.inside(b, x, pose)
+        p = self.to_body_frame(b, x, pose)
         found = vec4(0.0)
         kind = self.kind[b]
         if kind == BLOCK:
@@ -213,7 +213,7 @@ class Boundary:
                 found = self.samples.cubic(self.first[b], p)
             else:
                 found = self.mesh_distance(b, p)
-        g = self.turn[b, pose] @ found.yzw
+        g = self.rotation[b, pose] @ found.yzw
         return self.side[b] * vec4(found.x, g[0], g[1], g[2])
 
     @ti.func
@@ -279,7 +279,7 @@ class Boundary:
     def body_share(self, b, x, layer, h, pose):
         """lambda (-) of one body, swollen as `layer` meets it, and its gradient [1/m]; zero where
         the body is out of reach."""
-        p = self.inside(b, x, pose)
+        p = self.to_body_frame(b, x, pose)
         found = vec4(0.0)
         kind = self.kind[b]
         half = self.half[b] + self.swell[layer]
@@ -292,7 +292,7 @@ class Boundary:
             found = vec4(part[0], n[0], n[1], n[2])
         if kind == SOLID:
             found = self.mesh_share(b, p, layer, h)
-        g = self.turn[b, pose] @ found.yzw
+        g = self.rotation[b, pose] @ found.yzw
         return vec4(found.x, g[0], g[1], g[2])
 
     @ti.func

@@ -48,7 +48,7 @@ class Motion:
         part = 0.5 - 0.5 * math.cos(2.0 * math.pi * time / self.period)
         return np.array(self.velocity) * time + np.array(self.swing) * part
 
-    def turn(self, time: float) -> np.ndarray:
+    def rotation(self, time: float) -> np.ndarray:
         """Rotation since time zero, (3, 3), by Rodrigues' formula."""
         x, y, z = self._axis
         cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
@@ -70,7 +70,7 @@ class Motion:
         return axis / np.linalg.norm(axis)
 
 
-STILL = Motion()
+AT_REST = Motion()
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +79,7 @@ class Block:
 
     lo: np.ndarray
     hi: np.ndarray
-    motion: Motion = STILL
+    motion: Motion = AT_REST
 
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
@@ -92,7 +92,7 @@ class Ball:
 
     centre: np.ndarray
     radius: float
-    motion: Motion = STILL
+    motion: Motion = AT_REST
 
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
@@ -108,7 +108,7 @@ class Solid:
 
     vertices: np.ndarray
     triangles: np.ndarray
-    motion: Motion = STILL
+    motion: Motion = AT_REST
     container: bool = field(default=False)
 
     @property
@@ -125,7 +125,7 @@ def centre(body: Body) -> np.ndarray:
     return 0.5 * (lo + hi)
 
 
-def reach(body: Body) -> float:
+def bounding_radius(body: Body) -> float:
     """Radius [m] of a ball about the centre that holds the body."""
     if isinstance(body, Ball):
         return body.radius
@@ -133,7 +133,7 @@ def reach(body: Body) -> float:
     return 0.5 * float(np.linalg.norm(hi - lo))
 
 
-def sunk(body: Body, size: np.ndarray, specs: list[LayerSpec]) -> Body:
+def extended_into_walls(body: Body, size: np.ndarray, specs: list[LayerSpec]) -> Body:
     """A block with the faces that touch a wall of the box pushed out beyond the kernels' reach.
 
     Faces along an axis on which the block moves stay, since a gap may open there; other bodies
