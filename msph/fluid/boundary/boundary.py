@@ -14,7 +14,15 @@ import taichi as ti
 
 from msph.device_table import DeviceTable, f32, i32
 from msph.fluid.boundary.mesh_samples import lattices, sample
-from msph.fluid.boundary.rigid_bodies import Ball, Block, Body, Solid, centre, bounding_radius, extended_into_walls
+from msph.fluid.boundary.rigid_bodies import (
+    Ball,
+    Block,
+    Body,
+    Solid,
+    bounding_radius,
+    centre,
+    extended_into_walls,
+)
 from msph.fluid.boundary.sampled_fields import SampledFields, SampleLattice
 from msph.fluid.boundary.wall_integrals import ball_share, block_share, swelling, wall_support
 from msph.fluid.constants import Constants
@@ -67,7 +75,9 @@ class Boundary:
         self.bodies = [extended_into_walls(b, np.array(size), specs) for b in bodies]
         self.count = len(self.bodies)
         self.moving = any(b.motion.moves for b in self.bodies)
-        self.top_speed = max((b.motion.top_speed(bounding_radius(b)) for b in self.bodies), default=0.0)
+        self.top_speed = max(
+            (b.motion.top_speed(bounding_radius(b)) for b in self.bodies), default=0.0
+        )
         if self.bodies:
             self._load_shapes(specs)
         self.velocities = self.spins = np.zeros((self.count, 3))

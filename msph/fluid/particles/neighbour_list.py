@@ -19,7 +19,11 @@ from msph.fluid.room import Room
 from msph.taichi_internals import data_oriented, kernel, on_cpu
 
 # Largest distance [m] of neighbours by the list's form, from their supports h_i and h_j [m].
-LIST_FORMS = {"scatter": lambda h_i, h_j: h_i * 0.0 + h_j, "pair": pair_support, "widest": np.maximum}
+LIST_FORMS = {
+    "scatter": lambda h_i, h_j: h_i * 0.0 + h_j,
+    "pair": pair_support,
+    "widest": np.maximum,
+}
 # On a CPU, particles found by one thread in turn, which share the room that it takes from the pool.
 # On a GPU each particle has a thread and room of its own.
 SHARERS = 64
