@@ -17,7 +17,7 @@ from msph.fluid.particles.particles import Particles
 from msph.fluid.plan import Plan
 from msph.fluid.room import FIRST, grown
 from msph.fluid.stages import Stage, no_stage
-from msph.fluid.trapped_water import check_room
+from msph.fluid.trapped_water import check_trapped_water
 from msph.fluid.world import give_back, take
 
 # Factor (-) by which a step may stay shorter than allowed before it is lengthened: the first steps
@@ -100,14 +100,14 @@ class Simulation:
         stage: Stage = no_stage,
         budget: float | None = None,
         clock: Callable[[], float] = perf_counter,
-        tell: Callable[[float], None] | None = None,
+        on_progress: Callable[[float], None] | None = None,
     ) -> float:
         """Simulates `duration` [s] in steps no longer than the solver allows; returns the time [s]
         simulated.
 
         It is less than `duration` only where `budget` [s] of wall-clock time did not suffice; one
         step is always made. Leaves the particles sorted into the grid, as the surface needs them.
-        stage(name) is entered round each part of a step, as a profiler's hook; tell is called
+        stage(name) is entered round each part of a step, as a profiler's hook; on_progress is called
         after each step with the share (0 to 1) of the duration that is over. Raises
         TrappedWaterError where a moving body leaves the water no room, BlowUpError where
         speeds or pressures have grown beyond any step.
@@ -117,14 +117,16 @@ class Simulation:
         while left > 1e-6 * duration:
             if self.boundary.moving:
                 now, longest = self.time + duration - left, self.solver.longest_step()
-                check_room(self.boundary, self.layers, self.particles, external, longest, now)
-            dt = self.last_step = left / self._steps_to(left)
+                check_trapped_water(
+                    self.boundary, self.layers, self.particles, external, longest, now
+                )
+            dt = self.last_step = left / self._step_count(left)
             self.solver.step(dt, external, stage)
             left -= dt
             self.steps += 1
             self.iterations += self.solver.iterations
-            if tell:
-                tell(1.0 - left / duration)
+            if on_progress:
+                on_progress(1.0 - left / duration)
             if clock() >= deadline:
                 break
         with stage("neighbours"):
@@ -144,7 +146,7 @@ class Simulation:
             self.grid.refresh()
         self.solver.measure_density(stage)
 
-    def _steps_to(self, left: float) -> int:
+    def _step_count(self, left: float) -> int:
         """Number of equal steps to the end of the frame, `left` [s] away. Their length is that of
         the last step while that is allowed and at most LENGTHENING_RATIO times too short."""
         longest = self.solver.longest_step

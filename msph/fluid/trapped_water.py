@@ -2,7 +2,7 @@
 
 No flow without compression satisfies such walls: the pressure solve has no solution, pressures grow
 without bound, and steps shrink to nothing. It is told by a pressure that no motion of the scene
-could cause: sqrt(p/rho) above PRESSED times every speed that bodies and gravity give.
+could cause: sqrt(p/rho) above TRAPPED_RATIO times every speed that bodies and gravity give.
 """
 
 import math
@@ -17,7 +17,7 @@ from msph.fluid.particles.particles import Particles
 
 # sqrt(p/rho) over the largest speed (-) that no impact on water with a free surface reaches in two
 # seconds of the shipped scenes; a piston without a gap exceeds it within a few steps.
-PRESSED = 100.0
+TRAPPED_RATIO = 100.0
 
 
 class TrappedWaterError(MsphError):
@@ -28,7 +28,7 @@ class TrappedWaterError(MsphError):
         super().__init__(f"{name} presses water that has nowhere to go at t = {time:.3f} s")
 
 
-def check_room(
+def check_trapped_water(
     boundary: Boundary,
     layers: Layers,
     particles: Particles,
@@ -41,7 +41,7 @@ def check_room(
     longest_step [s] is what the solver allows: as long as it is not tiny, nothing is read.
     """
     fall = 2.0 * math.hypot(*external.gravity) * math.hypot(*boundary.box)
-    speed = PRESSED * (boundary.top_speed + math.sqrt(fall))
+    speed = TRAPPED_RATIO * (boundary.top_speed + math.sqrt(fall))
     if longest_step > layers.finest.spacing / speed:
         return
     pressure = particles.numpy("pressure")
