@@ -21,28 +21,28 @@ from msph.taichi_internals import data_oriented, kernel
 ATTRIBUTES = (
     Attribute("depth", "m", "below the free surface, as of the last pass", view="depth"),
     Attribute("settling", "-", "passes to wait until it adapts again", integer=True, own=True),
-    Attribute("wish", "-", "-1: to be split, 1: to be merged", integer=True, carried=False),
+    Attribute("mark", "-", "-1: to be split, 1: to be merged", integer=True, carried=False),
     Attribute("partner", "-", "whom it would merge with", integer=True, carried=False),
     Attribute("alive", "-", "0 for what was merged into another", integer=True, carried=False),
 )
 
 # Distance of the halves of a split from their centre, in spacings of the split particle.
-HALF = 0.35
+SPLIT_OFFSET = 0.35
 # Least such distance: in a corner of the box walls leave less room, and the particle is not split.
-LEAST_HALF = 0.15
+MIN_SPLIT_OFFSET = 0.15
 # Keeps divisions by what may vanish finite.
-TINY = 1e-20
+MIN_DIVISOR = 1e-20
 # Hysteresis of splits, in shares of `hysteresis`, when the layers are first filled and in a run. At
 # the start 0 makes particles merge again soon, 1 leaves thin bands without their layer. In a run 1
 # makes a sloshing tank split 18 particles in 5 s, 2 one: each split adds a little energy.
-EAGER, RELUCTANT = 0.5, 2.0
+INITIAL_SPLIT_HYSTERESIS, SPLIT_HYSTERESIS = 0.5, 2.0
 # Largest distance of a pair that merges, in spacings: a merge across a gap would be visible as a
 # jump.
-FARTHEST_MERGE = 1.25
+MAX_MERGE_DISTANCE = 1.25
 # Shares of the pool of particles (-): above the first bands shrink, below the second they grow.
-FULL, ROOMY = 0.95, 0.85
+SHRINK_ABOVE, GROW_BELOW = 0.95, 0.85
 # Factors by which a pass shrinks and grows the bands' thickness, and its least share (-).
-THINNER, THICKER, THINNEST = 0.9, 1.02, 0.1
+SHRINK, GROW, MIN_THICKNESS = 0.9, 1.02, 0.1
 # Directions in which the halves of a split may lie: the axes and the diagonals between two of them.
 DIRECTIONS = (
     *((1, 0, 0), (0, 1, 0), (0, 0, 1)),
@@ -54,7 +54,7 @@ DIRECTIONS = (
 class Adaptation:
     """Splits and merges the particles of one fluid.
 
-    events: (splits, merges, splits refused since the pool was full) of the last pass, passed: the
+    events: (splits, merges, splits refused since the pool was full) of the last pass, totals: the
     first two in all since the particles were laid. thickness (-): factor of all bands, below 1
     while the pool is nearly full. travelled: way of the fastest particle since the last pass, in
     spacings. merge_loss [J] collects the kinetic energy that merges dissipate.
@@ -77,7 +77,7 @@ class Adaptation:
         self.tally = ti.field(ti.i32, shape=3)  # splits, merges, refused
         self.next_id = ti.field(ti.i32, shape=())
         self.thickness, self.events, self.steps = 1.0, (0, 0, 0), 0
-        self.passed, self.travelled = np.zeros(2, int), 0.0
+        self.totals, self.travelled = np.zeros(2, int), 0.0
 
     def load(self, parameters: AdaptationParameters) -> None:
         """Takes the parameters of a scene; its bands are columns of the table by layer."""
@@ -90,7 +90,7 @@ class Adaptation:
     def reset(self) -> None:
         """Starts anew, since the particles were replaced: bands have their full thickness."""
         self.thickness, self.events, self.steps = 1.0, (0, 0, 0), 0
-        self.passed, self.travelled = np.zeros(2, int), 0.0
+        self.totals, self.travelled = np.zeros(2, int), 0.0
         self.next_id[None] = int(self.particles.numpy("id").max()) + 1
 
     def state(self) -> dict[str, float]:
@@ -122,14 +122,14 @@ class Adaptation:
         edges = np.repeat(spacing[p.numpy("layer")][:, None], 3, axis=1)
         self.depth.refresh()
         while True:
-            self.wish_for(p.count, self.thickness, EAGER)
-            split = np.flatnonzero(p.numpy("wish") == -1)
+            self.mark_particles(p.count, self.thickness, INITIAL_SPLIT_HYSTERESIS)
+            split = np.flatnonzero(p.numpy("mark") == -1)
             if len(split) == 0:
                 return
-            if p.count + len(split) > FULL * p.capacity:
-                if self.thickness <= THINNEST:
+            if p.count + len(split) > SHRINK_ABOVE * p.capacity:
+                if self.thickness <= MIN_THICKNESS:
                     return
-                self.thickness *= THINNER
+                self.thickness *= SHRINK
                 continue
             axis = (edges[split] * rng.uniform(1.0, 1.1, (len(split), 3))).argmax(axis=1)
             offset = 0.25 * np.eye(3)[axis] * edges[split]
@@ -156,8 +156,8 @@ class Adaptation:
         self.particles.fill(**joined)
         self.next_id[None] = int(joined["id"].max()) + 1
 
-    def due(self) -> bool:
-        """Counts a step; true for those after which a pass is due."""
+    def pass_due(self) -> bool:
+        """Counts a step; true for those after which a pass is pass_due."""
         self.steps += 1
         if self.steps % self.parameters.every:
             return False
@@ -179,28 +179,28 @@ class Adaptation:
         self.depth.refresh()
         self.contact.refresh_clearance()
         self.tally.fill(0)
-        self.wish_for(n, self.thickness, RELUCTANT)
+        self.mark_particles(n, self.thickness, SPLIT_HYSTERESIS)
         self.find_partners(n)
         self.merge(n, most)
         self.split(n, most, p.capacity)
         splits, merges, refused = self.tally.to_numpy().tolist()
         splits = min(splits, most, p.capacity - n)
         self.events = splits, min(merges, most), refused
-        self.passed += np.array(self.events[:2])
+        self.totals += np.array(self.events[:2])
         p.count = n + splits
         if merges:
             self.scan.run(p.alive, self.place, n + splits)
             p.compact(self.place, p.alive, n + splits)
             p.count = self.place[n + splits]
-        self._keep_room(refused)
+        self._adapt_thickness(refused)
         return splits + self.events[1]
 
-    def _keep_room(self, refused: int) -> None:
+    def _adapt_thickness(self, refused: int) -> None:
         full = self.particles.count / self.particles.capacity
-        if refused or full > FULL:
-            self.thickness = max(THINNEST, THINNER * self.thickness)
-        elif full < ROOMY:
-            self.thickness = min(1.0, THICKER * self.thickness)
+        if refused or full > SHRINK_ABOVE:
+            self.thickness = max(MIN_THICKNESS, SHRINK * self.thickness)
+        elif full < GROW_BELOW:
+            self.thickness = min(1.0, GROW * self.thickness)
 
     @kernel
     def wait(self, n: ti.i32):
@@ -209,8 +209,8 @@ class Adaptation:
             self.particles.settling[i] = ti.max(self.particles.settling[i] - 1, 0)
 
     @kernel
-    def wish_for(self, n: ti.i32, thickness: ti.f32, reluctant: ti.f32):
-        """wish = -1 for a particle to be split, 1 to be merged, by its depth and its layer's band;
+    def mark_particles(self, n: ti.i32, thickness: ti.f32, factor: ti.f32):
+        """mark = -1 for a particle to be split, 1 to be merged, by its depth and its layer's band;
         also its depth [m], alive and settling."""
         for i in range(n):
             self.particles.alive[i] = 1
@@ -222,24 +222,24 @@ class Adaptation:
             top = self.layers.top[layer] * thickness
             bottom = self.layers.bottom[layer] * thickness
             hysteresis = self.constants.hysteresis[None]
-            rise = reluctant * hysteresis
+            rise = factor * hysteresis
             above = depth < top * (1.0 - rise) and self.finer[layer] >= 0
             below = depth > bottom * (1.0 + hysteresis) and self.coarser[layer] >= 0
-            wish = ti.select(above, -1, ti.select(below, 1, 0))
-            self.particles.wish[i] = ti.select(waiting > 0, 0, wish)
+            mark = ti.select(above, -1, ti.select(below, 1, 0))
+            self.particles.mark[i] = ti.select(waiting > 0, 0, mark)
 
     @kernel
     def find_partners(self, n: ti.i32):
         """partner = the nearest particle of the same layer that is to be merged too, or -1."""
         for i in range(n):
             best = -1
-            if self.particles.wish[i] == 1:
+            if self.particles.mark[i] == 1:
                 layer, x = self.particles.layer[i], self.particles.x[i]
-                nearest = FARTHEST_MERGE * self.layers.spacing[layer]
+                nearest = MAX_MERGE_DISTANCE * self.layers.spacing[layer]
                 for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
                     j = self.neighbours.index[s]
                     r = (self.particles.x[j] - x).norm()
-                    same = self.particles.layer[j] == layer and self.particles.wish[j] == 1
+                    same = self.particles.layer[j] == layer and self.particles.mark[j] == 1
                     if same and r < nearest:
                         nearest, best = r, j
             self.particles.partner[i] = best
@@ -260,7 +260,7 @@ class Adaptation:
                 self.particles.v[i] -= 0.5 * dv
                 # (1/2) m_a m_b/(m_a + m_b) |dv|^2 of equal masses.
                 self.merge_loss[None] += 0.25 * mass * dv.norm_sqr()
-                self.hand_over(i, j, 2.0 * mass, 0.5 * mass * r.cross(dv))
+                self.keep_angular_momentum(i, j, 2.0 * mass, 0.5 * mass * r.cross(dv))
                 for each in ti.static(self.inherited):
                     each[i] = 0.5 * (each[i] + each[j])
                 self.particles.layer[i] = self.coarser[layer]
@@ -268,7 +268,7 @@ class Adaptation:
                 self.particles.alive[j] = 0
 
     @ti.func
-    def hand_over(self, i, j, mass, spin):
+    def keep_angular_momentum(self, i, j, mass, spin):
         """Keeps the angular momentum `spin` [kg m^2/s] that a merged pair had about its centre.
 
         The merged particle i, of `mass` [kg], and one neighbour at r from it get equal and opposite
@@ -280,12 +280,12 @@ class Adaptation:
             k = self.neighbours.index[s]
             if k != j and self.particles.partner[k] < 0:
                 r = self.particles.x[k] - x
-                cosine = abs(r.dot(spin)) / ti.max(r.norm() * spin.norm(), TINY)
+                cosine = abs(r.dot(spin)) / ti.max(r.norm() * spin.norm(), MIN_DIVISOR)
                 if cosine < least:
                     least, best = cosine, k
         if best >= 0:
             r = self.particles.x[best] - x
-            impulse = spin.cross(r) / ti.max(r.norm_sqr(), TINY)
+            impulse = spin.cross(r) / ti.max(r.norm_sqr(), MIN_DIVISOR)
             m_k = self.layers.mass[self.particles.layer[best]]
             given = impulse.dot(self.particles.v[best] - self.particles.v[i])
             given += 0.5 * impulse.norm_sqr() * (1.0 / m_k + 1.0 / mass)
@@ -296,15 +296,15 @@ class Adaptation:
 
     @kernel
     def split(self, n: ti.i32, most: ti.i32, capacity: ti.i32):
-        """Replaces a particle by two halves at the offsets of widest_gap().
+        """Replaces a particle by two halves at the offsets of split_offset().
 
         Only the first `most` particles are split, and only while the pool has room (`capacity`).
         """
         for i in range(n):
             offset, place = ti.Vector([0.0, 0.0, 0.0]), most
-            if self.particles.wish[i] == -1:
-                offset = self.widest_gap(i)
-                if offset.norm() > LEAST_HALF * self.layers.spacing[self.particles.layer[i]]:
+            if self.particles.mark[i] == -1:
+                offset = self.split_offset(i)
+                if offset.norm() > MIN_SPLIT_OFFSET * self.layers.spacing[self.particles.layer[i]]:
                     place = ti.atomic_add(self.tally[0], 1)
             j = n + place
             if place < most and j >= capacity:
@@ -324,7 +324,7 @@ class Adaptation:
                 self.particles.alive[j] = 1
 
     @ti.func
-    def widest_gap(self, i):
+    def split_offset(self, i):
         """The offset [m] of the halves of particle i, out of DIRECTIONS, at which they see the
         least density."""
         layer, x = self.particles.layer[i], self.particles.x[i]
@@ -335,7 +335,7 @@ class Adaptation:
             room = ti.min(room, self.particles.clearance[i])
         best, least = ti.Vector([0.0, 0.0, 0.0]), 1e9
         for d in range(self.directions.shape[0]):
-            offset = HALF * self.layers.spacing[layer] * self.directions[d]
+            offset = SPLIT_OFFSET * self.layers.spacing[layer] * self.directions[d]
             offset *= ti.min(1.0, (room / ti.max(abs(offset), 1e-9)).min())
             c = 0.0
             for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):

@@ -66,7 +66,7 @@ def finer_of(specs: list[LayerSpec]) -> list[int]:
     return [coarser.index(k) if k in coarser else -1 for k in range(len(specs))]
 
 
-def exact(specs: list[LayerSpec]) -> list[LayerSpec]:
+def with_exact_ratios(specs: list[LayerSpec]) -> list[LayerSpec]:
     """The layers with mass ratios of exactly 2 where they are nearly 2: spacings in a scene are
     rounded, and each merge would change the mass of the water."""
     found = list(specs)

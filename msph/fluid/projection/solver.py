@@ -199,7 +199,7 @@ class Projection:
                 break
         self.impulses.clear()
         if self.adaptation:
-            self.adaptation.passed[:] = 0
+            self.adaptation.totals[:] = 0
 
     def longest_step(self, safety: float = 1.0) -> float:
         """Largest time step [s] now, `safety` times as short as motion and pressure allow.
@@ -235,7 +235,7 @@ class Projection:
             self.contact.drift(0.5 * dt)  # x, v -> x; v where walls and bodies stop particles
             self.boundary.move(0.5 * dt)  # body poses and velocities at t + dt/2, at t + dt
             self.particles_moved()
-        if self.adaptation and self.adaptation.due():
+        if self.adaptation and self.adaptation.pass_due():
             with stage("adaptation"):
                 self.neighbours.refresh()
                 self.adaptation.run()  # x, v, layer, neighbours -> all attributes: split, merged
