@@ -157,7 +157,7 @@ class Adaptation:
         self.next_id[None] = int(joined["id"].max()) + 1
 
     def pass_due(self) -> bool:
-        """Counts a step; true for those after which a pass is pass_due."""
+        """Counts a step; true for those after which a pass is due."""
         self.steps += 1
         if self.steps % self.parameters.every:
             return False

@@ -30,7 +30,7 @@ COVERED = 0.35
 REACH, MARGIN = 1.6, 0.4
 # The distance [cells] from a dry cell's centre to the surface is this less the coverages of that
 # cell and of its wettest neighbour. Fitted to pools whose level lies at a cell's end and between.
-ACROSS = 1.46
+SURFACE_OFFSET = 1.46
 # Edge of a cell, in supports of the finest layer, so that a band is at least two cells thick.
 CELL = 0.6
 
@@ -48,7 +48,7 @@ class SurfaceDistance:
         self.images = shared.neighbours.images
         self.coverage = ti.field(ti.f32, shape=room.depth_cells)
         self.air = ti.field(ti.i32, shape=room.depth_cells)
-        # Squared distance [cells^2] to the nearest cell of air, and the number of that cell: twice,
+        # Squared distance [cells^2] to the nearest cell of air, and the index of that cell: twice,
         # since each pass reads one and writes the other.
         self.squares, self.nearest = (
             ti.field(ti.i32, shape=(2, room.depth_cells)) for _ in range(2)
@@ -73,15 +73,15 @@ class SurfaceDistance:
         return dims[0] * dims[1] * dims[2]
 
     @ti.func
-    def number(self, c, dims):
+    def cell_index(self, c, dims):
         """Index of cell c (3,) of a grid of dims (3,)."""
         return (c[0] * dims[1] + c[1]) * dims[2] + c[2]
 
     @ti.func
-    def cell_at(self, number, dims):
+    def cell_at(self, cell_index, dims):
         """Cell (3,) of an index."""
-        row = number // dims[2]
-        return ti.Vector([row // dims[1], row % dims[1], number % dims[2]])
+        row = cell_index // dims[2]
+        return ti.Vector([row // dims[1], row % dims[1], cell_index % dims[2]])
 
     @ti.func
     def at(self, x):
@@ -96,7 +96,7 @@ class SurfaceDistance:
             for k in ti.static(range(3)):
                 at[k] = ti.min(base[k] + corner[k], dims[k] - 1)
                 weight *= corner[k] * t[k] + (1 - corner[k]) * (1.0 - t[k])
-            depth += weight * self.depth[self.number(at, dims)]
+            depth += weight * self.depth[self.cell_index(at, dims)]
         return ti.max(depth, 0.0) * cell
 
     @kernel
@@ -128,12 +128,18 @@ class SurfaceDistance:
         for a in range(lo, hi + 1):
             left = h**2 - ((a + 0.5) * cell - x[0]) ** 2
             half = ti.sqrt(ti.max(left, 0.0))
-            lo_b, hi_b = first(x[1] - half, cell, dims[1]), last(x[1] + half, cell, dims[1])
+            lo_b, hi_b = (
+                first(x[1] - half, cell, dims[1]),
+                last(x[1] + half, cell, dims[1]),
+            )
             for b in range(lo_b, hi_b + 1):
                 rest = left - ((b + 0.5) * cell - x[1]) ** 2
                 deep = ti.sqrt(ti.max(rest, 0.0))
                 row = (a * dims[1] + b) * dims[2]
-                lo_c, hi_c = first(x[2] - deep, cell, dims[2]), last(x[2] + deep, cell, dims[2])
+                lo_c, hi_c = (
+                    first(x[2] - deep, cell, dims[2]),
+                    last(x[2] + deep, cell, dims[2]),
+                )
                 for c in range(lo_c, hi_c + 1):
                     r2 = h**2 - rest + ((c + 0.5) * cell - x[2]) ** 2
                     self.coverage[row + c] += volume * kernels.quartic(ti.sqrt(r2), h)
@@ -147,11 +153,11 @@ class SurfaceDistance:
             dims = self.constants.depth_dims[None]
             c, dry = self.cell_at(k, dims), 1
             for corner in ti.static(ti.ndrange(2, 2, 2)):
-                at = self.number(ti.min(c + ti.Vector(corner), dims - 1), dims)
+                at = self.cell_index(ti.min(c + ti.Vector(corner), dims - 1), dims)
                 dry = ti.select(self.coverage[at] < COVERED, dry, 0)
             if dry == 1:
                 for corner in ti.static(ti.ndrange(2, 2, 2)):
-                    self.air[self.number(ti.min(c + ti.Vector(corner), dims - 1), dims)] = 1
+                    self.air[self.cell_index(ti.min(c + ti.Vector(corner), dims - 1), dims)] = 1
         for c in range(self.cells()):
             reach = self.constants.depth_reach[None]
             self.squares[0, c] = ti.select(self.air[c] == 1, 0, reach * reach)
@@ -159,16 +165,16 @@ class SurfaceDistance:
             self.gap[c] = self._gap(c)
 
     @ti.func
-    def _gap(self, number):
+    def _gap(self, cell_index):
         """Way [cells] from the centre of a cell to the surface, towards its wettest neighbour."""
-        dims, wettest, own = self.constants.depth_dims[None], 0.0, self.coverage[number]
-        c = self.cell_at(number, dims)
+        dims, wettest, own = self.constants.depth_dims[None], 0.0, self.coverage[cell_index]
+        c = self.cell_at(cell_index, dims)
         for axis in ti.static(range(3)):
             for way in ti.static((-1, 1)):
                 beside = ti.math.clamp(c + way * ti.Vector.unit(3, axis, ti.i32), 0, dims - 1)
-                at = self.number(beside, dims)
+                at = self.cell_index(beside, dims)
                 wettest = ti.max(wettest, ti.select(self.air[at] == 1, 0.0, self.coverage[at]))
-        return ti.math.clamp(ACROSS - ti.min(wettest, 1.0) - own, 0.0, 1.0)
+        return ti.math.clamp(SURFACE_OFFSET - ti.min(wettest, 1.0) - own, 0.0, 1.0)
 
     @kernel
     def _spread(self, near: ti.i32, far: ti.i32, axis: ti.i32):
@@ -178,7 +184,7 @@ class SurfaceDistance:
             dims = self.constants.depth_dims[None]
             least, best, k = self.squares[near, c], 0, 1
             along = ti.cast(ti.Vector([axis == 0, axis == 1, axis == 2]), ti.i32)
-            step = self.number(along, dims)
+            step = self.cell_index(along, dims)
             place, end = self.cell_at(c, dims).dot(along), dims.dot(along) - 1
             # Search outwards until k^2 alone exceeds the least: at once in air, soon near it.
             while k * k < least:
