@@ -12,7 +12,7 @@ from msph.fluid.adaptivity.bands import AdaptationParameters
 from msph.fluid.adaptivity.surface_distance import depth_constants, depth_shape
 from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.contact import LEAK
-from msph.fluid.boundary.mesh_samples import numbers_needed
+from msph.fluid.boundary.mesh_samples import sample_count
 from msph.fluid.boundary.rigid_bodies import Body
 from msph.fluid.methods import Parameters, solver_of
 from msph.fluid.particles.grid import cells_of, grid_rows
@@ -93,7 +93,7 @@ class Plan:
             entries=self.entries,
             cells=sum(cells_of(self.size, self.specs)),
             depth_cells=int(np.prod(depth)),
-            samples=numbers_needed(list(self.bodies), self.specs),
+            samples=sample_count(list(self.bodies), self.specs),
         )
 
     def constants(self) -> dict[str, Any]:

@@ -22,10 +22,10 @@ def lattices(body: Solid, specs: list[LayerSpec]) -> list[SampleLattice]:
     lo, hi = (b - centre(body) for b in body.bounds)
     finest = min(s.support for s in specs)
     supports = [finest, *(s.support for s in specs)]
-    return [SampleLattice.round(lo, hi, h, CELL * h) for h in supports]
+    return [SampleLattice.covering(lo, hi, h, CELL * h) for h in supports]
 
 
-def numbers_needed(bodies: list[Body], specs: list[LayerSpec]) -> int:
+def sample_count(bodies: list[Body], specs: list[LayerSpec]) -> int:
     """f32 numbers that the bodies' samples take."""
     solids = [b for b in bodies if isinstance(b, Solid)]
     return sum(lattice.nodes for b in solids for lattice in lattices(b, specs))

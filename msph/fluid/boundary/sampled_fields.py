@@ -28,7 +28,9 @@ class SampleLattice:
     OFFSET = (0.3819, 0.4142, 0.2679)
 
     @classmethod
-    def round(cls, lo: np.ndarray, hi: np.ndarray, margin: float, cell: float) -> "SampleLattice":
+    def covering(
+        cls, lo: np.ndarray, hi: np.ndarray, margin: float, cell: float
+    ) -> "SampleLattice":
         """The lattice that covers lo to hi and a margin round it [m], and two cells more."""
         first = np.floor((lo - margin) / cell) - 2 + np.array(cls.OFFSET)
         last = np.ceil((hi + margin) / cell) + 2
@@ -120,16 +122,16 @@ class SampledFields:
     @ti.func
     def cubic(self, m, p):
         """Catmull-Rom along each axis: smooth gradient, exact for quadratic fields."""
-        return self.weighed(m, p, catmull_rom, catmull_rom_slope)
+        return self.interpolate(m, p, catmull_rom, catmull_rom_slope)
 
     @ti.func
     def spline(self, m, p):
         """Of a lattice whose numbers are a cubic B-spline's coefficients: errors of shares and of
         their gradients are a sixth of Catmull-Rom's."""
-        return self.weighed(m, p, b_spline, b_spline_slope)
+        return self.interpolate(m, p, b_spline, b_spline_slope)
 
     @ti.func
-    def weighed(self, m, p, weights: ti.template(), slopes: ti.template()):
+    def interpolate(self, m, p, weights: ti.template(), slopes: ti.template()):
         """By the four nodes round p along each axis."""
         c = self.place(m, p)
         n = ti.math.clamp(ti.floor(c, ti.i32), 1, self.dims[m] - 3)

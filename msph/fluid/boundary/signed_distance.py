@@ -37,7 +37,7 @@ def inside(corners: np.ndarray, lattice: SampleLattice) -> np.ndarray:
 
 
 @ti.func
-def nodes_round(a, b, c, margin, origin, cell, shape):
+def nodes_near(a, b, c, margin, origin, cell, shape):
     """First and last node, two rows, of the box round a triangle and a margin [m]."""
     lo = ti.ceil((ti.min(a, b, c) - margin - origin) / cell, ti.i32)
     hi = ti.floor((ti.max(a, b, c) + margin - origin) / cell, ti.i32)
@@ -83,7 +83,7 @@ def _approach(
     shape = ti.Vector([distance.shape[0], distance.shape[1], distance.shape[2]])
     for t in range(corners.shape[0]):
         a, b, c = corner(corners, t, 0), corner(corners, t, 1), corner(corners, t, 2)
-        near = nodes_round(a, b, c, band, origin, cell, shape)
+        near = nodes_near(a, b, c, band, origin, cell, shape)
         for i in range(near[0, 0], near[1, 0] + 1):
             for j in range(near[0, 1], near[1, 1] + 1):
                 for k in range(near[0, 2], near[1, 2] + 1):
@@ -126,11 +126,11 @@ def _cross(
         a, b, c = corner(corners, t, 0), corner(corners, t, 1), corner(corners, t, 2)
         n = (b - a).cross(c - a)
         up = n.z > 0.0
-        near = nodes_round(a, b, c, 0.0, origin, cell, shape)
+        near = nodes_near(a, b, c, 0.0, origin, cell, shape)
         for i in range(near[0, 0], near[1, 0] + 1):
             for j in range(near[0, 1], near[1, 1] + 1):
                 p = origin.xy + cell * vec2(i, j)
-                ab, bc, ca = left(a, b, p) == up, left(b, c, p) == up, left(c, a, p) == up
+                ab, bc, ca = is_left(a, b, p) == up, is_left(b, c, p) == up, is_left(c, a, p) == up
                 if n.z != 0.0 and ab and bc and ca:
                     z = a.z - (n.x * (p.x - a.x) + n.y * (p.y - a.y)) / n.z
                     z = ti.math.clamp(z, ti.min(a.z, b.z, c.z), ti.max(a.z, b.z, c.z))
@@ -144,7 +144,7 @@ def corner(corners: ti.template(), t, k):
 
 
 @ti.func
-def left(p, q, x):
+def is_left(p, q, x):
     """Whether x is left of the way from p to q, seen along -z. Exactly the opposite for the way
     back, so that of two triangles that share an edge one has each point."""
     forward = p.x < q.x or (p.x == q.x and p.y < q.y)

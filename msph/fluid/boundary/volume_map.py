@@ -16,7 +16,7 @@ import numpy as np
 import taichi as ti
 
 from msph.fluid.boundary.sampled_fields import SampleLattice
-from msph.fluid.boundary.signed_distance import corner, inside, nearest_of_triangle, nodes_round
+from msph.fluid.boundary.signed_distance import corner, inside, nearest_of_triangle, nodes_near
 
 vec3 = ti.math.vec3
 
@@ -56,7 +56,7 @@ def _add(
     shape = ti.Vector([share.shape[0], share.shape[1], share.shape[2]])
     for t in range(corners.shape[0]):
         a, b, c = corner(corners, t, 0), corner(corners, t, 1), corner(corners, t, 2)
-        near = nodes_round(a, b, c, h, origin, cell, shape)
+        near = nodes_near(a, b, c, h, origin, cell, shape)
         for i in range(near[0, 0], near[1, 0] + 1):
             for j in range(near[0, 1], near[1, 1] + 1):
                 for k in range(near[0, 2], near[1, 2] + 1):
