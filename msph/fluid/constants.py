@@ -15,8 +15,8 @@ MEMBERS = {
     "restitution": f32,  # share of speed kept at walls (-)
     "cells": i32,  # of the neighbour grids of all layers
     "entries": i32,  # most of the neighbour list
-    "usual_neighbours": f32,  # of a particle at rest, images included
-    "own_entries": i32,  # of a particle, where each has its own (GPU)
+    "mean_neighbours": f32,  # of a particle at rest, images included
+    "entries_per_particle": i32,  # of a particle, where each has its own (GPU)
     "cfl": f32,  # spacings per step (-)
     "pressure_cfl": f32,  # spacings that sqrt(p/rho) covers per step (-)
     "release": f32,  # time in which a density excess may become velocity [s]

@@ -18,10 +18,10 @@ from msph.fluid.methods import Parameters, solver_of
 from msph.fluid.particles.grid import cells_of, grid_rows
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.particles.neighbour_list import (
-    entries_provided,
+    list_capacity,
     list_tables,
-    mean_neighbours,
-    most_neighbours,
+    max_mean_neighbours,
+    max_neighbours,
 )
 from msph.fluid.room import Room
 from msph.taichi_internals import on_cpu
@@ -74,7 +74,7 @@ class Plan:
     def entries(self) -> int:
         """Largest number of entries of the neighbour list."""
         margin = self.method.LIST_MARGIN
-        return entries_provided(self.specs, margin, self.list_form, self.most, on_cpu())
+        return list_capacity(self.specs, margin, self.list_form, self.most, on_cpu())
 
     @cached_property
     def _depth(self) -> dict[str, Any]:
@@ -108,8 +108,8 @@ class Plan:
             "restitution": self.restitution,
             "cells": self.needed.cells,
             "entries": self.entries,
-            "usual_neighbours": mean_neighbours(self.specs, margin, self.list_form),
-            "own_entries": most_neighbours(self.specs, margin, self.list_form),
+            "mean_neighbours": max_mean_neighbours(self.specs, margin, self.list_form),
+            "entries_per_particle": max_neighbours(self.specs, margin, self.list_form),
             **self._depth,
             **self.method.constants_of(self.parameters, self.adaptation, self.specs),
         }

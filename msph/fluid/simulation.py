@@ -12,7 +12,7 @@ from msph.fluid.external_forces import ExternalForces
 from msph.fluid.methods import Parameters, all_attributes, solver_of
 from msph.fluid.particles.grid import cells_of
 from msph.fluid.particles.layers import LayerSpec
-from msph.fluid.particles.neighbour_list import entries_provided
+from msph.fluid.particles.neighbour_list import list_capacity
 from msph.fluid.particles.particles import Particles
 from msph.fluid.plan import Plan
 from msph.fluid.room import FIRST, grown
@@ -40,7 +40,7 @@ def footprint(
     """Numbers (of WORD bytes) that are allocated for `count` particles in a box of `size` [m], by
     purpose, on a GPU; lists of neighbours are smaller on a CPU."""
     solver = solver_of(parameters)
-    entries = entries_provided(specs, solver.LIST_MARGIN, solver.list_form(parameters), count)
+    entries = list_capacity(specs, solver.LIST_MARGIN, solver.list_form(parameters), count)
     # Attributes, and place, cell, start and end of the sort and the list.
     each = Particles.bytes_per_particle(all_attributes()) // WORD + 4
     return {

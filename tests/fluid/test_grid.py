@@ -11,10 +11,10 @@ from msph.fluid.particles.mirror_images import MirrorImages
 from msph.fluid.particles.neighbour_list import (
     NeighbourList,
     NeighbourOverflowError,
-    entries_provided,
+    list_capacity,
     list_tables,
-    mean_neighbours,
-    most_neighbours,
+    max_mean_neighbours,
+    max_neighbours,
 )
 from msph.fluid.particles.particles import Attribute, Particles
 from msph.fluid.particles.prefix_sum import CHUNKS, PrefixSum
@@ -57,16 +57,16 @@ class World:
         rows, pairs = list_tables(self.specs, margin, form)
         self.layers.load(self.specs, rows | grid_rows(self.size, self.specs), pairs)
         most = self.particles.capacity
-        entries = entries_provided(self.specs, margin, form, most, self.neighbours.pooled)
+        entries = list_capacity(self.specs, margin, form, most, self.neighbours.pooled)
         self.cells = sum(cells_of(self.size, self.specs))
-        self.usual = mean_neighbours(self.specs, margin, form)
+        self.usual = max_mean_neighbours(self.specs, margin, form)
         self.constants.fill(
             size=self.size,
             layers=len(self.specs),
             cells=self.cells,
             entries=entries,
-            usual_neighbours=self.usual,
-            own_entries=most_neighbours(self.specs, margin, form),
+            mean_neighbours=self.usual,
+            entries_per_particle=max_neighbours(self.specs, margin, form),
         )
         self.neighbours.load(entries, margin * self.layers.finest.support, self.mirrored)
         return self.neighbours
@@ -178,7 +178,7 @@ def test_mean_of_neighbours_is_bounded_in_all_mixtures(form):
     shares = np.random.default_rng(0).dirichlet([0.3] * 3, 20_000)
     number = shares / volume
     means = np.einsum("ka,ab,kb->k", number, balls, number) / number.sum(axis=1)
-    bound = mean_neighbours(specs, 0.0, form)
+    bound = max_mean_neighbours(specs, 0.0, form)
     assert 0.9 * bound < means.max() <= bound * (1.0 + 1e-6)
 
 

@@ -30,7 +30,7 @@ ROWS = {
     "per_support": f32,  # [1/m]
     "dims": ti.math.ivec3,  # cells of its grid along each axis
     "offset": i32,  # first cell of its grid
-    "farthest": f32,  # reach of its neighbour list [m]
+    "max_reach": f32,  # reach of its neighbour list [m]
     "own": f32,  # a particle's part of its own density (-)
     "own_bell": f32,  # the same by the bell kernel (-)
     "per_yield": f32,  # factor of the bodies' shares (-)

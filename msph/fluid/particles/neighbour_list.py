@@ -26,19 +26,19 @@ LIST_FORMS = {
 }
 # On a CPU, particles found by one thread in turn, which share the room that it takes from the pool.
 # On a GPU each particle has a thread and room of its own.
-SHARERS = 64
-# Particles with the usual number of neighbours for which a thread takes room: AHEAD of those left
-# to search (-), so that little stays free after the last, but for LEAST_AHEAD particles at least.
-AHEAD, LEAST_AHEAD = 0.8, 0.75
-# Entries of the pool over mean_neighbours() (-): a cubic lattice's at a reach of 2.45 spacings, the
+PARTICLES_PER_THREAD = 64
+# Particles with the usual number of neighbours for which a thread takes room: RESERVE of those left
+# to search (-), so that little stays free after the last, but for MIN_RESERVE particles at least.
+RESERVE, MIN_RESERVE = 0.8, 0.75
+# Entries of the pool over max_mean_neighbours() (-): a cubic lattice's at a reach of 2.45 spacings, the
 # most, are 1.3. Threads leave 2 to 9 % of what they take free.
-ROOM = 1.4
+POOL_FACTOR = 1.4
 # Entries that the smallest pool has: 362 particles in one point fill it.
-LEAST_ENTRIES = 1 << 17
+MIN_ENTRIES = 1 << 17
 # Room of a particle on a GPU, over the neighbours of the densest layer at rest (-): a cubic lattice
-# has 1.3, whose images ask for as much again. Beyond the mass ratio MUCH_FINER (-) only layers next
+# has 1.3, whose images ask for as much again. Beyond the mass ratio MAX_MASS_RATIO (-) only layers next
 # to each other count: those between keep the others apart but in splashes, where they are few.
-OWN_ROOM, MUCH_FINER = 2.8, 16.5
+GPU_FACTOR, MAX_MASS_RATIO = 2.8, 16.5
 
 
 class NeighbourOverflowError(BlowUpError):
@@ -81,14 +81,14 @@ class NeighbourList:
         images: MirrorImages,
     ):
         self.constants, self.grid, self.particles, self.images = constants, grid, particles, images
-        self.reaches, self.farthest = grid.layers.list_reach, grid.layers.farthest
+        self.reaches, self.max_reach = grid.layers.list_reach, grid.layers.max_reach
         self.pooled = on_cpu()
-        self.sharers = SHARERS if self.pooled else 1
+        self.per_thread = PARTICLES_PER_THREAD if self.pooled else 1
         self.start = ti.field(ti.i32, shape=room.particles)
         self.end = ti.field(ti.i32, shape=room.particles)
         self.mirrors = ti.field(ti.i32, shape=room.particles)
         self.index = ti.field(ti.i32, shape=room.entries)
-        self.taken = ti.field(ti.i32, shape=())  # entries of the pool that threads have room in
+        self.reserved = ti.field(ti.i32, shape=())  # entries of the pool that threads have room in
         self.searches = 0
         self.load(0, 0.0, True)
 
@@ -147,14 +147,14 @@ class NeighbourList:
     @kernel
     def _find(self, n: ti.i32, mirrored: ti.template()) -> ti.i32:
         """Returns the entries that threads took room for, or asked for where the pool is full."""
-        self.taken[None] = 0
+        self.reserved[None] = 0
         # Over particles, not over stretches: the CPU runtime keeps loops under 512 on one thread.
         for begin in range(n):
-            if begin % self.sharers == 0:
-                end = ti.min(begin + self.sharers, n)
+            if begin % self.per_thread == 0:
+                end = ti.min(begin + self.per_thread, n)
                 search = Search(place=0, limit=0)
                 if ti.static(not self.pooled):
-                    own = self.constants.own_entries[None]
+                    own = self.constants.entries_per_particle[None]
                     search.place, search.limit = begin * own, (begin + 1) * own
                 for i in range(begin, end):
                     search.i, search.left, search.x = i, end - i - 1, self.particles.x[i]
@@ -162,36 +162,36 @@ class NeighbourList:
                     for layer in range(self.constants.layers[None]):
                         search.reach = self.reaches[self.particles.layer[i], layer]
                         self.grid.for_each_row(search.x, layer, search.reach, self._add_row, search)
-                    self._leave_out_self(search)
+                    self._remove_self(search)
                     search.inner = search.place - search.first
                     if ti.static(mirrored):
                         self._add_images(search)
                         self.mirrors[i] = search.first + search.inner
                     self.start[i], self.end[i] = search.first, search.place
-        return self.taken[None]
+        return self.reserved[None]
 
     @ti.func
     def _make_room(self, count, search: ti.template()):
-        """Whether there is room for `count` further entries, taken from the pool where the thread
+        """Whether there is room for `count` further entries, reserved from the pool where the thread
         has none."""
         if search.place + count > search.limit:
             if ti.static(self.pooled):
-                self._take(count, search)
+                self._reserve(count, search)
             else:
-                self.taken[None] = self.constants.entries[None] + 1
+                self.reserved[None] = self.constants.entries[None] + 1
         return search.place + count <= search.limit
 
     @ti.func
-    def _take(self, count, search: ti.template()):
+    def _reserve(self, count, search: ti.template()):
         """Takes room for the particle with `count` further entries and for others after it. Its
         entries so far move there, unless it goes on where the thread's room ends."""
         found = search.place - search.first
-        ahead = ti.max(AHEAD * search.left, LEAST_AHEAD)
-        wanted = found + count + ti.ceil(ahead * self.constants.usual_neighbours[None], ti.i32)
+        ahead = ti.max(RESERVE * search.left, MIN_RESERVE)
+        wanted = found + count + ti.ceil(ahead * self.constants.mean_neighbours[None], ti.i32)
         entries = self.constants.entries[None]
         begin = entries
-        if self.taken[None] <= entries:
-            begin = ti.atomic_add(self.taken[None], wanted)
+        if self.reserved[None] <= entries:
+            begin = ti.atomic_add(self.reserved[None], wanted)
         if begin + wanted <= entries:
             if begin != search.limit:
                 for k in range(found):
@@ -205,7 +205,7 @@ class NeighbourList:
         without branches as _add_row()."""
         i, x, inner = search.i, search.x, search.inner
         layer = self.particles.layer[i]
-        near = self.images.near(x, self.farthest[layer])
+        near = self.images.near(x, self.max_reach[layer])
         for way in range(1, self.images.combinations(near)):
             if self._make_room(inner + 1, search):
                 mirrors = self.images.combination(way, near)
@@ -223,7 +223,7 @@ class NeighbourList:
                 search.place = place
 
     @ti.func
-    def _leave_out_self(self, search: ti.template()):
+    def _remove_self(self, search: ti.template()):
         """Puts the last entry in the place of particle i's own: to ask of each candidate whether it
         is i would take a quarter of the search."""
         own = -1
@@ -251,14 +251,14 @@ class NeighbourList:
 def list_tables(
     specs: list[LayerSpec], margin: float, form: str
 ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """Columns of the list in the tables by layer (farthest [m]) and by pair of layers (list_reach
+    """Columns of the list in the tables by layer (max_reach [m]) and by pair of layers (list_reach
     [m]); margin: share (-) of the finest support."""
     supports = np.array([s.support for s in specs])
     reaches = LIST_FORMS[form](supports[:, None], supports) + margin * supports.min()
-    return {"farthest": reaches.max(axis=1)}, {"list_reach": reaches}
+    return {"max_reach": reaches.max(axis=1)}, {"list_reach": reaches}
 
 
-def mean_neighbours(specs: list[LayerSpec], margin: float, form: str) -> float:
+def max_mean_neighbours(specs: list[LayerSpec], margin: float, form: str) -> float:
     """The most neighbours (-), images among them, that particles have in the mean at rest.
 
     Of n_a particles of layer a in a volume, sum n_a V_a = 1, all have sum n_a n_b 4/3 pi r_ab^3.
@@ -272,27 +272,29 @@ def mean_neighbours(specs: list[LayerSpec], margin: float, form: str) -> float:
     return float(4.0 / 3.0 * math.pi * most)
 
 
-def most_neighbours(specs: list[LayerSpec], margin: float, form: str) -> int:
+def max_neighbours(specs: list[LayerSpec], margin: float, form: str) -> int:
     """Entries that a particle has room for where each has its own.
 
     At rest a ball of radius r holds 4/3 pi r^3/V particles. The most neighbours has a coarse
     particle among fine ones; pairs of layers count here if they are next to each other in size, or
-    differ by less than MUCH_FINER in mass.
+    differ by less than MAX_MASS_RATIO in mass.
     """
     order = sorted(specs, key=lambda s: s.volume)
     supports, volumes = (np.array([getattr(s, k) for s in order]) for k in ("support", "volume"))
     reaches = LIST_FORMS[form](supports[:, None], supports) + margin * supports.min()
     rank = np.arange(len(order))
-    met = (volumes[:, None] <= MUCH_FINER * volumes) | (rank[:, None] <= rank + 1)
+    met = (volumes[:, None] <= MAX_MASS_RATIO * volumes) | (rank[:, None] <= rank + 1)
     most = (reaches**3 / volumes)[met].max()
-    return math.ceil(OWN_ROOM * 4.0 / 3.0 * math.pi * most)
+    return math.ceil(GPU_FACTOR * 4.0 / 3.0 * math.pi * most)
 
 
-def entries_provided(
+def list_capacity(
     specs: list[LayerSpec], margin: float, form: str, capacity: int, pooled: bool = False
 ) -> int:
     """Entries of the list for `capacity` particles; pooled: where threads take room from a pool, as
     on a CPU."""
     if not pooled:
-        return capacity * most_neighbours(specs, margin, form)
-    return max(LEAST_ENTRIES, math.ceil(ROOM * mean_neighbours(specs, margin, form) * capacity))
+        return capacity * max_neighbours(specs, margin, form)
+    return max(
+        MIN_ENTRIES, math.ceil(POOL_FACTOR * max_mean_neighbours(specs, margin, form) * capacity)
+    )
