@@ -52,7 +52,7 @@ class Plan:
         return solver_of(self.parameters)
 
     @cached_property
-    def most(self) -> int:
+    def max_particles(self) -> int:
         """Largest number of particles."""
         return max(self.capacity or 0, len(self.initial["x"]))
 
@@ -74,7 +74,7 @@ class Plan:
     def entries(self) -> int:
         """Largest number of entries of the neighbour list."""
         margin = self.method.LIST_MARGIN
-        return list_capacity(self.specs, margin, self.list_form, self.most, on_cpu())
+        return list_capacity(self.specs, margin, self.list_form, self.max_particles, on_cpu())
 
     @cached_property
     def _depth(self) -> dict[str, Any]:
@@ -89,7 +89,7 @@ class Plan:
         """Capacity that the simulation needs."""
         depth = depth_shape(self.size, self._depth["depth_cell"]) if self._depth else (0,)
         return Room(
-            particles=self.most,
+            particles=self.max_particles,
             entries=self.entries,
             cells=sum(cells_of(self.size, self.specs)),
             depth_cells=int(np.prod(depth)),

@@ -31,7 +31,7 @@ FIRST = Room(16_500, 1_425_000, 40_000, 27_000, 820_000)
 # Factor from one class to the next, of each kind by itself: Taichi touches all that it allocates.
 GROWTH = 2
 # Most that a class has of a kind unless a scene needs more: indices are 32-bit integers.
-MOST = 1 << 29
+MAX_SIZE = 1 << 29
 
 
 def room_for(needed: Room) -> Room:
@@ -40,8 +40,8 @@ def room_for(needed: Room) -> Room:
 
 
 def grown(first: int, needed: int) -> int:
-    """`first` times the power of GROWTH that holds `needed`; `needed` itself beyond MOST."""
+    """`first` times the power of GROWTH that holds `needed`; `needed` itself beyond MAX_SIZE."""
     found = first
     while found < needed:
-        found = found * GROWTH if found * GROWTH <= MOST else needed
+        found = found * GROWTH if found * GROWTH <= MAX_SIZE else needed
     return found

@@ -71,7 +71,7 @@ class World:
         parts.constants.fill(**plan.constants())
         parts.layers.load(specs, *plan.tables())
         attributes = plan.method.attributes(plan.parameters, plan.adaptation is not None)
-        parts.particles.load(attributes, plan.most)
+        parts.particles.load(attributes, plan.max_particles)
         margin = plan.method.LIST_MARGIN * plan.finest.support
         parts.neighbours.load(plan.entries, margin, plan.method.MIRRORS)
         parts.boundary.load(plan.size, specs, list(plan.bodies))

@@ -7,7 +7,7 @@ import taichi as ti
 
 from msph.device_table import DeviceTable, f32
 from msph.fluid.particles import kernels
-from msph.fluid.particles.layers import MOST_LAYERS
+from msph.fluid.particles.layers import MAX_LAYERS
 from msph.fluid.particles.neighbour_list import LIST_FORMS
 from msph.fluid.simulation import Simulation
 from msph.fluid.world import World
@@ -27,7 +27,7 @@ class NeighbourWeights:
 
     def __init__(self, world: World):
         self.particles, self.layers = world.parts.particles, world.parts.layers
-        self._pairs = DeviceTable((MOST_LAYERS, MOST_LAYERS), reach=f32)  # [m]
+        self._pairs = DeviceTable((MAX_LAYERS, MAX_LAYERS), reach=f32)  # [m]
         self.reach, self.load = self._pairs.reach, self._pairs.fill
 
     @kernel

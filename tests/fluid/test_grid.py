@@ -5,7 +5,7 @@ import pytest
 import taichi as ti
 
 from msph.fluid.constants import Constants
-from msph.fluid.particles.grid import CUTS, LayeredGrid, cells_of, grid_rows
+from msph.fluid.particles.grid import Z_CELLS, LayeredGrid, cells_of, grid_rows
 from msph.fluid.particles.layers import Layers, LayerSpec
 from msph.fluid.particles.mirror_images import MirrorImages
 from msph.fluid.particles.neighbour_list import (
@@ -114,7 +114,7 @@ def test_cells_hold_what_lies_in_them(world, seed):
     assert start[0] == 0 and start[-1] == COUNT
     sorted_x, sorted_layer = world.particles.numpy("x"), world.particles.numpy("layer")
     for k in range(3):
-        h = np.float32(world.layers.specs[k].support) / np.float32([1, 1, CUTS])
+        h = np.float32(world.layers.specs[k].support) / np.float32([1, 1, Z_CELLS])
         dims = world.grid.dims.to_numpy()[k]
         mine = np.flatnonzero(sorted_layer == k)
         cell = np.clip(np.floor(sorted_x[mine] / h).astype(int), 0, dims - 1)

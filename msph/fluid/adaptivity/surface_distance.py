@@ -107,9 +107,9 @@ class SurfaceDistance:
         for i in range(n):
             layer, x = self.particles.layer[i], self.particles.x[i]
             h = REACH * self.layers.spacing[layer] + self.constants.depth_margin[None]
-            volume, near = self.layers.volume[layer], self.images.near(x, h)
+            volume, near = self.layers.volume[layer], self.images.walls_near(x, h)
             for way in range(self.images.combinations(near)):
-                mirror, wall = self.images.seen_in(self.images.combination(way, near))
+                mirror, wall = self.images.mirror_and_wall(self.images.combination(way, near))
                 self._cover_by(wall + mirror * (x - wall), h, volume)
 
     @kernel

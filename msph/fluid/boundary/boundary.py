@@ -34,7 +34,7 @@ vec3, vec4 = ti.math.vec3, ti.math.vec4
 
 BLOCK, BALL, SOLID = 0, 1, 2
 # Most bodies of a scene: 64 obstacles and a container.
-MOST_BODIES = 65
+MAX_BODIES = 65
 # Index of a body's pose: at the begin and at the end of a step.
 BEGIN, END = 0, 1
 
@@ -45,7 +45,7 @@ class Boundary:
 
     The pose of a body is kept for the begin and the end of a step; its velocity is the mean over
     the step. box [m], bodies and count are the host's; kernels read the tables: by body (room for
-    MOST_BODIES) kind; side, 1 or -1 where the water is inside; half, the extents of a block or the
+    MAX_BODIES) kind; side, 1 or -1 where the water is inside; half, the extents of a block or the
     radius of a ball [m]; bounding_radius [m]; first, the lattice of a
     mesh's distance, which those of its shares follow. By body and pose: centre [m] and turn, body
     frame to box frame; velocity [m/s] and spin [rad/s], the same for both poses.
@@ -55,10 +55,10 @@ class Boundary:
         self.constants, self.layers = constants, layers
         self.support, self.swell = layers.wall_support, layers.swell
         self._shapes = DeviceTable(
-            (MOST_BODIES,), kind=i32, side=f32, half=vec3, bounding_radius=f32, first=i32
+            (MAX_BODIES,), kind=i32, side=f32, half=vec3, bounding_radius=f32, first=i32
         )
         self._poses = DeviceTable(
-            (MOST_BODIES, 2), centre=vec3, rotation=ti.math.mat3, velocity=vec3, spin=vec3
+            (MAX_BODIES, 2), centre=vec3, rotation=ti.math.mat3, velocity=vec3, spin=vec3
         )
         for table in (self._shapes, self._poses):
             self.__dict__.update({name: getattr(table, name) for name in table.fields})

@@ -12,7 +12,7 @@ vec3, vec4 = ti.math.vec3, ti.math.vec4
 
 # Most lattices of a scene: each of 65 meshes has one for its distance, and one for each of 16
 # layers.
-MOST_LATTICES = 65 * 17
+MAX_LATTICES = 65 * 17
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class SampledFields:
 
     def __init__(self, room: int):
         self._lattices = DeviceTable(
-            (MOST_LATTICES,), origin=vec3, cell=f32, dims=ti.math.ivec3, offset=i32
+            (MAX_LATTICES,), origin=vec3, cell=f32, dims=ti.math.ivec3, offset=i32
         )
         table = self._lattices
         self.origin, self.cell, self.dims = table.origin, table.cell, table.dims

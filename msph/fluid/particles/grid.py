@@ -12,7 +12,7 @@ import numpy as np
 import taichi as ti
 
 from msph.fluid.constants import Constants
-from msph.fluid.particles.layers import MOST_LAYERS, Layers, LayerSpec
+from msph.fluid.particles.layers import MAX_LAYERS, Layers, LayerSpec
 from msph.fluid.particles.particles import Particles
 from msph.fluid.particles.prefix_sum import PrefixSum
 from msph.fluid.room import Room
@@ -20,12 +20,12 @@ from msph.taichi_internals import data_oriented, kernel, on_cpu
 
 # Cells per support along z: rows then end nearer to the ball that is searched, and their number
 # stays. A search takes 13 % less time in uniform and 8 % less in layered water than with 1.
-CUTS = 3
+Z_CELLS = 3
 
 
 def grid_shape(size: tuple[float, float, float], support: float) -> tuple[int, int, int]:
     """Cells along each axis that cover a box of the given size [m], for a support [m]."""
-    nx, ny, nz = (max(1, math.ceil(length / support)) for length in (*size[:2], CUTS * size[2]))
+    nx, ny, nz = (max(1, math.ceil(length / support)) for length in (*size[:2], Z_CELLS * size[2]))
     return nx, ny, nz
 
 
@@ -45,7 +45,7 @@ def grid_rows(size: tuple[float, float, float], specs: list[LayerSpec]) -> dict[
 
 @data_oriented
 class LayeredGrid:
-    """Grids over the box (0, 0, 0) to size [m], one per layer; their cells are h by h by h/CUTS.
+    """Grids over the box (0, 0, 0) to size [m], one per layer; their cells are h by h by h/Z_CELLS.
 
     Fields: cell_start (room of cells + 1,) i32, first particle of each cell; by layer dims ivec3;
     offset i32, first cell of each layer; per_support [1/m]; lowest, highest i32, slabs of cells
@@ -55,7 +55,7 @@ class LayeredGrid:
     def __init__(self, room: Room, constants: Constants, layers: Layers, particles: Particles):
         self.constants, self.layers, self.particles = constants, layers, particles
         self.per_support, self.offset, self.dims = layers.per_support, layers.offset, layers.dims
-        self.lowest, self.highest = (ti.field(ti.i32, shape=MOST_LAYERS) for _ in range(2))
+        self.lowest, self.highest = (ti.field(ti.i32, shape=MAX_LAYERS) for _ in range(2))
         self.cell_count = ti.field(ti.i32, shape=room.cells)
         self.cell_start = ti.field(ti.i32, shape=room.cells + 1)
         self.cell = ti.field(ti.i32, shape=room.particles)
@@ -112,7 +112,7 @@ class LayeredGrid:
     @ti.func
     def cell_of(self, x, layer):
         """Cell of the point x in a layer's grid; points outside belong to the nearest cell."""
-        c = ti.floor(x * self.per_support[layer] * ti.math.vec3(1.0, 1.0, CUTS), ti.i32)
+        c = ti.floor(x * self.per_support[layer] * ti.math.vec3(1.0, 1.0, Z_CELLS), ti.i32)
         return ti.math.clamp(c, 0, self.dims[layer] - 1)
 
     @ti.func
@@ -148,8 +148,8 @@ class LayeredGrid:
             begin = self.cell_start[slab + b_lo * depth]
             end = self.cell_start[slab + (b_hi + 1) * depth]
             if end > begin:
-                k_lo = ti.math.clamp(ti.floor(CUTS * (g[2] - half), ti.i32), 0, depth - 1)
-                k_hi = ti.math.clamp(ti.floor(CUTS * (g[2] + half), ti.i32), 0, depth - 1)
+                k_lo = ti.math.clamp(ti.floor(Z_CELLS * (g[2] - half), ti.i32), 0, depth - 1)
+                k_hi = ti.math.clamp(ti.floor(Z_CELLS * (g[2] + half), ti.i32), 0, depth - 1)
                 for b in range(b_lo, b_hi + 1):
                     row = slab + b * depth
                     visit(self.cell_start[row + k_lo], self.cell_start[row + k_hi + 1], out)

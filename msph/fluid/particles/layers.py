@@ -16,7 +16,7 @@ from msph.device_table import DeviceTable, f32, i32
 # Exponent (-) of the power mean of two supports; see pair_support().
 PAIRING = 2.5
 # Most layers of a scene: masses of 1 : 2 reach 1 : 32768.
-MOST_LAYERS = 16
+MAX_LAYERS = 16
 # What kernels look up by a particle's layer ...
 ROWS = {
     "mass": f32,  # of a particle [kg]
@@ -109,15 +109,15 @@ def stress_share(supports: np.ndarray) -> np.ndarray:
 class Layers:
     """Tables by layer and by pair of layers, refilled for each scene.
 
-    The members of ROWS are Taichi fields of shape (MOST_LAYERS,), those of PAIRS of shape
-    (MOST_LAYERS, MOST_LAYERS). `count` and `specs` are on the host, and no kernel may read them.
+    The members of ROWS are Taichi fields of shape (MAX_LAYERS,), those of PAIRS of shape
+    (MAX_LAYERS, MAX_LAYERS). `count` and `specs` are on the host, and no kernel may read them.
     """
 
     def __init__(self):
         self.specs: list[LayerSpec] = []
         self.count = 0
-        self._rows = DeviceTable((MOST_LAYERS,), **ROWS)
-        self._pairs = DeviceTable((MOST_LAYERS, MOST_LAYERS), **PAIRS)
+        self._rows = DeviceTable((MAX_LAYERS,), **ROWS)
+        self._pairs = DeviceTable((MAX_LAYERS, MAX_LAYERS), **PAIRS)
         for table in (self._rows, self._pairs):
             self.__dict__.update({name: getattr(table, name) for name in table.fields})
 

@@ -32,7 +32,7 @@ class MirrorImages:
         self.size = constants.size  # [m]
 
     @ti.func
-    def near(self, x, reach):
+    def walls_near(self, x, reach):
         """Bits of the walls less than `reach` [m] away from x: three for the walls at 0, by axis,
         then three for the far walls."""
         # The whole vector: a load of one component would cost the sums by thread of any loop.
@@ -63,7 +63,7 @@ class MirrorImages:
         return mirrors
 
     @ti.func
-    def seen_in(self, mirrors):
+    def mirror_and_wall(self, mirrors):
         """Factors of vectors seen in the mirrors, -1 along mirrored axes, and the walls' places
         [m]."""
         sign, wall = ti.Vector([1.0, 1.0, 1.0]), ti.Vector([0.0, 0.0, 0.0])
@@ -86,7 +86,7 @@ class MirrorImages:
     def read(self, entry):
         """Neighbour j of an entry, and the mirror and wall that it is seen in: its vector v appears
         as mirror * v, its place by offset()."""
-        mirror, wall = self.seen_in(entry >> INDEX_BITS)
+        mirror, wall = self.mirror_and_wall(entry >> INDEX_BITS)
         return self.neighbour(entry), mirror, wall
 
     @ti.func

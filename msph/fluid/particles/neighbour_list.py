@@ -205,11 +205,11 @@ class NeighbourList:
         without branches as _add_row()."""
         i, x, inner = search.i, search.x, search.inner
         layer = self.particles.layer[i]
-        near = self.images.near(x, self.max_reach[layer])
+        near = self.images.walls_near(x, self.max_reach[layer])
         for way in range(1, self.images.combinations(near)):
             if self._make_room(inner + 1, search):
                 mirrors = self.images.combination(way, near)
-                mirror, wall = self.images.seen_in(mirrors)
+                mirror, wall = self.images.mirror_and_wall(mirrors)
                 first, place = search.first, search.place
                 own = self.images.offset(x, x, mirror, wall).norm_sqr()
                 self.index[place] = self.images.entry(i, mirrors)
