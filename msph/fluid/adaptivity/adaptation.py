@@ -20,7 +20,9 @@ from msph.taichi_internals import data_oriented, kernel
 
 ATTRIBUTES = (
     Attribute("depth", "m", "below the free surface, as of the last pass", view="depth"),
-    Attribute("settling", "-", "passes to wait until it adapts again", integer=True, own=True),
+    Attribute(
+        "settling", "-", "passes to wait until it adapts again", integer=True, inherited=False
+    ),
     Attribute("mark", "-", "-1: to be split, 1: to be merged", integer=True, carried=False),
     Attribute("partner", "-", "whom it would merge with", integer=True, carried=False),
     Attribute("alive", "-", "0 for what was merged into another", integer=True, carried=False),

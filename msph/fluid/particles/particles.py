@@ -29,7 +29,7 @@ class Attribute:
     width: int = 1
     integer: bool = False
     carried: bool = True
-    own: bool = False
+    inherited: bool = True
     view: str | None = None
 
     @property
@@ -45,10 +45,12 @@ class Attribute:
 
 
 CORE = (
-    Attribute("x", "m", "position in the box's frame, min corner the origin", width=3, own=True),
-    Attribute("v", "m/s", "velocity", width=3, own=True, view="speed"),
-    Attribute("layer", "-", "index of its layer", integer=True, own=True, view="layers"),
-    Attribute("id", "-", "identity that sorting does not change", integer=True, own=True),
+    Attribute(
+        "x", "m", "position in the box's frame, min corner the origin", width=3, inherited=False
+    ),
+    Attribute("v", "m/s", "velocity", width=3, inherited=False, view="speed"),
+    Attribute("layer", "-", "index of its layer", integer=True, inherited=False, view="layers"),
+    Attribute("id", "-", "identity that sorting does not change", integer=True, inherited=False),
 )
 
 
@@ -75,7 +77,7 @@ class Particles:
         self.__dict__.update(self.fields)
         carried = [a for a in every.values() if a.carried]
         self._pairs = [(self.fields[a.name], a.allocate(room)) for a in carried]
-        self.inherited = tuple(self.fields[a.name] for a in carried if not a.own)
+        self.inherited = tuple(self.fields[a.name] for a in carried if a.inherited)
         # Names of vectors, of numbers and of integers: the columns of the tables by which fill()
         # and state() exchange all attributes with the host.
         self._names = (
