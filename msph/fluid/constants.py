@@ -34,7 +34,7 @@ MEMBERS = {
 
 
 class Constants(DeviceTable):
-    """A table of one row with MEMBERS; kernels read `constants.rest_density[None]`."""
+    """One-row device table of MEMBERS; kernels read `constants.rest_density[None]`."""
 
     def __init__(self):
         super().__init__((), **MEMBERS)

@@ -1,4 +1,4 @@
-"""Plan: everything that a simulation needs to know of a scene, computed once."""
+"""Plan: everything that a simulation reads from a scene, computed once."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -31,10 +31,10 @@ from msph.taichi_internals import on_cpu
 class Plan:
     """Input of a Simulation.
 
-    size: of the box [m]. specs: the layers. initial: attributes of the initial particles by name, x
-    and v (n, 3) [m, m/s] and layer (n,). parameters: of the method. bodies: in the box, containers
-    included. adaptation: None where every particle keeps its layer. capacity: largest number of
-    particles, by default that of the initial ones. restitution: share of speed kept at walls (-).
+    size: of the box [m]. specs: the layers. initial: attributes of the initial particles by name: x
+    and v (n, 3) [m, m/s], layer (n,). parameters: of the method. bodies: in the box, containers
+    included. adaptation: None if particles keep their layer. capacity: largest number of particles,
+    by default the number of initial ones. restitution: share of speed kept at walls (-).
     """
 
     size: tuple[float, float, float]
@@ -48,7 +48,7 @@ class Plan:
 
     @cached_property
     def method(self) -> Any:
-        """Class of the solver."""
+        """Solver class."""
         return solver_of(self.parameters)
 
     @cached_property
@@ -57,17 +57,12 @@ class Plan:
         return max(self.capacity or 0, len(self.initial["x"]))
 
     @cached_property
-    def rest_density(self) -> float:
-        """Rest density rho0 [kg/m^3]."""
-        return self.specs[0].density
-
-    @cached_property
     def finest(self) -> LayerSpec:
         return min(self.specs, key=lambda s: s.mass)
 
     @cached_property
     def list_form(self) -> str:
-        """Form of the neighbour list."""
+        """Form of the neighbour list, a key of LIST_FORMS."""
         return self.method.list_form(self.parameters)
 
     @cached_property
@@ -78,7 +73,7 @@ class Plan:
 
     @cached_property
     def _depth(self) -> dict[str, Any]:
-        """Numbers of the grid on which depth is measured; none where nothing adapts."""
+        """Constants of the depth grid; empty without adaptation."""
         if self.adaptation is None:
             return {}
         farthest = farthest_depth(self.specs, self.adaptation)
@@ -97,14 +92,14 @@ class Plan:
         )
 
     def constants(self) -> dict[str, Any]:
-        """Values of the scene's constants, by their names in Constants."""
+        """Returns the scene's constants by their names in Constants."""
         margin = self.method.LIST_MARGIN
         return {
             "size": self.size,
             "layers": len(self.specs),
             "bodies": len(self.bodies),
             "leak": LEAK * self.finest.spacing,
-            "rest_density": self.rest_density,
+            "rest_density": self.specs[0].density,
             "restitution": self.restitution,
             "cells": self.needed.cells,
             "entries": self.entries,
@@ -115,8 +110,8 @@ class Plan:
         }
 
     def tables(self) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-        """Columns of the tables by layer and by pair of layers (see layers.py) that do
-        not follow from a layer's spec alone, by name."""
+        """Returns the columns, by name, of the tables by layer and by pair of layers (layers.py)
+        that are not attributes of a LayerSpec."""
         rows, pairs = list_tables(self.specs, self.method.LIST_MARGIN, self.list_form)
         own_rows, own_pairs = self.method.tables_of(self.adaptation, self.specs)
         rows |= own_rows | grid_rows(self.size, self.specs) | Boundary.layer_rows(self.specs)

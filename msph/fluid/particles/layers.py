@@ -1,8 +1,7 @@
-"""Layers: particle sizes, from coarse to fine or in any order.
+"""Layers: sets of particles of equal mass and support radius.
 
-A layer is a set of particles with its own mass, support radius and, in the classic method, its
-own gravity factor, viscosity and kernels (Gokdogan 2008, ch. 3). Particles hold a layer index;
-everything that follows from it is looked up here.
+In the classic method a layer also has its own gravity factor, viscosity and kernels (Gokdogan 2008,
+ch. 3). Particles store a layer index; kernels look up the layer's numbers in tables.
 """
 
 from dataclasses import dataclass
@@ -15,9 +14,9 @@ from msph.device_table import DeviceTable, f32, i32
 
 # Exponent (-) of the power mean of two supports; see pair_support().
 PAIRING = 2.5
-# Most layers of a scene: masses of 1 : 2 reach 1 : 32768.
+# Largest number of layers: masses of 1 : 2 reach 1 : 32768.
 MAX_LAYERS = 16
-# What kernels look up by a particle's layer ...
+# Columns of the table by layer.
 ROWS = {
     "mass": f32,  # of a particle [kg]
     "volume": f32,  # at rest [m^3]
@@ -41,7 +40,7 @@ ROWS = {
     "coarser": i32,  # the layer that two of its particles merge into, or -1
     "finer": i32,  # the layer that its particles split into, or -1
 }
-# ... and by a pair of layers.
+# Columns of the table by pair of layers.
 PAIRS = {
     "per_h": f32,  # over their symmetric support [1/m]
     "list_reach": f32,  # of the neighbour list [m]
@@ -53,11 +52,11 @@ PAIRS = {
 
 @dataclass(frozen=True)
 class LayerSpec:
-    """One layer, in SI units.
+    """One layer.
 
-    mass [kg], rest density [kg/m^3]; smoothing is h/d, support radius over particle spacing.
-    gravity_factor (-) and viscosity [Pa s] serve the classic method alone, as does wendland
-    (True: Wendland C2 in place of Mueller's kernels).
+    mass [kg], rest density [kg/m^3]; smoothing is h/d, support radius over particle spacing (-).
+    For the classic method only: gravity_factor (-), viscosity [Pa s], wendland (True: Wendland C2
+    instead of Mueller's kernels).
     """
 
     mass: float
@@ -74,7 +73,7 @@ class LayerSpec:
 
     @property
     def spacing(self) -> float:
-        """Edge of the cube that one particle fills at rest, d = (m/rho0)^(1/3) [m]."""
+        """Particle spacing d = (m/rho0)^(1/3) [m], the edge of a particle's cube at rest."""
         return self.volume ** (1.0 / 3.0)
 
     @property
@@ -84,11 +83,11 @@ class LayerSpec:
 
 
 def pair_support(h_i, h_j):
-    """Symmetric support of two particles [m], a power mean of their own.
+    """Returns the symmetric support [m] of two particles, a power mean of their supports.
 
-    With the arithmetic mean, particles of two sizes, mixed at random and held at c = 1, fill up to
-    2.5 % less space than apart, and weight presses layers into each other. With the exponent 2.5
-    they fill .1 to .7 % more, and layers stay apart (docs/method.md, "Layers").
+    With the arithmetic mean, random mixtures of two sizes at c = 1 fill up to 2.5 % less space than
+    the sizes apart, and layers mix under weight. With the exponent 2.5 they fill 0.1 to 0.7 % more,
+    and layers stay separate (docs/method.md, "Layers").
     """
     return (0.5 * (h_i**PAIRING + h_j**PAIRING)) ** (1.0 / PAIRING)
 
@@ -109,8 +108,8 @@ def stress_share(supports: np.ndarray) -> np.ndarray:
 class Layers:
     """Tables by layer and by pair of layers, refilled for each scene.
 
-    The members of ROWS are Taichi fields of shape (MAX_LAYERS,), those of PAIRS of shape
-    (MAX_LAYERS, MAX_LAYERS). `count` and `specs` are on the host, and no kernel may read them.
+    Each name in ROWS is a Taichi field of shape (MAX_LAYERS,), each in PAIRS one of shape
+    (MAX_LAYERS, MAX_LAYERS). `count` and `specs` are host values; kernels must not read them.
     """
 
     def __init__(self):
@@ -122,8 +121,8 @@ class Layers:
             self.__dict__.update({name: getattr(table, name) for name in table.fields})
 
     def load(self, specs: list[LayerSpec], rows: dict, pairs: dict) -> None:
-        """Fills the tables for the layers of a scene. rows, pairs: columns that other modules
-        compute, by name; columns that are not given become 0."""
+        """Fills the tables for a scene. rows, pairs: columns by name that other modules compute;
+        missing columns become 0."""
         supports = np.array([s.support for s in specs])
         names = ("mass", "volume", "spacing", "support", "gravity_factor", "viscosity", "wendland")
         own = {name: [getattr(s, name) for s in specs] for name in names}
@@ -133,12 +132,12 @@ class Layers:
         self._pairs.fill(per_h=per_h, **pairs)
 
     def __getattr__(self, name: str) -> Any:
-        # Members of the tables are attributes; type checkers cannot know their names.
+        # For type checkers, which cannot know the tables' columns.
         raise AttributeError(f"layers have no {name}")
 
     @property
     def rest_density(self) -> float:
-        """Rest density rho0 [kg/m^3], the same in all layers."""
+        """Rest density rho0 [kg/m^3], equal in all layers."""
         return self.specs[0].density
 
     @property
