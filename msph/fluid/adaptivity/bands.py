@@ -1,19 +1,16 @@
-"""Bands of depth: which layer belongs at which distance from the free surface."""
+"""Depth bands: assignment of layers to distances from the free surface."""
 
 from dataclasses import replace
 
 from msph.fluid.particles.layers import LayerSpec
 from msph.parameter import Section, parameter
 
-# Two layers exchange particles if their mass ratio is 2 to within this share (-).
+# Tolerance (-) of the mass ratio 2 between layers that split and merge into each other.
 RATIO_TOLERANCE = 0.01
 
 
 class AdaptationParameters(Section):
-    """Particles split and merge, so that each depth has its layer.
-
-    Evidence for the defaults: docs/method.md.
-    """
+    """Parameters of splitting and merging. Evidence for the defaults: docs/method.md."""
 
     enabled: bool = parameter(False, text="let particles change their layer with their depth")
     capacity: int | None = parameter(
@@ -41,7 +38,8 @@ class AdaptationParameters(Section):
 
 
 def bands(specs: list[LayerSpec], band: float) -> list[tuple[float, float]]:
-    """Depths [m] (top, bottom) of each layer's band, finest on top; the coarsest has no bottom."""
+    """Returns the depths [m] (top, bottom) of each layer's band, finest on top; the coarsest band
+    has no bottom."""
     order = sorted(range(len(specs)), key=lambda k: specs[k].mass)
     found, top = [(0.0, 0.0)] * len(specs), 0.0
     for k in order:
@@ -52,7 +50,7 @@ def bands(specs: list[LayerSpec], band: float) -> list[tuple[float, float]]:
 
 
 def coarser_of(specs: list[LayerSpec]) -> list[int]:
-    """Index of the layer that two particles of each layer merge into, -1 where there is none."""
+    """Returns for each layer the layer that two of its particles merge into, or -1."""
     return [
         next((j for j, b in enumerate(specs) if abs(b.mass / a.mass - 2.0) < RATIO_TOLERANCE), -1)
         for a in specs
@@ -60,15 +58,14 @@ def coarser_of(specs: list[LayerSpec]) -> list[int]:
 
 
 def finer_of(specs: list[LayerSpec]) -> list[int]:
-    """Index of the layer whose particles each layer's particles split into, -1 where there is
-    none."""
+    """Returns for each layer the layer that its particles split into, or -1."""
     coarser = coarser_of(specs)
     return [coarser.index(k) if k in coarser else -1 for k in range(len(specs))]
 
 
 def with_exact_ratios(specs: list[LayerSpec]) -> list[LayerSpec]:
-    """The layers with mass ratios of exactly 2 where they are nearly 2: spacings in a scene are
-    rounded, and each merge would change the mass of the water."""
+    """Returns the layers with mass ratios near 2 set to exactly 2: otherwise merges would change
+    the mass, since the spacings in scenes are rounded."""
     found = list(specs)
     for k in sorted(range(len(specs)), key=lambda k: specs[k].mass):
         coarser = coarser_of(found)[k]
