@@ -9,7 +9,7 @@ import numpy as np
 
 from msph.fluid.adaptivity.adaptation import farthest_depth
 from msph.fluid.adaptivity.bands import AdaptationParameters
-from msph.fluid.adaptivity.surface_distance import depth_constants, depth_shape
+from msph.fluid.adaptivity.surface_distance import depth_constants
 from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.contact import LEAK
 from msph.fluid.boundary.mesh_samples import sample_count
@@ -76,18 +76,16 @@ class Plan:
         """Constants of the depth grid; empty without adaptation."""
         if self.adaptation is None:
             return {}
-        farthest = farthest_depth(self.specs, self.adaptation)
-        return depth_constants(self.size, self.finest, farthest)
+        return depth_constants(self.size, self.finest, farthest_depth(self.specs, self.adaptation))
 
     @cached_property
     def needed(self) -> Room:
         """Capacity that the simulation needs."""
-        depth = depth_shape(self.size, self._depth["depth_cell"]) if self._depth else (0,)
         return Room(
             particles=self.max_particles,
             entries=self.entries,
             cells=sum(cells_of(self.size, self.specs)),
-            depth_cells=int(np.prod(depth)),
+            depth_cells=int(np.prod(self._depth.get("depth_dims", 0))),
             samples=sample_count(list(self.bodies), self.specs),
         )
 

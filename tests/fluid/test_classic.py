@@ -265,7 +265,7 @@ SPOILT = {
     "last step is 0 s": lambda s: {**s, "last_step": 0 * s["last_step"]},
     "time is inf s": lambda s: {**s, "time": s["time"] + np.inf},
     "time is -5 s": lambda s: {**s, "time": 0 * s["time"] - 5},
-    "it has 0 particles": lambda s: {k: a[:0] if a.ndim else a for k, a in s.items()}
+    "0 particles: the pool holds": lambda s: {k: a[:0] if a.ndim else a for k, a in s.items()}
     | {"fluid": s["fluid"]},
     "differ from the scene": lambda s: {**s, "fluid": s["fluid"] * 2},
 }

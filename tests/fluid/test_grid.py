@@ -217,5 +217,5 @@ def test_list_is_stale_once_something_moved_half_its_margin(world):
 
 
 def test_pool_refuses_more_particles_than_it_holds(world):
-    with pytest.raises(ValueError, match="do not fit"):
+    with pytest.raises(ValueError, match="exceed the capacity"):
         world.particles.fill(x=np.zeros((COUNT + 51, 3), np.float32))

@@ -55,10 +55,9 @@ DIRECTIONS = (
 class Adaptation:
     """Splits and merges the particles of one fluid.
 
-    events: splits, merges and splits refused for lack of capacity in the last pass; totals: splits
-    and merges since the initial arrangement. thickness (-): factor of all bands, below 1 while the
-    capacity is nearly used up. travelled: distance of the fastest particle since the last pass, in
-    spacings. merge_loss [J]: kinetic energy dissipated by merges.
+    totals: splits and merges since the initial arrangement. thickness (-): factor of all bands,
+    below 1 while the capacity is nearly used up. travelled: distance of the fastest particle since
+    the last pass, in spacings. merge_loss [J]: kinetic energy dissipated by merges.
     """
 
     parameters: AdaptationParameters
@@ -77,7 +76,7 @@ class Adaptation:
         self.scan = PrefixSum()
         self.tally = ti.field(ti.i32, shape=3)  # splits, merges, refused
         self.next_id = ti.field(ti.i32, shape=())
-        self.thickness, self.events, self.steps = 1.0, (0, 0, 0), 0
+        self.thickness, self.steps = 1.0, 0
         self.totals, self.travelled = np.zeros(2, int), 0.0
 
     def load(self, parameters: AdaptationParameters) -> None:
@@ -90,7 +89,7 @@ class Adaptation:
 
     def reset(self) -> None:
         """Resets counters and thickness after the particles were replaced."""
-        self.thickness, self.events, self.steps = 1.0, (0, 0, 0), 0
+        self.thickness, self.steps = 1.0, 0
         self.totals, self.travelled = np.zeros(2, int), 0.0
         self.next_id[None] = int(self.particles.numpy("id").max()) + 1
 
@@ -186,15 +185,15 @@ class Adaptation:
         self.split(n, most, p.capacity)
         splits, merges, refused = self.tally.to_numpy().tolist()
         splits = min(splits, most, p.capacity - n)
-        self.events = splits, min(merges, most), refused
-        self.totals += np.array(self.events[:2])
+        merges = min(merges, most)
+        self.totals += splits, merges
         p.count = n + splits
         if merges:
             self.scan.run(p.alive, self.place, n + splits)
             p.compact(self.place, p.alive, n + splits)
             p.count = self.place[n + splits]
         self._adapt_thickness(refused)
-        return splits + self.events[1]
+        return splits + merges
 
     def _adapt_thickness(self, refused: int) -> None:
         full = self.particles.count / self.particles.capacity

@@ -223,13 +223,7 @@ def depth_constants(
     return {
         "depth_cell": cell,
         "depth_margin": MARGIN * finest.spacing,
-        "depth_dims": depth_shape(size, cell),
+        # Whole cells; the last ones include the remainder.
+        "depth_dims": tuple(max(1, int(edge / cell)) for edge in size),
         "depth_reach": math.ceil(farthest / cell) + 1,
     }
-
-
-def depth_shape(size: tuple[float, float, float], cell: float) -> tuple[int, int, int]:
-    """Returns the numbers of whole cells along each axis in a box of `size` [m]; the last cells
-    include the remainder."""
-    nx, ny, nz = (max(1, int(edge / cell)) for edge in size)
-    return nx, ny, nz

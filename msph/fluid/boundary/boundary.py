@@ -65,7 +65,6 @@ class Boundary:
         self.samples = SampledFields(room.samples)
         self.box, self.bodies, self.count = (0.0, 0.0, 0.0), [], 0
         self.moving, self.top_speed, self.time = False, 0.0, 0.0
-        self.velocities = self.spins = np.zeros((0, 3))
         # Time [s] at which a body was stopped, by body.
         self.stopped: dict[int, float] = {}
 

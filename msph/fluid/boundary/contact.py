@@ -76,8 +76,7 @@ class Contact:
     def leaked(self) -> int:
         """Returns the number of particles outside the box or deeper than LEAK spacings inside a
         body."""
-        n = self.particles.count
-        return self._count_outside(n) if not self.boundary.count else self._count_leaked(n)
+        return self._count_leaked(self.particles.count, self.boundary.count > 0)
 
     @kernel
     def _drift(self, n: ti.i32, dt: ti.f32):
@@ -148,25 +147,15 @@ class Contact:
             self.particles.clearance[i] = self.boundary.clearance(self.particles.x[i], END)
 
     @kernel
-    def _count_outside(self, n: ti.i32) -> ti.i32:
-        found = 0
-        for i in range(n):
-            found += ti.cast(self.is_outside(self.particles.x[i]), ti.i32)
-        return found
-
-    @kernel
-    def _count_leaked(self, n: ti.i32) -> ti.i32:
+    def _count_leaked(self, n: ti.i32, bodies: ti.template()) -> ti.i32:
         found = 0
         for i in range(n):
             x = self.particles.x[i]
-            sunk = self.boundary.clearance(x, END) < -self.constants.leak[None]
-            found += ti.cast(self.is_outside(x) or sunk, ti.i32)
+            leaked = (x < 0.0).any() or (x > self.constants.size[None]).any()
+            if ti.static(bodies):
+                leaked |= self.boundary.clearance(x, END) < -self.constants.leak[None]
+            found += ti.cast(leaked, ti.i32)
         return found
-
-    @ti.func
-    def is_outside(self, x):
-        """Returns whether x [m] is outside the box."""
-        return (x < 0.0).any() or (x > self.constants.size[None]).any()
 
     @ti.func
     def margin(self, i):

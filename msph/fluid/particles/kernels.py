@@ -107,9 +107,3 @@ def quartic_shape(q):
 def quartic(r, h):
     """M5: 15625/(512 pi h^3) quartic_shape(r/h)."""
     return QUARTIC / h**3 * quartic_shape(r / h).x
-
-
-@ti.func
-def quartic_slope(r, h):
-    """dW/dr of M5."""
-    return QUARTIC / h**4 * (r / h) * quartic_shape(r / h).y

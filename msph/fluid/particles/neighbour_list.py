@@ -83,9 +83,7 @@ class NeighbourList:
         self.reaches, self.max_reach = grid.layers.list_reach, grid.layers.max_reach
         self.pooled = on_cpu()
         self.per_thread = PARTICLES_PER_THREAD if self.pooled else 1
-        self.start = ti.field(ti.i32, shape=room.particles)
-        self.end = ti.field(ti.i32, shape=room.particles)
-        self.mirrors = ti.field(ti.i32, shape=room.particles)
+        self.start, self.end, self.mirrors = (ti.field(ti.i32, room.particles) for _ in range(3))
         self.index = ti.field(ti.i32, shape=room.entries)
         self.reserved = ti.field(ti.i32, shape=())  # entries of the pool that threads have room in
         self.searches = 0
@@ -246,13 +244,18 @@ class NeighbourList:
             search.place = place
 
 
+def list_reaches(specs: list[LayerSpec], margin: float, form: str) -> np.ndarray:
+    """Returns the list's reach (layers, layers) [m]; margin: share (-) of the finest support."""
+    supports = np.array([s.support for s in specs])
+    return LIST_FORMS[form](supports[:, None], supports) + margin * supports.min()
+
+
 def list_tables(
     specs: list[LayerSpec], margin: float, form: str
 ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
     """Returns the list's columns of the table by layer, max_reach [m], and by pair, list_reach
     [m]."""
-    supports = np.array([s.support for s in specs])
-    reaches = LIST_FORMS[form](supports[:, None], supports) + margin * supports.min()
+    reaches = list_reaches(specs, margin, form)
     return {"max_reach": reaches.max(axis=1)}, {"list_reach": reaches}
 
 
@@ -264,8 +267,8 @@ def max_mean_neighbours(specs: list[LayerSpec], margin: float, form: str) -> flo
     sum n_a is the bound. For "scatter" and "pair" it is the value of a single layer, for "widest"
     at most twice that.
     """
-    supports, volumes = (np.array([getattr(s, k) for s in specs]) for k in ("support", "volume"))
-    balls = (LIST_FORMS[form](supports[:, None], supports) + margin * supports.min()) ** 3
+    volumes = np.array([s.volume for s in specs])
+    balls = list_reaches(specs, margin, form) ** 3
     most = ((balls + balls.T) / (volumes[:, None] + volumes)).max()
     return float(4.0 / 3.0 * math.pi * most)
 
@@ -277,8 +280,8 @@ def max_neighbours(specs: list[LayerSpec], margin: float, form: str) -> int:
     has the most; pairs of layers count if adjacent in size or within MAX_MASS_RATIO in mass.
     """
     order = sorted(specs, key=lambda s: s.volume)
-    supports, volumes = (np.array([getattr(s, k) for s in order]) for k in ("support", "volume"))
-    reaches = LIST_FORMS[form](supports[:, None], supports) + margin * supports.min()
+    volumes = np.array([s.volume for s in order])
+    reaches = list_reaches(order, margin, form)
     rank = np.arange(len(order))
     met = (volumes[:, None] <= MAX_MASS_RATIO * volumes) | (rank[:, None] <= rank + 1)
     most = (reaches**3 / volumes)[met].max()
