@@ -29,8 +29,7 @@ class ExternalForces:
     hand: Hand = field(default_factory=Hand)
 
     def arguments(self) -> tuple:
-        """Returns the kernel arguments: gravity, then position, velocity, radius and grip of the
-        hand."""
+        """Returns kernel arguments: gravity; position, velocity, radius, grip of the hand."""
         h = self.hand
         return self.gravity, h.position, h.velocity, h.radius, h.grip
 

@@ -39,8 +39,7 @@ class ImpulseLedger:
 
     @ti.func
     def record_internal(self, m, x, dv):
-        """Adds the impulse of pair forces that changed the velocity of mass m [kg] at x [m] by dv
-        [m/s]."""
+        """Adds the impulse of pair forces that changed the velocity of m [kg] at x by dv [m/s]."""
         self.internal_impulse[None] += m * dv
         self.internal_angular_impulse[None] += m * x.cross(dv)
 

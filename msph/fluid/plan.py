@@ -108,8 +108,7 @@ class Plan:
         }
 
     def tables(self) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-        """Returns the columns, by name, of the tables by layer and by pair of layers (layers.py)
-        that are not attributes of a LayerSpec."""
+        """Returns further columns of the tables by layer and by pair of layers (layers.py)."""
         rows, pairs = list_tables(self.specs, self.method.LIST_MARGIN, self.list_form)
         own_rows, own_pairs = self.method.tables_of(self.adaptation, self.specs)
         rows |= own_rows | grid_rows(self.size, self.specs) | Boundary.layer_rows(self.specs)

@@ -37,8 +37,7 @@ def room_for(needed: Room) -> Room:
 
 
 def grown(first: int, needed: int) -> int:
-    """Returns `first` times the least sufficient power of GROWTH; `needed` itself beyond
-    MAX_SIZE."""
+    """Returns `first` times a sufficient power of GROWTH, or `needed` beyond MAX_SIZE."""
     found = first
     while found < needed:
         found = found * GROWTH if found * GROWTH <= MAX_SIZE else needed

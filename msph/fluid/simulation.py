@@ -171,8 +171,7 @@ class Simulation:
         return {**progress, **solver, "fluid": self._fingerprint(), **self.particles.state()}
 
     def _fingerprint(self) -> np.ndarray:
-        """Returns the box [m] and the layers' masses [kg], which a checkpoint and the scene must
-        share."""
+        """Returns the box [m] and layer masses [kg], which checkpoint and scene must share."""
         return np.array([*self.size, *(s.mass for s in self.layers.specs)])
 
     def restore(self, state: dict[str, np.ndarray]) -> None:

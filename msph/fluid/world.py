@@ -88,8 +88,7 @@ _stock: list[World] = []
 
 
 def take(needed: Room) -> World:
-    """Returns a world of at least the needed capacity for exclusive use until give_back(). Raises
-    RuntimeError if Taichi cannot allocate another world."""
+    """Returns a world for exclusive use until give_back(); RuntimeError if Taichi has no room."""
     found = _smallest(needed)
     if found is None and gc.collect():
         # A simulation dropped without close() may still hold one.

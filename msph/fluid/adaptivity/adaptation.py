@@ -210,8 +210,7 @@ class Adaptation:
 
     @kernel
     def mark_particles(self, n: ti.i32, thickness: ti.f32, factor: ti.f32):
-        """Sets mark to -1 for particles to split and 1 for particles to merge, by depth and band.
-        Updates depth [m], alive and settling."""
+        """Sets depth [m], alive, settling, and mark by depth and band: -1 split, 1 merge."""
         for i in range(n):
             self.particles.alive[i] = 1
             layer = self.particles.layer[i]
@@ -246,8 +245,7 @@ class Adaptation:
 
     @kernel
     def merge(self, n: ti.i32, most: ti.i32):
-        """Merges pairs of mutual partners at their centre of mass with their mean velocity; adds
-        the dissipated kinetic energy [J] to merge_loss."""
+        """Merges mutual partners at their centre of mass with their mean velocity."""
         for i in range(n):
             j, order = self.particles.partner[i], most
             if j > i and self.particles.partner[j] == i:
@@ -325,8 +323,7 @@ class Adaptation:
 
     @ti.func
     def split_offset(self, i):
-        """Returns the offset [m] of the halves of particle i: of DIRECTIONS the one with the least
-        density at both halves."""
+        """Returns the offset [m] of a split's halves, of DIRECTIONS the one of least density."""
         layer, x = self.particles.layer[i], self.particles.x[i]
         finer = self.finer[layer]
         # Halves stay clear of walls: a wall that pushes one back would move the centre of mass.

@@ -38,8 +38,7 @@ class AdaptationParameters(Section):
 
 
 def bands(specs: list[LayerSpec], band: float) -> list[tuple[float, float]]:
-    """Returns the depths [m] (top, bottom) of each layer's band, finest on top; the coarsest band
-    has no bottom."""
+    """Returns each layer's depths [m] (top, bottom), finest on top; the coarsest has no bottom."""
     order = sorted(range(len(specs)), key=lambda k: specs[k].mass)
     found, top = [(0.0, 0.0)] * len(specs), 0.0
     for k in order:
@@ -64,8 +63,7 @@ def finer_of(specs: list[LayerSpec]) -> list[int]:
 
 
 def with_exact_ratios(specs: list[LayerSpec]) -> list[LayerSpec]:
-    """Returns the layers with mass ratios near 2 set to exactly 2: otherwise merges would change
-    the mass, since the spacings in scenes are rounded."""
+    """Returns layers with mass ratios near 2 set to 2: merges then conserve mass exactly."""
     found = list(specs)
     for k in sorted(range(len(specs)), key=lambda k: specs[k].mass):
         coarser = coarser_of(found)[k]

@@ -162,7 +162,7 @@ class SurfaceDistance:
 
     @ti.func
     def _gap(self, cell_index):
-        """Returns the distance [cells] from a cell's centre to the surface, towards its wettest
+        """Returns the distance [cells] from a cell to the surface, towards its wettest
         neighbour."""
         dims, wettest, own = self.constants.depth_dims[None], 0.0, self.coverage[cell_index]
         c = self.cell_at(cell_index, dims)
@@ -217,8 +217,8 @@ def last(x, cell, count):
 def depth_constants(
     size: tuple[float, float, float], finest: LayerSpec, farthest: float
 ) -> dict[str, Any]:
-    """Returns the depth grid's constants by their names in Constants, for a box of `size` [m] and
-    depths up to `farthest` [m]."""
+    """Returns the constants of the depth grid for a box of `size` [m], up to a depth `farthest`
+    [m]."""
     cell = CELL * finest.support
     return {
         "depth_cell": cell,

@@ -130,8 +130,7 @@ class Boundary:
         return f"obstacles.{body - before}"
 
     def pose(self, body: int) -> tuple[np.ndarray, np.ndarray]:
-        """Returns a body's displacement (3,) [m] and rotation (3, 3) since time zero, at the end of
-        the step."""
+        """Returns a body's displacement (3,) [m] and rotation (3, 3) at the end of the step."""
         last = min(self.time, self.stopped.get(body, math.inf))
         motion = self.bodies[body].motion
         return motion.offset(last), motion.rotation(last)
@@ -173,7 +172,7 @@ class Boundary:
         )
 
     def free(self, x: np.ndarray, margin: float = 0.0) -> np.ndarray:
-        """Returns whether each point x (n, 3) [m] is at least `margin` [m] outside all bodies, (n,)
+        """Returns whether points x (n, 3) are at least `margin` outside all bodies [m], (n,)
         bool."""
         found = np.ones(len(x), np.int32)
         if self.bodies:
@@ -198,14 +197,12 @@ class Boundary:
 
     @ti.func
     def distance(self, b, x, pose):
-        """Returns the distance [m] of x from body b, positive on the water's side, and its
-        gradient."""
+        """Returns the distance [m] of x from body b, positive in the water, and its gradient."""
         return self.distance_by(b, x, pose, False)
 
     @ti.func
     def normal(self, b, x, pose):
-        """Returns the unit normal of body b near x [m], towards the water; smooth for meshes
-        too."""
+        """Returns the unit normal of body b near x [m], towards the water; smooth for meshes."""
         return self.distance_by(b, x, pose, True).yzw.normalized(1e-9)
 
     @ti.func
@@ -277,8 +274,7 @@ class Boundary:
 
     @ti.func
     def open_share(self, x, layer, pose):
-        """Returns the share (-) of a layer's kernel around x [m] outside all bodies, the product of
-        1 - lambda_b, and its gradient [1/m]."""
+        """Returns the share (-) of a layer's kernel outside all bodies and its gradient [1/m]."""
         free, slope = 1.0, vec3(0.0)
         h = self.support[layer]
         for b in range(self.constants.bodies[None]):
@@ -289,8 +285,7 @@ class Boundary:
 
     @ti.func
     def body_share(self, b, x, layer, h, pose):
-        """Returns lambda (-) of one body enlarged by the layer's swell, and its gradient [1/m];
-        zero if the body is out of reach."""
+        """Returns lambda (-) of one body enlarged by the layer's swell, and its gradient [1/m]."""
         p = self.to_body_frame(b, x, pose)
         found = vec4(0.0)
         kind = self.kind[b]
@@ -309,8 +304,7 @@ class Boundary:
 
     @ti.func
     def mesh_share(self, b, p, layer, h):
-        """Returns lambda of a mesh at p [m] in its frame: of its inside, for a container of its
-        outside."""
+        """Returns lambda of a mesh at p [m] in its frame; of the outside for a container."""
         found = vec4(0.0)
         first = self.first[b]
         m = first + 1 + layer
@@ -327,8 +321,7 @@ class Boundary:
 
 @ti.func
 def block_distance(p, half):
-    """Returns the signed distance [m] to the box from -half to half, negative inside, and its
-    gradient."""
+    """Returns the signed distance [m] to the box from -half to half, and its gradient."""
     q = abs(p) - half
     side = ti.select(p < 0.0, -1.0, 1.0)
     out = ti.max(q, 0.0)

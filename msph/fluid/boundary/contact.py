@@ -49,8 +49,7 @@ class Contact:
         self.particles, self.impulses = particles, impulses
 
     def drift(self, dt: float) -> None:
-        """Moves particles by dt v, dt [s]; stops them at walls, and at bodies in their poses at the
-        end of the step."""
+        """Moves particles by dt v, dt [s], and stops them at walls and at the bodies' end poses."""
         n = self.particles.count
         self._drift(n, dt)
         if self.boundary.count:
@@ -63,8 +62,7 @@ class Contact:
             self._clear_bodies(self.particles.count, BEGIN)
 
     def refresh_shares(self) -> None:
-        """Computes boundary_share, boundary_gradient and boundary_inflow at the current positions;
-        all three stay 0 without bodies."""
+        """Computes the bodies' share, gradient and inflow at the particles; 0 without bodies."""
         if self.boundary.count:
             self._find_shares(self.particles.count)
 
@@ -74,8 +72,7 @@ class Contact:
             self._find_clearance(self.particles.count)
 
     def leaked(self) -> int:
-        """Returns the number of particles outside the box or deeper than LEAK spacings inside a
-        body."""
+        """Returns the number of particles outside the box or over LEAK spacings inside a body."""
         return self._count_leaked(self.particles.count, self.boundary.count > 0)
 
     @kernel

@@ -17,8 +17,7 @@ FLAT = 0.05
 
 
 def lattices(body: Solid, specs: list[LayerSpec]) -> list[SampleLattice]:
-    """Returns the lattices of a mesh's signed distance (first) and of its share for each layer, in
-    the body's frame with its centre as origin."""
+    """Returns the lattices of a mesh's distance and of its share for each layer, in its frame."""
     lo, hi = (b - centre(body) for b in body.bounds)
     finest = min(s.support for s in specs)
     supports = [finest, *(s.support for s in specs)]
@@ -32,8 +31,8 @@ def sample_count(bodies: list[Body], specs: list[LayerSpec]) -> int:
 
 
 def sample(body: Solid, own: list[SampleLattice], specs: list[LayerSpec]) -> list[np.ndarray]:
-    """Returns a mesh's signed distance [m] at the nodes of its first lattice, and for the others
-    the cubic B-spline coefficients (-) of its shares."""
+    """Returns a mesh's distances [m] and the B-spline coefficients (-) of its shares, by
+    lattice."""
     # Imported here: only needed for meshes.
     from scipy.ndimage import spline_filter
 

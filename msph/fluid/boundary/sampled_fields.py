@@ -87,8 +87,7 @@ class SampledFields:
 
     @ti.func
     def covers(self, m, p):
-        """Returns whether p is inside the lattice by a margin of one cell, as cubic() and spline()
-        require."""
+        """Returns whether p is inside the lattice by one cell, as cubic() and spline() require."""
         c = self.place(m, p)
         return (c >= 1.0).all() and (c < ti.cast(self.dims[m], ti.f32) - 2.0).all()
 
@@ -119,14 +118,12 @@ class SampledFields:
 
     @ti.func
     def cubic(self, m, p):
-        """Interpolates by Catmull-Rom along each axis: smooth gradient, exact for quadratic
-        fields."""
+        """Interpolates by Catmull-Rom splines: smooth gradient, exact for quadratic fields."""
         return self.interpolate(m, p, catmull_rom, catmull_rom_slope)
 
     @ti.func
     def spline(self, m, p):
-        """Interpolates cubic B-spline coefficients: errors of shares and their gradients are a
-        sixth of Catmull-Rom's."""
+        """Interpolates B-spline coefficients: a sixth of the errors of Catmull-Rom."""
         return self.interpolate(m, p, b_spline, b_spline_slope)
 
     @ti.func

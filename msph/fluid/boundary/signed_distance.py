@@ -38,8 +38,7 @@ def inside(corners: np.ndarray, lattice: SampleLattice) -> np.ndarray:
 
 @ti.func
 def nodes_near(a, b, c, margin, origin, cell, shape):
-    """Returns the first and last node, as rows, of a triangle's bounding box enlarged by a margin
-    [m]."""
+    """Returns first and last node (rows) of a triangle's bounding box with a margin [m]."""
     lo = ti.ceil((ti.min(a, b, c) - margin - origin) / cell, ti.i32)
     hi = ti.floor((ti.max(a, b, c) + margin - origin) / cell, ti.i32)
     return ti.Matrix.rows([ti.max(lo, 0), ti.min(hi, shape - 1)])
@@ -96,8 +95,7 @@ def _approach(
 
 @ti.kernel
 def _spread(cell: ti.f32, band: ti.f32, distance: ti.types.ndarray(dtype=ti.f32, ndim=3)) -> ti.i32:
-    """Propagates distances beyond the band by one node; returns the number of nodes that
-    changed."""
+    """Propagates distances beyond the band by one node; returns the number of changed nodes."""
     shrank = 0
     shape = ti.Vector([distance.shape[0], distance.shape[1], distance.shape[2]])
     for i, j in ti.ndrange(shape[0], shape[1]):

@@ -20,8 +20,7 @@ SMALLEST = 1e-3
 
 
 def wall_support(spec: LayerSpec) -> float:
-    """Returns the support [m] of the Wendland C2 kernel that replaces a layer's own in the
-    integrals."""
+    """Returns the support [m] of the Wendland C2 kernel used in a layer's integrals."""
     return kernels.WENDLAND_PER_QUARTIC * spec.support
 
 

@@ -24,8 +24,7 @@ Z_CELLS = 3
 
 
 def grid_shape(size: tuple[float, float, float], support: float) -> tuple[int, int, int]:
-    """Returns the numbers of cells along each axis that cover a box of `size` [m], for a support
-    [m]."""
+    """Returns the cells along each axis of a box of `size` [m], for a support [m]."""
     nx, ny, nz = (max(1, math.ceil(length / support)) for length in (*size[:2], Z_CELLS * size[2]))
     return nx, ny, nz
 
@@ -117,8 +116,7 @@ class LayeredGrid:
 
     @ti.func
     def row(self, layer, i, j, k_lo, k_hi):
-        """Returns the particles [begin, end) of the cells (i, j, k_lo) to (i, j, k_hi) inside the
-        grid."""
+        """Returns the particles [begin, end) of the cells (i, j, k_lo) to (i, j, k_hi)."""
         dims = self.dims[layer]
         base = self.offset[layer] + (j * dims[0] + i) * dims[2]
         return ti.Vector([self.cell_start[base + k_lo], self.cell_start[base + k_hi + 1]])

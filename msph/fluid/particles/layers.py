@@ -121,8 +121,7 @@ class Layers:
             self.__dict__.update({name: getattr(table, name) for name in table.fields})
 
     def load(self, specs: list[LayerSpec], rows: dict, pairs: dict) -> None:
-        """Fills the tables for a scene. rows, pairs: columns by name that other modules compute;
-        missing columns become 0."""
+        """Fills the tables; rows, pairs: further columns by name (0 if missing)."""
         supports = np.array([s.support for s in specs])
         names = ("mass", "volume", "spacing", "support", "gravity_factor", "viscosity", "wendland")
         own = {name: [getattr(s, name) for s in specs] for name in names}

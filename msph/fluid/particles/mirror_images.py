@@ -31,8 +31,8 @@ class MirrorImages:
 
     @ti.func
     def walls_near(self, x, reach):
-        """Returns the walls within `reach` [m] of x as bits: three for the walls at 0, by axis,
-        then three for the far walls."""
+        """Returns the walls within `reach` [m] of x: bits 0 to 2 at 0, by axis, 3 to 5 far
+        walls."""
         # Reading a single component would disable reductions per thread in the calling loop.
         size, found = self.size[None], 0
         for k in ti.static(range(3)):
@@ -42,8 +42,8 @@ class MirrorImages:
 
     @ti.func
     def combinations(self, near):
-        """Returns the number of combinations of `near` walls, at most one per axis: none (the
-        particle itself), one (a wall), two (an edge), three (a corner)."""
+        """Returns the number of combinations of `near` walls, at most one per axis, none
+        included."""
         product = 1
         for k in ti.static(range(3)):
             product *= 1 + ((near >> k) & 1) + ((near >> (k + 3)) & 1)
@@ -62,8 +62,7 @@ class MirrorImages:
 
     @ti.func
     def mirror_and_wall(self, mirrors):
-        """Returns the factors of mirrored vectors (-1 along mirrored axes) and the walls' positions
-        [m]."""
+        """Returns the mirrored vectors' factors (-1 along mirrored axes) and the walls [m]."""
         sign, wall = ti.Vector([1.0, 1.0, 1.0]), ti.Vector([0.0, 0.0, 0.0])
         size = self.size[None]
         for k in ti.static(range(3)):
@@ -82,8 +81,7 @@ class MirrorImages:
 
     @ti.func
     def read(self, entry):
-        """Returns neighbour j of an entry, its mirror and its wall: the image of a vector v is
-        mirror * v."""
+        """Returns neighbour j, its mirror and its wall; the image of a vector v is mirror * v."""
         mirror, wall = self.mirror_and_wall(entry >> INDEX_BITS)
         return self.neighbour(entry), mirror, wall
 

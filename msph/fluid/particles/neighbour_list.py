@@ -90,8 +90,8 @@ class NeighbourList:
         self.load(0, 0.0, True)
 
     def load(self, entries: int, margin: float, mirrored: bool) -> None:
-        """Prepares the list for a scene: largest number of entries, margin [m], whether walls are
-        mirrors. Raises ValueError for more particles than an entry can index."""
+        """Prepares the list for a scene. Raises ValueError for more particles than entries can
+        index."""
         if self.particles.capacity > INDEX_MASK:
             most, asked = f"{INDEX_MASK:,}", f"{self.particles.capacity:,}"
             raise ValueError(f"a list can name {most} particles, not {asked}")
@@ -126,8 +126,7 @@ class NeighbourList:
 
     @ti.func
     def span(self, i, mirrored: ti.template()):
-        """Returns the entries [begin, end) of particle i: its neighbours, or with `mirrored` its
-        images."""
+        """Returns the entries [begin, end) of i: its neighbours, or with `mirrored` its images."""
         begin, end = self.start[i], self.mirrors[i]
         if ti.static(mirrored):
             begin, end = self.mirrors[i], self.end[i]
@@ -198,8 +197,7 @@ class NeighbourList:
 
     @ti.func
     def _add_images(self, search: ti.template()):
-        """Adds the mirror images within reach of the particle and of its neighbours, branch-free as
-        _add_row()."""
+        """Adds the mirror images within reach of the particle and its neighbours, branch-free."""
         i, x, inner = search.i, search.x, search.inner
         layer = self.particles.layer[i]
         near = self.images.walls_near(x, self.max_reach[layer])
@@ -221,8 +219,7 @@ class NeighbourList:
 
     @ti.func
     def _remove_self(self, search: ti.template()):
-        """Replaces particle i's own entry by the last one: excluding i in _add_row() would take a
-        quarter of the search."""
+        """Removes i itself: excluding i in _add_row() would take a quarter of the search."""
         own = -1
         for s in range(search.first, search.place):
             own = ti.max(own, ti.select(self.index[s] == search.i, s, -1))
@@ -253,8 +250,7 @@ def list_reaches(specs: list[LayerSpec], margin: float, form: str) -> np.ndarray
 def list_tables(
     specs: list[LayerSpec], margin: float, form: str
 ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """Returns the list's columns of the table by layer, max_reach [m], and by pair, list_reach
-    [m]."""
+    """Returns the columns by layer (max_reach [m]) and by pair of layers (list_reach [m])."""
     reaches = list_reaches(specs, margin, form)
     return {"max_reach": reaches.max(axis=1)}, {"list_reach": reaches}
 
@@ -291,8 +287,7 @@ def max_neighbours(specs: list[LayerSpec], margin: float, form: str) -> int:
 def list_capacity(
     specs: list[LayerSpec], margin: float, form: str, capacity: int, pooled: bool = False
 ) -> int:
-    """Returns the number of entries for `capacity` particles; pooled: threads reserve them from a
-    pool (CPU)."""
+    """Returns the number of entries for `capacity` particles; pooled: on a CPU."""
     if not pooled:
         return capacity * max_neighbours(specs, margin, form)
     return max(

@@ -127,8 +127,8 @@ class Particles:
         n: ti.i32,
         touched: ti.i32,
     ):
-        """Writes all attributes in one kernel: one kernel each would take 10 ms to compile. Zeroes
-        the particles from n to `touched`."""
+        """Writes all attributes (a kernel for each takes 10 ms to compile); zeroes n to
+        `touched`."""
         for i in range(n):
             for column, field in ti.static(enumerate(self._vectors)):
                 for k in ti.static(range(3)):
