@@ -38,7 +38,7 @@ def room_for(needed: Room) -> Room:
 
 def grown(first: int, needed: int) -> int:
     """Returns `first` times a sufficient power of GROWTH, or `needed` beyond MAX_SIZE."""
-    found = first
-    while found < needed:
-        found = found * GROWTH if found * GROWTH <= MAX_SIZE else needed
-    return found
+    size = first
+    while size < needed:
+        size = size * GROWTH if size * GROWTH <= MAX_SIZE else needed
+    return size

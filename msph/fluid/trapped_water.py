@@ -24,7 +24,7 @@ class TrappedWaterError(MsphError):
 
     def __init__(self, body: int, name: str, time: float):
         self.body, self.name = body, name
-        super().__init__(f"{name} presses water that has nowhere to go at t = {time:.3f} s")
+        super().__init__(f"{name} compresses water that cannot flow away at t = {time:.3f} s")
 
 
 def check_trapped_water(

@@ -37,7 +37,7 @@ class World:
         taken = field_trees()
         if taken > TREES - NEEDED:
             raise RuntimeError(
-                f"{taken} of {TREES} trees of Taichi's fields are taken: "
+                f"{taken} of {TREES} Taichi field trees are in use: "
                 "no room for another simulation in this process"
             )
         constants, layers = Constants(), Layers()

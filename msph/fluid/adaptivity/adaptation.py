@@ -20,12 +20,10 @@ from msph.taichi_internals import data_oriented, kernel
 
 ATTRIBUTES = (
     Attribute("depth", "m", "below the free surface, as of the last pass", view="depth"),
-    Attribute(
-        "settling", "-", "passes to wait until it adapts again", integer=True, inherited=False
-    ),
-    Attribute("mark", "-", "-1: to be split, 1: to be merged", integer=True, carried=False),
-    Attribute("partner", "-", "whom it would merge with", integer=True, carried=False),
-    Attribute("alive", "-", "0 for what was merged into another", integer=True, carried=False),
+    Attribute("settling", "-", "wait until the next split or merge", integer=True, inherited=False),
+    Attribute("mark", "-", "-1: split, 1: merge", integer=True, carried=False),
+    Attribute("partner", "-", "particle that it may merge with", integer=True, carried=False),
+    Attribute("alive", "-", "0 if merged into another particle", integer=True, carried=False),
 )
 
 # Distance of a split's halves from their centre, in spacings of the split particle.
@@ -175,17 +173,17 @@ class Adaptation:
         list.
         """
         p, n = self.particles, self.particles.count
-        most = max(8, int((self.parameters.budget if budget is None else budget) * n))
+        limit = max(8, int((self.parameters.budget if budget is None else budget) * n))
         self.depth.refresh()
         self.contact.refresh_clearance()
         self.tally.fill(0)
         self.mark_particles(n, self.thickness, SPLIT_HYSTERESIS)
         self.find_partners(n)
-        self.merge(n, most)
-        self.split(n, most, p.capacity)
+        self.merge(n, limit)
+        self.split(n, limit, p.capacity)
         splits, merges, refused = self.tally.to_numpy().tolist()
-        splits = min(splits, most, p.capacity - n)
-        merges = min(merges, most)
+        splits = min(splits, limit, p.capacity - n)
+        merges = min(merges, limit)
         self.totals += splits, merges
         p.count = n + splits
         if merges:
@@ -204,7 +202,7 @@ class Adaptation:
 
     @kernel
     def wait(self, n: ti.i32):
-        """Decrements `settling`, the passes that each particle still waits."""
+        """Decrements `settling`, in units of `every` steps."""
         for i in range(n):
             self.particles.settling[i] = ti.max(self.particles.settling[i] - 1, 0)
 
@@ -244,13 +242,13 @@ class Adaptation:
             self.particles.partner[i] = best
 
     @kernel
-    def merge(self, n: ti.i32, most: ti.i32):
+    def merge(self, n: ti.i32, limit: ti.i32):
         """Merges mutual partners at their centre of mass with their mean velocity."""
         for i in range(n):
-            j, order = self.particles.partner[i], most
+            j, order = self.particles.partner[i], limit
             if j > i and self.particles.partner[j] == i:
                 order = ti.atomic_add(self.tally[1], 1)
-            if order < most:
+            if order < limit:
                 layer = self.particles.layer[i]
                 mass, dv = self.layers.mass[layer], self.particles.v[i] - self.particles.v[j]
                 r = self.particles.x[i] - self.particles.x[j]
@@ -293,21 +291,21 @@ class Adaptation:
             self.particles.v[best] += impulse / m_k
 
     @kernel
-    def split(self, n: ti.i32, most: ti.i32, capacity: ti.i32):
+    def split(self, n: ti.i32, limit: ti.i32, capacity: ti.i32):
         """Replaces marked particles by two halves at +- split_offset().
 
-        Splits at most `most` particles, and no more than `capacity` allows.
+        Splits at most `limit` particles, and no more than `capacity` allows.
         """
         for i in range(n):
-            offset, place = ti.Vector([0.0, 0.0, 0.0]), most
+            offset, place = ti.Vector([0.0, 0.0, 0.0]), limit
             if self.particles.mark[i] == -1:
                 offset = self.split_offset(i)
                 if offset.norm() > MIN_SPLIT_OFFSET * self.layers.spacing[self.particles.layer[i]]:
                     place = ti.atomic_add(self.tally[0], 1)
             j = n + place
-            if place < most and j >= capacity:
+            if place < limit and j >= capacity:
                 self.tally[2] += 1
-            elif place < most:
+            elif place < limit:
                 layer = self.finer[self.particles.layer[i]]
                 self.particles.x[j] = self.particles.x[i] + offset
                 self.particles.x[i] -= offset

@@ -12,29 +12,33 @@ RATIO_TOLERANCE = 0.01
 class AdaptationParameters(Section):
     """Parameters of splitting and merging. Evidence for the defaults: docs/method.md."""
 
-    enabled: bool = parameter(False, text="let particles change their layer with their depth")
+    enabled: bool = parameter(False, text="split and merge particles by their depth")
     capacity: int | None = parameter(
         None,
         gt=0,
-        text="most particles; beyond, fine layers grow thinner. Default: all water at its "
-        "finest, at most 16,000 or twice the particles at the start",
+        text="largest number of particles; near it, fine layers become thinner. Default: all water "
+        "at its finest, at most 16,000 or twice the particles at the start",
     )
     band: float = parameter(
         1.25, ge=0.5, le=50.0, text="thickness of a layer's band, in its supports"
     )
     hysteresis: float = parameter(
-        0.3, ge=0.0, le=0.4, text="share of a band's bound that a particle must pass"
+        0.3,
+        ge=0.0,
+        le=0.4,
+        text="share of a band's limit by which particles must exceed it",
     )
-    every: int = parameter(8, ge=1, text="steps between passes, at least")
+    every: int = parameter(8, ge=1, text="least number of steps between passes")
     travel: float = parameter(
-        4.0, ge=0.0, text="spacings that the fastest particle goes between passes"
+        4.0, ge=0.0, text="distance of the fastest particle between passes, in spacings"
     )
     budget: float = parameter(
-        0.1, gt=0.0, le=1.0, text="share of all particles that a pass may change"
+        0.1,
+        gt=0.0,
+        le=1.0,
+        text="largest share of the particles that a pass splits, or merges",
     )
-    settle: int = parameter(
-        3, ge=0, text="times `every` steps that a particle waits until its next change"
-    )
+    settle: int = parameter(3, ge=0, text="wait after a split or merge, in units of `every` steps")
 
 
 def bands(specs: list[LayerSpec], band: float) -> list[tuple[float, float]]:

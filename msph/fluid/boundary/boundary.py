@@ -157,15 +157,15 @@ class Boundary:
         last = [self.stopped.get(k, math.inf) for k in range(self.count)]
         ends = [(min(time, t), min(time + dt, t)) for t in last]
         motions = [body.motion for body in self.bodies]
-        ways = np.array(
+        shifts = np.array(
             [[m.offset(t) for t in pair] for m, pair in zip(motions, ends, strict=True)]
         )
         if dt > 0.0:
-            self.velocities = (ways[:, END] - ways[:, BEGIN]) / dt
+            self.velocities = (shifts[:, END] - shifts[:, BEGIN]) / dt
             spins = [m.spin() * (b > a) for m, (a, b) in zip(motions, ends, strict=True)]
             self.spins = np.array(spins)
         self._poses.fill(
-            centre=np.array([centre(body) for body in self.bodies])[:, None] + ways,
+            centre=np.array([centre(body) for body in self.bodies])[:, None] + shifts,
             rotation=[[m.rotation(t) for t in pair] for m, pair in zip(motions, ends, strict=True)],
             velocity=np.stack([self.velocities] * 2, axis=1),
             spin=np.stack([self.spins] * 2, axis=1),

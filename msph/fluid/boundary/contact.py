@@ -17,9 +17,9 @@ from msph.taichi_internals import data_oriented, kernel
 vec3 = ti.math.vec3
 
 ATTRIBUTES = (
-    Attribute("boundary_share", "-", "the bodies' part of c", carried=False),
-    Attribute("boundary_gradient", "1/m", "its gradient", width=3, carried=False),
-    Attribute("boundary_inflow", "1/s", "its rate by the bodies' motion", carried=False),
+    Attribute("boundary_share", "-", "part of the relative density c by bodies", carried=False),
+    Attribute("boundary_gradient", "1/m", "gradient of boundary_share", width=3, carried=False),
+    Attribute("boundary_inflow", "1/s", "rate of boundary_share by bodies' motion", carried=False),
     Attribute("clearance", "m", "distance from the nearest body", carried=False),
 )
 

@@ -13,7 +13,7 @@ from msph.fluid.boundary.sampled_fields import SampleLattice
 
 vec2, vec3 = ti.math.vec2, ti.math.vec3
 
-FAR = 1e9
+FAR = 1e9  # distance not yet known [m]
 
 
 def signed_distance(corners: np.ndarray, lattice: SampleLattice, band: float) -> np.ndarray:

@@ -23,30 +23,30 @@ ROWS = {
     "per_volume": f32,  # [1/m^3]
     "spacing": f32,  # [m]
     "support": f32,  # [m]
-    "gravity_factor": f32,  # of the classic method (-)
-    "viscosity": f32,  # of the classic method [Pa s]
-    "wendland": i32,  # 1: the classic method takes Wendland's kernel
+    "gravity_factor": f32,  # classic method (-)
+    "viscosity": f32,  # classic method [Pa s]
+    "wendland": i32,  # classic method: 1 for Wendland's kernel
     "per_support": f32,  # [1/m]
     "dims": ti.math.ivec3,  # cells of its grid along each axis
     "offset": i32,  # first cell of its grid
     "max_reach": f32,  # reach of its neighbour list [m]
-    "own": f32,  # a particle's part of its own density (-)
-    "own_bell": f32,  # the same by the bell kernel (-)
+    "own": f32,  # contribution of a particle to its own relative density (-)
+    "own_bell": f32,  # the same with the bell kernel (-)
     "per_yield": f32,  # factor of the bodies' shares (-)
-    "wall_support": f32,  # of the kernel of bodies' integrals [m]
-    "swell": f32,  # by which bodies are larger for it [m]
-    "top": f32,  # of its band of depths [m]
-    "bottom": f32,  # [m]
-    "coarser": i32,  # the layer that two of its particles merge into, or -1
-    "finer": i32,  # the layer that its particles split into, or -1
+    "wall_support": f32,  # support of the kernel in the bodies' integrals [m]
+    "swell": f32,  # enlargement of bodies [m]
+    "top": f32,  # depth of its band's top [m]
+    "bottom": f32,  # depth of its band's bottom [m]
+    "coarser": i32,  # layer that two of its particles merge into, or -1
+    "finer": i32,  # layer that its particles split into, or -1
 }
 # Columns of the table by pair of layers.
 PAIRS = {
-    "per_h": f32,  # over their symmetric support [1/m]
+    "per_h": f32,  # 1 over the symmetric support [1/m]
     "list_reach": f32,  # of the neighbour list [m]
-    "scale": f32,  # turns the kernel's shape into V_j W_ij (-)
-    "bell_scale": f32,  # the same of the bell (-)
-    "stress_share": f32,  # of a pair's stress that is the first one's (-)
+    "scale": f32,  # factor from the kernel's shape to V_j W_ij (-)
+    "bell_scale": f32,  # the same for the bell kernel (-)
+    "stress_share": f32,  # first particle's share of a pair's stress (-)
 }
 
 
@@ -93,12 +93,12 @@ def pair_support(h_i, h_j):
 
 
 def stress_share(supports: np.ndarray) -> np.ndarray:
-    """Share (n, n) of the stress of a pair of layers that belongs to the first (-); the other has
-    the rest of 1. supports (n,) [m].
+    """Returns the first layer's share (-), (n, n), of the stress of pairs of layers with supports
+    (n,) [m]; the second layer has the remainder of 1.
 
-    A pair's stress acts all along the line between its ends. Counted at the ends, it exceeds that
-    by 1/12 (r.grad)^2 in any mean: nothing among equals, but not between layers, where the second
-    moment of pairs varies as h^2. This share cancels it to second order, whatever the kernel
+    A pair's stress acts along the line between its ends. Assigned to the ends, its mean is too
+    large by 1/12 (r.grad)^2: zero between equals, but not between layers, where the second moment
+    of pairs varies as h^2. This share cancels the error to second order for every kernel
     (docs/method.md, "Pressure").
     """
     own, other = supports[:, None], supports

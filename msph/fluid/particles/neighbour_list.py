@@ -93,8 +93,9 @@ class NeighbourList:
         """Prepares the list for a scene. Raises ValueError for more particles than entries can
         index."""
         if self.particles.capacity > INDEX_MASK:
-            most, asked = f"{INDEX_MASK:,}", f"{self.particles.capacity:,}"
-            raise ValueError(f"a list can name {most} particles, not {asked}")
+            raise ValueError(
+                f"{self.particles.capacity:,} particles: a neighbour list indexes {INDEX_MASK:,}"
+            )
         self.entries, self.margin, self.mirrored = entries, margin, mirrored
         self.slack = 0.0
         self.generation = -1

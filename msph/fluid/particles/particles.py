@@ -44,12 +44,10 @@ class Attribute:
 
 
 CORE = (
-    Attribute(
-        "x", "m", "position in the box's frame, min corner the origin", width=3, inherited=False
-    ),
+    Attribute("x", "m", "position from the box's lowest corner", width=3, inherited=False),
     Attribute("v", "m/s", "velocity", width=3, inherited=False, view="speed"),
-    Attribute("layer", "-", "index of its layer", integer=True, inherited=False, view="layers"),
-    Attribute("id", "-", "identity that sorting does not change", integer=True, inherited=False),
+    Attribute("layer", "-", "layer index", integer=True, inherited=False, view="layers"),
+    Attribute("id", "-", "identifier, unchanged by sorting", integer=True, inherited=False),
 )
 
 
