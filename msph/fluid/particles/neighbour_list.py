@@ -82,8 +82,8 @@ class NeighbourList:
         self.load(0, 0.0, True)
 
     def load(self, entries: int, margin: float, mirrored: bool) -> None:
-        """Prepares the list for a scene. Raises ValueError for more particles than entries can
-        index."""
+        """Sets the largest number of entries, the margin [m], and whether walls are mirrors. Raises
+        ValueError for more particles than entries can index."""
         if self.particles.capacity > INDEX_MASK:
             raise ValueError(
                 f"{self.particles.capacity:,} particles: a neighbour list indexes {INDEX_MASK:,}"
