@@ -47,11 +47,11 @@ class BodyShading:
         the bounding box of body b, enlarged by `more` [m]."""
         c = p - self.boundary.centre[b, END]
         along = c.dot(r)
-        half = along * along - c.norm_sqr() + (self.boundary.reach[b] + more) ** 2
+        half = along * along - c.norm_sqr() + (self.boundary.bounding_radius[b] + more) ** 2
         found = vec2(1.0, 0.0)
         if half > 0.0:
             found = vec2(ti.max(-along - ti.sqrt(half), 0.0), ti.min(-along + ti.sqrt(half), most))
-            turn, offset = self.boundary.turn[b, END].transpose(), self.offset()
+            turn, offset = self.boundary.rotation[b, END].transpose(), self.offset()
             q, s = turn @ c, turn @ r
             for k in ti.static(range(3)):
                 # The margin keeps body faces that coincide with the bounding box.
@@ -101,7 +101,9 @@ class BodyShading:
         for b in range(self.numbers.count[None]):
             if self.boundary.side[b] > 0.0:
                 # March where the penumbra can reach.
-                ahead = (self.boundary.centre[b, END] - p).dot(to_sun) + self.boundary.reach[b]
+                ahead = (self.boundary.centre[b, END] - p).dot(
+                    to_sun
+                ) + self.boundary.bounding_radius[b]
                 part = self.span(b, p, to_sun, ahead, ahead / SHADOW_SHARPNESS)
                 t, steps = ti.max(part[0], self.offset()), 0
                 while t < part[1] and steps < MAX_STEPS:
