@@ -1,4 +1,4 @@
-"""docs/method.md agrees with the code: the algorithm of a step, and the titles that code refers to."""
+"""Tests that docs/method.md agrees with the code: the algorithm of a step, and quoted titles."""
 
 import ast
 import re
