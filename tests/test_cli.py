@@ -316,7 +316,7 @@ velocity = [0, -2, 0]
     result = msph("measure", scene, "-o", out, "--seconds", 0.5, "--set", "method=projection")
     assert result.returncode == 1 and "Traceback" not in result.stderr
     last = result.stderr.strip().splitlines()[-1]
-    assert last.startswith("msph: obstacles.0 presses water that has nowhere to go at t = ")
+    assert last.startswith("msph: obstacles.0 compresses water that cannot flow away at t = ")
     assert json.loads((out / "summary.json").read_text())["failure"] in last
 
 

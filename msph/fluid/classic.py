@@ -92,7 +92,7 @@ class Classic:
     SMOOTHING = 2.0
 
     @staticmethod
-    def every_attribute() -> tuple[Attribute, ...]:
+    def all_attributes() -> tuple[Attribute, ...]:
         """All attributes that any scene may use, beyond the core."""
         return ATTRIBUTES
 
@@ -138,17 +138,17 @@ class Classic:
         return {}, {}
 
     @staticmethod
-    def reach(parameters: ClassicParameters) -> str:
+    def list_form(parameters: ClassicParameters) -> str:
         """Form of the neighbour list: symmetrised pressures need either particle's support."""
         return "scatter" if parameters.pressure_form == "mean" else "widest"
 
     def arrange(self) -> None:
         """Leaves the particles where the scene placed them, as the thesis does."""
 
-    def longest_step(self, leeway: float = 1.0) -> float:
+    def longest_step(self, safety: float = 1.0) -> float:
         """Largest stable time step [s]: sound crosses courant * h, viscosity diffuses within h.
 
-        Motion does not bound it, so that `leeway` has no use here.
+        Motion does not bound it, so that `safety` has no use here.
         """
         c = self.parameters.stiffness**0.5
         steps = [self.parameters.courant * s.support / c for s in self.layers.specs]

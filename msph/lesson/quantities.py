@@ -69,7 +69,7 @@ def _frame_time(show: Show) -> float:
 
 def _exchanges(show: Show) -> float:
     adaptation = getattr(show.simulation.solver, "adaptation", None)
-    return float(sum(adaptation.passed)) if adaptation else 0.0
+    return float(sum(adaptation.totals)) if adaptation else 0.0
 
 
 def _mass_error(show: Show) -> float:

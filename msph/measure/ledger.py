@@ -84,7 +84,7 @@ class Ledger:
         # Times are sums of frames.
         self._density_due = self.simulation.time + self.density_every * (1.0 - 1e-6)
         self.simulation.measure_density()
-        rest = self.simulation.plan.rest_density
+        rest = self.simulation.layers.rest_density
         density = self.simulation.particles.numpy("density").astype(float)
         return np.maximum(density / rest - 1.0, 0.0)
 

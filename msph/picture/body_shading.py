@@ -47,11 +47,11 @@ class BodyShading:
         [m]: first and last t of 0..most."""
         c = p - self.boundary.centre[b, END]
         along = c.dot(r)
-        half = along * along - c.norm_sqr() + (self.boundary.reach[b] + more) ** 2
+        half = along * along - c.norm_sqr() + (self.boundary.bounding_radius[b] + more) ** 2
         found = vec2(1.0, 0.0)
         if half > 0.0:
             found = vec2(ti.max(-along - ti.sqrt(half), 0.0), ti.min(-along + ti.sqrt(half), most))
-            turn, clear = self.boundary.turn[b, END].transpose(), self.clear()
+            turn, clear = self.boundary.rotation[b, END].transpose(), self.clear()
             q, s = turn @ c, turn @ r
             for k in ti.static(range(3)):
                 # A face may be part of the body.
@@ -100,7 +100,8 @@ class BodyShading:
         for b in range(self.numbers.count[None]):
             if self.boundary.side[b] > 0.0:
                 # As far from the body as its shadow is soft.
-                ahead = (self.boundary.centre[b, END] - p).dot(to_sun) + self.boundary.reach[b]
+                ahead = (self.boundary.centre[b, END] - p).dot(to_sun)
+                ahead += self.boundary.bounding_radius[b]
                 part = self.span(b, p, to_sun, ahead, ahead / SOFT)
                 t, steps = ti.max(part[0], self.clear()), 0
                 while t < part[1] and steps < STEPS:

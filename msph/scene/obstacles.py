@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from msph.fluid.boundary.rigid_bodies import Ball, Block, Body, Motion, Solid, reach
-from msph.fluid.methods import METHODS, able
+from msph.fluid.boundary.rigid_bodies import Ball, Block, Body, Motion, Solid, bounding_radius
+from msph.fluid.methods import METHODS, methods_with
 from msph.scene.errors import SceneError, in_metres
 from msph.scene.meshes import MeshError, load_mesh
 from msph.scene.schema import Container, Obstacle, Scene
@@ -45,7 +45,7 @@ def placed(mesh: Obstacle | Container) -> tuple[np.ndarray, np.ndarray]:
     """Vertices [m] and triangles of a mesh, scaled, rotated about x, y and z, and put in place."""
     vertices, triangles = load_mesh(str(mesh.mesh))
     about_x, about_y, about_z = (
-        Motion(axis=axis, rate=math.radians(angle)).turn(1.0)
+        Motion(axis=axis, rate=math.radians(angle)).rotation(1.0)
         for axis, angle in zip(((1, 0, 0), (0, 1, 0), (0, 0, 1)), mesh.rotation, strict=True)
     )
     turned = vertices * mesh.scale @ (about_z @ about_y @ about_x).T
@@ -58,7 +58,8 @@ def check_bodies(scene: Scene, spacing: float, where: str) -> list[Body]:
     found: list[Body] = []
     if (scene.obstacles or scene.container) and not METHODS[scene.method].HAS_BODIES:
         key = "obstacles" if scene.obstacles else "container"
-        raise SceneError(where, f"only {able('HAS_BODIES')} models them, not {scene.method}", key)
+        able = methods_with("HAS_BODIES")
+        raise SceneError(where, f"only {able} models them, not {scene.method}", key)
     if scene.container is not None:
         _check_mesh(scene.container, where, "container")
         found.append(_container(scene.container))
@@ -89,10 +90,10 @@ def _check_obstacle(scene: Scene, obstacle: Obstacle, spacing: float, where: str
     if not any(obstacle.axis):
         raise SceneError(where, "has no direction", f"{key}.axis")
     made = body(obstacle)
-    if made.motion.top_speed(reach(made)) > FASTEST:
+    if made.motion.top_speed(bounding_radius(made)) > FASTEST:
         raise SceneError(
             where,
-            f"its surface moves at {made.motion.top_speed(reach(made)):.3g} m/s; at most "
+            f"its surface moves at {made.motion.top_speed(bounding_radius(made)):.3g} m/s; at most "
             f"{FASTEST:g}, beyond which water is not incompressible",
             key,
         )

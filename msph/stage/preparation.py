@@ -67,7 +67,7 @@ def prepare_row(
             scene,
             1.0 / scene.play.fps,
             each,
-            tell=tell,
+            on_progress=tell,
             timings=Timings(keep=1 if alone else KEPT),
             **PLAYED,
         )

@@ -435,7 +435,7 @@ def test_steps_keep_their_length_while_it_is_allowed_and_not_much_too_short(coll
     taken = []
     for allowed in (1.0, 1.9, 2.1, 2.6, 2.1, 0.9):  # in half frames
         monkeypatch.setattr(
-            collision.solver, "longest_step", lambda leeway=1.0, a=allowed: a / leeway / 120
+            collision.solver, "longest_step", lambda safety=1.0, a=allowed: a / safety / 120
         )
         before = collision.steps
         collision.advance(1 / 60, WEIGHTLESS)

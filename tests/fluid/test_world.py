@@ -5,7 +5,7 @@ import pytest
 
 from msph.fluid import world
 from msph.fluid.external_forces import ExternalForces
-from msph.fluid.room import FIRST, MOST, Room, grown, room_for
+from msph.fluid.room import FIRST, MAX_SIZE, Room, grown, room_for
 from msph.options import QUALITIES
 from msph.scene import build_simulation, load_scene
 from msph.scene.library import shipped_scenes
@@ -89,7 +89,7 @@ def test_rooms_grow_by_kind_and_within_what_indices_name():
     assert more.particles == 2 * FIRST.particles and more.samples == 8 * FIRST.samples
     assert (more.entries, more.cells, more.depth_cells) == (FIRST.entries, FIRST.cells, 27_000)
     assert grown(3, 3 * 2**20) == 3 * 2**20
-    assert grown(FIRST.entries, MOST + 1) == MOST + 1
+    assert grown(FIRST.entries, MAX_SIZE + 1) == MAX_SIZE + 1
 
 
 def test_sixty_four_obstacles_and_a_container_fit(tmp_path):

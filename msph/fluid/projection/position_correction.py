@@ -200,7 +200,7 @@ class PositionCorrection:
         """Largest speed [m/s] at which walls within reach of x approach or recede; all of |v| by
         bodies, whose sides may face anywhere."""
         h = self.layers.support[self.particles.layer[i]]
-        speed, near = 0.0, self.neighbours.images.near(x, h)
+        speed, near = 0.0, self.neighbours.images.walls_near(x, h)
         for k in ti.static(range(3)):
             meets = ((near >> k) | (near >> (k + 3))) & 1
             speed = ti.max(speed, meets * abs(v[k]))

@@ -141,7 +141,7 @@ class Projection:
         return rows, pairs
 
     @staticmethod
-    def every_attribute() -> tuple[Attribute, ...]:
+    def all_attributes() -> tuple[Attribute, ...]:
         """All attributes that any scene may use, beyond the core."""
         own = (a for force in forces.FORCES for a in force.ATTRIBUTES)
         return (*ATTRIBUTES, *own, *ADAPTATION_ATTRIBUTES)
@@ -153,7 +153,7 @@ class Projection:
         return (*ATTRIBUTES, *own, *(ADAPTATION_ATTRIBUTES if adaptive else ()))
 
     @staticmethod
-    def reach(parameters: ProjectionParameters) -> str:
+    def list_form(parameters: ProjectionParameters) -> str:
         """Form of the neighbour list."""
         return "pair"
 
@@ -199,10 +199,10 @@ class Projection:
                 break
         self.impulses.clear()
         if self.adaptation:
-            self.adaptation.passed[:] = 0
+            self.adaptation.totals[:] = 0
 
-    def longest_step(self, leeway: float = 1.0) -> float:
-        """Largest time step [s] now, `leeway` times as short as motion and pressure allow.
+    def longest_step(self, safety: float = 1.0) -> float:
+        """Largest time step [s] now, `safety` times as short as motion and pressure allow.
 
         No particle moves farther than cfl of its spacing past its neighbours and walls, nor farther
         than LEAP times as much. And forces are constant within a step, while an arrangement under
@@ -212,7 +212,7 @@ class Projection:
         # Nor may a body overtake the water that it pushes.
         body = self.boundary.top_speed / (self.parameters.cfl * self.layers.finest.spacing)
         rate = max(self.top_rate, body)
-        bound = 1.0 / (leeway * rate) if rate > 0.0 else self.parameters.longest_step
+        bound = 1.0 / (safety * rate) if rate > 0.0 else self.parameters.longest_step
         stable = min(force.longest_step for force in self.forces)
         longest = min(bound, self.parameters.longest_step, stable)
         return FIRST_STEP * longest if self.first else longest
@@ -235,7 +235,7 @@ class Projection:
             self.contact.drift(0.5 * dt)  # x, v -> x; v where walls and bodies stop particles
             self.boundary.move(0.5 * dt)  # body poses and velocities at t + dt/2, at t + dt
             self.particles_moved()
-        if self.adaptation and self.adaptation.due():
+        if self.adaptation and self.adaptation.pass_due():
             with stage("adaptation"):
                 self.neighbours.refresh()
                 self.adaptation.run()  # x, v, layer, neighbours -> all attributes: split, merged
