@@ -1,6 +1,6 @@
-"""The forces of the projection method, in the order in which a step applies them.
+"""Forces of the projection method, in the order in which a step applies them.
 
-A new force is a file with a class like these, and a line in FORCES; see docs/extending.md.
+A new force is a class with the methods of Force and an entry in FORCES (docs/extending.md).
 """
 
 from typing import Protocol
@@ -17,8 +17,11 @@ from msph.fluid.projection.xsph import Xsph
 
 
 class Force(Protocol):
-    """Changes velocities within a step. ATTRIBUTES: of its own on the particles; longest_step [s]:
-    the longest step in which it is stable, infinity for any."""
+    """Interface of a force, which changes velocities within a step.
+
+    ATTRIBUTES: the force's own particle attributes. longest_step [s]: the longest stable step,
+    infinity if every step is stable.
+    """
 
     ATTRIBUTES: tuple[Attribute, ...]
     longest_step: float
@@ -26,20 +29,16 @@ class Force(Protocol):
     def __init__(self, shared: Discretisation): ...
 
     @staticmethod
-    def wanted(parameters: ProjectionParameters) -> bool:
-        """Whether the scene asks for it: else it costs nothing."""
+    def enabled(parameters: ProjectionParameters) -> bool:
+        """Returns whether the scene uses the force; if not, the force costs nothing."""
 
     def tune(self, parameters: ProjectionParameters) -> None:
-        """Takes over those parameters that are live (msph.parameter)."""
+        """Updates the live parameters (msph.parameter)."""
 
     def apply(self, dt: float, external: ExternalForces) -> None:
-        """Velocities after dt [s] of this force."""
+        """Advances the velocities by dt [s] under this force."""
 
 
-# XSPH before gravity: after it it would brake the fall that the floor's pressure has yet to stop.
+# XSPH precedes gravity: after it, XSPH would brake water at rest on a floor, whose fall the
+# pressure has not stopped yet.
 FORCES: tuple[type[Force], ...] = (Xsph, BodyForce, ShearRelief, SurfaceTension, Viscosity)
-
-
-def wanted(parameters: ProjectionParameters) -> tuple[type[Force], ...]:
-    """The forces that a scene of these parameters has."""
-    return tuple(force for force in FORCES if force.wanted(parameters))
