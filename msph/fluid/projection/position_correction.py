@@ -61,7 +61,6 @@ class PositionCorrection:
         self.iterations = iterations
         # Compiled here (launched on no particles), so that the first splash does not wait.
         self._mark_crowds(0)
-        self._relax_crowds(0)
 
     def find(self, dt: float) -> float:
         """Finds displacements that end crowding in a step of dt [s]; returns the largest density
@@ -73,12 +72,12 @@ class PositionCorrection:
         if rounds > 1:
             self._mark_crowds(n)
             for _ in range((rounds - 1) * self.iterations):
-                self._relax_crowds(n)
-            self._relax(n, dt, 1.0)
+                self._relax(n, dt, 0.0, 2)
+            self._relax(n, dt, 1.0, 0)
         else:
             self._relax_from_zero(n, dt)
         for _ in range(self.iterations - 1):
-            self._relax(n, dt, 0.0)
+            self._relax(n, dt, 0.0, 0)
         return largest
 
     @kernel
@@ -88,7 +87,8 @@ class PositionCorrection:
         for i in range(n):
             r = self.density.excess(i) + self._background(i, dt)
             p.position_multiplier[i] = self.relaxed(i, 0.0, r)
-        self._displace(n)
+        for i in range(n):
+            p.position_correction[i] = self.operator.displacement(i, p.position_multiplier)
 
     @kernel
     def _mark_crowds(self, n: ti.i32):
@@ -112,33 +112,21 @@ class PositionCorrection:
                         p.crowding[j] = 1
 
     @kernel
-    def _relax_crowds(self, n: ti.i32):
-        """_relax() of marked particles only, without the background."""
+    def _relax(self, n: ti.i32, dt: ti.f32, background: ti.f32, crowding: ti.i32):
+        """q += omega r/D, at least 0, with r = c - 1 + sum V_j (u_i - u_j).grad W_ij, the
+        displacements u in position_correction; `background` (-) times the background is added.
+
+        For particles of at least this crowding; those of one less are displaced too.
+        """
         p = self.particles
         for i in range(n):
-            if p.crowding[i] == 2:
+            if p.crowding[i] >= crowding:
                 r = self.density.excess(i) + self.operator.divergence(i, p.position_correction)
+                r += background * self._background(i, dt)
                 p.position_multiplier[i] = self.relaxed(i, p.position_multiplier[i], r)
         for i in range(n):
-            if p.crowding[i] > 0:
+            if p.crowding[i] >= crowding - 1:
                 p.position_correction[i] = self.operator.displacement(i, p.position_multiplier)
-
-    @kernel
-    def _relax(self, n: ti.i32, dt: ti.f32, background: ti.f32):
-        """q += omega r/D, at least 0, with r = c - 1 + sum V_j (u_i - u_j).grad W_ij, the
-        displacements u in position_correction; `background` (-) times the background is added."""
-        p = self.particles
-        for i in range(n):
-            r = self.density.excess(i) + self.operator.divergence(i, p.position_correction)
-            r += background * self._background(i, dt)
-            p.position_multiplier[i] = self.relaxed(i, p.position_multiplier[i], r)
-        self._displace(n)
-
-    @ti.func
-    def _displace(self, n):
-        p = self.particles
-        for i in range(n):
-            p.position_correction[i] = self.operator.displacement(i, p.position_multiplier)
 
     @ti.func
     def relaxed(self, i, q, r):
