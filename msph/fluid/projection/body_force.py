@@ -1,34 +1,21 @@
 """Gravity, the user's hand, and the excess pressure of mirror images behind walls."""
 
-import math
-
 import taichi as ti
 
 from msph.fluid.external_forces import ExternalForces, hand_acceleration
-from msph.fluid.particles.particles import Attribute
 from msph.fluid.projection.discretisation import Discretisation
-from msph.fluid.projection.parameters import ProjectionParameters
+from msph.fluid.projection.force import Force
 from msph.fluid.projection.virial_pressure import VirialPressure
 from msph.taichi_internals import data_oriented, kernel
 
 
 @data_oriented
-class BodyForce:
+class BodyForce(Force):
     """Force that accelerates all particles by the external forces."""
 
-    ATTRIBUTES: tuple[Attribute, ...] = ()
-
-    @staticmethod
-    def enabled(parameters: ProjectionParameters) -> bool:
-        return True
-
     def __init__(self, shared: Discretisation):
-        self.layers, self.particles = shared.layers, shared.particles
-        self.impulses, self.virial = shared.impulses, VirialPressure(shared, shared.density)
-        self.longest_step = math.inf
-
-    def tune(self, parameters: ProjectionParameters) -> None:
-        """Does nothing: there are no live parameters."""
+        super().__init__(shared)
+        self.virial = VirialPressure(shared, shared.density)
 
     def apply(self, dt: float, external: ExternalForces) -> None:
         self._accelerate(self.particles.count, dt, *external.arguments())

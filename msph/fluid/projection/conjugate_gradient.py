@@ -17,8 +17,7 @@ from typing import Any
 
 import taichi as ti
 
-from msph.fluid.particles.layers import Layers
-from msph.fluid.particles.particles import Particles
+from msph.fluid.parts import Parts
 from msph.taichi_internals import data_oriented, kernel, on_cpu
 
 # Least divisor, far below any diagonal, product or squared distance that occurs.
@@ -47,15 +46,14 @@ class ConjugateGradient:
 
     def __init__(
         self,
-        layers: Layers,
-        particles: Particles,
+        parts: Parts,
         operator: Any,
         residual: ti.Field,
         direction: ti.Field,
         diagonal: ti.Field | None = None,
         active: ti.Field | None = None,
     ):
-        self.layers, self.particles, self.operator = layers, particles, operator
+        self.layers, self.particles, self.operator = parts.layers, parts.particles, operator
         self.residual, self.direction = residual, direction
         self.diagonal, self.active, self.projected = diagonal, active, active is not None
         self.is_vector = isinstance(residual, ti.MatrixField)

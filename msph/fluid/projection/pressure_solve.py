@@ -47,13 +47,7 @@ class PressureSolve:
         self.boundary, self.impulses = shared.boundary, shared.impulses
         self.density, self.operator = shared.density, shared.operator
         self.gradients = ConjugateGradient(
-            shared.layers,
-            p,
-            shared.operator,
-            residual=p.residual,
-            direction=p.direction,
-            diagonal=p.diagonal,
-            active=p.active,
+            shared, shared.operator, p.residual, p.direction, diagonal=p.diagonal, active=p.active
         )
         self.virial = VirialPressure(shared, shared.density)
 

@@ -15,13 +15,11 @@ is taken out of the momentum balance; the differences between particles stay and
 (docs/method.md, "Shear relief").
 """
 
-import math
-
 import taichi as ti
 
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.particles import Attribute
-from msph.fluid.projection.discretisation import Discretisation
+from msph.fluid.projection.force import Force
 from msph.fluid.projection.parameters import MOTION_FACTOR, ProjectionParameters
 from msph.taichi_internals import data_oriented, kernel
 
@@ -57,7 +55,7 @@ def tensor_times_vector(normal, shear, g):
 
 
 @data_oriented
-class ShearRelief:
+class ShearRelief(Force):
     """Force div T/rho0 times the share `shear_relief` (-).
 
     Pairs exchange V_i V_j (T_i + T_j).grad W_ij, equal and opposite, so momentum is kept for all
@@ -75,13 +73,6 @@ class ShearRelief:
     @staticmethod
     def enabled(parameters: ProjectionParameters) -> bool:
         return parameters.shear_relief > 0.0
-
-    def __init__(self, shared: Discretisation):
-        self.layers, self.particles = shared.layers, shared.particles
-        self.neighbours, self.images = shared.neighbours, shared.neighbours.images
-        self.density, self.impulses = shared.density, shared.impulses
-        self.constants = shared.constants
-        self.longest_step = math.inf
 
     def tune(self, parameters: ProjectionParameters) -> None:
         self.share = parameters.shear_relief / self.layers.rest_density
@@ -120,7 +111,8 @@ class ShearRelief:
             pressure = normal.sum() / 3.0
             normal -= pressure
             size = ti.sqrt(normal.norm_sqr() + 2.0 * shear.norm_sqr())
-            share = self._among_equals(i)
+            difference = ti.abs(p.pair_spacing[i] / self.layers.spacing[layer] - 1.0)
+            share = fade_out(MAX_SPACING_DIFFERENCE, difference)
             share *= fade_out(MAX_ANISOTROPY, size / ti.max(pressure, MIN_STRESS))
             per_total = 1.0 / ti.max(total, MIN_WEIGHT)
             wave = ti.sqrt(ti.max(per_total * pressure, 0.0) / self.constants.rest_density[None])
@@ -158,13 +150,6 @@ class ShearRelief:
                 self.impulses.body_impulse[None] += m * body
                 self.impulses.wall_impulse[None] += m * body
             p.v[i] = v
-
-    @ti.func
-    def _among_equals(self, i):
-        """Returns 1 for a particle among particles of its size, 0 among others (-)."""
-        own = self.layers.spacing[self.particles.layer[i]]
-        difference = ti.abs(self.particles.pair_spacing[i] / own - 1.0)
-        return fade_out(MAX_SPACING_DIFFERENCE, difference)
 
     @ti.func
     def _free_of_bodies(self, i):

@@ -18,7 +18,7 @@ from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles import kernels
 from msph.fluid.particles.particles import Attribute
 from msph.fluid.projection.conjugate_gradient import MIN_DIVISOR
-from msph.fluid.projection.discretisation import Discretisation
+from msph.fluid.projection.force import Force
 from msph.fluid.projection.parameters import ProjectionParameters
 from msph.taichi_internals import data_oriented, kernel
 
@@ -37,7 +37,7 @@ CAPILLARY_FACTOR = 0.5
 
 
 @data_oriented
-class SurfaceTension:
+class SurfaceTension(Force):
     """Force of a surface tension `tension` [N/m]."""
 
     ATTRIBUTES = (
@@ -47,11 +47,6 @@ class SurfaceTension:
     @staticmethod
     def enabled(parameters: ProjectionParameters) -> bool:
         return parameters.tension > 0.0
-
-    def __init__(self, shared: Discretisation):
-        self.layers, self.particles = shared.layers, shared.particles
-        self.density, self.neighbours = shared.density, shared.neighbours
-        self.images = shared.neighbours.images
 
     def tune(self, parameters: ProjectionParameters) -> None:
         self.tension_per_density = parameters.tension / self.layers.rest_density

@@ -4,14 +4,13 @@ The pair forces of viscous_operator.py are equal, opposite and central, so momen
 momentum are kept and rigid rotation is not braked.
 """
 
-import math
-
 import taichi as ti
 
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.particles import Attribute
 from msph.fluid.projection.conjugate_gradient import ConjugateGradient
 from msph.fluid.projection.discretisation import Discretisation
+from msph.fluid.projection.force import Force
 from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.projection.viscous_operator import STIFFNESS, ViscousOperator
 from msph.taichi_internals import data_oriented, kernel
@@ -24,7 +23,7 @@ TOLERANCE, MAX_ITERATIONS = 1e-3, 400
 
 
 @data_oriented
-class Viscosity:
+class Viscosity(Force):
     """Force of a dynamic viscosity `viscosity` [Pa s]; with `slip` walls do not brake.
 
     The implicit step is backward Euler: conjugate gradients on (1 - dt nu lap) v = v*, which is
@@ -44,19 +43,12 @@ class Viscosity:
         return parameters.viscosity > 0.0
 
     def __init__(self, shared: Discretisation):
-        p = shared.particles
-        self.layers, self.particles, self.pressure = shared.layers, p, shared.operator
-        self.constants = shared.constants
+        super().__init__(shared)
+        p, self.pressure, self.iterations = shared.particles, shared.operator, 0
         self.operator = ViscousOperator(shared, p.viscous_response)
         self.gradients = ConjugateGradient(
-            shared.layers,
-            p,
-            self.operator,
-            residual=p.viscous_residual,
-            direction=p.viscous_direction,
+            shared, self.operator, p.viscous_residual, p.viscous_direction
         )
-        self.longest_step = math.inf
-        self.iterations = 0
 
     def tune(self, parameters: ProjectionParameters) -> None:
         self.nu = parameters.viscosity / self.layers.rest_density

@@ -64,20 +64,15 @@ class ViscousOperator:
             for s in range(begin, end):
                 j, mirror, wall = self.neighbours.read(s, mirrored)
                 r_ij = self.images.offset(x, self.particles.x[j], mirror, wall)
-                weight = self.weight(layer, j, r_ij)
+                other, r2 = self.particles.layer[j], r_ij.norm_sqr()
+                per_h = self.layers.per_h[layer, other]
+                u = ti.max(1.0 - r2 * per_h * per_h, 0.0)
+                weight = self.layers.volume[other] * WEIGHT_FACTOR * per_h**5 * u * ti.sqrt(u)
+                weight /= ti.max(r2, MIN_DIVISOR)  # V_j a/r^2 [1/m^4]
                 along = (mirror * field[j] - v).dot(r_ij) * r_ij
                 if ti.static(mirrored):
                     # Images move against the water, so that the velocity is 0 at the wall.
-                    against = -NO_SLIP_FACTOR * r_ij.norm_sqr() * (field[j] + v)
+                    against = -NO_SLIP_FACTOR * r2 * (field[j] + v)
                     along = ti.select(slip == 1, along, against)
                 total += weight * along
         return total
-
-    @ti.func
-    def weight(self, layer, j, r_ij):
-        """Returns V_j a/r^2 [1/m^4]."""
-        other = self.particles.layer[j]
-        per_h, r2 = self.layers.per_h[layer, other], r_ij.norm_sqr()
-        u = ti.max(1.0 - r2 * per_h * per_h, 0.0)
-        factor = self.layers.volume[other] * WEIGHT_FACTOR * per_h**5
-        return factor * u * ti.sqrt(u) / ti.max(r2, MIN_DIVISOR)

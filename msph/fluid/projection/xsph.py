@@ -5,36 +5,26 @@ It damps motion shorter than the kernel and costs one pass. It is no viscosity: 
 on time step and particle size, about as nu = xsph h^2/(30 dt).
 """
 
-import math
-
 import taichi as ti
 
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles import kernels
-from msph.fluid.particles.particles import Attribute
-from msph.fluid.projection.discretisation import Discretisation
+from msph.fluid.projection.force import Force
 from msph.fluid.projection.parameters import ProjectionParameters
 from msph.taichi_internals import data_oriented, kernel
 
 
 @data_oriented
-class Xsph:
+class Xsph(Force):
     """Force that moves velocities towards the neighbours' mean by the share `xsph` (-) per step.
 
     Pair exchanges V_i V_j W_ij are equal and opposite, so momentum is kept for all layers; they are
     not central, so angular momentum is not kept.
     """
 
-    ATTRIBUTES: tuple[Attribute, ...] = ()
-
     @staticmethod
     def enabled(parameters: ProjectionParameters) -> bool:
         return parameters.xsph > 0.0
-
-    def __init__(self, shared: Discretisation):
-        self.layers, self.particles = shared.layers, shared.particles
-        self.neighbours, self.images = shared.neighbours, shared.neighbours.images
-        self.longest_step = math.inf
 
     def tune(self, parameters: ProjectionParameters) -> None:
         self.strength = parameters.xsph
