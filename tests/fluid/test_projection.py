@@ -248,7 +248,7 @@ def test_crowds_are_crowded_particles_and_their_neighbours(collision):
     p.x.from_numpy(near)
     solver.particles_moved()
     solver.measure_density()
-    solver.position_correction._find_crowds(p.count)
+    solver.position_correction._mark_crowds(p.count)
     x, h = p.numpy("x").astype(float), np.array([s.support for s in collision.layers.specs])
     h = h[p.numpy("layer")]
     met = np.linalg.norm(x[:, None] - x, axis=2) < pair_support(h, h)

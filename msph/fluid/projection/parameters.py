@@ -17,7 +17,7 @@ class ProjectionParameters(Section):
         text="limit of a particle's motion past its neighbours in a step, in spacings",
     )
     pressure_cfl: float = parameter(
-        0.7, gt=0.0, le=2.0, text="limit of the time step times sqrt(p/rho), in spacings"
+        0.7, gt=0.0, le=2.0, text="limit of sqrt(p/rho) times the time step, in spacings"
     )
     longest_step: float = parameter(1.0 / 60.0, ge=1e-7, le=0.1, unit="s", text="longest time step")
     release: float = parameter(
@@ -31,7 +31,7 @@ class ProjectionParameters(Section):
         live=(0.001, 0.5),
     )
     motion_tolerance: float = parameter(
-        0.01, ge=0.0, lt=1.0, text="and to the motion in the step; the two add up"
+        0.01, ge=0.0, lt=1.0, text="further error allowed, relative to the motion in the step"
     )
     velocity_iterations: int = parameter(
         120, ge=1, le=100_000, text="iteration limit of the velocity solve"

@@ -18,14 +18,10 @@ from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.particles.particles import Attribute
 from msph.fluid.parts import Parts
-from msph.fluid.projection import (
-    density,
-    position_correction,
-    pressure_operator,
-    pressure_solve,
-)
+from msph.fluid.projection import density, position_correction, pressure_operator, pressure_solve
 from msph.fluid.projection.density import Density
 from msph.fluid.projection.discretisation import Discretisation
+from msph.fluid.projection.force import Force
 from msph.fluid.projection.forces import FORCES
 from msph.fluid.projection.parameters import MOTION_FACTOR, ProjectionParameters
 from msph.fluid.projection.position_correction import PositionCorrection
@@ -67,10 +63,8 @@ class Projection:
     # At 2.45 both errors are small: narrower kernels resist shear, which makes waves too fast;
     # wider kernels smooth waves, which makes them too slow (docs/method.md, "Density").
     SMOOTHING = 2.45
-    # No margin, since every step searches a new list.
-    LIST_MARGIN = 0.0
-    # The kernel gradient of each entry of the list.
-    PER_ENTRY = 3
+    LIST_MARGIN = 0.0  # every step searches a new list
+    PER_ENTRY = 3  # the gradient
     MIRRORS = True
 
     parameters: ProjectionParameters
@@ -83,11 +77,11 @@ class Projection:
         operator = PressureOperator(parts, self.density.pair_gradient)
         shared = Discretisation(**vars(parts), density=self.density, operator=operator)
         self.position_correction = PositionCorrection(shared)
-        self.all_forces: list[Any] = [force(shared) for force in FORCES]
-        self.forces: list[Any] = []  # those that the scene enables
+        self.all_forces = [force(shared) for force in FORCES]
+        self.forces: list[Force] = []  # those that the scene enables
         self.pressure_solve = PressureSolve(shared)
-        self.adaptation_part = Adaptation(parts.room, shared)  # for scenes that adapt
-        self.adaptation: Any = None  # None if particles do not split and merge
+        self.built_adaptation = Adaptation(parts.room, shared)
+        self.adaptation: Adaptation | None = None  # None in scenes without splits and merges
         self.iterations, self.first_step, self.max_rate = 0, True, 0.0
 
     def load(
@@ -100,7 +94,7 @@ class Projection:
         self.tune(parameters)
         self.adaptation = None
         if adaptation is not None:
-            self.adaptation = self.adaptation_part
+            self.adaptation = self.built_adaptation
             self.adaptation.load(adaptation)
 
     @staticmethod
@@ -217,9 +211,9 @@ class Projection:
         is a context manager around each part, for profiling.
         """
         with stage("drift"):
-            self.boundary.move(0.5 * dt)  # body poses and velocities at t -> at t + dt/2
+            self.boundary.move(0.5 * dt)  # -> body poses and velocities at t and at t + dt/2
             self.contact.drift(0.5 * dt)  # x, v -> x; v where walls and bodies stop particles
-            self.boundary.move(0.5 * dt)  # body poses and velocities at t + dt/2 -> at t + dt
+            self.boundary.move(0.5 * dt)  # -> body poses and velocities at t + dt/2 and at t + dt
             self.particles_moved()
         if self.adaptation and self.adaptation.pass_due():
             with stage("adaptation"):
