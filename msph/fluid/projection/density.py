@@ -38,12 +38,12 @@ SURROUNDED = 0.997
 # Yields -1/3 sum V_j r_ij.grad W_ij on lattices (-), by support over spacing.
 SMOOTHINGS = (2.4, 2.45, 2.5, 2.6, 2.8, 3.0)
 YIELDS = (0.9964, 0.9962, 0.9970, 0.9980, 1.0016, 1.0011)
-# Defect of evenly spread particles at rest, and limit of the correction (-): honey needs 0.07.
+# Defect of evenly spread particles at rest, and limit of the correction (-); honey would need 0.07.
 REST_DEFECT, MAX_CORRECTION = 0.003, 0.06
 # Share of a step's reading in the correction: with 1 it alternates from step to step. And the
 # largest change in a step (-): after a larger one surrounded particles would read as a surface.
 BLEND, MAX_CORRECTION_CHANGE = 0.25, 1.0 - SURROUNDED
-# Least volume that a mean is divided by, in the particle's own volume.
+# Least divisor of the mean defect, in the particle's own volume (-).
 MIN_VOLUME_SHARE = 1e-3
 # Entries whose gradients are computed together: the largest vector that Taichi compiles well.
 BLOCK = 32

@@ -41,6 +41,8 @@ FULL_MOTION, REST_SHARE = 0.1, 0.3
 # Under-relaxation of Jacobi: RELAXATION over the number of neighbours, at most MAX_RELAXATION.
 # Stable below 2/lambda_max, which was 0.68, 0.53 and 0.31 at 27, 57 and 97 neighbours.
 RELAXATION, MAX_RELAXATION = 24.0, 0.5
+# Values of `crowding`: neither displaced nor corrected first, displaced, both.
+CALM, DISPLACED, CORRECTED = 0, 1, 2
 # Displacement, in spacings, below which no limit applies.
 MIN_DISPLACEMENT = 1e-6
 
@@ -72,12 +74,12 @@ class PositionCorrection:
         if rounds > 1:
             self._mark_crowds(n)
             for _ in range((rounds - 1) * self.iterations):
-                self._relax(n, dt, 0.0, 2)
-            self._relax(n, dt, 1.0, 0)
+                self._relax(n, dt, 0.0, CORRECTED)
+            self._relax(n, dt, 1.0, CALM)
         else:
             self._relax_from_zero(n, dt)
         for _ in range(self.iterations - 1):
-            self._relax(n, dt, 0.0, 0)
+            self._relax(n, dt, 0.0, CALM)
         return largest
 
     @kernel
@@ -92,31 +94,31 @@ class PositionCorrection:
 
     @kernel
     def _mark_crowds(self, n: ti.i32):
-        """Sets q = 0, u = 0 and the crowding: 2 for particles of an excess above CROWDED_EXCESS and
-        their neighbours, 1 for the neighbours of those."""
+        """Sets q = 0, u = 0 and the crowding: CORRECTED for particles of an excess above
+        CROWDED_EXCESS and their neighbours, DISPLACED for the neighbours of those."""
         p = self.particles
         for i in range(n):
-            p.position_multiplier[i], p.crowding[i] = 0.0, 0
+            p.position_multiplier[i], p.crowding[i] = 0.0, CALM
             p.position_correction[i] = ti.Vector([0.0, 0.0, 0.0])
         # Threads may mark the same particle, all with the same value.
         for i in range(n):
             if self.density.excess(i) > CROWDED_EXCESS:
-                p.crowding[i] = 2
+                p.crowding[i] = CORRECTED
                 for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
-                    p.crowding[self.neighbours.index[s]] = 2
+                    p.crowding[self.neighbours.index[s]] = CORRECTED
         for i in range(n):
-            if p.crowding[i] == 2:
+            if p.crowding[i] == CORRECTED:
                 for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
                     j = self.neighbours.index[s]
-                    if p.crowding[j] == 0:
-                        p.crowding[j] = 1
+                    if p.crowding[j] == CALM:
+                        p.crowding[j] = DISPLACED
 
     @kernel
     def _relax(self, n: ti.i32, dt: ti.f32, background: ti.f32, crowding: ti.i32):
         """q += omega r/D, at least 0, with r = c - 1 + sum V_j (u_i - u_j).grad W_ij, the
         displacements u in position_correction; `background` (-) times the background is added.
 
-        For particles of at least this crowding; those of one less are displaced too.
+        Corrects the particles of at least this crowding; displaces those of one less, too.
         """
         p = self.particles
         for i in range(n):

@@ -23,12 +23,9 @@ class PressureOperator:
     """Operator A; pair_gradient is V_j grad W_ij [1/m] of each entry of the neighbour list."""
 
     def __init__(self, parts: Parts, pair_gradient: ti.MatrixField):
-        self.layers, self.particles, self.neighbours = (
-            parts.layers,
-            parts.particles,
-            parts.neighbours,
-        )
-        self.pair_gradient, self.images = pair_gradient, parts.neighbours.images
+        self.layers, self.particles = parts.layers, parts.particles
+        self.neighbours, self.images = parts.neighbours, parts.neighbours.images
+        self.pair_gradient = pair_gradient
 
     @ti.func
     def displacement(self, i, q: ti.template()):

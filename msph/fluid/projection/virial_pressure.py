@@ -26,8 +26,8 @@ MIN_WEIGHT = 1e-6
 # surfaces, 0.96 to 1.04 in bulk between layers and 0.99 to 1.01 elsewhere in bulk.
 SURFACE_WEIGHT, BULK_WEIGHT = 0.85, 0.95
 # The images' excess acceleration a fades out on particles that rise at FADE_SPEED sqrt(|a| d)
-# (0.005 is the median in sloshing water; coarse particles bounced at 0.08), if their pair_spacing
-# differs from their spacing by UNLIKE_SPACING (-), as among particles of twice the mass.
+# (0.005 is the median in sloshing water; coarse particles bounced at 0.08), in full where
+# pair_spacing differs from spacing by UNLIKE_SPACING (-), as among particles of twice the mass.
 FADE_SPEED, UNLIKE_SPACING = 0.05, 0.1
 # Least acceleration [m/s^2] that has a direction.
 MIN_ACCELERATION = 1e-6
@@ -44,16 +44,9 @@ class VirialPressure:
     """
 
     def __init__(self, parts: Parts, density: Density):
-        self.layers, self.particles, self.neighbours = (
-            parts.layers,
-            parts.particles,
-            parts.neighbours,
-        )
-        self.images, self.density, self.constants = (
-            parts.neighbours.images,
-            density,
-            parts.constants,
-        )
+        self.constants, self.density = parts.constants, density
+        self.layers, self.particles = parts.layers, parts.particles
+        self.neighbours, self.images = parts.neighbours, parts.neighbours.images
         self.pair_gradient = density.pair_gradient
         self.long_vector = ti.types.vector(3, longest_float())
         self.Evaluation = ti.types.struct(

@@ -31,12 +31,9 @@ class ViscousOperator:
     """
 
     def __init__(self, parts: Parts, result: ti.MatrixField):
-        self.layers, self.particles, self.neighbours = (
-            parts.layers,
-            parts.particles,
-            parts.neighbours,
-        )
-        self.images, self.constants, self.result = parts.neighbours.images, parts.constants, result
+        self.constants, self.result = parts.constants, result
+        self.layers, self.particles = parts.layers, parts.particles
+        self.neighbours, self.images = parts.neighbours, parts.neighbours.images
         self.diffusion = ti.field(ti.f32, shape=())
 
     @ti.func
