@@ -12,7 +12,7 @@ from pathlib import Path
 import click
 
 import msph
-from msph import own_files
+from msph import cache_folder, own_files
 from msph.device import ARCHES
 from msph.ending import in_one_line
 from msph.interrupts import importing
@@ -111,6 +111,7 @@ force_option = click.option("--force", is_flag=True, help="Overwrite files that 
 def cli():
     """M-SPH: real-time layered water, large particles in the depth, small ones at the surface."""
     own_files.begin()
+    cache_folder.ensure(lambda line: click.echo(f"msph: {line}", err=True))
 
 
 @cli.command()

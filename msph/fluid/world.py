@@ -15,7 +15,6 @@ from msph.fluid.impulse_ledger import ImpulseLedger
 from msph.fluid.methods import all_attributes
 from msph.fluid.particles.grid import LayeredGrid
 from msph.fluid.particles.layers import Layers
-from msph.fluid.particles.mirror_images import MirrorImages
 from msph.fluid.particles.neighbour_list import NeighbourList
 from msph.fluid.particles.particles import Particles
 from msph.fluid.parts import Parts
@@ -50,9 +49,9 @@ class World:
             layers=layers,
             particles=particles,
             grid=grid,
-            neighbours=NeighbourList(room, constants, grid, particles, MirrorImages(constants)),
+            neighbours=NeighbourList(room, grid),
             boundary=boundary,
-            contact=Contact(constants, boundary, layers, particles, impulses),
+            contact=Contact(boundary, particles, impulses),
             impulses=impulses,
         )
         self._built: dict[Any, Any] = {}

@@ -1,9 +1,9 @@
 """Implementation of `msph lesson`: lists lessons, runs one in a window, writes pages and slides."""
 
 from pathlib import Path
-from typing import Any
 
 import click
+from pydantic import BaseModel, Field
 from tabulate import tabulate
 
 from msph import user_cache
@@ -66,8 +66,8 @@ def listed() -> list[tuple[str, str, str]]:
     rows = []
     for name, path in shipped_lessons().items():
         data = read_toml(path)
-        ticked = user_cache.recall(key(name), {}).get("ticked", [])
-        done = f"{sum(ticked)} of {len(ticked)} done" if any(ticked) else ""
+        before = user_cache.recall(key(name), Kept) or Kept()
+        done = f"{sum(before.ticked)} of {len(before.ticked)} done" if any(before.ticked) else ""
         rows.append((name, str(data.get("title", "")), done))
     return rows
 
@@ -135,27 +135,42 @@ def begin(course: Course, window: Window) -> Guide:
     return Guide(course, row, window.size)
 
 
-def kept(course: Course) -> dict[str, Any]:
-    """What is remembered of a lesson, if it still has the same tasks."""
-    found = user_cache.recall(key(course.name), {})
-    return found if found.get("checks") == checks(course) else {}
+class Kept(BaseModel):
+    """Progress in a lesson as the user's cache keeps it: tasks done, the choice (from 1, 0: none),
+    and the checks of the tasks, which tell whether the lesson has changed since."""
+
+    ticked: list[bool] = []
+    answered: int = Field(default=0, ge=0)
+    checks: list[str] = []
+
+
+def kept(course: Course) -> Kept:
+    """Returns the progress that is kept of a lesson, none if its tasks have changed."""
+    found = user_cache.recall(key(course.name), Kept)
+    known = checks(course)
+    valid = (
+        found is not None
+        and found.checks == known
+        and len(found.ticked) == len(known)
+        and found.answered <= len(course.lesson.predict.choices)
+    )
+    return found if found is not None and valid else Kept(ticked=[False] * len(known))
 
 
 def checks(course: Course) -> list[str]:
-    """What tells whether a lesson is the one that was done."""
+    """Returns the checks of a lesson's tasks."""
     return [task.check for task in course.lesson.do]
 
 
 def resume(progress: Progress) -> None:
-    """Goes on where a lesson was left, if tasks are open."""
+    """Continues a lesson where it was left, if tasks are open."""
     before = kept(progress.course)
-    if before.get("answered") and not all(before["ticked"]):
-        progress.resume(before["answered"], before["ticked"])
+    if before.answered and not all(before.ticked):
+        progress.resume(before.answered, before.ticked)
 
 
 def keep(progress: Progress) -> None:
-    """Remembers what was done, now or before."""
-    before = kept(progress.course).get("ticked", [False] * len(progress.ticked))
-    ticked = [a or b for a, b in zip(before, progress.ticked, strict=True)]
-    found = {"ticked": ticked, "answered": progress.answered, "checks": checks(progress.course)}
-    user_cache.remember(key(progress.course.name), found)
+    """Keeps which tasks were done, now or before."""
+    ticked = [a or b for a, b in zip(kept(progress.course).ticked, progress.ticked, strict=True)]
+    found = Kept(ticked=ticked, answered=progress.answered, checks=checks(progress.course))
+    user_cache.remember(key(progress.course.name), found.model_dump())

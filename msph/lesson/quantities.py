@@ -113,7 +113,7 @@ def _red_left(show: Show) -> float:
 
 def _caustics(show: Show) -> float:
     """Standard deviation of the light on the floor over its mean, inside the shores."""
-    focus = show.picture.light.focus.to_numpy()
+    focus = show.picture.sunlight.focus.to_numpy()
     edge = len(focus) // 4
     inner = focus[edge:-edge, edge:-edge]
     mean = float(inner.mean())

@@ -67,7 +67,7 @@ def prepare_row(
             scene,
             1.0 / scene.play.fps,
             each,
-            on_progress=tell,
+            tell=tell,
             timings=Timings(keep=1 if alone else KEPT),
             **PLAYED,
         )

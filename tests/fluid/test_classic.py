@@ -104,8 +104,8 @@ def test_stiffness_and_viscosity_change_while_the_water_moves():
     sim = Simulation(Plan(SIZE, specs, initial, terms))
     sim.solver.measure_density()
     before, step = sim.particles.numpy("pressure"), sim.solver.longest_step()
-    update = {"stiffness": 4.0 * terms.stiffness, "viscosity": 0.0}
-    sim.solver.tune(terms.model_copy(update=update))
+    changes = {"stiffness": 4.0 * terms.stiffness, "viscosity": 0.0}
+    sim.solver.tune(terms.model_copy(update=changes))
     sim.solver.measure_density()
     assert sim.particles.numpy("pressure") == pytest.approx(4.0 * before, rel=1e-4)
     assert sim.solver.longest_step() == pytest.approx(0.5 * step)

@@ -7,7 +7,6 @@ import taichi as ti
 from msph.fluid.constants import Constants
 from msph.fluid.particles.grid import Z_CELLS, LayeredGrid, cells_of, grid_rows
 from msph.fluid.particles.layers import Layers, LayerSpec
-from msph.fluid.particles.mirror_images import MirrorImages
 from msph.fluid.particles.neighbour_list import (
     NeighbourList,
     NeighbourOverflowError,
@@ -46,8 +45,7 @@ class World:
         self.constants, self.layers = Constants(), Layers()
         self.particles = Particles(FIRST.particles, (TAG,))
         self.grid = LayeredGrid(FIRST, self.constants, self.layers, self.particles)
-        images = MirrorImages(self.constants)
-        self.neighbours = NeighbourList(FIRST, self.constants, self.grid, self.particles, images)
+        self.neighbours = NeighbourList(FIRST, self.grid)
         self.particles.capacity = COUNT + 50 if not mirrored else FIRST.particles
         self.list_of("pair")
 

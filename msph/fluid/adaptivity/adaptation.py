@@ -74,8 +74,6 @@ class Adaptation:
         self.scan = PrefixSum()
         self.tally = ti.field(ti.i32, shape=3)  # splits, merges, refused
         self.next_id = ti.field(ti.i32, shape=())
-        self.thickness, self.steps = 1.0, 0
-        self.totals, self.travelled = np.zeros(2, int), 0.0
 
     def load(self, parameters: AdaptationParameters) -> None:
         """Takes the parameters of a scene; its bands are columns of the table by layer."""

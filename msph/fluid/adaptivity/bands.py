@@ -23,20 +23,14 @@ class AdaptationParameters(Section):
         1.25, ge=0.5, le=50.0, text="thickness of a layer's band, in its supports"
     )
     hysteresis: float = parameter(
-        0.3,
-        ge=0.0,
-        le=0.4,
-        text="share of a band's limit by which particles must exceed it",
+        0.3, ge=0.0, le=0.4, text="share of a band's limit by which particles must exceed it"
     )
     every: int = parameter(8, ge=1, text="least number of steps between passes")
     travel: float = parameter(
         4.0, ge=0.0, text="distance of the fastest particle between passes, in spacings"
     )
     budget: float = parameter(
-        0.1,
-        gt=0.0,
-        le=1.0,
-        text="largest share of the particles that a pass splits, or merges",
+        0.1, gt=0.0, le=1.0, text="largest share of the particles that a pass splits, or merges"
     )
     settle: int = parameter(3, ge=0, text="wait after a split or merge, in units of `every` steps")
 

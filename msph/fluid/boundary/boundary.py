@@ -172,8 +172,7 @@ class Boundary:
         )
 
     def free(self, x: np.ndarray, margin: float = 0.0) -> np.ndarray:
-        """Returns whether points x (n, 3) are at least `margin` outside all bodies [m], (n,)
-        bool."""
+        """Returns which points x (n, 3) are at least `margin` outside all bodies [m], (n,) bool."""
         found = np.ones(len(x), np.int32)
         if self.bodies:
             self._find_free(np.ascontiguousarray(x, np.float32), margin, found)

@@ -8,9 +8,7 @@ launched only in scenes with bodies.
 import taichi as ti
 
 from msph.fluid.boundary.boundary import BEGIN, END, Boundary
-from msph.fluid.constants import Constants
 from msph.fluid.impulse_ledger import ImpulseLedger
-from msph.fluid.particles.layers import Layers
 from msph.fluid.particles.particles import Attribute, Particles
 from msph.taichi_internals import data_oriented, kernel
 
@@ -37,15 +35,8 @@ NEAREST, GOLDEN = 0.05, 0.6180340
 class Contact:
     """Stops particles at walls and bodies, and computes the bodies' part of the density."""
 
-    def __init__(
-        self,
-        constants: Constants,
-        boundary: Boundary,
-        layers: Layers,
-        particles: Particles,
-        impulses: ImpulseLedger,
-    ):
-        self.constants, self.boundary, self.layers = constants, boundary, layers
+    def __init__(self, boundary: Boundary, particles: Particles, impulses: ImpulseLedger):
+        self.constants, self.boundary, self.layers = boundary.constants, boundary, boundary.layers
         self.particles, self.impulses = particles, impulses
 
     def drift(self, dt: float) -> None:

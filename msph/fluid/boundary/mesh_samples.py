@@ -31,8 +31,7 @@ def sample_count(bodies: list[Body], specs: list[LayerSpec]) -> int:
 
 
 def sample(body: Solid, own: list[SampleLattice], specs: list[LayerSpec]) -> list[np.ndarray]:
-    """Returns a mesh's distances [m] and the B-spline coefficients (-) of its shares, by
-    lattice."""
+    """Returns a mesh's distances [m] and its shares' B-spline coefficients (-), by lattice."""
     # Imported here: only needed for meshes.
     from scipy.ndimage import spline_filter
 
@@ -51,9 +50,9 @@ def outward(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """Returns displacements (v, 3) of the vertices (-) that move every face outwards by 1: n.u = 1
     for the normals n of a vertex's triangles, least squares weighted by area, of minimal length."""
     a, b, c = (vertices[triangles[:, k]] for k in range(3))
-    twice = np.cross(b - a, c - a)
-    area = np.linalg.norm(twice, axis=1)
-    n = twice / np.maximum(area, 1e-30)[:, None]
+    normals = np.cross(b - a, c - a)
+    area = np.linalg.norm(normals, axis=1)
+    n = normals / np.maximum(area, 1e-30)[:, None]
     squares, sums = np.zeros((len(vertices), 3, 3)), np.zeros((len(vertices), 3))
     for k in range(3):
         np.add.at(squares, triangles[:, k], area[:, None, None] * n[:, :, None] * n[:, None, :])

@@ -145,8 +145,8 @@ def corner(corners: ti.template(), t, k):
 
 @ti.func
 def is_left(p, q, x):
-    """Returns whether x is left of the edge from p to q, seen along -z. Exactly the opposite for q
-    to p, so that of two triangles with a common edge exactly one contains a point on it."""
+    """Returns whether x is left of the edge from p to q, seen along -z; the exact opposite for q to
+    p, so that exactly one of two triangles with a common edge contains a point on it."""
     forward = p.x < q.x or (p.x == q.x and p.y < q.y)
     s, e = p.xy, q.xy
     if not forward:

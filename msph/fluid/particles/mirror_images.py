@@ -31,8 +31,8 @@ class MirrorImages:
 
     @ti.func
     def walls_near(self, x, reach):
-        """Returns the walls within `reach` [m] of x: bits 0 to 2 at 0, by axis, 3 to 5 far
-        walls."""
+        """Returns the walls within `reach` [m] of x as bits: 0 to 2 at the origin, 3 to 5
+        opposite."""
         # Reading a single component would disable reductions per thread in the calling loop.
         size, found = self.size[None], 0
         for k in ti.static(range(3)):
@@ -42,17 +42,16 @@ class MirrorImages:
 
     @ti.func
     def combinations(self, near):
-        """Returns the number of combinations of `near` walls, at most one per axis, none
-        included."""
+        """Returns the number of subsets of `near` walls with at most one wall per axis."""
         product = 1
         for k in ti.static(range(3)):
             product *= 1 + ((near >> k) & 1) + ((near >> (k + 3)) & 1)
         return product
 
     @ti.func
-    def combination(self, way, near):
-        """Returns the mirror bits of combination number `way`; the zeroth has no mirror."""
-        mirrors, rest = 0, way
+    def combination(self, number, near):
+        """Returns the mirror bits of subset `number`; subset 0 has no mirror."""
+        mirrors, rest = 0, number
         for k in ti.static(range(3)):
             low, far = (near >> k) & 1, (near >> (k + 3)) & 1
             digit = rest % (1 + low + far)

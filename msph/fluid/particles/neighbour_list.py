@@ -10,11 +10,9 @@ import numpy as np
 import taichi as ti
 
 from msph.errors import BlowUpError
-from msph.fluid.constants import Constants
 from msph.fluid.particles.grid import LayeredGrid
 from msph.fluid.particles.layers import LayerSpec, pair_support
 from msph.fluid.particles.mirror_images import INDEX_MASK, MirrorImages
-from msph.fluid.particles.particles import Particles
 from msph.fluid.room import Room
 from msph.taichi_internals import data_oriented, kernel, on_cpu
 
@@ -71,15 +69,9 @@ class NeighbourList:
     the searches.
     """
 
-    def __init__(
-        self,
-        room: Room,
-        constants: Constants,
-        grid: LayeredGrid,
-        particles: Particles,
-        images: MirrorImages,
-    ):
-        self.constants, self.grid, self.particles, self.images = constants, grid, particles, images
+    def __init__(self, room: Room, grid: LayeredGrid):
+        self.constants, self.grid, self.particles = grid.constants, grid, grid.particles
+        self.images = MirrorImages(grid.constants)
         self.reaches, self.max_reach = grid.layers.list_reach, grid.layers.max_reach
         self.pooled = on_cpu()
         self.per_thread = PARTICLES_PER_THREAD if self.pooled else 1
@@ -90,8 +82,8 @@ class NeighbourList:
         self.load(0, 0.0, True)
 
     def load(self, entries: int, margin: float, mirrored: bool) -> None:
-        """Prepares the list for a scene. Raises ValueError for more particles than entries can
-        index."""
+        """Sets the largest number of entries, the margin [m], and whether walls are mirrors. Raises
+        ValueError for more particles than entries can index."""
         if self.particles.capacity > INDEX_MASK:
             raise ValueError(
                 f"{self.particles.capacity:,} particles: a neighbour list indexes {INDEX_MASK:,}"
