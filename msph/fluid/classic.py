@@ -33,7 +33,7 @@ class ClassicParameters(Section):
 
     (32) and (33) use the gradient averaged over both supports. With the neighbour's support alone
     (33) would be (27) divided by rho_i, and neither would be antisymmetric between layers, which is
-    their purpose. attraction is that of the colour field (Mueller et al. 2003, eq. 17 to 19).
+    their purpose. attraction acts by the colour field (Mueller et al. 2003, eq. 17 to 19).
     """
 
     stiffness: float = parameter(

@@ -6,7 +6,7 @@ Saad 2003, alg. 9.1). Without a preconditioner every iterate keeps <y, x> for al
 such as the momenta under viscosity.
 
 Projected: x >= 0. The search covers active particles only: those with x > 0 or r > 0, less those
-that reach x = 0. A round ends when the residual of the others exceeds that of the active ones.
+that reach x = 0. A round ends when the other particles' residual exceeds the active ones'.
 
 One iteration lowers the squared error, in the norm of A, by alpha <r, r/D> (Hestenes and Stiefel
 1952, th. 6:1); the reductions of the last few estimate what is left (Strakos and Tichy 2002).

@@ -76,7 +76,7 @@ class Density:
         self.constants, self.contact = parts.constants, parts.contact
         self.layers, self.particles = parts.layers, parts.particles
         self.neighbours, self.images = parts.neighbours, parts.neighbours.images
-        self.summed_search = 0  # number of the search whose list the sums belong to
+        self.summed_search = 0  # the neighbour search that the sums belong to
         self.largest_excess = 0.0
         self.pair_gradient = ti.Vector.field(
             3, ti.f32, shape=parts.neighbours.index.shape, layout=ti.Layout.SOA
@@ -105,7 +105,7 @@ class Density:
             for mirrored in ti.static((False, True)):
                 self._add_entries(i, mirrored, sums)
             g, volume = sums.gradient, self.layers.volume[layer]
-            # With the correction: without it, water compressed by it near a surface would count
+            # With the correction, so that water which it compresses near a surface does not count
             # as surrounded.
             defect, c = sums.bell - sums.c, sums.c + self.particles.density_correction[i]
             known = ti.select(c > SURROUNDED, volume, 0.0)
@@ -126,8 +126,8 @@ class Density:
         mean of 1/h_ij^2 weighted by V_j/h_ij^3. By its own spacing, a single fine particle among
         coarse ones would halve all time steps.
         """
-        own, share = self.layers.per_h[layer, layer], self.layers.bell_scale[layer, layer]
-        share *= SELF_WEIGHT
+        own = self.layers.per_h[layer, layer]
+        share = SELF_WEIGHT * self.layers.bell_scale[layer, layer]
         held = (sums.stiffness + share * own**2) / (sums.shares + share)
         return self.layers.spacing[layer] * own / ti.sqrt(held)
 

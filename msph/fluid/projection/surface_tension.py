@@ -30,7 +30,7 @@ CALIBRATION = 1.45
 # Twice, since only the half of |g| on the water's side of a surface is counted.
 AREA_FACTOR = 2.0 * (1.0 - COHESION_SHARE) * CALIBRATION
 # Factor of (r/h) (1 - (r/h)^2)^2/h^5, a force per volume^2: sigma is pi/8 times the integral of r^4
-# times the force (Fowler 1937), and that of the shape is 1/60.
+# times the force (Fowler 1937), which is 1/60 for a factor of 1.
 COHESION_FACTOR = 480.0 / math.pi * COHESION_SHARE * CALIBRATION
 # Longest step over sqrt(rho d^3/(2 pi sigma)), the time scale of the shortest capillary wave (-).
 CAPILLARY_FACTOR = 0.5

@@ -10,7 +10,7 @@ where the coarser particle of a pair has the larger share (layers.stress_share).
 directions are missing, the pressure is the mean of (p_i + p_j)/2 weighted by -V_j r_ij.grad W_ij
 (docs/method.md, "Pressure").
 
-A body has no multiplier: it pushes with that of the particle, which is up to twice the pressure.
+A body has no multiplier: it pushes with the particle's, which is up to twice the pressure.
 Near bodies the pressure is the kernel's mean of multipliers with the body counted as 0.
 """
 
@@ -138,7 +138,7 @@ class VirialPressure:
 
     @ti.func
     def image_excess(self, image, j, gravity):
-        """Returns the pressure [Pa] of j's image, at the point `image` [m], less that of j.
+        """Returns the pressure [Pa] of j's image at the point `image` [m] less the pressure of j.
 
         No flow crosses a wall, so dp/dn = rho g.n there: behind a floor the pressure goes on
         rising. At most the particle's own, so that water passing by is not lifted.
