@@ -89,7 +89,7 @@ class Classic:
     ADAPTS, HAS_BODIES = False, False
     LAYER_OPTIONS = ("gravity_factor", "viscosity", "kernels")
     # Support over spacing; the thesis gives none.
-    SMOOTHING = 2.0
+    SMOOTHING, MIN_SMOOTHING = 2.0, 1.2
 
     @staticmethod
     def all_attributes() -> tuple[Attribute, ...]:

@@ -42,7 +42,7 @@ class ProjectionParameters(Section):
         0.25, gt=0.0, le=1.0, text="most spacings of a position correction"
     )
     spray: float = parameter(
-        0.4, ge=0.0, le=1.0, text="relative density below which water is spray"
+        0.4, ge=0.0, le=0.95, text="relative density below which water is spray"
     )
     viscosity: float = parameter(
         0.0,
