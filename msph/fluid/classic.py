@@ -91,7 +91,7 @@ class Classic:
     PARAMETERS = ClassicParameters
     ADAPTS, HAS_BODIES = False, False
     LAYER_OPTIONS = ("gravity_factor", "viscosity", "kernels")
-    SMOOTHING = 2.0  # the thesis gives none
+    SMOOTHING, MIN_SMOOTHING = 2.0, 1.2  # the thesis gives none
     # Wider lists are searched less often, but are longer.
     LIST_MARGIN = 0.5
     PER_ENTRY = 0

@@ -53,6 +53,14 @@ def check(scene: Scene, where: str) -> None:
                 f"is {min(scene.box.size):.3g} m",
                 f"layers.{i}",
             )
+        least = METHODS[scene.method].MIN_SMOOTHING
+        if spec.smoothing < least:
+            raise SceneError(
+                where,
+                f"must be at least {least:g} for the method {scene.method} "
+                f"(got {spec.smoothing:g})",
+                f"layers.{i}.smoothing",
+            )
     finest = min(s.support for s in specs)
     coarsest_cell = 0.5 * scene.surface.smoothing * finest
     if scene.surface.cell * min(s.spacing for s in specs) > coarsest_cell:

@@ -43,7 +43,7 @@ class ProjectionParameters(Section):
         0.25, gt=0.0, le=1.0, text="limit of a position correction, in spacings"
     )
     spray: float = parameter(
-        0.4, ge=0.0, le=1.0, text="relative density below which water is spray"
+        0.4, ge=0.0, le=0.95, text="relative density below which water is spray"
     )
     viscosity: float = parameter(
         0.0,
