@@ -62,8 +62,8 @@ class Projection:
     LAYER_OPTIONS: tuple[str, ...] = ()
     # At 2.45 both errors are small: narrower kernels resist shear, which makes waves too fast;
     # wider kernels smooth waves, which makes them too slow (docs/method.md, "Density").
-    # Below 1.7 too few neighbours keep the particles apart: splashes lose 10 to 38 % of their volume
-    # at 1.55 and 1.6, 0.3 to 4 % at 1.7, and still water diverges at 1.5.
+    # Below 1.7 too few neighbours keep the particles apart: splashes lose 10 to 38 % of their
+    # volume at 1.55 and 1.6, 0.3 to 4 % at 1.7, and still water diverges at 1.5.
     SMOOTHING, MIN_SMOOTHING = 2.45, 1.7
     LIST_MARGIN = 0.0  # every step searches a new list
     PER_ENTRY = 3  # the gradient
