@@ -182,7 +182,7 @@ def longer_steps(factor: float) -> Callable[[Simulation], None]:
 
     def change(sim: Simulation) -> None:
         bound = sim.solver.longest_step
-        sim.solver.longest_step = lambda leeway=1.0: factor * bound(leeway)
+        sim.solver.longest_step = lambda safety=1.0: factor * bound(safety)
 
     return change
 

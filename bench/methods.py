@@ -90,7 +90,7 @@ class Jacobi:
             self.operator.apply(n, p.velocity_multiplier)
             for i in range(n):
                 r = p.rhs[i] + self.operator.divergence(i, p.displacement)
-                p.velocity_multiplier[i] = self.correction.corrected(i, p.velocity_multiplier[i], r)
+                p.velocity_multiplier[i] = self.correction.relaxed(i, p.velocity_multiplier[i], r)
 
     @kernel
     def displace(self, n: ti.i32):
@@ -133,12 +133,15 @@ def solvers(layers: int, sheets: int) -> list[dict[str, str]]:
         return float(np.sqrt((volume * ((u - true) ** 2).sum(axis=1)).sum() / scale))
 
     limits = solver.parameters
-    _, _, true = solve(warm, lambda: solve_for.converge(dt, 1e-9, 0.0, 2000))
-    leeway = limits.motion_tolerance / limits.tolerance
+    _, _, true = solve(warm, lambda: solve_for.solve_to(dt, 1e-9, 0.0, 2000))
+    motion_weight = limits.motion_tolerance / limits.tolerance
     rows = []
     for name, begin in (("cold", 0.0 * warm), ("warm", warm)):
         cg = [
-            solve(begin, lambda: solve_for.converge(dt, limits.tolerance, leeway, 500))
+            solve(
+                begin,
+                lambda: solve_for.solve_to(dt, limits.tolerance, motion_weight, 500),
+            )
             for _ in range(5)
         ]
         error = distance(cg[0][2], true)

@@ -102,7 +102,7 @@ def from_particles(sim: Simulation, cell: float) -> list[Way]:
     d = sim.layers.finest.spacing
     edge = 0.5 * cell * d
     room = SurfaceRoom.holding(sim.size, edge, sim.particles.capacity)
-    surface = Surface(sim.layers, sim.grid, sim.particles, room=room)
+    surface = Surface(sim.layers, sim.grid, sim.particles, None, room)
     surface.load(sim.size, edge)
     count = triangles(surface.mesh)
 
@@ -166,7 +166,7 @@ def from_field(values: np.ndarray) -> list[Way]:
 
 def our_cubes(values: np.ndarray) -> tuple[MarchingCubes, SurfaceMesh]:
     """Marching cubes over all of a field and its slopes."""
-    lattice = Lattice.uniform(values.shape)
+    lattice = Lattice([np.arange(n) for n in values.shape])
     cubes = MarchingCubes(SurfaceRoom(values.size, vertices=ROOM, triangles=ROOM))
     cubes.load_field(lattice, values, np.stack(np.gradient(values), axis=-1))
     return cubes, cubes.mesh

@@ -109,7 +109,7 @@ def run(tank: Tank, layers: int, looser: bool, seconds: float, arch: str) -> Run
 def compression(sim: Simulation) -> float:
     """Mean over particles of max(rho/rho0 - 1, 0) (-), summed anew where they are now."""
     sim.measure_density()
-    rest = sim.plan.rest_density
+    rest = sim.layers.rest_density
     return float(np.maximum(sim.particles.numpy("density") / rest - 1.0, 0.0).mean())
 
 

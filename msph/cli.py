@@ -12,6 +12,7 @@ from pathlib import Path
 import click
 
 import msph
+from msph import cache_folder, own_files
 from msph.device import ARCHES
 from msph.ending import in_one_line
 from msph.interrupts import importing
@@ -102,15 +103,15 @@ def shared_options(quality=AS_GIVEN):
     return with_options
 
 
-force_option = click.option(
-    "--force", is_flag=True, help="Write over files, too, that no run wrote."
-)
+force_option = click.option("--force", is_flag=True, help="Overwrite files that exist.")
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(msph.__version__, prog_name="msph")
 def cli():
     """M-SPH: real-time layered water, large particles in the depth, small ones at the surface."""
+    own_files.begin()
+    cache_folder.ensure(lambda line: click.echo(f"msph: {line}", err=True))
 
 
 @cli.command()
@@ -143,7 +144,7 @@ def play(scene, run, **options):
     "outputs",
     multiple=True,
     type=click.Path(path_type=Path),
-    help="out.mp4 (.mov .mkv .webm), out.gif, out.png, or out_%04d.png. Repeatable.  "
+    help="out.mp4 (.mov .mkv .webm), out.webp, out.gif, out.png, or out_%04d.png. Repeatable.  "
     "[default: out/SCENE.mp4]",
 )
 @click.option(
@@ -163,7 +164,11 @@ def play(scene, run, **options):
 @click.option(
     "--resume", type=click.Path(exists=True, dir_okay=False), help="Go on from a .npz checkpoint."
 )
-@click.option("--seconds", type=Finite(min=0, min_open=True), help="Default: the scene's duration.")
+@click.option(
+    "--seconds",
+    type=Finite(min=0, min_open=True),
+    help="Simulated time at which the recording ends.  [default: the scene's duration]",
+)
 @click.option(
     "--fps",
     type=Finite(min=1, max=10000),
@@ -199,6 +204,7 @@ def capture(scene, run, **options):
 @click.option(
     "--json", "json_file", type=click.Path(path_type=Path), help="Also write the rows to a file."
 )
+@force_option
 @shared_options()
 def bench(scenes, run, **options):
     """Time SCENES (default: all shipped) without a window, and print speed beside error.
@@ -218,7 +224,11 @@ def bench(scenes, run, **options):
     help="Folder for ledger.csv, probes.csv, plots, summary.json, scene.toml and checkpoint.npz.  "
     "[default: out/SCENE]",
 )
-@click.option("--seconds", type=float, help="Sets duration: the simulated time.")
+@click.option(
+    "--seconds",
+    type=float,
+    help="Simulated time at which the run ends.  [default: the scene's duration]",
+)
 @click.option("--every", type=float, help="Sets measure.every: seconds between two rows.")
 @click.option(
     "--converge",
@@ -265,6 +275,7 @@ def scenes(**options):
 @click.option("--slides", type=click.Path(path_type=Path), metavar="DIR", help="Write pictures.")
 @click.option("--size", type=Size(), default="960x540", show_default=True, help="Window size.")
 @click.option("--frames", type=click.IntRange(min=1), help="Close after so many frames.")
+@force_option
 @arch_option
 @threads_option
 def lesson(arch, threads, **options):

@@ -8,6 +8,7 @@ import sys
 import time
 from pathlib import Path
 
+from msph.cache_folder import ensure
 from msph.errors import BadInputError
 from msph.interrupts import importing
 
@@ -43,6 +44,7 @@ def start(arch: str = "auto", threads: int | None = None) -> str:
     global _started
     if _started:
         return _started
+    ensure()
     # Here, since help and bad options need no Taichi, which takes .2 s to import.
     with importing():
         import taichi as ti

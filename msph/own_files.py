@@ -1,59 +1,62 @@
-"""Files of a run: written whole or said to be lost, and never over files that no run wrote.
+"""Output files: written whole or reported as lost, and never over files that existed before.
 
-A run writes its scene beside what it makes, with a digest of the text in the first line. Outputs
-beside an untouched scene of that kind are a run's.
+A command claims the files that it will write before it computes anything. A claim fails where a
+file exists, unless the user gave --force. writing() and replacing() claim what was not claimed
+before, so that no write goes around this rule.
 """
 
 import contextlib
 import errno
-import hashlib
+import glob
 import os
-import re
 import shutil
+import tempfile
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from msph.errors import BadInputError, LostOutputError
 
-HEAD = re.compile(r"# written by msph, sha256 ([0-9a-f]{16})\n")
-# Room on a disk [bytes] below which a write that fails does so for want of it: encoders do not say.
+# Free space [bytes] below which a failed write is reported as a full disk: encoders do not say.
 FULL_DISK = 1 << 20
 
-
-class ForeignFileError(BadInputError):
-    """A file would be written over that no run wrote."""
-
-
-def sealed(text: str) -> str:
-    """The text under a line that tells whether it was changed since."""
-    return f"# written by msph, sha256 {_digest(text)}\n{text}"
+# Files that the running command may write.
+_claimed: set[Path] = set()
 
 
-def untouched(path: Path) -> bool:
-    """Whether a file is as a run wrote it."""
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError):
-        return False
-    head = HEAD.match(text)
-    return head is not None and head[1] == _digest(text[head.end() :])
+class ExistingFileError(BadInputError):
+    """An output file that existed before the command."""
 
 
-def guard(scene: Path, outputs: Iterable[Path], force: bool) -> None:
-    """Raises ForeignFileError if the scene that a run writes, or an output beside it, is a file
-    that no run wrote, unless by `force`."""
-    if force or untouched(scene):
-        return
-    for path in (scene, *outputs):
-        if path.exists():
-            raise ForeignFileError(
-                f"{path}: was not written by a run; --force of capture and measure"
-            )
+def begin() -> None:
+    """Drops all claims: a command begins."""
+    _claimed.clear()
+
+
+def claim(paths: Iterable[Path], force: bool = False) -> None:
+    """Claims files for the running command, all of them or none. Raises ExistingFileError where one
+    exists that was not claimed before, unless `force`. Devices such as /dev/null are no files."""
+    places = {path.resolve(): path for path in paths}
+    for place, path in places.items():
+        if place not in _claimed and place.is_file() and not force:
+            raise ExistingFileError(f"{path}: exists; --force overwrites it")
+    _claimed.update(places)
+
+
+def free_stem(folder: Path, stem: str) -> str:
+    """Returns `stem`, or `stem` with the first number from 2 such that no file of the folder has
+    this name with any suffix."""
+    found, number = stem, 1
+    while any(folder.glob(f"{glob.escape(found)}.*")):
+        number += 1
+        found = f"{stem}_{number}"
+    return found
 
 
 @contextlib.contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """Within, a file is written: what the system refuses is a LostOutputError that names it."""
+    """Context in which a file is written. Raises ExistingFileError, and LostOutputError with the
+    file's name for what the system refuses."""
+    claim([path])
     try:
         yield
     except OSError as error:
@@ -65,22 +68,27 @@ def writing(path: Path) -> Iterator[None]:
 
 @contextlib.contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Within, the file given is written, which then takes the place of `path`: a disk that fills
-    leaves what there was. Raises LostOutputError."""
-    beside = path.with_name(f"new_{path.name}")
-    try:
-        with writing(path):
-            yield beside
-            beside.replace(path)
-    finally:
-        beside.unlink(missing_ok=True)
+    """Context that gives a temporary file in the same folder, which then replaces `path`: a full
+    disk leaves the old file. Raises ExistingFileError and LostOutputError."""
+    with writing(path):
+        handle, name = tempfile.mkstemp(path.suffix, f".{path.stem}_", path.parent)
+        os.close(handle)
+        temporary = Path(name)
+        try:
+            yield temporary
+            temporary.chmod(0o666 & ~_umask())
+            temporary.replace(path.resolve())
+        finally:
+            temporary.unlink(missing_ok=True)
 
 
 def replace(path: Path, text: str) -> None:
-    """Writes a text file whole or not at all. Raises LostOutputError."""
-    with replacing(path) as beside:
-        beside.write_text(text, encoding="utf-8")
+    """Writes a text file whole or not at all. Raises ExistingFileError and LostOutputError."""
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
 
 
-def _digest(text: str) -> str:
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask

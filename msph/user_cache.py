@@ -1,42 +1,71 @@
-"""Values that are remembered between runs, in the user's cache: progress in lessons."""
+"""Values that are kept between runs in the user's cache folder: progress in lessons."""
 
 import contextlib
 import json
 import os
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
+import click
 import platformdirs
 
 import msph
 
+T = TypeVar("T")
+
 
 def file() -> Path:
-    """Where it is kept: one file for each version."""
+    """Returns the file of this version."""
     return platformdirs.user_cache_path("msph") / f"measured-{msph.__version__}.json"
+
+
+def recall(key: str, kind: type[T]) -> T | None:
+    """Returns the value kept under a key, None where there is none. A value that is not of the
+    `kind` (a type that pydantic can validate) is reported in one line, and forgotten."""
+    # Here, since the command line's help needs no pydantic.
+    from pydantic import TypeAdapter, ValidationError
+
+    known = _read()
+    if key not in known:
+        return None
+    try:
+        return TypeAdapter(kind).validate_python(known[key])
+    except ValidationError:
+        _tell(f"the value of {key!r} is damaged and is replaced")
+        _write({name: value for name, value in known.items() if name != key})
+        return None
+
+
+def remember(key: str, value: Any) -> None:
+    """Keeps a value that JSON can hold, if the cache can be written."""
+    known = _read()
+    if key not in known or known[key] != value:
+        _write(known | {key: value})
 
 
 def _read() -> dict[str, Any]:
     try:
         found = json.loads(file().read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        if not isinstance(found, dict):
+            raise ValueError("no table")
+    except OSError:
         return {}
-    return found if isinstance(found, dict) else {}
+    # JSON of a hundred thousand brackets exceeds Python's stack.
+    except (ValueError, RecursionError):
+        _tell("is damaged and is replaced")
+        _write({})
+        return {}
+    return found
 
 
-def recall(key: str, default: Any = None) -> Any:
-    """The value remembered under a key, or the default."""
-    return _read().get(key, default)
-
-
-def remember(key: str, value: Any) -> None:
-    """Keeps a value, if the cache can be written."""
-    known = _read()
-    if known.get(key) == value:
-        return
+def _write(known: dict[str, Any]) -> None:
     with contextlib.suppress(OSError):
         file().parent.mkdir(parents=True, exist_ok=True)
         # Another run must never read half a file, nor write into the same.
         part = file().with_suffix(f".{os.getpid()}.part")
-        part.write_text(json.dumps(known | {key: value}, indent=1) + "\n", encoding="utf-8")
+        part.write_text(json.dumps(known, indent=1) + "\n", encoding="utf-8")
         part.replace(file())
+
+
+def _tell(problem: str) -> None:
+    click.echo(f"msph: {file()}: {problem}", err=True)

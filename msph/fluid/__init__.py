@@ -1,1 +1,1 @@
-"""The physics. Knows no picture, no window and no file format."""
+"""Fluid simulation. Independent of rendering, windows and file formats."""

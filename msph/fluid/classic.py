@@ -1,7 +1,7 @@
-"""The thesis's method: weakly compressible multi-layer SPH (Gokdogan 2008, ch. 3 and A.2).
+"""Classic method: the weakly compressible multi-layer SPH of Gokdogan's thesis (2008, ch. 3, A.2).
 
 Densities and forces sum over all layers, each neighbour j with its own mass m_j and support h_j.
-Equation numbers are the thesis's.
+Equation numbers are those of the thesis.
 """
 
 from typing import Any, Literal
@@ -29,11 +29,11 @@ ATTRIBUTES = (
 
 
 class ClassicParameters(Section):
-    """The thesis's weakly compressible method (Gokdogan 2008).
+    """The weakly compressible method of the thesis (Gokdogan 2008).
 
-    (32) and (33) use the gradient averaged over both supports here. With the neighbour's support
-    alone, (33) would be (27) divided by rho_i, and neither would be antisymmetric between layers,
-    which is their purpose. attraction is the colour field's (Mueller et al. 2003, eq. 17 to 19).
+    (32) and (33) use the gradient averaged over both supports. With the neighbour's support alone
+    (33) would be (27) divided by rho_i, and neither would be antisymmetric between layers, which is
+    their purpose. attraction acts by the colour field (Mueller et al. 2003, eq. 17 to 19).
     """
 
     stiffness: float = parameter(
@@ -49,11 +49,11 @@ class ClassicParameters(Section):
         ge=0.0,
         le=1e4,
         unit="Pa s",
-        text="dynamic viscosity mu of layers that give none",
+        text="dynamic viscosity mu of layers without their own",
         live=(0.0, 100.0),
     )
     tension: bool = parameter(
-        True, text="let pressures below zero pull, as the thesis's formula does"
+        True, text="allow negative pressures, as the formula of the thesis does"
     )
     pressure_form: Literal["mean", "squared", "product"] = parameter(
         "mean", text="pressure force: mean (27), or symmetrised: squared (32), product (33)"
@@ -62,94 +62,92 @@ class ClassicParameters(Section):
         "formula", text="viscous force: formula (28), or the pseudo-code of A.2"
     )
     attraction: float = parameter(
-        0.0, ge=0.0, unit="N/m", text="surface attraction by the colour term, 0: off"
+        0.0, ge=0.0, unit="N/m", text="surface attraction by the colour field, 0: off"
     )
     colour_threshold: float = parameter(
-        0.5, gt=0.0, text="colour gradient times h above which it attracts"
+        0.5, gt=0.0, text="colour gradient times h above which the attraction acts"
     )
     courant: float = parameter(
         0.4,
         ge=0.01,
         le=10.0,
-        text="time step over the time sound takes to cross h",
+        text="time step over the time that sound takes to cross h",
         live=(0.05, 1.0),
     )
 
     def contradiction(self) -> tuple[str, str] | None:
-        """A parameter that says nothing beside the others, and why; None where all agree."""
+        """Returns None: every parameter has an effect."""
         return None
 
 
 @data_oriented
 class Classic:
-    """One solver over the particles of all layers; a single layer is Mueller's SPH of 2003."""
+    """Solver of the classic method; with a single layer it is the SPH of Mueller et al. (2003).
+
+    The class attributes are explained in docs/extending.md, "A solver".
+    """
 
     NAME = "classic"
     PARAMETERS = ClassicParameters
     ADAPTS, HAS_BODIES = False, False
     LAYER_OPTIONS = ("gravity_factor", "viscosity", "kernels")
-    # Support over spacing; the thesis gives none.
-    SMOOTHING = 2.0
+    SMOOTHING, MIN_SMOOTHING = 2.0, 1.2  # the thesis gives none
+    # Wider lists are searched less often, but are longer.
+    LIST_MARGIN = 0.5
+    PER_ENTRY = 0
+    MIRRORS = False
+
+    parameters: ClassicParameters
 
     @staticmethod
-    def every_attribute() -> tuple[Attribute, ...]:
-        """All attributes that any scene may use, beyond the core."""
+    def all_attributes() -> tuple[Attribute, ...]:
+        """Returns the attributes beyond the core."""
         return ATTRIBUTES
 
     @staticmethod
     def attributes(parameters: ClassicParameters, adaptive: bool) -> tuple[Attribute, ...]:
-        """Attributes that a scene with these parameters uses, beyond the core: all."""
+        """Returns the attributes beyond the core."""
         return ATTRIBUTES
-
-    # Margin of the neighbour list, in supports: wider lists are searched less often, but are
-    # longer.
-    LIST_MARGIN = 0.5
-    # Numbers stored beside each neighbour.
-    PER_ENTRY = 0
-    # Walls reflect particles, and nothing is seen in them.
-    MIRRORS = False
-
-    parameters: ClassicParameters
 
     def __init__(self, parts: Parts):
         self.constants, self.layers, self.grid = parts.constants, parts.layers, parts.grid
         self.particles, self.neighbours = parts.particles, parts.neighbours
         self.impulses = parts.impulses
-        self.farthest = ti.field(ti.f32, shape=())  # way of the fastest particle in a step [m]
+        self.farthest = ti.field(ti.f32, shape=())  # longest motion of a particle in a step [m]
         self.iterations = 0  # explicit: no system is solved
 
     def load(self, parameters: ClassicParameters, adaptation: None) -> None:
-        """Takes the parameters of a scene, whose tables and constants are filled already."""
+        """Takes the parameters of a scene whose tables and constants are filled already."""
         self.parameters = parameters
         self.own_kernels = any(s.wendland for s in self.layers.specs)
         # Layers whose viscosity is the common one, and changes with it.
-        self.plain = np.array([s.viscosity == parameters.viscosity for s in self.layers.specs])
+        self.common_viscosity = np.array(
+            [s.viscosity == parameters.viscosity for s in self.layers.specs]
+        )
 
     @staticmethod
     def constants_of(
         parameters: ClassicParameters, adaptation: None, specs: list[LayerSpec]
     ) -> dict[str, Any]:
-        """Constants that only this method reads: none."""
+        """Returns no constants: this method has none of its own."""
         return {}
 
     @staticmethod
     def tables_of(adaptation: None, specs: list[LayerSpec]) -> tuple[dict, dict]:
-        """Columns of the tables by layer that only this method reads: none."""
+        """Returns no columns: this method has none of its own."""
         return {}, {}
 
     @staticmethod
-    def reach(parameters: ClassicParameters) -> str:
-        """Form of the neighbour list: symmetrised pressures need either particle's support."""
+    def list_form(parameters: ClassicParameters) -> str:
+        """Returns the form of the neighbour list; symmetrised pressures need both supports."""
         return "scatter" if parameters.pressure_form == "mean" else "widest"
 
     def arrange(self) -> None:
-        """Leaves the particles where the scene placed them, as the thesis does."""
+        """Does nothing: particles start where the scene places them, as in the thesis."""
 
-    def longest_step(self, leeway: float = 1.0) -> float:
-        """Largest stable time step [s]: sound crosses courant * h, viscosity diffuses within h.
-
-        Motion does not bound it, so that `leeway` has no use here.
-        """
+    def longest_step(self, safety: float = 1.0) -> float:
+        """Returns the largest stable time step [s]: in it sound crosses courant * h, and viscosity
+        diffuses within h. `safety` is unused, since motion does not bound the step."""
         c = self.parameters.stiffness**0.5
         steps = [self.parameters.courant * s.support / c for s in self.layers.specs]
         steps += [
@@ -160,24 +158,24 @@ class Classic:
         return min(steps)
 
     def tune(self, parameters: ClassicParameters) -> None:
-        """Takes over those parameters that are live (msph.parameter)."""
+        """Updates the live parameters (msph.parameter)."""
         self.parameters = parameters
         for layer, viscosity in enumerate(self._viscosities()):
             self.layers.viscosity[layer] = viscosity
 
     def _viscosities(self) -> np.ndarray:
-        """Dynamic viscosity [Pa s] of each layer."""
+        """Returns the dynamic viscosity [Pa s] of each layer."""
         own = np.array([s.viscosity for s in self.layers.specs])
-        return np.where(self.plain, self.parameters.viscosity, own)
+        return np.where(self.common_viscosity, self.parameters.viscosity, own)
 
     def reset(self) -> None:
-        """Forgets what it knew of the particles: they were replaced."""
+        """Clears all state that belongs to particles which have been replaced."""
         self.impulses.clear()
         self.grid.invalidate()
         self.grid.refresh()
 
     def step(self, dt: float, external: ExternalForces, stage: Stage = no_stage) -> None:
-        """A.2: grid, densities and pressures, forces, positions and boundaries."""
+        """Advances by dt [s] as in A.2: grid, densities, pressures, forces, positions, walls."""
         self.find_accelerations(stage)
         with stage("drift"):
             self.move(self.particles.count, dt, *external.arguments())
@@ -185,7 +183,7 @@ class Classic:
             self.grid.invalidate()
 
     def find_accelerations(self, stage: Stage = no_stage) -> None:
-        """Densities, pressures and accelerations by the other particles."""
+        """Computes densities, pressures and the accelerations by other particles."""
         n, p = self.particles.count, self.parameters
         self.measure_density(stage)
         with stage("forces"):
@@ -195,7 +193,7 @@ class Classic:
                 self.attract(n, p.attraction, p.colour_threshold)
 
     def measure_density(self, stage: Stage = no_stage) -> None:
-        """Densities and pressures of the particles where they are now."""
+        """Computes densities and pressures at the particles' current positions."""
         with stage("neighbours"):
             self.neighbours.refresh()
         with stage("density"):
@@ -203,11 +201,11 @@ class Classic:
             self.find_densities(n, p.stiffness, p.tension, self.own_kernels)
 
     def state(self) -> dict[str, float]:
-        """What a checkpoint holds beside the particles: nothing."""
+        """Returns no numbers: a checkpoint holds the particles only."""
         return {}
 
     def restore(self, state: dict[str, float]) -> None:
-        """Goes on from a state()."""
+        """Does nothing; see state()."""
 
     @kernel
     def find_densities(
@@ -235,8 +233,8 @@ class Classic:
         formula: ti.template(),
         own_kernels: ti.template(),
     ):
-        """a_i = (f_pressure + f_viscosity) / rho_i [m/s^2]: (27), (28); symmetric: (33), and also
-        squared: (32); formula: (28) and not the pseudo-code."""
+        """a_i = (f_pressure + f_viscosity) / rho_i [m/s^2] by (27) and (28). symmetric: (33), with
+        squared (32), in place of (27); formula: (28) in place of the pseudo-code."""
         for i in range(n):
             a = ti.Vector([0.0, 0.0, 0.0])
             for s in range(self.neighbours.start[i], self.neighbours.end[i]):
@@ -246,9 +244,20 @@ class Classic:
 
     @kernel
     def attract(self, n: ti.i32, attraction: ti.f32, threshold: ti.f32):
-        """a_i += f_attraction / rho_i [m/s^2]."""
+        """a_i -= sigma lap(c) n/|n| / rho_i [m/s^2], n = grad c of the colour c = sum m_j/rho_j W,
+        where |n| h exceeds the threshold."""
         for i in range(n):
-            self.particles.acceleration[i] += self._attraction(i, attraction, threshold)
+            layer = self.particles.layer[i]
+            h = self.layers.support[layer]
+            share = self.layers.mass[layer] / self.particles.density[i]
+            colour = ti.Vector([0.0, 0.0, 0.0, share * kernels.poly6_laplacian(0.0, h)])
+            for s in range(self.neighbours.start[i], self.neighbours.end[i]):
+                self._add_colour(i, self.neighbours.index[s], colour)
+            normal = colour.xyz
+            length = normal.norm()
+            if length * h > threshold:
+                strength = attraction * colour.w / self.particles.density[i]
+                self.particles.acceleration[i] -= strength * normal / length
 
     @kernel
     def move(
@@ -263,9 +272,9 @@ class Classic:
     ):
         """Position Verlet x' = 2 x - x_old + dt^2 a, v = (x - x_old)/dt, then reflecting walls.
 
-        Written with v in place of x_old: x' = x + dt (v + dt a). The same recursion, but it keeps
-        its digits in single precision and lets dt change. Particles stop half a spacing from the
-        walls. The internal impulse sum m a dt [N s] would be zero were pair forces antisymmetric.
+        In the form x' = x + dt (v + dt a), which loses no digits in single precision and allows dt
+        to change. Particles stop half a spacing from the walls. The internal impulse sum m a dt
+        [N s] is zero only for antisymmetric pair forces.
         """
         self.farthest[None] = 0.0
         for i in range(n):
@@ -295,26 +304,18 @@ class Classic:
 
     @ti.func
     def _density_kernel(self, r, h, layer, own_kernels: ti.template()):
-        w = 0.0
+        w = kernels.poly6(r, h)
         if ti.static(own_kernels):
             if self.layers.wendland[layer] == 1:
                 w = kernels.wendland(r, h)
-            else:
-                w = kernels.poly6(r, h)
-        else:
-            w = kernels.poly6(r, h)
         return w
 
     @ti.func
     def _pressure_slope(self, r, h, layer, own_kernels: ti.template()):
-        slope = 0.0
+        slope = kernels.spiky_slope(r, h)
         if ti.static(own_kernels):
             if self.layers.wendland[layer] == 1:
                 slope = kernels.wendland_slope(r, h)
-            else:
-                slope = kernels.spiky_slope(r, h)
-        else:
-            slope = kernels.spiky_slope(r, h)
         return slope
 
     @ti.func
@@ -357,23 +358,6 @@ class Classic:
         else:
             drag *= (self.layers.viscosity[l_i] + self.layers.viscosity[l_j]) / (2.0 * rho_i**2)
         a += drag * (self.particles.v[j] - self.particles.v[i])
-
-    @ti.func
-    def _attraction(self, i, attraction, threshold):
-        """-sigma lap(c) n/|n| / rho_i, n = grad c of the colour c = sum m_j/rho_j W [m/s^2]."""
-        layer = self.particles.layer[i]
-        h = self.layers.support[layer]
-        share = self.layers.mass[layer] / self.particles.density[i]
-        colour = ti.Vector([0.0, 0.0, 0.0, share * kernels.poly6_laplacian(0.0, h)])
-        for s in range(self.neighbours.start[i], self.neighbours.end[i]):
-            self._add_colour(i, self.neighbours.index[s], colour)
-        normal = colour.xyz
-        length = normal.norm()
-        a = ti.Vector([0.0, 0.0, 0.0])
-        if length * h > threshold:
-            strength = attraction * colour.w / self.particles.density[i]
-            a = -strength * normal / length
-        return a
 
     @ti.func
     def _add_colour(self, i, j, colour: ti.template()):

@@ -12,29 +12,29 @@ MEMBERS = {
     "bodies": i32,  # number of bodies
     "leak": f32,  # depth in a wall beyond which a particle has leaked [m]
     "rest_density": f32,  # [kg/m^3]
-    "restitution": f32,  # share of speed kept at walls (-)
+    "restitution": f32,  # ratio of speeds after and before contact with a wall (-)
     "cells": i32,  # of the neighbour grids of all layers
-    "entries": i32,  # most of the neighbour list
-    "usual_neighbours": f32,  # of a particle at rest, images included
-    "own_entries": i32,  # of a particle, where each has its own (GPU)
+    "entries": i32,  # capacity of the neighbour list
+    "mean_neighbours": f32,  # of a particle at rest, images included
+    "entries_per_particle": i32,  # of the neighbour list (GPU)
     "cfl": f32,  # spacings per step (-)
     "pressure_cfl": f32,  # spacings that sqrt(p/rho) covers per step (-)
     "release": f32,  # time in which a density excess may become velocity [s]
     "spray": f32,  # relative density of spray (-)
-    "largest_shift": f32,  # of a position correction, in spacings
+    "largest_shift": f32,  # largest position correction in a step, in spacings
     "relaxation": f32,  # of the position correction's Jacobi iteration (-)
     "slip": i32,  # 1: walls do not brake viscous water
     "depth_cell": f32,  # edge of a cell of the depth grid [m]
     "depth_margin": f32,  # of the covering kernel's support [m]
     "depth_dims": ivec3,  # cells of the depth grid along each axis
-    "depth_reach": i32,  # cells from which on no surface is sought
-    "hysteresis": f32,  # share of a band's limit that a particle must pass (-)
-    "settle": i32,  # passes that a particle waits after it was split or merged
+    "depth_reach": i32,  # largest searched distance to the surface, in cells
+    "hysteresis": f32,  # share of a band's limit by which particles must exceed it (-)
+    "settle": i32,  # wait after a split or merge, in units of `every` steps
 }
 
 
 class Constants(DeviceTable):
-    """A table of one row with MEMBERS; kernels read `constants.rest_density[None]`."""
+    """One-row device table of MEMBERS; kernels read `constants.rest_density[None]`."""
 
     def __init__(self):
         super().__init__((), **MEMBERS)

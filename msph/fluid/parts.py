@@ -1,4 +1,4 @@
-"""The parts of a fluid that all methods share."""
+"""Components of the fluid that all methods share."""
 
 from dataclasses import dataclass
 

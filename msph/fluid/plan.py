@@ -1,4 +1,4 @@
-"""Plan: everything that a simulation needs to know of a scene, computed once."""
+"""Plan: everything that a simulation reads from a scene, computed once."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,19 +9,19 @@ import numpy as np
 
 from msph.fluid.adaptivity.adaptation import farthest_depth
 from msph.fluid.adaptivity.bands import AdaptationParameters
-from msph.fluid.adaptivity.surface_distance import depth_constants, depth_shape
+from msph.fluid.adaptivity.surface_distance import depth_constants
 from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.contact import LEAK
-from msph.fluid.boundary.mesh_samples import numbers_needed
+from msph.fluid.boundary.mesh_samples import sample_count
 from msph.fluid.boundary.rigid_bodies import Body
 from msph.fluid.methods import Parameters, solver_of
 from msph.fluid.particles.grid import cells_of, grid_rows
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.particles.neighbour_list import (
-    entries_provided,
+    list_capacity,
     list_tables,
-    mean_neighbours,
-    most_neighbours,
+    max_mean_neighbours,
+    max_neighbours,
 )
 from msph.fluid.room import Room
 from msph.taichi_internals import on_cpu
@@ -31,10 +31,10 @@ from msph.taichi_internals import on_cpu
 class Plan:
     """Input of a Simulation.
 
-    size: of the box [m]. specs: the layers. initial: attributes of the initial particles by name, x
-    and v (n, 3) [m, m/s] and layer (n,). parameters: of the method. bodies: in the box, containers
-    included. adaptation: None where every particle keeps its layer. capacity: largest number of
-    particles, by default that of the initial ones. restitution: share of speed kept at walls (-).
+    size: of the box [m]. specs: the layers. initial: attributes of the initial particles by name: x
+    and v (n, 3) [m, m/s], layer (n,). parameters: of the method. bodies: in the box, containers
+    included. adaptation: None if particles keep their layer. capacity: largest number of particles,
+    by default the number of initial ones. restitution: share of speed kept at walls (-).
     """
 
     size: tuple[float, float, float]
@@ -48,76 +48,68 @@ class Plan:
 
     @cached_property
     def method(self) -> Any:
-        """Class of the solver."""
+        """Solver class."""
         return solver_of(self.parameters)
 
     @cached_property
-    def most(self) -> int:
+    def max_particles(self) -> int:
         """Largest number of particles."""
         return max(self.capacity or 0, len(self.initial["x"]))
-
-    @cached_property
-    def rest_density(self) -> float:
-        """Rest density rho0 [kg/m^3]."""
-        return self.specs[0].density
 
     @cached_property
     def finest(self) -> LayerSpec:
         return min(self.specs, key=lambda s: s.mass)
 
     @cached_property
-    def reach(self) -> str:
-        """Form of the neighbour list."""
-        return self.method.reach(self.parameters)
+    def list_form(self) -> str:
+        """Form of the neighbour list, a key of LIST_FORMS."""
+        return self.method.list_form(self.parameters)
 
     @cached_property
     def entries(self) -> int:
         """Largest number of entries of the neighbour list."""
         margin = self.method.LIST_MARGIN
-        return entries_provided(self.specs, margin, self.reach, self.most, on_cpu())
+        return list_capacity(self.specs, margin, self.list_form, self.max_particles, on_cpu())
 
     @cached_property
     def _depth(self) -> dict[str, Any]:
-        """Numbers of the grid on which depth is measured; none where nothing adapts."""
+        """Constants of the depth grid; empty without adaptation."""
         if self.adaptation is None:
             return {}
-        farthest = farthest_depth(self.specs, self.adaptation)
-        return depth_constants(self.size, self.finest, farthest)
+        return depth_constants(self.size, self.finest, farthest_depth(self.specs, self.adaptation))
 
     @cached_property
     def needed(self) -> Room:
         """Capacity that the simulation needs."""
-        depth = depth_shape(self.size, self._depth["depth_cell"]) if self._depth else (0,)
         return Room(
-            particles=self.most,
+            particles=self.max_particles,
             entries=self.entries,
             cells=sum(cells_of(self.size, self.specs)),
-            depth_cells=int(np.prod(depth)),
-            samples=numbers_needed(list(self.bodies), self.specs),
+            depth_cells=int(np.prod(self._depth.get("depth_dims", 0))),
+            samples=sample_count(list(self.bodies), self.specs),
         )
 
     def constants(self) -> dict[str, Any]:
-        """Values of the scene's constants, by their names in Constants."""
+        """Returns the scene's constants by their names in Constants."""
         margin = self.method.LIST_MARGIN
         return {
             "size": self.size,
             "layers": len(self.specs),
             "bodies": len(self.bodies),
             "leak": LEAK * self.finest.spacing,
-            "rest_density": self.rest_density,
+            "rest_density": self.specs[0].density,
             "restitution": self.restitution,
             "cells": self.needed.cells,
             "entries": self.entries,
-            "usual_neighbours": mean_neighbours(self.specs, margin, self.reach),
-            "own_entries": most_neighbours(self.specs, margin, self.reach),
+            "mean_neighbours": max_mean_neighbours(self.specs, margin, self.list_form),
+            "entries_per_particle": max_neighbours(self.specs, margin, self.list_form),
             **self._depth,
             **self.method.constants_of(self.parameters, self.adaptation, self.specs),
         }
 
     def tables(self) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-        """Columns of the tables by layer and by pair of layers (see layers.py) that do
-        not follow from a layer's spec alone, by name."""
-        rows, pairs = list_tables(self.specs, self.method.LIST_MARGIN, self.reach)
+        """Returns further columns of the tables by layer and by pair of layers (layers.py)."""
+        rows, pairs = list_tables(self.specs, self.method.LIST_MARGIN, self.list_form)
         own_rows, own_pairs = self.method.tables_of(self.adaptation, self.specs)
         rows |= own_rows | grid_rows(self.size, self.specs) | Boundary.layer_rows(self.specs)
         return rows, pairs | own_pairs

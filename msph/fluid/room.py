@@ -1,15 +1,14 @@
-"""Classes of capacity: scenes of one class share fields, and so their compiled kernels."""
+"""Capacity classes: scenes of one class share fields and compiled kernels."""
 
 from dataclasses import astuple, dataclass
 
 
 @dataclass(frozen=True)
 class Room:
-    """Capacity of the fluid's fields, which are allocated once and refilled for each scene.
+    """Capacity of the fluid's fields.
 
     particles: number of particles. entries: of the neighbour list. cells: of the neighbour grids of
-    all layers. depth_cells: of the grid on which depth is measured. samples: f32 numbers of the
-    sampled fields of meshes.
+    all layers. depth_cells: of the depth grid. samples: f32 values of the meshes' sampled fields.
     """
 
     particles: int
@@ -19,29 +18,27 @@ class Room:
     samples: int
 
     def holds(self, needed: "Room") -> bool:
-        """Returns True if every kind has at least the capacity needed."""
+        """Returns True if no capacity is less than needed."""
         return all(a >= b for a, b in zip(astuple(self), astuple(needed), strict=True))
 
 
-# The first class, 40 MiB: every shipped scene fits at every quality (the most are 16,000 particles,
-# 1.38 million entries, 39,000 and 26,000 cells, 813,000 samples), so that none compiles anything
-# that another has compiled. No power of two: fields a multiple of 4096 bytes apart would compete
-# for the same lines of a cache.
+# Smallest class, 40 MiB: every shipped scene fits at every quality. Not powers of two: fields a
+# multiple of 4096 bytes apart would compete for the same cache lines.
 FIRST = Room(16_500, 1_425_000, 40_000, 27_000, 820_000)
-# Factor from one class to the next, of each kind by itself: Taichi touches all that it allocates.
+# Factor between classes, applied to each capacity separately since Taichi touches all it allocates.
 GROWTH = 2
-# Most that a class has of a kind unless a scene needs more: indices are 32-bit integers.
-MOST = 1 << 29
+# Largest capacity of a class, unless a scene needs more: indices are 32-bit integers.
+MAX_SIZE = 1 << 29
 
 
 def room_for(needed: Room) -> Room:
-    """The smallest class that holds what is needed."""
+    """Returns the smallest class with at least the needed capacity."""
     return Room(*(grown(*pair) for pair in zip(astuple(FIRST), astuple(needed), strict=True)))
 
 
 def grown(first: int, needed: int) -> int:
-    """`first` times the power of GROWTH that holds `needed`; `needed` itself beyond MOST."""
-    found = first
-    while found < needed:
-        found = found * GROWTH if found * GROWTH <= MOST else needed
-    return found
+    """Returns `first` times a sufficient power of GROWTH, or `needed` beyond MAX_SIZE."""
+    size = first
+    while size < needed:
+        size = size * GROWTH if size * GROWTH <= MAX_SIZE else needed
+    return size

@@ -1,4 +1,4 @@
-"""The simulation of one scene: its state, its time and its steps."""
+"""Simulation of one scene: state, time and steps."""
 
 import math
 import weakref
@@ -9,26 +9,26 @@ import numpy as np
 
 from msph.errors import BlowUpError
 from msph.fluid.external_forces import ExternalForces
-from msph.fluid.methods import Parameters, every_attribute, solver_of
+from msph.fluid.methods import Parameters, all_attributes, solver_of
 from msph.fluid.particles.grid import cells_of
 from msph.fluid.particles.layers import LayerSpec
-from msph.fluid.particles.neighbour_list import entries_provided
-from msph.fluid.particles.particles import Particles
+from msph.fluid.particles.neighbour_list import list_capacity
+from msph.fluid.particles.particles import CORE
 from msph.fluid.plan import Plan
 from msph.fluid.room import FIRST, grown
 from msph.fluid.stages import Stage, no_stage
-from msph.fluid.trapped_water import check_room
+from msph.fluid.trapped_water import check_trapped_water
 from msph.fluid.world import give_back, take
 
-# Factor (-) by which a step may stay shorter than allowed before it is lengthened: the first steps
-# of a new length take three times the iterations, since pressures depend on it.
-LEEWAY = 1.1
-# Bytes of an i32 or f32, the only numbers that fields hold.
+# A step is lengthened once it is this many times shorter than allowed (-): after each change of
+# length the pressure solve takes three times the iterations.
+LENGTHENING_RATIO = 1.1
+# Bytes of an i32 or f32, the only types of the fields.
 WORD = 4
 
 
 class NoWaterError(ValueError):
-    """All the water was inside of bodies."""
+    """Raised if all initial particles are inside bodies."""
 
 
 def footprint(
@@ -37,16 +37,16 @@ def footprint(
     count: int,
     parameters: Parameters,
 ) -> dict[str, int]:
-    """Numbers (of WORD bytes) that are allocated for `count` particles in a box of `size` [m], by
-    purpose, on a GPU; lists of neighbours are smaller on a CPU."""
+    """Returns the numbers (of WORD bytes) allocated on a GPU for `count` particles in a box of
+    `size` [m], by purpose; on a CPU the neighbour list is smaller."""
     solver = solver_of(parameters)
-    entries = entries_provided(specs, solver.LIST_MARGIN, solver.reach(parameters), count)
-    # Attributes, and place, cell, start and end of the sort and the list.
-    each = Particles.bytes_per_particle(every_attribute()) // WORD + 4
+    entries = list_capacity(specs, solver.LIST_MARGIN, solver.list_form(parameters), count)
+    # Attributes, and the fields place, cell, start and end of the sort and the list.
+    words = sum(a.words for a in CORE + all_attributes()) + 4
     return {
         "cells": 2 * grown(FIRST.cells, sum(cells_of(size, specs))),
         "neighbours": (1 + solver.PER_ENTRY) * grown(FIRST.entries, entries),
-        "particles": each * grown(FIRST.particles, count),
+        "particles": words * grown(FIRST.particles, count),
     }
 
 
@@ -54,9 +54,8 @@ class Simulation:
     """Simulation of one scene, as a Plan describes it.
 
     time [s] is simulated time; steps counts solver steps since the last reset, iterations those of
-    their pressure solves; left_out counts initial particles dropped because they were inside a
-    body, mass_left_out [kg] is theirs. Raises NoWaterError where none remain. close() gives the
-    fields back for the next simulation.
+    their pressure solves; left_out counts the initial particles inside bodies, which are dropped,
+    and mass_left_out [kg] is their mass. Raises NoWaterError if none remain.
     """
 
     def __init__(self, plan: Plan):
@@ -79,16 +78,16 @@ class Simulation:
         self.reset()
 
     def close(self) -> None:
-        """Gives the fields back; nothing can be done with the simulation afterwards."""
+        """Returns the fields to the stock; the simulation is unusable afterwards."""
         self._lease()
 
     def reset(self) -> None:
-        """Back to the initial state at time zero."""
-        self._start(dict(self.initial), 0.0, 0)
+        """Restores the initial state at time zero."""
+        self._start(self.initial, 0.0, 0)
         self.solver.arrange()
 
     def warm_up(self, duration: float) -> None:
-        """Compiles every kernel by a frame of `duration` [s], and starts anew."""
+        """Compiles all kernels by simulating `duration` [s], then resets."""
         self.advance(duration, ExternalForces())
         self.measure_density()
         self.reset()
@@ -100,31 +99,32 @@ class Simulation:
         stage: Stage = no_stage,
         budget: float | None = None,
         clock: Callable[[], float] = perf_counter,
-        tell: Callable[[float], None] | None = None,
+        on_progress: Callable[[float], None] | None = None,
     ) -> float:
         """Simulates `duration` [s] in steps no longer than the solver allows; returns the time [s]
         simulated.
 
-        It is less than `duration` only where `budget` [s] of wall-clock time did not suffice; one
-        step is always made. Leaves the particles sorted into the grid, as the surface needs them.
-        stage(name) is entered round each part of a step, as a profiler's hook; tell is called
-        after each step with the share (0 to 1) of the duration that is over. Raises
-        TrappedWaterError where a moving body leaves the water no room, BlowUpError where
-        speeds or pressures have grown beyond any step.
+        The result is less than `duration` only if `budget` [s] of wall-clock time is exceeded; at
+        least one step is made. Particles are sorted into the grid afterwards, as the surface
+        requires. stage(name) is entered around each part of a step (profiler hook); on_progress is
+        called after each step with the finished share (0 to 1). Raises TrappedWaterError if a
+        moving body compresses enclosed water, BlowUpError if no step is short enough.
         """
         deadline = math.inf if budget is None else clock() + budget
         left = duration
         while left > 1e-6 * duration:
             if self.boundary.moving:
                 now, longest = self.time + duration - left, self.solver.longest_step()
-                check_room(self.boundary, self.layers, self.particles, external, longest, now)
-            dt = self.last_step = left / self._steps_to(left)
+                check_trapped_water(
+                    self.boundary, self.layers, self.particles, external, longest, now
+                )
+            dt = self.last_step = left / self._step_count(left)
             self.solver.step(dt, external, stage)
             left -= dt
             self.steps += 1
             self.iterations += self.solver.iterations
-            if tell:
-                tell(1.0 - left / duration)
+            if on_progress:
+                on_progress(1.0 - left / duration)
             if clock() >= deadline:
                 break
         with stage("neighbours"):
@@ -133,71 +133,68 @@ class Simulation:
         self.time += done
         return done
 
-    def measure_density(self, stage: Stage = no_stage) -> None:
-        """Sums the densities at the present positions; a step sums them in its middle only.
-
-        stage(name) is entered round each part, as in advance().
-        """
+    def measure_density(self) -> None:
+        """Sums the densities at the current positions; a step sums them at its midpoint only."""
         if self.boundary.moving:
             self.boundary.place(self.time, 0.0)
-        with stage("neighbours"):
-            self.grid.refresh()
-        self.solver.measure_density(stage)
+        self.grid.refresh()
+        self.solver.measure_density()
 
-    def _steps_to(self, left: float) -> int:
-        """Number of equal steps to the end of the frame, `left` [s] away. Their length is that of
-        the last step while that is allowed and at most LEEWAY times too short."""
+    def _step_count(self, left: float) -> int:
+        """Returns the number of equal steps for the remaining `left` [s] of the frame. Keeps the
+        length of the last step while it is allowed and at most LENGTHENING_RATIO times too short.
+        """
         longest = self.solver.longest_step
-        if longest(LEEWAY) <= 0.0:
+        if longest(LENGTHENING_RATIO) <= 0.0:
             speed = np.linalg.norm(self.particles.numpy("v").astype(float), axis=1)
             which = self.particles.describe(int(np.argmax(speed)))
             raise BlowUpError(
-                f"step {self.steps}: no step is short enough for the fastest, {which}"
+                f"step {self.steps}: no step is short enough for the fastest particle, {which}"
             )
-        least, most = (math.ceil(left / longest(k) - 1e-6) for k in (1.0, LEEWAY))
+        least, most = (math.ceil(left / longest(k) - 1e-6) for k in (1.0, LENGTHENING_RATIO))
         return min(max(least, round(left / self.last_step)), most)
 
     def counts(self) -> list[int]:
-        """Live particles of each layer."""
+        """Returns the number of live particles of each layer."""
         return np.bincount(self.particles.numpy("layer"), minlength=self.layers.count).tolist()
 
     def state(self) -> dict[str, np.ndarray]:
-        """A checkpoint: every carried attribute, the time, the number of steps and the length of
-        the last, the solver's own state, and the fingerprint of the fluid. On one thread a run
-        resumed from it is bit for bit the run that was never stopped."""
+        """Returns a checkpoint: every carried attribute, time, number of steps, length of the last
+        step, the solver's state and the fingerprint. On one thread a resumed run is bit-identical
+        to an uninterrupted one."""
         progress = {
             "time": np.float64(self.time),
             "steps": np.int64(self.steps),
             "last_step": np.float64(self.last_step),
         }
         solver = {f"solver.{k}": np.float64(v) for k, v in self.solver.state().items()}
-        return {**progress, **solver, "fluid": self.fingerprint(), **self.particles.state()}
+        return {**progress, **solver, "fluid": self._fingerprint(), **self.particles.state()}
 
-    def fingerprint(self) -> np.ndarray:
-        """Box [m] and masses [kg] of the layers: what a checkpoint must share with the scene."""
+    def _fingerprint(self) -> np.ndarray:
+        """Returns the box [m] and layer masses [kg], which checkpoint and scene must share."""
         return np.array([*self.size, *(s.mass for s in self.layers.specs)])
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
-        """Goes on from a state(). Raises ValueError if it does not belong to this fluid."""
+        """Restores a state(). Raises ValueError if it does not fit this simulation."""
         attributes = dict(state)
         missing = set(self.state()) - set(attributes)
         if missing:
-            raise ValueError(f"it lacks {', '.join(sorted(missing))}")
+            raise ValueError(f"{', '.join(sorted(missing))} missing")
         time, steps, last_step = (attributes.pop(k) for k in ("time", "steps", "last_step"))
-        fluid, own = attributes.pop("fluid"), self.fingerprint()
+        fluid, own = attributes.pop("fluid"), self._fingerprint()
         solver = {k: float(attributes.pop(f"solver.{k}")) for k in self.solver.state()}
         if fluid.shape != own.shape or not np.allclose(fluid, own):
-            raise ValueError("box or layers are not those of the scene")
+            raise ValueError("box or layers differ from the scene")
         self.particles.check(attributes)
         x, layer = attributes["x"], attributes["layer"]
         if np.any(x < 0.0) or np.any(x > np.array(self.size, np.float32)):
-            raise ValueError("it has particles outside the box")
+            raise ValueError("particles outside the box")
         if layer.min() < 0 or layer.max() >= self.layers.count:
-            raise ValueError(f"it has layers that are none of the scene's {self.layers.count}")
+            raise ValueError(f"layer index not in 0 to {self.layers.count - 1}")
         if not 0.0 <= time < math.inf:
-            raise ValueError(f"its time is {time:g} s")
+            raise ValueError(f"time is {time:g} s: must be finite and at least 0")
         if not last_step > 0.0:
-            raise ValueError(f"its last step took {last_step:g} s")
+            raise ValueError(f"last step is {last_step:g} s: must be positive")
         self._start(attributes, float(time), int(steps))
         self.last_step = float(last_step)
         self.solver.restore(solver)

@@ -1,14 +1,14 @@
-"""Stages of a step by name: the hook of a profiler, free where there is none."""
+"""Named stages of a step: a profiler hook without cost when unused."""
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 
-# stage(name) gives the context in which the work of that name is done.
+# stage(name) returns the context in which the work of that name is done.
 Stage = Callable[[str], AbstractContextManager]
 
 _nothing = nullcontext()
 
 
 def no_stage(name: str) -> AbstractContextManager:
-    """The stage of which nobody takes the time."""
+    """Returns a context that does nothing."""
     return _nothing

@@ -1,8 +1,7 @@
-"""Water that a moving body presses and that has nowhere to go.
+"""Detection of water that a moving body compresses and that cannot flow away.
 
-No flow without compression satisfies such walls: the pressure solve has no solution, pressures grow
-without bound, and steps shrink to nothing. It is told by a pressure that no motion of the scene
-could cause: sqrt(p/rho) above PRESSED times every speed that bodies and gravity give.
+The pressure solve then has no solution: pressures grow without bound and steps shrink. Criterion:
+sqrt(p/rho) exceeds TRAPPED_RATIO times the largest speed that bodies and gravity can cause.
 """
 
 import math
@@ -15,20 +14,20 @@ from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.layers import Layers
 from msph.fluid.particles.particles import Particles
 
-# sqrt(p/rho) over the largest speed (-) that no impact on water with a free surface reaches in two
-# seconds of the shipped scenes; a piston without a gap exceeds it within a few steps.
-PRESSED = 100.0
+# sqrt(p/rho) over the largest speed (-) that no impact of the shipped scenes reaches in 2 s; a
+# piston without a gap exceeds it within a few steps.
+TRAPPED_RATIO = 100.0
 
 
 class TrappedWaterError(MsphError):
-    """A body presses water that has nowhere to go. body: its index in the boundary."""
+    """A body compresses water that cannot flow away. body: its index in the boundary."""
 
     def __init__(self, body: int, name: str, time: float):
         self.body, self.name = body, name
-        super().__init__(f"{name} presses water that has nowhere to go at t = {time:.3f} s")
+        super().__init__(f"{name} compresses water that cannot flow away at t = {time:.3f} s")
 
 
-def check_room(
+def check_trapped_water(
     boundary: Boundary,
     layers: Layers,
     particles: Particles,
@@ -36,12 +35,12 @@ def check_room(
     longest_step: float,
     time: float,
 ) -> None:
-    """Raises TrappedWaterError if the water under moving bodies is trapped at `time` [s].
+    """Raises TrappedWaterError if water at moving bodies is trapped at `time` [s].
 
-    longest_step [s] is what the solver allows: as long as it is not tiny, nothing is read.
+    longest_step [s] is the solver's limit: pressures are read only if it is very short.
     """
     fall = 2.0 * math.hypot(*external.gravity) * math.hypot(*boundary.box)
-    speed = PRESSED * (boundary.top_speed + math.sqrt(fall))
+    speed = TRAPPED_RATIO * (boundary.top_speed + math.sqrt(fall))
     if longest_step > layers.finest.spacing / speed:
         return
     pressure = particles.numpy("pressure")

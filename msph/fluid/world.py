@@ -1,8 +1,7 @@
 """Worlds: the fields of a fluid, allocated once and refilled for each scene.
 
-Taichi compiles a kernel for the fields that it works on. So a simulation does not allocate fields.
-It takes a world from a stock and gives it back when it is closed, and the next simulation that
-takes this world finds its kernels compiled.
+Taichi compiles a kernel for the fields it uses. Simulations take worlds from a stock and return
+them when closed, so that the next simulation reuses the compiled kernels.
 """
 
 import gc
@@ -13,10 +12,9 @@ from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.contact import Contact
 from msph.fluid.constants import Constants
 from msph.fluid.impulse_ledger import ImpulseLedger
-from msph.fluid.methods import every_attribute
+from msph.fluid.methods import all_attributes
 from msph.fluid.particles.grid import LayeredGrid
 from msph.fluid.particles.layers import Layers
-from msph.fluid.particles.mirror_images import MirrorImages
 from msph.fluid.particles.neighbour_list import NeighbourList
 from msph.fluid.particles.particles import Particles
 from msph.fluid.parts import Parts
@@ -24,25 +22,25 @@ from msph.fluid.plan import Plan
 from msph.fluid.room import Room, room_for
 from msph.taichi_internals import field_trees
 
-# Trees of fields that a process has room for, and how many of them a world, its surface and its
-# image may need: beyond, Taichi ends in a segmentation fault.
+# Taichi crashes beyond TREES field trees per process; a world with its surface and image takes up
+# to NEEDED.
 TREES, NEEDED = 512, 24
 
 T = TypeVar("T")
 
 
 class World:
-    """The parts of a fluid with the capacity `room`, and all objects with kernels over them."""
+    """Components of a fluid with capacity `room`, and all objects with kernels on them."""
 
     def __init__(self, room: Room):
         taken = field_trees()
         if taken > TREES - NEEDED:
             raise RuntimeError(
-                f"{taken} of {TREES} trees of Taichi's fields are taken: "
+                f"{taken} of {TREES} Taichi field trees are in use: "
                 "no room for another simulation in this process"
             )
         constants, layers = Constants(), Layers()
-        particles = Particles(room.particles, every_attribute())
+        particles = Particles(room.particles, all_attributes())
         grid = LayeredGrid(room, constants, layers, particles)
         boundary, impulses = Boundary(room, constants, layers), ImpulseLedger()
         self.parts = Parts(
@@ -51,27 +49,27 @@ class World:
             layers=layers,
             particles=particles,
             grid=grid,
-            neighbours=NeighbourList(room, constants, grid, particles, MirrorImages(constants)),
+            neighbours=NeighbourList(room, grid),
             boundary=boundary,
-            contact=Contact(constants, boundary, layers, particles, impulses),
+            contact=Contact(boundary, particles, impulses),
             impulses=impulses,
         )
         self._built: dict[Any, Any] = {}
 
     def once(self, build: Callable[..., T], *arguments: Any) -> T:
-        """Returns build(world, *arguments), which is called once for equal arguments."""
+        """Returns build(world, *arguments), built at the first call with these arguments."""
         key = build, *arguments
         if key not in self._built:
             self._built[key] = build(self, *arguments)
         return self._built[key]
 
     def load(self, plan: Plan) -> Any:
-        """Fills tables and constants for a scene, and returns the solver of its method."""
+        """Fills tables and constants for a scene; returns the solver of its method."""
         parts, specs = self.parts, plan.specs
         parts.constants.fill(**plan.constants())
         parts.layers.load(specs, *plan.tables())
         attributes = plan.method.attributes(plan.parameters, plan.adaptation is not None)
-        parts.particles.load(attributes, plan.most)
+        parts.particles.load(attributes, plan.max_particles)
         margin = plan.method.LIST_MARGIN * plan.finest.support
         parts.neighbours.load(plan.entries, margin, plan.method.MIRRORS)
         parts.boundary.load(plan.size, specs, list(plan.bodies))
@@ -81,21 +79,18 @@ class World:
 
 
 def _solver(world: World, method: Any) -> Any:
-    """The solver of a method over a world's fields."""
     return method(world.parts)
 
 
-# Worlds that no simulation holds, the one used last first: it has most of the kernels that the next
-# scene needs.
+# Unused worlds, the most recently used first: it has the most compiled kernels.
 _stock: list[World] = []
 
 
 def take(needed: Room) -> World:
-    """Returns a world of at least the capacity needed, for the caller alone until give_back().
-    Raises RuntimeError where Taichi cannot hold another world."""
+    """Returns a world for exclusive use until give_back(); RuntimeError if Taichi has no room."""
     found = _smallest(needed)
     if found is None and gc.collect():
-        # A simulation that was dropped without close() may still hold one.
+        # A simulation dropped without close() may still hold one.
         found = _smallest(needed)
     if found is None:
         return World(room_for(needed))
@@ -109,6 +104,6 @@ def give_back(world: World) -> None:
 
 
 def _smallest(needed: Room) -> World | None:
-    """Returns the smallest sufficient world of the stock, None where there is none."""
+    """Returns the smallest sufficient world of the stock, or None."""
     held = [w for w in _stock if w.parts.room.holds(needed)]
     return min(held, key=lambda w: w.parts.room.entries, default=None)

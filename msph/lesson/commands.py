@@ -1,8 +1,7 @@
 """Implementation of `msph lesson`: lists lessons, runs one in a window, writes pages and slides."""
 
-from typing import Any
-
 import click
+from pydantic import BaseModel, Field
 from tabulate import tabulate
 
 from msph import user_cache
@@ -44,7 +43,7 @@ class NoLessonWindowError(BadInputError):
     """A lesson needs a window, and none can be opened."""
 
 
-def lesson(name, html, slides, size, frames, run: RunOptions) -> None:
+def lesson(name, html, slides, size, frames, force, run: RunOptions) -> None:
     """Implements `msph lesson`: lists the lessons, or runs or writes the one called `name`."""
     if name is None:
         if html or slides:
@@ -57,7 +56,7 @@ def lesson(name, html, slides, size, frames, run: RunOptions) -> None:
     if html or slides:
         start(run.arch, run.threads)
         for write, folder in ((web.write, html), (write_slides, slides)):
-            for path in write(course, folder) if folder else ():
+            for path in write(course, folder, force) if folder else ():
                 click.echo(path)
     else:
         in_window(course, size, frames, run)
@@ -68,8 +67,8 @@ def listed() -> list[tuple[str, str, str]]:
     rows = []
     for name, path in shipped_lessons().items():
         data = read_toml(path)
-        ticked = user_cache.recall(key(name), {}).get("ticked", [])
-        done = f"{sum(ticked)} of {len(ticked)} done" if any(ticked) else ""
+        before = user_cache.recall(key(name), Kept) or Kept()
+        done = f"{sum(before.ticked)} of {len(before.ticked)} done" if any(before.ticked) else ""
         rows.append((name, str(data.get("title", "")), done))
     return rows
 
@@ -127,27 +126,42 @@ def begin(course: Course, window: Window) -> Guide:
     return Guide(course, row, window.size)
 
 
-def kept(course: Course) -> dict[str, Any]:
+class Kept(BaseModel):
+    """Stored progress of a lesson: completed tasks, answer (from 1, 0: none), and the checks of the
+    tasks, which show whether the lesson has changed."""
+
+    ticked: list[bool] = []
+    answered: int = Field(default=0, ge=0)
+    checks: list[str] = []
+
+
+def kept(course: Course) -> Kept:
     """Returns the stored progress of a lesson, empty if its tasks have changed."""
-    found = user_cache.recall(key(course.name), {})
-    return found if found.get("checks") == checks(course) else {}
+    found = user_cache.recall(key(course.name), Kept)
+    known = checks(course)
+    valid = (
+        found is not None
+        and found.checks == known
+        and len(found.ticked) == len(known)
+        and found.answered <= len(course.lesson.predict.choices)
+    )
+    return found if found is not None and valid else Kept(ticked=[False] * len(known))
 
 
 def checks(course: Course) -> list[str]:
-    """Returns the checks of a lesson's tasks, which identify the lesson of a stored progress."""
+    """Returns the checks of a lesson's tasks."""
     return [task.check for task in course.lesson.do]
 
 
 def resume(progress: Progress) -> None:
     """Restores the stored progress of a lesson if it has open tasks."""
     before = kept(progress.course)
-    if before.get("answered") and not all(before["ticked"]):
-        progress.resume(before["answered"], before["ticked"])
+    if before.answered and not all(before.ticked):
+        progress.resume(before.answered, before.ticked)
 
 
 def keep(progress: Progress) -> None:
     """Stores the progress; tasks that were done before stay done."""
-    before = kept(progress.course).get("ticked", [False] * len(progress.ticked))
-    ticked = [a or b for a, b in zip(before, progress.ticked, strict=True)]
-    found = {"ticked": ticked, "answered": progress.answered, "checks": checks(progress.course)}
-    user_cache.remember(key(progress.course.name), found)
+    ticked = [a or b for a, b in zip(kept(progress.course).ticked, progress.ticked, strict=True)]
+    found = Kept(ticked=ticked, answered=progress.answered, checks=checks(progress.course))
+    user_cache.remember(key(progress.course.name), found.model_dump())

@@ -69,7 +69,7 @@ def _frame_time(show: Show) -> float:
 
 def _exchanges(show: Show) -> float:
     adaptation = getattr(show.simulation.solver, "adaptation", None)
-    return float(sum(adaptation.passed)) if adaptation else 0.0
+    return float(sum(adaptation.totals)) if adaptation else 0.0
 
 
 def _mass_error(show: Show) -> float:
@@ -115,7 +115,7 @@ def _red_left(show: Show) -> float:
 def _caustics(show: Show) -> float:
     """Returns the standard deviation of the light on the floor over its mean [%], away from the
     walls."""
-    focus = show.picture.light.focus.to_numpy()
+    focus = show.picture.sunlight.focus.to_numpy()
     edge = len(focus) // 4
     inner = focus[edge:-edge, edge:-edge]
     mean = float(inner.mean())

@@ -85,7 +85,7 @@ class Ledger:
         # The factor allows for rounding, as times are sums of frame times.
         self._density_due = self.simulation.time + self.density_every * (1.0 - 1e-6)
         self.simulation.measure_density()
-        rest = self.simulation.plan.rest_density
+        rest = self.simulation.layers.rest_density
         density = self.simulation.particles.numpy("density").astype(float)
         return np.maximum(density / rest - 1.0, 0.0)
 

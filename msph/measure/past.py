@@ -28,11 +28,21 @@ UNREADABLE = (
 class CheckpointError(BadInputError):
     """A file that is not a checkpoint, or a checkpoint later than the end of the run."""
 
+    @classmethod
+    def beyond(cls, since: float, duration: float) -> "CheckpointError":
+        """The error of a checkpoint of the time `since` [s] in a run of `duration` [s]."""
+        return cls(
+            f"the checkpoint is at {since:g} s and the run ends at {duration:g} s; "
+            "--seconds sets a later end"
+        )
+
 
 def time_of(checkpoint: Path) -> float:
     """Returns the simulated time [s] of a checkpoint. Raises CheckpointError."""
     try:
         with np.load(checkpoint) as state:
+            if state.zip.testzip() is not None:
+                raise ValueError("a member is damaged")
             return float(state["time"])
     except (*UNREADABLE, KeyError):
         raise CheckpointError(f"{checkpoint.name}: is not a checkpoint") from None

@@ -12,6 +12,7 @@ WIDTH, HEIGHT, DPI = 8.0, 2.2, 110
 
 ENERGY, VOLUME = "change of energy [J]", "change of the\nsurface's volume [%]"
 DENSITY = "density error [-]"
+PLOTS = ("ledger.png", "probes.png")
 # Panels of ledger.png: axis label, and columns with their labels.
 PANELS: tuple[tuple[str, dict[str, str]], ...] = (
     (
@@ -61,11 +62,11 @@ AXIS_LABELS = {
 
 def plot(folder: Path, title: str) -> list[Path]:
     """Plots folder/ledger.csv and folder/probes.csv; returns the image files."""
-    found = [folder / "ledger.png"]
+    found = [folder / PLOTS[0]]
     _draw(found[0], title, _ledger_panels(read(folder / "ledger.csv")))
     readings = read(folder / "probes.csv")
     if len(readings) > 1:
-        found.append(folder / "probes.png")
+        found.append(folder / PLOTS[1])
         _draw(found[1], title, _probe_panels(readings))
     return found
 

@@ -1,1 +1,1 @@
-"""The picture: Taichi kernels that draw pool, water and particles into one image field."""
+"""Rendering: Taichi kernels that draw pool, water and particles into one image field."""

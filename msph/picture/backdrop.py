@@ -1,59 +1,51 @@
-"""The view without water: country, pool and bodies, kept as long as neither they nor the eye move.
+"""Image without water: sky, ground, pool and bodies, redrawn only when the view or a body changes.
 
-Sky and ground are sampled once every COARSE pixels, the box and what is in it as in `samples`.
+Sky and ground are sampled once every COARSE pixels; the box and its contents as in `samples`.
 """
 
 import taichi as ti
 
-from msph.picture.pool import FLATTEST, INFINITE, RIM, along
-from msph.picture.rasteriser import BLOCK, FAR, NOTHING
+from msph.picture.pool import MIN_COSINE, RIM, component
+from msph.picture.rasteriser import BLOCK, FAR, NO_ITEM
 from msph.picture.room import COARSE, PixelFields
-from msph.picture.samples import (
-    BARE,
-    DETAIL,
-    REST,
-    SPAN,
-    VOID,
-    draw_blocks,
-    make_sample,
-)
+from msph.picture.samples import DETAIL, EMPTY, REST, SPAN, UNTILED, draw_blocks, make_sample
 from msph.picture.sunlight import bilinear
 from msph.taichi_internals import data_oriented, kernel
 
 vec2, vec3, vec4 = ti.math.vec2, ti.math.vec3, ti.math.vec4
 
-RIM_WIDTH = 0.0035  # of the longest box edge
-LINE_LIMIT = 1.6  # most pixels that one face's edge is wide
+RIM_WIDTH = 0.0035  # width of edge lines, over the longest edge of the box
+LINE_LIMIT = 1.6  # largest width of the line of one face [pixels]
 RIM_STRENGTH, INNER_STRENGTH = 0.85, 0.35  # opacity of edges before and behind the water
-GLASS = 0.045  # reflectance of a pane at right angles
-# Places in a kind: of the low bit of the wall, or the body; of the axis that the ray came in by.
-MORE, NEXT = 4, 1 << 18
+GLASS = 0.045  # reflectance of a pane at normal incidence
+# Digits of a sample's kind: low wall (0, 1) or body; axis by which the ray entered the box.
+WALL_OR_BODY, ENTRY_AXIS = 4, 1 << 18
 
 
 @data_oriented
 class Backdrop:
-    """Display-referred colours, with the opacity of the rim that lies before all.
+    """Display-referred colours, with the opacity of the edge lines in front of the water.
 
-    Drawn anew only when the camera, the tilt or a body moves. While they change, what the water
-    hides is left out: its colour is not drawn, only the rim before it. With bodies all is drawn, as
-    they may be before the water.
+    Pixels that water hides are skipped while the view changes: only the edge lines in front are
+    drawn. With bodies all pixels are drawn, since a body can be in front of the water.
     """
 
     def __init__(self, fields: PixelFields, lens, pool, tone):
         self.lens, self.key = lens, fields.key
         self.pool, self.tone = pool, tone
-        self.colour, self.country, self.depth = fields.backdrop, fields.country, fields.depth
-        self.whole = False
+        self.colour, self.background, self.depth = fields.backdrop, fields.background, fields.depth
+        self.complete = False
 
     def refresh(self, changed, flooded=False):
-        """Bring it up to date; changed: the view is new; flooded: the water of `key` hides it."""
+        """Redraws what changed. changed: the view is new; flooded: `key` holds the water of this
+        view."""
         if self.pool.occupied:
             flooded = False
             changed = changed or self.pool.bodies.boundary.moving
-        flooded = flooded and changed  # in a view that stays, water may uncover what it hid
-        if changed or not self.whole:
+        flooded = flooded and changed  # in a constant view, water may uncover pixels it hid
+        if changed or not self.complete:
             self.draw(flooded)
-            self.whole = not flooded
+            self.complete = not flooded
 
     @kernel
     def draw(self, flooded: ti.i32):
@@ -62,18 +54,19 @@ class Backdrop:
         for a, b in ti.ndrange(columns // COARSE + 2, rows // COARSE + 2):
             shot = self.lens.shot[None]
             d = shot.origin + shot.du * (COARSE * a) + shot.dv * (COARSE * b)
-            self.country[a, b] = self.pool.country(d.normalized(), shot)
+            self.background[a, b] = self.pool.background(d.normalized(), shot)
         ti.loop_config(block_dim=BLOCK // COARSE)
         for a, b in ti.ndrange(columns // COARSE + 1, rows // COARSE + 1):
-            self.draw_country(a, b)
+            self.draw_background(a, b)
         draw_blocks(self, flooded, columns, rows)
 
     @ti.func
-    def draw_country(self, a, b):
-        """The block of pixels between four samples of sky and ground."""
-        low, up = self.tone.show(self.country[a, b]), self.tone.show(self.country[a, b + 1])
-        right = self.tone.show(self.country[a + 1, b])
-        far = self.tone.show(self.country[a + 1, b + 1])
+    def draw_background(self, a, b):
+        """Draws the block of pixels between four samples of sky and ground."""
+        low = self.tone.display(self.background[a, b])
+        up = self.tone.display(self.background[a, b + 1])
+        right = self.tone.display(self.background[a + 1, b])
+        far = self.tone.display(self.background[a + 1, b + 1])
         for i in range(COARSE * a, ti.min(COARSE * (a + 1), self.lens.shot[None].columns)):
             u = i / COARSE - a
             start, end = ti.math.mix(low, right, u), ti.math.mix(up, far, u)
@@ -84,7 +77,7 @@ class Backdrop:
 
     @ti.func
     def begin(self, i0, j0, flooded):
-        """Note: whether water hides the whole block."""
+        """Block setup for `draw_blocks`. Its note: whether water hides the whole block."""
         shot = self.lens.shot[None]
         corner = vec2(i0, j0)
         boxed = (corner + SPAN >= shot.lo).all() and (corner <= shot.hi).all()
@@ -93,7 +86,7 @@ class Backdrop:
             for k in range(SPAN * SPAN):
                 i = ti.min(i0 + k // SPAN, shot.columns - 1)
                 j = ti.min(j0 + k % SPAN, shot.rows - 1)
-                hidden = hidden and self.key[i, j] != NOTHING
+                hidden = hidden and self.key[i, j] != NO_ITEM
         return boxed, True, hidden
 
     @ti.func
@@ -102,52 +95,51 @@ class Backdrop:
 
     @ti.func
     def trace(self, i, j, hidden):
-        """What the ray through a pixel finds in the box; hidden: whether only edges count."""
+        """Returns kind and sample of the ray through a pixel; hidden: draw edge lines only."""
         shot = self.lens.shot[None]
         d = (shot.origin + shot.du * i + shot.dv * j).normalized()
-        near, far, way_in, axis = self.pool.cross(d, shot)
+        near, far, way_in, axis = self.pool.slab_test(d, shot)
         entry = ti.max(near, 0.0)
-        kind, place, light, added, depth = VOID, vec4(0.0), vec2(0.0), vec3(0.0), FAR
+        kind, place, light, added, depth = EMPTY, vec4(0.0), vec2(0.0), vec3(0.0), FAR
         left, rim = 1.0, 0.0
         if far > entry:
             share, mirrored = 0.0, d
             if near > 0.0:
                 rim = RIM_STRENGTH * self.border(d, near, way_in, 1.0, shot)
-                kind += 1 + way_in  # between two panes there is an edge, even where all is hidden
+                kind += 1 + way_in  # there is an edge between two panes, even in hidden blocks
                 if way_in != 1:
-                    share = pane(abs(along(d, way_in)))
+                    share = pane(abs(component(d, way_in)))
                     mirrored *= vec3(1 - 2 * (way_in == 0), 1, 1 - 2 * (way_in == 2))
             if not hidden:
                 kind, place, light, left, added, depth = self.inside(
                     i, j, d, entry, far, axis, shot
                 )
-                kind += NEXT * ti.select(near > 0.0, way_in, 3)
+                kind += ENTRY_AXIS * ti.select(near > 0.0, way_in, 3)
                 if share > 0.0:
                     left *= 1.0 - share
-                    added = ti.math.mix(added, self.pool.around(mirrored, shot), share)
+                    added = ti.math.mix(added, self.pool.far_radiance(mirrored, shot), share)
             if rim > 0.0:
-                kind = DETAIL + ti.select(hidden, BARE, kind)
+                kind = DETAIL + ti.select(hidden, UNTILED, kind)
         elif far > near * (1.0 - 2.0 * SPAN * shot.pixel):
             kind += DETAIL  # the box may begin within the block
         return kind, make_sample(place, light, vec3(left), added, 0.0, depth, rim)
 
     @ti.func
     def inside(self, i, j, d, entry, far, axis, shot: ti.template()):
-        """What the ray d (unit) finds between its ways into and out of the box, `entry` and `far`
-        [m], a wall, a body, or what is beyond the glass: kind; place [m] and width of the pixel
-        there [m]; light there (sun, sky); share of it that is left; light added; depth of a body
-        along the view [m], or FAR."""
-        low, depth = along(d, axis) < 0.0, FAR
+        """Intersects the ray d (unit) with the contents of the box, between its entry and exit [m].
+        Returns: kind; position [m] and pixel width there [m]; light there (sun, sky); share of it
+        that reaches the eye; light added on the way; depth of a body along the view [m], or FAR."""
+        low, depth = component(d, axis) < 0.0, FAR
         start = shot.eye + d * entry
-        t, body, steep, close = self.pool.meet(start, d, far - entry, entry, shot)
+        t, body, entry_cosine, close = self.pool.intersect(start, d, far - entry, entry, shot)
         p = ti.select(body >= 0, start + t * d, shot.eye + d * far)
-        kind, left, added = axis + MORE * low, 1.0, vec3(0.0)
-        footprint = shot.pixel * far / ti.max(abs(along(d, axis)), FLATTEST)
+        kind, left, added = axis + WALL_OR_BODY * low, 1.0, vec3(0.0)
+        footprint = shot.pixel * far / ti.max(abs(component(d, axis)), MIN_COSINE)
         line = INNER_STRENGTH * self.border(d, far, axis, 0.5, shot)
         light = self.pool.lighting(p, axis, low, shot.sun, shot)
         tiled = self.pool.is_tiled(axis, low, shot)
         if not tiled:
-            kind, added = BARE, bilinear(self.country, vec2(i, j) / COARSE)
+            kind, added = UNTILED, bilinear(self.background, vec2(i, j) / COARSE)
         elif line > 0.0:
             kind += DETAIL
             left, added = 1.0 - line, RIM * RIM * line
@@ -157,39 +149,39 @@ class Backdrop:
                 lit = self.pool.sunlit(p, d, shot.sun)
             light.x *= lit
             if body >= 0:
-                kind = BARE + MORE * (2 + body)
+                kind = UNTILED + WALL_OR_BODY * (2 + body)
                 added = self.pool.bodies.shade(body, p, shot.sun, lit, shot)
                 depth = (entry + t) * d.dot(shot.forward)
             kind += DETAIL * close
-            if steep >= 0.0:  # the clear side of a container mirrors the sky faintly
-                share = pane(steep)
+            if entry_cosine >= 0.0:  # the transparent side of a container reflects the sky faintly
+                share = pane(entry_cosine)
                 left *= 1.0 - share
                 mirrored = vec3(d.x, abs(d.y), d.z)
-                added = ti.math.mix(added, self.pool.around(mirrored, shot), share)
+                added = ti.math.mix(added, self.pool.far_radiance(mirrored, shot), share)
         return kind, vec4(p, footprint), light, left, added, depth
 
     @ti.func
     def border(self, d, s, axis, share, shot: ti.template()):
-        """How much of the pixel the lines along the borders of the face across `axis` cover, which
-        its ray d meets at the distance s [m]; share: of the lines' full width."""
-        footprint = shot.pixel * s / ti.max(abs(along(d, axis)), FLATTEST)
+        """Returns the coverage of a pixel by the edge lines of the face across `axis`, at the
+        distance s [m] along its ray d; share: of the full line width."""
+        footprint = shot.pixel * s / ti.max(abs(component(d, axis)), MIN_COSINE)
         width = ti.min(share * RIM_WIDTH * shot.size.max(), LINE_LIMIT * footprint)
         p = shot.eye + d * s
-        room = ti.min(p, shot.size - p) + INFINITE * vec3(axis == 0, axis == 1, axis == 2)
+        room = ti.min(p, shot.size - p) + 1e6 * vec3(axis == 0, axis == 1, axis == 2)
         return ti.math.clamp((width - room.min()) / footprint + 0.5, 0.0, 1.0)
 
     @ti.func
     def put(self, i, j, kind, sample):
-        if kind % DETAIL < VOID:
+        if kind % DETAIL < EMPTY:
             rim = sample[REST, 2]
-            c = self.tone.show(self.pool.finish(kind, sample, 1.0, self.lens.shot[None]))
+            c = self.tone.display(self.pool.colour_of(kind, sample, 1.0, self.lens.shot[None]))
             self.colour[i, j] = vec4(ti.math.mix(c, RIM, rim), rim)
             if ti.static(self.pool.occupied):
                 self.depth[i, j] = sample[REST, 1]
 
     @ti.func
     def covers(self, i, j, depth):
-        """Whether a body lies before `depth` [m] at a pixel."""
+        """Returns True if a body is in front of `depth` [m] at a pixel."""
         found = False
         if ti.static(self.pool.occupied):
             found = self.depth[i, j] < depth
@@ -198,5 +190,5 @@ class Backdrop:
 
 @ti.func
 def pane(cosine):
-    """Reflectance of a pane of glass by the cosine of incidence (Schlick 1994)."""
+    """Reflectance of a glass pane at a cosine of incidence (Schlick 1994)."""
     return GLASS + (1.0 - GLASS) * (1.0 - cosine) ** 5

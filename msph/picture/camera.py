@@ -1,7 +1,7 @@
-"""The orbit camera.
+"""Orbit camera.
 
-World frame: y up, metres. The box stands with its lower corner at the origin and may be turned by
-a matrix R about its centre C: p_world = C + R (p_box - C).
+World frame: y up, metres. The minimum corner of the box is at the origin; a rotation R may turn the
+box about its centre C: p_world = C + R (p_box - C).
 """
 
 import math
@@ -9,19 +9,20 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-ELEVATION = np.radians((3.0, 88.0))  # never under the ground, never over the pole
-ZOOM = (0.35, 4.0)  # distance limits, as multiples of the framing distance
-PAN = 0.6  # farthest that the target goes from the box's middle, over the distance of the eye
-MARGIN = 1.06  # air left round the box by `framing`
+ELEVATION = np.radians((3.0, 88.0))  # limits: above the ground, below the pole
+ZOOM = (0.35, 4.0)  # limits of the distance, over the framing distance
+PAN = 0.6  # largest distance of the target from the box's centre, over the distance of the eye
+MARGIN = 1.06  # free space around the box in `framing`
 
 
 @dataclass
 class Camera:
-    """Looks at `target` [m] from `distance` [m]; angles in radians, `fov` is vertical. The target
-    is seen `shift` picture widths right of the middle. A screen that shows pixels `stretch` times
-    as wide as high shows the picture without distortion.
+    """Camera that looks at `target` [m] from `distance` [m]. Angles are in radians; `fov` is
+    vertical.
 
-    Azimuth 0 looks along -z, growing azimuth moves the eye towards +x.
+    shift: horizontal position of the target right of the image centre, in image widths. stretch:
+    width over height of the display's pixels. Azimuth 0 looks along -z; larger azimuths move the
+    eye to +x.
     """
 
     target: np.ndarray = field(default_factory=lambda: np.zeros(3))
@@ -36,7 +37,7 @@ class Camera:
 
     @classmethod
     def framing(cls, box, aspect=16 / 9, azimuth=0.6, elevation=0.34, fov=0.72):
-        """The camera that shows the whole box (Lx, Ly, Lz) [m] with a little air round it."""
+        """Returns a camera that shows the whole box (Lx, Ly, Lz) [m] with a small margin."""
         box = np.asarray(box, float)
         camera = cls(box / 2, azimuth, elevation, 1.0, fov)
         camera.home = box / 2
@@ -44,24 +45,23 @@ class Camera:
         corners = (np.indices((2, 2, 2)).reshape(3, 8).T - 0.5) * box
         tall = np.tan(fov / 2)
         x, y, z = corners @ right, corners @ up, corners @ back
-        # A corner at (x, y, z) is inside the picture from the distance |y| / tall + z on.
+        # A corner at (x, y, z) is in the image from the distance |y| / tall + z on.
         need = np.maximum(np.abs(y) / tall, np.abs(x) / (tall * aspect)) * MARGIN + z
         camera.distance = float(need.max())
         camera.reach = (ZOOM[0] * camera.distance, ZOOM[1] * camera.distance)
         return camera
 
     def orbit(self, azimuth, elevation):
-        """Turn round the target by two angles [rad]."""
+        """Rotates around the target by two angles [rad]."""
         self.azimuth = float((self.azimuth + azimuth) % (2 * np.pi))
         self.elevation = float(np.clip(self.elevation + elevation, *ELEVATION))
 
     def zoom(self, factor):
-        """Multiply the distance; below 1 comes nearer."""
+        """Multiplies the distance; factors below 1 move closer."""
         self.distance = float(np.clip(self.distance * factor, *self.reach))
 
     def pan(self, right, up):
-        """Move the target along the view's axes [m]; it stays within PAN distances of the eye from
-        the box's middle."""
+        """Moves the target along the axes of the view [m], within PAN of the centre of the box."""
         x, y, _ = self.axes()
         moved = np.asarray(self.target) + right * x + up * y
         away = moved - self.home
@@ -69,7 +69,7 @@ class Camera:
         self.target = self.home + away / max(1.0, far / PAN)
 
     def axes(self):
-        """Right, up and back: unit vectors of the view, world frame."""
+        """Returns the unit vectors right, up and back of the view in the world frame."""
         ca, sa = math.cos(self.azimuth), math.sin(self.azimuth)
         ce, se = math.cos(self.elevation), math.sin(self.elevation)
         back = np.array((ce * sa, se, ce * ca))
@@ -81,20 +81,17 @@ class Camera:
         return np.asarray(self.target) + self.distance * self.axes()[2]
 
     def ray(self, i, j, width, height):
-        """World ray through the centre of pixel (i right, j up): eye, unit direction."""
+        """Returns eye and unit direction of the world ray through pixel (i right, j up)."""
         right, up, back = self.axes()
         step = 2 * np.tan(self.fov / 2) / height
         middle = (0.5 + self.shift) * width
-        d = (
-            (i + 0.5 - middle) * step * self.stretch * right
-            + (j + 0.5 - height / 2) * step * up
-            - back
-        )
+        across, rise = (i + 0.5 - middle) * step * self.stretch, (j + 0.5 - height / 2) * step
+        d = across * right + rise * up - back
         return self.eye, d / np.linalg.norm(d)
 
-    def seen(self, points, width, height, box, tilt=None):
-        """Places (n, 2) of points (n, 3) of the box in the picture: right and up, in shares of it;
-        NaN of what is behind the eye."""
+    def project(self, points, width, height, box, tilt=None):
+        """Projects points (n, 3) of the box to image coordinates (n, 2): right and up, 0..1 in the
+        image; NaN for points behind the eye."""
         R, C = np.eye(3) if tilt is None else np.asarray(tilt, float), np.asarray(box, float) / 2
         away = C + (np.asarray(points, float) - C) @ R.T - self.eye
         x, y, z = (away @ axis for axis in self.axes())
@@ -103,13 +100,13 @@ class Camera:
         return np.stack((0.5 + self.shift + across, 0.5 + y / depth), axis=-1)
 
     def box_ray(self, i, j, width, height, box, tilt=None):
-        """The same ray in box coordinates."""
+        """Returns the ray of `ray` in box coordinates."""
         eye, d = self.ray(i, j, width, height)
         R, C = np.eye(3) if tilt is None else np.asarray(tilt, float), np.asarray(box, float) / 2
         return C + R.T @ (eye - C), R.T @ d
 
     def state(self):
-        """What the view depends on, to tell whether it moved."""
+        """Returns all values that the view depends on."""
         lens = self.fov, self.shift, self.stretch
         view = self.azimuth, self.elevation, self.distance, *lens
         return (*map(float, self.target), *view)

@@ -1,5 +1,5 @@
-"""A picture drawn at fewer pixels, enlarged sharply to its full size: cubic convolution (Keys 1981,
-a = -1/2) with the weights of Catmull and Rom, along x, then along y."""
+"""Upscaling of an image rendered with fewer pixels: cubic convolution (Keys 1981, a = -1/2, weights
+of Catmull and Rom), along x, then along y."""
 
 import taichi as ti
 
@@ -8,13 +8,12 @@ from msph.picture.room import PixelFields
 from msph.picture.samples import CPU_BLOCKS, GPU_BLOCKS
 from msph.taichi_internals import data_oriented, kernel, on_cpu
 
-# Pixels of a column that one iteration of a CPU's loop makes: their loop is vectorised.
-STRIP = 256
+STRIP = 256  # pixels of a column per loop iteration on the CPU, where the inner loop is vectorised
 
 
 @data_oriented
 class Enlarger:
-    """From the lower left part of `canvas` to `resolved`."""
+    """Upscales the lower left part of `canvas` to `resolved`."""
 
     def __init__(self, fields: PixelFields):
         self.canvas, self.wide, self.resolved = fields.canvas, fields.wide, fields.resolved
@@ -22,7 +21,7 @@ class Enlarger:
 
     @kernel
     def enlarge(self, columns: ti.i32, rows: ti.i32, width: ti.i32, height: ti.i32):
-        """The canvas's first columns x rows pixels fill the first width x height resolved ones."""
+        """Upscales columns x rows pixels of the canvas to width x height pixels."""
         strip = self.strip
         ti.loop_config(block_dim=self.block)
         for i, s in ti.ndrange(width, (rows + strip - 1) // strip):
@@ -44,8 +43,7 @@ class Enlarger:
 
 @ti.func
 def taps(i, scale):
-    """The first of the four pixels round the place of pixel i in a picture `scale` times as large,
-    and their weights."""
+    """Returns the first of the four source pixels of pixel i, and their weights."""
     x = (i + 0.5) * scale - 0.5
     whole = ti.floor(x)
     return ti.cast(whole, ti.i32) - 1, catmull_rom(x - whole)

@@ -1,4 +1,4 @@
-"""Panels of painted pixels, such as text, laid over a picture."""
+"""Panels of pixels, such as text, drawn over an image."""
 
 import numpy as np
 import taichi as ti
@@ -9,9 +9,9 @@ from msph.taichi_internals import data_oriented, kernel
 
 @data_oriented
 class Overlay:
-    """Panels over images of width x height pixels. rooms: by name the most pixels (width, height)
-    that a panel may have; what does not fit is cut off at the right and at the bottom. Memory is
-    that of these rooms; `resize` lays out others in it."""
+    """Panels over images of width x height pixels. rooms: by name, the largest size (width, height)
+    of a panel [pixels]; larger panels are clipped at the right and at the bottom. `resize` reuses
+    the memory allocated for the first rooms."""
 
     def __init__(self, width: int, height: int, rooms: dict[str, tuple[int, int]]):
         areas = [min(w, width) * min(h, height) for w, h in rooms.values()]
@@ -19,35 +19,36 @@ class Overlay:
         self.resize(width, height, rooms)
 
     def resize(self, width: int, height: int, rooms: dict[str, tuple[int, int]]) -> None:
-        """Hides all panels, for images of another size. Raises ValueError where memory is short."""
+        """Hides all panels and adapts to another image size. Raises ValueError if memory is too
+        small."""
         self.size = width, height
         self.rooms = {n: (min(w, width), min(h, height)) for n, (w, h) in rooms.items()}
         areas = [w * h for w, h in self.rooms.values()]
         if sum(areas) > self.pixels.shape[0]:
             raise ValueError(f"panels of {sum(areas)} pixels exceed {self.pixels.shape[0]}")
-        self.begins = dict(zip(self.rooms, np.cumsum([0, *areas[:-1]]).tolist(), strict=True))
-        # Left, lower edge, width, height [pixels] of those that are shown.
+        self.offsets = dict(zip(self.rooms, np.cumsum([0, *areas[:-1]]).tolist(), strict=True))
+        # Left, lower edge, width, height [pixels] of the visible panels.
         self.shown: dict[str, tuple[int, int, int, int]] = {}
 
     def put(self, name: str, page: np.ndarray, left: int, top: int) -> None:
-        """Shows pixels (height, width, 4) uint8, first row at the top, so far from the left and the
-        upper edge of the picture."""
+        """Shows pixels (height, width, 4) uint8, top row first, at a distance from the left and the
+        upper edge of the image [pixels]."""
         most = self.rooms[name]
         left, top = max(0, left), max(0, top)
         page = page[: min(most[1], self.size[1] - top), : min(most[0], self.size[0] - left)]
         height, width = page.shape[:2]
         flat = np.ascontiguousarray(page[::-1]).view(np.uint32).ravel()
-        self._write(self.begins[name], flat)
+        self._write(self.offsets[name], flat)
         self.shown[name] = left, self.size[1] - top - height, width, height
 
     def hide(self, name: str) -> None:
         self.shown.pop(name, None)
 
     def draw(self, image: Image) -> None:
-        """Over the image, in order of rooms."""
+        """Blends the visible panels over the image, in the order of rooms."""
         for name in self.rooms:
             if name in self.shown:
-                self._blend(self.begins[name], *self.shown[name], image.field)
+                self._blend(self.offsets[name], *self.shown[name], image.field)
 
     @kernel
     def _write(self, begin: ti.i32, values: ti.types.ndarray(dtype=ti.u32, ndim=1)):

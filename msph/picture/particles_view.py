@@ -1,18 +1,19 @@
-"""Particles as shaded spheres, coloured by any attribute through a perceptual colour map."""
+"""Rendering of particles as shaded spheres, coloured by an attribute with a perceptual colour
+map."""
 
 import numpy as np
 import taichi as ti
 
 from msph.picture.pool import RIM
-from msph.picture.rasteriser import BLOCK, NOTHING, sphere_inverse_depth
+from msph.picture.rasteriser import BLOCK, NO_ITEM, sphere_inverse_depth
 from msph.picture.tone import curve
 from msph.taichi_internals import data_oriented, kernel
 
 vec3 = ti.math.vec3
 
 COLOURS = 256
-# Ends and bends of the map in CIE Lab: lightness climbs evenly from night blue over teal and
-# green to pale yellow, so equal steps of the value look like equal steps.
+# Stops of the map in CIE Lab, dark blue over teal and green to pale yellow: lightness rises
+# evenly, so that equal steps of the value look equal.
 LAB_STOPS = np.array(
     [
         (24.0, 20.0, -52.0),
@@ -28,13 +29,13 @@ XYZ_TO_RGB = np.array(
     [(3.2406, -1.5372, -0.4986), (-0.9689, 1.8758, 0.0415), (0.0557, -0.2040, 1.0570)]
 )
 AMBIENT, DIFFUSE, SHINE = 0.46, 0.62, 0.35
-TINY = 1e-30
+MIN_RANGE = 1e-30  # smallest range of values, against division by zero
 SHEEN_POWER = 5  # highlight: cosine^(2^5)
 
 
-def colour_map(count=COLOURS):
-    """Linear RGB (count, 3) of even steps through `LAB_STOPS`."""
-    x = np.linspace(0, len(LAB_STOPS) - 1, count)
+def colour_map():
+    """Returns linear RGB (COLOURS, 3) of even steps through `LAB_STOPS`."""
+    x = np.linspace(0, len(LAB_STOPS) - 1, COLOURS)
     lab = np.stack([np.interp(x, np.arange(len(LAB_STOPS)), c) for c in LAB_STOPS.T], 1)
     f = (lab[:, :1] + 16) / 116 + lab[:, 1:2] * (1 / 500, 0, 0) - lab[:, 2:] * (0, 0, 1 / 200)
     xyz = D65 * np.where(f > 6 / 29, f**3, (f - 4 / 29) * 3 * (6 / 29) ** 2)
@@ -42,20 +43,8 @@ def colour_map(count=COLOURS):
 
 
 def shown_colour(value):
-    """Display-referred RGB (..., 3) of a particle in full light by its value (...) in 0..1."""
+    """Returns the display-referred RGB (..., 3) of lit particles with a value (...) in 0..1."""
     return curve(colour_map()[np.int32(np.clip(value, 0, 1) * (COLOURS - 1) + 0.5)])
-
-
-@data_oriented
-class OwnRadius:
-    """Radius of each particle from a f32 field [m], times a factor."""
-
-    def __init__(self, radius, factor=1.0):
-        self.radius, self.factor = radius, factor
-
-    @ti.func
-    def of(self, p):
-        return self.factor * self.radius[p]
 
 
 @data_oriented
@@ -78,43 +67,29 @@ class ParticlesView:
         n: ti.i32,
         backdrop: ti.template(),
     ):
+        """Draws the first n spheres; see Picture.draw_particles."""
         self.raster.clear(n)
         self.raster.draw_spheres(n, x, radius)
-        self.shade(x, radius, value, lo, 1.0 / ti.max(hi - lo, TINY), backdrop)
-
-    @ti.func
-    def shade(
-        self,
-        x: ti.template(),
-        radius: ti.template(),
-        value: ti.template(),
-        lo,
-        scale,
-        backdrop: ti.template(),
-    ):
-        """scale: 1 / (hi - lo) of the value's range."""
-        columns, rows = self.lens.shot[None].columns, self.lens.shot[None].rows
+        scale = 1.0 / ti.max(hi - lo, MIN_RANGE)
         ti.loop_config(block_dim=BLOCK)
-        for i, j in ti.ndrange(columns, rows):
+        for i, j in ti.ndrange(self.lens.shot[None].columns, self.lens.shot[None].rows):
             key = self.raster.key[i, j]
             behind = backdrop.colour[i, j]
-            if key == NOTHING:
-                self.image[i, j] = behind.xyz
-            else:
+            self.image[i, j] = behind.xyz
+            if key != NO_ITEM:
                 shot = self.lens.shot[None]
                 p = self.raster.item(i, j)
                 d = shot.origin + shot.du * i + shot.dv * j
                 v = ti.math.clamp((value[p] - lo) * scale, 0.0, 1.0)
                 base = self.map[ti.cast(v * (COLOURS - 1) + 0.5, ti.i32)]
-                w = sphere_inverse_depth(x[p] - shot.eye, radius.of(p), d)
-                self.image[i, j] = behind.xyz
+                w = sphere_inverse_depth(x[p] - shot.eye, radius[p], d)
                 if not backdrop.covers(i, j, 1.0 / ti.max(w, 1e-9)):
-                    c = self.lit(base, x[p] - shot.eye, radius.of(p), d, shot)
-                    self.image[i, j] = ti.math.mix(self.tone.show(c), RIM, behind.w)
+                    c = self.lit(base, x[p] - shot.eye, radius[p], d, shot)
+                    self.image[i, j] = ti.math.mix(self.tone.display(c), RIM, behind.w)
 
     @ti.func
     def lit(self, base, c, r, d, shot: ti.template()):
-        """Colour of a sphere at c (from the eye) of radius r where the ray d meets it."""
+        """Colour of a sphere of radius r at c (relative to the eye) where the ray d meets it."""
         n = (d / ti.max(sphere_inverse_depth(c, r, d), 1e-9) - c) / r
         sky = 0.5 + 0.5 * n.dot(shot.up)
         sun = ti.max(n.dot(shot.sun), 0.0)

@@ -1,4 +1,4 @@
-"""Images on the device, and their pixels on the host."""
+"""Images in device memory, and their transfer to the host."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -6,13 +6,12 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-# Opacity of a packed pixel, its highest byte.
-OPAQUE = -0x01000000
+OPAQUE = -0x01000000  # opacity of a packed pixel, its highest byte
 
 
 @dataclass(frozen=True, eq=False)
 class Image:
-    """The lower left width x height pixels of a 3-vec f32 field of colours, 0..1 display-referred,
+    """Lower left width x height pixels of a 3-vec f32 field of display-referred colours, 0..1, with
     index [right, up]."""
 
     field: Any
@@ -20,20 +19,14 @@ class Image:
     height: int
 
     def to_numpy(self) -> np.ndarray:
-        """(width, height, 3) float32."""
-        pixels = np.empty((self.width, self.height, 3), np.float32)
-        _read(self.field, pixels)
-        return pixels
+        """Returns (width, height, 3) float32."""
+        return self.field.to_numpy()[: self.width, : self.height]
 
 
 @ti.kernel
-def _read(field: ti.template(), pixels: ti.types.ndarray(dtype=ti.f32, ndim=3)):
-    for i, j, k in ti.ndrange(pixels.shape[0], pixels.shape[1], 3):
-        pixels[i, j, k] = field[i, j][k]
-
-
-@ti.kernel
-def _pack(field: ti.template(), pixels: ti.types.ndarray(dtype=ti.i32, ndim=2)):
+def pack(field: ti.template(), pixels: ti.types.ndarray(dtype=ti.i32, ndim=2)):
+    """Writes an image's field as words (width, height) int32, since not every device stores bytes:
+    red, green, blue, opacity from the lowest byte on."""
     for i, j in ti.ndrange(pixels.shape[0], pixels.shape[1]):
         word = OPAQUE
         for k in ti.static(range(3)):
@@ -42,19 +35,13 @@ def _pack(field: ti.template(), pixels: ti.types.ndarray(dtype=ti.i32, ndim=2)):
         pixels[i, j] = word
 
 
-def pack(image: Image, pixels: np.ndarray) -> None:
-    """Writes an image as words (width, height) int32, since not every device stores bytes: red,
-    green, blue, opacity from the lowest byte on."""
-    _pack(image.field, pixels)
-
-
 def as_bytes(pixels: np.ndarray) -> np.ndarray:
-    """Packed pixels (width, height) as (width, height, 4) uint8."""
+    """Returns packed pixels (width, height) as (width, height, 4) uint8."""
     return pixels.astype("<i4", copy=False).view(np.uint8).reshape(*pixels.shape, 4)
 
 
 def as_u8(image: Image) -> np.ndarray:
-    """The pixels (height, width, 3) uint8 of an image, first row at the top."""
+    """Returns an image as (height, width, 3) uint8, first row at the top."""
     pixels = np.empty((image.width, image.height), np.int32)
-    pack(image, pixels)
+    pack(image.field, pixels)
     return np.ascontiguousarray(as_bytes(pixels)[..., :3].transpose(1, 0, 2)[::-1])

@@ -1,13 +1,13 @@
-"""Triangles and spheres to a visibility buffer: which item is nearest in each pixel.
+"""Rasterisation of triangles and spheres to a visibility buffer: the nearest item of each pixel.
 
-One i32 per pixel holds depth (high bits) over the item's number (low bits), so that one
-`atomic_min` keeps both and the outcome does not depend on the order of threads. The depth bits
-only sort: the exact depth, the normal and the rest follow from the item's number.
+An i32 per pixel holds depth (high bits) and item number (low bits), so that one `atomic_min` writes
+both and the result does not depend on the order of threads. Depth bits only sort; exact depth and
+normal are computed from the item.
 
-Triangles are drawn by homogeneous edge functions (Olano and Greer 1997): with vertices a, b, c
-relative to the eye and a pixel ray d of forward part 1, the barycentric weights are
-d.(b x c), d.(c x a), d.(a x b) over their sum, and 1 / depth = d.N / a.N with N the triangle's
-normal. No vertex is divided by its depth, so triangles through the near plane need no clipping.
+Triangles use homogeneous edge functions (Olano and Greer 1997): with vertices a, b, c relative to
+the eye and a pixel ray d of forward part 1, the barycentric weights are d.(b x c), d.(c x a) and
+d.(a x b) over their sum, and 1 / depth = d.N / a.N with the triangle's normal N. No vertex is
+divided by its depth, so triangles through the near plane need no clipping.
 """
 
 import taichi as ti
@@ -15,19 +15,16 @@ import taichi as ti
 from msph.picture.room import PixelFields
 from msph.taichi_internals import data_oriented
 
-vec3 = ti.math.vec3
-
-BLOCK = 256  # pixels or items per chunk of a thread: the default halves the picture, unevenly
+BLOCK = 256  # pixels or items per chunk of a thread: the default divides images unevenly
 KEY_BITS = 31
-NOTHING = 0x7FFFFFFF  # key of a pixel without an item
+NO_ITEM = 0x7FFFFFFF  # key of a pixel without an item
 FAR = 1e9  # depth of a pixel without a back face [m]
-OVERLAP = 2e-3  # pixels by which triangles reach over their edges, so that none falls between
+OVERLAP = 2e-3  # pixels by which triangles exceed their edges, against gaps
 
 
 @data_oriented
 class Rasteriser:
-    """The visibility buffer of an image. The number of items decides how many bits of a key hold
-    their numbers."""
+    """Visibility buffer of an image; `item_bits` of a key hold the item number."""
 
     def __init__(self, fields: PixelFields, lens):
         self.lens, self.key, self.back = lens, fields.key, fields.back
@@ -35,24 +32,25 @@ class Rasteriser:
 
     @ti.func
     def clear(self, items):
-        """Empties the buffer, for items numbered below `items`."""
+        """Clears the buffer for item numbers below `items`."""
         self.item_bits[None] = ti.max(1, 32 - ti.math.clz(ti.max(items - 1, 1)))
         columns, rows = self.lens.shot[None].columns, self.lens.shot[None].rows
         ti.loop_config(block_dim=BLOCK)
         for i, j in ti.ndrange(columns, rows):
-            self.key[i, j] = NOTHING
+            self.key[i, j] = NO_ITEM
             self.back[i, j] = ti.bit_cast(ti.f32(FAR), ti.i32)
 
     @ti.func
     def item(self, i, j):
-        """Number of the item that a pixel shows; something must have been drawn there."""
+        """Returns the item number of a pixel that shows an item."""
         return self.key[i, j] & ((1 << self.item_bits[None]) - 1)
 
     @ti.func
     def make_key(self, w, item, bits, shot: ti.template()):
-        """Sorting key of an item at inverse depth w [1/m]; bits: those of the item's number."""
+        """Sorting key of an item at inverse depth w [1/m]; bits: those of the item number."""
+        levels = ti.cast((1 << (KEY_BITS - bits)) - 2, ti.f32)
         x = ti.math.clamp((shot.w_near - w) / shot.w_span, 0.0, 1.0)
-        return (ti.cast(x * levels(bits), ti.i32) << bits) | item
+        return (ti.cast(x * levels, ti.i32) << bits) | item
 
     @ti.func
     def offer(self, i, j, key):
@@ -61,19 +59,16 @@ class Rasteriser:
 
     @ti.func
     def bounds(self, lo, hi, shot: ti.template()):
-        """Pixel range [i0, j0, i1, j1] within the picture of a box of pixel coordinates."""
-        return ti.Vector(
-            [
-                ti.cast(ti.ceil(ti.max(lo.x, 0.0)), ti.i32),
-                ti.cast(ti.ceil(ti.max(lo.y, 0.0)), ti.i32),
-                ti.cast(ti.floor(ti.min(hi.x, shot.columns - 1.0)), ti.i32),
-                ti.cast(ti.floor(ti.min(hi.y, shot.rows - 1.0)), ti.i32),
-            ]
-        )
+        """Clips a rectangle of pixel coordinates to the pixels [i0, j0, i1, j1] of the image."""
+        first = ti.cast(ti.ceil(ti.max(lo, 0.0)), ti.i32)
+        corner = ti.Vector([shot.columns - 1.0, shot.rows - 1.0])
+        last = ti.cast(ti.floor(ti.min(hi, corner)), ti.i32)
+        return ti.Vector([first.x, first.y, last.x, last.y])
 
     @ti.func
     def triangle_bounds(self, a, b, c, shot: ti.template()):
-        """Pixels a triangle (relative to the eye) may cover; all, if it passes the near plane."""
+        """Pixels that a triangle (relative to the eye) may cover: all if it crosses the near
+        plane."""
         za, zb, zc = a.dot(shot.forward), b.dot(shot.forward), c.dot(shot.forward)
         lo, hi = ti.Vector([0.0, 0.0]), ti.Vector([shot.columns - 1.0, shot.rows - 1.0])
         near = 1.0 / shot.w_near
@@ -90,7 +85,7 @@ class Rasteriser:
 
     @ti.func
     def draw_mesh(self, mesh: ti.template()):
-        """Front faces into `key`; back faces off the box walls into `back`."""
+        """Draws front faces into `key`, and back faces that are not on walls into `back`."""
         ti.loop_config(block_dim=BLOCK)
         for t in range(mesh.counts[1]):
             shot = self.lens.shot[None]
@@ -108,7 +103,7 @@ class Rasteriser:
 
     @ti.func
     def fill(self, t, a, b, c, n, volume, front, shot: ti.template()):
-        """Offer one triangle to the pixels it covers."""
+        """Writes a triangle to the pixels that it covers."""
         box = self.triangle_bounds(a, b, c, shot)
         if box[0] <= box[2] and box[1] <= box[3]:
             s = ti.select(front, -1.0, 1.0)
@@ -130,19 +125,19 @@ class Rasteriser:
 
     @ti.func
     def draw_spheres(self, n, x: ti.template(), radius: ti.template()):
-        """Spheres at x [m] with `radius.of(p)` [m]: the near side of each into `key`."""
+        """Draws the front of spheres at x [m] with radii `radius` [m] into `key`."""
         ti.loop_config(block_dim=BLOCK)
         for p in range(n):
             shot, bits = self.lens.shot[None], self.item_bits[None]
             c = x[p] - shot.eye
-            r = radius.of(p)
+            r = radius[p]
             z = c.dot(shot.forward)
             # A radius of zero hides a sphere.
             if r > 0.0 and z - r > 1.0 / shot.w_near:
                 rz = 1.0 / z
                 m = ti.Vector([c.dot(shot.to_i), c.dot(shot.to_j)]) * rz
                 m += shot.centre
-                # Off the axis a sphere's picture is an ellipse, longer by at most 1 / cos.
+                # Off the axis the projection is an ellipse, longer by at most 1 / cos.
                 reach = r / (shot.pixel * (z - r)) * c.norm() * rz
                 box = self.bounds(m - reach, m + reach, shot)
                 for i in range(box[0], box[2] + 1):
@@ -154,7 +149,7 @@ class Rasteriser:
 
 @ti.func
 def sphere_inverse_depth(c, r, d):
-    """1 / depth where the ray d (forward part 1) from the eye meets a sphere; 0 if it does not.
+    """1 / depth at which the ray d (forward part 1) from the eye meets a sphere; 0 for a miss.
 
     |s d - c| = r, nearer root: s = (c.c - r^2) / (d.c + sqrt((d.c)^2 - d.d (c.c - r^2))).
     """
@@ -168,12 +163,6 @@ def sphere_inverse_depth(c, r, d):
 
 @ti.func
 def on_wall(a, b, c, shot: ti.template()):
-    """Whether a triangle lies on one of the box's six faces, to within the shot's skin."""
+    """Returns True if a triangle is on one of the box's six faces, within the shot's skin."""
     lo, hi = ti.max(a, b, c), ti.min(a, b, c)
     return lo.min() < shot.skin or (shot.size - hi).min() < shot.skin
-
-
-@ti.func
-def levels(bits):
-    """Depths that keys tell apart beside item numbers of so many bits."""
-    return ti.cast((1 << (KEY_BITS - bits)) - 2, ti.f32)

@@ -1,40 +1,38 @@
-"""Shading as often as the picture varies: few samples where a block of pixels is even.
+"""Adaptive sampling: shading at the corners of even blocks of pixels, and at every pixel elsewhere.
 
-What a ray from the eye finds is a wall, seen through much that varies slowly over the picture:
-where on the wall, how lit, how tinted, what is mirrored before it. A block of pixels is sampled at
-its corners; where all four find the same, the rays between take bilinear means, and only the tiles
-and the caustics are looked up for each. Elsewhere every pixel is sampled.
+A sample describes the wall at the end of a ray and what lies in front: place, light, tint,
+reflections, all of which vary slowly over the image. If the four corners of a block find the same
+surfaces, the pixels between interpolate their samples bilinearly, and only tiles and caustics are
+evaluated per pixel.
 """
 
 import taichi as ti
 
 from msph.taichi_internals import on_cpu
 
-SPAN = 4  # pixels along each side of a block: at 8 more are uneven, and it takes as long
+SPAN = 4  # pixels along each side of a block; 8 is no faster, since more blocks are uneven
 CORNERS = 4
-# A sample is a 4 x 4 matrix, of which means can be taken. Its rows: place on the wall [m] and width
-# of the pixel there [m]; share of the wall's light that arrives, RGB, and sunlight at the wall over
-# SUN_LIGHT; light added on the way, linear RGB, and sky light at the wall over SKY_LIGHT; depth
-# of the place under water [m], depth along the view [m], opacity of edges before it, 0.
+# Rows of a 4 x 4 sample: place on the wall [m] and pixel width there [m]; share of the wall's light
+# that reaches the eye, RGB, and sunlight at the wall over SUN_LIGHT; light added on the way, linear
+# RGB, and sky light at the wall over SKY_LIGHT; depth of the place under water [m], depth along the
+# view [m], opacity of edge lines in front, 0.
 PLACE, LEFT, ADDED, REST = range(4)
 Sample = ti.types.matrix(4, 4, ti.f32)
-# What a sample found is told by an i32, its kind: the axis that the wall lies across, or BARE; and
-# in the bits above whatever else must not be mixed. Or VOID, plus up to 3.
-BARE = 3  # no tiles: all light is added on the way
-DETAIL = 1 << 20  # added to the kind where a block is uneven whatever its other corners found
-VOID = DETAIL - 4  # and above, up to DETAIL: there is nothing to draw
-# Most that light added may change over an even block, of a white wall's: glints and mirrored tiles.
-MOST_ADDED = 0.2
-# Most that the place at one corner may lie off the plane of the other three, in pixel widths. Steep
-# ripples are then within 4/255 of full sampling in 99 of 100 pixels; without this limit, within 16.
-MOST_BENT = 2.0
-# Blocks of pixels per chunk of a CPU's thread: as many pixels as elsewhere; per block of a GPU.
-CPU_BLOCKS, GPU_BLOCKS = 16, 128
+# Kind (i32) of a sample: samples of different kinds are not interpolated. Its lowest digit is the
+# axis of the wall, or UNTILED.
+UNTILED = 3  # no tiles: all light is added on the way
+DETAIL = 1 << 20  # added to the kind to make a block uneven
+EMPTY = DETAIL - 4  # kinds EMPTY to DETAIL - 1: nothing to draw
+MAX_ADDED_CHANGE = 0.2  # largest change of added light in an even block, over a white wall's
+# Largest distance of a corner's place from the plane of the other three, in pixel widths: 99 % of
+# the pixels at steep ripples are then within 4/255 of full sampling (16/255 without the limit).
+MAX_OFF_PLANE = 2.0
+CPU_BLOCKS, GPU_BLOCKS = 16, 128  # blocks of pixels per chunk of a CPU thread, per GPU block
 
 
 @ti.func
 def make_sample(place, light, left, added, under, depth, rim):
-    """A sample of its parts; light: sun and sky at the place."""
+    """Builds a sample from its parts; light: sun and sky at the place."""
     return Sample(
         [
             [place.x, place.y, place.z, place.w],
@@ -47,25 +45,25 @@ def make_sample(place, light, left, added, under, depth, rim):
 
 @ti.func
 def draw_blocks(source: ti.template(), note, width, height):
-    """Draw width x height pixels of a source of samples, an object with four functions:
+    """Draws width x height pixels of a source, an object with four functions:
 
-    begin(i, j, note): of the block from pixel (i, j) on, whether anything is left to be drawn,
-    whether it may be even, and a note for `trace`; wanted(i, j): whether a pixel is to be drawn;
-    trace(i, j, note): what the ray through a pixel finds, kind and sample; put(i, j, kind, sample):
-    draws a pixel.
+    begin(i, j, note) returns, for the block from pixel (i, j) on: whether there is anything to
+    draw, whether the block may be even, and a note for `trace`; wanted(i, j): whether to draw a
+    pixel; trace(i, j, note): kind and sample of a pixel's ray; put(i, j, kind, sample): draws a
+    pixel.
     """
     ti.loop_config(block_dim=CPU_BLOCKS if ti.static(on_cpu()) else GPU_BLOCKS)
     for a, b in ti.ndrange((width + SPAN - 1) // SPAN, (height + SPAN - 1) // SPAN):
-        drawn, even, told = source.begin(a * SPAN, b * SPAN, note)
+        drawn, even, block_note = source.begin(a * SPAN, b * SPAN, note)
         if drawn:
             even = even and (a + 1) * SPAN <= width and (b + 1) * SPAN <= height
-            draw_block(source, a * SPAN, b * SPAN, even, told, width, height)
+            draw_block(source, a * SPAN, b * SPAN, even, block_note, width, height)
 
 
 @ti.func
 def draw_block(source: ti.template(), i0, j0, even, note, width, height):
-    """The corners, then the pixels between: in one loop, so that `trace` is compiled once."""
-    first, agreed = VOID, 0
+    """Draws the corners, then the other pixels, in one loop, so that `trace` is compiled once."""
+    first, agreed = EMPTY, 0
     base, along_i, along_j, twist = Sample(0.0), Sample(0.0), Sample(0.0), Sample(0.0)
     for k in range(CORNERS + SPAN * SPAN):
         is_corner = k < CORNERS
@@ -77,8 +75,8 @@ def draw_block(source: ti.template(), i0, j0, even, note, width, height):
             for n in range(3):
                 slope = abs(along_i[ADDED, n]) + abs(along_j[ADDED, n]) + abs(twist[ADDED, n])
                 bent = abs(twist[PLACE, n])
-                even = even and slope <= MOST_ADDED and bent <= MOST_BENT * base[PLACE, 3]
-            if even and first >= VOID:
+                even = even and slope <= MAX_ADDED_CHANGE and bent <= MAX_OFF_PLANE * base[PLACE, 3]
+            if even and first >= EMPTY:
                 break
         again = not is_corner and a % (SPAN - 1) == 0 and b % (SPAN - 1) == 0
         i, j = i0 + a, j0 + b
@@ -91,7 +89,7 @@ def draw_block(source: ti.template(), i0, j0, even, note, width, height):
                 if k == 0:
                     first = kind
                 agreed += kind == first
-                # Over elements in loops: written out, they would take a second to compile.
+                # Runtime loops over elements: unrolled, they would take a second to compile.
                 for m, n in ti.ndrange(4, 4):
                     part = sample[m, n]
                     base[m, n] += (1.0 - u) * (1.0 - v) * part

@@ -1,9 +1,8 @@
-"""All that a drawing kernel needs to know of one frame: the `Shot`, held on the device by a `Lens`.
+"""Parameters of a frame for the rendering kernels: the struct `Shot`, in device memory (`Lens`).
 
-Everything is in box coordinates: eye, sun and up are turned into the box instead of the mesh into
-the world, so a tilt costs nothing. A struct argument of this size costs 0.2 ms a launch; a table
-that is written only when the camera moves costs nothing. Kernels read the box, the look and the
-image size from the shot, so none of them is compiled again when these change.
+All values are in box coordinates: eye, sun and up are rotated into the box, so a tilt does not move
+the mesh. A table written when the view changes replaces a struct argument, which costs 0.2 ms per
+launch. Kernels read box, look and image size from the shot and need no recompilation.
 """
 
 import numpy as np
@@ -14,15 +13,16 @@ from msph.picture.optics import refracted
 
 vec2, vec3 = ti.math.vec2, ti.math.vec3
 
-NEAREST = 0.02  # near plane [m]
-REACH = 1.3  # how far beyond the box things are still given distinct depths
-SKIN = 2e-3  # how near to a wall a face counts as lying on it, as a share of the longest edge
+NEAR_PLANE = 0.02  # near plane [m]
+DEPTH_RANGE = 1.3  # range of distinct depths, over the box's depth
+WALL_SKIN = 2e-3  # distance within which a face is on a wall, over the longest edge
 # Cells of the map of water levels along the longer side of the floor (coarser than the mesh), and
 # of the map of caustics along each side.
 LEVEL_CELLS, CAUSTIC_CELLS = 28, 128
-STEEPEST = 0.3  # least descent of a sunbeam under water counted with, when the box is tilted
-TILE = 1 / 12  # edge of a tile, as a share of the longest edge of the box
-UNIT_CORNERS = np.indices((2, 2, 2)).reshape(3, 8).T  # of a box of edge 1, (8, 3)
+MIN_DESCENT = 0.3  # smallest descent of sunbeams under water, when the box is tilted
+TILE = 1 / 12  # edge of a tile, over the longest edge of the box
+PARALLEL = 1e-6  # components of a direction below this count as zero
+UNIT_CORNERS = np.indices((2, 2, 2)).reshape(3, 8).T  # corners of the unit box, (8, 3)
 
 Shot = ti.types.struct(
     eye=vec3,  # camera [m]
@@ -34,36 +34,37 @@ Shot = ti.types.struct(
     to_j=vec3,  # likewise j
     centre=vec2,  # pixel coordinates of the view axis
     pixel=ti.f32,  # width of a pixel at depth 1
-    columns=ti.i32,  # pixels that are drawn, to the right and up
+    columns=ti.i32,  # rays to the right and up
     rows=ti.i32,
-    w_near=ti.f32,  # 1 / depth of the nearest thing drawn [1/m]
-    w_span=ti.f32,  # w_near less the same of the farthest [1/m]
+    w_near=ti.f32,  # largest 1 / depth [1/m]
+    w_span=ti.f32,  # range of 1 / depth [1/m]
     right_world=vec3,  # box frame to world frame: rows of R
     up=vec3,  # second row: world up in the box frame
     back_world=vec3,
     sun=vec3,  # unit vector to the sun
     sun_inverse=vec3,  # 1 / sun by component
     beam=vec3,  # to the sun, from under a level water surface (refracted)
-    ground=ti.f32,  # height of the ground along `up`, measured from the box centre [m]
+    ground=ti.f32,  # height of the ground along `up`, relative to the box centre [m]
     size=vec3,  # box [m]
-    skin=ti.f32,  # how near to a wall a face counts as lying on it [m]
-    lo=vec2,  # pixels between which the box lies
+    skin=ti.f32,  # distance within which a face is on a wall [m]
+    lo=vec2,  # smallest and largest pixel coordinates of the box
     hi=vec2,
     tiles=vec3,  # tiles per metre along x, y, z
-    eta=ti.f32,  # refractive index of air over the water's
+    eta=ti.f32,  # refractive index of air over that of water
     reflection=ti.f32,  # share of mirrored light that is shown
     contrast=ti.f32,  # share of the caustics' contrast, 0 without caustics
     absorption=vec3,  # Beer-Lambert coefficients, RGB [1/m]
     scatter=vec3,  # colour of deep water, RGB, linear
-    drift=vec2,  # (x, z) that sunlight under water travels per metre of descent
+    drift=vec2,  # horizontal displacement (x, z) of sunlight under water per metre of descent
     level_cells=vec2,  # cells of the map of water levels along x and z
     map_corner=vec2,  # (x, z) of the corner of the caustic map [m]
     map_scale=vec2,  # cells of the caustic map per metre
 )
 
 
-def shoot(camera, tilt, box, width, height, look):
-    """The numbers of a `Shot`, by name: of a camera, a tilt (3x3 or None), a box (Lx, Ly, Lz)."""
+def shot_numbers(camera, tilt, box, width, height, look):
+    """Computes the members of a `Shot` from a camera, a tilt (3x3 or None), a box (Lx, Ly, Lz) [m],
+    the number of rays and a look."""
     box = np.asarray(box, float)
     R, C = np.eye(3) if tilt is None else np.asarray(tilt, float), box / 2
     right, up, back = (R.T @ a for a in camera.axes())
@@ -73,19 +74,19 @@ def shoot(camera, tilt, box, width, height, look):
     du, dv, forward = across * right, step * up, -back
     to_i, to_j = right / across, up / step
     corners = UNIT_CORNERS * box
-    depths = (corners - C) @ forward * REACH + (C - eye) @ forward
-    near = max(depths.min(), NEAREST)
+    depths = (corners - C) @ forward * DEPTH_RANGE + (C - eye) @ forward
+    near = max(depths.min(), NEAR_PLANE)
     far = max(depths.max(), 2 * near)
     middle = np.array(((0.5 + camera.shift) * width - 0.5, height / 2 - 0.5))
     z = (corners - eye) @ forward
     lo, hi = np.zeros(2), np.array((width, height))
-    if z.min() > NEAREST:
+    if z.min() > NEAR_PLANE:
         pixels = middle + (corners - eye) @ np.stack((to_i, to_j), 1) / z[:, None]
         lo, hi = pixels.min(0) - 1, pixels.max(0) + 1
     sun = R.T @ look.sun_direction()
     beam = -refracted(-sun, R[1], 1 / look.refractive_index)
-    drift = -beam[[0, 2]] / max(beam[1], STEEPEST)
-    shift = drift * box[1]  # how far light drifts from brim to floor
+    drift = -beam[[0, 2]] / max(beam[1], MIN_DESCENT)
+    shift = drift * box[1]  # displacement of light from brim to floor
     return {
         "eye": eye,
         "forward": forward,
@@ -104,11 +105,11 @@ def shoot(camera, tilt, box, width, height, look):
         "up": R[1],
         "back_world": R[2],
         "sun": sun,
-        "sun_inverse": 1 / np.where(np.abs(sun) < 1e-6, 1e-6, sun),
+        "sun_inverse": 1 / np.where(np.abs(sun) < PARALLEL, PARALLEL, sun),
         "beam": beam,
         "ground": ((corners - C) @ R[1]).min(),
         "size": box,
-        "skin": SKIN * box.max(),
+        "skin": WALL_SKIN * box.max(),
         "lo": lo,
         "hi": hi,
         "tiles": np.maximum(np.round(box / (TILE * box.max())), 1) / box,
@@ -125,7 +126,7 @@ def shoot(camera, tilt, box, width, height, look):
 
 
 class Lens:
-    """Holds the shot of the present frame: `shot[None]` in a kernel, `numbers` outside."""
+    """Holds the shot of the present frame: `shot[None]` in kernels, `numbers` on the host."""
 
     def __init__(self):
         self.table = DeviceTable((), **Shot.members)
@@ -133,6 +134,6 @@ class Lens:
         self.numbers = {}
 
     def set(self, numbers):
-        """numbers: as `shoot` gives them."""
+        """Writes the result of `shot_numbers` to the device."""
         self.numbers = numbers
         self.table.fill(**numbers)

@@ -1,7 +1,7 @@
-"""Sky and open country round the pool, as radiance by direction; world frame, linear RGB.
+"""Radiance of sky and open ground by direction; world frame, linear RGB.
 
-The sky (gradient, clouds, glow round the sun) is drawn once into a dome: a square map of the upper
-half sphere by stereographic projection, (x, z) / (1 + y).
+The sky (gradient, clouds, glow around the sun) is painted once into a dome: a square map of the
+upper hemisphere by stereographic projection, (x, z) / (1 + y).
 """
 
 import taichi as ti
@@ -17,13 +17,15 @@ CLOUD = vec3(0.98, 0.99, 1.02)
 SUN = vec3(1.0, 0.90, 0.72)
 GROUND = vec3(0.60, 0.575, 0.53)
 DUSK = 0.42  # exponent of the gradient: smaller is a paler, narrower horizon
-CLOUD_SCALE, CLOUD_DRIFT = 0.85, 3.7  # features per unit of the cloud plane; where to cut it
-CLOUD_CURVE = 0.18  # added to the sine of elevation: keeps far clouds from shrinking to nothing
-CLEAR, OVERCAST = 0.46, 0.80  # noise below which there is no cloud, above which it is full
-CLOUD_OPACITY, CLOUD_RISE = 0.75, 0.25  # sine of elevation over which clouds come out of haze
+CLOUD_SCALE, CLOUD_DRIFT = 0.85, 3.7  # features per unit of the cloud plane; its offset
+CLOUD_CURVE = 0.18  # added to the sine of elevation: keeps distant clouds visible
+CLEAR, OVERCAST = 0.46, 0.80  # noise without clouds, and with full clouds
+CLOUD_OPACITY, CLOUD_RISE = 0.75, 0.25  # sine of elevation over which clouds fade in
 OCTAVES, FINER = 5, 2.03  # of the noise; ratio of their frequencies
-WIDE_GLOW, WIDE_POWER, CORE_GLOW, CORE_POWER = 0.22, 12, 0.5, 160  # round the sun
-HAZE = 0.16  # sine of the angle under the horizon within which ground fades into haze
+WIDE_GLOW, WIDE_POWER, CORE_GLOW, CORE_POWER = 0.22, 12, 0.5, 160  # around the sun
+HAZE = 0.16  # sine of the angle below the horizon within which ground fades into haze
+# Irradiance over pi of the pool and its contents.
+SUN_LIGHT, SKY_LIGHT = vec3(0.92, 0.85, 0.71), vec3(0.50, 0.55, 0.60)
 
 
 @ti.func
@@ -39,7 +41,7 @@ def noise(p):
 
 @ti.func
 def lattice(c):
-    """A fixed random number in 0..1 for each whole point of the plane."""
+    """Fixed pseudo-random number in 0..1 at each integer point of the plane."""
     k = ti.cast(c, ti.i32) + 4096
     h = ti.cast(k.x, ti.u32) * ti.u32(374761393) + ti.cast(k.y, ti.u32) * ti.u32(668265263)
     h = (h ^ (h >> 13)) * ti.u32(1274126177)
@@ -53,7 +55,7 @@ class Sky:
 
     @kernel
     def paint(self, sun: vec3):
-        """sun: unit vector to it, world frame."""
+        """Paints the dome. sun: unit vector to the sun, world frame."""
         for i, j in self.dome:
             q = (ti.math.vec2(i, j) + 0.5) * (2.0 / CELLS) - 1.0
             s = ti.min(q.norm_sqr(), 1.0)
@@ -88,6 +90,6 @@ class Sky:
 
 @ti.func
 def haze(colour, sine):
-    """Colour of far ground seen at `sine` below the horizon (negative)."""
+    """Colour of distant ground at `sine` below the horizon (negative)."""
     s = ti.min(-sine / HAZE, 1.0)
     return ti.math.mix(HORIZON, colour, s * (2.0 - s))

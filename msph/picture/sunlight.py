@@ -1,9 +1,9 @@
-"""Sunlight in the water: how high the water stands in each column, and caustics.
+"""Sunlight under water: caustics, and the water level of each column.
 
-Caustics are a photon map on the floor plane y = 0: each mesh triangle that faces the sun is carried
-along the light refracted at its corners; where it lands, light is denser by the ratio of the area
-that it would cover under still water to the area that it covers. A point higher up looks where its
-own beam would land.
+Caustics are a photon map on the floor y = 0: each mesh triangle that faces the sun is projected
+along the light refracted at its corners; the concentration is the area that its light covers under
+still water over the area that it covers here. Points above the floor read the map where their beam
+would land.
 """
 
 import taichi as ti
@@ -15,22 +15,22 @@ from msph.taichi_internals import data_oriented, kernel
 
 vec2 = ti.math.vec2
 
-UPWARD = 0.3  # least slope (cosine) of a normal that counts as the water's top
+MIN_UPWARD = 0.3  # smallest slope (cosine) of normals at the water's top
 DRY = 1e9
-FEWEST_WET = 4.0  # weight of wet cells, of 16 in the 3 x 3, that make a column wet
-LOWEST_BEAM = 0.1  # least descent (sine) of a traced beam
-LEAST_AREA = 1e-4  # of a lit patch [map cells, twice]
-UNIT = 1024.0  # light of 1 in the map's whole numbers: integer atomics are the faster
-BRIGHTEST = 5.0  # limit on the concentration of one triangle's light
-HALF_SHADE = 0.6  # light where beams that came in by a wall were not traced
+MIN_WET_WEIGHT = 4.0  # weight of wet cells, out of 16 in the 3 x 3, that makes a column wet
+MIN_BEAM_DESCENT = 0.1  # smallest descent (sine) of a traced beam
+MIN_AREA = 1e-4  # of a lit patch [map cells, twice]
+PHOTON_UNIT = 1024.0  # integer value of light 1 in the map: integer atomics are faster
+MAX_CONCENTRATION = 5.0  # limit on the concentration of one triangle's light
+HALF_SHADE = 0.6  # light where beams entered through a wall and were not traced
 SHORE = 0.04  # depth over which caustics fade in [m]
 
 
 @data_oriented
-class Light:
+class Sunlight:
     def __init__(self, mesh, lens):
         self.mesh, self.lens = mesh, lens
-        # Of the level map as many cells are used as the shot says.
+        # The shot says how many cells of the level map are used.
         self.lowest = ti.field(ti.i32, (LEVEL_CELLS, LEVEL_CELLS))  # bits of a positive f32 [m]
         self.level = ti.field(ti.f32, (LEVEL_CELLS, LEVEL_CELLS))  # height of the water's top [m]
         self.landing = ti.Vector.field(2, ti.f32, mesh.vertices.shape[0])  # (x, z) [m]
@@ -39,13 +39,13 @@ class Light:
         self.focus = ti.field(ti.f32, (CAUSTIC_CELLS, CAUSTIC_CELLS))
 
     @ti.func
-    def survey(self):
-        """Level map: the lowest upward vertex of each column (droplets fly above it)."""
+    def update_levels(self):
+        """Computes the level map: lowest upward vertex of each column (droplets are above it)."""
         for i, j in self.lowest:
             self.lowest[i, j] = ti.bit_cast(ti.f32(DRY), ti.i32)
         ti.loop_config(block_dim=BLOCK)
         for v in range(self.mesh.counts[0]):
-            if self.mesh.normals[v].y > UPWARD:
+            if self.mesh.normals[v].y > MIN_UPWARD:
                 p = self.mesh.vertices[v]
                 n = self.lens.shot[None].level_cells
                 c = ti.math.clamp(p.xz / self.lens.shot[None].size.xz * n, 0.0, n - 1.0)
@@ -55,11 +55,11 @@ class Light:
                     ti.bit_cast(y, ti.i32),
                 )
         for i, j in self.level:
-            self.level[i, j] = self.column(i, j)
+            self.level[i, j] = self.column_level(i, j)
 
     @ti.func
-    def column(self, i, j):
-        """Mean over the wet ones of the cell and its neighbours; 0 where all is dry."""
+    def column_level(self, i, j):
+        """Mean level of the wet cells among the cell and its neighbours; 0 if they are dry."""
         total, wet = 0.0, 0.0
         for k in range(9):
             a, b = i + k // 3 - 1, j + k % 3 - 1
@@ -69,19 +69,19 @@ class Light:
                     weight = ti.select(a == i, 2.0, 1.0) * ti.select(b == j, 2.0, 1.0)
                     total += weight * y
                     wet += weight
-        # Too few wet neighbours: a shore, not a gap in the mesh.
-        return ti.select(wet >= FEWEST_WET, total / ti.max(wet, 1.0), 0.0)
+        # Few wet neighbours are a shore, not a gap in the mesh.
+        return ti.select(wet >= MIN_WET_WEIGHT, total / ti.max(wet, 1.0), 0.0)
 
     @ti.func
     def height(self, p, shot: ti.template()):
-        """Water level over (x, z) of p [m], bilinear."""
+        """Water level at (x, z) of p [m], bilinear."""
         n = shot.level_cells
         c = ti.math.clamp(p.xz / shot.size.xz * n - 0.5, 0.0, n - 1.001)
         return bilinear(self.level, c)
 
     @kernel
-    def shine(self):
-        """Caustic map: refract at the vertices, splat the triangles, smooth."""
+    def trace_caustics(self):
+        """Computes the caustic map: refracts at the vertices, splats the triangles, smooths."""
         for i, j in self.photons:
             self.photons[i, j] = 0
         ti.loop_config(block_dim=BLOCK)
@@ -90,7 +90,7 @@ class Light:
             c = ti.max(n.dot(sun), 0.0)
             eta = self.lens.shot[None].eta
             r = bend(-sun, n, c, cosine_beyond(c, eta), eta)
-            self.landing[v] = p.xz - r.xz * (p.y / ti.min(r.y, -LOWEST_BEAM))
+            self.landing[v] = p.xz - r.xz * (p.y / ti.min(r.y, -MIN_BEAM_DESCENT))
         ti.loop_config(block_dim=BLOCK)
         for t in range(self.mesh.counts[1]):
             self.splat(t, self.lens.shot[None])
@@ -100,13 +100,13 @@ class Light:
 
     @ti.func
     def splat(self, t, shot: ti.template()):
-        """Lay the light of triangle t on the map cells whose centres it covers."""
+        """Adds the light of triangle t to the map cells whose centres it covers."""
         k = self.mesh.triangles[t]
         pa, pb, pc = self.mesh.vertices[k[0]], self.mesh.vertices[k[1]], self.mesh.vertices[k[2]]
         lit = (pb - pa).cross(pc - pa).dot(shot.sun) > 0.0
         if lit and not on_wall(pa, pb, pc, shot):
-            # What still water would light: the triangle's shadow in air on a level plane.
-            slant = -shot.sun.xz / ti.max(shot.sun.y, LOWEST_BEAM)
+            # Area lit under still water: the triangle's shadow on a level plane.
+            slant = -shot.sun.xz / ti.max(shot.sun.y, MIN_BEAM_DESCENT)
             ab, ac = (pb - pa).xz + slant * (pb - pa).y, (pc - pa).xz + slant * (pc - pa).y
             still = abs(ab.cross(ac))
             s = shot.map_scale
@@ -114,8 +114,8 @@ class Light:
             b = (self.landing[k[1]] - shot.map_corner) * s
             c = (self.landing[k[2]] - shot.map_corner) * s
             area = (b - a).cross(c - a)
-            share = still * s.x * s.y / ti.max(abs(area), LEAST_AREA)
-            light = ti.cast(UNIT * ti.min(share, BRIGHTEST), ti.i32)
+            share = still * s.x * s.y / ti.max(abs(area), MIN_AREA)
+            light = ti.cast(PHOTON_UNIT * ti.min(share, MAX_CONCENTRATION), ti.i32)
             g = ti.select(area < 0.0, -1.0, 1.0)
             lo = ti.max(ti.ceil(ti.min(a, b, c) - 0.5), 0.0)
             hi = ti.min(ti.floor(ti.max(a, b, c) - 0.5), CAUSTIC_CELLS - 1.0)
@@ -135,14 +135,12 @@ class Light:
             u = ti.math.clamp(i + a, 0, CAUSTIC_CELLS - 1)
             v = ti.math.clamp(j + b, 0, CAUSTIC_CELLS - 1)
             total += self.photons[u, v] * (2 - abs(a)) * (2 - abs(b))
-        return total / (16.0 * UNIT)
+        return total / (16.0 * PHOTON_UNIT)
 
     @ti.func
     def concentration(self, q, depth, shot: ti.template()):
-        """Sunlight at the point q, `depth` [m] under the surface, as a multiple of still water's.
-
-        Light that came in by the walls was not traced: there, half shade.
-        """
+        """Concentration of sunlight at q, `depth` [m] under the surface; 1 under still water. Light
+        through the walls is not traced: half shade."""
         focus = 1.0
         if shot.contrast > 0.0:
             c = (q.xz + shot.drift * q.y - shot.map_corner) * shot.map_scale - 0.5
@@ -158,7 +156,7 @@ class Light:
 
 @ti.func
 def bilinear(f: ti.template(), c):
-    """f at c, in cells from the centre of cell (0, 0); c within 0..size - 1."""
+    """Bilinear interpolation of f at c, in cells from the centre of cell (0, 0), 0..size - 1."""
     i, j = ti.cast(c.x, ti.i32), ti.cast(c.y, ti.i32)
     u, v = c.x - i, c.y - j
     low = f[i, j] + u * (f[i + 1, j] - f[i, j])

@@ -1,4 +1,5 @@
-"""From linear radiance to what a display is sent: soft shoulder, then the sRGB curve; a table."""
+"""Tone mapping: linear radiance to display values by a soft shoulder and the sRGB curve,
+tabulated."""
 
 import numpy as np
 import taichi as ti
@@ -6,12 +7,12 @@ import taichi as ti
 from msph.taichi_internals import data_oriented
 
 CELLS = 4096
-WHITE = 1.6  # radiance shown as full white
+WHITE = 1.6  # radiance shown as white
 KNEE = 0.65  # radiance up to which the curve is the identity
 
 
 def curve(x):
-    """Display-referred value of the linear radiance x, both about 0..1 (numpy)."""
+    """Display-referred value of the linear radiance x, both about 0..1 (NumPy)."""
     room = 1 - KNEE
     y = np.where(x < KNEE, x, KNEE + room * (1 - np.exp(-np.maximum(x - KNEE, 0) / room)))
     y = np.minimum(y / (KNEE + room * (1 - np.exp(-(WHITE - KNEE) / room))), 1)
@@ -26,7 +27,7 @@ class Tone:
         self.table.from_numpy(curve(x).astype(np.float32))
 
     @ti.func
-    def show(self, c):
+    def display(self, c):
         """Display-referred colour of the linear colour c."""
         k = ti.cast(ti.math.clamp(c * ((CELLS - 1) / WHITE), 0.0, CELLS - 1.0) + 0.5, ti.i32)
         k = ti.min(k, CELLS - 1)

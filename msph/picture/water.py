@@ -1,142 +1,140 @@
-"""The shading of water: what a ray sees that meets the surface.
+"""Shading of the water surface.
 
-Fresnel's share of the light is reflected (tiled wall, sky, sun glint); the rest is bent (Snell),
-goes on to the pool's floor or wall, whose colour is dimmed along the way under water (Beer-Lambert)
-and mixed with light scattered by the water itself.
+The Fresnel share of the light is reflected (tiles, sky, sun glint); the rest is refracted (Snell)
+to the floor or a wall, whose colour is attenuated along the path through water (Beer-Lambert) and
+mixed with light scattered by the water.
 """
 
 import taichi as ti
 
-from msph.picture.light_sources import SKY_LIGHT, SUN_LIGHT
 from msph.picture.optics import bend, cosine_beyond, reflectance, transmittance
-from msph.picture.pool import FLATTEST, RIM, along
-from msph.picture.rasteriser import KEY_BITS, NOTHING
+from msph.picture.pool import MIN_COSINE, RIM, component
+from msph.picture.rasteriser import KEY_BITS, NO_ITEM
 from msph.picture.samples import (
-    BARE,
     CORNERS,
     DETAIL,
     PLACE,
     REST,
     SPAN,
+    UNTILED,
     draw_blocks,
     make_sample,
 )
-from msph.picture.sky import SUN
+from msph.picture.sky import SKY_LIGHT, SUN, SUN_LIGHT
 from msph.taichi_internals import data_oriented, kernel
 
 vec2, vec3, vec4 = ti.math.vec2, ti.math.vec3, ti.math.vec4
 
-GLINT, SHEEN = 40.0, 2.5  # brightness of the sun's mirror image, and of the ripples' round it
-SHEEN_GLOSS, GLINT_GLOSS = 6, 5  # widths: cosine^(2^6) and that^(2^5)
-FLAT = 0.98  # least cosine between a cut face's normal and the wall's
-GRAZING = 0.03  # least cosine of incidence counted with
-DOWNWELLING = 0.5  # share of absorption on the light's own way down
-# Change of depth that is a step from crest to trough, in keys: a thousandth of all.
-STEP = int(1e-3 * 2**KEY_BITS)
-NEAR_GLINT = 0.5  # sheen from which on the sun's mirror image may lie between two samples
-# Places in a kind: the low wall of two; seen through a side of the water; folded by total
-# reflection; out of the water again; the body.
+GLINT, SHEEN = 40.0, 2.5  # brightness of the sun's reflection, and of the ripples' around it
+SHEEN_GLOSS, GLINT_GLOSS = 6, 5  # widths: cosine^(2^6), and that^(2^5)
+WALL_COSINE = 0.98  # smallest cosine between a cut face's normal and the wall's
+MIN_INCIDENCE = 0.03  # smallest cosine of incidence
+DOWNWELLING = 0.5  # share of absorption on the light's way down
+DEPTH_STEP = int(1e-3 * 2**KEY_BITS)  # keys from crest to trough: 0.001 of the range
+NEAR_GLINT = 0.5  # sheen above which the sun's reflection may lie between two samples
+# Bits of a kind: low wall; seen through a side of the water; folded by total reflection; out of the
+# water again; body.
 LOW, CUT, FOLDED, LEFT_AGAIN, BODY = 4, 8, 16, 32, 64
 
 
 @data_oriented
-class Water:
-    def __init__(self, mesh, lens, rasteriser, light, backdrop, image):
-        """image: the 3-vec field that is drawn, display-referred."""
-        self.mesh, self.lens, self.raster, self.light = mesh, lens, rasteriser, light
+class WaterShader:
+    """Shades water over a backdrop into the 3-vec field `image`, display-referred."""
+
+    def __init__(self, mesh, lens, rasteriser, sunlight, backdrop, image):
+        self.mesh, self.lens, self.raster, self.sunlight = mesh, lens, rasteriser, sunlight
         self.backdrop, self.pool, self.tone = backdrop, backdrop.pool, backdrop.tone
         self.image = image
 
     @kernel
     def shade(self):
-        """The picture from the visibility buffer: water where it is seen, else the backdrop."""
+        """Draws the image from the visibility buffer: water, or the backdrop."""
         draw_blocks(self, 0, self.lens.shot[None].columns, self.lens.shot[None].rows)
 
     @ti.func
     def begin(self, i0, j0, note):
-        """Of a block: whether water is seen, and whether in every pixel and without a step in
-        depth. Without water it shows the backdrop. The note is not used."""
+        """Block setup for `draw_blocks`: even if all pixels show water without a step in depth.
+        Blocks without water are drawn here. The note is not used."""
         columns, rows = self.lens.shot[None].columns, self.lens.shot[None].rows
-        nearest, farthest = NOTHING, 0
-        # One loop of constant length, which repeats pixels at the picture's edge: nested loops with
-        # variable bounds take LLVM five times as long to compile.
+        nearest, farthest = NO_ITEM, 0
+        # One loop of constant length, which repeats pixels at the edge of the image: nested loops
+        # with variable bounds take five times as long to compile.
         for k in range(SPAN * SPAN):
             i, j = ti.min(i0 + k // SPAN, columns - 1), ti.min(j0 + k % SPAN, rows - 1)
             key = self.raster.key[i, j]
             nearest, farthest = ti.min(nearest, key), ti.max(farthest, key)
-        even = farthest != NOTHING
-        if nearest == NOTHING:
+        even = farthest != NO_ITEM
+        if nearest == NO_ITEM:
             for k in range(SPAN * SPAN):
                 i, j = ti.min(i0 + k // SPAN, columns - 1), ti.min(j0 + k % SPAN, rows - 1)
                 self.image[i, j] = self.backdrop.colour[i, j].xyz
         elif even:
-            # On a plane the corners are the nearest and the farthest.
-            near, far = NOTHING, 0
+            # On a plane the corners are nearest and farthest.
+            near, far = NO_ITEM, 0
             for k in range(CORNERS):
                 i, j = i0 + (SPAN - 1) * (k // 2), j0 + (SPAN - 1) * (k % 2)
                 near, far = ti.min(near, self.raster.key[i, j]), ti.max(far, self.raster.key[i, j])
-            slack = STEP + (far - near) // 2
+            slack = DEPTH_STEP + (far - near) // 2
             even = near - nearest < slack and farthest - far < slack
-        return nearest != NOTHING, even, note
+        return nearest != NO_ITEM, even, note
 
     @ti.func
     def wanted(self, i, j):
-        """Of a block with water, pixels without it show the backdrop."""
-        wet = self.raster.key[i, j] != NOTHING
+        """Draws the backdrop at pixels without water, in blocks with water."""
+        wet = self.raster.key[i, j] != NO_ITEM
         if not wet:
             self.image[i, j] = self.backdrop.colour[i, j].xyz
         return wet
 
     @ti.func
     def put(self, i, j, kind, sample):
-        """Water, or a body before it."""
+        """Draws water, or a body in front of it."""
         shot = self.lens.shot[None]
         behind = self.backdrop.colour[i, j]
         shown = behind.xyz
         if not self.backdrop.covers(i, j, sample[REST, 1]):
             q = vec3(sample[PLACE, 0], sample[PLACE, 1], sample[PLACE, 2])
-            focus = self.light.concentration(q, sample[REST, 0], shot)
-            c = self.pool.finish(kind, sample, focus, shot)
-            shown = ti.math.mix(self.tone.show(c), RIM, behind.w)
+            focus = self.sunlight.concentration(q, sample[REST, 0], shot)
+            c = self.pool.colour_of(kind, sample, focus, shot)
+            shown = ti.math.mix(self.tone.display(c), RIM, behind.w)
         self.image[i, j] = shown
 
     @ti.func
     def trace(self, i, j, note):
-        """What is seen through the water that a pixel shows."""
+        """Shades the water at a pixel."""
         shot = self.lens.shot[None]
         d = shot.origin + shot.du * i + shot.dv * j
         back = ti.bit_cast(self.raster.back[i, j], ti.f32)
-        depth, flat, n = self.strike(self.raster.item(i, j), d, shot)
+        depth, flat, n = self.hit_surface(self.raster.item(i, j), d, shot)
         stretch = d.norm()
         p = shot.eye + d * depth
         d /= stretch
         room = ti.min(p, shot.size - p)
-        cut = ti.min(room.x, room.z) < shot.skin and ti.max(abs(flat.x), abs(flat.z)) > FLAT
+        cut = ti.min(room.x, room.z) < shot.skin and ti.max(abs(flat.x), abs(flat.z)) > WALL_COSINE
         if cut:
             n = ti.round(flat)
         p = ti.math.clamp(p, 0.0, shot.size)
-        c = ti.max(-d.dot(n), GRAZING)
+        c = ti.max(-d.dot(n), MIN_INCIDENCE)
         ct = cosine_beyond(c, shot.eta)
         bent, mirrored = bend(d, n, c, ct, shot.eta), d + 2.0 * c * n
         rise = mirrored.dot(shot.up)
-        if rise < 0.0 and not cut:  # other waves would be met: take the sky that they mirror
+        if rise < 0.0 and not cut:  # would meet other waves: use the sky that they reflect
             mirrored -= 2.0 * rise * shot.up
         reach, thickness = depth * stretch, (back - depth) * stretch
         kind, under, sky, detail = 0, 0.0, vec3(0.0), False
         place, light, left, added = vec4(0.0), vec2(0.0), vec3(0.0), vec3(0.0)
-        # First the bent ray, then the mirrored one: in a loop, so that the code by which rays meet
-        # walls and bodies is compiled once.
+        # The refracted ray, then the reflected one: a loop compiles the intersections once.
         for way in range(2):
             inwards = way == 0
             r = ti.select(inwards, bent, mirrored)
             to_sun = ti.select(inwards, shot.beam, shot.sun)
-            s, axis, low = self.pool.leave(p, r, shot.size)
-            t, body, _, close = self.pool.meet(p, r, s, reach, shot)
+            s, axis, low = self.pool.exit_face(p, r, shot.size)
+            t, body, _, close = self.pool.intersect(p, r, s, reach, shot)
             s = ti.min(s, t)
             q, through, deep, lit = p + r * s, vec3(0.0), 0.0, 1.0
-            footprint = shot.pixel * (reach + s) / ti.max(abs(along(r, axis)), FLATTEST)
+            footprint = shot.pixel * (reach + s) / ti.max(abs(component(r, axis)), MIN_COSINE)
             if inwards:
-                q, deep, path, bits = self.submerged(p, q, r, s, cut, thickness, shot)
+                q, deep, path, bits = self.follow_refracted(p, q, r, s, cut, thickness, shot)
                 through = transmittance(shot.absorption, path + DOWNWELLING * deep)
                 lit = self.pool.sunlit(q, r, to_sun)
                 kind = axis + LOW * low + CUT * cut + bits + DETAIL * close
@@ -146,15 +144,15 @@ class Water:
                 if body >= 0:
                     focus = 1.0
                     if inwards:
-                        kind += BARE - axis - LOW * low + BODY * (1 + body)
-                        focus = lit * self.light.concentration(q, deep, shot)
+                        kind += UNTILED - axis - LOW * low + BODY * (1 + body)
+                        focus = lit * self.sunlight.concentration(q, deep, shot)
                     seen = self.pool.bodies.shade(body, q, to_sun, focus, shot)
             if inwards:
                 place, under, left = vec4(q, footprint), deep, through
                 light = lighting * vec2(lit, 1.0)
                 added = shot.scatter * (1.0 - through) + through * seen
             else:
-                sky, detail = self.mirror(q, r, axis, low, cut, lighting, footprint, shot)
+                sky, detail = self.reflected_light(q, r, axis, low, cut, lighting, footprint, shot)
                 if body >= 0:
                     sky = seen
                 detail = detail or close
@@ -164,8 +162,8 @@ class Water:
         return kind + DETAIL * detail, sample
 
     @ti.func
-    def strike(self, t, d, shot: ti.template()):
-        """Depth at which the ray d meets the plane of triangle t, its normal, the smooth normal."""
+    def hit_surface(self, t, d, shot: ti.template()):
+        """Intersects the ray d with the plane of triangle t: depth, face normal, smooth normal."""
         k = self.mesh.triangles[t]
         a = self.mesh.vertices[k[0]] - shot.eye
         b = self.mesh.vertices[k[1]] - shot.eye
@@ -177,31 +175,30 @@ class Water:
         return a.dot(flat) / d.dot(flat), flat.normalized(), -n.normalized()
 
     @ti.func
-    def submerged(self, p, q, r, s, cut, thickness, shot: ti.template()):
-        """Of the bent ray r from p, through water, s [m] long: where it ends [m], how deep under
-        water [m], its way through water [m], and bits of the kind.
-
-        cut: whether p is on a wall; thickness: way through the water [m]."""
+    def follow_refracted(self, p, q, r, s, cut, thickness, shot: ti.template()):
+        """Follows the refracted ray r from p through water to q, s [m] long. Returns its end [m],
+        the depth of the end under water [m], the path through water [m], and bits of the kind. cut:
+        p is on a wall; thickness: path through the water [m]."""
         path, deep, bits = s, p.y - q.y, 0
         if cut or thickness < s:
-            deep = self.light.height(q, shot) - q.y
-            if cut and r.y > 0.0 and deep < 0.0 and p.y < self.light.height(p, shot):
-                # Up to the surface from below: total reflection folds the ray down again.
+            deep = self.sunlight.height(q, shot) - q.y
+            if cut and r.y > 0.0 and deep < 0.0 and p.y < self.sunlight.height(p, shot):
+                # The ray reaches the surface from below: total reflection folds it down.
                 q.y = ti.math.clamp(q.y + 2.0 * deep, 0.0, shot.size.y)
                 deep = -deep
                 bits = FOLDED
             else:
-                # Once through a crest or a drop, it may enter the water below it again.
-                again = ti.max(deep, 0.0) / ti.max(abs(r.y), FLATTEST)
+                # After a crest or a drop, it may enter the water below again.
+                again = ti.max(deep, 0.0) / ti.max(abs(r.y), MIN_COSINE)
                 path = ti.min(s, thickness + again)
                 bits = LEFT_AGAIN
         return q, ti.max(deep, 0.0), path, bits
 
     @ti.func
-    def mirror(self, q, r, axis, low, cut, light, footprint, shot: ti.template()):
-        """Light that comes along the mirrored ray r: the tiled wall at q [m], lit so (sun, sky), or
-        sky with the sun; and whether the sun's image is near. cut: whether the ray begins on a
-        wall, out of the box."""
+    def reflected_light(self, q, r, axis, low, cut, light, footprint, shot: ti.template()):
+        """Radiance along the reflected ray r: the tiled wall at q [m] under light (sun, sky), or
+        sky with the sun; and True if the sun's reflection is near. cut: the ray begins on a wall,
+        outside."""
         colour, detail = vec3(0.0), False
         if not cut and self.pool.is_tiled(axis, low, shot):
             colour = self.pool.albedo(q, axis, footprint, shot)
@@ -215,5 +212,5 @@ class Water:
                 glint *= glint
             sunny = ti.select(cut, 0.0, GLINT * glint + SHEEN * sheen)
             detail = not cut and sheen > NEAR_GLINT
-            colour = self.pool.around(r, shot) + SUN * sunny
+            colour = self.pool.far_radiance(r, shot) + SUN * sunny
         return colour, detail

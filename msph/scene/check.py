@@ -7,9 +7,9 @@ import psutil
 
 from msph.errors import did_you_mean
 from msph.fluid.adaptivity.bands import coarser_of
-from msph.fluid.boundary.mesh_samples import numbers_needed
+from msph.fluid.boundary.mesh_samples import sample_count
 from msph.fluid.boundary.rigid_bodies import Body
-from msph.fluid.methods import METHODS, able
+from msph.fluid.methods import METHODS, methods_with
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.particles.particles import CORE
 from msph.fluid.simulation import WORD, footprint
@@ -54,6 +54,14 @@ def check(scene: Scene, where: str) -> None:
                 f"is {min(scene.box.size):.3g} m",
                 f"layers.{i}",
             )
+        least = METHODS[scene.method].MIN_SMOOTHING
+        if spec.smoothing < least:
+            raise SceneError(
+                where,
+                f"must be at least {least:g} for the method {scene.method} "
+                f"(got {spec.smoothing:g})",
+                f"layers.{i}.smoothing",
+            )
     finest = min(s.support for s in specs)
     coarsest_cell = 0.5 * scene.surface.smoothing * finest
     if scene.surface.cell * min(s.spacing for s in specs) > coarsest_cell:
@@ -88,7 +96,7 @@ def _check_adaptation(scene: Scene, specs: list[LayerSpec], where: str) -> None:
     if not METHODS[scene.method].ADAPTS:
         raise SceneError(
             where,
-            f"the method {scene.method} cannot adapt layers; {able('ADAPTS')} can",
+            f"the method {scene.method} cannot adapt layers; {methods_with('ADAPTS')} can",
             "adaptation.enabled",
         )
     if all(k < 0 for k in coarser_of(specs)):
@@ -130,7 +138,7 @@ def _check_memory(scene: Scene, specs: list[LayerSpec], solids: list[Body], wher
     cell = scene.surface.cell * min(s.spacing for s in specs)
     needs = footprint(scene.box.size, specs, count, getattr(scene, scene.method))
     needs["surface"] = SurfaceRoom.holding(scene.box.size, cell, count).bytes // WORD
-    needs["obstacles"] = numbers_needed(solids, specs)
+    needs["obstacles"] = sample_count(solids, specs)
     keys = {"cells": "box.size", "neighbours": "water", "particles": "water"}
     keys |= {"surface": "surface.cell", "obstacles": "obstacles"}
     largest = max(needs, key=lambda name: needs[name])

@@ -2,7 +2,7 @@
 
 import math
 
-from msph.fluid.boundary.rigid_bodies import Body, Solid, reach
+from msph.fluid.boundary.rigid_bodies import Body, Solid, bounding_radius
 from msph.fluid.particles.layers import LayerSpec
 from msph.scene.obstacles import bodies
 from msph.scene.schema import Scene
@@ -28,7 +28,8 @@ def steps_per_second(scene: Scene, specs: list[LayerSpec], solids: list[Body]) -
     needed = {"projection.longest_step": 1.0 / p.longest_step}
     outer = int(scene.container is not None)
     for k, body in enumerate(solids[outer:]):
-        needed[f"obstacles.{k}"] = body.motion.top_speed(reach(body)) / (p.cfl * d)
+        top_speed = body.motion.top_speed(bounding_radius(body))
+        needed[f"obstacles.{k}"] = top_speed / (p.cfl * d)
     key = max(needed, key=lambda name: needed[name])
     return needed[key], key
 

@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from msph.fluid.boundary.rigid_bodies import Ball, Block, Body, Motion, Solid, reach
-from msph.fluid.methods import METHODS, able
+from msph.fluid.boundary.rigid_bodies import Ball, Block, Body, Motion, Solid, bounding_radius
+from msph.fluid.methods import METHODS, methods_with
 from msph.scene.errors import SceneError, in_metres
 from msph.scene.meshes import MeshError, load_mesh
 from msph.scene.schema import Container, Obstacle, Scene
@@ -58,8 +58,8 @@ def check_bodies(scene: Scene, spacing: float, where: str) -> list[Body]:
     found: list[Body] = []
     if (scene.obstacles or scene.container) and not METHODS[scene.method].HAS_BODIES:
         key = "obstacles" if scene.obstacles else "container"
-        problem = f"the method {scene.method} has no bodies; {able('HAS_BODIES')} has"
-        raise SceneError(where, problem, key)
+        able = methods_with("HAS_BODIES")
+        raise SceneError(where, f"the method {scene.method} has no bodies; {able} has", key)
     if scene.container is not None:
         _check_mesh(scene.container, where, "container")
         found.append(_container(scene.container))
@@ -90,7 +90,7 @@ def _check_obstacle(scene: Scene, obstacle: Obstacle, spacing: float, where: str
     if not any(obstacle.axis):
         raise SceneError(where, "has no direction", f"{key}.axis")
     made = body(obstacle)
-    speed = made.motion.top_speed(reach(made))
+    speed = made.motion.top_speed(bounding_radius(made))
     if speed > MAX_SPEED:
         raise SceneError(
             where,

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from msph.fluid.adaptivity.bands import exact
+from msph.fluid.adaptivity.bands import with_exact_ratios
 from msph.fluid.methods import METHODS
 from msph.fluid.particles.layers import LayerSpec
 from msph.scene.schema import Scene, Water
@@ -32,7 +32,7 @@ def layer_specs(scene: Scene) -> list[LayerSpec]:
                 wendland=layer.kernels == "wendland",
             )
         )
-    return exact(specs) if scene.adaptation.enabled else specs
+    return with_exact_ratios(specs) if scene.adaptation.enabled else specs
 
 
 def bounds(water: Water) -> tuple[np.ndarray, np.ndarray]:

@@ -101,7 +101,7 @@ class GguiWindow:
         if isinstance(image, np.ndarray):
             self.words = image
         else:
-            pack(image, self.words)
+            pack(image.field, self.words)
         set_image(self.canvas, self.words)
         if self.marked:
             self.canvas.circles(self.marker, radius=MARKER_RADIUS, color=(1.0, 0.95, 0.7))

@@ -9,7 +9,7 @@ from typing import Any
 import imageio.v2 as imageio
 import numpy as np
 
-from msph.own_files import replace, replacing, sealed
+from msph.own_files import free_stem, replace, replacing
 from msph.scene.errors import SceneError
 from msph.scene.load import to_toml
 from msph.scene.schema import Scene
@@ -70,11 +70,7 @@ class Keepsakes:
     def _path(self, suffix: str, scene: Scene) -> Path:
         """A new file, with its scene beside it."""
         self.folder.mkdir(parents=True, exist_ok=True)
-        stem = f"{self.scene}_{time.strftime('%Y%m%d_%H%M%S')}"
-        taken, number = stem, 1
-        while list(self.folder.glob(f"{taken}.*")):
-            number += 1
-            taken = f"{stem}_{number}"
+        stem = free_stem(self.folder, f"{self.scene}_{time.strftime('%Y%m%d_%H%M%S')}")
         note = f"quality {self.quality}"
-        replace(self.folder / f"{taken}.scene.toml", sealed(to_toml(scene, note)))
-        return self.folder / f"{taken}{suffix}"
+        replace(self.folder / f"{stem}.scene.toml", to_toml(scene, note))
+        return self.folder / f"{stem}{suffix}"

@@ -53,10 +53,7 @@ class Measurer:
         self.gap = max(1, round(gap / every)) if gap > 0.0 else 0
         self.done = round((since or 0.0) / every)
         if self.done >= self.frames:
-            raise past.CheckpointError(
-                f"the checkpoint is of {since:g} s, and the scene lasts {scene.duration:g} s; "
-                "--seconds lets it last longer"
-            )
+            raise past.CheckpointError.beyond(since or 0.0, scene.duration)
         self.probes = build_probes(scene)
         self.surveys: list[Survey] = []
         self.before: Entry | None = None

@@ -7,8 +7,8 @@ import taichi as ti
 
 from msph.device_table import DeviceTable, f32
 from msph.fluid.particles import kernels
-from msph.fluid.particles.layers import MOST_LAYERS
-from msph.fluid.particles.neighbour_list import REACHES
+from msph.fluid.particles.layers import MAX_LAYERS
+from msph.fluid.particles.neighbour_list import LIST_FORMS
 from msph.fluid.simulation import Simulation
 from msph.fluid.world import World
 from msph.picture.legend import Legend
@@ -27,7 +27,7 @@ class NeighbourWeights:
 
     def __init__(self, world: World):
         self.particles, self.layers = world.parts.particles, world.parts.layers
-        self._pairs = DeviceTable((MOST_LAYERS, MOST_LAYERS), reach=f32)  # [m]
+        self._pairs = DeviceTable((MAX_LAYERS, MAX_LAYERS), reach=f32)  # [m]
         self.reach, self.load = self._pairs.reach, self._pairs.fill
 
     @kernel
@@ -61,7 +61,7 @@ class Neighbourhood:
         self.simulation = simulation
         self.particles, self.layers = simulation.particles, simulation.layers
         solver, h = simulation.solver, np.array([s.support for s in self.layers.specs])
-        reach: Any = REACHES[solver.reach(solver.parameters)]
+        reach: Any = LIST_FORMS[solver.list_form(solver.parameters)]
         self.reaches = reach(h[:, None], h[None])  # [m], by the layers of a pair
         self.id: int | None = None
         self.before: Any = None  # time [s] and velocity [m/s] of the frame before

@@ -232,7 +232,7 @@ class Player:
         if ends:
             flat = np.array(ends).reshape(-1, 3)
             size = of.picture.width, of.picture.height
-            places = self.row.placed(of, of.camera.seen(flat, *size, sim.size, of.tilt))
+            places = self.row.placed(of, of.camera.project(flat, *size, sim.size, of.tilt))
             self.window.arrows(places.reshape(-1, 2, 2))
 
     def close(self) -> None:

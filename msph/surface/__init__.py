@@ -1,9 +1,8 @@
-"""The water's surface: coverage of the particles, marching cubes in a band, and the mesh.
+"""Water surface: coverage of the particles, marching cubes in a band of cells, and the mesh.
 
-surface = Surface(layers, grid, particles, boundary, room)
-surface.load(box_size, cell=0.028)    # again for each scene that fits in the room
-surface.extract()            # a few launches, nothing read back
-surface.mesh                 # Taichi fields: vertices, normals, triangles, counts
+surface = Surface(layers, grid, particles, boundary, room) surface.load(box_size, cell=0.028) # for
+each scene that fits in the room surface.extract() # a few kernel launches, nothing is read back
+surface.mesh # vertices, normals, triangles, counts: Taichi fields
 """
 
 from msph.surface.mesh import SurfaceMesh

@@ -1,11 +1,10 @@
-"""Bodies in the water, as its surface meets them: the part of a kernel outside of them, and a cut.
+"""Bodies at the surface: the part of a kernel outside of bodies, and the cut of the surface.
 
-The surface of the water is where f = min(coverage - iso, s/l) is zero, s the distance to the
-nearest body and l the length over which coverage falls: the mesh ends on bodies and is closed along
-them. The coverage beside a body is completed by the part of the kernel's ball outside of it, as at
-the box's walls. That part is the boundary's, of the water's own kernel, which is narrower than
-poly6: beside a wall the coverage of still water comes out up to 6 % low, which moves a surface
-that meets the wall by less than a tenth of a spacing.
+The surface is where f = min(coverage - iso, s/l) is zero, with s the distance to the nearest body
+and l the length over which coverage falls: the mesh is closed along bodies. Coverage is divided by
+the part of the kernel's ball outside of bodies, as at the walls. That part is of the fluid's
+kernel, narrower than poly6: beside a wall the coverage of still water is up to 6 % low, which moves
+the surface there by less than 0.1 spacings.
 """
 
 import taichi as ti
@@ -16,36 +15,35 @@ from msph.taichi_internals import data_oriented
 
 vec4 = ti.math.vec4
 
-# Least part (-) of a kernel taken as open: less has no place outside of bodies. Against division
-# by zero within them.
-LEAST_OPEN = 0.1
+# Smallest open part (-) of a kernel, against division by zero inside bodies.
+MIN_OPEN = 0.1
 
 
 @data_oriented
 class Bodies:
-    """The bodies of `boundary` at the end of a step. Kernels for scenes without bodies are compiled
-    without any of this."""
+    """The bodies of `boundary` at the end of a step; not used by kernels for scenes without
+    bodies."""
 
     def __init__(self, boundary: Boundary | None, numbers: DeviceTable):
         self.boundary, self.numbers = boundary, numbers
 
     @ti.func
     def clearance(self, x):
-        """Distance [m] of x to the nearest body, negative inside of one."""
+        """Returns the distance [m] from x to the nearest body, negative inside a body."""
         return self.boundary.clearance(x, END)
 
     @ti.func
     def open_share(self, x, layer):
-        """The part F (-) of a layer's kernel round x [m] outside of all bodies, and its gradient
-        [1/m]."""
+        """Returns the part F (-) of a layer's kernel around x [m] outside of bodies, and its
+        gradient [1/m]."""
         found = self.boundary.open_share(x, layer, END)
-        if found[0] < LEAST_OPEN:
-            found = vec4(LEAST_OPEN, 0.0, 0.0, 0.0)
+        if found[0] < MIN_OPEN:
+            found = vec4(MIN_OPEN, 0.0, 0.0, 0.0)
         return found
 
     @ti.func
     def cut(self, x):
-        """s/l (-) of the nearest body at x [m], and its gradient [1/m]."""
+        """Returns s/l (-) of the nearest body at x [m], and its gradient [1/m]."""
         nearest = vec4(1e9, 0.0, 0.0, 0.0)
         for b in range(self.numbers.bodies[None]):
             found = self.boundary.distance(b, x, END)

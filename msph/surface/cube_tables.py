@@ -1,15 +1,14 @@
-"""Marching cubes tables, derived here rather than typed in.
+"""Marching cubes tables, derived by code.
 
-A cell's corner c sits at offset (c & 1, c >> 1 & 1, c >> 2 & 1); bit c of a case says that the
-corner is inside (f > 0). For every case the contour is traced over the six faces, its segments
-are linked into loops, and each loop is triangulated.
+A cell's corner c has the offset (c & 1, c >> 1 & 1, c >> 2 & 1); bit c of a case is set if the
+corner is inside (f > 0). For every case the contour is traced over the six faces, its segments are
+linked into loops, and each loop is triangulated.
 
-Two choices make the meshes of neighbouring cells fit:
-- An ambiguous face (inside corners diagonally opposite) always separates its inside corners.
-  The rule looks at the face alone, so both cells that share it draw the same segments.
-- No triangulation uses a diagonal between two edges of one face. The neighbour could draw the
-  same diagonal, and that mesh edge would then carry four triangles. Such a triangulation exists
-  for every loop that this rule produces; `triangulate` fails at import if it ever does not.
+Two rules make the meshes of neighbouring cells fit. (1) An ambiguous face (inside corners
+diagonally opposite) always separates its inside corners. The rule depends on the face alone, so
+both cells that share it make the same segments. (2) No triangulation uses a diagonal between two
+edges of one face: if the neighbour made the same diagonal, four triangles would share that mesh
+edge. Every loop of rule 1 has such a triangulation; otherwise `triangulate` fails at import.
 """
 
 from itertools import combinations
@@ -27,7 +26,7 @@ EDGE_NUMBER = {frozenset(edge): e for e, edge in enumerate(EDGES.tolist())}
 
 
 def face_cycles() -> list[list[int]]:
-    """The four corners of each face (axis a, side 0 then 1), counter-clockwise from outside."""
+    """Returns the four corners of each face (axis a, side 0, 1), counter-clockwise from outside."""
     cycles = []
     for a in range(3):
         b, c = (a + 1) % 3, (a + 2) % 3
@@ -41,11 +40,11 @@ EDGE_FACES = [{f for f, ring in enumerate(FACES) if {p, q} <= set(ring)} for p, 
 
 
 def face_segments(case: int, ring: list[int]) -> list[tuple[int, int]]:
-    """Directed contour segments (from edge, to edge) on one face, one per run of inside corners.
+    """Returns the directed contour segments (from edge, to edge) of a face, one per run of inside
+    corners.
 
-    Walking counter-clockwise, a segment goes from the edge where the walk leaves the water back
-    to the edge where it entered. The cell behind the face walks the other way round and so gets
-    the reversed segment, which is what makes the winding consistent.
+    Along the counter-clockwise cycle a segment leads from the begin of the run to its end; the cell
+    behind the face has the reversed segment, which makes the winding consistent.
     """
     inside = [case >> corner & 1 for corner in ring]
     segments = []
@@ -61,7 +60,7 @@ def face_segments(case: int, ring: list[int]) -> list[tuple[int, int]]:
 
 
 def loops(case: int) -> list[list[int]]:
-    """The closed contour loops of a case, as lists of edge numbers."""
+    """Returns the closed contour loops of a case, as lists of edge numbers."""
     follow = dict(segment for ring in FACES for segment in face_segments(case, ring))
     found = []
     while follow:
@@ -75,7 +74,7 @@ def loops(case: int) -> list[list[int]]:
 
 
 def triangulations(polygon: list[int]):
-    """Every triangulation of a convex polygon, each as a list of corner triples."""
+    """Yields every triangulation of a convex polygon as a list of corner triples."""
     if len(polygon) == 2:
         yield []
         return
@@ -85,18 +84,14 @@ def triangulations(polygon: list[int]):
                 yield [(polygon[0], polygon[k], polygon[-1]), *left, *right]
 
 
-def diagonals(triangles, polygon) -> set[frozenset]:
-    """The inner edges of a triangulation."""
-    sides = {frozenset((polygon[i - 1], polygon[i])) for i in range(len(polygon))}
-    return {frozenset(pair) for t in triangles for pair in combinations(t, 2)} - sides
-
-
 def triangulate(polygon: list[int]) -> list[tuple[int, int, int]]:
-    """The triangulation with no diagonal in a face and the least sum of squared diagonals."""
+    """Returns the triangulation without diagonals in faces that has the shortest diagonals (squared
+    sum)."""
     middle = CORNERS[EDGES].mean(axis=1)
+    sides = {frozenset((polygon[i - 1], polygon[i])) for i in range(len(polygon))}
     best, least = None, np.inf
     for triangles in triangulations(polygon):
-        inner = [tuple(d) for d in diagonals(triangles, polygon)]
+        inner = {frozenset(pair) for t in triangles for pair in combinations(t, 2)} - sides
         if any(EDGE_FACES[p] & EDGE_FACES[q] for p, q in inner):
             continue
         length = sum(float(((middle[p] - middle[q]) ** 2).sum()) for p, q in inner)
@@ -108,7 +103,7 @@ def triangulate(polygon: list[int]) -> list[tuple[int, int, int]]:
 
 
 def build() -> tuple[np.ndarray, np.ndarray]:
-    """Triangle counts, shape (256,), and edge triples padded with -1, shape (256, most, 3)."""
+    """Returns triangle counts (256,) and edge triples (256, max count, 3), padded with -1."""
     cases = [[t for loop in loops(case) for t in triangulate(loop)] for case in range(256)]
     counts = np.array([len(case) for case in cases], dtype=np.int32)
     triangles = np.full((256, counts.max(), 3), -1, dtype=np.int32)

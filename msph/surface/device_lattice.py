@@ -1,4 +1,4 @@
-"""The lattice and the numbers of the loaded scene, on the device, where kernels read them."""
+"""Lattice and surface parameters of the loaded scene in device memory."""
 
 from typing import Any
 
@@ -12,53 +12,45 @@ from msph.taichi_internals import data_oriented
 
 vec3, ivec3 = ti.math.vec3, ti.math.ivec3
 
-# Nodes of a z-row in a word of signs.
-WORD = 32
-# Of the lattice: nodes along each axis, and padded; pairs of rows along x and y, and of nodes along
-# z; words of a z-row; runs of a z-row; the longest padded axis [nodes]; whether ghosts surround it.
-LATTICE = {
-    "nodes": ivec3,
-    "padded": ivec3,
-    "pairs": ivec3,
-    "words": i32,
-    "runs": i32,
-    "longest": i32,
-    "walled": i32,
-}
-# Of the scene: the box [m], numbers of layers and of bodies, the largest reach of a kernel [m], the
-# slope of coverage at a plane [1/m], bounds of coverage for air and for deep water (-), half the
-# diagonal of a sub-block and its edges [m], the least and the largest shift (-).
-SCENE = {
-    "size": vec3,
-    "layers": i32,
-    "bodies": i32,
-    "widest": f32,
-    "slope": f32,
-    "air_below": f32,
-    "deep_above": f32,
-    "half": f32,
-    "edges": vec3,
-    "least": f32,
-    "most": f32,
-}
+WORD = 32  # nodes of a z-row per word of signs
 
 
 @data_oriented
 class DeviceLattice:
-    """Indices into the flat arrays over nodes, words and pairs, and the nodes' coordinates.
+    """Indices into the flat arrays over nodes, words and pairs, and the coordinates of nodes.
 
-    numbers: LATTICE and SCENE. Kernels read a vector of them whole, `nodes = numbers.nodes[None]`:
-    of a component read at once Taichi does not know that it is not what a loop sums up, and then
-    keeps no sums by thread. Arrays over nodes are in the order of the padded lattice, z first.
+    numbers: table of the lattice and the scene; kernels must read its vectors whole (DeviceTable).
+    Arrays over nodes are in the order of the padded lattice, z fastest.
     """
 
     def __init__(self, room: SurfaceRoom):
-        self.numbers = DeviceTable((), **LATTICE, **SCENE)
-        # [m], the axes one after the other, each as long as the longest.
+        self.numbers = DeviceTable(
+            (),
+            nodes=ivec3,  # nodes along each axis
+            padded=ivec3,  # padded nodes along each axis
+            pairs=ivec3,  # pairs of rows along x and y, and of nodes along z
+            words=i32,  # words per z-row
+            runs=i32,  # runs per z-row
+            longest=i32,  # padded nodes along the longest axis
+            walled=i32,  # 1 if ghosts surround the lattice
+            # Of the scene:
+            size=vec3,  # box [m]
+            layers=i32,  # number of layers
+            bodies=i32,  # number of bodies
+            widest=f32,  # largest reach of a kernel [m]
+            slope=f32,  # slope of coverage at a plane [1/m]
+            air_below=f32,  # coverage (-) below which a sub-block is air
+            deep_above=f32,  # coverage (-) above which a sub-block is deep water
+            half_diagonal=f32,  # half the diagonal of a sub-block [m]
+            block_edges=vec3,  # edges of a sub-block [m]
+            min_shift=f32,  # smallest shift of iso (-)
+            max_shift=f32,  # largest shift of iso (-)
+        )
+        # [m], one axis after the other, each padded to the longest.
         self.coordinate = DeviceTable((3 * room.axis,), x=f32)
 
     def load(self, lattice: Lattice, **scene: Any) -> None:
-        """scene: values of SCENE, which marching cubes alone do not need."""
+        """Loads a lattice. scene: values of the scene, 0 if not given."""
         rows = lattice.rows()
         self.numbers.fill(
             nodes=lattice.shape,
@@ -68,31 +60,30 @@ class DeviceLattice:
             runs=lattice.padded[2] // RUN,
             longest=len(rows[0]),
             walled=lattice.walled,
-            **(scene or {name: np.zeros(getattr(kind, "n", 1)) for name, kind in SCENE.items()}),
+            **scene,
         )
         self.coordinate.fill(x=np.concatenate(rows))
 
     @ti.func
-    def at(self, node):
-        """Index of a node (i, j, k)."""
+    def node_index(self, node):
         padded = self.numbers.padded[None]
         return (node[0] * padded[1] + node[1]) * padded[2] + node[2]
 
     @ti.func
-    def word(self, i, j, w):
-        """Index of the w-th word of the row (i, j)."""
+    def word_index(self, i, j, w):
+        """Returns the index of word w of the row (i, j)."""
         nodes = self.numbers.nodes[None]
         return (i * nodes[1] + j) * self.numbers.words[None] + w
 
     @ti.func
-    def pair(self, i, j, w):
-        """Index of the w-th word of the pair of rows that holds the row (i, j)."""
+    def pair_index(self, i, j, w):
+        """Returns the index of word w of the pair of rows that contains the row (i, j)."""
         pairs = self.numbers.pairs[None]
         return (i // PAIR * pairs[1] + j // PAIR) * self.numbers.words[None] + w
 
     @ti.func
     def point(self, node):
-        """A node's place [m]."""
+        """Returns the position [m] of a node."""
         longest = self.numbers.longest[None]
         x, y = self.coordinate.x[node[0]], self.coordinate.x[longest + node[1]]
         return vec3(x, y, self.coordinate.x[2 * longest + node[2]])

@@ -1,4 +1,4 @@
-"""The surface mesh: preallocated Taichi fields that are refilled every frame."""
+"""Surface mesh in preallocated Taichi fields that are refilled every frame."""
 
 from pathlib import Path
 
@@ -10,12 +10,12 @@ from msph.taichi_internals import data_oriented, kernel
 
 @data_oriented
 class SurfaceMesh:
-    """An indexed triangle mesh of fixed capacity.
+    """Indexed triangle mesh of fixed capacity.
 
-    vertices (max_vertices,) 3-vector f32 [m]; normals, same shape, unit, out of the water;
-    triangles (max_triangles,) 3-vector i32, counter-clockwise seen from outside;
-    counts (4,) i32: vertices, triangles, wanted vertices, wanted triangles. The first two never
-    exceed the capacity, and no triangle below counts[1] refers to a vertex that was dropped.
+    vertices (max_vertices,) 3-vector f32 [m]; normals, same shape, unit vectors out of the water;
+    triangles (max_triangles,) 3-vector i32, counter-clockwise from outside; counts (4,) i32:
+    vertices, triangles, required vertices, required triangles. The first two never exceed the
+    capacity, and no triangle below counts[1] refers to a dropped vertex.
     """
 
     def __init__(self, max_vertices: int, max_triangles: int):
@@ -27,7 +27,7 @@ class SurfaceMesh:
         self.counts = ti.field(ti.i32, shape=4)
 
     def to_numpy(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Live vertices (v, 3) [m], normals (v, 3) and triangles (t, 3)."""
+        """Returns the valid vertices (v, 3) [m], normals (v, 3) and triangles (t, 3)."""
         v, t = self.counts.to_numpy()[:2]
         vertices, normals = np.zeros((2, v, 3), np.float32)
         triangles = np.zeros((t, 3), np.int32)
@@ -50,45 +50,26 @@ class SurfaceMesh:
                 triangles[i, k] = self.triangles[i][k]
 
     def overflowed(self) -> str | None:
-        """What did not fit in the last extraction, in words, or None."""
-        wanted = self.counts.to_numpy()[2:]
-        parts = [
-            f"{n} {name} wanted, {most} fit"
-            for n, name, most in zip(
-                wanted,
-                ("vertices", "triangles"),
-                (self.max_vertices, self.max_triangles),
-                strict=True,
-            )
-            if n > most
-        ]
+        """Returns a message that says what did not fit in the last extraction, or None."""
+        names, most = ("vertices", "triangles"), (self.max_vertices, self.max_triangles)
+        needed = zip(self.counts.to_numpy()[2:], names, most, strict=True)
+        parts = [f"{n} {name} needed, {fit} fit" for n, name, fit in needed if n > fit]
         return "surface mesh overflow: " + "; ".join(parts) if parts else None
 
-    def corners(self) -> np.ndarray:
-        """Corner positions of the live triangles, (t, 3, 3) f64 [m]."""
-        vertices, _, triangles = self.to_numpy()
-        return vertices.astype(np.float64)[triangles]
-
-    def area(self) -> float:
-        """Surface area [m^2]."""
-        a, b, c = self.corners().transpose(1, 0, 2)
-        return 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
-
     def volume(self) -> float:
-        """Enclosed volume [m^3]: the sum of the tetrahedra over the origin, a.(b x c)/6."""
-        a, b, c = self.corners().transpose(1, 0, 2)
+        """Computes the enclosed volume [m^3]: sum of the tetrahedra to the origin, a.(b x c)/6."""
+        vertices, _, triangles = self.to_numpy()
+        a, b, c = vertices.astype(np.float64)[triangles].transpose(1, 0, 2)
         return float(np.einsum("ti,ti->", a, np.cross(b, c))) / 6.0
 
     def export(self, path: str | Path) -> None:
-        """Write the live mesh with its normals; .ply or .obj by the file's suffix."""
-        import trimesh  # only exports need it, and it takes a while to load
+        """Writes the mesh with its normals to a .ply or .obj file."""
+        import trimesh  # slow to import, and needed only here
 
         vertices, normals, triangles = self.to_numpy()
         mesh = trimesh.Trimesh(vertices, triangles, vertex_normals=normals, process=False)
         suffix = Path(path).suffix.lower()
-        if suffix == ".ply":
-            mesh.export(path, vertex_normal=True)
-        elif suffix == ".obj":
-            mesh.export(path, include_normals=True)
-        else:
+        options = {".ply": "vertex_normal", ".obj": "include_normals"}
+        if suffix not in options:
             raise ValueError(f"cannot export to '{suffix}': use .ply or .obj")
+        mesh.export(path, **{options[suffix]: True})

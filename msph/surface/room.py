@@ -1,4 +1,4 @@
-"""Capacity of the surface: what is allocated once, for any scene that fits."""
+"""Capacity of the surface: memory allocated once for all scenes that fit."""
 
 import math
 from dataclasses import astuple, dataclass
@@ -6,24 +6,22 @@ from dataclasses import astuple, dataclass
 from msph.fluid.room import grown
 from msph.surface.lattice import Lattice
 
-# Layers for which tables have rows.
-LAYERS = 16
-# Vertices per lattice face of the box's hull: 1 for the walls and still water, the rest for waves,
-# drops and bubbles.
+LAYERS = 16  # rows of the tables by layer
+# Vertices per lattice face on the sides of the box: 1 for walls and still water, the rest for
+# waves, drops and bubbles.
 VERTICES_PER_HULL_FACE = 2.5
-# A closed mesh has two triangles per vertex (Euler), a few less or more for its topology.
+# A closed mesh has two triangles per vertex (Euler), slightly more or less by its topology.
 TRIANGLES_PER_VERTEX = 2.1
-# Numbers of 4 bytes per node in all arrays over nodes, words, sub-blocks and tiles; per node of an
-# axis; per vertex, per triangle and per particle.
-NUMBERS = (8, 3 * (2 * LAYERS + 1), 6, 3, 2)
+# Values of 4 bytes per node (nodes, words, sub-blocks and tiles), per node of an axis, per vertex,
+# per triangle and per particle.
+VALUES = (8, 3 * (2 * LAYERS + 1), 6, 3, 2)
 
 
 @dataclass(frozen=True)
 class SurfaceRoom:
-    """Numbers of things that a Surface has memory for. The defaults are the first class, which
-    holds every shipped scene at every quality.
+    """Capacity of a Surface. The defaults are the first class, for every shipped scene and quality.
 
-    nodes: of the lattice, padded; axis: nodes along its longest axis, padded.
+    nodes: of the padded lattice; axis: nodes along its longest padded axis.
     """
 
     nodes: int = 330_000
@@ -34,7 +32,7 @@ class SurfaceRoom:
 
     @classmethod
     def needed(cls, lattice: Lattice, particles: int) -> "SurfaceRoom":
-        """What a lattice, a mesh as large as waves and splashes make it, and `particles` need."""
+        """Returns the capacity for a lattice, `particles`, and a mesh with waves and splashes."""
         nx, ny, nz = lattice.shape
         vertices = math.ceil(VERTICES_PER_HULL_FACE * 2 * (nx * ny + ny * nz + nz * nx))
         triangles = math.ceil(TRIANGLES_PER_VERTEX * vertices)
@@ -45,16 +43,15 @@ class SurfaceRoom:
     def holding(
         cls, size: tuple[float, float, float], cell: float, particles: int
     ) -> "SurfaceRoom":
-        """The class for a box of `size` [m] with cells of `cell` [m]: of each kind the first
-        class, times a power of GROWTH where more is needed."""
+        """Returns the class for a box of `size` [m] with cells of `cell` [m]: each capacity of the
+        first class, times a power of GROWTH if needed."""
         needed = astuple(cls.needed(Lattice.in_box(size, cell), particles))
         return cls(*(grown(*pair) for pair in zip(astuple(cls()), needed, strict=True)))
 
     def check(self, lattice: Lattice, layers: int, particles: int) -> None:
-        """Raises ValueError unless the lattice, the layers and the particles fit."""
-        needed = self.needed(lattice, particles)
-        wanted = {name: getattr(needed, name) for name in ("nodes", "axis", "particles")}
-        for name, n in (*wanted.items(), ("layers", layers)):
+        """Raises ValueError if the lattice, the layers or the particles do not fit."""
+        needed = {"nodes": math.prod(lattice.padded), "axis": max(lattice.padded)}
+        for name, n in {**needed, "particles": particles, "layers": layers}.items():
             most = getattr(self, name, LAYERS)
             if n > most:
                 raise ValueError(f"the surface has room for {most:,} {name}, not for {n:,}")
@@ -62,4 +59,4 @@ class SurfaceRoom:
     @property
     def bytes(self) -> int:
         """Device memory [bytes]."""
-        return 4 * sum(n * k for n, k in zip(astuple(self), NUMBERS, strict=True))
+        return 4 * sum(n * k for n, k in zip(astuple(self), VALUES, strict=True))

@@ -1,11 +1,11 @@
 """Sums over particles at sixteen points at once: coverage and its gradient.
 
-    c(x) = sum over layers l of 1/F_l(x) sum over j in l of V_j w_j W(|x - x_j|, r_j),
+    c(x) = sum over layers l of 1/F_l(x) sum over j in l of V_j w_j W(|x - x_j|, r_j)
 
-poly6 of Gokdogan 2008, eq. 26 divided by rho0, with the reach and weight of particle j (of
-thin_water.py, r_l = smoothing * h_l and 1 in deep water), F_l the part of a full kernel's ball
-inside the box (fluid_fraction.py) and outside of bodies: inside still water c is 1 up to walls and
-bodies, whatever the layers.
+W is poly6 (Gokdogan 2008, eq. 26 divided by rho0); r_j and w_j are reach and weight of particle j
+(thin_water.py; in deep water r_l = smoothing * h_l and 1); F_l is the part of a full kernel's ball
+inside the box (fluid_fraction.py) and outside bodies. So c is 1 in still water up to walls and
+bodies, for any layers.
 """
 
 import numpy as np
@@ -20,17 +20,17 @@ from msph.surface.thin_water import ThinWater
 from msph.taichi_internals import data_oriented
 
 vec2, vec3, vec4 = ti.math.vec2, ti.math.vec3, ti.math.vec4
-# Points of a tile, and those of one x.
-TILE, SIDE = PAIR * PAIR * RUN, PAIR * RUN
+# Nodes of a tile, and nodes of a tile with equal x.
+TILE, HALF_TILE = PAIR * PAIR * RUN, PAIR * RUN
 vec16 = ti.types.vector(TILE, ti.f32)
 
 
 @data_oriented
 class KernelSums:
-    """c and grad c at lattice nodes, gathered from the sorted particles.
+    """Sums of c and grad c at lattice nodes over the sorted particles.
 
-    A tile is 2 x 2 x 4 nodes (i[u], j[v], k[m]), which share every particle read; values at them
-    are a vec16 in the order 8 u + 4 v + m. walls, by layer, axis and node, each axis as long as the
+    A tile is 2 x 2 x 4 nodes (i[u], j[v], k[m]) that share every particle read; values at its nodes
+    are a vec16 in the order 8 u + 4 v + m. walls, by layer, axis and node, each axis padded to the
     longest: inverse, 1/F, and slope, d(log F)/dx [1/m], of the two walls of the axis.
     """
 
@@ -40,7 +40,7 @@ class KernelSums:
         self.walls = DeviceTable((3 * LAYERS * room.axis,), inverse=f32, slope=f32)
 
     def load(self, lattice: Lattice, size: tuple[float, float, float], radii: np.ndarray) -> None:
-        """size: of the box [m]; radii (layers,): reach of each layer's kernel [m]."""
+        """Loads a scene. size: box [m]; radii (layers,): reach of each layer's kernel [m]."""
         pairs = [
             fluid_fraction(x, length, r)
             for r in radii
@@ -50,18 +50,18 @@ class KernelSums:
         self.walls.fill(inverse=1.0 / fraction, slope=slope)
 
     @ti.func
-    def beside_bodies(self, i, j, k):
-        """Whether kernels round the nodes of a tile may reach a body."""
+    def near_bodies(self, i, j, k):
+        """Returns True if kernels around the nodes of a tile can reach a body."""
         first = self.lattice.point(ti.Vector([i[0], j[0], k[0]]))
         half = 0.5 * (self.lattice.point(ti.Vector([i[1], j[1], k[3]])) - first)
         return self.bodies.clearance(first + half) < self.numbers.widest[None] + half.norm()
 
     @ti.func
-    def at_tile(self, i, j, k, bodies: ti.template(), beside, full: ti.template()):
-        """c and the components of grad c [1/m], a vec16 each, at the nodes of a tile.
+    def sum_tile(self, i, j, k, bodies: ti.template(), near_body, full: ti.template()):
+        """Computes c and the components of grad c [1/m], a vec16 each, at the nodes of a tile.
 
-        bodies: whether the scene has any. beside: whether they are looked at. full: by kernels of
-        full reach, for all particles, and without grad c.
+        bodies: True if the scene has bodies; near_body: True if they are near the tile; full: True
+        to use kernels of full reach for all particles and to skip grad c.
         """
         x, y, z = vec2(0.0), vec2(0.0), vec4(0.0)
         longest = self.numbers.longest[None]
@@ -75,14 +75,14 @@ class KernelSums:
             s, ax, ay, az = self.sum_layer(layer, x, y, z, full)
             first = 3 * layer * longest
             a, b, d = i + first, j + (first + longest), k + (first + 2 * longest)
-            # Elements by a number that is not known to the compiler: sums are arrays in memory, and
-            # it then adds eight at once. As 64 scalars it does not.
+            # A runtime index keeps the sums in memory as arrays, which the compiler vectorises by
+            # eight; as 64 scalars it does not.
             for n in range(TILE):
-                u, v, m = n // SIDE, n // RUN % PAIR, n % RUN
+                u, v, m = n // HALF_TILE, n // RUN % PAIR, n % RUN
                 f = self.walls.inverse[a[u]] * self.walls.inverse[b[v]] * self.walls.inverse[d[m]]
                 h = vec3(self.walls.slope[a[u]], self.walls.slope[b[v]], self.walls.slope[d[m]])
                 if ti.static(bodies):
-                    if beside:
+                    if near_body:
                         share = self.bodies.open_share(vec3(x[u], y[v], z[m]), layer)
                         f /= share[0]
                         h += share.yzw / share[0]
@@ -95,8 +95,8 @@ class KernelSums:
 
     @ti.func
     def sum_layer(self, layer, x, y, z, full: ti.template()):
-        """One layer's sum of V w W at the points (x[u], y[v], z[m]) [m], and, unless full, of
-        V w grad W."""
+        """Sums V w W of a layer at the points (x[u], y[v], z[m]) [m], and V w grad W unless
+        full."""
         r = self.thin.by_layer.reach[layer]
         of_layer = self.thin.full(layer)
         low = vec3(x[0], y[0], z[0])
@@ -117,7 +117,7 @@ class KernelSums:
                     if (ti.min(dx2[0], dx2[1]) + ti.min(dy2[0], dy2[1])) * per_r2 < 1.0:
                         ex, ey, ez = vec16(0.0), vec16(0.0), vec16(0.0)
                         for n in ti.static(range(TILE)):
-                            ex[n] = dx[n // SIDE]
+                            ex[n] = dx[n // HALF_TILE]
                             ey[n] = dy[n // RUN % PAIR]
                             ez[n] = z[n % RUN] - xp[2]
                         t = ti.max(1.0 - (ex * ex + ey * ey + ez * ez) * per_r2, 0.0)

@@ -1,59 +1,53 @@
-"""The water's surface from the particles, once per frame: band, coverage, marching cubes."""
+"""Surface of the water from the particles, once per frame: band, coverage, marching cubes."""
 
 import numpy as np
+import taichi as ti
 
 from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.world import World
-from msph.surface.band import band_numbers
+from msph.surface.band import Band, band_numbers
 from msph.surface.bodies import Bodies
-from msph.surface.coverage import Coverage
-from msph.surface.fluid_fraction import SLOPE
-from msph.surface.lattice import Lattice
-from msph.surface.marching_cubes import MarchingCubes
+from msph.surface.fluid_fraction import ISO, SLOPE
+from msph.surface.lattice import PAIR, RUN, Lattice
+from msph.surface.marching_cubes import NO_CUT, MarchingCubes
 from msph.surface.room import SurfaceRoom
-from msph.surface.sums import KernelSums
+from msph.surface.sums import HALF_TILE, TILE, KernelSums
 from msph.surface.thin_water import ThinWater
 from msph.surface.water_volume import WaterVolume
+from msph.taichi_internals import data_oriented, kernel
 
 
 def surface_of(world: World, room: SurfaceRoom) -> "Surface":
-    """A surface of the particles of a world, for World.once."""
+    """Builds a surface of the particles of a world (for World.once)."""
     parts = world.parts
     return Surface(parts.layers, parts.grid, parts.particles, parts.boundary, room)
 
 
+@data_oriented
 class Surface:
-    """Closed triangle mesh of the water in a box, its walls flat.
+    """Closed triangle mesh of the water in a box, flat along its walls.
 
-    Built once, and loaded with one scene after another: memory and compiled kernels serve all
-    scenes that fit in `room`. layers, grid and particles are those of the fluid; boundary: its
-    bodies, on which the surface ends.
+    Built once and loaded with one scene after another: memory and compiled kernels serve all scenes
+    that fit in `room`. boundary: the fluid's bodies, on which the surface ends.
     """
 
-    def __init__(
-        self,
-        layers,
-        grid,
-        particles,
-        boundary: Boundary | None = None,
-        room: SurfaceRoom | None = None,
-    ):
-        self.room = room or SurfaceRoom()
+    def __init__(self, layers, grid, particles, boundary: Boundary | None, room: SurfaceRoom):
+        self.room = room
         self.layers, self.particles, self.boundary = layers, particles, boundary
-        self.cubes = MarchingCubes(self.room)
+        self.cubes = MarchingCubes(room)
         self.mesh = self.cubes.mesh
         bodies = Bodies(boundary, self.cubes.numbers)
-        self.thin = ThinWater(layers, grid, particles, bodies, self.room)
-        self.sums = KernelSums(self.cubes.lattice, self.thin, self.room)
-        self.coverage = Coverage(self.cubes, self.sums, self.room)
-        self.water = WaterVolume(self.cubes, self.thin)
+        self.thin = ThinWater(layers, grid, particles, bodies, room)
+        self.sums = KernelSums(self.cubes.lattice, self.thin, room)
+        self.band = Band(self.cubes.signs, self.sums, room)
+        self.volume_control = WaterVolume(self.cubes, self.thin)
 
     def load(self, size: tuple[float, float, float], cell: float, smoothing: float = 1.0) -> None:
-        """Takes over a scene: its box, the fluid's layers, and the number of bodies.
+        """Loads a scene: its box, the fluid's layers, and the number of bodies.
 
-        size (Lx, Ly, Lz) [m], min corner the origin; cell: wanted spacing of the surface lattice
-        [m]; smoothing: kernel radius over the layer's support h, >= 1. Raises ValueError where
-        smoothing is less, cells are too coarse for the kernels, or the scene exceeds the room.
+        size (Lx, Ly, Lz) [m], with the minimum corner at the origin; cell: requested lattice
+        spacing [m]; smoothing: kernel radius over the layer's support h, >= 1. Raises ValueError
+        for smoothing below 1, cells too coarse for the kernels, or a scene that exceeds the room.
         """
         if smoothing < 1.0:
             raise ValueError(f"surface smoothing is {smoothing}, must be at least 1")
@@ -63,7 +57,7 @@ class Surface:
         band = band_numbers(lattice.spacing, radii.min(), bodies > 0)
         self.room.check(lattice, len(specs), self.particles.capacity)
         self.lattice, self.has_bodies = lattice, bodies > 0
-        # Beside a plane coverage falls by SLOPE/r; where kernels differ, as in the finest layer.
+        # Slope of coverage at a plane, SLOPE/r; where kernels differ, of the finest layer.
         slope = SLOPE / (smoothing * self.layers.finest.support)
         self.cubes.lattice.load(
             lattice,
@@ -78,14 +72,39 @@ class Surface:
         self.sums.load(lattice, size, radii)
 
     def shortfall(self) -> str | None:
-        """Why the last mesh may lack volume of the water, in words; None where nothing was cut."""
-        return self.mesh.overflowed() or self.water.limited()
+        """Returns a message if the last mesh may lack volume of the water, else None."""
+        return self.mesh.overflowed() or self.volume_control.limit_reached()
 
-    def extract(self, everywhere: bool = False) -> None:
-        """particles -> mesh: seven launches, nothing read back. The grid must be sorted.
-
-        everywhere: evaluate all of the box, for comparison. It gives the same mesh.
-        """
-        self.coverage.run(self.has_bodies, everywhere)
-        self.water.set_right()
+    def extract(self) -> None:
+        """Computes the mesh from the particles in seven kernel launches. The grid must be
+        sorted."""
+        self.band.sample(self.has_bodies)
+        self.band.classify(self.particles.count, self.has_bodies)
+        self.evaluate(self.has_bodies)
+        self.volume_control.correct()
         self.cubes.run()
+
+    @kernel
+    def evaluate(self, bodies: ti.template()):
+        """Computes f = c - iso (sums.py), its gradient, and the cut of bodies at the nodes of the
+        band."""
+        for q in range(self.band.count[None]):
+            first = self.band.tile(q)
+            i, j = first[0] + ti.Vector([0, 1]), first[1] + ti.Vector([0, 1])
+            k = first[2] + ti.Vector([0, 1, 2, 3])
+            near_body = False
+            if ti.static(bodies):
+                near_body = self.sums.near_bodies(i, j, k)
+            c, gx, gy, gz = self.sums.sum_tile(i, j, k, bodies, near_body, False)
+            for n in range(TILE):
+                node = first + ti.Vector([n // HALF_TILE, n // RUN % PAIR, n % RUN])
+                at = self.cubes.lattice.node_index(node)
+                self.cubes.value[at], self.cubes.cut[at] = c[n] - ISO, NO_CUT
+                self.cubes.gradient[at] = ti.math.vec3(gx[n], gy[n], gz[n])
+                if ti.static(bodies):
+                    if near_body:
+                        cut = self.sums.bodies.cut(self.cubes.lattice.point(node))
+                        self.cubes.cut[at] = cut[0]
+                        if cut[0] < self.cubes.value[at]:
+                            self.cubes.value[at] = cut[0]
+                            self.cubes.gradient[at] = cut.yzw

@@ -1,16 +1,16 @@
-"""Kernels of thin water: narrow, so that sheets, threads and drops keep their volume.
+"""Narrow kernels for thin water, so that sheets, threads and drops keep their volume.
 
-One wide kernel for all particles draws flat surfaces smooth, but a sheet of particles of spacing d
-reaches a coverage of 315/256 d/r only, half at r = 2.45 d, a thread half of that and a lone
-particle a tenth: thin water would vanish as it thins. So a particle's kernel follows from the
-coverage c at its own place, by the wide kernels of all. With c_sheet in a single sheet, c_flat =
-1 - lambda(d/2r) in a flat surface (fluid_fraction.py) and c_thick halfway between,
+Wide kernels make flat surfaces smooth, but in a sheet of particles of spacing d the coverage is
+only 315/256 d/r, which is half at r = 2.45 d; half of that in a thread, and a tenth for an isolated
+particle: thin water would vanish. So a particle's kernel depends on the coverage c at its position,
+computed with wide kernels. With c_sheet in a single sheet, c_flat = 1 - lambda(d/2r) in a flat
+surface (fluid_fraction.py), and c_thick halfway between,
 
-    r_j = THIN d                 for c < c_sheet,  rising to r at c_thick,
-    w_j = 1 + (LONE - 1) t^2,    t = (c_sheet - c)/(c_sheet - c_alone) for c < c_sheet, else 0.
+    r_j = SHEET_REACH d                       for c < c_sheet, rising to r at c_thick,
+    w_j = 1 + (ISOLATED_WEIGHT - 1) t^2,  t = (c_sheet - c)/(c_sheet - c_isolated) if c < c_sheet,
 
-Both are continuous in c: a particle that leaves the water is drawn ever more as a drop. That
-kernels follow the neighbourhood is common (Yu and Turk 2013, who also stretch them along sheets).
+t = 0 otherwise. Both are continuous in c. Kernels that follow the neighbourhood: Yu and Turk 2013,
+who also stretch them along sheets.
 """
 
 import numpy as np
@@ -19,23 +19,23 @@ import taichi as ti
 from msph.device_table import DeviceTable, f32
 from msph.fluid.particles.layers import LayerSpec
 from msph.surface.bodies import Bodies
-from msph.surface.fluid_fraction import POLY6, SLOPE, missing, share_behind
+from msph.surface.fluid_fraction import POLY6, SLOPE, cut_share, missing
 from msph.surface.room import LAYERS, SurfaceRoom
 from msph.taichi_internals import data_oriented
 
 vec3 = ti.math.vec3
 
-# Reach [spacings] of a kernel in a sheet or less: coverage is then half at d/2 from the sheet,
-# 315/256 d/r (1 - (d/2r)^2)^4 = 1/2, so that it keeps its thickness.
-THIN = 1.75
-# Weight (-) of a lone particle: in cells of .75 spacings the mean volume of its drop over all
-# places is its own, and no place misses it. At 3 it is .83 of that, at 2 cells miss it.
-LONE = 3.3
+# Reach [spacings] of kernels in sheets and thinner water: coverage is half at d/2 from the sheet,
+# 315/256 d/r (1 - (d/2r)^2)^4 = 1/2, so a sheet keeps its thickness.
+SHEET_REACH = 1.75
+# Weight (-) of an isolated particle: in cells of 0.75 spacings the mean volume of its drop is the
+# volume of the particle. At 3 it is 0.83 of that; at 2 some drops vanish between nodes.
+ISOLATED_WEIGHT = 3.3
 
 
 @ti.dataclass
 class Sum:
-    """What a search adds up: (1 - |x - x_j|^2/r^2)^3 of particles j."""
+    """Sum of (1 - |x - x_j|^2/r^2)^3 over particles j near x [m]."""
 
     x: vec3
     per_r2: ti.f32
@@ -46,51 +46,50 @@ class Sum:
 class ThinWater:
     """The kernel V w poly6(|x - x_j|, r_j) of every particle j.
 
-    by_layer: reach r [m]; alone, sheet, thick (-), the coverages c of the module's text. By
-    particle: kernel, 1/r_j^2 [1/m^2] and the kernel's value at its particle (-). volume [m^3] of
-    all particles.
+    by_layer: reach r [m]; isolated, sheet, thick (-): the coverages c_isolated, c_sheet and c_thick
+    of the module docstring. kernel, by particle: 1/r_j^2 [1/m^2] and the kernel's value at its
+    particle (-). volume [m^3]: of all particles.
     """
 
     def __init__(self, layers, grid, particles, bodies: Bodies, room: SurfaceRoom):
         self.layers, self.grid, self.particles, self.bodies = layers, grid, particles, bodies
         self.numbers = bodies.numbers
-        self.by_layer = DeviceTable((LAYERS,), reach=f32, alone=f32, sheet=f32, thick=f32)
+        self.by_layer = DeviceTable((LAYERS,), reach=f32, isolated=f32, sheet=f32, thick=f32)
         self.kernel = ti.Vector.field(2, ti.f32, shape=room.particles)
         self.volume = ti.field(ti.f32, shape=())
 
     def load(self, specs: list[LayerSpec], radii: np.ndarray) -> None:
-        """radii (layers,): reach of each layer's kernel [m]."""
+        """Loads a scene. radii (layers,): reach of each layer's kernel [m]."""
         d = np.array([s.spacing for s in specs]) / radii
         self.by_layer.fill(
             reach=radii,
-            alone=POLY6 * d**3,
+            isolated=POLY6 * d**3,
             sheet=SLOPE * d,
             thick=0.5 * (SLOPE * d + 1.0 - missing(0.5 * d)),
         )
 
     @ti.func
     def full(self, layer):
-        """The kernel of a particle in deep water."""
-        return ti.Vector([1.0 / self.by_layer.reach[layer] ** 2, self.by_layer.alone[layer]])
+        """Returns the kernel of a particle in deep water."""
+        return ti.Vector([1.0 / self.by_layer.reach[layer] ** 2, self.by_layer.isolated[layer]])
 
     @ti.func
-    def find(self, i, deep, bodies: ti.template()):
-        """Sets kernel of particle i, which is known to be in deep water or is not, and adds its
-        volume. bodies: whether the scene has bodies. Returns the distance [m] up to which the
-        kernel is larger than the full one."""
+    def set_kernel(self, i, deep, bodies: ti.template()):
+        """Sets the kernel of particle i (deep: known to be in deep water) and adds its volume.
+        Returns the distance [m] within which the kernel exceeds the full kernel."""
         layer = self.particles.layer[i]
         self.volume[None] += self.layers.volume[layer]
         self.kernel[i], larger = self.full(layer), 0.0
         if not deep:
             c = self.coverage(self.particles.x[i], bodies)
             sheet, thick = self.by_layer.sheet[layer], self.by_layer.thick[layer]
-            alone = self.by_layer.alone[layer]
+            isolated = self.by_layer.isolated[layer]
             if c < thick:
-                full, least = self.by_layer.reach[layer], THIN * self.layers.spacing[layer]
+                full, least = self.by_layer.reach[layer], SHEET_REACH * self.layers.spacing[layer]
                 r = ti.math.mix(least, full, ti.max((c - sheet) / (thick - sheet), 0.0))
-                lack = ti.math.clamp((sheet - c) / (sheet - alone), 0.0, 1.0)
-                peak = (1.0 + (LONE - 1.0) * lack * lack) * (full / r) ** 3
-                self.kernel[i] = ti.Vector([1.0 / (r * r), alone * peak])
+                t = ti.math.clamp((sheet - c) / (sheet - isolated), 0.0, 1.0)
+                peak = (1.0 + (ISOLATED_WEIGHT - 1.0) * t * t) * (full / r) ** 3
+                self.kernel[i] = ti.Vector([1.0 / (r * r), isolated * peak])
                 # peak (1 - x^2/r^2)^3 = (1 - x^2/full^2)^3
                 s = peak ** (1.0 / 3.0)
                 larger = ti.sqrt((s - 1.0) / (s / (r * r) - 1.0 / (full * full)))
@@ -98,7 +97,7 @@ class ThinWater:
 
     @ti.func
     def coverage(self, x, bodies: ti.template()):
-        """Coverage (-) at x [m] by kernels of full reach."""
+        """Computes the coverage (-) at x [m] with kernels of full reach."""
         c, size = 0.0, self.numbers.size[None]
         for layer in range(self.numbers.layers[None]):
             r = self.by_layer.reach[layer]
@@ -107,16 +106,15 @@ class ThinWater:
             if found.total > 0.0:
                 share = 1.0
                 for axis in ti.static(range(3)):
-                    share *= 1.0 - share_behind(x[axis] / r)
-                    share *= 1.0 - share_behind((size[axis] - x[axis]) / r)
+                    share *= 1.0 - cut_share(x[axis] / r)
+                    share *= 1.0 - cut_share((size[axis] - x[axis]) / r)
                 if ti.static(bodies):
                     share *= self.bodies.open_share(x, layer)[0]
-                c += self.by_layer.alone[layer] * found.total / share
+                c += self.by_layer.isolated[layer] * found.total / share
         return c
 
     @ti.func
     def add_row(self, begin, end, found: ti.template()):
-        """Adds the particles begin to end."""
         for j in range(begin, end):
             u = ti.max(1.0 - (found.x - self.particles.x[j]).norm_sqr() * found.per_r2, 0.0)
             found.total += u * u * u

@@ -1,90 +1,84 @@
-"""The volume that half coverage encloses, and the change of iso by which it becomes the water's.
+"""Volume control: shifts iso so that the mesh encloses the volume of the particles.
 
-Coverage draws no mixture of air and water true to its volume: gaps of less than a spacing are drawn
-as water (up to 4 % too much in a splash), and particles of a surface at rest lie closer than in a
-lattice (.07 to .1 spacings too low). So f is shifted by Newton's method, two steps if it is far,
+The half-coverage surface does not conserve volume: gaps of less than a spacing are filled (up to 4
+% too much in a splash), and particles of a surface at rest are closer than in a lattice (0.07 to
+0.1 spacings too low). So f is shifted by one Newton step, or two if the first one is large,
 
     shift = (V - V of all particles) / (dV/df),
 
-a coat of equal thickness on all surfaces, of a tenth of a spacing in most scenes. V is the
-volume of the mesh that marching cubes is about to make: with corners x on cell edges,
+which moves all surfaces by the same distance, 0.1 spacings in most scenes. V is the volume of the
+mesh that marching cubes would make: with corners x on cell edges,
 
     V = sum over triangles a . (b x c)/6,
     dV/df = sum over triangles (b - a) x (c - a)/2 . (dx_a + dx_b + dx_c)/(3 df).
 
-Volume controls of this kind: Kim, Liu, Llamas, Jiao and Rossignac 2007 for level sets.
+Volume control of level sets: Kim, Liu, Llamas, Jiao and Rossignac 2007.
 """
 
 import taichi as ti
 
 from msph.surface.device_lattice import WORD
 from msph.surface.marching_cubes import MarchingCubes
-from msph.surface.signs import lowest
+from msph.surface.signs import lowest_bit
 from msph.surface.thin_water import ThinWater
 from msph.taichi_internals import data_oriented, kernel
 
 vec3 = ti.math.vec3
 
-# Largest shift (-), .16 spacings less: at most the start of `dam_break` takes so much.
-MOST = 0.08
-# Least shift, a coat of .2 spacings; and with bodies: particles crowd at them, and half coverage
-# lies up to .34 spacings too low (`bowl`).
-LEAST, LEAST_AT_BODIES = -0.1, -0.2
-# Shift (-) beyond which a step of Newton's method leaves an error of up to 3 %, and a second one is
-# made; below it the error stays below .6 %.
-FAR = 0.08
-# Least dV/df [m^3], in volumes of particles: against division by zero.
-TINY = 1e-6
-
-
-def shift_bounds(has_bodies: bool) -> tuple[float, float]:
-    """Least and largest shift (-)."""
-    return (LEAST_AT_BODIES if has_bodies else LEAST), MOST
+# Largest shift (-), 0.16 spacings inwards: `dam_break` reaches it only at its start.
+MAX_SHIFT = 0.08
+# Smallest shift (-), 0.2 spacings outwards; larger with bodies, where particles crowd and half
+# coverage is up to 0.34 spacings too low (`bowl`).
+MIN_SHIFT, MIN_SHIFT_AT_BODIES = -0.1, -0.2
+# Shift (-) from which a second Newton step is made: one step leaves an error of up to 3 % above
+# and less than 0.6 % below.
+SECOND_STEP = 0.08
+# Smallest dV/df [m^3], in volumes of the water, against division by zero.
+MIN_DERIVATIVE = 1e-6
 
 
 @data_oriented
 class WaterVolume:
-    """enclosed and change [m^3]: V and dV/df; shift (-): the iso of marching cubes."""
+    """enclosed and derivative [m^3]: V and dV/df; shift (-): the iso of marching cubes."""
 
     def __init__(self, cubes: MarchingCubes, thin: ThinWater):
         self.cubes, self.thin = cubes, thin
         self.lattice, self.numbers = cubes.lattice, cubes.numbers
-        self.enclosed, self.change = ti.field(ti.f32, shape=()), ti.field(ti.f32, shape=())
+        self.enclosed, self.derivative = ti.field(ti.f32, shape=()), ti.field(ti.f32, shape=())
         self.shift = cubes.iso
 
-    def set_right(self) -> None:
-        """Shifts f; where bodies cut, they go on to."""
-        self.approach(0)
-        self.approach(1)
+    def correct(self) -> None:
+        """Shifts iso. The second call makes a step only if the first one was large."""
+        self.make_step(0)
+        self.make_step(1)
 
-    def limited(self) -> str | None:
-        """Why the last mesh may not hold the water's volume, in words; None where the shift was
-        free."""
+    def limit_reached(self) -> str | None:
+        """Returns a message if the last shift was limited, else None."""
         shift = self.shift[None]
-        if shift <= self.numbers.least[None]:
-            return "the surface would have to move outwards by more than it may"
-        if shift >= self.numbers.most[None]:
-            return "the surface would have to move inwards by more than it may"
+        if shift <= self.numbers.min_shift[None]:
+            return "the outward shift of the surface that conserves volume exceeds its limit"
+        if shift >= self.numbers.max_shift[None]:
+            return "the inward shift of the surface that conserves volume exceeds its limit"
         return None
 
     @kernel
-    def approach(self, again: ti.i32):
-        """One step; again: whether it is the second, which is made only after a far one."""
-        words = self.cubes.signs.total()
+    def make_step(self, again: ti.i32):
+        """Makes one Newton step. again: 1 for the second step."""
+        words = self.cubes.signs.word_count()
         if again == 0:
             self.shift[None] = 0.0
-        elif abs(self.shift[None]) < FAR:
+        elif abs(self.shift[None]) < SECOND_STEP:
             words = 0
-        self.enclosed[None], self.change[None] = 0.0, 0.0
+        self.enclosed[None], self.derivative[None] = 0.0, 0.0
         for q in range(words):
             self.cubes.find_word(q)
         for q in range(ti.min(words, self.cubes.cell_words())):
-            i, j, w = self.cubes.cell_place(q)
+            i, j, w = self.cubes.cell_position(q)
             low, high = self.cubes.corners(i, j, w)
             rest = self.cubes.cells(low, high, w)
             volume, change = 0.0, 0.0
             while rest != 0:
-                k = lowest(rest)
+                k = lowest_bit(rest)
                 rest &= rest - ti.u32(1)
                 case = self.cubes.case(low, high, k)
                 for t in range(self.cubes.cases.count[case, 0]):
@@ -93,22 +87,18 @@ class WaterVolume:
                     change += part[1]
             if volume != 0.0:
                 self.enclosed[None] += volume
-                self.change[None] += change
+                self.derivative[None] += change
         if words > 0:
-            self.find_step()
-
-    @ti.func
-    def find_step(self):
-        """Newton's step, as far as the shift stays within its bounds."""
-        rest, before = self.thin.volume[None], self.shift[None]
-        step = (self.enclosed[None] - rest) / ti.max(self.change[None], TINY * rest)
-        least, most = self.numbers.least[None], self.numbers.most[None]
-        self.shift[None] = ti.math.clamp(before + step, least, most)
+            water, before = self.thin.volume[None], self.shift[None]
+            slope = ti.max(self.derivative[None], MIN_DERIVATIVE * water)
+            least, most = self.numbers.min_shift[None], self.numbers.max_shift[None]
+            step = (self.enclosed[None] - water) / slope
+            self.shift[None] = ti.math.clamp(before + step, least, most)
 
     @ti.func
     def triangle(self, cell, case, t):
-        """Parts of the t-th triangle of a cell in V and in dV/df [m^3]."""
-        # Corner m is column m. In a loop, so that corner() is compiled once and not three times.
+        """Computes the contributions of a cell's t-th triangle to V and dV/df [m^3]."""
+        # Column m is corner m. A runtime loop compiles corner() once instead of three times.
         corners, moved = ti.math.mat3(0.0), ti.math.vec3(0.0)
         for m in range(3):
             place, change = self.corner(cell, self.cubes.cases.edge[case, 3 * t + m])
@@ -120,7 +110,7 @@ class WaterVolume:
 
     @ti.func
     def corner(self, cell, code):
-        """Place [m] of the vertex on an edge of a cell, and its derivative by f [m]."""
+        """Computes the position [m] of the vertex on a cell's edge, and its derivative by f [m]."""
         low, axis = self.cubes.edge(cell, code)
         far = low
         for a in ti.static(range(3)):
@@ -129,7 +119,7 @@ class WaterVolume:
         t, change = f0 / (f0 - f1), 1.0 / (f0 - f1)
         if self.cubes.at_wall(low, far):
             t, change = 0.5, 0.0
-        a, b = self.lattice.at(low), self.lattice.at(far)
+        a, b = self.lattice.node_index(low), self.lattice.node_index(far)
         if f0 >= self.cubes.cut[a] or f1 >= self.cubes.cut[b]:
             change = 0.0
         begin = self.lattice.point(low)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from msph.fluid.adaptivity.adaptation import farthest_depth
-from msph.fluid.adaptivity.bands import AdaptationParameters, bands, coarser_of, exact
+from msph.fluid.adaptivity.bands import AdaptationParameters, bands, coarser_of, with_exact_ratios
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.plan import Plan
@@ -136,7 +136,7 @@ def tank():
 def test_depth_is_the_distance_to_the_surface(tank):
     sim, _ = tank
     sim.solver.adaptation.depth.refresh()
-    sim.solver.adaptation.wish_for(sim.particles.count, 1.0, 1.0)
+    sim.solver.adaptation.mark_particles(sim.particles.count, 1.0, 1.0)
     depth, y = sim.particles.numpy("depth"), sim.particles.numpy("x")[:, 1]
     inside = (depth > 0.0) & (depth < 0.9 * farthest_depth(sim.layers.specs, sim.plan.adaptation))
     error = depth[inside] - (DEPTH - y[inside])
@@ -171,9 +171,9 @@ def test_passes_are_due_where_water_travels(tank):
     adaptation = tank[0].solver.adaptation
     adaptation.steps = 7
     adaptation.travelled = 3.9
-    assert not adaptation.due()
+    assert not adaptation.pass_due()
     adaptation.travelled = 4.1
-    assert [adaptation.due() for _ in range(8)] == [False] * 7 + [True]
+    assert [adaptation.pass_due() for _ in range(8)] == [False] * 7 + [True]
     assert adaptation.travelled == 0.0
 
 
@@ -188,9 +188,9 @@ def test_a_split_does_not_let_the_water_drop(tank):
 
     before = [height() for _ in range(10)]
     middle = np.abs(p.numpy("x") - np.array(TANK) / 2).sum(axis=1) + (p.numpy("layer") != 1)
-    wish = np.zeros(p.room, np.int32)
-    wish[middle.argmin()] = -1
-    p.wish.from_numpy(wish)
+    mark = np.zeros(p.room, np.int32)
+    mark[middle.argmin()] = -1
+    p.mark.from_numpy(mark)
     adaptation.tally.fill(0)
     adaptation.split(p.count, 8, p.capacity)
     p.count += 1
@@ -223,7 +223,7 @@ def test_a_full_pool_coarsens_and_loses_nothing(tank):
 
 def test_merges_double_masses_of_rounded_spacings_exactly():
     specs = [LayerSpec(1000.0 * d**3, 1000.0, 2.5) for d in (0.050797, 0.032, 0.040317, 0.1)]
-    masses = [s.mass for s in exact(specs)]
+    masses = [s.mass for s in with_exact_ratios(specs)]
     assert masses[2] == 2.0 * masses[1] and masses[0] == 2.0 * masses[2]
     assert masses[1] == specs[1].mass and masses[3] == specs[3].mass
 

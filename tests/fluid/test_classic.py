@@ -1,7 +1,6 @@
 """The classic method against its formulas, summed by brute force, and against mechanics."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -105,7 +104,8 @@ def test_stiffness_and_viscosity_change_while_the_water_moves():
     sim = Simulation(Plan(SIZE, specs, initial, terms))
     sim.solver.measure_density()
     before, step = sim.particles.numpy("pressure"), sim.solver.longest_step()
-    sim.solver.tune(replace(terms, stiffness=4.0 * terms.stiffness, viscosity=0.0))
+    changes = {"stiffness": 4.0 * terms.stiffness, "viscosity": 0.0}
+    sim.solver.tune(terms.model_copy(update=changes))
     sim.solver.measure_density()
     assert sim.particles.numpy("pressure") == pytest.approx(4.0 * before, rel=1e-4)
     assert sim.solver.longest_step() == pytest.approx(0.5 * step)
@@ -257,17 +257,17 @@ def test_checkpoint_restores_every_digit(column):
 
 SPOILT = {
     "unknown attribute colour": lambda s: {**s, "colour": s["density"]},
-    "it lacks v": lambda s: {k: a for k, a in s.items() if k != "v"},
-    "none of the scene's 1": lambda s: {**s, "layer": s["layer"] - 5},
+    "v missing": lambda s: {k: a for k, a in s.items() if k != "v"},
+    "layer index not in 0 to 0": lambda s: {**s, "layer": s["layer"] - 5},
     "outside the box": lambda s: {**s, "x": s["x"] + 100},
     "layer is .* not": lambda s: {**s, "layer": s["layer"].astype(str)},
     "not finite": lambda s: {**s, "v": s["v"] * np.nan},
-    "its last step took 0 s": lambda s: {**s, "last_step": 0 * s["last_step"]},
-    "its time is inf s": lambda s: {**s, "time": s["time"] + np.inf},
-    "its time is -5 s": lambda s: {**s, "time": 0 * s["time"] - 5},
-    "it has 0 particles": lambda s: {k: a[:0] if a.ndim else a for k, a in s.items()}
+    "last step is 0 s": lambda s: {**s, "last_step": 0 * s["last_step"]},
+    "time is inf s": lambda s: {**s, "time": s["time"] + np.inf},
+    "time is -5 s": lambda s: {**s, "time": 0 * s["time"] - 5},
+    "0 particles: the pool holds": lambda s: {k: a[:0] if a.ndim else a for k, a in s.items()}
     | {"fluid": s["fluid"]},
-    "not those of the scene": lambda s: {**s, "fluid": s["fluid"] * 2},
+    "differ from the scene": lambda s: {**s, "fluid": s["fluid"] * 2},
 }
 
 

@@ -5,16 +5,15 @@ import pytest
 import taichi as ti
 
 from msph.fluid.constants import Constants
-from msph.fluid.particles.grid import CUTS, LayeredGrid, cells_of, grid_rows
+from msph.fluid.particles.grid import Z_CELLS, LayeredGrid, cells_of, grid_rows
 from msph.fluid.particles.layers import Layers, LayerSpec
-from msph.fluid.particles.mirror_images import MirrorImages
 from msph.fluid.particles.neighbour_list import (
     NeighbourList,
     NeighbourOverflowError,
-    entries_provided,
+    list_capacity,
     list_tables,
-    mean_neighbours,
-    most_neighbours,
+    max_mean_neighbours,
+    max_neighbours,
 )
 from msph.fluid.particles.particles import Attribute, Particles
 from msph.fluid.particles.prefix_sum import CHUNKS, PrefixSum
@@ -46,8 +45,7 @@ class World:
         self.constants, self.layers = Constants(), Layers()
         self.particles = Particles(FIRST.particles, (TAG,))
         self.grid = LayeredGrid(FIRST, self.constants, self.layers, self.particles)
-        images = MirrorImages(self.constants)
-        self.neighbours = NeighbourList(FIRST, self.constants, self.grid, self.particles, images)
+        self.neighbours = NeighbourList(FIRST, self.grid)
         self.particles.capacity = COUNT + 50 if not mirrored else FIRST.particles
         self.list_of("pair")
 
@@ -57,16 +55,16 @@ class World:
         rows, pairs = list_tables(self.specs, margin, form)
         self.layers.load(self.specs, rows | grid_rows(self.size, self.specs), pairs)
         most = self.particles.capacity
-        entries = entries_provided(self.specs, margin, form, most, self.neighbours.pooled)
+        entries = list_capacity(self.specs, margin, form, most, self.neighbours.pooled)
         self.cells = sum(cells_of(self.size, self.specs))
-        self.usual = mean_neighbours(self.specs, margin, form)
+        self.usual = max_mean_neighbours(self.specs, margin, form)
         self.constants.fill(
             size=self.size,
             layers=len(self.specs),
             cells=self.cells,
             entries=entries,
-            usual_neighbours=self.usual,
-            own_entries=most_neighbours(self.specs, margin, form),
+            mean_neighbours=self.usual,
+            entries_per_particle=max_neighbours(self.specs, margin, form),
         )
         self.neighbours.load(entries, margin * self.layers.finest.support, self.mirrored)
         return self.neighbours
@@ -114,7 +112,7 @@ def test_cells_hold_what_lies_in_them(world, seed):
     assert start[0] == 0 and start[-1] == COUNT
     sorted_x, sorted_layer = world.particles.numpy("x"), world.particles.numpy("layer")
     for k in range(3):
-        h = np.float32(world.layers.specs[k].support) / np.float32([1, 1, CUTS])
+        h = np.float32(world.layers.specs[k].support) / np.float32([1, 1, Z_CELLS])
         dims = world.grid.dims.to_numpy()[k]
         mine = np.flatnonzero(sorted_layer == k)
         cell = np.clip(np.floor(sorted_x[mine] / h).astype(int), 0, dims - 1)
@@ -178,7 +176,7 @@ def test_mean_of_neighbours_is_bounded_in_all_mixtures(form):
     shares = np.random.default_rng(0).dirichlet([0.3] * 3, 20_000)
     number = shares / volume
     means = np.einsum("ka,ab,kb->k", number, balls, number) / number.sum(axis=1)
-    bound = mean_neighbours(specs, 0.0, form)
+    bound = max_mean_neighbours(specs, 0.0, form)
     assert 0.9 * bound < means.max() <= bound * (1.0 + 1e-6)
 
 
@@ -217,5 +215,5 @@ def test_list_is_stale_once_something_moved_half_its_margin(world):
 
 
 def test_pool_refuses_more_particles_than_it_holds(world):
-    with pytest.raises(ValueError, match="do not fit"):
+    with pytest.raises(ValueError, match="exceed the capacity"):
         world.particles.fill(x=np.zeros((COUNT + 51, 3), np.float32))

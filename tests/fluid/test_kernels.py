@@ -9,11 +9,17 @@ from msph.fluid.particles import kernels
 H = 0.7
 SAMPLES = 4001
 
+
+@ti.func
+def quartic_slope(r, h):
+    return kernels.QUARTIC / h**4 * (r / h) * kernels.quartic_shape(r / h).y
+
+
 PAIRS = {
     "poly6": (kernels.poly6, kernels.poly6_slope),
     "spiky": (kernels.spiky, kernels.spiky_slope),
     "wendland": (kernels.wendland, kernels.wendland_slope),
-    "quartic": (kernels.quartic, kernels.quartic_slope),
+    "quartic": (kernels.quartic, quartic_slope),
 }
 
 

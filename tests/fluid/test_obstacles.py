@@ -110,7 +110,7 @@ class Evaluator:
     ],
 )
 def test_signed_distance_of_a_mesh_is_that_of_its_shape(mesh, distance):
-    lattice = SampleLattice.round(*mesh.bounds, 0.1, 0.03)
+    lattice = SampleLattice.covering(*mesh.bounds, 0.1, 0.03)
     found = signed_distance(np.array(mesh.triangles), lattice, 0.1)
     node = np.stack(np.meshgrid(*map(np.arange, lattice.shape), indexing="ij"), -1)
     true = distance(np.array(lattice.origin) + lattice.cell * node)
@@ -124,7 +124,7 @@ def test_signed_distance_of_a_mesh_is_that_of_its_shape(mesh, distance):
 def test_share_of_a_mesh_is_the_kernels_integral_at_faces_edges_and_corners():
     mesh = trimesh.creation.box((3.0, 3.0, 3.0))
     mesh.apply_translation((1.5, 1.5, 1.5))
-    lattice = SampleLattice.round(*mesh.bounds, 1.0, 0.3)
+    lattice = SampleLattice.covering(*mesh.bounds, 1.0, 0.3)
     found = kernel_share(np.array(mesh.vertices), np.array(mesh.faces), lattice, 1.0)
     for node in ((0, 4, 2), (3, 5, 4), (4, 4, 4), (5, 6, 8), (6, 8, 5), (4, 9, 9), (2, 9, 9)):
         x = np.array(lattice.origin) + lattice.cell * np.array(node)

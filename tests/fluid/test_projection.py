@@ -17,8 +17,8 @@ from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.plan import Plan
 from msph.fluid.projection.parameters import ProjectionParameters
-from msph.fluid.projection.position_correction import BRISK, CROWDED
-from msph.fluid.projection.solver import LEAP
+from msph.fluid.projection.position_correction import CROWDED_EXCESS, FULL_MOTION
+from msph.fluid.projection.solver import MOTION_FACTOR
 from msph.fluid.projection.virial_pressure import BULK_WEIGHT, SURFACE_WEIGHT
 from msph.fluid.simulation import Simulation
 from msph.taichi_internals import longest_float
@@ -218,12 +218,12 @@ def test_velocity_solve_leaves_a_small_share_of_the_speed(collision, drift):
     solver.position_correction.find(0.0)
     solver.pressure_solve.build_rhs(n, dt)
     begin, found = p.velocity_multiplier.to_numpy(), {}
-    for name, tolerance, leeway in (
+    for name, tolerance, motion_weight in (
         ("strict", 1e-6, 0.0),
         ("usual", limits.tolerance, limits.motion_tolerance / limits.tolerance),
     ):
         p.velocity_multiplier.from_numpy(begin)
-        iterations = solver.pressure_solve.converge(dt, tolerance, leeway, 1000)
+        iterations = solver.pressure_solve.solve_to(dt, tolerance, motion_weight, 1000)
         found[name] = iterations, displacements(collision)
     volume = np.array([s.volume for s in collision.layers.specs])[p.numpy("layer")]
     way = dt * (p.numpy("v") - [0.0, drift, 0.0]) + found["strict"][1]
@@ -237,7 +237,7 @@ def test_velocity_solve_leaves_a_small_share_of_the_speed(collision, drift):
 
 
 def test_crowds_are_crowded_particles_and_their_neighbours(collision):
-    """2 within reach of an excess above CROWDED, 1 within reach of those, 0 elsewhere."""
+    """2 within reach of an excess above CROWDED_EXCESS, 1 within reach of those, 0 elsewhere."""
     collision.reset()
     for _ in range(4):
         collision.advance(1 / 60, WEIGHTLESS)
@@ -248,11 +248,11 @@ def test_crowds_are_crowded_particles_and_their_neighbours(collision):
     p.x.from_numpy(near)
     solver.particles_moved()
     solver.measure_density()
-    solver.position_correction._find_crowds(p.count)
+    solver.position_correction._mark_crowds(p.count)
     x, h = p.numpy("x").astype(float), np.array([s.support for s in collision.layers.specs])
     h = h[p.numpy("layer")]
     met = np.linalg.norm(x[:, None] - x, axis=2) < pair_support(h, h)
-    crowded = p.numpy("density") / 1000.0 - 1.0 > CROWDED
+    crowded = p.numpy("density") / 1000.0 - 1.0 > CROWDED_EXCESS
     corrected = (met & crowded).any(axis=1)
     displaced = (met & corrected).any(axis=1)
     assert crowded.any() and not displaced.all()
@@ -319,7 +319,7 @@ def test_water_that_moves_as_one_may_move_farther_in_a_step(collision):
     collision.particles.fill(**state)
     collision.advance(1e-3, WEIGHTLESS)
     farthest = 3.0 * collision.solver.longest_step() / collision.layers.finest.spacing
-    assert farthest == pytest.approx(LEAP * collision.solver.parameters.cfl, rel=0.02)
+    assert farthest == pytest.approx(MOTION_FACTOR * collision.solver.parameters.cfl, rel=0.02)
     collision.reset()
 
 
@@ -333,10 +333,10 @@ def test_velocity_solve_scales_its_start(collision, off):
     solver.measure_density()
     solver.position_correction.find(0.0)
     solver.pressure_solve.build_rhs(p.count, dt)
-    solver.pressure_solve.converge(dt, 1e-6, 0.0, 1000)
+    solver.pressure_solve.solve_to(dt, 1e-6, 0.0, 1000)
     solution = p.numpy("velocity_multiplier")
     fill(p.velocity_multiplier, off * solution)
-    solver.pressure_solve.begin(p.count, dt, 0.0)
+    solver.pressure_solve.start_round(p.count, dt, 0.0)
     assert solution.max() > 0.0
     assert np.abs(p.numpy("velocity_multiplier") - solution).max() < 1e-3 * solution.max()
     collision.reset()
@@ -347,7 +347,7 @@ def test_calm_water_spreads_less(collision):
     break is, swung 5 % too slow."""
     collision.reset()
     p, dt = collision.particles, 1 / 300
-    brisk = BRISK * max(s.spacing for s in collision.layers.specs) / dt
+    brisk = FULL_MOTION * max(s.spacing for s in collision.layers.specs) / dt
 
     def spread(speed, dt):
         p.v.fill(speed / np.sqrt(3.0))
@@ -435,7 +435,7 @@ def test_steps_keep_their_length_while_it_is_allowed_and_not_much_too_short(coll
     taken = []
     for allowed in (1.0, 1.9, 2.1, 2.6, 2.1, 0.9):  # in half frames
         monkeypatch.setattr(
-            collision.solver, "longest_step", lambda leeway=1.0, a=allowed: a / leeway / 120
+            collision.solver, "longest_step", lambda safety=1.0, a=allowed: a / safety / 120
         )
         before = collision.steps
         collision.advance(1 / 60, WEIGHTLESS)

@@ -12,7 +12,7 @@ from msph.fluid.particles import kernels
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.plan import Plan
 from msph.fluid.projection.parameters import ProjectionParameters
-from msph.fluid.projection.shear_relief import ARRANGED, ShearRelief
+from msph.fluid.projection.shear_relief import MAX_ANISOTROPY, ShearRelief
 from msph.fluid.simulation import Simulation
 
 N, D, SMOOTHING = 7, 0.05, 2.4
@@ -74,7 +74,7 @@ def expected(x, p, gravity=0.0):
     pressure = np.trace(mean, axis1=1, axis2=2) / 3.0
     deviator = mean - pressure[:, None, None] * np.eye(3)
     size = np.linalg.norm(deviator, axis=(1, 2)) / pressure
-    deviator *= np.clip(2.0 - size / ARRANGED, 0.0, 1.0)[:, None, None]
+    deviator *= np.clip(2.0 - size / MAX_ANISOTROPY, 0.0, 1.0)[:, None, None]
     both = deviator[:, None] + images(deviator)
     return SHARE * DT / 1000.0 * np.einsum("ijab,ijb->ia", both, gradient)
 

@@ -100,7 +100,7 @@ def test_viscosity_equals_brute_force(blob):
     v, dt = velocities(blob), 1e-3
     force = solver.force(Viscosity)
     expected = dt * force.nu * laplacian(blob, v)
-    force.begin(n, dt * force.nu)
+    force.start_round(n, dt * force.nu)
     found = blob.particles.numpy("viscous_residual")
     assert np.abs(found - expected).max() < 1e-4 * np.abs(expected).max()
 
@@ -110,7 +110,7 @@ def test_implicit_solve_is_backward_euler_and_keeps_momenta(blob):
     solver, n = prepare(blob)
     force = solver.force(Viscosity)
     start, before = velocities(blob), momenta(blob)
-    dt = 10.0 * viscosity.EXPLICIT / force.stiffness
+    dt = 10.0 * viscosity.MAX_EXPLICIT / force.stiffness
     volume, weight, unit = exchange(blob)
     blocks = (volume * weight)[..., None, None] * unit[..., None] * unit[..., None, :]
     matrix = -blocks
@@ -129,13 +129,13 @@ def test_implicit_solve_is_backward_euler_and_keeps_momenta(blob):
 def test_implicit_equals_explicit_where_both_may_be_used(blob, monkeypatch):
     solver, _ = prepare(blob)
     force = solver.force(Viscosity)
-    dt = 0.02 * viscosity.EXPLICIT / force.stiffness
+    dt = 0.02 * viscosity.MAX_EXPLICIT / force.stiffness
     start = velocities(blob)
     force.apply(dt, WEIGHTLESS)
     assert force.iterations == 0
     explicit = velocities(blob) - start
     prepare(blob)
-    monkeypatch.setattr(viscosity, "EXPLICIT", 0.0)
+    monkeypatch.setattr(viscosity, "MAX_EXPLICIT", 0.0)
     force.apply(dt, WEIGHTLESS)
     assert force.iterations > 0
     implicit = velocities(blob) - start
@@ -190,7 +190,9 @@ def area(sim, x):
     slope = sum(k * np.clip(e - q, 0.0, None) ** 3 for k, e in ((-4, 1), (20, 0.6), (-40, 0.2)))
     slope *= 15625.0 / (512.0 * np.pi * YIELD[2.4] * h**5) / np.maximum(q, 1e-3)
     g = ((volume * slope)[..., None] * d).sum(axis=1)
-    return surface_tension.AREA * (volume * np.sqrt((g**2).sum(axis=1) + 1.0 / own**2)).sum(), g
+    return surface_tension.AREA_FACTOR * (
+        volume * np.sqrt((g**2).sum(axis=1) + 1.0 / own**2)
+    ).sum(), g
 
 
 def test_tension_is_the_gradient_of_area_and_cohesion(blob):
@@ -204,7 +206,13 @@ def test_tension_is_the_gradient_of_area_and_cohesion(blob):
     normal = np.linalg.norm(g, axis=1)
     normal = normal / np.sqrt(normal**2 + 1.0 / np.diag(h) ** 2)
     pull = np.clip(1.0 - (r / h) ** 2, 0.0, None) ** 2 / h**6
-    pull *= 0.5 * (normal[:, None] + normal) * surface_tension.COHESION * volume[:, None] * volume
+    pull *= (
+        0.5
+        * (normal[:, None] + normal)
+        * surface_tension.COHESION_FACTOR
+        * volume[:, None]
+        * volume
+    )
     force = 1000.0 * volume[:, None] * velocities(blob) + (pull[..., None] * d).sum(axis=1)
     for k in np.linspace(0, n - 1, 6).astype(int):
         for axis in range(3):
@@ -267,7 +275,7 @@ def test_walls_without_slip_stop_the_water():
     v = np.zeros_like(x)
     v[:, 1] = np.sin(np.pi * x[:, 0] / 0.4) * np.sin(np.pi * x[:, 2] / 0.4)
     sim.particles.v.from_numpy(v.astype(np.float32))
-    solver.force(Viscosity).begin(n, 1.0)
+    solver.force(Viscosity).start_round(n, 1.0)
     middle = np.abs(x[:, 1] - 0.5) < 0.3
     found = sim.particles.numpy("viscous_residual")[middle]
     rate = -(found * v[middle]).sum() / (v[middle] ** 2).sum()

@@ -48,7 +48,7 @@ def advance(simulation, frames):
 @pytest.mark.parametrize("motion", MOTIONS)
 def test_piston_that_leaves_no_room_is_named(tmp_path, motion):
     sim = build_simulation(load(tmp_path, *MOTIONS[motion]))
-    with pytest.raises(TrappedWaterError, match=r"obstacles\.1 presses water that has nowhere to"):
+    with pytest.raises(TrappedWaterError, match=r"obstacles\.1 compresses water that cannot flow"):
         advance(sim, 120)
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import taichi as ti
 
-from msph.picture.rasteriser import NOTHING
+from msph.picture.rasteriser import NO_ITEM
 
 BOX = (1.0, 0.8, 1.0)
 LEVEL = 0.4
@@ -84,7 +84,7 @@ def ball(centre, radius, n=24):
 
 
 def covered(raster, width=WIDTH, height=HEIGHT):
-    return raster.key.to_numpy()[:width, :height] != NOTHING
+    return raster.key.to_numpy()[:width, :height] != NO_ITEM
 
 
 def rays(shot, width, height):

@@ -3,7 +3,7 @@ import pytest
 
 from msph.picture.camera import ELEVATION, Camera
 from msph.picture.look import Look
-from msph.picture.shot import shoot
+from msph.picture.shot import shot_numbers
 
 BOX = (1.6, 0.9, 0.6)
 
@@ -12,7 +12,9 @@ BOX = (1.6, 0.9, 0.6)
 @pytest.mark.parametrize("azimuth", [0.0, 0.6, 2.5])
 def test_framing_shows_every_corner(box, azimuth):
     width, height = 640, 360
-    shot = shoot(Camera.framing(box, width / height, azimuth), None, box, width, height, Look())
+    shot = shot_numbers(
+        Camera.framing(box, width / height, azimuth), None, box, width, height, Look()
+    )
     corners = np.indices((2, 2, 2)).reshape(3, 8).T * box - shot["eye"]
     depth = corners @ shot["forward"]
     assert depth.min() > 0
@@ -57,7 +59,7 @@ def test_box_ray_of_a_tilted_box_is_the_world_ray_turned_back():
 
 def test_shot_rays_are_the_cameras_rays():
     camera, tilt = Camera.framing(BOX), np.array([[0, 0, 1], [0, 1, 0], [-1, 0, 0]], float)
-    shot = shoot(camera, tilt, BOX, 64, 36, Look())
+    shot = shot_numbers(camera, tilt, BOX, 64, 36, Look())
     d = shot["origin"] + 5 * shot["du"] + 30 * shot["dv"]
     eye, want = camera.box_ray(5, 30, 64, 36, BOX, tilt)
     np.testing.assert_allclose(d / np.linalg.norm(d), want, atol=1e-12)

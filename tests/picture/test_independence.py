@@ -26,7 +26,7 @@ IMAGES = [
     ((96, 54), BOX, Look(), 1.0),
     ((64, 48), BOX, Look(supersample=2), 1.0),
     ((160, 120), FLAT, Look(tint=9.0, reflection=0.3), 1.0),
-    ((90, 110), TALL, Look(caustics=False, sun_azimuth=1.0, sun_elevation=0.5), 0.6),
+    ((90, 110), TALL, Look(caustics=False, sun_azimuth=1.0, sun_elevation=5.0), 0.6),
     ((50, 40), TALL, Look(supersample=3, refractive_index=1.2), 1.0),
 ]
 

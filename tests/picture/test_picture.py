@@ -127,7 +127,7 @@ def test_deeper_water_is_bluer(picture, mesh):
 def test_still_water_does_not_focus_light(picture, mesh):
     mesh.fill(*still_water())
     picture.draw_water(camera())
-    focus, shot = picture.light.focus.to_numpy(), picture.lens.numbers
+    focus, shot = picture.sunlight.focus.to_numpy(), picture.lens.numbers
     cells = CAUSTIC_CELLS
     xz = (
         shot["map_corner"]
@@ -149,10 +149,10 @@ def test_a_lens_gathers_light_and_keeps_its_amount(picture, mesh):
     n[top] = (slope / np.linalg.norm(slope, axis=1, keepdims=True))[top]
     mesh.fill(v, t, n)
     picture.draw_water(camera())
-    focus = picture.light.focus.to_numpy()
+    focus = picture.sunlight.focus.to_numpy()
     mesh.fill(*still_water(n=24))
     picture.draw_water(camera())
-    still = picture.light.focus.to_numpy()
+    still = picture.sunlight.focus.to_numpy()
     assert focus.max() > 1.4
     assert focus.sum() == pytest.approx(still.sum(), rel=0.03)
 
@@ -164,7 +164,7 @@ def test_level_map_ignores_drops_above_the_water(picture, mesh):
     t[len(water[1]) :] += len(water[0])
     mesh.fill(v, t, n)
     picture.draw_water(camera())
-    level = picture.light.level.to_numpy()
+    level = picture.sunlight.level.to_numpy()
     assert level[level > 0].max() == pytest.approx(LEVEL, abs=1e-3)
 
 
@@ -206,7 +206,7 @@ def test_supersampling_averages_the_same_picture(picture, mesh):
     fine = Picture(mesh, room=PictureRoom(WIDTH, HEIGHT))
     fine.load(WIDTH // 2, HEIGHT // 2, BOX, Look(supersample=2, caustics=False))
     fine.draw_water(camera())
-    assert not fine.light.focus.to_numpy().any(), "caustics cost nothing when off"
+    assert not fine.sunlight.focus.to_numpy().any(), "caustics cost nothing when off"
     picture.draw_water(camera())
     coarse = picture.image.to_numpy().reshape(WIDTH // 2, 2, HEIGHT // 2, 2, 3).mean((1, 3))
     dry = ~covered(picture.raster).reshape(WIDTH // 2, 2, HEIGHT // 2, 2).any((1, 3))
@@ -236,7 +236,7 @@ def test_backdrop_left_out_under_water_changes_no_picture(picture, mesh):
 def every_pixel(mesh):
     """A picture that samples every pixel of the water."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(samples, "MOST_ADDED", -1.0)  # below 0 no block is even
+        patch.setattr(samples, "MAX_ADDED_CHANGE", -1.0)  # below 0 no block is even
         drawn = Picture(mesh)
         drawn.load(WIDTH, HEIGHT, BOX)
         drawn.draw_water(camera())

@@ -44,7 +44,7 @@ class Rays:
     @ti.kernel
     def run(self):
         for i in self.p:
-            t, body, steep, _ = self.bodies.meet(self.p[i], self.r[i], 10.0, 0.0, 0.0)
+            t, body, steep, _ = self.bodies.intersect(self.p[i], self.r[i], 10.0, 0.0, 0.0)
             self.t[i], self.body[i], self.steep[i] = t, body, steep
             self.lit[i] = self.bodies.sunlit(self.p[i], self.r[i])
 

@@ -5,10 +5,9 @@ from picture_kit import BOX, Mesh, ball, covered, grid, rays
 
 from msph.picture.camera import Camera
 from msph.picture.look import Look
-from msph.picture.particles_view import OwnRadius
-from msph.picture.rasteriser import FAR, KEY_BITS, NOTHING, Rasteriser
+from msph.picture.rasteriser import FAR, KEY_BITS, NO_ITEM, Rasteriser
 from msph.picture.room import PictureRoom, PixelFields
-from msph.picture.shot import Lens, shoot
+from msph.picture.shot import Lens, shot_numbers
 
 WIDTH, HEIGHT = 97, 61
 
@@ -20,8 +19,7 @@ class Bench:
     def __init__(self):
         self.lens, self.mesh = Lens(), Mesh(2048)
         self.raster = Rasteriser(PixelFields(PictureRoom(WIDTH, HEIGHT)), self.lens)
-        self.x, self.r = ti.Vector.field(3, ti.f32, 3), ti.field(ti.f32, 3)
-        self.radius = OwnRadius(self.r)
+        self.x, self.radius = ti.Vector.field(3, ti.f32, 3), ti.field(ti.f32, 3)
 
     @ti.kernel
     def draw_mesh(self):
@@ -34,7 +32,7 @@ class Bench:
         self.raster.draw_spheres(n, self.x, self.radius)
 
     def aim(self, camera):
-        self.lens.set(shoot(camera, None, BOX, WIDTH, HEIGHT, Look()))
+        self.lens.set(shot_numbers(camera, None, BOX, WIDTH, HEIGHT, Look()))
         return self.lens.numbers, rays(self.lens.numbers, WIDTH, HEIGHT)
 
     def depth(self):
@@ -43,7 +41,7 @@ class Bench:
         bits = self.raster.item_bits[None]
         step = shot["w_span"] / ((1 << (KEY_BITS - bits)) - 2)
         w = shot["w_near"] - ((key >> bits) + 0.5) * step
-        z = np.where(key == NOTHING, FAR, 1 / np.maximum(w, 1e-9))
+        z = np.where(key == NO_ITEM, FAR, 1 / np.maximum(w, 1e-9))
         return z, step * z**2
 
     def back(self):
@@ -132,7 +130,7 @@ def test_spheres_are_round_and_the_nearer_wins(bench):
     centres = np.array([middle, middle + 0.3 * toward, (0.9, 0.1, 0.2)])
     radii = np.array((0.2, 0.08, 0.1))
     bench.x.from_numpy(centres.astype(np.float32))
-    bench.r.from_numpy(radii.astype(np.float32))
+    bench.radius.from_numpy(radii.astype(np.float32))
     bench.draw_spheres(3)
     best, owner = np.full(d.shape[:2], FAR), np.full(d.shape[:2], -1)
     for k, (c, r) in enumerate(zip(centres - shot["eye"], radii, strict=True)):
@@ -142,7 +140,7 @@ def test_spheres_are_round_and_the_nearer_wins(bench):
         owner[z < best] = k
         best = np.minimum(best, z)
     key = bench.raster.key.to_numpy()
-    got = np.where(key == NOTHING, -1, key & ((1 << bench.raster.item_bits[None]) - 1))
+    got = np.where(key == NO_ITEM, -1, key & ((1 << bench.raster.item_bits[None]) - 1))
     assert (got != owner).mean() < 2e-3
     z, slack = bench.depth()
     same = (got == owner) & (owner >= 0)

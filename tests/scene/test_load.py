@@ -109,6 +109,8 @@ BAD_OVERRIDES = {
     "water.0.count=99999": "water.0.count: 99999 particles do not fit, there is room for",
     "layers.0.mass=1e-9": "water: 500,000,000,000 particles in a box of (1, 1, 1) m need",
     "box.size=[9999, 9999, 9999]": "GiB, most of it for surface",
+    "layers.0.smoothing=1.5": "layers.0.smoothing: must be at least 1.7 for the method projection",
+    "projection.spray=1": "projection.spray: input should be less than or equal to 0.95",
     "surface.cell=2": "surface.cell: is too coarse for surface.smoothing = 1; at most 1.225",
     "layers.0.spacing=1e-200": "layers.0.spacing: input should be greater than 0.00001",
     "density=1e30": "density: input should be less than or equal to 100000",

@@ -112,7 +112,7 @@ def test_bodies_stand_as_the_scene_says(folder):
     assert brick.bounds[1] - brick.bounds[0] == pytest.approx((0.4, 0.2, 0.6))
     assert 0.5 * (brick.bounds[1] + brick.bounds[0]) == pytest.approx((0.5, 0.5, 0.5))
     # A quarter turn about y takes z to x.
-    assert brick.motion.turn(1.0) @ (0.0, 0.0, 1.0) == pytest.approx((1.0, 0.0, 0.0), abs=1e-12)
+    assert brick.motion.rotation(1.0) @ (0.0, 0.0, 1.0) == pytest.approx((1.0, 0.0, 0.0), abs=1e-12)
 
 
 def test_mesh_beside_the_scene_is_found_from_elsewhere(folder, tmp_path, monkeypatch):

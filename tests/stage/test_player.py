@@ -235,7 +235,7 @@ def test_a_window_of_another_shape_shows_balls_as_round(player, show):
     camera, box = show.camera, show.simulation.size
     middle = 0.5 * np.array(box)
     right, up, _ = camera.axes()
-    places = camera.seen([middle, middle + 0.1 * right, middle + 0.1 * up], WIDTH, HEIGHT, box)
+    places = camera.project([middle, middle + 0.1 * right, middle + 0.1 * up], WIDTH, HEIGHT, box)
     across, high = places[1, 0] - places[0, 0], places[2, 1] - places[0, 1]
     assert across * player.window.aspect == pytest.approx(high, rel=0.02)
     # And what the cursor meets is what is drawn there.
@@ -246,7 +246,7 @@ def test_a_window_of_another_shape_shows_balls_as_round(player, show):
     shot = show.picture.lens.numbers
     away = middle + 0.1 * right - shot["eye"]
     seen = away @ shot["to_i"] / (away @ shot["forward"]) + shot["centre"][0]
-    assert (seen + 0.5) / show.picture.drawn[0] == pytest.approx(places[1, 0], abs=1e-6)
+    assert (seen + 0.5) / show.picture.ray_counts[0] == pytest.approx(places[1, 0], abs=1e-6)
 
 
 def test_a_drag_pushes_the_water_and_a_cursor_leaves_a_wake(player, show):

@@ -3,11 +3,10 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 import trimesh
-from surface_kit import SIZE, Cubes, Water
+from surface_kit import SIZE, Cubes, Water, uniform
 
 from msph.fluid.boundary.rigid_bodies import Ball, Block, Solid
 from msph.surface import SurfaceRoom
-from msph.surface.lattice import Lattice
 from msph.surface.marching_cubes import MarchingCubes
 from msph.taichi_internals import watch_compiling
 
@@ -21,13 +20,13 @@ def marching_cubes() -> MarchingCubes:
 @pytest.fixture
 def cubes(marching_cubes) -> Cubes:
     """Unit spacing, centred on the origin."""
-    return Cubes(Lattice.uniform((42, 42, 42), origin=(-20.5, -20.5, -20.5)), marching_cubes)
+    return Cubes(uniform((42, 42, 42), origin=(-20.5, -20.5, -20.5)), marching_cubes)
 
 
 @pytest.fixture
 def oblong_cubes(marching_cubes) -> Cubes:
     """Spacing and extent differ between the axes; no extent is a multiple of a word of signs."""
-    lattice = Lattice.uniform((31, 22, 45), (0.1, 0.17, 0.06), (-1.5, -1.8, -1.3))
+    lattice = uniform((31, 22, 45), (0.1, 0.17, 0.06), (-1.5, -1.8, -1.3))
     return Cubes(lattice, marching_cubes)
 
 

@@ -37,8 +37,9 @@ def assert_closed(mesh: SurfaceMesh) -> None:
 
 
 def middles(mesh: SurfaceMesh) -> np.ndarray:
-    """Where the triangles are (t, 3) [m], in the order in which they were made."""
-    return mesh.corners().mean(axis=1)
+    """Centres of the triangles (t, 3) [m], in the order in which they were made."""
+    vertices, _, triangles = mesh.to_numpy()
+    return vertices.astype(np.float64)[triangles].mean(axis=1)
 
 
 def assert_same(first: np.ndarray, again: np.ndarray) -> None:
@@ -50,6 +51,12 @@ def assert_same(first: np.ndarray, again: np.ndarray) -> None:
     assert len(first) == len(again)
     assert distance.max() < 1e-4 * FINE
     assert len(np.unique(partner)) == len(first)
+
+
+def uniform(shape, spacing=(1.0, 1.0, 1.0), origin=(0.0, 0.0, 0.0)) -> Lattice:
+    """Lattice with nodes at origin + spacing * index."""
+    triples = zip(shape, spacing, origin, strict=True)
+    return Lattice([o + s * np.arange(n) for n, s, o in triples])
 
 
 class Cubes:
@@ -105,7 +112,15 @@ class Water:
         self.grid.build()
 
     def mesh(self, everywhere: bool = False) -> SurfaceMesh:
-        self.surface.extract(everywhere)
+        """everywhere: evaluate the whole box, by bounds that no sub-block of air or water meets."""
+        numbers = self.surface.cubes.numbers
+        bounds = {"air_below": -1.0, "deep_above": 1e9, "half_diagonal": 1e9} if everywhere else {}
+        loaded = {name: getattr(numbers, name)[None] for name in bounds}
+        for name, bound in bounds.items():
+            getattr(numbers, name)[None] = bound
+        self.surface.extract()
+        for name, bound in loaded.items():
+            getattr(numbers, name)[None] = bound
         return self.surface.mesh
 
 

@@ -2,13 +2,13 @@ import numpy as np
 import pytest
 from surface_kit import COARSE, FINE, SIZE, packed
 
-from msph.surface.band import RIM, STRIDE, bound
+from msph.surface.band import RIM_LOSS, STRIDE, corner_bound
 from msph.surface.fluid_fraction import ISO, fluid_fraction
 
 
 def field(water):
     """Coverage and its gradient at every real node, and the nodes' coordinates."""
-    water.surface.extract(everywhere=True)
+    water.mesh(everywhere=True)
     cubes, real = water.surface.cubes, (slice(1, -1),) * 3
     axes = [a[1:-1].astype(np.float64) for a in water.surface.lattice.axes]
     return water.nodes(cubes.value)[real] + ISO, water.nodes(cubes.gradient)[real], axes
@@ -83,7 +83,7 @@ def test_bound_holds_for_single_particles(spacing):
     for corner in np.ndindex(2, 2, 2):
         weight = np.prod(np.where(np.array(corner) == 1, x, 1.0 - x), axis=1)
         mixed += weight * w(np.array(corner, dtype=float))
-    assert (mixed >= bound(spacing, 1.0) * w(x) - RIM).all()
+    assert (mixed >= corner_bound(spacing, 1.0) * w(x) - RIM_LOSS).all()
 
 
 def test_too_coarse_cells_are_refused(water):

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from msph.surface.fluid_fraction import POLY6, fluid_fraction, missing, missing_slope
+from msph.surface.fluid_fraction import POLY6, fluid_fraction, missing
 from msph.surface.lattice import Lattice, walled_axis
 
 
@@ -17,8 +17,7 @@ def test_missing_part_is_the_integral_of_poly6_beyond_the_plane(t):
 
 
 def test_slopes_match_differences():
-    t, e = np.linspace(0.05, 0.95, 19), 1e-5
-    assert np.allclose((missing(t + e) - missing(t - e)) / (2 * e), missing_slope(t), atol=1e-8)
+    e = 1e-5
     x = np.linspace(0.02, 0.28, 27)
     fraction, slope = fluid_fraction(x, 0.3, 0.1)
     ahead, behind = fluid_fraction(x + e, 0.3, 0.1)[0], fluid_fraction(x - e, 0.3, 0.1)[0]

@@ -77,11 +77,11 @@ def test_the_band_follows_the_surface_not_the_volume(water):
     water.fill(packed((0, 0, 0), (SIZE[0], 0.35, SIZE[2]), FINE))
     water.mesh()
     pairs = [(n + 1) // 2 for n in water.surface.lattice.shape]
-    state = water.surface.coverage.band.state.to_numpy()[: np.prod(pairs)]
+    state = water.surface.band.state.to_numpy()[: np.prod(pairs)]
     assert (state == 1).mean() < 0.2
     water.fill(np.zeros((0, 3)))
     water.mesh()
-    assert water.surface.coverage.band.count[None] == 0
+    assert water.surface.band.count[None] == 0
 
 
 @pytest.mark.parametrize(("d", "layer"), [(FINE, 0), (COARSE, 1)])

@@ -39,7 +39,7 @@ def test_a_sheet_of_single_particles_has_their_volume_and_no_hole(water, height)
     assert_closed(mesh)
     assert as_trimesh(mesh).euler_number == 2
     assert mesh.volume() == pytest.approx(water.volume, rel=0.01)
-    assert abs(water.surface.water.shift[None]) < 0.06
+    assert abs(water.surface.volume_control.shift[None]) < 0.06
 
 
 def test_a_particle_that_leaves_the_water_is_drawn_continuously(water):

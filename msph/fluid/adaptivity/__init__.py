@@ -1,1 +1,1 @@
-"""Adaptive resolution: particles split and merge by their distance from the free surface."""
+"""Adaptive resolution: splits and merges particles by their depth below the free surface."""

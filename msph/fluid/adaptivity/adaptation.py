@@ -1,8 +1,8 @@
-"""Adaptation: particles split near the free surface and merge in the depth.
+"""Adaptation: splits particles near the free surface and merges particles in the depth.
 
-Every layer has a band of depths. A particle above its band is split into two of the next finer
-layer; two neighbours of a layer below their band merge into one of the next coarser layer (after
-Adams et al. 2007). Mass, momentum and centre of mass are kept to rounding, angular momentum nearly.
+Every layer has a band of depths. A particle above its band splits into two of the next finer layer;
+two neighbours of a layer below their band merge into one of the next coarser layer (after Adams et
+al. 2007). Mass, momentum and centre of mass are conserved to rounding, angular momentum nearly.
 """
 
 import numpy as np
@@ -20,30 +20,29 @@ from msph.taichi_internals import data_oriented, kernel
 
 ATTRIBUTES = (
     Attribute("depth", "m", "below the free surface, as of the last pass", view="depth"),
-    Attribute("settling", "-", "passes to wait until it adapts again", integer=True, own=True),
-    Attribute("wish", "-", "-1: to be split, 1: to be merged", integer=True, carried=False),
-    Attribute("partner", "-", "whom it would merge with", integer=True, carried=False),
-    Attribute("alive", "-", "0 for what was merged into another", integer=True, carried=False),
+    Attribute("settling", "-", "wait until the next split or merge", integer=True, inherited=False),
+    Attribute("mark", "-", "-1: split, 1: merge", integer=True, carried=False),
+    Attribute("partner", "-", "particle that it may merge with", integer=True, carried=False),
+    Attribute("alive", "-", "0 if merged into another particle", integer=True, carried=False),
 )
 
-# Distance of the halves of a split from their centre, in spacings of the split particle.
-HALF = 0.35
-# Least such distance: in a corner of the box walls leave less room, and the particle is not split.
-LEAST_HALF = 0.15
-# Keeps divisions by what may vanish finite.
-TINY = 1e-20
-# Hysteresis of splits, in shares of `hysteresis`, when the layers are first filled and in a run. At
-# the start 0 makes particles merge again soon, 1 leaves thin bands without their layer. In a run 1
-# makes a sloshing tank split 18 particles in 5 s, 2 one: each split adds a little energy.
-EAGER, RELUCTANT = 0.5, 2.0
-# Largest distance of a pair that merges, in spacings: a merge across a gap would be visible as a
-# jump.
-FARTHEST_MERGE = 1.25
-# Shares of the pool of particles (-): above the first bands shrink, below the second they grow.
-FULL, ROOMY = 0.95, 0.85
-# Factors by which a pass shrinks and grows the bands' thickness, and its least share (-).
-THINNER, THICKER, THINNEST = 0.9, 1.02, 0.1
-# Directions in which the halves of a split may lie: the axes and the diagonals between two of them.
+# Distance of a split's halves from their centre, in spacings of the split particle.
+SPLIT_OFFSET = 0.35
+# Smallest such distance: closer to walls and bodies the particle is not split.
+MIN_SPLIT_OFFSET = 0.15
+# Smallest divisor: avoids divisions by zero.
+MIN_DIVISOR = 1e-20
+# Factors (-) on `hysteresis` for splits, initially and in a run. Initially 0 would cause merges
+# soon after, 1 leave thin bands without particles. In a run 1 makes a sloshing tank split 18
+# particles in 5 s, 2 one particle: each split adds a little energy.
+INITIAL_SPLIT_HYSTERESIS, SPLIT_HYSTERESIS = 0.5, 2.0
+# Largest distance of a merging pair, in spacings: merges over larger gaps are visible.
+MAX_MERGE_DISTANCE = 1.25
+# Used share of the capacity (-) above which bands shrink, and below which they grow.
+SHRINK_ABOVE, GROW_BELOW = 0.95, 0.85
+# Factors of the bands' thickness per pass, and its smallest value (-).
+SHRINK, GROW, MIN_THICKNESS = 0.9, 1.02, 0.1
+# Directions of a split's halves: the axes and the diagonals between two of them.
 DIRECTIONS = (
     *((1, 0, 0), (0, 1, 0), (0, 0, 1)),
     *((1, 1, 0), (1, -1, 0), (1, 0, 1), (1, 0, -1), (0, 1, 1), (0, 1, -1)),
@@ -54,10 +53,9 @@ DIRECTIONS = (
 class Adaptation:
     """Splits and merges the particles of one fluid.
 
-    events: (splits, merges, splits refused since the pool was full) of the last pass, passed: the
-    first two in all since the particles were laid. thickness (-): factor of all bands, below 1
-    while the pool is nearly full. travelled: way of the fastest particle since the last pass, in
-    spacings. merge_loss [J] collects the kinetic energy that merges dissipate.
+    totals: splits and merges since the initial arrangement. thickness (-): factor of all bands,
+    below 1 while the capacity is nearly used up. travelled: distance of the fastest particle since
+    the last pass, in spacings. merge_loss [J]: kinetic energy dissipated by merges.
     """
 
     parameters: AdaptationParameters
@@ -76,25 +74,23 @@ class Adaptation:
         self.scan = PrefixSum()
         self.tally = ti.field(ti.i32, shape=3)  # splits, merges, refused
         self.next_id = ti.field(ti.i32, shape=())
-        self.thickness, self.events, self.steps = 1.0, (0, 0, 0), 0
-        self.passed, self.travelled = np.zeros(2, int), 0.0
 
     def load(self, parameters: AdaptationParameters) -> None:
         """Takes the parameters of a scene; its bands are columns of the table by layer."""
         self.parameters = parameters
-        # Launched on no particles, so that no later frame waits for compilation.
+        # Launched without particles: compiles the kernels before the first frame.
         self.wait(0)
         self.scan.run(self.particles.alive, self.place, 0)
         self.particles.compact(self.place, self.particles.alive, 0)
 
     def reset(self) -> None:
-        """Starts anew, since the particles were replaced: bands have their full thickness."""
-        self.thickness, self.events, self.steps = 1.0, (0, 0, 0), 0
-        self.passed, self.travelled = np.zeros(2, int), 0.0
+        """Resets counters and thickness after the particles were replaced."""
+        self.thickness, self.steps = 1.0, 0
+        self.totals, self.travelled = np.zeros(2, int), 0.0
         self.next_id[None] = int(self.particles.numpy("id").max()) + 1
 
     def state(self) -> dict[str, float]:
-        """What a checkpoint holds of it; see restore()."""
+        """Returns the values that a checkpoint stores."""
         return {
             "adaptation_steps": self.steps,
             "adaptation_thickness": self.thickness,
@@ -103,38 +99,37 @@ class Adaptation:
         }
 
     def restore(self, state: dict[str, float]) -> None:
-        """Goes on from a state()."""
+        """Restores a state()."""
         self.steps, self.thickness = int(state["adaptation_steps"]), state["adaptation_thickness"]
         self.travelled = state["adaptation_travelled"]
         self.next_id[None] = int(state["adaptation_next_id"])
 
     def fill(self) -> None:
-        """Splits particles that the scene made too coarse for their depth, before time starts.
+        """Splits the initial particles that are too coarse for their depth.
 
-        Each particle of the initial lattice fills a cube. A split halves the cube along its longest
-        edge and puts one particle in the middle of each half, so that the water keeps its level;
-        split() would place halves in gaps, and the water would start too high. Among edges of
-        nearly equal length the choice is random: layers all halved along one axis would carry
-        weight like a crystal.
+        Each particle of the initial lattice fills a cuboid. A split halves the cuboid along its
+        longest edge and puts a particle at the centre of each half, which keeps the water level;
+        split() would place halves in gaps and raise it. Among edges of nearly equal length the
+        choice is random: layers halved along a single axis would carry weight like a crystal.
         """
         p, rng = self.particles, np.random.default_rng(0)
         spacing = np.array([spec.spacing for spec in self.layers.specs])
         edges = np.repeat(spacing[p.numpy("layer")][:, None], 3, axis=1)
         self.depth.refresh()
         while True:
-            self.wish_for(p.count, self.thickness, EAGER)
-            split = np.flatnonzero(p.numpy("wish") == -1)
+            self.mark_particles(p.count, self.thickness, INITIAL_SPLIT_HYSTERESIS)
+            split = np.flatnonzero(p.numpy("mark") == -1)
             if len(split) == 0:
                 return
-            if p.count + len(split) > FULL * p.capacity:
-                if self.thickness <= THINNEST:
+            if p.count + len(split) > SHRINK_ABOVE * p.capacity:
+                if self.thickness <= MIN_THICKNESS:
                     return
-                self.thickness *= THINNER
+                self.thickness *= SHRINK
                 continue
             axis = (edges[split] * rng.uniform(1.0, 1.1, (len(split), 3))).argmax(axis=1)
             offset = 0.25 * np.eye(3)[axis] * edges[split]
             x = p.numpy("x")[split]
-            # Particles with a half inside a body are left to run(), which keeps clear of bodies.
+            # Particles with a half inside a body are left to run(), which avoids bodies.
             free = self.boundary.free(x - offset) & self.boundary.free(x + offset)
             if not free.any():
                 return
@@ -145,7 +140,7 @@ class Adaptation:
             self.depth.refresh()
 
     def _halve(self, split: np.ndarray, offset: np.ndarray) -> None:
-        """Puts halves of the particles `split` (k,) at -offset and +offset (k, 3) [m] from them."""
+        """Replaces particles `split` (k,) by halves at -offset and +offset (k, 3) [m] from them."""
         state = self.particles.state()
         state["layer"][split] = np.array(finer_of(self.layers.specs))[state["layer"][split]]
         halves = {name: values[split] for name, values in state.items()}
@@ -156,8 +151,8 @@ class Adaptation:
         self.particles.fill(**joined)
         self.next_id[None] = int(joined["id"].max()) + 1
 
-    def due(self) -> bool:
-        """Counts a step; true for those after which a pass is due."""
+    def pass_due(self) -> bool:
+        """Counts a step; returns True if a pass is due."""
         self.steps += 1
         if self.steps % self.parameters.every:
             return False
@@ -168,50 +163,50 @@ class Adaptation:
         return True
 
     def run(self, budget: float | None = None) -> int:
-        """One pass of splits and merges; returns their number. The neighbour list must be fresh.
+        """Runs one pass of splits and merges and returns their number. Requires a fresh neighbour
+        list.
 
-        budget: largest share (-) of the particles that may split, and that may merge; by default
-        that of the parameters. The order and number of particles change, so grid and neighbour list
-        are invalid afterwards.
+        budget: largest share (-) of the particles that may split, and that may merge; default: the
+        parameter of that name. Changes order and number of particles, which invalidates grid and
+        list.
         """
         p, n = self.particles, self.particles.count
-        most = max(8, int((self.parameters.budget if budget is None else budget) * n))
+        limit = max(8, int((self.parameters.budget if budget is None else budget) * n))
         self.depth.refresh()
         self.contact.refresh_clearance()
         self.tally.fill(0)
-        self.wish_for(n, self.thickness, RELUCTANT)
+        self.mark_particles(n, self.thickness, SPLIT_HYSTERESIS)
         self.find_partners(n)
-        self.merge(n, most)
-        self.split(n, most, p.capacity)
+        self.merge(n, limit)
+        self.split(n, limit, p.capacity)
         splits, merges, refused = self.tally.to_numpy().tolist()
-        splits = min(splits, most, p.capacity - n)
-        self.events = splits, min(merges, most), refused
-        self.passed += np.array(self.events[:2])
+        splits = min(splits, limit, p.capacity - n)
+        merges = min(merges, limit)
+        self.totals += splits, merges
         p.count = n + splits
         if merges:
             self.scan.run(p.alive, self.place, n + splits)
             p.compact(self.place, p.alive, n + splits)
             p.count = self.place[n + splits]
-        self._keep_room(refused)
-        return splits + self.events[1]
+        self._adapt_thickness(refused)
+        return splits + merges
 
-    def _keep_room(self, refused: int) -> None:
+    def _adapt_thickness(self, refused: int) -> None:
         full = self.particles.count / self.particles.capacity
-        if refused or full > FULL:
-            self.thickness = max(THINNEST, THINNER * self.thickness)
-        elif full < ROOMY:
-            self.thickness = min(1.0, THICKER * self.thickness)
+        if refused or full > SHRINK_ABOVE:
+            self.thickness = max(MIN_THICKNESS, SHRINK * self.thickness)
+        elif full < GROW_BELOW:
+            self.thickness = min(1.0, GROW * self.thickness)
 
     @kernel
     def wait(self, n: ti.i32):
-        """Counts down `settling`, the passes that each particle still has to wait."""
+        """Decrements `settling`, in units of `every` steps."""
         for i in range(n):
             self.particles.settling[i] = ti.max(self.particles.settling[i] - 1, 0)
 
     @kernel
-    def wish_for(self, n: ti.i32, thickness: ti.f32, reluctant: ti.f32):
-        """wish = -1 for a particle to be split, 1 to be merged, by its depth and its layer's band;
-        also its depth [m], alive and settling."""
+    def mark_particles(self, n: ti.i32, thickness: ti.f32, factor: ti.f32):
+        """Sets depth [m], alive, settling, and mark by depth and band: -1 split, 1 merge."""
         for i in range(n):
             self.particles.alive[i] = 1
             layer = self.particles.layer[i]
@@ -222,37 +217,36 @@ class Adaptation:
             top = self.layers.top[layer] * thickness
             bottom = self.layers.bottom[layer] * thickness
             hysteresis = self.constants.hysteresis[None]
-            rise = reluctant * hysteresis
+            rise = factor * hysteresis
             above = depth < top * (1.0 - rise) and self.finer[layer] >= 0
             below = depth > bottom * (1.0 + hysteresis) and self.coarser[layer] >= 0
-            wish = ti.select(above, -1, ti.select(below, 1, 0))
-            self.particles.wish[i] = ti.select(waiting > 0, 0, wish)
+            mark = ti.select(above, -1, ti.select(below, 1, 0))
+            self.particles.mark[i] = ti.select(waiting > 0, 0, mark)
 
     @kernel
     def find_partners(self, n: ti.i32):
-        """partner = the nearest particle of the same layer that is to be merged too, or -1."""
+        """Sets partner to the nearest particle of the same layer that is to merge too, or -1."""
         for i in range(n):
             best = -1
-            if self.particles.wish[i] == 1:
+            if self.particles.mark[i] == 1:
                 layer, x = self.particles.layer[i], self.particles.x[i]
-                nearest = FARTHEST_MERGE * self.layers.spacing[layer]
+                nearest = MAX_MERGE_DISTANCE * self.layers.spacing[layer]
                 for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
                     j = self.neighbours.index[s]
                     r = (self.particles.x[j] - x).norm()
-                    same = self.particles.layer[j] == layer and self.particles.wish[j] == 1
+                    same = self.particles.layer[j] == layer and self.particles.mark[j] == 1
                     if same and r < nearest:
                         nearest, best = r, j
             self.particles.partner[i] = best
 
     @kernel
-    def merge(self, n: ti.i32, most: ti.i32):
-        """Merges pairs of which each is the other's partner, at their centre of mass, with their
-        mean velocity; the kinetic energy [J] that is lost goes to merge_loss."""
+    def merge(self, n: ti.i32, limit: ti.i32):
+        """Merges mutual partners at their centre of mass with their mean velocity."""
         for i in range(n):
-            j, order = self.particles.partner[i], most
+            j, order = self.particles.partner[i], limit
             if j > i and self.particles.partner[j] == i:
                 order = ti.atomic_add(self.tally[1], 1)
-            if order < most:
+            if order < limit:
                 layer = self.particles.layer[i]
                 mass, dv = self.layers.mass[layer], self.particles.v[i] - self.particles.v[j]
                 r = self.particles.x[i] - self.particles.x[j]
@@ -260,7 +254,7 @@ class Adaptation:
                 self.particles.v[i] -= 0.5 * dv
                 # (1/2) m_a m_b/(m_a + m_b) |dv|^2 of equal masses.
                 self.merge_loss[None] += 0.25 * mass * dv.norm_sqr()
-                self.hand_over(i, j, 2.0 * mass, 0.5 * mass * r.cross(dv))
+                self.keep_angular_momentum(i, j, 2.0 * mass, 0.5 * mass * r.cross(dv))
                 for each in ti.static(self.inherited):
                     each[i] = 0.5 * (each[i] + each[j])
                 self.particles.layer[i] = self.coarser[layer]
@@ -268,48 +262,48 @@ class Adaptation:
                 self.particles.alive[j] = 0
 
     @ti.func
-    def hand_over(self, i, j, mass, spin):
-        """Keeps the angular momentum `spin` [kg m^2/s] that a merged pair had about its centre.
+    def keep_angular_momentum(self, i, j, mass, spin):
+        """Conserves the angular momentum `spin` [kg m^2/s] of a merged pair about its centre.
 
-        The merged particle i, of `mass` [kg], and one neighbour at r from it get equal and opposite
-        impulses J. r x J = spin has a solution only if r is normal to spin; so the neighbour
-        nearest to that is taken, of those that do not merge themselves.
+        The merged particle i of `mass` [kg] and one neighbour at r get opposite impulses J. r x J =
+        spin has a solution only for r normal to spin: the neighbour nearest to that is used, of
+        those that do not merge themselves.
         """
         x, best, least = self.particles.x[i], -1, 1.0
         for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
             k = self.neighbours.index[s]
             if k != j and self.particles.partner[k] < 0:
                 r = self.particles.x[k] - x
-                cosine = abs(r.dot(spin)) / ti.max(r.norm() * spin.norm(), TINY)
+                cosine = abs(r.dot(spin)) / ti.max(r.norm() * spin.norm(), MIN_DIVISOR)
                 if cosine < least:
                     least, best = cosine, k
         if best >= 0:
             r = self.particles.x[best] - x
-            impulse = spin.cross(r) / ti.max(r.norm_sqr(), TINY)
+            impulse = spin.cross(r) / ti.max(r.norm_sqr(), MIN_DIVISOR)
             m_k = self.layers.mass[self.particles.layer[best]]
             given = impulse.dot(self.particles.v[best] - self.particles.v[i])
             given += 0.5 * impulse.norm_sqr() * (1.0 / m_k + 1.0 / mass)
             self.merge_loss[None] -= given
             self.particles.v[i] -= impulse / mass
-            # Several merges may choose the same neighbour.
+            # Atomic: several merges may choose the same neighbour.
             self.particles.v[best] += impulse / m_k
 
     @kernel
-    def split(self, n: ti.i32, most: ti.i32, capacity: ti.i32):
-        """Replaces a particle by two halves at the offsets of widest_gap().
+    def split(self, n: ti.i32, limit: ti.i32, capacity: ti.i32):
+        """Replaces marked particles by two halves at +- split_offset().
 
-        Only the first `most` particles are split, and only while the pool has room (`capacity`).
+        Splits at most `limit` particles, and no more than `capacity` allows.
         """
         for i in range(n):
-            offset, place = ti.Vector([0.0, 0.0, 0.0]), most
-            if self.particles.wish[i] == -1:
-                offset = self.widest_gap(i)
-                if offset.norm() > LEAST_HALF * self.layers.spacing[self.particles.layer[i]]:
+            offset, place = ti.Vector([0.0, 0.0, 0.0]), limit
+            if self.particles.mark[i] == -1:
+                offset = self.split_offset(i)
+                if offset.norm() > MIN_SPLIT_OFFSET * self.layers.spacing[self.particles.layer[i]]:
                     place = ti.atomic_add(self.tally[0], 1)
             j = n + place
-            if place < most and j >= capacity:
+            if place < limit and j >= capacity:
                 self.tally[2] += 1
-            elif place < most:
+            elif place < limit:
                 layer = self.finer[self.particles.layer[i]]
                 self.particles.x[j] = self.particles.x[i] + offset
                 self.particles.x[i] -= offset
@@ -324,18 +318,17 @@ class Adaptation:
                 self.particles.alive[j] = 1
 
     @ti.func
-    def widest_gap(self, i):
-        """The offset [m] of the halves of particle i, out of DIRECTIONS, at which they see the
-        least density."""
+    def split_offset(self, i):
+        """Returns the offset [m] of a split's halves, of DIRECTIONS the one of least density."""
         layer, x = self.particles.layer[i], self.particles.x[i]
         finer = self.finer[layer]
-        # Halves stay clear of walls: a wall that pushed one back would move the centre of mass.
+        # Halves stay clear of walls: a wall that pushes one back would move the centre of mass.
         room = ti.min(x, self.constants.size[None] - x)
         if self.constants.bodies[None] > 0:
             room = ti.min(room, self.particles.clearance[i])
         best, least = ti.Vector([0.0, 0.0, 0.0]), 1e9
         for d in range(self.directions.shape[0]):
-            offset = HALF * self.layers.spacing[layer] * self.directions[d]
+            offset = SPLIT_OFFSET * self.layers.spacing[layer] * self.directions[d]
             offset *= ti.min(1.0, (room / ti.max(abs(offset), 1e-9)).min())
             c = 0.0
             for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
@@ -345,7 +338,8 @@ class Adaptation:
                 r_ij = x - self.particles.x[j]
                 near = kernels.quartic((r_ij + offset).norm(), h)
                 c += self.layers.volume[other] * (near + kernels.quartic((r_ij - offset).norm(), h))
-            # Near walls the offset is shorter, so that the halves see each other; count that too.
+            # The halves also contribute to each other's density, more so at the shorter offsets
+            # near walls.
             other_half = kernels.quartic(2.0 * offset.norm(), self.layers.support[finer])
             c += 2.0 * self.layers.volume[layer] * other_half
             if c < least:
@@ -354,13 +348,13 @@ class Adaptation:
 
 
 def farthest_depth(specs: list[LayerSpec], parameters: AdaptationParameters) -> float:
-    """Depth [m] beyond which all particles belong to the coarsest band."""
+    """Returns the depth [m] beyond which all particles belong to the coarsest band."""
     tops = [top for top, _ in bands(specs, parameters.band)]
     return max(tops) * (1.0 + 2.0 * parameters.hysteresis)
 
 
 def band_rows(specs: list[LayerSpec], parameters: AdaptationParameters) -> dict[str, np.ndarray]:
-    """Columns of the bands in the table by layer: top and bottom [m], coarser and finer."""
+    """Returns the bands' columns of the table by layer: top and bottom [m], coarser and finer."""
     top, bottom = np.array(bands(specs, parameters.band)).T
     return {
         "top": top,

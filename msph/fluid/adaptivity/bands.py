@@ -1,47 +1,42 @@
-"""Bands of depth: which layer belongs at which distance from the free surface."""
+"""Depth bands: assignment of layers to distances from the free surface."""
 
 from dataclasses import replace
 
 from msph.fluid.particles.layers import LayerSpec
 from msph.parameter import Section, parameter
 
-# Two layers exchange particles if their mass ratio is 2 to within this share (-).
+# Tolerance (-) of the mass ratio 2 between layers that split and merge into each other.
 RATIO_TOLERANCE = 0.01
 
 
 class AdaptationParameters(Section):
-    """Particles split and merge, so that each depth has its layer.
+    """Parameters of splitting and merging. Evidence for the defaults: docs/method.md."""
 
-    Evidence for the defaults: docs/method.md.
-    """
-
-    enabled: bool = parameter(False, text="let particles change their layer with their depth")
+    enabled: bool = parameter(False, text="split and merge particles by their depth")
     capacity: int | None = parameter(
         None,
         gt=0,
-        text="most particles; beyond, fine layers grow thinner. Default: all water at its "
-        "finest, at most 16,000 or twice the particles at the start",
+        text="largest number of particles; near it, fine layers become thinner. Default: all water "
+        "at its finest, at most 16,000 or twice the particles at the start",
     )
     band: float = parameter(
         1.25, ge=0.5, le=50.0, text="thickness of a layer's band, in its supports"
     )
     hysteresis: float = parameter(
-        0.3, ge=0.0, le=0.4, text="share of a band's bound that a particle must pass"
+        0.3, ge=0.0, le=0.4, text="share of a band's limit by which particles must exceed it"
     )
-    every: int = parameter(8, ge=1, text="steps between passes, at least")
+    every: int = parameter(8, ge=1, text="least number of steps between passes")
     travel: float = parameter(
-        4.0, ge=0.0, text="spacings that the fastest particle goes between passes"
+        4.0, ge=0.0, text="distance of the fastest particle between passes, in spacings"
     )
     budget: float = parameter(
-        0.1, gt=0.0, le=1.0, text="share of all particles that a pass may change"
+        0.1, gt=0.0, le=1.0, text="largest share of the particles that a pass splits, or merges"
     )
-    settle: int = parameter(
-        3, ge=0, text="times `every` steps that a particle waits until its next change"
-    )
+    settle: int = parameter(3, ge=0, text="wait after a split or merge, in units of `every` steps")
 
 
 def bands(specs: list[LayerSpec], band: float) -> list[tuple[float, float]]:
-    """Depths [m] (top, bottom) of each layer's band, finest on top; the coarsest has no bottom."""
+    """Returns each layer's depths [m] (top, bottom), finest on top; the coarsest has no bottom."""
     order = sorted(range(len(specs)), key=lambda k: specs[k].mass)
     found, top = [(0.0, 0.0)] * len(specs), 0.0
     for k in order:
@@ -52,7 +47,7 @@ def bands(specs: list[LayerSpec], band: float) -> list[tuple[float, float]]:
 
 
 def coarser_of(specs: list[LayerSpec]) -> list[int]:
-    """Index of the layer that two particles of each layer merge into, -1 where there is none."""
+    """Returns for each layer the layer that two of its particles merge into, or -1."""
     return [
         next((j for j, b in enumerate(specs) if abs(b.mass / a.mass - 2.0) < RATIO_TOLERANCE), -1)
         for a in specs
@@ -60,15 +55,13 @@ def coarser_of(specs: list[LayerSpec]) -> list[int]:
 
 
 def finer_of(specs: list[LayerSpec]) -> list[int]:
-    """Index of the layer whose particles each layer's particles split into, -1 where there is
-    none."""
+    """Returns for each layer the layer that its particles split into, or -1."""
     coarser = coarser_of(specs)
     return [coarser.index(k) if k in coarser else -1 for k in range(len(specs))]
 
 
-def exact(specs: list[LayerSpec]) -> list[LayerSpec]:
-    """The layers with mass ratios of exactly 2 where they are nearly 2: spacings in a scene are
-    rounded, and each merge would change the mass of the water."""
+def with_exact_ratios(specs: list[LayerSpec]) -> list[LayerSpec]:
+    """Returns layers with mass ratios near 2 set to 2: merges then conserve mass exactly."""
     found = list(specs)
     for k in sorted(range(len(specs)), key=lambda k: specs[k].mass):
         coarser = coarser_of(found)[k]

@@ -1,1 +1,1 @@
-"""What holds the water: the walls of the box, bodies in it, a container."""
+"""Boundaries of the water: the walls of the box, bodies, and containers."""

@@ -1,10 +1,10 @@
-"""All that holds the water: the box, bodies in it, and a container in place of the box's walls.
+"""Boundary of the water: the box, bodies in it, and optionally a container.
 
-Each body has a share of the kernel's integral round a particle: for a block the product over its
-axes, for a ball the exact integral, for a mesh a map computed once per layer (Bender et al. 2019,
-"Volume maps", here with exact integrals). The fluid's share is the product of (1 - share) over all
-bodies, which is exact for bodies that stand apart or pass through a wall. So a body on a wall
-should be sunk into it; blocks that touch a wall are sunk here.
+Each body has a share lambda of the kernel's integral around a particle: for a block the product
+over its axes, for a ball the exact integral, for a mesh a map computed once per layer (Bender et
+al. 2019, "Volume maps", here with exact integrals). The fluid's share is the product of (1 -
+lambda) over all bodies, exact for bodies that are apart or pass through a wall. A body on a wall
+should therefore extend into it; blocks that touch a wall are extended here.
 """
 
 import math
@@ -14,7 +14,15 @@ import taichi as ti
 
 from msph.device_table import DeviceTable, f32, i32
 from msph.fluid.boundary.mesh_samples import lattices, sample
-from msph.fluid.boundary.rigid_bodies import Ball, Block, Body, Solid, centre, reach, sunk
+from msph.fluid.boundary.rigid_bodies import (
+    Ball,
+    Block,
+    Body,
+    Solid,
+    bounding_radius,
+    centre,
+    extended_into_walls,
+)
 from msph.fluid.boundary.sampled_fields import SampledFields, SampleLattice
 from msph.fluid.boundary.wall_integrals import ball_share, block_share, swelling, wall_support
 from msph.fluid.constants import Constants
@@ -25,49 +33,50 @@ from msph.taichi_internals import data_oriented, kernel
 vec3, vec4 = ti.math.vec3, ti.math.vec4
 
 BLOCK, BALL, SOLID = 0, 1, 2
-# Most bodies of a scene: 64 obstacles and a container.
-MOST_BODIES = 65
-# Index of a body's pose: at the begin and at the end of a step.
+# Largest number of bodies: 64 obstacles and a container.
+MAX_BODIES = 65
+# Index of a body's pose: at the beginning and at the end of a step.
 BEGIN, END = 0, 1
 
 
 @data_oriented
 class Boundary:
-    """The box and the bodies in it, as the particles of all layers meet them.
+    """The box and its bodies.
 
-    The pose of a body is kept for the begin and the end of a step; its velocity is the mean over
-    the step. box [m], bodies and count are the host's; kernels read the tables: by body (room for
-    MOST_BODIES) kind; side, 1 or -1 where the water is inside; half, the extents of a block or the
-    radius of a ball [m]; reach, the radius of a ball that holds it [m]; first, the lattice of a
-    mesh's distance, which those of its shares follow. By body and pose: centre [m] and turn, body
-    frame to box frame; velocity [m/s] and spin [rad/s], the same for both poses.
+    Poses are stored for the beginning and the end of a step; velocities are means over the step.
+    box [m], bodies and count are host values. Tables by body: kind; side, -1 if the water is
+    inside, else 1; half, the half extents of a block or the radius of a ball [m]; bounding_radius
+    [m]; first, index of a mesh's distance lattice, followed by its share lattices. Tables by body
+    and pose: centre [m]; rotation, body frame to box frame; velocity [m/s] and spin [rad/s], equal
+    for both poses.
     """
 
     def __init__(self, room: Room, constants: Constants, layers: Layers):
         self.constants, self.layers = constants, layers
         self.support, self.swell = layers.wall_support, layers.swell
         self._shapes = DeviceTable(
-            (MOST_BODIES,), kind=i32, side=f32, half=vec3, reach=f32, first=i32
+            (MAX_BODIES,), kind=i32, side=f32, half=vec3, bounding_radius=f32, first=i32
         )
         self._poses = DeviceTable(
-            (MOST_BODIES, 2), centre=vec3, turn=ti.math.mat3, velocity=vec3, spin=vec3
+            (MAX_BODIES, 2), centre=vec3, rotation=ti.math.mat3, velocity=vec3, spin=vec3
         )
         for table in (self._shapes, self._poses):
             self.__dict__.update({name: getattr(table, name) for name in table.fields})
         self.samples = SampledFields(room.samples)
         self.box, self.bodies, self.count = (0.0, 0.0, 0.0), [], 0
         self.moving, self.top_speed, self.time = False, 0.0, 0.0
-        self.velocities = self.spins = np.zeros((0, 3))
-        # Bodies that were stopped, and when [s].
+        # Time [s] at which a body was stopped, by body.
         self.stopped: dict[int, float] = {}
 
     def load(self, size: tuple[float, float, float], specs: list[LayerSpec], bodies: list[Body]):
-        """Fills the tables for a box of `size` [m], its bodies, and particles of these layers."""
+        """Fills the tables for a box of `size` [m], bodies and layers."""
         self.box = size
-        self.bodies = [sunk(b, np.array(size), specs) for b in bodies]
+        self.bodies = [extended_into_walls(b, np.array(size), specs) for b in bodies]
         self.count = len(self.bodies)
         self.moving = any(b.motion.moves for b in self.bodies)
-        self.top_speed = max((b.motion.top_speed(reach(b)) for b in self.bodies), default=0.0)
+        self.top_speed = max(
+            (b.motion.top_speed(bounding_radius(b)) for b in self.bodies), default=0.0
+        )
         if self.bodies:
             self._load_shapes(specs)
         self.velocities = self.spins = np.zeros((self.count, 3))
@@ -75,7 +84,7 @@ class Boundary:
 
     @staticmethod
     def layer_rows(specs: list[LayerSpec]) -> dict[str, np.ndarray]:
-        """Columns of the bodies' integrals in the table by layer: wall_support and swell [m]."""
+        """Returns the bodies' columns of the table by layer: wall_support and swell [m]."""
         return {
             "wall_support": np.array([wall_support(s) for s in specs]),
             "swell": np.array([swelling(s) for s in specs]),
@@ -97,23 +106,23 @@ class Boundary:
             kind=[(Block, Ball, Solid).index(type(b)) for b in self.bodies],
             side=np.where(inward, -1.0, 1.0),
             half=[0.5 * (hi - lo) for lo, hi in ends],
-            reach=[reach(b) for b in self.bodies],
+            bounding_radius=[bounding_radius(b) for b in self.bodies],
             first=first,
         )
         if grids:
             self.samples.load(grids, values)
 
     def reset(self, time: float) -> None:
-        """Puts the bodies where they stand at `time` [s], those too that were stopped."""
+        """Moves all bodies, including stopped ones, to their poses at `time` [s]."""
         self.stopped.clear()
         self.place(time, 0.0)
 
     def stop(self, body: int, time: float) -> None:
-        """Lets a body stay where it was at `time` [s] until reset()."""
+        """Keeps a body at its pose of `time` [s] until reset()."""
         self.stopped[body] = time
 
     def name(self, body: int) -> str:
-        """What scenes call a body: obstacles are counted without the container."""
+        """Returns a body's name in scenes; obstacles are counted without the container."""
         solid = self.bodies[body]
         if isinstance(solid, Solid) and solid.container:
             return "container"
@@ -121,14 +130,13 @@ class Boundary:
         return f"obstacles.{body - before}"
 
     def pose(self, body: int) -> tuple[np.ndarray, np.ndarray]:
-        """Way of a body since time zero, (3,) [m], and its rotation, (3, 3), at the end of the
-        step."""
+        """Returns a body's displacement (3,) [m] and rotation (3, 3) at the end of the step."""
         last = min(self.time, self.stopped.get(body, math.inf))
         motion = self.bodies[body].motion
-        return motion.offset(last), motion.turn(last)
+        return motion.offset(last), motion.rotation(last)
 
     def nearest_moving(self, x: np.ndarray) -> int:
-        """Index of the moving body that is nearest to x [m], (3,)."""
+        """Returns the index of the moving body nearest to x (3,) [m]."""
         moving = [k for k, body in enumerate(self.bodies) if body.motion.moves]
         return min(moving, key=lambda k: self._distance_from(k, *x.tolist()))
 
@@ -137,34 +145,34 @@ class Boundary:
         return self.distance(b, vec3(x, y, z), END).x
 
     def move(self, dt: float) -> None:
-        """Moves the bodies on by dt [s]."""
+        """Advances the bodies by dt [s]."""
         if self.moving:
             self.place(self.time, dt)
 
     def place(self, time: float, dt: float) -> None:
-        """Puts the bodies where a step from `time` of length dt [s] begins and where it ends."""
+        """Sets the bodies' poses at the beginning and end of a step of dt [s] from `time`."""
         self.time = time + dt
         if not self.bodies:
             return
         last = [self.stopped.get(k, math.inf) for k in range(self.count)]
         ends = [(min(time, t), min(time + dt, t)) for t in last]
         motions = [body.motion for body in self.bodies]
-        ways = np.array(
+        shifts = np.array(
             [[m.offset(t) for t in pair] for m, pair in zip(motions, ends, strict=True)]
         )
         if dt > 0.0:
-            self.velocities = (ways[:, END] - ways[:, BEGIN]) / dt
+            self.velocities = (shifts[:, END] - shifts[:, BEGIN]) / dt
             spins = [m.spin() * (b > a) for m, (a, b) in zip(motions, ends, strict=True)]
             self.spins = np.array(spins)
         self._poses.fill(
-            centre=np.array([centre(body) for body in self.bodies])[:, None] + ways,
-            turn=[[m.turn(t) for t in pair] for m, pair in zip(motions, ends, strict=True)],
+            centre=np.array([centre(body) for body in self.bodies])[:, None] + shifts,
+            rotation=[[m.rotation(t) for t in pair] for m, pair in zip(motions, ends, strict=True)],
             velocity=np.stack([self.velocities] * 2, axis=1),
             spin=np.stack([self.spins] * 2, axis=1),
         )
 
     def free(self, x: np.ndarray, margin: float = 0.0) -> np.ndarray:
-        """Whether each point of x (n, 3) [m] is `margin` [m] outside of all bodies, (n,) bool."""
+        """Returns which points x (n, 3) are at least `margin` outside all bodies [m], (n,) bool."""
         found = np.ones(len(x), np.int32)
         if self.bodies:
             self._find_free(np.ascontiguousarray(x, np.float32), margin, found)
@@ -182,24 +190,24 @@ class Boundary:
             found[i] = ti.cast(self.clearance(p, END) >= margin, ti.i32)
 
     @ti.func
-    def inside(self, b, x, pose):
-        """x [m] in the frame of body b."""
-        return self.turn[b, pose].transpose() @ (x - self.centre[b, pose])
+    def to_body_frame(self, b, x, pose):
+        """Returns x [m] in the frame of body b."""
+        return self.rotation[b, pose].transpose() @ (x - self.centre[b, pose])
 
     @ti.func
     def distance(self, b, x, pose):
-        """Distance [m] of x from body b, positive on the water's side, and its gradient."""
+        """Returns the distance [m] of x from body b, positive in the water, and its gradient."""
         return self.distance_by(b, x, pose, False)
 
     @ti.func
     def normal(self, b, x, pose):
-        """Unit normal of body b near x [m], towards the water, smooth also for sampled meshes."""
+        """Returns the unit normal of body b near x [m], towards the water; smooth for meshes."""
         return self.distance_by(b, x, pose, True).yzw.normalized(1e-9)
 
     @ti.func
     def distance_by(self, b, x, pose, smooth: ti.template()):
-        """As distance(); smooth: whether meshes are interpolated by cubics."""
-        p = self.inside(b, x, pose)
+        """Like distance(); smooth: interpolate meshes by cubics."""
+        p = self.to_body_frame(b, x, pose)
         found = vec4(0.0)
         kind = self.kind[b]
         if kind == BLOCK:
@@ -213,15 +221,15 @@ class Boundary:
                 found = self.samples.cubic(self.first[b], p)
             else:
                 found = self.mesh_distance(b, p)
-        g = self.turn[b, pose] @ found.yzw
+        g = self.rotation[b, pose] @ found.yzw
         return self.side[b] * vec4(found.x, g[0], g[1], g[2])
 
     @ti.func
     def mesh_distance(self, b, p):
-        """Distance of p, in its frame, from a mesh, and its gradient.
+        """Returns the distance from a mesh of p, in the mesh's frame, and its gradient.
 
-        Outside the lattice it is a lower bound. With c the lattice's point nearest to p,
-        |p - q|^2 >= |p - c|^2 + |c - q|^2 for all q of the mesh, since the lattice is convex.
+        Outside the lattice it is a lower bound. With c the lattice point nearest to p, |p - q|^2 >=
+        |p - c|^2 + |c - q|^2 for all q of the mesh, since the lattice is convex.
         """
         m = self.first[b]
         found = self.samples.linear(m, p)
@@ -234,7 +242,7 @@ class Boundary:
 
     @ti.func
     def clearance(self, x, pose):
-        """Distance [m] of x to the nearest body, negative inside of one."""
+        """Returns the distance [m] of x from the nearest body, negative inside."""
         found = 1e9
         for b in range(self.constants.bodies[None]):
             found = ti.min(found, self.distance(b, x, pose).x)
@@ -242,13 +250,13 @@ class Boundary:
 
     @ti.func
     def velocity_at(self, b, x):
-        """Velocity [m/s] of body b at x [m]."""
+        """Returns the velocity [m/s] of body b at x [m]."""
         return self.velocity[b, BEGIN] + self.spin[b, BEGIN].cross(x - self.centre[b, BEGIN])
 
     @ti.func
     def share(self, x, layer):
-        """The bodies' part (-) of the relative density of a layer's particle at x [m], and its
-        gradient [1/m]; as fifth number minus its rate by their motion [1/s].
+        """Returns the bodies' part (-) of the relative density of a layer's particle at x [m], its
+        gradient [1/m], and minus its rate [1/s] by the bodies' motion.
 
         The part is 1 - product over bodies of (1 - lambda_b), without the box's walls.
         """
@@ -265,8 +273,7 @@ class Boundary:
 
     @ti.func
     def open_share(self, x, layer, pose):
-        """The part (-) of a layer's kernel round x [m] that lies outside of all bodies, the product
-        of 1 - lambda_b, and its gradient [1/m]."""
+        """Returns the share (-) of a layer's kernel outside all bodies and its gradient [1/m]."""
         free, slope = 1.0, vec3(0.0)
         h = self.support[layer]
         for b in range(self.constants.bodies[None]):
@@ -277,9 +284,8 @@ class Boundary:
 
     @ti.func
     def body_share(self, b, x, layer, h, pose):
-        """lambda (-) of one body, swollen as `layer` meets it, and its gradient [1/m]; zero where
-        the body is out of reach."""
-        p = self.inside(b, x, pose)
+        """Returns lambda (-) of one body enlarged by the layer's swell, and its gradient [1/m]."""
+        p = self.to_body_frame(b, x, pose)
         found = vec4(0.0)
         kind = self.kind[b]
         half = self.half[b] + self.swell[layer]
@@ -292,12 +298,12 @@ class Boundary:
             found = vec4(part[0], n[0], n[1], n[2])
         if kind == SOLID:
             found = self.mesh_share(b, p, layer, h)
-        g = self.turn[b, pose] @ found.yzw
+        g = self.rotation[b, pose] @ found.yzw
         return vec4(found.x, g[0], g[1], g[2])
 
     @ti.func
     def mesh_share(self, b, p, layer, h):
-        """lambda of a mesh at p [m] in its frame: of its inside, for a container of its outside."""
+        """Returns lambda of a mesh at p [m] in its frame; of the outside for a container."""
         found = vec4(0.0)
         first = self.first[b]
         m = first + 1 + layer
@@ -314,7 +320,7 @@ class Boundary:
 
 @ti.func
 def block_distance(p, half):
-    """Signed distance [m] to the box from -half to half, negative inside, and its gradient."""
+    """Returns the signed distance [m] to the box from -half to half, and its gradient."""
     q = abs(p) - half
     side = ti.select(p < 0.0, -1.0, 1.0)
     out = ti.max(q, 0.0)

@@ -1,55 +1,46 @@
-"""Contact of particles with walls and bodies: they stop particles and complete their kernels.
+"""Contact of particles with walls and bodies.
 
-Beyond the walls of the box kernels are completed by mirror images (mirror_images.py), inside bodies
-by the bodies' share of the kernel's integral. Kernels about bodies are launched only in scenes that
-have bodies.
+Walls and bodies stop particles. Kernels are completed by mirror images beyond walls
+(mirror_images.py) and by the bodies' share of the kernel's integral inside bodies. Body kernels are
+launched only in scenes with bodies.
 """
 
 import taichi as ti
 
 from msph.fluid.boundary.boundary import BEGIN, END, Boundary
-from msph.fluid.constants import Constants
 from msph.fluid.impulse_ledger import ImpulseLedger
-from msph.fluid.particles.layers import Layers
 from msph.fluid.particles.particles import Attribute, Particles
 from msph.taichi_internals import data_oriented, kernel
 
 vec3 = ti.math.vec3
 
 ATTRIBUTES = (
-    Attribute("boundary_share", "-", "the bodies' part of c", carried=False),
-    Attribute("boundary_gradient", "1/m", "its gradient", width=3, carried=False),
-    Attribute("boundary_inflow", "1/s", "its rate by the bodies' motion", carried=False),
+    Attribute("boundary_share", "-", "part of the relative density c by bodies", carried=False),
+    Attribute("boundary_gradient", "1/m", "gradient of boundary_share", width=3, carried=False),
+    Attribute("boundary_inflow", "1/s", "rate of boundary_share by bodies' motion", carried=False),
     Attribute("clearance", "m", "distance from the nearest body", carried=False),
 )
 
-# Depth in a wall beyond which a particle counts as leaked, in spacings of the finest layer.
+# Depth in a wall beyond which a particle has leaked, in spacings of the finest layer.
 LEAK = 0.1
-# Rounds of pushing a particle out of bodies and walls in turn: out of one may lead into the next.
-# Without turns up to 8 of the 4,104 particles of the scene `pillar` leaked, with 8 rounds none.
+# Rounds of pushing a particle out of bodies and walls in turn. In one round up to 8 of the 4,104
+# particles of the scene `pillar` leaked, in 8 rounds none.
 ROUNDS = 8
-# Least distance to a wall, in spacings; multiples of the golden section spread it over particles.
+# Least distance to a wall, in spacings, and the golden section, whose multiples vary that distance
+# between particles.
 NEAREST, GOLDEN = 0.05, 0.6180340
 
 
 @data_oriented
 class Contact:
-    """Particles at the walls and bodies of a boundary."""
+    """Stops particles at walls and bodies, and computes the bodies' part of the density."""
 
-    def __init__(
-        self,
-        constants: Constants,
-        boundary: Boundary,
-        layers: Layers,
-        particles: Particles,
-        impulses: ImpulseLedger,
-    ):
-        self.constants, self.boundary, self.layers = constants, boundary, layers
+    def __init__(self, boundary: Boundary, particles: Particles, impulses: ImpulseLedger):
+        self.constants, self.boundary, self.layers = boundary.constants, boundary, boundary.layers
         self.particles, self.impulses = particles, impulses
 
     def drift(self, dt: float) -> None:
-        """Moves particles by dt v, dt [s]. Particles that would leave are stopped at walls, and at
-        bodies in their poses at the end of the step."""
+        """Moves particles by dt v, dt [s], and stops them at walls and at the bodies' end poses."""
         n = self.particles.count
         self._drift(n, dt)
         if self.boundary.count:
@@ -57,13 +48,12 @@ class Contact:
             self._clear_bodies(n, END)
 
     def clear_bodies(self) -> None:
-        """Moves particles out of bodies in their poses at the begin of the step."""
+        """Moves particles out of bodies in their poses at the beginning of the step."""
         if self.boundary.count:
             self._clear_bodies(self.particles.count, BEGIN)
 
     def refresh_shares(self) -> None:
-        """Computes boundary_share, boundary_gradient and boundary_inflow at the present positions.
-        In scenes without bodies all three are 0."""
+        """Computes the bodies' share, gradient and inflow at the particles; 0 without bodies."""
         if self.boundary.count:
             self._find_shares(self.particles.count)
 
@@ -73,9 +63,8 @@ class Contact:
             self._find_clearance(self.particles.count)
 
     def leaked(self) -> int:
-        """Number of particles outside the box or deeper than LEAK spacings inside a body."""
-        n = self.particles.count
-        return self._count_outside(n) if not self.boundary.count else self._count_leaked(n)
+        """Returns the number of particles outside the box or over LEAK spacings inside a body."""
+        return self._count_leaked(self.particles.count, self.boundary.count > 0)
 
     @kernel
     def _drift(self, n: ti.i32, dt: ti.f32):
@@ -92,7 +81,7 @@ class Contact:
 
     @kernel
     def _stop_at_bodies(self, n: ti.i32):
-        """Velocities of particles that meet a body, and the bodies' impulse and work."""
+        """Updates velocities of particles in contact with bodies, and records impulse and work."""
         p = self.particles
         for i in range(n):
             x, v, margin, work = p.x[i], p.v[i], self.margin(i), 0.0
@@ -113,7 +102,7 @@ class Contact:
 
     @kernel
     def _clear_bodies(self, n: ti.i32, pose: ti.i32):
-        """Moves particles to the nearest place that is `margin` away from all bodies and walls."""
+        """Moves particles to the nearest position `margin` away from all bodies and walls."""
         for i in range(n):
             size, x, margin = self.constants.size[None], self.particles.x[i], self.margin(i)
             rounds = 0
@@ -146,30 +135,21 @@ class Contact:
             self.particles.clearance[i] = self.boundary.clearance(self.particles.x[i], END)
 
     @kernel
-    def _count_outside(self, n: ti.i32) -> ti.i32:
-        found = 0
-        for i in range(n):
-            found += ti.cast(self.is_outside(self.particles.x[i]), ti.i32)
-        return found
-
-    @kernel
-    def _count_leaked(self, n: ti.i32) -> ti.i32:
+    def _count_leaked(self, n: ti.i32, bodies: ti.template()) -> ti.i32:
         found = 0
         for i in range(n):
             x = self.particles.x[i]
-            sunk = self.boundary.clearance(x, END) < -self.constants.leak[None]
-            found += ti.cast(self.is_outside(x) or sunk, ti.i32)
+            leaked = (x < 0.0).any() or (x > self.constants.size[None]).any()
+            if ti.static(bodies):
+                leaked |= self.boundary.clearance(x, END) < -self.constants.leak[None]
+            found += ti.cast(leaked, ti.i32)
         return found
 
     @ti.func
-    def is_outside(self, x):
-        """Whether x [m] is outside the box."""
-        return (x < 0.0).any() or (x > self.constants.size[None]).any()
-
-    @ti.func
     def margin(self, i):
-        """Distance [m] from walls at which particle i is stopped: each at its own, since what lies
-        in one point cannot part again, and what lies on a wall is not repelled by its image."""
+        """Returns the distance [m] from walls at which particle i is stopped. It differs between
+        particles: particles at one point cannot separate, and a wall particle is not repelled by
+        its image."""
         share = GOLDEN * ti.cast(self.particles.id[i] & 1023, ti.f32)
         d = self.layers.spacing[self.particles.layer[i]]
         return NEAREST * (1.0 + share - ti.floor(share)) * d

@@ -1,4 +1,4 @@
-"""The sampled fields of a closed mesh: its signed distance, and its share for each layer's h."""
+"""Sampled fields of a closed mesh: its signed distance, and its share for each layer's kernel."""
 
 import numpy as np
 
@@ -9,32 +9,30 @@ from msph.fluid.boundary.volume_map import kernel_share
 from msph.fluid.boundary.wall_integrals import swelling, wall_support
 from msph.fluid.particles.layers import LayerSpec
 
-# Cell of the lattices in supports: splines then keep shares to a thousandth.
+# Cell of the lattices in supports: keeps shares accurate to 0.001.
 CELL = 0.2
-# Share of the largest eigenvalue of a vertex's normals from which on they span a direction: lower,
-# vertices of flat but rough faces would run away along them.
+# Least eigenvalue, over the largest, of a vertex's normals that counts as a direction: otherwise
+# vertices of flat but rough faces would move far along them.
 FLAT = 0.05
 
 
 def lattices(body: Solid, specs: list[LayerSpec]) -> list[SampleLattice]:
-    """Lattices on which a mesh's signed distance (first) and its share for each layer's h are
-    sampled, in the body's own frame with its centre as origin."""
+    """Returns the lattices of a mesh's distance and of its share for each layer, in its frame."""
     lo, hi = (b - centre(body) for b in body.bounds)
     finest = min(s.support for s in specs)
     supports = [finest, *(s.support for s in specs)]
-    return [SampleLattice.round(lo, hi, h, CELL * h) for h in supports]
+    return [SampleLattice.covering(lo, hi, h, CELL * h) for h in supports]
 
 
-def numbers_needed(bodies: list[Body], specs: list[LayerSpec]) -> int:
-    """f32 numbers that the bodies' samples take."""
+def sample_count(bodies: list[Body], specs: list[LayerSpec]) -> int:
+    """Returns the number of f32 values of all bodies' samples."""
     solids = [b for b in bodies if isinstance(b, Solid)]
     return sum(lattice.nodes for b in solids for lattice in lattices(b, specs))
 
 
 def sample(body: Solid, own: list[SampleLattice], specs: list[LayerSpec]) -> list[np.ndarray]:
-    """A mesh's signed distance [m] at the nodes of its first lattice, and on the others the
-    coefficients of the cubic B-splines (-) that take its shares at the nodes."""
-    # Here, since only meshes need it.
+    """Returns a mesh's distances [m] and its shares' B-spline coefficients (-), by lattice."""
+    # Imported here: only needed for meshes.
     from scipy.ndimage import spline_filter
 
     vertices = body.vertices - centre(body)
@@ -49,12 +47,12 @@ def sample(body: Solid, own: list[SampleLattice], specs: list[LayerSpec]) -> lis
 
 
 def outward(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """The ways u (v, 3) of vertices (-) that move every face out by 1: n.u = 1 for the normals n of
-    a vertex's triangles, in the least squares weighed by area, and no farther than that takes."""
+    """Returns displacements (v, 3) of the vertices (-) that move every face outwards by 1: n.u = 1
+    for the normals n of a vertex's triangles, least squares weighted by area, of minimal length."""
     a, b, c = (vertices[triangles[:, k]] for k in range(3))
-    twice = np.cross(b - a, c - a)
-    area = np.linalg.norm(twice, axis=1)
-    n = twice / np.maximum(area, 1e-30)[:, None]
+    normals = np.cross(b - a, c - a)
+    area = np.linalg.norm(normals, axis=1)
+    n = normals / np.maximum(area, 1e-30)[:, None]
     squares, sums = np.zeros((len(vertices), 3, 3)), np.zeros((len(vertices), 3))
     for k in range(3):
         np.add.at(squares, triangles[:, k], area[:, None, None] * n[:, :, None] * n[:, None, :])

@@ -1,7 +1,7 @@
-"""Bodies that water meets: blocks, balls and closed meshes, at rest or moving along a given way.
+"""Rigid bodies: blocks, balls and closed meshes, at rest or in prescribed motion.
 
-A body is described where it stands at time zero, in the box's frame. Its pose is a function of
-time alone, so that a reset or a checkpoint finds it where it was.
+Shapes are given at time zero in the box's frame. A pose is a function of time alone, so that resets
+and checkpoints need no state.
 """
 
 import math
@@ -14,15 +14,15 @@ from msph.fluid.particles.layers import LayerSpec
 
 Vec3 = tuple[float, float, float]
 
-# Gap to a wall below which a block counts as touching it, in spacings of the finest layer.
+# Gap below which a block touches a wall, in spacings of the finest layer.
 TOUCHING = 0.5
 
 
 @dataclass(frozen=True)
 class Motion:
-    """x(t) = velocity t + swing (1 - cos(2 pi t/period))/2 [m], and spin at `rate` [rad/s] about
-    `axis` through the body's centre. A swing starts at rest and is `swing` away half a period
-    later. velocity [m/s], swing [m], period [s]."""
+    """Translation x(t) = velocity t + swing (1 - cos(2 pi t/period))/2 [m] and rotation at `rate`
+    [rad/s] about `axis` through the body's centre. A swing starts at rest and reaches `swing` after
+    half a period. velocity [m/s], swing [m], period [s]."""
 
     velocity: Vec3 = (0.0, 0.0, 0.0)
     swing: Vec3 = (0.0, 0.0, 0.0)
@@ -36,7 +36,7 @@ class Motion:
 
     @property
     def slides(self) -> np.ndarray:
-        """Whether it moves along each axis, (3,) bool."""
+        """Axes along which the body translates, (3,) bool."""
         return (np.array(self.velocity) != 0.0) | (np.array(self.swing) != 0.0)
 
     @property
@@ -44,23 +44,23 @@ class Motion:
         return self.spins or bool(self.slides.any())
 
     def offset(self, time: float) -> np.ndarray:
-        """Way from where it stood at time zero [m], (3,)."""
+        """Returns the displacement since time zero [m], (3,)."""
         part = 0.5 - 0.5 * math.cos(2.0 * math.pi * time / self.period)
         return np.array(self.velocity) * time + np.array(self.swing) * part
 
-    def turn(self, time: float) -> np.ndarray:
-        """Rotation since time zero, (3, 3), by Rodrigues' formula."""
+    def rotation(self, time: float) -> np.ndarray:
+        """Returns the rotation since time zero, (3, 3), by Rodrigues' formula."""
         x, y, z = self._axis
         cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
         angle = self.rate * time
         return np.eye(3) + math.sin(angle) * cross + (1.0 - math.cos(angle)) * cross @ cross
 
     def spin(self) -> np.ndarray:
-        """Angular velocity [rad/s], (3,)."""
+        """Returns the angular velocity [rad/s], (3,)."""
         return self.rate * self._axis
 
     def top_speed(self, reach: float) -> float:
-        """Bound on the speed [m/s] of any point within `reach` [m] of the centre."""
+        """Returns an upper bound of the speed [m/s] of points within `reach` [m] of the centre."""
         swinging = math.pi / self.period * float(np.linalg.norm(self.swing))
         return float(np.linalg.norm(self.velocity)) + swinging + abs(self.rate) * reach
 
@@ -70,16 +70,16 @@ class Motion:
         return axis / np.linalg.norm(axis)
 
 
-STILL = Motion()
+AT_REST = Motion()
 
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """The box from lo to hi [m], (3,) each."""
+    """Box from lo to hi [m], (3,) each."""
 
     lo: np.ndarray
     hi: np.ndarray
-    motion: Motion = STILL
+    motion: Motion = AT_REST
 
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
@@ -88,11 +88,11 @@ class Block:
 
 @dataclass(frozen=True, eq=False)
 class Ball:
-    """centre (3,) [m], radius [m]."""
+    """Ball: centre (3,) [m], radius [m]."""
 
     centre: np.ndarray
     radius: float
-    motion: Motion = STILL
+    motion: Motion = AT_REST
 
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
@@ -101,14 +101,15 @@ class Ball:
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """A closed mesh: vertices (v, 3) [m], triangles (t, 3) counter-clockwise seen from outside.
+    """Closed mesh: vertices (v, 3) [m], triangles (t, 3) counter-clockwise seen from outside.
 
-    container: the water is inside of it; the box's walls then only stop what would leave the box.
+    container: the water is inside; the box's walls then only stop particles that would leave the
+    box.
     """
 
     vertices: np.ndarray
     triangles: np.ndarray
-    motion: Motion = STILL
+    motion: Motion = AT_REST
     container: bool = field(default=False)
 
     @property
@@ -120,24 +121,25 @@ Body = Block | Ball | Solid
 
 
 def centre(body: Body) -> np.ndarray:
-    """Middle of the body's bounds [m], (3,): what it spins about."""
+    """Returns the centre of the body's bounds [m], (3,), about which it rotates."""
     lo, hi = body.bounds
     return 0.5 * (lo + hi)
 
 
-def reach(body: Body) -> float:
-    """Radius [m] of a ball about the centre that holds the body."""
+def bounding_radius(body: Body) -> float:
+    """Returns the radius [m] of a ball about the centre that contains the body."""
     if isinstance(body, Ball):
         return body.radius
     lo, hi = body.bounds
     return 0.5 * float(np.linalg.norm(hi - lo))
 
 
-def sunk(body: Body, size: np.ndarray, specs: list[LayerSpec]) -> Body:
-    """A block with the faces that touch a wall of the box pushed out beyond the kernels' reach.
+def extended_into_walls(body: Body, size: np.ndarray, specs: list[LayerSpec]) -> Body:
+    """Returns a block whose faces that touch a wall of the box are moved out beyond the kernels'
+    reach.
 
-    Faces along an axis on which the block moves stay, since a gap may open there; other bodies
-    are returned unchanged.
+    Faces along axes of motion stay, since a gap may open there; other bodies are returned
+    unchanged.
     """
     if not isinstance(body, Block) or body.motion.spins:
         return body

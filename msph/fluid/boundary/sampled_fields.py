@@ -1,4 +1,4 @@
-"""Scalars sampled on regular lattices, interpolated with their gradients inside kernels."""
+"""Scalar fields sampled on regular lattices, interpolated with gradients in kernels."""
 
 from dataclasses import dataclass
 
@@ -10,26 +10,27 @@ from msph.taichi_internals import data_oriented, kernel
 
 vec3, vec4 = ti.math.vec3, ti.math.vec4
 
-# Most lattices of a scene: each of 65 meshes has one for its distance, and one for each of 16
-# layers.
-MOST_LATTICES = 65 * 17
+# Largest number of lattices: 65 meshes with one for the distance and one per layer (16).
+MAX_LATTICES = 65 * 17
 
 
 @dataclass(frozen=True)
 class SampleLattice:
-    """Nodes at origin + cell * (i, j, k) [m], i below shape[0] and so on."""
+    """Lattice with nodes at origin + cell * (i, j, k) [m], i < shape[0] and so on."""
 
     origin: tuple[float, float, float]
     cell: float
     shape: tuple[int, int, int]
 
-    # Place of the first node in its cell, in cells. Planes of a model often lie at round numbers; a
-    # row of nodes exactly in such a plane is neither inside nor outside.
+    # Position of the first node in its cell, in cells: faces of meshes often lie at round numbers,
+    # and nodes exactly on a face would be neither inside nor outside.
     OFFSET = (0.3819, 0.4142, 0.2679)
 
     @classmethod
-    def round(cls, lo: np.ndarray, hi: np.ndarray, margin: float, cell: float) -> "SampleLattice":
-        """The lattice that covers lo to hi and a margin round it [m], and two cells more."""
+    def covering(
+        cls, lo: np.ndarray, hi: np.ndarray, margin: float, cell: float
+    ) -> "SampleLattice":
+        """Returns a lattice that covers lo to hi, a margin around it [m], and two more cells."""
         first = np.floor((lo - margin) / cell) - 2 + np.array(cls.OFFSET)
         last = np.ceil((hi + margin) / cell) + 2
         nx, ny, nz = (int(n) for n in np.ceil(last - first) + 1)
@@ -43,23 +44,22 @@ class SampleLattice:
 
 @data_oriented
 class SampledFields:
-    """Several sampled lattices, one after the other in one field of f32.
+    """Several sampled lattices, stored one after the other in one f32 field.
 
-    linear(), cubic() and spline() give (value, d/dx, d/dy, d/dz) at a point; the gradient is that
-    of the interpolant itself. covers() says whether a point is inside a lattice; only there they
-    hold.
+    linear(), cubic() and spline() return (value, d/dx, d/dy, d/dz) of the interpolant at a point;
+    they are valid only where covers() is true.
     """
 
     def __init__(self, room: int):
         self._lattices = DeviceTable(
-            (MOST_LATTICES,), origin=vec3, cell=f32, dims=ti.math.ivec3, offset=i32
+            (MAX_LATTICES,), origin=vec3, cell=f32, dims=ti.math.ivec3, offset=i32
         )
         table = self._lattices
         self.origin, self.cell, self.dims = table.origin, table.cell, table.dims
         self.offset, self.value = table.offset, ti.field(f32, shape=room)
 
     def load(self, lattices: list[SampleLattice], values: list[np.ndarray]) -> None:
-        """Takes lattices and the values at their nodes."""
+        """Loads lattices and the values at their nodes."""
         ends = np.cumsum([lattice.nodes for lattice in lattices])
         self._lattices.fill(
             origin=[lattice.origin for lattice in lattices],
@@ -76,19 +76,18 @@ class SampledFields:
 
     @ti.func
     def place(self, m, p):
-        """Where p is in lattice m, in cells from its first node."""
+        """Returns the position of p in lattice m, in cells from its first node."""
         return (p - self.origin[m]) / self.cell[m]
 
     @ti.func
     def clamped(self, m, p):
-        """The point of lattice m that is nearest to p."""
+        """Returns the point of lattice m nearest to p."""
         span = self.cell[m] * (ti.cast(self.dims[m], ti.f32) - 1.001)
         return ti.math.clamp(p, self.origin[m], self.origin[m] + span)
 
     @ti.func
     def covers(self, m, p):
-        """Whether p is inside the lattice by a margin of one cell, as cubic() and spline()
-        need."""
+        """Returns whether p is inside the lattice by one cell, as cubic() and spline() require."""
         c = self.place(m, p)
         return (c >= 1.0).all() and (c < ti.cast(self.dims[m], ti.f32) - 2.0).all()
 
@@ -99,7 +98,7 @@ class SampledFields:
 
     @ti.func
     def linear(self, m, p):
-        """Trilinear; p outside the lattice is moved to its border."""
+        """Interpolates trilinearly; p outside the lattice is moved to its border."""
         last = ti.cast(self.dims[m], ti.f32) - 1.001
         c = ti.math.clamp(self.place(m, p), 0.0, last)
         n = ti.floor(c, ti.i32)
@@ -119,18 +118,17 @@ class SampledFields:
 
     @ti.func
     def cubic(self, m, p):
-        """Catmull-Rom along each axis: smooth gradient, exact for quadratic fields."""
-        return self.weighed(m, p, catmull_rom, catmull_rom_slope)
+        """Interpolates by Catmull-Rom splines: smooth gradient, exact for quadratic fields."""
+        return self.interpolate(m, p, catmull_rom, catmull_rom_slope)
 
     @ti.func
     def spline(self, m, p):
-        """Of a lattice whose numbers are a cubic B-spline's coefficients: errors of shares and of
-        their gradients are a sixth of Catmull-Rom's."""
-        return self.weighed(m, p, b_spline, b_spline_slope)
+        """Interpolates B-spline coefficients: a sixth of the errors of Catmull-Rom."""
+        return self.interpolate(m, p, b_spline, b_spline_slope)
 
     @ti.func
-    def weighed(self, m, p, weights: ti.template(), slopes: ti.template()):
-        """By the four nodes round p along each axis."""
+    def interpolate(self, m, p, weights: ti.template(), slopes: ti.template()):
+        """Interpolates by weights of the four nodes around p along each axis."""
         c = self.place(m, p)
         n = ti.math.clamp(ti.floor(c, ti.i32), 1, self.dims[m] - 3)
         f = c - n
@@ -152,7 +150,7 @@ class SampledFields:
 
 @ti.func
 def catmull_rom(f):
-    """Weights of the nodes -1, 0, 1, 2 at f in 0..1 (Catmull and Rom 1974)."""
+    """Returns the weights of nodes -1, 0, 1, 2 at f in 0..1 (Catmull and Rom 1974)."""
     return 0.5 * vec4(
         f * (-1.0 + f * (2.0 - f)),
         2.0 + f * f * (3.0 * f - 5.0),
@@ -163,7 +161,7 @@ def catmull_rom(f):
 
 @ti.func
 def catmull_rom_slope(f):
-    """Derivatives of the weights by f."""
+    """Returns the derivatives of the weights by f."""
     return 0.5 * vec4(
         -1.0 + f * (4.0 - 3.0 * f),
         f * (9.0 * f - 10.0),
@@ -174,7 +172,7 @@ def catmull_rom_slope(f):
 
 @ti.func
 def b_spline(f):
-    """Weights of the coefficients -1, 0, 1, 2 at f in 0..1 (de Boor 1978)."""
+    """Returns the weights of coefficients -1, 0, 1, 2 at f in 0..1 (de Boor 1978)."""
     g = 1.0 - f
     return (
         vec4(g * g * g, 4.0 - 3.0 * f * f * (2.0 - f), 4.0 - 3.0 * g * g * (2.0 - g), f * f * f)
@@ -184,6 +182,6 @@ def b_spline(f):
 
 @ti.func
 def b_spline_slope(f):
-    """Derivatives of the weights by f."""
+    """Returns the derivatives of the weights by f."""
     g = 1.0 - f
     return 0.5 * vec4(-g * g, f * (3.0 * f - 4.0), g * (4.0 - 3.0 * g), f * f)

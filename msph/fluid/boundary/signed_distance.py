@@ -1,9 +1,9 @@
-"""Signed distance of a closed mesh on a lattice: negative inside.
+"""Signed distance of a closed mesh on a lattice, negative inside.
 
-Within a band round the surface it is exact to rounding: the nearest point of every triangle near a
-node (Ericson 2005, 5.1.5). Beyond the band it is the length of a path along the lattice's edges and
+Exact to rounding within a band around the surface: nearest points of the triangles near a node
+(Ericson 2005, 5.1.5). Beyond the band it is the length of a path along the lattice's edges and
 diagonals, up to 12 % too long, which suffices to push particles out. The sign counts the crossings
-of the surface along z, each with its direction.
+of the surface along z with their directions.
 """
 
 import numpy as np
@@ -13,12 +13,12 @@ from msph.fluid.boundary.sampled_fields import SampleLattice
 
 vec2, vec3 = ti.math.vec2, ti.math.vec3
 
-FAR = 1e9
+FAR = 1e9  # distance not yet known [m]
 
 
 def signed_distance(corners: np.ndarray, lattice: SampleLattice, band: float) -> np.ndarray:
-    """Signed distance [m] at the nodes, (nx, ny, nz) f32. corners: (t, 3, 3) [m] of a closed
-    mesh, counter-clockwise seen from outside; band [m]."""
+    """Returns the signed distance [m] at the nodes, (nx, ny, nz) f32. corners: (t, 3, 3) [m] of a
+    closed mesh, counter-clockwise seen from outside; band [m]."""
     distance = np.full(lattice.shape, FAR, np.float32)
     corners = np.ascontiguousarray(corners, np.float32)
     _approach(corners, vec3(*lattice.origin), lattice.cell, band, distance)
@@ -28,7 +28,7 @@ def signed_distance(corners: np.ndarray, lattice: SampleLattice, band: float) ->
 
 
 def inside(corners: np.ndarray, lattice: SampleLattice) -> np.ndarray:
-    """Whether each node is inside the mesh, (nx, ny, nz) bool."""
+    """Returns whether each node is inside the mesh, (nx, ny, nz) bool."""
     nx, ny, nz = lattice.shape
     crossings = np.zeros((nx, ny, nz + 1), np.int32)
     corners = np.ascontiguousarray(corners, np.float32)
@@ -37,8 +37,8 @@ def inside(corners: np.ndarray, lattice: SampleLattice) -> np.ndarray:
 
 
 @ti.func
-def nodes_round(a, b, c, margin, origin, cell, shape):
-    """First and last node, two rows, of the box round a triangle and a margin [m]."""
+def nodes_near(a, b, c, margin, origin, cell, shape):
+    """Returns first and last node (rows) of a triangle's bounding box with a margin [m]."""
     lo = ti.ceil((ti.min(a, b, c) - margin - origin) / cell, ti.i32)
     hi = ti.floor((ti.max(a, b, c) + margin - origin) / cell, ti.i32)
     return ti.Matrix.rows([ti.max(lo, 0), ti.min(hi, shape - 1)])
@@ -46,7 +46,7 @@ def nodes_round(a, b, c, margin, origin, cell, shape):
 
 @ti.func
 def nearest_of_triangle(p, a, b, c):
-    """The point of a triangle that is nearest to p."""
+    """Returns the point of a triangle nearest to p."""
     ab, ac, ap = b - a, c - a, p - a
     d1, d2 = ab.dot(ap), ac.dot(ap)
     bp, cp = p - b, p - c
@@ -79,11 +79,11 @@ def _approach(
     band: ti.f32,
     distance: ti.types.ndarray(dtype=ti.f32, ndim=3),
 ):
-    """Distance to the nearest triangle at the nodes within `band` of one."""
+    """Computes the distance to the nearest triangle at the nodes within `band` of one."""
     shape = ti.Vector([distance.shape[0], distance.shape[1], distance.shape[2]])
     for t in range(corners.shape[0]):
         a, b, c = corner(corners, t, 0), corner(corners, t, 1), corner(corners, t, 2)
-        near = nodes_round(a, b, c, band, origin, cell, shape)
+        near = nodes_near(a, b, c, band, origin, cell, shape)
         for i in range(near[0, 0], near[1, 0] + 1):
             for j in range(near[0, 1], near[1, 1] + 1):
                 for k in range(near[0, 2], near[1, 2] + 1):
@@ -95,7 +95,7 @@ def _approach(
 
 @ti.kernel
 def _spread(cell: ti.f32, band: ti.f32, distance: ti.types.ndarray(dtype=ti.f32, ndim=3)) -> ti.i32:
-    """Lets distances beyond the band grow from node to node; returns how many shrank."""
+    """Propagates distances beyond the band by one node; returns the number of changed nodes."""
     shrank = 0
     shape = ti.Vector([distance.shape[0], distance.shape[1], distance.shape[2]])
     for i, j in ti.ndrange(shape[0], shape[1]):
@@ -120,17 +120,17 @@ def _cross(
     cell: ti.f32,
     crossings: ti.types.ndarray(dtype=ti.i32, ndim=3),
 ):
-    """Where columns of nodes go in (+1) and out (-1), noted at the first node above."""
+    """Counts where columns of nodes enter (+1) and leave (-1) the mesh, at the first node above."""
     shape = ti.Vector([crossings.shape[0], crossings.shape[1], crossings.shape[2]])
     for t in range(corners.shape[0]):
         a, b, c = corner(corners, t, 0), corner(corners, t, 1), corner(corners, t, 2)
         n = (b - a).cross(c - a)
         up = n.z > 0.0
-        near = nodes_round(a, b, c, 0.0, origin, cell, shape)
+        near = nodes_near(a, b, c, 0.0, origin, cell, shape)
         for i in range(near[0, 0], near[1, 0] + 1):
             for j in range(near[0, 1], near[1, 1] + 1):
                 p = origin.xy + cell * vec2(i, j)
-                ab, bc, ca = left(a, b, p) == up, left(b, c, p) == up, left(c, a, p) == up
+                ab, bc, ca = is_left(a, b, p) == up, is_left(b, c, p) == up, is_left(c, a, p) == up
                 if n.z != 0.0 and ab and bc and ca:
                     z = a.z - (n.x * (p.x - a.x) + n.y * (p.y - a.y)) / n.z
                     z = ti.math.clamp(z, ti.min(a.z, b.z, c.z), ti.max(a.z, b.z, c.z))
@@ -144,9 +144,9 @@ def corner(corners: ti.template(), t, k):
 
 
 @ti.func
-def left(p, q, x):
-    """Whether x is left of the way from p to q, seen along -z. Exactly the opposite for the way
-    back, so that of two triangles that share an edge one has each point."""
+def is_left(p, q, x):
+    """Returns whether x is left of the edge from p to q, seen along -z; the exact opposite for q to
+    p, so that exactly one of two triangles with a common edge contains a point on it."""
     forward = p.x < q.x or (p.x == q.x and p.y < q.y)
     s, e = p.xy, q.xy
     if not forward:

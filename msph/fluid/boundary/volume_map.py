@@ -1,13 +1,13 @@
-"""The share of the kernel's integral that lies inside a closed mesh, at the nodes of a lattice.
+"""Share of the kernel's integral inside a closed mesh, at the nodes of a lattice.
 
 By Gauss's theorem the Wendland C2 kernel's integral over a body is a sum over its triangles: with
 m(q) the share of the kernel within q h of its centre, 14 q^3 - 84 q^5 + 140 q^6 - 90 q^7 + 21 q^8,
-    share = sum of z/(4 pi) * integral of m(r)/r^3 over the triangle,
+      share = sum of z/(4 pi) * integral of m(r)/r^3 over the triangle,
 z the distance to its plane, positive from inside. In the plane the radial integral is closed, with
 D(q) = 7 q^2 - 21 q^4 + 28 q^5 - 15 q^6 + 3 q^7 (3 - 1/q beyond q = 1), which leaves one integral
-along each edge. A triangle out of the kernel's reach gives just its solid angle, and all solid
-angles together say inside or outside; so the share is 1 or 0 for that, and from each triangle
-within reach the difference of the two. Edges, corners and curvature are exact, for every h.
+along each edge. A triangle out of the kernel's reach contributes its solid angle only, and the sum
+of all solid angles is 1 inside, 0 outside; so each triangle within reach adds the difference.
+Edges, corners and curvature are exact for every h.
 """
 
 import math
@@ -16,7 +16,7 @@ import numpy as np
 import taichi as ti
 
 from msph.fluid.boundary.sampled_fields import SampleLattice
-from msph.fluid.boundary.signed_distance import corner, inside, nearest_of_triangle, nodes_round
+from msph.fluid.boundary.signed_distance import corner, inside, nearest_of_triangle, nodes_near
 
 vec3 = ti.math.vec3
 
@@ -24,16 +24,16 @@ vec3 = ti.math.vec3
 POINTS = 6
 _nodes, _weights = np.polynomial.legendre.leggauss(POINTS)
 ABSCISSAE, WEIGHTS = ti.Vector((0.5 + 0.5 * _nodes).tolist()), ti.Vector((0.5 * _weights).tolist())
-# (rho/h)^2 below which the difference quotient of D is taken as a derivative: digits.
+# (rho/h)^2 below which the difference quotient of D is replaced by the derivative (rounding).
 NEAR = 0.01
 
 
 def kernel_share(
     vertices: np.ndarray, triangles: np.ndarray, lattice: SampleLattice, h: float
 ) -> np.ndarray:
-    """Share (-) at the nodes, (nx, ny, nz) f32. vertices (v, 3) [m], triangles (t, 3)
+    """Returns the share (-) at the nodes, (nx, ny, nz) f32. vertices (v, 3) [m], triangles (t, 3)
     counter-clockwise seen from outside; h [m]."""
-    # Here, since only meshes need it: it takes .3 s to import.
+    # Imported here: only needed for meshes, and takes 0.3 s.
     from trimesh.remesh import subdivide_to_size
 
     corners = vertices[triangles]
@@ -56,7 +56,7 @@ def _add(
     shape = ti.Vector([share.shape[0], share.shape[1], share.shape[2]])
     for t in range(corners.shape[0]):
         a, b, c = corner(corners, t, 0), corner(corners, t, 1), corner(corners, t, 2)
-        near = nodes_round(a, b, c, h, origin, cell, shape)
+        near = nodes_near(a, b, c, h, origin, cell, shape)
         for i in range(near[0, 0], near[1, 0] + 1):
             for j in range(near[0, 1], near[1, 1] + 1):
                 for k in range(near[0, 2], near[1, 2] + 1):
@@ -80,7 +80,7 @@ def triangle_part(a, b, c):
     for e in ti.static(range(3)):
         p = vec3(edges[e, 0], edges[e, 1], edges[e, 2])
         way = vec3(edges[e + 1, 0], edges[e + 1, 1], edges[e + 1, 2]) - p
-        # Twice the area under the edge as seen from the foot: d theta = area/rho^2 d(part of way).
+        # Twice the area between edge and foot: d theta = area/rho^2 d(fraction of the edge).
         area = n.dot((p - foot).cross(way))
         for g in range(POINTS):
             y = p + ABSCISSAE[g] * way

@@ -1,11 +1,9 @@
-"""Bodies without wall particles: the part of the kernel's integral that lies inside a body.
+"""Closed-form shares of the kernel's integral inside bodies, without wall particles.
 
-For a plane at distance s from a particle, lambda(s/h) is the share of the kernel's integral that
-lies behind it: a function of one variable, exact for every particle size. A block's is close to the
-product of those of its axes.
-
-Integrals are those of the Wendland C2 kernel, which are closed, and of the standard deviation of
-the water's own kernel.
+For a plane at distance s from a particle, lambda(s/h) is the share of the kernel's integral behind
+it, exact for every particle size; a block's share is close to the product over its axes. The
+integrals use the Wendland C2 kernel (closed forms) with the standard deviation of the fluid's own
+kernel.
 """
 
 import taichi as ti
@@ -13,27 +11,28 @@ import taichi as ti
 from msph.fluid.particles import kernels
 from msph.fluid.particles.layers import LayerSpec
 
-# How much larger bodies are for the kernels, in spacings: particles sit in the peaks of their own
-# kernels, so that along a face they read more than its mean. Without, sunk balls of radius 1.2 to 6
-# spacings were borne by 92 to 98.6 % of the displaced weight (docs/method.md, "Walls and bodies").
+# Enlargement of bodies for the kernels, in spacings: along a face particles read more than the mean
+# of their kernels. Without it, sunk balls of radius 1.2 to 6 spacings had a buoyancy of 92 to 98.6
+# % of the displaced weight (docs/method.md, "Walls and bodies").
 SWELL = 0.03
-# Least distance from a ball's centre, in radii: avoids a division by zero.
+# Smallest distance from a ball's centre, in radii: avoids a division by zero.
 SMALLEST = 1e-3
 
 
 def wall_support(spec: LayerSpec) -> float:
-    """Support [m] of the Wendland C2 kernel whose integrals stand for a layer's own."""
+    """Returns the support [m] of the Wendland C2 kernel used in a layer's integrals."""
     return kernels.WENDLAND_PER_QUARTIC * spec.support
 
 
 def swelling(spec: LayerSpec) -> float:
-    """By how much [m] the faces of bodies stand farther out for a layer's kernel."""
+    """Returns the outward shift [m] of bodies' faces for a layer's kernel."""
     return SWELL * spec.spacing
 
 
 @ti.func
 def wendland_behind(s, h):
-    """Share of the Wendland C2 kernel behind a plane at distance s [m], s < 0 beyond it (-).
+    """Returns the share (-) of the Wendland C2 kernel behind a plane at distance s [m]; s < 0
+    beyond it.
 
     With u = 1 - s/h: 3.5 u^6 - 4.5 u^7 + 1.5 u^8, and lambda(-s) = 1 - lambda(s).
     """
@@ -51,8 +50,8 @@ def wendland_behind_slope(s, h):
 
 @ti.func
 def wendland_tilt(s, h):
-    """pi times the integral of (q - s) q^2 W(q) over q from s to h [m], s >= 0: what curvature
-    1/R of a wall takes from its share, to first order in h/R.
+    """Returns pi times the integral of (q - s) q^2 W(q) over q from s to h [m], s >= 0: the
+    reduction of a wall's share by its curvature 1/R, to first order in h/R.
 
     With u = 1 - s/h: h u^6 (7/4 - 7/2 u + 39/16 u^2 - 7/12 u^3).
     """
@@ -69,12 +68,13 @@ def wendland_tilt_slope(s, h):
 
 @ti.func
 def ball_share(distance, h, radius):
-    """Share of the kernel's integral inside a ball, `distance` [m] from its centre, and its slope.
+    """Returns the share of the kernel's integral inside a ball, `distance` [m] from its centre, and
+    its slope [1/m].
 
-    Exact for every radius [m]: a shell of radius q round the particle has the part
-    (R^2 - (D - q)^2)/(4 D q) in the ball, so that with s = |D - R| the share is
-    (R + D)/(2 D) lambda(s) - tilt(s)/D outside, 1 less the like sum inside; shells beyond the
-    ball, of radius over R + D, are taken back. Slope in 1/m.
+    Exact for every radius [m]. A shell of radius q around the particle has the fraction (R^2 - (D -
+    q)^2)/(4 D q) inside the ball, so with s = |D - R| the share is (R + D)/(2 D) lambda(s) -
+    tilt(s)/D outside, and 1 minus the corresponding sum inside; shells of radius over R + D are
+    subtracted.
     """
     D = ti.max(distance, SMALLEST * radius)
     s, far = D - radius, D + radius
@@ -94,9 +94,10 @@ def ball_share(distance, h, radius):
 
 @ti.func
 def block_share(x, h, lo, hi):
-    """Share of the kernel's integral inside the block from lo to hi, and its gradient [1/m].
+    """Returns the share of the kernel's integral inside the block from lo to hi, and its gradient
+    [1/m].
 
-    The product over the axes of the shares between two planes, (value, d/dx, d/dy, d/dz).
+    Product over the axes of the share between two planes, as (value, d/dx, d/dy, d/dz).
     """
     part = ti.Vector([0.0, 0.0, 0.0])
     slope = ti.Vector([0.0, 0.0, 0.0])

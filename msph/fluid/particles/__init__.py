@@ -1,1 +1,1 @@
-"""Particles of all layers: their pool, sizes, kernels, grids and neighbours."""
+"""Particles of all layers: attributes, layer tables, kernels, grids and neighbour list."""

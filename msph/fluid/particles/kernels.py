@@ -1,9 +1,8 @@
 """Smoothing kernels in three dimensions, as Taichi functions.
 
-All take the distance r [m] and the support radius h [m] at which they vanish. W is in 1/m^3, its
-radial derivative dW/dr in 1/m^4, its Laplacian in 1/m^5. Equation numbers: Gokdogan 2008; the
-kernels are those of Mueller, Charypar and Gross 2003 (SCA), eq. 20 to 22, Wendland
-1995, and Schoenberg 1946.
+Arguments: distance r [m], support radius h [m]. W is in 1/m^3, dW/dr in 1/m^4, the Laplacian in
+1/m^5. Equation numbers: Gokdogan 2008; the kernels are those of Mueller, Charypar and Gross 2003
+(SCA), eq. 20 to 22, Wendland 1995, and Schoenberg 1946.
 """
 
 import math
@@ -15,14 +14,14 @@ SPIKY = 15.0 / math.pi
 VISCOSITY = 15.0 / (2.0 * math.pi)
 WENDLAND = 21.0 / (2.0 * math.pi)
 QUARTIC = 15625.0 / (512.0 * math.pi)
-# Factor that makes the bell (1 - q^2)^4 integrate to 1.
+# Normalisation of the bell kernel (1 - q^2)^4.
 BELL = 3465.0 / (512.0 * math.pi)
 # Value of quartic_shape at 0: 1 - 5 (3/5)^4 + 10 (1/5)^4.
 QUARTIC_PEAK = 0.368
-# Support of the Wendland C2 kernel that has the standard deviation of a quartic of support 1
-# (Dehnen and Aly 2012, table 1).
+# Ratio of the supports of a Wendland C2 and a quartic kernel of equal standard deviation (Dehnen
+# and Aly 2012, table 1).
 WENDLAND_PER_QUARTIC = 1.936492 / 2.018932
-# Least distance, in supports, by which a slope is divided: avoids a division by zero.
+# Smallest divisor of a slope, in supports: avoids a division by zero.
 NEAR = 1e-3
 
 
@@ -57,7 +56,7 @@ def spiky(r, h):
 
 @ti.func
 def spiky_slope(r, h):
-    """dW/dr of eq. 30: -45/(pi h^6) (h - r)^2. Does not vanish at r = 0, so pairs keep apart."""
+    """dW/dr of eq. 30: -45/(pi h^6) (h - r)^2. Not zero at r = 0, so that close pairs repel."""
     u = ti.max(1.0 - r / h, 0.0)
     return -3.0 * SPIKY / h**4 * u * u
 
@@ -72,7 +71,7 @@ def viscosity(r, h):
 
 @ti.func
 def viscosity_laplacian(r, h):
-    """Laplacian of eq. 31: 45/(pi h^6) (h - r), positive everywhere, so viscosity only damps."""
+    """Laplacian of eq. 31: 45/(pi h^6) (h - r), positive, so that viscosity dissipates energy."""
     return 6.0 * VISCOSITY / h**5 * ti.max(1.0 - r / h, 0.0)
 
 
@@ -94,9 +93,9 @@ def wendland_slope(r, h):
 
 @ti.func
 def quartic_shape(q):
-    """Quartic B-spline M5 (Schoenberg 1946) of support 1, without its factor 15625/(512 pi):
-    w = (1 - q)^4 - 5 (3/5 - q)^4 + 10 (1/5 - q)^4, each term only where its bracket is positive;
-    its slope over q; and its second derivative."""
+    """Quartic B-spline M5 (Schoenberg 1946) of support 1 without its factor 15625/(512 pi): w = (1
+    - q)^4 - 5 (3/5 - q)^4 + 10 (1/5 - q)^4, each term only where its bracket is positive; returns
+    (w, w'/q, w'')."""
     a, b, c = ti.max(1.0 - q, 0.0), ti.max(0.6 - q, 0.0), ti.max(0.2 - q, 0.0)
     a2, b2, c2 = a * a, b * b, c * c
     w = a2 * a2 - 5.0 * b2 * b2 + 10.0 * c2 * c2
@@ -108,9 +107,3 @@ def quartic_shape(q):
 def quartic(r, h):
     """M5: 15625/(512 pi h^3) quartic_shape(r/h)."""
     return QUARTIC / h**3 * quartic_shape(r / h).x
-
-
-@ti.func
-def quartic_slope(r, h):
-    """dW/dr of M5."""
-    return QUARTIC / h**4 * (r / h) * quartic_shape(r / h).y

@@ -1,8 +1,7 @@
-"""Layers: particle sizes, from coarse to fine or in any order.
+"""Layers: sets of particles of equal mass and support radius.
 
-A layer is a set of particles with its own mass, support radius and, in the classic method, its
-own gravity factor, viscosity and kernels (Gokdogan 2008, ch. 3). Particles hold a layer index;
-everything that follows from it is looked up here.
+In the classic method a layer also has its own gravity factor, viscosity and kernels (Gokdogan 2008,
+ch. 3). Particles store a layer index; kernels look up the layer's numbers in tables.
 """
 
 from dataclasses import dataclass
@@ -15,49 +14,49 @@ from msph.device_table import DeviceTable, f32, i32
 
 # Exponent (-) of the power mean of two supports; see pair_support().
 PAIRING = 2.5
-# Most layers of a scene: masses of 1 : 2 reach 1 : 32768.
-MOST_LAYERS = 16
-# What kernels look up by a particle's layer ...
+# Largest number of layers: masses of 1 : 2 reach 1 : 32768.
+MAX_LAYERS = 16
+# Columns of the table by layer.
 ROWS = {
     "mass": f32,  # of a particle [kg]
     "volume": f32,  # at rest [m^3]
     "per_volume": f32,  # [1/m^3]
     "spacing": f32,  # [m]
     "support": f32,  # [m]
-    "gravity_factor": f32,  # of the classic method (-)
-    "viscosity": f32,  # of the classic method [Pa s]
-    "wendland": i32,  # 1: the classic method takes Wendland's kernel
+    "gravity_factor": f32,  # classic method (-)
+    "viscosity": f32,  # classic method [Pa s]
+    "wendland": i32,  # classic method: 1 for Wendland's kernel
     "per_support": f32,  # [1/m]
     "dims": ti.math.ivec3,  # cells of its grid along each axis
     "offset": i32,  # first cell of its grid
-    "farthest": f32,  # reach of its neighbour list [m]
-    "own": f32,  # a particle's part of its own density (-)
-    "own_bell": f32,  # the same by the bell kernel (-)
+    "max_reach": f32,  # reach of its neighbour list [m]
+    "own": f32,  # contribution of a particle to its own relative density (-)
+    "own_bell": f32,  # the same with the bell kernel (-)
     "per_yield": f32,  # factor of the bodies' shares (-)
-    "wall_support": f32,  # of the kernel of bodies' integrals [m]
-    "swell": f32,  # by which bodies are larger for it [m]
-    "top": f32,  # of its band of depths [m]
-    "bottom": f32,  # [m]
-    "coarser": i32,  # the layer that two of its particles merge into, or -1
-    "finer": i32,  # the layer that its particles split into, or -1
+    "wall_support": f32,  # support of the kernel in the bodies' integrals [m]
+    "swell": f32,  # enlargement of bodies [m]
+    "top": f32,  # depth of its band's top [m]
+    "bottom": f32,  # depth of its band's bottom [m]
+    "coarser": i32,  # layer that two of its particles merge into, or -1
+    "finer": i32,  # layer that its particles split into, or -1
 }
-# ... and by a pair of layers.
+# Columns of the table by pair of layers.
 PAIRS = {
-    "per_h": f32,  # over their symmetric support [1/m]
+    "per_h": f32,  # 1 over the symmetric support [1/m]
     "list_reach": f32,  # of the neighbour list [m]
-    "scale": f32,  # turns the kernel's shape into V_j W_ij (-)
-    "bell_scale": f32,  # the same of the bell (-)
-    "stress_share": f32,  # of a pair's stress that is the first one's (-)
+    "scale": f32,  # factor from the kernel's shape to V_j W_ij (-)
+    "bell_scale": f32,  # the same for the bell kernel (-)
+    "stress_share": f32,  # first particle's share of a pair's stress (-)
 }
 
 
 @dataclass(frozen=True)
 class LayerSpec:
-    """One layer, in SI units.
+    """One layer.
 
-    mass [kg], rest density [kg/m^3]; smoothing is h/d, support radius over particle spacing.
-    gravity_factor (-) and viscosity [Pa s] serve the classic method alone, as does wendland
-    (True: Wendland C2 in place of Mueller's kernels).
+    mass [kg], rest density [kg/m^3]; smoothing is h/d, support radius over particle spacing (-).
+    For the classic method only: gravity_factor (-), viscosity [Pa s], wendland (True: Wendland C2
+    instead of Mueller's kernels).
     """
 
     mass: float
@@ -74,7 +73,7 @@ class LayerSpec:
 
     @property
     def spacing(self) -> float:
-        """Edge of the cube that one particle fills at rest, d = (m/rho0)^(1/3) [m]."""
+        """Particle spacing d = (m/rho0)^(1/3) [m], the edge of a particle's cube at rest."""
         return self.volume ** (1.0 / 3.0)
 
     @property
@@ -84,22 +83,22 @@ class LayerSpec:
 
 
 def pair_support(h_i, h_j):
-    """Symmetric support of two particles [m], a power mean of their own.
+    """Returns the symmetric support [m] of two particles, a power mean of their supports.
 
-    With the arithmetic mean, particles of two sizes, mixed at random and held at c = 1, fill up to
-    2.5 % less space than apart, and weight presses layers into each other. With the exponent 2.5
-    they fill .1 to .7 % more, and layers stay apart (docs/method.md, "Layers").
+    With the arithmetic mean, random mixtures of two sizes at c = 1 fill up to 2.5 % less space than
+    the sizes apart, and layers mix under weight. With the exponent 2.5 they fill 0.1 to 0.7 % more,
+    and layers stay separate (docs/method.md, "Layers").
     """
     return (0.5 * (h_i**PAIRING + h_j**PAIRING)) ** (1.0 / PAIRING)
 
 
 def stress_share(supports: np.ndarray) -> np.ndarray:
-    """Share (n, n) of the stress of a pair of layers that belongs to the first (-); the other has
-    the rest of 1. supports (n,) [m].
+    """Returns the first layer's share (-), (n, n), of the stress of pairs of layers with supports
+    (n,) [m]; the second layer has the remainder of 1.
 
-    A pair's stress acts all along the line between its ends. Counted at the ends, it exceeds that
-    by 1/12 (r.grad)^2 in any mean: nothing among equals, but not between layers, where the second
-    moment of pairs varies as h^2. This share cancels it to second order, whatever the kernel
+    A pair's stress acts along the line between its ends. Assigned to the ends, its mean is too
+    large by 1/12 (r.grad)^2: zero between equals, but not between layers, where the second moment
+    of pairs varies as h^2. This share cancels the error to second order for every kernel
     (docs/method.md, "Pressure").
     """
     own, other = supports[:, None], supports
@@ -109,21 +108,20 @@ def stress_share(supports: np.ndarray) -> np.ndarray:
 class Layers:
     """Tables by layer and by pair of layers, refilled for each scene.
 
-    The members of ROWS are Taichi fields of shape (MOST_LAYERS,), those of PAIRS of shape
-    (MOST_LAYERS, MOST_LAYERS). `count` and `specs` are on the host, and no kernel may read them.
+    Each name in ROWS is a Taichi field of shape (MAX_LAYERS,), each in PAIRS one of shape
+    (MAX_LAYERS, MAX_LAYERS). `count` and `specs` are host values; kernels must not read them.
     """
 
     def __init__(self):
         self.specs: list[LayerSpec] = []
         self.count = 0
-        self._rows = DeviceTable((MOST_LAYERS,), **ROWS)
-        self._pairs = DeviceTable((MOST_LAYERS, MOST_LAYERS), **PAIRS)
+        self._rows = DeviceTable((MAX_LAYERS,), **ROWS)
+        self._pairs = DeviceTable((MAX_LAYERS, MAX_LAYERS), **PAIRS)
         for table in (self._rows, self._pairs):
             self.__dict__.update({name: getattr(table, name) for name in table.fields})
 
     def load(self, specs: list[LayerSpec], rows: dict, pairs: dict) -> None:
-        """Fills the tables for the layers of a scene. rows, pairs: columns that other modules
-        compute, by name; columns that are not given become 0."""
+        """Fills the tables; rows, pairs: further columns by name (0 if missing)."""
         supports = np.array([s.support for s in specs])
         names = ("mass", "volume", "spacing", "support", "gravity_factor", "viscosity", "wendland")
         own = {name: [getattr(s, name) for s in specs] for name in names}
@@ -133,12 +131,12 @@ class Layers:
         self._pairs.fill(per_h=per_h, **pairs)
 
     def __getattr__(self, name: str) -> Any:
-        # Members of the tables are attributes; type checkers cannot know their names.
+        # For type checkers, which cannot know the tables' columns.
         raise AttributeError(f"layers have no {name}")
 
     @property
     def rest_density(self) -> float:
-        """Rest density rho0 [kg/m^3], the same in all layers."""
+        """Rest density rho0 [kg/m^3], equal in all layers."""
         return self.specs[0].density
 
     @property

@@ -1,12 +1,10 @@
-"""Mirror images: every wall of the box is a mirror for the particles near it.
+"""Mirror images: the walls of the box mirror the particles near them.
 
-The part of a kernel beyond a wall is filled by the mirror images of the particles within reach. So
-a particle at a wall has the density of one in bulk, pressures balance, and images move with the
-reflected velocity. Images are not stored as particles. An image of j is never nearer to i than j
-is, so the images within reach are found among the neighbours.
-
-The alternative, a wall of constant density (the kernel's integral behind a plane), transmits half
-of the pressure force: see docs/method.md, "Walls and bodies".
+Mirror images fill the part of a kernel beyond a wall: particles at walls have bulk density,
+pressures balance, and images move with the reflected velocity. Images are not stored as particles.
+An image of j is never nearer to i than j, so the images within reach are found among the
+neighbours. Walls of constant density (the kernel's integral behind a plane) transmit only half of
+the pressure force (docs/method.md, "Walls and bodies").
 """
 
 import taichi as ti
@@ -14,8 +12,8 @@ import taichi as ti
 from msph.fluid.constants import Constants
 from msph.taichi_internals import data_oriented
 
-# Bits of an entry of the neighbour list: 24 for the neighbour's index, then one per axis that is
-# mirrored, then one per axis whose mirror is the far wall.
+# Bits of a list entry: 24 for the neighbour's index, one per axis that is mirrored, and one per
+# axis whose mirror is the far wall.
 INDEX_BITS = 24
 INDEX_MASK = (1 << INDEX_BITS) - 1
 
@@ -24,7 +22,7 @@ INDEX_MASK = (1 << INDEX_BITS) - 1
 class MirrorImages:
     """Mirror images in the walls, edges and corners of the box.
 
-    Exact for boxes whose edges are at least a support long: in shorter ones images of images would
+    Exact if the box's edges are at least one support long: in shorter boxes images of images would
     be within reach.
     """
 
@@ -32,10 +30,10 @@ class MirrorImages:
         self.size = constants.size  # [m]
 
     @ti.func
-    def near(self, x, reach):
-        """Bits of the walls less than `reach` [m] away from x: three for the walls at 0, by axis,
-        then three for the far walls."""
-        # The whole vector: a load of one component would cost the sums by thread of any loop.
+    def walls_near(self, x, reach):
+        """Returns the walls within `reach` [m] of x as bits: 0 to 2 at the origin, 3 to 5
+        opposite."""
+        # Reading a single component would disable reductions per thread in the calling loop.
         size, found = self.size[None], 0
         for k in ti.static(range(3)):
             found |= ti.select(x[k] < reach, 1 << k, 0)
@@ -44,17 +42,16 @@ class MirrorImages:
 
     @ti.func
     def combinations(self, near):
-        """Number of combinations of `near` walls, at most one per axis: none (the particle itself),
-        one wall, two (an edge), three (a corner)."""
+        """Returns the number of subsets of `near` walls with at most one wall per axis."""
         product = 1
         for k in ti.static(range(3)):
             product *= 1 + ((near >> k) & 1) + ((near >> (k + 3)) & 1)
         return product
 
     @ti.func
-    def combination(self, way, near):
-        """Bits of the mirrors of combination number `way`; the zeroth has none."""
-        mirrors, rest = 0, way
+    def combination(self, number, near):
+        """Returns the mirror bits of subset `number`; subset 0 has no mirror."""
+        mirrors, rest = 0, number
         for k in ti.static(range(3)):
             low, far = (near >> k) & 1, (near >> (k + 3)) & 1
             digit = rest % (1 + low + far)
@@ -63,9 +60,8 @@ class MirrorImages:
         return mirrors
 
     @ti.func
-    def seen_in(self, mirrors):
-        """Factors of vectors seen in the mirrors, -1 along mirrored axes, and the walls' places
-        [m]."""
+    def mirror_and_wall(self, mirrors):
+        """Returns the mirrored vectors' factors (-1 along mirrored axes) and the walls [m]."""
         sign, wall = ti.Vector([1.0, 1.0, 1.0]), ti.Vector([0.0, 0.0, 0.0])
         size = self.size[None]
         for k in ti.static(range(3)):
@@ -79,17 +75,16 @@ class MirrorImages:
 
     @ti.func
     def neighbour(self, entry):
-        """Neighbour of an entry."""
+        """Returns the neighbour's index of an entry."""
         return entry & INDEX_MASK
 
     @ti.func
     def read(self, entry):
-        """Neighbour j of an entry, and the mirror and wall that it is seen in: its vector v appears
-        as mirror * v, its place by offset()."""
-        mirror, wall = self.seen_in(entry >> INDEX_BITS)
+        """Returns neighbour j, its mirror and its wall; the image of a vector v is mirror * v."""
+        mirror, wall = self.mirror_and_wall(entry >> INDEX_BITS)
         return self.neighbour(entry), mirror, wall
 
     @ti.func
     def offset(self, x, x_j, mirror, wall):
-        """r_ij [m]: x less the place at which x_j is seen."""
+        """Returns r_ij [m], from the image of x_j to x."""
         return (x - wall) + mirror * (wall - x_j)

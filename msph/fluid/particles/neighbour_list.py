@@ -1,7 +1,7 @@
-"""The neighbour list: all pairs of particles within reach of each other, over all layers.
+"""Neighbour list: all pairs of particles within reach of each other, over all layers.
 
-Pairs are searched up to a margin beyond their reach (Verlet 1967). The list holds until a particle
-has moved by half the margin, so that many short steps of an explicit method share one search.
+Pairs are searched up to a margin beyond their reach (Verlet 1967). The list stays valid until a
+particle has moved by half the margin, so that short steps of an explicit method share a search.
 """
 
 import math
@@ -10,40 +10,41 @@ import numpy as np
 import taichi as ti
 
 from msph.errors import BlowUpError
-from msph.fluid.constants import Constants
 from msph.fluid.particles.grid import LayeredGrid
 from msph.fluid.particles.layers import LayerSpec, pair_support
 from msph.fluid.particles.mirror_images import INDEX_MASK, MirrorImages
-from msph.fluid.particles.particles import Particles
 from msph.fluid.room import Room
 from msph.taichi_internals import data_oriented, kernel, on_cpu
 
-# Largest distance [m] of neighbours by the list's form, from their supports h_i and h_j [m].
-REACHES = {"scatter": lambda h_i, h_j: h_i * 0.0 + h_j, "pair": pair_support, "widest": np.maximum}
-# On a CPU, particles found by one thread in turn, which share the room that it takes from the pool.
-# On a GPU each particle has a thread and room of its own.
-SHARERS = 64
-# Particles with the usual number of neighbours for which a thread takes room: AHEAD of those left
-# to search (-), so that little stays free after the last, but for LEAST_AHEAD particles at least.
-AHEAD, LEAST_AHEAD = 0.8, 0.75
-# Entries of the pool over mean_neighbours() (-): a cubic lattice's at a reach of 2.45 spacings, the
-# most, are 1.3. Threads leave 2 to 9 % of what they take free.
-ROOM = 1.4
-# Entries that the smallest pool has: 362 particles in one point fill it.
-LEAST_ENTRIES = 1 << 17
-# Room of a particle on a GPU, over the neighbours of the densest layer at rest (-): a cubic lattice
-# has 1.3, whose images ask for as much again. Beyond the mass ratio MUCH_FINER (-) only layers next
-# to each other count: those between keep the others apart but in splashes, where they are few.
-OWN_ROOM, MUCH_FINER = 2.8, 16.5
+# Largest distance [m] of neighbours with supports h_i and h_j [m], by form of the list.
+LIST_FORMS = {
+    "scatter": lambda h_i, h_j: h_i * 0.0 + h_j,
+    "pair": pair_support,
+    "widest": np.maximum,
+}
+# Particles that one CPU thread searches for in a row, with one reservation of the pool of entries.
+# A GPU has one thread and fixed room per particle.
+PARTICLES_PER_THREAD = 64
+# Share (-) of a thread's remaining particles, with the mean number of neighbours, for which it
+# reserves entries; at least for MIN_RESERVE particles. Threads leave 2 to 9 % of them unused.
+RESERVE, MIN_RESERVE = 0.8, 0.75
+# Entries of the pool over max_mean_neighbours() (-): a cubic lattice with a reach of 2.45 spacings
+# needs the most, 1.3.
+POOL_FACTOR = 1.4
+# Least number of entries: 362 particles at one point fill them.
+MIN_ENTRIES = 1 << 17
+# Entries per particle on a GPU over its neighbours at rest in the densest layer (-): 1.3 for a
+# cubic lattice, and as much for images. Layers of a mass ratio above MAX_MASS_RATIO (-) count only
+# if adjacent in size: otherwise the layers between keep them apart, except in splashes.
+GPU_FACTOR, MAX_MASS_RATIO = 2.8, 16.5
 
 
 class NeighbourOverflowError(BlowUpError):
     """The list is full: the fluid has collapsed to many times its density."""
 
 
-# State of a search for particle i at x [m], after which its thread has `left` to search. Its
-# entries are those from `first` to `place`, of which the first `inner` are no images; the thread
-# has room up to `limit`.
+# Search for the neighbours of particle i at x [m]; its thread has `left` particles to search after
+# it. Entries: `first` to `place`, the first `inner` not images; reserved up to `limit`.
 Search = ti.types.struct(
     i=ti.i32,
     left=ti.i32,
@@ -58,54 +59,47 @@ Search = ti.types.struct(
 
 @data_oriented
 class NeighbourList:
-    """Neighbours of particle i: index[start[i]] to index[end[i] - 1], i itself left out.
+    """Neighbours of particle i without i itself: index[start[i]] to index[end[i] - 1].
 
-    j is listed while r_ij < reach + margin, reach by its form: "scatter" h_j, "pair" their
-    symmetric support, "widest" max(h_i, h_j). start, end (room,) i32, index (entries,) i32: a pool
-    of entries, where each particle's are contiguous, in the order of the grid; on a CPU those of
-    different particles lie as threads took room. Kernels vanish at h, so that readers of the list
-    need not test the distance. Where walls are mirrors, the entries from mirrors[i] on are mirror
-    images, i's own among them; see MirrorImages.read. searches counts the searches made.
+    j is listed if r_ij < reach + margin; reach by form: "scatter" h_j, "pair" the symmetric
+    support, "widest" max(h_i, h_j). Kernels vanish at h, so readers need not test the distance.
+    start, end (particles,) i32; index (entries,) i32 is a pool in which a particle's entries are
+    contiguous, in grid order; the order of particles is arbitrary on a CPU. If walls are mirrors,
+    the entries from mirrors[i] are mirror images, also of i; see MirrorImages.read. searches counts
+    the searches.
     """
 
-    def __init__(
-        self,
-        room: Room,
-        constants: Constants,
-        grid: LayeredGrid,
-        particles: Particles,
-        images: MirrorImages,
-    ):
-        self.constants, self.grid, self.particles, self.images = constants, grid, particles, images
-        self.reaches, self.farthest = grid.layers.list_reach, grid.layers.farthest
+    def __init__(self, room: Room, grid: LayeredGrid):
+        self.constants, self.grid, self.particles = grid.constants, grid, grid.particles
+        self.images = MirrorImages(grid.constants)
+        self.reaches, self.max_reach = grid.layers.list_reach, grid.layers.max_reach
         self.pooled = on_cpu()
-        self.sharers = SHARERS if self.pooled else 1
-        self.start = ti.field(ti.i32, shape=room.particles)
-        self.end = ti.field(ti.i32, shape=room.particles)
-        self.mirrors = ti.field(ti.i32, shape=room.particles)
+        self.per_thread = PARTICLES_PER_THREAD if self.pooled else 1
+        self.start, self.end, self.mirrors = (ti.field(ti.i32, room.particles) for _ in range(3))
         self.index = ti.field(ti.i32, shape=room.entries)
-        self.taken = ti.field(ti.i32, shape=())  # entries of the pool that threads have room in
+        self.reserved = ti.field(ti.i32, shape=())  # entries of the pool that threads have room in
         self.searches = 0
         self.load(0, 0.0, True)
 
     def load(self, entries: int, margin: float, mirrored: bool) -> None:
-        """Prepares the list for a scene: largest number of entries, margin [m], and whether walls
-        are mirrors. Raises ValueError for more particles than an entry can name."""
+        """Sets the largest number of entries, the margin [m], and whether walls are mirrors. Raises
+        ValueError for more particles than entries can index."""
         if self.particles.capacity > INDEX_MASK:
-            most, asked = f"{INDEX_MASK:,}", f"{self.particles.capacity:,}"
-            raise ValueError(f"a list can name {most} particles, not {asked}")
+            raise ValueError(
+                f"{self.particles.capacity:,} particles: a neighbour list indexes {INDEX_MASK:,}"
+            )
         self.entries, self.margin, self.mirrored = entries, margin, mirrored
         self.slack = 0.0
         self.generation = -1
 
     def refresh(self) -> None:
-        """Searches anew if particles were reordered or may have moved by half the margin."""
+        """Searches if particles were reordered or may have moved by half the margin."""
         if self.stale:
             self.grid.refresh()
             self.find()
 
     def find(self) -> None:
-        """Searches anew in a fresh grid. Raises NeighbourOverflowError if the list is full."""
+        """Searches in a fresh grid. Raises NeighbourOverflowError if the list is full."""
         if self._find(self.particles.count, self.mirrored) > self.entries:
             raise NeighbourOverflowError(
                 f"the neighbours of {self.particles.count:,} particles do not fit in a list of "
@@ -116,7 +110,7 @@ class NeighbourList:
         self.searches += 1
 
     def moved(self, distance: float) -> None:
-        """Tells the list that no particle has moved farther than `distance` [m] just now."""
+        """Records that particles have moved by at most `distance` [m]."""
         self.slack -= 2.0 * distance
 
     @property
@@ -125,7 +119,7 @@ class NeighbourList:
 
     @ti.func
     def span(self, i, mirrored: ti.template()):
-        """Entries [begin, end) of particle i: its neighbours, or with `mirrored` mirror images."""
+        """Returns the entries [begin, end) of i: its neighbours, or with `mirrored` its images."""
         begin, end = self.start[i], self.mirrors[i]
         if ti.static(mirrored):
             begin, end = self.mirrors[i], self.end[i]
@@ -133,8 +127,8 @@ class NeighbourList:
 
     @ti.func
     def read(self, s, mirrored: ti.template()):
-        """Particle j of an entry of span(), and the mirror and wall it is seen in: a vector v as
-        mirror * v, its place by offset(). Without `mirrored` the compiler drops both."""
+        """Returns particle j of an entry of span(), its mirror and its wall; see MirrorImages.read.
+        Without `mirrored` the compiler drops both."""
         j, mirror, wall = self.index[s], ti.Vector([1.0, 1.0, 1.0]), ti.Vector([0.0, 0.0, 0.0])
         if ti.static(mirrored):
             j, mirror, wall = self.images.read(self.index[s])
@@ -142,15 +136,15 @@ class NeighbourList:
 
     @kernel
     def _find(self, n: ti.i32, mirrored: ti.template()) -> ti.i32:
-        """Returns the entries that threads took room for, or asked for where the pool is full."""
-        self.taken[None] = 0
-        # Over particles, not over stretches: the CPU runtime keeps loops under 512 on one thread.
+        """Returns the number of reserved entries, more than `entries` if the pool is full."""
+        self.reserved[None] = 0
+        # One iteration per particle: the CPU runtime runs loops below 512 iterations on one thread.
         for begin in range(n):
-            if begin % self.sharers == 0:
-                end = ti.min(begin + self.sharers, n)
+            if begin % self.per_thread == 0:
+                end = ti.min(begin + self.per_thread, n)
                 search = Search(place=0, limit=0)
                 if ti.static(not self.pooled):
-                    own = self.constants.own_entries[None]
+                    own = self.constants.entries_per_particle[None]
                     search.place, search.limit = begin * own, (begin + 1) * own
                 for i in range(begin, end):
                     search.i, search.left, search.x = i, end - i - 1, self.particles.x[i]
@@ -158,36 +152,35 @@ class NeighbourList:
                     for layer in range(self.constants.layers[None]):
                         search.reach = self.reaches[self.particles.layer[i], layer]
                         self.grid.for_each_row(search.x, layer, search.reach, self._add_row, search)
-                    self._leave_out_self(search)
+                    self._remove_self(search)
                     search.inner = search.place - search.first
                     if ti.static(mirrored):
                         self._add_images(search)
                         self.mirrors[i] = search.first + search.inner
                     self.start[i], self.end[i] = search.first, search.place
-        return self.taken[None]
+        return self.reserved[None]
 
     @ti.func
     def _make_room(self, count, search: ti.template()):
-        """Whether there is room for `count` further entries, taken from the pool where the thread
-        has none."""
+        """Returns whether there is room for `count` more entries, if necessary by a reservation."""
         if search.place + count > search.limit:
             if ti.static(self.pooled):
-                self._take(count, search)
+                self._reserve(count, search)
             else:
-                self.taken[None] = self.constants.entries[None] + 1
+                self.reserved[None] = self.constants.entries[None] + 1
         return search.place + count <= search.limit
 
     @ti.func
-    def _take(self, count, search: ti.template()):
-        """Takes room for the particle with `count` further entries and for others after it. Its
-        entries so far move there, unless it goes on where the thread's room ends."""
+    def _reserve(self, count, search: ti.template()):
+        """Reserves entries for this particle with `count` more, and for later ones. Moves the
+        particle's entries unless the reservation continues the previous one."""
         found = search.place - search.first
-        ahead = ti.max(AHEAD * search.left, LEAST_AHEAD)
-        wanted = found + count + ti.ceil(ahead * self.constants.usual_neighbours[None], ti.i32)
+        ahead = ti.max(RESERVE * search.left, MIN_RESERVE)
+        wanted = found + count + ti.ceil(ahead * self.constants.mean_neighbours[None], ti.i32)
         entries = self.constants.entries[None]
         begin = entries
-        if self.taken[None] <= entries:
-            begin = ti.atomic_add(self.taken[None], wanted)
+        if self.reserved[None] <= entries:
+            begin = ti.atomic_add(self.reserved[None], wanted)
         if begin + wanted <= entries:
             if begin != search.limit:
                 for k in range(found):
@@ -197,15 +190,14 @@ class NeighbourList:
 
     @ti.func
     def _add_images(self, search: ti.template()):
-        """Adds the mirror images, within reach, of the neighbours found so far and of the particle,
-        without branches as _add_row()."""
+        """Adds the mirror images within reach of the particle and its neighbours, branch-free."""
         i, x, inner = search.i, search.x, search.inner
         layer = self.particles.layer[i]
-        near = self.images.near(x, self.farthest[layer])
+        near = self.images.walls_near(x, self.max_reach[layer])
         for way in range(1, self.images.combinations(near)):
             if self._make_room(inner + 1, search):
                 mirrors = self.images.combination(way, near)
-                mirror, wall = self.images.seen_in(mirrors)
+                mirror, wall = self.images.mirror_and_wall(mirrors)
                 first, place = search.first, search.place
                 own = self.images.offset(x, x, mirror, wall).norm_sqr()
                 self.index[place] = self.images.entry(i, mirrors)
@@ -219,9 +211,8 @@ class NeighbourList:
                 search.place = place
 
     @ti.func
-    def _leave_out_self(self, search: ti.template()):
-        """Puts the last entry in the place of particle i's own: to ask of each candidate whether it
-        is i would take a quarter of the search."""
+    def _remove_self(self, search: ti.template()):
+        """Removes i itself: excluding i in _add_row() would take a quarter of the search."""
         own = -1
         for s in range(search.first, search.place):
             own = ti.max(own, ti.select(self.index[s] == search.i, s, -1))
@@ -231,9 +222,8 @@ class NeighbourList:
 
     @ti.func
     def _add_row(self, begin, end, search: ti.template()):
-        """Adds the particles of a row that are within reach, i too, if the row might fit. Each is
-        written to the next place, which advances only if it is within reach: a branch would be
-        mispredicted."""
+        """Adds the particles of a row within reach, including i. Each is written to the next place,
+        which advances only if the particle is within reach: a branch would be mispredicted."""
         if self._make_room(end - begin, search):
             place = search.place
             x, reach2 = search.x, search.reach * search.reach
@@ -244,51 +234,55 @@ class NeighbourList:
             search.place = place
 
 
-def list_tables(
-    specs: list[LayerSpec], margin: float, reach: str
-) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """Columns of the list in the tables by layer (farthest [m]) and by pair of layers (list_reach
-    [m]); margin: share (-) of the finest support."""
+def list_reaches(specs: list[LayerSpec], margin: float, form: str) -> np.ndarray:
+    """Returns the list's reach (layers, layers) [m]; margin: share (-) of the finest support."""
     supports = np.array([s.support for s in specs])
-    reaches = REACHES[reach](supports[:, None], supports) + margin * supports.min()
-    return {"farthest": reaches.max(axis=1)}, {"list_reach": reaches}
+    return LIST_FORMS[form](supports[:, None], supports) + margin * supports.min()
 
 
-def mean_neighbours(specs: list[LayerSpec], margin: float, reach: str) -> float:
-    """The most neighbours (-), images among them, that particles have in the mean at rest.
+def list_tables(
+    specs: list[LayerSpec], margin: float, form: str
+) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """Returns the columns by layer (max_reach [m]) and by pair of layers (list_reach [m])."""
+    reaches = list_reaches(specs, margin, form)
+    return {"max_reach": reaches.max(axis=1)}, {"list_reach": reaches}
 
-    Of n_a particles of layer a in a volume, sum n_a V_a = 1, all have sum n_a n_b 4/3 pi r_ab^3.
-    Both ends of a pair together, r_ab^3 + r_ba^3, are at most (V_a + V_b) times their largest such
-    quotient, so that times sum n_a is the most. That is what one layer alone has for "scatter" and
-    "pair", whose mean of supports is below that of their cubes, at most twice as much for "widest".
+
+def max_mean_neighbours(specs: list[LayerSpec], margin: float, form: str) -> float:
+    """Returns an upper bound of the mean number of neighbours (-) at rest, images included.
+
+    With n_a particles of layer a in a volume, sum n_a V_a = 1, there are sum n_a n_b 4/3 pi r_ab^3
+    neighbours. r_ab^3 + r_ba^3 is at most (V_a + V_b) times its largest such quotient, which times
+    sum n_a is the bound. For "scatter" and "pair" it is the value of a single layer, for "widest"
+    at most twice that.
     """
-    supports, volumes = (np.array([getattr(s, k) for s in specs]) for k in ("support", "volume"))
-    balls = (REACHES[reach](supports[:, None], supports) + margin * supports.min()) ** 3
+    volumes = np.array([s.volume for s in specs])
+    balls = list_reaches(specs, margin, form) ** 3
     most = ((balls + balls.T) / (volumes[:, None] + volumes)).max()
     return float(4.0 / 3.0 * math.pi * most)
 
 
-def most_neighbours(specs: list[LayerSpec], margin: float, reach: str) -> int:
-    """Entries that a particle has room for where each has its own.
+def max_neighbours(specs: list[LayerSpec], margin: float, form: str) -> int:
+    """Returns the number of entries per particle on a GPU.
 
-    At rest a ball of radius r holds 4/3 pi r^3/V particles. The most neighbours has a coarse
-    particle among fine ones; pairs of layers count here if they are next to each other in size, or
-    differ by less than MUCH_FINER in mass.
+    At rest a ball of radius r contains 4/3 pi r^3/V particles. A coarse particle among fine ones
+    has the most; pairs of layers count if adjacent in size or within MAX_MASS_RATIO in mass.
     """
     order = sorted(specs, key=lambda s: s.volume)
-    supports, volumes = (np.array([getattr(s, k) for s in order]) for k in ("support", "volume"))
-    reaches = REACHES[reach](supports[:, None], supports) + margin * supports.min()
+    volumes = np.array([s.volume for s in order])
+    reaches = list_reaches(order, margin, form)
     rank = np.arange(len(order))
-    met = (volumes[:, None] <= MUCH_FINER * volumes) | (rank[:, None] <= rank + 1)
+    met = (volumes[:, None] <= MAX_MASS_RATIO * volumes) | (rank[:, None] <= rank + 1)
     most = (reaches**3 / volumes)[met].max()
-    return math.ceil(OWN_ROOM * 4.0 / 3.0 * math.pi * most)
+    return math.ceil(GPU_FACTOR * 4.0 / 3.0 * math.pi * most)
 
 
-def entries_provided(
-    specs: list[LayerSpec], margin: float, reach: str, capacity: int, pooled: bool = False
+def list_capacity(
+    specs: list[LayerSpec], margin: float, form: str, capacity: int, pooled: bool = False
 ) -> int:
-    """Entries of the list for `capacity` particles; pooled: where threads take room from a pool, as
-    on a CPU."""
+    """Returns the number of entries for `capacity` particles; pooled: on a CPU."""
     if not pooled:
-        return capacity * most_neighbours(specs, margin, reach)
-    return max(LEAST_ENTRIES, math.ceil(ROOM * mean_neighbours(specs, margin, reach) * capacity))
+        return capacity * max_neighbours(specs, margin, form)
+    return max(
+        MIN_ENTRIES, math.ceil(POOL_FACTOR * max_mean_neighbours(specs, margin, form) * capacity)
+    )

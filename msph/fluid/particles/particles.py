@@ -1,7 +1,6 @@
-"""The particle pool and its registry of attributes.
+"""Particle storage and the declaration of particle attributes.
 
-An attribute is declared once. From the declaration follow its allocation, its place in the sort,
-in checkpoints and exports, and the views that colour by it.
+Allocation, sorting, checkpoints, exports and views follow from an attribute's declaration.
 """
 
 from dataclasses import dataclass
@@ -15,12 +14,12 @@ from msph.taichi_internals import data_oriented, kernel
 
 @dataclass(frozen=True)
 class Attribute:
-    """One quantity that every particle has.
+    """One quantity of every particle.
 
-    width is 1 for a scalar and 3 for a vector. carried: it must survive sorting and belongs into
-    checkpoints; what is not carried is recomputed before it is read. Halves of a split inherit a
-    carried number, and a merge takes the mean of both, unless own: then whoever splits and merges
-    sets it. view: the name of the picture that colours particles by it, None for no view.
+    width: 1 for a scalar, 3 for a vector. carried: survives sorting and is part of checkpoints;
+    other attributes are recomputed before use. inherited: the halves of a split copy a carried
+    attribute and a merge averages it; otherwise splits and merges set it explicitly. view: name of
+    the view that colours particles by it, or None.
     """
 
     name: str
@@ -29,13 +28,13 @@ class Attribute:
     width: int = 1
     integer: bool = False
     carried: bool = True
-    own: bool = False
+    inherited: bool = True
     view: str | None = None
 
     @property
-    def bytes(self) -> int:
-        """Device memory per particle [bytes], with the copy that sorting needs."""
-        return 4 * self.width * (2 if self.carried else 1)
+    def words(self) -> int:
+        """f32 or i32 numbers per particle, including the copy that sorting needs."""
+        return self.width * (2 if self.carried else 1)
 
     def allocate(self, capacity: int):
         dtype = ti.i32 if self.integer else ti.f32
@@ -45,20 +44,20 @@ class Attribute:
 
 
 CORE = (
-    Attribute("x", "m", "position in the box's frame, min corner the origin", width=3, own=True),
-    Attribute("v", "m/s", "velocity", width=3, own=True, view="speed"),
-    Attribute("layer", "-", "index of its layer", integer=True, own=True, view="layers"),
-    Attribute("id", "-", "identity that sorting does not change", integer=True, own=True),
+    Attribute("x", "m", "position from the box's lowest corner", width=3, inherited=False),
+    Attribute("v", "m/s", "velocity", width=3, inherited=False, view="speed"),
+    Attribute("layer", "-", "layer index", integer=True, inherited=False, view="layers"),
+    Attribute("id", "-", "identifier, unchanged by sorting", integer=True, inherited=False),
 )
 
 
 @data_oriented
 class Particles:
-    """A preallocated pool: one Taichi field of shape (room,) per attribute, by its name.
+    """Preallocated particles: one Taichi field of shape (room,) per attribute, by its name.
 
-    count is the number of live particles; they are the first `count` of every field. capacity: the
-    most that the scene may have. attributes: those that the scene's method uses, by name; the pool
-    holds the fields of all methods, so that one set of kernels moves them.
+    count is the number of live particles, the first `count` of every field. capacity: largest
+    number in the scene. attributes: those of the scene's method, by name; fields exist for the
+    attributes of all methods, so that the same kernels move them.
     """
 
     x: Any
@@ -75,9 +74,9 @@ class Particles:
         self.__dict__.update(self.fields)
         carried = [a for a in every.values() if a.carried]
         self._pairs = [(self.fields[a.name], a.allocate(room)) for a in carried]
-        self.inherited = tuple(self.fields[a.name] for a in carried if not a.own)
-        # Names of vectors, of numbers and of integers: the columns of the tables by which fill()
-        # and state() exchange all attributes with the host.
+        self.inherited = tuple(self.fields[a.name] for a in carried if a.inherited)
+        # Names of the vectors, scalars and integers: columns of the tables by which fill() and
+        # state() exchange all attributes with the host.
         self._names = (
             [a.name for a in every.values() if a.width == 3],
             [a.name for a in every.values() if a.width == 1 and not a.integer],
@@ -87,23 +86,19 @@ class Particles:
             [self.fields[name] for name in names] for names in self._names
         )
 
-    @staticmethod
-    def bytes_per_particle(attributes: tuple[Attribute, ...]) -> int:
-        return sum(a.bytes for a in CORE + attributes)
-
     def load(self, attributes: tuple[Attribute, ...], capacity: int) -> None:
-        """Takes the attributes and the most particles of a scene."""
+        """Sets the attributes and the largest number of particles of a scene."""
         self.attributes = {a.name: a for a in CORE + attributes}
         self.capacity = capacity
 
     def fill(self, **values: np.ndarray) -> None:
         """Replaces all particles by the given attributes, arrays of shape (n,) or (n, 3).
 
-        All other attributes become zero, but ids, which count up from zero.
+        All other attributes become zero, except ids, which count up from zero.
         """
         n = len(values["x"])
         if n > self.capacity:
-            raise ValueError(f"{n} particles do not fit in a pool of {self.capacity}")
+            raise ValueError(f"{n} particles exceed the capacity of {self.capacity}")
         values.setdefault("id", np.arange(n, dtype=np.int32))
         vectors, numbers, integers = self._tables(n)
         for table, names in zip((vectors, numbers, integers), self._names, strict=True):
@@ -113,7 +108,7 @@ class Particles:
         self.count, self.touched = n, self.capacity
 
     def _tables(self, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Room for the vectors, the numbers and the integers of n particles."""
+        """Returns zeroed tables for the vectors, scalars and integers of n particles."""
         vectors, numbers, integers = map(len, self._names)
         return (
             np.zeros((n, vectors, 3), np.float32),
@@ -130,8 +125,8 @@ class Particles:
         n: ti.i32,
         touched: ti.i32,
     ):
-        """One kernel for all attributes: one for each would take 10 ms to compile. Particles from n
-        to `touched` become zero."""
+        """Writes all attributes (a kernel for each takes 10 ms to compile); zeroes n to
+        `touched`."""
         for i in range(n):
             for column, field in ti.static(enumerate(self._vectors)):
                 for k in ti.static(range(3)):
@@ -156,7 +151,7 @@ class Particles:
         integers: ti.types.ndarray(dtype=ti.i32, ndim=2),
         n: ti.i32,
     ):
-        """What _write() writes, the other way."""
+        """Reads all attributes into the tables."""
         for i in range(n):
             for column, field in ti.static(enumerate(self._vectors)):
                 for k in ti.static(range(3)):
@@ -167,7 +162,7 @@ class Particles:
                 integers[i, column] = field[i]
 
     def numpy(self, name: str) -> np.ndarray:
-        """One attribute of the live particles, (count,) or (count, 3)."""
+        """Returns one attribute of the live particles, (count,) or (count, 3)."""
         vectors, numbers, integers = self._names
         if name in vectors:
             found = np.empty((self.count, 3), np.float32)
@@ -205,7 +200,7 @@ class Particles:
                     found[i] = field[i]
 
     def describe(self, k: int) -> str:
-        """The k-th particle in words: identity, layer, place and velocity."""
+        """Returns a text with id, layer, position and velocity of particle k."""
         x, v = (", ".join(f"{n:.4g}" for n in self.numpy(name)[k]) for name in ("x", "v"))
         number, layer = (self.numpy(name)[k] for name in ("id", "layer"))
         return f"particle {number} of layer {layer} at ({x}) m with ({v}) m/s"
@@ -214,7 +209,7 @@ class Particles:
         """Raises ValueError unless the arrays are carried attributes of 1 to capacity particles."""
         n = len(values["x"]) if values["x"].ndim == 2 else 0
         if not 1 <= n <= self.capacity:
-            raise ValueError(f"it has {n} particles, the pool holds 1 to {self.capacity}")
+            raise ValueError(f"{n} particles: the pool holds 1 to {self.capacity}")
         for name, array in values.items():
             attribute = self.attributes.get(name)
             if attribute is None:
@@ -227,7 +222,7 @@ class Particles:
                 raise ValueError(f"{name} is not finite")
 
     def state(self) -> dict[str, np.ndarray]:
-        """Every carried attribute of the live particles: what a checkpoint holds."""
+        """Returns every carried attribute of the live particles, for checkpoints."""
         tables = self._tables(self.count)
         self._read(*tables, self.count)
         return {
@@ -239,7 +234,7 @@ class Particles:
 
     @kernel
     def compact(self, target: ti.template(), alive: ti.template(), n: ti.i32):
-        """Moves those of the first n with alive[i] = 1 to target[i]. Both i32 (n,)."""
+        """Moves particles i < n with alive[i] = 1 to target[i]; both i32 (n,)."""
         for i in range(n):
             if alive[i] == 1:
                 for pair in ti.static(self._pairs):
@@ -250,8 +245,8 @@ class Particles:
 
     @ti.func
     def reorder(self, place: ti.template(), cell: ti.template(), start: ti.template(), n):
-        """Moves particle i to start[cell[i]] + place[i], for every carried attribute: its place in
-        its cell, its cell, and the cells' first particles, i32."""
+        """Moves every carried attribute of particle i to start[cell[i]] + place[i]. start: first
+        particle of each cell; place: index within the cell; all i32."""
         for i in range(n):
             t = start[cell[i]] + place[i]
             for pair in ti.static(self._pairs):

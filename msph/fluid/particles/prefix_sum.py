@@ -1,21 +1,21 @@
-"""Exclusive prefix sums of integers, on every backend."""
+"""Exclusive prefix sums of integers on every backend."""
 
 import taichi as ti
 
 from msph.taichi_internals import data_oriented, kernel, on_cpu
 
-# Chunks that a GPU divides a sum into: one thread adds up their sums, so that a million entries
-# take a thousand serial additions there and in each chunk.
+# Chunks of a sum on a GPU: a million entries take a thousand serial additions per chunk, and a
+# thousand more on one thread for the chunks' sums.
 CHUNKS = 1024
 
 
 @data_oriented
 class PrefixSum:
-    """Prefix sums in one pass on one thread of a CPU, which adds a million numbers in 2 ms, and in
-    three on a GPU: sums of chunks, scan of the sums, scan within the chunks.
+    """Prefix sum in one serial pass on a CPU (2 ms for a million numbers), in three passes on a
+    GPU: sums of chunks, scan of the sums, scan within the chunks.
 
-    Needs no shared memory and no atomics, so it runs the same on CUDA, Vulkan and Metal (Taichi's
-    own PrefixSumExecutor knows CUDA and Vulkan only) and its result is deterministic.
+    Uses neither shared memory nor atomics, so that it is deterministic and runs on CUDA, Vulkan and
+    Metal (Taichi's PrefixSumExecutor supports CUDA and Vulkan only).
     """
 
     def __init__(self):
@@ -29,7 +29,7 @@ class PrefixSum:
 
     @ti.func
     def sum_up(self, counts: ti.template(), starts: ti.template(), length):
-        """The same within a kernel, at its top level, where its loops are shared out."""
+        """Does the same at the top level of a kernel, where its loops are parallel."""
         if ti.static(self.serial):
             ti.loop_config(serialize=True)
             for i in range(length):

@@ -1,43 +1,23 @@
-"""Gravity, the hand, and what gravity adds to the pressure behind walls."""
-
-import math
+"""Gravity, the user's hand, and the excess pressure of mirror images behind walls."""
 
 import taichi as ti
 
 from msph.fluid.external_forces import ExternalForces, hand_acceleration
-from msph.fluid.particles.particles import Attribute
 from msph.fluid.projection.discretisation import Discretisation
-from msph.fluid.projection.parameters import ProjectionParameters
+from msph.fluid.projection.force import Force
 from msph.fluid.projection.virial_pressure import VirialPressure
 from msph.taichi_internals import data_oriented, kernel
 
 
 @data_oriented
-class BodyForce:
-    """Accelerates all water by the external forces."""
-
-    ATTRIBUTES: tuple[Attribute, ...] = ()
-
-    @staticmethod
-    def wanted(parameters: ProjectionParameters) -> bool:
-        return True
+class BodyForce(Force):
+    """Force that accelerates all particles by the external forces."""
 
     def __init__(self, shared: Discretisation):
-        self.layers, self.particles = shared.layers, shared.particles
-        self.impulses = shared.impulses
-        self.virial = VirialPressure(
-            shared.layers,
-            shared.particles,
-            shared.neighbours,
-            shared.density,
-        )
-        self.longest_step = math.inf
-
-    def tune(self, parameters: ProjectionParameters) -> None:
-        """None of its parameters is live."""
+        super().__init__(shared)
+        self.virial = VirialPressure(shared, shared.density)
 
     def apply(self, dt: float, external: ExternalForces) -> None:
-        """Velocities after dt [s] of the external forces."""
         self._accelerate(self.particles.count, dt, *external.arguments())
 
     @kernel
@@ -51,7 +31,7 @@ class BodyForce:
         hand_radius: ti.f32,
         hand_grip: ti.f32,
     ):
-        """v* = v + dt (g + hand + what images have more pressure than their particles)."""
+        """Adds dt (g + hand + images' excess pressure) to v."""
         p = self.particles
         for i in range(n):
             m, x, v = self.layers.mass[p.layer[i]], p.x[i], p.v[i]

@@ -1,16 +1,15 @@
-"""Conjugate gradients on the particles, projected or preconditioned, for pressure and viscosity.
+"""Conjugate gradients over the particles, for pressure (projected) and viscosity.
 
 Solves A x = b for an operator A that is symmetric and positive under the volumes V,
 <x, y> = sum V x.y, preconditioned by its diagonal D where one is given (Hestenes and Stiefel 1952;
 Saad 2003, alg. 9.1). Without a preconditioner every iterate keeps <y, x> for all y with A y = y,
 such as the momenta under viscosity.
 
-Projected: x >= 0. Then only active particles are searched along, those with x > 0 or r > 0, less
-those that reach x = 0; a round of conjugate gradients ends when the residual of the others exceeds
-that of the active ones.
+Projected: x >= 0. The search covers active particles only: those with x > 0 or r > 0, less those
+that reach x = 0. A round ends when the other particles' residual exceeds the active ones'.
 
-What an iteration takes off the squared error, in the norm of A, is alpha <r, r/D> (Hestenes and
-Stiefel 1952, th. 6:1); what the last few took off tells what is left (Strakos and Tichy 2002).
+One iteration lowers the squared error, in the norm of A, by alpha <r, r/D> (Hestenes and Stiefel
+1952, th. 6:1); the reductions of the last few estimate what is left (Strakos and Tichy 2002).
 """
 
 from collections.abc import Callable
@@ -18,91 +17,92 @@ from typing import Any
 
 import taichi as ti
 
-from msph.fluid.particles.layers import Layers
-from msph.fluid.particles.particles import Particles
+from msph.fluid.parts import Parts
 from msph.taichi_internals import data_oriented, kernel, on_cpu
 
-# Keeps divisions by what may vanish finite; far below any diagonal or product met.
-TINY = 1e-30
-# A squared error that is not known yet.
-FAR = 1e30
-# Iterations in a launch: between two, the host looks at the state, for which it waits. On a CPU
-# that is 5 us, less than the iterations saved; on a GPU as long as an iteration.
-LOOK_CPU, LOOK_GPU = 1, 2
-# What a look tells.
-GO_ON, ROUND_OVER, CONVERGED = 0, 1, 2
-# Most iterations in a round of a projected solve.
-ROUND = 40
+# Least divisor, far below any diagonal, product or squared distance that occurs.
+MIN_DIVISOR = 1e-30
+# Reduction of the squared error before the first iteration.
+UNKNOWN_REDUCTION = 1e30
+# Iterations per launch; after each launch the host waits for the state. On a CPU that takes 5 us,
+# less than the iterations that it saves; on a GPU as long as an iteration.
+LAUNCH_ITERATIONS_CPU, LAUNCH_ITERATIONS_GPU = 1, 2
+# States of a solve.
+CONTINUE, ROUND_OVER, CONVERGED = 0, 1, 2
+# Limit of the iterations in a round of a projected solve.
+MAX_ROUND_ITERATIONS = 40
 
 
 @data_oriented
 class ConjugateGradient:
-    """operator.apply(n, direction) returns <direction, A direction>; after it
-    operator.response(i, direction) is A direction at particle i. So where an operator knows the
-    first without the second, the pass that finds the response takes the step too.
+    """Solver for an operator with apply(n, p), which returns <p, A p>, and response(i, p), which
+    then returns A p at particle i. So the pass that finds A p also takes the step along p.
 
-    residual, direction and diagonal are fields (capacity,) of x's width; active, for
-    projected solves of scalars, is 1 where x may change. scale [x's unit^2 m^3] is the squared
-    size, in the norm of A, that the tolerance is a share of; descent is <r, r/D>. begin_round()
-    sets both.
+    residual, direction and diagonal are fields (capacity,) of x's width; active, for projected
+    solves of scalars, is 1 where x may change. residual_norm2 is <r, r/D>; scale [x's unit^2 m^3]
+    is the squared size, in the norm of A, to which the tolerance is relative. set_round() sets
+    both.
     """
 
     def __init__(
         self,
-        layers: Layers,
-        particles: Particles,
+        parts: Parts,
         operator: Any,
         residual: ti.Field,
         direction: ti.Field,
         diagonal: ti.Field | None = None,
         active: ti.Field | None = None,
     ):
-        self.layers, self.particles, self.operator = layers, particles, operator
+        self.layers, self.particles, self.operator = parts.layers, parts.particles, operator
         self.residual, self.direction = residual, direction
         self.diagonal, self.active, self.projected = diagonal, active, active is not None
-        self.vectors = isinstance(residual, ti.MatrixField)
+        self.is_vector = isinstance(residual, ti.MatrixField)
         self.has_diagonal = diagonal is not None
-        self.look = LOOK_CPU if on_cpu() else LOOK_GPU
-        self.descent = ti.field(ti.f32, shape=())
+        self.per_launch = LAUNCH_ITERATIONS_CPU if on_cpu() else LAUNCH_ITERATIONS_GPU
+        self.residual_norm2 = ti.field(ti.f32, shape=())
         self.scale = ti.field(ti.f32, shape=())
-        self.last_gain = ti.field(ti.f32, shape=())
+        self.last_reduction = ti.field(ti.f32, shape=())
 
-    def solve(self, x: ti.Field, tolerance: float, most: int, begin: Callable[[], None]) -> int:
-        """Iterates on x, in place, and returns the iterations it took, at most `most` (and the
-        rest of a launch).
+    def solve(
+        self, x: ti.Field, tolerance: float, max_iterations: int, start_round: Callable[[], None]
+    ) -> int:
+        """Solves for x in place; returns the number of iterations, at most `max_iterations` (and
+        the rest of a launch).
 
-        begin() sets residual, direction and active and calls begin_round() at the start of each
-        round, of which an unprojected solve has one. The solve has converged when two iterations
-        together take off less than the share `tolerance` of sqrt(scale), in the norm of A.
+        start_round() is called at the start of each round (an unprojected solve has one): it sets
+        residual, direction and active and calls set_round(). The solve has converged when two
+        iterations together reduce the error by less than tolerance * sqrt(scale), in the norm of A.
         """
         n = self.particles.count
-        taken, state = 0, ROUND_OVER
-        while taken < most and state != CONVERGED:
-            begin()
-            state, ends = GO_ON, min(most, taken + ROUND) if self.projected else most
-            while taken < ends and state == GO_ON:
+        iterations, state = 0, ROUND_OVER
+        while iterations < max_iterations and state != CONVERGED:
+            start_round()
+            state, end = CONTINUE, max_iterations
+            if self.projected:
+                end = min(end, iterations + MAX_ROUND_ITERATIONS)
+            while iterations < end and state == CONTINUE:
                 state = self._iterate(n, x, tolerance)
-                taken += self.look
-        return taken
+                iterations += self.per_launch
+        return iterations
 
     @kernel
     def _iterate(self, n: ti.i32, x: ti.template(), tolerance: ti.f32) -> ti.i32:
-        """x += alpha p; r -= alpha A p; p = r/D + beta p. Returns the state after the last."""
-        gains, excluded = 0.0, 0.0
-        for _ in ti.static(range(self.look)):
+        """x += alpha p; r -= alpha A p; p = r/D + beta p. Returns the state."""
+        reductions, excluded = 0.0, 0.0
+        for _ in ti.static(range(self.per_launch)):
             curvature = self.operator.apply(n, self.direction)
-            last = self.descent[None]
-            alpha = last / ti.max(curvature, TINY)
-            gain = last * alpha
-            gains = self.last_gain[None] + gain
-            self.last_gain[None] = gain
-            descent = 0.0
+            last = self.residual_norm2[None]
+            alpha = last / ti.max(curvature, MIN_DIVISOR)
+            reduction = last * alpha
+            reductions = self.last_reduction[None] + reduction
+            self.last_reduction[None] = reduction
+            residual_norm2 = 0.0
             excluded = 0.0
             for i in range(n):
                 volume = self.layers.volume[self.particles.layer[i]]
                 r = self.residual[i] - alpha * self.operator.response(i, self.direction)
                 moved = x[i] + alpha * self.direction[i]
-                part = volume * self.product(r, self.preconditioned(i, r))
+                part = volume * self._dot(r, self.preconditioned(i, r))
                 if ti.static(self.projected):
                     if moved < 0.0:
                         self.active[i] = 0.0
@@ -111,36 +111,38 @@ class ConjugateGradient:
                     part *= self.active[i]
                 x[i] = moved
                 self.residual[i] = r
-                descent += part
-            beta = descent / ti.max(last, TINY)
-            self.descent[None] = descent
+                residual_norm2 += part
+            beta = residual_norm2 / ti.max(last, MIN_DIVISOR)
+            self.residual_norm2[None] = residual_norm2
             for i in range(n):
                 p = self.preconditioned(i, self.residual[i]) + beta * self.direction[i]
                 if ti.static(self.projected):
                     p *= self.active[i]
                 self.direction[i] = p
-            self.scale[None] += gain
-        state = ti.select(excluded > self.descent[None], ROUND_OVER, GO_ON)
-        return ti.select(gains <= tolerance * tolerance * self.scale[None], CONVERGED, state)
+            self.scale[None] += reduction
+        state = ti.select(excluded > self.residual_norm2[None], ROUND_OVER, CONTINUE)
+        small = reductions <= tolerance * tolerance * self.scale[None]
+        return ti.select(small, CONVERGED, state)
 
     @ti.func
-    def begin_round(self, descent, scale):
-        """Takes <r, r/D> and the tolerance's scale. No gain of one iteration alone is small."""
-        self.descent[None], self.scale[None], self.last_gain[None] = descent, scale, FAR
+    def set_round(self, residual_norm2, scale):
+        """Stores <r, r/D> and the scale. The first iteration of a round never ends a solve."""
+        self.residual_norm2[None], self.scale[None] = residual_norm2, scale
+        self.last_reduction[None] = UNKNOWN_REDUCTION
 
     @ti.func
     def preconditioned(self, i, r):
-        """r/D, or r where there is no preconditioner."""
+        """Returns r/D, or r without a preconditioner."""
         found = r
         if ti.static(self.has_diagonal):
-            found = r / ti.max(self.diagonal[i], TINY)
+            found = r / ti.max(self.diagonal[i], MIN_DIVISOR)
         return found
 
     @ti.func
-    def product(self, a, b):
-        """a b of scalars, a.b of vectors."""
+    def _dot(self, a, b):
+        """Returns the product of scalars or the dot product of vectors."""
         found = 0.0
-        if ti.static(self.vectors):
+        if ti.static(self.is_vector):
             found = a.dot(b)
         else:
             found = a * b

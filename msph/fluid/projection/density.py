@@ -1,64 +1,58 @@
-"""Density, its gradient and the diagonal of the pressure solves, by one pass over the neighbours.
+"""Density, its gradient and the diagonal of the pressure solves, in one pass over the neighbours.
 
-The kernel is the quartic B-spline M5. Under pressure an arrangement resists shear by as much as
-strain changes the kernel's sums; of regular lattices strained at constant volume M5 at 2.4 spacings
-changes its sum by a tenth of Wendland C2's, M4's or Wendland C4's change.
+The kernel is the quartic B-spline M5: its sums change little when an arrangement of particles is
+strained at constant volume, so particles under pressure resist shear little.
 
 Two corrections (docs/method.md, "Density"):
-- Yield: expansion takes less off the kernel's sum than off the density. W_ij is divided by that
-  share, and the particle's own part, which no motion changes, lowered by as much.
-- Defect: c = 1 at every particle still leaves moving water 2 to 6 % too thin, since each particle
-  sits in the peak of its own kernel. A second kernel, the bell (1 - q^2)^4, which no force obeys,
-  sees it; bell minus c is the density defect. Its mean round a particle, followed slowly, is the
-  density correction, which is added to c.
+- Yield: an expansion lowers the kernel sum by slightly less than the density. W_ij is divided by
+  the ratio of the two, and the particle's own part, which is constant, is lowered to match.
+- Defect: with c = 1 at every particle, moving water is still 2 to 6 % too thin, since each particle
+  sits at the peak of its own kernel. A second kernel, the bell (1 - q^2)^4, which enters no force,
+  measures this: the density defect is its sum less c. The mean defect around a particle, followed
+  slowly, is the density correction, which is added to c.
 """
 
 import numpy as np
 import taichi as ti
 
-from msph.fluid.boundary.contact import Contact
-from msph.fluid.constants import Constants
 from msph.fluid.particles import kernels
-from msph.fluid.particles.layers import Layers, LayerSpec, pair_support, stress_share
-from msph.fluid.particles.neighbour_list import NeighbourList
-from msph.fluid.particles.particles import Attribute, Particles
+from msph.fluid.particles.layers import LayerSpec, pair_support, stress_share
+from msph.fluid.particles.particles import Attribute
+from msph.fluid.parts import Parts
 from msph.taichi_internals import data_oriented, kernel
 
 ATTRIBUTES = (
     Attribute("density", "kg/m^3", "relative density c times rest density", view="density_error"),
-    Attribute("known_volume", "m^3", "its own where its defect is known, else 0", carried=False),
-    Attribute("known_defect", "m^3", "times density by the bell kernel less c", carried=False),
-    Attribute("density_correction", "-", "mean defect round a particle, at most 0"),
+    Attribute("known_volume", "m^3", "volume where the defect is known, or 0", carried=False),
+    Attribute("known_defect", "m^3", "known_volume times density defect", carried=False),
+    Attribute("density_correction", "-", "mean defect around a particle, at most 0"),
     Attribute("gradient", "1/m", "sum V_j grad W_ij, images included", width=3, carried=False),
     Attribute("diagonal", "1/m^2", "diagonal of the pressure solves' operator", carried=False),
-    Attribute("pair_spacing", "m", "of equals that pressure holds as stiffly", carried=False),
+    Attribute("pair_spacing", "m", "of equal particles that are held as stiffly", carried=False),
 )
 
-# Squared distance [m^2] from which on a direction can be told.
-TINY = 1e-16
-# Relative density from which on a particle is surrounded: no free surface or body is near.
+# Least squared distance [m^2] of two particles: keeps directions finite.
+MIN_DISTANCE2 = 1e-16
+# Relative density above which a particle is surrounded by water: no free surface or body is near.
 SURROUNDED = 0.997
-# -1/3 sum V_j r_ij.grad W_ij on lattices, by support over spacing: the share of an expansion that
-# the kernel's sum sees. Beyond, the ends' values.
+# Yields -1/3 sum V_j r_ij.grad W_ij on lattices (-), by support over spacing.
 SMOOTHINGS = (2.4, 2.45, 2.5, 2.6, 2.8, 3.0)
 YIELDS = (0.9964, 0.9962, 0.9970, 0.9980, 1.0016, 1.0011)
-# Defect (-) that evenly spread particles at rest may have, and the largest correction (-); honey
-# needs .07.
-EVEN, MOST_CORRECTED = 0.003, 0.06
-# Share of a step's reading in the correction: the whole would swing from step to step. And the most
-# (-) that it changes in a step: more would take surrounded particles for a surface in the next.
-BLEND, MOST_CHANGED = 0.25, 1.0 - SURROUNDED
-# Least divisor of a mean, in a particle's own volume: keeps the mean over none finite.
-SMALLEST = 1e-3
-# Entries whose gradients are found together: as many numbers as Taichi likes in a vector.
+# Defect of evenly spread particles at rest, and limit of the correction (-); honey would need 0.07.
+REST_DEFECT, MAX_CORRECTION = 0.003, 0.06
+# Share of a step's reading in the correction: with 1 it alternates from step to step. And the
+# largest change in a step (-): after a larger one surrounded particles would read as a surface.
+BLEND, MAX_CORRECTION_CHANGE = 0.25, 1.0 - SURROUNDED
+# Least divisor of the mean defect, in the particle's own volume (-).
+MIN_VOLUME_SHARE = 1e-3
+# Entries whose gradients are computed together: the largest vector that Taichi compiles well.
 BLOCK = 32
+# Weight (-) of the particle itself in pair_spacing(): matters only without neighbours.
+SELF_WEIGHT = 1e-3
 
-# Weight (-) of a particle as its own neighbour in pair_spacing(): decides only where it has none.
-ALONE = 1e-3
-
-# Sums over the neighbours of one particle: c and its value by the bell (-), sum V_j grad W_ij and
-# its part by the particle's own images [1/m], sum V_j |grad W_ij|^2 [1/m^5], sum V_j/h_ij^3 (-) and
-# sum V_j/h_ij^5 [1/m^2], both times the bell's factor.
+# Sums over the neighbours of one particle: c by the kernel and by the bell (-), sum V_j grad W_ij
+# and its part by the particle's own images [1/m], sum V_j |grad W_ij|^2 [1/m^5], sum V_j/h_ij^3 (-)
+# and sum V_j/h_ij^5 [1/m^2], the last two times the bell's factor.
 Sums = ti.types.struct(
     c=ti.f32,
     bell=ti.f32,
@@ -72,43 +66,35 @@ Sums = ti.types.struct(
 
 @data_oriented
 class Density:
-    """Relative density c (-) and what the pressure solves need beside it.
+    """Relative density c (-), and the sums that the pressure solves need.
 
-    pair_gradient (entries,) vec3 [1/m]: V_j grad W_ij of each entry of the neighbour list, a third
-    faster for the solves than slopes and positions that they must gather. largest_excess is that of
-    c - 1 over all particles (-).
+    pair_gradient (entries,) vec3 [1/m]: V_j grad W_ij of each entry of the neighbour list. With it
+    the solves are a third faster than with slopes and positions. largest_excess: largest c - 1 (-).
     """
 
-    def __init__(
-        self,
-        constants: Constants,
-        contact: Contact,
-        layers: Layers,
-        particles: Particles,
-        neighbours: NeighbourList,
-    ):
-        self.constants, self.contact = constants, contact
-        self.layers, self.particles = layers, particles
-        self.neighbours, self.images = neighbours, neighbours.images
-        self.summed = 0  # the search of the list over which the sums are
+    def __init__(self, parts: Parts):
+        self.constants, self.contact = parts.constants, parts.contact
+        self.layers, self.particles = parts.layers, parts.particles
+        self.neighbours, self.images = parts.neighbours, parts.neighbours.images
+        self.summed_search = 0  # the neighbour search that the sums belong to
         self.largest_excess = 0.0
         self.pair_gradient = ti.Vector.field(
-            3, ti.f32, shape=neighbours.index.shape, layout=ti.Layout.SOA
+            3, ti.f32, shape=parts.neighbours.index.shape, layout=ti.Layout.SOA
         )
 
     def refresh(self) -> None:
-        """Sums anew if the list was searched anew, or where bodies move; the list must be fresh."""
-        if self.summed != self.neighbours.searches or self.contact.boundary.moving:
+        """Recomputes the sums if the list is new or bodies move; the list must be fresh."""
+        if self.summed_search != self.neighbours.searches or self.contact.boundary.moving:
             self.contact.refresh_shares()
             self.largest_excess = self._sum(self.particles.count)
-            self.summed = self.neighbours.searches
+            self.summed_search = self.neighbours.searches
 
     @kernel
     def _sum(self, n: ti.i32) -> ti.f32:
         """c_i = correction_i + own_i + sum V_j W_ij, the density defect, g_i = sum V_j grad W_ij,
         and D_i = |g_i|^2 + V_i sum V_j |grad W_ij|^2. Returns the largest c_i - 1.
 
-        Sums over neighbours and images; a particle's own images move with it, twice as fast.
+        Sums run over neighbours and images; a particle's own images move with it, twice as fast.
         """
         most = -1.0
         for i in range(n):
@@ -119,7 +105,8 @@ class Density:
             for mirrored in ti.static((False, True)):
                 self._add_entries(i, mirrored, sums)
             g, volume = sums.gradient, self.layers.volume[layer]
-            # The correction counts: else water that it compresses near a surface seems surrounded.
+            # With the correction, so that water which it compresses near a surface does not count
+            # as surrounded.
             defect, c = sums.bell - sums.c, sums.c + self.particles.density_correction[i]
             known = ti.select(c > SURROUNDED, volume, 0.0)
             self.particles.known_volume[i], self.particles.known_defect[i] = known, known * defect
@@ -128,28 +115,29 @@ class Density:
             self.particles.gradient[i] = g
             diagonal = (g + sums.own_images).norm_sqr() + volume * sums.squares
             self.particles.diagonal[i] = diagonal
-            self.particles.pair_spacing[i] = self.pair_spacing(layer, sums)
+            self.particles.pair_spacing[i] = self._pair_spacing(layer, sums)
         return most
 
     @ti.func
-    def pair_spacing(self, layer, sums):
-        """Spacing [m] of equal particles among which pressure would hold one as stiffly in place.
+    def _pair_spacing(self, layer, sums):
+        """Returns the spacing [m] of equal particles that pressure would hold as stiffly.
 
-        It pulls by sum V_j (p_i + p_j)/rho0 W''_ij, W'' as 1/h_ij^5: so it is the mean of 1/h_ij^2,
-        weighed by V_j/h_ij^3. By its own spacing a single fine particle that waves had drawn down
-        among coarse ones halved all steps of a pool.
+        Pairs pull by sum V_j (p_i + p_j)/rho0 W''_ij, where W'' scales as 1/h_ij^5, so it is the
+        mean of 1/h_ij^2 weighted by V_j/h_ij^3. By its own spacing, a single fine particle among
+        coarse ones would halve all time steps.
         """
-        own, share = self.layers.per_h[layer, layer], ALONE * self.layers.bell_scale[layer, layer]
+        own = self.layers.per_h[layer, layer]
+        share = SELF_WEIGHT * self.layers.bell_scale[layer, layer]
         held = (sums.stiffness + share * own**2) / (sums.shares + share)
         return self.layers.spacing[layer] * own / ti.sqrt(held)
 
     @ti.func
     def _add_entries(self, i, mirrored: ti.template(), sums: ti.template()):
-        """Adds the neighbours of particle i, or with `mirrored` the images, to its sums, and stores
-        their gradients.
+        """Adds the neighbours of particle i (`mirrored`: its images) to its sums and stores their
+        gradients.
 
-        Stored block by block: a store might change what the next entry reads, for all that the
-        compiler knows; without one in the loop it meets eight entries at a time, twice as fast.
+        In blocks, since a store in the loop would stop the compiler from handling eight entries
+        at a time, which is twice as fast.
         """
         layer, x = self.particles.layer[i], self.particles.x[i]
         begin, end = self.neighbours.span(i, mirrored)
@@ -163,9 +151,9 @@ class Density:
                 other = self.particles.layer[j]
                 per_h, scale = self.layers.per_h[layer, other], self.layers.scale[layer, other]
                 r_ij = self.images.offset(x, self.particles.x[j], mirror, wall)
-                r2 = ti.max(r_ij.norm_sqr(), TINY)
+                r2 = ti.max(r_ij.norm_sqr(), MIN_DISTANCE2)
                 per_r = ti.rsqrt(r2)
-                # kernels.quartic_shape written out: a division less.
+                # kernels.quartic_shape inlined, which saves a division.
                 q = r2 * per_r * per_h
                 a, b, c = ti.max(1.0 - q, 0.0), ti.max(0.6 - q, 0.0), ti.max(0.2 - q, 0.0)
                 a3, b3, c3 = a * a * a, b * b * b, c * c * c
@@ -187,32 +175,34 @@ class Density:
 
     @ti.func
     def weight(self, layer, other, r):
-        """V_j W_ij (-) of two layers' particles at the distance r [m], as in c."""
+        """Returns V_j W_ij (-) of particles of two layers at the distance r [m], as in c."""
         shape = kernels.quartic_shape(r * self.layers.per_h[layer, other]).x
         return self.layers.scale[layer, other] * shape
 
     @ti.func
     def excess(self, i):
-        """c_i - 1 (-), by the positions of the last refresh()."""
+        """Returns c_i - 1 (-) for the positions of the last refresh()."""
         return self.particles.density[i] / self.constants.rest_density[None] - 1.0
 
     @kernel
     def follow_defect(self, n: ti.i32):
-        """Moves the density corrections by BLEND towards the mean defect round each particle, and
-        the densities with them: the next step's water is at rest density under the new ones, not
-        thinner by the change, which would blind the reading that they follow."""
+        """Moves each density correction by BLEND towards the mean defect around its particle.
+
+        The density changes with it at once: a step later, water would be too thin by the change,
+        below SURROUNDED, where no defect is known.
+        """
         for i in range(n):
-            target = ti.math.clamp(self.mean_defect(i) + EVEN, -MOST_CORRECTED, 0.0)
+            target = ti.math.clamp(self._mean_defect(i) + REST_DEFECT, -MAX_CORRECTION, 0.0)
             change = BLEND * (target - self.particles.density_correction[i])
-            change = ti.math.clamp(change, -MOST_CHANGED, MOST_CHANGED)
+            change = ti.math.clamp(change, -MAX_CORRECTION_CHANGE, MAX_CORRECTION_CHANGE)
             self.particles.density_correction[i] += change
             self.particles.density[i] += change * self.constants.rest_density[None]
 
     @ti.func
-    def mean_defect(self, i):
-        """Mean density defect (-) of particle i and its neighbours, where it is known.
+    def _mean_defect(self, i):
+        """Returns the mean density defect (-) of particle i and its neighbours, where known.
 
-        Weighed by volume: between layers defects of coarse and of fine particles cancel.
+        Weighted by volume: between layers the defects of coarse and fine particles cancel.
         """
         total, known = self.particles.known_defect[i], self.particles.known_volume[i]
         for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
@@ -220,18 +210,18 @@ class Density:
             total += self.particles.known_defect[j]
             known += self.particles.known_volume[j]
         own = self.layers.volume[self.particles.layer[i]]
-        return total / ti.max(known, SMALLEST * own)
+        return total / ti.max(known, MIN_VOLUME_SHARE * own)
 
 
 def density_tables(
     specs: list[LayerSpec],
 ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """Columns of the density in the tables by layer and by pair of layers."""
+    """Returns the density's columns of the tables by layer and by pair of layers."""
     smoothing, support, volume = (
         np.array([getattr(s, name) for s in specs]) for name in ("smoothing", "support", "volume")
     )
     per_yield = 1.0 / np.interp(smoothing, SMOOTHINGS, YIELDS)
-    # Factors that turn the kernels' shapes into V_j W_ij (-).
+    # V_j W_ij (-) is a kernel's shape times its factor times this.
     shares = volume * pair_support(support[:, None], support) ** -3.0
     peak = kernels.QUARTIC * kernels.QUARTIC_PEAK / smoothing**3
     rows = {

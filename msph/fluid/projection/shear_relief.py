@@ -1,111 +1,100 @@
-"""Shear relief: what an arrangement of particles bears beside pressure is given back to the water.
+"""Shear relief: removes the shear stress that arrangements of particles have and water has not.
 
 The stress of an inviscid fluid is isotropic. Pairs press on each other along their axes, so
 particles under pressure have the virial stress (Irving and Kirkwood 1950)
 
     S_i = -sum V_j share_ij (p_i + p_j) r_ij (x) grad W_ij,
 
-share_ij = 1/2 among equals (virial_pressure.py). Strain makes neighbourhoods anisotropic, and the
-deviator of S then resists it, as the friction of a granular medium does: low waves die. The
-deviator's mean over a kernel, the stress of the scale on which water flows,
+share_ij = 1/2 for equal particles (virial_pressure.py). Strain makes neighbourhoods anisotropic,
+and the deviator of S then resists it, like the friction of a granular medium: low waves die. The
+deviator's mean over a kernel, the stress on the scale of the flow,
 
     T_i = dev(sum V_j W_ij S_j)/sum V_j W_ij,
 
-is taken out of the momentum balance; what differs from particle to particle stays, and keeps them
-apart. docs/method.md, "Shear relief", has the measurements.
+is taken out of the momentum balance; the differences between particles stay and keep them apart
+(docs/method.md, "Shear relief").
 """
-
-import math
 
 import taichi as ti
 
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.particles import Attribute
-from msph.fluid.projection.discretisation import Discretisation
-from msph.fluid.projection.parameters import LEAP, ProjectionParameters
+from msph.fluid.projection.force import Force
+from msph.fluid.projection.parameters import MOTION_FACTOR, ProjectionParameters
 from msph.taichi_internals import data_oriented, kernel
 
-# Deviator over mean stress (-), both of the kernel's mean, up to which it is an arrangement's, and
-# from twice of which on it is none of it: a sheet of one particle has .5, surfaces .25, depths .01.
-ARRANGED = 0.2
-# Relative difference (-) between a particle's pair_spacing and its spacing, with the same fade:
-# without it coarse particles on fine ones of a 64th of their mass gain .25 % of the energy in 1 s.
-UNLIKE = 0.07
-# Least mean stress [Pa] that a deviator is compared with, and least weight (-) of a mean.
-LEAST_STRESS, LEAST_WEIGHT = 1e-6, 1e-6
+# Ratio (-) of deviator to pressure above which the relief fades out, to none at twice this: in the
+# depth it is 0.01, at surfaces 0.25, in a sheet of one particle 0.5.
+MAX_ANISOTROPY = 0.2
+# The same for the relative difference (-) of a particle's pair_spacing from its spacing: without
+# it coarse particles on fine ones of a 64th of their mass gain 0.25 % of the energy in 1 s.
+MAX_SPACING_DIFFERENCE = 0.07
+# Least pressure [Pa] that a deviator is compared with, and least weight (-) of a mean.
+MIN_STRESS, MIN_WEIGHT = 1e-6, 1e-6
 
 
 @ti.func
-def upto(limit, value):
-    """1 up to `limit`, 0 from twice of it on."""
+def fade_out(limit, value):
+    """Returns 1 for values up to `limit`, falling linearly to 0 at twice the limit."""
     return ti.math.clamp(2.0 - value / limit, 0.0, 1.0)
 
 
 @ti.func
-def shears(a, b):
-    """The yz, xz and xy components of a (x) b + b (x) a."""
-    return ti.Vector([a.y * b.z + a.z * b.y, a.x * b.z + a.z * b.x, a.x * b.y + a.y * b.x])
-
-
-@ti.func
-def seen(mirror, shear):
-    """Shear components seen in a mirror: two of its signs multiply each."""
+def mirrored_shear(mirror, shear):
+    """Returns the shear components of a mirror image: each changes by two signs of `mirror`."""
     return mirror.x * mirror.y * mirror.z * mirror * shear
 
 
 @ti.func
-def times(normal, shear, g):
-    """The symmetric tensor of diagonal `normal` and yz, xz, xy components `shear`, times g."""
-    return normal * g + shears(shear, g)
+def tensor_times_vector(normal, shear, g):
+    """Returns the symmetric tensor of diagonal `normal` and yz, xz, xy parts `shear`, times g."""
+    x = shear.y * g.z + shear.z * g.y
+    y = shear.x * g.z + shear.z * g.x
+    z = shear.x * g.y + shear.y * g.x
+    return normal * g + ti.Vector([x, y, z])
 
 
 @data_oriented
-class ShearRelief:
-    """Accelerates the water by div T/rho0, `shear_relief` (-) times.
+class ShearRelief(Force):
+    """Force div T/rho0 times the share `shear_relief` (-).
 
-    Pairs exchange V_i V_j (T_i + T_j).grad W_ij, equal and opposite, so momentum is kept whatever
-    the layers. Their torques sum up to the product of T_i and sum V_j r_ij (x) grad W_ij, which is
-    symmetric but for the deviator of that, so angular momentum is kept to second order.
+    Pairs exchange V_i V_j (T_i + T_j).grad W_ij, equal and opposite, so momentum is kept for all
+    layers. Angular momentum is kept to second order: the torques add up to T_i times
+    sum V_j r_ij (x) grad W_ij, which is symmetric except for its own deviator.
     """
 
     ATTRIBUTES = (
         Attribute("normal_stress", "Pa", "diagonal of the last step's virial stress", 3),
         Attribute("shear_stress", "Pa", "its yz, xz and xy components", 3),
-        Attribute("mean_normal_stress", "Pa", "of the mean deviator", 3, carried=False),
-        Attribute("mean_shear_stress", "Pa", "of the mean deviator", 3, carried=False),
+        Attribute("mean_normal_stress", "Pa", "diagonal of the mean deviator", 3, carried=False),
+        Attribute("mean_shear_stress", "Pa", "its yz, xz and xy components", 3, carried=False),
     )
 
     @staticmethod
-    def wanted(parameters: ProjectionParameters) -> bool:
+    def enabled(parameters: ProjectionParameters) -> bool:
         return parameters.shear_relief > 0.0
 
-    def __init__(self, shared: Discretisation):
-        self.layers, self.particles = shared.layers, shared.particles
-        self.neighbours, self.images = shared.neighbours, shared.neighbours.images
-        self.density, self.impulses = shared.density, shared.impulses
-        self.constants = shared.constants
-        self.longest_step = math.inf
-
     def tune(self, parameters: ProjectionParameters) -> None:
-        """Takes over the share, and the steps in which forces by pressures are stable."""
         self.share = parameters.shear_relief / self.layers.rest_density
         self.cfl, self.pressure_cfl = parameters.cfl, parameters.pressure_cfl
 
     def apply(self, dt: float, external: ExternalForces) -> None:
-        """Velocities after dt [s] without the deviator, by the stresses of the last step."""
+        """Advances the velocities by dt [s] under div T, with the stresses of the last step."""
         n = self.particles.count
         self._find_mean(n, dt / self.pressure_cfl, dt / self.cfl)
         self._accelerate(n, self.share * dt)
 
     @kernel
-    def _find_mean(self, n: ti.i32, swing: ti.f32, way: ti.f32):
-        """T_i with the bell (1 - q^2)^4 as W, i itself included, over those that are known; swing,
-        way [s]: the time step over pressure_cfl and over cfl. In steps beyond their bounds the
-        stress is no more that of where particles are, and none of it is given back."""
+    def _find_mean(self, n: ti.i32, pressure_time: ti.f32, motion_time: ti.f32):
+        """Computes T_i with the bell (1 - q^2)^4 as W, i included, over particles free of bodies.
+
+        pressure_time, motion_time [s]: the time step over pressure_cfl and over cfl. T fades out in
+        steps beyond these bounds, in which the last step's stress no longer fits the positions.
+        """
         p = self.particles
         for i in range(n):
             x, layer = p.x[i], p.layer[i]
-            total = self.known(i) * self.layers.own_bell[layer]
+            total = self._free_of_bodies(i) * self.layers.own_bell[layer]
             normal, shear = total * p.normal_stress[i], total * p.shear_stress[i]
             for mirrored in ti.static((False, True)):
                 begin, end = self.neighbours.span(i, mirrored)
@@ -114,19 +103,22 @@ class ShearRelief:
                     r = self.images.offset(x, p.x[j], mirror, wall)
                     per_h = self.layers.per_h[layer, p.layer[j]]
                     u = ti.max(1.0 - r.norm_sqr() * per_h**2, 0.0)
-                    weight = self.known(j) * self.layers.bell_scale[layer, p.layer[j]]
+                    weight = self._free_of_bodies(j) * self.layers.bell_scale[layer, p.layer[j]]
                     weight *= (u * u) * (u * u)
                     normal += weight * p.normal_stress[j]
-                    shear += weight * seen(mirror, p.shear_stress[j])
+                    shear += weight * mirrored_shear(mirror, p.shear_stress[j])
                     total += weight
             pressure = normal.sum() / 3.0
             normal -= pressure
             size = ti.sqrt(normal.norm_sqr() + 2.0 * shear.norm_sqr())
-            share = self.borne(i) * upto(ARRANGED, size / ti.max(pressure, LEAST_STRESS))
-            per_total = 1.0 / ti.max(total, LEAST_WEIGHT)
+            difference = ti.abs(p.pair_spacing[i] / self.layers.spacing[layer] - 1.0)
+            share = fade_out(MAX_SPACING_DIFFERENCE, difference)
+            share *= fade_out(MAX_ANISOTROPY, size / ti.max(pressure, MIN_STRESS))
+            per_total = 1.0 / ti.max(total, MIN_WEIGHT)
             wave = ti.sqrt(ti.max(per_total * pressure, 0.0) / self.constants.rest_density[None])
-            share *= per_total * upto(1.0, swing * wave / p.pair_spacing[i])
-            share *= upto(LEAP, way * p.v[i].norm() / self.layers.spacing[layer])
+            share *= per_total * fade_out(1.0, pressure_time * wave / p.pair_spacing[i])
+            motion = motion_time * p.v[i].norm() / self.layers.spacing[layer]
+            share *= fade_out(MOTION_FACTOR, motion)
             p.mean_normal_stress[i], p.mean_shear_stress[i] = share * normal, share * shear
 
     @kernel
@@ -142,8 +134,8 @@ class ShearRelief:
                 for s in range(begin, end):
                     j, mirror, _ = self.neighbours.read(s, mirrored)
                     normal = own + p.mean_normal_stress[j]
-                    shear = own_shear + seen(mirror, p.mean_shear_stress[j])
-                    change += times(normal, shear, self.density.pair_gradient[s])
+                    shear = own_shear + mirrored_shear(mirror, p.mean_shear_stress[j])
+                    change += tensor_times_vector(normal, shear, self.density.pair_gradient[s])
                 change *= impulse
                 v += change
                 if ti.static(mirrored):
@@ -151,21 +143,15 @@ class ShearRelief:
                 else:
                     self.impulses.record_internal(m, p.x[i], change)
             if p.boundary_gradient[i].norm_sqr() > 0.0:
-                # Twice, for sum V_j grad W_ij + b_i = 0: an even stress pushes nowhere.
-                body = 2.0 * impulse * times(own, own_shear, p.boundary_gradient[i])
+                # Twice, since sum V_j grad W_ij + b_i = 0: a uniform stress exerts no force.
+                b = p.boundary_gradient[i]
+                body = 2.0 * impulse * tensor_times_vector(own, own_shear, b)
                 v += body
                 self.impulses.body_impulse[None] += m * body
                 self.impulses.wall_impulse[None] += m * body
             p.v[i] = v
 
     @ti.func
-    def borne(self, i):
-        """Share (-) of the deviator round particle i that is the friction of an arrangement: none
-        among particles of other sizes."""
-        own = self.layers.spacing[self.particles.layer[i]]
-        return upto(UNLIKE, ti.abs(self.particles.pair_spacing[i] / own - 1.0))
-
-    @ti.func
-    def known(self, i):
-        """1, or 0 where a body bears a part of the stress of particle i."""
+    def _free_of_bodies(self, i):
+        """Returns 1, or 0 where a body carries a part of particle i's stress."""
         return ti.select(self.particles.boundary_gradient[i].norm_sqr() == 0.0, 1.0, 0.0)

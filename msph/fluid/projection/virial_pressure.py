@@ -1,63 +1,55 @@
-"""Pressure and stress in the water, from the multipliers that a velocity solve found.
+"""Pressure and stress of particles, computed from the multipliers of the velocity solve.
 
-A multiplier p_i is no pressure of its own: i and j press on each other with
-V_i V_j (p_i + p_j) grad W_ij, and weight is borne by all pairs across a plane. So the pressure at a
-particle is a third of the trace of its virial stress (Irving and Kirkwood 1950),
+A multiplier p_i is not the pressure at i: i and j press on each other with
+V_i V_j (p_i + p_j) grad W_ij, and all pairs across a plane carry the weight above it. The pressure
+of a particle is a third of the trace of its virial stress (Irving and Kirkwood 1950),
 
     S_i = -sum V_j share_ij (p_i + p_j) r_ij (x) grad W_ij,
 
-of which the coarser end of a pair has the larger share (layers.stress_share). At surfaces, where
-directions are missing, it is the mean of (p_i + p_j)/2 by -V_j r_ij.grad W_ij instead
+where the coarser particle of a pair has the larger share (layers.stress_share). At surfaces, where
+directions are missing, the pressure is the mean of (p_i + p_j)/2 weighted by -V_j r_ij.grad W_ij
 (docs/method.md, "Pressure").
 
-A body is no partner: it pushes with the multiplier of the particle that it meets, which for that is
-larger than the pressure, up to twice. What pushes is the gradient of the kernel's mean of
-multipliers, where the body counts as 0: so beside bodies this mean is the pressure.
+A body has no multiplier: it pushes with the particle's, which is up to twice the pressure.
+Near bodies the pressure is the kernel's mean of multipliers with the body counted as 0.
 """
 
 import taichi as ti
 
-from msph.fluid.particles.layers import Layers
-from msph.fluid.particles.neighbour_list import NeighbourList
-from msph.fluid.particles.particles import Particles
+from msph.fluid.parts import Parts
 from msph.fluid.projection.density import Density
 from msph.taichi_internals import data_oriented, longest_float
 
-# Sum of the weights (-) from which on there is a mean; 3 in bulk.
-LEAST_WEIGHT = 1e-6
-# Thirds of that sum between which the mean gives way to the trace: flat surfaces have .82 to .87,
-# bulk .96 to 1.04 between layers and .99 to 1.01 else.
+# Least sum of the weights (-) of a mean; the sum is 3 in bulk.
+MIN_WEIGHT = 1e-6
+# Sums of the weights over 3 between which the mean blends into the trace: 0.82 to 0.87 at flat
+# surfaces, 0.96 to 1.04 in bulk between layers and 0.99 to 1.01 elsewhere in bulk.
 SURFACE_WEIGHT, BULK_WEIGHT = 0.85, 0.95
-# Speed over sqrt(a d) (-) from which on the acceleration a by images' excess pressure bears rising
-# particles among unlike ones no more: in sloshing water .005 in the median; coarse ones bounced at
-# .08. And the share by which spacings differ among particles of another layer, twice the mass.
-FOLLOWED, UNLIKE = 0.05, 0.1
+# The images' excess acceleration a fades out on particles that rise at FADE_SPEED sqrt(|a| d)
+# (0.005 is the median in sloshing water; coarse particles bounced at 0.08), in full where
+# pair_spacing differs from spacing by UNLIKE_SPACING (-), as among particles of twice the mass.
+FADE_SPEED, UNLIKE_SPACING = 0.05, 0.1
 # Least acceleration [m/s^2] that has a direction.
-LEAST_ACCELERATION = 1e-6
+MIN_ACCELERATION = 1e-6
 
 
 @data_oriented
 class VirialPressure:
-    """Reads particles' `pressure_multiplier` [Pa], and the densities of the last refresh().
+    """Evaluation of `pressure_multiplier` [Pa], with the densities of the last refresh().
 
-    Pressed is what presses on a particle: accelerations [m/s^2] by other particles and by walls,
-    the virial pressure [Pa], and if `stressed` S by its diagonal and its yz, xz, xy components
-    [Pa]. Pushes are summed in double precision where the device has it: at rest their sums round
-    off in every step in the same way, and the water's momentum drifted.
+    Evaluation holds the accelerations [m/s^2] by other particles (inner) and by walls, the virial
+    pressure [Pa] and, if `with_stress`, the stress S [Pa]: its diagonal (normal) and yz, xz, xy
+    components (shear). Accelerations are summed in double precision where the device has it: at
+    rest single precision rounds off alike in every step, and the momentum drifted.
     """
 
-    def __init__(
-        self,
-        layers: Layers,
-        particles: Particles,
-        neighbours: NeighbourList,
-        density: Density,
-    ):
-        self.layers, self.particles, self.neighbours = layers, particles, neighbours
-        self.images, self.density, self.constants = neighbours.images, density, density.constants
+    def __init__(self, parts: Parts, density: Density):
+        self.constants, self.density = parts.constants, density
+        self.layers, self.particles = parts.layers, parts.particles
+        self.neighbours, self.images = parts.neighbours, parts.neighbours.images
         self.pair_gradient = density.pair_gradient
         self.long_vector = ti.types.vector(3, longest_float())
-        self.Pressed = ti.types.struct(
+        self.Evaluation = ti.types.struct(
             inner=self.long_vector,
             wall=self.long_vector,
             virial=ti.f32,
@@ -66,11 +58,11 @@ class VirialPressure:
         )
 
     @ti.func
-    def pressed(self, i, gravity, stressed: ti.template()):
-        """Particle i under the multipliers, bodies left out: Pressed, in one pass. A lone
-        particle's pressure is its own multiplier."""
+    def evaluate(self, i, gravity, with_stress: ti.template()):
+        """Returns the Evaluation of particle i in one pass, without bodies. A particle without
+        neighbours has its own multiplier as pressure."""
         layer, x = self.particles.layer[i], self.particles.x[i]
-        own, found = self.particles.pressure_multiplier[i], self.Pressed()
+        own, found = self.particles.pressure_multiplier[i], self.Evaluation()
         trace, others, weights = 0.0, 0.0, 0.0
         for mirrored in ti.static((False, True)):
             pushes = self.long_vector(0.0)
@@ -88,7 +80,7 @@ class VirialPressure:
                 weights += weight
                 share = self.layers.stress_share[layer, self.particles.layer[j]]
                 trace += share * weight * (own + other)
-                if ti.static(stressed):
+                if ti.static(with_stress):
                     push = -share * (own + other) * gradient
                     found.normal += r_ij * push
                     found.shear += ti.Vector([r_ij.y * push.z, r_ij.x * push.z, r_ij.x * push.y])
@@ -96,17 +88,16 @@ class VirialPressure:
                 found.wall = pushes / self.constants.rest_density[None]
             else:
                 found.inner = pushes / self.constants.rest_density[None]
-        mean = ti.select(weights > LEAST_WEIGHT, others / ti.max(weights, LEAST_WEIGHT), own)
+        mean = ti.select(weights > MIN_WEIGHT, others / ti.max(weights, MIN_WEIGHT), own)
         bulk = (weights / 3.0 - SURFACE_WEIGHT) / (BULK_WEIGHT - SURFACE_WEIGHT)
         bulk = ti.math.clamp(bulk, 0.0, 1.0)
         found.virial = ti.math.mix(0.5 * (own + mean), trace / 3.0, bulk)
         return found
 
     @ti.func
-    def beside_body(self, i, gravity):
-        """Pressure [Pa] at particle i, which a body's kernel integral reaches: the mean of its own
-        and its neighbours' multipliers, weighed as in c_i, where bodies have the weight lambda_i
-        and the pressure 0.
+    def pressure_near_body(self, i, gravity):
+        """Returns the pressure [Pa] at particle i, within reach of a body: the mean of its own and
+        its neighbours' multipliers, weighted as in c_i; bodies have weight lambda_i and pressure 0.
 
         With p the sum of V_j q_j W_ij over all, u_i = -grad p - q_i grad c_i by definition, and
         grad c is 0 in the mean where c = 1.
@@ -126,32 +117,32 @@ class VirialPressure:
 
     @ti.func
     def image_acceleration(self, i, gravity):
-        """Acceleration [m/s^2] by the excess pressure of the mirror images round particle i.
+        """Returns the acceleration [m/s^2] of particle i by its images' excess pressure.
 
-        Without it the lowest sheet bears half a sheet's weight too much. Like particles give back
-        what they take from it, unlike ones, which change places, do not: so it fades where these
-        follow it, and feeds no motion.
+        Without it the lowest sheet of particles carries half a sheet's weight too much. It is not
+        conservative for particles that change places with particles of other size, so it fades out
+        where these rise and adds no energy.
         """
         layer, x = self.particles.layer[i], self.particles.x[i]
         total = ti.Vector([0.0, 0.0, 0.0])
         for s in range(self.neighbours.mirrors[i], self.neighbours.end[i]):
             j, mirror, wall = self.images.read(self.neighbours.index[s])
-            seen_at = x - self.images.offset(x, self.particles.x[j], mirror, wall)
-            total -= self.image_excess(seen_at, j, gravity) * self.pair_gradient[s]
+            image = x - self.images.offset(x, self.particles.x[j], mirror, wall)
+            total -= self.image_excess(image, j, gravity) * self.pair_gradient[s]
         acceleration = total / self.constants.rest_density[None]
-        size = ti.max(acceleration.norm(), LEAST_ACCELERATION)
+        size = ti.max(acceleration.norm(), MIN_ACCELERATION)
         d, along = self.layers.spacing[layer], self.particles.v[i].dot(acceleration) / size
-        unlike = ti.min(ti.abs(self.particles.pair_spacing[i] / d - 1.0) / UNLIKE, 1.0)
-        followed = unlike * along / (FOLLOWED * ti.sqrt(size * d))
-        return acceleration * ti.math.clamp(1.0 - followed, 0.0, 1.0)
+        unlike = ti.min(ti.abs(self.particles.pair_spacing[i] / d - 1.0) / UNLIKE_SPACING, 1.0)
+        fade = unlike * along / (FADE_SPEED * ti.sqrt(size * d))
+        return acceleration * ti.math.clamp(1.0 - fade, 0.0, 1.0)
 
     @ti.func
-    def image_excess(self, seen_at, j, gravity):
-        """Pressure [Pa] of the image of j, seen at a point [m], over that of j itself.
+    def image_excess(self, image, j, gravity):
+        """Returns the pressure [Pa] of j's image at the point `image` [m] less the pressure of j.
 
-        No flow crosses a wall, so there dp/dn = rho g.n: behind a floor the pressure goes on
-        rising. At most the particle's own, so that water that only passes by is not lifted.
+        No flow crosses a wall, so dp/dn = rho g.n there: behind a floor the pressure goes on
+        rising. At most the particle's own, so that water passing by is not lifted.
         """
         own = self.particles.pressure_multiplier[j]
-        weight = self.constants.rest_density[None] * gravity.dot(seen_at - self.particles.x[j])
+        weight = self.constants.rest_density[None] * gravity.dot(image - self.particles.x[j])
         return ti.math.clamp(weight, -own, own)

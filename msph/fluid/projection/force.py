@@ -1,0 +1,35 @@
+"""Base class of the forces of the projection method."""
+
+import math
+
+from msph.fluid.external_forces import ExternalForces
+from msph.fluid.particles.particles import Attribute
+from msph.fluid.projection.discretisation import Discretisation
+from msph.fluid.projection.parameters import ProjectionParameters
+
+
+class Force:
+    """Base of a force, which changes velocities within a step.
+
+    ATTRIBUTES: the force's own particle attributes. longest_step [s]: the longest stable step.
+    """
+
+    ATTRIBUTES: tuple[Attribute, ...] = ()
+    longest_step = math.inf
+
+    def __init__(self, shared: Discretisation):
+        self.constants, self.impulses = shared.constants, shared.impulses
+        self.layers, self.particles, self.density = shared.layers, shared.particles, shared.density
+        self.neighbours, self.images = shared.neighbours, shared.neighbours.images
+
+    @staticmethod
+    def enabled(parameters: ProjectionParameters) -> bool:
+        """Returns whether the scene uses the force; if not, the force costs nothing."""
+        return True
+
+    def tune(self, parameters: ProjectionParameters) -> None:
+        """Updates the live parameters (msph.parameter)."""
+
+    def apply(self, dt: float, external: ExternalForces) -> None:
+        """Advances the velocities by dt [s] under this force."""
+        raise NotImplementedError

@@ -1,0 +1,46 @@
+"""Caches that cannot be written: the run goes on without them, and says so in one line."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from msph.cache_folder import TAICHIS, ensure
+from tests.scenes_kit import write
+
+NAMES = ("XDG_CACHE_HOME", "HOME", TAICHIS)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="variables of POSIX")
+@pytest.mark.parametrize(
+    "given", [{}, {"XDG_CACHE_HOME": "file"}, {"HOME": "file"}, {TAICHIS: "file"}]
+)
+def test_a_folder_that_cannot_be_written_is_replaced(given, tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("")
+    for name in NAMES:
+        monkeypatch.delenv(name, raising=False)
+        if name in given:
+            monkeypatch.setenv(name, str(tmp_path / given[name]))
+    told = []
+    ensure(told.append)
+    (line,) = told
+    assert line.endswith("are not kept")
+    ensure(told.append)
+    assert len(told) == 1, "the folder in its place can be written"
+
+
+def test_a_run_ends_well_without_a_cache(tmp_path):
+    """Taichi ended with a segmentation fault after the run."""
+    (tmp_path / "file").write_text("")
+    arguments = ("bench", write(tmp_path), "--seconds", "0.01", "--no-render")
+    environment = {"XDG_CACHE_HOME": str(tmp_path / "file"), "PATH": "", "HOME": str(Path.home())}
+    run = subprocess.run(
+        [sys.executable, "-m", "msph", *arguments],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    assert run.returncode == 0 and "Traceback" not in run.stderr
+    assert "file/taichi: not a directory: compiled kernels" in run.stderr
