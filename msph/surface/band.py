@@ -93,7 +93,8 @@ class Band:
     def find(self, bodies: bool) -> None:
         """particles -> state, tiles and signs."""
         self.sample(bodies)
-        self.classify(self.thin.particles.count, bodies)
+        self.classify(bodies)
+        self.include_thin(self.thin.particles.count, bodies)
 
     @kernel
     def everywhere(self, n: ti.i32, bodies: ti.template()):
@@ -129,11 +130,16 @@ class Band:
                     self.sampled[self.block(at)] = found[n]
 
     @kernel
-    def classify(self, n: ti.i32, bodies: ti.template()):
-        """sampled -> state; kernels of the n particles, and all that is thin is band."""
-        self.thin.volume[None] = 0.0
+    def classify(self, bodies: ti.template()):
+        """sampled -> state. A kernel of its own: with the next Taichi makes no valid SPIR-V, the code
+        of Vulkan and Metal, where there are bodies."""
         for q in range(self.blocks()):
             self.state[q] = self.state_of(q, bodies)
+
+    @kernel
+    def include_thin(self, n: ti.i32, bodies: ti.template()):
+        """Finds kernels of the n particles; all that is thin is band."""
+        self.thin.volume[None] = 0.0
         for p in range(n):
             x = self.thin.particles.x[p]
             sub = ti.math.clamp(self.sub_block(x), 0, self.last_sub())
