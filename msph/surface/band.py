@@ -131,8 +131,8 @@ class Band:
 
     @kernel
     def classify(self, bodies: ti.template()):
-        """sampled -> state. A kernel of its own: with the next Taichi makes no valid SPIR-V, the code
-        of Vulkan and Metal, where there are bodies."""
+        """sampled -> state. A kernel of its own: of both, with bodies, Taichi makes invalid SPIR-V,
+        code for Vulkan and Metal (taichi issue #8741)."""
         for q in range(self.blocks()):
             self.state[q] = self.state_of(q, bodies)
 
