@@ -22,7 +22,7 @@ from msph.fluid.particles import kernels
 from msph.fluid.particles.layers import Layers, LayerSpec, pair_support, stress_share
 from msph.fluid.particles.neighbour_list import NeighbourList
 from msph.fluid.particles.particles import Attribute, Particles
-from msph.taichi_internals import data_oriented, kernel
+from msph.taichi_internals import data_oriented, kernel, on_cpu
 
 ATTRIBUTES = (
     Attribute("density", "kg/m^3", "relative density c times rest density", view="density_error"),
@@ -50,7 +50,8 @@ EVEN, MOST_CORRECTED = 0.003, 0.06
 BLEND, MOST_CHANGED = 0.25, 1.0 - SURROUNDED
 # Least divisor of a mean, in a particle's own volume: keeps the mean over none finite.
 SMALLEST = 1e-3
-# Entries whose gradients are found together: as many numbers as Taichi likes in a vector.
+# Entries whose gradients are found together on a CPU: as many numbers as Taichi likes in a vector.
+# On a GPU, whose threads would keep so many numbers in slow memory, they are found one by one.
 BLOCK = 32
 
 # Weight (-) of a particle as its own neighbour in pair_spacing(): decides only where it has none.
@@ -90,6 +91,7 @@ class Density:
         self.constants, self.contact = constants, contact
         self.layers, self.particles = layers, particles
         self.neighbours, self.images = neighbours, neighbours.images
+        self.block = BLOCK if on_cpu() else 1
         self.summed = 0  # the search of the list over which the sums are
         self.largest_excess = 0.0
         self.pair_gradient = ti.Vector.field(
@@ -153,11 +155,12 @@ class Density:
         """
         layer, x = self.particles.layer[i], self.particles.x[i]
         begin, end = self.neighbours.span(i, mirrored)
-        for block in range((end - begin + BLOCK - 1) // BLOCK):
-            first = begin + BLOCK * block
-            g_x, g_y = ti.Vector([0.0] * BLOCK), ti.Vector([0.0] * BLOCK)
-            g_z = ti.Vector([0.0] * BLOCK)
-            count = ti.min(BLOCK, end - first)
+        size = self.block
+        for block in range((end - begin + size - 1) // size):
+            first = begin + size * block
+            g_x, g_y = ti.Vector([0.0] * self.block), ti.Vector([0.0] * self.block)
+            g_z = ti.Vector([0.0] * self.block)
+            count = ti.min(size, end - first)
             for k in range(count):
                 j, mirror, wall = self.neighbours.read(first + k, mirrored)
                 other = self.particles.layer[j]
