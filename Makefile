@@ -53,6 +53,7 @@ bench: $(VENV)/dev
 	$(RUN) bench/quality.py
 	$(RUN) bench/play.py
 	$(RUN) bench/scale.py
+	$(RUN) bench/vulkan.py
 
 $(VENV)/play: pyproject.toml constraints.txt
 	@test -n "$(PYTHON)" || { echo "M-SPH needs Python 3.10 to 3.13; none of $(PYTHONS) is one" >&2; exit 1; }
