@@ -11,7 +11,7 @@ PYTHON ?= $(shell for p in $(PYTHONS); do \
 
 WATER := tests/fluid tests/measure tests/picture tests/surface
 
-.PHONY: play test test-plain check bench clean
+.PHONY: play test test-plain conformance check bench clean
 
 play: $(VENV)/play
 	@$(RUN) main.py
@@ -20,11 +20,17 @@ play: $(VENV)/play
 # process has room for 512 trees of Taichi's fields, and one of two that were quick took them all.
 test: $(VENV)/dev
 	$(RUN) -m pytest -n 2 --dist loadfile $(WATER)
-	$(RUN) -m pytest -n 2 --dist loadfile tests $(WATER:%=--ignore=%)
+	$(RUN) -m pytest -n 2 --dist loadfile tests $(WATER:%=--ignore=%) \
+		--ignore=tests/test_conformance.py
 
 # The water once more without Taichi's private interfaces.
 test-plain: $(VENV)/dev
 	MSPH_PLAIN_TAICHI=1 $(RUN) -m pytest -n 2 --dist loadfile tests/fluid
+
+# Does another architecture compute what the CPU computes? make conformance ARCH=cuda
+ARCH ?= vulkan
+conformance: $(VENV)/dev
+	MSPH_CONFORMANCE_ARCH=$(ARCH) $(RUN) -m pytest tests/test_conformance.py
 
 check: $(VENV)/dev
 	$(RUN) -m ruff check .
@@ -47,6 +53,7 @@ bench: $(VENV)/dev
 	$(RUN) bench/quality.py
 	$(RUN) bench/play.py
 	$(RUN) bench/scale.py
+	$(RUN) bench/vulkan.py
 
 $(VENV)/play: pyproject.toml constraints.txt
 	@test -n "$(PYTHON)" || { echo "M-SPH needs Python 3.10 to 3.13; none of $(PYTHONS) is one" >&2; exit 1; }

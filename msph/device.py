@@ -8,6 +8,7 @@ import sys
 import time
 from pathlib import Path
 
+from msph import self_test
 from msph.cache_folder import ensure
 from msph.errors import BadInputError
 from msph.interrupts import importing
@@ -32,19 +33,22 @@ class ArchError(BadInputError):
 _started: str | None = None
 
 
-def start(arch: str = "auto", threads: int | None = None) -> str:
+def start(arch: str = "auto", threads: int | None = None, tested: bool = False) -> str:
     """Starts Taichi once and returns the name of the architecture it runs on.
 
     "auto" takes CUDA where there is one, else the CPU. Vulkan must be asked for, since its driver
     may be a software one, slower than the CPU itself; Metal must be asked for, since a Metal window
     of Taichi 1.7.4 has frozen macOS (taichi issue #8775). Unless `threads` are asked for, a CPU
     runs as many as it has cores, each on its own; with one, for the rest of the process, loops are
-    not shared out at all. Raises ArchError.
+    not shared out at all. Where a GPU fails the self-test (self_test.py), which a GPU said to be
+    `tested` is spared, the CPU is taken, as a line on the error stream says. Raises ArchError.
     """
     global _started
     if _started:
         return _started
     ensure()
+    if not tested:
+        arch = _trusted(arch)
     # Here, since help and bad options need no Taichi, which takes .2 s to import.
     with importing():
         import taichi as ti
@@ -91,6 +95,18 @@ def start(arch: str = "auto", threads: int | None = None) -> str:
         _keep_apart(_threads() - before)
     _started = name
     return name
+
+
+def _trusted(arch: str) -> str:
+    """Returns the architecture asked for, or "cpu" if the GPU that it would run on fails the
+    self-test."""
+    gpu = arch
+    if arch == "auto":
+        gpu = "cpu" if sys.platform == "darwin" else "cuda"
+    failed = None if gpu == "cpu" else self_test.failed_test(gpu)
+    if failed:
+        print(f"{gpu} failed the self-test '{failed}': running on the CPU", file=sys.stderr)
+    return "cpu" if failed else arch
 
 
 def unlock(cache: Path | None) -> None:

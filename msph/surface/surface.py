@@ -79,7 +79,8 @@ class Surface:
         """Computes the mesh from the particles in seven kernel launches. The grid must be
         sorted."""
         self.band.sample(self.has_bodies)
-        self.band.classify(self.particles.count, self.has_bodies)
+        self.band.classify(self.has_bodies)
+        self.band.include_thin(self.particles.count, self.has_bodies)
         self.evaluate(self.has_bodies)
         self.volume_control.correct()
         self.cubes.run()

@@ -47,9 +47,13 @@ class PrefixSum:
             for i in range(c * size, ti.min((c + 1) * size, length)):
                 total += counts[i]
             self.sums[c] = total
+        # One thread, whose total stays in a register: a sum read from memory waits for its store.
         ti.loop_config(serialize=True)
-        for c in range(1, CHUNKS):
-            self.sums[c] += self.sums[c - 1]
+        for _ in range(1):
+            before = 0
+            for c in range(CHUNKS):
+                before += self.sums[c]
+                self.sums[c] = before
         for c in range(CHUNKS):
             size = (length + CHUNKS - 1) // CHUNKS
             total = 0

@@ -19,7 +19,7 @@ from msph.fluid.particles import kernels
 from msph.fluid.particles.layers import LayerSpec, pair_support, stress_share
 from msph.fluid.particles.particles import Attribute
 from msph.fluid.parts import Parts
-from msph.taichi_internals import data_oriented, kernel
+from msph.taichi_internals import data_oriented, kernel, on_cpu
 
 ATTRIBUTES = (
     Attribute("density", "kg/m^3", "relative density c times rest density", view="density_error"),
@@ -46,6 +46,7 @@ BLEND, MAX_CORRECTION_CHANGE = 0.25, 1.0 - SURROUNDED
 # Least divisor of the mean defect, in the particle's own volume (-).
 MIN_VOLUME_SHARE = 1e-3
 # Entries whose gradients are computed together: the largest vector that Taichi compiles well.
+# On a GPU, whose threads keep so many numbers in slow memory, they are computed one by one.
 BLOCK = 32
 # Weight (-) of the particle itself in pair_spacing(): matters only without neighbours.
 SELF_WEIGHT = 1e-3
@@ -76,6 +77,7 @@ class Density:
         self.constants, self.contact = parts.constants, parts.contact
         self.layers, self.particles = parts.layers, parts.particles
         self.neighbours, self.images = parts.neighbours, parts.neighbours.images
+        self.block = BLOCK if on_cpu() else 1
         self.summed_search = 0  # the neighbour search that the sums belong to
         self.largest_excess = 0.0
         self.pair_gradient = ti.Vector.field(
@@ -141,11 +143,12 @@ class Density:
         """
         layer, x = self.particles.layer[i], self.particles.x[i]
         begin, end = self.neighbours.span(i, mirrored)
-        for block in range((end - begin + BLOCK - 1) // BLOCK):
-            first = begin + BLOCK * block
-            g_x, g_y = ti.Vector([0.0] * BLOCK), ti.Vector([0.0] * BLOCK)
-            g_z = ti.Vector([0.0] * BLOCK)
-            count = ti.min(BLOCK, end - first)
+        size = self.block
+        for block in range((end - begin + size - 1) // size):
+            first = begin + size * block
+            g_x, g_y = ti.Vector([0.0] * self.block), ti.Vector([0.0] * self.block)
+            g_z = ti.Vector([0.0] * self.block)
+            count = ti.min(size, end - first)
             for k in range(count):
                 j, mirror, wall = self.neighbours.read(first + k, mirrored)
                 other = self.particles.layer[j]

@@ -1,0 +1,86 @@
+"""Self-test of a GPU: results of kernels against NumPy, once per device, driver and Taichi version.
+
+Some drivers and some versions of Taichi compile wrong code for a GPU, or crash. So the self-test
+runs in a process of its own, `python -m msph.self_test ARCH`, before this process starts Taichi.
+The test takes about 2 s on a GPU beside compiling, and what it compiles is cached for the
+simulation. The outcome is stored in the user's cache.
+"""
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from importlib.metadata import version
+from pathlib import Path
+
+import msph
+from msph import user_cache
+from msph.gpu_name import gpu_name
+
+PASSED, CRASHED, SLOW = "passed", "start, or another that crashed", "time limit"
+# Longest that the test may take [s], compiling on a software driver included.
+LONGEST = 180.0
+
+
+def failed_test(arch: str) -> str | None:
+    """Returns the name of the test that fails on the GPUs of this machine under `arch`; None if all
+    pass, or if the machine names no such GPU. Runs the test unless its outcome is stored."""
+    name = gpu_name(arch)
+    if name is None:
+        return None
+    key = f"self-test of {arch}: {name}; Taichi {version('taichi')}"
+    outcome = user_cache.recall(key)
+    if not isinstance(outcome, str):
+        print(f"testing {name}, once for this driver", file=sys.stderr)
+        outcome = in_own_process(arch)
+        # A machine that is busy may be faster the next time.
+        if outcome != SLOW:
+            user_cache.remember(key, outcome)
+    return None if outcome == PASSED else outcome
+
+
+def in_own_process(arch: str) -> str:
+    """Returns PASSED or the name of the first test that fails."""
+    package = str(Path(msph.__file__).parent.parent)
+    path = os.pathsep.join(p for p in (package, os.environ.get("PYTHONPATH")) if p)
+    command = [sys.executable, "-m", "msph.self_test", arch]
+    try:
+        done = subprocess.run(
+            command,
+            capture_output=True,
+            text=True,
+            timeout=LONGEST,
+            env={**os.environ, "PYTHONPATH": path},
+        )
+    except subprocess.TimeoutExpired:
+        return SLOW
+    lines = done.stdout.strip().splitlines()
+    return lines[-1] if done.returncode == 0 and lines else CRASHED
+
+
+def first_failure(tests: dict[str, Callable[[], bool]]) -> str:
+    """Returns PASSED or the name of the first test that returns False or raises."""
+    for name, test in tests.items():
+        try:
+            passed = test()
+        # Taichi raises RuntimeError and more for code that a driver does not take.
+        except Exception:
+            passed = False
+        if not passed:
+            return name
+    return PASSED
+
+
+def main(arch: str) -> None:
+    """Prints the outcome under `arch`."""
+    from msph.device import start
+
+    start(arch, tested=True)
+    # Its kernels need Taichi to be started.
+    from msph.self_tests import TESTS
+
+    print(first_failure(TESTS))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])

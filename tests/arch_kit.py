@@ -1,0 +1,19 @@
+"""What tests on several architectures share: each runs in a process of its own, since one Taichi
+runtime has one architecture."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+PROBE = "import taichi as ti; ti.init(arch=ti.{0}); print(ti.lang.impl.current_cfg().arch.name)"
+
+
+def require(arch):
+    """Skips a test without a driver for `arch`; on the build machine it fails."""
+    command = [sys.executable, "-c", PROBE.format(arch)]
+    found = subprocess.run(command, capture_output=True, text=True)
+    if not found.stdout.strip().endswith(arch):
+        assert not os.environ.get("MSPH_REQUIRE_WINDOW"), f"the build machine must have {arch}"
+        pytest.skip(f"no {arch} driver")

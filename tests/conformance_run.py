@@ -1,0 +1,61 @@
+"""Facts of a few scenes on one architecture, as JSON: python -m tests.conformance_run ARCH."""
+
+import json
+import sys
+from typing import Any
+
+import numpy as np
+
+from msph.device import start
+from msph.scene import load_scene
+from msph.scene.quality import at_quality
+from msph.stage.controls import Controls
+from msph.stage.show import Show
+from msph.surface import SurfaceMesh
+
+# Layers without bodies, adaptation in a splash, a closed container, moving bodies.
+SCENES = ("still", "drop", "bowl", "paddle")
+QUALITY, FRAME, FRAMES = "small", 1.0 / 60.0, 4
+# Image (width, height) [pixels], compared by means of blocks of so many pixels' edge.
+SIZE, BLOCK = (160, 90), 10
+
+
+def open_edges(mesh: SurfaceMesh) -> int:
+    """Number of directed edges without exactly one opposite: 0 in a closed, oriented mesh."""
+    triangles = mesh.to_numpy()[2]
+    ends = np.concatenate([triangles[:, [a, b]] for a, b in ((0, 1), (1, 2), (2, 0))])
+    edges, counts = np.unique(ends, axis=0, return_counts=True)
+    known = set(map(tuple, edges.tolist()))
+    return int((counts != 1).sum()) + sum((b, a) not in known for a, b in known)
+
+
+def facts(name: str) -> dict[str, Any]:
+    """Facts of a scene after FRAMES frames: SI units; densities over rest density, and mean colours
+    of the image's blocks over full brightness (-)."""
+    show = Show(at_quality(load_scene(name), QUALITY, name), FRAME, SIZE, meshes=True)
+    height = float(show.simulation.particles.numpy("x")[:, 1].max())
+    for _ in range(FRAMES):
+        show.frame(Controls())
+    last, mesh = show.ledger.entries[-1], show.surface.mesh
+    image = show.picture.to_numpy_u8() / 255.0
+    blocks = image.reshape(SIZE[1] // BLOCK, BLOCK, SIZE[0] // BLOCK, BLOCK, 3).mean(axis=(1, 3))
+    found = {
+        "particles": show.simulation.particles.count,
+        "mass": last.mass,
+        "height": height,
+        "kinetic": last.kinetic,
+        "potential": last.potential,
+        "density_mean": last.density_error_mean,
+        "density_p99": last.density_error_p99,
+        "outside": last.outside,
+        "volume_error": show.volume_error(),
+        "open_edges": open_edges(mesh),
+        "image": blocks.round(4).tolist(),
+    }
+    show.close()
+    return found
+
+
+if __name__ == "__main__":
+    arch = start(sys.argv[1], tested=True)
+    print(json.dumps({"arch": arch, "scenes": {name: facts(name) for name in SCENES}}))

@@ -1,0 +1,78 @@
+"""Another architecture computes what the CPU computes: fluid, adaptation, surface and image.
+
+MSPH_CONFORMANCE_ARCH names the architecture, by default Vulkan.
+"""
+
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from msph.gpu_name import gpu_name
+from tests.arch_kit import require
+from tests.conformance_run import SCENES
+
+ARCH = os.environ.get("MSPH_CONFORMANCE_ARCH", "vulkan")
+
+
+@pytest.fixture(scope="module")
+def both():
+    """Facts by scene on the CPU and on ARCH."""
+    require(ARCH)
+    return tuple(map(facts, ("cpu", ARCH)))
+
+
+def facts(arch):
+    command = [sys.executable, "-m", "tests.conformance_run", arch]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr[-2000:]
+    found = json.loads(done.stdout.splitlines()[-1])
+    assert found["arch"] == arch, done.stderr[-2000:]
+    return found["scenes"]
+
+
+@pytest.fixture(params=SCENES)
+def pair(both, request):
+    return tuple(found[request.param] for found in both)
+
+
+def test_the_fluid_moves_as_on_the_cpu(pair):
+    """Energies by the height of the water: kinetic within 0.1 % of M g H, and potential."""
+    cpu, other = pair
+    scale = cpu["mass"] * 9.81 * cpu["height"]
+    assert other["mass"] == pytest.approx(cpu["mass"], rel=1e-5)
+    assert other["kinetic"] == pytest.approx(cpu["kinetic"], abs=1e-3 * scale)
+    assert other["potential"] == pytest.approx(cpu["potential"], abs=1e-3 * scale)
+    assert other["outside"] == 0
+
+
+def test_the_density_is_as_right_as_on_the_cpu(pair):
+    """Within 0.1 % of rest density in the mean, and 1 % for the 99th percentile."""
+    cpu, other = pair
+    assert other["density_mean"] == pytest.approx(cpu["density_mean"], abs=1e-3)
+    assert other["density_p99"] == pytest.approx(cpu["density_p99"], abs=1e-2)
+
+
+def test_adaptation_keeps_as_many_particles(pair):
+    cpu, other = pair
+    assert other["particles"] == pytest.approx(cpu["particles"], rel=0.01)
+
+
+def test_the_surface_is_closed_and_holds_the_water(pair):
+    """The volume is the water's within 0.1 % more than on the CPU."""
+    cpu, other = pair
+    assert cpu["open_edges"] == other["open_edges"] == 0
+    assert other["volume_error"] == pytest.approx(cpu["volume_error"], abs=1e-3)
+
+
+def test_the_image_is_the_same(pair):
+    """Mean colours of its blocks differ by less than 0.3 % of full brightness in the mean, and
+    nowhere by 5 %; where water is not drawn, they differ by more."""
+    if "llvmpipe" in (gpu_name(ARCH) or ""):
+        pytest.skip("Mesa's software driver loses iterations of loops with atomic operations")
+    cpu, other = (np.array(found["image"]) for found in pair)
+    difference = np.abs(other - cpu)
+    assert difference.mean() < 0.003 and difference.max() < 0.05

@@ -1,0 +1,102 @@
+"""The self-test of GPUs: it passes where kernels are right, and a GPU that fails it is not used."""
+
+import pytest
+import taichi as ti
+
+from msph import device, self_test, user_cache
+from msph.self_tests import ATOMIC_LOOP, TESTS, Primitives
+from tests.arch_kit import require
+
+GPU = "A GPU, driver 1"
+
+
+@pytest.fixture
+def cache(tmp_path, monkeypatch):
+    monkeypatch.setattr(user_cache, "file", lambda: tmp_path / "measured.json")
+    return user_cache.file()
+
+
+@pytest.fixture
+def runs(cache, monkeypatch):
+    """Architectures of the self-tests that were run; each fails in its densities."""
+    asked = []
+    monkeypatch.setattr(self_test, "gpu_name", lambda arch: GPU)
+    monkeypatch.setattr(self_test, "in_own_process", lambda arch: asked.append(arch) or "density")
+    return asked
+
+
+def test_all_pass_here():
+    assert self_test.first_failure(TESTS) == self_test.PASSED
+
+
+def test_all_pass_on_vulkan():
+    """But for the last on Mesa's software driver, llvmpipe, which is not to be used."""
+    require("vulkan")
+    name = self_test.gpu_name("vulkan")
+    expected = ATOMIC_LOOP if "llvmpipe" in name else self_test.PASSED
+    assert self_test.in_own_process("vulkan") == expected
+
+
+PRIMITIVES = ("prefix_sum", "atomic_append", "maximum", "serial_counter", "atomic_in_loop")
+
+
+@pytest.mark.parametrize("name", PRIMITIVES)
+def test_wrong_numbers_are_noticed(name):
+    """NumPy is given other numbers than the kernels."""
+    primitives = Primitives()
+    primitives.numbers = primitives.numbers + 1
+    assert not getattr(primitives, name)()
+
+
+def test_the_first_failure_is_named():
+    def broken():
+        raise RuntimeError("no such value")
+
+    passes = {"one": lambda: True}
+    assert self_test.first_failure({**passes, "two": lambda: False}) == "two"
+    assert self_test.first_failure({**passes, "three": broken, "two": lambda: False}) == "three"
+
+
+def test_a_process_that_ends_badly_fails():
+    assert self_test.in_own_process("no such architecture") == self_test.CRASHED
+
+
+def test_an_outcome_is_stored_for_its_driver(runs, monkeypatch):
+    assert self_test.failed_test("vulkan") == self_test.failed_test("vulkan") == "density"
+    assert runs == ["vulkan"]
+    monkeypatch.setattr(self_test, "gpu_name", lambda arch: "A GPU, driver 2")
+    self_test.failed_test("vulkan")
+    assert runs == ["vulkan", "vulkan"]
+
+
+@pytest.mark.parametrize("text", ["{", "[]", '{"self-test": 7}'])
+def test_a_damaged_cache_is_ignored(runs, cache, text):
+    cache.write_text(text)
+    assert self_test.failed_test("vulkan") == "density"
+    assert runs == ["vulkan"]
+
+
+def test_a_time_limit_is_not_stored(runs, monkeypatch):
+    monkeypatch.setattr(self_test, "in_own_process", lambda arch: runs.append(arch) or "time limit")
+    for _ in range(2):
+        assert self_test.failed_test("vulkan") == self_test.SLOW
+    assert len(runs) == 2
+
+
+@pytest.mark.parametrize("arch, gpu", [("vulkan", "vulkan"), ("auto", "cuda")])
+def test_a_gpu_that_fails_is_left_for_the_cpu(runs, monkeypatch, capsys, arch, gpu):
+    asked = []
+    monkeypatch.setattr("sys.platform", "linux")
+    monkeypatch.setattr(device, "_started", None)
+    monkeypatch.setattr(device.atexit, "register", lambda function: None)
+    monkeypatch.setattr(ti, "init", lambda arch, **options: asked.append(arch))
+    device.start(arch, 2)
+    assert runs == [gpu] and asked == [[ti.cpu]]
+    assert f"{gpu} failed the self-test 'density': running on the CPU" in capsys.readouterr().err
+
+
+def test_a_machine_without_the_gpu_tests_nothing(runs, monkeypatch):
+    """Taichi itself says then that there is none, or takes the CPU."""
+    monkeypatch.setattr(self_test, "gpu_name", lambda arch: None)
+    assert self_test.failed_test("cuda") is None
+    assert runs == []
