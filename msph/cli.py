@@ -13,7 +13,7 @@ import click
 
 import msph
 from msph.device import ARCHES
-from msph.ending import in_one_line
+from msph.ending import exit_on_error
 from msph.interrupts import importing
 from msph.options import (
     AS_GIVEN,
@@ -287,5 +287,5 @@ def commands():
 
 def main(arguments: list[str] | None = None) -> None:
     """The command line; errors as msph/ending.py says."""
-    with in_one_line():
+    with exit_on_error():
         cli.main(arguments, prog_name="msph", standalone_mode=False)

@@ -19,7 +19,7 @@ LONGEST = 200
 
 
 @contextlib.contextmanager
-def in_one_line(tell: Callable[[str], None] | None = None) -> Iterator[None]:
+def exit_on_error(tell: Callable[[str], None] | None = None) -> Iterator[None]:
     """Within, every error is one line on the error stream and ends the process: wrong input with 2,
     a signal with 128 and its number. tell: who else is told the line."""
     try:
@@ -35,10 +35,10 @@ def in_one_line(tell: Callable[[str], None] | None = None) -> Iterator[None]:
         # click turns interrupts into its Abort.
         fail("interrupted", getattr(error.__cause__ or error, "exit_code", INTERRUPTED), tell)
     except Exception as error:
-        fail(unforeseen(error), MsphError.EXIT_CODE, tell)
+        fail(unexpected(error), MsphError.EXIT_CODE, tell)
 
 
-def unforeseen(error: Exception) -> str:
+def unexpected(error: Exception) -> str:
     """In one line an error that no code expects; details are in a file of its own."""
     if isinstance(error, OSError) and error.strerror:
         # A disk that is full or gone: files that users name are checked before.

@@ -47,7 +47,7 @@ def _sudden_end() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def held_back() -> Iterator[Callable[[], None]]:
+def deferred_signals() -> Iterator[Callable[[], None]]:
     """Within, a first signal waits for a call of the function given, which raises InterruptedRun; a
     second one raises it at once. Signals that the process ignores stay ignored."""
     asked: list[int] = []
@@ -57,7 +57,7 @@ def held_back() -> Iterator[Callable[[], None]]:
         if len(asked) > 1:
             raise InterruptedRun(number)
 
-    def raise_if_asked() -> None:
+    def raise_if_signalled() -> None:
         if asked:
             raise InterruptedRun(asked[0])
 
@@ -66,7 +66,7 @@ def held_back() -> Iterator[Callable[[], None]]:
         heeded = [n for n in SIGNALS if signal.getsignal(n) != signal.SIG_IGN]
         before = {number: signal.signal(number, ask) for number in heeded}
     try:
-        yield raise_if_asked
+        yield raise_if_signalled
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

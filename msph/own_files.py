@@ -1,7 +1,7 @@
 """Files of a run: written whole or said to be lost, and never over files that no run wrote.
 
 A run writes its scene beside what it makes, with a digest of the text in the first line. Outputs
-beside an untouched scene of that kind are a run's.
+beside an is_unmodified scene of that kind are a run's.
 """
 
 import contextlib
@@ -24,12 +24,12 @@ class ForeignFileError(BadInputError):
     """A file would be written over that no run wrote."""
 
 
-def sealed(text: str) -> str:
+def with_digest(text: str) -> str:
     """The text under a line that tells whether it was changed since."""
     return f"# written by msph, sha256 {_digest(text)}\n{text}"
 
 
-def untouched(path: Path) -> bool:
+def is_unmodified(path: Path) -> bool:
     """Whether a file is as a run wrote it."""
     try:
         text = path.read_text(encoding="utf-8")
@@ -39,10 +39,10 @@ def untouched(path: Path) -> bool:
     return head is not None and head[1] == _digest(text[head.end() :])
 
 
-def guard(scene: Path, outputs: Iterable[Path], force: bool) -> None:
+def check_overwrite(scene: Path, outputs: Iterable[Path], force: bool) -> None:
     """Raises ForeignFileError if the scene that a run writes, or an output beside it, is a file
     that no run wrote, unless by `force`."""
-    if force or untouched(scene):
+    if force or is_unmodified(scene):
         return
     for path in (scene, *outputs):
         if path.exists():

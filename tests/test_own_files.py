@@ -5,27 +5,34 @@ import errno
 import pytest
 
 from msph.errors import LostOutputError
-from msph.own_files import ForeignFileError, guard, replace, replacing, sealed, untouched
+from msph.own_files import (
+    ForeignFileError,
+    check_overwrite,
+    is_unmodified,
+    replace,
+    replacing,
+    with_digest,
+)
 
 
 def test_a_runs_scene_is_told_from_an_edited_one(tmp_path):
     scene, output = tmp_path / "a.scene.toml", tmp_path / "a.mp4"
-    guard(scene, [output], force=False)
-    replace(scene, sealed("seed = 1\n"))
+    check_overwrite(scene, [output], force=False)
+    replace(scene, with_digest("seed = 1\n"))
     output.write_text("frames")
-    assert untouched(scene) and not untouched(output)
-    guard(scene, [output], force=False)
+    assert is_unmodified(scene) and not is_unmodified(output)
+    check_overwrite(scene, [output], force=False)
     scene.write_text(scene.read_text().replace("1", "2"))
     with pytest.raises(ForeignFileError, match=r"a\.scene\.toml: was not written by a run"):
-        guard(scene, [output], force=False)
-    guard(scene, [output], force=True)
+        check_overwrite(scene, [output], force=False)
+    check_overwrite(scene, [output], force=True)
 
 
 def test_an_output_without_a_runs_scene_is_somebodys(tmp_path):
     output = tmp_path / "a.mp4"
     output.write_text("a holiday")
     with pytest.raises(ForeignFileError, match=r"a\.mp4: was not written"):
-        guard(tmp_path / "a.scene.toml", [output], force=False)
+        check_overwrite(tmp_path / "a.scene.toml", [output], force=False)
 
 
 def test_a_write_that_fails_leaves_what_there_was(tmp_path):

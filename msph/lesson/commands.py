@@ -17,7 +17,7 @@ from msph.lesson.paint import band_height
 from msph.lesson.reader import read
 from msph.options import AS_GIVEN, RunOptions
 from msph.scene.load import read_toml
-from msph.stage.called import Called, Choice
+from msph.stage.called import Choice, SceneArguments
 from msph.stage.ggui_window import GguiWindow
 from msph.stage.layout import Layout
 from msph.stage.loop import run as run_loop
@@ -115,15 +115,17 @@ def play(guide: Guide, window: Window, name: str, frames: int | None) -> None:
     """Plays a lesson's simulations. One that blows up is reset: some lessons ask for it."""
     row, choice = guide.progress.row, Choice(name, AS_GIVEN)
     assert row is not None
-    layout, called = Layout(window.size), Called(name)
-    player = Player(window, row, choice, AS_GIVEN, layout, called, frames, guide)
+    layout, arguments = Layout(window.size), SceneArguments(name)
+    player = Player(window, row, choice, AS_GIVEN, layout, arguments, frames, guide)
     while True:
         try:
             run_loop(row, player)
             return
         except BlowUpError:
             guide.progress.refill()
-            player.layout.say("the water blew up and begins again; r puts the sliders back")
+            player.layout.show_message(
+                "the water blew up and begins again; r puts the sliders back"
+            )
 
 
 def begin(course: Course, window: Window) -> Guide:
@@ -131,7 +133,7 @@ def begin(course: Course, window: Window) -> Guide:
     if course.lesson.board:
         return Guide(course, None, window.size)
     below = band_height(text_height(window.size[1]))
-    row = prepare_row(course.scenes, course.labels, window.size, window.tell, below)
+    row = prepare_row(course.scenes, course.labels, window.size, window.report, below)
     return Guide(course, row, window.size)
 
 

@@ -10,7 +10,7 @@ from msph.scene.schema import Scene
 from msph.stage.headless import Headless, HeadlessPlayer
 from msph.stage.loop import run
 from msph.stage.row import Row
-from msph.stage.show import PLAYED, Show
+from msph.stage.show import INTERACTIVE, Show
 
 FRAME_TIME = 1.0 / 60.0
 SIZE = (640, 360)
@@ -120,7 +120,7 @@ def benchmark(
 
 
 @dataclass(frozen=True)
-class Played:
+class PlayResult:
     """One row of the benchmark of `play`.
 
     Frames shown per second of wall-clock time, median and that of the slowest twentieth; simulated
@@ -156,19 +156,19 @@ class Played:
         }
 
 
-def play_benchmark(
+def benchmark_play(
     scene: Scene, name: str, quality: str, seconds: float, size: tuple[int, int]
-) -> Played:
+) -> PlayResult:
     """Plays a scene for `seconds` [s] of wall-clock time as a window of `size` would; quality: what
     it was loaded at."""
     timings = Timings(keep=1)
-    show = Show(scene, 1.0 / scene.play.fps, size, timings=timings, **PLAYED)
+    show = Show(scene, 1.0 / scene.play.fps, size, timings=timings, **INTERACTIVE)
     show.warm_up()
     ready = process_age()
     player = HeadlessPlayer(seconds, scene.play.fps)
     run(Row([show]), player)
     walls = np.array(player.walls)
-    return Played(
+    return PlayResult(
         scene=name,
         quality=quality,
         particles=show.counts,

@@ -17,7 +17,7 @@ class Choice:
 
 
 @dataclass(frozen=True)
-class Called:
+class SceneArguments:
     """The scene on the command line, its overrides, and those of each simulation beside it."""
 
     scene: str

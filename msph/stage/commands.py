@@ -26,7 +26,7 @@ from msph.options import (
     PlayOptions,
     RunOptions,
 )
-from msph.own_files import guard, replace, sealed
+from msph.own_files import check_overwrite, replace, with_digest
 from msph.scene import load_scene
 from msph.scene.library import find_scene, shipped_scenes
 from msph.scene.load import read_toml, to_toml
@@ -34,7 +34,7 @@ from msph.scene.parameters import parameters
 from msph.scene.quality import at_quality, coarser, costs
 from msph.scene.schema import Scene
 from msph.scene.water import layer_specs
-from msph.stage.benchmark import Played, Result, benchmark, play_benchmark, profile_lines
+from msph.stage.benchmark import PlayResult, Result, benchmark, benchmark_play, profile_lines
 from msph.stage.explain import explain
 from msph.stage.loop import run as run_loop
 from msph.stage.measurer import CHECKPOINT, FILES, LEDGER, PROBES, SCENE, Measurer
@@ -64,7 +64,7 @@ class Loaded:
 
     def toml(self) -> str:
         """The scene as a file that only runs write over."""
-        return sealed(to_toml(self.scene, f"quality {self.quality}"))
+        return with_digest(to_toml(self.scene, f"quality {self.quality}"))
 
 
 def at(scene: Scene, name: str, run: RunOptions) -> Loaded:
@@ -99,7 +99,7 @@ def capture(scene: str, options: CaptureOptions, run: RunOptions) -> None:
     kinds = list(options.outputs if some else [Path("out") / f"{Path(scene).stem}.mp4"])
     files = Outputs(kinds, list(options.meshes), list(options.particles))
     check_outputs(files, options.fps)
-    guard(scene_beside(files), files.existing(), options.force)
+    check_overwrite(scene_beside(files), files.existing(), options.force)
     record(at(loaded, scene, run), files, options)
 
 
@@ -110,7 +110,7 @@ def bench(scenes: tuple[str, ...], options: BenchOptions, run: RunOptions) -> No
         make_writable(options.json_file)
     given = [(name, load_scene(name, run.overrides)) for name in names]
     arch = start(run.arch, run.threads)
-    rows: list[Result | Played] = []
+    rows: list[Result | PlayResult] = []
     failed = False
     for loaded in [at(scene, name, run) for name, scene in given]:
         say(f"{loaded.name}: compiling kernels, then running")
@@ -134,11 +134,11 @@ def bench(scenes: tuple[str, ...], options: BenchOptions, run: RunOptions) -> No
         sys.exit(BAD_RUN)
 
 
-def timed(loaded: Loaded, options: BenchOptions) -> Result | Played:
+def timed(loaded: Loaded, options: BenchOptions) -> Result | PlayResult:
     """The benchmark of one scene."""
     scene, name, duration = loaded.scene, loaded.name, options.seconds or loaded.scene.duration
     if options.as_played:
-        return play_benchmark(scene, name, loaded.quality, duration, options.size or PLAY_SIZE)
+        return benchmark_play(scene, name, loaded.quality, duration, options.size or PLAY_SIZE)
     size = options.size or BENCH_SIZE
     return benchmark(scene, name, duration, not options.no_render, size, options.profile)
 
@@ -154,7 +154,7 @@ def measure(scene: str, options: MeasureOptions, run: RunOptions) -> None:
     found = load_scene(scene, (*run.overrides, *more))
     folder = options.folder or Path("out") / Path(scene).stem
     make_writable(folder / SCENE)
-    guard(folder / SCENE, (folder / name for name in FILES), options.force)
+    check_overwrite(folder / SCENE, (folder / name for name in FILES), options.force)
     loaded = at(found, scene, run)
     if options.converge:
         measure_convergence(loaded, folder, options.converge, options.force)
@@ -202,7 +202,7 @@ def measure_convergence(loaded: Loaded, folder: Path, runs: int, force: bool) ->
     folders, spacings = [], []
     for factor, coarse in coarser(loaded.scene, convergence.factors(runs), name):
         folders.append(folder if factor == 1.0 else folder / f"spacings_x{factor:.2f}")
-        guard(folders[-1] / SCENE, (folders[-1] / name for name in FILES), force)
+        check_overwrite(folders[-1] / SCENE, (folders[-1] / name for name in FILES), force)
         spacings.append(min(s.spacing for s in layer_specs(coarse)))
         say(f"{name}: finest spacing {1e3 * spacings[-1]:.4g} mm, run {len(folders)} of {runs}")
         quality = f"{loaded.quality}, spacings x{factor:.2f}"

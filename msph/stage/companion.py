@@ -5,7 +5,7 @@ from typing import Any, Protocol
 import numpy as np
 
 
-class Companion(Protocol):
+class InputOverlay(Protocol):
     """Takes keys and the mouse first, and lays pages over the picture."""
 
     below: int  # height [pixels] that its pages take at the lower edge

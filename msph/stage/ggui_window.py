@@ -13,7 +13,7 @@ import taichi as ti
 from msph.picture.pixels import pack
 from msph.stage.controls import ACTIONS, KEYS
 from msph.stage.start_screen import StartScreen
-from msph.stage.window import ARROWS, TELL_PAUSE, ClosedError, NoWindowError, check_display
+from msph.stage.window import ARROWS, REPORT_INTERVAL, ClosedError, NoWindowError, check_display
 from msph.taichi_internals import set_image
 
 MARKER_RADIUS = 0.008  # of the marker under a pushing cursor, as a share of the window's height
@@ -51,11 +51,11 @@ class GguiWindow:
 
     def begin(self, title: str) -> None:
         self.start, self.told = StartScreen(self.size, title, self.keys), -math.inf
-        self.tell("building the scene")
+        self.report("building the scene")
 
-    def tell(self, doing: str) -> None:
+    def report(self, doing: str) -> None:
         now = time.perf_counter()
-        if now - self.told < TELL_PAUSE:
+        if now - self.told < REPORT_INTERVAL:
             return
         self.told = now
         self.waiting = self.presses()

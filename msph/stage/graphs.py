@@ -64,7 +64,7 @@ class Graphs:
         self.times: deque[float] = deque()
         self.samples: deque[list[list[float]]] = deque()
 
-    def see(self, show: Show, now: float, pace: float) -> bool:
+    def observe(self, show: Show, now: float, pace: float) -> bool:
         """Takes a sample at the wall-clock time `now` [s] where one is due; returns whether it
         did."""
         if self.times and now - self.times[-1] < EVERY:

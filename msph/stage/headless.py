@@ -21,7 +21,7 @@ class Headless:
     def controls(self, row: Row) -> Controls:
         return Controls()
 
-    def see(self, row: Row) -> None:
+    def observe(self, row: Row) -> None:
         self.done += 1
 
     def close(self) -> None:
@@ -57,17 +57,17 @@ class HeadlessPlayer:
         return self.now() - self.begin < self.seconds
 
     def controls(self, row: Row) -> Controls:
-        wishes = Controls()
-        self.pacer.steer(wishes)
-        return wishes
+        controls = Controls()
+        self.pacer.steer(controls)
+        return controls
 
-    def see(self, row: Row) -> None:
+    def observe(self, row: Row) -> None:
         # The screen waits for its next refresh.
         self.sleep(max(0.0, self.shown + self.least - self.now()))
         now = self.now()
         wall, self.shown = now - self.shown, now
         self.scales.append(self.pacer.scale)
-        self.pacer.see(row, wall, 0.0)
+        self.pacer.observe(row, wall, 0.0)
         self.walls.append(wall)
         self.simulated.append(row.lead.simulated)
 

@@ -9,7 +9,7 @@ from msph.stage.keepsakes import Keepsakes
 from msph.stage.layout import Layout
 from msph.stage.replay import Replay
 from msph.stage.row import Row
-from msph.stage.window import TELL_PAUSE, Window
+from msph.stage.window import REPORT_INTERVAL, Window
 
 # Actions of keys that are its methods.
 KEEPING = ("picture", "clip", "keep", "reopen")
@@ -41,20 +41,20 @@ class Keeper:
     def _alone(self, row: Row) -> bool:
         """Whether there is one water; of several none is kept: they would part in time."""
         if len(row.shows) > 1:
-            self.layout.say("one water alone can be kept and opened")
+            self.layout.show_message("one water alone can be kept and opened")
         return len(row.shows) == 1
 
     def _say(self, act: Callable[[], str]) -> None:
         try:
-            self.layout.say(act())
+            self.layout.show_message(act())
         except (LostOutputError, SceneError, OSError) as error:
-            self.layout.say(str(error))
+            self.layout.show_message(str(error))
 
     def _tell(self, share: float) -> None:
         """How much of a clip there is."""
         now = time.perf_counter()
-        if now - self.told < TELL_PAUSE:
+        if now - self.told < REPORT_INTERVAL:
             return
         self.told = now
-        self.layout.tell(f"clip: {100.0 * share:.0f} %", self.keepsakes.image)
+        self.layout.draw_message(f"clip: {100.0 * share:.0f} %", self.keepsakes.image)
         self.window.show(self.keepsakes.image)

@@ -9,7 +9,7 @@ from typing import Any
 import imageio.v2 as imageio
 import numpy as np
 
-from msph.own_files import replace, replacing, sealed
+from msph.own_files import replace, replacing, with_digest
 from msph.scene.errors import SceneError
 from msph.scene.load import to_toml
 from msph.scene.schema import Scene
@@ -76,5 +76,5 @@ class Keepsakes:
             number += 1
             taken = f"{stem}_{number}"
         note = f"quality {self.quality}"
-        replace(self.folder / f"{taken}.scene.toml", sealed(to_toml(scene, note)))
+        replace(self.folder / f"{taken}.scene.toml", with_digest(to_toml(scene, note)))
         return self.folder / f"{taken}{suffix}"

@@ -10,7 +10,7 @@ from msph.stage import pages
 from msph.stage.graphs import Graphs
 from msph.stage.idle import Idle
 from msph.stage.pacer import Pacer
-from msph.stage.row import Row, with_picked
+from msph.stage.row import Row, show_with_picked
 from msph.stage.status import EVERY, Status
 from msph.stage.window import ARROWS
 
@@ -78,13 +78,13 @@ class Layout:
         self.overlay.hide("settings")
         self.hinted = None
 
-    def say(self, message: str) -> None:
+    def show_message(self, message: str) -> None:
         """Shows a line for a while."""
         self._put_message(message)
         self.until = time.perf_counter() + LASTS
         self.message = message
 
-    def tell(self, message: str, image) -> None:
+    def draw_message(self, message: str, image) -> None:
         """Lays a line over an image at once."""
         self._put_message(message)
         self.overlay.draw(image)
@@ -108,7 +108,7 @@ class Layout:
         if now > self.until:
             self.overlay.hide("message")
         self._lay_particle(row, now)
-        if self.graphs.see(row.lead, now, pacer.pace) and self.panel == "graphs":
+        if self.graphs.observe(row.lead, now, pacer.pace) and self.panel == "graphs":
             top = self._top()
             page = self.graphs.paint(row.lead, self.column, self.size[1] - top, self.text)
             self.overlay.put("graphs", page, 0, top)
@@ -126,7 +126,7 @@ class Layout:
 
     def _lay_particle(self, row: Row, now: float) -> None:
         """Facts of the particle that was picked, and what its arrows are."""
-        of = with_picked(row)
+        of = show_with_picked(row)
         if of is None:
             self.overlay.hide("particle")
             return

@@ -2,7 +2,7 @@
 
 from typing import Protocol
 
-from msph.interrupts import held_back
+from msph.interrupts import deferred_signals
 from msph.stage.controls import Controls
 from msph.stage.row import Row
 
@@ -14,7 +14,7 @@ class Audience(Protocol):
 
     def controls(self, row: Row) -> Controls: ...
 
-    def see(self, row: Row) -> None: ...
+    def observe(self, row: Row) -> None: ...
 
     def close(self) -> None: ...
 
@@ -22,11 +22,11 @@ class Audience(Protocol):
 def run(row: Row, audience: Audience) -> None:
     """Frames until the audience has had enough; it is closed whatever happens. Raises
     InterruptedRun after the frame in which a signal asked for it."""
-    with held_back() as raise_if_asked:
+    with deferred_signals() as raise_if_signalled:
         try:
             while audience.wants_more(row):
                 row.frame(audience.controls(row))
-                audience.see(row)
-                raise_if_asked()
+                audience.observe(row)
+                raise_if_signalled()
         finally:
             audience.close()

@@ -80,10 +80,10 @@ class Measurer:
     def controls(self, row: Row) -> Controls:
         if self.show is None:
             self._begin(row.lead)
-            row.lead.tell = self.bar.within
+            row.lead.on_progress = self.bar.within
         return Controls()
 
-    def see(self, row: Row) -> None:
+    def observe(self, row: Row) -> None:
         show = row.lead
         self.done += 1
         entries = show.ledger.entries

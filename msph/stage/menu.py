@@ -7,10 +7,10 @@ from msph.scene.errors import SceneError
 from msph.scene.library import shipped_scenes
 from msph.scene.live import live_parameters, read
 from msph.scene.quality import at_quality
-from msph.stage.called import Called, Choice
+from msph.stage.called import Choice, SceneArguments
 from msph.stage.layout import Layout
 from msph.stage.pacer import Pacer
-from msph.stage.panel import Panel, Wish
+from msph.stage.panel import Panel, Request
 from msph.stage.row import Row
 
 # Time without another choice [s] after which the scene chosen last is built: keys that follow each
@@ -22,10 +22,16 @@ class Menu:
     """next: the scene or quality that is to follow, None for none."""
 
     def __init__(
-        self, row: Row, choice: Choice, quality: str, layout: Layout, pacer: Pacer, called: Called
+        self,
+        row: Row,
+        choice: Choice,
+        quality: str,
+        layout: Layout,
+        pacer: Pacer,
+        arguments: SceneArguments,
     ):
         self.row, self.choice, self.layout, self.pacer = row, choice, layout, pacer
-        self.called = called
+        self.arguments = arguments
         # Of each simulation the live parameters as its scene says.
         self.given = [
             {live.key: read(each.scene, live.key) for live in live_parameters(each.scene)}
@@ -52,26 +58,26 @@ class Menu:
         """Acts on the left button over the panel."""
         if self.layout.panel == "settings":
             x, y = self.layout.on_column(cursor)
-            for wish in self.panel.touch(x, y, down, self.row.lead):
-                self.grant(wish)
+            for request in self.panel.touch(x, y, down, self.row.lead):
+                self.apply(request)
 
-    def grant(self, wish: Wish) -> None:
-        if wish.kind == "set":
-            self.set(wish.name, wish.value)
-        elif wish.kind == "reset":
+    def apply(self, request: Request) -> None:
+        if request.kind == "set":
+            self.set(request.name, request.value)
+        elif request.kind == "reset":
             for each, given in zip(self.row.shows, self.given, strict=True):
-                if wish.name in given:
-                    each.set(wish.name, given[wish.name])
-            self._pace(wish.name, read(self.row.lead.scene, wish.name))
-        elif wish.kind == "view":
-            self.row.lead.views.name = wish.name
-        elif wish.kind == "scene":
-            self.leave(Choice(wish.name, self.choice.quality))
-        elif wish.kind == "quality":
+                if request.name in given:
+                    each.set(request.name, given[request.name])
+            self._pace(request.name, read(self.row.lead.scene, request.name))
+        elif request.kind == "view":
+            self.row.lead.views.name = request.name
+        elif request.kind == "scene":
+            self.leave(Choice(request.name, self.choice.quality))
+        elif request.kind == "quality":
             lead, panel = self.row.lead, self.panel
             values = {live.key: panel.value(lead, live.key) for live in panel.live}
             changed = {key: v for key, v in values.items() if v != panel.given[key]}
-            self.leave(Choice(self.choice.scene, wish.name, changed))
+            self.leave(Choice(self.choice.scene, request.name, changed))
 
     def step(self, by: int) -> None:
         """Moves the selection among the shipped scenes."""
@@ -82,14 +88,14 @@ class Menu:
     def leave(self, choice: Choice) -> None:
         """Chooses another scene or quality, if it can be loaded."""
         try:
-            for scene in self.called.scenes_of(choice.scene).values():
+            for scene in self.arguments.scenes_of(choice.scene).values():
                 if choice.quality != AUTO:
                     at_quality(scene, choice.quality, choice.scene)
         except SceneError as error:
-            self.layout.say(str(error))
+            self.layout.show_message(str(error))
         else:
             self.next, self.chosen = choice, time.perf_counter()
-            self.layout.say(f"next: {choice.scene}, quality {choice.quality}")
+            self.layout.show_message(f"next: {choice.scene}, quality {choice.quality}")
 
     def set(self, key: str, value: float) -> None:
         """Changes a live parameter of all simulations."""
@@ -99,6 +105,6 @@ class Menu:
     def _pace(self, key: str, value: float) -> None:
         """Tells the pacer of its own parameters."""
         if key == "play.speed":
-            self.pacer.ask(value)
+            self.pacer.set_speed(value)
         if key == "play.scale":
             self.pacer.finest = value

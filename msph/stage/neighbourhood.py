@@ -18,7 +18,7 @@ from msph.taichi_internals import data_oriented, kernel
 # weight: smaller than those of more, which would else be hidden within.
 DOT, SHELL = 0.2, 0.35
 # Weight of the past in accelerations: those of single steps jump.
-PAST = 0.8
+SMOOTHING = 0.8
 
 
 @data_oriented
@@ -96,7 +96,7 @@ class Neighbourhood:
         if self.before is not None and time > self.before[0]:
             now = (velocity - self.before[1]) / (time - self.before[0])
             old = now if self.acceleration is None else self.acceleration
-            self.acceleration = PAST * old + (1.0 - PAST) * now
+            self.acceleration = SMOOTHING * old + (1.0 - SMOOTHING) * now
         self.before = time, velocity
 
     def weigh(self, value: ti.Field, radius: ti.Field) -> None:

@@ -15,22 +15,22 @@ RATES = (1.0, 0.75, 0.5)
 # Scales of the picture: areas halve in two.
 SCALES = tuple(2.0 ** (-k / 4.0) for k in range(5))
 # Longest frame [s]: time slows rather than that fewer frames are shown.
-LONGEST = 1.0 / 24.0
+LONGEST_FRAME = 1.0 / 24.0
 # Least share of the longest frame that the water may take, however long the picture takes.
 LEAST_WATER = 0.4
 # Share of a frame that is planned: the rest is for what costs vary by.
 PLANNED = 0.9
 # Weight of the past in smoothed times, frames between two looks at the scale, and share of the
 # cost of a finer picture by which it must be affordable, or it would come and go.
-PAST, LOOKS, SURE = 0.9, 15, 1.15
+SMOOTHING, SCALE_INTERVAL, HYSTERESIS = 0.9, 15, 1.15
 # Most that the water lags behind [s], and goes on to make up for: a splash, seldom more. A frame
 # that takes longer is a halt, of a window that is moved or a kernel that compiles.
 BACKLOG = 0.25
 # Share of that lag which a frame makes up for, and by how much time runs faster meanwhile at most.
-CATCH_UP, FASTER = 0.1, 0.15
+CATCH_UP, MAX_SPEEDUP = 0.1, 0.15
 # Most that a frame simulates over the duration of the one before (-): a mean that remembers a slow
 # splash would let the water race after it.
-LEAP = 1.25
+MAX_GROWTH = 1.25
 
 
 class Pacer:
@@ -53,31 +53,33 @@ class Pacer:
     @property
     def frame_time(self) -> float:
         """Simulated time [s] that the next frame should take."""
-        asked = self.speed * min(self.wall, LEAP / (1.0 + FASTER) * self.last)
-        wanted = asked + float(np.clip(CATCH_UP * self.lag, -FASTER * asked, FASTER * asked))
-        return float(np.clip(wanted, 0.5 * self.speed / self.fps, self.speed * LONGEST))
+        asked = self.speed * min(self.wall, MAX_GROWTH / (1.0 + MAX_SPEEDUP) * self.last)
+        wanted = asked + float(
+            np.clip(CATCH_UP * self.lag, -MAX_SPEEDUP * asked, MAX_SPEEDUP * asked)
+        )
+        return float(np.clip(wanted, 0.5 * self.speed / self.fps, self.speed * LONGEST_FRAME))
 
     @property
     def budget(self) -> float:
         """Wall-clock time [s] that the water of the next frame may take."""
-        return max(LONGEST - self.picture - self.rest, LEAST_WATER * LONGEST)
+        return max(LONGEST_FRAME - self.picture - self.rest, LEAST_WATER * LONGEST_FRAME)
 
     @property
     def pace(self) -> float:
         """Simulated over wall-clock time (-)."""
         return self.simulated / self.wall
 
-    def ask(self, speed: float) -> None:
+    def set_speed(self, speed: float) -> None:
         """Asks for another speed."""
         self.speed, self.lag = speed, 0.0
         self.simulated = speed * self.wall
 
-    def steer(self, wishes: Controls) -> None:
+    def steer(self, controls: Controls) -> None:
         """Gives the next frame its time and its picture's scale."""
-        wishes.frame_time, wishes.budget = self.frame_time, self.budget
-        wishes.scale = self.scale
+        controls.frame_time, controls.budget = self.frame_time, self.budget
+        controls.scale = self.scale
 
-    def see(self, row: Row, wall: float, shown: float) -> None:
+    def observe(self, row: Row, wall: float, shown: float) -> None:
         """Takes in the row's last frame, of `wall` [s], of which it took `shown` [s] to be shown
         without waiting for the screen."""
         frames = [s.timings.frames[-1] for s in row.shows if s.timings]
@@ -92,15 +94,15 @@ class Pacer:
     ) -> None:
         """Takes in a frame: its duration [s], what water, picture and the rest took of it without
         waiting for the screen [s], and what was simulated [s]."""
-        wall = self.last = wall if wall <= BACKLOG else LONGEST
+        wall = self.last = wall if wall <= BACKLOG else LONGEST_FRAME
         self.frames += 1
-        past = min(PAST, 1.0 - 1.0 / self.frames)
+        past = min(SMOOTHING, 1.0 - 1.0 / self.frames)
         for name, now in (("wall", wall), ("water", water), ("picture", picture), ("rest", rest)):
             setattr(self, name, past * getattr(self, name) + (1.0 - past) * now)
         self.simulated = past * self.simulated + (1.0 - past) * simulated
         behind = self.lag + self.speed * wall - simulated
         self.lag = float(np.clip(behind, -self.speed * BACKLOG, self.speed * BACKLOG))
-        if self.frames % LOOKS == 0:
+        if self.frames % SCALE_INTERVAL == 0:
             self.scale = self._affordable()
 
     def _affordable(self) -> float:
@@ -110,6 +112,6 @@ class Pacer:
             room = (PLANNED - per_second) / (rate * self.fps) - self.rest
             for scale in (min(s, self.finest) for s in SCALES):
                 cost = self.picture * (scale / self.scale) ** 2
-                if cost * (SURE if scale > self.scale else 1.0) <= room:
+                if cost * (HYSTERESIS if scale > self.scale else 1.0) <= room:
                     return scale
         return min(SCALES[-1], self.finest)

@@ -24,7 +24,7 @@ RESET = "as the scene says"
 
 
 @dataclass(frozen=True)
-class Wish:
+class Request:
     """What was chosen: of a kind ("set", "reset", "view", "scene", "quality"), which, and its
     value."""
 
@@ -73,22 +73,22 @@ class Panel:
             self._sliders(show, (pad, size[0] - pad), y)
         return np.asarray(page)
 
-    def touch(self, x: float, y: float, down: bool, show: Show) -> list[Wish]:
+    def touch(self, x: float, y: float, down: bool, show: Show) -> list[Request]:
         """What the left button asks for with the cursor at (x, y) [pixels from the page's
         corner]."""
         acted = self.grip.act(self.sheet, x, y, down)
         if isinstance(acted, Slider):
-            return [Wish("set", acted.name, acted.value(x))]
+            return [Request("set", acted.name, acted.value(x))]
         return self._click(acted.name) if isinstance(acted, Button) else []
 
-    def _click(self, button: str) -> list[Wish]:
+    def _click(self, button: str) -> list[Request]:
         kind, _, name = button.partition(" ")
         if kind == "page":
             self.page = name
             return []
         if kind == "reset":
-            return [Wish("reset", live.key) for live in self._here()]
-        return [] if name in (self.scene, self.quality) else [Wish(kind, name)]
+            return [Request("reset", live.key) for live in self._here()]
+        return [] if name in (self.scene, self.quality) else [Request(kind, name)]
 
     def _here(self) -> list[Live]:
         """Live parameters of the open page."""

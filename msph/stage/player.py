@@ -8,8 +8,8 @@ import numpy as np
 
 from msph.measure.resolution import mean_depth
 from msph.picture.camera import Camera
-from msph.stage.called import Called, Choice
-from msph.stage.companion import Companion
+from msph.stage.called import Choice, SceneArguments
+from msph.stage.companion import InputOverlay
 from msph.stage.controls import ACTIONS, Controls
 from msph.stage.idle import Idle
 from msph.stage.keeper import KEEPING, Keeper
@@ -18,7 +18,7 @@ from msph.stage.layout import Layout
 from msph.stage.menu import Menu
 from msph.stage.pacer import Pacer
 from msph.stage.replay import Replay
-from msph.stage.row import Row, with_picked
+from msph.stage.row import Row, show_with_picked
 from msph.stage.steering import BUTTONS, Steering
 from msph.stage.window import Window
 
@@ -29,7 +29,7 @@ ARROW = 0.3  # length of an arrow of 10 m/s^2, over the box's longest edge
 
 class Player:
     """Plays a row in a window until it is closed or another scene is chosen; quality: what the row
-    is at. layout: the window's, which outlives the player. called: how to load other scenes.
+    is at. layout: the window's, which outlives the player. arguments: how to load other scenes.
     frames: the largest number of frames, None for no limit. guide: that of a lesson."""
 
     def __init__(
@@ -39,16 +39,16 @@ class Player:
         choice: Choice,
         quality: str,
         layout: Layout,
-        called: Called,
+        arguments: SceneArguments,
         frames: int | None = None,
-        guide: Companion | None = None,
+        guide: InputOverlay | None = None,
     ):
         self.window, self.row, self.frames, self.guide = window, row, frames, guide
         lead, play = row.lead, row.lead.scene.play
         self.layout, self.replay = layout, Replay()
         self.pacer = Pacer(play.fps, play.speed, play.scale)
         layout.begin(quality)
-        self.menu = Menu(row, choice, quality, layout, self.pacer, called)
+        self.menu = Menu(row, choice, quality, layout, self.pacer, arguments)
         self.steering = Steering(window, row)
         keepsakes = Keepsakes(Path("out"), Path(choice.scene).stem, quality)
         self.keeper = Keeper(window, layout, self.replay, keepsakes)
@@ -78,7 +78,7 @@ class Player:
         return self.window.open and not (self.done or over or self.menu.settled)
 
     def controls(self, row: Row) -> Controls:
-        wishes, steering, guide = Controls(), self.steering, self.guide
+        controls, steering, guide = Controls(), self.steering, self.guide
         pressed = self.window.presses()
         steering.look()
         for key in pressed:
@@ -87,25 +87,25 @@ class Player:
             elif guide and guide.takes(key):
                 self._follow(guide)
             elif key in ACTIONS:
-                self._press(ACTIONS[key], wishes)
-        self.pacer.steer(wishes)
+                self._press(ACTIONS[key], controls)
+        self.pacer.steer(controls)
         step, wall = self.pacer.frame_time, self.pacer.wall
         # While a lesson waits, keys do nothing.
         waits = guide is not None and guide.waits
         held = not waits and steering.hold(step, wall, self.paused)
-        dragged = self._drag(wishes, step)
+        dragged = self._drag(controls, step)
         self.idle.pass_time(wall, bool(pressed or held or dragged or steering.moved.any()))
         sway = self.idle.roll(row.lead.simulation.time, 0.0 if self._still else step)
-        wishes.tilt = (float(steering.tilt[0]) + sway, float(steering.tilt[1]))
-        wishes.paused = self._still
-        return wishes
+        controls.tilt = (float(steering.tilt[0]) + sway, float(steering.tilt[1]))
+        controls.paused = self._still
+        return controls
 
     @property
     def _still(self) -> bool:
         """True while the simulation is paused, by the user or by the guide."""
         return self.paused or (self.guide is not None and self.guide.waits)
 
-    def _follow(self, guide: Companion) -> None:
+    def _follow(self, guide: InputOverlay) -> None:
         """Levels the pool where the guide has reset the simulation."""
         if guide.runs != self.runs:
             self.runs = guide.runs
@@ -116,7 +116,7 @@ class Player:
         cursor = self.steering.cursor
         return (self.guide is not None and self.guide.covers(cursor)) or self.layout.covers(cursor)
 
-    def _drag(self, wishes: Controls, step: float) -> bool:
+    def _drag(self, controls: Controls, step: float) -> bool:
         """What the mouse does; whether a button is down beside the pages."""
         steering, down = self.steering, self.window.down("LMB")
         self.idle.tried.add(steering.turn())
@@ -128,19 +128,19 @@ class Player:
         held = steering.held()
         if held[0]:
             self.idle.tried.add("push")
-        steering.push(wishes, step, self._covered())
+        steering.push(controls, step, self._covered())
         return any(held)
 
-    def _press(self, action: str, wishes: Controls) -> None:
+    def _press(self, action: str, controls: Controls) -> None:
         """What a key asks for at once; others act as long as they are down."""
         self.idle.tried.add(action)
         if action == "quit" and self.helping:
             action = "help"
         act = getattr(self, f"_{action}", None)
         if action in ("reset", "next_view"):
-            setattr(wishes, action, True)
+            setattr(controls, action, True)
         elif action == "step":
-            wishes.single_step = True
+            controls.single_step = True
         elif action in KEEPING:
             getattr(self.keeper, action)(self.row)
             self.clock = None
@@ -154,11 +154,13 @@ class Player:
 
     def _slow_motion(self) -> None:
         usual = self.row.lead.scene.play.speed
-        self.pacer.ask(SLOW_MOTION * usual if self.pacer.speed == usual else usual)
+        self.pacer.set_speed(SLOW_MOTION * usual if self.pacer.speed == usual else usual)
 
     def _lock(self) -> None:
         locked = self.steering.locked = not self.steering.locked
-        self.layout.say("the tilt is locked" if locked else "the pool comes level by itself")
+        self.layout.show_message(
+            "the tilt is locked" if locked else "the pool comes level by itself"
+        )
 
     def _framing(self) -> Camera:
         """The scene's view beside the column."""
@@ -193,14 +195,14 @@ class Player:
     def _slice(self) -> None:
         self.row.slice()
         if self.row.lead.views.cut is not None and self.row.lead.views.name == "water":
-            self.layout.say("the slice is seen in views of particles: v")
+            self.layout.show_message("the slice is seen in views of particles: v")
 
     # Each frame, after it.
 
-    def see(self, row: Row) -> None:
+    def observe(self, row: Row) -> None:
         now, image = time.perf_counter(), row.image
         if not self._still:
-            self.replay.see(row, now)
+            self.replay.observe(row, now)
         if self.guide:
             self.guide.look()
         self.menu.lay()
@@ -216,12 +218,12 @@ class Player:
         now = time.perf_counter()
         self.shown = min(FORGET * self.shown, now - begin)
         if self.clock is not None and not self._still:
-            self.pacer.see(row, now - self.clock, self.shown)
+            self.pacer.observe(row, now - self.clock, self.shown)
         self.clock = now
 
     def _draw_arrows(self) -> None:
         """What acts on the particle that was picked."""
-        of = with_picked(self.row)
+        of = show_with_picked(self.row)
         # They lie over every page.
         if of is None or self.helping or self.layout.panel:
             return
@@ -232,7 +234,7 @@ class Player:
         if ends:
             flat = np.array(ends).reshape(-1, 3)
             size = of.picture.width, of.picture.height
-            places = self.row.placed(of, of.camera.seen(flat, *size, sim.size, of.tilt))
+            places = self.row.to_window(of, of.camera.seen(flat, *size, sim.size, of.tilt))
             self.window.arrows(places.reshape(-1, 2, 2))
 
     def close(self) -> None:

@@ -7,7 +7,7 @@ import click
 from msph.device import start
 from msph.interrupts import importing
 from msph.options import PlayOptions, RunOptions
-from msph.stage.called import Called
+from msph.stage.called import SceneArguments
 from msph.stage.window import ClosedError, NoWindowError, check_display
 
 # Simulations side by side: more are too narrow to be seen.
@@ -18,8 +18,8 @@ def play(scene: str, options: PlayOptions, run: RunOptions) -> None:
     """Plays a scene, and those that are chosen in its window; captures it where no window can be
     opened."""
     check_beside(options.beside)
-    called = Called(scene, run.overrides, options.beside)
-    first = next(iter(called.scenes_of(scene).values()))
+    arguments = SceneArguments(scene, run.overrides, options.beside)
+    first = next(iter(arguments.scenes_of(scene).values()))
     try:
         check_display()
         start(run.arch, run.threads)
@@ -40,7 +40,7 @@ def play(scene: str, options: PlayOptions, run: RunOptions) -> None:
         # The window is there while the rest is imported.
         with importing():
             from msph.stage.session import Session
-        Session(window, called, options.frames).play(scene, run.quality)
+        Session(window, arguments, options.frames).play(scene, run.quality)
     except ClosedError:
         pass
     finally:

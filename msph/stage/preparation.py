@@ -13,7 +13,7 @@ from msph.scene.check import cautions
 from msph.scene.effort import effort
 from msph.scene.schema import Scene
 from msph.stage.row import KEPT, Row, width_of_each
-from msph.stage.show import PLAYED, Show
+from msph.stage.show import INTERACTIVE, Show
 from msph.taichi_internals import watch_compiling
 
 # Called with what is being done, in words, before each kernel that is compiled.
@@ -69,7 +69,7 @@ def prepare_row(
             each,
             tell=tell,
             timings=Timings(keep=1 if alone else KEPT),
-            **PLAYED,
+            **INTERACTIVE,
         )
         for scene in scenes
     ]

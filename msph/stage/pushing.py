@@ -31,8 +31,8 @@ class PushingHand:
         one that the push began in, wherever the cursor is by now.
         """
         if not self.pushes:
-            self.over = row.under(cursor)[0]
-        show, cursor = self.over, row.within(self.over, cursor)
+            self.over = row.show_under(cursor)[0]
+        show, cursor = self.over, row.to_picture(self.over, cursor)
         eye, direction = self._ray(show, cursor)
         if not self.pushes:
             self.place = self._hit(show, cursor)
@@ -47,7 +47,7 @@ class PushingHand:
     def pass_over(self, row: Row, cursor: np.ndarray, step: float) -> Hand:
         """A wake where the cursor moves over the water without a push; from one water to the next
         the hand lets go."""
-        show, cursor = row.under(cursor)
+        show, cursor = row.show_under(cursor)
         if show is not self.over:
             self.let_go()
         self.over = show

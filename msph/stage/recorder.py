@@ -99,10 +99,10 @@ class Recorder:
         return self.done < self.frames
 
     def controls(self, row: Row) -> Controls:
-        row.lead.tell = self.bar.within
+        row.lead.on_progress = self.bar.within
         return Controls()
 
-    def see(self, row: Row) -> None:
+    def observe(self, row: Row) -> None:
         if row.picture:
             self.last = row.picture.to_numpy_u8()
             for path, writer in zip(self.videos, self.writers or self._open(), strict=True):

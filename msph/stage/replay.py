@@ -19,7 +19,7 @@ class Replay:
         self.frames: deque[tuple[float, dict[str, Any]]] = deque()
         self.bytes = 0
 
-    def see(self, row: Row, now: float) -> None:
+    def observe(self, row: Row, now: float) -> None:
         """Keeps the row's water at the wall-clock time `now` [s] where a frame is due."""
         if self.frames and now - self.frames[-1][0] < 1.0 / FPS:
             return
@@ -43,12 +43,12 @@ class Replay:
                 # The newest frame that had been seen by then: halts are as long as they were.
                 while len(waiting) > 1 and waiting[1][0] <= first + (k + 0.5) / FPS:
                     waiting.pop(0)
-                row.see_again(waiting[0][1])
-                recorder.see(row)
+                row.show_moment(waiting[0][1])
+                recorder.observe(row)
                 tell((k + 1) / number)
         finally:
             row.picture.scale = scale
-            row.see_again(before)
+            row.show_moment(before)
             recorder.close()
 
 

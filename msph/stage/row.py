@@ -104,18 +104,18 @@ class Row:
         same = replace(controls, frame_time=lead.simulated or None, budget=None, paused=waits)
         for show, home in zip(self.shows[1:], self.homes[1:], strict=True):
             if self.picture:
-                self._aim(show, home)
+                self._match_view(show, home)
             show.frame(replace(same, next_view=False))
         self.draw_together()
 
-    def _aim(self, show: Show, home: float) -> None:
+    def _match_view(self, show: Show, home: float) -> None:
         """Shows of another what is shown of the first."""
         lead = self.lead
-        show.camera = self._beside(show, home)
+        show.camera = self._matching_camera(show, home)
         show.views.cut = None if lead.views.cut is None else show.views.cut
         show.views.name = lead.views.name if lead.views.name in show.views.names else "water"
 
-    def _beside(self, show: Show, home: float) -> Camera:
+    def _matching_camera(self, show: Show, home: float) -> Camera:
         """The first one's point of view, at this one's distance."""
         lead, camera = self.lead.camera, copy(self.lead.camera)
         scale = home / self.homes[0]
@@ -135,11 +135,11 @@ class Row:
         if any(self.labels):
             if self.told % EVERY == 0:
                 for k, show in enumerate(self.shows):
-                    self._tell(k, show)
+                    self._put_label(k, show)
             self.told += 1
             self.overlay.draw(self.image)
 
-    def _tell(self, k: int, show: Show) -> None:
+    def _put_label(self, k: int, show: Show) -> None:
         """Name, speed and error of one, over it."""
         texts = [(self.labels[k], pages.INK), *((t, pages.FAINT) for t in speed_and_error(show))]
         page = pages.lines(texts, self.text)
@@ -151,21 +151,21 @@ class Row:
         for i, j in ti.ndrange(width, height):
             self.common.field[left + i, low + j] = field[i, j]  # type: ignore[union-attr]
 
-    def under(self, cursor: np.ndarray) -> tuple[Show, np.ndarray]:
+    def show_under(self, cursor: np.ndarray) -> tuple[Show, np.ndarray]:
         """The show under a cursor (right, up, in shares of the window), and the cursor in shares of
         its picture."""
         pitch = self.lead.picture.width + GAP
         place = cursor * self.size
         k = int(np.clip(place[0] // pitch, 0, len(self.shows) - 1))
-        return self.shows[k], self.within(self.shows[k], cursor)
+        return self.shows[k], self.to_picture(self.shows[k], cursor)
 
-    def within(self, show: Show, cursor: np.ndarray) -> np.ndarray:
+    def to_picture(self, show: Show, cursor: np.ndarray) -> np.ndarray:
         """The cursor in shares of a show's picture, beyond its edges, too."""
         left = self.shows.index(show) * (show.picture.width + GAP)
         pixels = cursor * self.size - (left, self.below)
         return pixels / (show.picture.width, show.picture.height)
 
-    def placed(self, show: Show, shares: np.ndarray) -> np.ndarray:
+    def to_window(self, show: Show, shares: np.ndarray) -> np.ndarray:
         """Places (n, 2) in shares of a show's picture, in shares of the window."""
         left = self.shows.index(show) * (show.picture.width + GAP)
         pixels = shares * (show.picture.width, show.picture.height) + (left, self.below)
@@ -197,9 +197,9 @@ class Row:
         states = {f"{k} {name}": a for k, m in enumerate(moments) for name, a in m["state"].items()}
         return {"state": states, "moments": moments}
 
-    def see_again(self, moment: dict[str, Any]) -> None:
+    def show_moment(self, moment: dict[str, Any]) -> None:
         for show, its in zip(self.shows, moment["moments"], strict=True):
-            show.see_again(its)
+            show.show_moment(its)
         self.draw_together()
 
     @property
@@ -219,7 +219,7 @@ class Row:
         return [warning for show in self.shows for warning in show.warnings()]
 
 
-def with_picked(row: Row) -> Show | None:
+def show_with_picked(row: Row) -> Show | None:
     """The one whose particle was picked and is seen, if any."""
     seen = (s for s in row.shows if s.views.name != "water")
     return next((s for s in seen if s.views.neighbourhood.id is not None), None)

@@ -3,7 +3,7 @@
 from msph.errors import MsphError
 from msph.options import AS_GIVEN, AUTO
 from msph.scene.quality import at_quality
-from msph.stage.called import Called, Choice
+from msph.stage.called import Choice, SceneArguments
 from msph.stage.layout import Layout
 from msph.stage.loop import run
 from msph.stage.player import Player
@@ -16,8 +16,8 @@ from msph.stage.window import Window
 class Session:
     """frames: the largest number of frames of each scene, None for no limit."""
 
-    def __init__(self, window: Window, called: Called, frames: int | None = None):
-        self.window, self.called, self.frames = window, called, frames
+    def __init__(self, window: Window, arguments: SceneArguments, frames: int | None = None):
+        self.window, self.arguments, self.frames = window, arguments, frames
         self.layout = Layout(window.size)
         self.problem = ""  # why the scene chosen last is not played
 
@@ -41,7 +41,7 @@ class Session:
 
     def _build(self, choice: Choice) -> tuple[Row, str]:
         """The simulations of a choice, and their quality."""
-        scenes, quality = self.called.scenes_of(choice.scene), choice.quality
+        scenes, quality = self.arguments.scenes_of(choice.scene), choice.quality
         first = next(iter(scenes.values()))
         self.window.begin(first.title or choice.scene)
         if quality == AUTO and len(scenes) > 1:
@@ -50,13 +50,13 @@ class Session:
         elif quality == AUTO:
             quality = finest_in_real_time(first, choice.scene, self.window)
         found = [at_quality(scene, quality, choice.scene) for scene in scenes.values()]
-        return prepare_row(found, list(scenes), self.window.size, self.window.tell), quality
+        return prepare_row(found, list(scenes), self.window.size, self.window.report), quality
 
     def _play(self, row: Row, choice: Choice, quality: str) -> Choice | None:
         """Plays until the window is closed or another scene is chosen, which is returned."""
-        player = Player(self.window, row, choice, quality, self.layout, self.called, self.frames)
+        player = Player(self.window, row, choice, quality, self.layout, self.arguments, self.frames)
         if self.problem:
-            self.layout.say(self.problem)
+            self.layout.show_message(self.problem)
             self.problem = ""
         run(row, player)
         for warning in row.warnings():

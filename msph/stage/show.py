@@ -36,7 +36,7 @@ WARM_UP_SCALE = 0.5
 
 # Options of a show that someone plays with. Density errors, which no frame needs, are measured
 # every tenth of a second [s], often enough to be read: they take a list of neighbours and a sum.
-PLAYED: dict[str, Any] = {"stop_bodies": True, "scalable": True, "density_every": 0.1}
+INTERACTIVE: dict[str, Any] = {"stop_bodies": True, "scalable": True, "density_every": 0.1}
 
 
 class Show:
@@ -69,7 +69,7 @@ class Show:
         self.clock = clock
         self.simulated = 0.0
         # Called after each step with the share (0 to 1) of its frame that is over.
-        self.tell: Callable[[float], None] | None = None
+        self.on_progress: Callable[[float], None] | None = None
         self.stop_bodies, self.scalable = stop_bodies, scalable and size is not None
         self.stopped: set[str] = set()
         self.simulation = build_simulation(scene)
@@ -164,7 +164,9 @@ class Show:
         sim = self.simulation
         before = sim.state() if self.stop_bodies and sim.boundary.moving else None
         try:
-            return sim.advance(frame_time, external, self._substage, budget, self.clock, self.tell)
+            return sim.advance(
+                frame_time, external, self._substage, budget, self.clock, self.on_progress
+            )
         except TrappedWaterError as error:
             if before is None:
                 raise
@@ -193,7 +195,7 @@ class Show:
             "view": self.views.name,
         }
 
-    def see_again(self, moment: dict[str, Any]) -> None:
+    def show_moment(self, moment: dict[str, Any]) -> None:
         """Goes back to a moment(), and draws it."""
         self.simulation.restore(moment["state"])
         self._stop(moment["stopped"])

@@ -70,16 +70,16 @@ class Steering:
             return "orbit"
         return ""
 
-    def push(self, wishes: Controls, step: float, on_page: bool) -> None:
+    def push(self, controls: Controls, step: float, on_page: bool) -> None:
         """Moves the hand with the cursor."""
         left, right, middle = self.held()
         hover = self.row.lead.scene.play.hover and self.moved.any()
         if left:
-            wishes.hand = self.hand.push(self.row, self.cursor, step)
+            controls.hand = self.hand.push(self.row, self.cursor, step)
         elif hover and not (right or middle or on_page):
-            wishes.hand = self.hand.pass_over(self.row, self.cursor, step)
+            controls.hand = self.hand.pass_over(self.row, self.cursor, step)
         else:
-            wishes.hand = self.hand.let_go()
+            controls.hand = self.hand.let_go()
 
     def clicked(self) -> bool:
         """True if the left button went up where it had gone down, and soon."""
@@ -94,7 +94,7 @@ class Steering:
 
     def pick(self) -> None:
         """Picks the particle under the cursor, of whichever simulation."""
-        under, place = self.row.under(self.cursor)
+        under, place = self.row.show_under(self.cursor)
         i, j = (int(v) for v in place * (under.picture.width, under.picture.height))
         found = under.particle_at(i, j)
         for other in self.row.shows:

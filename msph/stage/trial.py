@@ -11,7 +11,7 @@ from msph.stage.controls import Controls
 from msph.stage.pacer import PLANNED, RATES, SCALES
 from msph.stage.preparation import compiling, say
 from msph.stage.row import Row
-from msph.stage.show import PLAYED, Show
+from msph.stage.show import INTERACTIVE, Show
 from msph.stage.window import Window
 
 # Wall-clock time of a trial [s], frames before it, in which rarer kernels are compiled, and size of
@@ -41,22 +41,22 @@ def real_time_factor(scene: Scene, quality: str, window: Window | None = None) -
     """Simulated over wall-clock time (-), over the speed that the scene asks for, of frames as
     `play` renders them where it has to save: at its lowest frame rate and image scale."""
     frame_time, size = scene.play.speed / (RATES[-1] * scene.play.fps), SIZE
-    wishes = Controls(budget=SECONDS, scale=SCALES[-1])
+    controls = Controls(budget=SECONDS, scale=SCALES[-1])
     if window:
         size = window.size
-        window.tell(f"trying quality {quality}")
-    with compiling(window.tell if window else None):
-        row = Row([Show(scene, frame_time, size, timings=Timings(keep=1), **PLAYED)])
+        window.report(f"trying quality {quality}")
+    with compiling(window.report if window else None):
+        row = Row([Show(scene, frame_time, size, timings=Timings(keep=1), **INTERACTIVE)])
         row.lead.warm_up()
         for _ in range(UNTIMED):
-            row.frame(wishes)
+            row.frame(controls)
     simulated = 0.0
     begin, wall = time.perf_counter(), 0.0
     while wall < SECONDS:
-        row.frame(wishes)
+        row.frame(controls)
         simulated += row.lead.simulated
         if window:
-            window.tell(f"trying quality {quality}")
+            window.report(f"trying quality {quality}")
             window.again()
         wall = time.perf_counter() - begin
     row.close()

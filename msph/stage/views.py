@@ -137,7 +137,7 @@ class Views:
         if self.name not in self.attributes:
             return None
         unit = "%" if self.name == "density_error" else self.attributes[self.name].unit
-        unit, size = told_in(unit, max(-lo, hi))
+        unit, size = display_unit(unit, max(-lo, hi))
         told = (lo, hi, 0.0) if lo < 0.0 else (lo, hi)
         marks = tuple(((v - lo) / (hi - lo), f"{v / size:g}") for v in told)
         return Legend(f"{self.name.replace('_', ' ')} [{unit}]", marks)
@@ -146,12 +146,12 @@ class Views:
         """A colour each, from fine to coarse."""
         specs = self.simulation.layers.specs
         order = sorted(range(len(specs)), key=lambda k: specs[k].spacing)
-        unit, size = told_in("m", specs[order[0]].spacing)
+        unit, size = display_unit("m", specs[order[0]].spacing)
         marks = tuple((k / hi, f"{specs[k].spacing / size:.3g}") for k in order)
         return Legend(f"layers: spacing [{unit}]", marks, bar=False)
 
 
-def told_in(unit: str, value: float) -> tuple[str, float]:
+def display_unit(unit: str, value: float) -> tuple[str, float]:
     """The unit in which to tell a value [unit], and its size in that unit."""
     if abs(value) >= 1e3:
         return LARGER.get(unit, (unit, 1.0))

@@ -10,7 +10,7 @@ import numpy as np
 # Colours of arrows, in their order.
 ARROWS = ((1.0, 0.82, 0.4), (0.34, 0.71, 0.91))
 # Least time between two reports of what is being done [s]: each takes milliseconds to be shown.
-TELL_PAUSE = 0.12
+REPORT_INTERVAL = 0.12
 
 
 class NoWindowError(RuntimeError):
@@ -53,7 +53,7 @@ class Window(Protocol):
     def begin(self, title: str) -> None:
         """Shows the start screen of a scene with this title, until the next image."""
 
-    def tell(self, doing: str) -> None:
+    def report(self, doing: str) -> None:
         """Shows on the start screen what is being done. Raises ClosedError if the user has asked to
         quit or closed the window meanwhile; other keys wait for the next presses()."""
 

@@ -16,14 +16,14 @@ from msph.scene.library import shipped_scenes
 from msph.scene.live import live_parameters, read
 from msph.scene.load import read_toml
 from msph.stage import idle, menu, replay
-from msph.stage.called import Called, Choice
+from msph.stage.called import Choice, SceneArguments
 from msph.stage.controls import ACTIONS, KEYS, Controls
 from msph.stage.keepsakes import Keepsakes
 from msph.stage.layout import PANELS, Layout
-from msph.stage.panel import PAGES, Wish
+from msph.stage.panel import PAGES, Request
 from msph.stage.player import SLOW_MOTION, Player
 from msph.stage.row import Row
-from msph.stage.show import PLAYED, Show
+from msph.stage.show import INTERACTIVE, Show
 from tests.scenes_kit import TEXT, write
 
 SIZE = WIDTH, HEIGHT = 480, 270
@@ -106,7 +106,7 @@ hi = [0.4, 0.1512, 0.4]
 """,
     )
     scene = load_scene(path, ("method=projection", "adaptation.enabled=true"))
-    return Show(scene, FRAME, SIZE, timings=Timings(keep=1), **PLAYED)
+    return Show(scene, FRAME, SIZE, timings=Timings(keep=1), **INTERACTIVE)
 
 
 @pytest.fixture
@@ -131,7 +131,7 @@ def layout():
 
 def played(row, layout, *, screen=None, choice=None, quality="medium"):
     choice = choice or Choice("pool", "auto")
-    return Player(screen or Screen(), row, choice, quality, layout, Called("pool"))
+    return Player(screen or Screen(), row, choice, quality, layout, SceneArguments("pool"))
 
 
 @pytest.fixture
@@ -145,7 +145,7 @@ def frames(player, _=None, number=1):
     """Frames of a player and its row; the last image, (width, height, 3)."""
     for _ in range(number):
         player.row.frame(player.controls(player.row))
-        player.see(player.row)
+        player.observe(player.row)
     return player.window.image.to_numpy()
 
 
@@ -280,8 +280,8 @@ def test_water_that_nobody_touches_moves_until_somebody_does(player, show, monke
 
     frames(player, show, 3)
     assert level() and player.idle.hint() == ""
-    monkeypatch.setattr(idle, "PATIENCE", 0.0)
-    monkeypatch.setattr(idle, "RAMP", 1e-3)
+    monkeypatch.setattr(idle, "IDLE_DELAY", 0.0)
+    monkeypatch.setattr(idle, "RAMP_TIME", 1e-3)
     # Frames are as long as this machine needs.
     for _ in range(300):
         frames(player, show)
@@ -290,7 +290,7 @@ def test_water_that_nobody_touches_moves_until_somebody_does(player, show, monke
     assert not level() and player.idle.hint() == "drag: push the water"
     player.idle.tried.add("push")
     assert player.idle.hint() == "arrows: tilt"
-    monkeypatch.setattr(idle, "PATIENCE", 1e9)
+    monkeypatch.setattr(idle, "IDLE_DELAY", 1e9)
     press(player, show, "l", number=2)
     assert level() and player.idle.hint() == ""
 
@@ -298,10 +298,10 @@ def test_water_that_nobody_touches_moves_until_somebody_does(player, show, monke
 def test_a_scene_that_sways_is_left_to_itself(show):
     sway = show.scene.sway.model_copy(update={"angle": 5.0, "seconds": 4.0})
     swaying = idle.Idle(show.scene.model_copy(update={"sway": sway}), depth=0.1)
-    swaying.pass_time(2.0 * idle.PATIENCE, busy=False)
+    swaying.pass_time(2.0 * idle.IDLE_DELAY, busy=False)
     assert swaying.strength == 1.0
     assert swaying.roll(3.9, 0.1) == 0.0 and swaying.roll(4.1, 0.1) != 0.0
-    swaying.pass_time(2.0 * idle.RAMP, busy=True)
+    swaying.pass_time(2.0 * idle.RAMP_TIME, busy=True)
     assert swaying.strength == 0.0
 
 
@@ -376,7 +376,7 @@ def test_graphs_are_drawn_of_what_was_measured(player, show):
     press(player, show, "i", "i")
     before = frames(player, show)
     for k in range(12):
-        player.layout.graphs.see(show, player.layout.graphs.times[-1] + 0.25 * k + 0.2, 1.0)
+        player.layout.graphs.observe(show, player.layout.graphs.times[-1] + 0.25 * k + 0.2, 1.0)
     page = player.layout.graphs.paint(show, 200, 200, 12)
     assert page.shape == (200, 200, 4) and (page[..., :3].max(-1) > 150).mean() > 0.02
     assert player.layout.overlay.shown["graphs"][0] == 0 and before.std() > 0.05
@@ -636,7 +636,7 @@ def test_a_storm_of_inputs_loses_no_water(player, show, seed):
             elif kind == 3:
                 live = dice.choice(player.menu.panel.live)
                 limits[live.key] = dice.uniform(live.lo, live.hi)
-                player.menu.grant(Wish("set", live.key, limits[live.key]))
+                player.menu.apply(Request("set", live.key, limits[live.key]))
             else:
                 window.held.clear()
         frames(player, show)
@@ -653,7 +653,7 @@ BELOW = 40
 def other(show):
     """The water beside: coarser particles alone."""
     scene = show.scene.model_copy(update={"adaptation": type(show.scene.adaptation)()})
-    return Show(scene, FRAME, SIZE, timings=Timings(keep=5), **PLAYED)
+    return Show(scene, FRAME, SIZE, timings=Timings(keep=5), **INTERACTIVE)
 
 
 @pytest.fixture
@@ -700,9 +700,9 @@ class TestRow:
         first, second = row.shows
         for show, left in ((first, 0), (second, WIDTH + 2)):
             cursor = np.array([left + 0.25 * WIDTH, BELOW + 0.5 * HEIGHT]) / row.size
-            under, place = row.under(cursor)
+            under, place = row.show_under(cursor)
             assert under is show and place == pytest.approx([0.25, 0.5])
-            assert row.placed(show, np.array([[0.25, 0.5]]))[0] == pytest.approx(cursor)
+            assert row.to_window(show, np.array([[0.25, 0.5]]))[0] == pytest.approx(cursor)
 
     def test_parameters_reach_those_that_have_them(self, row):
         row.set("gravity", 5.0)
@@ -753,15 +753,15 @@ class TestRow:
             hand = player.controls(row).hand
             speeds.append(math.hypot(*hand.velocity) * player.pacer.frame_time)
         assert max(speeds) < 0.1 * max(first.simulation.size)
-        assert row.under(screen.at)[0] is row.shows[1]
+        assert row.show_under(screen.at)[0] is row.shows[1]
 
     def test_settings_go_back_to_what_each_scene_says(self, row, wide):
         second = row.shows[1]
         player = played(row, wide)
         player.menu.given[1]["gravity"] = 3.0
-        player.menu.grant(Wish("set", "gravity", 7.0))
+        player.menu.apply(Request("set", "gravity", 7.0))
         assert math.hypot(*second.scene.gravity) == pytest.approx(7.0)
-        player.menu.grant(Wish("reset", "gravity"))
+        player.menu.apply(Request("reset", "gravity"))
         assert math.hypot(*second.scene.gravity) == pytest.approx(3.0)
         assert math.hypot(*row.lead.scene.gravity) == pytest.approx(9.81)
         row.set("gravity", 9.81)
@@ -780,7 +780,7 @@ class TestRow:
         before = row.image.to_numpy()
         row.frame(Controls(frame_time=FRAME, tilt=(0.3, 0.0)))
         assert not np.array_equal(before, row.image.to_numpy())
-        row.see_again(kept)
+        row.show_moment(kept)
         assert [s.simulation.time for s in row.shows] == pytest.approx([FRAME, FRAME])
         row.reset()
         assert [s.simulation.time for s in row.shows] == [0.0, 0.0]
@@ -788,7 +788,7 @@ class TestRow:
 
 def test_a_scene_that_is_left_comes_back_as_it_was_called():
     """The scene chosen last was played under its name."""
-    called = Called("pool", ("title=called",), ("'title=with spaces'",))
+    called = SceneArguments("pool", ("title=called",), ("'title=with spaces'",))
     titles = {label: scene.title for label, scene in called.scenes_of("pool").items()}
     assert titles == {"title=called": "called", "'title=with spaces'": "with spaces"}
     assert {s.title for s in called.scenes_of("drop").values()} == {load_scene("drop").title}
