@@ -1,7 +1,7 @@
-"""Files of a run: written whole or said to be lost, and never over files that no run wrote.
+"""Output files of a run: written atomically, and never over files of other origin.
 
-A run writes its scene beside what it makes, with a digest of the text in the first line. Outputs
-beside an is_unmodified scene of that kind are a run's.
+A run writes its scene next to its outputs, with a digest of the text in the first line. Outputs
+next to a scene file with a matching digest belong to a run and may be overwritten.
 """
 
 import contextlib
@@ -15,45 +15,46 @@ from pathlib import Path
 
 from msph.errors import BadInputError, LostOutputError
 
-HEAD = re.compile(r"# written by msph, sha256 ([0-9a-f]{16})\n")
-# Room on a disk [bytes] below which a write that fails does so for want of it: encoders do not say.
+DIGEST_LINE = re.compile(r"# written by msph, sha256 ([0-9a-f]{16})\n")
+# Free space on a disk [bytes] below which a failed write is reported as a full disk: encoders give
+# no reason.
 FULL_DISK = 1 << 20
 
 
 class ForeignFileError(BadInputError):
-    """A file would be written over that no run wrote."""
+    """Refusal to overwrite a file that no run has written."""
 
 
 def with_digest(text: str) -> str:
-    """The text under a line that tells whether it was changed since."""
+    """Returns the text below a line with its digest."""
     return f"# written by msph, sha256 {_digest(text)}\n{text}"
 
 
 def is_unmodified(path: Path) -> bool:
-    """Whether a file is as a run wrote it."""
+    """Returns True if a run wrote the file and nothing has changed it since."""
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):
         return False
-    head = HEAD.match(text)
+    head = DIGEST_LINE.match(text)
     return head is not None and head[1] == _digest(text[head.end() :])
 
 
 def check_overwrite(scene: Path, outputs: Iterable[Path], force: bool) -> None:
-    """Raises ForeignFileError if the scene that a run writes, or an output beside it, is a file
-    that no run wrote, unless by `force`."""
+    """Raises ForeignFileError if the scene file of a run, or an output next to it, exists and was
+    not written by a run, unless `force`."""
     if force or is_unmodified(scene):
         return
     for path in (scene, *outputs):
         if path.exists():
             raise ForeignFileError(
-                f"{path}: was not written by a run; --force of capture and measure"
+                f"{path}: was not written by a run; --force overwrites it"
             )
 
 
 @contextlib.contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """Within, a file is written: what the system refuses is a LostOutputError that names it."""
+    """Context for writing a file: turns an OSError into a LostOutputError that names the file."""
     try:
         yield
     except OSError as error:
@@ -65,21 +66,21 @@ def writing(path: Path) -> Iterator[None]:
 
 @contextlib.contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Within, the file given is written, which then takes the place of `path`: a disk that fills
-    leaves what there was. Raises LostOutputError."""
-    beside = path.with_name(f"new_{path.name}")
+    """Yields a temporary file to write, which replaces `path` on success and is removed on failure.
+    Raises LostOutputError."""
+    new = path.with_name(f"new_{path.name}")
     try:
         with writing(path):
-            yield beside
-            beside.replace(path)
+            yield new
+            new.replace(path)
     finally:
-        beside.unlink(missing_ok=True)
+        new.unlink(missing_ok=True)
 
 
 def replace(path: Path, text: str) -> None:
-    """Writes a text file whole or not at all. Raises LostOutputError."""
-    with replacing(path) as beside:
-        beside.write_text(text, encoding="utf-8")
+    """Writes a text file completely or not at all. Raises LostOutputError."""
+    with replacing(path) as new:
+        new.write_text(text, encoding="utf-8")
 
 
 def _digest(text: str) -> str:

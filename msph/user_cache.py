@@ -1,4 +1,4 @@
-"""Values that are remembered between runs, in the user's cache: progress in lessons."""
+"""Values kept between runs in the user's cache folder, such as the progress in lessons."""
 
 import contextlib
 import json
@@ -12,7 +12,7 @@ import msph
 
 
 def file() -> Path:
-    """Where it is kept: one file for each version."""
+    """Returns the cache file of this version."""
     return platformdirs.user_cache_path("msph") / f"measured-{msph.__version__}.json"
 
 
@@ -25,18 +25,15 @@ def _read() -> dict[str, Any]:
 
 
 def recall(key: str, default: Any = None) -> Any:
-    """The value remembered under a key, or the default."""
+    """Returns the value stored under a key, or the default."""
     return _read().get(key, default)
 
 
 def remember(key: str, value: Any) -> None:
-    """Keeps a value, if the cache can be written."""
-    known = _read()
-    if known.get(key) == value:
-        return
+    """Stores a value under a key, if the cache is writable."""
     with contextlib.suppress(OSError):
         file().parent.mkdir(parents=True, exist_ok=True)
-        # Another run must never read half a file, nor write into the same.
+        # A temporary file per process: concurrent runs must not read or write a partial file.
         part = file().with_suffix(f".{os.getpid()}.part")
-        part.write_text(json.dumps(known | {key: value}, indent=1) + "\n", encoding="utf-8")
+        part.write_text(json.dumps(_read() | {key: value}, indent=1) + "\n", encoding="utf-8")
         part.replace(file())

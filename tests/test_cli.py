@@ -55,14 +55,14 @@ def test_scenes_lists_all_and_prints_one():
         (["capture", "pool", "--mesh", "a_%04d.mp4"], "known: .ply, .obj, .vtu"),
         (["capture", "pool", "--particles", "a.png"], "known: .npz, .csv, .vtu"),
         (["bench", "pool", "--json", "/dev/null/rows.json"], "/dev/null: is a file, and no folder"),
-        (["bench", "pool", "--seconds", "nan"], "'nan' is no finite number"),
+        (["bench", "pool", "--seconds", "nan"], "'nan' is not a finite number"),
         (["capture", "pool", "--fps", "inf"], "inf is not in the range"),
         (["capture", "pool", "-o", "a" * 300 + ".mp4"], "file name too long"),
         (["capture", "pool", "-o", "a.png", "-o", "tests/../a.png"], "output is named twice"),
         (["bench", "pool", "--json", "tests"], "tests: is a directory"),
         (["bench", "pool", "--set", "gravity.1=-3"], "this scene gives no gravity: set all of it"),
         (["bench", "pool", "--set", "title=\udce9"], "is no text"),
-        (["capture", "pool", "--size", "big"], "is no size such as 1280x720"),
+        (["capture", "pool", "--size", "big"], "expected WIDTHxHEIGHT"),
         (["capture", "pool", "--seconds", "-1"], "-1.0 is not in the range x>0"),
         (["measure", "pool", "-o", "/dev/null/here"], "/dev/null/here/scene.toml: "),
         (["measure", "pool", "--every", "0"], "measure.every: input should be greater than 0"),
@@ -105,7 +105,7 @@ def test_what_nobody_thought_of_is_one_line_and_a_report(tmp_path, monkeypatch):
     monkeypatch.setattr("msph.stage.commands.scenes", lambda **_: {}["a key\nthat is missing"])
     result = here("scenes")
     assert result.returncode == 1
-    assert result.stderr.count("\n") == 1 and "unforeseen: KeyError" in result.stderr
+    assert result.stderr.count("\n") == 1 and "unexpected error: KeyError" in result.stderr
     (report,) = (tmp_path / "cache").glob("crash_*.txt")
     assert str(report) in result.stderr and "Traceback" in report.read_text()
 

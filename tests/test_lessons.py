@@ -380,7 +380,7 @@ def test_water_that_blew_up_begins_again(monkeypatch):
         def __init__(self, *_):
             self.layout = self
 
-        def say(self, text):
+        def show_message(self, text):
             calls.append(text)
 
     def run(row, player):
@@ -394,7 +394,7 @@ def test_water_that_blew_up_begins_again(monkeypatch):
     monkeypatch.setattr(commands, "run_loop", run)
     monkeypatch.setattr(commands, "Layout", Fake)
     commands.play(Stub(), Fake(), "boiling", None)
-    assert calls == ["again", "the water blew up and begins again; r puts the sliders back"]
+    assert calls == ["again", "the water blew up: reset; r also resets the sliders"]
 
 
 def test_a_page_is_whole_and_needs_no_network(tmp_path):

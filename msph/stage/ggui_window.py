@@ -23,7 +23,7 @@ STROKE, TIP = 0.006, 0.22
 SETTINGS = Path("imgui.ini")
 
 # Keys that are told while the first frame is prepared, and what they do.
-FIRST = tuple((key.shown, key.does) for key in KEYS if key.hint)
+FIRST = tuple((key.label, key.effect) for key in KEYS if key.hint)
 
 
 class GguiWindow:

@@ -1,4 +1,4 @@
-"""Audiences that see nothing: the benchmarks."""
+"""Headless clients of the frame loop, used by the benchmarks."""
 
 import time
 from collections.abc import Callable
@@ -9,7 +9,7 @@ from msph.stage.row import Row
 
 
 class Headless:
-    """Wants `frames` frames and touches nothing."""
+    """Runs a fixed number of frames without input."""
 
     def __init__(self, frames: int):
         self.frames = frames
@@ -29,11 +29,11 @@ class Headless:
 
 
 class HeadlessPlayer:
-    """Plays for `seconds` [s] of wall-clock time by the clock of a window, on a screen that shows
-    at most `fps` frames per second, without a hand on the keys.
+    """Plays for `seconds` [s] of wall-clock time as a window without input does, on a display of
+    `fps` frames per second; presenting a frame takes no time.
 
-    walls [s], simulated [s] and scales (-) are those of each frame. Showing a frame takes no time.
-    clock and sleep: as those of `time`.
+    walls [s], simulated [s] and scales (-): wall-clock time, simulated time and image scale of each
+    frame. clock, sleep: time.perf_counter and time.sleep, or test doubles.
     """
 
     def __init__(
@@ -43,7 +43,7 @@ class HeadlessPlayer:
         clock: Callable[[], float] = time.perf_counter,
         sleep: Callable[[float], None] = time.sleep,
     ):
-        self.seconds, self.least = seconds, 1.0 / fps
+        self.seconds, self.refresh = seconds, 1.0 / fps
         self.now, self.sleep = clock, sleep
         self.pacer = Pacer(fps)
         self.walls: list[float] = []
@@ -62,8 +62,8 @@ class HeadlessPlayer:
         return controls
 
     def observe(self, row: Row) -> None:
-        # The screen waits for its next refresh.
-        self.sleep(max(0.0, self.shown + self.least - self.now()))
+        # The display waits for its next refresh.
+        self.sleep(max(0.0, self.shown + self.refresh - self.now()))
         now = self.now()
         wall, self.shown = now - self.shown, now
         self.scales.append(self.pacer.scale)

@@ -1,4 +1,4 @@
-"""One loop for every audience."""
+"""The frame loop, shared by window, recorder, measurer and benchmark."""
 
 from typing import Protocol
 
@@ -8,7 +8,7 @@ from msph.stage.row import Row
 
 
 class Audience(Protocol):
-    """Steers a row of simulations before each frame, and sees it after."""
+    """Client of the frame loop: gives the controls of each frame and processes the result."""
 
     def wants_more(self, row: Row) -> bool: ...
 
@@ -20,8 +20,8 @@ class Audience(Protocol):
 
 
 def run(row: Row, audience: Audience) -> None:
-    """Frames until the audience has had enough; it is closed whatever happens. Raises
-    InterruptedRun after the frame in which a signal asked for it."""
+    """Runs frames until the audience wants no more, then closes it, also after errors. Raises
+    InterruptedRun after the frame in which a signal arrived."""
     with deferred_signals() as raise_if_signalled:
         try:
             while audience.wants_more(row):

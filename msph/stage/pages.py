@@ -65,7 +65,7 @@ def hints(texts: list[str], urgent: bool, size: int, most: float) -> np.ndarray:
 def help_page(size: int, most: int, taken: frozenset[str] = frozenset()) -> np.ndarray:
     """Every key that is not taken by somebody else, and what it does; size: height of the text
     where that is at most `most` [pixels] high, else less."""
-    rows = [(key.shown, key.does) for key in KEYS if not taken & set(key.keys)]
+    rows = [(key.label, key.effect) for key in KEYS if not taken & set(key.keys)]
     size = min(size, int(most / (LINE * (len(rows) + 1) + 2.0 * PADDING)))
     font = font_of(size)
     pad, pitch, column = round(2.0 * PADDING * size), LINE * size, KEY_WIDTH * size

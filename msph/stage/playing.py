@@ -36,7 +36,7 @@ def play(scene: str, options: PlayOptions, run: RunOptions) -> None:
         return
     try:
         for key in KEYS:
-            click.echo(f"  {key.shown:18} {key.does}")
+            click.echo(f"  {key.label:18} {key.effect}")
         # The window is there while the rest is imported.
         with importing():
             from msph.stage.session import Session

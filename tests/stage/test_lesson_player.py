@@ -11,7 +11,6 @@ from msph.lesson.paint import band_height
 from msph.stage import idle
 from msph.stage.called import Choice, SceneArguments
 from msph.stage.controls import ACTIONS
-from msph.stage.keepsakes import Keepsakes
 from msph.stage.layout import Layout
 from msph.stage.pages import text_height
 from msph.stage.player import Player
@@ -38,7 +37,7 @@ def layout():
 def player(course, row, layout, tmp_path):
     choice, guide = Choice("forces", "large"), Guide(course, row, SIZE)
     player = Player(Screen(), row, choice, "large", layout, SceneArguments("forces"), guide=guide)
-    player.keeper.keepsakes = Keepsakes(tmp_path, "forces", "large")
+    player.saver.folder = tmp_path
     return player
 
 

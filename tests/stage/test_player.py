@@ -18,7 +18,6 @@ from msph.scene.load import read_toml
 from msph.stage import idle, menu, replay
 from msph.stage.called import Choice, SceneArguments
 from msph.stage.controls import ACTIONS, KEYS, Controls
-from msph.stage.keepsakes import Keepsakes
 from msph.stage.layout import PANELS, Layout
 from msph.stage.panel import PAGES, Request
 from msph.stage.player import SLOW_MOTION, Player
@@ -137,7 +136,7 @@ def played(row, layout, *, screen=None, choice=None, quality="medium"):
 @pytest.fixture
 def player(given, layout, tmp_path):
     player = played(Row([given]), layout)
-    player.keeper.keepsakes = Keepsakes(tmp_path, "pool", "medium")
+    player.saver.folder = tmp_path
     return player
 
 
@@ -555,7 +554,7 @@ def test_a_click_on_a_particle_shows_its_neighbours_and_what_acts(player, show, 
 def test_water_that_was_kept_is_opened_again(player, show, tmp_path):
     frames(player, show, 3)
     press(player, show, "o")
-    assert "no water of pool was kept" in player.layout.message
+    assert "no checkpoint of pool" in player.layout.message
     np.savez(tmp_path / "pool_of_another_quality.npz", fluid=np.zeros(5))
     press(player, show, " ", "k")
     (tmp_path / "pool_of_another_quality.npz").touch()
@@ -582,7 +581,7 @@ def test_a_clip_shows_what_was_seen_and_leaves_the_water_alone(player, show, tmp
     kept = [moment for _, moment in player.replay.frames]
     player.replay.frames.clear()
     player.replay.frames.extend((k / 24.0, moment) for k, moment in enumerate(kept))
-    player.keeper.keepsakes.clip(player.row, player.replay, lambda share: None)
+    player.saver.act("clip", player.row)
     (path,) = tmp_path.glob("*.mp4")
     seen = [frame for frame in imageio.get_reader(path)]
     assert len(seen) == 7 and seen[0].shape == (HEIGHT, WIDTH, 3)
@@ -610,7 +609,7 @@ def test_memory_of_the_replay_is_bounded(player, show, monkeypatch):
 
 def test_what_cannot_be_written_is_said(player, show, tmp_path):
     (tmp_path / "file").touch()
-    player.keeper.keepsakes.folder = tmp_path / "file"
+    player.saver.folder = tmp_path / "file"
     for key in ("p", "c", "k"):
         frames(player, show, 2)
         press(player, show, key)
@@ -716,7 +715,7 @@ class TestRow:
         screen = Screen()
         screen.size, screen.aspect = row.size, row.size[0] / row.size[1]
         player = played(row, wide, screen=screen)
-        player.keeper.keepsakes = Keepsakes(tmp_path, "pool", "medium")
+        player.saver.folder = tmp_path
         frames(player, row, 2)
         pixels = itertools.product(range(0, WIDTH, 4), range(0, HEIGHT, 4))
         second = row.shows[1]
@@ -770,9 +769,9 @@ class TestRow:
         screen = Screen()
         screen.size = row.size
         player = played(row, wide, screen=screen)
-        player.keeper.keepsakes = Keepsakes(tmp_path, "pool", "medium")
+        player.saver.folder = tmp_path
         press(player, row, "k", "o")
-        assert not list(tmp_path.iterdir()) and "one water alone" in player.layout.message
+        assert not list(tmp_path.iterdir()) and "need a single simulation" in player.layout.message
 
     def test_it_goes_back_to_a_moment(self, row):
         row.frame(Controls(frame_time=FRAME))
