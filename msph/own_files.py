@@ -47,9 +47,7 @@ def check_overwrite(scene: Path, outputs: Iterable[Path], force: bool) -> None:
         return
     for path in (scene, *outputs):
         if path.exists():
-            raise ForeignFileError(
-                f"{path}: was not written by a run; --force overwrites it"
-            )
+            raise ForeignFileError(f"{path}: was not written by a run; --force overwrites it")
 
 
 @contextlib.contextmanager

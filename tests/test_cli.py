@@ -54,7 +54,7 @@ def test_scenes_lists_all_and_prints_one():
         (["capture", "pool", "-o", "a.xyz"], "a.xyz: unknown kind of file"),
         (["capture", "pool", "--mesh", "a_%04d.mp4"], "known: .ply, .obj, .vtu"),
         (["capture", "pool", "--particles", "a.png"], "known: .npz, .csv, .vtu"),
-        (["bench", "pool", "--json", "/dev/null/rows.json"], "/dev/null: is a file, and no folder"),
+        (["bench", "pool", "--json", "/dev/null/rows.json"], "/dev/null: is a file, not a folder"),
         (["bench", "pool", "--seconds", "nan"], "'nan' is not a finite number"),
         (["capture", "pool", "--fps", "inf"], "inf is not in the range"),
         (["capture", "pool", "-o", "a" * 300 + ".mp4"], "file name too long"),
@@ -293,7 +293,7 @@ def test_measure_of_water_that_blows_up_keeps_what_there_is(tmp_path):
     result = msph("measure", write(tmp_path), "-o", out, "--set", "measure.survey=0", *explode)
     assert result.returncode == 1
     last = result.stderr.strip().splitlines()[-2:]
-    assert last[0].endswith("out holds what was measured until then")
+    assert last[0].endswith("out holds the results until then")
     assert last[1].startswith("msph: the water blew up: ")
     summary = json.loads((out / "summary.json").read_text())
     assert not summary["complete"] and summary["failure"] in last[1]
@@ -303,7 +303,7 @@ def test_measure_of_water_that_blows_up_keeps_what_there_is(tmp_path):
 def test_water_laid_is_told_from_water_asked_where_they_differ():
     assert laid_and_asked({"mass_laid_kg": 28.8001, "mass_asked_kg": 28.8}) == "28.8 kg"
     told = laid_and_asked({"mass_laid_kg": 28.9, "mass_asked_kg": 28.8})
-    assert told == "28.9 kg of 28.8 kg asked"
+    assert told == "28.9 kg of 28.8 kg specified"
 
 
 def test_water_that_a_body_traps_is_one_line_and_a_failed_run(tmp_path):

@@ -48,9 +48,7 @@ KEYS = (
         "next and previous scene",
         {"Tab": "next_scene", "BackSpace": "previous_scene"},
     ),
-    Key(
-        "p, c", "save an image, a clip of the last 10 s, in out/", {"p": "picture", "c": "clip"}
-    ),
+    Key("p, c", "save an image, a clip of the last 10 s, in out/", {"p": "picture", "c": "clip"}),
     Key("k, o", "save a checkpoint, open the newest one", {"k": "keep", "o": "reopen"}),
     Key("h", "help", {"h": "help"}, "h: help"),
     Key("q, escape", "quit", {"q": "quit", "Escape": "quit"}),

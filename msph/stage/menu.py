@@ -1,4 +1,4 @@
-"""Menu: live parameters, views, scenes and qualities that are chosen by panel and keys."""
+"""Menu: selection of live parameters, views, scenes and qualities by panel and keys."""
 
 import time
 
@@ -13,13 +13,12 @@ from msph.stage.pacer import Pacer
 from msph.stage.panel import Panel, Request
 from msph.stage.row import Row
 
-# Time without another choice [s] after which the scene chosen last is built: keys that follow each
-# other move the selection.
+# Time [s] without another selection before the selected scene is built.
 SETTLED = 0.3
 
 
 class Menu:
-    """next: the scene or quality that is to follow, None for none."""
+    """Selections of the user. next: the scene and quality to play next, None for no change."""
 
     def __init__(
         self,
@@ -32,36 +31,37 @@ class Menu:
     ):
         self.row, self.choice, self.layout, self.pacer = row, choice, layout, pacer
         self.arguments = arguments
-        # Of each simulation the live parameters as its scene says.
+        # Initial values of the live parameters of each simulation.
         self.given = [
             {live.key: read(each.scene, live.key) for live in live_parameters(each.scene)}
             for each in row.shows
         ]
         self.panel = Panel(row.lead, choice.scene, quality)
         self.next: Choice | None = None
-        self.chosen = 0.0  # when [s]
+        self.chosen = 0.0  # time of the selection [s]
         for key, value in choice.set.items():
             self.set(key, value)
 
     @property
     def settled(self) -> bool:
-        """True once another scene or quality is chosen for good."""
+        """True once another scene or quality is selected and SETTLED has passed."""
         return self.next is not None and time.perf_counter() - self.chosen > SETTLED
 
     def lay(self) -> None:
-        """Shows the panel where settings are open."""
+        """Draws the panel if the settings are open."""
         if self.layout.panel == "settings":
             size, text = self.layout.column_size, self.layout.text
             self.layout.lay_panel(self.panel.paint(self.row.lead, size, text))
 
     def touch(self, cursor, down: bool) -> None:
-        """Acts on the left button over the panel."""
+        """Handles the left mouse button over the panel."""
         if self.layout.panel == "settings":
             x, y = self.layout.on_column(cursor)
             for request in self.panel.touch(x, y, down, self.row.lead):
                 self.apply(request)
 
     def apply(self, request: Request) -> None:
+        """Carries out a request of the panel."""
         if request.kind == "set":
             self.set(request.name, request.value)
         elif request.kind == "reset":
@@ -75,7 +75,7 @@ class Menu:
             self.leave(Choice(request.name, self.choice.quality))
         elif request.kind == "quality":
             lead, panel = self.row.lead, self.panel
-            values = {live.key: panel.value(lead, live.key) for live in panel.live}
+            values = {live.key: read(lead.scene, live.key) for live in panel.live}
             changed = {key: v for key, v in values.items() if v != panel.given[key]}
             self.leave(Choice(self.choice.scene, request.name, changed))
 
@@ -86,7 +86,7 @@ class Menu:
         self.leave(Choice(names[(here + by) % len(names)], self.choice.quality))
 
     def leave(self, choice: Choice) -> None:
-        """Chooses another scene or quality, if it can be loaded."""
+        """Selects another scene or quality, if it can be loaded."""
         try:
             for scene in self.arguments.scenes_of(choice.scene).values():
                 if choice.quality != AUTO:
@@ -98,12 +98,12 @@ class Menu:
             self.layout.show_message(f"next: {choice.scene}, quality {choice.quality}")
 
     def set(self, key: str, value: float) -> None:
-        """Changes a live parameter of all simulations."""
+        """Sets a live parameter of all simulations."""
         self.row.set(key, value)
         self._pace(key, value)
 
     def _pace(self, key: str, value: float) -> None:
-        """Tells the pacer of its own parameters."""
+        """Passes speed and image scale to the pacer."""
         if key == "play.speed":
             self.pacer.set_speed(value)
         if key == "play.scale":

@@ -1,4 +1,4 @@
-"""The command `play`: scenes in one window, one after another."""
+"""Implementation of `msph play`."""
 
 import shlex
 
@@ -10,12 +10,12 @@ from msph.options import PlayOptions, RunOptions
 from msph.stage.called import SceneArguments
 from msph.stage.window import ClosedError, NoWindowError, check_display
 
-# Simulations side by side: more are too narrow to be seen.
-MOST = 3
+# Largest number of simulations side by side; more images would be too narrow.
+MAX_SIMULATIONS = 3
 
 
 def play(scene: str, options: PlayOptions, run: RunOptions) -> None:
-    """Plays a scene, and those that are chosen in its window; captures it where no window can be
+    """Runs a scene, and further ones chosen in its window; captures the scene if no window can be
     opened."""
     check_beside(options.beside)
     arguments = SceneArguments(scene, run.overrides, options.beside)
@@ -37,7 +37,7 @@ def play(scene: str, options: PlayOptions, run: RunOptions) -> None:
     try:
         for key in KEYS:
             click.echo(f"  {key.label:18} {key.effect}")
-        # The window is there while the rest is imported.
+        # Imported after the window has opened.
         with importing():
             from msph.stage.session import Session
         Session(window, arguments, options.frames).play(scene, run.quality)
@@ -48,9 +48,9 @@ def play(scene: str, options: PlayOptions, run: RunOptions) -> None:
 
 
 def check_beside(beside: tuple[str, ...]) -> None:
-    """Raises UsageError where these are no overrides of simulations side by side."""
-    if len(beside) >= MOST:
-        raise click.UsageError(f"--beside: at most {MOST - 1}")
+    """Raises UsageError for too many simulations side by side, or unreadable overrides."""
+    if len(beside) >= MAX_SIMULATIONS:
+        raise click.UsageError(f"--beside: at most {MAX_SIMULATIONS - 1}")
     for text in beside:
         try:
             shlex.split(text)

@@ -1,4 +1,4 @@
-"""The recorder: pictures, video, meshes and checkpoints of a show, to files."""
+"""Recorder: writes videos, images, meshes and particles of a show to files."""
 
 import contextlib
 import glob
@@ -26,30 +26,30 @@ VIDEO = (".mp4", ".mov", ".mkv", ".webm")
 PARAVIEW = ".vtu"
 MESH = (".ply", ".obj", PARAVIEW)
 TABLE = (".npz", ".csv", PARAVIEW)
-# Encoder's constant quality, 0 to 10: water has fine detail that lower ones smear.
+# Encoder's constant quality, 0 to 10; lower ones blur the fine detail of water.
 VIDEO_QUALITY = 8
-# WebM holds no H.264. VP9 of about that quality, by its fast encoder: the usual one is slower than
-# the water.
+# WebM needs VP9: at about the same quality, in real-time mode, since the default mode takes longer
+# than the simulation.
 WEBM: dict[str, Any] = {
     "codec": "libvpx-vp9",
     "quality": None,
     "output_params": ["-crf", "24", "-b:v", "0", "-deadline", "realtime", "-cpu-used", "5"],
 }
-# The place for a frame number in a name.
+# Placeholder of the frame number in a file name.
 NUMBER = re.compile(r"%0?[1-9]?d")
-# The shortest time that a frame of a GIF can last is two hundredths of a second.
+# Largest frame rate of a GIF, whose frames last at least 0.02 s.
 GIF_FPS = 50.0
 
 
 class OutputError(BadInputError):
-    """An output that cannot be written, in one line."""
+    """An output that cannot be written."""
 
 
 @dataclass(frozen=True)
 class Outputs:
-    """Files to be recorded. A picture is a video (.mp4, .mov, .mkv, .webm, .gif), a still (.png),
-    or with a number such as %04d in its name one .png per frame; meshes of the surface (.ply, .obj,
-    .vtu) and particles (.npz, a checkpoint, .csv, .vtu) have numbers in their names."""
+    """Files to record. pictures: videos (.mp4, .mov, .mkv, .webm, .gif), a still image (.png), or
+    one .png per frame with a number such as %04d in its name; meshes of the surface (.ply, .obj,
+    .vtu) and particles (.npz checkpoint, .csv, .vtu): with numbers in their names."""
 
     pictures: list[Path] = field(default_factory=list)
     meshes: list[Path] = field(default_factory=list)
@@ -59,7 +59,7 @@ class Outputs:
         return [*self.pictures, *self.meshes, *self.particles]
 
     def existing(self) -> list[Path]:
-        """Files that a recording might write over."""
+        """Returns existing files that the recording may overwrite."""
         found: list[Path] = []
         for path in self.all():
             found += path.parent.glob(NUMBER.sub("[0-9]*", glob.escape(path.name)))
@@ -67,10 +67,9 @@ class Outputs:
 
 
 class Recorder:
-    """Writes `frames` frames at `fps` to the outputs, a still of frame `still` or the last. The bar
-    shows the time to go. first: number of the first frame in the names of files; a run that was
-    resumed goes on with them. Raises LostOutputError where a file cannot be written to its end.
-    """
+    """Writes `frames` frames at `fps` to the outputs, and frame `still` (default: the last) to the
+    still images. first: number of the first frame in file names, after a checkpoint. Raises
+    LostOutputError if a file cannot be written completely."""
 
     def __init__(
         self,
@@ -85,7 +84,7 @@ class Recorder:
         self.still = frames if still is None else min(still, frames)
         self.done, self.first = 0, first
         self.outputs, self.lost = outputs, set[Path]()
-        self.last: Any = None  # the picture last recorded, (height, width, 3) uint8
+        self.last: Any = None  # last recorded image, (height, width, 3) uint8
         self.videos = [p for p in outputs.pictures if kind(p) in VIDEO]
         self.gifs = [p for p in outputs.pictures if kind(p) == ".gif"]
         self.gif_frames: list[np.ndarray] = []
@@ -125,7 +124,7 @@ class Recorder:
         self.bar.update()
 
     def close(self) -> None:
-        """Finishes every file, also after an interrupt: what was recorded can be played."""
+        """Completes all files, also after an interrupt."""
         self.bar.close()
         failures = []
         for path, writer in zip(self.videos, self.writers, strict=False):
@@ -148,7 +147,7 @@ class Recorder:
             raise failures[0]
 
     def kept(self) -> list[Path]:
-        """Outputs that there are, whole as far as the run went."""
+        """Returns the outputs that exist and are complete up to the last frame."""
         return [
             path
             for path in self.outputs.all()
@@ -157,7 +156,7 @@ class Recorder:
 
     @contextlib.contextmanager
     def _writing(self, path: Path) -> Iterator[None]:
-        """As own_files.writing; what cannot be written is lost."""
+        """Context as own_files.writing, which also marks a failed output as lost."""
         try:
             with writing(path):
                 yield
@@ -179,25 +178,25 @@ class Recorder:
         return self.writers
 
     def _even(self) -> np.ndarray:
-        """The picture without its odd last row and column: encoders want even sizes."""
+        """Returns the image cropped to even sizes, as encoders require."""
         height, width = self.last.shape[:2]
         return self.last[: height // 2 * 2, : width // 2 * 2]
 
     def _gif(self) -> bytes:
-        """The frames as a GIF; each lasts hundredths of a second, which add up to the true time."""
+        """Returns the GIF file; frame durations are multiples of 0.01 s with the exact sum."""
         ends = [round(100.0 * k / self.fps) for k in range(len(self.gif_frames) + 1)]
         durations = [10.0 * (b - a) for a, b in itertools.pairwise(ends)]
         return imwrite("<bytes>", self.gif_frames, extension=".gif", duration=durations, loop=0)
 
     def _numbered(self, path: Path) -> Path:
-        """The file of this frame."""
+        """Returns the file name of the current frame."""
         return path.with_name(
             NUMBER.sub(lambda place: place[0] % (self.first + self.done), path.name)
         )
 
 
 def check_video(path: Path, frames: int) -> None:
-    """Reads a video's frames back: encoders fail without a word. Raises OSError."""
+    """Raises OSError if a video has too few frames: encoders fail silently."""
     from imageio_ffmpeg import count_frames_and_secs
 
     try:
@@ -205,21 +204,21 @@ def check_video(path: Path, frames: int) -> None:
     except (RuntimeError, OSError, ValueError):
         found = 0
     if found < frames:
-        raise OSError(f"the encoder left {found} of {frames} frames")
+        raise OSError(f"the encoder wrote {found} of {frames} frames")
 
 
 def kind(path: Path) -> str:
-    """Its suffix, by which its format goes, in lower case."""
+    """Returns the file's suffix in lower case, which selects the format."""
     return path.suffix.lower()
 
 
 def numbered(path: Path) -> bool:
-    """Whether the name has a place for a frame number, such as %04d."""
+    """Returns True if the name has a frame number such as %04d."""
     return NUMBER.search(path.name) is not None
 
 
 def check_outputs(outputs: Outputs, fps: float) -> None:
-    """Raises OutputError for what cannot be written, and makes the folders for the rest."""
+    """Raises OutputError for outputs that cannot be written, and creates their folders."""
     kinds = (
         (outputs.pictures, (*VIDEO, ".gif", ".png")),
         (outputs.meshes, MESH),
@@ -234,14 +233,13 @@ def check_outputs(outputs: Outputs, fps: float) -> None:
     if fps > GIF_FPS and any(kind(p) == ".gif" for p in paths):
         raise OutputError(f"a GIF has at most {GIF_FPS:g} frames per second")
     if any(kind(p) == PARAVIEW for p in paths) and not vtu.available():
-        raise OutputError("files .vtu need meshio: pip install 'msph[paraview]'")
+        raise OutputError(".vtu files need meshio: pip install 'msph[paraview]'")
     for path in paths:
         make_writable(path)
 
 
 def make_writable(path: Path) -> None:
-    """Makes the folder of a file to be written, and tries to write there before much work is done
-    for it. Raises OutputError where that cannot be."""
+    """Creates the folder of an output and tests that the file can be written. Raises OutputError."""
     path = path.with_name(NUMBER.sub(lambda place: place[0] % 0, path.name))
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -251,26 +249,27 @@ def make_writable(path: Path) -> None:
         if new:
             path.unlink()
     except FileExistsError:
-        raise OutputError(f"{path.parent}: is a file, and no folder") from None
+        raise OutputError(f"{path.parent}: is a file, not a folder") from None
     except OSError as error:
         problem = error.strerror or "cannot be written"
         raise OutputError(f"{path}: {problem[0].lower()}{problem[1:]}") from None
 
 
 def check_output(path: Path, suffixes: tuple[str, ...]) -> None:
-    """Raises OutputError for a name that is not one of these kinds of file."""
+    """Raises OutputError for a file name without one of these suffixes, or with a missing, extra or
+    unexpected frame number."""
     if kind(path) not in suffixes:
         raise OutputError(f"{path}: unknown kind of file; known: {', '.join(suffixes)}")
     if len(NUMBER.findall(path.name)) > 1:
-        raise OutputError(f"{path}: has more than one place for the frame number")
+        raise OutputError(f"{path}: has more than one frame number")
     if kind(path) in (*MESH, *TABLE) and not numbered(path):
         raise OutputError(f"{path}: needs a frame number in its name, such as %04d")
     if kind(path) in (*VIDEO, ".gif") and numbered(path):
-        raise OutputError(f"{path}: a video is one file, leave out the frame number")
+        raise OutputError(f"{path}: a video is one file and needs no frame number")
 
 
 def write_mesh(path: Path, show: Show) -> None:
-    """The surface, as its suffix says."""
+    """Writes the surface mesh in the format of the suffix."""
     if kind(path) == PARAVIEW:
         vtu.write_surface(path, show.surface.mesh, show.simulation)
     else:
@@ -278,7 +277,7 @@ def write_mesh(path: Path, show: Show) -> None:
 
 
 def write_particles(path: Path, show: Show) -> None:
-    """The particles, as its suffix says."""
+    """Writes the particles in the format of the suffix."""
     if kind(path) == PARAVIEW:
         vtu.write_particles(path, show.simulation)
     elif kind(path) == ".npz":
@@ -289,7 +288,7 @@ def write_particles(path: Path, show: Show) -> None:
 
 
 def write_csv(path: Path, show: Show) -> None:
-    """Every carried attribute of every particle, a column each, named in the first line."""
+    """Writes all carried attributes of the particles as columns with a header."""
     columns, names = [], []
     for name, attribute in show.simulation.particles.attributes.items():
         if attribute.carried:

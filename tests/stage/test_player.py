@@ -348,9 +348,9 @@ def test_numbers_of_the_status_are_those_of_ledger_and_surface(player, show):
     told = player.layout.status._water(show)
     counts = [n for n in show.simulation.counts() if n]
     assert told.startswith(f"{sum(counts):,} particles in {len(counts)} layer")
-    assert f"density off by {100.0 * show.ledger.last_density_error():.2f} %" in told
+    assert f"density error {100.0 * show.ledger.last_density_error():.2f} %" in told
     volume = show.surface.mesh.volume() / show.rest_volume() - 1.0
-    assert told.endswith(f"volume by {round(100.0 * volume, 1) + 0.0:+.1f} %")
+    assert told.endswith(f"volume error {round(100.0 * volume, 1) + 0.0:+.1f} %")
     # Views of particles extract no surface, so there is no volume of now.
     show.views.name = "speed"
     frames(player, show)
@@ -360,7 +360,7 @@ def test_numbers_of_the_status_are_those_of_ledger_and_surface(player, show):
 def test_pages_are_painted_where_they_change(player, show, monkeypatch):
     """A message was painted in every frame, and so were the facts of a particle."""
     monkeypatch.setattr("msph.stage.layout.EVERY", 60.0)
-    monkeypatch.setattr("msph.stage.layout.LASTS", 60.0)
+    monkeypatch.setattr("msph.stage.layout.MESSAGE_TIME", 60.0)
     painted = []
     put = player.layout.overlay.put
     monkeypatch.setattr(player.layout.overlay, "put", lambda *a: (painted.append(a[0]), put(*a)))

@@ -191,7 +191,7 @@ def test_checkpoint_file_resumes_and_others_are_refused(show, tmp_path):
     (tmp_path / "bad.npz").write_text("nonsense")
     np.savez(tmp_path / "other.npz", y=np.zeros(3))
     for name in ("bad.npz", "other.npz"):
-        with pytest.raises(SceneError, match=f"{name}: is no checkpoint"):
+        with pytest.raises(SceneError, match=f"{name}: is not a checkpoint"):
             show.resume(tmp_path / name)
 
 
