@@ -8,6 +8,7 @@ import functools
 import math
 import re
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -52,6 +53,11 @@ class Size(click.ParamType):
             self.fail(f"{value!r}: expected WIDTHxHEIGHT, each 16 to 8192", param, ctx)
         return size
 
+
+# Parameter types that several options share.
+FILE, CHECKPOINT = click.Path(path_type=Path), click.Path(exists=True, dir_okay=False)
+FILES: dict[str, Any] = {"multiple": True, "type": FILE}
+POSITIVE = Finite(min=0, min_open=True)
 
 arch_option = click.option(
     "--arch",
@@ -147,34 +153,25 @@ def play(scene, run, **options):
     "-o",
     "--output",
     "outputs",
-    multiple=True,
-    type=click.Path(path_type=Path),
+    **FILES,
     help="out.mp4 (.mov .mkv .webm), out.gif, out.png, or out_%04d.png. Repeatable.  "
     "[default: out/SCENE.mp4]",
 )
 @click.option(
     "--mesh",
     "meshes",
-    multiple=True,
-    type=click.Path(path_type=Path),
+    **FILES,
     help="Also write the surface mesh of every frame: out_%04d.ply, .obj, or .vtu for ParaView.",
 )
 @click.option(
     "--particles",
-    multiple=True,
-    type=click.Path(path_type=Path),
+    **FILES,
     help="Also write the particles of every frame: out_%04d.csv, .vtu for ParaView, or .npz "
     "(checkpoint).",
 )
+@click.option("--resume", type=CHECKPOINT, help="Continue from this .npz file.")
 @click.option(
-    "--resume",
-    type=click.Path(exists=True, dir_okay=False),
-    help="Continue from this .npz file.",
-)
-@click.option(
-    "--seconds",
-    type=Finite(min=0, min_open=True),
-    help="Simulated time [s].  [default: the scene's duration]",
+    "--seconds", type=POSITIVE, help="Simulated time [s].  [default: the scene's duration]"
 )
 @click.option(
     "--fps",
@@ -193,7 +190,7 @@ def capture(scene, run, **options):
 
 @cli.command()
 @click.argument("scenes", nargs=-1)
-@click.option("--seconds", type=Finite(min=0, min_open=True), help="Simulated time [s].")
+@click.option("--seconds", type=POSITIVE, help="Simulated time [s].")
 @click.option("--no-render", is_flag=True, help="Run the fluid only, without surface and image.")
 @click.option(
     "--play",
@@ -209,9 +206,7 @@ def capture(scene, run, **options):
     help="Also print the time of each part of a frame. Synchronizes the device around each part, "
     "which slows the run and increases all times.",
 )
-@click.option(
-    "--json", "json_file", type=click.Path(path_type=Path), help="Also write the rows as JSON."
-)
+@click.option("--json", "json_file", type=FILE, help="Also write the rows as JSON.")
 @shared_options()
 def bench(scenes, run, **options):
     """Benchmark SCENES (default: all shipped) headless; print speed and errors.
@@ -227,7 +222,7 @@ def bench(scenes, run, **options):
     "-o",
     "--output",
     "folder",
-    type=click.Path(path_type=Path),
+    type=FILE,
     help="Folder for ledger.csv, probes.csv, plots, summary.json, scene.toml and checkpoint.npz.  "
     "[default: out/SCENE]",
 )
@@ -242,7 +237,7 @@ def bench(scenes, run, **options):
 )
 @click.option(
     "--resume",
-    type=click.Path(exists=True, dir_okay=False),
+    type=CHECKPOINT,
     help="Continue from a checkpoint.npz to the scene's duration and append to the tables.",
 )
 @force_option
@@ -274,8 +269,8 @@ def scenes(**options):
 
 @cli.command()
 @click.argument("name", required=False)
-@click.option("--html", type=click.Path(path_type=Path), metavar="DIR", help="Write a web page.")
-@click.option("--slides", type=click.Path(path_type=Path), metavar="DIR", help="Write images.")
+@click.option("--html", type=FILE, metavar="DIR", help="Write a web page.")
+@click.option("--slides", type=FILE, metavar="DIR", help="Write images.")
 @window_size_option
 @frames_option
 @arch_option

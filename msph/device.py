@@ -52,13 +52,8 @@ def start(arch: str = "auto", threads: int | None = None) -> str:
 
         from msph.taichi_internals import cache_folder, on_cpu, serialize_loops
 
-    wanted = {
-        "auto": [ti.cpu] if sys.platform == "darwin" else [ti.cuda, ti.cpu],
-        "cpu": [ti.cpu],
-        "cuda": [ti.cuda],
-        "vulkan": [ti.vulkan],
-        "metal": [ti.metal],
-    }[arch]
+    automatic = [ti.cpu] if sys.platform == "darwin" else [ti.cuda, ti.cpu]
+    wanted = automatic if arch == "auto" else [getattr(ti, arch)]
     options = {
         "cpu_block_dim_adaptive": False,
         "default_cpu_block_dim": CPU_BLOCK,

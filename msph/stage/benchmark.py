@@ -119,7 +119,7 @@ class PlayResult:
     """One row of the benchmark of `play`.
 
     Displayed frames per second of wall-clock time, median and 5th percentile; real-time factor
-    simulated_per_wall (-); mean image scale (-); final number of particles by layer; mean density
+    simulated_per_wall (-); mean image scale (-); initial number of particles by layer; mean density
     error (-); start_seconds [s]: time from the start of the process to the first frame.
     """
 

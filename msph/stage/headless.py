@@ -4,11 +4,12 @@ import time
 from collections.abc import Callable
 
 from msph.stage.controls import Controls
+from msph.stage.loop import Audience
 from msph.stage.pacer import Pacer
 from msph.stage.row import Row
 
 
-class Headless:
+class Headless(Audience):
     """Runs a fixed number of frames without input."""
 
     def __init__(self, frames: int):
@@ -18,17 +19,11 @@ class Headless:
     def wants_more(self, row: Row) -> bool:
         return self.done < self.frames
 
-    def controls(self, row: Row) -> Controls:
-        return Controls()
-
     def observe(self, row: Row) -> None:
         self.done += 1
 
-    def close(self) -> None:
-        pass
 
-
-class HeadlessPlayer:
+class HeadlessPlayer(Audience):
     """Plays for `seconds` [s] of wall-clock time as a window without input does, on a display of
     `fps` frames per second; presenting a frame takes no time.
 
@@ -70,6 +65,3 @@ class HeadlessPlayer:
         self.pacer.observe(row, wall, 0.0)
         self.walls.append(wall)
         self.simulated.append(row.lead.simulated)
-
-    def close(self) -> None:
-        pass

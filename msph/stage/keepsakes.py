@@ -19,6 +19,8 @@ from msph.stage.window import REPORT_INTERVAL, Window
 
 # Actions that a Saver implements.
 SAVING = ("picture", "clip", "keep", "reopen")
+# Simulations side by side, restored one by one, would no longer be in step.
+SINGLE = "checkpoints need a single simulation"
 
 
 class Saver:
@@ -32,8 +34,9 @@ class Saver:
 
     def act(self, action: str, row: Row) -> None:
         """Carries out one of SAVING."""
+        single = len(row.shows) == 1 or action in ("picture", "clip")
         try:
-            message = getattr(self, f"_{action}")(row)
+            message = getattr(self, f"_{action}")(row) if single else SINGLE
         except (LostOutputError, SceneError, OSError) as error:
             message = str(error)
         if message:
@@ -67,9 +70,7 @@ class Saver:
         return f"{path}"
 
     def _keep(self, row: Row) -> str:
-        """Saves a checkpoint. Simulations side by side would no longer be in step."""
-        if len(row.shows) > 1:
-            return "save and open need a single simulation"
+        """Saves a checkpoint."""
         path, state = self._path(".npz", row.lead.scene), row.lead.simulation.state()
         with replacing(path) as new:
             np.savez_compressed(new, **state)  # type: ignore[arg-type]
@@ -77,8 +78,6 @@ class Saver:
 
     def _reopen(self, row: Row) -> str:
         """Loads the newest checkpoint of this scene and quality. Raises SceneError if none fits."""
-        if len(row.shows) > 1:
-            return "save and open need a single simulation"
         found = self.folder.glob(f"{self.scene}_*.npz")
         for path in sorted(found, key=lambda p: p.stat().st_mtime, reverse=True):
             # A checkpoint of another quality has other layers.

@@ -12,11 +12,14 @@ class Audience(Protocol):
 
     def wants_more(self, row: Row) -> bool: ...
 
-    def controls(self, row: Row) -> Controls: ...
+    def controls(self, row: Row) -> Controls:
+        return Controls()
 
     def observe(self, row: Row) -> None: ...
 
-    def close(self) -> None: ...
+    def close(self) -> None:
+        """Called once after the last frame, also after errors."""
+        return
 
 
 def run(row: Row, audience: Audience) -> None:

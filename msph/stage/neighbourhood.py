@@ -11,7 +11,6 @@ from msph.fluid.particles.layers import MOST_LAYERS
 from msph.fluid.particles.neighbour_list import REACHES
 from msph.fluid.simulation import Simulation
 from msph.fluid.world import World
-from msph.picture.legend import Legend
 from msph.taichi_internals import data_oriented, kernel
 
 # Radius over the particle's own: of particles that are no neighbours, and of neighbours with weight
@@ -105,9 +104,6 @@ class Neighbourhood:
         weights = self.simulation.world.once(NeighbourWeights)
         classic = self.simulation.solver.NAME == "classic"
         weights.weigh(self.index, self.particles.count, classic, value, radius)
-
-    def legend(self) -> Legend:
-        return Legend("kernel W(r)/W(0) [-]", ((0.0, "0"), (0.5, "0.5"), (1.0, "1")))
 
     def facts(self) -> list[str]:
         """Returns lines with the particle's values, its density summed at the current positions.

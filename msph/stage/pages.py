@@ -29,13 +29,13 @@ def text_height(height: int) -> int:
     return max(LEAST_TEXT, round(TEXT * height))
 
 
-def lines(texts: list[tuple[str, tuple]], size: int, ground: tuple = GROUND) -> np.ndarray:
+def lines(texts: list[tuple[str, tuple]], size: int) -> np.ndarray:
     """Returns a page of lines with their colours, (height, width, 4) uint8, first row at the top;
     size: text height [pixels]."""
     font = font_of(size)
     pad, pitch = round(PADDING * size), LINE * size
     width = max(int(font.getlength(text)) for text, _ in texts) + 2 * pad
-    page = Image.new("RGBA", (width, round(pitch * len(texts)) + pad), ground)
+    page = Image.new("RGBA", (width, round(pitch * len(texts)) + pad), GROUND)
     draw = ImageDraw.Draw(page)
     for row, (text, colour) in enumerate(texts):
         y = 0.5 * pad + pitch * (row + 0.5)

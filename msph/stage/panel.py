@@ -11,7 +11,7 @@ from msph.scene.library import shipped_scenes
 from msph.scene.live import Live, live_parameters, read
 from msph.stage.pages import DENSE, FAINT, INK, LINE, font_of
 from msph.stage.show import Show
-from msph.stage.widgets import Button, Grip, Sheet, Slider
+from msph.stage.widgets import Grip, Sheet, Slider
 
 # Pages of the panel; pages of the live parameters by scene section, "water" for all others.
 PAGES = ("water", "light", "play", "views", "scenes", "quality")
@@ -72,7 +72,7 @@ class Panel:
         acted = self.grip.act(self.sheet, x, y, down)
         if isinstance(acted, Slider):
             return [Request("set", acted.name, acted.value(x))]
-        return self._click(acted.name) if isinstance(acted, Button) else []
+        return self._click(acted.name) if acted else []
 
     def _click(self, button: str) -> list[Request]:
         kind, _, name = button.partition(" ")

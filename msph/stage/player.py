@@ -14,6 +14,7 @@ from msph.stage.controls import ACTIONS, Controls
 from msph.stage.idle import Idle
 from msph.stage.keepsakes import SAVING, Saver
 from msph.stage.layout import Layout
+from msph.stage.loop import Audience
 from msph.stage.menu import Menu
 from msph.stage.pacer import Pacer
 from msph.stage.replay import Replay
@@ -26,7 +27,7 @@ PRESENT_GROWTH = 1.01  # growth per frame of the estimated time to present a fra
 ARROW = 0.3  # length of an arrow for 10 m/s^2 over the box's longest edge
 
 
-class Player:
+class Player(Audience):
     """Runs a row in a window until the window is closed or another scene is chosen. layout: shared
     by the players of a session; frames: largest number of frames, None for no limit; guide: overlay
     of a lesson."""
@@ -222,6 +223,3 @@ class Player:
             size = show.picture.width, show.picture.height
             places = self.row.to_window(show, show.camera.seen(flat, *size, sim.size, show.tilt))
             self.window.arrows(places.reshape(-1, 2, 2))
-
-    def close(self) -> None:
-        """Does nothing: the window stays open for the next scene."""

@@ -17,7 +17,13 @@ MAX_SIMULATIONS = 3
 def play(scene: str, options: PlayOptions, run: RunOptions) -> None:
     """Runs a scene, and further ones chosen in its window; captures the scene if no window can be
     opened."""
-    check_beside(options.beside)
+    if len(options.beside) >= MAX_SIMULATIONS:
+        raise click.UsageError(f"--beside: at most {MAX_SIMULATIONS - 1}")
+    for text in options.beside:
+        try:
+            shlex.split(text)
+        except ValueError as error:
+            raise click.UsageError(f"--beside {text}: {error}") from None
     arguments = SceneArguments(scene, run.overrides, options.beside)
     first = next(iter(arguments.scenes_of(scene).values()))
     try:
@@ -45,14 +51,3 @@ def play(scene: str, options: PlayOptions, run: RunOptions) -> None:
         pass
     finally:
         window.close()
-
-
-def check_beside(beside: tuple[str, ...]) -> None:
-    """Raises UsageError for too many simulations side by side, or unreadable overrides."""
-    if len(beside) >= MAX_SIMULATIONS:
-        raise click.UsageError(f"--beside: at most {MAX_SIMULATIONS - 1}")
-    for text in beside:
-        try:
-            shlex.split(text)
-        except ValueError as error:
-            raise click.UsageError(f"--beside {text}: {error}") from None

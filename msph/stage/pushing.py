@@ -34,7 +34,7 @@ class PushingHand:
         if not self.pushes:
             self.over = row.show_under(cursor)[0]
         show, cursor = self.over, row.to_picture(self.over, cursor)
-        eye, direction = self._ray(show, cursor)
+        eye, direction = show.ray(*(cursor * show.picture.size))
         if not self.pushes:
             self.place = self._hit(show, cursor)
             self.pushes = self.place is not None
@@ -75,13 +75,8 @@ class PushingHand:
         )
 
     @staticmethod
-    def _ray(show: Show, cursor: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        size = show.picture.width, show.picture.height
-        i, j = cursor * size
-        return show.camera.box_ray(i, j, *size, show.simulation.size, show.tilt)
-
-    @staticmethod
     def _hit(show: Show, cursor: np.ndarray) -> np.ndarray | None:
-        i, j = cursor * (show.picture.width, show.picture.height)
+        """Returns the point of the water [m], box frame, at the cursor, or None."""
+        i, j = cursor * show.picture.size
         hit = show.pick(int(i), int(j))
         return None if hit is None else np.asarray(hit)

@@ -239,7 +239,7 @@ def check_outputs(outputs: Outputs, fps: float) -> None:
 
 
 def make_writable(path: Path) -> None:
-    """Creates the folder of an output and tests that the file can be written. Raises OutputError."""
+    """Creates the folder of an output, and raises OutputError if the file is not writable."""
     path = path.with_name(NUMBER.sub(lambda place: place[0] % 0, path.name))
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -273,19 +273,23 @@ class Show:
         found = self.particle_at(i, j)
         return None if found is None else found[1]
 
+    def ray(self, i: float, j: float) -> tuple[np.ndarray, np.ndarray]:
+        """Returns origin [m] and direction of a pixel's ray in the box frame."""
+        width, height = self.picture.size
+        return self.camera.box_ray(i, j, width, height, self.simulation.size, self.tilt)
+
     def particle_at(self, i: int, j: int) -> tuple[int, np.ndarray] | None:
         """Returns the nearest visible particle at a pixel (i right, j up), as its index and the
         point of the ray closest to its centre [m]; None if there is no particle."""
-        size, sim = (self.picture.width, self.picture.height), self.simulation
-        eye, direction = self.camera.box_ray(i, j, *size, sim.size, self.tilt)
-        x = sim.particles.numpy("x") - eye
+        eye, direction = self.ray(i, j)
+        x = self.simulation.particles.numpy("x") - eye
         depth = x @ direction
         aside = np.linalg.norm(x - depth[:, None] * direction, axis=1)
         radius = self.views.radii()
-        seen = np.flatnonzero((aside < radius) & (depth > 0.0))
-        if len(seen) == 0:
+        hit = np.flatnonzero((aside < radius) & (depth > 0.0))
+        if len(hit) == 0:
             return None
-        first = int(seen[depth[seen].argmin()])
+        first = int(hit[depth[hit].argmin()])
         return first, eye + depth[first] * direction
 
     def slice(self) -> None:

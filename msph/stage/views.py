@@ -84,9 +84,8 @@ class Views:
         self.names = views(scene)
         self.name = scene.picture.view
         self.attributes = {a.view: a for a in particles.attributes.values() if a.view}
-        self.ranges = {
-            n: SteadyRange(LEAST_ENDS.get(a.unit, LEAST_END)) for n, a in self.attributes.items()
-        }
+        ends = {name: LEAST_ENDS.get(a.unit, LEAST_END) for name, a in self.attributes.items()}
+        self.ranges = {name: SteadyRange(end) for name, end in ends.items()}
 
     def next(self) -> None:
         """Switches to the next view, the first after the last, and clears the picked particle."""
@@ -131,7 +130,7 @@ class Views:
     def legend(self, lo: float, hi: float) -> Legend | None:
         """Returns the legend of the view's colours from lo to hi, None for views without."""
         if self.neighbourhood.id is not None:
-            return self.neighbourhood.legend()
+            return Legend("kernel W(r)/W(0) [-]", ((0.0, "0"), (0.5, "0.5"), (1.0, "1")))
         if self.name == "layers":
             return self._legend_of_layers(hi)
         if self.name not in self.attributes:

@@ -16,30 +16,6 @@ TRACK, BUTTON, CHOSEN = (86, 112, 130, 255), (27, 51, 71, 255), (58, 92, 112, 25
 
 
 @dataclass(frozen=True)
-class Slider:
-    """Slider for values from lo to hi: track from left to right, active from top to bottom [pixels
-    from the page's corner]."""
-
-    name: str
-    lo: float
-    hi: float
-    left: float
-    right: float
-    top: float
-    bottom: float
-
-    def value(self, x: float) -> float:
-        """Returns the value with the knob at x."""
-        share = min(max((x - self.left) / (self.right - self.left), 0.0), 1.0)
-        return self.lo + share * (self.hi - self.lo)
-
-    def under(self, x: float, y: float) -> bool:
-        """Returns True if a point is on the slider, including a knob at an end."""
-        reach = 0.5 * (self.bottom - self.top)
-        return self.left - reach <= x <= self.right + reach and self.top <= y <= self.bottom
-
-
-@dataclass(frozen=True)
 class Button:
     """Button with its rectangle [pixels from the page's corner]."""
 
@@ -51,6 +27,24 @@ class Button:
 
     def under(self, x: float, y: float) -> bool:
         return self.left <= x <= self.right and self.top <= y <= self.bottom
+
+
+@dataclass(frozen=True)
+class Slider(Button):
+    """Slider for values from lo to hi: track from left to right, active from top to bottom."""
+
+    lo: float
+    hi: float
+
+    def value(self, x: float) -> float:
+        """Returns the value with the knob at x."""
+        share = min(max((x - self.left) / (self.right - self.left), 0.0), 1.0)
+        return self.lo + share * (self.hi - self.lo)
+
+    def under(self, x: float, y: float) -> bool:
+        """Returns True if a point is on the slider, including a knob at an end."""
+        reach = 0.5 * (self.bottom - self.top)
+        return self.left - reach <= x <= self.right + reach and self.top <= y <= self.bottom
 
 
 @dataclass
@@ -68,8 +62,7 @@ class Sheet:
     ) -> None:
         """Draws a slider for the values of `span`, from x[0] to x[1], in the line below y."""
         high = LINE * self.text
-        made = Slider(name, *span, *x, y, y + high)
-        self.sliders.append(made)
+        self.sliders.append(Slider(name, *x, y, y + high, *span))
         middle, r = y + 0.5 * high, KNOB * self.text
         self.draw.line((x[0], middle, x[1], middle), TRACK, STROKE)
         knob = x[0] + (value - span[0]) / (span[1] - span[0]) * (x[1] - x[0])
