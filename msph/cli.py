@@ -13,6 +13,7 @@ from typing import Any
 import click
 
 import msph
+from msph import own_files
 from msph.device import ARCHES
 from msph.ending import exit_on_error
 from msph.interrupts import importing
@@ -114,15 +115,14 @@ window_size_option = click.option(
 frames_option = click.option(
     "--frames", type=click.IntRange(min=1), help="Close after this number of frames."
 )
-force_option = click.option(
-    "--force", is_flag=True, help="Overwrite files that msph did not write."
-)
+force_option = click.option("--force", is_flag=True, help="Overwrite existing files.")
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(msph.__version__, prog_name="msph")
 def cli():
     """M-SPH: real-time multi-layer SPH, large particles in the depth, small ones at the surface."""
+    own_files.begin()
 
 
 @cli.command()
@@ -154,7 +154,7 @@ def play(scene, run, **options):
     "--output",
     "outputs",
     **FILES,
-    help="out.mp4 (.mov .mkv .webm), out.gif, out.png, or out_%04d.png. Repeatable.  "
+    help="out.mp4 (.mov .mkv .webm), out.webp, out.gif, out.png, or out_%04d.png. Repeatable.  "
     "[default: out/SCENE.mp4]",
 )
 @click.option(
@@ -171,7 +171,9 @@ def play(scene, run, **options):
 )
 @click.option("--resume", type=CHECKPOINT, help="Continue from this .npz file.")
 @click.option(
-    "--seconds", type=POSITIVE, help="Simulated time [s].  [default: the scene's duration]"
+    "--seconds",
+    type=POSITIVE,
+    help="Simulated time at which the recording ends [s].  [default: the scene's duration]",
 )
 @click.option(
     "--fps",
@@ -207,6 +209,7 @@ def capture(scene, run, **options):
     "which slows the run and increases all times.",
 )
 @click.option("--json", "json_file", type=FILE, help="Also write the rows as JSON.")
+@force_option
 @shared_options()
 def bench(scenes, run, **options):
     """Benchmark SCENES (default: all shipped) headless; print speed and errors.
@@ -226,7 +229,11 @@ def bench(scenes, run, **options):
     help="Folder for ledger.csv, probes.csv, plots, summary.json, scene.toml and checkpoint.npz.  "
     "[default: out/SCENE]",
 )
-@click.option("--seconds", type=float, help="Set duration: simulated time [s].")
+@click.option(
+    "--seconds",
+    type=float,
+    help="Simulated time at which the run ends [s].  [default: the scene's duration]",
+)
 @click.option("--every", type=float, help="Set measure.every: time between two rows [s].")
 @click.option(
     "--converge",
@@ -273,6 +280,7 @@ def scenes(**options):
 @click.option("--slides", type=FILE, metavar="DIR", help="Write images.")
 @window_size_option
 @frames_option
+@force_option
 @arch_option
 @threads_option
 def lesson(arch, threads, **options):

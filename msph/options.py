@@ -58,6 +58,7 @@ class BenchOptions:
     size: tuple[int, int] | None = None
     profile: bool = False
     json_file: Path | None = None
+    force: bool = False
 
 
 @dataclass(frozen=True)

@@ -1,58 +1,62 @@
-"""Output files of a run: written atomically, and never over files of other origin.
+"""Output files: written completely or reported as lost, and never over existing files.
 
-A run writes its scene next to its outputs, with a digest of the text in the first line. Outputs
-next to a scene file with a matching digest belong to a run and may be overwritten.
+A command claims its output files before it computes anything. A claim fails if a file exists,
+unless --force is given. writing() and replacing() also claim files, so that every write follows
+this rule.
 """
 
 import contextlib
 import errno
-import hashlib
+import glob
 import os
-import re
 import shutil
+import tempfile
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from msph.errors import BadInputError, LostOutputError
 
-DIGEST_LINE = re.compile(r"# written by msph, sha256 ([0-9a-f]{16})\n")
-# Free space on a disk [bytes] below which a failed write is reported as a full disk: encoders give
-# no reason.
+# Free space [bytes] below which a failed write is reported as a full disk: encoders give no reason.
 FULL_DISK = 1 << 20
 
-
-class ForeignFileError(BadInputError):
-    """Refusal to overwrite a file that no run has written."""
-
-
-def with_digest(text: str) -> str:
-    """Returns the text below a line with its digest."""
-    return f"# written by msph, sha256 {_digest(text)}\n{text}"
+# Files that the running command may write.
+_claimed: set[Path] = set()
 
 
-def is_unmodified(path: Path) -> bool:
-    """Returns True if a run wrote the file and nothing has changed it since."""
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError):
-        return False
-    head = DIGEST_LINE.match(text)
-    return head is not None and head[1] == _digest(text[head.end() :])
+class ExistingFileError(BadInputError):
+    """An output file that existed before the command."""
 
 
-def check_overwrite(scene: Path, outputs: Iterable[Path], force: bool) -> None:
-    """Raises ForeignFileError if the scene file of a run, or an output next to it, exists and was
-    not written by a run, unless `force`."""
-    if force or is_unmodified(scene):
-        return
-    for path in (scene, *outputs):
-        if path.exists():
-            raise ForeignFileError(f"{path}: was not written by a run; --force overwrites it")
+def begin() -> None:
+    """Drops all claims at the start of a command."""
+    _claimed.clear()
+
+
+def claim(paths: Iterable[Path], force: bool = False) -> None:
+    """Claims all files for the running command, or none. Raises ExistingFileError if one exists
+    and was not claimed before, unless `force`; devices such as /dev/null do not count."""
+    places = {path.resolve(): path for path in paths}
+    for place, path in places.items():
+        if place not in _claimed and place.is_file() and not force:
+            raise ExistingFileError(f"{path}: exists; --force overwrites it")
+    _claimed.update(places)
+
+
+def free_stem(folder: Path, stem: str) -> str:
+    """Returns `stem`, or `stem` with the first number from 2 such that no file of the folder has
+    this name with any suffix."""
+    found, number = stem, 1
+    while any(folder.glob(f"{glob.escape(found)}.*")):
+        number += 1
+        found = f"{stem}_{number}"
+    return found
 
 
 @contextlib.contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """Context for writing a file: turns an OSError into a LostOutputError that names the file."""
+    """Context for writing a file. Raises ExistingFileError; turns an OSError into a LostOutputError
+    that names the file."""
+    claim([path])
     try:
         yield
     except OSError as error:
@@ -64,22 +68,27 @@ def writing(path: Path) -> Iterator[None]:
 
 @contextlib.contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Yields a temporary file to write, which replaces `path` on success and is removed on failure.
-    Raises LostOutputError."""
-    new = path.with_name(f"new_{path.name}")
-    try:
-        with writing(path):
-            yield new
-            new.replace(path)
-    finally:
-        new.unlink(missing_ok=True)
+    """Yields a temporary file in the same folder, which replaces `path` on success and is removed
+    on failure. Raises ExistingFileError and LostOutputError."""
+    with writing(path):
+        handle, name = tempfile.mkstemp(path.suffix, f".{path.stem}_", path.parent)
+        os.close(handle)
+        temporary = Path(name)
+        try:
+            yield temporary
+            temporary.chmod(0o666 & ~_umask())
+            temporary.replace(path.resolve())
+        finally:
+            temporary.unlink(missing_ok=True)
 
 
 def replace(path: Path, text: str) -> None:
-    """Writes a text file completely or not at all. Raises LostOutputError."""
-    with replacing(path) as new:
-        new.write_text(text, encoding="utf-8")
+    """Writes a text file completely or not at all. Raises ExistingFileError, LostOutputError."""
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
 
 
-def _digest(text: str) -> str:
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask

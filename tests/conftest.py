@@ -16,3 +16,22 @@ def taichi_runtime():
     if not os.environ.get("MSPH_PLAIN_TAICHI"):
         os.environ.setdefault("TI_ADVANCED_OPTIMIZATION", "0")
     start(os.environ.get("TI_ARCH", "cpu"), threads=1)
+
+
+# Files that take longest, begun first: two processes that share files then end at nearly one time.
+LONGEST = (
+    "test_window.py",
+    "test_lessons.py",
+    "test_cli.py",
+    "test_pareto.py",
+    "test_stability.py",
+    "test_random_scenes.py",
+    "test_systems.py",
+    "test_world.py",
+    "test_projection.py",
+)
+
+
+def pytest_collection_modifyitems(items):
+    order = {name: place for place, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: order.get(item.path.name, len(LONGEST)))

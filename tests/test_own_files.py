@@ -1,38 +1,86 @@
-"""Files of runs and files of others."""
+"""Output files: what existed before is never changed, and what is written is whole."""
 
 import errno
+import os
 
 import pytest
 
+from msph import own_files
 from msph.errors import LostOutputError
-from msph.own_files import (
-    ForeignFileError,
-    check_overwrite,
-    is_unmodified,
-    replace,
-    replacing,
-    with_digest,
-)
+from msph.own_files import ExistingFileError, claim, free_stem, replace, replacing, writing
 
 
-def test_a_runs_scene_is_told_from_an_edited_one(tmp_path):
-    scene, output = tmp_path / "a.scene.toml", tmp_path / "a.mp4"
-    check_overwrite(scene, [output], force=False)
-    replace(scene, with_digest("seed = 1\n"))
-    output.write_text("frames")
-    assert is_unmodified(scene) and not is_unmodified(output)
-    check_overwrite(scene, [output], force=False)
-    scene.write_text(scene.read_text().replace("1", "2"))
-    with pytest.raises(ForeignFileError, match=r"a\.scene\.toml: was not written by a run"):
-        check_overwrite(scene, [output], force=False)
-    check_overwrite(scene, [output], force=True)
+@pytest.fixture(autouse=True)
+def command():
+    own_files.begin()
 
 
-def test_an_output_without_a_runs_scene_is_somebodys(tmp_path):
-    output = tmp_path / "a.mp4"
-    output.write_text("a holiday")
-    with pytest.raises(ForeignFileError, match=r"a\.mp4: was not written"):
-        check_overwrite(tmp_path / "a.scene.toml", [output], force=False)
+def test_a_file_that_existed_before_is_refused_unless_forced(tmp_path):
+    path, other = tmp_path / "a.png", tmp_path / "b.png"
+    path.write_text("a holiday")
+    with pytest.raises(ExistingFileError, match=r"a\.png: exists"):
+        claim([other, path])
+    with pytest.raises(ExistingFileError), writing(path):
+        path.write_text("frames")
+    with pytest.raises(ExistingFileError):
+        replace(path, "frames")
+    assert path.read_text() == "a holiday"
+    claim([path], force=True)
+    replace(path, "frames")
+    assert path.read_text() == "frames"
+
+
+def test_a_refused_claim_claims_nothing(tmp_path):
+    path, other = tmp_path / "a.png", tmp_path / "b.png"
+    path.write_text("a holiday")
+    with pytest.raises(ExistingFileError):
+        claim([other, path])
+    other.write_text("came meanwhile")
+    with pytest.raises(ExistingFileError):
+        replace(other, "frames")
+
+
+def test_a_command_may_write_its_own_file_again(tmp_path):
+    path = tmp_path / "a.json"
+    replace(path, "1")
+    replace(path, "2")
+    own_files.begin()
+    with pytest.raises(ExistingFileError):
+        replace(path, "3")
+    assert path.read_text() == "2"
+
+
+def test_a_temporary_file_has_a_name_of_its_own(tmp_path):
+    """new_NAME was written and removed, a user's file of that name with it."""
+    taken = tmp_path / "new_a.json"
+    taken.write_text("a holiday")
+    with replacing(tmp_path / "a.json") as temporary:
+        assert temporary.parent == tmp_path and temporary.suffix == ".json"
+        temporary.write_text("1")
+    assert taken.read_text() == "a holiday"
+    assert {p.name for p in tmp_path.iterdir()} == {"a.json", "new_a.json"}
+
+
+def test_files_have_the_permissions_of_the_user(tmp_path):
+    replace(tmp_path / "a.json", "1")
+    (tmp_path / "b.json").write_text("1")
+    assert (tmp_path / "a.json").stat().st_mode == (tmp_path / "b.json").stat().st_mode
+
+
+def test_a_link_stays_a_link(tmp_path):
+    (tmp_path / "target.json").write_text("old")
+    os.symlink(tmp_path / "target.json", tmp_path / "a.json")
+    claim([tmp_path / "a.json"], force=True)
+    replace(tmp_path / "a.json", "new")
+    assert (tmp_path / "a.json").is_symlink()
+    assert (tmp_path / "target.json").read_text() == "new"
+
+
+def test_free_stems_are_numbered(tmp_path):
+    assert free_stem(tmp_path, "pool") == "pool"
+    for name in ("pool.mp4", "pool_2.scene.toml"):
+        (tmp_path / name).write_text("")
+    assert free_stem(tmp_path, "pool") == "pool_3"
 
 
 def test_a_write_that_fails_leaves_what_there_was(tmp_path):
@@ -46,7 +94,7 @@ def test_a_write_that_fails_leaves_what_there_was(tmp_path):
 def test_a_disk_that_fills_is_said_and_leaves_no_part(tmp_path):
     """A part of a checkpoint was left, and the error named no file."""
     path = tmp_path / "checkpoint.npz"
-    path.write_text("old")
+    replace(path, "old")
     message = r"checkpoint\.npz: no space left on device"
     with pytest.raises(LostOutputError, match=message), replacing(path) as new:
         new.write_text("half")

@@ -102,7 +102,7 @@ def test_water_keeps_its_promises(data, given_inputs):
     FAILING.unlink()
 
 
-@settings(ALL, max_examples=300)
+@settings(ALL, max_examples=100)
 @given(st.dictionaries(st.sampled_from([*Scene.model_fields, "variants", "boxes"]), anything))
 def test_what_is_no_scene_is_one_line(tmp_path_factory, data):
     path = tmp_path_factory.getbasetemp() / "random.toml"
@@ -110,7 +110,7 @@ def test_what_is_no_scene_is_one_line(tmp_path_factory, data):
     assert_one_line(lambda: load(str(path)))
 
 
-@settings(ALL, max_examples=200)
+@settings(ALL, max_examples=70)
 @given(st.binary(max_size=200))
 def test_bytes_that_are_no_scene_no_mesh_no_checkpoint_are_one_line(tmp_path_factory, content):
     folder = tmp_path_factory.getbasetemp()
@@ -129,14 +129,14 @@ def test_bytes_that_are_no_scene_no_mesh_no_checkpoint_are_one_line(tmp_path_fac
 KEYS = [p.key for p in parameters(Scene)]
 
 
-@settings(ALL, max_examples=300)
+@settings(ALL, max_examples=100)
 @given(st.lists(st.tuples(st.sampled_from(KEYS), anything | texts), min_size=1, max_size=3))
 def test_any_override_is_taken_or_one_line(settings_given):
     overrides = tuple(f"{key}={value}" for key, value in settings_given)
     assert_one_line(lambda: load_scene("pool", overrides))
 
 
-@settings(ALL, max_examples=150)
+@settings(ALL, max_examples=60)
 @given(st.text(max_size=30))
 def test_any_name_of_an_output_is_taken_or_one_line(tmp_path_factory, name):
     folder = tmp_path_factory.getbasetemp()

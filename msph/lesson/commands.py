@@ -44,7 +44,7 @@ class NoLessonWindowError(BadInputError):
     """A lesson needs a window, and none can be opened."""
 
 
-def lesson(name, html, slides, size, frames, run: RunOptions) -> None:
+def lesson(name, html, slides, size, frames, force, run: RunOptions) -> None:
     """As its options say."""
     if name is None:
         if html or slides:
@@ -56,7 +56,7 @@ def lesson(name, html, slides, size, frames, run: RunOptions) -> None:
         raise click.UsageError(f"--size: a lesson needs {LEAST[0]}x{LEAST[1]} or more")
     if html or slides:
         start(run.arch, run.threads)
-        write(course, html, slides)
+        write(course, html, slides, force)
     else:
         in_window(course, size, frames, run)
 
@@ -77,13 +77,13 @@ def key(name: str) -> str:
     return f"lesson {name}"
 
 
-def write(course: Course, html: Path | None, slides_folder: Path | None) -> None:
+def write(course: Course, html: Path | None, slides_folder: Path | None, force: bool) -> None:
     """The page, the slides, or both; names the files."""
     if html:
-        for path in web.write(course, html):
+        for path in web.write(course, html, force):
             click.echo(path)
     if slides_folder:
-        for path in slides.write(course, slides_folder):
+        for path in slides.write(course, slides_folder, force):
             click.echo(path)
 
 

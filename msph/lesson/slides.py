@@ -10,7 +10,7 @@ from msph.lesson.guide import Guide
 from msph.lesson.load import Course
 from msph.lesson.paint import band_height
 from msph.lesson.student import Student, rehearse
-from msph.own_files import replace, replacing
+from msph.own_files import claim, replace, replacing
 from msph.picture.pixels import as_u8
 from msph.stage.pages import text_height
 from msph.stage.preparation import prepare_row
@@ -20,7 +20,7 @@ SIZE = (1280, 720)
 CAPTIONS = "{}_captions.txt"
 
 
-def write(course: Course, folder: Path) -> list[Path]:
+def write(course: Course, folder: Path, force: bool = False) -> list[Path]:
     """NAME_01.png and on: the question, each task as its solution leaves it, the explanation; and
     NAME_captions.txt. Returns the files."""
     captioned = folder / CAPTIONS.format(course.name)
@@ -34,6 +34,8 @@ def write(course: Course, folder: Path) -> list[Path]:
     guide = Guide(course, row, SIZE)
     guide.band.keys = guide.reasons.keys = False
     student, lesson = Student(guide.progress, row), course.lesson
+    number = 1 + len(lesson.do) + guide.reasons.pages
+    claim([captioned, *(slide_path(folder, course, k) for k in range(number))], force)
     captions = [lesson.predict.ask, *(task.text for task in lesson.do), lesson.why.text]
     paths: list[Path] = []
 
@@ -45,7 +47,7 @@ def write(course: Course, folder: Path) -> list[Path]:
             view.draw(guide.progress)
         image = row.picture.image if row is not None else view.image
         guide.lay(image)
-        path = folder / f"{course.name}_{len(paths) + 1:02d}.png"
+        path = slide_path(folder, course, len(paths))
         with replacing(path) as new:
             imageio.imwrite(new, as_u8(image))
         paths.append(path)
@@ -64,3 +66,8 @@ def write(course: Course, folder: Path) -> list[Path]:
     lines = [f"{path.name}: {text}" for path, text in zip(paths, captions, strict=True)]
     replace(captioned, "\n".join(lines) + "\n")
     return [*paths, captioned]
+
+
+def slide_path(folder: Path, course: Course, index: int) -> Path:
+    """Returns the file of a slide, numbered from 1."""
+    return folder / f"{course.name}_{index + 1:02d}.png"

@@ -18,7 +18,7 @@ from msph.lesson.load import Course, shipped_lessons
 from msph.lesson.paint import LETTERS
 from msph.lesson.schema import SliderOf
 from msph.lesson.student import FRAME, Student, rehearse
-from msph.own_files import replace
+from msph.own_files import claim, replace
 from msph.stage.preparation import prepare_row
 from msph.stage.recorder import make_writable
 
@@ -31,10 +31,11 @@ POSITIONS, MOST = 9, 12
 LINGERS = 1.5
 
 
-def write(course: Course, folder: Path) -> list[Path]:
+def write(course: Course, folder: Path, force: bool = False) -> list[Path]:
     """The page, NAME.html in the folder; what its tasks show is what their solutions do."""
     path = folder / f"{course.name}.html"
     make_writable(path)
+    claim([path], force)
     tasks = on_board(course) if course.lesson.board else in_water(course)
     replace(path, page(course, tasks))
     return [path]

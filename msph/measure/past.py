@@ -29,11 +29,21 @@ UNREADABLE = (
 class CheckpointError(BadInputError):
     """A file that is no checkpoint, or one beyond the end of the run."""
 
+    @classmethod
+    def beyond(cls, since: float, duration: float) -> "CheckpointError":
+        """The error of a checkpoint of the time `since` [s] in a run of `duration` [s]."""
+        return cls(
+            f"the checkpoint is at {since:g} s and the run ends at {duration:g} s; "
+            "--seconds sets a later end"
+        )
+
 
 def time_of(checkpoint: Path) -> float:
     """Simulated time [s] of a checkpoint. Raises CheckpointError."""
     try:
         with np.load(checkpoint) as state:
+            if state.zip.testzip() is not None:
+                raise ValueError("a member is damaged")
             return float(state["time"])
     except (*UNREADABLE, KeyError):
         raise CheckpointError(f"{checkpoint.name}: is no checkpoint") from None

@@ -12,6 +12,7 @@ WIDTH, HEIGHT, DPI = 8.0, 2.2, 110
 
 ENERGY, VOLUME = "energy less its start [J]", "surface's volume\nover its start, less 1 [%]"
 DENSITY = "density error [-]"
+PLOTS = ("ledger.png", "probes.png")
 # Panels of ledger.png: what the axis is, and the columns it shows with their labels.
 PANELS: tuple[tuple[str, dict[str, str]], ...] = (
     (
@@ -61,11 +62,11 @@ WORDS = {
 
 def plot(folder: Path, title: str) -> list[Path]:
     """Draws folder/ledger.csv and folder/probes.csv beside them; returns the files."""
-    found = [folder / "ledger.png"]
+    found = [folder / PLOTS[0]]
     _draw(found[0], title, _ledger_panels(read(folder / "ledger.csv")))
     readings = read(folder / "probes.csv")
     if len(readings) > 1:
-        found.append(folder / "probes.png")
+        found.append(folder / PLOTS[1])
         _draw(found[1], title, _probe_panels(readings))
     return found
 

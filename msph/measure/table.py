@@ -86,7 +86,8 @@ class Table:
 
     def _begin(self) -> None:
         self._begun = True
-        self.path.write_text("")
+        with writing(self.path):
+            self.path.write_text("")
         self._append(self.names)
         for row in self.kept:
             self.write(row)

@@ -14,8 +14,8 @@ from msph.device import start
 from msph.errors import BlowUpError, LostOutputError
 from msph.fluid.trapped_water import TrappedWaterError
 from msph.measure import convergence, table
-from msph.measure.past import time_of
-from msph.measure.plots import plot
+from msph.measure.past import CheckpointError, time_of
+from msph.measure.plots import PLOTS, plot
 from msph.measure.timings import Timings
 from msph.options import (
     AS_GIVEN,
@@ -26,7 +26,7 @@ from msph.options import (
     PlayOptions,
     RunOptions,
 )
-from msph.own_files import check_overwrite, replace, with_digest
+from msph.own_files import claim, free_stem, replace
 from msph.scene import load_scene
 from msph.scene.library import find_scene, shipped_scenes
 from msph.scene.load import read_toml, to_toml
@@ -65,8 +65,8 @@ class Loaded:
     arch: str
 
     def toml(self) -> str:
-        """Returns the scene file's text with its digest."""
-        return with_digest(to_toml(self.scene, f"quality {self.quality}"))
+        """Returns the text of the scene's file."""
+        return to_toml(self.scene, f"quality {self.quality}")
 
 
 def at(scene: Scene, name: str, run: RunOptions) -> Loaded:
@@ -81,7 +81,7 @@ def capture_instead(scene: str, options: PlayOptions, run: RunOptions, reason: s
     """Captures a video and an image of a scene if no window can be opened for `reason`."""
     if options.beside:
         say("--beside needs a window: only the first simulation is captured")
-    target = Path("out") / Path(scene).stem
+    target = default_output(scene)
     say(f"{reason}: capturing {FALLBACK_SECONDS:.0f} s of {scene} instead")
     # A capture need not run in real time.
     run = replace_fields(run, quality=AS_GIVEN) if run.quality == AUTO else run
@@ -96,11 +96,16 @@ def capture(scene: str, options: CaptureOptions, run: RunOptions) -> None:
     """Records a scene to files."""
     loaded = load_scene(scene, run.overrides)
     some = options.outputs or options.meshes or options.particles
-    pictures = list(options.outputs if some else [Path("out") / f"{Path(scene).stem}.mp4"])
+    pictures = list(options.outputs if some else [default_output(scene).with_suffix(".mp4")])
     files = Outputs(pictures, list(options.meshes), list(options.particles))
     check_outputs(files, options.fps)
-    check_overwrite(scene_file(files), files.existing(), options.force)
-    record(at(loaded, scene, run), files, options)
+    since = time_of(Path(options.resume)) if options.resume else 0.0
+    first, seconds = round(since * options.fps), options.seconds or loaded.duration
+    frames = max(1, round(seconds * options.fps)) - first
+    if frames <= 0:
+        raise CheckpointError.beyond(since, seconds)
+    claim(files.names(first, frames), options.force)
+    record(at(loaded, scene, run), files, options, first, frames)
 
 
 def bench(scenes: tuple[str, ...], options: BenchOptions, run: RunOptions) -> None:
@@ -108,6 +113,7 @@ def bench(scenes: tuple[str, ...], options: BenchOptions, run: RunOptions) -> No
     names = scenes or tuple(shipped_scenes())
     if options.json_file:
         make_writable(options.json_file)
+        claim([options.json_file], options.force)
     given = [(name, load_scene(name, run.overrides)) for name in names]
     arch = start(run.arch, run.threads)
     rows: list[Result | PlayResult] = []
@@ -153,7 +159,9 @@ def measure(scene: str, options: MeasureOptions, run: RunOptions) -> None:
     found = load_scene(scene, (*run.overrides, *more))
     folder = options.folder or Path("out") / Path(scene).stem
     make_writable(folder / SCENE)
-    check_overwrite(folder / SCENE, (folder / name for name in FILES), options.force)
+    # A run that is resumed in its own folder continues its own files.
+    own = options.resume is not None and Path(options.resume).resolve().parent == folder.resolve()
+    claim_folder(folder, options.force or own)
     loaded = at(found, scene, run)
     if options.converge:
         measure_convergence(loaded, folder, options.converge, options.force)
@@ -195,17 +203,20 @@ def measured(
 
 def measure_convergence(loaded: Loaded, folder: Path, runs: int, force: bool) -> None:
     """Measures a scene at several spacings, coarsest first, each in a subfolder, and estimates the
-    discretisation error. Raises SceneError if the spacing cannot change, ForeignFileError for
-    files that no run wrote, unless `force`."""
+    discretisation error. Raises SceneError if the spacing cannot change, ExistingFileError for
+    existing files, unless `force`."""
     name = loaded.name
-    folders, spacings = [], []
-    for factor, coarse in coarser(loaded.scene, convergence.factors(runs), name):
-        folders.append(folder if factor == 1.0 else folder / f"spacings_x{factor:.2f}")
-        check_overwrite(folders[-1] / SCENE, (folders[-1] / name for name in FILES), force)
+    claim([folder / CONVERGENCE], force)
+    scaled = list(coarser(loaded.scene, convergence.factors(runs), name))
+    folders = [folder if f == 1.0 else folder / f"spacings_x{f:.2f}" for f, _ in scaled]
+    for each in folders:
+        claim_folder(each, force)
+    spacings: list[float] = []
+    for (factor, coarse), each in zip(scaled, folders, strict=True):
         spacings.append(min(s.spacing for s in layer_specs(coarse)))
-        say(f"{name}: finest spacing {1e3 * spacings[-1]:.4g} mm, run {len(folders)} of {runs}")
+        say(f"{name}: finest spacing {1e3 * spacings[-1]:.4g} mm, run {len(spacings)} of {runs}")
         quality = f"{loaded.quality}, spacings x{factor:.2f}"
-        finest = measured(replace_fields(loaded, scene=coarse, quality=quality), folders[-1])
+        finest = measured(replace_fields(loaded, scene=coarse, quality=quality), each)
     ledgers, probes = ([table.read(f / file) for f in folders] for file in (LEDGER, PROBES))
     rows = convergence.compare(ledgers, probes, spacings[-1])
     convergence.write(folder / CONVERGENCE, rows, spacings)
@@ -254,18 +265,23 @@ def ladder_lines(name: str) -> list[str]:
     return tabulate(rows, headers=heads, tablefmt="plain").splitlines() if rows else []
 
 
-def record(loaded: Loaded, files: Outputs, options: CaptureOptions) -> None:
+def record(
+    loaded: Loaded, files: Outputs, options: CaptureOptions, first: int, frames: int
+) -> None:
     """Records a scene to files; after an interrupt the files are complete up to that frame."""
     size, meshes = options.size if files.pictures else None, bool(files.meshes)
-    fps, scene_path = options.fps, scene_file(files)
+    fps, scene_path, text = options.fps, scene_file(files), loaded.toml()
+    # A resumed recording finds the scene file of its first part.
+    same = scene_path.is_file() and scene_path.read_bytes() == text.encode()
+    if not same:
+        claim([scene_path], options.force)
     show = prepare(loaded.scene, 1.0 / fps, size, meshes=meshes, density_every=math.inf)
     if options.resume:
         show.resume(Path(options.resume))
     still = None if options.still_time is None else max(1, round(options.still_time * fps))
-    frames = max(1, round((options.seconds or loaded.scene.duration) * fps))
-    first = round(show.simulation.time * fps)
     recorder = Recorder(files, frames, fps, still, first=first)
-    replace(scene_path, loaded.toml())
+    if not same:
+        replace(scene_path, text)
     try:
         run_loop(Row([show]), recorder)
     except KeyboardInterrupt:
@@ -276,6 +292,16 @@ def record(loaded: Loaded, files: Outputs, options: CaptureOptions) -> None:
             say(f"warning: {warning}")
         for path in [*recorder.kept(), scene_path]:
             click.echo(path)
+
+
+def default_output(scene: str) -> Path:
+    """Returns an unused path without suffix in the folder out, named after the scene."""
+    return Path("out") / free_stem(Path("out"), Path(scene).stem)
+
+
+def claim_folder(folder: Path, force: bool) -> None:
+    """Claims all files that a measurement writes to a folder. Raises ExistingFileError."""
+    claim([folder / name for name in (*FILES, *PLOTS)], force)
 
 
 def scene_file(outputs: Outputs) -> Path:

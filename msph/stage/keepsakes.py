@@ -8,7 +8,7 @@ import imageio.v2 as imageio
 import numpy as np
 
 from msph.errors import LostOutputError
-from msph.own_files import replace, replacing, with_digest
+from msph.own_files import free_stem, replace, replacing
 from msph.scene.errors import SceneError
 from msph.scene.load import to_toml
 from msph.scene.schema import Scene
@@ -90,11 +90,7 @@ class Saver:
     def _path(self, suffix: str, scene: Scene) -> Path:
         """Returns an unused file name, and writes the scene next to it."""
         self.folder.mkdir(parents=True, exist_ok=True)
-        stem = f"{self.scene}_{time.strftime('%Y%m%d_%H%M%S')}"
-        name, number = stem, 1
-        while list(self.folder.glob(f"{name}.*")):
-            number += 1
-            name = f"{stem}_{number}"
-        text = to_toml(scene, f"quality {self.quality}")
-        replace(self.folder / f"{name}.scene.toml", with_digest(text))
-        return self.folder / f"{name}{suffix}"
+        stem = free_stem(self.folder, f"{self.scene}_{time.strftime('%Y%m%d_%H%M%S')}")
+        note = f"quality {self.quality}"
+        replace(self.folder / f"{stem}.scene.toml", to_toml(scene, note))
+        return self.folder / f"{stem}{suffix}"

@@ -51,10 +51,7 @@ class Measurer:
         self.gap = max(1, round(gap / every)) if gap > 0.0 else 0
         self.done = round((since or 0.0) / every)
         if self.done >= self.frames:
-            raise past.CheckpointError(
-                f"the checkpoint's time is {since:g} s, the scene's duration {scene.duration:g} s; "
-                "--seconds sets a longer duration"
-            )
+            raise past.CheckpointError.beyond(since or 0.0, scene.duration)
         self.probes = build_probes(scene)
         self.surveys: list[Survey] = []
         self.before: Entry | None = None

@@ -1,7 +1,7 @@
 """Recorder: writes videos, images, meshes and particles of a show to files."""
 
 import contextlib
-import glob
+import io
 import itertools
 import re
 from collections.abc import Iterator
@@ -11,7 +11,7 @@ from typing import Any
 
 import imageio.v2 as imageio
 import numpy as np
-from imageio.v3 import imwrite
+from PIL import Image
 
 from msph.errors import BadInputError, LostOutputError
 from msph.measure.table import column
@@ -37,8 +37,11 @@ WEBM: dict[str, Any] = {
 }
 # Placeholder of the frame number in a file name.
 NUMBER = re.compile(r"%0?[1-9]?d")
-# Largest frame rate of a GIF, whose frames last at least 0.02 s.
+# Animated images, and the largest frame rate of a GIF, whose frames last at least 0.02 s.
+ANIMATION = (".gif", ".webp")
 GIF_FPS = 50.0
+# Quality of lossy WebP, 0 to 100: 75 shows no blocks in water.
+WEBP_QUALITY = 75
 
 
 class OutputError(BadInputError):
@@ -47,9 +50,9 @@ class OutputError(BadInputError):
 
 @dataclass(frozen=True)
 class Outputs:
-    """Files to record. pictures: videos (.mp4, .mov, .mkv, .webm, .gif), a still image (.png), or
-    one .png per frame with a number such as %04d in its name; meshes of the surface (.ply, .obj,
-    .vtu) and particles (.npz checkpoint, .csv, .vtu): with numbers in their names."""
+    """Files to record. pictures: video (.mp4, .mov, .mkv, .webm), animation (.gif, .webp), still
+    image (.png), or one .png per frame with a number such as %04d in its name; meshes of the
+    surface (.ply, .obj, .vtu) and particles (.npz checkpoint, .csv, .vtu): with such numbers."""
 
     pictures: list[Path] = field(default_factory=list)
     meshes: list[Path] = field(default_factory=list)
@@ -58,11 +61,12 @@ class Outputs:
     def all(self) -> list[Path]:
         return [*self.pictures, *self.meshes, *self.particles]
 
-    def existing(self) -> list[Path]:
-        """Returns existing files that the recording may overwrite."""
+    def names(self, first: int, frames: int) -> list[Path]:
+        """Returns all files of a recording of `frames` frames whose first has this number."""
         found: list[Path] = []
         for path in self.all():
-            found += path.parent.glob(NUMBER.sub("[0-9]*", glob.escape(path.name)))
+            numbers = range(first, first + frames) if numbered(path) else (first,)
+            found += (numbered_name(path, number) for number in numbers)
         return found
 
 
@@ -86,8 +90,8 @@ class Recorder:
         self.outputs, self.lost = outputs, set[Path]()
         self.last: Any = None  # last recorded image, (height, width, 3) uint8
         self.videos = [p for p in outputs.pictures if kind(p) in VIDEO]
-        self.gifs = [p for p in outputs.pictures if kind(p) == ".gif"]
-        self.gif_frames: list[np.ndarray] = []
+        self.animations = [p for p in outputs.pictures if kind(p) in ANIMATION]
+        self.animation_frames: list[np.ndarray] = []
         self.stills = [p for p in outputs.pictures if kind(p) == ".png" and not numbered(p)]
         self.pictures = [p for p in outputs.pictures if numbered(p)]
         self.meshes, self.particles = outputs.meshes, outputs.particles
@@ -107,8 +111,8 @@ class Recorder:
             for path, writer in zip(self.videos, self.writers or self._open(), strict=True):
                 with self._writing(path):
                     writer.append_data(self._even())
-            if self.gifs:
-                self.gif_frames.append(self.last)
+            if self.animations:
+                self.animation_frames.append(self.last)
             if self.done + 1 == self.still:
                 self._write_stills()
         for path in self.pictures:
@@ -135,10 +139,10 @@ class Recorder:
                         check_video(path, self.done)
             except LostOutputError as failure:
                 failures.append(failure)
-        for path in self.gifs if self.gif_frames else ():
+        for path in self.animations if self.animation_frames else ():
             try:
                 with self._writing(path):
-                    path.write_bytes(self._gif())
+                    path.write_bytes(self._animation(kind(path)))
             except LostOutputError as failure:
                 failures.append(failure)
         if self.last is not None and self.done < self.still:
@@ -182,17 +186,29 @@ class Recorder:
         height, width = self.last.shape[:2]
         return self.last[: height // 2 * 2, : width // 2 * 2]
 
-    def _gif(self) -> bytes:
-        """Returns the GIF file; frame durations are multiples of 0.01 s with the exact sum."""
-        ends = [round(100.0 * k / self.fps) for k in range(len(self.gif_frames) + 1)]
-        durations = [10.0 * (b - a) for a, b in itertools.pairwise(ends)]
-        return imwrite("<bytes>", self.gif_frames, extension=".gif", duration=durations, loop=0)
+    def _animation(self, extension: str) -> bytes:
+        """Returns the frames as a looping GIF or WebP; durations are multiples of 0.01 s or 1 ms,
+        with the exact sum."""
+        unit = 10 if extension == ".gif" else 1  # [ms]
+        ends = [round(1e3 / unit * k / self.fps) for k in range(len(self.animation_frames) + 1)]
+        durations = [unit * (b - a) for a, b in itertools.pairwise(ends)]
+        first, *others = (Image.fromarray(frame) for frame in self.animation_frames)
+        encoded, more = io.BytesIO(), {"quality": WEBP_QUALITY} if extension == ".webp" else {}
+        first.save(
+            encoded,
+            extension[1:],
+            save_all=True,
+            append_images=others,
+            # Pillow takes no list for a single frame.
+            duration=durations if others else durations[0],
+            loop=0,
+            **more,
+        )
+        return encoded.getvalue()
 
     def _numbered(self, path: Path) -> Path:
         """Returns the file name of the current frame."""
-        return path.with_name(
-            NUMBER.sub(lambda place: place[0] % (self.first + self.done), path.name)
-        )
+        return numbered_name(path, self.first + self.done)
 
 
 def check_video(path: Path, frames: int) -> None:
@@ -212,6 +228,11 @@ def kind(path: Path) -> str:
     return path.suffix.lower()
 
 
+def numbered_name(path: Path, number: int) -> Path:
+    """Returns the path with the frame number filled in, if it has a placeholder."""
+    return path.with_name(NUMBER.sub(lambda place: place[0] % number, path.name))
+
+
 def numbered(path: Path) -> bool:
     """Returns True if the name has a frame number such as %04d."""
     return NUMBER.search(path.name) is not None
@@ -220,7 +241,7 @@ def numbered(path: Path) -> bool:
 def check_outputs(outputs: Outputs, fps: float) -> None:
     """Raises OutputError for outputs that cannot be written, and creates their folders."""
     kinds = (
-        (outputs.pictures, (*VIDEO, ".gif", ".png")),
+        (outputs.pictures, (*VIDEO, *ANIMATION, ".png")),
         (outputs.meshes, MESH),
         (outputs.particles, TABLE),
     )
@@ -240,7 +261,7 @@ def check_outputs(outputs: Outputs, fps: float) -> None:
 
 def make_writable(path: Path) -> None:
     """Creates the folder of an output, and raises OutputError if the file is not writable."""
-    path = path.with_name(NUMBER.sub(lambda place: place[0] % 0, path.name))
+    path = numbered_name(path, 0)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         new = not path.exists()
@@ -264,7 +285,7 @@ def check_output(path: Path, suffixes: tuple[str, ...]) -> None:
         raise OutputError(f"{path}: has more than one frame number")
     if kind(path) in (*MESH, *TABLE) and not numbered(path):
         raise OutputError(f"{path}: needs a frame number in its name, such as %04d")
-    if kind(path) in (*VIDEO, ".gif") and numbered(path):
+    if kind(path) in (*VIDEO, *ANIMATION) and numbered(path):
         raise OutputError(f"{path}: a video is one file and needs no frame number")
 
 

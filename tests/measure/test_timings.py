@@ -22,7 +22,7 @@ def test_parts_are_timed_only_where_a_profile_is_asked_for():
 def test_tree_keeps_the_order_of_the_frame_and_adds_what_is_in_no_part():
     timings = Timings(profile=True)
     timings.frames = [
-        {"fluid": 0.5, "fluid/density": 0.1, "fluid/advance": 0.2, "picture": 0.1},
+        {"fluid": 0.5, "fluid/density": 0.1, "fluid/drift": 0.2, "picture": 0.1},
         {"fluid": 0.7, "fluid/density": 0.3, "fluid/adaptation": 0.2, "picture": 0.3},
     ]
     tree = timings.tree()

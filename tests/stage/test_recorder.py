@@ -45,7 +45,7 @@ def recorded(show, tmp_path_factory):
     """Four frames to every kind of output at once."""
     folder = tmp_path_factory.mktemp("recorded")
     names = (
-        ["a.mp4", "a.webm", "a.gif", "last.png", "f_%04d.png"],
+        ["a.mp4", "a.webm", "a.gif", "a.webp", "last.png", "f_%04d.png"],
         ["m_%04d.ply", "m_%04d.obj", "m_%04d.vtu"],
         ["p_%04d.csv", "p_%04d.npz", "p_%04d.vtu"],
     )
