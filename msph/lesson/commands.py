@@ -123,9 +123,7 @@ def play(guide: Guide, window: Window, name: str, frames: int | None) -> None:
             return
         except BlowUpError:
             guide.progress.refill()
-            player.layout.show_message(
-                "the water blew up and begins again; r puts the sliders back"
-            )
+            player.layout.show_message("the water blew up: reset; r also resets the sliders")
 
 
 def begin(course: Course, window: Window) -> Guide:

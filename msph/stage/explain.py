@@ -58,7 +58,7 @@ def explain(scene: Scene) -> str:
             run.centres.append(run.show.ledger.entries[-1].centre)
     whole, *others = runs
     depth = mean_depth(scene.gravity, whole.show.simulation.plan, np.array(whole.centres[:1]))
-    heads = ["", "particles", "ms a frame", *STAGES]
+    heads = ["", "particles", "ms per frame", *STAGES]
     heads += ["saved", "start s", "kernels", "error without it"]
     rows = [[*_costs("full scene", whole, whole), ""]]
     for part, run in zip(parts, others, strict=True):

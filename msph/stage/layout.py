@@ -63,7 +63,7 @@ class Layout:
         from the column's upper left corner."""
         return cursor[0] * self.size[0], (1.0 - cursor[1]) * self.size[1] - self._top()
 
-    def lay_panel(self, page: np.ndarray | None) -> None:
+    def put_panel(self, page: np.ndarray | None) -> None:
         """Shows a page of settings in the column; None for no change."""
         if page is not None:
             self.overlay.put("settings", page, 0, self._top())
@@ -98,23 +98,23 @@ class Layout:
         left, top = (width - page.shape[1]) // 2, (height - page.shape[0]) // 2
         self.overlay.put("help", page, left, top)
 
-    def lay(self, row: Row, pacer: Pacer, paused: bool, idle: Idle) -> None:
+    def draw(self, row: Row, pacer: Pacer, paused: bool, idle: Idle) -> None:
         """Draws all pages over the row's image; repaints only pages that have changed."""
         now = time.perf_counter()
         status = self.status.page(row, pacer, paused, now, self.text)
         if status is not None:
             self.overlay.put("status", status, self.gap, self.gap)
-        self._lay_hints([k.hint for k in idle.hints()], bool(idle.hint()))
+        self._put_hints([k.hint for k in idle.hints()], bool(idle.hint()))
         if now > self.until:
             self.overlay.hide("message")
-        self._lay_particle(row, now)
+        self._put_particle(row, now)
         if self.graphs.observe(row.lead, now, pacer.pace) and self.panel == "graphs":
             top = self._top()
             page = self.graphs.paint(row.lead, self.column, self.size[1] - top, self.text)
             self.overlay.put("graphs", page, 0, top)
         self.overlay.draw(row.image)
 
-    def _lay_hints(self, texts: list[str], urgent: bool) -> None:
+    def _put_hints(self, texts: list[str], urgent: bool) -> None:
         if (texts, urgent) == self.hinted:
             return
         self.hinted = texts, urgent
@@ -124,7 +124,7 @@ class Layout:
             low = self.size[1] - self.gap - page.shape[0]
             self.overlay.put("hints", page, self._left(), low)
 
-    def _lay_particle(self, row: Row, now: float) -> None:
+    def _put_particle(self, row: Row, now: float) -> None:
         """Shows the values of the picked particle and the legend of its arrows."""
         show = show_with_picked(row)
         if show is None:

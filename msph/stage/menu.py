@@ -47,11 +47,11 @@ class Menu:
         """True once another scene or quality is selected and SETTLED has passed."""
         return self.next is not None and time.perf_counter() - self.chosen > SETTLED
 
-    def lay(self) -> None:
+    def draw(self) -> None:
         """Draws the panel if the settings are open."""
         if self.layout.panel == "settings":
             size, text = self.layout.column_size, self.layout.text
-            self.layout.lay_panel(self.panel.paint(self.row.lead, size, text))
+            self.layout.put_panel(self.panel.paint(self.row.lead, size, text))
 
     def touch(self, cursor, down: bool) -> None:
         """Handles the left mouse button over the panel."""
@@ -72,20 +72,20 @@ class Menu:
         elif request.kind == "view":
             self.row.lead.views.name = request.name
         elif request.kind == "scene":
-            self.leave(Choice(request.name, self.choice.quality))
+            self.select(Choice(request.name, self.choice.quality))
         elif request.kind == "quality":
             lead, panel = self.row.lead, self.panel
             values = {live.key: read(lead.scene, live.key) for live in panel.live}
             changed = {key: v for key, v in values.items() if v != panel.given[key]}
-            self.leave(Choice(self.choice.scene, request.name, changed))
+            self.select(Choice(self.choice.scene, request.name, changed))
 
     def step(self, by: int) -> None:
         """Moves the selection among the shipped scenes."""
         names, last = list(shipped_scenes()), (self.next or self.choice).scene
         here = names.index(last) if last in names else -max(by, 0)
-        self.leave(Choice(names[(here + by) % len(names)], self.choice.quality))
+        self.select(Choice(names[(here + by) % len(names)], self.choice.quality))
 
-    def leave(self, choice: Choice) -> None:
+    def select(self, choice: Choice) -> None:
         """Selects another scene or quality, if it can be loaded."""
         try:
             for scene in self.arguments.scenes_of(choice.scene).values():

@@ -69,13 +69,13 @@ def help_page(size: int, most: int, taken: frozenset[str] = frozenset()) -> np.n
     size = min(size, int(most / (LINE * (len(rows) + 1) + 2.0 * PADDING)))
     font = font_of(size)
     pad, pitch, column = round(2.0 * PADDING * size), LINE * size, KEY_WIDTH * size
-    widest = max(font.getlength(does) for _, does in rows)
+    widest = max(font.getlength(effect) for _, effect in rows)
     width, height = int(column + widest) + 2 * pad, round(pitch * (len(rows) + 1)) + 2 * pad
     page = Image.new("RGBA", (width, height), DENSE)
     draw = ImageDraw.Draw(page)
     draw.text((pad, pad + 0.5 * pitch), "Keys and mouse (h closes)", WARNING, font, anchor="lm")
-    for row, (shown, does) in enumerate(rows):
+    for row, (label, effect) in enumerate(rows):
         y = pad + pitch * (row + 1.5)
-        draw.text((pad, y), shown, INK, font, anchor="lm")
-        draw.text((pad + column, y), does, FAINT, font, anchor="lm")
+        draw.text((pad, y), label, INK, font, anchor="lm")
+        draw.text((pad + column, y), effect, FAINT, font, anchor="lm")
     return np.asarray(page)

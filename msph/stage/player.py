@@ -66,7 +66,7 @@ class Player(Audience):
         self.present = math.inf  # time to present a frame, without the wait for the display [s]
 
     @property
-    def follows(self) -> Choice | None:
+    def next_choice(self) -> Choice | None:
         """The scene to play next, None after a request to quit."""
         return self.menu.next if self.window.open and not self.done else None
 
@@ -77,38 +77,38 @@ class Player(Audience):
     def controls(self, row: Row) -> Controls:
         controls, steering, guide = Controls(), self.steering, self.guide
         pressed = self.window.presses()
-        steering.look()
+        steering.read_cursor()
         for key in pressed:
             if key in BUTTONS:
-                steering.free[key] = not self._covered()
+                steering.free[key] = not self._on_page()
             elif guide and guide.takes(key):
-                self._follow(guide)
+                self._level_after_reset(guide)
             elif key in ACTIONS:
                 self._press(ACTIONS[key], controls)
         self.pacer.steer(controls)
         step, wall = self.pacer.frame_time, self.pacer.wall
         # While a lesson pauses the simulation, keys do nothing.
         waits = guide is not None and guide.waits
-        held = not waits and steering.hold(step, wall, self.paused)
+        held = not waits and steering.apply_keys(step, wall, self.paused)
         dragged = self._drag(controls, step)
         self.idle.pass_time(wall, bool(pressed or held or dragged or steering.moved.any()))
-        sway = self.idle.roll(row.lead.simulation.time, 0.0 if self._still else step)
+        sway = self.idle.roll(row.lead.simulation.time, 0.0 if self._paused else step)
         controls.tilt = (float(steering.tilt[0]) + sway, float(steering.tilt[1]))
-        controls.paused = self._still
+        controls.paused = self._paused
         return controls
 
     @property
-    def _still(self) -> bool:
+    def _paused(self) -> bool:
         """True while the simulation is paused, by the user or the lesson."""
         return self.paused or (self.guide is not None and self.guide.waits)
 
-    def _follow(self, guide: InputOverlay) -> None:
+    def _level_after_reset(self, guide: InputOverlay) -> None:
         """Levels the pool after a reset by the lesson."""
         if guide.runs != self.runs:
             self.runs = guide.runs
             self.steering.tilt[:] = 0.0
 
-    def _covered(self) -> bool:
+    def _on_page(self) -> bool:
         """Returns True if the cursor is on a page."""
         cursor = self.steering.cursor
         return (self.guide is not None and self.guide.covers(cursor)) or self.layout.covers(cursor)
@@ -116,16 +116,16 @@ class Player(Audience):
     def _drag(self, controls: Controls, step: float) -> bool:
         """Handles the mouse; returns True while a button is used."""
         steering, down = self.steering, self.window.down("LMB")
-        self.idle.tried.add(steering.turn())
+        self.idle.tried.add(steering.drag_camera())
         if self.guide and self.guide.drag(steering.cursor, down):
             return True
         self.menu.touch(steering.cursor, down)
         if steering.clicked() and self.row.lead.views.name != "water":
             steering.pick()
-        held = steering.held()
+        held = steering.held_buttons()
         if held[0]:
             self.idle.tried.add("push")
-        steering.push(controls, step, self._covered())
+        steering.push(controls, step, self._on_page())
         return any(held)
 
     def _press(self, action: str, controls: Controls) -> None:
@@ -188,15 +188,15 @@ class Player(Audience):
 
     def observe(self, row: Row) -> None:
         now, image = time.perf_counter(), row.image
-        if not self._still:
+        if not self._paused:
             self.replay.observe(row, now)
         if self.guide:
             self.guide.look()
-        self.menu.lay()
+        self.menu.draw()
         if self.guide:
             self.guide.lay(image)
         if not (self.guide and self.guide.whole):
-            self.layout.lay(row, self.pacer, self._still, self.idle)
+            self.layout.draw(row, self.pacer, self._paused, self.idle)
         if self.steering.hand.pushes:
             self.window.mark(self.steering.cursor)
         self._draw_arrows()
@@ -204,7 +204,7 @@ class Player(Audience):
         self.window.show(image)
         now = time.perf_counter()
         self.present = min(PRESENT_GROWTH * self.present, now - begin)
-        if self.clock is not None and not self._still:
+        if self.clock is not None and not self._paused:
             self.pacer.observe(row, now - self.clock, self.present)
         self.clock = now
 

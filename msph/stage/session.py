@@ -61,4 +61,4 @@ class Session:
         run(row, player)
         for warning in row.warnings():
             say(f"warning: {warning}")
-        return player.follows
+        return player.next_choice

@@ -136,7 +136,7 @@ class Show:
             self.reset()
         if controls.next_view and self.views:
             self.views.next()
-        external = self._force(controls)
+        external = self._external_forces(controls)
         if not controls.paused or controls.single_step:
             with self._stage("fluid"):
                 frame_time = controls.frame_time or self.frame_time
@@ -196,7 +196,7 @@ class Show:
         self.simulation.grid.refresh()
         self.draw()
 
-    def _force(self, controls: Controls) -> ExternalForces:
+    def _external_forces(self, controls: Controls) -> ExternalForces:
         """Sets the tilt and returns the external forces: gravity in the pool's frame, hand."""
         # The user's tilt is relative to the camera.
         view = turn(self.camera.azimuth) if self.picture else np.eye(3)
@@ -257,7 +257,7 @@ class Show:
 
     def gravity(self) -> tuple[float, float, float]:
         """Returns gravity [m/s^2] in the pool's frame now, without user input."""
-        return self._force(Controls()).gravity
+        return self._external_forces(Controls()).gravity
 
     def reset(self) -> None:
         """Resets the simulation; the camera stays."""

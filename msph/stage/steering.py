@@ -32,14 +32,14 @@ class Steering:
         self.cursor, self.moved = window.cursor(), np.zeros(2)
         self.down: Any = None  # position and time [s] at which the left button was pressed
 
-    def look(self) -> None:
+    def read_cursor(self) -> None:
         """Reads the cursor, and adapts the camera to a resized window."""
         cursor = self.window.cursor()
         self.moved, self.cursor = cursor - self.cursor, cursor
         width, height = self.window.size
         self.row.lead.camera.stretch = self.window.aspect * height / width
 
-    def hold(self, step: float, wall: float, paused: bool) -> bool:
+    def apply_keys(self, step: float, wall: float, paused: bool) -> bool:
         """Applies keys held down in a frame of `step` [s] simulated and `wall` [s] wall-clock time;
         returns True if there are any."""
         down, camera, play = self.window.down, self.row.lead.camera, self.row.lead.scene.play
@@ -53,13 +53,13 @@ class Steering:
         camera.zoom(math.exp(ZOOM_KEY_RATE * wall * zoom))
         return bool(asked.any() or orbit or zoom)
 
-    def held(self) -> tuple[bool, ...]:
+    def held_buttons(self) -> tuple[bool, ...]:
         """Returns for each of BUTTONS whether it is down and was pressed outside the pages."""
         return tuple(self.window.down(b) and self.free.get(b, True) for b in BUTTONS)
 
-    def turn(self) -> str:
+    def drag_camera(self) -> str:
         """Moves the camera with a mouse drag; returns the action, "" for none."""
-        _, right, middle = self.held()
+        _, right, middle = self.held_buttons()
         camera, (x, y) = self.row.lead.camera, self.moved
         if middle or (right and self.window.down("Shift")):
             across = 2.0 * math.tan(0.5 * camera.fov) * camera.distance
@@ -72,7 +72,7 @@ class Steering:
 
     def push(self, controls: Controls, step: float, on_page: bool) -> None:
         """Moves the hand with the cursor."""
-        left, right, middle = self.held()
+        left, right, middle = self.held_buttons()
         hover = self.row.lead.scene.play.hover and self.moved.any()
         if left:
             controls.hand = self.hand.push(self.row, self.cursor, step)
@@ -83,7 +83,7 @@ class Steering:
 
     def clicked(self) -> bool:
         """Returns True if the left button was released near its position and time of press."""
-        left, now = self.held()[0], time.perf_counter()
+        left, now = self.held_buttons()[0], time.perf_counter()
         if left and self.down is None:
             self.down = self.cursor, now
         elif not left and self.down is not None:

@@ -463,9 +463,9 @@ def test_keys_move_the_selection_and_the_last_one_follows(player, show, monkeypa
     here = names.index("pool") - 1
     assert player.menu.next.scene == names[here] and player.wants_more(player.row)
     monkeypatch.setattr(menu, "SETTLED", -1.0)
-    assert not player.wants_more(player.row) and player.follows.scene == names[here]
+    assert not player.wants_more(player.row) and player.next_choice.scene == names[here]
     player.done = True
-    assert player.follows is None, "quitting goes before"
+    assert player.next_choice is None, "quitting goes before"
 
 
 def test_a_live_value_chosen_before_is_taken_over(given, layout):

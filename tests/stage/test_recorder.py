@@ -145,7 +145,7 @@ def test_paraviews_files_without_their_library_are_refused(tmp_path, monkeypatch
     [
         ("a.avi3", "unknown kind of file"),
         ("m.ply", "needs a frame number"),
-        ("a_%03d.mp4", "leave out the frame number"),
+        ("a_%03d.mp4", "needs no frame number"),
         ("a_%02d_%02d.png", "more than one frame number"),
     ],
 )
