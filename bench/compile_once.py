@@ -21,7 +21,7 @@ from msph.scene.library import shipped_scenes
 from msph.scene.quality import AS_GIVEN, at_quality
 from msph.stage.controls import Controls
 from msph.stage.row import Row
-from msph.stage.show import PLAYED, Show
+from msph.stage.show import INTERACTIVE, Show
 from msph.taichi_internals import watch_compiling
 
 # Size of the image [pixels]: that of the default window.
@@ -36,7 +36,7 @@ def visit(name: str, quality: str, before: Row | None) -> tuple[Row, float, int]
         if before:
             before.close()
         scene = at_quality(load_scene(name), quality, name)
-        row = Row([Show(scene, 1.0 / scene.play.fps, SIZE, **PLAYED)])
+        row = Row([Show(scene, 1.0 / scene.play.fps, SIZE, **INTERACTIVE)])
         row.frame(Controls())
         ti.sync()
     return row, time.perf_counter() - begin, len(compiled)

@@ -25,7 +25,7 @@ from bench.report import RESULTS, heading
 from msph import DEFAULT_SCENE
 from msph.device import ARCHES, start
 from msph.scene.library import shipped_scenes
-from msph.stage.benchmark import Played
+from msph.stage.benchmark import PlayResult
 
 
 def played(scene: str, seconds: float, quality: str, arch: str, cache: str = "") -> dict:
@@ -71,7 +71,7 @@ def main(seconds: float, quality: str, arch: str) -> None:
     begin, rows = starts(arch), []
     for scene in tqdm(shipped_scenes(), unit="scene"):
         played(scene, 0.1, quality, arch)  # fills the cache of kernels
-        rows.append(Played(**played(scene, seconds, quality, arch)).row())
+        rows.append(PlayResult(**played(scene, seconds, quality, arch)).row())
     report = [
         heading("Playing the shipped scenes", arch),
         begin,

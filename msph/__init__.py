@@ -1,11 +1,11 @@
-"""M-SPH: real-time layered water, large particles in the depth and small ones at the surface."""
+"""M-SPH: real-time multi-layer SPH, large particles in the depth and small ones at the surface."""
 
 import os
 
 __version__ = "0.1.0"
 
-# The scene that a command takes where none is named.
+# Scene of a command that is given no scene.
 DEFAULT_SCENE = "pool"
 
-# Taichi prints a banner when it is imported; our own first lines say what a user needs.
+# Hides the banner that Taichi prints on import.
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "False")

@@ -1,10 +1,10 @@
-"""`python -m msph` is the command `msph`."""
+"""Entry point of `python -m msph` and of the command `msph`."""
 
 from msph.interrupts import importing
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """The command line; see msph/cli.py."""
+    """Runs the command line (msph/cli.py)."""
     with importing():
         from msph.cli import main as run
     run(arguments)

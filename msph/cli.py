@@ -1,20 +1,21 @@
-"""The command line: play, capture, bench, measure, scenes, lesson.
+"""Command line: play, capture, bench, measure, scenes, lesson.
 
-What a command does is in msph/stage/commands.py, imported when the command is called:
-help and wrong options need neither Taichi nor numpy.
+The commands are implemented in msph/stage/commands.py, which is imported when a command runs:
+help and option errors import neither Taichi nor numpy.
 """
 
 import functools
 import math
 import re
 from pathlib import Path
+from typing import Any
 
 import click
 
 import msph
 from msph import cache_folder, own_files
 from msph.device import ARCHES
-from msph.ending import in_one_line
+from msph.ending import exit_on_error
 from msph.interrupts import importing
 from msph.options import (
     AS_GIVEN,
@@ -27,22 +28,22 @@ from msph.options import (
     RunOptions,
 )
 
-# With two runs no order is known; of six the first would have a sixth of the scene's resolution.
+# Two runs give no order of convergence; the coarsest of six would have 1/6 of the resolution.
 CONVERGENCE_RUNS = (3, 5)
 
 
 class Finite(click.FloatRange):
-    """A number in a range; click lets nan and inf through."""
+    """Finite number in a range; click itself accepts nan and inf."""
 
     def convert(self, value, param, ctx):
         number = super().convert(value, param, ctx)
         if not math.isfinite(number):
-            self.fail(f"{value!r} is no finite number", param, ctx)
+            self.fail(f"{value!r} is not a finite number", param, ctx)
         return number
 
 
 class Size(click.ParamType):
-    """WIDTHxHEIGHT in pixels."""
+    """Image size WIDTHxHEIGHT in pixels."""
 
     name = "size"
 
@@ -50,27 +51,32 @@ class Size(click.ParamType):
         match = re.fullmatch(r"(\d+)x(\d+)", str(value))
         size = (int(match[1]), int(match[2])) if match else (0, 0)
         if not all(16 <= n <= 8192 for n in size):
-            self.fail(f"{value!r} is no size such as 1280x720, 16 to 8192 each", param, ctx)
+            self.fail(f"{value!r}: expected WIDTHxHEIGHT, each 16 to 8192", param, ctx)
         return size
 
+
+# Parameter types that several options share.
+FILE, CHECKPOINT = click.Path(path_type=Path), click.Path(exists=True, dir_okay=False)
+FILES: dict[str, Any] = {"multiple": True, "type": FILE}
+POSITIVE = Finite(min=0, min_open=True)
 
 arch_option = click.option(
     "--arch",
     type=click.Choice(ARCHES),
     default="auto",
     show_default=True,
-    help="Where kernels run; auto takes CUDA where there is one, else the CPU.",
+    help="Device that runs the kernels; auto is CUDA if available, else the CPU.",
 )
 threads_option = click.option(
     "--threads",
     type=click.IntRange(min=1),
-    help="CPU threads; with 1, runs repeat bit for bit.",
+    help="Number of CPU threads; with 1, runs are bitwise reproducible.",
 )
 
 
 def shared_options(quality=AS_GIVEN):
-    """Options of every command that builds a scene, given to the command as `run`; quality: the
-    default."""
+    """Returns a decorator that adds the options of commands that build a scene, passed as `run`.
+    quality: default of --quality."""
     options = (
         click.option(
             "--set",
@@ -86,8 +92,8 @@ def shared_options(quality=AS_GIVEN):
             type=click.Choice((AUTO, *QUALITIES)),
             default=quality,
             show_default=True,
-            help="Size of the particles: large is the scene as it is written, auto tries which is "
-            "the finest that plays in real time.",
+            help="Resolution: large is the scene file's own; auto measures which is the finest "
+            "that runs in real time.",
         ),
     )
 
@@ -103,33 +109,39 @@ def shared_options(quality=AS_GIVEN):
     return with_options
 
 
-force_option = click.option("--force", is_flag=True, help="Overwrite files that exist.")
+window_size_option = click.option(
+    "--size", type=Size(), default="960x540", show_default=True, help="Window size."
+)
+frames_option = click.option(
+    "--frames", type=click.IntRange(min=1), help="Close after this number of frames."
+)
+force_option = click.option("--force", is_flag=True, help="Overwrite existing files.")
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(msph.__version__, prog_name="msph")
 def cli():
-    """M-SPH: real-time layered water, large particles in the depth, small ones at the surface."""
+    """M-SPH: real-time multi-layer SPH, large particles in the depth, small ones at the surface."""
     own_files.begin()
     cache_folder.ensure(lambda line: click.echo(f"msph: {line}", err=True))
 
 
 @cli.command()
 @click.argument("scene", default=msph.DEFAULT_SCENE)
-@click.option("--size", type=Size(), default="960x540", show_default=True, help="Window size.")
-@click.option("--frames", type=click.IntRange(min=1), help="Close after so many frames.")
+@window_size_option
+@frames_option
 @click.option(
     "--beside",
     multiple=True,
     metavar="'KEY=VALUE ...'",
-    help="Compare: also run the scene with these changes side by side, with the same input; the "
-    "speed and error of each are shown. Up to twice.",
+    help="Compare: also run the scene with these changes, side by side and with the same input, "
+    "and show the speed and error of each. Up to two times.",
 )
 @shared_options(AUTO)
 def play(scene, run, **options):
-    """Open a window on SCENE (a file or a shipped name) and play with its water.
+    """Run SCENE (a file or a shipped name) interactively in a window.
 
-    Where no window can be opened, ten seconds of the scene are captured instead.
+    If no window can be opened, the first 10 s of the scene are captured instead.
     """
     with importing():
         from msph.stage import playing
@@ -142,32 +154,27 @@ def play(scene, run, **options):
     "-o",
     "--output",
     "outputs",
-    multiple=True,
-    type=click.Path(path_type=Path),
+    **FILES,
     help="out.mp4 (.mov .mkv .webm), out.webp, out.gif, out.png, or out_%04d.png. Repeatable.  "
     "[default: out/SCENE.mp4]",
 )
 @click.option(
     "--mesh",
     "meshes",
-    multiple=True,
-    type=click.Path(path_type=Path),
-    help="Also write the surface of every frame: out_%04d.ply, .obj, or .vtu for ParaView.",
+    **FILES,
+    help="Also write the surface mesh of every frame: out_%04d.ply, .obj, or .vtu for ParaView.",
 )
 @click.option(
     "--particles",
-    multiple=True,
-    type=click.Path(path_type=Path),
-    help="Also write the particles of every frame: out_%04d.csv, .vtu for ParaView, or .npz, a "
-    "checkpoint.",
+    **FILES,
+    help="Also write the particles of every frame: out_%04d.csv, .vtu for ParaView, or .npz "
+    "(checkpoint).",
 )
-@click.option(
-    "--resume", type=click.Path(exists=True, dir_okay=False), help="Go on from a .npz checkpoint."
-)
+@click.option("--resume", type=CHECKPOINT, help="Continue from this .npz file.")
 @click.option(
     "--seconds",
-    type=Finite(min=0, min_open=True),
-    help="Simulated time at which the recording ends.  [default: the scene's duration]",
+    type=POSITIVE,
+    help="Simulated time at which the recording ends [s].  [default: the scene's duration]",
 )
 @click.option(
     "--fps",
@@ -176,40 +183,39 @@ def play(scene, run, **options):
     show_default=True,
     help="Frames per simulated second.",
 )
-@click.option("--size", type=Size(), default="1280x720", show_default=True, help="Picture size.")
+@click.option("--size", type=Size(), default="1280x720", show_default=True, help="Image size.")
 @force_option
 @shared_options()
 def capture(scene, run, **options):
-    """Record SCENE offscreen: video, pictures, meshes, particles. Needs no display."""
+    """Record SCENE headless: video, images, meshes, particles."""
     commands().capture(scene, CaptureOptions(**options), run)
 
 
 @cli.command()
 @click.argument("scenes", nargs=-1)
-@click.option("--seconds", type=Finite(min=0, min_open=True), help="Simulated time.")
-@click.option("--no-render", is_flag=True, help="Time the fluid alone.")
+@click.option("--seconds", type=POSITIVE, help="Simulated time [s].")
+@click.option("--no-render", is_flag=True, help="Run the fluid only, without surface and image.")
 @click.option(
     "--play",
     "as_played",
     is_flag=True,
-    help="Run as a window would, by the wall clock: shown frames/s, how fast time goes.",
+    help="Run as `play` does, for --seconds of wall-clock time: reports displayed frames/s and "
+    "the real-time factor.",
 )
-@click.option("--size", type=Size(), help="Picture size.  [default: 640x360, with --play 960x540]")
+@click.option("--size", type=Size(), help="Image size.  [default: 640x360, with --play 960x540]")
 @click.option(
     "--profile",
     is_flag=True,
-    help="Also print the time of each part of a frame. Slows the run, so the table's figures too: "
-    "the device is waited for round each part.",
+    help="Also print the time of each part of a frame. Synchronizes the device around each part, "
+    "which slows the run and increases all times.",
 )
-@click.option(
-    "--json", "json_file", type=click.Path(path_type=Path), help="Also write the rows to a file."
-)
+@click.option("--json", "json_file", type=FILE, help="Also write the rows as JSON.")
 @force_option
 @shared_options()
 def bench(scenes, run, **options):
-    """Time SCENES (default: all shipped) without a window, and print speed beside error.
+    """Benchmark SCENES (default: all shipped) headless; print speed and errors.
 
-    A frame is 1/60 s of simulated time. Exits with 1 when the water does not stay finite.
+    A frame is 1/60 s of simulated time. Exits with 1 if a simulation becomes unstable.
     """
     commands().bench(scenes, BenchOptions(**options), run)
 
@@ -220,35 +226,35 @@ def bench(scenes, run, **options):
     "-o",
     "--output",
     "folder",
-    type=click.Path(path_type=Path),
+    type=FILE,
     help="Folder for ledger.csv, probes.csv, plots, summary.json, scene.toml and checkpoint.npz.  "
     "[default: out/SCENE]",
 )
 @click.option(
     "--seconds",
     type=float,
-    help="Simulated time at which the run ends.  [default: the scene's duration]",
+    help="Simulated time at which the run ends [s].  [default: the scene's duration]",
 )
-@click.option("--every", type=float, help="Sets measure.every: seconds between two rows.")
+@click.option("--every", type=float, help="Set measure.every: time between two rows [s].")
 @click.option(
     "--converge",
     type=click.IntRange(*CONVERGENCE_RUNS),
     metavar="N",
-    help="Run the scene at N spacings (3 to 5), coarse ones first, and estimate the error that its "
-    "own spacing makes: convergence.csv.",
+    help="Run the scene at N particle spacings (3 to 5), coarsest first, and estimate its "
+    "discretisation error: convergence.csv.",
 )
 @click.option(
     "--resume",
-    type=click.Path(exists=True, dir_okay=False),
-    help="Go on from a checkpoint.npz up to the scene's duration; tables in the folder grow.",
+    type=CHECKPOINT,
+    help="Continue from a checkpoint.npz to the scene's duration and append to the tables.",
 )
 @force_option
 @shared_options()
 def measure(scene, run, **options):
-    """Run SCENE without a window; write its ledger and probes as CSV, plots and a summary.
+    """Run SCENE headless; write its ledger and probes as CSV, plots and a summary.
 
-    Prints last how wrong the run is, each figure beside what good runs keep. Works for any scene. A
-    run that fails keeps what it measured, and exits with 1.
+    Finally prints the errors of the run, each with the limit that good runs keep. A run that fails
+    keeps the files written so far, and exits with 1.
     """
     commands().measure(scene, MeasureOptions(**options), run)
 
@@ -260,29 +266,29 @@ def measure(scene, run, **options):
     "--explain",
     "explained",
     is_flag=True,
-    help="Run NAME with and without each part that it has switched on: what each costs, and the "
-    "error without it. Takes a minute.",
+    help="Run NAME with and without each of its enabled parts; print the cost of each part and "
+    "the error without it. Takes a minute.",
 )
 @shared_options()
 def scenes(**options):
-    """List the shipped scenes, or print the one called NAME."""
+    """List the shipped scenes, or print the scene NAME."""
     commands().scenes(**options)
 
 
 @cli.command()
 @click.argument("name", required=False)
-@click.option("--html", type=click.Path(path_type=Path), metavar="DIR", help="Write a page.")
-@click.option("--slides", type=click.Path(path_type=Path), metavar="DIR", help="Write pictures.")
-@click.option("--size", type=Size(), default="960x540", show_default=True, help="Window size.")
-@click.option("--frames", type=click.IntRange(min=1), help="Close after so many frames.")
+@click.option("--html", type=FILE, metavar="DIR", help="Write a web page.")
+@click.option("--slides", type=FILE, metavar="DIR", help="Write images.")
+@window_size_option
+@frames_option
 @force_option
 @arch_option
 @threads_option
 def lesson(arch, threads, **options):
-    """List the lessons, or run the one called NAME (or in a folder) in a window.
+    """List the lessons, or run the lesson NAME (or a lesson folder) in a window.
 
-    --html writes it as a page that needs no network, --slides as numbered pictures with captions:
-    both do what the lesson's solution says.
+    --html writes the lesson as a self-contained web page, --slides as numbered images with
+    captions; both follow the lesson's solution.
     """
     with importing():
         from msph.lesson import commands as lessons
@@ -290,13 +296,13 @@ def lesson(arch, threads, **options):
 
 
 def commands():
-    """The module of what commands do."""
+    """Imports and returns the module that implements the commands."""
     with importing():
         from msph.stage import commands
     return commands
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """The command line; errors as msph/ending.py says."""
-    with in_one_line():
+    """Runs the command line; errors end the process as in msph/ending.py."""
+    with exit_on_error():
         cli.main(arguments, prog_name="msph", standalone_mode=False)

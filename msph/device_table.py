@@ -1,4 +1,4 @@
-"""Tables on the device that the host refills, such as the constants of a scene or its layers."""
+"""Device tables filled from the host, such as the constants of a scene or its layers."""
 
 from typing import Any
 
@@ -7,21 +7,21 @@ import taichi as ti
 
 from msph.taichi_internals import data_oriented, kernel
 
-# Types of a member of a table, beside vectors and matrices of f32 and i32.
+# Scalar types of the members of a table.
 f32, i32 = ti.f32, ti.i32
 
 
 @data_oriented
 class DeviceTable:
-    """A struct field of shape (), (rows,) or (rows, columns) with members of f32 or i32, written
-    from the host by one launch.
+    """Struct field of shape (), (rows,) or (rows, columns) with members of f32 or i32 (scalars,
+    vectors, matrices), written from the host by one launch.
 
     Each member is an attribute, a Taichi field of that shape: kernels read `table.spacing[layer]`,
-    or `table.size[None]` where the shape is (). `struct` is the whole struct field. No member may
-    be called `shape`. Kernels that read a table stay valid when its numbers change.
+    or `table.size[None]` for shape (). `struct` is the whole struct field. No member may be named
+    `shape`. Kernels need no recompilation when the values change.
 
-    A kernel must read a vector member whole (`size = table.size[None]`) before it reads components:
-    `table.size[None][k]` makes Taichi replace sums by thread with atomic additions.
+    A kernel must read a whole vector (`size = table.size[None]`) before its components:
+    `table.size[None][k]` makes Taichi replace per-thread sums by atomic additions.
     """
 
     def __init__(self, shape: tuple[int, ...], **members: Any):
@@ -34,11 +34,11 @@ class DeviceTable:
         self._numbers, self._integers = self._slots(np.float32), self._slots(np.int32)
 
     def __getattr__(self, name: str) -> Any:
-        # Members are attributes; type checkers cannot know their names.
+        # For type checkers, which cannot know the members.
         raise AttributeError(f"the table has no member {name}")
 
     def _slots(self, kind: type) -> list[tuple[int, list[Any]]]:
-        """Of each member of one number type its first column and its scalar fields."""
+        """Returns the first column and the scalar fields of each member of one number type."""
         slots: list[tuple[int, list[Any]]] = []
         column = 0
         for name in (name for name, (_, found) in self.fields.items() if found is kind):
@@ -47,8 +47,8 @@ class DeviceTable:
         return slots
 
     def fill(self, **values: Any) -> None:
-        """Writes all rows. values: of each member an array of shape (rows used, components), or
-        (rows, columns, components) of a table of two axes; what is not given becomes 0."""
+        """Writes all rows. values: an array per member, of shape (rows used, components), or (rows,
+        columns, components) for a table of two axes; members and rows not given become 0."""
         tables: dict[type, list] = {np.float32: [], np.int32: []}
         for name, (width, kind) in self.fields.items():
             table = np.zeros((*self.shape, width), kind)
@@ -81,7 +81,7 @@ class DeviceTable:
 
     @ti.func
     def _put(self, slot: ti.template(), row, value):
-        """Writes a value into a row of a scalar field."""
+        """Writes a value to a row of a scalar field."""
         if ti.static(len(self.shape) == 0):
             slot[None] = value
         elif ti.static(len(self.shape) == 1):
@@ -91,14 +91,14 @@ class DeviceTable:
 
 
 def _width_and_type(kind: Any) -> tuple[int, type]:
-    """Components of a member, and their number type."""
+    """Returns the number of components of a member type, and their NumPy type."""
     width = getattr(kind, "n", 1) * getattr(kind, "m", 1)
     number = getattr(kind, "dtype", kind)
     return width, np.int32 if number is ti.i32 else np.float32
 
 
 def _components(field: Any) -> list[Any]:
-    """Scalar fields of a member, rows of a matrix one after the other."""
+    """Returns the scalar fields of a member, matrices row by row."""
     if not isinstance(field, ti.MatrixField):
         return [field]
     if field.m == 1:

@@ -1,10 +1,11 @@
-"""How a process ends: whatever went wrong is one line, and the exit code says of which kind."""
+"""Error handling of the command line: one line per error, and an exit code by its kind."""
 
 import contextlib
 import sys
 import time
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from typing import NoReturn
 
 import click
 
@@ -12,36 +13,36 @@ import msph
 from msph import user_cache
 from msph.errors import MsphError
 
-# Exit codes: wrong use of the command line, and a command that Ctrl-C ended.
-BAD_USE, INTERRUPTED = 2, 130
-# Letters of an unforeseen error that are said.
-LONGEST = 200
+# Exit codes: wrong use of the command line, and a command ended by Ctrl-C.
+USAGE_ERROR, INTERRUPTED = 2, 130
+# Largest number of characters printed of an unexpected error.
+MAX_LENGTH = 200
 
 
 @contextlib.contextmanager
-def in_one_line(tell: Callable[[str], None] | None = None) -> Iterator[None]:
-    """Within, every error is one line on the error stream and ends the process: wrong input with 2,
-    a signal with 128 and its number. tell: who else is told the line."""
+def exit_on_error() -> Iterator[None]:
+    """Prints any error of the block as one line on stderr and ends the process: exit code 2 for
+    wrong input, 128 + number for a signal, 1 for other errors."""
     try:
         yield
     except click.exceptions.NoArgsIsHelpError as error:
         error.show()
-        sys.exit(BAD_USE)
+        sys.exit(USAGE_ERROR)
     except click.ClickException as error:
-        fail(error.format_message(), BAD_USE, tell)
+        fail(error.format_message(), USAGE_ERROR)
     except MsphError as error:
-        fail(str(error), error.EXIT_CODE, tell)
+        fail(str(error), error.EXIT_CODE)
     except (click.Abort, KeyboardInterrupt) as error:
         # click turns interrupts into its Abort.
-        fail("interrupted", getattr(error.__cause__ or error, "exit_code", INTERRUPTED), tell)
+        fail("interrupted", getattr(error.__cause__ or error, "exit_code", INTERRUPTED))
     except Exception as error:
-        fail(unforeseen(error), MsphError.EXIT_CODE, tell)
+        fail(unexpected(error), MsphError.EXIT_CODE)
 
 
-def unforeseen(error: Exception) -> str:
-    """In one line an error that no code expects; details are in a file of its own."""
+def unexpected(error: Exception) -> str:
+    """Describes an error without a handler in one line, and writes its traceback to a file."""
     if isinstance(error, OSError) and error.strerror:
-        # A disk that is full or gone: files that users name are checked before.
+        # For example a full disk: paths given by the user are checked earlier.
         where = f"{error.filename}: " if error.filename else ""
         return f"{where}{error.strerror.lower()}"
     what = " ".join(f"{type(error).__name__}: {error}".split())
@@ -52,13 +53,11 @@ def unforeseen(error: Exception) -> str:
         report.parent.mkdir(parents=True, exist_ok=True)
         report.write_text(text, encoding="utf-8", errors="backslashreplace")
     except OSError:
-        return f"unforeseen: {what[:LONGEST]}"
-    return f"unforeseen: {what[:LONGEST]}; details in {report}"
+        return f"unexpected error: {what[:MAX_LENGTH]}"
+    return f"unexpected error: {what[:MAX_LENGTH]}; details in {report}"
 
 
-def fail(problem: str, code: int, tell: Callable[[str], None] | None = None) -> None:
-    """Says in one line what went wrong, and exits."""
+def fail(problem: str, code: int) -> NoReturn:
+    """Prints a line on stderr and exits."""
     click.echo(f"msph: {problem}", err=True)
-    if tell:
-        tell(problem)
     sys.exit(code)

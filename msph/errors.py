@@ -1,20 +1,19 @@
-"""Errors that a user is told of in one line."""
+"""Errors that are reported to the user in one line."""
 
 import difflib
 from collections.abc import Iterable
 
-# Least likeness (-) of a name to a known one that is taken as meant: half of the letters of both
-# are alike and in order.
-LIKENESS = 0.5
+# Similarity (-) from which a known name is suggested for an unknown one (difflib's ratio).
+MIN_SIMILARITY = 0.5
 
 
 class MsphError(Exception):
-    """A run that went wrong. str() is one line fit to be shown to a person."""
+    """Error of a run. str() is one line fit for display."""
 
     EXIT_CODE = 1
 
     def __str__(self) -> str:
-        # Names of files and keys may hold any character.
+        # File names and keys may hold any character.
         return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in super().__str__())
 
 
@@ -25,19 +24,19 @@ class BadInputError(MsphError):
 
 
 class LostOutputError(MsphError):
-    """An output that could not be written to its end."""
+    """An output file that could not be written completely."""
 
 
 class BlowUpError(MsphError):
-    """Water that is not finite any more, or has collapsed."""
+    """A simulation that is no longer finite, or has collapsed."""
 
     def __init__(self, what: str):
         super().__init__(f"the water blew up: {what}")
 
 
 def did_you_mean(name: str, known: Iterable[str], kind: str = "known") -> str:
-    """What to write in place of a name that is not known: the nearest of those that are, or all,
-    under the word that says what they are."""
+    """Returns a suggestion for an unknown name: the most similar known name, or all known names
+    after the word `kind`."""
     names = list(known)
-    near = difflib.get_close_matches(name, names, n=1, cutoff=LIKENESS)
+    near = difflib.get_close_matches(name, names, n=1, cutoff=MIN_SIMILARITY)
     return f"did you mean {near[0]!r}?" if near else f"{kind}: {', '.join(names) or 'none'}"

@@ -1,4 +1,4 @@
-"""Signals that end a run: at once while nothing can be lost, else when a frame is whole."""
+"""Handling of signals that end a run: immediate while libraries load, else between two frames."""
 
 import contextlib
 import signal
@@ -6,67 +6,61 @@ import threading
 import warnings
 from collections.abc import Callable, Iterator
 
-# Exit status of a process that a signal ended, less the signal's number: the shells' convention.
-BY_SIGNAL = 128
-# Ctrl-C, the end of a batch job, and a terminal that is closed; Windows lacks the last.
+# Exit status of a process ended by a signal is this plus the signal's number (shell convention).
+SIGNAL_EXIT = 128
+# Ctrl-C, the end of a batch job, and a closed terminal (absent on Windows).
 SIGNALS = tuple(
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
 )
 
 
 class InterruptedRun(KeyboardInterrupt):
-    """A signal asked the run to end; files hold what there was until then."""
+    """A run ended by a signal; its files hold all frames until then."""
 
     def __init__(self, number: int):
         super().__init__("interrupted")
-        self.exit_code = BY_SIGNAL + number
+        self.exit_code = SIGNAL_EXIT + number
 
 
 @contextlib.contextmanager
 def importing() -> Iterator[None]:
-    """Within, libraries are imported or start. Ctrl-C ends the process, and nothing is said: they
-    would lose the exception in a callback, or print a traceback. Deprecations and their
-    old string escapes (SyntaxWarning) are not for users."""
-    with warnings.catch_warnings(), _sudden_end():
+    """Context for importing or starting libraries: Ctrl-C ends the process at once and silently,
+    since libraries lose the exception in callbacks. Hides DeprecationWarning and SyntaxWarning."""
+    default = signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    killable = default and threading.current_thread() is threading.main_thread()
+    with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)
         warnings.simplefilter("ignore", SyntaxWarning)
-        yield
+        if killable:
+            signal.signal(signal.SIGINT, signal.SIG_DFL)
+        try:
+            yield
+        finally:
+            if killable:
+                signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @contextlib.contextmanager
-def _sudden_end() -> Iterator[None]:
-    python_heeds = signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    if not python_heeds or threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+def deferred_signals() -> Iterator[Callable[[], None]]:
+    """Yields a function that raises InterruptedRun if a signal has arrived since; a second signal
+    raises it immediately. Signals that the process ignores stay ignored."""
+    received: list[int] = []
 
-
-@contextlib.contextmanager
-def held_back() -> Iterator[Callable[[], None]]:
-    """Within, a first signal waits for a call of the function given, which raises InterruptedRun; a
-    second one raises it at once. Signals that the process ignores stay ignored."""
-    asked: list[int] = []
-
-    def ask(number: int, _) -> None:
-        asked.append(number)
-        if len(asked) > 1:
+    def receive(number: int, _) -> None:
+        received.append(number)
+        if len(received) > 1:
             raise InterruptedRun(number)
 
-    def raise_if_asked() -> None:
-        if asked:
-            raise InterruptedRun(asked[0])
+    def raise_if_signalled() -> None:
+        if received:
+            raise InterruptedRun(received[0])
 
     before = {}
     if threading.current_thread() is threading.main_thread():
-        heeded = [n for n in SIGNALS if signal.getsignal(n) != signal.SIG_IGN]
-        before = {number: signal.signal(number, ask) for number in heeded}
+        handled = [n for n in SIGNALS if signal.getsignal(n) != signal.SIG_IGN]
+        before = {number: signal.signal(number, receive) for number in handled}
     try:
-        yield raise_if_asked
+        yield raise_if_signalled
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

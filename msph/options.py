@@ -1,20 +1,20 @@
-"""Command-line options in bundles, and the names of the qualities.
+"""Command-line options as dataclasses, and the names of the qualities.
 
-Imports nothing slow: the command line needs these before any command is known.
+Imports only fast modules: the command line loads this before any command runs.
 """
 
 from dataclasses import dataclass
 from pathlib import Path
 
-# Qualities from coarse to fine, see msph/scene/quality.py. AS_GIVEN is the scene as it is written,
-# AUTO the finest quality that runs in real time.
+# Qualities from coarse to fine, see msph/scene/quality.py. AS_GIVEN is the resolution of the scene
+# file, AUTO the finest quality that runs in real time.
 QUALITIES = ("small", "medium", "large", "finest")
 AS_GIVEN, AUTO = "large", "auto"
 
 
 @dataclass(frozen=True)
 class RunOptions:
-    """How a scene is run: overrides as KEY=VALUE, architecture, number of CPU threads, quality."""
+    """Options of every run: overrides as KEY=VALUE, architecture, CPU threads, quality."""
 
     overrides: tuple[str, ...] = ()
     arch: str = "auto"
@@ -24,8 +24,8 @@ class RunOptions:
 
 @dataclass(frozen=True)
 class PlayOptions:
-    """size (width, height) [pixels] of the window; frames: their largest number; beside: overrides
-    of each further simulation, as one text each."""
+    """Options of `play`: size (width, height) [pixels] of the window, largest number of frames, and
+    the overrides of each further simulation side by side, one string each."""
 
     size: tuple[int, int]
     frames: int | None = None
@@ -34,8 +34,8 @@ class PlayOptions:
 
 @dataclass(frozen=True)
 class CaptureOptions:
-    """Files that are written, duration [s], frames per simulated second, size (width, height)
-    [pixels]. still_time [s]: the frame of a still image, None for the last frame."""
+    """Options of `capture`: output files, duration [s], frames per simulated second, size (width,
+    height) [pixels]. still_time [s]: time of a still image, None for the last frame."""
 
     fps: float
     size: tuple[int, int]
@@ -50,7 +50,7 @@ class CaptureOptions:
 
 @dataclass(frozen=True)
 class BenchOptions:
-    """Duration [s], what is timed, size (width, height) [pixels] of the image, output file."""
+    """Options of `bench`: duration [s], parts to time, size (width, height) [pixels], file."""
 
     seconds: float | None = None
     no_render: bool = False
@@ -63,8 +63,8 @@ class BenchOptions:
 
 @dataclass(frozen=True)
 class MeasureOptions:
-    """Output folder, duration and time between two rows [s], number of spacings to compare, and
-    checkpoint to go on from."""
+    """Options of `measure`: output folder, duration [s], time between two rows [s], number of
+    spacings of a convergence study, checkpoint to continue from."""
 
     folder: Path | None = None
     seconds: float | None = None

@@ -1,8 +1,8 @@
-"""Output files: written whole or reported as lost, and never over files that existed before.
+"""Output files: written completely or reported as lost, and never over existing files.
 
-A command claims the files that it will write before it computes anything. A claim fails where a
-file exists, unless the user gave --force. writing() and replacing() claim what was not claimed
-before, so that no write goes around this rule.
+A command claims its output files before it computes anything. A claim fails if a file exists,
+unless --force is given. writing() and replacing() also claim files, so that every write follows
+this rule.
 """
 
 import contextlib
@@ -16,7 +16,7 @@ from pathlib import Path
 
 from msph.errors import BadInputError, LostOutputError
 
-# Free space [bytes] below which a failed write is reported as a full disk: encoders do not say.
+# Free space [bytes] below which a failed write is reported as a full disk: encoders give no reason.
 FULL_DISK = 1 << 20
 
 # Files that the running command may write.
@@ -28,13 +28,13 @@ class ExistingFileError(BadInputError):
 
 
 def begin() -> None:
-    """Drops all claims: a command begins."""
+    """Drops all claims at the start of a command."""
     _claimed.clear()
 
 
 def claim(paths: Iterable[Path], force: bool = False) -> None:
-    """Claims files for the running command, all of them or none. Raises ExistingFileError where one
-    exists that was not claimed before, unless `force`. Devices such as /dev/null are no files."""
+    """Claims all files for the running command, or none. Raises ExistingFileError if one exists
+    and was not claimed before, unless `force`; devices such as /dev/null do not count."""
     places = {path.resolve(): path for path in paths}
     for place, path in places.items():
         if place not in _claimed and place.is_file() and not force:
@@ -54,8 +54,8 @@ def free_stem(folder: Path, stem: str) -> str:
 
 @contextlib.contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """Context in which a file is written. Raises ExistingFileError, and LostOutputError with the
-    file's name for what the system refuses."""
+    """Context for writing a file. Raises ExistingFileError; turns an OSError into a LostOutputError
+    that names the file."""
     claim([path])
     try:
         yield
@@ -68,8 +68,8 @@ def writing(path: Path) -> Iterator[None]:
 
 @contextlib.contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Context that gives a temporary file in the same folder, which then replaces `path`: a full
-    disk leaves the old file. Raises ExistingFileError and LostOutputError."""
+    """Yields a temporary file in the same folder, which replaces `path` on success and is removed
+    on failure. Raises ExistingFileError and LostOutputError."""
     with writing(path):
         handle, name = tempfile.mkstemp(path.suffix, f".{path.stem}_", path.parent)
         os.close(handle)
@@ -83,7 +83,7 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def replace(path: Path, text: str) -> None:
-    """Writes a text file whole or not at all. Raises ExistingFileError and LostOutputError."""
+    """Writes a text file completely or not at all. Raises ExistingFileError, LostOutputError."""
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
 

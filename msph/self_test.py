@@ -29,8 +29,8 @@ def failed_test(arch: str) -> str | None:
     if name is None:
         return None
     key = f"self-test of {arch}: {name}; Taichi {version('taichi')}"
-    outcome = user_cache.recall(key)
-    if not isinstance(outcome, str):
+    outcome = user_cache.recall(key, str)
+    if outcome is None:
         print(f"testing {name}, once for this driver", file=sys.stderr)
         outcome = in_own_process(arch)
         # A machine that is busy may be faster the next time.

@@ -1,45 +1,48 @@
-"""Everything that this project takes from Taichi's private interfaces, and what stands in for it.
+"""Use of Taichi's private interfaces, all in this module: fast launches and fast compilation.
 
-Taichi 1.7.4 takes 30 to 70 us of Python per launch to find again what it compiled for these
-arguments, and .7 us more for each attribute of an object that has kernels: 1 ms in a frame of
-layered water, which computes for 5. Here the first launch of a kernel goes through Taichi; what it
-found is kept, and each later launch only sets the arguments: 5 us.
+Launches: Taichi 1.7.4 takes 30 to 70 us of Python per launch to look up the compiled kernel, and
+0.7 us per attribute access of an object with kernels: 1 ms of a frame of 5 ms. Here the first
+launch goes through Taichi; later launches reuse the compiled kernel and only set the arguments
+(5 us).
 
-To compile a kernel Taichi reads each function's source again wherever it is called, and draws the
-place of every node of its syntax tree for messages that nobody sees: more than half of the 3 s that
-its Python takes for the kernels of a scene. Here sources are read once, and a place is its line.
+Compilation: Taichi reads the source of a function at every call of it, and formats the position of
+every syntax node for error messages: more than half of the 3 s of Python time for the kernels of a
+scene. Here sources are cached, and a position is a line number.
 
-Where Taichi lacks any of these interfaces, which is warned of, or where MSPH_PLAIN_TAICHI is set in
-the environment, kernels are Taichi's own: the same results, slower launches.
+If Taichi lacks one of these interfaces (a warning says so), or if the environment variable
+MSPH_PLAIN_TAICHI is set, kernels are Taichi's own: same results, slower launches.
 """
 
 import contextlib
 import functools
+import operator
 import os
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
 import taichi as ti
 
-# Environment variable that asks for plain Taichi; any text but "" and "0" does.
+# Environment variable that selects plain Taichi, unless it is "" or "0".
 SWITCH = "MSPH_PLAIN_TAICHI"
-# By type of an argument or result: how a launch sets it, and how its result is read.
+# Methods of a launch context that set an argument or read a result, by type.
 SETTERS = {ti.i32: "set_arg_int", ti.f32: "set_arg_float"}
 VECTOR = type(ti.math.vec3)
 VECTOR_SETTERS = {ti.i32: "set_struct_arg_int", ti.f32: "set_struct_arg_float"}
-# What Taichi calls for each loop of a kernel over numbers.
-LOOPS = ("build_range_for", "build_ndrange_for", "build_grouped_ndrange_for")
 GETTERS = {ti.i32: "get_struct_ret_int", ti.f32: "get_struct_ret_float"}
+# Methods by which Taichi builds the range loops of a kernel.
+LOOPS = ("build_range_for", "build_ndrange_for", "build_grouped_ndrange_for")
+PROGRAM = ("config", "get_device_caps", "compile_kernel", "launch_kernel", "synchronize")
 
 
-def missing(required: dict[str, tuple[Any, tuple[str, ...]]]) -> str | None:
-    """The first interface that is not there: of owners by name, with what is required of each."""
-    for name, (owner, attributes) in required.items():
-        for attribute in attributes:
-            if not hasattr(owner, attribute):
-                return f"{name}.{attribute}"
+def missing(owner: Any, names: Iterable[str]) -> str | None:
+    """Returns the first dotted attribute name that the owner lacks, None if it has all."""
+    for name in names:
+        try:
+            operator.attrgetter(name)(owner)
+        except AttributeError:
+            return name
     return None
 
 
@@ -51,45 +54,34 @@ try:
     from taichi.lang.enums import AutodiffMode
     from taichi.lang.kernel_impl import Kernel
 
-    _lost = missing(
-        {
-            "impl": (impl, ("get_runtime",)),
-            "AutodiffMode": (AutodiffMode, ("NONE",)),
-            "Kernel": (Kernel, ("ensure_compiled",)),
-            "kernel_impl": (kernel_impl, ("getsourcelines", "getsourcefile")),
-            "ASTTransformerContext": (ASTTransformerContext, ("get_pos_info",)),
-            "ASTTransformer": (ASTTransformer, LOOPS),
-            "core": (core, ("Program", "Kernel", "KernelLaunchContext")),
-        }
-    ) or missing(
-        {
-            "Program": (
-                core.Program,
-                ("config", "get_device_caps", "compile_kernel", "launch_kernel", "synchronize"),
-            ),
-            "core.Kernel": (core.Kernel, ("make_launch_context",)),
-            "KernelLaunchContext": (
-                core.KernelLaunchContext,
-                (*SETTERS.values(), *VECTOR_SETTERS.values(), *GETTERS.values()),
-            ),
-        }
+    setters = (*SETTERS.values(), *VECTOR_SETTERS.values(), *GETTERS.values())
+    _missing = (
+        missing(impl, ["get_runtime"])
+        or missing(AutodiffMode, ["NONE"])
+        or missing(Kernel, ["ensure_compiled"])
+        or missing(kernel_impl, ["getsourcelines", "getsourcefile"])
+        or missing(ASTTransformerContext, ["get_pos_info"])
+        or missing(ASTTransformer, LOOPS)
+        or missing(core, [f"Program.{name}" for name in PROGRAM])
+        or missing(core, ["Kernel.make_launch_context"])
+        or missing(core, [f"KernelLaunchContext.{name}" for name in setters])
     )
 except ImportError as error:
-    _lost = str(error)
+    _missing = str(error)
 
 try:
     from taichi.ui.utils import get_field_info as _field_info
 except ImportError:
     _field_info = None
 
-if _lost:
-    warnings.warn(f"Taichi {ti.__version__} lacks {_lost}: launches are slower", stacklevel=1)
-# Whether kernels are Taichi's own.
-PLAIN = bool(_lost) or os.environ.get(SWITCH, "") not in ("", "0")
+if _missing:
+    warnings.warn(f"Taichi {ti.__version__} lacks {_missing}: launches are slower", stacklevel=1)
+# True if kernels are Taichi's own.
+PLAIN = bool(_missing) or os.environ.get(SWITCH, "") not in ("", "0")
 
 
 def _position(context: Any, node: Any) -> str:
-    """Where a node of a kernel's syntax tree stands, for messages: file, line, function, source."""
+    """Returns the position of a syntax node for messages: file, line, function, source line."""
     line, name = node.lineno + context.lineno_offset, context.func.func.__name__
     return f'File "{context.file}", line {line}, in {name}:\n{context.src[node.lineno - 1]}\n'
 
@@ -101,8 +93,8 @@ if not PLAIN:
 
 
 def serialize_loops() -> None:
-    """Compiles every loop of later kernels for the thread that launches them: with one thread that
-    saves waking it, half of the time of a frame of 500 particles. Plain Taichi wakes it."""
+    """Makes the loops of all later kernels serial, in the launching thread: with one thread this
+    saves its wake-up, half of the frame time of 500 particles. No effect with plain Taichi."""
     if PLAIN:
         return
     for name in LOOPS:
@@ -120,8 +112,8 @@ _watchers: list[Callable[[str], None]] = []
 
 @contextlib.contextmanager
 def watch_compiling(watcher: Callable[[str], None]):
-    """Calls watcher("Class.kernel") before each kernel that is compiled within; plain Taichi does
-    not tell."""
+    """Calls watcher("Class.kernel") before each kernel compiled in the block; never with plain
+    Taichi."""
     _watchers.append(watcher)
     try:
         yield
@@ -131,7 +123,7 @@ def watch_compiling(watcher: Callable[[str], None]):
 
 @contextlib.contextmanager
 def watch_launches(watcher: Callable[[Any, str], None]):
-    """Calls watcher(object, kernel) before each launch within; plain Taichi does not tell."""
+    """Calls watcher(object, kernel) before each launch in the block; never with plain Taichi."""
     launch = _Launcher.__call__
 
     def watched(self, *args):
@@ -146,18 +138,18 @@ def watch_launches(watcher: Callable[[Any, str], None]):
 
 
 def on_cpu() -> bool:
-    """Whether kernels run on the CPU; ti.init must have been called."""
+    """Returns True if kernels run on the CPU. Call after ti.init."""
     return ti.cfg.arch in (ti.x64, ti.arm64)
 
 
 def longest_float():
-    """The type of numbers in which kernels may sum: f64 on CPUs and CUDA, else f32; ti.init must
-    have been called."""
+    """Returns the widest float type of kernels: f64 on CPUs and CUDA, else f32. Call after
+    ti.init."""
     return ti.f64 if on_cpu() or ti.cfg.arch == ti.cuda else ti.f32
 
 
 def cache_folder() -> Path | None:
-    """Where Taichi keeps compiled kernels; None where it does not tell. Before ti.init."""
+    """Returns the folder of Taichi's kernel cache, None if unknown. Call before ti.init."""
     given = os.environ.get("TI_OFFLINE_CACHE_FILE_PATH")
     config = getattr(getattr(ti._lib, "core", None), "default_compile_config", None)
     found = given or getattr(config() if config else None, "offline_cache_file_path", "")
@@ -165,14 +157,14 @@ def cache_folder() -> Path | None:
 
 
 def field_trees() -> int:
-    """Trees of fields that this process has allocated; 0 where Taichi does not tell."""
+    """Returns the number of field trees that this process has allocated, 0 if unknown."""
     program = getattr(getattr(ti.lang.impl, "get_runtime", lambda: None)(), "prog", None)
     return program.get_snode_tree_size() if hasattr(program, "get_snode_tree_size") else 0
 
 
 def set_image(canvas: Any, words: Any) -> None:
-    """Puts packed pixels, (width, height) int32 with red in the lowest byte, on a canvas of GGUI,
-    which else makes such words itself, one pixel after the other: 30 ms for 960x540."""
+    """Sets the image of a GGUI canvas from packed pixels, (width, height) int32, red in the lowest
+    byte. Plain GGUI packs pixels itself, one by one: 30 ms for 960x540."""
     inner = getattr(canvas, "canvas", None)
     if _field_info and not PLAIN and hasattr(inner, "set_image"):
         inner.set_image(_field_info(words.view("u4")))
@@ -181,7 +173,7 @@ def set_image(canvas: Any, words: Any) -> None:
 
 
 class FastKernel:
-    """A method that Taichi compiles, once per object and per value of its templates."""
+    """Kernel method, compiled once per object and per value of its template arguments."""
 
     def __init__(self, function: Callable):
         functools.update_wrapper(self, function)
@@ -190,21 +182,21 @@ class FastKernel:
     def __get__(self, owner: Any, cls: type | None = None):
         if owner is None:
             return self
-        # From now on the object has the launcher as its own attribute.
+        # The instance attribute replaces this descriptor in later calls.
         launcher = owner.__dict__[self.taichi.func.__name__] = _Launcher(self.taichi, owner)
         return launcher
 
 
 class _Launcher:
-    """A kernel bound to its object."""
+    """Kernel bound to its object."""
 
     def __init__(self, taichi: "Kernel", owner: Any):
         self.taichi, self.owner, self.count = taichi, owner, len(taichi.arguments) - 1
-        # Templates, numbers and vectors among the arguments, the object itself left out.
+        # Places of templates, numbers and vectors among the arguments, without self.
         self.templates: list[int] = []
         self.numbers: list[tuple[int, tuple[int], str]] = []
         self.vectors: list[tuple[int, list[tuple[int, int]], str]] = []
-        self.plain = True  # whether there is nothing else
+        self.fast = True  # False if there are arguments or results of other types
         slot = 0
         for place, argument in enumerate(taichi.arguments[1:]):
             kind = argument.annotation
@@ -217,16 +209,16 @@ class _Launcher:
                 slots = [(slot, k) for k in range(kind.n)]
                 self.vectors.append((place, slots, VECTOR_SETTERS[kind.dtype]))
             else:
-                self.plain = False
+                self.fast = False
             slot += 1
         results = taichi.return_type or ()
-        self.plain = self.plain and len(results) <= 1 and all(r in GETTERS for r in results)
-        self.getter = GETTERS[results[0]] if self.plain and results else None
+        self.fast = self.fast and len(results) <= 1 and all(r in GETTERS for r in results)
+        self.getter = GETTERS[results[0]] if self.fast and results else None
         self.ready: dict[tuple, tuple] = {}
 
     def __call__(self, *args):
-        # Taichi also says what is wrong with a call.
-        if not self.plain or len(args) != self.count:
+        # Taichi reports wrong calls.
+        if not self.fast or len(args) != self.count:
             return self.taichi(self.owner, *args)
         key = tuple([args[place] for place in self.templates])
         if key not in self.ready:
@@ -246,7 +238,7 @@ class _Launcher:
         return None
 
     def _compile(self, args: tuple) -> tuple:
-        """What a launch needs, for the templates among the arguments."""
+        """Returns the compiled kernel, its context factory and the program, for these templates."""
         for watcher in _watchers:
             watcher(f"{type(self.owner).__name__}.{self.taichi.func.__name__.lstrip('_')}")
         key = self.taichi.ensure_compiled(self.owner, *args)
@@ -256,12 +248,11 @@ class _Launcher:
 
 
 def _mark(cls: type) -> type:
-    """Marks a class that has kernels, as Taichi's own decorator does, which besides looks at each
-    attribute that is read."""
+    """Marks a class with kernels, as ti.data_oriented does, but without its attribute hook."""
     cls._data_oriented = True  # type: ignore[attr-defined]
     return cls
 
 
-# What the project decorates its kernels and the classes that have them with.
+# Decorators of the project's kernels and of classes that have kernels.
 kernel: Any = ti.kernel if PLAIN else FastKernel
 data_oriented: Any = ti.data_oriented if PLAIN else _mark

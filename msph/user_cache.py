@@ -61,7 +61,7 @@ def _read() -> dict[str, Any]:
 def _write(known: dict[str, Any]) -> None:
     with contextlib.suppress(OSError):
         file().parent.mkdir(parents=True, exist_ok=True)
-        # Another run must never read half a file, nor write into the same.
+        # A temporary file per process: concurrent runs must not read or write a partial file.
         part = file().with_suffix(f".{os.getpid()}.part")
         part.write_text(json.dumps(known, indent=1) + "\n", encoding="utf-8")
         part.replace(file())

@@ -54,15 +54,15 @@ def test_scenes_lists_all_and_prints_one():
         (["capture", "pool", "-o", "a.xyz"], "a.xyz: unknown kind of file"),
         (["capture", "pool", "--mesh", "a_%04d.mp4"], "known: .ply, .obj, .vtu"),
         (["capture", "pool", "--particles", "a.png"], "known: .npz, .csv, .vtu"),
-        (["bench", "pool", "--json", "/dev/null/rows.json"], "/dev/null: is a file, and no folder"),
-        (["bench", "pool", "--seconds", "nan"], "'nan' is no finite number"),
+        (["bench", "pool", "--json", "/dev/null/rows.json"], "/dev/null: is a file, not a folder"),
+        (["bench", "pool", "--seconds", "nan"], "'nan' is not a finite number"),
         (["capture", "pool", "--fps", "inf"], "inf is not in the range"),
         (["capture", "pool", "-o", "a" * 300 + ".mp4"], "file name too long"),
         (["capture", "pool", "-o", "a.png", "-o", "tests/../a.png"], "output is named twice"),
         (["bench", "pool", "--json", "tests"], "tests: is a directory"),
         (["bench", "pool", "--set", "gravity.1=-3"], "gravity is not set in this scene"),
         (["bench", "pool", "--set", "title=\udce9"], "is not valid Unicode text"),
-        (["capture", "pool", "--size", "big"], "is no size such as 1280x720"),
+        (["capture", "pool", "--size", "big"], "expected WIDTHxHEIGHT"),
         (["capture", "pool", "--seconds", "-1"], "-1.0 is not in the range x>0"),
         (["measure", "pool", "-o", "/dev/null/here"], "/dev/null/here/scene.toml: "),
         (["measure", "pool", "--every", "0"], "measure.every: input should be greater than 0"),
@@ -105,7 +105,7 @@ def test_what_nobody_thought_of_is_one_line_and_a_report(tmp_path, monkeypatch):
     monkeypatch.setattr("msph.stage.commands.scenes", lambda **_: {}["a key\nthat is missing"])
     result = here("scenes")
     assert result.returncode == 1
-    assert result.stderr.count("\n") == 1 and "unforeseen: KeyError" in result.stderr
+    assert result.stderr.count("\n") == 1 and "unexpected error: KeyError" in result.stderr
     (report,) = (tmp_path / "cache").glob("crash_*.txt")
     assert str(report) in result.stderr and "Traceback" in report.read_text()
 
@@ -146,7 +146,7 @@ def test_bench_without_render_times_the_fluid_alone_and_its_parts(tmp_path):
     assert row["stages_p50_ms"]["surface"] == row["stages_p50_ms"]["picture"] == 0.0
     parts = ["neighbours", "density", "forces", "drift", "other"]
     assert list(row["profile_ms"]) == ["fluid", *(f"fluid/{part}" for part in parts)]
-    assert "profiled, which slows the run" in result.stdout
+    assert "profiling slows the run" in result.stdout
     printed = [line.split()[0] for line in result.stdout.splitlines() if line.endswith(" %")]
     assert printed == ["fluid", *parts]
 
@@ -291,7 +291,7 @@ def test_measure_of_water_that_blows_up_keeps_what_there_is(tmp_path):
     result = msph("measure", write(tmp_path), "-o", out, "--set", "measure.survey=0", *explode)
     assert result.returncode == 1
     last = result.stderr.strip().splitlines()[-2:]
-    assert last[0].endswith("out holds what was measured until then")
+    assert last[0].endswith("out holds the results until then")
     assert last[1].startswith("msph: the water blew up: ")
     summary = json.loads((out / "summary.json").read_text())
     assert not summary["complete"] and summary["failure"] in last[1]
@@ -301,7 +301,7 @@ def test_measure_of_water_that_blows_up_keeps_what_there_is(tmp_path):
 def test_water_laid_is_told_from_water_asked_where_they_differ():
     assert laid_and_asked({"mass_laid_kg": 28.8001, "mass_asked_kg": 28.8}) == "28.8 kg"
     told = laid_and_asked({"mass_laid_kg": 28.9, "mass_asked_kg": 28.8})
-    assert told == "28.9 kg of 28.8 kg asked"
+    assert told == "28.9 kg of 28.8 kg specified"
 
 
 def test_water_that_a_body_traps_is_one_line_and_a_failed_run(tmp_path):

@@ -100,7 +100,7 @@ def test_auto_selects_the_cpu_on_macos(monkeypatch):
     monkeypatch.setattr(sys, "platform", "darwin")
     monkeypatch.setattr(device, "_started", None)
     monkeypatch.setattr(device.atexit, "register", lambda function: None)
-    monkeypatch.setattr(device, "_keep_apart", lambda threads: None)
+    monkeypatch.setattr(device, "_pin", lambda threads: None)
     monkeypatch.setattr(ti, "init", lambda arch, **options: asked.append(arch))
     device.start("auto", 2)
     assert asked == [[ti.cpu]]

@@ -388,7 +388,7 @@ def test_water_that_blew_up_begins_again(monkeypatch):
         def __init__(self, *_):
             self.layout = self
 
-        def say(self, text):
+        def show_message(self, text):
             calls.append(text)
 
     def run(row, player):

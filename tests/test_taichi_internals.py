@@ -119,10 +119,10 @@ def test_wrong_arguments_are_refused(pair) -> None:
 
 
 def test_missing_interface_is_named() -> None:
-    program = SimpleNamespace(config=None)
-    required = {"Program": (program, ("config",)), "core": (program, ("config", "Kernel"))}
-    assert missing(required) == "core.Kernel"
-    assert missing({"Program": (program, ("config",))}) is None
+    core = SimpleNamespace(Program=SimpleNamespace(config=None))
+    assert missing(core, ["Program.config", "Kernel"]) == "Kernel"
+    assert missing(core, ["Program.launch", "Kernel"]) == "Program.launch"
+    assert missing(core, ["Program.config"]) is None
 
 
 # Launches a kernel after Taichi lost the interfaces that are named as arguments.

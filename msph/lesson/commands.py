@@ -16,7 +16,7 @@ from msph.lesson.reader import read
 from msph.lesson.slides import write as write_slides
 from msph.options import AS_GIVEN, RunOptions
 from msph.scene.load import read_toml
-from msph.stage.called import Called, Choice
+from msph.stage.called import Choice, SceneArguments
 from msph.stage.ggui_window import GguiWindow
 from msph.stage.layout import Layout
 from msph.stage.loop import run as run_loop
@@ -106,15 +106,15 @@ def play(guide: Guide, window: Window, name: str, frames: int | None) -> None:
     """Plays a lesson's simulations, and resets them if one becomes unstable, as in some tasks."""
     row, choice = guide.progress.row, Choice(name, AS_GIVEN)
     assert row is not None
-    layout, called = Layout(window.size), Called(name)
-    player = Player(window, row, choice, AS_GIVEN, layout, called, frames, guide)
+    layout, arguments = Layout(window.size), SceneArguments(name)
+    player = Player(window, row, choice, AS_GIVEN, layout, arguments, frames, guide)
     while True:
         try:
             run_loop(row, player)
             return
         except BlowUpError:
             guide.progress.refill()
-            player.layout.say("unstable simulation restarted; r also resets the sliders")
+            player.layout.show_message("unstable simulation restarted; r also resets the sliders")
 
 
 def begin(course: Course, window: Window) -> Guide:
@@ -122,7 +122,7 @@ def begin(course: Course, window: Window) -> Guide:
     if course.lesson.board:
         return Guide(course, None, window.size)
     below = band_height(text_height(window.size[1]))
-    row = prepare_row(course.scenes, course.labels, window.size, window.tell, below)
+    row = prepare_row(course.scenes, course.labels, window.size, window.report, below)
     return Guide(course, row, window.size)
 
 

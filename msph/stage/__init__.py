@@ -1,1 +1,1 @@
-"""The frame loop and its audiences: a window, a recorder, or nobody (the benchmark)."""
+"""Frame loop and its users: window, recorder, measurer and headless benchmark."""

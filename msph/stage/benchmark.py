@@ -1,7 +1,7 @@
-"""Speed beside error: one scene run for nobody, timed, and what its water did meanwhile."""
+"""Benchmark of one scene: runs it headless and reports speed and errors."""
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from msph.scene.schema import Scene
 from msph.stage.headless import Headless, HeadlessPlayer
 from msph.stage.loop import run
 from msph.stage.row import Row
-from msph.stage.show import PLAYED, Show
+from msph.stage.show import INTERACTIVE, Show
 
 FRAME_TIME = 1.0 / 60.0
 SIZE = (640, 360)
@@ -19,14 +19,13 @@ STAGES = ("fluid", "surface", "picture")
 
 @dataclass(frozen=True)
 class Result:
-    """One row of the benchmark.
+    """One row of the benchmark, for frames of 1/60 s of simulated time.
 
-    Times are milliseconds per frame of 1/60 s simulated time, frames per second are means over the
-    run, of the fluid alone and of all; errors are shares (-), rest_energy
-    [J] the mean kinetic energy of the last second and rest_speed [m/s] the root-mean-square speed
-    that goes with it, volume_error the volume of the surface mesh at the end over that of the water
-    at rest density, less one. profile_ms are means of all stages and their parts by path, such as
-    "fluid/density", if they were asked for.
+    Frames per second are means over the run, of the fluid alone and in total; errors are relative
+    (-). rest_energy [J]: mean kinetic energy of the last second; rest_speed [m/s]: its
+    root-mean-square speed. volume_error: volume of the final surface mesh over the volume at rest
+    density, minus 1. profile_ms: mean time [ms] of each stage and part by path, such as
+    "fluid/density", or empty.
     """
 
     scene: str
@@ -50,11 +49,8 @@ class Result:
     volume_error: float
     profile_ms: dict[str, float]
 
-    def as_dict(self) -> dict:
-        return asdict(self)
-
     def row(self) -> dict[str, str]:
-        """The cells of a printed table."""
+        """Returns the cells of a printed table."""
         stages = " ".join(f"{self.stages_p50_ms[s]:.1f}" for s in STAGES)
         return {
             "scene": self.scene,
@@ -81,11 +77,10 @@ def benchmark(
     size: tuple[int, int] = SIZE,
     profile: bool = False,
 ) -> Result:
-    """Runs a scene for `seconds` [s] of simulated time, warm-up left out.
+    """Runs a scene for `seconds` [s] of simulated time, after a warm-up. Raises BlowUpError.
 
-    Raises NotFiniteError when the water blows up. Without `render`, neither surface nor picture is
-    timed; the surface is extracted once at the end, for the volume. To `profile` slows the run: the
-    device is waited for round each part of a step.
+    Without `render`, the surface is extracted only once at the end, for the volume, and nothing is
+    rendered. `profile` slows the run: it synchronizes the device around each part of a step.
     """
     timings = Timings(profile)
     show = Show(scene, FRAME_TIME, size=size if render else None, timings=timings)
@@ -120,13 +115,12 @@ def benchmark(
 
 
 @dataclass(frozen=True)
-class Played:
+class PlayResult:
     """One row of the benchmark of `play`.
 
-    Frames shown per second of wall-clock time, median and that of the slowest twentieth; simulated
-    over wall-clock time (-); mean scale of the picture (-); particles at the end, by layer; mean
-    density error (-); start_seconds [s]: from the start of the process until all was ready for the
-    first frame.
+    Displayed frames per second of wall-clock time, median and 5th percentile; real-time factor
+    simulated_per_wall (-); mean image scale (-); initial number of particles by layer; mean density
+    error (-); start_seconds [s]: time from the start of the process to the first frame.
     """
 
     scene: str
@@ -139,36 +133,33 @@ class Played:
     density_error_mean: float
     start_seconds: float
 
-    def as_dict(self) -> dict:
-        return asdict(self)
-
     def row(self) -> dict[str, str]:
-        """The cells of a printed table."""
+        """Returns the cells of a printed table."""
         return {
             "scene": self.scene,
             "quality": self.quality,
             "particles": "+".join(map(str, self.particles)),
-            "shown frames/s": f"{self.frames_per_second:.0f}",
+            "displayed frames/s": f"{self.frames_per_second:.0f}",
             "slowest 5 %": f"{self.slowest_frames_per_second:.0f}",
-            "simulated / wall-clock": f"x{self.simulated_per_wall:.2f}",
-            "picture scale": f"{self.picture_scale:.2f}",
+            "real-time factor": f"{self.simulated_per_wall:.2f}",
+            "image scale": f"{self.picture_scale:.2f}",
             "density err mean %": f"{100 * self.density_error_mean:.3f}",
         }
 
 
-def play_benchmark(
+def benchmark_play(
     scene: Scene, name: str, quality: str, seconds: float, size: tuple[int, int]
-) -> Played:
-    """Plays a scene for `seconds` [s] of wall-clock time as a window of `size` would; quality: what
-    it was loaded at."""
+) -> PlayResult:
+    """Plays a scene for `seconds` [s] of wall-clock time as a window of `size` does. quality: name
+    of the scene's quality."""
     timings = Timings(keep=1)
-    show = Show(scene, 1.0 / scene.play.fps, size, timings=timings, **PLAYED)
+    show = Show(scene, 1.0 / scene.play.fps, size, timings=timings, **INTERACTIVE)
     show.warm_up()
     ready = process_age()
     player = HeadlessPlayer(seconds, scene.play.fps)
     run(Row([show]), player)
     walls = np.array(player.walls)
-    return Played(
+    return PlayResult(
         scene=name,
         quality=quality,
         particles=show.counts,
@@ -182,7 +173,7 @@ def play_benchmark(
 
 
 def profile_lines(profile_ms: dict[str, float]) -> list[str]:
-    """The tree of stages, each indented below what it is part of: ms per frame, share of it."""
+    """Returns the lines of the profile tree: stage, ms per frame, share of the frame."""
     frame = sum(spent for path, spent in profile_ms.items() if "/" not in path)
     lines = []
     for path, spent in profile_ms.items():

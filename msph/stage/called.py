@@ -1,4 +1,4 @@
-"""Scenes as `play` was called with them, and scenes that are chosen in its window."""
+"""Scenes given on the command line, and scenes chosen in the window."""
 
 import shlex
 from dataclasses import dataclass, field
@@ -9,7 +9,7 @@ from msph.scene.schema import Scene
 
 @dataclass(frozen=True)
 class Choice:
-    """A scene by name or file, at a quality; set: live parameters that the user has changed."""
+    """A scene (name or file) at a quality; set: live parameters changed by the user."""
 
     scene: str
     quality: str
@@ -17,16 +17,17 @@ class Choice:
 
 
 @dataclass(frozen=True)
-class Called:
-    """The scene on the command line, its overrides, and those of each simulation beside it."""
+class SceneArguments:
+    """The scene on the command line, its overrides, and those of further simulations side by
+    side."""
 
     scene: str
     overrides: tuple[str, ...] = ()
     beside: tuple[str, ...] = ()
 
     def scenes_of(self, name: str) -> dict[str, Scene]:
-        """Returns the scenes to be shown side by side, by their labels: with the overrides where it
-        is the scene on the command line, as it is written for any other. Raises SceneError."""
+        """Returns the scenes to run side by side, by label: with the overrides for the scene on the
+        command line, without overrides for any other. Raises SceneError."""
         if name != self.scene:
             return {name: load_scene(name)}
         found = {" ".join(self.overrides) or name: load_scene(name, self.overrides)}

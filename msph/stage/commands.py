@@ -1,9 +1,9 @@
-"""Implementation of the command-line commands, but for `play` and `lesson`."""
+"""Implementation of the command-line commands except `play` and `lesson`."""
 
 import json
 import math
 import sys
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from dataclasses import replace as replace_fields
 from pathlib import Path
 
@@ -34,7 +34,8 @@ from msph.scene.parameters import parameters
 from msph.scene.quality import at_quality, coarser, costs
 from msph.scene.schema import Scene
 from msph.scene.water import layer_specs
-from msph.stage.benchmark import Played, Result, benchmark, play_benchmark, profile_lines
+from msph.stage.benchmark import SIZE as BENCH_SIZE
+from msph.stage.benchmark import PlayResult, Result, benchmark, benchmark_play, profile_lines
 from msph.stage.explain import explain
 from msph.stage.loop import run as run_loop
 from msph.stage.measurer import CHECKPOINT, FILES, LEDGER, PROBES, SCENE, Measurer
@@ -43,19 +44,20 @@ from msph.stage.recorder import NUMBER, Outputs, Recorder, check_outputs, make_w
 from msph.stage.row import Row
 from msph.stage.trial import finest_in_real_time
 
-# What `play` captures where it cannot open a window [s, 1/s, pixels], and when its still is [s].
+# Capture by `play` if no window can be opened: duration [s], frames per second, size [pixels] and
+# time of the still image [s].
 FALLBACK_SECONDS, FALLBACK_FPS, FALLBACK_SIZE, STILL_TIME = 10.0, 30.0, (1280, 720), 1.0
-# Sizes of a benchmark's picture [pixels]: its own, and that of the window it stands for.
-BENCH_SIZE, PLAY_SIZE = (640, 360), (960, 540)
-# What comparing spacings writes.
+# Image size of `bench --play` [pixels], equal to the default window size.
+PLAY_SIZE = (960, 540)
+# Output file of a convergence study.
 CONVERGENCE = "convergence.csv"
-# Exit code of a benchmark in which some water blew up.
+# Exit code of a benchmark with an unstable simulation.
 BAD_RUN = 1
 
 
 @dataclass(frozen=True)
 class Loaded:
-    """A scene by the name it was asked for, at a quality, and where kernels run."""
+    """A scene at a quality, with its name on the command line and the architecture."""
 
     scene: Scene
     name: str
@@ -68,7 +70,7 @@ class Loaded:
 
 
 def at(scene: Scene, name: str, run: RunOptions) -> Loaded:
-    """Starts Taichi, and takes the scene of that name to its quality."""
+    """Starts Taichi and returns the scene at the quality of the options."""
     arch, quality = start(run.arch, run.threads), run.quality
     if quality == AUTO:
         quality = finest_in_real_time(scene, name)
@@ -76,28 +78,26 @@ def at(scene: Scene, name: str, run: RunOptions) -> Loaded:
 
 
 def capture_instead(scene: str, options: PlayOptions, run: RunOptions, reason: str) -> None:
-    """Captures ten seconds of a scene, where no window can be opened, and an image of it."""
+    """Captures a video and an image of a scene if no window can be opened for `reason`."""
     if options.beside:
-        say("--beside needs a window: the first simulation is captured")
+        say("--beside needs a window: only the first simulation is captured")
     target = default_output(scene)
     say(f"{reason}: capturing {FALLBACK_SECONDS:.0f} s of {scene} instead")
-    # A capture need not keep up with the clock.
+    # A capture need not run in real time.
     run = replace_fields(run, quality=AS_GIVEN) if run.quality == AUTO else run
     files = target.with_suffix(".mp4"), target.with_suffix(".png")
-    seconds, still = FALLBACK_SECONDS, STILL_TIME
-    capture(
-        scene,
-        CaptureOptions(FALLBACK_FPS, FALLBACK_SIZE, seconds, files, still_time=still),
-        run,
+    instead = CaptureOptions(
+        FALLBACK_FPS, FALLBACK_SIZE, FALLBACK_SECONDS, files, still_time=STILL_TIME
     )
+    capture(scene, instead, run)
 
 
 def capture(scene: str, options: CaptureOptions, run: RunOptions) -> None:
-    """Records a scene into files."""
+    """Records a scene to files."""
     loaded = load_scene(scene, run.overrides)
     some = options.outputs or options.meshes or options.particles
-    kinds = list(options.outputs if some else [default_output(scene).with_suffix(".mp4")])
-    files = Outputs(kinds, list(options.meshes), list(options.particles))
+    pictures = list(options.outputs if some else [default_output(scene).with_suffix(".mp4")])
+    files = Outputs(pictures, list(options.meshes), list(options.particles))
     check_outputs(files, options.fps)
     since = time_of(Path(options.resume)) if options.resume else 0.0
     first, seconds = round(since * options.fps), options.seconds or loaded.duration
@@ -109,14 +109,14 @@ def capture(scene: str, options: CaptureOptions, run: RunOptions) -> None:
 
 
 def bench(scenes: tuple[str, ...], options: BenchOptions, run: RunOptions) -> None:
-    """Times scenes and prints a row for each."""
+    """Benchmarks scenes and prints a table with a row each."""
     names = scenes or tuple(shipped_scenes())
     if options.json_file:
         make_writable(options.json_file)
         claim([options.json_file], options.force)
     given = [(name, load_scene(name, run.overrides)) for name in names]
     arch = start(run.arch, run.threads)
-    rows: list[Result | Played] = []
+    rows: list[Result | PlayResult] = []
     failed = False
     for loaded in [at(scene, name, run) for name, scene in given]:
         say(f"{loaded.name}: compiling kernels, then running")
@@ -126,32 +126,31 @@ def bench(scenes: tuple[str, ...], options: BenchOptions, run: RunOptions) -> No
             say(f"{loaded.name}: FAILED: {error}")
             failed = True
     if rows:
-        how = "frames of 1/60 s, milliseconds per frame, medians by stage"
-        click.echo(f"arch {arch}, {'played by the wall clock' if options.as_played else how}")
+        how = "frames of 1/60 s, times in ms per frame, medians by stage"
+        click.echo(f"arch {arch}, {'played in wall-clock time' if options.as_played else how}")
         click.echo(tabulate([r.row() for r in rows], headers="keys", tablefmt="github"))
     profiled = [r for r in rows if isinstance(r, Result) and r.profile_ms]
     if profiled:
-        click.echo("\nprofiled, which slows the run: so are the figures above; means per frame")
+        click.echo("\nmeans per frame; profiling slows the run and increases all times above")
     for row in profiled:
         click.echo("\n".join([row.scene, *profile_lines(row.profile_ms)]))
     if options.json_file:
-        replace(options.json_file, json.dumps([r.as_dict() for r in rows], indent=2) + "\n")
+        replace(options.json_file, json.dumps([asdict(r) for r in rows], indent=2) + "\n")
     if failed:
         sys.exit(BAD_RUN)
 
 
-def timed(loaded: Loaded, options: BenchOptions) -> Result | Played:
-    """The benchmark of one scene."""
+def timed(loaded: Loaded, options: BenchOptions) -> Result | PlayResult:
+    """Returns the benchmark of one scene."""
     scene, name, duration = loaded.scene, loaded.name, options.seconds or loaded.scene.duration
     if options.as_played:
-        return play_benchmark(scene, name, loaded.quality, duration, options.size or PLAY_SIZE)
+        return benchmark_play(scene, name, loaded.quality, duration, options.size or PLAY_SIZE)
     size = options.size or BENCH_SIZE
     return benchmark(scene, name, duration, not options.no_render, size, options.profile)
 
 
 def measure(scene: str, options: MeasureOptions, run: RunOptions) -> None:
-    """Writes a scene's ledger, probes, summary and plots into a folder, and prints how wrong it
-    is."""
+    """Writes a scene's ledger, probes, summary and plots to a folder, and prints its errors."""
     if options.converge and options.resume:
         raise click.UsageError("--converge and --resume exclude each other")
     since = time_of(Path(options.resume)) if options.resume else None
@@ -173,12 +172,12 @@ def measure(scene: str, options: MeasureOptions, run: RunOptions) -> None:
 def measured(
     loaded: Loaded, folder: Path, resume: str | None = None, since: float | None = None
 ) -> Measurer:
-    """Measures one run of a scene into a folder, from its start or from a checkpoint `resume` of
-    the time `since` [s], and names the files that there are."""
+    """Measures one run of a scene from its start, or from a checkpoint `resume` at time `since`
+    [s], writes the results to a folder and prints the file names."""
     make_writable(folder / SCENE)
     scene, show = loaded.scene, None
     if resume:
-        # First of all, since a checkpoint of another scene must not cost what the folder holds.
+        # Before any file is written: a checkpoint of another scene must not destroy the folder.
         show = prepare(scene, scene.measure.every, timings=Timings())
         show.resume(Path(resume))
     measurer = Measurer(folder, scene, loaded.name, loaded.arch, since=since)
@@ -191,9 +190,9 @@ def measured(
             measurer.conclude(str(error) or "interrupted")
         except LostOutputError as lost:
             say(str(lost))
-        say(f"{folder} holds what was measured until then")
+        say(f"{folder} holds the results until then")
         if (folder / CHECKPOINT).exists():
-            say(f"--resume {folder / CHECKPOINT} goes on")
+            say(f"--resume {folder / CHECKPOINT} continues the run")
         raise
     paths = measurer.conclude()
     paths += plot(folder, f"{scene.title or loaded.name}, quality {loaded.quality}")
@@ -203,17 +202,17 @@ def measured(
 
 
 def measure_convergence(loaded: Loaded, folder: Path, runs: int, force: bool) -> None:
-    """Measures a scene at several spacings, the scene's own last, each in a folder within, and
-    estimates the discretisation error. Raises SceneError where spacings cannot change,
-    ExistingFileError where files exist, unless `force`."""
+    """Measures a scene at several spacings, coarsest first, each in a subfolder, and estimates the
+    discretisation error. Raises SceneError if the spacing cannot change, ExistingFileError for
+    existing files, unless `force`."""
     name = loaded.name
     claim([folder / CONVERGENCE], force)
-    todo = list(coarser(loaded.scene, convergence.factors(runs), name))
-    folders = [folder if f == 1.0 else folder / f"spacings_x{f:.2f}" for f, _ in todo]
+    scaled = list(coarser(loaded.scene, convergence.factors(runs), name))
+    folders = [folder if f == 1.0 else folder / f"spacings_x{f:.2f}" for f, _ in scaled]
     for each in folders:
         claim_folder(each, force)
     spacings: list[float] = []
-    for (factor, coarse), each in zip(todo, folders, strict=True):
+    for (factor, coarse), each in zip(scaled, folders, strict=True):
         spacings.append(min(s.spacing for s in layer_specs(coarse)))
         say(f"{name}: finest spacing {1e3 * spacings[-1]:.4g} mm, run {len(spacings)} of {runs}")
         quality = f"{loaded.quality}, spacings x{factor:.2f}"
@@ -228,7 +227,7 @@ def measure_convergence(loaded: Loaded, folder: Path, runs: int, force: bool) ->
 
 
 def scenes(name: str | None, list_parameters: bool, explained: bool, run: RunOptions) -> None:
-    """Lists scenes or parameters, prints one scene, or what its parts cost."""
+    """Lists scenes or parameters, prints one scene, or explains the cost of its parts."""
     if explained:
         if not name:
             raise click.UsageError("--explain needs the NAME of a scene")
@@ -257,8 +256,8 @@ def scenes(name: str | None, list_parameters: bool, explained: bool, run: RunOpt
 
 
 def ladder_lines(name: str) -> list[str]:
-    """What each quality of a shipped scene costs, and its error, a line each."""
-    heads = ["--quality", "particles", "wall s per s, dearest", "error % of depth"]
+    """Returns a table of the cost and error of each quality of a shipped scene, line by line."""
+    heads = ["--quality", "particles", "max wall s per s", "error % of depth"]
     rows = [
         [quality, cost.particles, f"{cost.dearest:.2f}", f"{100.0 * cost.error:.2f}"]
         for quality, cost in costs(name).items()
@@ -269,20 +268,20 @@ def ladder_lines(name: str) -> list[str]:
 def record(
     loaded: Loaded, files: Outputs, options: CaptureOptions, first: int, frames: int
 ) -> None:
-    """Runs a scene for the recorder; an interrupt ends the recording, not the files."""
-    seen, meshes = options.size if files.pictures else None, bool(files.meshes)
-    fps, beside, text = options.fps, scene_beside(files), loaded.toml()
-    # A recording that is resumed finds the scene of its first part.
-    same = beside.is_file() and beside.read_bytes() == text.encode()
+    """Records a scene to files; after an interrupt the files are complete up to that frame."""
+    size, meshes = options.size if files.pictures else None, bool(files.meshes)
+    fps, scene_path, text = options.fps, scene_file(files), loaded.toml()
+    # A resumed recording finds the scene file of its first part.
+    same = scene_path.is_file() and scene_path.read_bytes() == text.encode()
     if not same:
-        claim([beside], options.force)
-    show = prepare(loaded.scene, 1.0 / fps, seen, meshes=meshes, density_every=math.inf)
+        claim([scene_path], options.force)
+    show = prepare(loaded.scene, 1.0 / fps, size, meshes=meshes, density_every=math.inf)
     if options.resume:
         show.resume(Path(options.resume))
     still = None if options.still_time is None else max(1, round(options.still_time * fps))
     recorder = Recorder(files, frames, fps, still, first=first)
     if not same:
-        replace(beside, text)
+        replace(scene_path, text)
     try:
         run_loop(Row([show]), recorder)
     except KeyboardInterrupt:
@@ -291,22 +290,22 @@ def record(
     finally:
         for warning in show.warnings():
             say(f"warning: {warning}")
-        for path in [*recorder.kept(), beside]:
+        for path in [*recorder.kept(), scene_path]:
             click.echo(path)
 
 
 def default_output(scene: str) -> Path:
-    """Returns a path without suffix in the folder out, named like the scene, that is free."""
+    """Returns an unused path without suffix in the folder out, named after the scene."""
     return Path("out") / free_stem(Path("out"), Path(scene).stem)
 
 
 def claim_folder(folder: Path, force: bool) -> None:
-    """Claims all files that a measured run writes into a folder. Raises ExistingFileError."""
+    """Claims all files that a measurement writes to a folder. Raises ExistingFileError."""
     claim([folder / name for name in (*FILES, *PLOTS)], force)
 
 
-def scene_beside(outputs: Outputs) -> Path:
-    """Where a recording's scene is written: beside the first output, named like it."""
+def scene_file(outputs: Outputs) -> Path:
+    """Returns the path of a recording's scene file, next to the first output."""
     first = outputs.all()[0]
     stem = NUMBER.sub("", first.stem).rstrip("_-") or "capture"
     return first.with_name(stem + ".scene.toml")

@@ -1,34 +1,39 @@
-"""Somebody beside the player of a window, such as the guide of a lesson."""
+"""Interface for an overlay that handles input before the player does (used by lessons)."""
 
 from typing import Any, Protocol
 
 import numpy as np
 
 
-class Companion(Protocol):
-    """Takes keys and the mouse first, and lays pages over the picture."""
+class InputOverlay(Protocol):
+    """Overlay with keys, mouse input and pages of its own."""
 
-    below: int  # height [pixels] that its pages take at the lower edge
-    taken: frozenset[str]  # keys that are its own
+    below: int  # height of its pages at the lower edge [pixels]
+    taken: frozenset[str]  # keys that it handles
 
     @property
     def waits(self) -> bool:
-        """Whether the water waits."""
+        """True while the overlay pauses the simulation."""
 
     @property
     def whole(self) -> bool:
-        """Whether a page covers the picture."""
+        """True while a page covers the whole image."""
 
     @property
     def runs(self) -> int:
-        """How often the water has begun anew."""
+        """Number of resets since the start."""
 
-    def takes(self, key: str) -> bool: ...
+    def takes(self, key: str) -> bool:
+        """Handles a pressed key; returns False for a key of the player."""
 
-    def covers(self, cursor: np.ndarray) -> bool: ...
+    def covers(self, cursor: np.ndarray) -> bool:
+        """Returns True if a cursor, (right, up) in shares of the window, is on a page."""
 
-    def drag(self, cursor: np.ndarray, down: bool) -> bool: ...
+    def drag(self, cursor: np.ndarray, down: bool) -> bool:
+        """Handles the left mouse button; returns True while it holds a widget."""
 
-    def look(self) -> None: ...
+    def look(self) -> None:
+        """Updates the overlay after a frame."""
 
-    def lay(self, image: Any) -> None: ...
+    def lay(self, image: Any) -> None:
+        """Draws its pages over an image."""

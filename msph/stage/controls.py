@@ -1,4 +1,4 @@
-"""What a person can do to a show in one frame, and the keys and gestures that ask for it."""
+"""Controls: user input for one frame, and the keys and gestures that produce it."""
 
 from dataclasses import dataclass, field
 
@@ -7,17 +7,16 @@ from msph.fluid.external_forces import Hand
 
 @dataclass(frozen=True)
 class Key:
-    """keys: of the keyboard and mouse, as the window's library names them, each with the action it
-    asks for; shown: these keys in words; does: what they do. hint: a few words that ask to try it,
-    for what a stranger should try."""
+    """Help entry of one or more keys. label: keys in words; effect: what they do; keys: names in
+    the window library, each with its action; hint: short invitation to try them."""
 
-    shown: str
-    does: str
+    label: str
+    effect: str
     keys: dict[str, str]
     hint: str = ""
 
 
-# The one table that program, help overlay and README are made from.
+# Source of the key bindings and of the help page.
 KEYS = (
     Key("left drag", "push the water", {"LMB": "push"}, "drag: push the water"),
     Key(
@@ -26,47 +25,44 @@ KEYS = (
         dict.fromkeys(("Left", "Right", "Up", "Down"), "tilt"),
         "arrows: tilt",
     ),
-    Key("l", "lock the tilt, or let the pool come level again", {"l": "lock"}),
+    Key("l", "lock the tilt, or level the pool again", {"l": "lock"}),
     Key(
         "right drag, a, d",
-        "orbit",
+        "orbit the camera",
         {"RMB": "orbit", "a": "orbit", "d": "orbit"},
         "right drag: orbit",
     ),
     Key("w, s", "zoom in and out", {"w": "zoom", "s": "zoom"}),
-    Key("middle drag", "move the view; also right drag with shift", {"MMB": "pan"}),
-    Key("return", "home: the scene's view, the pool level", {"Return": "home"}),
-    Key("space", "pause and go on", {" ": "pause"}, "space: pause"),
-    Key("n", "single step while paused", {"n": "step"}),
-    Key("m", "slow motion, and back", {"m": "slow_motion"}),
-    Key("r", "reset", {"r": "reset"}),
+    Key("middle drag", "pan the camera; also shift and right drag", {"MMB": "pan"}),
+    Key("return", "reset the camera and the tilt", {"Return": "home"}),
+    Key("space", "pause and resume", {" ": "pause"}, "space: pause"),
+    Key("n", "single step while paused", {"n": "single_step"}),
+    Key("m", "slow motion on and off", {"m": "slow_motion"}),
+    Key("r", "reset the simulation", {"r": "reset"}),
     Key("v", "next view: water, speed, layers, pressure, ...", {"v": "next_view"}, "v: views"),
-    Key("x", "slice: hide the near half of the particles", {"x": "slice"}),
-    Key("left click", "a particle's neighbours, in a view of particles", {}),
-    Key("i", "settings and scenes, graphs, or neither", {"i": "next_panel"}, "i: settings"),
+    Key("x", "slice: hide or show the near half of the particles", {"x": "slice"}),
+    Key("left click", "select a particle and show its neighbours (in a particle view)", {}),
+    Key("i", "panel: settings and scenes, graphs, or none", {"i": "next_panel"}, "i: settings"),
     Key(
         "tab, backspace",
         "next and previous scene",
         {"Tab": "next_scene", "BackSpace": "previous_scene"},
     ),
-    Key("p, c", "picture, and clip of the last 10 s, into out/", {"p": "picture", "c": "clip"}),
-    Key("k, o", "keep this water, and open what was kept last", {"k": "keep", "o": "reopen"}),
+    Key("p, c", "save an image, a clip of the last 10 s, in out/", {"p": "picture", "c": "clip"}),
+    Key("k, o", "save a checkpoint, open the newest one", {"k": "keep", "o": "reopen"}),
     Key("h", "help", {"h": "help"}, "h: help"),
     Key("q, escape", "quit", {"q": "quit", "Escape": "quit"}),
 )
 ACTIONS = {name: action for key in KEYS for name, action in key.keys.items()}
-# Keys and buttons of which it matters whether they are down.
-HEARD = (*ACTIONS, "Shift")
 
 
 @dataclass
 class Controls:
-    """The wishes of one frame.
+    """User input for one frame.
 
-    tilt: (roll about z, pitch about x) [rad] of the pool, beyond what the scene itself does.
-    frame_time [s]: simulated time of the frame, None for the show's own. budget [s]: wall-clock
-    time that the water may take, None for as long as it needs. scale (-): of the picture's edges,
-    where the show is scalable.
+    tilt: (roll about z, pitch about x) [rad] of the pool, added to the scene's own sway.
+    frame_time [s]: simulated time of the frame, None for the show's default. budget [s]: limit of
+    the fluid's wall-clock time, None for no limit. scale (-): image scale, for scalable shows.
     """
 
     tilt: tuple[float, float] = (0.0, 0.0)

@@ -1,4 +1,4 @@
-"""Measures what each optional part of a scene costs, and the error without it."""
+"""Cost of each optional part of a scene, and the error without it, by measurement."""
 
 import time
 from dataclasses import dataclass, field
@@ -16,14 +16,14 @@ from msph.stage.preparation import prepare
 from msph.stage.show import Show
 from msph.taichi_internals import watch_compiling
 
-# Simulated time of a run [s], and frames at its start that are not timed: caches fill.
+# Simulated time of a run [s], and number of first frames without timing (caches fill).
 SECONDS, UNTIMED = 1.0, 3
 
 
 @dataclass
 class Run:
-    """A timed simulation. start: time that it takes to begin [s]. kernels: number of kernels that
-    are compiled for it. centres: centre of mass (3,) [m] after each frame."""
+    """A timed simulation. start: time to build it [s]; kernels: number of compiled kernels;
+    centres: centre of mass (3,) [m] after each frame."""
 
     show: Show
     start: float
@@ -31,13 +31,13 @@ class Run:
     centres: list[np.ndarray] = field(default_factory=list)
 
     def milliseconds(self, *stages: str) -> float:
-        """Median of a frame, or of its stages together."""
+        """Returns the median time of a frame, or of the sum of its stages [ms]."""
         assert self.show.timings is not None
         return 1e3 * self.show.timings.percentile(50.0, *stages)
 
 
 def begin(scene: Scene) -> Run:
-    """Builds a scene with its picture."""
+    """Builds a scene with rendering."""
     kernels: list[str] = []
     since = time.perf_counter()
     with watch_compiling(kernels.append):
@@ -46,7 +46,8 @@ def begin(scene: Scene) -> Run:
 
 
 def explain(scene: Scene) -> str:
-    """A table of the scene and of it without each part that it has, in turn frame by frame."""
+    """Returns a table of the scene and of the scene without each of its parts. The simulations run
+    alternately, frame by frame."""
     parts = [part for part in PARTS if part.active(scene)]
     runs = [begin(scene), *(begin(part.without(scene)) for part in parts)]
     for k in range(UNTIMED + round(SECONDS / FRAME_TIME)):
@@ -57,9 +58,9 @@ def explain(scene: Scene) -> str:
             run.centres.append(run.show.ledger.entries[-1].centre)
     whole, *others = runs
     depth = mean_depth(scene.gravity, whole.show.simulation.plan, np.array(whole.centres[:1]))
-    heads = ["", "particles", "ms a frame", *STAGES]
+    heads = ["", "particles", "ms per frame", *STAGES]
     heads += ["saved", "start s", "kernels", "error without it"]
-    rows = [[*_costs("as it is", whole, whole), ""]]
+    rows = [[*_costs("full scene", whole, whole), ""]]
     for part, run in zip(parts, others, strict=True):
         error = water_error(whole.centres, run.centres, depth)
         if part.picture:
@@ -69,8 +70,8 @@ def explain(scene: Scene) -> str:
         [
             tabulate(rows, headers=heads, tablefmt="simple", disable_numparse=True),
             "",
-            f"{SECONDS:g} s of simulated time, frames of 1/60 s in turn, {SIZE[0]}x{SIZE[1]}; "
-            "medians of wall-clock time.",
+            f"{SECONDS:g} s of simulated time, frames of 1/60 s, image {SIZE[0]}x{SIZE[1]}; "
+            "times are medians of wall-clock time.",
             saving(parts, others, whole),
         ]
     )
@@ -90,8 +91,8 @@ def _costs(name: str, run: Run, whole: Run) -> list[str]:
 
 
 def water_error(centres: list[np.ndarray], others: list[np.ndarray], depth: float) -> str:
-    """Largest distance between two waters' centres of mass [m], frame by frame, over the depth [m]
-    where there is any."""
+    """Describes the largest distance over all frames between two simulations' centres of mass
+    (n, 3) [m], relative to the depth [m] if it is positive."""
     away = np.linalg.norm(np.array(others) - np.array(centres), axis=1).max()
     if np.isfinite(depth) and depth > 0.0:
         return f"{100.0 * away / depth:.2f} % of the depth"
@@ -99,7 +100,7 @@ def water_error(centres: list[np.ndarray], others: list[np.ndarray], depth: floa
 
 
 def picture_error(whole: Show, other: Show) -> str:
-    """Mean difference between two shows' pictures of the same water: that of the first."""
+    """Describes the mean difference between two shows' images of the first one's particles."""
     other.simulation.restore(whole.simulation.state())
     other.simulation.grid.refresh()
     for show in (whole, other):
@@ -109,11 +110,11 @@ def picture_error(whole: Show, other: Show) -> str:
 
 
 def saving(parts: list[Part], others: list[Run], whole: Run) -> str:
-    """Which part costs most, in words."""
+    """Describes which part costs most."""
     if not parts:
-        return "Nothing that could be left out is switched on."
+        return "Nothing to leave out: the scene has no optional part."
     best = min(range(len(others)), key=lambda k: others[k].milliseconds())
     share = 1.0 - others[best].milliseconds() / whole.milliseconds()
     if share <= 0.0:
-        return "Nothing would be saved by leaving a part out."
-    return f"Most would be saved without {parts[best].name}: {100.0 * share:.0f} % of a frame."
+        return "Nothing is saved by leaving out a part."
+    return f"Largest saving: without {parts[best].name}, {100.0 * share:.0f} % of the frame time."

@@ -1,16 +1,16 @@
-"""The progress bar of runs whose frames are counted."""
+"""Progress bar of runs with a known number of frames."""
 
 import sys
 import time
 
 from tqdm import tqdm
 
-# Time in which a frame should be over [s]: beyond, the bar tells how far it is.
+# Time [s] beyond which the bar shows the progress within a frame.
 LONG_FRAME = 1.0
 
 
 class FrameBar:
-    """A progress bar of frames, which in frames that take long tells how far they are."""
+    """Progress bar of frames, which also shows the progress within slow frames."""
 
     def __init__(self, total: int, shown: bool, initial: int = 0):
         self.bar = tqdm(
@@ -24,13 +24,13 @@ class FrameBar:
         self.since = time.monotonic()
 
     def within(self, share: float) -> None:
-        """Takes in that a share (0 to 1) of the frame is over; see Show.tell."""
+        """Takes the completed share (0 to 1) of the current frame; see Show.on_progress."""
         if time.monotonic() - self.since > LONG_FRAME:
             self.since = time.monotonic()
             self.bar.set_postfix_str(f"{100.0 * share:.1f} % of the next")
 
     def update(self) -> None:
-        """A frame is whole."""
+        """Counts a completed frame."""
         self.since = time.monotonic()
         self.bar.set_postfix_str("", refresh=False)
         self.bar.update()

@@ -1,4 +1,4 @@
-"""The window: GGUI shows pictures and brings keys and mouse."""
+"""Window implemented with GGUI, Taichi's window library."""
 
 import contextlib
 import math
@@ -13,25 +13,24 @@ import taichi as ti
 from msph.picture.pixels import pack
 from msph.stage.controls import ACTIONS, KEYS
 from msph.stage.start_screen import StartScreen
-from msph.stage.window import ARROWS, TELL_PAUSE, ClosedError, NoWindowError, check_display
+from msph.stage.window import ARROWS, REPORT_INTERVAL, ClosedError, NoWindowError, check_display
 from msph.taichi_internals import set_image
 
-MARKER_RADIUS = 0.008  # of the marker under a pushing cursor, as a share of the window's height
-# Width of arrows' lines over the window's height, and length of a tip over that of its arrow.
+MARKER_RADIUS = 0.008  # of the marker at a pushing cursor, over the window's height
+# Line width of arrows over the window's height; length of a tip over the arrow's length.
 STROKE, TIP = 0.006, 0.22
-# GGUI writes the places of its own panels here, unasked, where the program runs.
+# File that GGUI writes to the working directory; removed if it is new.
 SETTINGS = Path("imgui.ini")
 
-# Keys that are told while the first frame is prepared, and what they do.
-FIRST = tuple((key.shown, key.does) for key in KEYS if key.hint)
+# Keys on the start screen, and their effects.
+FIRST_KEYS = tuple((key.label, key.effect) for key in KEYS if key.hint)
 
 
 class GguiWindow:
-    """A Window of Taichi's. keys: those told until its first frame, and what they do. Raises
-    NoWindowError where none can be."""
+    """Window of GGUI. keys: keys and their effects on the start screen. Raises NoWindowError."""
 
     def __init__(
-        self, title: str, size: tuple[int, int], keys: tuple[tuple[str, str], ...] = FIRST
+        self, title: str, size: tuple[int, int], keys: tuple[tuple[str, str], ...] = FIRST_KEYS
     ):
         check_display()
         self.size = size
@@ -42,22 +41,22 @@ class GguiWindow:
         except RuntimeError as error:
             raise NoWindowError(f"no window: {error}") from None
         self.canvas = self.window.get_canvas()
-        self.marked, self.arrowed = False, 0  # what lies over the next picture
+        self.marked, self.arrowed = False, 0  # marker and number of arrows on the next image
         self.marker = ti.Vector.field(2, ti.f32, shape=1)
         self.lines = [ti.Vector.field(2, ti.f32, shape=6) for _ in ARROWS]
-        self.words = np.zeros(size, np.int32)  # packed pixels of what is shown
-        self.keys, self.waiting = keys, list[str]()  # keys told, and presses not yet asked for
+        self.words = np.zeros(size, np.int32)  # packed pixels of the image
+        self.keys, self.waiting = keys, list[str]()  # waiting: presses for the next presses()
         self.begin(title)
 
     def begin(self, title: str) -> None:
-        self.start, self.told = StartScreen(self.size, title, self.keys), -math.inf
-        self.tell("building the scene")
+        self.start, self.reported = StartScreen(self.size, title, self.keys), -math.inf
+        self.report("building the scene")
 
-    def tell(self, doing: str) -> None:
+    def report(self, doing: str) -> None:
         now = time.perf_counter()
-        if now - self.told < TELL_PAUSE:
+        if now - self.reported < REPORT_INTERVAL:
             return
-        self.told = now
+        self.reported = now
         self.waiting = self.presses()
         if not self.open or any(ACTIONS.get(key) == "quit" for key in self.waiting):
             raise ClosedError
@@ -84,7 +83,7 @@ class GguiWindow:
         return np.array(self.window.get_cursor_pos())
 
     def mark(self, cursor: np.ndarray) -> None:
-        # GGUI hides the cursor while the left button is down.
+        # Needed since GGUI hides the cursor while the left button is down.
         self.marker[0] = cursor.tolist()
         self.marked = True
 
@@ -121,7 +120,7 @@ class GguiWindow:
 
 @contextlib.contextmanager
 def silence() -> Iterator[None]:
-    """Keeps what libraries print past Python from the terminal: we say it in our own line."""
+    """Context that discards what native libraries print on stdout and stderr."""
     saved = [os.dup(fd) for fd in (1, 2)]
     nowhere = os.open(os.devnull, os.O_WRONLY)
     try:

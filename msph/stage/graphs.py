@@ -1,4 +1,4 @@
-"""Curves of the last seconds: where the time of a frame goes, and how true the water is."""
+"""Graphs of the last seconds: stage times, real-time factor, density error, energy, particles."""
 
 from collections import deque
 from collections.abc import Callable
@@ -10,18 +10,18 @@ from PIL import Image, ImageDraw
 from msph.stage.pages import DENSE, FAINT, INK, font_of
 from msph.stage.show import Show
 
-# Time that is shown [s], and between two samples [s].
+# Time span of the graphs [s], and time between two samples [s].
 SPAN, EVERY = 10.0, 0.2
-# Colours of curves that the colour-blind tell apart (Okabe and Ito 2008).
+# Colours of the curves, distinguishable with colour blindness (Okabe and Ito 2008).
 COLOURS = ((86, 180, 233), (230, 159, 0), (0, 158, 115), (240, 228, 66), (204, 121, 167))
-# In text heights: the title, the space between graphs; width of curves [pixels].
+# Title height and gap between graphs [text heights]; width of curves [pixels].
 TITLE, GAP, STROKE = 1.3, 0.35, 2
 
 
 @dataclass(frozen=True)
 class Graph:
-    """title with its unit, names of the curves, and a sample of each from the show and the pace
-    (simulated over wall-clock time, -)."""
+    """A graph. title: quantity and unit; names: of the curves; sample: values of the curves, from
+    the show and the real-time factor."""
 
     title: str
     names: Callable[[Show], list[str]]
@@ -35,8 +35,8 @@ def _stages(show: Show, _: float) -> list[float]:
 
 
 GRAPHS = (
-    Graph("ms", lambda show: ["water", "surface", "picture"], _stages),
-    Graph("simulated / wall-clock [-]", lambda show: [""], lambda show, pace: [pace], "x{:.2f}"),
+    Graph("time per frame [ms]", lambda show: ["fluid", "surface", "image"], _stages),
+    Graph("real-time factor [-]", lambda show: [""], lambda show, pace: [pace], "{:.2f}"),
     Graph(
         "density error [%]",
         lambda show: [""],
@@ -58,15 +58,14 @@ GRAPHS = (
 
 
 class Graphs:
-    """Samples of the last SPAN seconds."""
+    """Graphs with the samples of the last SPAN seconds."""
 
     def __init__(self) -> None:
         self.times: deque[float] = deque()
         self.samples: deque[list[list[float]]] = deque()
 
-    def see(self, show: Show, now: float, pace: float) -> bool:
-        """Takes a sample at the wall-clock time `now` [s] where one is due; returns whether it
-        did."""
+    def observe(self, show: Show, now: float, pace: float) -> bool:
+        """Takes a sample at the wall-clock time `now` [s] if it is due; returns True if so."""
         if self.times and now - self.times[-1] < EVERY:
             return False
         self.times.append(now)
@@ -77,7 +76,7 @@ class Graphs:
         return True
 
     def paint(self, show: Show, width: int, height: int, size: int) -> np.ndarray:
-        """All graphs below each other, (height, width, 4) uint8; size: of the text [pixels]."""
+        """Returns an image of all graphs, (height, width, 4) uint8; size: text height [pixels]."""
         page = Image.new("RGBA", (width, height), DENSE)
         draw = ImageDraw.Draw(page)
         font = font_of(size)
@@ -90,7 +89,7 @@ class Graphs:
             self._legend(draw, graph, show, curves[:, -1], width - pad, top, font)
             known = curves[np.isfinite(curves)]
             lo, hi = (known.min(), known.max()) if known.size else (0.0, 1.0)
-            # Of energies the change is seen, of all else the size.
+            # The energy's axis need not contain 0: its changes matter.
             lo = lo if graph.title.startswith("energy") else min(lo, 0.0)
             span = max(hi - lo, 1e-9)
             draw.line((pad, bottom, width - pad, bottom), FAINT)
@@ -104,11 +103,11 @@ class Graphs:
 
     @staticmethod
     def _legend(draw, graph: Graph, show: Show, last, right: float, base: float, font) -> None:
-        """Names and last values in the colours of their curves, from the right."""
+        """Draws names and last values in the colours of their curves, right-aligned."""
         names = graph.names(show)
         for name, value, colour in reversed(list(zip(names, last, COLOURS * 3, strict=False))):
             number = graph.form.format(value) if np.isfinite(value) else "-"
-            # Of many curves only the numbers fit.
+            # Names of many curves do not fit.
             text = f"{name} {number}".strip() if len(names) < 4 and name.isalpha() else number
             draw.text((right, base), text, colour, font, anchor="rs")
             right -= font.getlength(text + "  ")

@@ -1,15 +1,16 @@
-"""Audiences that see nothing: the benchmarks."""
+"""Headless clients of the frame loop, used by the benchmarks."""
 
 import time
 from collections.abc import Callable
 
 from msph.stage.controls import Controls
+from msph.stage.loop import Audience
 from msph.stage.pacer import Pacer
 from msph.stage.row import Row
 
 
-class Headless:
-    """Wants `frames` frames and touches nothing."""
+class Headless(Audience):
+    """Runs a fixed number of frames without input."""
 
     def __init__(self, frames: int):
         self.frames = frames
@@ -18,22 +19,16 @@ class Headless:
     def wants_more(self, row: Row) -> bool:
         return self.done < self.frames
 
-    def controls(self, row: Row) -> Controls:
-        return Controls()
-
-    def see(self, row: Row) -> None:
+    def observe(self, row: Row) -> None:
         self.done += 1
 
-    def close(self) -> None:
-        pass
 
+class HeadlessPlayer(Audience):
+    """Plays for `seconds` [s] of wall-clock time as a window without input does, on a display of
+    `fps` frames per second; presenting a frame takes no time.
 
-class HeadlessPlayer:
-    """Plays for `seconds` [s] of wall-clock time by the clock of a window, on a screen that shows
-    at most `fps` frames per second, without a hand on the keys.
-
-    walls [s], simulated [s] and scales (-) are those of each frame. Showing a frame takes no time.
-    clock and sleep: as those of `time`.
+    walls [s], simulated [s] and scales (-): wall-clock time, simulated time and image scale of each
+    frame. clock, sleep: time.perf_counter and time.sleep, or test doubles.
     """
 
     def __init__(
@@ -43,7 +38,7 @@ class HeadlessPlayer:
         clock: Callable[[], float] = time.perf_counter,
         sleep: Callable[[float], None] = time.sleep,
     ):
-        self.seconds, self.least = seconds, 1.0 / fps
+        self.seconds, self.refresh = seconds, 1.0 / fps
         self.now, self.sleep = clock, sleep
         self.pacer = Pacer(fps)
         self.walls: list[float] = []
@@ -57,19 +52,16 @@ class HeadlessPlayer:
         return self.now() - self.begin < self.seconds
 
     def controls(self, row: Row) -> Controls:
-        wishes = Controls()
-        self.pacer.steer(wishes)
-        return wishes
+        controls = Controls()
+        self.pacer.steer(controls)
+        return controls
 
-    def see(self, row: Row) -> None:
-        # The screen waits for its next refresh.
-        self.sleep(max(0.0, self.shown + self.least - self.now()))
+    def observe(self, row: Row) -> None:
+        # The display waits for its next refresh.
+        self.sleep(max(0.0, self.shown + self.refresh - self.now()))
         now = self.now()
         wall, self.shown = now - self.shown, now
         self.scales.append(self.pacer.scale)
-        self.pacer.see(row, wall, 0.0)
+        self.pacer.observe(row, wall, 0.0)
         self.walls.append(wall)
         self.simulated.append(row.lead.simulated)
-
-    def close(self) -> None:
-        pass

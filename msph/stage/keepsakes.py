@@ -1,33 +1,49 @@
-"""What the user takes from a simulation: pictures, clips, and water to go on with."""
+"""Files saved by a key in the window: images, clips, and checkpoints that can be reopened."""
 
 import contextlib
 import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import imageio.v2 as imageio
 import numpy as np
 
+from msph.errors import LostOutputError
 from msph.own_files import free_stem, replace, replacing
 from msph.scene.errors import SceneError
 from msph.scene.load import to_toml
 from msph.scene.schema import Scene
+from msph.stage.layout import Layout
 from msph.stage.replay import Replay
-from msph.stage.row import Row, Show
+from msph.stage.row import Row
+from msph.stage.window import REPORT_INTERVAL, Window
+
+# Actions that a Saver implements.
+SAVING = ("picture", "clip", "keep", "reopen")
+# Simulations side by side, restored one by one, would no longer be in step.
+SINGLE = "checkpoints need a single simulation"
 
 
-class Keepsakes:
-    """Files in a folder, named by the scene and the time; beside each its scene as it was then,
-    with what was changed in it, and the quality. Each method returns a line that says what was
-    done, and raises LostOutputError for what cannot be written."""
+class Saver:
+    """Saves files in a folder, named by scene and time, each with its current scene and quality
+    next to it; shows a message for every file or error."""
 
-    def __init__(self, folder: Path, scene: str, quality: str):
-        self.folder, self.scene, self.quality = folder, scene, quality
-        self.image: Any = None  # what a clip draws
+    def __init__(self, window: Window, layout: Layout, replay: Replay, scene: str, quality: str):
+        self.window, self.layout, self.replay = window, layout, replay
+        self.folder, self.scene, self.quality = Path("out"), scene, quality
+        self.reported = 0.0  # time of the last progress message [s]
 
-    def picture(self, row: Row) -> str:
-        """The picture as it was drawn last, with its legend, without the window's pages."""
+    def act(self, action: str, row: Row) -> None:
+        """Carries out one of SAVING."""
+        single = len(row.shows) == 1 or action in ("picture", "clip")
+        try:
+            message = getattr(self, f"_{action}")(row) if single else SINGLE
+        except (LostOutputError, SceneError, OSError) as error:
+            message = str(error)
+        if message:
+            self.layout.show_message(message)
+
+    def _picture(self, row: Row) -> str:
+        """Saves the current image at full scale, with its legend, without the window's pages."""
         scale, row.picture.scale = row.picture.scale, 1.0
         row.draw()
         pixels = row.picture.to_numpy_u8()
@@ -37,38 +53,42 @@ class Keepsakes:
             imageio.imwrite(new, pixels)
         return f"{path}"
 
-    def clip(self, row: Row, replay: Replay, tell: Callable[[float], None]) -> str:
-        """A video of the last seconds; tell: called with the share (0 to 1) of it that there is."""
+    def _clip(self, row: Row) -> str:
+        """Saves a video of the last seconds."""
+        if not self.replay.frames:
+            return ""
         path = self._path(".mp4", row.lead.scene)
 
-        def told(share: float) -> None:
-            self.image = row.picture.image
-            tell(share)
+        def report(share: float) -> None:
+            now = time.perf_counter()
+            if now - self.reported > REPORT_INTERVAL:
+                self.reported = now
+                self.layout.draw_message(f"clip: {100.0 * share:.0f} %", row.image)
+                self.window.show(row.image)
 
-        replay.write(row, path, told)
+        self.replay.write(row, path, report)
         return f"{path}"
 
-    def water(self, show: Show) -> str:
-        """A checkpoint of the water."""
-        path, state = self._path(".npz", show.scene), show.simulation.state()
+    def _keep(self, row: Row) -> str:
+        """Saves a checkpoint."""
+        path, state = self._path(".npz", row.lead.scene), row.lead.simulation.state()
         with replacing(path) as new:
             np.savez_compressed(new, **state)  # type: ignore[arg-type]
         return f"{path}; o opens it"
 
-    def reopen(self, show: Show) -> str:
-        """Goes on with the water of this scene, at this quality, that was kept last. Raises
-        SceneError where none was."""
-        kept = self.folder.glob(f"{self.scene}_*.npz")
-        for path in sorted(kept, key=lambda p: p.stat().st_mtime, reverse=True):
-            # That of another quality has other layers.
+    def _reopen(self, row: Row) -> str:
+        """Loads the newest checkpoint of this scene and quality. Raises SceneError if none fits."""
+        found = self.folder.glob(f"{self.scene}_*.npz")
+        for path in sorted(found, key=lambda p: p.stat().st_mtime, reverse=True):
+            # A checkpoint of another quality has other layers.
             with contextlib.suppress(SceneError):
-                show.resume(path)
-                return f"{path}, of {show.simulation.time:.2f} s"
-        what = f"no water of {self.scene} was kept at quality {self.quality}; k keeps some"
-        raise SceneError(str(self.folder), what)
+                row.lead.resume(path)
+                return f"{path}, time {row.lead.simulation.time:.2f} s"
+        problem = f"no checkpoint of {self.scene} at quality {self.quality}; k saves one"
+        raise SceneError(str(self.folder), problem)
 
     def _path(self, suffix: str, scene: Scene) -> Path:
-        """A new file, with its scene beside it."""
+        """Returns an unused file name, and writes the scene next to it."""
         self.folder.mkdir(parents=True, exist_ok=True)
         stem = free_stem(self.folder, f"{self.scene}_{time.strftime('%Y%m%d_%H%M%S')}")
         note = f"quality {self.quality}"

@@ -1,4 +1,4 @@
-"""Where a window shows what: pages over the picture, and the column beside the water."""
+"""Layout of the window: pages over the image, and the panel column at the left."""
 
 import time
 from typing import Any
@@ -10,21 +10,21 @@ from msph.stage import pages
 from msph.stage.graphs import Graphs
 from msph.stage.idle import Idle
 from msph.stage.pacer import Pacer
-from msph.stage.row import Row, with_picked
+from msph.stage.row import Row, show_with_picked
 from msph.stage.status import EVERY, Status
 from msph.stage.window import ARROWS
 
-LASTS = 4.0  # time that a message is shown [s]
-# In text heights: width of the column of settings or graphs, gaps, room of a page of lines. Share
-# of the window's width that hints may take beside a legend.
+MESSAGE_TIME = 4.0  # display time of a message [s]
+# In text heights: width of the panel column, gaps, largest height of a page of lines. HINTS: share
+# of the window's width for hints next to a legend.
 COLUMN, GAP, ROOM, HINTS = 16.0, 0.5, 8, 0.62
-# What the column shows, in the order in which a key goes through it.
+# Contents of the column, in the order in which a key switches them.
 PANELS = ("", "settings", "graphs")
 
 
 class Layout:
-    """size (width, height) [pixels] of the window. panel: what the column shows, "" for no column.
-    begin() comes before the first frame of each scene."""
+    """Pages of a window of size (width, height) [pixels]. panel: one of PANELS, "" for no column.
+    Call begin() before the first frame of each scene."""
 
     def __init__(self, size: tuple[int, int]):
         width, height = self.size = size
@@ -38,19 +38,19 @@ class Layout:
         self.begin("")
 
     def begin(self, quality: str) -> None:
-        """Forgets the scene before; quality: what the next one is at."""
+        """Resets all pages for a scene at this quality."""
         self.panel = ""
-        # What a lesson takes: height at the lower edge [pixels], and keys.
+        # Height at the lower edge [pixels] and keys taken by a lesson.
         self.below, self.taken = 0, frozenset[str]()
         self.status, self.graphs = Status(quality), Graphs()
         self.message, self.until = "", 0.0
-        self.told: tuple[int | None, float] = None, 0.0  # particle whose facts are shown, and since
-        self.hinted: Any = None  # hints as they were last painted
+        self.described: tuple[int | None, float] = None, 0.0  # picked particle, and time [s]
+        self.hinted: Any = None  # hints on the current page
         self.overlay.shown.clear()
 
     @property
     def free(self) -> float:
-        """Share of the window's width beside the column."""
+        """Share of the window's width right of the column."""
         return 1.0 - self.column / self.size[0] if self.panel else 1.0
 
     @property
@@ -59,17 +59,17 @@ class Layout:
         return self.column, self.size[1] - self._top()
 
     def on_column(self, cursor: np.ndarray) -> tuple[float, float]:
-        """A cursor, (right, up) in shares of the window, in pixels right of and below the column's
-        upper left corner."""
+        """Converts a cursor from (right, up) in shares of the window to (right, down) in pixels
+        from the column's upper left corner."""
         return cursor[0] * self.size[0], (1.0 - cursor[1]) * self.size[1] - self._top()
 
-    def lay_panel(self, page: np.ndarray | None) -> None:
-        """Shows settings in the column; None: as they are shown."""
+    def put_panel(self, page: np.ndarray | None) -> None:
+        """Shows a page of settings in the column; None for no change."""
         if page is not None:
             self.overlay.put("settings", page, 0, self._top())
 
     def covers(self, cursor: np.ndarray) -> bool:
-        """Whether the cursor, (right, up) in shares of the window, is on the column."""
+        """Returns True if a cursor, (right, up) in shares of the window, is on the column."""
         return bool(self.panel) and 0.0 <= cursor[0] <= 1.0 - self.free
 
     def next_panel(self) -> None:
@@ -78,14 +78,14 @@ class Layout:
         self.overlay.hide("settings")
         self.hinted = None
 
-    def say(self, message: str) -> None:
-        """Shows a line for a while."""
+    def show_message(self, message: str) -> None:
+        """Shows a message for MESSAGE_TIME."""
         self._put_message(message)
-        self.until = time.perf_counter() + LASTS
+        self.until = time.perf_counter() + MESSAGE_TIME
         self.message = message
 
-    def tell(self, message: str, image) -> None:
-        """Lays a line over an image at once."""
+    def draw_message(self, message: str, image) -> None:
+        """Draws a message over an image immediately."""
         self._put_message(message)
         self.overlay.draw(image)
 
@@ -98,23 +98,23 @@ class Layout:
         left, top = (width - page.shape[1]) // 2, (height - page.shape[0]) // 2
         self.overlay.put("help", page, left, top)
 
-    def lay(self, row: Row, pacer: Pacer, paused: bool, idle: Idle) -> None:
-        """Lays all pages over the row's image, those painted anew that have changed."""
+    def draw(self, row: Row, pacer: Pacer, paused: bool, idle: Idle) -> None:
+        """Draws all pages over the row's image; repaints only pages that have changed."""
         now = time.perf_counter()
         status = self.status.page(row, pacer, paused, now, self.text)
         if status is not None:
             self.overlay.put("status", status, self.gap, self.gap)
-        self._lay_hints([k.hint for k in idle.hints()], bool(idle.hint()))
+        self._put_hints([k.hint for k in idle.hints()], bool(idle.hint()))
         if now > self.until:
             self.overlay.hide("message")
-        self._lay_particle(row, now)
-        if self.graphs.see(row.lead, now, pacer.pace) and self.panel == "graphs":
+        self._put_particle(row, now)
+        if self.graphs.observe(row.lead, now, pacer.pace) and self.panel == "graphs":
             top = self._top()
             page = self.graphs.paint(row.lead, self.column, self.size[1] - top, self.text)
             self.overlay.put("graphs", page, 0, top)
         self.overlay.draw(row.image)
 
-    def _lay_hints(self, texts: list[str], urgent: bool) -> None:
+    def _put_hints(self, texts: list[str], urgent: bool) -> None:
         if (texts, urgent) == self.hinted:
             return
         self.hinted = texts, urgent
@@ -124,18 +124,18 @@ class Layout:
             low = self.size[1] - self.gap - page.shape[0]
             self.overlay.put("hints", page, self._left(), low)
 
-    def _lay_particle(self, row: Row, now: float) -> None:
-        """Facts of the particle that was picked, and what its arrows are."""
-        of = with_picked(row)
-        if of is None:
+    def _put_particle(self, row: Row, now: float) -> None:
+        """Shows the values of the picked particle and the legend of its arrows."""
+        show = show_with_picked(row)
+        if show is None:
             self.overlay.hide("particle")
             return
-        about = of.views.neighbourhood
-        if about.id == self.told[0] and now - self.told[1] < EVERY:
+        picked = show.views.neighbourhood
+        if picked.id == self.described[0] and now - self.described[1] < EVERY:
             return
-        self.told = about.id, now
-        texts: list[tuple[str, tuple]] = [(line, pages.INK) for line in about.facts()]
-        for name, colour in zip(about.arrows(np.zeros(3)), ARROWS, strict=False):
+        self.described = picked.id, now
+        texts: list[tuple[str, tuple]] = [(line, pages.INK) for line in picked.facts()]
+        for name, colour in zip(picked.arrows(np.zeros(3)), ARROWS, strict=False):
             texts.append((f"arrow: {name}", (*(int(255 * c) for c in colour), 255)))
         self.overlay.put("particle", pages.lines(texts, self.text), self._left(), self._top())
 
@@ -145,7 +145,7 @@ class Layout:
         self.overlay.put("message", page, self._left(), low)
 
     def _left(self) -> int:
-        """Left edge of pages beside the column [pixels]."""
+        """Left edge of pages right of the column [pixels]."""
         return self.gap + (self.column if self.panel else 0)
 
     def _top(self) -> int:

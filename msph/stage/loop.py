@@ -1,32 +1,35 @@
-"""One loop for every audience."""
+"""The frame loop, shared by window, recorder, measurer and benchmark."""
 
 from typing import Protocol
 
-from msph.interrupts import held_back
+from msph.interrupts import deferred_signals
 from msph.stage.controls import Controls
 from msph.stage.row import Row
 
 
 class Audience(Protocol):
-    """Steers a row of simulations before each frame, and sees it after."""
+    """Client of the frame loop: gives the controls of each frame and processes the result."""
 
     def wants_more(self, row: Row) -> bool: ...
 
-    def controls(self, row: Row) -> Controls: ...
+    def controls(self, row: Row) -> Controls:
+        return Controls()
 
-    def see(self, row: Row) -> None: ...
+    def observe(self, row: Row) -> None: ...
 
-    def close(self) -> None: ...
+    def close(self) -> None:
+        """Called once after the last frame, also after errors."""
+        return
 
 
 def run(row: Row, audience: Audience) -> None:
-    """Frames until the audience has had enough; it is closed whatever happens. Raises
-    InterruptedRun after the frame in which a signal asked for it."""
-    with held_back() as raise_if_asked:
+    """Runs frames until the audience wants no more, then closes it, also after errors. Raises
+    InterruptedRun after the frame in which a signal arrived."""
+    with deferred_signals() as raise_if_signalled:
         try:
             while audience.wants_more(row):
                 row.frame(audience.controls(row))
-                audience.see(row)
-                raise_if_asked()
+                audience.observe(row)
+                raise_if_signalled()
         finally:
             audience.close()

@@ -1,4 +1,4 @@
-"""The measurer: writes ledger, probes, checkpoints and a summary of a show to a folder."""
+"""Measurer: writes ledger, probes, checkpoints and a summary of a run to a folder."""
 
 import time
 from pathlib import Path
@@ -22,18 +22,16 @@ from msph.stage.show import Show
 LEDGER, PROBES, SUMMARY, SCENE = "ledger.csv", "probes.csv", "summary.json", "scene.toml"
 CHECKPOINT = "checkpoint.npz"
 FILES = (LEDGER, PROBES, SUMMARY, SCENE, CHECKPOINT)
-# Wall-clock time between checkpoints [s]: an interrupted run loses no more, and writing one takes
-# milliseconds.
+# Wall-clock time between checkpoints [s]; writing a checkpoint takes milliseconds.
 CHECKPOINT_GAP = 10.0
 
 
 class Measurer:
-    """Watches the scene's whole duration, a row of each table per frame and one of its start.
+    """Runs the scene's whole duration and writes a row per table for the start and each frame.
 
-    name is what the scene was asked for by, arch where kernels run, since [s] the time of the
-    checkpoint from which the show goes on, if it does: the tables in the folder then grow. What it
-    writes: ledger.csv, the entries and, from time to time, the surveys; probes.csv; checkpoint.npz;
-    and by conclude() summary.json.
+    name: of the scene on the command line; since [s]: time of the checkpoint to continue from, if
+    any; rows are then appended. Files: ledger.csv (entries, and surveys at longer intervals),
+    probes.csv, checkpoint.npz; conclude() writes summary.json.
     """
 
     def __init__(
@@ -49,7 +47,7 @@ class Measurer:
         self.origin = summary.origin(scene, name, arch)
         every, gap = scene.measure.every, scene.measure.survey
         self.frames = max(1, round(scene.duration / every))
-        # Frames between surveys, 0: none.
+        # Frames between surveys, 0 for no surveys.
         self.gap = max(1, round(gap / every)) if gap > 0.0 else 0
         self.done = round((since or 0.0) / every)
         if self.done >= self.frames:
@@ -58,8 +56,8 @@ class Measurer:
         self.surveys: list[Survey] = []
         self.before: Entry | None = None
         self.saved = time.monotonic()
-        self.show: Any = None  # while nothing was shown
-        self.good: dict[str, Any] = {}  # the water after the last whole frame
+        self.show: Any = None  # None before the first frame
+        self.good: dict[str, Any] = {}  # state after the last complete frame
         self.result: dict[str, Any] = {}
         heads = entry.columns() + (COLUMNS if self.gap else [])
         self.ledger = Table(folder / LEDGER, heads, since)
@@ -77,10 +75,10 @@ class Measurer:
     def controls(self, row: Row) -> Controls:
         if self.show is None:
             self._begin(row.lead)
-            row.lead.tell = self.bar.within
+            row.lead.on_progress = self.bar.within
         return Controls()
 
-    def see(self, row: Row) -> None:
+    def observe(self, row: Row) -> None:
         show = row.lead
         self.done += 1
         entries = show.ledger.entries
@@ -92,7 +90,7 @@ class Measurer:
             self._save()
 
     def _begin(self, show: Show) -> None:
-        """The state that the run starts from, and what was measured of it before."""
+        """Records the initial state, or reads the earlier entries of a resumed run."""
         self.show, self.started = show, show.simulation.counts()
         self.first_step = show.simulation.steps
         earlier = past.entries(self.ledger.kept)
@@ -100,7 +98,7 @@ class Measurer:
             self.surveys = past.surveys(self.ledger.kept, show.rest_volume())
         self.before = earlier[-1] if earlier else None
         goes_on = earlier and abs(show.simulation.time - earlier[-1].time) < ROUNDING
-        # A frame has the gravity of its start: the work of turning it is counted in the next one.
+        # A frame has the gravity of its start; the work of a tilt counts in the next frame.
         x, y, z = earlier[-1].gravity.tolist() if goes_on else show.gravity()
         first = past.continued(show.ledger.record((x, y, z)), self.before)
         show.ledger.entries[:] = earlier if goes_on else [*earlier, first]
@@ -108,7 +106,7 @@ class Measurer:
             self._write(show)
 
     def _write(self, show: Show) -> None:
-        """A row of each table, from the ledger's last entry and the water as it is."""
+        """Writes a row of each table from the ledger's last entry and the current state."""
         last = show.ledger.entries[-1]
         due = self.gap and (self.done % self.gap == 0 or self.done == self.frames)
         water = Snapshot.of(show.simulation) if due or self.probes else None
@@ -126,7 +124,7 @@ class Measurer:
             self.readings.write([last.time])
 
     def _save(self) -> None:
-        """The checkpoint, whole or not at all."""
+        """Writes the checkpoint, completely or not at all."""
         with replacing(self.folder / CHECKPOINT) as file:
             np.savez_compressed(file, **self.good)
         self.saved = time.monotonic()
@@ -135,8 +133,7 @@ class Measurer:
         self.bar.close()
 
     def conclude(self, failure: str | None = None) -> list[Path]:
-        """Writes the summary, with the reason why the run ended early if it did; returns the files
-        that there are now."""
+        """Writes the summary, with the reason of a failure if any; returns the existing files."""
         self.close()
         result = {
             **self.origin,
@@ -163,11 +160,11 @@ class Measurer:
         return [self.folder / name for name in FILES if (self.folder / name).exists()]
 
     def add(self, key: str, value: Any) -> None:
-        """Adds to the summary what was found of the run later."""
+        """Adds a key to the summary file."""
         self.result[key] = value
         summary.write(self.folder / SUMMARY, self.result)
 
     def account(self) -> str:
-        """How wrong the run is, in words; after conclude()."""
+        """Returns a text with the errors of the run. Call after conclude()."""
         lines = account.account(summary.figures(self.result))
         return account.text(lines, self.result["cautions"], self.result)

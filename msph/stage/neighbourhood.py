@@ -1,4 +1,4 @@
-"""One particle of a view, its neighbours by the weight of its kernel, and what acts on it."""
+"""A picked particle: its neighbours by kernel weight, its values and its accelerations."""
 
 from typing import Any
 
@@ -11,19 +11,18 @@ from msph.fluid.particles.layers import MAX_LAYERS
 from msph.fluid.particles.neighbour_list import LIST_FORMS
 from msph.fluid.simulation import Simulation
 from msph.fluid.world import World
-from msph.picture.legend import Legend
 from msph.taichi_internals import data_oriented, kernel
 
-# Radius of particles that are no neighbours, over their own: they are dots. And of neighbours of no
-# weight: smaller than those of more, which would else be hidden within.
+# Radius over the particle's own: of particles that are no neighbours, and of neighbours with weight
+# 0, which must not hide those with larger weights.
 DOT, SHELL = 0.2, 0.35
-# Weight of the past in accelerations: those of single steps jump.
-PAST = 0.8
+# Weight of the previous mean in smoothed accelerations; single steps fluctuate.
+SMOOTHING = 0.8
 
 
 @data_oriented
 class NeighbourWeights:
-    """Weights of the kernel of one particle at all others."""
+    """Kernel weights of one particle at all others."""
 
     def __init__(self, world: World):
         self.particles, self.layers = world.parts.particles, world.parts.layers
@@ -39,7 +38,8 @@ class NeighbourWeights:
         value: ti.template(),
         radius: ti.template(),
     ):
-        """value (n,): W_ij over W(0); radius (n,) [m] of what is no neighbour shrinks."""
+        """Computes value (n,) = W_ij / W(0), and scales radius (n,) [m] by DOT for particles that
+        are no neighbours, else by SHELL to 1 with the weight."""
         for j in range(n):
             layer, other = self.particles.layer[i], self.particles.layer[j]
             h = self.reach[layer, other]
@@ -55,7 +55,7 @@ class NeighbourWeights:
 
 
 class Neighbourhood:
-    """id: of the particle that was picked, None while none is."""
+    """The picked particle. id: its identity, None if no particle is picked."""
 
     def __init__(self, simulation: Simulation):
         self.simulation = simulation
@@ -64,12 +64,12 @@ class Neighbourhood:
         reach: Any = LIST_FORMS[solver.list_form(solver.parameters)]
         self.reaches = reach(h[:, None], h[None])  # [m], by the layers of a pair
         self.id: int | None = None
-        self.before: Any = None  # time [s] and velocity [m/s] of the frame before
+        self.before: Any = None  # time [s] and velocity [m/s] in the previous frame
         self.acceleration: Any = None  # (3,) [m/s^2], smoothed
         self.index = 0
 
     def pick(self, index: int | None) -> None:
-        """Takes the particle at that place of the pool, or none."""
+        """Picks the particle with this index, or no particle."""
         self.id = None
         if index is not None:
             self.simulation.world.once(NeighbourWeights).load(reach=self.reaches)
@@ -77,7 +77,7 @@ class Neighbourhood:
         self.before = self.acceleration = None
 
     def find(self) -> bool:
-        """Whether the particle is still there: merges take particles away. Sets `index`."""
+        """Finds the index of the particle; returns False after a merge has removed it."""
         if self.id is None:
             return False
         places = np.flatnonzero(self.particles.numpy("id") == self.id)
@@ -88,7 +88,7 @@ class Neighbourhood:
         return True
 
     def follow(self) -> None:
-        """Takes in a frame: how the particle was accelerated in it."""
+        """Updates the particle's smoothed acceleration after a frame."""
         if not self.find():
             return
         time = self.simulation.time
@@ -96,49 +96,43 @@ class Neighbourhood:
         if self.before is not None and time > self.before[0]:
             now = (velocity - self.before[1]) / (time - self.before[0])
             old = now if self.acceleration is None else self.acceleration
-            self.acceleration = PAST * old + (1.0 - PAST) * now
+            self.acceleration = SMOOTHING * old + (1.0 - SMOOTHING) * now
         self.before = time, velocity
 
     def weigh(self, value: ti.Field, radius: ti.Field) -> None:
-        """value (n,): W_ij over W(0); radius (n,) [m] of what is no neighbour shrinks."""
+        """Computes the weights (n,) and scales the radii (n,) [m]; see NeighbourWeights."""
         weights = self.simulation.world.once(NeighbourWeights)
         classic = self.simulation.solver.NAME == "classic"
         weights.weigh(self.index, self.particles.count, classic, value, radius)
 
-    def legend(self) -> Legend:
-        return Legend("kernel W(r)/W(0) [-]", ((0.0, "0"), (0.5, "0.5"), (1.0, "1")))
-
     def facts(self) -> list[str]:
-        """What is known of the particle, a line each, its density summed over the positions as they
-        are; images behind walls are no particles. find() must have found it."""
+        """Returns lines with the particle's values, its density summed at the current positions.
+        Mirror images count as no neighbours. Requires find() to have returned True."""
         self.simulation.measure_density()
-        # Measuring sorts the particles.
+        # measure_density() sorts the particles.
         self.find()
         i, p = self.index, self.particles
         layer = int(p.numpy("layer")[i])
         x, layers = p.numpy("x"), p.numpy("layer")
         near = int((np.linalg.norm(x - x[i], axis=1) < self.reaches[layer, layers]).sum()) - 1
-        h = 1e3 * self.reaches[layer, layer]
+        h, rest = 1e3 * self.reaches[layer, layer], self.layers.finest.density
         lines = [
             f"particle {self.id}, layer {layer}: {near} neighbours within {h:.3g} mm",
-            f"density {100.0 * (p.numpy('density')[i] / self._rest() - 1.0):+.2f} %, "
+            f"density {100.0 * (p.numpy('density')[i] / rest - 1.0):+.2f} %, "
             f"pressure {p.numpy('pressure')[i]:.0f} Pa, "
             f"speed {np.linalg.norm(p.numpy('v')[i]):.2f} m/s",
         ]
         if self.acceleration is not None:
-            lines.append(f"accelerated by {np.linalg.norm(self.acceleration):.2f} m/s^2 in all")
+            lines.append(f"total acceleration {np.linalg.norm(self.acceleration):.2f} m/s^2")
         return lines
 
     def arrows(self, gravity: np.ndarray) -> dict[str, np.ndarray]:
-        """Accelerations (3,) [m/s^2] that act, by name; gravity (3,) in the box's frame. What
-        gravity does not explain is the neighbours' doing, or the hand's."""
+        """Returns the accelerations (3,) [m/s^2] by name; gravity (3,) in the box frame. The rest
+        after gravity comes from the neighbours, walls and the hand."""
         if self.acceleration is None:
             return {}
         return {"gravity": gravity, "water": self.acceleration - gravity}
 
     def place(self) -> np.ndarray:
-        """Of the particle, (3,) [m]."""
+        """Returns the particle's position, (3,) [m]."""
         return self.particles.numpy("x")[self.index].astype(float)
-
-    def _rest(self) -> float:
-        return self.simulation.layers.finest.density

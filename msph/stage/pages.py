@@ -1,4 +1,4 @@
-"""Pages of text that a window lays over its picture: status, hints, messages, help."""
+"""Pages of text over the window's image: status, hints, messages, help."""
 
 import functools
 
@@ -7,35 +7,35 @@ from PIL import Image, ImageDraw, ImageFont
 
 from msph.stage.controls import KEYS
 
-# Height of text over the window's, and the least that can be read [pixels].
+# Text height over the window's height, and least legible height [pixels].
 TEXT, LEAST_TEXT = 1.0 / 30.0, 12
-# In text heights: space round text, pitch of lines, width of the column of keys in the help.
+# In text heights: padding, line pitch, width of the column of keys in the help.
 PADDING, LINE, KEY_WIDTH = 0.5, 1.35, 10.0
-# Colours with opacity, 0..255, of the ground, text, lesser text and warnings: on dark ground each
-# has a contrast of 7 or more.
+# RGBA colours (0..255) of background, text, secondary text and warnings; the contrast is at least
+# 7 on a dark image.
 GROUND, INK, FAINT = (10, 20, 30, 176), (245, 247, 250, 255), (176, 206, 222, 255)
 WARNING = (255, 209, 102, 255)
-DENSE = (*GROUND[:3], 226)  # ground of pages that are read for longer
+DENSE = (*GROUND[:3], 226)  # background of long pages
 
 
 @functools.cache
 def font_of(size: int):
-    """The font whose text is so high [pixels]; to read it takes milliseconds."""
+    """Returns the font of a text height [pixels]; cached, since loading takes milliseconds."""
     return ImageFont.load_default(size=size)
 
 
 def text_height(height: int) -> int:
-    """Of a window so high [pixels]."""
+    """Returns the text height for a window height [pixels]."""
     return max(LEAST_TEXT, round(TEXT * height))
 
 
-def lines(texts: list[tuple[str, tuple]], size: int, ground: tuple = GROUND) -> np.ndarray:
-    """Texts with their colours, one below the other, (height, width, 4) uint8, first row at the
-    top; size: height of the text [pixels]."""
+def lines(texts: list[tuple[str, tuple]], size: int) -> np.ndarray:
+    """Returns a page of lines with their colours, (height, width, 4) uint8, first row at the top;
+    size: text height [pixels]."""
     font = font_of(size)
     pad, pitch = round(PADDING * size), LINE * size
     width = max(int(font.getlength(text)) for text, _ in texts) + 2 * pad
-    page = Image.new("RGBA", (width, round(pitch * len(texts)) + pad), ground)
+    page = Image.new("RGBA", (width, round(pitch * len(texts)) + pad), GROUND)
     draw = ImageDraw.Draw(page)
     for row, (text, colour) in enumerate(texts):
         y = 0.5 * pad + pitch * (row + 0.5)
@@ -44,7 +44,7 @@ def lines(texts: list[tuple[str, tuple]], size: int, ground: tuple = GROUND) -> 
 
 
 def hints(texts: list[str], urgent: bool, size: int, most: float) -> np.ndarray:
-    """Hints side by side, in lines of at most `most` pixels; the first stands out where urgent."""
+    """Returns a page of hints in lines of at most `most` pixels; highlights the first if urgent."""
     font = font_of(size)
     pad, pitch, between = round(PADDING * size), LINE * size, 1.5 * size
     places, x, row = [], float(pad), 0
@@ -63,19 +63,19 @@ def hints(texts: list[str], urgent: bool, size: int, most: float) -> np.ndarray:
 
 
 def help_page(size: int, most: int, taken: frozenset[str] = frozenset()) -> np.ndarray:
-    """Every key that is not taken by somebody else, and what it does; size: height of the text
-    where that is at most `most` [pixels] high, else less."""
-    rows = [(key.shown, key.does) for key in KEYS if not taken & set(key.keys)]
+    """Returns the page of all keys not `taken` by a lesson. size: text height [pixels], reduced if
+    the page would be higher than `most` [pixels]."""
+    rows = [(key.label, key.effect) for key in KEYS if not taken & set(key.keys)]
     size = min(size, int(most / (LINE * (len(rows) + 1) + 2.0 * PADDING)))
     font = font_of(size)
     pad, pitch, column = round(2.0 * PADDING * size), LINE * size, KEY_WIDTH * size
-    widest = max(font.getlength(does) for _, does in rows)
+    widest = max(font.getlength(effect) for _, effect in rows)
     width, height = int(column + widest) + 2 * pad, round(pitch * (len(rows) + 1)) + 2 * pad
     page = Image.new("RGBA", (width, height), DENSE)
     draw = ImageDraw.Draw(page)
     draw.text((pad, pad + 0.5 * pitch), "Keys and mouse (h closes)", WARNING, font, anchor="lm")
-    for row, (shown, does) in enumerate(rows):
+    for row, (label, effect) in enumerate(rows):
         y = pad + pitch * (row + 1.5)
-        draw.text((pad, y), shown, INK, font, anchor="lm")
-        draw.text((pad + column, y), does, FAINT, font, anchor="lm")
+        draw.text((pad, y), label, INK, font, anchor="lm")
+        draw.text((pad + column, y), effect, FAINT, font, anchor="lm")
     return np.asarray(page)

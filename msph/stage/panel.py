@@ -1,4 +1,4 @@
-"""The panel of a window: sliders of the live parameters, and what else can be chosen."""
+"""Settings panel: sliders of the live parameters, buttons for views, scenes and qualities."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -11,22 +11,20 @@ from msph.scene.library import shipped_scenes
 from msph.scene.live import Live, live_parameters, read
 from msph.stage.pages import DENSE, FAINT, INK, LINE, font_of
 from msph.stage.show import Show
-from msph.stage.widgets import Button, Grip, Sheet, Slider
+from msph.stage.widgets import Grip, Sheet, Slider
 
-# What the panel has a page for, and by section of the scene the page of its live parameters; those
-# of no section are the water's.
+# Pages of the panel; pages of the live parameters by scene section, "water" for all others.
 PAGES = ("water", "light", "play", "views", "scenes", "quality")
 PAGE_OF = {"picture": "light", "play": "play"}
-# Buttons of pages in a row, and room round all in text heights.
-ABREAST, PAD = 3, 0.5
-# The button that undoes all changes.
-RESET = "as the scene says"
+# Page buttons per row, and padding in text heights.
+PER_ROW, PAD = 3, 0.5
+# Label of the button that resets the page's parameters.
+RESET = "reset to the scene's values"
 
 
 @dataclass(frozen=True)
-class Wish:
-    """What was chosen: of a kind ("set", "reset", "view", "scene", "quality"), which, and its
-    value."""
+class Request:
+    """A user request: kind ("set", "reset", "view", "scene", "quality"), name and value."""
 
     kind: str
     name: str
@@ -34,8 +32,7 @@ class Wish:
 
 
 class Panel:
-    """scene: what the show was asked for by, quality: what it is at. page: which of PAGES is
-    open."""
+    """Panel of a scene (name or file) at a quality. page: the open one of PAGES."""
 
     def __init__(self, show: Show, scene: str, quality: str):
         self.live: list[Live] = live_parameters(show.scene)
@@ -45,13 +42,9 @@ class Panel:
         self.grip = Grip()
         self.painted: Any = None
 
-    def value(self, show: Show, key: str) -> float:
-        """Of a live parameter now."""
-        return read(show.scene, key)
-
     def paint(self, show: Show, size: tuple[int, int], text: int) -> np.ndarray | None:
-        """The open page, (height, width, 4) uint8, first row at the top, of a size (width, height)
-        with text so high [pixels]; None while that of before still holds."""
+        """Returns the open page, (height, width, 4) uint8, first row at the top, None if unchanged;
+        size (width, height) and text height [pixels]."""
         values = tuple(read(show.scene, live.key) for live in self._here())
         state = (self.page, show.views.name, values, size, text)
         if state == self.painted:
@@ -62,40 +55,40 @@ class Panel:
         pad, high = PAD * text, LINE * text
         inner = size[0] - 2 * pad
         for k, name in enumerate(PAGES):
-            left = pad + (k % ABREAST) * inner / ABREAST
-            span = left, left + inner / ABREAST - 0.3 * pad
-            y = pad + (k // ABREAST) * high
+            left = pad + (k % PER_ROW) * inner / PER_ROW
+            span = left, left + inner / PER_ROW - 0.3 * pad
+            y = pad + (k // PER_ROW) * high
             self.sheet.button(f"page {name}", name, span, y, name == self.page)
-        y = pad + (len(PAGES) // ABREAST + 0.5) * high
+        y = pad + (len(PAGES) // PER_ROW + 0.5) * high
         if self.page in ("views", "scenes", "quality"):
             self._choices(show, (pad, size[0] - pad), y)
         else:
             self._sliders(show, (pad, size[0] - pad), y)
         return np.asarray(page)
 
-    def touch(self, x: float, y: float, down: bool, show: Show) -> list[Wish]:
-        """What the left button asks for with the cursor at (x, y) [pixels from the page's
+    def touch(self, x: float, y: float, down: bool, show: Show) -> list[Request]:
+        """Returns the requests of the left button with the cursor at (x, y) [pixels from the page's
         corner]."""
         acted = self.grip.act(self.sheet, x, y, down)
         if isinstance(acted, Slider):
-            return [Wish("set", acted.name, acted.value(x))]
-        return self._click(acted.name) if isinstance(acted, Button) else []
+            return [Request("set", acted.name, acted.value(x))]
+        return self._click(acted.name) if acted else []
 
-    def _click(self, button: str) -> list[Wish]:
+    def _click(self, button: str) -> list[Request]:
         kind, _, name = button.partition(" ")
         if kind == "page":
             self.page = name
             return []
         if kind == "reset":
-            return [Wish("reset", live.key) for live in self._here()]
-        return [] if name in (self.scene, self.quality) else [Wish(kind, name)]
+            return [Request("reset", live.key) for live in self._here()]
+        return [] if name in (self.scene, self.quality) else [Request(kind, name)]
 
     def _here(self) -> list[Live]:
         """Live parameters of the open page."""
         return [x for x in self.live if PAGE_OF.get(x.key.partition(".")[0], "water") == self.page]
 
     def _sliders(self, show: Show, x: tuple[float, float], y: float) -> None:
-        """Of each parameter a line with its name and value, and its slider below."""
+        """Draws a line with name and value, and a slider, for each parameter."""
         assert self.sheet is not None
         sheet, high = self.sheet, LINE * self.sheet.text
         for live in self._here():
@@ -103,15 +96,15 @@ class Panel:
             name = live.key.rpartition(".")[2].replace("_", " ")
             unit = "" if live.unit == "-" else f" {live.unit}"
             sheet.draw.text((x[0], y + 0.5 * high), name, INK, sheet.font, anchor="lm")
-            told = f"{value:.3g}{unit}"
-            sheet.draw.text((x[1], y + 0.5 * high), told, FAINT, sheet.font, anchor="rm")
+            number = f"{value:.3g}{unit}"
+            sheet.draw.text((x[1], y + 0.5 * high), number, FAINT, sheet.font, anchor="rm")
             ends = x[0] + 0.4 * sheet.text, x[1] - 0.4 * sheet.text
             sheet.slider(live.key, value, (live.lo, live.hi), ends, y + 0.9 * high)
             y += 2.1 * high
         sheet.button("reset", RESET, x, y + 0.2 * high, False)
 
     def _choices(self, show: Show, x: tuple[float, float], y: float) -> None:
-        """A button for each name, of which one is marked."""
+        """Draws a button for each choice and highlights the current one."""
         assert self.sheet is not None
         kind, names, now = {
             "views": ("view", show.views.names, show.views.name),

@@ -1,4 +1,4 @@
-"""Player: the audience at a window. Keys and mouse become controls, and pages tell what happens."""
+"""Player: runs simulations in a window, turns keys and mouse into controls, draws the pages."""
 
 import math
 import time
@@ -8,29 +8,29 @@ import numpy as np
 
 from msph.measure.resolution import mean_depth
 from msph.picture.camera import Camera
-from msph.stage.called import Called, Choice
-from msph.stage.companion import Companion
+from msph.stage.called import Choice, SceneArguments
+from msph.stage.companion import InputOverlay
 from msph.stage.controls import ACTIONS, Controls
 from msph.stage.idle import Idle
-from msph.stage.keeper import KEEPING, Keeper
-from msph.stage.keepsakes import Keepsakes
+from msph.stage.keepsakes import SAVING, Saver
 from msph.stage.layout import Layout
+from msph.stage.loop import Audience
 from msph.stage.menu import Menu
 from msph.stage.pacer import Pacer
 from msph.stage.replay import Replay
-from msph.stage.row import Row, with_picked
+from msph.stage.row import Row, show_with_picked
 from msph.stage.steering import BUTTONS, Steering
 from msph.stage.window import Window
 
 SLOW_MOTION = 0.1  # simulated over wall-clock time in slow motion
-FORGET = 1.01  # growth per frame of the least time that showing a frame takes
-ARROW = 0.3  # length of an arrow of 10 m/s^2, over the box's longest edge
+PRESENT_GROWTH = 1.01  # growth per frame of the estimated time to present a frame
+ARROW = 0.3  # length of an arrow for 10 m/s^2 over the box's longest edge
 
 
-class Player:
-    """Plays a row in a window until it is closed or another scene is chosen; quality: what the row
-    is at. layout: the window's, which outlives the player. called: how to load other scenes.
-    frames: the largest number of frames, None for no limit. guide: that of a lesson."""
+class Player(Audience):
+    """Runs a row in a window until the window is closed or another scene is chosen. layout: shared
+    by the players of a session; frames: largest number of frames, None for no limit; guide: overlay
+    of a lesson."""
 
     def __init__(
         self,
@@ -39,129 +39,129 @@ class Player:
         choice: Choice,
         quality: str,
         layout: Layout,
-        called: Called,
+        arguments: SceneArguments,
         frames: int | None = None,
-        guide: Companion | None = None,
+        guide: InputOverlay | None = None,
     ):
         self.window, self.row, self.frames, self.guide = window, row, frames, guide
         lead, play = row.lead, row.lead.scene.play
         self.layout, self.replay = layout, Replay()
         self.pacer = Pacer(play.fps, play.speed, play.scale)
         layout.begin(quality)
-        self.menu = Menu(row, choice, quality, layout, self.pacer, called)
+        self.menu = Menu(row, choice, quality, layout, self.pacer, arguments)
         self.steering = Steering(window, row)
-        keepsakes = Keepsakes(Path("out"), Path(choice.scene).stem, quality)
-        self.keeper = Keeper(window, layout, self.replay, keepsakes)
+        self.saver = Saver(window, layout, self.replay, Path(choice.scene).stem, quality)
         sim = lead.simulation
         centre = sim.particles.numpy("x").mean(axis=0)[None]
         depth = mean_depth(lead.scene.gravity, sim.plan, centre)
         self.idle = Idle(lead.scene, depth)
         if guide:
-            # The guide says what to try, and nothing moves but what the user moves.
+            # A lesson gives its own hints, and only the user moves the pool.
             self.idle.tried |= set(ACTIONS.values())
             self.idle.sways = False
             layout.below, layout.taken = guide.below, guide.taken
         self.runs = guide.runs if guide else 0
         self.paused = self.done = self.helping = False
-        self.clock: float | None = None  # when the last frame had been shown [s]
-        self.shown = math.inf  # what showing a frame takes at least [s]: beyond, it waits
+        self.clock: float | None = None  # time at which the last frame was presented [s]
+        self.present = math.inf  # time to present a frame, without the wait for the display [s]
 
     @property
-    def follows(self) -> Choice | None:
-        """What was chosen to follow, unless the user has asked to quit."""
+    def next_choice(self) -> Choice | None:
+        """The scene to play next, None after a request to quit."""
         return self.menu.next if self.window.open and not self.done else None
-
-    # Each frame, before it.
 
     def wants_more(self, row: Row) -> bool:
         over = self.frames is not None and row.lead.frames >= self.frames
         return self.window.open and not (self.done or over or self.menu.settled)
 
     def controls(self, row: Row) -> Controls:
-        wishes, steering, guide = Controls(), self.steering, self.guide
+        controls, steering, guide = Controls(), self.steering, self.guide
         pressed = self.window.presses()
-        steering.look()
+        steering.read_cursor()
         for key in pressed:
             if key in BUTTONS:
-                steering.free[key] = not self._covered()
+                steering.free[key] = not self._on_page()
             elif guide and guide.takes(key):
-                self._follow(guide)
+                self._level_after_reset(guide)
             elif key in ACTIONS:
-                self._press(ACTIONS[key], wishes)
-        self.pacer.steer(wishes)
+                self._press(ACTIONS[key], controls)
+        self.pacer.steer(controls)
         step, wall = self.pacer.frame_time, self.pacer.wall
-        # While a lesson waits, keys do nothing.
+        # While a lesson pauses the simulation, keys do nothing.
         waits = guide is not None and guide.waits
-        held = not waits and steering.hold(step, wall, self.paused)
-        dragged = self._drag(wishes, step)
+        held = not waits and steering.apply_keys(step, wall, self.paused)
+        dragged = self._drag(controls, step)
         self.idle.pass_time(wall, bool(pressed or held or dragged or steering.moved.any()))
-        sway = self.idle.roll(row.lead.simulation.time, 0.0 if self._still else step)
-        wishes.tilt = (float(steering.tilt[0]) + sway, float(steering.tilt[1]))
-        wishes.paused = self._still
-        return wishes
+        sway = self.idle.roll(row.lead.simulation.time, 0.0 if self._paused else step)
+        controls.tilt = (float(steering.tilt[0]) + sway, float(steering.tilt[1]))
+        controls.paused = self._paused
+        return controls
 
     @property
-    def _still(self) -> bool:
-        """True while the simulation is paused, by the user or by the guide."""
+    def _paused(self) -> bool:
+        """True while the simulation is paused, by the user or the lesson."""
         return self.paused or (self.guide is not None and self.guide.waits)
 
-    def _follow(self, guide: Companion) -> None:
-        """Levels the pool where the guide has reset the simulation."""
+    def _level_after_reset(self, guide: InputOverlay) -> None:
+        """Levels the pool after a reset by the lesson."""
         if guide.runs != self.runs:
             self.runs = guide.runs
             self.steering.tilt[:] = 0.0
 
-    def _covered(self) -> bool:
-        """True if the cursor is over a page, and not over the water."""
+    def _on_page(self) -> bool:
+        """Returns True if the cursor is on a page."""
         cursor = self.steering.cursor
         return (self.guide is not None and self.guide.covers(cursor)) or self.layout.covers(cursor)
 
-    def _drag(self, wishes: Controls, step: float) -> bool:
-        """What the mouse does; whether a button is down beside the pages."""
+    def _drag(self, controls: Controls, step: float) -> bool:
+        """Handles the mouse; returns True while a button is used."""
         steering, down = self.steering, self.window.down("LMB")
-        self.idle.tried.add(steering.turn())
+        self.idle.tried.add(steering.drag_camera())
         if self.guide and self.guide.drag(steering.cursor, down):
             return True
         self.menu.touch(steering.cursor, down)
         if steering.clicked() and self.row.lead.views.name != "water":
             steering.pick()
-        held = steering.held()
+        held = steering.held_buttons()
         if held[0]:
             self.idle.tried.add("push")
-        steering.push(wishes, step, self._covered())
+        steering.push(controls, step, self._on_page())
         return any(held)
 
-    def _press(self, action: str, wishes: Controls) -> None:
-        """What a key asks for at once; others act as long as they are down."""
+    def _press(self, action: str, controls: Controls) -> None:
+        """Carries out an action that happens once per key press."""
         self.idle.tried.add(action)
         if action == "quit" and self.helping:
             action = "help"
         act = getattr(self, f"_{action}", None)
-        if action in ("reset", "next_view"):
-            setattr(wishes, action, True)
-        elif action == "step":
-            wishes.single_step = True
-        elif action in KEEPING:
-            getattr(self.keeper, action)(self.row)
+        if action in ("reset", "next_view", "single_step"):
+            setattr(controls, action, True)
+        elif action in SAVING:
+            self.saver.act(action, self.row)
             self.clock = None
+        elif action == "pause":
+            self.paused = not self.paused
+        elif action in ("next_scene", "previous_scene"):
+            self.menu.step(1 if action == "next_scene" else -1)
+        elif action == "quit":
+            self.done = True
         elif act:
             act()
         if action == "reset":
             self.steering.tilt[:] = 0.0
 
-    def _pause(self) -> None:
-        self.paused = not self.paused
-
     def _slow_motion(self) -> None:
-        usual = self.row.lead.scene.play.speed
-        self.pacer.ask(SLOW_MOTION * usual if self.pacer.speed == usual else usual)
+        normal = self.row.lead.scene.play.speed
+        self.pacer.set_speed(SLOW_MOTION * normal if self.pacer.speed == normal else normal)
 
     def _lock(self) -> None:
         locked = self.steering.locked = not self.steering.locked
-        self.layout.say("the tilt is locked" if locked else "the pool comes level by itself")
+        self.layout.show_message(
+            "the tilt is locked" if locked else "the pool comes level by itself"
+        )
 
     def _framing(self) -> Camera:
-        """The scene's view beside the column."""
+        """Returns the scene's camera, centred in the area right of the panel."""
         lead = self.row.lead
         return lead.framing(1.0 if self.row.composed else self.layout.free, lead.camera.stretch)
 
@@ -181,59 +181,45 @@ class Player:
         camera.shift = framing.shift
         camera.zoom(framing.distance / before)
 
-    def _next_scene(self) -> None:
-        self.menu.step(1)
-
-    def _previous_scene(self) -> None:
-        self.menu.step(-1)
-
-    def _quit(self) -> None:
-        self.done = True
-
     def _slice(self) -> None:
         self.row.slice()
         if self.row.lead.views.cut is not None and self.row.lead.views.name == "water":
-            self.layout.say("the slice is seen in views of particles: v")
+            self.layout.show_message("the slice is visible in the particle views: press v")
 
-    # Each frame, after it.
-
-    def see(self, row: Row) -> None:
+    def observe(self, row: Row) -> None:
         now, image = time.perf_counter(), row.image
-        if not self._still:
-            self.replay.see(row, now)
+        if not self._paused:
+            self.replay.observe(row, now)
         if self.guide:
             self.guide.look()
-        self.menu.lay()
+        self.menu.draw()
         if self.guide:
             self.guide.lay(image)
         if not (self.guide and self.guide.whole):
-            self.layout.lay(row, self.pacer, self._still, self.idle)
+            self.layout.draw(row, self.pacer, self._paused, self.idle)
         if self.steering.hand.pushes:
             self.window.mark(self.steering.cursor)
         self._draw_arrows()
         begin = time.perf_counter()
         self.window.show(image)
         now = time.perf_counter()
-        self.shown = min(FORGET * self.shown, now - begin)
-        if self.clock is not None and not self._still:
-            self.pacer.see(row, now - self.clock, self.shown)
+        self.present = min(PRESENT_GROWTH * self.present, now - begin)
+        if self.clock is not None and not self._paused:
+            self.pacer.observe(row, now - self.clock, self.present)
         self.clock = now
 
     def _draw_arrows(self) -> None:
-        """What acts on the particle that was picked."""
-        of = with_picked(self.row)
-        # They lie over every page.
-        if of is None or self.helping or self.layout.panel:
+        """Draws the accelerations of the picked particle."""
+        show = show_with_picked(self.row)
+        # Arrows would cover the pages.
+        if show is None or self.helping or self.layout.panel:
             return
-        about, sim = of.views.neighbourhood, of.simulation
-        gravity = of.tilt.T @ np.array(of.scene.gravity)
-        place, length = about.place(), ARROW / 10.0 * max(sim.size)
-        ends = [(place, place + length * a) for a in about.arrows(gravity).values()]
+        picked, sim = show.views.neighbourhood, show.simulation
+        gravity = show.tilt.T @ np.array(show.scene.gravity)
+        place, length = picked.place(), ARROW / 10.0 * max(sim.size)
+        ends = [(place, place + length * a) for a in picked.arrows(gravity).values()]
         if ends:
             flat = np.array(ends).reshape(-1, 3)
-            size = of.picture.width, of.picture.height
-            places = self.row.placed(of, of.camera.project(flat, *size, sim.size, of.tilt))
+            size = show.picture.width, show.picture.height
+            places = self.row.to_window(show, show.camera.project(flat, *size, sim.size, show.tilt))
             self.window.arrows(places.reshape(-1, 2, 2))
-
-    def close(self) -> None:
-        """The window stays open: another scene may follow."""

@@ -1,4 +1,4 @@
-"""The command `play`: scenes in one window, one after another."""
+"""Implementation of `msph play`."""
 
 import shlex
 
@@ -7,19 +7,25 @@ import click
 from msph.device import start
 from msph.interrupts import importing
 from msph.options import PlayOptions, RunOptions
-from msph.stage.called import Called
+from msph.stage.called import SceneArguments
 from msph.stage.window import ClosedError, NoWindowError, check_display
 
-# Simulations side by side: more are too narrow to be seen.
-MOST = 3
+# Largest number of simulations side by side; more images would be too narrow.
+MAX_SIMULATIONS = 3
 
 
 def play(scene: str, options: PlayOptions, run: RunOptions) -> None:
-    """Plays a scene, and those that are chosen in its window; captures it where no window can be
+    """Runs a scene, and further ones chosen in its window; captures the scene if no window can be
     opened."""
-    check_beside(options.beside)
-    called = Called(scene, run.overrides, options.beside)
-    first = next(iter(called.scenes_of(scene).values()))
+    if len(options.beside) >= MAX_SIMULATIONS:
+        raise click.UsageError(f"--beside: at most {MAX_SIMULATIONS - 1}")
+    for text in options.beside:
+        try:
+            shlex.split(text)
+        except ValueError as error:
+            raise click.UsageError(f"--beside {text}: {error}") from None
+    arguments = SceneArguments(scene, run.overrides, options.beside)
+    first = next(iter(arguments.scenes_of(scene).values()))
     try:
         check_display()
         start(run.arch, run.threads)
@@ -36,23 +42,12 @@ def play(scene: str, options: PlayOptions, run: RunOptions) -> None:
         return
     try:
         for key in KEYS:
-            click.echo(f"  {key.shown:18} {key.does}")
-        # The window is there while the rest is imported.
+            click.echo(f"  {key.label:18} {key.effect}")
+        # Imported after the window has opened.
         with importing():
             from msph.stage.session import Session
-        Session(window, called, options.frames).play(scene, run.quality)
+        Session(window, arguments, options.frames).play(scene, run.quality)
     except ClosedError:
         pass
     finally:
         window.close()
-
-
-def check_beside(beside: tuple[str, ...]) -> None:
-    """Raises UsageError where these are no overrides of simulations side by side."""
-    if len(beside) >= MOST:
-        raise click.UsageError(f"--beside: at most {MOST - 1}")
-    for text in beside:
-        try:
-            shlex.split(text)
-        except ValueError as error:
-            raise click.UsageError(f"--beside {text}: {error}") from None

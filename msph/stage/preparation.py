@@ -1,4 +1,4 @@
-"""From a scene to a row of simulations that are ready for their first frame."""
+"""Preparation of scenes: builds simulations and compiles their kernels."""
 
 import contextlib
 import sys
@@ -12,16 +12,16 @@ from msph.measure.timings import Timings
 from msph.scene.check import cautions
 from msph.scene.effort import effort
 from msph.scene.schema import Scene
-from msph.stage.row import KEPT, Row, width_of_each
-from msph.stage.show import PLAYED, Show
+from msph.stage.row import KEPT_FRAMES, Row, width_of_each
+from msph.stage.show import INTERACTIVE, Show
 from msph.taichi_internals import watch_compiling
 
-# Called with what is being done, in words, before each kernel that is compiled.
-Tell = Callable[[str], None]
+# Function that displays a progress message.
+Report = Callable[[str], None]
 
 
 def say(text: str) -> None:
-    """A line on the error stream, on its own even while a progress bar is shown."""
+    """Prints a line on stderr, above a progress bar."""
     tqdm.write(text, file=sys.stderr)
 
 
@@ -29,22 +29,20 @@ def prepare(
     scene: Scene,
     frame_time: float,
     size: tuple[int, int] | None = None,
-    tell: Tell | None = None,
+    report: Report | None = None,
     **options,
 ) -> Show:
-    """Builds a show, with the options it has, and compiles its kernels."""
+    """Builds a show with its options, and compiles its kernels."""
     begin = time.perf_counter()
     for caution in (*cautions(scene), *effort(scene)):
         say(f"warning: {caution}")
-    with compiling(tell):
+    with compiling(report):
         show = Show(scene, frame_time, size, **options)
         show.warm_up()
     ready = f"ready in {time.perf_counter() - begin:.1f} s, {sum(show.counts):,} particles, "
     ready += laid_and_asked(water_laid(scene, show.simulation, show.counts))
     if show.simulation.left_out:
-        ready += (
-            f"; {show.simulation.left_out:,} inside obstacles or outside the container left out"
-        )
+        ready += f"; {show.simulation.left_out:,} inside bodies or outside the container omitted"
     say(ready)
     return show
 
@@ -53,52 +51,52 @@ def prepare_row(
     scenes: list[Scene],
     labels: list[str],
     size: tuple[int, int] | None,
-    tell: Tell | None = None,
+    report: Report | None = None,
     below: int = 0,
 ) -> Row:
-    """A row of simulations to be played with in an image of size (width, height) [pixels], over
-    `below` pixels that are left free, with their labels."""
-    alone = len(scenes) == 1 and not below
+    """Builds a row of interactive simulations with their labels, in an image of size (width,
+    height) [pixels] with `below` free pixels at the lower edge."""
+    single = len(scenes) == 1 and not below
     each = size
-    if size and not alone:
+    if size and not single:
         each = width_of_each(len(scenes), size[0]), size[1] - below
     shows = [
         prepare(
             scene,
             1.0 / scene.play.fps,
             each,
-            tell=tell,
-            timings=Timings(keep=1 if alone else KEPT),
-            **PLAYED,
+            report=report,
+            timings=Timings(keep=1 if single else KEPT_FRAMES),
+            **INTERACTIVE,
         )
         for scene in scenes
     ]
-    return Row(shows) if alone else Row(shows, labels, size, below)
+    return Row(shows) if single else Row(shows, labels, size, below)
 
 
 def laid_and_asked(water: dict[str, float]) -> str:
-    """Mass of the water in words, and what the scene asked for where four digits differ."""
+    """Returns the mass of the water, and the scene's if it differs within four digits."""
     laid, asked = (f"{water[key]:.4g} kg" for key in ("mass_laid_kg", "mass_asked_kg"))
-    return laid if laid == asked else f"{laid} of {asked} asked"
+    return laid if laid == asked else f"{laid} of {asked} specified"
 
 
 @contextlib.contextmanager
-def compiling(tell: Tell | None) -> Iterator[None]:
-    """Tells of each kernel that is compiled within, and of the elapsed time; without `tell` a
-    terminal shows it."""
+def compiling(report: Report | None) -> Iterator[None]:
+    """Context that reports each kernel compiled in it and the elapsed time, on the terminal if
+    there is no `report`."""
     since = time.perf_counter()
-    # With disable=None the line appears on terminals only.
+    # disable=None: only on terminals.
     line = tqdm(
         bar_format="compiling {postfix} ({elapsed})",
-        disable=True if tell else None,
+        disable=True if report else None,
         leave=False,
         file=sys.stderr,
     )
 
     def next_kernel(name: str) -> None:
         line.set_postfix_str(name)
-        if tell:
-            tell(f"compiling {name}, {time.perf_counter() - since:.1f} s")
+        if report:
+            report(f"compiling {name}, {time.perf_counter() - since:.1f} s")
 
     with line, watch_compiling(next_kernel):
         yield

@@ -1,4 +1,4 @@
-"""The hand under the cursor: it drags the water where the mouse goes."""
+"""Hand at the cursor: pushes the water along with the mouse."""
 
 from typing import Any
 
@@ -8,16 +8,16 @@ from msph.fluid.external_forces import Hand
 from msph.stage.row import Row
 from msph.stage.show import Show
 
-# Radius and grip of a cursor that only passes over the water, over those of a push; least radius of
-# a hand, in finest spacings: a smaller one slips between the particles.
+# Radius and grip of a hovering cursor over those of a push; least radius of a hand in finest
+# spacings, below which the hand slips between the particles.
 WAKE_RADIUS, WAKE_GRIP, LEAST_RADIUS = 0.4, 0.25, 1.5
-# Fastest wake [m/s]: a cursor that jumps from wave to wave must not throw water.
+# Largest speed of a wake [m/s]: the cursor's ray jumps between wave crests.
 WAKE_SPEED = 2.0
 
 
 class PushingHand:
-    """place: where it holds the water [m], in the box's frame, None while it does not; over: the
-    water that it is over, of those side by side."""
+    """Hand of the mouse. place: its position [m] in the box frame, None without contact; over: the
+    show under the cursor."""
 
     def __init__(self) -> None:
         self.place: Any = None
@@ -25,15 +25,16 @@ class PushingHand:
         self.pushes = False
 
     def push(self, row: Row, cursor: np.ndarray, step: float) -> Hand:
-        """A push in a frame of `step` [s], cursor: (right, up) in shares of the window.
+        """Returns the hand of a push in a frame of `step` [s]; cursor: (right, up) in shares of the
+        window.
 
-        The water is taken where the cursor's ray meets it, and dragged at that depth; it is the
-        one that the push began in, wherever the cursor is by now.
+        A push begins where the cursor's ray meets the water, and continues at that depth and in
+        that simulation.
         """
         if not self.pushes:
-            self.over = row.under(cursor)[0]
-        show, cursor = self.over, row.within(self.over, cursor)
-        eye, direction = self._ray(show, cursor)
+            self.over = row.show_under(cursor)[0]
+        show, cursor = self.over, row.to_picture(self.over, cursor)
+        eye, direction = show.ray(*(cursor * show.picture.size))
         if not self.pushes:
             self.place = self._hit(show, cursor)
             self.pushes = self.place is not None
@@ -45,9 +46,9 @@ class PushingHand:
         return self._hand(show, (self.place - before) / step)
 
     def pass_over(self, row: Row, cursor: np.ndarray, step: float) -> Hand:
-        """A wake where the cursor moves over the water without a push; from one water to the next
-        the hand lets go."""
-        show, cursor = row.under(cursor)
+        """Returns the hand of a cursor that hovers over the water; it lets go between two
+        simulations."""
+        show, cursor = row.show_under(cursor)
         if show is not self.over:
             self.let_go()
         self.over = show
@@ -74,13 +75,8 @@ class PushingHand:
         )
 
     @staticmethod
-    def _ray(show: Show, cursor: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        size = show.picture.width, show.picture.height
-        i, j = cursor * size
-        return show.camera.box_ray(i, j, *size, show.simulation.size, show.tilt)
-
-    @staticmethod
     def _hit(show: Show, cursor: np.ndarray) -> np.ndarray | None:
-        i, j = cursor * (show.picture.width, show.picture.height)
+        """Returns the point of the water [m], box frame, at the cursor, or None."""
+        i, j = cursor * show.picture.size
         hit = show.pick(int(i), int(j))
         return None if hit is None else np.asarray(hit)

@@ -1,4 +1,4 @@
-"""The recorder: pictures, video, meshes and checkpoints of a show, to files."""
+"""Recorder: writes videos, images, meshes and particles of a show to files."""
 
 import contextlib
 import io
@@ -26,34 +26,33 @@ VIDEO = (".mp4", ".mov", ".mkv", ".webm")
 PARAVIEW = ".vtu"
 MESH = (".ply", ".obj", PARAVIEW)
 TABLE = (".npz", ".csv", PARAVIEW)
-# Encoder's constant quality, 0 to 10: water has fine detail that lower ones smear.
+# Encoder's constant quality, 0 to 10; lower ones blur the fine detail of water.
 VIDEO_QUALITY = 8
-# WebM holds no H.264. VP9 of about that quality, by its fast encoder: the usual one is slower than
-# the water.
+# WebM needs VP9: at about the same quality, in real-time mode, since the default mode takes longer
+# than the simulation.
 WEBM: dict[str, Any] = {
     "codec": "libvpx-vp9",
     "quality": None,
     "output_params": ["-crf", "24", "-b:v", "0", "-deadline", "realtime", "-cpu-used", "5"],
 }
-# The place for a frame number in a name.
+# Placeholder of the frame number in a file name.
 NUMBER = re.compile(r"%0?[1-9]?d")
-# Animated images. The shortest time that a frame of a GIF can last is two hundredths of a second.
+# Animated images, and the largest frame rate of a GIF, whose frames last at least 0.02 s.
 ANIMATION = (".gif", ".webp")
 GIF_FPS = 50.0
-# Quality of lossy WebP, 0 to 100: at 75 water shows no blocks.
+# Quality of lossy WebP, 0 to 100: 75 shows no blocks in water.
 WEBP_QUALITY = 75
 
 
 class OutputError(BadInputError):
-    """An output that cannot be written, in one line."""
+    """An output that cannot be written."""
 
 
 @dataclass(frozen=True)
 class Outputs:
-    """Files to be recorded. A picture is a video (.mp4, .mov, .mkv, .webm), an animation (.gif,
-    .webp), a still (.png), or with a number such as %04d in its name one .png per frame; meshes of
-    the surface (.ply, .obj, .vtu) and particles (.npz, a checkpoint, .csv, .vtu) have numbers in
-    their names."""
+    """Files to record. pictures: video (.mp4, .mov, .mkv, .webm), animation (.gif, .webp), still
+    image (.png), or one .png per frame with a number such as %04d in its name; meshes of the
+    surface (.ply, .obj, .vtu) and particles (.npz checkpoint, .csv, .vtu): with such numbers."""
 
     pictures: list[Path] = field(default_factory=list)
     meshes: list[Path] = field(default_factory=list)
@@ -72,10 +71,9 @@ class Outputs:
 
 
 class Recorder:
-    """Writes `frames` frames at `fps` to the outputs, a still of frame `still` or the last. The bar
-    shows the time to go. first: number of the first frame in the names of files; a run that was
-    resumed goes on with them. Raises LostOutputError where a file cannot be written to its end.
-    """
+    """Writes `frames` frames at `fps` to the outputs, and frame `still` (default: the last) to the
+    still images. first: number of the first frame in file names, after a checkpoint. Raises
+    LostOutputError if a file cannot be written completely."""
 
     def __init__(
         self,
@@ -90,7 +88,7 @@ class Recorder:
         self.still = frames if still is None else min(still, frames)
         self.done, self.first = 0, first
         self.outputs, self.lost = outputs, set[Path]()
-        self.last: Any = None  # the picture last recorded, (height, width, 3) uint8
+        self.last: Any = None  # last recorded image, (height, width, 3) uint8
         self.videos = [p for p in outputs.pictures if kind(p) in VIDEO]
         self.animations = [p for p in outputs.pictures if kind(p) in ANIMATION]
         self.animation_frames: list[np.ndarray] = []
@@ -104,10 +102,10 @@ class Recorder:
         return self.done < self.frames
 
     def controls(self, row: Row) -> Controls:
-        row.lead.tell = self.bar.within
+        row.lead.on_progress = self.bar.within
         return Controls()
 
-    def see(self, row: Row) -> None:
+    def observe(self, row: Row) -> None:
         if row.picture:
             self.last = row.picture.to_numpy_u8()
             for path, writer in zip(self.videos, self.writers or self._open(), strict=True):
@@ -130,7 +128,7 @@ class Recorder:
         self.bar.update()
 
     def close(self) -> None:
-        """Finishes every file, also after an interrupt: what was recorded can be played."""
+        """Completes all files, also after an interrupt."""
         self.bar.close()
         failures = []
         for path, writer in zip(self.videos, self.writers, strict=False):
@@ -153,7 +151,7 @@ class Recorder:
             raise failures[0]
 
     def kept(self) -> list[Path]:
-        """Outputs that there are, whole as far as the run went."""
+        """Returns the outputs that exist and are complete up to the last frame."""
         return [
             path
             for path in self.outputs.all()
@@ -162,7 +160,7 @@ class Recorder:
 
     @contextlib.contextmanager
     def _writing(self, path: Path) -> Iterator[None]:
-        """As own_files.writing; what cannot be written is lost."""
+        """Context as own_files.writing, which also marks a failed output as lost."""
         try:
             with writing(path):
                 yield
@@ -184,13 +182,13 @@ class Recorder:
         return self.writers
 
     def _even(self) -> np.ndarray:
-        """The picture without its odd last row and column: encoders want even sizes."""
+        """Returns the image cropped to even sizes, as encoders require."""
         height, width = self.last.shape[:2]
         return self.last[: height // 2 * 2, : width // 2 * 2]
 
     def _animation(self, extension: str) -> bytes:
-        """Returns the frames as a GIF or WebP that repeats. Frames of a GIF last hundredths of a
-        second, which add up to the true time."""
+        """Returns the frames as a looping GIF or WebP; durations are multiples of 0.01 s or 1 ms,
+        with the exact sum."""
         unit = 10 if extension == ".gif" else 1  # [ms]
         ends = [round(1e3 / unit * k / self.fps) for k in range(len(self.animation_frames) + 1)]
         durations = [unit * (b - a) for a, b in itertools.pairwise(ends)]
@@ -209,12 +207,12 @@ class Recorder:
         return encoded.getvalue()
 
     def _numbered(self, path: Path) -> Path:
-        """The file of this frame."""
+        """Returns the file name of the current frame."""
         return numbered_name(path, self.first + self.done)
 
 
 def check_video(path: Path, frames: int) -> None:
-    """Reads a video's frames back: encoders fail without a word. Raises OSError."""
+    """Raises OSError if a video has too few frames: encoders fail silently."""
     from imageio_ffmpeg import count_frames_and_secs
 
     try:
@@ -222,26 +220,26 @@ def check_video(path: Path, frames: int) -> None:
     except (RuntimeError, OSError, ValueError):
         found = 0
     if found < frames:
-        raise OSError(f"the encoder left {found} of {frames} frames")
+        raise OSError(f"the encoder wrote {found} of {frames} frames")
 
 
 def kind(path: Path) -> str:
-    """Its suffix, by which its format goes, in lower case."""
+    """Returns the file's suffix in lower case, which selects the format."""
     return path.suffix.lower()
 
 
 def numbered_name(path: Path, number: int) -> Path:
-    """Returns the path with the frame number in its place, if it has one."""
+    """Returns the path with the frame number filled in, if it has a placeholder."""
     return path.with_name(NUMBER.sub(lambda place: place[0] % number, path.name))
 
 
 def numbered(path: Path) -> bool:
-    """Whether the name has a place for a frame number, such as %04d."""
+    """Returns True if the name has a frame number such as %04d."""
     return NUMBER.search(path.name) is not None
 
 
 def check_outputs(outputs: Outputs, fps: float) -> None:
-    """Raises OutputError for what cannot be written, and makes the folders for the rest."""
+    """Raises OutputError for outputs that cannot be written, and creates their folders."""
     kinds = (
         (outputs.pictures, (*VIDEO, *ANIMATION, ".png")),
         (outputs.meshes, MESH),
@@ -256,14 +254,13 @@ def check_outputs(outputs: Outputs, fps: float) -> None:
     if fps > GIF_FPS and any(kind(p) == ".gif" for p in paths):
         raise OutputError(f"a GIF has at most {GIF_FPS:g} frames per second")
     if any(kind(p) == PARAVIEW for p in paths) and not vtu.available():
-        raise OutputError("files .vtu need meshio: pip install 'msph[paraview]'")
+        raise OutputError(".vtu files need meshio: pip install 'msph[paraview]'")
     for path in paths:
         make_writable(path)
 
 
 def make_writable(path: Path) -> None:
-    """Makes the folder of a file to be written, and tries to write there before much work is done
-    for it. Raises OutputError where that cannot be."""
+    """Creates the folder of an output, and raises OutputError if the file is not writable."""
     path = numbered_name(path, 0)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -273,26 +270,27 @@ def make_writable(path: Path) -> None:
         if new:
             path.unlink()
     except FileExistsError:
-        raise OutputError(f"{path.parent}: is a file, and no folder") from None
+        raise OutputError(f"{path.parent}: is a file, not a folder") from None
     except OSError as error:
         problem = error.strerror or "cannot be written"
         raise OutputError(f"{path}: {problem[0].lower()}{problem[1:]}") from None
 
 
 def check_output(path: Path, suffixes: tuple[str, ...]) -> None:
-    """Raises OutputError for a name that is not one of these kinds of file."""
+    """Raises OutputError for a file name without one of these suffixes, or with a missing, extra or
+    unexpected frame number."""
     if kind(path) not in suffixes:
         raise OutputError(f"{path}: unknown kind of file; known: {', '.join(suffixes)}")
     if len(NUMBER.findall(path.name)) > 1:
-        raise OutputError(f"{path}: has more than one place for the frame number")
+        raise OutputError(f"{path}: has more than one frame number")
     if kind(path) in (*MESH, *TABLE) and not numbered(path):
         raise OutputError(f"{path}: needs a frame number in its name, such as %04d")
     if kind(path) in (*VIDEO, *ANIMATION) and numbered(path):
-        raise OutputError(f"{path}: a video is one file, leave out the frame number")
+        raise OutputError(f"{path}: a video is one file and needs no frame number")
 
 
 def write_mesh(path: Path, show: Show) -> None:
-    """The surface, as its suffix says."""
+    """Writes the surface mesh in the format of the suffix."""
     if kind(path) == PARAVIEW:
         vtu.write_surface(path, show.surface.mesh, show.simulation)
     else:
@@ -300,7 +298,7 @@ def write_mesh(path: Path, show: Show) -> None:
 
 
 def write_particles(path: Path, show: Show) -> None:
-    """The particles, as its suffix says."""
+    """Writes the particles in the format of the suffix."""
     if kind(path) == PARAVIEW:
         vtu.write_particles(path, show.simulation)
     elif kind(path) == ".npz":
@@ -311,7 +309,7 @@ def write_particles(path: Path, show: Show) -> None:
 
 
 def write_csv(path: Path, show: Show) -> None:
-    """Every carried attribute of every particle, a column each, named in the first line."""
+    """Writes all carried attributes of the particles as columns with a header."""
     columns, names = [], []
     for name, attribute in show.simulation.particles.attributes.items():
         if attribute.carried:

@@ -1,4 +1,4 @@
-"""Simulations side by side in one image: what every audience is given, of one or of several."""
+"""Row: one or several simulations side by side in one image, as the frame loop runs them."""
 
 import gc
 from copy import copy
@@ -17,27 +17,27 @@ from msph.stage.controls import Controls
 from msph.stage.show import Show
 from msph.taichi_internals import data_oriented, kernel
 
-# Pixels between two pictures, and their colour.
+# Gap between two images [pixels], and its colour.
 GAP, GROUND = 2, (0.04, 0.08, 0.12)
-# Room of the text on each and its distance from the top, under the line that tells the time, in
-# text heights; frames between two readings of what it says.
-ROOM, TOP, EVERY = 5.0, 2.6, 20
-# Frames whose times are kept of each, for their median.
-KEPT = 60
+# Largest height of a label and its distance from the top, below the status line [text heights];
+# frames between two updates of a label.
+LABEL_HEIGHT, TOP, EVERY = 5.0, 2.6, 20
+# Number of frames for the median time on a label.
+KEPT_FRAMES = 60
 
 
 def width_of_each(number: int, width: int) -> int:
-    """Width of each of `number` pictures in a row of `width` pixels."""
+    """Returns the width of each of `number` images in a row of `width` pixels."""
     return (width - GAP * (number - 1)) // number
 
 
 @data_oriented
 class Row:
-    """Simulations side by side in one image: the first, `lead`, is steered.
+    """Simulations side by side in one image; the user controls the first, `lead`.
 
-    shows: one or several, each with an image of width_of_each() pixels or none. labels: a name of
-    each, shown with its speed and error; "" for none. size (width, height) [pixels] of the common
-    image, over `below` pixels that are left free; None where one image, or none, is all there is.
+    shows: with images of width_of_each() pixels, or without images. labels: names, displayed with
+    speed and error; "" for no label. size (width, height) [pixels] of the common image, with
+    `below` free pixels at the lower edge; None for a single show's image, or no image.
     """
 
     def __init__(
@@ -48,10 +48,10 @@ class Row:
         below: int = 0,
     ):
         self.shows, self.labels, self.below = shows, labels or [""] * len(shows), below
-        self.told = 0
-        # Of each the live keys of its scene as given: a viscosity moved to 0 stays one.
+        self.updates = 0
+        # Live keys of each scene at the start: a viscosity set to 0 remains live.
         self.live = [{live.key for live in live_parameters(show.scene)} for show in shows]
-        # Of each the distance at which its whole box is seen [m].
+        # Initial camera distance of each show [m], at which the whole box is visible.
         self.homes = [show.camera.distance if show.picture else 1.0 for show in shows]
         self.common: Image | None = None
         if size:
@@ -60,63 +60,63 @@ class Row:
             self.size = self.lead.picture.size
 
     def _compose(self, size: tuple[int, int]) -> None:
-        """The common image, and room for words on it."""
+        """Allocates the common image and its labels."""
         self.size, self.common = size, Image(ti.Vector.field(3, ti.f32, size), *size)
         self.text = pages.text_height(size[1])
-        room = self.lead.picture.width, round(ROOM * self.text)
+        room = self.lead.picture.width, round(LABEL_HEIGHT * self.text)
         self.names = [f"simulation {k}" for k in range(len(self.shows))]
         self.overlay = Overlay(*size, dict.fromkeys(self.names, room))
 
     @property
     def image(self) -> Image:
-        """What is seen of all."""
+        """The common image."""
         return self.common or self.lead.picture.image
 
     @property
     def composed(self) -> bool:
-        """Whether the image is put together from several, or has pixels left free."""
+        """True if the image is composed of several, or has free pixels below."""
         return self.common is not None
 
     @property
     def lead(self) -> Show:
-        """The simulation that is steered."""
+        """The show that the user controls."""
         return self.shows[0]
 
     @property
     def picture(self) -> Any:
-        """What is seen of all, if anything is."""
+        """The row itself as a picture (image, scale, draw), None without images."""
         return self if self.lead.picture else None
 
     def close(self) -> None:
-        """Gives back the memory of all simulations; nothing can be done with them afterwards."""
+        """Frees the memory of all simulations, which cannot be used afterwards."""
         for show in self.shows:
             show.close()
-        # Objects with kernels refer to themselves.
+        # Objects with kernels are in reference cycles.
         gc.collect()
 
     def frame(self, controls: Controls) -> None:
-        """A frame of each; the others simulate what the first has. Controls are in the first's
-        frame: boxes of other sizes are pushed at the same place in metres."""
+        """Runs a frame of each show; all simulate the time that the lead has simulated. Controls
+        are in the lead's box frame [m]."""
         lead = self.lead
         lead.frame(controls)
-        # Where a body stops a frame is given up, of all.
+        # If the lead's frame was undone for a stopped body, all wait.
         waits = controls.paused or lead.simulated == 0.0
         same = replace(controls, frame_time=lead.simulated or None, budget=None, paused=waits)
         for show, home in zip(self.shows[1:], self.homes[1:], strict=True):
             if self.picture:
-                self._aim(show, home)
+                self._match_view(show, home)
             show.frame(replace(same, next_view=False))
         self.draw_together()
 
-    def _aim(self, show: Show, home: float) -> None:
-        """Shows of another what is shown of the first."""
+    def _match_view(self, show: Show, home: float) -> None:
+        """Sets the lead's camera, slice and view for another show."""
         lead = self.lead
-        show.camera = self._beside(show, home)
+        show.camera = self._matching_camera(show, home)
         show.views.cut = None if lead.views.cut is None else show.views.cut
         show.views.name = lead.views.name if lead.views.name in show.views.names else "water"
 
-    def _beside(self, show: Show, home: float) -> Camera:
-        """The first one's point of view, at this one's distance."""
+    def _matching_camera(self, show: Show, home: float) -> Camera:
+        """Returns the lead's camera, at a distance scaled to the show's box."""
         lead, camera = self.lead.camera, copy(self.lead.camera)
         scale = home / self.homes[0]
         camera.home = np.array(show.simulation.size) / 2
@@ -125,7 +125,7 @@ class Row:
         return camera
 
     def draw_together(self) -> None:
-        """Puts the images side by side, with what is known of each over it."""
+        """Composes the images and their labels."""
         if not self.common:
             return
         self.common.field.fill(GROUND)
@@ -133,14 +133,14 @@ class Row:
             picture, left = show.picture, k * (show.picture.width + GAP)
             self._put(left, self.below, *picture.size, picture.image.field)
         if any(self.labels):
-            if self.told % EVERY == 0:
+            if self.updates % EVERY == 0:
                 for k, show in enumerate(self.shows):
-                    self._tell(k, show)
-            self.told += 1
+                    self._put_label(k, show)
+            self.updates += 1
             self.overlay.draw(self.image)
 
-    def _tell(self, k: int, show: Show) -> None:
-        """Name, speed and error of one, over it."""
+    def _put_label(self, k: int, show: Show) -> None:
+        """Paints the label of a show: name, speed and error."""
         texts = [(self.labels[k], pages.INK), *((t, pages.FAINT) for t in speed_and_error(show))]
         page = pages.lines(texts, self.text)
         left = k * (show.picture.width + GAP)
@@ -151,27 +151,27 @@ class Row:
         for i, j in ti.ndrange(width, height):
             self.common.field[left + i, low + j] = field[i, j]  # type: ignore[union-attr]
 
-    def under(self, cursor: np.ndarray) -> tuple[Show, np.ndarray]:
-        """The show under a cursor (right, up, in shares of the window), and the cursor in shares of
-        its picture."""
+    def show_under(self, cursor: np.ndarray) -> tuple[Show, np.ndarray]:
+        """Returns the show at a cursor (right, up in shares of the window), and the cursor in
+        shares of the show's image."""
         pitch = self.lead.picture.width + GAP
         place = cursor * self.size
         k = int(np.clip(place[0] // pitch, 0, len(self.shows) - 1))
-        return self.shows[k], self.within(self.shows[k], cursor)
+        return self.shows[k], self.to_picture(self.shows[k], cursor)
 
-    def within(self, show: Show, cursor: np.ndarray) -> np.ndarray:
-        """The cursor in shares of a show's picture, beyond its edges, too."""
+    def to_picture(self, show: Show, cursor: np.ndarray) -> np.ndarray:
+        """Converts a cursor from shares of the window to shares of a show's image."""
         left = self.shows.index(show) * (show.picture.width + GAP)
         pixels = cursor * self.size - (left, self.below)
         return pixels / (show.picture.width, show.picture.height)
 
-    def placed(self, show: Show, shares: np.ndarray) -> np.ndarray:
-        """Places (n, 2) in shares of a show's picture, in shares of the window."""
+    def to_window(self, show: Show, shares: np.ndarray) -> np.ndarray:
+        """Converts positions (n, 2) from shares of a show's image to shares of the window."""
         left = self.shows.index(show) * (show.picture.width + GAP)
         pixels = shares * (show.picture.width, show.picture.height) + (left, self.below)
         return pixels / self.size
 
-    # What an audience does to a show, done to all.
+    # Methods of Show and Picture, applied to all shows.
 
     def set(self, key: str, value: float) -> None:
         for show, live in zip(self.shows, self.live, strict=True):
@@ -192,14 +192,14 @@ class Row:
         self.draw_together()
 
     def moment(self) -> dict[str, Any]:
-        """What is seen now; "state" holds the arrays."""
+        """Returns the moments of all shows; "state" holds their arrays."""
         moments = [show.moment() for show in self.shows]
         states = {f"{k} {name}": a for k, m in enumerate(moments) for name, a in m["state"].items()}
         return {"state": states, "moments": moments}
 
-    def see_again(self, moment: dict[str, Any]) -> None:
+    def show_moment(self, moment: dict[str, Any]) -> None:
         for show, its in zip(self.shows, moment["moments"], strict=True):
-            show.see_again(its)
+            show.show_moment(its)
         self.draw_together()
 
     @property
@@ -212,26 +212,27 @@ class Row:
             show.picture.scale = scale
 
     def to_numpy_u8(self) -> np.ndarray:
-        """(height, width, 3) uint8, first row at the top, without what is left free."""
+        """Returns the image without free pixels, (height, width, 3) uint8, first row at the top."""
         return as_u8(self.image)[: self.size[1] - self.below]
 
     def warnings(self) -> list[str]:
         return [warning for show in self.shows for warning in show.warnings()]
 
 
-def with_picked(row: Row) -> Show | None:
-    """The one whose particle was picked and is seen, if any."""
-    seen = (s for s in row.shows if s.views.name != "water")
-    return next((s for s in seen if s.views.neighbourhood.id is not None), None)
+def show_with_picked(row: Row) -> Show | None:
+    """Returns the show with a picked particle in a particle view, if any."""
+    visible = (s for s in row.shows if s.views.name != "water")
+    return next((s for s in visible if s.views.neighbourhood.id is not None), None)
 
 
 def speed_and_error(show: Show) -> list[str]:
-    """What a frame's water takes, how many particles, and the density error, in words."""
+    """Returns label lines: number of particles, fluid time per frame, density error."""
     frames = show.timings.frames if show.timings else []
     fluid = [frame["fluid"] for frame in frames if "fluid" in frame]
-    told = [f"{sum(show.simulation.counts()):,} particles"]
+    lines = [f"{sum(show.simulation.counts()):,} particles"]
     if fluid:
-        told.append(f"{1e3 * float(np.median(fluid)):.1f} ms")
+        lines[0] += f", {1e3 * float(np.median(fluid)):.1f} ms"
     error = show.ledger.last_density_error() if show.ledger.entries else np.nan
-    second = f"density off by {100.0 * error:.2f} %" if np.isfinite(error) else ""
-    return [", ".join(told), *([second] if second else [])]
+    if np.isfinite(error):
+        lines.append(f"density error {100.0 * error:.2f} %")
+    return lines

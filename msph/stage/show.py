@@ -1,4 +1,4 @@
-"""A show: one scene's fluid, surface, picture and ledger, advanced frame by frame."""
+"""Show: simulation, surface, image and ledger of one scene, advanced frame by frame."""
 
 import math
 from collections.abc import Callable
@@ -18,12 +18,7 @@ from msph.measure.timings import Timings
 from msph.picture.camera import Camera
 from msph.picture.picture import Picture, picture_of
 from msph.picture.room import PictureRoom
-from msph.scene.build import (
-    build_simulation,
-    rotation,
-    sway_angle,
-    turn,
-)
+from msph.scene.build import build_simulation, rotation, sway_angle, turn
 from msph.scene.errors import SceneError
 from msph.scene.live import changed
 from msph.scene.schema import Scene
@@ -31,24 +26,22 @@ from msph.stage.controls import Controls
 from msph.stage.views import Views
 from msph.surface import Surface, SurfaceRoom, surface_of
 
-# Scale of the image while kernels are compiled (-).
+# Image scale of the warm-up frame (-); below 1, so that the enlarging kernels compile, too.
 WARM_UP_SCALE = 0.5
 
-# Options of a show that someone plays with. Density errors, which no frame needs, are measured
-# every tenth of a second [s], often enough to be read: they take a list of neighbours and a sum.
-PLAYED: dict[str, Any] = {"stop_bodies": True, "scalable": True, "density_every": 0.1}
+# Options of an interactive show. Density errors are measured only every 0.1 s, since they need a
+# neighbour search.
+INTERACTIVE: dict[str, Any] = {"stop_bodies": True, "scalable": True, "density_every": 0.1}
 
 
 class Show:
-    """Everything that a frame needs, built once.
+    """Simulation with surface, image and ledger, advanced frame by frame.
 
-    frame_time [s] is the simulated time of a frame that asks for no other. size (width, height)
-    [pixels] of the picture, None for no picture. meshes: whether someone wants the surface even if
-    no view draws it. density_every [s]: as of a Ledger.
-    stop_bodies: whether a body that leaves the water no room stops, in place of an error; stopped
-    are the names of those that did. scalable: whether frames may ask for a coarser picture.
-    simulated [s] is what the last frame really simulated. What is not asked for is neither
-    allocated nor compiled.
+    frame_time [s]: default simulated time of a frame. size (width, height) [pixels] of the image,
+    None for no image. meshes: extract the surface of every frame, rendered or not. density_every
+    [s]: see Ledger. stop_bodies: a body that traps water stops instead of raising an error;
+    stopped: names of such bodies. scalable: frames may set the image scale. simulated [s]: time
+    simulated by the last frame. Unused parts are neither allocated nor compiled.
     """
 
     def __init__(
@@ -68,8 +61,8 @@ class Show:
         self.timings = timings
         self.clock = clock
         self.simulated = 0.0
-        # Called after each step with the share (0 to 1) of its frame that is over.
-        self.tell: Callable[[float], None] | None = None
+        # Called after each step with the completed share (0 to 1) of its frame.
+        self.on_progress: Callable[[float], None] | None = None
         self.stop_bodies, self.scalable = stop_bodies, scalable and size is not None
         self.stopped: set[str] = set()
         self.simulation = build_simulation(scene)
@@ -78,7 +71,7 @@ class Show:
         self.frames = 0
         self.tilt = np.eye(3)
         self.meshes = meshes
-        # Each is None where nobody asked for it.
+        # Unused parts are None.
         self.surface: Any = self._load_surface() if size or meshes else None
         self.picture: Any = self._load_picture(size) if size else None
         self.views: Any = Views(self.simulation, scene) if size else None
@@ -86,8 +79,8 @@ class Show:
             self.camera = self.framing()
 
     def framing(self, free: float = 1.0, stretch: float = 1.0) -> Camera:
-        """The scene's own point of view, in which the box is within the right share `free` of the
-        picture, on a screen of `stretch` (see Camera)."""
+        """Returns the scene's camera, with the box within the right share `free` of the image;
+        stretch: see Camera."""
         c, picture = self.scene.camera, self.picture
         camera = Camera.framing(
             self.scene.box.size,
@@ -101,7 +94,7 @@ class Show:
         return camera
 
     def set(self, key: str, value: float) -> None:
-        """Changes a live parameter of the scene (msph.scene.live)."""
+        """Sets a live parameter of the scene (msph/scene/live.py)."""
         self.scene = changed(self.scene, key, value)
         if key.startswith("picture.") and self.picture:
             self.picture.change(self.scene.picture)
@@ -124,8 +117,7 @@ class Show:
         return picture
 
     def warm_up(self) -> None:
-        """Compiles the kernels of a frame by one of them, and resets."""
-        # A coarser image, where the show is scalable, is enlarged by kernels of its own.
+        """Compiles the kernels of a frame by running one, and resets."""
         self.frame(Controls(scale=WARM_UP_SCALE))
         self.reset()
         self.frames = 0
@@ -133,18 +125,18 @@ class Show:
             self.timings.discard()
 
     def close(self) -> None:
-        """Drops all parts, and lets another simulation use their memory."""
+        """Drops all parts, so that another simulation can use their memory."""
         self.simulation.close()
         for part in ("simulation", "ledger", "surface", "picture", "views"):
             setattr(self, part, None)
 
     def frame(self, controls: Controls) -> None:
-        """Controls, fluid, ledger, surface, picture: in this order, once."""
+        """Runs one frame: controls, fluid, ledger, surface, image."""
         if controls.reset:
             self.reset()
         if controls.next_view and self.views:
             self.views.next()
-        external = self._force(controls)
+        external = self._external_forces(controls)
         if not controls.paused or controls.single_step:
             with self._stage("fluid"):
                 frame_time = controls.frame_time or self.frame_time
@@ -159,32 +151,34 @@ class Show:
             self.timings.close_frame()
 
     def _advance(self, frame_time: float, external: ExternalForces, budget: float | None) -> float:
-        """A frame of the fluid; returns its simulated time [s]. One in which a body leaves the
-        water no room is given up: the body goes back by a frame, and stays there."""
+        """Advances the fluid by a frame and returns the simulated time [s]. With stop_bodies, a
+        frame in which a body traps water is undone, and the body stops a frame earlier."""
         sim = self.simulation
         before = sim.state() if self.stop_bodies and sim.boundary.moving else None
         try:
-            return sim.advance(frame_time, external, self._substage, budget, self.clock, self.tell)
+            return sim.advance(
+                frame_time, external, self._substage, budget, self.clock, self.on_progress
+            )
         except TrappedWaterError as error:
             if before is None:
                 raise
             stopped = dict(sim.boundary.stopped)
             sim.restore(before)
-            # What it pressed before needs room again: back farther each time.
+            # Repeated stops of a body move it back farther: the compressed water needs room.
             stopped[error.body] = min(sim.time, stopped.get(error.body, sim.time)) - frame_time
             self._stop(stopped)
             self.stopped.add(error.name)
             return 0.0
 
     def _stop(self, stopped: dict[int, float]) -> None:
-        """Bodies by number, and when [s] they stopped."""
+        """Stops bodies, given as number: time of the stop [s]."""
         boundary, time = self.simulation.boundary, self.simulation.time
         for body, since in stopped.items():
             boundary.stop(body, since)
         boundary.place(time, 0.0)
 
     def moment(self) -> dict[str, Any]:
-        """What is seen now: the water, the bodies that stopped, tilt, point of view."""
+        """Returns all that determines the image: state, stopped bodies, tilt, camera, view."""
         return {
             "state": self.simulation.state(),
             "stopped": dict(self.simulation.boundary.stopped),
@@ -193,8 +187,8 @@ class Show:
             "view": self.views.name,
         }
 
-    def see_again(self, moment: dict[str, Any]) -> None:
-        """Goes back to a moment(), and draws it."""
+    def show_moment(self, moment: dict[str, Any]) -> None:
+        """Restores a moment() and renders it."""
         self.simulation.restore(moment["state"])
         self._stop(moment["stopped"])
         self.tilt, self.camera = moment["tilt"], moment["camera"]
@@ -202,9 +196,9 @@ class Show:
         self.simulation.grid.refresh()
         self.draw()
 
-    def _force(self, controls: Controls) -> ExternalForces:
-        """The pool turns and gravity stays: in the pool's frame gravity turns the other way."""
-        # Keys tilt as seen: right and away are the camera's, on the horizon.
+    def _external_forces(self, controls: Controls) -> ExternalForces:
+        """Sets the tilt and returns the external forces: gravity in the pool's frame, hand."""
+        # The user's tilt is relative to the camera.
         view = turn(self.camera.azimuth) if self.picture else np.eye(3)
         by_hand = view @ rotation(*controls.tilt) @ view.T
         self.tilt = by_hand @ rotation(sway_angle(self.scene, self.simulation.time), 0.0)
@@ -212,7 +206,7 @@ class Show:
         return ExternalForces((gx, gy, gz), controls.hand)
 
     def draw(self) -> None:
-        """Extracts the surface and draws the picture, as far as anyone wants them."""
+        """Extracts the surface and renders the image, as far as they are used."""
         water = self.picture is not None and self.views.name == "water"
         if self.surface and (water or self.meshes):
             with self._stage("surface"):
@@ -242,72 +236,73 @@ class Show:
 
     @property
     def _substage(self) -> Stage:
-        """Of the parts of a step."""
+        """Timer of the parts of a step."""
         return self.timings.substage if self.timings else no_stage
 
     @property
     def _stage(self) -> Stage:
-        if self.timings:
-            return self.timings.stage
-        return no_stage
+        """Timer of the stages of a frame."""
+        return self.timings.stage if self.timings else no_stage
 
     def resume(self, checkpoint: Path) -> None:
-        """Goes on from a checkpoint, a .npz file of Simulation.state(). Raises SceneError."""
+        """Continues from a checkpoint, a .npz file of Simulation.state(). Raises SceneError."""
         try:
             with np.load(checkpoint) as state:
                 self.simulation.restore(dict(state))
         except UNREADABLE as error:
-            raise SceneError(checkpoint.name, f"is no checkpoint of this scene: {error}") from None
+            problem = f"is not a checkpoint of this scene: {error}"
+            raise SceneError(checkpoint.name, problem) from None
         self.counts = self.simulation.counts()
         self.ledger.clear()
 
     def gravity(self) -> tuple[float, float, float]:
-        """Gravity [m/s^2] in the pool's frame as the scene has it now, untouched by anyone."""
-        return self._force(Controls()).gravity
+        """Returns gravity [m/s^2] in the pool's frame now, without user input."""
+        return self._external_forces(Controls()).gravity
 
     def reset(self) -> None:
-        """Back to the scene's start; the point of view stays."""
+        """Resets the simulation; the camera stays."""
         self.simulation.reset()
         self.stopped.clear()
         self.counts = self.simulation.counts()
         self.ledger.clear()
 
     def pick(self, i: int, j: int) -> np.ndarray | None:
-        """Point of the water [m], box frame, seen under the pixel (i right, j up), or None."""
+        """Returns the point of the water [m], box frame, at a pixel (i right, j up), or None."""
         if self.views.name == "water":
             return self.picture.pick(i, j)
         found = self.particle_at(i, j)
         return None if found is None else found[1]
 
+    def ray(self, i: float, j: float) -> tuple[np.ndarray, np.ndarray]:
+        """Returns origin [m] and direction of a pixel's ray in the box frame."""
+        width, height = self.picture.size
+        return self.camera.box_ray(i, j, width, height, self.simulation.size, self.tilt)
+
     def particle_at(self, i: int, j: int) -> tuple[int, np.ndarray] | None:
-        """The nearest particle that is seen under a pixel, its place in the pool, and the point [m]
-        on the way to it that is nearest to its centre; None where none is."""
-        size, sim = (self.picture.width, self.picture.height), self.simulation
-        eye, direction = self.camera.box_ray(i, j, *size, sim.size, self.tilt)
-        x = sim.particles.numpy("x") - eye
+        """Returns the nearest visible particle at a pixel (i right, j up), as its index and the
+        point of the ray closest to its centre [m]; None if there is no particle."""
+        eye, direction = self.ray(i, j)
+        x = self.simulation.particles.numpy("x") - eye
         depth = x @ direction
         aside = np.linalg.norm(x - depth[:, None] * direction, axis=1)
         radius = self.views.radii()
-        seen = np.flatnonzero((aside < radius) & (depth > 0.0))
-        if len(seen) == 0:
+        hit = np.flatnonzero((aside < radius) & (depth > 0.0))
+        if len(hit) == 0:
             return None
-        first = int(seen[depth[seen].argmin()])
+        first = int(hit[depth[hit].argmin()])
         return first, eye + depth[first] * direction
 
     def slice(self) -> None:
-        """Hides the near half of the particles, as the camera goes, or shows it again."""
+        """Hides the half of the particles nearer to the camera, or shows it again."""
         self.views.cut = None if self.views.cut is not None else self._near()
 
     def _near(self) -> np.ndarray:
-        """Horizontal unit vector to the camera, (3,), in the box's frame."""
+        """Returns the horizontal unit vector to the camera, (3,), in the box frame."""
         back = self.camera.axes()[2] * (1.0, 0.0, 1.0)
         return self.tilt.T @ (back / np.linalg.norm(back))
 
     def volume(self) -> float:
-        """Volume [m^3] that the surface encloses now; NaN where its mesh overflowed.
-
-        The mesh is closed along the walls too, so the divergence theorem needs nothing else.
-        """
+        """Returns the volume enclosed by the surface mesh [m^3]; NaN if the mesh overflowed."""
         self.surface = self.surface or self._load_surface()
         self.simulation.grid.refresh()
         self.surface.extract()
@@ -315,16 +310,16 @@ class Show:
         return math.nan if mesh.overflowed() else mesh.volume()
 
     def volume_error(self) -> float:
-        """Volume of the surface over the volume of the water at rest density, less one (-)."""
+        """Returns the surface's volume over the volume at rest density, minus 1 (-)."""
         return self.volume() / self.rest_volume() - 1.0
 
     def rest_volume(self) -> float:
-        """Volume [m^3] of the water at rest density."""
+        """Returns the volume of all particles at rest density [m^3]."""
         specs = self.simulation.layers.specs
         return sum(n * s.volume for n, s in zip(self.simulation.counts(), specs, strict=True))
 
     def warnings(self) -> list[str]:
-        """What went short and was cut, in words."""
+        """Returns warnings about a truncated mesh and stopped bodies."""
         overflow = self.surface.mesh.overflowed() if self.surface else None
-        stopped = [f"{name} stopped: its water had nowhere to go" for name in sorted(self.stopped)]
+        stopped = [f"{name} stopped: it had trapped water" for name in sorted(self.stopped)]
         return [*([overflow] if overflow else []), *stopped]

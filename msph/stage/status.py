@@ -1,4 +1,4 @@
-"""The line at the top of a window: how fast time goes, how much water there is, how true it is."""
+"""Status lines of a window: speed, number of particles, errors."""
 
 import math
 
@@ -9,14 +9,13 @@ from msph.stage.pacer import Pacer
 from msph.stage.row import Row
 from msph.stage.show import Show
 
-REAL_TIME = 0.95  # simulated over wall-clock time that passes for what was asked for
-# Time [s] between two readings of the clock, and of the water: faster ones cannot be read, and to
-# count and to measure takes milliseconds.
+REAL_TIME = 0.95  # share of the requested speed that counts as reached
+# Time [s] between two updates of the speed, and of counts and errors, which take milliseconds.
 EVERY, WATER_EVERY = 0.4, 1.2
 
 
 class Status:
-    """quality: what the scene is at."""
+    """Status page of a scene at a quality."""
 
     def __init__(self, quality: str):
         self.quality, self.last, self.counted = quality, -math.inf, -math.inf
@@ -25,16 +24,15 @@ class Status:
     def page(
         self, row: Row, pacer: Pacer, paused: bool, now: float, size: int
     ) -> np.ndarray | None:
-        """The page at the wall-clock time `now` [s], text `size` pixels high; None while that of
-        before still holds."""
+        """Returns the page at the wall-clock time `now` [s] with a text height of `size` [pixels],
+        None if it is not due."""
         if now - self.last < EVERY:
             return None
         self.last = now
-        told = pace(pacer.pace, pacer.speed, paused)
-        slow = "too slow" in told
-        first = f"time {row.lead.simulation.time:.1f} s  {told}    {1.0 / pacer.wall:.0f} frames/s"
-        lines = [(first, pages.WARNING if slow else pages.INK)]
-        # A row says it of each.
+        speed, rate = pace(pacer.pace, pacer.speed, paused), 1.0 / pacer.wall
+        first = f"time {row.lead.simulation.time:.1f} s   {speed}   {rate:.0f} frames/s"
+        lines = [(first, pages.WARNING if "too slow" in speed else pages.INK)]
+        # Simulations side by side have labels with these values.
         if not row.composed:
             if now - self.counted > WATER_EVERY:
                 self.counted, self.water = now, self._water(row.lead)
@@ -48,20 +46,21 @@ class Status:
     def _water(self, show: Show) -> str:
         counts = [n for n in show.simulation.counts() if n]
         layers = f"{len(counts)} layer{'s' * (len(counts) > 1)}"
-        told = [f"{sum(counts):,} particles in {layers}", f"quality {self.quality}"]
+        parts = [f"{sum(counts):,} particles in {layers}", f"quality {self.quality}"]
         if show.ledger.entries:
-            told.append(f"density off by {100.0 * show.ledger.last_density_error():.2f} %")
+            parts.append(f"density error {100.0 * show.ledger.last_density_error():.2f} %")
         # Other views extract no surface.
         if show.views.name == "water" and not show.surface.mesh.overflowed():
             volume = show.surface.mesh.volume() / show.rest_volume() - 1.0
-            told.append(f"volume by {round(100.0 * volume, 1) + 0.0:+.1f} %")
-        return ", ".join(told)
+            parts.append(f"volume error {round(100.0 * volume, 1) + 0.0:+.1f} %")
+        return ", ".join(parts)
 
 
 def pace(rate: float, speed: float, paused: bool) -> str:
-    """In words, how fast time goes: simulated over wall-clock time (-), and what was asked for."""
+    """Describes the real-time factor `rate` (-) for the requested speed (-)."""
+    factor = f"real-time factor {rate:.2f}"
     if paused:
-        return f"x{rate:.2f} paused"
+        return f"{factor}, paused"
     if rate < REAL_TIME * speed:
-        return f"x{rate:.2f}: this machine is too slow for more"
-    return f"x{rate:.2f}" + (" slow motion" if speed < 1.0 else "")
+        return f"{factor}: this machine is too slow"
+    return f"{factor}, slow motion" if speed < 1.0 else factor

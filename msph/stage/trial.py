@@ -1,4 +1,4 @@
-"""Which quality runs in real time on this machine: each is tried for half a second."""
+"""Automatic quality: measures which quality runs in real time on this machine."""
 
 import itertools
 import time
@@ -11,17 +11,17 @@ from msph.stage.controls import Controls
 from msph.stage.pacer import PLANNED, RATES, SCALES
 from msph.stage.preparation import compiling, say
 from msph.stage.row import Row
-from msph.stage.show import PLAYED, Show
+from msph.stage.show import INTERACTIVE, Show
 from msph.stage.window import Window
 
-# Wall-clock time of a trial [s], frames before it, in which rarer kernels are compiled, and size of
-# the image without a window [pixels].
+# Wall-clock time of a trial [s], number of frames before it (compilation), and image size without a
+# window [pixels].
 SECONDS, UNTIMED, SIZE = 0.5, 3, (960, 540)
 
 
 def finest_in_real_time(scene: Scene, name: str, window: Window | None = None) -> str:
     """Returns the finest quality that runs in real time, else the coarsest; AS_GIVEN for scenes
-    with one quality only. window: that is shown meanwhile, and takes its time."""
+    with a single quality. The window, if any, shows the progress."""
     if fixed(scene):
         return AS_GIVEN
 
@@ -33,30 +33,30 @@ def finest_in_real_time(scene: Scene, name: str, window: Window | None = None) -
     own = QUALITIES.index(AS_GIVEN)
     if fits(AS_GIVEN):
         return [AS_GIVEN, *itertools.takewhile(fits, QUALITIES[own + 1 :])][-1]
-    # The coarsest is taken in any case.
+    # The coarsest quality needs no trial.
     return next(filter(fits, reversed(QUALITIES[1:own])), QUALITIES[0])
 
 
 def real_time_factor(scene: Scene, quality: str, window: Window | None = None) -> float:
-    """Simulated over wall-clock time (-), over the speed that the scene asks for, of frames as
-    `play` renders them where it has to save: at its lowest frame rate and image scale."""
+    """Returns the real-time factor over the scene's play.speed (-), at the lowest frame rate and
+    image scale of `play`."""
     frame_time, size = scene.play.speed / (RATES[-1] * scene.play.fps), SIZE
-    wishes = Controls(budget=SECONDS, scale=SCALES[-1])
+    controls = Controls(budget=SECONDS, scale=SCALES[-1])
     if window:
         size = window.size
-        window.tell(f"trying quality {quality}")
-    with compiling(window.tell if window else None):
-        row = Row([Show(scene, frame_time, size, timings=Timings(keep=1), **PLAYED)])
+        window.report(f"trying quality {quality}")
+    with compiling(window.report if window else None):
+        row = Row([Show(scene, frame_time, size, timings=Timings(keep=1), **INTERACTIVE)])
         row.lead.warm_up()
         for _ in range(UNTIMED):
-            row.frame(wishes)
+            row.frame(controls)
     simulated = 0.0
     begin, wall = time.perf_counter(), 0.0
     while wall < SECONDS:
-        row.frame(wishes)
+        row.frame(controls)
         simulated += row.lead.simulated
         if window:
-            window.tell(f"trying quality {quality}")
+            window.report(f"trying quality {quality}")
             window.again()
         wall = time.perf_counter() - begin
     row.close()

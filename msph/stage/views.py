@@ -1,4 +1,4 @@
-"""What a picture can show: the water itself, or its particles coloured by any attribute."""
+"""Views: the rendered water, or particles coloured by an attribute."""
 
 import math
 
@@ -14,18 +14,18 @@ from msph.scene.schema import Scene
 from msph.stage.neighbourhood import Neighbourhood
 from msph.taichi_internals import data_oriented, kernel
 
-# Colour range of the density error [%] by method: what a weakly compressible one may show, and what
-# is left of crowds in a splash where densities are solved for.
+# Colour range of the density error [%] by method: typical of weak compressibility, and of splashes
+# with the density solver.
 DENSITY_RANGE = {"classic": 10.0, "projection": 1.0}
-# By unit: the least upper end of a range, below which colours would show noise.
-LEAST, TINY = {"m/s": 0.1, "Pa": 10.0, "m": 0.01}, 1e-6
-# By unit: the one that numbers from 1000 on, or up to .1, are told in, and its size in the first.
+# Least upper end of a colour range by unit, below which colours show noise; for other units.
+LEAST_ENDS, LEAST_END = {"m/s": 0.1, "Pa": 10.0, "m": 0.01}, 1e-6
+# Display unit of values of 1000 and more, and of values up to 0.1, and its size in the base unit.
 LARGER, SMALLER = {"Pa": ("kPa", 1e3)}, {"m": ("mm", 1e-3)}
 
 
 @data_oriented
 class ViewFields:
-    """value and radius [m] of each particle in a view, fields (room,); radius 0: hidden."""
+    """Fields (capacity,) of a particle view: value, and radius [m], 0 for hidden particles."""
 
     def __init__(self, world: World):
         self.particles, self.layers = world.parts.particles, world.parts.layers
@@ -35,7 +35,7 @@ class ViewFields:
 
     @kernel
     def find_radii(self, n: ti.i32, cut: ti.math.vec3, offset: ti.f32):
-        """Half a spacing each; none where cut . x exceeds offset [m]."""
+        """Computes radius = spacing / 2, or 0 where cut . x > offset [m]."""
         for i in range(n):
             radius = 0.5 * self.layers.spacing[self.particles.layer[i]]
             beyond = self.particles.x[i].dot(cut) > offset + 1e-6
@@ -43,13 +43,13 @@ class ViewFields:
 
     @kernel
     def copy(self, source: ti.template(), n: ti.i32, scale: ti.f32, shift: ti.f32):
-        """value = scale source + shift."""
+        """Computes value = scale source + shift."""
         for i in range(n):
             self.value[i] = scale * source[i] + shift
 
     @kernel
     def find_lengths(self, source: ti.template(), n: ti.i32):
-        """value = |source|."""
+        """Computes value = |source|."""
         for i in range(n):
             self.value[i] = source[i].norm()
 
@@ -60,7 +60,7 @@ class ViewFields:
 
     @kernel
     def find_range(self, n: ti.i32) -> ti.math.vec2:
-        """Least and greatest value."""
+        """Returns the least and largest value."""
         least, most = math.inf, -math.inf
         for i in range(n):
             ti.atomic_min(least, self.value[i])
@@ -69,7 +69,7 @@ class ViewFields:
 
 
 class Views:
-    """The views of one simulation, by name, and the scalar field that colours the particles."""
+    """Views of one simulation by name, and the scalar field that colours the particles."""
 
     def __init__(self, simulation: Simulation, scene: Scene):
         self.simulation = simulation
@@ -78,24 +78,23 @@ class Views:
         self.density_range = DENSITY_RANGE[scene.method]
         self.shown = simulation.world.once(ViewFields)
         self.value, self.radius = self.shown.value, self.shown.radius
-        # Towards what is hidden beyond the box's middle, in its frame (3,); None: all is shown.
+        # Direction, in the box frame (3,), in which particles beyond the box's centre are hidden.
         self.cut: np.ndarray | None = None
         self.neighbourhood = Neighbourhood(simulation)
         self.names = views(scene)
         self.name = scene.picture.view
         self.attributes = {a.view: a for a in particles.attributes.values() if a.view}
-        self.ranges = {n: SteadyRange(LEAST.get(a.unit, TINY)) for n, a in self.attributes.items()}
+        ends = {name: LEAST_ENDS.get(a.unit, LEAST_END) for name, a in self.attributes.items()}
+        self.ranges = {name: SteadyRange(end) for name, end in ends.items()}
 
     def next(self) -> None:
-        """The next view, the first after the last, of all particles."""
+        """Switches to the next view, the first after the last, and clears the picked particle."""
         self.neighbourhood.pick(None)
         self.name = self.names[(self.names.index(self.name) + 1) % len(self.names)]
 
     def values(self) -> tuple[ti.Field, float, float]:
-        """The scalar field (capacity,) of the chosen view, and the range of its colours.
-
-        In the attribute's unit, density errors in %, as of now: densities are measured for it.
-        """
+        """Returns the scalar field (capacity,) of the view and the range of its colours, in the
+        attribute's unit; density errors in %, measured at the current positions."""
         particles = self.simulation.particles
         n = particles.count
         cut = np.zeros(3) if self.cut is None else self.cut
@@ -123,36 +122,36 @@ class Views:
         return self.value, *self.ranges[self.name].cover(float(least), float(most))
 
     def radii(self) -> np.ndarray:
-        """Radius of every particle [m], (count,); 0 of those that are hidden."""
+        """Returns the radius of every particle [m], (count,); 0 for hidden ones."""
         found = np.empty(self.simulation.particles.count, np.float32)
         self.shown.read_radii(found)
         return found
 
     def legend(self, lo: float, hi: float) -> Legend | None:
-        """What the colours of the chosen view from lo to hi mean, None where they mean nothing."""
+        """Returns the legend of the view's colours from lo to hi, None for views without."""
         if self.neighbourhood.id is not None:
-            return self.neighbourhood.legend()
+            return Legend("kernel W(r)/W(0) [-]", ((0.0, "0"), (0.5, "0.5"), (1.0, "1")))
         if self.name == "layers":
             return self._legend_of_layers(hi)
         if self.name not in self.attributes:
             return None
         unit = "%" if self.name == "density_error" else self.attributes[self.name].unit
-        unit, size = told_in(unit, max(-lo, hi))
-        told = (lo, hi, 0.0) if lo < 0.0 else (lo, hi)
-        marks = tuple(((v - lo) / (hi - lo), f"{v / size:g}") for v in told)
+        unit, size = display_unit(unit, max(-lo, hi))
+        labelled = (lo, hi, 0.0) if lo < 0.0 else (lo, hi)
+        marks = tuple(((v - lo) / (hi - lo), f"{v / size:g}") for v in labelled)
         return Legend(f"{self.name.replace('_', ' ')} [{unit}]", marks)
 
     def _legend_of_layers(self, hi: float) -> Legend:
-        """A colour each, from fine to coarse."""
+        """Returns the legend of the layers, from fine to coarse."""
         specs = self.simulation.layers.specs
         order = sorted(range(len(specs)), key=lambda k: specs[k].spacing)
-        unit, size = told_in("m", specs[order[0]].spacing)
+        unit, size = display_unit("m", specs[order[0]].spacing)
         marks = tuple((k / hi, f"{specs[k].spacing / size:.3g}") for k in order)
         return Legend(f"layers: spacing [{unit}]", marks, bar=False)
 
 
-def told_in(unit: str, value: float) -> tuple[str, float]:
-    """The unit in which to tell a value [unit], and its size in that unit."""
+def display_unit(unit: str, value: float) -> tuple[str, float]:
+    """Returns the display unit of a value [unit], and the display unit's size in [unit]."""
     if abs(value) >= 1e3:
         return LARGER.get(unit, (unit, 1.0))
     if abs(value) <= 0.1:

@@ -1,8 +1,8 @@
-"""Particles and surface as VTK's unstructured grids (.vtu), which ParaView opens.
+"""Particles and surface as VTK unstructured grids (.vtu) for ParaView.
 
-Every point has arrays in SI units, the unit in the name: velocity_m_per_s, pressure_Pa, layer,
-density_error (rho/rho0 - 1 at the present positions; below zero where the kernel meets air) and
-spacing_m, by which ParaView's point gaussians and glyphs get their sizes.
+Point arrays have SI units in their names: velocity_m_per_s, pressure_Pa, layer, density_error
+(rho/rho0 - 1 at the current positions; negative near air) and spacing_m, for the size of ParaView's
+point gaussians and glyphs.
 """
 
 import importlib.util
@@ -15,26 +15,25 @@ from msph.fluid.simulation import Simulation
 from msph.measure.host_kernels import wendland
 from msph.measure.table import column
 
-# Particles of a layer that tell the values at a vertex: those of half a kernel's ball, the rest is
-# air.
+# Number of particles per layer averaged at a surface vertex: half a kernel's ball is air.
 NEAREST = 40
 
 
 def available() -> bool:
-    """Whether the library that writes them is installed."""
+    """Returns True if meshio is installed."""
     return importlib.util.find_spec("meshio") is not None
 
 
 def write_particles(path: Path, simulation: Simulation) -> None:
-    """A vertex for each particle."""
+    """Writes the particles as vertex cells."""
     x, arrays = _particles(simulation)
     cells = [("vertex", np.arange(len(x))[:, None])]
     _write(path, x, cells, arrays)
 
 
 def write_surface(path: Path, mesh, simulation: Simulation) -> None:
-    """The mesh's triangles with their normals, and what the particles round each vertex have: means
-    weighed by V_j W(r_j, h_j) (Shepard 1968), the layer of the nearest."""
+    """Writes the mesh with normals and the particles' values at its vertices: means weighted by
+    V_j W(r_j, h_j) (Shepard 1968), and the layer of the nearest particle."""
     vertices, normals, triangles = mesh.to_numpy()
     arrays = {"normal": normals}
     if len(vertices):
@@ -43,7 +42,7 @@ def write_surface(path: Path, mesh, simulation: Simulation) -> None:
 
 
 def _particles(simulation: Simulation) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Positions [m] and the arrays of all particles."""
+    """Returns the positions (n, 3) [m] and the arrays of all particles."""
     simulation.measure_density()
     p, specs = simulation.particles, simulation.layers.specs
     layer = p.numpy("layer")
@@ -59,13 +58,13 @@ def _particles(simulation: Simulation) -> tuple[np.ndarray, dict[str, np.ndarray
 
 
 def _at(points: np.ndarray, simulation: Simulation) -> dict[str, np.ndarray]:
-    """The arrays at `points` (p, 3) [m]."""
-    # Here, since only this needs it, and it is slow to import.
+    """Returns the arrays interpolated to `points` (p, 3) [m]."""
+    # Imported here because it is slow.
     from scipy.spatial import cKDTree
 
     x, arrays = _particles(simulation)
     support = np.array([s.support for s in simulation.layers.specs])[arrays["layer"]]
-    # By layers: among fine particles coarse ones that reach a point are not its nearest.
+    # By layer, since a coarse particle that reaches a point is seldom among its nearest.
     found_r, found_near = [], []
     for layer in np.unique(arrays["layer"]):
         own = np.flatnonzero(arrays["layer"] == layer)
@@ -76,7 +75,7 @@ def _at(points: np.ndarray, simulation: Simulation) -> dict[str, np.ndarray]:
     order = r.argsort(axis=1)
     r, near = np.take_along_axis(r, order, 1), np.take_along_axis(near, order, 1)
     weight = arrays["spacing_m"][near] ** 3 * wendland(r, support[near])
-    # Beyond every kernel the nearest speaks alone.
+    # Outside every kernel the nearest particle gives the value.
     weight[:, 0] += np.where(weight.sum(axis=1) > 0.0, 0.0, 1.0)
     weight /= weight.sum(axis=1, keepdims=True)
     found = {}

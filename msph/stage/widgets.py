@@ -1,6 +1,6 @@
-"""Sliders and buttons painted on a page of the window, and the mouse that moves them.
+"""Sliders and buttons painted on a page of the window.
 
-GGUI's own are 13 pixels high, and its panel can be dragged off its place.
+GGUI's own widgets are 13 pixels high at any window size, in a panel that moves when dragged.
 """
 
 from dataclasses import dataclass, field
@@ -8,40 +8,16 @@ from typing import Any
 
 from msph.stage.pages import FAINT, INK, LINE, WARNING
 
-# Radius of a slider's knob, distance of its value, and room round a button's text, in text heights;
-# width of a track [pixels].
+# Radius of a slider's knob, distance of its value, padding of a button [text heights]; width of a
+# track [pixels].
 KNOB, AWAY, PADDING, STROKE = 0.38, 0.5, 0.35, 4
-# Colours of a track, and of a button and the one that is chosen.
+# Colours of a track, a button and the selected button.
 TRACK, BUTTON, CHOSEN = (86, 112, 130, 255), (27, 51, 71, 255), (58, 92, 112, 255)
 
 
 @dataclass(frozen=True)
-class Slider:
-    """A track from left to right, taken between top and bottom [pixels from the page's corner],
-    for the values from lo to hi."""
-
-    name: str
-    lo: float
-    hi: float
-    left: float
-    right: float
-    top: float
-    bottom: float
-
-    def value(self, x: float) -> float:
-        """With its knob at x."""
-        share = min(max((x - self.left) / (self.right - self.left), 0.0), 1.0)
-        return self.lo + share * (self.hi - self.lo)
-
-    def under(self, x: float, y: float) -> bool:
-        """Whether a place is on it: a knob at an end reaches beyond."""
-        reach = 0.5 * (self.bottom - self.top)
-        return self.left - reach <= x <= self.right + reach and self.top <= y <= self.bottom
-
-
-@dataclass(frozen=True)
 class Button:
-    """A rectangle [pixels from the page's corner]."""
+    """Button with its rectangle [pixels from the page's corner]."""
 
     name: str
     left: float
@@ -53,9 +29,27 @@ class Button:
         return self.left <= x <= self.right and self.top <= y <= self.bottom
 
 
+@dataclass(frozen=True)
+class Slider(Button):
+    """Slider for values from lo to hi: track from left to right, active from top to bottom."""
+
+    lo: float
+    hi: float
+
+    def value(self, x: float) -> float:
+        """Returns the value with the knob at x."""
+        share = min(max((x - self.left) / (self.right - self.left), 0.0), 1.0)
+        return self.lo + share * (self.hi - self.lo)
+
+    def under(self, x: float, y: float) -> bool:
+        """Returns True if a point is on the slider, including a knob at an end."""
+        reach = 0.5 * (self.bottom - self.top)
+        return self.left - reach <= x <= self.right + reach and self.top <= y <= self.bottom
+
+
 @dataclass
 class Sheet:
-    """What was painted on a page: draw and font are PIL's, text the height of its text [pixels]."""
+    """Widgets of a page. draw, font: PIL objects; text: text height [pixels]."""
 
     draw: Any
     font: Any
@@ -66,17 +60,16 @@ class Sheet:
     def slider(
         self, name: str, value: float, span: tuple[float, float], x: tuple[float, float], y: float
     ) -> None:
-        """A slider of the values of `span`, from x[0] to x[1], in the line of text below y."""
+        """Draws a slider for the values of `span`, from x[0] to x[1], in the line below y."""
         high = LINE * self.text
-        made = Slider(name, *span, *x, y, y + high)
-        self.sliders.append(made)
+        self.sliders.append(Slider(name, *x, y, y + high, *span))
         middle, r = y + 0.5 * high, KNOB * self.text
         self.draw.line((x[0], middle, x[1], middle), TRACK, STROKE)
         knob = x[0] + (value - span[0]) / (span[1] - span[0]) * (x[1] - x[0])
         self.draw.ellipse((knob - r, middle - r, knob + r, middle + r), WARNING)
 
     def button(self, name: str, label: str, x: tuple[float, float], y: float, chosen: bool) -> None:
-        """A button in the line of text below y."""
+        """Draws a button in the line below y."""
         high = LINE * self.text
         self.buttons.append(Button(name, *x, y, y + high))
         self.draw.rectangle((x[0], y + 1, x[1], y + high - 2), CHOSEN if chosen else BUTTON)
@@ -85,7 +78,7 @@ class Sheet:
 
 
 class Grip:
-    """The left button over a sheet: what it went down on is held until it goes up."""
+    """Mouse interaction with a sheet: holds the pressed widget until the left button is up."""
 
     def __init__(self) -> None:
         self.slider: Slider | None = None
@@ -93,9 +86,8 @@ class Grip:
         self.down = False
 
     def act(self, sheet: Sheet | None, x: float, y: float, down: bool) -> Slider | Button | None:
-        """The slider that is moved, or the button that was clicked: let go of where it was
-        pressed. x, y: the cursor [pixels from the page's corner]; down: whether the left button
-        is."""
+        """Returns the slider held, or the button clicked (pressed and released on it). x, y: cursor
+        [pixels from the page's corner]; down: state of the left mouse button."""
         begins, ends = down and not self.down, self.down and not down
         self.down = down
         if begins and sheet:
@@ -109,5 +101,5 @@ class Grip:
 
     @property
     def holds(self) -> bool:
-        """Whether the button that is down went down on a widget."""
+        """True while the left button is held on a widget."""
         return self.slider is not None or self.button is not None

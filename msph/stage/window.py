@@ -1,4 +1,4 @@
-"""Interface of a window, and whether one can be opened here."""
+"""Interface of a window, and a check that a window can be opened."""
 
 import ctypes
 import os
@@ -7,22 +7,22 @@ from typing import Any, Protocol
 
 import numpy as np
 
-# Colours of arrows, in their order.
+# Colours of the arrows, in order.
 ARROWS = ((1.0, 0.82, 0.4), (0.34, 0.71, 0.91))
-# Least time between two reports of what is being done [s]: each takes milliseconds to be shown.
-TELL_PAUSE = 0.12
+# Least time between two progress reports [s]: each takes milliseconds to display.
+REPORT_INTERVAL = 0.12
 
 
 class NoWindowError(RuntimeError):
-    """No window can be opened here; the text says why."""
+    """No window can be opened, for the reason in the message."""
 
 
 class ClosedError(Exception):
-    """The window was closed, or a key asked to quit, while something was prepared in it."""
+    """The user closed the window, or pressed quit, during the preparation of a scene."""
 
 
 class Window(Protocol):
-    """A window of size (width, height) [pixels]. Places in it are (right, up), as shares of it."""
+    """A window of size (width, height) [pixels]. Positions are (right, up) in shares of it."""
 
     @property
     def size(self) -> tuple[int, int]: ...
@@ -33,43 +33,40 @@ class Window(Protocol):
 
     @property
     def aspect(self) -> float:
-        """Width over height as the screen shows it, whatever the pictures' size."""
+        """Width over height on the screen; differs from the image's after a resize."""
 
     def presses(self) -> list[str]:
-        """Keys and buttons that went down since the last call."""
+        """Returns the keys and buttons pressed since the last call."""
 
     def down(self, *keys: str) -> bool:
-        """Whether any of these keys and buttons is down."""
+        """Returns True if any of these keys and buttons is down."""
 
     def cursor(self) -> np.ndarray:
-        """Its place, (2,)."""
+        """Returns the position of the cursor, (2,)."""
 
     def mark(self, cursor: np.ndarray) -> None:
-        """A marker at a place in the next picture."""
+        """Draws a marker on the next image."""
 
     def arrows(self, places: np.ndarray) -> None:
-        """Lines with a tip in the next picture: from and to, (k, 2, 2)."""
+        """Draws arrows on the next image; places: begin and end of each, (k, 2, 2)."""
 
     def begin(self, title: str) -> None:
-        """Shows the start screen of a scene with this title, until the next image."""
+        """Shows the start screen with the title of a scene until the next image."""
 
-    def tell(self, doing: str) -> None:
-        """Shows on the start screen what is being done. Raises ClosedError if the user has asked to
-        quit or closed the window meanwhile; other keys wait for the next presses()."""
+    def report(self, doing: str) -> None:
+        """Shows a progress message on the start screen. Raises ClosedError if the user has pressed
+        quit or closed the window; other keys are kept for the next presses()."""
 
     def again(self) -> None:
         """Shows the last image again."""
 
     def show(self, image: Any) -> None:
-        """Shows an image under marker and arrows, and waits for the screen: an Image
-        (msph.picture.pixels), or its packed pixels (width, height) int32; index [right, up]."""
+        """Presents an image with marker and arrows, and waits for the display. image: an Image
+        (msph.picture.pixels), or packed pixels (width, height) int32; index [right, up]."""
 
 
 def check_display() -> None:
-    """Raises NoWindowError where there is no X server to show a window.
-
-    GGUI's window library ends the whole process when it finds none, so we look before it does.
-    """
+    """Raises NoWindowError on Linux without an X server, where GGUI would end the process."""
     if not sys.platform.startswith("linux"):
         return
     if not os.environ.get("DISPLAY"):

@@ -114,15 +114,15 @@ class Band:
 
     @kernel
     def classify(self, bodies: ti.template()):
-        """Computes state from sampled. A kernel of its own: with include_thin() in one kernel Taichi
-        generates invalid SPIR-V, the code for Vulkan and Metal (taichi issue #8741)."""
+        """Computes state from sampled. In one kernel with include_thin(), Taichi generates invalid
+        SPIR-V, the code for Vulkan and Metal (taichi issue #8741)."""
         for q in range(self.block_count()):
             self.state[q] = self.state_of(q, bodies)
 
     @kernel
     def include_thin(self, n: ti.i32, bodies: ti.template()):
-        """Sets the kernels of the n particles. Sub-blocks in reach of larger kernels (thin_water.py)
-        are band."""
+        """Sets the kernels of the n particles. Sub-blocks in reach of larger kernels
+        (thin_water.py) are band."""
         self.thin.volume[None] = 0.0
         for p in range(n):
             x = self.thin.particles.x[p]

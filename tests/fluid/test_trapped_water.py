@@ -67,7 +67,7 @@ def test_piston_stops_where_someone_plays_and_no_water_is_lost(tmp_path, motion)
     count = show.simulation.particles.count
     run(Row([show]), Headless(90))
     assert show.stopped == {"obstacles.1"}
-    assert show.warnings() == ["obstacles.1 stopped: its water had nowhere to go"]
+    assert show.warnings() == ["obstacles.1 stopped: it had trapped water"]
     last = show.ledger.entries[-1]
     assert show.simulation.particles.count == count and last.outside == 0
     assert last.time > 0.5

@@ -33,7 +33,7 @@ def test_parts_are_those_that_a_scene_has(tmp_path, scene):
 def test_the_table_has_costs_and_errors(scene, monkeypatch):
     monkeypatch.setattr(explain, "SECONDS", 0.1)
     told = explain.explain(scene)
-    (whole,) = re.findall(r"as it is +(\d+) +([\d.]+) ", told)
+    (whole,) = re.findall(r"full scene +(\d+) +([\d.]+) ", told)
     (bare,) = re.findall(r"without caustics +(\d+) .*?([-+]\d+) %.*?([\d.]+) of 255 a pixel", told)
     assert whole[0] == bare[0] == "324" and float(whole[1]) > 0.0
     # The pictures of the same water differ by the caustics.
@@ -46,6 +46,6 @@ def test_words_name_what_saves_most():
 
     parts = [p for p in PARTS if p.name in ("viscosity", "tension")]
     told = explain.saving(parts, [run(9.0), run(5.0)], run(10.0))
-    assert told == "Most would be saved without tension: 50 % of a frame."
+    assert told == "Largest saving: without tension, 50 % of the frame time."
     assert "Nothing" in explain.saving(parts, [run(11.0), run(12.0)], run(10.0))
     assert "Nothing" in explain.saving([], [], run(10.0))

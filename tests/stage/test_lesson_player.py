@@ -9,9 +9,8 @@ from msph.lesson.guide import Guide
 from msph.lesson.load import load_lesson
 from msph.lesson.paint import band_height
 from msph.stage import idle
-from msph.stage.called import Called, Choice
+from msph.stage.called import Choice, SceneArguments
 from msph.stage.controls import ACTIONS
-from msph.stage.keepsakes import Keepsakes
 from msph.stage.layout import Layout
 from msph.stage.pages import text_height
 from msph.stage.player import Player
@@ -37,15 +36,15 @@ def layout():
 @pytest.fixture
 def player(course, row, layout, tmp_path):
     choice, guide = Choice("forces", "large"), Guide(course, row, SIZE)
-    player = Player(Screen(), row, choice, "large", layout, Called("forces"), guide=guide)
-    player.keeper.keepsakes = Keepsakes(tmp_path, "forces", "large")
+    player = Player(Screen(), row, choice, "large", layout, SceneArguments("forces"), guide=guide)
+    player.saver.folder = tmp_path
     return player
 
 
 def test_nothing_moves_while_the_question_is_open(player, row, monkeypatch):
     """The pool swayed by itself, and the keys that answer turned the view."""
-    monkeypatch.setattr(idle, "PATIENCE", 0.0)
-    monkeypatch.setattr(idle, "RAMP", 1e-3)
+    monkeypatch.setattr(idle, "IDLE_DELAY", 0.0)
+    monkeypatch.setattr(idle, "RAMP_TIME", 1e-3)
     player.window.held = {"a", "Left"}
     frames(player, row, 3)
     before = row.lead.camera.state()

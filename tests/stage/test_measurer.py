@@ -97,7 +97,7 @@ def test_the_summary_is_of_the_whole(runs):
 
 def test_a_checkpoint_at_the_end_of_the_scene_is_refused(tmp_path):
     scene = load_scene(write(tmp_path))
-    with pytest.raises(CheckpointError, match=r"is of 0.2 s, and the scene lasts 0.2 s"):
+    with pytest.raises(CheckpointError, match=r"is at 0.2 s and the run ends at 0.2 s"):
         Measurer(tmp_path, scene, "small", "cpu", bar=False, since=0.2)
     assert not (tmp_path / "ledger.csv").exists()
 

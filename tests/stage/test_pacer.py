@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from msph.stage.pacer import LEAP, LONGEST, SCALES, Pacer
+from msph.stage.pacer import LONGEST_FRAME, MAX_GROWTH, SCALES, Pacer
 
 FPS = 60.0
 
@@ -50,7 +50,7 @@ def test_time_slows_last_and_frames_are_still_shown():
     pacer = Pacer(FPS)
     simulated, wall = run(pacer, 3.0, 0.010)
     assert simulated / wall == pytest.approx(1.0 / 3.0, rel=0.15)
-    assert pacer.wall <= 1.02 * LONGEST
+    assert pacer.wall <= 1.02 * LONGEST_FRAME
 
 
 def test_the_picture_comes_back_where_there_is_room():
@@ -66,7 +66,7 @@ def test_a_halt_is_not_made_up_for():
     pacer = Pacer(FPS)
     run(pacer, 0.1, 0.004)
     pacer.record(1.0, 0.002, 0.004, 0.003, 1.0 / FPS)
-    assert pacer.frame_time <= LONGEST
+    assert pacer.frame_time <= LONGEST_FRAME
     simulated, wall = run(pacer, 0.1, 0.004, frames=60)
     assert simulated / wall < 1.05
 
@@ -84,12 +84,12 @@ def test_what_a_splash_took_is_made_up_for_gently():
     assert np.divide(*np.sum(frames[:15], axis=0)) < 0.9
     assert np.divide(*np.sum(frames, axis=0)) == pytest.approx(1.0, abs=0.005)
     # The first frames after the splash cannot know that it is over.
-    assert max(np.divide(*frame) for frame in frames[17:]) < 1.01 * LEAP
+    assert max(np.divide(*frame) for frame in frames[17:]) < 1.01 * MAX_GROWTH
 
 
 def test_another_speed_is_taken_at_once():
     pacer = Pacer(FPS)
     run(pacer, 0.1, 0.004)
-    pacer.ask(0.1)
+    pacer.set_speed(0.1)
     assert pacer.frame_time == pytest.approx(0.1 / FPS, rel=0.1)
     assert pacer.pace == pytest.approx(0.1, rel=0.1)

@@ -16,14 +16,13 @@ from msph.scene.library import shipped_scenes
 from msph.scene.live import live_parameters, read
 from msph.scene.load import read_toml
 from msph.stage import idle, menu, replay
-from msph.stage.called import Called, Choice
+from msph.stage.called import Choice, SceneArguments
 from msph.stage.controls import ACTIONS, KEYS, Controls
-from msph.stage.keepsakes import Keepsakes
 from msph.stage.layout import PANELS, Layout
-from msph.stage.panel import PAGES, Wish
+from msph.stage.panel import PAGES, Request
 from msph.stage.player import SLOW_MOTION, Player
 from msph.stage.row import Row
-from msph.stage.show import PLAYED, Show
+from msph.stage.show import INTERACTIVE, Show
 from tests.scenes_kit import TEXT, write
 
 SIZE = WIDTH, HEIGHT = 480, 270
@@ -106,7 +105,7 @@ hi = [0.4, 0.1512, 0.4]
 """,
     )
     scene = load_scene(path, ("method=projection", "adaptation.enabled=true"))
-    return Show(scene, FRAME, SIZE, timings=Timings(keep=1), **PLAYED)
+    return Show(scene, FRAME, SIZE, timings=Timings(keep=1), **INTERACTIVE)
 
 
 @pytest.fixture
@@ -131,13 +130,13 @@ def layout():
 
 def played(row, layout, *, screen=None, choice=None, quality="medium"):
     choice = choice or Choice("pool", "auto")
-    return Player(screen or Screen(), row, choice, quality, layout, Called("pool"))
+    return Player(screen or Screen(), row, choice, quality, layout, SceneArguments("pool"))
 
 
 @pytest.fixture
 def player(given, layout, tmp_path):
     player = played(Row([given]), layout)
-    player.keeper.keepsakes = Keepsakes(tmp_path, "pool", "medium")
+    player.saver.folder = tmp_path
     return player
 
 
@@ -145,7 +144,7 @@ def frames(player, _=None, number=1):
     """Frames of a player and its row; the last image, (width, height, 3)."""
     for _ in range(number):
         player.row.frame(player.controls(player.row))
-        player.see(player.row)
+        player.observe(player.row)
     return player.window.image.to_numpy()
 
 
@@ -280,8 +279,8 @@ def test_water_that_nobody_touches_moves_until_somebody_does(player, show, monke
 
     frames(player, show, 3)
     assert level() and player.idle.hint() == ""
-    monkeypatch.setattr(idle, "PATIENCE", 0.0)
-    monkeypatch.setattr(idle, "RAMP", 1e-3)
+    monkeypatch.setattr(idle, "IDLE_DELAY", 0.0)
+    monkeypatch.setattr(idle, "RAMP_TIME", 1e-3)
     # Frames are as long as this machine needs.
     for _ in range(300):
         frames(player, show)
@@ -290,7 +289,7 @@ def test_water_that_nobody_touches_moves_until_somebody_does(player, show, monke
     assert not level() and player.idle.hint() == "drag: push the water"
     player.idle.tried.add("push")
     assert player.idle.hint() == "arrows: tilt"
-    monkeypatch.setattr(idle, "PATIENCE", 1e9)
+    monkeypatch.setattr(idle, "IDLE_DELAY", 1e9)
     press(player, show, "l", number=2)
     assert level() and player.idle.hint() == ""
 
@@ -298,10 +297,10 @@ def test_water_that_nobody_touches_moves_until_somebody_does(player, show, monke
 def test_a_scene_that_sways_is_left_to_itself(show):
     sway = show.scene.sway.model_copy(update={"angle": 5.0, "seconds": 4.0})
     swaying = idle.Idle(show.scene.model_copy(update={"sway": sway}), depth=0.1)
-    swaying.pass_time(2.0 * idle.PATIENCE, busy=False)
+    swaying.pass_time(2.0 * idle.IDLE_DELAY, busy=False)
     assert swaying.strength == 1.0
     assert swaying.roll(3.9, 0.1) == 0.0 and swaying.roll(4.1, 0.1) != 0.0
-    swaying.pass_time(2.0 * idle.RAMP, busy=True)
+    swaying.pass_time(2.0 * idle.RAMP_TIME, busy=True)
     assert swaying.strength == 0.0
 
 
@@ -349,9 +348,9 @@ def test_numbers_of_the_status_are_those_of_ledger_and_surface(player, show):
     told = player.layout.status._water(show)
     counts = [n for n in show.simulation.counts() if n]
     assert told.startswith(f"{sum(counts):,} particles in {len(counts)} layer")
-    assert f"density off by {100.0 * show.ledger.last_density_error():.2f} %" in told
+    assert f"density error {100.0 * show.ledger.last_density_error():.2f} %" in told
     volume = show.surface.mesh.volume() / show.rest_volume() - 1.0
-    assert told.endswith(f"volume by {round(100.0 * volume, 1) + 0.0:+.1f} %")
+    assert told.endswith(f"volume error {round(100.0 * volume, 1) + 0.0:+.1f} %")
     # Views of particles extract no surface, so there is no volume of now.
     show.views.name = "speed"
     frames(player, show)
@@ -361,7 +360,7 @@ def test_numbers_of_the_status_are_those_of_ledger_and_surface(player, show):
 def test_pages_are_painted_where_they_change(player, show, monkeypatch):
     """A message was painted in every frame, and so were the facts of a particle."""
     monkeypatch.setattr("msph.stage.layout.EVERY", 60.0)
-    monkeypatch.setattr("msph.stage.layout.LASTS", 60.0)
+    monkeypatch.setattr("msph.stage.layout.MESSAGE_TIME", 60.0)
     painted = []
     put = player.layout.overlay.put
     monkeypatch.setattr(player.layout.overlay, "put", lambda *a: (painted.append(a[0]), put(*a)))
@@ -376,7 +375,7 @@ def test_graphs_are_drawn_of_what_was_measured(player, show):
     press(player, show, "i", "i")
     before = frames(player, show)
     for k in range(12):
-        player.layout.graphs.see(show, player.layout.graphs.times[-1] + 0.25 * k + 0.2, 1.0)
+        player.layout.graphs.observe(show, player.layout.graphs.times[-1] + 0.25 * k + 0.2, 1.0)
     page = player.layout.graphs.paint(show, 200, 200, 12)
     assert page.shape == (200, 200, 4) and (page[..., :3].max(-1) > 150).mean() > 0.02
     assert player.layout.overlay.shown["graphs"][0] == 0 and before.std() > 0.05
@@ -464,9 +463,9 @@ def test_keys_move_the_selection_and_the_last_one_follows(player, show, monkeypa
     here = names.index("pool") - 1
     assert player.menu.next.scene == names[here] and player.wants_more(player.row)
     monkeypatch.setattr(menu, "SETTLED", -1.0)
-    assert not player.wants_more(player.row) and player.follows.scene == names[here]
+    assert not player.wants_more(player.row) and player.next_choice.scene == names[here]
     player.done = True
-    assert player.follows is None, "quitting goes before"
+    assert player.next_choice is None, "quitting goes before"
 
 
 def test_a_live_value_chosen_before_is_taken_over(given, layout):
@@ -555,7 +554,7 @@ def test_a_click_on_a_particle_shows_its_neighbours_and_what_acts(player, show, 
 def test_water_that_was_kept_is_opened_again(player, show, tmp_path):
     frames(player, show, 3)
     press(player, show, "o")
-    assert "no water of pool was kept" in player.layout.message
+    assert "no checkpoint of pool" in player.layout.message
     np.savez(tmp_path / "pool_of_another_quality.npz", fluid=np.zeros(5))
     press(player, show, " ", "k")
     (tmp_path / "pool_of_another_quality.npz").touch()
@@ -582,7 +581,7 @@ def test_a_clip_shows_what_was_seen_and_leaves_the_water_alone(player, show, tmp
     kept = [moment for _, moment in player.replay.frames]
     player.replay.frames.clear()
     player.replay.frames.extend((k / 24.0, moment) for k, moment in enumerate(kept))
-    player.keeper.keepsakes.clip(player.row, player.replay, lambda share: None)
+    player.saver.act("clip", player.row)
     (path,) = tmp_path.glob("*.mp4")
     seen = [frame for frame in imageio.get_reader(path)]
     assert len(seen) == 7 and seen[0].shape == (HEIGHT, WIDTH, 3)
@@ -610,7 +609,7 @@ def test_memory_of_the_replay_is_bounded(player, show, monkeypatch):
 
 def test_what_cannot_be_written_is_said(player, show, tmp_path):
     (tmp_path / "file").touch()
-    player.keeper.keepsakes.folder = tmp_path / "file"
+    player.saver.folder = tmp_path / "file"
     for key in ("p", "c", "k"):
         frames(player, show, 2)
         press(player, show, key)
@@ -636,7 +635,7 @@ def test_a_storm_of_inputs_loses_no_water(player, show, seed):
             elif kind == 3:
                 live = dice.choice(player.menu.panel.live)
                 limits[live.key] = dice.uniform(live.lo, live.hi)
-                player.menu.grant(Wish("set", live.key, limits[live.key]))
+                player.menu.apply(Request("set", live.key, limits[live.key]))
             else:
                 window.held.clear()
         frames(player, show)
@@ -653,7 +652,7 @@ BELOW = 40
 def other(show):
     """The water beside: coarser particles alone."""
     scene = show.scene.model_copy(update={"adaptation": type(show.scene.adaptation)()})
-    return Show(scene, FRAME, SIZE, timings=Timings(keep=5), **PLAYED)
+    return Show(scene, FRAME, SIZE, timings=Timings(keep=5), **INTERACTIVE)
 
 
 @pytest.fixture
@@ -700,9 +699,9 @@ class TestRow:
         first, second = row.shows
         for show, left in ((first, 0), (second, WIDTH + 2)):
             cursor = np.array([left + 0.25 * WIDTH, BELOW + 0.5 * HEIGHT]) / row.size
-            under, place = row.under(cursor)
+            under, place = row.show_under(cursor)
             assert under is show and place == pytest.approx([0.25, 0.5])
-            assert row.placed(show, np.array([[0.25, 0.5]]))[0] == pytest.approx(cursor)
+            assert row.to_window(show, np.array([[0.25, 0.5]]))[0] == pytest.approx(cursor)
 
     def test_parameters_reach_those_that_have_them(self, row):
         row.set("gravity", 5.0)
@@ -716,7 +715,7 @@ class TestRow:
         screen = Screen()
         screen.size, screen.aspect = row.size, row.size[0] / row.size[1]
         player = played(row, wide, screen=screen)
-        player.keeper.keepsakes = Keepsakes(tmp_path, "pool", "medium")
+        player.saver.folder = tmp_path
         frames(player, row, 2)
         pixels = itertools.product(range(0, WIDTH, 4), range(0, HEIGHT, 4))
         second = row.shows[1]
@@ -753,15 +752,15 @@ class TestRow:
             hand = player.controls(row).hand
             speeds.append(math.hypot(*hand.velocity) * player.pacer.frame_time)
         assert max(speeds) < 0.1 * max(first.simulation.size)
-        assert row.under(screen.at)[0] is row.shows[1]
+        assert row.show_under(screen.at)[0] is row.shows[1]
 
     def test_settings_go_back_to_what_each_scene_says(self, row, wide):
         second = row.shows[1]
         player = played(row, wide)
         player.menu.given[1]["gravity"] = 3.0
-        player.menu.grant(Wish("set", "gravity", 7.0))
+        player.menu.apply(Request("set", "gravity", 7.0))
         assert math.hypot(*second.scene.gravity) == pytest.approx(7.0)
-        player.menu.grant(Wish("reset", "gravity"))
+        player.menu.apply(Request("reset", "gravity"))
         assert math.hypot(*second.scene.gravity) == pytest.approx(3.0)
         assert math.hypot(*row.lead.scene.gravity) == pytest.approx(9.81)
         row.set("gravity", 9.81)
@@ -770,9 +769,9 @@ class TestRow:
         screen = Screen()
         screen.size = row.size
         player = played(row, wide, screen=screen)
-        player.keeper.keepsakes = Keepsakes(tmp_path, "pool", "medium")
+        player.saver.folder = tmp_path
         press(player, row, "k", "o")
-        assert not list(tmp_path.iterdir()) and "one water alone" in player.layout.message
+        assert not list(tmp_path.iterdir()) and "need a single simulation" in player.layout.message
 
     def test_it_goes_back_to_a_moment(self, row):
         row.frame(Controls(frame_time=FRAME))
@@ -780,7 +779,7 @@ class TestRow:
         before = row.image.to_numpy()
         row.frame(Controls(frame_time=FRAME, tilt=(0.3, 0.0)))
         assert not np.array_equal(before, row.image.to_numpy())
-        row.see_again(kept)
+        row.show_moment(kept)
         assert [s.simulation.time for s in row.shows] == pytest.approx([FRAME, FRAME])
         row.reset()
         assert [s.simulation.time for s in row.shows] == [0.0, 0.0]
@@ -788,7 +787,7 @@ class TestRow:
 
 def test_a_scene_that_is_left_comes_back_as_it_was_called():
     """The scene chosen last was played under its name."""
-    called = Called("pool", ("title=called",), ("'title=with spaces'",))
+    called = SceneArguments("pool", ("title=called",), ("'title=with spaces'",))
     titles = {label: scene.title for label, scene in called.scenes_of("pool").items()}
     assert titles == {"title=called": "called", "'title=with spaces'": "with spaces"}
     assert {s.title for s in called.scenes_of("drop").values()} == {load_scene("drop").title}

@@ -145,8 +145,8 @@ def test_paraviews_files_without_their_library_are_refused(tmp_path, monkeypatch
     [
         ("a.avi3", "unknown kind of file"),
         ("m.ply", "needs a frame number"),
-        ("a_%03d.mp4", "leave out the frame number"),
-        ("a_%02d_%02d.png", "more than one place"),
+        ("a_%03d.mp4", "needs no frame number"),
+        ("a_%02d_%02d.png", "more than one frame number"),
     ],
 )
 def test_output_that_cannot_be_is_refused_at_once(tmp_path, name, message):
@@ -163,7 +163,7 @@ def test_outputs_that_clash_or_have_no_place_are_refused(tmp_path):
     with pytest.raises(OutputError, match="at most 50 frames per second"):
         check_outputs(Outputs([gif]), 60.0)
     (tmp_path / "file").touch()
-    with pytest.raises(OutputError, match="file: is a file, and no folder"):
+    with pytest.raises(OutputError, match="file: is a file, not a folder"):
         check_outputs(Outputs([tmp_path / "file" / "a.mp4"]), FPS)
     check_outputs(Outputs([tmp_path / "new" / "deep" / "a.mp4"]), FPS)
     assert (tmp_path / "new" / "deep").is_dir()
@@ -181,7 +181,7 @@ def test_gif_takes_the_time_that_it_shows(recorded):
 def test_a_video_that_its_encoder_left_unfinished_is_lost(recorded, tmp_path):
     cut = tmp_path / "cut.mp4"
     cut.write_bytes((recorded / "a.mp4").read_bytes()[:1000])
-    with pytest.raises(OSError, match="the encoder left 0 of 4 frames"):
+    with pytest.raises(OSError, match="the encoder wrote 0 of 4 frames"):
         check_video(cut, 4)
     check_video(recorded / "a.mp4", 4)
 

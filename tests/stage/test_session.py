@@ -9,7 +9,7 @@ from msph.fluid import world
 from msph.scene import load_scene
 from msph.scene.library import shipped_scenes
 from msph.stage import menu, session, trial
-from msph.stage.called import Called, Choice
+from msph.stage.called import Choice, SceneArguments
 from msph.stage.session import Session
 from msph.stage.window import ClosedError
 from msph.taichi_internals import PLAIN
@@ -27,9 +27,9 @@ class Window(Screen):
         self.closes, self.told = closes, []
 
     def begin(self, title):
-        self.tell("building the scene")
+        self.report("building the scene")
 
-    def tell(self, doing):
+    def report(self, doing):
         self.told.append(doing)
         if len(self.told) == self.closes:
             raise ClosedError
@@ -55,7 +55,7 @@ def rounds(monkeypatch):
         monkeypatch.setattr(Session, "_build", build)
         monkeypatch.setattr(Session, "_play", end)
         monkeypatch.setattr(session, "Layout", lambda size: None)
-        Session(Window(), Called("pool")).play("pool", "small")
+        Session(Window(), SceneArguments("pool")).play("pool", "small")
         return built, said
 
     return play
@@ -86,7 +86,7 @@ def test_thirty_presses_of_tab_build_one_further_scene(tmp_path, monkeypatch):
     window = Window()
     window.pressed = ["Tab"] * 30
     with pytest.raises(ClosedError):
-        Recorded(window, Called(scene)).play(scene, "large")
+        Recorded(window, SceneArguments(scene)).play(scene, "large")
     # A scene that is not shipped stands before the first.
     assert asked == [scene, NAMES[29 % len(NAMES)]]
 
@@ -97,7 +97,7 @@ def test_closing_the_window_ends_compiling(tmp_path, monkeypatch):
     monkeypatch.setattr(world, "_stock", [])
     scene, window = write(tmp_path), Window(closes=5)
     with pytest.raises(ClosedError):
-        Session(window, Called(scene), frames=1).play(scene, "large")
+        Session(window, SceneArguments(scene), frames=1).play(scene, "large")
     assert len(window.told) == 5 and window.image is None
     assert window.told[-1].startswith("compiling ")
 

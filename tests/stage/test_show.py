@@ -14,7 +14,7 @@ from msph.stage.headless import Headless, HeadlessPlayer
 from msph.stage.loop import run
 from msph.stage.row import Row
 from msph.stage.show import Show
-from msph.stage.views import told_in
+from msph.stage.views import display_unit
 from tests.scenes_kit import write
 
 SIZE = (160, 90)
@@ -129,8 +129,8 @@ def test_legend_says_quantity_unit_and_range(show, view, title, numbers):
 
 
 def test_large_and_small_numbers_are_told_in_other_units():
-    assert told_in("Pa", 5000.0) == ("kPa", 1e3) and told_in("Pa", 500.0) == ("Pa", 1.0)
-    assert told_in("m", 0.05) == ("mm", 1e-3) and told_in("m/s", 5000.0) == ("m/s", 1.0)
+    assert display_unit("Pa", 5000.0) == ("kPa", 1e3) and display_unit("Pa", 500.0) == ("Pa", 1.0)
+    assert display_unit("m", 0.05) == ("mm", 1e-3) and display_unit("m/s", 5000.0) == ("m/s", 1.0)
 
 
 def test_view_of_the_density_measures_it(show, monkeypatch):
@@ -191,7 +191,7 @@ def test_checkpoint_file_resumes_and_others_are_refused(show, tmp_path):
     (tmp_path / "bad.npz").write_text("nonsense")
     np.savez(tmp_path / "other.npz", y=np.zeros(3))
     for name in ("bad.npz", "other.npz"):
-        with pytest.raises(SceneError, match=f"{name}: is no checkpoint"):
+        with pytest.raises(SceneError, match=f"{name}: is not a checkpoint"):
             show.resume(tmp_path / name)
 
 

@@ -140,10 +140,10 @@ def read_xwd(path):
 
 
 def test_pace_says_when_time_is_slow():
-    assert pace(1.0, 1.0, paused=False) == "x1.00"
-    assert pace(0.42, 1.0, paused=False) == "x0.42: this machine is too slow for more"
-    assert pace(0.1, 0.1, paused=False) == "x0.10 slow motion"
-    assert pace(0.42, 1.0, paused=True) == "x0.42 paused"
+    assert pace(1.0, 1.0, paused=False) == "real-time factor 1.00"
+    assert pace(0.42, 1.0, paused=False) == "real-time factor 0.42: this machine is too slow"
+    assert pace(0.1, 0.1, paused=False) == "real-time factor 0.10, slow motion"
+    assert pace(0.42, 1.0, paused=True) == "real-time factor 0.42, paused"
 
 
 # As `python -m msph`, but that the scene given is the only one that is shipped.
