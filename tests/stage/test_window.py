@@ -181,7 +181,7 @@ def test_window_opens_obeys_keys_and_shows_water(display, tmp_path):
     process = play(*arguments, display=display.display, folder=tmp_path, run=("alone.py",))
     try:
         seen = wait_for(process, "ready in")
-        assert "pause and go on" in seen and "left drag" in seen
+        assert "pause and resume" in seen and "left drag" in seen
         screen = display
         time.sleep(2.0)
         water = screen.look()
@@ -307,7 +307,7 @@ def test_a_lesson_without_a_display_says_how_to_read_it():
     process = play("kernels", command="lesson")
     told, _ = process.communicate(timeout=PATIENCE)
     assert process.returncode == 2
-    assert told.splitlines()[-1].endswith("--html DIR writes the lesson as a page")
+    assert told.splitlines()[-1].endswith("--html DIR writes a web page instead")
 
 
 def test_without_a_display_play_captures_instead(tmp_path):
