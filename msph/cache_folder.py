@@ -1,4 +1,4 @@
-"""The user's cache folder, checked before Taichi starts.
+"""Check of the user's cache folder before Taichi starts.
 
 Taichi 1.7.4 ends with a segmentation fault where it cannot write its cache of compiled kernels, and
 aborts where neither HOME nor XDG_CACHE_HOME is set.
@@ -12,13 +12,13 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-# Taichi's own variable for the folder of its cache.
-TAICHIS = "TI_OFFLINE_CACHE_FILE_PATH"
+# Environment variable of Taichi for the folder of its cache.
+TAICHI_FOLDER = "TI_OFFLINE_CACHE_FILE_PATH"
 
 
-def ensure(tell: Callable[[str], None] | None = None) -> None:
-    """Sets XDG_CACHE_HOME to a temporary folder, which is removed at exit, where the user's cache
-    folder cannot be written; tell: is called with one line that says so."""
+def ensure(report: Callable[[str], None] | None = None) -> None:
+    """Replaces a cache folder that is not writable by a temporary folder, which is removed at exit
+    (XDG_CACHE_HOME), and calls `report` with one line about it."""
     if sys.platform == "win32":
         return
     folder = _folder()
@@ -30,18 +30,18 @@ def ensure(tell: Callable[[str], None] | None = None) -> None:
                 return
         except OSError as error:
             problem = f"{folder}: {(error.strerror or 'cannot be written').lower()}"
-    os.environ.pop(TAICHIS, None)
+    os.environ.pop(TAICHI_FOLDER, None)
     temporary = tempfile.mkdtemp(prefix="msph_")
     atexit.register(shutil.rmtree, temporary, ignore_errors=True)
     os.environ["XDG_CACHE_HOME"] = temporary
-    if tell:
-        tell(f"{problem}: compiled kernels and progress in lessons are not kept")
+    if report:
+        report(f"{problem}: compiled kernels and progress in lessons are not kept")
 
 
 def _folder() -> Path | None:
     """Returns the folder in which Taichi keeps its cache, None where the environment names none."""
-    if os.environ.get(TAICHIS):
-        return Path(os.environ[TAICHIS])
+    if os.environ.get(TAICHI_FOLDER):
+        return Path(os.environ[TAICHI_FOLDER])
     given, home = os.environ.get("XDG_CACHE_HOME"), os.environ.get("HOME")
     if not given and not home:
         return None

@@ -20,9 +20,9 @@ def file() -> Path:
 
 
 def recall(key: str, kind: type[T]) -> T | None:
-    """Returns the value kept under a key, None where there is none. A value that is not of the
-    `kind` (a type that pydantic can validate) is reported in one line, and forgotten."""
-    # Here, since the command line's help needs no pydantic.
+    """Returns the value stored under a key, or None. A value that pydantic cannot validate as the
+    type `kind` is reported in one line and removed."""
+    # Imported here, since the command line's help needs no pydantic.
     from pydantic import TypeAdapter, ValidationError
 
     known = _read()
@@ -31,7 +31,7 @@ def recall(key: str, kind: type[T]) -> T | None:
     try:
         return TypeAdapter(kind).validate_python(known[key])
     except ValidationError:
-        _tell(f"the value of {key!r} is damaged and is replaced")
+        _report(f"the value of {key!r} is damaged and is replaced")
         _write({name: value for name, value in known.items() if name != key})
         return None
 
@@ -52,7 +52,7 @@ def _read() -> dict[str, Any]:
         return {}
     # JSON of a hundred thousand brackets exceeds Python's stack.
     except (ValueError, RecursionError):
-        _tell("is damaged and is replaced")
+        _report("is damaged and is replaced")
         _write({})
         return {}
     return found
@@ -67,5 +67,5 @@ def _write(known: dict[str, Any]) -> None:
         part.replace(file())
 
 
-def _tell(problem: str) -> None:
+def _report(problem: str) -> None:
     click.echo(f"msph: {file()}: {problem}", err=True)

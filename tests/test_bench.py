@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bench import impact, parts, peer_splishsplash, peer_surfaces, peers, scale
+from bench import constants, impact, parts, peer_splishsplash, peer_surfaces, peers, scale
 from bench.methods import solvers
 from msph.scene.water import layer_specs, particle_count
 
@@ -85,3 +85,10 @@ def test_longer_windows_read_less_of_an_impact(monkeypatch) -> None:
     foot, _, top = (row["peak 0.05"] for row in rows)
     assert 3.0 * top < foot < 0.5 * 1000.0 * 4.0 * 9.81 * 0.7
     assert rows[0]["impulse"] > rows[1]["impulse"] > rows[2]["impulse"]
+
+
+def test_every_constant_that_is_varied_exists():
+    """A constant that had moved to another module broke the whole measurement."""
+    named = [(module, name) for module, name, *_ in constants.TRIED if module != "scene"]
+    for module, name in named:
+        assert hasattr(importlib.import_module(constants.FLUID + module), name), (module, name)

@@ -6,15 +6,15 @@ from pathlib import Path
 
 import pytest
 
-from msph.cache_folder import TAICHIS, ensure
+from msph.cache_folder import TAICHI_FOLDER, ensure
 from tests.scenes_kit import write
 
-NAMES = ("XDG_CACHE_HOME", "HOME", TAICHIS)
+NAMES = ("XDG_CACHE_HOME", "HOME", TAICHI_FOLDER)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="variables of POSIX")
 @pytest.mark.parametrize(
-    "given", [{}, {"XDG_CACHE_HOME": "file"}, {"HOME": "file"}, {TAICHIS: "file"}]
+    "given", [{}, {"XDG_CACHE_HOME": "file"}, {"HOME": "file"}, {TAICHI_FOLDER: "file"}]
 )
 def test_a_folder_that_cannot_be_written_is_replaced(given, tmp_path, monkeypatch):
     (tmp_path / "file").write_text("")
