@@ -25,7 +25,7 @@ def check(text: str, known: Mapping[str, set[str] | None]) -> None:
     with their attributes, or None for a number."""
     try:
         tree = ast.parse(text, mode="eval")
-    except (SyntaxError, ValueError, RecursionError):
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
         hint = "; == compares" if re.search(r"[^=<>!]=[^=]", text) else ""
         raise ExpressionError(f"is not an expression: {text!r}{hint}") from None
     named = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
@@ -55,6 +55,8 @@ def value(text: str, names: Mapping[str, Any]) -> bool | float:
         found = SimpleEval(names=dict(names), functions=dict(FUNCTIONS)).eval(text)
     except InvalidExpression as error:
         raise ExpressionError(f"{text!r}: {error}") from None
+    except RecursionError:
+        raise ExpressionError(f"{text!r}: has too many nested parts") from None
     except (ArithmeticError, TypeError, ValueError):
         return math.nan
     if isinstance(found, bool | np.bool_):

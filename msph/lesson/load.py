@@ -1,6 +1,7 @@
 """Reading and checking lessons."""
 
 import keyword
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,12 +21,14 @@ from msph.scene.check import views
 from msph.scene.errors import SceneError
 from msph.scene.library import assets, shipped_scenes
 from msph.scene.live import changed, live_parameters
-from msph.scene.load import explain, load_scene, read_toml
+from msph.scene.load import explain, load_scene, read_toml, shortened
 from msph.scene.schema import Scene
 
 FILE = "lesson.toml"
 # Most words of titles, choices and labels, which have one or two lines.
 SHORT_WORDS = 12
+# Most steps of a slider (-), more than a screen has pixels.
+MAX_STEPS = 10_000
 # Live parameters that have no effect in a lesson, which has its own time steps and image size.
 WINDOW_ONLY = {"play.speed", "play.scale"}
 
@@ -57,9 +60,9 @@ def find_lesson(name: str) -> Path:
     if name in lessons:
         return lessons[name]
     for candidate in (path / FILE, path):
-        if candidate.is_file():
+        if os.path.isfile(candidate):
             return candidate
-    if path.is_dir():
+    if os.path.isdir(path):
         raise LessonError(name, f"has no {FILE}")
     hint = did_you_mean(name, lessons, "shipped")
     raise LessonError(name, f"no such lesson; {hint}")
@@ -131,6 +134,9 @@ def _check_sliders(lesson: Lesson, scenes: list[Scene], where: str) -> None:
         key = f"slider.{k}"
         if not slider.lo <= slider.start <= slider.hi or slider.lo == slider.hi:
             raise LessonError(where, "start must lie between lo and hi, and lo below hi", key)
+        if slider.step and slider.hi - slider.lo > MAX_STEPS * slider.step:
+            problem = f"divides the range into more than {MAX_STEPS} steps (got {slider.step:g})"
+            raise LessonError(where, problem, f"{key}.step")
         if keyword.iskeyword(slider.name):
             raise LessonError(where, "is a reserved word", f"{key}.name")
         if lesson.board:
@@ -177,8 +183,8 @@ def _check_end(scenes: list[Scene], slider: SliderOf, end: str, where: str, key:
 
 
 def _check_words(lesson: Lesson, where: str) -> None:
-    """Raises LessonError for long captions, characters beyond ASCII, which some fonts lack, a wrong
-    answer number, and formulas that cannot be typeset."""
+    """Raises LessonError for long captions, characters beyond ASCII, which some fonts lack, control
+    characters, a wrong answer number, and formulas that cannot be typeset."""
     long = {"predict.ask": lesson.predict.ask, "why.text": lesson.why.text}
     long |= {f"do.{k}.text": task.text for k, task in enumerate(lesson.do)}
     short = {"title": lesson.title}
@@ -190,6 +196,8 @@ def _check_words(lesson: Lesson, where: str) -> None:
                 raise LessonError(where, f"has {len(text.split())} words; at most {most}", key)
             if not text.isascii():
                 raise LessonError(where, "has characters beyond ASCII", key)
+            if not text.replace("\n", " ").isprintable():
+                raise LessonError(where, f"has control characters (got {shortened(text)})", key)
     if lesson.predict.answer > len(lesson.predict.choices):
         most = len(lesson.predict.choices)
         raise LessonError(where, f"must be a choice from 1 to {most}", "predict.answer")

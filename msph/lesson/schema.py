@@ -9,8 +9,14 @@ from msph.parameter import Number, Section, parameter
 # Most words of a caption, choices, simulations, sliders, and lines of an excerpt: as many as fit
 # into the layout.
 WORDS, CHOICES, WATERS, SLIDERS, LINES = 40, 4, 3, 4, 40
+# Most characters of an expression, a formula and the path of a function. The libraries that read
+# them recurse once for each bracket or sign, and Python's limit is 1,000 calls.
+EXPRESSION, FORMULA, PATH = 200, 500, 200
 # Pattern of the names of simulations and sliders in expressions.
 NAME = r"^[a-z][a-z0-9_]*$"
+
+
+Expression = Annotated[str, Field(max_length=EXPRESSION)]
 
 
 class WaterOf(Section):
@@ -61,8 +67,8 @@ class Task(Section):
     """A task, and the condition that completes it."""
 
     text: str = parameter(text="what to do, at most 40 words")
-    check: str = parameter(text="expression that is true when the task is completed")
-    show: list[str] = parameter(min_length=1, max_length=3, text="expressions to display")
+    check: Expression = parameter(text="expression that is true when the task is completed")
+    show: list[Expression] = parameter(min_length=1, max_length=3, text="expressions to display")
     fresh: bool = parameter(False, text="reset the simulations and the sliders at the start")
     view: str = parameter("", text="view of the image, as picture.view of a scene")
     solution: Solution = parameter(text="actions that solve the task")
@@ -72,8 +78,12 @@ class Why(Section):
     """The explanation: a caption, a formula, and the code that implements it."""
 
     text: str = parameter(text="caption, at most 40 words")
-    formula: str = parameter(text="formula in TeX math mode, without the dollars")
-    code: str = parameter(text="code to show: module:name or module:Class.name")
+    formula: str = parameter(
+        max_length=FORMULA, text="formula in TeX math mode, without the dollars"
+    )
+    code: str = parameter(
+        max_length=PATH, text="code to show: module:name or module:Class.name"
+    )
     first: str = parameter("", text="text in the first line of the excerpt")
     last: str = parameter("", text="text in the last line of the excerpt")
 

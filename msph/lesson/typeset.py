@@ -27,6 +27,8 @@ def check_formula(formula: str) -> None:
 
     try:
         MathTextParser("path").parse(f"${formula}$")
+    except RecursionError:
+        raise FormulaError("cannot be typeset: too many nested groups") from None
     except ValueError as error:
         problem = str(error).strip().splitlines()[-1]
         raise FormulaError(f"cannot be typeset: {problem}") from None

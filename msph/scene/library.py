@@ -1,5 +1,6 @@
 """The shipped scenes: their folder, names and files."""
 
+import os
 from pathlib import Path
 
 from msph.errors import did_you_mean
@@ -24,9 +25,10 @@ def find_scene(name: str) -> Path:
     if name in scenes:
         return scenes[name]
     path = Path(name)
-    if path.is_file():
+    # Unlike Path.is_file, these are False for names that are too long.
+    if os.path.isfile(path):
         return path
-    if path.is_dir():
+    if os.path.isdir(path):
         raise SceneError(name, "is a folder, not a scene file")
     hint = did_you_mean(name, scenes, "shipped")
     raise SceneError(name, f"no such scene file or shipped scene; {hint}")

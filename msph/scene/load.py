@@ -1,6 +1,8 @@
 """Reading scenes: TOML file, variants and overrides to a checked Scene, and back to TOML."""
 
+import contextlib
 import copy
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -21,6 +23,10 @@ else:
     import tomli as tomllib
 
 
+# Decimal points without a digit before or after them, which TOML does not allow.
+BARE_POINT, BARE_END = re.compile(r"(?<![\w.])\.(?=\d)"), re.compile(r"(?<=\d)\.(?![\w.])")
+# Characters of a value that a message shows.
+MAX_VALUE = 80
 # Errors of tomllib: for wrong syntax, for integers of thousands of digits, for deep nesting.
 UNREADABLE = (tomllib.TOMLDecodeError, ValueError, RecursionError)
 
@@ -75,8 +81,8 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def parse_override(text: str) -> tuple[str, Any]:
-    """Splits "box.size=[1, 1, 1]" into ("box.size", [1, 1, 1]); text that is not a TOML value is
-    returned as a string. Raises SceneError."""
+    """Splits "box.size=[1, 1, 1]" into ("box.size", [1, 1, 1]); numbers may be written .9 or 1., and
+    a word needs no quotes. Raises SceneError."""
     key, sign, value = text.partition("=")
     key = key.strip()
     try:
@@ -85,10 +91,13 @@ def parse_override(text: str) -> tuple[str, Any]:
         raise SceneError("--set", "is not valid Unicode text", ascii(text)) from None
     if not sign or not key:
         raise SceneError("--set", "expects key=value", text)
-    try:
-        return key, tomllib.loads(f"value = {value}")["value"]
-    except UNREADABLE:
-        return key, value.strip()
+    value = value.strip()
+    for written in (value, BARE_POINT.sub("0.", BARE_END.sub(".0", value))):
+        with contextlib.suppress(*UNREADABLE):
+            return key, tomllib.loads(f"value = {written}")["value"]
+    if value.startswith(("[", "{", '"', "'")):
+        raise SceneError("--set", f"is not a TOML value: {shortened(value)}", key)
+    return key, value
 
 
 def choose_variant(data: dict, settings: list[tuple[str, Any]], where: str) -> dict:
@@ -168,12 +177,18 @@ def explain(
         problem = "is required"
     else:
         problem = first["msg"][0].lower() + first["msg"][1:]
-        if not isinstance(value, dict | list) or len(str(value)) < 60:
-            problem += f" (got {value!r})"
+        if not isinstance(value, dict | list) or len(str(value)) < MAX_VALUE:
+            problem += f" (got {shortened(value)})"
     others = len(details) - 1
     if others:
         problem += f" (and {others} more)"
     return SceneError(where, problem, key)
+
+
+def shortened(value: Any) -> str:
+    """Returns the representation of a value, cut to MAX_VALUE characters."""
+    text = repr(value)
+    return text if len(text) <= MAX_VALUE else text[:MAX_VALUE] + "..."
 
 
 def _model_at(location: list, model: type[BaseModel]) -> type[BaseModel]:

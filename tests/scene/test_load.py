@@ -5,7 +5,7 @@ import pytest
 from msph.scene import SceneError, load_scene
 from msph.scene.check import cautions, views
 from msph.scene.library import shipped_scenes
-from msph.scene.load import to_toml
+from msph.scene.load import parse_override, to_toml
 from msph.scene.parameters import parameters
 from msph.scene.schema import Scene
 from msph.scene.water import asked_mass, initial_particles, layer_specs
@@ -270,3 +270,17 @@ def test_views_are_few_and_of_what_a_person_looks_for(method):
 def test_an_override_may_have_several_lines(tmp_path):
     scene = load_scene(write(tmp_path, GOOD), ("box.size=[\n\t2.0,\n\t2.0,\n\t1.0\n]",))
     assert scene.box.size == (2.0, 2.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [(".9", 0.9), ("[-.1, 1]", [-0.1, 1]), ("[1., +.5e-3]", [1.0, 5e-4]), ("x.9.obj", "x.9.obj")],
+)
+def test_numbers_need_no_digit_on_both_sides_of_the_point(text, value):
+    """TOML demands them; the text was taken as a string."""
+    assert parse_override(f"a.b={text}") == ("a.b", value)
+
+
+def test_a_broken_list_is_no_string():
+    with pytest.raises(SceneError, match=r"--set: gravity: is not a TOML value: '\[0, -9.81'"):
+        parse_override("gravity=[0, -9.81")

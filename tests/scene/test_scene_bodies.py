@@ -38,6 +38,9 @@ BAD = {
     "obstacles=[{mesh='flat.obj'}]": "obstacles.0.mesh: flat.obj: encloses no volume",
     "obstacles=[{mesh='turned.obj'}]": "obstacles.0.mesh: turned.obj: has no clear inside",
     "obstacles=[{mesh='scene.toml'}]": "obstacles.0.mesh: scene.toml: unknown mesh format",
+    "obstacles=[{mesh='short.ply'}]": "short.ply: declares 2000000000 faces, and holds 12",
+    "obstacles=[{mesh='inverted.obj'}]": "inverted.obj: body 2 of 2 is inside out",
+    f"obstacles=[{{mesh='{300 * 'x'}.obj'}}]": "x: no such mesh file; shipped: ",
     "container={mesh='open.ply'}": "container.mesh: open.ply: is not closed: 9 open edges",
     "obstacles=[{mesh='millimetres.stl'}]": "a mesh in millimetres needs scale = 0.001",
     "container={mesh='bowl.obj'}": "container: reaches from (-0.5, 0, -0.5) m to (0.5, 0.4, 0.5) m",
@@ -69,6 +72,17 @@ def folder(tmp_path_factory):
     (path / "text.stl").write_text("no mesh at all\n")
     brick = trimesh.creation.box((0.4, 0.2, 0.4)).export(file_type="obj")
     (path / "old.obj").write_bytes(b"# caf\xe9\n" + brick.encode())
+    box = trimesh.creation.box((0.4, 0.2, 0.4))
+    text = box.export(file_type="ply", encoding="ascii")
+    (path / "old.ply").write_bytes(text.replace(b"\nelement", b"\ncomment caf\xe9\nelement", 1))
+    (path / "short.ply").write_bytes(text.replace(b"face 12", b"face 2000000000"))
+    text = box.export(file_type="stl_ascii").encode()
+    (path / "old.stl").write_bytes(text.replace(b"solid", b"solid caf\xe9", 1))
+    inner = trimesh.creation.box((0.2, 0.1, 0.2))
+    inner.invert()
+    trimesh.util.concatenate([box, inner]).export(path / "hollow.obj")
+    inner.apply_translation((0.6, 0.0, 0.0))
+    trimesh.util.concatenate([box, inner]).export(path / "inverted.obj")
     (path / "nan.obj").write_text(brick.replace("v 0.20000000", "v nan", 1))
     return path
 
@@ -77,11 +91,18 @@ def load(folder, *overrides):
     return load_scene(str(folder / "scene.toml"), overrides)
 
 
-def test_a_comment_in_an_old_encoding_is_no_harm(folder):
+@pytest.mark.parametrize("name", ["old.obj", "old.ply", "old.stl"])
+def test_text_in_an_old_encoding_is_accepted(folder, name):
     """It was "No module named 'charset_normalizer'"."""
-    scene = load(folder, "obstacles=[{mesh='old.obj', position=[0.5, 0.3, 0.5]}]")
+    scene = load(folder, f"obstacles=[{{mesh='{name}', position=[0.5, 0.3, 0.5]}}]")
     vertices, triangles = placed(scene.obstacles[0])
     assert np.allclose(np.ptp(vertices, axis=0), (0.4, 0.2, 0.4)) and len(triangles) == 12
+
+
+def test_a_cavity_is_no_body_that_is_inside_out(folder):
+    scene = load(folder, "obstacles=[{mesh='hollow.obj', position=[0.5, 0.3, 0.5]}]")
+    corners = placed(scene.obstacles[0])[0][placed(scene.obstacles[0])[1]]
+    assert np.linalg.det(corners).sum() / 6 == pytest.approx(0.4 * 0.2 * 0.4 - 0.2 * 0.1 * 0.2)
 
 
 def test_a_mesh_that_crosses_itself_works(folder):
