@@ -189,7 +189,7 @@ BAD = {
     "signs": ("board.ponds == 1", "-" * 900 + "1", r"do.0.check: .*at most 200 .*'-{79}\.\.\.\)"),
     "braces": ("f = 5", "{" * 2000, r"why.formula: .*at most 500 characters"),
     "nested": ("f = 5", "{" * 240 + "}" * 240, r"why.formula: cannot be typeset: too many nested"),
-    "path": ("contour\"\nlast", "a" + ".a" * 499 + '"\nlast', r"why.code: .*at most 200 char"),
+    "path": ('contour"\nlast', "a" + ".a" * 499 + '"\nlast', r"why.code: .*at most 200 char"),
     "step": ("start = 5.0", "start = 5.0\nstep = 1e-300", r"slider.0.step: divides the range into"),
     "control": ("A small", r"A \u001b[31m", r"title: has control characters \(got 'A \\x1b"),
     "foreign": ("msph.lesson.board_contours:contour", "os:getcwd", r"is not part of msph"),

@@ -81,9 +81,7 @@ class Why(Section):
     formula: str = parameter(
         max_length=FORMULA, text="formula in TeX math mode, without the dollars"
     )
-    code: str = parameter(
-        max_length=PATH, text="code to show: module:name or module:Class.name"
-    )
+    code: str = parameter(max_length=PATH, text="code to show: module:name or module:Class.name")
     first: str = parameter("", text="text in the first line of the excerpt")
     last: str = parameter("", text="text in the last line of the excerpt")
 

@@ -81,7 +81,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def parse_override(text: str) -> tuple[str, Any]:
-    """Splits "box.size=[1, 1, 1]" into ("box.size", [1, 1, 1]); numbers may be written .9 or 1., and
+    """Splits "box.size=[1, 1, 1]" into ("box.size", [1, 1, 1]); numbers may be .9 or 1., and
     a word needs no quotes. Raises SceneError."""
     key, sign, value = text.partition("=")
     key = key.strip()

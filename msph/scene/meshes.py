@@ -38,7 +38,8 @@ def find_mesh(name: str) -> Path:
     shipped = {p.name: p for k in SUFFIXES for p in sorted((assets() / "obstacles").glob(f"*{k}"))}
     path = shipped.get(name, Path(name))
     if path.suffix.lower() not in SUFFIXES:
-        raise MeshError(f"{path.name[:MAX_NAME]}: unknown mesh format; known: {', '.join(SUFFIXES)}")
+        known = ", ".join(SUFFIXES)
+        raise MeshError(f"{path.name[:MAX_NAME]}: unknown mesh format; known: {known}")
     # os.path.isfile is False for names that are too long, where Path.is_file raises.
     if not os.path.isfile(path):
         hint = did_you_mean(name, shipped, "shipped")
