@@ -32,7 +32,7 @@ from msph.scene.quality import LADDER, Quality, scaled
 
 # Spacings of the run that others are compared with, over the scene's.
 REFERENCE = Quality(2.0 ** (-2.0 / 3.0), 0.01)
-# Simulated time of a run [s], and the window in which its dearest part is found [s].
+# Simulated time of a run [s], and the window in which its slowest part is found [s].
 SECONDS, WINDOW = 4.0, 0.5
 FRAME = 1.0 / 60.0
 # Settings that are tried for each size of particles.
@@ -88,7 +88,7 @@ def in_process(name: str, quality: Quality, arch: str, smoothing: float | None =
 
 def judged(found: dict, reference: dict) -> dict[str, float]:
     """Cost and error of a run beside the reference: particles; CPU and wall-clock seconds per
-    simulated second, means, and of its dearest half second; the error, see above, and the energy
+    simulated second, means, and of its slowest half second; the error, see above, and the energy
     lost by the end over weight times height (-)."""
     away = np.array(found["centre"]) - np.array(reference["centre"])
     window = np.ones(round(WINDOW / FRAME)) / WINDOW
@@ -97,7 +97,7 @@ def judged(found: dict, reference: dict) -> dict[str, float]:
         "particles": found["particles"],
         "cpu": sum(found["cpu"]) / SECONDS,
         "wall": sum(found["wall"]) / SECONDS,
-        "dearest": float(np.convolve(found["wall"], window, "valid").max()),
+        "slowest": float(np.convolve(found["wall"], window, "valid").max()),
         "error": float(np.sqrt((away**2).sum(axis=1).mean())) / found["height"],
         "energy_lost": (energy[0] - energy[-1]) / (found["weight"] * found["height"]),
     }
@@ -123,7 +123,7 @@ HEADS = (
     "particles",
     "CPU s per s",
     "wall s per s",
-    "dearest half second",
+    "slowest half second",
     "error %",
     "energy lost %",
 )

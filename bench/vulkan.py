@@ -19,7 +19,7 @@ from msph.errors import BlowUpError
 from msph.options import AS_GIVEN
 from msph.scene import load_scene
 from msph.scene.library import shipped_scenes
-from msph.scene.quality import at_quality, fixed
+from msph.scene.quality import at_quality, single_quality_reason
 from msph.stage.controls import Controls
 from msph.stage.show import Show
 
@@ -36,7 +36,9 @@ QUANTITIES = (
 def facts(name: str, seed: int, frames: int, quality: str) -> dict[str, float]:
     """Mean density error (-) and kinetic energy [J] of a scene after so many frames."""
     scene = load_scene(name, (f"seed={seed}",))
-    show = Show(at_quality(scene, AS_GIVEN if fixed(scene) else quality, name), FRAME)
+    show = Show(
+        at_quality(scene, AS_GIVEN if single_quality_reason(scene) else quality, name), FRAME
+    )
     for _ in range(frames):
         show.frame(Controls())
     last = show.ledger.entries[-1]

@@ -17,7 +17,7 @@ import pytest
 from msph.cli import main
 from msph.scene import load_scene
 from msph.scene.library import shipped_scenes
-from msph.stage.preparation import laid_and_asked
+from msph.stage.preparation import mass_text
 from tests.scenes_kit import TEXT, write
 
 
@@ -299,8 +299,8 @@ def test_measure_of_water_that_blows_up_keeps_what_there_is(tmp_path):
 
 
 def test_water_laid_is_told_from_water_asked_where_they_differ():
-    assert laid_and_asked({"mass_laid_kg": 28.8001, "mass_asked_kg": 28.8}) == "28.8 kg"
-    told = laid_and_asked({"mass_laid_kg": 28.9, "mass_asked_kg": 28.8})
+    assert mass_text({"mass_laid_kg": 28.8001, "mass_asked_kg": 28.8}) == "28.8 kg"
+    told = mass_text({"mass_laid_kg": 28.9, "mass_asked_kg": 28.8})
     assert told == "28.9 kg of 28.8 kg specified"
 
 

@@ -69,7 +69,7 @@ def test_a_student_ticks_every_task_and_one_who_does_nothing_none(name):
         told = " ".join(progress.reached[k])
         assert "unknown" not in told and re.search(r"\d", told)
         assert progress.go(1)
-    assert progress.waits and progress.page == 1 + len(course.lesson.do)
+    assert progress.pauses and progress.page == 1 + len(course.lesson.do)
 
 
 def test_numbers_on_the_screen_are_those_of_the_ledger():
@@ -271,7 +271,7 @@ def test_a_lesson_goes_on_where_it_was_left(tmp_path, monkeypatch):
     commands.resume(again.progress)
     assert again.progress.page == 2 and again.progress.answered == 2
     assert again.progress.values["support"] == course.lesson.do[0].solution.set["support"]
-    again.takes("b")
+    again.handle_key("b")
     assert again.band.paint(again.progress, again.progress.shown()).std() > 1.0
     for _ in range(2):
         again.progress.go(1)
@@ -329,28 +329,28 @@ class TestGuide:
         return Guide(load_lesson("cubes"), None, SIZE)
 
     def test_the_question_is_answered_before_anything_runs(self, guide):
-        assert guide.takes("n") and guide.progress.page == 0 and guide.waits
-        assert guide.takes("d") and guide.progress.answered == 0, "there are three choices"
-        assert guide.takes("b") and guide.progress.answered == 2
-        assert guide.takes("a") and guide.progress.answered == 2, "once"
-        assert guide.takes("n") and guide.progress.page == 1 and not guide.waits
-        assert guide.takes("b") and guide.progress.page == 0
-        assert not guide.takes("p")
+        assert guide.handle_key("n") and guide.progress.page == 0 and guide.pauses
+        assert guide.handle_key("d") and guide.progress.answered == 0, "there are three choices"
+        assert guide.handle_key("b") and guide.progress.answered == 2
+        assert guide.handle_key("a") and guide.progress.answered == 2, "once"
+        assert guide.handle_key("n") and guide.progress.page == 1 and not guide.pauses
+        assert guide.handle_key("b") and guide.progress.page == 0
+        assert not guide.handle_key("p")
 
     def test_a_slider_follows_the_mouse_from_where_it_was_taken(self, guide):
         import taichi as ti
 
-        guide.takes("a"), guide.takes("n")
-        assert guide.takes("i") and guide.takes("Tab"), "other scenes are not led to"
+        guide.handle_key("a"), guide.handle_key("n")
+        assert guide.handle_key("i") and guide.handle_key("Tab"), "other scenes are not led to"
         image = Image(ti.Vector.field(3, ti.f32, SIZE), *SIZE)
-        guide.lay(image)
+        guide.draw(image)
         place = guide.band.sheet.sliders[0]
         y = 1.0 - (SIZE[1] - guide.below + 0.5 * (place.top + place.bottom)) / SIZE[1]
 
         def at(x):
             return np.array([x / SIZE[0], y])
 
-        assert guide.covers(at(place.left)) and not guide.covers(np.array([0.5, 0.9]))
+        assert guide.is_on_page(at(place.left)) and not guide.is_on_page(np.array([0.5, 0.9]))
         # A button that went down elsewhere takes no slider.
         assert not guide.drag(np.array([0.1, 0.9]), True)
         assert not guide.drag(at(place.left), True)
@@ -360,21 +360,21 @@ class TestGuide:
         assert guide.drag(np.array([2.0, 2.0]), True), "it may leave the window"
         assert guide.progress.values["threshold"] == place.hi
         assert not guide.drag(at(place.left), False)
-        assert guide.takes("r") and guide.progress.values["threshold"] == 5.0
+        assert guide.handle_key("r") and guide.progress.values["threshold"] == 5.0
 
     def test_pages_are_laid_over_the_picture(self, guide):
         import taichi as ti
 
         image = Image(ti.Vector.field(3, ti.f32, SIZE), *SIZE)
         image.field.fill(1.0)
-        guide.lay(image)
+        guide.draw(image)
         pixels = image.field.to_numpy()
         assert pixels[:, : guide.below].mean() < 0.3 and pixels[:, guide.below :].min() == 1.0
-        guide.takes("a")
+        guide.handle_key("a")
         for _ in range(1 + len(guide.progress.lesson.do)):
-            guide.takes("n")
-        assert guide.whole and guide.covers(np.array([0.5, 0.9]))
-        guide.lay(image)
+            guide.handle_key("n")
+        assert guide.is_full_page and guide.is_on_page(np.array([0.5, 0.9]))
+        guide.draw(image)
         assert image.field.to_numpy().mean() < 0.3
 
     def test_text_can_be_read(self):

@@ -56,7 +56,7 @@ class World:
         )
         self._built: dict[Any, Any] = {}
 
-    def once(self, build: Callable[..., T], *arguments: Any) -> T:
+    def build_once(self, build: Callable[..., T], *arguments: Any) -> T:
         """Returns build(world, *arguments), built at the first call with these arguments."""
         key = build, *arguments
         if key not in self._built:
@@ -73,7 +73,7 @@ class World:
         margin = plan.method.LIST_MARGIN * plan.finest.support
         parts.neighbours.load(plan.entries, margin, plan.method.MIRRORS)
         parts.boundary.load(plan.size, specs, list(plan.bodies))
-        solver = self.once(_solver, plan.method)
+        solver = self.build_once(_solver, plan.method)
         solver.load(plan.parameters, plan.adaptation)
         return solver
 

@@ -39,11 +39,11 @@ class Board:
         within the budget, else 0."""
         name, quality = self._chosen(values)
         steps = self.costs[name]
-        within = [s for s in steps.values() if s.dearest <= values["budget"]]
+        within = [s for s in steps.values() if s.slowest <= values["budget"]]
         own = steps[quality]
         best = bool(within) and own == min(within, key=lambda s: s.error)
         return {
-            "cost": own.dearest,
+            "cost": own.slowest,
             "error": 100.0 * own.error,
             "particles": own.particles,
             "best": float(best),
@@ -54,7 +54,7 @@ class Board:
         chosen, quality = self._chosen(values)
         for name, steps in self.costs.items():
             own = name == chosen
-            x, y = ([getattr(s, k) for s in steps.values()] for k in ("dearest", "error"))
+            x, y = ([getattr(s, k) for s in steps.values()] for k in ("slowest", "error"))
             y = [100.0 * e for e in y]
             colour = chart.COLOURS[1] if own else chart.FAINT
             ax.plot(x, y, "o-", color=colour, lw=3 if own else 1, alpha=1.0 if own else 0.5)

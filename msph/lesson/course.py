@@ -53,7 +53,7 @@ class Progress:
         return self.lesson.do[k] if 0 <= k < len(self.lesson.do) else None
 
     @property
-    def waits(self) -> bool:
+    def pauses(self) -> bool:
         """True while the simulations are paused, on pages without a task."""
         return self.task is None
 
@@ -99,7 +99,7 @@ class Progress:
         if self.row:
             self.row.set(slider.key, value)
 
-    def look(self) -> None:
+    def update(self) -> None:
         """Completes the task of this page if its check holds."""
         k = self.page - 1
         if self.task and not self.ticked[k] and self.holds():

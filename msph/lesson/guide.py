@@ -53,16 +53,16 @@ class Guide:
         return self.progress.runs
 
     @property
-    def waits(self) -> bool:
+    def pauses(self) -> bool:
         """True while the simulations are paused."""
-        return self.progress.waits
+        return self.progress.pauses
 
     @property
-    def whole(self) -> bool:
+    def is_full_page(self) -> bool:
         """True if a page covers the whole image."""
         return self.progress.page > len(self.progress.lesson.do)
 
-    def takes(self, key: str) -> bool:
+    def handle_key(self, key: str) -> bool:
         """Handles a pressed key and returns True if it belongs to the lesson."""
         progress = self.progress
         if progress.page == 0 and key in LETTERS:
@@ -73,12 +73,12 @@ class Guide:
         elif key == "r" and progress.task:
             progress.again()
         else:
-            return key in self.taken or (self.whole and key == "h")
+            return key in self.taken or (self.is_full_page and key == "h")
         return True
 
-    def covers(self, cursor: np.ndarray) -> bool:
+    def is_on_page(self, cursor: np.ndarray) -> bool:
         """Returns True if the cursor, (right, up) in shares of the window, is on a page."""
-        return self.whole or bool(cursor[1] * self.size[1] < self.below)
+        return self.is_full_page or bool(cursor[1] * self.size[1] < self.below)
 
     def drag(self, cursor: np.ndarray, down: bool) -> bool:
         """Moves the slider on which the left button was pressed; returns True while it is held."""
@@ -90,21 +90,21 @@ class Guide:
             self.progress.move(sliders[moved.name], moved.value(x))
         return self.grip.holds
 
-    def look(self) -> None:
+    def update(self) -> None:
         """Updates the task and its displayed numbers after a frame."""
-        self.progress.look()
+        self.progress.update()
         now = time.perf_counter()
         if now - self.read > UPDATE_INTERVAL:
             self.read, self.shown = now, self.progress.shown()
 
-    def lay(self, image) -> None:
+    def draw(self, image) -> None:
         """Draws the current page over the image."""
         p = self.progress
         state = (p.page, p.answered, tuple(p.ticked), tuple(p.values.values()), tuple(self.shown))
         if state != self.painted:
             self.painted = state
             self.overlay.hide("why")
-            if self.whole:
+            if self.is_full_page:
                 page = self.reasons.paint(p.page - 1 - len(p.lesson.do), p)
                 self.overlay.put("why", page, 0, 0)
             else:

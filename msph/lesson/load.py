@@ -20,7 +20,7 @@ from msph.lesson.typeset import FormulaError, check_formula
 from msph.scene.check import views
 from msph.scene.errors import SceneError
 from msph.scene.library import assets, shipped_scenes
-from msph.scene.live import changed, live_parameters
+from msph.scene.live import live_parameters, with_live_value
 from msph.scene.load import explain, load_scene, read_toml, shortened
 from msph.scene.schema import Scene
 
@@ -175,7 +175,7 @@ def _check_end(scenes: list[Scene], slider: SliderOf, end: str, where: str, key:
     """Raises LessonError if an end of a slider is outside its parameter's range."""
     for scene in scenes:
         try:
-            moved = changed(scene, slider.key, getattr(slider, end))
+            moved = with_live_value(scene, slider.key, getattr(slider, end))
             Scene.model_validate(moved.model_dump(exclude_none=True))
         except ValidationError as error:
             problem = error.errors()[0]["msg"]

@@ -11,11 +11,11 @@ def read(window: Window, guide: Guide, frames: int | None = None) -> None:
     view, done = BoardView(window.size, guide.below), 0
     while window.open and (frames is None or done < frames):
         for key in window.presses():
-            if not guide.takes(key) and ACTIONS.get(key) == "quit":
+            if not guide.handle_key(key) and ACTIONS.get(key) == "quit":
                 return
         guide.drag(window.cursor(), window.down("LMB"))
-        guide.look()
+        guide.update()
         view.draw(guide.progress)
-        guide.lay(view.image)
+        guide.draw(view.image)
         window.show(view.image)
         done += 1

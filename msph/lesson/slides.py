@@ -46,7 +46,7 @@ def write(course: Course, folder: Path, force: bool = False) -> list[Path]:
         if view is not None:
             view.draw(guide.progress)
         image = row.picture.image if row is not None else view.image
-        guide.lay(image)
+        guide.draw(image)
         path = slide_path(folder, course, len(paths))
         with replacing(path) as new:
             imageio.imwrite(new, as_u8(image))

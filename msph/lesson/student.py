@@ -94,7 +94,7 @@ class Student:
             roll, pitch = (share * math.radians(a) for a in solution.tilt)
             hand = self._hand(solution) if pushes and any(solution.push) else Hand()
             self.row.frame(Controls(tilt=(roll, pitch), hand=hand, frame_time=FRAME))
-        self.progress.look()
+        self.progress.update()
         self.see()
 
     def _hand(self, solution: Solution) -> Hand:

@@ -30,7 +30,7 @@ ORDERS, SAFETY, SAFETY_UNKNOWN = (0.95, 2.05), 1.25, 3.0
 # Range of orders of the fit.
 MIN_ORDER, MAX_ORDER = 0.05, 12.0
 # Least displacement of the centre of mass along a compared axis, in finest spacings.
-MIN_DISPLACEMENT = 0.1
+MIN_CENTRE_MOTION = 0.1
 # Largest difference that counts as rounding, as a share of the values.
 ROUNDING = 1e-7
 ASYMPTOTIC = "in the asymptotic range"
@@ -125,12 +125,13 @@ def _mean(values: np.ndarray) -> float:
 def compare(ledgers: list[dict], probes: list[dict], spacing: float) -> list[Row]:
     """Returns the rows from the tables of runs, coarse to fine (see table.read).
 
-    Rows are means over the run of kinetic energy, every probe and the centre of mass on axes where
-    it moves by MIN_DISPLACEMENT `spacing` [m]; the mechanical energy lost; and the distance of the
-    centre's path to the next finer run's, root mean square over time.
+    Rows are means over the run of kinetic energy, every probe and the centre of mass, along axes
+    where it moves by at least MIN_CENTRE_MOTION times `spacing` [m]; the mechanical energy lost;
+    and the root mean square over time of the distance between the centres of mass of successive
+    runs.
     """
     paths = [np.column_stack([t[f"centre_{k}_m"] for k in "xyz"]) for t in ledgers]
-    moves = np.abs(paths[-1] - paths[-1][0]).max(axis=0) > MIN_DISPLACEMENT * spacing
+    moves = np.abs(paths[-1] - paths[-1][0]).max(axis=0) > MIN_CENTRE_MOTION * spacing
     rows = [
         _row(f"centre_{k}_mean", "m", [path[:, i].mean() for path in paths])
         for i, k in enumerate("xyz")

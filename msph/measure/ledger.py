@@ -31,7 +31,7 @@ class Ledger:
     _density_due: float = 0.0
 
     def __post_init__(self):
-        self._totals = self.simulation.world.once(Totals)
+        self._totals = self.simulation.world.build_once(Totals)
 
     def clear(self) -> None:
         self.entries.clear()

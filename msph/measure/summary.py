@@ -19,7 +19,7 @@ from msph.measure.survey import Survey
 from msph.measure.timings import Timings
 from msph.own_files import replace
 from msph.scene.schema import Scene
-from msph.scene.water import asked_mass
+from msph.scene.water import specified_mass
 
 
 def origin(scene: Scene, name: str, arch: str) -> dict[str, Any]:
@@ -37,10 +37,10 @@ def origin(scene: Scene, name: str, arch: str) -> dict[str, Any]:
     }
 
 
-def water_laid(scene: Scene, simulation: Simulation, started: list[int]) -> dict[str, float]:
+def water_mass(scene: Scene, simulation: Simulation, started: list[int]) -> dict[str, float]:
     """Returns the mass [kg] of water in the scene file, less the mass displaced by bodies, the mass
     of the particles at the start, and the relative error (-); started: particles per layer."""
-    asked = asked_mass(scene, simulation.plan.specs) - simulation.mass_left_out
+    asked = specified_mass(scene, simulation.plan.specs) - simulation.mass_left_out
     laid = sum(n * s.mass for n, s in zip(started, simulation.layers.specs, strict=True))
     return {"mass_asked_kg": asked, "mass_laid_kg": laid, "mass_laid_error": laid / asked - 1.0}
 

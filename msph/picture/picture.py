@@ -24,8 +24,8 @@ from msph.taichi_internals import data_oriented, kernel
 
 
 def picture_of(world: World, surface_room: SurfaceRoom, room: PictureRoom) -> "Picture":
-    """Builds a picture of the surface, particles and bodies of a world (for World.once)."""
-    mesh = world.once(surface_of, surface_room).mesh
+    """Builds a picture of the surface, particles and bodies of a world (for World.build_once)."""
+    mesh = world.build_once(surface_of, surface_room).mesh
     return Picture(mesh, world.parts.boundary, room)
 
 

@@ -46,7 +46,7 @@ def read(scene: Scene, key: str) -> float:
     return float(np.linalg.norm(value_of(scene, key)))
 
 
-def changed(scene: Scene, key: str, value: float) -> Scene:
+def with_live_value(scene: Scene, key: str, value: float) -> Scene:
     """Returns the scene with another value of a live parameter; a vector keeps its direction."""
     old = value_of(scene, key)
     if np.ndim(old):

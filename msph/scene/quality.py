@@ -39,7 +39,7 @@ LADDER = dict(
 )
 
 
-def fixed(scene: Scene) -> str | None:
+def single_quality_reason(scene: Scene) -> str | None:
     """Returns the reason why the scene has only one quality, or None if it has all."""
     if scene.method == "classic":
         return "the constants of the classic method are set for its spacings"
@@ -71,7 +71,7 @@ def at_quality(scene: Scene, quality: str, where: str) -> Scene:
     name, if the scene has only one quality or its particles do not fit the box."""
     if quality == AS_GIVEN:
         return scene
-    why = fixed(scene)
+    why = single_quality_reason(scene)
     if why:
         raise SceneError(where, f"has only the quality {AS_GIVEN}: {why}", "--quality")
     found = scaled(scene, LADDER[quality])
@@ -79,10 +79,10 @@ def at_quality(scene: Scene, quality: str, where: str) -> Scene:
     return found
 
 
-def coarser(scene: Scene, factors: list[float], where: str) -> list[tuple[float, Scene]]:
+def with_spacings(scene: Scene, factors: list[float], where: str) -> list[tuple[float, Scene]]:
     """Returns the scene with its spacings multiplied by each factor. Raises SceneError, with
     `where` as the scene's name, if its spacings cannot change or its particles do not fit."""
-    why = fixed(scene)
+    why = single_quality_reason(scene)
     if why:
         raise SceneError(where, f"spacings cannot change: {why}", "--converge")
     own = scene.projection
@@ -97,12 +97,12 @@ def coarser(scene: Scene, factors: list[float], where: str) -> list[tuple[float,
 
 @dataclass(frozen=True)
 class Cost:
-    """Measured cost of a run, by `python bench/quality.py`. particles: largest number. dearest (-):
+    """Measured cost of a run, by `python bench/quality.py`. particles: largest number. slowest (-):
     elapsed over simulated time in the slowest half second. error (-): of the centre of mass, over
     the water's height."""
 
     particles: int
-    dearest: float
+    slowest: float
     error: float
 
 
@@ -111,6 +111,6 @@ def costs(name: str) -> dict[str, Cost]:
     writes; empty if the scene was not measured."""
     known = json.loads((assets() / "quality.json").read_text(encoding="utf-8"))
     return {
-        quality: Cost(int(row["particles"]), row["dearest"], row["error"])
+        quality: Cost(int(row["particles"]), row["slowest"], row["error"])
         for quality, row in known.get(name, {}).items()
     }

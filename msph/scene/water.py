@@ -56,7 +56,7 @@ def volume(water: Water) -> float:
     return float(np.prod(hi - lo))
 
 
-def asked_mass(scene: Scene, specs: list[LayerSpec]) -> float:
+def specified_mass(scene: Scene, specs: list[LayerSpec]) -> float:
     """Returns the mass [kg] of water in the scene file: by volume, or by `count` where given."""
     return sum(
         scene.density * volume(w) if w.count is None else w.count * specs[w.layer].mass

@@ -31,7 +31,7 @@ from msph.scene import load_scene
 from msph.scene.library import find_scene, shipped_scenes
 from msph.scene.load import read_toml, to_toml
 from msph.scene.parameters import parameters
-from msph.scene.quality import at_quality, coarser, costs
+from msph.scene.quality import at_quality, costs, with_spacings
 from msph.scene.schema import Scene
 from msph.scene.water import layer_specs
 from msph.stage.benchmark import SIZE as BENCH_SIZE
@@ -207,7 +207,7 @@ def measure_convergence(loaded: Loaded, folder: Path, runs: int, force: bool) ->
     existing files, unless `force`."""
     name = loaded.name
     claim([folder / CONVERGENCE], force)
-    scaled = list(coarser(loaded.scene, convergence.factors(runs), name))
+    scaled = list(with_spacings(loaded.scene, convergence.factors(runs), name))
     folders = [folder if f == 1.0 else folder / f"spacings_x{f:.2f}" for f, _ in scaled]
     for each in folders:
         claim_folder(each, force)
@@ -234,7 +234,7 @@ def scenes(name: str | None, list_parameters: bool, explained: bool, run: RunOpt
         click.echo(explain(at(load_scene(name, run.overrides), name, run).scene))
         return
     if run != RunOptions():
-        raise click.UsageError("--set, --arch, --threads and --quality go with --explain")
+        raise click.UsageError("--set, --arch, --threads and --quality need --explain")
     if list_parameters:
         rows = [p.row() for p in parameters(Scene)]
         click.echo(tabulate(rows, headers="keys", tablefmt="simple"))
@@ -259,7 +259,7 @@ def ladder_lines(name: str) -> list[str]:
     """Returns a table of the cost and error of each quality of a shipped scene, line by line."""
     heads = ["--quality", "particles", "max wall s per s", "error % of depth"]
     rows = [
-        [quality, cost.particles, f"{cost.dearest:.2f}", f"{100.0 * cost.error:.2f}"]
+        [quality, cost.particles, f"{cost.slowest:.2f}", f"{100.0 * cost.error:.2f}"]
         for quality, cost in costs(name).items()
     ]
     return tabulate(rows, headers=heads, tablefmt="plain").splitlines() if rows else []

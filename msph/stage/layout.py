@@ -68,7 +68,7 @@ class Layout:
         if page is not None:
             self.overlay.put("settings", page, 0, self._top())
 
-    def covers(self, cursor: np.ndarray) -> bool:
+    def is_on_page(self, cursor: np.ndarray) -> bool:
         """Returns True if a cursor, (right, up) in shares of the window, is on the column."""
         return bool(self.panel) and 0.0 <= cursor[0] <= 1.0 - self.free
 

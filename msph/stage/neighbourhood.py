@@ -72,7 +72,7 @@ class Neighbourhood:
         """Picks the particle with this index, or no particle."""
         self.id = None
         if index is not None:
-            self.simulation.world.once(NeighbourWeights).load(reach=self.reaches)
+            self.simulation.world.build_once(NeighbourWeights).load(reach=self.reaches)
             self.id = int(self.particles.numpy("id")[index])
         self.before = self.acceleration = None
 
@@ -101,7 +101,7 @@ class Neighbourhood:
 
     def weigh(self, value: ti.Field, radius: ti.Field) -> None:
         """Computes the weights (n,) and scales the radii (n,) [m]; see NeighbourWeights."""
-        weights = self.simulation.world.once(NeighbourWeights)
+        weights = self.simulation.world.build_once(NeighbourWeights)
         classic = self.simulation.solver.NAME == "classic"
         weights.weigh(self.index, self.particles.count, classic, value, radius)
 

@@ -9,9 +9,9 @@ import numpy as np
 from msph.measure.resolution import mean_depth
 from msph.picture.camera import Camera
 from msph.stage.called import Choice, SceneArguments
-from msph.stage.companion import InputOverlay
 from msph.stage.controls import ACTIONS, Controls
 from msph.stage.idle import Idle
+from msph.stage.input_overlay import InputOverlay
 from msph.stage.keepsakes import SAVING, Saver
 from msph.stage.layout import Layout
 from msph.stage.loop import Audience
@@ -81,15 +81,15 @@ class Player(Audience):
         for key in pressed:
             if key in BUTTONS:
                 steering.free[key] = not self._on_page()
-            elif guide and guide.takes(key):
+            elif guide and guide.handle_key(key):
                 self._level_after_reset(guide)
             elif key in ACTIONS:
                 self._press(ACTIONS[key], controls)
         self.pacer.steer(controls)
         step, wall = self.pacer.frame_time, self.pacer.wall
         # While a lesson pauses the simulation, keys do nothing.
-        waits = guide is not None and guide.waits
-        held = not waits and steering.apply_keys(step, wall, self.paused)
+        by_lesson = guide is not None and guide.pauses
+        held = not by_lesson and steering.apply_keys(step, wall, self.paused)
         dragged = self._drag(controls, step)
         self.idle.pass_time(wall, bool(pressed or held or dragged or steering.moved.any()))
         sway = self.idle.roll(row.lead.simulation.time, 0.0 if self._paused else step)
@@ -100,7 +100,7 @@ class Player(Audience):
     @property
     def _paused(self) -> bool:
         """True while the simulation is paused, by the user or the lesson."""
-        return self.paused or (self.guide is not None and self.guide.waits)
+        return self.paused or (self.guide is not None and self.guide.pauses)
 
     def _level_after_reset(self, guide: InputOverlay) -> None:
         """Levels the pool after a reset by the lesson."""
@@ -111,7 +111,9 @@ class Player(Audience):
     def _on_page(self) -> bool:
         """Returns True if the cursor is on a page."""
         cursor = self.steering.cursor
-        return (self.guide is not None and self.guide.covers(cursor)) or self.layout.covers(cursor)
+        return (self.guide is not None and self.guide.is_on_page(cursor)) or self.layout.is_on_page(
+            cursor
+        )
 
     def _drag(self, controls: Controls, step: float) -> bool:
         """Handles the mouse; returns True while a button is used."""
@@ -191,11 +193,11 @@ class Player(Audience):
         if not self._paused:
             self.replay.observe(row, now)
         if self.guide:
-            self.guide.look()
+            self.guide.update()
         self.menu.draw()
         if self.guide:
-            self.guide.lay(image)
-        if not (self.guide and self.guide.whole):
+            self.guide.draw(image)
+        if not (self.guide and self.guide.is_full_page):
             self.layout.draw(row, self.pacer, self._paused, self.idle)
         if self.steering.hand.pushes:
             self.window.mark(self.steering.cursor)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 
 from tqdm import tqdm
 
-from msph.measure.summary import water_laid
+from msph.measure.summary import water_mass
 from msph.measure.timings import Timings
 from msph.scene.check import cautions
 from msph.scene.effort import effort
@@ -40,7 +40,7 @@ def prepare(
         show = Show(scene, frame_time, size, **options)
         show.warm_up()
     ready = f"ready in {time.perf_counter() - begin:.1f} s, {sum(show.counts):,} particles, "
-    ready += laid_and_asked(water_laid(scene, show.simulation, show.counts))
+    ready += mass_text(water_mass(scene, show.simulation, show.counts))
     if show.simulation.left_out:
         ready += f"; {show.simulation.left_out:,} inside bodies or outside the container omitted"
     say(ready)
@@ -74,7 +74,7 @@ def prepare_row(
     return Row(shows) if single else Row(shows, labels, size, below)
 
 
-def laid_and_asked(water: dict[str, float]) -> str:
+def mass_text(water: dict[str, float]) -> str:
     """Returns the mass of the water, and the scene's if it differs within four digits."""
     laid, asked = (f"{water[key]:.4g} kg" for key in ("mass_laid_kg", "mass_asked_kg"))
     return laid if laid == asked else f"{laid} of {asked} specified"

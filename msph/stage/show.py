@@ -20,7 +20,7 @@ from msph.picture.picture import Picture, picture_of
 from msph.picture.room import PictureRoom
 from msph.scene.build import build_simulation, rotation, sway_angle, turn
 from msph.scene.errors import SceneError
-from msph.scene.live import changed
+from msph.scene.live import with_live_value
 from msph.scene.schema import Scene
 from msph.stage.controls import Controls
 from msph.stage.views import Views
@@ -95,7 +95,7 @@ class Show:
 
     def set(self, key: str, value: float) -> None:
         """Sets a live parameter of the scene (msph/scene/live.py)."""
-        self.scene = changed(self.scene, key, value)
+        self.scene = with_live_value(self.scene, key, value)
         if key.startswith("picture.") and self.picture:
             self.picture.change(self.scene.picture)
         if key.startswith(f"{self.scene.method}."):
@@ -105,14 +105,14 @@ class Show:
         s, sim = self.scene.surface, self.simulation
         cell = s.cell * sim.layers.finest.spacing
         room = SurfaceRoom.holding(sim.size, cell, sim.particles.capacity)
-        surface = sim.world.once(surface_of, room)
+        surface = sim.world.build_once(surface_of, room)
         surface.load(sim.size, cell, s.smoothing)
         return surface
 
     def _load_picture(self, size: tuple[int, int]) -> Picture:
         look = self.scene.picture
         sim, room = self.simulation, PictureRoom.holding(*size, look.supersample)
-        picture = sim.world.once(picture_of, self.surface.room, room)
+        picture = sim.world.build_once(picture_of, self.surface.room, room)
         picture.load(*size, sim.size, look)
         return picture
 

@@ -5,7 +5,7 @@ import time
 
 from msph.measure.timings import Timings
 from msph.options import AS_GIVEN, QUALITIES
-from msph.scene.quality import at_quality, fixed
+from msph.scene.quality import at_quality, single_quality_reason
 from msph.scene.schema import Scene
 from msph.stage.controls import Controls
 from msph.stage.pacer import PLANNED, RATES, SCALES
@@ -22,7 +22,7 @@ SECONDS, UNTIMED, SIZE = 0.5, 3, (960, 540)
 def finest_in_real_time(scene: Scene, name: str, window: Window | None = None) -> str:
     """Returns the finest quality that runs in real time, else the coarsest; AS_GIVEN for scenes
     with a single quality. The window, if any, shows the progress."""
-    if fixed(scene):
+    if single_quality_reason(scene):
         return AS_GIVEN
 
     def fits(quality: str) -> bool:

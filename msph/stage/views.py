@@ -76,7 +76,7 @@ class Views:
         particles = simulation.particles
         self.rest_density = scene.density
         self.density_range = DENSITY_RANGE[scene.method]
-        self.shown = simulation.world.once(ViewFields)
+        self.shown = simulation.world.build_once(ViewFields)
         self.value, self.radius = self.shown.value, self.shown.radius
         # Direction, in the box frame (3,), in which particles beyond the box's centre are hidden.
         self.cut: np.ndarray | None = None

@@ -18,7 +18,7 @@ from msph.taichi_internals import data_oriented, kernel
 
 
 def surface_of(world: World, room: SurfaceRoom) -> "Surface":
-    """Builds a surface of the particles of a world (for World.once)."""
+    """Builds a surface of the particles of a world (for World.build_once)."""
     parts = world.parts
     return Surface(parts.layers, parts.grid, parts.particles, parts.boundary, room)
 

@@ -8,7 +8,7 @@ from msph.scene.library import shipped_scenes
 from msph.scene.load import parse_override, to_toml
 from msph.scene.parameters import parameters
 from msph.scene.schema import Scene
-from msph.scene.water import asked_mass, initial_particles, layer_specs
+from msph.scene.water import initial_particles, layer_specs, specified_mass
 
 GOOD = """
 [box]
@@ -221,8 +221,8 @@ def test_thesis_pools_have_the_particles_of_table_5_1(name, system, counts):
 def test_pools_hold_the_water_of_system_3_in_layers_that_adapt(name):
     scene, system_3 = load_scene(name), load_scene(name, ("variant=system-3",))
     assert scene.adaptation.enabled and scene.layers == system_3.layers
-    assert asked_mass(scene, layer_specs(scene)) == pytest.approx(
-        asked_mass(system_3, layer_specs(system_3))
+    assert specified_mass(scene, layer_specs(scene)) == pytest.approx(
+        specified_mass(system_3, layer_specs(system_3))
     )
 
 

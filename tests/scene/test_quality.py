@@ -9,7 +9,7 @@ from msph.options import AS_GIVEN
 from msph.scene import SceneError, load_scene
 from msph.scene.library import shipped_scenes
 from msph.scene.quality import LADDER, Quality, at_quality, costs
-from msph.scene.water import asked_mass, layer_specs
+from msph.scene.water import layer_specs, specified_mass
 
 
 @pytest.fixture(scope="module")
@@ -18,7 +18,7 @@ def dam_break():
 
 
 def asked(scene):
-    return asked_mass(scene, layer_specs(scene))
+    return specified_mass(scene, layer_specs(scene))
 
 
 @pytest.mark.parametrize("name", ["dam_break", "pool", "bowl"])

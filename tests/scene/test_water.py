@@ -5,7 +5,7 @@ import pytest
 
 from msph.scene import SceneError, load_scene
 from msph.scene.library import shipped_scenes
-from msph.scene.water import asked_mass, capacity, fill, initial_particles, layer_specs
+from msph.scene.water import capacity, fill, initial_particles, layer_specs, specified_mass
 
 TEXT = """
 [box]
@@ -34,7 +34,7 @@ def sites(scene, layer=0):
 
 
 def asked(scene):
-    return asked_mass(scene, layer_specs(scene))
+    return specified_mass(scene, layer_specs(scene))
 
 
 def laid_mass(scene):

@@ -89,7 +89,7 @@ class Water:
         self.simulation = sim = Simulation(plan)
         self.layers, self.particles, self.grid = sim.layers, sim.particles, sim.grid
         self.boundary = sim.boundary
-        self.surface = sim.world.once(surface_of, SurfaceRoom())
+        self.surface = sim.world.build_once(surface_of, SurfaceRoom())
         self.surface.load(SIZE, CELL, smoothing)
 
     def nodes(self, field) -> np.ndarray:

@@ -16,6 +16,7 @@ from msph.fluid.particles.particles import Attribute
 from msph.fluid.particles.prefix_sum import PrefixSum
 from msph.fluid.projection.discretisation import Discretisation
 from msph.fluid.room import Room
+from msph.fluid.small_numbers import MIN_DIVISOR
 from msph.taichi_internals import data_oriented, kernel
 
 ATTRIBUTES = (
@@ -30,8 +31,6 @@ ATTRIBUTES = (
 SPLIT_OFFSET = 0.35
 # Smallest such distance: closer to walls and bodies the particle is not split.
 MIN_SPLIT_OFFSET = 0.15
-# Smallest divisor: avoids divisions by zero.
-MIN_DIVISOR = 1e-20
 # Factors (-) on `hysteresis` for splits, initially and in a run. Initially 0 would cause merges
 # soon after, 1 leave thin bands without particles. In a run 1 makes a sloshing tank split 18
 # particles in 5 s, 2 one particle: each split adds a little energy.

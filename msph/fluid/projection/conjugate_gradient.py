@@ -18,10 +18,9 @@ from typing import Any
 import taichi as ti
 
 from msph.fluid.parts import Parts
+from msph.fluid.small_numbers import MIN_DIVISOR
 from msph.taichi_internals import data_oriented, kernel, on_cpu
 
-# Least divisor, far below any diagonal, product or squared distance that occurs.
-MIN_DIVISOR = 1e-30
 # Reduction of the squared error before the first iteration.
 UNKNOWN_REDUCTION = 1e30
 # Iterations per launch; after each launch the host waits for the state. On a CPU that takes 5 us,

@@ -14,9 +14,9 @@ import math
 import taichi as ti
 
 from msph.fluid.particles.particles import Attribute
-from msph.fluid.projection.conjugate_gradient import MIN_DIVISOR
 from msph.fluid.projection.density import MIN_DISTANCE2
 from msph.fluid.projection.discretisation import Discretisation
+from msph.fluid.small_numbers import MIN_DIVISOR
 from msph.taichi_internals import data_oriented, kernel
 
 ATTRIBUTES = (
@@ -43,8 +43,6 @@ FULL_MOTION, REST_SHARE = 0.1, 0.3
 RELAXATION, MAX_RELAXATION = 24.0, 0.5
 # Values of `crowding`: neither displaced nor corrected first, displaced, both.
 CALM, DISPLACED, CORRECTED = 0, 1, 2
-# Displacement, in spacings, below which no limit applies.
-MIN_DISPLACEMENT = 1e-6
 
 
 @data_oriented
@@ -198,7 +196,7 @@ class PositionCorrection:
     def _limit(self, i):
         """Returns the factor (-) that limits the displacement to `largest_shift` spacings."""
         d = self.layers.spacing[self.particles.layer[i]]
-        length = ti.max(self.particles.position_correction[i].norm(), MIN_DISPLACEMENT * d)
+        length = ti.max(self.particles.position_correction[i].norm(), MIN_DIVISOR)
         return ti.min(1.0, self.constants.largest_shift[None] * d / length)
 
 

@@ -8,10 +8,11 @@ p = rho0 q/dt^2 (after Bender and Koschier 2015, DFSPH, made conservative for un
 import taichi as ti
 
 from msph.fluid.particles.particles import Attribute
-from msph.fluid.projection.conjugate_gradient import MIN_DIVISOR, ConjugateGradient
+from msph.fluid.projection.conjugate_gradient import ConjugateGradient
 from msph.fluid.projection.discretisation import Discretisation
 from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.projection.virial_pressure import VirialPressure
+from msph.fluid.small_numbers import MIN_DIVISOR
 from msph.taichi_internals import data_oriented, kernel
 
 ATTRIBUTES = (

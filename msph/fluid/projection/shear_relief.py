@@ -21,6 +21,7 @@ from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.particles import Attribute
 from msph.fluid.projection.force import Force
 from msph.fluid.projection.parameters import MOTION_FACTOR, ProjectionParameters
+from msph.fluid.small_numbers import MIN_WEIGHT
 from msph.taichi_internals import data_oriented, kernel
 
 # Ratio (-) of deviator to pressure above which the relief fades out, to none at twice this: in the
@@ -29,8 +30,8 @@ MAX_ANISOTROPY = 0.2
 # The same for the relative difference (-) of a particle's pair_spacing from its spacing: without
 # it coarse particles on fine ones of a 64th of their mass gain 0.25 % of the energy in 1 s.
 MAX_SPACING_DIFFERENCE = 0.07
-# Least pressure [Pa] that a deviator is compared with, and least weight (-) of a mean.
-MIN_STRESS, MIN_WEIGHT = 1e-6, 1e-6
+# Smallest pressure [Pa] that a deviator is compared with.
+MIN_STRESS = 1e-6
 
 
 @ti.func

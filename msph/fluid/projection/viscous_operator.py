@@ -11,7 +11,7 @@ import math
 import taichi as ti
 
 from msph.fluid.parts import Parts
-from msph.fluid.projection.conjugate_gradient import MIN_DIVISOR
+from msph.fluid.small_numbers import MIN_DIVISOR
 from msph.taichi_internals import data_oriented
 
 # a = WEIGHT_FACTOR (1 - q^2)^1.5/h^5: the integral of r^2 a over space must be 30.

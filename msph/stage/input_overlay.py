@@ -12,28 +12,28 @@ class InputOverlay(Protocol):
     taken: frozenset[str]  # keys that it handles
 
     @property
-    def waits(self) -> bool:
+    def pauses(self) -> bool:
         """True while the overlay pauses the simulation."""
 
     @property
-    def whole(self) -> bool:
+    def is_full_page(self) -> bool:
         """True while a page covers the whole image."""
 
     @property
     def runs(self) -> int:
         """Number of resets since the start."""
 
-    def takes(self, key: str) -> bool:
+    def handle_key(self, key: str) -> bool:
         """Handles a pressed key; returns False for a key of the player."""
 
-    def covers(self, cursor: np.ndarray) -> bool:
+    def is_on_page(self, cursor: np.ndarray) -> bool:
         """Returns True if a cursor, (right, up) in shares of the window, is on a page."""
 
     def drag(self, cursor: np.ndarray, down: bool) -> bool:
         """Handles the left mouse button; returns True while it holds a widget."""
 
-    def look(self) -> None:
+    def update(self) -> None:
         """Updates the overlay after a frame."""
 
-    def lay(self, image: Any) -> None:
+    def draw(self, image: Any) -> None:
         """Draws its pages over an image."""
