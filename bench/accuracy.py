@@ -1,9 +1,9 @@
-"""Errors of the projection method against formulas, uniform and layered alike.
+"""Errors of the projection method against formulas, for uniform and layered water.
 
 python bench/accuracy.py [--seconds 10] [--starts 3] [--arch cpu]
 
-Starts differ by where particles are put at random within a fiftieth of a spacing; what is said of
-one water against another should be more than they differ by among themselves.
+Starts differ in the random initial displacements of the particles, 0.02 spacings. A difference
+between uniform and layered water is significant only if it exceeds the range over the starts.
 """
 
 import csv
@@ -29,41 +29,41 @@ from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.projection.solver import Projection
 from msph.fluid.simulation import Simulation
 
-# What is measured: layers, and what changes in adaptation. A start from cubes halved at random, as
-# layers have it, but all to the finest size, tells how much of the errors is the arrangement's:
-# bands so thick that they reach the floor, and nothing adapts.
+# Kinds of water: number of layers, and changed adaptation parameters. "uniform, irregular" starts
+# like layered water, from cubes halved along random axes, but all particles have the finest size
+# (bands reach the floor, no pass follows): it shows the errors due to the initial arrangement.
 WATERS: dict[str, tuple[int, dict[str, float]]] = {
     "uniform": (1, {}),
     "uniform, irregular": (3, {"band": 30.0, "every": 10**9}),
     "layered": (4, {}),
 }
-# Still water: 60 fine spacings deep, in a column ten wide.
-FINE, SHEETS_DEEP = 0.02, 60
-# Sloshing: box length and depth [m], amplitude as a share of the depth, fine spacings per depth:
-# from waves half a spacing high on. Errors of one depth alone may vanish by chance.
+# Still water: finest spacing [m], and depth in spacings; the column is 10 spacings wide.
+FINE, SPACINGS_DEEP = 0.02, 60
+# Sloshing: length of the box and depth [m], amplitude over depth (-), depths in finest spacings;
+# the lowest wave is half a spacing high. At a single depth the error may vanish by chance.
 LENGTH, DEPTH, AMPLITUDE, SPACINGS = 1.0, 0.5, 0.05, (10, 12, 15, 20, 25)
 SLOSH_SECONDS = 5.0
-# Eighteen waters each: of more a process has no room for the fields.
-MOST_STARTS = 3
-# How figures are printed: counts, shares as percent, joules, drifts.
+# Largest number of starts, of 18 simulations each: Taichi limits the fields of a process.
+MAX_STARTS = 3
+# Formats of figures: counts, shares in percent, energies [J], drifts.
 WHOLE, SHARE, JOULE, DRIFT = "{:,.0f}", "{:.3%}", "{:.3g}", "{:.1e}"
 
 
 @dataclass(frozen=True)
 class Figure:
-    """What is measured, the bound it should keep, how it is printed, and its value (-, J)."""
+    """A figure: name, limit, format, and value [- or J]."""
 
     name: str
-    bound: str
+    limit: str
     form: str
     value: float
 
 
 def still(kind: str, seconds: float, seed: int) -> list[Figure]:
-    """Figures of water that should stay where it is."""
+    """Returns the figures of water that should remain at rest."""
     layers, changes = WATERS[kind]
     footprint = (10 * FINE, 10 * FINE)
-    scene = tanks.tank(footprint, SHEETS_DEEP * FINE, FINE, layers, seed=seed, **changes)
+    scene = tanks.tank(footprint, SPACINGS_DEEP * FINE, FINE, layers, seed=seed, **changes)
     sim = tanks.build(scene)
     reading = tanks.Reading(sim)
     reading.read()
@@ -74,16 +74,16 @@ def still(kind: str, seconds: float, seed: int) -> list[Figure]:
     changed = int(np.abs(changed - sim.counts()).sum())
     frames = round(1.0 / tanks.FRAME)
     rise = max(reading.energy_rise(), later.energy_rise())
-    profiled = "pressure against rho g (H - y), rms over depth"
+    profiled = "pressure error against rho g (H - y), rms over depth"
     return [
         Figure("particles", "", WHOLE, sim.particles.count),
-        Figure(f"{profiled}, of probes", "2 %", SHARE, profile.error()),
-        Figure(f"{profiled}, of particles in sheets", "2 %", SHARE, later.pressure_error()),
-        Figure("density error, mean", ".2 %", SHARE, float(np.mean(later.error_mean))),
+        Figure(f"{profiled}, probes", "2 %", SHARE, profile.error()),
+        Figure(f"{profiled}, particle means", "2 %", SHARE, later.pressure_error()),
+        Figure("density error, mean", "0.2 %", SHARE, float(np.mean(later.error_mean))),
         Figure("density error, 99th percentile", "", SHARE, float(np.mean(later.error_p99))),
         Figure("density error, largest", "2 %", SHARE, max(later.error_max)),
-        Figure("height of the centre against rest", "1 %", SHARE, later.volume_error()),
-        Figure("energy, largest rise in 1 s", ".1 %", SHARE, rise),
+        Figure("height of the centre of mass against rest", "1 %", SHARE, later.volume_error()),
+        Figure("energy, largest rise in 1 s", "0.1 %", SHARE, rise),
         Figure("kinetic energy, first second, J", "", JOULE, np.mean(reading.kinetic[-frames:])),
         Figure("kinetic energy, last second, J", "decays", JOULE, np.mean(later.kinetic[-frames:])),
         Figure(f"particles that changed layer in {seconds - 1:g} s", "", WHOLE, changed),
@@ -91,7 +91,8 @@ def still(kind: str, seconds: float, seed: int) -> list[Figure]:
 
 
 def sloshing(kind: str, spacings: int, seed: int) -> tuple[list[Figure], np.ndarray]:
-    """Figures of a sloshing tank, and the way of its centre of mass along the box [m]."""
+    """Returns the figures of a sloshing tank, and the position of its centre of mass along x at
+    each frame [m]."""
     fine = DEPTH / spacings
     layers, changes = WATERS[kind]
     scene = tanks.tank((LENGTH, 10 * fine), DEPTH, fine, layers, seed=seed, **changes)
@@ -110,20 +111,21 @@ def sloshing(kind: str, spacings: int, seed: int) -> tuple[list[Figure], np.ndar
         Figure("density error, mean", "", SHARE, mean),
         Figure("density error, 99th percentile", "", SHARE, float(np.mean(reading.error_p99))),
         Figure("density error, largest", "", SHARE, max(reading.error_max)),
-        Figure("energy, largest rise in 1 s", ".1 %", SHARE, reading.energy_rise()),
-        Figure("height of the centre against rest", "1 %", SHARE, reading.volume_error()),
+        Figure("energy, largest rise in 1 s", "0.1 %", SHARE, reading.energy_rise()),
+        Figure("height of the centre of mass against rest", "1 %", SHARE, reading.volume_error()),
     ]
     return figures, x
 
 
 def over_depths(periods: list[float]) -> list[Figure]:
-    """Of errors of the period, one a depth (-)."""
+    """Returns the root mean square of the errors of the period (-), one for each depth."""
     square = float(np.sqrt(np.mean(np.square(periods))))
     return [Figure("period against linear theory, rms over depths", "", SHARE, square)]
 
 
 def collision() -> list[Figure]:
-    """Figures of two blobs that collide without gravity, off centre, splits and merges on."""
+    """Returns the figures of two balls that collide off centre without gravity, with splits and
+    merges."""
     d, middle, radius = 0.025, 1.2, 0.15
     specs = [LayerSpec(1000.0 * d**3 * 2**k, 1000.0, Projection.SMOOTHING) for k in range(3)]
     balls = []
@@ -152,7 +154,7 @@ def collision() -> list[Figure]:
 
     mass, linear, angular, (scale, spin) = momenta()
     before = set(sim.particles.numpy("id"))
-    # Thin bands, as in a full pool, make it merge; wide ones split what was merged.
+    # Thin bands, as in a pool near its capacity, cause merges; full bands then cause splits.
     for thickness in (0.35, 1.0):
         sim.solver.adaptation.thickness = thickness
         for _ in range(12):
@@ -162,8 +164,8 @@ def collision() -> list[Figure]:
     drift = np.linalg.norm(linear_after - linear) / scale
     turned = np.linalg.norm(angular_after - angular) / spin
     return [
-        Figure("particles born", "", WHOLE, len(after - before)),
-        Figure("particles gone", "", WHOLE, len(before - after)),
+        Figure("particles created", "", WHOLE, len(after - before)),
+        Figure("particles removed", "", WHOLE, len(before - after)),
         Figure("mass drift", "0", DRIFT, abs(mass_after / mass - 1.0)),
         Figure("momentum drift over sum m v", "1e-05", DRIFT, drift),
         Figure("angular momentum drift over sum m r v", "1e-04", DRIFT, turned),
@@ -171,7 +173,7 @@ def collision() -> list[Figure]:
 
 
 class Record:
-    """Every figure of every start: (case, water, start, figure, bound, value) in order."""
+    """All figures in order: rows of (case, kind of water, start, figure)."""
 
     def __init__(self) -> None:
         self.rows: list[tuple[str, str, int, Figure]] = []
@@ -180,19 +182,20 @@ class Record:
         self.rows += [(case, water, start, figure) for figure in figures]
 
     def table(self, case: str) -> str:
-        """A line a figure and a column a water, as Markdown: median (least to most)."""
+        """Returns a Markdown table with a row per figure and a column per kind of water: median
+        (minimum to maximum) over the starts."""
         own = [row for row in self.rows if row[0] == case]
         waters = list(dict.fromkeys(row[1] for row in own))
         lines = []
-        for name, bound in dict.fromkeys((row[3].name, row[3].bound) for row in own):
+        for name, limit in dict.fromkeys((row[3].name, row[3].limit) for row in own):
             of = [[r[3] for r in own if r[1] == water and r[3].name == name] for water in waters]
-            lines.append((name, bound, *map(spread, of)))
-        headers = ("figure", "bound", *waters)
+            lines.append((name, limit, *map(spread, of)))
+        headers = ("figure", "limit", *waters)
         return tabulate(lines, headers, tablefmt="github", disable_numparse=True)
 
 
 def spread(figures: list[Figure]) -> str:
-    """Median (least to most) of one figure's values over the starts."""
+    """Returns the median (minimum to maximum) of a figure over the starts."""
     if not figures:
         return ""
     values, form = [f.value for f in figures], figures[0].form
@@ -203,19 +206,27 @@ def spread(figures: list[Figure]) -> str:
 
 @click.command()
 @click.option("--seconds", default=10.0, show_default=True, help="Simulated time of still water.")
-@click.option("--starts", default=3, show_default=True, type=click.IntRange(1, MOST_STARTS))
+@click.option(
+    "--starts",
+    default=3,
+    show_default=True,
+    type=click.IntRange(1, MAX_STARTS),
+    help="Number of random initial arrangements.",
+)
 @click.option("--arch", type=click.Choice(ARCHES), default="auto", show_default=True)
 def main(seconds: float, starts: int, arch: str) -> None:
-    """Measure and write bench/results/accuracy.{md,csv}."""
+    """Measure the errors and write bench/results/accuracy.{md,csv}."""
     arch = start(arch)
     record = Record()
-    depth = f"still water, {SHEETS_DEEP} fine spacings deep, {seconds:g} s"
+    depth = f"still water, {SPACINGS_DEEP} fine spacings deep, {seconds:g} s"
     for seed in range(starts):
         for kind in WATERS:
             record.add(depth, kind, seed, still(kind, seconds, seed))
             click.echo(f"{depth}: {kind}, start {seed + 1} of {starts}")
     periods: dict[tuple[str, int], list[float]] = {}
-    apart = f"centre of mass from uniform, most in {SLOSH_SECONDS:g} s, over the length"
+    apart = (
+        f"largest distance of the centre of mass from uniform in {SLOSH_SECONDS:g} s, over length"
+    )
     for spacings in SPACINGS:
         waves = f"sloshing, amplitude {AMPLITUDE:.0%} of the depth, {spacings} spacings deep"
         for seed in range(starts):
@@ -230,16 +241,16 @@ def main(seconds: float, starts: int, arch: str) -> None:
                     record.add(waves, kind, seed, [Figure(apart, "1 %", SHARE, far)])
                 click.echo(f"{waves}: {kind}, start {seed + 1} of {starts}")
     for (kind, seed), errors in periods.items():
-        record.add("sloshing, all these depths", kind, seed, over_depths(errors))
+        record.add("sloshing, all depths", kind, seed, over_depths(errors))
     record.add("collision of a fine and a coarse ball", "layered", 0, collision())
     RESULTS.mkdir(exist_ok=True)
     with open(RESULTS / "accuracy.csv", "w", newline="") as file:
         writer = csv.writer(file)
-        writer.writerow(("case", "water", "start", "figure", "bound", "value"))
+        writer.writerow(("case", "water", "start", "figure", "limit", "value"))
         for case, water, seed, f in record.rows:
-            writer.writerow((case, water, seed, f.name, f.bound, f"{f.value:.6g}"))
+            writer.writerow((case, water, seed, f.name, f.limit, f"{f.value:.6g}"))
     report = [heading("Errors of the projection method", arch)]
-    report.append(f"Starts: {starts}. Median (least to most).\n")
+    report.append(f"{starts} random initial arrangements: median (minimum to maximum).\n")
     for case in dict.fromkeys(row[0] for row in record.rows):
         report += [f"## {case[0].upper()}{case[1:]}\n", record.table(case), ""]
     (RESULTS / "accuracy.md").write_text("\n".join(report))

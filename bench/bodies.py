@@ -1,4 +1,4 @@
-"""Bodies against formulas: pressure on their faces, what bears them, and the energy they leave.
+"""Bodies in water against formulas: pressure on their faces, buoyancy, and energy.
 
 python bench/bodies.py [--seconds 2] [--arch cpu]
 """
@@ -24,35 +24,35 @@ from msph.measure.ledger import Ledger
 from msph.measure.snapshot import Snapshot
 from msph.scene.schema import Scene
 
-# Still water: edge of a square box, depth, finest spacing [m]; layers of each water.
+# Still water: edge of the square box, depth, finest spacing [m]; number of layers by name.
 EDGE, DEPTH, FINE = 0.6, 0.4, 0.025
 WATERS = {"uniform": 1, "layered": 3}
-# A pillar's half width, and a ball's place and radius [m]; radii of the other balls.
+# Half width of the pillar, centre and radius of the ball, and radii of further balls [m].
 HALF, MIDDLE, RADIUS = 0.075, (0.3, 0.2, 0.3), 0.1
 RADII = (0.03, 0.05, 0.075, 0.15)
-# Gravity [m/s^2] under which a column of water collapses past a ball, and the balls' radii over
-# the spacing.
+# Gravity [m/s^2] under which a column of water collapses past a ball, and the radii of the balls
+# over the spacing (-).
 SLANTED, SIZES = (5.0, -6.5, 5.0), (0.2, 0.5, 1.0, 1.5, 2.5, 4.0)
-# Share of a run in which the water settles.
+# Share of a run before the measurement starts, in which the water settles.
 SETTLING = 0.5
 
 
 def still_water(bodies: list[dict[str, Any]], layers: int) -> Any:
-    """A simulation of a tank with bodies in it."""
+    """Returns a simulation of a tank of still water with bodies."""
     tank = tanks.tank((EDGE, EDGE), DEPTH, FINE, layers, air=0.15)
     return tanks.build(Scene.model_validate({**tank.model_dump(), "obstacles": bodies}))
 
 
 def sphere(n: int) -> np.ndarray:
-    """Evenly spread directions (n, 3), by the golden section."""
+    """Returns n evenly spread unit vectors, (n, 3), by the golden section."""
     y = 1.0 - 2.0 * (np.arange(n) + 0.5) / n
     turn, ring = np.pi * (3.0 - 5.0**0.5) * np.arange(n), np.sqrt(1.0 - y**2)
     return np.column_stack([ring * np.cos(turn), y, ring * np.sin(turn)])
 
 
 def settle(sim: Any, points: np.ndarray, seconds: float) -> tuple[np.ndarray, np.ndarray, Ledger]:
-    """Mean pressures [Pa] at points (n, 3) and force on the bodies [N] of the time after the
-    water has settled, and the ledger of it all."""
+    """Runs a simulation; returns the mean pressures [Pa] at points (n, 3) [m] and the mean force
+    on the bodies [N] after the water has settled, and the ledger of the whole run."""
     ledger, readings = Ledger(sim, density_every=math.inf), []
     gravity, frames = (0.0, -tanks.GRAVITY, 0.0), round(seconds / tanks.FRAME)
     settled = round(SETTLING * frames)
@@ -68,7 +68,7 @@ def settle(sim: Any, points: np.ndarray, seconds: float) -> tuple[np.ndarray, np
 
 
 def pillar_points(lo: np.ndarray, hi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Points (n, 3) on a pillar's four sides, below the water's surface, and their normals."""
+    """Returns points (n, 3) on the four sides of a pillar, below the surface, and their normals."""
     y, across = (a.ravel() for a in np.meshgrid(np.linspace(0.05, 0.3, 6), np.linspace(0, 1, 5)))
     points, normals = [], []
     for axis, other in ((0, 2), (2, 0)):
@@ -82,7 +82,8 @@ def pillar_points(lo: np.ndarray, hi: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 def worst_side(ratio: np.ndarray, normals: np.ndarray) -> float:
-    """The largest of the mean errors (-) of up to six sides, by which way normals (n, 3) point."""
+    """Returns the largest mean error (-) of the sides; points with normals (n, 3) in the same
+    direction belong to the same side."""
     axis = np.abs(normals).argmax(axis=1)
     sides = 2 * axis + (np.take_along_axis(normals, axis[:, None], axis=1)[:, 0] > 0.0)
     means = [ratio[sides == side].mean() for side in np.unique(sides)]
@@ -90,7 +91,7 @@ def worst_side(ratio: np.ndarray, normals: np.ndarray) -> float:
 
 
 def faces(kind: str, water: str, seconds: float, folder: Path) -> dict[str, str]:
-    """A row of pressures on a body in still water."""
+    """Returns the table row of the pressures on a body in still water."""
     layers, sunk = WATERS[water], 0.0
     lo, hi = np.array(MIDDLE) - HALF, np.array(MIDDLE) + HALF
     mesh = kind.startswith("mesh")
@@ -100,14 +101,14 @@ def faces(kind: str, water: str, seconds: float, folder: Path) -> dict[str, str]
         body: dict[str, Any] = {"centre": MIDDLE, "radius": RADIUS}
         shape = trimesh.creation.icosphere(4, radius=RADIUS).apply_translation(MIDDLE)
         sunk, area = 4.0 / 3.0 * math.pi * RADIUS**3, EDGE**2
-        if mesh:  # lies within the ball
+        if mesh:  # its faces lie inside the ball
             points, normals, areas = shape.triangles_center, shape.face_normals, shape.area_faces
             sunk = shape.volume
     else:
         points, normals = pillar_points(lo, hi)
         areas = math.nan
         body = {"lo": [lo[0], 0.0, lo[2]], "hi": [hi[0], DEPTH + 0.1, hi[2]]}
-        below = 0.1  # a mesh should be sunk into the floor
+        below = 0.1  # a mesh on the floor should reach into it
         shape = trimesh.creation.box((2.0 * HALF, DEPTH + 0.1 + below, 2.0 * HALF))
         shape.apply_translation((MIDDLE[0], 0.5 * (DEPTH + 0.1 - below), MIDDLE[2]))
         area = EDGE**2 - 4.0 * HALF**2
@@ -126,28 +127,32 @@ def faces(kind: str, water: str, seconds: float, folder: Path) -> dict[str, str]
         "pressure, mean": f"{ratio.mean():+.2%}",
         "worst side, mean": f"{worst_side(ratio, normals):+.2%}",
         "rms": f"{np.sqrt((ratio**2).mean()):.2%}",
-        "worst place": f"{ratio[np.abs(ratio).argmax()]:+.2%}",
-        "borne by": "-",
-        "integral over ledger": "-",
+        "worst point": f"{ratio[np.abs(ratio).argmax()]:+.2%}",
+        "force over displaced weight": "-",
+        "pressure integral over force": "-",
         "energy rise in 1 s": f"{ledger.energy_rise():.3%}",
     }
     if sunk:
         integral = -np.sum(found * normals[:, 1] * areas)
-        row["borne by"] = f"{force[1] / (1000.0 * tanks.GRAVITY * sunk):.2%}"
-        row["integral over ledger"] = f"{integral / force[1] - 1.0:+.2%}"
+        row["force over displaced weight"] = f"{force[1] / (1000.0 * tanks.GRAVITY * sunk):.2%}"
+        row["pressure integral over force"] = f"{integral / force[1] - 1.0:+.2%}"
     return row
 
 
-def borne(radius: float, seconds: float) -> dict[str, str]:
-    """A row of the force on a sunk ball of `radius` [m]."""
+def buoyancy(radius: float, seconds: float) -> dict[str, str]:
+    """Returns the table row of the force on a submerged ball of `radius` [m]."""
     sim = still_water([{"centre": MIDDLE, "radius": radius}], 1)
     _, force, _ = settle(sim, np.zeros((0, 3)), seconds)
     weight = 1000.0 * tanks.GRAVITY * 4.0 / 3.0 * math.pi * radius**3
-    return {"radius over spacing": f"{radius / FINE:.1f}", "borne by": f"{force[1] / weight:.2%}"}
+    return {
+        "radius over spacing": f"{radius / FINE:.1f}",
+        "force over displaced weight": f"{force[1] / weight:.2%}",
+    }
 
 
 def collapse(ratio: float, seconds: float) -> dict[str, str]:
-    """A row of the energy of water that collapses past a ball of `ratio` spacings' radius."""
+    """Returns the table row of the energy of a column of water that collapses past a ball of
+    `ratio` spacings radius."""
     spacing = 0.03
     ball = {"centre": [0.4, 0.1, 0.35], "radius": ratio * spacing}
     scene = {
@@ -171,29 +176,29 @@ def collapse(ratio: float, seconds: float) -> dict[str, str]:
 
 
 @click.command()
-@click.option("--seconds", default=2.0, show_default=True, help="Simulated time of each.")
+@click.option("--seconds", default=2.0, show_default=True, help="Simulated time of each run [s].")
 @click.option("--arch", type=click.Choice(ARCHES), default="auto", show_default=True)
 def main(seconds: float, arch: str) -> None:
-    """Measure all and write bench/results/bodies.md."""
+    """Measure pressures, forces and energies, and write bench/results/bodies.md."""
     arch = start(arch)
-    report = [heading("Bodies in the water", arch)]
+    report = [heading("Bodies in water", arch)]
     with tempfile.TemporaryDirectory() as folder:
         rows = []
         for water in WATERS:
             for kind in ("pillar", "ball", "mesh of a pillar", "mesh of a ball"):
                 rows.append(faces(kind, water, seconds, Path(folder)))
                 click.echo(" ".join(rows[-1].values()))
-    sunk = [borne(radius, seconds) for radius in RADII]
+    sunk = [buoyancy(radius, seconds) for radius in RADII]
     fallen = [collapse(ratio, seconds) for ratio in SIZES]
     for title, table in (
         (
             f"Still water {DEPTH} m deep, finest spacing {FINE} m: pressure on faces against "
             r"$\rho g (H - y)$, vertical force over the displaced weight, and the integral of the "
-            "pressure over the force that the ledger books",
+            "measured pressure over the force by the ledger",
             rows,
         ),
-        ("Sunk balls by size, uniform water", sunk),
-        (f"A column collapses past a ball under gravity {SLANTED} m/s²", fallen),
+        ("Submerged balls by size, uniform water", sunk),
+        (f"A column of water collapses past a ball under gravity {SLANTED} m/s²", fallen),
     ):
         report += [f"## {title}\n", tabulate(table, "keys", "github", disable_numparse=True), ""]
     (RESULTS / "bodies.md").write_text("\n".join(report))

@@ -1,7 +1,7 @@
-"""Time from asking for another scene to its first image, in one process, and what is compiled.
+"""Time from the selection of a scene to its first image in one process, and compiled kernels.
 
     python bench/compile_once.py                # every shipped scene at its own quality, twice
-    python bench/compile_once.py --every        # and at every quality
+    python bench/compile_once.py --every        # the same at every quality
 
 One row per scene: elapsed time until its first frame is simulated and rendered, and the kernels
 that were compiled for it, on the first visit and on a later one. Results: results/compile_once.md.
@@ -24,12 +24,13 @@ from msph.stage.row import Row
 from msph.stage.show import INTERACTIVE, Show
 from msph.taichi_internals import watch_compiling
 
-# Size of the image [pixels]: that of the default window.
+# Image size [pixels]: the default of the window.
 SIZE = (960, 540)
 
 
 def visit(name: str, quality: str, before: Row | None) -> tuple[Row, float, int]:
-    """Shows a scene in place of another: the row, elapsed time [s], number of kernels compiled."""
+    """Replaces the scene `before` by another; returns its row, the elapsed time [s], and the number
+    of compiled kernels."""
     compiled: list[str] = []
     begin = time.perf_counter()
     with watch_compiling(compiled.append):
@@ -43,10 +44,10 @@ def visit(name: str, quality: str, before: Row | None) -> tuple[Row, float, int]
 
 
 @click.command()
-@click.option("--every", is_flag=True, help="Every quality.")
+@click.option("--every", is_flag=True, help="Run every quality of each scene.")
 @click.option("--arch", type=click.Choice(ARCHES), default="auto", show_default=True)
 def main(every: bool, arch: str) -> None:
-    """Prints the table."""
+    """Print the table."""
     begin = time.perf_counter()
     start(arch)
     qualities = QUALITIES if every else (AS_GIVEN,)
@@ -60,7 +61,7 @@ def main(every: bool, arch: str) -> None:
     heads = ["scene", "quality", "first visit, s", "kernels", "later, s", "kernels"]
     click.echo(tabulate(list(found.values()), headers=heads, tablefmt="github"))
     memory = psutil.Process().memory_info().rss / 2**20
-    click.echo(f"{time.perf_counter() - begin:.1f} s in all, process of {memory:.0f} MiB")
+    click.echo(f"total {time.perf_counter() - begin:.1f} s, memory of the process {memory:.0f} MiB")
 
 
 if __name__ == "__main__":

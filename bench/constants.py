@@ -1,10 +1,10 @@
-"""What the constants of the projection method trade: each halved and doubled, or as listed.
+"""Effect of each constant of the projection method on errors, steps and particles.
 
 python bench/constants.py [--only NAME] [--arch cpu]
 
-Two waters: layered water at rest, thirty fine spacings deep, and the dam break as shipped. A
-constant that is off shows in one of them; one that shows in neither within a factor of two needs no
-care. Each run is a process of its own: constants are compiled into kernels.
+Two simulations per value: layered water at rest, 30 fine spacings deep, and the shipped dam break.
+A constant that changes no figure within a factor of 2 needs no tuning. Each run is a separate
+process, because constants are compiled into kernels.
 """
 
 import importlib
@@ -29,12 +29,13 @@ from msph.measure.bulk import bulk_density
 from msph.scene import load_scene
 
 FLUID = "msph.fluid."
-# Settings in which constants of tension, of viscosity and of a pool of particles nearly full act.
+# Settings under which the constants of surface tension, of viscosity, and of a pool of particles
+# near its capacity have an effect.
 TENSE = ("projection.tension=0.5",)
 VISCOUS = ("projection.viscosity=100.0",)
 CROWDED = ("adaptation.capacity=2600",)
-# Module and name of a constant, or "scene" and the key of a parameter; the values tried beside the
-# default; settings without which the constant does not act.
+# Module and name of a constant, or "scene" and the key of a parameter; values to compare with the
+# default; settings that the constant needs to have an effect.
 TRIED: list[tuple[str, str, tuple[Any, ...], tuple[str, ...]]] = [
     ("projection.solver", "ARRANGED_EXCESS", (1e-4, 1e-2), ()),
     ("projection.solver", "SPRAY_MOTION_FACTOR", (1.25, 5.0), ()),
@@ -72,28 +73,29 @@ TRIED: list[tuple[str, str, tuple[Any, ...], tuple[str, ...]]] = [
     ("adaptivity.surface_distance", "COVERED", (0.25, 0.45), ()),
     ("adaptivity.surface_distance", "CELL", (0.4, 0.9), ()),
 ]
-# Water at rest: finest spacing [m], depth in it, layers, seconds to settle and to read.
-FINE, SHEETS, LAYERS, SETTLE, READ = 0.02, 30, 4, 0.5, 0.5
-# Frames of the dam break: to the impact and up the wall.
+# Water at rest: finest spacing [m], depth in spacings, layers, times to settle and to measure [s].
+FINE, SPACINGS_DEEP, LAYERS, SETTLE, READ = 0.02, 30, 4, 0.5, 0.5
+# Frames of the dam break: until the water has climbed the far wall.
 FRAMES = 36
 
 
 def run(module: str, name: str, value: Any, settings: list[str]) -> dict[str, float]:
-    """Both waters with one constant changed; module "" leaves all as they are."""
+    """Runs both simulations with one constant changed, with none if module is ""; returns their
+    figures."""
     if module == "scene":
         settings = [*settings, f"{name}={value}"]
     elif module:
         found = importlib.import_module(FLUID + module)
         if not hasattr(found, name):
-            raise AttributeError(f"{FLUID}{module} has no {name}: this run would change nothing")
+            raise AttributeError(f"{FLUID}{module} has no {name}: a run would change nothing")
         setattr(found, name, value)
     return at_rest(tuple(settings)) | dam_break(tuple(settings))
 
 
 def at_rest(settings: tuple[str, ...]) -> dict[str, float]:
-    """Shares (-) of still water: pressure against rho g (H - y), rise of energy in 1 s, mean of
-    the density excess; kinetic energy [mJ]; particles that changed layer."""
-    scene = tanks.tank((10 * FINE, 10 * FINE), SHEETS * FINE, FINE, LAYERS)
+    """Returns the figures of still water: pressure error against rho g (H - y), energy rise in 1 s,
+    mean density excess (-); kinetic energy [mJ]; number of particles that changed layer."""
+    scene = tanks.tank((10 * FINE, 10 * FINE), SPACINGS_DEEP * FINE, FINE, LAYERS)
     changed = {}
     for text in settings:
         table, key = text.split("=")[0].split(".")
@@ -115,9 +117,10 @@ def at_rest(settings: tuple[str, ...]) -> dict[str, float]:
 
 
 def dam_break(settings: tuple[str, ...]) -> dict[str, float]:
-    """Shares (-) of the dam break: mean and 99th percentile of the density excess by frame, means,
-    and its largest; bulk density, worst; energy at the end over that at the start; steps,
-    iterations of the pressure solve and particles at the end."""
+    """Returns the figures of the dam break: means over frames of the mean and the 99th percentile
+    of the density excess, and its maximum (-); worst bulk density error (-); final over initial
+    energy (-); numbers of steps, of iterations of the pressure solve, and of particles at the
+    end."""
     sim = tanks.build(load_scene("dam_break", settings))
     reading, bulk = tanks.Reading(sim), []
     reading.read()
@@ -142,7 +145,7 @@ def dam_break(settings: tuple[str, ...]) -> dict[str, float]:
 
 
 def cells(found: dict[str, float]) -> list[str]:
-    """Numbers as a table prints them: shares as percent."""
+    """Returns the table cells of a run; ratios in percent."""
     return [
         f"{value:.3g}"
         if name.endswith("mJ")
@@ -154,12 +157,12 @@ def cells(found: dict[str, float]) -> list[str]:
 
 
 def write(rows: list[list[str]], heads: list[str], arch: str) -> None:
-    """The report of the rows so far."""
+    """Writes the report of the rows measured so far."""
     report = [
-        heading("What the constants of the projection method trade", arch),
-        f"Layered water at rest, {SHEETS} fine spacings deep, {READ:g} s after {SETTLE:g} s; and "
-        f"the dam break as shipped, {FRAMES} frames.\nThe first two rows differ by chance alone: "
-        "threads add up in another order.\n",
+        heading("Constants of the projection method", arch),
+        f"Layered water at rest, {SPACINGS_DEEP} fine spacings deep, {READ:g} s after "
+        f"{SETTLE:g} s; and the shipped dam break, {FRAMES} frames.\nThe two rows of defaults show "
+        "the variation between runs: threads add numbers in varying order.\n",
         tabulate(rows, headers=heads, tablefmt="github", disable_numparse=True),
         "",
     ]
@@ -167,20 +170,20 @@ def write(rows: list[list[str]], heads: list[str], arch: str) -> None:
 
 
 @click.command()
-@click.option("--only", help="Only constants whose name holds this.")
+@click.option("--only", help="Run only the constants whose name contains this text.")
 @click.option("--worker", hidden=True, help="Module, name and value as JSON: one run, printed.")
 @click.option("--arch", type=click.Choice(ARCHES), default="auto", show_default=True)
 def main(only: str | None, worker: str | None, arch: str) -> None:
-    """Measure all and write bench/results/constants.md."""
+    """Run all values and write bench/results/constants.md."""
     if worker is not None:
         start(arch)
         click.echo(json.dumps(run(*json.loads(worker))))
         return
-    asked = [tried for tried in TRIED if not only or only in tried[1]]
+    requested = [tried for tried in TRIED if not only or only in tried[1]]
     runs: list[tuple[str, str, Any, tuple[str, ...]]] = []
-    for settings in dict.fromkeys(s for *_, s in asked):
-        runs += [("", "as they are", 0, settings), ("", "as they are, again", 0, settings)]
-        runs += [(m, n, v, s) for m, n, values, s in asked for v in values if s == settings]
+    for settings in dict.fromkeys(s for *_, s in requested):
+        runs += [("", "defaults", 0, settings), ("", "defaults, second run", 0, settings)]
+        runs += [(m, n, v, s) for m, n, values, s in requested for v in values if s == settings]
     arch, rows = start(arch), []
     for module, name, value, settings in tqdm(runs, unit="run"):
         command = [sys.executable, __file__, "--arch", arch]

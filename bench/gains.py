@@ -1,9 +1,9 @@
-"""What layers gain over water as fine as their finest: both in one process, frame by frame in turn.
+"""Speed-up of a layered scene over uniform water at its finest spacing, in alternating frames.
 
 python bench/gains.py SCENE [--seconds 2] [--arch cpu]
 
-Prints how many times as fast the layers are, and how many times as many particles uniform water
-has, in the mean over frames, as JSON. `bench/scenes.py` asks for every shipped scene.
+Prints as JSON the speed-up and the ratio of the numbers of particles, means over frames.
+`bench/scenes.py` runs it for every shipped scene.
 """
 
 import json
@@ -26,8 +26,8 @@ from msph.stage.show import Show
 
 
 def uniform(name: str) -> tuple[str, ...]:
-    """Overrides that make all particles of an adaptive scene as fine as its finest; () where the
-    scene has one size of particles."""
+    """Returns the overrides that give all particles of an adaptive scene its finest size; () if the
+    scene is not adaptive."""
     scene = load_scene(name)
     if not scene.adaptation.enabled:
         return ()
@@ -38,12 +38,12 @@ def uniform(name: str) -> tuple[str, ...]:
 
 @click.command()
 @click.argument("scene")
-@click.option("--seconds", default=2.0, show_default=True, help="Simulated time.")
+@click.option("--seconds", default=2.0, show_default=True, help="Simulated time [s].")
 @click.option("--arch", type=click.Choice(ARCHES), default="auto", show_default=True)
 def main(scene: str, seconds: float, arch: str) -> None:
-    """Measures an adaptive scene's water beside uniform water."""
+    """Compare the adaptive SCENE with uniform water."""
     start(arch)
-    # Density errors, which no frame needs, are left out.
+    # Without density errors, which need an additional neighbour search.
     shows = [
         Show(load_scene(scene, changes), FRAME, density_every=float("inf"))
         for changes in ((), uniform(scene))
@@ -60,7 +60,7 @@ def main(scene: str, seconds: float, arch: str) -> None:
             times[k] += time.perf_counter() - begin
             counts[k] += sum(show.simulation.counts())
     faster, fewer = times[1] / times[0], counts[1] / counts[0]
-    click.echo(json.dumps({"times as fast": faster, "times as many": fewer}))
+    click.echo(json.dumps({"speed_up": faster, "particle_ratio": fewer}))
 
 
 if __name__ == "__main__":

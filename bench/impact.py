@@ -1,11 +1,10 @@
-"""Pressures where a dam break meets the far wall: which of them settle as the water is refined.
+"""Convergence of the pressures of a dam break on the far wall.
 
 python bench/impact.py [--quick] [--arch cpu]
 
-Incompressible water stops within a step, so that the pressure of a single step is an impulse over
-the step's length: it grows as steps get shorter, and falls with the mass that arrives at once, as
-spacings do. What converges is the impulse, and the mean pressure over a time in which more than one
-particle arrives.
+Incompressible water stops within a time step, so the pressure in a single step is an impulse over
+the length of the step: it grows with shorter steps and falls with the spacing. The impulse
+converges, and so does the mean pressure over a time in which several layers of particles arrive.
 """
 
 import math
@@ -27,19 +26,18 @@ from msph.scene.schema import Scene
 from msph.stage.controls import Controls
 from msph.stage.show import Show
 
-# Spacings over those of the scene, and times between readings [s]: no step is longer, and at the
-# first most steps are as long.
+# Factors of the scene's spacings (-), and times between readings [s], which limit the time steps.
 RUNS = ((1.26, 0.004), (1.0, 0.004), (0.8, 0.004), (0.63, 0.004), (1.0, 0.002), (1.0, 0.001))
 QUICK = RUNS[:2]
-# Time that the front meets the wall and the water climbs it [s].
+# Simulated time [s]: until the water has climbed the far wall.
 SECONDS = 1.1
-# Heights of the middle of a sensor over the floor, and its edge [m]; windows of its sampling [s].
+# Heights of the centres of the sensors, and their edge [m]; averaging times of the sensors [s].
 HEIGHTS, EDGE = (0.03, 0.1, 0.2), 0.05
 WINDOWS = (0.0, 0.01, 0.05)
 
 
 def sensors(scene: Scene) -> list[PressureProbe]:
-    """For each height on the far wall one of each window."""
+    """Returns sensors on the far wall, one for each height and averaging time."""
     wall, _, middle = np.array(scene.box.size) / 2.0 * (2.0, 1.0, 1.0)
     return [
         PressureProbe(
@@ -54,7 +52,8 @@ def sensors(scene: Scene) -> list[PressureProbe]:
 
 
 def run(factor: float, every: float) -> list[dict[str, str | float]]:
-    """A row for each height: peaks [Pa] of the sensors of each window, and the impulse [Pa s]."""
+    """Returns a row for each height: highest reading [Pa] for each averaging time, and impulse
+    [Pa s]."""
     scene = load_scene("dam_break")
     layers = [s.model_copy(update={"spacing": factor * s.spacing}) for s in scene.layers]
     scene = scene.model_copy(update={"layers": layers})
@@ -80,12 +79,12 @@ def run(factor: float, every: float) -> list[dict[str, str | float]]:
 
 
 def table(rows: list[dict]) -> str:
-    """Rows in the field's words and units."""
+    """Returns the rows as a Markdown table."""
     named = [
         {
             "spacing, mm": f"{row['spacing']:.1f}",
             "particles": f"{row['particles']:,}",
-            "read every, ms": f"{1e3 * row['readings']:g}",
+            "time between readings, ms": f"{1e3 * row['readings']:g}",
             "steps": row["steps"],
             "height of the sensor, m": row["height"],
             "highest reading, kPa": f"{1e-3 * row['peak 0.0']:.1f}",
@@ -101,16 +100,15 @@ def table(rows: list[dict]) -> str:
 
 
 @click.command()
-@click.option("--quick", is_flag=True, help="Two spacings; nothing is written.")
+@click.option("--quick", is_flag=True, help="Run two spacings and write no file.")
 @click.option("--arch", type=click.Choice(ARCHES), default="auto", show_default=True)
 def main(quick: bool, arch: str) -> None:
-    """Measure all and write bench/results/impact.md."""
+    """Measure the pressures and write bench/results/impact.md."""
     arch = start(arch)
     rows = [row for given in (QUICK if quick else RUNS) for row in run(*given)]
     report = [
         heading("Pressures of an impact", arch),
-        f"`dam_break`, {SECONDS} s; sensors of {EDGE} x {EDGE} m on the wall that the front runs "
-        "against.\n",
+        f"`dam_break`, {SECONDS} s; sensors of {EDGE} x {EDGE} m on the far wall.\n",
         table(rows),
         "",
     ]

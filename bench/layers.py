@@ -1,10 +1,10 @@
-"""Layered water against uniform water of the same finest spacing: speed beside error.
+"""Speed and errors of layered water against uniform water of the same finest spacing.
 
 python bench/layers.py [--rounds 16] [--seconds 0.25] [--arch cpu]
 
-Both are the same solver at the same tolerances, in frames of 1/60 s, each as many steps as its own
-bounds on the time step ask for. The pools come to rest and rest on, then rock near resonance till
-waves break; all of them take turns.
+Both use the same solver and tolerances, in frames of 1/60 s with as many steps as the time step
+limits require. The pools are timed at rest, then rocking near resonance until waves break; all
+pools run in alternating rounds.
 """
 
 import csv
@@ -28,54 +28,54 @@ from msph.fluid.external_forces import ExternalForces
 
 # The thesis's finest mass in a pool of 1 m by 1 m.
 FINE = (0.1 / 1000.0) ** (1.0 / 3.0)
-# Depth of the thesis's smaller pool, filled by 2650 particles of .2 kg [m].
+# Depth of the thesis's smaller pool, filled by 2650 particles of 0.2 kg [m].
 DEPTH = 0.465
-# Pools: depth [m], layers, target ratio, the thesis's ratio (Gokdogan 2008, table 5.1). In pool_2x
-# a seventh layer saves no time, and its few particles make pressures a quarter worse; in the deep
-# pool six need two steps a frame, and with seven or nine pressures are twice as far off.
+# Pools: depth [m], layers, target speed-up, the thesis's speed-up (Gokdogan 2008, table 5.1). In
+# pool_2x a seventh layer saves no time and increases pressure errors by a quarter; in the deep pool
+# six layers need two steps per frame, and seven or nine layers have twice the pressure error.
 POOLS = {
     "pool": (DEPTH, 5, 4.0, 3.35),
     "pool_2x": (0.92, 6, 8.0, 5.8),
     "8 times as deep": (8 * DEPTH, 8, 30.0, None),
 }
-# Pools whose costs are compared: width [m], depths [m], layers of each. Doubling may add a tenth.
-# What is added is coarse, in layers whose spacings fit at least three times into the width.
+# Pools of single and double depth: width [m], depths [m], number of layers. The target is at most
+# 10 % more time at double depth. The coarsest spacing fits at least three times into the width.
 DOUBLING = ((1.0, (8 * DEPTH, 16 * DEPTH), 9), (2.0, (8 * DEPTH, 16 * DEPTH), 11))
 DOUBLING_TARGET = 1.1
-# Rocking: angle [deg], period [s]; waves as long as two of these boxes swing in 1.13 to 1.2 s.
+# Rocking: angle [deg], period [s]; the first sloshing mode has a period of 1.13 to 1.2 s.
 ANGLE, PERIOD = 4.0, 1.1
-# What pools do while they are timed.
+# Phases that are timed.
 PHASES = RESTING, ROCKING = "at rest", "rocking"
-# Steps between passes of adaptation; fixed layers are those that the start gave each depth.
+# Steps between passes of adaptation; fixed layers keep the initial layer of each particle.
 ADAPTIVE, FIXED = AdaptationParameters().every, 10**9
 LAYERED = ("fixed layers", "adaptive layers")
-# Thin bands, a sheet or two each, as the thesis has them.
+# Band thickness in supports: one or two particles, as in the thesis.
 BAND = 0.5
-# Rest before the rocking [s]: to come to it, and to read errors.
+# Times before the timed rounds [s]: to settle, and to measure errors at rest.
 SETTLE, REST = 2.0, 1.0
 
 
 class Phase:
-    """What a pool did at rest or rocking: mean wall-clock time [s] of the frames of each round,
-    passes of adaptation and all; steps; iterations of each frame's last step."""
+    """Record of a pool at rest or rocking: mean elapsed time per frame [s] of each round,
+    adaptation included; number of steps; iterations of the last step of each frame."""
 
     def __init__(self):
         self.walls: list[float] = []
         self.steps, self.iterations = 0, []
 
     def speed(self, percent: float = 50.0) -> float:
-        """Simulated seconds per wall-clock second in the median round, or in the one that so many
-        percent were faster than."""
+        """Returns the real-time factor (-) at the median, or at another percentile, of the rounds'
+        elapsed times."""
         return tanks.FRAME / float(np.percentile(self.walls, percent))
 
     def frame(self) -> str:
-        """Milliseconds a frame: median and quartiles of the rounds."""
+        """Returns the elapsed time per frame [ms]: median and quartiles of the rounds."""
         low, median, high = np.percentile(self.walls, (25, 50, 75)) * 1e3
         return f"{median:.1f} ({low:.1f} to {high:.1f})"
 
 
 class Pool:
-    """One pool, and its record."""
+    """A pool and its record."""
 
     def __init__(
         self,
@@ -96,7 +96,7 @@ class Pool:
         self.seconds, self.phases = seconds, {phase: Phase() for phase in PHASES}
 
     def round(self, phase: str) -> None:
-        """One timed round."""
+        """Runs a timed round."""
         sim, record = self.simulation, self.phases[phase]
         steps, wall, frames = sim.steps, 0.0, round(self.seconds / tanks.FRAME)
         tilt = math.radians(ANGLE) if phase == ROCKING else 0.0
@@ -117,40 +117,48 @@ class Pool:
 
 
 def ratio(one: Phase, other: Phase) -> str:
-    """How many times as fast one is as the other: by the median, and by the faster quarter."""
+    """Returns the speed-up of `one` over `other`: by medians, and by lower quartiles of the
+    times."""
     return f"{one.speed() / other.speed():.2f} ({one.speed(25.0) / other.speed(25.0):.2f})"
 
 
 def row(name: str, kind: str, pool: Pool) -> dict[str, str]:
+    """Returns the table row of a pool."""
     r, phases = pool.reading, pool.phases.values()
     return {
         "pool": name,
         "water": kind,
         "particles": f"{pool.simulation.particles.count:,}",
-        **{f"ms a frame {phase}": record.frame() for phase, record in pool.phases.items()},
-        "steps a frame": " / ".join(f"{p.steps / len(p.iterations):.2f}" for p in phases),
-        "iterations a step": " / ".join(f"{np.mean(p.iterations):.1f}" for p in phases),
+        **{f"ms per frame, {phase}": record.frame() for phase, record in pool.phases.items()},
+        "steps per frame": " / ".join(f"{p.steps / len(p.iterations):.2f}" for p in phases),
+        "iterations per step": " / ".join(f"{np.mean(p.iterations):.1f}" for p in phases),
         "pressure error at rest, probes": f"{100 * pool.rest[0]:.2f} %",
-        "particles in sheets": f"{100 * pool.rest[1]:.2f} %",
+        "particle means": f"{100 * pool.rest[1]:.2f} %",
         "energy rise at rest": f"{100 * pool.rest[2]:.3f} %",
         "density error mean": f"{100 * np.mean(r.error_mean):.3f} %",
         "99th percentile": f"{100 * np.mean(r.error_p99):.2f} %",
         "largest": f"{100 * max(r.error_max):.2f} %",
-        "height of the centre": f"{100 * r.volume_error():+.2f} %",
+        "height of the centre of mass": f"{100 * r.volume_error():+.2f} %",
     }
 
 
 def deep(depth: float, width: float) -> str:
-    """Name of a pool by its depth and width [m]."""
+    """Returns the name of a pool by its depth and width [m]."""
     return f"{depth / DEPTH:.0f} times as deep, {width:g} m wide"
 
 
 @click.command()
-@click.option("--rounds", default=16, show_default=True, type=click.IntRange(min=1))
-@click.option("--seconds", default=0.25, show_default=True, help="Simulated time of a round.")
+@click.option(
+    "--rounds",
+    default=16,
+    show_default=True,
+    type=click.IntRange(min=1),
+    help="Number of rounds in each phase.",
+)
+@click.option("--seconds", default=0.25, show_default=True, help="Simulated time of a round [s].")
 @click.option("--arch", type=click.Choice(ARCHES), default="auto", show_default=True)
 def main(rounds: int, seconds: float, arch: str) -> None:
-    """Measure and write bench/results/layers.{md,csv}."""
+    """Measure speed and errors, and write bench/results/layers.{md,csv}."""
     arch = start(arch)
     pools: dict[tuple[str, str], Pool] = {}
     for name, (depth, layers, _, _) in POOLS.items():
@@ -188,14 +196,15 @@ def main(rounds: int, seconds: float, arch: str) -> None:
         writer.writerows(rows)
     report = [
         heading("Layered against uniform water", arch),
-        "Finest particles of .1 kg in a pool of 1 m by 1 m, at rest and then rocked by "
-        f"{ANGLE:g} degrees every {PERIOD:g} s, near resonance: till waves break. {rounds} rounds "
-        f"of {seconds:g} s each, in turns, and their mean frames: median and quartiles. Ratios are "
-        "of medians, in brackets of the faster quarters: others use the machine too.\n",
+        "Pools of 1 m by 1 m with finest particles of 0.1 kg, at rest and then rocked by "
+        f"{ANGLE:g} degrees with a period of {PERIOD:g} s, near resonance, until waves break. "
+        f"{rounds} alternating rounds of {seconds:g} s each: median and quartiles of their mean "
+        "time per frame. Ratios are of medians, in brackets of lower quartiles, which other "
+        "processes on the machine disturb less.\n",
         tabulate(
             ratios,
             (
-                "simulated time a second, layered over uniform",
+                "speed-up of layered over uniform water",
                 "target",
                 "fixed",
                 "adaptive",

@@ -1,4 +1,4 @@
-"""The classic method and projection side by side on the deep pool, and how projection solves.
+"""Speed and errors of the classic and the projection method in the deep pool; pressure solvers.
 
 python bench/methods.py [--seconds 4] [--rounds 2] [--arch cpu]
 """
@@ -27,10 +27,10 @@ from msph.stage.benchmark import benchmark
 from msph.taichi_internals import data_oriented, kernel
 
 SCENE = "pool_2x"
-# The thesis's particles; shear relief, which the scene has on, is off by the method's default.
+# The particles of the thesis, without the shear relief that the scene enables.
 GIVEN = ("variant=system-3", "projection.shear_relief=0")
-# What is compared, by its changes to the scene: both methods on the thesis's particles, and the
-# same water in bands of a sheet or two, seven layers, which the start gives each depth.
+# Compared set-ups, as changes to the scene: both methods on the particles of the thesis, and the
+# projection method with seven layers in bands of one or two particles, assigned at the start.
 SETUPS = {
     "classic": ("method=classic",),
     "projection": (),
@@ -42,12 +42,12 @@ SETUPS = {
         f"adaptation.every={10**9}",
     ),
 }
-# Launches that Jacobi may take to come as near as conjugate gradients, and iterations in each.
-MOST, RELAXED = 150, 4
+# Limit of the launches of the Jacobi solver, and iterations per launch.
+MAX_LAUNCHES, PER_LAUNCH = 150, 4
 
 
 def errors(setup: str, seconds: float) -> dict[str, str]:
-    """What a still pool does in one setup."""
+    """Returns the table row of the errors of a still pool."""
     scene = load_scene(SCENE, (*GIVEN, *SETUPS[setup], "sway.angle=0"))
     sim = build_simulation(scene)
     reading = tanks.Reading(sim)
@@ -58,12 +58,12 @@ def errors(setup: str, seconds: float) -> dict[str, str]:
     bulk = bulk_density(sim.particles.numpy("x"), spacing, sim.size, sim.boundary.free)
     return {
         "method": setup,
-        "pressure, rms over depth": f"{100 * reading.pressure_error():.1f} %",
-        "bulk density from positions": f"{100 * (bulk.mean - 1.0):+.2f} %",
-        "its own density error": f"{100 * np.mean(reading.error_mean):.3f} %",
+        "pressure error, rms over depth": f"{100 * reading.pressure_error():.1f} %",
+        "bulk density error": f"{100 * (bulk.mean - 1.0):+.2f} %",
+        "density error, mean": f"{100 * np.mean(reading.error_mean):.3f} %",
         "99th percentile": f"{100 * np.mean(reading.error_p99):.2f} %",
         "largest": f"{100 * max(reading.error_max):.1f} %",
-        "height of the centre": f"{100 * reading.volume_error():+.2f} %",
+        "height of the centre of mass": f"{100 * reading.volume_error():+.2f} %",
         "energy rise in 1 s": f"{100 * reading.energy_rise():.3f} %",
         "kinetic energy, J": f"{reading.kinetic[-1]:.2f}",
     }
@@ -71,22 +71,23 @@ def errors(setup: str, seconds: float) -> dict[str, str]:
 
 @data_oriented
 class Jacobi:
-    """The velocity solve by under-relaxed Jacobi, as in DFSPH, on a solver's rhs and operator."""
+    """Pressure solver by under-relaxed Jacobi iterations, as in DFSPH, on a solver's right-hand
+    side and operator."""
 
     def __init__(self, solver):
         self.particles, self.operator = solver.particles, solver.pressure_solve.operator
         self.correction = solver.position_correction
 
     def run(self, launches: int) -> int:
-        """RELAXED iterations a launch; returns how many that makes."""
+        """Runs PER_LAUNCH iterations per launch; returns the number of iterations."""
         for _ in range(launches):
             self._relax(self.particles.count)
-        return RELAXED * launches
+        return PER_LAUNCH * launches
 
     @kernel
     def _relax(self, n: ti.i32):
         p = self.particles
-        for _ in ti.static(range(RELAXED)):
+        for _ in ti.static(range(PER_LAUNCH)):
             self.operator.apply(n, p.velocity_multiplier)
             for i in range(n):
                 r = p.rhs[i] + self.operator.divergence(i, p.displacement)
@@ -94,17 +95,19 @@ class Jacobi:
 
     @kernel
     def displace(self, n: ti.i32):
-        """Displacements by the velocity multipliers."""
+        """Computes the displacements by the velocity multipliers."""
         self.operator.apply(n, self.particles.velocity_multiplier)
 
 
-def solvers(layers: int, sheets: int) -> list[dict[str, str]]:
-    """Conjugate gradients against Jacobi on one step of still water, cold and warm.
+def solvers(layers: int, depth: int) -> list[dict[str, str]]:
+    """Compares conjugate gradients and Jacobi in one step of still water, with the initial guess 0
+    (cold) and with the pressures of the step before (warm); returns two table rows.
 
-    The error is that of the displacements, by volume, against a solve of 2,000 iterations.
+    The error is the difference of the displacements from a solve of 2,000 iterations, weighted by
+    volume.
     """
     fine = 0.02
-    sim = tanks.build(tanks.tank((10 * fine, 10 * fine), sheets * fine, fine, layers))
+    sim = tanks.build(tanks.tank((10 * fine, 10 * fine), depth * fine, fine, layers))
     tanks.run(sim, 0.5)
     solver, p, n = sim.solver, sim.particles, sim.particles.count
     dt = solver.longest_step()
@@ -147,31 +150,38 @@ def solvers(layers: int, sheets: int) -> list[dict[str, str]]:
         error = distance(cg[0][2], true)
         count = 1
         while (
-            count < MOST and distance(solve(begin, lambda c=count: jacobi.run(c))[2], true) > error
+            count < MAX_LAUNCHES
+            and distance(solve(begin, lambda c=count: jacobi.run(c))[2], true) > error
         ):
-            count = min(MOST, int(1.25 * count) + 1)
+            count = min(MAX_LAUNCHES, int(1.25 * count) + 1)
         walls = [solve(begin, lambda c=count: jacobi.run(c))[1] for _ in range(5)]
         reached = distance(solve(begin, lambda c=count: jacobi.run(c))[2], true)
         rows.append(
             {
-                "water": f"{'layered' if layers > 1 else 'uniform'}, {sheets} spacings deep",
-                "start": name,
-                "error left": f"{100 * error:.1f} %",
+                "water": f"{'layered' if layers > 1 else 'uniform'}, {depth} spacings deep",
+                "initial guess": name,
+                "remaining error": f"{100 * error:.1f} %",
                 "conjugate gradients": f"{cg[0][0]} iterations, "
                 f"{statistics.median(c[1] for c in cg):.1f} ms",
-                "Jacobi": f"{RELAXED * count} iterations, {statistics.median(walls):.1f} ms"
-                + ("" if reached <= error else f", {100 * reached:.1f} % left"),
+                "Jacobi": f"{PER_LAUNCH * count} iterations, {statistics.median(walls):.1f} ms"
+                + ("" if reached <= error else f", remaining error {100 * reached:.1f} %"),
             }
         )
     return rows
 
 
 @click.command()
-@click.option("--seconds", default=4.0, show_default=True, help="Simulated time of each run.")
-@click.option("--rounds", default=2, show_default=True, type=click.IntRange(min=1))
+@click.option("--seconds", default=4.0, show_default=True, help="Simulated time of each run [s].")
+@click.option(
+    "--rounds",
+    default=2,
+    show_default=True,
+    type=click.IntRange(min=1),
+    help="Number of runs of each set-up.",
+)
 @click.option("--arch", type=click.Choice(ARCHES), default="auto", show_default=True)
 def main(seconds: float, rounds: int, arch: str) -> None:
-    """Measure and write bench/results/methods.{md,csv}."""
+    """Measure speed and errors, and write bench/results/methods.{md,csv}."""
     arch = start(arch)
     speeds = []
     for _ in range(rounds):
@@ -186,14 +196,14 @@ def main(seconds: float, rounds: int, arch: str) -> None:
         writer = csv.DictWriter(file, found[0].keys())
         writer.writeheader()
         writer.writerows(found)
-    report = [heading("Classic and projection on the deep pool", arch)]
-    report.append("Speed, errors of the same run beside it; fluid alone:\n")
+    report = [heading("Classic and projection method in the deep pool", arch)]
+    report.append("Speed and errors, simulation only:\n")
     report.append(tabulate(speeds, headers="keys", tablefmt="github", disable_numparse=True))
     report.append(f"\nErrors of the pool at rest, over the second half of {seconds:g} s:\n")
     report.append(tabulate(found, headers="keys", tablefmt="github", disable_numparse=True))
     report.append(
-        "\nThe velocity solve of one step in still water: conjugate gradients at the default "
-        "tolerance, Jacobi\nuntil it is as near to the converged displacements:\n"
+        "\nPressure solve of one step in still water: conjugate gradients to the default "
+        "tolerance, Jacobi until\nits displacements have the same error:\n"
     )
     report.append(tabulate(compared, headers="keys", tablefmt="github", disable_numparse=True))
     (RESULTS / "methods.md").write_text("\n".join([*report, ""]))

@@ -1,12 +1,12 @@
-"""Speed against error of each method, water, spacing and setting, over the whole range.
+"""Speed against error: runs every case with each method, kind of water, spacing and setting.
 
 python bench/pareto.py [--quick] [--case NAME] [--resume] [--cluster ADDRESS] [--arch cpu]
 
-Every row is a run in a process of its own, one at a time; it is written to bench/results/pareto.csv
-as soon as it is measured, where --resume takes up again, and measures anew what ran beside other
-busy processes. Rows of which only errors are wanted, the references of self-convergence, may be
-handed to a Dask scheduler that exists: pip install '.[cluster]', and this checkout at the workers.
-bench/results/pareto.md and pareto*.png are drawn from the table alone.
+Every row is a run in a separate process, one at a time, and is written to bench/results/pareto.csv
+when it ends. --resume continues there, and repeats runs that other busy processes disturbed. Runs
+whose time does not matter, the references of self-convergence, can run on an existing Dask cluster
+(pip install '.[cluster]', with this checkout on the workers). bench/results/pareto.md and
+pareto*.png are generated from the CSV file.
 """
 
 import dataclasses
@@ -27,14 +27,14 @@ from bench.report import RESULTS
 from msph.device import ARCHES, start
 
 TABLE = "pareto.csv"
-# Figures of rows whose time counts alone.
+# Figures of timed rows only.
 TIMED = ("wall_per_simulated", "peak_mib", "others")
-# A run that takes longer [s] is given up, and said.
-MOST_SECONDS = 1800
+# Time limit of a run [s].
+MAX_SECONDS = 1800
 
 
 def run(case: str, setting: Setting, arch: str) -> dict[str, float]:
-    """A row's figures, measured in this process."""
+    """Returns the figures of a row, measured in this process."""
     start(arch)
     done, found = CASES[case].measure(setting)
     costs = done.costs()
@@ -44,16 +44,16 @@ def run(case: str, setting: Setting, arch: str) -> dict[str, float]:
 
 
 def in_process(case: str, setting: dict, arch: str) -> dict[str, float | str]:
-    """The same in a process of its own."""
+    """Runs run() in a separate process."""
     task = {"case": case, "setting": setting, "arch": arch}
-    return rows.in_process(__file__, task, MOST_SECONDS)
+    return rows.in_process(__file__, task, MAX_SECONDS)
 
 
 def sweep(names: tuple[str, ...], quick: bool, known: list[dict], arch: str, cluster: str) -> None:
-    """Measures every row that is not known, or was disturbed, and writes the table after each."""
-    asked = [(name, setting) for name in names for setting in CASES[name].settings(quick)]
+    """Measures every row that is unknown or was disturbed, and writes the table after each."""
+    requested = [(name, setting) for name in names for setting in CASES[name].settings(quick)]
     done = {key(row) for row in known if not disturbed(row)}
-    todo = [(n, s) for n, s in asked if key({"case": n, **dataclasses.asdict(s)}) not in done]
+    todo = [(n, s) for n, s in requested if key({"case": n, **dataclasses.asdict(s)}) not in done]
     elsewhere = [(n, s) for n, s in todo if not s.timed] if cluster else []
     pending = submit(cluster, elsewhere, arch) if elsewhere else []
     for name, setting in tqdm([t for t in todo if t not in elsewhere], unit="run"):
@@ -64,13 +64,13 @@ def sweep(names: tuple[str, ...], quick: bool, known: list[dict], arch: str, clu
 
 
 def keep(row: dict, known: list[dict]) -> None:
-    """Puts a row into the table, in place of one of the same run."""
+    """Adds a row to the table, or replaces the row of the same run."""
     known[:] = [other for other in known if key(other) != key(row)] + [row]
     rows.write(RESULTS / TABLE, known)
 
 
 def submit(address: str, tasks: list[tuple[str, Setting]], arch: str) -> list:
-    """Futures of rows of which only errors are wanted, on a cluster."""
+    """Submits untimed rows to a cluster; returns their futures."""
     try:
         from distributed import Client
     except ImportError as error:
@@ -80,15 +80,21 @@ def submit(address: str, tasks: list[tuple[str, Setting]], arch: str) -> list:
 
 
 @click.command()
-@click.option("--quick", is_flag=True, help="Coarse runs alone: minutes, not hours.")
-@click.option("--case", "cases", multiple=True, type=click.Choice(list(CASES)))
-@click.option("--resume", is_flag=True, help="Keep the rows that were measured before.")
-@click.option("--cluster", default="", help="Address of a Dask scheduler for errors alone.")
-@click.option("--draw", is_flag=True, help="Measure nothing; draw the table that there is.")
+@click.option("--quick", is_flag=True, help="Coarse runs only: minutes instead of hours.")
+@click.option(
+    "--case",
+    "cases",
+    multiple=True,
+    type=click.Choice(list(CASES)),
+    help="Run only this case. Repeatable.",
+)
+@click.option("--resume", is_flag=True, help="Keep the rows of earlier runs.")
+@click.option("--cluster", default="", help="Address of a Dask scheduler for untimed runs.")
+@click.option("--draw", is_flag=True, help="Only write the report and figures of the stored rows.")
 @click.option("--arch", type=click.Choice(ARCHES), default="auto", show_default=True)
 @click.option("--worker", hidden=True)
 def main(quick, cases, resume, cluster, draw, arch, worker) -> None:
-    """Measure, and write bench/results/pareto.{csv,md,png} and a figure for each case."""
+    """Run the cases and write bench/results/pareto.{csv,md,png} and a figure for each case."""
     if worker:
         task = json.loads(worker)
         print(json.dumps(run(task["case"], Setting(**task["setting"]), task["arch"])))

@@ -1,4 +1,4 @@
-"""Tables and figures of the sweep of speed against error, from its rows alone."""
+"""Tables and figures of the sweep of speed against error, generated from its rows."""
 
 import itertools
 import math
@@ -26,11 +26,11 @@ from bench.report import RESULTS
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-# Errors below are drawn there: what is left is rounding.
+# Smallest plotted error (-): smaller ones are rounding.
 LEAST = 1e-7
-# Errors asked of the recommended settings (-).
-ASKED = (0.3, 0.1, 0.03, 0.01, 0.003)
-# How waters are drawn: colours that the colour-blind tell apart (Okabe and Ito 2008), and markers.
+# Error limits for which the fastest run is listed (-).
+LIMITS = (0.3, 0.1, 0.03, 0.01, 0.003)
+# Colours (distinguishable by the colour-blind, Okabe and Ito 2008), markers and labels.
 STYLES = {
     ("projection", UNIFORM): ("#0072B2", "o", "uniform"),
     ("projection", FIXED): ("#56B4E9", "s", "fixed layers"),
@@ -38,11 +38,11 @@ STYLES = {
     ("classic", UNIFORM): ("#999999", "v", "classic, uniform"),
     ("classic", FIXED): ("#555555", "^", "classic, layers"),
 }
-# What rows with shear relief change, in words.
+# Changes of rows with shear relief, in words.
 RELIEVED = Setting(shear_relief=RELIEF).changes
 OTHER = ("#009E73", "P")
 COSTS = {
-    "wall_per_simulated": "wall-clock s / simulated s",
+    "wall_per_simulated": "elapsed s / simulated s",
     "particles": "particles",
     "peak_mib": "peak MiB",
     "compression_mean": "compression, mean",
@@ -51,13 +51,13 @@ COSTS = {
 
 
 def changes(row: dict) -> str:
-    """What a row's setting changes, in words."""
+    """Returns the changes of a row's setting, in words."""
     found = [f"{text} {float(row[k]):g}" for k, text in CHANGEABLE.items() if row.get(k)]
     return ", ".join(found)
 
 
 def undominated(rows: list[dict], error: str) -> list[dict]:
-    """Rows for which no other is both faster and nearer, from fast to slow."""
+    """Returns the rows to which no other row is superior in both time and error, fastest first."""
     found: list[dict] = []
     for row in sorted(rows, key=lambda r: number(r, "wall_per_simulated")):
         if not found or number(row, error) < number(found[-1], error):
@@ -66,7 +66,7 @@ def undominated(rows: list[dict], error: str) -> list[dict]:
 
 
 def drawn(rows: list[dict], case: Case) -> list[dict]:
-    """Rows of the case that have a time and its first error."""
+    """Returns the rows of the case with a time and a value of its main error."""
     return [
         row
         for row in rows
@@ -76,7 +76,7 @@ def drawn(rows: list[dict], case: Case) -> list[dict]:
 
 
 def plot(axis, rows: list[dict], case: Case) -> None:
-    """Time across, error up."""
+    """Plots the main error over time."""
     for row in rows:
         kind = (row["method"], row["water"])
         colour, marker, _ = STYLES.get(kind, (*OTHER, ""))
@@ -94,14 +94,14 @@ def plot(axis, rows: list[dict], case: Case) -> None:
     axis.set(xscale="log", yscale="log", title=case.title)
     for ticks, format_ in ((axis.yaxis, "{:g} %"), (axis.xaxis, "{:g}")):
         label_ticks(ticks, format_, 100.0 if "%" in format_ else 1.0)
-    axis.set_xlabel("wall-clock seconds per simulated second")
+    axis.set_xlabel("elapsed seconds per simulated second")
     axis.set_ylabel(case.main.replace("_", " ") + " error")
     axis.axvline(1.0, color="#bbbbbb", lw=0.8, ls=":")
     axis.spines[["top", "right"]].set_visible(False)
 
 
 def label_ticks(ticks, format_: str, scale: float) -> None:
-    """Numbers in place of powers; within few decades at 2 and 5, too."""
+    """Labels ticks by numbers without powers of ten; on short axes also at 2 and 5."""
     low, high = ticks.get_view_interval()
     few = math.log10(high / low) < 2.5
     ticks.set_major_formatter(lambda value, _: format_.format(float(f"{scale * value:.3g}")))
@@ -123,7 +123,7 @@ def legend(axis) -> None:
 
 
 def figures(rows: list[dict], folder: Path) -> list[str]:
-    """One for each case that has rows, and one of several; returns the names."""
+    """Writes a figure for each case with rows and a summary; returns the names."""
     names = []
     for case in CASES.values():
         own = drawn(rows, case)
@@ -154,15 +154,15 @@ def save(figure, folder: Path, name: str) -> str:
 
 
 def by_water(rows: list[dict]) -> dict[str, list[dict]]:
-    """Rows of projection, for each water."""
+    """Returns the rows of the projection method by kind of water."""
     return {
         w: [r for r in rows if (r["method"], r["water"]) == ("projection", w)] for w in STYLES_OF
     }
 
 
 def unreached(rows: list[dict], case: Case) -> str:
-    """The case's first error where a run in adaptive layers is nearer than any uniform one, though
-    some took longer, in words."""
+    """Returns a sentence if a run with adaptive layers has a smaller main error than all uniform
+    runs, some of which took longer; else ""."""
     by = by_water(rows)
     longest = max((number(r, "wall_per_simulated") for r in by[UNIFORM]), default=0.0)
     best = min((number(r, case.main) for r in by[UNIFORM]), default=0.0)
@@ -175,30 +175,32 @@ def unreached(rows: list[dict], case: Case) -> str:
         return ""
     time, error = min(nearer)
     return (
-        f"no uniform run, of up to {longest:.3g} s per s, is as near as adaptive layers in "
+        f"uniform runs of up to {longest:.3g} s per s do not reach the error of adaptive layers in "
         f"{time:.3g}: {case.main.replace('_', ' ')} {shown('error', best)}, not "
         f"{shown('error', error)}"
     )
 
 
 def ratio_at_equal_error(rows: list[dict], case: Case) -> str:
-    """How many times as long uniform water takes as adaptive layers at the same error, in words."""
+    """Returns the largest speed-up of adaptive layers over uniform water at equal error, in
+    words."""
     found = {error: _ratio(rows, error) for error in case.errors}
-    told = [
+    parts = [
         f"{name.replace('_', ' ')} {'over ' * bound}{ratio:.2g}"
         for name, (ratio, bound) in found.items()
         if ratio
     ]
-    if not told:
-        return "no uniform run has the errors of one in adaptive layers"
-    times = ", ".join(told)
-    return f"at equal error uniform water takes up to so many times as long as adaptive: {times}"
+    if not parts:
+        return "no uniform run has an error of a run with adaptive layers"
+    factors = ", ".join(parts)
+    text = "at equal error adaptive layers are faster than uniform water by a factor of up to"
+    return f"{text}: {factors}"
 
 
 def _ratio(rows: list[dict], error: str) -> tuple[float, bool]:
-    """The most of all adaptive rows, 0 where none has an error that uniform ones reach, and whether
-    it is a bound, since no uniform row is as near; uniform rows between which an error lies are
-    joined in logarithms."""
+    """Returns the largest ratio of times over all adaptive rows, 0 if no uniform row has such an
+    error, and whether the ratio is a lower bound, as no uniform row reaches the error. Times are
+    interpolated in logarithms between uniform rows."""
     by = by_water(rows)
     uniform = undominated(by[UNIFORM], error)
     errors = np.log([max(number(r, error), LEAST) for r in uniform])
@@ -218,7 +220,7 @@ STYLES_OF = (UNIFORM, FIXED, ADAPTIVE)
 
 
 def slope(fineness: list[float], errors: list[float]) -> str:
-    """Order of convergence: how fast errors fall with the spacing, and its standard error."""
+    """Returns the order of convergence with the spacing, and its standard error."""
     if len(errors) < 3 or not np.isfinite(errors).all():
         return "-"
     fit = linregress(-np.log(fineness), np.log(np.maximum(errors, LEAST)))
@@ -226,7 +228,7 @@ def slope(fineness: list[float], errors: list[float]) -> str:
 
 
 def orders(rows: list[dict], case: Case) -> list[dict[str, str]]:
-    """A row for each water of projection: the order in which each error falls with the spacing."""
+    """Returns a row for each kind of water: order of convergence of each error."""
     found = []
     for change, water in itertools.product(("", RELIEVED), STYLES_OF):
         own = [
@@ -238,26 +240,26 @@ def orders(rows: list[dict], case: Case) -> list[dict[str, str]]:
         if len(own) > 2:
             fineness = [float(r["fineness"]) for r in own]
             by = {e: slope(fineness, [number(r, e) for r in own]) for e in case.errors}
-            found.append({"water": water, "changed": change, **by})
+            found.append({"water": water, "changes": change, **by})
     return found
 
 
 def recommended(rows: list[dict]) -> list[dict[str, str]]:
-    """A line for each run that is the cheapest to keep some error asked of its case."""
+    """Returns a row for each run that is the fastest within an error limit of its case."""
     lines: dict[int, dict[str, str]] = {}
     for case in CASES.values():
-        for asked in ASKED:
-            good = [r for r in drawn(rows, case) if number(r, case.main) <= asked]
+        for limit in LIMITS:
+            good = [r for r in drawn(rows, case) if number(r, case.main) <= limit]
             if good:
                 best = min(good, key=lambda r: number(r, "wall_per_simulated"))
                 error = shown("error", number(best, case.main))
-                # A run that keeps a smaller error, too, is listed with that one.
+                # A run that is the fastest for several limits is listed with the smallest.
                 lines[id(best)] = {
                     "case": case.title,
-                    "asked": f"{case.main.replace('_', ' ')} within {100.0 * asked:g} %",
-                    "cheapest": f"{best['method']}, {best['water']}",
+                    "limit": f"{case.main.replace('_', ' ')} within {100.0 * limit:g} %",
+                    "fastest": f"{best['method']}, {best['water']}",
                     "fineness": best["fineness"],
-                    "changed": changes(best),
+                    "changes": changes(best),
                     "error": error,
                     "s per s": shown("wall_per_simulated", number(best, "wall_per_simulated")),
                 }
@@ -265,7 +267,7 @@ def recommended(rows: list[dict]) -> list[dict[str, str]]:
 
 
 def self_convergence(rows: list[dict], case: Case) -> list[dict[str, str]]:
-    """Differences of the case's values from those of the finest uniform run, and their order."""
+    """Returns the differences of the case's values from the finest uniform run, and their order."""
     own = [
         r
         for r in rows
@@ -292,36 +294,38 @@ def self_convergence(rows: list[dict], case: Case) -> list[dict[str, str]]:
 
 
 def table(rows: list[dict], case: Case) -> str:
-    """A line a row, from fast to slow, as Markdown; undominated ones in bold."""
+    """Returns the case's rows as a Markdown table, fastest first, undominated ones in bold."""
     best = [id(row) for row in undominated(drawn(rows, case), case.main)]
     lines = []
     for row in sorted((r for r in rows if r["case"] == case.name), key=order):
         mark = "**" if id(row) in best else ""
         cells = {"method": row["method"], "water": f"{mark}{row['water']}{mark}"}
-        cells |= {"fineness": row["fineness"], "changed": changes(row)}
+        cells |= {"fineness": row["fineness"], "changes": changes(row)}
         for name, head in COSTS.items():
             cells[head] = shown(name, number(row, name))
         for name in case.errors:
             cells[name.replace("_", " ")] = shown("error", number(row, name))
         if disturbed(row):
-            cells["changed"] += f" (beside {number(row, 'others'):.1f} busy cores)"
+            cells["changes"] += f" ({number(row, 'others'):.1f} cores busy with other work)"
         if row.get("failure"):
-            cells["changed"] += f" failed: {row['failure']}"
+            cells["changes"] += f" failed: {row['failure']}"
         lines.append(cells)
     return lines_of(lines)
 
 
 def lines_of(rows: list[dict[str, str]]) -> str:
-    """As a table in Markdown."""
+    """Returns rows as a Markdown table."""
     return tabulate(rows, headers="keys", tablefmt="github", disable_numparse=True)
 
 
 def order(row: dict) -> tuple[bool, float]:
+    """Returns the sort key of a row: its time, rows without a time last."""
     time = number(row, "wall_per_simulated")
     return math.isnan(time), time
 
 
 def shown(name: str, value: float) -> str:
+    """Formats a figure of a row."""
     if math.isnan(value):
         return "-"
     if name in ("particles", "peak_mib"):
@@ -339,36 +343,36 @@ def report(rows: list[dict], folder: Path = RESULTS) -> None:
         "# Speed against error\n",
         *(f"- {place}" for place in where),
         f"- drawn by `{command}`\n",
-        "Wall-clock seconds per simulated second, of frames of 1/60 s; the process's largest "
-        "resident size, 150 MiB of which\nis Python and Taichi; compression: max(rho/rho0 - 1, 0), "
-        "rho summed over positions at the end of frames. Bold: no other\nrow is both faster and "
-        "nearer, by the case's first error. Every row is one run, or as many starts as its error "
-        "says.\n",
+        "Elapsed seconds per simulated second, in frames of 1/60 s; peak memory of the process, "
+        "150 MiB of which is Python and\nTaichi; compression: max(rho/rho0 - 1, 0), rho computed "
+        "from the positions at the end of frames. Bold: no other row is\nfaster and has a smaller "
+        "main error, the first of the case's list. Every row is one run, unless its error states "
+        "more.\n",
     ]
     figures(rows, folder)
-    text += ["## The cheapest run at an error\n", f"{lines_of(recommended(rows))}\n"]
+    text += ["## The fastest run within an error limit\n", f"{lines_of(recommended(rows))}\n"]
     for case in CASES.values():
         own = [row for row in rows if row["case"] == case.name]
         if not own:
             continue
         text += [
             f"## {case.title}\n",
-            f"Fineness: spacings of the finest particles over {case.across}.\n",
+            f"Fineness: {case.across} in finest spacings.\n",
         ]
         text += [f"- {name.replace('_', ' ')}: {what}" for name, what in case.errors.items()]
         if {UNIFORM, ADAPTIVE} <= {row["water"] for row in own}:
-            told = (f(drawn(rows, case), case) for f in (ratio_at_equal_error, unreached))
-            text += [f"\n{words[0].upper()}{words[1:]}." for words in told if words]
+            found = (f(drawn(rows, case), case) for f in (ratio_at_equal_error, unreached))
+            text += [f"\n{words[0].upper()}{words[1:]}." for words in found if words]
         text += ["", table(rows, case), ""]
-        for title, found in (
+        for title, lines in (
             (
-                "Order in which errors fall with the spacing, and its standard error:",
+                "Order of convergence with the spacing, and its standard error:",
                 orders(own, case),
             ),
             ("Differences from the finest uniform run:", self_convergence(rows, case)),
         ):
-            if found:
-                text += [title, "", tabulate(found, headers="keys", tablefmt="github"), ""]
+            if lines:
+                text += [title, "", tabulate(lines, headers="keys", tablefmt="github"), ""]
         if drawn(rows, case):
             text.append(f"![{case.title}](pareto_{case.name}.png)\n")
     (folder / "pareto.md").write_text("\n".join(text), encoding="utf-8")

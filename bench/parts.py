@@ -1,7 +1,7 @@
-"""What each optional part of a scene takes while it is on, and whether it takes nothing while off.
+"""Cost of each optional part of a scene when enabled, and its kernel launches when disabled.
 
-A process for each part builds the same water without it and with it, and runs both frame by frame
-in turn. `bench/terms.py` prints the table.
+For each part a separate process builds the same tank without the part and with it, and runs both in
+alternating frames. `bench/terms.py` prints the table.
 """
 
 import json
@@ -35,23 +35,23 @@ from msph.stage.explain import picture_error, water_error
 from msph.stage.show import Show
 from msph.taichi_internals import watch_launches
 
-# A tank of 3,072 particles that sloshes under slanted gravity [m, m/s^2].
+# A tank of 3,072 particles that sloshes under tilted gravity [m, m/s^2].
 SIZE, DEPTH, SPACING, GRAVITY = (0.6, 0.4, 0.4), 0.2, 0.025, (1.5, -9.7, 0.0)
-# The picture [pixels]; frames that are timed, and those before, in which caches fill.
+# Image size [pixels]; number of timed frames, and of frames before them.
 PICTURE, FRAMES, UNTIMED = (640, 360), 30, 3
 
 
 @dataclass(frozen=True)
 class Case:
-    """on, off: changes of the tank's scene, by section, with the part and without it. beside: what
-    is run after each frame of the side that has the part: "ledger", "probes", "surface" or
-    "picture" (surface and picture); always: what is run on both sides. modules: prefix of the
-    modules whose kernels belong to the part, "" where other parts' kernels do its work."""
+    """An optional part. on, off: changes of the tank's scene with the part and without it.
+    observer: work after each frame of the tank with the part: "ledger", "probes", "surface" or
+    "picture" (surface and image); always: work after each frame of both tanks. modules: prefix of
+    the modules whose kernels belong to the part, "" if the part has no kernels of its own."""
 
     name: str
     on: dict[str, Any] = field(default_factory=dict)
     off: dict[str, Any] = field(default_factory=dict)
-    beside: str = ""
+    observer: str = ""
     always: str = ""
     modules: str = ""
 
@@ -63,7 +63,7 @@ PROBES = [
     {"name": "floor", "kind": "pressure", "point": [0.3, 0.0, 0.2]},
     {"name": "front", "kind": "front", "axis": "+x"},
 ]
-# Scenes with and without each of the parts, and what is run on both sides.
+# Changes of the scene with each part and without it, and work after each frame of both.
 SCENES: dict[str, tuple[dict[str, Any], dict[str, Any], str]] = {
     "viscosity": ({"projection": {"viscosity": 1.0}}, {}, ""),
     "tension": ({"projection": {"tension": 0.072}}, {}, ""),
@@ -79,16 +79,16 @@ CASES = (
         Case(part.name, *SCENES[part.name][:2], "", SCENES[part.name][2], part.modules)
         for part in PARTS
     ),
-    Case("ledger", beside="ledger", modules="msph.measure"),
-    Case("probes", {"probes": PROBES}, beside="probes", modules="msph.measure"),
-    Case("surface", beside="surface", modules="msph.surface"),
-    Case("picture, surface included", beside="picture", modules="msph.picture"),
+    Case("ledger", observer="ledger", modules="msph.measure"),
+    Case("probes", {"probes": PROBES}, observer="probes", modules="msph.measure"),
+    Case("surface", observer="surface", modules="msph.surface"),
+    Case("picture, surface included", observer="picture", modules="msph.picture"),
     Case("refraction", off={"picture": {"refractive_index": 1.0}}, always="picture"),
 )
 
 
 def scene_with(changes: dict[str, Any]) -> Scene:
-    """The tank with changes by section."""
+    """Returns the tank's scene with changes by section."""
     water = {"layer": 0, "lo": [0, 0, 0], "hi": [SIZE[0], DEPTH, SIZE[2]]}
     tank: dict[str, Any] = {
         "box": {"size": SIZE},
@@ -100,14 +100,14 @@ def scene_with(changes: dict[str, Any]) -> Scene:
 
 
 class Side:
-    """The tank with a part, or without it.
+    """The tank with the part or without it.
 
-    start [s]: CPU time of building, compiling and a first frame. kernels: those launched by then,
-    as module:Class.kernel. launches: their number in the timed frames, by kernel. times [s]:
-    wall-clock time of each timed frame. centres (3,) [m]: centre of mass after each frame."""
+    start [s]: CPU time of building, compiling and the first frame. kernels: kernels launched until
+    then, as module:Class.kernel. launches: number of launches in the timed frames, by kernel. times
+    [s]: elapsed time of each timed frame. centres (3,) [m]: centre of mass after each frame."""
 
-    def __init__(self, changes: dict[str, Any], beside: str):
-        self.scene, self.beside = scene_with(changes), beside
+    def __init__(self, changes: dict[str, Any], observer: str):
+        self.scene, self.observer = scene_with(changes), observer
         self.kernels: set[str] = set()
         self.launches: Counter[str] = Counter()
         self.times: list[float] = []
@@ -121,19 +121,19 @@ class Side:
 
     def _build(self) -> None:
         self.show = self.ledger = None
-        if self.beside in ("surface", "picture"):
-            picture = PICTURE if self.beside == "picture" else None
+        if self.observer in ("surface", "picture"):
+            picture = PICTURE if self.observer == "picture" else None
             self.show = Show(self.scene, FRAME, picture, meshes=True)
             self.sim = self.show.simulation
         else:
             self.sim = build_simulation(self.scene)
         self.sim.warm_up(FRAME)
-        if self.beside == "ledger":
+        if self.observer == "ledger":
             self.ledger = Ledger(self.sim, density_every=math.inf)
-        self.probes = build_probes(self.scene) if self.beside == "probes" else []
+        self.probes = build_probes(self.scene) if self.observer == "probes" else []
 
     def frame(self) -> None:
-        """A frame of the water, and what is run beside it."""
+        """Runs a frame and the work after it."""
         self.sim.advance(FRAME, ExternalForces(gravity=GRAVITY))
         if self.ledger:
             self.ledger.record(GRAVITY)
@@ -145,7 +145,7 @@ class Side:
             self.show.draw()
 
     def timed(self) -> None:
-        """A frame, its wall-clock time [s], and where the water is after it."""
+        """Runs a timed frame and records the centre of mass after it."""
         ti.sync()
         begin = time.perf_counter()
         with watch_launches(lambda owner, name: self.launches.update([full_name(owner, name)])):
@@ -159,16 +159,16 @@ class Side:
 
 
 def full_name(owner: Any, kernel: str) -> str:
-    """module:Class.kernel"""
+    """Returns module:Class.kernel."""
     return f"{type(owner).__module__}:{type(owner).__name__}.{kernel}"
 
 
 def measured(part: Case) -> dict[str, Any]:
-    """The part's row, in numbers."""
-    # The first build pays for what all share, such as Taichi's own library.
+    """Measures a part; returns the numbers of its table row."""
+    # The first build includes costs shared by all parts, such as loading Taichi's library.
     Side({}, "")
     off = Side(part.off, part.always)
-    on = Side(part.on, part.beside or part.always)
+    on = Side(part.on, part.observer or part.always)
     for frame in range(UNTIMED + FRAMES):
         for side in (off, on):
             if frame == UNTIMED:
@@ -192,16 +192,16 @@ def measured(part: Case) -> dict[str, Any]:
 
 
 def error(part: Case, off: Side, on: Side) -> str:
-    """What is wrong without the part."""
+    """Returns the error without the part, in words."""
     if on.show and off.show:
         return f"picture: {picture_error(on.show, off.show)}"
-    if part.beside:
-        return "none: it reads the water"
+    if part.observer:
+        return "none: it only measures"
     return water_error(on.centres, off.centres, DEPTH)
 
 
 def rows(arch: str) -> list[dict[str, str]]:
-    """Rows of all parts, each measured in a process of its own, with an empty cache of kernels."""
+    """Returns the rows of all parts, each measured in a separate process without cached kernels."""
     found = []
     for part in CASES:
         command = [sys.executable, __file__, "--worker", part.name, "--arch", arch]
@@ -212,25 +212,31 @@ def rows(arch: str) -> list[dict[str, str]]:
 
 
 def cells(row: dict[str, Any]) -> dict[str, str]:
-    """The cells of a printed table; "off, on" where both are of interest."""
+    """Returns the cells of a table row."""
     (ms_off, ms_on), (start_off, start_on) = row["ms"], row["start"]
     return {
         "part": row["name"],
-        "ms a frame, off": f"{ms_off:.1f}",
+        "ms per frame, off": f"{ms_off:.1f}",
         "on": f"{ms_on:.1f}",
-        "share of it when on": f"{100.0 * (1.0 - ms_off / ms_on):.0f} %",
-        "s more at a first start, one of each": f"{start_on - start_off:.1f}",
+        "share of the frame": f"{100.0 * (1.0 - ms_off / ms_on):.0f} %",
+        "additional s at the first start (one run)": f"{start_on - start_off:.1f}",
         "own kernels: off, on": "{}, {}".format(*row["kernels"]),
-        "own launches a frame: off, on": "{:.1f}, {:.1f}".format(*row["launches"]),
-        "error without it after .5 s": row["error"],
+        "own launches per frame: off, on": "{:.1f}, {:.1f}".format(*row["launches"]),
+        "error without it after 0.5 s": row["error"],
     }
 
 
 @click.command()
-@click.option("--worker", "name", required=True, type=click.Choice([p.name for p in CASES]))
+@click.option(
+    "--worker",
+    "name",
+    required=True,
+    type=click.Choice([p.name for p in CASES]),
+    help="Part to measure.",
+)
 @click.option("--arch", type=click.Choice(ARCHES), default="auto", show_default=True)
 def main(name: str, arch: str) -> None:
-    """Prints the row of one part as JSON."""
+    """Print the row of a part as JSON."""
     start(arch)
     (part,) = (p for p in CASES if p.name == name)
     click.echo(json.dumps(measured(part)))

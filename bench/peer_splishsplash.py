@@ -1,13 +1,15 @@
 """pySPlisHSPlasH's DFSPH (Bender and Koschier 2015) on a block of water in a tank.
 
-Its wheel brings its own libGLdispatch, with which the import crashes on some systems unless the
-system's is loaded first (Debian: apt-get install libglvnd0 libgl1 libglu1-mesa).
+Its wheel contains its own libGLdispatch, with which the import crashes on some systems unless the
+library of the system is loaded first (Debian: apt-get install libglvnd0 libgl1 libglu1-mesa).
 
-What was found of version 2.19:
-- A step sums densities where particles are at its start; positions change at its end. The densities
-  left by a step are thus those of the positions that the step before left, and none is predicted.
-- Walls are felt about a spacing off. An even block half a spacing from them has 2.4 times the rest
-  density there and is blown up, so that its shipped scenes begin two spacings off, as we do.
+Observations of version 2.19:
+- A step computes densities from the positions at its start, and positions change at its end. The
+  densities after a step therefore belong to the positions before it.
+- Walls act at a distance of about one spacing. A regular block half a spacing from the walls has
+2.4
+  times the rest density there and explodes. The shipped scenes start two spacings from the walls,
+  and so does this one.
 """
 
 import contextlib
@@ -30,7 +32,7 @@ from bench.tanks import FRAME, GRAVITY
 
 MODULE = "pysplishsplash"
 DISPATCH = "libGLdispatch.so.0"
-# Spacings from the block to the walls at the start: see above.
+# Initial distance from the block to the walls in spacings: see above.
 START_GAP = 2.0
 # Walls: corners of a unit cube about the origin, and its faces counter-clockwise from outside.
 CORNERS = [(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]
@@ -41,11 +43,11 @@ FACES = (
 # Enumerations of its scene files: DFSPH, volume maps (Bender et al. 2019), step by the Courant
 # number, "Standard" viscosity.
 DFSPH, VOLUME_MAPS, COURANT, STANDARD = 4, 2, 1, 1
-# From here on the settings of the dam break that it ships, DamBreakModel.json. Time step [s]:
+# The following settings are those of the shipped scene DamBreakModel.json. Longest time step [s]:
 LONGEST_STEP = 0.005
-# Share of .4 spacings that the fastest particle may go in a step (-), viscosity [m^2/s].
+# Factor of the distance of 0.4 spacings per step (-), viscosity [m^2/s].
 CFL_FACTOR, VISCOSITY = 1.0, 0.01
-# Tolerances in % of the rest density.
+# Solver settings; tolerances in % of the rest density.
 SOLVER = {
     "minIterations": 2,
     "maxIterations": 100,
@@ -54,28 +56,28 @@ SOLVER = {
     "maxErrorV": 0.1,
     "enableDivergenceSolver": True,
 }
-# Spacings to a cell of the map of the walls.
+# Cell of the volume map of the walls, in spacings.
 MAP_CELL = 2.0
 
 
 def missing() -> bool:
-    """Whether it is not installed."""
+    """Returns True if pySPlisHSPlasH is not installed."""
     return importlib.util.find_spec(MODULE) is None
 
 
 def load() -> Any:
-    """Its module, with the system's libGLdispatch where there is one."""
+    """Imports and returns its module, after the system's libGLdispatch if there is one."""
     with contextlib.suppress(OSError):
         ctypes.CDLL(DISPATCH, mode=ctypes.RTLD_GLOBAL)
     return importlib.import_module(MODULE)
 
 
 def write_scene(folder: Path, tank: Tank) -> Path:
-    """The scene's file, with the mesh of its walls, in a folder that keeps their map too."""
+    """Writes the scene file and the mesh of the walls to a folder; returns the path of the file."""
     lines = [f"v {x} {y} {z}" for x, y, z in CORNERS] + [f"f {a} {b} {c}" for a, b, c in FACES]
     (folder / "walls.obj").write_text("\n".join(lines) + "\n")
     d = tank.spacing
-    # Half a spacing lies between the first particle and the wall of the tank.
+    # The first particles are half a spacing from the walls of the tank.
     behind = (START_GAP - 0.5) * d
     scene = {
         "Configuration": {
@@ -109,7 +111,7 @@ def write_scene(folder: Path, tank: Tank) -> Path:
                 "mapResolution": [round(length / (MAP_CELL * d)) for length in tank.size],
             }
         ],
-        # It lays n particles into n + 1 spacings, the first a whole one from the lower corner.
+        # n particles are placed in n + 1 spacings, the first one spacing from the lower corner.
         "FluidBlocks": [
             {
                 "denseMode": 0,
@@ -125,7 +127,7 @@ def write_scene(folder: Path, tank: Tank) -> Path:
 
 @dataclass
 class Watch:
-    """Reads and times steps, from the end of the first on; what it does itself is not timed."""
+    """Times and measures the steps after the first; its own work is not timed."""
 
     module: Any
     tank: Tank
@@ -141,7 +143,7 @@ class Watch:
         self.volume = self.model.getVolume(0)
 
     def read(self, name: str) -> np.ndarray:
-        """A field of the particles; behind them are places for ones that it might emit."""
+        """Returns a field of the active particles; the buffer has room for emitted ones."""
         values = np.array(self.model.getFieldBuffer(name), dtype=float)
         return values[: self.model.numActiveParticles()]
 
@@ -156,8 +158,8 @@ class Watch:
         else:
             self.begin, self.found.particles_start = at, self.model.numActiveParticles()
         if self.before is not None:
-            self.judge()
-        # Densities at the positions of now are known after the next step.
+            self.measure()
+        # Densities at the current positions are known after the next step.
         self.before = None
         if at >= self.frames * FRAME:
             self.before = self.read("position")
@@ -165,8 +167,8 @@ class Watch:
         self.found.particles_end = self.model.numActiveParticles()
         self.resumed = time.perf_counter()
 
-    def judge(self) -> None:
-        """Compression and bulk density at the positions of a step ago."""
+    def measure(self) -> None:
+        """Measures compression and bulk density at the positions before the last step."""
         excess = np.maximum(self.read("density") / self.model.getDensity0() - 1.0, 0.0)
         self.found.compression.append(float(excess.mean()))
         if self.frames % BULK_EVERY == 0 and self.found.simulated >= BULK_FROM:
@@ -175,7 +177,7 @@ class Watch:
 
 
 def settings(module: Any) -> str:
-    """As it holds them once a run has begun."""
+    """Returns the settings of the current run in words."""
     sim = module.Simulation.getCurrent()
     step, model = sim.getTimeStep(), sim.getFluidModel(0)
     spacing = 2.0 * sim.getParticleRadius()
@@ -196,7 +198,8 @@ def settings(module: Any) -> str:
 
 
 def run(tank: Tank, seconds: float, folder: Path) -> Run:
-    """A run of `seconds` [s], its first step not timed. folder: keeps the map of the walls."""
+    """Runs the tank for `seconds` [s] without timing the first step. folder: for the map of the
+    walls."""
     module = load()
     folder.mkdir(parents=True, exist_ok=True)
     scene = write_scene(folder, tank)

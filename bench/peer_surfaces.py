@@ -1,8 +1,9 @@
-"""Surfaces: ours beside those of splashsurf, scikit-image and PyMCubes.
+"""Comparison of surfaces: ours, splashsurf, scikit-image and PyMCubes.
 
-From particles: our surface of a collapsing block, whose particles the simulation has sorted into
-its grid, and that of splashsurf (Loeschner et al. 2023) without any smoothing, at equal cells.
-From a field: marching cubes on the same 128^3 numbers. Only ours and scikit-image's have normals.
+From particles: our surface of a collapsing block, whose particles are already sorted into the grid
+of the simulation, and the surface by splashsurf (Loeschner et al. 2023) without smoothing, with
+equal cells. From a field: marching cubes on the same 128^3 values. Only ours and scikit-image
+compute normals.
 """
 
 import importlib
@@ -25,25 +26,26 @@ from msph.surface import Surface, SurfaceMesh, SurfaceRoom
 from msph.surface.lattice import Lattice
 from msph.surface.marching_cubes import MarchingCubes
 
-# Modules of the peers, and the packages that bring them.
+# Modules of the other programs, and the packages that contain them.
 PACKAGES = {"pysplashsurf": "pysplashsurf", "skimage": "scikit-image", "mcubes": "PyMCubes"}
-# Edges of cells, in radii of particles: 1.5 is what our scenes have.
+# Edges of the cells in particle radii: 1.5 is our default.
 CELLS = (1.5, 1.0)
-# Smoothing length of splashsurf, in radii, and its threshold (-), as its guide has them.
+# Smoothing length of splashsurf in particle radii, and its threshold (-), from its documentation.
 SMOOTHING_LENGTH, THRESHOLD = 2.0, 0.6
-# Simulated time [s] after which the block's surface is taken: its front runs.
+# Simulated time [s] at which the surface of the collapsing block is computed.
 COLLAPSED = 0.25
 # Nodes along each edge of the field.
 NODES = 128
-# The field: a ball of this radius and waves of this height, in edges of the field, so many round.
+# The field: a ball with waves; radius and wave height over the edge of the field, number of waves.
 RADIUS, WAVE, WAVES = 0.35, 0.04, 6
-# Vertices and triangles that our mesh of the field has room for.
+# Capacity of our mesh of the field: vertices, and triangles.
 ROOM = 400_000
 
 
 @dataclass(frozen=True)
-class Way:
-    """One way to a surface: its name, the work to be timed, and the triangles it makes."""
+class Method:
+    """A method to compute a surface: name, timed work, and function that returns the number of
+    triangles."""
 
     name: str
     work: Callable[[], object]
@@ -51,20 +53,20 @@ class Way:
 
 
 def missing() -> list[str]:
-    """Packages of peers that are not installed."""
+    """Returns the packages that are not installed."""
     return [name for module, name in PACKAGES.items() if not importlib.util.find_spec(module)]
 
 
 def versions() -> str:
-    """Peers that are installed, in words."""
+    """Returns names and versions of the installed packages."""
     found = [name for name in PACKAGES.values() if name not in missing()]
     return ", ".join(f"{name} {importlib.metadata.version(name)}" for name in found)
 
 
 def measured(tank: Tank, rounds: int, arch: str) -> dict[str, dict[str, tuple[int, list[float]]]]:
-    """By surface and way to it: triangles, and times [ms] of the rounds, in which all take turns.
+    """Returns the number of triangles and the times [ms] of all rounds, by surface and method.
 
-    tank: the block whose surface is taken.
+    tank: the block whose surface is computed. The methods run in alternating rounds.
     """
     start(arch)
     found = {}
@@ -76,29 +78,29 @@ def measured(tank: Tank, rounds: int, arch: str) -> dict[str, dict[str, tuple[in
     return found
 
 
-def in_turns(ways: list[Way], rounds: int) -> dict[str, tuple[int, list[float]]]:
-    """Triangles, and times [ms], of each way; the first round compiles and is not counted."""
-    times: dict[str, list[float]] = {way.name: [] for way in ways}
+def in_turns(methods: list[Method], rounds: int) -> dict[str, tuple[int, list[float]]]:
+    """Returns triangles and times [ms] by method; the first round, which compiles, is not timed."""
+    times: dict[str, list[float]] = {method.name: [] for method in methods}
     for turn in range(rounds + 1):
-        for way in ways:
+        for method in methods:
             ti.sync()
             begin = time.perf_counter()
-            way.work()
+            method.work()
             ti.sync()
-            times[way.name] += [1e3 * (time.perf_counter() - begin)] if turn else []
-    return {way.name: (way.triangles(), times[way.name]) for way in ways}
+            times[method.name] += [1e3 * (time.perf_counter() - begin)] if turn else []
+    return {method.name: (method.triangles(), times[method.name]) for method in methods}
 
 
 def collapsed(tank: Tank) -> Simulation:
-    """Uniform water of the tank after a while."""
+    """Returns the simulation of the tank with uniform water at COLLAPSED."""
     sim = build_simulation(tank.scene(1))
     for _ in range(round(COLLAPSED / FRAME)):
         sim.advance(FRAME, ExternalForces(gravity=(0.0, -GRAVITY, 0.0)))
     return sim
 
 
-def from_particles(sim: Simulation, cell: float) -> list[Way]:
-    """Ways from the particles, at cells of `cell` radii."""
+def from_particles(sim: Simulation, cell: float) -> list[Method]:
+    """Returns the methods for particles, with cells of `cell` radii."""
     d = sim.layers.finest.spacing
     edge = 0.5 * cell * d
     room = SurfaceRoom.holding(sim.size, edge, sim.particles.capacity)
@@ -106,11 +108,14 @@ def from_particles(sim: Simulation, cell: float) -> list[Way]:
     surface.load(sim.size, edge)
     count = triangles(surface.mesh)
 
-    def sorted_too() -> None:
+    def sort_and_extract() -> None:
         sim.grid.build()
         surface.extract()
 
-    ways = [Way("ours", surface.extract, count), Way("ours, sort included", sorted_too, count)]
+    methods = [
+        Method("ours", surface.extract, count),
+        Method("ours, sort included", sort_and_extract, count),
+    ]
     if "pysplashsurf" not in missing():
         pysplashsurf = importlib.import_module("pysplashsurf")
         x, last = sim.particles.numpy("x"), []
@@ -126,29 +131,29 @@ def from_particles(sim: Simulation, cell: float) -> list[Way]:
                 )
             ]
 
-        ways.append(Way("splashsurf", reconstruct, lambda: len(last[0].mesh.triangles)))
-    return ways
+        methods.append(Method("splashsurf", reconstruct, lambda: len(last[0].mesh.triangles)))
+    return methods
 
 
 def field() -> np.ndarray:
-    """Distances, nearly, from a ball with waves, positive inside: (NODES, NODES, NODES) f32, in
-    edges of the field."""
+    """Returns the approximate signed distance from a ball with waves, positive inside, over the
+    edge of the field: (NODES, NODES, NODES) f32."""
     x, y, z = (np.indices((NODES,) * 3) / (NODES - 1) - 0.5).astype(np.float32)
     k = 2.0 * np.pi * WAVES
     waves = WAVE * np.sin(k * x) * np.sin(k * y) * np.sin(k * z)
     return (RADIUS + waves - np.sqrt(x * x + y * y + z * z)).astype(np.float32)
 
 
-def from_field(values: np.ndarray) -> list[Way]:
-    """Ways from a field to its zero surface."""
+def from_field(values: np.ndarray) -> list[Method]:
+    """Returns the methods for the zero surface of a field."""
     cubes, mesh = our_cubes(values)
-    ways, last = [Way("ours", cubes.run, triangles(mesh))], {}
+    methods, last = [Method("ours", cubes.run, triangles(mesh))], {}
 
     def add(name: str, faces: Callable[[], np.ndarray]) -> None:
         def work() -> None:
             last[name] = faces()
 
-        ways.append(Way(name, work, lambda: len(last[name])))
+        methods.append(Method(name, work, lambda: len(last[name])))
 
     absent = missing()
     if "pysplashsurf" not in absent:
@@ -161,11 +166,11 @@ def from_field(values: np.ndarray) -> list[Way]:
     if "PyMCubes" not in absent:
         mcubes = importlib.import_module("mcubes").marching_cubes
         add("PyMCubes", lambda: mcubes(values, 0.0)[1])
-    return ways
+    return methods
 
 
 def our_cubes(values: np.ndarray) -> tuple[MarchingCubes, SurfaceMesh]:
-    """Marching cubes over all of a field and its slopes."""
+    """Returns our marching cubes for a field and its gradient."""
     lattice = Lattice([np.arange(n) for n in values.shape])
     cubes = MarchingCubes(SurfaceRoom(values.size, vertices=ROOM, triangles=ROOM))
     cubes.load_field(lattice, values, np.stack(np.gradient(values), axis=-1))
@@ -173,7 +178,8 @@ def our_cubes(values: np.ndarray) -> tuple[MarchingCubes, SurfaceMesh]:
 
 
 def triangles(mesh: SurfaceMesh) -> Callable[[], int]:
-    """Their number, once the mesh is made. Raises ValueError if they did not fit."""
+    """Returns a function that returns the number of triangles; it raises ValueError if the mesh is
+    full."""
 
     def count() -> int:
         if problem := mesh.overflowed():

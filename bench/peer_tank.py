@@ -1,4 +1,4 @@
-"""The tank in which fluids of peers and ours are compared, and our run of it."""
+"""Tank for the comparison with other fluid solvers, and our run of it."""
 
 import math
 import time
@@ -16,27 +16,29 @@ from msph.scene.build import build_simulation
 from msph.scene.quality import LADDER
 from msph.scene.schema import Scene
 
-# Inner edges of the tank along x and y [m]; across, it is as wide as the block.
+# Inner edges of the tank along x and y [m]; along z the tank is as wide as the block.
 LENGTH, HEIGHT = 3.0, 2.0
-# Frames between readings of the bulk density, which take longer than a frame, and when they begin
-# [s]: before, a block is the lattice it was filled with.
+# Frames between measurements of the bulk density, which take longer than a frame, and start of the
+# measurements [s]: before it, the block is still a lattice.
 BULK_EVERY, BULK_FROM = 3, 0.1
 
 
 @dataclass(frozen=True)
 class Tank:
-    """A block of counts (nx, ny, nz) particles of 1/per_metre [m] in a corner of the tank."""
+    """A block of counts (nx, ny, nz) particles of spacing 1/per_metre [m] in a corner of the
+    tank."""
 
     counts: tuple[int, int, int]
     per_metre: int
 
     @property
     def spacing(self) -> float:
-        """[m]"""
+        """Spacing of the particles [m]."""
         return 1.0 / self.per_metre
 
     @property
     def particles(self) -> int:
+        """Number of particles."""
         return math.prod(self.counts)
 
     @property
@@ -45,9 +47,9 @@ class Tank:
         return LENGTH, HEIGHT, self.counts[2] * self.spacing
 
     def scene(self, layers: int, looser: bool = False) -> Scene:
-        """The tank as our scene: uniform, or that many adaptive layers, the finest of its spacing,
-        each of twice the mass of the next finer. looser: with the steps and the tolerance of the
-        ladder's coarser qualities."""
+        """Returns the tank as our scene: uniform (layers = 1), or adaptive layers of mass ratio 2
+        with its spacing as the finest. looser: with the time steps and tolerance of the qualities
+        small and medium."""
         step = LADDER["medium" if looser else "large"]
         mass = 1000.0 * self.spacing**3
         high = [n * self.spacing for n in self.counts]
@@ -64,9 +66,9 @@ class Tank:
 
 @dataclass
 class Run:
-    """What a run gave: particles; simulated and wall-clock time [s]; steps, and iterations of the
-    pressure solves; frame by frame the mean over particles of max(rho/rho0 - 1, 0) (-); and bulk
-    densities (-), see msph.measure.bulk, NaN where the water was too shallow."""
+    """Result of a run: numbers of particles; simulated and elapsed time [s]; numbers of steps and
+    of iterations of the pressure solve; compression: mean over particles of max(rho/rho0 - 1, 0)
+    (-) in each frame; bulk densities (-), NaN in shallow water (msph.measure.bulk)."""
 
     particles_start: int = 0
     particles_end: int = 0
@@ -80,12 +82,12 @@ class Run:
 
     @property
     def speed(self) -> float:
-        """Simulated over wall-clock time (-)."""
+        """Real-time factor (-)."""
         return self.simulated / self.wall
 
 
 def run(tank: Tank, layers: int, looser: bool, seconds: float, arch: str) -> Run:
-    """Our run of `seconds` [s]; kernels are compiled before."""
+    """Runs our solver for `seconds` [s], after compiling its kernels."""
     arch = start(arch)
     gravity = ExternalForces(gravity=(0.0, -GRAVITY, 0.0))
     sim = build_simulation(tank.scene(layers, looser))
@@ -107,39 +109,39 @@ def run(tank: Tank, layers: int, looser: bool, seconds: float, arch: str) -> Run
 
 
 def compression(sim: Simulation) -> float:
-    """Mean over particles of max(rho/rho0 - 1, 0) (-), summed anew where they are now."""
+    """Returns the mean over particles of max(rho/rho0 - 1, 0) (-) at the current positions."""
     sim.measure_density()
     rest = sim.layers.rest_density
     return float(np.maximum(sim.particles.numpy("density") / rest - 1.0, 0.0).mean())
 
 
 def bulk(sim: Simulation) -> float:
-    """Mean bulk density (-) of ours; see inner_bulk()."""
+    """Returns the mean bulk density (-) of our simulation; see inner_bulk()."""
     spacings = np.array([s.spacing for s in sim.layers.specs])
     x = sim.particles.numpy("x").astype(float)
     return inner_bulk(x, spacings[sim.particles.numpy("layer")], sim.size)
 
 
 def inner_bulk(x: np.ndarray, spacing: np.ndarray, size: tuple[float, float, float]) -> float:
-    """Mean bulk density (-) of particles at x (n, 3) [m], each d^3 in volume for its spacing (n,)
-    [m], where neither surface nor wall is in reach.
+    """Returns the mean bulk density (-) away from surface and walls of particles at x (n, 3) [m]
+    with the spacings (n,) [m], each of volume spacing^3.
 
-    Walls count as air, far behind them the box ends: each method keeps its own distance from walls,
-    and half a spacing more or less would read as 4 % of the density.
+    Walls count as air: methods keep different distances from walls, and half a spacing of
+    difference would change the density by 4 %.
     """
     room = 2.0 * KERNEL_RADIUS * float(spacing.max())
     return bulk_density(x + room, spacing, tuple(length + 2.0 * room for length in size)).mean
 
 
 def settings(sim: Simulation, arch: str) -> str:
-    """Those that bear on speed and error."""
+    """Returns the settings that affect speed and error, in words."""
     p, specs = sim.solver.parameters, sim.layers.specs
     masses = " : ".join(f"{s.mass / specs[0].mass:g}" for s in specs)
     return (
         f"{sim.solver.NAME} on {arch}; masses {masses}; M5 spline, support "
         f"{specs[0].smoothing:g} spacings; dt <= {p.longest_step:.3g} s, {p.cfl:g} spacings past "
         f"neighbours and {p.pressure_cfl:g} of sqrt(p/rho), equal steps to the end of a frame of "
-        f"1/{1.0 / FRAME:.0f} s; velocity solve to {100 * p.tolerance:g} % of the pressure's "
+        f"1/{1.0 / FRAME:.0f} s; pressure solve to {100 * p.tolerance:g} % of its "
         f"displacements or {100 * p.motion_tolerance:g} % of the motion in at most "
         f"{p.velocity_iterations} iterations, {p.position_iterations} of the position correction; "
         f"viscosity {p.viscosity:g} Pa s; threads: {ti.cfg.cpu_max_num_threads}"

@@ -1,11 +1,11 @@
-"""Our water beside pySPlisHSPlasH's DFSPH, our surface beside others': speed beside error.
+"""Comparison with other programs: fluid with pySPlisHSPlasH (DFSPH), surface with three others.
 
 python bench/peers.py [--repeats 3] [--most 99452] [--arch cpu]
 
-Peers are optional: pip install '.[peers]'; each that is missing is skipped with a line. Every run
-of water is a process of its own, and all take turns. The wheel of pySPlisHSPlasH may need the
-system's libGLdispatch: see bench/peer_splishsplash.py. OpenMP's threads wait by spinning: where
-others use the machine, that costs it most of its speed unless OMP_WAIT_POLICY=passive is set.
+The other programs are optional: pip install '.[peers]'; missing ones are skipped with a message.
+Every run of a fluid is a separate process; the programs alternate. The wheel of pySPlisHSPlasH may
+need the system's libGLdispatch: see bench/peer_splishsplash.py. OpenMP's threads wait by spinning:
+on a busy machine it loses most of its speed unless OMP_WAIT_POLICY=passive is set.
 """
 
 import json
@@ -27,28 +27,29 @@ from bench.peer_tank import Run, Tank
 from bench.report import RESULTS, heading, load
 from msph.device import ARCHES
 
-# Blocks of about a cubic metre.
+# Blocks of about 1 m^3.
 TANKS = (
     Tank((14, 14, 13), 14),
     Tank((17, 17, 17), 17),
     Tank((27, 27, 27), 27),
     Tank((46, 46, 47), 46),
 )
-# Blocks of more particles only start: a whole run takes minutes.
-WHOLE_RUNS = 50_000
-# The block whose surface is taken.
+# Largest number of particles for full runs; larger blocks run for --starting seconds.
+FULL_RUNS = 50_000
+# Block whose surface is computed.
 SURFACE_OF = TANKS[2]
-# Targets for surfaces: times as fast as the fastest peer.
+# Target for surfaces: speed-up over the fastest other program.
 SURFACE_TARGET = 5.0
 THEIRS, UNIFORM, LAYERED = "DFSPH", "ours, uniform", "ours, layered"
-# Ours again with longer steps and a looser tolerance, which leave about their compression.
+# Ours with longer steps and a looser tolerance, at about the compression of DFSPH.
 UNIFORM_LOOSER, LAYERED_LOOSER = "ours, uniform, looser", "ours, layered, looser"
 OURS = (UNIFORM, LAYERED, UNIFORM_LOOSER, LAYERED_LOOSER)
-WATER = (THEIRS, *OURS)
+FLUIDS = (THEIRS, *OURS)
 
 
 def work(task: dict) -> object:
-    """What a process of its own does: a run of water as a dictionary, or the times of surfaces."""
+    """Work of a separate process: returns a run of a fluid as a dictionary, or times of
+    surfaces."""
     tank = Tank(tuple(task["counts"]), task["per_metre"])
     if task["kind"] == "surfaces":
         return peer_surfaces.measured(tank, task["rounds"], task["arch"])
@@ -58,12 +59,12 @@ def work(task: dict) -> object:
 
 
 def in_process(kind: str, tank: Tank, folder: str, **task) -> object | None:
-    """The same in a process of its own; None, and a line that says so, where it fails."""
+    """Runs work() in a separate process; prints a message and returns None if it fails."""
     out = Path(folder) / "found.json"
     task |= {"kind": kind, "out": str(out), "folder": f"{folder}/{tank.per_metre}", **asdict(tank)}
     command = [sys.executable, __file__, "--worker", json.dumps(task)]
     done = subprocess.run(command, capture_output=True, text=True, errors="replace")
-    # A peer may print what it likes, and crash once all is done.
+    # The result is a file: other programs print, and may crash at their end.
     if not out.exists():
         why = done.stderr.strip().splitlines()[-1:] or [f"exit status {done.returncode}"]
         click.echo(f"{kind}, {tank.particles:,} particles: skipped, {why[0]}")
@@ -74,22 +75,22 @@ def in_process(kind: str, tank: Tank, folder: str, **task) -> object | None:
 
 
 def spread(values: list[float]) -> str:
-    """Median, lowest and highest to two digits or whole numbers."""
+    """Returns the median (minimum to maximum) of the values."""
     read = (float(np.median(values)), min(values), max(values))
     shown = [f"{v:.0f}" if v >= 10.0 else f"{v:.2g}" for v in read]
     return f"{shown[0]} ({shown[1]} to {shown[2]})" if len(values) > 1 else shown[0]
 
 
 def percent(values: list[float], digits: int) -> str:
-    """Mean of shares (-), those that are not known left out, as a percentage."""
+    """Returns the mean of the known values (-) in percent."""
     known = [v for v in values if not math.isnan(v)]
     return f"{100.0 * np.mean(known):.{digits}f} %" if known else "-"
 
 
 def speeds(tank: Tank, seconds: float, runs: dict[str, list[Run]]) -> dict[str, str]:
-    """A size's row: simulated over wall-clock time."""
+    """Returns the row of a block: real-time factors."""
     row = {"particles": f"{tank.particles:,}", "simulated s": f"{seconds:g}"}
-    for kind in WATER:
+    for kind in FLUIDS:
         row[kind] = spread([run.speed for run in runs[kind]]) if runs[kind] else "-"
     theirs = [run.speed for run in runs[THEIRS]]
     for kind in OURS:
@@ -100,38 +101,38 @@ def speeds(tank: Tank, seconds: float, runs: dict[str, list[Run]]) -> dict[str, 
 
 
 def details(tank: Tank, runs: dict[str, list[Run]]) -> list[dict[str, str]]:
-    """A size's rows, one for each water: errors, and what the speed is made of."""
+    """Returns the rows of a block, one for each fluid: errors, time steps and iterations."""
     rows = []
-    for kind in WATER:
+    for kind in FLUIDS:
         if runs[kind]:
             last = runs[kind][-1]
             compression = [c for run in runs[kind] for c in run.compression]
             rows.append(
                 {
                     "block": f"{tank.particles:,}",
-                    "water": kind,
+                    "fluid": kind,
                     "particles, start to end": f"{last.particles_start:,} to "
                     f"{last.particles_end:,}",
                     "compression, mean": percent(compression, 3),
-                    "worst frame": percent([max(compression)], 3),
+                    "compression, worst frame": percent([max(compression)], 3),
                     "bulk density - 1": percent(
                         [b - 1.0 for run in runs[kind] for b in run.bulk], 1
                     ),
                     "mean dt, ms": f"{1e3 * last.simulated / max(last.steps, 1):.2f}",
-                    "iterations a step": f"{last.iterations / max(last.steps, 1):.1f}",
-                    "us a particle and step": f"{_per_step(last):.2f}",
+                    "iterations per step": f"{last.iterations / max(last.steps, 1):.1f}",
+                    "us per particle and step": f"{_per_step(last):.2f}",
                 }
             )
     return rows
 
 
 def _per_step(run: Run) -> float:
-    """Microseconds per particle and step."""
+    """Returns the elapsed time per particle and step [us]."""
     return 1e6 * run.wall / max(run.steps, 1) / (0.5 * (run.particles_start + run.particles_end))
 
 
 def surface_rows(found: dict) -> list[dict[str, str]]:
-    """Rows of the surfaces' table."""
+    """Returns the rows of the table of surfaces."""
     rows = []
     for name, ways in found.items():
         peers = {way: np.median(t) for way, (_, t) in ways.items() if not way.startswith("ours")}
@@ -140,10 +141,10 @@ def surface_rows(found: dict) -> list[dict[str, str]]:
             rows.append(
                 {
                     "surface": name,
-                    "by": way,
+                    "program": way,
                     "triangles": f"{count:,}",
                     "ms": spread(times),
-                    "fastest peer's time over this": "-" if way in peers else f"{fastest:.1f}",
+                    "speed-up over the fastest other": "-" if way in peers else f"{fastest:.1f}",
                 }
             )
     return rows
@@ -154,10 +155,10 @@ def table(rows: list[dict[str, str]]) -> str:
 
 
 class Report:
-    """bench/results/peers.md, written anew with every row."""
+    """The report bench/results/peers.md, rewritten after every row."""
 
     def __init__(self, arch: str, repeats: int, skipped: list[str]):
-        self.title = heading("Beside other programs", arch) + load()
+        self.title = heading("Comparison with other programs", arch) + load()
         self.repeats, self.skipped = repeats, skipped
         self.speeds: list[dict[str, str]] = []
         self.details: list[dict[str, str]] = []
@@ -165,20 +166,20 @@ class Report:
         self.settings: dict[str, str] = {}
 
     def write(self) -> str:
-        """Writes it and returns it."""
+        """Writes and returns the report."""
         parts = [self.title, *(f"{line}.\n" for line in self.skipped)]
         if self.speeds:
             parts += [
                 f"A block of about 1 m^3 collapses in a tank {peer_tank.LENGTH:g} m long and "
-                f"{peer_tank.HEIGHT:g} m high. Simulated over wall-clock time: median of "
-                f"{self.repeats} runs in turns (lowest to highest); starting, compiling and "
-                "reading left out.\n",
+                f"{peer_tank.HEIGHT:g} m high. Real-time factors: median of "
+                f"{self.repeats} alternating runs (minimum to maximum), without start, compilation "
+                "and measurements.\n",
                 table(self.speeds),
                 "\nCompression: mean over particles of max(rho/rho0 - 1, 0), rho by each method's "
-                "own sums over the positions at the end of frames of 1/60 s. Bulk density: of all "
-                "by msph/measure/bulk.py, a kernel away from surface and walls, mean over the time "
-                "in which there is such water. Iterations: DFSPH's of its density solve, its "
-                "divergence solve comes on top; ours of the velocity solve.\n",
+                "kernel sums over the positions at the end of frames of 1/60 s. Bulk density: by "
+                "msph/measure/bulk.py, away from surface and walls, mean over the times with such "
+                "water. Iterations: of the density solve of DFSPH, without its divergence solve; "
+                "of our pressure solve.\n",
                 table(self.details),
                 "\nSettings:\n",
                 *(f"- {kind}: {text}" for kind, text in self.settings.items()),
@@ -186,9 +187,10 @@ class Report:
             ]
         if self.surfaces:
             parts += [
-                f"Surfaces; target: {SURFACE_TARGET:g} times as fast as the fastest peer. Ours "
-                f"from particles sorted by the simulation; splashsurf without smoothing, smoothing "
-                f"length {peer_surfaces.SMOOTHING_LENGTH:g} radii. {peer_surfaces.versions()}.\n",
+                f"Surfaces; target: {SURFACE_TARGET:g} times as fast as the fastest other program. "
+                "Ours from particles sorted by the simulation; splashsurf without smoothing, "
+                f"smoothing length {peer_surfaces.SMOOTHING_LENGTH:g} radii. "
+                f"{peer_surfaces.versions()}.\n",
                 table(self.surfaces),
                 "",
             ]
@@ -199,25 +201,37 @@ class Report:
 
 
 def skipped_peers() -> list[str]:
-    """A line for each peer that is missing."""
+    """Returns a message for each missing program."""
     names = [peer_splishsplash.MODULE] if peer_splishsplash.missing() else []
     names += peer_surfaces.missing()
     return [f"{name} is not installed: skipped (pip install '.[peers]')" for name in names]
 
 
 @click.command()
-@click.option("--repeats", default=3, show_default=True, type=click.IntRange(min=1))
-@click.option("--seconds", default=2.0, show_default=True, help="Simulated time of a run.")
 @click.option(
-    "--starting", default=0.25, show_default=True, help="Of blocks too large for whole runs."
+    "--repeats",
+    default=3,
+    show_default=True,
+    type=click.IntRange(min=1),
+    help="Number of runs of each fluid.",
+)
+@click.option("--seconds", default=2.0, show_default=True, help="Simulated time of a full run [s].")
+@click.option(
+    "--starting",
+    default=0.25,
+    show_default=True,
+    help="Simulated time of blocks too large for full runs [s].",
 )
 @click.option(
-    "--most", default=TANKS[-1].particles, show_default=True, help="Particles of the largest block."
+    "--most",
+    default=TANKS[-1].particles,
+    show_default=True,
+    help="Number of particles of the largest block.",
 )
-@click.option("--layers", default=3, show_default=True, help="Of our layered water.")
-@click.option("--rounds", default=20, show_default=True, help="Of each surface.")
+@click.option("--layers", default=3, show_default=True, help="Layers of our layered fluid.")
+@click.option("--rounds", default=20, show_default=True, help="Rounds of each surface.")
 @click.option("--arch", type=click.Choice(ARCHES), default="cpu", show_default=True)
-@click.option("--worker", hidden=True, help="A task as JSON: what it finds goes to its file.")
+@click.option("--worker", hidden=True, help="Task of a separate process as JSON.")
 def main(
     repeats: int,
     seconds: float,
@@ -228,7 +242,7 @@ def main(
     arch: str,
     worker: str | None,
 ) -> None:
-    """Measure and write bench/results/peers.md."""
+    """Run all programs and write bench/results/peers.md."""
     if worker is not None:
         task = json.loads(worker)
         found = json.dumps(work(task))
@@ -237,11 +251,11 @@ def main(
     report = Report(arch, repeats, skipped_peers())
     for line in report.skipped:
         click.echo(line)
-    kinds = [kind for kind in WATER if kind != THEIRS or not peer_splishsplash.missing()]
+    kinds = [kind for kind in FLUIDS if kind != THEIRS or not peer_splishsplash.missing()]
     with tempfile.TemporaryDirectory() as folder:
         for tank in (t for t in TANKS if t.particles <= most):
-            time = seconds if tank.particles <= WHOLE_RUNS else min(starting, seconds)
-            runs: dict[str, list[Run]] = {kind: [] for kind in WATER}
+            time = seconds if tank.particles <= FULL_RUNS else min(starting, seconds)
+            runs: dict[str, list[Run]] = {kind: [] for kind in FLUIDS}
             for _ in range(repeats):
                 for kind in kinds:
                     count = layers if kind in (LAYERED, LAYERED_LOOSER) else 1

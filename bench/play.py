@@ -1,10 +1,10 @@
-"""What `play` is like on this machine: its start, and every shipped scene by the wall clock.
+"""Speed of `play` on this machine: its start, and every shipped scene in real time.
 
 python bench/play.py [--seconds 8] [--quality auto] [--arch cpu]
 
-Each scene is played without a window in a process of its own, by the clock of the window, at the
-window's default size; kernels are cached by an earlier start of the same scene. Starts are timed
-with an empty cache of kernels and with a full one.
+Each scene runs headless in a separate process as `play` would run it, at the default window size;
+an earlier start of the scene has cached the kernels. Starts are timed with an empty kernel cache
+and with a full one.
 """
 
 import json
@@ -29,7 +29,7 @@ from msph.stage.benchmark import PlayResult
 
 
 def played(scene: str, seconds: float, quality: str, arch: str, cache: str = "") -> dict:
-    """What `bench --play` says of a scene; cache: a folder for compiled kernels of its own."""
+    """Returns the row of `bench --play` for a scene. cache: folder of the kernel cache."""
     environment = {**os.environ, **({"TI_OFFLINE_CACHE_FILE_PATH": cache} if cache else {})}
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "row.json"
@@ -40,7 +40,7 @@ def played(scene: str, seconds: float, quality: str, arch: str, cache: str = "")
 
 
 def help_time() -> float:
-    """Wall-clock time [s] of `msph --help`, the fastest of five."""
+    """Returns the shortest elapsed time [s] of five runs of `msph --help`."""
     best = float("inf")
     for _ in range(5):
         begin = time.perf_counter()
@@ -50,32 +50,32 @@ def help_time() -> float:
 
 
 def starts(arch: str) -> str:
-    """How long help and the first frame of the default scene take, in words."""
+    """Returns the elapsed times of --help and of the start of the default scene, in words."""
     with tempfile.TemporaryDirectory() as cache:
         cold = played(DEFAULT_SCENE, 0.1, "large", arch, cache)["start_seconds"]
         warm = [played(DEFAULT_SCENE, 0.1, "large", arch, cache)["start_seconds"] for _ in "123"]
     return (
         f"`msph --help` takes {help_time():.2f} s. From the start of the process until "
-        f"`{DEFAULT_SCENE}` is ready\nfor its first frame: {cold:.1f} s with an empty cache of "
-        f"kernels, {sorted(warm)[1]:.1f} s with a full one (median of three)."
+        f"`{DEFAULT_SCENE}` is ready\nfor its first frame: {cold:.1f} s with an empty kernel "
+        f"cache, {sorted(warm)[1]:.1f} s with a full one (median of three)."
     )
 
 
 @click.command()
-@click.option("--seconds", default=8.0, show_default=True, help="Wall-clock time of each scene.")
-@click.option("--quality", default="auto", show_default=True)
+@click.option("--seconds", default=8.0, show_default=True, help="Elapsed time of each scene [s].")
+@click.option("--quality", default="auto", show_default=True, help="As for `msph play`.")
 @click.option("--arch", type=click.Choice(ARCHES), default="auto", show_default=True)
 def main(seconds: float, quality: str, arch: str) -> None:
-    """Play all and write bench/results/play.md."""
+    """Play every scene and write bench/results/play.md."""
     arch = start(arch)
     begin, rows = starts(arch), []
     for scene in tqdm(shipped_scenes(), unit="scene"):
-        played(scene, 0.1, quality, arch)  # fills the cache of kernels
+        played(scene, 0.1, quality, arch)  # fills the kernel cache
         rows.append(PlayResult(**played(scene, seconds, quality, arch)).row())
     report = [
         heading("Playing the shipped scenes", arch),
         begin,
-        f"\n{seconds:g} s of each by the wall clock, picture 960x540, quality {quality}.\n",
+        f"\n{seconds:g} s of elapsed time each, image 960x540, quality {quality}.\n",
         tabulate(rows, headers="keys", tablefmt="github", disable_numparse=True),
         "",
     ]

@@ -1,12 +1,12 @@
-"""What each quality costs and how far it is from finer water, by shipped scene.
+"""Cost and error of each quality of every shipped scene.
 
 python bench/quality.py [--explore] [SCENE ...] [--arch cpu]
 
-Every run is a process of its own. The error is the way of the water's centre of mass from that of
-the same scene with spacings .63 as large, root mean square over the run, in shares of the height of
-the water at rest in its box. Costs are wall-clock time, and CPU time of all threads,
-which other programs disturb less; both per simulated second. The table goes to
-bench/results/quality.md, what `scenes` prints to assets/quality.json.
+Every run is a separate process. The error is the distance of the centre of mass from a reference
+run with spacings 0.63 times the scene's, root mean square over the run, over the depth of the water
+at rest. Costs are elapsed time, and CPU time of all threads, which other programs disturb less;
+both per simulated second. The table is written to bench/results/quality.md, and the numbers that
+`msph scenes` prints to assets/quality.json.
 """
 
 import itertools
@@ -30,22 +30,22 @@ from msph.device import ARCHES, start
 from msph.scene.library import assets, shipped_scenes
 from msph.scene.quality import LADDER, Quality, scaled
 
-# Spacings of the run that others are compared with, over the scene's.
+# Quality of the reference run.
 REFERENCE = Quality(2.0 ** (-2.0 / 3.0), 0.01)
-# Simulated time of a run [s], and the window in which its slowest part is found [s].
+# Simulated time of a run [s], and length of its slowest part [s].
 SECONDS, WINDOW = 4.0, 0.5
 FRAME = 1.0 / 60.0
-# Settings that are tried for each size of particles.
+# Settings that --explore compares at each quality.
 SMOOTHINGS, TOLERANCES = (2.0, 2.2, 2.45), (0.01, 0.03, 0.05)
-# Scenes on which settings are tried: a wall of water, a rocking pool, a splash.
+# Scenes that --explore runs: a dam break, a rocking pool, a splash.
 TRIED_ON = ("dam_break", "pool", "drop")
 
 
 def run(name: str, quality: Quality, smoothing: float | None = None) -> dict:
-    """A run of a scene, with another support over spacing where one is given.
+    """Runs a scene; smoothing: support over spacing, None for the scene's own.
 
-    Centres of mass (frames, 3) [m], energies [J], CPU and wall-clock time of each frame [s], most
-    particles, the height of the water at rest in its box [m] and its weight [N].
+    Returns centres of mass (frames, 3) [m], energies [J], CPU and elapsed time of each frame [s],
+    the largest number of particles, the depth of the water at rest [m] and its weight [N].
     """
     from msph.measure.timings import Timings
     from msph.scene import load_scene
@@ -77,7 +77,7 @@ def run(name: str, quality: Quality, smoothing: float | None = None) -> dict:
 
 
 def in_process(name: str, quality: Quality, arch: str, smoothing: float | None = None) -> dict:
-    """The same in a process of its own."""
+    """Runs run() in a separate process."""
     worker = json.dumps((name, asdict(quality), smoothing))
     command = [sys.executable, __file__, "--arch", arch, "--worker", worker]
     done = subprocess.run(command, capture_output=True, text=True)
@@ -87,9 +87,9 @@ def in_process(name: str, quality: Quality, arch: str, smoothing: float | None =
 
 
 def judged(found: dict, reference: dict) -> dict[str, float]:
-    """Cost and error of a run beside the reference: particles; CPU and wall-clock seconds per
-    simulated second, means, and of its slowest half second; the error, see above, and the energy
-    lost by the end over weight times height (-)."""
+    """Returns cost and error of a run: number of particles; CPU and elapsed seconds per simulated
+    second, means and in the slowest half second; error against the reference (-); energy lost by
+    the end over weight times depth (-)."""
     away = np.array(found["centre"]) - np.array(reference["centre"])
     window = np.ones(round(WINDOW / FRAME)) / WINDOW
     energy = found["energy"]
@@ -104,7 +104,7 @@ def judged(found: dict, reference: dict) -> dict[str, float]:
 
 
 def explore(arch: str) -> None:
-    """Which support and tolerance are the best compromise, at three sizes of particles."""
+    """Compares supports and tolerances at three qualities."""
     rows = []
     sizes = [LADDER[name].spacing for name in ("small", "medium", "large")]
     runs = list(itertools.product(TRIED_ON, sizes, SMOOTHINGS, TOLERANCES))
@@ -115,7 +115,7 @@ def explore(arch: str) -> None:
         rows.append([name, f"{spacing:.3g}", smoothing, tolerance, *cells(row)])
         heads = ["scene", "spacings", "support", "tolerance", *HEADS]
         table = tabulate(rows, headers=heads, tablefmt="github", disable_numparse=True)
-        title = heading("Supports and tolerances of the quality ladder", arch)
+        title = heading("Supports and tolerances of the qualities", arch)
         (RESULTS / "quality_settings.md").write_text(f"{title}\n\n{table}\n")
 
 
@@ -130,7 +130,7 @@ HEADS = (
 
 
 def cells(row: dict[str, float]) -> list[str]:
-    """A run as a table prints it."""
+    """Returns the table cells of a run."""
     shares = ("error", "energy_lost")
     return [
         f"{100 * v:.2f}" if k in shares else f"{v:,.0f}" if k == "particles" else f"{v:.3g}"
@@ -140,11 +140,13 @@ def cells(row: dict[str, float]) -> list[str]:
 
 @click.command()
 @click.argument("scenes", nargs=-1)
-@click.option("--explore", "exploring", is_flag=True, help="Try supports and tolerances.")
+@click.option(
+    "--explore", "exploring", is_flag=True, help="Compare supports and tolerances instead."
+)
 @click.option("--worker", hidden=True, help="Scene and quality as JSON: one run, printed.")
 @click.option("--arch", type=click.Choice(ARCHES), default="auto", show_default=True)
 def main(scenes: tuple[str, ...], exploring: bool, worker: str | None, arch: str) -> None:
-    """Measure the ladder, or with --explore what its steps should be."""
+    """Measure every quality of SCENES (default: all shipped) and write bench/results/quality.md."""
     if worker is not None:
         start(arch)
         name, settings, smoothing = json.loads(worker)
@@ -161,11 +163,13 @@ def main(scenes: tuple[str, ...], exploring: bool, worker: str | None, arch: str
         found = {q: judged(in_process(name, LADDER[q], arch), reference) for q in LADDER}
         known[name] = {q: {k: float(f"{v:.3g}") for k, v in r.items()} for q, r in found.items()}
         file.write_text(json.dumps(known, indent=1) + "\n")
-    # Also the scenes that were measured before.
+    # Includes the scenes measured in earlier runs.
     rows = [[n, q, *cells(row)] for n, ladder in known.items() for q, row in ladder.items()]
     heads = ["scene", "quality", *HEADS]
     table = tabulate(rows, headers=heads, tablefmt="github", disable_numparse=True)
-    (RESULTS / "quality.md").write_text(f"{heading('The quality ladder', arch)}\n\n{table}\n")
+    (RESULTS / "quality.md").write_text(
+        f"{heading('Qualities of the shipped scenes', arch)}\n\n{table}\n"
+    )
 
 
 if __name__ == "__main__":

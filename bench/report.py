@@ -1,4 +1,4 @@
-"""What every report says of itself: where and when it was measured, and by which command."""
+"""Heading of a report: title, machine, date, command and load."""
 
 import datetime
 import os
@@ -12,7 +12,7 @@ RESULTS = Path(__file__).parent / "results"
 
 
 def heading(title: str, arch: str) -> str:
-    """Title, machine, date and command of a report, as Markdown."""
+    """Returns the title, machine, date and command of a report, as Markdown."""
     today = datetime.date.today().isoformat()
     command = " ".join(["python", *sys.argv])
     python = platform.python_version()
@@ -20,7 +20,7 @@ def heading(title: str, arch: str) -> str:
 
 
 def load() -> str:
-    """The machine's load by others, for reports of speed, as Markdown; read before measuring."""
+    """Returns the machine's load average as Markdown; call it before measuring."""
     if not hasattr(os, "getloadavg"):
         return ""
-    return f"\nProcesses that wanted a core in the minute before: {os.getloadavg()[0]:.1f}.\n"
+    return f"\nLoad average of the minute before the start: {os.getloadavg()[0]:.1f}.\n"

@@ -1,4 +1,4 @@
-"""Rows of a table, each measured in a process of its own and kept as soon as it is."""
+"""Rows of a table, each measured in a separate process and saved when it ends."""
 
 import csv
 import json
@@ -7,13 +7,13 @@ import sys
 from pathlib import Path
 from typing import Any
 
-# Letters of a failure that a table holds.
-LONGEST = 200
+# Largest number of characters of a failure message.
+MAX_CHARACTERS = 200
 
 
 def in_process(script: str, task: dict[str, Any], seconds: float) -> dict[str, Any]:
-    """What `script --worker TASK` prints last, as JSON; of a run that fails, or takes longer than
-    `seconds`, why, as "failure"."""
+    """Runs `script --worker TASK`; returns its last line, read as JSON, or {"failure": message} if
+    the run fails or takes longer than `seconds`."""
     command = [sys.executable, str(Path(script).resolve()), "--worker", json.dumps(task)]
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=seconds)
@@ -21,11 +21,11 @@ def in_process(script: str, task: dict[str, Any], seconds: float) -> dict[str, A
         return {"failure": f"longer than {seconds:g} s"}
     lines = (done.stdout if done.returncode == 0 else done.stderr).strip().splitlines()
     last = lines[-1] if lines else f"exit status {done.returncode}"
-    return json.loads(last) if done.returncode == 0 else {"failure": last[:LONGEST]}
+    return json.loads(last) if done.returncode == 0 else {"failure": last[:MAX_CHARACTERS]}
 
 
 def read(path: Path) -> list[dict[str, str]]:
-    """Rows of a table; none where there is no file."""
+    """Returns the rows of a CSV file, none if there is no file."""
     if not path.exists():
         return []
     with open(path, newline="", encoding="utf-8") as file:
@@ -33,11 +33,11 @@ def read(path: Path) -> list[dict[str, str]]:
 
 
 def write(path: Path, rows: list[dict]) -> None:
-    """Writes them beside and renames, so that a run that is stopped keeps what it had."""
+    """Writes rows to a temporary file and renames it, so that an interrupted run loses no rows."""
     heads = list(dict.fromkeys(k for row in rows for k in row))
-    beside = path.with_suffix(".part")
-    with open(beside, "w", newline="", encoding="utf-8") as file:
+    temporary = path.with_suffix(".part")
+    with open(temporary, "w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, heads)
         writer.writeheader()
         writer.writerows(rows)
-    beside.replace(path)
+    temporary.replace(path)

@@ -1,11 +1,11 @@
-"""Cost and memory by the number of particles: uniform water, and layered water that replaces it.
+"""Time and memory over the number of particles: uniform water, and layered water in its place.
 
 python bench/scale.py [--most 1000000] [--frames 3] [--arch cpu]
 
-A cubic metre of water at rest, finer and finer: uniform from 1,000 to 1,000,000 particles, and as
-pools of layers whose finest are as fine. Every run is a process of its own. Memory is what the
-fields of particles, neighbour list and cells take, and the most that the process had. Where CUDA
-starts, everything is measured on the CPU, CUDA and Vulkan; --arch, repeatable, says otherwise.
+1 m^3 of water at rest: uniform with 1,000 to 1,000,000 particles, and layered with the same finest
+spacing. Every run is a separate process. Memory: of the fields of particles, neighbour list and
+cells, and the peak memory of the process. If CUDA is available, all runs are repeated on the CPU,
+CUDA and Vulkan; --arch selects other devices.
 """
 
 import json
@@ -38,30 +38,29 @@ from msph.scene.schema import Scene
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-# Edge of the water [m], and particles along it: 1,000 to 1,000,000 in all, two sizes a decade.
+# Edge of the cube of water [m], and numbers of particles along it.
 EDGE, ALONG = 1.0, (10, 15, 22, 32, 46, 68, 100)
 UNIFORM, LAYERED = "uniform", "layered"
-# Share of the depth (-) above the coarsest layer, at most: it must be the bulk of the water, and
-# a few of its particles deep.
+# Largest share of the depth (-) above the coarsest layer, which must be a few particles deep.
 ABOVE_COARSEST = 0.8
-# Room for particles over those that the bands hold (-): splits overshoot, and bands overlap.
+# Capacity over the number of particles in the bands (-), as neighbouring bands overlap.
 ROOM = 1.5
-# Frames that a pool of layers is timed for, at least: adaptation passes come every few steps.
+# Smallest number of timed frames with layers, since not every step has a pass of adaptation.
 LAYERED_FRAMES = 8
-# Target [bytes a particle], its neighbour list included.
+# Target of the memory per particle [bytes], neighbour list included.
 TARGET_BYTES = 600
-# Particles from which slopes are fitted: smaller runs are mostly launches of kernels.
+# Smallest number of particles for the fit of slopes; launches dominate the time of smaller runs.
 FIT_FROM = 10_000
 
 
 def specs_of(finest: float, layers: int) -> list[LayerSpec]:
-    """Layers from `finest` [m] on, each of twice the mass of the next finer."""
+    """Returns layers of mass ratio 2 with the finest spacing `finest` [m]."""
     mass = 1000.0 * finest**3
     return [LayerSpec(mass * 2**k, 1000.0, Projection.SMOOTHING) for k in range(layers)]
 
 
 def layers_of(along: int) -> int:
-    """The most layers whose bands leave room for the coarsest."""
+    """Returns the largest number of layers whose bands leave room for the coarsest layer."""
     band, layers = AdaptationParameters().band, 2
     while bands(specs_of(EDGE / along, layers + 1), band)[-1][0] < ABOVE_COARSEST * EDGE:
         layers += 1
@@ -69,7 +68,8 @@ def layers_of(along: int) -> int:
 
 
 def scene_of(kind: str, along: int) -> Scene:
-    """Uniform water of along^3 particles, or the pool of layers whose finest are as fine."""
+    """Returns the scene of uniform water of along^3 particles, or of layers with that finest
+    spacing."""
     finest = EDGE / along
     if kind == UNIFORM:
         return tanks.tank((EDGE, EDGE), EDGE, finest, 1)
@@ -85,7 +85,7 @@ def scene_of(kind: str, along: int) -> Scene:
 
 
 def run(kind: str, along: int, frames: int, arch: str) -> dict:
-    """Times and memory of one run; see row()."""
+    """Runs a scene; returns its times and memory, see row()."""
     start(arch)
     sim = tanks.build(scene_of(kind, along))
     gravity = ExternalForces(gravity=(0.0, -tanks.GRAVITY, 0.0))
@@ -116,21 +116,21 @@ def run(kind: str, along: int, frames: int, arch: str) -> dict:
 
 
 def memory(sim: Simulation) -> dict:
-    """Bytes per particle there is room for, by purpose, and entries of the neighbour list per
-    particle, provided and used."""
+    """Returns the bytes per particle of the capacity, by purpose, and the entries of the neighbour
+    list per particle, allocated and used."""
     capacity, parameters = sim.particles.capacity, sim.solver.parameters
     words = footprint(sim.size, sim.layers.specs, capacity, parameters)
     neighbours, live = sim.solver.neighbours, sim.particles.count
     begin, end = (f.to_numpy()[:live] for f in (neighbours.start, neighbours.end))
     return {
         "bytes": {purpose: WORD * n / capacity for purpose, n in words.items()},
-        "provided": neighbours.index.shape[0] / capacity,
+        "allocated": neighbours.index.shape[0] / capacity,
         "used": float((end - begin).mean()),
     }
 
 
 def in_process(kind: str, along: int, frames: int, arch: str) -> dict | None:
-    """The same in a process of its own; None, and a line that says so, where it fails."""
+    """Runs run() in a separate process; prints a message and returns None if it fails."""
     worker = json.dumps((kind, along, frames, arch))
     command = [sys.executable, __file__, "--worker", worker]
     done = subprocess.run(command, capture_output=True, text=True)
@@ -142,7 +142,7 @@ def in_process(kind: str, along: int, frames: int, arch: str) -> dict | None:
 
 
 def starts(arch: str) -> bool:
-    """Whether this machine has such an architecture."""
+    """Returns True if this machine has the device `arch`."""
     code = f"from msph.device import start; start({arch!r})"
     root = Path(__file__).resolve().parent.parent
     return not subprocess.run(
@@ -151,7 +151,7 @@ def starts(arch: str) -> bool:
 
 
 def row(found: dict) -> dict[str, str]:
-    """A run as the table prints it."""
+    """Returns the table row of a run."""
     step = found["frame"] / found["steps"]
     parts = found["bytes"]
     return {
@@ -160,45 +160,47 @@ def row(found: dict) -> dict[str, str]:
         "fine-equivalent": f"{found['fine']:,}",
         "particles": f"{found['particles']:,}",
         "layers": f"{found['layers']}",
-        "ms a frame": f"{1e3 * found['frame']:.3g} "
+        "ms per frame": f"{1e3 * found['frame']:.3g} "
         f"({1e3 * found['low']:.3g} to {1e3 * found['high']:.3g})",
-        "steps a frame": f"{found['steps']:.1f}",
-        "iterations a step": f"{found['iterations']:.1f}",
-        "us a particle and frame": f"{1e6 * found['frame'] / found['particles']:.2f}",
-        "us a particle and step": f"{1e6 * step / found['particles']:.2f}",
-        "bytes a particle": f"{sum(parts.values()):,.0f}",
+        "steps per frame": f"{found['steps']:.1f}",
+        "iterations per step": f"{found['iterations']:.1f}",
+        "us per particle and frame": f"{1e6 * found['frame'] / found['particles']:.2f}",
+        "us per particle and step": f"{1e6 * step / found['particles']:.2f}",
+        "bytes per particle": f"{sum(parts.values()):,.0f}",
         "attributes": f"{parts['particles']:,.0f}",
         "neighbour list": f"{parts['neighbours']:,.0f}",
         "cells": f"{parts['cells']:,.0f}",
-        "entries provided / used": f"{found['provided']:.0f} / {found['used']:.0f}",
+        "entries allocated / used": f"{found['allocated']:.0f} / {found['used']:.0f}",
         "process MiB": f"{found['process'] / 2**20:,.0f}",
     }
 
 
 def slope(x: list[float], y: list[float]) -> float:
-    """Exponent (-) of the power law through the points from FIT_FROM on, or all if they are few."""
+    """Returns the exponent (-) of the power law fitted to points with x >= FIT_FROM, or to all if
+    there are fewer than two such points."""
     large = [(a, b) for a, b in zip(x, y, strict=True) if a >= FIT_FROM]
     points = large if len(large) > 1 else list(zip(x, y, strict=True))
     return float(np.polyfit(*np.log(np.array(points)).T, 1)[0]) if len(points) > 1 else math.nan
 
 
-# Quantities of the figure and the table of slopes: title, and value of a run.
+# Quantities of the figure and the table of slopes: title, and function of a run.
 QUANTITIES = {
-    "ms a frame": lambda f: 1e3 * f["frame"],
-    "us a particle and step": lambda f: 1e6 * f["frame"] / f["steps"] / f["particles"],
-    "bytes a particle": lambda f: sum(f["bytes"].values()),
+    "ms per frame": lambda f: 1e3 * f["frame"],
+    "us per particle and step": lambda f: 1e6 * f["frame"] / f["steps"] / f["particles"],
+    "bytes per particle": lambda f: sum(f["bytes"].values()),
     "process MiB": lambda f: f["process"] / 2**20,
 }
 
 
 def series(found: list[dict]) -> dict[str, list[dict]]:
-    """Runs by water and architecture."""
+    """Returns the runs by kind of water and device."""
     names = dict.fromkeys(f"{f['kind']}, {f['arch']}" for f in found)
     return {n: [f for f in found if f"{f['kind']}, {f['arch']}" == n] for n in names}
 
 
 def slopes(found: list[dict]) -> list[dict[str, str]]:
-    """Exponents over the fine-equivalent number, by series and quantity."""
+    """Returns the exponents over the fine-equivalent number of particles, by series and
+    quantity."""
     rows = []
     for name, runs in series(found).items():
         x = [f["fine"] for f in runs]
@@ -208,13 +210,13 @@ def slopes(found: list[dict]) -> list[dict[str, str]]:
 
 
 def draw(found: list[dict], path: Path) -> None:
-    """The figure: each quantity over the fine-equivalent number, both logarithmic."""
+    """Draws each quantity over the fine-equivalent number of particles, both logarithmic."""
     figure, axes = plt.subplots(2, 2, figsize=(10, 8), layout="constrained")
     for ax, (quantity, value) in zip(axes.flat, QUANTITIES.items(), strict=True):
         for name, runs in series(found).items():
             x, y = [f["fine"] for f in runs], [value(f) for f in runs]
             ax.loglog(x, y, "o-", label=f"{name}: slope {slope(x, y):.2f}")
-        if quantity == "bytes a particle":
+        if quantity == "bytes per particle":
             ax.axhline(TARGET_BYTES, color="0.5", linestyle="--", label=f"target {TARGET_BYTES}")
         ax.set_xlabel("fine-equivalent particles")
         ax.set_ylabel(quantity)
@@ -225,19 +227,19 @@ def draw(found: list[dict], path: Path) -> None:
 
 
 def text_of(found: list[dict], frames: int, note: str, arches: str) -> str:
-    """The report."""
+    """Returns the report."""
     options = {"headers": "keys", "tablefmt": "github", "disable_numparse": True}
     return "\n".join(
         [
             heading("Cost and memory by the number of particles", arches) + note,
-            f"{EDGE:g} m^3 of water at rest; {frames} frames of 1/60 s, {LAYERED_FRAMES} or more "
-            "in layers, the first steps left out: mean (lowest to highest). Fine-equivalent: "
-            "particles of the finest layer that would fill it. Bytes: of the fields of particles, "
-            "neighbour list and cells, for each particle there is room for; an entry of the list "
-            f"takes {WORD * (1 + Projection.PER_ENTRY)}. Target: {TARGET_BYTES} bytes a particle. "
-            f"Process: its largest resident size, on the host.\n",
+            f"{EDGE:g} m^3 of water at rest; {frames} frames of 1/60 s, at least {LAYERED_FRAMES} "
+            "with layers, without the first frame: mean (minimum to maximum). Fine-equivalent: "
+            "number of particles of the finest layer that would fill the volume. Bytes: of the "
+            "fields of particles, neighbour list and cells, per particle of the capacity; an entry "
+            f"of the list takes {WORD * (1 + Projection.PER_ENTRY)}. Target: {TARGET_BYTES} bytes "
+            "per particle. Process: peak memory on the host.\n",
             tabulate([row(f) for f in found], **options),
-            f"\nSlopes over the fine-equivalent number, from {FIT_FROM:,} on:\n",
+            f"\nExponents over the fine-equivalent number, from {FIT_FROM:,} particles:\n",
             tabulate(slopes(found), **options),
             "\n![Cost and memory](scale.png)\n",
         ]
@@ -246,15 +248,30 @@ def text_of(found: list[dict], frames: int, note: str, arches: str) -> str:
 
 @click.command()
 @click.option(
-    "--most", default=ALONG[-1] ** 3, show_default=True, help="Fine-equivalent particles."
+    "--most",
+    default=ALONG[-1] ** 3,
+    show_default=True,
+    help="Largest fine-equivalent number of particles.",
 )
-@click.option("--frames", default=3, show_default=True, type=click.IntRange(min=1))
 @click.option(
-    "--arch", "arches", multiple=True, type=click.Choice(ARCHES[1:]), help="[default: see above]"
+    "--frames",
+    default=3,
+    show_default=True,
+    type=click.IntRange(min=1),
+    help="Number of timed frames.",
 )
-@click.option("--worker", hidden=True, help="Water, size, frames and arch as JSON: one run.")
+@click.option(
+    "--arch",
+    "arches",
+    multiple=True,
+    type=click.Choice(ARCHES[1:]),
+    help="Device. Repeatable.  [default: cpu, and cuda and vulkan if CUDA is available]",
+)
+@click.option(
+    "--worker", hidden=True, help="Kind of water, size, frames and device as JSON: one run."
+)
 def main(most: int, frames: int, arches: tuple[str, ...], worker: str | None) -> None:
-    """Measure and write bench/results/scale.{md,png}."""
+    """Measure time and memory, and write bench/results/scale.{md,png}."""
     if worker is not None:
         click.echo(json.dumps(run(*json.loads(worker))))
         return
@@ -263,7 +280,7 @@ def main(most: int, frames: int, arches: tuple[str, ...], worker: str | None) ->
         accelerated = starts("cuda")
         arches = ("cpu", "cuda", "vulkan") if accelerated else ("cpu",)
         if not accelerated:
-            note += "No accelerator at hand (CUDA does not start): CPU alone.\n"
+            note += "CUDA is not available: CPU only.\n"
     found: list[dict] = []
     for along in (n for n in ALONG if n**3 <= most):
         for arch in arches:

@@ -1,4 +1,4 @@
-"""Every shipped scene as `msph measure` sees it: speed beside every error figure.
+"""Speed and errors of every shipped scene, by `msph measure`.
 
 python bench/scenes.py [--seconds 2] [--arch cpu]
 """
@@ -22,7 +22,7 @@ from msph.scene.library import shipped_scenes
 
 
 def summary(scene: str, seconds: float, arch: str) -> dict:
-    """What `msph measure` says of a scene; raises CalledProcessError where its run fails."""
+    """Returns the summary of `msph measure` for a scene; raises CalledProcessError if it fails."""
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "msph", "measure", scene, "-o", folder, "--arch", arch]
         command += ["--seconds", str(seconds)]
@@ -31,31 +31,32 @@ def summary(scene: str, seconds: float, arch: str) -> dict:
 
 
 def gain(scene: str, seconds: float, arch: str) -> str:
-    """Speed-up of layers over uniform water, and that over the ratio of particle counts."""
+    """Returns the speed-up of layers over uniform water, and the speed-up over the ratio of the
+    numbers of particles."""
     if not uniform(scene):
         return "-"
     command = [sys.executable, gains.__file__, scene, "--seconds", str(seconds), "--arch", arch]
     done = subprocess.run(command, check=True, capture_output=True, text=True)
     found = json.loads(done.stdout.splitlines()[-1])
-    faster = found["times as fast"]
-    return f"{faster:.2f}, {faster / found['times as many']:.2f}"
+    faster = found["speed_up"]
+    return f"{faster:.2f}, {faster / found['particle_ratio']:.2f}"
 
 
 def measure(scene: str, seconds: float, arch: str) -> dict[str, str]:
-    """The row of one scene; raises CalledProcessError where a run fails."""
+    """Returns the table row of a scene; raises CalledProcessError if a run fails."""
     found = summary(scene, seconds, arch)
     errors = found["errors"]
     return {
         "scene": scene,
         "particles at the end": f"{sum(found['particles_end']):,}",
-        "ms a frame": f"{found['frame_ms_p50']:.1f} "
+        "ms per frame": f"{found['frame_ms_p50']:.1f} "
         f"({found['frame_ms_p25']:.1f} to {found['frame_ms_p75']:.1f})",
-        "simulated s/s": f"{found['simulated_per_wall']:.2f}",
-        "times as fast as uniform, over ratio of counts": gain(scene, seconds, arch),
+        "real-time factor": f"{found['simulated_per_wall']:.2f}",
+        "speed-up over uniform; over ratio of particles": gain(scene, seconds, arch),
         "bulk density, mean": percent(errors["bulk_density_error_mean"]),
         "worst": percent(errors["bulk_density_error_worst"]),
         "at the end": percent(errors["bulk_density_error_last"]),
-        "surface's volume, mean": percent(errors["volume_error_mean"]),
+        "volume error, mean": percent(errors["volume_error_mean"]),
         "energy rise in 1 s": percent(errors["energy_rise_in_1_s"]),
         "density error mean": percent(errors["density_error_mean"]),
         "99th percentile": percent(errors["density_error_p99"]),
@@ -70,10 +71,10 @@ def percent(share: float | None) -> str:
 
 
 @click.command()
-@click.option("--seconds", default=2.0, show_default=True, help="Simulated time of each scene.")
+@click.option("--seconds", default=2.0, show_default=True, help="Simulated time of each scene [s].")
 @click.option("--arch", type=click.Choice(ARCHES), default="auto", show_default=True)
 def main(seconds: float, arch: str) -> None:
-    """Measure all and write bench/results/scenes.md."""
+    """Measure all scenes and write bench/results/scenes.md."""
     arch = start(arch)
     rows = []
     for scene in shipped_scenes():
@@ -81,9 +82,10 @@ def main(seconds: float, arch: str) -> None:
         click.echo(" ".join(rows[-1].values()))
     report = [
         heading("The shipped scenes", arch),
-        f"{seconds:g} s of each, as shipped. Energy rises while nobody gives any, over M g H.\n"
-        "No figure where the water is not deep enough for one. Uniform water: all as fine as the\n"
-        "finest layer, in turn with the layers frame by frame; ratio of counts: their mean.\n",
+        f"{seconds:g} s of each shipped scene. Energy rise: without input, over M g H. A dash:\n"
+        "the water is too shallow to measure it. Uniform water: all particles have the size of "
+        "the\nfinest layer; both run in alternating frames; ratio of particles: mean over "
+        "frames.\n",
         tabulate(rows, headers="keys", tablefmt="github", disable_numparse=True),
         "",
     ]

@@ -1,9 +1,9 @@
-"""Hard cases: what was demanded of the water, what it did, and whether it holds.
+"""Stability: runs the hard cases and checks their requirements.
 
 python bench/stability.py [--case NAME] [--resume] [--arch cpu]
 
-Every row is a run in a process of its own, written to bench/results/stability.csv as soon as it is
-measured, where --resume takes up again; bench/results/stability.md is drawn from it.
+Every row is a run in a separate process, written to bench/results/stability.csv when it ends;
+--resume continues there. bench/results/stability.md is generated from this file.
 """
 
 import datetime
@@ -34,32 +34,32 @@ from msph.scene.build import build_simulation
 from msph.scene.schema import Scene
 
 TABLE, REPORT = "stability.csv", "stability.md"
-# Demands (-): mass, rise of the energy in a second, drift of the momentum, density in the mean, and
-# bulk density.
+# Limits (-): change of mass, energy rise in 1 s, momentum drift, mean density excess, and bulk
+# density error.
 MASS, RISE, DRIFT, DENSITY, BULK = 1e-6, 1e-3, 1e-5, 0.01, 0.01
-# Time of rest after the insult [s]; simulated time between entries of the ledger in long runs [s].
+# Time of rest after the disturbance, and time between ledger entries in long runs [s].
 REST, BETWEEN = 1.0, 1.0
-# Growth of the process that an hour may cost [MiB].
+# Largest growth of the memory of the process in one hour [MiB].
 GROWTH = 20.0
-DEMANDS = """Of projection is demanded: all finite and inside, mass to rounding, energy up
-by at most .1 % within a second without input, momentum to 1e-5 of the largest sum m |v|, and a
-second after the insult density (from positions) within 1 % in the mean and bulk density within 1 %.
-Runs that cannot go on must end in a line that names why; until then nothing is lost and momentum is
-kept. `classic` may fail. What has no value (the bulk density of a sheet; a rise of the energy
-without gravity, or within less than a second) breaks nothing."""
-# How a run ends that nothing stopped.
-WELL = "well"
-# A run that takes longer [s] is given up.
-MOST_SECONDS = 2400.0
+REQUIREMENTS = """Requirements for the projection method: all values finite, no leaks, mass constant
+to rounding, energy rise at most 0.1 % within 1 s without input, momentum drift at most 1e-5 of the
+largest sum m |v|, and 1 s after the disturbance a mean density excess and a bulk density error of
+at most 1 %. Runs that cannot continue must end with a message that names the reason; until then
+mass and momentum are conserved. The classic method may fail. Figures without a value (the bulk
+density of a sheet; the energy rise without gravity or in less than 1 s) are not checked."""
+# End of a run without an error.
+FINISHED = "finished"
+# Time limit of a run [s].
+MAX_SECONDS = 2400.0
 
 
 def run(case: Hard, method: str) -> dict[str, float | str]:
-    """What the water did: figures of the ledger, and how it ended."""
+    """Runs a case; returns the figures of its ledger, and how it ended."""
     sim = build_simulation(Scene.model_validate(case.data(method)))
     sim.warm_up(1.0 / 60.0)
     ledger = Ledger(sim, density_every=math.inf)
     ledger.record(case.drive(0.0).gravity)
-    before, ended = peak_memory(), WELL
+    before, ended = peak_memory(), FINISHED
     try:
         if case.change:
             case.change(sim)
@@ -82,13 +82,13 @@ def run(case: Hard, method: str) -> dict[str, float | str]:
 
 
 def figures(sim, ledger: Ledger, ended: str, growth: int) -> dict[str, float | str]:
-    """Of what happened so far."""
+    """Returns the figures of a run until now."""
     entries = ledger.entries
     mass = np.array([e.mass for e in entries])
     spacing = np.array([s.spacing for s in sim.layers.specs])[sim.particles.numpy("layer")]
     x = sim.particles.numpy("x").astype(float)
     finite = bool(np.isfinite(x).all())
-    if finite and ended == WELL:
+    if finite and ended == FINISHED:
         sim.measure_density()
     excess = np.maximum(sim.particles.numpy("density") / 1000.0 - 1.0, 0.0)
     bulk = bulk_density(x, spacing, sim.size, sim.boundary.free).mean if finite else np.nan
@@ -108,12 +108,12 @@ def figures(sim, ledger: Ledger, ended: str, growth: int) -> dict[str, float | s
     }
 
 
-def broken(case: Hard, found: dict) -> list[str]:
-    """Demands that a run did not keep, in words; none for a run that holds."""
+def violations(case: Hard, found: dict) -> list[str]:
+    """Returns the requirements that a run violates, in words; empty if it passes."""
     if found.get("failure"):
         return [str(found["failure"])]
     ended = str(found["ended"])
-    as_named = ended.startswith(case.named) if case.named else ended == WELL
+    as_named = ended.startswith(case.named) if case.named else ended == FINISHED
     problems = [] if as_named else [f"ended {ended}"]
     limits = {
         "outside": (0.0, "particles outside"),
@@ -121,11 +121,14 @@ def broken(case: Hard, found: dict) -> list[str]:
         "momentum_drift": (DRIFT, "momentum"),
     }
     if not case.named:
-        limits |= {"energy_rise": (RISE, "energy rises"), "kinetic": (case.kinetic, "J in motion")}
+        limits |= {
+            "energy_rise": (RISE, "energy rise"),
+            "kinetic": (case.kinetic, "kinetic energy"),
+        }
     if case.settles and not case.named:
         limits |= {"density_end": (DENSITY, "density"), "bulk_end": (BULK, "bulk density")}
     if case.seconds > 100.0:
-        limits["growth_mib"] = (GROWTH, "MiB more")
+        limits["growth_mib"] = (GROWTH, "memory growth")
     for name, (most, words) in limits.items():
         value = float(found[name])
         unknown = math.isnan(value) and name in ("bulk_end", "energy_rise")
@@ -135,28 +138,27 @@ def broken(case: Hard, found: dict) -> list[str]:
 
 
 def in_process(name: str, method: str, arch: str) -> dict:
-    """A row of the table, measured in a process of its own."""
-    found = rows.in_process(__file__, {"case": name, "method": method, "arch": arch}, MOST_SECONDS)
+    """Returns a row of the table, measured in a separate process."""
+    found = rows.in_process(__file__, {"case": name, "method": method, "arch": arch}, MAX_SECONDS)
     where = {"arch": arch, "machine": machine(), "date": datetime.date.today().isoformat()}
     return {"case": name, "method": method, **where, **found}
 
 
 def report(known: list[dict], arch: str) -> bool:
-    """Writes the table, by case and method; rows are judged by their figures.
-    Returns whether projection holds in all."""
+    """Writes the report; returns True if the projection method passes all cases."""
     order = list(CASES)
-    problems = {(row["case"], row["method"]): broken(CASES[row["case"]], row) for row in known}
+    problems = {(row["case"], row["method"]): violations(CASES[row["case"]], row) for row in known}
     lines = [
         {
             "case": row["case"],
             "method": row["method"],
-            "demanded": CASES[row["case"]].what,
-            "verdict": "**FAILS**" if problems[row["case"], row["method"]] else "holds",
-            "what broke": "; ".join(problems[row["case"], row["method"]]),
+            "requirement": CASES[row["case"]].what,
+            "result": "**fails**" if problems[row["case"], row["method"]] else "passes",
+            "violations": "; ".join(problems[row["case"], row["method"]]),
             "energy rise, %": percent(row.get("energy_rise")),
-            "momentum": digits(row.get("momentum_drift")),
-            "density after, %": percent(row.get("density_end")),
-            "bulk after, %": percent(row.get("bulk_end")),
+            "momentum drift": digits(row.get("momentum_drift")),
+            "density excess at the end, %": percent(row.get("density_end")),
+            "bulk density error at the end, %": percent(row.get("bulk_end")),
             "top speed, m/s": digits(row.get("top_speed")),
         }
         for row in sorted(known, key=lambda r: (order.index(r["case"]), r["method"] == "classic"))
@@ -165,10 +167,12 @@ def report(known: list[dict], arch: str) -> bool:
         method: [not found for (_, m), found in problems.items() if m == method]
         for method in ("projection", "classic")
     }
-    total = f"projection holds in {sum(held['projection'])} of {len(held['projection'])} cases"
-    total += f", classic in {sum(held['classic'])} of {len(held['classic'])}"
-    demands = DEMANDS.replace("\n", " ")
-    text = [heading("Hard cases", arch), demands, f"\n**{total}.**\n"]
+    total = (
+        f"The projection method passes {sum(held['projection'])} of {len(held['projection'])} cases"
+    )
+    total += f", the classic method {sum(held['classic'])} of {len(held['classic'])}"
+    requirements = REQUIREMENTS.replace("\n", " ")
+    text = [heading("Hard cases", arch), requirements, f"\n**{total}.**\n"]
     text.append(tabulate(lines, headers="keys", tablefmt="github", disable_numparse=True))
     (RESULTS / REPORT).write_text("\n".join(text) + "\n", encoding="utf-8")
     click.echo(total)
@@ -176,29 +180,36 @@ def report(known: list[dict], arch: str) -> bool:
 
 
 def digits(value: str | float | None) -> str:
-    """Two of a number that there is."""
+    """Formats a number with two digits; "" if it is unknown."""
     return f"{float(value):.2g}" if value not in (None, "") else ""
 
 
 def percent(value: str | float | None) -> str:
+    """Formats a ratio in percent; "" if it is unknown."""
     number = float(value) if value not in (None, "") else math.nan
     return "" if math.isnan(number) else f"{100.0 * number:.3f}"
 
 
 @click.command()
-@click.option("--case", "names", multiple=True, type=click.Choice(list(CASES)))
-@click.option("--resume", is_flag=True, help="Keep the rows that were measured before.")
+@click.option(
+    "--case",
+    "names",
+    multiple=True,
+    type=click.Choice(list(CASES)),
+    help="Run only this case. Repeatable.",
+)
+@click.option("--resume", is_flag=True, help="Keep the rows of earlier runs.")
 @click.option("--arch", type=click.Choice(ARCHES), default="auto", show_default=True)
 @click.option("--worker", hidden=True)
 def main(names, resume, arch, worker) -> None:
-    """Run the cases, and write bench/results/stability.{csv,md}."""
+    """Run the hard cases and write bench/results/stability.{csv,md}."""
     if worker:
         task = json.loads(worker)
         start(task["arch"])
         print(json.dumps(run(CASES[task["case"]], task["method"])))
         return
     arch = start(arch)
-    asked = [
+    requested = [
         (name, method)
         for name in names or CASES
         for method in ("projection", "classic")
@@ -206,9 +217,9 @@ def main(names, resume, arch, worker) -> None:
     ]
     known = rows.read(RESULTS / TABLE)
     if not resume:
-        known = [row for row in known if (row["case"], row["method"]) not in asked]
+        known = [row for row in known if (row["case"], row["method"]) not in requested]
     done = {(row["case"], row["method"]) for row in known}
-    for name, method in tqdm([a for a in asked if a not in done], unit="run"):
+    for name, method in tqdm([a for a in requested if a not in done], unit="run"):
         known.append(in_process(name, method, arch))
         rows.write(RESULTS / TABLE, known)
     if not report(known, arch):

@@ -1,10 +1,10 @@
-"""Table 5.1 of the thesis, measured here: SPH against M-SPH in two pools.
+"""Table 5.1 of the thesis, reproduced: SPH against M-SPH in two pools.
 
     python bench/table_5_1.py [--seconds 10] [--arch cpu]
 
-A frame is 1/60 s of simulated time with all the solver steps that takes. The thesis's figures are
-those of a laptop of 2008 with one step per frame at an unknown time step, so the frames per second
-cannot be compared across the columns; the ratios between the systems can.
+A frame is 1/60 s of simulated time with all its time steps. The figures of the thesis are from a
+laptop of 2008 with one step per frame of unknown length, so only ratios between the systems can be
+compared, not frames per second.
 """
 
 import csv
@@ -25,7 +25,7 @@ from msph.stage.benchmark import Result, benchmark
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-# Gokdogan 2008, Table 5.1: particles, fps, fps without rendering.
+# Gokdogan 2008, table 5.1: particles, frames/s, frames/s without rendering.
 THESIS = {
     ("pool", 1): (2650, 15.0, 22.0),
     ("pool", 2): (4650, 7.0, 10.0),
@@ -34,42 +34,43 @@ THESIS = {
     ("pool_2x", 2): (9200, 3.0, 4.2),
     ("pool_2x", 3): (2500, 12.0, 24.5),
 }
-METHOD = {1: "SPH, .2 kg", 2: "SPH, .1 kg", 3: "M-SPH, .1/.2/.4/.8 kg"}
-# Water that a person would call at rest moves slower than this [m/s].
+METHOD = {1: "SPH, 0.2 kg", 2: "SPH, 0.1 kg", 3: "M-SPH, 0.1/0.2/0.4/0.8 kg"}
+# Largest rms speed of water at rest [m/s].
 STILL = 0.05
 
 
 def simulation_fps(result: Result) -> float:
-    """Median frames per second of the fluid alone."""
+    """Returns the median frames per second of the simulation without rendering."""
     return 1e3 / (result.stages_p50_ms["fluid"])
 
 
 def steps_per_second(result: Result) -> float:
-    """Solver steps per second of the fluid alone: what a frame without rendering was in 2008."""
+    """Returns the time steps per second without rendering, which the thesis calls frames."""
     return result.steps_per_frame * simulation_fps(result)
 
 
 def rendered_fps(result: Result) -> float:
+    """Returns the median frames per second with rendering."""
     return 1e3 / result.frame_p50_ms
 
 
 def row(key: tuple[str, int], results: dict[tuple[str, int], Result]) -> dict[str, str]:
-    """One line of the table: ours beside the thesis's, ratios to system 1, errors."""
+    """Returns a row of the table: our figures and the thesis's, ratios to system 1, errors."""
     pool, system = key
     result, (count, fps, bare) = results[key], THESIS[key]
     first, thesis_first = results[pool, 1], THESIS[pool, 1]
     momentum = result.momentum_drift
+    steps = steps_per_second(result) / steps_per_second(first)
     return {
         "pool": pool,
         "system": f"{system}: {METHOD[system]}",
         "particles (thesis)": f"{sum(result.particles)} ({count})",
-        "fps (thesis)": f"{rendered_fps(result):.0f} ({fps:g})",
-        "fps, fluid alone (thesis)": f"{simulation_fps(result):.0f} ({bare:g})",
+        "frames/s (thesis)": f"{rendered_fps(result):.0f} ({fps:g})",
+        "frames/s without rendering (thesis)": f"{simulation_fps(result):.0f} ({bare:g})",
         "over system 1 (thesis)": f"{rendered_fps(result) / rendered_fps(first):.2f} "
         f"({fps / thesis_first[1]:.2f})",
-        "fluid alone over system 1": f"{simulation_fps(result) / simulation_fps(first):.2f}",
-        "the same per step (thesis)": f"{steps_per_second(result) / steps_per_second(first):.2f} "
-        f"({bare / thesis_first[2]:.2f})",
+        "without rendering over system 1": f"{simulation_fps(result) / simulation_fps(first):.2f}",
+        "steps/s over system 1 (thesis)": f"{steps:.2f} ({bare / thesis_first[2]:.2f})",
         "density error mean / max %": f"{100 * result.density_error_mean:.2f} / "
         f"{100 * result.density_error_max:.0f}",
         "volume error %": f"{100 * result.volume_error:+.1f}",
@@ -82,7 +83,7 @@ def row(key: tuple[str, int], results: dict[tuple[str, int], Result]) -> dict[st
 
 
 def verdicts(results: dict[tuple[str, int], Result]) -> list[str]:
-    """The thesis's claims, each with the figures that decide it."""
+    """Returns the claims of the thesis, each with the figures that decide it."""
     lines = []
 
     def claim(text: str, holds: bool, figures: str) -> None:
@@ -96,21 +97,22 @@ def verdicts(results: dict[tuple[str, int], Result]) -> list[str]:
             claim(
                 f"M-SPH is faster than system {other} in `{pool}`.",
                 ours > 1.0,
-                f"Fluid alone {ours:.2f}x here, {step:.2f}x per step, {thesis:.2f}x in the thesis.",
+                f"Without rendering {ours:.2f} times, by steps/s {step:.2f} times, in the thesis "
+                f"{thesis:.2f} times.",
             )
     ours = simulation_fps(results["pool_2x", 3]) / simulation_fps(results["pool", 3])
     uniform = simulation_fps(results["pool_2x", 1]) / simulation_fps(results["pool", 1])
     claim(
-        "depth costs M-SPH less than it costs uniform SPH.",
+        "additional depth slows M-SPH less than uniform SPH.",
         ours > uniform,
-        f"At twice the depth it keeps {100 * ours:.0f} % of its speed, system 1 "
+        f"At twice the depth M-SPH has {100 * ours:.0f} % of its speed, system 1 "
         f"{100 * uniform:.0f} % (thesis: {100 * 24.5 / 33.5:.0f} % and {100 * 9 / 22:.0f} %).",
     )
     speed = results["pool_2x", 2].rest_speed
     claim(
         "system 2 does not come to rest in `pool_2x`.",
         speed > STILL,
-        f"Its rms speed in the last second is {speed:.3f} m/s; {STILL} m/s counts as rest.",
+        f"Its rms speed in the last second is {speed:.3f} m/s; the limit is {STILL} m/s.",
     )
     calm = max(results[pool, 1].rest_speed for pool in ("pool", "pool_2x"))
     layered = max(results[pool, 3].rest_speed for pool in ("pool", "pool_2x"))
@@ -121,22 +123,22 @@ def verdicts(results: dict[tuple[str, int], Result]) -> list[str]:
     )
     drift = max(results[pool, 3].momentum_drift for pool in ("pool", "pool_2x"))
     claim(
-        "pair forces between layers cancel (the thesis itself admits they do not).",
+        "pair forces between layers cancel (the thesis states that they do not).",
         drift < 1e-3,
-        f"The impulse that they gave is {100 * drift:.0f} % of the largest sum of m |v|.",
+        f"Their total impulse is {100 * drift:.0f} % of the largest sum of m |v|.",
     )
     worst = min(r.volume_error for r in results.values())
     claim(
         "the water keeps its volume.",
         worst > -0.01,
-        f"The worst row fills {100 * worst:+.1f} % of its rest volume while its density error "
-        "reads small: without wall particles the water crowds at the walls.",
+        f"The largest volume error is {100 * worst:+.1f} %, while the density error is small: "
+        "without wall particles the water crowds at the walls.",
     )
     return lines
 
 
 def plot(results: dict[tuple[str, int], Result], path: Path) -> None:
-    """Speed over system 1, ours and the thesis's, and the errors beside it."""
+    """Plots speeds over system 1, ours and the thesis's, and errors."""
     keys = list(results)
     names = [f"{pool}\nsystem {system}" for pool, system in keys]
     figure, (speed, error) = plt.subplots(1, 2, figsize=(12, 4.5))
@@ -146,7 +148,7 @@ def plot(results: dict[tuple[str, int], Result], path: Path) -> None:
     x = range(len(keys))
     speed.bar([i - 0.2 for i in x], ours, 0.4, label="here")
     speed.bar([i + 0.2 for i in x], theirs, 0.4, label="thesis, 2008")
-    speed.set_title("steps per second of the fluid alone, over system 1")
+    speed.set_title("steps per second without rendering, over system 1")
     error.bar(
         [i - 0.2 for i in x],
         [-100 * results[k].volume_error for k in keys],
@@ -159,7 +161,7 @@ def plot(results: dict[tuple[str, int], Result], path: Path) -> None:
         0.4,
         label="mean density error, %",
     )
-    error.set_title("what it costs in accuracy")
+    error.set_title("errors")
     for axis in (speed, error):
         axis.set_xticks(list(x), names, fontsize=8)
         axis.legend(loc="upper left", bbox_to_anchor=(0.0, 1.0), framealpha=1.0)
@@ -170,10 +172,12 @@ def plot(results: dict[tuple[str, int], Result], path: Path) -> None:
 
 
 @click.command()
-@click.option("--seconds", default=10.0, show_default=True, help="Simulated time of each system.")
+@click.option(
+    "--seconds", default=10.0, show_default=True, help="Simulated time of each system [s]."
+)
 @click.option("--arch", type=click.Choice(ARCHES), default="auto", show_default=True)
 def main(seconds: float, arch: str) -> None:
-    """Measure Table 5.1 and write bench/results/table_5_1.{md,csv,png}."""
+    """Run the systems of table 5.1 and write bench/results/table_5_1.{md,csv,png}."""
     arch = start(arch)
     results = {}
     for pool, system in THESIS:
@@ -183,13 +187,13 @@ def main(seconds: float, arch: str) -> None:
     rows = [row(key, results) for key in results]
     table = tabulate(rows, headers="keys", tablefmt="github", disable_numparse=True)
     text = [
-        heading("Table 5.1 of the thesis, measured here", arch),
-        f"{seconds:g} s of still water each, frames of 1/60 s, medians; with rendering means "
-        "surface and picture at 640x360.\nIn brackets the thesis (Gokdogan 2008, Table 5.1): a "
-        "laptop of 2008, one step per frame, so its ratios\ncompare with ours per step. Our finer "
-        "layers also need shorter steps: the ratios per frame pay for that.\n",
+        heading("Table 5.1 of the thesis, reproduced", arch),
+        f"{seconds:g} s of still water each, frames of 1/60 s, medians; rendering includes surface "
+        "and image at 640x360.\nIn brackets the thesis (Gokdogan 2008, table 5.1): a laptop of "
+        "2008, one step per frame, so its ratios\nare comparable with our ratios of steps/s. Our "
+        "finer layers need shorter steps, which lowers the ratios of frames/s.\n",
         table,
-        "\n## The thesis's claims\n",
+        "\n## Claims of the thesis\n",
         *verdicts(results),
         "\n![speed and error](table_5_1.png)\n",
     ]

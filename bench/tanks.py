@@ -1,4 +1,4 @@
-"""Tanks of water that benchmarks fill in two ways, and what they read off them."""
+"""Tanks of uniform or layered water for benchmarks, and measurements on them."""
 
 import math
 from dataclasses import dataclass, field
@@ -13,8 +13,9 @@ from msph.scene.schema import Scene
 
 GRAVITY = 9.81
 FRAME = 1.0 / 60.0
-# Sheets of a depth profile, and where probes stand in each, as shares of the footprint (x, z).
-SHEETS = 12
+# Number of horizontal slices of a depth profile, and positions of the probes in each slice, (x, z)
+# over the footprint.
+SLICES = 12
 COLUMNS = ((0.25, 0.25), (0.25, 0.75), (0.75, 0.25), (0.75, 0.75))
 
 
@@ -29,8 +30,9 @@ def tank(
 ) -> Scene:
     """A box of `footprint` (x, z) [m] with water of `depth` [m] and `air` [m] above it.
 
-    layers = 1: uniform particles of `finest` spacing [m]; more: that many adaptive layers, each of
-    twice the mass of the next finer, filled as the coarsest. Another `seed` is another start.
+    layers: 1 for uniform particles of `finest` spacing [m]; otherwise the number of adaptive
+    layers, each of twice the mass of the next finer; the water is filled with the coarsest. seed:
+    of the random initial displacements.
     """
     x, z = footprint
     mass = 1000.0 * finest**3
@@ -49,7 +51,7 @@ def tank(
 
 @dataclass
 class Reading:
-    """The water frame by frame; energies in J, errors as shares (-)."""
+    """Measurements of the water at each read(): times [s], energies [J], density errors (-)."""
 
     simulation: Simulation
     times: list[float] = field(default_factory=list)
@@ -59,8 +61,8 @@ class Reading:
     error_mean: list[float] = field(default_factory=list)
     error_p99: list[float] = field(default_factory=list)
     error_max: list[float] = field(default_factory=list)
-    _pressure: np.ndarray = field(default_factory=lambda: np.zeros(SHEETS))
-    _weight: np.ndarray = field(default_factory=lambda: np.zeros(SHEETS))
+    _pressure: np.ndarray = field(default_factory=lambda: np.zeros(SLICES))
+    _weight: np.ndarray = field(default_factory=lambda: np.zeros(SLICES))
 
     def __post_init__(self):
         specs = self.simulation.layers.specs
@@ -72,7 +74,7 @@ class Reading:
         return self._mass[self.simulation.particles.numpy("layer")]
 
     def read(self) -> None:
-        """Adds the state of now."""
+        """Adds the current state."""
         sim, p = self.simulation, self.simulation.particles
         m, x, v = self._masses(), p.numpy("x").astype(float), p.numpy("v").astype(float)
         sim.measure_density()
@@ -85,27 +87,29 @@ class Reading:
         self.error_p99.append(float(np.percentile(excess, 99.0)))
         self.error_max.append(float(excess.max()))
         hydrostatic = 1000.0 * GRAVITY * (self.depth - x[:, 1])
-        sheet = np.clip((x[:, 1] / self.depth * SHEETS).astype(int), 0, SHEETS - 1)
-        self._pressure += np.bincount(sheet, m * (p.numpy("pressure") - hydrostatic), SHEETS)
-        self._weight += np.bincount(sheet, m, SHEETS)
+        slice_ = np.clip((x[:, 1] / self.depth * SLICES).astype(int), 0, SLICES - 1)
+        self._pressure += np.bincount(slice_, m * (p.numpy("pressure") - hydrostatic), SLICES)
+        self._weight += np.bincount(slice_, m, SLICES)
 
     def pressure_error(self) -> float:
-        """Root mean square over depth of the error of the mean pressure, over rho g H (-).
+        """Returns the root mean square over depth of the error of the mean pressure, over rho g H.
 
-        Sheets weigh what water they hold: coarse particles leave sheets to a stray one.
+        Slices are weighted by their mass: between coarse particles some slices are nearly empty.
         """
         mean = self._pressure / np.maximum(self._weight, 1e-9)
         square = np.average(mean**2, weights=self._weight)
         return float(np.sqrt(square) / (1000.0 * GRAVITY * self.depth))
 
     def energy_rise(self, seconds: float = 1.0) -> float:
-        """Largest rise of the energy within `seconds`, over the potential energy over the floor."""
+        """Returns the largest rise of the energy within `seconds`, over the potential energy
+        (-)."""
         e, n = np.array(self.energies), round(seconds / FRAME)
         rises = [e[k + 1 : k + 1 + n].max() - e[k] for k in range(len(e) - 1)]
         return max(0.0, max(rises)) / (1000.0 * GRAVITY * 0.5 * self.depth * self._volume())
 
     def volume_error(self) -> float:
-        """Height of the centre over half the rest depth, less 1: of the last second (-)."""
+        """Returns the height of the centre of mass in the last second over half the depth, minus
+        1."""
         heights = np.array(self.centres)[-60:, 1]
         return float(heights.mean() / (0.5 * self.depth) - 1.0)
 
@@ -114,35 +118,35 @@ class Reading:
 
 
 class Profile:
-    """Pressure over depth as probes in the middle of every sheet read it, frame by frame.
+    """Pressure over depth, measured by probes at the centre of every slice at each read().
 
-    Probes tell what is in a point; means of a sheet's own particles are as rough as the particles
-    are thicker than the sheet.
+    Means over the particles of a slice are inaccurate where particles are larger than the slice.
     """
 
     def __init__(self, simulation: Simulation, depth: float):
         self.simulation, self.depth, self.frames = simulation, depth, 0
-        self.heights = (np.arange(SHEETS) + 0.5) / SHEETS * depth
+        self.heights = (np.arange(SLICES) + 0.5) / SLICES * depth
         x, _, z = simulation.size
         places = [(a * x, y, b * z) for y in self.heights for a, b in COLUMNS]
         self.points = np.array(places)
-        self.sums = np.zeros(SHEETS)
+        self.sums = np.zeros(SLICES)
 
     def read(self) -> None:
-        """Adds the state of now."""
-        # What is dry bears no pressure.
+        """Adds the current state."""
+        # The pressure of dry points is 0.
         pressures = np.nan_to_num(Snapshot.of(self.simulation).pressures(self.points))
-        self.sums += pressures.reshape(SHEETS, -1).mean(axis=1)
+        self.sums += pressures.reshape(SLICES, -1).mean(axis=1)
         self.frames += 1
 
     def error(self) -> float:
-        """Root mean square over depth of the error of the mean pressure, over rho g H (-)."""
+        """Returns the root mean square over depth of the error of the mean pressure, over rho g
+        H."""
         off = self.sums / self.frames - 1000.0 * GRAVITY * (self.depth - self.heights)
         return float(np.sqrt(np.mean(off**2)) / (1000.0 * GRAVITY * self.depth))
 
 
 def run(simulation: Simulation, seconds: float, *readings: Reading | Profile) -> None:
-    """Advances frame by frame under gravity, reading each."""
+    """Advances the simulation under gravity and reads all readings after each frame."""
     for _ in range(round(seconds / FRAME)):
         simulation.advance(FRAME, ExternalForces(gravity=(0.0, -GRAVITY, 0.0)))
         for reading in readings:
@@ -150,14 +154,16 @@ def run(simulation: Simulation, seconds: float, *readings: Reading | Profile) ->
 
 
 def build(scene: Scene) -> Simulation:
+    """Builds the simulation of a scene."""
     return build_simulation(scene)
 
 
 def slosh(simulation: Simulation, depth: float, amplitude: float) -> None:
-    """Gives still water the velocities of the first sloshing mode along x as it passes rest.
+    """Adds the velocities of the first sloshing mode along x at its zero crossing.
 
     v_x = -a omega sin(kx) cosh(ky)/sinh(kH), v_y = a omega cos(kx) sinh(ky)/sinh(kH), k = pi/L.
-    Displacing it instead upsets the arrangement, whose relaxation lifts the water.
+    amplitude [m] of the surface. Displaced particles would be less evenly arranged, and the water
+    would rise as they rearrange.
     """
     length = simulation.size[0]
     k, omega = math.pi / length, 2.0 * math.pi / slosh_period(length, depth)
@@ -170,13 +176,13 @@ def slosh(simulation: Simulation, depth: float, amplitude: float) -> None:
 
 
 def slosh_period(length: float, depth: float) -> float:
-    """Period [s] of the first mode of linear theory: omega^2 = g k tanh(k H), k = pi/L."""
+    """Returns the period [s] of the first mode: omega^2 = g k tanh(k H), k = pi/L."""
     k = math.pi / length
     return 2.0 * math.pi / math.sqrt(GRAVITY * k * math.tanh(k * depth))
 
 
 def fitted_period(times: list[float], values: np.ndarray, guess: float) -> float:
-    """Period [s] of the damped cosine that fits best."""
+    """Returns the period [s] of the damped cosine that fits best."""
     from scipy.optimize import curve_fit
 
     def wave(t, mean, a, b, rate, period):

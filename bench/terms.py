@@ -41,27 +41,28 @@ TERMS = {
     "tension": {"tension": WATER_TENSION},
     "xsph": {"xsph": 0.05},
 }
-# The tank that is timed: spacing [m], spacings along its edges, sheets; steps a round.
-TIMED, ACROSS, SHEETS, STEPS = 0.02, 24, 12, 12
-# A box of 1 m, so many spacings long, in which flows decay; depth of the tank in sheets.
+# Timed tank: spacing [m], width and depth in spacings; steps per round.
+TIMED, ACROSS, LEVELS, STEPS = 0.02, 24, 12, 12
+# Box of 1 m for decaying flows: edge and depth in spacings.
 CELLS, DEEP = 16, 6
-# What is measured by bench/parts.py.
+# Title of the table of bench/parts.py.
 PARTS_TITLE = (
-    f"Parts of a scene, off and on: a tank of 3,072 particles, medians of {parts.FRAMES} frames "
-    "of 1/60 s in turn, picture 640x360"
+    f"Parts of a scene, off and on: a tank of 3,072 particles, medians of {parts.FRAMES} "
+    "alternating frames of 1/60 s, image 640x360"
 )
-# Speed [m/s] of the vortex U (sin pi x cos pi z, 0, -cos pi x sin pi z) in a tank. Its formula is
-# that of a box with a lid; under a free surface its pressure rho U^2/4 (cos 2 pi x + cos 2 pi z)
-# lifts linear waves from depth D, with up to U^2/(2 g D) of its energy: .4 % of its amplitude at
-# .25 m/s, 6.4 % at 1 m/s (D = .4 m).
+# Speed [m/s] of the vortex U (sin pi x cos pi z, 0, -cos pi x sin pi z) in a tank. The formula is
+# for a box with a lid. Under a free surface the pressure rho U^2/4 (cos 2 pi x + cos 2 pi z) causes
+# waves with up to U^2/(2 g D) of the energy at depth D: 0.4 % of the amplitude at 0.25 m/s, 6.4 %
+# at 1 m/s (D = 0.4 m).
 VORTEX_SPEED = 0.25
-# Drops: radius [m], radii in spacings, how far they are drawn out at the start (-), and the number
-# of lattices, turned and shifted at random, from which they are cut: periods differ by up to 10 %.
+# Drops: radius [m], radii in spacings, initial elongation (-), and number of randomly rotated and
+# shifted lattices from which they are cut: periods differ by up to 10 %.
 RADIUS, FINENESS, STRETCH, LATTICES = 0.005, (5, 7, 9, 12, 15), 0.1, 4
 
 
 def build(x: np.ndarray, spacing: float, size, v=None, layer=None, ratio=1, **terms) -> Simulation:
-    """Water of particles at x (n, 3) [m]; where ratio > 1, layer 1 has `ratio` times the mass."""
+    """Returns a simulation of particles at x (n, 3) [m]; if ratio > 1, layer 1 has `ratio` times
+    the mass."""
     ratios = (1, ratio) if ratio > 1 else (1,)
     specs = [LayerSpec(1000.0 * spacing**3 * m, 1000.0, ETA) for m in ratios]
     x = x + np.random.default_rng(0).uniform(-0.02, 0.02, x.shape) * spacing
@@ -73,12 +74,13 @@ def build(x: np.ndarray, spacing: float, size, v=None, layer=None, ratio=1, **te
 
 
 def lattice(counts, spacing: float) -> np.ndarray:
+    """Returns the points of a cubic lattice from the origin, (n, 3) [m]."""
     return (np.indices(counts).reshape(3, -1).T + 0.5) * spacing
 
 
 def ball(radius: float, spacing: float, stretch=(1.0, 1.0, 1.0), seed: int = 0) -> np.ndarray:
-    """Points of a cubic lattice within a stretched ball about the origin, (n, 3) [m]; with a seed
-    the lattice is turned and shifted at random."""
+    """Returns the points of a cubic lattice within a stretched ball about the origin, (n, 3) [m].
+    seed: of a random rotation and shift of the lattice, 0 for none."""
     n = int(2.0 * radius / spacing) + 1
     x = lattice((2 * n,) * 3, spacing) - n * spacing
     if seed:
@@ -88,15 +90,16 @@ def ball(radius: float, spacing: float, stretch=(1.0, 1.0, 1.0), seed: int = 0) 
 
 
 def set_velocity(sim: Simulation, v: np.ndarray) -> None:
+    """Sets the velocities of the particles to v (n, 3) [m/s]."""
     padded = np.zeros((sim.particles.capacity, 3), np.float32)
     padded[: len(v)] = v
     sim.particles.v.from_numpy(padded)
 
 
 def cost(repeats: int) -> list[dict[str, str]]:
-    """Rows: milliseconds per step of the same tank, turn by turn."""
-    size = (ACROSS * TIMED, 2 * SHEETS * TIMED, ACROSS * TIMED)
-    x = lattice((ACROSS, SHEETS, ACROSS), TIMED)
+    """Returns the rows of the time per step with each term; the tanks run in alternating rounds."""
+    size = (ACROSS * TIMED, 2 * LEVELS * TIMED, ACROSS * TIMED)
+    x = lattice((ACROSS, LEVELS, ACROSS), TIMED)
     x[:, 1] *= 1.0 + 0.1 * np.cos(np.pi * x[:, 0] / size[0])
     dt, times, rows = tanks.FRAME / 2.0, {name: [] for name in TERMS}, []
     sims = {name: build(x, TIMED, size, **terms) for name, terms in TERMS.items()}
@@ -116,17 +119,17 @@ def cost(repeats: int) -> list[dict[str, str]]:
             {
                 "term": name,
                 "ms per step": f"{statistics.median(found):.2f} ({low:.2f} to {high:.2f})",
-                "over none": f"{statistics.median(found) / none:.2f}",
+                "over no term": f"{statistics.median(found) / none:.2f}",
                 "term alone, ms": f"{alone(sims[name], dt):.2f}",
-                "its iterations": f"{viscosity.iterations if viscosity else 0}",
-                "pressure's": f"{solver.iterations}",
+                "iterations of the term": f"{viscosity.iterations if viscosity else 0}",
+                "iterations of the pressure solve": f"{solver.iterations}",
             }
         )
     return rows
 
 
 def milliseconds(work) -> float:
-    """Wall-clock time of work() [ms]."""
+    """Returns the elapsed time of work() [ms]."""
     ti.sync()
     begin = time.perf_counter()
     work()
@@ -135,7 +138,7 @@ def milliseconds(work) -> float:
 
 
 def alone(sim: Simulation, dt: float) -> float:
-    """Median time [ms] of the term itself, on the run's last state."""
+    """Returns the median time [ms] of the term alone, in the last state of the run."""
     sim.measure_density()
     v, found = sim.particles.v.to_numpy(), []
     term = next((f for f in sim.solver.forces if not isinstance(f, BodyForce)), None)
@@ -148,23 +151,27 @@ def alone(sim: Simulation, dt: float) -> float:
 
 
 def vortex(x: np.ndarray, length: float = 1.0) -> np.ndarray:
-    """Taylor-Green in a box of `length` [m] by 1 m: (sin kx x cos kz z, 0, -kx/kz cos kx x sin
-    kz z), kx = pi/length, kz = pi/1 m, (n, 3)."""
+    """Returns the Taylor-Green vortex in a box of `length` [m] by 1 m at x (n, 3) [m]: (sin kx x
+    cos kz z, 0, -kx/kz cos kx x sin kz z), kx = pi/length, kz = pi/1 m, (n, 3)."""
     sx, sz = np.pi * x[:, 0] / length, np.pi * x[:, 2]
     across = -np.cos(sx) * np.sin(sz) / length
     return np.stack([np.sin(sx) * np.cos(sz), 0.0 * sx, across], axis=1)
 
 
 def amplitude(sim: Simulation) -> float:
+    """Returns the amplitude [m/s] of the vortex by least squares."""
     x, v = (sim.particles.numpy(k).astype(float) for k in "xv")
     shape = vortex(x)
     return float((v * shape).sum() / (shape**2).sum())
 
 
-def stirred(sheets: int, air: int) -> tuple[np.ndarray, tuple[float, float, float]]:
-    """Places in water that has lost its lattice, and the box."""
+def stirred(deep: int, air: int) -> tuple[np.ndarray, tuple[float, float, float]]:
+    """Returns positions of particles in stirred water, (n, 3) [m], and the size of the box [m].
+
+    deep, air: depth of water and air in spacings.
+    """
     d = 1.0 / CELLS
-    size, x = (1.0, (sheets + air) * d, 1.0), lattice((CELLS, sheets, CELLS), d)
+    size, x = (1.0, (deep + air) * d, 1.0), lattice((CELLS, deep, CELLS), d)
     v = vortex(x) + np.random.default_rng(1).normal(0.0, 0.3, x.shape)
     sim = build(x, d, size, v)
     for _ in range(60):
@@ -173,6 +180,7 @@ def stirred(sheets: int, air: int) -> tuple[np.ndarray, tuple[float, float, floa
 
 
 def row(term: str, problem: str, formula: float, found: float, digits: int = 3) -> dict[str, str]:
+    """Returns a table row: a measured value against a formula."""
     return {
         "term": term,
         "reference": problem,
@@ -183,7 +191,8 @@ def row(term: str, problem: str, formula: float, found: float, digits: int = 3) 
 
 
 def term_alone() -> list[dict[str, str]]:
-    """Rows: the Taylor-Green vortex by the term alone, particles held, in a full, stirred box."""
+    """Returns the rows of the decay of a Taylor-Green vortex by the term alone, with particles at
+    constant positions in a full box of stirred water."""
     x, size = stirred(DEEP, 0)
     d, dt, steps, rows = 1.0 / CELLS, tanks.FRAME / 2.0, 20, []
     for name, terms in list(TERMS.items())[1:]:
@@ -196,7 +205,7 @@ def term_alone() -> list[dict[str, str]]:
         set_velocity(sim, vortex(sim.particles.numpy("x").astype(float)))
         before, problem = amplitude(sim), "Taylor-Green, term alone, rate 2 nu k^2, 1/s"
         if viscosity:
-            # A tar that stands still within a step says nothing.
+            # Short steps: tar would come to rest within a step.
             rate = 2.0 * np.pi**2 * terms["viscosity"] / 1000.0
             step = min(dt, 0.1 / rate)
             for _ in range(steps):
@@ -207,21 +216,22 @@ def term_alone() -> list[dict[str, str]]:
                 xsph.apply(dt, ExternalForces())
             share = terms["xsph"] * (1.0 - transform(np.sqrt(2.0) * np.pi, ETA * d))
             found = 1.0 - (amplitude(sim) / before) ** (1.0 / steps)
-            rows.append(row(name, "the same, share of it lost in a step", share, found))
+            rows.append(row(name, "Taylor-Green, term alone, relative loss per step", share, found))
     return rows
 
 
 def transform(k: float, h: float) -> float:
-    """Fourier transform of the Wendland C2 kernel of support h [m] at wave number k [1/m] (-)."""
+    """Returns the Fourier transform (-) of the Wendland C2 kernel of support h [m] at wave number k
+    [1/m]."""
     r = (np.arange(2000) + 0.5) / 2000 * h
     w = 21.0 / (2.0 * np.pi * h**3) * (1.0 - r / h) ** 4 * (1.0 + 4.0 * r / h)
     return float((4.0 * np.pi * r**2 * w * np.sinc(k * r / np.pi)).sum() * h / 2000)
 
 
 def in_flow(speed: float = VORTEX_SPEED, seconds: float = 0.15) -> list[dict[str, str]]:
-    """Rows: the vortex in a tank with a free surface, all of the method at work.
+    """Returns the rows of the decay of a vortex in a tank with a free surface, by the whole method.
 
-    Without a term all decay is error; terms are held against the same run without.
+    Without viscosity all decay is error; runs with a term are compared with the run without.
     """
     x, size = stirred(DEEP, 4)
     rows, without = [], 1.0
@@ -237,14 +247,15 @@ def in_flow(speed: float = VORTEX_SPEED, seconds: float = 0.15) -> list[dict[str
         left = amplitude(sim) / before
         without = without if terms else left
         decay = np.exp(-2.0 * np.pi**2 * terms.get("viscosity", 0.0) / 1000.0 * seconds)
-        what = f"of a vortex of {speed:g} m/s left after {seconds:g} s"
-        problem = f"share {what}" + (", over none's" if terms else "")
+        what = f"relative amplitude of a vortex of {speed:g} m/s after {seconds:g} s"
+        problem = what + (", over no term" if terms else "")
         rows.append(row(name, problem, decay, left / (without if terms else 1.0)))
     return rows
 
 
 def drop(fineness: int) -> list[dict[str, str]]:
-    """Rows: period, pressure and shape of a drop drawn out by a tenth, over the formulas'."""
+    """Returns the rows of a drop elongated by 10 %: period, pressure and shape over the
+    formulas."""
     found = np.array([swing(fineness, seed) for seed in range(LATTICES)])
     rows = []
     for k, problem in enumerate(
@@ -263,8 +274,8 @@ def drop(fineness: int) -> list[dict[str, str]]:
 
 
 def swing(fineness: int, seed: int) -> tuple[float, float, float, float]:
-    """Period and pressure of a drop over Lamb's and Laplace's, its shortest and its longest axis
-    over R."""
+    """Returns period and pressure of a drop over Lamb's and Laplace's formulas (-), and its
+    shortest and longest axis over R at the end."""
     d = RADIUS / fineness
     x = ball(RADIUS, d, (1.0 + STRETCH, 1.0 - STRETCH / 2.0, 1.0 - STRETCH / 2.0), seed)
     radius = (0.75 / np.pi * len(x) * d**3) ** (1.0 / 3.0)
@@ -287,7 +298,8 @@ def swing(fineness: int, seed: int) -> tuple[float, float, float, float]:
 
 
 def conservation() -> list[dict[str, str]]:
-    """Rows: momenta that a turning, shearing ball of two layers (masses 1 : 2) gains by itself."""
+    """Returns the rows of the momentum drift of a rotating, sheared ball of two layers (masses
+    1 : 2)."""
     d, middle, rows = 0.02, 0.6, []
     fine, coarse = ball(0.1, d), ball(0.1, 2.0 ** (1.0 / 3.0) * d)
     x = np.concatenate([fine[fine[:, 1] > 0.0], coarse[coarse[:, 1] < 0.0]]) + middle
@@ -312,7 +324,7 @@ def conservation() -> list[dict[str, str]]:
 
 
 def momenta(sim: Simulation, middle: float):
-    """Momentum, angular momentum, and their scales, the sums of m v and m r v."""
+    """Returns momentum, angular momentum, and their scales, the sums of m |v| and m r |v|."""
     m = np.array([s.mass for s in sim.layers.specs])[sim.particles.numpy("layer")][:, None]
     x, v = (sim.particles.numpy(k).astype(float) for k in "xv")
     arm, speed = x - middle, np.linalg.norm(v, axis=1)
@@ -321,24 +333,30 @@ def momenta(sim: Simulation, middle: float):
 
 
 @click.command()
-@click.option("--repeats", default=5, show_default=True, type=click.IntRange(min=1))
+@click.option(
+    "--repeats",
+    default=5,
+    show_default=True,
+    type=click.IntRange(min=1),
+    help="Number of timed rounds.",
+)
 @click.option("--arch", type=click.Choice(ARCHES), default="auto", show_default=True)
 def main(repeats: int, arch: str) -> None:
-    """Measure and write bench/results/terms.{md,csv}."""
+    """Measure the terms and parts, and write bench/results/terms.{md,csv}."""
     arch = start(arch)
     costs = cost(repeats)
     errors = [*term_alone(), *in_flow(), *(r for n in FINENESS for r in drop(n))]
     kept = conservation()
     sections = (
-        (f"Cost: {ACROSS**2 * SHEETS:,} particles sloshing, steps of 1/120 s", costs),
+        (f"Cost: {ACROSS**2 * LEVELS:,} particles sloshing, steps of 1/120 s", costs),
         ("Error against formulas", errors),
-        ("What a ball of two layers gains by itself in 15 frames", kept),
+        ("Momentum drift of a ball of two layers in 15 frames", kept),
         (PARTS_TITLE, parts.rows(arch)),
     )
     text = [heading("Cost and error of the projection method's optional terms", arch)]
     text.append(
-        f"h/d = {ETA:g}. Milliseconds are medians over {repeats} turns of {STEPS} steps, all terms "
-        "in turn, with the\n10th and 90th percentile.\n"
+        f"h/d = {ETA:g}. Times are medians over {repeats} rounds of {STEPS} steps, with the 10th "
+        "and 90th percentile;\nthe terms run in alternating rounds.\n"
     )
     for title, rows in sections:
         table = tabulate(rows, headers="keys", tablefmt="github", disable_numparse=True)

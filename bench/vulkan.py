@@ -1,4 +1,4 @@
-"""Each shipped scene on another architecture and on the CPU: density error and kinetic energy.
+"""Density error and kinetic energy of every shipped scene on another device and on the CPU.
 
 python bench/vulkan.py [--arch vulkan] [--seconds 0.2] [--quality small]
 """
@@ -24,9 +24,9 @@ from msph.stage.controls import Controls
 from msph.stage.show import Show
 
 SEEDS, FRAME = (0, 1, 2), 1.0 / 60.0
-# Longest that all runs on one architecture may take [s], and letters of a failure that are shown.
-LONGEST, LETTERS = 1800.0, 100
-# Quantities of facts(), their names, units and the units' size.
+# Time limit of all runs on a device [s], and number of characters of a failure that are shown.
+MAX_SECONDS, MAX_CHARACTERS = 1800.0, 100
+# Quantities of facts(): key, name, unit, factor of the unit.
 QUANTITIES = (
     ("density", "density error", "%", 100.0),
     ("kinetic", "kinetic energy", "J", 1.0),
@@ -34,7 +34,8 @@ QUANTITIES = (
 
 
 def facts(name: str, seed: int, frames: int, quality: str) -> dict[str, float]:
-    """Mean density error (-) and kinetic energy [J] of a scene after so many frames."""
+    """Runs a scene for `frames`; returns its number of particles, mean density error (-) and
+    kinetic energy [J]."""
     scene = load_scene(name, (f"seed={seed}",))
     show = Show(
         at_quality(scene, AS_GIVEN if single_quality_reason(scene) else quality, name), FRAME
@@ -52,20 +53,20 @@ def facts(name: str, seed: int, frames: int, quality: str) -> dict[str, float]:
 
 
 def work(task: dict) -> dict[str, list[dict] | str]:
-    """By scene its facts for each seed, or why it failed, on the architecture of the task."""
+    """Returns facts() of each scene and seed on the device of the task, or a failure message."""
     start(task["arch"], tested=True)
     found: dict[str, list[dict] | str] = {}
     for name in shipped_scenes():
         try:
             found[name] = [facts(name, k, task["frames"], task["quality"]) for k in task["seeds"]]
-        # Taichi raises RuntimeError for code that a driver does not take.
+        # Taichi raises RuntimeError for code that a driver rejects.
         except (BlowUpError, RuntimeError) as error:
-            found[name] = f"failed: {error}"[:LETTERS]
+            found[name] = f"failed: {error}"[:MAX_CHARACTERS]
     return found
 
 
 def row(scene: str, arch: str, cpu: list[dict] | str, other: list[dict] | str) -> dict[str, str]:
-    """Row of one scene: values of the first seed, and the CPU's range over the seeds."""
+    """Returns the row of a scene: values of the first seed, and the range over seeds on the CPU."""
     if isinstance(cpu, str) or isinstance(other, str):
         return {"scene": scene, "particles": next(f for f in (other, cpu) if isinstance(f, str))}
     found = {"scene": scene, "particles": f"{other[0]['particles']:,}"}
@@ -78,26 +79,27 @@ def row(scene: str, arch: str, cpu: list[dict] | str, other: list[dict] | str) -
 
 
 @click.command()
-@click.option("--arch", default="vulkan", show_default=True)
-@click.option("--seconds", default=0.2, show_default=True, help="Simulated time of each scene.")
-@click.option("--quality", default="small", show_default=True)
+@click.option("--arch", default="vulkan", show_default=True, help="Device to compare.")
+@click.option("--seconds", default=0.2, show_default=True, help="Simulated time of each scene [s].")
+@click.option("--quality", default="small", show_default=True, help="As for `msph bench`.")
 @click.option("--worker", hidden=True, help="Task of one process, as JSON.")
 def main(arch: str, seconds: float, quality: str, worker: str | None) -> None:
-    """Measure all and write bench/results/vulkan.md, for other architectures of their name."""
+    """Run every scene and write bench/results/vulkan.md (or ARCH.md for another device)."""
     if worker:
         print(json.dumps(work(json.loads(worker))))
         return
     task = {"frames": round(seconds / FRAME), "quality": quality}
-    cpu = in_process(__file__, {**task, "arch": "cpu", "seeds": SEEDS}, LONGEST)
-    other = in_process(__file__, {**task, "arch": arch, "seeds": SEEDS[:1]}, LONGEST)
+    cpu = in_process(__file__, {**task, "arch": "cpu", "seeds": SEEDS}, MAX_SECONDS)
+    other = in_process(__file__, {**task, "arch": arch, "seeds": SEEDS[:1]}, MAX_SECONDS)
     for found in (cpu, other):
         if "failure" in found:
             raise click.ClickException(found["failure"])
     rows = [row(name, arch, cpu[name], other[name]) for name in shipped_scenes()]
     report = [
         heading(f"The shipped scenes on {arch} and on the CPU", arch),
-        f"{seconds:g} s of each at quality {quality} (as given where it has one only), from the\n"
-        f"same particles. CPU by seeds: range over {len(SEEDS)} initial jitters.\n",
+        f"{seconds:g} s of each at quality {quality} (large for scenes with a single quality),\n"
+        "from the same particles. CPU by seeds: range over "
+        f"{len(SEEDS)} random initial positions.\n",
         tabulate(rows, headers="keys", tablefmt="github", disable_numparse=True),
         "",
     ]

@@ -14,8 +14,8 @@ from msph.scene.water import layer_specs, particle_count
 
 def test_conjugate_gradients_take_fewer_iterations_than_jacobi() -> None:
     """Twelve sheets, from nothing and from the last step's pressures, at no larger error."""
-    rows = solvers(layers=1, sheets=12)
-    assert [row["start"] for row in rows] == ["cold", "warm"]
+    rows = solvers(layers=1, depth=12)
+    assert [row["initial guess"] for row in rows] == ["cold", "warm"]
     for row in rows:
         assert int(row["conjugate gradients"].split()[0]) < int(row["Jacobi"].split()[0])
 
@@ -46,10 +46,10 @@ def test_a_peers_block_is_the_tanks() -> None:
 def test_peers_tables_do_without_peers() -> None:
     """Ours is shown where theirs is missing."""
     ours = peers.Run(10, 12, simulated=1.0, wall=2.0, steps=4, iterations=8, compression=[0.01])
-    runs = {kind: [] for kind in peers.WATER} | {peers.UNIFORM: [ours]}
+    runs = {kind: [] for kind in peers.FLUIDS} | {peers.UNIFORM: [ours]}
     row = peers.speeds(peers.TANKS[0], 1.0, runs)
     assert row[peers.UNIFORM] == "0.5" and row[peers.THEIRS] == "-"
-    assert [r["water"] for r in peers.details(peers.TANKS[0], runs)] == [peers.UNIFORM]
+    assert [r["fluid"] for r in peers.details(peers.TANKS[0], runs)] == [peers.UNIFORM]
 
 
 def test_slopes_and_layers_of_scale() -> None:

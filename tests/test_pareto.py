@@ -33,7 +33,7 @@ def test_still_water_is_read_once_it_has_moved():
     """Six spacings deep and off its lattice; pressure and level within 2 %."""
     run, errors = CASES["hydrostatic"].measure(Setting(fineness=6))
     assert errors["pressure"] < 0.02 and errors["height"] < 0.02
-    cell = run.places() * 6.0 % 1.0
+    cell = run.positions() * 6.0 % 1.0
     assert np.abs(cell - 0.5).mean() > 0.1
     # Of all starts: resets had begun the count anew.
     assert run.costs()["steps"] >= 60 * run.simulated - 1
@@ -58,7 +58,7 @@ def test_layers_have_their_mass_in_a_vortex():
     """Coarse particles count as much as the fine ones of their volume."""
     setting = Setting(water=ADAPTIVE, fineness=5)
     run = begin(tank(setting, (1.0, 1.0), vortex.DEPTH, vortex.AIR))
-    x = run.places()
+    x = run.positions()
     fine = (run.simulation.particles.numpy("layer") == 0)[:, None]
     set_velocity(run.simulation, np.where(fine, 2.0, 1.0) * taylor_green(x))
     m = run.masses()

@@ -14,17 +14,17 @@ def test_cases_are_scenes(name):
 
 
 def test_water_that_starts_in_one_place_holds():
-    found = stability.run(short(CASES["pairs in one place"]), "projection")
-    assert stability.broken(CASES["pairs in one place"], found) == []
+    found = stability.run(short(CASES["pairs at one position"]), "projection")
+    assert stability.violations(CASES["pairs at one position"], found) == []
     assert found["steps"] > 60 and found["density_end"] > 0.0
 
 
 def test_what_breaks_is_told():
     """The classic method lets such water boil."""
-    case = CASES["pairs in one place"]
+    case = CASES["pairs at one position"]
     found = stability.run(short(case), "classic")
     assert any(
-        "energy" in problem or "density" in problem for problem in stability.broken(case, found)
+        "energy" in problem or "density" in problem for problem in stability.violations(case, found)
     )
 
 
@@ -33,7 +33,7 @@ def test_what_breaks_is_told():
     [
         ("outside", 2, "particles outside 2"),
         ("mass", 1e-3, "mass 0.001"),
-        ("energy_rise", 0.01, "energy rises 0.01"),
+        ("energy_rise", 0.01, "energy rise 0.01"),
         ("bulk_end", -0.02, "bulk density -0.02"),
         ("mass", float("nan"), "mass nan"),
         ("ended", "the water blew up: 3 of 9", "ended the water blew up: 3 of 9"),
@@ -41,18 +41,26 @@ def test_what_breaks_is_told():
 )
 def test_each_demand_can_break(figure, value, problem):
     good = {
-        **{"ended": "well", "outside": 0, "mass": 0.0, "energy_rise": 0.0, "momentum_drift": 1e-7},
+        **{
+            "ended": "finished",
+            "outside": 0,
+            "mass": 0.0,
+            "energy_rise": 0.0,
+            "momentum_drift": 1e-7,
+        },
         **{"density_end": 1e-4, "bulk_end": float("nan"), "kinetic": 1.0},
     }
-    assert stability.broken(Hard("rest"), good) == []
-    assert stability.broken(Hard("rest"), {**good, figure: value}) == [problem]
+    assert stability.violations(Hard("rest"), good) == []
+    assert stability.violations(Hard("rest"), {**good, figure: value}) == [problem]
     if figure == "ended":
-        assert stability.broken(Hard("named", named="the water"), good) == ["ended well"]
-        assert stability.broken(Hard("named", named="the water"), {**good, figure: value}) == []
+        assert stability.violations(Hard("named", named="the water"), good) == ["ended finished"]
+        assert stability.violations(Hard("named", named="the water"), {**good, figure: value}) == []
     else:
         named = {**good, "ended": "the water blew up", figure: value}
         kept = figure in ("energy_rise", "bulk_end")
-        assert stability.broken(Hard("named", named="the water"), named) == ([problem] * (not kept))
+        assert stability.violations(Hard("named", named="the water"), named) == (
+            [problem] * (not kept)
+        )
 
 
 def test_runs_that_fail_are_rows_and_the_report_says_so(tmp_path, monkeypatch):
@@ -61,4 +69,4 @@ def test_runs_that_fail_are_rows_and_the_report_says_so(tmp_path, monkeypatch):
     row = stability.in_process("still", "projection", "cpu")
     assert not stability.report([row], "cpu")
     text = (tmp_path / "stability.md").read_text()
-    assert "holds in 0 of 1" in text and "**FAILS** | killed" in text
+    assert "passes 0 of 1" in text and "**fails** | killed" in text

@@ -1,4 +1,4 @@
-"""Balls of liquid: two that collide without weight, and one that falls and bursts."""
+"""Balls of water: two collide without gravity, and one falls on the floor."""
 
 import numpy as np
 
@@ -6,19 +6,20 @@ from bench import tanks
 from bench.cases.case import ADAPTIVE, UNIFORM, Case, Run, Setting, begin, scene
 
 RADIUS, EDGE = 0.15, 1.2
-# Edge of the box in which balls collide [m]: nothing reaches its walls.
+# Edge of the box of the collision [m]: no water reaches the walls.
 WIDE = 2.4
-# Two balls meet at this speed each [m/s], off centre by this much each [m], for so long [s].
+# Collision: speed [m/s], offset and initial distance [m] of each ball from the middle; duration
+# [s].
 SPEED, OFFSET, APART, SECONDS = 1.0, 0.04, 0.18, 0.4
-# The drop's centre starts this high [m], and meets the floor; the energy is followed for so
-# long after it [s]. The loss is read once the drop would have fallen further by its radius: before
-# the spray reaches the walls.
+# Falling ball: initial height of its centre [m], and time after the impact in which the energy is
+# recorded [s]. The loss is measured when the ball, unhindered, would have fallen by its radius
+# below first contact, before spray reaches the walls.
 HIGH, AFTER = 0.75, 0.3
 
 
 def momenta(run: Run, middle: np.ndarray) -> tuple[np.ndarray, np.ndarray, float, float]:
-    """Momentum, angular momentum about `middle`, and sums of m v and m r v."""
-    m, arm, v = run.masses()[:, None], run.places() - middle, run.velocities()
+    """Returns momentum, angular momentum about `middle`, and the sums of m |v| and m r |v|."""
+    m, arm, v = run.masses()[:, None], run.positions() - middle, run.velocities()
     speed = np.linalg.norm(v, axis=1)
     scale = float((m[:, 0] * speed).sum())
     spin = float((m[:, 0] * np.linalg.norm(arm, axis=1) * speed).sum())
@@ -26,6 +27,7 @@ def momenta(run: Run, middle: np.ndarray) -> tuple[np.ndarray, np.ndarray, float
 
 
 def collision(setting: Setting) -> tuple[Run, dict[str, float]]:
+    """Runs the collision; returns the run and its errors."""
     middle = np.full(3, 0.5 * WIDE)
     water = []
     for side in (-1.0, 1.0):
@@ -49,6 +51,7 @@ def collision(setting: Setting) -> tuple[Run, dict[str, float]]:
 
 
 def falling(setting: Setting) -> tuple[Run, dict[str, float]]:
+    """Runs the falling ball; returns the run and its errors."""
     water = [{"centre": [0.5 * EDGE, HIGH, 0.5 * EDGE], "radius": RADIUS}]
     run = begin(scene(setting, (EDGE,) * 3, RADIUS / setting.fineness, water))
     start, first = run.centre(), run.energy()
@@ -80,7 +83,7 @@ def falling(setting: Setting) -> tuple[Run, dict[str, float]]:
 COLLISION = Case(
     "collision",
     "Two balls collide off centre without gravity",
-    "the balls' radius",
+    "radius of the balls",
     {
         "angular_momentum": "drift of the angular momentum, over sum m r v",
         "momentum": "drift of the momentum, over sum m v",
@@ -94,13 +97,13 @@ COLLISION = Case(
 )
 FALLING_DROP = Case(
     "falling_drop",
-    "A ball of water falls and bursts",
-    "the ball's radius",
+    "A ball of water falls on the floor",
+    "radius of the ball",
     {
         "loss": "share of the energy lost in the impact; an ideal liquid without air loses none",
-        "way": "distance of the centre from g t^2/2 before the floor, over that way",
-        "energy": "change of the energy before the floor, over the energy at the start",
-        "energy_rise": "largest rise of the energy after it, over the energy at the start",
+        "way": "distance of the centre from free fall before the impact, over the height of fall",
+        "energy": "change of the energy before the impact, over the energy at the start",
+        "energy_rise": "largest rise of the energy after the impact, over the energy at the start",
     },
     (4, 6, 8, 12),
     falling,

@@ -1,4 +1,4 @@
-"""What a case of the sweep is: water of which a formula, an experiment or a finer run is known."""
+"""Cases of the sweep: simulations with a reference from a formula, an experiment or a finer run."""
 
 import math
 import resource
@@ -18,7 +18,7 @@ from msph.fluid.simulation import Simulation
 from msph.scene.build import build_simulation
 from msph.scene.schema import Scene
 
-# Words for what a setting may change.
+# Labels of the parameters that a setting may change.
 CHANGEABLE = {
     "smoothing": "support",
     "motion_tolerance": "tolerance",
@@ -26,21 +26,21 @@ CHANGEABLE = {
     "shear_relief": "relief",
 }
 UNIFORM, FIXED, ADAPTIVE = "uniform", "fixed layers", "adaptive layers"
-# Steps between passes of adaptation where layers stay as the start gives them.
+# Steps between passes of adaptation if particles keep their initial layer.
 NEVER = 10**9
-# Random velocities [m/s] by which water loses its lattice.
+# Standard deviation of the random velocities [m/s] that break up the initial lattice.
 STIR = 0.3
-# A layer more, of twice the mass, for every so many times the spacings of two layers (-); the
-# coarsest then still lies in bands of two of its spacings.
-TWO_LAYERS, PER_LAYER, MOST_LAYERS = 5.0, 1.6, 6
+# Fineness of two layers, its factor per further layer, and largest number of layers: bands are then
+# at least two spacings thick.
+TWO_LAYERS, PER_LAYER, MAX_LAYERS = 5.0, 1.6, 6
 
 
 @dataclass(frozen=True)
 class Setting:
-    """A way to simulate a case; None: the method's default.
+    """Settings of a run; None: the default of the method.
 
-    water: UNIFORM, FIXED, ADAPTIVE, or a variant of a shipped scene. fineness: finest spacings over
-    the case's length. smoothing: support over spacing. timed: whether its cost is wanted, too.
+    water: UNIFORM, FIXED, ADAPTIVE, or a variant of a shipped scene. fineness: the case's length in
+    finest spacings. smoothing: support over spacing. timed: measure the cost, not only the errors.
     """
 
     method: str = "projection"
@@ -58,29 +58,29 @@ class Setting:
         if self.water == UNIFORM:
             return 1
         more = math.log(self.fineness / TWO_LAYERS) / math.log(PER_LAYER)
-        return min(MOST_LAYERS, max(2, 2 + round(more)))
+        return min(MAX_LAYERS, max(2, 2 + round(more)))
 
     @property
     def solver(self) -> dict[str, float]:
-        """Parameters of projection that are not the default."""
+        """Parameters of the projection method that differ from the default."""
         names = [name for name in CHANGEABLE if name != "smoothing"]
         return {name: getattr(self, name) for name in names if getattr(self, name) is not None}
 
     @property
     def changes(self) -> str:
-        """What is not the default, in words."""
+        """Changes from the default, in words."""
         known = {text: getattr(self, name) for name, text in CHANGEABLE.items()}
         return ", ".join(f"{text} {value:g}" for text, value in known.items() if value is not None)
 
 
 @dataclass
 class Run:
-    """A simulation that is timed, and read at the end of each frame.
+    """A timed simulation with its density errors at the end of each frame.
 
-    wall [s] is what `simulated` [s] took; others (-): mean number of cores that other processes
-    kept busy meanwhile; steps, iterations: of all frames that go() ran; compression, p99 and
-    largest are the mean, 99th percentile and maximum over particles of max(rho/rho0 - 1, 0) (-) in
-    each frame, rho summed over positions then.
+    wall: elapsed time [s] of `simulated` [s]; others: mean number of cores that other processes
+    kept busy (-); steps, iterations: totals of all frames; compression, p99 and largest: mean, 99th
+    percentile and maximum over particles of max(rho/rho0 - 1, 0) (-) in each frame, rho computed
+    from the positions.
     """
 
     simulation: Simulation
@@ -95,6 +95,7 @@ class Run:
 
     @property
     def others(self) -> float:
+        """Mean number of cores that other processes kept busy since the start (-)."""
         begun, busy = self._begun
         return max(0.0, others_busy() - busy) / max(time.time() - begun, 1e-9)
 
@@ -105,7 +106,7 @@ class Run:
         gravity: float = tanks.GRAVITY,
         frame: float = tanks.FRAME,
     ) -> None:
-        """Frames of `frame` [s] for `seconds` [s] under gravity [m/s^2], read() after each."""
+        """Runs frames of `frame` [s] for `seconds` [s] under gravity [m/s^2]; read() after each."""
         forces = ExternalForces(gravity=(0.0, -gravity, 0.0))
         for _ in range(max(1, round(seconds / frame))):
             sim = self.simulation
@@ -118,10 +119,10 @@ class Run:
             self.simulated += frame
             self.steps += sim.steps - steps
             self.iterations += sim.iterations - iterations
-            self._look()
+            self._record()
             read()
 
-    def _look(self) -> None:
+    def _record(self) -> None:
         sim = self.simulation
         sim.measure_density()
         excess = np.maximum(sim.particles.numpy("density") / 1000.0 - 1.0, 0.0)
@@ -130,30 +131,30 @@ class Run:
         self.largest.append(float(excess.max()))
 
     def masses(self) -> np.ndarray:
-        """Of the particles, (n,) [kg]."""
+        """Returns the masses of the particles, (n,) [kg]."""
         sim = self.simulation
         return np.array([s.mass for s in sim.layers.specs])[sim.particles.numpy("layer")]
 
-    def places(self) -> np.ndarray:
-        """Of the particles, (n, 3) [m]."""
+    def positions(self) -> np.ndarray:
+        """Returns the positions of the particles, (n, 3) [m]."""
         return self.simulation.particles.numpy("x").astype(float)
 
     def velocities(self) -> np.ndarray:
-        """Of the particles, (n, 3) [m/s]."""
+        """Returns the velocities of the particles, (n, 3) [m/s]."""
         return self.simulation.particles.numpy("v").astype(float)
 
     def centre(self) -> np.ndarray:
-        """Of mass, (3,) [m]."""
+        """Returns the centre of mass, (3,) [m]."""
         m = self.masses()
-        return (m[:, None] * self.places()).sum(axis=0) / m.sum()
+        return (m[:, None] * self.positions()).sum(axis=0) / m.sum()
 
     def energy(self, gravity: float = tanks.GRAVITY) -> float:
-        """Kinetic and potential [J]."""
-        m, x, v = self.masses(), self.places(), self.velocities()
+        """Returns the kinetic plus potential energy [J]."""
+        m, x, v = self.masses(), self.positions(), self.velocities()
         return float((m * (0.5 * (v**2).sum(axis=1) + gravity * x[:, 1])).sum())
 
     def costs(self) -> dict[str, float]:
-        """What the run took, and its compression (-)."""
+        """Returns the costs of the run and its density errors (-)."""
         sim = self.simulation
         return {
             "wall_per_simulated": self.wall / max(self.simulated, 1e-9),
@@ -170,9 +171,9 @@ class Run:
 
 @dataclass(frozen=True)
 class Case:
-    """name: of its rows and figure. across: length that `fineness` divides. errors: what each says,
-    by name, the one that is drawn first; shares (-). measure(setting) runs it and returns the run,
-    errors, and values that converge (units in their names).
+    """A case. name: of its rows and figure. across: length that `fineness` divides. errors: meaning
+    of each error (-) by name, the main error first. measure(setting) runs the case and returns the
+    run, its errors, and values for self-convergence (units in their names).
     """
 
     name: str
@@ -181,24 +182,24 @@ class Case:
     errors: dict[str, str]
     finenesses: tuple[int, ...]
     measure: Callable[[Setting], tuple[Run, dict[str, float]]]
-    # Waters that are simulated by each method, those of `classic` at CLASSIC_AT finenesses.
+    # Kinds of water for the projection method and for the classic method.
     waters: tuple[str, ...] = (UNIFORM, FIXED, ADAPTIVE)
     classic: tuple[str, ...] = (UNIFORM, FIXED)
-    # Finer uniform runs for errors alone, and the values that are compared with the finest.
+    # Finenesses of untimed uniform reference runs, and values compared with the finest of them.
     references: tuple[int, ...] = ()
     values: tuple[str, ...] = ()
-    # Whether its water moves or rests under pressure, so that shear relief matters.
+    # Also run with shear relief.
     sheared: bool = False
-    # Whether it is in the summary figure, and in a quick sweep more than a single run.
+    # Part of the summary figure; otherwise a quick sweep makes a single run.
     summary: bool = False
 
     @property
     def main(self) -> str:
-        """The error that is drawn."""
+        """Name of the main error, which is plotted."""
         return next(iter(self.errors))
 
     def settings(self, quick: bool) -> list[Setting]:
-        """The sweep, from cheap to dear."""
+        """Returns the settings of the sweep, coarsest first."""
         richest = self.waters[-1]
         if quick and not self.summary:
             return [Setting(water=richest, fineness=self.finenesses[0])]
@@ -222,9 +223,9 @@ class Case:
         return sorted(found, key=lambda s: s.fineness)
 
 
-# The share of shear relief that is swept (docs/method.md, "Shear relief").
+# Value of shear_relief in the sweep (docs/method.md, "Shear relief").
 RELIEF = 0.9
-# What is changed one at a time: support over spacing, share of the motion, spacings in a step.
+# Changes, one at a time: support over spacing, motion tolerance, distance per step in spacings.
 CHANGES: tuple[dict[str, float], ...] = (
     {"smoothing": 2.0},
     {"smoothing": 2.2},
@@ -238,13 +239,12 @@ def scene(
     size: tuple[float, float, float],
     spacing: float,
     water: list[dict],
-    most_layers: int = MOST_LAYERS,
+    max_layers: int = MAX_LAYERS,
     **more,
 ) -> Scene:
-    """A box of `size` [m] with bodies of water as in a scene file, finest particles of `spacing`
-    [m], each layer of twice the mass of the next finer; most_layers: the most there are, whatever
-    the setting; more: sections of the scene."""
-    layers = min(setting.layers, most_layers)
+    """Returns a scene: a box of `size` [m], volumes of water as in a scene file, layers with finest
+    spacing `spacing` [m] and mass ratio 2, at most `max_layers`; more: sections of the scene."""
+    layers = min(setting.layers, max_layers)
     given = {"smoothing": setting.smoothing} if setting.smoothing else {}
     adaptation = {"enabled": layers > 1 and setting.method != "classic"}
     if setting.water == FIXED:
@@ -270,10 +270,10 @@ def tank(
     jitter: float = 0.02,
     **more,
 ) -> Scene:
-    """Still water of `depth` [m], `air` [m] above it; the finest spacing is depth over fineness.
+    """Returns a scene of still water of `depth` [m] with `air` [m] above it; the finest spacing is
+    depth over fineness.
 
-    Where the method does not adapt, layers are laid in sheets from fine to coarse, each two of its
-    spacings thick.
+    For the classic method, each layer but the coarsest is filled two spacings thick, finest on top.
     """
     x, z = footprint
     spacing, top, water = depth / setting.fineness, depth, []
@@ -290,17 +290,16 @@ def tank(
 
 
 def begin(scene: Scene) -> Run:
-    """A run of the scene; its kernels are compiled."""
+    """Returns a run of the scene with compiled kernels."""
     sim = build_simulation(scene)
     sim.warm_up(tanks.FRAME)
     return Run(sim)
 
 
 def stir(run: Run, seconds: float, start: int = 0) -> None:
-    """Breaks the lattice by random velocities, `start` their seed, and runs `seconds` [s] to rest.
+    """Breaks up the lattice by random velocities with the seed `start`, and runs `seconds` [s].
 
-    A lattice resists shear until it is broken, and on it all particles have the same kernel sums,
-    which hides errors of what is read from them."""
+    A lattice resists shear, and all its particles have the same kernel sums, which hides errors."""
     sim = run.simulation
     v = np.random.default_rng(start).normal(0.0, STIR, (sim.particles.count, 3))
     set_velocity(sim, v)
@@ -308,7 +307,7 @@ def stir(run: Run, seconds: float, start: int = 0) -> None:
 
 
 def others_busy() -> float:
-    """CPU time [s] that processes but this one, and machines on the same host, have taken."""
+    """Returns the CPU time [s] of all other processes and of other virtual machines of the host."""
     every, own = psutil.cpu_times(), psutil.Process().cpu_times()
     idle = every.idle + getattr(every, "iowait", 0.0)
     guests = getattr(every, "guest", 0.0) + getattr(every, "guest_nice", 0.0)  # in user and nice
@@ -316,6 +315,6 @@ def others_busy() -> float:
 
 
 def peak_mib() -> float:
-    """Largest resident size of this process [MiB]."""
+    """Returns the peak memory of this process [MiB]."""
     most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return most / (2**20 if sys.platform == "darwin" else 2**10)

@@ -1,7 +1,7 @@
-"""Collapse of a column twice as high as wide on a dry bed: Martin and Moyce 1952, and Ritter 1892.
+"""Dam break, a column twice as high as wide: Martin and Moyce 1952, and Ritter 1892.
 
-The experiment's gate let its water go late, by T = .1 to .2: computed fronts are read at T - GATE
-beside the table's at T, and heights with the same delay in seconds.
+The gate of the experiment released the water late, by T = 0.1 to 0.2. The computed front at T -
+GATE is compared with the measured front at T, and heights with the same delay in seconds.
 """
 
 import numpy as np
@@ -12,26 +12,27 @@ from msph.measure.probes import FrontProbe, HeightProbe
 from msph.measure.snapshot import Snapshot
 from msph.scene.library import assets
 
-# The column's width a [m], and the tank: 5 a long, 2.5 a high, two thirds of a wide.
+# Width a of the column and width of the tank [m]; the tank is 5 a long and 2.5 a high.
 A, WIDTH = 0.24, 0.16
 SIZE = (5.0 * A, 2.5 * A, WIDTH)
 # Delay by the gate, in units of T = t sqrt(2 g/a).
 GATE = 0.2
-# Times in units of T until which the front and the height are read: before the far wall matters.
+# Times T until which front and height are compared: before the water reaches the far wall.
 FRONT_UNTIL, HEIGHT_UNTIL = 3.33, 3.3
 UNIT_T, UNIT_TAU = np.sqrt(A / (2.0 * tanks.GRAVITY)), np.sqrt(A / tanks.GRAVITY)
-# Readings per unit of T, and the times in it at which values are compared with finer runs.
+# Readings per unit of T, and the time T at which values are compared with finer runs.
 PER_UNIT, COMPARED = 20, 2.0
 
 
 def reference(name: str) -> np.ndarray:
-    """Columns of a table of the experiment, (2, n)."""
+    """Returns the columns of a table of the experiment, (2, n)."""
     path = assets() / "reference" / f"martin_moyce_1952_{name}.csv"
     lines = [line for line in path.read_text().splitlines() if not line.startswith("#")]
     return np.array([line.split(",") for line in lines[1:]], float).T
 
 
 def measure(setting: Setting) -> tuple[Run, dict[str, float]]:
+    """Runs the case; returns the run, its errors and values."""
     body = [{"lo": [0, 0, 0], "hi": [A, 2.0 * A, WIDTH]}]
     spacing = A / setting.fineness
     run = begin(scene(setting, SIZE, spacing, body))
@@ -53,7 +54,7 @@ def measure(setting: Setting) -> tuple[Run, dict[str, float]]:
     z, h = np.array(fronts) / A, np.array(heights) / (2.0 * A)
     seen_t, seen_z = reference("front")
     seen_tau, seen_h = reference("height")
-    # tau = t sqrt(g/a); the gate's delay is the same time.
+    # tau = t sqrt(g/a); the delay is the same time.
     delayed = seen_tau * UNIT_TAU / UNIT_T - GATE
     early = delayed <= HEIGHT_UNTIL
     off_z = np.interp(seen_t - GATE, t, z) / seen_z - 1.0
@@ -74,7 +75,7 @@ def measure(setting: Setting) -> tuple[Run, dict[str, float]]:
 CASE = Case(
     "dam_break",
     "Dam break of Martin and Moyce (1952), n^2 = 2",
-    "the column's width a",
+    "width a of the column",
     {
         "front": f"front Z(T - {GATE:g}) against the experiment, rms of the relative error",
         "height": "height of the column at the wall over 2a, the same delay, rms",

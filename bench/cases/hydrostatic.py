@@ -1,7 +1,7 @@
-"""Still water in a column 1 m deep, once it has moved: pressure rho g (H - y), and rest.
+"""Still water 1 m deep after stirring: pressure rho g (H - y), height and energy.
 
-Stirred first, and over several starts: on the lattice that water is laid on, kernel sums are equal
-and pressures nearer than in disorder; in disorder their errors differ from start to start.
+The water is stirred first, with several seeds: on the initial lattice all kernel sums are equal and
+pressures are too accurate; in disordered water the errors vary with the seed.
 """
 
 import numpy as np
@@ -15,6 +15,7 @@ STARTS = 4
 
 
 def measure(setting: Setting) -> tuple[Run, dict[str, float]]:
+    """Runs the case; returns the run and its errors."""
     run = begin(tank(setting, FOOTPRINT, DEPTH, AIR))
     pressures, heights, rises = [], [], []
     for start in range(STARTS):
@@ -43,10 +44,10 @@ CASE = Case(
     "Still water, 1 m deep in a column of 0.5 m by 0.5 m",
     "depth",
     {
-        "pressure": "pressure read by probes against rho g (H - y), rms over depth and "
-        f"{STARTS} starts, over rho g H",
-        "height": f"height of the centre of mass against H/2, rms over {STARTS} starts, over H/2",
-        "energy_rise": "largest rise of the energy in 1 s, over that of the water above the floor",
+        "pressure": "pressure of probes against rho g (H - y), rms over depth and "
+        f"{STARTS} seeds, over rho g H",
+        "height": f"height of the centre of mass against H/2, rms over {STARTS} seeds, over H/2",
+        "energy_rise": "largest rise of the energy in 1 s, over the potential energy",
     },
     (8, 12, 20, 32, 56),
     measure,

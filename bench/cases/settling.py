@@ -1,4 +1,4 @@
-"""Water laid in disorder comes to rest: its height, its bulk density, and what still moves."""
+"""Water with random initial displacements comes to rest: height, bulk density, kinetic energy."""
 
 import numpy as np
 
@@ -7,18 +7,19 @@ from bench.cases.case import Case, Run, Setting, begin, tank
 from msph.measure.bulk import bulk_density
 
 FOOTPRINT, DEPTH, AIR = (0.5, 0.5), 0.5, 0.3
-# Shift of each particle at the start, in spacings: the most that a scene may ask for.
+# Range of the initial displacements, in spacings: the maximum of the parameter `jitter`.
 JITTER = 0.5
 SECONDS = 3.0
 
 
 def measure(setting: Setting) -> tuple[Run, dict[str, float]]:
+    """Runs the case; returns the run and its errors."""
     run = begin(tank(setting, FOOTPRINT, DEPTH, AIR, jitter=JITTER))
     reading = tanks.Reading(run.simulation)
     run.go(SECONDS, reading.read)
     sim = run.simulation
     spacing = np.array([s.spacing for s in sim.layers.specs])[sim.particles.numpy("layer")]
-    bulk = bulk_density(run.places(), spacing, sim.size).mean
+    bulk = bulk_density(run.positions(), spacing, sim.size).mean
     whole = 1000.0 * tanks.GRAVITY * DEPTH * DEPTH * FOOTPRINT[0] * FOOTPRINT[1]
     return run, {
         "height": abs(reading.volume_error()),
@@ -30,13 +31,13 @@ def measure(setting: Setting) -> tuple[Run, dict[str, float]]:
 
 CASE = Case(
     "settling",
-    "Water laid in disorder, 0.5 m deep, after 3 s",
+    "Settling of irregularly placed water, 0.5 m deep, after 3 s",
     "depth",
     {
         "height": "height of the centre of mass against H/2, over H/2",
-        "bulk_density": "bulk density against rest",
-        "kinetic": "kinetic energy left, over M g H",
-        "energy_rise": "largest rise of the energy in 1 s, over that of the water above the floor",
+        "bulk_density": "bulk density against the rest density",
+        "kinetic": "remaining kinetic energy, over M g H",
+        "energy_rise": "largest rise of the energy in 1 s, over the potential energy",
     },
     (6, 9, 14, 20),
     measure,

@@ -1,4 +1,4 @@
-"""The first sloshing mode of a tank: its period, and by viscosity its decay.
+"""First sloshing mode of a tank: period, and decay by viscosity.
 
 omega^2 = g k tanh(k H), k = pi/L. Between free-slip walls the velocities of a standing wave of
 small viscosity decay as exp(-2 nu k^2 t), at any depth: dissipation is mu times the integral of the
@@ -16,22 +16,23 @@ from bench import tanks
 from bench.cases.case import ADAPTIVE, UNIFORM, Case, Run, Setting, begin, tank
 
 LENGTH, WIDTH, DEPTH, AIR = 1.0, 0.3, 0.5, 0.3
-# Depth [m] below which a wave leaves the water at rest: there it goes .004 of its way at the top.
+# Depth of the deep tank [m]: the motion at the floor is 0.004 times the motion at the surface.
 DEEP = 2.0
-# Amplitude [m]: linear theory is .1 % off there.
+# Amplitude [m]: the error of linear theory is 0.1 %.
 AMPLITUDE = 0.025
 SETTLE, READ = 1.0, 5.0
-# Viscosity that halves velocities in 1.8 s, beside which the method's own damping is small.
+# Viscosity [Pa s] that halves velocities in 1.8 s; numerical damping is small in comparison.
 VISCOSITY = 20.0
 
 
 def swing(
     setting: Setting, depth: float = DEPTH, decay: float = 0.0, **more
 ) -> tuple[Run, tanks.Reading, float, float, float]:
-    """The run; its reading; period [s] and decay [1/s] of the damped cosine that fits best; and the
-    distance of the centre of mass from theory over two periods, rms, over theory's own way, rms.
+    """Runs the tank; returns the run, its reading, period [s] and decay [1/s] of the fitted damped
+    cosine, and the rms difference of the centre of mass from theory over two periods, over the rms
+    displacement by theory.
 
-    depth [m] of the water; decay [1/s]: of the amplitude, by theory.
+    depth [m] of the water; decay [1/s] of the amplitude by theory.
     """
     run = begin(tank(setting, (LENGTH, WIDTH), depth, AIR, **more))
     run.go(SETTLE)
@@ -56,6 +57,7 @@ def swing(
 
 
 def inviscid(setting: Setting, depth: float = DEPTH) -> tuple[Run, dict[str, float]]:
+    """Runs a tank without viscosity; returns the run and its errors."""
     run, reading, period, rate, apart = swing(setting, depth)
     theory = tanks.slosh_period(LENGTH, depth)
     return run, {
@@ -68,6 +70,7 @@ def inviscid(setting: Setting, depth: float = DEPTH) -> tuple[Run, dict[str, flo
 
 
 def viscous(setting: Setting) -> tuple[Run, dict[str, float]]:
+    """Runs the viscous tank; returns the run and its errors."""
     theory = 2.0 * VISCOSITY / 1000.0 * (math.pi / LENGTH) ** 2
     viscosity = {"viscosity": VISCOSITY}
     run, reading, period, rate, apart = swing(setting, decay=theory, projection=viscosity)
@@ -79,8 +82,10 @@ def viscous(setting: Setting) -> tuple[Run, dict[str, float]]:
     }
 
 
-ENERGY = "largest rise of the energy in 1 s, over that of the water above the floor"
-WAVE = "way of the centre of mass in two periods against theory, rms, over theory's own"
+ENERGY = "largest rise of the energy in 1 s, over the potential energy"
+WAVE = (
+    "rms difference of the centre of mass from theory over two periods, over the rms displacement"
+)
 PERIOD = "period of the first mode against linear theory"
 INVISCID = {
     "wave": WAVE,

@@ -1,4 +1,4 @@
-"""The thesis's deeper pool at rest: its systems by its method, and the same water by ours."""
+"""The deeper pool of the thesis at rest, with its three systems, by both methods."""
 
 from bench import tanks
 from bench.cases.case import Case, Run, Setting, begin
@@ -8,13 +8,12 @@ from msph.scene.schema import Scene
 SCENE = "pool_2x"
 SETTLE, READ = 2.0, 2.0
 SYSTEMS = ("system-1", "system-2", "system-3")
-# Spacings of the finest of system 3 in the depth: what all rows are said to have.
+# Depth in finest spacings of system 3, given for all rows.
 FINENESS = 20
 
 
 def pool(setting: Setting) -> Scene:
-    """The shipped scene, not rocked, with the setting's changes; without shear relief, which the
-    scene has, unless the setting asks for it."""
+    """Returns the shipped scene without rocking and shear relief, with the setting's changes."""
     solver = {"shear_relief": 0.0, **setting.solver}
     changes = [f"variant={setting.water}", f"method={setting.method}", "sway.angle=0"]
     scene = load_scene(SCENE, changes + [f"projection.{k}={v:g}" for k, v in solver.items()])
@@ -26,6 +25,7 @@ def pool(setting: Setting) -> Scene:
 
 
 def measure(setting: Setting) -> tuple[Run, dict[str, float]]:
+    """Runs the case; returns the run and its errors."""
     run = begin(pool(setting))
     run.go(SETTLE)
     reading = tanks.Reading(run.simulation)
@@ -39,12 +39,12 @@ def measure(setting: Setting) -> tuple[Run, dict[str, float]]:
 
 CASE = Case(
     "thesis_pool",
-    "The thesis's deeper pool (2x) at rest, its own particles",
+    "The deeper pool (2x) of the thesis at rest, with its particles",
     "depth",
     {
-        "pressure": "mean pressure of particles in sheets against rho g (H - y), rms, over rho g H",
+        "pressure": "mean pressure in horizontal slices against rho g (H - y), rms, over rho g H",
         "height": "height of the centre of mass against H/2, over H/2",
-        "energy_rise": "largest rise of the energy in 1 s, over that of the water above the floor",
+        "energy_rise": "largest rise of the energy in 1 s, over the potential energy",
     },
     (FINENESS,),
     measure,

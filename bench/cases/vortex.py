@@ -1,12 +1,12 @@
-"""Vortices about the vertical that fill a tank of free-slip walls: Taylor-Green, and a shear wave.
+"""Vortices with vertical axes in a tank with free-slip walls: Taylor-Green and shear wave.
 
 u = U (sin kx x cos kz z, 0, -kx/kz cos kx x sin kz z) decays as exp(-nu (kx^2 + kz^2) t), half a
-wave along each edge; without viscosity it keeps its speed. The error is that of the amplitude's
-logarithm, which is proportional to the numerical viscosity; the share of the amplitude that is lost
-saturates at 1. A plane shear wave would flow through walls: in a tank SHEAR_LENGTH times as long as
-wide the vortex is one but for its ends. Under gravity and a free surface, for the method's
-pressures only push: without weight the water would part in the vortex's middle. What the surface
-takes is part of the error (terms.VORTEX_SPEED).
+wave along each edge; without viscosity its speed is constant. The error is the error of the
+logarithm of the amplitude, which is proportional to the numerical viscosity. A plane shear wave
+would flow through the walls; in a tank SHEAR_LENGTH times as long as wide the vortex is a shear
+wave except at its ends. The tank has gravity and a free surface, because pressures cannot be
+negative and the water would separate at the centre of the vortex. The energy lost to surface waves
+is part of the error (terms.VORTEX_SPEED).
 """
 
 import functools
@@ -20,65 +20,67 @@ WIDTH, DEPTH, AIR = 1.0, 0.4, 0.3
 # Length of the tank of the shear wave [m].
 SHEAR_LENGTH = 3.0
 SETTLE = 2.0
-# The flow fills the depth, so its error is that of the coarsest particles: these refine with the
-# finest while the number of layers stays.
+# Number of layers at every fineness, so that the coarsest particles, which determine the error, are
+# refined with the finest.
 LAYERS = 2
-# Kinematic viscosity [m^2/s] by which Taylor and Green's vortex loses half of its amplitude in READ
-# [s]. In READ_INVISCID [s], without viscosity, the fastest water goes .4 of the edge.
+# Kinematic viscosity [m^2/s] that halves the amplitude of the Taylor-Green vortex in READ [s]; time
+# of the run without viscosity [s], in which the fastest water moves by 0.4 edges.
 NU, READ, READ_INVISCID = 0.1, 0.35, 1.6
-# Least share of the amplitude (-) that differs from the particles' own motion.
+# Smallest share of the amplitude (-) that can be distinguished from random motion.
 LEAST_SHARE = 1e-3
 
 
 def amplitude(run: Run, length: float = 1.0) -> float:
-    """Amplitude U [m/s] of the vortex, by least squares weighted by mass; length [m] of tank."""
-    shape, m = vortex(run.places(), length), run.masses()[:, None]
+    """Returns the amplitude U [m/s] of the vortex by least squares, weighted by mass; length [m] of
+    the tank."""
+    shape, m = vortex(run.positions(), length), run.masses()[:, None]
     return float((m * run.velocities() * shape).sum() / (m * shape**2).sum())
 
 
 def share_left(
     setting: Setting, nu: float, seconds: float, length: float = 1.0
 ) -> tuple[Run, float]:
-    """A run of `seconds` [s] at the kinematic viscosity nu [m^2/s] in a tank of `length` [m], and
-    the share of the vortex's amplitude (-) that is left."""
+    """Runs the vortex for `seconds` [s] at the kinematic viscosity nu [m^2/s] in a tank of `length`
+    [m]; returns the run and the final over the initial amplitude (-)."""
 
-    def water(**more) -> Run:
-        return begin(tank(setting, (length, WIDTH), DEPTH, AIR, most_layers=LAYERS, **more))
+    def begin_tank(**more) -> Run:
+        return begin(tank(setting, (length, WIDTH), DEPTH, AIR, max_layers=LAYERS, **more))
 
-    still = water()
+    still = begin_tank()
     stir(still, SETTLE)
-    run = water(projection={"viscosity": 1000.0 * nu})
+    run = begin_tank(projection={"viscosity": 1000.0 * nu})
     run.simulation.restore(still.simulation.state())
-    set_velocity(run.simulation, run.velocities() + VORTEX_SPEED * vortex(run.places(), length))
+    set_velocity(run.simulation, run.velocities() + VORTEX_SPEED * vortex(run.positions(), length))
     begun = amplitude(run, length)
     run.go(seconds)
     return run, amplitude(run, length) / begun
 
 
 def off(found: float, decay: float) -> float:
-    """Error of the logarithm of the share `found` of the amplitude that is left, against -decay
-    (-)."""
+    """Returns the error (-) of the logarithm of the relative amplitude `found` against -decay."""
     return abs(float(np.log(max(found, LEAST_SHARE))) + decay)
 
 
 def viscous(setting: Setting, length: float = 1.0) -> tuple[Run, dict[str, float]]:
+    """Runs a viscous vortex; returns the run and its error."""
     run, found = share_left(setting, NU, READ, length)
     rate = NU * np.pi**2 * (1.0 / length**2 + 1.0 / WIDTH**2)
     return run, {"amplitude": off(found, rate * READ)}
 
 
 def inviscid(setting: Setting) -> tuple[Run, dict[str, float]]:
+    """Runs the vortex without viscosity; returns the run and its error."""
     run, found = share_left(setting, 0.0, READ_INVISCID)
     return run, {"amplitude": off(found, 0.0)}
 
 
 def case(name: str, title: str, measure) -> Case:
-    """A vortex as a case: its amplitude against the formula."""
+    """Returns the case of a vortex."""
     return Case(
         name,
         title,
         "depth",
-        {"amplitude": "logarithm of the vortex's amplitude, against the formula's"},
+        {"amplitude": "logarithm of the amplitude of the vortex, against the formula"},
         (4, 6, 8, 12),
         measure,
         waters=(UNIFORM, ADAPTIVE),
