@@ -92,8 +92,8 @@ def shared_options(quality=AS_GIVEN):
             type=click.Choice((AUTO, *QUALITIES)),
             default=quality,
             show_default=True,
-            help="Resolution: large is the scene file's own; auto measures which is the finest "
-            "that runs in real time.",
+            help="Resolution: large is that of the scene file; auto is the finest one that runs in "
+            "real time on this machine, measured before the start.",
         ),
     )
 
@@ -113,7 +113,7 @@ window_size_option = click.option(
     "--size", type=Size(), default="960x540", show_default=True, help="Window size."
 )
 frames_option = click.option(
-    "--frames", type=click.IntRange(min=1), help="Close after this number of frames."
+    "--frames", type=click.IntRange(min=1), help="Close the window after this number of frames."
 )
 force_option = click.option("--force", is_flag=True, help="Overwrite existing files.")
 
@@ -134,8 +134,8 @@ def cli():
     "--beside",
     multiple=True,
     metavar="'KEY=VALUE ...'",
-    help="Compare: also run the scene with these changes, side by side and with the same input, "
-    "and show the speed and error of each. Up to two times.",
+    help="Compare with the scene changed by these parameters: both run side by side with the same "
+    "input, with the speed and error of each. May be given twice.",
 )
 @shared_options(AUTO)
 def play(scene, run, **options):
@@ -193,8 +193,12 @@ def capture(scene, run, **options):
 
 @cli.command()
 @click.argument("scenes", nargs=-1)
-@click.option("--seconds", type=POSITIVE, help="Simulated time [s].")
-@click.option("--no-render", is_flag=True, help="Run the fluid only, without surface and image.")
+@click.option(
+    "--seconds", type=POSITIVE, help="Simulated time [s].  [default: the scene's duration]"
+)
+@click.option(
+    "--no-render", is_flag=True, help="Run the simulation only, without surface and image."
+)
 @click.option(
     "--play",
     "as_played",
@@ -215,7 +219,7 @@ def capture(scene, run, **options):
 def bench(scenes, run, **options):
     """Benchmark SCENES (default: all shipped) headless; print speed and errors.
 
-    A frame is 1/60 s of simulated time. Exits with 1 if a simulation becomes unstable.
+    A frame is 1/60 s of simulated time. The exit status is 1 if a simulation becomes unstable.
     """
     commands().bench(scenes, BenchOptions(**options), run)
 
@@ -235,13 +239,15 @@ def bench(scenes, run, **options):
     type=float,
     help="Simulated time at which the run ends [s].  [default: the scene's duration]",
 )
-@click.option("--every", type=float, help="Set measure.every: time between two rows [s].")
+@click.option(
+    "--every", type=float, help="Time between two rows of the tables [s]; sets measure.every."
+)
 @click.option(
     "--converge",
     type=click.IntRange(*CONVERGENCE_RUNS),
     metavar="N",
-    help="Run the scene at N particle spacings (3 to 5), coarsest first, and estimate its "
-    "discretisation error: convergence.csv.",
+    help="Run the scene at N (3 to 5) particle spacings, the coarsest first, estimate its "
+    "discretisation error, and write convergence.csv.",
 )
 @click.option(
     "--resume",
@@ -251,10 +257,11 @@ def bench(scenes, run, **options):
 @force_option
 @shared_options()
 def measure(scene, run, **options):
-    """Run SCENE headless; write its ledger and probes as CSV, plots and a summary.
+    """Run SCENE headless; write conserved quantities, errors and probes over time.
 
-    Finally prints the errors of the run, each with the limit that good runs keep. A run that fails
-    keeps the files written so far, and exits with 1.
+    The files are tables (CSV), plots and a summary (JSON). At the end, the errors of the run are
+    printed, each with the limit of an accurate run. If a run fails, the files written until then
+    remain, and the exit status is 1.
     """
     commands().measure(scene, MeasureOptions(**options), run)
 
@@ -271,14 +278,17 @@ def measure(scene, run, **options):
 )
 @shared_options()
 def scenes(**options):
-    """List the shipped scenes, or print the scene NAME."""
+    """List the shipped scenes, or print the file of the scene NAME.
+
+    --quality, --threads, --arch and --set require --explain.
+    """
     commands().scenes(**options)
 
 
 @cli.command()
 @click.argument("name", required=False)
-@click.option("--html", type=FILE, metavar="DIR", help="Write a web page.")
-@click.option("--slides", type=FILE, metavar="DIR", help="Write images.")
+@click.option("--html", type=FILE, metavar="DIR", help="Write the lesson as a web page to DIR.")
+@click.option("--slides", type=FILE, metavar="DIR", help="Write the lesson as images to DIR.")
 @window_size_option
 @frames_option
 @force_option
@@ -287,8 +297,8 @@ def scenes(**options):
 def lesson(arch, threads, **options):
     """List the lessons, or run the lesson NAME (or a lesson folder) in a window.
 
-    --html writes the lesson as a self-contained web page, --slides as numbered images with
-    captions; both follow the lesson's solution.
+    The web page of --html is self-contained; the images of --slides are numbered and have
+    captions. Both show the solution of the lesson.
     """
     with importing():
         from msph.lesson import commands as lessons

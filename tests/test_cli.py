@@ -129,7 +129,7 @@ def test_bench_prints_speed_beside_error_and_writes_json(tmp_path):
     scene, rows = write(tmp_path), tmp_path / "deep" / "rows.json"
     result = msph("bench", scene, "--seconds", 0.1, "--arch", "cpu", "--json", rows)
     assert result.returncode == 0, result.stderr
-    for column in ("ms p50", "p95", "fluid surface picture", "momentum drift", "energy gain"):
+    for column in ("ms p50", "p95", "fluid / surface / image", "momentum drift", "energy gain"):
         assert column in result.stdout
     (row,) = json.loads(rows.read_text())
     assert row["frames"] == 6 and sum(row["particles"]) > 200

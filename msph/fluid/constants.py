@@ -10,16 +10,16 @@ MEMBERS = {
     "size": vec3,  # of the box [m]
     "layers": i32,  # number of layers
     "bodies": i32,  # number of bodies
-    "leak": f32,  # depth in a wall beyond which a particle has leaked [m]
+    "leak": f32,  # depth in a body beyond which a particle has leaked [m]
     "rest_density": f32,  # [kg/m^3]
     "restitution": f32,  # ratio of speeds after and before contact with a wall (-)
     "cells": i32,  # of the neighbour grids of all layers
     "entries": i32,  # capacity of the neighbour list
     "mean_neighbours": f32,  # of a particle at rest, images included
     "entries_per_particle": i32,  # of the neighbour list (GPU)
-    "cfl": f32,  # spacings per step (-)
-    "pressure_cfl": f32,  # spacings that sqrt(p/rho) covers per step (-)
-    "release": f32,  # time in which a density excess may become velocity [s]
+    "cfl": f32,  # largest distance past neighbours per step, in spacings
+    "pressure_cfl": f32,  # largest distance at the speed sqrt(p/rho) per step, in spacings
+    "release": f32,  # time in which a density excess becomes velocity [s]
     "spray": f32,  # relative density of spray (-)
     "largest_shift": f32,  # largest position correction in a step, in spacings
     "relaxation": f32,  # of the position correction's Jacobi iteration (-)

@@ -22,9 +22,9 @@ from msph.fluid.plan import Plan
 from msph.fluid.room import Room, room_for
 from msph.taichi_internals import field_trees
 
-# Taichi crashes beyond TREES field trees per process; a world with its surface and image takes up
-# to NEEDED.
-TREES, NEEDED = 512, 24
+# Taichi crashes beyond MAX_TREES field trees per process; a world with its surface and image takes
+# at most WORLD_TREES.
+MAX_TREES, WORLD_TREES = 512, 24
 
 T = TypeVar("T")
 
@@ -34,9 +34,9 @@ class World:
 
     def __init__(self, room: Room):
         taken = field_trees()
-        if taken > TREES - NEEDED:
+        if taken > MAX_TREES - WORLD_TREES:
             raise RuntimeError(
-                f"{taken} of {TREES} Taichi field trees are in use: "
+                f"{taken} of {MAX_TREES} Taichi field trees are in use: "
                 "no room for another simulation in this process"
             )
         constants, layers = Constants(), Layers()
@@ -57,7 +57,8 @@ class World:
         self._built: dict[Any, Any] = {}
 
     def build_once(self, build: Callable[..., T], *arguments: Any) -> T:
-        """Returns build(world, *arguments), built at the first call with these arguments."""
+        """Returns build(world, *arguments); later calls with the same arguments return the same
+        object, so that its kernels are compiled once."""
         key = build, *arguments
         if key not in self._built:
             self._built[key] = build(self, *arguments)

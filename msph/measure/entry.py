@@ -16,7 +16,7 @@ class Entry:
     tilting the box. Density errors are the mean, 99th percentile and maximum over particles of
     max(rho/rho0 - 1, 0), as densities at free surfaces are below rest; rho is summed with the
     method's kernel over the positions at `time`. outside: number of particles outside the box or
-    the container or inside an obstacle, by Boundary.leaked.
+    the container or inside an obstacle, by Contact.leaked.
     """
 
     time: Annotated[float, "s"]

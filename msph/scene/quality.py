@@ -12,9 +12,9 @@ from msph.scene.schema import Scene
 
 @dataclass(frozen=True)
 class Quality:
-    """A quality. spacing (-): factor of all spacings. motion_tolerance (-): relative tolerance of
-    the pressure solve, and cfl (-): limit of the way per step, in spacings; both apply only if the
-    scene does not set them."""
+    """A quality. spacing (-): factor of all spacings. motion_tolerance (-): tolerance of the
+    pressure solve relative to the motion, and cfl: limit of the distance per step, in spacings;
+    both apply only if the scene does not set them."""
 
     spacing: float
     motion_tolerance: float = 0.01

@@ -86,7 +86,7 @@ class Water(Section):
 
 
 class Placed(Section):
-    """Placement of a mesh."""
+    """Scale, rotation and position of a mesh."""
 
     scale: float = parameter(1.0, gt=0.0, le=1e6, unit="m", text="length of the mesh file's unit")
     rotation: Vector = parameter(
@@ -106,7 +106,7 @@ class Container(Placed):
 class Obstacle(Placed):
     """A fixed or moving body: a box from lo to hi, a ball, or a closed mesh.
 
-    A body on the floor or at a wall should reach into it; boxes that touch are extended into it.
+    A body on the floor or at a wall should reach into it; boxes that touch a wall are extended.
     """
 
     lo: Vector | None = parameter(None, unit="m", text="lower corner of a box")
@@ -201,7 +201,7 @@ class Play(Section):
 
 
 class Probe(Section):
-    """A measuring point, face or column, read by `msph measure`; its kind decides on its keys."""
+    """A measuring point, face or column of `msph measure`; the kind determines the other keys."""
 
     name: str = parameter(
         pattern=r"^[A-Za-z0-9_.-]+$", text="column name in probes.csv: letters, digits, _ . -"
@@ -258,7 +258,10 @@ class Scene(Section):
         (0.0, -9.81, 0.0), unit="m/s^2", text="gravitational acceleration", live=(0.01, 30.0)
     )
     duration: float = parameter(
-        10.0, gt=0.0, unit="s", text="simulated time of `msph capture` and `msph bench`"
+        10.0,
+        gt=0.0,
+        unit="s",
+        text="simulated time of `msph capture`, `msph bench` and `msph measure`",
     )
     seed: int = parameter(0, ge=0, text="random seed of the initial displacements")
     box: Box = parameter(text="the pool")

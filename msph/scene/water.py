@@ -135,7 +135,7 @@ def initial_particles(scene: Scene, specs: list[LayerSpec]) -> dict[str, np.ndar
     for water in scene.water:
         spec = specs[water.layer]
         x = fill(water, spec, rng)
-        # The solver keeps particles half a spacing away from the walls.
+        # Random displacements leave particles at least half a spacing from the walls.
         margin = 0.5 * spec.spacing
         x = np.clip(x, margin, np.array(scene.box.size) - margin)
         xs.append(x)

@@ -51,15 +51,15 @@ class Result:
 
     def row(self) -> dict[str, str]:
         """Returns the cells of a printed table."""
-        stages = " ".join(f"{self.stages_p50_ms[s]:.1f}" for s in STAGES)
+        stages = " / ".join(f"{self.stages_p50_ms[s]:.1f}" for s in STAGES)
         return {
             "scene": self.scene,
             "particles": "+".join(map(str, self.particles)),
             "ms p50": f"{self.frame_p50_ms:.1f}",
             "p95": f"{self.frame_p95_ms:.1f}",
-            "fluid surface picture": stages,
-            "fps": f"{self.frames_per_second:.0f}",
-            "sim s / wall s": f"{self.simulated_per_wall:.2f}",
+            "fluid / surface / image": stages,
+            "frames/s": f"{self.frames_per_second:.0f}",
+            "real-time factor": f"{self.simulated_per_wall:.2f}",
             "process MiB": f"{self.peak_memory_mib:.0f}",
             "density err mean/p99/max %": f"{100 * self.density_error_mean:.3f} / "
             f"{100 * self.density_error_p99:.2f} / {100 * self.density_error_max:.1f}",

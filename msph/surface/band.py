@@ -1,5 +1,9 @@
 """Classification of the box into air, band (cells that the surface can cross) and deep water.
 
+Reads the particles; the coverage is evaluated later, at the nodes of the band only. Terms: a tile
+is 2 x 2 x 4 nodes that are evaluated together (sums.py), a run the 4 nodes of a tile along z, a
+word 32 nodes of a row along z, one bit each (signs.py).
+
 Coverage is sampled at every second lattice node. A sub-block, the 2^3 cells between eight samples,
 is skipped if the following bound excludes the surface.
 
@@ -12,8 +16,9 @@ kernels, gives: if all corners have more than 1 - rho (1 - iso), no node inside 
 deep. The latter assumes that water is not denser than at rest. Both include the shift of iso by the
 volume control (water_volume.py).
 
-The bounds hold for kernels of full reach. Sub-blocks in reach of larger kernels (thin_water.py) are
-always band; so are sub-blocks that a body's surface crosses, unless they are air.
+The bounds hold for kernels of full reach. Sub-blocks within reach of kernels that exceed these
+(thin_water.py) are always band, and so are sub-blocks that the surface of a body crosses, unless
+they are air.
 """
 
 import numpy as np
@@ -33,14 +38,15 @@ STRIDE = PAIR  # lattice intervals per sample
 BLOCKS_PER_WORD = WORD // STRIDE  # sub-blocks along z per word of signs
 # Shifts and masks that move the lowest 16 bits of a word to every second bit.
 SPREAD_STEPS = ((8, 0x00FF00FF), (4, 0x0F0F0F0F), (2, 0x33333333), (1, 0x55555555))
-# Largest loss (-) of the interpolation at the kernel's rim, over its peak: from sampling (tests).
+# Largest loss of the interpolation at the rim of a kernel, over its peak (-): by sampling (tests).
 RIM_LOSS = 0.016
-# Fraction of the bounds used: the rest allows for the rim and for density noise in deep water.
+# Share of the bounds that is used (-): the rest allows for RIM_LOSS and density variations in deep
+# water.
 MARGIN = 0.9
 
 
 def corner_bound(spacing: tuple[float, float, float], reach: float) -> float:
-    """Computes rho of the module docstring (-); 0 if the cells are too coarse for a bound."""
+    """Returns rho of the module docstring (-), 0 if the cells are too coarse for a bound."""
     diagonal2 = sum((STRIDE * s) ** 2 for s in spacing)
     return max(0.0, 1.0 - diagonal2 / (4.0 * reach * reach)) ** 3
 
@@ -68,13 +74,14 @@ def band_numbers(spacing: tuple[float, float, float], finest: float, bodies: boo
 
 @data_oriented
 class Band:
-    """States of sub-blocks; from them, the tiles to evaluate and the signs of all other nodes.
+    """States of the sub-blocks, the tiles to evaluate, and the signs of all other nodes.
 
-    sampled f32: coverage (-) at every second node, for ghosts at the adjacent wall node; state i32:
-    AIR, BAND or DEEP per 2^3 cells, AIR outside the lattice. Both are flat, with as many entries
-    along each axis as the lattice has pairs. near u32, in the order of signs.read: BAND sub-blocks,
-    in the lowest 16 bits of each word. tiles i32: indices of tiles (sums.py); the first count[None]
-    are valid.
+    Call sample(), classify() and include_thin() in this order. sampled f32: coverage (-) at every
+    second node along each axis; a ghost has the value of the adjacent wall node. state i32: AIR,
+    BAND or DEEP of each sub-block, AIR outside the lattice. Both are flat, with as many entries
+    along each axis as the lattice has pairs of nodes. near u32, in the order of signs.read: a bit
+    for each BAND sub-block, in the lowest 16 bits of each word. tiles i32: indices of the tiles to
+    evaluate; the first count[None] are valid. signs.read and signs.deep: see Signs.
     """
 
     def __init__(self, signs: Signs, sums: KernelSums, room: SurfaceRoom):
@@ -89,7 +96,7 @@ class Band:
 
     @kernel
     def sample(self, bodies: ti.template()):
-        """Computes sampled."""
+        """Computes sampled from the particles."""
         tiles = (self.numbers.pairs[None] + ti.Vector([1, 1, RUN - 1])) // ti.Vector(
             [PAIR, PAIR, RUN]
         )
@@ -121,8 +128,8 @@ class Band:
 
     @kernel
     def include_thin(self, n: ti.i32, bodies: ti.template()):
-        """Sets the kernels of the n particles. Sub-blocks in reach of larger kernels
-        (thin_water.py) are band."""
+        """Sets the kernels of the n particles (thin_water.py), marks sub-blocks within reach of
+        kernels that exceed the full one as BAND, and lists the tiles (list_tiles())."""
         self.thin.volume[None] = 0.0
         for p in range(n):
             x = self.thin.particles.x[p]
@@ -134,11 +141,13 @@ class Band:
 
     @ti.func
     def block_count(self):
+        """Returns the number of entries of state."""
         n = self.numbers.pairs[None]
         return n[0] * n[1] * n[2]
 
     @ti.func
     def block_index(self, sub):
+        """Returns the index in state of a sub-block (a, b, c)."""
         n = self.numbers.pairs[None]
         return (sub[0] * n[1] + sub[1]) * n[2] + sub[2]
 
@@ -149,8 +158,8 @@ class Band:
 
     @ti.func
     def list_tiles(self):
-        """Computes near, tiles, signs.read and signs.deep. Its loops are parallel at a kernel's top
-        level."""
+        """Computes near, tiles, signs.read and signs.deep from state. Call it at the top level of a
+        kernel, where its loops run in parallel."""
         self.count[None] = 0
         for q in range(self.word_count()):
             near, deep = ti.u32(0), ti.u32(0)
@@ -178,6 +187,7 @@ class Band:
 
     @ti.func
     def word_count(self):
+        """Returns the number of words of near."""
         pairs = self.numbers.pairs[None]
         return pairs[0] * pairs[1] * self.numbers.words[None]
 
@@ -209,13 +219,13 @@ class Band:
 
     @ti.func
     def block_at(self, x):
-        """Returns the sub-block that holds x [m]; the first one begins an interval outside the
-        wall."""
+        """Returns the sub-block (a, b, c) that contains x [m]; the first one starts at the
+        ghosts."""
         return ti.floor(x / self.numbers.block_edges[None] + 0.5, ti.i32)
 
     @ti.func
     def mark(self, x, r):
-        """Marks all sub-blocks within a cube of half edge r [m] around x as band."""
+        """Sets all sub-blocks that meet a cube of half edge r [m] around x to BAND."""
         lo, hi = ti.max(self.block_at(x - r), 0), ti.min(self.block_at(x + r), self.last_block())
         for a in range(lo[0], hi[0] + 1):
             for b in range(lo[1], hi[1] + 1):
@@ -224,7 +234,8 @@ class Band:
 
     @ti.func
     def state_of(self, q, bodies: ti.template()):
-        """Returns AIR, BAND or DEEP for the q-th sub-block from the range of its corner samples."""
+        """Returns AIR, BAND or DEEP of the q-th sub-block from the range of its corner samples and,
+        if `bodies`, from its distance to the nearest body."""
         state, n = AIR, self.numbers.pairs[None]
         sub = ti.Vector([q // (n[1] * n[2]), q // n[2] % n[1], q % n[2]])
         if (self.last_block() - sub).min() >= 0:

@@ -61,7 +61,7 @@ def test_images_close_opposite_walls_within_one_kernel():
 
 def test_simulations_beyond_what_a_process_can_hold_are_an_error(monkeypatch):
     """Taichi's answer is a segmentation fault."""
-    monkeypatch.setattr(world, "TREES", world.NEEDED)
+    monkeypatch.setattr(world, "MAX_TREES", world.WORLD_TREES)
     initial = {"x": np.full((1, 3), 0.1, np.float32), "layer": np.zeros(1, np.int32)}
     with pytest.raises(RuntimeError, match="no room for another simulation"):
         # More than any world of the stock holds.

@@ -1,4 +1,4 @@
-"""Adaptation: splits particles near the free surface and merges particles in the depth.
+"""Adaptation: splits particles near the free surface and merges particles below.
 
 Every layer has a band of depths. A particle above its band splits into two of the next finer layer;
 two neighbours of a layer below their band merge into one of the next coarser layer (after Adams et
@@ -20,20 +20,22 @@ from msph.fluid.small_numbers import MIN_DIVISOR
 from msph.taichi_internals import data_oriented, kernel
 
 ATTRIBUTES = (
-    Attribute("depth", "m", "below the free surface, as of the last pass", view="depth"),
-    Attribute("settling", "-", "wait until the next split or merge", integer=True, inherited=False),
+    Attribute("depth", "m", "depth below the free surface at the last pass", view="depth"),
+    Attribute(
+        "settling", "-", "remaining wait before a split or merge", integer=True, inherited=False
+    ),
     Attribute("mark", "-", "-1: split, 1: merge", integer=True, carried=False),
-    Attribute("partner", "-", "particle that it may merge with", integer=True, carried=False),
+    Attribute("partner", "-", "particle to merge with, or -1", integer=True, carried=False),
     Attribute("alive", "-", "0 if merged into another particle", integer=True, carried=False),
 )
 
 # Distance of a split's halves from their centre, in spacings of the split particle.
 SPLIT_OFFSET = 0.35
-# Smallest such distance: closer to walls and bodies the particle is not split.
+# Smallest such distance; particles closer to walls and bodies are not split.
 MIN_SPLIT_OFFSET = 0.15
-# Factors (-) on `hysteresis` for splits, initially and in a run. Initially 0 would cause merges
-# soon after, 1 leave thin bands without particles. In a run 1 makes a sloshing tank split 18
-# particles in 5 s, 2 one particle: each split adds a little energy.
+# Factors (-) of `hysteresis` for splits, initially and in a run. Initially, 0 would cause merges
+# soon after the start, and 1 would leave thin bands without particles. In a run, a sloshing tank
+# splits 18 particles in 5 s with 1, and one with 2; each split adds some energy.
 INITIAL_SPLIT_HYSTERESIS, SPLIT_HYSTERESIS = 0.5, 2.0
 # Largest distance of a merging pair, in spacings: merges over larger gaps are visible.
 MAX_MERGE_DISTANCE = 1.25
@@ -52,9 +54,11 @@ DIRECTIONS = (
 class Adaptation:
     """Splits and merges the particles of one fluid.
 
-    totals: splits and merges since the initial arrangement. thickness (-): factor of all bands,
-    below 1 while the capacity is nearly used up. travelled: distance of the fastest particle since
-    the last pass, in spacings. merge_loss [J]: kinetic energy dissipated by merges.
+    totals: numbers of splits and merges since the initial arrangement. steps: number of steps.
+    thickness (-): factor of all bands, below 1 while the capacity is nearly used up. travelled:
+    distance of the fastest particle since the last pass, in spacings. merge_loss [J]: kinetic
+    energy dissipated by merges. inherited: fields of the attributes that halves of a split copy and
+    merges average.
     """
 
     parameters: AdaptationParameters
@@ -69,7 +73,7 @@ class Adaptation:
         unit = np.array(DIRECTIONS) / np.linalg.norm(DIRECTIONS, axis=1, keepdims=True)
         self.directions = ti.Vector.field(3, ti.f32, shape=len(DIRECTIONS))
         self.directions.from_numpy(unit.astype(np.float32))
-        self.place = ti.field(ti.i32, shape=room.particles + 1)
+        self.new_index = ti.field(ti.i32, shape=room.particles + 1)  # after merges
         self.scan = PrefixSum()
         self.tally = ti.field(ti.i32, shape=3)  # splits, merges, refused
         self.next_id = ti.field(ti.i32, shape=())
@@ -78,9 +82,9 @@ class Adaptation:
         """Takes the parameters of a scene; its bands are columns of the table by layer."""
         self.parameters = parameters
         # Launched without particles: compiles the kernels before the first frame.
-        self.wait(0)
-        self.scan.run(self.particles.alive, self.place, 0)
-        self.particles.compact(self.place, self.particles.alive, 0)
+        self.decrement_wait(0)
+        self.scan.run(self.particles.alive, self.new_index, 0)
+        self.particles.compact(self.new_index, self.particles.alive, 0)
 
     def reset(self) -> None:
         """Resets counters and thickness after the particles were replaced."""
@@ -98,7 +102,7 @@ class Adaptation:
         }
 
     def restore(self, state: dict[str, float]) -> None:
-        """Restores a state()."""
+        """Restores the values that state() returned."""
         self.steps, self.thickness = int(state["adaptation_steps"]), state["adaptation_thickness"]
         self.travelled = state["adaptation_travelled"]
         self.next_id[None] = int(state["adaptation_next_id"])
@@ -151,12 +155,12 @@ class Adaptation:
         self.next_id[None] = int(joined["id"].max()) + 1
 
     def pass_due(self) -> bool:
-        """Counts a step; returns True if a pass is due."""
+        """Counts a step; returns True if a pass is due, every `every` steps and after `travel`."""
         self.steps += 1
         if self.steps % self.parameters.every:
             return False
         if self.travelled < self.parameters.travel:
-            self.wait(self.particles.count)
+            self.decrement_wait(self.particles.count)
             return False
         self.travelled = 0.0
         return True
@@ -166,8 +170,8 @@ class Adaptation:
         list.
 
         budget: largest share (-) of the particles that may split, and that may merge; default: the
-        parameter of that name. Changes order and number of particles, which invalidates grid and
-        list.
+        parameter `budget`. Order and number of particles change: grid and neighbour list become
+        invalid.
         """
         p, n = self.particles, self.particles.count
         limit = max(8, int((self.parameters.budget if budget is None else budget) * n))
@@ -184,13 +188,15 @@ class Adaptation:
         self.totals += splits, merges
         p.count = n + splits
         if merges:
-            self.scan.run(p.alive, self.place, n + splits)
-            p.compact(self.place, p.alive, n + splits)
-            p.count = self.place[n + splits]
+            self.scan.run(p.alive, self.new_index, n + splits)
+            p.compact(self.new_index, p.alive, n + splits)
+            p.count = self.new_index[n + splits]
         self._adapt_thickness(refused)
         return splits + merges
 
     def _adapt_thickness(self, refused: int) -> None:
+        """Shrinks the bands if splits were refused or the capacity is nearly used up, else grows
+        them."""
         full = self.particles.count / self.particles.capacity
         if refused or full > SHRINK_ABOVE:
             self.thickness = max(MIN_THICKNESS, SHRINK * self.thickness)
@@ -198,14 +204,18 @@ class Adaptation:
             self.thickness = min(1.0, GROW * self.thickness)
 
     @kernel
-    def wait(self, n: ti.i32):
-        """Decrements `settling`, in units of `every` steps."""
+    def decrement_wait(self, n: ti.i32):
+        """Decrements `settling` of all particles; called every `every` steps."""
         for i in range(n):
             self.particles.settling[i] = ti.max(self.particles.settling[i] - 1, 0)
 
     @kernel
     def mark_particles(self, n: ti.i32, thickness: ti.f32, factor: ti.f32):
-        """Sets depth [m], alive, settling, and mark by depth and band: -1 split, 1 merge."""
+        """Sets alive, depth [m], settling, and mark by depth and band: -1 split, 1 merge, 0
+        neither.
+
+        factor: of the hysteresis of splits (-).
+        """
         for i in range(n):
             self.particles.alive[i] = 1
             layer = self.particles.layer[i]
@@ -224,7 +234,7 @@ class Adaptation:
 
     @kernel
     def find_partners(self, n: ti.i32):
-        """Sets partner to the nearest particle of the same layer that is to merge too, or -1."""
+        """Sets partner to the nearest particle of the layer that is also marked to merge, or -1."""
         for i in range(n):
             best = -1
             if self.particles.mark[i] == 1:
@@ -264,9 +274,9 @@ class Adaptation:
     def keep_angular_momentum(self, i, j, mass, spin):
         """Conserves the angular momentum `spin` [kg m^2/s] of a merged pair about its centre.
 
-        The merged particle i of `mass` [kg] and one neighbour at r get opposite impulses J. r x J =
-        spin has a solution only for r normal to spin: the neighbour nearest to that is used, of
-        those that do not merge themselves.
+        The merged particle i of `mass` [kg] and one neighbour at r get opposite impulses J with
+        r x J = spin. A solution exists only for r normal to spin: the neighbour closest to this
+        direction is chosen, among those that do not merge themselves.
         """
         x, best, least = self.particles.x[i], -1, 1.0
         for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
@@ -280,9 +290,9 @@ class Adaptation:
             r = self.particles.x[best] - x
             impulse = spin.cross(r) / ti.max(r.norm_sqr(), MIN_DIVISOR)
             m_k = self.layers.mass[self.particles.layer[best]]
-            given = impulse.dot(self.particles.v[best] - self.particles.v[i])
-            given += 0.5 * impulse.norm_sqr() * (1.0 / m_k + 1.0 / mass)
-            self.merge_loss[None] -= given
+            energy = impulse.dot(self.particles.v[best] - self.particles.v[i])
+            energy += 0.5 * impulse.norm_sqr() * (1.0 / m_k + 1.0 / mass)
+            self.merge_loss[None] -= energy
             self.particles.v[i] -= impulse / mass
             # Atomic: several merges may choose the same neighbour.
             self.particles.v[best] += impulse / m_k
@@ -294,15 +304,15 @@ class Adaptation:
         Splits at most `limit` particles, and no more than `capacity` allows.
         """
         for i in range(n):
-            offset, place = ti.Vector([0.0, 0.0, 0.0]), limit
+            offset, order = ti.Vector([0.0, 0.0, 0.0]), limit
             if self.particles.mark[i] == -1:
                 offset = self.split_offset(i)
                 if offset.norm() > MIN_SPLIT_OFFSET * self.layers.spacing[self.particles.layer[i]]:
-                    place = ti.atomic_add(self.tally[0], 1)
-            j = n + place
-            if place < limit and j >= capacity:
+                    order = ti.atomic_add(self.tally[0], 1)
+            j = n + order
+            if order < limit and j >= capacity:
                 self.tally[2] += 1
-            elif place < limit:
+            elif order < limit:
                 layer = self.finer[self.particles.layer[i]]
                 self.particles.x[j] = self.particles.x[i] + offset
                 self.particles.x[i] -= offset
@@ -318,17 +328,17 @@ class Adaptation:
 
     @ti.func
     def split_offset(self, i):
-        """Returns the offset [m] of a split's halves, of DIRECTIONS the one of least density."""
+        """Returns the offset [m] of a split's halves, in the direction of the lowest density."""
         layer, x = self.particles.layer[i], self.particles.x[i]
         finer = self.finer[layer]
         # Halves stay clear of walls: a wall that pushes one back would move the centre of mass.
-        room = ti.min(x, self.constants.size[None] - x)
+        free = ti.min(x, self.constants.size[None] - x)
         if self.constants.bodies[None] > 0:
-            room = ti.min(room, self.particles.clearance[i])
+            free = ti.min(free, self.particles.clearance[i])
         best, least = ti.Vector([0.0, 0.0, 0.0]), 1e9
         for d in range(self.directions.shape[0]):
             offset = SPLIT_OFFSET * self.layers.spacing[layer] * self.directions[d]
-            offset *= ti.min(1.0, (room / ti.max(abs(offset), 1e-9)).min())
+            offset *= ti.min(1.0, (free / ti.max(abs(offset), 1e-9)).min())
             c = 0.0
             for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
                 j = self.neighbours.index[s]
@@ -347,7 +357,8 @@ class Adaptation:
 
 
 def farthest_depth(specs: list[LayerSpec], parameters: AdaptationParameters) -> float:
-    """Returns the depth [m] beyond which all particles belong to the coarsest band."""
+    """Returns the depth [m] below which all particles belong to the coarsest layer, hysteresis
+    included."""
     tops = [top for top, _ in bands(specs, parameters.band)]
     return max(tops) * (1.0 + 2.0 * parameters.hysteresis)
 

@@ -16,8 +16,8 @@ class AdaptationParameters(Section):
     capacity: int | None = parameter(
         None,
         gt=0,
-        text="largest number of particles; near it, fine layers become thinner. Default: all water "
-        "at its finest, at most 16,000 or twice the particles at the start",
+        text="largest number of particles; near it, fine layers become thinner. Default: number "
+        "for all water in the finest layer, at most the larger of 16,000 and twice the initial one",
     )
     band: float = parameter(
         1.25, ge=0.5, le=50.0, text="thickness of a layer's band, in its supports"
@@ -27,16 +27,25 @@ class AdaptationParameters(Section):
     )
     every: int = parameter(8, ge=1, text="least number of steps between passes")
     travel: float = parameter(
-        4.0, ge=0.0, text="distance of the fastest particle between passes, in spacings"
+        4.0, ge=0.0, text="least distance of the fastest particle between passes, in spacings"
     )
     budget: float = parameter(
-        0.1, gt=0.0, le=1.0, text="largest share of the particles that a pass splits, or merges"
+        0.1,
+        gt=0.0,
+        le=1.0,
+        text="largest share of the particles that a pass may split, and that it may merge",
     )
-    settle: int = parameter(3, ge=0, text="wait after a split or merge, in units of `every` steps")
+    settle: int = parameter(
+        3, ge=0, text="time without another split or merge of a particle, in units of `every` steps"
+    )
 
 
 def bands(specs: list[LayerSpec], band: float) -> list[tuple[float, float]]:
-    """Returns each layer's depths [m] (top, bottom), finest on top; the coarsest has no bottom."""
+    """Returns the depths [m] (top, bottom) of the band of each layer, in the order of `specs`.
+
+    The finest layer has the uppermost band; the bottom of the coarsest is infinite. band: thickness
+    of a band in supports.
+    """
     order = sorted(range(len(specs)), key=lambda k: specs[k].mass)
     found, top = [(0.0, 0.0)] * len(specs), 0.0
     for k in order:

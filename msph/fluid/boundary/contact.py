@@ -15,19 +15,23 @@ from msph.taichi_internals import data_oriented, kernel
 vec3 = ti.math.vec3
 
 ATTRIBUTES = (
-    Attribute("boundary_share", "-", "part of the relative density c by bodies", carried=False),
+    Attribute(
+        "boundary_share", "-", "contribution of bodies to the relative density c", carried=False
+    ),
     Attribute("boundary_gradient", "1/m", "gradient of boundary_share", width=3, carried=False),
-    Attribute("boundary_inflow", "1/s", "rate of boundary_share by bodies' motion", carried=False),
+    Attribute(
+        "boundary_inflow", "1/s", "rate of boundary_share by motion of bodies", carried=False
+    ),
     Attribute("clearance", "m", "distance from the nearest body", carried=False),
 )
 
-# Depth in a wall beyond which a particle has leaked, in spacings of the finest layer.
+# Depth in a body beyond which a particle has leaked, in spacings of the finest layer.
 LEAK = 0.1
-# Rounds of pushing a particle out of bodies and walls in turn. In one round up to 8 of the 4,104
-# particles of the scene `pillar` leaked, in 8 rounds none.
+# Rounds in which bodies and walls push a particle out alternately. With one round up to 8 of the
+# 4,104 particles of the scene `pillar` leaked, with 8 rounds none.
 ROUNDS = 8
-# Least distance to a wall, in spacings, and the golden section, whose multiples vary that distance
-# between particles.
+# Smallest distance to a wall, in spacings, and the golden section, whose multiples spread the
+# distances of particles between this value and twice this value.
 NEAREST, GOLDEN = 0.05, 0.6180340
 
 
@@ -102,7 +106,7 @@ class Contact:
 
     @kernel
     def _clear_bodies(self, n: ti.i32, pose: ti.i32):
-        """Moves particles to the nearest position `margin` away from all bodies and walls."""
+        """Moves particles out of bodies and walls, to the distance margin() from them."""
         for i in range(n):
             size, x, margin = self.constants.size[None], self.particles.x[i], self.margin(i)
             rounds = 0
@@ -114,7 +118,7 @@ class Contact:
                     if near.x < margin:
                         x -= (near.x - margin) * near.yzw / ti.max(near.yzw.norm_sqr(), 0.25)
                         pushed = True
-                # In the wedge between a body and a wall both must push in turn.
+                # Between a body and a wall, both must push alternately.
                 x = ti.math.clamp(x, margin, size - margin)
                 if not pushed:
                     rounds = ROUNDS
@@ -147,9 +151,11 @@ class Contact:
 
     @ti.func
     def margin(self, i):
-        """Returns the distance [m] from walls at which particle i is stopped. It differs between
-        particles: particles at one point cannot separate, and a wall particle is not repelled by
-        its image."""
+        """Returns the distance [m] from walls at which particle i is stopped.
+
+        It is positive, since a particle on a wall would coincide with its image, and differs
+        between particles, since particles stopped at the same point would not separate.
+        """
         share = GOLDEN * ti.cast(self.particles.id[i] & 1023, ti.f32)
         d = self.layers.spacing[self.particles.layer[i]]
         return NEAREST * (1.0 + share - ti.floor(share)) * d

@@ -14,7 +14,7 @@ from msph.fluid.particles.layers import LayerSpec
 
 Vec3 = tuple[float, float, float]
 
-# Gap below which a block touches a wall, in spacings of the finest layer.
+# Gap below which a block counts as touching a wall, in spacings of the finest layer.
 TOUCHING = 0.5
 
 
@@ -32,6 +32,7 @@ class Motion:
 
     @property
     def spins(self) -> bool:
+        """True if the body rotates."""
         return self.rate != 0.0
 
     @property
@@ -41,6 +42,7 @@ class Motion:
 
     @property
     def moves(self) -> bool:
+        """True if the body translates or rotates."""
         return self.spins or bool(self.slides.any())
 
     def offset(self, time: float) -> np.ndarray:
@@ -103,8 +105,8 @@ class Ball:
 class Solid:
     """Closed mesh: vertices (v, 3) [m], triangles (t, 3) counter-clockwise seen from outside.
 
-    container: the water is inside; the box's walls then only stop particles that would leave the
-    box.
+    container: True if the water is inside the mesh; the walls of the box then only stop particles
+    that would leave the box.
     """
 
     vertices: np.ndarray

@@ -1,9 +1,9 @@
 """Signed distance of a closed mesh on a lattice, negative inside.
 
-Exact to rounding within a band around the surface: nearest points of the triangles near a node
-(Ericson 2005, 5.1.5). Beyond the band it is the length of a path along the lattice's edges and
-diagonals, up to 12 % too long, which suffices to push particles out. The sign counts the crossings
-of the surface along z with their directions.
+Within a band around the surface the distance is exact to rounding: the distance to the nearest
+point of the triangles near a node (Ericson 2005, 5.1.5). Beyond the band it is the length of a path
+along edges and diagonals of the lattice, up to 12 % too long, which suffices to push particles out.
+The sign follows from the number and direction of the crossings of the surface along z.
 """
 
 import numpy as np
@@ -21,8 +21,8 @@ def signed_distance(corners: np.ndarray, lattice: SampleLattice, band: float) ->
     closed mesh, counter-clockwise seen from outside; band [m]."""
     distance = np.full(lattice.shape, FAR, np.float32)
     corners = np.ascontiguousarray(corners, np.float32)
-    _approach(corners, vec3(*lattice.origin), lattice.cell, band, distance)
-    while _spread(lattice.cell, band, distance) > 0:
+    _measure_in_band(corners, vec3(*lattice.origin), lattice.cell, band, distance)
+    while _extend(lattice.cell, band, distance) > 0:
         pass
     return np.where(inside(corners, lattice), -distance, distance)
 
@@ -32,13 +32,13 @@ def inside(corners: np.ndarray, lattice: SampleLattice) -> np.ndarray:
     nx, ny, nz = lattice.shape
     crossings = np.zeros((nx, ny, nz + 1), np.int32)
     corners = np.ascontiguousarray(corners, np.float32)
-    _cross(corners, vec3(*lattice.origin), lattice.cell, crossings)
+    _count_crossings(corners, vec3(*lattice.origin), lattice.cell, crossings)
     return np.cumsum(crossings, axis=2)[:, :, :nz] > 0
 
 
 @ti.func
 def nodes_near(a, b, c, margin, origin, cell, shape):
-    """Returns first and last node (rows) of a triangle's bounding box with a margin [m]."""
+    """Returns the first and the last node, as rows, within `margin` [m] of a triangle's bounds."""
     lo = ti.ceil((ti.min(a, b, c) - margin - origin) / cell, ti.i32)
     hi = ti.floor((ti.max(a, b, c) + margin - origin) / cell, ti.i32)
     return ti.Matrix.rows([ti.max(lo, 0), ti.min(hi, shape - 1)])
@@ -72,7 +72,7 @@ def nearest_of_triangle(p, a, b, c):
 
 
 @ti.kernel
-def _approach(
+def _measure_in_band(
     corners: ti.types.ndarray(dtype=ti.f32, ndim=3),
     origin: vec3,
     cell: ti.f32,
@@ -94,9 +94,9 @@ def _approach(
 
 
 @ti.kernel
-def _spread(cell: ti.f32, band: ti.f32, distance: ti.types.ndarray(dtype=ti.f32, ndim=3)) -> ti.i32:
-    """Propagates distances beyond the band by one node; returns the number of changed nodes."""
-    shrank = 0
+def _extend(cell: ti.f32, band: ti.f32, distance: ti.types.ndarray(dtype=ti.f32, ndim=3)) -> ti.i32:
+    """Extends distances beyond the band by one node; returns the number of changed nodes."""
+    changed = 0
     shape = ti.Vector([distance.shape[0], distance.shape[1], distance.shape[2]])
     for i, j in ti.ndrange(shape[0], shape[1]):
         for k in range(shape[2]):
@@ -109,18 +109,19 @@ def _spread(cell: ti.f32, band: ti.f32, distance: ti.types.ndarray(dtype=ti.f32,
                         d = ti.min(d, distance[o[0], o[1], o[2]] + step)
                 if d < distance[i, j, k]:
                     distance[i, j, k] = d
-                    shrank += 1
-    return shrank
+                    changed += 1
+    return changed
 
 
 @ti.kernel
-def _cross(
+def _count_crossings(
     corners: ti.types.ndarray(dtype=ti.f32, ndim=3),
     origin: vec3,
     cell: ti.f32,
     crossings: ti.types.ndarray(dtype=ti.i32, ndim=3),
 ):
-    """Counts where columns of nodes enter (+1) and leave (-1) the mesh, at the first node above."""
+    """Counts the triangles that a column of nodes crosses along z, +1 where it enters the mesh and
+    -1 where it leaves, at the first node beyond the crossing."""
     shape = ti.Vector([crossings.shape[0], crossings.shape[1], crossings.shape[2]])
     for t in range(corners.shape[0]):
         a, b, c = corner(corners, t, 0), corner(corners, t, 1), corner(corners, t, 2)
@@ -140,13 +141,14 @@ def _cross(
 
 @ti.func
 def corner(corners: ti.template(), t, k):
+    """Returns corner k of triangle t [m]."""
     return vec3(corners[t, k, 0], corners[t, k, 1], corners[t, k, 2])
 
 
 @ti.func
 def is_left(p, q, x):
-    """Returns whether x is left of the edge from p to q, seen along -z; the exact opposite for q to
-    p, so that exactly one of two triangles with a common edge contains a point on it."""
+    """Returns whether x is left of the edge from p to q, seen along -z. The result for q to p is
+    always the opposite, so that exactly one of two triangles contains a point on their edge."""
     forward = p.x < q.x or (p.x == q.x and p.y < q.y)
     s, e = p.xy, q.xy
     if not forward:

@@ -5,11 +5,13 @@ Solves A x = b for an operator A that is symmetric and positive under the volume
 Saad 2003, alg. 9.1). Without a preconditioner every iterate keeps <y, x> for all y with A y = y,
 such as the momenta under viscosity.
 
-Projected: x >= 0. The search covers active particles only: those with x > 0 or r > 0, less those
-that reach x = 0. A round ends when the other particles' residual exceeds the active ones'.
+Projected: x >= 0. The search covers active particles only: particles with x > 0 or r > 0, except
+particles that have reached x = 0. A round ends when the other particles' residual exceeds the
+active ones'.
 
 One iteration lowers the squared error, in the norm of A, by alpha <r, r/D> (Hestenes and Stiefel
-1952, th. 6:1); the reductions of the last few estimate what is left (Strakos and Tichy 2002).
+1952, th. 6:1); the reductions of the last iterations estimate the remaining error (Strakos and
+Tichy 2002).
 """
 
 from collections.abc import Callable
@@ -21,10 +23,10 @@ from msph.fluid.parts import Parts
 from msph.fluid.small_numbers import MIN_DIVISOR
 from msph.taichi_internals import data_oriented, kernel, on_cpu
 
-# Reduction of the squared error before the first iteration.
+# Value of last_reduction before the first iteration of a round.
 UNKNOWN_REDUCTION = 1e30
-# Iterations per launch; after each launch the host waits for the state. On a CPU that takes 5 us,
-# less than the iterations that it saves; on a GPU as long as an iteration.
+# Iterations per launch; after each launch the host waits for the state. On a CPU a launch takes 5
+# us, less than the iterations that it saves, on a GPU as long as an iteration.
 LAUNCH_ITERATIONS_CPU, LAUNCH_ITERATIONS_GPU = 1, 2
 # States of a solve.
 CONTINUE, ROUND_OVER, CONVERGED = 0, 1, 2
@@ -35,7 +37,8 @@ MAX_ROUND_ITERATIONS = 40
 @data_oriented
 class ConjugateGradient:
     """Solver for an operator with apply(n, p), which returns <p, A p>, and response(i, p), which
-    then returns A p at particle i. So the pass that finds A p also takes the step along p.
+    then returns A p at particle i. Therefore the pass that computes A p also takes the step along
+    p.
 
     residual, direction and diagonal are fields (capacity,) of x's width; active, for projected
     solves of scalars, is 1 where x may change. residual_norm2 is <r, r/D>; scale [x's unit^2 m^3]

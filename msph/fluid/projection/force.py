@@ -24,7 +24,7 @@ class Force:
 
     @staticmethod
     def enabled(parameters: ProjectionParameters) -> bool:
-        """Returns whether the scene uses the force; if not, the force costs nothing."""
+        """Returns True if the scene uses the force; otherwise the force costs no time."""
         return True
 
     def tune(self, parameters: ProjectionParameters) -> None:

@@ -27,14 +27,17 @@ class ProjectionParameters(Section):
         0.02,
         gt=0.0,
         lt=1.0,
-        text="error of the velocity solve relative to the displacements by pressure",
+        text="error of the pressure solve relative to the displacements by pressure",
         live=(0.001, 0.5),
     )
     motion_tolerance: float = parameter(
-        0.01, ge=0.0, lt=1.0, text="further error allowed, relative to the motion in the step"
+        0.01,
+        ge=0.0,
+        lt=1.0,
+        text="additional error of the pressure solve, relative to the motion in the step",
     )
     velocity_iterations: int = parameter(
-        120, ge=1, le=100_000, text="iteration limit of the velocity solve"
+        120, ge=1, le=100_000, text="iteration limit of the pressure solve"
     )
     position_iterations: int = parameter(
         4, ge=1, le=1000, text="iterations per round of the position correction"
@@ -73,11 +76,12 @@ class ProjectionParameters(Section):
         0.0,
         ge=0.0,
         le=0.5,
-        text="share of the difference to the neighbours' velocity removed per step, 0: off",
+        text="share of the velocity difference to the neighbours removed per step, 0: off",
     )
 
     def contradiction(self) -> tuple[str, str] | None:
-        """Returns a parameter that has no effect with the others, and why; None if all are used."""
+        """Returns a parameter that has no effect with the values of the others, and the reason, or
+        None."""
         if not self.slip and not self.viscosity:
             return "slip", "only viscous water can stick to walls: set projection.viscosity"
         return None

@@ -1,4 +1,4 @@
-"""Velocity solve: pressures that remove the compression of the water at the end of a step.
+"""Pressure solve: pressures that remove the compression of the water at the end of a step.
 
 Finds multipliers q >= 0 [m^2] whose displacements u (pressure_operator.py) undo a given
 compression: rhs_i + sum V_j (u_i - u_j).grad W_ij <= 0, and = 0 where q > 0. Then v += u/dt and
@@ -17,28 +17,35 @@ from msph.taichi_internals import data_oriented, kernel
 
 ATTRIBUTES = (
     Attribute("pressure", "Pa", "a third of the virial stress's trace", view="pressure"),
-    Attribute("pressure_multiplier", "Pa", "of the velocity solve: pairs press with the mean"),
-    Attribute("previous_multiplier", "Pa", "pressure_multiplier of the step before"),
-    Attribute("velocity_multiplier", "m^2", "unknown of the velocity solve", carried=False),
-    Attribute("predicted_density", "kg/m^3", "after the position correction", carried=False),
-    Attribute("rhs", "-", "compression that the velocity solve must undo", carried=False),
-    Attribute("residual", "-", "compression left by the velocity solve", carried=False),
-    Attribute("direction", "m^2", "search direction of the velocity solve", carried=False),
-    Attribute("active", "-", "1 where the velocity solve may change q", carried=False),
+    Attribute("pressure_multiplier", "Pa", "multiplier q as a pressure, rho0 q/dt^2"),
+    Attribute("previous_multiplier", "Pa", "pressure_multiplier of the previous step"),
+    Attribute("velocity_multiplier", "m^2", "unknown q of the pressure solve", carried=False),
+    Attribute(
+        "predicted_density", "kg/m^3", "density after the position correction", carried=False
+    ),
+    Attribute("rhs", "-", "compression that the pressure solve must undo", carried=False),
+    Attribute("residual", "-", "compression left by the pressure solve", carried=False),
+    Attribute("direction", "m^2", "search direction of the pressure solve", carried=False),
+    Attribute("active", "-", "1 where the pressure solve may change q", carried=False),
 )
 
 # Density deficit (-) that may close in full within a step. A smaller one closes in part: particles
 # that fall into it carry no weight meanwhile (pressures of a deep pool were up to 8 % too low).
 GAP_DEFICIT = 0.003
-# Bounds (-) of the factor that scales the initial guess; beyond them it is a bad guess.
+# Limits (-) of the factor that scales the initial guess.
 MIN_START_SCALE, MAX_START_SCALE = 0.5, 2.0
-# Least displacement, in spacings, in the tolerance's scale: keeps the tolerance above zero.
+# Smallest displacement in the scale of the tolerance, in spacings: keeps the tolerance above zero.
 MIN_DISPLACEMENT = 1e-5
 
 
 @data_oriented
 class PressureSolve:
-    """Solver of the multipliers q by projected conjugate gradients, and their effect on v."""
+    """Solver of the multipliers q by projected conjugate gradients, and their effect on velocities.
+
+    velocity_multiplier holds q; residual, direction and active are fields of the conjugate
+    gradients. boundary_inflow, settling and pair_spacing are set by Contact, Adaptation and
+    Density.
+    """
 
     parameters: ProjectionParameters
 
@@ -47,17 +54,19 @@ class PressureSolve:
         self.constants, self.layers, self.particles = shared.constants, shared.layers, p
         self.boundary, self.impulses = shared.boundary, shared.impulses
         self.density, self.operator = shared.density, shared.operator
-        self.gradients = ConjugateGradient(
+        self.conjugate_gradient = ConjugateGradient(
             shared, shared.operator, p.residual, p.direction, diagonal=p.diagonal, active=p.active
         )
         self.virial = VirialPressure(shared, shared.density)
 
     @kernel
     def build_rhs(self, n: ti.i32, dt: ti.f32):
-        """rhs_i = dt dc/dt + share (c_i - 1), c_i after the position correction; initial guess
-        q = dt^2 p/rho0 with the mean pressure of two steps, since pressures alternate.
+        """rhs_i = dt dc/dt + share (c_i - 1), with c_i after the position correction. Sets the
+        initial guess q = dt^2 p/rho0, p the mean of two steps, since pressures alternate, and
+        predicted_density = rho0 c_i.
 
-        share is 1 for gaps (GAP_DEFICIT), and dt/release for an excess and for smaller deficits.
+        share is dt/release for an excess. For a deficit it rises with the deficit, to 1 at
+        GAP_DEFICIT.
         """
         p = self.particles
         for i in range(n):
@@ -68,13 +77,13 @@ class PressureSolve:
             if 1.0 + c < self.constants.spray[None]:
                 rate = ti.min(rate, 0.0)
             share = ti.max(dt / self.constants.release[None], -c / GAP_DEFICIT)
-            wanted = ti.min(share, 1.0) * c
-            # Halves of a split are crowded until positions have been corrected.
-            wanted = ti.select(p.settling[i] > 0 and c > 0.0, 0.0, wanted)
-            p.rhs[i] = dt * rate + wanted
-            now = p.pressure_multiplier[i]
-            start = 0.5 * (now + p.previous_multiplier[i])
-            p.previous_multiplier[i] = now
+            removed = ti.min(share, 1.0) * c
+            # Halves of a split are crowded until the position correction has moved them apart.
+            removed = ti.select(p.settling[i] > 0 and c > 0.0, 0.0, removed)
+            p.rhs[i] = dt * rate + removed
+            last = p.pressure_multiplier[i]
+            start = 0.5 * (last + p.previous_multiplier[i])
+            p.previous_multiplier[i] = last
             p.velocity_multiplier[i] = start * dt * dt / self.constants.rest_density[None]
 
     def solve(self, dt: float) -> int:
@@ -93,7 +102,7 @@ class PressureSolve:
         displacement: fast water allows a larger error, which saves half the iterations.
         """
         n = self.particles.count
-        return self.gradients.solve(
+        return self.conjugate_gradient.solve(
             self.particles.velocity_multiplier,
             tolerance,
             max_iterations,
@@ -108,12 +117,13 @@ class PressureSolve:
         Without the scaling whole columns rise and fall by less than the tolerance.
         """
         p = self.particles
-        product, asked = self.operator.apply(n, p.velocity_multiplier), 0.0
+        product, against_rhs = self.operator.apply(n, p.velocity_multiplier), 0.0
         for i in range(n):
-            asked += self.layers.volume[p.layer[i]] * p.velocity_multiplier[i] * p.rhs[i]
+            volume = self.layers.volume[p.layer[i]]
+            against_rhs += volume * p.velocity_multiplier[i] * p.rhs[i]
         factor = 1.0
         if product > MIN_DIVISOR:
-            factor = ti.math.clamp(asked / product, MIN_START_SCALE, MAX_START_SCALE)
+            factor = ti.math.clamp(against_rhs / product, MIN_START_SCALE, MAX_START_SCALE)
         residual_norm2, scale, total, square = 0.0, 0.0, 0.0, 0.0
         drift = ti.Vector([0.0, 0.0, 0.0])
         for i in range(n):
@@ -122,7 +132,7 @@ class PressureSolve:
             q = factor * p.velocity_multiplier[i]
             r = p.rhs[i] - factor * self.operator.response(i, p.velocity_multiplier)
             active = ti.select(q > 0.0 or r > 0.0, 1.0, 0.0)
-            direction = active * self.gradients.preconditioned(i, r)
+            direction = active * self.conjugate_gradient.preconditioned(i, r)
             p.velocity_multiplier[i], p.residual[i] = q, r
             p.active[i], p.direction[i] = active, direction
             residual_norm2 += volume * r * direction
@@ -134,7 +144,7 @@ class PressureSolve:
             drift += volume * motion
         # Relative to the mean motion: a falling drop is solved as strictly as one at rest.
         relative = ti.max(square - drift.norm_sqr() / total, 0.0)
-        self.gradients.set_round(residual_norm2, scale + motion_weight**2 * relative)
+        self.conjugate_gradient.set_round(residual_norm2, scale + motion_weight**2 * relative)
 
     def accelerate(
         self, dt: float, gravity: tuple[float, float, float], with_stress: bool
@@ -161,7 +171,7 @@ class PressureSolve:
             m = self.layers.mass[p.layer[i]]
             found = self.virial.evaluate(i, gravity, with_stress)
             inner, wall = found.inner, found.wall
-            # Only beside bodies: sums of zeros would cost a third of this loop.
+            # Only near bodies: sums of zeros would cost a third of this loop.
             if p.boundary_gradient[i].norm_sqr() > 0.0:
                 body = -p.pressure_multiplier[i] / rest_density * p.boundary_gradient[i]
                 wall += body

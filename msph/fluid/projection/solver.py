@@ -32,9 +32,9 @@ from msph.fluid.stages import Stage, no_stage
 from msph.taichi_internals import data_oriented, kernel
 
 # Limit of position corrections before time starts, and the density excess (-) at which they end: a
-# larger excess would lift the water later. 60 fine sheets of halved cubes take 161.
+# larger excess would lift the water later. Water 60 fine spacings deep needs 161.
 MAX_ARRANGING_ROUNDS, ARRANGED_EXCESS = 400, 1e-3
-# MOTION_FACTOR of spray, which has no neighbours to pass (-).
+# MOTION_FACTOR (-) of spray, which passes no neighbours.
 SPRAY_MOTION_FACTOR = 2.5
 # Length of the first step over the longest one (-): no speed or pressure is known before it.
 FIRST_STEP_FACTOR = 0.1
@@ -141,7 +141,7 @@ class Projection:
         return "pair"
 
     def reset(self) -> None:
-        """Clears all state that belongs to particles which have been replaced."""
+        """Resets the state of the solver after the particles were replaced."""
         self.impulses.clear()
         self.max_rate, self.first_step = 0.0, True
         if self.adaptation:
@@ -163,7 +163,8 @@ class Projection:
     def arrange(self) -> None:
         """Assigns layers by depth and moves crowded particles apart, before time starts.
 
-        Where bodies of water touch, their lattices do not fit. At time zero this costs no energy.
+        Where volumes of water touch, their lattices do not match. Before time starts, displacements
+        cost no energy.
         """
         unchanged = 0
         if self.adaptation:
@@ -187,10 +188,11 @@ class Projection:
     def longest_step(self, safety: float = 1.0) -> float:
         """Returns the largest time step [s]; bounds by motion and pressure are divided by `safety`.
 
-        Motion: a particle moves at most cfl spacings past neighbours and walls, and MOTION_FACTOR
-        times as far in all; a body moves at most cfl of the finest spacings. Pressure: forces are
-        constant within a step, and an arrangement under pressure p oscillates at up to about
-        2 sqrt(p/rho0)/d, d the spacing of a particle's pairs; longer steps are unstable.
+        Motion: a particle moves at most cfl spacings past neighbours and walls, and at most
+        MOTION_FACTOR times that distance in total; a body moves at most cfl of the finest spacings.
+        Pressure: forces are constant within a step, and an arrangement under pressure p oscillates
+        at up to about 2 sqrt(p/rho0)/d, d the spacing of a particle's pairs; longer steps are
+        unstable.
         """
         body_rate = self.boundary.top_speed / (self.parameters.cfl * self.layers.finest.spacing)
         rate = max(self.max_rate, body_rate)
@@ -209,43 +211,48 @@ class Projection:
         """Advances the particles by one time step dt [s] (docs/method.md, "A step").
 
         Leapfrog: half the drift with the old velocities, then forces and pressures at mid-step,
-        then half the drift with the new velocities. Comments state "read -> written". stage(name)
-        is a context manager around each part, for profiling.
+        then half the drift with the new velocities. Comments state "read -> written"; most parts
+        also read layers and constants. Bodies have two poses, BEGIN and END of the half step: drift
+        stops particles at END, density and pressure use BEGIN of the second half, at mid-step.
+        stage(name) is a context manager around each part, for profiling.
         """
         with stage("drift"):
-            self.boundary.move(0.5 * dt)  # -> body poses and velocities at t and at t + dt/2
-            self.contact.drift(0.5 * dt)  # x, v -> x; v where walls and bodies stop particles
-            self.boundary.move(0.5 * dt)  # -> body poses and velocities at t + dt/2 and at t + dt
+            self.boundary.move(0.5 * dt)  # time -> body poses at t, t + dt/2, mean velocities
+            self.contact.drift(
+                0.5 * dt
+            )  # x, v, poses -> x; v of particles stopped at walls, bodies
+            self.boundary.move(0.5 * dt)  # time -> body poses at t + dt/2, t + dt, mean velocities
             self.particles_moved()
         if self.adaptation and self.adaptation.pass_due():
             with stage("adaptation"):
                 self.neighbours.refresh()
-                self.adaptation.run()  # x, v, layer, list -> all attributes of new particles
+                self.adaptation.run()  # x, list -> number, order, and all attributes of particles
                 self.particles_moved()
         with stage("neighbours"):
-            self.neighbours.refresh()  # x, layer -> order of all attributes, neighbour list
+            self.neighbours.refresh()  # x, layer -> order of particles, neighbour list
         with stage("density"):
-            self.density.refresh()  # x, list -> density, pair gradients, diagonal
+            self.density.refresh()  # x, list, poses -> density, defect, pair gradients, diagonal
             if not self.parameters.tension:
-                self.density.follow_defect(self.particles.count)  # density -> density correction
+                # defect -> density correction, density
+                self.density.follow_defect(self.particles.count)
         with stage("position correction"):
             self.position_correction.find(dt)  # density, v -> displacements, applied below
         with stage("forces"):
             for force in self.forces:
-                force.apply(dt, external)  # v -> v; ShearRelief: also the last step's stress
+                force.apply(dt, external)  # x, v, last pressures -> v
         with stage("pressure"):
-            # v, density, displacements -> right-hand side; last multipliers -> initial guess
+            # v, density, displacements -> right-hand side; last two pressures -> initial guess
             self.pressure_solve.build_rhs(self.particles.count, dt)
-            self.iterations = self.pressure_solve.solve(dt)  # right-hand side -> multipliers
-            # multipliers -> v, pressure, stress
+            self.iterations = self.pressure_solve.solve(dt)  # right-hand side, v -> multipliers
+            # multipliers, v -> v, pressure, stress
             pressure_rate = self.pressure_solve.accelerate(dt, external.gravity, self.with_stress)
         with stage("drift"):
-            self.position_correction.apply()  # displacements -> x, v, relative speeds
+            self.position_correction.apply()  # displacements, x, v -> x, v, relative speeds
             motion_rate, distance = self._motion_bounds(self.particles.count, dt)
             self.max_rate = max(pressure_rate, motion_rate)  # bounds the next step
             if self.adaptation:
                 self.adaptation.travelled += distance
-            self.contact.drift(0.5 * dt)  # x, v -> x, v
+            self.contact.drift(0.5 * dt)  # x, v, poses -> x, v, as above
             self.particles_moved()
         self.first_step = False
 

@@ -1,4 +1,4 @@
-"""Pressure and stress of particles, computed from the multipliers of the velocity solve.
+"""Pressure and stress of particles, computed from the multipliers of the pressure solve.
 
 A multiplier p_i is not the pressure at i: i and j press on each other with
 V_i V_j (p_i + p_j) grad W_ij, and all pairs across a plane carry the weight above it. The pressure

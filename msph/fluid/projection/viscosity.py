@@ -46,7 +46,7 @@ class Viscosity(Force):
         super().__init__(shared)
         p, self.pressure, self.iterations = shared.particles, shared.operator, 0
         self.operator = ViscousOperator(shared, p.viscous_response)
-        self.gradients = ConjugateGradient(
+        self.conjugate_gradient = ConjugateGradient(
             shared, self.operator, p.viscous_residual, p.viscous_direction
         )
 
@@ -68,7 +68,7 @@ class Viscosity(Force):
         if explicit:
             self.start_round(n, dt * self.nu)
         else:
-            self.iterations = self.gradients.solve(
+            self.iterations = self.conjugate_gradient.solve(
                 p.v, TOLERANCE, MAX_ITERATIONS, lambda: self.start_round(n, dt * self.nu)
             )
         self._remove_pressure(n, float(explicit))
@@ -94,7 +94,7 @@ class Viscosity(Force):
             p.viscous_residual[i] = r
             p.viscous_direction[i] = r
             residual_norm2 += self.layers.volume[p.layer[i]] * r.norm_sqr()
-        self.gradients.set_round(residual_norm2, 0.0)
+        self.conjugate_gradient.set_round(residual_norm2, 0.0)
 
     @kernel
     def _remove_pressure(self, n: ti.i32, explicit: ti.f32):
