@@ -1,7 +1,7 @@
 """Convergence study: discretisation error from runs of the same scene at several spacings.
 
 A figure phi of runs with spacings h follows phi = phi_0 + a h^p for small h; order p, limit phi_0
-and a follow from three runs exactly, from more by least squares (Eca & Hoekstra 2008, the grid
+and a follow from three runs exactly, from more by least squares (Eca and Hoekstra 2008, the grid
 convergence index of Roache; Celik et al. 2008 for three runs; ASME V&V 20). The estimated error of
 the finest run is phi - phi_0. Its uncertainty is 1.25 times the error for 0.95 <= p <= 2.05, at
 least 1.25 times the largest difference between runs for other orders, and three times the largest
@@ -24,8 +24,8 @@ from msph.own_files import replacing
 # Ratio of the spacings of successive runs, at least 1.3 (Celik et al. 2008); a coarser run costs a
 # quarter of the next finer one.
 RATIO = math.sqrt(2.0)
-# Orders that count as asymptotic, and safety factors with and without a known order (Eca & Hoekstra
-# 2008, appendix 1).
+# Orders that count as asymptotic, and safety factors with and without a known order (Eca and
+# Hoekstra 2008, appendix 1).
 ORDERS, SAFETY, SAFETY_UNKNOWN = (0.95, 2.05), 1.25, 3.0
 # Range of orders of the fit.
 MIN_ORDER, MAX_ORDER = 0.05, 12.0

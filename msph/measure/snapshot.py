@@ -80,9 +80,9 @@ class Snapshot:
         """Returns an attribute at a point (3,) [m] in the water or on a wall; NaN in air and inside
         bodies.
 
-        Moving least squares of first order with weights V_j W(r_j, 1.5 h_j) (Lancaster & Salkauskas
-        1981): exact for linear fields at any particle positions, so that the pressure on a wall is
-        not that of the first particles, half a spacing away.
+        Moving least squares of first order with weights V_j W(r_j, 1.5 h_j) (Lancaster and
+        Salkauskas 1981): exact for linear fields at any particle positions, so that the pressure on
+        a wall is not that of the first particles, half a spacing away.
         """
         around = self.near(point, point)
         values = getattr(around, name)

@@ -54,7 +54,7 @@ class Layer(Section):
         text="dynamic viscosity; default: classic.viscosity",
     )
     kernels: Literal["mueller", "wendland"] = parameter(
-        "mueller", text="kernels: poly6 and spiky (Mueller 2003), or Wendland C2 for both"
+        "mueller", text="kernels: poly6 and spiky (Mueller et al. 2003), or Wendland C2 for both"
     )
 
     def mass_at(self, density: float) -> float:

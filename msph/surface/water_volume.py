@@ -12,7 +12,7 @@ mesh that marching cubes would make: with corners x on cell edges,
     V = sum over triangles a . (b x c)/6,
     dV/df = sum over triangles (b - a) x (c - a)/2 . (dx_a + dx_b + dx_c)/(3 df).
 
-Volume control of level sets: Kim, Liu, Llamas, Jiao and Rossignac 2007.
+Volume control of level sets: Kim et al. 2007.
 """
 
 import taichi as ti

@@ -1,8 +1,8 @@
 """Smoothing kernels in three dimensions, as Taichi functions.
 
 Arguments: distance r [m], support radius h [m]. W is in 1/m^3, dW/dr in 1/m^4, the Laplacian in
-1/m^5. Equation numbers: Gokdogan 2008; the kernels are those of Mueller, Charypar and Gross 2003
-(SCA), eq. 20 to 22, Wendland 1995, and Schoenberg 1946.
+1/m^5. Equation numbers: Gokdogan 2008; the kernels are those of Mueller et al. 2003,
+eq. 20 to 22, Wendland 1995, and Schoenberg 1946.
 """
 
 import math

@@ -3,9 +3,9 @@
 A few Jacobi iterations on the density excess. Unlike conjugate gradients they do not find the long,
 nearly free modes of a regular arrangement: large displacements without linearised compression.
 
-They start with a common background pressure (Adami, Hu and Adams 2013), which spreads particles
+They start with a common background pressure (Adami et al. 2013), which spreads particles
 evenly: disordered particles of density 1 fill more space than evenly spread ones. It is
-proportional to the particle's motion in the step (Skillen, Lind, Stansby and Rogers 2013), since
+proportional to the particle's motion in the step (Skillen et al. 2013), since
 motion disturbs the arrangement (docs/method.md, "Position correction").
 """
 

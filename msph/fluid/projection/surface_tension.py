@@ -1,10 +1,10 @@
 """Surface tension: a force that shrinks the surface's area, and a cohesion near the surface.
 
 g_i = sum V_j grad W_ij points into the water at its surface and vanishes inside. So the energy
-AREA_FACTOR sigma sum V_i sqrt(|g_i|^2 + 1/h_i^2) measures area (total variation, Rudin, Osher and
-Fatemi 1992, softened where g is noise); its gradient pulls where the surface is curved. Alone it
-lets water evaporate, since a lone particle has g = 0 and no area. A pair cohesion near the surface
-(after Tartakovsky and Panchenko 2016) prevents that; in all the water it would act like a solid.
+AREA_FACTOR sigma sum V_i sqrt(|g_i|^2 + 1/h_i^2) measures area (total variation, Rudin et al. 1992,
+softened where g is noise); its gradient pulls where the surface is curved. Alone it lets water
+evaporate, since a lone particle has g = 0 and no area. A pair cohesion near the surface (after
+Tartakovsky and Panchenko 2016) prevents that; in all the water it would act like a solid.
 
 Pair forces are equal and opposite for all layers, so momentum is kept. The cohesion is central and
 rotation does not change the area, so angular momentum is kept too.
