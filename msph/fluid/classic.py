@@ -146,16 +146,21 @@ class Classic:
         """Does nothing: particles start where the scene places them, as in the thesis."""
 
     def longest_step(self, safety: float = 1.0) -> float:
-        """Returns the largest stable time step [s]: in it sound crosses courant * h, and viscosity
-        diffuses within h. `safety` is unused, since motion does not bound the step."""
-        c = self.parameters.stiffness**0.5
-        steps = [self.parameters.courant * s.support / c for s in self.layers.specs]
-        steps += [
+        """Returns the largest stable time step [s]: the least of step_bounds(). `safety` is unused,
+        since motion does not bound the step."""
+        return min(self.step_bounds().values())
+
+    def step_bounds(self) -> dict[str, float]:
+        """Returns the bounds of the time step [s] by the parameter that sets them: in it sound
+        crosses courant * h, and viscosity diffuses within h."""
+        c, specs = self.parameters.stiffness**0.5, self.layers.specs
+        bounds = {"stiffness": self.parameters.courant * min(s.support for s in specs) / c}
+        diffusion = [
             VISCOUS_NUMBER * s.support**2 * s.density / mu
-            for s, mu in zip(self.layers.specs, self._viscosities(), strict=True)
+            for s, mu in zip(specs, self._viscosities(), strict=True)
             if mu > 0.0
         ]
-        return min(steps)
+        return bounds | ({"viscosity": min(diffusion)} if diffusion else {})
 
     def tune(self, parameters: ClassicParameters) -> None:
         """Updates the live parameters (msph.parameter)."""

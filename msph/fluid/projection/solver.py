@@ -185,7 +185,13 @@ class Projection:
             self.adaptation.totals[:] = 0
 
     def longest_step(self, safety: float = 1.0) -> float:
-        """Returns the largest time step [s]; bounds by motion and pressure are divided by `safety`.
+        """Returns the largest time step [s]: the least of step_bounds(safety)."""
+        longest = min(self.step_bounds(safety).values())
+        return FIRST_STEP_FACTOR * longest if self.first_step else longest
+
+    def step_bounds(self, safety: float = 1.0) -> dict[str, float]:
+        """Returns the bounds of the time step [s] by the parameter that sets them; those by motion
+        and pressure are divided by `safety`.
 
         Motion: a particle moves at most cfl spacings past neighbours and walls, and MOTION_FACTOR
         times as far in all; a body moves at most cfl of the finest spacings. Pressure: forces are
@@ -194,10 +200,9 @@ class Projection:
         """
         body_rate = self.boundary.top_speed / (self.parameters.cfl * self.layers.finest.spacing)
         rate = max(self.max_rate, body_rate)
-        bound = 1.0 / (safety * rate) if rate > 0.0 else self.parameters.longest_step
-        stable = min(force.longest_step for force in self.forces)
-        longest = min(bound, self.parameters.longest_step, stable)
-        return FIRST_STEP_FACTOR * longest if self.first_step else longest
+        bounds = {force.LIMITED_BY: force.longest_step for force in self.forces if force.LIMITED_BY}
+        bounds["longest_step"] = self.parameters.longest_step
+        return bounds | ({"cfl": 1.0 / (safety * rate)} if rate > 0.0 else {})
 
     def tune(self, parameters: ProjectionParameters) -> None:
         """Updates the live parameters (msph.parameter)."""
