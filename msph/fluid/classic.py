@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 import taichi as ti
 
-from msph.fluid.external_forces import ExternalForces, hand_acceleration
+from msph.fluid.external_forces import NO_HAND, ExternalForces, hand_acceleration
 from msph.fluid.particles import kernels
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.particles.particles import Attribute
@@ -145,17 +145,24 @@ class Classic:
     def arrange(self) -> None:
         """Does nothing: particles start where the scene places them, as in the thesis."""
 
-    def longest_step(self, safety: float = 1.0) -> float:
-        """Returns the largest stable time step [s]: in it sound crosses courant * h, and viscosity
-        diffuses within h. `safety` is unused, since motion does not bound the step."""
-        c = self.parameters.stiffness**0.5
-        steps = [self.parameters.courant * s.support / c for s in self.layers.specs]
-        steps += [
+    def longest_step(self, safety: float = 1.0, external: ExternalForces = NO_HAND) -> float:
+        """Returns the largest stable time step [s]: the least of step_bounds()."""
+        return min(self.step_bounds(safety, external).values())
+
+    def step_bounds(
+        self, safety: float = 1.0, external: ExternalForces = NO_HAND
+    ) -> dict[str, float]:
+        """Returns the bounds of the time step [s] by the parameter that sets them: in it sound
+        crosses courant * h, and viscosity diffuses within h. The arguments are unused, since motion
+        does not bound the step."""
+        c, specs = self.parameters.stiffness**0.5, self.layers.specs
+        bounds = {"stiffness": self.parameters.courant * min(s.support for s in specs) / c}
+        diffusion = [
             VISCOUS_NUMBER * s.support**2 * s.density / mu
-            for s, mu in zip(self.layers.specs, self._viscosities(), strict=True)
+            for s, mu in zip(specs, self._viscosities(), strict=True)
             if mu > 0.0
         ]
-        return min(steps)
+        return bounds | ({"viscosity": min(diffusion)} if diffusion else {})
 
     def tune(self, parameters: ClassicParameters) -> None:
         """Updates the live parameters (msph.parameter)."""

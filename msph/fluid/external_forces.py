@@ -1,5 +1,6 @@
 """External forces: gravity in the box's frame, and a user-controlled ball that pushes the water."""
 
+import math
 from dataclasses import dataclass, field
 
 import taichi as ti
@@ -20,8 +21,16 @@ class Hand:
     radius: float = 1.0
     grip: float = 0.0
 
+    def longest_step(self, distance: float) -> float:
+        """Returns the largest time step [s] in which the hand moves water at rest by at most
+        `distance` [m]: in a step dt it gives it at most the speed V min(1, grip dt)."""
+        speed = math.hypot(*self.velocity)
+        if self.grip * speed == 0.0:
+            return math.inf
+        return max(distance / speed, math.sqrt(distance / (self.grip * speed)))
 
-@dataclass
+
+@dataclass(frozen=True)
 class ExternalForces:
     """Gravity [m/s^2] in the box's frame, and the hand; both constant within a frame."""
 
@@ -43,3 +52,7 @@ def hand_acceleration(x, v, dt, position, velocity, radius, grip):
     """
     u = ti.max(1.0 - (x - position).norm_sqr() / radius**2, 0.0)
     return ti.min(grip * u * u, 1.0 / dt) * (velocity - v)
+
+
+# Gravity alone, without a hand.
+NO_HAND = ExternalForces()

@@ -3,6 +3,7 @@
 import math
 import weakref
 from collections.abc import Callable
+from functools import partial
 from time import perf_counter
 
 import numpy as np
@@ -118,7 +119,7 @@ class Simulation:
                 check_trapped_water(
                     self.boundary, self.layers, self.particles, external, longest, now
                 )
-            dt = self.last_step = left / self._step_count(left)
+            dt = self.last_step = left / self._step_count(left, external)
             self.solver.step(dt, external, stage)
             left -= dt
             self.steps += 1
@@ -140,11 +141,11 @@ class Simulation:
         self.grid.refresh()
         self.solver.measure_density()
 
-    def _step_count(self, left: float) -> int:
+    def _step_count(self, left: float, external: ExternalForces) -> int:
         """Returns the number of equal steps for the remaining `left` [s] of the frame. Keeps the
         length of the last step while it is allowed and at most LENGTHENING_RATIO times too short.
         """
-        longest = self.solver.longest_step
+        longest = partial(self.solver.longest_step, external=external)
         if longest(LENGTHENING_RATIO) <= 0.0:
             speed = np.linalg.norm(self.particles.numpy("v").astype(float), axis=1)
             which = self.particles.describe(int(np.argmax(speed)))

@@ -12,6 +12,7 @@ import taichi as ti
 
 from msph.picture.pixels import pack
 from msph.stage.controls import ACTIONS, KEYS
+from msph.stage.lost_display import DisplayGuard
 from msph.stage.start_screen import StartScreen
 from msph.stage.window import ARROWS, REPORT_INTERVAL, ClosedError, NoWindowError, check_display
 from msph.taichi_internals import set_image
@@ -40,6 +41,7 @@ class GguiWindow:
                 self.window = ti.ui.Window("M-SPH", size, vsync=True)
         except RuntimeError as error:
             raise NoWindowError(f"no window: {error}") from None
+        self.guard = DisplayGuard()
         self.canvas = self.window.get_canvas()
         self.marked, self.arrowed = False, 0  # marker and number of arrows on the next image
         self.marker = ti.Vector.field(2, ti.f32, shape=1)
@@ -107,13 +109,16 @@ class GguiWindow:
         for line, colour in zip(self.lines[: self.arrowed], ARROWS, strict=False):
             self.canvas.lines(line, width=STROKE, color=colour)
         self.marked, self.arrowed = False, 0
-        self.window.show()
+        # Taichi prints why it aborts.
+        with self.guard.silenced():
+            self.window.show()
 
     def again(self) -> None:
         self.show(self.words)
 
     def close(self) -> None:
         self.window.destroy()
+        self.guard.close()
         if not self.had_settings:
             SETTINGS.unlink(missing_ok=True)
 

@@ -6,21 +6,27 @@ from collections.abc import Callable
 from msph.stage.controls import Controls
 from msph.stage.loop import Audience
 from msph.stage.pacer import Pacer
+from msph.stage.progress import Progress
 from msph.stage.row import Row
 
 
 class Headless(Audience):
-    """Runs a fixed number of frames without input."""
+    """Runs a fixed number of frames without input. Raises TooLongError."""
 
     def __init__(self, frames: int):
         self.frames = frames
         self.done = 0
+        self.progress = Progress(frames, shown=False)
 
     def wants_more(self, row: Row) -> bool:
         return self.done < self.frames
 
+    def within(self, row: Row, share: float) -> None:
+        self.progress.within(share, row.lead.pace)
+
     def observe(self, row: Row) -> None:
         self.done += 1
+        self.progress.update()
 
 
 class HeadlessPlayer(Audience):

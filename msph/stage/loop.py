@@ -15,6 +15,10 @@ class Audience(Protocol):
     def controls(self, row: Row) -> Controls:
         return Controls()
 
+    def within(self, row: Row, share: float) -> None:
+        """Called after each step with the completed share (0 to 1) of the frame."""
+        return
+
     def observe(self, row: Row) -> None: ...
 
     def close(self) -> None:
@@ -24,12 +28,19 @@ class Audience(Protocol):
 
 def run(row: Row, audience: Audience) -> None:
     """Runs frames until the audience wants no more, then closes it, also after errors. Raises
-    InterruptedRun after the frame in which a signal arrived."""
+    InterruptedRun after the step in which a signal arrived; that frame is then incomplete."""
     with deferred_signals() as raise_if_signalled:
+
+        def step_done(share: float) -> None:
+            audience.within(row, share)
+            raise_if_signalled()
+
+        row.lead.on_progress = step_done
         try:
             while audience.wants_more(row):
                 row.frame(audience.controls(row))
                 audience.observe(row)
                 raise_if_signalled()
         finally:
+            row.lead.on_progress = None
             audience.close()

@@ -15,7 +15,7 @@ from msph.measure.table import ROUNDING, Table
 from msph.own_files import replacing
 from msph.scene.schema import Scene
 from msph.stage.controls import Controls
-from msph.stage.frame_bar import FrameBar
+from msph.stage.progress import Progress
 from msph.stage.row import Row
 from msph.stage.show import Show
 
@@ -67,7 +67,7 @@ class Measurer:
             last = self.readings.kept[-1][1:].tolist()
             for probe in self.probes:
                 probe.resume([last.pop(0) for _ in probe.heads])
-        self.bar = FrameBar(self.frames, bar, self.done)
+        self.progress = Progress(self.frames, bar, self.done)
 
     def wants_more(self, row: Row) -> bool:
         return self.done < self.frames
@@ -75,8 +75,10 @@ class Measurer:
     def controls(self, row: Row) -> Controls:
         if self.show is None:
             self._begin(row.lead)
-            row.lead.on_progress = self.bar.within
         return Controls()
+
+    def within(self, row: Row, share: float) -> None:
+        self.progress.within(share, row.lead.pace)
 
     def observe(self, row: Row) -> None:
         show = row.lead
@@ -85,7 +87,7 @@ class Measurer:
         entries[-1] = past.continued(entries[-1], self.before)
         self._write(show)
         self.good = show.simulation.state()
-        self.bar.update()
+        self.progress.update()
         if time.monotonic() - self.saved > CHECKPOINT_GAP:
             self._save()
 
@@ -130,7 +132,7 @@ class Measurer:
         self.saved = time.monotonic()
 
     def close(self) -> None:
-        self.bar.close()
+        self.progress.close()
 
     def conclude(self, failure: str | None = None) -> list[Path]:
         """Writes the summary, with the reason of a failure if any; returns the existing files."""

@@ -17,8 +17,8 @@ from msph.errors import BadInputError, LostOutputError
 from msph.measure.table import column
 from msph.own_files import writing
 from msph.stage import vtu
-from msph.stage.controls import Controls
-from msph.stage.frame_bar import FrameBar
+from msph.stage.loop import Audience
+from msph.stage.progress import Progress
 from msph.stage.row import Row
 from msph.stage.show import Show
 
@@ -70,7 +70,7 @@ class Outputs:
         return found
 
 
-class Recorder:
+class Recorder(Audience):
     """Writes `frames` frames at `fps` to the outputs, and frame `still` (default: the last) to the
     still images. first: number of the first frame in file names, after a checkpoint. Raises
     LostOutputError if a file cannot be written completely."""
@@ -96,14 +96,13 @@ class Recorder:
         self.pictures = [p for p in outputs.pictures if numbered(p)]
         self.meshes, self.particles = outputs.meshes, outputs.particles
         self.writers: list = []
-        self.bar = FrameBar(frames, bar)
+        self.progress = Progress(frames, bar)
 
     def wants_more(self, row: Row) -> bool:
         return self.done < self.frames
 
-    def controls(self, row: Row) -> Controls:
-        row.lead.on_progress = self.bar.within
-        return Controls()
+    def within(self, row: Row, share: float) -> None:
+        self.progress.within(share, row.lead.pace)
 
     def observe(self, row: Row) -> None:
         if row.picture:
@@ -125,11 +124,11 @@ class Recorder:
             with self._writing(path):
                 write_particles(self._numbered(path), row.lead)
         self.done += 1
-        self.bar.update()
+        self.progress.update()
 
     def close(self) -> None:
         """Completes all files, also after an interrupt."""
-        self.bar.close()
+        self.progress.close()
         failures = []
         for path, writer in zip(self.videos, self.writers, strict=False):
             try:

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from msph.stage.lost_display import completing
 from msph.stage.recorder import Outputs, Recorder
 from msph.stage.row import Row
 
@@ -39,13 +40,14 @@ class Replay:
         recorder = Recorder(Outputs([path]), number, FPS, bar=False)
         waiting = list(self.frames)
         try:
-            for k in range(number):
-                # The newest frame at that time, so that halts keep their length.
-                while len(waiting) > 1 and waiting[1][0] <= first + (k + 0.5) / FPS:
-                    waiting.pop(0)
-                row.show_moment(waiting[0][1])
-                recorder.observe(row)
-                report((k + 1) / number)
+            with completing(recorder.close):
+                for k in range(number):
+                    # The newest frame at that time, so that halts keep their length.
+                    while len(waiting) > 1 and waiting[1][0] <= first + (k + 0.5) / FPS:
+                        waiting.pop(0)
+                    row.show_moment(waiting[0][1])
+                    recorder.observe(row)
+                    report((k + 1) / number)
         finally:
             row.picture.scale = scale
             row.show_moment(before)

@@ -28,6 +28,8 @@ from msph.surface import Surface, SurfaceRoom, surface_of
 
 # Image scale of the warm-up frame (-); below 1, so that the enlarging kernels compile, too.
 WARM_UP_SCALE = 0.5
+# The first step after a start differs from later ones.
+WARM_UP_FRAMES = 2
 
 # Options of an interactive show. Density errors are measured only every 0.1 s, since they need a
 # neighbour search.
@@ -117,8 +119,9 @@ class Show:
         return picture
 
     def warm_up(self) -> None:
-        """Compiles the kernels of a frame by running one, and resets."""
-        self.frame(Controls(scale=WARM_UP_SCALE))
+        """Compiles the kernels of a frame by running two of a step each, and resets."""
+        for _ in range(WARM_UP_FRAMES):
+            self.frame(Controls(scale=WARM_UP_SCALE, budget=0.0))
         self.reset()
         self.frames = 0
         if self.timings:
@@ -317,6 +320,14 @@ class Show:
         """Returns the volume of all particles at rest density [m^3]."""
         specs = self.simulation.layers.specs
         return sum(n * s.volume for n, s in zip(self.simulation.counts(), specs, strict=True))
+
+    def pace(self) -> str:
+        """Returns the number of steps so far, their length, and the parameter that limits it."""
+        sim = self.simulation
+        bounds = sim.solver.step_bounds()
+        key = min(bounds, key=lambda name: bounds[name])
+        limit = f"limited by {self.scene.method}.{key}"
+        return f"steps so far {sim.steps:,}, of {sim.last_step:.2g} s each, {limit}"
 
     def warnings(self) -> list[str]:
         """Returns warnings about a truncated mesh and stopped bodies."""

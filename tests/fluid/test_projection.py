@@ -13,7 +13,7 @@ from fluid_kit import (
     relative_density,
 )
 
-from msph.fluid.external_forces import ExternalForces
+from msph.fluid.external_forces import ExternalForces, Hand
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.plan import Plan
 from msph.fluid.projection.parameters import ProjectionParameters
@@ -435,7 +435,7 @@ def test_steps_keep_their_length_while_it_is_allowed_and_not_much_too_short(coll
     taken = []
     for allowed in (1.0, 1.9, 2.1, 2.6, 2.1, 0.9):  # in half frames
         monkeypatch.setattr(
-            collision.solver, "longest_step", lambda safety=1.0, a=allowed: a / safety / 120
+            collision.solver, "longest_step", lambda safety=1.0, a=allowed, **_: a / safety / 120
         )
         before = collision.steps
         collision.advance(1 / 60, WEIGHTLESS)
@@ -443,3 +443,17 @@ def test_steps_keep_their_length_while_it_is_allowed_and_not_much_too_short(coll
     assert taken == [2, 2, 2, 1, 1, 3]
     monkeypatch.undo()
     collision.reset()
+
+
+def test_a_hand_that_starts_fast_moves_water_by_a_share_of_its_spacing(collision):
+    """The first step had the length that water at rest allows: 100 m/s moved it out of the box."""
+    collision.reset()
+    collision.particles.fields["v"].fill(0.0)
+    collision.solver.max_rate = 0.0
+    distance = collision.solver.parameters.cfl * collision.layers.finest.spacing
+    for speed, grip in ((100.0, 1000.0), (2.0, 20.0), (100.0, 1e-3)):
+        hand = Hand(velocity=(0.0, -speed, 0.0), radius=0.3, grip=grip)
+        dt = collision.solver.longest_step(external=ExternalForces(hand=hand))
+        assert dt * speed * min(1.0, grip * dt) <= 1.001 * distance
+    unused = ExternalForces(hand=Hand(velocity=(0.0, 100.0, 0.0)))
+    assert collision.solver.longest_step(external=unused) == collision.solver.longest_step()

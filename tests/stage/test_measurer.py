@@ -11,7 +11,6 @@ from msph.measure.table import read
 from msph.measure.timings import Timings
 from msph.scene import load_scene
 from msph.stage.controls import Controls
-from msph.stage.frame_bar import FrameBar
 from msph.stage.loop import run
 from msph.stage.measurer import Measurer
 from msph.stage.row import Row
@@ -121,14 +120,3 @@ def test_water_that_blows_up_leaves_the_last_good_frame(tmp_path):
     with np.load(tmp_path / "checkpoint.npz") as state:
         assert float(state["time"]) == pytest.approx(2 * EVERY)
         assert np.isfinite(state["v"]).all()
-
-
-def test_long_frames_tell_how_far_they_are(monkeypatch):
-    bar, told = FrameBar(3, shown=False), []
-    monkeypatch.setattr(bar.bar, "set_postfix_str", lambda text, **_: told.append(text))
-    bar.within(0.1)
-    assert told == []
-    bar.since -= 2.0
-    bar.within(0.25)
-    bar.update()
-    assert told == ["25.0 % of the next", ""]

@@ -1,5 +1,6 @@
 """A real window under Xvfb: it opens, obeys keys, shows the water, and says when it cannot."""
 
+import contextlib
 import json
 import os
 import shutil
@@ -111,10 +112,9 @@ class Screen:
         return self.still()
 
 
-@pytest.fixture(scope="module")
-def display(tmp_path_factory):
-    """A virtual screen just large enough for the window, and the file that holds its pixels."""
-    folder = tmp_path_factory.mktemp("screen")
+@contextlib.contextmanager
+def virtual_screen(folder):
+    """A virtual screen just large enough for the window, and the process of its server."""
     read, write_end = os.pipe()
     server = subprocess.Popen(
         ["Xvfb", "-displayfd", str(write_end), "-fbdir", str(folder), *SCREEN],
@@ -124,9 +124,15 @@ def display(tmp_path_factory):
     os.close(write_end)
     with os.fdopen(read) as pipe:
         number = pipe.readline().strip()
-    yield Screen(f":{number}", folder / "Xvfb_screen0")
+    yield Screen(f":{number}", folder / "Xvfb_screen0"), server
     server.terminate()
     server.wait()
+
+
+@pytest.fixture(scope="module")
+def display(tmp_path_factory):
+    with virtual_screen(tmp_path_factory.mktemp("screen")) as (screen, _):
+        yield screen
 
 
 def read_xwd(path):
@@ -269,6 +275,56 @@ def test_q_quits_while_kernels_are_compiled(display, tmp_path):
         assert process.returncode == 0 and "ready in" not in said and "Traceback" not in said
     finally:
         process.kill()
+
+
+@needs_x
+@pytest.mark.parametrize("lost", ["display", "window"])
+def test_a_lost_display_ends_play_with_one_line(tmp_path, lost):
+    """It was a message of Xlib, and the abort of an assertion in C++ with exit code 134."""
+    with virtual_screen(tmp_path) as (screen, server):
+        process = play(write(tmp_path), display=screen.display, folder=tmp_path)
+        wait_for(process, "q, escape")
+        if lost == "display":
+            server.kill()
+        else:
+            find = ["xdotool", "search", "--name", "M-SPH", "windowclose"]
+            subprocess.run(find, env={**os.environ, "DISPLAY": screen.display}, check=True)
+        rest = process.communicate(timeout=PATIENCE)[0]
+    assert process.returncode == 1
+    assert rest.strip().splitlines()[-1] == "msph: the display or the window was lost"
+    assert "XIO" not in rest and "RHI" not in rest
+
+
+class LostError(Exception):
+    """Stands for the loss of a display, after which nothing of the process continues."""
+
+
+def test_a_clip_in_progress_is_completed_when_the_display_is_lost(tmp_path, monkeypatch):
+    """The file had no index: no player opened it."""
+    from msph.scene import load_scene
+    from msph.stage import lost_display
+    from msph.stage.controls import Controls
+    from msph.stage.preparation import prepare_row
+    from msph.stage.replay import Replay
+
+    monkeypatch.chdir(tmp_path)
+    row = prepare_row([load_scene(write(tmp_path))], [""], (128, 80))
+    replay, path = Replay(), tmp_path / "clip.mp4"
+    for k in range(4):
+        row.frame(Controls())
+        replay.observe(row, 0.1 * k)
+
+    def lose(share):
+        if share > 0.5:
+            for complete in lost_display._completions:
+                complete()
+            shutil.copy(path, tmp_path / "kept.mp4")
+            raise LostError
+
+    with pytest.raises(LostError):
+        replay.write(row, path, lose)
+    assert imageio.get_reader(tmp_path / "kept.mp4").count_frames() >= 2
+    assert not lost_display._completions
 
 
 @needs_x

@@ -11,10 +11,12 @@ from msph.fluid.projection.parameters import ProjectionParameters
 class Force:
     """Base of a force, which changes velocities within a step.
 
-    ATTRIBUTES: the force's own particle attributes. longest_step [s]: the longest stable step.
+    ATTRIBUTES: the force's own particle attributes. longest_step [s]: the longest stable step, set
+    by the parameter LIMITED_BY.
     """
 
     ATTRIBUTES: tuple[Attribute, ...] = ()
+    LIMITED_BY = ""
     longest_step = math.inf
 
     def __init__(self, shared: Discretisation):

@@ -14,7 +14,7 @@ from msph.fluid.adaptivity.adaptation import ATTRIBUTES as ADAPTATION_ATTRIBUTES
 from msph.fluid.adaptivity.adaptation import Adaptation, band_rows
 from msph.fluid.adaptivity.bands import AdaptationParameters
 from msph.fluid.boundary import contact
-from msph.fluid.external_forces import ExternalForces
+from msph.fluid.external_forces import NO_HAND, ExternalForces
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.particles.particles import Attribute
 from msph.fluid.parts import Parts
@@ -185,21 +185,32 @@ class Projection:
         if self.adaptation:
             self.adaptation.totals[:] = 0
 
-    def longest_step(self, safety: float = 1.0) -> float:
-        """Returns the largest time step [s]; bounds by motion and pressure are divided by `safety`.
+    def longest_step(self, safety: float = 1.0, external: ExternalForces = NO_HAND) -> float:
+        """Returns the largest time step [s]: the least of step_bounds()."""
+        longest = min(self.step_bounds(safety, external).values())
+        return FIRST_STEP_FACTOR * longest if self.first_step else longest
+
+    def step_bounds(
+        self, safety: float = 1.0, external: ExternalForces = NO_HAND
+    ) -> dict[str, float]:
+        """Returns the bounds of the time step [s] by the parameter that sets them; those by motion
+        and pressure are divided by `safety`.
 
         Motion: a particle moves at most cfl spacings past neighbours and walls, and at most
-        MOTION_FACTOR times that distance in total; a body moves at most cfl of the finest spacings.
-        Pressure: forces are constant within a step, and an arrangement under pressure p oscillates
-        at up to about 2 sqrt(p/rho0)/d, d the spacing of a particle's pairs; longer steps are
-        unstable.
+        MOTION_FACTOR times that distance in total; a body, and water that the hand sets in motion,
+        move at most cfl of the finest spacings. Pressure: forces are constant within a step, and an
+        arrangement under pressure p oscillates at up to about 2 sqrt(p/rho0)/d, d the spacing of a
+        particle's pairs; longer steps are unstable.
         """
-        body_rate = self.boundary.top_speed / (self.parameters.cfl * self.layers.finest.spacing)
-        rate = max(self.max_rate, body_rate)
-        bound = 1.0 / (safety * rate) if rate > 0.0 else self.parameters.longest_step
-        stable = min(force.longest_step for force in self.forces)
-        longest = min(bound, self.parameters.longest_step, stable)
-        return FIRST_STEP_FACTOR * longest if self.first_step else longest
+        distance = self.parameters.cfl * self.layers.finest.spacing
+        rate = max(
+            self.max_rate,
+            self.boundary.top_speed / distance,
+            1.0 / external.hand.longest_step(distance),
+        )
+        bounds = {force.LIMITED_BY: force.longest_step for force in self.forces if force.LIMITED_BY}
+        bounds["longest_step"] = self.parameters.longest_step
+        return bounds | ({"cfl": 1.0 / (safety * rate)} if rate > 0.0 else {})
 
     def tune(self, parameters: ProjectionParameters) -> None:
         """Updates the live parameters (msph.parameter)."""

@@ -44,6 +44,8 @@ class SurfaceTension(Force):
         Attribute("normal", "-", "into the water at its surface, short inside", 3, carried=False),
     )
 
+    LIMITED_BY = "tension"
+
     @staticmethod
     def enabled(parameters: ProjectionParameters) -> bool:
         return parameters.tension > 0.0

@@ -1,0 +1,90 @@
+"""Progress: bar, lines in a log, slow frames, and runs that would take more than a day."""
+
+import pytest
+
+from msph.scene import load_scene
+from msph.stage.progress import Progress, TooLongError
+from msph.stage.show import Show
+
+
+class Clock:
+    """A clock that stands still until it is moved."""
+
+    def __init__(self):
+        self.now = 100.0
+
+    def __call__(self):
+        return self.now
+
+
+@pytest.fixture
+def clock():
+    return Clock()
+
+
+def pace():
+    return "steps of 1e-9 s"
+
+
+def test_a_slow_frame_is_explained_once(clock, capsys):
+    progress = Progress(10, shown=True, clock=clock)
+    progress.within(0.1, pace)
+    assert capsys.readouterr().err == ""
+    clock.now += 4.0
+    progress.within(0.5, pace)
+    line = "frame 1 of 10 takes long: steps of 1e-9 s; the run takes about 1.3 minutes\n"
+    assert capsys.readouterr().err == line
+    clock.now += 4.0
+    progress.within(1.0, pace)
+    assert capsys.readouterr().err == ""
+
+
+def test_a_run_of_days_is_refused_with_its_estimate(clock):
+    """It went on in silence: cfl = 1e-9 needed years."""
+    progress = Progress(100, shown=True, clock=clock)
+    for share in (0.001, 0.002):
+        clock.now += 4.0
+        if share == 0.001:
+            progress.within(share, pace)
+    with pytest.raises(TooLongError, match=r"frame 1 of 100 .*the run would take 4.6 days"):
+        progress.within(share, pace)
+
+
+def test_one_pause_of_the_machine_ends_no_run(clock):
+    progress = Progress(100, shown=False, clock=clock)
+    clock.now += 3600.0
+    progress.within(0.1, pace)
+    for _ in range(5):
+        clock.now += 4.0
+        progress.update()
+        progress.within(0.1, pace)
+
+
+def test_a_log_gets_a_line_per_tenth(clock, capsys):
+    """It got one per frame: 50 kB for two seconds."""
+    progress = Progress(300, shown=True, clock=clock)
+    for _ in range(300):
+        clock.now += 0.1
+        progress.update()
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 10
+    assert lines[0] == "10 %: frame 30 of 300, 3 seconds"
+
+
+def test_a_short_run_gets_a_line_per_frame_at_most(clock, capsys):
+    progress = Progress(3, shown=True, clock=clock)
+    for _ in range(3):
+        progress.update()
+    assert len(capsys.readouterr().err.splitlines()) == 3
+
+
+def test_preparation_takes_two_steps_however_short_they_are():
+    """It simulated a whole frame: with cfl = 1e-9 it never ended."""
+    show = Show(load_scene("still", ("projection.cfl=1e-9", "layers.0.spacing=0.1")), 1 / 60)
+    steps = []
+    step = show.simulation.solver.step
+    show.simulation.solver.step = lambda *given: (steps.append(given[0]), step(*given))
+    show.warm_up()
+    assert len(steps) == 2
+    assert "limited by projection." in show.pace()
+    show.close()
