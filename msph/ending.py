@@ -1,6 +1,7 @@
 """Error handling of the command line: one line per error, and an exit code by its kind."""
 
 import contextlib
+import re
 import sys
 import time
 import traceback
@@ -12,9 +13,12 @@ import click
 import msph
 from msph import user_cache
 from msph.errors import MsphError
+from msph.interrupts import handling, raise_interrupt
 
 # Exit codes: wrong use of the command line, and a command ended by Ctrl-C.
 USAGE_ERROR, INTERRUPTED = 2, 130
+# Messages of Taichi and of C++ about memory.
+ALLOCATION = re.compile(r"memory alloc|bad_alloc|out of memory|allocate memory", re.IGNORECASE)
 # Largest number of characters printed of an unexpected error.
 MAX_LENGTH = 200
 
@@ -24,7 +28,8 @@ def exit_on_error() -> Iterator[None]:
     """Prints any error of the block as one line on stderr and ends the process: exit code 2 for
     wrong input, 128 + number for a signal, 1 for other errors."""
     try:
-        yield
+        with handling(raise_interrupt):
+            yield
     except click.exceptions.NoArgsIsHelpError as error:
         error.show()
         sys.exit(USAGE_ERROR)
@@ -45,6 +50,8 @@ def unexpected(error: Exception) -> str:
         # For example a full disk: paths given by the user are checked earlier.
         where = f"{error.filename}: " if error.filename else ""
         return f"{where}{error.strerror.lower()}"
+    if isinstance(error, MemoryError) or ALLOCATION.search(str(error)):
+        return f"not enough memory or address space (ulimit -v){limit_in_words()}"
     what = " ".join(f"{type(error).__name__}: {error}".split())
     report = user_cache.file().parent / f"crash_{time.strftime('%Y%m%d_%H%M%S')}.txt"
     command = " ".join(["msph", *sys.argv[1:]])
@@ -55,6 +62,16 @@ def unexpected(error: Exception) -> str:
     except OSError:
         return f"unexpected error: {what[:MAX_LENGTH]}"
     return f"unexpected error: {what[:MAX_LENGTH]}; details in {report}"
+
+
+def limit_in_words() -> str:
+    """Returns this process's limit of address space, "" if there is none."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return ""
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    return "" if limit == resource.RLIM_INFINITY else f": the limit is {limit / 2**30:.1f} GiB"
 
 
 def fail(problem: str, code: int) -> NoReturn:

@@ -1,10 +1,12 @@
-"""Handling of signals that end a run: immediate while libraries load, else between two frames."""
+"""Handling of signals that end a run: at once while libraries load, else between two steps."""
 
 import contextlib
+import os
 import signal
 import threading
 import warnings
 from collections.abc import Callable, Iterator
+from typing import Any
 
 # Exit status of a process ended by a signal is this plus the signal's number (shell convention).
 SIGNAL_EXIT = 128
@@ -22,22 +24,43 @@ class InterruptedRun(KeyboardInterrupt):
         self.exit_code = SIGNAL_EXIT + number
 
 
+def raise_interrupt(number: int, _) -> None:
+    """Signal handler: raises InterruptedRun."""
+    raise InterruptedRun(number)
+
+
+def end_at_once(number: int, _) -> None:
+    """Signal handler: ends the process with one line."""
+    os.write(2, b"msph: interrupted\n")
+    os._exit(SIGNAL_EXIT + number)
+
+
+# Handlers that a context may replace; a signal that the process ignores stays ignored.
+REPLACEABLE = (signal.SIG_DFL, signal.default_int_handler, raise_interrupt)
+
+
+@contextlib.contextmanager
+def handling(handler: Callable[[int, Any], None]) -> Iterator[None]:
+    """Context in which `handler` receives SIGNALS, in the main thread."""
+    before = {}
+    if threading.current_thread() is threading.main_thread():
+        replaced = [n for n in SIGNALS if signal.getsignal(n) in REPLACEABLE]
+        before = {number: signal.signal(number, handler) for number in replaced}
+    try:
+        yield
+    finally:
+        for number, old in before.items():
+            signal.signal(number, old)
+
+
 @contextlib.contextmanager
 def importing() -> Iterator[None]:
-    """Context for importing or starting libraries: Ctrl-C ends the process at once and silently,
-    since libraries lose the exception in callbacks. Hides DeprecationWarning and SyntaxWarning."""
-    default = signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    killable = default and threading.current_thread() is threading.main_thread()
-    with warnings.catch_warnings():
+    """Context for importing or starting libraries: signals end the process at once, since libraries
+    lose the exception in callbacks. Hides DeprecationWarning and SyntaxWarning."""
+    with warnings.catch_warnings(), handling(end_at_once):
         warnings.simplefilter("ignore", DeprecationWarning)
         warnings.simplefilter("ignore", SyntaxWarning)
-        if killable:
-            signal.signal(signal.SIGINT, signal.SIG_DFL)
-        try:
-            yield
-        finally:
-            if killable:
-                signal.signal(signal.SIGINT, signal.default_int_handler)
+        yield
 
 
 @contextlib.contextmanager

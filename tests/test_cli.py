@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from msph.cli import main
+from msph.ending import unexpected
 from msph.scene import load_scene
 from msph.scene.library import shipped_scenes
 from msph.stage.preparation import mass_text
@@ -326,3 +327,32 @@ def test_help_needs_no_taichi():
     script = f"import sys, msph.cli; print(*{slow} & set(sys.modules))"
     run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert run.stdout.strip() == ""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="sends a signal")
+def test_a_signal_before_the_first_frame_leaves_a_summary(tmp_path):
+    """SIGTERM during the compilation of kernels ended the process in silence."""
+    folder = tmp_path / "out"
+    process = subprocess.Popen(
+        [sys.executable, "-m", "msph", "measure", write(tmp_path), "-o", str(folder)],
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    deadline = time.monotonic() + 60.0
+    while not (folder / "scene.toml").exists():
+        assert time.monotonic() < deadline and process.poll() is None
+        time.sleep(0.05)
+    process.send_signal(signal.SIGTERM)
+    said = process.communicate(timeout=60)[1]
+    assert process.returncode == 128 + signal.SIGTERM
+    assert said.rstrip().endswith("msph: interrupted") and "Traceback" not in said
+    summary = json.loads((folder / "summary.json").read_text())
+    assert summary["failure"] == "interrupted" and not summary["complete"]
+
+
+def test_too_little_memory_is_said():
+    """It was an unexpected error with a line of Taichi's C++."""
+    said = "[host_memory_pool.cpp] Virtual memory allocation (1073741824 B) failed."
+    for error in (MemoryError(), RuntimeError(said), RuntimeError("std::bad_alloc")):
+        assert unexpected(error).startswith("not enough memory")
+    assert unexpected(RuntimeError("other")).startswith("unexpected error")

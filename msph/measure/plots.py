@@ -49,6 +49,8 @@ PANELS: tuple[tuple[str, dict[str, str]], ...] = (
     (VOLUME, {"volume_m3": "volume"}),
     ("top speed [m/s]", {"top_speed_m_per_s": "fastest particle"}),
 )
+# Time [s] in which water that starts on a lattice comes to rest (docs/method.md).
+SETTLING = 0.5
 # Axis labels of probes.png by unit.
 AXIS_LABELS = {
     "Pa": "pressure [Pa]",
@@ -107,6 +109,19 @@ def _probe_panels(table: dict[str, np.ndarray]) -> list[Panel]:
     return list(panels.items())
 
 
+def notes(label: str, curves: dict[str, tuple[np.ndarray, np.ndarray]]) -> list[str]:
+    """Returns a line that explains gaps and early negative pressures of probes, if any."""
+    if label not in AXIS_LABELS.values():
+        return []
+    found = []
+    if any(np.isnan(values).any() for _, values in curves.values()):
+        found.append("gap: no water at the probe")
+    early = (values[time <= time[0] + SETTLING] for time, values in curves.values())
+    if label == AXIS_LABELS["Pa"] and any((values < 0.0).any() for values in early):
+        found.append("negative at first: particles still leave their initial lattice")
+    return ["; ".join(found)] if found else []
+
+
 def _draw(path: Path, title: str, panels: list[Panel]) -> None:
     from matplotlib.figure import Figure  # 0.3 s to import
 
@@ -117,9 +132,11 @@ def _draw(path: Path, title: str, panels: list[Panel]) -> None:
         for name, (time, values) in curves.items():
             axis.plot(time, values, label=name, lw=1.2, marker="." if len(time) < 40 else "")
         # From still water to an impact, errors span decades.
-        if label == DENSITY:
+        if label == DENSITY and any((values > 0.0).any() for _, values in curves.values()):
             axis.set_yscale("log", nonpositive="mask")
         axis.set_ylabel(label, fontsize=8)
+        for note in notes(label, curves):
+            axis.set_title(note, fontsize=7, loc="left", color="0.3")
         axis.tick_params(labelsize=8)
         axis.grid(alpha=0.3)
         if len(curves) > 1 or label in AXIS_LABELS.values():

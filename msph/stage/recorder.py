@@ -67,6 +67,8 @@ class Outputs:
         for path in self.all():
             numbers = range(first, first + frames) if numbered(path) else (first,)
             found += (numbered_name(path, number) for number in numbers)
+            if kind(path) == PARAVIEW:
+                found.append(list_name(path, first))
         return found
 
 
@@ -95,6 +97,10 @@ class Recorder(Audience):
         self.stills = [p for p in outputs.pictures if kind(p) == ".png" and not numbered(p)]
         self.pictures = [p for p in outputs.pictures if numbered(p)]
         self.meshes, self.particles = outputs.meshes, outputs.particles
+        # Time [s] and file of each frame, by .vtu output.
+        self.lists: dict[Path, list[tuple[float, Path]]] = {
+            p: [] for p in (*self.meshes, *self.particles) if kind(p) == PARAVIEW
+        }
         self.writers: list = []
         self.progress = Progress(frames, bar)
 
@@ -123,6 +129,8 @@ class Recorder(Audience):
         for path in self.particles:
             with self._writing(path):
                 write_particles(self._numbered(path), row.lead)
+        for path, files in self.lists.items():
+            files.append((row.lead.simulation.time, self._numbered(path)))
         self.done += 1
         self.progress.update()
 
@@ -146,6 +154,11 @@ class Recorder(Audience):
                 failures.append(failure)
         if self.last is not None and self.done < self.still:
             self._write_stills()
+        for path, files in self.lists.items() if self.done else ():
+            try:
+                vtu.write_list(list_name(path, self.first), files)
+            except LostOutputError as failure:
+                failures.append(failure)
         if failures:
             raise failures[0]
 
@@ -230,6 +243,12 @@ def kind(path: Path) -> str:
 def numbered_name(path: Path, number: int) -> Path:
     """Returns the path with the frame number filled in, if it has a placeholder."""
     return path.with_name(NUMBER.sub(lambda place: place[0] % number, path.name))
+
+
+def list_name(path: Path, first: int) -> Path:
+    """Returns the .pvd file of the .vtu files `path`; first: number of the first frame."""
+    stem = NUMBER.sub("", path.stem).rstrip("_-") or "frames"
+    return path.with_name(stem + (f"_from_{first}" if first else "") + ".pvd")
 
 
 def numbered(path: Path) -> bool:

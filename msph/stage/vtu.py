@@ -1,4 +1,5 @@
-"""Particles and surface as VTK unstructured grids (.vtu) for ParaView.
+"""Particles and surface as VTK unstructured grids (.vtu) for ParaView, with their time, and the
+.pvd file that lists them.
 
 Point arrays have SI units in their names: velocity_m_per_s, pressure_Pa, layer, density_error
 (rho/rho0 - 1 at the current positions; negative near air) and spacing_m, for the size of ParaView's
@@ -8,12 +9,14 @@ point gaussians and glyphs.
 import importlib.util
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 
 from msph.fluid.simulation import Simulation
 from msph.measure.host_kernels import wendland
 from msph.measure.table import column
+from msph.own_files import replacing
 
 # Number of particles per layer averaged at a surface vertex: half a kernel's ball is air.
 NEAREST = 40
@@ -28,7 +31,7 @@ def write_particles(path: Path, simulation: Simulation) -> None:
     """Writes the particles as vertex cells."""
     x, arrays = _particles(simulation)
     cells = [("vertex", np.arange(len(x))[:, None])]
-    _write(path, x, cells, arrays)
+    _write(path, x, cells, arrays, simulation.time)
 
 
 def write_surface(path: Path, mesh, simulation: Simulation) -> None:
@@ -38,7 +41,19 @@ def write_surface(path: Path, mesh, simulation: Simulation) -> None:
     arrays = {"normal": normals}
     if len(vertices):
         arrays |= _at(vertices, simulation)
-    _write(path, vertices, [("triangle", triangles)], arrays)
+    _write(path, vertices, [("triangle", triangles)], arrays, simulation.time)
+
+
+def write_list(path: Path, files: list[tuple[float, Path]]) -> None:
+    """Writes a .pvd file of (time [s], .vtu file) in the same folder, which ParaView opens as one
+    data set that changes with time."""
+    root = ElementTree.Element("VTKFile", type="Collection", version="0.1")
+    listed = ElementTree.SubElement(root, "Collection")
+    for time, file in files:
+        ElementTree.SubElement(listed, "DataSet", timestep=f"{time:.9g}", file=file.name)
+    ElementTree.indent(root)
+    with replacing(path) as new:
+        ElementTree.ElementTree(root).write(new, encoding="utf-8", xml_declaration=True)
 
 
 def _particles(simulation: Simulation) -> tuple[np.ndarray, dict[str, np.ndarray]]:
@@ -87,7 +102,9 @@ def _at(points: np.ndarray, simulation: Simulation) -> dict[str, np.ndarray]:
     return found
 
 
-def _write(path: Path, points: np.ndarray, cells: list, arrays: dict[str, np.ndarray]) -> None:
+def _write(
+    path: Path, points: np.ndarray, cells: list, arrays: dict[str, np.ndarray], time: float
+) -> None:
     import meshio  # an optional dependency
 
     data: dict[str, Any] = {
@@ -95,3 +112,12 @@ def _write(path: Path, points: np.ndarray, cells: list, arrays: dict[str, np.nda
         for name, values in arrays.items()
     }
     meshio.Mesh(points.astype(np.float32), cells, point_data=data).write(path)
+    # meshio has no way to write the time that ParaView shows.
+    tree = ElementTree.parse(path)
+    grid = tree.find("UnstructuredGrid")
+    assert grid is not None
+    field = ElementTree.Element("FieldData")
+    form = {"type": "Float64", "Name": "TimeValue", "NumberOfTuples": "1", "format": "ascii"}
+    ElementTree.SubElement(field, "DataArray", form).text = f"{time:.9g}"
+    grid.insert(0, field)
+    tree.write(path)

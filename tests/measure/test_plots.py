@@ -2,9 +2,10 @@
 
 import imageio.v2 as imageio
 import numpy as np
+import pytest
 
 from msph.measure import entry
-from msph.measure.plots import plot
+from msph.measure.plots import notes, plot
 from msph.measure.survey import COLUMNS
 from msph.measure.table import Table
 
@@ -31,6 +32,26 @@ def test_ledger_and_probes_are_drawn(tmp_path):
         assert 500 < coloured.sum() < 0.2 * coloured.size
     # Six panels and two.
     assert heights[0] > 2.5 * heights[1]
+
+
+def test_gaps_and_early_negative_pressures_are_explained():
+    time = np.linspace(0.0, 2.0, 5)
+    dry, early = np.array([np.nan, 1, 2, 3, 4]), np.array([-1.0, 1, 2, 3, 4])
+    assert notes("pressure [Pa]", {"p": (time, np.abs(early))}) == []
+    (line,) = notes("pressure [Pa]", {"p": (time, early), "q": (time, dry)})
+    assert "no water" in line and "negative at first" in line
+    assert notes("position [m]", {"x": (time, early)}) == []
+
+
+@pytest.mark.filterwarnings("error")
+def test_errors_of_zero_are_no_warning(tmp_path):
+    """Matplotlib warned of a logarithmic axis without positive values."""
+    heads = entry.columns() + COLUMNS
+    ledger = Table(tmp_path / "ledger.csv", heads)
+    Table(tmp_path / "probes.csv", ["time [s]"])
+    for k in range(3):
+        ledger.write([0.1 * k, *[0.0 if "error" in head else 1.0 for head in heads[1:]]])
+    assert plot(tmp_path, "water")
 
 
 def test_without_probes_there_is_one_plot(tmp_path):

@@ -284,3 +284,10 @@ def test_numbers_need_no_digit_on_both_sides_of_the_point(text, value):
 def test_a_broken_list_is_no_string():
     with pytest.raises(SceneError, match=r"--set: gravity: is not a TOML value: '\[0, -9.81'"):
         parse_override("gravity=[0, -9.81")
+
+
+def test_a_table_of_a_feature_that_does_not_exist_is_told_so(tmp_path):
+    text = shipped_scenes()["still"].read_text() + "\n[[inflow]]\nrate = 1.0\n"
+    (tmp_path / "tap.toml").write_text(text)
+    with pytest.raises(SceneError, match=r"inflow: no such table; docs/scenes.md says what is not"):
+        load_scene(str(tmp_path / "tap.toml"))
