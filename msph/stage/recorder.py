@@ -164,11 +164,12 @@ class Recorder(Audience):
 
     def kept(self) -> list[Path]:
         """Returns the outputs that exist and are complete up to the last frame."""
-        return [
+        kept = [
             path
             for path in self.outputs.all()
             if path not in self.lost and (self.done if numbered(path) else path.exists())
         ]
+        return kept + [list_name(path, self.first) for path in self.lists if path in kept]
 
     @contextlib.contextmanager
     def _writing(self, path: Path) -> Iterator[None]:
