@@ -153,7 +153,7 @@ class Surface(Section):
         0.75, ge=0.2, le=2.0, text="edge of a marching-cubes cell, in spacings of the finest layer"
     )
     smoothing: float = parameter(
-        1.0, ge=1.0, le=3.0, text="radius of the surface's kernel, in supports h"
+        1.6, ge=1.0, le=3.0, text="radius of the surface's kernel, in supports h"
     )
 
 

@@ -130,7 +130,7 @@ class Band:
     def include_thin(self, n: ti.i32, bodies: ti.template()):
         """Sets the kernels of the n particles (thin_water.py), marks sub-blocks within reach of
         kernels that exceed the full one as BAND, and lists the tiles (list_tiles())."""
-        self.thin.volume[None] = 0.0
+        self.thin.clear()
         for p in range(n):
             x = self.thin.particles.x[p]
             sub = ti.math.clamp(self.block_at(x), 0, self.last_block())

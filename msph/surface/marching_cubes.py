@@ -22,6 +22,8 @@ vec3, vec4 = ti.math.vec3, ti.math.vec4
 # Smallest distance of a vertex from the ends of its edge, over the edge's length: no triangle
 # loses all area.
 END_GAP = 1e-3
+# Newton steps to the zero on an edge, and least slope there over the mean slope (-).
+ROOT_STEPS, MIN_SLOPE = 2, 0.1
 # Squared gradient below which its direction is undefined.
 MIN_GRADIENT2 = 1e-20
 # Cut (-) where no body is near: larger than all values.
@@ -155,18 +157,51 @@ class MarchingCubes:
         """Writes vertex `slot` on the edge from a node along an axis."""
         step = ti.cast(ti.Vector([axis == 0, axis == 1, axis == 2]), ti.i32)
         far, unit = node + step, ti.cast(step, ti.f32)
-        f0, f1 = self.level(node), self.level(far)
-        t = ti.math.clamp(f0 / (f0 - f1), END_GAP, 1.0 - END_GAP)
         a, b = self.lattice.node_index(node), self.lattice.node_index(far)
+        x = self.lattice.point(node)
+        along = self.lattice.point(far) - x
+        f0, f1 = self.level(node), self.level(far)
+        t, slope = self.root(f0, f1, a, b, along)
+        t = ti.math.clamp(t, END_GAP, 1.0 - END_GAP)
         n = -ti.math.mix(self.gradient[a], self.gradient[b], t)
+        n -= (slope / along.norm_sqr() + n.dot(along) / along.norm_sqr()) * along
         if self.at_wall(node, far):
             t, n = 0.5, ti.select(node.dot(step) == 0, -1.0, 1.0) * unit
-        x = self.lattice.point(node)
-        x += t * (self.lattice.point(far) - x)
+        x += t * along
         if n.norm_sqr() < MIN_GRADIENT2:
             n = ti.select(f0 > f1, 1.0, -1.0) * unit
         self.mesh.vertices[slot] = x
         self.mesh.normals[slot] = n.normalized()
+
+    @ti.func
+    def root(self, f0, f1, a, b, along):
+        """Returns t in [0, 1], the zero of the level on an edge from node a to node b [flat
+        indices], and the derivative of the level by t there.
+
+        The level is the cubic of Hermite through the levels f0 and f1 of the ends and their slopes:
+        on a drop of one particle, a line would be off by a sixth of its radius.
+        """
+        m0, m1 = self.gradient[a].dot(along), self.gradient[b].dot(along)
+        rise = f1 - f0
+        if self.cut[a] < NO_CUT or self.cut[b] < NO_CUT:
+            # The cut of a body has a kink.
+            m0, m1 = rise, rise
+        low, high, t, slope = 0.0, 1.0, -f0 / rise, rise
+        for _ in range(ROOT_STEPS):
+            # p(t) = f0 + t (m0 + t (c2 + t c3))
+            c2, c3 = 3.0 * rise - 2.0 * m0 - m1, m0 + m1 - 2.0 * rise
+            p = f0 + t * (m0 + t * (c2 + t * c3))
+            slope = m0 + t * (2.0 * c2 + 3.0 * t * c3)
+            if (p > 0.0) == (f0 > 0.0):
+                low = t
+            else:
+                high = t
+            t -= p / ti.select(slope * rise > 0.0, slope, rise)
+            if t < low or t > high:
+                t = 0.5 * (low + high)
+        if not slope * rise > MIN_SLOPE * rise * rise:
+            slope = MIN_SLOPE * rise
+        return t, slope
 
     @ti.func
     def at_wall(self, node, far):

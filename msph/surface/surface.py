@@ -1,4 +1,4 @@
-"""Surface of the water from the particles, once per frame: band, coverage, marching cubes."""
+"""Surface of the water from the particles: band, coverage, marching cubes, drops."""
 
 import numpy as np
 import taichi as ti
@@ -7,6 +7,7 @@ from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.world import World
 from msph.surface.band import Band, band_numbers
 from msph.surface.bodies import Bodies
+from msph.surface.drops import Drops
 from msph.surface.fluid_fraction import ISO, SLOPE
 from msph.surface.lattice import PAIR, RUN, Lattice
 from msph.surface.marching_cubes import NO_CUT, MarchingCubes
@@ -41,6 +42,7 @@ class Surface:
         self.sums = KernelSums(self.cubes.lattice, self.thin, room)
         self.band = Band(self.cubes.signs, self.sums, room)
         self.volume_control = WaterVolume(self.cubes, self.thin)
+        self.drops = Drops(self.mesh, self.thin)
 
     def load(self, size: tuple[float, float, float], cell: float, smoothing: float = 1.0) -> None:
         """Loads a scene: its box, the fluid's layers, and the number of bodies.
@@ -76,7 +78,7 @@ class Surface:
         return self.mesh.overflowed() or self.volume_control.limit_reached()
 
     def extract(self) -> None:
-        """Computes the mesh from the particles in seven kernel launches. The grid must be
+        """Computes the mesh from the particles in eight kernel launches. The grid must be
         sorted."""
         self.band.sample(self.has_bodies)
         self.band.classify(self.has_bodies)
@@ -84,6 +86,7 @@ class Surface:
         self.evaluate(self.has_bodies)
         self.volume_control.correct()
         self.cubes.run()
+        self.drops.add()
 
     @kernel
     def evaluate(self, bodies: ti.template()):

@@ -10,7 +10,8 @@ surface (fluid_fraction.py), and c_thick halfway between,
     w_j = 1 + (ISOLATED_WEIGHT - 1) t^2,  t = (c_sheet - c)/(c_sheet - c_isolated) if c < c_sheet,
 
 t = 0 otherwise. Both are continuous in c. Kernels that follow the neighbourhood: Yu and Turk 2013,
-who also stretch them along sheets.
+who also stretch them along sheets. A particle without neighbours is a drop: it has no kernel, and a
+sphere is added to the mesh (drops.py).
 """
 
 import numpy as np
@@ -28,18 +29,27 @@ vec3 = ti.math.vec3
 # Reach [spacings] of kernels in sheets and thinner water: coverage is half at d/2 from the sheet,
 # 315/256 d/r (1 - (d/2r)^2)^4 = 1/2, so a sheet keeps its thickness.
 SHEET_REACH = 1.75
-# Weight (-) of an isolated particle: in cells of 0.75 spacings the mean volume of its drop is the
-# volume of the particle. At 3 it is 0.83 of that; at 2 some drops vanish between nodes.
-ISOLATED_WEIGHT = 3.3
+# Weight (-) of an almost isolated particle: its surface encloses its volume. At 2 some vanish
+# between the nodes of cells of 0.75 spacings.
+ISOLATED_WEIGHT = 2.6
+# Distance to the nearest neighbour beyond which a particle is a drop, in mean spacings of the two:
+# their surfaces touch at 2.1.
+DROP_GAP = 2.15
+# Distance [m] and squared distance [m^2] of a particle without neighbours.
+NO_NEIGHBOUR = 1e9
+# Radius of a particle's sphere, in spacings: (3/(4 pi))^(1/3).
+DROP_RADIUS = (3.0 / (4.0 * np.pi)) ** (1.0 / 3.0)
 
 
 @ti.dataclass
 class Sum:
-    """Sum of (1 - |x - x_j|^2/r^2)^3 over particles j near x [m]."""
+    """Sum of (1 - |x - x_j|^2/r^2)^3 over particles j near x [m], and the least |x - x_j|^2 [m^2]
+    of particles that are not at x."""
 
     x: vec3
     per_r2: ti.f32
     total: ti.f32
+    nearest2: ti.f32
 
 
 @data_oriented
@@ -48,7 +58,8 @@ class ThinWater:
 
     by_layer: reach r [m]; isolated, sheet, thick (-): the coverages c_isolated, c_sheet and c_thick
     of the module docstring. kernel, by particle: 1/r_j^2 [1/m^2] and the kernel's value at its
-    particle (-). volume [m^3]: of all particles.
+    particle (-), 0 for a drop. The first drop_count[None] entries of drops are the drops' indices.
+    volume [m^3]: of all other particles.
     """
 
     def __init__(self, layers, grid, particles, bodies: Bodies, room: SurfaceRoom):
@@ -56,7 +67,8 @@ class ThinWater:
         self.numbers = bodies.numbers
         self.by_layer = DeviceTable((LAYERS,), reach=f32, isolated=f32, sheet=f32, thick=f32)
         self.kernel = ti.Vector.field(2, ti.f32, shape=room.particles)
-        self.volume = ti.field(ti.f32, shape=())
+        self.drops = ti.field(ti.i32, shape=room.particles)
+        self.drop_count, self.volume = ti.field(ti.i32, shape=()), ti.field(ti.f32, shape=())
 
     def load(self, specs: list[LayerSpec], radii: np.ndarray) -> None:
         """Loads a scene. radii (layers,): reach of each layer's kernel [m]."""
@@ -69,39 +81,73 @@ class ThinWater:
         )
 
     @ti.func
+    def clear(self):
+        """Prepares set_kernel() of all particles."""
+        self.volume[None], self.drop_count[None] = 0.0, 0
+
+    @ti.func
     def full(self, layer):
         """Returns the kernel of a particle in deep water."""
         return ti.Vector([1.0 / self.by_layer.reach[layer] ** 2, self.by_layer.isolated[layer]])
 
     @ti.func
     def set_kernel(self, i, deep, bodies: ti.template()):
-        """Sets the kernel of particle i (deep: known to be in deep water) and adds its volume.
-        Returns the distance [m] within which the kernel exceeds the full kernel."""
+        """Sets the kernel of particle i (deep: known to be in deep water) and adds its volume, or
+        lists it as a drop. Returns the distance [m] within which the kernel exceeds the full
+        kernel."""
         layer = self.particles.layer[i]
-        self.volume[None] += self.layers.volume[layer]
-        self.kernel[i], larger = self.full(layer), 0.0
+        self.kernel[i], larger, drop = self.full(layer), 0.0, False
         if not deep:
-            c = self.coverage(self.particles.x[i], bodies)
-            sheet, thick = self.by_layer.sheet[layer], self.by_layer.thick[layer]
-            isolated = self.by_layer.isolated[layer]
-            if c < thick:
-                full, least = self.by_layer.reach[layer], SHEET_REACH * self.layers.spacing[layer]
-                r = ti.math.mix(least, full, ti.max((c - sheet) / (thick - sheet), 0.0))
-                t = ti.math.clamp((sheet - c) / (sheet - isolated), 0.0, 1.0)
-                peak = (1.0 + (ISOLATED_WEIGHT - 1.0) * t * t) * (full / r) ** 3
-                self.kernel[i] = ti.Vector([1.0 / (r * r), isolated * peak])
-                # peak (1 - x^2/r^2)^3 = (1 - x^2/full^2)^3
-                s = peak ** (1.0 / 3.0)
-                larger = ti.sqrt((s - 1.0) / (s / (r * r) - 1.0 / (full * full)))
+            c = self.coverage(i, bodies)
+            if c[1] > DROP_GAP:
+                drop = self.has_room(i, DROP_RADIUS * self.layers.spacing[layer], bodies)
+            if drop:
+                self.kernel[i][1] = 0.0
+                self.drops[ti.atomic_add(self.drop_count[None], 1)] = i
+            elif c[0] < self.by_layer.thick[layer]:
+                larger = self.narrow(i, layer, c[0])
+        if not drop:
+            self.volume[None] += self.layers.volume[layer]
         return larger
 
     @ti.func
-    def coverage(self, x, bodies: ti.template()):
-        """Computes the coverage (-) at x [m] with kernels of full reach."""
-        c, size = 0.0, self.numbers.size[None]
+    def spacing(self, i):
+        """Returns the spacing [m] of particle i: the edge of the cube of its volume."""
+        return self.layers.spacing[self.particles.layer[i]]
+
+    @ti.func
+    def narrow(self, i, layer, c):
+        """Sets the kernel of particle i, with the coverage c (-), in thin water; returns the
+        distance [m] within which the kernel exceeds the full kernel."""
+        sheet, thick = self.by_layer.sheet[layer], self.by_layer.thick[layer]
+        full, least = self.by_layer.reach[layer], SHEET_REACH * self.layers.spacing[layer]
+        isolated = self.by_layer.isolated[layer]
+        r = ti.math.mix(least, full, ti.max((c - sheet) / (thick - sheet), 0.0))
+        t = ti.math.clamp((sheet - c) / (sheet - isolated), 0.0, 1.0)
+        peak = (1.0 + (ISOLATED_WEIGHT - 1.0) * t * t) * (full / r) ** 3
+        self.kernel[i] = ti.Vector([1.0 / (r * r), isolated * peak])
+        # peak (1 - x^2/r^2)^3 = (1 - x^2/full^2)^3
+        s = peak ** (1.0 / 3.0)
+        return ti.sqrt((s - 1.0) / (s / (r * r) - 1.0 / (full * full)))
+
+    @ti.func
+    def has_room(self, i, radius, bodies: ti.template()):
+        """Returns True if a sphere of `radius` [m] around particle i meets no wall and no body."""
+        x, size = self.particles.x[i], self.numbers.size[None]
+        found = ti.min(x.min(), (size - x).min()) > radius
+        if ti.static(bodies):
+            found = found and self.bodies.clearance(x) > radius
+        return found
+
+    @ti.func
+    def coverage(self, i, bodies: ti.template()):
+        """Computes the coverage (-) at particle i with kernels of full reach, and the distance to
+        its nearest neighbour, over the mean of the two spacings."""
+        x, spacing = self.particles.x[i], self.spacing(i)
+        c, nearest, size = 0.0, NO_NEIGHBOUR, self.numbers.size[None]
         for layer in range(self.numbers.layers[None]):
             r = self.by_layer.reach[layer]
-            found = Sum(x=x, per_r2=1.0 / (r * r), total=0.0)
+            found = Sum(x=x, per_r2=1.0 / (r * r), total=0.0, nearest2=NO_NEIGHBOUR)
             self.grid.for_each_row(x, layer, r, self.add_row, found)
             if found.total > 0.0:
                 share = 1.0
@@ -111,10 +157,15 @@ class ThinWater:
                 if ti.static(bodies):
                     share *= self.bodies.open_share(x, layer)[0]
                 c += self.by_layer.isolated[layer] * found.total / share
-        return c
+            mean = 0.5 * (spacing + self.layers.spacing[layer])
+            nearest = ti.min(nearest, ti.sqrt(found.nearest2) / mean)
+        return ti.Vector([c, nearest])
 
     @ti.func
     def add_row(self, begin, end, found: ti.template()):
         for j in range(begin, end):
-            u = ti.max(1.0 - (found.x - self.particles.x[j]).norm_sqr() * found.per_r2, 0.0)
+            r2 = (found.x - self.particles.x[j]).norm_sqr()
+            u = ti.max(1.0 - r2 * found.per_r2, 0.0)
             found.total += u * u * u
+            if r2 > 0.0:
+                found.nearest2 = ti.min(found.nearest2, r2)

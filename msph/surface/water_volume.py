@@ -25,14 +25,14 @@ from msph.taichi_internals import data_oriented, kernel
 
 vec3 = ti.math.vec3
 
-# Largest shift (-), 0.16 spacings inwards: `dam_break` reaches it only at its start.
+# Largest shift (-), 0.25 spacings inwards: `dam_break` reaches it only at its start.
 MAX_SHIFT = 0.08
-# Smallest shift (-), 0.2 spacings outwards; larger with bodies, where particles crowd and half
+# Smallest shift (-), 0.3 spacings outwards; larger with bodies, where particles crowd and half
 # coverage is up to 0.34 spacings too low (`bowl`).
 MIN_SHIFT, MIN_SHIFT_AT_BODIES = -0.1, -0.2
-# Shift (-) from which a second Newton step is made: one step leaves an error of up to 3 % above
-# and less than 0.6 % below.
-SECOND_STEP = 0.08
+# Shift (-) from which a second Newton step is made: one step of 0.08 leaves up to 0.6 % of the
+# volume.
+SECOND_STEP = 0.02
 # Smallest dV/df [m^3], in volumes of the water, against division by zero.
 MIN_DERIVATIVE = 1e-6
 
@@ -92,7 +92,8 @@ class WaterVolume:
             water, before = self.thin.volume[None], self.shift[None]
             slope = ti.max(self.derivative[None], MIN_DERIVATIVE * water)
             least, most = self.numbers.min_shift[None], self.numbers.max_shift[None]
-            step = (self.enclosed[None] - water) / slope
+            # No water but drops: nothing to shift.
+            step = ti.select(water > 0.0, (self.enclosed[None] - water) / slope, 0.0)
             self.shift[None] = ti.math.clamp(before + step, least, most)
 
     @ti.func
@@ -116,12 +117,13 @@ class WaterVolume:
         for a in ti.static(range(3)):
             far[a] += ti.cast(axis == a, ti.i32)
         f0, f1 = self.cubes.level(low), self.cubes.level(far)
-        t, change = f0 / (f0 - f1), 1.0 / (f0 - f1)
-        if self.cubes.at_wall(low, far):
-            t, change = 0.5, 0.0
         a, b = self.lattice.node_index(low), self.lattice.node_index(far)
-        if f0 >= self.cubes.cut[a] or f1 >= self.cubes.cut[b]:
-            change = 0.0
         begin = self.lattice.point(low)
         length = self.lattice.point(far) - begin
+        t, slope = self.cubes.root(f0, f1, a, b, length)
+        change = -1.0 / slope
+        if self.cubes.at_wall(low, far):
+            t, change = 0.5, 0.0
+        if f0 >= self.cubes.cut[a] or f1 >= self.cubes.cut[b]:
+            change = 0.0
         return begin + t * length, change * length

@@ -82,14 +82,19 @@ class Cubes:
 class Water:
     """A box, two layers, and a surface, refilled by every test."""
 
-    def __init__(self, smoothing: float = 1.0, bodies: Sequence[Body] = ()):
+    def __init__(
+        self,
+        smoothing: float = 1.0,
+        bodies: Sequence[Body] = (),
+        room: SurfaceRoom = SurfaceRoom(),  # noqa: B008
+    ):
         specs = [LayerSpec(1000.0 * d**3, 1000.0, 2.0) for d in (FINE, COARSE)]
         start = {"x": np.array([[0.3, 0.25, 0.2]], np.float32), "layer": np.zeros(1, np.int32)}
         plan = Plan(SIZE, specs, start, ProjectionParameters(), bodies, capacity=6000)
         self.simulation = sim = Simulation(plan)
         self.layers, self.particles, self.grid = sim.layers, sim.particles, sim.grid
         self.boundary = sim.boundary
-        self.surface = sim.world.build_once(surface_of, SurfaceRoom())
+        self.surface = sim.world.build_once(surface_of, room)
         self.surface.load(SIZE, CELL, smoothing)
 
     def nodes(self, field) -> np.ndarray:

@@ -16,6 +16,7 @@ from surface_kit import (
     packed,
 )
 
+from msph.scene.schema import Surface
 from msph.surface import SurfaceRoom
 
 MIDDLE = np.array(SIZE) / 2
@@ -92,8 +93,9 @@ def test_still_water_fills_its_box_with_flat_walls(water, d, layer):
     mesh = water.mesh()
     assert_closed(mesh)
     vertices, normals, _ = mesh.to_numpy()
-    # The lattice that fills the box is up to 3 % thinner or denser than water at rest.
-    assert mesh.volume() == pytest.approx(water.volume, rel=0.03)
+    # The lattice that fills the box is up to 4 % thinner or denser than water at rest, more than
+    # the limited shift of the surface makes up for.
+    assert mesh.volume() == pytest.approx(water.volume, rel=0.032)
     assert vertices.min() == 0.0
     assert vertices[:, 0].max() == np.float32(SIZE[0])
     assert vertices[:, 2].max() == np.float32(SIZE[2])
@@ -115,6 +117,24 @@ def test_free_surface_reaches_the_walls(water):
     inset = 2 * water.surface.lattice.axes[0][1]
     top = vertices[vertices[:, 1] > 0.29]
     assert top[:, 0].min() <= inset and top[:, 0].max() >= np.float32(SIZE[0]) - inset
+
+
+@pytest.mark.parametrize(("height", "most"), [(0.0, 1.0), (0.015, 3.0)])
+def test_normals_of_a_level_surface_and_of_a_wave(height, most):
+    """Angles [deg rms] to the exact normals at the default smoothing; height: amplitude [m]."""
+    scene_support, support = 2.45, 2.0  # in spacings: of scenes, and of these layers
+    water = Water(smoothing=Surface().smoothing * scene_support / support)
+    k = 2 * np.pi / SIZE[0]
+    x = packed((0, 0, 0), (SIZE[0], 0.3, SIZE[2]), FINE, 0.1)
+    x[:, 1] *= 1.0 + height / 0.3 * np.cos(k * x[:, 0])
+    water.fill(x)
+    vertices, normals, _ = water.mesh().to_numpy()
+    inner = (vertices > 1e-4).all(axis=1) & (vertices < np.array(SIZE) - 1e-4).all(axis=1)
+    slope = -k * height * np.sin(k * vertices[inner, 0])
+    exact = np.stack([-slope, np.ones_like(slope), np.zeros_like(slope)], axis=1)
+    cosine = (normals[inner] * exact).sum(axis=1) / np.linalg.norm(exact, axis=1)
+    angles = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
+    assert np.sqrt((angles**2).mean()) < most
 
 
 @pytest.mark.parametrize("centre", [MIDDLE, MIDDLE * [1, 1, 0], MIDDLE * [0, 1, 0]])
