@@ -21,6 +21,9 @@ class Look(Section):
     caustic_contrast: float = parameter(
         1.0, ge=0.0, le=1.0, text="contrast of caustics, 1: physical", live=(0.0, 1.0)
     )
+    whitewater: bool = parameter(
+        True, text="spray, foam and bubbles where the water splashes; they do not act on the water"
+    )
     refractive_index: float = parameter(
         1.333, ge=1.0, le=2.5, text="of water relative to air, 1: no refraction", live=(1.0, 1.6)
     )

@@ -19,14 +19,16 @@ from msph.picture.sky import Sky
 from msph.picture.sunlight import Sunlight
 from msph.picture.tone import Tone
 from msph.picture.water import WaterShader
+from msph.picture.whitewater_view import WhitewaterView
 from msph.surface import SurfaceRoom, surface_of
+from msph.surface.whitewater import Whitewater, whitewater_of
 from msph.taichi_internals import data_oriented, kernel
 
 
 def picture_of(world: World, surface_room: SurfaceRoom, room: PictureRoom) -> "Picture":
     """Builds a picture of the surface, particles and bodies of a world (for World.build_once)."""
     mesh = world.build_once(surface_of, surface_room).mesh
-    return Picture(mesh, world.parts.boundary, room)
+    return Picture(mesh, world.parts.boundary, room, world.build_once(whitewater_of))
 
 
 @data_oriented
@@ -35,14 +37,14 @@ class Picture:
 
     mesh: water surface in box coordinates, with the fields `vertices` [m], `normals`, `triangles`
     and `counts` (vertices, triangles). boundary: the fluid's boundary, whose bodies are drawn, or
-    None.
+    None. whitewater: drawn if the look shows it, or None.
 
     The constructor allocates all memory; `load`, `change` and `resize` only set numbers, so no
     kernel is compiled twice. Kernels for bodies, particles, legends, supersampling and upscaling
     are compiled when they are first used.
     """
 
-    def __init__(self, mesh, boundary=None, room=SMALLEST):
+    def __init__(self, mesh, boundary=None, room=SMALLEST, whitewater: Whitewater | None = None):
         self.mesh, self.boundary, self.room = mesh, boundary, room
         self.fields, self.lens, tone = PixelFields(room), Lens(), Tone()
         self.enlarger, self.legend = Enlarger(self.fields), LegendPanel(room.width, room.height)
@@ -56,6 +58,10 @@ class Picture:
             WaterShader(mesh, self.lens, self.raster, self.sunlight, backdrop, self.fields.canvas)
             for backdrop in backdrops
         ]
+        self.whitewater_views = [
+            WhitewaterView(whitewater, shader, self.fields.canvas) if whitewater else None
+            for shader in self.shaders
+        ]
 
     def load(self, width, height, box, look=None):
         """Prepares images of width x height pixels of the box (Lx, Ly, Lz) [m] with the boundary's
@@ -64,7 +70,7 @@ class Picture:
         occupied = self.boundary is not None and self.boundary.count > 0
         if occupied:
             self.bodies.load(self.box)
-        self.shader = self.shaders[occupied]
+        self.shader, self.whitewater = self.shaders[occupied], self.whitewater_views[occupied]
         self.change(look or Look())
         self.sky.paint(ti.math.vec3(*self.look.sun_direction()))
         self.resize(width, height)
@@ -122,6 +128,8 @@ class Picture:
         self.rasterise()
         self.backdrop.refresh(changed, flooded=True)
         self.shader.shade()
+        if self.look.whitewater and self.whitewater:
+            self.whitewater.draw()
         self.resolve()
 
     @kernel

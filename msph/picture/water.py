@@ -29,6 +29,7 @@ GLINT, SHEEN = 40.0, 2.5  # brightness of the sun's reflection, and of the rippl
 SHEEN_GLOSS, GLINT_GLOSS = 6, 5  # widths: cosine^(2^6), and that^(2^5)
 WALL_COSINE = 0.98  # smallest cosine between a cut face's normal and the wall's
 MIN_INCIDENCE = 0.03  # smallest cosine of incidence
+PLATE = 0.1  # largest thickness of water on glass that refracts as a plate, over the longest edge
 DOWNWELLING = 0.5  # share of absorption on the light's way down
 DEPTH_STEP = int(1e-3 * 2**KEY_BITS)  # keys from crest to trough: 0.001 of the range
 NEAR_GLINT = 0.5  # sheen above which the sun's reflection may lie between two samples
@@ -117,10 +118,13 @@ class WaterShader:
         c = ti.max(-d.dot(n), MIN_INCIDENCE)
         ct = cosine_beyond(c, shot.eta)
         bent, mirrored = bend(d, n, c, ct, shot.eta), d + 2.0 * c * n
+        reach, thickness = depth * stretch, (back - depth) * stretch
+        if cut and thickness < PLATE * shot.size.max():
+            # Water on the glass: the ray leaves it again, almost in the old direction.
+            bent = d
         rise = mirrored.dot(shot.up)
         if rise < 0.0 and not cut:  # would meet other waves: use the sky that they reflect
             mirrored -= 2.0 * rise * shot.up
-        reach, thickness = depth * stretch, (back - depth) * stretch
         kind, under, sky, detail = 0, 0.0, vec3(0.0), False
         place, light, left, added = vec4(0.0), vec2(0.0), vec3(0.0), vec3(0.0)
         # The refracted ray, then the reflected one: a loop compiles the intersections once.

@@ -49,6 +49,7 @@ PARTS = (
     Part("shear relief", {"projection.shear_relief": 0.0}, f"{_PROJECTION}.shear_relief"),
     Part("xsph", {"projection.xsph": 0.0}, f"{_PROJECTION}.xsph"),
     Part("caustics", {"picture.caustics": False}),
+    Part("whitewater", {"picture.whitewater": False}, "msph.surface.whitewater"),
     Part("supersample", {"picture.supersample": 1}),
 )
 

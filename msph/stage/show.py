@@ -25,6 +25,7 @@ from msph.scene.schema import Scene
 from msph.stage.controls import Controls
 from msph.stage.views import Views
 from msph.surface import Surface, SurfaceRoom, surface_of
+from msph.surface.whitewater import whitewater_of
 
 # Image scale of the warm-up frame (-); below 1, so that the enlarging kernels compile, too.
 WARM_UP_SCALE = 0.5
@@ -77,6 +78,10 @@ class Show:
         self.surface: Any = self._load_surface() if size or meshes else None
         self.picture: Any = self._load_picture(size) if size else None
         self.views: Any = Views(self.simulation, scene) if size else None
+        world, white = self.simulation.world, size and scene.picture.whitewater
+        self.whitewater: Any = world.build_once(whitewater_of) if white else None
+        if self.whitewater:
+            self.whitewater.reset()
         if size:
             self.camera = self.framing()
 
@@ -130,7 +135,7 @@ class Show:
     def close(self) -> None:
         """Drops all parts, so that another simulation can use their memory."""
         self.simulation.close()
-        for part in ("simulation", "ledger", "surface", "picture", "views"):
+        for part in ("simulation", "ledger", "surface", "picture", "views", "whitewater"):
             setattr(self, part, None)
 
     def frame(self, controls: Controls) -> None:
@@ -146,6 +151,9 @@ class Show:
                 self.simulated = self._advance(frame_time, external, controls.budget)
             if self.simulated > 0.0:
                 self.ledger.record(external.gravity)
+                if self.whitewater:
+                    with self._stage("whitewater"):
+                        self.whitewater.advance(self.simulated, external.gravity)
         if self.scalable:
             self.picture.scale = controls.scale
         self.draw()
@@ -188,6 +196,7 @@ class Show:
             "tilt": self.tilt.copy(),
             "camera": copy(self.camera),
             "view": self.views.name,
+            "whitewater": self.whitewater.state() if self.whitewater else {},
         }
 
     def show_moment(self, moment: dict[str, Any]) -> None:
@@ -196,6 +205,8 @@ class Show:
         self._stop(moment["stopped"])
         self.tilt, self.camera = moment["tilt"], moment["camera"]
         self.views.name = moment["view"]
+        if self.whitewater:
+            self.whitewater.restore(moment["whitewater"])
         self.simulation.grid.refresh()
         self.draw()
 
@@ -265,6 +276,8 @@ class Show:
     def reset(self) -> None:
         """Resets the simulation; the camera stays."""
         self.simulation.reset()
+        if self.whitewater:
+            self.whitewater.reset()
         self.stopped.clear()
         self.counts = self.simulation.counts()
         self.ledger.clear()

@@ -1,0 +1,212 @@
+"""Whitewater: spray, foam and bubbles as passive particles (Ihmsen et al. 2012).
+
+A water particle emits RATE I_k max(I_ta, I_wc) particles per second. I_k, I_ta and I_wc rise
+linearly from 0 to 1 over the ranges KINETIC, TRAPPED and CREST:
+
+- kinetic energy: v^2/2;
+- trapped air: the mean of |v_ij| (1 - v_ij.x_ij/(|v_ij| |x_ij|)) over the neighbours, large where
+  water closes in on itself;
+- wave crest: the distance of the neighbours' centre from the particle, over the support, where the
+  particle moves out of the water.
+
+Means over neighbours, unlike the sums of the paper, do not depend on the size of particles. What a
+whitewater particle is follows from the coverage c of water around it: below SPRAY spray, which
+flies; above FOAM a bubble, which rises; between them foam, which moves with the water. Whitewater
+does not act on the water.
+"""
+
+import numpy as np
+import taichi as ti
+
+from msph.device_table import DeviceTable
+from msph.fluid.world import World
+from msph.surface.fluid_fraction import POLY6, cut_share
+from msph.taichi_internals import data_oriented, kernel
+
+vec2, vec3 = ti.math.vec2, ti.math.vec3
+
+# Largest number of whitewater particles; new ones replace the oldest.
+MOST = 4096
+# Whitewater particles per second of a water particle at full potential.
+RATE = 60.0
+# Ranges of the potentials: specific kinetic energy [m^2/s^2], closing speed [m/s], and offset (-).
+KINETIC, TRAPPED, CREST = (0.15, 1.5), (0.2, 0.8), (0.28, 0.45)
+# Least cosine between the velocity and the outward normal at a crest (Ihmsen et al. 2012).
+OUTWARD = 0.6
+# Largest number of particles that a water particle emits in a frame.
+BURST = 8
+# Radius of the ball around a water particle in which whitewater appears, in spacings, and spread
+# of its velocity, in speeds of the particle.
+SPREAD, SCATTER = 0.8, 0.25
+# Coverages (-) up to which whitewater is spray, and from which it is a bubble.
+SPRAY, FOAM = 0.15, 0.6
+# Lifetimes [s]: of spray and bubbles at most, and the range of foam.
+LIFE, SHORTEST = 2.0, 0.5
+# Ageing of spray and bubbles relative to foam (-): foam fades, spray falls.
+SLOW_AGEING = 0.4
+# Speed of rising bubbles [m/s] (1 to 5 mm: 0.2 to 0.3 m/s; Clift et al. 1978), and the rate [1/s]
+# at which whitewater takes the velocity of the water.
+RISE, DRAG = 0.25, 30.0
+# Least length [m] or speed [m/s] for a direction.
+LEAST = 1e-9
+
+
+@ti.dataclass
+class Surroundings:
+    """Sums over the water particles j around x [m], with the weights
+    w_j = peak (1 - |x - x_j|^2 per_r^2)^3, the coverage by particle j: coverage (-), offset of
+    x_j - x [m], velocity [m/s], and closing speed [m/s] relative to v [m/s]."""
+
+    x: vec3
+    v: vec3
+    per_r: ti.f32
+    peak: ti.f32
+    coverage: ti.f32
+    offset: vec3
+    velocity: vec3
+    closing: ti.f32
+
+
+def whitewater_of(world: World) -> "Whitewater":
+    """Builds the whitewater of a world (for World.build_once)."""
+    parts = world.parts
+    return Whitewater(parts.constants, parts.layers, parts.grid, parts.particles)
+
+
+@data_oriented
+class Whitewater:
+    """table (MOST,): x [m], v [m/s] and the remaining life (-, from 1) of particles; 0: none.
+
+    emitted[None] counts all particles since reset(); the next one takes the place emitted % MOST.
+    """
+
+    def __init__(self, constants, layers, grid, particles):
+        self.constants, self.layers = constants, layers
+        self.grid, self.particles = grid, particles
+        self.table = DeviceTable((MOST,), x=vec3, v=vec3, life=ti.f32)
+        self.emitted = ti.field(ti.i32, shape=())
+        self.frames = 0
+
+    def reset(self) -> None:
+        """Removes all particles."""
+        self.table.fill()
+        self.emitted[None] = self.frames = 0
+
+    def advance(self, dt: float, gravity: tuple[float, float, float]) -> None:
+        """Moves the particles by dt [s] under gravity [m/s^2], and emits others. The grid must be
+        sorted."""
+        self.frames += 1
+        self._move(dt, ti.Vector(gravity))
+        self._emit(self.particles.count, dt, self.frames)
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Returns positions (n, 3) [m], velocities (n, 3) [m/s] and lives (n,) of all particles."""
+        table = {name: getattr(self.table, name).to_numpy() for name in self.table.fields}
+        return {name: values[table["life"] > 0.0] for name, values in table.items()}
+
+    def restore(self, state: dict[str, np.ndarray]) -> None:
+        """Restores a state()."""
+        self.table.fill(**state)
+        self.emitted[None] = len(state["life"])
+
+    @kernel
+    def _emit(self, n: ti.i32, dt: ti.f32, frame: ti.i32):
+        for i in range(n):
+            v = self.particles.v[i]
+            kinetic = ramp(0.5 * v.norm_sqr(), KINETIC)
+            if kinetic > 0.0:
+                layer = self.particles.layer[i]
+                around = self.surroundings(self.particles.x[i], v)
+                total = ti.max(around.coverage, LEAST)
+                out = -around.offset.normalized(LEAST)
+                crest = around.offset.norm() / total * self.layers.per_support[layer]
+                potential = ramp(around.closing / total, TRAPPED)
+                if v.dot(out) > OUTWARD * v.norm():
+                    potential = ti.max(potential, ramp(crest, CREST))
+                seed = self.particles.id[i] * 7919 + frame
+                wanted = ti.min(RATE * kinetic * potential * dt, ti.cast(BURST, ti.f32))
+                count = ti.cast(wanted + uniform(seed, 0), ti.i32)
+                for k in range(count):
+                    self.add(i, seed, k)
+
+    @ti.func
+    def add(self, i, seed, k):
+        """Adds the k-th particle that water particle i emits in a frame."""
+        at = ti.atomic_add(self.emitted[None], 1) % MOST
+        v, d = self.particles.v[i], self.layers.spacing[self.particles.layer[i]]
+        place, spread = vec3(0.0), vec3(0.0)
+        for m in ti.static(range(3)):
+            place[m] = 2.0 * uniform(seed, 8 * k + m + 1) - 1.0
+            spread[m] = 2.0 * uniform(seed, 8 * k + m + 4) - 1.0
+        size = self.constants.size[None]
+        self.table.x[at] = ti.math.clamp(self.particles.x[i] + SPREAD * d * place, 0.0, size)
+        self.table.v[at] = v + SCATTER * v.norm() * spread
+        self.table.life[at] = ti.math.mix(SHORTEST / LIFE, 1.0, uniform(seed, 8 * k + 7))
+
+    @kernel
+    def _move(self, dt: ti.f32, gravity: vec3):
+        for k in range(MOST):
+            if self.table.life[k] > 0.0:
+                x, v, ageing = self.table.x[k], self.table.v[k], SLOW_AGEING
+                around = self.surroundings(x, v)
+                c, up = around.coverage, -gravity.normalized(LEAST)
+                if c < SPRAY:
+                    v += dt * gravity
+                else:
+                    water = around.velocity / around.coverage
+                    wanted = water + RISE * ti.math.clamp(4.0 * (c - 0.5), -1.0, 1.0) * up
+                    v += (1.0 - ti.exp(-DRAG * dt)) * (wanted - v)
+                    if c < FOAM:
+                        ageing = 1.0
+                moved = x + dt * v
+                size = self.constants.size[None]
+                x = ti.math.clamp(moved, 0.0, size)
+                self.table.x[k], self.table.v[k] = x, ti.select(x == moved, v, 0.0)
+                self.table.life[k] = ti.max(self.table.life[k] - ageing * dt / LIFE, 0.0)
+
+    @ti.func
+    def surroundings(self, x, v):
+        """Returns the Surroundings of x [m] for a velocity v [m/s]."""
+        around = Surroundings(x=x, v=v)
+        for layer in range(self.constants.layers[None]):
+            per_r, size, share = self.layers.per_support[layer], self.constants.size[None], 1.0
+            for axis in ti.static(range(3)):
+                share *= 1.0 - cut_share(x[axis] * per_r)
+                share *= 1.0 - cut_share((size[axis] - x[axis]) * per_r)
+            around.per_r = per_r
+            around.peak = POLY6 * self.layers.volume[layer] * per_r**3 / share
+            self.grid.for_each_row(x, layer, 1.0 / per_r, self.add_row, around)
+        return around
+
+    @ti.func
+    def add_row(self, begin, end, around: ti.template()):
+        for j in range(begin, end):
+            r = self.particles.x[j] - around.x
+            u = 1.0 - r.norm_sqr() * around.per_r**2
+            if u > 0.0:
+                w = around.peak * u * u * u
+                v = self.particles.v[j]
+                closing = around.v - v
+                around.coverage += w
+                around.offset += w * r
+                around.velocity += w * v
+                # v_ij and x_ij = -r: water that closes in has v_ij.x_ij < 0.
+                towards = closing.dot(r) / ti.max(r.norm(), LEAST)
+                around.closing += w * (closing.norm() + towards)
+
+
+@ti.func
+def ramp(x, ends: ti.template()):
+    """Rises linearly from 0 at ends[0] to 1 at ends[1]."""
+    return ti.math.clamp((x - ends[0]) / (ends[1] - ends[0]), 0.0, 1.0)
+
+
+@ti.func
+def uniform(seed, k):
+    """Returns the k-th number in [0, 1) of a seed: the hash PCG of O'Neill (2014), which does not
+    depend on the order of threads."""
+    state = (ti.cast(seed, ti.u32) * ti.u32(31) + ti.cast(k, ti.u32)) * ti.u32(747796405)
+    state += ti.u32(2891336453)
+    word = ((state >> ((state >> ti.u32(28)) + ti.u32(4))) ^ state) * ti.u32(277803737)
+    word = (word >> ti.u32(22)) ^ word
+    return ti.cast(word >> ti.u32(8), ti.f32) / 16777216.0

@@ -1,0 +1,89 @@
+"""Whitewater: what emits it, and how spray, foam and bubbles move."""
+
+import numpy as np
+import pytest
+from surface_kit import FINE, SIZE, packed
+
+from msph.surface.whitewater import LIFE, MOST, RISE, Whitewater, whitewater_of
+
+GRAVITY = (0.0, -9.81, 0.0)
+LEVEL = 0.2  # of the pool [m]
+
+
+@pytest.fixture
+def pool(water):
+    water.fill(packed((0, 0, 0), (SIZE[0], LEVEL, SIZE[2]), FINE))
+    return water
+
+
+@pytest.fixture
+def whitewater(pool) -> Whitewater:
+    found = pool.simulation.world.build_once(whitewater_of)
+    found.reset()
+    return found
+
+
+def set_velocity(pool, v: np.ndarray) -> None:
+    pool.particles.fill(x=pool.particles.numpy("x"), layer=pool.particles.numpy("layer"), v=v)
+    pool.grid.build()
+
+
+def put(whitewater: Whitewater, x: tuple[float, float, float], v=(0.0, 0.0, 0.0)) -> None:
+    whitewater.restore({"x": np.array([x]), "v": np.array([v]), "life": np.ones(1)})
+
+
+def test_calm_water_and_water_in_common_motion_emit_nothing(pool, whitewater):
+    for speed in (0.0, 3.0):
+        set_velocity(pool, np.tile(np.float32([0.0, -speed, 0.0]), (pool.particles.count, 1)))
+        for _ in range(5):
+            whitewater.advance(0.02, GRAVITY)
+        assert len(whitewater.state()["life"]) == 0
+
+
+def test_water_that_closes_in_emits_up_to_the_limit(pool, whitewater):
+    x = pool.particles.numpy("x")
+    v = np.zeros_like(x)
+    v[:, 0] = np.where(x[:, 0] < 0.5 * SIZE[0], 2.0, -2.0)
+    set_velocity(pool, v)
+    whitewater.advance(0.02, GRAVITY)
+    found = whitewater.state()["x"]
+    assert len(found) > 20
+    assert np.abs(found[:, 0] - 0.5 * SIZE[0]).max() < 4 * FINE
+    for _ in range(40):
+        whitewater.advance(0.02, GRAVITY)
+    assert 100 < len(whitewater.state()["life"]) <= MOST
+    assert whitewater.emitted[None] > len(whitewater.state()["life"])
+
+
+def test_spray_flies_and_bubbles_rise(whitewater):
+    put(whitewater, (0.3, 0.45, 0.2), (0.5, 0.0, 0.0))
+    for _ in range(10):
+        whitewater.advance(0.01, GRAVITY)
+    (x,) = whitewater.state()["x"]
+    # Semi-implicit Euler steps fall by g t (t + dt)/2.
+    assert x == pytest.approx((0.35, 0.45 - 9.81 * 0.1 * 0.11 / 2, 0.2), abs=1e-4)
+    put(whitewater, (0.3, 0.08, 0.2))
+    for _ in range(20):
+        whitewater.advance(0.01, GRAVITY)
+    (v,) = whitewater.state()["v"]
+    assert v == pytest.approx((0.0, RISE, 0.0), abs=0.02)
+
+
+def test_foam_stays_at_the_surface_and_vanishes(whitewater):
+    put(whitewater, (0.3, 0.1, 0.2))
+    heights = []
+    for _ in range(100):
+        whitewater.advance(0.01, GRAVITY)
+        heights.append(whitewater.state()["x"][0, 1])
+    assert np.ptp(heights[-20:]) < 0.2 * FINE
+    assert heights[-1] == pytest.approx(LEVEL, abs=0.5 * FINE)
+    for _ in range(round(LIFE / 0.01)):
+        whitewater.advance(0.01, GRAVITY)
+    assert len(whitewater.state()["life"]) == 0
+
+
+def test_walls_hold_whitewater(whitewater):
+    put(whitewater, (0.3, 0.45, 0.2), (100.0, 100.0, -100.0))
+    whitewater.advance(0.1, GRAVITY)
+    (x,) = whitewater.state()["x"]
+    assert x == pytest.approx((SIZE[0], SIZE[1], 0.0))
