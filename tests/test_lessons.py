@@ -501,9 +501,35 @@ def test_a_page_is_whole_and_needs_no_network(tmp_path):
     assert not [link for link in links if not link.startswith(("data:", "#"))]
     formula = re.search(r"<svg.*?</svg>", text, re.DOTALL)
     assert formula and ET.fromstring(formula[0]).tag.endswith("svg")
-    frames = [json.loads(t) for t in re.findall(r'json">(.*?)</script>', text, re.DOTALL)]
-    assert len(frames) == len(lesson.do) and all(len(f) >= 2 for f in frames)
-    assert "not reached" not in text and text.count("Completed at:") == len(lesson.do)
+    assert len(set(re.findall(r'<p id="verdict"', text))) == 1
+    assert json.dumps(lesson.predict.because) in text, "a wrong answer is explained"
+
+
+@pytest.mark.parametrize("name", [name for name in LESSONS if load_lesson(name).lesson.board])
+def test_tasks_of_a_page_can_be_completed_with_its_sliders(name, monkeypatch):
+    """A page asked for a scene and had a slider of the quality only."""
+    monkeypatch.setattr(web, "SIZE", (480, 200))
+    course = load_lesson(name)
+    for task, part in zip(course.lesson.do, web.on_board(course), strict=True):
+        sliders = re.findall(r'<label>(\w+) .*? max="(\d+)" value="(\d+)"', part)
+        frames = json.loads(re.search(r'json">(.*?)</script>', part, re.DOTALL)[1])
+        assert {slider for slider, *_ in sliders} == set(task.solution.set)
+        assert len(frames) == math.prod(int(last) + 1 for _, last, _ in sliders)
+        begin = 0
+        for _, last, value in sliders:
+            begin = begin * (int(last) + 1) + int(value)
+        assert not frames[begin]["done"] and any(frame["done"] for frame in frames)
+
+
+def test_pages_of_simulations_ask_for_nothing():
+    """They told the reader of a video to press keys."""
+    asks = re.compile(
+        r"\b(press|keys?|drag|sliders?|mouse)\b|(^|[.:,] )(set|tilt|push|raise|lower|turn)\b",
+        re.IGNORECASE,
+    )
+    for course in map(load_lesson, LESSONS):
+        for task in () if course.lesson.board else course.lesson.do:
+            assert task.watch and not asks.search(task.watch), task.watch
 
 
 def test_lessons_that_do_not_work_are_warned_of(tmp_path, capsys):

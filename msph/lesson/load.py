@@ -198,6 +198,7 @@ def _check_words(lesson: Lesson, where: str) -> None:
     characters, a wrong answer number, and formulas that cannot be typeset."""
     long = {"predict.ask": lesson.predict.ask, "why.text": lesson.why.text}
     long |= {f"do.{k}.text": task.text for k, task in enumerate(lesson.do)}
+    long |= {f"do.{k}.watch": task.watch for k, task in enumerate(lesson.do)}
     short = {"title": lesson.title}
     short |= {f"predict.choices.{k}": text for k, text in enumerate(lesson.predict.choices)}
     short |= {f"water.{k}.label": water.label for k, water in enumerate(lesson.water)}

@@ -70,6 +70,7 @@ class Task(Section):
     """A task, and the condition that completes it."""
 
     text: str = parameter(text="what to do, at most 40 words")
+    watch: str = parameter("", text="what to see in the video of a web page, at most 40 words")
     check: Expression = parameter(text="expression that is true when the task is completed")
     show: list[Expression] = parameter(min_length=1, max_length=3, text="expressions to display")
     fresh: bool = parameter(False, text="reset the simulations and the sliders at the start")
