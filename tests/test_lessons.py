@@ -394,6 +394,20 @@ def test_boards_are_drawn_in_full_size():
         assert set(board.numbers(values)) == set(board.NUMBERS)
 
 
+def test_a_drawing_keeps_its_layout_and_nothing_of_the_last_one():
+    """Each took up to 0.6 s, most of it for the layout."""
+    for name in MODULES:
+        board = board_of(name)
+        values = {name: given.start for name, given in board.INPUTS.items()}
+        board.draw(values, (480, 200))
+        first = board.draw(values, (480, 200))
+        drawing, number = board.chart.drawing, len(board.chart.drawing.findobj())
+        moved = values | {name: given.lo for name, given in board.INPUTS.items()}
+        assert np.any(board.draw(moved, (480, 200)) != first)
+        assert np.array_equal(board.draw(values, (480, 200)), first)
+        assert board.chart.drawing is drawing and len(drawing.findobj()) == number
+
+
 class TestGuide:
     """Keys and mouse of a lesson with a board, as a window brings them."""
 
@@ -516,8 +530,8 @@ def test_tasks_of_a_page_can_be_completed_with_its_sliders(name, monkeypatch):
         assert {slider for slider, *_ in sliders} == set(task.solution.set)
         assert len(frames) == math.prod(int(last) + 1 for _, last, _ in sliders)
         begin = 0
-        for _, last, value in sliders:
-            begin = begin * (int(last) + 1) + int(value)
+        for _, last, begins in sliders:
+            begin = begin * (int(last) + 1) + int(begins)
         assert not frames[begin]["done"] and any(frame["done"] for frame in frames)
 
 

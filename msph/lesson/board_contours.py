@@ -98,7 +98,7 @@ class Board:
         )
         by_face = values["rule"] > 1.5
         self._draw_pair(right, by_face)
-        right.set_title(f"rule of the {RULES[by_face]}: {numbers['open_edges']:.0f} open edges")
+        right.set_title(f"rule: {RULES[by_face]}, {numbers['open_edges']:.0f} open edges")
         return self.chart.finish()
 
     @staticmethod
