@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
+from types import SimpleNamespace
 
 import imageio.v2 as imageio
 import numpy as np
@@ -23,7 +24,7 @@ from msph.lesson.excerpt import ExcerptError, excerpt
 from msph.lesson.expressions import FUNCTIONS, ExpressionError, check, value
 from msph.lesson.guide import Guide
 from msph.lesson.load import load_lesson, shipped_lessons
-from msph.lesson.paint import band_height, folded
+from msph.lesson.paint import PAD, Band, band_height, folded
 from msph.lesson.quantities import QUANTITIES, Numbers
 from msph.lesson.schema import LINES, WORDS
 from msph.lesson.student import Student
@@ -406,6 +407,33 @@ def test_a_drawing_keeps_its_layout_and_nothing_of_the_last_one():
         assert np.any(board.draw(moved, (480, 200)) != first)
         assert np.array_equal(board.draw(values, (480, 200)), first)
         assert board.chart.drawing is drawing and len(drawing.findobj()) == number
+
+
+@pytest.mark.parametrize("name", LESSONS)
+def test_each_answer_is_explained_and_fits_its_page(name, monkeypatch):
+    """A wrong answer was only marked as wrong."""
+    course, size = load_lesson(name), (960, 540)
+    text = text_height(size[1])
+    low = band_height(text)
+    band, drawn = Band((size[0], low), text), []
+
+    def lines(self, texts, x, y, colour, width):
+        below = original(self, texts, x, y, colour, width)
+        drawn.append((texts, below))
+        return below
+
+    original = Band._lines
+    monkeypatch.setattr(Band, "_lines", lines)
+    keys = low - (PAD + 1.0) * text
+    predict = course.lesson.predict
+    for k, reason in enumerate(predict.because, 1):
+        drawn.clear()
+        band.paint(
+            SimpleNamespace(lesson=course.lesson, task=None, answered=k, page=0, pages=3), []
+        )
+        told = [line for texts, _ in drawn for line in texts]
+        assert reason in told and any(line.endswith("correct") for line in told)
+        assert max(below for _, below in drawn[:-1]) <= keys
 
 
 class TestGuide:
