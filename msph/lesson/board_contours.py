@@ -1,25 +1,23 @@
 """Board of marching squares and cubes: contours at a threshold, ambiguous cells, and holes."""
 
 from itertools import pairwise
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from scipy.ndimage import label
 
 from msph.lesson import chart
-from msph.lesson.boards import Input
+from msph.lesson.boards import Input, choice
 from msph.surface import cube_tables
 
-# Numbers on a grid, similar to the thesis's figure 4.3: two ponds with a saddle between them.
+# Numbers on a grid, rows from the top: figure 4.3 of the thesis, which uses the threshold 5.
 NUMBERS = np.array(
     [
-        [1, 2, 1, 1, 2, 1, 1],
-        [2, 7, 6, 2, 3, 2, 1],
-        [1, 8, 9, 6, 3, 4, 2],
-        [2, 4, 6, 3, 6, 7, 3],
-        [1, 2, 4, 4, 8, 9, 2],
-        [1, 1, 2, 3, 7, 6, 2],
-        [1, 1, 1, 2, 2, 1, 1],
+        [0, 1, 3, 2, 2],
+        [2, 4, 5, 8, 4],
+        [3, 6, 7, 9, 3],
+        [1, 7, 6, 9, 3],
+        [1, 4, 3, 4, 2],
     ],
     float,
 )
@@ -30,7 +28,10 @@ PAIR = np.array(
     [[[1, 1], [1, 1]], [[1, 0], [0, 1]], [[0, 0], [0, 0]]],
     bool,
 )
-RULES = ("each cube by itself", "by the shared face")
+# Rules for the water corners of an ambiguous cell, and for an ambiguous face.
+DIAGONALS, RULES = ("separate", "joined"), ("own cube", "shared face")
+# Radius of the drawn corners of the cubes, as an area [points^2].
+CORNER = 70
 
 
 class Board:
@@ -38,24 +39,47 @@ class Board:
 
     INPUTS: ClassVar[dict[str, Input]] = {
         "threshold": Input("-", 5.0, 0.0, 9.0),
-        "diagonal": Input("-", 0.0, 0.0, 1.0),
-        "rule": Input("-", 1.0, 0.0, 1.0),
+        "diagonal": choice(DIAGONALS),
+        "rule": choice(RULES, 1),
     }
     NUMBERS: ClassVar[dict[str, str]] = {"ponds": "-", "ambiguous": "-", "open_edges": "-"}
+
+    def __init__(self) -> None:
+        self.chart = chart.Chart(self._prepare, flat=False)
 
     def numbers(self, values: dict[str, float]) -> dict[str, float]:
         """Returns the number of ponds (connected water on the grid), of ambiguous cells (opposite
         water corners), and of interior mesh edges with one triangle only."""
         inside = _inside(values)
-        corners = np.ones((3, 3)) if values["diagonal"] > 0.5 else None
+        corners = np.ones((3, 3)) if values["diagonal"] > 1.5 else None
         return {
             "ponds": float(label(inside, corners)[1]),
             "ambiguous": float(len(_ambiguous(inside))),
-            "open_edges": float(len(open_edges(pair_mesh(values["rule"] > 0.5)))),
+            "open_edges": float(len(open_edges(pair_mesh(values["rule"] > 1.5)))),
         }
 
+    @staticmethod
+    def _prepare(axes: list[Any]) -> None:
+        """Draws two cubes with their corners."""
+        from mpl_toolkits.mplot3d.art3d import Line3DCollection
+
+        left, right = axes
+        rows, columns = NUMBERS.shape
+        left.set(xticks=(), yticks=(), aspect="equal", xlim=(-0.5, columns - 0.5))
+        left.set_ylim(rows - 0.5, -0.5)
+        colours = [chart.COLOURS[0] if wet else chart.FAINT for wet in PAIR.ravel()]
+        places = np.indices(PAIR.shape).reshape(3, -1)
+        right.scatter(*places, s=CORNER, c=colours, depthshade=False)
+        corners = list(np.ndindex(PAIR.shape))
+        edges = [(p, q) for p in corners for q in corners if p < q and _apart(p, q) == 1]
+        right.add_collection3d(Line3DCollection(edges, colors=chart.FAINT, linewidths=1))
+        right.set(xlim=(0, 2), ylim=(0, 1), zlim=(0, 1))
+        right.set_box_aspect((2, 1, 1), zoom=0.95)
+        right.view_init(elev=24, azim=-58)
+        right.set_axis_off()
+
     def draw(self, values: dict[str, float], size: tuple[int, int]) -> np.ndarray:
-        drawing, (left, right) = chart.figure(size, (1, 1), flat=False)
+        left, right = self.chart.begin(size)
         inside = _inside(values)
         rows, columns = NUMBERS.shape
         for i, j in _ambiguous(inside):
@@ -65,45 +89,34 @@ class Board:
                 colour = chart.COLOURS[0] if inside[i, j] else chart.FAINT
                 style = {"color": colour, "ha": "center", "va": "center"}
                 left.text(j, i, f"{NUMBERS[i, j]:.0f}", fontsize=left.title.get_size(), **style)
-        for line in contour(values["threshold"] + OFFSET, values["diagonal"] > 0.5):
+        for line in contour(values["threshold"] + OFFSET, values["diagonal"] > 1.5):
             left.plot(*zip(*line, strict=True), color=chart.COLOURS[1], lw=3)
-        left.set(xticks=(), yticks=(), aspect="equal", xlim=(-0.5, columns - 0.5))
-        left.set_ylim(rows - 0.5, -0.5)
         numbers = self.numbers(values)
         left.set_title(
             f"threshold {values['threshold']:g}: ponds {numbers['ponds']:.0f}, "
             f"ambiguous cells {numbers['ambiguous']:.0f}"
         )
-        self._draw_pair(right, values["rule"] > 0.5)
-        right.set_title(f"{RULES[round(values['rule'])]}: {numbers['open_edges']:.0f} open edges")
-        return chart.finish(drawing)
+        by_face = values["rule"] > 1.5
+        self._draw_pair(right, by_face)
+        right.set_title(f"rule: {RULES[by_face]}, {numbers['open_edges']:.0f} open edges")
+        return self.chart.finish()
 
     @staticmethod
     def _draw_pair(ax, by_face: bool) -> None:
-        """Draws two cubes with their corners and triangles, and open edges in red."""
-        from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+        """Draws the triangles of two cubes, and open edges in red."""
+        from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
-        for i in range(3):
-            for a in range(2):
-                for b in range(2):
-                    wet = PAIR[i, a, b]
-                    ax.scatter(i, a, b, s=70, color=chart.COLOURS[0] if wet else chart.FAINT)
-        for a in range(2):
-            for b in range(2):
-                ax.plot([0, 2], [a, a], [b, b], color=chart.FAINT, lw=1)
-        for i in range(3):
-            ring = [(0, 0), (1, 0), (1, 1), (0, 1), (0, 0)]
-            ax.plot([i] * 5, *zip(*ring, strict=True), color=chart.FAINT, lw=1)
         triangles = pair_mesh(by_face)
         ax.add_collection3d(
             Poly3DCollection(triangles, alpha=0.55, facecolor=chart.COLOURS[2], edgecolor=chart.INK)
         )
-        for edge in open_edges(triangles):
-            ax.plot(*zip(*edge, strict=True), color=chart.RED, lw=5)
-        ax.set(xlim=(0, 2), ylim=(0, 1), zlim=(0, 1))
-        ax.set_box_aspect((2, 1, 1), zoom=0.95)
-        ax.view_init(elev=24, azim=-58)
-        ax.set_axis_off()
+        if single := open_edges(triangles):
+            ax.add_collection3d(Line3DCollection(single, colors=chart.RED, linewidths=5))
+
+
+def _apart(p: tuple, q: tuple) -> int:
+    """Returns the number of edges between two corners of the lattice."""
+    return int(np.abs(np.subtract(q, p)).sum())
 
 
 def _inside(values: dict[str, float]) -> np.ndarray:

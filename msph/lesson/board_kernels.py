@@ -1,13 +1,14 @@
 """Board of smoothing kernels: their shapes, a particle's neighbours, and its density sum."""
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import taichi as ti
+from scipy.spatial.distance import cdist
 
 from msph.fluid.particles import kernels
 from msph.lesson import chart
-from msph.lesson.boards import Input
+from msph.lesson.boards import Input, choice
 
 # Kernels of density sums, in the order of the slider, from 1.
 DENSITY = ("poly6", "spiky", "Wendland C2", "quartic")
@@ -44,7 +45,7 @@ class Board:
 
     INPUTS: ClassVar[dict[str, Input]] = {
         "support": Input("d", 2.45, 1.0, 5.0),
-        "kernel": Input("-", 4.0, 1.0, len(DENSITY)),
+        "kernel": choice(DENSITY, 3),
         "disorder": Input("d", 0.05, 0.0, 0.5),
     }
     NUMBERS: ClassVar[dict[str, str]] = {"neighbours": "-", "density_error": "%"}
@@ -53,6 +54,7 @@ class Board:
         axis = np.arange(-LATTICE, LATTICE + 1)
         self.lattice = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
         self.shifts = np.random.default_rng(SEED).uniform(-1.0, 1.0, self.lattice.shape)
+        self.chart = chart.Chart(self._prepare, (3, 5))
         self.known: dict[tuple[float, ...], dict[str, float]] = {}
 
     def _places(self, disorder: float) -> np.ndarray:
@@ -69,7 +71,7 @@ class Board:
     def _numbers(self, support: float, kernel: float, disorder: float) -> dict[str, float]:
         x = self._places(disorder)
         middle = x[np.abs(self.lattice).max(axis=1) <= CENTRE]
-        r = np.linalg.norm(middle[:, None] - x[None], axis=-1)
+        r = cdist(middle, x)
         near = r < support
         w = sampled(r[near], support)[round(kernel) - 1]
         sums = np.bincount(np.nonzero(near)[0], w, len(middle))
@@ -78,9 +80,17 @@ class Board:
             "density_error": 100.0 * float(np.sqrt(((sums - 1.0) ** 2).mean())),
         }
 
+    def _prepare(self, axes: list[Any]) -> None:
+        from matplotlib.lines import Line2D
+
+        left, right = axes
+        left.set(aspect="equal", xlim=(-4.4, 4.4), ylim=(-4.4, 4.4), xticks=(), yticks=())
+        right.set(xlim=(0, 4), xlabel="distance r [spacings d]", ylabel="weight W(r, h)")
+        chart.legend(right, [Line2D([], [], label=NAMES[k], **_line(k)) for k in range(len(NAMES))])
+
     def draw(self, values: dict[str, float], size: tuple[int, int]) -> np.ndarray:
         support, chosen = values["support"], round(values["kernel"]) - 1
-        drawing, (left, right) = chart.figure(size, (3, 5))
+        left, right = self.chart.begin(size)
         x = self._places(values["disorder"])
         x = x[self.lattice[:, 2] == 0]
         r = np.linalg.norm(x, axis=1)
@@ -90,31 +100,24 @@ class Board:
             *x[r < support, :2].T, s=90, c=weight[r < support], cmap="viridis", vmin=-0.4, vmax=1
         )
         left.add_patch(_circle(support))
-        left.set(aspect="equal", xlim=(-4.4, 4.4), ylim=(-4.4, 4.4), xticks=(), yticks=())
         left.set_title("slice: weight of each neighbour")
         q = np.linspace(0.0, 1.0, 200)
         for k, w in enumerate(sampled(q * support, support)):
-            own = k == chosen
-            style = "--" if NAMES[k] == "viscosity" else "-"
-            right.plot(
-                q * support,
-                w,
-                style,
-                lw=4.5 if own else 1.6,
-                color=chart.COLOURS[k],
-                alpha=1.0 if own else 0.75,
-                label=NAMES[k],
-            )
-        right.set(xlim=(0, 4), ylim=(0, 2.2 * sampled(np.zeros(1), support)[chosen, 0]))
-        right.set_xlabel("distance r [spacings d]")
-        right.set_ylabel(r"weight W(r, h)")
-        chart.legend(right)
+            right.plot(q * support, w, **_line(k, k == chosen))
+        right.set_ylim(0, 2.2 * sampled(np.zeros(1), support)[chosen, 0])
         numbers = self.numbers(values)
         right.set_title(
-            f"{numbers['neighbours']:.0f} neighbours, density error "
+            f"{DENSITY[chosen]}: {numbers['neighbours']:.0f} neighbours, density error "
             f"{numbers['density_error']:.2f} %"
         )
-        return chart.finish(drawing)
+        return self.chart.finish()
+
+
+def _line(k: int, chosen: bool = False) -> dict[str, Any]:
+    """Returns the style of a kernel's line."""
+    dashes = "--" if NAMES[k] == "viscosity" else "-"
+    width, alpha = (4.5, 1.0) if chosen else (1.6, 0.75)
+    return {"ls": dashes, "lw": width, "alpha": alpha, "color": chart.COLOURS[k]}
 
 
 def _circle(radius: float):

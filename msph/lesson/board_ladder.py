@@ -5,7 +5,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from msph.lesson import chart
-from msph.lesson.boards import Input
+from msph.lesson.boards import Input, choice
+from msph.options import AS_GIVEN, QUALITIES
 from msph.scene.library import shipped_scenes
 from msph.scene.quality import costs
 
@@ -14,11 +15,6 @@ class Board:
     """Errors of the centre of mass against a finer run [% of the water's depth] over the elapsed
     time per simulated second, as measured in bench/results/quality.md."""
 
-    INPUTS: ClassVar[dict[str, Input]] = {
-        "scene": Input("-", 1.0, 1.0, 10.0),
-        "quality": Input("-", 3.0, 1.0, 4.0),
-        "budget": Input("s/s", 1.0, 0.01, 100.0),
-    }
     NUMBERS: ClassVar[dict[str, str]] = {
         "cost": "s/s",
         "error": "%",
@@ -29,10 +25,17 @@ class Board:
     def __init__(self) -> None:
         found = {name: costs(name) for name in shipped_scenes()}
         self.costs: dict[str, Any] = {name: steps for name, steps in found.items() if steps}
+        scenes = tuple(name.replace("_", " ") for name in self.costs)
+        self.INPUTS = {
+            "scene": choice(scenes),
+            "quality": choice(QUALITIES, QUALITIES.index(AS_GIVEN)),
+            "budget": Input("s/s", 1.0, 0.01, 100.0),
+        }
+        self.chart = chart.Chart(self._prepare, (1,))
 
     def _chosen(self, values: dict[str, float]) -> tuple[str, str]:
         name = list(self.costs)[round(values["scene"]) - 1]
-        return name, list(self.costs[name])[round(values["quality"]) - 1]
+        return name, QUALITIES[round(values["quality"]) - 1]
 
     def numbers(self, values: dict[str, float]) -> dict[str, float]:
         """Returns the numbers of the chosen scene and quality; best: 1 if its error is the smallest
@@ -49,8 +52,18 @@ class Board:
             "best": float(best),
         }
 
+    @staticmethod
+    def _prepare(axes: list[Any]) -> None:
+        (ax,) = axes
+        ax.set(xscale="log", yscale="log", xlim=(0.02, 30.0), ylim=(0.01, 60.0))
+        ax.minorticks_off()
+        for axis in (ax.xaxis, ax.yaxis):
+            axis.set_major_formatter("{x:g}")
+        ax.set_xlabel("largest elapsed time per simulated second [s]")
+        ax.set_ylabel("error [% of depth]")
+
     def draw(self, values: dict[str, float], size: tuple[int, int]) -> np.ndarray:
-        drawing, (ax,) = chart.figure(size, (1,))
+        (ax,) = self.chart.begin(size)
         chosen, quality = self._chosen(values)
         for name, steps in self.costs.items():
             own = name == chosen
@@ -60,18 +73,14 @@ class Board:
             ax.plot(x, y, "o-", color=colour, lw=3 if own else 1, alpha=1.0 if own else 0.5)
             if own:
                 for step, a, b in zip(steps, x, y, strict=True):
-                    size = ax.title.get_size()
-                    style = {"textcoords": "offset points", "color": colour, "fontsize": size}
+                    points = ax.title.get_size()
+                    style = {"textcoords": "offset points", "color": colour, "fontsize": points}
                     ax.annotate(step, (a, b), (8, 8), **style)
         numbers = self.numbers(values)
         ax.plot(numbers["cost"], numbers["error"], "o", ms=20, mfc="none", mec=chart.INK, mew=3)
         ax.axvspan(values["budget"], 1e3, color=chart.RED, alpha=0.18)
         ax.axvline(values["budget"], color=chart.RED, lw=2)
-        ax.set(xscale="log", yscale="log")
-        ax.set(xlim=(0.02, 30.0), ylim=(0.01, 60.0))
-        for axis in (ax.xaxis, ax.yaxis):
-            axis.set_major_formatter("{x:g}")
-        ax.set_xlabel("largest elapsed time per simulated second [s]")
-        ax.set_ylabel("error [% of depth]")
-        ax.set_title(f"{chosen}, {quality}: {numbers['particles']:.0f} particles")
-        return chart.finish(drawing)
+        ax.set_title(
+            f"{chosen.replace('_', ' ')}, {quality}: {numbers['particles']:,.0f} particles"
+        )
+        return self.chart.finish()

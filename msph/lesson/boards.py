@@ -12,12 +12,23 @@ MODULES = {
 
 
 class Input(NamedTuple):
-    """An input of a board: unit, default, least and largest value."""
+    """An input of a board: unit, default, least and largest value; names: of its values from `lo`
+    on in steps of 1, empty for a number."""
 
     unit: str
     start: float
     lo: float
     hi: float
+    names: tuple[str, ...] = ()
+
+    def name(self, value: float) -> str:
+        """Returns the name of a value, "" for a number."""
+        return self.names[round(value - self.lo)] if self.names else ""
+
+
+def choice(names: tuple[str, ...], start: int = 0) -> Input:
+    """Returns the input that selects one of these names, counted from 1; start: index from 0."""
+    return Input("-", start + 1.0, 1.0, float(len(names)), names)
 
 
 class Board(Protocol):

@@ -1,5 +1,6 @@
-"""Style of boards: colours, text size, figures and their pixels."""
+"""Style of boards: colours, text size, and a figure that is drawn many times."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -15,45 +16,86 @@ DPI = 100
 TEXT, MIN_TEXT = 1.0 / 28.0, 18
 
 
-def figure(size: tuple[int, int], panels: tuple[int, ...] = (1, 1), flat: bool = True) -> Any:
-    """Returns a figure of size (width, height) [pixels] and its axes side by side, with relative
-    widths `panels`; flat: False gives the last axes a third dimension."""
-    plt = pyplot()
-    points = 0.72 * max(MIN_TEXT, TEXT * size[1])
-    style = {
+class Chart:
+    """Figure with axes side by side, of relative widths `panels`; flat: False gives the last axes a
+    third dimension.
+
+    Layout and ticks take most of the time of a drawing, so they are found once per size. prepare:
+    called with the axes before that, draws what all images have in common.
+    """
+
+    def __init__(
+        self,
+        prepare: Callable[[list[Any]], None],
+        panels: tuple[int, ...] = (1, 1),
+        flat: bool = True,
+    ):
+        self.prepare, self.panels, self.flat = prepare, panels, flat
+        self.size: tuple[int, int] | None = None
+        self.drawing: Any = None
+        self.common: list[set[Any]] = []  # artists of each axes that stay
+
+    def begin(self, size: tuple[int, int]) -> list[Any]:
+        """Returns the axes of an image of size (width, height) [pixels], without the artists that
+        were added to the last image."""
+        if size != self.size:
+            with pyplot().rc_context(style(size)):
+                self._build(size)
+        for ax, common in zip(self.drawing.axes, self.common, strict=True):
+            for artist in set(ax.get_children()) - common:
+                artist.remove()
+        return self.drawing.axes
+
+    def finish(self) -> np.ndarray:
+        """Returns the image (height, width, 3) uint8, first row at the top."""
+        self.drawing.canvas.draw()
+        return np.asarray(self.drawing.canvas.buffer_rgba())[..., :3].copy()
+
+    def _build(self, size: tuple[int, int]) -> None:
+        plt = pyplot()
+        if self.drawing is not None:
+            plt.close(self.drawing)
+        self.size = size
+        self.drawing = plt.figure(figsize=(size[0] / DPI, size[1] / DPI), dpi=DPI)
+        grid = self.drawing.add_gridspec(1, len(self.panels), width_ratios=self.panels)
+        last = len(self.panels) - 1
+        for k in range(len(self.panels)):
+            kind = None if self.flat or k < last else "3d"
+            self.drawing.add_subplot(grid[0, k], projection=kind)
+        self.prepare(self.drawing.axes)
+        for ax in self.drawing.axes:
+            ax.tick_params(colors=FAINT, labelsize=ax.title.get_size())
+        # Ticks are made when they are first drawn, and the layout leaves room for titles.
+        for ax in self.drawing.axes:
+            ax.set_title(" ")
+        self.drawing.canvas.draw()
+        self.drawing.set_layout_engine("none")
+        self.common = [set(ax.get_children()) for ax in self.drawing.axes]
+
+
+def style(size: tuple[int, int]) -> dict[str, Any]:
+    """Returns matplotlib's settings for an image of size (width, height) [pixels]."""
+    points = 72.0 / DPI * max(MIN_TEXT, TEXT * size[1])
+    return {
         "font.size": points,
+        "axes.titlesize": points,
         "axes.facecolor": GROUND,
         "figure.facecolor": GROUND,
         "text.color": INK,
         "axes.labelcolor": INK,
-        "xtick.color": FAINT,
-        "ytick.color": FAINT,
         "axes.edgecolor": FAINT,
-        "axes.titlesize": points,
         "figure.constrained_layout.use": True,
     }
-    with plt.rc_context(style):
-        drawing = plt.figure(figsize=(size[0] / DPI, size[1] / DPI), dpi=DPI)
-        grid = drawing.add_gridspec(1, len(panels), width_ratios=panels)
-        last = len(panels) - 1
-        axes = [
-            drawing.add_subplot(grid[0, k], projection=None if flat or k < last else "3d")
-            for k in range(len(panels))
-        ]
-        for ax in axes:
-            ax.tick_params(labelsize=points)
-    return drawing, axes
 
 
-def legend(ax: Any) -> None:
-    """Adds a legend in the upper right corner."""
-    size = ax.xaxis.label.get_size()
-    ax.legend(loc="upper right", fontsize=size, facecolor=GROUND, edgecolor=FAINT, labelcolor=INK)
-
-
-def finish(drawing: Any) -> np.ndarray:
-    """Closes a figure and returns its pixels (height, width, 3) uint8, first row at the top."""
-    drawing.canvas.draw()
-    pixels = np.asarray(drawing.canvas.buffer_rgba())[..., :3].copy()
-    pyplot().close(drawing)
-    return pixels
+def legend(ax: Any, lines: list[Any]) -> None:
+    """Adds a legend of these lines in the upper right corner."""
+    size = ax.title.get_size()
+    ax.legend(
+        handles=lines,
+        loc="upper right",
+        fontsize=size,
+        facecolor=GROUND,
+        edgecolor=FAINT,
+        labelcolor=INK,
+    )

@@ -4,11 +4,22 @@ import math
 from typing import Any
 
 from msph.lesson import expressions
-from msph.lesson.boards import board_of
+from msph.lesson.boards import Input, board_of
 from msph.lesson.load import Course
 from msph.lesson.quantities import QUANTITIES, Numbers
 from msph.lesson.schema import SliderOf, Task
+from msph.scene.parameters import parameters
+from msph.scene.schema import Scene
 from msph.stage.row import Row
+
+
+def units_of(course: Course) -> dict[str, str]:
+    """Returns the units of the sliders by name."""
+    if course.lesson.board:
+        inputs = board_of(course.lesson.board).INPUTS
+        return {name: given.unit for name, given in inputs.items()}
+    known = {p.key: p.unit for p in parameters(Scene)}
+    return {s.name: known[s.key] for s in course.lesson.slider}
 
 
 class Progress:
@@ -16,7 +27,8 @@ class Progress:
     and `code_pages` of the explanation; page: the current one, from 0.
 
     answered: chosen answer, from 1, 0 before. ticked: True for each completed task. reached: the
-    numbers of each task at its completion. values: slider values by name.
+    numbers of each task at its completion, empty if it was completed before this run. values:
+    slider values by name.
     """
 
     def __init__(self, course: Course, row: Row | None, code_pages: int = 1):
@@ -26,8 +38,9 @@ class Progress:
         self.page, self.answered = 0, 0
         self.ticked = [False] * len(self.lesson.do)
         self.reached: list[list[str]] = [[] for _ in self.lesson.do]
-        inputs = self.board.INPUTS if self.board else {}
-        self.values = {name: given.start for name, given in inputs.items()}
+        self.inputs: dict[str, Input] = self.board.INPUTS if self.board else {}
+        self.units = units_of(course)
+        self.values = {name: given.start for name, given in self.inputs.items()}
         self.values |= {s.name: s.start for s in self.lesson.slider}
         self.numbers: dict[str, Numbers] = {}
         self.runs = 0  # number of restarts
@@ -42,7 +55,7 @@ class Progress:
             self.go(1)
             if not ticked[k]:
                 return
-            self.ticked[k], self.reached[k] = True, ["before"]
+            self.ticked[k] = True
             for name, value in task.solution.set.items():
                 self.move(sliders[name], value)
 
@@ -84,6 +97,12 @@ class Progress:
         for slider in self.lesson.slider:
             self.move(slider, slider.start)
 
+    def restart(self) -> None:
+        """Restarts the task of this page, completed or not."""
+        if self.task:
+            self.ticked[self.page - 1] = False
+            self.again()
+
     def refill(self) -> None:
         """Resets the simulations and keeps the sliders."""
         if self.row:
@@ -103,8 +122,8 @@ class Progress:
         """Completes the task of this page if its check holds."""
         k = self.page - 1
         if self.task and not self.ticked[k] and self.holds():
-            self.ticked[k] = True
             self.reached[k] = self.shown()
+            self.ticked[k] = True
 
     def names(self) -> dict[str, Any]:
         """Returns the current values of the names in expressions."""
@@ -112,11 +131,19 @@ class Progress:
         return {**self.values, **self.numbers, **board}
 
     def shown(self) -> list[str]:
-        """Returns a line for each number of this page's task: name, value, unit."""
+        """Returns a line for each number of this page's task, name, value and unit: the current
+        numbers, or those that completed the task."""
         if self.task is None:
             return []
+        if self.ticked[self.page - 1]:
+            return self.reached[self.page - 1]
         names = self.names()
         return [self._line(text, expressions.value(text, names)) for text in self.task.show]
+
+    def reading(self, slider: str, value: float) -> str:
+        """Returns the value of a slider as text: its name, or number and unit."""
+        given = self.inputs.get(slider)
+        return (given and given.name(value)) or with_unit(value, self.units[slider])
 
     def holds(self) -> bool:
         """Returns True if the check of this page's task holds; unknown numbers never satisfy it."""
@@ -124,6 +151,8 @@ class Progress:
 
     def _line(self, text: str, value: float) -> str:
         """Returns the name of an expression and its value, with a unit if it is a quantity."""
+        if text in self.values:
+            return f"{text.replace('_', ' ')} {self.reading(text, value)}"
         owner, _, name = text.partition(".")
         unit = "-"
         if name in QUANTITIES and owner in self.numbers:
@@ -132,8 +161,13 @@ class Progress:
             unit = self.board.NUMBERS.get(name, "-")
         label = name.replace("_", " ") if name.isidentifier() else text
         if name.isidentifier() and owner != "board" and len(self.numbers) > 1:
-            label = f"{owner}: {label}"
-        return f"{label} {readable(value)}" + (f" {unit}" if unit != "-" else "")
+            label = f"{self.course.titles[owner]}: {label}"
+        return f"{label} {with_unit(value, unit)}"
+
+
+def with_unit(value: float, unit: str) -> str:
+    """Returns a number with its unit, "-" for none."""
+    return readable(value) + (f" {unit}" if unit != "-" else "")
 
 
 def readable(value: float) -> str:

@@ -15,7 +15,7 @@ from msph.lesson.boards import MODULES, board_of
 from msph.lesson.errors import LessonError
 from msph.lesson.excerpt import ExcerptError, excerpt
 from msph.lesson.quantities import known_numbers
-from msph.lesson.schema import LINES, WORDS, Lesson, SliderOf, Task, WaterOf
+from msph.lesson.schema import LINES, REASON, WORDS, Lesson, SliderOf, Task, WaterOf
 from msph.lesson.typeset import FormulaError, check_formula
 from msph.scene.check import views
 from msph.scene.errors import SceneError
@@ -46,6 +46,12 @@ class Course:
     def labels(self) -> list[str]:
         """Labels of the simulations."""
         return [water.label for water in self.lesson.water]
+
+    @property
+    def titles(self) -> dict[str, str]:
+        """Displayed names of the simulations by their names in expressions: the labels up to a
+        colon."""
+        return {w.name: w.label.partition(":")[0] or w.name for w in self.lesson.water}
 
 
 def shipped_lessons() -> dict[str, Path]:
@@ -111,7 +117,9 @@ def _toml(value: Any) -> str:
     """Returns a value in the syntax of overrides."""
     if isinstance(value, str):
         return value
-    return tomli_w.dumps({"value": value}).partition("=")[2].strip()
+    # Within another list, tables are written inline.
+    listed = tomli_w.dumps({"value": [value]}).partition("=")[2]
+    return listed.strip()[1:-1].strip().rstrip(",")
 
 
 def _known(lesson: Lesson, scenes: list[Scene], where: str) -> dict[str, set[str] | None]:
@@ -155,6 +163,9 @@ def _check_input(lesson: Lesson, slider: SliderOf, where: str, key: str) -> None
         problem = "is not allowed with a board, whose inputs are selected by the slider's name"
         raise LessonError(where, problem, f"{key}.key")
     given = inputs[slider.name]
+    if given.names and (slider.step != 1.0 or slider.lo % 1.0 or slider.start % 1.0):
+        problem = f"must step by 1 through the named values of {slider.name}"
+        raise LessonError(where, problem, key)
     if slider.lo < given.lo or slider.hi > given.hi:
         problem = f"the board's range of {slider.name} is {given.lo:g} to {given.hi:g}"
         raise LessonError(where, problem, key)
@@ -187,10 +198,12 @@ def _check_words(lesson: Lesson, where: str) -> None:
     characters, a wrong answer number, and formulas that cannot be typeset."""
     long = {"predict.ask": lesson.predict.ask, "why.text": lesson.why.text}
     long |= {f"do.{k}.text": task.text for k, task in enumerate(lesson.do)}
+    long |= {f"do.{k}.watch": task.watch for k, task in enumerate(lesson.do)}
     short = {"title": lesson.title}
     short |= {f"predict.choices.{k}": text for k, text in enumerate(lesson.predict.choices)}
     short |= {f"water.{k}.label": water.label for k, water in enumerate(lesson.water)}
-    for texts, most in ((long, WORDS), (short, SHORT_WORDS)):
+    reasons = {f"predict.because.{k}": text for k, text in enumerate(lesson.predict.because)}
+    for texts, most in ((long, WORDS), (reasons, REASON), (short, SHORT_WORDS)):
         for key, text in texts.items():
             if len(text.split()) > most:
                 raise LessonError(where, f"has {len(text.split())} words; at most {most}", key)
@@ -201,6 +214,9 @@ def _check_words(lesson: Lesson, where: str) -> None:
     if lesson.predict.answer > len(lesson.predict.choices):
         most = len(lesson.predict.choices)
         raise LessonError(where, f"must be a choice from 1 to {most}", "predict.answer")
+    if len(lesson.predict.because) != len(lesson.predict.choices):
+        most = len(lesson.predict.choices)
+        raise LessonError(where, f"needs {most} reasons, one for each choice", "predict.because")
     try:
         check_formula(lesson.why.formula)
     except FormulaError as error:

@@ -8,7 +8,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from msph.lesson import typeset
-from msph.lesson.course import Progress, readable
+from msph.lesson.course import Progress
 from msph.lesson.schema import Lesson
 from msph.stage.pages import DENSE, FAINT, INK, LINE, WARNING, font_of
 from msph.stage.widgets import AWAY, Sheet
@@ -22,6 +22,8 @@ FORMULA, FOLD = 1.5, 8
 # Colour of right answers and completed tasks, which also differ by words and shapes.
 DONE = (124, 214, 160, 255)
 LETTERS = "abcd"
+# State of a task whose simulations stand still.
+STARTS = "still: move a slider, tilt or push"
 
 
 def band_height(text: int) -> int:
@@ -42,16 +44,16 @@ def wrapped(text: str, font: Any, width: float) -> list[str]:
 
 
 class Band:
-    """Painter of the band; size (width, height) and text height [pixels], units of the sliders."""
+    """Painter of the band; size (width, height) and text height [pixels]."""
 
-    def __init__(self, size: tuple[int, int], text: int, units: dict[str, str]):
-        self.size, self.text, self.units = size, text, units
+    def __init__(self, size: tuple[int, int], text: int):
+        self.size, self.text = size, text
         self.sheet: Sheet | None = None
         self.keys = True  # False hides the line of keys
 
-    def paint(self, progress: Progress, shown: list[str]) -> np.ndarray:
+    def paint(self, progress: Progress, shown: list[str], waits: bool = False) -> np.ndarray:
         """Returns the band (height, width, 4) uint8, first row at the top; shown: lines with the
-        numbers of a task."""
+        numbers of a task; waits: the simulations stand still until the user acts."""
         page = Image.new("RGBA", self.size, (*DENSE[:3], 255))
         self.draw, self.font = ImageDraw.Draw(page), font_of(self.text)
         self.sheet = Sheet(self.draw, self.font, self.text)
@@ -65,9 +67,12 @@ class Band:
         right = self.size[0] - middle - pad
         if task:
             y = self._sliders(progress, middle, pad, right)
-            for line in shown:
-                y = self._lines([line], middle, y, INK, right)
-            self._tick(progress, middle, y, right)
+            done = progress.ticked[progress.page - 1]
+            if done:
+                y = self._tick("done at" if shown else "done before", True, middle, y)
+            y = self._lines(shown, middle, y, DONE if done else INK, right)
+            if not done:
+                self._tick(STARTS if waits else "not done", False, middle, y)
         else:
             self._choices(progress, middle, pad, right)
         low = self.size[1] - pad - self.text
@@ -84,14 +89,18 @@ class Band:
         return y
 
     def _choices(self, progress: Progress, x: float, y: float, width: float) -> None:
-        predict = progress.lesson.predict
-        for k, choice in enumerate(predict.choices):
-            colour, mark = INK, ""
-            if progress.answered:
-                right = k + 1 == predict.answer
-                colour = DONE if right else WARNING if k + 1 == progress.answered else FAINT
-                mark = " - correct" if right else " - your answer" * (k + 1 == progress.answered)
-            y = self._lines([f"{LETTERS[k]}) {choice}{mark}"], x, y, colour, width)
+        """Draws the choices; after the answer, the answer with its reason and the correct one."""
+        predict, chosen = progress.lesson.predict, progress.answered
+        for k, choice in enumerate(predict.choices, 1):
+            text, right = f"{LETTERS[k - 1]}) {choice}", k == predict.answer
+            if not chosen:
+                y = self._lines([text], x, y, INK, width)
+            elif k == chosen:
+                mark, colour = ("correct", DONE) if right else ("not correct", WARNING)
+                y = self._lines([f"{text} - {mark}"], x, y, colour, width)
+                y = self._lines([predict.because[k - 1]], x, y, INK, width)
+            elif right:
+                y = self._lines([f"{text} - correct"], x, y, DONE, width)
 
     def _sliders(self, progress: Progress, x: float, y: float, width: float) -> float:
         assert self.sheet is not None
@@ -101,16 +110,14 @@ class Band:
             ends = x + NAME * self.text, x + width - VALUE * self.text
             self.draw.text((x, middle), slider.name.replace("_", " "), INK, self.font, "lm")
             self.sheet.slider(slider.name, value, (slider.lo, slider.hi), ends, y)
-            unit = self.units.get(slider.name, "-")
-            label = readable(float(f"{value:.3g}")) + (f" {unit}" if unit != "-" else "")
+            label = progress.reading(slider.name, float(f"{value:.3g}"))
             self.draw.text((ends[1] + AWAY * self.text, middle), label, FAINT, self.font, "lm")
             y += LINE * self.text
         return y
 
-    def _tick(self, progress: Progress, x: float, y: float, width: float) -> None:
-        """Draws the check box of a task, ticked if the task is completed."""
-        k, edge = progress.page - 1, 0.8 * self.text
-        done = progress.ticked[k]
+    def _tick(self, state: str, done: bool, x: float, y: float) -> float:
+        """Draws the check box of a task and its state, and returns the y below."""
+        edge = 0.8 * self.text
         top = y + 0.5 * (LINE * self.text - edge)
         colour = DONE if done else FAINT
         self.draw.rectangle((x, top, x + edge, top + edge), None, colour, 2)
@@ -118,8 +125,7 @@ class Band:
             a, b = 0.2 * edge, 0.42 * edge
             tick = (x + a, top + 0.5 * edge, x + b, top + 0.75 * edge, x + edge, top)
             self.draw.line(tick, colour, 3)
-        state = f"done: {progress.reached[k][0]}" if done else "not done"
-        self._lines([state], x + 1.5 * edge, y, colour, width - 1.5 * edge)
+        return self._lines([state], x + 1.5 * edge, y, colour, self.size[0])
 
 
 def keys_of(progress: Progress) -> str:

@@ -128,7 +128,7 @@ QUANTITIES: dict[str, Quantity] = {
     "particles": Quantity(
         "-", "number of particles", lambda show: float(sum(show.simulation.counts()))
     ),
-    "kinetic": Quantity("J", "kinetic energy", _last("kinetic")),
+    "kinetic_energy": Quantity("J", "kinetic energy", _last("kinetic")),
     "energy_gain": Quantity(
         "%",
         "largest rise of the energy, over M g H plus the initial kinetic energy",

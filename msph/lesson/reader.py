@@ -10,10 +10,11 @@ def read(window: Window, guide: Guide, frames: int | None = None) -> None:
     """Shows a board and its lesson until the window is closed or after `frames` frames."""
     view, done = BoardView(window.size, guide.below), 0
     while window.open and (frames is None or done < frames):
-        for key in window.presses():
+        pressed = window.presses()
+        for key in pressed:
             if not guide.handle_key(key) and ACTIONS.get(key) == "quit":
                 return
-        guide.drag(window.cursor(), window.down("LMB"))
+        guide.drag(window.cursor(), window.down("LMB"), "LMB" in pressed)
         guide.update()
         view.draw(guide.progress)
         guide.draw(view.image)

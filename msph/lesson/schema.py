@@ -6,9 +6,9 @@ from pydantic import Field
 
 from msph.parameter import Number, Section, parameter
 
-# Most words of a caption, choices, simulations, sliders, and lines of an excerpt: as many as fit
-# into the layout.
-WORDS, CHOICES, WATERS, SLIDERS, LINES = 40, 4, 3, 4, 40
+# Most words of a caption and of the reason for a choice, choices, simulations, sliders: as many as
+# fit into the layout. Most lines of an excerpt: as many as a student reads.
+WORDS, REASON, CHOICES, WATERS, SLIDERS, LINES = 40, 25, 4, 3, 4, 25
 # Most characters of an expression, a formula and the path of a function. The libraries that read
 # them recurse once for each bracket or sign, and Python's limit is 1,000 calls.
 EXPRESSION, FORMULA, PATH = 200, 500, 200
@@ -44,6 +44,9 @@ class Predict(Section):
 
     ask: str = parameter(text="the question")
     choices: list[str] = parameter(min_length=2, max_length=CHOICES, text="possible answers")
+    because: list[str] = parameter(
+        min_length=2, max_length=CHOICES, text="why each choice is right or wrong, in their order"
+    )
     answer: int = parameter(ge=1, text="number of the correct answer, from 1")
 
 
@@ -67,6 +70,7 @@ class Task(Section):
     """A task, and the condition that completes it."""
 
     text: str = parameter(text="what to do, at most 40 words")
+    watch: str = parameter("", text="what to see in the video of a web page, at most 40 words")
     check: Expression = parameter(text="expression that is true when the task is completed")
     show: list[Expression] = parameter(min_length=1, max_length=3, text="expressions to display")
     fresh: bool = parameter(False, text="reset the simulations and the sliders at the start")

@@ -55,7 +55,8 @@ class Student:
             if left == 0:
                 break
             left -= 1
-            share = min(1.0, (k + 1) / (MOVING * number))
+            # A board is checked where its sliders end.
+            share = min(1.0, (k + 1) / (MOVING * number)) if self.row else 1.0
             for slider in progress.lesson.slider:
                 if slider.name in solution.set:
                     a, b = begin[slider.name], solution.set[slider.name]

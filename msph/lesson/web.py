@@ -3,6 +3,7 @@
 import base64
 import html
 import io
+import itertools
 import json
 import tempfile
 from pathlib import Path
@@ -25,8 +26,10 @@ from msph.stage.recorder import make_writable
 TEMPLATE = Path(__file__).with_name("page.html")
 # Size of images and videos [pixels]; a video shows every SKIP-th frame.
 SIZE, SKIP = (960, 400), 2
-# Images along a slider without steps, and largest number along a slider with steps.
-POSITIONS, MAX_POSITIONS = 9, 12
+# Images along a slider without steps, alone and with others, and most along a slider with steps.
+POSITIONS, FEW_POSITIONS, MAX_POSITIONS = 9, 5, 12
+# Text of a task of simulations, which a page shows in a video.
+WATCH = 'The task in the window is: "{}" The video shows its solution.'
 # Time [s] that a video continues after its task is completed.
 LINGERS = 1.5
 
@@ -55,6 +58,7 @@ def page(course: Course, tasks: list[str]) -> str:
         ask=escape(lesson.predict.ask),
         choices="\n".join(choices),
         answer=lesson.predict.answer,
+        because=json.dumps(lesson.predict.because).replace("<", "\\u003c"),
         tasks="\n".join(tasks),
         why=escape(lesson.why.text),
         formula=typeset.svg(lesson.why.formula),
@@ -87,67 +91,70 @@ def in_water(course: Course) -> list[str]:
 
 
 def on_board(course: Course) -> list[str]:
-    """Returns the HTML of each task with the board at several positions of the slider that its
-    solution moves."""
+    """Returns the HTML of each task with the board at positions of the sliders that its solution
+    moves."""
     progress, parts = Progress(course, None), []
     student = Student(progress, None)
     student.answer()
     for k, task in enumerate(course.lesson.do):
-        slider = next(s for s in course.lesson.slider if s.name in task.solution.set)
-        others = {n: v for n, v in task.solution.set.items() if n != slider.name}
-        frames = positions(progress, slider, others)
+        sliders = [s for s in course.lesson.slider if s.name in task.solution.set]
+        shown = flipbook(progress, sliders)
         rehearse(student)
-        parts.append(part(progress, k, flipbook(slider, frames), progress.reached[k]))
+        parts.append(part(progress, k, shown, progress.reached[k]))
         progress.go(1)
     return parts
 
 
-def positions(
-    progress: Progress, slider: SliderOf, others: dict[str, float]
-) -> list[dict[str, str]]:
-    """Returns images and numbers of the board at positions of a slider; others: values of the other
-    sliders."""
-    steps = POSITIONS
+def positions(slider: SliderOf, alone: bool, *others: float) -> list[float]:
+    """Returns the values of a slider on a page, in order: all steps, or some and the `others`;
+    alone: True if the page's other sliders do not move."""
     if slider.step:
-        steps = min(MAX_POSITIONS, round((slider.hi - slider.lo) / slider.step) + 1)
-    found = []
-    for value in np.linspace(slider.lo, slider.hi, steps).tolist():
-        if slider.step:
-            value = slider.lo + round((value - slider.lo) / slider.step) * slider.step
-        values = {**progress.values, **others, slider.name: value}
-        pixels = progress.board.draw(values, SIZE)
-        told = ", ".join(
-            f"{name.replace('_', ' ')} {v:.4g}"
-            for name, v in progress.board.numbers(values).items()
-        )
-        found.append(
-            {
-                "image": data_of(png(pixels), "image/png"),
-                "told": f"{slider.name.replace('_', ' ')} {value:.3g}: {told}",
-            }
-        )
-    return found
+        number = round((slider.hi - slider.lo) / slider.step) + 1
+        chosen = np.linspace(0, number - 1, min(number, MAX_POSITIONS)).round()
+        return [slider.lo + float(k) * slider.step for k in chosen]
+    number = POSITIONS if alone else FEW_POSITIONS
+    return sorted({*np.linspace(slider.lo, slider.hi, number).tolist(), *others})
 
 
-def flipbook(slider: SliderOf, frames: list[dict[str, str]]) -> str:
-    """Returns the HTML of images selected by a slider."""
-    name = html.escape(slider.name.replace("_", " "))
+def flipbook(progress: Progress, sliders: list[SliderOf]) -> str:
+    """Returns the HTML of the board with these sliders: an image for each combination of their
+    positions, with the numbers of the task and whether they complete it."""
+    task, begin = progress.task, dict(progress.values)
+    assert task is not None
+    axes = [
+        positions(s, len(sliders) == 1, begin[s.name], task.solution.set[s.name]) for s in sliders
+    ]
+    frames = []
+    for combination in itertools.product(*axes):
+        for slider, value in zip(sliders, combination, strict=True):
+            progress.move(slider, value)
+        image = data_of(png(progress.board.draw(progress.values, SIZE)), "image/png")
+        frames.append({"image": image, "told": progress.shown(), "done": progress.holds()})
+    ranges = []
+    for slider, axis in zip(sliders, axes, strict=True):
+        name = html.escape(slider.name.replace("_", " "))
+        names = [progress.reading(slider.name, float(f"{value:.3g}")) for value in axis]
+        start = axis.index(min(axis, key=lambda value: abs(value - begin[slider.name])))
+        ranges.append(
+            f'<label>{name} <b></b><input type="range" min="0" max="{len(axis) - 1}" '
+            f'value="{start}" data-names="{html.escape(json.dumps(names))}"></label>'
+        )
+        progress.move(slider, begin[slider.name])
     return (
-        f'<div data-frames><img alt="the board at this value of {name}">'
-        f'<label>{name} <input type="range" min="0" max="{len(frames) - 1}" value="0"></label>'
+        f'<div data-frames><img alt="the board at these values">{"".join(ranges)}'
         f"<output></output>"
         f'<script type="application/json">{json.dumps(frames)}</script></div>'
     )
 
 
 def part(progress: Progress, k: int, shown: str, reached: list[str]) -> str:
-    """Returns the HTML of a task: text, image or video, and the numbers at its completion."""
-    task = progress.lesson.do[k]
+    """Returns the HTML of a task: text, and the board or a video with the numbers at its
+    completion."""
+    task, board = progress.lesson.do[k], progress.board is not None
     numbers = "; ".join(reached) if reached else "not reached in this run"
-    return (
-        f"<h2>Task {k + 1}</h2>\n<p>{html.escape(task.text)}</p>\n{shown}\n"
-        f'<p class="done">Completed at: {html.escape(numbers)}</p>'
-    )
+    text = task.text if board else task.watch or WATCH.format(task.text)
+    end = "" if board else f'<p class="done">Completed at: {html.escape(numbers)}</p>'
+    return f"<h2>Task {k + 1}</h2>\n<p>{html.escape(text)}</p>\n{shown}\n{end}"
 
 
 def video(frames: list[np.ndarray]) -> str:

@@ -3,9 +3,11 @@
 import contextlib
 import math
 import os
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import taichi as ti
@@ -14,9 +16,18 @@ from msph.picture.pixels import pack
 from msph.stage.controls import ACTIONS, KEYS
 from msph.stage.lost_display import DisplayGuard
 from msph.stage.start_screen import StartScreen
-from msph.stage.window import ARROWS, REPORT_INTERVAL, ClosedError, NoWindowError, check_display
+from msph.stage.window import (
+    ARROWS,
+    BUTTONS,
+    REPORT_INTERVAL,
+    ClosedError,
+    NoWindowError,
+    check_display,
+)
+from msph.stage.x11_pointer import X11Pointer
 from msph.taichi_internals import set_image
 
+TITLE = "M-SPH"  # also how the window is found on the X server
 MARKER_RADIUS = 0.008  # of the marker at a pushing cursor, over the window's height
 # Line width of arrows over the window's height; length of a tip over the arrow's length.
 STROKE, TIP = 0.006, 0.22
@@ -38,9 +49,11 @@ class GguiWindow:
         self.had_settings = SETTINGS.exists()
         try:
             with silence():
-                self.window = ti.ui.Window("M-SPH", size, vsync=True)
+                self.window = ti.ui.Window(TITLE, size, vsync=True)
         except RuntimeError as error:
             raise NoWindowError(f"no window: {error}") from None
+        self.pointer = X11Pointer(TITLE) if sys.platform.startswith("linux") else None
+        self.pressed_at: Any = None  # GGUI's cursor at a press until it moves
         self.guard = DisplayGuard()
         self.canvas = self.window.get_canvas()
         self.marked, self.arrowed = False, 0  # marker and number of arrows on the next image
@@ -54,9 +67,9 @@ class GguiWindow:
         self.start, self.reported = StartScreen(self.size, title, self.keys), -math.inf
         self.report("building the scene")
 
-    def report(self, doing: str) -> None:
+    def report(self, doing: str, important: bool = False) -> None:
         now = time.perf_counter()
-        if now - self.reported < REPORT_INTERVAL:
+        if now - self.reported < REPORT_INTERVAL and not important:
             return
         self.reported = now
         self.waiting = self.presses()
@@ -70,6 +83,8 @@ class GguiWindow:
 
     def presses(self) -> list[str]:
         pressed = [event.key for event in self.window.get_events(ti.ui.PRESS)]
+        if any(button in pressed for button in BUTTONS):
+            self.pressed_at = self.window.get_cursor_pos()
         pressed, self.waiting = [*self.waiting, *pressed], []
         return pressed
 
@@ -82,7 +97,13 @@ class GguiWindow:
         return width / max(height, 1)
 
     def cursor(self) -> np.ndarray:
-        return np.array(self.window.get_cursor_pos())
+        cursor = self.window.get_cursor_pos()
+        if cursor != self.pressed_at:
+            self.pressed_at = None
+        elif self.pointer and (place := self.pointer.position()):
+            width, height = self.window.get_window_shape()
+            return np.array([place[0] / width, 1.0 - place[1] / height])
+        return np.array(cursor)
 
     def mark(self, cursor: np.ndarray) -> None:
         # Needed since GGUI hides the cursor while the left button is down.
@@ -117,6 +138,8 @@ class GguiWindow:
         self.show(self.words)
 
     def close(self) -> None:
+        if self.pointer:
+            self.pointer.close()
         self.window.destroy()
         self.guard.close()
         if not self.had_settings:

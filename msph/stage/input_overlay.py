@@ -29,8 +29,9 @@ class InputOverlay(Protocol):
     def is_on_page(self, cursor: np.ndarray) -> bool:
         """Returns True if a cursor, (right, up) in shares of the window, is on a page."""
 
-    def drag(self, cursor: np.ndarray, down: bool) -> bool:
-        """Handles the left mouse button; returns True while it holds a widget."""
+    def drag(self, cursor: np.ndarray, down: bool, pressed: bool) -> bool:
+        """Handles the left mouse button, which is down now or not and was pressed in this frame or
+        not; returns True while it holds a widget."""
 
     def update(self) -> None:
         """Updates the overlay after a frame."""

@@ -53,11 +53,11 @@ class Menu:
             size, text = self.layout.column_size, self.layout.text
             self.layout.put_panel(self.panel.paint(self.row.lead, size, text))
 
-    def touch(self, cursor, down: bool) -> None:
-        """Handles the left mouse button over the panel."""
+    def touch(self, cursor, down: bool, pressed: bool) -> None:
+        """Handles the left mouse button over the panel; see Grip.act."""
         if self.layout.panel == "settings":
             x, y = self.layout.on_column(cursor)
-            for request in self.panel.touch(x, y, down, self.row.lead):
+            for request in self.panel.touch(x, y, down, pressed, self.row.lead):
                 self.apply(request)
 
     def apply(self, request: Request) -> None:

@@ -19,8 +19,8 @@ from msph.stage.menu import Menu
 from msph.stage.pacer import Pacer
 from msph.stage.replay import Replay
 from msph.stage.row import Row, show_with_picked
-from msph.stage.steering import BUTTONS, Steering
-from msph.stage.window import Window
+from msph.stage.steering import Steering
+from msph.stage.window import BUTTONS, Window
 
 SLOW_MOTION = 0.1  # simulated over wall-clock time in slow motion
 PRESENT_GROWTH = 1.01  # growth per frame of the estimated time to present a frame
@@ -90,7 +90,7 @@ class Player(Audience):
         # While a lesson pauses the simulation, keys do nothing.
         by_lesson = guide is not None and guide.pauses
         held = not by_lesson and steering.apply_keys(step, wall, self.paused)
-        dragged = self._drag(controls, step)
+        dragged = self._drag(controls, step, "LMB" in pressed)
         self.idle.pass_time(wall, bool(pressed or held or dragged or steering.moved.any()))
         sway = self.idle.roll(row.lead.simulation.time, 0.0 if self._paused else step)
         controls.tilt = (float(steering.tilt[0]) + sway, float(steering.tilt[1]))
@@ -115,13 +115,14 @@ class Player(Audience):
             cursor
         )
 
-    def _drag(self, controls: Controls, step: float) -> bool:
-        """Handles the mouse; returns True while a button is used."""
+    def _drag(self, controls: Controls, step: float, pressed: bool) -> bool:
+        """Handles the mouse; returns True while a button is used. pressed: the left button was
+        pressed in this frame."""
         steering, down = self.steering, self.window.down("LMB")
         self.idle.tried.add(steering.drag_camera())
-        if self.guide and self.guide.drag(steering.cursor, down):
+        if self.guide and self.guide.drag(steering.cursor, down, pressed):
             return True
-        self.menu.touch(steering.cursor, down)
+        self.menu.touch(steering.cursor, down, pressed)
         if steering.clicked() and self.row.lead.views.name != "water":
             steering.pick()
         held = steering.held_buttons()

@@ -3,7 +3,8 @@
 import contextlib
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from typing import Protocol
 
 from tqdm import tqdm
 
@@ -16,8 +17,12 @@ from msph.stage.row import KEPT_FRAMES, Row, width_of_each
 from msph.stage.show import INTERACTIVE, Show
 from msph.taichi_internals import watch_compiling
 
-# Function that displays a progress message.
-Report = Callable[[str], None]
+
+class Report(Protocol):
+    """Function that displays a progress message; messages that follow another closely may be
+    omitted unless they are `important`."""
+
+    def __call__(self, doing: str, important: bool = False) -> None: ...
 
 
 def say(text: str) -> None:
@@ -34,6 +39,8 @@ def prepare(
 ) -> Show:
     """Builds a show with its options, and compiles its kernels."""
     begin = time.perf_counter()
+    if report:
+        report("building the scene", important=True)
     for caution in (*cautions(scene), *effort(scene)):
         say(f"warning: {caution}")
     with compiling(report):
@@ -60,18 +67,30 @@ def prepare_row(
     each = size
     if size and not single:
         each = width_of_each(len(scenes), size[0]), size[1] - below
+    keep = 1 if single else KEPT_FRAMES
     shows = [
         prepare(
             scene,
             1.0 / scene.play.fps,
             each,
-            report=report,
-            timings=Timings(keep=1 if single else KEPT_FRAMES),
+            report=named(report, label, k, len(scenes)),
+            timings=Timings(keep=keep),
             **INTERACTIVE,
         )
-        for scene in scenes
+        for k, (scene, label) in enumerate(zip(scenes, labels, strict=True))
     ]
     return Row(shows) if single else Row(shows, labels, size, below)
+
+
+def named(report: Report | None, label: str, k: int, number: int) -> Report | None:
+    """Returns a function that reports with the label and place of simulation k of several."""
+    if report is None or number == 1:
+        return report
+
+    def report_named(doing: str, important: bool = False) -> None:
+        report(f"{label.partition(':')[0]} ({k + 1} of {number}): {doing}", important)
+
+    return report_named
 
 
 def mass_text(water: dict[str, float]) -> str:

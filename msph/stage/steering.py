@@ -9,14 +9,13 @@ import numpy as np
 from msph.stage.controls import Controls
 from msph.stage.pushing import PushingHand
 from msph.stage.row import Row
-from msph.stage.window import Window
+from msph.stage.window import BUTTONS, Window
 
 ORBIT_PER_WIDTH = math.radians(200.0)  # orbit of a drag across the window's width [rad]
 ORBIT_KEY_RATE = math.radians(70.0)  # [rad/s]
 ZOOM_KEY_RATE = 1.5  # [1/s], as the logarithm of the distance
 LEVELLING = 0.5  # rate of levelling over the rate of tilting
 CLICK_WAY, CLICK_TIME = 0.01, 0.4  # largest way (shares of the window) and duration [s] of a click
-BUTTONS = ("LMB", "RMB", "MMB")
 
 
 class Steering:

@@ -3,6 +3,7 @@
 GGUI's own widgets are 13 pixels high at any window size, in a panel that moves when dragged.
 """
 
+import math
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -78,26 +79,39 @@ class Sheet:
 
 
 class Grip:
-    """Mouse interaction with a sheet: holds the pressed widget until the left button is up."""
+    """Mouse interaction with a sheet: holds the pressed widget until the left button is up.
+
+    A frame may contain a press, a motion and a release. The cursor is known only once per frame, so
+    a press belongs to the widget under the cursor now, else to the one under it a frame before.
+    """
 
     def __init__(self) -> None:
         self.slider: Slider | None = None
         self.button: Button | None = None
         self.down = False
+        self.before: tuple[float, float] = (math.nan, math.nan)
 
-    def act(self, sheet: Sheet | None, x: float, y: float, down: bool) -> Slider | Button | None:
-        """Returns the slider held, or the button clicked (pressed and released on it). x, y: cursor
-        [pixels from the page's corner]; down: state of the left mouse button."""
-        begins, ends = down and not self.down, self.down and not down
-        self.down = down
-        if begins and sheet:
-            self.slider = next((s for s in sheet.sliders if s.under(x, y)), None)
-            self.button = next((b for b in sheet.buttons if b.under(x, y)), None)
-        if ends:
-            clicked = self.button if self.button and self.button.under(x, y) else None
+    def act(
+        self, sheet: Sheet | None, x: float, y: float, down: bool, pressed: bool
+    ) -> Slider | Button | None:
+        """Returns the slider held or released in this frame, or the button clicked (pressed and
+        released on it). x, y: cursor [pixels from the page's corner]; down: state of the left mouse
+        button; pressed: True if it was pressed since the last call."""
+        if pressed or (down and not self.down):
+            found = self._find(sheet, ((x, y), self.before)) if sheet else None
+            self.slider, self.button = (found, None) if isinstance(found, Slider) else (None, found)
+        self.down, self.before = down, (x, y)
+        slider, button = self.slider, self.button
+        if not down:
             self.slider = self.button = None
-            return clicked
-        return self.slider
+            return button if button and button.under(x, y) else slider
+        return slider
+
+    @staticmethod
+    def _find(sheet: Sheet, places: tuple[tuple[float, float], ...]) -> Button | None:
+        """Returns the widget under the first of these places that is on one, or None."""
+        widgets: list[Button] = [*sheet.sliders, *sheet.buttons]
+        return next((w for place in places for w in widgets if w.under(*place)), None)
 
     @property
     def holds(self) -> bool:

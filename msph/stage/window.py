@@ -7,6 +7,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
+# Buttons of the mouse.
+BUTTONS = ("LMB", "RMB", "MMB")
 # Colours of the arrows, in order.
 ARROWS = ((1.0, 0.82, 0.4), (0.34, 0.71, 0.91))
 # Least time between two progress reports [s]: each takes milliseconds to display.
@@ -53,9 +55,10 @@ class Window(Protocol):
     def begin(self, title: str) -> None:
         """Shows the start screen with the title of a scene until the next image."""
 
-    def report(self, doing: str) -> None:
-        """Shows a progress message on the start screen. Raises ClosedError if the user has pressed
-        quit or closed the window; other keys are kept for the next presses()."""
+    def report(self, doing: str, important: bool = False) -> None:
+        """Shows a progress message on the start screen; within REPORT_INTERVAL of another one only
+        if it is `important`. Raises ClosedError if the user has pressed quit or closed the window;
+        other keys are kept for the next presses()."""
 
     def again(self) -> None:
         """Shows the last image again."""

@@ -8,6 +8,7 @@ import pytest
 from msph.lesson.guide import Guide
 from msph.lesson.load import load_lesson
 from msph.lesson.paint import band_height
+from msph.scene import load_scene
 from msph.stage import idle
 from msph.stage.called import Choice, SceneArguments
 from msph.stage.controls import ACTIONS
@@ -15,6 +16,7 @@ from msph.stage.layout import Layout
 from msph.stage.pages import text_height
 from msph.stage.player import Player
 from msph.stage.preparation import prepare_row
+from msph.stage.widgets import Button, Grip, Sheet, Slider
 from tests.stage.test_player import HEIGHT, SIZE, WIDTH, Screen, frames, press
 
 
@@ -54,14 +56,38 @@ def test_nothing_moves_while_the_question_is_open(player, row, monkeypatch):
     assert player.guide.progress.answered == 1
     player.window.held = set()
     press(player, row, "n", number=4)
+    assert row.lead.simulation.time == 0.0, "nor before the user acts in a task"
+    press(player, row, " ", number=4)
     assert row.lead.simulation.time > 0.0
     assert np.allclose(row.lead.tilt, np.eye(3)), "nor does it sway in a task"
+
+
+@pytest.mark.parametrize("act", ["tilt", "push", "slider"])
+def test_a_task_starts_when_the_user_acts(player, row, act):
+    press(player, row, "a", "n", number=3)
+    frames(player, row)
+    assert row.lead.simulation.time == 0.0 and player.guide.waits
+    window = player.window
+    if act == "tilt":
+        window.pressed.append("Left")
+    else:
+        # All between two frames.
+        slider = player.guide.band.sheet.sliders[0]
+        low = player.guide.below - 0.5 * (slider.top + slider.bottom)
+        on_slider = np.array([slider.right, low]) / SIZE
+        window.at = on_slider if act == "slider" else np.array([0.5, 0.8])
+        window.pressed.append("LMB")
+    frames(player, row, 2)
+    assert row.lead.simulation.time > 0.0
+    assert (player.guide.progress.values["gravity"] == 20.0) == (act == "slider")
+    press(player, row, "r", number=3)
+    assert row.lead.simulation.time == 0.0
 
 
 def test_a_task_begins_again_level(player, row):
     press(player, row, "a", "n")
     player.window.held = {"Left"}
-    frames(player, row, 6)
+    press(player, row, "Left", number=6)
     player.window.held = set()
     assert player.steering.tilt.any()
     press(player, row, "r")
@@ -69,6 +95,32 @@ def test_a_task_begins_again_level(player, row):
     assert player.wants_more(row) and player.menu.next is None
     press(player, row, "Tab")
     assert player.menu.next is None, "no other scene is led to"
+
+
+def test_the_simulation_that_is_prepared_is_named():
+    told = []
+
+    def report(doing, important=False):
+        if important:
+            told.append(doing)
+
+    scene = load_scene("still")
+    labels = ["System 1: 0.2 kg", "System 2: 0.1 kg"]
+    prepare_row([scene, scene], labels, None, report).close()
+    assert told == [
+        "System 1 (1 of 2): building the scene",
+        "System 2 (2 of 2): building the scene",
+    ]
+
+
+def test_a_press_takes_one_widget():
+    """A click on a button soon after a drag also moved the slider."""
+    grip, sheet = Grip(), Sheet(None, None, 18)
+    sheet.sliders.append(Slider("a", 0.0, 100.0, 0.0, 20.0, 0.0, 1.0))
+    sheet.buttons.append(Button("b", 0.0, 100.0, 40.0, 60.0))
+    assert grip.act(sheet, 50.0, 10.0, False, False) is None
+    assert grip.act(sheet, 50.0, 50.0, True, True) is None
+    assert grip.act(sheet, 50.0, 50.0, False, False).name == "b"
 
 
 def test_help_and_messages_lie_over_the_band(player, row):

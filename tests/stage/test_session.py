@@ -29,7 +29,7 @@ class Window(Screen):
     def begin(self, title):
         self.report("building the scene")
 
-    def report(self, doing):
+    def report(self, doing, important=False):
         self.told.append(doing)
         if len(self.told) == self.closes:
             raise ClosedError

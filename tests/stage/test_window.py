@@ -342,13 +342,12 @@ def test_a_lesson_is_answered_and_done_with_keys_and_mouse(display, tmp_path):
         answered = display.still(unlike=question, by=0.1)
         display.do("key", "n")
         task = display.still(unlike=answered, by=0.1)
-        # The first slider, of the support: to its lower end.
+        # The first slider, of the support: to its lower end, in one jump between two frames.
         text = text_height(HEIGHT)
         y = HEIGHT - band_height(text) + (PAD + 0.5 * LINE) * text
         left = CAPTION * WIDTH + NAME * text
-        display.move(left + 40, y, "mousedown", 1)
-        display.move(left, y)
-        display.do("mouseup", 1)
+        display.move(left + 40, y)
+        display.do("mousedown", 1, "mousemove", CORNER + left, CORNER + y, "mouseup", 1)
         display.still(unlike=task, by=1.0)
         display.do("key", "n", "q")
         assert process.wait(timeout=PATIENCE) == 0
