@@ -152,7 +152,7 @@ class Show:
             if self.simulated > 0.0:
                 self.ledger.record(external.gravity)
                 if self.whitewater:
-                    with self._stage("whitewater"):
+                    with self._stage("surface"), self._substage("whitewater"):
                         self.whitewater.advance(self.simulated, external.gravity)
         if self.scalable:
             self.picture.scale = controls.scale

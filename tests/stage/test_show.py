@@ -39,7 +39,7 @@ def test_nobody_gets_the_frames_it_wants(show):
     run(Row([show]), Headless(3))
     assert show.simulation.time - before == pytest.approx(3 / 60)
     assert len(show.ledger.entries) == 3
-    assert set(show.timings.frames[-1]) == {"fluid", "surface", "whitewater", "picture"}
+    assert set(show.timings.frames[-1]) == {"fluid", "surface", "picture"}
 
 
 def test_paused_show_stands_still_but_for_single_steps(show):
