@@ -82,7 +82,7 @@ class Cubes:
 class Water:
     """A box, two layers, and a surface, refilled by every test."""
 
-    def __init__(self, smoothing: float = 1.0, bodies: Sequence[Body] = ()):
+    def __init__(self, bodies: Sequence[Body] = ()):
         specs = [LayerSpec(1000.0 * d**3, 1000.0, 2.0) for d in (FINE, COARSE)]
         start = {"x": np.array([[0.3, 0.25, 0.2]], np.float32), "layer": np.zeros(1, np.int32)}
         plan = Plan(SIZE, specs, start, ProjectionParameters(), bodies, capacity=6000)
@@ -90,7 +90,7 @@ class Water:
         self.layers, self.particles, self.grid = sim.layers, sim.particles, sim.grid
         self.boundary = sim.boundary
         self.surface = sim.world.build_once(surface_of, SurfaceRoom())
-        self.surface.load(SIZE, CELL, smoothing)
+        self.surface.load(SIZE, CELL)
 
     def nodes(self, field) -> np.ndarray:
         """A flat field over the lattice's nodes, as (nx, ny, nz) or (nx, ny, nz, 3)."""

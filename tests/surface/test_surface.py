@@ -181,7 +181,7 @@ def test_a_scene_beyond_the_room_is_refused(water):
 def test_one_surface_serves_all_scenes(water, compiled):
     """Loaded with another box, cells and kernels it compiles nothing, and its mesh is that of a
     surface made for the scene."""
-    other, size = Water(smoothing=1.4), (0.63, 0.52, 0.4)
+    other, size = Water(), (0.63, 0.52, 0.4)
     for surface in (water.surface, other.surface):
         surface.load(size, 0.9 * CELL, 1.4)
     x, layer = waves(2)
@@ -196,6 +196,7 @@ def test_one_surface_serves_all_scenes(water, compiled):
     water.surface.load(SIZE, CELL)
     assert_same(first, middles(water.mesh()))
     assert compiled == []
+    other.simulation.close()
 
 
 def test_rooms_grow_by_kind():
