@@ -33,7 +33,7 @@ COMMANDS = {
     ),
     "measure": ("measure {}/small.toml -o {}", MEASURED),
     "bench": ("bench {}/small.toml --no-render --json {}/rows.json", ("rows.json",)),
-    "page": ("lesson kernels --html {}", ("kernels.html",)),
+    "page": ("lesson cubes --html {}", ("cubes.html",)),
     "slides": (
         "lesson kernels --slides {}",
         (*(f"kernels_{k:02d}.png" for k in range(1, 6)), "kernels_captions.txt"),
