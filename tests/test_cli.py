@@ -158,8 +158,22 @@ def test_capture_never_overwrites_the_scene_it_was_given(tmp_path):
 @pytest.mark.parametrize("wait", [0.15, "then running"])
 def test_an_interrupt_ends_the_program_from_its_first_moment_on(tmp_path, wait):
     """4 of 10 were lost in callbacks of libraries while they were imported, or were tracebacks."""
+    scene, said = write(tmp_path), PYTHON_STARTS
+    for _ in range(5):
+        if PYTHON_STARTS in said:
+            code, said = interrupted(scene, wait)
+    assert code in (-signal.SIGINT, 130)
+    assert "Traceback" not in said
+
+
+# In the traceback of an interrupt of Python's own start, which a loaded machine draws out.
+PYTHON_STARTS = "init_import_site"
+
+
+def interrupted(scene, wait):
+    """Exit status and stderr of a run that is interrupted after seconds or a text."""
     process = subprocess.Popen(
-        [sys.executable, "-m", "msph", "bench", write(tmp_path), "--seconds", "100"],
+        [sys.executable, "-m", "msph", "bench", scene, "--seconds", "100"],
         stderr=subprocess.PIPE,
         text=True,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
@@ -172,11 +186,10 @@ def test_an_interrupt_ends_the_program_from_its_first_moment_on(tmp_path, wait):
             said += process.stderr.read(1)
     process.send_signal(signal.SIGINT)
     try:
-        said += process.communicate(timeout=30)[1]
+        said += process.communicate(timeout=60)[1]
     finally:
         process.kill()
-    assert process.returncode in (-signal.SIGINT, 130)
-    assert "Traceback" not in said
+    return process.returncode, said
 
 
 def test_files_that_exist_are_not_overwritten(tmp_path):
