@@ -16,16 +16,20 @@ WATER := tests/fluid tests/measure tests/picture tests/surface
 play: $(VENV)/play
 	@$(RUN) main.py
 
-# Most of a test's time is compiling on one thread; files share what they compile. In two runs: a
-# process has room for 512 trees of Taichi's fields, and one of two that were quick took them all.
+# Most of a test's time is compiling on one thread; files share what they compile, and are begun in
+# the order of tests/conftest.py.
+TEST := $(RUN) -m pytest -n 2 --dist loadfile --no-loadscope-reorder
+
+# In two runs: a process has room for 512 trees of Taichi's fields, and one of two that were quick
+# took them all. The second finds in Taichi's cache what the first has compiled.
 test: $(VENV)/dev
-	$(RUN) -m pytest -n 2 --dist loadfile $(WATER)
-	$(RUN) -m pytest -n 2 --dist loadfile tests $(WATER:%=--ignore=%) \
+	$(TEST) $(WATER)
+	$(TEST) tests $(WATER:%=--ignore=%) \
 		--ignore=tests/test_conformance.py
 
 # The water once more without Taichi's private interfaces.
 test-plain: $(VENV)/dev
-	MSPH_PLAIN_TAICHI=1 $(RUN) -m pytest -n 2 --dist loadfile tests/fluid
+	MSPH_PLAIN_TAICHI=1 $(TEST) tests/fluid
 
 # Does another architecture compute what the CPU computes? make conformance ARCH=cuda
 ARCH ?= vulkan

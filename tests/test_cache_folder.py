@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 
 from msph.cache_folder import TAICHI_FOLDER, ensure
-from tests.scenes_kit import write
 
 NAMES = ("XDG_CACHE_HOME", "HOME", TAICHI_FOLDER)
 
@@ -30,13 +29,23 @@ def test_a_folder_that_cannot_be_written_is_replaced(given, tmp_path, monkeypatc
     assert len(told) == 1, "the folder in its place can be written"
 
 
+# A command, then a kernel.
+RUN = """
+from msph.cli import main
+from msph.device import start
+main(["scenes"])
+start("cpu")
+import taichi as ti
+ti.field(ti.f32, 4).fill(1.0)
+"""
+
+
 def test_a_run_ends_well_without_a_cache(tmp_path):
     """Taichi ended with a segmentation fault after the run."""
     (tmp_path / "file").write_text("")
-    arguments = ("bench", write(tmp_path), "--seconds", "0.01", "--no-render")
     environment = {"XDG_CACHE_HOME": str(tmp_path / "file"), "PATH": "", "HOME": str(Path.home())}
     run = subprocess.run(
-        [sys.executable, "-m", "msph", *arguments],
+        [sys.executable, "-c", RUN],
         env=environment,
         capture_output=True,
         text=True,

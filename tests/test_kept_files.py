@@ -3,8 +3,6 @@
 import contextlib
 
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 from msph import cli
 from msph.errors import MsphError
@@ -35,7 +33,7 @@ COMMANDS = {
     ),
     "measure": ("measure {}/small.toml -o {}", MEASURED),
     "bench": ("bench {}/small.toml --no-render --json {}/rows.json", ("rows.json",)),
-    "page": ("lesson kernels --html {}", ("kernels.html",)),
+    "page": ("lesson cubes --html {}", ("cubes.html",)),
     "slides": (
         "lesson kernels --slides {}",
         (*(f"kernels_{k:02d}.png" for k in range(1, 6)), "kernels_captions.txt"),
@@ -48,48 +46,51 @@ def decoys(names):
     return [made for n in names for made in (f"new_{n}", f".{n}", f"{n}.part", f"{n}.tmp", f"{n}~")]
 
 
-@st.composite
-def situations(draw):
-    command = draw(st.sampled_from(sorted(COMMANDS)))
-    names = COMMANDS[command][1]
-    taken = draw(st.sets(st.sampled_from(names), max_size=2))
-    return command, taken, draw(st.sets(st.sampled_from(decoys(names)), max_size=4))
-
-
 @pytest.fixture(autouse=True)
 def one_taichi(monkeypatch):
     for module in (commands, lesson_commands):
         monkeypatch.setattr(module, "start", lambda arch, threads: "cpu")
 
 
-@settings(
-    max_examples=15,
-    deadline=None,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
-)
-@given(situations())
-def test_what_existed_before_is_unchanged(tmp_path_factory, situation):
-    command, taken, others = situation
-    folder = tmp_path_factory.mktemp("before")
-    text, names = COMMANDS[command]
-    write(folder, SCENE)
-    before = {folder / name: f"a holiday: {name}".encode() for name in taken | others}
-    before[folder / "small.toml"] = (folder / "small.toml").read_bytes()
-    for path, content in before.items():
-        path.write_bytes(content)
+def run(command, folder):
     short = SHORT if command in ("capture", "measure", "bench") else ()
-    refused = False
-    try:
-        with contextlib.redirect_stdout(None):
-            cli.cli.main([*text.format(*[folder] * 9).split(), *short], standalone_mode=False)
-    except MsphError as error:
-        assert "exists; --force overwrites it" in str(error)
-        refused = True
-    assert refused == bool(taken)
-    for path, content in before.items():
-        assert path.read_bytes() == content
-    left = {path.name for path in folder.iterdir()} - {path.name for path in before}
-    assert left == (set() if refused else set(names))
+    with contextlib.redirect_stdout(None):
+        arguments = COMMANDS[command][0].format(*[folder] * 9).split()
+        cli.cli.main([*arguments, *short], standalone_mode=False)
+
+
+def filled(folder, names):
+    """Contents by path: the scene, and files of these names."""
+    write(folder, SCENE)
+    for name in names:
+        (folder / name).write_text(f"a holiday: {name}")
+    return {path: path.read_bytes() for path in folder.iterdir()}
+
+
+def added(before, folder):
+    """Names of the files that are new; those that were there are unchanged."""
+    after = {path: path.read_bytes() for path in folder.iterdir()}
+    assert before == {path: after.pop(path, None) for path in before}
+    return {path.name for path in after}
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_files_beside_those_that_are_written_are_unchanged(command, tmp_path):
+    names = COMMANDS[command][1]
+    before = filled(tmp_path, decoys(names))
+    run(command, tmp_path)
+    assert added(before, tmp_path) == set(names)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_name_that_is_taken_is_refused_and_nothing_is_written(command, tmp_path):
+    for name in COMMANDS[command][1]:
+        folder = tmp_path / name
+        folder.mkdir()
+        before = filled(folder, [name])
+        with pytest.raises(MsphError, match="exists; --force overwrites it"):
+            run(command, folder)
+        assert added(before, folder) == set()
 
 
 def test_force_overwrites(tmp_path):

@@ -48,8 +48,11 @@ def share_left(
 
     still = begin_tank()
     stir(still, SETTLE)
+    state = still.simulation.state()
+    # The next simulation takes its fields, whose kernels are compiled.
+    still.simulation.close()
     run = begin_tank(projection={"viscosity": 1000.0 * nu})
-    run.simulation.restore(still.simulation.state())
+    run.simulation.restore(state)
     set_velocity(run.simulation, run.velocities() + VORTEX_SPEED * vortex(run.positions(), length))
     begun = amplitude(run, length)
     run.go(seconds)

@@ -75,17 +75,14 @@ SWITCHES = {
 }
 
 
-@pytest.fixture(scope="module")
-def clouds():
-    """One compiled simulation per switch, shared by the tests below."""
+def cloud_with(terms):
     specs = [spec(m, mu) for m, mu in zip(MASSES, MU, strict=True)]
-    return {name: Simulation(Plan(SIZE, specs, cloud(), terms)) for name, terms in SWITCHES.items()}
+    return Simulation(Plan(SIZE, specs, cloud(), terms))
 
 
 @pytest.mark.parametrize("name", SWITCHES)
-def test_densities_and_forces_equal_the_formulas(clouds, name):
-    sim = clouds[name]
-    sim.reset()
+def test_densities_and_forces_equal_the_formulas(name):
+    sim = cloud_with(SWITCHES[name])
     solver = sim.solver
     solver.find_accelerations()
     x, v, layer = (sim.particles.numpy(k) for k in ("x", "v", "layer"))
@@ -112,8 +109,10 @@ def test_stiffness_and_viscosity_change_while_the_water_moves():
     assert sim.layers.viscosity.to_numpy()[:2].tolist() == [0.0, 3.0]
 
 
-def pair_force_sum(sim):
-    """|sum m a| over sum m |a|: zero if pair forces are equal and opposite."""
+def pair_force_sum(terms):
+    """|sum m a| over sum m |a| of a cloud at rest: zero if pair forces are equal and opposite."""
+    sim = cloud_with(terms)
+    sim.initial["v"][:] = 0.0
     sim.reset()
     solver = sim.solver
     solver.find_accelerations()
@@ -122,16 +121,14 @@ def pair_force_sum(sim):
     return np.linalg.norm((m * a).sum(axis=0)) / (m * np.linalg.norm(a, axis=1)[:, None]).sum()
 
 
-def test_only_symmetrised_pressures_conserve_momentum_across_layers(clouds):
+def test_only_symmetrised_pressures_conserve_momentum_across_layers():
     """(27) is not antisymmetric across layers, by the thesis's own admission."""
-    still = {name: sim for name, sim in clouds.items() if name != "product, pseudocode"}
-    for sim in still.values():
-        sim.initial["v"][:] = 0.0
-    assert pair_force_sum(still["formula"]) > 1e-3
-    assert pair_force_sum(still["clamped squared"]) < 1e-5
+    assert pair_force_sum(SWITCHES["formula"]) > 1e-3
+    assert pair_force_sum(SWITCHES["clamped squared"]) < 1e-5
 
 
-@pytest.fixture(scope="module")
+# Each simulation ends with its test, and the next one takes its fields and kernels.
+@pytest.fixture
 def lone():
     """One particle, four settings of the hand and gravity: it feels nothing else."""
     initial = {
@@ -140,13 +137,13 @@ def lone():
         "layer": np.zeros(1, np.int32),
     }
     half = LayerSpec(0.05, 1000.0, 2.0, gravity_factor=0.5)
-    return Simulation(
-        Plan(SIZE, [half], initial, ClassicParameters(tension=False), restitution=0.5)
-    )
+    terms = ClassicParameters(tension=False)
+    sim = Simulation(Plan(SIZE, [half], initial, terms, restitution=0.5))
+    yield sim
+    sim.close()
 
 
 def test_free_fall_follows_position_verlet_and_the_layers_gravity(lone):
-    lone.reset()
     dt, steps = 1e-3, 100
     for _ in range(steps):
         lone.solver.step(dt, ExternalForces())
@@ -160,7 +157,6 @@ def test_free_fall_follows_position_verlet_and_the_layers_gravity(lone):
 
 
 def test_wall_reflects_with_its_restitution(lone):
-    lone.reset()
     sideways, dt = 40.0, 0.1
     # 0.3 m/s, and 40 m/s^2 for two steps: past the wall in the second.
     speeds = []
@@ -176,7 +172,6 @@ def test_wall_reflects_with_its_restitution(lone):
 
 def test_list_knows_how_far_the_fastest_went(lone):
     """Also where a wall took the speed that it went with."""
-    lone.reset()
     for _ in range(4):
         before = lone.particles.numpy("x")[0]
         lone.solver.step(0.1, ExternalForces(gravity=(40.0, 0.0, 0.0)))
@@ -185,7 +180,6 @@ def test_list_knows_how_far_the_fastest_went(lone):
 
 
 def test_hand_drags_water_to_its_own_velocity_and_no_farther(lone):
-    lone.reset()
     hand = Hand(position=(0.4, 0.6, 0.4), velocity=(0.0, 0.0, 2.0), radius=0.5, grip=1e6)
     lone.solver.step(1e-3, ExternalForces(gravity=(0.0, 0.0, 0.0), hand=hand))
     assert np.allclose(lone.particles.numpy("v")[0], [0.0, 0.0, 2.0], atol=1e-4)
@@ -206,9 +200,11 @@ def tank(pressure_form):
     return Simulation(Plan(TANK, [layer], initial, ClassicParameters(pressure_form=pressure_form)))
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def column():
-    return tank("mean")
+    sim = tank("mean")
+    yield sim
+    sim.close()
 
 
 def settled_pressure_slope(sim):
@@ -236,14 +232,12 @@ def test_squared_pressures_carry_hydrostatic_weight():
 
 def test_mean_pressures_must_double_to_carry_the_weight(column):
     """sum V_j (p_i + p_j)/2 grad W is half of grad p: the printed (27) lacks a factor of 2."""
-    column.reset()
     slope, speed = settled_pressure_slope(column)
     assert slope == pytest.approx(-2.0 * 1000.0 * 9.81, rel=0.15)
     assert speed < 0.1
 
 
 def test_checkpoint_restores_every_digit(column):
-    column.reset()
     column.advance(1 / 60, ExternalForces())
     state = column.state()
     column.advance(1 / 60, ExternalForces())
@@ -273,6 +267,7 @@ SPOILT = {
 
 @pytest.mark.parametrize("message", SPOILT)
 def test_checkpoint_that_does_not_fit_is_refused(column, message):
+    column.advance(1 / 60, ExternalForces())
     state = column.state()
     with pytest.raises(ValueError, match=message):
         column.restore(SPOILT[message](state))

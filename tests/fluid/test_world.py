@@ -8,6 +8,7 @@ from msph.fluid.external_forces import ExternalForces
 from msph.fluid.room import FIRST, MAX_SIZE, Room, grown, room_for
 from msph.options import QUALITIES
 from msph.scene import build_simulation, load_scene
+from msph.scene.build import plan_of
 from msph.scene.library import shipped_scenes
 from msph.scene.quality import at_quality
 from msph.taichi_internals import PLAIN, watch_compiling, watch_launches
@@ -78,9 +79,8 @@ def test_the_world_used_last_is_taken_first():
 def test_the_first_class_holds_every_shipped_scene():
     for name in shipped_scenes():
         for quality in QUALITIES:
-            sim = build_simulation(at_quality(load_scene(name), quality, name))
-            assert FIRST.holds(sim.plan.needed), (name, quality)
-            sim.close()
+            plan = plan_of(at_quality(load_scene(name), quality, name))
+            assert FIRST.holds(plan.needed), (name, quality)
 
 
 def test_rooms_grow_by_kind_and_within_what_indices_name():

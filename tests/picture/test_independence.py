@@ -55,12 +55,22 @@ def draw(picture, image, spheres):
     return shown
 
 
-@pytest.mark.parametrize("bodies", [[], [Ball(np.array((0.4, 0.3, 0.2)), 0.1)]])
-def test_other_scenes_and_sizes_need_no_other_kernels(spheres, bodies):
-    mesh = Mesh(4096)
+SPECS = [LayerSpec(1000.0 * 0.04**3, 1000.0, 2.0)]
+
+
+@pytest.fixture(scope="module")
+def pictures():
+    """One for all images, and one for the last."""
+    mesh, boundary = Mesh(4096), boundary_of(FLAT, SPECS)
     mesh.fill(*ball((0.3, 0.3, 0.35), 0.2))
-    boundary = boundary_of(FLAT, [LayerSpec(1000.0 * 0.04**3, 1000.0, 2.0)], bodies)
-    picture = Picture(mesh, boundary, PictureRoom(192, 128))
+    rooms = PictureRoom(192, 128), PictureRoom.holding(*IMAGES[-1][0], 3)
+    return [Picture(mesh, boundary, room) for room in rooms]
+
+
+@pytest.mark.parametrize("bodies", [[], [Ball(np.array((0.4, 0.3, 0.2)), 0.1)]])
+def test_other_scenes_and_sizes_need_no_other_kernels(pictures, spheres, bodies):
+    boundary_of(FLAT, SPECS, bodies)
+    picture, fresh = pictures
     for image in IMAGES[:3]:
         draw(picture, image, spheres)
     compiled = []
@@ -68,7 +78,6 @@ def test_other_scenes_and_sizes_need_no_other_kernels(spheres, bodies):
         for image in IMAGES[3:]:
             shown = draw(picture, image, spheres)
     assert PLAIN or not compiled
-    fresh = Picture(mesh, boundary, PictureRoom.holding(*IMAGES[-1][0], 3))
     for one, other in zip(shown, draw(fresh, IMAGES[-1], spheres), strict=True):
         assert one.std() > 0.05
         np.testing.assert_allclose(one, other, atol=1 / 255)

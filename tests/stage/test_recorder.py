@@ -218,7 +218,7 @@ def test_a_signal_leaves_a_playable_file(tmp_path, number, name):
     """An interrupt within a write killed the encoder; SIGTERM left nothing of a GIF."""
     target = tmp_path / name
     command = [sys.executable, "-m", "msph", "capture", write(tmp_path), "-o", str(target)]
-    command += ["--seconds", "100", "--size", "160x90", "--arch", "cpu"]
+    command += ["--seconds", "30", "--size", "160x90", "--arch", "cpu"]
     process = subprocess.Popen(
         command,
         stderr=subprocess.PIPE,

@@ -3,7 +3,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 import trimesh
-from surface_kit import SIZE, Cubes, Water, uniform
+from surface_kit import CELL, SIZE, Cubes, Water, uniform
 
 from msph.fluid.boundary.rigid_bodies import Ball, Block, Solid
 from msph.surface import SurfaceRoom
@@ -30,18 +30,23 @@ def oblong_cubes(marching_cubes) -> Cubes:
     return Cubes(lattice, marching_cubes)
 
 
-@pytest.fixture(scope="session")
-def water() -> Water:
-    return Water()
+# Each file gives its fields back, so that the next one compiles nothing.
+@pytest.fixture(scope="module")
+def water() -> Iterator[Water]:
+    water = Water()
+    yield water
+    water.simulation.close()
 
 
-@pytest.fixture(scope="session")
-def smooth_water() -> Water:
-    return Water(smoothing=1.4)
+@pytest.fixture
+def smooth_water(water) -> Iterator[Water]:
+    water.surface.load(SIZE, CELL, smoothing=1.4)
+    yield water
+    water.surface.load(SIZE, CELL)
 
 
-@pytest.fixture(scope="session")
-def held_water() -> Water:
+@pytest.fixture(scope="module")
+def held_water() -> Iterator[Water]:
     """A mesh container of almost the box's size, with a ball and a block in it."""
     egg = trimesh.creation.icosphere(subdivisions=3)
     container = Solid(
@@ -49,7 +54,9 @@ def held_water() -> Water:
     )
     ball = Ball(np.array((0.22, 0.2, 0.2)), 0.07)
     block = Block(np.array((0.36, 0.05, 0.14)), np.array((0.44, 0.4, 0.24)))
-    return Water(bodies=[container, ball, block])
+    water = Water(bodies=[container, ball, block])
+    yield water
+    water.simulation.close()
 
 
 @pytest.fixture

@@ -84,7 +84,6 @@ class Water:
 
     def __init__(
         self,
-        smoothing: float = 1.0,
         bodies: Sequence[Body] = (),
         room: SurfaceRoom = SurfaceRoom(),  # noqa: B008
     ):
@@ -95,7 +94,7 @@ class Water:
         self.layers, self.particles, self.grid = sim.layers, sim.particles, sim.grid
         self.boundary = sim.boundary
         self.surface = sim.world.build_once(surface_of, room)
-        self.surface.load(SIZE, CELL, smoothing)
+        self.surface.load(SIZE, CELL)
 
     def nodes(self, field) -> np.ndarray:
         """A flat field over the lattice's nodes, as (nx, ny, nz) or (nx, ny, nz, 3)."""

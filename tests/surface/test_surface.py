@@ -120,15 +120,15 @@ def test_free_surface_reaches_the_walls(water):
 
 
 @pytest.mark.parametrize(("height", "most"), [(0.0, 1.0), (0.015, 3.0)])
-def test_normals_of_a_level_surface_and_of_a_wave(height, most):
+def test_normals_of_a_level_surface_and_of_a_wave(smooth_water, height, most):
     """Angles [deg rms] to the exact normals at the default smoothing; height: amplitude [m]."""
     scene_support, support = 2.45, 2.0  # in spacings: of scenes, and of these layers
-    water = Water(smoothing=Surface().smoothing * scene_support / support)
+    smooth_water.surface.load(SIZE, CELL, Surface().smoothing * scene_support / support)
     k = 2 * np.pi / SIZE[0]
     x = packed((0, 0, 0), (SIZE[0], 0.3, SIZE[2]), FINE, 0.1)
     x[:, 1] *= 1.0 + height / 0.3 * np.cos(k * x[:, 0])
-    water.fill(x)
-    vertices, normals, _ = water.mesh().to_numpy()
+    smooth_water.fill(x)
+    vertices, normals, _ = smooth_water.mesh().to_numpy()
     inner = (vertices > 1e-4).all(axis=1) & (vertices < np.array(SIZE) - 1e-4).all(axis=1)
     slope = -k * height * np.sin(k * vertices[inner, 0])
     exact = np.stack([-slope, np.ones_like(slope), np.zeros_like(slope)], axis=1)
@@ -201,7 +201,7 @@ def test_a_scene_beyond_the_room_is_refused(water):
 def test_one_surface_serves_all_scenes(water, compiled):
     """Loaded with another box, cells and kernels it compiles nothing, and its mesh is that of a
     surface made for the scene."""
-    other, size = Water(smoothing=1.4), (0.63, 0.52, 0.4)
+    other, size = Water(), (0.63, 0.52, 0.4)
     for surface in (water.surface, other.surface):
         surface.load(size, 0.9 * CELL, 1.4)
     x, layer = waves(2)
@@ -216,6 +216,7 @@ def test_one_surface_serves_all_scenes(water, compiled):
     water.surface.load(SIZE, CELL)
     assert_same(first, middles(water.mesh()))
     assert compiled == []
+    other.simulation.close()
 
 
 def test_rooms_grow_by_kind():

@@ -38,10 +38,11 @@ def test_drops_beyond_the_mesh_s_room_are_said():
     room = SurfaceRoom(vertices=100, triangles=300)
     small = Water(room=room)
     small.fill(apart(0))
-    counts = small.mesh().counts.to_numpy()
+    mesh = small.mesh()
     # Two whole drops of 42 vertices and 80 triangles fit.
-    assert list(counts[:2]) == [84, 160]
-    assert small.surface.mesh.overflowed().startswith("surface mesh overflow: ")
+    assert list(mesh.counts.to_numpy()[:2]) == [84, 160]
+    assert mesh.overflowed().startswith("surface mesh overflow: ")
+    small.simulation.close()
 
 
 @pytest.mark.parametrize("height", np.array([0.2, 0.2075, 0.2142]))
