@@ -72,6 +72,7 @@ SCENES: dict[str, tuple[dict[str, Any], dict[str, Any], str]] = {
     "adaptation": ({**LAYERED, "adaptation": {"enabled": True}}, LAYERED, ""),
     "bodies": ({"obstacles": [BALL]}, {}, ""),
     "caustics": ({}, {"picture": {"caustics": False}}, "picture"),
+    "whitewater": ({}, {"picture": {"whitewater": False}}, "picture"),
     "supersample": ({"picture": {"supersample": 2}}, {}, "picture"),
 }
 CASES = (
@@ -142,6 +143,8 @@ class Side:
             for probe in self.probes:
                 probe.read(water)
         if self.show:
+            if self.show.whitewater:
+                self.show.whitewater.advance(FRAME, GRAVITY)
             self.show.draw()
 
     def timed(self) -> None:

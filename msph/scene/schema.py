@@ -186,10 +186,10 @@ class Play(Section):
     )
     scale: float = parameter(
         1.0,
-        ge=0.5,
+        ge=0.6,
         le=1.0,
         text="largest render scale; the scale decreases to hold the frame rate",
-        live=(0.5, 1.0),
+        live=(0.6, 1.0),
     )
     fps: float = parameter(
         60.0,

@@ -101,7 +101,7 @@ class Layout:
     def draw(self, row: Row, pacer: Pacer, paused: bool, idle: Idle) -> None:
         """Draws all pages over the row's image; repaints only pages that have changed."""
         now = time.perf_counter()
-        status = self.status.page(row, pacer, paused, now, self.text)
+        status = self.status.page(row, pacer, paused, bool(self.panel), now, self.text)
         if status is not None:
             self.overlay.put("status", status, self.gap, self.gap)
         self._put_hints([k.hint for k in idle.hints()], bool(idle.hint()))

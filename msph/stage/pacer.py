@@ -12,8 +12,10 @@ from msph.stage.row import Row
 
 # Frame rates tried in turn, over the requested one; half of it is preferred to slow motion.
 RATES = (1.0, 0.75, 0.5)
-# Image scales; two steps halve the area.
-SCALES = tuple(2.0 ** (-k / 4.0) for k in range(5))
+# Image scales: steps of 5 %, which a viewer does not notice, down to where edges blur.
+SCALES = tuple(1.0 - 0.05 * k for k in range(9))
+# Largest number of steps of the scale at a time, so that no change is seen.
+MAX_CHANGE = 2
 # Longest frame [s]; slower simulations run slower than real time at this frame rate.
 LONGEST_FRAME = 1.0 / 24.0
 # Least share of the longest frame for the fluid, however long rendering takes.
@@ -22,7 +24,7 @@ LEAST_FLUID = 0.4
 PLANNED = 0.9
 # Weight of the previous mean in smoothed times; frames between two choices of the scale; factor on
 # the cost of a finer image, which prevents switching back and forth.
-SMOOTHING, SCALE_INTERVAL, HYSTERESIS = 0.9, 15, 1.15
+SMOOTHING, SCALE_INTERVAL, HYSTERESIS = 0.9, 6, 1.15
 # Largest lag that is caught up [s], the length of a splash. A longer frame counts as a halt (moved
 # window, compilation).
 BACKLOG = 0.25
@@ -102,7 +104,9 @@ class Pacer:
         behind = self.lag + self.speed * wall - simulated
         self.lag = float(np.clip(behind, -self.speed * BACKLOG, self.speed * BACKLOG))
         if self.frames % SCALE_INTERVAL == 0:
-            self.scale = self._affordable()
+            wanted = SCALES.index(self._affordable())
+            at = SCALES.index(self.scale)
+            self.scale = SCALES[at + int(np.clip(wanted - at, -MAX_CHANGE, MAX_CHANGE))]
 
     def _affordable(self) -> float:
         """Returns the largest image scale at the highest frame rate that the machine sustains."""

@@ -1,4 +1,4 @@
-"""Status lines of a window: speed, number of particles, errors."""
+"""Status of a window: speed and number of particles; next to an open panel also errors."""
 
 import math
 
@@ -9,34 +9,41 @@ from msph.stage.pacer import Pacer
 from msph.stage.row import Row
 from msph.stage.show import Show
 
-REAL_TIME = 0.95  # share of the requested speed that counts as reached
+REAL_TIME = 0.95  # real-time factor from which a simulation runs in real time
 # Time [s] between two updates of the speed, and of counts and errors, which take milliseconds.
 EVERY, WATER_EVERY = 0.4, 1.2
 
 
 class Status:
-    """Status page of a scene at a quality."""
+    """Status page of a scene at a quality: one line, and more lines next to an open panel."""
 
     def __init__(self, quality: str):
         self.quality, self.last, self.counted = quality, -math.inf, -math.inf
+        self.detailed = False
         self.water = ""
 
     def page(
-        self, row: Row, pacer: Pacer, paused: bool, now: float, size: int
+        self, row: Row, pacer: Pacer, paused: bool, detailed: bool, now: float, size: int
     ) -> np.ndarray | None:
         """Returns the page at the wall-clock time `now` [s] with a text height of `size` [pixels],
-        None if it is not due."""
-        if now - self.last < EVERY:
+        None if it is not due. detailed: with time, frame rate, quality and errors."""
+        if now - self.last < EVERY and detailed == self.detailed:
             return None
-        self.last = now
-        speed, rate = pace(pacer.pace, pacer.speed, paused), 1.0 / pacer.wall
-        first = f"time {row.lead.simulation.time:.1f} s   {speed}   {rate:.0f} frames/s"
-        lines = [(first, pages.WARNING if "too slow" in speed else pages.INK)]
+        self.last, self.detailed = now, detailed
+        first = pace(pacer, paused)
         # Simulations side by side have labels with these values.
         if not row.composed:
-            if now - self.counted > WATER_EVERY:
+            counts = [n for n in row.lead.simulation.counts() if n]
+            layers = f"{len(counts)} layer{'s' * (len(counts) > 1)}"
+            first = f"{first}, {sum(counts):,} particles in {layers}"
+        lines = [(first, pages.INK)]
+        if detailed and pacer.frames:
+            time = f"time {row.lead.simulation.time:.1f} s, {1.0 / pacer.wall:.0f} frames/s"
+            lines.append((f"{time}, quality {self.quality}", pages.FAINT))
+            if not row.composed and now - self.counted > WATER_EVERY:
                 self.counted, self.water = now, self._water(row.lead)
-            lines.append((self.water, pages.FAINT))
+            if self.water:
+                lines.append((self.water, pages.FAINT))
         lines += [
             (f"{name} stopped: no room", pages.WARNING)
             for name in sorted(set().union(*(s.stopped for s in row.shows)))
@@ -44,9 +51,8 @@ class Status:
         return pages.lines(lines, size)
 
     def _water(self, show: Show) -> str:
-        counts = [n for n in show.simulation.counts() if n]
-        layers = f"{len(counts)} layer{'s' * (len(counts) > 1)}"
-        parts = [f"{sum(counts):,} particles in {layers}", f"quality {self.quality}"]
+        """Returns the errors of a simulation in words."""
+        parts = []
         if show.ledger.entries:
             parts.append(f"density error {100.0 * show.ledger.last_density_error():.2f} %")
         # Other views extract no surface.
@@ -56,11 +62,10 @@ class Status:
         return ", ".join(parts)
 
 
-def pace(rate: float, speed: float, paused: bool) -> str:
-    """Describes the real-time factor `rate` (-) for the requested speed (-)."""
-    factor = f"real-time factor {rate:.2f}"
+def pace(pacer: Pacer, paused: bool) -> str:
+    """Describes the speed of the simulation."""
     if paused:
-        return f"{factor}, paused"
-    if rate < REAL_TIME * speed:
-        return f"{factor}: this machine is too slow"
-    return f"{factor}, slow motion" if speed < 1.0 else factor
+        return "paused"
+    if not pacer.frames or abs(pacer.pace - 1.0) < 1.0 - REAL_TIME:
+        return "real time" if pacer.speed == 1.0 else f"{pacer.speed:g} times real time"
+    return f"{pacer.pace:.2f} times real time"

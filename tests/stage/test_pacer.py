@@ -49,8 +49,19 @@ def test_the_picture_yields_before_time_does():
 def test_time_slows_last_and_frames_are_still_shown():
     pacer = Pacer(FPS)
     simulated, wall = run(pacer, 3.0, 0.010)
-    assert simulated / wall == pytest.approx(1.0 / 3.0, rel=0.15)
+    # An image at the least scale takes the rest.
+    assert simulated / wall == pytest.approx(1.0 / 3.0, rel=0.17)
     assert pacer.wall <= 1.02 * LONGEST_FRAME
+
+
+def test_the_scale_changes_in_small_steps():
+    """A jump to half the area was visible."""
+    pacer, before = Pacer(FPS), SCALES[0]
+    for _ in range(60):
+        run(pacer, 0.9, 0.030, frames=1)
+        assert abs(pacer.scale - before) < 0.11
+        before = pacer.scale
+    assert before == SCALES[-1] >= 0.6
 
 
 def test_the_picture_comes_back_where_there_is_room():
