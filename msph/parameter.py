@@ -24,13 +24,15 @@ def parameter(
     unit: str = "-",
     text: str,
     live: tuple[float, float] | None = None,
+    label: str = "",
     **limits: Any,
 ) -> Any:
     """Declares a parameter of a Section; it is required if the default is `...`.
 
     limits: gt, ge, lt, le, lengths, pattern, as in pydantic. live: range of its slider if it may
-    change while the simulation runs; for a vector, the range of its length."""
-    extra: dict[str, Any] = {"unit": unit, "live": live}
+    change while the simulation runs; for a vector, the range of its length. label: name of the
+    slider, by default the key."""
+    extra: dict[str, Any] = {"unit": unit, "live": live, "label": label}
     if callable(default):
         return Field(default_factory=default, description=text, json_schema_extra=extra, **limits)
     return Field(default, description=text, json_schema_extra=extra, **limits)

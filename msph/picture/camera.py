@@ -12,7 +12,7 @@ import numpy as np
 ELEVATION = np.radians((3.0, 88.0))  # limits: above the ground, below the pole
 ZOOM = (0.35, 4.0)  # limits of the distance, over the framing distance
 PAN = 0.6  # largest distance of the target from the box's centre, over the distance of the eye
-MARGIN = 1.06  # free space around the box in `framing`
+MARGIN = 1.12  # free space around the box in `framing`, for the lines of text of a window
 
 
 @dataclass

@@ -19,16 +19,31 @@ class Look(Section):
     )
     caustics: bool = parameter(True, text="light focused on the floor by waves")
     caustic_contrast: float = parameter(
-        1.0, ge=0.0, le=1.0, text="contrast of caustics, 1: physical", live=(0.0, 1.0)
+        1.0,
+        ge=0.0,
+        le=1.0,
+        text="contrast of caustics, 1: physical",
+        label="caustics",
+        live=(0.0, 1.0),
     )
     whitewater: bool = parameter(
         True, text="spray, foam and bubbles where the water splashes; they do not act on the water"
     )
     refractive_index: float = parameter(
-        1.333, ge=1.0, le=2.5, text="of water relative to air, 1: no refraction", live=(1.0, 1.6)
+        1.333,
+        ge=1.0,
+        le=2.5,
+        text="of water relative to air, 1: no refraction",
+        label="refraction",
+        live=(1.0, 1.6),
     )
     reflection: float = parameter(
-        1.0, ge=0.0, le=1.0, text="strength of reflections, 1: physical", live=(0.0, 1.0)
+        1.0,
+        ge=0.0,
+        le=1.0,
+        text="strength of reflections, 1: physical",
+        label="reflections",
+        live=(0.0, 1.0),
     )
     # 4 makes pools of a metre look like deep ones.
     tint: float = parameter(
@@ -36,6 +51,7 @@ class Look(Section):
         ge=0.0,
         le=100.0,
         text="strength of the water's colour, 1: clear water",
+        label="colour of the water",
         live=(0.0, 20.0),
     )
     absorption: Vector = parameter(

@@ -16,12 +16,13 @@ HIDDEN_AT_ZERO = {"gravity", *(key for part in PARTS for key in part.off)}
 
 @dataclass(frozen=True)
 class Live:
-    """A live parameter: dotted key, unit, help text and slider range [unit]; for a vector, the
-    range of its length."""
+    """A live parameter: dotted key, unit, help text, label and range [unit] of its slider; for a
+    vector, the range of its length."""
 
     key: str
     unit: str
     text: str
+    label: str
     lo: float
     hi: float
 
@@ -37,7 +38,7 @@ def live_parameters(scene: Scene) -> list[Live]:
         value = read(scene, p.key)
         if value > 0.0 or p.key not in HIDDEN_AT_ZERO:
             lo, hi = min(p.live[0], value), max(p.live[1], value)
-            found.append(Live(p.key, p.unit, p.text, lo, hi))
+            found.append(Live(p.key, p.unit, p.text, p.label, lo, hi))
     return found
 
 

@@ -9,7 +9,8 @@ from msph.parameter import Section
 
 @dataclass(frozen=True)
 class Parameter:
-    """A declared parameter as text: dotted key, type, default, unit, range and help."""
+    """A declared parameter as text: dotted key, type, default, unit, range, help, and the range and
+    label of its slider."""
 
     key: str
     kind: str
@@ -18,6 +19,7 @@ class Parameter:
     limits: str
     text: str
     live: tuple[float, float] | None
+    label: str
 
     def row(self) -> dict[str, str]:
         return {
@@ -53,6 +55,7 @@ def parameters(section: type[Section], prefix: str = "") -> list[Parameter]:
                 limits=", ".join(limits),
                 text=info.description or "",
                 live=extra.get("live"),  # type: ignore[arg-type]
+                label=str(extra.get("label") or name.replace("_", " ")),
             )
         )
     return found

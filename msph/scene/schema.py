@@ -170,6 +170,7 @@ class Play(Section):
         gt=0.0,
         le=1.0,
         text="radius around the cursor within which water is pushed, in box lengths",
+        label="size of the hand",
         live=(0.05, 0.5),
     )
     push_grip: float = parameter(
@@ -177,18 +178,25 @@ class Play(Section):
         gt=0.0,
         unit="1/s",
         text="rate at which pushed water approaches the cursor's velocity",
+        label="grip of the hand",
         live=(1.0, 60.0),
     )
     hover: bool = parameter(True, text="push the water under the cursor without a click")
     idle: bool = parameter(True, text="sway the box after some time without input")
     speed: float = parameter(
-        1.0, ge=0.01, le=10.0, text="requested real-time factor", live=(0.05, 2.0)
+        1.0,
+        ge=0.01,
+        le=10.0,
+        text="requested real-time factor",
+        label="speed of time",
+        live=(0.05, 2.0),
     )
     scale: float = parameter(
         1.0,
         ge=0.6,
         le=1.0,
         text="largest render scale; the scale decreases to hold the frame rate",
+        label="sharpness of the image",
         live=(0.6, 1.0),
     )
     fps: float = parameter(

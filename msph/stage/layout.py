@@ -16,8 +16,8 @@ from msph.stage.window import ARROWS
 
 MESSAGE_TIME = 4.0  # display time of a message [s]
 # In text heights: width of the panel column, gaps, largest height of a page of lines. HINTS: share
-# of the window's width for hints next to a legend.
-COLUMN, GAP, ROOM, HINTS = 16.0, 0.5, 8, 0.62
+# of the window's width for hints next to the legend of a particle view.
+COLUMN, GAP, ROOM, HINTS = 16.0, 0.25, 8, 0.62
 # Contents of the column, in the order in which a key switches them.
 PANELS = ("", "settings", "graphs")
 
@@ -104,7 +104,8 @@ class Layout:
         status = self.status.page(row, pacer, paused, bool(self.panel), now, self.text)
         if status is not None:
             self.overlay.put("status", status, self.gap, self.gap)
-        self._put_hints([k.hint for k in idle.hints()], bool(idle.hint()))
+        share = 1.0 if row.lead.views.name == "water" else HINTS
+        self._put_hints([k.hint for k in idle.hints()], bool(idle.hint()), share)
         if now > self.until:
             self.overlay.hide("message")
         self._put_particle(row, now)
@@ -114,13 +115,16 @@ class Layout:
             self.overlay.put("graphs", page, 0, top)
         self.overlay.draw(row.image)
 
-    def _put_hints(self, texts: list[str], urgent: bool) -> None:
-        if (texts, urgent) == self.hinted:
+    def _put_hints(self, texts: list[str], urgent: bool, share: float) -> None:
+        """Shows hints within a share of the free width."""
+        if (texts, urgent, share) == self.hinted:
             return
-        self.hinted = texts, urgent
+        self.hinted = texts, urgent, share
         self.overlay.hide("hints")
         if texts:
-            page = pages.hints(texts, urgent, self.text, HINTS * self.free * self.size[0])
+            page = pages.hints(
+                texts, urgent, self.text, share * self.free * self.size[0] - 2 * self.gap
+            )
             low = self.size[1] - self.gap - page.shape[0]
             self.overlay.put("hints", page, self._left(), low)
 
@@ -150,4 +154,4 @@ class Layout:
 
     def _top(self) -> int:
         """Upper edge of the column [pixels]."""
-        return 2 * self.gap + round(2.5 * pages.LINE * self.text)
+        return 2 * self.gap + round(3.5 * pages.LINE * self.text)

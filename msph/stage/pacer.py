@@ -14,8 +14,8 @@ from msph.stage.row import Row
 RATES = (1.0, 0.75, 0.5)
 # Image scales: steps of 5 %, which a viewer does not notice, down to where edges blur.
 SCALES = tuple(1.0 - 0.05 * k for k in range(9))
-# Largest number of steps of the scale at a time, so that no change is seen.
-MAX_CHANGE = 2
+# Largest change of the scale at a time.
+MAX_CHANGE = 0.1
 # Longest frame [s]; slower simulations run slower than real time at this frame rate.
 LONGEST_FRAME = 1.0 / 24.0
 # Least share of the longest frame for the fluid, however long rendering takes.
@@ -104,9 +104,8 @@ class Pacer:
         behind = self.lag + self.speed * wall - simulated
         self.lag = float(np.clip(behind, -self.speed * BACKLOG, self.speed * BACKLOG))
         if self.frames % SCALE_INTERVAL == 0:
-            wanted = SCALES.index(self._affordable())
-            at = SCALES.index(self.scale)
-            self.scale = SCALES[at + int(np.clip(wanted - at, -MAX_CHANGE, MAX_CHANGE))]
+            change = self._affordable() - self.scale
+            self.scale += float(np.clip(change, -MAX_CHANGE, MAX_CHANGE))
 
     def _affordable(self) -> float:
         """Returns the largest image scale at the highest frame rate that the machine sustains."""

@@ -93,9 +93,8 @@ class Panel:
         sheet, high = self.sheet, LINE * self.sheet.text
         for live in self._here():
             value = read(show.scene, live.key)
-            name = live.key.rpartition(".")[2].replace("_", " ")
             unit = "" if live.unit == "-" else f" {live.unit}"
-            sheet.draw.text((x[0], y + 0.5 * high), name, INK, sheet.font, anchor="lm")
+            sheet.draw.text((x[0], y + 0.5 * high), live.label, INK, sheet.font, anchor="lm")
             number = f"{value:.3g}{unit}"
             sheet.draw.text((x[1], y + 0.5 * high), number, FAINT, sheet.font, anchor="rm")
             ends = x[0] + 0.4 * sheet.text, x[1] - 0.4 * sheet.text

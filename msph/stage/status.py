@@ -66,6 +66,6 @@ def pace(pacer: Pacer, paused: bool) -> str:
     """Describes the speed of the simulation."""
     if paused:
         return "paused"
-    if not pacer.frames or abs(pacer.pace - 1.0) < 1.0 - REAL_TIME:
-        return "real time" if pacer.speed == 1.0 else f"{pacer.speed:g} times real time"
-    return f"{pacer.pace:.2f} times real time"
+    # A lag is caught up at more than the requested speed.
+    shown = pacer.speed if not pacer.frames else min(pacer.pace, pacer.speed)
+    return "real time" if REAL_TIME <= shown <= 1.0 else f"{shown:.2f} times real time"

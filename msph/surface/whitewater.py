@@ -30,7 +30,7 @@ MOST = 4096
 # Whitewater particles per second of a water particle at full potential.
 RATE = 60.0
 # Ranges of the potentials: specific kinetic energy [m^2/s^2], closing speed [m/s], and offset (-).
-KINETIC, TRAPPED, CREST = (0.15, 1.5), (0.2, 0.8), (0.28, 0.45)
+KINETIC, TRAPPED, CREST = (0.25, 1.5), (0.25, 0.9), (0.28, 0.45)
 # Least cosine between the velocity and the outward normal at a crest (Ihmsen et al. 2012).
 OUTWARD = 0.6
 # Largest number of particles that a water particle emits in a frame.

@@ -60,7 +60,7 @@ def test_depth_of_a_plane_is_exact(bench):
     n = np.cross((0.8, 0.1, 0), (0, 0.1, -0.7))
     want = (np.array((0.1, 0.3, 0.9)) - shot["eye"]) @ n / (d @ n)
     seen, (z, slack) = covered(bench.raster, WIDTH, HEIGHT), bench.depth()
-    assert seen.sum() > 300
+    assert seen.sum() > 250
     assert (np.abs(z - want) < 1.01 * slack + 1e-5)[seen].all()
     assert slack[seen].max() < 2e-4
 
@@ -71,7 +71,7 @@ def test_back_side_of_a_plane_is_not_a_front(bench):
     bench.aim(Camera.framing(BOX))
     bench.draw_mesh()
     assert not covered(bench.raster, WIDTH, HEIGHT).any()
-    assert (bench.back() < FAR).sum() > 300
+    assert (bench.back() < FAR).sum() > 250
 
 
 def test_faces_on_the_walls_do_not_count_as_back(bench):

@@ -111,7 +111,7 @@ BAD_OVERRIDES = {
     "box.size=[9999, 9999, 9999]": "GiB, most of it for surface",
     "layers.0.smoothing=1.5": "layers.0.smoothing: must be at least 1.7 for the method projection",
     "projection.spray=1": "projection.spray: input should be less than or equal to 0.95",
-    "surface.cell=2": "surface.cell: is too coarse for surface.smoothing = 1; at most 1.225",
+    "surface.cell=2": "surface.cell: is too coarse for surface.smoothing = 1.6; at most 1.96",
     "layers.0.spacing=1e-200": "layers.0.spacing: input should be greater than 0.00001",
     "density=1e30": "density: input should be less than or equal to 100000",
     "duration": "--set: duration: expects key=value",

@@ -16,6 +16,7 @@ import pytest
 from msph.lesson.paint import CAPTION, LINE, NAME, PAD, band_height
 from msph.scene.load import read_toml
 from msph.stage import commands
+from msph.stage.layout import GAP
 from msph.stage.pacer import Pacer
 from msph.stage.pages import text_height
 from msph.stage.start_screen import SKY
@@ -221,7 +222,7 @@ def test_window_opens_obeys_keys_and_shows_water(display, tmp_path):
         # A slider: gravity, the first of the panel, below the buttons of its pages.
         screen.do("key", "i")
         text = text_height(HEIGHT)
-        column = 2 * round(0.5 * text) + round(2.5 * LINE * text)
+        column = 2 * round(GAP * text) + round(3.5 * LINE * text)
         top = column + (0.5 + (2 + 0.5 + 0.9 + 0.5) * LINE) * text
         screen.move(40, top, "mousedown", 1)
         screen.move(100, top)

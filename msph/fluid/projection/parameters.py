@@ -28,6 +28,7 @@ class ProjectionParameters(Section):
         gt=0.0,
         lt=1.0,
         text="error of the pressure solve relative to the displacements by pressure",
+        label="error allowed",
         live=(0.001, 0.5),
     )
     motion_tolerance: float = parameter(
@@ -63,6 +64,7 @@ class ProjectionParameters(Section):
         le=1e3,
         unit="N/m",
         text="surface tension, 0: off; water 0.072",
+        label="surface tension",
         live=(0.01, 10.0),
     )
     shear_relief: float = parameter(
@@ -70,6 +72,7 @@ class ProjectionParameters(Section):
         ge=0.0,
         le=1.0,
         text="share of the particles' numerical friction that is removed, 0: off",
+        label="liveliness of waves",
         live=(0.01, 1.0),
     )
     xsph: float = parameter(
