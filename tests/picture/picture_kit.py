@@ -10,7 +10,7 @@ LEVEL = 0.4
 WIDTH, HEIGHT = 320, 180
 
 
-def rays(picture) -> np.ndarray:
+def canvas_of(picture) -> np.ndarray:
     """Colours (WIDTH, HEIGHT, 3) of the rays, before edges are smoothed."""
     return picture.fields.canvas.to_numpy()[:WIDTH, :HEIGHT]
 
