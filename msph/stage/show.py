@@ -124,9 +124,16 @@ class Show:
         return picture
 
     def warm_up(self) -> None:
-        """Compiles the kernels of a frame by running two of a step each, and resets."""
+        """Compiles the kernels of a frame by running two of a step each, and those of the particle
+        views of an interactive show, and resets."""
         for _ in range(WARM_UP_FRAMES):
             self.frame(Controls(scale=WARM_UP_SCALE, budget=0.0))
+        if self.scalable:
+            # A user's first change of the view should not wait for kernels of particle views.
+            name = self.views.name
+            self.views.next()
+            self.draw()
+            self.views.name = name
         self.reset()
         self.frames = 0
         if self.timings:
