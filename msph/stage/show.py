@@ -231,7 +231,7 @@ class Show:
         water = self.picture is not None and self.views.name == "water"
         if self.surface and (water or self.meshes):
             with self._stage("surface"):
-                self.surface.extract()
+                self.surface.extract(hidden=not self.meshes)
         if self.picture is None:
             return
         with self._stage("picture"):
