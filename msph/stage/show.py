@@ -19,6 +19,7 @@ from msph.picture.camera import Camera
 from msph.picture.picture import Picture, picture_of
 from msph.picture.room import PictureRoom
 from msph.scene.build import build_simulation, rotation, sway_angle, turn
+from msph.scene.camera_path import orbit_at
 from msph.scene.errors import SceneError
 from msph.scene.live import with_live_value
 from msph.scene.schema import Scene
@@ -86,17 +87,18 @@ class Show:
             self.camera = self.framing()
 
     def framing(self, free: float = 1.0, stretch: float = 1.0) -> Camera:
-        """Returns the scene's camera, with the box within the right share `free` of the image;
+        """Returns the scene's camera now, with the box within the right share `free` of the image;
         stretch: see Camera."""
         c, picture = self.scene.camera, self.picture
+        azimuth, elevation, zoom = orbit_at(c, self.simulation.time)
         camera = Camera.framing(
             self.scene.box.size,
             aspect=free * stretch * picture.width / picture.height,
-            azimuth=math.radians(c.azimuth),
-            elevation=math.radians(c.elevation),
+            azimuth=math.radians(azimuth),
+            elevation=math.radians(elevation),
             fov=math.radians(c.fov),
         )
-        camera.zoom(1.0 / c.zoom)
+        camera.zoom(1.0 / zoom)
         camera.shift, camera.stretch = 0.5 * (1.0 - free), stretch
         return camera
 
@@ -163,6 +165,8 @@ class Show:
                         self.whitewater.advance(self.simulated, external.gravity)
         if self.scalable:
             self.picture.scale = controls.scale
+        elif self.picture and self.scene.camera.path:
+            self.camera = self.framing()
         self.draw()
         self.frames += 1
         if self.timings:
