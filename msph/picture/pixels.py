@@ -40,8 +40,18 @@ def as_bytes(pixels: np.ndarray) -> np.ndarray:
     return pixels.astype("<i4", copy=False).view(np.uint8).reshape(*pixels.shape, 4)
 
 
-def as_u8(image: Image) -> np.ndarray:
-    """Returns an image as (height, width, 3) uint8, first row at the top."""
+def packed(image: Image) -> np.ndarray:
+    """Returns an image as words (width, height) int32, as pack() writes them."""
     pixels = np.empty((image.width, image.height), np.int32)
     pack(image.field, pixels)
+    return pixels
+
+
+def as_rows(pixels: np.ndarray) -> np.ndarray:
+    """Returns packed pixels (width, height) as (height, width, 3) uint8, first row at the top."""
     return np.ascontiguousarray(as_bytes(pixels)[..., :3].transpose(1, 0, 2)[::-1])
+
+
+def as_u8(image: Image) -> np.ndarray:
+    """Returns an image as (height, width, 3) uint8, first row at the top."""
+    return as_rows(packed(image))

@@ -2,6 +2,7 @@
 
 import contextlib
 import time
+from concurrent.futures import Future
 from pathlib import Path
 
 import imageio.v2 as imageio
@@ -13,9 +14,9 @@ from msph.scene.errors import SceneError
 from msph.scene.load import to_toml
 from msph.scene.schema import Scene
 from msph.stage.layout import Layout
+from msph.stage.preparation import say
 from msph.stage.replay import Replay
 from msph.stage.row import Row
-from msph.stage.window import REPORT_INTERVAL, Window
 
 # Actions that a Saver implements.
 SAVING = ("picture", "clip", "keep", "reopen")
@@ -27,10 +28,10 @@ class Saver:
     """Saves files in a folder, named by scene and time, each with its current scene and quality
     next to it; shows a message for every file or error."""
 
-    def __init__(self, window: Window, layout: Layout, replay: Replay, scene: str, quality: str):
-        self.window, self.layout, self.replay = window, layout, replay
+    def __init__(self, layout: Layout, replay: Replay, scene: str, quality: str):
+        self.layout, self.replay = layout, replay
         self.folder, self.scene, self.quality = Path("out"), scene, quality
-        self.reported = 0.0  # time of the last progress message [s]
+        self.clips: list[Future[Path]] = []
 
     def act(self, action: str, row: Row) -> None:
         """Carries out one of SAVING."""
@@ -54,20 +55,25 @@ class Saver:
         return f"{path}"
 
     def _clip(self, row: Row) -> str:
-        """Saves a video of the last seconds."""
+        """Begins to write a video of the last seconds."""
         if not self.replay.frames:
             return ""
         path = self._path(".mp4", row.lead.scene)
+        self.clips.append(self.replay.write(path))
+        return f"writing {path}"
 
-        def report(share: float) -> None:
-            now = time.perf_counter()
-            if now - self.reported > REPORT_INTERVAL:
-                self.reported = now
-                self.layout.draw_message(f"clip: {100.0 * share:.0f} %", row.image)
-                self.window.show(row.image)
+    def report(self) -> None:
+        """Shows a message for each clip that is complete or lost."""
+        for clip in [c for c in self.clips if c.done()]:
+            self.clips.remove(clip)
+            self.layout.show_message(str(clip.exception() or clip.result()))
 
-        self.replay.write(row, path, report)
-        return f"{path}"
+    def close(self) -> None:
+        """Waits for all clips."""
+        self.replay.close()
+        for clip in self.clips:
+            say(f"{clip.exception() or clip.result()}")
+        self.clips.clear()
 
     def _keep(self, row: Row) -> str:
         """Saves a checkpoint."""

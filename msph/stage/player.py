@@ -50,7 +50,7 @@ class Player(Audience):
         layout.begin(quality)
         self.menu = Menu(row, choice, quality, layout, self.pacer, arguments)
         self.steering = Steering(window, row)
-        self.saver = Saver(window, layout, self.replay, Path(choice.scene).stem, quality)
+        self.saver = Saver(layout, self.replay, Path(choice.scene).stem, quality)
         sim = lead.simulation
         centre = sim.particles.numpy("x").mean(axis=0)[None]
         depth = mean_depth(lead.scene.gravity, sim.plan, centre)
@@ -192,7 +192,8 @@ class Player(Audience):
     def observe(self, row: Row) -> None:
         now, image = time.perf_counter(), row.image
         if not self._paused:
-            self.replay.observe(row, now)
+            self.replay.observe(image, now)
+        self.saver.report()
         if self.guide:
             self.guide.update()
         self.menu.draw()
@@ -210,6 +211,9 @@ class Player(Audience):
         if self.clock is not None and not self._paused:
             self.pacer.observe(row, now - self.clock, self.present)
         self.clock = now
+
+    def close(self) -> None:
+        self.saver.close()
 
     def _draw_arrows(self) -> None:
         """Draws the accelerations of the picked particle."""

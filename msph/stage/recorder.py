@@ -115,7 +115,7 @@ class Recorder(Audience):
             self.last = row.picture.to_numpy_u8()
             for path, writer in zip(self.videos, self.writers or self._open(), strict=True):
                 with self._writing(path):
-                    writer.append_data(self._even())
+                    writer.append_data(even(self.last))
             if self.animations:
                 self.animation_frames.append(self.last)
             if self.done + 1 == self.still:
@@ -187,17 +187,8 @@ class Recorder(Audience):
                 imageio.imwrite(path, self.last)
 
     def _open(self) -> list:
-        for path in self.videos:
-            options = WEBM if kind(path) == ".webm" else {"quality": VIDEO_QUALITY}
-            self.writers.append(
-                imageio.get_writer(path, fps=self.fps, macro_block_size=1, **options)
-            )
+        self.writers += [video_writer(path, self.fps) for path in self.videos]
         return self.writers
-
-    def _even(self) -> np.ndarray:
-        """Returns the image cropped to even sizes, as encoders require."""
-        height, width = self.last.shape[:2]
-        return self.last[: height // 2 * 2, : width // 2 * 2]
 
     def _animation(self, extension: str) -> bytes:
         """Returns the frames as a looping GIF or WebP; durations are multiples of 0.01 s or 1 ms,
@@ -222,6 +213,18 @@ class Recorder(Audience):
     def _numbered(self, path: Path) -> Path:
         """Returns the file name of the current frame."""
         return numbered_name(path, self.first + self.done)
+
+
+def video_writer(path: Path, fps: float) -> Any:
+    """Opens a video for append_data() of images of even sizes."""
+    options = WEBM if kind(path) == ".webm" else {"quality": VIDEO_QUALITY}
+    return imageio.get_writer(path, fps=fps, macro_block_size=1, **options)
+
+
+def even(image: np.ndarray) -> np.ndarray:
+    """Returns an image (height, width, 3) cropped to even sizes, as encoders require."""
+    height, width = image.shape[:2]
+    return image[: height // 2 * 2, : width // 2 * 2]
 
 
 def check_video(path: Path, frames: int) -> None:

@@ -1,58 +1,73 @@
-"""Replay: states of the last seconds of a row, which can be rendered as a video."""
+"""Replay: images of the last seconds, which become a video while the simulation goes on."""
 
+import io
 from collections import deque
-from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
 
-from msph.stage.lost_display import completing
-from msph.stage.recorder import Outputs, Recorder
-from msph.stage.row import Row
+import numpy as np
+from PIL import Image as Picture
+
+from msph.own_files import writing
+from msph.picture.pixels import Image, as_rows, packed
+from msph.stage.recorder import check_video, even, video_writer
 
 # Largest duration [s], frame rate, and memory [bytes], which may shorten the duration.
 SPAN, FPS, MOST_BYTES = 10.0, 24.0, 256 << 20
+# Quality of stored images (JPEG, 0 to 95), at which no blocks are visible in water.
+QUALITY = 92
 
 
 class Replay:
-    """States of the last frames with their wall-clock times [s]."""
+    """Compressed images of the last frames with their wall-clock times [s]. Threads compress them
+    and write videos."""
 
     def __init__(self) -> None:
-        self.frames: deque[tuple[float, dict[str, Any]]] = deque()
-        self.bytes = 0
+        self.frames: deque[tuple[float, Future[bytes]]] = deque()
+        self.threads = ThreadPoolExecutor(2)
 
-    def observe(self, row: Row, now: float) -> None:
-        """Stores the row's state at the wall-clock time `now` [s] if a frame is due."""
+    def observe(self, image: Image, now: float) -> None:
+        """Stores an image at the wall-clock time `now` [s] if a frame is due."""
         if self.frames and now - self.frames[-1][0] < 1.0 / FPS:
             return
-        kept = row.moment()
-        self.frames.append((now, kept))
-        self.bytes += _bytes(kept)
+        self.frames.append((now, self.threads.submit(compressed, packed(image))))
         while len(self.frames) > 1 and (now - self.frames[0][0] > SPAN or self.bytes > MOST_BYTES):
-            self.bytes -= _bytes(self.frames.popleft()[1])
+            self.frames.popleft()
 
-    def write(self, row: Row, path: Path, report: Callable[[float], None]) -> None:
-        """Renders the stored frames at full scale to a video, then restores the row. Calls
-        report(share done) after each frame. Raises LostOutputError."""
-        before = row.moment()
-        scale, row.picture.scale = row.picture.scale, 1.0
-        first, last = self.frames[0][0], self.frames[-1][0]
-        number = max(1, round((last - first) * FPS))
-        recorder = Recorder(Outputs([path]), number, FPS, bar=False)
-        waiting = list(self.frames)
-        try:
-            with completing(recorder.close):
-                for k in range(number):
-                    # The newest frame at that time, so that halts keep their length.
-                    while len(waiting) > 1 and waiting[1][0] <= first + (k + 0.5) / FPS:
-                        waiting.pop(0)
-                    row.show_moment(waiting[0][1])
-                    recorder.observe(row)
-                    report((k + 1) / number)
-        finally:
-            row.picture.scale = scale
-            row.show_moment(before)
-            recorder.close()
+    @property
+    def bytes(self) -> int:
+        """Memory of the compressed images."""
+        return sum(len(image.result()) for _, image in self.frames if image.done())
+
+    def write(self, path: Path) -> "Future[Path]":
+        """Begins to write the stored images to a video; the result is its path, or a
+        LostOutputError."""
+        return self.threads.submit(_write, list(self.frames), path)
+
+    def close(self) -> None:
+        """Waits for all threads."""
+        self.threads.shutdown()
 
 
-def _bytes(kept: dict[str, Any]) -> int:
-    return sum(value.nbytes for value in kept["state"].values())
+def compressed(pixels: np.ndarray) -> bytes:
+    """Returns packed pixels (width, height) as a JPEG file."""
+    file = io.BytesIO()
+    Picture.fromarray(as_rows(pixels)).save(file, "JPEG", quality=QUALITY, subsampling=0)
+    return file.getvalue()
+
+
+def _write(frames: "list[tuple[float, Future[bytes]]]", path: Path) -> Path:
+    """Writes a video of frames at constant rate: at each time the newest image, so that halts keep
+    their length. Raises LostOutputError."""
+    first, last = frames[0][0], frames[-1][0]
+    number = max(1, round((last - first) * FPS))
+    with writing(path), video_writer(path, FPS) as writer:
+        k = 0
+        for n in range(number):
+            while k + 1 < len(frames) and frames[k + 1][0] <= first + (n + 0.5) / FPS:
+                k += 1
+            image = np.asarray(Picture.open(io.BytesIO(frames[k][1].result())))
+            writer.append_data(even(image))
+    with writing(path):
+        check_video(path, number)
+    return path

@@ -191,17 +191,6 @@ class Row:
             show.draw()
         self.draw_together()
 
-    def moment(self) -> dict[str, Any]:
-        """Returns the moments of all shows; "state" holds their arrays."""
-        moments = [show.moment() for show in self.shows]
-        states = {f"{k} {name}": a for k, m in enumerate(moments) for name, a in m["state"].items()}
-        return {"state": states, "moments": moments}
-
-    def show_moment(self, moment: dict[str, Any]) -> None:
-        for show, its in zip(self.shows, moment["moments"], strict=True):
-            show.show_moment(its)
-        self.draw_together()
-
     @property
     def scale(self) -> float:
         return self.lead.picture.scale

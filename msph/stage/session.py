@@ -6,6 +6,7 @@ from msph.scene.quality import at_quality
 from msph.stage.called import Choice, SceneArguments
 from msph.stage.layout import Layout
 from msph.stage.loop import run
+from msph.stage.lost_display import completing
 from msph.stage.player import Player
 from msph.stage.preparation import prepare_row, say
 from msph.stage.row import Row
@@ -58,7 +59,8 @@ class Session:
         if self.problem:
             self.layout.show_message(self.problem)
             self.problem = ""
-        run(row, player)
+        with completing(player.close):
+            run(row, player)
         for warning in row.warnings():
             say(f"warning: {warning}")
         return player.next_choice

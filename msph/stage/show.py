@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable
-from copy import copy
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -198,28 +197,6 @@ class Show:
         for body, since in stopped.items():
             boundary.stop(body, since)
         boundary.place(time, 0.0)
-
-    def moment(self) -> dict[str, Any]:
-        """Returns all that determines the image: state, stopped bodies, tilt, camera, view."""
-        return {
-            "state": self.simulation.state(),
-            "stopped": dict(self.simulation.boundary.stopped),
-            "tilt": self.tilt.copy(),
-            "camera": copy(self.camera),
-            "view": self.views.name,
-            "whitewater": self.whitewater.state() if self.whitewater else {},
-        }
-
-    def show_moment(self, moment: dict[str, Any]) -> None:
-        """Restores a moment() and renders it."""
-        self.simulation.restore(moment["state"])
-        self._stop(moment["stopped"])
-        self.tilt, self.camera = moment["tilt"], moment["camera"]
-        self.views.name = moment["view"]
-        if self.whitewater:
-            self.whitewater.restore(moment["whitewater"])
-        self.simulation.grid.refresh()
-        self.draw()
 
     def _external_forces(self, controls: Controls) -> ExternalForces:
         """Sets the tilt and returns the external forces: gravity in the pool's frame, hand."""

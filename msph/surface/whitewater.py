@@ -15,7 +15,6 @@ flies; above FOAM a bubble, which rises; between them foam, which moves with the
 does not act on the water.
 """
 
-import numpy as np
 import taichi as ti
 
 from msph.device_table import DeviceTable
@@ -98,16 +97,6 @@ class Whitewater:
         self.frames += 1
         self._move(dt, ti.Vector(gravity))
         self._emit(self.particles.count, dt, self.frames)
-
-    def state(self) -> dict[str, np.ndarray]:
-        """Returns positions (n, 3) [m], velocities (n, 3) [m/s] and lives (n,) of all particles."""
-        table = {name: getattr(self.table, name).to_numpy() for name in self.table.fields}
-        return {name: values[table["life"] > 0.0] for name, values in table.items()}
-
-    def restore(self, state: dict[str, np.ndarray]) -> None:
-        """Restores a state()."""
-        self.table.fill(**state)
-        self.emitted[None] = len(state["life"])
 
     @kernel
     def _emit(self, n: ti.i32, dt: ti.f32, frame: ti.i32):

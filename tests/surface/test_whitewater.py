@@ -28,8 +28,14 @@ def set_velocity(pool, v: np.ndarray) -> None:
     pool.grid.build()
 
 
+def state(whitewater: Whitewater) -> dict[str, np.ndarray]:
+    """Positions, velocities and lives of all particles."""
+    table = {name: getattr(whitewater.table, name).to_numpy() for name in whitewater.table.fields}
+    return {name: values[table["life"] > 0.0] for name, values in table.items()}
+
+
 def put(whitewater: Whitewater, x: tuple[float, float, float], v=(0.0, 0.0, 0.0)) -> None:
-    whitewater.restore({"x": np.array([x]), "v": np.array([v]), "life": np.ones(1)})
+    whitewater.table.fill(x=[x], v=[v], life=[1.0])
 
 
 def test_calm_water_and_water_in_common_motion_emit_nothing(pool, whitewater):
@@ -37,7 +43,7 @@ def test_calm_water_and_water_in_common_motion_emit_nothing(pool, whitewater):
         set_velocity(pool, np.tile(np.float32([0.0, -speed, 0.0]), (pool.particles.count, 1)))
         for _ in range(5):
             whitewater.advance(0.02, GRAVITY)
-        assert len(whitewater.state()["life"]) == 0
+        assert len(state(whitewater)["life"]) == 0
 
 
 def test_water_that_closes_in_emits_up_to_the_limit(pool, whitewater):
@@ -46,26 +52,26 @@ def test_water_that_closes_in_emits_up_to_the_limit(pool, whitewater):
     v[:, 0] = np.where(x[:, 0] < 0.5 * SIZE[0], 2.0, -2.0)
     set_velocity(pool, v)
     whitewater.advance(0.02, GRAVITY)
-    found = whitewater.state()["x"]
+    found = state(whitewater)["x"]
     assert len(found) > 20
     assert np.abs(found[:, 0] - 0.5 * SIZE[0]).max() < 4 * FINE
     for _ in range(40):
         whitewater.advance(0.02, GRAVITY)
-    assert 100 < len(whitewater.state()["life"]) <= MOST
-    assert whitewater.emitted[None] > len(whitewater.state()["life"])
+    assert 100 < len(state(whitewater)["life"]) <= MOST
+    assert whitewater.emitted[None] > len(state(whitewater)["life"])
 
 
 def test_spray_flies_and_bubbles_rise(whitewater):
     put(whitewater, (0.3, 0.45, 0.2), (0.5, 0.0, 0.0))
     for _ in range(10):
         whitewater.advance(0.01, GRAVITY)
-    (x,) = whitewater.state()["x"]
+    (x,) = state(whitewater)["x"]
     # Semi-implicit Euler steps fall by g t (t + dt)/2.
     assert x == pytest.approx((0.35, 0.45 - 9.81 * 0.1 * 0.11 / 2, 0.2), abs=1e-4)
     put(whitewater, (0.3, 0.08, 0.2))
     for _ in range(20):
         whitewater.advance(0.01, GRAVITY)
-    (v,) = whitewater.state()["v"]
+    (v,) = state(whitewater)["v"]
     assert v == pytest.approx((0.0, RISE, 0.0), abs=0.02)
 
 
@@ -74,16 +80,16 @@ def test_foam_stays_at_the_surface_and_vanishes(whitewater):
     heights = []
     for _ in range(100):
         whitewater.advance(0.01, GRAVITY)
-        heights.append(whitewater.state()["x"][0, 1])
+        heights.append(state(whitewater)["x"][0, 1])
     assert np.ptp(heights[-20:]) < 0.2 * FINE
     assert heights[-1] == pytest.approx(LEVEL, abs=0.5 * FINE)
     for _ in range(round(LIFE / 0.01)):
         whitewater.advance(0.01, GRAVITY)
-    assert len(whitewater.state()["life"]) == 0
+    assert len(state(whitewater)["life"]) == 0
 
 
 def test_walls_hold_whitewater(whitewater):
     put(whitewater, (0.3, 0.45, 0.2), (100.0, 100.0, -100.0))
     whitewater.advance(0.1, GRAVITY)
-    (x,) = whitewater.state()["x"]
+    (x,) = state(whitewater)["x"]
     assert x == pytest.approx((SIZE[0], SIZE[1], 0.0))
