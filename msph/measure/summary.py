@@ -77,7 +77,7 @@ def errors(ledger: Ledger, surveys: list[Survey]) -> dict[str, float]:
     mean, p99, largest = ledger.density_error()
     first, last = ledger.entries[0], ledger.entries[-1]
     return {
-        "mass_change": last.mass / first.mass - 1.0,
+        "mass_change": (last.mass + last.spilt) / (first.mass + first.spilt) - 1.0,
         "momentum_drift": ledger.momentum_drift(),
         "angular_momentum_drift": ledger.angular_drift(),
         "energy_gain": ledger.energy_gain(),

@@ -102,7 +102,7 @@ class Pool:
 
     @ti.func
     def is_tiled(self, axis, low, shot: ti.template()):
-        """Returns True if the eye is on the inner side of a wall; the top is open, never tiled."""
+        """Returns True if the eye is on the inner side of a wall; the top is never tiled."""
         e = component(ti.select(low, shot.eye, shot.size - shot.eye), axis)
         return e > 0.0 and (axis != 1 or low)
 
