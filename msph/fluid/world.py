@@ -78,7 +78,7 @@ class World:
         parts.particles.load(attributes, plan.max_particles)
         margin = plan.method.LIST_MARGIN * plan.finest.support
         parts.neighbours.load(plan.entries, margin, plan.method.MIRRORS)
-        parts.boundary.load(plan.size, specs, list(plan.bodies))
+        parts.boundary.load(plan.size, specs, list(plan.bodies), plan.open_top)
         parts.rim.load(plan.open_top)
         solver = self.build_once(_solver, plan.method)
         solver.load(plan.parameters, plan.adaptation)

@@ -4,7 +4,6 @@ import taichi as ti
 
 from msph.fluid.boundary.rim import MOST_DROPS, Rim
 from msph.picture.optics import bend, cosine_beyond, reflectance
-from msph.picture.pool import component
 from msph.picture.rasteriser import NO_ITEM
 from msph.taichi_internals import data_oriented, kernel, on_cpu
 
@@ -77,10 +76,7 @@ class DropsView:
     def is_visible(self, c, at, z, shot: ti.template()):
         """Returns False for a drop behind tiles, water or a body; c [m] from the eye, z: depth
         [m]."""
-        d = c.normalized()
-        near, far, _, axis = self.pool.slab_test(d, shot)
-        through = far > ti.max(near, 0.0) and far < c.norm()
-        hidden = through and self.pool.is_tiled(axis, component(d, axis) < 0.0, shot)
+        hidden = self.pool.hides(c, shot)
         if self.raster.key[at.x, at.y] != NO_ITEM:
             ray = shot.origin + shot.du * at.x + shot.dv * at.y
             item = self.raster.item(at.x, at.y)

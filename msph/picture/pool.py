@@ -107,6 +107,14 @@ class Pool:
         return e > 0.0 and (axis != 1 or low)
 
     @ti.func
+    def hides(self, c, shot: ti.template()):
+        """Returns True if a tiled wall hides what is at c [m] from the eye, outside the box."""
+        d, length = c.normalized(), c.norm()
+        near, far, _, axis = self.slab_test(d, shot)
+        through = far > ti.max(near, 0.0) and far < length - shot.skin
+        return through and self.is_tiled(axis, component(d, axis) < 0.0, shot)
+
+    @ti.func
     def colour_of(self, kind, sample, focus, shot: ti.template()):
         """Linear colour of a sample; focus: concentration of sunlight at its place."""
         p = vec3(sample[PLACE, 0], sample[PLACE, 1], sample[PLACE, 2])

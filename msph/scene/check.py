@@ -46,6 +46,8 @@ def check(scene: Scene, where: str) -> None:
     if scene.picture.view not in known:
         hint = did_you_mean(scene.picture.view, known)
         raise SceneError(where, f"unknown view {scene.picture.view!r}; {hint}", "picture.view")
+    if scene.box.open and scene.container:
+        raise SceneError(where, "has no effect: no water leaves a container", "box.open")
     specs = layer_specs(scene)
     for i, spec in enumerate(specs):
         if spec.spacing > min(scene.box.size):

@@ -47,6 +47,8 @@ class Status:
         counts = [n for n in show.simulation.counts() if n]
         layers = f"{len(counts)} layer{'s' * (len(counts) > 1)}"
         parts = [f"{sum(counts):,} particles in {layers}", f"quality {self.quality}"]
+        if show.simulation.rim.mass > 0.0:
+            parts.append(f"{show.simulation.rim.mass:.3g} kg spilt")
         if show.ledger.entries:
             parts.append(f"density error {100.0 * show.ledger.last_density_error():.2f} %")
         # Other views extract no surface.
