@@ -1,6 +1,7 @@
 """A boundary by itself, for tests of bodies without water."""
 
 from msph.fluid.boundary.boundary import Boundary
+from msph.fluid.boundary.walls import wall_constants
 from msph.fluid.constants import Constants
 from msph.fluid.particles.layers import Layers
 from msph.fluid.room import FIRST
@@ -14,6 +15,6 @@ def boundary_of(size, specs, bodies=()):
         _built.append(Boundary(FIRST, Constants(), Layers()))
     (boundary,) = _built
     boundary.layers.load(specs, Boundary.layer_rows(specs), {})
-    boundary.constants.fill(size=size, bodies=len(bodies))
+    boundary.constants.fill(**wall_constants(size, False), bodies=len(bodies))
     boundary.load(size, specs, list(bodies))
     return boundary

@@ -112,7 +112,7 @@ class Classic:
     def __init__(self, parts: Parts):
         self.constants, self.layers, self.grid = parts.constants, parts.layers, parts.grid
         self.particles, self.neighbours = parts.particles, parts.neighbours
-        self.impulses = parts.impulses
+        self.impulses, self.walls = parts.impulses, parts.contact.walls
         self.farthest = ti.field(ti.f32, shape=())  # longest motion of a particle in a step [m]
         self.iterations = 0  # explicit: no system is solved
 
@@ -297,13 +297,12 @@ class Classic:
             start, free = x, v
             x += dt * v
             margin, restitution = 0.5 * self.layers.spacing[layer], self.constants.restitution[None]
-            size = self.constants.size[None]
+            wall = self.walls.confined(start, x, margin)
             for k in ti.static(range(3)):
-                lo, hi = margin, size[k] - margin
-                if x[k] < lo or x[k] > hi:
-                    wall = ti.select(x[k] < lo, lo, hi)
-                    x[k] = ti.math.clamp(wall + restitution * (wall - x[k]), lo, hi)
+                if x[k] != wall[k]:
                     v[k] = -restitution * v[k]
+            # Beyond the opposite wall, if at all, only in a box of a few particles.
+            x = self.walls.confined(start, wall + restitution * (wall - x), margin)
             self.impulses.wall_impulse[None] += m * (v - free)
             self.particles.x[i] = x
             self.particles.v[i] = v

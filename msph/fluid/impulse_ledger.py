@@ -13,7 +13,8 @@ class ImpulseLedger:
     and of position corrections at constant velocity; zero for an exact method. wall_impulse [N s],
     wall_work [J]: of walls and bodies; walls at rest do no work. body_impulse [N s]: the bodies'
     part of wall_impulse. user_impulse [N s], user_work [J]: of the hand. merge_loss [J]: kinetic
-    energy dissipated by merges.
+    energy dissipated by merges. spilt_momentum [N s], spilt_energy [J]: of the water that left an
+    open box, when it left.
 
     Double precision where the device supports it: in single precision the sums of still water
     drifted by 2.6e-5 of the largest sum m |v| in 2 s, 20 times what they drift in double precision.
@@ -29,6 +30,8 @@ class ImpulseLedger:
         self.user_impulse = ti.Vector.field(3, number, shape=())
         self.user_work = ti.field(number, shape=())
         self.merge_loss = ti.field(number, shape=())
+        self.spilt_momentum = ti.Vector.field(3, number, shape=())
+        self.spilt_energy = ti.field(number, shape=())
         self.totals = tuple(vars(self).values())
 
     @kernel

@@ -4,12 +4,14 @@ from dataclasses import dataclass
 
 from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.contact import Contact
+from msph.fluid.boundary.rim import Rim
 from msph.fluid.constants import Constants
 from msph.fluid.impulse_ledger import ImpulseLedger
 from msph.fluid.particles.grid import LayeredGrid
 from msph.fluid.particles.layers import Layers
 from msph.fluid.particles.neighbour_list import NeighbourList
 from msph.fluid.particles.particles import Particles
+from msph.fluid.particles.removal import Removal
 from msph.fluid.room import Room
 
 
@@ -21,8 +23,10 @@ class Parts:
     constants: Constants
     layers: Layers
     particles: Particles
+    removal: Removal
     grid: LayeredGrid
     neighbours: NeighbourList
     boundary: Boundary
     contact: Contact
+    rim: Rim
     impulses: ImpulseLedger

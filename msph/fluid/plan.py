@@ -14,6 +14,7 @@ from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.contact import LEAK
 from msph.fluid.boundary.mesh_samples import sample_count
 from msph.fluid.boundary.rigid_bodies import Body
+from msph.fluid.boundary.walls import region, wall_constants
 from msph.fluid.methods import Parameters, solver_of
 from msph.fluid.particles.grid import cells_of, grid_rows
 from msph.fluid.particles.layers import LayerSpec
@@ -34,7 +35,8 @@ class Plan:
     size: of the box [m]. specs: the layers. initial: attributes of the initial particles by name: x
     and v (n, 3) [m, m/s], layer (n,). parameters: of the method. bodies: in the box, containers
     included. adaptation: None if particles keep their layer. capacity: largest number of particles,
-    by default the number of initial ones. restitution: share of speed kept at walls (-).
+    by default the number of initial ones. restitution: share of speed kept at walls (-). open_top:
+    the box has no lid, and water that leaves it is removed.
     """
 
     size: tuple[float, float, float]
@@ -45,6 +47,12 @@ class Plan:
     adaptation: AdaptationParameters | None = None
     capacity: int | None = None
     restitution: float = 0.0
+    open_top: bool = False
+
+    @cached_property
+    def region(self) -> tuple[float, float, float]:
+        """Extent [m] of grids and surface: the box, and room above an open top."""
+        return region(self.size, self.open_top)
 
     @cached_property
     def method(self) -> Any:
@@ -76,7 +84,9 @@ class Plan:
         """Constants of the depth grid; empty without adaptation."""
         if self.adaptation is None:
             return {}
-        return depth_constants(self.size, self.finest, farthest_depth(self.specs, self.adaptation))
+        return depth_constants(
+            self.region, self.finest, farthest_depth(self.specs, self.adaptation)
+        )
 
     @cached_property
     def needed(self) -> Room:
@@ -84,7 +94,7 @@ class Plan:
         return Room(
             particles=self.max_particles,
             entries=self.entries,
-            cells=sum(cells_of(self.size, self.specs)),
+            cells=sum(cells_of(self.region, self.specs)),
             depth_cells=int(np.prod(self._depth.get("depth_dims", 0))),
             samples=sample_count(list(self.bodies), self.specs),
         )
@@ -93,7 +103,7 @@ class Plan:
         """Returns the scene's constants by their names in Constants."""
         margin = self.method.LIST_MARGIN
         return {
-            "size": self.size,
+            **wall_constants(self.size, self.open_top),
             "layers": len(self.specs),
             "bodies": len(self.bodies),
             "leak": LEAK * self.finest.spacing,
@@ -111,5 +121,5 @@ class Plan:
         """Returns further columns of the tables by layer and by pair of layers (layers.py)."""
         rows, pairs = list_tables(self.specs, self.method.LIST_MARGIN, self.list_form)
         own_rows, own_pairs = self.method.tables_of(self.adaptation, self.specs)
-        rows |= own_rows | grid_rows(self.size, self.specs) | Boundary.layer_rows(self.specs)
+        rows |= own_rows | grid_rows(self.region, self.specs) | Boundary.layer_rows(self.specs)
         return rows, pairs | own_pairs

@@ -9,6 +9,7 @@ from time import perf_counter
 import numpy as np
 
 from msph.errors import BlowUpError
+from msph.fluid.boundary.walls import wall_constants
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.methods import Parameters, all_attributes, solver_of
 from msph.fluid.particles.grid import cells_of
@@ -38,7 +39,7 @@ def footprint(
     count: int,
     parameters: Parameters,
 ) -> dict[str, int]:
-    """Returns the numbers (of WORD bytes) allocated on a GPU for `count` particles in a box of
+    """Returns the numbers (of WORD bytes) allocated on a GPU for `count` particles in a region of
     `size` [m], by purpose; on a CPU the neighbour list is smaller."""
     solver = solver_of(parameters)
     entries = list_capacity(specs, solver.LIST_MARGIN, solver.list_form(parameters), count)
@@ -60,12 +61,12 @@ class Simulation:
     """
 
     def __init__(self, plan: Plan):
-        self.plan, self.size = plan, plan.size
+        self.plan, self.size, self.region = plan, plan.size, plan.region
         self.world = take(plan.needed)
         self._lease = weakref.finalize(self, give_back, self.world)
         parts = self.world.parts
         self.layers, self.particles, self.grid = parts.layers, parts.particles, parts.grid
-        self.boundary, self.contact = parts.boundary, parts.contact
+        self.boundary, self.contact, self.rim = parts.boundary, parts.contact, parts.rim
         self.solver = self.world.load(plan)
         free = self.boundary.free(plan.initial["x"])
         self.left_out = len(free) - int(free.sum())
@@ -109,7 +110,8 @@ class Simulation:
         least one step is made. Particles are sorted into the grid afterwards, as the surface
         requires. stage(name) is entered around each part of a step (profiler hook); on_progress is
         called after each step with the finished share (0 to 1). Raises TrappedWaterError if a
-        moving body compresses enclosed water, BlowUpError if no step is short enough.
+        moving body compresses enclosed water, BlowUpError if no step is short enough, AllSpiltError
+        if no water is left in an open box.
         """
         deadline = math.inf if budget is None else clock() + budget
         left = duration
@@ -121,6 +123,7 @@ class Simulation:
                 )
             dt = self.last_step = left / self._step_count(left, external)
             self.solver.step(dt, external, stage)
+            self._spill(external)
             left -= dt
             self.steps += 1
             self.iterations += self.solver.iterations
@@ -132,7 +135,14 @@ class Simulation:
             self.grid.refresh()
         done = duration - left if left > 1e-6 * duration else duration
         self.time += done
+        self.rim.fall(done, external.gravity)
         return done
+
+    def _spill(self, external: ExternalForces) -> None:
+        """Removes the particles that left an open box."""
+        if self.rim.spill(external.gravity):
+            self.grid.invalidate()
+            self.world.parts.neighbours.moved(math.inf)
 
     def measure_density(self) -> None:
         """Sums the densities at the current positions; a step sums them at its midpoint only."""
@@ -161,14 +171,16 @@ class Simulation:
 
     def state(self) -> dict[str, np.ndarray]:
         """Returns a checkpoint: every carried attribute, time, number of steps, length of the last
-        step, the solver's state and the fingerprint. On one thread a resumed run is bit-identical
-        to an uninterrupted one."""
+        step, the spilt mass [kg] of an open box, the solver's state and the fingerprint. On one
+        thread a resumed run is bit-identical to an uninterrupted one."""
         progress = {
             "time": np.float64(self.time),
             "steps": np.int64(self.steps),
             "last_step": np.float64(self.last_step),
         }
         solver = {f"solver.{k}": np.float64(v) for k, v in self.solver.state().items()}
+        if self.plan.open_top:
+            progress["spilt"] = np.float64(self.rim.mass)
         return {**progress, **solver, "fluid": self._fingerprint(), **self.particles.state()}
 
     def _fingerprint(self) -> np.ndarray:
@@ -184,11 +196,13 @@ class Simulation:
         time, steps, last_step = (attributes.pop(k) for k in ("time", "steps", "last_step"))
         fluid, own = attributes.pop("fluid"), self._fingerprint()
         solver = {k: float(attributes.pop(f"solver.{k}")) for k in self.solver.state()}
+        spilt = float(attributes.pop("spilt")) if self.plan.open_top else 0.0
         if fluid.shape != own.shape or not np.allclose(fluid, own):
             raise ValueError("box or layers differ from the scene")
         self.particles.check(attributes)
         x, layer = attributes["x"], attributes["layer"]
-        if np.any(x < 0.0) or np.any(x > np.array(self.size, np.float32)):
+        walls = wall_constants(self.size, self.plan.open_top)["walls"]
+        if np.any(x < 0.0) or np.any(x > np.array(walls, np.float32)):
             raise ValueError("particles outside the box")
         if layer.min() < 0 or layer.max() >= self.layers.count:
             raise ValueError(f"layer index not in 0 to {self.layers.count - 1}")
@@ -196,13 +210,18 @@ class Simulation:
             raise ValueError(f"time is {time:g} s: must be finite and at least 0")
         if not last_step > 0.0:
             raise ValueError(f"last step is {last_step:g} s: must be positive")
-        self._start(attributes, float(time), int(steps))
+        if not 0.0 <= spilt < math.inf:
+            raise ValueError(f"{spilt:g} kg were spilt: must be finite and at least 0")
+        self._start(attributes, float(time), int(steps), spilt)
         self.last_step = float(last_step)
         self.solver.restore(solver)
 
-    def _start(self, attributes: dict[str, np.ndarray], time: float, steps: int) -> None:
+    def _start(
+        self, attributes: dict[str, np.ndarray], time: float, steps: int, spilt: float = 0.0
+    ) -> None:
         self.particles.fill(**attributes)
         self.time, self.steps, self.iterations = time, steps, 0
         self.last_step = math.inf
         self.boundary.reset(time)
+        self.rim.reset(spilt)
         self.solver.reset()

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 
 from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.contact import Contact
+from msph.fluid.boundary.rim import Rim
 from msph.fluid.constants import Constants
 from msph.fluid.impulse_ledger import ImpulseLedger
 from msph.fluid.methods import all_attributes
@@ -17,6 +18,7 @@ from msph.fluid.particles.grid import LayeredGrid
 from msph.fluid.particles.layers import Layers
 from msph.fluid.particles.neighbour_list import NeighbourList
 from msph.fluid.particles.particles import Particles
+from msph.fluid.particles.removal import Removal
 from msph.fluid.parts import Parts
 from msph.fluid.plan import Plan
 from msph.fluid.room import Room, room_for
@@ -43,15 +45,18 @@ class World:
         particles = Particles(room.particles, all_attributes())
         grid = LayeredGrid(room, constants, layers, particles)
         boundary, impulses = Boundary(room, constants, layers), ImpulseLedger()
+        removal = Removal(room, particles)
         self.parts = Parts(
             room=room,
             constants=constants,
             layers=layers,
             particles=particles,
+            removal=removal,
             grid=grid,
             neighbours=NeighbourList(room, grid),
             boundary=boundary,
             contact=Contact(boundary, particles, impulses),
+            rim=Rim(constants, layers, particles, removal, impulses),
             impulses=impulses,
         )
         self._built: dict[Any, Any] = {}
@@ -73,7 +78,8 @@ class World:
         parts.particles.load(attributes, plan.max_particles)
         margin = plan.method.LIST_MARGIN * plan.finest.support
         parts.neighbours.load(plan.entries, margin, plan.method.MIRRORS)
-        parts.boundary.load(plan.size, specs, list(plan.bodies))
+        parts.boundary.load(plan.size, specs, list(plan.bodies), plan.open_top)
+        parts.rim.load(plan.open_top)
         solver = self.build_once(_solver, plan.method)
         solver.load(plan.parameters, plan.adaptation)
         return solver

@@ -74,7 +74,8 @@ def _exchanges(show: Show) -> float:
 
 def _mass_error(show: Show) -> float:
     entries = show.ledger.entries
-    return 100.0 * (entries[-1].mass / entries[0].mass - 1.0)
+    first, last = entries[0], entries[-1]
+    return 100.0 * ((last.mass + last.spilt) / (first.mass + first.spilt) - 1.0)
 
 
 def _tilt(show: Show) -> float:

@@ -16,7 +16,9 @@ class Entry:
     tilting the box. Density errors are the mean, 99th percentile and maximum over particles of
     max(rho/rho0 - 1, 0), as densities at free surfaces are below rest; rho is summed with the
     method's kernel over the positions at `time`. outside: number of particles outside the box or
-    the container or inside an obstacle, by Contact.leaked.
+    the container or inside an obstacle, by Contact.leaked. spilt: mass that left an open box since
+    the start; it is not part of mass. spilt_momentum and spilt_energy (kinetic and potential) are
+    sums when it left.
     """
 
     time: Annotated[float, "s"]
@@ -43,6 +45,9 @@ class Entry:
     density_error_max: Annotated[float, "-"]
     top_speed: Annotated[float, "m/s"]
     outside: Annotated[int, "-"]
+    spilt: Annotated[float, "kg"]
+    spilt_momentum: Annotated[np.ndarray, "kg m/s"]
+    spilt_energy: Annotated[float, "J"]
 
     @property
     def work(self) -> float:
@@ -50,9 +55,14 @@ class Entry:
         return self.wall_work + self.user_work + self.tilt_work
 
     @property
+    def mechanical(self) -> float:
+        """Kinetic and potential energy [J], that of spilt water included."""
+        return self.kinetic + self.potential + self.spilt_energy
+
+    @property
     def energy(self) -> float:
         """Kinetic and potential energy less external work [J]."""
-        return self.kinetic + self.potential - self.work
+        return self.mechanical - self.work
 
     def row(self) -> list[float]:
         """Returns the numbers of a table row, in the order of columns()."""

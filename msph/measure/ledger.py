@@ -73,6 +73,7 @@ class Ledger:
             density_error_p99=float(np.percentile(excess, 99.0)),
             density_error_max=float(excess.max()),
             outside=int(totals.pop("outside")),
+            spilt=sim.rim.mass,
             **totals,
         )
         self.entries.append(entry)
@@ -117,14 +118,13 @@ class Ledger:
         return rise / first if first > 0.0 else 0.0
 
     def energy_rise(self, window: float = 1.0) -> float:
-        """Returns the largest rise of kinetic + potential energy between two entries at most
+        """Returns the largest rise of kinetic and potential energy between two entries at most
         `window` [s] apart without input between them, over reference_energy() (-).
 
         Input is work of walls, pushing by the user, or tilting. NaN if there is always input.
         """
         rises = [
-            later.kinetic + later.potential - earlier.kinetic - earlier.potential
-            for earlier, later in self._undisturbed(window)
+            later.mechanical - earlier.mechanical for earlier, later in self._undisturbed(window)
         ]
         first = self.reference_energy()
         return max(0.0, *rises) / first if rises and first > 0.0 else float("nan")

@@ -9,13 +9,14 @@ from typing import get_args
 import numpy as np
 
 from msph.errors import BadInputError
-from msph.measure.entry import Entry
+from msph.measure.entry import Entry, columns
 from msph.measure.survey import Survey
 
 # Fields of an entry that are sums since the start; a resumed run restarts them at zero.
 SUMS = (
     *("internal_impulse", "internal_angular_impulse", "wall_impulse", "body_impulse"),
     *("wall_work", "user_impulse", "user_work", "tilt_work", "merge_loss"),
+    *("spilt_momentum", "spilt_energy"),
 )
 
 # Errors of np.load for a file that is not an archive of arrays, or empty, or truncated.
@@ -65,13 +66,14 @@ def entries(rows: np.ndarray) -> list[Entry]:
     return found
 
 
-def surveys(rows: np.ndarray, rest_volume: float) -> list[Survey]:
+def surveys(rows: np.ndarray, rest_density: float) -> list[Survey]:
     """Returns the surveys of a ledger's rows (n, columns) that have one; their last four columns
-    are Survey.row(). rest_volume [m^3] of the water."""
+    are Survey.row(). rest_density [kg/m^3] of the water."""
     from msph.measure.bulk import BulkDensity  # imports scipy, which takes 0.2 s
 
+    mass = columns().index("mass [kg]")
     return [
-        Survey(row[0], row[-4], row[-4] / rest_volume - 1.0, BulkDensity(*row[-3:], 0))
+        Survey(row[0], row[-4], row[-4] * rest_density / row[mass] - 1.0, BulkDensity(*row[-3:], 0))
         for row in rows
         if np.isfinite(row[-4:]).any()
     ]

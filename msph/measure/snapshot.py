@@ -36,9 +36,10 @@ SLOPE_WEIGHT = 1e-4
 @dataclass(frozen=True)
 class Snapshot:
     """Particles at one time [s] as host arrays of length n: x (n, 3) [m], pressure [Pa] or None
-    before the first step, spacing and support [m], v (n, 3) [m/s]; size (3,) [m] of the box;
-    free(points, margin) returns which points (p, 3) [m] are `margin` [m] outside all bodies;
-    bodies: True if there are any; poses: displacement [m] and rotation of each since time zero."""
+    before the first step, spacing and support [m], v (n, 3) [m/s]; size (3,) [m] of the box, or of
+    the region with an open top; free(points, margin) returns which points (p, 3) [m] are `margin`
+    [m] outside all bodies; bodies: True if there are any; poses: displacement [m] and rotation of
+    each since time zero."""
 
     x: np.ndarray
     pressure: np.ndarray | None
@@ -60,7 +61,7 @@ class Snapshot:
             p.numpy("pressure").astype(float) if simulation.steps else None,
             np.array([s.spacing for s in specs])[layer],
             np.array([s.support for s in specs])[layer],
-            simulation.size,
+            simulation.region,
             boundary.free,
             boundary.count > 0,
             p.numpy("v").astype(float),

@@ -49,7 +49,7 @@ def progress(
     simulation: Simulation, started: list[int], frame_s: float, first_step: int = 0
 ) -> dict[str, Any]:
     """Returns the time and steps of a run that started or resumed at `first_step`, and the numbers
-    of particles per layer at its start and end."""
+    of particles per layer at its start and end, and the mass [kg] that left an open box."""
     done = simulation.steps - first_step
     return {
         "simulated_s": simulation.time,
@@ -58,6 +58,7 @@ def progress(
         "iterations_per_step": simulation.iterations / done if done else math.nan,
         "particles_start": started,
         "particles_end": simulation.counts(),
+        "spilt_kg": simulation.rim.mass,
     }
 
 
@@ -77,7 +78,7 @@ def errors(ledger: Ledger, surveys: list[Survey]) -> dict[str, float]:
     mean, p99, largest = ledger.density_error()
     first, last = ledger.entries[0], ledger.entries[-1]
     return {
-        "mass_change": last.mass / first.mass - 1.0,
+        "mass_change": (last.mass + last.spilt) / (first.mass + first.spilt) - 1.0,
         "momentum_drift": ledger.momentum_drift(),
         "angular_momentum_drift": ledger.angular_drift(),
         "energy_gain": ledger.energy_gain(),

@@ -22,9 +22,9 @@ _PEAKS = ("top_speed",)
 TOP_SPEED = 0
 _GIVEN_VECTORS = (
     *("internal_impulse", "internal_angular_impulse"),
-    *("wall_impulse", "body_impulse", "user_impulse"),
+    *("wall_impulse", "body_impulse", "user_impulse", "spilt_momentum"),
 )
-_GIVEN_SCALARS = ("wall_work", "user_work", "merge_loss")
+_GIVEN_SCALARS = ("wall_work", "user_work", "merge_loss", "spilt_energy")
 
 
 @data_oriented

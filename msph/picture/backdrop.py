@@ -109,9 +109,9 @@ class Backdrop:
             if near > 0.0:
                 rim = RIM_STRENGTH * self.border(d, near, way_in, 1.0, shot)
                 kind += 1 + way_in  # there is an edge between two panes, even in hidden blocks
-                if way_in != 1:
+                if way_in != 1 or shot.lid == 1:
                     share = pane(abs(component(d, way_in)))
-                    mirrored *= vec3(1 - 2 * (way_in == 0), 1, 1 - 2 * (way_in == 2))
+                    mirrored *= 1.0 - 2.0 * vec3(way_in == 0, way_in == 1, way_in == 2)
             if not hidden:
                 kind, place, light, left, added, depth = self.inside(
                     i, j, d, entry, far, axis, shot

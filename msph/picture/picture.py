@@ -3,9 +3,11 @@
 import numpy as np
 import taichi as ti
 
+from msph.fluid.boundary.rim import Rim
 from msph.fluid.world import World
 from msph.picture.backdrop import Backdrop
 from msph.picture.body_shading import BodyShading
+from msph.picture.drops_view import DropsView
 from msph.picture.edge_filter import EdgeFilter
 from msph.picture.enlarger import Enlarger
 from msph.picture.legend import LegendPanel
@@ -29,7 +31,8 @@ from msph.taichi_internals import data_oriented, kernel
 def picture_of(world: World, surface_room: SurfaceRoom, room: PictureRoom) -> "Picture":
     """Builds a picture of the surface, particles and bodies of a world (for World.build_once)."""
     mesh = world.build_once(surface_of, surface_room).mesh
-    return Picture(mesh, world.parts.boundary, room, world.build_once(whitewater_of))
+    parts, white = world.parts, world.build_once(whitewater_of)
+    return Picture(mesh, parts.boundary, room, white, parts.rim)
 
 
 @data_oriented
@@ -38,14 +41,21 @@ class Picture:
 
     mesh: water surface in box coordinates, with the fields `vertices` [m], `normals`, `triangles`
     and `counts` (vertices, triangles). boundary: the fluid's boundary, whose bodies are drawn, or
-    None. whitewater: drawn if the look shows it, or None.
+    None. whitewater: drawn if the look shows it, or None. rim: its drops are drawn, or None.
 
     The constructor allocates all memory; `load`, `change` and `resize` only set numbers, so no
     kernel is compiled twice. Kernels for bodies, particles, legends, supersampling and upscaling
     are compiled when they are first used.
     """
 
-    def __init__(self, mesh, boundary=None, room=SMALLEST, whitewater: Whitewater | None = None):
+    def __init__(
+        self,
+        mesh,
+        boundary=None,
+        room=SMALLEST,
+        whitewater: Whitewater | None = None,
+        rim: Rim | None = None,
+    ):
         self.mesh, self.boundary, self.room = mesh, boundary, room
         self.fields, self.lens, tone = PixelFields(room), Lens(), Tone()
         self.edge_filter, self.enlarger = EdgeFilter(self.fields), Enlarger(self.fields)
@@ -64,15 +74,22 @@ class Picture:
             WhitewaterView(whitewater, shader, self.fields.canvas) if whitewater else None
             for shader in self.shaders
         ]
+        self.drops_views = [
+            DropsView(rim, shader, self.fields.canvas) if rim else None for shader in self.shaders
+        ]
 
-    def load(self, width, height, box, look=None):
+    def load(self, width, height, box, look=None, region=None):
         """Prepares images of width x height pixels of the box (Lx, Ly, Lz) [m] with the boundary's
-        present bodies. Raises ValueError if the room does not hold them."""
+        present bodies. region [m]: extent of the water's surface, higher than a box without a lid.
+        Raises ValueError if the room does not hold them."""
         self.box = tuple(map(float, box))
+        self.region = tuple(map(float, region or box))
         occupied = self.boundary is not None and self.boundary.count > 0
         if occupied:
             self.bodies.load(self.box)
         self.shader, self.whitewater = self.shaders[occupied], self.whitewater_views[occupied]
+        # A box with a lid spills nothing.
+        self.drops = self.drops_views[occupied] if self.region != self.box else None
         self.change(look or Look())
         self.sky.paint(ti.math.vec3(*self.look.sun_direction()))
         self.resize(width, height)
@@ -117,7 +134,7 @@ class Picture:
         changed = view != self.view
         if changed:
             w, h = self.ray_counts
-            self.lens.set(shot_numbers(camera, tilt, self.box, w, h, self.look))
+            self.lens.set(shot_numbers(camera, tilt, self.box, w, h, self.look, self.region))
             self.view = view
         return changed
 
@@ -131,6 +148,8 @@ class Picture:
         self.shader.shade()
         if self.look.whitewater and self.whitewater:
             self.whitewater.draw()
+        if self.drops:
+            self.drops.draw()
         self.resolve()
 
     @kernel

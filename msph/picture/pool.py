@@ -102,9 +102,17 @@ class Pool:
 
     @ti.func
     def is_tiled(self, axis, low, shot: ti.template()):
-        """Returns True if the eye is on the inner side of a wall; the top is open, never tiled."""
+        """Returns True if the eye is on the inner side of a wall; the top is never tiled."""
         e = component(ti.select(low, shot.eye, shot.size - shot.eye), axis)
         return e > 0.0 and (axis != 1 or low)
+
+    @ti.func
+    def hides(self, c, shot: ti.template()):
+        """Returns True if a tiled wall hides what is at c [m] from the eye, outside the box."""
+        d, length = c.normalized(), c.norm()
+        near, far, _, axis = self.slab_test(d, shot)
+        through = far > ti.max(near, 0.0) and far < length - shot.skin
+        return through and self.is_tiled(axis, component(d, axis) < 0.0, shot)
 
     @ti.func
     def colour_of(self, kind, sample, focus, shot: ti.template()):

@@ -162,7 +162,13 @@ def sphere_inverse_depth(c, r, d):
 
 
 @ti.func
+def walls_of(shot: ti.template()):
+    """Returns the coordinates [m] of the far walls; without a lid, the top is far away."""
+    return shot.size + ti.math.vec3(0.0, FAR * (1 - shot.lid), 0.0)
+
+
+@ti.func
 def on_wall(a, b, c, shot: ti.template()):
-    """Returns True if a triangle is on one of the box's six faces, within the shot's skin."""
+    """Returns True if a triangle is on a face of the box, within the shot's skin."""
     lo, hi = ti.max(a, b, c), ti.min(a, b, c)
-    return lo.min() < shot.skin or (shot.size - hi).min() < shot.skin
+    return lo.min() < shot.skin or (walls_of(shot) - hi).min() < shot.skin

@@ -46,6 +46,7 @@ Shot = ti.types.struct(
     beam=vec3,  # to the sun, from under a level water surface (refracted)
     ground=ti.f32,  # height of the ground along `up`, relative to the box centre [m]
     size=vec3,  # box [m]
+    lid=ti.i32,  # 1: a pane of glass closes the top of the box
     skin=ti.f32,  # distance within which a face is on a wall [m]
     lo=vec2,  # smallest and largest pixel coordinates of the box
     hi=vec2,
@@ -62,10 +63,11 @@ Shot = ti.types.struct(
 )
 
 
-def shot_numbers(camera, tilt, box, width, height, look):
+def shot_numbers(camera, tilt, box, width, height, look, region=None):
     """Computes the members of a `Shot` from a camera, a tilt (3x3 or None), a box (Lx, Ly, Lz) [m],
-    the number of rays and a look."""
+    the number of rays, a look, and the extent of the water's surface [m], by default the box."""
     box = np.asarray(box, float)
+    region = box if region is None else np.asarray(region, float)
     R, C = np.eye(3) if tilt is None else np.asarray(tilt, float), box / 2
     right, up, back = (R.T @ a for a in camera.axes())
     eye = C + R.T @ (camera.eye - C)
@@ -74,7 +76,7 @@ def shot_numbers(camera, tilt, box, width, height, look):
     du, dv, forward = across * right, step * up, -back
     to_i, to_j = right / across, up / step
     corners = UNIT_CORNERS * box
-    depths = (corners - C) @ forward * DEPTH_RANGE + (C - eye) @ forward
+    depths = (UNIT_CORNERS * region - C) @ forward * DEPTH_RANGE + (C - eye) @ forward
     near = max(depths.min(), NEAR_PLANE)
     far = max(depths.max(), 2 * near)
     middle = np.array(((0.5 + camera.shift) * width - 0.5, height / 2 - 0.5))
@@ -109,6 +111,7 @@ def shot_numbers(camera, tilt, box, width, height, look):
         "beam": beam,
         "ground": ((corners - C) @ R[1]).min(),
         "size": box,
+        "lid": region[1] == box[1],
         "skin": WALL_SKIN * box.max(),
         "lo": lo,
         "hi": hi,

@@ -9,7 +9,8 @@ import taichi as ti
 
 from msph.picture.optics import bend, cosine_beyond, reflectance, transmittance
 from msph.picture.pool import MIN_COSINE, RIM, component
-from msph.picture.rasteriser import KEY_BITS, NO_ITEM
+from msph.picture.rasteriser import KEY_BITS, NO_ITEM, walls_of
+from msph.picture.room import COARSE
 from msph.picture.samples import (
     CORNERS,
     DETAIL,
@@ -21,6 +22,7 @@ from msph.picture.samples import (
     make_sample,
 )
 from msph.picture.sky import SKY_LIGHT, SUN, SUN_LIGHT
+from msph.picture.sunlight import bilinear
 from msph.taichi_internals import data_oriented, kernel
 
 vec2, vec3, vec4 = ti.math.vec2, ti.math.vec3, ti.math.vec4
@@ -114,7 +116,7 @@ class WaterShader:
         cut = ti.min(room.x, room.z) < shot.skin and ti.max(abs(flat.x), abs(flat.z)) > WALL_COSINE
         if cut:
             n = ti.round(flat)
-        p = ti.math.clamp(p, 0.0, shot.size)
+        p = ti.math.clamp(p, 0.0, walls_of(shot))
         c = ti.max(-d.dot(n), MIN_INCIDENCE)
         ct = cosine_beyond(c, shot.eta)
         bent, mirrored = bend(d, n, c, ct, shot.eta), d + 2.0 * c * n
@@ -144,6 +146,12 @@ class WaterShader:
                 kind = axis + LOW * low + CUT * cut + bits + DETAIL * close
             lighting = self.pool.lighting(q, axis, low, to_sun, shot)
             seen = vec3(0.0)
+            if body < 0 and shot.lid == 0 and q.y > shot.size.y:
+                # Above the rim there are no tiles.
+                if inwards:
+                    kind += UNTILED - axis - LOW * low
+                    seen = bilinear(self.backdrop.background, vec2(i, j) / COARSE)
+                axis, low = 1, False
             if ti.static(self.pool.occupied):
                 if body >= 0:
                     focus = 1.0

@@ -49,7 +49,7 @@ class WhitewaterView:
             radius = ti.max(RADIUS * shot.size.max() / (shot.pixel * z), LEAST_RADIUS)
             if at.min() >= 0 and at.x < shot.columns and at.y < shot.rows:
                 shown = OPACITY * ti.min(1.0, life / FADES)
-                shown *= self.visible(at, z, shot)
+                shown *= self.visible(c, at, z, shot)
                 box = self.raster.bounds(m - radius, m + radius, shot)
                 for i in range(box[0], box[2] + 1):
                     for j in range(box[1], box[3] + 1):
@@ -58,11 +58,11 @@ class WhitewaterView:
                         self.image[i, j] = ti.math.mix(self.image[i, j], vec3(FOAM), opacity)
 
     @ti.func
-    def visible(self, at, z, shot: ti.template()):
-        """Returns the share (-) of a particle at the depth z [m] that is visible at a pixel: 0
-        behind bodies, and less the deeper under the surface."""
+    def visible(self, c, at, z, shot: ti.template()):
+        """Returns the share (-) of a particle at c [m] from the eye, at the depth z [m], that is
+        visible at a pixel: 0 behind bodies and tiles, and less the deeper under the surface."""
         share = 1.0
-        if self.backdrop.covers(at.x, at.y, z):
+        if self.backdrop.covers(at.x, at.y, z) or self.shader.pool.hides(c, shot):
             share = 0.0
         elif self.raster.key[at.x, at.y] != NO_ITEM:
             d = shot.origin + shot.du * at.x + shot.dv * at.y

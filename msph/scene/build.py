@@ -36,6 +36,7 @@ def plan_of(scene: Scene) -> Plan:
         adaptation=scene.adaptation if scene.adaptation.enabled else None,
         capacity=capacity(scene, specs),
         restitution=scene.box.restitution,
+        open_top=scene.box.open,
     )
 
 

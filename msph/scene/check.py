@@ -9,6 +9,7 @@ from msph.errors import did_you_mean
 from msph.fluid.adaptivity.bands import coarser_of
 from msph.fluid.boundary.mesh_samples import sample_count
 from msph.fluid.boundary.rigid_bodies import Body
+from msph.fluid.boundary.walls import region
 from msph.fluid.methods import METHODS, methods_with
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.particles.particles import CORE
@@ -45,6 +46,8 @@ def check(scene: Scene, where: str) -> None:
     if scene.picture.view not in known:
         hint = did_you_mean(scene.picture.view, known)
         raise SceneError(where, f"unknown view {scene.picture.view!r}; {hint}", "picture.view")
+    if scene.box.open and scene.container:
+        raise SceneError(where, "has no effect: no water leaves a container", "box.open")
     specs = layer_specs(scene)
     for i, spec in enumerate(specs):
         if spec.spacing > min(scene.box.size):
@@ -151,8 +154,9 @@ def _check_memory(scene: Scene, specs: list[LayerSpec], solids: list[Body], wher
     buffers are not counted, as their size is not part of the scene."""
     count = capacity(scene, specs)
     cell = scene.surface.cell * min(s.spacing for s in specs)
-    needs = footprint(scene.box.size, specs, count, getattr(scene, scene.method))
-    needs["surface"] = SurfaceRoom.holding(scene.box.size, cell, count).bytes // WORD
+    extent = region(scene.box.size, scene.box.open)
+    needs = footprint(extent, specs, count, getattr(scene, scene.method))
+    needs["surface"] = SurfaceRoom.holding(extent, cell, count).bytes // WORD
     needs["obstacles"] = sample_count(solids, specs)
     keys = {"cells": "box.size", "neighbours": "water", "particles": "water"}
     keys |= {"surface": "surface.cell", "obstacles": "obstacles"}

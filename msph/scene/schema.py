@@ -28,6 +28,9 @@ class Box(Section):
     restitution: float = parameter(
         0.0, ge=0.0, le=1.0, text="rebound speed over impact speed at a wall"
     )
+    open: bool = parameter(
+        False, text="no lid: water above the rim falls outside and leaves the simulation"
+    )
 
 
 class Layer(Section):

@@ -12,6 +12,7 @@ from tabulate import tabulate
 
 from msph.device import start
 from msph.errors import BlowUpError, LostOutputError
+from msph.fluid.boundary.rim import AllSpiltError
 from msph.fluid.trapped_water import TrappedWaterError
 from msph.measure import convergence, table
 from msph.measure.past import CheckpointError, time_of
@@ -127,7 +128,7 @@ def bench(scenes: tuple[str, ...], options: BenchOptions, run: RunOptions) -> No
         say(f"{loaded.name}: compiling kernels, then running")
         try:
             rows.append(timed(loaded, options))
-        except (BlowUpError, TrappedWaterError) as error:
+        except (AllSpiltError, BlowUpError, TrappedWaterError) as error:
             say(f"{loaded.name}: FAILED: {error}")
             failed = True
     if rows:

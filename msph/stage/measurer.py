@@ -97,7 +97,7 @@ class Measurer:
         self.first_step = show.simulation.steps
         earlier = past.entries(self.ledger.kept)
         if self.gap and earlier:
-            self.surveys = past.surveys(self.ledger.kept, show.rest_volume())
+            self.surveys = past.surveys(self.ledger.kept, self.scene.density)
         self.before = earlier[-1] if earlier else None
         goes_on = earlier and abs(show.simulation.time - earlier[-1].time) < ROUNDING
         # A frame has the gravity of its start; the work of a tilt counts in the next frame.

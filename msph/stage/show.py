@@ -112,16 +112,16 @@ class Show:
     def _load_surface(self) -> Surface:
         s, sim = self.scene.surface, self.simulation
         cell = s.cell * sim.layers.finest.spacing
-        room = SurfaceRoom.holding(sim.size, cell, sim.particles.capacity)
+        room = SurfaceRoom.holding(sim.region, cell, sim.particles.capacity)
         surface = sim.world.build_once(surface_of, room)
-        surface.load(sim.size, cell, s.smoothing)
+        surface.load(sim.region, cell, s.smoothing)
         return surface
 
     def _load_picture(self, size: tuple[int, int]) -> Picture:
         look = self.scene.picture
         sim, room = self.simulation, PictureRoom.holding(*size, look.supersample)
         picture = sim.world.build_once(picture_of, self.surface.room, room)
-        picture.load(*size, sim.size, look)
+        picture.load(*size, sim.size, look, sim.region)
         return picture
 
     def warm_up(self) -> None:

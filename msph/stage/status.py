@@ -36,6 +36,8 @@ class Status:
             counts = [n for n in row.lead.simulation.counts() if n]
             layers = f"{len(counts)} layer{'s' * (len(counts) > 1)}"
             first = f"{first}, {sum(counts):,} particles in {layers}"
+            if row.lead.simulation.rim.mass > 0.0:
+                first += f", {row.lead.simulation.rim.mass:.3g} kg spilt"
         lines = [(first, pages.INK)]
         if detailed and pacer.frames:
             time = f"time {row.lead.simulation.time:.1f} s, {1.0 / pacer.wall:.0f} frames/s"

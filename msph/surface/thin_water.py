@@ -133,8 +133,9 @@ class ThinWater:
     @ti.func
     def has_room(self, i, radius, bodies: ti.template()):
         """Returns True if a sphere of `radius` [m] around particle i meets no wall and no body."""
-        x, size = self.particles.x[i], self.numbers.size[None]
-        found = ti.min(x.min(), (size - x).min()) > radius
+        x, room = self.particles.x[i], self.numbers.size[None] - self.particles.x[i]
+        # Above an open top there is room, too.
+        found = ti.min(x.min(), room.x, abs(room.y), room.z) > radius
         if ti.static(bodies):
             found = found and self.bodies.clearance(x) > radius
         return found

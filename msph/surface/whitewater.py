@@ -18,6 +18,7 @@ does not act on the water.
 import taichi as ti
 
 from msph.device_table import DeviceTable
+from msph.fluid.boundary.walls import Walls
 from msph.fluid.world import World
 from msph.surface.fluid_fraction import POLY6, cut_share
 from msph.taichi_internals import data_oriented, kernel
@@ -80,7 +81,7 @@ class Whitewater:
     """
 
     def __init__(self, constants, layers, grid, particles):
-        self.constants, self.layers = constants, layers
+        self.constants, self.layers, self.walls = constants, layers, Walls(constants)
         self.grid, self.particles = grid, particles
         self.table = DeviceTable((MOST,), x=vec3, v=vec3, life=ti.f32)
         self.emitted = ti.field(ti.i32, shape=())
@@ -127,8 +128,8 @@ class Whitewater:
         for m in ti.static(range(3)):
             place[m] = 2.0 * uniform(seed, 8 * k + m + 1) - 1.0
             spread[m] = 2.0 * uniform(seed, 8 * k + m + 4) - 1.0
-        size = self.constants.size[None]
-        self.table.x[at] = ti.math.clamp(self.particles.x[i] + SPREAD * d * place, 0.0, size)
+        x = self.particles.x[i]
+        self.table.x[at] = self.walls.confined(x, x + SPREAD * d * place, 0.0)
         self.table.v[at] = v + SCATTER * v.norm() * spread
         self.table.life[at] = ti.math.mix(SHORTEST / LIFE, 1.0, uniform(seed, 8 * k + 7))
 
@@ -148,8 +149,7 @@ class Whitewater:
                     if c < FOAM:
                         ageing = 1.0
                 moved = x + dt * v
-                size = self.constants.size[None]
-                x = ti.math.clamp(moved, 0.0, size)
+                x = self.walls.confined(x, moved, 0.0)
                 self.table.x[k], self.table.v[k] = x, ti.select(x == moved, v, 0.0)
                 self.table.life[k] = ti.max(self.table.life[k] - ageing * dt / LIFE, 0.0)
 
@@ -158,10 +158,10 @@ class Whitewater:
         """Returns the Surroundings of x [m] for a velocity v [m/s]."""
         around = Surroundings(x=x, v=v)
         for layer in range(self.constants.layers[None]):
-            per_r, size, share = self.layers.per_support[layer], self.constants.size[None], 1.0
+            per_r, walls, share = self.layers.per_support[layer], self.constants.walls[None], 1.0
             for axis in ti.static(range(3)):
                 share *= 1.0 - cut_share(x[axis] * per_r)
-                share *= 1.0 - cut_share((size[axis] - x[axis]) * per_r)
+                share *= 1.0 - cut_share((walls[axis] - x[axis]) * per_r)
             around.per_r = per_r
             around.peak = POLY6 * self.layers.volume[layer] * per_r**3 / share
             self.grid.for_each_row(x, layer, 1.0 / per_r, self.add_row, around)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import taichi as ti
 
+from msph.fluid.boundary.walls import wall_constants
 from msph.fluid.constants import Constants
 from msph.fluid.particles.grid import Z_CELLS, LayeredGrid, cells_of, grid_rows
 from msph.fluid.particles.layers import Layers, LayerSpec
@@ -59,7 +60,7 @@ class World:
         self.cells = sum(cells_of(self.size, self.specs))
         self.usual = max_mean_neighbours(self.specs, margin, form)
         self.constants.fill(
-            size=self.size,
+            **wall_constants(self.size, False),
             layers=len(self.specs),
             cells=self.cells,
             entries=entries,

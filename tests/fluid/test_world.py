@@ -87,7 +87,7 @@ def test_rooms_grow_by_kind_and_within_what_indices_name():
     assert room_for(Room(1, 1, 1, 0, 0)) == FIRST
     more = room_for(Room(FIRST.particles + 1, 1, 1, 0, 5 * FIRST.samples))
     assert more.particles == 2 * FIRST.particles and more.samples == 8 * FIRST.samples
-    assert (more.entries, more.cells, more.depth_cells) == (FIRST.entries, FIRST.cells, 27_000)
+    assert (more.entries, more.cells, more.depth_cells) == (FIRST.entries, FIRST.cells, 30_000)
     assert grown(3, 3 * 2**20) == 3 * 2**20
     assert grown(FIRST.entries, MAX_SIZE + 1) == MAX_SIZE + 1
 

@@ -164,3 +164,8 @@ def test_water_that_is_swallowed_is_an_error(folder):
     scene = load(folder, "obstacles.0.lo=[0, 0, 0]", "obstacles.0.hi=[1, 1, 1]")
     with pytest.raises(SceneError, match="obstacles: no water is left outside the bodies"):
         build_simulation(scene)
+
+
+def test_an_open_rim_around_a_container_is_refused():
+    with pytest.raises(SceneError, match="box.open: has no effect: no water leaves a container"):
+        load_scene("bowl", ("box.open=true",))

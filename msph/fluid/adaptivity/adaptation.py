@@ -13,7 +13,6 @@ from msph.fluid.adaptivity.surface_distance import SurfaceDistance
 from msph.fluid.particles import kernels
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.particles.particles import Attribute
-from msph.fluid.particles.prefix_sum import PrefixSum
 from msph.fluid.projection.discretisation import Discretisation
 from msph.fluid.room import Room
 from msph.fluid.small_numbers import MIN_DIVISOR
@@ -26,7 +25,6 @@ ATTRIBUTES = (
     ),
     Attribute("mark", "-", "-1: split, 1: merge", integer=True, carried=False),
     Attribute("partner", "-", "particle to merge with, or -1", integer=True, carried=False),
-    Attribute("alive", "-", "0 if merged into another particle", integer=True, carried=False),
 )
 
 # Distance of a split's halves from their centre, in spacings of the split particle.
@@ -73,8 +71,7 @@ class Adaptation:
         unit = np.array(DIRECTIONS) / np.linalg.norm(DIRECTIONS, axis=1, keepdims=True)
         self.directions = ti.Vector.field(3, ti.f32, shape=len(DIRECTIONS))
         self.directions.from_numpy(unit.astype(np.float32))
-        self.new_index = ti.field(ti.i32, shape=room.particles + 1)  # after merges
-        self.scan = PrefixSum()
+        self.removal = shared.removal
         self.tally = ti.field(ti.i32, shape=3)  # splits, merges, refused
         self.next_id = ti.field(ti.i32, shape=())
 
@@ -83,8 +80,7 @@ class Adaptation:
         self.parameters = parameters
         # Launched without particles: compiles the kernels before the first frame.
         self.decrement_wait(0)
-        self.scan.run(self.particles.alive, self.new_index, 0)
-        self.particles.compact(self.new_index, self.particles.alive, 0)
+        self.removal.compile()
 
     def reset(self) -> None:
         """Resets counters and thickness after the particles were replaced."""
@@ -188,9 +184,7 @@ class Adaptation:
         self.totals += splits, merges
         p.count = n + splits
         if merges:
-            self.scan.run(p.alive, self.new_index, n + splits)
-            p.compact(self.new_index, p.alive, n + splits)
-            p.count = self.new_index[n + splits]
+            self.removal.run(n + splits)
         self._adapt_thickness(refused)
         return splits + merges
 
@@ -332,7 +326,8 @@ class Adaptation:
         layer, x = self.particles.layer[i], self.particles.x[i]
         finer = self.finer[layer]
         # Halves stay clear of walls: a wall that pushes one back would move the centre of mass.
-        free = ti.min(x, self.constants.size[None] - x)
+        # Outside the box, next to an open top, it is 0: no split.
+        free = ti.max(ti.min(x, self.constants.walls[None] - x), 0.0)
         if self.constants.bodies[None] > 0:
             free = ti.min(free, self.particles.clearance[i])
         best, least = ti.Vector([0.0, 0.0, 0.0]), 1e9

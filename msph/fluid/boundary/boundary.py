@@ -25,6 +25,7 @@ from msph.fluid.boundary.rigid_bodies import (
 )
 from msph.fluid.boundary.sampled_fields import SampledFields, SampleLattice
 from msph.fluid.boundary.wall_integrals import ball_share, block_share, swelling, wall_support
+from msph.fluid.boundary.walls import Size, wall_constants
 from msph.fluid.constants import Constants
 from msph.fluid.particles.layers import Layers, LayerSpec
 from msph.fluid.room import Room
@@ -68,10 +69,13 @@ class Boundary:
         # Time [s] at which a body was stopped, by body.
         self.stopped: dict[int, float] = {}
 
-    def load(self, size: tuple[float, float, float], specs: list[LayerSpec], bodies: list[Body]):
+    def load(
+        self, size: Size, specs: list[LayerSpec], bodies: list[Body], open_top: bool = False
+    ) -> None:
         """Fills the tables for a box of `size` [m], bodies and layers."""
         self.box = size
-        self.bodies = [extended_into_walls(b, np.array(size), specs) for b in bodies]
+        walls = np.array(wall_constants(size, open_top)["walls"])
+        self.bodies = [extended_into_walls(b, walls, specs) for b in bodies]
         self.count = len(self.bodies)
         self.moving = any(b.motion.moves for b in self.bodies)
         self.top_speed = max(

@@ -8,6 +8,7 @@ launched only in scenes with bodies.
 import taichi as ti
 
 from msph.fluid.boundary.boundary import BEGIN, END, Boundary
+from msph.fluid.boundary.walls import Walls
 from msph.fluid.impulse_ledger import ImpulseLedger
 from msph.fluid.particles.particles import Attribute, Particles
 from msph.taichi_internals import data_oriented, kernel
@@ -41,7 +42,7 @@ class Contact:
 
     def __init__(self, boundary: Boundary, particles: Particles, impulses: ImpulseLedger):
         self.constants, self.boundary, self.layers = boundary.constants, boundary, boundary.layers
-        self.particles, self.impulses = particles, impulses
+        self.particles, self.impulses, self.walls = particles, impulses, Walls(boundary.constants)
 
     def drift(self, dt: float) -> None:
         """Moves particles by dt v, dt [s], and stops them at walls and at the bodies' end poses."""
@@ -67,21 +68,22 @@ class Contact:
             self._find_clearance(self.particles.count)
 
     def leaked(self) -> int:
-        """Returns the number of particles outside the box or over LEAK spacings inside a body."""
+        """Returns the number of particles outside the walls, not counting those above an open top,
+        or over LEAK spacings inside a body."""
         return self._count_leaked(self.particles.count, self.boundary.count > 0)
 
     @kernel
     def _drift(self, n: ti.i32, dt: ti.f32):
         p = self.particles
         for i in range(n):
-            size, restitution = self.constants.size[None], self.constants.restitution[None]
-            v, margin = p.v[i], self.margin(i)
+            v, restitution = p.v[i], self.constants.restitution[None]
             x = p.x[i] + dt * v
+            stopped = self.walls.confined(p.x[i], x, self.margin(i))
             for k in ti.static(range(3)):
-                if x[k] < margin or x[k] > size[k] - margin:
+                if stopped[k] != x[k]:
                     v[k] = -restitution * v[k]
             self.impulses.wall_impulse[None] += self.layers.mass[p.layer[i]] * (v - p.v[i])
-            p.x[i], p.v[i] = ti.math.clamp(x, margin, size - margin), v
+            p.x[i], p.v[i] = stopped, v
 
     @kernel
     def _stop_at_bodies(self, n: ti.i32):
@@ -108,8 +110,7 @@ class Contact:
     def _clear_bodies(self, n: ti.i32, pose: ti.i32):
         """Moves particles out of bodies and walls, to the distance margin() from them."""
         for i in range(n):
-            size, x, margin = self.constants.size[None], self.particles.x[i], self.margin(i)
-            rounds = 0
+            x, margin, rounds = self.particles.x[i], self.margin(i), 0
             while rounds < ROUNDS:
                 rounds += 1
                 pushed = False
@@ -119,7 +120,7 @@ class Contact:
                         x -= (near.x - margin) * near.yzw / ti.max(near.yzw.norm_sqr(), 0.25)
                         pushed = True
                 # Between a body and a wall, both must push alternately.
-                x = ti.math.clamp(x, margin, size - margin)
+                x = self.walls.confined(self.particles.x[i], x, margin)
                 if not pushed:
                     rounds = ROUNDS
             self.particles.x[i] = x
@@ -143,7 +144,7 @@ class Contact:
         found = 0
         for i in range(n):
             x = self.particles.x[i]
-            leaked = (x < 0.0).any() or (x > self.constants.size[None]).any()
+            leaked = (x < 0.0).any() or (x > self.constants.walls[None]).any()
             if ti.static(bodies):
                 leaked |= self.boundary.clearance(x, END) < -self.constants.leak[None]
             found += ti.cast(leaked, ti.i32)

@@ -136,9 +136,9 @@ def bounding_radius(body: Body) -> float:
     return 0.5 * float(np.linalg.norm(hi - lo))
 
 
-def extended_into_walls(body: Body, size: np.ndarray, specs: list[LayerSpec]) -> Body:
-    """Returns a block whose faces that touch a wall of the box are moved out beyond the kernels'
-    reach.
+def extended_into_walls(body: Body, walls: np.ndarray, specs: list[LayerSpec]) -> Body:
+    """Returns a block whose faces that touch a wall of the box, at 0 or `walls` (3,) [m], are moved
+    out beyond the kernels' reach.
 
     Faces along axes of motion stay, since a gap may open there; other bodies are returned
     unchanged.
@@ -149,5 +149,5 @@ def extended_into_walls(body: Body, size: np.ndarray, specs: list[LayerSpec]) ->
     far = 2.0 * max(s.support for s in specs)
     fixed = ~body.motion.slides
     lo = np.where(fixed & (body.lo < touching), np.minimum(body.lo, -far), body.lo)
-    hi = np.where(fixed & (body.hi > size - touching), np.maximum(body.hi, size + far), body.hi)
+    hi = np.where(fixed & (body.hi > walls - touching), np.maximum(body.hi, walls + far), body.hi)
     return Block(lo, hi, body.motion)

@@ -24,13 +24,13 @@ Z_CELLS = 3
 
 
 def grid_shape(size: tuple[float, float, float], support: float) -> tuple[int, int, int]:
-    """Returns the cells along each axis of a box of `size` [m], for a support [m]."""
+    """Returns the cells along each axis of a region of `size` [m], for a support [m]."""
     nx, ny, nz = (max(1, math.ceil(length / support)) for length in (*size[:2], Z_CELLS * size[2]))
     return nx, ny, nz
 
 
 def cells_of(size: tuple[float, float, float], specs: list[LayerSpec]) -> list[int]:
-    """Returns the number of cells of each layer's grid over a box of `size` [m]."""
+    """Returns the number of cells of each layer's grid over a region of `size` [m]."""
     return [math.prod(grid_shape(size, s.support)) for s in specs]
 
 
@@ -45,7 +45,8 @@ def grid_rows(size: tuple[float, float, float], specs: list[LayerSpec]) -> dict[
 
 @data_oriented
 class LayeredGrid:
-    """Neighbour grids over the box (0, 0, 0) to size [m], one per layer.
+    """Neighbour grids over the region (0, 0, 0) to size [m], one per layer. Particles outside are
+    in the nearest cells.
 
     cell_start (cells + 1,) i32: first particle of each cell. By layer: dims ivec3; offset i32,
     first cell; per_support [1/m]; lowest, highest i32, range of the y slabs that contain particles.
@@ -132,6 +133,8 @@ class LayeredGrid:
         # fields.
         g, r = x * self.per_support[layer], reach * self.per_support[layer]
         dims = self.dims[layer]
+        # The top slab contains all particles above it.
+        g[1] = ti.min(g[1], ti.cast(dims[1], ti.f32))
         # Clamped: a position that is not finite must not index memory.
         lo = ti.max(ti.min(ti.floor(g[1] - r, ti.i32), dims[1] - 1), self.lowest[layer])
         hi = ti.min(ti.max(ti.floor(g[1] + r, ti.i32), 0), self.highest[layer])

@@ -16,6 +16,8 @@ from msph.taichi_internals import data_oriented
 # axis whose mirror is the far wall.
 INDEX_BITS = 24
 INDEX_MASK = (1 << INDEX_BITS) - 1
+# Bit of the floor among the walls.
+FLOOR = 1 << 1
 
 
 @data_oriented
@@ -27,18 +29,23 @@ class MirrorImages:
     """
 
     def __init__(self, constants: Constants):
-        self.size = constants.size  # [m]
+        self.walls, self.rim = constants.walls, constants.rim  # [m]
 
     @ti.func
     def walls_near(self, x, reach):
         """Returns the walls within `reach` [m] of x as bits: 0 to 2 at the origin, 3 to 5
-        opposite."""
+        opposite. Above the rim, side walls mirror nothing."""
         # Reading a single component would disable reductions per thread in the calling loop.
-        size, found = self.size[None], 0
+        walls, found = self.walls[None], 0
         for k in ti.static(range(3)):
             found |= ti.select(x[k] < reach, 1 << k, 0)
-            found |= ti.select(size[k] - x[k] < reach, 8 << k, 0)
-        return found
+            found |= ti.select(walls[k] - x[k] < reach, 8 << k, 0)
+        return ti.select(self.is_mirrored(x), found, found & FLOOR)
+
+    @ti.func
+    def is_mirrored(self, x):
+        """Returns True if side walls mirror a particle at x [m]."""
+        return x.y <= self.rim[None]
 
     @ti.func
     def combinations(self, near):
@@ -63,10 +70,10 @@ class MirrorImages:
     def mirror_and_wall(self, mirrors):
         """Returns the mirrored vectors' factors (-1 along mirrored axes) and the walls [m]."""
         sign, wall = ti.Vector([1.0, 1.0, 1.0]), ti.Vector([0.0, 0.0, 0.0])
-        size = self.size[None]
+        walls = self.walls[None]
         for k in ti.static(range(3)):
             sign[k] -= 2.0 * ti.cast((mirrors >> k) & 1, ti.f32)
-            wall[k] = size[k] * ti.cast((mirrors >> (k + 3)) & 1, ti.f32)
+            wall[k] = walls[k] * ti.cast((mirrors >> (k + 3)) & 1, ti.f32)
         return sign, wall
 
     @ti.func

@@ -205,9 +205,11 @@ class NeighbourList:
                 for s in range(first, first + inner):
                     j = self.index[s]
                     reach = self.reaches[layer, self.particles.layer[j]]
-                    r_ij = self.images.offset(x, self.particles.x[j], mirror, wall)
+                    x_j = self.particles.x[j]
+                    near_j = self.images.offset(x, x_j, mirror, wall).norm_sqr() < reach * reach
                     self.index[place] = self.images.entry(j, mirrors)
-                    place += ti.select(r_ij.norm_sqr() < reach * reach, 1, 0)
+                    # As for i: forces between two particles must be equal and opposite.
+                    place += ti.select(near_j and self.images.is_mirrored(x_j), 1, 0)
                 search.place = place
 
     @ti.func

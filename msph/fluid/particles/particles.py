@@ -48,6 +48,7 @@ CORE = (
     Attribute("v", "m/s", "velocity", width=3, inherited=False, view="speed"),
     Attribute("layer", "-", "layer index", integer=True, inherited=False, view="layers"),
     Attribute("id", "-", "identifier, unchanged by sorting", integer=True, inherited=False),
+    Attribute("alive", "-", "0 if to be removed", integer=True, carried=False),
 )
 
 
@@ -64,6 +65,7 @@ class Particles:
     v: Any
     layer: Any
     id: Any
+    alive: Any
 
     def __init__(self, room: int, attributes: tuple[Attribute, ...]):
         self.capacity = self.room = room

@@ -176,8 +176,8 @@ class PositionCorrection:
             inner = self._limit(i) * (p.position_correction[i] - wall)
             self.impulses.internal_angular_impulse[None] += m * inner.cross(v + change)
         for i in range(n):
-            x, margin = p.x[i] + self._limit(i) * p.position_correction[i], self.contact.margin(i)
-            p.x[i] = ti.math.clamp(x, margin, self.constants.size[None] - margin)
+            x = p.x[i] + self._limit(i) * p.position_correction[i]
+            p.x[i] = self.contact.walls.confined(p.x[i], x, self.contact.margin(i))
             p.v[i] += p.velocity_exchange[i]
 
     @ti.func

@@ -1,0 +1,132 @@
+"""Water that leaves an open box: it is spilt.
+
+After each step, particles beyond a side wall, which they can only pass above the rim, and particles
+above the ceiling are removed. Their mass, momentum and energy are recorded, and they fall on as
+drops that are only drawn.
+"""
+
+import math
+
+import numpy as np
+import taichi as ti
+
+from msph.device_table import DeviceTable, f32
+from msph.errors import MsphError
+from msph.fluid.boundary.walls import Walls
+from msph.fluid.constants import Constants
+from msph.fluid.impulse_ledger import ImpulseLedger
+from msph.fluid.particles.layers import MAX_LAYERS, Layers
+from msph.fluid.particles.particles import Particles
+from msph.fluid.particles.removal import Removal
+from msph.taichi_internals import data_oriented, kernel
+
+vec3 = ti.math.vec3
+
+# Largest number of drops; new ones replace the oldest.
+MOST_DROPS = 2048
+# Time [s] after which a drop vanishes, if it has not reached the ground.
+LIFE = 3.0
+# Radius of a drop of a particle's volume, in spacings.
+DROP_RADIUS = (3.0 / (4.0 * math.pi)) ** (1.0 / 3.0)
+
+
+class AllSpiltError(MsphError):
+    """No water is left in an open box."""
+
+
+@data_oriented
+class Rim:
+    """Removes spilt particles. mass [kg]: spilt since the start. drops (MOST_DROPS,): x [m], v
+    [m/s], radius [m] and the remaining life [s] of the drops that they become, 0: none."""
+
+    def __init__(
+        self,
+        constants: Constants,
+        layers: Layers,
+        particles: Particles,
+        removal: Removal,
+        impulses: ImpulseLedger,
+    ):
+        self.constants, self.layers, self.particles = constants, layers, particles
+        self.walls, self.removal, self.impulses = Walls(constants), removal, impulses
+        self.drops = DeviceTable((MOST_DROPS,), x=vec3, v=vec3, radius=f32, life=f32)
+        self.spilt = ti.field(ti.i32, shape=MAX_LAYERS)  # particles since the reset
+        self.added = ti.field(ti.i32, shape=())  # drops since the reset
+        self.open, self.mass, self._counted = False, 0.0, np.zeros(MAX_LAYERS, int)
+
+    def load(self, open_top: bool) -> None:
+        """Compiles the kernels for a scene with an open top: launched without particles."""
+        self.open = open_top
+        if open_top:
+            self._mark(0)
+            self._hand_over(0, vec3(0.0))
+            self._fall(0.0, vec3(0.0))
+            self.removal.compile()
+
+    def reset(self, mass: float = 0.0) -> None:
+        """Removes all drops. mass [kg]: spilt before."""
+        self.mass, self._counted = mass, np.zeros(MAX_LAYERS, int)
+        if self.open:
+            self.drops.fill()
+            self.spilt.fill(0)
+            self.added[None] = 0
+
+    def spill(self, gravity: tuple[float, float, float]) -> bool:
+        """Removes the particles outside the box, under gravity [m/s^2]; returns True if there are
+        any. Grid and neighbour list become invalid. Raises AllSpiltError if none is left."""
+        n = self.particles.count
+        if not self.open or self._mark(n) == 0:
+            return False
+        self._hand_over(n, vec3(gravity))
+        self.removal.run(n)
+        counts = self.spilt.to_numpy()
+        for spec, more in zip(self.layers.specs, counts - self._counted, strict=False):
+            self.mass += spec.mass * float(more)
+        self._counted = counts
+        if self.particles.count == 0:
+            raise AllSpiltError("all water has left the open box")
+        return True
+
+    def fall(self, dt: float, gravity: tuple[float, float, float]) -> None:
+        """Moves the drops by dt [s] under gravity [m/s^2]."""
+        if self.open and self.mass > 0.0:
+            self._fall(dt, vec3(gravity))
+
+    @kernel
+    def _mark(self, n: ti.i32) -> ti.i32:
+        """Sets alive to 0 for the particles outside; returns their number."""
+        found = 0
+        for i in range(n):
+            x = self.particles.x[i]
+            out = self.walls.is_outside(x) or x.y > self.constants.ceiling[None]
+            self.particles.alive[i] = ti.select(out, 0, 1)
+            found += ti.cast(out, ti.i32)
+        return found
+
+    @kernel
+    def _hand_over(self, n: ti.i32, gravity: vec3):
+        """Records the particles outside, m v and m (v^2/2 - g.x) of each, and makes drops."""
+        p = self.particles
+        for i in range(n):
+            if p.alive[i] == 0:
+                layer, x, v = p.layer[i], p.x[i], p.v[i]
+                m = self.layers.mass[layer]
+                self.spilt[layer] += 1
+                self.impulses.spilt_momentum[None] += m * v
+                self.impulses.spilt_energy[None] += m * (0.5 * v.norm_sqr() - gravity.dot(x))
+                at = ti.atomic_add(self.added[None], 1) % MOST_DROPS
+                self.drops.x[at], self.drops.v[at], self.drops.life[at] = x, v, LIFE
+                self.drops.radius[at] = DROP_RADIUS * self.layers.spacing[layer]
+
+    @kernel
+    def _fall(self, dt: ti.f32, gravity: vec3):
+        """Moves the drops ballistically, down to the level of the box's lowest corner."""
+        for k in range(MOST_DROPS):
+            if self.drops.life[k] > 0.0:
+                v, size = self.drops.v[k] + dt * gravity, self.constants.size[None]
+                x = self.drops.x[k] + dt * v
+                down = x - 0.5 * size
+                landed = down.dot(gravity) > 0.5 * abs(gravity).dot(size)
+                self.drops.x[k], self.drops.v[k] = x, v
+                life = ti.max(self.drops.life[k] - dt, 0.0)
+                self.drops.life[k] = ti.select(landed, 0.0, life)

@@ -1,0 +1,216 @@
+"""Open boxes: water above the rim leaves over the side walls, and is accounted for."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import taichi as ti
+
+from msph.fluid.boundary.rim import AllSpiltError
+from msph.fluid.classic import ClassicParameters
+from msph.fluid.external_forces import ExternalForces
+from msph.fluid.particles.layers import LayerSpec
+from msph.fluid.plan import Plan
+from msph.fluid.projection.parameters import ProjectionParameters
+from msph.fluid.simulation import Simulation
+from msph.measure.ledger import Ledger
+from msph.scene import load_scene
+from msph.scene.build import build_simulation
+from msph.taichi_internals import on_cpu
+
+FRAME, SIZE, SPACING = 1.0 / 60.0, (0.4, 0.3, 0.4), 0.04
+# Gravity of a box that is tilted by 40 degrees.
+TILTED = ExternalForces((6.3, -7.5, 0.0))
+
+
+def lattice(height: float) -> np.ndarray:
+    axes = (np.arange(SPACING / 2, length, SPACING) for length in (0.4, height, 0.4))
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+
+
+def plan(height: float, open_top: bool = True, method=ProjectionParameters, **initial) -> Plan:
+    """Water of `height` [m] in the box."""
+    x = lattice(height).astype(np.float32)
+    start = {"x": x, "v": np.zeros_like(x), "layer": np.zeros(len(x), np.int32), **initial}
+    smoothing = 2.45 if method is ProjectionParameters else 1.6
+    layers = [LayerSpec(1000.0 * SPACING**3, 1000.0, smoothing, viscosity=5.0)]
+    return Plan(SIZE, layers, start, method(), open_top=open_top)
+
+
+def run(sim: Simulation, frames: int, external: ExternalForces = TILTED) -> Ledger:
+    ledger = Ledger(sim, density_every=np.inf)
+    ledger.record(external.gravity)
+    for _ in range(frames):
+        sim.advance(FRAME, external)
+        ledger.record(external.gravity)
+    return ledger
+
+
+@pytest.fixture
+def simulate():
+    made = []
+
+    def simulate(plan: Plan) -> Simulation:
+        made.append(Simulation(plan))
+        return made[-1]
+
+    yield simulate
+    for sim in made:
+        sim.close()
+
+
+@pytest.mark.parametrize("method", [ProjectionParameters, ClassicParameters])
+def test_a_tilted_box_spills_and_loses_no_mass(simulate, method):
+    sim = simulate(plan(0.24, method=method))
+    ledger = run(sim, 30)
+    first, last = ledger.entries[0], ledger.entries[-1]
+    assert last.spilt > 0.1 * first.mass
+    mass = 1000.0 * SPACING**3
+    assert last.spilt == pytest.approx((len(sim.initial["x"]) - sim.particles.count) * mass)
+    for entry in ledger.entries:
+        assert entry.mass + entry.spilt == pytest.approx(first.mass, rel=1e-6)
+        assert entry.outside == 0
+    x, ids = sim.particles.numpy("x"), sim.particles.numpy("id")
+    assert np.all(x[:, [0, 2]] > 0.0) and np.all(x[:, [0, 2]] < 0.4)
+    assert len(np.unique(ids)) == sim.particles.count
+
+
+def test_a_lid_keeps_the_water(simulate):
+    sim = simulate(plan(0.24, open_top=False))
+    ledger = run(sim, 20)
+    assert ledger.entries[-1].spilt == 0.0
+    assert sim.particles.count == len(sim.initial["x"])
+    assert sim.particles.numpy("x")[:, 1].max() < SIZE[1]
+
+
+def test_water_rises_above_the_rim_and_falls_back(simulate):
+    v = np.zeros_like(lattice(0.16), dtype=np.float32)
+    # In the middle, away from the walls.
+    v[np.all(np.abs(lattice(0.16)[:, [0, 2]] - 0.2) < 0.1, axis=1), 1] = 3.0
+    sim = simulate(plan(0.16, v=v))
+    tops = []
+    for _ in range(100):
+        sim.advance(FRAME, ExternalForces())
+        tops.append(sim.particles.numpy("x")[:, 1].max())
+        assert sim.contact.leaked() == 0
+    assert max(tops) > SIZE[1] + 0.05
+    assert tops[-1] < SIZE[1]
+    assert sim.rim.mass < 0.2 * len(v) * 1000.0 * SPACING**3
+
+
+def test_energy_leaves_with_the_water(simulate):
+    """The projection method gains no energy, and less than a fifth is lost with what is spilt."""
+    ledger = run(simulate(plan(0.24)), 30)
+    assert ledger.entries[-1].spilt_energy != 0.0
+    assert ledger.energy_gain() < 2e-3
+    kept = [e.energy for e in ledger.entries]
+    assert kept[-1] < kept[0]
+
+
+def test_momentum_leaves_with_the_water(simulate):
+    """Per step: change = gravity + walls + pair forces - spilt, all of them recorded but gravity,
+    which acts on the water that is in the box."""
+    sim = simulate(plan(0.24))
+    ledger = run(sim, 10)
+    spilt = 0
+    for _ in range(20):
+        before, steps = ledger.entries[-1], sim.steps
+        sim.advance(1e-3, TILTED)
+        after = ledger.record(TILTED.gravity)
+        if sim.steps - steps > 1:
+            continue
+        names = ("momentum", "wall_impulse", "internal_impulse", "spilt_momentum")
+        change, walls, pairs, left = (getattr(after, k) - getattr(before, k) for k in names)
+        gravity = before.mass * 1e-3 * np.array(TILTED.gravity)
+        balance = change - walls - pairs + left - gravity
+        assert np.linalg.norm(balance) < 1e-3 * np.linalg.norm(gravity)
+        spilt += np.linalg.norm(left) > 0.0
+    assert spilt > 3
+
+
+def test_a_resumed_run_keeps_the_spilt_mass(simulate):
+    sim = simulate(plan(0.24))
+    run(sim, 16)
+    state = sim.state()
+    assert sim.rim.mass > 0.0
+    run(sim, 8)
+    whole = sim.state()
+    assert whole["spilt"] > state["spilt"]
+    sim.reset()
+    assert sim.rim.mass == 0.0
+    sim.restore(state)
+    assert sim.rim.mass == state["spilt"]
+    run(sim, 8)
+    assert sim.rim.mass == pytest.approx(float(whole["spilt"]), rel=0.05)
+    if on_cpu() and ti.cfg.cpu_max_num_threads == 1:
+        assert {k: v.tobytes() for k, v in sim.state().items()} == {
+            k: v.tobytes() for k, v in whole.items()
+        }
+    with pytest.raises(ValueError, match="spilt"):
+        sim.restore({**state, "spilt": np.float64(-1.0)})
+
+
+def test_neighbours_above_the_rim_are_complete_and_mutual(simulate):
+    """Also of particles above the grid, and without images of particles above the rim."""
+    rng = np.random.default_rng(3)
+    x = rng.uniform((0.0, 0.2, 0.0), (0.4, 0.7, 0.4), (400, 3)).astype(np.float32)
+    layer, v = np.zeros(len(x), np.int32), np.zeros_like(x)
+    sim = simulate(dataclasses.replace(plan(0.2), initial={"x": x, "v": v, "layer": layer}))
+    sim.particles.fill(x=x, v=v, layer=layer)
+    neighbours, n = sim.world.parts.neighbours, len(x)
+    neighbours.moved(np.inf)
+    sim.grid.invalidate()
+    neighbours.refresh()
+    x = sim.particles.numpy("x")
+    start, mirrors, end, index = (
+        getattr(neighbours, k).to_numpy() for k in ("start", "mirrors", "end", "index")
+    )
+    reach = sim.layers.specs[0].support
+    distance = np.linalg.norm(x[:, None] - x[None], axis=2)
+    images = set()
+    for i in range(n):
+        ours = set(index[start[i] : mirrors[i]].tolist())
+        assert ours == set(np.flatnonzero(distance[i] < reach).tolist()) - {i}
+        images |= {(i, int(e)) for e in index[mirrors[i] : end[i]]}
+    mask = (1 << 24) - 1
+    assert images
+    for i, entry in images:
+        assert x[i, 1] <= SIZE[1] and x[entry & mask, 1] <= SIZE[1]
+        assert (entry & mask, i | (entry & ~mask)) in images
+
+
+def test_layers_that_adapt_spill():
+    """Splits, merges and spilling change the number of particles; ids stay unique."""
+    changes = ["box.size=[0.8, 0.45, 0.8]", "adaptation.every=2", "adaptation.travel=0.3"]
+    changes += [f"layers.{k}.spacing={0.05 * 2 ** (k / 3):.6f}" for k in range(3)]
+    changes += ["water.0.hi=[0.8, 0.2, 0.8]", "water.1.centre=[0.4, 0.33, 0.4]", "box.open=true"]
+    sim = build_simulation(load_scene("drop", changes))
+    mass = run(sim, 1).entries[0].mass
+    last = run(sim, 40).entries[-1]
+    assert last.spilt > 0.0
+    assert last.mass + last.spilt == pytest.approx(mass, rel=1e-6)
+    assert sum(sim.solver.adaptation.totals) > 0
+    assert len(np.unique(sim.particles.numpy("id"))) == sim.particles.count
+    sim.close()
+
+
+def test_water_that_never_returns_is_spilt(simulate):
+    """Up to the last particle, with gravity upwards."""
+    sim = simulate(plan(0.08))
+    with pytest.raises(AllSpiltError):
+        run(sim, 90, ExternalForces((0.0, 20.0, 0.0)))
+    assert sim.rim.mass == pytest.approx(len(sim.initial["x"]) * 1000.0 * SPACING**3)
+
+
+def test_drops_fall_to_the_ground_and_vanish(simulate):
+    sim = simulate(plan(0.24))
+    run(sim, 20)
+    live = sim.rim.drops.life.to_numpy() > 0.0
+    assert live.sum() > 10
+    down = np.array(TILTED.gravity)
+    lowest = np.abs(down) @ np.array(SIZE) / 2.0
+    x = sim.rim.drops.x.to_numpy()[live]
+    assert np.all((x - np.array(SIZE) / 2.0) @ down <= 1.01 * lowest)
+    for _ in range(120):
+        sim.rim.fall(FRAME, TILTED.gravity)
+    assert not (sim.rim.drops.life.to_numpy() > 0.0).any()

@@ -1,0 +1,61 @@
+"""Spilt water in shows: drawn as drops outside the box."""
+
+import numpy as np
+import pytest
+
+from msph.scene import load_scene
+from msph.stage.controls import Controls
+from msph.stage.show import Show
+
+SIZE = (160, 120)
+
+
+@pytest.fixture(scope="module")
+def show():
+    changes = ("box.size=[0.6, 0.36, 0.6]", "layers.0.spacing=0.06", "picture.whitewater=false")
+    return Show(load_scene("still", changes), 1 / 60, size=SIZE)
+
+
+@pytest.fixture(autouse=True)
+def start_anew(show):
+    show.reset()
+
+
+def image(show, *places) -> np.ndarray:
+    """The image of a show with drops at `places` [m]."""
+    n = len(places)
+    drops = {"x": np.array(places).reshape(n, 3), "v": np.zeros((n, 3))}
+    drops |= {"radius": np.full(n, 0.03), "life": np.ones(n)}
+    show.simulation.rim.drops.fill(**drops)
+    show.draw()
+    return show.picture.to_numpy_u8().astype(int)
+
+
+def pixel(show, place) -> tuple[int, int]:
+    """Row and column of a point [m] in the image."""
+    (right, up), *_ = show.camera.project(np.array([place]), *SIZE, show.simulation.size, show.tilt)
+    return int((1.0 - up) * SIZE[1]), int(right * SIZE[0])
+
+
+def test_a_drop_is_drawn_where_it_is(show):
+    eye = show.camera.eye
+    # Beside the box, at the side of the eye.
+    place = (0.3 + 0.45 * np.sign(eye[0] - 0.3), 0.2, 0.3)
+    without, found = image(show), image(show, place)
+    changed = np.argwhere(np.abs(found - without).max(axis=2) > 3)
+    assert 5 < len(changed) < 0.05 * found.shape[0] * found.shape[1]
+    assert np.abs(changed - pixel(show, place)).max() < 12
+
+
+def test_tiles_hide_drops_behind_them(show):
+    side = np.sign(show.camera.eye[0] - 0.3)
+    assert np.array_equal(image(show), image(show, (0.3 - 0.4 * side, 0.1, 0.3)))
+
+
+def test_a_reset_forgets_drops_and_spilt_mass(show):
+    for _ in range(20):
+        show.frame(Controls(tilt=(-0.7, 0.0)))
+    rim = show.simulation.rim
+    assert rim.mass > 0.0 and (rim.drops.life.to_numpy() > 0.0).any()
+    show.reset()
+    assert rim.mass == 0.0 and not (rim.drops.life.to_numpy() > 0.0).any()
