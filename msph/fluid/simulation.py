@@ -9,7 +9,7 @@ from time import perf_counter
 import numpy as np
 
 from msph.errors import BlowUpError
-from msph.fluid.external_forces import ExternalForces
+from msph.fluid.external_forces import ExternalForces, Vec3
 from msph.fluid.methods import Parameters, all_attributes, solver_of
 from msph.fluid.particles.grid import cells_of
 from msph.fluid.particles.layers import LayerSpec
@@ -49,6 +49,10 @@ def footprint(
         "neighbours": (1 + solver.PER_ENTRY) * grown(FIRST.entries, entries),
         "particles": words * grown(FIRST.particles, count),
     }
+
+
+class FullError(ValueError):
+    """Raised if water is added beyond the largest number of particles."""
 
 
 class Simulation:
@@ -133,6 +137,25 @@ class Simulation:
         done = duration - left if left > 1e-6 * duration else duration
         self.time += done
         return done
+
+    def add(self, x: np.ndarray, v: np.ndarray, layer: int, gravity: Vec3) -> int:
+        """Adds particles of a layer at x [m] with velocities v [m/s], (n, 3), except where they
+        overlap water, walls or bodies; returns their number. gravity [m/s^2]: for their potential
+        energy. Raises FullError, and adds none, if they are too many."""
+        spec, size = self.layers.specs[layer], np.array(self.size)
+        margin = 0.5 * spec.spacing
+        free = ((x >= margin) & (x <= size - margin)).all(axis=1) & self.boundary.free(x)
+        held = self.particles.numpy("x")
+        for k in np.flatnonzero(free):
+            free[k] = ((held - x[k]) ** 2).sum(axis=1).min() > spec.spacing**2
+        x, v = x[free], v[free]
+        if self.particles.count + len(x) > self.particles.capacity:
+            raise FullError(f"the pool is full: at most {self.particles.capacity:,} particles")
+        if len(x):
+            self.particles.append(x, v, layer)
+            self.world.parts.impulses.add_water(spec.mass, x, v, np.array(gravity))
+            self.solver.particles_added(float(np.linalg.norm(v, axis=1).max()))
+        return len(x)
 
     def measure_density(self) -> None:
         """Sums the densities at the current positions; a step sums them at its midpoint only."""

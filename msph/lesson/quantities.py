@@ -73,8 +73,7 @@ def _exchanges(show: Show) -> float:
 
 
 def _mass_error(show: Show) -> float:
-    entries = show.ledger.entries
-    return 100.0 * (entries[-1].mass / entries[0].mass - 1.0)
+    return 100.0 * show.ledger.mass_change()
 
 
 def _tilt(show: Show) -> float:

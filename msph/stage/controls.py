@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 
 from msph.fluid.external_forces import Hand
+from msph.stage.tools import TOOLS
 
 
 @dataclass(frozen=True)
@@ -18,13 +19,20 @@ class Key:
 
 # Source of the key bindings and of the help page.
 KEYS = (
-    Key("left drag", "push the water", {"LMB": "push"}, "drag: push the water"),
+    Key(
+        "left drag",
+        "use the active tool, first: push the water",
+        {"LMB": "push"},
+        "drag: push the water",
+    ),
+    *(Key(tool.key, tool.effect, {tool.key: f"tool {tool.name}"}) for tool in TOOLS),
     Key(
         "arrow keys",
         "tilt the pool",
         dict.fromkeys(("Left", "Right", "Up", "Down"), "tilt"),
         "arrows: tilt",
     ),
+    Key("j", "jolt the pool", {"j": "jolt"}),
     Key("l", "lock the tilt, or level the pool again", {"l": "lock"}),
     Key(
         "right drag, a, d",

@@ -180,7 +180,7 @@ def test_list_knows_how_far_the_fastest_went(lone):
 
 
 def test_hand_drags_water_to_its_own_velocity_and_no_farther(lone):
-    hand = Hand(position=(0.4, 0.6, 0.4), velocity=(0.0, 0.0, 2.0), radius=0.5, grip=1e6)
+    hand = Hand(position=(0.4, 0.6, 0.4), velocity=(0.0, 0.0, 2.0), radii=(0.5, 0.5, 0.5), grip=1e6)
     lone.solver.step(1e-3, ExternalForces(gravity=(0.0, 0.0, 0.0), hand=hand))
     assert np.allclose(lone.particles.numpy("v")[0], [0.0, 0.0, 2.0], atol=1e-4)
 

@@ -211,7 +211,9 @@ def test_momentum_is_what_gravity_walls_and_the_hand_gave(name, request):
     sim.reset()
     ledger.clear()
     start = ledger.record(G)
-    hand = Hand(position=(0.2, 0.2, 0.2), velocity=(2.0, 1.0, -1.0), radius=0.25, grip=20.0)
+    hand = Hand(
+        position=(0.2, 0.2, 0.2), velocity=(2.0, 1.0, -1.0), radii=(0.25, 0.25, 0.25), grip=20.0
+    )
     for _ in range(12):
         sim.advance(1 / 60, ExternalForces(G, hand))
     entry = ledger.record(G)
@@ -235,7 +237,9 @@ def test_the_hands_work_is_the_energy_it_gives(world):
     far["x"] = np.array([[0.2, 0.5, 0.5], [0.8, 0.5, 0.5]], np.float32)
     sim.particles.fill(**{k: v[:2] for k, v in far.items()})
     sim.solver.reset()
-    hand = Hand(position=(0.2, 0.5, 0.5), velocity=(1.0, 0.5, 0.0), radius=0.3, grip=30.0)
+    hand = Hand(
+        position=(0.2, 0.5, 0.5), velocity=(1.0, 0.5, 0.0), radii=(0.3, 0.3, 0.3), grip=30.0
+    )
     for _ in range(5):
         sim.solver.step(2e-3, ExternalForces((0.0, 0.0, 0.0), hand))
     entry = ledger.record((0.0, 0.0, 0.0))

@@ -23,6 +23,7 @@ from msph.stage.panel import PAGES, Request
 from msph.stage.player import SLOW_MOTION, Player
 from msph.stage.row import Row
 from msph.stage.show import INTERACTIVE, Show
+from msph.stage.tools import TOOLS
 from tests.scenes_kit import TEXT, write
 
 SIZE = WIDTH, HEIGHT = 480, 270
@@ -173,23 +174,116 @@ def test_slow_motion_and_back(player, show):
 
 def test_arrows_tilt_and_the_pool_comes_level_unless_locked(player, show):
     player.window.held = {"Right"}
-    frames(player, show, 5)
+    frames(player, show, 10)
     tilt = player.steering.tilt[0]
-    assert tilt < -0.02 and show.tilt[0, 1] != 0.0
+    assert tilt < -0.05 and show.tilt[0, 1] != 0.0
     player.window.held = set()
-    frames(player, show, 4)
+    frames(player, show, 20)
     assert tilt < player.steering.tilt[0] < 0.0
-    frames(player, show, 40)
+    frames(player, show, 150)
     assert player.steering.tilt[0] == 0.0
     press(player, show, "l")
     player.window.held = {"Up"}
-    frames(player, show, 5)
+    frames(player, show, 10)
     player.window.held = set()
+    frames(player, show, 60)
     tilt = player.steering.tilt[1]
     frames(player, show, 10)
-    assert player.steering.tilt[1] == tilt != 0.0
-    press(player, show, "Return")
+    assert player.steering.tilt[1] == pytest.approx(tilt) and tilt < -0.02
+    press(player, show, "Return", number=150)
     assert not player.steering.tilt.any()
+
+
+def test_a_jolt_tilts_the_pool_to_and_fro_and_ends(player, show):
+    press(player, show, "j")
+    rolls = []
+    for _ in range(100):
+        frames(player, show)
+        rolls.append(player.steering.jolt)
+    assert min(rolls) < -0.05 and max(rolls) > 0.05 and rolls[-1] == 0.0
+    assert show.ledger.entries[-1].user_work > 0.0
+
+
+def wet_place(show):
+    """A place on the water, (right, up) in shares of the window."""
+    pixels = itertools.product(range(0, WIDTH, 4), range(0, HEIGHT, 4))
+    wet = [pixel for pixel in pixels if show.pick(*pixel) is not None]
+    return np.array(wet[len(wet) // 2]) / SIZE
+
+
+@pytest.mark.parametrize("tool", TOOLS, ids=lambda tool: tool.name)
+def test_each_tool_moves_or_adds_water_while_the_button_is_down(player, show, tool):
+    player.steering.tool = next(t for t in TOOLS if t is not tool)
+    press(player, show, tool.key, number=2)
+    assert player.steering.tool is tool and tool.effect == player.layout.message
+    player.window.at, player.window.held = wet_place(show), {"LMB"}
+    frames(player, show)
+    first = show.ledger.entries[-1]
+    for _ in range(12):
+        player.window.at = player.window.at + np.array([0.004, 0.0])
+        frames(player, show)
+    player.window.held = set()
+    frames(player, show)
+    last = show.ledger.entries[-1]
+    assert last.user_work != 0.0
+    assert (last.added_mass > 0.0) == (tool.name in ("rain", "ball"))
+    assert abs(show.ledger.mass_change()) < 1e-6
+    # A ball at each press, rain in each frame.
+    assert (last.added_mass > first.added_mass) == (tool.name == "rain")
+
+
+def test_pull_lifts_the_water_and_swirl_turns_it(player, show):
+    def after(key):
+        show.reset()
+        press(player, show, key, number=2)
+        player.window.at, player.window.held = wet_place(show), {"LMB"}
+        frames(player, show, 12)
+        player.window.held = set()
+        frames(player, show)
+        entry = show.ledger.entries[-1]
+        # About the centre of mass.
+        spin = entry.angular_momentum - np.cross(entry.centre, entry.momentum)
+        return entry.user_impulse[1], spin[1]
+
+    lift, turned_by_pull = after("g")
+    _, turned = after("t")
+    assert lift > 0.0
+    assert turned > 2.0 * abs(turned_by_pull)
+
+
+def test_a_full_pool_refuses_water_with_a_message(player, show, monkeypatch):
+    frames(player, show, 2)
+    monkeypatch.setattr(show.simulation.particles, "capacity", show.simulation.particles.count)
+    press(player, show, "b")
+    player.window.at, player.window.held = wet_place(show), {"LMB"}
+    frames(player, show)
+    player.window.held = set()
+    assert "full" in player.layout.message and show.ledger.mass_change() == 0.0
+
+
+def test_a_click_on_the_toolbar_selects_a_tool_and_pushes_nothing(player, show):
+    frames(player, show, 2)
+    left, low, _, height = player.layout.overlay.shown["tools"]
+    button = next(b for b in player.toolbar.sheet.buttons if b.name == "swirl")
+    x, y = 0.5 * (button.left + button.right), 0.5 * (button.top + button.bottom)
+    player.window.at = np.array([(left + x) / WIDTH, (low + height - y) / HEIGHT])
+    frames(player, show)
+    player.window.held, player.window.pressed = {"LMB"}, ["LMB"]
+    frames(player, show)
+    player.window.held = set()
+    frames(player, show)
+    assert player.steering.tool.name == "swirl"
+    assert show.ledger.entries[-1].user_work == 0.0
+
+
+def test_no_water_is_added_while_paused(player, show):
+    press(player, show, "u", number=2)
+    press(player, show, " ")
+    count = show.simulation.particles.count
+    player.window.at, player.window.held = wet_place(show), {"LMB"}
+    frames(player, show, 20)
+    player.window.held = set()
+    assert show.simulation.particles.count == count
 
 
 def test_camera_orbits_zooms_pans_and_comes_home(player, show):
