@@ -7,6 +7,7 @@ from msph.fluid.world import World
 from msph.picture.backdrop import Backdrop
 from msph.picture.body_shading import BodyShading
 from msph.picture.enlarger import Enlarger
+from msph.picture.hand_view import HandView
 from msph.picture.legend import LegendPanel
 from msph.picture.look import Look
 from msph.picture.particles_view import ParticlesView
@@ -63,6 +64,10 @@ class Picture:
             for shader in self.shaders
         ]
 
+        self.hand_view = HandView(self.lens, self.raster, self.fields.canvas)
+        # Centre [m] in the box frame and radius [m] of a ball that images show, or None.
+        self.ball: tuple[tuple[float, float, float], float] | None = None
+
     def load(self, width, height, box, look=None):
         """Prepares images of width x height pixels of the box (Lx, Ly, Lz) [m] with the boundary's
         present bodies. Raises ValueError if the room does not hold them."""
@@ -81,7 +86,7 @@ class Picture:
             raise ValueError(f"{width}x{height} pixels of {self.rays} rays exceed {self.room}")
         self.width, self.height = self.size = width, height
         self.legend.resize(width, height)
-        self.scale, self.view = 1.0, None
+        self.scale, self.view, self.ball = 1.0, None, None
 
     def change(self, look):
         """Sets another look that differs in live parameters only."""
@@ -149,7 +154,9 @@ class Picture:
             self.legend.draw(legend, self.image)
 
     def resolve(self):
-        """Averages the rays of each pixel, or upscales an image of fewer rays."""
+        """Draws the ball; averages the rays of each pixel, or upscales an image of fewer rays."""
+        if self.ball:
+            self.hand_view.draw(*self.ball)
         if self.rays > 1:
             self.average(self.rays, *self.size)
         elif self.ray_counts != self.size:

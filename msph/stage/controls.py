@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from msph.fluid.external_forces import Hand
+from msph.fluid.external_forces import Hand, Vec3
 from msph.stage.tools import TOOLS
 
 
@@ -71,10 +71,12 @@ class Controls:
     tilt: (roll about z, pitch about x) [rad] of the pool, added to the scene's own sway.
     frame_time [s]: simulated time of the frame, None for the show's default. budget [s]: limit of
     the fluid's wall-clock time, None for no limit. scale (-): image scale, for scalable shows.
+    ball: centre and radius [m] of a visible hand, box frame.
     """
 
     tilt: tuple[float, float] = (0.0, 0.0)
     hand: Hand = field(default_factory=Hand)
+    ball: tuple[Vec3, float] | None = None
     paused: bool = False
     single_step: bool = False
     reset: bool = False

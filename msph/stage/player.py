@@ -135,7 +135,7 @@ class Player(Audience):
         if held[0]:
             self.idle.tried.add("push")
         try:
-            steering.use_tool(controls, step, self._on_page())
+            steering.use_tool(controls, step, pressed, self._on_page())
         except FullError as error:
             self.layout.show_message(str(error))
         return any(held)

@@ -7,7 +7,7 @@ import numpy as np
 from msph.fluid.external_forces import Hand, as_vector
 from msph.stage.row import Row
 from msph.stage.show import Show
-from msph.stage.tools import LEAST_RADIUS, Touch
+from msph.stage.tools import LEAST_RADIUS, PRESS_TIME, Touch
 
 # Radius and grip of a hovering cursor over those of a push.
 WAKE_RADIUS, WAKE_GRIP = 0.3, 0.25
@@ -17,13 +17,14 @@ WAKE_SPEED = 2.0
 
 class Contact:
     """Contact of the cursor with the water. place: its position [m] in the box frame, None without
-    contact; over: the show under the cursor; holds: True while a pressed button holds the water."""
+    contact; over: the show under the cursor; holds: True while a pressed button holds the water;
+    held: for how long [s]."""
 
     def __init__(self) -> None:
         self.place: Any = None
         self.start: Any = None
         self.over: Any = None
-        self.holds = False
+        self.holds, self.held = False, 0.0
 
     def hold(self, row: Row, cursor: np.ndarray, step: float) -> Touch | None:
         """Returns the touch of a pressed button in a frame of `step` [s], None without water;
@@ -40,15 +41,21 @@ class Contact:
         hit = self._hit(show, cursor)
         if began:
             self.place = self.start = hit
-            self.holds = hit is not None
+            self.holds, self.held = hit is not None, 0.0
         if not self.holds:
             return None
         axis = show.tilt.T @ -show.camera.axes()[2]
         before = self.place
         self.place = eye + (before - eye) @ axis / (direction @ axis) * direction
         velocity = (self.place - before) / step
+        self.held += step
         surface = self.place if hit is None else hit
-        return Touch(show, self.place, velocity, self.start, surface, direction, step, began)
+        return Touch(show, self.place, velocity, self.start, surface, direction, step, self.held)
+
+    @property
+    def clicked(self) -> bool:
+        """True during the least duration of a press."""
+        return self.holds and self.held < PRESS_TIME
 
     def pass_over(self, row: Row, cursor: np.ndarray, step: float) -> Hand:
         """Returns the hand of a cursor that hovers over the water; it lets go between two

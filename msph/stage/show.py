@@ -137,8 +137,9 @@ class Show:
 
     def warm_up(self) -> None:
         """Compiles the kernels of a frame by running two of a step each, and resets."""
+        ball = (as_vector(np.zeros(3)), 0.1 * max(self.simulation.size))
         for _ in range(WARM_UP_FRAMES):
-            self.frame(Controls(scale=WARM_UP_SCALE, budget=0.0))
+            self.frame(Controls(scale=WARM_UP_SCALE, budget=0.0, ball=ball))
         self.reset()
         self.frames = 0
         if self.timings:
@@ -168,7 +169,7 @@ class Show:
                     with self._stage("surface"), self._substage("whitewater"):
                         self.whitewater.advance(self.simulated, external.gravity)
         if self.scalable:
-            self.picture.scale = controls.scale
+            self.picture.scale, self.picture.ball = controls.scale, controls.ball
         self.draw()
         self.frames += 1
         if self.timings:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from msph.fluid.external_forces import Hand
+from msph.fluid.external_forces import Hand, as_vector
 from msph.stage.controls import Controls
 from msph.stage.pushing import Contact
 from msph.stage.row import Row
@@ -18,7 +18,7 @@ ORBIT_KEY_RATE = math.radians(70.0)  # [rad/s]
 ZOOM_KEY_RATE = 1.5  # [1/s], as the logarithm of the distance
 LEVELLING = 0.5  # rate of levelling over the rate of tilting
 # Time in which the rate of tilting follows the keys [s]: sudden rotations throw the water.
-EASE = 0.12
+EASE = 0.08
 LEVEL = math.radians(0.05)  # tilt that counts as level
 # Jolt: largest tilt [rad], duration [s] and number of swings.
 JOLT_TILT, JOLT_TIME, JOLT_SWINGS = math.radians(5.0), 1.2, 3.0
@@ -74,8 +74,9 @@ class Steering:
         self.rate += (wanted - self.rate) * (1.0 if paused else min(step / EASE, 1.0))
         before = self.tilt
         self.tilt = np.clip(before + self.rate * step, -limit, limit)
-        self.tilt[(asked == 0.0) & (np.abs(self.tilt) < LEVEL) & (back != 0.0)] = 0.0
         self.rate = (self.tilt - before) / step
+        reached = (back != 0.0) & (asked == 0.0) & (np.abs(self.tilt) < LEVEL)
+        self.tilt[reached] = self.rate[reached] = 0.0
         self.jolted += 0.0 if paused else step
 
     @property
@@ -109,14 +110,18 @@ class Steering:
             return "orbit"
         return ""
 
-    def use_tool(self, controls: Controls, step: float, on_page: bool) -> None:
+    def use_tool(self, controls: Controls, step: float, pressed: bool, on_page: bool) -> None:
         """Uses the active tool where the left button holds water, otherwise lets the cursor leave a
-        wake. Raises FullError if there is no room for more water."""
+        wake. pressed: in this frame, even if released since. Raises FullError if there is no room
+        for more water."""
         left, right, middle = self.held_buttons()
+        left = left or self.contact.clicked or (pressed and self.free.get("LMB", True))
         hover = self.row.lead.scene.play.hover and self.moved.any()
         if left and not (controls.paused and not controls.single_step):
             touch = self.contact.hold(self.row, self.cursor, step)
             controls.hand = self.tool.act(touch) if touch else Hand()
+            if touch and self.tool.ball:
+                controls.ball = as_vector(touch.place), touch.radius
         elif hover and not (right or middle or on_page):
             controls.hand = self.contact.pass_over(self.row, self.cursor, step)
         else:

@@ -14,12 +14,16 @@ if TYPE_CHECKING:
 
 # Least radius of a hand in finest spacings, below which it slips between the particles.
 LEAST_RADIUS = 1.5
+# Least duration of a press [s], also of a shorter click. In it a push goes down, at this speed over
+# sqrt(g R), R the push radius, in a part of the radius: a click makes a ring wave.
+PRESS_TIME, POKE_SPEED, POKE_RADIUS = 0.1, 0.8, 0.6
 # Pull: radius and height of its centre above the water over the push radius; rate [1/s].
 PULL_RADIUS, PULL_HEIGHT, PULL_RATE = 1.3, 0.5, 5.0
-# Swirl: speed at the push radius R over sqrt(g R), which makes a funnel about R/2 deep.
-SWIRL_SPEED = 1.0
+# Swirl: speed at the push radius R over sqrt(g R), which makes a funnel about R/2
+# deep in a second.
+SWIRL_SPEED = 1.6
 # Wave: thickness of the slab of water that moves with the cursor, over the box's length.
-SLAB = 0.3
+SLAB = 0.2
 # Rain: drops per second, radius of the shower over the push radius, height of the start above the
 # water over the box's height, speed there [m/s].
 RAIN_RATE, RAIN_RADIUS, RAIN_HEIGHT, RAIN_SPEED = 40.0, 0.8, 0.35, 1.5
@@ -36,8 +40,8 @@ class Touch:
 
     place [m], velocity [m/s] in the box frame, those of a hand that moves in the plane facing the
     camera through `start` [m], where the button was pressed; surface [m]: the water under the
-    cursor, or the place; direction of the cursor's ray; step [s] of the frame; began: the button
-    was pressed in this frame.
+    cursor, or the place; direction of the cursor's ray; held [s]: simulated time since the press,
+    of which `step` in this frame.
     """
 
     show: "Show"
@@ -47,7 +51,12 @@ class Touch:
     surface: np.ndarray
     direction: np.ndarray
     step: float
-    began: bool
+    held: float
+
+    @property
+    def began(self) -> bool:
+        """True in the frame of the press."""
+        return self.held == self.step
 
     @property
     def size(self) -> np.ndarray:
@@ -89,8 +98,12 @@ class Tool:
 
 
 def push(touch: Touch) -> Hand:
-    velocity = touch.show.scene.play.push_gain * touch.velocity
-    return touch.hand(touch.place, (touch.radius,) * 3, velocity)
+    velocity, radius = touch.show.scene.play.push_gain * touch.velocity, touch.radius
+    if touch.held <= PRESS_TIME:
+        poke = POKE_SPEED * math.sqrt(touch.gravity * radius)
+        if poke > float(np.linalg.norm(velocity)):
+            velocity, radius = -poke * touch.up, POKE_RADIUS * radius
+    return touch.hand(touch.place, (radius,) * 3, velocity)
 
 
 def pull(touch: Touch) -> Hand:

@@ -212,7 +212,12 @@ def test_momentum_is_what_gravity_walls_and_the_hand_gave(name, request):
     ledger.clear()
     start = ledger.record(G)
     hand = Hand(
-        position=(0.2, 0.2, 0.2), velocity=(2.0, 1.0, -1.0), radii=(0.25, 0.25, 0.25), grip=20.0
+        position=(0.2, 0.2, 0.2),
+        velocity=(2.0, 1.0, -1.0),
+        radii=(0.25, 0.25, math.inf),
+        grip=20.0,
+        spin=(0.0, 5.0, 0.0),
+        draw=-3.0,
     )
     for _ in range(12):
         sim.advance(1 / 60, ExternalForces(G, hand))
