@@ -17,6 +17,8 @@ vec2, vec3, vec4 = ti.math.vec2, ti.math.vec3, ti.math.vec4
 RIM_WIDTH = 0.0035  # width of edge lines, over the longest edge of the box
 LINE_LIMIT = 1.6  # largest width of the line of one face [pixels]
 RIM_STRENGTH, INNER_STRENGTH = 0.85, 0.35  # opacity of edges before and behind the water
+# Relative difference of depths in the same place: water reaches into bodies, also along the glass.
+SAME_DEPTH = 1e-3
 GLASS = 0.045  # reflectance of a pane at normal incidence
 # Digits of a sample's kind: low wall (0, 1) or body; axis by which the ray entered the box.
 WALL_OR_BODY, ENTRY_AXIS = 4, 1 << 18
@@ -181,10 +183,10 @@ class Backdrop:
 
     @ti.func
     def covers(self, i, j, depth):
-        """Returns True if a body is in front of `depth` [m] at a pixel."""
+        """Returns True if a body is in front of `depth` [m] at a pixel, or in the same place."""
         found = False
         if ti.static(self.pool.occupied):
-            found = self.depth[i, j] < depth
+            found = self.depth[i, j] < (1.0 + SAME_DEPTH) * depth
         return found
 
 

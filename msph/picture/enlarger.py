@@ -13,15 +13,15 @@ STRIP = 256  # pixels of a column per loop iteration on the CPU, where the inner
 
 @data_oriented
 class Enlarger:
-    """Upscales the lower left part of `canvas` to `resolved`."""
+    """Upscales the lower left part of `resolved`."""
 
     def __init__(self, fields: PixelFields):
-        self.canvas, self.wide, self.resolved = fields.canvas, fields.wide, fields.resolved
+        self.wide, self.resolved = fields.wide, fields.resolved
         self.strip, self.block = (STRIP, CPU_BLOCKS) if on_cpu() else (1, GPU_BLOCKS)
 
     @kernel
     def enlarge(self, columns: ti.i32, rows: ti.i32, width: ti.i32, height: ti.i32):
-        """Upscales columns x rows pixels of the canvas to width x height pixels."""
+        """Upscales columns x rows pixels to width x height pixels."""
         strip = self.strip
         ti.loop_config(block_dim=self.block)
         for i, s in ti.ndrange(width, (rows + strip - 1) // strip):
@@ -29,7 +29,7 @@ class Enlarger:
             for b in range(s * strip, ti.min((s + 1) * strip, rows)):
                 total = ti.math.vec3(0.0)
                 for k in ti.static(range(4)):
-                    total += weights[k] * self.canvas[ti.math.clamp(first + k, 0, columns - 1), b]
+                    total += weights[k] * self.resolved[ti.math.clamp(first + k, 0, columns - 1), b]
                 self.wide[i, b] = total
         ti.loop_config(block_dim=self.block)
         for i, s in ti.ndrange(width, (height + strip - 1) // strip):

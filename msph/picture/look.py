@@ -59,7 +59,7 @@ class Look(Section):
     )
     scatter: Vector = parameter((0.02, 0.18, 0.28), text="colour of deep water, linear RGB")
     supersample: int = parameter(
-        1, ge=1, le=4, text="rays per pixel along each axis, for smooth edges"
+        1, ge=1, le=4, text="rays per pixel along each axis; capture: 2 by default"
     )
     legend: bool = parameter(True, text="show a legend of the colours of a view")
 

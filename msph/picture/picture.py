@@ -6,6 +6,7 @@ import taichi as ti
 from msph.fluid.world import World
 from msph.picture.backdrop import Backdrop
 from msph.picture.body_shading import BodyShading
+from msph.picture.edge_filter import EdgeFilter
 from msph.picture.enlarger import Enlarger
 from msph.picture.hand_view import HandView
 from msph.picture.legend import LegendPanel
@@ -48,7 +49,8 @@ class Picture:
     def __init__(self, mesh, boundary=None, room=SMALLEST, whitewater: Whitewater | None = None):
         self.mesh, self.boundary, self.room = mesh, boundary, room
         self.fields, self.lens, tone = PixelFields(room), Lens(), Tone()
-        self.enlarger, self.legend = Enlarger(self.fields), LegendPanel(room.width, room.height)
+        self.edge_filter, self.enlarger = EdgeFilter(self.fields), Enlarger(self.fields)
+        self.legend = LegendPanel(room.width, room.height)
         self.raster, self.sunlight = Rasteriser(self.fields, self.lens), Sunlight(mesh, self.lens)
         self.particles = ParticlesView(self.lens, self.raster, tone, self.fields.canvas)
         self.sky, self.bodies = Sky(), BodyShading(boundary)
@@ -104,8 +106,7 @@ class Picture:
     @property
     def image(self):
         """The last image."""
-        direct = self.ray_counts == self.size
-        return Image(self.fields.canvas if direct else self.fields.resolved, *self.size)
+        return Image(self.fields.resolved, *self.size)
 
     @property
     def ray_counts(self):
@@ -154,13 +155,16 @@ class Picture:
             self.legend.draw(legend, self.image)
 
     def resolve(self):
-        """Draws the ball; averages the rays of each pixel, or upscales an image of fewer rays."""
+        """Draws the ball; averages the rays of each pixel, or smooths the edges of an image with
+        one ray or fewer per pixel, and upscales it."""
         if self.ball:
             self.hand_view.draw(*self.ball)
         if self.rays > 1:
             self.average(self.rays, *self.size)
-        elif self.ray_counts != self.size:
-            self.enlarger.enlarge(*self.ray_counts, *self.size)
+        else:
+            self.edge_filter.smooth(*self.ray_counts)
+            if self.ray_counts != self.size:
+                self.enlarger.enlarge(*self.ray_counts, *self.size)
 
     @kernel
     def average(self, rays: ti.i32, width: ti.i32, height: ti.i32):

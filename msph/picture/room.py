@@ -36,8 +36,10 @@ class PixelFields:
     def __init__(self, room: PictureRoom):
         size = room.width, room.height
         self.canvas = ti.Vector.field(3, ti.f32, size)  # colour of each ray, display-referred
-        self.wide = ti.Vector.field(3, ti.f32, size)  # the canvas enlarged along x
-        self.resolved = ti.Vector.field(3, ti.f32, size)  # the canvas enlarged, or averaged
+        self.wide = ti.Vector.field(3, ti.f32, size)  # the image enlarged along x
+        self.resolved = ti.Vector.field(
+            3, ti.f32, size
+        )  # the image: smoothed, enlarged or averaged
         self.key = ti.field(ti.i32, size)  # visibility buffer (see Rasteriser)
         self.back = ti.field(ti.i32, size)  # bits of the depth of the nearest back face [m]
         # Image without water: display-referred colour, and opacity of the edge lines in front.

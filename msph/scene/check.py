@@ -81,11 +81,26 @@ def check(scene: Scene, where: str) -> None:
     if contradiction:
         name, problem = contradiction
         raise SceneError(where, problem, f"{scene.method}.{name}")
+    _check_camera_path(scene, where)
     _check_layer_options(scene, where)
     _check_adaptation(scene, specs, where)
     solids = check_bodies(scene, min(specs, key=lambda s: s.mass).spacing, where)
     check_probes(scene, where)
     _check_memory(scene, specs, solids, where)
+
+
+def _check_camera_path(scene: Scene, where: str) -> None:
+    """Raises SceneError for a single key frame, or for key frames that are not in order."""
+    path = scene.camera.path
+    if len(path) == 1:
+        raise SceneError(where, "needs two key frames or more", "camera.path")
+    for k, (before, key) in enumerate(itertools.pairwise(path), 1):
+        if key.time <= before.time:
+            raise SceneError(
+                where,
+                f"must be later than {before.time:g} s, the key frame before (got {key.time:g})",
+                f"camera.path.{k}.time",
+            )
 
 
 def _check_adaptation(scene: Scene, specs: list[LayerSpec], where: str) -> None:

@@ -135,15 +135,31 @@ class Sway(Section):
     seconds: float = parameter(4.0, ge=0.0, unit="s", text="duration of the rocking")
 
 
-class Camera(Section):
-    """The camera, on an orbit around the centre of the box."""
+class Orbit(Section):
+    """A direction from which the camera looks at the centre of the box."""
 
     azimuth: float = parameter(30.0, ge=-360.0, le=360.0, unit="deg", text="angle about the y axis")
     elevation: float = parameter(21.0, ge=3.0, le=88.0, unit="deg", text="angle above horizontal")
     zoom: float = parameter(
         1.0, ge=0.25, le=2.8, text="magnification: the whole box fits into the image at 1"
     )
+
+
+class KeyFrame(Orbit):
+    """A key frame of the camera's path."""
+
+    time: float = parameter(
+        ge=0.0, unit="s", text="simulated time; later than the key frame before"
+    )
+
+
+class Camera(Orbit):
+    """The camera, on an orbit around the centre of the box."""
+
     fov: float = parameter(41.0, ge=10.0, le=90.0, unit="deg", text="vertical field of view")
+    path: list[KeyFrame] = parameter(
+        list, text="key frames of the camera in recordings: none, or two and more"
+    )
 
 
 class Surface(Section):

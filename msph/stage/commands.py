@@ -31,6 +31,7 @@ from msph.scene import load_scene
 from msph.scene.library import find_scene, shipped_scenes
 from msph.scene.load import read_toml, to_toml
 from msph.scene.parameters import parameters
+from msph.scene.parts import with_value
 from msph.scene.quality import at_quality, costs, with_spacings
 from msph.scene.schema import Scene
 from msph.scene.water import layer_specs
@@ -51,6 +52,8 @@ FALLBACK_SECONDS, FALLBACK_FPS, FALLBACK_SIZE, STILL_TIME = 10.0, 30.0, (1280, 7
 PLAY_SIZE = (960, 540)
 # Output file of a convergence study.
 CONVERGENCE = "convergence.csv"
+# Rays per pixel along each axis in recordings, which need not be made in real time.
+SMOOTH = 2
 # Exit code of a benchmark with an unstable simulation.
 BAD_RUN = 1
 
@@ -95,6 +98,8 @@ def capture_instead(scene: str, options: PlayOptions, run: RunOptions, reason: s
 def capture(scene: str, options: CaptureOptions, run: RunOptions) -> None:
     """Records a scene to files."""
     loaded = load_scene(scene, run.overrides)
+    if "supersample" not in loaded.picture.model_fields_set:
+        loaded = with_value(loaded, "picture.supersample", SMOOTH)
     some = options.outputs or options.meshes or options.particles
     pictures = list(options.outputs if some else [default_output(scene).with_suffix(".mp4")])
     files = Outputs(pictures, list(options.meshes), list(options.particles))

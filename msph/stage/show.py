@@ -19,6 +19,7 @@ from msph.picture.camera import Camera
 from msph.picture.picture import Picture, picture_of
 from msph.picture.room import PictureRoom
 from msph.scene.build import build_simulation, rotation, sway_angle, turn
+from msph.scene.camera_path import orbit_at
 from msph.scene.errors import SceneError
 from msph.scene.live import with_live_value
 from msph.scene.schema import Scene
@@ -98,17 +99,18 @@ class Show:
             self.camera = self.framing()
 
     def framing(self, free: float = 1.0, stretch: float = 1.0) -> Camera:
-        """Returns the scene's camera, with the box within the right share `free` of the image;
+        """Returns the scene's camera now, with the box within the right share `free` of the image;
         stretch: see Camera."""
         c, picture = self.scene.camera, self.picture
+        azimuth, elevation, zoom = orbit_at(c, self.simulation.time)
         camera = Camera.framing(
             self.scene.box.size,
             aspect=free * stretch * picture.width / picture.height,
-            azimuth=math.radians(c.azimuth),
-            elevation=math.radians(c.elevation),
+            azimuth=math.radians(azimuth),
+            elevation=math.radians(elevation),
             fov=math.radians(c.fov),
         )
-        camera.zoom(1.0 / c.zoom)
+        camera.zoom(1.0 / zoom)
         camera.shift, camera.stretch = 0.5 * (1.0 - free), stretch
         return camera
 
@@ -136,10 +138,17 @@ class Show:
         return picture
 
     def warm_up(self) -> None:
-        """Compiles the kernels of a frame by running two of a step each, and resets."""
+        """Compiles the kernels of a frame by running two of a step each, and those of the particle
+        views of an interactive show, and resets."""
         ball = (as_vector(np.zeros(3)), 0.1 * max(self.simulation.size))
         for _ in range(WARM_UP_FRAMES):
             self.frame(Controls(scale=WARM_UP_SCALE, budget=0.0, ball=ball))
+        if self.scalable:
+            # A user's first change of the view should not wait for kernels of particle views.
+            name = self.views.name
+            self.views.next()
+            self.draw()
+            self.views.name = name
         self.reset()
         self.frames = 0
         if self.timings:
@@ -170,6 +179,8 @@ class Show:
                         self.whitewater.advance(self.simulated, external.gravity)
         if self.scalable:
             self.picture.scale, self.picture.ball = controls.scale, controls.ball
+        elif self.picture and self.scene.camera.path:
+            self.camera = self.framing()
         self.draw()
         self.frames += 1
         if self.timings:
@@ -260,7 +271,7 @@ class Show:
         water = self.picture is not None and self.views.name == "water"
         if self.surface and (water or self.meshes):
             with self._stage("surface"):
-                self.surface.extract()
+                self.surface.extract(hidden=not self.meshes)
         if self.picture is None:
             return
         with self._stage("picture"):

@@ -57,8 +57,7 @@ class Status:
             parts.append(f"density error {100.0 * show.ledger.last_density_error():.2f} %")
         # Other views extract no surface.
         if show.views.name == "water" and not show.surface.mesh.overflowed():
-            volume = show.surface.mesh.volume() / show.rest_volume() - 1.0
-            parts.append(f"volume error {round(100.0 * volume, 1) + 0.0:+.1f} %")
+            parts.append(f"volume error {round(100.0 * show.volume_error(), 1) + 0.0:+.1f} %")
         return ", ".join(parts)
 
 

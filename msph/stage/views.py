@@ -133,6 +133,8 @@ class Views:
             return Legend("kernel W(r)/W(0) [-]", ((0.0, "0"), (0.5, "0.5"), (1.0, "1")))
         if self.name == "layers":
             return self._legend_of_layers(hi)
+        if self.name == "particles":
+            return Legend("particles", ((0.0, "radius: half the spacing"),), bar=False)
         if self.name not in self.attributes:
             return None
         unit = "%" if self.name == "density_error" else self.attributes[self.name].unit

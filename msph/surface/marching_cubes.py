@@ -34,9 +34,9 @@ NO_CUT = 1e9
 class MarchingCubes:
     """Polygonises level = 0 of node fields; the inside is level > 0.
 
-    value and cut f32 (nodes): level = min(value - iso, cut) where value < cut, otherwise value (the
-    cut of a body). gradient, 3-vectors (nodes): gradient of the level. They must be valid where
-    signs.read is set, gradient only at the ends of crossed edges. The mesh is closed if all border
+    value and cut f32 (nodes): level = min(value - iso, cut + overlap), the cut by bodies. gradient
+    and cut_gradient, 3-vectors (nodes): their gradients. value and cut must be valid where
+    signs.read is set, the gradients at the ends of crossed edges. The mesh is closed if all border
     nodes are outside, as ghosts are. crossed (words) u32 and first (words) i32, 3-vectors by axis:
     crossed edges of a word and the vertex of the first one. Arrays are flat, with the indices of
     `lattice`.
@@ -49,7 +49,8 @@ class MarchingCubes:
         self.mesh = SurfaceMesh(room.vertices, room.triangles)
         self.value, self.cut = (ti.field(ti.f32, shape=room.nodes) for _ in range(2))
         self.gradient = ti.Vector.field(3, ti.f32, shape=room.nodes)
-        self.iso = ti.field(ti.f32, shape=())
+        self.cut_gradient = ti.Vector.field(3, ti.f32, shape=room.nodes)
+        self.iso, self.overlap = ti.field(ti.f32, shape=()), ti.field(ti.f32, shape=())
         self.crossed = ti.Vector.field(3, ti.u32, shape=self.signs.room)
         self.first = ti.Vector.field(3, ti.i32, shape=self.signs.room)
         # By case: the edges of its triangles, three per triangle, and in every column the number
@@ -94,24 +95,34 @@ class MarchingCubes:
         pair = self.lattice.pair_index(i, j, w)
         read, found = self.signs.read[pair], ti.u32(0)
         if read != 0:
-            iso, first = self.iso[None], self.lattice.node_index(ti.Vector([i, j, WORD * w]))
+            first = self.lattice.node_index(ti.Vector([i, j, WORD * w]))
             nodes = self.numbers.nodes[None]
             for m in range(ti.min(WORD, nodes[2] - WORD * w)):
-                level = self.cut_level(self.value[first + m], self.cut[first + m], iso)
+                level = self.level_at(first + m)
                 found |= ti.cast(level > 0.0, ti.u32) << ti.cast(m, ti.u32)
         inside = (found & read) | (self.signs.deep[pair] & ~read)
         self.signs.inside[q] = inside & self.signs.valid(i, j, w)
 
     @ti.func
-    def cut_level(self, f, cut, iso):
-        """Returns the level from value, cut and iso."""
-        return ti.select(f < cut, ti.min(f - iso, cut), f)
+    def level_at(self, at):
+        """Returns the level at a node, by its index in the fields."""
+        return ti.min(self.value[at] - self.iso[None], self.cut[at] + self.overlap[None])
+
+    @ti.func
+    def is_cut(self, at):
+        """Returns True if a body determines the level at a node [flat index]."""
+        return self.value[at] - self.iso[None] >= self.cut[at] + self.overlap[None]
+
+    @ti.func
+    def gradient_at(self, at):
+        """Returns the gradient of the level at a node [flat index]."""
+        return ti.select(self.is_cut(at), self.cut_gradient[at], self.gradient[at])
 
     @ti.func
     def level(self, node):
         """Returns the level at a node; 1 or -1 where value is not valid."""
         at = self.lattice.node_index(node)
-        f = self.cut_level(self.value[at], self.cut[at], self.iso[None])
+        f = self.level_at(at)
         i, j, w, bit = node[0], node[1], node[2] // WORD, ti.cast(node[2] % WORD, ti.u32)
         if (self.signs.read[self.lattice.pair_index(i, j, w)] >> bit) & ti.u32(1) == 0:
             inside = self.signs.inside[self.lattice.word_index(i, j, w)] >> bit
@@ -163,7 +174,7 @@ class MarchingCubes:
         f0, f1 = self.level(node), self.level(far)
         t, slope = self.root(f0, f1, a, b, along)
         t = ti.math.clamp(t, END_GAP, 1.0 - END_GAP)
-        n = -ti.math.mix(self.gradient[a], self.gradient[b], t)
+        n = -ti.math.mix(self.gradient_at(a), self.gradient_at(b), t)
         n -= (slope / along.norm_sqr() + n.dot(along) / along.norm_sqr()) * along
         if self.at_wall(node, far):
             t, n = 0.5, ti.select(node.dot(step) == 0, -1.0, 1.0) * unit
@@ -183,8 +194,8 @@ class MarchingCubes:
         """
         m0, m1 = self.gradient[a].dot(along), self.gradient[b].dot(along)
         rise = f1 - f0
-        if self.cut[a] < NO_CUT or self.cut[b] < NO_CUT:
-            # The cut of a body has a kink.
+        if self.is_cut(a) or self.is_cut(b):
+            # The level has a kink, or is linear.
             m0, m1 = rise, rise
         low, high, t, slope = 0.0, 1.0, -f0 / rise, rise
         for _ in range(ROOT_STEPS):

@@ -24,6 +24,11 @@ def surface_of(world: World, room: SurfaceRoom) -> "Surface":
     return Surface(parts.layers, parts.grid, parts.particles, parts.boundary, room)
 
 
+# Depth [finest spacings] to which a mesh for an image reaches into bodies: less than half of the
+# thinnest body.
+OVERLAP = 0.6
+
+
 @data_oriented
 class Surface:
     """Closed triangle mesh of the water in a box, flat along its walls.
@@ -60,7 +65,7 @@ class Surface:
         self.room.check(lattice, len(specs), self.particles.capacity)
         self.lattice, self.has_bodies = lattice, bodies > 0
         # Slope of coverage at a plane, SLOPE/r; where kernels differ, of the finest layer.
-        slope = SLOPE / (smoothing * self.layers.finest.support)
+        slope = self.slope = SLOPE / (smoothing * self.layers.finest.support)
         self.cubes.lattice.load(
             lattice,
             size=size,
@@ -77,15 +82,25 @@ class Surface:
         """Returns a message if the last mesh may lack volume of the water, else None."""
         return self.mesh.overflowed() or self.volume_control.limit_reached()
 
-    def extract(self) -> None:
-        """Computes the mesh from the particles in eight kernel launches. The grid must be
-        sorted."""
+    def extract(self, hidden: bool = False) -> None:
+        """Computes the mesh from the particles in eight kernel launches. The grid must be sorted.
+
+        hidden: the mesh is for an image with opaque bodies, so it ends OVERLAP inside them. There,
+        the waterline is where both surfaces meet, as exact as the pixels; at the end of the mesh it
+        would have steps of a cell. A container, which is drawn without its near side, hides
+        nothing.
+        """
+        hidden = hidden and self.has_bodies and not self.boundary.has_container
         self.band.sample(self.has_bodies)
         self.band.classify(self.has_bodies)
         self.band.include_thin(self.particles.count, self.has_bodies)
         self.evaluate(self.has_bodies)
         self.volume_control.correct()
+        if hidden:
+            self.cubes.overlap[None] = OVERLAP * self.layers.finest.spacing * self.slope
         self.cubes.run()
+        if hidden:
+            self.cubes.overlap[None] = 0.0
         self.drops.add()
 
     @kernel
@@ -108,7 +123,4 @@ class Surface:
                 if ti.static(bodies):
                     if near_body:
                         cut = self.sums.bodies.cut(self.cubes.lattice.point(node))
-                        self.cubes.cut[at] = cut[0]
-                        if cut[0] < self.cubes.value[at]:
-                            self.cubes.value[at] = cut[0]
-                            self.cubes.gradient[at] = cut.yzw
+                        self.cubes.cut[at], self.cubes.cut_gradient[at] = cut[0], cut.yzw

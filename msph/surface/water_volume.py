@@ -124,6 +124,6 @@ class WaterVolume:
         change = -1.0 / slope
         if self.cubes.at_wall(low, far):
             t, change = 0.5, 0.0
-        if f0 >= self.cubes.cut[a] or f1 >= self.cubes.cut[b]:
+        if self.cubes.is_cut(a) or self.cubes.is_cut(b):
             change = 0.0
         return begin + t * length, change * length

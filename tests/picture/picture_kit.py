@@ -10,6 +10,11 @@ LEVEL = 0.4
 WIDTH, HEIGHT = 320, 180
 
 
+def canvas_of(picture) -> np.ndarray:
+    """Colours (WIDTH, HEIGHT, 3) of the rays, before edges are smoothed."""
+    return picture.fields.canvas.to_numpy()[:WIDTH, :HEIGHT]
+
+
 class Mesh:
     """A surface mesh of fixed capacity that tests refill."""
 

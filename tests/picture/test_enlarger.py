@@ -24,7 +24,7 @@ def test_linear_pictures_are_enlarged_exactly(enlarger, columns, rows):
 
     small = np.full((48, 32, 3), np.nan, np.float32)
     small[:columns, :rows] = ramp(x / columns, y / rows)[:columns, :rows]
-    enlarger.canvas.from_numpy(small)
+    enlarger.resolved.from_numpy(small)
     enlarger.enlarge(columns, rows, 48, 32)
     found, wanted = enlarger.resolved.to_numpy(), ramp(x / 48, y / 32)
     assert np.isfinite(found).all()

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 import taichi as ti
-from picture_kit import BOX, HEIGHT, LEVEL, WIDTH, ball, covered, still_water
+from picture_kit import BOX, HEIGHT, LEVEL, WIDTH, ball, canvas_of, covered, still_water
 
 from msph.picture import samples
 from msph.picture.camera import Camera
@@ -21,15 +21,14 @@ def test_an_empty_pool_shows_no_water(picture, mesh):
     mesh.counts.fill(0)
     picture.draw_water(camera())
     assert not covered(picture.raster).any()
-    np.testing.assert_array_equal(
-        picture.image.to_numpy(), picture.backdrop.colour.to_numpy()[:WIDTH, :HEIGHT][..., :3]
-    )
+    backdrop = picture.backdrop.colour.to_numpy()[:WIDTH, :HEIGHT]
+    np.testing.assert_array_equal(canvas_of(picture), backdrop[..., :3])
 
 
 def test_water_changes_only_the_pixels_it_covers(picture, mesh):
     mesh.fill(*still_water())
     picture.draw_water(camera())
-    image, seen = picture.image.to_numpy(), covered(picture.raster)
+    image, seen = canvas_of(picture), covered(picture.raster)
     assert 0.1 < seen.mean() < 0.5
     assert np.isfinite(image).all() and image.min() >= 0 and image.max() <= 1
     change = np.abs(image - picture.backdrop.colour.to_numpy()[:WIDTH, :HEIGHT][..., :3]).max(-1)
@@ -208,7 +207,7 @@ def test_supersampling_averages_the_same_picture(picture, mesh):
     fine.draw_water(camera())
     assert not fine.sunlight.focus.to_numpy().any(), "caustics cost nothing when off"
     picture.draw_water(camera())
-    coarse = picture.image.to_numpy().reshape(WIDTH // 2, 2, HEIGHT // 2, 2, 3).mean((1, 3))
+    coarse = canvas_of(picture).reshape(WIDTH // 2, 2, HEIGHT // 2, 2, 3).mean((1, 3))
     dry = ~covered(picture.raster).reshape(WIDTH // 2, 2, HEIGHT // 2, 2).any((1, 3))
     np.testing.assert_allclose(fine.image.to_numpy()[dry], coarse[dry], atol=2e-3)
     np.testing.assert_allclose(fine.pick(80, 50), picture.pick(160, 100), atol=1e-5)
@@ -229,7 +228,7 @@ def test_backdrop_left_out_under_water_changes_no_picture(picture, mesh):
     # Water that falls away shows the tiles that it hid.
     mesh.counts.fill(0)
     picture.draw_water(view)
-    np.testing.assert_array_equal(picture.image.to_numpy(), whole[..., :3])
+    np.testing.assert_array_equal(canvas_of(picture), whole[..., :3])
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,9 @@
 import numpy as np
 import pytest
-from surface_kit import FINE, SIZE, assert_closed, assert_same, middles, packed
+from surface_kit import FINE, SIZE, Water, assert_closed, assert_same, middles, packed
+
+from msph.fluid.boundary.rigid_bodies import Ball
+from msph.surface.surface import OVERLAP
 
 
 def filled(water, level: float) -> np.ndarray:
@@ -32,3 +35,17 @@ def test_the_band_gives_the_same_mesh_beside_bodies(held_water):
     held_water.fill(filled(held_water, 0.25))
     banded = middles(held_water.mesh())
     assert_same(middles(held_water.mesh(everywhere=True)), banded)
+
+
+def test_a_mesh_for_an_image_reaches_into_bodies():
+    """The waterline had steps of a cell. The volume control does not see what bodies hide."""
+    water = Water(bodies=[Ball(np.array((0.2, 0.2, 0.2)), 0.08)])
+    water.fill(filled(water, 0.25))
+    exact, shift = middles(water.mesh()), water.surface.volume_control.shift[None]
+    water.surface.extract(hidden=True)
+    assert_closed(water.surface.mesh)
+    assert water.surface.volume_control.shift[None] == pytest.approx(shift, abs=1e-5)
+    radii = np.linalg.norm(water.surface.mesh.to_numpy()[0] - (0.2, 0.2, 0.2), axis=1)
+    assert 0.08 - radii.min() == pytest.approx(OVERLAP * FINE, abs=0.15 * FINE)
+    assert_same(middles(water.mesh()), exact)
+    water.simulation.close()

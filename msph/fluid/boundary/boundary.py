@@ -82,6 +82,11 @@ class Boundary:
         self.velocities = self.spins = np.zeros((self.count, 3))
         self.reset(0.0)
 
+    @property
+    def has_container(self) -> bool:
+        """True if a mesh contains the water."""
+        return any(isinstance(b, Solid) and b.container for b in self.bodies)
+
     @staticmethod
     def layer_rows(specs: list[LayerSpec]) -> dict[str, np.ndarray]:
         """Returns the bodies' columns of the table by layer: wall_support and swell [m]."""

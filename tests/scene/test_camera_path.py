@@ -1,0 +1,35 @@
+"""Key frames of the camera."""
+
+import numpy as np
+import pytest
+
+from msph.scene import SceneError, load_scene
+from msph.scene.camera_path import orbit_at
+
+KEYS = "camera.path=[{time=1.0, azimuth=10.0}, {time=2.0, azimuth=90.0, elevation=40.0, zoom=2.0}]"
+
+
+def test_the_camera_passes_its_key_frames_and_turns_one_way():
+    camera = load_scene("drop", (KEYS,)).camera
+    assert orbit_at(camera, 0.0) == orbit_at(camera, 1.0) == (10.0, 21.0, 1.0)
+    assert orbit_at(camera, 2.0) == orbit_at(camera, 9.0) == (90.0, 40.0, 2.0)
+    turned = [orbit_at(camera, t)[0] for t in np.linspace(1.0, 2.0, 20)]
+    assert (np.diff(turned) > 0.0).all()
+
+
+def test_without_a_path_the_camera_stays():
+    camera = load_scene("drop").camera
+    assert orbit_at(camera, 5.0) == (camera.azimuth, camera.elevation, camera.zoom)
+
+
+@pytest.mark.parametrize(
+    ("path", "problem"),
+    [
+        ("[{time=1.0}]", r"camera\.path: needs two key frames"),
+        ("[{time=1.0}, {time=1.0}]", r"camera\.path\.1\.time: must be later than 1 s"),
+        ("[{azimuth=3.0}, {time=1.0}]", r"camera\.path\.0\.time: is required"),
+    ],
+)
+def test_bad_paths_are_refused(path, problem):
+    with pytest.raises(SceneError, match=problem):
+        load_scene("drop", (f"camera.path={path}",))
