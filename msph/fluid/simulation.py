@@ -26,6 +26,8 @@ from msph.fluid.world import give_back, take
 LENGTHENING_RATIO = 1.1
 # Bytes of an i32 or f32, the only types of the fields.
 WORD = 4
+# Least distance of added particles from all others, in their spacing.
+LEAST_GAP = 0.9
 
 
 class NoWaterError(ValueError):
@@ -147,7 +149,8 @@ class Simulation:
         free = ((x >= margin) & (x <= size - margin)).all(axis=1) & self.boundary.free(x)
         held = self.particles.numpy("x")
         for k in np.flatnonzero(free):
-            free[k] = ((held - x[k]) ** 2).sum(axis=1).min() > spec.spacing**2
+            others = np.concatenate([held, x[:k][free[:k]]])
+            free[k] = ((others - x[k]) ** 2).sum(axis=1).min() > (LEAST_GAP * spec.spacing) ** 2
         x, v = x[free], v[free]
         if self.particles.count + len(x) > self.particles.capacity:
             raise FullError(f"the pool is full: at most {self.particles.capacity:,} particles")

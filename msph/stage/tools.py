@@ -24,9 +24,10 @@ PULL_RADIUS, PULL_HEIGHT, PULL_RATE = 1.3, 0.5, 5.0
 SWIRL_SPEED = 1.6
 # Wave: thickness of the slab of water that moves with the cursor, over the box's length.
 SLAB = 0.2
-# Rain: drops per second, radius of the shower over the push radius, height of the start above the
-# water over the box's height, speed there [m/s].
-RAIN_RATE, RAIN_RADIUS, RAIN_HEIGHT, RAIN_SPEED = 40.0, 0.8, 0.35, 1.5
+# Rain: drops per second, time between two additions [s] (each takes milliseconds), radius of the
+# shower over the push radius, height of the start above the water over the box's height, speed
+# there [m/s].
+RAIN_RATE, RAIN_EVERY, RAIN_RADIUS, RAIN_HEIGHT, RAIN_SPEED = 40.0, 0.1, 0.8, 0.35, 1.5
 # Ball: radius over the box's longest edge, distance from the water towards the camera in radii,
 # and speed over sqrt(g L) of the box's longest edge L.
 BALL_RADIUS, BALL_DISTANCE, BALL_SPEED = 0.08, 3.0, 0.7
@@ -132,8 +133,13 @@ def wave(touch: Touch) -> Hand:
 
 
 def rain(touch: Touch) -> Hand:
+    batches = math.floor(touch.held / RAIN_EVERY) - math.floor(
+        (touch.held - touch.step) / RAIN_EVERY
+    )
+    if not batches:
+        return Hand()
     rng = touch.show.rng
-    number = rng.poisson(RAIN_RATE * touch.step)
+    number = rng.poisson(RAIN_RATE * RAIN_EVERY * batches)
     up, size = touch.up, touch.size
     across = rng.normal(size=(number, 3))
     across -= np.outer(across @ up, up)

@@ -242,7 +242,8 @@ def test_added_water_is_recorded_and_overlaps_nothing(pool, monkeypatch):
     monkeypatch.setattr(sim.particles, "capacity", sim.particles.count + 3)
     start, d = ledger.record(G), 0.05
     above = np.array([[0.1, 0.4, 0.1], [0.2, 0.42, 0.2], [0.3, 0.45, 0.3]], np.float32)
-    inside = np.array([[0.11, 0.12, 0.1], [0.2, 0.36, 0.2], [-0.1, 0.4, 0.1]], np.float32)
+    # In the water, beyond a wall, and next to one that is added.
+    inside = np.array([[0.11, 0.12, 0.1], [-0.1, 0.4, 0.1], [0.12, 0.4, 0.1]], np.float32)
     x = np.concatenate([above, inside])
     v = np.tile(np.array([0.4, -1.0, 0.2], np.float32), (len(x), 1))
     assert sim.add(x, v, 0, G) == 3
