@@ -4,12 +4,21 @@ Densities and forces sum over all layers, each neighbour j with its own mass m_j
 Equation numbers are those of the thesis.
 """
 
+import math
 from typing import Any, Literal
 
 import numpy as np
 import taichi as ti
 
-from msph.fluid.external_forces import NO_HAND, ExternalForces, hand_acceleration
+from msph.fluid.external_forces import (
+    HAND_NUMBERS,
+    NO_HAND,
+    TURN_NUMBERS,
+    ExternalForces,
+    coriolis,
+    field_in_turning_box,
+    hand_acceleration,
+)
 from msph.fluid.particles import kernels
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.particles.particles import Attribute
@@ -181,6 +190,12 @@ class Classic:
         self.grid.invalidate()
         self.grid.refresh()
 
+    def particles_added(self, speed: float) -> None:
+        """Accounts for new particles; speeds do not bound the step."""
+        self.neighbours.moved(math.inf)
+        self.grid.invalidate()
+        self.grid.refresh()
+
     def step(self, dt: float, external: ExternalForces, stage: Stage = no_stage) -> None:
         """Advances by dt [s] as in A.2: grid, densities, pressures, forces, positions, walls."""
         self.find_accelerations(stage)
@@ -272,10 +287,8 @@ class Classic:
         n: ti.i32,
         dt: ti.f32,
         gravity: ti.math.vec3,
-        hand_position: ti.math.vec3,
-        hand_velocity: ti.math.vec3,
-        hand_radius: ti.f32,
-        hand_grip: ti.f32,
+        hand_numbers: HAND_NUMBERS,
+        turn: TURN_NUMBERS,
     ):
         """Position Verlet x' = 2 x - x_old + dt^2 a, v = (x - x_old)/dt, then reflecting walls.
 
@@ -291,9 +304,10 @@ class Classic:
             m = self.layers.mass[layer]
             self.impulses.record_internal(m, x, dt * a)
             a += gravity * self.layers.gravity_factor[layer]
-            hand = hand_acceleration(x, v, dt, hand_position, hand_velocity, hand_radius, hand_grip)
-            self.impulses.record_hand(m, v, dt, hand, a)
-            v += dt * (a + hand)
+            user = field_in_turning_box(x - 0.5 * self.constants.size[None], turn)
+            user += coriolis(v, dt, turn) + hand_acceleration(x, v, dt, hand_numbers)
+            self.impulses.record_user(m, v, dt, user, a)
+            v += dt * (a + user)
             start, free = x, v
             x += dt * v
             margin, restitution = 0.5 * self.layers.spacing[layer], self.constants.restitution[None]

@@ -1,5 +1,6 @@
 """Impulse and work that act on the water, summed over the steps, by cause."""
 
+import numpy as np
 import taichi as ti
 
 from msph.taichi_internals import data_oriented, kernel, longest_float
@@ -12,9 +13,10 @@ class ImpulseLedger:
     internal_impulse [N s] and internal_angular_impulse [N m s], about the origin: of pair forces
     and of position corrections at constant velocity; zero for an exact method. wall_impulse [N s],
     wall_work [J]: of walls and bodies; walls at rest do no work. body_impulse [N s]: the bodies'
-    part of wall_impulse. user_impulse [N s], user_work [J]: of the hand. merge_loss [J]: kinetic
-    energy dissipated by merges. spilt_momentum [N s], spilt_energy [J]: of the water that left an
-    open box, when it left.
+    part of wall_impulse. user_impulse [N s], user_work [J]: of the hand, of the inertia of the
+    tilting box, and of added water. added_mass [kg]: of water added by the user. merge_loss [J]:
+    kinetic energy dissipated by merges. spilt_momentum [N s], spilt_energy [J]: of the water that
+    left an open box, when it left.
 
     Double precision where the device supports it: in single precision the sums of still water
     drifted by 2.6e-5 of the largest sum m |v| in 2 s, 20 times what they drift in double precision.
@@ -29,6 +31,7 @@ class ImpulseLedger:
         self.wall_work = ti.field(number, shape=())
         self.user_impulse = ti.Vector.field(3, number, shape=())
         self.user_work = ti.field(number, shape=())
+        self.added_mass = ti.field(number, shape=())
         self.merge_loss = ti.field(number, shape=())
         self.spilt_momentum = ti.Vector.field(3, number, shape=())
         self.spilt_energy = ti.field(number, shape=())
@@ -40,6 +43,14 @@ class ImpulseLedger:
         for total in ti.static(self.totals):
             total[None] = 0
 
+    def add_water(self, m: float, x: np.ndarray, v: np.ndarray, gravity: np.ndarray) -> None:
+        """Records particles of m [kg] each, added at x [m] with v [m/s], (n, 3): their mass,
+        momentum and energy."""
+        x, v = x.astype(float), v.astype(float)
+        self.added_mass[None] += m * len(x)
+        self.user_impulse[None] += ti.Vector((m * v.sum(axis=0)).tolist())
+        self.user_work[None] += m * float(0.5 * (v**2).sum() - (x @ gravity).sum())
+
     @ti.func
     def record_internal(self, m, x, dv):
         """Adds the impulse of pair forces that changed the velocity of m [kg] at x by dv [m/s]."""
@@ -47,11 +58,11 @@ class ImpulseLedger:
         self.internal_angular_impulse[None] += m * x.cross(dv)
 
     @ti.func
-    def record_hand(self, m, v, dt, hand, others):
-        """Adds the hand's impulse m dt a and its work, at the mean velocity, in a step of dt [s].
+    def record_user(self, m, v, dt, user, others):
+        """Adds the user's impulse m dt a and work, at the mean velocity, in a step of dt [s].
 
-        v [m/s] before the step; hand, others [m/s^2]: accelerations by the hand and by all other
+        v [m/s] before the step; user, others [m/s^2]: accelerations by the user and by all other
         forces.
         """
-        self.user_impulse[None] += m * dt * hand
-        self.user_work[None] += m * dt * hand.dot(v + 0.5 * dt * (hand + others))
+        self.user_impulse[None] += m * dt * user
+        self.user_work[None] += m * dt * user.dot(v + 0.5 * dt * (user + others))

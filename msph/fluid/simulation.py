@@ -10,7 +10,7 @@ import numpy as np
 
 from msph.errors import BlowUpError
 from msph.fluid.boundary.walls import wall_constants
-from msph.fluid.external_forces import ExternalForces
+from msph.fluid.external_forces import ExternalForces, Vec3
 from msph.fluid.methods import Parameters, all_attributes, solver_of
 from msph.fluid.particles.grid import cells_of
 from msph.fluid.particles.layers import LayerSpec
@@ -27,6 +27,8 @@ from msph.fluid.world import give_back, take
 LENGTHENING_RATIO = 1.1
 # Bytes of an i32 or f32, the only types of the fields.
 WORD = 4
+# Least distance of added particles from all others, in their spacing.
+LEAST_GAP = 0.9
 
 
 class NoWaterError(ValueError):
@@ -50,6 +52,10 @@ def footprint(
         "neighbours": (1 + solver.PER_ENTRY) * grown(FIRST.entries, entries),
         "particles": words * grown(FIRST.particles, count),
     }
+
+
+class FullError(ValueError):
+    """Raised if water is added beyond the largest number of particles."""
 
 
 class Simulation:
@@ -143,6 +149,26 @@ class Simulation:
         if self.rim.spill(external.gravity):
             self.grid.invalidate()
             self.world.parts.neighbours.moved(math.inf)
+
+    def add(self, x: np.ndarray, v: np.ndarray, layer: int, gravity: Vec3) -> int:
+        """Adds particles of a layer at x [m] with velocities v [m/s], (n, 3), except where they
+        overlap water, walls or bodies; returns their number. gravity [m/s^2]: for their potential
+        energy. Raises FullError, and adds none, if they are too many."""
+        spec, size = self.layers.specs[layer], np.array(self.size)
+        margin = 0.5 * spec.spacing
+        free = ((x >= margin) & (x <= size - margin)).all(axis=1) & self.boundary.free(x)
+        held = self.particles.numpy("x")
+        for k in np.flatnonzero(free):
+            others = np.concatenate([held, x[:k][free[:k]]])
+            free[k] = ((others - x[k]) ** 2).sum(axis=1).min() > (LEAST_GAP * spec.spacing) ** 2
+        x, v = x[free], v[free]
+        if self.particles.count + len(x) > self.particles.capacity:
+            raise FullError(f"the pool is full: at most {self.particles.capacity:,} particles")
+        if len(x):
+            self.particles.append(x, v, layer)
+            self.world.parts.impulses.add_water(spec.mass, x, v, np.array(gravity))
+            self.solver.particles_added(float(np.linalg.norm(v, axis=1).max()))
+        return len(x)
 
     def measure_density(self) -> None:
         """Sums the densities at the current positions; a step sums them at its midpoint only."""

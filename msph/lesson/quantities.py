@@ -73,9 +73,7 @@ def _exchanges(show: Show) -> float:
 
 
 def _mass_error(show: Show) -> float:
-    entries = show.ledger.entries
-    first, last = entries[0], entries[-1]
-    return 100.0 * ((last.mass + last.spilt) / (first.mass + first.spilt) - 1.0)
+    return 100.0 * show.ledger.mass_change()
 
 
 def _tilt(show: Show) -> float:

@@ -103,7 +103,7 @@ class Student:
         sim = self.row.lead.simulation
         middle = sim.particles.numpy("x").mean(axis=0)
         x, y, z = np.asarray(middle, float).tolist()
-        return Hand((x, y, z), solution.push, PUSH_RADIUS * max(sim.size), GRIP)
+        return Hand((x, y, z), solution.push, (PUSH_RADIUS * max(sim.size),) * 3, GRIP)
 
 
 def rehearse(student: Student) -> None:

@@ -11,10 +11,10 @@ class Entry:
     """Quantities of the water at one time; vectors are (3,), angular momenta about the origin.
 
     momentum_scale = sum m |v| and angular_scale = sum m |x - c| |v|, with c the box's centre, are
-    the references of drifts. potential = -M g . centre, zero at the origin. Impulses, works and
-    merge_loss are sums since the start (msph.fluid.impulse_ledger); tilt_work is the work of
-    tilting the box. Density errors are the mean, 99th percentile and maximum over particles of
-    max(rho/rho0 - 1, 0), as densities at free surfaces are below rest; rho is summed with the
+    the references of drifts. potential = -M g . centre, zero at the origin. Impulses, works,
+    added_mass and merge_loss are sums since the start (msph.fluid.impulse_ledger); tilt_work is the
+    work of tilting the box. Density errors are the mean, 99th percentile and maximum over particles
+    of max(rho/rho0 - 1, 0), as densities at free surfaces are below rest; rho is summed with the
     method's kernel over the positions at `time`. outside: number of particles outside the box or
     the container or inside an obstacle, by Contact.leaked. spilt: mass that left an open box since
     the start; it is not part of mass. spilt_momentum and spilt_energy (kinetic and potential) are
@@ -39,6 +39,7 @@ class Entry:
     user_impulse: Annotated[np.ndarray, "N s"]
     user_work: Annotated[float, "J"]
     tilt_work: Annotated[float, "J"]
+    added_mass: Annotated[float, "kg"]
     merge_loss: Annotated[float, "J"]
     density_error_mean: Annotated[float, "-"]
     density_error_p99: Annotated[float, "-"]

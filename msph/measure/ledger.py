@@ -90,6 +90,13 @@ class Ledger:
         density = self.simulation.particles.numpy("density").astype(float)
         return np.maximum(density / rest - 1.0, 0.0)
 
+    def mass_change(self) -> float:
+        """Returns the relative change of mass, spilt water included, beside the water that the user
+        added (-)."""
+        first, last = self.entries[0], self.entries[-1]
+        added = last.added_mass - first.added_mass
+        return (last.mass + last.spilt - added) / (first.mass + first.spilt) - 1.0
+
     def momentum_drift(self) -> float:
         """Returns |sum of internal impulses| over the largest sum m |v| of the run (-)."""
         scale = max(e.momentum_scale for e in self.entries)

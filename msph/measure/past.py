@@ -15,7 +15,7 @@ from msph.measure.survey import Survey
 # Fields of an entry that are sums since the start; a resumed run restarts them at zero.
 SUMS = (
     *("internal_impulse", "internal_angular_impulse", "wall_impulse", "body_impulse"),
-    *("wall_work", "user_impulse", "user_work", "tilt_work", "merge_loss"),
+    *("wall_work", "user_impulse", "user_work", "tilt_work", "added_mass", "merge_loss"),
     *("spilt_momentum", "spilt_energy"),
 )
 

@@ -76,9 +76,9 @@ def errors(ledger: Ledger, surveys: list[Survey]) -> dict[str, float]:
     if not ledger.entries:
         return {}
     mean, p99, largest = ledger.density_error()
-    first, last = ledger.entries[0], ledger.entries[-1]
+    last = ledger.entries[-1]
     return {
-        "mass_change": (last.mass + last.spilt) / (first.mass + first.spilt) - 1.0,
+        "mass_change": ledger.mass_change(),
         "momentum_drift": ledger.momentum_drift(),
         "angular_momentum_drift": ledger.angular_drift(),
         "energy_gain": ledger.energy_gain(),

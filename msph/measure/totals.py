@@ -24,7 +24,7 @@ _GIVEN_VECTORS = (
     *("internal_impulse", "internal_angular_impulse"),
     *("wall_impulse", "body_impulse", "user_impulse", "spilt_momentum"),
 )
-_GIVEN_SCALARS = ("wall_work", "user_work", "merge_loss", "spilt_energy")
+_GIVEN_SCALARS = ("wall_work", "user_work", "added_mass", "merge_loss", "spilt_energy")
 
 
 @data_oriented

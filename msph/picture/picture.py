@@ -10,6 +10,7 @@ from msph.picture.body_shading import BodyShading
 from msph.picture.drops_view import DropsView
 from msph.picture.edge_filter import EdgeFilter
 from msph.picture.enlarger import Enlarger
+from msph.picture.hand_view import HandView
 from msph.picture.legend import LegendPanel
 from msph.picture.look import Look
 from msph.picture.particles_view import ParticlesView
@@ -78,6 +79,10 @@ class Picture:
             DropsView(rim, shader, self.fields.canvas) if rim else None for shader in self.shaders
         ]
 
+        self.hand_view = HandView(self.lens, self.raster, self.fields.canvas)
+        # Centre [m] in the box frame and radius [m] of a ball that images show, or None.
+        self.ball: tuple[tuple[float, float, float], float] | None = None
+
     def load(self, width, height, box, look=None, region=None):
         """Prepares images of width x height pixels of the box (Lx, Ly, Lz) [m] with the boundary's
         present bodies. region [m]: extent of the water's surface, higher than a box without a lid.
@@ -100,7 +105,7 @@ class Picture:
             raise ValueError(f"{width}x{height} pixels of {self.rays} rays exceed {self.room}")
         self.width, self.height = self.size = width, height
         self.legend.resize(width, height)
-        self.scale, self.view = 1.0, None
+        self.scale, self.view, self.ball = 1.0, None, None
 
     def change(self, look):
         """Sets another look that differs in live parameters only."""
@@ -169,8 +174,10 @@ class Picture:
             self.legend.draw(legend, self.image)
 
     def resolve(self):
-        """Averages the rays of each pixel, or smooths the edges of an image with one ray or fewer
-        per pixel, and upscales it."""
+        """Draws the ball; averages the rays of each pixel, or smooths the edges of an image with
+        one ray or fewer per pixel, and upscales it."""
+        if self.ball:
+            self.hand_view.draw(*self.ball)
         if self.rays > 1:
             self.average(self.rays, *self.size)
         else:

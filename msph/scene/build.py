@@ -1,10 +1,12 @@
 """Building a simulation from a scene."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
 from msph.fluid.plan import Plan
+from msph.fluid.room import room_for
 from msph.fluid.simulation import NoWaterError, Simulation
 from msph.scene.errors import SceneError
 from msph.scene.obstacles import bodies
@@ -12,16 +14,23 @@ from msph.scene.schema import Scene
 from msph.scene.water import capacity, initial_particles, layer_specs
 
 
-def build_simulation(scene: Scene) -> Simulation:
-    """Returns a simulation of the scene; ti.init must have been called.
+def build_simulation(scene: Scene, spare: int = 0) -> Simulation:
+    """Returns a simulation of the scene; ti.init must have been called. spare: number of particles
+    that may be added later, as far as the same class of fields holds them.
 
     Raises SceneError if the bodies leave no room for water.
     """
     try:
-        return Simulation(plan_of(scene))
+        return Simulation(_with_spare(plan_of(scene), spare))
     except NoWaterError:
         key = "container" if scene.container else "obstacles"
         raise SceneError(scene.title, "no water is left outside the bodies", key) from None
+
+
+def _with_spare(plan: Plan, spare: int) -> Plan:
+    """Returns the plan with a larger capacity, or itself if this needs other fields."""
+    larger = replace(plan, capacity=plan.max_particles + spare)
+    return larger if room_for(plan.needed).holds(larger.needed) else plan
 
 
 def plan_of(scene: Scene) -> Plan:

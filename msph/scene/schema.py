@@ -185,7 +185,7 @@ class Play(Section):
     )
     level: bool = parameter(True, text="return the box to level while no key tilts it")
     push_radius: float = parameter(
-        0.15,
+        0.25,
         gt=0.0,
         le=1.0,
         text="radius around the cursor within which water is pushed, in box lengths",
@@ -193,12 +193,19 @@ class Play(Section):
         live=(0.05, 0.5),
     )
     push_grip: float = parameter(
-        20.0,
+        60.0,
         gt=0.0,
         unit="1/s",
         text="rate at which pushed water approaches the cursor's velocity",
         label="grip of the hand",
-        live=(1.0, 60.0),
+        live=(1.0, 120.0),
+    )
+    push_gain: float = parameter(
+        1.6,
+        gt=0.0,
+        le=10.0,
+        text="velocity of pushed water over the cursor's",
+        live=(0.5, 4.0),
     )
     hover: bool = parameter(True, text="push the water under the cursor without a click")
     idle: bool = parameter(True, text="sway the box after some time without input")

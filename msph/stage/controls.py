@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass, field
 
-from msph.fluid.external_forces import Hand
+from msph.fluid.external_forces import Hand, Vec3
+from msph.stage.tools import TOOLS
 
 
 @dataclass(frozen=True)
@@ -18,13 +19,20 @@ class Key:
 
 # Source of the key bindings and of the help page.
 KEYS = (
-    Key("left drag", "push the water", {"LMB": "push"}, "drag: push the water"),
+    Key(
+        "left drag",
+        "use the active tool, first: push the water",
+        {"LMB": "push"},
+        "drag: push the water",
+    ),
+    *(Key(tool.key, tool.effect, {tool.key: f"tool {tool.name}"}) for tool in TOOLS),
     Key(
         "arrow keys",
         "tilt the pool",
         dict.fromkeys(("Left", "Right", "Up", "Down"), "tilt"),
         "arrows: tilt",
     ),
+    Key("j", "jolt the pool", {"j": "jolt"}),
     Key("l", "lock the tilt, or level the pool again", {"l": "lock"}),
     Key(
         "right drag, a, d",
@@ -63,10 +71,12 @@ class Controls:
     tilt: (roll about z, pitch about x) [rad] of the pool, added to the scene's own sway.
     frame_time [s]: simulated time of the frame, None for the show's default. budget [s]: limit of
     the fluid's wall-clock time, None for no limit. scale (-): image scale, for scalable shows.
+    ball: centre and radius [m] of a visible hand, box frame.
     """
 
     tilt: tuple[float, float] = (0.0, 0.0)
     hand: Hand = field(default_factory=Hand)
+    ball: tuple[Vec3, float] | None = None
     paused: bool = False
     single_step: bool = False
     reset: bool = False

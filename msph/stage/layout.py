@@ -1,5 +1,6 @@
 """Layout of the window: pages over the image, and the panel column at the left."""
 
+import math
 import time
 from typing import Any
 
@@ -33,7 +34,7 @@ class Layout:
         small = ("status", "hints", "message", "particle")
         rooms = {name: (width, ROOM * self.text) for name in small}
         rooms["graphs"] = rooms["settings"] = self.column, height
-        rooms["help"] = size
+        rooms["tools"] = rooms["help"] = size
         self.overlay = Overlay(width, height, rooms)
         self.begin("")
 
@@ -68,9 +69,26 @@ class Layout:
         if page is not None:
             self.overlay.put("settings", page, 0, self._top())
 
+    def put_tools(self, page: np.ndarray) -> None:
+        """Shows the toolbar at the right edge, in the middle of the height."""
+        left, top = self.size[0] - page.shape[1], (self.size[1] - page.shape[0]) // 2
+        self.overlay.put("tools", page, left, top)
+
+    def on_tools(self, cursor: np.ndarray) -> tuple[float, float]:
+        """Converts a cursor from (right, up) in shares of the window to (right, down) in pixels
+        from the toolbar's upper left corner, of which both are NaN without a toolbar."""
+        if "tools" not in self.overlay.shown:
+            return math.nan, math.nan
+        left, low, _, height = self.overlay.shown["tools"]
+        return cursor[0] * self.size[0] - left, low + height - cursor[1] * self.size[1]
+
     def is_on_page(self, cursor: np.ndarray) -> bool:
-        """Returns True if a cursor, (right, up) in shares of the window, is on the column."""
-        return bool(self.panel) and 0.0 <= cursor[0] <= 1.0 - self.free
+        """Returns True if a cursor, (right, up) in shares of the window, is on the column or the
+        toolbar."""
+        if self.panel and 0.0 <= cursor[0] <= 1.0 - self.free:
+            return True
+        x, y = self.on_tools(cursor)
+        return x >= 0.0 and 0.0 <= y <= self.overlay.shown["tools"][3]
 
     def next_panel(self) -> None:
         self.panel = PANELS[(PANELS.index(self.panel) + 1) % len(PANELS)]

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from msph.fluid.simulation import FullError
 from msph.measure.resolution import mean_depth
 from msph.picture.camera import Camera
 from msph.stage.called import Choice, SceneArguments
@@ -20,6 +21,8 @@ from msph.stage.pacer import Pacer
 from msph.stage.replay import Replay
 from msph.stage.row import Row, show_with_picked
 from msph.stage.steering import Steering
+from msph.stage.toolbar import Toolbar
+from msph.stage.tools import BY_NAME
 from msph.stage.window import BUTTONS, Window
 
 SLOW_MOTION = 0.1  # simulated over wall-clock time in slow motion
@@ -49,7 +52,7 @@ class Player(Audience):
         self.pacer = Pacer(play.fps, play.speed, play.scale)
         layout.begin(quality)
         self.menu = Menu(row, choice, quality, layout, self.pacer, arguments)
-        self.steering = Steering(window, row)
+        self.steering, self.toolbar = Steering(window, row), Toolbar(layout)
         self.saver = Saver(layout, self.replay, Path(choice.scene).stem, quality)
         sim = lead.simulation
         centre = sim.particles.numpy("x").mean(axis=0)[None]
@@ -89,12 +92,12 @@ class Player(Audience):
         step, wall = self.pacer.frame_time, self.pacer.wall
         # While a lesson pauses the simulation, keys do nothing.
         by_lesson = guide is not None and guide.pauses
+        controls.paused = self._paused
         held = not by_lesson and steering.apply_keys(step, wall, self.paused)
         dragged = self._drag(controls, step, "LMB" in pressed)
         self.idle.pass_time(wall, bool(pressed or held or dragged or steering.moved.any()))
         sway = self.idle.roll(row.lead.simulation.time, 0.0 if self._paused else step)
-        controls.tilt = (float(steering.tilt[0]) + sway, float(steering.tilt[1]))
-        controls.paused = self._paused
+        controls.tilt = (float(steering.tilt[0]) + steering.jolt + sway, float(steering.tilt[1]))
         return controls
 
     @property
@@ -106,7 +109,7 @@ class Player(Audience):
         """Levels the pool after a reset by the lesson."""
         if guide.runs != self.runs:
             self.runs = guide.runs
-            self.steering.tilt[:] = 0.0
+            self.steering.stop()
 
     def _on_page(self) -> bool:
         """Returns True if the cursor is on a page."""
@@ -123,12 +126,18 @@ class Player(Audience):
         if self.guide and self.guide.drag(steering.cursor, down, pressed):
             return True
         self.menu.touch(steering.cursor, down, pressed)
+        chosen = self.toolbar.touch(steering.cursor, down, pressed)
+        if chosen:
+            self._choose_tool(chosen)
         if steering.clicked() and self.row.lead.views.name != "water":
             steering.pick()
         held = steering.held_buttons()
         if held[0]:
             self.idle.tried.add("push")
-        steering.push(controls, step, self._on_page())
+        try:
+            steering.use_tool(controls, step, pressed, self._on_page())
+        except FullError as error:
+            self.layout.show_message(str(error))
         return any(held)
 
     def _press(self, action: str, controls: Controls) -> None:
@@ -148,10 +157,19 @@ class Player(Audience):
             self.menu.step(1 if action == "next_scene" else -1)
         elif action == "quit":
             self.done = True
+        elif action.startswith("tool "):
+            self._choose_tool(action.removeprefix("tool "))
         elif act:
             act()
         if action == "reset":
-            self.steering.tilt[:] = 0.0
+            self.steering.stop()
+
+    def _choose_tool(self, name: str) -> None:
+        self.steering.tool = BY_NAME[name]
+        self.layout.show_message(BY_NAME[name].effect)
+
+    def _jolt(self) -> None:
+        self.steering.jolted = 0.0
 
     def _slow_motion(self) -> None:
         normal = self.row.lead.scene.play.speed
@@ -170,7 +188,7 @@ class Player(Audience):
 
     def _home(self) -> None:
         self.row.lead.camera = self._framing()
-        self.steering.tilt[:] = 0.0
+        self.steering.levels = True
 
     def _help(self) -> None:
         self.helping = not self.helping
@@ -199,9 +217,11 @@ class Player(Audience):
         self.menu.draw()
         if self.guide:
             self.guide.draw(image)
+        if not self.guide:
+            self.toolbar.draw(self.steering.tool)
         if not (self.guide and self.guide.is_full_page):
             self.layout.draw(row, self.pacer, self._paused, self.idle)
-        if self.steering.hand.pushes:
+        if self.steering.contact.holds:
             self.window.mark(self.steering.cursor)
         self._draw_arrows()
         begin = time.perf_counter()

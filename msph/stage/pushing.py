@@ -1,49 +1,61 @@
-"""Hand at the cursor: pushes the water along with the mouse."""
+"""Cursor on the water: where a tool acts, and the wake of a hovering cursor."""
 
 from typing import Any
 
 import numpy as np
 
-from msph.fluid.external_forces import Hand
+from msph.fluid.external_forces import Hand, as_vector
 from msph.stage.row import Row
 from msph.stage.show import Show
+from msph.stage.tools import LEAST_RADIUS, PRESS_TIME, Touch
 
-# Radius and grip of a hovering cursor over those of a push; least radius of a hand in finest
-# spacings, below which the hand slips between the particles.
-WAKE_RADIUS, WAKE_GRIP, LEAST_RADIUS = 0.4, 0.25, 1.5
+# Radius and grip of a hovering cursor over those of a push.
+WAKE_RADIUS, WAKE_GRIP = 0.3, 0.25
 # Largest speed of a wake [m/s]: the cursor's ray jumps between wave crests.
 WAKE_SPEED = 2.0
 
 
-class PushingHand:
-    """Hand of the mouse. place: its position [m] in the box frame, None without contact; over: the
-    show under the cursor."""
+class Contact:
+    """Contact of the cursor with the water. place: its position [m] in the box frame, None without
+    contact; over: the show under the cursor; holds: True while a pressed button holds the water;
+    held: for how long [s]."""
 
     def __init__(self) -> None:
         self.place: Any = None
+        self.start: Any = None
         self.over: Any = None
-        self.pushes = False
+        self.holds, self.held = False, 0.0
 
-    def push(self, row: Row, cursor: np.ndarray, step: float) -> Hand:
-        """Returns the hand of a push in a frame of `step` [s]; cursor: (right, up) in shares of the
-        window.
+    def hold(self, row: Row, cursor: np.ndarray, step: float) -> Touch | None:
+        """Returns the touch of a pressed button in a frame of `step` [s], None without water;
+        cursor: (right, up) in shares of the window.
 
-        A push begins where the cursor's ray meets the water, and continues at that depth and in
+        A touch begins where the cursor's ray meets the water, and continues at that depth and in
         that simulation.
         """
-        if not self.pushes:
+        began = not self.holds
+        if began:
             self.over = row.show_under(cursor)[0]
         show, cursor = self.over, row.to_picture(self.over, cursor)
         eye, direction = show.ray(*(cursor * show.picture.size))
-        if not self.pushes:
-            self.place = self._hit(show, cursor)
-            self.pushes = self.place is not None
-        if not self.pushes:
-            return Hand()
+        hit = self._hit(show, cursor)
+        if began:
+            self.place = self.start = hit
+            self.holds, self.held = hit is not None, 0.0
+        if not self.holds:
+            return None
         axis = show.tilt.T @ -show.camera.axes()[2]
         before = self.place
         self.place = eye + (before - eye) @ axis / (direction @ axis) * direction
-        return self._hand(show, (self.place - before) / step)
+        velocity = (self.place - before) / step
+        self.held += step
+        surface = self.place if hit is None else hit
+        return Touch(show, self.place, velocity, self.start, surface, direction, step, self.held)
+
+    @property
+    def clicked(self) -> bool:
+        """True during the least duration of a press."""
+        return self.holds and self.held < PRESS_TIME
 
     def pass_over(self, row: Row, cursor: np.ndarray, step: float) -> Hand:
         """Returns the hand of a cursor that hovers over the water; it lets go between two
@@ -53,26 +65,19 @@ class PushingHand:
             self.let_go()
         self.over = show
         hit = self._hit(show, cursor)
-        before, self.place, self.pushes = self.place, hit, False
+        before, self.place, self.holds = self.place, hit, False
         if hit is None or before is None:
             return Hand()
         velocity = (hit - before) / step
         velocity *= min(1.0, WAKE_SPEED / max(float(np.linalg.norm(velocity)), 1e-9))
-        return self._hand(show, velocity, WAKE_RADIUS, WAKE_GRIP)
-
-    def let_go(self) -> Hand:
-        self.place, self.pushes = None, False
-        return Hand()
-
-    def _hand(self, show: Show, velocity: np.ndarray, radius: float = 1.0, grip: float = 1.0):
         play, sim = show.scene.play, show.simulation
         least = LEAST_RADIUS * sim.layers.finest.spacing
-        return Hand(
-            position=tuple(self.place.tolist()),
-            velocity=tuple(velocity.tolist()),
-            radius=max(radius * play.push_radius * max(sim.size), least),
-            grip=grip * play.push_grip,
-        )
+        radius = max(WAKE_RADIUS * play.push_radius * max(sim.size), least)
+        return Hand(as_vector(hit), as_vector(velocity), (radius,) * 3, WAKE_GRIP * play.push_grip)
+
+    def let_go(self) -> Hand:
+        self.place, self.holds = None, False
+        return Hand()
 
     @staticmethod
     def _hit(show: Show, cursor: np.ndarray) -> np.ndarray | None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from msph.fluid.external_forces import ExternalForces
+from msph.fluid.external_forces import ExternalForces, Vec3, as_vector, rotation_vector
 from msph.fluid.stages import Stage, no_stage
 from msph.fluid.trapped_water import TrappedWaterError
 from msph.measure.ledger import Ledger
@@ -34,7 +34,12 @@ WARM_UP_FRAMES = 2
 
 # Options of an interactive show. Density errors are measured only every 0.1 s, since they need a
 # neighbour search.
-INTERACTIVE: dict[str, Any] = {"stop_bodies": True, "scalable": True, "density_every": 0.1}
+INTERACTIVE: dict[str, Any] = {
+    "stop_bodies": True,
+    "scalable": True,
+    "density_every": 0.1,
+    "spare": 2000,
+}
 
 
 class Show:
@@ -44,7 +49,8 @@ class Show:
     None for no image. meshes: extract the surface of every frame, rendered or not. density_every
     [s]: see Ledger. stop_bodies: a body that traps water stops instead of raising an error;
     stopped: names of such bodies. scalable: frames may set the image scale. simulated [s]: time
-    simulated by the last frame. Unused parts are neither allocated nor compiled.
+    simulated by the last frame. spare: see build_simulation. Unused parts are neither allocated nor
+    compiled.
     """
 
     def __init__(
@@ -58,6 +64,7 @@ class Show:
         density_every: float = 0.0,
         stop_bodies: bool = False,
         scalable: bool = False,
+        spare: int = 0,
     ):
         self.scene = scene
         self.frame_time = frame_time
@@ -68,11 +75,16 @@ class Show:
         self.on_progress: Callable[[float], None] | None = None
         self.stop_bodies, self.scalable = stop_bodies, scalable and size is not None
         self.stopped: set[str] = set()
-        self.simulation = build_simulation(scene)
+        self.simulation = build_simulation(scene, spare)
         self.counts = self.simulation.counts()
         self.ledger = Ledger(self.simulation, density_every)
         self.frames = 0
         self.tilt = np.eye(3)
+        self.rng = np.random.default_rng(scene.seed)  # of drops that the user adds
+        # The user's tilt in the last frame, None if it has none to turn from; its angular velocity
+        # [rad/s] in world axes.
+        self.turned: np.ndarray | None = None
+        self.turning: Any = np.zeros(3)
         self.meshes = meshes
         # Unused parts are None.
         self.surface: Any = self._load_surface() if size or meshes else None
@@ -127,8 +139,9 @@ class Show:
     def warm_up(self) -> None:
         """Compiles the kernels of a frame by running two of a step each, and those of the particle
         views of an interactive show, and resets."""
+        ball = (as_vector(np.zeros(3)), 0.1 * max(self.simulation.size))
         for _ in range(WARM_UP_FRAMES):
-            self.frame(Controls(scale=WARM_UP_SCALE, budget=0.0))
+            self.frame(Controls(scale=WARM_UP_SCALE, budget=0.0, ball=ball))
         if self.scalable:
             # A user's first change of the view should not wait for kernels of particle views.
             name = self.views.name
@@ -152,8 +165,9 @@ class Show:
             self.reset()
         if controls.next_view and self.views:
             self.views.next()
-        external = self._external_forces(controls)
-        if not controls.paused or controls.single_step:
+        still = controls.paused and not controls.single_step
+        external = self._external_forces(controls, still)
+        if not still:
             with self._stage("fluid"):
                 frame_time = controls.frame_time or self.frame_time
                 self.simulated = self._advance(frame_time, external, controls.budget)
@@ -163,7 +177,7 @@ class Show:
                     with self._stage("surface"), self._substage("whitewater"):
                         self.whitewater.advance(self.simulated, external.gravity)
         if self.scalable:
-            self.picture.scale = controls.scale
+            self.picture.scale, self.picture.ball = controls.scale, controls.ball
         elif self.picture and self.scene.camera.path:
             self.camera = self.framing()
         self.draw()
@@ -198,14 +212,36 @@ class Show:
             boundary.stop(body, since)
         boundary.place(time, 0.0)
 
-    def _external_forces(self, controls: Controls) -> ExternalForces:
-        """Sets the tilt and returns the external forces: gravity in the pool's frame, hand."""
+    def _external_forces(self, controls: Controls, still: bool) -> ExternalForces:
+        """Sets the tilt and returns the external forces in the pool's frame: gravity, hand, and
+        the inertia of the user's tilt. still: no time passes in this frame."""
+        by_hand, gravity = self._tilt(controls)
+        if still:
+            self.turned = None
+            return ExternalForces(gravity, controls.hand)
+        step, before = controls.frame_time or self.frame_time, self.turning
+        last = by_hand if self.turned is None else self.turned
+        self.turned, self.turning = by_hand, rotation_vector(by_hand @ last.T) / step
+        rates = self.turning, (self.turning - before) / step
+        velocity, acceleration = (as_vector(self.tilt.T @ rate) for rate in rates)
+        return ExternalForces(gravity, controls.hand, velocity, acceleration)
+
+    def _tilt(self, controls: Controls) -> tuple[np.ndarray, Vec3]:
+        """Sets the tilt; returns the user's part of it, (3, 3), and gravity [m/s^2] in the pool's
+        frame. The scene's own sway turns gravity only, without inertia."""
         # The user's tilt is relative to the camera.
         view = turn(self.camera.azimuth) if self.picture else np.eye(3)
         by_hand = view @ rotation(*controls.tilt) @ view.T
         self.tilt = by_hand @ rotation(sway_angle(self.scene, self.simulation.time), 0.0)
-        gx, gy, gz = (self.tilt.T @ np.array(self.scene.gravity)).tolist()
-        return ExternalForces((gx, gy, gz), controls.hand)
+        return by_hand, as_vector(self.tilt.T @ np.array(self.scene.gravity))
+
+    def add_water(self, x: np.ndarray, v: np.ndarray) -> None:
+        """Adds particles of the finest layer at x [m] with velocities v [m/s], (n, 3), where there
+        is room. Raises FullError."""
+        sim = self.simulation
+        finest = int(np.argmin([spec.mass for spec in sim.layers.specs]))
+        gravity = as_vector(self.tilt.T @ np.array(self.scene.gravity))
+        sim.add(x.astype(np.float32), v.astype(np.float32), finest, gravity)
 
     def draw(self) -> None:
         """Extracts the surface and renders the image, as far as they are used."""
@@ -259,11 +295,12 @@ class Show:
 
     def gravity(self) -> tuple[float, float, float]:
         """Returns gravity [m/s^2] in the pool's frame now, without user input."""
-        return self._external_forces(Controls()).gravity
+        return self._tilt(Controls())[1]
 
     def reset(self) -> None:
         """Resets the simulation; the camera stays."""
         self.simulation.reset()
+        self.turned, self.turning = None, np.zeros(3)
         if self.whitewater:
             self.whitewater.reset()
         self.stopped.clear()

@@ -1,4 +1,4 @@
-"""Steering: keys and mouse that tilt the pool, move the camera and push the water."""
+"""Steering: keys and mouse that tilt the pool, move the camera and use the tools."""
 
 import math
 import time
@@ -6,26 +6,38 @@ from typing import Any
 
 import numpy as np
 
+from msph.fluid.external_forces import Hand, as_vector
 from msph.stage.controls import Controls
-from msph.stage.pushing import PushingHand
+from msph.stage.pushing import Contact
 from msph.stage.row import Row
+from msph.stage.tools import TOOLS
 from msph.stage.window import BUTTONS, Window
 
 ORBIT_PER_WIDTH = math.radians(200.0)  # orbit of a drag across the window's width [rad]
 ORBIT_KEY_RATE = math.radians(70.0)  # [rad/s]
 ZOOM_KEY_RATE = 1.5  # [1/s], as the logarithm of the distance
 LEVELLING = 0.5  # rate of levelling over the rate of tilting
+# Time in which the rate of tilting follows the keys [s]: sudden rotations throw the water.
+EASE = 0.08
+LEVEL = math.radians(0.05)  # tilt that counts as level
+# Jolt: largest tilt [rad], duration [s] and number of swings.
+JOLT_TILT, JOLT_TIME, JOLT_SWINGS = math.radians(5.0), 1.2, 3.0
 CLICK_WAY, CLICK_TIME = 0.01, 0.4  # largest way (shares of the window) and duration [s] of a click
 
 
 class Steering:
-    """User's tilt, camera motion and push. tilt: (roll, pitch) [rad]; locked: keep the tilt; free:
+    """User's tilt, camera motion and tool. tilt: (roll, pitch) [rad], its rate [rad/s]; locked:
+    keep the tilt; levels: the pool levels once, even if locked; jolted: simulated time since the
+    start of a jolt [s]; tool: the active one; free:
     True for each mouse button pressed outside the pages; cursor: (right, up) in shares of the
     window; moved: its motion since the previous frame."""
 
     def __init__(self, window: Window, row: Row):
-        self.window, self.row, self.hand = window, row, PushingHand()
+        self.window, self.row, self.contact = window, row, Contact()
+        self.tool = TOOLS[0]
         self.tilt: Any = np.zeros(2)
+        self.rate: Any = np.zeros(2)
+        self.levels, self.jolted = False, math.inf
         self.locked = not row.lead.scene.play.level
         self.free: dict[str, bool] = {}
         self.cursor, self.moved = window.cursor(), np.zeros(2)
@@ -41,16 +53,45 @@ class Steering:
     def apply_keys(self, step: float, wall: float, paused: bool) -> bool:
         """Applies keys held down in a frame of `step` [s] simulated and `wall` [s] wall-clock time;
         returns True if there are any."""
-        down, camera, play = self.window.down, self.row.lead.camera, self.row.lead.scene.play
-        rate, limit = math.radians(play.tilt_rate) * step, math.radians(play.tilt_limit)
+        down, camera = self.window.down, self.row.lead.camera
         asked = np.array([down("Left") - down("Right"), down("Down") - down("Up")], float)
-        back = LEVELLING * rate * (asked == 0.0) * (not self.locked and not paused)
-        self.tilt -= np.clip(self.tilt, -back, back)
-        self.tilt = np.clip(self.tilt + rate * asked, -limit, limit)
+        self._tilt_by(asked, step, paused)
         orbit, zoom = down("d") - down("a"), down("s") - down("w")
         camera.orbit(ORBIT_KEY_RATE * wall * orbit, 0.0)
         camera.zoom(math.exp(ZOOM_KEY_RATE * wall * zoom))
         return bool(asked.any() or orbit or zoom)
+
+    def _tilt_by(self, asked: np.ndarray, step: float, paused: bool) -> None:
+        """Tilts the pool in a frame of `step` [s] towards `asked`, (2,) of -1, 0 or 1, or levels it
+        where nothing is asked, unless `paused`."""
+        play = self.row.lead.scene.play
+        fastest, limit = math.radians(play.tilt_rate), math.radians(play.tilt_limit)
+        self.levels = self.levels and not asked.any() and bool(self.tilt.any())
+        # Slows down towards the level, where it would stop suddenly; critically damped.
+        back = np.clip(-self.tilt / (4.0 * EASE), -LEVELLING * fastest, LEVELLING * fastest)
+        back *= (not self.locked or self.levels) and not paused
+        wanted = np.where(asked == 0.0, back, fastest * asked)
+        self.rate += (wanted - self.rate) * (1.0 if paused else min(step / EASE, 1.0))
+        before = self.tilt
+        self.tilt = np.clip(before + self.rate * step, -limit, limit)
+        self.rate = (self.tilt - before) / step
+        reached = (back != 0.0) & (asked == 0.0) & (np.abs(self.tilt) < LEVEL)
+        self.tilt[reached] = self.rate[reached] = 0.0
+        self.jolted += 0.0 if paused else step
+
+    @property
+    def jolt(self) -> float:
+        """Roll of a jolt now [rad]."""
+        share = self.jolted / JOLT_TIME
+        if share >= 1.0:
+            return 0.0
+        swing = math.sin(2.0 * math.pi * JOLT_SWINGS * share)
+        return JOLT_TILT * swing * math.sin(math.pi * share)
+
+    def stop(self) -> None:
+        """Levels the pool at once, as after a reset."""
+        self.tilt, self.rate = np.zeros(2), np.zeros(2)
+        self.levels, self.jolted = False, math.inf
 
     def held_buttons(self) -> tuple[bool, ...]:
         """Returns for each of BUTTONS whether it is down and was pressed outside the pages."""
@@ -69,16 +110,22 @@ class Steering:
             return "orbit"
         return ""
 
-    def push(self, controls: Controls, step: float, on_page: bool) -> None:
-        """Moves the hand with the cursor."""
+    def use_tool(self, controls: Controls, step: float, pressed: bool, on_page: bool) -> None:
+        """Uses the active tool where the left button holds water, otherwise lets the cursor leave a
+        wake. pressed: in this frame, even if released since. Raises FullError if there is no room
+        for more water."""
         left, right, middle = self.held_buttons()
+        left = left or self.contact.clicked or (pressed and self.free.get("LMB", True))
         hover = self.row.lead.scene.play.hover and self.moved.any()
-        if left:
-            controls.hand = self.hand.push(self.row, self.cursor, step)
+        if left and not (controls.paused and not controls.single_step):
+            touch = self.contact.hold(self.row, self.cursor, step)
+            controls.hand = self.tool.act(touch) if touch else Hand()
+            if touch and self.tool.ball:
+                controls.ball = as_vector(touch.place), touch.radius
         elif hover and not (right or middle or on_page):
-            controls.hand = self.hand.pass_over(self.row, self.cursor, step)
+            controls.hand = self.contact.pass_over(self.row, self.cursor, step)
         else:
-            controls.hand = self.hand.let_go()
+            controls.hand = self.contact.let_go()
 
     def clicked(self) -> bool:
         """Returns True if the left button was released near its position and time of press."""

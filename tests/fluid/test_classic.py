@@ -4,9 +4,10 @@ import math
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from msph.fluid.classic import ClassicParameters
-from msph.fluid.external_forces import ExternalForces, Hand
+from msph.fluid.external_forces import ExternalForces, Hand, as_vector
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.plan import Plan
 from msph.fluid.simulation import Simulation
@@ -180,9 +181,26 @@ def test_list_knows_how_far_the_fastest_went(lone):
 
 
 def test_hand_drags_water_to_its_own_velocity_and_no_farther(lone):
-    hand = Hand(position=(0.4, 0.6, 0.4), velocity=(0.0, 0.0, 2.0), radius=0.5, grip=1e6)
+    hand = Hand(position=(0.4, 0.6, 0.4), velocity=(0.0, 0.0, 2.0), radii=(0.5, 0.5, 0.5), grip=1e6)
     lone.solver.step(1e-3, ExternalForces(gravity=(0.0, 0.0, 0.0), hand=hand))
     assert np.allclose(lone.particles.numpy("v")[0], [0.0, 0.0, 2.0], atol=1e-4)
+
+
+def test_free_flight_is_straight_in_a_box_that_turns(lone):
+    """In the box's frame only the inertia of its rotation acts: from rest, at a rising rate, about
+    an axis that is no axis of the box."""
+    dt, steps, axis, rise = 1e-3, 120, np.array([0.6, 0.0, 0.8]), 30.0
+    centre = 0.5 * np.array(SIZE)
+    start, v = (lone.particles.numpy(k)[0].astype(float) for k in "xv")
+    for k in range(steps):
+        velocity, acceleration = rise * (k + 0.5) * dt * axis, rise * axis
+        turn = as_vector(velocity), as_vector(acceleration)
+        lone.solver.step(dt, ExternalForces((0.0, 0.0, 0.0), Hand(), *turn))
+    time = steps * dt
+    straight = start + v * time - centre
+    expected = Rotation.from_rotvec(-0.5 * rise * time**2 * axis).apply(straight) + centre
+    assert np.linalg.norm(expected - start - v * time) > 0.03
+    assert lone.particles.numpy("x")[0] == pytest.approx(expected, abs=1e-3)
 
 
 D = 0.03

@@ -452,7 +452,7 @@ def test_a_hand_that_starts_fast_moves_water_by_a_share_of_its_spacing(collision
     collision.solver.max_rate = 0.0
     distance = collision.solver.parameters.cfl * collision.layers.finest.spacing
     for speed, grip in ((100.0, 1000.0), (2.0, 20.0), (100.0, 1e-3)):
-        hand = Hand(velocity=(0.0, -speed, 0.0), radius=0.3, grip=grip)
+        hand = Hand(velocity=(0.0, -speed, 0.0), radii=(0.3, 0.3, 0.3), grip=grip)
         dt = collision.solver.longest_step(external=ExternalForces(hand=hand))
         assert dt * speed * min(1.0, grip * dt) <= 1.001 * distance
     unused = ExternalForces(hand=Hand(velocity=(0.0, 100.0, 0.0)))

@@ -11,7 +11,7 @@ from msph.fluid.external_forces import ExternalForces, Hand
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.plan import Plan
 from msph.fluid.projection.parameters import ProjectionParameters
-from msph.fluid.simulation import Simulation
+from msph.fluid.simulation import FullError, Simulation
 from msph.measure.entry import columns
 from msph.measure.ledger import Ledger, NotFiniteError
 
@@ -211,7 +211,14 @@ def test_momentum_is_what_gravity_walls_and_the_hand_gave(name, request):
     sim.reset()
     ledger.clear()
     start = ledger.record(G)
-    hand = Hand(position=(0.2, 0.2, 0.2), velocity=(2.0, 1.0, -1.0), radius=0.25, grip=20.0)
+    hand = Hand(
+        position=(0.2, 0.2, 0.2),
+        velocity=(2.0, 1.0, -1.0),
+        radii=(0.25, 0.25, math.inf),
+        grip=20.0,
+        spin=(0.0, 5.0, 0.0),
+        draw=-3.0,
+    )
     for _ in range(12):
         sim.advance(1 / 60, ExternalForces(G, hand))
     entry = ledger.record(G)
@@ -227,6 +234,39 @@ def test_momentum_is_what_gravity_walls_and_the_hand_gave(name, request):
         assert np.linalg.norm(entry.internal_impulse) < 1e-5 * exchanged
 
 
+def test_added_water_is_recorded_and_overlaps_nothing(pool, monkeypatch):
+    """Mass, momentum and energy balance with the account of added water, before and after steps."""
+    sim, ledger = pool
+    sim.reset()
+    ledger.clear()
+    monkeypatch.setattr(sim.particles, "capacity", sim.particles.count + 3)
+    start, d = ledger.record(G), 0.05
+    above = np.array([[0.1, 0.4, 0.1], [0.2, 0.42, 0.2], [0.3, 0.45, 0.3]], np.float32)
+    # In the water, beyond a wall, and next to one that is added.
+    inside = np.array([[0.11, 0.12, 0.1], [-0.1, 0.4, 0.1], [0.12, 0.4, 0.1]], np.float32)
+    x = np.concatenate([above, inside])
+    v = np.tile(np.array([0.4, -1.0, 0.2], np.float32), (len(x), 1))
+    assert sim.add(x, v, 0, G) == 3
+    after = ledger.record(G)
+    assert after.added_mass == pytest.approx(3000.0 * d**3, rel=1e-6)
+    assert after.mass - start.mass == pytest.approx(after.added_mass, rel=1e-3)
+    assert ledger.mass_change() == pytest.approx(0.0, abs=1e-6)
+    gained = after.momentum - start.momentum
+    assert gained == pytest.approx(after.user_impulse, abs=1e-4) and gained[0] > 0.1
+    assert after.energy == pytest.approx(start.energy, abs=1e-4 * start.potential)
+    ids = sim.particles.numpy("id")
+    assert len(np.unique(ids)) == len(ids)
+    with pytest.raises(FullError, match="full"):
+        sim.add(above + np.float32(0.051), v[:3], 0, G)
+    for _ in range(6):
+        sim.advance(1 / 60, ExternalForces(G))
+    entry = ledger.record(G)
+    assert abs(ledger.mass_change()) < 1e-6 and entry.outside == 0
+    assert entry.energy < start.energy + 1e-3 * start.potential
+    sim.reset()
+    assert ledger.record(G).added_mass == 0.0
+
+
 def test_the_hands_work_is_the_energy_it_gives(world):
     """Without gravity, pair forces or walls in the way: kinetic energy gained is the work."""
     sim, ledger = world
@@ -235,7 +275,9 @@ def test_the_hands_work_is_the_energy_it_gives(world):
     far["x"] = np.array([[0.2, 0.5, 0.5], [0.8, 0.5, 0.5]], np.float32)
     sim.particles.fill(**{k: v[:2] for k, v in far.items()})
     sim.solver.reset()
-    hand = Hand(position=(0.2, 0.5, 0.5), velocity=(1.0, 0.5, 0.0), radius=0.3, grip=30.0)
+    hand = Hand(
+        position=(0.2, 0.5, 0.5), velocity=(1.0, 0.5, 0.0), radii=(0.3, 0.3, 0.3), grip=30.0
+    )
     for _ in range(5):
         sim.solver.step(2e-3, ExternalForces((0.0, 0.0, 0.0), hand))
     entry = ledger.record((0.0, 0.0, 0.0))

@@ -9,6 +9,7 @@ import imageio.v2 as imageio
 import numpy as np
 import pytest
 
+from msph.fluid.external_forces import as_vector
 from msph.fluid.particles.layers import pair_support
 from msph.measure.timings import Timings
 from msph.scene import load_scene
@@ -23,6 +24,7 @@ from msph.stage.panel import PAGES, Request
 from msph.stage.player import SLOW_MOTION, Player
 from msph.stage.row import Row
 from msph.stage.show import INTERACTIVE, Show
+from msph.stage.tools import TOOLS
 from tests.scenes_kit import TEXT, write
 
 SIZE = WIDTH, HEIGHT = 480, 270
@@ -171,25 +173,183 @@ def test_slow_motion_and_back(player, show):
     assert player.pacer.speed == 1.0
 
 
+def come_level(player, show):
+    """Frames are as long as this machine needs."""
+    for _ in range(600):
+        frames(player, show)
+        if not player.steering.tilt.any():
+            return
+    raise AssertionError(f"still tilted by {player.steering.tilt} rad")
+
+
 def test_arrows_tilt_and_the_pool_comes_level_unless_locked(player, show):
     player.window.held = {"Right"}
-    frames(player, show, 5)
+    frames(player, show, 10)
     tilt = player.steering.tilt[0]
     assert tilt < -0.02 and show.tilt[0, 1] != 0.0
     player.window.held = set()
-    frames(player, show, 4)
-    assert tilt < player.steering.tilt[0] < 0.0
-    frames(player, show, 40)
-    assert player.steering.tilt[0] == 0.0
+    come_level(player, show)
     press(player, show, "l")
     player.window.held = {"Up"}
-    frames(player, show, 5)
+    frames(player, show, 10)
     player.window.held = set()
+    for _ in range(600):
+        frames(player, show)
+        if abs(player.steering.rate).max() < 1e-3:
+            break
     tilt = player.steering.tilt[1]
     frames(player, show, 10)
-    assert player.steering.tilt[1] == tilt != 0.0
+    assert player.steering.tilt[1] == pytest.approx(tilt, abs=1e-3) and tilt < -0.02
     press(player, show, "Return")
-    assert not player.steering.tilt.any()
+    come_level(player, show)
+
+
+def test_tilting_turns_the_box_at_the_rate_of_its_tilt(given, monkeypatch):
+    """The rates of a frame are those between its tilt and the last one's; a pause and a reset
+    begin anew."""
+    seen = []
+    advance = given.simulation.advance
+    monkeypatch.setattr(
+        given.simulation,
+        "advance",
+        lambda t, external, *a: seen.append(external) or advance(t, external, *a),
+    )
+    for roll in (0.0, 0.01, 0.03):
+        given.frame(Controls(tilt=(roll, 0.0), frame_time=FRAME))
+    rates = [np.linalg.norm(e.angular_velocity) for e in seen]
+    assert rates == pytest.approx([0.0, 0.01 / FRAME, 0.02 / FRAME])
+    rises = [np.linalg.norm(e.angular_acceleration) for e in seen]
+    assert rises == pytest.approx([0.0, 0.01 / FRAME**2, 0.01 / FRAME**2])
+    # About the camera's view axis.
+    back = given.camera.axes()[2] * (1.0, 0.0, 1.0)
+    along = seen[1].angular_velocity @ back / np.linalg.norm(back)
+    assert abs(along) == pytest.approx(rates[1], rel=1e-3)
+    given.frame(Controls(tilt=(0.3, 0.0), paused=True))
+    given.frame(Controls(tilt=(0.3, 0.0), frame_time=FRAME))
+    given.frame(Controls(tilt=(0.1, 0.0), frame_time=FRAME, reset=True))
+    assert [e.angular_velocity for e in seen[3:]] == [(0.0, 0.0, 0.0)] * 2
+
+
+def test_a_jolt_tilts_the_pool_to_and_fro_and_ends(player, show):
+    press(player, show, "j")
+    rolls = []
+    for _ in range(100):
+        frames(player, show)
+        rolls.append(player.steering.jolt)
+    assert min(rolls) < -0.05 and max(rolls) > 0.05 and rolls[-1] == 0.0
+    assert show.ledger.entries[-1].user_work > 0.0
+
+
+def wet_place(show):
+    """A place on the water, (right, up) in shares of the window."""
+    pixels = itertools.product(range(0, WIDTH, 4), range(0, HEIGHT, 4))
+    wet = [pixel for pixel in pixels if show.pick(*pixel) is not None]
+    return np.array(wet[len(wet) // 2]) / SIZE
+
+
+@pytest.mark.parametrize("tool", TOOLS, ids=lambda tool: tool.name)
+def test_each_tool_moves_or_adds_water_while_the_button_is_down(player, show, tool):
+    player.steering.tool = next(t for t in TOOLS if t is not tool)
+    press(player, show, tool.key, number=2)
+    assert player.steering.tool is tool and tool.effect == player.layout.message
+    player.window.at, player.window.held = wet_place(show), {"LMB"}
+    frames(player, show)
+    first = show.ledger.entries[-1]
+    for _ in range(12):
+        player.window.at = player.window.at + np.array([0.004, 0.0])
+        frames(player, show)
+    player.window.held = set()
+    frames(player, show)
+    last = show.ledger.entries[-1]
+    assert last.user_work != 0.0
+    assert (last.added_mass > 0.0) == (tool.name in ("rain", "ball"))
+    assert abs(show.ledger.mass_change()) < 1e-6
+    # A ball at each press, rain in each frame.
+    assert (last.added_mass > first.added_mass) == (tool.name == "rain")
+
+
+def test_a_click_within_a_frame_pokes_the_water(player, show):
+    frames(player, show, 2)
+    player.window.at, player.window.pressed = wet_place(show), ["LMB"]
+    frames(player, show, 12)
+    entry = show.ledger.entries[-1]
+    assert entry.user_impulse[1] < 0.0 < entry.user_work
+    assert not player.steering.contact.holds
+
+
+def test_the_hand_is_shown_as_a_ball_while_it_pushes(player, show):
+    press(player, show, " ")
+    show.picture.ball = None
+    show.draw()
+    before = show.picture.image.to_numpy()
+    centre, radius = np.array(show.simulation.size) / 2, 0.1
+    show.picture.ball = as_vector(centre), radius
+    show.draw()
+    changed = np.abs(show.picture.image.to_numpy() - before).max(axis=-1) > 1e-3
+    right, up, _ = show.camera.axes()
+    points = np.array([centre, centre + radius * right, centre + radius * up])
+    places = show.camera.project(points, *SIZE, show.simulation.size) * SIZE
+    reach = np.linalg.norm(places[1] - places[0])
+    i, j = np.nonzero(changed)
+    away = np.hypot(i - places[0, 0], j - places[0, 1])
+    assert away.max() == pytest.approx(reach, rel=0.1)
+    assert changed.sum() > 0.8 * math.pi * reach**2
+
+
+def test_pull_lifts_the_water_and_swirl_turns_it(player, show):
+    def after(key):
+        """Impulse upwards, and moment of the motion near the cursor about the vertical."""
+        show.reset()
+        press(player, show, key, number=2)
+        player.window.at, player.window.held = wet_place(show), {"LMB"}
+        frames(player, show, 12)
+        place = player.steering.contact.place
+        player.window.held = set()
+        frames(player, show)
+        x, v = (show.simulation.particles.numpy(k) for k in "xv")
+        r = x - place
+        near = np.hypot(r[:, 0], r[:, 2]) < 0.08
+        return show.ledger.entries[-1].user_impulse[1], np.cross(r, v)[near, 1].mean()
+
+    lift, turned_by_pull = after("g")
+    _, turned = after("t")
+    assert lift > 0.0
+    assert turned > 5.0 * abs(turned_by_pull)
+
+
+def test_a_full_pool_refuses_water_with_a_message(player, show, monkeypatch):
+    frames(player, show, 2)
+    monkeypatch.setattr(show.simulation.particles, "capacity", show.simulation.particles.count)
+    press(player, show, "b")
+    player.window.at, player.window.held = wet_place(show), {"LMB"}
+    frames(player, show)
+    player.window.held = set()
+    assert "full" in player.layout.message and show.ledger.mass_change() == 0.0
+
+
+def test_a_click_on_the_toolbar_selects_a_tool_and_pushes_nothing(player, show):
+    frames(player, show, 2)
+    left, low, _, height = player.layout.overlay.shown["tools"]
+    button = next(b for b in player.toolbar.sheet.buttons if b.name == "swirl")
+    x, y = 0.5 * (button.left + button.right), 0.5 * (button.top + button.bottom)
+    player.window.at = np.array([(left + x) / WIDTH, (low + height - y) / HEIGHT])
+    frames(player, show)
+    player.window.held, player.window.pressed = {"LMB"}, ["LMB"]
+    frames(player, show)
+    player.window.held = set()
+    frames(player, show)
+    assert player.steering.tool.name == "swirl"
+    assert show.ledger.entries[-1].user_work == 0.0
+
+
+def test_no_water_is_added_while_paused(player, show):
+    press(player, show, "u", number=2)
+    press(player, show, " ")
+    count = show.simulation.particles.count
+    player.window.at, player.window.held = wet_place(show), {"LMB"}
+    frames(player, show, 20)
+    player.window.held = set()
+    assert show.simulation.particles.count == count
 
 
 def test_camera_orbits_zooms_pans_and_comes_home(player, show):

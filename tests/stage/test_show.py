@@ -9,6 +9,7 @@ import pytest
 from msph.measure.ledger import NotFiniteError
 from msph.measure.timings import Timings
 from msph.scene import SceneError, load_scene
+from msph.scene.build import build_simulation
 from msph.stage.controls import Controls
 from msph.stage.headless import Headless, HeadlessPlayer
 from msph.stage.loop import run
@@ -40,6 +41,14 @@ def test_nobody_gets_the_frames_it_wants(show):
     assert show.simulation.time - before == pytest.approx(3 / 60)
     assert len(show.ledger.entries) == 3
     assert set(show.timings.frames[-1]) == {"fluid", "surface", "picture"}
+
+
+def test_spare_particles_are_those_that_the_fields_hold(show):
+    alone = show.simulation.particles.capacity
+    for spare, more in ((500, 500), (10**6, 0)):
+        simulation = build_simulation(show.scene, spare)
+        assert simulation.particles.capacity == alone + more
+        simulation.close()
 
 
 def test_paused_show_stands_still_but_for_single_steps(show):

@@ -88,6 +88,10 @@ class Adaptation:
         self.totals, self.travelled = np.zeros(2, int), 0.0
         self.next_id[None] = int(self.particles.numpy("id").max()) + 1
 
+    def number_after(self, last: int) -> None:
+        """Gives later particles ids above `last`."""
+        self.next_id[None] = max(self.next_id[None], last + 1)
+
     def state(self) -> dict[str, float]:
         """Returns the values that a checkpoint stores."""
         return {

@@ -109,6 +109,17 @@ class Particles:
         self._write(vectors, numbers, integers, n, self.touched)
         self.count, self.touched = n, self.capacity
 
+    def append(self, x: np.ndarray, v: np.ndarray, layer: int) -> None:
+        """Adds particles of a layer at x [m] with velocities v [m/s], (n, 3); their other
+        attributes are zero, except new ids."""
+        old, n = self.state(), len(x)
+        new = {name: np.zeros((n, *a.shape[1:]), a.dtype) for name, a in old.items()}
+        first = int(old["id"].max()) + 1
+        new |= {"x": x, "v": v, "id": first + np.arange(n), "layer": np.full(n, layer)}
+        self.fill(
+            **{name: np.concatenate([a, new[name].astype(a.dtype)]) for name, a in old.items()}
+        )
+
     def _tables(self, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Returns zeroed tables for the vectors, scalars and integers of n particles."""
         vectors, numbers, integers = map(len, self._names)

@@ -1,8 +1,15 @@
-"""Gravity, the user's hand, and the excess pressure of mirror images behind walls."""
+"""Gravity, the user's hand and tilt, and the excess pressure of mirror images behind walls."""
 
 import taichi as ti
 
-from msph.fluid.external_forces import ExternalForces, hand_acceleration
+from msph.fluid.external_forces import (
+    HAND_NUMBERS,
+    TURN_NUMBERS,
+    ExternalForces,
+    coriolis,
+    field_in_turning_box,
+    hand_acceleration,
+)
 from msph.fluid.projection.discretisation import Discretisation
 from msph.fluid.projection.force import Force
 from msph.fluid.projection.virial_pressure import VirialPressure
@@ -26,17 +33,16 @@ class BodyForce(Force):
         n: ti.i32,
         dt: ti.f32,
         gravity: ti.math.vec3,
-        hand_position: ti.math.vec3,
-        hand_velocity: ti.math.vec3,
-        hand_radius: ti.f32,
-        hand_grip: ti.f32,
+        hand_numbers: HAND_NUMBERS,
+        turn: TURN_NUMBERS,
     ):
-        """Adds dt (g + hand + images' excess pressure) to v."""
-        p = self.particles
+        """Adds dt (g + rotation + hand + images' excess pressure) to v."""
+        p, centre = self.particles, 0.5 * self.constants.size[None]
         for i in range(n):
             m, x, v = self.layers.mass[p.layer[i]], p.x[i], p.v[i]
-            wall = self.virial.image_acceleration(i, gravity)
-            hand = hand_acceleration(x, v, dt, hand_position, hand_velocity, hand_radius, hand_grip)
-            self.impulses.record_hand(m, v, dt, hand, gravity + wall)
+            field = field_in_turning_box(x - centre, turn)
+            wall = self.virial.image_acceleration(i, gravity + field)
+            user = field + coriolis(v, dt, turn) + hand_acceleration(x, v, dt, hand_numbers)
+            self.impulses.record_user(m, v, dt, user, gravity + wall)
             self.impulses.wall_impulse[None] += m * dt * wall
-            p.v[i] = v + dt * (gravity + wall + hand)
+            p.v[i] = v + dt * (gravity + wall + user)

@@ -267,6 +267,15 @@ class Projection:
             self.particles_moved()
         self.first_step = False
 
+    def particles_added(self, speed: float) -> None:
+        """Accounts for new particles, of at most `speed` [m/s]."""
+        rate = speed / (MOTION_FACTOR * self.parameters.cfl * self.layers.finest.spacing)
+        self.max_rate = max(self.max_rate, rate)
+        if self.adaptation:
+            self.adaptation.number_after(int(self.particles.numpy("id").max()))
+        self.particles_moved()
+        self.grid.refresh()
+
     def force(self, kind: type) -> Any:
         """Returns the enabled force of class `kind`, or None."""
         return next((force for force in self.forces if isinstance(force, kind)), None)

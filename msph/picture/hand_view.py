@@ -1,0 +1,51 @@
+"""Drawing of the user's hand as a translucent ball over the image."""
+
+import taichi as ti
+
+from msph.picture.rasteriser import Rasteriser
+from msph.taichi_internals import data_oriented, kernel
+
+vec3 = ti.math.vec3
+
+# Display-referred colours of the ball and its highlight.
+SKIN, LIGHT = (1.0, 0.93, 0.72), (1.0, 1.0, 0.96)
+# Opacity in the middle, and what the outline adds to it; factor under the level of the centre,
+# where water covers the ball.
+MIDDLE, OUTLINE, SUNKEN = 0.12, 0.6, 0.45
+# Powers of the outline and of the highlight; share of the radius over which the edge fades.
+OUTLINE_POWER, GLOSS, EDGE = 3.0, 40.0, 0.03
+
+
+@data_oriented
+class HandView:
+    """Draws a ball into the 3-vec field `image`, one value per ray."""
+
+    def __init__(self, lens, raster: Rasteriser, image):
+        self.lens, self.raster, self.image = lens, raster, image
+
+    @kernel
+    def draw(self, centre: vec3, radius: ti.f32):
+        """Blends the ball of a radius [m] round a centre [m], box frame, over the image."""
+        view = self.lens.shot[None]
+        c = centre - view.eye
+        z = c.dot(view.forward)
+        middle = ti.Vector([c.dot(view.to_i), c.dot(view.to_j)]) / ti.max(z, radius) + view.centre
+        # The outline is wider than radius/z by up to the factor below.
+        reach = 1.5 * radius / (view.pixel * ti.max(z - radius, radius))
+        box = self.raster.bounds(middle - reach, middle + reach, view)
+        shown = z > radius
+        for i, j in ti.ndrange((box[0], box[2] + 1), (box[1], box[3] + 1)):
+            shot = self.lens.shot[None]
+            d = (shot.origin + shot.du * i + shot.dv * j).normalized()
+            along = c.dot(d)
+            aside2 = (c.norm_sqr() - along * along) / (radius * radius)
+            if aside2 < 1.0 and shown:
+                inward = ti.sqrt(1.0 - aside2)  # cosine between ray and normal
+                n = (d * (along - radius * inward) - c) / radius
+                edge = ti.min((1.0 - ti.sqrt(aside2)) / EDGE, 1.0)
+                opacity = MIDDLE + OUTLINE * (1.0 - inward) ** OUTLINE_POWER
+                opacity *= edge * ti.select(n.dot(shot.up) > 0.0, 1.0, SUNKEN)
+                half = (shot.sun - d).normalized()
+                glint = edge * ti.max(n.dot(half), 0.0) ** GLOSS
+                colour = ti.math.mix(self.image[i, j], vec3(SKIN), opacity)
+                self.image[i, j] = ti.math.mix(colour, vec3(LIGHT), 0.8 * glint)

@@ -1,0 +1,185 @@
+"""Tools: what the left mouse button does to the water."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from msph.fluid.external_forces import Hand, Vec3, as_vector
+
+if TYPE_CHECKING:
+    from msph.stage.show import Show
+
+# Least radius of a hand in finest spacings, below which it slips between the particles.
+LEAST_RADIUS = 1.5
+# Least duration of a press [s], also of a shorter click. In it a push goes down, at this speed over
+# sqrt(g R), R the push radius, in a part of the radius: a click makes a ring wave.
+PRESS_TIME, POKE_SPEED, POKE_RADIUS = 0.1, 0.8, 0.6
+# Pull: radius and height of its centre above the water over the push radius; rate [1/s].
+PULL_RADIUS, PULL_HEIGHT, PULL_RATE = 1.3, 0.5, 5.0
+# Swirl: speed at the push radius R over sqrt(g R), which makes a funnel about R/2
+# deep in a second.
+SWIRL_SPEED = 1.6
+# Wave: thickness of the slab of water that moves with the cursor, over the box's length.
+SLAB = 0.2
+# Rain: drops per second, time between two additions [s] (each takes milliseconds), radius of the
+# shower over the push radius, height of the start above the water over the box's height, speed
+# there [m/s].
+RAIN_RATE, RAIN_EVERY, RAIN_RADIUS, RAIN_HEIGHT, RAIN_SPEED = 40.0, 0.1, 0.8, 0.35, 1.5
+# Ball: radius over the box's longest edge, distance from the water towards the camera in radii,
+# and speed over sqrt(g L) of the box's longest edge L.
+BALL_RADIUS, BALL_DISTANCE, BALL_SPEED = 0.08, 3.0, 0.7
+# Gravity for the speeds of tools in weightless scenes [m/s^2].
+LEAST_GRAVITY = 1.0
+
+
+@dataclass(frozen=True)
+class Touch:
+    """Cursor on the water of a show in a frame.
+
+    place [m], velocity [m/s] in the box frame, those of a hand that moves in the plane facing the
+    camera through `start` [m], where the button was pressed; surface [m]: the water under the
+    cursor, or the place; direction of the cursor's ray; held [s]: simulated time since the press,
+    of which `step` in this frame.
+    """
+
+    show: "Show"
+    place: np.ndarray
+    velocity: np.ndarray
+    start: np.ndarray
+    surface: np.ndarray
+    direction: np.ndarray
+    step: float
+    held: float
+
+    @property
+    def began(self) -> bool:
+        """True in the frame of the press."""
+        return self.held == self.step
+
+    @property
+    def size(self) -> np.ndarray:
+        """Edges of the box [m]."""
+        return np.array(self.show.simulation.size)
+
+    @property
+    def radius(self) -> float:
+        """Radius of a push [m]."""
+        least = LEAST_RADIUS * self.show.simulation.layers.finest.spacing
+        return max(self.show.scene.play.push_radius * float(self.size.max()), least)
+
+    @property
+    def up(self) -> np.ndarray:
+        """Vertical unit vector in the box frame."""
+        return self.show.tilt.T @ np.array((0.0, 1.0, 0.0))
+
+    @property
+    def gravity(self) -> float:
+        """Absolute value of gravity [m/s^2], at least LEAST_GRAVITY."""
+        return max(math.hypot(*self.show.scene.gravity), LEAST_GRAVITY)
+
+    def hand(self, place: np.ndarray, radii: Vec3, velocity: np.ndarray, **more) -> Hand:
+        """Returns a hand with the scene's grip."""
+        grip = self.show.scene.play.push_grip
+        return Hand(as_vector(place), as_vector(velocity), radii, grip, **more)
+
+
+@dataclass(frozen=True)
+class Tool:
+    """A tool. key: selects it; effect: text of the help page; act: returns the hand of a frame in
+    which the button is down, and may add water (FullError). ball: the hand is shown as a ball."""
+
+    name: str
+    key: str
+    effect: str
+    act: Callable[[Touch], Hand]
+    ball: bool = False
+
+
+def push(touch: Touch) -> Hand:
+    velocity, radius = touch.show.scene.play.push_gain * touch.velocity, touch.radius
+    if touch.held <= PRESS_TIME:
+        poke = POKE_SPEED * math.sqrt(touch.gravity * radius)
+        if poke > float(np.linalg.norm(velocity)):
+            velocity, radius = -poke * touch.up, POKE_RADIUS * radius
+    return touch.hand(touch.place, (radius,) * 3, velocity)
+
+
+def pull(touch: Touch) -> Hand:
+    place = touch.surface + PULL_HEIGHT * touch.radius * touch.up
+    radii = (PULL_RADIUS * touch.radius,) * 3
+    return touch.hand(place, radii, np.zeros(3), draw=PULL_RATE)
+
+
+def swirl(touch: Touch) -> Hand:
+    r = touch.radius
+    spin = SWIRL_SPEED * math.sqrt(touch.gravity / r) * touch.up
+    return touch.hand(touch.surface, (r, math.inf, r), np.zeros(3), spin=as_vector(spin))
+
+
+def wave(touch: Touch) -> Hand:
+    """Moves the water at the end wall nearest to the press like a wave maker."""
+    size = touch.size
+    along = 0 if size[0] >= size[2] else 2
+    ends = np.zeros(3), size
+    wall = min(ends, key=lambda end: abs(end[along] - touch.start[along]))
+    radii = [math.inf] * 3
+    radii[along] = SLAB * float(size[along])
+    axis = np.eye(3)[along]
+    velocity = touch.show.scene.play.push_gain * touch.velocity * axis
+    return touch.hand(wall, (radii[0], radii[1], radii[2]), velocity)
+
+
+def rain(touch: Touch) -> Hand:
+    batches = math.floor(touch.held / RAIN_EVERY) - math.floor(
+        (touch.held - touch.step) / RAIN_EVERY
+    )
+    if not batches:
+        return Hand()
+    rng = touch.show.rng
+    number = rng.poisson(RAIN_RATE * RAIN_EVERY * batches)
+    up, size = touch.up, touch.size
+    across = rng.normal(size=(number, 3))
+    across -= np.outer(across @ up, up)
+    across *= RAIN_RADIUS * touch.radius / np.sqrt((across**2).sum(axis=1, keepdims=True) + 1e-9)
+    across *= np.sqrt(rng.random((number, 1)))
+    height = RAIN_HEIGHT * size[1] * rng.uniform(0.7, 1.0, (number, 1))
+    x = touch.surface + across + height * up
+    spacing = touch.show.simulation.layers.finest.spacing
+    touch.show.add_water(
+        np.clip(x, spacing, size - spacing), np.tile(-RAIN_SPEED * up, (number, 1))
+    )
+    return Hand()
+
+
+def ball(touch: Touch) -> Hand:
+    """Throws a ball of water along the cursor's ray, once per press."""
+    if touch.began:
+        size, d = touch.size, touch.show.simulation.layers.finest.spacing
+        longest = float(size.max())
+        radius = max(BALL_RADIUS * longest, LEAST_RADIUS * d)
+        # As far from the water as the box allows.
+        margin = radius + 0.5 * d
+        back = BALL_DISTANCE * radius * (touch.up - touch.direction)
+        centre = np.clip(touch.surface + back, margin, np.maximum(size - margin, margin))
+        cells = np.arange(-math.ceil(radius / d), math.ceil(radius / d) + 1) * d
+        sites = np.stack(np.meshgrid(cells, cells, cells), axis=-1).reshape(-1, 3)
+        x = centre + sites[(sites**2).sum(axis=1) <= radius**2]
+        way = touch.surface - centre
+        speed = BALL_SPEED * math.sqrt(touch.gravity * longest)
+        velocity = speed * way / max(float(np.linalg.norm(way)), 1e-9)
+        touch.show.add_water(x, np.tile(velocity, (len(x), 1)))
+    return Hand()
+
+
+TOOLS = (
+    Tool("push", "f", "tool: drag to push the water", push, ball=True),
+    Tool("pull", "g", "tool: hold to pull the water up to the cursor", pull),
+    Tool("swirl", "t", "tool: hold to turn the water round the cursor", swirl),
+    Tool("rain", "u", "tool: hold to let it rain at the cursor", rain),
+    Tool("ball", "b", "tool: click to throw a ball of water", ball),
+    Tool("wave", "e", "tool: drag to move the water at an end wall", wave),
+)
+BY_NAME = {tool.name: tool for tool in TOOLS}
