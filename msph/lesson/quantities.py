@@ -144,7 +144,9 @@ QUANTITIES: dict[str, Quantity] = {
     "top_speed": Quantity("m/s", "speed of the fastest particle", _last("top_speed")),
     "centre_x": Quantity("m", "x of the centre of mass", lambda s: s.ledger.entries[-1].centre[0]),
     "centre_y": Quantity("m", "y of the centre of mass", lambda s: s.ledger.entries[-1].centre[1]),
-    "mass_error": Quantity("%", "change of the mass, over the initial mass", _mass_error),
+    "mass_error": Quantity(
+        "%", "change of the mass, spilt water included, over the initial mass", _mass_error
+    ),
     "merge_loss": Quantity("J", "kinetic energy lost by merges", _last("merge_loss")),
     "exchanges": Quantity("-", "splits and merges since the start", _exchanges),
     "density_error": Quantity(
