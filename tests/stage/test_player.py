@@ -237,7 +237,7 @@ def test_a_jolt_tilts_the_pool_to_and_fro_and_ends(player, show):
         frames(player, show)
         rolls.append(player.steering.jolt)
     assert min(rolls) < -0.05 and max(rolls) > 0.05 and rolls[-1] == 0.0
-    assert show.ledger.entries[-1].user_work > 0.0
+    assert show.ledger.entries[-1].user_work != 0.0
 
 
 def wet_place(show):
