@@ -25,11 +25,12 @@ from msph.taichi_internals import data_oriented, kernel
 
 vec3 = ti.math.vec3
 
-# Largest shift (-), 0.25 spacings inwards: `dam_break` reaches it only at its start.
-MAX_SHIFT = 0.08
-# Smallest shift (-), 0.3 spacings outwards; larger with bodies, where particles crowd and half
+# Largest shift (-), 0.45 spacings inwards at 1.6 supports: weakly compressible water expands by that
+# at its start. A sheet of single particles remains.
+MAX_SHIFT = 0.14
+# Smallest shift (-), 0.45 spacings outwards; larger with bodies, where particles crowd and half
 # coverage is up to 0.34 spacings too low (`bowl`).
-MIN_SHIFT, MIN_SHIFT_AT_BODIES = -0.1, -0.2
+MIN_SHIFT, MIN_SHIFT_AT_BODIES = -0.14, -0.25
 # Shift (-) from which a second Newton step is made: one step of 0.08 leaves up to 0.6 % of the
 # volume.
 SECOND_STEP = 0.02
