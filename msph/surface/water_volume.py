@@ -25,8 +25,8 @@ from msph.taichi_internals import data_oriented, kernel
 
 vec3 = ti.math.vec3
 
-# Largest shift (-), 0.45 spacings inwards at 1.6 supports: weakly compressible water expands by that
-# at its start. A sheet of single particles remains.
+# Largest shift (-), 0.45 spacings inwards at 1.6 supports: weakly compressible water expands by
+# that at its start. A sheet of single particles remains.
 MAX_SHIFT = 0.14
 # Smallest shift (-), 0.45 spacings outwards; larger with bodies, where particles crowd and half
 # coverage is up to 0.34 spacings too low (`bowl`).
