@@ -28,7 +28,7 @@ STILL = gravity(*DOWN)
 
 def hand(velocity: tuple[float, float, float]) -> Drive:
     """Returns a hand in the middle that accelerates water to `velocity` [m/s] within a step."""
-    return lambda time: ExternalForces(DOWN, Hand(MIDDLE, velocity, 0.1, 1e4))
+    return lambda time: ExternalForces(DOWN, Hand(MIDDLE, velocity, (0.1, 0.1, 0.1), 1e4))
 
 
 def shaken(acceleration: float, rate: float) -> Drive:

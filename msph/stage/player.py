@@ -212,6 +212,9 @@ class Player(Audience):
         if not self._paused:
             self.replay.observe(image, now)
         self.saver.report()
+        if row.lead.note:
+            self.layout.show_message(row.lead.note)
+            row.lead.note = ""
         if self.guide:
             self.guide.update()
         self.menu.draw()

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from msph.fluid.boundary.rim import AllSpiltError
 from msph.fluid.external_forces import ExternalForces, Vec3, as_vector, rotation_vector
 from msph.fluid.stages import Stage, no_stage
 from msph.fluid.trapped_water import TrappedWaterError
@@ -47,10 +48,10 @@ class Show:
 
     frame_time [s]: default simulated time of a frame. size (width, height) [pixels] of the image,
     None for no image. meshes: extract the surface of every frame, rendered or not. density_every
-    [s]: see Ledger. stop_bodies: a body that traps water stops instead of raising an error;
-    stopped: names of such bodies. scalable: frames may set the image scale. simulated [s]: time
-    simulated by the last frame. spare: see build_simulation. Unused parts are neither allocated nor
-    compiled.
+    [s]: see Ledger. stop_bodies: no error ends the show where a body traps water, which stops the
+    body, or where all water is spilt, which begins the scene again; stopped: names of such bodies.
+    scalable: frames may set the image scale. simulated [s]: time simulated by the last frame.
+    spare: see build_simulation. Unused parts are neither allocated nor compiled.
     """
 
     def __init__(
@@ -75,6 +76,7 @@ class Show:
         self.on_progress: Callable[[float], None] | None = None
         self.stop_bodies, self.scalable = stop_bodies, scalable and size is not None
         self.stopped: set[str] = set()
+        self.note = ""  # message to the user about the last frame
         self.simulation = build_simulation(scene, spare)
         self.counts = self.simulation.counts()
         self.ledger = Ledger(self.simulation, density_every)
@@ -194,6 +196,12 @@ class Show:
             return sim.advance(
                 frame_time, external, self._substage, budget, self.clock, self.on_progress
             )
+        except AllSpiltError as error:
+            if not self.stop_bodies:
+                raise
+            self.reset()
+            self.note = f"{error}: the scene begins again"
+            return 0.0
         except TrappedWaterError as error:
             if before is None:
                 raise

@@ -59,3 +59,17 @@ def test_a_reset_forgets_drops_and_spilt_mass(show):
     assert rim.mass > 0.0 and (rim.drops.life.to_numpy() > 0.0).any()
     show.reset()
     assert rim.mass == 0.0 and not (rim.drops.life.to_numpy() > 0.0).any()
+
+
+def test_an_interactive_scene_begins_again_when_all_water_is_spilt():
+    """The window was closed."""
+    changes = ("box.size=[0.6, 0.36, 0.6]", "layers.0.spacing=0.06", "gravity=[0, 20, 0]")
+    show = Show(load_scene("still", changes), 1 / 20, stop_bodies=True)
+    for _ in range(40):
+        show.frame(Controls())
+        if show.note:
+            break
+    assert show.note == "all water has left the open box: the scene begins again"
+    assert show.simulation.rim.mass == 0.0
+    assert show.simulation.particles.count == len(show.simulation.initial["x"])
+    show.close()
