@@ -70,9 +70,9 @@ class Layout:
             self.overlay.put("settings", page, 0, self._top())
 
     def put_tools(self, page: np.ndarray) -> None:
-        """Shows the toolbar at the right edge, in the middle of the height."""
-        left, top = self.size[0] - page.shape[1], (self.size[1] - page.shape[0]) // 2
-        self.overlay.put("tools", page, left, top)
+        """Shows the toolbar in the upper right corner, above legends."""
+        left = self.size[0] - self.gap - page.shape[1]
+        self.overlay.put("tools", page, left, self.gap)
 
     def on_tools(self, cursor: np.ndarray) -> tuple[float, float]:
         """Converts a cursor from (right, up) in shares of the window to (right, down) in pixels
