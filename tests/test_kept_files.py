@@ -1,8 +1,12 @@
 """No command changes a byte of a file that existed before it, whatever its outputs are called."""
 
 import contextlib
+import tempfile
+from pathlib import Path
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from msph import cli
 from msph.errors import MsphError
@@ -46,10 +50,17 @@ def decoys(names):
     return [made for n in names for made in (f"new_{n}", f".{n}", f"{n}.part", f"{n}.tmp", f"{n}~")]
 
 
-@pytest.fixture(autouse=True)
-def one_taichi(monkeypatch):
-    for module in (commands, lesson_commands):
-        monkeypatch.setattr(module, "start", lambda arch, threads: "cpu")
+@pytest.fixture(autouse=True, scope="module")
+def one_taichi():
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (commands, lesson_commands):
+            patch.setattr(module, "start", lambda arch, threads: "cpu")
+        yield
+
+
+@pytest.fixture(scope="module")
+def one_folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("kept")
 
 
 def run(command, folder):
@@ -91,6 +102,23 @@ def test_a_name_that_is_taken_is_refused_and_nothing_is_written(command, tmp_pat
         with pytest.raises(MsphError, match="exists; --force overwrites it"):
             run(command, folder)
         assert added(before, folder) == set()
+
+
+@settings(deadline=None, derandomize=True, max_examples=60)
+@given(st.sampled_from(sorted(COMMANDS)), st.data())
+def test_any_files_are_unchanged(one_folder, command, data):
+    """Any set of files of any content, among them an output: the command is refused."""
+    names = COMMANDS[command][1]
+    taken = data.draw(st.sets(st.sampled_from(names), min_size=1))
+    beside = data.draw(st.sets(st.sampled_from(decoys(names)), max_size=6))
+    folder = Path(tempfile.mkdtemp(dir=one_folder))
+    filled(folder, ())
+    for name in taken | beside:
+        (folder / name).write_bytes(data.draw(st.binary(max_size=40)))
+    before = {path: path.read_bytes() for path in folder.iterdir()}
+    with pytest.raises(MsphError, match="exists; --force overwrites it"):
+        run(command, folder)
+    assert added(before, folder) == set()
 
 
 def test_force_overwrites(tmp_path):
