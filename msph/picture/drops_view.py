@@ -39,9 +39,9 @@ class DropsView:
         """Draws a ball of water at x [m] with a radius [m]."""
         shot = self.lens.shot[None]
         c = x - shot.eye
-        z = c.dot(shot.forward)
+        place = self.raster.project(c, shot)
+        m, z = place.xy, place.z
         if z > 1.0 / shot.w_near:
-            m = vec2(c.dot(shot.to_i), c.dot(shot.to_j)) / z + shot.centre
             r = ti.max(radius / (shot.pixel * z), LEAST_RADIUS)
             at = ti.cast(ti.round(m), ti.i32)
             inside = at.min() >= 0 and at.x < shot.columns and at.y < shot.rows

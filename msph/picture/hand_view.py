@@ -14,6 +14,9 @@ SKIN, LIGHT = (1.0, 0.93, 0.72), (1.0, 1.0, 0.96)
 MIDDLE, OUTLINE, SUNKEN = 0.12, 0.6, 0.45
 # Powers of the outline and of the highlight; share of the radius over which the edge fades.
 OUTLINE_POWER, GLOSS, EDGE = 3.0, 40.0, 0.03
+# Opacity of the highlight, and the largest width of the outline off the axis of the view, over
+# radius/(z - radius).
+GLINT, WIDEST = 0.8, 1.5
 
 
 @data_oriented
@@ -30,8 +33,7 @@ class HandView:
         c = centre - view.eye
         z = c.dot(view.forward)
         middle = ti.Vector([c.dot(view.to_i), c.dot(view.to_j)]) / ti.max(z, radius) + view.centre
-        # The outline is wider than radius/z by up to the factor below.
-        reach = 1.5 * radius / (view.pixel * ti.max(z - radius, radius))
+        reach = WIDEST * radius / (view.pixel * ti.max(z - radius, radius))
         box = self.raster.bounds(middle - reach, middle + reach, view)
         shown = z > radius
         for i, j in ti.ndrange((box[0], box[2] + 1), (box[1], box[3] + 1)):
@@ -48,4 +50,4 @@ class HandView:
                 half = (shot.sun - d).normalized()
                 glint = edge * ti.max(n.dot(half), 0.0) ** GLOSS
                 colour = ti.math.mix(self.image[i, j], vec3(SKIN), opacity)
-                self.image[i, j] = ti.math.mix(colour, vec3(LIGHT), 0.8 * glint)
+                self.image[i, j] = ti.math.mix(colour, vec3(LIGHT), GLINT * glint)

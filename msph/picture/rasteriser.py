@@ -124,6 +124,14 @@ class Rasteriser:
                             ti.atomic_min(self.back[i, j], ti.bit_cast(1.0 / w, ti.i32))
 
     @ti.func
+    def project(self, c, shot: ti.template()):
+        """Returns pixel coordinates (right, up) and depth [m] of a point c [m] relative to the eye;
+        the coordinates are valid for positive depths."""
+        z = c.dot(shot.forward)
+        at = ti.Vector([c.dot(shot.to_i), c.dot(shot.to_j)]) / z + shot.centre
+        return ti.math.vec3(at.x, at.y, z)
+
+    @ti.func
     def draw_spheres(self, n, x: ti.template(), radius: ti.template()):
         """Draws the front of spheres at x [m] with radii `radius` [m] into `key`."""
         ti.loop_config(block_dim=BLOCK)

@@ -42,9 +42,9 @@ class WhitewaterView:
         """Draws a particle at x [m]; life: what remains of it (-)."""
         shot = self.lens.shot[None]
         c = x - shot.eye
-        z = c.dot(shot.forward)
+        place = self.raster.project(c, shot)
+        m, z = place.xy, place.z
         if z > 1.0 / shot.w_near:
-            m = ti.Vector([c.dot(shot.to_i), c.dot(shot.to_j)]) / z + shot.centre
             at = ti.cast(ti.round(m), ti.i32)
             radius = ti.max(RADIUS * shot.size.max() / (shot.pixel * z), LEAST_RADIUS)
             if at.min() >= 0 and at.x < shot.columns and at.y < shot.rows:

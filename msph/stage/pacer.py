@@ -12,7 +12,7 @@ from msph.stage.row import Row
 
 # Frame rates tried in turn, over the requested one; half of it is preferred to slow motion.
 RATES = (1.0, 0.75, 0.5)
-# Image scales: steps of 5 %, which a viewer does not notice, down to where edges blur.
+# Image scales in steps of 0.05; smaller images than the last look blurred.
 SCALES = tuple(1.0 - 0.05 * k for k in range(9))
 # Largest change of the scale at a time.
 MAX_CHANGE = 0.1

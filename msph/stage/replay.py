@@ -19,18 +19,18 @@ QUALITY = 92
 
 
 class Replay:
-    """Compressed images of the last frames with their wall-clock times [s]. Threads compress them
-    and write videos."""
+    """Compressed images of the last frames with their wall-clock times [s]. One thread compresses
+    them, another one writes videos, so that images do not wait for a video."""
 
     def __init__(self) -> None:
         self.frames: deque[tuple[float, Future[bytes]]] = deque()
-        self.threads = ThreadPoolExecutor(2)
+        self.compressor, self.writer = ThreadPoolExecutor(1), ThreadPoolExecutor(1)
 
     def observe(self, image: Image, now: float) -> None:
         """Stores an image at the wall-clock time `now` [s] if a frame is due."""
         if self.frames and now - self.frames[-1][0] < 1.0 / FPS:
             return
-        self.frames.append((now, self.threads.submit(compressed, packed(image))))
+        self.frames.append((now, self.compressor.submit(compressed, packed(image))))
         while len(self.frames) > 1 and (now - self.frames[0][0] > SPAN or self.bytes > MOST_BYTES):
             self.frames.popleft()
 
@@ -42,11 +42,12 @@ class Replay:
     def write(self, path: Path) -> "Future[Path]":
         """Begins to write the stored images to a video; the result is its path, or a
         LostOutputError."""
-        return self.threads.submit(_write, list(self.frames), path)
+        return self.writer.submit(_write, list(self.frames), path)
 
     def close(self) -> None:
-        """Waits for all threads."""
-        self.threads.shutdown()
+        """Waits until all images and videos are written."""
+        self.compressor.shutdown()
+        self.writer.shutdown()
 
 
 def compressed(pixels: np.ndarray) -> bytes:

@@ -189,7 +189,8 @@ class Show:
 
     def _advance(self, frame_time: float, external: ExternalForces, budget: float | None) -> float:
         """Advances the fluid by a frame and returns the simulated time [s]. With stop_bodies, a
-        frame in which a body traps water is undone, and the body stops a frame earlier."""
+        frame in which a body traps water is undone, and the body stops a frame earlier; and the
+        scene begins again when all water is spilt."""
         sim = self.simulation
         before = sim.state() if self.stop_bodies and sim.boundary.moving else None
         try:

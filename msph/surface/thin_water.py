@@ -18,7 +18,7 @@ import numpy as np
 import taichi as ti
 
 from msph.device_table import DeviceTable, f32
-from msph.fluid.particles.layers import LayerSpec
+from msph.fluid.particles.layers import BALL_RADIUS, LayerSpec
 from msph.surface.bodies import Bodies
 from msph.surface.fluid_fraction import POLY6, SLOPE, cut_share, missing
 from msph.surface.room import LAYERS, SurfaceRoom
@@ -37,8 +37,6 @@ ISOLATED_WEIGHT = 2.6
 DROP_GAP = 2.15
 # Distance [m] and squared distance [m^2] of a particle without neighbours.
 NO_NEIGHBOUR = 1e9
-# Radius of a particle's sphere, in spacings: (3/(4 pi))^(1/3).
-DROP_RADIUS = (3.0 / (4.0 * np.pi)) ** (1.0 / 3.0)
 
 
 @ti.dataclass
@@ -100,7 +98,7 @@ class ThinWater:
         if not deep:
             c = self.coverage(i, bodies)
             if c[1] > DROP_GAP:
-                drop = self.has_room(i, DROP_RADIUS * self.layers.spacing[layer], bodies)
+                drop = self.has_room(i, BALL_RADIUS * self.layers.spacing[layer], bodies)
             if drop:
                 self.kernel[i][1] = 0.0
                 self.drops[ti.atomic_add(self.drop_count[None], 1)] = i

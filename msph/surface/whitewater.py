@@ -40,13 +40,16 @@ BURST = 8
 SPREAD, SCATTER = 0.8, 0.25
 # Coverages (-) up to which whitewater is spray, and from which it is a bubble.
 SPRAY, FOAM = 0.15, 0.6
-# Lifetimes [s]: of spray and bubbles at most, and the range of foam.
+# Longest and shortest lifetime of foam [s].
 LIFE, SHORTEST = 2.0, 0.5
-# Ageing of spray and bubbles relative to foam (-): foam fades, spray falls.
+# Rate at which spray and bubbles age, over the rate of foam (-): most become foam first.
 SLOW_AGEING = 0.4
 # Speed of rising bubbles [m/s] (1 to 5 mm: 0.2 to 0.3 m/s; Clift et al. 1978), and the rate [1/s]
 # at which whitewater takes the velocity of the water.
 RISE, DRAG = 0.25, 30.0
+# Random numbers of a whitewater particle, and factor of a particle's id in the seed of a frame: a
+# prime, so that few pairs of id and frame share a seed.
+NUMBERS, STRIDE = 8, 7919
 # Least length [m] or speed [m/s] for a direction.
 LEAST = 1e-9
 
@@ -75,7 +78,8 @@ def whitewater_of(world: World) -> "Whitewater":
 
 @data_oriented
 class Whitewater:
-    """table (MOST,): x [m], v [m/s] and the remaining life (-, from 1) of particles; 0: none.
+    """Whitewater of one simulation. table (MOST,): x [m], v [m/s] and the remaining life (-) of
+    particles, 1 at most; 0: none.
 
     emitted[None] counts all particles since reset(); the next one takes the place emitted % MOST.
     """
@@ -113,7 +117,7 @@ class Whitewater:
                 potential = ramp(around.closing / total, TRAPPED)
                 if v.dot(out) > OUTWARD * v.norm():
                     potential = ti.max(potential, ramp(crest, CREST))
-                seed = self.particles.id[i] * 7919 + frame
+                seed = self.particles.id[i] * STRIDE + frame
                 wanted = ti.min(RATE * kinetic * potential * dt, ti.cast(BURST, ti.f32))
                 count = ti.cast(wanted + uniform(seed, 0), ti.i32)
                 for k in range(count):
@@ -126,12 +130,12 @@ class Whitewater:
         v, d = self.particles.v[i], self.layers.spacing[self.particles.layer[i]]
         place, spread = vec3(0.0), vec3(0.0)
         for m in ti.static(range(3)):
-            place[m] = 2.0 * uniform(seed, 8 * k + m + 1) - 1.0
-            spread[m] = 2.0 * uniform(seed, 8 * k + m + 4) - 1.0
+            place[m] = 2.0 * uniform(seed, NUMBERS * k + m + 1) - 1.0
+            spread[m] = 2.0 * uniform(seed, NUMBERS * k + m + 4) - 1.0
         x = self.particles.x[i]
         self.table.x[at] = self.walls.confined(x, x + SPREAD * d * place, 0.0)
         self.table.v[at] = v + SCATTER * v.norm() * spread
-        self.table.life[at] = ti.math.mix(SHORTEST / LIFE, 1.0, uniform(seed, 8 * k + 7))
+        self.table.life[at] = ti.math.mix(SHORTEST / LIFE, 1.0, uniform(seed, NUMBERS * k + 7))
 
     @kernel
     def _move(self, dt: ti.f32, gravity: vec3):

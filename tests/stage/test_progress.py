@@ -58,6 +58,7 @@ def test_one_pause_of_the_machine_ends_no_run(clock):
         clock.now += 4.0
         progress.update()
         progress.within(0.1, pace)
+    assert progress.done == 5
 
 
 def test_a_log_gets_a_line_per_tenth(clock, capsys):

@@ -5,8 +5,6 @@ above the ceiling are removed. Their mass, momentum and energy are recorded, and
 drops that are only drawn.
 """
 
-import math
-
 import numpy as np
 import taichi as ti
 
@@ -15,7 +13,7 @@ from msph.errors import MsphError
 from msph.fluid.boundary.walls import Walls
 from msph.fluid.constants import Constants
 from msph.fluid.impulse_ledger import ImpulseLedger
-from msph.fluid.particles.layers import MAX_LAYERS, Layers
+from msph.fluid.particles.layers import BALL_RADIUS, MAX_LAYERS, Layers
 from msph.fluid.particles.particles import Particles
 from msph.fluid.particles.removal import Removal
 from msph.taichi_internals import data_oriented, kernel
@@ -26,8 +24,6 @@ vec3 = ti.math.vec3
 MOST_DROPS = 2048
 # Time [s] after which a drop vanishes, if it has not reached the ground.
 LIFE = 3.0
-# Radius of a drop of a particle's volume, in spacings.
-DROP_RADIUS = (3.0 / (4.0 * math.pi)) ** (1.0 / 3.0)
 
 
 class AllSpiltError(MsphError):
@@ -116,7 +112,7 @@ class Rim:
                 self.impulses.spilt_energy[None] += m * (0.5 * v.norm_sqr() - gravity.dot(x))
                 at = ti.atomic_add(self.added[None], 1) % MOST_DROPS
                 self.drops.x[at], self.drops.v[at], self.drops.life[at] = x, v, LIFE
-                self.drops.radius[at] = DROP_RADIUS * self.layers.spacing[layer]
+                self.drops.radius[at] = BALL_RADIUS * self.layers.spacing[layer]
 
     @kernel
     def _fall(self, dt: ti.f32, gravity: vec3):
