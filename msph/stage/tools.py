@@ -99,6 +99,7 @@ class Tool:
 
 
 def push(touch: Touch) -> Hand:
+    """Moves the water with the cursor; a short press goes down."""
     velocity, radius = touch.show.scene.play.push_gain * touch.velocity, touch.radius
     if touch.held <= PRESS_TIME:
         poke = POKE_SPEED * math.sqrt(touch.gravity * radius)
@@ -108,12 +109,14 @@ def push(touch: Touch) -> Hand:
 
 
 def pull(touch: Touch) -> Hand:
+    """Draws the water up to a point above the cursor."""
     place = touch.surface + PULL_HEIGHT * touch.radius * touch.up
     radii = (PULL_RADIUS * touch.radius,) * 3
     return touch.hand(place, radii, np.zeros(3), draw=PULL_RATE)
 
 
 def swirl(touch: Touch) -> Hand:
+    """Turns a column of water round the vertical axis through the cursor."""
     r = touch.radius
     spin = SWIRL_SPEED * math.sqrt(touch.gravity / r) * touch.up
     return touch.hand(touch.surface, (r, math.inf, r), np.zeros(3), spin=as_vector(spin))
@@ -133,6 +136,7 @@ def wave(touch: Touch) -> Hand:
 
 
 def rain(touch: Touch) -> Hand:
+    """Adds falling drops around the cursor."""
     batches = math.floor(touch.held / RAIN_EVERY) - math.floor(
         (touch.held - touch.step) / RAIN_EVERY
     )

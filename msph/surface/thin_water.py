@@ -18,7 +18,7 @@ import numpy as np
 import taichi as ti
 
 from msph.device_table import DeviceTable, f32
-from msph.fluid.particles.layers import BALL_RADIUS, LayerSpec
+from msph.fluid.particles.layers import SPHERE_RADIUS, LayerSpec
 from msph.surface.bodies import Bodies
 from msph.surface.fluid_fraction import POLY6, SLOPE, cut_share, missing
 from msph.surface.room import LAYERS, SurfaceRoom
@@ -98,7 +98,7 @@ class ThinWater:
         if not deep:
             c = self.coverage(i, bodies)
             if c[1] > DROP_GAP:
-                drop = self.has_room(i, BALL_RADIUS * self.layers.spacing[layer], bodies)
+                drop = self.has_room(i, SPHERE_RADIUS * self.layers.spacing[layer], bodies)
             if drop:
                 self.kernel[i][1] = 0.0
                 self.drops[ti.atomic_add(self.drop_count[None], 1)] = i

@@ -13,7 +13,7 @@ from msph.errors import MsphError
 from msph.fluid.boundary.walls import Walls
 from msph.fluid.constants import Constants
 from msph.fluid.impulse_ledger import ImpulseLedger
-from msph.fluid.particles.layers import BALL_RADIUS, MAX_LAYERS, Layers
+from msph.fluid.particles.layers import MAX_LAYERS, SPHERE_RADIUS, Layers
 from msph.fluid.particles.particles import Particles
 from msph.fluid.particles.removal import Removal
 from msph.taichi_internals import data_oriented, kernel
@@ -112,7 +112,7 @@ class Rim:
                 self.impulses.spilt_energy[None] += m * (0.5 * v.norm_sqr() - gravity.dot(x))
                 at = ti.atomic_add(self.added[None], 1) % MOST_DROPS
                 self.drops.x[at], self.drops.v[at], self.drops.life[at] = x, v, LIFE
-                self.drops.radius[at] = BALL_RADIUS * self.layers.spacing[layer]
+                self.drops.radius[at] = SPHERE_RADIUS * self.layers.spacing[layer]
 
     @kernel
     def _fall(self, dt: ti.f32, gravity: vec3):

@@ -14,8 +14,8 @@ from msph.device_table import DeviceTable, f32, i32
 
 # Exponent (-) of the power mean of two supports; see pair_support().
 PAIRING = 2.5
-# Radius of the ball of a particle's volume, in spacings: (3/(4 pi))^(1/3).
-BALL_RADIUS = (3.0 / (4.0 * np.pi)) ** (1.0 / 3.0)
+# Radius of a sphere of a particle's volume, in spacings: (3/(4 pi))^(1/3).
+SPHERE_RADIUS = (3.0 / (4.0 * np.pi)) ** (1.0 / 3.0)
 # Largest number of layers: masses of 1 : 2 reach 1 : 32768.
 MAX_LAYERS = 16
 # Columns of the table by layer.
