@@ -53,6 +53,7 @@ class PressureSolve:
         p = shared.particles
         self.constants, self.layers, self.particles = shared.constants, shared.layers, p
         self.boundary, self.impulses = shared.boundary, shared.impulses
+        self.contact = shared.contact
         self.density, self.operator = shared.density, shared.operator
         self.conjugate_gradient = ConjugateGradient(
             shared, shared.operator, p.residual, p.direction, diagonal=p.diagonal, active=p.active
@@ -179,6 +180,10 @@ class PressureSolve:
                 # Force of the bodies on the particle times the bodies' velocity.
                 work = m * p.velocity_multiplier[i] / dt * p.boundary_inflow[i]
                 self.impulses.wall_work[None] += work
+                if ti.static(with_stress):
+                    arm, push = self.contact.arm(i), rest_density * body
+                    found.normal += arm * push
+                    found.shear += ti.Vector([arm.y * push.z, arm.x * push.z, arm.x * push.y])
             self.impulses.record_internal(m, p.x[i], dt * inner)
             self.impulses.wall_impulse[None] += m * dt * wall
             p.v[i] += dt * (inner + wall)
