@@ -67,7 +67,7 @@ PROBES = [
 SCENES: dict[str, tuple[dict[str, Any], dict[str, Any], str]] = {
     "viscosity": ({"projection": {"viscosity": 1.0}}, {}, ""),
     "tension": ({"projection": {"tension": 0.072}}, {}, ""),
-    "shear relief": ({"projection": {"shear_relief": 0.9}}, {}, ""),
+    "shear relief": ({}, {"projection": {"shear_relief": 0.0}}, ""),
     "xsph": ({"projection": {"xsph": 0.05}}, {}, ""),
     "adaptation": ({**LAYERED, "adaptation": {"enabled": True}}, LAYERED, ""),
     "bodies": ({"obstacles": [BALL]}, {}, ""),

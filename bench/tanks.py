@@ -183,6 +183,11 @@ def slosh_period(length: float, depth: float) -> float:
 
 def fitted_period(times: list[float], values: np.ndarray, guess: float) -> float:
     """Returns the period [s] of the damped cosine that fits best."""
+    return fitted_wave(times, values, guess)[1]
+
+
+def fitted_wave(times: list[float], values: np.ndarray, guess: float) -> tuple[float, float]:
+    """Returns the decay rate [1/s] and the period [s] of the damped cosine that fits best."""
     from scipy.optimize import curve_fit
 
     def wave(t, mean, a, b, rate, period):
@@ -191,4 +196,4 @@ def fitted_period(times: list[float], values: np.ndarray, guess: float) -> float
 
     start = (values.mean(), 0.0, values.min() - values.mean(), 0.1, guess)
     found, _ = curve_fit(wave, np.array(times), values, p0=start)
-    return float(found[-1])
+    return float(found[3]), float(found[4])
