@@ -108,12 +108,14 @@ class Simulation:
         budget: float | None = None,
         clock: Callable[[], float] = perf_counter,
         on_progress: Callable[[float], None] | None = None,
+        until: float | None = None,
     ) -> float:
         """Simulates `duration` [s] in steps no longer than the solver allows; returns the time [s]
         simulated.
 
-        The result is less than `duration` only if `budget` [s] of wall-clock time is exceeded; at
-        least one step is made. Particles are sorted into the grid afterwards, as the surface
+        The result is less than `duration` only if `budget` [s] of wall-clock time is exceeded, or
+        if a step reaches the time `until` [s], which repeats an earlier result; at least one step
+        is made. Particles are sorted into the grid afterwards, as the surface
         requires. stage(name) is entered around each part of a step (profiler hook); on_progress is
         called after each step with the finished share (0 to 1). Raises TrappedWaterError if a
         moving body compresses enclosed water, BlowUpError if no step is short enough, AllSpiltError
@@ -135,7 +137,7 @@ class Simulation:
             self.iterations += self.solver.iterations
             if on_progress:
                 on_progress(1.0 - left / duration)
-            if clock() >= deadline:
+            if clock() >= deadline or (until is not None and duration - left >= until):
                 break
         with stage("neighbours"):
             self.grid.refresh()

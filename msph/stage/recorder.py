@@ -13,9 +13,9 @@ import imageio.v2 as imageio
 import numpy as np
 from PIL import Image
 
-from msph.errors import BadInputError, LostOutputError
+from msph.errors import LostOutputError
 from msph.measure.table import column
-from msph.own_files import writing
+from msph.own_files import OutputError, make_writable, writing
 from msph.stage import vtu
 from msph.stage.loop import Audience
 from msph.stage.progress import Progress
@@ -42,10 +42,6 @@ ANIMATION = (".gif", ".webp")
 GIF_FPS = 50.0
 # Quality of lossy WebP, 0 to 100: 75 shows no blocks in water.
 WEBP_QUALITY = 75
-
-
-class OutputError(BadInputError):
-    """An output that cannot be written."""
 
 
 @dataclass(frozen=True)
@@ -278,24 +274,7 @@ def check_outputs(outputs: Outputs, fps: float) -> None:
     if any(kind(p) == PARAVIEW for p in paths) and not vtu.available():
         raise OutputError(".vtu files need meshio: pip install 'msph[paraview]'")
     for path in paths:
-        make_writable(path)
-
-
-def make_writable(path: Path) -> None:
-    """Creates the folder of an output, and raises OutputError if the file is not writable."""
-    path = numbered_name(path, 0)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        new = not path.exists()
-        with open(path, "ab"):
-            pass
-        if new:
-            path.unlink()
-    except FileExistsError:
-        raise OutputError(f"{path.parent}: is a file, not a folder") from None
-    except OSError as error:
-        problem = error.strerror or "cannot be written"
-        raise OutputError(f"{path}: {problem[0].lower()}{problem[1:]}") from None
+        make_writable(numbered_name(path, 0))
 
 
 def check_output(path: Path, suffixes: tuple[str, ...]) -> None:

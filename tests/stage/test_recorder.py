@@ -15,12 +15,12 @@ import trimesh
 from PIL import Image
 
 from msph.measure.host_kernels import wendland
+from msph.own_files import OutputError
 from msph.scene import load_scene
 from msph.stage import vtu
 from msph.stage.loop import run
 from msph.stage.recorder import (
     LostOutputError,
-    OutputError,
     Outputs,
     Recorder,
     check_outputs,

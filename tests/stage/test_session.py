@@ -46,9 +46,9 @@ def rounds(monkeypatch):
             if choice.scene in broken:
                 raise MsphError("cannot be built")
             built.append(choice.scene)
-            return SimpleNamespace(close=lambda: None), choice.quality
+            return SimpleNamespace(close=lambda: None), choice
 
-        def end(self, row, choice, quality):
+        def end(self, row, choice):
             said.append(self.problem)
             return next(following, None)
 
