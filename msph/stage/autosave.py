@@ -17,7 +17,8 @@ from pydantic import TypeAdapter
 import msph
 from msph import user_cache
 from msph.measure.past import UNREADABLE
-from msph.stage.called import Choice, SceneArguments
+from msph.scene.errors import SceneError
+from msph.stage.called import Choice, SceneArguments, full_name
 from msph.stage.loop import Audience
 from msph.stage.replaying import Relay
 from msph.stage.row import Row
@@ -63,7 +64,7 @@ class Autosave:
     def write(self, choice: Choice, changes: dict[str, float], state: dict[str, Any]) -> Future:
         """Begins to write a state of a choice with changed live parameters."""
         overrides = self.arguments.overrides_of(choice.scene)
-        names = choice.scene, choice.quality_now, overrides
+        names = full_name(choice.scene), choice.quality_now, overrides
         about = About(msph.__version__, self.began, *names, changes)
         return self.writer.submit(self._write, {**state, SESSION: json.dumps(asdict(about))})
 
@@ -106,7 +107,9 @@ class LostSession:
     @property
     def offer(self) -> str:
         about = self.about
-        return f"Enter continues {about.scene} of {about.began}, any other key forgets it"
+        return (
+            f"Enter continues {Path(about.scene).stem} of {about.began}, any other key forgets it"
+        )
 
     @property
     def choice(self) -> Choice:
@@ -124,8 +127,10 @@ def lost_session(arguments: SceneArguments) -> LostSession | None:
     for path in sorted(_left(), key=lambda p: p.stat().st_mtime, reverse=True):
         about = _about(path)
         if about and about.msph == msph.__version__:
-            if about.overrides == arguments.overrides_of(about.scene):
-                return LostSession(path, about)
+            with contextlib.suppress(SceneError):
+                full_name(about.scene)
+                if about.overrides == arguments.overrides_of(about.scene):
+                    return LostSession(path, about)
     return None
 
 

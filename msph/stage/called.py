@@ -4,6 +4,7 @@ import shlex
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from msph.scene.library import find_scene, shipped_scenes
 from msph.scene.load import load_scene
 from msph.scene.schema import Scene
 
@@ -25,6 +26,11 @@ class Choice:
         return self.found or self.quality
 
 
+def full_name(scene: str) -> str:
+    """Returns a scene's name, or its path for any working directory. Raises SceneError."""
+    return scene if scene in shipped_scenes() else str(find_scene(scene).resolve())
+
+
 @dataclass(frozen=True)
 class SceneArguments:
     """The scene on the command line, its overrides, and those of further simulations side by
@@ -36,7 +42,7 @@ class SceneArguments:
 
     def overrides_of(self, name: str) -> tuple[str, ...]:
         """Returns the overrides of a scene."""
-        return self.overrides if name == self.scene else ()
+        return self.overrides if name in (self.scene, full_name(self.scene)) else ()
 
     def scenes_of(self, name: str) -> dict[str, Scene]:
         """Returns the scenes to run side by side, by label: with the overrides for the scene on the

@@ -16,9 +16,9 @@ from pydantic import NonNegativeFloat, NonNegativeInt, TypeAdapter, ValidationEr
 import msph
 from msph.errors import BadInputError, did_you_mean
 from msph.options import RunOptions
-from msph.scene.library import find_scene, shipped_scenes
 from msph.scene.live import live_parameters
 from msph.scene.schema import Scene
+from msph.stage.called import full_name
 from msph.stage.controls import Inputs
 from msph.stage.tools import BY_NAME, STRICT
 
@@ -46,8 +46,7 @@ class Header:
     @classmethod
     def of(cls, scene: str, quality: str, *more: tuple[str, ...]) -> "Header":
         """Returns the header of a recording that starts now."""
-        name = scene if scene in shipped_scenes() else str(find_scene(scene).resolve())
-        return cls(1, msph.__version__, name, quality, *more)
+        return cls(1, msph.__version__, full_name(scene), quality, *more)
 
 
 @dataclass(frozen=True)

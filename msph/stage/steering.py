@@ -117,7 +117,8 @@ class Steering:
         if left and not still:
             return self.contact.hold(self.tool, self.row, self.cursor, step)
         if hover and not (right or middle or on_page):
-            return self.contact.pass_over(self.row, self.cursor, step)
+            wake = self.contact.pass_over(self.row, self.cursor, step)
+            return None if still else wake
         self.contact.let_go()
         return None
 
