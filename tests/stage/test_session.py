@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from msph import user_cache
 from msph.errors import MsphError
 from msph.fluid import world
 from msph.scene import load_scene
@@ -33,6 +34,11 @@ class Window(Screen):
         self.told.append(doing)
         if len(self.told) == self.closes:
             raise ClosedError
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path, monkeypatch):
+    monkeypatch.setattr(user_cache, "file", lambda: tmp_path / "cache" / "measured.json")
 
 
 @pytest.fixture
