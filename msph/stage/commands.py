@@ -16,7 +16,7 @@ from msph.errors import BlowUpError, LostOutputError
 from msph.fluid.boundary.rim import AllSpiltError
 from msph.fluid.trapped_water import TrappedWaterError
 from msph.measure import convergence, table
-from msph.measure.past import CheckpointError, time_of
+from msph.measure.past import CheckpointError, particles_in, time_of
 from msph.measure.plots import PLOTS, plot
 from msph.measure.timings import Timings
 from msph.options import (
@@ -220,15 +220,14 @@ def measured(
     [s], with the input of a recording, if any; writes the results to a folder and prints the file
     names."""
     make_writable(folder / SCENE)
-    scene, show = loaded.scene, None
+    scene, show, how = loaded.scene, None, options_of(recording, resume)
     if resume:
         # Before any file is written: a checkpoint of another scene must not destroy the folder.
-        show = prepare(scene, scene.measure.every, timings=Timings())
+        show = prepare(scene, scene.measure.every, timings=Timings(), **how)
         show.resume(Path(resume))
     measurer = Measurer(folder, scene, loaded.name, loaded.arch, since=since)
     replace(folder / SCENE, loaded.toml())
     try:
-        how = options_of(recording)
         show = show or prepare(scene, scene.measure.every, timings=Timings(), **how)
         run_loop(Row([show]), with_input(measurer, recording))
     except (Exception, KeyboardInterrupt) as error:
@@ -321,13 +320,13 @@ def record(
 ) -> None:
     """Records a scene to files; after an interrupt the files are complete up to that frame."""
     size, meshes = options.size if files.pictures else None, bool(files.meshes)
-    how = {"density_every": math.inf, **options_of(recording)}
+    how = options_of(recording, options.resume)
     fps, scene_path, text = options.fps, scene_file(files), loaded.toml()
     # A resumed recording finds the scene file of its first part.
     same = scene_path.is_file() and scene_path.read_bytes() == text.encode()
     if not same:
         claim([scene_path], options.force)
-    show = prepare(loaded.scene, 1.0 / fps, size, meshes=meshes, **how)
+    show = prepare(loaded.scene, 1.0 / fps, size, meshes=meshes, density_every=math.inf, **how)
     if options.resume:
         show.resume(Path(options.resume))
     still = None if options.still_time is None else max(1, round(options.still_time * fps))
@@ -350,9 +349,10 @@ def record(
             click.echo(path)
 
 
-def options_of(recording: Recording | None) -> dict[str, Any]:
-    """Returns the options of a show with recorded input: those with which it was recorded."""
-    return SIMULATED if recording else {}
+def options_of(recording: Recording | None, resume: str | None = None) -> dict[str, Any]:
+    """Returns the options of a show with recorded input, if any, those with which it was recorded,
+    or with room for the particles of a checkpoint, to which a user may have added water."""
+    return SIMULATED if recording else {"room": particles_in(resume)}
 
 
 def with_input(audience: Audience, recording: Recording | None, **more) -> Audience:

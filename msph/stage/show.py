@@ -52,7 +52,7 @@ class Show:
     [s]: see Ledger. stop_bodies: no error ends the show where a body traps water, which stops the
     body, or where all water is spilt, which begins the scene again; stopped: names of such bodies.
     scalable: frames may set the image scale. simulated [s]: time simulated by the last frame.
-    spare: see build_simulation. Unused parts are neither allocated nor compiled.
+    spare, room: see build_simulation. Unused parts are neither allocated nor compiled.
     """
 
     def __init__(
@@ -67,6 +67,7 @@ class Show:
         stop_bodies: bool = False,
         scalable: bool = False,
         spare: int = 0,
+        room: int = 0,
     ):
         self.scene = self.initial = scene
         # Keys of the live parameters; a viscosity set to 0 remains live.
@@ -80,7 +81,7 @@ class Show:
         self.stop_bodies, self.scalable = stop_bodies, scalable and size is not None
         self.stopped: set[str] = set()
         self.note = ""  # message to the user about the last frame
-        self.simulation = build_simulation(scene, spare)
+        self.simulation = build_simulation(scene, spare, room)
         self.counts = self.simulation.counts()
         self.ledger = Ledger(self.simulation, density_every)
         self.frames = 0
@@ -160,11 +161,12 @@ class Show:
         for _ in range(WARM_UP_FRAMES):
             self.frame(Controls(use=push, scale=WARM_UP_SCALE, budget=0.0))
         if self.scalable:
-            # A user's first change of the view should not wait for kernels of particle views.
+            # A first change of the view, and the first autosave, should not wait for kernels.
             name = self.views.name
             self.views.next()
             self.draw()
             self.views.name = name
+            self.simulation.state()
         self.reset()
         self.frames = 0
         if self.timings:

@@ -265,7 +265,10 @@ def test_window_opens_obeys_keys_and_shows_water(display, tmp_path):
 
 @needs_x
 def test_a_killed_session_continues_at_the_next_start(display, tmp_path):
-    cache = {"XDG_CACHE_HOME": str(tmp_path / "cache"), TAICHI_FOLDER: ti.cfg.offline_cache_file_path}
+    cache = {
+        "XDG_CACHE_HOME": str(tmp_path / "cache"),
+        TAICHI_FOLDER: ti.cfg.offline_cache_file_path,
+    }
     arguments = (write(tmp_path), "--size", f"{WIDTH}x{HEIGHT}")
 
     def started():
