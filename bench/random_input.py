@@ -17,6 +17,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bench.report import RESULTS, heading
 from msph.device import ARCHES, start
+from msph.errors import MsphError
 from msph.measure import account
 from msph.options import AS_GIVEN, QUALITIES
 from msph.scene import load_scene
@@ -162,9 +163,14 @@ def run_scene(scene: Scene, name: str, number: int, seed: int) -> dict[str, Any]
     recording = Gestures(scene, rng).recording(name, number)
     show = Show(scene, REST_FRAME, density_every=math.inf, **SIMULATED)
     row, watch = Row([show]), Watch()
-    run(row, Replayer(watch, recording))
-    show.ledger.density_every = 0.0
-    last = show.ledger.record(show.gravity())
+    mean, p99, ended = math.nan, math.nan, "finished"
+    try:
+        run(row, Replayer(watch, recording))
+        show.ledger.density_every = 0.0
+        last = show.ledger.record(show.gravity())
+        mean, p99 = last.density_error_mean, last.density_error_p99
+    except MsphError as error:
+        ended = f"frame {row.lead.frames}: {error}"
     found = {
         "seed": seed,
         "scene": name,
@@ -175,16 +181,20 @@ def run_scene(scene: Scene, name: str, number: int, seed: int) -> dict[str, Any]
         "spilt [kg]": watch.spilt,
         "mass change": watch.mass,
         "outside": watch.outside,
-        "density error": last.density_error_mean,
-        "99th percentile": last.density_error_p99,
+        "density error": mean,
+        "99th percentile": p99,
+        "ended": ended,
     }
     row.close()
     return found
 
 
 def problems(found: dict[str, Any]) -> list[str]:
-    """Returns the figures that are beyond their limits."""
-    return [f"{key} {found[key]:.2g}" for key, limit in LIMITS.items() if not found[key] <= limit]
+    """Returns the figures that are beyond their limits, and the error of a run that failed."""
+    failed = [] if found["ended"] == "finished" else [found["ended"]]
+    return failed + [
+        f"{key} {found[key]:.2g}" for key, limit in LIMITS.items() if not found[key] <= limit
+    ]
 
 
 @click.command()
@@ -203,6 +213,7 @@ def main(inputs: int, seeds: int, quality: str, arch: str) -> None:
                 scene = at_quality(scene, quality, name)
             found = run_scene(scene, name, math.ceil(inputs / len(names)), seed)
             found["limits"] = ", ".join(problems(found)) or "kept"
+            del found["ended"]
             click.echo(", ".join(f"{k} {v}" for k, v in found.items()))
             rows.append(found)
     report = [

@@ -34,7 +34,7 @@ def test_random_input_loses_no_water(name, seed, tmp_path):
 
 
 def test_lost_water_is_found(tmp_path, monkeypatch):
-    """Water that is added without the ledger."""
+    """Here water that is added without the ledger."""
     add = Show.add_water
 
     def forgets(show, x, v):
@@ -45,4 +45,7 @@ def test_lost_water_is_found(tmp_path, monkeypatch):
     scene = load_scene(write(tmp_path, SCENES["open"]), ADAPTIVE)
     (problem,) = problems(run_scene(scene, "open", 60, 1))
     assert problem.startswith("mass change")
-    assert problems({**dict.fromkeys(LIMITS, 0.0), "density error": float("nan")})
+    good = {**dict.fromkeys(LIMITS, 0.0), "ended": "finished"}
+    assert not problems(good)
+    assert problems({**good, "density error": float("nan")}) == ["density error nan"]
+    assert problems({**good, "ended": "the water blew up"}) == ["the water blew up"]
