@@ -10,6 +10,7 @@ import imageio.v2 as imageio
 import numpy as np
 import pytest
 
+from msph import user_cache
 from msph.fluid.external_forces import as_vector
 from msph.fluid.particles.layers import pair_support
 from msph.measure.timings import Timings
@@ -18,6 +19,7 @@ from msph.scene.library import shipped_scenes
 from msph.scene.live import live_parameters, read, with_live_value
 from msph.scene.load import read_toml
 from msph.stage import clip, idle, menu
+from msph.stage.autosave import About, LostSession
 from msph.stage.called import Choice, SceneArguments
 from msph.stage.controls import ACTIONS, KEYS, Controls
 from msph.stage.layout import PANELS, Layout
@@ -774,6 +776,28 @@ def test_what_cannot_be_written_is_said(player, show, tmp_path):
         frames(player, show, 2)
         press(player, show, key)
         assert "file" in player.layout.message
+
+
+def test_a_lost_session_is_offered_until_a_key_answers(player, show, tmp_path, monkeypatch):
+    monkeypatch.setattr(user_cache, "file", lambda: tmp_path / "cache" / "measured.json")
+    file = tmp_path / "cache" / "session_gone_1.npz"
+    file.parent.mkdir()
+    file.touch()
+    about = About("0", "14:32", "drop", "small", (), {"gravity": 3.0})
+    player.offer = LostSession(file, about)
+    frames(player, show)
+    assert player.layout.message == "Enter continues drop of 14:32, any other key forgets it"
+    # The mouse answers nothing, and the offer comes back after another message.
+    press(player, show, "LMB")
+    player.layout.until = 0.0
+    frames(player, show)
+    assert player.offer and player.layout.message.startswith("Enter")
+    press(player, show, "Return")
+    assert player.next_choice == Choice("drop", "small", {"gravity": 3.0}, resume=file)
+    assert not player.wants_more(player.row) and file.exists()
+    player.menu.next, player.offer = None, LostSession(file, about)
+    press(player, show, "v")
+    assert player.offer is None and not file.exists() and player.wants_more(player.row)
 
 
 @pytest.mark.parametrize("seed", [1, 2])
