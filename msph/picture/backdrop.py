@@ -36,6 +36,7 @@ class Backdrop:
         self.lens, self.key = lens, fields.key
         self.pool, self.tone = pool, tone
         self.colour, self.background, self.depth = fields.backdrop, fields.background, fields.depth
+        self.entry = fields.entry
         self.complete = False
 
     def refresh(self, changed, flooded=False):
@@ -75,7 +76,7 @@ class Backdrop:
             for j in range(COARSE * b, ti.min(COARSE * (b + 1), self.lens.shot[None].rows)):
                 self.colour[i, j] = vec4(ti.math.mix(start, end, j / COARSE - b), 0.0)
                 if ti.static(self.pool.occupied):
-                    self.depth[i, j] = FAR
+                    self.depth[i, j] = self.entry[i, j] = FAR
 
     @ti.func
     def begin(self, i0, j0, flooded):
@@ -102,7 +103,7 @@ class Backdrop:
         d = (shot.origin + shot.du * i + shot.dv * j).normalized()
         near, far, way_in, axis = self.pool.slab_test(d, shot)
         entry = ti.max(near, 0.0)
-        kind, place, light, added, depth = EMPTY, vec4(0.0), vec2(0.0), vec3(0.0), FAR
+        kind, place, light, added, depths = EMPTY, vec4(0.0), vec2(0.0), vec3(0.0), vec2(FAR)
         left, rim = 1.0, 0.0
         if far > entry:
             share, mirrored = 0.0, d
@@ -113,7 +114,7 @@ class Backdrop:
                     share = pane(abs(component(d, way_in)))
                     mirrored *= 1.0 - 2.0 * vec3(way_in == 0, way_in == 1, way_in == 2)
             if not hidden:
-                kind, place, light, left, added, depth = self.inside(
+                kind, place, light, left, added, depths = self.inside(
                     i, j, d, entry, far, axis, shot
                 )
                 kind += ENTRY_AXIS * ti.select(near > 0.0, way_in, 3)
@@ -124,16 +125,19 @@ class Backdrop:
                 kind = DETAIL + ti.select(hidden, UNTILED, kind)
         elif far > near * (1.0 - 2.0 * SPAN * shot.pixel):
             kind += DETAIL  # the box may begin within the block
-        return kind, make_sample(place, light, vec3(left), added, 0.0, depth, rim)
+        return kind, make_sample(
+            place, light, vec3(left), added, vec4(depths.y, depths.x, rim, 0.0)
+        )
 
     @ti.func
     def inside(self, i, j, d, entry, far, axis, shot: ti.template()):
         """Intersects the ray d (unit) with the contents of the box, between its entry and exit [m].
         Returns: kind; position [m] and pixel width there [m]; light there (sun, sky); share of it
-        that reaches the eye; light added on the way; depth of a body along the view [m], or FAR."""
-        low, depth = component(d, axis) < 0.0, FAR
+        that reaches the eye; light added on the way; depths along the view [m], or FAR, of a body
+        and of the entry into a container."""
+        low, depths = component(d, axis) < 0.0, vec2(FAR)
         start = shot.eye + d * entry
-        t, body, entry_cosine, close = self.pool.intersect(start, d, far - entry, entry, shot)
+        t, body, side, close = self.pool.intersect(start, d, far - entry, entry, False, shot)
         p = ti.select(body >= 0, start + t * d, shot.eye + d * far)
         kind, left, added = axis + WALL_OR_BODY * low, 1.0, vec3(0.0)
         footprint = shot.pixel * far / ti.max(abs(component(d, axis)), MIN_COSINE)
@@ -153,14 +157,18 @@ class Backdrop:
             if body >= 0:
                 kind = UNTILED + WALL_OR_BODY * (2 + body)
                 added = self.pool.bodies.shade(body, p, shot.sun, lit, shot)
-                depth = (entry + t) * d.dot(shot.forward)
+                depths.x = (entry + t) * d.dot(shot.forward)
             kind += DETAIL * close
-            if entry_cosine >= 0.0:  # the transparent side of a container reflects the sky faintly
-                share = pane(entry_cosine)
+            if side.y >= 0.0:  # the transparent side of a container reflects the sky faintly
+                # A ray that begins in a container enters it at depth 0.
+                depths.y = ti.select(
+                    entry + side.x > 0.0, (entry + side.x) * d.dot(shot.forward), 0.0
+                )
+                share = pane(side.y)
                 left *= 1.0 - share
                 mirrored = vec3(d.x, abs(d.y), d.z)
                 added = ti.math.mix(added, self.pool.far_radiance(mirrored, shot), share)
-        return kind, vec4(p, footprint), light, left, added, depth
+        return kind, vec4(p, footprint), light, left, added, depths
 
     @ti.func
     def border(self, d, s, axis, share, shot: ti.template()):
@@ -179,7 +187,12 @@ class Backdrop:
             c = self.tone.display(self.pool.colour_of(kind, sample, 1.0, self.lens.shot[None]))
             self.colour[i, j] = vec4(ti.math.mix(c, RIM, rim), rim)
             if ti.static(self.pool.occupied):
-                self.depth[i, j] = sample[REST, 1]
+                self.depth[i, j], self.entry[i, j] = sample[REST, 1], sample[REST, 0]
+
+    @ti.func
+    def entry_at(self, i, j):
+        """Returns the depth [m] at which a pixel's ray enters the container, 0 without one."""
+        return ti.select(self.pool.bodies.numbers.container[None] >= 0, self.entry[i, j], 0.0)
 
     @ti.func
     def covers(self, i, j, depth):

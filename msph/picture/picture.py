@@ -148,8 +148,14 @@ class Picture:
         changed = self.set_view(camera, tilt)
         if self.look.caustics:
             self.sunlight.trace_caustics()
-        self.rasterise()
-        self.backdrop.refresh(changed, flooded=True)
+        occupied, contained = self.backdrop.pool.occupied, False
+        if occupied:
+            # Water is clipped by the container in the backdrop, and bodies may hide water.
+            self.backdrop.refresh(changed)
+            contained = self.boundary.container is not None
+        self.rasterise(contained)
+        if not occupied:
+            self.backdrop.refresh(changed, flooded=True)
         self.shader.shade()
         if self.look.whitewater and self.whitewater:
             self.whitewater.draw()
@@ -158,11 +164,12 @@ class Picture:
         self.resolve()
 
     @kernel
-    def rasterise(self):
-        """Fills the visibility buffer and the map of water levels."""
+    def rasterise(self, contained: ti.i32):
+        """Fills the visibility buffer and the map of water levels. contained: 1 for a container."""
         self.raster.clear(self.mesh.counts[1])
         self.sunlight.update_levels()
-        self.raster.draw_mesh(self.mesh)
+        self.raster.draw_mesh(self.mesh, contained)
+        self.raster.mark_wet(contained)
 
     def draw_particles(self, camera, tilt, x, value, lo, hi, n, radius, legend=None):
         """Renders the first n particles at x [m], coloured by `value` from lo to hi. radius: f32

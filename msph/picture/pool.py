@@ -135,14 +135,14 @@ class Pool:
         return share
 
     @ti.func
-    def intersect(self, p, r, most, reach, shot: ti.template()):
+    def intersect(self, p, r, most, reach, within, shot: ti.template()):
         """Intersects a ray from p, reach [m] from the eye, with bodies; see BodyShading.intersect.
         The last result is True if a body's outline may cross a block of pixels around the ray."""
         wide = 1.5 * SPAN * shot.pixel
-        t, body, entry_cosine, close = MISSED, -1, -1.0, False
+        t, body, entry, close = MISSED, -1, vec2(MISSED, -1.0), False
         if ti.static(self.occupied):
-            t, body, entry_cosine, close = self.bodies.intersect(p, r, most, reach, wide)
-        return t, body, entry_cosine, close
+            t, body, entry, close = self.bodies.intersect(p, r, most, reach, wide, within)
+        return t, body, entry, close
 
     @ti.func
     def far_radiance(self, d, shot: ti.template()):

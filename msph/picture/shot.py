@@ -13,7 +13,7 @@ from msph.picture.optics import refracted
 
 vec2, vec3 = ti.math.vec2, ti.math.vec3
 
-NEAR_PLANE = 0.02  # near plane [m]
+NEAR_PLANE = 0.005  # near plane [m]
 DEPTH_RANGE = 1.3  # range of distinct depths, over the box's depth
 WALL_SKIN = 2e-3  # distance within which a face is on a wall, over the longest edge
 # Cells of the map of water levels along the longer side of the floor (coarser than the mesh), and
@@ -46,6 +46,7 @@ Shot = ti.types.struct(
     beam=vec3,  # to the sun, from under a level water surface (refracted)
     ground=ti.f32,  # height of the ground along `up`, relative to the box centre [m]
     size=vec3,  # box [m]
+    immersed=ti.i32,  # 1: the eye is in the box, or above it where there is no lid
     lid=ti.i32,  # 1: a pane of glass closes the top of the box
     skin=ti.f32,  # distance within which a face is on a wall [m]
     lo=vec2,  # smallest and largest pixel coordinates of the box
@@ -111,6 +112,7 @@ def shot_numbers(camera, tilt, box, width, height, look, region=None):
         "beam": beam,
         "ground": ((corners - C) @ R[1]).min(),
         "size": box,
+        "immersed": bool((eye > 0).all() and (eye < region).all()),
         "lid": region[1] == box[1],
         "skin": WALL_SKIN * box.max(),
         "lo": lo,
