@@ -103,7 +103,9 @@ class Show:
         """Returns the scene's camera now, with the box within the right share `free` of the image;
         stretch: see Camera."""
         c, picture = self.scene.camera, self.picture
-        azimuth, elevation, zoom = orbit_at(c, self.simulation.time)
+        x, y, z = self.scene.box.size
+        centre = 0.5 * x, 0.5 * y, 0.5 * z
+        azimuth, elevation, zoom, target = orbit_at(c, self.simulation.time, centre)
         camera = Camera.framing(
             self.scene.box.size,
             aspect=free * stretch * picture.width / picture.height,
@@ -111,6 +113,7 @@ class Show:
             elevation=math.radians(elevation),
             fov=math.radians(c.fov),
         )
+        camera.target = np.array(target)
         camera.zoom(1.0 / zoom)
         camera.shift, camera.stretch = 0.5 * (1.0 - free), stretch
         return camera
