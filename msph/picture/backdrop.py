@@ -57,7 +57,10 @@ class Backdrop:
         for a, b in ti.ndrange(columns // COARSE + 2, rows // COARSE + 2):
             shot = self.lens.shot[None]
             d = shot.origin + shot.du * (COARSE * a) + shot.dv * (COARSE * b)
-            self.background[a, b] = self.pool.background(d.normalized(), shot)
+            colour = self.pool.background(d.normalized(), shot)
+            if shot.plain == 1:
+                colour = ti.math.mix(shot.low_colour, shot.high_colour, COARSE * b / (rows - 1.0))
+            self.background[a, b] = colour
         ti.loop_config(block_dim=BLOCK // COARSE)
         for a, b in ti.ndrange(columns // COARSE + 1, rows // COARSE + 1):
             self.draw_background(a, b)

@@ -57,6 +57,9 @@ Shot = ti.types.struct(
     contrast=ti.f32,  # share of the caustics' contrast, 0 without caustics
     absorption=vec3,  # Beer-Lambert coefficients, RGB [1/m]
     scatter=vec3,  # colour of deep water, RGB, linear
+    plain=ti.i32,  # 1: the background is a gradient from `low_colour` to `high_colour`, linear
+    low_colour=vec3,
+    high_colour=vec3,
     drift=vec2,  # horizontal displacement (x, z) of sunlight under water per metre of descent
     level_cells=vec2,  # cells of the map of water levels along x and z
     map_corner=vec2,  # (x, z) of the corner of the caustic map [m]
@@ -89,6 +92,7 @@ def shot_numbers(camera, tilt, box, width, height, look, region=None):
     sun = R.T @ look.sun_direction()
     beam = -refracted(-sun, R[1], 1 / look.refractive_index)
     drift = -beam[[0, 2]] / max(beam[1], MIN_DESCENT)
+    colours = look.background_colours()
     shift = drift * box[1]  # displacement of light from brim to floor
     return {
         "eye": eye,
@@ -123,6 +127,9 @@ def shot_numbers(camera, tilt, box, width, height, look, region=None):
         "contrast": look.caustic_contrast * look.caustics,
         "absorption": np.asarray(look.absorption) * look.tint,
         "scatter": np.asarray(look.scatter),
+        "plain": colours is not None,
+        "low_colour": colours[0] if colours else np.zeros(3),
+        "high_colour": colours[1] if colours else np.zeros(3),
         "drift": drift,
         "level_cells": np.maximum(np.round(box[[0, 2]] * LEVEL_CELLS / box[[0, 2]].max()), 2),
         "map_corner": np.minimum(shift, 0),

@@ -17,6 +17,7 @@ from msph.measure.past import UNREADABLE
 from msph.measure.timings import Timings
 from msph.picture.camera import Camera
 from msph.picture.picture import Picture, picture_of
+from msph.picture.pixels import matted
 from msph.picture.room import PictureRoom
 from msph.scene.build import build_simulation, rotation, sway_angle, turn
 from msph.scene.camera_path import orbit_at
@@ -261,10 +262,24 @@ class Show:
         if self.surface and (water or self.meshes):
             with self._stage("surface"):
                 self.surface.extract(hidden=not self.meshes)
-        if self.picture is None:
-            return
+        if self.picture:
+            self._render()
+
+    def matted_image(self) -> np.ndarray:
+        """Renders the last image again, (height, width, 4) uint8, with its opacity."""
+        shown = []
+        for level in (0.0, 1.0):
+            plain = {"background": (level,) * 3, "background_top": None}
+            self.picture.change(self.scene.picture.model_copy(update=plain))
+            self._render()
+            shown.append(self.picture.to_numpy_u8())
+        self.picture.change(self.scene.picture)
+        return matted(*shown)
+
+    def _render(self) -> None:
+        """Renders the surface, or the particles."""
         with self._stage("picture"):
-            if water:
+            if self.views.name == "water":
                 self.picture.draw_water(self.camera, self.tilt)
             else:
                 sim = self.simulation
