@@ -24,7 +24,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bench.tanks import FRAME
 from msph.device import ARCHES, start
-from msph.fluid.external_forces import ExternalForces
+from msph.fluid.external_forces import ExternalForces, Hand
 from msph.measure.ledger import Ledger
 from msph.measure.probes import build_probes
 from msph.measure.snapshot import Snapshot
@@ -73,6 +73,8 @@ SCENES: dict[str, tuple[dict[str, Any], dict[str, Any], str]] = {
     "bodies": ({"obstacles": [BALL]}, {}, ""),
     "caustics": ({}, {"picture": {"caustics": False}}, "picture"),
     "whitewater": ({}, {"picture": {"whitewater": False}}, "picture"),
+    "wet walls": ({}, {"picture": {"drying": 0.0}}, "picture"),
+    "ripples": ({}, {"picture": {"ripples": False}}, "picture"),
     "supersample": ({"picture": {"supersample": 2}}, {}, "picture"),
 }
 CASES = (
@@ -145,6 +147,8 @@ class Side:
         if self.show:
             if self.show.whitewater:
                 self.show.whitewater.advance(FRAME, GRAVITY)
+            if self.show.picture:
+                self.show.picture.advance(FRAME, Hand())
             self.show.draw()
 
     def timed(self) -> None:

@@ -19,7 +19,9 @@ LINE_LIMIT = 1.6  # largest width of the line of one face [pixels]
 RIM_STRENGTH, INNER_STRENGTH = 0.85, 0.35  # opacity of edges before and behind the water
 # Relative difference of depths in the same place: water reaches into bodies, also along the glass.
 SAME_DEPTH = 1e-3
-GLASS = 0.045  # reflectance of a pane at normal incidence
+GLASS, FILM = 0.045, 0.02  # reflectance of a pane, and of a film of water, at normal incidence
+# Light that a wet wall or body lacks (-), and number of dry panes that mirror as much as a wet one.
+WET_SHADE, WET_PANES = 0.3, 3
 # Digits of a sample's kind: low wall (0, 1) or body; axis by which the ray entered the box.
 WALL_OR_BODY, ENTRY_AXIS = 4, 1 << 18
 
@@ -32,21 +34,21 @@ class Backdrop:
     drawn. With bodies all pixels are drawn, since a body can be in front of the water.
     """
 
-    def __init__(self, fields: PixelFields, lens, pool, tone):
-        self.lens, self.key = lens, fields.key
+    def __init__(self, fields: PixelFields, lens, pool, tone, wetness):
+        self.lens, self.key, self.wetness = lens, fields.key, wetness
         self.pool, self.tone = pool, tone
         self.colour, self.background, self.depth = fields.backdrop, fields.background, fields.depth
         self.entry = fields.entry
         self.complete = False
 
-    def refresh(self, changed, flooded=False):
+    def refresh(self, changed, flooded=False, dried=False):
         """Redraws what changed. changed: the view is new; flooded: `key` holds the water of this
-        view."""
+        view; dried: walls and bodies are less wet than before."""
         if self.pool.occupied:
             flooded = False
             changed = changed or self.pool.bodies.boundary.moving
         flooded = flooded and changed  # in a constant view, water may uncover pixels it hid
-        if changed or not self.complete:
+        if changed or dried or not self.complete:
             self.draw(flooded)
             self.complete = not flooded
 
@@ -115,6 +117,8 @@ class Backdrop:
                 kind += 1 + way_in  # there is an edge between two panes, even in hidden blocks
                 if way_in != 1 or shot.lid == 1:
                     share = pane(abs(component(d, way_in)))
+                    wet = self.wetness.at(shot.eye + d * near, shot)
+                    share = ti.math.mix(share, 1.0 - (1.0 - share) ** WET_PANES, wet)
                     mirrored *= 1.0 - 2.0 * vec3(way_in == 0, way_in == 1, way_in == 2)
             if not hidden:
                 kind, place, light, left, added, depths = self.inside(
@@ -162,6 +166,16 @@ class Backdrop:
                 added = self.pool.bodies.shade(body, p, shot.sun, lit, shot)
                 depths.x = (entry + t) * d.dot(shot.forward)
             kind += DETAIL * close
+        if tiled or body >= 0:
+            wet = self.wetness.at(p, shot)
+            if wet > 0.0:
+                n = self.pool.normal(p, axis, low, body)
+                mirrored, share = d - 2.0 * d.dot(n) * n, wet * film(-d.dot(n))
+                light, left = (1.0 - WET_SHADE * wet) * light, (1.0 - share) * left
+                if body >= 0:
+                    added *= 1.0 - WET_SHADE * wet
+                added = ti.math.mix(added, self.pool.mirrored_radiance(p, mirrored, shot), share)
+        if ti.static(self.pool.occupied):
             if side.y >= 0.0:  # the transparent side of a container reflects the sky faintly
                 # A ray that begins in a container enters it at depth 0.
                 depths.y = ti.select(
@@ -210,3 +224,9 @@ class Backdrop:
 def pane(cosine):
     """Reflectance of a glass pane at a cosine of incidence (Schlick 1994)."""
     return GLASS + (1.0 - GLASS) * (1.0 - cosine) ** 5
+
+
+@ti.func
+def film(cosine):
+    """Reflectance of a film of water at a cosine of incidence (Schlick 1994)."""
+    return FILM + (1.0 - FILM) * (1.0 - ti.math.clamp(cosine, 0.0, 1.0)) ** 5

@@ -108,9 +108,14 @@ class BodyShading:
         return nearest, which, vec2(entry, entry_cosine), close
 
     @ti.func
+    def normal(self, b, p):
+        """Returns the unit normal of body b at its point p [m], towards the water."""
+        return self.boundary.normal(b, p, END)
+
+    @ti.func
     def side_normal(self, p):
         """Returns the unit normal out of the container at a point p [m] of its side."""
-        return -self.boundary.normal(self.numbers.container[None], p, END)
+        return -self.normal(self.numbers.container[None], p)
 
     @ti.func
     def sunlit(self, p, to_sun):
@@ -138,7 +143,7 @@ class BodyShading:
     def shade(self, b, p, to_sun, focus, shot: ti.template()):
         """Returns the colour of body b at its point p [m]; focus: concentration of sunlight
         there."""
-        n = self.boundary.normal(b, p, END)
+        n = self.normal(b, p)
         albedo = ti.select(self.boundary.side[b] > 0.0, CLAY, GLAZE)
         sky = ti.math.mix(BOUNCE, 1.0, 0.5 + 0.5 * n.dot(shot.up))
         return albedo * (SKY_LIGHT * sky + SUN_LIGHT * (ti.max(n.dot(to_sun), 0.0) * focus))

@@ -46,6 +46,12 @@ class Look(Section):
     whitewater: bool = parameter(
         True, text="spray, foam and bubbles where the water splashes; they do not act on the water"
     )
+    ripples: bool = parameter(
+        True, text="small ripples where a hand or drops disturb the surface; in the image only"
+    )
+    drying: float = parameter(
+        6.0, ge=0.0, le=600.0, unit="s", text="time in which wet walls and bodies dry, 0: never wet"
+    )
     refractive_index: float = parameter(
         1.333,
         ge=1.0,

@@ -57,6 +57,8 @@ Shot = ti.types.struct(
     contrast=ti.f32,  # share of the caustics' contrast, 0 without caustics
     absorption=vec3,  # Beer-Lambert coefficients, RGB [1/m]
     scatter=vec3,  # colour of deep water, RGB, linear
+    drying=ti.i32,  # 1: walls and bodies are darker where water has been
+    ripples=ti.i32,  # 1: the surface has small ripples
     plain=ti.i32,  # 1: the background is a gradient from `low_colour` to `high_colour`, linear
     low_colour=vec3,
     high_colour=vec3,
@@ -127,6 +129,8 @@ def shot_numbers(camera, tilt, box, width, height, look, region=None):
         "contrast": look.caustic_contrast * look.caustics,
         "absorption": np.asarray(look.absorption) * look.tint,
         "scatter": np.asarray(look.scatter),
+        "drying": look.drying > 0.0,
+        "ripples": look.ripples,
         "plain": colours is not None,
         "low_colour": colours[0] if colours else np.zeros(3),
         "high_colour": colours[1] if colours else np.zeros(3),

@@ -45,8 +45,9 @@ LOW, CUT, FOLDED, LEFT_AGAIN, BODY, SUNK, STRAIGHT = 4, 8, 16, 32, 64, 1 << 14, 
 class WaterShader:
     """Shades water over a backdrop into the 3-vec field `image`, display-referred."""
 
-    def __init__(self, mesh, lens, rasteriser, sunlight, backdrop, image):
+    def __init__(self, mesh, lens, rasteriser, sunlight, ripples, backdrop, image):
         self.mesh, self.lens, self.raster, self.sunlight = mesh, lens, rasteriser, sunlight
+        self.ripples, self.rippled = ripples, ripples is not None
         self.backdrop, self.pool, self.tone = backdrop, backdrop.pool, backdrop.tone
         self.image = image
 
@@ -126,6 +127,9 @@ class WaterShader:
         # The near side of a container.
         cut = cut or (not sunk and self.raster.item(i, j) == self.raster.wet[None])
         p = ti.math.clamp(p, 0.0, walls_of(shot))
+        if ti.static(self.rippled):
+            if not cut and not straight:
+                n = self.ripples.bend(p, n, shot)
         eta = ti.select(sunk, 1.0 / shot.eta, shot.eta)
         c = ti.max(-d.dot(n), MIN_INCIDENCE)
         ct = cosine_beyond(c, eta)

@@ -182,6 +182,9 @@ class Show:
                 if self.whitewater:
                     with self._stage("surface"), self._substage("whitewater"):
                         self.whitewater.advance(self.simulated, external.gravity)
+                if self.picture:
+                    with self._stage("picture"):
+                        self.picture.advance(self.simulated, external.hand)
         if self.scalable:
             self.picture.scale, self.picture.ball = controls.scale, controls.ball
         elif self.picture and self.scene.camera.path:
@@ -330,6 +333,8 @@ class Show:
         self.turned, self.turning = None, np.zeros(3)
         if self.whitewater:
             self.whitewater.reset()
+        if self.picture:
+            self.picture.reset()
         self.stopped.clear()
         self.counts = self.simulation.counts()
         self.ledger.clear()
