@@ -73,7 +73,7 @@ class Picture:
         self.sky, self.bodies = Sky(), BodyShading(boundary)
         self.wetness = Wetness(mesh, self.lens)
         self.ripples = Ripples(thin, self.sunlight, self.lens) if thin else None
-        self.drying = 0.0  # simulated time since the last decay of the wetness [s]
+        self.drying = EVERY  # simulated time since the last decay of the wetness [s]
         # Shading without bodies, and with bodies.
         pools = Pool(self.sky), Pool(self.sky, self.bodies)
         backdrops = [Backdrop(self.fields, self.lens, pool, tone, self.wetness) for pool in pools]
@@ -123,6 +123,7 @@ class Picture:
     def reset(self):
         """Dries walls and bodies, and smooths the surface."""
         self.wetness.reset()
+        self.drying = EVERY  # the first image compiles the decay
         if self.ripples:
             self.ripples.reset()
 

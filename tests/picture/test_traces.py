@@ -10,6 +10,7 @@ from msph.picture.camera import Camera
 from msph.picture.look import Look
 from msph.picture.picture import Picture
 from msph.picture.ripples import CELLS, DAMPING, SPEED
+from msph.taichi_internals import watch_compiling
 
 VIEW = Camera.framing(BOX, WIDTH / HEIGHT)
 HAND = Hand(position=(0.5, LEVEL, 0.5), velocity=(1.0, 0.0, 0.0), radii=(0.2,) * 3, grip=60.0)
@@ -41,6 +42,19 @@ def shown(pool, level):
     pool.mesh.fill(*still_water(level))
     pool.draw_water(VIEW)
     return canvas_of(pool)
+
+
+def test_two_frames_compile_what_later_frames_need(pool):
+    pool.load(WIDTH, HEIGHT, BOX, Look())
+    for _ in range(2):
+        pool.advance(1.0 / 60.0, Hand())
+        shown(pool, LEVEL)
+    compiled = []
+    with watch_compiling(compiled.append):
+        for _ in range(20):
+            pool.advance(1.0 / 60.0, HAND)
+            shown(pool, 0.5 * LEVEL)
+    assert compiled == []
 
 
 def test_walls_are_darker_where_water_has_been_until_they_are_dry(pool):
