@@ -21,7 +21,7 @@ RIM_STRENGTH, INNER_STRENGTH = 0.85, 0.35  # opacity of edges before and behind 
 SAME_DEPTH = 1e-3
 GLASS, FILM = 0.045, 0.02  # reflectance of a pane, and of a film of water, at normal incidence
 # Light that a wet wall or body lacks (-), and number of dry panes that mirror as much as a wet one.
-WET_SHADE, WET_PANES = 0.3, 3
+WET_SHADE, WET_PANES = 0.3, 1.5
 # Digits of a sample's kind: low wall (0, 1) or body; axis by which the ray entered the box.
 WALL_OR_BODY, ENTRY_AXIS = 4, 1 << 18
 

@@ -50,7 +50,7 @@ class Look(Section):
         True, text="small ripples where a hand or drops disturb the surface; in the image only"
     )
     drying: float = parameter(
-        6.0, ge=0.0, le=600.0, unit="s", text="time in which wet walls and bodies dry, 0: never wet"
+        8.0, ge=0.0, le=600.0, unit="s", text="time in which wet walls and bodies dry, 0: never wet"
     )
     refractive_index: float = parameter(
         1.333,

@@ -11,7 +11,7 @@ from msph.taichi_internals import data_oriented, kernel
 
 CELLS = 40
 # Time between two decays of the map, each of which renders the image without water again [s].
-EVERY = 0.2
+EVERY = 0.25
 # Wetness (-) up to which a place counts as dry, and from which as wet; LOST: -log DRY.
 DRY, WET, LOST = 0.02, 0.98, 3.9
 
