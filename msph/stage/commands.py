@@ -114,9 +114,10 @@ def capture(scene: str | None, options: CaptureOptions, run: RunOptions) -> None
     if "supersample" not in loaded.picture.model_fields_set:
         loaded = with_value(loaded, "picture.supersample", SMOOTH)
     some = options.outputs or options.meshes or options.particles
-    pictures = list(options.outputs if some else [default_output(scene).with_suffix(".mp4")])
+    default = default_output(scene).with_suffix(".webm" if loaded.picture.alpha else ".mp4")
+    pictures = list(options.outputs if some else [default])
     files = Outputs(pictures, list(options.meshes), list(options.particles))
-    check_outputs(files, options.fps)
+    check_outputs(files, options.fps, loaded.picture.alpha)
     since = time_of(Path(options.resume)) if options.resume else 0.0
     first, seconds = round(since * options.fps), options.seconds or loaded.duration
     if recording:

@@ -18,6 +18,7 @@ from msph.measure.past import UNREADABLE
 from msph.measure.timings import Timings
 from msph.picture.camera import Camera
 from msph.picture.picture import Picture, picture_of
+from msph.picture.pixels import matted
 from msph.picture.room import PictureRoom
 from msph.scene.build import build_simulation, rotation, sway_angle, turn
 from msph.scene.camera_path import orbit_at
@@ -107,7 +108,9 @@ class Show:
         """Returns the scene's camera now, with the box within the right share `free` of the image;
         stretch: see Camera."""
         c, picture = self.scene.camera, self.picture
-        azimuth, elevation, zoom = orbit_at(c, self.simulation.time)
+        x, y, z = self.scene.box.size
+        centre = 0.5 * x, 0.5 * y, 0.5 * z
+        azimuth, elevation, zoom, target = orbit_at(c, self.simulation.time, centre)
         camera = Camera.framing(
             self.scene.box.size,
             aspect=free * stretch * picture.width / picture.height,
@@ -115,6 +118,7 @@ class Show:
             elevation=math.radians(elevation),
             fov=math.radians(c.fov),
         )
+        camera.target = np.array(target)
         camera.zoom(1.0 / zoom)
         camera.shift, camera.stretch = 0.5 * (1.0 - free), stretch
         return camera
@@ -195,6 +199,9 @@ class Show:
                 if self.whitewater:
                     with self._stage("surface"), self._substage("whitewater"):
                         self.whitewater.advance(self.simulated, external.gravity)
+                if self.picture:
+                    with self._stage("picture"):
+                        self.picture.advance(self.simulated, external.hand)
         if self.scalable:
             self.picture.scale = controls.scale
         elif self.picture and self.scene.camera.path:
@@ -297,10 +304,24 @@ class Show:
         if self.surface and (water or self.meshes):
             with self._stage("surface"):
                 self.surface.extract(hidden=not self.meshes)
-        if self.picture is None:
-            return
+        if self.picture:
+            self._render()
+
+    def matted_image(self) -> np.ndarray:
+        """Renders the last image again, (height, width, 4) uint8, with its opacity."""
+        shown = []
+        for level in (0.0, 1.0):
+            plain = {"background": (level,) * 3, "background_top": None}
+            self.picture.change(self.scene.picture.model_copy(update=plain))
+            self._render()
+            shown.append(self.picture.to_numpy_u8())
+        self.picture.change(self.scene.picture)
+        return matted(*shown)
+
+    def _render(self) -> None:
+        """Renders the surface, or the particles."""
         with self._stage("picture"):
-            if water:
+            if self.views.name == "water":
                 self.picture.draw_water(self.camera, self.tilt)
             else:
                 sim = self.simulation
@@ -351,6 +372,8 @@ class Show:
         self.turned, self.turning = None, np.zeros(3)
         if self.whitewater:
             self.whitewater.reset()
+        if self.picture:
+            self.picture.reset()
         self.stopped.clear()
         self.counts = self.simulation.counts()
         self.ledger.clear()

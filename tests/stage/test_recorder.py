@@ -17,6 +17,7 @@ from PIL import Image
 from msph.measure.host_kernels import wendland
 from msph.own_files import OutputError
 from msph.scene import load_scene
+from msph.scene.parts import with_value
 from msph.stage import commands, vtu
 from msph.stage.loop import run
 from msph.stage.recorder import (
@@ -55,6 +56,26 @@ def recorded(show, tmp_path_factory):
     outputs = Outputs(*([folder / name for name in kind] for kind in names))
     run(Row([show]), Recorder(outputs, 4, FPS, bar=False))
     return folder
+
+
+def test_images_have_an_alpha_channel_if_the_scene_asks_for_it(show, tmp_path, monkeypatch):
+    monkeypatch.setattr(show, "scene", with_value(show.scene, "picture.alpha", True))
+    outputs = Outputs([tmp_path / name for name in ("a.webm", "a.webp", "a.png")])
+    check_outputs(outputs, FPS, alpha=True)
+    show.reset()
+    run(Row([show]), Recorder(outputs, 2, FPS, bar=False))
+    for name in ("a.webp", "a.png"):
+        pixels = np.asarray(Image.open(tmp_path / name))
+        opacity = pixels[..., 3]
+        # Corners show sky and ground, the middle tiles and water.
+        assert opacity[0, 0] == opacity[-1, -1] == 0
+        assert (opacity[30:60, 60:100] > 200).mean() > 0.9
+        assert 0.1 < (opacity > 128).mean() < 0.9
+    reader = imageio.get_reader(tmp_path / "a.webm", input_params=["-c:v", "libvpx-vp9"])
+    assert reader.get_meta_data()["pix_fmt"].startswith("yuva420p")
+    for name in ("a.mp4", "a.gif"):
+        with pytest.raises(OutputError, match=r"no alpha channel .*\.webm"):
+            check_outputs(Outputs([tmp_path / name]), FPS, alpha=True)
 
 
 @pytest.mark.parametrize("name", ["a.mp4", "a.webm", "a.gif"])
