@@ -14,6 +14,8 @@ from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.simulation import FullError, Simulation
 from msph.measure.entry import columns
 from msph.measure.ledger import Ledger, NotFiniteError
+from msph.scene import load_scene
+from msph.scene.build import build_simulation
 
 G = (0.0, -9.81, 0.0)
 SIZE = (1.0, 1.0, 1.0)
@@ -285,3 +287,17 @@ def test_the_hands_work_is_the_energy_it_gives(world):
     assert entry.user_work == pytest.approx(entry.kinetic, rel=1e-4)
     assert entry.user_impulse == pytest.approx(entry.momentum, rel=1e-4)
     assert entry.energy == pytest.approx(0.0, abs=1e-4 * entry.kinetic)
+
+
+def test_fine_water_is_not_added_between_coarse_particles():
+    """It was laid in the gaps of coarse water under the surface, which blew up."""
+    scene = load_scene("deep", ("method=projection",))
+    sim = build_simulation(scene, 2000)
+    finest = int(np.argmin([s.mass for s in sim.layers.specs]))
+    coarse = sim.particles.numpy("layer") == int(np.argmax([s.mass for s in sim.layers.specs]))
+    x = sim.particles.numpy("x")[coarse]
+    middle = x[np.abs(x - 0.5 * (x.min(axis=0) + x.max(axis=0))).sum(axis=1).argmin()]
+    rng = np.random.default_rng(1)
+    sites = (middle + rng.uniform(-0.2, 0.2, (200, 3))).astype(np.float32)
+    assert sim.add(sites, np.zeros_like(sites), finest, G) == 0
+    sim.close()
