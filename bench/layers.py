@@ -135,7 +135,7 @@ def row(name: str, kind: str, pool: Pool) -> dict[str, str]:
         "pressure error at rest, probes": f"{100 * pool.rest[0]:.2f} %",
         "particle means": f"{100 * pool.rest[1]:.2f} %",
         "energy rise at rest": f"{100 * pool.rest[2]:.3f} %",
-        "density error mean": f"{100 * np.mean(r.error_mean):.3f} %",
+        "solver residual, mean": f"{100 * np.mean(r.error_mean):.3f} %",
         "99th percentile": f"{100 * np.mean(r.error_p99):.2f} %",
         "largest": f"{100 * max(r.error_max):.2f} %",
         "height of the centre of mass": f"{100 * r.volume_error():+.2f} %",

@@ -60,7 +60,7 @@ def errors(setup: str, seconds: float) -> dict[str, str]:
         "method": setup,
         "pressure error, rms over depth": f"{100 * reading.pressure_error():.1f} %",
         "bulk density error": f"{100 * (bulk.mean - 1.0):+.2f} %",
-        "density error, mean": f"{100 * np.mean(reading.error_mean):.3f} %",
+        "solver residual, mean": f"{100 * np.mean(reading.error_mean):.3f} %",
         "99th percentile": f"{100 * np.mean(reading.error_p99):.2f} %",
         "largest": f"{100 * max(reading.error_max):.1f} %",
         "height of the centre of mass": f"{100 * reading.volume_error():+.2f} %",

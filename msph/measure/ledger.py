@@ -1,4 +1,4 @@
-"""The ledger of a run: mass, momenta, energy and density error of the water over time."""
+"""The ledger of a run: mass, momenta, energy and solver residual of the water over time."""
 
 import math
 from dataclasses import dataclass, field
@@ -19,8 +19,8 @@ class NotFiniteError(BlowUpError):
 class Ledger:
     """Entries of one run; record() adds one per frame.
 
-    density_every: simulated time [s] between measurements of density errors, each of which builds a
-    neighbour list; infinite: none. Entries without a measurement hold NaN.
+    density_every: simulated time [s] between measurements of solver residuals, each of which builds
+    a neighbour list; infinite: none. Entries without a measurement hold NaN.
     """
 
     simulation: Simulation
@@ -62,16 +62,16 @@ class Ledger:
             self._tilt_work -= float(moment @ (g - self._gravity))
         self._gravity = g
         del totals["not_finite"]
-        excess = self._density_excess()
+        excess = self._residuals()
         entry = Entry(
             time=sim.time,
             centre=moment / totals["mass"],
             potential=-float(moment @ g),
             gravity=g,
             tilt_work=self._tilt_work,
-            density_error_mean=float(excess.mean()),
-            density_error_p99=float(np.percentile(excess, 99.0)),
-            density_error_max=float(excess.max()),
+            solver_residual_mean=float(excess.mean()),
+            solver_residual_p99=float(np.percentile(excess, 99.0)),
+            solver_residual_max=float(excess.max()),
             outside=int(totals.pop("outside")),
             spilt=sim.rim.mass,
             **totals,
@@ -79,7 +79,7 @@ class Ledger:
         self.entries.append(entry)
         return entry
 
-    def _density_excess(self) -> np.ndarray:
+    def _residuals(self) -> np.ndarray:
         """Returns max(rho/rho0 - 1, 0) at the current positions, (n,); one NaN if not measured."""
         if self.simulation.time < self._density_due or math.isinf(self.density_every):
             return np.array([np.nan])
@@ -148,18 +148,18 @@ class Ledger:
             pairs += [(earlier, entry) for earlier in self.entries[begin:k]]
         return pairs
 
-    def density_error(self) -> tuple[float, float, float]:
-        """Returns the density errors of the run (-): means over time of the mean and of the 99th
+    def solver_residual(self) -> tuple[float, float, float]:
+        """Returns the solver residuals of the run (-): means over time of the mean and of the 99th
         percentile, and the largest; NaN if they were not measured."""
-        columns = ("density_error_mean", "density_error_p99", "density_error_max")
+        columns = ("solver_residual_mean", "solver_residual_p99", "solver_residual_max")
         mean, p99, largest = ([getattr(e, k) for e in self.entries] for k in columns)
         if np.isnan(mean).all():
             return np.nan, np.nan, np.nan
         return float(np.nanmean(mean)), float(np.nanmean(p99)), float(np.nanmax(largest))
 
-    def last_density_error(self) -> float:
-        """Returns the last measured mean density error (-), NaN if there is none."""
-        found = (e.density_error_mean for e in reversed(self.entries))
+    def last_solver_residual(self) -> float:
+        """Returns the last measured mean solver residual (-), NaN if there is none."""
+        found = (e.solver_residual_mean for e in reversed(self.entries))
         return next((error for error in found if not math.isnan(error)), math.nan)
 
     def rest_energy(self, seconds: float = 1.0) -> float:

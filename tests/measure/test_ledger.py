@@ -134,11 +134,11 @@ def test_density_errors_are_of_the_positions_at_the_end_of_a_frame(world):
     r = np.linalg.norm(x[:, None] - x, axis=2)
     excess = np.maximum((MASSES[layer] * poly6(r, h)).sum(axis=1) / 1000.0 - 1.0, 0.0)
     assert excess.max() > 0.1
-    found = entry.density_error_mean, entry.density_error_p99, entry.density_error_max
+    found = entry.solver_residual_mean, entry.solver_residual_p99, entry.solver_residual_max
     expected = excess.mean(), np.percentile(excess, 99.0), excess.max()
     assert found == pytest.approx(expected, rel=1e-3)
-    assert ledger.density_error() == pytest.approx(expected, rel=1e-3)
-    assert np.isnan(Ledger(sim, density_every=math.inf).record(G).density_error_max)
+    assert ledger.solver_residual() == pytest.approx(expected, rel=1e-3)
+    assert np.isnan(Ledger(sim, density_every=math.inf).record(G).solver_residual_max)
 
 
 def test_a_row_has_a_number_under_every_head(world):
