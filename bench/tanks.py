@@ -106,8 +106,10 @@ class Reading:
 
     def energy_rise_of_motion(self, seconds: float = 1.0) -> float:
         """Returns the largest rise of the energy within `seconds`, over the largest kinetic plus
-        available potential energy, above level water (-)."""
-        return self._rise(seconds) / (max(self.energies) - self._potential())
+        available potential energy, above level water (-). The available energy counts only if it is
+        positive: coarse water comes to rest below its level."""
+        available = max(self.energies) - self._potential()
+        return self._rise(seconds) / max(available, *self.kinetic)
 
     def _rise(self, seconds: float) -> float:
         """Returns the largest rise of the energy within `seconds` [J]."""

@@ -7,8 +7,9 @@ import pytest
 
 from bench import pareto, pareto_report, pareto_table, rows, tanks
 from bench.cases import CASES, thesis_pool, vortex
-from bench.cases.case import ADAPTIVE, DFSPH, RELIEF, STARTS, UNIFORM, Setting, begin, tank
+from bench.cases.case import ADAPTIVE, DFSPH, RELIEF, UNIFORM, Setting, begin, tank
 from bench.cases.dam_break import reference
+from bench.rows import STARTS
 from bench.terms import VORTEX_SPEED
 from bench.terms import vortex as taylor_green
 

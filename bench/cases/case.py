@@ -13,6 +13,7 @@ import psutil
 
 from bench import tanks
 from bench.peer_splishsplash import Dfsph
+from bench.rows import STARTS
 from bench.water import Ours, Water
 from msph.fluid.simulation import Simulation
 from msph.measure.kernel_density import kernel_density
@@ -255,8 +256,8 @@ class Case:
         return found + [Setting(fineness=n, timed=False) for n in self.references]
 
 
-# Number of starts, which differ in the initial displacements of JITTER spacings.
-STARTS, JITTER = 3, 0.02
+# Initial displacements of the particles, in spacings, in which starts differ.
+JITTER = 0.02
 # Settings of DFSPH at one fineness, beside those as shipped and without viscosity.
 PEER_CHANGES: tuple[dict[str, float], ...] = (
     {"viscosity": 0.001},

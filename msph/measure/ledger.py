@@ -8,6 +8,7 @@ import numpy as np
 from msph.errors import BlowUpError
 from msph.fluid.simulation import Simulation
 from msph.measure.entry import Entry
+from msph.measure.level_water import level_potential
 from msph.measure.totals import Totals
 
 
@@ -116,12 +117,26 @@ class Ledger:
         fall = self.simulation.size * (first.gravity > 0.0) - first.centre
         return first.kinetic + first.mass * float(first.gravity @ fall)
 
-    def energy_gain(self) -> float:
-        """Returns the largest rise of the energy over an earlier entry, over reference_energy()
-        (-); any rise is an error, as a dissipative method only loses energy."""
+    def motion_energy(self) -> float:
+        """Returns the energy of the motion [J], a stricter reference: kinetic plus available
+        potential energy (above level water) of the first entry, or the largest kinetic energy of
+        the run if that is larger."""
+        first = self.entries[0]
+        available = 0.0
+        if np.any(first.gravity):
+            available = first.potential - level_potential(
+                self.simulation, first.gravity, first.mass
+            )
+        kinetic = max(e.kinetic for e in self.entries)
+        return max(first.kinetic + available, kinetic) if math.isfinite(available) else kinetic
+
+    def energy_gain(self, reference: float | None = None) -> float:
+        """Returns the largest rise of the energy over an earlier entry, over a reference [J], by
+        default reference_energy() (-); any rise is an error, as a dissipative method only loses
+        energy."""
         energies = np.array([e.energy for e in self.entries])
         rise = float(np.max(energies - np.minimum.accumulate(energies)))
-        first = self.reference_energy()
+        first = self.reference_energy() if reference is None else reference
         return rise / first if first > 0.0 else 0.0
 
     def energy_rise(self, window: float = 1.0) -> float:

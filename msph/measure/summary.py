@@ -82,6 +82,7 @@ def errors(ledger: Ledger, surveys: list[Survey]) -> dict[str, float]:
         "momentum_drift": ledger.momentum_drift(),
         "angular_momentum_drift": ledger.angular_drift(),
         "energy_gain": ledger.energy_gain(),
+        "energy_gain_of_motion": ledger.energy_gain(ledger.motion_energy()),
         "energy_rise_in_1_s": ledger.energy_rise(1.0),
         "merge_loss_J": last.merge_loss,
         "solver_residual_mean": mean,
