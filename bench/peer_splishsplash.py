@@ -41,7 +41,7 @@ MODULE = "pysplishsplash"
 DISPATCH = "libGLdispatch.so.0"
 # Initial distance from the particles to the walls in spacings: first guess, and corrections by the
 # level of still water after LEVEL_SECONDS [s] in a tank of at most LEVEL_EDGE spacings a side.
-GAP, GAP_ROUNDS, LEVEL_SECONDS, LEVEL_EDGE = 1.25, 2, 1.0, 12
+GAP, GAP_ROUNDS, LEVEL_SECONDS, LEVEL_EDGE = 1.25, 4, 1.0, 12
 # Walls: corners of a unit cube about the origin, and its faces counter-clockwise from outside.
 CORNERS = [(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]
 FACES = (
@@ -96,12 +96,18 @@ def gap_of(size: tuple[float, float, float], spacing: float) -> float:
     for row in known:
         if [row["along"], row["across"]] == across:
             return float(row["gap"])
-    gap, depth = GAP, LEVEL_EDGE * spacing
+    gap, depth, tried = GAP, LEVEL_EDGE * spacing, {}
+    # Fall of the level with the gap, of constant volume: both walls along each edge, and the floor.
+    slope = spacing * (sum(2.0 / edge for edge in edges) + 1.0 / depth)
     for _ in range(GAP_ROUNDS):
         task = {"edges": edges, "depth": depth, "spacing": spacing, "gap": gap}
-        level = rows.in_process(__file__, task, MAX_SECONDS)["level"]
-        # Of constant volume: both walls along each edge, and the floor.
-        gap += (level - 1.0) / (spacing * (sum(2.0 / edge for edge in edges) + 1.0 / depth))
+        tried[gap] = rows.in_process(__file__, task, MAX_SECONDS)["level"]
+        if len(tried) > 1:
+            (before, high), (now, low) = list(tried.items())[-2:]
+            slope = max(0.5 * slope, (high - low) / (now - before))
+        gap += (tried[gap] - 1.0) / slope
+    gap = min(tried, key=lambda g: abs(tried[g] - 1.0))
+    level = tried[gap]
     row = {"along": across[0], "across": across[1], "gap": f"{gap:.3f}", "level": f"{level:.4f}"}
     rows.write(GAPS, [*known, row])
     return gap
