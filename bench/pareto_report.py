@@ -211,8 +211,8 @@ def ratios(rows: list[dict], case: Case) -> list[dict[str, str]]:
 
 def compare(row: dict, others: list[dict], error: str) -> str:
     """Returns how many times faster a run is than others of the same error, in words: by medians,
-    and from the row's largest error against the others' least to the reverse. Empty if the others
-    have no such error."""
+    and from the row's largest error and time against the others' least to the reverse. Empty if the
+    others have no such error."""
     middle = _ratio(row, others, error, number, number)
     if not middle:
         return ""
@@ -227,14 +227,16 @@ def _ratio(row: dict, others: list[dict], error: str, own, theirs) -> tuple[floa
     """Returns the time of the others at the row's error over the row's time, interpolated in
     logarithms, and whether it is a lower bound, as no other reaches the error; None if the row's
     error exceeds all others or is rounding. own, theirs: which value over the starts to read."""
-    read = [{**r, error: theirs(r, error)} for r in others if np.isfinite(number(r, error))]
+    names = (error, "wall_per_simulated")
+    known = [r for r in others if all(np.isfinite(number(r, name)) for name in names)]
+    read = [{**r, **{name: theirs(r, name) for name in names}} for r in known]
     line, wanted = undominated(read, error), math.log(max(own(row, error), LEAST))
     errors = np.log([max(r[error], LEAST) for r in line])
     if not line or not math.log(LEAST) < wanted <= errors.max():
         return None
     time = np.log([number(r, "wall_per_simulated") for r in line])
     at = math.exp(np.interp(-wanted, -errors, time))
-    return at / number(row, "wall_per_simulated"), bool(wanted < errors.min())
+    return at / own(row, "wall_per_simulated"), bool(wanted < errors.min())
 
 
 STYLES_OF = (UNIFORM, FIXED, ADAPTIVE)
@@ -436,8 +438,8 @@ def compared_with_peer(rows: list[dict]) -> list[str]:
         "DFSPH (Bender and Koschier 2015) of pySPlisHSPlasH, as shipped and with other settings "
         "(viscosity [m^2/s], cfl: factor of\nthe Courant number, tolerance: mean density error in "
         "%, dt: longest step [s]), from the same initial particles. Its walls act\nat a distance "
-        "and are therefore 0.7 spacings outside the tank, so that still water has its level. All "
-        "errors are computed from\npositions and velocities by the code that measures ours. Ours: "
+        "and are therefore outside the tank, as far as still water then has its level. All errors "
+        "are computed from\npositions and velocities by the code that measures ours. Ours: "
         "the fastest run, uniform or layered, with at most the same\nerror, interpolated.\n",
         lines_of(lines),
         "",

@@ -154,6 +154,13 @@ def test_a_speed_up_within_the_range_of_the_starts_is_not_significant():
     assert words.startswith("1 (0.56 to 5)") and words.endswith("not significant")
 
 
+def test_a_speed_up_within_the_range_of_the_times_is_not_significant():
+    layered = [row("sloshing", t, 0.01, water=ADAPTIVE, start=k) for k, t in enumerate((2, 8, 20))]
+    (line,) = pareto_report.ratios(grouped(*uniform(0), *layered), CASES["sloshing"])
+    words = line["speed-up of adaptive layers over uniform water"]
+    assert words == "1.2 (0.5 to 5), not significant"
+
+
 def test_the_faster_program_is_named():
     ours = grouped(*uniform(0))
     theirs = [row("sloshing", t, e, method=DFSPH) for t, e in ((1000.0, 0.01), (1.0, 0.01))]
