@@ -511,7 +511,7 @@ def test_water_that_blew_up_begins_again(monkeypatch):
         def show_message(self, text):
             calls.append(text)
 
-    def run(row, player):
+    def run(row, player, frames):
         if len(calls) < 2:
             raise BlowUpError("boiled")
 

@@ -1,6 +1,6 @@
 """Bulk density: density inside the water, computed from particle positions only.
 
-A solver's own density error can be small while the water loses a fifth of its volume, so this
+The solver residual can be small while the water loses a fifth of its volume, so this
 measure has its own kernel, walls and sample points.
 """
 

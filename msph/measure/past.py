@@ -40,11 +40,21 @@ class CheckpointError(BadInputError):
 
 def time_of(checkpoint: Path) -> float:
     """Returns the simulated time [s] of a checkpoint. Raises CheckpointError."""
+    return _head(checkpoint)[0]
+
+
+def particles_in(checkpoint: str | None) -> int:
+    """Returns the number of particles of a checkpoint, 0 without one. Raises CheckpointError."""
+    return _head(Path(checkpoint))[1] if checkpoint else 0
+
+
+def _head(checkpoint: Path) -> tuple[float, int]:
+    """Returns the time [s] and the number of particles of a checkpoint."""
     try:
         with np.load(checkpoint) as state:
             if state.zip.testzip() is not None:
                 raise ValueError("a member is damaged")
-            return float(state["time"])
+            return float(state["time"]), len(state["x"])
     except (*UNREADABLE, KeyError):
         raise CheckpointError(f"{checkpoint.name}: is not a checkpoint") from None
 

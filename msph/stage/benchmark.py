@@ -2,15 +2,18 @@
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from msph.measure.timings import Timings, peak_memory, process_age
 from msph.scene.schema import Scene
 from msph.stage.headless import Headless, HeadlessPlayer
-from msph.stage.loop import run
+from msph.stage.loop import Audience, run
+from msph.stage.recording import Recording
+from msph.stage.replaying import Replayer
 from msph.stage.row import Row
-from msph.stage.show import INTERACTIVE, Show
+from msph.stage.show import INTERACTIVE, SIMULATED, Show
 
 FRAME_TIME = 1.0 / 60.0
 SIZE = (640, 360)
@@ -19,7 +22,7 @@ STAGES = ("fluid", "surface", "picture")
 
 @dataclass(frozen=True)
 class Result:
-    """One row of the benchmark, for frames of 1/60 s of simulated time.
+    """One row of the benchmark, for frames of 1/60 s of simulated time, or as recorded.
 
     Frames per second are means over the run, of the fluid alone and in total; errors are relative
     (-). rest_energy [J]: mean kinetic energy of the last second; rest_speed [m/s]: its
@@ -76,17 +79,23 @@ def benchmark(
     render: bool = True,
     size: tuple[int, int] = SIZE,
     profile: bool = False,
+    recording: Recording | None = None,
 ) -> Result:
     """Runs a scene for `seconds` [s] of simulated time, after a warm-up. Raises BlowUpError.
 
     Without `render`, the surface is extracted only once at the end, for the volume, and nothing is
-    rendered. `profile` slows the run: it synchronizes the device around each part of a step.
+    rendered. `profile` slows the run: it synchronizes the device around each part of a step. With
+    a recording, its frames are run with its input.
     """
-    timings = Timings(profile)
-    show = Show(scene, FRAME_TIME, size=size if render else None, timings=timings)
+    timings, frame_time, how = Timings(profile), FRAME_TIME, dict[str, Any]()
+    frames = max(1, math.ceil(seconds / frame_time))
+    if recording:
+        frames, how = recording.moving, SIMULATED
+        frame_time = recording.duration / frames
+    show = Show(scene, frame_time, size=size if render else None, timings=timings, **how)
     show.warm_up()
-    frames = max(1, math.ceil(seconds / FRAME_TIME))
-    run(Row([show]), Headless(frames))
+    audience: Audience = Headless(frames)
+    run(Row([show]), Replayer(audience, recording) if recording else audience)
     mean, p99, largest = show.ledger.solver_residual()
     wall = timings.total()
     rest_energy = show.ledger.rest_energy()
@@ -99,7 +108,7 @@ def benchmark(
         stages_p50_ms={s: 1e3 * timings.percentile(50, s) for s in STAGES},
         fluid_frames_per_second=frames / timings.total("fluid"),
         frames_per_second=frames / wall,
-        simulated_per_wall=frames * FRAME_TIME / wall,
+        simulated_per_wall=frames * frame_time / wall,
         steps_per_frame=show.simulation.steps / frames,
         peak_memory_mib=peak_memory() / 2**20,
         solver_residual_mean=mean,

@@ -35,7 +35,7 @@ def _stages(show: Show, _: float) -> list[float]:
 
 
 GRAPHS = (
-    Graph("time per frame [ms]", lambda show: ["fluid", "surface", "image"], _stages),
+    Graph("frame [ms]", lambda show: ["fluid", "surface", "image"], _stages),
     Graph("real-time factor [-]", lambda show: [""], lambda show, pace: [pace], "{:.2f}"),
     Graph(
         "solver residual [%]",

@@ -15,6 +15,7 @@ from msph.fluid.simulation import FullError, Simulation
 from msph.measure.entry import columns
 from msph.measure.ledger import Ledger, NotFiniteError
 from msph.measure.level_water import level_potential
+from msph.scene import load_scene
 from msph.scene.build import build_simulation
 from msph.scene.schema import Scene
 
@@ -313,3 +314,17 @@ def test_energies_are_compared_with_the_motion_of_the_water():
     found = level_potential(block, np.array(G), mass)
     assert found == pytest.approx(expected, rel=1e-2)
     block.close()
+
+
+def test_fine_water_is_not_added_between_coarse_particles():
+    """It was laid in the gaps of coarse water under the surface, which blew up."""
+    scene = load_scene("deep", ("method=projection",))
+    sim = build_simulation(scene, 2000)
+    finest = int(np.argmin([s.mass for s in sim.layers.specs]))
+    coarse = sim.particles.numpy("layer") == int(np.argmax([s.mass for s in sim.layers.specs]))
+    x = sim.particles.numpy("x")[coarse]
+    middle = x[np.abs(x - 0.5 * (x.min(axis=0) + x.max(axis=0))).sum(axis=1).argmin()]
+    rng = np.random.default_rng(1)
+    sites = (middle + rng.uniform(-0.2, 0.2, (200, 3))).astype(np.float32)
+    assert sim.add(sites, np.zeros_like(sites), finest, G) == 0
+    sim.close()
