@@ -40,13 +40,13 @@ FASTEST_DRAG = 0.5 / 0.3
 # Time without input at the end [s]; the water levels, and the density is measured.
 REST, REST_FRAME = 1.0, 1.0 / 60.0
 # Limits: relative change of mass, spilt and added water included (rounding of sums); particles
-# outside the box; density errors at the end (-), those of an accurate run.
+# outside the box; solver residuals at the end (-), those of an accurate run.
 ACCURATE = {figure.key: figure.limit for figure in account.FIGURES}
 LIMITS = {
     "mass change": 1e-6,
     "outside": 0,
-    "density error": ACCURATE["density_error_mean"],
-    "99th percentile": ACCURATE["density_error_p99"],
+    "solver residual": ACCURATE["solver_residual_mean"],
+    "99th percentile": ACCURATE["solver_residual_p99"],
 }
 # Shares of gestures without a tool; the others use a tool.
 KINDS = {"tilt": 0.1, "set": 0.15, "still": 0.05, "reset": 0.005, "wait": 0.05}
@@ -168,7 +168,7 @@ def run_scene(scene: Scene, name: str, number: int, seed: int) -> dict[str, Any]
         run(row, Replayer(watch, recording))
         show.ledger.density_every = 0.0
         last = show.ledger.record(show.gravity())
-        mean, p99 = last.density_error_mean, last.density_error_p99
+        mean, p99 = last.solver_residual_mean, last.solver_residual_p99
     except MsphError as error:
         ended = f"frame {row.lead.frames}: {error}"
     found = {
@@ -181,7 +181,7 @@ def run_scene(scene: Scene, name: str, number: int, seed: int) -> dict[str, Any]
         "spilt [kg]": watch.spilt,
         "mass change": watch.mass,
         "outside": watch.outside,
-        "density error": mean,
+        "solver residual": mean,
         "99th percentile": p99,
         "ended": ended,
     }

@@ -10,7 +10,7 @@ import numpy as np
 
 from msph.errors import BadInputError
 from msph.measure.entry import Entry, columns
-from msph.measure.survey import Survey
+from msph.measure.survey import COLUMNS, Survey
 
 # Fields of an entry that are sums since the start; a resumed run restarts them at zero.
 SUMS = (
@@ -77,16 +77,20 @@ def entries(rows: np.ndarray) -> list[Entry]:
 
 
 def surveys(rows: np.ndarray, rest_density: float) -> list[Survey]:
-    """Returns the surveys of a ledger's rows (n, columns) that have one; their last four columns
-    are Survey.row(). rest_density [kg/m^3] of the water."""
+    """Returns the surveys of a ledger's rows (n, columns) that have one; their last columns are
+    Survey.row(). rest_density [kg/m^3] of the water."""
     from msph.measure.bulk import BulkDensity  # imports scipy, which takes 0.2 s
+    from msph.measure.kernel_density import KernelDensity
 
-    mass = columns().index("mass [kg]")
-    return [
-        Survey(row[0], row[-4], row[-4] * rest_density / row[mass] - 1.0, BulkDensity(*row[-3:], 0))
-        for row in rows
-        if np.isfinite(row[-4:]).any()
-    ]
+    mass, found = columns().index("mass [kg]"), []
+    for row in rows:
+        volume, mean, p99, *bulk = own = row[-len(COLUMNS) :]
+        if np.isfinite(own).any():
+            error = volume * rest_density / row[mass] - 1.0
+            found.append(
+                Survey(row[0], volume, error, KernelDensity(mean, p99), BulkDensity(*bulk, 0))
+            )
+    return found
 
 
 def continued(entry: Entry, before: Entry | None) -> Entry:

@@ -20,7 +20,7 @@ from msph.taichi_internals import data_oriented, kernel
 GAP, GROUND = 2, (0.04, 0.08, 0.12)
 # Largest height of a label and its distance from the top, below the status line [text heights];
 # frames between two updates of a label.
-LABEL_HEIGHT, TOP, EVERY = 5.0, 2.6, 20
+LABEL_HEIGHT, TOP, EVERY = 5.0, 2.6, 40
 # Number of frames for the median time on a label.
 KEPT_FRAMES = 60
 
@@ -212,13 +212,13 @@ def show_with_picked(row: Row) -> Show | None:
 
 
 def speed_and_error(show: Show) -> list[str]:
-    """Returns label lines: number of particles, fluid time per frame, density error."""
+    """Returns label lines: number of particles, fluid time per frame, bulk density error."""
     frames = show.timings.frames if show.timings else []
     fluid = [frame["fluid"] for frame in frames if "fluid" in frame]
     lines = [f"{sum(show.simulation.counts()):,} particles"]
     if fluid:
         lines[0] += f", {1e3 * float(np.median(fluid)):.1f} ms"
-    error = show.ledger.last_density_error() if show.ledger.entries else np.nan
+    error = show.bulk_density_error()
     if np.isfinite(error):
-        lines.append(f"density error {100.0 * error:.2f} %")
+        lines.append(f"bulk density error {100.0 * error:+.2f} %")
     return lines

@@ -47,5 +47,5 @@ def test_lost_water_is_found(tmp_path, monkeypatch):
     assert problem.startswith("mass change")
     good = {**dict.fromkeys(LIMITS, 0.0), "ended": "finished"}
     assert not problems(good)
-    assert problems({**good, "density error": float("nan")}) == ["density error nan"]
+    assert problems({**good, "solver residual": float("nan")}) == ["solver residual nan"]
     assert problems({**good, "ended": "the water blew up"}) == ["the water blew up"]

@@ -127,7 +127,7 @@ def test_paraviews_particles_are_those_of_the_checkpoint(recorded, show):
         specs = show.simulation.layers.specs
         assert np.allclose(arrays["spacing_m"], [specs[k].spacing for k in state["layer"]])
         density = reference_density(state, [specs[k] for k in state["layer"]])
-    assert np.allclose(arrays["density_error"], density / 1000.0 - 1.0, atol=1e-3)
+    assert np.allclose(arrays["solver_residual"], density / 1000.0 - 1.0, atol=1e-3)
 
 
 @pytest.mark.parametrize("name", ["p", "m"])
@@ -161,7 +161,7 @@ def test_paraviews_surface_has_the_waters_values(recorded, show):
     supports = np.array([s.support for s in show.simulation.layers.specs])
     weight = data["spacing_m"] ** 3 * wendland(r, supports[data["layer"]])
     weight /= weight.sum(axis=1, keepdims=True)
-    for name in ("velocity_m_per_s", "pressure_Pa", "density_error"):
+    for name in ("velocity_m_per_s", "pressure_Pa", "solver_residual"):
         scale = np.abs(data[name]).max()
         assert np.allclose(here[name], weight @ data[name], atol=1e-4 * scale)
     assert np.array_equal(here["layer"], data["layer"][r.argmin(axis=1)])

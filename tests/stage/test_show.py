@@ -123,7 +123,7 @@ def test_legend_can_be_switched_off(tmp_path):
     [
         ("speed", "speed [m/s]", ["0", "1"]),
         ("layers", "layers: spacing [mm]", ["40", "50.4"]),
-        ("density_error", "density error [%]", ["-10", "10", "0"]),
+        ("density_error", "solver residual [%]", ["-10", "10", "0"]),
     ],
 )
 def test_legend_says_quantity_unit_and_range(show, view, title, numbers):

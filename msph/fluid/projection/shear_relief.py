@@ -27,17 +27,17 @@ from msph.fluid.projection.parameters import MOTION_FACTOR, ProjectionParameters
 from msph.fluid.small_numbers import MIN_WEIGHT
 from msph.taichi_internals import data_oriented, kernel
 
-# Ratio (-) of deviator to pressure above which the relief fades out, to none at twice this: in the
-# depth it is 0.01, at surfaces 0.25, in a sheet of one particle 0.5.
-MAX_ANISOTROPY = 0.2
+# Ratio (-) of deviator to pressure above which the relief fades out, to none at twice this: it is
+# 0.01 in the depth, 0.07 at surfaces, 0.5 in a sheet of one particle, which gains energy at 0.2.
+MAX_ANISOTROPY = 0.15
 # The same for the relative difference (-) of a particle's pair_spacing from its spacing: without
 # it coarse particles on fine ones of a 64th of their mass gain 0.25 % of the energy in 1 s.
 MAX_SPACING_DIFFERENCE = 0.07
 # Smallest pressure [Pa] that a deviator is compared with.
 MIN_STRESS = 1e-6
 # Determinant of the moment M (-) below which there is no relief; in full from twice this. It is 1
-# in the depth, 0.4 in the topmost sheet, and 0 where neighbours span no volume.
-LEAST_DETERMINANT = 0.05
+# in the depth and 0.4 in the topmost sheet; at 0.05 steps of five times the limit blow up.
+LEAST_DETERMINANT = 0.15
 
 
 @ti.func
