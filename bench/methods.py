@@ -31,8 +31,8 @@ from msph.stage.benchmark import benchmark
 from msph.taichi_internals import data_oriented, kernel
 
 SCENE = "pool_2x"
-# The particles of the thesis, without the shear relief that the scene enables.
-GIVEN = ("variant=system-3", "projection.shear_relief=0")
+# The particles of the thesis.
+GIVEN = ("variant=system-3",)
 # Compared set-ups, as changes to the scene: both methods on the particles of the thesis, and the
 # projection method with seven layers in bands of one or two particles, assigned at the start.
 SETUPS = {

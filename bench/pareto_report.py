@@ -16,7 +16,7 @@ from bench.cases.case import (
     CHANGEABLE,
     DFSPH,
     FIXED,
-    RELIEF,
+    NO_RELIEF,
     UNIFORM,
     Case,
     Setting,
@@ -40,8 +40,8 @@ STYLES = {
     ("classic", FIXED): ("#555555", "^", "classic, layers"),
     (DFSPH, UNIFORM): ("#CC79A7", "X", "SPlisHSPlasH, DFSPH"),
 }
-# Changes of rows with shear relief, in words.
-RELIEVED = Setting(shear_relief=RELIEF).changes
+# Changes of rows without shear relief, in words.
+RUBBING = Setting(shear_relief=NO_RELIEF).changes
 OTHER = ("#009E73", "P")
 COSTS = {
     "wall_per_simulated": "elapsed s / simulated s",
@@ -91,7 +91,7 @@ def plot(axis, rows: list[dict], case: Case, error: str) -> None:
         ends = [max(end(row, error), LEAST) for end in (low, high)]
         axis.plot([x, x], ends, color=colour, lw=0.8, alpha=0.6, zorder=2)
         size, edge = 25 if changes(row) else 60, "white"
-        if changes(row) == RELIEVED:
+        if changes(row) == RUBBING:
             size, edge = 40, "black"
         axis.scatter(x, y, size, colour, marker, edgecolors=edge, linewidths=0.8, zorder=3)
         if kind not in STYLES:
@@ -125,7 +125,7 @@ def label_ticks(ticks, format_: str, scale: float) -> None:
 def legend(axis) -> None:
     for colour, marker, label in STYLES.values():
         axis.scatter([], [], 60, colour, marker, label=label)
-    axis.scatter([], [], 40, "white", edgecolors="black", label="black edge: shear relief")
+    axis.scatter([], [], 40, "white", edgecolors="black", label="black edge: no shear relief")
     axis.scatter([], [], 25, "#000000", label="small: another setting")
     axis.plot([], [], color="#000000", lw=0.8, label="undominated")
     axis.legend(fontsize=8, framealpha=0.9)
@@ -253,7 +253,7 @@ def slope(fineness: list[float], errors: list[float]) -> str:
 def orders(rows: list[dict], case: Case) -> list[dict[str, str]]:
     """Returns a row for each kind of water: order of convergence of each error."""
     found = []
-    for change, water in itertools.product(("", RELIEVED), STYLES_OF):
+    for change, water in itertools.product(("", RUBBING), STYLES_OF):
         own = [
             r
             for r in rows

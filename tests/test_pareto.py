@@ -7,7 +7,7 @@ import pytest
 
 from bench import pareto, pareto_report, pareto_table, rows, tanks
 from bench.cases import CASES, thesis_pool, vortex
-from bench.cases.case import ADAPTIVE, DFSPH, RELIEF, UNIFORM, Setting, begin, tank
+from bench.cases.case import ADAPTIVE, DFSPH, UNIFORM, Setting, begin, tank
 from bench.cases.dam_break import reference
 from bench.rows import STARTS
 from bench.terms import VORTEX_SPEED
@@ -45,7 +45,7 @@ def test_a_vortex_is_slow_enough_to_leave_the_surface_level():
     """Of 1 m/s it gave up to 6.4 % of its amplitude to the surface, which no resolution mends: now
     .4 %, and uniform water of 4 spacings keeps 80 % of it over .4 of the edge."""
     assert VORTEX_SPEED**2 / (4.0 * tanks.GRAVITY * vortex.DEPTH) < 0.005
-    _, errors = CASES["inviscid_vortex"].measure(Setting(fineness=4, shear_relief=RELIEF))
+    _, errors = CASES["inviscid_vortex"].measure(Setting(fineness=4))
     assert errors["amplitude"] < 0.2
 
 
@@ -68,12 +68,11 @@ def test_settings_reach_the_shipped_pool():
     scene = thesis_pool.pool(Setting(water="adaptive", smoothing=2.0, **given))
     assert {layer.smoothing for layer in scene.layers} == {2.0}
     assert {k: getattr(scene.projection, k) for k in given} == given
-    assert thesis_pool.pool(Setting(water="adaptive")).projection.shear_relief == 0.0
 
 
 def test_a_drop_falls_freely_and_keeps_most_of_its_energy_in_the_impact():
-    """26 % are lost at this resolution, 22 % with shear relief."""
-    _, errors = CASES["falling_drop"].measure(Setting(fineness=4, shear_relief=RELIEF))
+    """22 % are lost at this resolution, 26 % without shear relief."""
+    _, errors = CASES["falling_drop"].measure(Setting(fineness=4))
     assert errors["way"] < 1e-5
     assert 0.0 < errors["loss"] < 0.25
 

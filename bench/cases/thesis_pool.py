@@ -13,15 +13,16 @@ FINENESS = 20
 
 
 def pool(setting: Setting) -> Scene:
-    """Returns the shipped scene without rocking and shear relief, with the setting's changes."""
-    solver = {"shear_relief": 0.0, **setting.solver}
+    """Returns the shipped scene without rocking, with the setting's changes."""
     changes = [
         f"seed={setting.start}",
         f"variant={setting.water}",
         f"method={setting.method}",
         "sway.angle=0",
     ]
-    scene = load_scene(SCENE, changes + [f"projection.{k}={v:g}" for k, v in solver.items()])
+    scene = load_scene(
+        SCENE, changes + [f"projection.{k}={v:g}" for k, v in setting.solver.items()]
+    )
     if setting.smoothing is None:
         return scene
     given = {"smoothing": setting.smoothing}

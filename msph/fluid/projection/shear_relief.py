@@ -6,9 +6,9 @@ particles under pressure have the virial stress (Irving and Kirkwood 1950)
     S_i = -sum V_j share_ij (p_i + p_j) r_ij (x) grad W_ij,
 
 share_ij = 1/2 for equal particles (virial_pressure.py). Where the flow strains neighbourhoods, the
-deviator of S resists, like the friction of a granular medium: in the topmost sheet of particles and
-at bodies, low waves and wakes die. The deviator's mean over a kernel, the stress on the scale of the
-flow,
+deviator of S resists, like the friction of a granular medium, most of all in the topmost sheet of
+particles and at bodies: low waves and wakes die. The deviator's mean over a kernel, the stress on
+the scale of the flow,
 
     T_i = dev(sum V_j W_ij S_j)/sum V_j W_ij,
 
@@ -101,7 +101,8 @@ class ShearRelief(Force):
                 begin, end = self.neighbours.span(i, mirrored)
                 for s in range(begin, end):
                     j, mirror, wall = self.neighbours.read(s, mirrored)
-                    r, g = self.images.offset(x, p.x[j], mirror, wall), self.density.pair_gradient[s]
+                    r = self.images.offset(x, p.x[j], mirror, wall)
+                    g = self.density.pair_gradient[s]
                     per_h = self.layers.per_h[layer, p.layer[j]]
                     u = ti.max(1.0 - r.norm_sqr() * per_h**2, 0.0)
                     weight = self.layers.bell_scale[layer, p.layer[j]] * (u * u) * (u * u)
