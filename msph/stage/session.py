@@ -41,7 +41,7 @@ class Session:
     ):
         self.window, self.arguments, self.frames = window, arguments, frames
         self.layout = Layout(window.size)
-        self.problem = ""  # error of the scene chosen last
+        self.message = ""  # shown when the next scene begins
         self.files, self.autosave = files or InputFiles(), Autosave(arguments)
         # Recorded input begins with the scene.
         self.lost = lost_session(arguments) if self.files == InputFiles() else None
@@ -58,12 +58,14 @@ class Session:
                 except MsphError as error:
                     if before is None:
                         raise
-                    self.problem = f"{choice.scene}: {error}"
+                    self.message = f"{choice.scene}: {error}"
                     before, choice = None, before
                     continue
                 before, choice = replace(choice, resume=None), self._play(row, choice)
                 row.close()
                 del row
+                if choice and choice.scene == before.scene:
+                    self.message = f"{choice.scene} begins again at quality {choice.quality}"
 
     def _build(self, choice: Choice) -> tuple[Row, Choice]:
         """Returns the simulations of a choice, and the choice with their quality."""
@@ -85,9 +87,9 @@ class Session:
         player.offer, self.lost = self.lost, None
         if choice.resume:
             self._resume(row, choice.resume)
-        if self.problem:
-            self.layout.show_message(self.problem)
-            self.problem = ""
+        if self.message:
+            self.layout.show_message(self.message)
+            self.message = ""
         audience = self._with_files(player, row, choice)
         with completing(audience.close):
             run(row, audience, self.frames)
@@ -101,7 +103,7 @@ class Session:
             row.lead.resume(path)
             path.replace(self.autosave.path)
         except (SceneError, OSError) as error:
-            self.problem = f"{path.name}: {error}"
+            self.message = f"{path.name}: {error}"
 
     def _with_files(self, player: Player, row: Row, choice: Choice) -> Audience:
         """Returns the player with the recording, replay and autosave of its input."""

@@ -55,7 +55,8 @@ def rounds(monkeypatch):
             return SimpleNamespace(close=lambda: None), choice
 
         def end(self, row, choice):
-            said.append(self.problem)
+            said.append(self.message)
+            self.message = ""
             return next(following, None)
 
         monkeypatch.setattr(Session, "_build", build)
@@ -76,6 +77,11 @@ def test_a_scene_that_cannot_be_built_leaves_the_one_before(rounds):
     assert built == ["pool", "pool"] and said[-1] == "drop: cannot be built"
     with pytest.raises(MsphError):
         rounds(broken=("pool",))
+
+
+def test_another_quality_says_that_the_scene_begins_again(rounds):
+    _, said = rounds(Choice("pool", "medium"), Choice("drop", "medium"))
+    assert said == ["", "pool begins again at quality medium", ""]
 
 
 def test_thirty_presses_of_tab_build_one_further_scene(tmp_path, monkeypatch):
