@@ -64,6 +64,8 @@ def start(arch: str = "auto", threads: int | None = None, tested: bool = False) 
         "cpu_block_dim_adaptive": False,
         "default_cpu_block_dim": CPU_BLOCK,
         "offline_cache_max_size_of_files": CACHE_BYTES,
+        # The kernel that fills a table unrolls its columns; Taichi would warn from 32 on.
+        "unrolling_limit": 0,
     }
     if threads:
         options["cpu_max_num_threads"] = threads
