@@ -40,7 +40,7 @@ SETTLING = 0.5
 def still_water(bodies: list[dict[str, Any]], layers: int) -> Any:
     """Returns a simulation of a tank of still water with bodies."""
     tank = tanks.tank((EDGE, EDGE), DEPTH, FINE, layers, air=0.15)
-    return tanks.build(Scene.model_validate({**tank.model_dump(), "obstacles": bodies}))
+    return tanks.build(Scene.model_validate({**tank.model_dump(), "bodies": bodies}))
 
 
 def sphere(n: int) -> np.ndarray:
@@ -159,7 +159,7 @@ def collapse(ratio: float, seconds: float) -> dict[str, str]:
         "box": {"size": [EDGE, EDGE, EDGE]},
         "layers": [{"spacing": spacing}],
         "water": [{"lo": [0, 0, 0], "hi": [0.3, 0.4, EDGE]}],
-        "obstacles": [ball],
+        "bodies": [ball],
     }
     sim = tanks.build(Scene.model_validate(scene))
     ledger = Ledger(sim)

@@ -70,7 +70,7 @@ SCENES: dict[str, tuple[dict[str, Any], dict[str, Any], str]] = {
     "shear relief": ({"projection": {"shear_relief": 0.9}}, {}, ""),
     "xsph": ({"projection": {"xsph": 0.05}}, {}, ""),
     "adaptation": ({**LAYERED, "adaptation": {"enabled": True}}, LAYERED, ""),
-    "bodies": ({"obstacles": [BALL]}, {}, ""),
+    "bodies": ({"bodies": [BALL]}, {}, ""),
     "caustics": ({}, {"picture": {"caustics": False}}, "picture"),
     "whitewater": ({}, {"picture": {"whitewater": False}}, "picture"),
     "supersample": ({"picture": {"supersample": 2}}, {}, "picture"),

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from msph.fluid.boundary.body_links import BodyLinks
 from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.contact import Contact
 from msph.fluid.boundary.rim import Rim
@@ -27,6 +28,7 @@ class Parts:
     grid: LayeredGrid
     neighbours: NeighbourList
     boundary: Boundary
+    links: BodyLinks
     contact: Contact
     rim: Rim
     impulses: ImpulseLedger

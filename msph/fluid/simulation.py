@@ -122,7 +122,7 @@ class Simulation:
         deadline = math.inf if budget is None else clock() + budget
         left = duration
         while left > 1e-6 * duration:
-            if self.boundary.moving:
+            if self.boundary.driven:
                 now, longest = self.time + duration - left, self.solver.longest_step()
                 check_trapped_water(
                     self.boundary, self.layers, self.particles, external, longest, now
@@ -197,8 +197,8 @@ class Simulation:
 
     def state(self) -> dict[str, np.ndarray]:
         """Returns a checkpoint: every carried attribute, time, number of steps, length of the last
-        step, the spilt mass [kg] of an open box, the solver's state and the fingerprint. On one
-        thread a resumed run is bit-identical to an uninterrupted one."""
+        step, the spilt mass [kg] of an open box, the state of floating bodies, the solver's state
+        and the fingerprint. On one thread a resumed run is bit-identical to an uninterrupted one."""
         progress = {
             "time": np.float64(self.time),
             "steps": np.int64(self.steps),
@@ -207,6 +207,8 @@ class Simulation:
         solver = {f"solver.{k}": np.float64(v) for k, v in self.solver.state().items()}
         if self.plan.open_top:
             progress["spilt"] = np.float64(self.rim.mass)
+        if self.boundary.floating.count:
+            progress["floating"] = self.boundary.floating.state()
         return {**progress, **solver, "fluid": self._fingerprint(), **self.particles.state()}
 
     def _fingerprint(self) -> np.ndarray:
@@ -223,6 +225,7 @@ class Simulation:
         fluid, own = attributes.pop("fluid"), self._fingerprint()
         solver = {k: float(attributes.pop(f"solver.{k}")) for k in self.solver.state()}
         spilt = float(attributes.pop("spilt")) if self.plan.open_top else 0.0
+        floating = attributes.pop("floating", self.boundary.floating.state())
         if fluid.shape != own.shape or not np.allclose(fluid, own):
             raise ValueError("box or layers differ from the scene")
         self.particles.check(attributes)
@@ -236,9 +239,14 @@ class Simulation:
             raise ValueError(f"time is {time:g} s: must be finite and at least 0")
         if not last_step > 0.0:
             raise ValueError(f"last step is {last_step:g} s: must be positive")
+        if floating.shape != self.boundary.floating.state().shape:
+            raise ValueError("number of floating bodies differs from the scene")
+        if not np.isfinite(floating).all():
+            raise ValueError("floating bodies are not at finite positions and speeds")
         if not 0.0 <= spilt < math.inf:
             raise ValueError(f"{spilt:g} kg were spilt: must be finite and at least 0")
         self._start(attributes, float(time), int(steps), spilt)
+        self.boundary.restore(float(time), floating)
         self.last_step = float(last_step)
         self.solver.restore(solver)
 

@@ -8,6 +8,7 @@ import gc
 from collections.abc import Callable
 from typing import Any, TypeVar
 
+from msph.fluid.boundary.body_links import BodyLinks
 from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.contact import Contact
 from msph.fluid.boundary.rim import Rim
@@ -55,6 +56,7 @@ class World:
             grid=grid,
             neighbours=NeighbourList(room, grid),
             boundary=boundary,
+            links=BodyLinks(room, boundary, particles, impulses),
             contact=Contact(boundary, particles, impulses),
             rim=Rim(constants, layers, particles, removal, impulses),
             impulses=impulses,

@@ -8,7 +8,7 @@ from msph.fluid.boundary.rigid_bodies import Solid, centre
 from msph.measure.body_faces import faces
 from msph.measure.probe import Probe, lattice
 from msph.measure.snapshot import Snapshot
-from msph.scene.obstacles import bodies
+from msph.scene.bodies import bodies
 from msph.scene.schema import Scene
 from msph.scene.water import layer_specs
 
@@ -53,7 +53,7 @@ class ForceProbe(Probe):
 
     @classmethod
     def of(cls, name: str, scene: Scene, body: str) -> "ForceProbe":
-        """Returns the probe of a body by its key in the scene: container, obstacles.0, ..."""
+        """Returns the probe of a body by its key in the scene: container, bodies.0, ..."""
         known = bodies(scene)
         outer = int(scene.container is not None)
         number = 0 if body == "container" else outer + int(body.rpartition(".")[2])

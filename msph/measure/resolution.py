@@ -23,7 +23,7 @@ def resolution(plan: Plan, depth: float = math.nan) -> dict[str, float]:
     spacings = [s.spacing for s in plan.specs]
     d = min(spacings)
     across = {
-        f"spacings_across_obstacles.{i}": thickness(b) / d
+        f"spacings_across_bodies.{i}": thickness(b) / d
         for i, b in enumerate(b for b in plan.bodies if not _contains(b))
     }
     return {

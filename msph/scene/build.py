@@ -9,7 +9,7 @@ from msph.fluid.plan import Plan
 from msph.fluid.room import room_for
 from msph.fluid.simulation import NoWaterError, Simulation
 from msph.scene.errors import SceneError
-from msph.scene.obstacles import bodies
+from msph.scene.bodies import bodies
 from msph.scene.schema import Scene
 from msph.scene.water import capacity, initial_particles, layer_specs
 
@@ -23,7 +23,7 @@ def build_simulation(scene: Scene, spare: int = 0) -> Simulation:
     try:
         return Simulation(_with_spare(plan_of(scene), spare))
     except NoWaterError:
-        key = "container" if scene.container else "obstacles"
+        key = "container" if scene.container else "bodies"
         raise SceneError(scene.title, "no water is left outside the bodies", key) from None
 
 

@@ -133,7 +133,7 @@ def its_front_runs_and_no_water_is_lost(seen):
 
 def its_water_divides_round_the_pillar(seen):
     """Water passes on either side, about as much on each, and none stands in a body."""
-    pillar = load_scene("pillar").obstacles[0]
+    pillar = load_scene("pillar").bodies[0]
     (x0, _, z0), (x1, _, z1) = pillar.lo, pillar.hi
     while seen.simulation.time < 0.7:
         seen.run(6)

@@ -2,9 +2,9 @@
 
 Each body has a share lambda of the kernel's integral around a particle: for a block the product
 over its axes, for a ball the exact integral, for a mesh a map computed once per layer (Bender et
-al. 2019, "Volume maps", here with exact integrals). The fluid's share is the product of (1 -
-lambda) over all bodies, exact for bodies that are apart or pass through a wall. A body on a wall
-should therefore extend into it; blocks that touch a wall are extended here.
+al. 2019, "Volume maps", here with exact integrals). body_links.py adds the shares of all bodies
+and of their mirror images. A wall does not mirror a body that passes through it; fixed blocks that
+touch a wall are extended into it here.
 """
 
 import math
@@ -13,6 +13,7 @@ import numpy as np
 import taichi as ti
 
 from msph.device_table import DeviceTable, f32, i32
+from msph.fluid.boundary.floating import FloatingBodies
 from msph.fluid.boundary.mesh_samples import lattices, sample
 from msph.fluid.boundary.rigid_bodies import (
     Ball,
@@ -22,20 +23,22 @@ from msph.fluid.boundary.rigid_bodies import (
     bounding_radius,
     centre,
     extended_into_walls,
+    half_extents,
 )
 from msph.fluid.boundary.sampled_fields import SampledFields, SampleLattice
 from msph.fluid.boundary.wall_integrals import ball_share, block_share, swelling, wall_support
 from msph.fluid.boundary.walls import Size, wall_constants
 from msph.fluid.constants import Constants
+from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.layers import Layers, LayerSpec
-from msph.fluid.room import Room
+from msph.fluid.room import MAX_BODIES, Room
 from msph.taichi_internals import data_oriented, kernel
 
 vec3, vec4 = ti.math.vec3, ti.math.vec4
 
 BLOCK, BALL, SOLID = 0, 1, 2
-# Largest number of bodies: 64 obstacles and a container.
-MAX_BODIES = 65
+# Depth [finest spacings] in a wall beyond which the wall does not mirror a body.
+CROSSING = 0.25
 # Index of a body's pose: at the beginning and at the end of a step.
 BEGIN, END = 0, 1
 
@@ -44,28 +47,35 @@ BEGIN, END = 0, 1
 class Boundary:
     """The box and its bodies.
 
-    Poses are stored for the beginning and the end of a step; velocities are means over the step.
-    box [m], bodies and count are host values. Tables by body: kind; side, -1 if the water is
-    inside, else 1; half, the half extents of a block or the radius of a ball [m]; bounding_radius
-    [m]; first, index of a mesh's distance lattice, followed by its share lattices. Tables by body
-    and pose: centre [m]; rotation, body frame to box frame; velocity [m/s] and spin [rad/s], equal
-    for both poses.
+    Poses are stored for the beginning and the end of a step; velocities are means over the step,
+    of floating bodies the present ones. box [m], bodies and count are host values. Tables by body:
+    kind; side, -1 if the water is inside, else 1; half, the half extents of a block or the radius
+    of a ball [m]; bounding_radius [m]; first, index of a mesh's distance lattice, followed by its
+    share lattices; joined, 1 for bodies that may overlap others; inverse_mass [1/kg], 0 for
+    prescribed motion. Tables by body and pose: centre [m]; rotation, body frame to box frame;
+    velocity [m/s] and spin [rad/s], equal for both poses; inverse_inertia [1/(kg m^2)] in the box
+    frame; images, the walls that mirror the body as bits (MirrorImages.walls_near).
     """
 
     def __init__(self, room: Room, constants: Constants, layers: Layers):
         self.constants, self.layers = constants, layers
         self.support, self.swell = layers.wall_support, layers.swell
         self._shapes = DeviceTable(
-            (MAX_BODIES,), kind=i32, side=f32, half=vec3, bounding_radius=f32, first=i32
+            (MAX_BODIES,),
+            **{"kind": i32, "side": f32, "half": vec3, "bounding_radius": f32, "first": i32},
+            **{"joined": i32, "inverse_mass": f32},
         )
         self._poses = DeviceTable(
-            (MAX_BODIES, 2), centre=vec3, rotation=ti.math.mat3, velocity=vec3, spin=vec3
+            (MAX_BODIES, 2),
+            **{"centre": vec3, "rotation": ti.math.mat3, "velocity": vec3, "spin": vec3},
+            **{"inverse_inertia": ti.math.mat3, "images": i32},
         )
         for table in (self._shapes, self._poses):
             self.__dict__.update({name: getattr(table, name) for name in table.fields})
         self.samples = SampledFields(room.samples)
         self.box, self.bodies, self.count = (0.0, 0.0, 0.0), [], 0
-        self.moving, self.top_speed, self.time = False, 0.0, 0.0
+        self.moving, self.driven, self.time = False, False, 0.0
+        self.floating = FloatingBodies()
         # Time [s] at which a body was stopped, by body.
         self.stopped: dict[int, float] = {}
 
@@ -73,18 +83,28 @@ class Boundary:
         self, size: Size, specs: list[LayerSpec], bodies: list[Body], open_top: bool = False
     ) -> None:
         """Fills the tables for a box of `size` [m], bodies and layers."""
-        self.box = size
-        walls = np.array(wall_constants(size, open_top)["walls"])
-        self.bodies = [extended_into_walls(b, walls, specs) for b in bodies]
+        self.box, self._walls = size, np.array(wall_constants(size, open_top)["walls"])
+        self.bodies = [extended_into_walls(b, self._walls, specs) for b in bodies]
         self.count = len(self.bodies)
-        self.moving = any(b.motion.moves for b in self.bodies)
-        self.top_speed = max(
-            (b.motion.top_speed(bounding_radius(b)) for b in self.bodies), default=0.0
+        self.floating.load(self.bodies)
+        prescribed = [b for b in self.bodies if b.mass is None]
+        self.driven = any(b.motion.moves for b in prescribed)
+        self.moving = self.driven or self.floating.count > 0
+        self._driven_speed = max(
+            (b.motion.top_speed(bounding_radius(b)) for b in prescribed), default=0.0
         )
+        self._reach = max(s.support for s in specs)
+        self._crossing = CROSSING * min(s.spacing for s in specs)
+        self._corners = [_corners(body) for body in self.bodies]
         if self.bodies:
             self._load_shapes(specs)
         self.velocities = self.spins = np.zeros((self.count, 3))
         self.reset(0.0)
+
+    @property
+    def top_speed(self) -> float:
+        """Upper bound of the speed [m/s] of the bodies' points."""
+        return max(self._driven_speed, self.floating.top_speed())
 
     @property
     def has_container(self) -> bool:
@@ -109,44 +129,82 @@ class Boundary:
                 own = lattices(body, specs)
                 grids += own
                 values += sample(body, own, specs)
-        ends = [body.bounds for body in self.bodies]
         inward = [isinstance(b, Solid) and b.container for b in self.bodies]
         self._shapes.fill(
             kind=[(Block, Ball, Solid).index(type(b)) for b in self.bodies],
             side=np.where(inward, -1.0, 1.0),
-            half=[0.5 * (hi - lo) for lo, hi in ends],
+            half=[half_extents(b) for b in self.bodies],
             bounding_radius=[bounding_radius(b) for b in self.bodies],
             first=first,
+            joined=[self._is_joined(k) for k in range(self.count)],
+            inverse_mass=[0.0 if b.mass is None else 1.0 / b.mass for b in self.bodies],
         )
         if grids:
             self.samples.load(grids, values)
 
+    def _is_joined(self, number: int) -> bool:
+        """Returns True for a body in prescribed motion that moves, holds the water, or whose bounds
+        meet those of another one: its share is combined with theirs by a product."""
+        body = self.bodies[number]
+        if body.mass is not None:
+            return False
+        lo, hi = body.bounds
+        others = (b for k, b in enumerate(self.bodies) if k != number and b.mass is None)
+        meets = any(np.all((b.bounds[0] <= hi) & (lo <= b.bounds[1])) for b in others)
+        return meets or body.motion.moves
+
     def reset(self, time: float) -> None:
-        """Moves all bodies, including stopped ones, to their poses at `time` [s]."""
+        """Moves all bodies, including stopped ones, to their poses at `time` [s]; floating bodies
+        to those at time zero."""
         self.stopped.clear()
+        self.floating.reset()
+        # Impulses [N s] and angular impulses [N m s] of the water on the bodies since the reset.
+        self.impulse, self.twist = np.zeros((self.count, 3)), np.zeros((self.count, 3))
         self.place(time, 0.0)
+
+    def restore(self, time: float, floating: np.ndarray) -> None:
+        """Restores the FloatingBodies.state() of `time` [s]."""
+        if self.floating.count:
+            self.floating.restore(floating)
+            self._place(time, 0.0)
+
+    def push(self, pushes: np.ndarray) -> float:
+        """Takes impulses and angular impulses by the water on all bodies, (bodies, 6), in the
+        present step; returns the work [J] of bodies in prescribed motion on the water."""
+        self.impulse, self.twist = self.impulse + pushes[:, :3], self.twist + pushes[:, 3:]
+        own = pushes[self.floating.which]
+        self.floating.push(own[:, :3], own[:, 3:])
+        work = (self.velocities * pushes[:, :3] + self.spins * pushes[:, 3:]).sum(axis=1)
+        return -float(np.delete(work, self.floating.which).sum())
+
+    def fall(self, dt: float, external: ExternalForces) -> None:
+        """Changes the velocities of floating bodies by external forces within dt [s]."""
+        self.floating.fall(dt, external, 0.5 * np.array(self.box))
 
     def stop(self, body: int, time: float) -> None:
         """Keeps a body at its pose of `time` [s] until reset()."""
         self.stopped[body] = time
 
     def name(self, body: int) -> str:
-        """Returns a body's name in scenes; obstacles are counted without the container."""
+        """Returns a body's name in scenes; bodies are counted without the container."""
         solid = self.bodies[body]
         if isinstance(solid, Solid) and solid.container:
             return "container"
         before = sum(isinstance(b, Solid) and b.container for b in self.bodies[:body])
-        return f"obstacles.{body - before}"
+        return f"bodies.{body - before}"
 
     def pose(self, body: int) -> tuple[np.ndarray, np.ndarray]:
         """Returns a body's displacement (3,) [m] and rotation (3, 3) at the end of the step."""
+        if self.bodies[body].mass is not None:
+            k = int(np.searchsorted(self.floating.which, body))
+            return self.floating.x[k] - centre(self.bodies[body]), self.floating.turn[k]
         last = min(self.time, self.stopped.get(body, math.inf))
         motion = self.bodies[body].motion
         return motion.offset(last), motion.rotation(last)
 
     def nearest_moving(self, x: np.ndarray) -> int:
-        """Returns the index of the moving body nearest to x (3,) [m]."""
-        moving = [k for k, body in enumerate(self.bodies) if body.motion.moves]
+        """Returns the index of the body in prescribed motion nearest to x (3,) [m]."""
+        moving = [k for k, b in enumerate(self.bodies) if b.motion.moves and b.mass is None]
         return min(moving, key=lambda k: self._distance_from(k, *x.tolist()))
 
     @kernel
@@ -160,6 +218,16 @@ class Boundary:
 
     def place(self, time: float, dt: float) -> None:
         """Sets the bodies' poses at the beginning and end of a step of dt [s] from `time`."""
+        self.floating.advance(dt)
+        self._place(time, dt)
+
+    def redo(self, dt: float) -> None:
+        """Sets the end poses of the present step of dt [s] anew, after velocities changed."""
+        if self.floating.count:
+            self.floating.redo(dt)
+            self._place(self.time - dt, dt)
+
+    def _place(self, time: float, dt: float) -> None:
         self.time = time + dt
         if not self.bodies:
             return
@@ -173,12 +241,42 @@ class Boundary:
             self.velocities = (shifts[:, END] - shifts[:, BEGIN]) / dt
             spins = [m.spin() * (b > a) for m, (a, b) in zip(motions, ends, strict=True)]
             self.spins = np.array(spins)
+        centres = np.array([centre(body) for body in self.bodies])[:, None] + shifts
+        turns = np.array(
+            [[m.rotation(t) for t in pair] for m, pair in zip(motions, ends, strict=True)]
+        )
+        inverse_inertia = np.zeros((self.count, 2, 3, 3))
+        floating, k = self.floating, self.floating.which
+        if floating.count:
+            centres[k] = np.stack([floating.x_begin, floating.x], axis=1)
+            turns[k] = np.stack([floating.turn_begin, floating.turn], axis=1)
+            self.velocities[k], self.spins[k] = floating.v, floating.spin
+            inverse_inertia[k, BEGIN] = floating.inverse_inertia(floating.turn_begin)
+            inverse_inertia[k, END] = floating.inverse_inertia(floating.turn)
         self._poses.fill(
-            centre=np.array([centre(body) for body in self.bodies])[:, None] + shifts,
-            rotation=[[m.rotation(t) for t in pair] for m, pair in zip(motions, ends, strict=True)],
+            centre=centres,
+            rotation=turns,
             velocity=np.stack([self.velocities] * 2, axis=1),
             spin=np.stack([self.spins] * 2, axis=1),
+            inverse_inertia=inverse_inertia,
+            images=[
+                [self._image_walls(b, centres[b, e], turns[b, e]) for e in (BEGIN, END)]
+                for b in range(self.count)
+            ],
         )
+
+    def _image_walls(self, body: int, at: np.ndarray, turn: np.ndarray) -> int:
+        """Returns the walls, as bits, that mirror a body at a pose: those within a kernel's reach
+        that it does not cross."""
+        solid = self.bodies[body]
+        if isinstance(solid, Solid) and solid.container:
+            return 0
+        corners = at + self._corners[body] @ turn.T
+        margin = solid.radius if isinstance(solid, Ball) else 0.0
+        lo, hi = corners.min(axis=0) - margin, corners.max(axis=0) + margin
+        gaps = np.concatenate([lo, self._walls - hi])
+        near = (gaps < self._reach) & (gaps > -self._crossing)
+        return int(near @ (1 << np.arange(6)))
 
     def free(self, x: np.ndarray, margin: float = 0.0) -> np.ndarray:
         """Returns which points x (n, 3) are at least `margin` outside all bodies [m], (n,) bool."""
@@ -263,22 +361,19 @@ class Boundary:
         return self.velocity[b, BEGIN] + self.spin[b, BEGIN].cross(x - self.centre[b, BEGIN])
 
     @ti.func
-    def share(self, x, layer):
-        """Returns the bodies' part (-) of the relative density of a layer's particle at x [m], its
-        gradient [1/m], and minus its rate [1/s] by the bodies' motion.
+    def reaches(self, b, x, h):
+        """Returns False if the kernel of support h [m] around x certainly misses body b."""
+        reach = self.bounding_radius[b] + h
+        return self.side[b] < 0.0 or (x - self.centre[b, BEGIN]).norm_sqr() < reach * reach
 
-        The part is 1 - product over bodies of (1 - lambda_b), without the box's walls.
-        """
-        free, slope, closing = 1.0, vec3(0.0), 0.0
-        h = self.support[layer]
-        for b in range(self.constants.bodies[None]):
-            part = self.body_share(b, x, layer, h, BEGIN)
-            g = part.yzw
-            closing *= 1.0 - part.x
-            closing += free * self.velocity_at(b, x).dot(g)
-            slope = slope * (1.0 - part.x) - free * g
-            free *= 1.0 - part.x
-        return ti.Vector([1.0 - free, -slope[0], -slope[1], -slope[2], closing])
+    @ti.func
+    def free_of_others(self, b, x, layer, h):
+        """Returns the product (-) of 1 - lambda over the joined bodies other than b."""
+        free = 1.0
+        for other in range(self.constants.bodies[None]):
+            if other != b and self.joined[other] == 1:
+                free *= 1.0 - self.body_share(other, x, layer, h, BEGIN).x
+        return free
 
     @ti.func
     def open_share(self, x, layer, pose):
@@ -325,6 +420,18 @@ class Boundary:
         if self.side[b] < 0.0:
             found = vec4(1.0, 0.0, 0.0, 0.0) - found
         return found
+
+
+def _corners(body: Body) -> np.ndarray:
+    """Returns points (n, 3) [m] whose convex hull is the body in its frame; a ball's centre."""
+    if isinstance(body, Solid):
+        from scipy.spatial import ConvexHull  # only meshes need it
+
+        return body.vertices[ConvexHull(body.vertices).vertices] - centre(body)
+    if isinstance(body, Ball):
+        return np.zeros((1, 3))
+    signs = np.array(np.meshgrid(*[(-1.0, 1.0)] * 3)).reshape(3, -1).T
+    return signs * half_extents(body)
 
 
 @ti.func

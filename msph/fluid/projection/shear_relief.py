@@ -84,6 +84,8 @@ class ShearRelief(Force):
         n = self.particles.count
         self._find_mean(n, dt / self.pressure_cfl, dt / self.cfl)
         self._accelerate(n, self.share * dt)
+        if self.boundary.count:
+            self._push_bodies(self.share * dt)
 
     @kernel
     def _find_mean(self, n: ti.i32, pressure_time: ti.f32, motion_time: ti.f32):
@@ -148,9 +150,20 @@ class ShearRelief(Force):
                 b = p.boundary_gradient[i]
                 body = 2.0 * impulse * tensor_times_vector(own, own_shear, b)
                 v += body
-                self.impulses.body_impulse[None] += m * body
                 self.impulses.wall_impulse[None] += m * body
             p.v[i] = v
+
+    @kernel
+    def _push_bodies(self, impulse: ti.f32):
+        """Records the opposite impulses on bodies; impulse as in _accelerate()."""
+        p = self.particles
+        for link in range(self.links.found[None]):
+            i = self.links.particle[link]
+            mirror, b, arm = self.links.image(link)
+            shear = mirrored_shear(mirror, p.mean_shear_stress[i])
+            push = tensor_times_vector(p.mean_normal_stress[i], shear, self.links.gradient[link])
+            m = self.layers.mass[p.layer[i]]
+            self.impulses.push_body(b, -2.0 * impulse * m * push, arm)
 
     @ti.func
     def _free_of_bodies(self, i):

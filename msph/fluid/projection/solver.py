@@ -232,6 +232,7 @@ class Projection:
             self.contact.drift(
                 0.5 * dt
             )  # x, v, poses -> x; v of particles stopped at walls, bodies
+            self.boundary.fall(dt, external)  # v of floating bodies -> v
             self.boundary.move(0.5 * dt)  # time -> body poses at t + dt/2, t + dt, mean velocities
             self.particles_moved()
         if self.adaptation and self.adaptation.pass_due():
@@ -256,7 +257,9 @@ class Projection:
             self.pressure_solve.build_rhs(self.particles.count, dt)
             self.iterations = self.pressure_solve.solve(dt)  # right-hand side, v -> multipliers
             # multipliers, v -> v, pressure, stress
+            # and v of floating bodies
             pressure_rate = self.pressure_solve.accelerate(dt, external.gravity, self.with_stress)
+            self.boundary.redo(0.5 * dt)  # v of floating bodies -> poses at t + dt
         with stage("drift"):
             self.position_correction.apply()  # displacements, x, v -> x, v, relative speeds
             motion_rate, distance = self._motion_bounds(self.particles.count, dt)

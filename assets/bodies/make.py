@@ -1,4 +1,4 @@
-"""Makes the shipped meshes beside this file: python assets/obstacles/make.py
+"""Makes the shipped meshes beside this file: python assets/bodies/make.py
 
 Unit: one metre. Each is a curve turned about the y axis, closed, its faces outwards.
 """

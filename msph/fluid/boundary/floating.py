@@ -1,0 +1,122 @@
+"""State of the floating bodies: poses and momenta, kept on the host in double precision.
+
+Between impulses a body moves with constant velocity and angular momentum. Impulses of the water are
+collected by body in the impulse ledger; contact between bodies is in collisions.py.
+"""
+
+import numpy as np
+
+from msph.fluid.boundary.rigid_bodies import Body, bounding_radius, centre, inertia, rotations
+from msph.fluid.external_forces import ExternalForces
+
+
+class FloatingBodies:
+    """Bodies with a mass: arrays with one row per floating body.
+
+    which: indices among all bodies. mass [kg]; inertia (3, 3) [kg m^2] about the centre of mass in
+    the body's frame; reach: bounding radius [m]. x [m] is the centre of mass and turn (3, 3) the
+    rotation at the end of a step, x_begin and turn_begin at its beginning; v [m/s]; angular
+    momentum spin_momentum [N m s] about the centre of mass, in the box's frame.
+    """
+
+    def __init__(self):
+        self.load([])
+
+    def load(self, bodies: list[Body]) -> None:
+        """Takes the floating ones of all bodies, at their poses at time zero."""
+        self.which = np.array([k for k, b in enumerate(bodies) if b.mass is not None], int)
+        floats = [bodies[k] for k in self.which]
+        self.count = len(floats)
+        self.mass = np.array([b.mass for b in floats], float)
+        self.inertia = np.array([inertia(b) for b in floats]).reshape(-1, 3, 3)
+        self.reach = np.array([bounding_radius(b) for b in floats])
+        self._start = np.array([centre(b) for b in floats]).reshape(-1, 3)
+        self._velocity = np.array([b.motion.velocity for b in floats], float).reshape(-1, 3)
+        self._spin = np.array([b.motion.spin() for b in floats]).reshape(-1, 3)
+        self.reset()
+
+    def reset(self) -> None:
+        """Restores the state at time zero."""
+        self.x, self.v = self._start.copy(), self._velocity.copy()
+        self.turn = np.tile(np.eye(3), (self.count, 1, 1))
+        self.spin_momentum = _times(self.inertia, self._spin)
+        self.advance(0.0)
+
+    def advance(self, dt: float) -> None:
+        """Starts the next step, of dt [s], at the present end poses."""
+        self.x_begin, self.turn_begin = self.x, self.turn
+        self.redo(dt)
+
+    def redo(self, dt: float) -> None:
+        """Sets the end poses of the step of dt [s] by the present velocities. The rotation uses the
+        angular velocity in the middle of the step."""
+        self.x = self.x_begin + dt * self.v
+        half = rotations(0.5 * dt * self._spin_at(self.turn_begin)) @ self.turn_begin
+        self.turn = rotations(dt * self._spin_at(half)) @ self.turn_begin
+
+    def inverse_inertia(self, turn: np.ndarray) -> np.ndarray:
+        """Returns the inverse inertias (n, 3, 3) in the box's frame for rotations `turn`."""
+        return turn @ np.linalg.inv(self.inertia) @ turn.transpose(0, 2, 1)
+
+    def _spin_at(self, turn: np.ndarray) -> np.ndarray:
+        return _times(self.inverse_inertia(turn), self.spin_momentum)
+
+    @property
+    def spin(self) -> np.ndarray:
+        """Angular velocities [rad/s] at the beginning of the step, (n, 3)."""
+        return self._spin_at(self.turn_begin)
+
+    def push(self, impulse: np.ndarray, twist: np.ndarray) -> None:
+        """Adds impulses [N s] and angular impulses [N m s] about the centres of mass, (n, 3)."""
+        self.v = self.v + impulse / self.mass[:, None]
+        self.spin_momentum = self.spin_momentum + twist
+
+    def fall(self, dt: float, external: ExternalForces, box_centre: np.ndarray) -> None:
+        """Adds gravity and the inertia of a turning box within dt [s] to the velocities."""
+        if not self.count:
+            return
+        turn, rise = np.array(external.angular_velocity), np.array(external.angular_acceleration)
+        r = self.x - box_centre
+        field = -np.cross(rise, r) - np.cross(turn, np.cross(turn, r))
+        middle = self.v - dt * np.cross(turn, self.v)  # Coriolis forces do no work
+        self.v = self.v + dt * (np.array(external.gravity) + field - 2.0 * np.cross(turn, middle))
+        world = self.turn @ self.inertia @ self.turn.transpose(0, 2, 1)
+        whole = self.spin_momentum + world @ turn
+        self.spin_momentum = self.spin_momentum - dt * (world @ rise + np.cross(turn, whole))
+
+    def top_speed(self) -> float:
+        """Returns the largest speed [m/s] of a point of a body."""
+        if not self.count:
+            return 0.0
+        turning = np.linalg.norm(self.spin, axis=1) * self.reach
+        return float((np.linalg.norm(self.v, axis=1) + turning).max())
+
+    def momentum(self) -> np.ndarray:
+        """Returns the sum of momenta [kg m/s], (3,)."""
+        return self.mass @ self.v
+
+    def angular_momentum(self) -> np.ndarray:
+        """Returns the sum of angular momenta about the origin [kg m^2/s], (3,)."""
+        orbital = np.cross(self.x, self.mass[:, None] * self.v)
+        return (orbital + self.spin_momentum).sum(axis=0)
+
+    def kinetic(self) -> float:
+        """Returns the kinetic energy [J]."""
+        spins = (self._spin_at(self.turn) * self.spin_momentum).sum()
+        return float(0.5 * (self.mass @ (self.v**2).sum(axis=1) + spins))
+
+    def state(self) -> np.ndarray:
+        """Returns x, turn, v and spin_momentum, (n, 18)."""
+        turn = self.turn.reshape(-1, 9)
+        return np.concatenate([self.x, turn, self.v, self.spin_momentum], axis=1)
+
+    def restore(self, state: np.ndarray) -> None:
+        """Restores a state()."""
+        self.x, self.v, self.spin_momentum = state[:, :3], state[:, 12:15], state[:, 15:]
+        self.turn = state[:, 3:12].reshape(-1, 3, 3)
+        self.advance(0.0)
+
+
+def _times(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """Returns the products of (n, 3, 3) matrices and (n, 3) vectors."""
+    return np.einsum("nij,nj->ni", matrices, vectors)
