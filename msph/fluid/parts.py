@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from msph.fluid.boundary.body_links import BodyLinks
 from msph.fluid.boundary.boundary import Boundary
+from msph.fluid.boundary.collisions import Collisions
 from msph.fluid.boundary.contact import Contact
 from msph.fluid.boundary.rim import Rim
 from msph.fluid.constants import Constants
@@ -30,5 +31,6 @@ class Parts:
     boundary: Boundary
     links: BodyLinks
     contact: Contact
+    collisions: Collisions
     rim: Rim
     impulses: ImpulseLedger

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 
 from msph.fluid.boundary.body_links import BodyLinks
 from msph.fluid.boundary.boundary import Boundary
+from msph.fluid.boundary.collisions import Collisions
 from msph.fluid.boundary.contact import Contact
 from msph.fluid.boundary.rim import Rim
 from msph.fluid.constants import Constants
@@ -58,6 +59,7 @@ class World:
             boundary=boundary,
             links=BodyLinks(room, boundary, particles, impulses),
             contact=Contact(boundary, particles, impulses),
+            collisions=Collisions(boundary),
             rim=Rim(constants, layers, particles, removal, impulses),
             impulses=impulses,
         )

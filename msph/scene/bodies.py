@@ -49,9 +49,8 @@ def body(given: schema.Body) -> Body:
         made = Ball(np.array(given.centre, float), given.radius, motion)
     else:
         made = Block(np.array(given.lo, float), np.array(given.hi, float), motion)
-    if given.density is None:
-        return replace(made, mass=given.mass)
-    return replace(made, mass=given.density * volume(made))
+    mass = given.mass if given.density is None else given.density * volume(made)
+    return replace(made, mass=mass, friction=given.friction)
 
 
 def _container(container: Container) -> Solid:

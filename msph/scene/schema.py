@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from msph.fluid.adaptivity.bands import AdaptationParameters
+from msph.fluid.boundary.rigid_bodies import FRICTION
 from msph.fluid.classic import ClassicParameters
 from msph.fluid.methods import METHODS
 from msph.fluid.projection.parameters import ProjectionParameters
@@ -139,6 +140,9 @@ class Body(Placed):
         0.0,
         unit="deg/s",
         text="angular velocity about the axis; of a floating body, at the start",
+    )
+    friction: float = parameter(
+        FRICTION, ge=0.0, le=10.0, text="coefficient of friction with walls and other bodies"
     )
 
 

@@ -52,7 +52,7 @@ class Boundary:
     kind; side, -1 if the water is inside, else 1; half, the half extents of a block or the radius
     of a ball [m]; bounding_radius [m]; first, index of a mesh's distance lattice, followed by its
     share lattices; joined, 1 for bodies that may overlap others; inverse_mass [1/kg], 0 for
-    prescribed motion. Tables by body and pose: centre [m]; rotation, body frame to box frame;
+    prescribed motion; friction coefficient (-). Tables by body and pose: centre [m]; rotation, body frame to box frame;
     velocity [m/s] and spin [rad/s], equal for both poses; inverse_inertia [1/(kg m^2)] in the box
     frame; images, the walls that mirror the body as bits (MirrorImages.walls_near).
     """
@@ -63,7 +63,7 @@ class Boundary:
         self._shapes = DeviceTable(
             (MAX_BODIES,),
             **{"kind": i32, "side": f32, "half": vec3, "bounding_radius": f32, "first": i32},
-            **{"joined": i32, "inverse_mass": f32},
+            **{"joined": i32, "inverse_mass": f32, "friction": f32},
         )
         self._poses = DeviceTable(
             (MAX_BODIES, 2),
@@ -138,6 +138,7 @@ class Boundary:
             first=first,
             joined=[self._is_joined(k) for k in range(self.count)],
             inverse_mass=[0.0 if b.mass is None else 1.0 / b.mass for b in self.bodies],
+            friction=[b.friction for b in self.bodies],
         )
         if grids:
             self.samples.load(grids, values)

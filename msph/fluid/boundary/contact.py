@@ -5,6 +5,7 @@ Walls and bodies stop particles. Kernels are completed by mirror images beyond w
 Body kernels are launched only in scenes with bodies.
 """
 
+import numpy as np
 import taichi as ti
 
 from msph.fluid.boundary import body_links
@@ -56,11 +57,14 @@ class Contact:
         if self.boundary.moving:
             self.push_bodies()
 
-    def push_bodies(self) -> None:
-        """Hands the impulses recorded since the last call to the bodies."""
+    def push_bodies(self) -> np.ndarray:
+        """Hands the impulses recorded since the last call to the bodies; returns them, (bodies, 6)
+        [N s, N m s]."""
+        pushes = np.zeros((0, 6))
         if self.boundary.count:
-            work = self.boundary.push(self.impulses.take_pushes(self.boundary.count))
-            self.impulses.wall_work[None] += work
+            pushes = self.impulses.take_pushes(self.boundary.count)
+            self.impulses.wall_work[None] += self.boundary.push(pushes)
+        return pushes
 
     def clear_bodies(self) -> None:
         """Moves particles out of bodies in their poses at the beginning of the step."""

@@ -16,7 +16,8 @@ class FloatingBodies:
     which: indices among all bodies. mass [kg]; inertia (3, 3) [kg m^2] about the centre of mass in
     the body's frame; reach: bounding radius [m]. x [m] is the centre of mass and turn (3, 3) the
     rotation at the end of a step, x_begin and turn_begin at its beginning; v [m/s]; angular
-    momentum spin_momentum [N m s] about the centre of mass, in the box's frame.
+    momentum spin_momentum [N m s] about the centre of mass, in the box's frame; force (6) [N, N m]
+    of the water in the last step; contact [N s], impulse of walls and other bodies since the reset.
     """
 
     def __init__(self):
@@ -40,6 +41,7 @@ class FloatingBodies:
         self.x, self.v = self._start.copy(), self._velocity.copy()
         self.turn = np.tile(np.eye(3), (self.count, 1, 1))
         self.spin_momentum = _times(self.inertia, self._spin)
+        self.force, self.contact = np.zeros((self.count, 6)), np.zeros((self.count, 3))
         self.advance(0.0)
 
     def advance(self, dt: float) -> None:
@@ -70,6 +72,19 @@ class FloatingBodies:
         """Adds impulses [N s] and angular impulses [N m s] about the centres of mass, (n, 3)."""
         self.v = self.v + impulse / self.mass[:, None]
         self.spin_momentum = self.spin_momentum + twist
+
+    def change(self, motions: np.ndarray) -> None:
+        """Adds changes of velocity [m/s] and spin [rad/s] by contact, (n, 6)."""
+        impulse = self.mass[:, None] * motions[:, :3]
+        world = self.turn_begin @ self.inertia @ self.turn_begin.transpose(0, 2, 1)
+        self.contact = self.contact + impulse
+        self.push(impulse, _times(world, motions[:, 3:]))
+
+    def shift(self, shifts: np.ndarray) -> None:
+        """Displaces the bodies by vectors [m] and rotation vectors [rad], (n, 6)."""
+        turn = rotations(shifts[:, 3:])
+        self.x, self.x_begin = self.x + shifts[:, :3], self.x_begin + shifts[:, :3]
+        self.turn, self.turn_begin = turn @ self.turn, turn @ self.turn_begin
 
     def fall(self, dt: float, external: ExternalForces, box_centre: np.ndarray) -> None:
         """Adds gravity and the inertia of a turning box within dt [s] to the velocities."""
@@ -106,14 +121,14 @@ class FloatingBodies:
         return float(0.5 * (self.mass @ (self.v**2).sum(axis=1) + spins))
 
     def state(self) -> np.ndarray:
-        """Returns x, turn, v and spin_momentum, (n, 18)."""
+        """Returns x, turn, v, spin_momentum and force, (n, 24)."""
         turn = self.turn.reshape(-1, 9)
-        return np.concatenate([self.x, turn, self.v, self.spin_momentum], axis=1)
+        return np.concatenate([self.x, turn, self.v, self.spin_momentum, self.force], axis=1)
 
     def restore(self, state: np.ndarray) -> None:
         """Restores a state()."""
-        self.x, self.v, self.spin_momentum = state[:, :3], state[:, 12:15], state[:, 15:]
-        self.turn = state[:, 3:12].reshape(-1, 3, 3)
+        self.x, turn, self.v, self.spin_momentum, self.force = np.split(state, (3, 12, 15, 18), 1)
+        self.turn = turn.reshape(-1, 3, 3)
         self.advance(0.0)
 
 

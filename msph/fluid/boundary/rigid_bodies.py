@@ -80,6 +80,8 @@ def rotations(vectors: np.ndarray) -> np.ndarray:
 
 
 AT_REST = Motion()
+# Coefficient of friction between bodies, and with walls (-): of wood on wood.
+FRICTION = 0.3
 
 # A body with a mass [kg] floats: its motion gives velocity and spin at time zero only. A body
 # without one follows its motion.
@@ -93,6 +95,7 @@ class Block:
     hi: np.ndarray
     motion: Motion = AT_REST
     mass: float | None = None
+    friction: float = FRICTION
 
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
@@ -107,6 +110,7 @@ class Ball:
     radius: float
     motion: Motion = AT_REST
     mass: float | None = None
+    friction: float = FRICTION
 
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
@@ -125,6 +129,7 @@ class Solid:
     triangles: np.ndarray
     motion: Motion = AT_REST
     mass: float | None = None
+    friction: float = FRICTION
     container: bool = field(default=False)
 
     @property

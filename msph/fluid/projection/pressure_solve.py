@@ -161,7 +161,9 @@ class PressureSolve:
         if self.boundary.count:
             self._set_pressure_near_bodies(n, gravity)
             self.links.record_pressure(dt)
-            self.contact.push_moving()
+            if self.boundary.moving:
+                floating = self.boundary.floating
+                floating.force = self.contact.push_bodies()[floating.which] / dt
         return rate
 
     @kernel

@@ -75,6 +75,7 @@ class Projection:
         self.constants, self.boundary, self.contact = parts.constants, parts.boundary, parts.contact
         self.layers, self.grid, self.particles = parts.layers, parts.grid, parts.particles
         self.neighbours, self.impulses = parts.neighbours, parts.impulses
+        self.collisions = parts.collisions
         self.density = Density(parts)
         operator = PressureOperator(parts, self.density.pair_gradient)
         shared = Discretisation(**vars(parts), density=self.density, operator=operator)
@@ -234,6 +235,8 @@ class Projection:
             )  # x, v, poses -> x; v of particles stopped at walls, bodies
             self.boundary.fall(dt, external)  # v of floating bodies -> v
             self.boundary.move(0.5 * dt)  # time -> body poses at t + dt/2, t + dt, mean velocities
+            # poses, forces of the last step -> contacts; v of floating bodies
+            self.collisions.anticipate(dt)
             self.particles_moved()
         if self.adaptation and self.adaptation.pass_due():
             with stage("adaptation"):
@@ -259,6 +262,7 @@ class Projection:
             # multipliers, v -> v, pressure, stress
             # and v of floating bodies
             pressure_rate = self.pressure_solve.accelerate(dt, external.gravity, self.with_stress)
+            self.collisions.resolve()  # contacts, v of floating bodies -> v
             self.boundary.redo(0.5 * dt)  # v of floating bodies -> poses at t + dt
         with stage("drift"):
             self.position_correction.apply()  # displacements, x, v -> x, v, relative speeds
