@@ -12,6 +12,7 @@ from msph.fluid.boundary.body_links import BodyLinks
 from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.collisions import Collisions
 from msph.fluid.boundary.contact import Contact
+from msph.fluid.boundary.gap_pressure import GapPressure
 from msph.fluid.boundary.rim import Rim
 from msph.fluid.constants import Constants
 from msph.fluid.impulse_ledger import ImpulseLedger
@@ -47,7 +48,7 @@ class World:
         particles = Particles(room.particles, all_attributes())
         grid = LayeredGrid(room, constants, layers, particles)
         boundary, impulses = Boundary(room, constants, layers), ImpulseLedger()
-        removal = Removal(room, particles)
+        removal, contact = Removal(room, particles), Contact(boundary, particles, impulses)
         self.parts = Parts(
             room=room,
             constants=constants,
@@ -58,8 +59,9 @@ class World:
             neighbours=NeighbourList(room, grid),
             boundary=boundary,
             links=BodyLinks(room, boundary, particles, impulses),
-            contact=Contact(boundary, particles, impulses),
+            contact=contact,
             collisions=Collisions(boundary),
+            gaps=GapPressure(boundary, grid, contact),
             rim=Rim(constants, layers, particles, removal, impulses),
             impulses=impulses,
         )
@@ -83,6 +85,8 @@ class World:
         margin = plan.method.LIST_MARGIN * plan.finest.support
         parts.neighbours.load(plan.entries, margin, plan.method.MIRRORS)
         parts.boundary.load(plan.size, specs, list(plan.bodies), plan.open_top)
+        parts.collisions.load()
+        parts.gaps.load()
         parts.rim.load(plan.open_top)
         solver = self.build_once(_solver, plan.method)
         solver.load(plan.parameters, plan.adaptation)

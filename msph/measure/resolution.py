@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from msph.fluid.boundary.body_faces import faces
 from msph.fluid.boundary.rigid_bodies import TOUCHING, Ball, Block, Body, Solid
 from msph.fluid.plan import Plan
-from msph.measure.body_faces import faces
 
 # Number of points on a body's surface for distances between bodies: 1 % of its size apart.
 POINTS = 20_000

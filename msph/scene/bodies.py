@@ -16,9 +16,9 @@ from msph.fluid.boundary.rigid_bodies import (
 )
 from msph.fluid.boundary.walls import wall_constants
 from msph.fluid.methods import METHODS, methods_with
+from msph.scene import schema
 from msph.scene.errors import SceneError, in_metres
 from msph.scene.meshes import MeshError, load_mesh
-from msph.scene import schema
 from msph.scene.schema import Container, Scene
 
 # Largest speed of a body's surface [m/s]; the speed of sound in water is 1480 m/s.
@@ -91,9 +91,7 @@ def check_bodies(scene: Scene, spacing: float, where: str) -> list[Body]:
     return found
 
 
-def _check_body(
-    scene: Scene, given: schema.Body, spacing: float, where: str, key: str
-) -> Body:
+def _check_body(scene: Scene, given: schema.Body, spacing: float, where: str, key: str) -> Body:
     shapes = (
         (given.lo, given.hi),
         (given.centre, given.radius),

@@ -8,8 +8,8 @@ import numpy as np
 from msph.fluid.plan import Plan
 from msph.fluid.room import room_for
 from msph.fluid.simulation import NoWaterError, Simulation
-from msph.scene.errors import SceneError
 from msph.scene.bodies import bodies
+from msph.scene.errors import SceneError
 from msph.scene.schema import Scene
 from msph.scene.water import capacity, initial_particles, layer_specs
 

@@ -14,8 +14,8 @@ from msph.fluid.methods import METHODS, methods_with
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.particles.particles import CORE
 from msph.fluid.simulation import WORD, footprint
-from msph.scene.errors import SceneError, in_metres
 from msph.scene.bodies import check_bodies
+from msph.scene.errors import SceneError, in_metres
 from msph.scene.probes import check_probes, probe_cautions
 from msph.scene.schema import LAYER_OPTIONS, Layer, Scene, Water
 from msph.scene.water import TOLERANCE, bounds, capacity, layer_specs, particle_count

@@ -3,8 +3,8 @@
 import numpy as np
 
 from msph.fluid.boundary.rigid_bodies import Ball, Block
-from msph.scene.errors import SceneError, in_metres
 from msph.scene.bodies import bodies
+from msph.scene.errors import SceneError, in_metres
 from msph.scene.schema import Probe, Scene
 from msph.scene.water import TOLERANCE
 

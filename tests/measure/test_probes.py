@@ -218,9 +218,7 @@ def sunk(body, tilt=0.0):
     (1 - y/H), which is no pressure at the surface."""
     water = [{"lo": [0, 0, 0], "hi": [SIZE[0], LEVEL, SIZE[2]]}]
     box, layers = {"size": SIZE}, [{"spacing": D}]
-    scene = Scene.model_validate(
-        {"box": box, "layers": layers, "water": water, "bodies": [body]}
-    )
+    scene = Scene.model_validate({"box": box, "layers": layers, "water": water, "bodies": [body]})
     (body,) = bodies(scene)
     boundary = boundary_of(SIZE, layer_specs(scene), [body])
     x = filled(0.2)

@@ -4,9 +4,9 @@ import pytest
 import trimesh
 
 from msph.scene import SceneError, load_scene
+from msph.scene.bodies import bodies
 from msph.scene.effort import effort, in_words, steps_per_second
 from msph.scene.library import shipped_scenes
-from msph.scene.bodies import bodies
 from msph.scene.water import layer_specs
 from tests.scenes_kit import write
 

@@ -6,8 +6,8 @@ import trimesh
 
 from msph.fluid.boundary.rigid_bodies import Ball, Block, Solid
 from msph.scene import SceneError, build_simulation, load_scene
-from msph.scene.load import to_toml
 from msph.scene.bodies import bodies, placed
+from msph.scene.load import to_toml
 
 GOOD = """
 method = "projection"

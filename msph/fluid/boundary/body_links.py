@@ -47,7 +47,13 @@ class BodyLinks:
     mirrors (bits), gradient [1/m]. moved [m], turned [rad]: displacements of the bodies by the
     multipliers of the last displace()."""
 
-    def __init__(self, room: Room, boundary: Boundary, particles: Particles, impulses: ImpulseLedger):
+    def __init__(
+        self,
+        room: Room,
+        boundary: Boundary,
+        particles: Particles,
+        impulses: ImpulseLedger,
+    ):
         self.constants, self.layers, self.boundary = boundary.constants, boundary.layers, boundary
         self.particles, self.impulses = particles, impulses
         self.images = MirrorImages(boundary.constants)
@@ -146,7 +152,10 @@ class BodyLinks:
                 self.chunk_size[chunks] = ti.min(CHUNK, self.size[b] - k * CHUNK)
                 chunks += 1
         self.chunks[None] = chunks
-        self.free_chunks[None], self.free_links[None] = floating * chunks, floating * self.found[None]
+        self.free_chunks[None], self.free_links[None] = (
+            floating * chunks,
+            floating * self.found[None],
+        )
         for link in range(self.found[None]):
             self.order[self.first[self.body[link]] * CHUNK + self.rank[link]] = link
 

@@ -173,8 +173,7 @@ class Boundary:
         """Takes impulses and angular impulses by the water on all bodies, (bodies, 6), in the
         present step; returns the work [J] of bodies in prescribed motion on the water."""
         self.impulse, self.twist = self.impulse + pushes[:, :3], self.twist + pushes[:, 3:]
-        own = pushes[self.floating.which]
-        self.floating.push(own[:, :3], own[:, 3:])
+        self.floating.receive(pushes[self.floating.which])
         work = (self.velocities * pushes[:, :3] + self.spins * pushes[:, 3:]).sum(axis=1)
         return -float(np.delete(work, self.floating.which).sum())
 

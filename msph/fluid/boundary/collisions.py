@@ -60,18 +60,21 @@ class Collisions:
             ti.field(ti.f32, shape=MAX_CONTACTS) for _ in range(3)
         )
         self.count = self.points = 0
-        self._loaded: list[Body] = []
 
     def load(self) -> None:
-        """Takes the points of the boundary's present bodies, if any floats."""
+        """Takes the points of the boundary's present bodies, if any floats; compiles all
+        kernels."""
         self.points = self.count = 0
-        self._loaded = self.boundary.bodies
         if not self.boundary.floating.count:
             return
-        clouds = [contact_points(body) for body in self._loaded]
+        clouds = [contact_points(body) for body in self.boundary.bodies]
         self.points = sum(len(c) for c in clouds)
         owner = np.repeat(np.arange(len(clouds)), [len(c) for c in clouds])
         self._store(np.concatenate(clouds).astype(np.float32), owner.astype(np.int32))
+        motions = self._motions()
+        self._prepare(0, 1.0, 0.0, motions)
+        self._solve(0, 0, motions)
+        self._separate(0, 0, 0.0, motions)
 
     @kernel
     def _store(self, points: NUMBERS, owner: ti.types.ndarray(dtype=ti.i32, ndim=1)):
@@ -85,8 +88,7 @@ class Collisions:
         boundary, floating = self.boundary, self.boundary.floating
         if not floating.count:
             return
-        if self._loaded is not boundary.bodies:
-            self.load()
+        expected = floating.expected(dt)
         slop = SLOP * boundary.layers.finest.spacing
         reach = 2.0 * dt * boundary.top_speed + slop
         self.count = min(self._find(self.points, reach), MAX_CONTACTS)
@@ -97,7 +99,6 @@ class Collisions:
             shifts = np.zeros((boundary.count, 6), np.float32)
             self._separate(self.count, ITERATIONS, slop, shifts)
             floating.shift(shifts[floating.which].astype(float))
-        expected = floating.force * dt
         floating.push(expected[:, :3], expected[:, 3:])
         self.resolve()
         floating.push(-expected[:, :3], -expected[:, 3:])

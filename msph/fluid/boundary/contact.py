@@ -5,11 +5,11 @@ Walls and bodies stop particles. Kernels are completed by mirror images beyond w
 Body kernels are launched only in scenes with bodies.
 """
 
-import numpy as np
 import taichi as ti
 
 from msph.fluid.boundary import body_links
 from msph.fluid.boundary.boundary import BEGIN, END, Boundary
+from msph.fluid.boundary.gaps import Gaps
 from msph.fluid.boundary.walls import Walls
 from msph.fluid.impulse_ledger import ImpulseLedger
 from msph.fluid.particles.particles import Attribute, Particles
@@ -40,6 +40,7 @@ class Contact:
     def __init__(self, boundary: Boundary, particles: Particles, impulses: ImpulseLedger):
         self.constants, self.boundary, self.layers = boundary.constants, boundary, boundary.layers
         self.particles, self.impulses, self.walls = particles, impulses, Walls(boundary.constants)
+        self.gaps = Gaps(boundary)
         self.touches = ti.field(ti.i32, shape=MAX_BODIES)
 
     def drift(self, dt: float) -> None:
@@ -57,14 +58,11 @@ class Contact:
         if self.boundary.moving:
             self.push_bodies()
 
-    def push_bodies(self) -> np.ndarray:
-        """Hands the impulses recorded since the last call to the bodies; returns them, (bodies, 6)
-        [N s, N m s]."""
-        pushes = np.zeros((0, 6))
+    def push_bodies(self) -> None:
+        """Hands the impulses recorded since the last call to the bodies."""
         if self.boundary.count:
-            pushes = self.impulses.take_pushes(self.boundary.count)
-            self.impulses.wall_work[None] += self.boundary.push(pushes)
-        return pushes
+            work = self.boundary.push(self.impulses.take_pushes(self.boundary.count))
+            self.impulses.wall_work[None] += work
 
     def clear_bodies(self) -> None:
         """Moves particles out of bodies in their poses at the beginning of the step."""
@@ -128,6 +126,7 @@ class Contact:
                     push = -strength * inward * normal
                     v += push
                     self.impulses.push_body(b, -m * push, arm)
+                    self.gaps.record(b, x, near, -m * push, END)
             self.impulses.wall_impulse[None] += m * (v - p.v[i])
             p.v[i] = v
 

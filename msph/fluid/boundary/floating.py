@@ -16,8 +16,8 @@ class FloatingBodies:
     which: indices among all bodies. mass [kg]; inertia (3, 3) [kg m^2] about the centre of mass in
     the body's frame; reach: bounding radius [m]. x [m] is the centre of mass and turn (3, 3) the
     rotation at the end of a step, x_begin and turn_begin at its beginning; v [m/s]; angular
-    momentum spin_momentum [N m s] about the centre of mass, in the box's frame; force (6) [N, N m]
-    of the water in the last step; contact [N s], impulse of walls and other bodies since the reset.
+    momentum spin_momentum [N m s] about the centre of mass, in the box's frame; received (6)
+    [N s, N m s]: impulses of the water in the last step, of `step` [s]; contact [N s], impulse of walls and other bodies since the reset.
     """
 
     def __init__(self):
@@ -41,7 +41,8 @@ class FloatingBodies:
         self.x, self.v = self._start.copy(), self._velocity.copy()
         self.turn = np.tile(np.eye(3), (self.count, 1, 1))
         self.spin_momentum = _times(self.inertia, self._spin)
-        self.force, self.contact = np.zeros((self.count, 6)), np.zeros((self.count, 3))
+        self.received, self.contact = np.zeros((self.count, 6)), np.zeros((self.count, 3))
+        self.step = 1.0
         self.advance(0.0)
 
     def advance(self, dt: float) -> None:
@@ -72,6 +73,18 @@ class FloatingBodies:
         """Adds impulses [N s] and angular impulses [N m s] about the centres of mass, (n, 3)."""
         self.v = self.v + impulse / self.mass[:, None]
         self.spin_momentum = self.spin_momentum + twist
+
+    def receive(self, pushes: np.ndarray) -> None:
+        """Adds impulses and angular impulses of the water, (n, 6)."""
+        self.received = self.received + pushes
+        self.push(pushes[:, :3], pushes[:, 3:])
+
+    def expected(self, dt: float) -> np.ndarray:
+        """Returns the impulses (n, 6) that the water gives in the coming step of dt [s] if its
+        forces are those of the last step; begins to add up those of this step."""
+        found = dt / self.step * self.received
+        self.received, self.step = np.zeros((self.count, 6)), dt
+        return found
 
     def change(self, motions: np.ndarray) -> None:
         """Adds changes of velocity [m/s] and spin [rad/s] by contact, (n, 6)."""
@@ -121,13 +134,16 @@ class FloatingBodies:
         return float(0.5 * (self.mass @ (self.v**2).sum(axis=1) + spins))
 
     def state(self) -> np.ndarray:
-        """Returns x, turn, v, spin_momentum and force, (n, 24)."""
-        turn = self.turn.reshape(-1, 9)
-        return np.concatenate([self.x, turn, self.v, self.spin_momentum, self.force], axis=1)
+        """Returns x, turn, v, spin_momentum and the force of the last step, (n, 24)."""
+        turn, force = self.turn.reshape(-1, 9), self.received / self.step
+        return np.concatenate([self.x, turn, self.v, self.spin_momentum, force], axis=1)
 
     def restore(self, state: np.ndarray) -> None:
         """Restores a state()."""
-        self.x, turn, self.v, self.spin_momentum, self.force = np.split(state, (3, 12, 15, 18), 1)
+        self.x, turn, self.v, self.spin_momentum, self.received = np.split(
+            state, (3, 12, 15, 18), axis=1
+        )
+        self.step = 1.0
         self.turn = turn.reshape(-1, 3, 3)
         self.advance(0.0)
 

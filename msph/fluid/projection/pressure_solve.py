@@ -161,9 +161,7 @@ class PressureSolve:
         if self.boundary.count:
             self._set_pressure_near_bodies(n, gravity)
             self.links.record_pressure(dt)
-            if self.boundary.moving:
-                floating = self.boundary.floating
-                floating.force = self.contact.push_bodies()[floating.which] / dt
+            self.contact.push_moving()
         return rate
 
     @kernel

@@ -75,7 +75,7 @@ class Projection:
         self.constants, self.boundary, self.contact = parts.constants, parts.boundary, parts.contact
         self.layers, self.grid, self.particles = parts.layers, parts.grid, parts.particles
         self.neighbours, self.impulses = parts.neighbours, parts.impulses
-        self.collisions = parts.collisions
+        self.collisions, self.gaps = parts.collisions, parts.gaps
         self.density = Density(parts)
         operator = PressureOperator(parts, self.density.pair_gradient)
         shared = Discretisation(**vars(parts), density=self.density, operator=operator)
@@ -245,6 +245,8 @@ class Projection:
                 self.particles_moved()
         with stage("neighbours"):
             self.neighbours.refresh()  # x, layer -> order of particles, neighbour list
+            # poses, last pressures -> v of floating bodies
+            self.gaps.push(dt, external.gravity)
         with stage("density"):
             self.density.refresh()  # x, list, poses -> density, defect, pair gradients, diagonal
             if not self.parameters.tension:
