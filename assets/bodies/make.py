@@ -1,6 +1,7 @@
 """Makes the shipped meshes beside this file: python assets/bodies/make.py
 
-Unit: one metre. Each is a curve turned about the y axis, closed, its faces outwards.
+Unit: one metre. Bowl and torus are curves turned about the y axis, the duck blends ellipsoids; all
+are closed, their faces outwards.
 """
 
 from pathlib import Path
@@ -46,8 +47,47 @@ def torus(radius=0.35, tube=0.15):
     return turned(radius + tube * np.cos(angle), tube * np.sin(angle))
 
 
+# The duck's ellipsoids: centre and half axes, for a duck 1 m long that looks along +x. With a hull
+# less wide it would capsize: its density is uniform.
+DUCK = {
+    "hull": ((0.0, -0.08, 0.0), (0.44, 0.19, 0.36)),
+    "breast": ((0.14, 0.0, 0.0), (0.24, 0.18, 0.26)),
+    "head": ((0.2, 0.25, 0.0), (0.16, 0.15, 0.15)),
+    "beak": ((0.38, 0.21, 0.0), (0.12, 0.035, 0.08)),
+    "tail": ((-0.42, 0.04, 0.0), (0.14, 0.08, 0.12)),
+}
+# Point from which the whole surface is seen, and width of the blends between ellipsoids.
+DUCK_EYE, BLEND = np.array((0.14, 0.06, 0.0)), 0.12
+
+
+def duck():
+    """The surface of the smooth union of ellipsoids, found along rays from DUCK_EYE."""
+    mesh = trimesh.creation.icosphere(4)
+    # The first crossing from inside: the nearest of samples that is outside, then bisection.
+    steps = np.linspace(0.02, 0.8, 200)
+    outside = np.array([_beyond(DUCK_EYE + r * mesh.vertices) > 0.0 for r in steps])
+    hi = steps[outside.argmax(axis=0)]
+    lo = hi - (steps[1] - steps[0])
+    for _ in range(30):
+        middle = 0.5 * (lo + hi)
+        out = _beyond(DUCK_EYE + middle[:, None] * mesh.vertices) > 0.0
+        lo, hi = np.where(out, lo, middle), np.where(out, middle, hi)
+    mesh = trimesh.Trimesh(DUCK_EYE + hi[:, None] * mesh.vertices, mesh.faces)
+    assert mesh.is_watertight and mesh.volume > 0.0
+    return mesh
+
+
+def _beyond(x):
+    """About the distance from the smooth union of the ellipsoids, negative inside."""
+    parts = []
+    for centre, axes in DUCK.values():
+        q = np.linalg.norm((x - centre) / axes, axis=1)
+        parts.append(q * (q - 1.0) / np.linalg.norm((x - centre) / np.square(axes), axis=1))
+    return -BLEND / 3.0 * np.log(sum(np.exp(-3.0 * d / BLEND) for d in parts))
+
+
 if __name__ == "__main__":
-    for shape in (bowl, torus):
+    for shape in (bowl, torus, duck):
         text = shape().export(
             file_type="obj", digits=6, header=f"made by make.py: {shape.__name__}"
         )

@@ -198,7 +198,7 @@ class Simulation:
     def state(self) -> dict[str, np.ndarray]:
         """Returns a checkpoint: every carried attribute, time, number of steps, length of the last
         step, the spilt mass [kg] of an open box, the state of floating bodies, the solver's state
-        and the fingerprint. On one thread a resumed run is bit-identical to an uninterrupted one."""
+        and the fingerprint. On one thread a resumed run repeats an uninterrupted one exactly."""
         progress = {
             "time": np.float64(self.time),
             "steps": np.int64(self.steps),

@@ -60,7 +60,13 @@ def test_without_bodies_none_of_their_kernels_is_launched():
         run("still", frames=1)
         without = set(launched)
         run("pillar", frames=1)
-    of_bodies = {"stop_at_bodies", "clear_bodies", "find_shares", "set_pressure_near_bodies"}
+    of_bodies = {
+        "stop_at_bodies",
+        "clear_bodies",
+        "find_links",
+        "find_gaps",
+        "set_pressure_near_bodies",
+    }
     assert not without & of_bodies
     assert of_bodies <= launched
 

@@ -45,6 +45,9 @@ BAD = {
     "bodies=[{mesh='millimetres.stl'}]": "a mesh in millimetres needs scale = 0.001",
     "container={mesh='bowl.obj'}": "container: reaches from (-0.5, 0, -0.5) m to (0.5, 0.4, 0.5) m",
     "container.scale=2.0": "container.mesh: is required",
+    "bodies.0={lo=[0, 0, 0], hi=[1, 1, 1], density=500, mass=2}": "give either density or mass",
+    "bodies.0={lo=[0, 0, 0], hi=[1, 1, 1], mass=2, swing=[1, 0, 0]}": "a body with a mass floats",
+    "bodies.0={lo=[-1, 0, 0], hi=[0.5, 1, 1], mass=2}": "floats, and must start inside the box",
     "method=classic": "bodies: the method classic has no bodies; projection has",
     "bodies.0.velocty=[1, 0, 0]": "bodies.0.velocty: unknown key; did you mean 'velocity'?",
 }

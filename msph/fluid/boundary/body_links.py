@@ -1,11 +1,12 @@
 """Links between particles and the bodies within reach of their kernels.
 
 Body b contributes lambda_b(x_i) to the relative density of particle i, and its mirror image in a
-wall contributes lambda_b(x'), x' the mirror image of x_i. A link is one such contribution: particle,
-body, mirror, and the gradient g of the contribution at x'. The particle's density changes by
-(u' - U(x')).g, with u' the mirrored displacement of the particle and U that of the body, and a
-multiplier q_i displaces the particle by -q_i g, mirrored back, and pushes the body by V_i rho0 q_i g
-at x'. The one is the adjoint of the other, and momentum is conserved (docs/method.md, "Bodies").
+wall contributes lambda_b(x'), x' the mirror image of x_i. A link is one such contribution:
+particle, body, mirror, and the gradient g of the contribution at x'. The particle's density changes
+by (u' - U(x')).g, with u' the mirrored displacement of the particle and U the displacement of the
+body; a multiplier q_i displaces the particle by -q_i g, mirrored back, and gives the body the
+impulse rho0 V_i q_i g/dt at x'. The two are adjoint, and momentum is conserved (docs/method.md,
+"Floating bodies").
 
 Sums over the links of one body are taken in chunks of one body each, without atomics per link.
 """
@@ -79,7 +80,7 @@ class BodyLinks:
         stay 0 without bodies."""
         if self.boundary.count:
             self._begin()
-            self._find(self.particles.count)
+            self._find_links(self.particles.count)
             self._sort(self.boundary.floating.count > 0)
 
     @kernel
@@ -89,7 +90,7 @@ class BodyLinks:
             self.size[b] = 0
 
     @kernel
-    def _find(self, n: ti.i32):
+    def _find_links(self, n: ti.i32):
         p = self.particles
         for i in range(n):
             x, h = p.x[i], self.boundary.support[p.layer[i]]
@@ -152,10 +153,8 @@ class BodyLinks:
                 self.chunk_size[chunks] = ti.min(CHUNK, self.size[b] - k * CHUNK)
                 chunks += 1
         self.chunks[None] = chunks
-        self.free_chunks[None], self.free_links[None] = (
-            floating * chunks,
-            floating * self.found[None],
-        )
+        self.free_chunks[None] = floating * chunks
+        self.free_links[None] = floating * self.found[None]
         for link in range(self.found[None]):
             self.order[self.first[self.body[link]] * CHUNK + self.rank[link]] = link
 

@@ -52,9 +52,10 @@ class Boundary:
     kind; side, -1 if the water is inside, else 1; half, the half extents of a block or the radius
     of a ball [m]; bounding_radius [m]; first, index of a mesh's distance lattice, followed by its
     share lattices; joined, 1 for bodies that may overlap others; inverse_mass [1/kg], 0 for
-    prescribed motion; friction coefficient (-). Tables by body and pose: centre [m]; rotation, body frame to box frame;
-    velocity [m/s] and spin [rad/s], equal for both poses; inverse_inertia [1/(kg m^2)] in the box
-    frame; images, the walls that mirror the body as bits (MirrorImages.walls_near).
+    prescribed motion; friction coefficient (-). Tables by body and pose: centre [m]; rotation, body
+    frame to box frame; velocity [m/s] and spin [rad/s], equal for both poses; inverse_inertia
+    [1/(kg m^2)] in the box frame; images, the walls that mirror the body as bits
+    (MirrorImages.walls_near).
     """
 
     def __init__(self, room: Room, constants: Constants, layers: Layers):
@@ -201,6 +202,17 @@ class Boundary:
         last = min(self.time, self.stopped.get(body, math.inf))
         motion = self.bodies[body].motion
         return motion.offset(last), motion.rotation(last)
+
+    def centre_at_end(self, body: int) -> np.ndarray:
+        """Returns a body's centre [m], (3,), at the end of the step."""
+        return centre(self.bodies[body]) + self.pose(body)[0]
+
+    def motions(self) -> tuple[np.ndarray, np.ndarray]:
+        """Returns the velocities [m/s] and spins [rad/s] of all bodies, (bodies, 3) each."""
+        velocities, spins = self.velocities.copy(), self.spins.copy()
+        velocities[self.floating.which] = self.floating.v
+        spins[self.floating.which] = self.floating.spin
+        return velocities, spins
 
     def nearest_moving(self, x: np.ndarray) -> int:
         """Returns the index of the body in prescribed motion nearest to x (3,) [m]."""

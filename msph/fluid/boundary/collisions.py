@@ -91,7 +91,7 @@ class Collisions:
         expected = floating.expected(dt)
         slop = SLOP * boundary.layers.finest.spacing
         reach = 2.0 * dt * boundary.top_speed + slop
-        self.count = min(self._find(self.points, reach), MAX_CONTACTS)
+        self.count = min(self._find_contacts(self.points, reach), MAX_CONTACTS)
         if not self.count:
             return
         deepest = self._prepare(self.count, dt, slop, self._motions())
@@ -116,13 +116,10 @@ class Collisions:
 
     def _motions(self) -> np.ndarray:
         """Returns the present velocities and spins of all bodies (bodies, 6)."""
-        boundary, floating = self.boundary, self.boundary.floating
-        motions = np.concatenate([boundary.velocities, boundary.spins], axis=1)
-        motions[floating.which] = np.concatenate([floating.v, floating.spin], axis=1)
-        return motions.astype(np.float32)
+        return np.concatenate(self.boundary.motions(), axis=1).astype(np.float32)
 
     @kernel
-    def _find(self, points: ti.i32, reach: ti.f32) -> ti.i32:
+    def _find_contacts(self, points: ti.i32, reach: ti.f32) -> ti.i32:
         """Finds the contacts of gaps below `reach` [m]; returns their number."""
         self.found[None] = 0
         for k in range(points):

@@ -15,9 +15,10 @@ class FloatingBodies:
 
     which: indices among all bodies. mass [kg]; inertia (3, 3) [kg m^2] about the centre of mass in
     the body's frame; reach: bounding radius [m]. x [m] is the centre of mass and turn (3, 3) the
-    rotation at the end of a step, x_begin and turn_begin at its beginning; v [m/s]; angular
-    momentum spin_momentum [N m s] about the centre of mass, in the box's frame; received (6)
-    [N s, N m s]: impulses of the water in the last step, of `step` [s]; contact [N s], impulse of walls and other bodies since the reset.
+    rotation at the end of a step, x_begin and turn_begin at its beginning; v [m/s]; spin_momentum
+    [N m s], the angular momentum about the centre of mass, in the box's frame. received (6) [N s,
+    N m s]: impulses of the water in the last step, of `step` [s]. contact [N s]: impulse of walls
+    and other bodies since the reset.
     """
 
     def __init__(self):

@@ -1,8 +1,8 @@
 """Pressure on bodies in gaps in which no particles fit.
 
 Where a wall or another body is nearer than about two spacings, particles press too little on a
-body's face, or, wedged between two faces, too much. There the pressure is extrapolated to samples of
-the face from the water around (Adami et al. 2012, Band et al. 2018): the mean of the particles'
+body's face, or, wedged between two faces, too much. There the pressure is extrapolated to samples
+of the face from the water around (Adami et al. 2012, Band et al. 2018): the mean of the particles'
 pressures, raised by the hydrostatic pressure between particle and sample, and where no particle is
 within reach, the mean over the nearest samples of the same body. It replaces what particles exert
 there: their contact impulses (gaps.py), and the pressure of their links at a sample s,
@@ -94,7 +94,7 @@ class GapPressure:
         the second half of the step; the grid must be fresh. gravity [m/s^2]."""
         if self.idle:
             return
-        found = self._find(self.count)
+        found = self._find_gaps(self.count)
         self.gaps.active[None] = int(found > 0)
         self.idle = not found and not self.boundary.moving
         if found:
@@ -106,7 +106,7 @@ class GapPressure:
         self.last_step = dt
 
     @kernel
-    def _find(self, count: ti.i32) -> ti.i32:
+    def _find_gaps(self, count: ti.i32) -> ti.i32:
         """Finds the samples in gaps; returns their number."""
         self.found[None] = 0
         for k in range(count):
