@@ -85,6 +85,7 @@ class World:
         margin = plan.method.LIST_MARGIN * plan.finest.support
         parts.neighbours.load(plan.entries, margin, plan.method.MIRRORS)
         parts.boundary.load(plan.size, specs, list(plan.bodies), plan.open_top)
+        parts.links.load()
         parts.collisions.load()
         parts.gaps.load()
         parts.rim.load(plan.open_top)

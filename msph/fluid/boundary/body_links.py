@@ -75,6 +75,12 @@ class BodyLinks:
         )
         self.long_vector = ti.types.vector(3, longest_float())
 
+    def load(self) -> None:
+        """Compiles the kernels that only floating bodies need, if there are bodies."""
+        self.free_links[None] = self.free_chunks[None] = 0
+        if self.boundary.count:
+            self._add_to_diagonal()
+
     def refresh(self) -> None:
         """Finds the links, and sets the bodies' share, gradient and inflow at the particles; these
         stay 0 without bodies."""
@@ -119,7 +125,7 @@ class BodyLinks:
         x = wall + mirror * (self.particles.x[i] - wall)
         for b in range(self.constants.bodies[None]):
             mirrored = (self.boundary.images[b, BEGIN] & mirrors) == mirrors
-            if mirrored and self.boundary.reaches(b, x, h):
+            if mirrored and self.boundary.reaches(b, x, h, BEGIN):
                 part = self.boundary.body_share(b, x, layer, h, BEGIN)
                 g = per_yield * part.yzw
                 if mirrors == 0 and self.boundary.joined[b] == 1:

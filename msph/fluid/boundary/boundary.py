@@ -89,17 +89,26 @@ class Boundary:
         self.count = len(self.bodies)
         self.floating.load(self.bodies)
         prescribed = [b for b in self.bodies if b.mass is None]
-        self.driven = any(b.motion.moves for b in prescribed)
-        self.moving = self.driven or self.floating.count > 0
         self._driven_speed = max(
             (b.motion.top_speed(bounding_radius(b)) for b in prescribed), default=0.0
         )
         self._reach = max(s.support for s in specs)
         self._crossing = CROSSING * min(s.spacing for s in specs)
-        self._corners = [_corners(body) for body in self.bodies]
+        self._inward = np.array([isinstance(b, Solid) and b.container for b in self.bodies], bool)
+        self._driven = [k for k, b in enumerate(self.bodies) if b.mass is None and b.motion.moves]
+        self.driven = bool(self._driven)
+        self.moving = self.driven or self.floating.count > 0
+        # Centres at time zero, by pose; and extents: half extents of blocks, radii of balls, and
+        # corners of meshes that move.
+        self._start = np.repeat(np.array([[centre(b)] for b in self.bodies]), 2, axis=1)
+        self._half = np.array(
+            [[b.radius] * 3 if isinstance(b, Ball) else half_extents(b) for b in self.bodies]
+        )
+        self._round = np.array([isinstance(b, Ball) for b in self.bodies], bool)
+        self._corners = {k: _corners(b) for k, b in enumerate(self.bodies) if isinstance(b, Solid)}
         if self.bodies:
             self._load_shapes(specs)
-        self.velocities = self.spins = np.zeros((self.count, 3))
+        self.velocities, self.spins = np.zeros((self.count, 3)), np.zeros((self.count, 3))
         self.reset(0.0)
 
     @property
@@ -130,10 +139,9 @@ class Boundary:
                 own = lattices(body, specs)
                 grids += own
                 values += sample(body, own, specs)
-        inward = [isinstance(b, Solid) and b.container for b in self.bodies]
         self._shapes.fill(
             kind=[(Block, Ball, Solid).index(type(b)) for b in self.bodies],
-            side=np.where(inward, -1.0, 1.0),
+            side=np.where(self._inward, -1.0, 1.0),
             half=[half_extents(b) for b in self.bodies],
             bounding_radius=[bounding_radius(b) for b in self.bodies],
             first=first,
@@ -214,6 +222,15 @@ class Boundary:
         spins[self.floating.which] = self.floating.spin
         return velocities, spins
 
+    def close_together(self, gap: float) -> bool:
+        """Returns True if a body may be within `gap` [m] of a wall or another body."""
+        centres = np.array([self.centre_at_end(b) for b in range(self.count)])
+        reach = np.array([bounding_radius(b) for b in self.bodies]) + gap
+        walls = np.minimum(centres, self._walls - centres).min(axis=1)
+        apart = np.linalg.norm(centres[:, None] - centres, axis=2)
+        np.fill_diagonal(apart, np.inf)
+        return bool((walls < reach).any() or (apart < reach[:, None] + reach).any())
+
     def nearest_moving(self, x: np.ndarray) -> int:
         """Returns the index of the body in prescribed motion nearest to x (3,) [m]."""
         moving = [k for k, b in enumerate(self.bodies) if b.motion.moves and b.mass is None]
@@ -243,20 +260,16 @@ class Boundary:
         self.time = time + dt
         if not self.bodies:
             return
-        last = [self.stopped.get(k, math.inf) for k in range(self.count)]
-        ends = [(min(time, t), min(time + dt, t)) for t in last]
-        motions = [body.motion for body in self.bodies]
-        shifts = np.array(
-            [[m.offset(t) for t in pair] for m, pair in zip(motions, ends, strict=True)]
-        )
-        if dt > 0.0:
-            self.velocities = (shifts[:, END] - shifts[:, BEGIN]) / dt
-            spins = [m.spin() * (b > a) for m, (a, b) in zip(motions, ends, strict=True)]
-            self.spins = np.array(spins)
-        centres = np.array([centre(body) for body in self.bodies])[:, None] + shifts
-        turns = np.array(
-            [[m.rotation(t) for t in pair] for m, pair in zip(motions, ends, strict=True)]
-        )
+        centres, turns = self._start.copy(), np.tile(np.eye(3), (self.count, 2, 1, 1))
+        for k in self._driven:
+            motion, last = self.bodies[k].motion, self.stopped.get(k, math.inf)
+            ends = min(time, last), min(time + dt, last)
+            shifts = [motion.offset(t) for t in ends]
+            centres[k] += shifts
+            turns[k] = [motion.rotation(t) for t in ends]
+            if dt > 0.0:
+                self.velocities[k] = (shifts[END] - shifts[BEGIN]) / dt
+                self.spins[k] = motion.spin() * (ends[END] > ends[BEGIN])
         inverse_inertia = np.zeros((self.count, 2, 3, 3))
         floating, k = self.floating, self.floating.which
         if floating.count:
@@ -271,24 +284,21 @@ class Boundary:
             velocity=np.stack([self.velocities] * 2, axis=1),
             spin=np.stack([self.spins] * 2, axis=1),
             inverse_inertia=inverse_inertia,
-            images=[
-                [self._image_walls(b, centres[b, e], turns[b, e]) for e in (BEGIN, END)]
-                for b in range(self.count)
-            ],
+            images=self._image_walls(centres, turns),
         )
 
-    def _image_walls(self, body: int, at: np.ndarray, turn: np.ndarray) -> int:
-        """Returns the walls, as bits, that mirror a body at a pose: those within a kernel's reach
-        that it does not cross."""
-        solid = self.bodies[body]
-        if isinstance(solid, Solid) and solid.container:
-            return 0
-        corners = at + self._corners[body] @ turn.T
-        margin = solid.radius if isinstance(solid, Ball) else 0.0
-        lo, hi = corners.min(axis=0) - margin, corners.max(axis=0) + margin
-        gaps = np.concatenate([lo, self._walls - hi])
-        near = (gaps < self._reach) & (gaps > -self._crossing)
-        return int(near @ (1 << np.arange(6)))
+    def _image_walls(self, centres: np.ndarray, turns: np.ndarray) -> np.ndarray:
+        """Returns the walls, as bits, that mirror each body in each pose, (bodies, 2): those within
+        a kernel's reach that it does not cross."""
+        turned = np.where(self._round[:, None, None, None], np.eye(3), np.abs(turns))
+        out = np.einsum("bpij,bj->bpi", turned, self._half)
+        lo, hi = centres - out, centres + out
+        for b, corners in self._corners.items():
+            points = np.einsum("pij,nj->pni", turns[b], corners)
+            lo[b], hi[b] = centres[b] + points.min(axis=1), centres[b] + points.max(axis=1)
+        gaps = np.concatenate([lo, self._walls - hi], axis=2)
+        near = (gaps < self._reach) & (gaps > -self._crossing) & ~self._inward[:, None, None]
+        return near @ (1 << np.arange(6))
 
     def free(self, x: np.ndarray, margin: float = 0.0) -> np.ndarray:
         """Returns which points x (n, 3) are at least `margin` outside all bodies [m], (n,) bool."""
@@ -373,10 +383,10 @@ class Boundary:
         return self.velocity[b, BEGIN] + self.spin[b, BEGIN].cross(x - self.centre[b, BEGIN])
 
     @ti.func
-    def reaches(self, b, x, h):
-        """Returns False if the kernel of support h [m] around x certainly misses body b."""
+    def reaches(self, b, x, h, pose):
+        """Returns False if body b is certainly farther than h [m] from x."""
         reach = self.bounding_radius[b] + h
-        return self.side[b] < 0.0 or (x - self.centre[b, BEGIN]).norm_sqr() < reach * reach
+        return self.side[b] < 0.0 or (x - self.centre[b, pose]).norm_sqr() < reach * reach
 
     @ti.func
     def free_of_others(self, b, x, layer, h):
@@ -434,16 +444,11 @@ class Boundary:
         return found
 
 
-def _corners(body: Body) -> np.ndarray:
-    """Returns points (n, 3) [m] whose convex hull is the body in its frame; a ball's centre."""
-    if isinstance(body, Solid):
-        from scipy.spatial import ConvexHull  # only meshes need it
+def _corners(mesh: Solid) -> np.ndarray:
+    """Returns the vertices (n, 3) [m] of a mesh's convex hull, in its frame."""
+    from scipy.spatial import ConvexHull  # only meshes need it
 
-        return body.vertices[ConvexHull(body.vertices).vertices] - centre(body)
-    if isinstance(body, Ball):
-        return np.zeros((1, 3))
-    signs = np.array(np.meshgrid(*[(-1.0, 1.0)] * 3)).reshape(3, -1).T
-    return signs * half_extents(body)
+    return mesh.vertices[ConvexHull(mesh.vertices).vertices] - centre(mesh)
 
 
 @ti.func

@@ -62,16 +62,16 @@ class Collisions:
         self.count = self.points = 0
 
     def load(self) -> None:
-        """Takes the points of the boundary's present bodies, if any floats; compiles all
-        kernels."""
+        """Takes the points of the boundary's present bodies; compiles all kernels."""
         self.points = self.count = 0
-        if not self.boundary.floating.count:
+        if not self.boundary.count:
             return
         clouds = [contact_points(body) for body in self.boundary.bodies]
         self.points = sum(len(c) for c in clouds)
         owner = np.repeat(np.arange(len(clouds)), [len(c) for c in clouds])
         self._store(np.concatenate(clouds).astype(np.float32), owner.astype(np.int32))
         motions = self._motions()
+        self._find_contacts(0, 0.0)
         self._prepare(0, 1.0, 0.0, motions)
         self._solve(0, 0, motions)
         self._separate(0, 0, 0.0, motions)

@@ -10,13 +10,13 @@ import taichi as ti
 from msph.fluid.boundary import body_links
 from msph.fluid.boundary.boundary import BEGIN, END, Boundary
 from msph.fluid.boundary.gaps import Gaps
-from msph.fluid.boundary.walls import Walls
+from msph.fluid.boundary.walls import NO_WALL, Walls
 from msph.fluid.impulse_ledger import ImpulseLedger
 from msph.fluid.particles.particles import Attribute, Particles
 from msph.fluid.room import MAX_BODIES
 from msph.taichi_internals import data_oriented, kernel
 
-vec3 = ti.math.vec3
+vec3, vec4 = ti.math.vec3, ti.math.vec4
 
 ATTRIBUTES = (
     *body_links.ATTRIBUTES,
@@ -98,9 +98,10 @@ class Contact:
             self.touches[b] = 0
         for i in range(n):
             for b in range(self.constants.bodies[None]):
-                near = self.boundary.distance(b, self.particles.x[i], END)
-                if near.x < self.margin(i):
-                    self.touches[b] += 1
+                if self.boundary.reaches(b, self.particles.x[i], self.margin(i), END):
+                    near = self.boundary.distance(b, self.particles.x[i], END)
+                    if near.x < self.margin(i):
+                        self.touches[b] += 1
 
     @kernel
     def _stop_at_bodies(self, n: ti.i32):
@@ -114,7 +115,9 @@ class Contact:
             x, v, margin = p.x[i], p.v[i], self.margin(i)
             m = self.layers.mass[p.layer[i]]
             for b in range(self.constants.bodies[None]):
-                near = self.boundary.distance(b, x, END)
+                near = vec4(NO_WALL, 0.0, 0.0, 0.0)
+                if self.boundary.reaches(b, x, margin, END):
+                    near = self.boundary.distance(b, x, END)
                 if near.x < margin:
                     normal, arm = near.yzw.normalized(1e-9), x - self.boundary.centre[b, END]
                     own = self.boundary.velocity_at(b, x)
@@ -139,7 +142,9 @@ class Contact:
                 rounds += 1
                 pushed = False
                 for b in range(self.constants.bodies[None]):
-                    near = self.boundary.distance(b, x, pose)
+                    near = vec4(NO_WALL, 0.0, 0.0, 0.0)
+                    if self.boundary.reaches(b, x, margin, pose):
+                        near = self.boundary.distance(b, x, pose)
                     if near.x < margin:
                         x -= (near.x - margin) * near.yzw / ti.max(near.yzw.norm_sqr(), 0.25)
                         pushed = True

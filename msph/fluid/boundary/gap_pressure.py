@@ -17,6 +17,7 @@ import taichi as ti
 from msph.fluid.boundary.body_faces import samples
 from msph.fluid.boundary.boundary import BEGIN, Boundary
 from msph.fluid.boundary.contact import Contact
+from msph.fluid.boundary.gaps import WIDE
 from msph.fluid.boundary.wall_integrals import swelling
 from msph.fluid.particles.grid import LayeredGrid
 from msph.fluid.particles.mirror_images import MirrorImages
@@ -26,7 +27,7 @@ from msph.taichi_internals import data_oriented, kernel
 vec3, vec4 = ti.math.vec3, ti.math.vec4
 
 # Largest edge of a sample, in finest spacings, and largest number of samples of a body.
-EDGE, MAX_SAMPLES = 0.75, 2000
+EDGE, MAX_SAMPLES = 1.2, 2000
 # Depth [finest spacings] in a wall or another body at which a sample has no water before it.
 INSIDE = 0.5
 # Contribution of bodies and their images to c (-) of a particle wedged between two faces: its
@@ -94,6 +95,9 @@ class GapPressure:
         the second half of the step; the grid must be fresh. gravity [m/s^2]."""
         if self.idle:
             return
+        if not self.boundary.close_together(WIDE * self.layers.finest.spacing):
+            self.gaps.active[None] = 0
+            return
         found = self._find_gaps(self.count)
         self.gaps.active[None] = int(found > 0)
         self.idle = not found and not self.boundary.moving
@@ -127,7 +131,7 @@ class GapPressure:
         walls = self.constants.walls[None]
         free = x.min() > -depth and (walls - x).min() > -depth
         for a in range(self.constants.bodies[None]):
-            if a != b and self.boundary.reaches(a, x, 0.0):
+            if a != b and self.boundary.reaches(a, x, 0.0, BEGIN):
                 free = free and self.boundary.distance(a, x, BEGIN).x > -depth
         return free
 

@@ -52,7 +52,7 @@ class Gaps:
                 width = (walls[axis] - x[axis] + own) / spacing
                 best = ti.max(best, self._share(width, normal[axis]))
         for a in range(self.constants.bodies[None]):
-            if a != b and self.boundary.reaches(a, x, WIDE * spacing):
+            if a != b and self.boundary.reaches(a, x, WIDE * spacing, pose):
                 near = self.boundary.distance(a, x, pose)
                 share = self._share((near.x + own) / spacing, -normal.dot(near.yzw))
                 if share > best:
