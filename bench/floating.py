@@ -106,39 +106,46 @@ def drift(layers: int, seconds: float) -> dict[str, str]:
     return {"layers": str(layers), **over_starts(case, {"way over diameter": ".2%"})}
 
 
-def heave(layers: int, fine: float, width: float, starts: int) -> dict[str, str]:
-    """Returns the table row of the heave decay of a half-submerged ball."""
+def heave(
+    layers: int, fine: float, width: float, starts: int, depth: float = DEEP, relief: float = 0.0
+) -> dict[str, str]:
+    """Returns the table row of the heave decay of a half-submerged ball, in a square tank of
+    `width` [m]; relief: share of shear relief (-)."""
+    draft = brentq(
+        lambda d: math.pi * d**2 * (RADIUS - d / 3.0) * KRAMER_WATER - MASS, 0, 2 * RADIUS
+    )
     periods, troughs = [], []
     for seed in range(starts):
-        full = 4.0 / 3.0 * math.pi * RADIUS**3 * KRAMER_WATER
-        cap = brentq(
-            lambda d: math.pi * d**2 * (RADIUS - d / 3.0) * KRAMER_WATER - MASS, 0, 2 * RADIUS
-        )
-        assert full > MASS
-        level = DEEP + math.pi * cap**2 * (RADIUS - cap / 3.0) / width**2
-        y = level + RADIUS - cap + RELEASE
+        # Water inside the ball at the start is left out.
+        y = depth + RADIUS - draft + RELEASE
         body = {"centre": [0.5 * width, y, 0.5 * width], "radius": RADIUS, "mass": MASS}
-        options: dict[str, Any] = {"density": KRAMER_WATER, "size": (width, width), "depth": DEEP}
+        options: dict[str, Any] = {
+            "density": KRAMER_WATER,
+            "size": (width, width),
+            "depth": depth,
+            "projection": {"shear_relief": relief},
+        }
         sim = build(layers, [body], seed, fine, **options)
-        ledger, external = sim, ExternalForces((0.0, -KRAMER_GRAVITY, 0.0))
-        del ledger
-        times, heights = [0.0], [RELEASE]
-        rest = (water_volume(sim) + MASS / KRAMER_WATER) / width**2 + RADIUS - cap
-        while sim.time < 1.3:
+        rest = (water_volume(sim) + MASS / KRAMER_WATER) / width**2 + RADIUS - draft
+        external = ExternalForces((0.0, -KRAMER_GRAVITY, 0.0))
+        times, heights = [], []
+        while sim.time < 1.0:
             sim.advance(0.005, external)
             times.append(sim.time)
             heights.append(float(sim.boundary.floating.x[0, 1]) - rest)
         t, z = np.array(times), np.array(heights)
-        first = t < 0.6
-        troughs.append(-float(z[first].min()))
-        later = (t > 0.6) & (t < 1.0)
-        crest = np.polyfit(t[later], z[later], 4)
-        fine_t = np.linspace(0.6, 1.0, 2001)
-        periods.append(float(fine_t[np.polyval(crest, fine_t).argmax()]))
+        troughs.append(-float(z[t < 0.75 * PERIOD].min()))
+        # The second crest, by a fit around it.
+        crest = t[t > 0.75 * PERIOD][z[t > 0.75 * PERIOD].argmax()]
+        near = np.abs(t - crest) < 0.15 * PERIOD
+        _, slope, _ = curve = np.polyfit(t[near] - crest, z[near], 2)
+        periods.append(crest - 0.5 * slope / curve[0])
     return {
         "spacings per radius": f"{RADIUS / fine:.1f}",
         "layers": str(layers),
+        "shear relief": f"{relief:g}",
         "tank [m]": f"{width:g}",
+        "depth [m]": f"{depth:g}",
         "period error": spread([p / PERIOD - 1.0 for p in periods], "+.1%"),
         "trough error": spread([z / TROUGH - 1.0 for z in troughs], "+.1%"),
     }

@@ -9,6 +9,9 @@ from time import perf_counter
 import numpy as np
 
 from msph.errors import BlowUpError
+from msph.fluid.boundary.body_faces import samples
+from msph.fluid.boundary.gap_pressure import MAX_SAMPLES
+from msph.fluid.boundary.rigid_bodies import Body, centre
 from msph.fluid.boundary.walls import wall_constants
 from msph.fluid.external_forces import ExternalForces, Vec3
 from msph.fluid.methods import Parameters, all_attributes, solver_of
@@ -17,7 +20,7 @@ from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.particles.neighbour_list import list_capacity
 from msph.fluid.particles.particles import CORE
 from msph.fluid.plan import Plan
-from msph.fluid.room import FIRST, grown
+from msph.fluid.room import FIRST, MAX_BODIES, grown
 from msph.fluid.stages import Stage, no_stage
 from msph.fluid.trapped_water import check_trapped_water
 from msph.fluid.world import give_back, take
@@ -170,6 +173,20 @@ class Simulation:
             self.solver.particles_added(float(np.linalg.norm(v, axis=1).max()))
         return len(x)
 
+    def add_body(self, body: Body) -> None:
+        """Adds a floating block or ball until the next reset. Raises FullError if there are too
+        many bodies, ValueError if it overlaps another body or a wall."""
+        if self.boundary.count == MAX_BODIES:
+            raise FullError(f"at most {MAX_BODIES} bodies")
+        (points, _, _), at = samples(body, self.layers.finest.spacing, MAX_SAMPLES), centre(body)
+        x, walls = at + points, wall_constants(self.size, self.plan.open_top)["walls"]
+        if (x < 0.0).any() or (x > walls).any() or not self.boundary.free(x).all():
+            raise ValueError("the body overlaps another body or a wall")
+        self.boundary.add(body)
+        self.world.prepare_bodies()
+        self.contact.clear_bodies()
+        self.solver.particles_moved()
+
     def measure_density(self) -> None:
         """Sums the densities at the current positions; a step sums them at its midpoint only."""
         if self.boundary.moving:
@@ -256,6 +273,8 @@ class Simulation:
         self.particles.fill(**attributes)
         self.time, self.steps, self.iterations = time, steps, 0
         self.last_step = math.inf
+        if self.boundary.count > len(self.plan.bodies):
+            self.world.load_bodies(self.plan)
         self.boundary.reset(time)
         self.rim.reset(spilt)
         self.solver.reset()

@@ -84,14 +84,23 @@ class World:
         parts.particles.load(attributes, plan.max_particles)
         margin = plan.method.LIST_MARGIN * plan.finest.support
         parts.neighbours.load(plan.entries, margin, plan.method.MIRRORS)
-        parts.boundary.load(plan.size, specs, list(plan.bodies), plan.open_top)
-        parts.links.load()
-        parts.collisions.load()
-        parts.gaps.load()
+        self.load_bodies(plan)
         parts.rim.load(plan.open_top)
         solver = self.build_once(_solver, plan.method)
         solver.load(plan.parameters, plan.adaptation)
         return solver
+
+    def load_bodies(self, plan: Plan) -> None:
+        """Fills the boundary with the bodies of a scene."""
+        boundary, bodies = self.parts.boundary, list(plan.bodies)
+        boundary.load(plan.size, plan.specs, bodies, plan.open_top)
+        boundary.constants.bodies[None] = len(bodies)
+        self.prepare_bodies()
+
+    def prepare_bodies(self) -> None:
+        """Prepares links, contact and gaps for the present bodies."""
+        for part in (self.parts.links, self.parts.collisions, self.parts.gaps):
+            part.load()
 
 
 def _solver(world: World, method: Any) -> Any:

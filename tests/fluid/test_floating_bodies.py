@@ -13,6 +13,7 @@ from msph.fluid.plan import Plan
 from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.simulation import Simulation
 from msph.measure.ledger import Ledger
+from msph.taichi_internals import watch_compiling
 
 D = 0.04
 LAYER = LayerSpec(1000.0 * D**3, 1000.0, 2.45)
@@ -186,3 +187,22 @@ def test_checkpoint_holds_floating_bodies():
     del state["floating"]
     with pytest.raises(ValueError, match="floating missing"):
         sim.restore(state)
+
+
+def test_a_body_added_to_a_running_simulation_floats_and_compiles_nothing():
+    first = ball((0.12, 0.24, 0.12), 0.06, 400.0, velocity=(0.1, 0.0, 0.0))
+    sim = simulation(lattice((0, 0, 0), (0.48, 0.2, 0.48)), [first])
+    run(sim, 0.1)
+    there, compiled = sim.boundary.floating.state(), []
+    with watch_compiling(compiled.append):
+        sim.add_body(block((0.32, 0.3, 0.32), 0.12, 500.0, velocity=(0.0, -1.0, 0.0)))
+        assert sim.boundary.floating.state()[0] == pytest.approx(there[0])
+        assert sim.boundary.floating.v[1] == pytest.approx((0.0, -1.0, 0.0))
+        run(sim, 0.5)
+    assert not compiled
+    assert 0.1 < sim.boundary.floating.x[1, 1] < 0.3
+    with pytest.raises(ValueError, match="overlaps"):
+        sim.add_body(block((0.32, 0.2, 0.32), 0.12, 500.0))
+    sim.reset()
+    assert sim.boundary.count == 1
+    assert sim.boundary.floating.x[0] == pytest.approx((0.12, 0.24, 0.12))

@@ -84,6 +84,7 @@ class Boundary:
         self, size: Size, specs: list[LayerSpec], bodies: list[Body], open_top: bool = False
     ) -> None:
         """Fills the tables for a box of `size` [m], bodies and layers."""
+        self._specs, self._open_top = specs, open_top
         self.box, self._walls = size, np.array(wall_constants(size, open_top)["walls"])
         self.bodies = [extended_into_walls(b, self._walls, specs) for b in bodies]
         self.count = len(self.bodies)
@@ -110,6 +111,19 @@ class Boundary:
             self._load_shapes(specs)
         self.velocities, self.spins = np.zeros((self.count, 3)), np.zeros((self.count, 3))
         self.reset(0.0)
+
+    def add(self, body: Body) -> None:
+        """Adds a floating body, at the pose and with the motion of its time zero, to the present
+        ones, which keep their states."""
+        time, state, stopped = self.time, self.floating.state(), dict(self.stopped)
+        impulse, twist = self.impulse, self.twist
+        self.load(self.box, self._specs, [*self.bodies, body], self._open_top)
+        self.constants.bodies[None] = self.count
+        self.stopped.update(stopped)
+        self.impulse[:-1], self.twist[:-1] = impulse, twist
+        # The new body is the last one.
+        self.floating.restore(np.concatenate([state, self.floating.state()[-1:]]))
+        self._place(time, 0.0)
 
     @property
     def top_speed(self) -> float:
