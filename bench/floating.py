@@ -22,6 +22,8 @@ DENSITIES = (250.0, 500.0, 750.0)
 # density [kg/m^3], gravity [m/s^2], first period [s] and trough [m].
 RADIUS, MASS, RELEASE, DEEP = 0.15, 7.056, 0.02916, 0.9
 KRAMER_WATER, KRAMER_GRAVITY, PERIOD, TROUGH = 998.2, 9.82, 0.7869, 0.02493
+# Time [s] for which the ball is held, in which the water settles.
+HELD = 1.5
 
 
 def build(layers: int, bodies: list[dict], seed: int, fine: float = FINE, **scene: Any) -> Any:
@@ -116,9 +118,11 @@ def heave(
     )
     periods, troughs = [], []
     for seed in range(starts):
-        # Water inside the ball at the start is left out.
+        # Water inside the ball at the start is left out; the hole that this leaves fills while the
+        # ball is held.
         y = depth + RADIUS - draft + RELEASE
-        body = {"centre": [0.5 * width, y, 0.5 * width], "radius": RADIUS, "mass": MASS}
+        place = {"centre": [0.5 * width, y, 0.5 * width], "radius": RADIUS}
+        body = {**place, "mass": MASS, "release": HELD}
         options: dict[str, Any] = {
             "density": KRAMER_WATER,
             "size": (width, width),
@@ -129,9 +133,9 @@ def heave(
         rest = (water_volume(sim) + MASS / KRAMER_WATER) / width**2 + RADIUS - draft
         external = ExternalForces((0.0, -KRAMER_GRAVITY, 0.0))
         times, heights = [], []
-        while sim.time < 1.0:
+        while sim.time < HELD + 1.0:
             sim.advance(0.005, external)
-            times.append(sim.time)
+            times.append(sim.time - HELD)
             heights.append(float(sim.boundary.floating.x[0, 1]) - rest)
         t, z = np.array(times), np.array(heights)
         troughs.append(-float(z[t < 0.75 * PERIOD].min()))
@@ -205,7 +209,7 @@ HARD = {
     "0.05 of the water's density, falls in": [_ball([0.3, 0.55, 0.3], 0.1, 50.0)],
     "20 times the water's density, falls in": [_ball([0.3, 0.55, 0.3], 0.1, 20_000.0)],
     "falls in at 5 m/s": [_ball([0.3, 0.55, 0.3], 0.1, 500.0, velocity=[0, -5, 0])],
-    "released on the floor": [_ball([0.3, 0.1, 0.3], 0.1, 500.0)],
+    "held on the floor for 1 s": [_ball([0.3, 0.1, 0.3], 0.1, 500.0, release=1.0)],
     "twenty boxes and balls": _crowd(),
 }
 

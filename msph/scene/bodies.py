@@ -50,7 +50,7 @@ def body(given: schema.Body) -> Body:
     else:
         made = Block(np.array(given.lo, float), np.array(given.hi, float), motion)
     mass = given.mass if given.density is None else given.density * volume(made)
-    return replace(made, mass=mass, friction=given.friction)
+    return replace(made, mass=mass, friction=given.friction, release=given.release)
 
 
 def _container(container: Container) -> Solid:

@@ -141,6 +141,9 @@ class Body(Placed):
         unit="deg/s",
         text="angular velocity about the axis; of a floating body, at the start",
     )
+    release: float = parameter(
+        0.0, ge=0.0, unit="s", text="time until which a floating body is held at rest"
+    )
     friction: float = parameter(
         FRICTION, ge=0.0, le=10.0, text="coefficient of friction with walls and other bodies"
     )

@@ -8,6 +8,7 @@ touch a wall are extended into it here.
 """
 
 import math
+from typing import Any
 
 import numpy as np
 import taichi as ti
@@ -122,8 +123,7 @@ class Boundary:
         self.stopped.update(stopped)
         self.impulse[:-1], self.twist[:-1] = impulse, twist
         # The new body is the last one.
-        self.floating.restore(np.concatenate([state, self.floating.state()[-1:]]))
-        self._place(time, 0.0)
+        self.restore(time, np.concatenate([state, self.floating.state()[-1:]]))
 
     @property
     def top_speed(self) -> float:
@@ -153,18 +153,24 @@ class Boundary:
                 own = lattices(body, specs)
                 grids += own
                 values += sample(body, own, specs)
-        self._shapes.fill(
+        self._shape_rows: dict[str, Any] = dict(
             kind=[(Block, Ball, Solid).index(type(b)) for b in self.bodies],
             side=np.where(self._inward, -1.0, 1.0),
             half=[half_extents(b) for b in self.bodies],
             bounding_radius=[bounding_radius(b) for b in self.bodies],
             first=first,
             joined=[self._is_joined(k) for k in range(self.count)],
-            inverse_mass=[0.0 if b.mass is None else 1.0 / b.mass for b in self.bodies],
             friction=[b.friction for b in self.bodies],
         )
+        self._store_shapes()
         if grids:
             self.samples.load(grids, values)
+
+    def _store_shapes(self) -> None:
+        """Fills the table of shapes; held bodies are immovable."""
+        inverse = np.zeros(self.count)
+        inverse[self.floating.which] = (1.0 - self.floating.held) / self.floating.mass
+        self._shapes.fill(**self._shape_rows, inverse_mass=inverse)
 
     def _is_joined(self, number: int) -> bool:
         """Returns True for a body in prescribed motion that moves, holds the water, or whose bounds
@@ -182,6 +188,8 @@ class Boundary:
         to those at time zero."""
         self.stopped.clear()
         self.floating.reset()
+        if self.floating.count:
+            self._store_shapes()
         # Impulses [N s] and angular impulses [N m s] of the water on the bodies since the reset.
         self.impulse, self.twist = np.zeros((self.count, 3)), np.zeros((self.count, 3))
         self.place(time, 0.0)
@@ -190,6 +198,7 @@ class Boundary:
         """Restores the FloatingBodies.state() of `time` [s]."""
         if self.floating.count:
             self.floating.restore(floating)
+            self._store_shapes()
             self._place(time, 0.0)
 
     def push(self, pushes: np.ndarray) -> float:
@@ -201,7 +210,10 @@ class Boundary:
         return -float(np.delete(work, self.floating.which).sum())
 
     def fall(self, dt: float, external: ExternalForces) -> None:
-        """Changes the velocities of floating bodies by external forces within dt [s]."""
+        """Changes the velocities of floating bodies by external forces within dt [s], and releases
+        held ones."""
+        if self.floating.let_go(self.time):
+            self._store_shapes()
         self.floating.fall(dt, external, 0.5 * np.array(self.box))
 
     def stop(self, body: int, time: float) -> None:

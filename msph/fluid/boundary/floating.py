@@ -13,12 +13,12 @@ from msph.fluid.external_forces import ExternalForces
 class FloatingBodies:
     """Bodies with a mass: arrays with one row per floating body.
 
-    which: indices among all bodies. mass [kg]; inertia (3, 3) [kg m^2] about the centre of mass in
-    the body's frame; reach: bounding radius [m]. x [m] is the centre of mass and turn (3, 3) the
-    rotation at the end of a step, x_begin and turn_begin at its beginning; v [m/s]; spin_momentum
-    [N m s], the angular momentum about the centre of mass, in the box's frame. received (6) [N s,
-    N m s]: impulses of the water in the last step, of `step` [s]. contact [N s]: impulse of walls
-    and other bodies since the reset.
+    which: indices among all bodies. held: True until the body is released. mass [kg]; inertia
+    (3, 3) [kg m^2] about the centre of mass in the body's frame; reach: bounding radius [m]. x [m]
+    is the centre of mass and turn (3, 3) the rotation at the end of a step, x_begin and turn_begin
+    at its beginning; v [m/s]; spin_momentum [N m s], the angular momentum about the centre of mass,
+    in the box's frame. received (6) [N s, N m s]: impulses of the water in the last step, of `step`
+    [s]. contact [N s]: impulse of walls and other bodies since the reset.
     """
 
     def __init__(self):
@@ -32,6 +32,7 @@ class FloatingBodies:
         self.mass = np.array([b.mass for b in floats], float)
         self.inertia = np.array([inertia(b) for b in floats]).reshape(-1, 3, 3)
         self.reach = np.array([bounding_radius(b) for b in floats])
+        self.release = np.array([b.release for b in floats])
         self._start = np.array([centre(b) for b in floats]).reshape(-1, 3)
         self._velocity = np.array([b.motion.velocity for b in floats], float).reshape(-1, 3)
         self._spin = np.array([b.motion.spin() for b in floats]).reshape(-1, 3)
@@ -39,12 +40,23 @@ class FloatingBodies:
 
     def reset(self) -> None:
         """Restores the state at time zero."""
-        self.x, self.v = self._start.copy(), self._velocity.copy()
+        self.held = np.ones(self.count, bool)
+        self.x, self.v = self._start.copy(), np.zeros((self.count, 3))
         self.turn = np.tile(np.eye(3), (self.count, 1, 1))
-        self.spin_momentum = _times(self.inertia, self._spin)
+        self.spin_momentum = np.zeros((self.count, 3))
+        self.let_go(0.0)
         self.received, self.contact = np.zeros((self.count, 6)), np.zeros((self.count, 3))
         self.step = 1.0
         self.advance(0.0)
+
+    def let_go(self, time: float) -> bool:
+        """Releases the bodies that are held until `time` [s]; returns True if there are any."""
+        due = self.held & (self.release <= time)
+        self.held = self.held & ~due
+        self.v = np.where(due[:, None], self._velocity, self.v)
+        spin = _times(self.inertia, self._spin)
+        self.spin_momentum = np.where(due[:, None], spin, self.spin_momentum)
+        return bool(due.any())
 
     def advance(self, dt: float) -> None:
         """Starts the next step, of dt [s], at the present end poses."""
@@ -60,7 +72,8 @@ class FloatingBodies:
 
     def inverse_inertia(self, turn: np.ndarray) -> np.ndarray:
         """Returns the inverse inertias (n, 3, 3) in the box's frame for rotations `turn`."""
-        return turn @ np.linalg.inv(self.inertia) @ turn.transpose(0, 2, 1)
+        free = 1.0 - self.held[:, None, None]
+        return free * (turn @ np.linalg.inv(self.inertia) @ turn.transpose(0, 2, 1))
 
     def _spin_at(self, turn: np.ndarray) -> np.ndarray:
         return _times(self.inverse_inertia(turn), self.spin_momentum)
@@ -72,8 +85,9 @@ class FloatingBodies:
 
     def push(self, impulse: np.ndarray, twist: np.ndarray) -> None:
         """Adds impulses [N s] and angular impulses [N m s] about the centres of mass, (n, 3)."""
-        self.v = self.v + impulse / self.mass[:, None]
-        self.spin_momentum = self.spin_momentum + twist
+        free = 1.0 - self.held[:, None]
+        self.v = self.v + free * impulse / self.mass[:, None]
+        self.spin_momentum = self.spin_momentum + free * twist
 
     def receive(self, pushes: np.ndarray) -> None:
         """Adds impulses and angular impulses of the water, (n, 6)."""
@@ -108,10 +122,11 @@ class FloatingBodies:
         r = self.x - box_centre
         field = -np.cross(rise, r) - np.cross(turn, np.cross(turn, r))
         middle = self.v - dt * np.cross(turn, self.v)  # Coriolis forces do no work
-        self.v = self.v + dt * (np.array(external.gravity) + field - 2.0 * np.cross(turn, middle))
+        rate = np.array(external.gravity) + field - 2.0 * np.cross(turn, middle)
         world = self.turn @ self.inertia @ self.turn.transpose(0, 2, 1)
         whole = self.spin_momentum + world @ turn
-        self.spin_momentum = self.spin_momentum - dt * (world @ rise + np.cross(turn, whole))
+        torque = -world @ rise - np.cross(turn, whole)
+        self.push(dt * self.mass[:, None] * rate, dt * torque)
 
     def top_speed(self) -> float:
         """Returns the largest speed [m/s] of a point of a body."""
@@ -135,15 +150,17 @@ class FloatingBodies:
         return float(0.5 * (self.mass @ (self.v**2).sum(axis=1) + spins))
 
     def state(self) -> np.ndarray:
-        """Returns x, turn, v, spin_momentum and the force of the last step, (n, 24)."""
+        """Returns x, turn, v, spin_momentum, the force of the last step and held, (n, 25)."""
         turn, force = self.turn.reshape(-1, 9), self.received / self.step
-        return np.concatenate([self.x, turn, self.v, self.spin_momentum, force], axis=1)
+        held = self.held[:, None].astype(float)
+        return np.concatenate([self.x, turn, self.v, self.spin_momentum, force, held], axis=1)
 
     def restore(self, state: np.ndarray) -> None:
         """Restores a state()."""
-        self.x, turn, self.v, self.spin_momentum, self.received = np.split(
-            state, (3, 12, 15, 18), axis=1
+        self.x, turn, self.v, self.spin_momentum, self.received, held = np.split(
+            state, (3, 12, 15, 18, 24), axis=1
         )
+        self.held = held[:, 0] > 0.0
         self.step = 1.0
         self.turn = turn.reshape(-1, 3, 3)
         self.advance(0.0)

@@ -83,8 +83,8 @@ AT_REST = Motion()
 # Coefficient of friction between bodies, and with walls (-): of wood on wood.
 FRICTION = 0.3
 
-# A body with a mass [kg] floats: its motion gives velocity and spin at time zero only. A body
-# without one follows its motion.
+# A body with a mass [kg] floats from the time `release` [s] on: until then it is held at rest, and
+# its motion gives velocity and spin at that time. A body without a mass follows its motion.
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +96,7 @@ class Block:
     motion: Motion = AT_REST
     mass: float | None = None
     friction: float = FRICTION
+    release: float = 0.0
 
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
@@ -111,6 +112,7 @@ class Ball:
     motion: Motion = AT_REST
     mass: float | None = None
     friction: float = FRICTION
+    release: float = 0.0
 
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
@@ -130,6 +132,7 @@ class Solid:
     motion: Motion = AT_REST
     mass: float | None = None
     friction: float = FRICTION
+    release: float = 0.0
     container: bool = field(default=False)
 
     @property
