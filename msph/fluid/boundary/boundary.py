@@ -102,7 +102,7 @@ class Boundary:
         self.moving = self.driven or self.floating.count > 0
         # Centres at time zero, by pose; and extents: half extents of blocks, radii of balls, and
         # corners of meshes that move.
-        self._start = np.repeat(np.array([[centre(b)] for b in self.bodies]), 2, axis=1)
+        self._start = np.array([[centre(b)] * 2 for b in self.bodies])
         self._half = np.array(
             [[b.radius] * 3 if isinstance(b, Ball) else half_extents(b) for b in self.bodies]
         )
