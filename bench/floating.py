@@ -174,7 +174,7 @@ def collision(density: float) -> dict[str, str]:
                 }
             ],
         }
-        ledger, _ = run(tanks.build(Scene.model_validate(scene)), 0.6, gravity=0.0)
+        ledger, _ = run(tanks.build(Scene.model_validate(scene)), 0.35, gravity=0.0)
         first, last = ledger.entries[0], ledger.entries[-1]
         momentum = last.momentum + last.floating_momentum - first.momentum - first.floating_momentum
         angular = last.angular_momentum + last.floating_angular_momentum
