@@ -50,6 +50,7 @@ bench: $(VENV)/dev
 	$(RUN) bench/impact.py
 	$(RUN) bench/pareto.py
 	$(RUN) bench/stability.py
+	$(RUN) bench/random_input.py
 	$(RUN) bench/layers.py
 	$(RUN) bench/methods.py
 	$(RUN) bench/scenes.py

@@ -1,15 +1,16 @@
 """Errors of the projection method against formulas, for uniform and layered water.
 
-python bench/accuracy.py [--seconds 10] [--starts 3] [--arch cpu]
+python bench/accuracy.py [--seconds 10] [--starts 3] [--only still] [--resume] [--arch cpu]
 
-Starts differ in the random initial displacements of the particles, 0.02 spacings. A difference
-between uniform and layered water is significant only if it exceeds the range over the starts.
+Starts differ in the random initial displacements of the particles, 0.02 spacings, and in the
+collision in the place of the lattices. A difference between uniform and layered water is
+significant only if it exceeds the range over the starts. Every part runs in a separate process and
+is written to bench/results/accuracy.csv when it ends; --resume continues there.
 """
 
-import csv
-import statistics
+import json
 import sys
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from pathlib import Path
 
 import click
@@ -18,7 +19,7 @@ from tabulate import tabulate
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from bench import tanks
+from bench import rows, tanks
 from bench.report import RESULTS, heading
 from msph.device import ARCHES, start
 from msph.fluid.adaptivity.bands import AdaptationParameters
@@ -43,8 +44,9 @@ FINE, SPACINGS_DEEP = 0.02, 60
 # the lowest wave is half a spacing high. At a single depth the error may vanish by chance.
 LENGTH, DEPTH, AMPLITUDE, SPACINGS = 1.0, 0.5, 0.05, (10, 12, 15, 20, 25)
 SLOSH_SECONDS = 5.0
-# Largest number of starts, of 18 simulations each: Taichi limits the fields of a process.
-MAX_STARTS = 3
+# Time limit of a part [s].
+MAX_SECONDS = 3600
+TABLE = "accuracy.csv"
 # Formats of figures: counts, shares in percent, energies [J], drifts.
 WHOLE, SHARE, JOULE, DRIFT = "{:,.0f}", "{:.3%}", "{:.3g}", "{:.1e}"
 
@@ -79,9 +81,9 @@ def still(kind: str, seconds: float, seed: int) -> list[Figure]:
         Figure("particles", "", WHOLE, sim.particles.count),
         Figure(f"{profiled}, probes", "2 %", SHARE, profile.error()),
         Figure(f"{profiled}, particle means", "2 %", SHARE, later.pressure_error()),
-        Figure("density error, mean", "0.2 %", SHARE, float(np.mean(later.error_mean))),
-        Figure("density error, 99th percentile", "", SHARE, float(np.mean(later.error_p99))),
-        Figure("density error, largest", "2 %", SHARE, max(later.error_max)),
+        Figure("solver residual, mean", "0.2 %", SHARE, float(np.mean(later.error_mean))),
+        Figure("solver residual, 99th percentile", "", SHARE, float(np.mean(later.error_p99))),
+        Figure("solver residual, largest", "2 %", SHARE, max(later.error_max)),
         Figure("height of the centre of mass against rest", "1 %", SHARE, later.volume_error()),
         Figure("energy, largest rise in 1 s", "0.1 %", SHARE, rise),
         Figure("kinetic energy, first second, J", "", JOULE, np.mean(reading.kinetic[-frames:])),
@@ -108,32 +110,34 @@ def sloshing(kind: str, spacings: int, seed: int) -> tuple[list[Figure], np.ndar
     figures = [
         Figure("particles", "", WHOLE, sim.particles.count),
         Figure(f"period against linear theory, {theory:.3f} s", "1 %", SHARE, found / theory - 1.0),
-        Figure("density error, mean", "", SHARE, mean),
-        Figure("density error, 99th percentile", "", SHARE, float(np.mean(reading.error_p99))),
-        Figure("density error, largest", "", SHARE, max(reading.error_max)),
+        Figure("solver residual, mean", "", SHARE, mean),
+        Figure("solver residual, 99th percentile", "", SHARE, float(np.mean(reading.error_p99))),
+        Figure("solver residual, largest", "", SHARE, max(reading.error_max)),
         Figure("energy, largest rise in 1 s", "0.1 %", SHARE, reading.energy_rise()),
+        Figure(
+            "the same over kinetic plus available potential energy",
+            "",
+            SHARE,
+            reading.energy_rise_of_motion(),
+        ),
         Figure("height of the centre of mass against rest", "1 %", SHARE, reading.volume_error()),
     ]
     return figures, x
 
 
-def over_depths(periods: list[float]) -> list[Figure]:
-    """Returns the root mean square of the errors of the period (-), one for each depth."""
-    square = float(np.sqrt(np.mean(np.square(periods))))
-    return [Figure("period against linear theory, rms over depths", "", SHARE, square)]
-
-
-def collision() -> list[Figure]:
+def collision(start: int) -> list[Figure]:
     """Returns the figures of two balls that collide off centre without gravity, with splits and
     merges."""
+    rng = np.random.default_rng(start)
     d, middle, radius = 0.025, 1.2, 0.15
     specs = [LayerSpec(1000.0 * d**3 * 2**k, 1000.0, Projection.SMOOTHING) for k in range(3)]
     balls = []
     for k, at in ((0, (-0.18, 0.04, 0.0)), (2, (0.18, -0.04, 0.0))):
         spacing = specs[k].spacing
-        n = int(radius / spacing) + 1
+        n = int(radius / spacing) + 2
         axis = (np.arange(-n, n) + 0.5) * spacing
         grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
+        grid += rng.uniform(-0.5, 0.5, 3) * spacing
         balls.append(grid[np.linalg.norm(grid, axis=1) < radius] + at + middle)
     x = np.concatenate(balls).astype(np.float32)
     v = np.zeros_like(x)
@@ -172,87 +176,110 @@ def collision() -> list[Figure]:
     ]
 
 
-class Record:
-    """All figures in order: rows of (case, kind of water, start, figure)."""
+def part(name: str, kind: str, spacings: int, start: int, seconds: float) -> list[tuple]:
+    """Returns the rows (case, water, name, limit, format, value) of a part of the table."""
+    found: list[tuple[str, str, Figure]] = []
+    if name == "still":
+        case = f"still water, {SPACINGS_DEEP} fine spacings deep, {seconds:g} s"
+        found += [(case, kind, f) for f in still(kind, seconds, start)]
+    elif name == "sloshing":
+        case = f"sloshing, amplitude {AMPLITUDE:.0%} of the depth, {spacings} spacings deep"
+        apart = f"largest distance of the centre of mass from uniform in {SLOSH_SECONDS:g} s"
+        centres = {}
+        for water in WATERS:
+            figures, centres[water] = sloshing(water, spacings, start)
+            found += [(case, water, f) for f in figures]
+            if water != "uniform":
+                far = np.abs(centres[water] - centres["uniform"]).max() / LENGTH
+                figure = Figure(f"{apart}, over length", "1 %", SHARE, far)
+                found.append((case, water, figure))
+    else:
+        found += [("collision of a fine and a coarse ball", "layered", f) for f in collision(start)]
+    return [(case, water, *astuple(figure)) for case, water, figure in found]
 
-    def __init__(self) -> None:
-        self.rows: list[tuple[str, str, int, Figure]] = []
 
-    def add(self, case: str, water: str, start: int, figures: list[Figure]) -> None:
-        self.rows += [(case, water, start, figure) for figure in figures]
-
-    def table(self, case: str) -> str:
-        """Returns a Markdown table with a row per figure and a column per kind of water: median
-        (minimum to maximum) over the starts."""
-        own = [row for row in self.rows if row[0] == case]
-        waters = list(dict.fromkeys(row[1] for row in own))
-        lines = []
-        for name, limit in dict.fromkeys((row[3].name, row[3].limit) for row in own):
-            of = [[r[3] for r in own if r[1] == water and r[3].name == name] for water in waters]
-            lines.append((name, limit, *map(spread, of)))
-        headers = ("figure", "limit", *waters)
-        return tabulate(lines, headers, tablefmt="github", disable_numparse=True)
+def parts(starts: int) -> list[tuple[str, str, int, int]]:
+    """Returns the parts: name, kind of water, depth in spacings, start; one start after another."""
+    found: list[tuple[str, str, int, int]] = []
+    for seed in range(starts):
+        found += [("still", kind, 0, seed) for kind in WATERS]
+        found += [("sloshing", "", n, seed) for n in SPACINGS] + [("collision", "", 0, seed)]
+    return found
 
 
-def spread(figures: list[Figure]) -> str:
-    """Returns the median (minimum to maximum) of a figure over the starts."""
-    if not figures:
-        return ""
-    values, form = [f.value for f in figures], figures[0].form
-    numbers = statistics.median(values), min(values), max(values)
-    middle, least, most = (form.format(v).replace("%", " %") for v in numbers)
-    return middle if least == most else f"{middle} ({least} to {most})"
+def table(known: list[dict], case: str) -> str:
+    """Returns a Markdown table with a row per figure and a column per kind of water: median
+    (minimum to maximum) over the starts."""
+    own = [row for row in known if row["case"] == case]
+    waters = list(dict.fromkeys(row["water"] for row in own))
+    lines = []
+    for name, limit, form in dict.fromkeys((r["name"], r["limit"], r["form"]) for r in own):
+        of = [
+            [float(r["value"]) for r in own if (r["water"], r["name"]) == (water, name)]
+            for water in waters
+        ]
+        lines.append((name, limit, *(rows.spread(v, form) if v else "" for v in of)))
+    return tabulate(lines, ("figure", "limit", *waters), tablefmt="github", disable_numparse=True)
+
+
+def over_depths(known: list[dict]) -> list[dict]:
+    """Returns the rows of the root mean square of the errors of the period over the depths, for
+    each kind of water and start."""
+    errors: dict[tuple[str, str], list[float]] = {}
+    for row in known:
+        if row["name"].startswith("period"):
+            errors.setdefault((row["water"], row["start"]), []).append(float(row["value"]))
+    name = "period against linear theory, rms over depths"
+    return [
+        {
+            **{"case": "sloshing, all depths", "water": water, "start": start, "name": name},
+            **{"limit": "", "form": SHARE, "value": float(np.sqrt(np.mean(np.square(found))))},
+        }
+        for (water, start), found in errors.items()
+    ]
 
 
 @click.command()
 @click.option("--seconds", default=10.0, show_default=True, help="Simulated time of still water.")
 @click.option(
     "--starts",
-    default=3,
+    default=rows.STARTS,
     show_default=True,
-    type=click.IntRange(1, MAX_STARTS),
+    type=click.IntRange(1),
     help="Number of random initial arrangements.",
 )
+@click.option("--only", multiple=True, help="Part to run: still, sloshing, collision. Repeatable.")
+@click.option("--resume", is_flag=True, help="Keep the rows of earlier runs.")
 @click.option("--arch", type=click.Choice(ARCHES), default="auto", show_default=True)
-def main(seconds: float, starts: int, arch: str) -> None:
+@click.option("--worker", hidden=True)
+def main(seconds: float, starts: int, only, resume: bool, arch: str, worker: str | None) -> None:
     """Measure the errors and write bench/results/accuracy.{md,csv}."""
     arch = start(arch)
-    record = Record()
-    depth = f"still water, {SPACINGS_DEEP} fine spacings deep, {seconds:g} s"
-    for seed in range(starts):
-        for kind in WATERS:
-            record.add(depth, kind, seed, still(kind, seconds, seed))
-            click.echo(f"{depth}: {kind}, start {seed + 1} of {starts}")
-    periods: dict[tuple[str, int], list[float]] = {}
-    apart = (
-        f"largest distance of the centre of mass from uniform in {SLOSH_SECONDS:g} s, over length"
-    )
-    for spacings in SPACINGS:
-        waves = f"sloshing, amplitude {AMPLITUDE:.0%} of the depth, {spacings} spacings deep"
-        for seed in range(starts):
-            centres = {}
-            for kind in WATERS:
-                figures, centres[kind] = sloshing(kind, spacings, seed)
-                record.add(waves, kind, seed, figures)
-                error = next(f.value for f in figures if f.name.startswith("period"))
-                periods.setdefault((kind, seed), []).append(error)
-                if kind != "uniform":
-                    far = np.abs(centres[kind] - centres["uniform"]).max() / LENGTH
-                    record.add(waves, kind, seed, [Figure(apart, "1 %", SHARE, far)])
-                click.echo(f"{waves}: {kind}, start {seed + 1} of {starts}")
-    for (kind, seed), errors in periods.items():
-        record.add("sloshing, all depths", kind, seed, over_depths(errors))
-    record.add("collision of a fine and a coarse ball", "layered", 0, collision())
-    RESULTS.mkdir(exist_ok=True)
-    with open(RESULTS / "accuracy.csv", "w", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(("case", "water", "start", "figure", "limit", "value"))
-        for case, water, seed, f in record.rows:
-            writer.writerow((case, water, seed, f.name, f.limit, f"{f.value:.6g}"))
+    if worker:
+        print(json.dumps({"rows": part(*json.loads(worker))}))
+        return
+    known: list[dict] = rows.read(RESULTS / TABLE) if resume or only else []
+    for task in parts(starts):
+        name, kind, spacings, seed = task
+        label = f"{name} {kind or spacings or ''}".strip()
+        if (only and name not in only) or (label, str(seed)) in {
+            (row["part"], str(row["start"])) for row in known
+        }:
+            continue
+        found = rows.in_process(__file__, (*task, seconds), MAX_SECONDS)
+        click.echo(f"{label}, start {seed + 1} of {starts} {found.get('failure', '')}")
+        heads = ("case", "water", "name", "limit", "form", "value")
+        known += [
+            {"part": label, "start": seed, **dict(zip(heads, row, strict=True))}
+            for row in found.get("rows", [])
+        ]
+        rows.write(RESULTS / TABLE, known)
+    known += over_depths(known)
+    count = len({str(row["start"]) for row in known})
     report = [heading("Errors of the projection method", arch)]
-    report.append(f"{starts} random initial arrangements: median (minimum to maximum).\n")
-    for case in dict.fromkeys(row[0] for row in record.rows):
-        report += [f"## {case[0].upper()}{case[1:]}\n", record.table(case), ""]
+    report.append(f"{count} random initial arrangements: median (minimum to maximum).\n")
+    for case in dict.fromkeys(row["case"] for row in known):
+        report += [f"## {case[0].upper()}{case[1:]}\n", table(known, case), ""]
     (RESULTS / "accuracy.md").write_text("\n".join(report))
     click.echo("\n".join(report))
 

@@ -204,7 +204,7 @@ def collapse(ratio: float, seconds: float) -> dict[str, str]:
     return {
         "radius over spacing": f"{ratio:g}",
         "energy rise in 1 s": f"{ledger.energy_rise():.3%}",
-        "density error, 99th percentile": f"{ledger.density_error()[1]:.2%}",
+        "solver residual, 99th percentile": f"{ledger.solver_residual()[1]:.2%}",
         "outside": str(max(e.outside for e in ledger.entries)),
     }
 

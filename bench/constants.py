@@ -94,7 +94,7 @@ def run(module: str, name: str, value: Any, settings: list[str]) -> dict[str, fl
 
 def at_rest(settings: tuple[str, ...]) -> dict[str, float]:
     """Returns the figures of still water: pressure error against rho g (H - y), energy rise in 1 s,
-    mean density excess (-); kinetic energy [mJ]; number of particles that changed layer."""
+    mean solver residual (-); kinetic energy [mJ]; number of particles that changed layer."""
     scene = tanks.tank((10 * FINE, 10 * FINE), SPACINGS_DEEP * FINE, FINE, LAYERS)
     changed = {}
     for text in settings:
@@ -110,7 +110,7 @@ def at_rest(settings: tuple[str, ...]) -> dict[str, float]:
     return {
         "pressure at rest": profile.error(),
         "energy rise at rest": reading.energy_rise(),
-        "excess at rest": float(np.mean(reading.error_mean)),
+        "solver residual at rest": float(np.mean(reading.error_mean)),
         "kinetic energy at rest, mJ": 1e3 * float(np.mean(reading.kinetic)),
         "changed layer": float(np.abs(counts - sim.counts()).sum()),
     }
@@ -118,7 +118,7 @@ def at_rest(settings: tuple[str, ...]) -> dict[str, float]:
 
 def dam_break(settings: tuple[str, ...]) -> dict[str, float]:
     """Returns the figures of the dam break: means over frames of the mean and the 99th percentile
-    of the density excess, and its maximum (-); worst bulk density error (-); final over initial
+    of the solver residual, and its maximum (-); worst bulk density error (-); final over initial
     energy (-); numbers of steps, of iterations of the pressure solve, and of particles at the
     end."""
     sim = tanks.build(load_scene("dam_break", settings))
@@ -133,7 +133,7 @@ def dam_break(settings: tuple[str, ...]) -> dict[str, float]:
             x = sim.particles.numpy("x").astype(float)
             bulk.append(bulk_density(x, spacing, sim.size).mean - 1.0)
     return {
-        "excess, mean": float(np.mean(reading.error_mean)),
+        "solver residual, mean": float(np.mean(reading.error_mean)),
         "99th percentile": float(np.mean(reading.error_p99)),
         "largest": max(reading.error_max),
         "bulk density, worst": float(max(bulk, key=lambda b: 0.0 if np.isnan(b) else abs(b))),

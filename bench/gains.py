@@ -43,7 +43,7 @@ def uniform(name: str) -> tuple[str, ...]:
 def main(scene: str, seconds: float, arch: str) -> None:
     """Compare the adaptive SCENE with uniform water."""
     start(arch)
-    # Without density errors, which need an additional neighbour search.
+    # Without solver residuals, which need an additional neighbour search.
     shows = [
         Show(load_scene(scene, changes), FRAME, density_every=float("inf"))
         for changes in ((), uniform(scene))

@@ -1,9 +1,12 @@
 """Speed and errors of the classic and the projection method in the deep pool; pressure solvers.
 
-python bench/methods.py [--seconds 4] [--rounds 2] [--arch cpu]
+python bench/methods.py [--seconds 4] [--starts 3] [--resume] [--arch cpu]
+
+Each part is a process, from several starts, and is written to bench/results/methods.csv when it
+ends; --resume continues there.
 """
 
-import csv
+import json
 import statistics
 import sys
 import time
@@ -16,19 +19,20 @@ from tabulate import tabulate
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from bench import tanks
+from bench import rows, tanks
 from bench.report import RESULTS, heading
 from msph.device import ARCHES, start
 from msph.fluid.external_forces import ExternalForces
 from msph.measure.bulk import bulk_density
+from msph.measure.kernel_density import kernel_density
 from msph.scene import load_scene
 from msph.scene.build import build_simulation
 from msph.stage.benchmark import benchmark
 from msph.taichi_internals import data_oriented, kernel
 
 SCENE = "pool_2x"
-# The particles of the thesis, without the shear relief that the scene enables.
-GIVEN = ("variant=system-3", "projection.shear_relief=0")
+# The particles of the thesis.
+GIVEN = ("variant=system-3",)
 # Compared set-ups, as changes to the scene: both methods on the particles of the thesis, and the
 # projection method with seven layers in bands of one or two particles, assigned at the start.
 SETUPS = {
@@ -42,30 +46,78 @@ SETUPS = {
         f"adaptation.every={10**9}",
     ),
 }
+# Time limit of a part [s].
+MAX_SECONDS = 1800
+TABLE = "methods.csv"
+# Formats of the figures by their head in the tables.
+SPEEDS = {
+    "particles": "{:,.0f}",
+    "ms per frame": "{:.1f}",
+    "real-time factor": "{:.2f}",
+    "steps per frame": "{:.1f}",
+    "momentum drift": "{:.2%}",
+    "energy gain": "{:.2%}",
+}
+ERRORS = {
+    "pressure error, rms over depth": "{:.1%}",
+    "bulk density error": "{:+.2%}",
+    "kernel density error, mean": "{:.2%}",
+    "99th percentile of it": "{:.2%}",
+    "solver residual, mean": "{:.3%}",
+    "99th percentile": "{:.2%}",
+    "largest": "{:.1%}",
+    "height of the centre of mass": "{:+.2%}",
+    "energy rise in 1 s": "{:.3%}",
+    "kinetic energy, J": "{:.2f}",
+}
+SOLVES = {
+    "remaining error": "{:.1%}",
+    "conjugate gradients: iterations": "{:.0f}",
+    "ms": "{:.1f}",
+    "Jacobi: iterations": "{:.0f}",
+    "Jacobi: ms": "{:.1f}",
+    "Jacobi: remaining error": "{:.1%}",
+}
 # Limit of the launches of the Jacobi solver, and iterations per launch.
 MAX_LAUNCHES, PER_LAUNCH = 150, 4
 
 
-def errors(setup: str, seconds: float) -> dict[str, str]:
-    """Returns the table row of the errors of a still pool."""
-    scene = load_scene(SCENE, (*GIVEN, *SETUPS[setup], "sway.angle=0"))
+def speed(setup: str, start: int, seconds: float) -> dict[str, float]:
+    """Returns the speed of the rocking pool, simulation only."""
+    scene = load_scene(SCENE, (*GIVEN, *SETUPS[setup], f"seed={start}"))
+    found = benchmark(scene, SCENE, seconds, render=False)
+    return {
+        "particles": sum(found.particles),
+        "ms per frame": found.frame_p50_ms,
+        "real-time factor": found.simulated_per_wall,
+        "steps per frame": found.steps_per_frame,
+        "momentum drift": found.momentum_drift,
+        "energy gain": found.energy_gain,
+    }
+
+
+def errors(setup: str, start: int, seconds: float) -> dict[str, float]:
+    """Returns the errors of the still pool over the second half of `seconds` [s]."""
+    scene = load_scene(SCENE, (*GIVEN, *SETUPS[setup], "sway.angle=0", f"seed={start}"))
     sim = build_simulation(scene)
     reading = tanks.Reading(sim)
     tanks.run(sim, 0.5 * seconds)
     reading.read()
     tanks.run(sim, 0.5 * seconds, reading)
-    spacing = np.array([s.spacing for s in sim.layers.specs])[sim.particles.numpy("layer")]
-    bulk = bulk_density(sim.particles.numpy("x"), spacing, sim.size, sim.boundary.free)
+    water = reading.water
+    x, spacing = water.positions(), water.spacings()
+    kernel = kernel_density(x, spacing, sim.size)
     return {
-        "method": setup,
-        "pressure error, rms over depth": f"{100 * reading.pressure_error():.1f} %",
-        "bulk density error": f"{100 * (bulk.mean - 1.0):+.2f} %",
-        "density error, mean": f"{100 * np.mean(reading.error_mean):.3f} %",
-        "99th percentile": f"{100 * np.mean(reading.error_p99):.2f} %",
-        "largest": f"{100 * max(reading.error_max):.1f} %",
-        "height of the centre of mass": f"{100 * reading.volume_error():+.2f} %",
-        "energy rise in 1 s": f"{100 * reading.energy_rise():.3f} %",
-        "kinetic energy, J": f"{reading.kinetic[-1]:.2f}",
+        "pressure error, rms over depth": reading.pressure_error(),
+        "bulk density error": bulk_density(x, spacing, sim.size, sim.boundary.free).mean - 1.0,
+        "kernel density error, mean": kernel.mean,
+        "99th percentile of it": kernel.p99,
+        "solver residual, mean": float(np.mean(reading.error_mean)),
+        "99th percentile": float(np.mean(reading.error_p99)),
+        "largest": max(reading.error_max),
+        "height of the centre of mass": reading.volume_error(),
+        "energy rise in 1 s": reading.energy_rise(),
+        "kinetic energy, J": reading.kinetic[-1],
     }
 
 
@@ -99,15 +151,15 @@ class Jacobi:
         self.operator.apply(n, self.particles.velocity_multiplier)
 
 
-def solvers(layers: int, depth: int) -> list[dict[str, str]]:
-    """Compares conjugate gradients and Jacobi in one step of still water, with the initial guess 0
-    (cold) and with the pressures of the step before (warm); returns two table rows.
+def solve(layers: int, warm_start: bool, start: int, depth: int = 60) -> dict[str, float]:
+    """Compares conjugate gradients and Jacobi in one step of still water, `depth` spacings deep,
+    with the initial guess 0 or with the pressures of the step before (warm_start).
 
     The error is the difference of the displacements from a solve of 2,000 iterations, weighted by
     volume.
     """
     fine = 0.02
-    sim = tanks.build(tanks.tank((10 * fine, 10 * fine), depth * fine, fine, layers))
+    sim = tanks.build(tanks.tank((10 * fine,) * 2, depth * fine, fine, layers, seed=start))
     tanks.run(sim, 0.5)
     solver, p, n = sim.solver, sim.particles, sim.particles.count
     dt = solver.longest_step()
@@ -121,8 +173,8 @@ def solvers(layers: int, depth: int) -> list[dict[str, str]]:
     warm = p.velocity_multiplier.to_numpy()
     jacobi = Jacobi(solver)
 
-    def solve(start, run):
-        p.velocity_multiplier.from_numpy(start)
+    def run_from(guess, run):
+        p.velocity_multiplier.from_numpy(guess)
         ti.sync()
         begin = time.perf_counter()
         iterations = run()
@@ -136,77 +188,98 @@ def solvers(layers: int, depth: int) -> list[dict[str, str]]:
         return float(np.sqrt((volume * ((u - true) ** 2).sum(axis=1)).sum() / scale))
 
     limits = solver.parameters
-    _, _, true = solve(warm, lambda: solve_for.solve_to(dt, 1e-9, 0.0, 2000))
+    _, _, true = run_from(warm, lambda: solve_for.solve_to(dt, 1e-9, 0.0, 2000))
     motion_weight = limits.motion_tolerance / limits.tolerance
-    rows = []
-    for name, begin in (("cold", 0.0 * warm), ("warm", warm)):
-        cg = [
-            solve(
-                begin,
-                lambda: solve_for.solve_to(dt, limits.tolerance, motion_weight, 500),
-            )
-            for _ in range(5)
-        ]
-        error = distance(cg[0][2], true)
-        count = 1
-        while (
-            count < MAX_LAUNCHES
-            and distance(solve(begin, lambda c=count: jacobi.run(c))[2], true) > error
-        ):
-            count = min(MAX_LAUNCHES, int(1.25 * count) + 1)
-        walls = [solve(begin, lambda c=count: jacobi.run(c))[1] for _ in range(5)]
-        reached = distance(solve(begin, lambda c=count: jacobi.run(c))[2], true)
-        rows.append(
-            {
-                "water": f"{'layered' if layers > 1 else 'uniform'}, {depth} spacings deep",
-                "initial guess": name,
-                "remaining error": f"{100 * error:.1f} %",
-                "conjugate gradients": f"{cg[0][0]} iterations, "
-                f"{statistics.median(c[1] for c in cg):.1f} ms",
-                "Jacobi": f"{PER_LAUNCH * count} iterations, {statistics.median(walls):.1f} ms"
-                + ("" if reached <= error else f", remaining error {100 * reached:.1f} %"),
-            }
-        )
-    return rows
+    begin = warm if warm_start else 0.0 * warm
+    cg = [
+        run_from(begin, lambda: solve_for.solve_to(dt, limits.tolerance, motion_weight, 500))
+        for _ in range(5)
+    ]
+    error, count = distance(cg[0][2], true), 1
+    while (
+        count < MAX_LAUNCHES
+        and distance(run_from(begin, lambda c=count: jacobi.run(c))[2], true) > error
+    ):
+        count = min(MAX_LAUNCHES, int(1.25 * count) + 1)
+    walls = [run_from(begin, lambda: jacobi.run(count))[1] for _ in range(5)]
+    return {
+        "remaining error": error,
+        "conjugate gradients: iterations": cg[0][0],
+        "ms": statistics.median(c[1] for c in cg),
+        "Jacobi: iterations": PER_LAUNCH * count,
+        "Jacobi: ms": statistics.median(walls),
+        "Jacobi: remaining error": distance(run_from(begin, lambda: jacobi.run(count))[2], true),
+    }
+
+
+# Parts: function, and first cells of its rows with its arguments.
+PARTS = {
+    "speed": (speed, {(f"{SCENE}, rocking", setup): (setup,) for setup in SETUPS}),
+    "errors": (errors, {(SCENE, setup): (setup,) for setup in SETUPS}),
+    "solve": (
+        solve,
+        {
+            (f"{water}, 60 spacings deep", guess): (layers, guess == "warm")
+            for water, layers in (("uniform", 1), ("layered", 4))
+            for guess in ("cold", "warm")
+        },
+    ),
+}
+
+
+def table(known: list[dict], part: str, heads: tuple[str, str], forms: dict[str, str]) -> str:
+    """Returns the Markdown table of a part: median (least to largest) over the starts."""
+    lines = []
+    for name, kind in PARTS[part][1]:
+        own = [r for r in known if (r["part"], r["name"], r["kind"]) == (part, name, kind)]
+        if own:
+            cells = {h: rows.spread([float(r[h]) for r in own], f) for h, f in forms.items()}
+            lines.append({**dict(zip(heads, (name, kind), strict=True)), **cells})
+    return tabulate(lines, headers="keys", tablefmt="github", disable_numparse=True)
 
 
 @click.command()
 @click.option("--seconds", default=4.0, show_default=True, help="Simulated time of each run [s].")
 @click.option(
-    "--rounds",
-    default=2,
-    show_default=True,
-    type=click.IntRange(min=1),
-    help="Number of runs of each set-up.",
+    "--starts", default=rows.STARTS, show_default=True, type=click.IntRange(1), help="Starts."
 )
+@click.option("--resume", is_flag=True, help="Keep the rows of earlier runs.")
 @click.option("--arch", type=click.Choice(ARCHES), default="auto", show_default=True)
-def main(seconds: float, rounds: int, arch: str) -> None:
+@click.option("--worker", hidden=True)
+def main(seconds: float, starts: int, resume: bool, arch: str, worker: str | None) -> None:
     """Measure speed and errors, and write bench/results/methods.{md,csv}."""
     arch = start(arch)
-    speeds = []
-    for _ in range(rounds):
-        for setup, changes in SETUPS.items():
-            scene = load_scene(SCENE, (*GIVEN, *changes))
-            name = f"{SCENE}, rocking, {setup}"
-            speeds.append(benchmark(scene, name, seconds, render=False).row())
-    found = [errors(setup, seconds) for setup in SETUPS]
-    compared = [row for layers in (1, 4) for row in solvers(layers, 60)]
-    RESULTS.mkdir(exist_ok=True)
-    with open(RESULTS / "methods.csv", "w", newline="") as file:
-        writer = csv.DictWriter(file, found[0].keys())
-        writer.writeheader()
-        writer.writerows(found)
-    report = [heading("Classic and projection method in the deep pool", arch)]
-    report.append("Speed and errors, simulation only:\n")
-    report.append(tabulate(speeds, headers="keys", tablefmt="github", disable_numparse=True))
-    report.append(f"\nErrors of the pool at rest, over the second half of {seconds:g} s:\n")
-    report.append(tabulate(found, headers="keys", tablefmt="github", disable_numparse=True))
-    report.append(
+    if worker:
+        part, arguments = json.loads(worker)
+        print(json.dumps(PARTS[part][0](*arguments)))
+        return
+    known: list[dict] = rows.read(RESULTS / TABLE) if resume else []
+    done = {(r["part"], r["name"], r["kind"], str(r["start"])) for r in known}
+    for seed in range(starts):
+        for part, (_, cases) in PARTS.items():
+            for (name, kind), arguments in cases.items():
+                if (part, name, kind, str(seed)) in done:
+                    continue
+                more = () if part == "solve" else (seconds,)
+                task = (part, (*arguments, seed, *more))
+                found = rows.in_process(__file__, task, MAX_SECONDS)
+                click.echo(f"{part}, {name}, {kind}, start {seed + 1} {found.get('failure', '')}")
+                if "failure" not in found:
+                    known.append({"part": part, "name": name, "kind": kind, "start": seed, **found})
+                    rows.write(RESULTS / TABLE, known)
+    count = len({str(r["start"]) for r in known})
+    report = [
+        heading("Classic and projection method in the deep pool", arch),
+        f"{count} starts: median (least to largest).\n\nSpeed and errors, simulation only:\n",
+        table(known, "speed", ("pool", "method"), SPEEDS),
+        f"\nErrors of the pool at rest, over the second half of {seconds:g} s:\n",
+        table(known, "errors", ("pool", "method"), ERRORS),
         "\nPressure solve of one step in still water: conjugate gradients to the default "
-        "tolerance, Jacobi until\nits displacements have the same error:\n"
-    )
-    report.append(tabulate(compared, headers="keys", tablefmt="github", disable_numparse=True))
-    (RESULTS / "methods.md").write_text("\n".join([*report, ""]))
+        "tolerance, Jacobi until\nits displacements have the same error:\n",
+        table(known, "solve", ("water", "initial guess"), SOLVES),
+        "",
+    ]
+    (RESULTS / "methods.md").write_text("\n".join(report))
     click.echo("\n".join(report))
 
 

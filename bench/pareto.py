@@ -1,9 +1,12 @@
 """Speed against error: runs every case with each method, kind of water, spacing and setting.
 
-python bench/pareto.py [--quick] [--case NAME] [--resume] [--cluster ADDRESS] [--arch cpu]
+python bench/pareto.py [--quick] [--case NAME] [--only water=uniform] [--resume] [--busy]
+                       [--cluster ADDRESS] [--arch cpu]
 
 Every row is a run in a separate process, one at a time, and is written to bench/results/pareto.csv
-when it ends. --resume continues there, and repeats runs that other busy processes disturbed. Runs
+when it ends; all settings run with the first start before the next, so that an interrupted sweep
+has the medians of fewer starts. --resume continues there, and repeats runs that other busy
+processes disturbed, unless --busy keeps them. DFSPH needs pip install '.[peers]'. Runs
 whose time does not matter, the references of self-convergence, can run on an existing Dask cluster
 (pip install '.[cluster]', with this checkout on the workers). bench/results/pareto.md and
 pareto*.png are generated from the CSV file.
@@ -11,6 +14,7 @@ pareto*.png are generated from the CSV file.
 
 import dataclasses
 import json
+import os
 import sys
 from pathlib import Path
 
@@ -19,10 +23,10 @@ from tqdm import tqdm
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from bench import rows
+from bench import peer_splishsplash, rows
 from bench.cases import CASES
-from bench.cases.case import Setting
-from bench.pareto_table import disturbed, key, row_of
+from bench.cases.case import DFSPH, Setting
+from bench.pareto_table import KEYS, disturbed, key, row_of
 from bench.report import RESULTS
 from msph.device import ARCHES, start
 
@@ -35,7 +39,8 @@ MAX_SECONDS = 1800
 
 def run(case: str, setting: Setting, arch: str) -> dict[str, float]:
     """Returns the figures of a row, measured in this process."""
-    start(arch)
+    if setting.method != DFSPH:
+        start(arch)
     done, found = CASES[case].measure(setting)
     costs = done.costs()
     if not setting.timed:
@@ -49,11 +54,25 @@ def in_process(case: str, setting: dict, arch: str) -> dict[str, float | str]:
     return rows.in_process(__file__, task, MAX_SECONDS)
 
 
-def sweep(names: tuple[str, ...], quick: bool, known: list[dict], arch: str, cluster: str) -> None:
+def requested(names: tuple[str, ...], quick: bool, only: dict[str, str]) -> list:
+    """Returns the cases and settings to measure, one start after the other. only: values of the
+    settings, as in the table."""
+    every = [(name, setting) for name in names for setting in CASES[name].settings(quick)]
+    if peer_splishsplash.missing():
+        click.echo("pySPlisHSPlasH is not installed: skipped (pip install '.[peers]')")
+        every = [(name, setting) for name, setting in every if setting.method != DFSPH]
+
+    def wanted(setting: Setting) -> bool:
+        own = dict(zip(KEYS, key({"case": "", **dataclasses.asdict(setting)}), strict=True))
+        return all(own[name] == value for name, value in only.items())
+
+    return sorted((t for t in every if wanted(t[1])), key=lambda task: task[1].start)
+
+
+def sweep(tasks: list, known: list[dict], arch: str, cluster: str, busy: bool) -> None:
     """Measures every row that is unknown or was disturbed, and writes the table after each."""
-    requested = [(name, setting) for name in names for setting in CASES[name].settings(quick)]
-    done = {key(row) for row in known if not disturbed(row)}
-    todo = [(n, s) for n, s in requested if key({"case": n, **dataclasses.asdict(s)}) not in done]
+    done = {key(row) for row in known if busy or not disturbed(row)}
+    todo = [(n, s) for n, s in tasks if key({"case": n, **dataclasses.asdict(s)}) not in done]
     elsewhere = [(n, s) for n, s in todo if not s.timed] if cluster else []
     pending = submit(cluster, elsewhere, arch) if elsewhere else []
     for name, setting in tqdm([t for t in todo if t not in elsewhere], unit="run"):
@@ -88,26 +107,34 @@ def submit(address: str, tasks: list[tuple[str, Setting]], arch: str) -> list:
     type=click.Choice(list(CASES)),
     help="Run only this case. Repeatable.",
 )
+@click.option(
+    "--only", "only", multiple=True, metavar="NAME=VALUE", help="Settings to run. Repeatable."
+)
 @click.option("--resume", is_flag=True, help="Keep the rows of earlier runs.")
+@click.option("--busy", is_flag=True, help="Keep rows that other processes disturbed, too.")
 @click.option("--cluster", default="", help="Address of a Dask scheduler for untimed runs.")
 @click.option("--draw", is_flag=True, help="Only write the report and figures of the stored rows.")
 @click.option("--arch", type=click.Choice(ARCHES), default="auto", show_default=True)
 @click.option("--worker", hidden=True)
-def main(quick, cases, resume, cluster, draw, arch, worker) -> None:
+def main(quick, cases, only, resume, busy, cluster, draw, arch, worker) -> None:
     """Run the cases and write bench/results/pareto.{csv,md,png} and a figure for each case."""
     if worker:
         task = json.loads(worker)
-        print(json.dumps(run(task["case"], Setting(**task["setting"]), task["arch"])))
-        return
+        found = run(task["case"], Setting(**task["setting"]), task["arch"])
+        print(json.dumps(found), flush=True)
+        os._exit(0)  # other programs may crash at their end
     from bench.pareto_report import report
 
     cases = cases or tuple(CASES)
     known = rows.read(RESULTS / TABLE)
-    if not resume and not draw:
+    chosen = dict(pair.split("=", 1) for pair in only)
+    if set(chosen) - set(KEYS):
+        raise click.UsageError(f"--only: known names are {', '.join(KEYS[1:])}")
+    if not (resume or draw or only):
         known = [row for row in known if row["case"] not in cases]
     RESULTS.mkdir(exist_ok=True)
     if not draw:
-        sweep(cases, quick, known, start(arch), cluster)
+        sweep(requested(cases, quick, chosen), known, start(arch), cluster, busy)
     report(known, RESULTS)
 
 

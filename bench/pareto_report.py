@@ -14,13 +14,14 @@ from bench.cases import CASES
 from bench.cases.case import (
     ADAPTIVE,
     CHANGEABLE,
+    DFSPH,
     FIXED,
-    RELIEF,
+    NO_RELIEF,
     UNIFORM,
     Case,
     Setting,
 )
-from bench.pareto_table import disturbed, number
+from bench.pareto_table import disturbed, grouped, high, low, number
 from bench.report import RESULTS
 
 matplotlib.use("Agg")
@@ -37,17 +38,22 @@ STYLES = {
     ("projection", ADAPTIVE): ("#D55E00", "D", "adaptive layers"),
     ("classic", UNIFORM): ("#999999", "v", "classic, uniform"),
     ("classic", FIXED): ("#555555", "^", "classic, layers"),
+    (DFSPH, UNIFORM): ("#CC79A7", "X", "SPlisHSPlasH, DFSPH"),
 }
-# Changes of rows with shear relief, in words.
-RELIEVED = Setting(shear_relief=RELIEF).changes
+# Changes of rows without shear relief, in words.
+RUBBING = Setting(shear_relief=NO_RELIEF).changes
 OTHER = ("#009E73", "P")
 COSTS = {
     "wall_per_simulated": "elapsed s / simulated s",
     "particles": "particles",
     "peak_mib": "peak MiB",
-    "compression_mean": "compression, mean",
-    "compression_largest": "largest",
+    "solver_residual_mean": "solver residual, mean",
+    "solver_residual_max": "largest",
+    "kernel_density_error_mean": "kernel density error, mean",
+    "kernel_density_error_p99": "99th percentile",
 }
+# Figures whose range over the starts is not shown.
+WITHOUT_RANGE = ("particles", "peak_mib")
 
 
 def changes(row: dict) -> str:
@@ -65,37 +71,40 @@ def undominated(rows: list[dict], error: str) -> list[dict]:
     return found
 
 
-def drawn(rows: list[dict], case: Case) -> list[dict]:
-    """Returns the rows of the case with a time and a value of its main error."""
+def drawn(rows: list[dict], case: Case, error: str = "") -> list[dict]:
+    """Returns the rows of the case with a time and a value of the error, by default the main."""
     return [
         row
         for row in rows
         if row["case"] == case.name
-        and all(np.isfinite(number(row, k)) for k in ("wall_per_simulated", case.main))
+        and all(np.isfinite(number(row, k)) for k in ("wall_per_simulated", error or case.main))
     ]
 
 
-def plot(axis, rows: list[dict], case: Case) -> None:
-    """Plots the main error over time."""
+def plot(axis, rows: list[dict], case: Case, error: str) -> None:
+    """Plots an error over time: medians and ranges over the starts."""
+    rows = drawn(rows, case, error)
     for row in rows:
         kind = (row["method"], row["water"])
         colour, marker, _ = STYLES.get(kind, (*OTHER, ""))
-        x, y = number(row, "wall_per_simulated"), max(number(row, case.main), LEAST)
+        x, y = number(row, "wall_per_simulated"), max(number(row, error), LEAST)
+        ends = [max(end(row, error), LEAST) for end in (low, high)]
+        axis.plot([x, x], ends, color=colour, lw=0.8, alpha=0.6, zorder=2)
         size, edge = 25 if changes(row) else 60, "white"
-        if changes(row) == RELIEVED:
+        if changes(row) == RUBBING:
             size, edge = 40, "black"
         axis.scatter(x, y, size, colour, marker, edgecolors=edge, linewidths=0.8, zorder=3)
         if kind not in STYLES:
             label = f"{row['water']}, {row['method']}"
             axis.annotate(label, (x, y), (5, 3), textcoords="offset points", fontsize=8)
-    best = undominated(rows, case.main)
+    best = undominated(rows, error)
     x = [number(row, "wall_per_simulated") for row in best]
-    axis.plot(x, [max(number(row, case.main), LEAST) for row in best], color="#000000", lw=0.8)
+    axis.plot(x, [max(number(row, error), LEAST) for row in best], color="#000000", lw=0.8)
     axis.set(xscale="log", yscale="log", title=case.title)
     for ticks, format_ in ((axis.yaxis, "{:g} %"), (axis.xaxis, "{:g}")):
         label_ticks(ticks, format_, 100.0 if "%" in format_ else 1.0)
     axis.set_xlabel("elapsed seconds per simulated second")
-    axis.set_ylabel(case.main.replace("_", " ") + " error")
+    axis.set_ylabel(error.replace("_", " ") + " error")
     axis.axvline(1.0, color="#bbbbbb", lw=0.8, ls=":")
     axis.spines[["top", "right"]].set_visible(False)
 
@@ -116,7 +125,7 @@ def label_ticks(ticks, format_: str, scale: float) -> None:
 def legend(axis) -> None:
     for colour, marker, label in STYLES.values():
         axis.scatter([], [], 60, colour, marker, label=label)
-    axis.scatter([], [], 40, "white", edgecolors="black", label="black edge: shear relief")
+    axis.scatter([], [], 40, "white", edgecolors="black", label="black edge: no shear relief")
     axis.scatter([], [], 25, "#000000", label="small: another setting")
     axis.plot([], [], color="#000000", lw=0.8, label="undominated")
     axis.legend(fontsize=8, framealpha=0.9)
@@ -129,17 +138,18 @@ def figures(rows: list[dict], folder: Path) -> list[str]:
         own = drawn(rows, case)
         if own:
             figure, axis = plt.subplots(figsize=(7.5, 5.0))
-            plot(axis, own, case)
+            plot(axis, own, case, case.main)
             legend(axis)
             names.append(save(figure, folder, f"pareto_{case.name}"))
-    summary = [case for case in CASES.values() if case.summary and drawn(rows, case)]
-    if summary:
-        down = math.ceil(len(summary) / 2)
+    panels = [(c, error) for c in CASES.values() for error in c.summary if drawn(rows, c, error)]
+    if panels:
+        down = math.ceil(len(panels) / 2)
         figure, grid = plt.subplots(down, 2, figsize=(11.0, 4.4 * down), squeeze=False)
-        for axis, case in zip(grid.flat, summary, strict=False):
-            plot(axis, drawn(rows, case), case)
-            axis.set_title(case.title, fontsize=10)
-        for axis in grid.flat[len(summary) :]:
+        for axis, (case, error) in zip(grid.flat, panels, strict=False):
+            plot(axis, rows, case, error)
+            shift = f", {case.note}" if error == case.main and case.note else ""
+            axis.set_title(f"{case.title}{shift}", fontsize=10)
+        for axis in grid.flat[len(panels) :]:
             axis.set_axis_off()
         legend(grid.flat[-1])
         save(figure, folder, "pareto")
@@ -181,39 +191,52 @@ def unreached(rows: list[dict], case: Case) -> str:
     )
 
 
-def ratio_at_equal_error(rows: list[dict], case: Case) -> str:
-    """Returns the largest speed-up of adaptive layers over uniform water at equal error, in
-    words."""
-    found = {error: _ratio(rows, error) for error in case.errors}
-    parts = [
-        f"{name.replace('_', ' ')} {'over ' * bound}{ratio:.2g}"
-        for name, (ratio, bound) in found.items()
-        if ratio
-    ]
-    if not parts:
-        return "no uniform run has an error of a run with adaptive layers"
-    factors = ", ".join(parts)
-    text = "at equal error adaptive layers are faster than uniform water by a factor of up to"
-    return f"{text}: {factors}"
+def ratios(rows: list[dict], case: Case) -> list[dict[str, str]]:
+    """Returns a row for each run with adaptive layers: how many times faster it is than uniform
+    water of the same main error, by medians, and by the ends of the ranges."""
+    uniform, found = by_water(rows)[UNIFORM], []
+    for row in by_water(rows)[ADAPTIVE]:
+        speed_up = compare(row, uniform, case.main)
+        if speed_up:
+            found.append(
+                {
+                    "fineness": row["fineness"],
+                    "changes": changes(row),
+                    case.main.replace("_", " "): cell(row, case.main),
+                    "speed-up of adaptive layers over uniform water": speed_up,
+                }
+            )
+    return found
 
 
-def _ratio(rows: list[dict], error: str) -> tuple[float, bool]:
-    """Returns the largest ratio of times over all adaptive rows, 0 if no uniform row has such an
-    error, and whether the ratio is a lower bound, as no uniform row reaches the error. Times are
-    interpolated in logarithms between uniform rows."""
-    by = by_water(rows)
-    uniform = undominated(by[UNIFORM], error)
-    errors = np.log([max(number(r, error), LEAST) for r in uniform])
-    time = np.log([number(r, "wall_per_simulated") for r in uniform])
-    best, bound = 0.0, False
-    for row in by[ADAPTIVE]:
-        wanted = math.log(max(number(row, error), LEAST))
-        if wanted > math.log(LEAST) and len(errors) and wanted <= errors.max():
-            at = np.interp(-wanted, -errors, time)
-            found = math.exp(at) / number(row, "wall_per_simulated")
-            if found > best:
-                best, bound = found, wanted < errors.min()
-    return best, bound
+def compare(row: dict, others: list[dict], error: str) -> str:
+    """Returns how many times faster a run is than others of the same error, in words: by medians,
+    and from the row's largest error and time against the others' least to the reverse. Empty if the
+    others have no such error."""
+    middle = _ratio(row, others, error, number, number)
+    if not middle:
+        return ""
+    least, most = (_ratio(row, others, error, *ends) for ends in ((high, low), (low, high)))
+    words = f"{'over ' * middle[1]}{middle[0]:.2g}"
+    ends = [f"{end[0]:.2g}" if end else "?" for end in (least, most)]
+    unlike = least and most and (least[0] > 1.0) == (most[0] > 1.0)
+    return f"{words} ({ends[0]} to {ends[1]}){'' if unlike else ', not significant'}"
+
+
+def _ratio(row: dict, others: list[dict], error: str, own, theirs) -> tuple[float, bool] | None:
+    """Returns the time of the others at the row's error over the row's time, interpolated in
+    logarithms, and whether it is a lower bound, as no other reaches the error; None if the row's
+    error exceeds all others or is rounding. own, theirs: which value over the starts to read."""
+    names = (error, "wall_per_simulated")
+    known = [r for r in others if all(np.isfinite(number(r, name)) for name in names)]
+    read = [{**r, **{name: theirs(r, name) for name in names}} for r in known]
+    line, wanted = undominated(read, error), math.log(max(own(row, error), LEAST))
+    errors = np.log([max(r[error], LEAST) for r in line])
+    if not line or not math.log(LEAST) < wanted <= errors.max():
+        return None
+    time = np.log([number(r, "wall_per_simulated") for r in line])
+    at = math.exp(np.interp(-wanted, -errors, time))
+    return at / own(row, "wall_per_simulated"), bool(wanted < errors.min())
 
 
 STYLES_OF = (UNIFORM, FIXED, ADAPTIVE)
@@ -230,7 +253,7 @@ def slope(fineness: list[float], errors: list[float]) -> str:
 def orders(rows: list[dict], case: Case) -> list[dict[str, str]]:
     """Returns a row for each kind of water: order of convergence of each error."""
     found = []
-    for change, water in itertools.product(("", RELIEVED), STYLES_OF):
+    for change, water in itertools.product(("", RUBBING), STYLES_OF):
         own = [
             r
             for r in rows
@@ -301,16 +324,27 @@ def table(rows: list[dict], case: Case) -> str:
         mark = "**" if id(row) in best else ""
         cells = {"method": row["method"], "water": f"{mark}{row['water']}{mark}"}
         cells |= {"fineness": row["fineness"], "changes": changes(row)}
+        cells["starts"] = str(row["starts"])
         for name, head in COSTS.items():
-            cells[head] = shown(name, number(row, name))
+            cells[head] = cell(row, name)
         for name in case.errors:
-            cells[name.replace("_", " ")] = shown("error", number(row, name))
+            cells[name.replace("_", " ")] = cell(row, name)
         if disturbed(row):
             cells["changes"] += f" ({number(row, 'others'):.1f} cores busy with other work)"
         if row.get("failure"):
             cells["changes"] += f" failed: {row['failure']}"
         lines.append(cells)
     return lines_of(lines)
+
+
+def cell(row: dict, name: str) -> str:
+    """Returns the median of a figure, and its range over the starts."""
+    kind = name if name in ("wall_per_simulated", *WITHOUT_RANGE) else "error"
+    middle = shown(kind, number(row, name))
+    ends = [shown(kind, end(row, name)) for end in (low, high)]
+    if name in WITHOUT_RANGE or ends[0] == ends[1]:
+        return middle
+    return f"{middle} ({' to '.join(ends)})"
 
 
 def lines_of(rows: list[dict[str, str]]) -> str:
@@ -339,40 +373,96 @@ def report(rows: list[dict], folder: Path = RESULTS) -> None:
     """Writes pareto.md and the figures."""
     where = sorted({f"{r['machine']}; arch {r['arch']}; {r['date']}" for r in rows})
     command = " ".join(["python", *sys.argv])
+    rows = grouped(rows)
     text = [
         "# Speed against error\n",
         *(f"- {place}" for place in where),
         f"- drawn by `{command}`\n",
         "Elapsed seconds per simulated second, in frames of 1/60 s; peak memory of the process, "
-        "150 MiB of which is Python and\nTaichi; compression: max(rho/rho0 - 1, 0), rho computed "
-        "from the positions at the end of frames. Bold: no other row is\nfaster and has a smaller "
-        "main error, the first of the case's list. Every row is one run, unless its error states "
-        "more.\n",
+        "150 MiB of which is Python and\nTaichi. Every row is the median of its starts, which "
+        "differ in the initial displacements, with the range in brackets.\n*Solver residual*: "
+        "max(rho/rho0 - 1, 0) with the solver's own density; *kernel density error*: the same by a "
+        "plain sum of the\nM5 kernel over the positions. Bold: no other row is faster and has a "
+        "smaller main error, the first of the case's list.\n",
     ]
     figures(rows, folder)
     text += ["## The fastest run within an error limit\n", f"{lines_of(recommended(rows))}\n"]
+    text += compared_with_peer(rows)
     for case in CASES.values():
         own = [row for row in rows if row["case"] == case.name]
         if not own:
             continue
         text += [
             f"## {case.title}\n",
-            f"Fineness: {case.across} in finest spacings.\n",
+            f"Fineness: {case.across} in finest spacings{'; ' * bool(case.note)}{case.note}.\n",
         ]
         text += [f"- {name.replace('_', ' ')}: {what}" for name, what in case.errors.items()]
-        if {UNIFORM, ADAPTIVE} <= {row["water"] for row in own}:
-            found = (f(drawn(rows, case), case) for f in (ratio_at_equal_error, unreached))
-            text += [f"\n{words[0].upper()}{words[1:]}." for words in found if words]
+        words = unreached(drawn(rows, case), case)
+        text += [f"\n{words[0].upper()}{words[1:]}."] if words else []
         text += ["", table(rows, case), ""]
         for title, lines in (
-            (
-                "Order of convergence with the spacing, and its standard error:",
-                orders(own, case),
-            ),
+            ("Adaptive layers against uniform water at equal error:", ratios(own, case)),
+            ("Order of convergence with the spacing, and its standard error:", orders(own, case)),
             ("Differences from the finest uniform run:", self_convergence(rows, case)),
         ):
             if lines:
-                text += [title, "", tabulate(lines, headers="keys", tablefmt="github"), ""]
+                text += [title, "", lines_of(lines), ""]
         if drawn(rows, case):
             text.append(f"![{case.title}](pareto_{case.name}.png)\n")
     (folder / "pareto.md").write_text("\n".join(text), encoding="utf-8")
+
+
+def compared_with_peer(rows: list[dict]) -> list[str]:
+    """Returns the section that compares each run of SPlisHSPlasH with our runs of equal error."""
+    lines = []
+    for case in CASES.values():
+        own = [r for r in rows if r["case"] == case.name]
+        theirs = [r for r in own if r["method"] == DFSPH]
+        for row, error in itertools.product(theirs, case.peer):
+            if np.isfinite(number(row, error)):
+                ours = [r for r in drawn(own, case, error) if r["method"] == "projection"]
+                lines.append(
+                    {
+                        "case": case.name,
+                        "fineness": row["fineness"],
+                        "settings": changes(row) or "as shipped",
+                        "error": f"{error.replace('_', ' ')} {cell(row, error)}",
+                        "its s per s": cell(row, "wall_per_simulated"),
+                        "faster at this error": faster(row, ours, error),
+                    }
+                )
+    if not lines:
+        return []
+    return [
+        "## SPlisHSPlasH\n",
+        "DFSPH (Bender and Koschier 2015) of pySPlisHSPlasH, as shipped and with other settings "
+        "(viscosity [m^2/s], cfl: factor of\nthe Courant number, tolerance: mean density error in "
+        "%, dt: longest step [s]), from the same initial particles. Its walls act\nat a distance "
+        "and are therefore outside the tank, as far as still water then has its level. All errors "
+        "are computed from\npositions and velocities by the code that measures ours. Ours: "
+        "the fastest run, uniform or layered, with at most the same\nerror, interpolated.\n",
+        lines_of(lines),
+        "",
+    ]
+
+
+def faster(row: dict, ours: list[dict], error: str) -> str:
+    """Returns which program is faster at the error of a run of DFSPH, and by which factor."""
+    if not ours:
+        return "-"
+    worst = max(undominated(ours, error), key=lambda r: number(r, error))
+    if number(row, error) > number(worst, error):
+        factor = number(row, "wall_per_simulated") / number(worst, "wall_per_simulated")
+        own = f"{cell(worst, error)} in {worst['wall_per_simulated']:.2g} s per s"
+        return f"ours, over {factor:.2g} times: {own}" if factor > 1.0 else f"unknown; ours: {own}"
+    words = compare(row, ours, error)
+    if not words:
+        return "-"
+    ratio, bound = _ratio(row, ours, error, number, number) or (1.0, False)
+    if bound:
+        return "SPlisHSPlasH: no run of ours reaches the error"
+    if "not significant" in words:
+        return f"not significant: ours takes {words.split(',')[0]} of its time"
+    if ratio > 1.0:
+        return f"SPlisHSPlasH, {ratio:.2g} times"
+    return f"ours, {1.0 / ratio:.2g} times"

@@ -24,7 +24,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bench.tanks import FRAME
 from msph.device import ARCHES, start
-from msph.fluid.external_forces import ExternalForces
+from msph.fluid.external_forces import ExternalForces, Hand
 from msph.measure.ledger import Ledger
 from msph.measure.probes import build_probes
 from msph.measure.snapshot import Snapshot
@@ -46,7 +46,8 @@ class Case:
     """An optional part. on, off: changes of the tank's scene with the part and without it.
     observer: work after each frame of the tank with the part: "ledger", "probes", "surface" or
     "picture" (surface and image); always: work after each frame of both tanks. modules: prefix of
-    the modules whose kernels belong to the part, "" if the part has no kernels of its own."""
+    the modules whose kernels belong to the part, "" if the part has no kernels of its own. skipped:
+    method of the picture that does nothing in the tank without the part."""
 
     name: str
     on: dict[str, Any] = field(default_factory=dict)
@@ -54,6 +55,7 @@ class Case:
     observer: str = ""
     always: str = ""
     modules: str = ""
+    skipped: str = ""
 
 
 LAYERS = [{"spacing": SPACING * 2.0 ** (k / 3.0)} for k in range(3)]
@@ -67,12 +69,14 @@ PROBES = [
 SCENES: dict[str, tuple[dict[str, Any], dict[str, Any], str]] = {
     "viscosity": ({"projection": {"viscosity": 1.0}}, {}, ""),
     "tension": ({"projection": {"tension": 0.072}}, {}, ""),
-    "shear relief": ({"projection": {"shear_relief": 0.9}}, {}, ""),
+    "shear relief": ({}, {"projection": {"shear_relief": 0.0}}, ""),
     "xsph": ({"projection": {"xsph": 0.05}}, {}, ""),
     "adaptation": ({**LAYERED, "adaptation": {"enabled": True}}, LAYERED, ""),
     "bodies": ({"bodies": [BALL]}, {}, ""),
     "caustics": ({}, {"picture": {"caustics": False}}, "picture"),
     "whitewater": ({}, {"picture": {"whitewater": False}}, "picture"),
+    "wet walls": ({}, {"picture": {"drying": 0.0}}, "picture"),
+    "ripples": ({}, {"picture": {"ripples": False}}, "picture"),
     "supersample": ({"picture": {"supersample": 2}}, {}, "picture"),
 }
 CASES = (
@@ -84,6 +88,7 @@ CASES = (
     Case("probes", {"probes": PROBES}, observer="probes", modules="msph.measure"),
     Case("surface", observer="surface", modules="msph.surface"),
     Case("picture, surface included", observer="picture", modules="msph.picture"),
+    Case("edges", always="picture", modules="msph.picture.edge_filter", skipped="resolve"),
     Case("refraction", off={"picture": {"refractive_index": 1.0}}, always="picture"),
 )
 
@@ -145,6 +150,8 @@ class Side:
         if self.show:
             if self.show.whitewater:
                 self.show.whitewater.advance(FRAME, GRAVITY)
+            if self.show.picture:
+                self.show.picture.advance(FRAME, Hand())
             self.show.draw()
 
     def timed(self) -> None:
@@ -172,6 +179,8 @@ def measured(part: Case) -> dict[str, Any]:
     Side({}, "")
     off = Side(part.off, part.always)
     on = Side(part.on, part.observer or part.always)
+    if part.skipped:
+        setattr(off.show.picture, part.skipped, lambda: None)
     for frame in range(UNTIMED + FRAMES):
         for side in (off, on):
             if frame == UNTIMED:

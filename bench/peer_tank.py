@@ -8,10 +8,11 @@ import numpy as np
 import taichi as ti
 
 from bench.tanks import FRAME, GRAVITY
+from bench.water import Ours, Water
 from msph.device import start
-from msph.fluid.external_forces import ExternalForces
 from msph.fluid.simulation import Simulation
 from msph.measure.bulk import KERNEL_RADIUS, bulk_density
+from msph.measure.kernel_density import kernel_density
 from msph.scene.build import build_simulation
 from msph.scene.quality import LADDER
 from msph.scene.schema import Scene
@@ -67,8 +68,8 @@ class Tank:
 @dataclass
 class Run:
     """Result of a run: numbers of particles; simulated and elapsed time [s]; numbers of steps and
-    of iterations of the pressure solve; compression: mean over particles of max(rho/rho0 - 1, 0)
-    (-) in each frame; bulk densities (-), NaN in shallow water (msph.measure.bulk)."""
+    of iterations of the pressure solve; mean solver residual (-) in each frame; mean kernel density
+    errors and bulk densities (-), NaN in shallow water (msph.measure)."""
 
     particles_start: int = 0
     particles_end: int = 0
@@ -76,7 +77,8 @@ class Run:
     wall: float = 0.0
     steps: int = 0
     iterations: int = 0
-    compression: list[float] = field(default_factory=list)
+    residual: list[float] = field(default_factory=list)
+    kernel: list[float] = field(default_factory=list)
     bulk: list[float] = field(default_factory=list)
     settings: str = ""
 
@@ -86,40 +88,30 @@ class Run:
         return self.simulated / self.wall
 
 
-def run(tank: Tank, layers: int, looser: bool, seconds: float, arch: str) -> Run:
-    """Runs our solver for `seconds` [s], after compiling its kernels."""
+def ours(tank: Tank, layers: int, looser: bool, arch: str) -> tuple[Ours, str]:
+    """Returns our water with compiled kernels, and its settings in words."""
     arch = start(arch)
-    gravity = ExternalForces(gravity=(0.0, -GRAVITY, 0.0))
     sim = build_simulation(tank.scene(layers, looser))
     sim.warm_up(FRAME)
-    found = Run(particles_start=sim.particles.count, settings=settings(sim, arch))
+    return Ours(sim), settings(sim, arch)
+
+
+def run(tank: Tank, water: Water, seconds: float, settings: str) -> Run:
+    """Runs the water of a tank for `seconds` [s]; measurements are not timed."""
+    found = Run(particles_start=water.count, settings=settings)
     for frame in range(max(1, round(seconds / FRAME))):
-        ti.sync()
         begin = time.perf_counter()
-        sim.advance(FRAME, gravity)
-        ti.sync()
+        water.advance(FRAME, GRAVITY)
         found.wall += time.perf_counter() - begin
-        found.simulated += FRAME
-        found.compression.append(compression(sim))
-        if frame % BULK_EVERY == 0 and sim.time >= BULK_FROM:
-            found.bulk.append(bulk(sim))
-    found.particles_end = sim.particles.count
-    found.steps, found.iterations = sim.steps, sim.iterations
+        found.simulated = water.time
+        found.residual.append(float(water.residuals().mean()))
+        if frame % BULK_EVERY == 0 and water.time >= BULK_FROM:
+            x, spacing = water.positions(), water.spacings()
+            found.bulk.append(inner_bulk(x, spacing, tank.size))
+            found.kernel.append(kernel_density(x, spacing, tank.size).mean)
+    found.particles_end = water.count
+    found.steps, found.iterations = water.steps, water.iterations
     return found
-
-
-def compression(sim: Simulation) -> float:
-    """Returns the mean over particles of max(rho/rho0 - 1, 0) (-) at the current positions."""
-    sim.measure_density()
-    rest = sim.layers.rest_density
-    return float(np.maximum(sim.particles.numpy("density") / rest - 1.0, 0.0).mean())
-
-
-def bulk(sim: Simulation) -> float:
-    """Returns the mean bulk density (-) of our simulation; see inner_bulk()."""
-    spacings = np.array([s.spacing for s in sim.layers.specs])
-    x = sim.particles.numpy("x").astype(float)
-    return inner_bulk(x, spacings[sim.particles.numpy("layer")], sim.size)
 
 
 def inner_bulk(x: np.ndarray, spacing: np.ndarray, size: tuple[float, float, float]) -> float:

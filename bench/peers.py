@@ -1,11 +1,11 @@
-"""Comparison with other programs: fluid with pySPlisHSPlasH (DFSPH), surface with three others.
+"""Comparison with other programs: fluid with SPlisHSPlasH (DFSPH), surface with three others.
 
 python bench/peers.py [--repeats 3] [--most 99452] [--arch cpu]
 
 The other programs are optional: pip install '.[peers]'; missing ones are skipped with a message.
 Every run of a fluid is a separate process; the programs alternate. The wheel of pySPlisHSPlasH may
-need the system's libGLdispatch: see bench/peer_splishsplash.py. OpenMP's threads wait by spinning:
-on a busy machine it loses most of its speed unless OMP_WAIT_POLICY=passive is set.
+need the system's libGLdispatch: see bench/peer_splishsplash.py, which also sets its OpenMP threads
+to wait passively.
 """
 
 import json
@@ -40,7 +40,7 @@ FULL_RUNS = 50_000
 SURFACE_OF = TANKS[2]
 # Target for surfaces: speed-up over the fastest other program.
 SURFACE_TARGET = 5.0
-THEIRS, UNIFORM, LAYERED = "DFSPH", "ours, uniform", "ours, layered"
+THEIRS, UNIFORM, LAYERED = "SPlisHSPlasH, DFSPH", "ours, uniform", "ours, layered"
 # Ours with longer steps and a looser tolerance, at about the compression of DFSPH.
 UNIFORM_LOOSER, LAYERED_LOOSER = "ours, uniform, looser", "ours, layered, looser"
 OURS = (UNIFORM, LAYERED, UNIFORM_LOOSER, LAYERED_LOOSER)
@@ -54,14 +54,16 @@ def work(task: dict) -> object:
     if task["kind"] == "surfaces":
         return peer_surfaces.measured(tank, task["rounds"], task["arch"])
     if task["kind"] == THEIRS:
-        return asdict(peer_splishsplash.run(tank, task["seconds"], Path(task["folder"])))
-    return asdict(peer_tank.run(tank, *(task[k] for k in ("layers", "looser", "seconds", "arch"))))
+        water = peer_splishsplash.Dfsph(tank.scene(1))
+        return asdict(peer_tank.run(tank, water, task["seconds"], water.settings()))
+    water, words = peer_tank.ours(tank, *(task[k] for k in ("layers", "looser", "arch")))
+    return asdict(peer_tank.run(tank, water, task["seconds"], words))
 
 
 def in_process(kind: str, tank: Tank, folder: str, **task) -> object | None:
     """Runs work() in a separate process; prints a message and returns None if it fails."""
     out = Path(folder) / "found.json"
-    task |= {"kind": kind, "out": str(out), "folder": f"{folder}/{tank.per_metre}", **asdict(tank)}
+    task |= {"kind": kind, "out": str(out), **asdict(tank)}
     command = [sys.executable, __file__, "--worker", json.dumps(task)]
     done = subprocess.run(command, capture_output=True, text=True, errors="replace")
     # The result is a file: other programs print, and may crash at their end.
@@ -106,16 +108,19 @@ def details(tank: Tank, runs: dict[str, list[Run]]) -> list[dict[str, str]]:
     for kind in FLUIDS:
         if runs[kind]:
             last = runs[kind][-1]
-            compression = [c for run in runs[kind] for c in run.compression]
+            residual = [r for run in runs[kind] for r in run.residual]
             rows.append(
                 {
                     "block": f"{tank.particles:,}",
                     "fluid": kind,
                     "particles, start to end": f"{last.particles_start:,} to "
                     f"{last.particles_end:,}",
-                    "compression, mean": percent(compression, 3),
-                    "compression, worst frame": percent([max(compression)], 3),
-                    "bulk density - 1": percent(
+                    "solver residual, mean": percent(residual, 3),
+                    "worst frame": percent([max(residual)], 3),
+                    "kernel density error, mean": percent(
+                        [k for run in runs[kind] for k in run.kernel], 2
+                    ),
+                    "bulk density error": percent(
                         [b - 1.0 for run in runs[kind] for b in run.bulk], 1
                     ),
                     "mean dt, ms": f"{1e3 * last.simulated / max(last.steps, 1):.2f}",
@@ -175,11 +180,12 @@ class Report:
                 f"{self.repeats} alternating runs (minimum to maximum), without start, compilation "
                 "and measurements.\n",
                 table(self.speeds),
-                "\nCompression: mean over particles of max(rho/rho0 - 1, 0), rho by each method's "
-                "kernel sums over the positions at the end of frames of 1/60 s. Bulk density: by "
-                "msph/measure/bulk.py, away from surface and walls, mean over the times with such "
-                "water. Iterations: of the density solve of DFSPH, without its divergence solve; "
-                "of our pressure solve.\n",
+                "\nSolver residual: mean over particles of max(rho/rho0 - 1, 0), rho each method's "
+                "own density. Kernel and bulk density error: from positions, by the same code for "
+                "both (msph/measure), the latter away from surface and walls. DFSPH is that of "
+                "SPlisHSPlasH, with its walls moved outwards by the gap that it keeps "
+                "(bench/peer_splishsplash.py). Iterations: of the density solve of DFSPH, without "
+                "its divergence solve; of our pressure solve.\n",
                 table(self.details),
                 "\nSettings:\n",
                 *(f"- {kind}: {text}" for kind, text in self.settings.items()),

@@ -2,16 +2,19 @@
 
 import csv
 import json
+import statistics
 import subprocess
 import sys
 from pathlib import Path
 from typing import Any
 
+# Number of starts of each row: initial arrangements with different random displacements.
+STARTS = 3
 # Largest number of characters of a failure message.
 MAX_CHARACTERS = 200
 
 
-def in_process(script: str, task: dict[str, Any], seconds: float) -> dict[str, Any]:
+def in_process(script: str, task: Any, seconds: float) -> dict[str, Any]:
     """Runs `script --worker TASK`; returns its last line, read as JSON, or {"failure": message} if
     the run fails or takes longer than `seconds`."""
     command = [sys.executable, str(Path(script).resolve()), "--worker", json.dumps(task)]
@@ -41,3 +44,10 @@ def write(path: Path, rows: list[dict]) -> None:
         writer.writeheader()
         writer.writerows(rows)
     temporary.replace(path)
+
+
+def spread(values: list[float], form: str) -> str:
+    """Returns the median (least to largest) of the values in a format, such as "{:.1%}"."""
+    numbers = statistics.median(values), min(values), max(values)
+    middle, least, most = (form.format(v).replace("%", " %") for v in numbers)
+    return middle if least == most else f"{middle} ({least} to {most})"

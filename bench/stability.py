@@ -34,7 +34,7 @@ from msph.scene.build import build_simulation
 from msph.scene.schema import Scene
 
 TABLE, REPORT = "stability.csv", "stability.md"
-# Limits (-): change of mass, energy rise in 1 s, momentum drift, mean density excess, and bulk
+# Limits (-): change of mass, energy rise in 1 s, momentum drift, mean solver residual, and bulk
 # density error.
 MASS, RISE, DRIFT, DENSITY, BULK = 1e-6, 1e-3, 1e-5, 0.01, 0.01
 # Time of rest after the disturbance, and time between ledger entries in long runs [s].
@@ -43,7 +43,7 @@ REST, BETWEEN = 1.0, 1.0
 GROWTH = 20.0
 REQUIREMENTS = """Requirements for the projection method: all values finite, no leaks, mass constant
 to rounding, energy rise at most 0.1 % within 1 s without input, momentum drift at most 1e-5 of the
-largest sum m |v|, and 1 s after the disturbance a mean density excess and a bulk density error of
+largest sum m |v|, and 1 s after the disturbance a mean solver residual and a bulk density error of
 at most 1 %. Runs that cannot continue must end with a message that names the reason; until then
 mass and momentum are conserved. The classic method may fail. Figures without a value (the bulk
 density of a sheet; the energy rise without gravity or in less than 1 s) are not checked."""
@@ -157,7 +157,7 @@ def report(known: list[dict], arch: str) -> bool:
             "violations": "; ".join(problems[row["case"], row["method"]]),
             "energy rise, %": percent(row.get("energy_rise")),
             "momentum drift": digits(row.get("momentum_drift")),
-            "density excess at the end, %": percent(row.get("density_end")),
+            "solver residual at the end, %": percent(row.get("density_end")),
             "bulk density error at the end, %": percent(row.get("bulk_end")),
             "top speed, m/s": digits(row.get("top_speed")),
         }

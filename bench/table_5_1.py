@@ -71,8 +71,8 @@ def row(key: tuple[str, int], results: dict[tuple[str, int], Result]) -> dict[st
         f"({fps / thesis_first[1]:.2f})",
         "without rendering over system 1": f"{simulation_fps(result) / simulation_fps(first):.2f}",
         "steps/s over system 1 (thesis)": f"{steps:.2f} ({bare / thesis_first[2]:.2f})",
-        "density error mean / max %": f"{100 * result.density_error_mean:.2f} / "
-        f"{100 * result.density_error_max:.0f}",
+        "solver residual mean / max %": f"{100 * result.solver_residual_mean:.2f} / "
+        f"{100 * result.solver_residual_max:.0f}",
         "volume error %": f"{100 * result.volume_error:+.1f}",
         "kinetic energy at rest J": f"{result.rest_energy:.3f}",
         "rms speed at rest m/s": f"{result.rest_speed:.3f}"
@@ -131,7 +131,7 @@ def verdicts(results: dict[tuple[str, int], Result]) -> list[str]:
     claim(
         "the water keeps its volume.",
         worst > -0.01,
-        f"The largest volume error is {100 * worst:+.1f} %, while the density error is small: "
+        f"The largest volume error is {100 * worst:+.1f} %, while the solver residual is small: "
         "without wall particles the water crowds at the walls.",
     )
     return lines
@@ -157,9 +157,9 @@ def plot(results: dict[tuple[str, int], Result], path: Path) -> None:
     )
     error.bar(
         [i + 0.2 for i in x],
-        [100 * results[k].density_error_mean for k in keys],
+        [100 * results[k].solver_residual_mean for k in keys],
         0.4,
-        label="mean density error, %",
+        label="mean solver residual, %",
     )
     error.set_title("errors")
     for axis in (speed, error):

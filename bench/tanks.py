@@ -5,9 +5,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from msph.fluid.external_forces import ExternalForces
+from bench.water import Water, water_of
 from msph.fluid.simulation import Simulation
-from msph.measure.snapshot import Snapshot
 from msph.scene.build import build_simulation
 from msph.scene.schema import Scene
 
@@ -26,17 +25,18 @@ def tank(
     layers: int,
     air: float = 0.3,
     seed: int = 0,
+    jitter: float = 0.02,
     **adaptation: float,
 ) -> Scene:
     """A box of `footprint` (x, z) [m] with water of `depth` [m] and `air` [m] above it.
 
     layers: 1 for uniform particles of `finest` spacing [m]; otherwise the number of adaptive
     layers, each of twice the mass of the next finer; the water is filled with the coarsest. seed:
-    of the random initial displacements.
+    of the random initial displacements of `jitter` spacings.
     """
     x, z = footprint
     mass = 1000.0 * finest**3
-    body = {"layer": layers - 1, "lo": [0, 0, 0], "hi": [x, depth, z]}
+    body = {"layer": layers - 1, "lo": [0, 0, 0], "hi": [x, depth, z], "jitter": jitter}
     return Scene.model_validate(
         {
             "method": "projection",
@@ -53,7 +53,7 @@ def tank(
 class Reading:
     """Measurements of the water at each read(): times [s], energies [J], density errors (-)."""
 
-    simulation: Simulation
+    source: Water | Simulation
     times: list[float] = field(default_factory=list)
     energies: list[float] = field(default_factory=list)
     kinetic: list[float] = field(default_factory=list)
@@ -65,21 +65,18 @@ class Reading:
     _weight: np.ndarray = field(default_factory=lambda: np.zeros(SLICES))
 
     def __post_init__(self):
-        specs = self.simulation.layers.specs
-        self._mass = np.array([s.mass for s in specs])
-        self.depth = self._masses().sum() / 1000.0
-        self.depth /= self.simulation.size[0] * self.simulation.size[2]
+        self.water = water_of(self.source)
+        self.depth = self._volume() / (self.water.size[0] * self.water.size[2])
 
     def _masses(self) -> np.ndarray:
-        return self._mass[self.simulation.particles.numpy("layer")]
+        return 1000.0 * self.water.spacings() ** 3
 
     def read(self) -> None:
         """Adds the current state."""
-        sim, p = self.simulation, self.simulation.particles
-        m, x, v = self._masses(), p.numpy("x").astype(float), p.numpy("v").astype(float)
-        sim.measure_density()
-        excess = np.maximum(p.numpy("density") / 1000.0 - 1.0, 0.0)
-        self.times.append(sim.time)
+        # Residuals first: measuring them sorts our particles.
+        excess = self.water.residuals()
+        m, x, v = self._masses(), self.water.positions(), self.water.velocities()
+        self.times.append(self.water.time)
         self.kinetic.append(0.5 * float((m * (v**2).sum(axis=1)).sum()))
         self.energies.append(self.kinetic[-1] + GRAVITY * float((m * x[:, 1]).sum()))
         self.centres.append((m[:, None] * x).sum(axis=0) / m.sum())
@@ -88,7 +85,9 @@ class Reading:
         self.error_max.append(float(excess.max()))
         hydrostatic = 1000.0 * GRAVITY * (self.depth - x[:, 1])
         slice_ = np.clip((x[:, 1] / self.depth * SLICES).astype(int), 0, SLICES - 1)
-        self._pressure += np.bincount(slice_, m * (p.numpy("pressure") - hydrostatic), SLICES)
+        pressure = self.water.pressures()
+        pressure = np.full(len(x), np.nan) if pressure is None else pressure
+        self._pressure += np.bincount(slice_, m * (pressure - hydrostatic), SLICES)
         self._weight += np.bincount(slice_, m, SLICES)
 
     def pressure_error(self) -> float:
@@ -103,15 +102,36 @@ class Reading:
     def energy_rise(self, seconds: float = 1.0) -> float:
         """Returns the largest rise of the energy within `seconds`, over the potential energy
         (-)."""
+        return self._rise(seconds) / self._potential()
+
+    def energy_rise_of_motion(self, seconds: float = 1.0) -> float:
+        """Returns the largest rise of the energy within `seconds`, over the largest kinetic plus
+        available potential energy, above level water (-). The available energy counts only if it is
+        positive: coarse water comes to rest below its level."""
+        available = max(self.energies) - self._potential()
+        return self._rise(seconds) / max(available, *self.kinetic)
+
+    def _rise(self, seconds: float) -> float:
+        """Returns the largest rise of the energy within `seconds` [J]."""
         e, n = np.array(self.energies), round(seconds / FRAME)
         rises = [e[k + 1 : k + 1 + n].max() - e[k] for k in range(len(e) - 1)]
-        return max(0.0, max(rises)) / (1000.0 * GRAVITY * 0.5 * self.depth * self._volume())
+        return max(0.0, max(rises))
+
+    def _potential(self) -> float:
+        """Returns the potential energy of level water [J]."""
+        return 1000.0 * GRAVITY * 0.5 * self.depth * self._volume()
 
     def volume_error(self) -> float:
         """Returns the height of the centre of mass in the last second over half the depth, minus
         1."""
         heights = np.array(self.centres)[-60:, 1]
         return float(heights.mean() / (0.5 * self.depth) - 1.0)
+
+    def motion(self, seconds: float = 1.0) -> float:
+        """Returns the root mean square of the speed over the last `seconds`, over sqrt(g H) (-)."""
+        kinetic = np.mean(self.kinetic[-round(seconds / FRAME) :])
+        speed = math.sqrt(2.0 * kinetic / (1000.0 * self._volume()))
+        return speed / math.sqrt(GRAVITY * self.depth)
 
     def _volume(self) -> float:
         return float(self._masses().sum()) / 1000.0
@@ -123,10 +143,11 @@ class Profile:
     Means over the particles of a slice are inaccurate where particles are larger than the slice.
     """
 
-    def __init__(self, simulation: Simulation, depth: float):
-        self.simulation, self.depth, self.frames = simulation, depth, 0
+    def __init__(self, source: Water | Simulation, depth: float):
+        self.water = water = water_of(source)
+        self.depth, self.frames = depth, 0
         self.heights = (np.arange(SLICES) + 0.5) / SLICES * depth
-        x, _, z = simulation.size
+        x, _, z = water.size
         places = [(a * x, y, b * z) for y in self.heights for a, b in COLUMNS]
         self.points = np.array(places)
         self.sums = np.zeros(SLICES)
@@ -134,7 +155,7 @@ class Profile:
     def read(self) -> None:
         """Adds the current state."""
         # The pressure of dry points is 0.
-        pressures = np.nan_to_num(Snapshot.of(self.simulation).pressures(self.points))
+        pressures = np.nan_to_num(self.water.snapshot().pressures(self.points))
         self.sums += pressures.reshape(SLICES, -1).mean(axis=1)
         self.frames += 1
 
@@ -145,10 +166,11 @@ class Profile:
         return float(np.sqrt(np.mean(off**2)) / (1000.0 * GRAVITY * self.depth))
 
 
-def run(simulation: Simulation, seconds: float, *readings: Reading | Profile) -> None:
-    """Advances the simulation under gravity and reads all readings after each frame."""
+def run(source: Water | Simulation, seconds: float, *readings: Reading | Profile) -> None:
+    """Advances the water under gravity and reads all readings after each frame."""
+    water = water_of(source)
     for _ in range(round(seconds / FRAME)):
-        simulation.advance(FRAME, ExternalForces(gravity=(0.0, -GRAVITY, 0.0)))
+        water.advance(FRAME, GRAVITY)
         for reading in readings:
             reading.read()
 
@@ -158,21 +180,21 @@ def build(scene: Scene) -> Simulation:
     return build_simulation(scene)
 
 
-def slosh(simulation: Simulation, depth: float, amplitude: float) -> None:
+def slosh(source: Water | Simulation, depth: float, amplitude: float) -> None:
     """Adds the velocities of the first sloshing mode along x at its zero crossing.
 
     v_x = -a omega sin(kx) cosh(ky)/sinh(kH), v_y = a omega cos(kx) sinh(ky)/sinh(kH), k = pi/L.
     amplitude [m] of the surface. Displaced particles would be less evenly arranged, and the water
     would rise as they rearrange.
     """
-    length = simulation.size[0]
+    water = water_of(source)
+    length = water.size[0]
     k, omega = math.pi / length, 2.0 * math.pi / slosh_period(length, depth)
-    p, n = simulation.particles, simulation.particles.count
-    x, v = p.x.to_numpy()[:n], p.v.to_numpy()
+    x, v = water.positions(), water.velocities()
     kx, ky, scale = k * x[:, 0], k * x[:, 1], amplitude * omega / math.sinh(k * depth)
-    v[:n, 0] -= scale * np.sin(kx) * np.cosh(ky)
-    v[:n, 1] += scale * np.cos(kx) * np.sinh(ky)
-    p.v.from_numpy(v)
+    v[:, 0] -= scale * np.sin(kx) * np.cosh(ky)
+    v[:, 1] += scale * np.cos(kx) * np.sinh(ky)
+    water.set_velocities(v)
 
 
 def slosh_period(length: float, depth: float) -> float:
@@ -183,6 +205,11 @@ def slosh_period(length: float, depth: float) -> float:
 
 def fitted_period(times: list[float], values: np.ndarray, guess: float) -> float:
     """Returns the period [s] of the damped cosine that fits best."""
+    return fitted_wave(times, values, guess)[1]
+
+
+def fitted_wave(times: list[float], values: np.ndarray, guess: float) -> tuple[float, float]:
+    """Returns the decay rate [1/s] and the period [s] of the damped cosine that fits best."""
     from scipy.optimize import curve_fit
 
     def wave(t, mean, a, b, rate, period):
@@ -191,4 +218,4 @@ def fitted_period(times: list[float], values: np.ndarray, guess: float) -> float
 
     start = (values.mean(), 0.0, values.min() - values.mean(), 0.1, guess)
     found, _ = curve_fit(wave, np.array(times), values, p0=start)
-    return float(found[-1])
+    return float(found[3]), float(found[4])

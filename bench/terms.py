@@ -19,6 +19,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bench import parts, tanks
 from bench.report import RESULTS, heading
+from bench.water import Ours
 from msph.device import ARCHES, start
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.layers import LayerSpec
@@ -91,9 +92,7 @@ def ball(radius: float, spacing: float, stretch=(1.0, 1.0, 1.0), seed: int = 0) 
 
 def set_velocity(sim: Simulation, v: np.ndarray) -> None:
     """Sets the velocities of the particles to v (n, 3) [m/s]."""
-    padded = np.zeros((sim.particles.capacity, 3), np.float32)
-    padded[: len(v)] = v
-    sim.particles.v.from_numpy(padded)
+    Ours(sim).set_velocities(v)
 
 
 def cost(repeats: int) -> list[dict[str, str]]:

@@ -1,4 +1,4 @@
-"""Density error and kinetic energy of every shipped scene on another device and on the CPU.
+"""Solver residual and kinetic energy of every shipped scene on another device and on the CPU.
 
 python bench/vulkan.py [--arch vulkan] [--seconds 0.2] [--quality small]
 """
@@ -28,13 +28,13 @@ SEEDS, FRAME = (0, 1, 2), 1.0 / 60.0
 MAX_SECONDS, MAX_CHARACTERS = 1800.0, 100
 # Quantities of facts(): key, name, unit, factor of the unit.
 QUANTITIES = (
-    ("density", "density error", "%", 100.0),
+    ("density", "solver residual", "%", 100.0),
     ("kinetic", "kinetic energy", "J", 1.0),
 )
 
 
 def facts(name: str, seed: int, frames: int, quality: str) -> dict[str, float]:
-    """Runs a scene for `frames`; returns its number of particles, mean density error (-) and
+    """Runs a scene for `frames`; returns its number of particles, mean solver residual (-) and
     kinetic energy [J]."""
     scene = load_scene(name, (f"seed={seed}",))
     show = Show(
@@ -46,7 +46,7 @@ def facts(name: str, seed: int, frames: int, quality: str) -> dict[str, float]:
     found = {
         "particles": show.simulation.particles.count,
         "kinetic": last.kinetic,
-        "density": last.density_error_mean,
+        "density": last.solver_residual_mean,
     }
     show.close()
     return found

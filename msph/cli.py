@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+from click.core import ParameterSource
 
 import msph
 from msph import cache_folder, own_files
@@ -19,6 +20,7 @@ from msph.ending import exit_on_error
 from msph.interrupts import importing
 from msph.options import (
     AS_GIVEN,
+    AS_RECORDED,
     AUTO,
     QUALITIES,
     BenchOptions,
@@ -100,6 +102,9 @@ def shared_options(quality=AS_GIVEN):
     def with_options(command):
         @functools.wraps(command)
         def bundled(overrides, arch, threads, quality, **own):
+            source = click.get_current_context().get_parameter_source("quality")
+            if own.get("replay") and source is ParameterSource.DEFAULT:
+                quality = AS_RECORDED
             return command(run=RunOptions(overrides, arch, threads, quality), **own)
 
         for option in options:
@@ -115,6 +120,13 @@ window_size_option = click.option(
 frames_option = click.option(
     "--frames", type=click.IntRange(min=1), help="Close the window after this number of frames."
 )
+replay_option = click.option(
+    "--replay",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="Repeat the input that `play --record-input FILE` has recorded, with its scene, quality "
+    "and parameters; --quality and --set change them.",
+)
 force_option = click.option("--force", is_flag=True, help="Overwrite existing files.")
 
 
@@ -127,7 +139,7 @@ def cli():
 
 
 @cli.command()
-@click.argument("scene", default=msph.DEFAULT_SCENE)
+@click.argument("scene", required=False)
 @window_size_option
 @frames_option
 @click.option(
@@ -137,11 +149,21 @@ def cli():
     help="Compare with the scene changed by these parameters: both run side by side with the same "
     "input, with the speed and error of each. May be given twice.",
 )
+@click.option(
+    "--record-input",
+    type=FILE,
+    metavar="FILE",
+    help="Record all input (drags, tools, tilt, jolts, sliders, resets) until another scene, "
+    "quality or checkpoint is chosen, as JSON lines, frame by frame.",
+)
+@replay_option
+@force_option
 @shared_options(AUTO)
 def play(scene, run, **options):
     """Run SCENE (a file or a shipped name) interactively in a window.
 
-    If no window can be opened, the first 10 s of the scene are captured instead.
+    If no window can be opened, the first 10 s of the scene are captured instead. A session is saved
+    every 5 s; after a crash, the next one offers to continue it.
     """
     with importing():
         from msph.stage import playing
@@ -149,7 +171,7 @@ def play(scene, run, **options):
 
 
 @cli.command()
-@click.argument("scene", default=msph.DEFAULT_SCENE)
+@click.argument("scene", required=False)
 @click.option(
     "-o",
     "--output",
@@ -184,6 +206,7 @@ def play(scene, run, **options):
     help="Frames per simulated second.",
 )
 @click.option("--size", type=Size(), default="1280x720", show_default=True, help="Image size.")
+@replay_option
 @force_option
 @shared_options()
 def capture(scene, run, **options):
@@ -214,6 +237,7 @@ def capture(scene, run, **options):
     "which slows the run and increases all times.",
 )
 @click.option("--json", "json_file", type=FILE, help="Also write the rows as JSON.")
+@replay_option
 @force_option
 @shared_options()
 def bench(scenes, run, **options):
@@ -225,7 +249,7 @@ def bench(scenes, run, **options):
 
 
 @cli.command()
-@click.argument("scene", default=msph.DEFAULT_SCENE)
+@click.argument("scene", required=False)
 @click.option(
     "-o",
     "--output",
@@ -254,6 +278,7 @@ def bench(scenes, run, **options):
     type=CHECKPOINT,
     help="Continue from a checkpoint.npz to the scene's duration and append to the tables.",
 )
+@replay_option
 @force_option
 @shared_options()
 def measure(scene, run, **options):

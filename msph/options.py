@@ -10,6 +10,8 @@ from pathlib import Path
 # file, AUTO the finest quality that runs in real time.
 QUALITIES = ("small", "medium", "large", "finest")
 AS_GIVEN, AUTO = "large", "auto"
+# Quality of a replay if none is given: that of the recording.
+AS_RECORDED = ""
 
 
 @dataclass(frozen=True)
@@ -25,17 +27,22 @@ class RunOptions:
 @dataclass(frozen=True)
 class PlayOptions:
     """Options of `play`: size (width, height) [pixels] of the window, largest number of frames, and
-    the overrides of each further simulation side by side, one string each."""
+    the overrides of each further simulation side by side, one string each; files to record the
+    user's input in, and of input to replay."""
 
     size: tuple[int, int]
     frames: int | None = None
     beside: tuple[str, ...] = ()
+    record_input: Path | None = None
+    replay: Path | None = None
+    force: bool = False
 
 
 @dataclass(frozen=True)
 class CaptureOptions:
     """Options of `capture`: output files, duration [s], frames per simulated second, size (width,
-    height) [pixels]. still_time [s]: time of a still image, None for the last frame."""
+    height) [pixels]. still_time [s]: time of a still image, None for the last frame. record_input,
+    replay: as in PlayOptions."""
 
     fps: float
     size: tuple[int, int]
@@ -46,11 +53,13 @@ class CaptureOptions:
     resume: str | None = None
     force: bool = False
     still_time: float | None = None
+    record_input: Path | None = None
+    replay: Path | None = None
 
 
 @dataclass(frozen=True)
 class BenchOptions:
-    """Options of `bench`: duration [s], parts to time, size (width, height) [pixels], file."""
+    """Options of `bench`: duration [s], parts to time, size (width, height) [pixels], files."""
 
     seconds: float | None = None
     no_render: bool = False
@@ -58,17 +67,19 @@ class BenchOptions:
     size: tuple[int, int] | None = None
     profile: bool = False
     json_file: Path | None = None
+    replay: Path | None = None
     force: bool = False
 
 
 @dataclass(frozen=True)
 class MeasureOptions:
     """Options of `measure`: output folder, duration [s], time between two rows [s], number of
-    spacings of a convergence study, checkpoint to continue from."""
+    spacings of a convergence study, checkpoint to continue from, recorded input to replay."""
 
     folder: Path | None = None
     seconds: float | None = None
     every: float | None = None
     converge: int | None = None
     resume: str | None = None
+    replay: Path | None = None
     force: bool = False

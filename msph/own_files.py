@@ -27,6 +27,10 @@ class ExistingFileError(BadInputError):
     """An output file that existed before the command."""
 
 
+class OutputError(BadInputError):
+    """An output that cannot be written."""
+
+
 def begin() -> None:
     """Drops all claims at the start of a command."""
     _claimed.clear()
@@ -40,6 +44,22 @@ def claim(paths: Iterable[Path], force: bool = False) -> None:
         if place not in _claimed and place.is_file() and not force:
             raise ExistingFileError(f"{path}: exists; --force overwrites it")
     _claimed.update(places)
+
+
+def make_writable(path: Path) -> None:
+    """Creates the folder of an output, and raises OutputError if the file is not writable."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        new = not path.exists()
+        with open(path, "ab"):
+            pass
+        if new:
+            path.unlink()
+    except FileExistsError:
+        raise OutputError(f"{path.parent}: is a file, not a folder") from None
+    except OSError as error:
+        problem = error.strerror or "cannot be written"
+        raise OutputError(f"{path}: {problem[0].lower()}{problem[1:]}") from None
 
 
 def free_stem(folder: Path, stem: str) -> str:

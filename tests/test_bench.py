@@ -1,23 +1,18 @@
 """What benchmarks compare, at sizes that take seconds."""
 
 import importlib.util
-import json
-import tempfile
-from pathlib import Path
 
-import numpy as np
+import pytest
 
 from bench import constants, impact, parts, peer_splishsplash, peer_surfaces, peers, scale
-from bench.methods import solvers
-from msph.scene.water import layer_specs, particle_count
+from bench.methods import solve
 
 
 def test_conjugate_gradients_take_fewer_iterations_than_jacobi() -> None:
     """Twelve sheets, from nothing and from the last step's pressures, at no larger error."""
-    rows = solvers(layers=1, depth=12)
-    assert [row["initial guess"] for row in rows] == ["cold", "warm"]
-    for row in rows:
-        assert int(row["conjugate gradients"].split()[0]) < int(row["Jacobi"].split()[0])
+    found = [solve(layers=1, warm_start=warm, start=0, depth=12) for warm in (False, True)]
+    for row in found:
+        assert row["conjugate gradients: iterations"] < row["Jacobi: iterations"]
 
 
 def test_peers_that_are_missing_are_named(monkeypatch) -> None:
@@ -31,21 +26,27 @@ def test_peers_that_are_missing_are_named(monkeypatch) -> None:
     assert "PyMCubes" not in peer_surfaces.versions()
 
 
-def test_a_peers_block_is_the_tanks() -> None:
-    """As many particles, and walls behind ours."""
-    tank = peers.TANKS[0]
-    with tempfile.TemporaryDirectory() as folder:
-        scene = json.loads(peer_splishsplash.write_scene(Path(folder), tank).read_text())
-    block, walls = scene["FluidBlocks"][0], scene["RigidBodies"][0]
-    length = np.array(block["end"]) - np.array(block["start"])
-    assert tuple(np.round(length / tank.spacing).astype(int) - 1) == tank.counts
-    assert np.all(np.array(walls["scale"]) > tank.size)
-    assert particle_count(tank.scene(1).water[0], layer_specs(tank.scene(1))[0]) == tank.particles
+def test_the_gap_of_a_peers_walls_gives_still_water_its_level(tmp_path, monkeypatch) -> None:
+    """The level of a stub is 6 % too high per tenth of a spacing of missing gap."""
+    levels = []
+
+    def stub(_, task, __):
+        levels.append(1.0 + 0.6 * (1.4 - task["gap"]))
+        return {"level": levels[-1]}
+
+    monkeypatch.setattr(peer_splishsplash, "GAPS", tmp_path / "gaps.csv")
+    monkeypatch.setattr(peer_splishsplash.rows, "in_process", stub)
+    size = (1.2, 0.6, 0.16)
+    gap = peer_splishsplash.gap_of(size, 0.04)
+    assert abs(levels[1] - 1.0) < 0.5 * abs(levels[0] - 1.0) and abs(gap - 1.4) < 1e-3
+    # It is in the table, and not measured again.
+    assert abs(peer_splishsplash.gap_of(size, 0.04) - gap) < 1e-3
+    assert len(levels) == peer_splishsplash.GAP_ROUNDS
 
 
 def test_peers_tables_do_without_peers() -> None:
     """Ours is shown where theirs is missing."""
-    ours = peers.Run(10, 12, simulated=1.0, wall=2.0, steps=4, iterations=8, compression=[0.01])
+    ours = peers.Run(10, 12, simulated=1.0, wall=2.0, steps=4, iterations=8, residual=[0.01])
     runs = {kind: [] for kind in peers.FLUIDS} | {peers.UNIFORM: [ours]}
     row = peers.speeds(peers.TANKS[0], 1.0, runs)
     assert row[peers.UNIFORM] == "0.5" and row[peers.THEIRS] == "-"
@@ -92,3 +93,11 @@ def test_every_constant_that_is_varied_exists():
     named = [(module, name) for module, name, *_ in constants.TRIED if module != "scene"]
     for module, name in named:
         assert hasattr(importlib.import_module(constants.FLUID + module), name), (module, name)
+
+
+@pytest.mark.skipif(peer_splishsplash.missing(), reason="needs pip install '.[peers]'")
+def test_still_water_of_a_peer_keeps_its_level() -> None:
+    """From our initial particles, with walls a spacing and a half outside."""
+    tank = {"edges": [0.3, 0.3], "depth": 0.3, "spacing": 0.05, "gap": 1.5}
+    found = peer_splishsplash.rows.in_process(peer_splishsplash.__file__, tank, 300.0)
+    assert found["level"] == pytest.approx(1.0, abs=0.15)

@@ -268,10 +268,18 @@ def test_measure_writes_probes_ledger_and_a_summary(tmp_path):
     assert errors["mass_laid_error"] == pytest.approx(laid, abs=1e-12)
     assert f" particles, {summary['mass_laid_kg']:.4g} kg" in result.stderr
     assert abs(errors["volume_error_last"]) < 0.3 and errors["energy_gain"] >= 0.0
-    # Too shallow for a bulk density, and that is said.
-    assert errors["bulk_density_error_last"] is None
+    kernel = [row["kernel_density_error_mean"] != "" for row in ledger]
+    assert kernel == surveyed
+    bulk = [float(row["bulk_density_mean"]) for row in ledger if row["bulk_density_mean"]]
+    assert errors["bulk_density_error_last"] == pytest.approx(bulk[-1] - 1.0, abs=1e-8)
     # The same figures are printed, and what is beyond the limits is said.
-    for words in ("Errors of this run", "initial mass", "bulk density over rest", "limit"):
+    for words in (
+        "Errors of this run",
+        "initial mass",
+        "bulk density error",
+        "kernel density error",
+        "limit",
+    ):
         assert words in result.stdout
     depth = 2.0 * np.mean([float(row["centre_y_m"]) for row in ledger])
     assert summary["resolution"]["spacings_across_depth"] == pytest.approx(depth / 0.04, rel=1e-4)

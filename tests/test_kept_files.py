@@ -126,4 +126,4 @@ def test_force_overwrites(tmp_path):
     (tmp_path / "rows.json").write_text("old")
     text = COMMANDS["bench"][0].format(*[tmp_path] * 9).split()
     cli.cli.main([*text, *SHORT, "--force"], standalone_mode=False)
-    assert "density_error" in (tmp_path / "rows.json").read_text()
+    assert "solver_residual" in (tmp_path / "rows.json").read_text()

@@ -89,7 +89,7 @@ def test_numbers_on_the_screen_are_those_of_the_ledger():
     # Measured anew from the positions, by the formula.
     show.simulation.measure_density()
     density = show.simulation.particles.numpy("density") / show.scene.density
-    assert Numbers(show).density_error == pytest.approx(
+    assert Numbers(show).solver_residual == pytest.approx(
         100.0 * np.maximum(density - 1.0, 0.0).mean(), rel=1e-5
     )
     progress.ticked[0] = False  # an open task shows the current numbers
@@ -511,7 +511,7 @@ def test_water_that_blew_up_begins_again(monkeypatch):
         def show_message(self, text):
             calls.append(text)
 
-    def run(row, player):
+    def run(row, player, frames):
         if len(calls) < 2:
             raise BlowUpError("boiled")
 

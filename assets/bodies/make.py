@@ -34,12 +34,12 @@ def turned(radius, height, sections=64):
 def bowl(radius=0.5, depth=0.4):
     """Room of a bowl: a cap of a ball, `radius` at the rim, closed by a flat lid at y = depth."""
     ball = (radius**2 + depth**2) / (2.0 * depth)
-    angle = np.linspace(0.0, np.arcsin(radius / ball), 25)
+    angle = np.linspace(0.0, np.arcsin(radius / ball), 33)
     r, y = ball * np.sin(angle), ball * (1.0 - np.cos(angle))
     lid = np.linspace(radius, 0.0, 9)[1:]
     r, y = np.concatenate([r, lid]), np.concatenate([y, np.full(8, depth)])
     r[0] = r[-1] = 0.0
-    return turned(r, y)
+    return turned(r, y, sections=128)
 
 
 def torus(radius=0.35, tube=0.15):

@@ -1,5 +1,6 @@
 """Cases of the sweep: simulations with a reference from a formula, an experiment or a finer run."""
 
+import dataclasses
 import math
 import resource
 import sys
@@ -9,12 +10,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import psutil
-import taichi as ti
 
 from bench import tanks
-from bench.terms import set_velocity
-from msph.fluid.external_forces import ExternalForces
+from bench.peer_splishsplash import Dfsph
+from bench.rows import STARTS
+from bench.water import Ours, Water
 from msph.fluid.simulation import Simulation
+from msph.measure.kernel_density import kernel_density
 from msph.scene.build import build_simulation
 from msph.scene.schema import Scene
 
@@ -24,10 +26,16 @@ CHANGEABLE = {
     "motion_tolerance": "tolerance",
     "cfl": "cfl",
     "shear_relief": "relief",
+    "viscosity": "viscosity",
+    "longest_step": "dt",
 }
+# Name of the method DFSPH of SPlisHSPlasH, beside our methods.
+DFSPH = "DFSPH"
 UNIFORM, FIXED, ADAPTIVE = "uniform", "fixed layers", "adaptive layers"
 # Steps between passes of adaptation if particles keep their initial layer.
 NEVER = 10**9
+# Frames between measurements of the kernel density error.
+KERNEL_EVERY = 10
 # Standard deviation of the random velocities [m/s] that break up the initial lattice.
 STIR = 0.3
 # Fineness of two layers, its factor per further layer, and largest number of layers: bands are then
@@ -40,7 +48,9 @@ class Setting:
     """Settings of a run; None: the default of the method.
 
     water: UNIFORM, FIXED, ADAPTIVE, or a variant of a shipped scene. fineness: the case's length in
-    finest spacings. smoothing: support over spacing. timed: measure the cost, not only the errors.
+    finest spacings. smoothing: support over spacing. For DFSPH motion_tolerance is the mean density
+    error in % and cfl its factor; viscosity [m^2/s] and longest_step [s] are of DFSPH only. start:
+    seed of the initial displacements. timed: measure the cost, not only the errors.
     """
 
     method: str = "projection"
@@ -50,6 +60,9 @@ class Setting:
     motion_tolerance: float | None = None
     cfl: float | None = None
     shear_relief: float | None = None
+    viscosity: float | None = None
+    longest_step: float | None = None
+    start: int = 0
     timed: bool = True
 
     @property
@@ -62,7 +75,7 @@ class Setting:
 
     @property
     def solver(self) -> dict[str, float]:
-        """Parameters of the projection method that differ from the default."""
+        """Parameters of the solver that differ from the default."""
         names = [name for name in CHANGEABLE if name != "smoothing"]
         return {name: getattr(self, name) for name in names if getattr(self, name) is not None}
 
@@ -75,22 +88,23 @@ class Setting:
 
 @dataclass
 class Run:
-    """A timed simulation with its density errors at the end of each frame.
+    """Timed water with its density errors.
 
     wall: elapsed time [s] of `simulated` [s]; others: mean number of cores that other processes
-    kept busy (-); steps, iterations: totals of all frames; compression, p99 and largest: mean, 99th
-    percentile and maximum over particles of max(rho/rho0 - 1, 0) (-) in each frame, rho computed
-    from the positions.
+    kept busy (-); steps, iterations: totals of all frames; residual, p99 and largest: mean, 99th
+    percentile and maximum of the solver residual (-) in each frame; kernel: mean and 99th
+    percentile of the kernel density error (-), every KERNEL_EVERY frames.
     """
 
-    simulation: Simulation
+    water: Water
     wall: float = 0.0
     simulated: float = 0.0
     steps: int = 0
     iterations: int = 0
-    compression: list[float] = field(default_factory=list)
+    residual: list[float] = field(default_factory=list)
     p99: list[float] = field(default_factory=list)
     largest: list[float] = field(default_factory=list)
+    kernel: list[tuple[float, float]] = field(default_factory=list)
     _begun: tuple[float, float] = field(default_factory=lambda: (time.time(), others_busy()))
 
     @property
@@ -107,41 +121,44 @@ class Run:
         frame: float = tanks.FRAME,
     ) -> None:
         """Runs frames of `frame` [s] for `seconds` [s] under gravity [m/s^2]; read() after each."""
-        forces = ExternalForces(gravity=(0.0, -gravity, 0.0))
+        water = self.water
         for _ in range(max(1, round(seconds / frame))):
-            sim = self.simulation
-            steps, iterations = sim.steps, sim.iterations
-            ti.sync()
+            steps, iterations = water.steps, water.iterations
             begin = time.perf_counter()
-            sim.advance(frame, forces)
-            ti.sync()
+            water.advance(frame, gravity)
             self.wall += time.perf_counter() - begin
             self.simulated += frame
-            self.steps += sim.steps - steps
-            self.iterations += sim.iterations - iterations
+            self.steps += water.steps - steps
+            self.iterations += water.iterations - iterations
             self._record()
             read()
 
     def _record(self) -> None:
-        sim = self.simulation
-        sim.measure_density()
-        excess = np.maximum(sim.particles.numpy("density") / 1000.0 - 1.0, 0.0)
-        self.compression.append(float(excess.mean()))
+        excess = self.water.residuals()
+        self.residual.append(float(excess.mean()))
         self.p99.append(float(np.percentile(excess, 99.0)))
         self.largest.append(float(excess.max()))
+        if len(self.residual) % KERNEL_EVERY == 1:
+            found = kernel_density(self.positions(), self.water.spacings(), self.water.size)
+            self.kernel.append((found.mean, found.p99))
+
+    @property
+    def simulation(self) -> Simulation:
+        """The simulation of a run of this program."""
+        assert isinstance(self.water, Ours)
+        return self.water.simulation
 
     def masses(self) -> np.ndarray:
         """Returns the masses of the particles, (n,) [kg]."""
-        sim = self.simulation
-        return np.array([s.mass for s in sim.layers.specs])[sim.particles.numpy("layer")]
+        return 1000.0 * self.water.spacings() ** 3
 
     def positions(self) -> np.ndarray:
         """Returns the positions of the particles, (n, 3) [m]."""
-        return self.simulation.particles.numpy("x").astype(float)
+        return self.water.positions()
 
     def velocities(self) -> np.ndarray:
         """Returns the velocities of the particles, (n, 3) [m/s]."""
-        return self.simulation.particles.numpy("v").astype(float)
+        return self.water.velocities()
 
     def centre(self) -> np.ndarray:
         """Returns the centre of mass, (3,) [m]."""
@@ -155,17 +172,19 @@ class Run:
 
     def costs(self) -> dict[str, float]:
         """Returns the costs of the run and its density errors (-)."""
-        sim = self.simulation
+        kernel = np.mean(self.kernel, axis=0)
         return {
             "wall_per_simulated": self.wall / max(self.simulated, 1e-9),
-            "particles": sim.particles.count,
+            "particles": self.water.count,
             "peak_mib": peak_mib(),
             "others": self.others,
             "steps": self.steps,
             "iterations_per_step": self.iterations / max(self.steps, 1),
-            "compression_mean": float(np.mean(self.compression)),
-            "compression_p99": float(np.mean(self.p99)),
-            "compression_largest": max(self.largest),
+            "solver_residual_mean": float(np.mean(self.residual)),
+            "solver_residual_p99": float(np.mean(self.p99)),
+            "solver_residual_max": max(self.largest),
+            "kernel_density_error_mean": float(kernel[0]),
+            "kernel_density_error_p99": float(kernel[1]),
         }
 
 
@@ -188,10 +207,14 @@ class Case:
     # Finenesses of untimed uniform reference runs, and values compared with the finest of them.
     references: tuple[int, ...] = ()
     values: tuple[str, ...] = ()
-    # Also run with shear relief.
+    # Also run without shear relief.
     sheared: bool = False
-    # Part of the summary figure; otherwise a quick sweep makes a single run.
-    summary: bool = False
+    # Errors in the summary figure; without one, a quick sweep makes a single run.
+    summary: tuple[str, ...] = ()
+    # What a reader of the main error must know.
+    note: str = ""
+    # Errors compared with SPlisHSPlasH; none: it does not run the case.
+    peer: tuple[str, ...] = ()
 
     @property
     def main(self) -> str:
@@ -199,7 +222,13 @@ class Case:
         return next(iter(self.errors))
 
     def settings(self, quick: bool) -> list[Setting]:
-        """Returns the settings of the sweep, coarsest first."""
+        """Returns the settings of the sweep: all with the first start, coarsest first, then all
+        with the next."""
+        starts = range(1 if quick else STARTS)
+        found = sorted(self._settings(quick), key=lambda s: s.fineness)
+        return [dataclasses.replace(s, start=k) for k in starts for s in found]
+
+    def _settings(self, quick: bool) -> list[Setting]:
         richest = self.waters[-1]
         if quick and not self.summary:
             return [Setting(water=richest, fineness=self.finenesses[0])]
@@ -210,21 +239,38 @@ class Case:
         if quick:
             return [s for s in found if s.water != FIXED]
         middle = finenesses[len(finenesses) // 2]
+        waters = tuple(dict.fromkeys((self.waters[0], richest)))
         for change in CHANGES:
-            found.append(Setting(water=richest, fineness=middle, **change))
-        if self.sheared:
-            waters = (self.waters[0], richest)
+            found += [Setting(water=w, fineness=middle, **change) for w in waters]
+        if self.peer:
             found += [
-                Setting(water=w, fineness=n, shear_relief=RELIEF)
+                Setting(DFSPH, UNIFORM, n, viscosity=nu) for n in finenesses for nu in (None, 0.0)
+            ]
+            found += [Setting(DFSPH, UNIFORM, middle, **change) for change in PEER_CHANGES]
+        if self.sheared:
+            found += [
+                Setting(water=w, fineness=n, shear_relief=NO_RELIEF)
                 for n in finenesses
                 for w in waters
             ]
-        found += [Setting(fineness=n, timed=False) for n in self.references]
-        return sorted(found, key=lambda s: s.fineness)
+        return found + [Setting(fineness=n, timed=False) for n in self.references]
 
 
-# Value of shear_relief in the sweep (docs/method.md, "Shear relief").
-RELIEF = 0.9
+# Share of the velocities that a frame of 1/60 s leaves after stirring (-): about the critical
+# damping of the waves of a tank 0.5 m wide.
+CALM = 0.8
+# Initial displacements of the particles, in spacings, in which starts differ.
+JITTER = 0.02
+# Settings of DFSPH at one fineness, beside those as shipped and without viscosity.
+PEER_CHANGES: tuple[dict[str, float], ...] = (
+    {"viscosity": 0.001},
+    {"viscosity": 0.0, "longest_step": 0.0025},
+    {"viscosity": 0.0, "cfl": 0.5},
+    {"viscosity": 0.0, "motion_tolerance": 0.01},
+    {"viscosity": 0.001, "motion_tolerance": 0.01, "longest_step": 0.0025},
+)
+# Value of shear_relief in runs that keep the numerical friction (docs/method.md, "Shear relief").
+NO_RELIEF = 0.0
 # Changes, one at a time: support over spacing, motion tolerance, distance per step in spacings.
 CHANGES: tuple[dict[str, float], ...] = (
     {"smoothing": 2.0},
@@ -244,20 +290,21 @@ def scene(
 ) -> Scene:
     """Returns a scene: a box of `size` [m], volumes of water as in a scene file, layers with finest
     spacing `spacing` [m] and mass ratio 2, at most `max_layers`; more: sections of the scene."""
-    layers = min(setting.layers, max_layers)
+    layers, peer = min(setting.layers, max_layers), setting.method == DFSPH
     given = {"smoothing": setting.smoothing} if setting.smoothing else {}
     adaptation = {"enabled": layers > 1 and setting.method != "classic"}
     if setting.water == FIXED:
         adaptation["every"] = NEVER
     return Scene.model_validate(
         {
-            "method": setting.method,
+            "method": "projection" if peer else setting.method,
+            "seed": setting.start,
             "box": {"size": size},
             "layers": [{"mass": 1000.0 * spacing**3 * 2**k, **given} for k in range(layers)],
-            "water": [{"layer": layers - 1, **w} for w in water],
+            "water": [{"layer": layers - 1, "jitter": JITTER, **w} for w in water],
             "adaptation": adaptation,
             **more,
-            "projection": {**setting.solver, **more.get("projection", {})},
+            "projection": {**({} if peer else setting.solver), **more.get("projection", {})},
         }
     )
 
@@ -267,7 +314,7 @@ def tank(
     footprint: tuple[float, float],
     depth: float,
     air: float,
-    jitter: float = 0.02,
+    jitter: float = JITTER,
     **more,
 ) -> Scene:
     """Returns a scene of still water of `depth` [m] with `air` [m] above it; the finest spacing is
@@ -289,21 +336,26 @@ def tank(
     return scene(setting, (x, depth + air, z), spacing, water, **more)
 
 
-def begin(scene: Scene) -> Run:
-    """Returns a run of the scene with compiled kernels."""
+def begin(setting: Setting, scene: Scene) -> Run:
+    """Returns a run of the scene, with compiled kernels, or by DFSPH."""
+    if setting.method == DFSPH:
+        changes = dict(setting.solver)
+        if "motion_tolerance" in changes:
+            changes["tolerance"] = changes.pop("motion_tolerance")
+        return Run(Dfsph(scene, **changes))
     sim = build_simulation(scene)
     sim.warm_up(tanks.FRAME)
-    return Run(sim)
+    return Run(Ours(sim))
 
 
-def stir(run: Run, seconds: float, start: int = 0) -> None:
-    """Breaks up the lattice by random velocities with the seed `start`, and runs `seconds` [s].
+def stir(run: Run, seconds: float, start: int) -> None:
+    """Breaks up the lattice by random velocities with the seed `start`, and runs `seconds` [s], in
+    which velocities are damped, since waves would last.
 
     A lattice resists shear, and all its particles have the same kernel sums, which hides errors."""
-    sim = run.simulation
-    v = np.random.default_rng(start).normal(0.0, STIR, (sim.particles.count, 3))
-    set_velocity(sim, v)
-    run.go(seconds)
+    v = np.random.default_rng(start).normal(0.0, STIR, (run.water.count, 3))
+    run.water.set_velocities(v)
+    run.go(seconds, lambda: run.water.set_velocities(CALM * run.water.velocities()))
 
 
 def others_busy() -> float:

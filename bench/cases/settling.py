@@ -14,8 +14,8 @@ SECONDS = 3.0
 
 def measure(setting: Setting) -> tuple[Run, dict[str, float]]:
     """Runs the case; returns the run and its errors."""
-    run = begin(tank(setting, FOOTPRINT, DEPTH, AIR, jitter=JITTER))
-    reading = tanks.Reading(run.simulation)
+    run = begin(setting, tank(setting, FOOTPRINT, DEPTH, AIR, jitter=JITTER))
+    reading = tanks.Reading(run.water)
     run.go(SECONDS, reading.read)
     sim = run.simulation
     spacing = np.array([s.spacing for s in sim.layers.specs])[sim.particles.numpy("layer")]

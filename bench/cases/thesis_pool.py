@@ -13,10 +13,16 @@ FINENESS = 20
 
 
 def pool(setting: Setting) -> Scene:
-    """Returns the shipped scene without rocking and shear relief, with the setting's changes."""
-    solver = {"shear_relief": 0.0, **setting.solver}
-    changes = [f"variant={setting.water}", f"method={setting.method}", "sway.angle=0"]
-    scene = load_scene(SCENE, changes + [f"projection.{k}={v:g}" for k, v in solver.items()])
+    """Returns the shipped scene without rocking, with the setting's changes."""
+    changes = [
+        f"seed={setting.start}",
+        f"variant={setting.water}",
+        f"method={setting.method}",
+        "sway.angle=0",
+    ]
+    scene = load_scene(
+        SCENE, changes + [f"projection.{k}={v:g}" for k, v in setting.solver.items()]
+    )
     if setting.smoothing is None:
         return scene
     given = {"smoothing": setting.smoothing}
@@ -26,9 +32,9 @@ def pool(setting: Setting) -> Scene:
 
 def measure(setting: Setting) -> tuple[Run, dict[str, float]]:
     """Runs the case; returns the run and its errors."""
-    run = begin(pool(setting))
+    run = begin(setting, pool(setting))
     run.go(SETTLE)
-    reading = tanks.Reading(run.simulation)
+    reading = tanks.Reading(run.water)
     run.go(READ, reading.read)
     return run, {
         "pressure": reading.pressure_error(),

@@ -14,7 +14,7 @@ import functools
 import numpy as np
 
 from bench.cases.case import ADAPTIVE, UNIFORM, Case, Run, Setting, begin, stir, tank
-from bench.terms import VORTEX_SPEED, set_velocity, vortex
+from bench.terms import VORTEX_SPEED, vortex
 
 WIDTH, DEPTH, AIR = 1.0, 0.4, 0.3
 # Length of the tank of the shear wave [m].
@@ -44,16 +44,16 @@ def share_left(
     [m]; returns the run and the final over the initial amplitude (-)."""
 
     def begin_tank(**more) -> Run:
-        return begin(tank(setting, (length, WIDTH), DEPTH, AIR, max_layers=LAYERS, **more))
+        return begin(setting, tank(setting, (length, WIDTH), DEPTH, AIR, max_layers=LAYERS, **more))
 
     still = begin_tank()
-    stir(still, SETTLE)
+    stir(still, SETTLE, setting.start)
     state = still.simulation.state()
     # The next simulation takes its fields, whose kernels are compiled.
     still.simulation.close()
     run = begin_tank(projection={"viscosity": 1000.0 * nu})
     run.simulation.restore(state)
-    set_velocity(run.simulation, run.velocities() + VORTEX_SPEED * vortex(run.positions(), length))
+    run.water.set_velocities(run.velocities() + VORTEX_SPEED * vortex(run.positions(), length))
     begun = amplitude(run, length)
     run.go(seconds)
     return run, amplitude(run, length) / begun

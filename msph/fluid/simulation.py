@@ -30,7 +30,8 @@ from msph.fluid.world import give_back, take
 LENGTHENING_RATIO = 1.1
 # Bytes of an i32 or f32, the only types of the fields.
 WORD = 4
-# Least distance of added particles from all others, in their spacing.
+# Least distance of added particles from all others, over the larger spacing of both: more than the
+# 0.87 of the largest hole of a cubic lattice.
 LEAST_GAP = 0.9
 
 
@@ -111,12 +112,14 @@ class Simulation:
         budget: float | None = None,
         clock: Callable[[], float] = perf_counter,
         on_progress: Callable[[float], None] | None = None,
+        until: float | None = None,
     ) -> float:
         """Simulates `duration` [s] in steps no longer than the solver allows; returns the time [s]
         simulated.
 
-        The result is less than `duration` only if `budget` [s] of wall-clock time is exceeded; at
-        least one step is made. Particles are sorted into the grid afterwards, as the surface
+        The result is less than `duration` only if `budget` [s] of wall-clock time is exceeded, or
+        if a step reaches the time `until` [s], which repeats an earlier result; at least one step
+        is made. Particles are sorted into the grid afterwards, as the surface
         requires. stage(name) is entered around each part of a step (profiler hook); on_progress is
         called after each step with the finished share (0 to 1). Raises TrappedWaterError if a
         moving body compresses enclosed water, BlowUpError if no step is short enough, AllSpiltError
@@ -138,7 +141,7 @@ class Simulation:
             self.iterations += self.solver.iterations
             if on_progress:
                 on_progress(1.0 - left / duration)
-            if clock() >= deadline:
+            if clock() >= deadline or (until is not None and duration - left >= until):
                 break
         with stage("neighbours"):
             self.grid.refresh()
@@ -160,10 +163,12 @@ class Simulation:
         spec, size = self.layers.specs[layer], np.array(self.size)
         margin = 0.5 * spec.spacing
         free = ((x >= margin) & (x <= size - margin)).all(axis=1) & self.boundary.free(x)
-        held = self.particles.numpy("x")
+        held, spacings = self.particles.numpy("x"), np.array([s.spacing for s in self.layers.specs])
+        gaps = LEAST_GAP * np.maximum(spec.spacing, spacings[self.particles.numpy("layer")])
         for k in np.flatnonzero(free):
-            others = np.concatenate([held, x[:k][free[:k]]])
-            free[k] = ((others - x[k]) ** 2).sum(axis=1).min() > (LEAST_GAP * spec.spacing) ** 2
+            near = ((held - x[k]) ** 2).sum(axis=1) < gaps**2
+            added = ((x[:k][free[:k]] - x[k]) ** 2).sum(axis=1) < (LEAST_GAP * spec.spacing) ** 2
+            free[k] = not (near.any() or added.any())
         x, v = x[free], v[free]
         if self.particles.count + len(x) > self.particles.capacity:
             raise FullError(f"the pool is full: at most {self.particles.capacity:,} particles")

@@ -107,10 +107,10 @@ def play(guide: Guide, window: Window, name: str, frames: int | None) -> None:
     row, choice = guide.progress.row, Choice(name, AS_GIVEN)
     assert row is not None
     layout, arguments = Layout(window.size), SceneArguments(name)
-    player = Player(window, row, choice, AS_GIVEN, layout, arguments, frames, guide)
+    player = Player(window, row, choice, layout, arguments, guide)
     while True:
         try:
-            run_loop(row, player)
+            run_loop(row, player, frames)
             return
         except BlowUpError:
             guide.progress.refill()

@@ -10,11 +10,10 @@ from msph.lesson.guide import Guide
 from msph.lesson.load import Course
 from msph.lesson.paint import band_height
 from msph.lesson.student import Student, rehearse
-from msph.own_files import claim, replace, replacing
+from msph.own_files import claim, make_writable, replace, replacing
 from msph.picture.pixels import as_u8
 from msph.stage.pages import text_height
 from msph.stage.preparation import prepare_row
-from msph.stage.recorder import make_writable
 
 SIZE = (1280, 720)
 CAPTIONS = "{}_captions.txt"

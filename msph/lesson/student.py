@@ -94,7 +94,8 @@ class Student:
         if self.row is not None:
             roll, pitch = (share * math.radians(a) for a in solution.tilt)
             hand = self._hand(solution) if pushes and any(solution.push) else Hand()
-            self.row.frame(Controls(tilt=(roll, pitch), hand=hand, frame_time=FRAME))
+            azimuth = self._view()[0] if self._view() else 0.0
+            self.row.frame(Controls(FRAME, tilt=(roll, pitch), azimuth=azimuth, hand=hand))
         self.progress.update()
         self.see()
 

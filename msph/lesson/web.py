@@ -19,9 +19,8 @@ from msph.lesson.load import Course, shipped_lessons
 from msph.lesson.paint import LETTERS
 from msph.lesson.schema import SliderOf
 from msph.lesson.student import FRAME, Student, rehearse
-from msph.own_files import claim, replace
+from msph.own_files import claim, make_writable, replace
 from msph.stage.preparation import prepare_row
-from msph.stage.recorder import make_writable
 
 TEMPLATE = Path(__file__).with_name("page.html")
 # Size of images and videos [pixels]; a video shows every SKIP-th frame.

@@ -13,13 +13,14 @@ class Entry:
     momentum_scale = sum m |v| and angular_scale = sum m |x - c| |v|, with c the box's centre, are
     the references of drifts. potential = -M g . centre, zero at the origin. Impulses, works,
     added_mass and merge_loss are sums since the start (msph.fluid.impulse_ledger); tilt_work is the
-    work of tilting the box. Density errors are the mean, 99th percentile and maximum over particles
-    of max(rho/rho0 - 1, 0), as densities at free surfaces are below rest; rho is summed with the
-    method's kernel over the positions at `time`. outside: number of particles outside the box or
-    the container or inside a body, by Contact.leaked. spilt: mass that left an open box since
-    the start; it is not part of mass. spilt_momentum and spilt_energy (kinetic and potential) are
-    sums when it left. body_impulse: of the bodies on the water, walls between them included.
-    floating_*: of all floating bodies, which are not part of the other totals.
+    work of tilting the box. Solver residuals are the mean, 99th percentile and maximum over
+    particles of max(rho/rho0 - 1, 0), as densities at free surfaces are below rest; rho is the
+    solver's own density, its correction included, at the positions at `time`. outside: number of
+    particles outside the box or the container or in a body, by Contact.leaked. spilt: mass
+    that left an open box since the start; it is not part of mass. spilt_momentum and spilt_energy
+    (kinetic and potential) are sums when it left. body_impulse: of the bodies on the water, walls
+    between them included. floating_*: of all floating bodies, which are not part of the other
+    totals.
     """
 
     time: Annotated[float, "s"]
@@ -46,9 +47,9 @@ class Entry:
     floating_angular_momentum: Annotated[np.ndarray, "kg m^2/s"]
     floating_kinetic: Annotated[float, "J"]
     floating_potential: Annotated[float, "J"]
-    density_error_mean: Annotated[float, "-"]
-    density_error_p99: Annotated[float, "-"]
-    density_error_max: Annotated[float, "-"]
+    solver_residual_mean: Annotated[float, "-"]
+    solver_residual_p99: Annotated[float, "-"]
+    solver_residual_max: Annotated[float, "-"]
     top_speed: Annotated[float, "m/s"]
     outside: Annotated[int, "-"]
     spilt: Annotated[float, "kg"]

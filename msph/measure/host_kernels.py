@@ -15,6 +15,14 @@ def wendland(r: np.ndarray, h: np.ndarray | float) -> np.ndarray:
     return 21.0 / (2.0 * math.pi) / h**3 * (1.0 - q) ** 4 * (1.0 + 4.0 * q)
 
 
+def quartic(r: np.ndarray, h: float) -> np.ndarray:
+    """Returns the quartic B-spline M5 [1/m^3] at distance r [m] for the support radius h [m]."""
+    q = r / h
+    parts = ((1.0, 1.0), (-5.0, 0.6), (10.0, 0.2))
+    shape = sum(factor * np.maximum(end - q, 0.0) ** 4 for factor, end in parts)
+    return 15625.0 / (512.0 * math.pi) / h**3 * shape
+
+
 def mirrored(
     x: np.ndarray, size: tuple[float, float, float], reach: float
 ) -> tuple[np.ndarray, np.ndarray]:

@@ -1,4 +1,4 @@
-"""The ledger of a run: mass, momenta, energy and density error of the water over time."""
+"""The ledger of a run: mass, momenta, energy and solver residual of the water over time."""
 
 import math
 from dataclasses import dataclass, field
@@ -8,6 +8,7 @@ import numpy as np
 from msph.errors import BlowUpError
 from msph.fluid.simulation import Simulation
 from msph.measure.entry import Entry
+from msph.measure.level_water import level_potential
 from msph.measure.totals import Totals
 
 
@@ -19,8 +20,8 @@ class NotFiniteError(BlowUpError):
 class Ledger:
     """Entries of one run; record() adds one per frame.
 
-    density_every: simulated time [s] between measurements of density errors, each of which builds a
-    neighbour list; infinite: none. Entries without a measurement hold NaN.
+    density_every: simulated time [s] between measurements of solver residuals, each of which builds
+    a neighbour list; infinite: none. Entries without a measurement hold NaN.
     """
 
     simulation: Simulation
@@ -64,7 +65,7 @@ class Ledger:
             self._tilt_work -= float((moment + floating_moment) @ (g - self._gravity))
         self._gravity = g
         del totals["not_finite"]
-        excess = self._density_excess()
+        excess = self._residuals()
         entry = Entry(
             time=sim.time,
             centre=moment / totals["mass"],
@@ -76,9 +77,9 @@ class Ledger:
             floating_kinetic=floating.kinetic(),
             floating_potential=-float(floating_moment @ g),
             tilt_work=self._tilt_work,
-            density_error_mean=float(excess.mean()),
-            density_error_p99=float(np.percentile(excess, 99.0)),
-            density_error_max=float(excess.max()),
+            solver_residual_mean=float(excess.mean()),
+            solver_residual_p99=float(np.percentile(excess, 99.0)),
+            solver_residual_max=float(excess.max()),
             outside=int(totals.pop("outside")),
             spilt=sim.rim.mass,
             **totals,
@@ -86,7 +87,7 @@ class Ledger:
         self.entries.append(entry)
         return entry
 
-    def _density_excess(self) -> np.ndarray:
+    def _residuals(self) -> np.ndarray:
         """Returns max(rho/rho0 - 1, 0) at the current positions, (n,); one NaN if not measured."""
         if self.simulation.time < self._density_due or math.isinf(self.density_every):
             return np.array([np.nan])
@@ -123,12 +124,26 @@ class Ledger:
         fall = self.simulation.size * (first.gravity > 0.0) - first.centre
         return first.kinetic + first.mass * float(first.gravity @ fall)
 
-    def energy_gain(self) -> float:
-        """Returns the largest rise of the energy over an earlier entry, over reference_energy()
-        (-); any rise is an error, as a dissipative method only loses energy."""
+    def motion_energy(self) -> float:
+        """Returns the energy of the motion [J], a stricter reference: kinetic plus available
+        potential energy (above level water) of the first entry, or the largest kinetic energy of
+        the run if that is larger."""
+        first = self.entries[0]
+        available = 0.0
+        if np.any(first.gravity):
+            available = first.potential - level_potential(
+                self.simulation, first.gravity, first.mass
+            )
+        kinetic = max(e.kinetic for e in self.entries)
+        return max(first.kinetic + available, kinetic) if math.isfinite(available) else kinetic
+
+    def energy_gain(self, reference: float | None = None) -> float:
+        """Returns the largest rise of the energy over an earlier entry, over a reference [J], by
+        default reference_energy() (-); any rise is an error, as a dissipative method only loses
+        energy."""
         energies = np.array([e.energy for e in self.entries])
         rise = float(np.max(energies - np.minimum.accumulate(energies)))
-        first = self.reference_energy()
+        first = self.reference_energy() if reference is None else reference
         return rise / first if first > 0.0 else 0.0
 
     def energy_rise(self, window: float = 1.0) -> float:
@@ -155,18 +170,18 @@ class Ledger:
             pairs += [(earlier, entry) for earlier in self.entries[begin:k]]
         return pairs
 
-    def density_error(self) -> tuple[float, float, float]:
-        """Returns the density errors of the run (-): means over time of the mean and of the 99th
+    def solver_residual(self) -> tuple[float, float, float]:
+        """Returns the solver residuals of the run (-): means over time of the mean and of the 99th
         percentile, and the largest; NaN if they were not measured."""
-        columns = ("density_error_mean", "density_error_p99", "density_error_max")
+        columns = ("solver_residual_mean", "solver_residual_p99", "solver_residual_max")
         mean, p99, largest = ([getattr(e, k) for e in self.entries] for k in columns)
         if np.isnan(mean).all():
             return np.nan, np.nan, np.nan
         return float(np.nanmean(mean)), float(np.nanmean(p99)), float(np.nanmax(largest))
 
-    def last_density_error(self) -> float:
-        """Returns the last measured mean density error (-), NaN if there is none."""
-        found = (e.density_error_mean for e in reversed(self.entries))
+    def last_solver_residual(self) -> float:
+        """Returns the last measured mean solver residual (-), NaN if there is none."""
+        found = (e.solver_residual_mean for e in reversed(self.entries))
         return next((error for error in found if not math.isnan(error)), math.nan)
 
     def rest_energy(self, seconds: float = 1.0) -> float:

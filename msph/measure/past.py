@@ -10,7 +10,7 @@ import numpy as np
 
 from msph.errors import BadInputError
 from msph.measure.entry import Entry, columns
-from msph.measure.survey import Survey
+from msph.measure.survey import COLUMNS, Survey
 
 # Fields of an entry that are sums since the start; a resumed run restarts them at zero.
 SUMS = (
@@ -40,11 +40,21 @@ class CheckpointError(BadInputError):
 
 def time_of(checkpoint: Path) -> float:
     """Returns the simulated time [s] of a checkpoint. Raises CheckpointError."""
+    return _head(checkpoint)[0]
+
+
+def particles_in(checkpoint: str | None) -> int:
+    """Returns the number of particles of a checkpoint, 0 without one. Raises CheckpointError."""
+    return _head(Path(checkpoint))[1] if checkpoint else 0
+
+
+def _head(checkpoint: Path) -> tuple[float, int]:
+    """Returns the time [s] and the number of particles of a checkpoint."""
     try:
         with np.load(checkpoint) as state:
             if state.zip.testzip() is not None:
                 raise ValueError("a member is damaged")
-            return float(state["time"])
+            return float(state["time"]), len(state["x"])
     except (*UNREADABLE, KeyError):
         raise CheckpointError(f"{checkpoint.name}: is not a checkpoint") from None
 
@@ -67,16 +77,20 @@ def entries(rows: np.ndarray) -> list[Entry]:
 
 
 def surveys(rows: np.ndarray, rest_density: float) -> list[Survey]:
-    """Returns the surveys of a ledger's rows (n, columns) that have one; their last four columns
-    are Survey.row(). rest_density [kg/m^3] of the water."""
+    """Returns the surveys of a ledger's rows (n, columns) that have one; their last columns are
+    Survey.row(). rest_density [kg/m^3] of the water."""
     from msph.measure.bulk import BulkDensity  # imports scipy, which takes 0.2 s
+    from msph.measure.kernel_density import KernelDensity
 
-    mass = columns().index("mass [kg]")
-    return [
-        Survey(row[0], row[-4], row[-4] * rest_density / row[mass] - 1.0, BulkDensity(*row[-3:], 0))
-        for row in rows
-        if np.isfinite(row[-4:]).any()
-    ]
+    mass, found = columns().index("mass [kg]"), []
+    for row in rows:
+        volume, mean, p99, *bulk = own = row[-len(COLUMNS) :]
+        if np.isfinite(own).any():
+            error = volume * rest_density / row[mass] - 1.0
+            found.append(
+                Survey(row[0], volume, error, KernelDensity(mean, p99), BulkDensity(*bulk, 0))
+            )
+    return found
 
 
 def continued(entry: Entry, before: Entry | None) -> Entry:

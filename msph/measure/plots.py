@@ -11,7 +11,7 @@ from msph.own_files import replacing
 WIDTH, HEIGHT, DPI = 8.0, 2.2, 110
 
 ENERGY, VOLUME = "change of energy [J]", "change of the\nsurface's volume [%]"
-DENSITY = "density error [-]"
+RESIDUAL = "solver residual [-]"
 PLOTS = ("ledger.png", "probes.png")
 # Panels of ledger.png: axis label, and columns with their labels.
 PANELS: tuple[tuple[str, dict[str, str]], ...] = (
@@ -31,12 +31,16 @@ PANELS: tuple[tuple[str, dict[str, str]], ...] = (
         {"centre_x_m": "x", "centre_y_m": "y", "centre_z_m": "z"},
     ),
     (
-        DENSITY,
+        RESIDUAL,
         {
-            "density_error_mean": "mean",
-            "density_error_p99": "99th percentile",
-            "density_error_max": "largest",
+            "solver_residual_mean": "mean",
+            "solver_residual_p99": "99th percentile",
+            "solver_residual_max": "largest",
         },
+    ),
+    (
+        "kernel density error [-]",
+        {"kernel_density_error_mean": "mean", "kernel_density_error_p99": "99th percentile"},
     ),
     (
         "bulk density over rest [-]",
@@ -132,7 +136,7 @@ def _draw(path: Path, title: str, panels: list[Panel]) -> None:
         for name, (time, values) in curves.items():
             axis.plot(time, values, label=name, lw=1.2, marker="." if len(time) < 40 else "")
         # From still water to an impact, errors span decades.
-        if label == DENSITY and any((values > 0.0).any() for _, values in curves.values()):
+        if label == RESIDUAL and any((values > 0.0).any() for _, values in curves.values()):
             axis.set_yscale("log", nonpositive="mask")
         axis.set_ylabel(label, fontsize=8)
         for note in notes(label, curves):

@@ -75,18 +75,19 @@ def errors(ledger: Ledger, surveys: list[Survey]) -> dict[str, float]:
     """Returns all errors of a run, relative (-) except merge_loss_J [J]; see Ledger and Survey."""
     if not ledger.entries:
         return {}
-    mean, p99, largest = ledger.density_error()
+    mean, p99, largest = ledger.solver_residual()
     last = ledger.entries[-1]
     return {
         "mass_change": ledger.mass_change(),
         "momentum_drift": ledger.momentum_drift(),
         "angular_momentum_drift": ledger.angular_drift(),
         "energy_gain": ledger.energy_gain(),
+        "energy_gain_of_motion": ledger.energy_gain(ledger.motion_energy()),
         "energy_rise_in_1_s": ledger.energy_rise(1.0),
         "merge_loss_J": last.merge_loss,
-        "density_error_mean": mean,
-        "density_error_p99": p99,
-        "density_error_max": largest,
+        "solver_residual_mean": mean,
+        "solver_residual_p99": p99,
+        "solver_residual_max": largest,
         **survey.errors(surveys),
         "outside_most": max(e.outside for e in ledger.entries),
     }

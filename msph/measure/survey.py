@@ -1,4 +1,4 @@
-"""Surveys: measurements of volume and bulk density, too slow for every frame."""
+"""Surveys: measurements of volume and densities from positions, too slow for every frame."""
 
 from __future__ import annotations
 
@@ -11,10 +11,13 @@ from msph.measure.snapshot import Snapshot
 
 if TYPE_CHECKING:
     from msph.measure.bulk import BulkDensity
+    from msph.measure.kernel_density import KernelDensity
 
 # Column heads of Survey.row().
 COLUMNS = [
     "volume [m^3]",
+    "kernel_density_error_mean [-]",
+    "kernel_density_error_p99 [-]",
     "bulk_density_mean [-]",
     "bulk_density_least [-]",
     "bulk_density_most [-]",
@@ -24,26 +27,30 @@ COLUMNS = [
 @dataclass(frozen=True)
 class Survey:
     """A survey at a time [s]: volume [m^3] within the surface mesh, its error relative to the
-    volume at rest density (-), bulk density over rest (-), and the reason for missing volume, if
-    the surface gives one."""
+    volume at rest density (-), kernel density error (-), bulk density over rest (-), and the reason
+    for missing volume, if the surface gives one."""
 
     time: float
     volume: float
     volume_error: float
+    kernel: KernelDensity
     bulk: BulkDensity
     shortfall: str | None = None
 
     def row(self) -> list[float]:
-        return [self.volume, self.bulk.mean, self.bulk.least, self.bulk.most]
+        kernel, bulk = self.kernel, self.bulk
+        return [self.volume, kernel.mean, kernel.p99, bulk.mean, bulk.least, bulk.most]
 
 
 def survey(time: float, volume: float, water: Snapshot, shortfall: str | None = None) -> Survey:
     """Returns the survey of water whose surface mesh encloses `volume` [m^3]."""
     from msph.measure.bulk import bulk_density  # imports scipy, which takes 0.2 s
+    from msph.measure.kernel_density import kernel_density
 
     rest = float((water.spacing**3).sum())
     bulk = bulk_density(water.x, water.spacing, water.size, water.free)
-    return Survey(time, volume, volume / rest - 1.0, bulk, shortfall)
+    kernel = kernel_density(water.x, water.spacing, water.size)
+    return Survey(time, volume, volume / rest - 1.0, kernel, bulk, shortfall)
 
 
 def shortfall(surveys: list[Survey]) -> str | None:
@@ -55,8 +62,14 @@ def shortfall(surveys: list[Survey]) -> str | None:
 
 
 def errors(surveys: list[Survey]) -> dict[str, float]:
-    """Returns the mean, last and worst errors of volume and bulk density (-), NaN if unknown."""
-    found = {}
+    """Returns the mean, last and worst errors of volume and bulk density, and the means over time
+    of the kernel density error's mean and 99th percentile (-), NaN if unknown."""
+    found = {
+        f"kernel_density_error_{name}": float(np.mean([getattr(s.kernel, name) for s in surveys]))
+        if surveys
+        else np.nan
+        for name in ("mean", "p99")
+    }
     for name, values in (
         ("volume_error", [s.volume_error for s in surveys]),
         ("bulk_density_error", [s.bulk.mean - 1.0 for s in surveys]),

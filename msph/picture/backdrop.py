@@ -19,7 +19,9 @@ LINE_LIMIT = 1.6  # largest width of the line of one face [pixels]
 RIM_STRENGTH, INNER_STRENGTH = 0.85, 0.35  # opacity of edges before and behind the water
 # Relative difference of depths in the same place: water reaches into bodies, also along the glass.
 SAME_DEPTH = 1e-3
-GLASS = 0.045  # reflectance of a pane at normal incidence
+GLASS, FILM = 0.045, 0.02  # reflectance of a pane, and of a film of water, at normal incidence
+# Light that a wet wall or body lacks (-), and number of dry panes that mirror as much as a wet one.
+WET_SHADE, WET_PANES = 0.3, 1.5
 # Digits of a sample's kind: low wall (0, 1) or body; axis by which the ray entered the box.
 WALL_OR_BODY, ENTRY_AXIS = 4, 1 << 18
 
@@ -32,20 +34,21 @@ class Backdrop:
     drawn. With bodies all pixels are drawn, since a body can be in front of the water.
     """
 
-    def __init__(self, fields: PixelFields, lens, pool, tone):
-        self.lens, self.key = lens, fields.key
+    def __init__(self, fields: PixelFields, lens, pool, tone, wetness):
+        self.lens, self.key, self.wetness = lens, fields.key, wetness
         self.pool, self.tone = pool, tone
         self.colour, self.background, self.depth = fields.backdrop, fields.background, fields.depth
+        self.entry = fields.entry
         self.complete = False
 
-    def refresh(self, changed, flooded=False):
+    def refresh(self, changed, flooded=False, dried=False):
         """Redraws what changed. changed: the view is new; flooded: `key` holds the water of this
-        view."""
+        view; dried: walls and bodies are less wet than before."""
         if self.pool.occupied:
             flooded = False
             changed = changed or self.pool.bodies.boundary.moving
         flooded = flooded and changed  # in a constant view, water may uncover pixels it hid
-        if changed or not self.complete:
+        if changed or dried or not self.complete:
             self.draw(flooded)
             self.complete = not flooded
 
@@ -56,7 +59,10 @@ class Backdrop:
         for a, b in ti.ndrange(columns // COARSE + 2, rows // COARSE + 2):
             shot = self.lens.shot[None]
             d = shot.origin + shot.du * (COARSE * a) + shot.dv * (COARSE * b)
-            self.background[a, b] = self.pool.background(d.normalized(), shot)
+            colour = self.pool.background(d.normalized(), shot)
+            if shot.plain == 1:
+                colour = ti.math.mix(shot.low_colour, shot.high_colour, COARSE * b / (rows - 1.0))
+            self.background[a, b] = colour
         ti.loop_config(block_dim=BLOCK // COARSE)
         for a, b in ti.ndrange(columns // COARSE + 1, rows // COARSE + 1):
             self.draw_background(a, b)
@@ -75,7 +81,7 @@ class Backdrop:
             for j in range(COARSE * b, ti.min(COARSE * (b + 1), self.lens.shot[None].rows)):
                 self.colour[i, j] = vec4(ti.math.mix(start, end, j / COARSE - b), 0.0)
                 if ti.static(self.pool.occupied):
-                    self.depth[i, j] = FAR
+                    self.depth[i, j] = self.entry[i, j] = FAR
 
     @ti.func
     def begin(self, i0, j0, flooded):
@@ -102,7 +108,7 @@ class Backdrop:
         d = (shot.origin + shot.du * i + shot.dv * j).normalized()
         near, far, way_in, axis = self.pool.slab_test(d, shot)
         entry = ti.max(near, 0.0)
-        kind, place, light, added, depth = EMPTY, vec4(0.0), vec2(0.0), vec3(0.0), FAR
+        kind, place, light, added, depths = EMPTY, vec4(0.0), vec2(0.0), vec3(0.0), vec2(FAR)
         left, rim = 1.0, 0.0
         if far > entry:
             share, mirrored = 0.0, d
@@ -111,9 +117,11 @@ class Backdrop:
                 kind += 1 + way_in  # there is an edge between two panes, even in hidden blocks
                 if way_in != 1 or shot.lid == 1:
                     share = pane(abs(component(d, way_in)))
+                    wet = self.wetness.at(shot.eye + d * near, shot)
+                    share = ti.math.mix(share, 1.0 - (1.0 - share) ** WET_PANES, wet)
                     mirrored *= 1.0 - 2.0 * vec3(way_in == 0, way_in == 1, way_in == 2)
             if not hidden:
-                kind, place, light, left, added, depth = self.inside(
+                kind, place, light, left, added, depths = self.inside(
                     i, j, d, entry, far, axis, shot
                 )
                 kind += ENTRY_AXIS * ti.select(near > 0.0, way_in, 3)
@@ -124,16 +132,19 @@ class Backdrop:
                 kind = DETAIL + ti.select(hidden, UNTILED, kind)
         elif far > near * (1.0 - 2.0 * SPAN * shot.pixel):
             kind += DETAIL  # the box may begin within the block
-        return kind, make_sample(place, light, vec3(left), added, 0.0, depth, rim)
+        return kind, make_sample(
+            place, light, vec3(left), added, vec4(depths.y, depths.x, rim, 0.0)
+        )
 
     @ti.func
     def inside(self, i, j, d, entry, far, axis, shot: ti.template()):
         """Intersects the ray d (unit) with the contents of the box, between its entry and exit [m].
         Returns: kind; position [m] and pixel width there [m]; light there (sun, sky); share of it
-        that reaches the eye; light added on the way; depth of a body along the view [m], or FAR."""
-        low, depth = component(d, axis) < 0.0, FAR
+        that reaches the eye; light added on the way; depths along the view [m], or FAR, of a body
+        and of the entry into a container."""
+        low, depths = component(d, axis) < 0.0, vec2(FAR)
         start = shot.eye + d * entry
-        t, body, entry_cosine, close = self.pool.intersect(start, d, far - entry, entry, shot)
+        t, body, side, close = self.pool.intersect(start, d, far - entry, entry, False, shot)
         p = ti.select(body >= 0, start + t * d, shot.eye + d * far)
         kind, left, added = axis + WALL_OR_BODY * low, 1.0, vec3(0.0)
         footprint = shot.pixel * far / ti.max(abs(component(d, axis)), MIN_COSINE)
@@ -153,14 +164,28 @@ class Backdrop:
             if body >= 0:
                 kind = UNTILED + WALL_OR_BODY * (2 + body)
                 added = self.pool.bodies.shade(body, p, shot.sun, lit, shot)
-                depth = (entry + t) * d.dot(shot.forward)
+                depths.x = (entry + t) * d.dot(shot.forward)
             kind += DETAIL * close
-            if entry_cosine >= 0.0:  # the transparent side of a container reflects the sky faintly
-                share = pane(entry_cosine)
+        if tiled or body >= 0:
+            wet = self.wetness.at(p, shot)
+            if wet > 0.0:
+                n = self.pool.normal(p, axis, low, body)
+                mirrored, share = d - 2.0 * d.dot(n) * n, wet * film(-d.dot(n))
+                light, left = (1.0 - WET_SHADE * wet) * light, (1.0 - share) * left
+                if body >= 0:
+                    added *= 1.0 - WET_SHADE * wet
+                added = ti.math.mix(added, self.pool.mirrored_radiance(p, mirrored, shot), share)
+        if ti.static(self.pool.occupied):
+            if side.y >= 0.0:  # the transparent side of a container reflects the sky faintly
+                # A ray that begins in a container enters it at depth 0.
+                depths.y = ti.select(
+                    entry + side.x > 0.0, (entry + side.x) * d.dot(shot.forward), 0.0
+                )
+                share = pane(side.y)
                 left *= 1.0 - share
                 mirrored = vec3(d.x, abs(d.y), d.z)
                 added = ti.math.mix(added, self.pool.far_radiance(mirrored, shot), share)
-        return kind, vec4(p, footprint), light, left, added, depth
+        return kind, vec4(p, footprint), light, left, added, depths
 
     @ti.func
     def border(self, d, s, axis, share, shot: ti.template()):
@@ -179,7 +204,12 @@ class Backdrop:
             c = self.tone.display(self.pool.colour_of(kind, sample, 1.0, self.lens.shot[None]))
             self.colour[i, j] = vec4(ti.math.mix(c, RIM, rim), rim)
             if ti.static(self.pool.occupied):
-                self.depth[i, j] = sample[REST, 1]
+                self.depth[i, j], self.entry[i, j] = sample[REST, 1], sample[REST, 0]
+
+    @ti.func
+    def entry_at(self, i, j):
+        """Returns the depth [m] at which a pixel's ray enters the container, 0 without one."""
+        return ti.select(self.pool.bodies.numbers.container[None] >= 0, self.entry[i, j], 0.0)
 
     @ti.func
     def covers(self, i, j, depth):
@@ -194,3 +224,9 @@ class Backdrop:
 def pane(cosine):
     """Reflectance of a glass pane at a cosine of incidence (Schlick 1994)."""
     return GLASS + (1.0 - GLASS) * (1.0 - cosine) ** 5
+
+
+@ti.func
+def film(cosine):
+    """Reflectance of a film of water at a cosine of incidence (Schlick 1994)."""
+    return FILM + (1.0 - FILM) * (1.0 - ti.math.clamp(cosine, 0.0, 1.0)) ** 5

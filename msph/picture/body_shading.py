@@ -20,6 +20,7 @@ BOUNCE = 0.45  # sky light from below, over sky light from above
 MAX_STEPS = 96  # largest number of steps of a ray
 HIT_DISTANCE = 4e-4  # distance at which a ray hits a body, over the longest edge of the box
 STEP_FRACTION = 0.9  # step over distance: sampled distances may be too large
+MIN_SLOPE = 0.1  # least slope of a distance along a ray, for Newton's step to its zero
 SHADOW_SHARPNESS = 14.0  # sharpness of shadows
 MISSED = 1e9
 
@@ -30,11 +31,17 @@ class BodyShading:
 
     def __init__(self, boundary):
         self.boundary = boundary
-        self.numbers = DeviceTable((), count=i32, near=f32)
+        # container: index, or -1.
+        self.numbers = DeviceTable((), count=i32, near=f32, container=i32)
 
     def load(self, box):
         """Loads the boundary's present bodies in a box (Lx, Ly, Lz) [m]."""
-        self.numbers.fill(count=self.boundary.count, near=HIT_DISTANCE * max(box))
+        found = self.boundary.container
+        self.numbers.fill(
+            count=self.boundary.count,
+            near=HIT_DISTANCE * max(box),
+            container=-1 if found is None else found,
+        )
 
     @ti.func
     def offset(self):
@@ -63,43 +70,62 @@ class BodyShading:
         return found
 
     @ti.func
-    def intersect(self, p, r, most, reach, wide):
+    def intersect(self, p, r, most, reach, wide, within):
         """Intersects the ray p + t r (r unit) with the bodies, for t of 0..most. Returns: t of the
-        first hit, or MISSED; index of the body; cosine of incidence at the entry into a container,
-        or -1; True if the ray passes a body within `wide` times its distance from the eye, which is
-        `reach` [m] at p."""
-        nearest, which, entry_cosine, close = MISSED, -1, -1.0, False
+        first hit, or MISSED; index of the body; t (0 if p is inside) and cosine of incidence at the
+        entry into a container, or MISSED and -1; True if the ray passes a body within `wide` times
+        its distance from the eye, which is `reach` [m] at p. within: p is in the container, or on
+        its side."""
+        nearest, which, close = MISSED, -1, False
+        entry, entry_cosine = MISSED, -1.0
         near = self.numbers.near[None]
         for b in range(self.numbers.count[None]):
             part = self.span(b, p, r, ti.min(most, nearest), wide * (reach + most))
-            t, entered, steps = part[0], self.boundary.side[b] > 0.0, 0
+            t, entered, steps = part[0], within or self.boundary.side[b] > 0.0, 0
             margin = MISSED  # smallest distance to the body over distance from the eye
             while t < part[1] and steps < MAX_STEPS:
                 steps += 1
                 found = self.boundary.distance(b, p + t * r, END)
-                d = found.x
+                d, slope = found.x, found.yzw.dot(r)
                 way = t + ti.max(STEP_FRACTION * abs(d), near)
                 margin = ti.min(margin, abs(d) / (reach + t))
-                if entered and d < near:
-                    nearest, which, margin = t, b, MISSED
+                if entered and d < near and slope < 0.0:
+                    # Newton's step, since a waterline shows steps of `near`.
+                    nearest = t + d / ti.max(-slope, MIN_SLOPE)
+                    which, margin = b, MISSED
                     way = MISSED
                 elif not entered:
                     entered = d > near
                     if entered:
-                        entry_cosine = ti.max(found.yzw.dot(r), 0.0)
+                        entry_cosine = ti.max(slope, 0.0)
+                        entry = ti.max(t - d / ti.max(entry_cosine, MIN_SLOPE), 0.0)
                     else:
-                        way = t - d + 4.0 * near  # the exact point of entry does not matter
+                        way = t - d + 4.0 * near
                 t = way
+            if entered and t < part[1]:
+                nearest, which = t, b  # all steps were short: the ray is along a side
             close = close or margin < wide
-        return nearest, which, entry_cosine, close
+        return nearest, which, vec2(entry, entry_cosine), close
+
+    @ti.func
+    def normal(self, b, p):
+        """Returns the unit normal of body b at its point p [m], towards the water."""
+        return self.boundary.normal(b, p, END)
+
+    @ti.func
+    def side_normal(self, p):
+        """Returns the unit normal out of the container at a point p [m] of its side."""
+        return -self.normal(self.numbers.container[None], p)
 
     @ti.func
     def sunlit(self, p, to_sun):
-        """Returns the share of the sun, 0..1, that solids leave at p: soft shadows (Quilez)."""
+        """Returns the share of the sun, 0..1, that bodies leave at p: soft shadows (Quilez). A
+        container is lit from above, and shades what is outside."""
         share = 1.0
         near = self.numbers.near[None]
         for b in range(self.numbers.count[None]):
-            if self.boundary.side[b] > 0.0:
+            side = self.boundary.side[b]
+            if side > 0.0 or self.boundary.distance(b, p, END).x < -self.offset():
                 # March where the penumbra can reach.
                 ahead = (self.boundary.centre[b, END] - p).dot(
                     to_sun
@@ -108,7 +134,7 @@ class BodyShading:
                 t, steps = ti.max(part[0], self.offset()), 0
                 while t < part[1] and steps < MAX_STEPS:
                     steps += 1
-                    d = self.boundary.distance(b, p + t * to_sun, END).x
+                    d = side * self.boundary.distance(b, p + t * to_sun, END).x
                     share = ti.min(share, SHADOW_SHARPNESS * d / t)
                     t = ti.select(share <= 0.0, MISSED, t + ti.max(STEP_FRACTION * d, 2.0 * near))
         return ti.max(share, 0.0)
@@ -117,7 +143,7 @@ class BodyShading:
     def shade(self, b, p, to_sun, focus, shot: ti.template()):
         """Returns the colour of body b at its point p [m]; focus: concentration of sunlight
         there."""
-        n = self.boundary.normal(b, p, END)
+        n = self.normal(b, p)
         albedo = ti.select(self.boundary.side[b] > 0.0, CLAY, GLAZE)
         sky = ti.math.mix(BOUNCE, 1.0, 0.5 + 0.5 * n.dot(shot.up))
         return albedo * (SKY_LIGHT * sky + SUN_LIGHT * (ti.max(n.dot(to_sun), 0.0) * focus))

@@ -9,9 +9,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-ELEVATION = np.radians((3.0, 88.0))  # limits: above the ground, below the pole
-ZOOM = (0.35, 4.0)  # limits of the distance, over the framing distance
-PAN = 0.6  # largest distance of the target from the box's centre, over the distance of the eye
+ELEVATION = np.radians((-80.0, 88.0))  # limits: short of the poles
+ZOOM = (0.025, 4.0)  # limits of the distance, over the framing distance
+# Largest distance of the target from the box's centre, over the distance of the eye or, if that is
+# more, half the diagonal of the box; least height of the eye above the ground, over the box's.
+PAN, CLEARANCE = 0.6, 0.05
 MARGIN = 1.12  # free space around the box in `framing`, for the lines of text of a window
 
 
@@ -55,18 +57,27 @@ class Camera:
         """Rotates around the target by two angles [rad]."""
         self.azimuth = float((self.azimuth + azimuth) % (2 * np.pi))
         self.elevation = float(np.clip(self.elevation + elevation, *ELEVATION))
+        self._stay_above_ground()
 
     def zoom(self, factor):
         """Multiplies the distance; factors below 1 move closer."""
         self.distance = float(np.clip(self.distance * factor, *self.reach))
+        self._stay_above_ground()
+
+    def _stay_above_ground(self):
+        """Raises the eye to CLEARANCE if it is lower."""
+        rise = (2.0 * CLEARANCE * self.home[1] - self.target[1]) / self.distance
+        lowest = math.asin(min(max(rise, -1.0), 1.0))
+        self.elevation = max(self.elevation, lowest)
 
     def pan(self, right, up):
-        """Moves the target along the axes of the view [m], within PAN of the centre of the box."""
+        """Moves the target along the axes of the view [m], within PAN of the box's centre."""
         x, y, _ = self.axes()
         moved = np.asarray(self.target) + right * x + up * y
         away = moved - self.home
-        far = np.linalg.norm(away) / self.distance
+        far = np.linalg.norm(away) / max(self.distance, np.linalg.norm(self.home))
         self.target = self.home + away / max(1.0, far / PAN)
+        self._stay_above_ground()
 
     def axes(self):
         """Returns the unit vectors right, up and back of the view in the world frame."""

@@ -79,6 +79,5 @@ class DropsView:
         hidden = self.pool.hides(c, shot)
         if self.raster.key[at.x, at.y] != NO_ITEM:
             ray = shot.origin + shot.du * at.x + shot.dv * at.y
-            item = self.raster.item(at.x, at.y)
-            hidden = hidden or self.shader.hit_surface(item, ray, shot)[0] < z
+            hidden = hidden or self.shader.hit_surface(at.x, at.y, ray, shot)[0] < z
         return not (hidden or self.backdrop.covers(at.x, at.y, z))

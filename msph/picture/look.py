@@ -1,8 +1,16 @@
 """Rendering parameters."""
 
+from typing import Annotated
+
 import numpy as np
+from pydantic import Field
 
 from msph.parameter import Section, Vector, parameter
+from msph.picture.tone import linear
+
+# A display-referred colour, sRGB.
+Part = Annotated[float, Field(strict=True, ge=0.0, le=1.0)]
+Colour = Annotated[tuple[Part, Part, Part], Field(strict=False)]
 
 
 class Look(Section):
@@ -17,6 +25,15 @@ class Look(Section):
     sun_elevation: float = parameter(
         43.5, ge=5.0, le=90.0, unit="deg", text="elevation of the sun above the horizon"
     )
+    background: Colour | None = parameter(
+        None, text="colour behind the pool, sRGB from 0 to 1; default: sky and ground"
+    )
+    background_top: Colour | None = parameter(
+        None, text="colour at the top of the image, for a gradient; default: background"
+    )
+    alpha: bool = parameter(
+        False, text="record images with an alpha channel, transparent where the background shows"
+    )
     caustics: bool = parameter(True, text="light focused on the floor by waves")
     caustic_contrast: float = parameter(
         1.0,
@@ -28,6 +45,12 @@ class Look(Section):
     )
     whitewater: bool = parameter(
         True, text="spray, foam and bubbles where the water splashes; they do not act on the water"
+    )
+    ripples: bool = parameter(
+        True, text="small ripples where a hand or drops disturb the surface; in the image only"
+    )
+    drying: float = parameter(
+        8.0, ge=0.0, le=600.0, unit="s", text="time in which wet walls and bodies dry, 0: never wet"
     )
     refractive_index: float = parameter(
         1.333,
@@ -62,6 +85,11 @@ class Look(Section):
         1, ge=1, le=4, text="rays per pixel along each axis; capture: 2 by default"
     )
     legend: bool = parameter(True, text="show a legend of the colours of a view")
+
+    def background_colours(self):
+        """Linear colours of the background at the bottom and top of the image, or None."""
+        low, high = self.background or self.background_top, self.background_top or self.background
+        return None if low is None else (linear(low), linear(high))
 
     def sun_direction(self):
         """Unit vector to the sun, world frame."""

@@ -1,5 +1,7 @@
 """Renderer: draws the water surface or the particles in the pool into one image field."""
 
+import math
+
 import numpy as np
 import taichi as ti
 
@@ -17,23 +19,26 @@ from msph.picture.particles_view import ParticlesView
 from msph.picture.pixels import Image, as_u8
 from msph.picture.pool import Pool
 from msph.picture.rasteriser import NO_ITEM, Rasteriser
+from msph.picture.ripples import Ripples
 from msph.picture.room import SMALLEST, PictureRoom, PixelFields
 from msph.picture.shot import Lens, shot_numbers
 from msph.picture.sky import Sky
 from msph.picture.sunlight import Sunlight
 from msph.picture.tone import Tone
 from msph.picture.water import WaterShader
+from msph.picture.wetness import EVERY, LOST, Wetness
 from msph.picture.whitewater_view import WhitewaterView
 from msph.surface import SurfaceRoom, surface_of
+from msph.surface.thin_water import ThinWater
 from msph.surface.whitewater import Whitewater, whitewater_of
 from msph.taichi_internals import data_oriented, kernel
 
 
 def picture_of(world: World, surface_room: SurfaceRoom, room: PictureRoom) -> "Picture":
     """Builds a picture of the surface, particles and bodies of a world (for World.build_once)."""
-    mesh = world.build_once(surface_of, surface_room).mesh
+    surface = world.build_once(surface_of, surface_room)
     parts, white = world.parts, world.build_once(whitewater_of)
-    return Picture(mesh, parts.boundary, room, white, parts.rim)
+    return Picture(surface.mesh, parts.boundary, room, white, parts.rim, surface.thin)
 
 
 @data_oriented
@@ -42,7 +47,8 @@ class Picture:
 
     mesh: water surface in box coordinates, with the fields `vertices` [m], `normals`, `triangles`
     and `counts` (vertices, triangles). boundary: the fluid's boundary, whose bodies are drawn, or
-    None. whitewater: drawn if the look shows it, or None. rim: its drops are drawn, or None.
+    None. whitewater: drawn if the look shows it, or None. rim: its drops are drawn, or None. thin:
+    its drops make ripples if the look shows them, or None.
 
     The constructor allocates all memory; `load`, `change` and `resize` only set numbers, so no
     kernel is compiled twice. Kernels for bodies, particles, legends, supersampling and upscaling
@@ -56,6 +62,7 @@ class Picture:
         room=SMALLEST,
         whitewater: Whitewater | None = None,
         rim: Rim | None = None,
+        thin: ThinWater | None = None,
     ):
         self.mesh, self.boundary, self.room = mesh, boundary, room
         self.fields, self.lens, tone = PixelFields(room), Lens(), Tone()
@@ -64,13 +71,14 @@ class Picture:
         self.raster, self.sunlight = Rasteriser(self.fields, self.lens), Sunlight(mesh, self.lens)
         self.particles = ParticlesView(self.lens, self.raster, tone, self.fields.canvas)
         self.sky, self.bodies = Sky(), BodyShading(boundary)
+        self.wetness = Wetness(mesh, self.lens)
+        self.ripples = Ripples(thin, self.sunlight, self.lens) if thin else None
+        self.drying = EVERY  # simulated time since the last decay of the wetness [s]
         # Shading without bodies, and with bodies.
         pools = Pool(self.sky), Pool(self.sky, self.bodies)
-        backdrops = [Backdrop(self.fields, self.lens, pool, tone) for pool in pools]
-        self.shaders = [
-            WaterShader(mesh, self.lens, self.raster, self.sunlight, backdrop, self.fields.canvas)
-            for backdrop in backdrops
-        ]
+        backdrops = [Backdrop(self.fields, self.lens, pool, tone, self.wetness) for pool in pools]
+        water = mesh, self.lens, self.raster, self.sunlight, self.ripples
+        self.shaders = [WaterShader(*water, b, self.fields.canvas) for b in backdrops]
         self.whitewater_views = [
             WhitewaterView(whitewater, shader, self.fields.canvas) if whitewater else None
             for shader in self.shaders
@@ -96,6 +104,7 @@ class Picture:
         # A box with a lid spills nothing.
         self.drops = self.drops_views[occupied] if self.region != self.box else None
         self.change(look or Look())
+        self.reset()
         self.sky.paint(ti.math.vec3(*self.look.sun_direction()))
         self.resize(width, height)
 
@@ -110,6 +119,28 @@ class Picture:
     def change(self, look):
         """Sets another look that differs in live parameters only."""
         self.look, self.view = look, None
+
+    def reset(self):
+        """Dries walls and bodies, and smooths the surface."""
+        self.wetness.reset()
+        self.drying = EVERY  # the first image compiles the decay
+        if self.ripples:
+            self.ripples.reset()
+
+    def advance(self, dt, hand):
+        """Advances wetness and ripples by dt [s] of simulated time; hand: in the water."""
+        self.drying += dt
+        if self.look.ripples and self.ripples and self.view:
+            self.ripples.advance(dt, hand, max(self.box))
+
+    def dry(self):
+        """Updates the wetness. Returns True if the image without water changes."""
+        drying = 0
+        if self.drying >= EVERY:
+            drying = self.wetness.decay(math.exp(-LOST * self.drying / self.look.drying))
+            self.drying = 0.0
+        self.wetness.mark()
+        return drying > 0
 
     @property
     def backdrop(self):
@@ -148,8 +179,15 @@ class Picture:
         changed = self.set_view(camera, tilt)
         if self.look.caustics:
             self.sunlight.trace_caustics()
-        self.rasterise()
-        self.backdrop.refresh(changed, flooded=True)
+        dried = self.look.drying > 0.0 and self.dry()
+        occupied, contained = self.backdrop.pool.occupied, False
+        if occupied:
+            # Water is clipped by the container in the backdrop, and bodies may hide water.
+            self.backdrop.refresh(changed, dried=dried)
+            contained = self.boundary.container is not None
+        self.rasterise(contained)
+        if not occupied:
+            self.backdrop.refresh(changed, True, dried)
         self.shader.shade()
         if self.look.whitewater and self.whitewater:
             self.whitewater.draw()
@@ -158,11 +196,12 @@ class Picture:
         self.resolve()
 
     @kernel
-    def rasterise(self):
-        """Fills the visibility buffer and the map of water levels."""
+    def rasterise(self, contained: ti.i32):
+        """Fills the visibility buffer and the map of water levels. contained: 1 for a container."""
         self.raster.clear(self.mesh.counts[1])
         self.sunlight.update_levels()
-        self.raster.draw_mesh(self.mesh)
+        self.raster.draw_mesh(self.mesh, contained)
+        self.raster.mark_wet(contained)
 
     def draw_particles(self, camera, tilt, x, value, lo, hi, n, radius, legend=None):
         """Renders the first n particles at x [m], coloured by `value` from lo to hi. radius: f32

@@ -52,6 +52,15 @@ def as_rows(pixels: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(as_bytes(pixels)[..., :3].transpose(1, 0, 2)[::-1])
 
 
+def matted(on_black: np.ndarray, on_white: np.ndarray) -> np.ndarray:
+    """Returns an image (height, width, 4) uint8 with its opacity, from its renderings (height,
+    width, 3) on a black and on a white background: c = a own + (1 - a) background."""
+    black, white = on_black.astype(float), on_white.astype(float)
+    opacity = np.clip(1.0 - (white - black).mean(axis=-1, keepdims=True) / 255.0, 0.0, 1.0)
+    own = np.minimum(black / np.maximum(opacity, 1.0 / 255.0), 255.0)
+    return np.concatenate([own, 255.0 * opacity], axis=-1).round().astype(np.uint8)
+
+
 def as_u8(image: Image) -> np.ndarray:
     """Returns an image as (height, width, 3) uint8, first row at the top."""
     return as_rows(packed(image))

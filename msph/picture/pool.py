@@ -9,7 +9,7 @@ import taichi as ti
 from msph.picture.body_shading import MISSED
 from msph.picture.samples import ADDED, LEFT, PLACE, SPAN, UNTILED
 from msph.picture.shot import PARALLEL
-from msph.picture.sky import GROUND, SKY_LIGHT, SUN_LIGHT, Sky, haze
+from msph.picture.sky import GROUND, SKY_LIGHT, SUN, SUN_LIGHT, Sky, haze
 from msph.taichi_internals import data_oriented
 
 vec2, vec3 = ti.math.vec2, ti.math.vec3
@@ -24,6 +24,7 @@ CORNER, CORNER_REACH = 0.42, 5.0  # depth of the shade in corners; its falloff [
 RIM = vec3(0.86, 0.93, 0.95)  # the glass edges, display-referred
 CONTACT, CONTACT_REACH = 0.45, 0.22  # shade under the box; its falloff, over the longest edge
 SHADOW, SHADOW_WAY = vec3(0.52, 0.40, 0.32), 0.30  # light that the box absorbs; path for half
+FILM_SUN, FILM_GLOSS = 20.0, 5  # sun on wet walls: brightness; width: cosine^(2^5)
 TONES, GOLDEN = 256, 0.618034
 MIN_COSINE = 0.08  # smallest cosine for the stretch of a pixel's footprint on a wall
 FILTER, SHARPEST = 0.7, 1e-3  # filter width over the pixel's footprint; smallest, in tiles
@@ -135,14 +136,14 @@ class Pool:
         return share
 
     @ti.func
-    def intersect(self, p, r, most, reach, shot: ti.template()):
+    def intersect(self, p, r, most, reach, within, shot: ti.template()):
         """Intersects a ray from p, reach [m] from the eye, with bodies; see BodyShading.intersect.
         The last result is True if a body's outline may cross a block of pixels around the ray."""
         wide = 1.5 * SPAN * shot.pixel
-        t, body, entry_cosine, close = MISSED, -1, -1.0, False
+        t, body, entry, close = MISSED, -1, vec2(MISSED, -1.0), False
         if ti.static(self.occupied):
-            t, body, entry_cosine, close = self.bodies.intersect(p, r, most, reach, wide)
-        return t, body, entry_cosine, close
+            t, body, entry, close = self.bodies.intersect(p, r, most, reach, wide, within)
+        return t, body, entry, close
 
     @ti.func
     def far_radiance(self, d, shot: ti.template()):
@@ -150,6 +151,28 @@ class Pool:
         return self.sky.radiance(
             vec3(d.dot(shot.right_world), d.dot(shot.up), d.dot(shot.back_world))
         )
+
+    @ti.func
+    def normal(self, p, axis, low, body):
+        """Returns the unit normal into the box of a wall, or out of a body (if >= 0), at p [m]."""
+        n = ti.select(low, 1.0, -1.0) * vec3(axis == 0, axis == 1, axis == 2)
+        if ti.static(self.occupied):
+            if body >= 0:
+                n = self.bodies.normal(body, p)
+        return n
+
+    @ti.func
+    def mirrored_radiance(self, p, r, shot: ti.template()):
+        """Radiance along the ray r that a wet wall or body at p [m] mirrors: the mean of a tiled
+        wall, or sky with the sun's reflection."""
+        _, axis, low = self.exit_face(p, r, shot.size)
+        colour = 0.5 * (PALE + DEEP) * SKY_LIGHT
+        if not self.is_tiled(axis, low, shot):
+            sheen = ti.max(r.dot(shot.sun), 0.0)
+            for _ in ti.static(range(FILM_GLOSS)):
+                sheen *= sheen
+            colour = self.far_radiance(r, shot) + FILM_SUN * sheen * SUN
+        return colour
 
     @ti.func
     def background(self, d, shot: ti.template()):

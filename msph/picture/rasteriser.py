@@ -8,6 +8,10 @@ Triangles use homogeneous edge functions (Olano and Greer 1997): with vertices a
 the eye and a pixel ray d of forward part 1, the barycentric weights are d.(b x c), d.(c x a) and
 d.(a x b) over their sum, and 1 / depth = d.N / a.N with the triangle's normal N. No vertex is
 divided by its depth, so triangles through the near plane need no clipping.
+
+Where the eye is in the box or looks into a container, a ray may begin in water: it does if the
+first face behind its begin is a back face. Such pixels show a back face, or WET if the water
+reaches up to the wall. Faces in front of a container's near side are clipped.
 """
 
 import taichi as ti
@@ -20,24 +24,31 @@ KEY_BITS = 31
 NO_ITEM = 0x7FFFFFFF  # key of a pixel without an item
 FAR = 1e9  # depth of a pixel without a back face [m]
 OVERLAP = 2e-3  # pixels by which triangles exceed their edges, against gaps
+FRONT, ON_WALL = 1, 2  # lowest bits of a crossing: a front face; a face on a wall of the box
 
 
 @data_oriented
 class Rasteriser:
-    """Visibility buffer of an image; `item_bits` of a key hold the item number."""
+    """Visibility buffer of an image; `item_bits` of a key hold the item number.
+
+    wet[None]: item WET. crossing: bits of the depth of the first face behind `entry`, with FRONT
+    and ON_WALL; only valid in a frame that is clipped (draw_mesh).
+    """
 
     def __init__(self, fields: PixelFields, lens):
         self.lens, self.key, self.back = lens, fields.key, fields.back
-        self.item_bits = ti.field(ti.i32, ())
+        self.crossing, self.entry = fields.crossing, fields.entry
+        self.item_bits, self.wet = ti.field(ti.i32, ()), ti.field(ti.i32, ())
 
     @ti.func
     def clear(self, items):
         """Clears the buffer for item numbers below `items`."""
-        self.item_bits[None] = ti.max(1, 32 - ti.math.clz(ti.max(items - 1, 1)))
+        self.wet[None] = items
+        self.item_bits[None] = ti.max(1, 32 - ti.math.clz(ti.max(items, 1)))
         columns, rows = self.lens.shot[None].columns, self.lens.shot[None].rows
         ti.loop_config(block_dim=BLOCK)
         for i, j in ti.ndrange(columns, rows):
-            self.key[i, j] = NO_ITEM
+            self.key[i, j] = self.crossing[i, j] = NO_ITEM
             self.back[i, j] = ti.bit_cast(ti.f32(FAR), ti.i32)
 
     @ti.func
@@ -84,8 +95,10 @@ class Rasteriser:
         return self.bounds(lo, hi, shot)
 
     @ti.func
-    def draw_mesh(self, mesh: ti.template()):
-        """Draws front faces into `key`, and back faces that are not on walls into `back`."""
+    def draw_mesh(self, mesh: ti.template(), contained):
+        """Draws front faces into `key`, and back faces that are not on walls into `back`. The frame
+        is clipped if it looks into a container (contained: 1) or from within the box: the module
+        docstring."""
         ti.loop_config(block_dim=BLOCK)
         for t in range(mesh.counts[1]):
             shot = self.lens.shot[None]
@@ -94,16 +107,19 @@ class Rasteriser:
             a, b, c = pa - shot.eye, pb - shot.eye, pc - shot.eye
             n = (b - a).cross(c - a)
             volume = a.dot(n)
-            front = volume < 0.0
-            wanted = front
+            front, wall, clipped = volume < 0.0, False, contained + shot.immersed > 0
             if volume > 0.0:
-                wanted = not on_wall(pa, pb, pc, shot)
-            if wanted:
-                self.fill(t, a, b, c, n, volume, front, shot)
+                wall = on_wall(pa, pb, pc, shot)
+            if front or (volume > 0.0 and (clipped or not wall)):
+                kind = FRONT * front + ON_WALL * wall
+                self.fill(t, ti.Matrix.rows([a, b, c]), n, volume, kind, contained, shot)
 
     @ti.func
-    def fill(self, t, a, b, c, n, volume, front, shot: ti.template()):
-        """Writes a triangle to the pixels that it covers."""
+    def fill(self, t, corners, n, volume, kind, contained, shot: ti.template()):
+        """Writes a triangle to the pixels that it covers. corners: rows, relative to the eye [m];
+        kind: FRONT and ON_WALL."""
+        a, b, c = corners[0, :], corners[1, :], corners[2, :]
+        front = kind & FRONT != 0
         box = self.triangle_bounds(a, b, c, shot)
         if box[0] <= box[2] and box[1] <= box[3]:
             s = ti.select(front, -1.0, 1.0)
@@ -118,10 +134,36 @@ class Rasteriser:
                     e = e0 + ei * i + ej * j
                     w = w0 + wi * i + wj * j
                     if e.min() >= 0.0 and w > 0.0 and w <= shot.w_near:
-                        if front:
-                            self.offer(i, j, self.make_key(w, t, bits, shot))
-                        else:
-                            ti.atomic_min(self.back[i, j], ti.bit_cast(1.0 / w, ti.i32))
+                        begin = self.begin(i, j, contained)
+                        if begin * w <= 1.0:
+                            if contained + shot.immersed > 0:
+                                z = ti.bit_cast(1.0 / w, ti.i32) & ~(FRONT | ON_WALL)
+                                ti.atomic_min(self.crossing[i, j], z | kind)
+                            if front or (kind == 0 and shot.immersed == 1 and begin == 0.0):
+                                self.offer(i, j, self.make_key(w, t, bits, shot))
+                            if kind == 0:
+                                ti.atomic_min(self.back[i, j], ti.bit_cast(1.0 / w, ti.i32))
+
+    @ti.func
+    def begin(self, i, j, contained):
+        """Returns the depth [m] from which a pixel's ray can meet water."""
+        found = 0.0
+        if contained == 1:
+            found = self.entry[i, j]
+        return found
+
+    @ti.func
+    def mark_wet(self, contained):
+        """Sets the item WET in a clipped frame, after draw_mesh()."""
+        clipped = ti.max(contained, self.lens.shot[None].immersed)
+        columns, rows = clipped * self.lens.shot[None].columns, self.lens.shot[None].rows
+        ti.loop_config(block_dim=BLOCK)
+        for i, j in ti.ndrange(columns, rows):
+            shot, first = self.lens.shot[None], self.crossing[i, j]
+            begin = self.begin(i, j, contained)
+            if first & FRONT == 0 and (begin > 0.0 or first & ON_WALL != 0):
+                w = 1.0 / ti.max(begin, 1.0 / shot.w_near)
+                self.key[i, j] = self.make_key(w, self.wet[None], self.item_bits[None], shot)
 
     @ti.func
     def project(self, c, shot: ti.template()):

@@ -30,8 +30,8 @@ SMALLEST = PictureRoom()  # the first class
 
 
 class PixelFields:
-    """Fields with a value per pixel, index [right, up]; an image uses their lower left part. 64
-    bytes per pixel: 32 MiB in the first class."""
+    """Fields with a value per pixel, index [right, up]; an image uses their lower left part. 72
+    bytes per pixel: 36 MiB in the first class."""
 
     def __init__(self, room: PictureRoom):
         size = room.width, room.height
@@ -42,9 +42,12 @@ class PixelFields:
         )  # the image: smoothed, enlarged or averaged
         self.key = ti.field(ti.i32, size)  # visibility buffer (see Rasteriser)
         self.back = ti.field(ti.i32, size)  # bits of the depth of the nearest back face [m]
+        self.crossing = ti.field(ti.i32, size)  # first face behind `entry` (see Rasteriser)
         # Image without water: display-referred colour, and opacity of the edge lines in front.
         self.backdrop = ti.Vector.field(4, ti.f32, size)
         self.depth = ti.field(ti.f32, size)  # of bodies along the view [m], or FAR
+        # Depth at which the ray enters the container [m], or FAR; 0 if the eye is in it.
+        self.entry = ti.field(ti.f32, size)
         # Sky and ground at pixels (COARSE a, COARSE b), linear.
         self.background = ti.Vector.field(
             3, ti.f32, (room.width // COARSE + 2, room.height // COARSE + 2)

@@ -14,8 +14,9 @@ SPAN = 4  # pixels along each side of a block; 8 is no faster, since more blocks
 CORNERS = 4
 # Rows of a 4 x 4 sample: place on the wall [m] and pixel width there [m]; share of the wall's light
 # that reaches the eye, RGB, and sunlight at the wall over SUN_LIGHT; light added on the way, linear
-# RGB, and sky light at the wall over SKY_LIGHT; depth of the place under water [m], depth along the
-# view [m], opacity of edge lines in front, 0.
+# RGB, and sky light at the wall over SKY_LIGHT; depth of the place under water (in a backdrop: of
+# the entry into a container along the view) [m], depth along the view [m], opacity of edge lines in
+# front, 0.
 PLACE, LEFT, ADDED, REST = range(4)
 Sample = ti.types.matrix(4, 4, ti.f32)
 # Kind (i32) of a sample: samples of different kinds are not interpolated. Its lowest digit is the
@@ -31,14 +32,14 @@ CPU_BLOCKS, GPU_BLOCKS = 16, 128  # blocks of pixels per chunk of a CPU thread, 
 
 
 @ti.func
-def make_sample(place, light, left, added, under, depth, rim):
+def make_sample(place, light, left, added, rest):
     """Builds a sample from its parts; light: sun and sky at the place."""
     return Sample(
         [
             [place.x, place.y, place.z, place.w],
             [left.x, left.y, left.z, light.x],
             [added.x, added.y, added.z, light.y],
-            [under, depth, rim, 0.0],
+            [rest.x, rest.y, rest.z, rest.w],
         ]
     )
 

@@ -13,7 +13,7 @@ from msph.picture.optics import refracted
 
 vec2, vec3 = ti.math.vec2, ti.math.vec3
 
-NEAR_PLANE = 0.02  # near plane [m]
+NEAR_PLANE = 0.005  # near plane [m]
 DEPTH_RANGE = 1.3  # range of distinct depths, over the box's depth
 WALL_SKIN = 2e-3  # distance within which a face is on a wall, over the longest edge
 # Cells of the map of water levels along the longer side of the floor (coarser than the mesh), and
@@ -46,6 +46,7 @@ Shot = ti.types.struct(
     beam=vec3,  # to the sun, from under a level water surface (refracted)
     ground=ti.f32,  # height of the ground along `up`, relative to the box centre [m]
     size=vec3,  # box [m]
+    immersed=ti.i32,  # 1: the eye is in the box, or above it where there is no lid
     lid=ti.i32,  # 1: a pane of glass closes the top of the box
     skin=ti.f32,  # distance within which a face is on a wall [m]
     lo=vec2,  # smallest and largest pixel coordinates of the box
@@ -56,6 +57,11 @@ Shot = ti.types.struct(
     contrast=ti.f32,  # share of the caustics' contrast, 0 without caustics
     absorption=vec3,  # Beer-Lambert coefficients, RGB [1/m]
     scatter=vec3,  # colour of deep water, RGB, linear
+    drying=ti.i32,  # 1: walls and bodies are darker where water has been
+    ripples=ti.i32,  # 1: the surface has small ripples
+    plain=ti.i32,  # 1: the background is a gradient from `low_colour` to `high_colour`, linear
+    low_colour=vec3,
+    high_colour=vec3,
     drift=vec2,  # horizontal displacement (x, z) of sunlight under water per metre of descent
     level_cells=vec2,  # cells of the map of water levels along x and z
     map_corner=vec2,  # (x, z) of the corner of the caustic map [m]
@@ -88,6 +94,7 @@ def shot_numbers(camera, tilt, box, width, height, look, region=None):
     sun = R.T @ look.sun_direction()
     beam = -refracted(-sun, R[1], 1 / look.refractive_index)
     drift = -beam[[0, 2]] / max(beam[1], MIN_DESCENT)
+    colours = look.background_colours()
     shift = drift * box[1]  # displacement of light from brim to floor
     return {
         "eye": eye,
@@ -111,6 +118,7 @@ def shot_numbers(camera, tilt, box, width, height, look, region=None):
         "beam": beam,
         "ground": ((corners - C) @ R[1]).min(),
         "size": box,
+        "immersed": bool((eye > 0).all() and (eye < region).all()),
         "lid": region[1] == box[1],
         "skin": WALL_SKIN * box.max(),
         "lo": lo,
@@ -121,6 +129,11 @@ def shot_numbers(camera, tilt, box, width, height, look, region=None):
         "contrast": look.caustic_contrast * look.caustics,
         "absorption": np.asarray(look.absorption) * look.tint,
         "scatter": np.asarray(look.scatter),
+        "drying": look.drying > 0.0,
+        "ripples": look.ripples,
+        "plain": colours is not None,
+        "low_colour": colours[0] if colours else np.zeros(3),
+        "high_colour": colours[1] if colours else np.zeros(3),
         "drift": drift,
         "level_cells": np.maximum(np.round(box[[0, 2]] * LEVEL_CELLS / box[[0, 2]].max()), 2),
         "map_corner": np.minimum(shift, 0),

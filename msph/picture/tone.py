@@ -19,6 +19,12 @@ def curve(x):
     return np.where(y <= 0.0031308, 12.92 * y, 1.055 * np.maximum(y, 1e-9) ** (1 / 2.4) - 0.055)
 
 
+def linear(display):
+    """Linear radiance of the display-referred value, 0..1 (NumPy): the inverse of `curve`."""
+    x = np.linspace(0, WHITE, CELLS)
+    return np.interp(display, curve(x), x)
+
+
 @data_oriented
 class Tone:
     def __init__(self):

@@ -2,14 +2,15 @@
 
 The Fresnel share of the light is reflected (tiles, sky, sun glint); the rest is refracted (Snell)
 to the floor or a wall, whose colour is attenuated along the path through water (Beer-Lambert) and
-mixed with light scattered by the water.
+mixed with light scattered by the water. From under water the surface mirrors the pool, by total
+reflection outside Snell's window.
 """
 
 import taichi as ti
 
 from msph.picture.optics import bend, cosine_beyond, reflectance, transmittance
 from msph.picture.pool import MIN_COSINE, RIM, component
-from msph.picture.rasteriser import KEY_BITS, NO_ITEM, walls_of
+from msph.picture.rasteriser import FAR, KEY_BITS, NO_ITEM, walls_of
 from msph.picture.room import COARSE
 from msph.picture.samples import (
     CORNERS,
@@ -36,16 +37,17 @@ DOWNWELLING = 0.5  # share of absorption on the light's way down
 DEPTH_STEP = int(1e-3 * 2**KEY_BITS)  # keys from crest to trough: 0.001 of the range
 NEAR_GLINT = 0.5  # sheen above which the sun's reflection may lie between two samples
 # Bits of a kind: low wall; seen through a side of the water; folded by total reflection; out of the
-# water again; body.
-LOW, CUT, FOLDED, LEFT_AGAIN, BODY = 4, 8, 16, 32, 64
+# water again; body, counted up to SUNK: the eye is under water; STRAIGHT: so is the whole ray.
+LOW, CUT, FOLDED, LEFT_AGAIN, BODY, SUNK, STRAIGHT = 4, 8, 16, 32, 64, 1 << 14, 1 << 15
 
 
 @data_oriented
 class WaterShader:
     """Shades water over a backdrop into the 3-vec field `image`, display-referred."""
 
-    def __init__(self, mesh, lens, rasteriser, sunlight, backdrop, image):
+    def __init__(self, mesh, lens, rasteriser, sunlight, ripples, backdrop, image):
         self.mesh, self.lens, self.raster, self.sunlight = mesh, lens, rasteriser, sunlight
+        self.ripples, self.rippled = ripples, ripples is not None
         self.backdrop, self.pool, self.tone = backdrop, backdrop.pool, backdrop.tone
         self.image = image
 
@@ -108,42 +110,67 @@ class WaterShader:
         shot = self.lens.shot[None]
         d = shot.origin + shot.du * i + shot.dv * j
         back = ti.bit_cast(self.raster.back[i, j], ti.f32)
-        depth, flat, n = self.hit_surface(self.raster.item(i, j), d, shot)
+        depth, flat, n = self.hit_surface(i, j, d, shot)
+        sunk = d.dot(flat) > 0.0
+        # Nothing but water up to a wall or a body.
+        straight = sunk and (depth == 0.0 or self.backdrop.covers(i, j, depth))
+        if straight:
+            depth = 0.0
         stretch = d.norm()
         p = shot.eye + d * depth
         d /= stretch
         room = ti.min(p, shot.size - p)
         cut = ti.min(room.x, room.z) < shot.skin and ti.max(abs(flat.x), abs(flat.z)) > WALL_COSINE
+        cut = cut and not sunk
         if cut:
             n = ti.round(flat)
+        # The near side of a container.
+        cut = cut or (not sunk and self.raster.item(i, j) == self.raster.wet[None])
         p = ti.math.clamp(p, 0.0, walls_of(shot))
+        if ti.static(self.rippled):
+            if not cut and not straight:
+                n = self.ripples.bend(p, n, shot)
+        eta = ti.select(sunk, 1.0 / shot.eta, shot.eta)
         c = ti.max(-d.dot(n), MIN_INCIDENCE)
-        ct = cosine_beyond(c, shot.eta)
-        bent, mirrored = bend(d, n, c, ct, shot.eta), d + 2.0 * c * n
+        ct = cosine_beyond(c, eta)
+        bent, mirrored = bend(d, n, c, ct, eta), d + 2.0 * c * n
         reach, thickness = depth * stretch, (back - depth) * stretch
         if cut and thickness < PLATE * shot.size.max():
             # Water on the glass: the ray leaves it again, almost in the old direction.
             bent = d
+        share = reflectance(c, ct, eta)
+        if sunk:
+            if ct == 0.0:
+                bent = mirrored
+            bent, mirrored, thickness = mirrored, bent, FAR
+            share = 1.0 - share
+        else:
+            share *= shot.reflection
+        if straight:
+            bent, share = d, 0.0
         rise = mirrored.dot(shot.up)
         if rise < 0.0 and not cut:  # would meet other waves: use the sky that they reflect
             mirrored -= 2.0 * rise * shot.up
         kind, under, sky, detail = 0, 0.0, vec3(0.0), False
         place, light, left, added = vec4(0.0), vec2(0.0), vec3(0.0), vec3(0.0)
-        # The refracted ray, then the reflected one: a loop compiles the intersections once.
+        # The ray in the water, then the one in the air: a loop compiles the intersections once.
         for way in range(2):
             inwards = way == 0
             r = ti.select(inwards, bent, mirrored)
             to_sun = ti.select(inwards, shot.beam, shot.sun)
             s, axis, low = self.pool.exit_face(p, r, shot.size)
-            t, body, _, close = self.pool.intersect(p, r, s, reach, shot)
+            t, body, _, close = self.pool.intersect(p, r, s, reach, inwards or not cut, shot)
             s = ti.min(s, t)
             q, through, deep, lit = p + r * s, vec3(0.0), 0.0, 1.0
             footprint = shot.pixel * (reach + s) / ti.max(abs(component(r, axis)), MIN_COSINE)
             if inwards:
                 q, deep, path, bits = self.follow_refracted(p, q, r, s, cut, thickness, shot)
+                if straight:
+                    deep = ti.max(self.sunlight.height(q, shot) - q.y, 0.0)
                 through = transmittance(shot.absorption, path + DOWNWELLING * deep)
                 lit = self.pool.sunlit(q, r, to_sun)
                 kind = axis + LOW * low + CUT * cut + bits + DETAIL * close
+                kind += SUNK * sunk + STRAIGHT * straight
             lighting = self.pool.lighting(q, axis, low, to_sun, shot)
             seen = vec3(0.0)
             if body < 0 and shot.lid == 0 and q.y > shot.size.y:
@@ -168,23 +195,38 @@ class WaterShader:
                 if body >= 0:
                     sky = seen
                 detail = detail or close
-        share = shot.reflection * reflectance(c, ct, shot.eta)
         left, added = left * (1.0 - share), ti.math.mix(added, sky, share)
-        sample = make_sample(place, light, left, added, under, depth, 0.0)
+        if sunk:
+            before = transmittance(shot.absorption, reach)
+            left, added = left * before, ti.math.mix(shot.scatter, added, before)
+        sample = make_sample(place, light, left, added, vec4(under, depth, 0.0, 0.0))
         return kind + DETAIL * detail, sample
 
     @ti.func
-    def hit_surface(self, t, d, shot: ti.template()):
-        """Intersects the ray d with the plane of triangle t: depth, face normal, smooth normal."""
-        k = self.mesh.triangles[t]
-        a = self.mesh.vertices[k[0]] - shot.eye
-        b = self.mesh.vertices[k[1]] - shot.eye
-        c = self.mesh.vertices[k[2]] - shot.eye
-        flat = (b - a).cross(c - a)
-        u, v, w = d.dot(b.cross(c)), d.dot(c.cross(a)), d.dot(a.cross(b))
-        n = u * self.mesh.normals[k[0]] + v * self.mesh.normals[k[1]] + w * self.mesh.normals[k[2]]
-        # Front faces have negative weights: the sum points inwards.
-        return a.dot(flat) / d.dot(flat), flat.normalized(), -n.normalized()
+    def hit_surface(self, i, j, d, shot: ti.template()):
+        """Intersects the ray d of a pixel with the plane of its triangle, or, if it begins in
+        water, with the side of the container or nothing (depth 0). Returns: depth [m]; normal out
+        of the water; smooth normal towards the eye."""
+        t = self.raster.item(i, j)
+        depth, flat, n = 0.0, d.normalized(), -d.normalized()
+        if t != self.raster.wet[None]:
+            k = self.mesh.triangles[t]
+            a = self.mesh.vertices[k[0]] - shot.eye
+            b = self.mesh.vertices[k[1]] - shot.eye
+            c = self.mesh.vertices[k[2]] - shot.eye
+            flat = (b - a).cross(c - a)
+            depth = a.dot(flat) / d.dot(flat)
+            u, v, w = d.dot(b.cross(c)), d.dot(c.cross(a)), d.dot(a.cross(b))
+            n = u * self.mesh.normals[k[0]] + v * self.mesh.normals[k[1]]
+            n += w * self.mesh.normals[k[2]]
+            # Front faces have negative weights: the sum points away from the eye.
+            flat, n = flat.normalized(), -n.normalized()
+        elif ti.static(self.pool.occupied):
+            depth = self.backdrop.entry_at(i, j)
+            if depth > 0.0:
+                n = self.pool.bodies.side_normal(shot.eye + d * depth)
+                flat = n
+        return depth, flat, n
 
     @ti.func
     def follow_refracted(self, p, q, r, s, cut, thickness, shot: ti.template()):

@@ -66,7 +66,7 @@ class WhitewaterView:
             share = 0.0
         elif self.raster.key[at.x, at.y] != NO_ITEM:
             d = shot.origin + shot.du * at.x + shot.dv * at.y
-            depth = self.shader.hit_surface(self.raster.item(at.x, at.y), d, shot)[0]
+            depth = self.shader.hit_surface(at.x, at.y, d, shot)[0]
             size = shot.size.max()
             under = ti.max(z - depth - ON_SURFACE * size, 0.0) / (HIDING_DEPTH * size)
             share = 0.5**under

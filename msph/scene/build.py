@@ -14,14 +14,16 @@ from msph.scene.schema import Scene
 from msph.scene.water import capacity, initial_particles, layer_specs
 
 
-def build_simulation(scene: Scene, spare: int = 0) -> Simulation:
+def build_simulation(scene: Scene, spare: int = 0, room: int = 0) -> Simulation:
     """Returns a simulation of the scene; ti.init must have been called. spare: number of particles
-    that may be added later, as far as the same class of fields holds them.
+    that may be added later, as far as the same class of fields holds them; room: least number of
+    particles that it must hold.
 
     Raises SceneError if the bodies leave no room for water.
     """
     try:
-        return Simulation(_with_spare(plan_of(scene), spare))
+        plan = _with_spare(plan_of(scene), spare)
+        return Simulation(replace(plan, capacity=max(plan.max_particles, room)))
     except NoWaterError:
         key = "container" if scene.container else "bodies"
         raise SceneError(scene.title, "no water is left outside the bodies", key) from None

@@ -2,18 +2,26 @@
 
 import numpy as np
 
-from msph.scene.schema import Camera
+from msph.scene.schema import Camera, Orbit
 
 
-def orbit_at(camera: Camera, time: float) -> tuple[float, float, float]:
-    """Returns azimuth and elevation [deg] and zoom (-) at a time [s]: those of the camera, or
-    monotone cubics (PCHIP) through the key frames of its path, constant before and after them."""
+def orbit_at(
+    camera: Camera, time: float, centre: tuple[float, float, float]
+) -> tuple[float, float, float, tuple[float, float, float]]:
+    """Returns azimuth and elevation [deg], zoom (-) and target [m] at a time [s]: those of the
+    camera, or monotone cubics (PCHIP) through the key frames of its path, constant before and after
+    them. centre: default target [m]."""
+
+    def row(orbit: Orbit) -> tuple[float, ...]:
+        return (orbit.azimuth, orbit.elevation, orbit.zoom, *(orbit.target or centre))
+
     if not camera.path:
-        return camera.azimuth, camera.elevation, camera.zoom
+        azimuth, elevation, zoom, *target = row(camera)
+        return azimuth, elevation, zoom, (target[0], target[1], target[2])
     from scipy.interpolate import PchipInterpolator  # 0.2 s to import, and only paths need it
 
     times = np.array([key.time for key in camera.path])
-    orbits = np.array([(key.azimuth, key.elevation, key.zoom) for key in camera.path])
+    orbits = np.array([row(key) for key in camera.path])
     at = np.clip(time, times[0], times[-1])
-    azimuth, elevation, zoom = PchipInterpolator(times, orbits)(at).tolist()
-    return azimuth, elevation, zoom
+    azimuth, elevation, zoom, x, y, z = PchipInterpolator(times, orbits)(at).tolist()
+    return azimuth, elevation, zoom, (x, y, z)

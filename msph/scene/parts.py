@@ -50,6 +50,8 @@ PARTS = (
     Part("xsph", {"projection.xsph": 0.0}, f"{_PROJECTION}.xsph"),
     Part("caustics", {"picture.caustics": False}),
     Part("whitewater", {"picture.whitewater": False}, "msph.surface.whitewater"),
+    Part("wet walls", {"picture.drying": 0.0}, "msph.picture.wetness"),
+    Part("ripples", {"picture.ripples": False}, "msph.picture.ripples"),
     Part("supersample", {"picture.supersample": 1}),
 )
 

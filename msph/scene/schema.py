@@ -158,12 +158,21 @@ class Sway(Section):
 
 
 class Orbit(Section):
-    """A direction from which the camera looks at the centre of the box."""
+    """A direction from which the camera looks at a point. The camera may be under water."""
 
     azimuth: float = parameter(30.0, ge=-360.0, le=360.0, unit="deg", text="angle about the y axis")
-    elevation: float = parameter(21.0, ge=3.0, le=88.0, unit="deg", text="angle above horizontal")
+    elevation: float = parameter(
+        21.0,
+        ge=-80.0,
+        le=88.0,
+        unit="deg",
+        text="angle above horizontal; the camera stays above the ground",
+    )
     zoom: float = parameter(
-        1.0, ge=0.25, le=2.8, text="magnification: the whole box fits into the image at 1"
+        1.0, ge=0.25, le=40.0, text="magnification: the whole box fits into the image at 1"
+    )
+    target: Vector | None = parameter(
+        None, unit="m", text="point that the camera looks at; default: the centre of the box"
     )
 
 
@@ -176,7 +185,7 @@ class KeyFrame(Orbit):
 
 
 class Camera(Orbit):
-    """The camera, on an orbit around the centre of the box."""
+    """The camera, on an orbit around its target."""
 
     fov: float = parameter(41.0, ge=10.0, le=90.0, unit="deg", text="vertical field of view")
     path: list[KeyFrame] = parameter(

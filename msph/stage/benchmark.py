@@ -2,15 +2,18 @@
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from msph.measure.timings import Timings, peak_memory, process_age
 from msph.scene.schema import Scene
 from msph.stage.headless import Headless, HeadlessPlayer
-from msph.stage.loop import run
+from msph.stage.loop import Audience, run
+from msph.stage.recording import Recording
+from msph.stage.replaying import Replayer
 from msph.stage.row import Row
-from msph.stage.show import INTERACTIVE, Show
+from msph.stage.show import INTERACTIVE, SIMULATED, Show
 
 FRAME_TIME = 1.0 / 60.0
 SIZE = (640, 360)
@@ -19,7 +22,7 @@ STAGES = ("fluid", "surface", "picture")
 
 @dataclass(frozen=True)
 class Result:
-    """One row of the benchmark, for frames of 1/60 s of simulated time.
+    """One row of the benchmark, for frames of 1/60 s of simulated time, or as recorded.
 
     Frames per second are means over the run, of the fluid alone and in total; errors are relative
     (-). rest_energy [J]: mean kinetic energy of the last second; rest_speed [m/s]: its
@@ -39,9 +42,9 @@ class Result:
     simulated_per_wall: float
     steps_per_frame: float
     peak_memory_mib: float
-    density_error_mean: float
-    density_error_p99: float
-    density_error_max: float
+    solver_residual_mean: float
+    solver_residual_p99: float
+    solver_residual_max: float
     momentum_drift: float
     energy_gain: float
     rest_energy: float
@@ -61,8 +64,8 @@ class Result:
             "frames/s": f"{self.frames_per_second:.0f}",
             "real-time factor": f"{self.simulated_per_wall:.2f}",
             "process MiB": f"{self.peak_memory_mib:.0f}",
-            "density err mean/p99/max %": f"{100 * self.density_error_mean:.3f} / "
-            f"{100 * self.density_error_p99:.2f} / {100 * self.density_error_max:.1f}",
+            "solver residual mean/p99/max %": f"{100 * self.solver_residual_mean:.3f} / "
+            f"{100 * self.solver_residual_p99:.2f} / {100 * self.solver_residual_max:.1f}",
             "volume err %": f"{100 * self.volume_error:+.1f}",
             "momentum drift %": f"{100 * self.momentum_drift:.2g}",
             "energy gain %": f"{100 * self.energy_gain:.2g}",
@@ -76,18 +79,24 @@ def benchmark(
     render: bool = True,
     size: tuple[int, int] = SIZE,
     profile: bool = False,
+    recording: Recording | None = None,
 ) -> Result:
     """Runs a scene for `seconds` [s] of simulated time, after a warm-up. Raises BlowUpError.
 
     Without `render`, the surface is extracted only once at the end, for the volume, and nothing is
-    rendered. `profile` slows the run: it synchronizes the device around each part of a step.
+    rendered. `profile` slows the run: it synchronizes the device around each part of a step. With
+    a recording, its frames are run with its input.
     """
-    timings = Timings(profile)
-    show = Show(scene, FRAME_TIME, size=size if render else None, timings=timings)
+    timings, frame_time, how = Timings(profile), FRAME_TIME, dict[str, Any]()
+    frames = max(1, math.ceil(seconds / frame_time))
+    if recording:
+        frames, how = recording.moving, SIMULATED
+        frame_time = recording.duration / frames
+    show = Show(scene, frame_time, size=size if render else None, timings=timings, **how)
     show.warm_up()
-    frames = max(1, math.ceil(seconds / FRAME_TIME))
-    run(Row([show]), Headless(frames))
-    mean, p99, largest = show.ledger.density_error()
+    audience: Audience = Headless(frames)
+    run(Row([show]), Replayer(audience, recording) if recording else audience)
+    mean, p99, largest = show.ledger.solver_residual()
     wall = timings.total()
     rest_energy = show.ledger.rest_energy()
     return Result(
@@ -99,12 +108,12 @@ def benchmark(
         stages_p50_ms={s: 1e3 * timings.percentile(50, s) for s in STAGES},
         fluid_frames_per_second=frames / timings.total("fluid"),
         frames_per_second=frames / wall,
-        simulated_per_wall=frames * FRAME_TIME / wall,
+        simulated_per_wall=frames * frame_time / wall,
         steps_per_frame=show.simulation.steps / frames,
         peak_memory_mib=peak_memory() / 2**20,
-        density_error_mean=mean,
-        density_error_p99=p99,
-        density_error_max=largest,
+        solver_residual_mean=mean,
+        solver_residual_p99=p99,
+        solver_residual_max=largest,
         momentum_drift=show.ledger.momentum_drift(),
         energy_gain=show.ledger.energy_gain(),
         rest_energy=rest_energy,
@@ -119,8 +128,8 @@ class PlayResult:
     """One row of the benchmark of `play`.
 
     Displayed frames per second of wall-clock time, median and 5th percentile; real-time factor
-    simulated_per_wall (-); mean image scale (-); initial number of particles by layer; mean density
-    error (-); start_seconds [s]: time from the start of the process to the first frame.
+    simulated_per_wall (-); mean image scale (-); initial number of particles by layer; mean solver
+    residual (-); start_seconds [s]: time from the start of the process to the first frame.
     """
 
     scene: str
@@ -130,7 +139,7 @@ class PlayResult:
     slowest_frames_per_second: float
     simulated_per_wall: float
     picture_scale: float
-    density_error_mean: float
+    solver_residual_mean: float
     start_seconds: float
 
     def row(self) -> dict[str, str]:
@@ -143,7 +152,7 @@ class PlayResult:
             "slowest 5 %": f"{self.slowest_frames_per_second:.0f}",
             "real-time factor": f"{self.simulated_per_wall:.2f}",
             "image scale": f"{self.picture_scale:.2f}",
-            "density err mean %": f"{100 * self.density_error_mean:.3f}",
+            "solver residual mean %": f"{100 * self.solver_residual_mean:.3f}",
         }
 
 
@@ -167,7 +176,7 @@ def benchmark_play(
         slowest_frames_per_second=float(1.0 / np.percentile(walls, 95)),
         simulated_per_wall=sum(player.simulated) / float(walls.sum()),
         picture_scale=float(np.mean(player.scales)),
-        density_error_mean=show.ledger.density_error()[0],
+        solver_residual_mean=show.ledger.solver_residual()[0],
         start_seconds=ready,
     )
 

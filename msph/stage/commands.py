@@ -6,6 +6,7 @@ import sys
 from dataclasses import asdict, dataclass
 from dataclasses import replace as replace_fields
 from pathlib import Path
+from typing import Any
 
 import click
 from tabulate import tabulate
@@ -15,7 +16,7 @@ from msph.errors import BlowUpError, LostOutputError
 from msph.fluid.boundary.rim import AllSpiltError
 from msph.fluid.trapped_water import TrappedWaterError
 from msph.measure import convergence, table
-from msph.measure.past import CheckpointError, time_of
+from msph.measure.past import CheckpointError, particles_in, time_of
 from msph.measure.plots import PLOTS, plot
 from msph.measure.timings import Timings
 from msph.options import (
@@ -27,7 +28,7 @@ from msph.options import (
     PlayOptions,
     RunOptions,
 )
-from msph.own_files import claim, free_stem, replace
+from msph.own_files import claim, free_stem, make_writable, replace
 from msph.scene import load_scene
 from msph.scene.library import find_scene, shipped_scenes
 from msph.scene.load import read_toml, to_toml
@@ -39,11 +40,15 @@ from msph.scene.water import layer_specs
 from msph.stage.benchmark import SIZE as BENCH_SIZE
 from msph.stage.benchmark import PlayResult, Result, benchmark, benchmark_play, profile_lines
 from msph.stage.explain import explain
+from msph.stage.loop import Audience
 from msph.stage.loop import run as run_loop
 from msph.stage.measurer import CHECKPOINT, FILES, LEDGER, PROBES, SCENE, Measurer
 from msph.stage.preparation import prepare, say
-from msph.stage.recorder import NUMBER, Outputs, Recorder, check_outputs, make_writable
+from msph.stage.recorder import NUMBER, Outputs, Recorder, check_outputs
+from msph.stage.recording import Header, Recording, with_recording
+from msph.stage.replaying import InputRecorder, Replayer
 from msph.stage.row import Row
+from msph.stage.show import SIMULATED
 from msph.stage.trial import finest_in_real_time
 
 # Capture by `play` if no window can be opened: duration [s], frames per second, size [pixels] and
@@ -61,12 +66,13 @@ BAD_RUN = 1
 
 @dataclass(frozen=True)
 class Loaded:
-    """A scene at a quality, with its name on the command line and the architecture."""
+    """A scene at a quality, its name and overrides on the command line, and the architecture."""
 
     scene: Scene
     name: str
     quality: str
     arch: str
+    overrides: tuple[str, ...]
 
     def toml(self) -> str:
         """Returns the text of the scene's file."""
@@ -78,44 +84,58 @@ def at(scene: Scene, name: str, run: RunOptions) -> Loaded:
     arch, quality = start(run.arch, run.threads), run.quality
     if quality == AUTO:
         quality = finest_in_real_time(scene, name)
-    return Loaded(at_quality(scene, quality, name), name, quality, arch)
+    return Loaded(at_quality(scene, quality, name), name, quality, arch, run.overrides)
 
 
 def capture_instead(scene: str, options: PlayOptions, run: RunOptions, reason: str) -> None:
     """Captures a video and an image of a scene if no window can be opened for `reason`."""
     if options.beside:
         say("--beside needs a window: only the first simulation is captured")
-    target = default_output(scene)
-    say(f"{reason}: capturing {FALLBACK_SECONDS:.0f} s of {scene} instead")
+    target, seconds = default_output(scene), None if options.replay else FALLBACK_SECONDS
+    what = f"{seconds:.0f} s of {scene}" if seconds else f"{options.replay}"
+    say(f"{reason}: capturing {what} instead")
     # A capture need not run in real time.
     run = replace_fields(run, quality=AS_GIVEN) if run.quality == AUTO else run
     files = target.with_suffix(".mp4"), target.with_suffix(".png")
     instead = CaptureOptions(
-        FALLBACK_FPS, FALLBACK_SIZE, FALLBACK_SECONDS, files, still_time=STILL_TIME
+        *(FALLBACK_FPS, FALLBACK_SIZE, seconds, files),
+        still_time=STILL_TIME,
+        record_input=options.record_input,
+        replay=options.replay,
     )
-    capture(scene, instead, run)
+    capture(None if options.replay else scene, instead, run)
 
 
-def capture(scene: str, options: CaptureOptions, run: RunOptions) -> None:
+def capture(scene: str | None, options: CaptureOptions, run: RunOptions) -> None:
     """Records a scene to files."""
+    scene, run, recording = with_recording(scene, run, options.replay)
+    exclude("--replay", recording, "--resume", options.resume)
     loaded = load_scene(scene, run.overrides)
     if "supersample" not in loaded.picture.model_fields_set:
         loaded = with_value(loaded, "picture.supersample", SMOOTH)
     some = options.outputs or options.meshes or options.particles
-    pictures = list(options.outputs if some else [default_output(scene).with_suffix(".mp4")])
+    default = default_output(scene).with_suffix(".webm" if loaded.picture.alpha else ".mp4")
+    pictures = list(options.outputs if some else [default])
     files = Outputs(pictures, list(options.meshes), list(options.particles))
-    check_outputs(files, options.fps)
+    check_outputs(files, options.fps, loaded.picture.alpha)
     since = time_of(Path(options.resume)) if options.resume else 0.0
     first, seconds = round(since * options.fps), options.seconds or loaded.duration
+    if recording:
+        seconds = min(recording.duration, options.seconds or math.inf)
     frames = max(1, round(seconds * options.fps)) - first
     if frames <= 0:
         raise CheckpointError.beyond(since, seconds)
     claim(files.names(first, frames), options.force)
-    record(at(loaded, scene, run), files, options, first, frames)
+    record(at(loaded, scene, run), files, options, recording, first, frames)
 
 
 def bench(scenes: tuple[str, ...], options: BenchOptions, run: RunOptions) -> None:
     """Benchmarks scenes and prints a table with a row each."""
+    recording = None
+    if options.replay:
+        exclude("--replay", True, "--play", options.as_played)
+        name, run, recording = with_recording(" ".join(scenes), run, options.replay)
+        scenes = (name,)
     names = scenes or tuple(shipped_scenes())
     if options.json_file:
         make_writable(options.json_file)
@@ -127,12 +147,13 @@ def bench(scenes: tuple[str, ...], options: BenchOptions, run: RunOptions) -> No
     for loaded in [at(scene, name, run) for name, scene in given]:
         say(f"{loaded.name}: compiling kernels, then running")
         try:
-            rows.append(timed(loaded, options))
+            rows.append(timed(loaded, options, recording))
         except (AllSpiltError, BlowUpError, TrappedWaterError) as error:
             say(f"{loaded.name}: FAILED: {error}")
             failed = True
     if rows:
-        how = "frames of 1/60 s, times in ms per frame, medians by stage"
+        how = "frames as recorded" if recording else "frames of 1/60 s"
+        how += ", times in ms per frame, medians by stage"
         click.echo(f"arch {arch}, {'played in wall-clock time' if options.as_played else how}")
         click.echo(tabulate([r.row() for r in rows], headers="keys", tablefmt="github"))
     profiled = [r for r in rows if isinstance(r, Result) and r.profile_ms]
@@ -146,21 +167,34 @@ def bench(scenes: tuple[str, ...], options: BenchOptions, run: RunOptions) -> No
         sys.exit(BAD_RUN)
 
 
-def timed(loaded: Loaded, options: BenchOptions) -> Result | PlayResult:
+def timed(
+    loaded: Loaded, options: BenchOptions, recording: Recording | None
+) -> Result | PlayResult:
     """Returns the benchmark of one scene."""
     scene, name, duration = loaded.scene, loaded.name, options.seconds or loaded.scene.duration
+    if recording:
+        recording = recording.cut(options.seconds)
+        recording.check(scene)
     if options.as_played:
         return benchmark_play(scene, name, loaded.quality, duration, options.size or PLAY_SIZE)
     size = options.size or BENCH_SIZE
-    return benchmark(scene, name, duration, not options.no_render, size, options.profile)
+    parts = not options.no_render, size, options.profile
+    return benchmark(scene, name, duration, *parts, recording)
 
 
-def measure(scene: str, options: MeasureOptions, run: RunOptions) -> None:
+def measure(scene: str | None, options: MeasureOptions, run: RunOptions) -> None:
     """Writes a scene's ledger, probes, summary and plots to a folder, and prints its errors."""
-    if options.converge and options.resume:
-        raise click.UsageError("--converge and --resume exclude each other")
+    exclude("--converge", options.converge, "--resume", options.resume)
+    for option in ("resume", "converge", "every"):
+        exclude("--replay", options.replay, f"--{option}", getattr(options, option))
+    scene, run, recording = with_recording(scene, run, options.replay)
     since = time_of(Path(options.resume)) if options.resume else None
     given = {"duration": options.seconds, "measure.every": options.every}
+    if recording:
+        # A row for each recorded frame.
+        recording = recording.cut(options.seconds)
+        mean = recording.duration / recording.moving
+        given = {"duration": recording.duration, "measure.every": mean}
     more = [f"{key}={value}" for key, value in given.items() if value is not None]
     found = load_scene(scene, (*run.overrides, *more))
     folder = options.folder or Path("out") / Path(scene).stem
@@ -172,25 +206,31 @@ def measure(scene: str, options: MeasureOptions, run: RunOptions) -> None:
     if options.converge:
         measure_convergence(loaded, folder, options.converge, options.force)
     else:
-        click.echo(f"\n{measured(loaded, folder, options.resume, since).account()}")
+        result = measured(loaded, folder, options.resume, since, recording)
+        click.echo(f"\n{result.account()}")
 
 
 def measured(
-    loaded: Loaded, folder: Path, resume: str | None = None, since: float | None = None
+    loaded: Loaded,
+    folder: Path,
+    resume: str | None = None,
+    since: float | None = None,
+    recording: Recording | None = None,
 ) -> Measurer:
     """Measures one run of a scene from its start, or from a checkpoint `resume` at time `since`
-    [s], writes the results to a folder and prints the file names."""
+    [s], with the input of a recording, if any; writes the results to a folder and prints the file
+    names."""
     make_writable(folder / SCENE)
-    scene, show = loaded.scene, None
+    scene, show, how = loaded.scene, None, options_of(recording, resume)
     if resume:
         # Before any file is written: a checkpoint of another scene must not destroy the folder.
-        show = prepare(scene, scene.measure.every, timings=Timings())
+        show = prepare(scene, scene.measure.every, timings=Timings(), **how)
         show.resume(Path(resume))
     measurer = Measurer(folder, scene, loaded.name, loaded.arch, since=since)
     replace(folder / SCENE, loaded.toml())
     try:
-        show = show or prepare(scene, scene.measure.every, timings=Timings())
-        run_loop(Row([show]), measurer)
+        show = show or prepare(scene, scene.measure.every, timings=Timings(), **how)
+        run_loop(Row([show]), with_input(measurer, recording))
     except (Exception, KeyboardInterrupt) as error:
         try:
             measurer.conclude(str(error) or "interrupted")
@@ -272,24 +312,34 @@ def ladder_lines(name: str) -> list[str]:
 
 
 def record(
-    loaded: Loaded, files: Outputs, options: CaptureOptions, first: int, frames: int
+    loaded: Loaded,
+    files: Outputs,
+    options: CaptureOptions,
+    recording: Recording | None,
+    first: int,
+    frames: int,
 ) -> None:
     """Records a scene to files; after an interrupt the files are complete up to that frame."""
     size, meshes = options.size if files.pictures else None, bool(files.meshes)
+    how = options_of(recording, options.resume)
     fps, scene_path, text = options.fps, scene_file(files), loaded.toml()
     # A resumed recording finds the scene file of its first part.
     same = scene_path.is_file() and scene_path.read_bytes() == text.encode()
     if not same:
         claim([scene_path], options.force)
-    show = prepare(loaded.scene, 1.0 / fps, size, meshes=meshes, density_every=math.inf)
+    show = prepare(loaded.scene, 1.0 / fps, size, meshes=meshes, density_every=math.inf, **how)
     if options.resume:
         show.resume(Path(options.resume))
     still = None if options.still_time is None else max(1, round(options.still_time * fps))
     recorder = Recorder(files, frames, fps, still, first=first)
+    audience = with_input(recorder, recording, every=1.0 / fps)
+    if options.record_input:
+        header = Header.of(loaded.name, loaded.quality, loaded.overrides)
+        audience = InputRecorder(audience, options.record_input, header)
     if not same:
         replace(scene_path, text)
     try:
-        run_loop(Row([show]), recorder)
+        run_loop(Row([show]), audience)
     except KeyboardInterrupt:
         say(f"stopped after {recorder.done} frames")
         raise
@@ -298,6 +348,23 @@ def record(
             say(f"warning: {warning}")
         for path in [*recorder.kept(), scene_path]:
             click.echo(path)
+
+
+def options_of(recording: Recording | None, resume: str | None = None) -> dict[str, Any]:
+    """Returns the options of a show with recorded input, if any, those with which it was recorded,
+    or with room for the particles of a checkpoint, to which a user may have added water."""
+    return SIMULATED if recording else {"room": particles_in(resume)}
+
+
+def with_input(audience: Audience, recording: Recording | None, **more) -> Audience:
+    """Returns the audience with recorded input, if any; see Replayer."""
+    return Replayer(audience, recording, **more) if recording else audience
+
+
+def exclude(one: str, given: object, other: str, also: object) -> None:
+    """Raises UsageError if two options that exclude each other are given."""
+    if given and also:
+        raise click.UsageError(f"{one} and {other} exclude each other")
 
 
 def default_output(scene: str) -> Path:

@@ -1,9 +1,15 @@
-"""Controls: user input for one frame, and the keys and gestures that produce it."""
+"""Inputs and Controls: user input for one frame, and the keys and gestures that produce it."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from typing import Annotated
 
-from msph.fluid.external_forces import Hand, Vec3
-from msph.stage.tools import TOOLS
+from pydantic import Field, NonNegativeFloat
+
+from msph.fluid.external_forces import Hand
+from msph.stage.tools import STRICT, TOOLS, Number, ToolUse
+
+# Largest simulated time of a frame [s].
+MAX_FRAME_TIME = 1.0
 
 
 @dataclass(frozen=True)
@@ -65,22 +71,43 @@ ACTIONS = {name: action for key in KEYS for name, action in key.keys.items()}
 
 
 @dataclass
-class Controls:
-    """User input for one frame.
+class Inputs:
+    """User input of one frame that acts on the simulation, as recorded; see Row.frame.
 
-    tilt: (roll about z, pitch about x) [rad] of the pool, added to the scene's own sway.
-    frame_time [s]: simulated time of the frame, None for the show's default. budget [s]: limit of
-    the fluid's wall-clock time, None for no limit. scale (-): image scale, for scalable shows.
-    ball: centre and radius [m] of a visible hand, box frame.
+    frame_time [s]: simulated time of the frame, None for the show's default. until [s]: the frame
+    ends with the first step that reaches this time, None for the frame time. still: no time passes.
+    reset: begin again. set: live parameters that change, None for their initial values. tilt: (roll
+    about z, pitch about x) [rad] of the pool seen from `azimuth` [rad], added to the scene's own
+    sway. use: of a tool.
     """
 
-    tilt: tuple[float, float] = (0.0, 0.0)
-    hand: Hand = field(default_factory=Hand)
-    ball: tuple[Vec3, float] | None = None
-    paused: bool = False
-    single_step: bool = False
+    frame_time: Annotated[float, Field(gt=0.0, le=MAX_FRAME_TIME)] | None = None
+    until: NonNegativeFloat | None = None
+    still: bool = False
     reset: bool = False
-    next_view: bool = False
-    frame_time: float | None = None
+    set: dict[str, Number | None] = field(default_factory=dict)
+    tilt: tuple[Number, Number] = (0.0, 0.0)
+    azimuth: Number = 0.0
+    use: ToolUse | None = None
+
+    __pydantic_config__ = STRICT
+
+
+@dataclass
+class Controls(Inputs):
+    """Input of one frame.
+
+    hand: of a scripted user, where no tool is used. budget [s]: limit of the fluid's wall-clock
+    time, None for no limit. next_view: show the next view. hidden: no image is needed. scale (-):
+    image scale, for scalable shows.
+    """
+
+    hand: Hand = field(default_factory=Hand)
     budget: float | None = None
+    next_view: bool = False
+    hidden: bool = False
     scale: float = 1.0
+
+    def inputs(self) -> Inputs:
+        """Returns the part that acts on the simulation."""
+        return Inputs(**{f.name: getattr(self, f.name) for f in fields(Inputs)})

@@ -1,4 +1,4 @@
-"""Graphs of the last seconds: stage times, real-time factor, density error, energy, particles."""
+"""Graphs of the last seconds: stage times, real-time factor, solver residual, energy, particles."""
 
 from collections import deque
 from collections.abc import Callable
@@ -35,12 +35,12 @@ def _stages(show: Show, _: float) -> list[float]:
 
 
 GRAPHS = (
-    Graph("time per frame [ms]", lambda show: ["fluid", "surface", "image"], _stages),
+    Graph("frame [ms]", lambda show: ["fluid", "surface", "image"], _stages),
     Graph("real-time factor [-]", lambda show: [""], lambda show, pace: [pace], "{:.2f}"),
     Graph(
-        "density error [%]",
+        "solver residual [%]",
         lambda show: [""],
-        lambda show, pace: [100.0 * show.ledger.last_density_error()],
+        lambda show, pace: [100.0 * show.ledger.last_solver_residual()],
         "{:.3f}",
     ),
     Graph(

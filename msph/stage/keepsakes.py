@@ -13,9 +13,9 @@ from msph.own_files import free_stem, replace, replacing
 from msph.scene.errors import SceneError
 from msph.scene.load import to_toml
 from msph.scene.schema import Scene
+from msph.stage.clip import Clip
 from msph.stage.layout import Layout
 from msph.stage.preparation import say
-from msph.stage.replay import Replay
 from msph.stage.row import Row
 
 # Actions that a Saver implements.
@@ -28,8 +28,8 @@ class Saver:
     """Saves files in a folder, named by scene and time, each with its current scene and quality
     next to it; shows a message for every file or error."""
 
-    def __init__(self, layout: Layout, replay: Replay, scene: str, quality: str):
-        self.layout, self.replay = layout, replay
+    def __init__(self, layout: Layout, clip: Clip, scene: str, quality: str):
+        self.layout, self.clip = layout, clip
         self.folder, self.scene, self.quality = Path("out"), scene, quality
         self.clips: list[Future[Path]] = []
 
@@ -56,10 +56,10 @@ class Saver:
 
     def _clip(self, row: Row) -> str:
         """Begins to write a video of the last seconds."""
-        if not self.replay.frames:
+        if not self.clip.frames:
             return ""
         path = self._path(".mp4", row.lead.scene)
-        self.clips.append(self.replay.write(path))
+        self.clips.append(self.clip.write(path))
         return f"writing {path}"
 
     def report(self) -> None:
@@ -70,7 +70,7 @@ class Saver:
 
     def close(self) -> None:
         """Waits for all clips."""
-        self.replay.close()
+        self.clip.close()
         for clip in self.clips:
             say(f"{clip.exception() or clip.result()}")
         self.clips.clear()

@@ -102,6 +102,11 @@ class Layout:
         self.until = time.perf_counter() + MESSAGE_TIME
         self.message = message
 
+    @property
+    def idle(self) -> bool:
+        """True if no message is shown."""
+        return time.perf_counter() > self.until
+
     def draw_message(self, message: str, image) -> None:
         """Draws a message over an image immediately."""
         self._put_message(message)
@@ -124,7 +129,7 @@ class Layout:
             self.overlay.put("status", status, self.gap, self.gap)
         share = 1.0 if row.lead.views.name == "water" else HINTS
         self._put_hints([k.hint for k in idle.hints()], bool(idle.hint()), share)
-        if now > self.until:
+        if self.idle:
             self.overlay.hide("message")
         self._put_particle(row, now)
         if self.graphs.observe(row.lead, now, pacer.pace) and self.panel == "graphs":

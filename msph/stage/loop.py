@@ -1,5 +1,6 @@
 """The frame loop, shared by window, recorder, measurer and benchmark."""
 
+import math
 from typing import Protocol
 
 from msph.interrupts import deferred_signals
@@ -26,8 +27,9 @@ class Audience(Protocol):
         return
 
 
-def run(row: Row, audience: Audience) -> None:
-    """Runs frames until the audience wants no more, then closes it, also after errors. Raises
+def run(row: Row, audience: Audience, frames: int | None = None) -> None:
+    """Runs frames, at most `frames`, until the audience wants no more, then closes it, also after
+    errors. Raises
     InterruptedRun after the step in which a signal arrived; that frame is then incomplete."""
     with deferred_signals() as raise_if_signalled:
 
@@ -37,7 +39,9 @@ def run(row: Row, audience: Audience) -> None:
 
         row.lead.on_progress = step_done
         try:
-            while audience.wants_more(row):
+            left = math.inf if frames is None else frames
+            while left > 0 and audience.wants_more(row):
+                left -= 1
                 row.frame(audience.controls(row))
                 audience.observe(row)
                 raise_if_signalled()

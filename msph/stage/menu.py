@@ -5,7 +5,7 @@ import time
 from msph.options import AUTO
 from msph.scene.errors import SceneError
 from msph.scene.library import shipped_scenes
-from msph.scene.live import live_parameters, read
+from msph.scene.live import read
 from msph.scene.quality import at_quality
 from msph.stage.called import Choice, SceneArguments
 from msph.stage.layout import Layout
@@ -18,27 +18,23 @@ SETTLED = 0.3
 
 
 class Menu:
-    """Selections of the user. next: the scene and quality to play next, None for no change."""
+    """Selections of the user. next: the scene and quality to play next, None for no change;
+    changes: live parameters to set in the next frame, see Inputs."""
 
     def __init__(
         self,
         row: Row,
         choice: Choice,
-        quality: str,
         layout: Layout,
         pacer: Pacer,
         arguments: SceneArguments,
     ):
         self.row, self.choice, self.layout, self.pacer = row, choice, layout, pacer
         self.arguments = arguments
-        # Initial values of the live parameters of each simulation.
-        self.given = [
-            {live.key: read(each.scene, live.key) for live in live_parameters(each.scene)}
-            for each in row.shows
-        ]
-        self.panel = Panel(row.lead, choice.scene, quality)
+        self.panel = Panel(row.lead, choice.scene, choice.quality_now)
         self.next: Choice | None = None
         self.chosen = 0.0  # time of the selection [s]
+        self.changes: dict[str, float | None] = {}
         for key, value in choice.set.items():
             self.set(key, value)
 
@@ -65,19 +61,13 @@ class Menu:
         if request.kind == "set":
             self.set(request.name, request.value)
         elif request.kind == "reset":
-            for each, given in zip(self.row.shows, self.given, strict=True):
-                if request.name in given:
-                    each.set(request.name, given[request.name])
-            self._pace(request.name, read(self.row.lead.scene, request.name))
+            self.set(request.name, None)
         elif request.kind == "view":
             self.row.lead.views.name = request.name
         elif request.kind == "scene":
             self.select(Choice(request.name, self.choice.quality))
         elif request.kind == "quality":
-            lead, panel = self.row.lead, self.panel
-            values = {live.key: read(lead.scene, live.key) for live in panel.live}
-            changed = {key: v for key, v in values.items() if v != panel.given[key]}
-            self.select(Choice(self.choice.scene, request.name, changed))
+            self.select(Choice(self.choice.scene, request.name, self.row.lead.changes()))
 
     def step(self, by: int) -> None:
         """Moves the selection among the shipped scenes."""
@@ -97,14 +87,17 @@ class Menu:
             self.next, self.chosen = choice, time.perf_counter()
             self.layout.show_message(f"next: {choice.scene}, quality {choice.quality}")
 
-    def set(self, key: str, value: float) -> None:
-        """Sets a live parameter of all simulations."""
-        self.row.set(key, value)
-        self._pace(key, value)
-
-    def _pace(self, key: str, value: float) -> None:
-        """Passes speed and image scale to the pacer."""
+    def set(self, key: str, value: float | None) -> None:
+        """Sets a live parameter of all simulations in the next frame, None for its initial value;
+        speed and image scale are also passed to the pacer."""
+        self.changes[key] = value
+        value = read(self.row.lead.initial, key) if value is None else value
         if key == "play.speed":
             self.pacer.set_speed(value)
         if key == "play.scale":
             self.pacer.finest = value
+
+    def take_changes(self) -> dict[str, float | None]:
+        """Returns the changes since the last call."""
+        taken, self.changes = self.changes, {}
+        return taken

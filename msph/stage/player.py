@@ -6,10 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from msph.fluid.simulation import FullError
 from msph.measure.resolution import mean_depth
 from msph.picture.camera import Camera
+from msph.stage.autosave import LostSession, forget
 from msph.stage.called import Choice, SceneArguments
+from msph.stage.clip import Clip
 from msph.stage.controls import ACTIONS, Controls
 from msph.stage.idle import Idle
 from msph.stage.input_overlay import InputOverlay
@@ -18,7 +19,6 @@ from msph.stage.layout import Layout
 from msph.stage.loop import Audience
 from msph.stage.menu import Menu
 from msph.stage.pacer import Pacer
-from msph.stage.replay import Replay
 from msph.stage.row import Row, show_with_picked
 from msph.stage.steering import Steering
 from msph.stage.toolbar import Toolbar
@@ -32,28 +32,25 @@ ARROW = 0.3  # length of an arrow for 10 m/s^2 over the box's longest edge
 
 class Player(Audience):
     """Runs a row in a window until the window is closed or another scene is chosen. layout: shared
-    by the players of a session; frames: largest number of frames, None for no limit; guide: overlay
-    of a lesson."""
+    by the players of a session; guide: overlay of a lesson."""
 
     def __init__(
         self,
         window: Window,
         row: Row,
         choice: Choice,
-        quality: str,
         layout: Layout,
         arguments: SceneArguments,
-        frames: int | None = None,
         guide: InputOverlay | None = None,
     ):
-        self.window, self.row, self.frames, self.guide = window, row, frames, guide
+        self.window, self.row, self.guide = window, row, guide
         lead, play = row.lead, row.lead.scene.play
-        self.layout, self.replay = layout, Replay()
+        self.layout, self.clip = layout, Clip()
         self.pacer = Pacer(play.fps, play.speed, play.scale)
-        layout.begin(quality)
-        self.menu = Menu(row, choice, quality, layout, self.pacer, arguments)
+        layout.begin(choice.quality_now)
+        self.menu = Menu(row, choice, layout, self.pacer, arguments)
         self.steering, self.toolbar = Steering(window, row), Toolbar(layout)
-        self.saver = Saver(layout, self.replay, Path(choice.scene).stem, quality)
+        self.saver = Saver(layout, self.clip, Path(choice.scene).stem, choice.quality_now)
         sim = lead.simulation
         centre = sim.particles.numpy("x").mean(axis=0)[None]
         depth = mean_depth(lead.scene.gravity, sim.plan, centre)
@@ -64,7 +61,8 @@ class Player(Audience):
             self.idle.sways = False
             layout.below, layout.taken = guide.below, guide.taken
         self.runs = guide.runs if guide else 0
-        self.paused = self.done = self.helping = False
+        self.offer: LostSession | None = None  # offered to the user
+        self.paused = self.single_step = self.done = self.helping = False
         self.clock: float | None = None  # time at which the last frame was presented [s]
         self.present = math.inf  # time to present a frame, without the wait for the display [s]
 
@@ -74,16 +72,18 @@ class Player(Audience):
         return self.menu.next if self.window.open and not self.done else None
 
     def wants_more(self, row: Row) -> bool:
-        over = self.frames is not None and row.lead.frames >= self.frames
-        return self.window.open and not (self.done or over or self.menu.settled)
+        return self.window.open and not (self.done or self.menu.settled)
 
     def controls(self, row: Row) -> Controls:
         controls, steering, guide = Controls(), self.steering, self.guide
+        self.single_step = False
         pressed = self.window.presses()
         steering.read_cursor()
         for key in pressed:
             if key in BUTTONS:
                 steering.free[key] = not self._on_page()
+            elif self.offer and ACTIONS.get(key) not in (None, "quit"):
+                self._answer(key)
             elif guide and guide.handle_key(key):
                 self._level_after_reset(guide)
             elif key in ACTIONS:
@@ -92,12 +92,14 @@ class Player(Audience):
         step, wall = self.pacer.frame_time, self.pacer.wall
         # While a lesson pauses the simulation, keys do nothing.
         by_lesson = guide is not None and guide.pauses
-        controls.paused = self._paused
+        controls.still = self._paused and not self.single_step
         held = not by_lesson and steering.apply_keys(step, wall, self.paused)
         dragged = self._drag(controls, step, "LMB" in pressed)
         self.idle.pass_time(wall, bool(pressed or held or dragged or steering.moved.any()))
         sway = self.idle.roll(row.lead.simulation.time, 0.0 if self._paused else step)
         controls.tilt = (float(steering.tilt[0]) + steering.jolt + sway, float(steering.tilt[1]))
+        controls.azimuth = row.lead.camera.azimuth
+        controls.set = self.menu.take_changes()
         return controls
 
     @property
@@ -134,11 +136,18 @@ class Player(Audience):
         held = steering.held_buttons()
         if held[0]:
             self.idle.tried.add("push")
-        try:
-            steering.use_tool(controls, step, pressed, self._on_page())
-        except FullError as error:
-            self.layout.show_message(str(error))
+        controls.use = steering.use_tool(controls.still, step, pressed, self._on_page())
         return any(held)
+
+    def _answer(self, key: str) -> None:
+        """Continues the session that is offered, or forgets it."""
+        assert self.offer
+        if key == "Return":
+            self.menu.next = self.offer.choice
+        else:
+            forget()
+            self.layout.show_message("forgotten")
+        self.offer = None
 
     def _press(self, action: str, controls: Controls) -> None:
         """Carries out an action that happens once per key press."""
@@ -146,8 +155,10 @@ class Player(Audience):
         if action == "quit" and self.helping:
             action = "help"
         act = getattr(self, f"_{action}", None)
-        if action in ("reset", "next_view", "single_step"):
+        if action in ("reset", "next_view"):
             setattr(controls, action, True)
+        elif action == "single_step":
+            self.single_step = True
         elif action in SAVING:
             self.saver.act(action, self.row)
             self.clock = None
@@ -210,11 +221,14 @@ class Player(Audience):
     def observe(self, row: Row) -> None:
         now, image = time.perf_counter(), row.image
         if not self._paused:
-            self.replay.observe(image, now)
+            self.clip.observe(image, now)
         self.saver.report()
-        if row.lead.note:
-            self.layout.show_message(row.lead.note)
-            row.lead.note = ""
+        if self.offer and self.layout.idle:
+            self.layout.show_message(self.offer.offer)
+        for show in row.shows:
+            if show.note:
+                self.layout.show_message(show.note)
+                show.note = ""
         if self.guide:
             self.guide.update()
         self.menu.draw()

@@ -1,22 +1,31 @@
 """Implementation of `msph play`."""
 
 import shlex
+from dataclasses import replace
 
 import click
 
 from msph.device import start
 from msph.interrupts import importing
 from msph.options import PlayOptions, RunOptions
+from msph.own_files import claim, make_writable
 from msph.stage.called import SceneArguments
+from msph.stage.recording import with_recording
 from msph.stage.window import ClosedError, NoWindowError, check_display
 
 # Largest number of simulations side by side; more images would be too narrow.
 MAX_SIMULATIONS = 3
 
 
-def play(scene: str, options: PlayOptions, run: RunOptions) -> None:
+def play(scene: str | None, options: PlayOptions, run: RunOptions) -> None:
     """Runs a scene, and further ones chosen in its window; captures the scene if no window can be
     opened."""
+    if options.record_input:
+        make_writable(options.record_input)
+        claim([options.record_input], options.force)
+    scene, run, recording = with_recording(scene, run, options.replay)
+    if recording and not options.beside:
+        options = replace(options, beside=recording.header.beside)
     if len(options.beside) >= MAX_SIMULATIONS:
         raise click.UsageError(f"--beside: at most {MAX_SIMULATIONS - 1}")
     for text in options.beside:
@@ -45,8 +54,9 @@ def play(scene: str, options: PlayOptions, run: RunOptions) -> None:
             click.echo(f"  {key.label:18} {key.effect}")
         # Imported after the window has opened.
         with importing():
-            from msph.stage.session import Session
-        Session(window, arguments, options.frames).play(scene, run.quality)
+            from msph.stage.session import InputFiles, Session
+        files = InputFiles(options.record_input, recording)
+        Session(window, arguments, options.frames, files).play(scene, run.quality)
     except ClosedError:
         pass
     finally:

@@ -4,15 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from msph.fluid.external_forces import Hand, as_vector
 from msph.stage.row import Row
 from msph.stage.show import Show
-from msph.stage.tools import LEAST_RADIUS, PRESS_TIME, Touch
-
-# Radius and grip of a hovering cursor over those of a push.
-WAKE_RADIUS, WAKE_GRIP = 0.3, 0.25
-# Largest speed of a wake [m/s]: the cursor's ray jumps between wave crests.
-WAKE_SPEED = 2.0
+from msph.stage.tools import HOVER, PRESS_TIME, Tool, ToolUse
 
 
 class Contact:
@@ -26,9 +20,9 @@ class Contact:
         self.over: Any = None
         self.holds, self.held = False, 0.0
 
-    def hold(self, row: Row, cursor: np.ndarray, step: float) -> Touch | None:
-        """Returns the touch of a pressed button in a frame of `step` [s], None without water;
-        cursor: (right, up) in shares of the window.
+    def hold(self, tool: Tool, row: Row, cursor: np.ndarray, step: float) -> ToolUse | None:
+        """Returns the use of a tool by a pressed button in a frame of `step` [s], None without
+        water; cursor: (right, up) in shares of the window.
 
         A touch begins where the cursor's ray meets the water, and continues at that depth and in
         that simulation.
@@ -50,15 +44,16 @@ class Contact:
         velocity = (self.place - before) / step
         self.held += step
         surface = self.place if hit is None else hit
-        return Touch(show, self.place, velocity, self.start, surface, direction, step, self.held)
+        vectors = self.place, velocity, self.start, surface, direction
+        return ToolUse.of(tool, vectors, step, self.held)
 
     @property
     def clicked(self) -> bool:
         """True during the least duration of a press."""
         return self.holds and self.held < PRESS_TIME
 
-    def pass_over(self, row: Row, cursor: np.ndarray, step: float) -> Hand:
-        """Returns the hand of a cursor that hovers over the water; it lets go between two
+    def pass_over(self, row: Row, cursor: np.ndarray, step: float) -> ToolUse | None:
+        """Returns the wake of a cursor that hovers over the water; it ends between two
         simulations."""
         show, cursor = row.show_under(cursor)
         if show is not self.over:
@@ -67,17 +62,13 @@ class Contact:
         hit = self._hit(show, cursor)
         before, self.place, self.holds = self.place, hit, False
         if hit is None or before is None:
-            return Hand()
-        velocity = (hit - before) / step
-        velocity *= min(1.0, WAKE_SPEED / max(float(np.linalg.norm(velocity)), 1e-9))
-        play, sim = show.scene.play, show.simulation
-        least = LEAST_RADIUS * sim.layers.finest.spacing
-        radius = max(WAKE_RADIUS * play.push_radius * max(sim.size), least)
-        return Hand(as_vector(hit), as_vector(velocity), (radius,) * 3, WAKE_GRIP * play.push_grip)
+            return None
+        direction = show.ray(*(cursor * show.picture.size))[1]
+        vectors = hit, (hit - before) / step, hit, hit, direction
+        return ToolUse.of(HOVER, vectors, step, step)
 
-    def let_go(self) -> Hand:
+    def let_go(self) -> None:
         self.place, self.holds = None, False
-        return Hand()
 
     @staticmethod
     def _hit(show: Show, cursor: np.ndarray) -> np.ndarray | None:

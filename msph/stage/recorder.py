@@ -13,9 +13,9 @@ import imageio.v2 as imageio
 import numpy as np
 from PIL import Image
 
-from msph.errors import BadInputError, LostOutputError
+from msph.errors import LostOutputError
 from msph.measure.table import column
-from msph.own_files import writing
+from msph.own_files import OutputError, make_writable, writing
 from msph.stage import vtu
 from msph.stage.loop import Audience
 from msph.stage.progress import Progress
@@ -40,12 +40,10 @@ NUMBER = re.compile(r"%0?[1-9]?d")
 # Animated images, and the largest frame rate of a GIF, whose frames last at least 0.02 s.
 ANIMATION = (".gif", ".webp")
 GIF_FPS = 50.0
+# Files of images that may have an alpha channel.
+ALPHA = (".png", ".webp", ".webm")
 # Quality of lossy WebP, 0 to 100: 75 shows no blocks in water.
 WEBP_QUALITY = 75
-
-
-class OutputError(BadInputError):
-    """An output that cannot be written."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +88,7 @@ class Recorder(Audience):
         self.still = frames if still is None else min(still, frames)
         self.done, self.first = 0, first
         self.outputs, self.lost = outputs, set[Path]()
-        self.last: Any = None  # last recorded image, (height, width, 3) uint8
+        self.last: Any = None  # last recorded image, (height, width, 3 or 4) uint8
         self.videos = [p for p in outputs.pictures if kind(p) in VIDEO]
         self.animations = [p for p in outputs.pictures if kind(p) in ANIMATION]
         self.animation_frames: list[np.ndarray] = []
@@ -112,8 +110,9 @@ class Recorder(Audience):
 
     def observe(self, row: Row) -> None:
         if row.picture:
-            self.last = row.picture.to_numpy_u8()
-            for path, writer in zip(self.videos, self.writers or self._open(), strict=True):
+            alpha = row.lead.scene.picture.alpha
+            self.last = row.lead.matted_image() if alpha else row.picture.to_numpy_u8()
+            for path, writer in zip(self.videos, self.writers or self._open(alpha), strict=True):
                 with self._writing(path):
                     writer.append_data(even(self.last))
             if self.animations:
@@ -186,8 +185,8 @@ class Recorder(Audience):
             with self._writing(path):
                 imageio.imwrite(path, self.last)
 
-    def _open(self) -> list:
-        self.writers += [video_writer(path, self.fps) for path in self.videos]
+    def _open(self, alpha: bool) -> list:
+        self.writers += [video_writer(path, self.fps, alpha) for path in self.videos]
         return self.writers
 
     def _animation(self, extension: str) -> bytes:
@@ -215,14 +214,16 @@ class Recorder(Audience):
         return numbered_name(path, self.first + self.done)
 
 
-def video_writer(path: Path, fps: float) -> Any:
-    """Opens a video for append_data() of images of even sizes."""
+def video_writer(path: Path, fps: float, alpha: bool = False) -> Any:
+    """Opens a video for append_data() of images of even sizes; alpha: with an alpha channel."""
     options = WEBM if kind(path) == ".webm" else {"quality": VIDEO_QUALITY}
+    if alpha:
+        options = {**options, "pixelformat": "yuva420p"}
     return imageio.get_writer(path, fps=fps, macro_block_size=1, **options)
 
 
 def even(image: np.ndarray) -> np.ndarray:
-    """Returns an image (height, width, 3) cropped to even sizes, as encoders require."""
+    """Returns an image (height, width, channels) cropped to even sizes, as encoders require."""
     height, width = image.shape[:2]
     return image[: height // 2 * 2, : width // 2 * 2]
 
@@ -260,8 +261,9 @@ def numbered(path: Path) -> bool:
     return NUMBER.search(path.name) is not None
 
 
-def check_outputs(outputs: Outputs, fps: float) -> None:
-    """Raises OutputError for outputs that cannot be written, and creates their folders."""
+def check_outputs(outputs: Outputs, fps: float, alpha: bool = False) -> None:
+    """Raises OutputError for outputs that cannot be written, and creates their folders. alpha: the
+    images have an alpha channel."""
     kinds = (
         (outputs.pictures, (*VIDEO, *ANIMATION, ".png")),
         (outputs.meshes, MESH),
@@ -273,29 +275,16 @@ def check_outputs(outputs: Outputs, fps: float) -> None:
     paths = outputs.all()
     if len({path.resolve() for path in paths}) < len(paths):
         raise OutputError("the same output is named twice")
+    for path in outputs.pictures:
+        if alpha and kind(path) not in ALPHA:
+            known = ", ".join(ALPHA)
+            raise OutputError(f"{path}: no alpha channel (picture.alpha); with one: {known}")
     if fps > GIF_FPS and any(kind(p) == ".gif" for p in paths):
         raise OutputError(f"a GIF has at most {GIF_FPS:g} frames per second")
     if any(kind(p) == PARAVIEW for p in paths) and not vtu.available():
         raise OutputError(".vtu files need meshio: pip install 'msph[paraview]'")
     for path in paths:
-        make_writable(path)
-
-
-def make_writable(path: Path) -> None:
-    """Creates the folder of an output, and raises OutputError if the file is not writable."""
-    path = numbered_name(path, 0)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        new = not path.exists()
-        with open(path, "ab"):
-            pass
-        if new:
-            path.unlink()
-    except FileExistsError:
-        raise OutputError(f"{path.parent}: is a file, not a folder") from None
-    except OSError as error:
-        problem = error.strerror or "cannot be written"
-        raise OutputError(f"{path}: {problem[0].lower()}{problem[1:]}") from None
+        make_writable(numbered_name(path, 0))
 
 
 def check_output(path: Path, suffixes: tuple[str, ...]) -> None:

@@ -11,7 +11,6 @@ import taichi as ti
 from msph.picture.camera import Camera
 from msph.picture.overlay import Overlay
 from msph.picture.pixels import Image, as_u8
-from msph.scene.live import live_parameters
 from msph.stage import pages
 from msph.stage.controls import Controls
 from msph.stage.show import Show
@@ -21,7 +20,7 @@ from msph.taichi_internals import data_oriented, kernel
 GAP, GROUND = 2, (0.04, 0.08, 0.12)
 # Largest height of a label and its distance from the top, below the status line [text heights];
 # frames between two updates of a label.
-LABEL_HEIGHT, TOP, EVERY = 5.0, 2.6, 20
+LABEL_HEIGHT, TOP, EVERY = 5.0, 2.6, 40
 # Number of frames for the median time on a label.
 KEPT_FRAMES = 60
 
@@ -49,8 +48,6 @@ class Row:
     ):
         self.shows, self.labels, self.below = shows, labels or [""] * len(shows), below
         self.updates = 0
-        # Live keys of each scene at the start: a viscosity set to 0 remains live.
-        self.live = [{live.key for live in live_parameters(show.scene)} for show in shows]
         # Initial camera distance of each show [m], at which the whole box is visible.
         self.homes = [show.camera.distance if show.picture else 1.0 for show in shows]
         self.common: Image | None = None
@@ -95,18 +92,19 @@ class Row:
         gc.collect()
 
     def frame(self, controls: Controls) -> None:
-        """Runs a frame of each show; all simulate the time that the lead has simulated. Controls
-        are in the lead's box frame [m]."""
+        """Runs a frame of each show; all simulate the time that the lead has simulated, with the
+        same input: the only place where input acts on simulations, live or replayed."""
         lead = self.lead
         lead.frame(controls)
         # If the lead's frame was undone for a stopped body, all wait.
-        waits = controls.paused or lead.simulated == 0.0
-        same = replace(controls, frame_time=lead.simulated or None, budget=None, paused=waits)
+        waits = lead.simulated == 0.0
+        same = replace(controls, frame_time=lead.simulated or None, until=None, still=waits)
         for show, home in zip(self.shows[1:], self.homes[1:], strict=True):
             if self.picture:
                 self._match_view(show, home)
-            show.frame(replace(same, next_view=False))
-        self.draw_together()
+            show.frame(replace(same, next_view=False, budget=None))
+        if not controls.hidden:
+            self.draw_together()
 
     def _match_view(self, show: Show, home: float) -> None:
         """Sets the lead's camera, slice and view for another show."""
@@ -173,10 +171,9 @@ class Row:
 
     # Methods of Show and Picture, applied to all shows.
 
-    def set(self, key: str, value: float) -> None:
-        for show, live in zip(self.shows, self.live, strict=True):
-            if key in live:
-                show.set(key, value)
+    def set(self, key: str, value: float | None) -> None:
+        for show in self.shows:
+            show.set(key, value)
 
     def slice(self) -> None:
         for show in self.shows:
@@ -215,13 +212,13 @@ def show_with_picked(row: Row) -> Show | None:
 
 
 def speed_and_error(show: Show) -> list[str]:
-    """Returns label lines: number of particles, fluid time per frame, density error."""
+    """Returns label lines: number of particles, fluid time per frame, bulk density error."""
     frames = show.timings.frames if show.timings else []
     fluid = [frame["fluid"] for frame in frames if "fluid" in frame]
     lines = [f"{sum(show.simulation.counts()):,} particles"]
     if fluid:
         lines[0] += f", {1e3 * float(np.median(fluid)):.1f} ms"
-    error = show.ledger.last_density_error() if show.ledger.entries else np.nan
+    error = show.bulk_density_error()
     if np.isfinite(error):
-        lines.append(f"density error {100.0 * error:.2f} %")
+        lines.append(f"bulk density error {100.0 * error:+.2f} %")
     return lines

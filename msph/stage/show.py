@@ -9,38 +9,41 @@ from typing import Any
 import numpy as np
 
 from msph.fluid.boundary.rim import AllSpiltError
-from msph.fluid.external_forces import ExternalForces, Vec3, as_vector, rotation_vector
+from msph.fluid.external_forces import ExternalForces, Hand, Vec3, as_vector, rotation_vector
+from msph.fluid.simulation import FullError
 from msph.fluid.stages import Stage, no_stage
 from msph.fluid.trapped_water import TrappedWaterError
 from msph.measure.ledger import Ledger
 from msph.measure.past import UNREADABLE
+from msph.measure.snapshot import Snapshot
 from msph.measure.timings import Timings
 from msph.picture.camera import Camera
 from msph.picture.picture import Picture, picture_of
+from msph.picture.pixels import matted
 from msph.picture.room import PictureRoom
 from msph.scene.build import build_simulation, rotation, sway_angle, turn
 from msph.scene.camera_path import orbit_at
 from msph.scene.errors import SceneError
-from msph.scene.live import with_live_value
+from msph.scene.live import live_parameters, read, with_live_value
+from msph.scene.parts import value_of, with_value
 from msph.scene.schema import Scene
-from msph.stage.controls import Controls
+from msph.stage.controls import Controls, Inputs
+from msph.stage.tools import BY_NAME, ToolUse, Touch
 from msph.stage.views import Views
 from msph.surface import Surface, SurfaceRoom, surface_of
 from msph.surface.whitewater import whitewater_of
 
+# Key of a checkpoint under which a session in a window describes itself.
+SESSION = "session"
 # Image scale of the warm-up frame (-); below 1, so that the enlarging kernels compile, too.
 WARM_UP_SCALE = 0.5
 # The first step after a start differs from later ones.
 WARM_UP_FRAMES = 2
 
-# Options of an interactive show. Density errors are measured only every 0.1 s, since they need a
-# neighbour search.
-INTERACTIVE: dict[str, Any] = {
-    "stop_bodies": True,
-    "scalable": True,
-    "density_every": 0.1,
-    "spare": 2000,
-}
+# Options of an interactive show on which the simulation depends, and all. Solver residuals are
+# measured only every 0.1 s, since they need a neighbour search.
+SIMULATED: dict[str, Any] = {"stop_bodies": True, "spare": 2000}
+INTERACTIVE: dict[str, Any] = {**SIMULATED, "scalable": True, "density_every": 0.1}
 
 
 class Show:
@@ -51,7 +54,7 @@ class Show:
     [s]: see Ledger. stop_bodies: no error ends the show where a body traps water, which stops the
     body, or where all water is spilt, which begins the scene again; stopped: names of such bodies.
     scalable: frames may set the image scale. simulated [s]: time simulated by the last frame.
-    spare: see build_simulation. Unused parts are neither allocated nor compiled.
+    spare, room: see build_simulation. Unused parts are neither allocated nor compiled.
     """
 
     def __init__(
@@ -66,8 +69,11 @@ class Show:
         stop_bodies: bool = False,
         scalable: bool = False,
         spare: int = 0,
+        room: int = 0,
     ):
-        self.scene = scene
+        self.scene = self.initial = scene
+        # Keys of the live parameters; a viscosity set to 0 remains live.
+        self.live = {live.key for live in live_parameters(scene)}
         self.frame_time = frame_time
         self.timings = timings
         self.clock = clock
@@ -77,7 +83,7 @@ class Show:
         self.stop_bodies, self.scalable = stop_bodies, scalable and size is not None
         self.stopped: set[str] = set()
         self.note = ""  # message to the user about the last frame
-        self.simulation = build_simulation(scene, spare)
+        self.simulation = build_simulation(scene, spare, room)
         self.counts = self.simulation.counts()
         self.ledger = Ledger(self.simulation, density_every)
         self.frames = 0
@@ -103,7 +109,9 @@ class Show:
         """Returns the scene's camera now, with the box within the right share `free` of the image;
         stretch: see Camera."""
         c, picture = self.scene.camera, self.picture
-        azimuth, elevation, zoom = orbit_at(c, self.simulation.time)
+        x, y, z = self.scene.box.size
+        centre = 0.5 * x, 0.5 * y, 0.5 * z
+        azimuth, elevation, zoom, target = orbit_at(c, self.simulation.time, centre)
         camera = Camera.framing(
             self.scene.box.size,
             aspect=free * stretch * picture.width / picture.height,
@@ -111,17 +119,29 @@ class Show:
             elevation=math.radians(elevation),
             fov=math.radians(c.fov),
         )
+        camera.target = np.array(target)
         camera.zoom(1.0 / zoom)
         camera.shift, camera.stretch = 0.5 * (1.0 - free), stretch
         return camera
 
-    def set(self, key: str, value: float) -> None:
-        """Sets a live parameter of the scene (msph/scene/live.py)."""
-        self.scene = with_live_value(self.scene, key, value)
+    def set(self, key: str, value: float | None) -> None:
+        """Sets a live parameter (msph/scene/live.py), None for its initial value; parameters that
+        this scene does not have are ignored."""
+        if key not in self.live:
+            return
+        if value is None:
+            self.scene = with_value(self.scene, key, value_of(self.initial, key))
+        else:
+            self.scene = with_live_value(self.scene, key, value)
         if key.startswith("picture.") and self.picture:
             self.picture.change(self.scene.picture)
         if key.startswith(f"{self.scene.method}."):
             self.simulation.solver.tune(getattr(self.scene, self.scene.method))
+
+    def changes(self) -> dict[str, float]:
+        """Returns the live parameters that differ from their initial values."""
+        values = {key: (read(self.scene, key), read(self.initial, key)) for key in self.live}
+        return {key: now for key, (now, before) in values.items() if now != before}
 
     def _load_surface(self) -> Surface:
         s, sim = self.scene.surface, self.simulation
@@ -141,15 +161,17 @@ class Show:
     def warm_up(self) -> None:
         """Compiles the kernels of a frame by running two of a step each, and those of the particle
         views of an interactive show, and resets."""
-        ball = (as_vector(np.zeros(3)), 0.1 * max(self.simulation.size))
+        # The hand is visible, and too slow to move anything before the reset.
+        push = ToolUse.of(BY_NAME["push"], (np.zeros(3),) * 5, self.frame_time, 1.0)
         for _ in range(WARM_UP_FRAMES):
-            self.frame(Controls(scale=WARM_UP_SCALE, budget=0.0, ball=ball))
+            self.frame(Controls(use=push, scale=WARM_UP_SCALE, budget=0.0))
         if self.scalable:
-            # A user's first change of the view should not wait for kernels of particle views.
+            # A first change of the view, and the first autosave, should not wait for kernels.
             name = self.views.name
             self.views.next()
             self.draw()
             self.views.name = name
+            self.simulation.state()
         self.reset()
         self.frames = 0
         if self.timings:
@@ -163,39 +185,49 @@ class Show:
 
     def frame(self, controls: Controls) -> None:
         """Runs one frame: controls, fluid, ledger, surface, image."""
+        for key, value in controls.set.items():
+            self.set(key, value)
         if controls.reset:
             self.reset()
         if controls.next_view and self.views:
             self.views.next()
-        still = controls.paused and not controls.single_step
-        external = self._external_forces(controls, still)
-        if not still:
+        external, self.simulated = self._external_forces(controls), 0.0
+        if not controls.still:
             with self._stage("fluid"):
-                frame_time = controls.frame_time or self.frame_time
-                self.simulated = self._advance(frame_time, external, controls.budget)
+                self.simulated = self._advance(controls, external)
             if self.simulated > 0.0:
                 self.ledger.record(external.gravity)
                 if self.whitewater:
                     with self._stage("surface"), self._substage("whitewater"):
                         self.whitewater.advance(self.simulated, external.gravity)
+                if self.picture:
+                    with self._stage("picture"):
+                        self.picture.advance(self.simulated, external.hand)
         if self.scalable:
-            self.picture.scale, self.picture.ball = controls.scale, controls.ball
+            self.picture.scale = controls.scale
         elif self.picture and self.scene.camera.path:
             self.camera = self.framing()
-        self.draw()
+        if not controls.hidden:
+            self.draw()
         self.frames += 1
         if self.timings:
             self.timings.close_frame()
 
-    def _advance(self, frame_time: float, external: ExternalForces, budget: float | None) -> float:
+    def _advance(self, controls: Controls, external: ExternalForces) -> float:
         """Advances the fluid by a frame and returns the simulated time [s]. With stop_bodies, a
         frame in which a body traps water is undone, and the body stops a frame earlier; and the
         scene begins again when all water is spilt."""
-        sim = self.simulation
+        sim, frame_time = self.simulation, controls.frame_time or self.frame_time
         before = sim.state() if self.stop_bodies and sim.boundary.moving else None
         try:
             return sim.advance(
-                frame_time, external, self._substage, budget, self.clock, self.on_progress
+                frame_time,
+                external,
+                self._substage,
+                controls.budget,
+                self.clock,
+                self.on_progress,
+                controls.until,
             )
         except AllSpiltError as error:
             if not self.stop_bodies:
@@ -221,26 +253,41 @@ class Show:
             boundary.stop(body, since)
         boundary.place(time, 0.0)
 
-    def _external_forces(self, controls: Controls, still: bool) -> ExternalForces:
-        """Sets the tilt and returns the external forces in the pool's frame: gravity, hand, and
-        the inertia of the user's tilt. still: no time passes in this frame."""
+    def _external_forces(self, controls: Controls) -> ExternalForces:
+        """Sets the tilt, uses the tool, and returns the external forces in the pool's frame:
+        gravity, hand, and the inertia of the user's tilt."""
         by_hand, gravity = self._tilt(controls)
-        if still:
-            self.turned = None
-            return ExternalForces(gravity, controls.hand)
+        if self.picture:
+            self.picture.ball = None
+        if controls.still:
+            # A pool that is tilted meanwhile does not turn at once; a pause alone changes nothing.
+            if self.turned is not None and not np.array_equal(by_hand, self.turned):
+                self.turned = None
+            return ExternalForces(gravity)
+        hand = self._use_tool(controls.use) if controls.use else controls.hand
         step, before = controls.frame_time or self.frame_time, self.turning
         last = by_hand if self.turned is None else self.turned
         self.turned, self.turning = by_hand, rotation_vector(by_hand @ last.T) / step
         rates = self.turning, (self.turning - before) / step
         velocity, acceleration = (as_vector(self.tilt.T @ rate) for rate in rates)
-        return ExternalForces(gravity, controls.hand, velocity, acceleration)
+        return ExternalForces(gravity, hand, velocity, acceleration)
 
-    def _tilt(self, controls: Controls) -> tuple[np.ndarray, Vec3]:
+    def _use_tool(self, use: ToolUse) -> Hand:
+        """Returns the hand of a tool, which may also add water."""
+        tool, touch = BY_NAME[use.tool], Touch(self, use)
+        if tool.ball and self.picture:
+            self.picture.ball = use.place, touch.radius
+        try:
+            return tool.act(touch)
+        except FullError as error:
+            self.note = str(error)
+            return Hand()
+
+    def _tilt(self, inputs: Inputs) -> tuple[np.ndarray, Vec3]:
         """Sets the tilt; returns the user's part of it, (3, 3), and gravity [m/s^2] in the pool's
         frame. The scene's own sway turns gravity only, without inertia."""
-        # The user's tilt is relative to the camera.
-        view = turn(self.camera.azimuth) if self.picture else np.eye(3)
-        by_hand = view @ rotation(*controls.tilt) @ view.T
+        view = turn(inputs.azimuth)
+        by_hand = view @ rotation(*inputs.tilt) @ view.T
         self.tilt = by_hand @ rotation(sway_angle(self.scene, self.simulation.time), 0.0)
         return by_hand, as_vector(self.tilt.T @ np.array(self.scene.gravity))
 
@@ -258,10 +305,24 @@ class Show:
         if self.surface and (water or self.meshes):
             with self._stage("surface"):
                 self.surface.extract(hidden=not self.meshes)
-        if self.picture is None:
-            return
+        if self.picture:
+            self._render()
+
+    def matted_image(self) -> np.ndarray:
+        """Renders the last image again, (height, width, 4) uint8, with its opacity."""
+        shown = []
+        for level in (0.0, 1.0):
+            plain = {"background": (level,) * 3, "background_top": None}
+            self.picture.change(self.scene.picture.model_copy(update=plain))
+            self._render()
+            shown.append(self.picture.to_numpy_u8())
+        self.picture.change(self.scene.picture)
+        return matted(*shown)
+
+    def _render(self) -> None:
+        """Renders the surface, or the particles."""
         with self._stage("picture"):
-            if water:
+            if self.views.name == "water":
                 self.picture.draw_water(self.camera, self.tilt)
             else:
                 sim = self.simulation
@@ -295,7 +356,7 @@ class Show:
         """Continues from a checkpoint, a .npz file of Simulation.state(). Raises SceneError."""
         try:
             with np.load(checkpoint) as state:
-                self.simulation.restore(dict(state))
+                self.simulation.restore({k: state[k] for k in state if k != SESSION})
         except UNREADABLE as error:
             problem = f"is not a checkpoint of this scene: {error}"
             raise SceneError(checkpoint.name, problem) from None
@@ -304,7 +365,7 @@ class Show:
 
     def gravity(self) -> tuple[float, float, float]:
         """Returns gravity [m/s^2] in the pool's frame now, without user input."""
-        return self._tilt(Controls())[1]
+        return self._tilt(Inputs())[1]
 
     def reset(self) -> None:
         """Resets the simulation; the camera stays."""
@@ -312,6 +373,8 @@ class Show:
         self.turned, self.turning = None, np.zeros(3)
         if self.whitewater:
             self.whitewater.reset()
+        if self.picture:
+            self.picture.reset()
         self.stopped.clear()
         self.counts = self.simulation.counts()
         self.ledger.clear()
@@ -362,6 +425,14 @@ class Show:
     def volume_error(self) -> float:
         """Returns the surface's volume over the volume at rest density, minus 1 (-)."""
         return self.volume() / self.rest_volume() - 1.0
+
+    def bulk_density_error(self) -> float:
+        """Returns the error of the bulk density (-), measured from the positions in milliseconds;
+        NaN if the water is too thin."""
+        from msph.measure.bulk import bulk_density  # imports scipy, which takes 0.2 s
+
+        water = Snapshot.of(self.simulation)
+        return bulk_density(water.x, water.spacing, water.size, water.free).mean - 1.0
 
     def rest_volume(self) -> float:
         """Returns the volume of all particles at rest density [m^3]."""

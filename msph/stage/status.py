@@ -55,8 +55,9 @@ class Status:
     def _water(self, show: Show) -> str:
         """Returns the errors of a simulation in words."""
         parts = []
-        if show.ledger.entries:
-            parts.append(f"density error {100.0 * show.ledger.last_density_error():.2f} %")
+        error = show.bulk_density_error()
+        if math.isfinite(error):
+            parts.append(f"bulk density error {round(100.0 * error, 2) + 0.0:+.2f} %")
         # Other views extract no surface.
         if show.views.name == "water" and not show.surface.mesh.overflowed():
             parts.append(f"volume error {round(100.0 * show.volume_error(), 1) + 0.0:+.1f} %")

@@ -6,11 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from msph.fluid.external_forces import Hand, as_vector
-from msph.stage.controls import Controls
 from msph.stage.pushing import Contact
 from msph.stage.row import Row
-from msph.stage.tools import TOOLS
+from msph.stage.tools import TOOLS, ToolUse
 from msph.stage.window import BUTTONS, Window
 
 ORBIT_PER_WIDTH = math.radians(200.0)  # orbit of a drag across the window's width [rad]
@@ -110,22 +108,19 @@ class Steering:
             return "orbit"
         return ""
 
-    def use_tool(self, controls: Controls, step: float, pressed: bool, on_page: bool) -> None:
-        """Uses the active tool where the left button holds water, otherwise lets the cursor leave a
-        wake. pressed: in this frame, even if released since. Raises FullError if there is no room
-        for more water."""
+    def use_tool(self, still: bool, step: float, pressed: bool, on_page: bool) -> ToolUse | None:
+        """Returns the use of the active tool where the left button holds water, otherwise the wake
+        of the cursor. still: no time passes; pressed: in this frame, even if released since."""
         left, right, middle = self.held_buttons()
         left = left or self.contact.clicked or (pressed and self.free.get("LMB", True))
         hover = self.row.lead.scene.play.hover and self.moved.any()
-        if left and not (controls.paused and not controls.single_step):
-            touch = self.contact.hold(self.row, self.cursor, step)
-            controls.hand = self.tool.act(touch) if touch else Hand()
-            if touch and self.tool.ball:
-                controls.ball = as_vector(touch.place), touch.radius
-        elif hover and not (right or middle or on_page):
-            controls.hand = self.contact.pass_over(self.row, self.cursor, step)
-        else:
-            controls.hand = self.contact.let_go()
+        if left and not still:
+            return self.contact.hold(self.tool, self.row, self.cursor, step)
+        if hover and not (right or middle or on_page):
+            wake = self.contact.pass_over(self.row, self.cursor, step)
+            return None if still else wake
+        self.contact.let_go()
+        return None
 
     def clicked(self) -> bool:
         """Returns True if the left button was released near its position and time of press."""

@@ -3,9 +3,10 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
+from pydantic import ConfigDict, Field
 
 from msph.fluid.external_forces import Hand, Vec3, as_vector
 
@@ -22,6 +23,9 @@ PULL_RADIUS, PULL_HEIGHT, PULL_RATE = 1.3, 0.5, 5.0
 # Swirl: speed at the push radius R over sqrt(g R), which makes a funnel about R/2
 # deep in a second.
 SWIRL_SPEED = 1.6
+# Hover: radius and grip over those of a push; largest speed [m/s], since the cursor's ray jumps
+# between wave crests.
+WAKE_RADIUS, WAKE_GRIP, WAKE_SPEED = 0.3, 0.25, 2.0
 # Wave: thickness of the slab of water that moves with the cursor, over the box's length.
 SLAB = 0.2
 # Rain: drops per second, time between two additions [s] (each takes milliseconds), radius of the
@@ -35,9 +39,15 @@ BALL_RADIUS, BALL_DISTANCE, BALL_SPEED = 0.08, 3.0, 0.7
 LEAST_GRAVITY = 1.0
 
 
+# Recorded input: no unknown keys, and finite numbers of limited size [m, m/s, rad, s].
+STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
+Number = Annotated[float, Field(ge=-1e6, le=1e6)]
+Vector = tuple[Number, Number, Number]
+
+
 @dataclass(frozen=True)
-class Touch:
-    """Cursor on the water of a show in a frame.
+class ToolUse:
+    """Use of a tool in a frame, as recorded.
 
     place [m], velocity [m/s] in the box frame, those of a hand that moves in the plane facing the
     camera through `start` [m], where the button was pressed; surface [m]: the water under the
@@ -45,14 +55,32 @@ class Touch:
     of which `step` in this frame.
     """
 
-    show: "Show"
-    place: np.ndarray
-    velocity: np.ndarray
-    start: np.ndarray
-    surface: np.ndarray
-    direction: np.ndarray
-    step: float
-    held: float
+    tool: str
+    place: Vector
+    velocity: Vector
+    start: Vector
+    surface: Vector
+    direction: Vector
+    step: Number
+    held: Number
+
+    @classmethod
+    def of(cls, tool: "Tool", vectors: tuple[np.ndarray, ...], step: float, held: float):
+        """Returns the use of a tool; vectors: place, velocity, start, surface and direction."""
+        place, velocity, start, surface, direction = (as_vector(v) for v in vectors)
+        return cls(tool.name, place, velocity, start, surface, direction, step, held)
+
+    __pydantic_config__ = STRICT
+
+
+class Touch:
+    """Use of a tool on the water of a show; attributes as in ToolUse, with arrays (3,)."""
+
+    def __init__(self, show: "Show", use: ToolUse):
+        self.show, self.step, self.held = show, use.step, use.held
+        self.place, self.velocity = np.array(use.place), np.array(use.velocity)
+        self.start, self.surface = np.array(use.start), np.array(use.surface)
+        self.direction = np.array(use.direction)
 
     @property
     def began(self) -> bool:
@@ -122,6 +150,17 @@ def swirl(touch: Touch) -> Hand:
     return touch.hand(touch.surface, (r, math.inf, r), np.zeros(3), spin=as_vector(spin))
 
 
+def hover(touch: Touch) -> Hand:
+    """Leaves a wake under a cursor without a button."""
+    play, d = touch.show.scene.play, touch.show.simulation.layers.finest.spacing
+    velocity = touch.velocity * min(
+        1.0, WAKE_SPEED / max(float(np.linalg.norm(touch.velocity)), 1e-9)
+    )
+    radius = max(WAKE_RADIUS * play.push_radius * float(touch.size.max()), LEAST_RADIUS * d)
+    grip = WAKE_GRIP * play.push_grip
+    return Hand(as_vector(touch.place), as_vector(velocity), (radius,) * 3, grip)
+
+
 def wave(touch: Touch) -> Hand:
     """Moves the water at the end wall nearest to the press like a wave maker."""
     size = touch.size
@@ -186,4 +225,6 @@ TOOLS = (
     Tool("ball", "b", "tool: click to throw a ball of water", ball),
     Tool("wave", "e", "tool: drag to move the water at an end wall", wave),
 )
-BY_NAME = {tool.name: tool for tool in TOOLS}
+# Of a cursor that no button is pressed at.
+HOVER = Tool("hover", "", "", hover)
+BY_NAME = {tool.name: tool for tool in (*TOOLS, HOVER)}

@@ -141,7 +141,9 @@ class Views:
         unit, size = display_unit(unit, max(-lo, hi))
         labelled = (lo, hi, 0.0) if lo < 0.0 else (lo, hi)
         marks = tuple(((v - lo) / (hi - lo), f"{v / size:g}") for v in labelled)
-        return Legend(f"{self.name.replace('_', ' ')} [{unit}]", marks)
+        # The attribute is the solver's own density (docs/method.md, "Density errors").
+        title = "solver residual" if self.name == "density_error" else self.name.replace("_", " ")
+        return Legend(f"{title} [{unit}]", marks)
 
     def _legend_of_layers(self, hi: float) -> Legend:
         """Returns the legend of the layers, from fine to coarse."""

@@ -1,7 +1,7 @@
 """Particles and surface as VTK unstructured grids (.vtu) for ParaView, with their time, and the
 .pvd file that lists them.
 
-Point arrays have SI units in their names: velocity_m_per_s, pressure_Pa, layer, density_error
+Point arrays have SI units in their names: velocity_m_per_s, pressure_Pa, layer, solver_residual
 (rho/rho0 - 1 at the current positions; negative near air) and spacing_m, for the size of ParaView's
 point gaussians and glyphs.
 """
@@ -65,7 +65,7 @@ def _particles(simulation: Simulation) -> tuple[np.ndarray, dict[str, np.ndarray
     arrays = {
         "velocity [m/s]": p.numpy("v"),
         "pressure [Pa]": p.numpy("pressure"),
-        "density_error [-]": p.numpy("density") / rest - 1.0,
+        "solver_residual [-]": p.numpy("density") / rest - 1.0,
         "spacing [m]": np.array([s.spacing for s in specs])[layer],
         "layer [-]": layer,
     }

@@ -87,10 +87,9 @@ class Surface:
 
         hidden: the mesh is for an image with opaque bodies, so it ends OVERLAP inside them. There,
         the waterline is where both surfaces meet, as exact as the pixels; at the end of the mesh it
-        would have steps of a cell. A container, which is drawn without its near side, hides
-        nothing.
+        would have steps of a cell.
         """
-        hidden = hidden and self.has_bodies and not self.boundary.has_container
+        hidden = hidden and self.has_bodies
         self.band.sample(self.has_bodies)
         self.band.classify(self.has_bodies)
         self.band.include_thin(self.particles.count, self.has_bodies)

@@ -84,16 +84,17 @@ def test_viscous_vortex_decays_as_viscosity_says(stirred):
 
 
 def test_inviscid_vortex_keeps_its_energy(stirred):
-    """In half a second, in which the fastest water goes half the box's edge, it loses at most 30 %
-    of the vortex's energy (measured: 24 %), kinetic and potential together, and never gains any."""
+    """In half a second, in which the fastest water goes half the box's edge, it loses at most 8 %
+    of the vortex's energy (measured: 4 %; 27 % without shear relief), kinetic and potential
+    together. While the arrangement breaks, it gains at most 3 % (measured: 2.5 %)."""
     start, first = start_vortex(stirred), energies(stirred)
     found = []
     for _ in range(30):
         stirred.advance(FRAME, ExternalForces())
         found.append((energies(stirred) - first).sum() / first[0])
-    assert max(found) < 0.005
-    assert found[-1] > -0.3
-    assert amplitude(stirred) > 0.75 * start
+    assert max(found) < 0.03
+    assert -0.08 < found[-1] < 0.0
+    assert amplitude(stirred) > 0.92 * start
 
 
 def test_sloshing_has_the_period_of_linear_theory():

@@ -12,7 +12,11 @@ from msph.fluid.particles import kernels
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.plan import Plan
 from msph.fluid.projection.parameters import ProjectionParameters
-from msph.fluid.projection.shear_relief import MAX_ANISOTROPY, ShearRelief
+from msph.fluid.projection.shear_relief import (
+    LEAST_DETERMINANT,
+    MAX_ANISOTROPY,
+    ShearRelief,
+)
 from msph.fluid.simulation import Simulation
 
 N, D, SMOOTHING = 7, 0.05, 2.4
@@ -45,8 +49,9 @@ def accelerated(sim, pressure, external=WEIGHTLESS):
 
 
 def expected(x, p, gravity=0.0):
-    """The same by brute force over all pairs and mirror images: S, its mean's deviator T, and
-    dt/rho0 sum V (T_i + T_j).grad W, under gravity [m/s^2] along y."""
+    """The same by brute force over all pairs and mirror images: S, its mean's deviator T, the
+    inverse L of the moment, and dt/rho0 sum V (T_i L_i + T_j L_j).grad W, under gravity [m/s^2]
+    along y."""
     h, volume = SMOOTHING * D, D**3
     seen = [(x, np.ones(3), np.zeros(len(x)))]
     for cell in itertools.product((-1, 0, 1), repeat=3):
@@ -75,7 +80,10 @@ def expected(x, p, gravity=0.0):
     deviator = mean - pressure[:, None, None] * np.eye(3)
     size = np.linalg.norm(deviator, axis=(1, 2)) / pressure
     deviator *= np.clip(2.0 - size / MAX_ANISOTROPY, 0.0, 1.0)[:, None, None]
-    both = deviator[:, None] + images(deviator)
+    moment = -np.einsum("ija,ijb->iab", d, gradient)
+    assert (np.linalg.det(moment) > 2.0 * LEAST_DETERMINANT).all()
+    corrected = deviator @ np.linalg.inv(moment)
+    both = corrected[:, None] + images(corrected)
     return SHARE * DT / 1000.0 * np.einsum("ijab,ijb->ia", both, gradient)
 
 

@@ -309,15 +309,17 @@ def test_a_cube_of_water_becomes_a_ball_of_its_volume():
 
 
 def test_what_is_off_is_not_there():
-    plain = {a.name for a in Projection.attributes(ProjectionParameters(), False)}
+    off = ProjectionParameters(shear_relief=0.0)
+    plain = {a.name for a in Projection.attributes(off, False)}
     for name, terms in (
+        ("relief", ProjectionParameters()),
         ("viscous_direction", ProjectionParameters(viscosity=1.0)),
         ("normal", ProjectionParameters(tension=1.0)),
     ):
         assert name not in plain
         assert name in {a.name for a in Projection.attributes(terms, False)}
     initial = {"x": np.full((1, 3), 0.5, np.float32), "layer": np.zeros(1, np.int32)}
-    sim = Simulation(Plan((1.0,) * 3, [FINE], initial, ProjectionParameters()))
+    sim = Simulation(Plan((1.0,) * 3, [FINE], initial, off))
     assert [type(force) for force in sim.solver.forces] == [BodyForce]
     assert sim.solver.adaptation is None
 

@@ -9,7 +9,7 @@ GOOD = {
     "spacings_across_bodies.0": 5.0,
     "mass_change": -1e-9,
     "outside_most": 0,
-    "density_error_mean": 0.001,
+    "solver_residual_mean": 0.001,
     "volume_error_worst": -0.001,
     "bulk_density_error_mean": math.nan,
 }

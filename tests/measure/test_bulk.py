@@ -89,13 +89,19 @@ def test_water_without_depth_has_no_bulk():
     assert found.points == 0 and np.isnan(found.mean)
 
 
-def test_a_handful_of_places_is_no_bulk():
-    """A pocket of fine water amid coarse water that is not deep enough for its own kernel."""
+def test_narrower_kernels_measure_thin_water():
+    """Five sheets on a floor, too thin for the widest kernel."""
+    assert bulk_density(*lattice(0.2, D), SIZE).mean == pytest.approx(1.0, abs=2e-3)
+    x, d = lattice(0.2, D)
+    assert bulk_density(x, d * 1.1 ** (1 / 3), SIZE).mean == pytest.approx(1.1, abs=3e-3)
+
+
+def test_a_pocket_of_fine_water_amid_coarse_water_reads_one():
+    """The coarse water is not deep enough for its own kernel."""
     (xc, dc), (xf, df) = lattice(0.4, 0.1), lattice(0.4, 0.02)
     pocket, outside = (xf < 0.3).all(axis=1), (xc > 0.3).any(axis=1)
     x, d = np.concatenate([xc[outside], xf[pocket]]), np.concatenate([dc[outside], df[pocket]])
-    found = bulk_density(x, d, SIZE)
-    assert found.points == 0 and np.isnan(found.mean)
+    assert bulk_density(x, d, SIZE).mean == pytest.approx(1.0, abs=2e-3)
 
 
 def test_wide_kernel_is_normalised_and_mirrors_double_what_a_wall_cuts():

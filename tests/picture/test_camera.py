@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from msph.picture.camera import ELEVATION, Camera
+from msph.picture.camera import CLEARANCE, ELEVATION, Camera
 from msph.picture.look import Look
 from msph.picture.shot import shot_numbers
 
@@ -42,7 +42,7 @@ def test_orbit_and_zoom_stay_within_limits():
     camera.orbit(10.0, 9.0)
     assert camera.elevation == pytest.approx(ELEVATION[1]) and 0 <= camera.azimuth < 2 * np.pi
     camera.orbit(0.0, -9.0)
-    assert camera.elevation == pytest.approx(ELEVATION[0])
+    assert camera.elevation < 0.0 and camera.eye[1] == pytest.approx(CLEARANCE * BOX[1])
     for factor, limit in ((1e-3, 0), (1e6, 1)):
         camera.zoom(factor)
         assert camera.distance == pytest.approx(camera.reach[limit])

@@ -260,3 +260,16 @@ def test_means_in_even_blocks_look_like_samples_of_every_pixel(picture, every_pi
         shown.append(drawn.to_numpy_u8().astype(int))
     change = np.abs(shown[0] - shown[1])
     assert 0.0 < change.mean() < 1.0 and np.percentile(change, 99.0) < 8.0
+
+
+def test_background_is_a_gradient_where_nothing_is_drawn(picture, mesh):
+    mesh.counts.fill(0)
+    low, high = (0.9, 0.2, 0.4), (0.1, 0.6, 1.0)
+    picture.load(WIDTH, HEIGHT, BOX, Look(background=low, background_top=high))
+    picture.draw_water(Camera.framing(BOX))
+    shown = picture.image.to_numpy()
+    for i in (0, WIDTH - 1):
+        assert shown[i, 0] == pytest.approx(low, abs=0.01)
+        assert shown[i, HEIGHT - 1] == pytest.approx(high, abs=0.02)
+        assert (np.diff(shown[i, :, 1]) >= -1e-3).all()
+    picture.load(WIDTH, HEIGHT, BOX)

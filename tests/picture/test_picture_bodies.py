@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import taichi as ti
 import trimesh
-from picture_kit import Mesh, ball, covered, rays
+from picture_kit import Mesh, ball, covered, rays, still_water
 
 from msph.fluid.boundary.rigid_bodies import Ball, Solid
 from msph.fluid.particles.layers import LayerSpec
@@ -37,15 +37,15 @@ class Rays:
         self.p, self.r = (ti.Vector.field(3, ti.f32, shape=n) for _ in range(2))
         self.p.from_numpy(p.astype(np.float32))
         self.r.from_numpy(r.astype(np.float32))
-        self.t, self.lit, self.steep = (ti.field(ti.f32, shape=n) for _ in range(3))
+        self.t, self.lit, self.entry, self.steep = (ti.field(ti.f32, shape=n) for _ in range(4))
         self.body = ti.field(ti.i32, shape=n)
         self.run()
 
     @ti.kernel
     def run(self):
         for i in self.p:
-            t, body, steep, _ = self.bodies.intersect(self.p[i], self.r[i], 10.0, 0.0, 0.0)
-            self.t[i], self.body[i], self.steep[i] = t, body, steep
+            t, body, entry, _ = self.bodies.intersect(self.p[i], self.r[i], 10.0, 0.0, 0.0, False)
+            self.t[i], self.body[i], self.entry[i], self.steep[i] = t, body, entry.x, entry.y
             self.lit[i] = self.bodies.sunlit(self.p[i], self.r[i])
 
 
@@ -75,10 +75,26 @@ def test_rays_meet_bodies_outside_and_the_container_inside(boundary):
     body = found.body.to_numpy()
     assert np.array_equal(body[sure] == 0, np.isfinite(near)[sure])
     assert np.array_equal(found.steep.to_numpy()[sure] >= 0.0, np.isfinite(far)[sure])
-    lit = found.lit.to_numpy()
-    aside = np.linalg.norm(np.cross(BALL - p, r), axis=1)
-    assert np.all(lit[aside < 0.99 * RADIUS] == 0.0)
-    assert np.all(lit[aside > 2.0 * RADIUS] > 0.99)
+    assert np.isclose(found.entry.to_numpy(), first, atol=0.01)[sure & np.isfinite(far)].all()
+
+
+def test_bodies_cast_shadows_a_container_only_on_what_is_outside(boundary):
+    rng = np.random.default_rng(5)
+    r = unit(rng.normal(size=(400, 3)))
+    for away, shell in ((0.15, False), (2.0, True)):
+        p = SHELL + (1.2 if shell else 0.4) * rng.uniform(-1.0, 1.0, (400, 3)) - away * r
+        inside = np.linalg.norm(p - SHELL, axis=1) < 0.8 * ROOM
+        apart = np.linalg.norm(p - BALL, axis=1) > 1.2 * RADIUS
+        sure = apart & (shell | inside)
+        lit = Rays(boundary, p[sure], r[sure]).lit.to_numpy()
+        ahead = ((BALL - p) * r).sum(axis=1)[sure] > 0.0
+        to_ball = np.linalg.norm(np.cross(BALL - p, r), axis=1)[sure]
+        to_shell = np.linalg.norm(np.cross(SHELL - p, r), axis=1)[sure]
+        dark = (ahead & (to_ball < 0.99 * RADIUS)) | (shell & (to_shell < 0.95 * ROOM))
+        light = (~ahead | (to_ball > 2.0 * RADIUS)) & ((not shell) | (to_shell > 1.8 * ROOM))
+        assert dark.sum() > 8 and light.sum() > 8
+        assert np.all(lit[dark] == 0.0)
+        assert np.all(lit[light] > 0.99)
 
 
 def unit(v):
@@ -115,3 +131,33 @@ def test_body_hides_water_behind_it_and_water_before_it_shows():
         assert (drop & inside).sum() > 5
         changed = abs(picture.image.to_numpy() - dry).max(axis=-1) > 1e-3
         assert changed[drop & inside].mean() > 0.5 if shown else not changed[inside].any()
+
+
+def test_the_waterline_at_a_container_is_exact(boundary):
+    """Water that reaches beyond the sides of a container, as meshes for images do, is drawn in it
+    only, up to its side, which has no water above the level."""
+    mesh, level = Mesh(4096), 0.4
+    mesh.fill(*still_water(level))
+    picture = Picture(mesh, boundary)
+    picture.load(WIDTH, HEIGHT, BOX)
+    picture.draw_water(Camera.framing(BOX, WIDTH / HEIGHT, azimuth=0.3, elevation=0.35))
+    d = unit(rays(picture.lens.numbers, WIDTH, HEIGHT).reshape(-1, 3))
+    eye = picture.lens.numbers["eye"]
+    near, far = sphere(np.tile(eye, (len(d), 1)), d, SHELL, ROOM)
+    on_ball, _ = sphere(np.tile(eye, (len(d), 1)), d, BALL, 1.2 * RADIUS)
+    down = (level - eye[1]) / d[:, 1]
+    wet = (down < near) | ((down > near) & (down < far))
+    # The icosphere lies up to 1 % of its radius within the sphere, a pixel is 0.02 m wide.
+    edge = np.minimum(abs(down - near), abs(down - far)) * abs(d[:, 1]) < 0.03
+    sure = np.isnan(near) | ((far - near > 0.3) & ~edge & np.isnan(on_ball))
+    found = covered(picture.raster, WIDTH, HEIGHT).ravel()
+    hidden = picture.backdrop.depth.to_numpy()[:WIDTH, :HEIGHT].ravel()
+    depth = down * (d @ picture.lens.numbers["forward"])
+    found &= ~((down > near) & (hidden < depth))
+    assert np.isnan(near)[sure].sum() > 1000 and wet[sure].sum() > 100
+    assert (~wet & np.isfinite(near))[sure].sum() > 100
+    assert np.array_equal(found[sure], wet[sure])
+    key = picture.raster.key.to_numpy()[:WIDTH, :HEIGHT].ravel()
+    item = key & ((1 << picture.raster.item_bits[None]) - 1)
+    side = item == picture.raster.wet[None]
+    assert np.array_equal(side[sure & wet], (down < near)[sure & wet])

@@ -24,7 +24,7 @@ class Bench:
     @ti.kernel
     def draw_mesh(self):
         self.raster.clear(2048)
-        self.raster.draw_mesh(self.mesh)
+        self.raster.draw_mesh(self.mesh, 0)
 
     @ti.kernel
     def draw_spheres(self, n: ti.i32):

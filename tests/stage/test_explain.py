@@ -19,7 +19,7 @@ def test_parts_are_those_that_a_scene_has(tmp_path, scene):
     def active(scene):
         return [part.name for part in PARTS if part.active(scene)]
 
-    assert active(scene) == ["caustics", "whitewater"]
+    assert active(scene) == ["caustics", "whitewater", "wet walls", "ripples"]
     honey = load_scene("honey", ("projection.tension=0.1",))
     assert {"viscosity", "tension", "caustics"} <= set(active(honey))
     for part in PARTS:

@@ -38,7 +38,7 @@ def layout():
 @pytest.fixture
 def player(course, row, layout, tmp_path):
     choice, guide = Choice("forces", "large"), Guide(course, row, SIZE)
-    player = Player(Screen(), row, choice, "large", layout, SceneArguments("forces"), guide=guide)
+    player = Player(Screen(), row, choice, layout, SceneArguments("forces"), guide)
     player.saver.folder = tmp_path
     return player
 

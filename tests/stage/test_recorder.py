@@ -15,20 +15,23 @@ import trimesh
 from PIL import Image
 
 from msph.measure.host_kernels import wendland
+from msph.own_files import OutputError
 from msph.scene import load_scene
-from msph.stage import vtu
+from msph.scene.parts import with_value
+from msph.stage import commands, vtu
 from msph.stage.loop import run
 from msph.stage.recorder import (
     LostOutputError,
-    OutputError,
     Outputs,
     Recorder,
     check_outputs,
     check_video,
+    write_particles,
 )
 from msph.stage.row import Row
-from msph.stage.show import Show
-from tests.scenes_kit import write
+from msph.stage.show import SIMULATED, Show
+from tests.command_kit import here
+from tests.scenes_kit import TEXT, write
 
 SIZE = (163, 91)
 FPS = 30.0
@@ -53,6 +56,26 @@ def recorded(show, tmp_path_factory):
     outputs = Outputs(*([folder / name for name in kind] for kind in names))
     run(Row([show]), Recorder(outputs, 4, FPS, bar=False))
     return folder
+
+
+def test_images_have_an_alpha_channel_if_the_scene_asks_for_it(show, tmp_path, monkeypatch):
+    monkeypatch.setattr(show, "scene", with_value(show.scene, "picture.alpha", True))
+    outputs = Outputs([tmp_path / name for name in ("a.webm", "a.webp", "a.png")])
+    check_outputs(outputs, FPS, alpha=True)
+    show.reset()
+    run(Row([show]), Recorder(outputs, 2, FPS, bar=False))
+    for name in ("a.webp", "a.png"):
+        pixels = np.asarray(Image.open(tmp_path / name))
+        opacity = pixels[..., 3]
+        # Corners show sky and ground, the middle tiles and water.
+        assert opacity[0, 0] == opacity[-1, -1] == 0
+        assert (opacity[30:60, 60:100] > 200).mean() > 0.9
+        assert 0.1 < (opacity > 128).mean() < 0.9
+    reader = imageio.get_reader(tmp_path / "a.webm", input_params=["-c:v", "libvpx-vp9"])
+    assert reader.get_meta_data()["pix_fmt"].startswith("yuva420p")
+    for name in ("a.mp4", "a.gif"):
+        with pytest.raises(OutputError, match=r"no alpha channel .*\.webm"):
+            check_outputs(Outputs([tmp_path / name]), FPS, alpha=True)
 
 
 @pytest.mark.parametrize("name", ["a.mp4", "a.webm", "a.gif"])
@@ -104,7 +127,7 @@ def test_paraviews_particles_are_those_of_the_checkpoint(recorded, show):
         specs = show.simulation.layers.specs
         assert np.allclose(arrays["spacing_m"], [specs[k].spacing for k in state["layer"]])
         density = reference_density(state, [specs[k] for k in state["layer"]])
-    assert np.allclose(arrays["density_error"], density / 1000.0 - 1.0, atol=1e-3)
+    assert np.allclose(arrays["solver_residual"], density / 1000.0 - 1.0, atol=1e-3)
 
 
 @pytest.mark.parametrize("name", ["p", "m"])
@@ -138,10 +161,29 @@ def test_paraviews_surface_has_the_waters_values(recorded, show):
     supports = np.array([s.support for s in show.simulation.layers.specs])
     weight = data["spacing_m"] ** 3 * wendland(r, supports[data["layer"]])
     weight /= weight.sum(axis=1, keepdims=True)
-    for name in ("velocity_m_per_s", "pressure_Pa", "density_error"):
+    for name in ("velocity_m_per_s", "pressure_Pa", "solver_residual"):
         scale = np.abs(data[name]).max()
         assert np.allclose(here[name], weight @ data[name], atol=1e-4 * scale)
     assert np.array_equal(here["layer"], data["layer"][r.argmin(axis=1)])
+
+
+def test_a_checkpoint_with_added_water_is_resumed(tmp_path, monkeypatch):
+    """It had more particles than the scene has room for."""
+    monkeypatch.setattr(commands, "start", lambda arch, threads: "cpu")
+    scene = write(tmp_path, TEXT.replace("[classic]", "[projection]"))
+    show = Show(load_scene(scene, ("method=projection",)), 1 / FPS, **SIMULATED)
+    room, size = show.simulation.plan.initial["x"].shape[0], np.array(show.simulation.size)
+    sites = np.stack(np.meshgrid(*[np.arange(1, 9) / 9 * s for s in size]), axis=-1).reshape(-1, 3)
+    show.add_water(sites, np.zeros_like(sites))
+    assert show.simulation.particles.count > room
+    write_particles(tmp_path / "full.npz", show)
+    show.close()
+    arguments = scene, "--resume", tmp_path / "full.npz", "--set", "method=projection"
+    files = "--particles", tmp_path / "p_%d.npz", "--seconds", "0.1", "--fps", "20"
+    captured = here("capture", *arguments, *files)
+    assert captured.returncode == 0, captured.stderr
+    measured = here("measure", *arguments, "-o", tmp_path / "measured", "--seconds", "0.05")
+    assert measured.returncode == 0, measured.stderr
 
 
 def test_paraviews_files_without_their_library_are_refused(tmp_path, monkeypatch):

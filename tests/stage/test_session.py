@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from msph import user_cache
 from msph.errors import MsphError
 from msph.fluid import world
 from msph.scene import load_scene
@@ -35,6 +36,11 @@ class Window(Screen):
             raise ClosedError
 
 
+@pytest.fixture(autouse=True)
+def cache(tmp_path, monkeypatch):
+    monkeypatch.setattr(user_cache, "file", lambda: tmp_path / "cache" / "measured.json")
+
+
 @pytest.fixture
 def rounds(monkeypatch):
     """Plays choices, each chosen while the one before plays; returns what was built and said."""
@@ -46,9 +52,9 @@ def rounds(monkeypatch):
             if choice.scene in broken:
                 raise MsphError("cannot be built")
             built.append(choice.scene)
-            return SimpleNamespace(close=lambda: None), choice.quality
+            return SimpleNamespace(close=lambda: None), choice
 
-        def end(self, row, choice, quality):
+        def end(self, row, choice):
             said.append(self.problem)
             return next(following, None)
 

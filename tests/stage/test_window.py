@@ -12,13 +12,18 @@ import time
 import imageio.v2 as imageio
 import numpy as np
 import pytest
+import taichi as ti
 
+from msph.cache_folder import TAICHI_FOLDER
 from msph.lesson.paint import CAPTION, LINE, NAME, PAD, band_height
+from msph.measure.past import time_of
+from msph.options import QUALITIES
 from msph.scene.load import read_toml
 from msph.stage import commands
 from msph.stage.layout import GAP
 from msph.stage.pacer import Pacer
 from msph.stage.pages import text_height
+from msph.stage.recording import read
 from msph.stage.start_screen import SKY
 from msph.stage.status import pace
 from tests.command_kit import here
@@ -107,12 +112,16 @@ class Screen:
                 return last
         raise AssertionError("the screen did not change" if unlike is not None else "not paused")
 
-    def begun(self):
-        """The screen at rest after the start, whose picture stands while kernels compile."""
+    def begun_moving(self):
+        """Waits until the start screen is gone."""
         deadline, before = time.monotonic() + PATIENCE, ((0, 0, 0), SKY)
         while tuple(self.look()[0, 0]) in before:
             assert time.monotonic() < deadline, "nothing but the start is shown"
             time.sleep(0.2)
+
+    def begun(self):
+        """The screen at rest after the start, whose picture stands while kernels compile."""
+        self.begun_moving()
         return self.still()
 
 
@@ -255,6 +264,65 @@ def test_window_opens_obeys_keys_and_shows_water(display, tmp_path):
 
 
 @needs_x
+def test_a_killed_session_continues_at_the_next_start(display, tmp_path):
+    cache = {
+        "XDG_CACHE_HOME": str(tmp_path / "cache"),
+        TAICHI_FOLDER: ti.cfg.offline_cache_file_path,
+    }
+    arguments = (write(tmp_path), "--size", f"{WIDTH}x{HEIGHT}")
+
+    def started():
+        process = play(*arguments, display=display.display, folder=tmp_path, **cache)
+        wait_for(process, "ready in")
+        return process
+
+    process = started()
+    try:
+        (file,) = [wait_for_file(tmp_path, "cache/msph/session_*.npz")]
+    finally:
+        process.kill()
+        process.wait()
+    since = time_of(file)
+    process = started()
+    try:
+        display.begun_moving()
+        display.send("key", "Return")
+        wait_for(process, "ready in")
+        display.begun_moving()
+        display.send("key", "k")
+        continued = wait_for_file(tmp_path, "out/small_*.npz")
+        assert not file.exists(), "the session has a file of its own"
+        display.send("key", "q")
+        assert process.wait(timeout=PATIENCE) == 0
+    finally:
+        process.kill()
+    # Compiling and starting takes longer than the time played since, without the saved state.
+    assert since > 2.0 and since < time_of(continued)
+    assert not list(tmp_path.glob("cache/msph/session_*"))
+
+
+@needs_x
+def test_input_at_a_window_is_recorded(display, tmp_path):
+    arguments = (write(tmp_path), "--size", f"{WIDTH}x{HEIGHT}", "--record-input", "input.jsonl")
+    process = play(*arguments, display=display.display, folder=tmp_path)
+    try:
+        wait_for(process, "ready in")
+        display.begun_moving()
+        display.do("key", "t")
+        display.move(WIDTH // 2, HEIGHT * 2 // 3, "mousedown", 1)
+        display.move(WIDTH // 2 + 60, HEIGHT * 2 // 3)
+        display.do("mouseup", 1, "key", "j")
+        display.send("key", "q")
+        assert process.wait(timeout=PATIENCE) == 0
+    finally:
+        process.kill()
+    recording = read(tmp_path / "input.jsonl")
+    assert recording.header.quality in QUALITIES
+    assert "swirl" in {frame.input.use.tool for frame in recording.frames if frame.input.use}
+    assert max(abs(frame.input.tilt[0]) for frame in recording.frames) > 0.05
+
+
+@needs_x
 @pytest.mark.parametrize("wait", [0.2, 0.8])
 def test_ctrl_c_ends_play_without_a_traceback(display, wait):
     said = "init_import_site"
@@ -306,16 +374,16 @@ def test_a_clip_in_progress_is_completed_when_the_display_is_lost(tmp_path):
 
     from msph.picture.pixels import Image
     from msph.stage import lost_display
+    from msph.stage.clip import Clip
     from msph.stage.keepsakes import Saver
     from msph.stage.layout import Layout
-    from msph.stage.replay import Replay
 
-    replay, path = Replay(), tmp_path / "clip.mp4"
+    clip, path = Clip(), tmp_path / "clip.mp4"
     image = Image(ti.Vector.field(3, ti.f32, (128, 80)), 128, 80)
     for k in range(4):
-        replay.observe(image, 0.1 * k)
-    saver = Saver(Layout((640, 360)), replay, "pool", "small")
-    saver.clips.append(replay.write(path))
+        clip.observe(image, 0.1 * k)
+    saver = Saver(Layout((640, 360)), clip, "pool", "small")
+    saver.clips.append(clip.write(path))
     with lost_display.completing(saver.close):
         for complete in lost_display._completions:
             complete()

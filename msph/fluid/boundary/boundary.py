@@ -131,9 +131,10 @@ class Boundary:
         return max(self._driven_speed, self.floating.top_speed())
 
     @property
-    def has_container(self) -> bool:
-        """True if a mesh contains the water."""
-        return any(isinstance(b, Solid) and b.container for b in self.bodies)
+    def container(self) -> int | None:
+        """Index of the mesh that contains the water, None without one."""
+        found = (k for k, b in enumerate(self.bodies) if isinstance(b, Solid) and b.container)
+        return next(found, None)
 
     @staticmethod
     def layer_rows(specs: list[LayerSpec]) -> dict[str, np.ndarray]:

@@ -171,6 +171,13 @@ class Contact:
         return found
 
     @ti.func
+    def arm(self, i):
+        """Returns the vector [m] from the nearest body's face to particle i, which is near it."""
+        p, layer = self.particles, self.particles.layer[i]
+        distance = self.boundary.clearance(p.x[i], BEGIN) - self.layers.swell[layer]
+        return -ti.max(distance, 0.0) * p.boundary_gradient[i].normalized(1e-9)
+
+    @ti.func
     def margin(self, i):
         """Returns the distance [m] from walls at which particle i is stopped.
 

@@ -68,7 +68,7 @@ class ProjectionParameters(Section):
         live=(0.01, 10.0),
     )
     shear_relief: float = parameter(
-        0.0,
+        1.0,
         ge=0.0,
         le=1.0,
         text="share of the particles' numerical friction that is removed, 0: off",

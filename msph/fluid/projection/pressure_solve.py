@@ -177,7 +177,12 @@ class PressureSolve:
             inner, wall = found.inner, found.wall
             # Only near bodies: sums of zeros would cost a third of this loop.
             if p.boundary_gradient[i].norm_sqr() > 0.0:
-                wall -= p.pressure_multiplier[i] / rest_density * p.boundary_gradient[i]
+                body = -p.pressure_multiplier[i] / rest_density * p.boundary_gradient[i]
+                wall += body
+                if ti.static(with_stress):
+                    arm, push = self.contact.arm(i), rest_density * body
+                    found.normal += arm * push
+                    found.shear += ti.Vector([arm.y * push.z, arm.x * push.z, arm.x * push.y])
             self.impulses.record_internal(m, p.x[i], dt * inner)
             self.impulses.wall_impulse[None] += m * dt * wall
             p.v[i] += dt * (inner + wall)

@@ -5,14 +5,17 @@ particles under pressure have the virial stress (Irving and Kirkwood 1950)
 
     S_i = -sum V_j share_ij (p_i + p_j) r_ij (x) grad W_ij,
 
-share_ij = 1/2 for equal particles (virial_pressure.py). Strain makes neighbourhoods anisotropic,
-and the deviator of S then resists it, like the friction of a granular medium: low waves die. The
-deviator's mean over a kernel, the stress on the scale of the flow,
+share_ij = 1/2 for equal particles (virial_pressure.py). Where the flow strains neighbourhoods, the
+deviator of S resists, like the friction of a granular medium, most of all in the topmost sheet of
+particles and at bodies: low waves and wakes die. The deviator's mean over a kernel, the stress on
+the scale of the flow,
 
     T_i = dev(sum V_j W_ij S_j)/sum V_j W_ij,
 
-is taken out of the momentum balance; the differences between particles stay and keep them apart
-(docs/method.md, "Shear relief").
+is taken out of the momentum balance; the differences between particles stay and keep them apart.
+The power that is returned is T_i : (strain rate) for every linear flow, also at surfaces, since
+gradients are corrected by the inverse of the kernel's moment M_i = -sum V_j r_ij (x) grad W_ij
+(Bonet and Lok 1999; docs/method.md, "Shear relief").
 """
 
 import taichi as ti
@@ -21,17 +24,20 @@ from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.particles import Attribute
 from msph.fluid.projection.force import Force
 from msph.fluid.projection.parameters import MOTION_FACTOR, ProjectionParameters
-from msph.fluid.small_numbers import MIN_WEIGHT
+from msph.fluid.small_numbers import MIN_DIVISOR, MIN_WEIGHT
 from msph.taichi_internals import data_oriented, kernel
 
-# Ratio (-) of deviator to pressure above which the relief fades out, to none at twice this: in the
-# depth it is 0.01, at surfaces 0.25, in a sheet of one particle 0.5.
-MAX_ANISOTROPY = 0.2
+# Ratio (-) of deviator to pressure above which the relief fades out, to none at twice this: it is
+# 0.01 in the depth, 0.07 at surfaces, 0.5 in a sheet of one particle, which gains energy at 0.2.
+MAX_ANISOTROPY = 0.15
 # The same for the relative difference (-) of a particle's pair_spacing from its spacing: without
 # it coarse particles on fine ones of a 64th of their mass gain 0.25 % of the energy in 1 s.
 MAX_SPACING_DIFFERENCE = 0.07
 # Smallest pressure [Pa] that a deviator is compared with.
 MIN_STRESS = 1e-6
+# Determinant of the moment M (-) below which there is no relief; in full from twice this. It is 1
+# in the depth and 0.4 in the topmost sheet; at 0.05 steps of five times the limit blow up.
+LEAST_DETERMINANT = 0.15
 
 
 @ti.func
@@ -46,29 +52,22 @@ def mirrored_shear(mirror, shear):
     return mirror.x * mirror.y * mirror.z * mirror * shear
 
 
-@ti.func
-def tensor_times_vector(normal, shear, g):
-    """Returns the symmetric tensor of diagonal `normal` and yz, xz, xy parts `shear`, times g."""
-    x = shear.y * g.z + shear.z * g.y
-    y = shear.x * g.z + shear.z * g.x
-    z = shear.x * g.y + shear.y * g.x
-    return normal * g + ti.Vector([x, y, z])
-
-
 @data_oriented
 class ShearRelief(Force):
     """Force div T/rho0 times the share `shear_relief` (-).
 
-    Pairs exchange V_i V_j (T_i + T_j).grad W_ij, equal and opposite, so momentum is kept for all
-    layers. Angular momentum is kept to second order: the torques add up to T_i times
-    sum V_j r_ij (x) grad W_ij, which is symmetric except for its own deviator.
+    Pairs exchange V_i V_j (T_i L_i + T_j L_j).grad W_ij, L = M^-1, equal and opposite, so momentum
+    is kept for all layers. The torques of the term of i add up to the antisymmetric part of
+    T_i L_i M_i = T_i, which is none, so angular momentum is kept.
+
+    A body counts as a neighbour at the foot of the perpendicular on its face, which exerts forces
+    along its normal only.
     """
 
     ATTRIBUTES = (
         Attribute("normal_stress", "Pa", "diagonal of the last step's virial stress", 3),
         Attribute("shear_stress", "Pa", "its yz, xz and xy components", 3),
-        Attribute("mean_normal_stress", "Pa", "diagonal of the mean deviator", 3, carried=False),
-        Attribute("mean_shear_stress", "Pa", "its yz, xz and xy components", 3, carried=False),
+        Attribute("relief", "Pa", "rows of share T_i L_i", 9, carried=False),
     )
 
     @staticmethod
@@ -82,14 +81,14 @@ class ShearRelief(Force):
     def apply(self, dt: float, external: ExternalForces) -> None:
         """Advances the velocities by dt [s] under div T, with the stresses of the last step."""
         n = self.particles.count
-        self._find_mean(n, dt / self.pressure_cfl, dt / self.cfl)
+        self._find(n, dt / self.pressure_cfl, dt / self.cfl)
         self._accelerate(n, self.share * dt)
         if self.boundary.count:
             self._push_bodies(self.share * dt)
 
     @kernel
-    def _find_mean(self, n: ti.i32, pressure_time: ti.f32, motion_time: ti.f32):
-        """Computes T_i with the bell (1 - q^2)^4 as W, i included, over particles free of bodies.
+    def _find(self, n: ti.i32, pressure_time: ti.f32, motion_time: ti.f32):
+        """Computes T_i L_i with the bell (1 - q^2)^4 as W, i included.
 
         pressure_time, motion_time [s]: the time step over pressure_cfl and over cfl. T fades out in
         steps beyond these bounds, in which the last step's stress no longer fits the positions.
@@ -97,20 +96,27 @@ class ShearRelief(Force):
         p = self.particles
         for i in range(n):
             x, layer = p.x[i], p.layer[i]
-            total = self._free_of_bodies(i) * self.layers.own_bell[layer]
+            total = self.layers.own_bell[layer]
             normal, shear = total * p.normal_stress[i], total * p.shear_stress[i]
+            stretch, turn = ti.math.vec3(0.0), ti.math.vec3(0.0)  # M: diagonal; yz, xz, xy
             for mirrored in ti.static((False, True)):
                 begin, end = self.neighbours.span(i, mirrored)
                 for s in range(begin, end):
                     j, mirror, wall = self.neighbours.read(s, mirrored)
                     r = self.images.offset(x, p.x[j], mirror, wall)
+                    g = self.density.pair_gradient[s]
                     per_h = self.layers.per_h[layer, p.layer[j]]
                     u = ti.max(1.0 - r.norm_sqr() * per_h**2, 0.0)
-                    weight = self._free_of_bodies(j) * self.layers.bell_scale[layer, p.layer[j]]
-                    weight *= (u * u) * (u * u)
+                    weight = self.layers.bell_scale[layer, p.layer[j]] * (u * u) * (u * u)
                     normal += weight * p.normal_stress[j]
                     shear += weight * mirrored_shear(mirror, p.shear_stress[j])
                     total += weight
+                    stretch -= r * g
+                    turn -= ti.math.vec3(r.y * g.z, r.x * g.z, r.x * g.y)
+            if p.boundary_gradient[i].norm_sqr() > 0.0:
+                r, g = self.contact.arm(i), p.boundary_gradient[i]
+                stretch -= r * g
+                turn -= ti.math.vec3(r.y * g.z, r.x * g.z, r.x * g.y)
             pressure = normal.sum() / 3.0
             normal -= pressure
             size = ti.sqrt(normal.norm_sqr() + 2.0 * shear.norm_sqr())
@@ -122,33 +128,40 @@ class ShearRelief(Force):
             share *= per_total * fade_out(1.0, pressure_time * wave / p.pair_spacing[i])
             motion = motion_time * p.v[i].norm() / self.layers.spacing[layer]
             share *= fade_out(MOTION_FACTOR, motion)
-            p.mean_normal_stress[i], p.mean_shear_stress[i] = share * normal, share * shear
+            moment = symmetric(stretch, turn)
+            determinant = moment.determinant()
+            share *= ti.math.clamp(determinant / LEAST_DETERMINANT - 1.0, 0.0, 1.0)
+            p.relief[i] = ti.Vector([0.0] * 9)
+            if share > 0.0:
+                corrected = share * symmetric(normal, shear) @ moment.inverse()
+                for row, column in ti.static(ti.ndrange(3, 3)):
+                    p.relief[i][3 * row + column] = corrected[row, column]
 
     @kernel
     def _accelerate(self, n: ti.i32, impulse: ti.f32):
-        """v_i += impulse sum V_j (T_i + T_j).grad W_ij; impulse: share dt/rho0 [s m^3/kg]."""
+        """v_i += impulse sum V_j (T_i L_i + T_j L_j).grad W_ij; impulse: share dt/rho0
+        [s m^3/kg]."""
         p = self.particles
         for i in range(n):
             m, v = self.layers.mass[p.layer[i]], p.v[i]
-            own, own_shear = p.mean_normal_stress[i], p.mean_shear_stress[i]
             for mirrored in ti.static((False, True)):
-                change = ti.Vector([0.0, 0.0, 0.0])
+                change, own = ti.math.vec3(0.0), ti.math.vec3(0.0)
                 begin, end = self.neighbours.span(i, mirrored)
                 for s in range(begin, end):
                     j, mirror, _ = self.neighbours.read(s, mirrored)
-                    normal = own + p.mean_normal_stress[j]
-                    shear = own_shear + mirrored_shear(mirror, p.mean_shear_stress[j])
-                    change += tensor_times_vector(normal, shear, self.density.pair_gradient[s])
-                change *= impulse
+                    g = self.density.pair_gradient[s]
+                    own += g
+                    change += mirror * rows_times_vector(p.relief[j], mirror * g)
+                change = impulse * (change + rows_times_vector(p.relief[i], own))
                 v += change
                 if ti.static(mirrored):
                     self.impulses.wall_impulse[None] += m * change
                 else:
                     self.impulses.record_internal(m, p.x[i], change)
             if p.boundary_gradient[i].norm_sqr() > 0.0:
-                # Twice, since sum V_j grad W_ij + b_i = 0: a uniform stress exerts no force.
                 b = p.boundary_gradient[i]
-                body = 2.0 * impulse * tensor_times_vector(own, own_shear, b)
+                along = impulse * rows_times_vector(p.relief[i], b).dot(b) / b.norm_sqr()
+                body = along * b
                 v += body
                 self.impulses.wall_impulse[None] += m * body
             p.v[i] = v
@@ -159,13 +172,31 @@ class ShearRelief(Force):
         p = self.particles
         for link in range(self.links.found[None]):
             i = self.links.particle[link]
-            mirror, b, arm = self.links.image(link)
-            shear = mirrored_shear(mirror, p.mean_shear_stress[i])
-            push = tensor_times_vector(p.mean_normal_stress[i], shear, self.links.gradient[link])
-            m = self.layers.mass[p.layer[i]]
-            self.impulses.push_body(b, -2.0 * impulse * m * push, arm)
+            _, body, arm = self.links.image(link)
+            b = p.boundary_gradient[i]
+            along = impulse * rows_times_vector(p.relief[i], b).dot(b)
+            along /= ti.max(b.norm_sqr(), MIN_DIVISOR)
+            push = -self.layers.mass[p.layer[i]] * along * self.links.gradient[link]
+            self.impulses.push_body(body, push, arm)
 
-    @ti.func
-    def _free_of_bodies(self, i):
-        """Returns 1, or 0 where a body carries a part of particle i's stress."""
-        return ti.select(self.particles.boundary_gradient[i].norm_sqr() == 0.0, 1.0, 0.0)
+
+@ti.func
+def symmetric(diagonal, others):
+    """Returns the symmetric matrix of a diagonal and its yz, xz and xy components."""
+    return ti.Matrix(
+        [
+            [diagonal.x, others.z, others.y],
+            [others.z, diagonal.y, others.x],
+            [others.y, others.x, diagonal.z],
+        ]
+    )
+
+
+@ti.func
+def rows_times_vector(rows, g):
+    """Returns the 3 x 3 matrix with these rows, one after the other, times g."""
+    return ti.math.vec3(
+        rows[0] * g.x + rows[1] * g.y + rows[2] * g.z,
+        rows[3] * g.x + rows[4] * g.y + rows[5] * g.z,
+        rows[6] * g.x + rows[7] * g.y + rows[8] * g.z,
+    )

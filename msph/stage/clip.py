@@ -1,4 +1,4 @@
-"""Replay: images of the last seconds, which become a video while the simulation goes on."""
+"""Clip: images of the last seconds, which become a video while the simulation goes on."""
 
 import io
 from collections import deque
@@ -18,7 +18,7 @@ SPAN, FPS, MOST_BYTES = 10.0, 24.0, 256 << 20
 QUALITY = 92
 
 
-class Replay:
+class Clip:
     """Compressed images of the last frames with their wall-clock times [s]. One thread compresses
     them, another one writes videos, so that images do not wait for a video."""
 

@@ -1,0 +1,146 @@
+"""Audiences that record the input of another audience, or replace it by a recording."""
+
+import math
+import time
+from dataclasses import replace
+from pathlib import Path
+
+from msph.own_files import writing
+from msph.stage.controls import Controls, Inputs
+from msph.stage.loop import Audience
+from msph.stage.preparation import say
+from msph.stage.recording import Frame, Header, Recording, line_of
+from msph.stage.row import Row
+
+# Rounding of sums of frame times, over the time between two observations.
+ROUNDING = 1e-6
+
+
+class Relay(Audience):
+    """Passes all calls to another audience."""
+
+    def __init__(self, inner: Audience):
+        self.inner = inner
+
+    def wants_more(self, row: Row) -> bool:
+        return self.inner.wants_more(row)
+
+    def controls(self, row: Row) -> Controls:
+        return self.inner.controls(row)
+
+    def within(self, row: Row, share: float) -> None:
+        self.inner.within(row, share)
+
+    def observe(self, row: Row) -> None:
+        self.inner.observe(row)
+
+    def close(self) -> None:
+        self.inner.close()
+
+
+class InputRecorder(Relay):
+    """Writes the input that an audience gives to a file (msph/stage/recording.py), line by line, so
+    that the file of a program that was killed is complete. Ends where the simulation continues from
+    a checkpoint. Raises LostOutputError."""
+
+    def __init__(self, inner: Audience, path: Path, header: Header):
+        super().__init__(inner)
+        self.path, self.lines = path, [line_of(header)]  # lines: not written yet
+        self.frame, self.given, self.time = -1, Inputs(), 0.0
+        self.written = Inputs()  # input of the last line
+        self.began = self.ended = False
+
+    def controls(self, row: Row) -> Controls:
+        controls, now = self.inner.controls(row), row.lead.simulation.time
+        self.frame += 1
+        if self.frame and now != self.time:
+            self.ended = True
+            say(f"{self.path} ends here: the simulation continues from a checkpoint")
+        self.given, self.time = controls.inputs(), now
+        return controls
+
+    def observe(self, row: Row) -> None:
+        given, lead = self.given, row.lead
+        if given.still:
+            given = replace(given, frame_time=None)
+        else:
+            asked = given.frame_time or lead.frame_time
+            until = lead.simulated if 0.0 < lead.simulated < asked else None
+            given = replace(given, frame_time=asked, until=until)
+        # A pause needs no line for each of its frames.
+        if not self.ended and (not given.still or given != self.written):
+            self.lines.append(line_of(Frame(self.frame, self.time, given)))
+            with writing(self.path), open(self.path, "a" if self.began else "w") as file:
+                file.writelines(self.lines)
+            self.lines, self.began, self.written = [], True, given
+        self.time = lead.simulation.time
+        self.inner.observe(row)
+
+
+class Replayer(Relay):
+    """Replaces the input that an audience gives to the simulation by a recording.
+
+    every [s]: the audience sees the first frame after each multiple of this simulated time, and
+    only these are rendered; None: each frame in which time passes. in_window: the audience sees all
+    frames, not faster than they were simulated, and gives the input after the end of the recording.
+    """
+
+    def __init__(
+        self,
+        inner: Audience,
+        recording: Recording,
+        every: float | None = None,
+        in_window: bool = False,
+    ):
+        super().__init__(inner)
+        self.frames, self.every, self.in_window = recording.frames, every, in_window
+        self.done = self.seen = 0
+        self.elapsed = 0.0  # simulated time [s]
+        self.last = Inputs()
+        self.begin = math.inf  # wall-clock time of the start, later by each pause [s]
+
+    @property
+    def over(self) -> bool:
+        return self.done == len(self.frames)
+
+    def wants_more(self, row: Row) -> bool:
+        return (self.in_window or not self.over) and self.inner.wants_more(row)
+
+    def controls(self, row: Row) -> Controls:
+        controls = self.inner.controls(row)
+        if self.over:
+            return controls
+        if controls.still:
+            # The user pauses: the pool stays as it is tilted.
+            given = Inputs(still=True, tilt=self.last.tilt, azimuth=self.last.azimuth)
+        else:
+            given = self.last = self.frames[self.done].input
+            self.done += 1
+        return replace(controls, **vars(given), budget=None, hidden=self.every is not None)
+
+    def observe(self, row: Row) -> None:
+        simulated = row.lead.simulated
+        self.elapsed += simulated
+        if self.in_window:
+            if self.over and self.frames:
+                row.lead.note, self.frames, self.done = "the recorded input ends here", [], 0
+            elif not self.over:
+                self._wait(simulated, row.lead.scene.play.speed)
+            self.inner.observe(row)
+        elif self.every is None:
+            if simulated > 0.0:
+                self.inner.observe(row)
+        else:
+            due = math.floor(self.elapsed / self.every + ROUNDING)
+            if due > self.seen:
+                row.draw()
+            for _ in range(due - self.seen):
+                self.inner.observe(row)
+            self.seen = due
+
+    def _wait(self, simulated: float, speed: float) -> None:
+        """Waits until a frame's simulated time [s] has passed since the last one."""
+        now = time.perf_counter()
+        # A frame that took longer than it simulated is not caught up.
+        self.begin = max(min(self.begin, now) + simulated / speed, now)
+        time.sleep(self.begin - now)

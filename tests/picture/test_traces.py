@@ -1,0 +1,108 @@
+"""Traces that water leaves: wet walls, and ripples where something disturbs the surface."""
+
+import numpy as np
+import pytest
+import taichi as ti
+from picture_kit import BOX, HEIGHT, LEVEL, WIDTH, Mesh, canvas_of, still_water
+
+from msph.fluid.external_forces import Hand
+from msph.picture.camera import Camera
+from msph.picture.look import Look
+from msph.picture.picture import Picture
+from msph.picture.ripples import CELLS, DAMPING, SPEED
+from msph.taichi_internals import watch_compiling
+
+VIEW = Camera.framing(BOX, WIDTH / HEIGHT)
+HAND = Hand(position=(0.5, LEVEL, 0.5), velocity=(1.0, 0.0, 0.0), radii=(0.2,) * 3, grip=60.0)
+
+
+class NoDrops:
+    """Thin water without drops."""
+
+    class Particles:
+        x = v = None
+
+    def __init__(self):
+        self.drop_count, self.drops = ti.field(ti.i32, ()), ti.field(ti.i32, 1)
+        self.particles = self.Particles()
+        self.particles.x = self.particles.v = ti.Vector.field(3, ti.f32, 1)
+
+    @ti.func
+    def spacing(self, p):
+        return 0.02
+
+
+@pytest.fixture(scope="module")
+def pool(taichi_runtime):
+    return Picture(Mesh(), thin=ti.data_oriented(NoDrops)())
+
+
+def shown(pool, level):
+    """The image with still water up to a level."""
+    pool.mesh.fill(*still_water(level))
+    pool.draw_water(VIEW)
+    return canvas_of(pool)
+
+
+def test_two_frames_compile_what_later_frames_need(pool):
+    pool.load(WIDTH, HEIGHT, BOX, Look())
+    for _ in range(2):
+        pool.advance(1.0 / 60.0, Hand())
+        shown(pool, LEVEL)
+    compiled = []
+    with watch_compiling(compiled.append):
+        for _ in range(20):
+            pool.advance(1.0 / 60.0, HAND)
+            shown(pool, 0.5 * LEVEL)
+    assert compiled == []
+
+
+def test_walls_are_darker_where_water_has_been_until_they_are_dry(pool):
+    pool.load(WIDTH, HEIGHT, BOX, Look(drying=3.0, caustics=False))
+    dry = shown(pool, 0.1)
+    shown(pool, 0.5)
+    pool.advance(0.25, Hand())
+    wet = shown(pool, 0.1)
+    lost = (dry - wet).mean(axis=-1)
+    assert lost.max() > 0.05 and lost.min() > -0.05
+    column = lost[WIDTH // 2 - 40]  # the far wall: dark above the low level, dry above the high one
+    assert (abs(column[-20:]) < 1e-3).all()
+    for _ in range(20):
+        pool.advance(0.25, Hand())
+        last = shown(pool, 0.1)
+    assert abs(last - dry).max() < 0.01
+
+
+def test_without_drying_time_nothing_is_wet(pool):
+    pool.load(WIDTH, HEIGHT, BOX, Look(drying=0.0, caustics=False))
+    dry = shown(pool, 0.1)
+    shown(pool, 0.5)
+    pool.advance(0.25, Hand())
+    assert np.array_equal(shown(pool, 0.1), dry)
+    assert pool.wetness.wet.to_numpy().max() == 0.0
+
+
+def test_a_hand_makes_ripples_only_where_it_is_and_they_calm_down(pool):
+    pool.load(WIDTH, HEIGHT, BOX, Look(caustics=False))
+    calm = shown(pool, LEVEL)
+    for _ in range(20):
+        pool.advance(1.0 / 60.0, HAND)
+    disturbed = shown(pool, LEVEL)
+    h = pool.ripples.height.to_numpy()
+    x, z = np.meshgrid(*[(np.arange(CELLS) + 0.5) / CELLS] * 2, indexing="ij")
+    away = np.hypot(x - 0.5, z - 0.5)
+    assert abs(h[away < 0.15]).max() > 1e-4
+    assert abs(h[away > 0.2 + 20 / 60 * SPEED + 0.02]).max() < 1e-9
+    changed = abs(disturbed - calm).max(axis=-1) > 0.005
+    assert 0.0005 < changed.mean() < 0.3
+    for _ in range(round(12 * DAMPING * 60)):
+        pool.advance(1.0 / 60.0, Hand())
+    assert abs(shown(pool, LEVEL) - calm).max() < 0.01
+    assert abs(pool.ripples.height.to_numpy()).max() < 1e-4
+
+
+def test_ripples_can_be_switched_off(pool):
+    pool.load(WIDTH, HEIGHT, BOX, Look(ripples=False))
+    shown(pool, LEVEL)
+    pool.advance(1.0 / 60.0, HAND)
+    assert abs(pool.ripples.height.to_numpy()).max() == 0.0

@@ -1,0 +1,123 @@
+"""Sessions that are saved, removed at a normal end, and offered after a crash."""
+
+import os
+import threading
+
+import numpy as np
+import psutil
+import pytest
+
+from msph import user_cache
+from msph.errors import BlowUpError
+from msph.measure.timings import Timings
+from msph.scene import load_scene
+from msph.stage import autosave
+from msph.stage.autosave import Autosave, Autosaver, forget, lost_session
+from msph.stage.called import Choice, SceneArguments
+from msph.stage.loop import run
+from msph.stage.row import Row
+from msph.stage.show import INTERACTIVE, Show
+from msph.stage.window import ClosedError
+from tests.scenes_kit import write
+from tests.stage.test_player import FRAME
+from tests.stage.test_recording import Count
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path, monkeypatch):
+    monkeypatch.setattr(user_cache, "file", lambda: tmp_path / "cache" / "measured.json")
+    monkeypatch.setattr(autosave, "INTERVAL", 0.0)
+    return tmp_path / "cache"
+
+
+@pytest.fixture
+def others(monkeypatch):
+    """The process that wrote all files has ended."""
+    monkeypatch.setattr(psutil, "Process", lambda number: (_ for _ in ()).throw(ValueError))
+
+
+@pytest.fixture
+def row(tmp_path):
+    show = Show(load_scene(write(tmp_path)), FRAME, timings=Timings(keep=1), **INTERACTIVE)
+    row = Row([show])
+    yield row
+    row.close()
+
+
+def session(row, scene, *frames, overrides=(), end=None):
+    """A session that runs some frames, and ends by an error."""
+    arguments = SceneArguments(scene, overrides)
+    with Autosave(arguments) as file:
+        saver = Autosaver(Count(), file, Choice(scene, "auto", found="large"))
+        for number in frames:
+            run(row, saver, number)
+            if saver.writing:
+                saver.writing.result()
+        if end:
+            raise end
+
+
+def test_a_session_continues_where_it_was_saved(row, tmp_path, cache, others):
+    scene = str(tmp_path / "small.toml")
+    row.set("gravity", 5.0)
+    with pytest.raises(BlowUpError):
+        session(row, scene, 3, end=BlowUpError("test"))
+    state = row.lead.simulation.state()
+    found = lost_session(SceneArguments("pool"))
+    assert found.offer.startswith("Enter continues small of ")
+    assert found.choice == Choice(scene, "large", {"gravity": 5.0}, resume=found.path)
+    row.lead.reset()
+    row.lead.resume(found.path)
+    assert np.array_equal(row.lead.simulation.state()["x"], state["x"])
+    assert lost_session(SceneArguments(scene, ("title=other",))) is None
+    forget()
+    assert not list(cache.iterdir()) and lost_session(SceneArguments("pool")) is None
+
+
+@pytest.mark.parametrize("end", [None, ClosedError(), KeyboardInterrupt()])
+def test_a_normal_end_removes_the_file(row, tmp_path, cache, end):
+    def whole():
+        session(row, str(tmp_path / "small.toml"), 3, end=end)
+
+    if end:
+        with pytest.raises(type(end)):
+            whole()
+    else:
+        whole()
+    assert row.lead.frames >= 3 and not list(cache.iterdir())
+
+
+def test_a_session_that_runs_is_not_offered(row, tmp_path, cache):
+    with pytest.raises(BlowUpError):
+        session(row, str(tmp_path / "small.toml"), 3, end=BlowUpError("test"))
+    (path,) = cache.iterdir()
+    assert lost_session(SceneArguments("pool")) is None
+    # An older file of another process with this number.
+    os.utime(path, (0.0, 0.0))
+    assert lost_session(SceneArguments("pool")).path == path
+    path.write_bytes(b"PK damaged")
+    os.utime(path, (0.0, 0.0))
+    assert lost_session(SceneArguments("pool")) is None
+
+
+def test_the_state_is_copied_and_written_in_another_thread(row, tmp_path, monkeypatch, others):
+    """The water runs on while a file is written; the next one waits for it."""
+    scene, hold, threads = str(tmp_path / "small.toml"), threading.Event(), []
+    savez = np.savez
+
+    def slow(file, **state):
+        threads.append(threading.current_thread())
+        hold.wait(10.0)
+        savez(file, **state)
+
+    monkeypatch.setattr(np, "savez", slow)
+    with pytest.raises(BlowUpError), Autosave(SceneArguments(scene)) as file:
+        saver = Autosaver(Count(), file, Choice(scene, "large"))
+        run(row, saver, 1)
+        time = row.lead.simulation.time
+        run(row, saver, 5)
+        hold.set()
+        raise BlowUpError("test")
+    assert len(threads) == 1 and threads[0] is not threading.main_thread()
+    with np.load(lost_session(SceneArguments(scene)).path) as state:
+        assert state["time"] == time < row.lead.simulation.time

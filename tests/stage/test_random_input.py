@@ -1,0 +1,51 @@
+"""Random input in small scenes: nothing is lost, and the water is at rest density afterwards."""
+
+import pytest
+
+from bench.random_input import LIMITS, problems, run_scene
+from msph.scene import load_scene
+from msph.stage.show import Show
+from tests.scenes_kit import TEXT, write
+
+POOL = TEXT.split("[classic]")[0].replace("[box]", "[box]\nopen = true")
+ADAPTIVE = ("method=projection", "adaptation.enabled=true")
+SCENES = {
+    "open": f"{POOL}\n[[water]]\nlayer = 1\nlo = [0, 0, 0]\nhi = [0.4, 0.1512, 0.4]\n",
+    "post": f"""{POOL}
+[[bodies]]
+lo = [0.15, 0.0, 0.15]
+hi = [0.25, 0.4, 0.25]
+[[water]]
+layer = 1
+lo = [0, 0, 0]
+hi = [0.4, 0.1512, 0.4]
+""",
+}
+
+
+@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("seed", [1, 2])
+def test_random_input_loses_no_water(name, seed, tmp_path):
+    scene = load_scene(write(tmp_path, SCENES[name]), ADAPTIVE)
+    found = run_scene(scene, name, 60, seed)
+    assert problems(found) == []
+    assert found["added [kg]"] > 0.0
+    assert found["spilt [kg]"] > 0.0 or name != "open"
+
+
+def test_lost_water_is_found(tmp_path, monkeypatch):
+    """Here water that is added without the ledger."""
+    add = Show.add_water
+
+    def forgets(show, x, v):
+        add(show, x, v)
+        show.simulation.world.parts.impulses.added_mass[None] = 0.0
+
+    monkeypatch.setattr(Show, "add_water", forgets)
+    scene = load_scene(write(tmp_path, SCENES["open"]), ADAPTIVE)
+    (problem,) = problems(run_scene(scene, "open", 60, 1))
+    assert problem.startswith("mass change")
+    good = {**dict.fromkeys(LIMITS, 0.0), "ended": "finished"}
+    assert not problems(good)
+    assert problems({**good, "solver residual": float("nan")}) == ["solver residual nan"]
+    assert problems({**good, "ended": "the water blew up"}) == ["the water blew up"]
