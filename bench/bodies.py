@@ -16,7 +16,7 @@ from tabulate import tabulate
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from bench import tanks
+from bench import floating, tanks
 from bench.report import RESULTS, heading
 from msph.device import ARCHES, start
 from msph.fluid.external_forces import ExternalForces
@@ -33,6 +33,18 @@ RADII = (0.03, 0.05, 0.075, 0.15)
 # Gravity [m/s^2] under which a column of water collapses past a ball, and the radii of the balls
 # over the spacing (-).
 SLANTED, SIZES = (5.0, -6.5, 5.0), (0.2, 0.5, 1.0, 1.5, 2.5, 4.0)
+# Bodies next to floor and wall, with gaps in spacings; and heave decays: layers, finest spacing and
+# width of the tank [m], starts, depth [m] and shear relief (-).
+GAPS = [
+    (kind, gap)
+    for kind in ("ball on the floor", "ball at a wall", "box at a wall")
+    for gap in ((0.05 if "box" in kind else 0.0), 0.5, 1.0, 2.0)
+]
+HEAVES = [
+    (5, 0.025, 1.6, 1, 0.9, 0.0),
+    (5, 0.025, 1.6, 1, 0.9, 0.9),
+    (7, 0.01875, 2.6, 3, 0.9, 0.9),
+]
 # Share of a run before the measurement starts, in which the water settles.
 SETTLING = 0.5
 
@@ -40,7 +52,7 @@ SETTLING = 0.5
 def still_water(bodies: list[dict[str, Any]], layers: int) -> Any:
     """Returns a simulation of a tank of still water with bodies."""
     tank = tanks.tank((EDGE, EDGE), DEPTH, FINE, layers, air=0.15)
-    return tanks.build(Scene.model_validate({**tank.model_dump(), "obstacles": bodies}))
+    return tanks.build(Scene.model_validate({**tank.model_dump(), "bodies": bodies}))
 
 
 def sphere(n: int) -> np.ndarray:
@@ -150,6 +162,28 @@ def buoyancy(radius: float, seconds: float) -> dict[str, str]:
     }
 
 
+def at_wall(kind: str, gap: float, seconds: float) -> dict[str, str]:
+    """Returns the table row of the force on a body `gap` spacings from the floor or a wall."""
+    near = gap * FINE
+    if kind == "box at a wall":
+        # A swing of no size: a box in motion is not extended into the wall.
+        lo, hi = [near, 0.1, 0.2], [near + 0.2, 0.3, 0.4]
+        body: dict[str, Any] = {"lo": lo, "hi": hi, "swing": [1e-9, 0, 0]}
+        displaced = 0.2**3
+    else:
+        place = [EDGE / 2, near + RADIUS, EDGE / 2]
+        body = {"centre": place if kind == "ball on the floor" else [place[1], 0.2, place[0]]}
+        body["radius"], displaced = RADIUS, 4.0 / 3.0 * math.pi * RADIUS**3
+    _, force, _ = settle(still_water([body], 1), np.zeros((0, 3)), seconds)
+    force = force / (1000.0 * tanks.GRAVITY * displaced)
+    return {
+        "body": kind,
+        "gap over spacing": f"{gap:g}",
+        "vertical": f"{force[1]:.1%}",
+        "away from the wall": f"{force[0]:+.1%}",
+    }
+
+
 def collapse(ratio: float, seconds: float) -> dict[str, str]:
     """Returns the table row of the energy of a column of water that collapses past a ball of
     `ratio` spacings radius."""
@@ -159,7 +193,7 @@ def collapse(ratio: float, seconds: float) -> dict[str, str]:
         "box": {"size": [EDGE, EDGE, EDGE]},
         "layers": [{"spacing": spacing}],
         "water": [{"lo": [0, 0, 0], "hi": [0.3, 0.4, EDGE]}],
-        "obstacles": [ball],
+        "bodies": [ball],
     }
     sim = tanks.build(Scene.model_validate(scene))
     ledger = Ledger(sim)
@@ -189,7 +223,19 @@ def main(seconds: float, arch: str) -> None:
                 rows.append(faces(kind, water, seconds, Path(folder)))
                 click.echo(" ".join(rows[-1].values()))
     sunk = [buoyancy(radius, seconds) for radius in RADII]
+    near = [at_wall(*case, seconds) for case in GAPS]
     fallen = [collapse(ratio, seconds) for ratio in SIZES]
+    medians = f"medians of {floating.STARTS} starts, and their range"
+    drafts = [
+        floating.draft(kind, density, layers, 2.0 * seconds)
+        for kind in ("cube", "ball")
+        for density in floating.DENSITIES
+        for layers in WATERS.values()
+    ]
+    drifts = [floating.drift(layers, 5.0) for layers in WATERS.values()]
+    heaves = [floating.heave(*case) for case in HEAVES]
+    collisions = [floating.collision(density) for density in (50.0, 500.0, 20_000.0)]
+    hard = [floating.hard(name, seconds) for name in floating.HARD]
     for title, table in (
         (
             f"Still water {DEPTH} m deep, finest spacing {FINE} m: pressure on faces against "
@@ -198,7 +244,16 @@ def main(seconds: float, arch: str) -> None:
             rows,
         ),
         ("Submerged balls by size, uniform water", sunk),
+        ("Bodies at floor and wall by gap, uniform water: force over the displaced weight", near),
         (f"A column of water collapses past a ball under gravity {SLANTED} m/s²", fallen),
+        (f"Floating cube and ball {floating.HEIGHT} m high: draft; {medians}", drafts),
+        (f"Neutrally buoyant ball in 5 s; {medians}", drifts),
+        (f"Heave decay of a half-submerged ball against Kramer et al. 2021; {medians}", heaves),
+        (
+            f"Water and a spinning cube collide without gravity, changes over scale; {medians}",
+            collisions,
+        ),
+        (f"Hard cases; {medians}", hard),
     ):
         report += [f"## {title}\n", tabulate(table, "keys", "github", disable_numparse=True), ""]
     (RESULTS / "bodies.md").write_text("\n".join(report))

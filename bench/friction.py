@@ -67,12 +67,12 @@ def tow(layers: int, relief: float, seed: int, speed: float) -> dict[str, Any]:
     """Returns the drag coefficient of a submerged ball towed at `speed` [m/s]."""
     scene = tanks.tank((TANK[0], TANK[2]), WATER, SPACING, layers, air=TANK[1] - WATER, seed=seed)
     ball = {"centre": [FROM, 0.5 * WATER, 0.5 * TANK[2]], "radius": RADIUS}
-    given = scene.model_dump() | {"obstacles": [ball | {"velocity": [speed, 0.0, 0.0]}]}
+    given = scene.model_dump() | {"bodies": [ball | {"velocity": [speed, 0.0, 0.0]}]}
     sim = tanks.build(relieved(Scene.model_validate(given), relief))
     begin = end = impulse = math.nan
     while speed * sim.time < MEASURED[1]:
         tanks.run(sim, tanks.FRAME)
-        end = float(sim.solver.impulses.body_impulse.to_numpy()[0])
+        end = -float(sim.boundary.impulse[0, 0])
         if math.isnan(begin) and speed * sim.time >= MEASURED[0]:
             begin, impulse = sim.time, end
     force = (end - impulse) / (sim.time - begin)

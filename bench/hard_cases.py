@@ -112,7 +112,7 @@ ADAPTIVE = {
 
 
 def body(**more) -> dict[str, Any]:
-    return {"obstacles": [more]}
+    return {"bodies": [more]}
 
 
 def cube_of(tension: float) -> Hard:
@@ -187,7 +187,7 @@ def longer_steps(factor: float) -> Callable[[Simulation], None]:
 
 
 # Messages of failed runs: more neighbours than fit into the list; water trapped by a body.
-COLLAPSED, TRAPPED = "the water blew up: the neighbours of", "obstacles.0 compresses water"
+COLLAPSED, TRAPPED = "the water blew up: the neighbours of", "bodies.0 compresses water"
 PISTON = {"lo": [-0.5, -0.1, -0.1], "hi": [-0.01, 0.7, 0.7]}
 HOUR = 3600.0
 BALL = {"centre": list(MIDDLE), "radius": 0.1}

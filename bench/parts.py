@@ -72,7 +72,7 @@ SCENES: dict[str, tuple[dict[str, Any], dict[str, Any], str]] = {
     "shear relief": ({}, {"projection": {"shear_relief": 0.0}}, ""),
     "xsph": ({"projection": {"xsph": 0.05}}, {}, ""),
     "adaptation": ({**LAYERED, "adaptation": {"enabled": True}}, LAYERED, ""),
-    "bodies": ({"obstacles": [BALL]}, {}, ""),
+    "bodies": ({"bodies": [BALL]}, {}, ""),
     "caustics": ({}, {"picture": {"caustics": False}}, "picture"),
     "whitewater": ({}, {"picture": {"whitewater": False}}, "picture"),
     "wet walls": ({}, {"picture": {"drying": 0.0}}, "picture"),

@@ -313,7 +313,7 @@ def test_water_laid_is_told_from_water_asked_where_they_differ():
 
 def test_water_that_a_body_traps_is_one_line_and_a_failed_run(tmp_path):
     piston = """
-[[obstacles]]
+[[bodies]]
 lo = [0, 0.2, 0]
 hi = [0.4, 0.38, 0.4]
 velocity = [0, -2, 0]
@@ -323,7 +323,7 @@ velocity = [0, -2, 0]
     result = here("measure", scene, "-o", out, "--seconds", 0.5, "--set", "method=projection")
     assert result.returncode == 1 and "Traceback" not in result.stderr
     last = result.stderr.strip().splitlines()[-1]
-    assert last.startswith("msph: obstacles.0 compresses water that cannot flow away at t = ")
+    assert last.startswith("msph: bodies.0 compresses water that cannot flow away at t = ")
     assert json.loads((out / "summary.json").read_text())["failure"] in last
 
 

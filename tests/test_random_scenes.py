@@ -67,7 +67,7 @@ def scenes(draw):
         radius = draw(st.floats(0.08, 0.14))
         centre = [draw(st.floats(0.3, 0.7)) * edge for edge in size]
         spin = draw(st.floats(-360.0, 360.0))
-        data["obstacles"] = [{"centre": centre, "radius": radius, "spin": spin}]
+        data["bodies"] = [{"centre": centre, "radius": radius, "spin": spin}]
     return data
 
 

@@ -14,6 +14,7 @@ MEMBERS = {
     "layers": i32,  # number of layers
     "bodies": i32,  # number of bodies
     "leak": f32,  # depth in a body beyond which a particle has leaked [m]
+    "finest_spacing": f32,  # [m]
     "rest_density": f32,  # [kg/m^3]
     "restitution": f32,  # ratio of speeds after and before contact with a wall (-)
     "cells": i32,  # of the neighbour grids of all layers

@@ -3,6 +3,7 @@
 import numpy as np
 import taichi as ti
 
+from msph.fluid.room import MAX_BODIES
 from msph.taichi_internals import data_oriented, kernel, longest_float
 
 
@@ -12,11 +13,12 @@ class ImpulseLedger:
 
     internal_impulse [N s] and internal_angular_impulse [N m s], about the origin: of pair forces
     and of position corrections at constant velocity; zero for an exact method. wall_impulse [N s],
-    wall_work [J]: of walls and bodies; walls at rest do no work. body_impulse [N s]: the bodies'
-    part of wall_impulse. user_impulse [N s], user_work [J]: of the hand, of the inertia of the
-    tilting box, and of added water. added_mass [kg]: of water added by the user. merge_loss [J]:
-    kinetic energy dissipated by merges. spilt_momentum [N s], spilt_energy [J]: of the water that
-    left an open box, when it left.
+    wall_work [J]: of walls and bodies; walls at rest and floating bodies do no work. user_impulse
+    [N s], user_work [J]: of the hand, of the inertia of the tilting box, and of added water.
+    added_mass [kg]: of water added by the user. merge_loss [J]: kinetic energy dissipated by
+    merges. spilt_momentum [N s], spilt_energy [J]: of the water that left an open box, when it
+    left. body_push [N s], body_twist [N m s], by body: impulses and angular impulses, about the
+    body's centre, of the water on a body since take_pushes().
 
     Double precision where the device supports it: in single precision the sums of still water
     drifted by 2.6e-5 of the largest sum m |v| in 2 s, 20 times what they drift in double precision.
@@ -27,7 +29,6 @@ class ImpulseLedger:
         self.internal_impulse = ti.Vector.field(3, number, shape=())
         self.internal_angular_impulse = ti.Vector.field(3, number, shape=())
         self.wall_impulse = ti.Vector.field(3, number, shape=())
-        self.body_impulse = ti.Vector.field(3, number, shape=())
         self.wall_work = ti.field(number, shape=())
         self.user_impulse = ti.Vector.field(3, number, shape=())
         self.user_work = ti.field(number, shape=())
@@ -36,12 +37,39 @@ class ImpulseLedger:
         self.spilt_momentum = ti.Vector.field(3, number, shape=())
         self.spilt_energy = ti.field(number, shape=())
         self.totals = tuple(vars(self).values())
+        self.body_push = ti.Vector.field(3, number, shape=MAX_BODIES)
+        self.body_twist = ti.Vector.field(3, number, shape=MAX_BODIES)
+
+    def clear(self) -> None:
+        """Sets all sums to zero."""
+        self._clear()
+        self.body_push.fill(0.0)
+        self.body_twist.fill(0.0)
 
     @kernel
-    def clear(self):
-        """Sets all sums to zero."""
+    def _clear(self):
         for total in ti.static(self.totals):
             total[None] = 0
+
+    def take_pushes(self, bodies: int) -> np.ndarray:
+        """Returns body_push and body_twist, (bodies, 6), and sets them to zero."""
+        pushes = np.zeros((bodies, 6), np.float64 if longest_float() == ti.f64 else np.float32)
+        self._take_pushes(pushes)
+        return pushes.astype(float)
+
+    @kernel
+    def _take_pushes(self, pushes: ti.types.ndarray(ndim=2)):
+        for b in range(pushes.shape[0]):
+            for k in ti.static(range(3)):
+                pushes[b, k], pushes[b, 3 + k] = self.body_push[b][k], self.body_twist[b][k]
+            self.body_push[b] *= 0.0
+            self.body_twist[b] *= 0.0
+
+    @ti.func
+    def push_body(self, b, impulse, arm):
+        """Adds an impulse [N s] of the water on body b at `arm` [m] from its centre."""
+        self.body_push[b] += impulse
+        self.body_twist[b] += arm.cross(impulse)
 
     def add_water(self, m: float, x: np.ndarray, v: np.ndarray, gravity: np.ndarray) -> None:
         """Records particles of m [kg] each, added at x [m] with v [m/s], (n, 3): their mass,

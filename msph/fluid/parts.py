@@ -2,8 +2,11 @@
 
 from dataclasses import dataclass
 
+from msph.fluid.boundary.body_links import BodyLinks
 from msph.fluid.boundary.boundary import Boundary
+from msph.fluid.boundary.collisions import Collisions
 from msph.fluid.boundary.contact import Contact
+from msph.fluid.boundary.gap_pressure import GapPressure
 from msph.fluid.boundary.rim import Rim
 from msph.fluid.constants import Constants
 from msph.fluid.impulse_ledger import ImpulseLedger
@@ -27,6 +30,9 @@ class Parts:
     grid: LayeredGrid
     neighbours: NeighbourList
     boundary: Boundary
+    links: BodyLinks
     contact: Contact
+    collisions: Collisions
+    gaps: GapPressure
     rim: Rim
     impulses: ImpulseLedger

@@ -25,6 +25,8 @@ class Room:
 # Smallest class, 40 MiB: every shipped scene fits at every quality. Not powers of two: fields a
 # multiple of 4096 bytes apart would compete for the same cache lines.
 FIRST = Room(16_500, 1_425_000, 45_000, 30_000, 820_000)
+# Largest number of bodies: those of a scene, and a container.
+MAX_BODIES = 65
 # Factor between classes, applied to each capacity separately since Taichi touches all it allocates.
 GROWTH = 2
 # Largest capacity of a class, unless a scene needs more: indices are 32-bit integers.

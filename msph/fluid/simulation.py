@@ -9,6 +9,9 @@ from time import perf_counter
 import numpy as np
 
 from msph.errors import BlowUpError
+from msph.fluid.boundary.body_faces import samples
+from msph.fluid.boundary.gap_pressure import MAX_SAMPLES
+from msph.fluid.boundary.rigid_bodies import Body, centre
 from msph.fluid.boundary.walls import wall_constants
 from msph.fluid.external_forces import ExternalForces, Vec3
 from msph.fluid.methods import Parameters, all_attributes, solver_of
@@ -17,7 +20,7 @@ from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.particles.neighbour_list import list_capacity
 from msph.fluid.particles.particles import CORE
 from msph.fluid.plan import Plan
-from msph.fluid.room import FIRST, grown
+from msph.fluid.room import FIRST, MAX_BODIES, grown
 from msph.fluid.stages import Stage, no_stage
 from msph.fluid.trapped_water import check_trapped_water
 from msph.fluid.world import give_back, take
@@ -125,7 +128,7 @@ class Simulation:
         deadline = math.inf if budget is None else clock() + budget
         left = duration
         while left > 1e-6 * duration:
-            if self.boundary.moving:
+            if self.boundary.driven:
                 now, longest = self.time + duration - left, self.solver.longest_step()
                 check_trapped_water(
                     self.boundary, self.layers, self.particles, external, longest, now
@@ -175,6 +178,20 @@ class Simulation:
             self.solver.particles_added(float(np.linalg.norm(v, axis=1).max()))
         return len(x)
 
+    def add_body(self, body: Body) -> None:
+        """Adds a floating block or ball until the next reset. Raises FullError if there are too
+        many bodies, ValueError if it overlaps another body or a wall."""
+        if self.boundary.count == MAX_BODIES:
+            raise FullError(f"at most {MAX_BODIES} bodies")
+        (points, _, _), at = samples(body, self.layers.finest.spacing, MAX_SAMPLES), centre(body)
+        x, walls = at + points, wall_constants(self.size, self.plan.open_top)["walls"]
+        if (x < 0.0).any() or (x > walls).any() or not self.boundary.free(x).all():
+            raise ValueError("the body overlaps another body or a wall")
+        self.boundary.add(body)
+        self.world.prepare_bodies()
+        self.contact.clear_bodies()
+        self.solver.particles_moved()
+
     def measure_density(self) -> None:
         """Sums the densities at the current positions; a step sums them at its midpoint only."""
         if self.boundary.moving:
@@ -202,8 +219,8 @@ class Simulation:
 
     def state(self) -> dict[str, np.ndarray]:
         """Returns a checkpoint: every carried attribute, time, number of steps, length of the last
-        step, the spilt mass [kg] of an open box, the solver's state and the fingerprint. On one
-        thread a resumed run is bit-identical to an uninterrupted one."""
+        step, the spilt mass [kg] of an open box, the state of floating bodies, the solver's state
+        and the fingerprint. On one thread a resumed run repeats an uninterrupted one exactly."""
         progress = {
             "time": np.float64(self.time),
             "steps": np.int64(self.steps),
@@ -212,6 +229,8 @@ class Simulation:
         solver = {f"solver.{k}": np.float64(v) for k, v in self.solver.state().items()}
         if self.plan.open_top:
             progress["spilt"] = np.float64(self.rim.mass)
+        if self.boundary.floating.count:
+            progress["floating"] = self.boundary.floating.state()
         return {**progress, **solver, "fluid": self._fingerprint(), **self.particles.state()}
 
     def _fingerprint(self) -> np.ndarray:
@@ -228,6 +247,7 @@ class Simulation:
         fluid, own = attributes.pop("fluid"), self._fingerprint()
         solver = {k: float(attributes.pop(f"solver.{k}")) for k in self.solver.state()}
         spilt = float(attributes.pop("spilt")) if self.plan.open_top else 0.0
+        floating = attributes.pop("floating", self.boundary.floating.state())
         if fluid.shape != own.shape or not np.allclose(fluid, own):
             raise ValueError("box or layers differ from the scene")
         self.particles.check(attributes)
@@ -241,9 +261,14 @@ class Simulation:
             raise ValueError(f"time is {time:g} s: must be finite and at least 0")
         if not last_step > 0.0:
             raise ValueError(f"last step is {last_step:g} s: must be positive")
+        if floating.shape != self.boundary.floating.state().shape:
+            raise ValueError("number of floating bodies differs from the scene")
+        if not np.isfinite(floating).all():
+            raise ValueError("floating bodies are not at finite positions and speeds")
         if not 0.0 <= spilt < math.inf:
             raise ValueError(f"{spilt:g} kg were spilt: must be finite and at least 0")
         self._start(attributes, float(time), int(steps), spilt)
+        self.boundary.restore(float(time), floating)
         self.last_step = float(last_step)
         self.solver.restore(solver)
 
@@ -253,6 +278,8 @@ class Simulation:
         self.particles.fill(**attributes)
         self.time, self.steps, self.iterations = time, steps, 0
         self.last_step = math.inf
+        if self.boundary.count > len(self.plan.bodies):
+            self.world.load_bodies(self.plan)
         self.boundary.reset(time)
         self.rim.reset(spilt)
         self.solver.reset()

@@ -8,8 +8,11 @@ import gc
 from collections.abc import Callable
 from typing import Any, TypeVar
 
+from msph.fluid.boundary.body_links import BodyLinks
 from msph.fluid.boundary.boundary import Boundary
+from msph.fluid.boundary.collisions import Collisions
 from msph.fluid.boundary.contact import Contact
+from msph.fluid.boundary.gap_pressure import GapPressure
 from msph.fluid.boundary.rim import Rim
 from msph.fluid.constants import Constants
 from msph.fluid.impulse_ledger import ImpulseLedger
@@ -45,7 +48,7 @@ class World:
         particles = Particles(room.particles, all_attributes())
         grid = LayeredGrid(room, constants, layers, particles)
         boundary, impulses = Boundary(room, constants, layers), ImpulseLedger()
-        removal = Removal(room, particles)
+        removal, contact = Removal(room, particles), Contact(boundary, particles, impulses)
         self.parts = Parts(
             room=room,
             constants=constants,
@@ -55,7 +58,10 @@ class World:
             grid=grid,
             neighbours=NeighbourList(room, grid),
             boundary=boundary,
-            contact=Contact(boundary, particles, impulses),
+            links=BodyLinks(room, boundary, particles, impulses),
+            contact=contact,
+            collisions=Collisions(boundary),
+            gaps=GapPressure(boundary, grid, contact),
             rim=Rim(constants, layers, particles, removal, impulses),
             impulses=impulses,
         )
@@ -78,11 +84,23 @@ class World:
         parts.particles.load(attributes, plan.max_particles)
         margin = plan.method.LIST_MARGIN * plan.finest.support
         parts.neighbours.load(plan.entries, margin, plan.method.MIRRORS)
-        parts.boundary.load(plan.size, specs, list(plan.bodies), plan.open_top)
+        self.load_bodies(plan)
         parts.rim.load(plan.open_top)
         solver = self.build_once(_solver, plan.method)
         solver.load(plan.parameters, plan.adaptation)
         return solver
+
+    def load_bodies(self, plan: Plan) -> None:
+        """Fills the boundary with the bodies of a scene."""
+        boundary, bodies = self.parts.boundary, list(plan.bodies)
+        boundary.load(plan.size, plan.specs, bodies, plan.open_top)
+        boundary.constants.bodies[None] = len(bodies)
+        self.prepare_bodies()
+
+    def prepare_bodies(self) -> None:
+        """Prepares links, contact and gaps for the present bodies."""
+        for part in (self.parts.links, self.parts.collisions, self.parts.gaps):
+            part.load()
 
 
 def _solver(world: World, method: Any) -> Any:

@@ -64,7 +64,7 @@ FIGURES = (
     ),
     # The support of 2.45 spacings less half a spacing between each face and the particles.
     Figure(
-        "spacings_across_obstacles",
+        "spacings_across_bodies",
         "resolution",
         "across",
         1.45,
@@ -242,7 +242,7 @@ def account(found: dict[str, float]) -> list[Line]:
         for key, value in found.items():
             part = key.removeprefix(figure.key)
             if key.startswith(figure.key) and (not part or part.startswith(".")):
-                label = f"{figure.label} obstacles{part}" if part else figure.label
+                label = f"{figure.label} bodies{part}" if part else figure.label
                 lines.append(Line(figure, key, label, float(value)))
     return lines
 

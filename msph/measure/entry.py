@@ -16,9 +16,11 @@ class Entry:
     work of tilting the box. Solver residuals are the mean, 99th percentile and maximum over
     particles of max(rho/rho0 - 1, 0), as densities at free surfaces are below rest; rho is the
     solver's own density, its correction included, at the positions at `time`. outside: number of
-    particles outside the box or the container or inside an obstacle, by Contact.leaked. spilt: mass
+    particles outside the box or the container or in a body, by Contact.leaked. spilt: mass
     that left an open box since the start; it is not part of mass. spilt_momentum and spilt_energy
-    (kinetic and potential) are sums when it left.
+    (kinetic and potential) are sums when it left. body_impulse: of the bodies on the water, walls
+    between them included. floating_*: of all floating bodies, which are not part of the other
+    totals.
     """
 
     time: Annotated[float, "s"]
@@ -41,6 +43,10 @@ class Entry:
     tilt_work: Annotated[float, "J"]
     added_mass: Annotated[float, "kg"]
     merge_loss: Annotated[float, "J"]
+    floating_momentum: Annotated[np.ndarray, "kg m/s"]
+    floating_angular_momentum: Annotated[np.ndarray, "kg m^2/s"]
+    floating_kinetic: Annotated[float, "J"]
+    floating_potential: Annotated[float, "J"]
     solver_residual_mean: Annotated[float, "-"]
     solver_residual_p99: Annotated[float, "-"]
     solver_residual_max: Annotated[float, "-"]
@@ -57,12 +63,14 @@ class Entry:
 
     @property
     def mechanical(self) -> float:
-        """Kinetic and potential energy [J], that of spilt water included."""
-        return self.kinetic + self.potential + self.spilt_energy
+        """Kinetic and potential energy [J] of the water, spilt water included, and of floating
+        bodies."""
+        floating = self.floating_kinetic + self.floating_potential
+        return self.kinetic + self.potential + self.spilt_energy + floating
 
     @property
     def energy(self) -> float:
-        """Kinetic and potential energy less external work [J]."""
+        """Mechanical energy less external work [J]."""
         return self.mechanical - self.work
 
     def row(self) -> list[float]:

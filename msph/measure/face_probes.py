@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from msph.fluid.boundary.rigid_bodies import Solid, centre
-from msph.measure.body_faces import faces
+from msph.fluid.boundary.body_faces import samples
+from msph.fluid.boundary.rigid_bodies import centre
 from msph.measure.probe import Probe, lattice
 from msph.measure.snapshot import Snapshot
-from msph.scene.obstacles import bodies
+from msph.scene.bodies import bodies
 from msph.scene.schema import Scene
 from msph.scene.water import layer_specs
 
@@ -53,18 +53,13 @@ class ForceProbe(Probe):
 
     @classmethod
     def of(cls, name: str, scene: Scene, body: str) -> "ForceProbe":
-        """Returns the probe of a body by its key in the scene: container, obstacles.0, ..."""
+        """Returns the probe of a body by its key in the scene: container, bodies.0, ..."""
         known = bodies(scene)
         outer = int(scene.container is not None)
         number = 0 if body == "container" else outer + int(body.rpartition(".")[2])
-        mesh = faces(known[number])
         edge = MAX_EDGE * min(s.spacing for s in layer_specs(scene))
-        while mesh.edges_unique_length.max() > edge and 4 * len(mesh.faces) <= MAX_FACES:
-            mesh = mesh.subdivide()
-        inward = isinstance(known[number], Solid) and known[number].container
-        areas = mesh.face_normals * mesh.area_faces[:, None] * (-1.0 if inward else 1.0)
-        middle = centre(known[number])
-        return cls(name, number, middle, mesh.triangles_center - middle, areas)
+        points, areas, _ = samples(known[number], edge, MAX_FACES)
+        return cls(name, number, centre(known[number]), points, areas)
 
     @property
     def heads(self) -> list[str]:

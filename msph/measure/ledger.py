@@ -44,6 +44,8 @@ class Ledger:
 
         Raises NotFiniteError if a particle or a total is not finite."""
         sim, g = self.simulation, np.array(gravity)
+        sim.contact.push_bodies()
+        floating = sim.boundary.floating
         totals = self._totals.read()
         if totals["not_finite"] > 0:
             state = np.hstack([sim.particles.numpy("x"), sim.particles.numpy("v")])
@@ -57,10 +59,10 @@ class Ledger:
         if broken:
             what = ", ".join(broken)
             raise NotFiniteError(f"{what} overflowed at t = {sim.time:.3f} s (step {sim.steps})")
-        moment = totals.pop("moment")
+        moment, floating_moment = totals.pop("moment"), floating.mass @ floating.x
         if self._gravity is not None:
             # Tilting the box turns gravity in its frame, which changes the potential energy.
-            self._tilt_work -= float(moment @ (g - self._gravity))
+            self._tilt_work -= float((moment + floating_moment) @ (g - self._gravity))
         self._gravity = g
         del totals["not_finite"]
         excess = self._residuals()
@@ -69,6 +71,11 @@ class Ledger:
             centre=moment / totals["mass"],
             potential=-float(moment @ g),
             gravity=g,
+            body_impulse=-sim.boundary.impulse.sum(axis=0),
+            floating_momentum=floating.momentum(),
+            floating_angular_momentum=floating.angular_momentum(),
+            floating_kinetic=floating.kinetic(),
+            floating_potential=-float(floating_moment @ g),
             tilt_work=self._tilt_work,
             solver_residual_mean=float(excess.mean()),
             solver_residual_p99=float(np.percentile(excess, 99.0)),

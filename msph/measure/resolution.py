@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from msph.fluid.boundary.body_faces import faces
 from msph.fluid.boundary.rigid_bodies import TOUCHING, Ball, Block, Body, Solid
 from msph.fluid.plan import Plan
-from msph.measure.body_faces import faces
 
 # Number of points on a body's surface for distances between bodies: 1 % of its size apart.
 POINTS = 20_000
@@ -23,7 +23,7 @@ def resolution(plan: Plan, depth: float = math.nan) -> dict[str, float]:
     spacings = [s.spacing for s in plan.specs]
     d = min(spacings)
     across = {
-        f"spacings_across_obstacles.{i}": thickness(b) / d
+        f"spacings_across_bodies.{i}": thickness(b) / d
         for i, b in enumerate(b for b in plan.bodies if not _contains(b))
     }
     return {

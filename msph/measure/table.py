@@ -49,7 +49,8 @@ def energy_less_work(ledger: dict[str, np.ndarray]) -> np.ndarray:
     """Returns the mechanical energy [J] less external work of each row of a ledger; constant
     without dissipation."""
     work = ledger["wall_work_J"] + ledger["user_work_J"] + ledger["tilt_work_J"]
-    return ledger["kinetic_J"] + ledger["potential_J"] - work
+    floating = ledger["floating_kinetic_J"] + ledger["floating_potential_J"]
+    return ledger["kinetic_J"] + ledger["potential_J"] + floating - work
 
 
 class TableError(BadInputError):

@@ -8,8 +8,8 @@ import numpy as np
 from msph.fluid.plan import Plan
 from msph.fluid.room import room_for
 from msph.fluid.simulation import NoWaterError, Simulation
+from msph.scene.bodies import bodies
 from msph.scene.errors import SceneError
-from msph.scene.obstacles import bodies
 from msph.scene.schema import Scene
 from msph.scene.water import capacity, initial_particles, layer_specs
 
@@ -25,7 +25,7 @@ def build_simulation(scene: Scene, spare: int = 0, room: int = 0) -> Simulation:
         plan = _with_spare(plan_of(scene), spare)
         return Simulation(replace(plan, capacity=max(plan.max_particles, room)))
     except NoWaterError:
-        key = "container" if scene.container else "obstacles"
+        key = "container" if scene.container else "bodies"
         raise SceneError(scene.title, "no water is left outside the bodies", key) from None
 
 

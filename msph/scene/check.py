@@ -14,8 +14,8 @@ from msph.fluid.methods import METHODS, methods_with
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.particles.particles import CORE
 from msph.fluid.simulation import WORD, footprint
+from msph.scene.bodies import check_bodies
 from msph.scene.errors import SceneError, in_metres
-from msph.scene.obstacles import check_bodies
 from msph.scene.probes import check_probes, probe_cautions
 from msph.scene.schema import LAYER_OPTIONS, Layer, Scene, Water
 from msph.scene.water import TOLERANCE, bounds, capacity, layer_specs, particle_count
@@ -157,9 +157,9 @@ def _check_memory(scene: Scene, specs: list[LayerSpec], solids: list[Body], wher
     extent = region(scene.box.size, scene.box.open)
     needs = footprint(extent, specs, count, getattr(scene, scene.method))
     needs["surface"] = SurfaceRoom.holding(extent, cell, count).bytes // WORD
-    needs["obstacles"] = sample_count(solids, specs)
+    needs["bodies"] = sample_count(solids, specs)
     keys = {"cells": "box.size", "neighbours": "water", "particles": "water"}
-    keys |= {"surface": "surface.cell", "obstacles": "obstacles"}
+    keys |= {"surface": "surface.cell", "bodies": "bodies"}
     largest = max(needs, key=lambda name: needs[name])
     free = psutil.virtual_memory().available * MEMORY_SHARE
     if WORD * sum(needs.values()) > free or needs[largest] > MAX_NUMBERS:

@@ -4,7 +4,7 @@ import math
 
 from msph.fluid.boundary.rigid_bodies import Body, Solid, bounding_radius
 from msph.fluid.particles.layers import LayerSpec
-from msph.scene.obstacles import bodies
+from msph.scene.bodies import bodies
 from msph.scene.schema import Scene
 from msph.scene.water import layer_specs, particle_count
 
@@ -29,7 +29,7 @@ def steps_per_second(scene: Scene, specs: list[LayerSpec], solids: list[Body]) -
     outer = int(scene.container is not None)
     for k, body in enumerate(solids[outer:]):
         top_speed = body.motion.top_speed(bounding_radius(body))
-        needed[f"obstacles.{k}"] = top_speed / (p.cfl * d)
+        needed[f"bodies.{k}"] = top_speed / (p.cfl * d)
     key = max(needed, key=lambda name: needed[name])
     return needed[key], key
 

@@ -56,8 +56,8 @@ def load_scene(name: str, overrides: tuple[str, ...] = ()) -> Scene:
 
 def mesh_tables(data: dict[str, Any]) -> list[dict[str, Any]]:
     """Returns the tables of a scene that name a mesh file."""
-    obstacles = data.get("obstacles")
-    tables = [*obstacles] if isinstance(obstacles, list) else []
+    bodies = data.get("bodies")
+    tables = [*bodies] if isinstance(bodies, list) else []
     tables.append(data.get("container"))
     return [t for t in tables if isinstance(t, dict) and isinstance(t.get("mesh"), str)]
 

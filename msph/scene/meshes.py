@@ -1,4 +1,4 @@
-"""Mesh files of obstacles and containers: search, reading, and check that they are closed."""
+"""Mesh files of bodies and containers: search, reading, and check that they are closed."""
 
 import io
 import math
@@ -35,7 +35,7 @@ def resolve(name: str, folder: Path) -> str:
 
 def find_mesh(name: str) -> Path:
     """Returns the file of a mesh given by path or shipped name. Raises MeshError."""
-    shipped = {p.name: p for k in SUFFIXES for p in sorted((assets() / "obstacles").glob(f"*{k}"))}
+    shipped = {p.name: p for k in SUFFIXES for p in sorted((assets() / "bodies").glob(f"*{k}"))}
     path = shipped.get(name, Path(name))
     if path.suffix.lower() not in SUFFIXES:
         known = ", ".join(SUFFIXES)

@@ -3,8 +3,8 @@
 import numpy as np
 
 from msph.fluid.boundary.rigid_bodies import Ball, Block
+from msph.scene.bodies import bodies
 from msph.scene.errors import SceneError, in_metres
-from msph.scene.obstacles import bodies
 from msph.scene.schema import Probe, Scene
 from msph.scene.water import TOLERANCE
 
@@ -47,7 +47,7 @@ def _check_probe(scene: Scene, probe: Probe, where: str, key: str) -> None:
             problem = "must equal lo on one axis and exceed it on the others, to form a rectangle"
             raise SceneError(where, problem, f"{key}.hi")
     if probe.body is not None:
-        bodies = {f"obstacles.{i}" for i in range(len(scene.obstacles))}
+        bodies = {f"bodies.{i}" for i in range(len(scene.bodies))}
         bodies |= {"container"} if scene.container else set()
         if probe.body not in bodies:
             known = ", ".join(sorted(bodies)) or "none"

@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from msph.fluid.adaptivity.bands import AdaptationParameters
+from msph.fluid.boundary.rigid_bodies import FRICTION
 from msph.fluid.classic import ClassicParameters
 from msph.fluid.methods import METHODS
 from msph.fluid.projection.parameters import ProjectionParameters
@@ -106,10 +107,10 @@ class Container(Placed):
     mesh: str = parameter(text="mesh file (.obj .ply .stl): next to the scene file, or shipped")
 
 
-class Obstacle(Placed):
-    """A fixed or moving body: a box from lo to hi, a ball, or a closed mesh.
+class Body(Placed):
+    """A body: a box from lo to hi, a ball, or a closed mesh.
 
-    A body on the floor or at a wall should reach into it; boxes that touch a wall are extended.
+    With density or mass it floats; otherwise it is fixed or in prescribed motion.
     """
 
     lo: Vector | None = parameter(None, unit="m", text="lower corner of a box")
@@ -119,7 +120,15 @@ class Obstacle(Placed):
     mesh: str | None = parameter(
         None, text="mesh file (.obj .ply .stl): next to the scene file, or shipped"
     )
-    velocity: Vector = parameter((0.0, 0.0, 0.0), unit="m/s", text="constant velocity")
+    density: float | None = parameter(
+        None, gt=0.0, le=1e6, unit="kg/m^3", text="density of a floating body"
+    )
+    mass: float | None = parameter(
+        None, gt=0.0, le=1e12, unit="kg", text="mass of a floating body, instead of its density"
+    )
+    velocity: Vector = parameter(
+        (0.0, 0.0, 0.0), unit="m/s", text="constant velocity; of a floating body, at the start"
+    )
     swing: Vector = parameter(
         (0.0, 0.0, 0.0), unit="m", text="displacement at the far end of an oscillation"
     )
@@ -127,7 +136,17 @@ class Obstacle(Placed):
     axis: Vector = parameter(
         (0.0, 1.0, 0.0), text="direction of the rotation axis, which passes through the centre"
     )
-    spin: float = parameter(0.0, unit="deg/s", text="angular velocity about the axis")
+    spin: float = parameter(
+        0.0,
+        unit="deg/s",
+        text="angular velocity about the axis; of a floating body, at the start",
+    )
+    release: float = parameter(
+        0.0, ge=0.0, unit="s", text="time until which a floating body is held at rest"
+    )
+    friction: float = parameter(
+        FRICTION, ge=0.0, le=10.0, text="coefficient of friction with walls and other bodies"
+    )
 
 
 class Sway(Section):
@@ -266,8 +285,8 @@ class Probe(Section):
     )
     body: str | None = parameter(
         None,
-        pattern=r"^(container|obstacles\.[0-9]+)$",
-        text="force and torque: body, such as obstacles.0",
+        pattern=r"^(container|bodies\.[0-9]+)$",
+        text="force and torque: body, such as bodies.0",
     )
     at: Place | None = parameter(None, unit="m", text="height: x and z of the column of water")
     axis: Literal["+x", "-x", "+y", "-y", "+z", "-z"] | None = parameter(
@@ -310,7 +329,7 @@ class Scene(Section):
     box: Box = parameter(text="the pool")
     layers: list[Layer] = parameter(min_length=1, max_length=16, text="particle sizes")
     water: list[Water] = parameter(min_length=1, text="volumes of water")
-    obstacles: list[Obstacle] = parameter(list, max_length=64, text="fixed and moving bodies")
+    bodies: list[Body] = parameter(list, max_length=64, text="fixed, moving and floating bodies")
     container: Container | None = parameter(
         None, text="closed mesh around the water; the box must enclose it"
     )

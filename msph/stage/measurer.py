@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from msph.measure import account, entry, past, summary
+from msph.measure import account, body_table, entry, past, summary
+from msph.measure.body_table import BodyTable
 from msph.measure.entry import Entry
 from msph.measure.probes import build_probes
 from msph.measure.snapshot import Snapshot
@@ -20,8 +21,8 @@ from msph.stage.row import Row
 from msph.stage.show import Show
 
 LEDGER, PROBES, SUMMARY, SCENE = "ledger.csv", "probes.csv", "summary.json", "scene.toml"
-CHECKPOINT = "checkpoint.npz"
-FILES = (LEDGER, PROBES, SUMMARY, SCENE, CHECKPOINT)
+BODIES, CHECKPOINT = "bodies.csv", "checkpoint.npz"
+FILES = (LEDGER, PROBES, BODIES, SUMMARY, SCENE, CHECKPOINT)
 # Wall-clock time between checkpoints [s]; writing a checkpoint takes milliseconds.
 CHECKPOINT_GAP = 10.0
 
@@ -31,7 +32,7 @@ class Measurer:
 
     name: of the scene on the command line; since [s]: time of the checkpoint to continue from, if
     any; rows are then appended. Files: ledger.csv (entries, and surveys at longer intervals),
-    probes.csv, checkpoint.npz; conclude() writes summary.json.
+    probes.csv, bodies.csv if there are bodies, checkpoint.npz; conclude() writes summary.json.
     """
 
     def __init__(
@@ -63,6 +64,9 @@ class Measurer:
         self.ledger = Table(folder / LEDGER, heads, since)
         heads = ["time [s]", *(head for p in self.probes for head in p.heads)]
         self.readings = Table(folder / PROBES, heads, since)
+        self.has_bodies = bool(scene.bodies or scene.container)
+        if self.has_bodies:
+            self.motions = Table(folder / BODIES, body_table.columns(scene), since)
         if len(self.readings.kept):
             last = self.readings.kept[-1][1:].tolist()
             for probe in self.probes:
@@ -95,6 +99,7 @@ class Measurer:
         """Records the initial state, or reads the earlier entries of a resumed run."""
         self.show, self.started = show, show.simulation.counts()
         self.first_step = show.simulation.steps
+        self.bodies = BodyTable(show.simulation.boundary)
         earlier = past.entries(self.ledger.kept)
         if self.gap and earlier:
             self.surveys = past.surveys(self.ledger.kept, self.scene.density)
@@ -124,6 +129,8 @@ class Measurer:
             self.readings.write([last.time, *(n for p in self.probes for n in p.read(water))])
         else:
             self.readings.write([last.time])
+        if self.has_bodies:
+            self.motions.write(self.bodies.row(last.time))
 
     def _save(self) -> None:
         """Writes the checkpoint, completely or not at all."""
@@ -155,11 +162,21 @@ class Measurer:
                 **summary.errors(show.ledger, self.surveys),
             }
             result |= summary.assessment(self.scene, show.ledger, self.surveys, result["errors"])
+            if self.has_bodies and self.bodies.times:
+                result["forces"] = self._forces()
             if self.good:
                 self._save()
         self.result = result
         summary.write(self.folder / SUMMARY, result)
         return [self.folder / name for name in FILES if (self.folder / name).exists()]
+
+    def _forces(self) -> dict[str, Any]:
+        """Returns the mean force [N] and torque [N m] on each body at the end of the run, and the
+        time [s] over which it is the mean."""
+        found, seconds = self.bodies.last_forces()
+        rows = zip(body_table.names(self.scene), found.tolist(), strict=True)
+        forces = {name: {"force_N": row[:3], "torque_N_m": row[3:]} for name, row in rows}
+        return {"mean_over_s": seconds, **forces}
 
     def add(self, key: str, value: Any) -> None:
         """Adds a key to the summary file."""
@@ -169,4 +186,5 @@ class Measurer:
     def account(self) -> str:
         """Returns a text with the errors of the run. Call after conclude()."""
         lines = account.account(summary.figures(self.result))
-        return account.text(lines, self.result["cautions"], self.result)
+        text = account.text(lines, self.result["cautions"], self.result)
+        return text + body_table.text(self.result.get("forces", {}))

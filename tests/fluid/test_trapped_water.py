@@ -20,17 +20,17 @@ spacing = 0.04
 [[water]]
 lo = [0, 0, 0]
 hi = [0.24, 0.2, 0.24]
-[[obstacles]]
+[[bodies]]
 centre = [0.12, 0.06, 0.12]
 radius = 0.04
-[[obstacles]]
+[[bodies]]
 lo = [0, 0.21, 0]
 hi = [0.24, 0.38, 0.24]
 """
 MOTIONS = {
-    "slow": ("obstacles.1.velocity=[0, -0.05, 0]",),
-    "swinging": ("obstacles.1.swing=[0, -0.2, 0]", "obstacles.1.period=2"),
-    "fast": ("obstacles.1.velocity=[0, -2, 0]",),
+    "slow": ("bodies.1.velocity=[0, -0.05, 0]",),
+    "swinging": ("bodies.1.swing=[0, -0.2, 0]", "bodies.1.period=2"),
+    "fast": ("bodies.1.velocity=[0, -2, 0]",),
 }
 
 
@@ -48,12 +48,12 @@ def advance(simulation, frames):
 @pytest.mark.parametrize("motion", MOTIONS)
 def test_piston_that_leaves_no_room_is_named(tmp_path, motion):
     sim = build_simulation(load(tmp_path, *MOTIONS[motion]))
-    with pytest.raises(TrappedWaterError, match=r"obstacles\.1 compresses water that cannot flow"):
+    with pytest.raises(TrappedWaterError, match=r"bodies\.1 compresses water that cannot flow"):
         advance(sim, 120)
 
 
 def test_piston_with_room_beside_it_traps_nothing(tmp_path):
-    room = ("obstacles.1.hi=[0.12, 0.38, 0.24]", "obstacles.1.velocity=[0, -0.5, 0]")
+    room = ("bodies.1.hi=[0.12, 0.38, 0.24]", "bodies.1.velocity=[0, -0.5, 0]")
     sim = build_simulation(load(tmp_path, *room))
     advance(sim, 15)
     assert sim.particles.numpy("x")[:, 1].max() > 0.22
@@ -66,8 +66,8 @@ def test_piston_stops_where_someone_plays_and_no_water_is_lost(tmp_path, motion)
     show = Show(load(tmp_path, *MOTIONS[motion]), 1 / 60, stop_bodies=True)
     count = show.simulation.particles.count
     run(Row([show]), Headless(90))
-    assert show.stopped == {"obstacles.1"}
-    assert show.warnings() == ["obstacles.1 stopped: it had trapped water"]
+    assert show.stopped == {"bodies.1"}
+    assert show.warnings() == ["bodies.1 stopped: it had trapped water"]
     last = show.ledger.entries[-1]
     assert show.simulation.particles.count == count and last.outside == 0
     assert last.time > 0.5

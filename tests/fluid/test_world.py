@@ -60,7 +60,13 @@ def test_without_bodies_none_of_their_kernels_is_launched():
         run("still", frames=1)
         without = set(launched)
         run("pillar", frames=1)
-    of_bodies = {"stop_at_bodies", "clear_bodies", "find_shares", "set_pressure_near_bodies"}
+    of_bodies = {
+        "stop_at_bodies",
+        "clear_bodies",
+        "find_links",
+        "find_gaps",
+        "set_pressure_near_bodies",
+    }
     assert not without & of_bodies
     assert of_bodies <= launched
 
@@ -92,15 +98,15 @@ def test_rooms_grow_by_kind_and_within_what_indices_name():
     assert grown(FIRST.entries, MAX_SIZE + 1) == MAX_SIZE + 1
 
 
-def test_sixty_four_obstacles_and_a_container_fit(tmp_path):
+def test_sixty_four_bodies_and_a_container_fit(tmp_path):
     """As many as a scene may have."""
     balls = [
         {"centre": [0.2 + 0.02 * (k % 8), 0.3, 0.2 + 0.02 * (k // 8)], "radius": 0.03}
         for k in range(64)
     ]
     scene = load_scene("bowl")
-    obstacles = [type(scene).model_fields["obstacles"].annotation.__args__[0](**b) for b in balls]
-    sim = build_simulation(scene.model_copy(update={"obstacles": obstacles}))
+    bodies = [type(scene).model_fields["bodies"].annotation.__args__[0](**b) for b in balls]
+    sim = build_simulation(scene.model_copy(update={"bodies": bodies}))
     assert sim.boundary.count == 65
     sim.advance(FRAME, ExternalForces())
     assert np.isfinite(sim.particles.numpy("x")).all()

@@ -6,7 +6,7 @@ from msph.measure import account
 
 GOOD = {
     "spacings_across_depth": 20.0,
-    "spacings_across_obstacles.0": 5.0,
+    "spacings_across_bodies.0": 5.0,
     "mass_change": -1e-9,
     "outside_most": 0,
     "solver_residual_mean": 0.001,
@@ -29,8 +29,8 @@ def test_every_figure_beyond_its_limit_is_a_caution_in_words():
     """Lower limits, upper ones, of either sign, and of each body by its name."""
     bad = {
         "spacings_across_depth": 4.0,
-        "spacings_across_obstacles.0": 1.0,
-        "spacings_across_obstacles.1": 9.0,
+        "spacings_across_bodies.0": 1.0,
+        "spacings_across_bodies.1": 9.0,
         "mass_change": -0.1,
         "outside_most": 3,
         "volume_error_worst": -0.08,
@@ -38,7 +38,7 @@ def test_every_figure_beyond_its_limit_is_a_caution_in_words():
     lines = account.account(bad)
     notes = account.cautions(lines, "surface mesh overflow: 9 triangles wanted, 8 fit")
     assert len(notes) == 5
-    assert any(note.startswith("across obstacles.0: 1.0 (limit >= 1.45): ") for note in notes)
+    assert any(note.startswith("across bodies.0: 1.0 (limit >= 1.45): ") for note in notes)
     assert any("-8.000 %" in note and note.endswith("9 triangles wanted, 8 fit") for note in notes)
     text = account.text(lines, notes, WATER)
     assert text.count("outside\n") == text.count("caution: ") == 5
@@ -46,4 +46,4 @@ def test_every_figure_beyond_its_limit_is_a_caution_in_words():
 
 def test_limits_are_those_of_the_lines():
     limits = account.limits(account.account(GOOD))
-    assert limits["spacings_across_obstacles.0"] > 1.0 and limits["outside_most"] == 0.0
+    assert limits["spacings_across_bodies.0"] > 1.0 and limits["outside_most"] == 0.0

@@ -307,7 +307,7 @@ def test_energies_are_compared_with_the_motion_of_the_water():
     assert level_potential(block, np.array(G), mass) == pytest.approx(weight * 0.2, rel=1e-6)
     assert ledger.motion_energy() == pytest.approx(entry.potential - weight * 0.2, rel=1e-4)
     block.close()
-    scene["obstacles"] = [{"lo": [0.6, 0.0, 0.0], "hi": [1.0, 0.2, 1.0]}]
+    scene["bodies"] = [{"lo": [0.6, 0.0, 0.0], "hi": [1.0, 0.2, 1.0]}]
     block = build_simulation(Scene.model_validate(scene))
     # 0.12 m^3 fill the rest up to 0.2 m, and 0.28 m^3 stand 0.28 m high above.
     expected = 9810.0 * (0.12 * 0.1 + 0.28 * (0.2 + 0.14))

@@ -6,7 +6,7 @@ import pytest
 from msph.measure.face_probes import FluxProbe, ForceProbe
 from msph.measure.probes import FrontProbe, HeightProbe, PressureProbe, VelocityProbe
 from msph.measure.snapshot import Snapshot
-from msph.scene.obstacles import bodies
+from msph.scene.bodies import bodies
 from msph.scene.schema import Scene
 from msph.scene.water import layer_specs
 from tests.boundary_kit import boundary_of
@@ -213,14 +213,12 @@ def test_pressure_of_a_sensors_face_and_window():
 BALL = (0.42, 0.2, 0.38)
 
 
-def sunk(obstacle, tilt=0.0):
+def sunk(body, tilt=0.0):
     """The probe of a body, and the water round it under p = rho g (H - y) + tilt (.4 - x)
     (1 - y/H), which is no pressure at the surface."""
     water = [{"lo": [0, 0, 0], "hi": [SIZE[0], LEVEL, SIZE[2]]}]
     box, layers = {"size": SIZE}, [{"spacing": D}]
-    scene = Scene.model_validate(
-        {"box": box, "layers": layers, "water": water, "obstacles": [obstacle]}
-    )
+    scene = Scene.model_validate({"box": box, "layers": layers, "water": water, "bodies": [body]})
     (body,) = bodies(scene)
     boundary = boundary_of(SIZE, layer_specs(scene), [body])
     x = filled(0.2)
@@ -229,7 +227,7 @@ def sunk(obstacle, tilt=0.0):
     pressure = (9810.0 * LEVEL + tilt * (0.4 - x[:, 0])) * (1.0 - x[:, 1] / LEVEL)
     more = {"bodies": True, "poses": (boundary.pose(0),)}
     water = Snapshot(x, pressure, *sizes, SIZE, boundary.free, **more)
-    return ForceProbe.of("f", scene, "obstacles.0"), water
+    return ForceProbe.of("f", scene, "bodies.0"), water
 
 
 def test_force_on_a_sunk_ball_is_the_weight_of_what_it_displaces():

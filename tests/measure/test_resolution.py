@@ -20,15 +20,15 @@ lo = [0, 0, 0]
 hi = [0.1, 0.2, 0.3]
 """
 BALLS = """
-[[obstacles]]
+[[bodies]]
 centre = [0.4, 0.4, 0.3]
 radius = 0.1
-[[obstacles]]
+[[bodies]]
 centre = [0.7, 0.4, 0.3]
 radius = 0.12
 """
 PLATE = """
-[[obstacles]]
+[[bodies]]
 lo = [0.5, 0, 0]
 hi = [0.53, 0.5, 0.54]
 """
@@ -49,22 +49,22 @@ def test_without_bodies_the_gap_is_the_boxs_shortest_edge(tmp_path):
 def test_between_two_balls(tmp_path):
     found = resolution(plan_of(scene(tmp_path, BALLS)))
     assert found["spacings_across_narrowest_gap"] == pytest.approx(0.08 / 0.02, rel=0.05)
-    assert found["spacings_across_obstacles.0"] == pytest.approx(0.2 / 0.02)
+    assert found["spacings_across_bodies.0"] == pytest.approx(0.2 / 0.02)
 
 
 def test_between_a_plate_and_a_wall_that_it_does_not_touch(tmp_path):
     """It stands on the floor and against z = 0, which is no gap, and leaves .06 m at z = .6."""
     found = resolution(plan_of(scene(tmp_path, PLATE)))
     assert found["spacings_across_narrowest_gap"] == pytest.approx(0.06 / 0.02)
-    assert found["spacings_across_obstacles.0"] == pytest.approx(0.03 / 0.02)
+    assert found["spacings_across_bodies.0"] == pytest.approx(0.03 / 0.02)
 
 
 def test_a_rings_thickness_is_that_of_its_tube():
     """Whichever way it is turned; and a container's room is its inside."""
     ring = load_scene("paddle")
-    flat = ring.obstacles[1].model_copy(update={"rotation": (0.0, 0.0, 0.0)})
-    plain = ring.model_copy(update={"obstacles": [ring.obstacles[0], flat]})
-    key = "spacings_across_obstacles.1"
+    flat = ring.bodies[1].model_copy(update={"rotation": (0.0, 0.0, 0.0)})
+    plain = ring.model_copy(update={"bodies": [ring.bodies[0], flat]})
+    key = "spacings_across_bodies.1"
     turned, straight = resolution(plan_of(ring))[key], resolution(plan_of(plain))[key]
     assert turned == pytest.approx(straight, rel=1e-3)
     bowl = load_scene("bowl")

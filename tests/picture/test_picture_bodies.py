@@ -58,7 +58,7 @@ def sphere(p, r, centre, radius):
     return -b - half, -b + half
 
 
-def test_rays_meet_obstacles_outside_and_the_container_inside(boundary):
+def test_rays_meet_bodies_outside_and_the_container_inside(boundary):
     rng = np.random.default_rng(4)
     p = SHELL + 2.0 * unit(rng.normal(size=(400, 3)))
     r = unit(SHELL + 0.5 * rng.uniform(-1.0, 1.0, (400, 3)) - p)
@@ -102,9 +102,9 @@ def unit(v):
 
 
 def test_body_hides_water_behind_it_and_water_before_it_shows():
-    obstacle = boundary_of(BOX, [LAYER], [Ball(np.array((0.5, 0.5, 0.5)), 0.2)])
+    body = boundary_of(BOX, [LAYER], [Ball(np.array((0.5, 0.5, 0.5)), 0.2)])
     mesh = Mesh(4096)
-    picture = Picture(mesh, obstacle)
+    picture = Picture(mesh, body)
     picture.load(WIDTH, HEIGHT, BOX)
     view = Camera.framing(BOX, WIDTH / HEIGHT, azimuth=0.0, elevation=0.2)
     mesh.counts.fill(0)

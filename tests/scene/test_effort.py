@@ -4,9 +4,9 @@ import pytest
 import trimesh
 
 from msph.scene import SceneError, load_scene
+from msph.scene.bodies import bodies
 from msph.scene.effort import effort, in_words, steps_per_second
 from msph.scene.library import shipped_scenes
-from msph.scene.obstacles import bodies
 from msph.scene.water import layer_specs
 from tests.scenes_kit import write
 
@@ -19,7 +19,7 @@ spacing = 0.05
 lo = [0, 0, 0]
 hi = [1, 0.5, 1]
 """
-BALL = "obstacles=[{centre=[0.5, 0.2, 0.5], radius=0.1, "
+BALL = "bodies=[{centre=[0.5, 0.2, 0.5], radius=0.1, "
 
 
 def scene(tmp_path, *overrides):
@@ -41,10 +41,10 @@ def test_short_steps_are_said_with_the_time_that_they_take(tmp_path):
 def test_fast_bodies_are_said_or_refused(tmp_path):
     fast = scene(tmp_path, BALL + "velocity=[400, 0, 0]}]")
     steps, key = steps_per_second(fast, layer_specs(fast), bodies(fast))
-    assert steps == pytest.approx(400.0 / (0.5 * 0.05)) and key == "obstacles.0"
+    assert steps == pytest.approx(400.0 / (0.5 * 0.05)) and key == "bodies.0"
     assert effort(fast)
     for motion in ("velocity=[2000, 0, 0]", "spin=1e6", "swing=[0.3, 0, 0], period=1e-4"):
-        with pytest.raises(SceneError, match=r"obstacles\.0: its surface moves at"):
+        with pytest.raises(SceneError, match=r"bodies\.0: its surface moves at"):
             scene(tmp_path, BALL + motion + "}]")
 
 
@@ -64,7 +64,7 @@ def test_stiff_classic_water_is_said(tmp_path):
 def test_large_meshes_are_said(tmp_path, monkeypatch):
     trimesh.creation.icosphere(2, radius=0.1).export(tmp_path / "ball.stl")
     monkeypatch.setattr("msph.scene.effort.FACE_TIME", 0.1)
-    given = "obstacles=[{mesh='ball.stl', position=[0.5, 0.3, 0.5]}]"
+    given = "bodies=[{mesh='ball.stl', position=[0.5, 0.3, 0.5]}]"
     assert effort(scene(tmp_path, given)) == [
         "meshes of 320 faces take about 32 seconds to prepare"
     ]

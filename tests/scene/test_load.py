@@ -62,8 +62,8 @@ BAD = {
         "probes.0.hi: must equal lo on one axis and exceed it on the others, to form a rectangle",
     ),
     "force on a body that there is not": (
-        '[[probes]]\nname = "a"\nkind = "force"\nbody = "obstacles.0"\n',
-        "probes.0.body: the scene has no body obstacles.0; known: none",
+        '[[probes]]\nname = "a"\nkind = "force"\nbody = "bodies.0"\n',
+        "probes.0.body: the scene has no body bodies.0; known: none",
     ),
     "window of a probe that has none": (
         '[[probes]]\nname = "a"\nkind = "front"\naxis = "+x"\nwindow = 0.1\n',
@@ -143,7 +143,7 @@ def test_a_mark_of_the_byte_order_is_no_syntax_error(tmp_path):
 
 
 def test_a_probe_inside_of_a_body_is_said(tmp_path):
-    body = "[[obstacles]]\ncentre = [0.5, 0.2, 0.5]\nradius = 0.3\n"
+    body = "[[bodies]]\ncentre = [0.5, 0.2, 0.5]\nradius = 0.3\n"
     probe = '[[probes]]\nname = "{}"\nkind = "pressure"\npoint = [0.5, {}, 0.5]\n'
     text = GOOD + body + probe.format("in", 0.3) + probe.format("on", 0.5)
     (line,) = cautions(load_scene(write(tmp_path, text)))

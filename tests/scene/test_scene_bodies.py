@@ -1,4 +1,4 @@
-"""Obstacles and containers of scene files: what loads, where they stand, and what is refused."""
+"""Bodies and containers of scene files: what loads, where they stand, and what is refused."""
 
 import numpy as np
 import pytest
@@ -6,8 +6,8 @@ import trimesh
 
 from msph.fluid.boundary.rigid_bodies import Ball, Block, Solid
 from msph.scene import SceneError, build_simulation, load_scene
+from msph.scene.bodies import bodies, placed
 from msph.scene.load import to_toml
-from msph.scene.obstacles import bodies, placed
 
 GOOD = """
 method = "projection"
@@ -18,35 +18,38 @@ spacing = 0.1
 [[water]]
 lo = [0, 0, 0]
 hi = [1, 0.5, 1]
-[[obstacles]]
+[[bodies]]
 lo = [0.2, 0.0, 0.2]
 hi = [0.4, 0.6, 0.4]
 """
 
 BAD = {
-    "obstacles.0.lo=[0, 0.7, 0]": "obstacles.0.hi: has no volume",
-    "obstacles.0.radius=0.2": "obstacles.0: give either lo and hi, or centre and radius, or mesh",
-    "obstacles.0.hi=[0.25, 1, 1]": "obstacles.0: is 0.05 m thick, less than the particle spacing",
-    "obstacles.0.axis=[0, 0, 0]": "obstacles.0.axis: has no direction",
-    "obstacles=[{lo=[2, 0, 0], hi=[3, 1, 1]}]": "obstacles.0: is outside the box and does not move",
-    "obstacles=[{mesh='zz.stl'}]": "obstacles.0.mesh: zz.stl: no such mesh file; shipped: ",
-    "obstacles=[{mesh='bowel.obj'}]": "obstacles.0.mesh: bowel.obj: no such mesh file; did you "
+    "bodies.0.lo=[0, 0.7, 0]": "bodies.0.hi: has no volume",
+    "bodies.0.radius=0.2": "bodies.0: give either lo and hi, or centre and radius, or mesh",
+    "bodies.0.hi=[0.25, 1, 1]": "bodies.0: is 0.05 m thick, less than the particle spacing",
+    "bodies.0.axis=[0, 0, 0]": "bodies.0.axis: has no direction",
+    "bodies=[{lo=[2, 0, 0], hi=[3, 1, 1]}]": "bodies.0: is outside the box and does not move",
+    "bodies=[{mesh='zz.stl'}]": "bodies.0.mesh: zz.stl: no such mesh file; shipped: ",
+    "bodies=[{mesh='bowel.obj'}]": "bodies.0.mesh: bowel.obj: no such mesh file; did you "
     "mean 'bowl.obj'?",
-    "obstacles=[{mesh='open.ply'}]": "obstacles.0.mesh: open.ply: is not closed: 9 open edges",
-    "obstacles=[{mesh='nan.obj'}]": "nan.obj: line 6: vertex is not finite",
-    "obstacles=[{mesh='text.stl'}]": "obstacles.0.mesh: text.stl: ",
-    "obstacles=[{mesh='flat.obj'}]": "obstacles.0.mesh: flat.obj: encloses no volume",
-    "obstacles=[{mesh='turned.obj'}]": "obstacles.0.mesh: turned.obj: has no clear inside",
-    "obstacles=[{mesh='scene.toml'}]": "obstacles.0.mesh: scene.toml: unknown mesh format",
-    "obstacles=[{mesh='short.ply'}]": "short.ply: declares 2000000000 faces, and holds 12",
-    "obstacles=[{mesh='inverted.obj'}]": "inverted.obj: body 2 of 2 is inside out",
-    f"obstacles=[{{mesh='{300 * 'x'}.obj'}}]": "x: no such mesh file; shipped: ",
+    "bodies=[{mesh='open.ply'}]": "bodies.0.mesh: open.ply: is not closed: 9 open edges",
+    "bodies=[{mesh='nan.obj'}]": "nan.obj: line 6: vertex is not finite",
+    "bodies=[{mesh='text.stl'}]": "bodies.0.mesh: text.stl: ",
+    "bodies=[{mesh='flat.obj'}]": "bodies.0.mesh: flat.obj: encloses no volume",
+    "bodies=[{mesh='turned.obj'}]": "bodies.0.mesh: turned.obj: has no clear inside",
+    "bodies=[{mesh='scene.toml'}]": "bodies.0.mesh: scene.toml: unknown mesh format",
+    "bodies=[{mesh='short.ply'}]": "short.ply: declares 2000000000 faces, and holds 12",
+    "bodies=[{mesh='inverted.obj'}]": "inverted.obj: body 2 of 2 is inside out",
+    f"bodies=[{{mesh='{300 * 'x'}.obj'}}]": "x: no such mesh file; shipped: ",
     "container={mesh='open.ply'}": "container.mesh: open.ply: is not closed: 9 open edges",
-    "obstacles=[{mesh='millimetres.stl'}]": "a mesh in millimetres needs scale = 0.001",
+    "bodies=[{mesh='millimetres.stl'}]": "a mesh in millimetres needs scale = 0.001",
     "container={mesh='bowl.obj'}": "container: reaches from (-0.5, 0, -0.5) m to (0.5, 0.4, 0.5) m",
     "container.scale=2.0": "container.mesh: is required",
-    "method=classic": "obstacles: the method classic has no bodies; projection has",
-    "obstacles.0.velocty=[1, 0, 0]": "obstacles.0.velocty: unknown key; did you mean 'velocity'?",
+    "bodies.0={lo=[0, 0, 0], hi=[1, 1, 1], density=500, mass=2}": "give either density or mass",
+    "bodies.0={lo=[0, 0, 0], hi=[1, 1, 1], mass=2, swing=[1, 0, 0]}": "a body with a mass floats",
+    "bodies.0={lo=[-1, 0, 0], hi=[0.5, 1, 1], mass=2}": "floats, and must start inside the box",
+    "method=classic": "bodies: the method classic has no bodies; projection has",
+    "bodies.0.velocty=[1, 0, 0]": "bodies.0.velocty: unknown key; did you mean 'velocity'?",
 }
 
 
@@ -94,19 +97,19 @@ def load(folder, *overrides):
 @pytest.mark.parametrize("name", ["old.obj", "old.ply", "old.stl"])
 def test_text_in_an_old_encoding_is_accepted(folder, name):
     """It was "No module named 'charset_normalizer'"."""
-    scene = load(folder, f"obstacles=[{{mesh='{name}', position=[0.5, 0.3, 0.5]}}]")
-    vertices, triangles = placed(scene.obstacles[0])
+    scene = load(folder, f"bodies=[{{mesh='{name}', position=[0.5, 0.3, 0.5]}}]")
+    vertices, triangles = placed(scene.bodies[0])
     assert np.allclose(np.ptp(vertices, axis=0), (0.4, 0.2, 0.4)) and len(triangles) == 12
 
 
 def test_a_cavity_is_no_body_that_is_inside_out(folder):
-    scene = load(folder, "obstacles=[{mesh='hollow.obj', position=[0.5, 0.3, 0.5]}]")
-    corners = placed(scene.obstacles[0])[0][placed(scene.obstacles[0])[1]]
+    scene = load(folder, "bodies=[{mesh='hollow.obj', position=[0.5, 0.3, 0.5]}]")
+    corners = placed(scene.bodies[0])[0][placed(scene.bodies[0])[1]]
     assert np.linalg.det(corners).sum() / 6 == pytest.approx(0.4 * 0.2 * 0.4 - 0.2 * 0.1 * 0.2)
 
 
 def test_a_mesh_that_crosses_itself_works(folder):
-    scene = load(folder, "obstacles=[{mesh='crossing.obj', position=[0.5, 0.3, 0.5]}]")
+    scene = load(folder, "bodies=[{mesh='crossing.obj', position=[0.5, 0.3, 0.5]}]")
     (lo, hi) = bodies(scene)[0].bounds
     assert hi - lo == pytest.approx([0.27, 0.2, 0.2], rel=0.02)
 
@@ -122,7 +125,7 @@ def test_bad_bodies_give_one_line_with_their_key(folder, override):
 def test_bodies_stand_as_the_scene_says(folder):
     scene = load(
         folder,
-        "obstacles=[{lo=[0, 0, 0], hi=[0.5, 0.2, 0.3], swing=[0.1, 0, 0]}, "
+        "bodies=[{lo=[0, 0, 0], hi=[0.5, 0.2, 0.3], swing=[0.1, 0, 0]}, "
         "{centre=[0.5, 0.5, 0.5], radius=0.2}, "
         "{mesh='brick.stl', scale=0.2, rotation=[0, 0, 90], position=[0.5, 0.5, 0.5], spin=90}]",
     )
@@ -137,7 +140,7 @@ def test_bodies_stand_as_the_scene_says(folder):
 
 
 def test_mesh_beside_the_scene_is_found_from_elsewhere(folder, tmp_path, monkeypatch):
-    scene = load(folder, "obstacles=[{mesh='brick.stl', scale=0.2}]")
+    scene = load(folder, "bodies=[{mesh='brick.stl', scale=0.2}]")
     (tmp_path / "again.toml").write_text(to_toml(scene, "quality large"))
     monkeypatch.chdir(tmp_path)
     assert load_scene("again.toml") == scene
@@ -147,12 +150,12 @@ def test_mesh_turned_inside_out_is_turned_back(folder):
     box = trimesh.creation.box((1.0, 1.0, 1.0))
     box.invert()
     box.export(folder / "inverted.obj")
-    (brick,) = bodies(load(folder, "obstacles=[{mesh='inverted.obj'}]"))
+    (brick,) = bodies(load(folder, "bodies=[{mesh='inverted.obj'}]"))
     a, b, c = brick.vertices[brick.triangles].transpose(1, 0, 2)
     assert np.einsum("ti,ti->", a, np.cross(b, c)) / 6.0 == pytest.approx(1.0)
 
 
-def test_water_inside_obstacles_is_left_out_and_counted(folder):
+def test_water_inside_bodies_is_left_out_and_counted(folder):
     sim = build_simulation(load(folder))
     # Lattice of 10 x 5 x 10, and 2 x 5 x 2 of its sites in the block.
     assert sim.left_out == 20 and sim.particles.count == 480
@@ -161,8 +164,8 @@ def test_water_inside_obstacles_is_left_out_and_counted(folder):
 
 
 def test_water_that_is_swallowed_is_an_error(folder):
-    scene = load(folder, "obstacles.0.lo=[0, 0, 0]", "obstacles.0.hi=[1, 1, 1]")
-    with pytest.raises(SceneError, match="obstacles: no water is left outside the bodies"):
+    scene = load(folder, "bodies.0.lo=[0, 0, 0]", "bodies.0.hi=[1, 1, 1]")
+    with pytest.raises(SceneError, match="bodies: no water is left outside the bodies"):
         build_simulation(scene)
 
 

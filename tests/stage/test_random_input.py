@@ -12,7 +12,7 @@ ADAPTIVE = ("method=projection", "adaptation.enabled=true")
 SCENES = {
     "open": f"{POOL}\n[[water]]\nlayer = 1\nlo = [0, 0, 0]\nhi = [0.4, 0.1512, 0.4]\n",
     "post": f"""{POOL}
-[[obstacles]]
+[[bodies]]
 lo = [0.15, 0.0, 0.15]
 hi = [0.25, 0.4, 0.25]
 [[water]]

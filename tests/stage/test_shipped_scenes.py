@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from msph import DEFAULT_SCENE
 from msph.measure.probes import FrontProbe
@@ -133,7 +134,7 @@ def its_front_runs_and_no_water_is_lost(seen):
 
 def its_water_divides_round_the_pillar(seen):
     """Water passes on either side, about as much on each, and none stands in a body."""
-    pillar = load_scene("pillar").obstacles[0]
+    pillar = load_scene("pillar").bodies[0]
     (x0, _, z0), (x1, _, z1) = pillar.lo, pillar.hi
     while seen.simulation.time < 0.7:
         seen.run(6)
@@ -198,11 +199,34 @@ def _falls_and_loses_its_energy(seen):
     assert scene.projection.viscosity > 1.0
 
 
+def its_bodies_float_by_their_densities(seen):
+    """The centre of each ball is as high above the level as Archimedes says, and the duck is
+    upright."""
+    scene, floating = load_scene("duck"), seen.simulation.boundary.floating
+    heights = []
+    while seen.simulation.time < 2.0:
+        seen.run(6)
+        if seen.simulation.time > 1.0:
+            heights.append(floating.x[:, 1].copy())
+    level = (seen.m.sum() + floating.mass.sum()) / 1000.0 / (scene.box.size[0] * scene.box.size[2])
+    for k, body in enumerate(scene.bodies[1:], 1):
+        submerged = (body.density / 1000.0) * 4.0 / 3.0 * np.pi * body.radius**3
+        draft = brentq(
+            lambda d, r=body.radius, v=submerged: np.pi * d**2 * (r - d / 3.0) - v,
+            0.0,
+            2.0 * body.radius,
+        )
+        off = np.mean(heights, axis=0)[k] - (level + body.radius - draft)
+        assert abs(off) < 0.1 * 2.0 * body.radius
+    assert floating.turn[0, 1, 1] > 0.9
+
+
 FACTS = {
     "bowl": its_container_holds_all,
     "dam_break": its_front_runs_and_no_water_is_lost,
     "deep": has_the_weight_of_its_water_on_the_floor,
     "drop": its_ball_falls_freely,
+    "duck": its_bodies_float_by_their_densities,
     "honey": loses_the_energy_of_its_fall,
     "paddle": gains_no_more_energy_than_its_plate_works,
     "pillar": its_water_divides_round_the_pillar,

@@ -2,17 +2,19 @@
 
 Each body has a share lambda of the kernel's integral around a particle: for a block the product
 over its axes, for a ball the exact integral, for a mesh a map computed once per layer (Bender et
-al. 2019, "Volume maps", here with exact integrals). The fluid's share is the product of (1 -
-lambda) over all bodies, exact for bodies that are apart or pass through a wall. A body on a wall
-should therefore extend into it; blocks that touch a wall are extended here.
+al. 2019, "Volume maps", here with exact integrals). body_links.py adds the shares of all bodies
+and of their mirror images. A wall does not mirror a body that passes through it; fixed blocks that
+touch a wall are extended into it here.
 """
 
 import math
+from typing import Any
 
 import numpy as np
 import taichi as ti
 
 from msph.device_table import DeviceTable, f32, i32
+from msph.fluid.boundary.floating import FloatingBodies
 from msph.fluid.boundary.mesh_samples import lattices, sample
 from msph.fluid.boundary.rigid_bodies import (
     Ball,
@@ -22,20 +24,22 @@ from msph.fluid.boundary.rigid_bodies import (
     bounding_radius,
     centre,
     extended_into_walls,
+    half_extents,
 )
 from msph.fluid.boundary.sampled_fields import SampledFields, SampleLattice
 from msph.fluid.boundary.wall_integrals import ball_share, block_share, swelling, wall_support
 from msph.fluid.boundary.walls import Size, wall_constants
 from msph.fluid.constants import Constants
+from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.layers import Layers, LayerSpec
-from msph.fluid.room import Room
+from msph.fluid.room import MAX_BODIES, Room
 from msph.taichi_internals import data_oriented, kernel
 
 vec3, vec4 = ti.math.vec3, ti.math.vec4
 
 BLOCK, BALL, SOLID = 0, 1, 2
-# Largest number of bodies: 64 obstacles and a container.
-MAX_BODIES = 65
+# Depth [finest spacings] in a wall beyond which the wall does not mirror a body.
+CROSSING = 0.25
 # Index of a body's pose: at the beginning and at the end of a step.
 BEGIN, END = 0, 1
 
@@ -44,28 +48,36 @@ BEGIN, END = 0, 1
 class Boundary:
     """The box and its bodies.
 
-    Poses are stored for the beginning and the end of a step; velocities are means over the step.
-    box [m], bodies and count are host values. Tables by body: kind; side, -1 if the water is
-    inside, else 1; half, the half extents of a block or the radius of a ball [m]; bounding_radius
-    [m]; first, index of a mesh's distance lattice, followed by its share lattices. Tables by body
-    and pose: centre [m]; rotation, body frame to box frame; velocity [m/s] and spin [rad/s], equal
-    for both poses.
+    Poses are stored for the beginning and the end of a step; velocities are means over the step,
+    of floating bodies the present ones. box [m], bodies and count are host values. Tables by body:
+    kind; side, -1 if the water is inside, else 1; half, the half extents of a block or the radius
+    of a ball [m]; bounding_radius [m]; first, index of a mesh's distance lattice, followed by its
+    share lattices; joined, 1 for bodies that may overlap others; inverse_mass [1/kg], 0 for
+    prescribed motion; friction coefficient (-). Tables by body and pose: centre [m]; rotation, body
+    frame to box frame; velocity [m/s] and spin [rad/s], equal for both poses; inverse_inertia
+    [1/(kg m^2)] in the box frame; images, the walls that mirror the body as bits
+    (MirrorImages.walls_near).
     """
 
     def __init__(self, room: Room, constants: Constants, layers: Layers):
         self.constants, self.layers = constants, layers
         self.support, self.swell = layers.wall_support, layers.swell
         self._shapes = DeviceTable(
-            (MAX_BODIES,), kind=i32, side=f32, half=vec3, bounding_radius=f32, first=i32
+            (MAX_BODIES,),
+            **{"kind": i32, "side": f32, "half": vec3, "bounding_radius": f32, "first": i32},
+            **{"joined": i32, "inverse_mass": f32, "friction": f32},
         )
         self._poses = DeviceTable(
-            (MAX_BODIES, 2), centre=vec3, rotation=ti.math.mat3, velocity=vec3, spin=vec3
+            (MAX_BODIES, 2),
+            **{"centre": vec3, "rotation": ti.math.mat3, "velocity": vec3, "spin": vec3},
+            **{"inverse_inertia": ti.math.mat3, "images": i32},
         )
         for table in (self._shapes, self._poses):
             self.__dict__.update({name: getattr(table, name) for name in table.fields})
         self.samples = SampledFields(room.samples)
         self.box, self.bodies, self.count = (0.0, 0.0, 0.0), [], 0
-        self.moving, self.top_speed, self.time = False, 0.0, 0.0
+        self.moving, self.driven, self.time = False, False, 0.0
+        self.floating = FloatingBodies()
         # Time [s] at which a body was stopped, by body.
         self.stopped: dict[int, float] = {}
 
@@ -73,18 +85,50 @@ class Boundary:
         self, size: Size, specs: list[LayerSpec], bodies: list[Body], open_top: bool = False
     ) -> None:
         """Fills the tables for a box of `size` [m], bodies and layers."""
-        self.box = size
-        walls = np.array(wall_constants(size, open_top)["walls"])
-        self.bodies = [extended_into_walls(b, walls, specs) for b in bodies]
+        self._specs, self._open_top = specs, open_top
+        self.box, self._walls = size, np.array(wall_constants(size, open_top)["walls"])
+        self.bodies = [extended_into_walls(b, self._walls, specs) for b in bodies]
         self.count = len(self.bodies)
-        self.moving = any(b.motion.moves for b in self.bodies)
-        self.top_speed = max(
-            (b.motion.top_speed(bounding_radius(b)) for b in self.bodies), default=0.0
+        self.floating.load(self.bodies)
+        prescribed = [b for b in self.bodies if b.mass is None]
+        self._driven_speed = max(
+            (b.motion.top_speed(bounding_radius(b)) for b in prescribed), default=0.0
         )
+        self._reach = max(s.support for s in specs)
+        self._crossing = CROSSING * min(s.spacing for s in specs)
+        self._inward = np.array([isinstance(b, Solid) and b.container for b in self.bodies], bool)
+        self._driven = [k for k, b in enumerate(self.bodies) if b.mass is None and b.motion.moves]
+        self.driven = bool(self._driven)
+        self.moving = self.driven or self.floating.count > 0
+        # Centres at time zero, by pose; and extents: half extents of blocks, radii of balls, and
+        # corners of meshes that move.
+        self._start = np.array([[centre(b)] * 2 for b in self.bodies])
+        self._half = np.array(
+            [[b.radius] * 3 if isinstance(b, Ball) else half_extents(b) for b in self.bodies]
+        )
+        self._round = np.array([isinstance(b, Ball) for b in self.bodies], bool)
+        self._corners = {k: _corners(b) for k, b in enumerate(self.bodies) if isinstance(b, Solid)}
         if self.bodies:
             self._load_shapes(specs)
-        self.velocities = self.spins = np.zeros((self.count, 3))
+        self.velocities, self.spins = np.zeros((self.count, 3)), np.zeros((self.count, 3))
         self.reset(0.0)
+
+    def add(self, body: Body) -> None:
+        """Adds a floating body, at the pose and with the motion of its time zero, to the present
+        ones, which keep their states."""
+        time, state, stopped = self.time, self.floating.state(), dict(self.stopped)
+        impulse, twist = self.impulse, self.twist
+        self.load(self.box, self._specs, [*self.bodies, body], self._open_top)
+        self.constants.bodies[None] = self.count
+        self.stopped.update(stopped)
+        self.impulse[:-1], self.twist[:-1] = impulse, twist
+        # The new body is the last one.
+        self.restore(time, np.concatenate([state, self.floating.state()[-1:]]))
+
+    @property
+    def top_speed(self) -> float:
+        """Upper bound of the speed [m/s] of the bodies' points."""
+        return max(self._driven_speed, self.floating.top_speed())
 
     @property
     def container(self) -> int | None:
@@ -110,44 +154,113 @@ class Boundary:
                 own = lattices(body, specs)
                 grids += own
                 values += sample(body, own, specs)
-        ends = [body.bounds for body in self.bodies]
-        inward = [isinstance(b, Solid) and b.container for b in self.bodies]
-        self._shapes.fill(
+        self._shape_rows: dict[str, Any] = dict(
             kind=[(Block, Ball, Solid).index(type(b)) for b in self.bodies],
-            side=np.where(inward, -1.0, 1.0),
-            half=[0.5 * (hi - lo) for lo, hi in ends],
+            side=np.where(self._inward, -1.0, 1.0),
+            half=[half_extents(b) for b in self.bodies],
             bounding_radius=[bounding_radius(b) for b in self.bodies],
             first=first,
+            joined=[self._is_joined(k) for k in range(self.count)],
+            friction=[b.friction for b in self.bodies],
         )
+        self._store_shapes()
         if grids:
             self.samples.load(grids, values)
 
+    def _store_shapes(self) -> None:
+        """Fills the table of shapes; held bodies are immovable."""
+        inverse = np.zeros(self.count)
+        inverse[self.floating.which] = (1.0 - self.floating.held) / self.floating.mass
+        self._shapes.fill(**self._shape_rows, inverse_mass=inverse)
+
+    def _is_joined(self, number: int) -> bool:
+        """Returns True for a body in prescribed motion that moves, holds the water, or whose bounds
+        meet those of another one: its share is combined with theirs by a product."""
+        body = self.bodies[number]
+        if body.mass is not None:
+            return False
+        lo, hi = body.bounds
+        others = (b for k, b in enumerate(self.bodies) if k != number and b.mass is None)
+        meets = any(np.all((b.bounds[0] <= hi) & (lo <= b.bounds[1])) for b in others)
+        return meets or body.motion.moves
+
     def reset(self, time: float) -> None:
-        """Moves all bodies, including stopped ones, to their poses at `time` [s]."""
+        """Moves all bodies, including stopped ones, to their poses at `time` [s]; floating bodies
+        to those at time zero."""
         self.stopped.clear()
+        self.floating.reset()
+        if self.floating.count:
+            self._store_shapes()
+        # Impulses [N s] and angular impulses [N m s] of the water on the bodies since the reset.
+        self.impulse, self.twist = np.zeros((self.count, 3)), np.zeros((self.count, 3))
         self.place(time, 0.0)
+
+    def restore(self, time: float, floating: np.ndarray) -> None:
+        """Restores the FloatingBodies.state() of `time` [s]."""
+        if self.floating.count:
+            self.floating.restore(floating)
+            self._store_shapes()
+            self._place(time, 0.0)
+
+    def push(self, pushes: np.ndarray) -> float:
+        """Takes impulses and angular impulses by the water on all bodies, (bodies, 6), in the
+        present step; returns the work [J] of bodies in prescribed motion on the water."""
+        self.impulse, self.twist = self.impulse + pushes[:, :3], self.twist + pushes[:, 3:]
+        self.floating.receive(pushes[self.floating.which])
+        work = (self.velocities * pushes[:, :3] + self.spins * pushes[:, 3:]).sum(axis=1)
+        return -float(np.delete(work, self.floating.which).sum())
+
+    def fall(self, dt: float, external: ExternalForces) -> None:
+        """Changes the velocities of floating bodies by external forces within dt [s], and releases
+        held ones."""
+        if self.floating.let_go(self.time):
+            self._store_shapes()
+        self.floating.fall(dt, external, 0.5 * np.array(self.box))
 
     def stop(self, body: int, time: float) -> None:
         """Keeps a body at its pose of `time` [s] until reset()."""
         self.stopped[body] = time
 
     def name(self, body: int) -> str:
-        """Returns a body's name in scenes; obstacles are counted without the container."""
+        """Returns a body's name in scenes; bodies are counted without the container."""
         solid = self.bodies[body]
         if isinstance(solid, Solid) and solid.container:
             return "container"
         before = sum(isinstance(b, Solid) and b.container for b in self.bodies[:body])
-        return f"obstacles.{body - before}"
+        return f"bodies.{body - before}"
 
     def pose(self, body: int) -> tuple[np.ndarray, np.ndarray]:
         """Returns a body's displacement (3,) [m] and rotation (3, 3) at the end of the step."""
+        if self.bodies[body].mass is not None:
+            k = int(np.searchsorted(self.floating.which, body))
+            return self.floating.x[k] - centre(self.bodies[body]), self.floating.turn[k]
         last = min(self.time, self.stopped.get(body, math.inf))
         motion = self.bodies[body].motion
         return motion.offset(last), motion.rotation(last)
 
+    def centre_at_end(self, body: int) -> np.ndarray:
+        """Returns a body's centre [m], (3,), at the end of the step."""
+        return centre(self.bodies[body]) + self.pose(body)[0]
+
+    def motions(self) -> tuple[np.ndarray, np.ndarray]:
+        """Returns the velocities [m/s] and spins [rad/s] of all bodies, (bodies, 3) each."""
+        velocities, spins = self.velocities.copy(), self.spins.copy()
+        velocities[self.floating.which] = self.floating.v
+        spins[self.floating.which] = self.floating.spin
+        return velocities, spins
+
+    def close_together(self, gap: float) -> bool:
+        """Returns True if a body may be within `gap` [m] of a wall or another body."""
+        centres = np.array([self.centre_at_end(b) for b in range(self.count)])
+        reach = np.array([bounding_radius(b) for b in self.bodies]) + gap
+        walls = np.minimum(centres, self._walls - centres).min(axis=1)
+        apart = np.linalg.norm(centres[:, None] - centres, axis=2)
+        np.fill_diagonal(apart, np.inf)
+        return bool((walls < reach).any() or (apart < reach[:, None] + reach).any())
+
     def nearest_moving(self, x: np.ndarray) -> int:
-        """Returns the index of the moving body nearest to x (3,) [m]."""
-        moving = [k for k, body in enumerate(self.bodies) if body.motion.moves]
+        """Returns the index of the body in prescribed motion nearest to x (3,) [m]."""
+        moving = [k for k, b in enumerate(self.bodies) if b.motion.moves and b.mass is None]
         return min(moving, key=lambda k: self._distance_from(k, *x.tolist()))
 
     @kernel
@@ -161,25 +274,58 @@ class Boundary:
 
     def place(self, time: float, dt: float) -> None:
         """Sets the bodies' poses at the beginning and end of a step of dt [s] from `time`."""
+        self.floating.advance(dt)
+        self._place(time, dt)
+
+    def redo(self, dt: float) -> None:
+        """Sets the end poses of the present step of dt [s] anew, after velocities changed."""
+        if self.floating.count:
+            self.floating.redo(dt)
+            self._place(self.time - dt, dt)
+
+    def _place(self, time: float, dt: float) -> None:
         self.time = time + dt
         if not self.bodies:
             return
-        last = [self.stopped.get(k, math.inf) for k in range(self.count)]
-        ends = [(min(time, t), min(time + dt, t)) for t in last]
-        motions = [body.motion for body in self.bodies]
-        shifts = np.array(
-            [[m.offset(t) for t in pair] for m, pair in zip(motions, ends, strict=True)]
-        )
-        if dt > 0.0:
-            self.velocities = (shifts[:, END] - shifts[:, BEGIN]) / dt
-            spins = [m.spin() * (b > a) for m, (a, b) in zip(motions, ends, strict=True)]
-            self.spins = np.array(spins)
+        centres, turns = self._start.copy(), np.tile(np.eye(3), (self.count, 2, 1, 1))
+        for k in self._driven:
+            motion, last = self.bodies[k].motion, self.stopped.get(k, math.inf)
+            ends = min(time, last), min(time + dt, last)
+            shifts = [motion.offset(t) for t in ends]
+            centres[k] += shifts
+            turns[k] = [motion.rotation(t) for t in ends]
+            if dt > 0.0:
+                self.velocities[k] = (shifts[END] - shifts[BEGIN]) / dt
+                self.spins[k] = motion.spin() * (ends[END] > ends[BEGIN])
+        inverse_inertia = np.zeros((self.count, 2, 3, 3))
+        floating, k = self.floating, self.floating.which
+        if floating.count:
+            centres[k] = np.stack([floating.x_begin, floating.x], axis=1)
+            turns[k] = np.stack([floating.turn_begin, floating.turn], axis=1)
+            self.velocities[k], self.spins[k] = floating.v, floating.spin
+            inverse_inertia[k, BEGIN] = floating.inverse_inertia(floating.turn_begin)
+            inverse_inertia[k, END] = floating.inverse_inertia(floating.turn)
         self._poses.fill(
-            centre=np.array([centre(body) for body in self.bodies])[:, None] + shifts,
-            rotation=[[m.rotation(t) for t in pair] for m, pair in zip(motions, ends, strict=True)],
+            centre=centres,
+            rotation=turns,
             velocity=np.stack([self.velocities] * 2, axis=1),
             spin=np.stack([self.spins] * 2, axis=1),
+            inverse_inertia=inverse_inertia,
+            images=self._image_walls(centres, turns),
         )
+
+    def _image_walls(self, centres: np.ndarray, turns: np.ndarray) -> np.ndarray:
+        """Returns the walls, as bits, that mirror each body in each pose, (bodies, 2): those within
+        a kernel's reach that it does not cross."""
+        turned = np.where(self._round[:, None, None, None], np.eye(3), np.abs(turns))
+        out = np.einsum("bpij,bj->bpi", turned, self._half)
+        lo, hi = centres - out, centres + out
+        for b, corners in self._corners.items():
+            points = np.einsum("pij,nj->pni", turns[b], corners)
+            lo[b], hi[b] = centres[b] + points.min(axis=1), centres[b] + points.max(axis=1)
+        gaps = np.concatenate([lo, self._walls - hi], axis=2)
+        near = (gaps < self._reach) & (gaps > -self._crossing) & ~self._inward[:, None, None]
+        return near @ (1 << np.arange(6))
 
     def free(self, x: np.ndarray, margin: float = 0.0) -> np.ndarray:
         """Returns which points x (n, 3) are at least `margin` outside all bodies [m], (n,) bool."""
@@ -264,22 +410,19 @@ class Boundary:
         return self.velocity[b, BEGIN] + self.spin[b, BEGIN].cross(x - self.centre[b, BEGIN])
 
     @ti.func
-    def share(self, x, layer):
-        """Returns the bodies' part (-) of the relative density of a layer's particle at x [m], its
-        gradient [1/m], and minus its rate [1/s] by the bodies' motion.
+    def reaches(self, b, x, h, pose):
+        """Returns False if body b is certainly farther than h [m] from x."""
+        reach = self.bounding_radius[b] + h
+        return self.side[b] < 0.0 or (x - self.centre[b, pose]).norm_sqr() < reach * reach
 
-        The part is 1 - product over bodies of (1 - lambda_b), without the box's walls.
-        """
-        free, slope, closing = 1.0, vec3(0.0), 0.0
-        h = self.support[layer]
-        for b in range(self.constants.bodies[None]):
-            part = self.body_share(b, x, layer, h, BEGIN)
-            g = part.yzw
-            closing *= 1.0 - part.x
-            closing += free * self.velocity_at(b, x).dot(g)
-            slope = slope * (1.0 - part.x) - free * g
-            free *= 1.0 - part.x
-        return ti.Vector([1.0 - free, -slope[0], -slope[1], -slope[2], closing])
+    @ti.func
+    def free_of_others(self, b, x, layer, h):
+        """Returns the product (-) of 1 - lambda over the joined bodies other than b."""
+        free = 1.0
+        for other in range(self.constants.bodies[None]):
+            if other != b and self.joined[other] == 1:
+                free *= 1.0 - self.body_share(other, x, layer, h, BEGIN).x
+        return free
 
     @ti.func
     def open_share(self, x, layer, pose):
@@ -326,6 +469,13 @@ class Boundary:
         if self.side[b] < 0.0:
             found = vec4(1.0, 0.0, 0.0, 0.0) - found
         return found
+
+
+def _corners(mesh: Solid) -> np.ndarray:
+    """Returns the vertices (n, 3) [m] of a mesh's convex hull, in its frame."""
+    from scipy.spatial import ConvexHull  # only meshes need it
+
+    return mesh.vertices[ConvexHull(mesh.vertices).vertices] - centre(mesh)
 
 
 @ti.func

@@ -1,28 +1,25 @@
 """Contact of particles with walls and bodies.
 
 Walls and bodies stop particles. Kernels are completed by mirror images beyond walls
-(mirror_images.py) and by the bodies' share of the kernel's integral inside bodies. Body kernels are
-launched only in scenes with bodies.
+(mirror_images.py) and by the bodies' share of the kernel's integral inside bodies (body_links.py).
+Body kernels are launched only in scenes with bodies.
 """
 
 import taichi as ti
 
+from msph.fluid.boundary import body_links
 from msph.fluid.boundary.boundary import BEGIN, END, Boundary
-from msph.fluid.boundary.walls import Walls
+from msph.fluid.boundary.gaps import Gaps
+from msph.fluid.boundary.walls import NO_WALL, Walls
 from msph.fluid.impulse_ledger import ImpulseLedger
 from msph.fluid.particles.particles import Attribute, Particles
+from msph.fluid.room import MAX_BODIES
 from msph.taichi_internals import data_oriented, kernel
 
-vec3 = ti.math.vec3
+vec3, vec4 = ti.math.vec3, ti.math.vec4
 
 ATTRIBUTES = (
-    Attribute(
-        "boundary_share", "-", "contribution of bodies to the relative density c", carried=False
-    ),
-    Attribute("boundary_gradient", "1/m", "gradient of boundary_share", width=3, carried=False),
-    Attribute(
-        "boundary_inflow", "1/s", "rate of boundary_share by motion of bodies", carried=False
-    ),
+    *body_links.ATTRIBUTES,
     Attribute("clearance", "m", "distance from the nearest body", carried=False),
 )
 
@@ -38,29 +35,39 @@ NEAREST, GOLDEN = 0.05, 0.6180340
 
 @data_oriented
 class Contact:
-    """Stops particles at walls and bodies, and computes the bodies' part of the density."""
+    """Stops particles at walls and bodies. touches: number of particles that meet each body."""
 
     def __init__(self, boundary: Boundary, particles: Particles, impulses: ImpulseLedger):
         self.constants, self.boundary, self.layers = boundary.constants, boundary, boundary.layers
         self.particles, self.impulses, self.walls = particles, impulses, Walls(boundary.constants)
+        self.gaps = Gaps(boundary)
+        self.touches = ti.field(ti.i32, shape=MAX_BODIES)
 
     def drift(self, dt: float) -> None:
         """Moves particles by dt v, dt [s], and stops them at walls and at the bodies' end poses."""
         n = self.particles.count
         self._drift(n, dt)
         if self.boundary.count:
+            self._count_touches(n)
             self._stop_at_bodies(n)
             self._clear_bodies(n, END)
+            self.push_moving()
+
+    def push_moving(self) -> None:
+        """Hands recorded impulses to the bodies if any of them moves."""
+        if self.boundary.moving:
+            self.push_bodies()
+
+    def push_bodies(self) -> None:
+        """Hands the impulses recorded since the last call to the bodies."""
+        if self.boundary.count:
+            work = self.boundary.push(self.impulses.take_pushes(self.boundary.count))
+            self.impulses.wall_work[None] += work
 
     def clear_bodies(self) -> None:
         """Moves particles out of bodies in their poses at the beginning of the step."""
         if self.boundary.count:
             self._clear_bodies(self.particles.count, BEGIN)
-
-    def refresh_shares(self) -> None:
-        """Computes the bodies' share, gradient and inflow at the particles; 0 without bodies."""
-        if self.boundary.count:
-            self._find_shares(self.particles.count)
 
     def refresh_clearance(self) -> None:
         """Computes the distance of each particle from the nearest body."""
@@ -86,24 +93,44 @@ class Contact:
             p.x[i], p.v[i] = stopped, v
 
     @kernel
+    def _count_touches(self, n: ti.i32):
+        for b in range(MAX_BODIES):
+            self.touches[b] = 0
+        for i in range(n):
+            for b in range(self.constants.bodies[None]):
+                if self.boundary.reaches(b, self.particles.x[i], self.margin(i), END):
+                    near = self.boundary.distance(b, self.particles.x[i], END)
+                    if near.x < self.margin(i):
+                        self.touches[b] += 1
+
+    @kernel
     def _stop_at_bodies(self, n: ti.i32):
-        """Updates velocities of particles in contact with bodies, and records impulse and work."""
+        """Updates velocities of particles in contact with bodies, and records impulses.
+
+        A floating body of mass M that meets k particles meets each with M/k (mass splitting, Tonge
+        et al. 2012): momentum is conserved, and no energy is added.
+        """
         p = self.particles
         for i in range(n):
-            x, v, margin, work = p.x[i], p.v[i], self.margin(i), 0.0
+            x, v, margin = p.x[i], p.v[i], self.margin(i)
+            m = self.layers.mass[p.layer[i]]
             for b in range(self.constants.bodies[None]):
-                near = self.boundary.distance(b, x, END)
+                near = vec4(NO_WALL, 0.0, 0.0, 0.0)
+                if self.boundary.reaches(b, x, margin, END):
+                    near = self.boundary.distance(b, x, END)
                 if near.x < margin:
-                    normal = near.yzw.normalized(1e-9)
+                    normal, arm = near.yzw.normalized(1e-9), x - self.boundary.centre[b, END]
                     own = self.boundary.velocity_at(b, x)
                     inward = ti.min((v - own).dot(normal), 0.0)
-                    push = -(1.0 + self.constants.restitution[None]) * inward * normal
+                    turn = arm.cross(normal)
+                    mobility = turn.dot(self.boundary.inverse_inertia[b, END] @ turn)
+                    mobility = m * self.touches[b] * (mobility + self.boundary.inverse_mass[b])
+                    strength = (1.0 + self.constants.restitution[None]) / (1.0 + mobility)
+                    push = -strength * inward * normal
                     v += push
-                    work += push.dot(own)
-            impulse = self.layers.mass[p.layer[i]] * (v - p.v[i])
-            self.impulses.wall_impulse[None] += impulse
-            self.impulses.body_impulse[None] += impulse
-            self.impulses.wall_work[None] += self.layers.mass[p.layer[i]] * work
+                    self.impulses.push_body(b, -m * push, arm)
+                    self.gaps.record(b, x, near, -m * push, END)
+            self.impulses.wall_impulse[None] += m * (v - p.v[i])
             p.v[i] = v
 
     @kernel
@@ -115,7 +142,9 @@ class Contact:
                 rounds += 1
                 pushed = False
                 for b in range(self.constants.bodies[None]):
-                    near = self.boundary.distance(b, x, pose)
+                    near = vec4(NO_WALL, 0.0, 0.0, 0.0)
+                    if self.boundary.reaches(b, x, margin, pose):
+                        near = self.boundary.distance(b, x, pose)
                     if near.x < margin:
                         x -= (near.x - margin) * near.yzw / ti.max(near.yzw.norm_sqr(), 0.25)
                         pushed = True
@@ -124,15 +153,6 @@ class Contact:
                 if not pushed:
                     rounds = ROUNDS
             self.particles.x[i] = x
-
-    @kernel
-    def _find_shares(self, n: ti.i32):
-        p = self.particles
-        for i in range(n):
-            layer = p.layer[i]
-            share = self.layers.per_yield[layer] * self.boundary.share(p.x[i], layer)
-            p.boundary_share[i], p.boundary_inflow[i] = share[0], -share[4]
-            p.boundary_gradient[i] = ti.Vector([share[1], share[2], share[3]])
 
     @kernel
     def _find_clearance(self, n: ti.i32):

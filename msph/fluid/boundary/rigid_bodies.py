@@ -1,12 +1,13 @@
-"""Rigid bodies: blocks, balls and closed meshes, at rest or in prescribed motion.
+"""Rigid bodies: blocks, balls and closed meshes, in prescribed motion or floating.
 
-Shapes are given at time zero in the box's frame. A pose is a function of time alone, so that resets
-and checkpoints need no state.
+Shapes are given at time zero in the box's frame. The pose of a body in prescribed motion is a
+function of time alone; floating.py holds the state of floating bodies.
 """
 
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -51,11 +52,8 @@ class Motion:
         return np.array(self.velocity) * time + np.array(self.swing) * part
 
     def rotation(self, time: float) -> np.ndarray:
-        """Returns the rotation since time zero, (3, 3), by Rodrigues' formula."""
-        x, y, z = self._axis
-        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-        angle = self.rate * time
-        return np.eye(3) + math.sin(angle) * cross + (1.0 - math.cos(angle)) * cross @ cross
+        """Returns the rotation since time zero, (3, 3)."""
+        return rotations(self.rate * time * self._axis[None])[0]
 
     def spin(self) -> np.ndarray:
         """Returns the angular velocity [rad/s], (3,)."""
@@ -72,7 +70,21 @@ class Motion:
         return axis / np.linalg.norm(axis)
 
 
+def rotations(vectors: np.ndarray) -> np.ndarray:
+    """Returns the rotations (n, 3, 3) by rotation vectors (n, 3) [rad], by Rodrigues' formula."""
+    angle = np.linalg.norm(vectors, axis=1)[:, None, None]
+    x, y, z = (vectors / np.maximum(angle[:, 0], np.finfo(float).tiny)).T
+    zero = np.zeros_like(x)
+    cross = np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]).transpose(2, 0, 1)
+    return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
+
+
 AT_REST = Motion()
+# Coefficient of friction between bodies, and with walls (-): of wood on wood.
+FRICTION = 0.3
+
+# A body with a mass [kg] floats from the time `release` [s] on: until then it is held at rest, and
+# its motion gives velocity and spin at that time. A body without a mass follows its motion.
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +94,9 @@ class Block:
     lo: np.ndarray
     hi: np.ndarray
     motion: Motion = AT_REST
+    mass: float | None = None
+    friction: float = FRICTION
+    release: float = 0.0
 
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
@@ -95,6 +110,9 @@ class Ball:
     centre: np.ndarray
     radius: float
     motion: Motion = AT_REST
+    mass: float | None = None
+    friction: float = FRICTION
+    release: float = 0.0
 
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
@@ -112,28 +130,68 @@ class Solid:
     vertices: np.ndarray
     triangles: np.ndarray
     motion: Motion = AT_REST
+    mass: float | None = None
+    friction: float = FRICTION
+    release: float = 0.0
     container: bool = field(default=False)
 
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         return self.vertices.min(axis=0), self.vertices.max(axis=0)
 
+    @cached_property
+    def uniform(self) -> Any:
+        """Mass properties at density 1: volume, center_mass and inertia about it, by trimesh."""
+        from trimesh.triangles import mass_properties  # only meshes need it
+
+        return mass_properties(self.vertices[self.triangles].astype(float), density=1.0)
+
 
 Body = Block | Ball | Solid
 
 
 def centre(body: Body) -> np.ndarray:
-    """Returns the centre of the body's bounds [m], (3,), about which it rotates."""
+    """Returns the point [m], (3,), about which a body rotates: the centre of mass of a floating
+    mesh, otherwise the centre of the bounds."""
+    if isinstance(body, Solid) and body.mass is not None:
+        return np.array(body.uniform.center_mass)
     lo, hi = body.bounds
     return 0.5 * (lo + hi)
+
+
+def volume(body: Body) -> float:
+    """Returns the volume of a body [m^3]."""
+    if isinstance(body, Solid):
+        return float(body.uniform.volume)
+    if isinstance(body, Ball):
+        return 4.0 / 3.0 * math.pi * body.radius**3
+    return float(np.prod(body.hi - body.lo))
+
+
+def inertia(body: Body) -> np.ndarray:
+    """Returns the inertia (3, 3) [kg m^2] of a floating body of uniform density about its centre
+    of mass, in its frame."""
+    assert body.mass is not None
+    if isinstance(body, Solid):
+        return body.mass / volume(body) * np.array(body.uniform.inertia)
+    if isinstance(body, Ball):
+        return 0.4 * body.mass * body.radius**2 * np.eye(3)
+    squares = (body.hi - body.lo) ** 2
+    return body.mass / 12.0 * np.diag(squares.sum() - squares)
+
+
+def half_extents(body: Body) -> np.ndarray:
+    """Returns the largest distances [m] of the body's points from its centre along the axes of its
+    frame, (3,)."""
+    lo, hi = body.bounds
+    return np.maximum(hi - centre(body), centre(body) - lo)
 
 
 def bounding_radius(body: Body) -> float:
     """Returns the radius [m] of a ball about the centre that contains the body."""
     if isinstance(body, Ball):
         return body.radius
-    lo, hi = body.bounds
-    return 0.5 * float(np.linalg.norm(hi - lo))
+    return float(np.linalg.norm(half_extents(body)))
 
 
 def extended_into_walls(body: Body, walls: np.ndarray, specs: list[LayerSpec]) -> Body:
@@ -143,7 +201,7 @@ def extended_into_walls(body: Body, walls: np.ndarray, specs: list[LayerSpec]) -
     Faces along axes of motion stay, since a gap may open there; other bodies are returned
     unchanged.
     """
-    if not isinstance(body, Block) or body.motion.spins:
+    if not isinstance(body, Block) or body.motion.spins or body.mass is not None:
         return body
     touching = TOUCHING * min(s.spacing for s in specs)
     far = 2.0 * max(s.support for s in specs)

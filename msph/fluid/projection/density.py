@@ -74,7 +74,7 @@ class Density:
     """
 
     def __init__(self, parts: Parts):
-        self.constants, self.contact = parts.constants, parts.contact
+        self.constants, self.boundary, self.links = parts.constants, parts.boundary, parts.links
         self.layers, self.particles = parts.layers, parts.particles
         self.neighbours, self.images = parts.neighbours, parts.neighbours.images
         self.block = BLOCK if on_cpu() else 1
@@ -86,8 +86,8 @@ class Density:
 
     def refresh(self) -> None:
         """Recomputes the sums if the list is new or bodies move; the list must be fresh."""
-        if self.summed_search != self.neighbours.searches or self.contact.boundary.moving:
-            self.contact.refresh_shares()
+        if self.summed_search != self.neighbours.searches or self.boundary.moving:
+            self.links.refresh()
             self.largest_excess = self._sum(self.particles.count)
             self.summed_search = self.neighbours.searches
 

@@ -23,6 +23,7 @@ class Force:
         self.constants, self.impulses = shared.constants, shared.impulses
         self.contact = shared.contact
         self.layers, self.particles, self.density = shared.layers, shared.particles, shared.density
+        self.boundary, self.links = shared.boundary, shared.links
         self.neighbours, self.images = shared.neighbours, shared.neighbours.images
 
     @staticmethod

@@ -3,8 +3,9 @@
 Multipliers q [m^2] displace particles by u_i = -sum V_j (q_i + q_j) grad W_ij [m], which changes
 relative densities by sum V_j (u_i - u_j).grad W_ij. Sums run over neighbours and mirror images;
 bodies add -q_i b_i to the first and u_i.b_i to the second, b_i the gradient of the bodies' part of
-the kernel's integral. Gradient and divergence are adjoint: A q = -div u(q) is symmetric and
-positive semi-definite under the volumes V, and sum V |u|^2 = <q, A q>, for all layers.
+the kernel's integral. Floating bodies are displaced as well (body_links.py). Gradient and
+divergence are adjoint: A q = -div u(q) is symmetric and positive semi-definite under the volumes V,
+and <q, A q> is sum V |u|^2 and the same sum over the bodies, for all layers.
 """
 
 import taichi as ti
@@ -24,6 +25,7 @@ class PressureOperator:
 
     def __init__(self, parts: Parts, pair_gradient: ti.MatrixField):
         self.layers, self.particles = parts.layers, parts.particles
+        self.links = parts.links
         self.neighbours, self.images = parts.neighbours, parts.neighbours.images
         self.pair_gradient = pair_gradient
 
@@ -72,16 +74,17 @@ class PressureOperator:
 
     @ti.func
     def apply(self, n, q: ti.template()):
-        """Stores the displacements u by the multipliers q (capacity,) [m^2]; returns
-        <q, A q> = sum V |u|^2 [m^5]."""
+        """Stores the displacements u by the multipliers q (capacity,) [m^2], and those of floating
+        bodies; returns <q, A q> [m^5]."""
         product = 0.0
         for i in range(n):
             u = self.displacement(i, q)
-            self.particles.displacement[i] = u
+            self.particles.displacement[i], self.particles.body_approach[i] = u, 0.0
             product += self.layers.volume[self.particles.layer[i]] * u.norm_sqr()
-        return product
+        return product + self.links.displace(q)
 
     @ti.func
     def response(self, i, q: ti.template()):
         """Returns A q at particle i (-), after apply() of q."""
-        return -self.divergence(i, self.particles.displacement)
+        closing = self.divergence(i, self.particles.displacement)
+        return -closing - self.particles.body_approach[i]

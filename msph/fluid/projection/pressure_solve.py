@@ -53,7 +53,7 @@ class PressureSolve:
         p = shared.particles
         self.constants, self.layers, self.particles = shared.constants, shared.layers, p
         self.boundary, self.impulses = shared.boundary, shared.impulses
-        self.contact = shared.contact
+        self.links, self.contact = shared.links, shared.contact
         self.density, self.operator = shared.density, shared.operator
         self.conjugate_gradient = ConjugateGradient(
             shared, shared.operator, p.residual, p.direction, diagonal=p.diagonal, active=p.active
@@ -103,6 +103,7 @@ class PressureSolve:
         displacement: fast water allows a larger error, which saves half the iterations.
         """
         n = self.particles.count
+        self.links.add_to_diagonal()
         return self.conjugate_gradient.solve(
             self.particles.velocity_multiplier,
             tolerance,
@@ -159,6 +160,8 @@ class PressureSolve:
         rate = self._accelerate(n, dt, gravity, with_stress)
         if self.boundary.count:
             self._set_pressure_near_bodies(n, gravity)
+            self.links.record_pressure(dt)
+            self.contact.push_moving()
         return rate
 
     @kernel
@@ -176,10 +179,6 @@ class PressureSolve:
             if p.boundary_gradient[i].norm_sqr() > 0.0:
                 body = -p.pressure_multiplier[i] / rest_density * p.boundary_gradient[i]
                 wall += body
-                self.impulses.body_impulse[None] += m * dt * body
-                # Force of the bodies on the particle times the bodies' velocity.
-                work = m * p.velocity_multiplier[i] / dt * p.boundary_inflow[i]
-                self.impulses.wall_work[None] += work
                 if ti.static(with_stress):
                     arm, push = self.contact.arm(i), rest_density * body
                     found.normal += arm * push

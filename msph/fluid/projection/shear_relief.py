@@ -24,7 +24,7 @@ from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.particles import Attribute
 from msph.fluid.projection.force import Force
 from msph.fluid.projection.parameters import MOTION_FACTOR, ProjectionParameters
-from msph.fluid.small_numbers import MIN_WEIGHT
+from msph.fluid.small_numbers import MIN_DIVISOR, MIN_WEIGHT
 from msph.taichi_internals import data_oriented, kernel
 
 # Ratio (-) of deviator to pressure above which the relief fades out, to none at twice this: it is
@@ -83,6 +83,8 @@ class ShearRelief(Force):
         n = self.particles.count
         self._find(n, dt / self.pressure_cfl, dt / self.cfl)
         self._accelerate(n, self.share * dt)
+        if self.boundary.count:
+            self._push_bodies(self.share * dt)
 
     @kernel
     def _find(self, n: ti.i32, pressure_time: ti.f32, motion_time: ti.f32):
@@ -161,10 +163,21 @@ class ShearRelief(Force):
                 along = impulse * rows_times_vector(p.relief[i], b).dot(b) / b.norm_sqr()
                 body = along * b
                 v += body
-                self.impulses.wall_work[None] -= m * along * p.boundary_inflow[i]
-                self.impulses.body_impulse[None] += m * body
                 self.impulses.wall_impulse[None] += m * body
             p.v[i] = v
+
+    @kernel
+    def _push_bodies(self, impulse: ti.f32):
+        """Records the opposite impulses on bodies; impulse as in _accelerate()."""
+        p = self.particles
+        for link in range(self.links.found[None]):
+            i = self.links.particle[link]
+            _, body, arm = self.links.image(link)
+            b = p.boundary_gradient[i]
+            along = impulse * rows_times_vector(p.relief[i], b).dot(b)
+            along /= ti.max(b.norm_sqr(), MIN_DIVISOR)
+            push = -self.layers.mass[p.layer[i]] * along * self.links.gradient[link]
+            self.impulses.push_body(body, push, arm)
 
 
 @ti.func

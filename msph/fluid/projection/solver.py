@@ -75,6 +75,7 @@ class Projection:
         self.constants, self.boundary, self.contact = parts.constants, parts.boundary, parts.contact
         self.layers, self.grid, self.particles = parts.layers, parts.grid, parts.particles
         self.neighbours, self.impulses = parts.neighbours, parts.impulses
+        self.collisions, self.gaps = parts.collisions, parts.gaps
         self.density = Density(parts)
         operator = PressureOperator(parts, self.density.pair_gradient)
         shared = Discretisation(**vars(parts), density=self.density, operator=operator)
@@ -232,7 +233,10 @@ class Projection:
             self.contact.drift(
                 0.5 * dt
             )  # x, v, poses -> x; v of particles stopped at walls, bodies
+            self.boundary.fall(dt, external)  # v of floating bodies -> v
             self.boundary.move(0.5 * dt)  # time -> body poses at t + dt/2, t + dt, mean velocities
+            # poses, forces of the last step -> contacts; v of floating bodies
+            self.collisions.anticipate(dt)
             self.particles_moved()
         if self.adaptation and self.adaptation.pass_due():
             with stage("adaptation"):
@@ -241,6 +245,8 @@ class Projection:
                 self.particles_moved()
         with stage("neighbours"):
             self.neighbours.refresh()  # x, layer -> order of particles, neighbour list
+            # poses, last pressures -> v of floating bodies
+            self.gaps.push(dt, external.gravity)
         with stage("density"):
             self.density.refresh()  # x, list, poses -> density, defect, pair gradients, diagonal
             if not self.parameters.tension:
@@ -256,7 +262,10 @@ class Projection:
             self.pressure_solve.build_rhs(self.particles.count, dt)
             self.iterations = self.pressure_solve.solve(dt)  # right-hand side, v -> multipliers
             # multipliers, v -> v, pressure, stress
+            # and v of floating bodies
             pressure_rate = self.pressure_solve.accelerate(dt, external.gravity, self.with_stress)
+            self.collisions.resolve()  # contacts, v of floating bodies -> v
+            self.boundary.redo(0.5 * dt)  # v of floating bodies -> poses at t + dt
         with stage("drift"):
             self.position_correction.apply()  # displacements, x, v -> x, v, relative speeds
             motion_rate, distance = self._motion_bounds(self.particles.count, dt)

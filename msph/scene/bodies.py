@@ -1,14 +1,25 @@
-"""Building and checking the bodies of a scene: its obstacles and its container."""
+"""Building and checking the bodies of a scene, its container included."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
-from msph.fluid.boundary.rigid_bodies import Ball, Block, Body, Motion, Solid, bounding_radius
+from msph.fluid.boundary.rigid_bodies import (
+    Ball,
+    Block,
+    Body,
+    Motion,
+    Solid,
+    bounding_radius,
+    volume,
+)
+from msph.fluid.boundary.walls import wall_constants
 from msph.fluid.methods import METHODS, methods_with
+from msph.scene import schema
 from msph.scene.errors import SceneError, in_metres
 from msph.scene.meshes import MeshError, load_mesh
-from msph.scene.schema import Container, Obstacle, Scene
+from msph.scene.schema import Container, Scene
 
 # Largest speed of a body's surface [m/s]; the speed of sound in water is 1480 m/s.
 MAX_SPEED = 500.0
@@ -19,30 +30,34 @@ MAX_EXTENT = 50.0
 def bodies(scene: Scene) -> list[Body]:
     """Returns the bodies of a checked scene, the container first."""
     found: list[Body] = [] if scene.container is None else [_container(scene.container)]
-    return found + [body(obstacle) for obstacle in scene.obstacles]
+    return found + [body(given) for given in scene.bodies]
 
 
-def body(obstacle: Obstacle) -> Body:
-    """Returns the body of a checked obstacle."""
+def body(given: schema.Body) -> Body:
+    """Returns the body of a checked table of a scene."""
     motion = Motion(
-        velocity=obstacle.velocity,
-        swing=obstacle.swing,
-        period=obstacle.period,
-        axis=obstacle.axis,
-        rate=math.radians(obstacle.spin),
+        velocity=given.velocity,
+        swing=given.swing,
+        period=given.period,
+        axis=given.axis,
+        rate=math.radians(given.spin),
     )
-    if obstacle.mesh is not None:
-        return Solid(*placed(obstacle), motion)
-    if obstacle.radius is not None:
-        return Ball(np.array(obstacle.centre, float), obstacle.radius, motion)
-    return Block(np.array(obstacle.lo, float), np.array(obstacle.hi, float), motion)
+    made: Body
+    if given.mesh is not None:
+        made = Solid(*placed(given), motion)
+    elif given.radius is not None:
+        made = Ball(np.array(given.centre, float), given.radius, motion)
+    else:
+        made = Block(np.array(given.lo, float), np.array(given.hi, float), motion)
+    mass = given.mass if given.density is None else given.density * volume(made)
+    return replace(made, mass=mass, friction=given.friction, release=given.release)
 
 
 def _container(container: Container) -> Solid:
     return Solid(*placed(container), container=True)
 
 
-def placed(mesh: Obstacle | Container) -> tuple[np.ndarray, np.ndarray]:
+def placed(mesh: schema.Body | Container) -> tuple[np.ndarray, np.ndarray]:
     """Returns vertices [m] and triangles of a mesh: scaled, rotated about x, y, z, translated."""
     from scipy.spatial.transform import Rotation  # 0.5 s to import, and only meshes need it
 
@@ -54,10 +69,10 @@ def placed(mesh: Obstacle | Container) -> tuple[np.ndarray, np.ndarray]:
 def check_bodies(scene: Scene, spacing: float, where: str) -> list[Body]:
     """Returns the bodies of a scene, the container first; spacing: the finest layer's [m].
 
-    Raises SceneError for an obstacle or a container that cannot be built."""
+    Raises SceneError for a body or a container that cannot be built."""
     found: list[Body] = []
-    if (scene.obstacles or scene.container) and not METHODS[scene.method].HAS_BODIES:
-        key = "obstacles" if scene.obstacles else "container"
+    if (scene.bodies or scene.container) and not METHODS[scene.method].HAS_BODIES:
+        key = "bodies" if scene.bodies else "container"
         able = methods_with("HAS_BODIES")
         raise SceneError(where, f"the method {scene.method} has no bodies; {able} has", key)
     if scene.container is not None:
@@ -71,25 +86,30 @@ def check_bodies(scene: Scene, spacing: float, where: str) -> list[Body]:
                 f"{in_metres(scene.box.size)}",
                 "container",
             )
-    for i, obstacle in enumerate(scene.obstacles):
-        found.append(_check_obstacle(scene, obstacle, spacing, where, f"obstacles.{i}"))
+    for i, given in enumerate(scene.bodies):
+        found.append(_check_body(scene, given, spacing, where, f"bodies.{i}"))
     return found
 
 
-def _check_obstacle(scene: Scene, obstacle: Obstacle, spacing: float, where: str, key: str) -> Body:
+def _check_body(scene: Scene, given: schema.Body, spacing: float, where: str, key: str) -> Body:
     shapes = (
-        (obstacle.lo, obstacle.hi),
-        (obstacle.centre, obstacle.radius),
-        (obstacle.mesh,),
+        (given.lo, given.hi),
+        (given.centre, given.radius),
+        (given.mesh,),
     )
-    given = [shape for shape in shapes if any(part is not None for part in shape)]
-    if len(given) != 1 or any(part is None for part in given[0]):
+    found = [shape for shape in shapes if any(part is not None for part in shape)]
+    if len(found) != 1 or any(part is None for part in found[0]):
         raise SceneError(where, "give either lo and hi, or centre and radius, or mesh", key)
-    if obstacle.mesh is not None:
-        _check_mesh(obstacle, where, key)
-    if not any(obstacle.axis):
+    if given.mesh is not None:
+        _check_mesh(given, where, key)
+    if not any(given.axis):
         raise SceneError(where, "has no direction", f"{key}.axis")
-    made = body(obstacle)
+    if given.density is not None and given.mass is not None:
+        raise SceneError(where, "give either density or mass", key)
+    floats = given.density is not None or given.mass is not None
+    if floats and any(given.swing):
+        raise SceneError(where, "a body with a mass floats and cannot swing", f"{key}.swing")
+    made = body(given)
     speed = made.motion.top_speed(bounding_radius(made))
     if speed > MAX_SPEED:
         raise SceneError(
@@ -109,7 +129,7 @@ def _check_obstacle(scene: Scene, obstacle: Obstacle, spacing: float, where: str
             key,
         )
     times = float(np.max(hi - lo) / max(scene.box.size))
-    if obstacle.mesh is not None and times > MAX_EXTENT:
+    if given.mesh is not None and times > MAX_EXTENT:
         raise SceneError(
             where,
             f"is {np.max(hi - lo):.3g} m large, {times:.0f} times the box; a mesh in millimetres "
@@ -117,12 +137,19 @@ def _check_obstacle(scene: Scene, obstacle: Obstacle, spacing: float, where: str
             f"{key}.mesh",
         )
     outside = np.any(hi <= 0.0) or np.any(lo >= np.array(scene.box.size))
+    if floats and not np.all((lo >= 0.0) & (hi <= room(scene))):
+        raise SceneError(where, "floats, and must start inside the box", key)
     if outside and not made.motion.moves:
         raise SceneError(where, "is outside the box and does not move", key)
     return made
 
 
-def _check_mesh(mesh: Obstacle | Container, where: str, key: str) -> None:
+def room(scene: Scene) -> np.ndarray:
+    """Returns the far corner [m] of the space in which bodies may float."""
+    return np.array(wall_constants(scene.box.size, scene.box.open)["walls"])
+
+
+def _check_mesh(mesh: schema.Body | Container, where: str, key: str) -> None:
     try:
         load_mesh(str(mesh.mesh))
     except MeshError as error:

@@ -1,0 +1,94 @@
+"""Makes the shipped meshes beside this file: python assets/bodies/make.py
+
+Unit: one metre. Bowl and torus are curves turned about the y axis, the duck blends ellipsoids; all
+are closed, their faces outwards.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+
+def turned(radius, height, sections=64):
+    """The curve (radius, height) turned about y; it starts and ends on the axis, or is closed."""
+    n, closed = len(radius), radius[0] > 0.0
+    angle = 2.0 * np.pi * np.arange(sections) / sections
+    ring = np.stack([np.cos(angle), np.zeros(sections), np.sin(angle)], axis=1)
+    vertices = radius[:, None, None] * ring + height[:, None, None] * np.array((0.0, 1.0, 0.0))
+    index = np.arange(n * sections).reshape(n, sections)
+    if closed:
+        index = np.vstack([index, index[:1]])
+    a, b = index[:-1], index[1:]
+    c, d = np.roll(b, -1, axis=1), np.roll(a, -1, axis=1)
+    quads = np.stack([a, b, c, d], axis=-1).reshape(-1, 4)
+    mesh = trimesh.Trimesh(vertices.reshape(-1, 3), quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3))
+    mesh.update_faces(mesh.nondegenerate_faces())
+    mesh.remove_unreferenced_vertices()
+    if mesh.volume < 0.0:
+        mesh.invert()
+    assert mesh.is_watertight
+    return mesh
+
+
+def bowl(radius=0.5, depth=0.4):
+    """Room of a bowl: a cap of a ball, `radius` at the rim, closed by a flat lid at y = depth."""
+    ball = (radius**2 + depth**2) / (2.0 * depth)
+    angle = np.linspace(0.0, np.arcsin(radius / ball), 33)
+    r, y = ball * np.sin(angle), ball * (1.0 - np.cos(angle))
+    lid = np.linspace(radius, 0.0, 9)[1:]
+    r, y = np.concatenate([r, lid]), np.concatenate([y, np.full(8, depth)])
+    r[0] = r[-1] = 0.0
+    return turned(r, y, sections=128)
+
+
+def torus(radius=0.35, tube=0.15):
+    angle = 2.0 * np.pi * np.arange(32) / 32
+    return turned(radius + tube * np.cos(angle), tube * np.sin(angle))
+
+
+# The duck's ellipsoids: centre and half axes, for a duck 1 m long that looks along +x. With a hull
+# less wide it would capsize: its density is uniform.
+DUCK = {
+    "hull": ((0.0, -0.08, 0.0), (0.44, 0.19, 0.36)),
+    "breast": ((0.14, 0.0, 0.0), (0.24, 0.18, 0.26)),
+    "head": ((0.2, 0.25, 0.0), (0.16, 0.15, 0.15)),
+    "beak": ((0.38, 0.21, 0.0), (0.12, 0.035, 0.08)),
+    "tail": ((-0.42, 0.04, 0.0), (0.14, 0.08, 0.12)),
+}
+# Point from which the whole surface is seen, and width of the blends between ellipsoids.
+DUCK_EYE, BLEND = np.array((0.14, 0.06, 0.0)), 0.12
+
+
+def duck():
+    """The surface of the smooth union of ellipsoids, found along rays from DUCK_EYE."""
+    mesh = trimesh.creation.icosphere(4)
+    # The first crossing from inside: the nearest of samples that is outside, then bisection.
+    steps = np.linspace(0.02, 0.8, 200)
+    outside = np.array([_beyond(DUCK_EYE + r * mesh.vertices) > 0.0 for r in steps])
+    hi = steps[outside.argmax(axis=0)]
+    lo = hi - (steps[1] - steps[0])
+    for _ in range(30):
+        middle = 0.5 * (lo + hi)
+        out = _beyond(DUCK_EYE + middle[:, None] * mesh.vertices) > 0.0
+        lo, hi = np.where(out, lo, middle), np.where(out, middle, hi)
+    mesh = trimesh.Trimesh(DUCK_EYE + hi[:, None] * mesh.vertices, mesh.faces)
+    assert mesh.is_watertight and mesh.volume > 0.0
+    return mesh
+
+
+def _beyond(x):
+    """About the distance from the smooth union of the ellipsoids, negative inside."""
+    parts = []
+    for centre, axes in DUCK.values():
+        q = np.linalg.norm((x - centre) / axes, axis=1)
+        parts.append(q * (q - 1.0) / np.linalg.norm((x - centre) / np.square(axes), axis=1))
+    return -BLEND / 3.0 * np.log(sum(np.exp(-3.0 * d / BLEND) for d in parts))
+
+
+if __name__ == "__main__":
+    for shape in (bowl, torus, duck):
+        text = shape().export(
+            file_type="obj", digits=6, header=f"made by make.py: {shape.__name__}"
+        )
+        Path(__file__).with_name(f"{shape.__name__}.obj").write_text(text)

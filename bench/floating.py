@@ -1,0 +1,235 @@
+"""Cases of floating bodies for bench/bodies.py: drafts, heave decay, conservation, stability."""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from scipy.optimize import brentq
+
+from bench import tanks
+from msph.fluid.boundary.rigid_bodies import volume
+from msph.fluid.external_forces import ExternalForces
+from msph.measure.ledger import Ledger
+from msph.scene.schema import Scene
+
+STARTS = 3
+# Still water: edge of the square box, depth, finest spacing [m], edge of the cube and diameter of
+# the ball [m].
+EDGE, DEPTH, FINE, HEIGHT = 0.6, 0.4, 0.025, 0.2
+DENSITIES = (250.0, 500.0, 750.0)
+# Heave decay of Kramer et al. 2021: radius, mass, release above equilibrium, depth [m, kg], water
+# density [kg/m^3], gravity [m/s^2], first period [s] and trough [m].
+RADIUS, MASS, RELEASE, DEEP = 0.15, 7.056, 0.02916, 0.9
+KRAMER_WATER, KRAMER_GRAVITY, PERIOD, TROUGH = 998.2, 9.82, 0.7869, 0.02493
+# Time [s] for which the ball is held, in which the water settles.
+HELD = 1.5
+
+
+def build(layers: int, bodies: list[dict], seed: int, fine: float = FINE, **scene: Any) -> Any:
+    """Returns a simulation of a tank of still water with bodies."""
+    size = scene.pop("size", (EDGE, EDGE)), scene.pop("depth", DEPTH)
+    tank = tanks.tank(*size, fine, layers, air=0.4, seed=seed)
+    return tanks.build(Scene.model_validate({**tank.model_dump(), "bodies": bodies, **scene}))
+
+
+def run(sim: Any, seconds: float, gravity: float = tanks.GRAVITY) -> tuple[Ledger, np.ndarray]:
+    """Runs a simulation; returns the ledger and the positions of the floating bodies after each
+    frame, (frames, bodies, 3) [m]."""
+    ledger, external = Ledger(sim, density_every=math.inf), ExternalForces((0.0, -gravity, 0.0))
+    ledger.record(external.gravity)
+    places = []
+    for _ in range(round(seconds / tanks.FRAME)):
+        sim.advance(tanks.FRAME, external)
+        ledger.record(external.gravity)
+        places.append(sim.boundary.floating.x.copy())
+    return ledger, np.array(places)
+
+
+def water_volume(sim: Any) -> float:
+    """Returns the volume of the water at rest [m^3]."""
+    specs = sim.layers.specs
+    return sum(n * s.mass / s.density for n, s in zip(sim.counts(), specs, strict=True))
+
+
+def spread(values: list[float], form: str) -> str:
+    """Returns the median of several starts, and their range."""
+    low, middle, high = (format(f(values), form) for f in (min, np.median, max))
+    return f"{middle} ({low} to {high})"
+
+
+def over_starts(case: Callable[[int], dict[str, float]], forms: dict[str, str]) -> dict[str, str]:
+    """Returns the medians and ranges of the figures that case(seed) gives, by name."""
+    found = [case(seed) for seed in range(STARTS)]
+    return {name: spread([f[name] for f in found], form) for name, form in forms.items()}
+
+
+def draft(kind: str, density: float, layers: int, seconds: float) -> dict[str, str]:
+    """Returns the table row of a body that floats: error of the submerged volume over the body's
+    height, by the height of its centre for a ball and by the waterline for a cube."""
+
+    def case(seed: int) -> dict[str, float]:
+        half = 0.5 * HEIGHT
+        x = [0.5 * EDGE, DEPTH + half - HEIGHT * density / 1000.0, 0.5 * EDGE]
+        shape: dict[str, Any] = {"centre": x, "radius": half}
+        if kind == "cube":
+            shape = {"lo": [c - half for c in x], "hi": [c + half for c in x]}
+        sim = build(layers, [{**shape, "density": density}], seed)
+        ledger, _ = run(sim, seconds)
+        floating, body = sim.boundary.floating, sim.boundary.bodies[0]
+        level = (water_volume(sim) + volume(body) * density / 1000.0) / EDGE**2
+        samples = np.random.default_rng(0).uniform(-half, half, (100_000, 3))
+        if kind == "ball":
+            samples = samples[np.linalg.norm(samples, axis=1) < half]
+        heights = floating.x[0, 1] + samples @ floating.turn[0][1]
+        # Height by which the body floats too high: of the waterline that its weight requires.
+        wanted = np.quantile(heights, density / 1000.0)
+        return {
+            "draft error": float((level - wanted) / HEIGHT),
+            "steepest axis": float(np.abs(floating.turn[0][1]).max()),
+            "energy gain": ledger.energy_gain(),
+        }
+
+    forms = {"draft error": "+.2%", "steepest axis": ".2f", "energy gain": ".0e"}
+    row = over_starts(case, forms)
+    if kind == "ball":
+        row["steepest axis"] = "-"
+    return {"body": kind, "density": f"{density:g}", "layers": str(layers), **row}
+
+
+def drift(layers: int, seconds: float) -> dict[str, str]:
+    """Returns the table row of a neutrally buoyant ball: its way over its diameter."""
+
+    def case(seed: int) -> dict[str, float]:
+        body = {"centre": [0.5 * EDGE, 0.2, 0.5 * EDGE], "radius": 0.5 * HEIGHT, "density": 1000.0}
+        _, places = run(build(layers, [body], seed), seconds)
+        return {"way over diameter": float(np.linalg.norm(places[-1] - places[0]) / HEIGHT)}
+
+    return {"layers": str(layers), **over_starts(case, {"way over diameter": ".2%"})}
+
+
+def heave(
+    layers: int, fine: float, width: float, starts: int, depth: float = DEEP, relief: float = 0.0
+) -> dict[str, str]:
+    """Returns the table row of the heave decay of a half-submerged ball, in a square tank of
+    `width` [m]; relief: share of shear relief (-)."""
+    draft = brentq(
+        lambda d: math.pi * d**2 * (RADIUS - d / 3.0) * KRAMER_WATER - MASS, 0, 2 * RADIUS
+    )
+    periods, troughs = [], []
+    for seed in range(starts):
+        # Water inside the ball at the start is left out; the hole that this leaves fills while the
+        # ball is held.
+        y = depth + RADIUS - draft + RELEASE
+        place = {"centre": [0.5 * width, y, 0.5 * width], "radius": RADIUS}
+        body = {**place, "mass": MASS, "release": HELD}
+        options: dict[str, Any] = {
+            "density": KRAMER_WATER,
+            "size": (width, width),
+            "depth": depth,
+            "projection": {"shear_relief": relief},
+        }
+        sim = build(layers, [body], seed, fine, **options)
+        rest = (water_volume(sim) + MASS / KRAMER_WATER) / width**2 + RADIUS - draft
+        external = ExternalForces((0.0, -KRAMER_GRAVITY, 0.0))
+        times, heights = [], []
+        while sim.time < HELD + 1.0:
+            sim.advance(0.005, external)
+            times.append(sim.time - HELD)
+            heights.append(float(sim.boundary.floating.x[0, 1]) - rest)
+        t, z = np.array(times), np.array(heights)
+        troughs.append(-float(z[t < 0.75 * PERIOD].min()))
+        # The second crest, by a fit around it.
+        crest = t[t > 0.75 * PERIOD][z[t > 0.75 * PERIOD].argmax()]
+        near = np.abs(t - crest) < 0.15 * PERIOD
+        _, slope, _ = curve = np.polyfit(t[near] - crest, z[near], 2)
+        periods.append(crest - 0.5 * slope / curve[0])
+    return {
+        "spacings per radius": f"{RADIUS / fine:.1f}",
+        "layers": str(layers),
+        "shear relief": f"{relief:g}",
+        "tank [m]": f"{width:g}",
+        "depth [m]": f"{depth:g}",
+        "period error": spread([p / PERIOD - 1.0 for p in periods], "+.1%"),
+        "trough error": spread([z / TROUGH - 1.0 for z in troughs], "+.1%"),
+    }
+
+
+def collision(density: float) -> dict[str, str]:
+    """Returns the table row of water and a spinning cube that collide without gravity."""
+
+    def case(seed: int) -> dict[str, float]:
+        scene = {
+            "seed": seed,
+            "box": {"size": [1, 1, 1]},
+            "layers": [{"spacing": FINE}],
+            "water": [{"centre": [0.35, 0.5, 0.5], "radius": 0.15, "velocity": [1, 0, 0]}],
+            "bodies": [
+                {
+                    "lo": [0.62, 0.45, 0.48],
+                    "hi": [0.72, 0.55, 0.58],
+                    "density": density,
+                    "velocity": [-0.5, 0, 0],
+                    "spin": 50,
+                }
+            ],
+        }
+        ledger, _ = run(tanks.build(Scene.model_validate(scene)), 0.35, gravity=0.0)
+        first, last = ledger.entries[0], ledger.entries[-1]
+        momentum = last.momentum + last.floating_momentum - first.momentum - first.floating_momentum
+        angular = last.angular_momentum + last.floating_angular_momentum
+        angular = angular - first.angular_momentum - first.floating_angular_momentum
+        return {
+            "momentum": float(np.abs(momentum).max()) / first.momentum_scale,
+            "angular momentum": float(np.abs(angular).max()) / first.angular_scale,
+            "energy gain": ledger.energy_gain(),
+        }
+
+    forms = {"momentum": ".0e", "angular momentum": ".0e", "energy gain": ".0e"}
+    return {"density over water's": f"{density / 1000.0:g}", **over_starts(case, forms)}
+
+
+def _ball(x: list[float], radius: float, density: float, **more: Any) -> dict[str, Any]:
+    return {"centre": x, "radius": radius, "density": density, **more}
+
+
+def _crowd() -> list[dict[str, Any]]:
+    """Returns twenty boxes and balls of 0.1 to twice the water's density above the water."""
+    found = []
+    for k in range(20):
+        x = [0.1 + 0.13 * (k % 4), 0.52 + 0.14 * (k // 16), 0.1 + 0.13 * (k // 4 % 4)]
+        density = (100.0, 400.0, 700.0, 2000.0)[k % 4]
+        box = {"lo": [c - 0.05 for c in x], "hi": [c + 0.05 for c in x], "density": density}
+        found.append(_ball(x, 0.05, density) if k % 2 else box)
+    return found
+
+
+# Hard cases: bodies, by what happens.
+HARD = {
+    "0.05 of the water's density, falls in": [_ball([0.3, 0.55, 0.3], 0.1, 50.0)],
+    "20 times the water's density, falls in": [_ball([0.3, 0.55, 0.3], 0.1, 20_000.0)],
+    "falls in at 5 m/s": [_ball([0.3, 0.55, 0.3], 0.1, 500.0, velocity=[0, -5, 0])],
+    "held on the floor for 1 s": [_ball([0.3, 0.1, 0.3], 0.1, 500.0, release=1.0)],
+    "twenty boxes and balls": _crowd(),
+}
+
+
+def hard(name: str, seconds: float) -> dict[str, str]:
+    """Returns the table row of a hard case."""
+
+    def case(seed: int) -> dict[str, float]:
+        sim = build(1, HARD[name], seed)
+        ledger, _ = run(sim, seconds)
+        floating = sim.boundary.floating
+        return {
+            "energy gain": ledger.energy_gain(),
+            "fastest body at the end [m/s]": float(np.linalg.norm(floating.v, axis=1).max()),
+            "leaked particles": float(max(e.outside for e in ledger.entries)),
+        }
+
+    forms = {
+        "energy gain": ".0e",
+        "fastest body at the end [m/s]": ".2f",
+        "leaked particles": ".0f",
+    }
+    return {"case": name, **over_starts(case, forms)}

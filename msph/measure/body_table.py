@@ -1,0 +1,85 @@
+"""Motion of the bodies and forces on them, as a table and in the report of a run."""
+
+import numpy as np
+
+from msph.fluid.boundary.boundary import Boundary
+from msph.fluid.external_forces import rotation_vector
+from msph.scene.schema import Scene
+
+# Quantities of each body, with their units; vectors in the box's frame.
+QUANTITIES = {
+    "position": "m",
+    "rotation": "rad",
+    "velocity": "m/s",
+    "spin": "rad/s",
+    "force": "N",
+    "torque": "N m",
+}
+# Time [s] at the end of a run over which the reported forces are means.
+WINDOW = 1.0
+
+
+def names(scene: Scene) -> list[str]:
+    """Returns the names of the scene's bodies in the order of the boundary."""
+    outer = ["container"] if scene.container else []
+    return outer + [f"bodies.{k}" for k in range(len(scene.bodies))]
+
+
+def columns(scene: Scene) -> list[str]:
+    """Returns the column heads of the table, the time first."""
+    bodies = [name.replace(".", "_") for name in names(scene)]
+    return ["time [s]"] + [
+        f"{body}_{quantity}_{k} [{unit}]"
+        for body in bodies
+        for quantity, unit in QUANTITIES.items()
+        for k in "xyz"
+    ]
+
+
+class BodyTable:
+    """Rows of all bodies: centre, rotation vector since the start, velocity, spin, and the mean
+    force and torque (about the centre) of the water since the last row."""
+
+    def __init__(self, boundary: Boundary):
+        self.boundary = boundary
+        self.times: list[float] = []
+        self.sums: list[np.ndarray] = []  # impulses and angular impulses, (bodies, 6)
+
+    def row(self, time: float) -> list[float]:
+        """Returns the row of the present time [s]; the first row has no forces."""
+        boundary = self.boundary
+        self.times.append(time)
+        self.sums.append(np.hstack([boundary.impulse, boundary.twist]))
+        forces = self._mean(len(self.times) - 2)
+        velocities, spins = boundary.motions()
+        row = [time]
+        for b in range(boundary.count):
+            centre, turn = boundary.centre_at_end(b), boundary.pose(b)[1]
+            row += [*centre, *rotation_vector(turn), *velocities[b], *spins[b], *forces[b]]
+        return row
+
+    def last_forces(self) -> tuple[np.ndarray, float]:
+        """Returns the mean forces and torques (bodies, 6) on the bodies over the last WINDOW of the
+        run, and the length of this time [s]."""
+        first = int(np.searchsorted(self.times, self.times[-1] - WINDOW * (1.0 + 1e-6)))
+        return self._mean(first), self.times[-1] - self.times[first]
+
+    def _mean(self, first: int) -> np.ndarray:
+        elapsed = self.times[-1] - self.times[max(first, 0)]
+        if elapsed <= 0.0:
+            return np.full_like(self.sums[-1], np.nan)
+        return (self.sums[-1] - self.sums[first]) / elapsed
+
+
+def text(forces: dict) -> str:
+    """Returns the forces of a run's summary as lines of the report; "" without bodies."""
+    if not forces:
+        return ""
+    lines = [f"\nforces of the water, mean of the last {forces['mean_over_s']:.3g} s (x, y, z)"]
+    for name, found in forces.items():
+        if name != "mean_over_s":
+            force, torque = (
+                ", ".join(f"{x:.4g}" for x in found[key]) for key in ("force_N", "torque_N_m")
+            )
+            lines.append(f"  {name}: {force} N; torque {torque} N m")
+    return "\n".join(lines)

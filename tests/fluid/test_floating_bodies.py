@@ -1,0 +1,208 @@
+"""Floating bodies: conservation, drafts, contact, and pressure where no particles fit."""
+
+import math
+
+import numpy as np
+import pytest
+import taichi as ti
+
+from msph.fluid.boundary.rigid_bodies import Ball, Block, Motion
+from msph.fluid.external_forces import ExternalForces
+from msph.fluid.particles.layers import LayerSpec
+from msph.fluid.plan import Plan
+from msph.fluid.projection.parameters import ProjectionParameters
+from msph.fluid.simulation import Simulation
+from msph.measure.ledger import Ledger
+from msph.taichi_internals import watch_compiling
+
+D = 0.04
+LAYER = LayerSpec(1000.0 * D**3, 1000.0, 2.45)
+SIZE = (0.48, 0.48, 0.48)
+GRAVITY, WEIGHTLESS = (0.0, -9.81, 0.0), (0.0, 0.0, 0.0)
+
+
+def lattice(lo, hi):
+    """Particles at the spacing D from lo to hi [m]."""
+    n = np.round((np.array(hi) - lo) / D).astype(int)
+    return np.array(lo) + (np.indices(n).reshape(3, -1).T + 0.5) * D
+
+
+def simulation(x, bodies, v=None):
+    initial = {"x": x.astype(np.float32), "layer": np.zeros(len(x), np.int32)}
+    if v is not None:
+        initial["v"] = np.broadcast_to(np.float32(v), x.shape).copy()
+    return Simulation(Plan(SIZE, [LAYER], initial, ProjectionParameters(), bodies))
+
+
+def run(sim, seconds, gravity=GRAVITY):
+    ledger = Ledger(sim, density_every=math.inf)
+    ledger.record(gravity)
+    for _ in range(round(60 * seconds)):
+        sim.advance(1 / 60, ExternalForces(gravity))
+        ledger.record(gravity)
+    return ledger
+
+
+def block(centre, edge, density, **motion):
+    c, half = np.array(centre), 0.5 * edge
+    return Block(c - half, c + half, Motion(**motion), density * edge**3)
+
+
+def ball(centre, radius, density, **motion):
+    mass = density * 4.0 / 3.0 * np.pi * radius**3
+    return Ball(np.array(centre), radius, Motion(**motion), mass)
+
+
+def test_operator_with_floating_bodies_is_symmetric_and_gives_its_energy():
+    sim = simulation(lattice((0, 0, 0), (0.48, 0.24, 0.48)), [block((0.24, 0.1, 0.2), 0.1, 300.0)])
+    sim.advance(1e-3, ExternalForces(GRAVITY))
+    sim.measure_density()
+    p, operator = sim.particles, sim.solver.pressure_solve.operator
+    products = ti.field(ti.f32, shape=3)
+
+    @ti.kernel
+    def multiply(n: ti.i32, a: ti.template(), b: ti.template(), k: ti.i32):
+        energy = operator.apply(n, a)
+        total = 0.0
+        for i in range(n):
+            total += LAYER.volume * b[i] * operator.response(i, a)
+        products[k] = total
+        products[2] = energy
+
+    rng, n = np.random.default_rng(0), p.count
+    for field in (p.velocity_multiplier, p.direction):
+        field.from_numpy(np.pad(rng.random(n), (0, field.shape[0] - n)).astype(np.float32))
+    multiply(n, p.velocity_multiplier, p.direction, 0)
+    multiply(n, p.direction, p.velocity_multiplier, 1)
+    assert products[0] == pytest.approx(products[1], rel=1e-4)
+    multiply(n, p.direction, p.direction, 1)
+    assert products[2] == pytest.approx(products[1], rel=1e-4)
+    # The body takes a part of it.
+    moved = sim.world.parts.links.moved[0].to_numpy()
+    assert np.linalg.norm(moved) > 0.0
+
+
+@pytest.mark.parametrize("density", [50.0, 20_000.0])
+def test_collision_of_water_and_body_conserves_momentum_and_adds_no_energy(density):
+    x = lattice((0.08, 0.16, 0.16), (0.2, 0.32, 0.32))
+    body = block((0.32, 0.22, 0.25), 0.1, density, velocity=(-1.0, 0.0, 0.0), rate=2.0)
+    ledger = run(simulation(x, [body], (1.0, 0.0, 0.0)), 0.1, WEIGHTLESS)
+    first, last = ledger.entries[0], ledger.entries[-1]
+    exchanged = np.abs(last.momentum - first.momentum).max()
+    assert exchanged > 0.02 * first.momentum_scale
+    change = last.momentum + last.floating_momentum - first.momentum - first.floating_momentum
+    scale = first.momentum_scale
+    assert np.abs(change).max() < 1e-6 * scale
+    assert -last.body_impulse == pytest.approx(
+        last.floating_momentum - first.floating_momentum, abs=1e-6 * scale
+    )
+    assert np.diff([e.energy for e in ledger.entries]).max() < 1e-6 * first.energy
+
+
+def test_ball_floats_at_the_draft_of_its_density():
+    sim = simulation(lattice((0, 0, 0), (0.48, 0.24, 0.48)), [ball((0.24, 0.28, 0.24), 0.1, 500.0)])
+    ledger = run(sim, 3.0)
+    ball_volume = 4.0 / 3.0 * np.pi * 0.1**3
+    level = (sim.particles.count * D**3 + 0.5 * ball_volume) / (SIZE[0] * SIZE[2])
+    weight = 9.81 * sim.boundary.floating.mass[0]
+    # The ball still bobs: means over the last 1.5 s, several periods.
+    height = np.mean([e.floating_potential for e in ledger.entries[-90:]]) / weight
+    assert height == pytest.approx(level, abs=0.02 * 0.2)
+    # 0.06 % with shear relief, 0.001 % without.
+    assert ledger.energy_gain() < 1e-3
+    impulse = [e.body_impulse[1] for e in ledger.entries]
+    assert (impulse[-91] - impulse[-1]) / 1.5 == pytest.approx(weight, rel=0.05)
+
+
+def test_bodies_rest_on_floor_and_each_other():
+    """A box on a box on a dry floor, and a ball that rolls without slipping."""
+    bodies = [
+        block((0.12, 0.05, 0.12), 0.1, 500.0),
+        block((0.13, 0.155, 0.13), 0.1, 500.0),
+        ball((0.12, 0.05, 0.32), 0.05, 500.0, velocity=(0.3, 0.0, 0.0)),
+    ]
+    sim = simulation(lattice((0.4, 0, 0.4), (0.48, 0.04, 0.48)), bodies)
+    ledger = run(sim, 0.5)
+    floating, slop = sim.boundary.floating, 0.02 * D
+    assert floating.x[:, 1] == pytest.approx([0.05, 0.15, 0.05], abs=2.0 * slop)
+    assert np.abs(floating.v[:2]).max() < 5e-3
+    assert floating.v[2, 0] == pytest.approx(-0.05 * floating.spin[2, 2], rel=1e-3)
+    # Friction leaves 5/7 of the speed of a ball that slid at first.
+    assert floating.v[2, 0] == pytest.approx(0.3 * 5.0 / 7.0, rel=0.02)
+    assert np.diff([e.energy for e in ledger.entries]).max() < 1e-4 * ledger.reference_energy()
+
+
+def test_bodies_that_meet_in_free_fall_keep_their_momentum():
+    bodies = [
+        block((0.15, 0.3, 0.24), 0.1, 500.0, velocity=(1.0, 0.0, 0.0)),
+        ball((0.32, 0.33, 0.25), 0.06, 2000.0, velocity=(-1.0, 0.0, 0.0)),
+    ]
+    sim = simulation(lattice((0.4, 0, 0.4), (0.48, 0.04, 0.48)), bodies)
+    ledger = run(sim, 0.1, WEIGHTLESS)
+    first, last = ledger.entries[0], ledger.entries[-1]
+    assert np.linalg.norm(sim.boundary.floating.contact[0]) > 0.1
+    scale = np.abs(first.floating_momentum).max()
+    assert last.floating_momentum == pytest.approx(first.floating_momentum, abs=1e-5 * scale)
+    spin = np.linalg.norm(last.floating_angular_momentum)
+    assert last.floating_angular_momentum == pytest.approx(
+        first.floating_angular_momentum, abs=1e-3 * spin
+    )
+    assert last.energy < first.energy
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        # It was 50 % of the buoyancy.
+        Ball(np.array((0.24, 0.1, 0.24)), 0.1),
+        # A flat gap of 0.3 spacings, without particles: the whole pressure on the other side was
+        # missing.
+        Block(
+            np.array((0.3 * D, 0.08, 0.14)),
+            np.array((0.3 * D + 0.16, 0.24, 0.34)),
+            Motion(swing=(1e-9, 0.0, 0.0)),
+        ),
+    ],
+)
+def test_bodies_have_their_buoyancy_at_floor_and_wall(body):
+    sim = simulation(lattice((0, 0, 0), (0.48, 0.32, 0.48)), [body])
+    ledger = run(sim, 1.0)
+    first, last = ledger.entries[30], ledger.entries[-1]
+    force = (first.body_impulse - last.body_impulse) / (last.time - first.time)
+    volume = 4.0 / 3.0 * np.pi * 0.1**3 if isinstance(body, Ball) else 0.16 * 0.16 * 0.2
+    assert force / (9810.0 * volume) == pytest.approx((0.0, 1.0, 0.0), abs=0.07)
+
+
+def test_checkpoint_holds_floating_bodies():
+    sim = simulation(lattice((0, 0, 0), (0.48, 0.16, 0.48)), [block((0.2, 0.25, 0.2), 0.1, 400.0)])
+    run(sim, 0.2)
+    state, there = sim.state(), sim.boundary.floating.state()
+    run(sim, 0.1)
+    assert not np.allclose(sim.boundary.floating.state(), there)
+    sim.restore(state)
+    assert sim.boundary.floating.state() == pytest.approx(there)
+    assert sim.boundary.centre[0, 1].to_numpy() == pytest.approx(there[0, :3], abs=1e-6)
+    sim.reset()
+    assert sim.boundary.floating.x[0] == pytest.approx((0.2, 0.25, 0.2))
+    del state["floating"]
+    with pytest.raises(ValueError, match="floating missing"):
+        sim.restore(state)
+
+
+def test_a_body_added_to_a_running_simulation_floats_and_compiles_nothing():
+    first = ball((0.12, 0.24, 0.12), 0.06, 400.0, velocity=(0.1, 0.0, 0.0))
+    sim = simulation(lattice((0, 0, 0), (0.48, 0.2, 0.48)), [first])
+    run(sim, 0.1)
+    there, compiled = sim.boundary.floating.state(), []
+    with watch_compiling(compiled.append):
+        sim.add_body(block((0.32, 0.3, 0.32), 0.12, 500.0, velocity=(0.0, -1.0, 0.0)))
+        assert sim.boundary.floating.state()[0] == pytest.approx(there[0])
+        assert sim.boundary.floating.v[1] == pytest.approx((0.0, -1.0, 0.0))
+        run(sim, 0.5)
+    assert not compiled
+    assert 0.1 < sim.boundary.floating.x[1, 1] < 0.3
+    with pytest.raises(ValueError, match="overlaps"):
+        sim.add_body(block((0.32, 0.2, 0.32), 0.12, 500.0))
+    sim.reset()
+    assert sim.boundary.count == 1
+    assert sim.boundary.floating.x[0] == pytest.approx((0.12, 0.24, 0.12))
