@@ -124,6 +124,7 @@ class Picture:
         """Dries walls and bodies, and smooths the surface."""
         self.wetness.reset()
         self.drying = EVERY  # the first image compiles the decay
+        self.view = None  # the image without water showed the wet walls
         if self.ripples:
             self.ripples.reset()
 

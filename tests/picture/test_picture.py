@@ -201,6 +201,7 @@ def test_the_nearer_particle_hides_the_farther(picture, particles):
 
 
 def test_supersampling_averages_the_same_picture(picture, mesh):
+    picture.reset()  # dry walls
     mesh.fill(*still_water())
     fine = Picture(mesh, room=PictureRoom(WIDTH, HEIGHT))
     fine.load(WIDTH // 2, HEIGHT // 2, BOX, Look(supersample=2, caustics=False))
