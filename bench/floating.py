@@ -109,7 +109,7 @@ def drift(layers: int, seconds: float) -> dict[str, str]:
 
 
 def heave(
-    layers: int, fine: float, width: float, starts: int, depth: float = DEEP, relief: float = 0.0
+    layers: int, fine: float, width: float, starts: int, depth: float = DEEP, relief: float = 1.0
 ) -> dict[str, str]:
     """Returns the table row of the heave decay of a half-submerged ball, in a square tank of
     `width` [m]; relief: share of shear relief (-)."""
