@@ -51,7 +51,7 @@ LONGEST = (
     "test_independence.py",
     "test_adaptation.py",
     "test_surface.py",
-    "test_bodies.py",
+    "test_prescribed_bodies.py",
     "test_projection.py",
 )
 

@@ -113,7 +113,7 @@ def test_momentum_leaves_with_the_water(simulate):
     sim = simulate(plan(0.24))
     ledger = run(sim, 10)
     spilt = 0
-    for _ in range(20):
+    for _ in range(120):
         before, steps = ledger.entries[-1], sim.steps
         sim.advance(1e-3, TILTED)
         after = ledger.record(TILTED.gravity)

@@ -43,7 +43,7 @@ def test_gaps_and_early_negative_pressures_are_explained():
     assert notes("position [m]", {"x": (time, early)}) == []
 
 
-@pytest.mark.filterwarnings("error")
+@pytest.mark.filterwarnings("error", "ignore::DeprecationWarning")
 def test_errors_of_zero_are_no_warning(tmp_path):
     """Matplotlib warned of a logarithmic axis without positive values."""
     heads = entry.columns() + COLUMNS
