@@ -87,6 +87,7 @@ class BodyLinks:
         if self.boundary.count:
             self._begin()
             self._find_links(self.particles.count)
+            self._rank()
             self._sort(self.boundary.floating.count > 0)
 
     @kernel
@@ -102,8 +103,14 @@ class BodyLinks:
             x, h = p.x[i], self.boundary.support[p.layer[i]]
             total = Contributions(free=1.0)
             near = self.images.walls_near(x, h) & self._mirroring_walls()
-            for number in range(self.images.combinations(near)):
-                self._add(i, self.images.combination(number, near), h, total)
+            combinations = self.images.combinations(near)
+            count = 0
+            for number in range(combinations):
+                count += self._reaching(i, self.images.combination(number, near), h)
+            # One atomic operation per particle: Mesa's software driver loses those in loops.
+            link = ti.atomic_add(self.found[None], count)
+            for number in range(combinations):
+                self._add(i, self.images.combination(number, near), h, total, link)
             per_yield = self.layers.per_yield[p.layer[i]]
             p.boundary_share[i] = per_yield * (1.0 - total.free + total.apart)
             p.boundary_gradient[i], p.boundary_inflow[i] = total.gradient, total.inflow
@@ -117,15 +124,32 @@ class BodyLinks:
         return found
 
     @ti.func
-    def _add(self, i, mirrors, h, total: ti.template()):
-        """Adds the contributions of all bodies, or of their images by `mirrors`, to particle i."""
+    def _reached(self, b, x, mirrors, h):
+        """Returns True if body b, or its image by `mirrors`, is within h [m] of the mirrored
+        position x [m]."""
+        mirrored = (self.boundary.images[b, BEGIN] & mirrors) == mirrors
+        return mirrored and self.boundary.reaches(b, x, h, BEGIN)
+
+    @ti.func
+    def _reaching(self, i, mirrors, h):
+        """Returns the number of bodies, or of their images by `mirrors`, within reach of i."""
+        mirror, wall = self.images.mirror_and_wall(mirrors)
+        x, found = wall + mirror * (self.particles.x[i] - wall), 0
+        for b in range(self.constants.bodies[None]):
+            if self._reached(b, x, mirrors, h):
+                found += 1
+        return found
+
+    @ti.func
+    def _add(self, i, mirrors, h, total: ti.template(), link: ti.template()):
+        """Adds the contributions of all bodies, or of their images by `mirrors`, to particle i, as
+        links from `link` on, which it advances."""
         layer = self.particles.layer[i]
         per_yield = self.layers.per_yield[layer]
         mirror, wall = self.images.mirror_and_wall(mirrors)
         x = wall + mirror * (self.particles.x[i] - wall)
         for b in range(self.constants.bodies[None]):
-            mirrored = (self.boundary.images[b, BEGIN] & mirrors) == mirrors
-            if mirrored and self.boundary.reaches(b, x, h, BEGIN):
+            if self._reached(b, x, mirrors, h):
                 part = self.boundary.body_share(b, x, layer, h, BEGIN)
                 g = per_yield * part.yzw
                 if mirrors == 0 and self.boundary.joined[b] == 1:
@@ -133,18 +157,18 @@ class BodyLinks:
                     g *= self.boundary.free_of_others(b, x, layer, h)
                 else:
                     total.apart += part.x
-                if g.norm_sqr() > 0.0:
-                    total.gradient += mirror * g
-                    total.inflow -= self.boundary.velocity_at(b, x).dot(g)
-                    self._append(i, b, mirrors, g)
+                total.gradient += mirror * g
+                total.inflow -= self.boundary.velocity_at(b, x).dot(g)
+                if link < self.capacity:
+                    self.particle[link], self.body[link] = i, b
+                    self.mirrors[link], self.gradient[link] = mirrors, g
+                link += 1
 
-    @ti.func
-    def _append(self, i, b, mirrors, g):
-        link = ti.atomic_add(self.found[None], 1)
-        if link < self.capacity:
-            self.particle[link], self.body[link] = i, b
-            self.mirrors[link], self.gradient[link] = mirrors, g
-            self.rank[link] = ti.atomic_add(self.size[b], 1)
+    @kernel
+    def _rank(self):
+        """Numbers the links of each body."""
+        for link in range(ti.min(self.found[None], self.capacity)):
+            self.rank[link] = ti.atomic_add(self.size[self.body[link]], 1)
 
     @kernel
     def _sort(self, floating: ti.i32):
