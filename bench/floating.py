@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from bench import tanks
+from bench import rows, tanks
 from msph.fluid.boundary.rigid_bodies import volume
 from msph.fluid.external_forces import ExternalForces
 from msph.measure.ledger import Ledger
@@ -52,16 +52,12 @@ def water_volume(sim: Any) -> float:
     return sum(n * s.mass / s.density for n, s in zip(sim.counts(), specs, strict=True))
 
 
-def spread(values: list[float], form: str) -> str:
-    """Returns the median of several starts, and their range."""
-    low, middle, high = (format(f(values), form) for f in (min, np.median, max))
-    return f"{middle} ({low} to {high})"
-
-
 def over_starts(case: Callable[[int], dict[str, float]], forms: dict[str, str]) -> dict[str, str]:
     """Returns the medians and ranges of the figures that case(seed) gives, by name."""
     found = [case(seed) for seed in range(STARTS)]
-    return {name: spread([f[name] for f in found], form) for name, form in forms.items()}
+    return {
+        name: rows.spread([f[name] for f in found], f"{{:{form}}}") for name, form in forms.items()
+    }
 
 
 def draft(kind: str, density: float, layers: int, seconds: float) -> dict[str, str]:
@@ -150,8 +146,8 @@ def heave(
         "shear relief": f"{relief:g}",
         "tank [m]": f"{width:g}",
         "depth [m]": f"{depth:g}",
-        "period error": spread([p / PERIOD - 1.0 for p in periods], "+.1%"),
-        "trough error": spread([z / TROUGH - 1.0 for z in troughs], "+.1%"),
+        "period error": rows.spread([p / PERIOD - 1.0 for p in periods], "{:+.1%}"),
+        "trough error": rows.spread([z / TROUGH - 1.0 for z in troughs], "{:+.1%}"),
     }
 
 

@@ -10,7 +10,6 @@ there. Decrements and forces are computed from positions and from the impulse on
 
 import json
 import math
-import statistics
 import sys
 from pathlib import Path
 from typing import Any
@@ -103,16 +102,13 @@ def measure(task: dict[str, Any]) -> dict[str, Any]:
     return tow(layers, task["relief"], task["start"], task["speed"])
 
 
-def spread(values: list[float], form: str) -> str:
-    """Returns median and range as text."""
-    middle = form.format(statistics.median(values))
-    return f"{middle} ({form.format(min(values))} to {form.format(max(values))})"
-
-
 def report(known: list[dict[str, str]], arch: str) -> str:
     """Returns the report as Markdown."""
     text = [heading("Numerical friction", arch)]
-    text.append("Median and range over the starts; water without friction has 0.\n")
+    text.append(
+        "Median (range) over the starts. An ideal liquid has a decrement of 0; at Reynolds "
+        "numbers of 1e5 and 2e5 a ball in water has a drag coefficient of about 0.4.\n"
+    )
     for case, head in (("waves", "depth in spacings, amplitude"), ("towed ball", "speed, m/s")):
         mine = [row for row in known if row["case"] == case and row.get("value")]
         groups: dict[tuple[str, str], dict[tuple[str, str], list[dict]]] = {}
@@ -127,12 +123,16 @@ def report(known: list[dict[str, str]], arch: str) -> str:
                 label = "shear relief" if float(relief) else "without relief"
                 found = cells.get(relief, [])
                 if found:
-                    line[label] = spread([float(r["value"]) for r in found], "{:.3f}")
+                    line[label] = rows.spread([float(r["value"]) for r in found], "{:.3f}")
                 if found and case == "waves":
                     errors = [100.0 * float(r["period"]) for r in found]
-                    line[f"period off, %, {label}"] = spread(errors, "{:.2f}")
+                    line[f"period off, %, {label}"] = rows.spread(errors, "{:.2f}")
             table.append(line)
-        what = "Logarithmic decrement per period" if case == "waves" else "Drag coefficient"
+        what = (
+            "Logarithmic decrement of the first mode per period"
+            if case == "waves"
+            else "Drag coefficient"
+        )
         text += [f"## {what}\n", tabulate(table, headers="keys", tablefmt="github"), ""]
     return "\n".join(text)
 

@@ -41,7 +41,7 @@ STYLES = {
     (DFSPH, UNIFORM): ("#CC79A7", "X", "SPlisHSPlasH, DFSPH"),
 }
 # Changes of rows without shear relief, in words.
-RUBBING = Setting(shear_relief=NO_RELIEF).changes
+WITHOUT_RELIEF = Setting(shear_relief=NO_RELIEF).changes
 OTHER = ("#009E73", "P")
 COSTS = {
     "wall_per_simulated": "elapsed s / simulated s",
@@ -91,7 +91,7 @@ def plot(axis, rows: list[dict], case: Case, error: str) -> None:
         ends = [max(end(row, error), LEAST) for end in (low, high)]
         axis.plot([x, x], ends, color=colour, lw=0.8, alpha=0.6, zorder=2)
         size, edge = 25 if changes(row) else 60, "white"
-        if changes(row) == RUBBING:
+        if changes(row) == WITHOUT_RELIEF:
             size, edge = 40, "black"
         axis.scatter(x, y, size, colour, marker, edgecolors=edge, linewidths=0.8, zorder=3)
         if kind not in STYLES:
@@ -253,7 +253,7 @@ def slope(fineness: list[float], errors: list[float]) -> str:
 def orders(rows: list[dict], case: Case) -> list[dict[str, str]]:
     """Returns a row for each kind of water: order of convergence of each error."""
     found = []
-    for change, water in itertools.product(("", RUBBING), STYLES_OF):
+    for change, water in itertools.product(("", WITHOUT_RELIEF), STYLES_OF):
         own = [
             r
             for r in rows

@@ -98,8 +98,9 @@ class World:
         self.prepare_bodies()
 
     def prepare_bodies(self) -> None:
-        """Prepares links, contact and gaps for the present bodies."""
-        for part in (self.parts.links, self.parts.collisions, self.parts.gaps):
+        """Prepares links, contacts and gaps for the present bodies."""
+        parts = self.parts
+        for part in (parts.links, parts.contact, parts.collisions, parts.gaps):
             part.load()
 
 

@@ -4,6 +4,8 @@ A map of the box, CELLS along its longest edge: 1 in cells with a vertex of the 
 sides lie on walls and bodies; elsewhere it decays. One map serves walls, panes and bodies.
 """
 
+import math
+
 import taichi as ti
 
 from msph.picture.rasteriser import BLOCK
@@ -12,8 +14,10 @@ from msph.taichi_internals import data_oriented, kernel
 CELLS = 40
 # Time between two decays of the map, each of which renders the image without water again [s].
 EVERY = 0.25
-# Wetness (-) up to which a place counts as dry, and from which as wet; LOST: -log DRY.
-DRY, WET, LOST = 0.02, 0.98, 3.9
+# Wetness (-) up to which a place counts as dry, and above which as wet.
+DRY, WET = 0.02, 0.98
+# Decay within the drying time, as an exponent: from 1 to DRY.
+LOST = -math.log(DRY)
 
 
 @data_oriented

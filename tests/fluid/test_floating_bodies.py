@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 import taichi as ti
 
+from msph.errors import BlowUpError
+from msph.fluid.boundary import collisions
 from msph.fluid.boundary.rigid_bodies import Ball, Block, Motion
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.layers import LayerSpec
@@ -187,6 +189,41 @@ def test_checkpoint_holds_floating_bodies():
     del state["floating"]
     with pytest.raises(ValueError, match="floating missing"):
         sim.restore(state)
+
+
+def test_links_are_those_of_the_gradients_of_all_bodies_near_a_particle():
+    """Long blocks are within reach of most particles by their bounding balls; only particles that
+    they meet are linked to them."""
+    x = lattice((0, 0, 0), (0.48, 0.16, 0.48))
+    bars = [
+        Block(np.array([0.0, 0.0, z]), np.array([0.48, 0.3, z + 0.04])) for z in (0.08, 0.2, 0.32)
+    ]
+    sim = simulation(x, bars)
+    sim.measure_density()
+    links, p = sim.world.parts.links, sim.particles
+    n = links.found[None]
+    which = links.particle.to_numpy()[:n]
+    total = np.zeros((p.count, 3))
+    np.add.at(total, which, links.gradient.to_numpy()[:n] * mirrors(links, n))
+    assert np.abs(total - p.numpy("boundary_gradient")).max() < 1e-4 * np.abs(total).max()
+    assert n < 2 * p.count
+
+
+def mirrors(links, n):
+    """Signs (n, 3) by which the links' walls mirror vectors."""
+    bits = links.mirrors.to_numpy()[:n, None]
+    return np.where((bits >> np.arange(3)) & 1 ^ (bits >> np.arange(3, 6)) & 1, -1.0, 1.0)
+
+
+def test_too_many_links_or_contacts_end_with_a_message(monkeypatch):
+    bodies = [block((0.24, 0.05, 0.24), 0.1, 300.0), block((0.24, 0.16, 0.24), 0.1, 300.0)]
+    sim = simulation(lattice((0, 0, 0), (0.48, 0.12, 0.48)), bodies)
+    monkeypatch.setattr(collisions, "MAX_CONTACTS", 3)
+    with pytest.raises(BlowUpError, match="bodies touch in .* at most 3"):
+        run(sim, 0.5)
+    monkeypatch.setattr(sim.world.parts.links, "capacity", 10)
+    with pytest.raises(BlowUpError, match="particles meet bodies in .* at most 10"):
+        sim.world.parts.links.refresh()
 
 
 def test_a_body_added_to_a_running_simulation_floats_and_compiles_nothing():

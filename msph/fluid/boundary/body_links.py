@@ -13,6 +13,7 @@ Sums over the links of one body are taken in chunks of one body each, without at
 
 import taichi as ti
 
+from msph.errors import BlowUpError
 from msph.fluid.boundary.boundary import BEGIN, Boundary
 from msph.fluid.impulse_ledger import ImpulseLedger
 from msph.fluid.particles.mirror_images import MirrorImages
@@ -33,8 +34,8 @@ ATTRIBUTES = (
     Attribute("body_approach", "-", "compression by displaced bodies", carried=False),
 )
 
-# Links per chunk, and room for links per particle: a particle in a corner between two bodies and
-# two walls has eight.
+# Links per chunk, and room for links per particle of the room: a particle in a corner between two
+# bodies and two walls has eight, most particles have none.
 CHUNK, LINKS_PER_PARTICLE = 64, 4
 
 # Contributions of bodies to one particle: the product of 1 - lambda over joined bodies, the sum of
@@ -83,10 +84,14 @@ class BodyLinks:
 
     def refresh(self) -> None:
         """Finds the links, and sets the bodies' share, gradient and inflow at the particles; these
-        stay 0 without bodies."""
+        stay 0 without bodies. Raises BlowUpError if there are more links than fit."""
         if self.boundary.count:
             self._begin()
-            self._find_links(self.particles.count)
+            found = self._find_links(self.particles.count)
+            if found > self.capacity:
+                raise BlowUpError(
+                    f"particles meet bodies in {found:,} places, at most {self.capacity:,} fit"
+                )
             self._rank()
             self._sort(self.boundary.floating.count > 0)
 
@@ -97,7 +102,8 @@ class BodyLinks:
             self.size[b] = 0
 
     @kernel
-    def _find_links(self, n: ti.i32):
+    def _find_links(self, n: ti.i32) -> ti.i32:
+        """Finds the links; returns their number, of which the first `capacity` are stored."""
         p = self.particles
         for i in range(n):
             x, h = p.x[i], self.boundary.support[p.layer[i]]
@@ -106,14 +112,15 @@ class BodyLinks:
             combinations = self.images.combinations(near)
             count = 0
             for number in range(combinations):
-                count += self._reaching(i, self.images.combination(number, near), h)
-            # One atomic operation per particle: Mesa's software driver loses those in loops.
+                count += self._count(i, self.images.combination(number, near), h)
+            # Outside the loops, in which Mesa's software driver loses atomic operations.
             link = ti.atomic_add(self.found[None], count)
             for number in range(combinations):
                 self._add(i, self.images.combination(number, near), h, total, link)
             per_yield = self.layers.per_yield[p.layer[i]]
             p.boundary_share[i] = per_yield * (1.0 - total.free + total.apart)
             p.boundary_gradient[i], p.boundary_inflow[i] = total.gradient, total.inflow
+        return self.found[None]
 
     @ti.func
     def _mirroring_walls(self):
@@ -124,19 +131,24 @@ class BodyLinks:
         return found
 
     @ti.func
-    def _reached(self, b, x, mirrors, h):
-        """Returns True if body b, or its image by `mirrors`, is within h [m] of the mirrored
-        position x [m]."""
+    def _reaches(self, b, x, mirrors, h):
+        """Returns False if body b is certainly farther than h [m] from the position x [m] mirrored
+        by `mirrors`, or is not mirrored by these walls."""
         mirrored = (self.boundary.images[b, BEGIN] & mirrors) == mirrors
         return mirrored and self.boundary.reaches(b, x, h, BEGIN)
 
     @ti.func
-    def _reaching(self, i, mirrors, h):
-        """Returns the number of bodies, or of their images by `mirrors`, within reach of i."""
+    def _links(self, b, x, layer, h):
+        """Returns True if body b within reach of x [m] has a gradient there: a link."""
+        return self.boundary.meets_kernel(b, self.boundary.to_body_frame(b, x, BEGIN), layer, h)
+
+    @ti.func
+    def _count(self, i, mirrors, h):
+        """Returns the number of links that _add() stores."""
         mirror, wall = self.images.mirror_and_wall(mirrors)
         x, found = wall + mirror * (self.particles.x[i] - wall), 0
         for b in range(self.constants.bodies[None]):
-            if self._reached(b, x, mirrors, h):
+            if self._reaches(b, x, mirrors, h) and self._links(b, x, self.particles.layer[i], h):
                 found += 1
         return found
 
@@ -149,7 +161,7 @@ class BodyLinks:
         mirror, wall = self.images.mirror_and_wall(mirrors)
         x = wall + mirror * (self.particles.x[i] - wall)
         for b in range(self.constants.bodies[None]):
-            if self._reached(b, x, mirrors, h):
+            if self._reaches(b, x, mirrors, h):
                 part = self.boundary.body_share(b, x, layer, h, BEGIN)
                 g = per_yield * part.yzw
                 if mirrors == 0 and self.boundary.joined[b] == 1:
@@ -159,21 +171,21 @@ class BodyLinks:
                     total.apart += part.x
                 total.gradient += mirror * g
                 total.inflow -= self.boundary.velocity_at(b, x).dot(g)
-                if link < self.capacity:
-                    self.particle[link], self.body[link] = i, b
-                    self.mirrors[link], self.gradient[link] = mirrors, g
-                link += 1
+                if self._links(b, x, layer, h):
+                    if link < self.capacity:
+                        self.particle[link], self.body[link] = i, b
+                        self.mirrors[link], self.gradient[link] = mirrors, g
+                    link += 1
 
     @kernel
     def _rank(self):
         """Numbers the links of each body."""
-        for link in range(ti.min(self.found[None], self.capacity)):
+        for link in range(self.found[None]):
             self.rank[link] = ti.atomic_add(self.size[self.body[link]], 1)
 
     @kernel
     def _sort(self, floating: ti.i32):
         """Distributes the links of each body over chunks."""
-        self.found[None] = ti.min(self.found[None], self.capacity)
         chunks = 0
         ti.loop_config(serialize=True)
         for b in range(self.constants.bodies[None]):

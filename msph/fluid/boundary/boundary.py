@@ -436,21 +436,36 @@ class Boundary:
         return vec4(free, slope[0], slope[1], slope[2])
 
     @ti.func
+    def meets_kernel(self, b, p, layer, h):
+        """Returns False if lambda of body b, enlarged by the layer's swell, has no gradient at p
+        [m], in the frame of b; h [m]: support of the kernel."""
+        half, kind, found = self.half[b] + self.swell[layer], self.kind[b], False
+        if kind == BLOCK:
+            found = (abs(p) < half + h).all()
+        if kind == BALL:
+            found = p.norm() < half[0] + h
+        if kind == SOLID:
+            first = self.first[b]
+            found = self.samples.covers(first + 1 + layer, p)
+            found = found and abs(self.samples.linear(first, p).x) < h
+        return found
+
+    @ti.func
     def body_share(self, b, x, layer, h, pose):
         """Returns lambda (-) of one body enlarged by the layer's swell, and its gradient [1/m]."""
         p = self.to_body_frame(b, x, pose)
         found = vec4(0.0)
         kind = self.kind[b]
         half = self.half[b] + self.swell[layer]
-        if kind == BLOCK and (abs(p) < half + h).all():
-            found = block_share(p, h, -half, half)
-        radius = self.half[b][0] + self.swell[layer]
-        if kind == BALL and p.norm() < radius + h:
-            part = ball_share(p.norm(), h, radius)
-            n = part[1] * p / ti.max(p.norm(), 1e-9)
-            found = vec4(part[0], n[0], n[1], n[2])
         if kind == SOLID:
             found = self.mesh_share(b, p, layer, h)
+        elif self.meets_kernel(b, p, layer, h):
+            if kind == BLOCK:
+                found = block_share(p, h, -half, half)
+            else:
+                part = ball_share(p.norm(), h, half[0])
+                n = part[1] * p / ti.max(p.norm(), 1e-9)
+                found = vec4(part[0], n[0], n[1], n[2])
         g = self.rotation[b, pose] @ found.yzw
         return vec4(found.x, g[0], g[1], g[2])
 

@@ -1,13 +1,15 @@
 """Contact of floating bodies with walls and other bodies: sequential impulses (Catto 2005).
 
 Points on the surface of a body (a ball's centre, with its radius) are compared with the walls and
-the signed distances of the other bodies; each pair closer than it may move within a step is a
-contact. Impulses along the normals, at least 0, and friction, at most its coefficient times the
-normal impulse, are found contact by contact until all agree; a gap that is open may close, and no
-more (speculative contact). Penetrations are removed by displacements that add no velocity.
+the signed distances of the other bodies. A contact is a point whose gap may close within a step.
+Each iteration visits the contacts in turn and corrects the impulse of each: along the normal at
+least 0, by friction at most its coefficient times the normal impulse. A contact with an open gap
+allows the approach that closes the gap (speculative contact). Penetrations are removed by
+displacements that add no velocity.
 
-The water's pressure and the contacts are solved one after the other. The impulses that the water
-gave in the last step are expected again, so that a body at rest on the floor is borne by both.
+The water's pressure and the contacts are solved one after the other. The first solve for the
+contacts predicts the impulses of the water by those of the last step, so that the weight of a body
+at rest on the floor is shared between floor and water.
 """
 
 import math
@@ -15,6 +17,7 @@ import math
 import numpy as np
 import taichi as ti
 
+from msph.errors import BlowUpError
 from msph.fluid.boundary.boundary import BALL, BEGIN, Boundary
 from msph.fluid.boundary.rigid_bodies import Ball, Block, Body, Solid, centre, half_extents
 from msph.fluid.boundary.walls import NO_WALL
@@ -25,7 +28,7 @@ vec3 = ti.math.vec3
 
 # Largest number of points on a mesh, and points along the edge of a block.
 MAX_POINTS, EDGE_POINTS = 200, 4
-# Largest number of contacts; further ones are ignored.
+# Largest number of contacts.
 MAX_CONTACTS = 4096
 # Iterations over all contacts: 20 boxes in a heap rest after 20.
 ITERATIONS = 20
@@ -84,14 +87,19 @@ class Collisions:
 
     def anticipate(self, dt: float) -> None:
         """Finds the contacts of a step of dt [s] at the beginning of its second half, and applies
-        their impulses for the forces of the water that acted in the last step."""
+        their impulses for the forces of the water that acted in the last step. Raises BlowUpError
+        if there are more contacts than fit."""
         boundary, floating = self.boundary, self.boundary.floating
         if not floating.count:
             return
         expected = floating.expected(dt)
         slop = SLOP * boundary.layers.finest.spacing
         reach = 2.0 * dt * boundary.top_speed + slop
-        self.count = min(self._find_contacts(self.points, reach), MAX_CONTACTS)
+        self.count = self._find_contacts(self.points, reach)
+        if self.count > MAX_CONTACTS:
+            raise BlowUpError(
+                f"bodies touch in {self.count:,} places, at most {MAX_CONTACTS:,} are possible"
+            )
         if not self.count:
             return
         deepest = self._prepare(self.count, dt, slop, self._motions())

@@ -35,7 +35,8 @@ NEAREST, GOLDEN = 0.05, 0.6180340
 
 @data_oriented
 class Contact:
-    """Stops particles at walls and bodies. touches: number of particles that meet each body."""
+    """Stops particles at walls and bodies. touches: number of particles that meet each body, if any
+    floats."""
 
     def __init__(self, boundary: Boundary, particles: Particles, impulses: ImpulseLedger):
         self.constants, self.boundary, self.layers = boundary.constants, boundary, boundary.layers
@@ -43,12 +44,18 @@ class Contact:
         self.gaps = Gaps(boundary)
         self.touches = ti.field(ti.i32, shape=MAX_BODIES)
 
+    def load(self) -> None:
+        """Compiles the kernel that only floating bodies need, if there are bodies."""
+        if self.boundary.count:
+            self._count_touches(0)
+
     def drift(self, dt: float) -> None:
         """Moves particles by dt v, dt [s], and stops them at walls and at the bodies' end poses."""
         n = self.particles.count
         self._drift(n, dt)
         if self.boundary.count:
-            self._count_touches(n)
+            if self.boundary.floating.count:
+                self._count_touches(n)
             self._stop_at_bodies(n)
             self._clear_bodies(n, END)
             self.push_moving()

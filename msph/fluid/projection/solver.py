@@ -261,8 +261,7 @@ class Projection:
             # v, density, displacements -> right-hand side; last two pressures -> initial guess
             self.pressure_solve.build_rhs(self.particles.count, dt)
             self.iterations = self.pressure_solve.solve(dt)  # right-hand side, v -> multipliers
-            # multipliers, v -> v, pressure, stress
-            # and v of floating bodies
+            # multipliers, v -> pressure, stress, v of particles and floating bodies
             pressure_rate = self.pressure_solve.accelerate(dt, external.gravity, self.with_stress)
             self.collisions.resolve()  # contacts, v of floating bodies -> v
             self.boundary.redo(0.5 * dt)  # v of floating bodies -> poses at t + dt
