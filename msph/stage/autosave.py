@@ -108,7 +108,7 @@ class LostSession:
     def offer(self) -> str:
         about = self.about
         return (
-            f"Enter continues {Path(about.scene).stem} of {about.began}, any other key forgets it"
+            f"Enter continues {Path(about.scene).stem} of {about.began}, any other key deletes it"
         )
 
     @property

@@ -140,13 +140,13 @@ class Player(Audience):
         return any(held)
 
     def _answer(self, key: str) -> None:
-        """Continues the session that is offered, or forgets it."""
+        """Continues the session that is offered, or deletes it."""
         assert self.offer
         if key == "Return":
             self.menu.next = self.offer.choice
         else:
             forget()
-            self.layout.show_message("forgotten")
+            self.layout.show_message("the saved session was deleted")
         self.offer = None
 
     def _press(self, action: str, controls: Controls) -> None:

@@ -789,7 +789,7 @@ def test_a_lost_session_is_offered_until_a_key_answers(player, show, tmp_path, m
     about = About("0", "14:32", "drop", "small", (), {"gravity": 3.0})
     player.offer = LostSession(file, about)
     frames(player, show)
-    assert player.layout.message == "Enter continues drop of 14:32, any other key forgets it"
+    assert player.layout.message == "Enter continues drop of 14:32, any other key deletes it"
     # The mouse answers nothing, and the offer comes back after another message.
     press(player, show, "LMB")
     player.layout.until = 0.0
