@@ -1,5 +1,7 @@
 """Impulse and work that act on the water, summed over the steps, by cause."""
 
+from typing import Any
+
 import numpy as np
 import taichi as ti
 
@@ -17,8 +19,10 @@ class ImpulseLedger:
     [N s], user_work [J]: of the hand, of the inertia of the tilting box, and of added water.
     added_mass [kg]: of water added by the user. merge_loss [J]: kinetic energy dissipated by
     merges. spilt_momentum [N s], spilt_energy [J]: of the water that left an open box, when it
-    left. body_push [N s], body_twist [N m s], by body: impulses and angular impulses, about the
-    body's centre, of the water on a body since take_pushes().
+    left; outflow_momentum, outflow_energy: of the water that left through outflows. inflow_mass
+    [kg], inflow_impulse [N s], inflow_work [J]: of the water that inflows add, and by prescribed
+    velocities. body_push [N s], body_twist [N m s], by body: impulses and angular impulses, about
+    the body's centre, of the water on a body since take_pushes().
 
     Double precision where the device supports it: in single precision the sums of still water
     drifted by 2.6e-5 of the largest sum m |v| in 2 s, 20 times what they drift in double precision.
@@ -36,6 +40,11 @@ class ImpulseLedger:
         self.merge_loss = ti.field(number, shape=())
         self.spilt_momentum = ti.Vector.field(3, number, shape=())
         self.spilt_energy = ti.field(number, shape=())
+        self.outflow_momentum = ti.Vector.field(3, number, shape=())
+        self.outflow_energy = ti.field(number, shape=())
+        self.inflow_mass = ti.field(number, shape=())
+        self.inflow_impulse = ti.Vector.field(3, number, shape=())
+        self.inflow_work = ti.field(number, shape=())
         self.totals = tuple(vars(self).values())
         self.body_push = ti.Vector.field(3, number, shape=MAX_BODIES)
         self.body_twist = ti.Vector.field(3, number, shape=MAX_BODIES)
@@ -74,10 +83,20 @@ class ImpulseLedger:
     def add_water(self, m: float, x: np.ndarray, v: np.ndarray, gravity: np.ndarray) -> None:
         """Records particles of m [kg] each, added at x [m] with v [m/s], (n, 3): their mass,
         momentum and energy."""
+        self._add_water(m, x, v, gravity, (self.added_mass, self.user_impulse, self.user_work))
+
+    def add_inflow(self, m: float, x: np.ndarray, v: np.ndarray, gravity: np.ndarray) -> None:
+        """Like add_water(), of particles that an inflow adds."""
+        sums = self.inflow_mass, self.inflow_impulse, self.inflow_work
+        self._add_water(m, x, v, gravity, sums)
+
+    @staticmethod
+    def _add_water(m: float, x: np.ndarray, v: np.ndarray, gravity: np.ndarray, sums: Any) -> None:
         x, v = x.astype(float), v.astype(float)
-        self.added_mass[None] += m * len(x)
-        self.user_impulse[None] += ti.Vector((m * v.sum(axis=0)).tolist())
-        self.user_work[None] += m * float(0.5 * (v**2).sum() - (x @ gravity).sum())
+        mass, impulse, work = sums
+        mass[None] += m * len(x)
+        impulse[None] += ti.Vector((m * v.sum(axis=0)).tolist())
+        work[None] += m * float(0.5 * (v**2).sum() - (x @ gravity).sum())
 
     @ti.func
     def record_internal(self, m, x, dv):

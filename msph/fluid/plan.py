@@ -13,6 +13,7 @@ from msph.fluid.adaptivity.surface_distance import depth_constants
 from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.contact import LEAK
 from msph.fluid.boundary.mesh_samples import sample_count
+from msph.fluid.boundary.openings import Opening
 from msph.fluid.boundary.rigid_bodies import Body
 from msph.fluid.boundary.walls import region, wall_constants
 from msph.fluid.methods import Parameters, solver_of
@@ -36,7 +37,7 @@ class Plan:
     and v (n, 3) [m, m/s], layer (n,). parameters: of the method. bodies: in the box, containers
     included. adaptation: None if particles keep their layer. capacity: largest number of particles,
     by default the number of initial ones. restitution: share of speed kept at walls (-). open_top:
-    the box has no lid, and water that leaves it is removed.
+    the box has no lid, and water that leaves it is removed. openings: inflows and outflows.
     """
 
     size: tuple[float, float, float]
@@ -48,6 +49,7 @@ class Plan:
     capacity: int | None = None
     restitution: float = 0.0
     open_top: bool = False
+    openings: Sequence[Opening] = ()
 
     @cached_property
     def region(self) -> tuple[float, float, float]:

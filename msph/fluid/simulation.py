@@ -11,9 +11,11 @@ import numpy as np
 from msph.errors import BlowUpError
 from msph.fluid.boundary.body_faces import samples
 from msph.fluid.boundary.gap_pressure import MAX_SAMPLES
+from msph.fluid.boundary.openings import ZONE, Opening
 from msph.fluid.boundary.rigid_bodies import Body, centre
 from msph.fluid.boundary.walls import wall_constants
-from msph.fluid.external_forces import ExternalForces, Vec3
+from msph.fluid.constants import MAX_OPENINGS
+from msph.fluid.external_forces import STILL, ExternalForces, Vec3
 from msph.fluid.methods import Parameters, all_attributes, solver_of
 from msph.fluid.particles.grid import cells_of
 from msph.fluid.particles.layers import LayerSpec
@@ -77,6 +79,7 @@ class Simulation:
         parts = self.world.parts
         self.layers, self.particles, self.grid = parts.layers, parts.particles, parts.grid
         self.boundary, self.contact, self.rim = parts.boundary, parts.contact, parts.rim
+        self.openings = parts.openings
         self.solver = self.world.load(plan)
         free = self.boundary.free(plan.initial["x"])
         self.left_out = len(free) - int(free.sum())
@@ -97,6 +100,8 @@ class Simulation:
         """Restores the initial state at time zero."""
         self._start(self.initial, 0.0, 0)
         self.solver.arrange()
+        self.openings.fill_pipes(self.plan.openings, STILL)
+        self.world.parts.impulses.clear()
 
     def warm_up(self, duration: float) -> None:
         """Compiles all kernels by simulating `duration` [s], then resets."""
@@ -134,8 +139,10 @@ class Simulation:
                     self.boundary, self.layers, self.particles, external, longest, now
                 )
             dt = self.last_step = left / self._step_count(left, external)
+            self.openings.begin(self.time + duration - left + dt)
             self.solver.step(dt, external, stage)
             self._spill(external)
+            self._pour(dt, external)
             left -= dt
             self.steps += 1
             self.iterations += self.solver.iterations
@@ -155,6 +162,11 @@ class Simulation:
         if self.rim.spill(external.gravity):
             self.grid.invalidate()
             self.world.parts.neighbours.moved(math.inf)
+
+    def _pour(self, dt: float, external: ExternalForces) -> None:
+        """Adds the water that flowed in during a step of dt [s]."""
+        if self.openings.inlets and self.openings.pour(dt, external.gravity):
+            self.solver.particles_added(self.openings.top_speed)
 
     def add(self, x: np.ndarray, v: np.ndarray, layer: int, gravity: Vec3) -> int:
         """Adds particles of a layer at x [m] with velocities v [m/s], (n, 3), except where they
@@ -190,6 +202,20 @@ class Simulation:
         self.boundary.add(body)
         self.world.prepare_bodies()
         self.contact.clear_bodies()
+        self.solver.particles_moved()
+
+    def add_opening(self, opening: Opening, gravity: Vec3) -> None:
+        """Adds an inflow or outflow until the next reset. gravity [m/s^2]: for the potential energy
+        of the water in its pipe. Raises FullError if there are too many."""
+        if len(self.openings.all) == MAX_OPENINGS:
+            raise FullError(f"at most {MAX_OPENINGS} inflows and outflows")
+        self.world.load_openings(self.plan, [*self.openings.all, opening])
+        self.openings.fill_pipes([opening], gravity)
+        self.solver.particles_added(0.0)
+
+    def remove_opening(self, opening: Opening) -> None:
+        """Removes an inflow or outflow until the next reset; its wall closes."""
+        self.world.load_openings(self.plan, [o for o in self.openings.all if o is not opening])
         self.solver.particles_moved()
 
     def measure_density(self) -> None:
@@ -231,6 +257,8 @@ class Simulation:
             progress["spilt"] = np.float64(self.rim.mass)
         if self.boundary.floating.count:
             progress["floating"] = self.boundary.floating.state()
+        if self.plan.openings:
+            progress["openings"] = self.openings.state()
         return {**progress, **solver, "fluid": self._fingerprint(), **self.particles.state()}
 
     def _fingerprint(self) -> np.ndarray:
@@ -248,12 +276,14 @@ class Simulation:
         solver = {k: float(attributes.pop(f"solver.{k}")) for k in self.solver.state()}
         spilt = float(attributes.pop("spilt")) if self.plan.open_top else 0.0
         floating = attributes.pop("floating", self.boundary.floating.state())
+        ways = attributes.pop("openings", np.zeros(0))
         if fluid.shape != own.shape or not np.allclose(fluid, own):
             raise ValueError("box or layers differ from the scene")
         self.particles.check(attributes)
         x, layer = attributes["x"], attributes["layer"]
         walls = wall_constants(self.size, self.plan.open_top)["walls"]
-        if np.any(x < 0.0) or np.any(x > np.array(walls, np.float32)):
+        reach = ZONE * max(s.spacing for s in self.layers.specs) * bool(self.plan.openings)
+        if np.any(x < -reach) or np.any(x > np.array(walls, np.float32) + reach):
             raise ValueError("particles outside the box")
         if layer.min() < 0 or layer.max() >= self.layers.count:
             raise ValueError(f"layer index not in 0 to {self.layers.count - 1}")
@@ -268,6 +298,7 @@ class Simulation:
         if not 0.0 <= spilt < math.inf:
             raise ValueError(f"{spilt:g} kg were spilt: must be finite and at least 0")
         self._start(attributes, float(time), int(steps), spilt)
+        self.openings.restore(ways)
         self.boundary.restore(float(time), floating)
         self.last_step = float(last_step)
         self.solver.restore(solver)
@@ -280,6 +311,8 @@ class Simulation:
         self.last_step = math.inf
         if self.boundary.count > len(self.plan.bodies):
             self.world.load_bodies(self.plan)
+        self.world.load_openings(self.plan, ())
+        self.world.load_openings(self.plan, self.plan.openings)
         self.boundary.reset(time)
         self.rim.reset(spilt)
         self.solver.reset()

@@ -82,6 +82,7 @@ class Ledger:
             solver_residual_max=float(excess.max()),
             outside=int(totals.pop("outside")),
             spilt=sim.rim.mass,
+            outflow_mass=sim.rim.outflow,
             **totals,
         )
         self.entries.append(entry)
@@ -99,11 +100,13 @@ class Ledger:
         return np.maximum(density / rest - 1.0, 0.0)
 
     def mass_change(self) -> float:
-        """Returns the relative change of mass, spilt water included, beside the water that the user
-        added (-)."""
-        first, last = self.entries[0], self.entries[-1]
-        added = last.added_mass - first.added_mass
-        return (last.mass + last.spilt - added) / (first.mass + first.spilt) - 1.0
+        """Returns the relative change of mass, beside the water that left and that the user or
+        inflows added (-)."""
+        first, last = (
+            e.mass + e.spilt + e.outflow_mass - e.added_mass - e.inflow_mass
+            for e in (self.entries[0], self.entries[-1])
+        )
+        return (last - first) / (self.entries[0].mass + self.entries[0].spilt)
 
     def momentum_drift(self) -> float:
         """Returns |sum of internal impulses| over the largest sum m |v| of the run (-)."""
@@ -191,7 +194,8 @@ class Ledger:
 
 
 def _disturbed(before: Entry, after: Entry) -> bool:
-    """Returns True if there was input by walls, the user or tilting between two entries."""
+    """Returns True if there was input by walls, inflows, the user or tilting between entries."""
+    poured = before.inflow_work != after.inflow_work
     turned = not np.array_equal(before.gravity, after.gravity)
     pushed = not np.array_equal(before.user_impulse, after.user_impulse)
-    return turned or pushed or before.wall_work != after.wall_work
+    return poured or turned or pushed or before.wall_work != after.wall_work

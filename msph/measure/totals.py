@@ -23,8 +23,12 @@ TOP_SPEED = 0
 _GIVEN_VECTORS = (
     *("internal_impulse", "internal_angular_impulse"),
     *("wall_impulse", "user_impulse", "spilt_momentum"),
+    *("inflow_impulse", "outflow_momentum"),
 )
-_GIVEN_SCALARS = ("wall_work", "user_work", "added_mass", "merge_loss", "spilt_energy")
+_GIVEN_SCALARS = (
+    *("wall_work", "user_work", "added_mass", "merge_loss", "spilt_energy"),
+    *("inflow_mass", "inflow_work", "outflow_energy"),
+)
 
 
 @data_oriented

@@ -9,6 +9,7 @@ the pressure force (docs/method.md, "Walls and bodies").
 
 import taichi as ti
 
+from msph.fluid.boundary.apertures import Apertures
 from msph.fluid.constants import Constants
 from msph.taichi_internals import data_oriented
 
@@ -30,6 +31,7 @@ class MirrorImages:
 
     def __init__(self, constants: Constants):
         self.walls, self.rim = constants.walls, constants.rim  # [m]
+        self.apertures = Apertures(constants)
 
     @ti.func
     def walls_near(self, x, reach):
@@ -46,6 +48,12 @@ class MirrorImages:
     def is_mirrored(self, x):
         """Returns True if side walls mirror a particle at x [m]."""
         return x.y <= self.rim[None]
+
+    @ti.func
+    def open_walls(self, x):
+        """Returns the walls, as bits, that do not mirror a particle at x [m] since it is beside an
+        opening or beyond the wall."""
+        return self.apertures.beside(x) | self.apertures.beyond(x)
 
     @ti.func
     def combinations(self, near):

@@ -80,7 +80,9 @@ class PressureSolve:
             share = ti.max(dt / self.constants.release[None], -c / GAP_DEFICIT)
             removed = ti.min(share, 1.0) * c
             # Halves of a split are crowded until the position correction has moved them apart.
-            removed = ti.select(p.settling[i] > 0 and c > 0.0, 0.0, removed)
+            # Where velocities are prescribed, no multiplier could lower an excess.
+            held = p.settling[i] > 0 or p.prescribed[i] > 0
+            removed = ti.select(held and c > 0.0, 0.0, removed)
             p.rhs[i] = dt * rate + removed
             last = p.pressure_multiplier[i]
             start = 0.5 * (last + p.previous_multiplier[i])

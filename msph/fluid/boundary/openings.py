@@ -1,0 +1,329 @@
+"""Openings: inflows, which add water, and outflows, which remove it.
+
+An opening is a plane cross-section. Where it lies on a wall of the box, the wall neither mirrors
+nor stops particles, and water beyond the wall is simulated over the length of a zone: in the pipe
+of an inflow, or in the jet through a hole, up to where the jet is removed (rim.py).
+
+An opening with a speed prescribes the velocity of the particles in its zone. The pressure solve
+does not displace them, so they act on other water like a piston, without gap or jump of pressure.
+
+An inflow adds a sheet of particles at the far end of its zone each time the previous sheet has
+advanced by the distance of sheets: n particles of volume V fill the cross-section A over the
+distance n V/A, so that the flow is A times the speed.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import taichi as ti
+
+from msph.fluid.boundary.apertures import Apertures
+from msph.fluid.boundary.boundary import Boundary
+from msph.fluid.constants import MAX_OPENINGS, Constants
+from msph.fluid.impulse_ledger import ImpulseLedger
+from msph.fluid.particles.layers import Layers, LayerSpec
+from msph.fluid.particles.neighbour_list import NeighbourList
+from msph.fluid.particles.particles import Attribute, Particles
+from msph.taichi_internals import data_oriented, kernel
+
+vec3 = ti.math.vec3
+
+ATTRIBUTES = (
+    Attribute(
+        "prescribed",
+        "-",
+        "1 + index of the opening that prescribes the velocity, or 0",
+        integer=True,
+        carried=False,
+    ),
+)
+
+# Length of a zone [spacings]: more than a support, so that no water feels the end of a pipe.
+ZONE = 3.0
+# By which a zone is wider than the opening [spacings], as rows of particles may overlap its edge.
+SLACK = 0.5
+# Greatest distance [spacings] of an opening from the wall on which it lies, and least cosine of
+# the angle between its direction and the normal of that wall.
+ON_WALL, ALONG_NORMAL = 0.5, 0.999
+# Distance of a new particle from others, in spacings, below which it is left out.
+LEAST_GAP = 0.7
+
+
+@dataclass(frozen=True, eq=False)
+class Opening:
+    """Cross-section around `centre` (3,) [m] through which water flows along `direction` (3,): a
+    disc of radius half[0] [m], or a rectangle of half edges `half` [m] along the rows of `edges`
+    (2, 3).
+
+    enters: True for an inflow. speed [m/s] over time [s]; None for an outflow that water leaves
+    freely. layer: of new particles, or of most water around an outflow.
+    """
+
+    centre: np.ndarray
+    direction: np.ndarray
+    half: tuple[float, float]
+    enters: bool
+    speed: Callable[[float], float] | None = None
+    edges: np.ndarray | None = None
+    layer: int = 0
+
+    @property
+    def area(self) -> float:
+        """Area of the cross-section [m^2]."""
+        return math.pi * self.half[0] ** 2 if self.edges is None else 4.0 * math.prod(self.half)
+
+    @property
+    def along(self) -> np.ndarray:
+        """Unit vector (3,) of the flow."""
+        return self.direction / np.linalg.norm(self.direction)
+
+    @property
+    def frame(self) -> np.ndarray:
+        """Unit vectors (2, 3) that span the cross-section."""
+        if self.edges is not None:
+            return self.edges
+        across = np.cross(self.along, np.eye(3)[int(np.argmin(np.abs(self.along)))])
+        across /= np.linalg.norm(across)
+        return np.stack([across, np.cross(self.along, across)])
+
+    def wall(self, walls: np.ndarray, spacing: float) -> int:
+        """Returns the wall on which the opening lies and to which its flow is normal, as a bit
+        (MirrorImages.walls_near), or 0. walls (3,) [m]: the far walls; spacing [m]: of its
+        layer."""
+        outwards = -self.along if self.enters else self.along
+        for k in range(3):
+            for far, wall in enumerate((0.0, walls[k])):
+                near = abs(self.centre[k] - wall) < ON_WALL * spacing
+                if near and (2 * far - 1) * outwards[k] > ALONG_NORMAL:
+                    return 1 << (k + 3 * far)
+        return 0
+
+    def ends(self, spacing: float) -> np.ndarray:
+        """Returns the centres (2, 3) [m] of the opening and of the far end of its zone."""
+        way = ZONE * spacing * self.along
+        return np.stack([self.centre, self.centre - way])
+
+    def row(self, spec: LayerSpec, walls: np.ndarray) -> dict[str, Any]:
+        """Returns the row of the table `constants.openings`."""
+        length, wall = ZONE * spec.spacing, self.wall(walls, spec.spacing)
+        if self.speed is None:
+            # A jet contracts and gains speed over about the width of its hole.
+            length += 2.0 * min(self.half)
+        centre = self.centre.copy()
+        if wall:
+            # Exactly on the wall: the pipe and the box then meet without a gap.
+            k = int(np.argmax(np.abs(self.along)))
+            centre[k] = walls[k] if wall >= 8 else 0.0
+        behind = self.enters or not wall
+        zone = (-length if behind else 0.0, 0.0 if behind else length)
+        return {
+            "centre": centre,
+            "along": self.along,
+            "across": self.frame[0],
+            "aslant": self.frame[1],
+            "width": self.half[0],
+            "height": self.half[1],
+            "round": self.edges is None,
+            "wall": wall,
+            "zone_begin": zone[0],
+            "zone_end": zone[0] if self.speed is None else zone[1],
+            "kept_from": zone[0] - (spec.spacing if self.enters else 0.0),
+            "length": length + (2.0 * spec.spacing if self.enters else 0.0),
+            "removes": not self.enters and not wall,
+            "slack": SLACK * spec.spacing,
+        }
+
+    def sites(self, spec: LayerSpec) -> tuple[np.ndarray, float]:
+        """Returns the sites (n, 3) [m] of a sheet relative to the centre, and the distance [m] of
+        sheets."""
+        d = spec.spacing
+        if self.edges is None:
+            n, reach = max(1, round(self.area / d**2)), math.ceil(self.half[0] / d) + 1
+            nearest = []
+            for axis in (np.arange(-reach, reach + 1.0), np.arange(-reach, reach) + 0.5):
+                lattice = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
+                order = np.argsort((lattice**2).sum(axis=1), kind="stable")
+                nearest.append(d * lattice[order[:n]])
+            places = min(nearest, key=lambda found: float(np.abs(found.mean(axis=0)).sum()))
+        else:
+            axes = []
+            for half in self.half:
+                m = max(1, round(2.0 * half / d))
+                axes.append(half * ((2.0 * np.arange(m) + 1.0) / m - 1.0))
+            places = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
+        return places @ self.frame, len(places) * spec.volume / self.area
+
+
+class Inlet:
+    """Progress of an inflow: sites (n, 3) [m] of a sheet relative to the centre of the opening,
+    distance [m] of sheets, and way [m] of the last sheet from the far end of the zone."""
+
+    def __init__(self, opening: Opening, spec: LayerSpec):
+        self.opening, self.spec = opening, spec
+        self.sites, self.distance = opening.sites(spec)
+        self.way = self.distance  # the first sheet is due at once
+
+
+@data_oriented
+class Openings:
+    """The openings of a simulation, `all`. full: True while the particle pool has no room for a
+    sheet that is due; its inflow waits meanwhile."""
+
+    def __init__(
+        self,
+        constants: Constants,
+        layers: Layers,
+        particles: Particles,
+        boundary: Boundary,
+        neighbours: NeighbourList,
+        impulses: ImpulseLedger,
+    ):
+        self.constants, self.layers, self.particles = constants, layers, particles
+        self.boundary, self.neighbours, self.impulses = boundary, neighbours, impulses
+        self.table, self.apertures = constants.openings, Apertures(constants)
+        self.all: list[Opening] = []
+        self.inlets: dict[int, Inlet] = {}
+        self.within: set[int] = set()  # openings that lie on no wall
+        self.waiting: set[int] = set()
+        # Prescribed speeds [m/s] at the end of the step, and means over the step.
+        self.speeds, self.means = np.zeros(MAX_OPENINGS), np.zeros(MAX_OPENINGS)
+
+    @property
+    def full(self) -> bool:
+        return bool(self.waiting)
+
+    @property
+    def top_speed(self) -> float:
+        """Largest prescribed speed [m/s]."""
+        return float(self.speeds.max())
+
+    def load(self, openings: Sequence[Opening], walls: np.ndarray) -> None:
+        """Replaces the openings; those that stay keep their progress. walls (3,) [m]: the far
+        walls."""
+        present = {id(inlet.opening): inlet for inlet in self.inlets.values()}
+        specs, changed = self.layers.specs, bool(self.all or openings)
+        self.all, self.inlets = list(openings), {}
+        for k, opening in enumerate(self.all):
+            if opening.enters:
+                found = present.get(id(opening))
+                self.inlets[k] = found or Inlet(opening, specs[opening.layer])
+        rows = [o.row(specs[o.layer], walls) for o in self.all]
+        if changed:
+            self.table.fill(**{name: [row[name] for row in rows] for name in (rows or [{}])[0]})
+        self.constants.opening_count[None] = len(rows)
+        self.neighbours.opened = any(row["wall"] for row in rows)
+        self.within = {k for k, row in enumerate(rows) if not row["wall"]}
+        self.speeds[:], self.means[:] = 0.0, 0.0
+        self.waiting.clear()
+        if changed:
+            self._mark(self.particles.count)
+            self._prescribe(0)
+            self.particles.extend(np.zeros((0, 3)), np.zeros((0, 3)), 0, 0)
+
+    def begin(self, time: float) -> None:
+        """Sets the prescribed speeds at the end of a step, at `time` [s]."""
+        for k, opening in enumerate(self.all):
+            speed = 0.0
+            if opening.speed is not None and k not in self.waiting:
+                speed = max(0.0, opening.speed(time))
+            if speed != self.speeds[k]:
+                self.table.speed[k] = speed
+            if speed + self.speeds[k] != 2.0 * self.means[k]:
+                self.table.mean_speed[k] = self.means[k] = 0.5 * (speed + self.speeds[k])
+            self.speeds[k] = speed
+
+    def mark(self) -> None:
+        """Finds the particles whose velocities are prescribed."""
+        if self.all:
+            self._mark(self.particles.count)
+
+    def prescribe(self) -> None:
+        """Sets the velocities in the zones at the end of a step."""
+        if self.all:
+            self._prescribe(self.particles.count)
+
+    def fill_pipes(self, openings: Sequence[Opening], gravity: tuple[float, float, float]) -> None:
+        """Fills the zones of these openings beyond walls, so that no water flows into them.
+        gravity: as in pour()."""
+        for k, inlet in self.inlets.items():
+            if inlet.opening in openings and k not in self.within:
+                sheets = math.ceil(ZONE * inlet.spec.spacing / inlet.distance)
+                inlet.way = sheets * inlet.distance
+        self.pour(0.0, gravity)
+
+    def pour(self, dt: float, gravity: tuple[float, float, float]) -> int:
+        """Adds the sheets that are due after a step of dt [s] under gravity [m/s^2], for their
+        potential energy; returns the number of particles."""
+        count = self.particles.count
+        self.waiting.clear()
+        for k, inlet in self.inlets.items():
+            inlet.way += dt * self.means[k]
+            while inlet.way >= inlet.distance and k not in self.waiting:
+                if not self._add_sheet(k, inlet, np.array(gravity)):
+                    self.waiting.add(k)
+        return self.particles.count - count
+
+    def _add_sheet(self, k: int, inlet: Inlet, gravity: np.ndarray) -> bool:
+        """Adds a sheet; returns False if the pool has no room."""
+        opening, spec = inlet.opening, inlet.spec
+        advance = inlet.way - inlet.distance - ZONE * spec.spacing
+        x = (opening.centre + advance * opening.along + inlet.sites).astype(np.float32)
+        if k in self.within:
+            free = np.zeros(len(x), np.int32)
+            self._find_free(self.particles.count, x, LEAST_GAP * spec.spacing, free)
+            x = x[(free == 1) & self.boundary.free(x)]
+        if self.particles.count + len(x) > self.particles.capacity:
+            return False
+        inlet.way -= inlet.distance
+        v = np.tile(self.speeds[k] * opening.along, (len(x), 1)).astype(np.float32)
+        self.particles.extend(x, v, opening.layer, 1 + k)
+        self.impulses.add_inflow(spec.mass, x, v, gravity)
+        return True
+
+    def state(self) -> np.ndarray:
+        """Returns the ways [m] of the last sheets of all inflows, for checkpoints."""
+        return np.array([inlet.way for inlet in self.inlets.values()])
+
+    def restore(self, ways: np.ndarray) -> None:
+        """Restores a state()."""
+        for inlet, way in zip(self.inlets.values(), ways.tolist(), strict=True):
+            inlet.way = way
+
+    @kernel
+    def _mark(self, n: ti.i32):
+        for i in range(n):
+            self.particles.prescribed[i] = self.apertures.prescriber(self.particles.x[i])
+
+    @kernel
+    def _prescribe(self, n: ti.i32):
+        """v = speed along the flow. The work [J] is that of a piston, which moves with the mean
+        speed of the step: m dv.v_mean, of which the pressure solve takes up the part by pressure.
+        """
+        p = self.particles
+        for i in range(n):
+            k = p.prescribed[i] - 1
+            if k >= 0:
+                m, along = self.layers.mass[p.layer[i]], self.table.along[k]
+                change = m * (self.table.speed[k] * along - p.v[i])
+                self.impulses.inflow_impulse[None] += change
+                self.impulses.inflow_work[None] += self.table.mean_speed[k] * change.dot(along)
+                p.v[i] = self.table.speed[k] * along
+
+    @kernel
+    def _find_free(
+        self,
+        n: ti.i32,
+        x: ti.types.ndarray(dtype=ti.f32, ndim=2),
+        gap: ti.f32,
+        free: ti.types.ndarray(dtype=ti.i32, ndim=1),
+    ):
+        """Sets free to 1 for the points x [m] farther than `gap` [m] from all particles."""
+        for k in range(x.shape[0]):
+            nearest = 1e9
+            for i in range(n):
+                r = self.particles.x[i] - vec3(x[k, 0], x[k, 1], x[k, 2])
+                nearest = ti.min(nearest, r.norm_sqr())
+            free[k] = ti.cast(nearest > gap * gap, ti.i32)
