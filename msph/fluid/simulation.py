@@ -60,6 +60,14 @@ def footprint(
     }
 
 
+class OpeningError(ValueError):
+    """An inflow or outflow that cannot be built. opening: its index in the plan."""
+
+    def __init__(self, opening: int, problem: str):
+        super().__init__(problem)
+        self.opening = opening
+
+
 class FullError(ValueError):
     """Raised if water is added beyond the largest number of particles."""
 
@@ -69,7 +77,8 @@ class Simulation:
 
     time [s] is simulated time; steps counts solver steps since the last reset, iterations those of
     their pressure solves; left_out counts the initial particles inside bodies, which are dropped,
-    and mass_left_out [kg] is their mass. Raises NoWaterError if none remain.
+    and mass_left_out [kg] is their mass. Raises NoWaterError if none remain, OpeningError for an
+    inflow or outflow in a body.
     """
 
     def __init__(self, plan: Plan):
@@ -88,6 +97,12 @@ class Simulation:
         if not free.any():
             self.close()
             raise NoWaterError(f"all {len(free)} particles are inside bodies")
+        for k, opening in enumerate(plan.openings):
+            try:
+                self._check_opening(opening)
+            except ValueError as error:
+                self.close()
+                raise OpeningError(k, str(error)) from None
         self.initial = {name: values[free] for name, values in plan.initial.items()}
         self.particles.capacity = max(plan.capacity or 0, int(free.sum()))
         self.reset()
@@ -206,12 +221,25 @@ class Simulation:
 
     def add_opening(self, opening: Opening, gravity: Vec3) -> None:
         """Adds an inflow or outflow until the next reset. gravity [m/s^2]: for the potential energy
-        of the water in its pipe. Raises FullError if there are too many."""
+        of the water in its pipe. Raises FullError if there are too many, ValueError if it is not
+        inside the box or is in a body."""
         if len(self.openings.all) == MAX_OPENINGS:
             raise FullError(f"at most {MAX_OPENINGS} inflows and outflows")
+        self._check_opening(opening)
         self.world.load_openings(self.plan, [*self.openings.all, opening])
         self.openings.fill_pipes([opening], gravity)
         self.solver.particles_added(0.0)
+
+    def _check_opening(self, opening: Opening) -> None:
+        spec = self.layers.specs[opening.layer]
+        walls = np.array(wall_constants(self.size, self.plan.open_top)["walls"])
+        problem = opening.problem(walls, spec.spacing)
+        if problem:
+            raise ValueError(problem)
+        # Beside a wall, the cross-section half a spacing inside the box.
+        inwards = 0.5 * spec.spacing * (1.0 if opening.enters else -1.0) * opening.along
+        if not self.boundary.free(opening.centre + inwards + opening.sites(spec)[0]).all():
+            raise ValueError("is inside a body")
 
     def remove_opening(self, opening: Opening) -> None:
         """Removes an inflow or outflow until the next reset; its wall closes."""

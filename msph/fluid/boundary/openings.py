@@ -101,10 +101,24 @@ class Opening:
                     return 1 << (k + 3 * far)
         return 0
 
-    def ends(self, spacing: float) -> np.ndarray:
-        """Returns the centres (2, 3) [m] of the opening and of the far end of its zone."""
-        way = ZONE * spacing * self.along
-        return np.stack([self.centre, self.centre - way])
+    def problem(self, walls: np.ndarray, spacing: float) -> str | None:
+        """Returns a text if the opening, or its zone unless beyond a wall, is not inside the box.
+        walls, spacing: as in wall()."""
+        ends = [self.centre]
+        if not self.wall(walls, spacing) and (self.enters or self.speed is not None):
+            ends.append(self.centre - ZONE * spacing * self.along)
+        spread = np.abs(self.frame).T @ self.half
+        if self.edges is None:
+            spread = self.half[0] * np.sqrt(1.0 - self.along**2)
+        lo, hi = np.min(ends, axis=0) - spread, np.max(ends, axis=0) + spread
+        edge = ON_WALL * spacing
+        if np.all(lo >= -edge) and np.all(hi <= walls + edge):
+            return None
+        what = (
+            f", {ZONE:g} spacings of {spacing:.3g} m behind it included," if len(ends) > 1 else ""
+        )
+        reach = " to ".join("(" + ", ".join(f"{c:.3g}" for c in x) + ")" for x in (lo, hi))
+        return f"reaches{what} from {reach} m, beyond the box"
 
     def row(self, spec: LayerSpec, walls: np.ndarray) -> dict[str, Any]:
         """Returns the row of the table `constants.openings`."""

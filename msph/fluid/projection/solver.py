@@ -59,7 +59,7 @@ class Projection:
 
     NAME = "projection"
     PARAMETERS = ProjectionParameters
-    ADAPTS, HAS_BODIES = True, True
+    ADAPTS, HAS_BODIES, HAS_OPENINGS = True, True, True
     LAYER_OPTIONS: tuple[str, ...] = ()
     # At 2.45 both errors are small: narrower kernels resist shear, which makes waves too fast;
     # wider kernels smooth waves, which makes them too slow (docs/method.md, "Density").
