@@ -51,8 +51,8 @@ OPENING = {
     "zone_end": f32,
     "kept_from": f32,  # s from which water beyond the wall is simulated [m]
     "length": f32,  # of that range, or of the range of s from 0 in which water is removed [m]
-    "removes": i32,  # 1 for an outflow within the box
-    "slack": f32,  # by which the zone is wider than the opening [m]
+    "leaves": i32,  # 1 for an outflow
+    "slack": f32,  # half a spacing, by which the zone is wider than the opening [m]
     "speed": f32,  # prescribed at the end of the step [m/s]
     "mean_speed": f32,  # mean over the step [m/s]
 }

@@ -83,6 +83,8 @@ class Simulation:
 
     def __init__(self, plan: Plan):
         self.plan, self.size, self.region = plan, plan.size, plan.region
+        # Coordinates [m] of the far walls, (3,).
+        self.walls = np.array(wall_constants(plan.size, plan.open_top)["walls"], np.float32)
         self.world = take(plan.needed)
         self._lease = weakref.finalize(self, give_back, self.world)
         parts = self.world.parts
@@ -211,8 +213,8 @@ class Simulation:
         if self.boundary.count == MAX_BODIES:
             raise FullError(f"at most {MAX_BODIES} bodies")
         (points, _, _), at = samples(body, self.layers.finest.spacing, MAX_SAMPLES), centre(body)
-        x, walls = at + points, wall_constants(self.size, self.plan.open_top)["walls"]
-        if (x < 0.0).any() or (x > walls).any() or not self.boundary.free(x).all():
+        x = at + points
+        if (x < 0.0).any() or (x > self.walls).any() or not self.boundary.free(x).all():
             raise ValueError("the body overlaps another body or a wall")
         self.boundary.add(body)
         self.world.prepare_bodies()
@@ -232,8 +234,7 @@ class Simulation:
 
     def _check_opening(self, opening: Opening) -> None:
         spec = self.layers.specs[opening.layer]
-        walls = np.array(wall_constants(self.size, self.plan.open_top)["walls"])
-        problem = opening.problem(walls, spec.spacing)
+        problem = opening.problem(self.walls, spec.spacing)
         if problem:
             raise ValueError(problem)
         # Beside a wall, the cross-section half a spacing inside the box.
@@ -309,9 +310,8 @@ class Simulation:
             raise ValueError("box or layers differ from the scene")
         self.particles.check(attributes)
         x, layer = attributes["x"], attributes["layer"]
-        walls = wall_constants(self.size, self.plan.open_top)["walls"]
         reach = ZONE * max(s.spacing for s in self.layers.specs) * bool(self.plan.openings)
-        if np.any(x < -reach) or np.any(x > np.array(walls, np.float32) + reach):
+        if np.any(x < -reach) or np.any(x > self.walls + reach):
             raise ValueError("particles outside the box")
         if layer.min() < 0 or layer.max() >= self.layers.count:
             raise ValueError(f"layer index not in 0 to {self.layers.count - 1}")

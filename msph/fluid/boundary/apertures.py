@@ -37,6 +37,17 @@ class Apertures:
         return found
 
     @ti.func
+    def passable(self, x):
+        """Returns the walls, as bits, with an outflow through which a particle can leave at x [m].
+        Particles at the wall of a full pipe are half a spacing from that wall."""
+        found = 0
+        for o in range(self.constants.opening_count[None]):
+            edge = ti.select(self.table.zone_end[o] > 0.0, -self.table.slack[o], 0.0)
+            if self.table.leaves[o] == 1 and self._faces(o, x, edge):
+                found |= self.table.wall[o]
+        return found
+
+    @ti.func
     def prescriber(self, x):
         """Returns 1 + the index of the opening that prescribes the velocity at x [m], or 0."""
         found = 0
@@ -64,7 +75,8 @@ class Apertures:
         found = False
         for o in range(self.constants.opening_count[None]):
             s = self._along(o, x)
-            removed = self.table.removes[o] == 1 and s >= 0.0 and s < self.table.length[o]
+            inside = self.table.leaves[o] == 1 and self.table.wall[o] == 0
+            removed = inside and s >= 0.0 and s < self.table.length[o]
             found = found or (removed and self._faces(o, x, self.table.slack[o]))
         return found
 

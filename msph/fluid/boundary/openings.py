@@ -43,7 +43,8 @@ ATTRIBUTES = (
 
 # Length of a zone [spacings]: more than a support, so that no water feels the end of a pipe.
 ZONE = 3.0
-# By which a zone is wider than the opening [spacings], as rows of particles may overlap its edge.
+# By which a zone is wider than the opening [spacings], as rows of particles may overlap its edge;
+# and distance from the wall of a full pipe.
 SLACK = 0.5
 # Greatest distance [spacings] of an opening from the wall on which it lies, and least cosine of
 # the angle between its direction and the normal of that wall.
@@ -146,7 +147,7 @@ class Opening:
             "zone_end": zone[0] if self.speed is None else zone[1],
             "kept_from": zone[0] - (spec.spacing if self.enters else 0.0),
             "length": length + (2.0 * spec.spacing if self.enters else 0.0),
-            "removes": not self.enters and not wall,
+            "leaves": not self.enters,
             "slack": SLACK * spec.spacing,
         }
 
@@ -183,8 +184,8 @@ class Inlet:
 
 @data_oriented
 class Openings:
-    """The openings of a simulation, `all`. full: True while the particle pool has no room for a
-    sheet that is due; its inflow waits meanwhile."""
+    """The openings of a simulation, `all`. waiting: inflows for whose next sheet the pool has no
+    room; waited [s]: time since the reset in which there were any."""
 
     def __init__(
         self,
@@ -202,12 +203,16 @@ class Openings:
         self.inlets: dict[int, Inlet] = {}
         self.within: set[int] = set()  # openings that lie on no wall
         self.waiting: set[int] = set()
+        self.waited = 0.0
         # Prescribed speeds [m/s] at the end of the step, and means over the step.
         self.speeds, self.means = np.zeros(MAX_OPENINGS), np.zeros(MAX_OPENINGS)
 
-    @property
-    def full(self) -> bool:
-        return bool(self.waiting)
+    def message(self) -> str | None:
+        """Returns a message if inflows have waited since the reset, else None."""
+        if self.waited == 0.0:
+            return None
+        held = f"the pool of {self.particles.capacity:,} particles is full"
+        return f"{held}: inflows have waited for {self.waited:.2g} s"
 
     @property
     def top_speed(self) -> float:
@@ -232,6 +237,8 @@ class Openings:
         self.within = {k for k, row in enumerate(rows) if not row["wall"]}
         self.speeds[:], self.means[:] = 0.0, 0.0
         self.waiting.clear()
+        if not openings:
+            self.waited = 0.0
         if changed:
             self._mark(self.particles.count)
             self._prescribe(0)
@@ -264,8 +271,8 @@ class Openings:
         gravity: as in pour()."""
         for k, inlet in self.inlets.items():
             if inlet.opening in openings and k not in self.within:
-                sheets = math.ceil(ZONE * inlet.spec.spacing / inlet.distance)
-                inlet.way = sheets * inlet.distance
+                # The first sheet is half a distance before the wall.
+                inlet.way = ZONE * inlet.spec.spacing + 0.5 * inlet.distance
         self.pour(0.0, gravity)
 
     def pour(self, dt: float, gravity: tuple[float, float, float]) -> int:
@@ -278,6 +285,7 @@ class Openings:
             while inlet.way >= inlet.distance and k not in self.waiting:
                 if not self._add_sheet(k, inlet, np.array(gravity)):
                     self.waiting.add(k)
+        self.waited += dt * bool(self.waiting)
         return self.particles.count - count
 
     def _add_sheet(self, k: int, inlet: Inlet, gravity: np.ndarray) -> bool:

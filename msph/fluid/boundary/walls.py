@@ -56,7 +56,7 @@ class Walls:
         if end.y > self.constants.rim[None] or self.is_outside(start):
             lo, hi = vec3(-NO_WALL, margin, -NO_WALL), vec3(NO_WALL)
         if self.constants.opening_count[None] > 0:
-            passed = self.apertures.beside(end) | self.apertures.beyond(start)
+            passed = self.apertures.passable(end) | self.apertures.beyond(start)
             for k in ti.static(range(3)):
                 lo[k] = ti.select((passed >> k) & 1 == 1, -NO_WALL, lo[k])
                 hi[k] = ti.select((passed >> (k + 3)) & 1 == 1, NO_WALL, hi[k])
