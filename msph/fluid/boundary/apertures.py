@@ -7,6 +7,7 @@ An opening has a coordinate s [m] along its direction of flow, 0 at its cross-se
 import taichi as ti
 
 from msph.fluid.constants import Constants
+from msph.fluid.small_numbers import MIN_DIVISOR
 from msph.taichi_internals import data_oriented
 
 vec3 = ti.math.vec3
@@ -28,13 +29,16 @@ class Apertures:
         return found
 
     @ti.func
-    def beside(self, x):
-        """Returns the walls, as bits, that have an opening where x [m] is projected onto them."""
-        found = 0
+    def visible(self, x, x_j, mirrors):
+        """Returns True if the way from x [m] to the mirror image of x_j [m] by `mirrors` (bits of
+        walls) passes through no opening. The same if x and x_j are exchanged, so that forces are
+        equal and opposite."""
+        crossed = self.beyond(x) | self.beyond(x_j)
         for o in range(self.constants.opening_count[None]):
-            if self.table.wall[o] > 0 and self._faces(o, x, 0.0):
-                found |= self.table.wall[o]
-        return found
+            a, b = abs(self._along(o, x)), abs(self._along(o, x_j))
+            if self._faces(o, (b * x + a * x_j) / ti.max(a + b, MIN_DIVISOR), 0.0):
+                crossed |= self.table.wall[o]
+        return (crossed & mirrors) == 0
 
     @ti.func
     def passable(self, x):

@@ -156,13 +156,15 @@ class Opening:
         sheets."""
         d = spec.spacing
         if self.edges is None:
-            n, reach = max(1, round(self.area / d**2)), math.ceil(self.half[0] / d) + 1
-            nearest = []
-            for axis in (np.arange(-reach, reach + 1.0), np.arange(-reach, reach) + 0.5):
-                lattice = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
-                order = np.argsort((lattice**2).sum(axis=1), kind="stable")
-                nearest.append(d * lattice[order[:n]])
-            places = min(nearest, key=lambda found: float(np.abs(found.mean(axis=0)).sum()))
+            # Rings of equal width: a square lattice would leave gaps at the edge.
+            n, rings = max(1, round(self.area / d**2)), max(1, round(self.half[0] / d))
+            ends = np.round(n * (np.arange(rings + 1) / rings) ** 2).astype(int)
+            parts = []
+            for ring, count in enumerate(np.diff(ends).tolist()):
+                angle = 2.0 * np.pi * (np.arange(count) + 0.5 * ring) / max(count, 1)
+                radius = self.half[0] * (ring + 0.5) / rings * (count > 1)
+                parts.append(radius * np.stack([np.cos(angle), np.sin(angle)], axis=1))
+            places = np.concatenate(parts)
         else:
             axes = []
             for half in self.half:

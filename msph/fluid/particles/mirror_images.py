@@ -50,12 +50,6 @@ class MirrorImages:
         return x.y <= self.rim[None]
 
     @ti.func
-    def open_walls(self, x):
-        """Returns the walls, as bits, that do not mirror a particle at x [m] since it is beside an
-        opening or beyond the wall."""
-        return self.apertures.beside(x) | self.apertures.beyond(x)
-
-    @ti.func
     def combinations(self, near):
         """Returns the number of subsets of `near` walls with at most one wall per axis."""
         product = 1

@@ -197,7 +197,7 @@ class NeighbourList:
         layer = self.particles.layer[i]
         near = self.images.walls_near(x, self.max_reach[layer])
         if ti.static(opened):
-            near &= ~self.images.open_walls(x)
+            near &= ~self.images.apertures.beyond(x)
         for way in range(1, self.images.combinations(near)):
             if self._make_room(inner + 1, search):
                 mirrors = self.images.combination(way, near)
@@ -205,7 +205,10 @@ class NeighbourList:
                 first, place = search.first, search.place
                 own = self.images.offset(x, x, mirror, wall).norm_sqr()
                 self.index[place] = self.images.entry(i, mirrors)
-                place += ti.select(own < self.reaches[layer, layer] ** 2, 1, 0)
+                own_near = own < self.reaches[layer, layer] ** 2
+                if ti.static(opened):
+                    own_near = own_near and self.images.apertures.visible(x, x, mirrors)
+                place += ti.select(own_near, 1, 0)
                 for s in range(first, first + inner):
                     j = self.index[s]
                     reach = self.reaches[layer, self.particles.layer[j]]
@@ -215,7 +218,7 @@ class NeighbourList:
                     # As for i: forces between two particles must be equal and opposite.
                     mutual = near_j and self.images.is_mirrored(x_j)
                     if ti.static(opened):
-                        mutual = mutual and (self.images.open_walls(x_j) & mirrors) == 0
+                        mutual = mutual and self.images.apertures.visible(x, x_j, mirrors)
                     place += ti.select(mutual, 1, 0)
                 search.place = place
 
