@@ -158,7 +158,7 @@ class Simulation:
             dt = self.last_step = left / self._step_count(left, external)
             self.openings.begin(self.time + duration - left + dt)
             self.solver.step(dt, external, stage)
-            self._spill(external)
+            self._spill(dt, external)
             self._pour(dt, external)
             left -= dt
             self.steps += 1
@@ -174,9 +174,9 @@ class Simulation:
         self.rim.fall(done, external.gravity)
         return done
 
-    def _spill(self, external: ExternalForces) -> None:
-        """Removes the particles that left an open box."""
-        if self.rim.spill(external.gravity):
+    def _spill(self, dt: float, external: ExternalForces) -> None:
+        """Removes the particles that left the box in a step of dt [s]."""
+        if self.rim.spill(external.gravity, self.openings.take(dt)):
             self.grid.invalidate()
             self.world.parts.neighbours.moved(math.inf)
 
@@ -326,7 +326,8 @@ class Simulation:
         if not 0.0 <= spilt < math.inf:
             raise ValueError(f"{spilt:g} kg were spilt: must be finite and at least 0")
         self._start(attributes, float(time), int(steps), spilt)
-        self.openings.restore(ways)
+        if self.plan.openings:
+            self.openings.restore(ways)
         self.boundary.restore(float(time), floating)
         self.last_step = float(last_step)
         self.solver.restore(solver)

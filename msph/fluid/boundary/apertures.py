@@ -42,12 +42,10 @@ class Apertures:
 
     @ti.func
     def passable(self, x):
-        """Returns the walls, as bits, with an outflow through which a particle can leave at x [m].
-        Particles at the wall of a full pipe are half a spacing from that wall."""
+        """Returns the walls, as bits, with a hole through which a particle can leave at x [m]."""
         found = 0
         for o in range(self.constants.opening_count[None]):
-            edge = ti.select(self.table.zone_end[o] > 0.0, -self.table.slack[o], 0.0)
-            if self.table.leaves[o] == 1 and self._faces(o, x, edge):
+            if self.table.leaves[o] == 1 and self._faces(o, x, 0.0):
                 found |= self.table.wall[o]
         return found
 
@@ -88,7 +86,8 @@ class Apertures:
     def leaves_by_opening(self, x):
         """Returns True if water that is removed at x [m] left through an opening, and False if it
         left over the rim."""
-        found, beyond = self.removes(x), self.beyond(x)
+        beyond = self.beyond(x)
+        found = beyond == 0 and x.y <= self.constants.ceiling[None]
         for o in range(self.constants.opening_count[None]):
             through = (self.table.wall[o] & beyond) != 0
             found = found or (through and self._faces(o, x, 2.0 * self.table.length[o]))

@@ -4,12 +4,14 @@ An opening is a plane cross-section. Where it lies on a wall of the box, the wal
 nor stops particles, and water beyond the wall is simulated over the length of a zone: in the pipe
 of an inflow, or in the jet through a hole, up to where the jet is removed (rim.py).
 
-An opening with a speed prescribes the velocity of the particles in its zone. The pressure solve
-does not displace them, so they act on other water like a piston, without gap or jump of pressure.
+An inflow prescribes the velocity of the particles in its zone. The pressure solve does not
+displace them, so they act on other water like a piston, without gap or jump of pressure. An inflow
+adds a sheet of particles at the far end of its zone each time the previous sheet has advanced by
+the distance of sheets: n particles of volume V fill the cross-section A over the distance n V/A, so
+that the flow is A times the speed.
 
-An inflow adds a sheet of particles at the far end of its zone each time the previous sheet has
-advanced by the distance of sheets: n particles of volume V fill the cross-section A over the
-distance n V/A, so that the flow is A times the speed.
+An outflow with a speed is a pump behind a closed wall: it takes the particles nearest to its
+cross-section at the rate of area times speed, as far as water is near.
 """
 
 import math
@@ -43,12 +45,13 @@ ATTRIBUTES = (
 
 # Length of a zone [spacings]: more than a support, so that no water feels the end of a pipe.
 ZONE = 3.0
-# By which a zone is wider than the opening [spacings], as rows of particles may overlap its edge;
-# and distance from the wall of a full pipe.
+# By which a zone is wider than the opening [spacings], as rows of particles may overlap its edge.
 SLACK = 0.5
 # Greatest distance [spacings] of an opening from the wall on which it lies, and least cosine of
 # the angle between its direction and the normal of that wall.
 ON_WALL, ALONG_NORMAL = 0.5, 0.999
+# Distance from a pump up to which it takes particles [spacings].
+REACH = 1.5
 # Distance of a new particle from others, in spacings, below which it is left out.
 LEAST_GAP = 0.7
 
@@ -106,7 +109,7 @@ class Opening:
         """Returns a text if the opening, or its zone unless beyond a wall, is not inside the box.
         walls, spacing: as in wall()."""
         ends = [self.centre]
-        if not self.wall(walls, spacing) and (self.enters or self.speed is not None):
+        if self.enters and not self.wall(walls, spacing):
             ends.append(self.centre - ZONE * spacing * self.along)
         spread = np.abs(self.frame).T @ self.half
         if self.edges is None:
@@ -132,8 +135,7 @@ class Opening:
             # Exactly on the wall: the pipe and the box then meet without a gap.
             k = int(np.argmax(np.abs(self.along)))
             centre[k] = walls[k] if wall >= 8 else 0.0
-        behind = self.enters or not wall
-        zone = (-length if behind else 0.0, 0.0 if behind else length)
+        pumps = not self.enters and self.speed is not None
         return {
             "centre": centre,
             "along": self.along,
@@ -142,12 +144,12 @@ class Opening:
             "width": self.half[0],
             "height": self.half[1],
             "round": self.edges is None,
-            "wall": wall,
-            "zone_begin": zone[0],
-            "zone_end": zone[0] if self.speed is None else zone[1],
-            "kept_from": zone[0] - (spec.spacing if self.enters else 0.0),
+            "wall": 0 if pumps else wall,
+            "zone_begin": -length if self.enters else 0.0,
+            "zone_end": 0.0,
+            "kept_from": -length - spec.spacing if self.enters else 0.0,
             "length": length + (2.0 * spec.spacing if self.enters else 0.0),
-            "leaves": not self.enters,
+            "leaves": not self.enters and not pumps,
             "slack": SLACK * spec.spacing,
         }
 
@@ -206,6 +208,8 @@ class Openings:
         self.within: set[int] = set()  # openings that lie on no wall
         self.waiting: set[int] = set()
         self.waited = 0.0
+        self.pumps: dict[int, tuple[Opening, LayerSpec]] = {}
+        self.owed = np.zeros(MAX_OPENINGS)  # particles that pumps have yet to take
         # Prescribed speeds [m/s] at the end of the step, and means over the step.
         self.speeds, self.means = np.zeros(MAX_OPENINGS), np.zeros(MAX_OPENINGS)
 
@@ -231,6 +235,11 @@ class Openings:
             if opening.enters:
                 found = present.get(id(opening))
                 self.inlets[k] = found or Inlet(opening, specs[opening.layer])
+        self.pumps = {
+            k: (o, specs[o.layer])
+            for k, o in enumerate(self.all)
+            if not o.enters and o.speed is not None
+        }
         rows = [o.row(specs[o.layer], walls) for o in self.all]
         if changed:
             self.table.fill(**{name: [row[name] for row in rows] for name in (rows or [{}])[0]})
@@ -240,7 +249,7 @@ class Openings:
         self.speeds[:], self.means[:] = 0.0, 0.0
         self.waiting.clear()
         if not openings:
-            self.waited = 0.0
+            self.waited, self.owed[:] = 0.0, 0.0
         if changed:
             self._mark(self.particles.count)
             self._prescribe(0)
@@ -290,6 +299,31 @@ class Openings:
         self.waited += dt * bool(self.waiting)
         return self.particles.count - count
 
+    def take(self, dt: float) -> np.ndarray:
+        """Returns the indices (k,) of the particles that pumps take in a step of dt [s]."""
+        taken: list[int] = []
+        for k, (pump, spec) in self.pumps.items():
+            self.owed[k] += dt * self.means[k] * pump.area / spec.volume
+            if self.owed[k] < 1.0:
+                continue
+            near = self._nearest(pump, spec, taken)[: int(self.owed[k])]
+            taken += near
+            # What water was too far to be taken is not taken later.
+            self.owed[k] = self.owed[k] % 1.0
+        return np.array(taken, np.int32)
+
+    def _nearest(self, pump: Opening, spec: LayerSpec, taken: list[int]) -> list[int]:
+        """Returns the particles within reach of a pump but `taken` ones, the nearest first."""
+        r = self.particles.numpy("x") - pump.centre
+        distance, sides = np.abs(r @ pump.along), r @ pump.frame.T
+        half = np.array(pump.half) + SLACK * spec.spacing
+        inside = (np.abs(sides) <= half).all(axis=1)
+        if pump.edges is None:
+            inside = (sides**2).sum(axis=1) <= half[0] ** 2
+        found = np.flatnonzero(inside & (distance < REACH * spec.spacing))
+        found = found[np.argsort(distance[found])]
+        return [i for i in found.tolist() if i not in taken]
+
     def _add_sheet(self, k: int, inlet: Inlet, gravity: np.ndarray) -> bool:
         """Adds a sheet; returns False if the pool has no room."""
         opening, spec = inlet.opening, inlet.spec
@@ -308,13 +342,15 @@ class Openings:
         return True
 
     def state(self) -> np.ndarray:
-        """Returns the ways [m] of the last sheets of all inflows, for checkpoints."""
-        return np.array([inlet.way for inlet in self.inlets.values()])
+        """Returns the ways [m] of the last sheets of all inflows, and what pumps owe, for
+        checkpoints."""
+        return np.array([*(inlet.way for inlet in self.inlets.values()), *self.owed])
 
-    def restore(self, ways: np.ndarray) -> None:
+    def restore(self, state: np.ndarray) -> None:
         """Restores a state()."""
-        for inlet, way in zip(self.inlets.values(), ways.tolist(), strict=True):
+        for inlet, way in zip(self.inlets.values(), state.tolist(), strict=False):
             inlet.way = way
+        self.owed[:] = state[len(self.inlets) :]
 
     @kernel
     def _mark(self, n: ti.i32):

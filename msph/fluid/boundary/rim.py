@@ -61,6 +61,7 @@ class Rim:
         self.open = is_open
         if is_open:
             self._mark(0)
+            self._take(np.zeros(0, np.int32))
             self._hand_over(0, vec3(0.0))
             self._fall(0.0, vec3(0.0))
             self.removal.compile()
@@ -73,12 +74,15 @@ class Rim:
             self.left.fill(0)
             self.added[None] = 0
 
-    def spill(self, gravity: tuple[float, float, float]) -> bool:
-        """Removes the particles outside the box, under gravity [m/s^2]; returns True if there are
-        any. Grid and neighbour list become invalid. Raises AllSpiltError if none is left."""
+    def spill(self, gravity: tuple[float, float, float], taken: np.ndarray) -> bool:
+        """Removes the particles outside the box, and those of the indices `taken` (k,), under
+        gravity [m/s^2]; returns True if there are any. Grid and neighbour list become invalid.
+        Raises AllSpiltError if none is left."""
         n = self.particles.count
-        if not self.open or self._mark(n) == 0:
+        if not self.open or (self._mark(n) == 0 and len(taken) == 0):
             return False
+        if len(taken):
+            self._take(taken)
         self._hand_over(n, vec3(gravity))
         self.removal.run(n)
         counts = self.left.to_numpy()
@@ -106,6 +110,11 @@ class Rim:
             self.particles.alive[i] = ti.select(out, 0, 1)
             found += ti.cast(out, ti.i32)
         return found
+
+    @kernel
+    def _take(self, taken: ti.types.ndarray(dtype=ti.i32, ndim=1)):
+        for k in range(taken.shape[0]):
+            self.particles.alive[taken[k]] = 0
 
     @kernel
     def _hand_over(self, n: ti.i32, gravity: vec3):
