@@ -158,15 +158,10 @@ class Opening:
         sheets."""
         d = spec.spacing
         if self.edges is None:
-            # Rings of equal width: a square lattice would leave gaps at the edge.
-            n, rings = max(1, round(self.area / d**2)), max(1, round(self.half[0] / d))
-            ends = np.round(n * (np.arange(rings + 1) / rings) ** 2).astype(int)
-            parts = []
-            for ring, count in enumerate(np.diff(ends).tolist()):
-                angle = 2.0 * np.pi * (np.arange(count) + 0.5 * ring) / max(count, 1)
-                radius = self.half[0] * (ring + 0.5) / rings * (count > 1)
-                parts.append(radius * np.stack([np.cos(angle), np.sin(angle)], axis=1))
-            places = np.concatenate(parts)
+            # Rings: a square lattice would leave gaps at the edge.
+            n, across = max(1, round(self.area / d**2)), self.half[0] / d
+            found = [_rings(n, r) for r in {max(1, math.floor(across)), math.ceil(across)}]
+            places = self.half[0] * max(found, key=_least_distance)
         else:
             axes = []
             for half in self.half:
@@ -174,6 +169,23 @@ class Opening:
                 axes.append(half * ((2.0 * np.arange(m) + 1.0) / m - 1.0))
             places = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
         return places @ self.frame, len(places) * spec.volume / self.area
+
+
+def _rings(n: int, rings: int) -> np.ndarray:
+    """Returns n points (n, 2) in the unit disc, evenly in rings of equal width."""
+    ends = np.round(n * (np.arange(rings + 1) / rings) ** 2).astype(int)
+    parts = []
+    for ring, count in enumerate(np.diff(ends).tolist()):
+        angle = 2.0 * np.pi * (np.arange(count) + 0.5 * ring) / max(count, 1)
+        radius = (ring + 0.5) / rings * (count > 1)
+        parts.append(radius * np.stack([np.cos(angle), np.sin(angle)], axis=1))
+    return np.concatenate(parts)
+
+
+def _least_distance(x: np.ndarray) -> float:
+    """Returns the least distance between two of the points (n, 2)."""
+    apart = np.linalg.norm(x[:, None] - x, axis=2) + np.where(np.eye(len(x)) > 0, np.inf, 0.0)
+    return float(apart.min())
 
 
 class Inlet:

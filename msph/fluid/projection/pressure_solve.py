@@ -34,6 +34,9 @@ ATTRIBUTES = (
 GAP_DEFICIT = 0.003
 # Limits (-) of the factor that scales the initial guess.
 MIN_START_SCALE, MAX_START_SCALE = 0.5, 2.0
+# Diagonal over the one of a particle that moves (-) below which a particle of prescribed velocity
+# has no multiplier.
+MIN_HELD_DIAGONAL = 0.1
 # Smallest displacement in the scale of the tolerance, in spacings: keeps the tolerance above zero.
 MIN_DISPLACEMENT = 1e-5
 
@@ -53,7 +56,8 @@ class PressureSolve:
         p = shared.particles
         self.constants, self.layers, self.particles = shared.constants, shared.layers, p
         self.boundary, self.impulses = shared.boundary, shared.impulses
-        self.links, self.contact = shared.links, shared.contact
+        self.links, self.contact, self.openings = shared.links, shared.contact, shared.openings
+        self.neighbours, self.pair_gradient = shared.neighbours, shared.density.pair_gradient
         self.density, self.operator = shared.density, shared.operator
         self.conjugate_gradient = ConjugateGradient(
             shared, shared.operator, p.residual, p.direction, diagonal=p.diagonal, active=p.active
@@ -106,12 +110,32 @@ class PressureSolve:
         """
         n = self.particles.count
         self.links.add_to_diagonal()
+        if self.openings.all:
+            self._hold(n)
         return self.conjugate_gradient.solve(
             self.particles.velocity_multiplier,
             tolerance,
             max_iterations,
             lambda: self.start_round(n, dt, motion_weight),
         )
+
+    @kernel
+    def _hold(self, n: ti.i32):
+        """Excludes particles of prescribed velocity that hardly reach moving ones: multipliers do
+        not displace them, and theirs would be large and converge slowly.
+
+        The diagonal of such a row is V_i sum V_j |grad W_ij|^2 over the neighbours that move.
+        """
+        p = self.particles
+        for i in range(n):
+            if p.prescribed[i] > 0:
+                volume, found = self.layers.volume[p.layer[i]], 0.0
+                for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
+                    j = self.neighbours.index[s]
+                    square = self.layers.per_volume[p.layer[j]] * self.pair_gradient[s].norm_sqr()
+                    found += ti.select(p.prescribed[j] > 0, 0.0, volume * square)
+                if found < MIN_HELD_DIAGONAL * p.diagonal[i]:
+                    p.rhs[i], p.velocity_multiplier[i] = -1.0, 0.0
 
     @kernel
     def start_round(self, n: ti.i32, dt: ti.f32, motion_weight: ti.f32):
