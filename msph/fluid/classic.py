@@ -302,11 +302,11 @@ class Classic:
             x, v = self.particles.x[i], self.particles.v[i]
             a = self.particles.acceleration[i]
             m = self.layers.mass[layer]
-            self.impulses.record_internal(m, x, dt * a)
+            self.impulses.record_internal(i, m, x, dt * a)
             a += gravity * self.layers.gravity_factor[layer]
             user = field_in_turning_box(x - 0.5 * self.constants.size[None], turn)
             user += coriolis(v, dt, turn) + hand_acceleration(x, v, dt, hand_numbers)
-            self.impulses.record_user(m, v, dt, user, a)
+            self.impulses.record_user(i, m, v, dt, user, a)
             v += dt * (a + user)
             start, free = x, v
             x += dt * v
@@ -317,7 +317,7 @@ class Classic:
                     v[k] = -restitution * v[k]
             # Beyond the opposite wall, if at all, only in a box of a few particles.
             x = self.walls.confined(start, wall + restitution * (wall - x), margin)
-            self.impulses.wall_impulse[None] += m * (v - free)
+            self.impulses.wall_impulse.add(i, m * (v - free))
             self.particles.x[i] = x
             self.particles.v[i] = v
             ti.atomic_max(self.farthest[None], (x - start).norm())

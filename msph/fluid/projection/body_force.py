@@ -43,6 +43,6 @@ class BodyForce(Force):
             field = field_in_turning_box(x - centre, turn)
             wall = self.virial.image_acceleration(i, gravity + field)
             user = field + coriolis(v, dt, turn) + hand_acceleration(x, v, dt, hand_numbers)
-            self.impulses.record_user(m, v, dt, user, gravity + wall)
-            self.impulses.wall_impulse[None] += m * dt * wall
+            self.impulses.record_user(i, m, v, dt, user, gravity + wall)
+            self.impulses.wall_impulse.add(i, m * dt * wall)
             p.v[i] = v + dt * (gravity + wall + user)

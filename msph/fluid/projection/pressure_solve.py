@@ -183,8 +183,8 @@ class PressureSolve:
                     arm, push = self.contact.arm(i), rest_density * body
                     found.normal += arm * push
                     found.shear += ti.Vector([arm.y * push.z, arm.x * push.z, arm.x * push.y])
-            self.impulses.record_internal(m, p.x[i], dt * inner)
-            self.impulses.wall_impulse[None] += m * dt * wall
+            self.impulses.record_internal(i, m, p.x[i], dt * inner)
+            self.impulses.wall_impulse.add(i, m * dt * wall)
             p.v[i] += dt * (inner + wall)
             p.pressure[i] = found.virial
             if ti.static(with_stress):
