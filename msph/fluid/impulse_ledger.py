@@ -3,6 +3,7 @@
 import numpy as np
 import taichi as ti
 
+from msph.fluid.external_forces import Vec3
 from msph.fluid.room import MAX_BODIES
 from msph.fluid.sums import SLOTS, Sum
 from msph.taichi_internals import data_oriented, kernel, longest_float, on_cpu
@@ -15,7 +16,8 @@ class ImpulseLedger:
     internal_impulse [N s] and internal_angular_impulse [N m s], about the origin: of pair forces
     and of position corrections at constant velocity; zero for an exact method. wall_impulse [N s],
     wall_work [J]: of walls and bodies; walls at rest and floating bodies do no work. user_impulse
-    [N s], user_work [J]: of the hand, of the inertia of the tilting box, and of added water.
+    [N s], user_work [J]: of the hand, of the inertia of the tilting box, of added water and bodies,
+    and of dragged bodies.
     added_mass [kg]: of water added by the user. merge_loss [J]: kinetic energy dissipated by
     merges. spilt_momentum [N s], spilt_energy [J]: of the water that left an open box, when it
     left. body_push [N s], body_twist [N m s], by body: impulses and angular impulses, about the
@@ -86,6 +88,11 @@ class ImpulseLedger:
         self.added_mass.total[None] += m * len(x)
         self.user_impulse.total[None] += ti.Vector((m * v.sum(axis=0)).tolist())
         self.user_work.total[None] += m * float(0.5 * (v**2).sum() - (x @ gravity).sum())
+
+    def add_user(self, impulse: Vec3, work: float) -> None:
+        """Records an impulse [N s] and work [J] of the user on floating bodies."""
+        self.user_impulse.total[None] += ti.Vector(list(impulse))
+        self.user_work.total[None] += work
 
     @ti.func
     def record_internal(self, i, m, x, dv):

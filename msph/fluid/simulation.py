@@ -10,10 +10,11 @@ import numpy as np
 
 from msph.errors import BlowUpError
 from msph.fluid.boundary.body_faces import samples
+from msph.fluid.boundary.floating import FloatingBodies
 from msph.fluid.boundary.gap_pressure import MAX_SAMPLES
-from msph.fluid.boundary.rigid_bodies import Body, centre
+from msph.fluid.boundary.rigid_bodies import Body, as_row, centre, from_row
 from msph.fluid.boundary.walls import wall_constants
-from msph.fluid.external_forces import ExternalForces, Vec3
+from msph.fluid.external_forces import ExternalForces, Vec3, as_vector
 from msph.fluid.methods import Parameters, all_attributes, solver_of
 from msph.fluid.particles.grid import cells_of
 from msph.fluid.particles.layers import LayerSpec
@@ -178,19 +179,29 @@ class Simulation:
             self.solver.particles_added(float(np.linalg.norm(v, axis=1).max()))
         return len(x)
 
-    def add_body(self, body: Body) -> None:
-        """Adds a floating block or ball until the next reset. Raises FullError if there are too
-        many bodies, ValueError if it overlaps another body or a wall."""
+    def add_body(self, body: Body, gravity: Vec3) -> None:
+        """Adds a floating block or ball until the next reset. gravity [m/s^2]: for its potential
+        energy. Raises FullError if there are too many bodies, or if it overlaps another body or a
+        wall."""
+        if not self.plan.method.HAS_BODIES:
+            raise FullError("this method has no bodies")
         if self.boundary.count == MAX_BODIES:
             raise FullError(f"at most {MAX_BODIES} bodies")
         (points, _, _), at = samples(body, self.layers.finest.spacing, MAX_SAMPLES), centre(body)
         x, walls = at + points, wall_constants(self.size, self.plan.open_top)["walls"]
         if (x < 0.0).any() or (x > walls).any() or not self.boundary.free(x).all():
-            raise ValueError("the body overlaps another body or a wall")
-        self.boundary.add(body)
-        self.world.prepare_bodies()
+            raise FullError("there is no room: the body overlaps another body or a wall")
+        floating = self.boundary.floating
+        momentum, kinetic = floating.momentum(), floating.kinetic()
+        self._take_body(body)
         self.contact.clear_bodies()
         self.solver.particles_moved()
+        energy = floating.kinetic() - kinetic - floating.mass[-1] * float(at @ np.array(gravity))
+        self.world.parts.impulses.add_user(as_vector(floating.momentum() - momentum), energy)
+
+    def _take_body(self, body: Body) -> None:
+        self.boundary.add(body)
+        self.world.prepare_bodies()
 
     def measure_density(self) -> None:
         """Sums the densities at the current positions; a step sums them at its midpoint only."""
@@ -219,8 +230,9 @@ class Simulation:
 
     def state(self) -> dict[str, np.ndarray]:
         """Returns a checkpoint: every carried attribute, time, number of steps, length of the last
-        step, the spilt mass [kg] of an open box, the state of floating bodies, the solver's state
-        and the fingerprint. On one thread a resumed run repeats an uninterrupted one exactly."""
+        step, the spilt mass [kg] of an open box, the state of floating bodies, the added ones, the
+        solver's state and the fingerprint. On one thread a resumed run repeats an uninterrupted
+        one exactly."""
         progress = {
             "time": np.float64(self.time),
             "steps": np.int64(self.steps),
@@ -231,6 +243,9 @@ class Simulation:
             progress["spilt"] = np.float64(self.rim.mass)
         if self.boundary.floating.count:
             progress["floating"] = self.boundary.floating.state()
+        if self.boundary.count > len(self.plan.bodies):
+            added = self.boundary.bodies[len(self.plan.bodies) :]
+            progress["added_bodies"] = np.stack([as_row(body) for body in added])
         return {**progress, **solver, "fluid": self._fingerprint(), **self.particles.state()}
 
     def _fingerprint(self) -> np.ndarray:
@@ -240,14 +255,17 @@ class Simulation:
     def restore(self, state: dict[str, np.ndarray]) -> None:
         """Restores a state(). Raises ValueError if it does not fit this simulation."""
         attributes = dict(state)
-        missing = set(self.state()) - set(attributes)
+        floats = sum(b.mass is not None for b in self.plan.bodies)
+        needed = set(self.state()) - {"added_bodies"} - ({"floating"} if not floats else set())
+        missing = needed - set(attributes)
         if missing:
             raise ValueError(f"{', '.join(sorted(missing))} missing")
         time, steps, last_step = (attributes.pop(k) for k in ("time", "steps", "last_step"))
         fluid, own = attributes.pop("fluid"), self._fingerprint()
         solver = {k: float(attributes.pop(f"solver.{k}")) for k in self.solver.state()}
         spilt = float(attributes.pop("spilt")) if self.plan.open_top else 0.0
-        floating = attributes.pop("floating", self.boundary.floating.state())
+        added = [from_row(row) for row in attributes.pop("added_bodies", ())]
+        floating = attributes.pop("floating", FloatingBodies().state())
         if fluid.shape != own.shape or not np.allclose(fluid, own):
             raise ValueError("box or layers differ from the scene")
         self.particles.check(attributes)
@@ -261,13 +279,17 @@ class Simulation:
             raise ValueError(f"time is {time:g} s: must be finite and at least 0")
         if not last_step > 0.0:
             raise ValueError(f"last step is {last_step:g} s: must be positive")
-        if floating.shape != self.boundary.floating.state().shape:
+        if len(self.plan.bodies) + len(added) > MAX_BODIES:
+            raise ValueError(f"more than {MAX_BODIES} bodies")
+        if floating.shape != (floats + len(added), FloatingBodies().state().shape[1]):
             raise ValueError("number of floating bodies differs from the scene")
         if not np.isfinite(floating).all():
             raise ValueError("floating bodies are not at finite positions and speeds")
         if not 0.0 <= spilt < math.inf:
             raise ValueError(f"{spilt:g} kg were spilt: must be finite and at least 0")
         self._start(attributes, float(time), int(steps), spilt)
+        for body in added:
+            self._take_body(body)
         self.boundary.restore(float(time), floating)
         self.last_step = float(last_step)
         self.solver.restore(solver)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from msph.fluid.boundary.rigid_bodies import Body
 from msph.fluid.boundary.rim import AllSpiltError
 from msph.fluid.external_forces import ExternalForces, Hand, Vec3, as_vector, rotation_vector
 from msph.fluid.simulation import FullError
@@ -28,6 +29,7 @@ from msph.scene.live import live_parameters, read, with_live_value
 from msph.scene.parts import value_of, with_value
 from msph.scene.schema import Scene
 from msph.stage.controls import Controls, Inputs
+from msph.stage.floats import floating_at
 from msph.stage.tools import BY_NAME, ToolUse, Touch
 from msph.stage.views import Views
 from msph.surface import Surface, SurfaceRoom, surface_of
@@ -83,6 +85,8 @@ class Show:
         self.stop_bodies, self.scalable = stop_bodies, scalable and size is not None
         self.stopped: set[str] = set()
         self.note = ""  # message to the user about the last frame
+        # Floating body that the user drags: its index, and its centre from the cursor [m].
+        self.dragged: tuple[int, np.ndarray] | None = None
         self.simulation = build_simulation(scene, spare, room)
         self.counts = self.simulation.counts()
         self.ledger = Ledger(self.simulation, density_every)
@@ -149,6 +153,7 @@ class Show:
         room = SurfaceRoom.holding(sim.region, cell, sim.particles.capacity)
         surface = sim.world.build_once(surface_of, room)
         surface.load(sim.region, cell, s.smoothing)
+        self.shown_bodies = sim.boundary.count
         return surface
 
     def _load_picture(self, size: tuple[int, int]) -> Picture:
@@ -218,7 +223,7 @@ class Show:
         frame in which a body traps water is undone, and the body stops a frame earlier; and the
         scene begins again when all water is spilt."""
         sim, frame_time = self.simulation, controls.frame_time or self.frame_time
-        before = sim.state() if self.stop_bodies and sim.boundary.moving else None
+        before = sim.state() if self.stop_bodies and sim.boundary.driven else None
         try:
             return sim.advance(
                 frame_time,
@@ -299,8 +304,17 @@ class Show:
         gravity = as_vector(self.tilt.T @ np.array(self.scene.gravity))
         sim.add(x.astype(np.float32), v.astype(np.float32), finest, gravity)
 
+    def add_body(self, body: Body) -> None:
+        """Adds a floating body until the next reset. Raises FullError."""
+        gravity = as_vector(self.tilt.T @ np.array(self.scene.gravity))
+        self.simulation.add_body(body, gravity)
+
     def draw(self) -> None:
         """Extracts the surface and renders the image, as far as they are used."""
+        if self.surface and self.shown_bodies != self.simulation.boundary.count:
+            self._load_surface()
+            if self.picture:
+                self._load_picture(self.picture.size)
         water = self.picture is not None and self.views.name == "water"
         if self.surface and (water or self.meshes):
             with self._stage("surface"):
@@ -376,13 +390,18 @@ class Show:
         if self.picture:
             self.picture.reset()
         self.stopped.clear()
+        self.dragged = None
         self.counts = self.simulation.counts()
         self.ledger.clear()
 
     def pick(self, i: int, j: int) -> np.ndarray | None:
-        """Returns the point of the water [m], box frame, at a pixel (i right, j up), or None."""
+        """Returns the point of the water or of a floating body [m], box frame, at a pixel (i right,
+        j up), or None."""
         if self.views.name == "water":
-            return self.picture.pick(i, j)
+            water, (eye, direction) = self.picture.pick(i, j), self.ray(i, j)
+            body = floating_at(self.simulation.boundary, eye, direction)
+            found = [x for x in (water, body and body[1]) if x is not None]
+            return min(found, key=lambda x: (x - eye) @ direction, default=None)
         found = self.particle_at(i, j)
         return None if found is None else found[1]
 

@@ -194,6 +194,24 @@ def bounding_radius(body: Body) -> float:
     return float(np.linalg.norm(half_extents(body)))
 
 
+def as_row(body: Body) -> np.ndarray:
+    """Returns a floating block or ball as (8,): 1 for a ball, centre and half extents [m] at time
+    zero, mass [kg]."""
+    assert body.mass is not None
+    is_ball = float(isinstance(body, Ball))
+    return np.array([is_ball, *centre(body), *half_extents(body), body.mass])
+
+
+def from_row(row: np.ndarray) -> Body:
+    """Returns the body of as_row(), with the default friction. Raises ValueError."""
+    if row.shape != (8,) or not np.isfinite(row).all() or not (row[4:] > 0.0).all():
+        raise ValueError("an added body has no finite place, size and mass")
+    x, half, mass = row[1:4], row[4:7], float(row[7])
+    if row[0] == 1.0:
+        return Ball(x, float(half[0]), mass=mass)
+    return Block(x - half, x + half, mass=mass)
+
+
 def extended_into_walls(body: Body, walls: np.ndarray, specs: list[LayerSpec]) -> Body:
     """Returns a block whose faces that touch a wall of the box, at 0 or `walls` (3,) [m], are moved
     out beyond the kernels' reach.
