@@ -30,7 +30,9 @@ DISTANCE, SPEED = 2.5, 0.4
 DRAG_TIME, DRAG_SPEED = 0.1, 1.5
 
 
-def floating_at(boundary: Boundary, eye: np.ndarray, direction: np.ndarray) -> tuple | None:
+def floating_at(
+    boundary: Boundary, eye: np.ndarray, direction: np.ndarray
+) -> tuple[int, np.ndarray] | None:
     """Returns the nearest floating body that a ray from eye (3,) [m] meets: its index among all
     bodies and the point [m]; None without one. Meshes count as their bounding boxes."""
     floating, found = boundary.floating, []

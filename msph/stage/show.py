@@ -400,8 +400,8 @@ class Show:
         if self.views.name == "water":
             water, (eye, direction) = self.picture.pick(i, j), self.ray(i, j)
             body = floating_at(self.simulation.boundary, eye, direction)
-            found = [x for x in (water, body and body[1]) if x is not None]
-            return min(found, key=lambda x: (x - eye) @ direction, default=None)
+            hits = [x for x in (water, body[1] if body else None) if x is not None]
+            return min(hits, key=lambda x: float((x - eye) @ direction), default=None)
         found = self.particle_at(i, j)
         return None if found is None else found[1]
 

@@ -226,7 +226,9 @@ TOOLS = (
     Tool("rain", "u", "tool: hold to let it rain at the cursor", rain),
     Tool("ball", "b", "tool: click to throw a ball of water", ball),
     Tool("wave", "e", "tool: drag to move the water at an end wall", wave),
-    Tool("float", "y", "tool: throw in a floating body (the first takes long), drag it", floats.use),
+    Tool(
+        "float", "y", "tool: click to throw in a body (the first takes long), drag it", floats.use
+    ),
 )
 # Of a cursor that no button is pressed at.
 HOVER = Tool("hover", "", "", hover)
