@@ -14,11 +14,12 @@ class ImpulseLedger:
     internal_impulse [N s] and internal_angular_impulse [N m s], about the origin: of pair forces
     and of position corrections at constant velocity; zero for an exact method. wall_impulse [N s],
     wall_work [J]: of walls and bodies; walls at rest and floating bodies do no work. user_impulse
-    [N s], user_work [J]: of the hand, of the inertia of the tilting box, and of added water.
-    added_mass [kg]: of water added by the user. merge_loss [J]: kinetic energy dissipated by
-    merges. spilt_momentum [N s], spilt_energy [J]: of the water that left an open box, when it
-    left. body_push [N s], body_twist [N m s], by body: impulses and angular impulses, about the
-    body's centre, of the water on a body since take_pushes().
+    [N s], user_work [J]: of the hand and of added water. inertia_impulse [N s], inertia_work [J]:
+    of the inertial forces of a moving box on the water. added_mass [kg]: of water added by the
+    user. merge_loss [J]: kinetic energy dissipated by merges. spilt_momentum [N s], spilt_energy
+    [J]: of the water that left an open box, when it left. body_push [N s], body_twist [N m s], by
+    body: impulses and angular impulses, about the body's centre, of the water on a body since
+    take_pushes().
 
     Double precision where the device supports it: in single precision the sums of still water
     drifted by 2.6e-5 of the largest sum m |v| in 2 s, 20 times what they drift in double precision.
@@ -32,6 +33,8 @@ class ImpulseLedger:
         self.wall_work = ti.field(number, shape=())
         self.user_impulse = ti.Vector.field(3, number, shape=())
         self.user_work = ti.field(number, shape=())
+        self.inertia_impulse = ti.Vector.field(3, number, shape=())
+        self.inertia_work = ti.field(number, shape=())
         self.added_mass = ti.field(number, shape=())
         self.merge_loss = ti.field(number, shape=())
         self.spilt_momentum = ti.Vector.field(3, number, shape=())

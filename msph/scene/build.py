@@ -51,14 +51,6 @@ def plan_of(scene: Scene) -> Plan:
     )
 
 
-def sway_angle(scene: Scene, time: float) -> float:
-    """Returns the tilt [rad] of the pool about the z axis at `time` [s], by the scene's sway."""
-    sway = scene.sway
-    if time >= sway.seconds:
-        return 0.0
-    return math.radians(sway.angle) * math.sin(2.0 * math.pi * time / sway.period)
-
-
 def turn(azimuth: float) -> np.ndarray:
     """Returns the rotation by `azimuth` [rad] about y, (3, 3), from world to camera-orbit axes."""
     c, s = math.cos(azimuth), math.sin(azimuth)

@@ -18,7 +18,9 @@ class FloatingBodies:
     is the centre of mass and turn (3, 3) the rotation at the end of a step, x_begin and turn_begin
     at its beginning; v [m/s]; spin_momentum [N m s], the angular momentum about the centre of mass,
     in the box's frame. received (6) [N s, N m s]: impulses of the water in the last step, of `step`
-    [s]. contact [N s]: impulse of walls and other bodies since the reset.
+    [s]. contact [N s]: impulse of walls and other bodies since the reset. inertial (6) [N, N m]:
+    inertial forces of a moving box in the present step, without Coriolis's; inertia_work [J]: their
+    work since the reset.
     """
 
     def __init__(self):
@@ -46,6 +48,7 @@ class FloatingBodies:
         self.spin_momentum = np.zeros((self.count, 3))
         self.let_go(0.0)
         self.received, self.contact = np.zeros((self.count, 6)), np.zeros((self.count, 3))
+        self.inertial, self.inertia_work = np.zeros((self.count, 6)), 0.0
         self.step = 1.0
         self.advance(0.0)
 
@@ -115,18 +118,31 @@ class FloatingBodies:
         self.turn, self.turn_begin = turn @ self.turn, turn @ self.turn_begin
 
     def fall(self, dt: float, external: ExternalForces, box_centre: np.ndarray) -> None:
-        """Adds gravity and the inertia of a turning box within dt [s] to the velocities."""
+        """Adds gravity and the inertia of a moving box within dt [s] to the velocities, and the
+        first half of the work of inertia."""
         if not self.count:
             return
-        turn, rise = np.array(external.angular_velocity), np.array(external.angular_acceleration)
-        r = self.x - box_centre
-        field = -np.cross(rise, r) - np.cross(turn, np.cross(turn, r))
-        middle = self.v - dt * np.cross(turn, self.v)  # Coriolis forces do no work
-        rate = np.array(external.gravity) + field - 2.0 * np.cross(turn, middle)
-        world = self.turn @ self.inertia @ self.turn.transpose(0, 2, 1)
-        whole = self.spin_momentum + world @ turn
-        torque = -world @ rise - np.cross(turn, whole)
+        rate = np.tile(external.gravity, (self.count, 1))
+        torque = np.zeros((self.count, 3))
+        if external.moving:
+            field, turned = external.inertia_at(self.x - box_centre, self.v, dt)
+            turn = np.array(external.angular_velocity)
+            world = self.turn @ self.inertia @ self.turn.transpose(0, 2, 1)
+            own, spin = world @ turn, self._spin_at(self.turn)
+            centrifugal = -world @ np.array(external.angular_acceleration) - np.cross(turn, own)
+            self.inertial = np.hstack([self.mass[:, None] * field, centrifugal])
+            self.add_inertia_work(0.5 * dt)
+            # That of Coriolis forces, which do no work.
+            torque = centrifugal - np.cross(turn, self.spin_momentum) - np.cross(spin, own)
+            torque = torque + _times(world, np.cross(spin, turn))
+            rate = rate + field + turned
         self.push(dt * self.mass[:, None] * rate, dt * torque)
+
+    def add_inertia_work(self, dt: float) -> None:
+        """Adds the work [J] of the step's inertial forces in dt [s] at the present velocities."""
+        motion = np.hstack([self.v, self._spin_at(self.turn)])
+        free = 1.0 - self.held[:, None]
+        self.inertia_work += dt * float((free * self.inertial * motion).sum())
 
     def top_speed(self) -> float:
         """Returns the largest speed [m/s] of a point of a body."""
