@@ -312,7 +312,6 @@ class Classic:
             a += inertia + turned
             self.impulses.record_user(m, v, dt, user, a)
             self.impulses.inertia_impulse[None] += m * dt * (inertia + turned)
-            self.impulses.inertia_work[None] += m * dt * inertia.dot(v + 0.5 * dt * (a + user))
             v += dt * (a + user)
             start, free = x, v
             x += dt * v
@@ -324,6 +323,7 @@ class Classic:
             # Beyond the opposite wall, if at all, only in a box of a few particles.
             x = self.walls.confined(start, wall + restitution * (wall - x), margin)
             self.impulses.wall_impulse[None] += m * (v - free)
+            self.impulses.inertia_work[None] += m * inertia.dot(x - start)
             self.particles.x[i] = x
             self.particles.v[i] = v
             ti.atomic_max(self.farthest[None], (x - start).norm())

@@ -16,10 +16,11 @@ class Entry:
     work of turning gravity in the frame of the box, inertia_work includes floating bodies. Solver
     residuals are the mean, 99th percentile and maximum over particles of max(rho/rho0 - 1, 0), as
     densities at free surfaces are below rest; rho is the solver's own density, its correction
-    included, at the positions at `time`. outside: number of particles outside the box or the container or in a body, by Contact.leaked. spilt: mass
-    that left an open box since the start; it is not part of mass. spilt_momentum and spilt_energy
-    (kinetic and potential) are sums when it left. body_impulse: of the bodies on the water, walls
-    between them included. floating_*: of all floating bodies, which are not part of the other
+    included, at the positions at `time`. outside: number of particles outside the box or the
+    container or in a body, by Contact.leaked. spilt: mass that left an open box since the start; it
+    is not part of mass. spilt_momentum and spilt_energy (kinetic and potential) are sums when it
+    left. body_impulse: of the bodies on the water, walls between them included. floating_*: of all
+    floating bodies, which are not part of the other
     totals.
     """
 

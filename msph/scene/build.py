@@ -12,6 +12,7 @@ from msph.scene.bodies import bodies
 from msph.scene.errors import SceneError
 from msph.scene.schema import Scene
 from msph.scene.water import capacity, initial_particles, layer_specs
+from msph.scene.wavemakers import beaches
 
 
 def build_simulation(scene: Scene, spare: int = 0, room: int = 0) -> Simulation:
@@ -48,6 +49,7 @@ def plan_of(scene: Scene) -> Plan:
         capacity=capacity(scene, specs),
         restitution=scene.box.restitution,
         open_top=scene.box.open,
+        beaches=beaches(scene),
     )
 
 

@@ -151,6 +151,29 @@ class Body(Placed):
     )
 
 
+class WaveMaker(Section):
+    """A wave maker over the whole cross-section of the box at an end, and a beach opposite."""
+
+    end: Literal["-x", "+x", "-z", "+z"] = parameter("-x", text="end of the box")
+    kind: Literal["piston", "flap"] = parameter(
+        "piston", text="moves to and fro, or swings about a hinge at the floor"
+    )
+    stroke: float = parameter(
+        gt=0.0, unit="m", text="way from end to end, of a flap at the height of the water"
+    )
+    period: float = parameter(gt=0.0, unit="s", text="period of the waves")
+    ramp: float = parameter(1.0, ge=0.0, unit="s", text="time in which the stroke grows")
+    position: float | None = parameter(
+        None,
+        gt=0.0,
+        unit="m",
+        text="mean distance from the wall behind it; default: as near as possible",
+    )
+    beach: float = parameter(
+        0.0, ge=0.0, unit="m", text="length of a zone at the other end that damps waves, 0: none"
+    )
+
+
 class Motion(Section):
     """A motion of the tank over time, by expressions or a table; several are carried out in turn.
 
@@ -372,6 +395,7 @@ class Scene(Section):
     classic: ClassicParameters = parameter(
         ClassicParameters, text="constants and switches of the classic method"
     )
+    wavemakers: list[WaveMaker] = parameter(list, max_length=4, text="wave makers and beaches")
     sway: Sway = parameter(Sway, text="rocking at the start")
     motion: Annotated[list[Motion], BeforeValidator(listed)] = parameter(
         list, max_length=8, text="motions of the tank"

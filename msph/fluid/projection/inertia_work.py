@@ -12,37 +12,55 @@ from msph.fluid.external_forces import (
 from msph.fluid.parts import Parts
 from msph.taichi_internals import data_oriented, kernel
 
+vec3 = ti.math.vec3
+
 
 @data_oriented
 class InertiaWork:
-    """Records the impulse m dt a and the work m dt a.v of the inertial forces in a step.
+    """Records impulse and work of the inertial forces in a step.
 
-    v is the mean of the velocities at the beginning and at the end of the step: the work on water
-    at rest in an accelerated box is then zero, although velocities change within the step.
+    In a step, inertia at the centre and centrifugal acceleration have the potential
+    -psi = -a.r - |w x r|^2/2, so that their work follows from the positions, as that of gravity
+    does; the work of the Euler acceleration follows from the mean velocity. The work on water at
+    rest in a moving box is then zero, although velocities change within the step.
     """
 
     def __init__(self, parts: Parts):
         self.constants, self.layers, self.particles = parts.constants, parts.layers, parts.particles
-        self.floating, self.impulses = parts.boundary.floating, parts.impulses
+        self.boundary, self.impulses = parts.boundary, parts.impulses
 
     def begin(self, dt: float, external: ExternalForces) -> None:
-        """Records the impulse, and the first half of the work, before forces act on the water."""
+        """Records the work before a step of dt [s]."""
+        self._add_work(dt, external, -1.0)
+
+    def push(self, dt: float, external: ExternalForces) -> None:
+        """Records the impulse, before forces act on the water."""
         if external.moving:
-            self._record(self.particles.count, dt, 1.0, external.inertial_field())
+            self._add_impulse(self.particles.count, dt, external.inertial_field())
 
     def end(self, dt: float, external: ExternalForces) -> None:
-        """Records the second half of the work, and that on floating bodies, after all forces."""
+        """Records the work after the step."""
+        self._add_work(dt, external, 1.0)
+
+    def _add_work(self, dt: float, external: ExternalForces, sign: float) -> None:
         if external.moving:
-            self._record(self.particles.count, dt, 0.0, external.inertial_field())
-            self.floating.add_inertia_work(0.5 * dt)
+            self._add_half(self.particles.count, dt, sign, external.inertial_field())
+            self.boundary.add_inertia_work(dt, external, sign)
 
     @kernel
-    def _record(self, n: ti.i32, dt: ti.f32, share: ti.f32, numbers: FIELD_NUMBERS):
-        """Adds half of the work in dt [s], and a share (-) of the impulse."""
+    def _add_half(self, n: ti.i32, dt: ti.f32, sign: ti.f32, numbers: FIELD_NUMBERS):
+        """Adds m (sign psi + dt/2 v.Euler acceleration) of all particles."""
+        p, centre, w = self.particles, 0.5 * self.constants.size[None], turning(numbers)
+        a, rise = vec3(numbers[0], numbers[1], numbers[2]), vec3(numbers[6], numbers[7], numbers[8])
+        for i in range(n):
+            r = p.x[i] - centre
+            psi = a.dot(r) + 0.5 * w.cross(r).norm_sqr()
+            work = sign * psi - 0.5 * dt * rise.cross(r).dot(p.v[i])
+            self.impulses.inertia_work[None] += self.layers.mass[p.layer[i]] * work
+
+    @kernel
+    def _add_impulse(self, n: ti.i32, dt: ti.f32, numbers: FIELD_NUMBERS):
         p, centre = self.particles, 0.5 * self.constants.size[None]
         for i in range(n):
-            m, v = self.layers.mass[p.layer[i]], p.v[i]
-            a = field_at(p.x[i] - centre, numbers)
-            self.impulses.inertia_work[None] += 0.5 * m * dt * a.dot(v)
-            whole = a + coriolis(v, dt, turning(numbers))
-            self.impulses.inertia_impulse[None] += share * m * dt * whole
+            a = field_at(p.x[i] - centre, numbers) + coriolis(p.v[i], dt, turning(numbers))
+            self.impulses.inertia_impulse[None] += self.layers.mass[p.layer[i]] * dt * a

@@ -77,6 +77,7 @@ class Projection:
         self.layers, self.grid, self.particles = parts.layers, parts.grid, parts.particles
         self.neighbours, self.impulses = parts.neighbours, parts.impulses
         self.collisions, self.gaps = parts.collisions, parts.gaps
+        self.beaches = parts.beaches
         self.density = Density(parts)
         operator = PressureOperator(parts, self.density.pair_gradient)
         shared = Discretisation(**vars(parts), density=self.density, operator=operator)
@@ -231,6 +232,7 @@ class Projection:
         stage(name) is a context manager around each part, for profiling.
         """
         with stage("drift"):
+            self.inertia_work.begin(dt, external)
             self.boundary.move(0.5 * dt)  # time -> body poses at t, t + dt/2, mean velocities
             self.contact.drift(
                 0.5 * dt
@@ -257,7 +259,9 @@ class Projection:
         with stage("position correction"):
             self.position_correction.find(dt)  # density, v -> displacements, applied below
         with stage("forces"):
-            self.inertia_work.begin(dt, external)
+            self.inertia_work.push(dt, external)
+            # Before gravity, whose velocities the pressure of water at rest undoes.
+            self.beaches.damp(dt)  # x, v -> v
             for force in self.forces:
                 force.apply(dt, external)  # x, v, last pressures -> v
         with stage("pressure"):
@@ -268,7 +272,6 @@ class Projection:
             pressure_rate = self.pressure_solve.accelerate(dt, external, self.with_stress)
             self.collisions.resolve()  # contacts, v of floating bodies -> v
             self.boundary.redo(0.5 * dt)  # v of floating bodies -> poses at t + dt
-            self.inertia_work.end(dt, external)
         with stage("drift"):
             self.position_correction.apply()  # displacements, x, v -> x, v, relative speeds
             motion_rate, distance = self._motion_bounds(self.particles.count, dt)
@@ -276,6 +279,7 @@ class Projection:
             if self.adaptation:
                 self.adaptation.travelled += distance
             self.contact.drift(0.5 * dt)  # x, v, poses -> x, v, as above
+            self.inertia_work.end(dt, external)
             self.particles_moved()
         self.first_step = False
 
