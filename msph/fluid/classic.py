@@ -304,14 +304,14 @@ class Classic:
             x, v = self.particles.x[i], self.particles.v[i]
             a = self.particles.acceleration[i]
             m = self.layers.mass[layer]
-            self.impulses.record_internal(m, x, dt * a)
+            self.impulses.record_internal(i, m, x, dt * a)
             a += gravity * self.layers.gravity_factor[layer]
             inertia = field_at(x - 0.5 * self.constants.size[None], inertia_numbers)
             user = hand_acceleration(x, v, dt, hand_numbers)
             turned = coriolis(v, dt, turning(inertia_numbers))
             a += inertia + turned
-            self.impulses.record_user(m, v, dt, user, a)
-            self.impulses.inertia_impulse[None] += m * dt * (inertia + turned)
+            self.impulses.record_user(i, m, v, dt, user, a)
+            self.impulses.inertia_impulse.add(i, m * dt * (inertia + turned))
             v += dt * (a + user)
             start, free = x, v
             x += dt * v
@@ -322,8 +322,8 @@ class Classic:
                     v[k] = -restitution * v[k]
             # Beyond the opposite wall, if at all, only in a box of a few particles.
             x = self.walls.confined(start, wall + restitution * (wall - x), margin)
-            self.impulses.wall_impulse[None] += m * (v - free)
-            self.impulses.inertia_work[None] += m * inertia.dot(x - start)
+            self.impulses.wall_impulse.add(i, m * (v - free))
+            self.impulses.inertia_work.add(i, m * inertia.dot(x - start))
             self.particles.x[i] = x
             self.particles.v[i] = v
             ti.atomic_max(self.farthest[None], (x - start).norm())

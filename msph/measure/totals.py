@@ -40,11 +40,13 @@ class Totals:
         parts, impulses = world.parts, world.parts.impulses
         self.constants, self.contact = parts.constants, parts.contact
         self.particles, self.layers = parts.particles, parts.layers
-        self.given_vectors = tuple(getattr(impulses, name) for name in _GIVEN_VECTORS)
-        self.given_scalars = tuple(getattr(impulses, name) for name in _GIVEN_SCALARS)
+        self.impulses = impulses
+        self.given_vectors = tuple(getattr(impulses, name).total for name in _GIVEN_VECTORS)
+        self.given_scalars = tuple(getattr(impulses, name).total for name in _GIVEN_SCALARS)
 
     def read(self) -> dict:
         """Returns the totals by name, each a float or an array (3,)."""
+        self.impulses.gather()
         n = self.particles.count
         rows = -(-n // CHUNK)
         vectors = np.zeros((rows, len(_VECTORS), 3), np.float32)

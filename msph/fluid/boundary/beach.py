@@ -64,6 +64,6 @@ class Beaches:
                 rate = ti.max(rate, ti.max(rates[k] * near * near, rates[3 + k] * far * far))
             change = (ti.exp(-dt * rate) - 1.0) * v
             m = self.layers.mass[p.layer[i]]
-            self.impulses.wall_impulse[None] += m * change
-            self.impulses.wall_work[None] += m * change.dot(v + 0.5 * change)
+            self.impulses.wall_impulse.add(i, m * change)
+            self.impulses.wall_work.add(i, m * change.dot(v + 0.5 * change))
             p.v[i] = v + change

@@ -108,8 +108,8 @@ class Rim:
                 layer, x, v = p.layer[i], p.x[i], p.v[i]
                 m = self.layers.mass[layer]
                 self.spilt[layer] += 1
-                self.impulses.spilt_momentum[None] += m * v
-                self.impulses.spilt_energy[None] += m * (0.5 * v.norm_sqr() - gravity.dot(x))
+                self.impulses.spilt_momentum.add(i, m * v)
+                self.impulses.spilt_energy.add(i, m * (0.5 * v.norm_sqr() - gravity.dot(x)))
                 at = ti.atomic_add(self.added[None], 1) % MOST_DROPS
                 self.drops.x[at], self.drops.v[at], self.drops.life[at] = x, v, LIFE
                 self.drops.radius[at] = SPHERE_RADIUS * self.layers.spacing[layer]

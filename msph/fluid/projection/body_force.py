@@ -41,6 +41,6 @@ class BodyForce(Force):
             wall = self.virial.image_acceleration(i, field)
             field += coriolis(v, dt, turning(field_numbers))
             user = hand_acceleration(x, v, dt, hand_numbers)
-            self.impulses.record_user(m, v, dt, user, field + wall)
-            self.impulses.wall_impulse[None] += m * dt * wall
+            self.impulses.record_user(i, m, v, dt, user, field + wall)
+            self.impulses.wall_impulse.add(i, m * dt * wall)
             p.v[i] = v + dt * (field + wall + user)

