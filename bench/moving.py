@@ -33,8 +33,9 @@ G = tanks.GRAVITY
 ACROSS, SPACING = 12, 0.0125
 # Surged tank: length [m], amplitude of the surge over the length, number of modes of the theory.
 LENGTH, SURGE, MODES = 0.6, 0.003, 30
-# Rotating tank: edge, depth, rise of the surface at the middle of the walls, finest spacing [m].
-EDGE, DEPTH, RISE, FINE = 0.4, 0.16, 0.12, 0.0125
+# Rotating tank: edge, depth, rise of the surface at the middle of the walls, finest spacing [m];
+# time [s] in which the water comes to rest, the last second of which is measured.
+EDGE, DEPTH, RISE, FINE, REST = 0.4, 0.16, 0.12, 0.0125, 7.0
 # Waves: height over depth by kd: long waves that are higher are not linear, and lower ones are no
 # spacing high; length of the beach and distance of two gauges over the wavelength;
 # periods after the arrival at the gauges, and of those the last ones that are measured.
@@ -108,43 +109,41 @@ def rotating(layers: int) -> dict[str, str]:
     radii = np.linspace(0.0, 0.85, 7)[:, None] * 0.5 * EDGE
     angles = np.arange(8) * math.pi / 4.0
     places = np.stack([radii * np.cos(angles), radii * np.sin(angles)], axis=-1).reshape(-1, 2)
-    found = []
-    for seed in range(rows.STARTS):
-        scene = tanks.tank((EDGE, EDGE), DEPTH, FINE, layers, air=0.2, seed=seed).model_dump()
-        scene["motion"] = {"angle": f"{math.degrees(omega)} * t", "axis": [0, 1, 0]}
-        # Friction, so that the water comes to rest.
-        scene["projection"] |= {"shear_relief": 0.0, "xsph": 0.02}
-        scene["probes"] = [
-            {"name": f"h{k}", "kind": "height", "at": (place + 0.5 * EDGE).tolist()}
-            for k, place in enumerate(places)
-        ]
-        probes, heights, last = build_probes(Scene.model_validate(scene)), [], []
+    scene = tanks.tank((EDGE, EDGE), DEPTH, FINE, layers, air=0.2).model_dump()
+    scene["motion"] = {"angle": f"{math.degrees(omega)} * t", "axis": [0, 1, 0]}
+    # Friction, so that the water comes to rest.
+    scene["projection"] |= {"shear_relief": 0.0, "xsph": 0.02}
+    scene["probes"] = [
+        {"name": f"h{k}", "kind": "height", "at": (place + 0.5 * EDGE).tolist()}
+        for k, place in enumerate(places)
+    ]
+    probes = build_probes(Scene.model_validate(scene))
+    heights: list[list[float]] = []
+    last: list[np.ndarray] = []
 
-        def read(sim: Simulation, probes=probes, heights=heights, last=last) -> None:
-            last[:] = [sim.particles.numpy(k).astype(float) for k in ("x", "pressure")]
-            if sim.time > 3.0:
-                water = Snapshot.of(sim)
-                heights.append([p.read(water)[0] for p in probes])
+    def read(sim: Simulation) -> None:
+        last[:] = [sim.particles.numpy(k).astype(float) for k in ("x", "pressure")]
+        if sim.time > REST - 1.0:
+            water = Snapshot.of(sim)
+            heights.append([p.read(water)[0] for p in probes])
 
-        ledger = run(scene, 4.0, read)
-        r2 = (places**2).sum(axis=1)
-        slope = np.polyfit(r2, np.mean(heights, axis=0), 1)[0]
-        x, p = last
-        level = DEPTH - omega**2 / (2.0 * G) * EDGE**2 / 6.0
-        square = (x[:, 0] - 0.5 * EDGE) ** 2 + (x[:, 2] - 0.5 * EDGE) ** 2
-        expected = 1000.0 * G * (level + omega**2 / (2.0 * G) * square - x[:, 1])
-        deep = expected > 1000.0 * G * 3.0 * FINE
-        error = np.sqrt(np.mean((p - expected)[deep] ** 2)) / (1000.0 * G * DEPTH)
-        speed = math.sqrt(2.0 * ledger.rest_energy() / ledger.entries[-1].mass)
-        found.append((slope * 2.0 * G / omega**2 - 1.0, error, speed, ledger.energy_gain()))
-    forms = {
-        "rise of the surface": "{:+.1%}",
-        "pressure": "{:.1%}",
-        "speed [m/s]": "{:.3f}",
-        "energy gain": "{:.0e}",
+    ledger = run(scene, REST, read)
+    r2 = (places**2).sum(axis=1)
+    slope = np.polyfit(r2, np.mean(heights, axis=0), 1)[0]
+    x, p = last
+    level = DEPTH - omega**2 / (2.0 * G) * EDGE**2 / 6.0
+    square = (x[:, 0] - 0.5 * EDGE) ** 2 + (x[:, 2] - 0.5 * EDGE) ** 2
+    expected = 1000.0 * G * (level + omega**2 / (2.0 * G) * square - x[:, 1])
+    deep = expected > 1000.0 * G * 3.0 * FINE
+    error = np.sqrt(np.mean((p - expected)[deep] ** 2)) / (1000.0 * G * DEPTH)
+    speed = math.sqrt(2.0 * ledger.rest_energy() / ledger.entries[-1].mass)
+    return {
+        "layers": str(layers),
+        "rise of the surface": f"{slope * 2.0 * G / omega**2 - 1.0:+.1%}".replace("%", " %"),
+        "pressure": f"{error:.1%}".replace("%", " %"),
+        "speed [m/s]": f"{speed:.3f}",
+        "energy gain": f"{ledger.energy_gain():.0e}",
     }
-    columns = zip(forms.items(), zip(*found, strict=True), strict=True)
-    return {"layers": str(layers), **{k: rows.spread(list(v), form) for (k, form), v in columns}}
 
 
 def free_fall(layers: int) -> dict[str, str]:
@@ -266,48 +265,57 @@ def rolled() -> dict[str, str]:
     }
 
 
-# Title and rows of each table.
+# Title and rows of each table, by name.
 STARTS = f"medians of {rows.STARTS} starts, and their range"
-TABLES: tuple[tuple[str, Callable[[], list[dict[str, str]]]], ...] = (
-    (
+TABLES: dict[str, tuple[str, Callable[[], list[dict[str, str]]]]] = {
+    "surge": (
         f"Tank of {LENGTH} m surged by {SURGE} lengths at its first sloshing period, water "
         f"{ACROSS} spacings deep: amplitude of the centre of mass against linear theory in each "
         f"period; {STARTS}",
         lambda: [surge(layers) for layers in (1, 2)],
     ),
-    (
+    "fall": (
         "Free fall after 1 s of rest: mean pressure over rho g H, and speed of the water",
         lambda: [free_fall(layers) for layers in (1, 2)],
     ),
-    (
+    "rotation": (
         f"Tank of {EDGE} m rotating about the vertical, surface {RISE} m higher at the walls: "
-        f"errors of the rise, of the pressure over rho g H, and remaining speed; {STARTS}",
+        "errors of the rise, of the pressure over rho g H, and remaining speed; one start",
         lambda: [rotating(2)],
     ),
-    (
+    "waves": (
         f"Wave makers, water {ACROSS} spacings deep, one start: height over stroke at two depths "
         "from the maker",
         lambda: [waves(kind, kd) for kind in ("piston", "flap") for kd in HEIGHTS],
     ),
-    (
+    "roll": (
         f"SPHERIC test 10: tank of {ROLLED} m rolled by {ANGLE:g} degrees, water {FILL} m deep, "
         f"{ACROSS} spacings, one start; peak of each of {ROUNDS} periods, mean over 1 cm x 1 cm at "
         f"the water level and {1e3 * WINDOW:g} ms: median and range",
         lambda: [rolled()],
     ),
-)
+}
+
+
+def stored(path: Path) -> dict[str, str]:
+    """Returns the tables of a report by title."""
+    parts = path.read_text().split("## ")[1:] if path.exists() else []
+    return {title: table.strip() for title, _, table in (part.partition("\n") for part in parts)}
 
 
 @click.command()
+@click.option("--only", multiple=True, type=click.Choice(list(TABLES)), help="Keeps other tables.")
 @click.option("--arch", type=click.Choice(ARCHES), default="auto", show_default=True)
-def main(arch: str) -> None:
+def main(only: tuple[str, ...], arch: str) -> None:
     """Measure moving tanks and wave makers, and write bench/results/moving.md."""
-    report = [heading("Moving tanks and wave makers", start(arch))]
-    for title, measure in TABLES:
-        table = tabulate(measure(), "keys", "github", disable_numparse=True)
-        report += [f"## {title}\n", table, ""]
-        (RESULTS / "moving.md").write_text("\n".join(report))
-    click.echo("\n".join(report))
+    head, path = heading("Moving tanks and wave makers", start(arch)), RESULTS / "moving.md"
+    tables = stored(path)
+    for name in only or TABLES:
+        title, measure = TABLES[name]
+        tables[title] = tabulate(measure(), "keys", "github", disable_numparse=True)
+        known = [(t, tables[t]) for t, _ in TABLES.values() if t in tables]
+        path.write_text("\n".join([head, *(f"## {t}\n\n{table}\n" for t, table in known)]))
+    click.echo(path.read_text())
 
 
 if __name__ == "__main__":
