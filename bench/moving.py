@@ -309,10 +309,10 @@ def stored(path: Path) -> dict[str, str]:
 def main(only: tuple[str, ...], arch: str) -> None:
     """Measure moving tanks and wave makers, and write bench/results/moving.md."""
     head, path = heading("Moving tanks and wave makers", start(arch)), RESULTS / "moving.md"
-    tables = stored(path)
     for name in only or TABLES:
         title, measure = TABLES[name]
-        tables[title] = tabulate(measure(), "keys", "github", disable_numparse=True)
+        table = tabulate(measure(), "keys", "github", disable_numparse=True)
+        tables = stored(path) | {title: table}
         known = [(t, tables[t]) for t, _ in TABLES.values() if t in tables]
         path.write_text("\n".join([head, *(f"## {t}\n\n{table}\n" for t, table in known)]))
     click.echo(path.read_text())
