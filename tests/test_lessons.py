@@ -14,13 +14,13 @@ import pytest
 from codespell_lib import main as codespell
 
 from msph.errors import BlowUpError
+from msph.expressions import FUNCTIONS, ExpressionError, check, value
 from msph.lesson import slides, web
 from msph.lesson.board_contours import NUMBERS, contour, open_edges, pair_mesh
 from msph.lesson.board_kernels import sampled
 from msph.lesson.boards import MODULES, board_of
 from msph.lesson.course import Progress, readable
 from msph.lesson.excerpt import ExcerptError, excerpt
-from msph.lesson.expressions import FUNCTIONS, ExpressionError, check, value
 from msph.lesson.guide import Guide
 from msph.lesson.load import load_lesson, shipped_lessons
 from msph.lesson.paint import PAD, Band, band_height, folded

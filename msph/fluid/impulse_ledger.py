@@ -16,12 +16,12 @@ class ImpulseLedger:
     internal_impulse [N s] and internal_angular_impulse [N m s], about the origin: of pair forces
     and of position corrections at constant velocity; zero for an exact method. wall_impulse [N s],
     wall_work [J]: of walls and bodies; walls at rest and floating bodies do no work. user_impulse
-    [N s], user_work [J]: of the hand, of the inertia of the tilting box, of added water and bodies,
-    and of dragged bodies.
-    added_mass [kg]: of water added by the user. merge_loss [J]: kinetic energy dissipated by
-    merges. spilt_momentum [N s], spilt_energy [J]: of the water that left an open box, when it
-    left. body_push [N s], body_twist [N m s], by body: impulses and angular impulses, about the
-    body's centre, of the water on a body since take_pushes().
+    [N s], user_work [J]: of the hand, of added water and bodies, and of dragged bodies.
+    inertia_impulse [N s], inertia_work [J]: of the inertial forces of a moving box on the water.
+    added_mass [kg]: of water added by the user. merge_loss [J]: kinetic energy dissipated by merges. spilt_momentum [N s], spilt_energy
+    [J]: of the water that left an open box, when it left. body_push [N s], body_twist [N m s], by
+    body: impulses and angular impulses, about the body's centre, of the water on a body since
+    take_pushes().
     """
 
     def __init__(self):
@@ -30,6 +30,7 @@ class ImpulseLedger:
         self.internal_angular_impulse = Sum(vector=True)
         self.wall_impulse, self.wall_work = Sum(vector=True), Sum()
         self.user_impulse, self.user_work = Sum(vector=True), Sum()
+        self.inertia_impulse, self.inertia_work = Sum(vector=True), Sum()
         self.added_mass, self.merge_loss = Sum(), Sum()
         self.spilt_momentum, self.spilt_energy = Sum(vector=True), Sum()
         self.sums = tuple(vars(self).values())

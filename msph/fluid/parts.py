@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from msph.fluid.boundary.beach import Beaches
 from msph.fluid.boundary.body_links import BodyLinks
 from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.collisions import Collisions
@@ -35,4 +36,5 @@ class Parts:
     collisions: Collisions
     gaps: GapPressure
     rim: Rim
+    beaches: Beaches
     impulses: ImpulseLedger

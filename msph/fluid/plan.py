@@ -10,6 +10,7 @@ import numpy as np
 from msph.fluid.adaptivity.adaptation import farthest_depth
 from msph.fluid.adaptivity.bands import AdaptationParameters
 from msph.fluid.adaptivity.surface_distance import depth_constants
+from msph.fluid.boundary.beach import Beach
 from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.contact import LEAK
 from msph.fluid.boundary.mesh_samples import sample_count
@@ -36,7 +37,7 @@ class Plan:
     and v (n, 3) [m, m/s], layer (n,). parameters: of the method. bodies: in the box, containers
     included. adaptation: None if particles keep their layer. capacity: largest number of particles,
     by default the number of initial ones. restitution: share of speed kept at walls (-). open_top:
-    the box has no lid, and water that leaves it is removed.
+    the box has no lid, and water that leaves it is removed. beaches: zones that damp waves.
     """
 
     size: tuple[float, float, float]
@@ -48,6 +49,7 @@ class Plan:
     capacity: int | None = None
     restitution: float = 0.0
     open_top: bool = False
+    beaches: Sequence[Beach] = ()
 
     @cached_property
     def region(self) -> tuple[float, float, float]:

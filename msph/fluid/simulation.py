@@ -16,6 +16,7 @@ from msph.fluid.boundary.rigid_bodies import Body, as_row, centre, from_row
 from msph.fluid.boundary.walls import wall_constants
 from msph.fluid.external_forces import ExternalForces, Vec3, as_vector
 from msph.fluid.methods import Parameters, all_attributes, solver_of
+from msph.fluid.moving_box import MovingBox
 from msph.fluid.particles.grid import cells_of
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.particles.neighbour_list import list_capacity
@@ -108,7 +109,7 @@ class Simulation:
     def advance(
         self,
         duration: float,
-        external: ExternalForces,
+        external: ExternalForces | MovingBox,
         stage: Stage = no_stage,
         budget: float | None = None,
         clock: Callable[[], float] = perf_counter,
@@ -127,16 +128,18 @@ class Simulation:
         if no water is left in an open box.
         """
         deadline = math.inf if budget is None else clock() + budget
-        left = duration
+        left, forces = duration, external.at(self.time, 0.0)
         while left > 1e-6 * duration:
+            now = self.time + duration - left
             if self.boundary.driven:
-                now, longest = self.time + duration - left, self.solver.longest_step()
+                longest = self.solver.longest_step()
                 check_trapped_water(
-                    self.boundary, self.layers, self.particles, external, longest, now
+                    self.boundary, self.layers, self.particles, forces, longest, now
                 )
-            dt = self.last_step = left / self._step_count(left, external)
-            self.solver.step(dt, external, stage)
-            self._spill(external)
+            dt = self.last_step = left / self._step_count(left, forces)
+            forces = external.at(now, dt)
+            self.solver.step(dt, forces, stage)
+            self._spill(forces)
             left -= dt
             self.steps += 1
             self.iterations += self.solver.iterations
@@ -148,7 +151,7 @@ class Simulation:
             self.grid.refresh()
         done = duration - left if left > 1e-6 * duration else duration
         self.time += done
-        self.rim.fall(done, external.gravity)
+        self.rim.fall(done, forces.apparent_gravity)
         return done
 
     def _spill(self, external: ExternalForces) -> None:

@@ -8,6 +8,7 @@ import gc
 from collections.abc import Callable
 from typing import Any, TypeVar
 
+from msph.fluid.boundary.beach import Beaches
 from msph.fluid.boundary.body_links import BodyLinks
 from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.collisions import Collisions
@@ -63,6 +64,7 @@ class World:
             collisions=Collisions(boundary),
             gaps=GapPressure(boundary, grid, contact),
             rim=Rim(constants, layers, particles, removal, impulses),
+            beaches=Beaches(constants, layers, particles, impulses),
             impulses=impulses,
         )
         self._built: dict[Any, Any] = {}
@@ -86,6 +88,7 @@ class World:
         parts.neighbours.load(plan.entries, margin, plan.method.MIRRORS)
         self.load_bodies(plan)
         parts.rim.load(plan.open_top)
+        parts.beaches.load(plan.beaches)
         solver = self.build_once(_solver, plan.method)
         solver.load(plan.parameters, plan.adaptation)
         return solver

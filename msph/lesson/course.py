@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from msph.lesson import expressions
+from msph import expressions
 from msph.lesson.boards import Input, board_of
 from msph.lesson.load import Course
 from msph.lesson.quantities import QUANTITIES, Numbers

@@ -9,8 +9,8 @@ from typing import Any
 import tomli_w
 from pydantic import ValidationError
 
+from msph import expressions
 from msph.errors import did_you_mean
-from msph.lesson import expressions
 from msph.lesson.boards import MODULES, board_of
 from msph.lesson.errors import LessonError
 from msph.lesson.excerpt import ExcerptError, excerpt

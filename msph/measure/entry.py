@@ -13,13 +13,14 @@ class Entry:
     momentum_scale = sum m |v| and angular_scale = sum m |x - c| |v|, with c the box's centre, are
     the references of drifts. potential = -M g . centre, zero at the origin. Impulses, works,
     added_mass and merge_loss are sums since the start (msph.fluid.impulse_ledger); tilt_work is the
-    work of tilting the box. Solver residuals are the mean, 99th percentile and maximum over
-    particles of max(rho/rho0 - 1, 0), as densities at free surfaces are below rest; rho is the
-    solver's own density, its correction included, at the positions at `time`. outside: number of
-    particles outside the box or the container or in a body, by Contact.leaked. spilt: mass
-    that left an open box since the start; it is not part of mass. spilt_momentum and spilt_energy
-    (kinetic and potential) are sums when it left. body_impulse: of the bodies on the water, walls
-    between them included. floating_*: of all floating bodies, which are not part of the other
+    work of turning gravity in the frame of the box, inertia_work includes floating bodies. Solver
+    residuals are the mean, 99th percentile and maximum over particles of max(rho/rho0 - 1, 0), as
+    densities at free surfaces are below rest; rho is the solver's own density, its correction
+    included, at the positions at `time`. outside: number of particles outside the box or the
+    container or in a body, by Contact.leaked. spilt: mass that left an open box since the start; it
+    is not part of mass. spilt_momentum and spilt_energy (kinetic and potential) are sums when it
+    left. body_impulse: of the bodies on the water, walls between them included. floating_*: of all
+    floating bodies, which are not part of the other
     totals.
     """
 
@@ -40,6 +41,8 @@ class Entry:
     wall_work: Annotated[float, "J"]
     user_impulse: Annotated[np.ndarray, "N s"]
     user_work: Annotated[float, "J"]
+    inertia_impulse: Annotated[np.ndarray, "N s"]
+    inertia_work: Annotated[float, "J"]
     tilt_work: Annotated[float, "J"]
     added_mass: Annotated[float, "kg"]
     merge_loss: Annotated[float, "J"]
@@ -58,8 +61,8 @@ class Entry:
 
     @property
     def work(self) -> float:
-        """External work since the start [J]: by walls, the user and tilting."""
-        return self.wall_work + self.user_work + self.tilt_work
+        """External work since the start [J]: by walls, the user and the motion of the box."""
+        return self.wall_work + self.user_work + self.inertia_work + self.tilt_work
 
     @property
     def mechanical(self) -> float:

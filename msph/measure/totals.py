@@ -22,9 +22,12 @@ _PEAKS = ("top_speed",)
 TOP_SPEED = 0
 _GIVEN_VECTORS = (
     *("internal_impulse", "internal_angular_impulse"),
-    *("wall_impulse", "user_impulse", "spilt_momentum"),
+    *("wall_impulse", "user_impulse", "inertia_impulse", "spilt_momentum"),
 )
-_GIVEN_SCALARS = ("wall_work", "user_work", "added_mass", "merge_loss", "spilt_energy")
+_GIVEN_SCALARS = (
+    *("wall_work", "user_work", "inertia_work", "added_mass", "merge_loss"),
+    "spilt_energy",
+)
 
 
 @data_oriented
