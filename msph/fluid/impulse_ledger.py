@@ -18,10 +18,10 @@ class ImpulseLedger:
     wall_work [J]: of walls and bodies; walls at rest and floating bodies do no work. user_impulse
     [N s], user_work [J]: of the hand, of added water and bodies, and of dragged bodies.
     inertia_impulse [N s], inertia_work [J]: of the inertial forces of a moving box on the water.
-    added_mass [kg]: of water added by the user. merge_loss [J]: kinetic energy dissipated by merges. spilt_momentum [N s], spilt_energy
-    [J]: of the water that left an open box, when it left. body_push [N s], body_twist [N m s], by
-    body: impulses and angular impulses, about the body's centre, of the water on a body since
-    take_pushes().
+    added_mass [kg]: of water added by the user. merge_loss [J]: kinetic energy dissipated by
+    merges. spilt_momentum [N s], spilt_energy [J]: of the water that left an open box, when it
+    left. body_push [N s], body_twist [N m s], by body: impulses and angular impulses, about the
+    body's centre, of the water on a body since take_pushes().
     """
 
     def __init__(self):

@@ -28,11 +28,14 @@ class TableError(ValueError):
 
 def box_path(scene: Scene) -> Path:
     """Returns the path of the box of a checked scene."""
-    parts = [(sway_numbers(scene.sway), Motion())] if scene.sway.angle else []
+    home = 0.5 * np.array(scene.box.size)
+    parts = []
+    if scene.sway.angle:
+        height = home[1] if scene.sway.height is None else scene.sway.height
+        parts.append((sway_numbers(scene.sway), Motion(centre=(home[0], height, home[2]))))
     parts += [(numbers(motion), motion) for motion in scene.motion]
     if not parts:
         return at_rest
-    home = 0.5 * np.array(scene.box.size)
     turns = []
     for own, motion in parts:
         axis = np.array(motion.axis) / np.linalg.norm(motion.axis)
@@ -59,7 +62,7 @@ def numbers(motion: Motion) -> Numbers:
 
 def sway_numbers(sway: Sway) -> Numbers:
     """Returns the angle of the sway: a sine that begins and ends gently."""
-    fade = 0.5 * min(sway.period, sway.seconds)
+    fade = 0.25 * min(sway.period, sway.seconds)
 
     def at(time: float) -> np.ndarray:
         inside = min(max(time, 0.0), max(sway.seconds - time, 0.0))

@@ -198,11 +198,15 @@ class Motion(Section):
 
 
 class Sway(Section):
-    """Rocking of the tank at the start about the z axis through its centre, a short motion."""
+    """Rocking of the tank at the start about a horizontal axis along z, a short motion. Water at
+    the height of the axis is driven by the tilt alone; below it, inertia adds to the tilt."""
 
     angle: float = parameter(0.0, ge=0.0, le=45.0, unit="deg", text="amplitude of the tilt, 0: off")
     period: float = parameter(2.0, gt=0.0, unit="s", text="period of the tilt")
     seconds: float = parameter(4.0, ge=0.0, unit="s", text="duration of the rocking")
+    height: float | None = parameter(
+        None, unit="m", text="height of the axis above the floor; default: half that of the box"
+    )
 
 
 class Orbit(Section):

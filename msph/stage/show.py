@@ -328,8 +328,7 @@ class Show:
 
     def add_body(self, body: Body) -> None:
         """Adds a floating body until the next reset. Raises FullError."""
-        gravity = as_vector(self.tilt.T @ np.array(self.scene.gravity))
-        self.simulation.add_body(body, gravity)
+        self.simulation.add_body(body, self._box().gravity)
 
     def draw(self) -> None:
         """Extracts the surface and renders the image, as far as they are used."""

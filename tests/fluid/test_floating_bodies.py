@@ -187,7 +187,7 @@ def test_checkpoint_holds_floating_bodies():
     sim.reset()
     assert sim.boundary.floating.x[0] == pytest.approx((0.2, 0.25, 0.2))
     del state["floating"]
-    with pytest.raises(FullError, match="floating missing"):
+    with pytest.raises(ValueError, match="floating missing"):
         sim.restore(state)
 
 
