@@ -1,7 +1,7 @@
 """Makes the shipped meshes beside this file: python assets/bodies/make.py
 
-Unit: one metre. Bowl and torus are curves turned about the y axis, the duck blends ellipsoids; all
-are closed, their faces outwards.
+Unit: one metre. Bowl and torus are curves turned about the y axis, the duck blends ellipsoids, the
+ramp is a beach; all are closed, their faces outwards.
 """
 
 from pathlib import Path
@@ -86,8 +86,16 @@ def _beyond(x):
     return -BLEND / 3.0 * np.log(sum(np.exp(-3.0 * d / BLEND) for d in parts))
 
 
+def ramp(slope=0.4, below=0.3):
+    """A beach: a block 1 m long and wide whose top rises by `slope` along x, from the floor y = 0;
+    it reaches `below` the floor."""
+    mesh = trimesh.creation.box(bounds=[[0.0, -below, -0.5], [1.0, 0.0, 0.5]])
+    mesh.vertices[:, 1] += slope * mesh.vertices[:, 0] * (mesh.vertices[:, 1] == 0.0)
+    return mesh
+
+
 if __name__ == "__main__":
-    for shape in (bowl, torus, duck):
+    for shape in (bowl, torus, duck, ramp):
         text = shape().export(
             file_type="obj", digits=6, header=f"made by make.py: {shape.__name__}"
         )

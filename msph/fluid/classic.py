@@ -11,13 +11,14 @@ import numpy as np
 import taichi as ti
 
 from msph.fluid.external_forces import (
+    FIELD_NUMBERS,
     HAND_NUMBERS,
     NO_HAND,
-    TURN_NUMBERS,
     ExternalForces,
     coriolis,
-    field_in_turning_box,
+    field_at,
     hand_acceleration,
+    turning,
 )
 from msph.fluid.particles import kernels
 from msph.fluid.particles.layers import LayerSpec
@@ -200,7 +201,8 @@ class Classic:
         """Advances by dt [s] as in A.2: grid, densities, pressures, forces, positions, walls."""
         self.find_accelerations(stage)
         with stage("drift"):
-            self.move(self.particles.count, dt, *external.arguments())
+            numbers = external.inertial_field(), external.hand.numbers()
+            self.move(self.particles.count, dt, external.gravity, *numbers)
             self.neighbours.moved(self.farthest[None])
             self.grid.invalidate()
 
@@ -287,8 +289,8 @@ class Classic:
         n: ti.i32,
         dt: ti.f32,
         gravity: ti.math.vec3,
+        inertia_numbers: FIELD_NUMBERS,
         hand_numbers: HAND_NUMBERS,
-        turn: TURN_NUMBERS,
     ):
         """Position Verlet x' = 2 x - x_old + dt^2 a, v = (x - x_old)/dt, then reflecting walls.
 
@@ -302,11 +304,14 @@ class Classic:
             x, v = self.particles.x[i], self.particles.v[i]
             a = self.particles.acceleration[i]
             m = self.layers.mass[layer]
-            self.impulses.record_internal(m, x, dt * a)
+            self.impulses.record_internal(i, m, x, dt * a)
             a += gravity * self.layers.gravity_factor[layer]
-            user = field_in_turning_box(x - 0.5 * self.constants.size[None], turn)
-            user += coriolis(v, dt, turn) + hand_acceleration(x, v, dt, hand_numbers)
-            self.impulses.record_user(m, v, dt, user, a)
+            inertia = field_at(x - 0.5 * self.constants.size[None], inertia_numbers)
+            user = hand_acceleration(x, v, dt, hand_numbers)
+            turned = coriolis(v, dt, turning(inertia_numbers))
+            a += inertia + turned
+            self.impulses.record_user(i, m, v, dt, user, a)
+            self.impulses.inertia_impulse.add(i, m * dt * (inertia + turned))
             v += dt * (a + user)
             start, free = x, v
             x += dt * v
@@ -317,7 +322,8 @@ class Classic:
                     v[k] = -restitution * v[k]
             # Beyond the opposite wall, if at all, only in a box of a few particles.
             x = self.walls.confined(start, wall + restitution * (wall - x), margin)
-            self.impulses.wall_impulse[None] += m * (v - free)
+            self.impulses.wall_impulse.add(i, m * (v - free))
+            self.impulses.inertia_work.add(i, m * inertia.dot(x - start))
             self.particles.x[i] = x
             self.particles.v[i] = v
             ti.atomic_max(self.farthest[None], (x - start).norm())

@@ -1,4 +1,4 @@
-"""External forces: gravity and the rotation of the box's frame, and a hand that moves the water."""
+"""External forces: gravity, inertial forces of a moving box, and a hand that moves the water."""
 
 import math
 from dataclasses import dataclass, field
@@ -10,8 +10,8 @@ Vec3 = tuple[float, float, float]
 STILL: Vec3 = (0.0, 0.0, 0.0)
 
 vec3 = ti.math.vec3
-# Kernel arguments: Hand.numbers(), and ExternalForces.turn.
-HAND_NUMBERS, TURN_NUMBERS = ti.types.vector(14, ti.f32), ti.types.vector(6, ti.f32)
+# Kernel arguments: Hand.numbers(), and ExternalForces.field().
+HAND_NUMBERS, FIELD_NUMBERS = ti.types.vector(14, ti.f32), ti.types.vector(9, ti.f32)
 
 
 @dataclass(frozen=True)
@@ -53,18 +53,48 @@ class Hand:
 
 @dataclass(frozen=True)
 class ExternalForces:
-    """Gravity [m/s^2] in the box's frame, the hand, and the rotation of the box about its centre:
-    angular velocity [rad/s] and angular acceleration [rad/s^2]; all constant within a frame."""
+    """Gravity [m/s^2] in the box's frame, the hand, and the inertial forces of a moving box.
+
+    angular_velocity [rad/s] and angular_acceleration [rad/s^2] of the box about its centre;
+    inertia [m/s^2]: inertial acceleration at the centre, minus the acceleration of the centre. All
+    are constant within a step, gravity and hand within a frame.
+    """
 
     gravity: Vec3 = (0.0, -9.81, 0.0)
     hand: Hand = field(default_factory=Hand)
     angular_velocity: Vec3 = STILL
     angular_acceleration: Vec3 = STILL
+    inertia: Vec3 = STILL
 
-    def arguments(self) -> tuple:
-        """Returns kernel arguments: gravity, numbers of the hand and of the rotation."""
-        turn = (*self.angular_velocity, *self.angular_acceleration)
-        return self.gravity, self.hand.numbers(), turn
+    def at(self, time: float, dt: float) -> "ExternalForces":
+        """Returns the external forces of a step of dt [s] from `time` [s]."""
+        return self
+
+    @property
+    def moving(self) -> bool:
+        """True if there are inertial forces."""
+        return any((*self.inertia, *self.angular_velocity, *self.angular_acceleration))
+
+    @property
+    def apparent_gravity(self) -> Vec3:
+        """Gravity and inertia [m/s^2] of water at rest at the box's centre, if it does not turn."""
+        x, y, z = (g + a for g, a in zip(self.gravity, self.inertia, strict=True))
+        return x, y, z
+
+    def field(self) -> tuple[float, ...]:
+        """Returns the numbers of field_at() for gravity and inertia."""
+        return *self.apparent_gravity, *self.angular_velocity, *self.angular_acceleration
+
+    def inertial_field(self) -> tuple[float, ...]:
+        """Returns the numbers of field_at() for inertia alone."""
+        return *self.inertia, *self.angular_velocity, *self.angular_acceleration
+
+    def inertia_at(self, r: np.ndarray, v: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
+        """Returns the inertial accelerations [m/s^2] of points at r [m] from the centre, and the
+        Coriolis accelerations of points with velocities v [m/s] in a step of dt [s], (n, 3)."""
+        w, rise = np.array(self.angular_velocity), np.array(self.angular_acceleration)
+        found = np.array(self.inertia) - np.cross(rise, r) - np.cross(w, np.cross(w, r))
+        return found, -2.0 * np.cross(w, v - dt * np.cross(w, v))
 
 
 @ti.func
@@ -81,18 +111,26 @@ def hand_acceleration(x, v, dt, hand):
 
 
 @ti.func
-def field_in_turning_box(r, turn):
-    """Returns the Euler and centrifugal accelerations [m/s^2] at r [m] from the centre of a box
-    that rotates as `turn` says: angular velocity w, angular acceleration."""
-    w, rise = vec3(turn[0], turn[1], turn[2]), vec3(turn[3], turn[4], turn[5])
-    return -rise.cross(r) - w.cross(w.cross(r))
+def field_at(r, numbers):
+    """Returns the acceleration [m/s^2] at r [m] from the centre of a moving box, but Coriolis's.
+
+    numbers: acceleration at the centre, angular velocity w, angular acceleration; the Euler and
+    centrifugal accelerations follow.
+    """
+    w, rise = turning(numbers), vec3(numbers[6], numbers[7], numbers[8])
+    return vec3(numbers[0], numbers[1], numbers[2]) - rise.cross(r) - w.cross(w.cross(r))
 
 
 @ti.func
-def coriolis(v, dt, turn):
+def turning(numbers):
+    """Returns the angular velocity [rad/s] of the box."""
+    return vec3(numbers[3], numbers[4], numbers[5])
+
+
+@ti.func
+def coriolis(v, dt, w):
     """Returns the Coriolis acceleration -2 w x v' [m/s^2], with v' the velocity in the middle of
     the step, so that it does no work to second order in dt [s]."""
-    w = vec3(turn[0], turn[1], turn[2])
     return -2.0 * w.cross(v - dt * w.cross(v))
 
 

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from msph.fluid.boundary.beach import Beaches
 from msph.fluid.boundary.body_links import BodyLinks
 from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.collisions import Collisions
@@ -37,4 +38,5 @@ class Parts:
     gaps: GapPressure
     openings: Openings
     rim: Rim
+    beaches: Beaches
     impulses: ImpulseLedger

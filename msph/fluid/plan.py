@@ -10,6 +10,7 @@ import numpy as np
 from msph.fluid.adaptivity.adaptation import farthest_depth
 from msph.fluid.adaptivity.bands import AdaptationParameters
 from msph.fluid.adaptivity.surface_distance import depth_constants
+from msph.fluid.boundary.beach import Beach
 from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.contact import LEAK
 from msph.fluid.boundary.mesh_samples import sample_count
@@ -38,6 +39,7 @@ class Plan:
     included. adaptation: None if particles keep their layer. capacity: largest number of particles,
     by default the number of initial ones. restitution: share of speed kept at walls (-). open_top:
     the box has no lid, and water that leaves it is removed. openings: inflows and outflows.
+    beaches: zones that damp waves.
     """
 
     size: tuple[float, float, float]
@@ -50,6 +52,7 @@ class Plan:
     restitution: float = 0.0
     open_top: bool = False
     openings: Sequence[Opening] = ()
+    beaches: Sequence[Beach] = ()
 
     @cached_property
     def region(self) -> tuple[float, float, float]:

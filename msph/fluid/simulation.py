@@ -10,13 +10,15 @@ import numpy as np
 
 from msph.errors import BlowUpError
 from msph.fluid.boundary.body_faces import samples
+from msph.fluid.boundary.floating import FloatingBodies
 from msph.fluid.boundary.gap_pressure import MAX_SAMPLES
 from msph.fluid.boundary.openings import ZONE, Opening
-from msph.fluid.boundary.rigid_bodies import Body, centre
+from msph.fluid.boundary.rigid_bodies import Body, as_row, centre, from_row
 from msph.fluid.boundary.walls import wall_constants
 from msph.fluid.constants import MAX_OPENINGS
-from msph.fluid.external_forces import STILL, ExternalForces, Vec3
+from msph.fluid.external_forces import STILL, ExternalForces, Vec3, as_vector
 from msph.fluid.methods import Parameters, all_attributes, solver_of
+from msph.fluid.moving_box import MovingBox
 from msph.fluid.particles.grid import cells_of
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.particles.neighbour_list import list_capacity
@@ -129,7 +131,7 @@ class Simulation:
     def advance(
         self,
         duration: float,
-        external: ExternalForces,
+        external: ExternalForces | MovingBox,
         stage: Stage = no_stage,
         budget: float | None = None,
         clock: Callable[[], float] = perf_counter,
@@ -148,18 +150,20 @@ class Simulation:
         if no water is left in an open box.
         """
         deadline = math.inf if budget is None else clock() + budget
-        left = duration
+        left, forces = duration, external.at(self.time, 0.0)
         while left > 1e-6 * duration:
+            now = self.time + duration - left
             if self.boundary.driven:
-                now, longest = self.time + duration - left, self.solver.longest_step()
+                longest = self.solver.longest_step()
                 check_trapped_water(
-                    self.boundary, self.layers, self.particles, external, longest, now
+                    self.boundary, self.layers, self.particles, forces, longest, now
                 )
-            dt = self.last_step = left / self._step_count(left, external)
-            self.openings.begin(self.time + duration - left + dt)
-            self.solver.step(dt, external, stage)
-            self._spill(dt, external)
-            self._pour(dt, external)
+            dt = self.last_step = left / self._step_count(left, forces)
+            forces = external.at(now, dt)
+            self.openings.begin(now + dt)
+            self.solver.step(dt, forces, stage)
+            self._spill(dt, forces)
+            self._pour(dt, forces)
             left -= dt
             self.steps += 1
             self.iterations += self.solver.iterations
@@ -171,7 +175,7 @@ class Simulation:
             self.grid.refresh()
         done = duration - left if left > 1e-6 * duration else duration
         self.time += done
-        self.rim.fall(done, external.gravity)
+        self.rim.fall(done, forces.apparent_gravity)
         return done
 
     def _spill(self, dt: float, external: ExternalForces) -> None:
@@ -207,19 +211,29 @@ class Simulation:
             self.solver.particles_added(float(np.linalg.norm(v, axis=1).max()))
         return len(x)
 
-    def add_body(self, body: Body) -> None:
-        """Adds a floating block or ball until the next reset. Raises FullError if there are too
-        many bodies, ValueError if it overlaps another body or a wall."""
+    def add_body(self, body: Body, gravity: Vec3) -> None:
+        """Adds a floating block or ball until the next reset. gravity [m/s^2]: for its potential
+        energy. Raises FullError if there are too many bodies, or if it overlaps another body or a
+        wall."""
+        if not self.plan.method.HAS_BODIES:
+            raise FullError("this method has no bodies")
         if self.boundary.count == MAX_BODIES:
             raise FullError(f"at most {MAX_BODIES} bodies")
         (points, _, _), at = samples(body, self.layers.finest.spacing, MAX_SAMPLES), centre(body)
         x = at + points
         if (x < 0.0).any() or (x > self.walls).any() or not self.boundary.free(x).all():
-            raise ValueError("the body overlaps another body or a wall")
-        self.boundary.add(body)
-        self.world.prepare_bodies()
+            raise FullError("there is no room: the body overlaps another body or a wall")
+        floating = self.boundary.floating
+        momentum, kinetic = floating.momentum(), floating.kinetic()
+        self._take_body(body)
         self.contact.clear_bodies()
         self.solver.particles_moved()
+        energy = floating.kinetic() - kinetic - floating.mass[-1] * float(at @ np.array(gravity))
+        self.world.parts.impulses.add_user(as_vector(floating.momentum() - momentum), energy)
+
+    def _take_body(self, body: Body) -> None:
+        self.boundary.add(body)
+        self.world.prepare_bodies()
 
     def add_opening(self, opening: Opening, gravity: Vec3) -> None:
         """Adds an inflow or outflow until the next reset. gravity [m/s^2]: for the potential energy
@@ -274,8 +288,9 @@ class Simulation:
 
     def state(self) -> dict[str, np.ndarray]:
         """Returns a checkpoint: every carried attribute, time, number of steps, length of the last
-        step, the spilt mass [kg] of an open box, the state of floating bodies, the solver's state
-        and the fingerprint. On one thread a resumed run repeats an uninterrupted one exactly."""
+        step, the spilt mass [kg] of an open box, the state of floating bodies, the added ones, the
+        solver's state and the fingerprint. On one thread a resumed run repeats an uninterrupted
+        one exactly."""
         progress = {
             "time": np.float64(self.time),
             "steps": np.int64(self.steps),
@@ -288,6 +303,9 @@ class Simulation:
             progress["floating"] = self.boundary.floating.state()
         if self.plan.openings:
             progress["openings"] = self.openings.state()
+        if self.boundary.count > len(self.plan.bodies):
+            added = self.boundary.bodies[len(self.plan.bodies) :]
+            progress["added_bodies"] = np.stack([as_row(body) for body in added])
         return {**progress, **solver, "fluid": self._fingerprint(), **self.particles.state()}
 
     def _fingerprint(self) -> np.ndarray:
@@ -297,15 +315,18 @@ class Simulation:
     def restore(self, state: dict[str, np.ndarray]) -> None:
         """Restores a state(). Raises ValueError if it does not fit this simulation."""
         attributes = dict(state)
-        missing = set(self.state()) - set(attributes)
+        floats = sum(b.mass is not None for b in self.plan.bodies)
+        needed = set(self.state()) - {"added_bodies"} - ({"floating"} if not floats else set())
+        missing = needed - set(attributes)
         if missing:
             raise ValueError(f"{', '.join(sorted(missing))} missing")
         time, steps, last_step = (attributes.pop(k) for k in ("time", "steps", "last_step"))
         fluid, own = attributes.pop("fluid"), self._fingerprint()
         solver = {k: float(attributes.pop(f"solver.{k}")) for k in self.solver.state()}
         spilt = float(attributes.pop("spilt")) if self.plan.open_top else 0.0
-        floating = attributes.pop("floating", self.boundary.floating.state())
         ways = attributes.pop("openings", np.zeros(0))
+        added = [from_row(row) for row in attributes.pop("added_bodies", ())]
+        floating = attributes.pop("floating", FloatingBodies().state())
         if fluid.shape != own.shape or not np.allclose(fluid, own):
             raise ValueError("box or layers differ from the scene")
         self.particles.check(attributes)
@@ -319,7 +340,9 @@ class Simulation:
             raise ValueError(f"time is {time:g} s: must be finite and at least 0")
         if not last_step > 0.0:
             raise ValueError(f"last step is {last_step:g} s: must be positive")
-        if floating.shape != self.boundary.floating.state().shape:
+        if len(self.plan.bodies) + len(added) > MAX_BODIES:
+            raise ValueError(f"more than {MAX_BODIES} bodies")
+        if floating.shape != (floats + len(added), FloatingBodies().state().shape[1]):
             raise ValueError("number of floating bodies differs from the scene")
         if not np.isfinite(floating).all():
             raise ValueError("floating bodies are not at finite positions and speeds")
@@ -328,6 +351,8 @@ class Simulation:
         self._start(attributes, float(time), int(steps), spilt)
         if self.plan.openings:
             self.openings.restore(ways)
+        for body in added:
+            self._take_body(body)
         self.boundary.restore(float(time), floating)
         self.last_step = float(last_step)
         self.solver.restore(solver)

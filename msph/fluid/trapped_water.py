@@ -39,7 +39,7 @@ def check_trapped_water(
 
     longest_step [s] is the solver's limit: pressures are read only if it is very short.
     """
-    fall = 2.0 * math.hypot(*external.gravity) * math.hypot(*boundary.box)
+    fall = 2.0 * math.hypot(*external.apparent_gravity) * math.hypot(*boundary.box)
     speed = TRAPPED_RATIO * (boundary.top_speed + math.sqrt(fall))
     if longest_step > layers.finest.spacing / speed:
         return

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from msph.fluid.boundary.beach import Beaches
 from msph.fluid.boundary.body_links import BodyLinks
 from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.collisions import Collisions
@@ -69,6 +70,7 @@ class World:
             gaps=GapPressure(boundary, grid, contact),
             openings=Openings(constants, layers, particles, boundary, neighbours, impulses),
             rim=Rim(constants, layers, particles, removal, impulses),
+            beaches=Beaches(constants, layers, particles, impulses),
             impulses=impulses,
         )
         self._built: dict[Any, Any] = {}
@@ -91,6 +93,7 @@ class World:
         margin = plan.method.LIST_MARGIN * plan.finest.support
         parts.neighbours.load(plan.entries, margin, plan.method.MIRRORS)
         self.load_bodies(plan)
+        parts.beaches.load(plan.beaches)
         solver = self.build_once(_solver, plan.method)
         solver.load(plan.parameters, plan.adaptation)
         return solver

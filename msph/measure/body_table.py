@@ -4,6 +4,7 @@ import numpy as np
 
 from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.external_forces import rotation_vector
+from msph.scene.bodies import names
 from msph.scene.schema import Scene
 
 # Quantities of each body, with their units; vectors in the box's frame.
@@ -17,12 +18,6 @@ QUANTITIES = {
 }
 # Time [s] at the end of a run over which the reported forces are means.
 WINDOW = 1.0
-
-
-def names(scene: Scene) -> list[str]:
-    """Returns the names of the scene's bodies in the order of the boundary."""
-    outer = ["container"] if scene.container else []
-    return outer + [f"bodies.{k}" for k in range(len(scene.bodies))]
 
 
 def columns(scene: Scene) -> list[str]:

@@ -13,15 +13,15 @@ class Entry:
     momentum_scale = sum m |v| and angular_scale = sum m |x - c| |v|, with c the box's centre, are
     the references of drifts. potential = -M g . centre, zero at the origin. Impulses, works,
     added_mass and merge_loss are sums since the start (msph.fluid.impulse_ledger); tilt_work is the
-    work of tilting the box. Solver residuals are the mean, 99th percentile and maximum over
-    particles of max(rho/rho0 - 1, 0), as densities at free surfaces are below rest; rho is the
-    solver's own density, its correction included, at the positions at `time`. outside: number of
-    particles outside the box or the container or in a body, by Contact.leaked. spilt: mass
-    that left an open box since the start; it is not part of mass. spilt_momentum and spilt_energy
-    (kinetic and potential) are sums when it left; outflow_*: the same of water that left through
-    outflows. inflow_*: of water that inflows added, and by prescribed velocities. body_impulse: of
-    the bodies on the water, walls between them included. floating_*: of all floating bodies, which
-    are not part of the other totals.
+    work of turning gravity in the frame of the box, inertia_work includes floating bodies. Solver
+    residuals are the mean, 99th percentile and maximum over particles of max(rho/rho0 - 1, 0), as
+    densities at free surfaces are below rest; rho is the solver's own density, its correction
+    included, at the positions at `time`. outside: number of particles outside the box or the
+    container or in a body, by Contact.leaked. spilt: mass that left an open box since the start; it
+    is not part of mass. spilt_momentum and spilt_energy (kinetic and potential) are sums when it
+    left; outflow_*: the same of water that left through outflows. inflow_*: of water that inflows
+    added, and by prescribed velocities. body_impulse: of the bodies on the water, walls between
+    them included. floating_*: of all floating bodies, which are not part of the other totals.
     """
 
     time: Annotated[float, "s"]
@@ -41,6 +41,8 @@ class Entry:
     wall_work: Annotated[float, "J"]
     user_impulse: Annotated[np.ndarray, "N s"]
     user_work: Annotated[float, "J"]
+    inertia_impulse: Annotated[np.ndarray, "N s"]
+    inertia_work: Annotated[float, "J"]
     tilt_work: Annotated[float, "J"]
     added_mass: Annotated[float, "kg"]
     merge_loss: Annotated[float, "J"]
@@ -65,8 +67,9 @@ class Entry:
 
     @property
     def work(self) -> float:
-        """External work since the start [J]: by walls, the user, tilting and inflows."""
-        return self.wall_work + self.user_work + self.tilt_work + self.inflow_work
+        """External work since the start [J]: by walls, the user, the motion of the box, inflows."""
+        box = self.inertia_work + self.tilt_work
+        return self.wall_work + self.user_work + box + self.inflow_work
 
     @property
     def mechanical(self) -> float:

@@ -28,7 +28,9 @@ class Ledger:
     density_every: float = 0.0
     entries: list[Entry] = field(default_factory=list)
     _tilt_work: float = 0.0
+    # Gravity and first moment of water and bodies at the last entry.
     _gravity: np.ndarray | None = None
+    _moment: np.ndarray | None = None
     _density_due: float = 0.0
 
     def __post_init__(self):
@@ -61,9 +63,10 @@ class Ledger:
             raise NotFiniteError(f"{what} overflowed at t = {sim.time:.3f} s (step {sim.steps})")
         moment, floating_moment = totals.pop("moment"), floating.mass @ floating.x
         if self._gravity is not None:
-            # Tilting the box turns gravity in its frame, which changes the potential energy.
-            self._tilt_work -= float((moment + floating_moment) @ (g - self._gravity))
-        self._gravity = g
+            # Turning the box turns gravity in its frame, at the beginning of the time since the
+            # last entry, which changes the potential energy.
+            self._tilt_work -= float(self._moment @ (g - self._gravity))
+        self._gravity, self._moment = g, moment + floating_moment
         del totals["not_finite"]
         excess = self._residuals()
         entry = Entry(
@@ -77,6 +80,7 @@ class Ledger:
             floating_kinetic=floating.kinetic(),
             floating_potential=-float(floating_moment @ g),
             tilt_work=self._tilt_work,
+            inertia_work=totals.pop("inertia_work") + floating.inertia_work,
             solver_residual_mean=float(excess.mean()),
             solver_residual_p99=float(np.percentile(excess, 99.0)),
             solver_residual_max=float(excess.max()),
@@ -153,7 +157,8 @@ class Ledger:
         """Returns the largest rise of kinetic and potential energy between two entries at most
         `window` [s] apart without input between them, over reference_energy() (-).
 
-        Input is work of walls, pushing by the user, or tilting. NaN if there is always input.
+        Input is work of walls, pushing by the user, or motion of the box. NaN if there is always
+        input.
         """
         rises = [
             later.mechanical - earlier.mechanical for earlier, later in self._undisturbed(window)
@@ -194,8 +199,6 @@ class Ledger:
 
 
 def _disturbed(before: Entry, after: Entry) -> bool:
-    """Returns True if there was input by walls, inflows, the user or tilting between entries."""
-    poured = before.inflow_work != after.inflow_work
-    turned = not np.array_equal(before.gravity, after.gravity)
-    pushed = not np.array_equal(before.user_impulse, after.user_impulse)
-    return poured or turned or pushed or before.wall_work != after.wall_work
+    """Returns True if there was input by walls, the user, the box or inflows between entries."""
+    given = ("gravity", "user_impulse", "inertia_impulse", "wall_work", "inflow_work")
+    return not all(np.array_equal(getattr(before, k), getattr(after, k)) for k in given)

@@ -15,7 +15,8 @@ from msph.measure.survey import COLUMNS, Survey
 # Fields of an entry that are sums since the start; a resumed run restarts them at zero.
 SUMS = (
     *("internal_impulse", "internal_angular_impulse", "wall_impulse", "body_impulse"),
-    *("wall_work", "user_impulse", "user_work", "tilt_work", "added_mass", "merge_loss"),
+    *("wall_work", "user_impulse", "user_work", "inertia_impulse", "inertia_work"),
+    *("tilt_work", "added_mass", "merge_loss"),
     *("spilt_momentum", "spilt_energy", "inflow_mass", "inflow_impulse", "inflow_work"),
     *("outflow_mass", "outflow_momentum", "outflow_energy"),
 )

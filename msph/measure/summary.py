@@ -60,7 +60,7 @@ def progress(
         "particles_start": started,
         "particles_end": simulation.counts(),
         "spilt_kg": simulation.rim.mass,
-        "inflow_kg": simulation.world.parts.impulses.inflow_mass[None],
+        "inflow_kg": simulation.world.parts.impulses.inflow_mass.total[None],
         "outflow_kg": simulation.rim.outflow,
     }
 

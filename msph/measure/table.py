@@ -48,7 +48,8 @@ def read(path: Path) -> dict[str, np.ndarray]:
 def energy_less_work(ledger: dict[str, np.ndarray]) -> np.ndarray:
     """Returns the mechanical energy [J] less external work of each row of a ledger; constant
     without dissipation."""
-    work = ledger["wall_work_J"] + ledger["user_work_J"] + ledger["tilt_work_J"]
+    causes = ("wall", "user", "inertia", "tilt")
+    work = np.sum([ledger[f"{cause}_work_J"] for cause in causes], axis=0)
     floating = ledger["floating_kinetic_J"] + ledger["floating_potential_J"]
     return ledger["kinetic_J"] + ledger["potential_J"] + floating - work
 

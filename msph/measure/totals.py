@@ -22,12 +22,12 @@ _PEAKS = ("top_speed",)
 TOP_SPEED = 0
 _GIVEN_VECTORS = (
     *("internal_impulse", "internal_angular_impulse"),
-    *("wall_impulse", "user_impulse", "spilt_momentum"),
+    *("wall_impulse", "user_impulse", "inertia_impulse", "spilt_momentum"),
     *("inflow_impulse", "outflow_momentum"),
 )
 _GIVEN_SCALARS = (
-    *("wall_work", "user_work", "added_mass", "merge_loss", "spilt_energy"),
-    *("inflow_mass", "inflow_work", "outflow_energy"),
+    *("wall_work", "user_work", "inertia_work", "added_mass", "merge_loss"),
+    *("spilt_energy", "inflow_mass", "inflow_work", "outflow_energy"),
 )
 
 
@@ -41,11 +41,13 @@ class Totals:
         parts, impulses = world.parts, world.parts.impulses
         self.constants, self.contact = parts.constants, parts.contact
         self.particles, self.layers = parts.particles, parts.layers
-        self.given_vectors = tuple(getattr(impulses, name) for name in _GIVEN_VECTORS)
-        self.given_scalars = tuple(getattr(impulses, name) for name in _GIVEN_SCALARS)
+        self.impulses = impulses
+        self.given_vectors = tuple(getattr(impulses, name).total for name in _GIVEN_VECTORS)
+        self.given_scalars = tuple(getattr(impulses, name).total for name in _GIVEN_SCALARS)
 
     def read(self) -> dict:
         """Returns the totals by name, each a float or an array (3,)."""
+        self.impulses.gather()
         n = self.particles.count
         rows = -(-n // CHUNK)
         vectors = np.zeros((rows, len(_VECTORS), 3), np.float32)

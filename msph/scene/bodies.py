@@ -20,6 +20,7 @@ from msph.scene import schema
 from msph.scene.errors import SceneError, in_metres
 from msph.scene.meshes import MeshError, load_mesh
 from msph.scene.schema import Container, Scene
+from msph.scene.wavemakers import check_wave_makers, wave_makers
 
 # Largest speed of a body's surface [m/s]; the speed of sound in water is 1480 m/s.
 MAX_SPEED = 500.0
@@ -28,9 +29,17 @@ MAX_EXTENT = 50.0
 
 
 def bodies(scene: Scene) -> list[Body]:
-    """Returns the bodies of a checked scene, the container first."""
+    """Returns the bodies of a checked scene: the container, bodies, wave makers."""
     found: list[Body] = [] if scene.container is None else [_container(scene.container)]
-    return found + [body(given) for given in scene.bodies]
+    found += [body(given) for given in scene.bodies]
+    return [*found, *wave_makers(scene)]
+
+
+def names(scene: Scene) -> list[str]:
+    """Returns the names of the bodies of a scene in the order of bodies()."""
+    outer = ["container"] if scene.container else []
+    own = [f"bodies.{k}" for k in range(len(scene.bodies))]
+    return outer + own + [f"wavemakers.{k}" for k in range(len(scene.wavemakers))]
 
 
 def body(given: schema.Body) -> Body:
@@ -67,7 +76,7 @@ def placed(mesh: schema.Body | Container) -> tuple[np.ndarray, np.ndarray]:
 
 
 def check_bodies(scene: Scene, spacing: float, where: str) -> list[Body]:
-    """Returns the bodies of a scene, the container first; spacing: the finest layer's [m].
+    """Returns the bodies() of a scene; spacing: the finest layer's [m].
 
     Raises SceneError for a body or a container that cannot be built."""
     found: list[Body] = []
@@ -88,7 +97,8 @@ def check_bodies(scene: Scene, spacing: float, where: str) -> list[Body]:
             )
     for i, given in enumerate(scene.bodies):
         found.append(_check_body(scene, given, spacing, where, f"bodies.{i}"))
-    return found
+    check_wave_makers(scene, where)
+    return [*found, *wave_makers(scene)]
 
 
 def _check_body(scene: Scene, given: schema.Body, spacing: float, where: str, key: str) -> Body:

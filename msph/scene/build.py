@@ -13,6 +13,7 @@ from msph.scene.errors import SceneError
 from msph.scene.openings import openings
 from msph.scene.schema import Scene
 from msph.scene.water import capacity, initial_particles, layer_specs
+from msph.scene.wavemakers import beaches
 
 
 def build_simulation(scene: Scene, spare: int = 0, room: int = 0) -> Simulation:
@@ -54,15 +55,8 @@ def plan_of(scene: Scene) -> Plan:
         restitution=scene.box.restitution,
         open_top=scene.box.open,
         openings=openings(scene, specs),
+        beaches=beaches(scene),
     )
-
-
-def sway_angle(scene: Scene, time: float) -> float:
-    """Returns the tilt [rad] of the pool about the z axis at `time` [s], by the scene's sway."""
-    sway = scene.sway
-    if time >= sway.seconds:
-        return 0.0
-    return math.radians(sway.angle) * math.sin(2.0 * math.pi * time / sway.period)
 
 
 def turn(azimuth: float) -> np.ndarray:

@@ -44,8 +44,8 @@ def load_scene(name: str, overrides: tuple[str, ...] = ()) -> Scene:
     for key, value in settings:
         if key != "variant":
             assign(data, key, value, where="--set")
-    for table in mesh_tables(data):
-        table["mesh"] = resolve(table["mesh"], path.parent)
+    for table, key in files_of(data):
+        table[key] = resolve(table[key], path.parent)
     try:
         scene = Scene.model_validate(data)
     except ValidationError as error:
@@ -54,12 +54,15 @@ def load_scene(name: str, overrides: tuple[str, ...] = ()) -> Scene:
     return scene
 
 
-def mesh_tables(data: dict[str, Any]) -> list[dict[str, Any]]:
-    """Returns the tables of a scene that name a mesh file."""
-    bodies = data.get("bodies")
-    tables = [*bodies] if isinstance(bodies, list) else []
-    tables.append(data.get("container"))
-    return [t for t in tables if isinstance(t, dict) and isinstance(t.get("mesh"), str)]
+def files_of(data: dict[str, Any]) -> list[tuple[dict[str, Any], str]]:
+    """Returns the tables of a scene that name a file, each with the key of the name."""
+    keys = {"bodies": "mesh", "container": "mesh", "motion": "table"}
+    found = []
+    for name, key in keys.items():
+        given = data.get(name)
+        tables = given if isinstance(given, list) else [given]
+        found += [(t, key) for t in tables if isinstance(t, dict) and isinstance(t.get(key), str)]
+    return found
 
 
 def read_toml(path: Path) -> dict[str, Any]:

@@ -27,8 +27,8 @@ class MeshError(ValueError):
 
 
 def resolve(name: str, folder: Path) -> str:
-    """Returns the path of the mesh file if it exists in `folder`, the scene file's; else the name
-    unchanged, which find_mesh() takes as a path or a shipped mesh."""
+    """Returns the path of a file if it exists in `folder`, the scene file's; else the name
+    unchanged, a path or a shipped mesh."""
     beside = folder / name
     return str(beside.resolve()) if os.path.isfile(beside) else name
 

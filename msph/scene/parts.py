@@ -38,7 +38,7 @@ class Part:
 _PROJECTION = "msph.fluid.projection"
 PARTS = (
     Part("adaptation", {"adaptation.enabled": False}, "msph.fluid.adaptivity"),
-    Part("bodies", {"bodies": [], "container": None}, "msph.fluid.boundary"),
+    Part("bodies", {"bodies": [], "container": None, "wavemakers": []}, "msph.fluid.boundary"),
     # Walls without slip act through viscosity.
     Part(
         "viscosity",

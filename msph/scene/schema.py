@@ -4,9 +4,9 @@ Input checks, `--set`, `msph scenes --parameters`, the scene file written by a c
 in error messages are derived from it. SI units; y is up; the origin is the box's lower corner.
 """
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
 from msph.fluid.adaptivity.bands import AdaptationParameters
 from msph.fluid.boundary.rigid_bodies import FRICTION
@@ -184,12 +184,62 @@ class Outflow(Opening):
     """
 
 
+class WaveMaker(Section):
+    """A wave maker over the whole cross-section of the box at an end, and a beach opposite."""
+
+    end: Literal["-x", "+x", "-z", "+z"] = parameter("-x", text="end of the box")
+    kind: Literal["piston", "flap"] = parameter(
+        "piston", text="moves to and fro, or swings about a hinge at the floor"
+    )
+    stroke: float = parameter(
+        gt=0.0, unit="m", text="way from end to end, of a flap at the height of the water"
+    )
+    period: float = parameter(gt=0.0, unit="s", text="period of the waves")
+    ramp: float = parameter(1.0, ge=0.0, unit="s", text="time in which the stroke grows")
+    position: float | None = parameter(
+        None,
+        gt=0.0,
+        unit="m",
+        text="mean distance from the wall behind it; default: as near as possible",
+    )
+    beach: float = parameter(
+        0.0, ge=0.0, unit="m", text="length of a zone at the other end that damps waves, 0: none"
+    )
+
+
+class Motion(Section):
+    """A motion of the tank over time, by expressions or a table; several are carried out in turn.
+
+    The water starts at rest in the tank.
+    """
+
+    displacement: Annotated[tuple[Timed, Timed, Timed], Field(strict=False)] = parameter(
+        (0.0, 0.0, 0.0), unit="m", text="displacement: numbers, or expressions of the time t [s]"
+    )
+    angle: Timed = parameter(
+        0.0, unit="deg", text="angle of rotation: a number, or an expression of the time t [s]"
+    )
+    axis: Vector = parameter((0.0, 0.0, 1.0), text="direction of the rotation axis")
+    centre: Vector | None = parameter(
+        None, unit="m", text="point of the rotation axis; default: the centre of the box"
+    )
+    table: str | None = parameter(
+        None,
+        text="instead, a CSV file next to the scene file, with columns time_s and x_m, y_m, z_m, "
+        "angle_deg",
+    )
+
+
 class Sway(Section):
-    """Rocking of the pool at the start: gravity turns in the box's frame."""
+    """Rocking of the tank at the start about a horizontal axis along z, a short motion. Water at
+    the height of the axis is driven by the tilt alone; below it, inertia adds to the tilt."""
 
     angle: float = parameter(0.0, ge=0.0, le=45.0, unit="deg", text="amplitude of the tilt, 0: off")
     period: float = parameter(2.0, gt=0.0, unit="s", text="period of the tilt")
     seconds: float = parameter(4.0, ge=0.0, unit="s", text="duration of the rocking")
+    height: float | None = parameter(
+        None, unit="m", text="height of the axis above the floor; default: half that of the box"
+    )
 
 
 class Orbit(Section):
@@ -340,6 +390,11 @@ class Measure(Section):
     )
 
 
+def listed(given: Any) -> Any:
+    """Returns a single table as a list."""
+    return [given] if isinstance(given, dict) else given
+
+
 class Scene(Section):
     """A scene file."""
 
@@ -379,7 +434,11 @@ class Scene(Section):
     classic: ClassicParameters = parameter(
         ClassicParameters, text="constants and switches of the classic method"
     )
+    wavemakers: list[WaveMaker] = parameter(list, max_length=4, text="wave makers and beaches")
     sway: Sway = parameter(Sway, text="rocking at the start")
+    motion: Annotated[list[Motion], BeforeValidator(listed)] = parameter(
+        list, max_length=8, text="motions of the tank"
+    )
     camera: Camera = parameter(Camera, text="camera position")
     surface: Surface = parameter(Surface, text="resolution of the surface mesh")
     picture: Look = parameter(Look, text="appearance of the image")

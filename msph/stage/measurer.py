@@ -14,6 +14,7 @@ from msph.measure.snapshot import Snapshot
 from msph.measure.survey import COLUMNS, Survey, survey
 from msph.measure.table import ROUNDING, Table
 from msph.own_files import replacing
+from msph.scene.bodies import names
 from msph.scene.schema import Scene
 from msph.stage.controls import Controls
 from msph.stage.progress import Progress
@@ -64,7 +65,7 @@ class Measurer:
         self.ledger = Table(folder / LEDGER, heads, since)
         heads = ["time [s]", *(head for p in self.probes for head in p.heads)]
         self.readings = Table(folder / PROBES, heads, since)
-        self.has_bodies = bool(scene.bodies or scene.container)
+        self.has_bodies = bool(names(scene))
         if self.has_bodies:
             self.motions = Table(folder / BODIES, body_table.columns(scene), since)
         if len(self.readings.kept):
@@ -174,7 +175,7 @@ class Measurer:
         """Returns the mean force [N] and torque [N m] on each body at the end of the run, and the
         time [s] over which it is the mean."""
         found, seconds = self.bodies.last_forces()
-        rows = zip(body_table.names(self.scene), found.tolist(), strict=True)
+        rows = zip(names(self.scene), found.tolist(), strict=True)
         forces = {name: {"force_N": row[:3], "torque_N_m": row[3:]} for name, row in rows}
         return {"mean_over_s": seconds, **forces}
 

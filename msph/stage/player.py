@@ -265,5 +265,5 @@ class Player(Audience):
         if ends:
             flat = np.array(ends).reshape(-1, 3)
             size = show.picture.width, show.picture.height
-            places = self.row.to_window(show, show.camera.project(flat, *size, sim.size, show.tilt))
+            places = self.row.to_window(show, show.view.project(flat, *size, sim.size, show.tilt))
             self.window.arrows(places.reshape(-1, 2, 2))

@@ -2,14 +2,18 @@
 
 import math
 from collections.abc import Callable
+from copy import copy
+from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
+from msph.fluid.boundary.rigid_bodies import Body
 from msph.fluid.boundary.rim import AllSpiltError
-from msph.fluid.external_forces import ExternalForces, Hand, Vec3, as_vector, rotation_vector
+from msph.fluid.external_forces import Hand, rotation_vector
+from msph.fluid.moving_box import MovingBox
 from msph.fluid.simulation import FullError
 from msph.fluid.stages import Stage, no_stage
 from msph.fluid.trapped_water import TrappedWaterError
@@ -21,13 +25,15 @@ from msph.picture.camera import Camera
 from msph.picture.picture import Picture, picture_of
 from msph.picture.pixels import matted
 from msph.picture.room import PictureRoom
-from msph.scene.build import build_simulation, rotation, sway_angle, turn
+from msph.scene.build import build_simulation, rotation, turn
 from msph.scene.camera_path import orbit_at
 from msph.scene.errors import SceneError
 from msph.scene.live import live_parameters, read, with_live_value
+from msph.scene.motion import box_path
 from msph.scene.parts import value_of, with_value
 from msph.scene.schema import Scene
 from msph.stage.controls import Controls, Inputs
+from msph.stage.floats import floating_at
 from msph.stage.tools import BY_NAME, ToolUse, Touch
 from msph.stage.views import Views
 from msph.surface import Surface, SurfaceRoom, surface_of
@@ -83,14 +89,19 @@ class Show:
         self.stop_bodies, self.scalable = stop_bodies, scalable and size is not None
         self.stopped: set[str] = set()
         self.note = ""  # message to the user about the last frame
+        # Floating body that the user drags: its index, and its centre from the cursor [m].
+        self.dragged: tuple[int, np.ndarray] | None = None
         self.simulation = build_simulation(scene, spare, room)
         self.counts = self.simulation.counts()
         self.ledger = Ledger(self.simulation, density_every)
         self.frames = 0
-        self.tilt = np.eye(3)
+        self.path = box_path(scene)
+        # Rotation of the box and displacement of its centre [m], in world axes.
+        self.tilt, self.shift = np.eye(3), np.zeros(3)
         self.rng = np.random.default_rng(scene.seed)  # of drops that the user adds
-        # The user's tilt in the last frame, None if it has none to turn from; its angular velocity
-        # [rad/s] in world axes.
+        # The user's tilt of the present frame and of the last one, None if it has none to turn
+        # from; its angular velocity [rad/s] in world axes.
+        self.by_hand: np.ndarray = np.eye(3)
         self.turned: np.ndarray | None = None
         self.turning: Any = np.zeros(3)
         self.meshes = meshes
@@ -149,6 +160,7 @@ class Show:
         room = SurfaceRoom.holding(sim.region, cell, sim.particles.capacity)
         surface = sim.world.build_once(surface_of, room)
         surface.load(sim.region, cell, s.smoothing)
+        self.shown_bodies = sim.boundary.count
         return surface
 
     def _load_picture(self, size: tuple[int, int]) -> Picture:
@@ -191,13 +203,14 @@ class Show:
             self.reset()
         if controls.next_view and self.views:
             self.views.next()
-        external, self.simulated = self._external_forces(controls), 0.0
+        external, self.simulated = self._moving_box(controls), 0.0
         if not controls.still:
             with self._stage("fluid"):
                 self.simulated = self._advance(controls, external)
                 if self.simulation.openings.waiting:
                     self.note = self.simulation.openings.message() or ""
             if self.simulated > 0.0:
+                self._place()
                 self.ledger.record(external.gravity)
                 if self.whitewater:
                     with self._stage("surface"), self._substage("whitewater"):
@@ -215,12 +228,12 @@ class Show:
         if self.timings:
             self.timings.close_frame()
 
-    def _advance(self, controls: Controls, external: ExternalForces) -> float:
+    def _advance(self, controls: Controls, external: MovingBox) -> float:
         """Advances the fluid by a frame and returns the simulated time [s]. With stop_bodies, a
         frame in which a body traps water is undone, and the body stops a frame earlier; and the
         scene begins again when all water is spilt."""
         sim, frame_time = self.simulation, controls.frame_time or self.frame_time
-        before = sim.state() if self.stop_bodies and sim.boundary.moving else None
+        before = sim.state() if self.stop_bodies and sim.boundary.driven else None
         try:
             return sim.advance(
                 frame_time,
@@ -255,24 +268,28 @@ class Show:
             boundary.stop(body, since)
         boundary.place(time, 0.0)
 
-    def _external_forces(self, controls: Controls) -> ExternalForces:
-        """Sets the tilt, uses the tool, and returns the external forces in the pool's frame:
-        gravity, hand, and the inertia of the user's tilt."""
-        by_hand, gravity = self._tilt(controls)
+    def _moving_box(self, controls: Controls) -> MovingBox:
+        """Sets the tilt, uses the tool, and returns the external forces of the frame: gravity,
+        hand, and the inertia of the scene's motion and of the user's tilt."""
+        by_hand = self._tilt(controls)
+        box = self._box()
         if self.picture:
             self.picture.ball = None
         if controls.still:
             # A pool that is tilted meanwhile does not turn at once; a pause alone changes nothing.
             if self.turned is not None and not np.array_equal(by_hand, self.turned):
                 self.turned = None
-            return ExternalForces(gravity)
+            return box
         hand = self._use_tool(controls.use) if controls.use else controls.hand
         step, before = controls.frame_time or self.frame_time, self.turning
         last = by_hand if self.turned is None else self.turned
         self.turned, self.turning = by_hand, rotation_vector(by_hand @ last.T) / step
-        rates = self.turning, (self.turning - before) / step
-        velocity, acceleration = (as_vector(self.tilt.T @ rate) for rate in rates)
-        return ExternalForces(gravity, hand, velocity, acceleration)
+        rising = (self.turning - before) / step
+        return replace(box, hand=hand, turning=self.turning, rising=rising)
+
+    def _box(self) -> MovingBox:
+        """Returns the moving box now, without a hand and without a turn by the user."""
+        return MovingBox(self.scene.gravity, self.path, self.simulation.time, tilt=self.by_hand)
 
     def _use_tool(self, use: ToolUse) -> Hand:
         """Returns the hand of a tool, which may also add water."""
@@ -285,24 +302,42 @@ class Show:
             self.note = str(error)
             return Hand()
 
-    def _tilt(self, inputs: Inputs) -> tuple[np.ndarray, Vec3]:
-        """Sets the tilt; returns the user's part of it, (3, 3), and gravity [m/s^2] in the pool's
-        frame. The scene's own sway turns gravity only, without inertia."""
+    def _tilt(self, inputs: Inputs) -> np.ndarray:
+        """Sets the user's tilt, and returns it, (3, 3)."""
         view = turn(inputs.azimuth)
-        by_hand = view @ rotation(*inputs.tilt) @ view.T
-        self.tilt = by_hand @ rotation(sway_angle(self.scene, self.simulation.time), 0.0)
-        return by_hand, as_vector(self.tilt.T @ np.array(self.scene.gravity))
+        self.by_hand = view @ rotation(*inputs.tilt) @ view.T
+        self._place()
+        return self.by_hand
+
+    def _place(self) -> None:
+        """Sets the pose of the box to that of the present time."""
+        self.shift, turned = self.path(self.simulation.time)
+        self.tilt = self.by_hand @ turned
+
+    @property
+    def view(self) -> Camera:
+        """The camera in axes that move with the box's centre."""
+        camera = copy(self.camera)
+        camera.target = camera.target - self.shift
+        return camera
 
     def add_water(self, x: np.ndarray, v: np.ndarray) -> None:
         """Adds particles of the finest layer at x [m] with velocities v [m/s], (n, 3), where there
         is room. Raises FullError."""
         sim = self.simulation
         finest = int(np.argmin([spec.mass for spec in sim.layers.specs]))
-        gravity = as_vector(self.tilt.T @ np.array(self.scene.gravity))
-        sim.add(x.astype(np.float32), v.astype(np.float32), finest, gravity)
+        sim.add(x.astype(np.float32), v.astype(np.float32), finest, self._box().gravity)
+
+    def add_body(self, body: Body) -> None:
+        """Adds a floating body until the next reset. Raises FullError."""
+        self.simulation.add_body(body, self._box().gravity)
 
     def draw(self) -> None:
         """Extracts the surface and renders the image, as far as they are used."""
+        if self.surface and self.shown_bodies != self.simulation.boundary.count:
+            self._load_surface()
+            if self.picture:
+                self._load_picture(self.picture.size)
         water = self.picture is not None and self.views.name == "water"
         if self.surface and (water or self.meshes):
             with self._stage("surface"):
@@ -325,7 +360,7 @@ class Show:
         """Renders the surface, or the particles."""
         with self._stage("picture"):
             if self.views.name == "water":
-                self.picture.draw_water(self.camera, self.tilt)
+                self.picture.draw_water(self.view, self.tilt)
             else:
                 sim = self.simulation
                 self.views.neighbourhood.follow()
@@ -333,7 +368,7 @@ class Show:
                     self.views.cut = self._near()
                 value, lo, hi = self.views.values()
                 self.picture.draw_particles(
-                    self.camera,
+                    self.view,
                     self.tilt,
                     sim.particles.x,
                     value,
@@ -367,31 +402,38 @@ class Show:
 
     def gravity(self) -> tuple[float, float, float]:
         """Returns gravity [m/s^2] in the pool's frame now, without user input."""
-        return self._tilt(Inputs())[1]
+        self._tilt(Inputs())
+        return self._box().gravity
 
     def reset(self) -> None:
         """Resets the simulation; the camera stays."""
         self.simulation.reset()
+        self._place()
         self.turned, self.turning = None, np.zeros(3)
         if self.whitewater:
             self.whitewater.reset()
         if self.picture:
             self.picture.reset()
         self.stopped.clear()
+        self.dragged = None
         self.counts = self.simulation.counts()
         self.ledger.clear()
 
     def pick(self, i: int, j: int) -> np.ndarray | None:
-        """Returns the point of the water [m], box frame, at a pixel (i right, j up), or None."""
+        """Returns the point of the water or of a floating body [m], box frame, at a pixel (i right,
+        j up), or None."""
         if self.views.name == "water":
-            return self.picture.pick(i, j)
+            water, (eye, direction) = self.picture.pick(i, j), self.ray(i, j)
+            body = floating_at(self.simulation.boundary, eye, direction)
+            hits = [x for x in (water, body[1] if body else None) if x is not None]
+            return min(hits, key=lambda x: float((x - eye) @ direction), default=None)
         found = self.particle_at(i, j)
         return None if found is None else found[1]
 
     def ray(self, i: float, j: float) -> tuple[np.ndarray, np.ndarray]:
         """Returns origin [m] and direction of a pixel's ray in the box frame."""
         width, height = self.picture.size
-        return self.camera.box_ray(i, j, width, height, self.simulation.size, self.tilt)
+        return self.view.box_ray(i, j, width, height, self.simulation.size, self.tilt)
 
     def particle_at(self, i: int, j: int) -> tuple[int, np.ndarray] | None:
         """Returns the nearest visible particle at a pixel (i right, j up), as its index and the

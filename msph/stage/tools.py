@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import ConfigDict, Field
 
 from msph.fluid.external_forces import Hand, Vec3, as_vector
+from msph.stage import floats
 
 if TYPE_CHECKING:
     from msph.stage.show import Show
@@ -117,7 +118,8 @@ class Touch:
 @dataclass(frozen=True)
 class Tool:
     """A tool. key: selects it; effect: text of the help page; act: returns the hand of a frame in
-    which the button is down, and may add water (FullError). ball: the hand is shown as a ball."""
+    which the button is down, and may add water and bodies (FullError). ball: the hand is shown as a
+    ball."""
 
     name: str
     key: str
@@ -224,6 +226,9 @@ TOOLS = (
     Tool("rain", "u", "tool: hold to let it rain at the cursor", rain),
     Tool("ball", "b", "tool: click to throw a ball of water", ball),
     Tool("wave", "e", "tool: drag to move the water at an end wall", wave),
+    Tool(
+        "float", "y", "tool: click to throw in a body (the first takes long), drag it", floats.use
+    ),
 )
 # Of a cursor that no button is pressed at.
 HOVER = Tool("hover", "", "", hover)

@@ -92,7 +92,7 @@ def test_a_pass_keeps_the_centre_and_books_its_loss(collision):
         collision.advance(1 / 60, WEIGHTLESS)
     solver = collision.solver
     linear, angular, centre, kinetic = momenta(collision)
-    loss = solver.impulses.merge_loss[None]
+    loss = solver.impulses.merge_loss.total[None]
     solver.neighbours.refresh()
     solver.particles.settling.fill(0)
     solver.adaptation.thickness = 0.6
@@ -102,7 +102,7 @@ def test_a_pass_keeps_the_centre_and_books_its_loss(collision):
     assert linear_after == pytest.approx(linear, abs=1e-5)
     assert centre_after == pytest.approx(centre, abs=1e-6)
     assert angular_after == pytest.approx(angular, abs=1e-4 * np.abs(angular).max())
-    loss = solver.impulses.merge_loss[None] - loss
+    loss = solver.impulses.merge_loss.total[None] - loss
     assert loss > 0.0
     assert kinetic - kinetic_after == pytest.approx(loss, rel=1e-2)
 

@@ -13,7 +13,7 @@ from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.plan import Plan
 from msph.fluid.projection.parameters import ProjectionParameters
-from msph.fluid.simulation import Simulation
+from msph.fluid.simulation import FullError, Simulation
 from msph.measure.ledger import Ledger
 from msph.taichi_internals import watch_compiling
 
@@ -232,14 +232,33 @@ def test_a_body_added_to_a_running_simulation_floats_and_compiles_nothing():
     run(sim, 0.1)
     there, compiled = sim.boundary.floating.state(), []
     with watch_compiling(compiled.append):
-        sim.add_body(block((0.32, 0.3, 0.32), 0.12, 500.0, velocity=(0.0, -1.0, 0.0)))
+        sim.add_body(block((0.32, 0.3, 0.32), 0.12, 500.0, velocity=(0.0, -1.0, 0.0)), GRAVITY)
         assert sim.boundary.floating.state()[0] == pytest.approx(there[0])
         assert sim.boundary.floating.v[1] == pytest.approx((0.0, -1.0, 0.0))
         run(sim, 0.5)
     assert not compiled
     assert 0.1 < sim.boundary.floating.x[1, 1] < 0.3
-    with pytest.raises(ValueError, match="overlaps"):
-        sim.add_body(block((0.32, 0.2, 0.32), 0.12, 500.0))
+    checkpoint = sim.state()
+    with pytest.raises(FullError, match="overlaps"):
+        sim.add_body(block((0.32, 0.2, 0.32), 0.12, 500.0), GRAVITY)
     sim.reset()
     assert sim.boundary.count == 1
     assert sim.boundary.floating.x[0] == pytest.approx((0.12, 0.24, 0.12))
+    sim.restore(checkpoint)
+    assert sim.boundary.count == 2
+    assert sim.boundary.floating.state() == pytest.approx(checkpoint["floating"])
+    with pytest.raises(ValueError, match="added body"):
+        sim.restore({**checkpoint, "added_bodies": np.zeros((1, 8))})
+
+
+def test_the_ledger_counts_an_added_body_as_work_and_impulse_of_the_user():
+    sim = simulation(lattice((0, 0, 0), (0.48, 0.2, 0.48)), [])
+    ledger = Ledger(sim, density_every=math.inf)
+    ledger.record(GRAVITY)
+    sim.add_body(block((0.32, 0.35, 0.32), 0.12, 500.0, velocity=(0.5, -1.0, 0.0)), GRAVITY)
+    ledger.record(GRAVITY)
+    mass = 500.0 * 0.12**3
+    first, last = ledger.entries
+    assert last.user_impulse == pytest.approx((0.5 * mass, -mass, 0.0))
+    assert last.user_work == pytest.approx(mass * (0.5 * 1.25 + 9.81 * 0.35))
+    assert last.energy == pytest.approx(first.energy, abs=1e-9)  # less the work

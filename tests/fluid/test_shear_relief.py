@@ -106,8 +106,8 @@ def test_walls_take_what_the_water_gets(cube):
     v = accelerated(cube, lambda x: 1000.0 + 4000.0 * x[:, 0])
     impulses, m = cube.solver.impulses, cube.layers.specs[0].mass
     given, scale = m * v.sum(axis=0), m * np.linalg.norm(v, axis=1).sum()
-    assert np.abs(impulses.internal_impulse.to_numpy()).max() < 1e-6 * scale
-    assert np.abs(impulses.wall_impulse.to_numpy() - given).max() < 1e-6 * scale
+    assert np.abs(impulses.internal_impulse.total.to_numpy()).max() < 1e-6 * scale
+    assert np.abs(impulses.wall_impulse.total.to_numpy() - given).max() < 1e-6 * scale
 
 
 def test_a_low_wave_keeps_its_period_and_most_of_its_height():

@@ -66,7 +66,7 @@ def tables(order, runs=3):
         y = 0.3 - 0.1 * time + 0.01 * f**order * time
         ledger = {"centre_x_m": 0 * time, "centre_y_m": y, "centre_z_m": 1e-5 * time}
         ledger |= {"kinetic_J": time, "potential_J": y, "wall_work_J": 0 * time}
-        ledger |= {"user_work_J": 0 * time, "tilt_work_J": 0 * time}
+        ledger |= {f"{cause}_work_J": 0 * time for cause in ("user", "inertia", "tilt")}
         ledger |= {"floating_kinetic_J": 0 * time, "floating_potential_J": 0 * time}
         ledgers.append(ledger)
         swinging = np.where(time > 0.0, 5.0 + (-1.0) ** k, np.nan)

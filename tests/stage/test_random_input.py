@@ -39,7 +39,7 @@ def test_lost_water_is_found(tmp_path, monkeypatch):
 
     def forgets(show, x, v):
         add(show, x, v)
-        show.simulation.world.parts.impulses.added_mass[None] = 0.0
+        show.simulation.world.parts.impulses.added_mass.total[None] = 0.0
 
     monkeypatch.setattr(Show, "add_water", forgets)
     scene = load_scene(write(tmp_path, SCENES["open"]), ADAPTIVE)

@@ -47,7 +47,7 @@ class Script(Screen):
         self.frame += 1
         k = self.frame
         self.at = np.array([0.4 + 0.2 * (k % 7) / 7, 0.35 + 0.1 * (k % 5) / 5])
-        self.held = {"LMB"} if 10 <= k < 68 and k % 10 else set()
+        self.held = {"LMB"} if 10 <= k < 74 and k % 10 else set()
         self.held |= {"Left"} if 70 < k < 80 or 110 < k < 120 else set()
         self.held |= {"d"} if 100 < k < 105 else set()
         if k == 20:

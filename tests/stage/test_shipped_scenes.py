@@ -5,10 +5,11 @@ import pytest
 from scipy.optimize import brentq
 
 from msph import DEFAULT_SCENE
-from msph.measure.probes import FrontProbe
+from msph.measure.probes import FrontProbe, build_probes
 from msph.measure.snapshot import Snapshot
 from msph.scene import load_scene
 from msph.scene.library import shipped_scenes
+from msph.scene.wavemakers import wave_number
 from msph.stage.headless import Headless
 from msph.stage.loop import run
 from msph.stage.row import Row
@@ -244,6 +245,38 @@ def makes_its_basins_level(seen):
     assert rates == pytest.approx([17.92, 17.92], abs=1.0)
 
 
+def follows_the_roll(seen):
+    """The water moves with the period of the roll, farther than it would on a tilted floor."""
+    scene, period = load_scene("rolled"), 98
+    seen.run(4 * period)
+    x = np.array([e.centre[0] for e in seen.ledger.entries])[-2 * period :]
+    assert np.corrcoef(x[:-period], x[period:])[0, 1] > 0.9
+    assert np.corrcoef(x[: -period // 2], x[period // 2 :])[0, 1] < -0.7
+    length, depth = scene.box.size[0], seen.depth()
+    assert 0.5 * np.ptp(x) > 1.2 * np.tan(np.radians(4.0)) * length**2 / (12.0 * depth)
+
+
+def makes_waves_as_high_as_theory_says(seen):
+    """Height over stroke of a flap by linear theory, of the first harmonic, and the buoy floats."""
+    scene = load_scene("waves")
+    maker, depth = scene.wavemakers[0], scene.water[0].hi[1]
+    (probe,) = build_probes(scene)
+    floating, times, heights = seen.simulation.boundary.floating, [], []
+    while seen.simulation.time < 4.0:
+        seen.run(2)
+        if seen.simulation.time > 2.0:
+            times.append(seen.simulation.time)
+            heights.append(probe.read(Snapshot.of(seen.simulation))[0])
+    kd = wave_number(maker.period, depth, G) * depth
+    s, c = np.sinh(kd), np.cosh(kd)
+    ratio = 4.0 * s * (kd * s - c + 1.0) / (kd * (np.sinh(2.0 * kd) + 2.0 * kd))
+    angle = 2.0 * np.pi / maker.period * np.array(times)
+    basis = np.stack([np.ones_like(angle), np.cos(angle), np.sin(angle)], axis=1)
+    found = np.linalg.lstsq(basis, heights, rcond=None)[0]
+    assert 2.0 * np.hypot(*found[1:]) == pytest.approx(ratio * maker.stroke, rel=0.2)
+    assert abs(floating.x[0, 1] - depth) < 0.1
+
+
 FACTS = {
     "bowl": its_container_holds_all,
     "dam_break": its_front_runs_and_no_water_is_lost,
@@ -257,7 +290,9 @@ FACTS = {
     "pillar": its_water_divides_round_the_pillar,
     "pool": runs_to_the_lower_side,
     "pool_2x": runs_to_the_lower_side,
+    "rolled": follows_the_roll,
     "still": is_hydrostatic_and_calms_down,
+    "waves": makes_waves_as_high_as_theory_says,
 }
 
 

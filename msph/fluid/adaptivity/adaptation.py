@@ -261,7 +261,7 @@ class Adaptation:
                 self.particles.x[i] -= 0.5 * r
                 self.particles.v[i] -= 0.5 * dv
                 # (1/2) m_a m_b/(m_a + m_b) |dv|^2 of equal masses.
-                self.merge_loss[None] += 0.25 * mass * dv.norm_sqr()
+                self.merge_loss.add(i, 0.25 * mass * dv.norm_sqr())
                 self.keep_angular_momentum(i, j, 2.0 * mass, 0.5 * mass * r.cross(dv))
                 for each in ti.static(self.inherited):
                     each[i] = 0.5 * (each[i] + each[j])
@@ -291,7 +291,7 @@ class Adaptation:
             m_k = self.layers.mass[self.particles.layer[best]]
             energy = impulse.dot(self.particles.v[best] - self.particles.v[i])
             energy += 0.5 * impulse.norm_sqr() * (1.0 / m_k + 1.0 / mass)
-            self.merge_loss[None] -= energy
+            self.merge_loss.add(i, -energy)
             self.particles.v[i] -= impulse / mass
             # Atomic: several merges may choose the same neighbour.
             self.particles.v[best] += impulse / m_k

@@ -68,8 +68,11 @@ class BodyLinks:
         self.order = ti.field(ti.i32, shape=chunks * CHUNK)
         self.chunk_body, self.chunk_size = (ti.field(ti.i32, shape=chunks) for _ in range(2))
         self.found, self.chunks = ti.field(ti.i32, shape=()), ti.field(ti.i32, shape=())
-        # Numbers of links and chunks that the pressure solve visits: none without floating bodies.
-        self.free_links, self.free_chunks = ti.field(ti.i32, shape=()), ti.field(ti.i32, shape=())
+        # Numbers of bodies, links and chunks that the pressure solve visits: none without floating
+        # bodies.
+        self.free_bodies, self.free_links, self.free_chunks = (
+            ti.field(ti.i32, shape=()) for _ in range(3)
+        )
         self.size, self.first = (ti.field(ti.i32, shape=MAX_BODIES) for _ in range(2))
         self.push, self.twist, self.moved, self.turned = (
             ti.Vector.field(3, ti.f32, shape=MAX_BODIES) for _ in range(4)
@@ -78,7 +81,7 @@ class BodyLinks:
 
     def load(self) -> None:
         """Compiles the kernels that only floating bodies need, if there are bodies."""
-        self.free_links[None] = self.free_chunks[None] = 0
+        self.free_bodies[None] = self.free_links[None] = self.free_chunks[None] = 0
         if self.boundary.count:
             self._add_to_diagonal()
 
@@ -195,6 +198,7 @@ class BodyLinks:
                 self.chunk_size[chunks] = ti.min(CHUNK, self.size[b] - k * CHUNK)
                 chunks += 1
         self.chunks[None] = chunks
+        self.free_bodies[None] = floating * self.constants.bodies[None]
         self.free_chunks[None] = floating * chunks
         self.free_links[None] = floating * self.found[None]
         for link in range(self.found[None]):
@@ -221,7 +225,8 @@ class BodyLinks:
         With the sums S of V_i q_i g and T of r x V_i q_i g over a body's links, it moves by rho0
         S/M and turns by rho0 I^-1 T.
         """
-        for b in range(self.constants.bodies[None]):
+        ti.loop_config(serialize=True)
+        for b in range(self.free_bodies[None]):
             self.push[b], self.twist[b] = vec3(0.0), vec3(0.0)
         for chunk in range(self.free_chunks[None]):
             push, twist = vec3(0.0), vec3(0.0)
@@ -234,7 +239,8 @@ class BodyLinks:
             self.push[self.chunk_body[chunk]] += push
             self.twist[self.chunk_body[chunk]] += twist
         product = 0.0
-        for b in range(self.constants.bodies[None]):
+        ti.loop_config(serialize=True)
+        for b in range(self.free_bodies[None]):
             density = self.constants.rest_density[None]
             self.moved[b] = density * self.boundary.inverse_mass[b] * self.push[b]
             self.turned[b] = density * self.boundary.inverse_inertia[b, BEGIN] @ self.twist[b]

@@ -30,7 +30,7 @@ from msph.fluid.boundary.sampled_fields import SampledFields, SampleLattice
 from msph.fluid.boundary.wall_integrals import ball_share, block_share, swelling, wall_support
 from msph.fluid.boundary.walls import Size, wall_constants
 from msph.fluid.constants import Constants
-from msph.fluid.external_forces import ExternalForces
+from msph.fluid.external_forces import ExternalForces, rotation_vector
 from msph.fluid.particles.layers import Layers, LayerSpec
 from msph.fluid.room import MAX_BODIES, Room
 from msph.taichi_internals import data_oriented, kernel
@@ -217,17 +217,18 @@ class Boundary:
             self._store_shapes()
         self.floating.fall(dt, external, 0.5 * np.array(self.box))
 
+    def add_inertia_work(self, dt: float, external: ExternalForces, sign: float) -> None:
+        """Adds half of the work of inertial forces on floating bodies: see FloatingBodies."""
+        self.floating.add_inertia_work(dt, external, sign, 0.5 * np.array(self.box))
+
     def stop(self, body: int, time: float) -> None:
         """Keeps a body at its pose of `time` [s] until reset()."""
         self.stopped[body] = time
 
     def name(self, body: int) -> str:
-        """Returns a body's name in scenes; bodies are counted without the container."""
-        solid = self.bodies[body]
-        if isinstance(solid, Solid) and solid.container:
-            return "container"
-        before = sum(isinstance(b, Solid) and b.container for b in self.bodies[:body])
-        return f"bodies.{body - before}"
+        """Returns a body's name in scenes; bodies are counted without container and wave makers."""
+        names = [_own_name(b) for b in self.bodies[: body + 1]]
+        return names[-1] or f"bodies.{names.count('') - 1}"
 
     def pose(self, body: int) -> tuple[np.ndarray, np.ndarray]:
         """Returns a body's displacement (3,) [m] and rotation (3, 3) at the end of the step."""
@@ -296,7 +297,7 @@ class Boundary:
             turns[k] = [motion.rotation(t) for t in ends]
             if dt > 0.0:
                 self.velocities[k] = (shifts[END] - shifts[BEGIN]) / dt
-                self.spins[k] = motion.spin() * (ends[END] > ends[BEGIN])
+                self.spins[k] = rotation_vector(turns[k, END] @ turns[k, BEGIN].T) / dt
         inverse_inertia = np.zeros((self.count, 2, 3, 3))
         floating, k = self.floating, self.floating.which
         if floating.count:
@@ -484,6 +485,13 @@ class Boundary:
         if self.side[b] < 0.0:
             found = vec4(1.0, 0.0, 0.0, 0.0) - found
         return found
+
+
+def _own_name(body: Body) -> str:
+    """Returns the name of a body that is none of the scene's list of bodies, else ""."""
+    if isinstance(body, Solid) and body.container:
+        return "container"
+    return body.name if isinstance(body, Block) else ""
 
 
 def _corners(mesh: Solid) -> np.ndarray:

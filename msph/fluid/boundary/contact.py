@@ -69,7 +69,7 @@ class Contact:
         """Hands the impulses recorded since the last call to the bodies."""
         if self.boundary.count:
             work = self.boundary.push(self.impulses.take_pushes(self.boundary.count))
-            self.impulses.wall_work[None] += work
+            self.impulses.wall_work.total[None] += work
 
     def clear_bodies(self) -> None:
         """Moves particles out of bodies in their poses at the beginning of the step."""
@@ -96,7 +96,7 @@ class Contact:
             for k in ti.static(range(3)):
                 if stopped[k] != x[k]:
                     v[k] = -restitution * v[k]
-            self.impulses.wall_impulse[None] += self.layers.mass[p.layer[i]] * (v - p.v[i])
+            self.impulses.wall_impulse.add(i, self.layers.mass[p.layer[i]] * (v - p.v[i]))
             p.x[i], p.v[i] = stopped, v
 
     @kernel
@@ -137,7 +137,7 @@ class Contact:
                     v += push
                     self.impulses.push_body(b, -m * push, arm)
                     self.gaps.record(b, x, near, -m * push, END)
-            self.impulses.wall_impulse[None] += m * (v - p.v[i])
+            self.impulses.wall_impulse.add(i, m * (v - p.v[i]))
             p.v[i] = v
 
     @kernel

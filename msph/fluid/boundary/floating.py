@@ -6,7 +6,14 @@ collected by body in the impulse ledger; contact between bodies is in collisions
 
 import numpy as np
 
-from msph.fluid.boundary.rigid_bodies import Body, bounding_radius, centre, inertia, rotations
+from msph.fluid.boundary.rigid_bodies import (
+    Body,
+    Motion,
+    bounding_radius,
+    centre,
+    inertia,
+    rotations,
+)
 from msph.fluid.external_forces import ExternalForces
 
 
@@ -18,7 +25,8 @@ class FloatingBodies:
     is the centre of mass and turn (3, 3) the rotation at the end of a step, x_begin and turn_begin
     at its beginning; v [m/s]; spin_momentum [N m s], the angular momentum about the centre of mass,
     in the box's frame. received (6) [N s, N m s]: impulses of the water in the last step, of `step`
-    [s]. contact [N s]: impulse of walls and other bodies since the reset.
+    [s]. contact [N s]: impulse of walls and other bodies since the reset. inertia_work [J]: of the
+    inertial forces of a moving box since the reset.
     """
 
     def __init__(self):
@@ -34,8 +42,9 @@ class FloatingBodies:
         self.reach = np.array([bounding_radius(b) for b in floats])
         self.release = np.array([b.release for b in floats])
         self._start = np.array([centre(b) for b in floats]).reshape(-1, 3)
-        self._velocity = np.array([b.motion.velocity for b in floats], float).reshape(-1, 3)
-        self._spin = np.array([b.motion.spin() for b in floats]).reshape(-1, 3)
+        motions = [b.motion for b in floats if isinstance(b.motion, Motion)]
+        self._velocity = np.array([m.velocity for m in motions], float).reshape(-1, 3)
+        self._spin = np.array([m.spin() for m in motions]).reshape(-1, 3)
         self.reset()
 
     def reset(self) -> None:
@@ -46,6 +55,7 @@ class FloatingBodies:
         self.spin_momentum = np.zeros((self.count, 3))
         self.let_go(0.0)
         self.received, self.contact = np.zeros((self.count, 6)), np.zeros((self.count, 3))
+        self.inertia_work = 0.0
         self.step = 1.0
         self.advance(0.0)
 
@@ -115,18 +125,40 @@ class FloatingBodies:
         self.turn, self.turn_begin = turn @ self.turn, turn @ self.turn_begin
 
     def fall(self, dt: float, external: ExternalForces, box_centre: np.ndarray) -> None:
-        """Adds gravity and the inertia of a turning box within dt [s] to the velocities."""
+        """Adds gravity and the inertia of a moving box within dt [s] to the velocities."""
         if not self.count:
             return
-        turn, rise = np.array(external.angular_velocity), np.array(external.angular_acceleration)
-        r = self.x - box_centre
-        field = -np.cross(rise, r) - np.cross(turn, np.cross(turn, r))
-        middle = self.v - dt * np.cross(turn, self.v)  # Coriolis forces do no work
-        rate = np.array(external.gravity) + field - 2.0 * np.cross(turn, middle)
-        world = self.turn @ self.inertia @ self.turn.transpose(0, 2, 1)
-        whole = self.spin_momentum + world @ turn
-        torque = -world @ rise - np.cross(turn, whole)
+        rate, torque = np.tile(external.gravity, (self.count, 1)), np.zeros((self.count, 3))
+        if external.moving:
+            field, turned = external.inertia_at(self.x - box_centre, self.v, dt)
+            rate = rate + field + turned
+            turn, spin = np.array(external.angular_velocity), self._spin_at(self.turn)
+            world = self._inertia_in_box()
+            own = world @ turn
+            torque = -world @ np.array(external.angular_acceleration)
+            torque -= np.cross(turn, own + self.spin_momentum)
+            # The other part of the Coriolis torque, which does no work.
+            torque += _times(world, np.cross(spin, turn)) - np.cross(spin, own)
         self.push(dt * self.mass[:, None] * rate, dt * torque)
+
+    def add_inertia_work(
+        self, dt: float, external: ExternalForces, sign: float, box_centre: np.ndarray
+    ) -> None:
+        """Adds half of the work [J] of inertial forces in a step of dt [s], at its beginning (sign
+        -1) or end (sign 1), as InertiaWork does."""
+        if not self.count:
+            return
+        r, turn = self.x - box_centre, np.array(external.angular_velocity)
+        rise, world = np.array(external.angular_acceleration), self._inertia_in_box()
+        psi = r @ np.array(external.inertia) + 0.5 * (np.cross(turn, r) ** 2).sum(axis=1)
+        euler = (np.cross(rise, r) * self.v).sum(axis=1)
+        twist = ((world @ rise) * self._spin_at(self.turn)).sum(axis=1)
+        own = 0.5 * sign * (world @ turn) @ turn - 0.5 * dt * twist
+        self.inertia_work += float((self.mass * (sign * psi - 0.5 * dt * euler) + own).sum())
+
+    def _inertia_in_box(self) -> np.ndarray:
+        """Returns the inertias (n, 3, 3) in the box's frame at the end of the step."""
+        return self.turn @ self.inertia @ self.turn.transpose(0, 2, 1)
 
     def top_speed(self) -> float:
         """Returns the largest speed [m/s] of a point of a body."""

@@ -19,6 +19,7 @@ from msph.fluid.boundary.boundary import BEGIN, Boundary
 from msph.fluid.boundary.contact import Contact
 from msph.fluid.boundary.gaps import WIDE
 from msph.fluid.boundary.wall_integrals import swelling
+from msph.fluid.external_forces import FIELD_NUMBERS, NO_HAND, ExternalForces, field_at
 from msph.fluid.particles.grid import LayeredGrid
 from msph.fluid.particles.mirror_images import MirrorImages
 from msph.fluid.room import MAX_BODIES
@@ -80,7 +81,7 @@ class GapPressure:
             points, areas, growth = (np.concatenate(part) for part in zip(*clouds, strict=True))
             table = np.column_stack([points, areas, growth]).astype(np.float32)
             self._store(table, owner.astype(np.int32))
-            self._read(0, (0.0, 0.0, 0.0))
+            self._read(0, NO_HAND.field())
             self._push(0, 0.0, 0.0)
 
     @kernel
@@ -90,9 +91,9 @@ class GapPressure:
             self.area[k] = vec3(table[k, 3], table[k, 4], table[k, 5])
             self.growth[k], self.owner[k] = table[k, 6], owner[k]
 
-    def push(self, dt: float, gravity: tuple[float, float, float]) -> None:
+    def push(self, dt: float, external: ExternalForces) -> None:
         """Applies the missing pressure to the bodies for dt [s], at the poses at the beginning of
-        the second half of the step; the grid must be fresh. gravity [m/s^2]."""
+        the second half of the step; the grid must be fresh."""
         if self.idle:
             return
         if not self.boundary.close_together(WIDE * self.layers.finest.spacing):
@@ -102,7 +103,7 @@ class GapPressure:
         self.gaps.active[None] = int(found > 0)
         self.idle = not found and not self.boundary.moving
         if found:
-            self._read(found, gravity)
+            self._read(found, external.field())
             self._push(found, dt, dt / self.last_step)
             self.gaps.clear()
             self.contact.push_moving()
@@ -143,9 +144,11 @@ class GapPressure:
         return self.boundary.centre[b, BEGIN] + self.boundary.rotation[b, BEGIN] @ self.point[k]
 
     @kernel
-    def _read(self, found: ti.i32, gravity: vec3):
+    def _read(self, found: ti.i32, field: FIELD_NUMBERS):
         """Sums pressures over the particles and images around the samples in gaps."""
+        centre = 0.5 * self.constants.size[None]
         for gap in range(found):
+            gravity = field_at(self._place(gap) - centre, field)
             reading, k = Reading(gravity=gravity), self.sample[gap]
             normal = self.boundary.rotation[self.owner[k], BEGIN] @ self.area[k].normalized(1e-30)
             for layer in range(self.constants.layers[None]):

@@ -380,8 +380,8 @@ class Openings:
             if k >= 0:
                 m, along = self.layers.mass[p.layer[i]], self.table.along[k]
                 change = m * (self.table.speed[k] * along - p.v[i])
-                self.impulses.inflow_impulse[None] += change
-                self.impulses.inflow_work[None] += self.table.mean_speed[k] * change.dot(along)
+                self.impulses.inflow_impulse.add(i, change)
+                self.impulses.inflow_work.add(i, self.table.mean_speed[k] * change.dot(along))
                 p.v[i] = self.table.speed[k] * along
 
     @kernel

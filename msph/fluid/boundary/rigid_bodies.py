@@ -5,7 +5,8 @@ function of time alone; floating.py holds the state of floating bodies.
 """
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -70,6 +71,35 @@ class Motion:
         return axis / np.linalg.norm(axis)
 
 
+@dataclass(frozen=True)
+class Scripted:
+    """Motion by a function: place(t) is the displacement [m], (3,), and the angle [rad] of the
+    rotation about `axis` through the point `pivot` (3,) [m], relative to the body's centre at time
+    zero. speed [m/s]: upper bound of the speed of the body's points. slides: axes along which the
+    body translates."""
+
+    place: Callable[[float], tuple[np.ndarray, float]]
+    axis: Vec3
+    pivot: np.ndarray
+    speed: float
+    slides: Any = field(default_factory=lambda: np.ones(3, bool))
+    spins: bool = True
+    moves: bool = True
+
+    def offset(self, time: float) -> np.ndarray:
+        """Returns the displacement of the centre since time zero [m], (3,)."""
+        return self.place(time)[0] + self.pivot - self.rotation(time) @ self.pivot
+
+    def rotation(self, time: float) -> np.ndarray:
+        """Returns the rotation since time zero, (3, 3)."""
+        axis = np.array(self.axis, float)
+        return rotations(self.place(time)[1] * axis[None] / np.linalg.norm(axis))[0]
+
+    def top_speed(self, reach: float) -> float:
+        """Returns an upper bound of the speed [m/s] of the body's points."""
+        return self.speed
+
+
 def rotations(vectors: np.ndarray) -> np.ndarray:
     """Returns the rotations (n, 3, 3) by rotation vectors (n, 3) [rad], by Rodrigues' formula."""
     angle = np.linalg.norm(vectors, axis=1)[:, None, None]
@@ -79,6 +109,7 @@ def rotations(vectors: np.ndarray) -> np.ndarray:
     return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
 
 
+AnyMotion = Motion | Scripted
 AT_REST = Motion()
 # Coefficient of friction between bodies, and with walls (-): of wood on wood.
 FRICTION = 0.3
@@ -89,14 +120,15 @@ FRICTION = 0.3
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """Box from lo to hi [m], (3,) each."""
+    """Box from lo to hi [m], (3,) each. name: of a wave maker."""
 
     lo: np.ndarray
     hi: np.ndarray
-    motion: Motion = AT_REST
+    motion: AnyMotion = AT_REST
     mass: float | None = None
     friction: float = FRICTION
     release: float = 0.0
+    name: str = ""
 
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
@@ -109,7 +141,7 @@ class Ball:
 
     centre: np.ndarray
     radius: float
-    motion: Motion = AT_REST
+    motion: AnyMotion = AT_REST
     mass: float | None = None
     friction: float = FRICTION
     release: float = 0.0
@@ -129,7 +161,7 @@ class Solid:
 
     vertices: np.ndarray
     triangles: np.ndarray
-    motion: Motion = AT_REST
+    motion: AnyMotion = AT_REST
     mass: float | None = None
     friction: float = FRICTION
     release: float = 0.0
@@ -194,6 +226,24 @@ def bounding_radius(body: Body) -> float:
     return float(np.linalg.norm(half_extents(body)))
 
 
+def as_row(body: Body) -> np.ndarray:
+    """Returns a floating block or ball as (8,): 1 for a ball, centre and half extents [m] at time
+    zero, mass [kg]."""
+    assert body.mass is not None
+    is_ball = float(isinstance(body, Ball))
+    return np.array([is_ball, *centre(body), *half_extents(body), body.mass])
+
+
+def from_row(row: np.ndarray) -> Body:
+    """Returns the body of as_row(), with the default friction. Raises ValueError."""
+    if row.shape != (8,) or not np.isfinite(row).all() or not (row[4:] > 0.0).all():
+        raise ValueError("an added body has no finite place, size and mass")
+    x, half, mass = row[1:4], row[4:7], float(row[7])
+    if row[0] == 1.0:
+        return Ball(x, float(half[0]), mass=mass)
+    return Block(x - half, x + half, mass=mass)
+
+
 def extended_into_walls(body: Body, walls: np.ndarray, specs: list[LayerSpec]) -> Body:
     """Returns a block whose faces that touch a wall of the box, at 0 or `walls` (3,) [m], are moved
     out beyond the kernels' reach.
@@ -208,4 +258,4 @@ def extended_into_walls(body: Body, walls: np.ndarray, specs: list[LayerSpec]) -
     fixed = ~body.motion.slides
     lo = np.where(fixed & (body.lo < touching), np.minimum(body.lo, -far), body.lo)
     hi = np.where(fixed & (body.hi > walls - touching), np.maximum(body.hi, walls + far), body.hi)
-    return Block(lo, hi, body.motion)
+    return replace(body, lo=lo, hi=hi)

@@ -127,12 +127,12 @@ class Rim:
                 energy = m * (0.5 * v.norm_sqr() - gravity.dot(x))
                 if self.apertures.leaves_by_opening(x):
                     self.left[1, layer] += 1
-                    self.impulses.outflow_momentum[None] += m * v
-                    self.impulses.outflow_energy[None] += energy
+                    self.impulses.outflow_momentum.add(i, m * v)
+                    self.impulses.outflow_energy.add(i, energy)
                 else:
                     self.left[0, layer] += 1
-                    self.impulses.spilt_momentum[None] += m * v
-                    self.impulses.spilt_energy[None] += energy
+                    self.impulses.spilt_momentum.add(i, m * v)
+                    self.impulses.spilt_energy.add(i, energy)
                 if self.apertures.beyond(x) != 0 or x.y > self.constants.ceiling[None]:
                     at = ti.atomic_add(self.added[None], 1) % MOST_DROPS
                     self.drops.x[at], self.drops.v[at], self.drops.life[at] = x, v, LIFE

@@ -1,14 +1,15 @@
-"""Gravity, the user's hand and tilt, and the excess pressure of mirror images behind walls."""
+"""Gravity, inertia of a moving box, the user's hand, and the excess pressure of mirror images."""
 
 import taichi as ti
 
 from msph.fluid.external_forces import (
+    FIELD_NUMBERS,
     HAND_NUMBERS,
-    TURN_NUMBERS,
     ExternalForces,
     coriolis,
-    field_in_turning_box,
+    field_at,
     hand_acceleration,
+    turning,
 )
 from msph.fluid.projection.discretisation import Discretisation
 from msph.fluid.projection.force import Force
@@ -25,24 +26,21 @@ class BodyForce(Force):
         self.virial = VirialPressure(shared, shared.density)
 
     def apply(self, dt: float, external: ExternalForces) -> None:
-        self._accelerate(self.particles.count, dt, *external.arguments())
+        numbers = external.field(), external.hand.numbers()
+        self._accelerate(self.particles.count, dt, *numbers)
 
     @kernel
     def _accelerate(
-        self,
-        n: ti.i32,
-        dt: ti.f32,
-        gravity: ti.math.vec3,
-        hand_numbers: HAND_NUMBERS,
-        turn: TURN_NUMBERS,
+        self, n: ti.i32, dt: ti.f32, field_numbers: FIELD_NUMBERS, hand_numbers: HAND_NUMBERS
     ):
-        """Adds dt (g + rotation + hand + images' excess pressure) to v."""
+        """Adds dt (g + inertia + hand + images' excess pressure) to v."""
         p, centre = self.particles, 0.5 * self.constants.size[None]
         for i in range(n):
             m, x, v = self.layers.mass[p.layer[i]], p.x[i], p.v[i]
-            field = field_in_turning_box(x - centre, turn)
-            wall = self.virial.image_acceleration(i, gravity + field)
-            user = field + coriolis(v, dt, turn) + hand_acceleration(x, v, dt, hand_numbers)
-            self.impulses.record_user(m, v, dt, user, gravity + wall)
-            self.impulses.wall_impulse[None] += m * dt * wall
-            p.v[i] = v + dt * (gravity + wall + user)
+            field = field_at(x - centre, field_numbers)
+            wall = self.virial.image_acceleration(i, field)
+            field += coriolis(v, dt, turning(field_numbers))
+            user = hand_acceleration(x, v, dt, hand_numbers)
+            self.impulses.record_user(i, m, v, dt, user, field + wall)
+            self.impulses.wall_impulse.add(i, m * dt * wall)
+            p.v[i] = v + dt * (field + wall + user)

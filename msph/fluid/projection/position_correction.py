@@ -171,10 +171,10 @@ class PositionCorrection:
             p.velocity_exchange[i] = change
             p.relative_speed[i] = ti.sqrt(fastest)
             m = self.layers.mass[p.layer[i]]
-            self.impulses.record_internal(m, x, change)
+            self.impulses.record_internal(i, m, x, change)
             wall = self.operator.wall_displacement(i, p.position_multiplier)
             inner = self._limit(i) * (p.position_correction[i] - wall)
-            self.impulses.internal_angular_impulse[None] += m * inner.cross(v + change)
+            self.impulses.internal_angular_impulse.add(i, m * inner.cross(v + change))
         for i in range(n):
             x = p.x[i] + self._limit(i) * p.position_correction[i]
             p.x[i] = self.contact.walls.confined(p.x[i], x, self.contact.margin(i))

@@ -155,15 +155,15 @@ class ShearRelief(Force):
                 change = impulse * (change + rows_times_vector(p.relief[i], own))
                 v += change
                 if ti.static(mirrored):
-                    self.impulses.wall_impulse[None] += m * change
+                    self.impulses.wall_impulse.add(i, m * change)
                 else:
-                    self.impulses.record_internal(m, p.x[i], change)
+                    self.impulses.record_internal(i, m, p.x[i], change)
             if p.boundary_gradient[i].norm_sqr() > 0.0:
                 b = p.boundary_gradient[i]
                 along = impulse * rows_times_vector(p.relief[i], b).dot(b) / b.norm_sqr()
                 body = along * b
                 v += body
-                self.impulses.wall_impulse[None] += m * body
+                self.impulses.wall_impulse.add(i, m * body)
             p.v[i] = v
 
     @kernel

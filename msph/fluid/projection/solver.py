@@ -23,6 +23,7 @@ from msph.fluid.projection.density import Density
 from msph.fluid.projection.discretisation import Discretisation
 from msph.fluid.projection.force import Force
 from msph.fluid.projection.forces import FORCES
+from msph.fluid.projection.inertia_work import InertiaWork
 from msph.fluid.projection.parameters import MOTION_FACTOR, ProjectionParameters
 from msph.fluid.projection.position_correction import PositionCorrection
 from msph.fluid.projection.pressure_operator import PressureOperator
@@ -77,6 +78,7 @@ class Projection:
         self.layers, self.grid, self.particles = parts.layers, parts.grid, parts.particles
         self.neighbours, self.impulses = parts.neighbours, parts.impulses
         self.collisions, self.gaps, self.openings = parts.collisions, parts.gaps, parts.openings
+        self.beaches = parts.beaches
         self.density = Density(parts)
         operator = PressureOperator(parts, self.density.pair_gradient)
         shared = Discretisation(**vars(parts), density=self.density, operator=operator)
@@ -84,6 +86,7 @@ class Projection:
         self.all_forces = [force(shared) for force in FORCES]
         self.forces: list[Force] = []  # those that the scene enables
         self.pressure_solve = PressureSolve(shared)
+        self.inertia_work = InertiaWork(parts)
         self.built_adaptation = Adaptation(parts.room, shared)
         self.adaptation: Adaptation | None = None  # None in scenes without splits and merges
         self.iterations, self.first_step, self.max_rate = 0, True, 0.0
@@ -231,6 +234,7 @@ class Projection:
         stage(name) is a context manager around each part, for profiling.
         """
         with stage("drift"):
+            self.inertia_work.begin(dt, external)
             self.boundary.move(0.5 * dt)  # time -> body poses at t, t + dt/2, mean velocities
             self.contact.drift(
                 0.5 * dt
@@ -250,7 +254,7 @@ class Projection:
             self.neighbours.refresh()  # x, layer -> order of particles, neighbour list
             self.openings.mark()  # x -> particles of prescribed velocity
             # poses, last pressures -> v of floating bodies
-            self.gaps.push(dt, external.gravity)
+            self.gaps.push(dt, external)
         with stage("density"):
             self.density.refresh()  # x, list, poses -> density, defect, pair gradients, diagonal
             if not self.parameters.tension:
@@ -259,6 +263,9 @@ class Projection:
         with stage("position correction"):
             self.position_correction.find(dt)  # density, v -> displacements, applied below
         with stage("forces"):
+            self.inertia_work.push(dt, external)
+            # Before gravity, whose velocities the pressure of water at rest undoes.
+            self.beaches.damp(dt)  # x, v -> v
             for force in self.forces:
                 force.apply(dt, external)  # x, v, last pressures -> v
         with stage("pressure"):
@@ -266,7 +273,7 @@ class Projection:
             self.pressure_solve.build_rhs(self.particles.count, dt)
             self.iterations = self.pressure_solve.solve(dt)  # right-hand side, v -> multipliers
             # multipliers, v -> pressure, stress, v of particles and floating bodies
-            pressure_rate = self.pressure_solve.accelerate(dt, external.gravity, self.with_stress)
+            pressure_rate = self.pressure_solve.accelerate(dt, external, self.with_stress)
             self.collisions.resolve()  # contacts, v of floating bodies -> v
             self.boundary.redo(0.5 * dt)  # v of floating bodies -> poses at t + dt
         with stage("drift"):
@@ -277,6 +284,7 @@ class Projection:
             if self.adaptation:
                 self.adaptation.travelled += distance
             self.contact.drift(0.5 * dt)  # x, v, poses -> x, v, as above
+            self.inertia_work.end(dt, external)
             self.particles_moved()
         self.first_step = False
 
@@ -318,6 +326,10 @@ class Projection:
             if p.predicted_density[i] < spray:
                 speed /= SPRAY_MOTION_FACTOR
                 relative = speed
-            ti.atomic_max(longest, speed * dt / d)
-            ti.atomic_max(top, relative / (self.constants.cfl[None] * d))
+            way, rate = speed * dt / d, relative / (self.constants.cfl[None] * d)
+            # Compared first: every atomic maximum of a GPU waits for all others.
+            if way > longest:
+                ti.atomic_max(longest, way)
+            if rate > top:
+                ti.atomic_max(top, rate)
         return ti.Vector([top, longest])

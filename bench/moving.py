@@ -1,0 +1,322 @@
+"""Moving tanks and wave makers against theory: python bench/moving.py
+
+Surge at the first sloshing period, steady rotation, free fall, wave makers, and the rolled tank of
+SPHERIC test 10. Heights and motions are computed from positions and velocities.
+"""
+
+import math
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+from tabulate import tabulate
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from bench import rows, tanks
+from bench.report import RESULTS, heading
+from msph.device import ARCHES, start
+from msph.fluid.moving_box import MovingBox
+from msph.fluid.simulation import Simulation
+from msph.measure.ledger import Ledger
+from msph.measure.probes import build_probes
+from msph.measure.snapshot import Snapshot
+from msph.scene.motion import box_path
+from msph.scene.schema import Scene
+from msph.scene.wavemakers import group_speed, wave_number
+
+G = tanks.GRAVITY
+# Spacings of depth, and spacing [m], of the surged tank and of the wave tank.
+ACROSS, SPACING = 12, 0.0125
+# Surged tank: length [m], amplitude of the surge over the length, number of modes of the theory.
+LENGTH, SURGE, MODES = 0.6, 0.003, 30
+# Rotating tank: edge, depth, rise of the surface at the middle of the walls, finest spacing [m];
+# time [s] in which the water comes to rest, the last second of which is measured.
+EDGE, DEPTH, RISE, FINE, REST = 0.4, 0.16, 0.12, 0.0125, 7.0
+# Waves: height over depth by kd: long waves that are higher are not linear, and lower ones are no
+# spacing high; length of the beach and distance of two gauges over the wavelength;
+# periods after the arrival at the gauges, and of those the last ones that are measured.
+HEIGHTS = {0.5: 0.08, 1.0: 0.12, 2.0: 0.12}
+BEACH, APART, PERIODS, MEASURED = 1.5, 0.25, 6, 3
+# SPHERIC test 10: tank, depth [m], angle [deg], first period [s], share of it at which the tank is
+# driven, and averaging time [s] of the sensor, 1 cm wide at the level of the water.
+ROLLED, FILL, ANGLE, FIRST, SHARE = (0.9, 0.508, 0.062), 0.093, 4.0, 1.919, 0.85
+WINDOW, ROUNDS = 0.01, 10
+
+Read = Callable[[Simulation], None]
+
+
+def run(scene: dict[str, Any], seconds: float, read: Read, frame: float = tanks.FRAME) -> Ledger:
+    """Runs a scene, with its motions; read() after each frame."""
+    given = Scene.model_validate(scene)
+    sim, path = tanks.build(given), box_path(given)
+    ledger = Ledger(sim, density_every=math.inf)
+    ledger.record(MovingBox(given.gravity, path).gravity)
+    for _ in range(round(seconds / frame)):
+        box = MovingBox(given.gravity, path, sim.time)
+        sim.advance(frame, box)
+        ledger.record(box.gravity)
+        read(sim)
+    return ledger
+
+
+def surge_theory(times: np.ndarray, amplitude: float, depth: float) -> np.ndarray:
+    """Returns the displacement [m] of the centre of mass relative to a tank that is displaced by
+    amplitude sin(omega t), omega that of the first mode, by linear theory: mode n obeys
+    b'' + omega_n^2 b = -(4/L) tanh(k H)/k X'', and displaces the centre by -2 b/(k^2 L H)."""
+    omega, total = 2.0 * math.pi / tanks.slosh_period(LENGTH, depth), np.zeros_like(times)
+    for n in range(1, 2 * MODES, 2):
+        k = n * math.pi / LENGTH
+        own = math.sqrt(G * k * math.tanh(k * depth))
+        push = 4.0 / LENGTH * math.tanh(k * depth) / k * amplitude * omega**2
+        if n == 1:
+            b = push * (np.sin(omega * times) / omega - times * np.cos(omega * times)) / 2.0 / omega
+        else:
+            b = push * (np.sin(omega * times) - omega / own * np.sin(own * times))
+            b /= own**2 - omega**2
+        total += 2.0 * b / (k**2 * LENGTH * depth)
+    return total
+
+
+def surge(layers: int) -> dict[str, str]:
+    """Returns the table row of a tank surged at its first sloshing period: amplitudes of the
+    centre's displacement in each of three periods against linear theory."""
+    depth, found = ACROSS * SPACING, []
+    period, gains = tanks.slosh_period(LENGTH, depth), []
+    amplitude = SURGE * LENGTH
+    for seed in range(rows.STARTS):
+        scene = tanks.tank((LENGTH, 4 * SPACING), depth, SPACING, layers, seed=seed).model_dump()
+        wave = f"{amplitude} * sin(2*pi*t/{period})"
+        scene["motion"] = {"displacement": [wave, 0, 0]}
+        ledger = run(scene, 3.02 * period, lambda sim: None)
+        t = np.array([e.time for e in ledger.entries])
+        x = np.array([e.centre[0] for e in ledger.entries]) - 0.5 * LENGTH
+        theory = surge_theory(t, amplitude, depth)
+        during = [(t > n * period) & (t <= (n + 1) * period) for n in range(3)]
+        found.append([np.ptp(x[d]) / np.ptp(theory[d]) - 1.0 for d in during])
+        gains.append(ledger.energy_gain())
+    errors = {f"period {n + 1}": rows.spread([f[n] for f in found], "{:+.1%}") for n in range(3)}
+    return {"layers": str(layers), **errors, "energy gain": rows.spread(gains, "{:.0e}")}
+
+
+def rotating(layers: int) -> dict[str, str]:
+    """Returns the table row of water in a tank that rotates about the vertical: the paraboloid's
+    rise against omega^2 r^2/(2 g), the pressure against hydrostatics below it, and the motion."""
+    omega = 2.0 * math.sqrt(2.0 * G * RISE) / EDGE
+    radii = np.linspace(0.0, 0.85, 7)[:, None] * 0.5 * EDGE
+    angles = np.arange(8) * math.pi / 4.0
+    places = np.stack([radii * np.cos(angles), radii * np.sin(angles)], axis=-1).reshape(-1, 2)
+    scene = tanks.tank((EDGE, EDGE), DEPTH, FINE, layers, air=0.2).model_dump()
+    scene["motion"] = {"angle": f"{math.degrees(omega)} * t", "axis": [0, 1, 0]}
+    # Friction, so that the water comes to rest.
+    scene["projection"] |= {"shear_relief": 0.0, "xsph": 0.02}
+    scene["probes"] = [
+        {"name": f"h{k}", "kind": "height", "at": (place + 0.5 * EDGE).tolist()}
+        for k, place in enumerate(places)
+    ]
+    probes = build_probes(Scene.model_validate(scene))
+    heights: list[list[float]] = []
+    last: list[np.ndarray] = []
+
+    def read(sim: Simulation) -> None:
+        last[:] = [sim.particles.numpy(k).astype(float) for k in ("x", "pressure")]
+        if sim.time > REST - 1.0:
+            water = Snapshot.of(sim)
+            heights.append([p.read(water)[0] for p in probes])
+
+    ledger = run(scene, REST, read)
+    r2 = (places**2).sum(axis=1)
+    slope = np.polyfit(r2, np.mean(heights, axis=0), 1)[0]
+    x, p = last
+    level = DEPTH - omega**2 / (2.0 * G) * EDGE**2 / 6.0
+    square = (x[:, 0] - 0.5 * EDGE) ** 2 + (x[:, 2] - 0.5 * EDGE) ** 2
+    expected = 1000.0 * G * (level + omega**2 / (2.0 * G) * square - x[:, 1])
+    deep = expected > 1000.0 * G * 3.0 * FINE
+    error = np.sqrt(np.mean((p - expected)[deep] ** 2)) / (1000.0 * G * DEPTH)
+    speed = math.sqrt(2.0 * ledger.rest_energy() / ledger.entries[-1].mass)
+    return {
+        "layers": str(layers),
+        "rise of the surface": f"{slope * 2.0 * G / omega**2 - 1.0:+.1%}".replace("%", " %"),
+        "pressure": f"{error:.1%}".replace("%", " %"),
+        "speed [m/s]": f"{speed:.3f}",
+        "energy gain": f"{ledger.energy_gain():.0e}",
+    }
+
+
+def free_fall(layers: int) -> dict[str, str]:
+    """Returns the table row of a tank that falls freely after 1 s of rest: the pressure over
+    rho g H, and the speed of the water relative to the tank, before and after."""
+    scene = tanks.tank((EDGE, EDGE), DEPTH, 2.0 * FINE, layers).model_dump()
+    scene["motion"] = {"displacement": [0, f"-{0.5 * G} * max(t - 1, 0)**2", 0]}
+    seen = []
+
+    def read(sim: Simulation) -> None:
+        p, v = (sim.particles.numpy(k).astype(float) for k in ("pressure", "v"))
+        pressure = np.abs(p).mean() / (1000.0 * G * DEPTH)
+        seen.append((sim.time, pressure, math.sqrt((v**2).sum(axis=1).mean())))
+
+    ledger = run(scene, 2.0, read)
+    before = np.mean([s[1:] for s in seen if 0.9 < s[0] <= 1.0], axis=0)
+    after = np.mean([s[1:] for s in seen if s[0] > 1.1], axis=0)
+    return {
+        "layers": str(layers),
+        "pressure at rest": f"{before[0]:.3f}",
+        "pressure in fall": f"{after[0]:.5f}",
+        "speed at rest [m/s]": f"{before[1]:.4f}",
+        "speed in fall [m/s]": f"{after[1]:.4f}",
+        "energy gain": f"{ledger.energy_gain():.0e}",
+    }
+
+
+def height_over_stroke(kind: str, kd: float) -> float:
+    """Returns the height of the waves far from a wave maker over its stroke, by linear theory."""
+    s, c = math.sinh(kd), math.cosh(kd)
+    whole = math.sinh(2.0 * kd) + 2.0 * kd
+    if kind == "piston":
+        return 2.0 * (math.cosh(2.0 * kd) - 1.0) / whole
+    return 4.0 * s * (kd * s - c + 1.0) / (kd * whole)
+
+
+def waves(kind: str, kd: float) -> dict[str, str]:
+    """Returns the table row of a wave maker: height over stroke of the first harmonic of the waves
+    towards the beach, separated from reflected ones by two gauges, the first of them two depths
+    from the maker, and the reflected share of the height."""
+    depth = ACROSS * SPACING
+    k = kd / depth
+    period, length = 2.0 * math.pi / math.sqrt(G * k * math.tanh(kd)), 2.0 * math.pi / k
+    theory = height_over_stroke(kind, kd)
+    stroke, beach = HEIGHTS[kd] * depth / theory, BEACH * length
+    face = 0.5 * (stroke + 2.45 * SPACING)
+    places = face + 2.0 * depth + np.array([0.0, APART]) * length
+    box = math.ceil((places[1] + depth + beach) / SPACING) * SPACING
+    scene = tanks.tank((box, 5 * SPACING), depth, SPACING, 1, air=0.5 * depth).model_dump()
+    maker = {"kind": kind, "stroke": stroke, "period": period, "ramp": period, "beach": beach}
+    scene["wavemakers"] = [maker]
+    scene["probes"] = [
+        {"name": f"h{n}", "kind": "height", "at": [x, 2.5 * SPACING]} for n, x in enumerate(places)
+    ]
+    given = Scene.model_validate(scene)
+    probes, seen = build_probes(given), []
+
+    def read(sim: Simulation) -> None:
+        water = Snapshot.of(sim)
+        seen.append((sim.time, *(p.read(water)[0] for p in probes)))
+
+    travel = (places[1] - face) / group_speed(given, given.wavemakers[0])
+    seconds = period + travel + PERIODS * period
+    ledger = run(scene, seconds, read, period / 48.0)
+    t, *heights = np.array([s for s in seen if s[0] > seconds - MEASURED * period]).T
+    angle = 2.0 * np.pi * t / period
+    parts = [np.ones_like(t), *(f(n * angle) for n in (1, 2) for f in (np.cos, np.sin))]
+    fits = [np.linalg.lstsq(np.stack(parts, axis=1), h, rcond=None)[0] for h in heights]
+    # eta = Re (a exp(-i omega t)), with a = towards exp(i k x) + back exp(-i k x).
+    measured = wave_number(period, depth, G)
+    matrix = np.exp(1j * measured * places[:, None] * np.array([1.0, -1.0]))
+    towards, back = np.linalg.solve(matrix, [f[1] + 1j * f[2] for f in fits])
+    ratio = 2.0 * abs(towards) / stroke
+    return {
+        "maker": kind,
+        "kd": f"{kd:g}",
+        "height over stroke": f"{ratio:.3f}",
+        "theory": f"{theory:.3f}",
+        "error": f"{ratio / theory - 1.0:+.1%}",
+        "first gauge alone": f"{2.0 * math.hypot(*fits[0][1:3]) / stroke / theory - 1.0:+.1%}",
+        "reflected": f"{abs(back / towards):.1%}",
+        "leaked": str(max(e.outside for e in ledger.entries)),
+    }
+
+
+def rolled() -> dict[str, str]:
+    """Returns the table row of the rolled tank: time between impacts on the wall, their phase in
+    the period of the roll, and peak pressures over ten periods after the first two."""
+    period, spacing = SHARE * FIRST, FILL / ACROSS
+    scene = tanks.tank((ROLLED[0], ROLLED[2]), FILL, spacing, 1, air=ROLLED[1] - FILL).model_dump()
+    angle = f"{ANGLE} * sin(2*pi*t/{period}) * min(t/{period}, 1)"
+    scene["motion"] = {"angle": angle, "centre": [0.5 * ROLLED[0], 0, 0.5 * ROLLED[2]]}
+    lo, hi = (0, FILL - 0.005, 0.5 * ROLLED[2] - 0.005), (0, FILL + 0.005, 0.5 * ROLLED[2] + 0.005)
+    face = {"name": "wall", "kind": "pressure", "lo": lo, "hi": hi, "window": WINDOW}
+    scene["probes"] = [face]
+    (probe,), seen = build_probes(Scene.model_validate(scene)), []
+    ledger = run(
+        scene,
+        (ROUNDS + 2) * period,
+        lambda sim: seen.append((sim.time, probe.read(Snapshot.of(sim))[0])),
+        0.5 * WINDOW,
+    )
+    t, p = np.nan_to_num(np.array(seen)).T
+    peaks, arrivals = [], []
+    for n in range(2, ROUNDS + 2):
+        inside = np.flatnonzero((t > n * period) & (t <= (n + 1) * period))
+        top = inside[p[inside].argmax()]
+        peaks.append(float(p[top]))
+        arrivals.append(float(t[top]))
+    phases = [a / period % 1.0 for a in arrivals]
+    return {
+        "period of the roll [s]": f"{period:.3f}",
+        "time between peaks [s]": rows.spread(np.diff(arrivals).tolist(), "{:.3f}"),
+        "phase of the peak": rows.spread(phases, "{:.3f}"),
+        "peak pressure [Pa]": rows.spread(peaks, "{:.0f}"),
+        "peak over rho g H": rows.spread([q / (1000.0 * G * FILL) for q in peaks], "{:.2f}"),
+        "energy gain": f"{ledger.energy_gain():.0e}",
+        "leaked": str(max(e.outside for e in ledger.entries)),
+    }
+
+
+# Title and rows of each table, by name.
+STARTS = f"medians of {rows.STARTS} starts, and their range"
+TABLES: dict[str, tuple[str, Callable[[], list[dict[str, str]]]]] = {
+    "surge": (
+        f"Tank of {LENGTH} m surged by {SURGE} lengths at its first sloshing period, water "
+        f"{ACROSS} spacings deep: amplitude of the centre of mass against linear theory in each "
+        f"period; {STARTS}",
+        lambda: [surge(layers) for layers in (1, 2)],
+    ),
+    "fall": (
+        "Free fall after 1 s of rest: mean pressure over rho g H, and speed of the water",
+        lambda: [free_fall(layers) for layers in (1, 2)],
+    ),
+    "rotation": (
+        f"Tank of {EDGE} m rotating about the vertical, surface {RISE} m higher at the walls: "
+        "errors of the rise, of the pressure over rho g H, and remaining speed; one start",
+        lambda: [rotating(2)],
+    ),
+    "waves": (
+        f"Wave makers, water {ACROSS} spacings deep, one start: height over stroke at two depths "
+        "from the maker",
+        lambda: [waves(kind, kd) for kind in ("piston", "flap") for kd in HEIGHTS],
+    ),
+    "roll": (
+        f"SPHERIC test 10: tank of {ROLLED} m rolled by {ANGLE:g} degrees, water {FILL} m deep, "
+        f"{ACROSS} spacings, one start; peak of each of {ROUNDS} periods, mean over 1 cm x 1 cm at "
+        f"the water level and {1e3 * WINDOW:g} ms: median and range",
+        lambda: [rolled()],
+    ),
+}
+
+
+def stored(path: Path) -> dict[str, str]:
+    """Returns the tables of a report by title."""
+    parts = path.read_text().split("## ")[1:] if path.exists() else []
+    return {title: table.strip() for title, _, table in (part.partition("\n") for part in parts)}
+
+
+@click.command()
+@click.option("--only", multiple=True, type=click.Choice(list(TABLES)), help="Keeps other tables.")
+@click.option("--arch", type=click.Choice(ARCHES), default="auto", show_default=True)
+def main(only: tuple[str, ...], arch: str) -> None:
+    """Measure moving tanks and wave makers, and write bench/results/moving.md."""
+    head, path = heading("Moving tanks and wave makers", start(arch)), RESULTS / "moving.md"
+    for name in only or TABLES:
+        title, measure = TABLES[name]
+        table = tabulate(measure(), "keys", "github", disable_numparse=True)
+        tables = stored(path) | {title: table}
+        known = [(t, tables[t]) for t, _ in TABLES.values() if t in tables]
+        path.write_text("\n".join([head, *(f"## {t}\n\n{table}\n" for t, table in known)]))
+    click.echo(path.read_text())
+
+
+if __name__ == "__main__":
+    main()

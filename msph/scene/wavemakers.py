@@ -1,0 +1,155 @@
+"""Wave makers of a scene: bodies in prescribed motion at an end of the box, and beaches."""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from msph.fluid.boundary.beach import Beach
+from msph.fluid.boundary.rigid_bodies import Block, Scripted
+from msph.fluid.methods import METHODS, methods_with
+from msph.scene.errors import SceneError
+from msph.scene.motion import ramp
+from msph.scene.schema import Scene, WaveMaker
+from msph.scene.water import bounds, layer_specs
+
+# Sum over both ways through a beach of the amplitude's logarithmic decay: 2 % of a wave return.
+DECAY = 4.0
+# Largest slope of a flap (-).
+STEEPEST = 1.0
+
+
+def wave_makers(scene: Scene) -> list[Block]:
+    """Returns the bodies of the wave makers: blocks that fill the cross-section of the box."""
+    return [_body(scene, maker, f"wavemakers.{k}") for k, maker in enumerate(scene.wavemakers)]
+
+
+def _body(scene: Scene, maker: WaveMaker, name: str) -> Block:
+    axis, far_end = _end(maker)
+    size, sign = np.array(scene.box.size), -1.0 if far_end else 1.0
+    reach = _reach(scene)
+    lo, hi = np.full(3, -2.0 * reach), size + 2.0 * reach
+    hi[1] = size[1]
+    face = _face(scene, maker)
+    if far_end:
+        lo[axis] = size[axis] - face
+    else:
+        hi[axis] = face
+    rate, depth = 2.0 * math.pi / maker.period, water_depth(scene)
+
+    def swing(time: float) -> float:
+        part = ramp(time / maker.ramp) if maker.ramp else 1.0
+        return 0.5 * sign * maker.stroke * part * math.sin(rate * time)
+
+    # Of the ramp: at most 15/8 over its duration.
+    top = 0.5 * maker.stroke * (rate + (1.875 / maker.ramp if maker.ramp else 0.0))
+    still = np.zeros(3)
+    if maker.kind == "piston":
+        along = np.eye(3)[axis]
+        motion = Scripted(lambda time: (swing(time) * along, 0.0), (0, 1, 0), still, top)
+    else:
+        hinge = np.zeros(3)
+        hinge[axis] = (lo if far_end else hi)[axis]
+        # A positive angle about z turns y to -x, about x to +z.
+        turn = (0.0, 0.0, -1.0) if axis == 0 else (1.0, 0.0, 0.0)
+        motion = Scripted(
+            lambda time: (still, math.atan(swing(time) / depth)),
+            turn,
+            hinge - 0.5 * (lo + hi),
+            top * size[1] / depth,
+        )
+    return Block(lo, hi, motion, name=name)
+
+
+def beaches(scene: Scene) -> list[Beach]:
+    """Returns the beaches opposite to the wave makers."""
+    found = []
+    for maker in scene.wavemakers:
+        if maker.beach:
+            axis, far_end = _end(maker)
+            wall = axis if far_end else 3 + axis
+            speed = group_speed(scene, maker)
+            # The amplitude decays at half the rate, a third of it in the mean, on 2 length/speed.
+            found.append(Beach(wall, maker.beach, 3.0 * DECAY * speed / maker.beach))
+    return found
+
+
+def group_speed(scene: Scene, maker: WaveMaker) -> float:
+    """Returns the speed [m/s] of the energy of a maker's waves by linear theory."""
+    depth, gravity = water_depth(scene), math.hypot(*scene.gravity)
+    k = wave_number(maker.period, depth, gravity)
+    share = 0.5 + k * depth / math.sinh(2.0 * k * depth) if k * depth < 50.0 else 0.5
+    return share * 2.0 * math.pi / maker.period / k
+
+
+def wave_number(period: float, depth: float, gravity: float) -> float:
+    """Returns k [1/m] of waves of a period [s]: omega^2 = g k tanh(k depth)."""
+    from scipy.optimize import brentq  # 0.2 s to import, and only wave makers need it
+
+    deep = (2.0 * math.pi / period) ** 2 / gravity
+    shallow = math.sqrt(deep / depth)
+    most = 1.001 * (deep + shallow)
+    return float(brentq(lambda k: k * math.tanh(k * depth) - deep, 0.0, most))
+
+
+def water_depth(scene: Scene) -> float:
+    """Returns the height [m] of the highest volume of water at the start."""
+    return max(float(bounds(water)[1][1]) for water in scene.water)
+
+
+def _end(maker: WaveMaker) -> tuple[int, bool]:
+    """Returns the axis of a maker, and True if it is at its far end."""
+    return "xyz".index(maker.end[1]), maker.end[0] == "+"
+
+
+def _reach(scene: Scene) -> float:
+    """Returns the largest reach [m] of a kernel."""
+    return max(spec.support for spec in layer_specs(scene))
+
+
+def _nearest(scene: Scene, maker: WaveMaker) -> float:
+    """Returns the least mean distance [m] of the face from the wall: nearer, the wall would mirror
+    the water before the face."""
+    return 0.5 * (maker.stroke + _reach(scene))
+
+
+def _face(scene: Scene, maker: WaveMaker) -> float:
+    """Returns the mean distance [m] of the face from the wall behind it."""
+    return _nearest(scene, maker) if maker.position is None else maker.position
+
+
+def check_wave_makers(scene: Scene, where: str) -> None:
+    """Raises SceneError for a wave maker that cannot be built."""
+    if scene.wavemakers and not METHODS[scene.method].HAS_BODIES:
+        able = methods_with("HAS_BODIES")
+        raise SceneError(where, f"the method {scene.method} has none; {able} has", "wavemakers")
+    if scene.wavemakers and scene.container:
+        raise SceneError(where, "need the walls of a box, not a container", "wavemakers")
+    gravity = scene.gravity
+    if scene.wavemakers and not (gravity[1] < 0.0 and gravity[0] == gravity[2] == 0.0):
+        raise SceneError(where, "need gravity along -y", "wavemakers")
+    ends: dict[str, Any] = {}
+    for k, maker in enumerate(scene.wavemakers):
+        key, axis = f"wavemakers.{k}", _end(maker)[0]
+        if maker.end in ends:
+            raise SceneError(where, f"{ends[maker.end]} is at this end", f"{key}.end")
+        ends[maker.end] = key
+        if maker.beach and "+-"[maker.end[0] == "+"] + maker.end[1] in ends:
+            raise SceneError(where, "there is a wave maker at the other end", f"{key}.beach")
+        least, room = _nearest(scene, maker), scene.box.size[axis]
+        if maker.position is not None and maker.position < least:
+            raise SceneError(
+                where,
+                f"must be at least {least:.3g} m, half the stroke and half the reach of a particle "
+                f"(got {maker.position:g})",
+                f"{key}.position",
+            )
+        if _face(scene, maker) + 0.5 * maker.stroke + maker.beach >= room:
+            raise SceneError(where, f"with its stroke and beach it does not fit in {room:g} m", key)
+        slope = 0.5 * maker.stroke / water_depth(scene)
+        if maker.kind == "flap" and slope > STEEPEST:
+            raise SceneError(
+                where,
+                f"would tilt the flap by more than 45 degrees (got {maker.stroke:g})",
+                f"{key}.stroke",
+            )

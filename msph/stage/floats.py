@@ -1,0 +1,104 @@
+"""Floating bodies under the cursor: finding, throwing in, dragging and releasing them."""
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from msph.fluid.boundary.boundary import Boundary
+from msph.fluid.boundary.rigid_bodies import (
+    Ball,
+    Block,
+    Motion,
+    bounding_radius,
+    half_extents,
+    volume,
+)
+from msph.fluid.external_forces import Hand, as_vector
+
+if TYPE_CHECKING:
+    from msph.stage.tools import Touch
+
+# Radius of a thrown ball, and half the edge of a thrown cube, over the box's longest edge; smallest
+# one in finest spacings; density over the water's.
+SIZE, LEAST_SIZE, DENSITY = 0.07, 2.5, 0.4
+# Distance of a thrown body from the water in radii, and its speed over sqrt(g L) of the box's
+# longest edge L.
+DISTANCE, SPEED = 2.5, 0.4
+# Time in which a dragged body reaches the cursor [s], and its largest speed over sqrt(g L).
+DRAG_TIME, DRAG_SPEED = 0.1, 1.5
+
+
+def floating_at(
+    boundary: Boundary, eye: np.ndarray, direction: np.ndarray
+) -> tuple[int, np.ndarray] | None:
+    """Returns the nearest floating body that a ray from eye (3,) [m] meets: its index among all
+    bodies and the point [m]; None without one. Meshes count as their bounding boxes."""
+    floating, found = boundary.floating, []
+    for k, b in enumerate(floating.which):
+        body, turn = boundary.bodies[b], floating.turn[k]
+        p, r = (eye - floating.x[k]) @ turn, direction @ turn
+        if isinstance(body, Ball):
+            root = (p @ r) ** 2 - p @ p + body.radius**2
+            near, far = (-p @ r - math.sqrt(root), math.inf) if root > 0.0 else (0.0, 0.0)
+        else:
+            per = 1.0 / np.where(np.abs(r) > 1e-12, r, 1e-12)
+            faces = np.stack([-half_extents(body) - p, half_extents(body) - p]) * per
+            near, far = float(faces.min(axis=0).max()), float(faces.max(axis=0).min())
+        if 0.0 < near <= far:
+            found.append((near, int(b)))
+    if not found:
+        return None
+    near, which = min(found)
+    return which, eye + near * direction
+
+
+def use(touch: "Touch") -> Hand:
+    """Drags the floating body that the press began on; a press elsewhere throws one in."""
+    show = touch.show
+    boundary = show.simulation.boundary
+    if touch.began:
+        eye = touch.place - 2.0 * float(np.linalg.norm(touch.size)) * touch.direction
+        hit = floating_at(boundary, eye, touch.direction)
+        show.dragged = None
+        if hit and np.linalg.norm(hit[1] - touch.place) < bounding_radius(boundary.bodies[hit[0]]):
+            k = int(np.searchsorted(boundary.floating.which, hit[0]))
+            show.dragged = k, boundary.floating.x[k] - touch.place
+        else:
+            _throw(touch)
+    elif show.dragged is not None:
+        _drag(touch, *show.dragged)
+    return Hand()
+
+
+def _drag(touch: "Touch", k: int, offset: np.ndarray) -> None:
+    """Gives floating body k the velocity at which it follows the cursor, `offset` [m] from it."""
+    floating = touch.show.simulation.boundary.floating
+    longest = float(touch.size.max())
+    wanted = (touch.place + offset - floating.x[k]) / DRAG_TIME
+    most = DRAG_SPEED * math.sqrt(touch.gravity * longest)
+    wanted *= min(1.0, most / max(float(np.linalg.norm(wanted)), 1e-9))
+    change = np.zeros((floating.count, 3))
+    change[k] = floating.mass[k] * (wanted - floating.v[k])
+    impulses, middle = touch.show.simulation.world.parts.impulses, 0.5 * (wanted + floating.v[k])
+    impulses.add_user(as_vector(change[k]), float(change[k] @ middle))
+    floating.push(change, np.zeros_like(change))
+
+
+def _throw(touch: "Touch") -> None:
+    """Throws a ball or, every second time, a cube onto the water."""
+    show, size, d = touch.show, touch.size, touch.show.simulation.layers.finest.spacing
+    longest = float(size.max())
+    half = max(SIZE * longest, LEAST_SIZE * d)
+    margin = 1.05 * half
+    back = DISTANCE * half * (touch.up - touch.direction)
+    x = np.clip(touch.surface + back, margin, np.maximum(size - margin, margin))
+    way = touch.surface - x
+    speed = SPEED * math.sqrt(touch.gravity * longest)
+    velocity = as_vector(speed * way / max(float(np.linalg.norm(way)), 1e-9))
+    body: Ball | Block = Ball(x, half, Motion(velocity))
+    if show.simulation.boundary.floating.count % 2:
+        body = Block(x - half, x + half, Motion(velocity))
+    density = DENSITY * show.simulation.layers.finest.density
+    show.add_body(replace(body, mass=density * volume(body)))

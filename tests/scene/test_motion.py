@@ -1,0 +1,156 @@
+"""Motions of the tank and wave makers in scenes."""
+
+import math
+
+import numpy as np
+import pytest
+
+from msph.scene import SceneError, load_scene
+from msph.scene.load import to_toml
+from msph.scene.motion import box_path
+from msph.scene.wavemakers import group_speed, wave_makers, wave_number
+
+TANK = """
+duration = 4.0
+[box]
+size = [2.0, 0.6, 0.2]
+[[layers]]
+spacing = 0.04
+[[water]]
+lo = [0, 0, 0]
+hi = [2, 0.4, 0.2]
+"""
+
+
+def load(tmp_path, text, *overrides):
+    file = tmp_path / "tank.toml"
+    file.write_text(TANK + text)
+    return load_scene(str(file), overrides)
+
+
+def test_motions_are_carried_out_in_turn(tmp_path):
+    text = """
+[[motion]]
+angle = "90 * t"
+centre = [0, 0, 0]
+[[motion]]
+displacement = [0, "0.1 * sin(pi * t / 2)", 0.5]
+"""
+    scene = load(tmp_path, text)
+    shift, turned = box_path(scene)(1.0)
+    assert turned == pytest.approx(np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]]), abs=1e-12)
+    # The centre (1, 0.3, 0.1) turns about the corner to (-0.3, 1, 0.1).
+    assert shift == pytest.approx([-1.3, 0.7 + 0.1, 0.5])
+    again = tmp_path / "again.toml"
+    again.write_text(to_toml(scene, "a copy"))
+    assert load_scene(str(again)) == scene
+
+
+def test_a_table_is_a_smooth_motion_at_rest_at_both_ends(tmp_path):
+    times = np.linspace(0.0, 2.0, 41)
+    rows = [f"{t},{0.05 * math.sin(math.pi * t / 2) ** 2}" for t in times]
+    (tmp_path / "surge.csv").write_text("\n".join(["time_s,x_m", *rows]))
+    path = box_path(load(tmp_path, '[motion]\ntable = "surge.csv"\n'))
+    assert path(0.777)[0][0] == pytest.approx(0.05 * math.sin(0.5 * math.pi * 0.777) ** 2, abs=1e-6)
+    assert path(5.0)[0] == pytest.approx(np.zeros(3), abs=1e-12)
+
+
+def test_a_sway_begins_and_ends_at_rest(tmp_path):
+    path = box_path(load(tmp_path, "[sway]\nangle = 8\nperiod = 1.0\nseconds = 3.2\n"))
+    angles = np.array([math.asin(path(t)[1][1, 0]) for t in np.linspace(0.0, 4.0, 4001)])
+    assert math.degrees(angles.max()) == pytest.approx(8.0, rel=1e-3)
+    assert np.abs(angles[3200:]).max() == 0.0
+    accelerations = np.diff(angles, 2) * 1e6
+    assert np.abs(accelerations).max() < 3.0 * math.radians(8.0) * (2.0 * math.pi) ** 2
+    assert np.abs(np.diff(accelerations)).max() < 0.2 * np.abs(accelerations).max()
+
+
+BAD = {
+    "name": (
+        '[motion]\nangle = "4*sine(t)"\n',
+        "motion.0.angle: unknown function 'sine'; did you mean 'sin'?",
+    ),
+    "variable": ('[motion]\nangle = "x"\n', "motion.0.angle: unknown name 'x'; known: t, pi"),
+    "syntax": ('[motion]\nangle = "4*"\n', "motion.0.angle: is not an expression: '4*'"),
+    "undefined": (
+        '[motion]\ndisplacement = [0, "sqrt(2 - t)", 0]\n',
+        "motion.0.displacement.1: 'sqrt(2 - t)' is not a number at t = 2",
+    ),
+    "axis": ("[motion]\naxis = [0, 0, 0]\n", "motion.0.axis: has no direction"),
+    "no table": (
+        '[motion]\ntable = "nosuch.csv"\n',
+        "motion.0.table: nosuch.csv: is not a table of numbers: No such file",
+    ),
+    "both": (
+        '[motion]\ntable = "a.csv"\nangle = 3\n',
+        "motion.0: give either a table, or displacement and angle",
+    ),
+    "stroke": (
+        "[[wavemakers]]\nstroke = 0.1\nperiod = 1\nposition = 0.01\n",
+        "wavemakers.0.position: must be at least 0.099 m",
+    ),
+    "no room": (
+        "[[wavemakers]]\nstroke = 0.1\nperiod = 1\nbeach = 1.9\n",
+        "wavemakers.0: with its stroke and beach it does not fit in 2 m",
+    ),
+    "same end": (
+        "[[wavemakers]]\nstroke = 0.1\nperiod = 1\n[[wavemakers]]\nstroke = 0.1\nperiod = 1\n",
+        "wavemakers.1.end: wavemakers.0 is at this end",
+    ),
+    "steep": (
+        '[[wavemakers]]\nkind = "flap"\nstroke = 0.9\nperiod = 1\n',
+        "wavemakers.0.stroke: would tilt the flap by more than 45 degrees (got 0.9)",
+    ),
+    "classic": (
+        'method = "classic"\n[[wavemakers]]\nstroke = 0.1\nperiod = 1\n',
+        "wavemakers: the method classic has none; projection has",
+    ),
+    "upwards": (
+        "gravity = [0, 9.81, 0]\n[[wavemakers]]\nstroke = 0.1\nperiod = 1\n",
+        "wavemakers: need gravity along -y",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_motions_are_one_line_that_names_the_key(tmp_path, name):
+    text, message = BAD[name]
+    if name in ("classic", "upwards"):
+        head, _, rest = text.partition("\n")
+        file = tmp_path / "tank.toml"
+        file.write_text(f"{head}\n{TANK}{rest}")
+        with pytest.raises(SceneError) as error:
+            load_scene(str(file))
+    else:
+        with pytest.raises(SceneError) as error:
+            load(tmp_path, text)
+    assert message in str(error.value) and "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("end", ["-x", "+x", "-z"])
+def test_a_flap_swings_about_the_floor_towards_the_water(tmp_path, end):
+    keys = f'end = "{end}"\nkind = "flap"\nstroke = 0.1\nperiod = 2\nramp = 0\n'
+    text = "[[wavemakers]]\n" + keys
+    if end == "-z":
+        text = text.replace("0.1", "0.02")
+    scene = load(tmp_path, text)
+    (maker,) = wave_makers(scene)
+    axis, far = "xyz".index(end[1]), end[0] == "+"
+    face = (maker.lo if far else maker.hi)[axis]
+    centre = 0.5 * (maker.lo + maker.hi)
+    for height, share in ((0.0, 0.0), (0.4, 1.0)):
+        point = centre.copy()
+        point[axis], point[1] = face, height
+        moved = centre + maker.motion.offset(0.5) + maker.motion.rotation(0.5) @ (point - centre)
+        # A quarter of the period: half the stroke at the level of the water, along the slope.
+        way = (moved - point)[axis] * (-1 if far else 1)
+        slope = 0.5 * scene.wavemakers[0].stroke / 0.4
+        assert way == pytest.approx(share * 0.4 * math.sin(math.atan(slope)), abs=1e-9)
+
+
+def test_speed_of_the_energy_is_that_of_linear_theory(tmp_path):
+    scene = load(tmp_path, "[[wavemakers]]\nstroke = 0.1\nperiod = 0.9\n")
+    periods = np.array([0.899, 0.901])
+    k = [wave_number(t, 0.4, 9.81) for t in periods]
+    speed = np.diff(2.0 * math.pi / periods)[0] / np.diff(k)[0]
+    assert group_speed(scene, scene.wavemakers[0]) == pytest.approx(speed, rel=1e-4)
