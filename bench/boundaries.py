@@ -29,7 +29,7 @@ CONTRACTION = math.pi / (math.pi + 2.0)
 LENGTH, DEEP, FINE, SLIT = 0.5, 0.3, 0.0125, 0.075
 LEVELS, BELOW = (0.28, 0.12), 0.9 * SLIT
 # Basin: edge, depth and spacing [m]; radius [m] and speed [m/s] of the spring.
-EDGE, DEPTH, SPACING, RADIUS, SPEED = 0.4, 0.2, 0.025, 0.0625, 0.3
+EDGE, DEPTH, SPACING, RADIUS, SPEED = 0.3, 0.15, 0.025, 0.05, 0.3
 # Vertical jet: radius [m], speed [m/s], time [s] in which the particles enter that are followed.
 JET_RADIUS, JET_SPEED, FOLLOWED = 0.05, 3.0, 0.05
 
@@ -79,7 +79,7 @@ def through_flow(seed: int) -> dict[str, float]:
     """A spring and a pump of the same rate for 30 s: changes of mass and of the level, twice the
     mean height, against the mean of the first 2 s after 2 s."""
     flow = {"radius": RADIUS, "speed": SPEED}
-    corners = ([0.1, 0, 0.1], [0.3, 0, 0.3])
+    corners = ([0.08, 0, 0.08], [0.22, 0, 0.22])
     sim = build(
         tanks.tank((EDGE, EDGE), DEPTH, SPACING, 1, seed=seed),
         {
@@ -133,8 +133,8 @@ def jet(seed: int) -> dict[str, float]:
 
 def filling(seed: int) -> dict[str, float]:
     """A spring fills a basin from 0.1 to 0.2 m: level, twice the mean height, against the one by
-    rate and time; and work of the inflow over rate times pressure at the floor."""
-    spring = {"centre": [0.2, 0, 0.2], "radius": RADIUS, "speed": SPEED}
+    rate and time, in the mean of the last half second."""
+    spring = {"centre": [0.15, 0, 0.15], "radius": RADIUS, "speed": SPEED}
     sim = build(
         tanks.tank((EDGE, EDGE), 0.1, SPACING, 1, seed=seed), {"inflows": [spring], "duration": 5.0}
     )
