@@ -262,6 +262,8 @@ class Projection:
             self.inertia_work.push(dt, external)
             # Before gravity, whose velocities the pressure of water at rest undoes.
             self.beaches.damp(dt)  # x, v -> v
+            if relief := self.force(ShearRelief):
+                relief.longest = 1.0 / self.max_rate if self.max_rate else math.inf
             for force in self.forces:
                 force.apply(dt, external)  # x, v, last pressures -> v
         with stage("pressure"):
