@@ -99,7 +99,7 @@ class Classic:
 
     NAME = "classic"
     PARAMETERS = ClassicParameters
-    ADAPTS, HAS_BODIES = False, False
+    ADAPTS, HAS_BODIES, HAS_OPENINGS = False, False, False
     LAYER_OPTIONS = ("gravity_factor", "viscosity", "kernels")
     SMOOTHING, MIN_SMOOTHING = 2.0, 1.2  # the thesis gives none
     # Wider lists are searched less often, but are longer.

@@ -34,11 +34,34 @@ MEMBERS = {
     "depth_reach": i32,  # largest searched distance to the surface, in cells
     "hysteresis": f32,  # share of a band's limit by which particles must exceed it (-)
     "settle": i32,  # wait after a split or merge, in units of `every` steps
+    "opening_count": i32,  # number of inflows and outflows
+}
+# Members of the table of inflows and outflows; s: coordinate along the flow, 0 at the opening.
+MAX_OPENINGS = 16
+OPENING = {
+    "centre": vec3,  # [m]
+    "along": vec3,  # unit vector of the flow
+    "across": vec3,  # unit vectors of the cross-section
+    "aslant": vec3,
+    "width": f32,  # half width, or radius [m]
+    "height": f32,  # half height [m]
+    "round": i32,  # 1 for a disc
+    "wall": i32,  # wall on which it lies, as a bit, or 0
+    "zone_begin": f32,  # range of s in which velocities are prescribed [m]
+    "zone_end": f32,
+    "kept_from": f32,  # s from which water beyond the wall is simulated [m]
+    "length": f32,  # of that range, or of the range of s from 0 in which water is removed [m]
+    "leaves": i32,  # 1 for an outflow
+    "slack": f32,  # half a spacing, by which the zone is wider than the opening [m]
+    "speed": f32,  # prescribed at the end of the step [m/s]
+    "mean_speed": f32,  # mean over the step [m/s]
 }
 
 
 class Constants(DeviceTable):
-    """One-row device table of MEMBERS; kernels read `constants.rest_density[None]`."""
+    """One-row device table of MEMBERS; kernels read `constants.rest_density[None]`. openings: table
+    of inflows and outflows."""
 
     def __init__(self):
         super().__init__((), **MEMBERS)
+        self.openings = DeviceTable((MAX_OPENINGS,), **OPENING)

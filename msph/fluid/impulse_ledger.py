@@ -1,5 +1,7 @@
 """Impulse and work that act on the water, summed over the steps, by cause."""
 
+from typing import Any
+
 import numpy as np
 import taichi as ti
 
@@ -20,8 +22,10 @@ class ImpulseLedger:
     inertia_impulse [N s], inertia_work [J]: of the inertial forces of a moving box on the water.
     added_mass [kg]: of water added by the user. merge_loss [J]: kinetic energy dissipated by
     merges. spilt_momentum [N s], spilt_energy [J]: of the water that left an open box, when it
-    left. body_push [N s], body_twist [N m s], by body: impulses and angular impulses, about the
-    body's centre, of the water on a body since take_pushes().
+    left; outflow_momentum, outflow_energy: of the water that left through outflows. inflow_mass
+    [kg], inflow_impulse [N s], inflow_work [J]: of the water that inflows add, and by prescribed
+    velocities. body_push [N s], body_twist [N m s], by body: impulses and angular impulses, about
+    the body's centre, of the water on a body since take_pushes().
     """
 
     def __init__(self):
@@ -33,6 +37,9 @@ class ImpulseLedger:
         self.inertia_impulse, self.inertia_work = Sum(vector=True), Sum()
         self.added_mass, self.merge_loss = Sum(), Sum()
         self.spilt_momentum, self.spilt_energy = Sum(vector=True), Sum()
+        self.outflow_momentum, self.outflow_energy = Sum(vector=True), Sum()
+        self.inflow_mass = Sum()
+        self.inflow_impulse, self.inflow_work = Sum(vector=True), Sum()
         self.sums = tuple(vars(self).values())
         self.body_push = ti.Vector.field(3, number, shape=MAX_BODIES)
         self.body_twist = ti.Vector.field(3, number, shape=MAX_BODIES)
@@ -85,10 +92,20 @@ class ImpulseLedger:
     def add_water(self, m: float, x: np.ndarray, v: np.ndarray, gravity: np.ndarray) -> None:
         """Records particles of m [kg] each, added at x [m] with v [m/s], (n, 3): their mass,
         momentum and energy."""
+        self._add_water(m, x, v, gravity, (self.added_mass, self.user_impulse, self.user_work))
+
+    def add_inflow(self, m: float, x: np.ndarray, v: np.ndarray, gravity: np.ndarray) -> None:
+        """Like add_water(), of particles that an inflow adds."""
+        sums = self.inflow_mass, self.inflow_impulse, self.inflow_work
+        self._add_water(m, x, v, gravity, sums)
+
+    @staticmethod
+    def _add_water(m: float, x: np.ndarray, v: np.ndarray, gravity: np.ndarray, sums: Any) -> None:
         x, v = x.astype(float), v.astype(float)
-        self.added_mass.total[None] += m * len(x)
-        self.user_impulse.total[None] += ti.Vector((m * v.sum(axis=0)).tolist())
-        self.user_work.total[None] += m * float(0.5 * (v**2).sum() - (x @ gravity).sum())
+        mass, impulse, work = sums
+        mass.total[None] += m * len(x)
+        impulse.total[None] += ti.Vector((m * v.sum(axis=0)).tolist())
+        work.total[None] += m * float(0.5 * (v**2).sum() - (x @ gravity).sum())
 
     def add_user(self, impulse: Vec3, work: float) -> None:
         """Records an impulse [N s] and work [J] of the user on floating bodies."""

@@ -8,6 +8,7 @@ from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.collisions import Collisions
 from msph.fluid.boundary.contact import Contact
 from msph.fluid.boundary.gap_pressure import GapPressure
+from msph.fluid.boundary.openings import Openings
 from msph.fluid.boundary.rim import Rim
 from msph.fluid.constants import Constants
 from msph.fluid.impulse_ledger import ImpulseLedger
@@ -35,6 +36,7 @@ class Parts:
     contact: Contact
     collisions: Collisions
     gaps: GapPressure
+    openings: Openings
     rim: Rim
     beaches: Beaches
     impulses: ImpulseLedger

@@ -14,6 +14,7 @@ from msph.fluid.boundary.beach import Beach
 from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.contact import LEAK
 from msph.fluid.boundary.mesh_samples import sample_count
+from msph.fluid.boundary.openings import Opening
 from msph.fluid.boundary.rigid_bodies import Body
 from msph.fluid.boundary.walls import region, wall_constants
 from msph.fluid.methods import Parameters, solver_of
@@ -37,7 +38,8 @@ class Plan:
     and v (n, 3) [m, m/s], layer (n,). parameters: of the method. bodies: in the box, containers
     included. adaptation: None if particles keep their layer. capacity: largest number of particles,
     by default the number of initial ones. restitution: share of speed kept at walls (-). open_top:
-    the box has no lid, and water that leaves it is removed. beaches: zones that damp waves.
+    the box has no lid, and water that leaves it is removed. openings: inflows and outflows.
+    beaches: zones that damp waves.
     """
 
     size: tuple[float, float, float]
@@ -49,6 +51,7 @@ class Plan:
     capacity: int | None = None
     restitution: float = 0.0
     open_top: bool = False
+    openings: Sequence[Opening] = ()
     beaches: Sequence[Beach] = ()
 
     @cached_property

@@ -12,9 +12,11 @@ from msph.errors import BlowUpError
 from msph.fluid.boundary.body_faces import samples
 from msph.fluid.boundary.floating import FloatingBodies
 from msph.fluid.boundary.gap_pressure import MAX_SAMPLES
+from msph.fluid.boundary.openings import ZONE, Opening
 from msph.fluid.boundary.rigid_bodies import Body, as_row, centre, from_row
 from msph.fluid.boundary.walls import wall_constants
-from msph.fluid.external_forces import ExternalForces, Vec3, as_vector
+from msph.fluid.constants import MAX_OPENINGS
+from msph.fluid.external_forces import STILL, ExternalForces, Vec3, as_vector
 from msph.fluid.methods import Parameters, all_attributes, solver_of
 from msph.fluid.moving_box import MovingBox
 from msph.fluid.particles.grid import cells_of
@@ -60,6 +62,14 @@ def footprint(
     }
 
 
+class OpeningError(ValueError):
+    """An inflow or outflow that cannot be built. opening: its index in the plan."""
+
+    def __init__(self, opening: int, problem: str):
+        super().__init__(problem)
+        self.opening = opening
+
+
 class FullError(ValueError):
     """Raised if water is added beyond the largest number of particles."""
 
@@ -69,16 +79,20 @@ class Simulation:
 
     time [s] is simulated time; steps counts solver steps since the last reset, iterations those of
     their pressure solves; left_out counts the initial particles inside bodies, which are dropped,
-    and mass_left_out [kg] is their mass. Raises NoWaterError if none remain.
+    and mass_left_out [kg] is their mass. Raises NoWaterError if none remain, OpeningError for an
+    inflow or outflow in a body.
     """
 
     def __init__(self, plan: Plan):
         self.plan, self.size, self.region = plan, plan.size, plan.region
+        # Coordinates [m] of the far walls, (3,).
+        self.walls = np.array(wall_constants(plan.size, plan.open_top)["walls"], np.float32)
         self.world = take(plan.needed)
         self._lease = weakref.finalize(self, give_back, self.world)
         parts = self.world.parts
         self.layers, self.particles, self.grid = parts.layers, parts.particles, parts.grid
         self.boundary, self.contact, self.rim = parts.boundary, parts.contact, parts.rim
+        self.openings = parts.openings
         self.solver = self.world.load(plan)
         free = self.boundary.free(plan.initial["x"])
         self.left_out = len(free) - int(free.sum())
@@ -87,6 +101,12 @@ class Simulation:
         if not free.any():
             self.close()
             raise NoWaterError(f"all {len(free)} particles are inside bodies")
+        for k, opening in enumerate(plan.openings):
+            try:
+                self._check_opening(opening)
+            except ValueError as error:
+                self.close()
+                raise OpeningError(k, str(error)) from None
         self.initial = {name: values[free] for name, values in plan.initial.items()}
         self.particles.capacity = max(plan.capacity or 0, int(free.sum()))
         self.reset()
@@ -99,6 +119,8 @@ class Simulation:
         """Restores the initial state at time zero."""
         self._start(self.initial, 0.0, 0)
         self.solver.arrange()
+        self.openings.fill_pipes(self.plan.openings, STILL)
+        self.world.parts.impulses.clear()
 
     def warm_up(self, duration: float) -> None:
         """Compiles all kernels by simulating `duration` [s], then resets."""
@@ -138,8 +160,10 @@ class Simulation:
                 )
             dt = self.last_step = left / self._step_count(left, forces)
             forces = external.at(now, dt)
+            self.openings.begin(now + dt)
             self.solver.step(dt, forces, stage)
-            self._spill(forces)
+            self._spill(dt, forces)
+            self._pour(dt, forces)
             left -= dt
             self.steps += 1
             self.iterations += self.solver.iterations
@@ -154,11 +178,16 @@ class Simulation:
         self.rim.fall(done, forces.apparent_gravity)
         return done
 
-    def _spill(self, external: ExternalForces) -> None:
-        """Removes the particles that left an open box."""
-        if self.rim.spill(external.gravity):
+    def _spill(self, dt: float, external: ExternalForces) -> None:
+        """Removes the particles that left the box in a step of dt [s]."""
+        if self.rim.spill(external.gravity, self.openings.take(dt)):
             self.grid.invalidate()
             self.world.parts.neighbours.moved(math.inf)
+
+    def _pour(self, dt: float, external: ExternalForces) -> None:
+        """Adds the water that flowed in during a step of dt [s]."""
+        if self.openings.inlets and self.openings.pour(dt, external.gravity):
+            self.solver.particles_added(self.openings.top_speed)
 
     def add(self, x: np.ndarray, v: np.ndarray, layer: int, gravity: Vec3) -> int:
         """Adds particles of a layer at x [m] with velocities v [m/s], (n, 3), except where they
@@ -191,8 +220,8 @@ class Simulation:
         if self.boundary.count == MAX_BODIES:
             raise FullError(f"at most {MAX_BODIES} bodies")
         (points, _, _), at = samples(body, self.layers.finest.spacing, MAX_SAMPLES), centre(body)
-        x, walls = at + points, wall_constants(self.size, self.plan.open_top)["walls"]
-        if (x < 0.0).any() or (x > walls).any() or not self.boundary.free(x).all():
+        x = at + points
+        if (x < 0.0).any() or (x > self.walls).any() or not self.boundary.free(x).all():
             raise FullError("there is no room: the body overlaps another body or a wall")
         floating = self.boundary.floating
         momentum, kinetic = floating.momentum(), floating.kinetic()
@@ -205,6 +234,32 @@ class Simulation:
     def _take_body(self, body: Body) -> None:
         self.boundary.add(body)
         self.world.prepare_bodies()
+
+    def add_opening(self, opening: Opening, gravity: Vec3) -> None:
+        """Adds an inflow or outflow until the next reset. gravity [m/s^2]: for the potential energy
+        of the water in its pipe. Raises FullError if there are too many, ValueError if it is not
+        inside the box or is in a body."""
+        if len(self.openings.all) == MAX_OPENINGS:
+            raise FullError(f"at most {MAX_OPENINGS} inflows and outflows")
+        self._check_opening(opening)
+        self.world.load_openings(self.plan, [*self.openings.all, opening])
+        self.openings.fill_pipes([opening], gravity)
+        self.solver.particles_added(0.0)
+
+    def _check_opening(self, opening: Opening) -> None:
+        spec = self.layers.specs[opening.layer]
+        problem = opening.problem(self.walls, spec.spacing)
+        if problem:
+            raise ValueError(problem)
+        # Beside a wall, the cross-section half a spacing inside the box.
+        inwards = 0.5 * spec.spacing * (1.0 if opening.enters else -1.0) * opening.along
+        if not self.boundary.free(opening.centre + inwards + opening.sites(spec)[0]).all():
+            raise ValueError("is inside a body")
+
+    def remove_opening(self, opening: Opening) -> None:
+        """Removes an inflow or outflow until the next reset; its wall closes."""
+        self.world.load_openings(self.plan, [o for o in self.openings.all if o is not opening])
+        self.solver.particles_moved()
 
     def measure_density(self) -> None:
         """Sums the densities at the current positions; a step sums them at its midpoint only."""
@@ -246,6 +301,8 @@ class Simulation:
             progress["spilt"] = np.float64(self.rim.mass)
         if self.boundary.floating.count:
             progress["floating"] = self.boundary.floating.state()
+        if self.plan.openings:
+            progress["openings"] = self.openings.state()
         if self.boundary.count > len(self.plan.bodies):
             added = self.boundary.bodies[len(self.plan.bodies) :]
             progress["added_bodies"] = np.stack([as_row(body) for body in added])
@@ -267,14 +324,15 @@ class Simulation:
         fluid, own = attributes.pop("fluid"), self._fingerprint()
         solver = {k: float(attributes.pop(f"solver.{k}")) for k in self.solver.state()}
         spilt = float(attributes.pop("spilt")) if self.plan.open_top else 0.0
+        ways = attributes.pop("openings", np.zeros(0))
         added = [from_row(row) for row in attributes.pop("added_bodies", ())]
         floating = attributes.pop("floating", FloatingBodies().state())
         if fluid.shape != own.shape or not np.allclose(fluid, own):
             raise ValueError("box or layers differ from the scene")
         self.particles.check(attributes)
         x, layer = attributes["x"], attributes["layer"]
-        walls = wall_constants(self.size, self.plan.open_top)["walls"]
-        if np.any(x < 0.0) or np.any(x > np.array(walls, np.float32)):
+        reach = ZONE * max(s.spacing for s in self.layers.specs) * bool(self.plan.openings)
+        if np.any(x < -reach) or np.any(x > self.walls + reach):
             raise ValueError("particles outside the box")
         if layer.min() < 0 or layer.max() >= self.layers.count:
             raise ValueError(f"layer index not in 0 to {self.layers.count - 1}")
@@ -291,6 +349,8 @@ class Simulation:
         if not 0.0 <= spilt < math.inf:
             raise ValueError(f"{spilt:g} kg were spilt: must be finite and at least 0")
         self._start(attributes, float(time), int(steps), spilt)
+        if self.plan.openings:
+            self.openings.restore(ways)
         for body in added:
             self._take_body(body)
         self.boundary.restore(float(time), floating)
@@ -305,6 +365,8 @@ class Simulation:
         self.last_step = math.inf
         if self.boundary.count > len(self.plan.bodies):
             self.world.load_bodies(self.plan)
+        self.world.load_openings(self.plan, ())
+        self.world.load_openings(self.plan, self.plan.openings)
         self.boundary.reset(time)
         self.rim.reset(spilt)
         self.solver.reset()

@@ -5,8 +5,10 @@ them when closed, so that the next simulation reuses the compiled kernels.
 """
 
 import gc
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
+
+import numpy as np
 
 from msph.fluid.boundary.beach import Beaches
 from msph.fluid.boundary.body_links import BodyLinks
@@ -14,7 +16,9 @@ from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.collisions import Collisions
 from msph.fluid.boundary.contact import Contact
 from msph.fluid.boundary.gap_pressure import GapPressure
+from msph.fluid.boundary.openings import Opening, Openings
 from msph.fluid.boundary.rim import Rim
+from msph.fluid.boundary.walls import wall_constants
 from msph.fluid.constants import Constants
 from msph.fluid.impulse_ledger import ImpulseLedger
 from msph.fluid.methods import all_attributes
@@ -50,6 +54,7 @@ class World:
         grid = LayeredGrid(room, constants, layers, particles)
         boundary, impulses = Boundary(room, constants, layers), ImpulseLedger()
         removal, contact = Removal(room, particles), Contact(boundary, particles, impulses)
+        neighbours = NeighbourList(room, grid)
         self.parts = Parts(
             room=room,
             constants=constants,
@@ -57,12 +62,13 @@ class World:
             particles=particles,
             removal=removal,
             grid=grid,
-            neighbours=NeighbourList(room, grid),
+            neighbours=neighbours,
             boundary=boundary,
             links=BodyLinks(room, boundary, particles, impulses),
             contact=contact,
             collisions=Collisions(boundary),
             gaps=GapPressure(boundary, grid, contact),
+            openings=Openings(constants, layers, particles, boundary, neighbours, impulses),
             rim=Rim(constants, layers, particles, removal, impulses),
             beaches=Beaches(constants, layers, particles, impulses),
             impulses=impulses,
@@ -87,7 +93,6 @@ class World:
         margin = plan.method.LIST_MARGIN * plan.finest.support
         parts.neighbours.load(plan.entries, margin, plan.method.MIRRORS)
         self.load_bodies(plan)
-        parts.rim.load(plan.open_top)
         parts.beaches.load(plan.beaches)
         solver = self.build_once(_solver, plan.method)
         solver.load(plan.parameters, plan.adaptation)
@@ -99,6 +104,12 @@ class World:
         boundary.load(plan.size, plan.specs, bodies, plan.open_top)
         boundary.constants.bodies[None] = len(bodies)
         self.prepare_bodies()
+
+    def load_openings(self, plan: Plan, openings: Sequence[Opening]) -> None:
+        """Replaces the openings of a scene."""
+        walls = np.array(wall_constants(plan.size, plan.open_top)["walls"])
+        self.parts.openings.load(openings, walls)
+        self.parts.rim.load(plan.open_top or bool(openings))
 
     def prepare_bodies(self) -> None:
         """Prepares links, contacts and gaps for the present bodies."""

@@ -19,9 +19,9 @@ class Entry:
     included, at the positions at `time`. outside: number of particles outside the box or the
     container or in a body, by Contact.leaked. spilt: mass that left an open box since the start; it
     is not part of mass. spilt_momentum and spilt_energy (kinetic and potential) are sums when it
-    left. body_impulse: of the bodies on the water, walls between them included. floating_*: of all
-    floating bodies, which are not part of the other
-    totals.
+    left; outflow_*: the same of water that left through outflows. inflow_*: of water that inflows
+    added, and by prescribed velocities. body_impulse: of the bodies on the water, walls between
+    them included. floating_*: of all floating bodies, which are not part of the other totals.
     """
 
     time: Annotated[float, "s"]
@@ -58,18 +58,26 @@ class Entry:
     spilt: Annotated[float, "kg"]
     spilt_momentum: Annotated[np.ndarray, "kg m/s"]
     spilt_energy: Annotated[float, "J"]
+    inflow_mass: Annotated[float, "kg"]
+    inflow_impulse: Annotated[np.ndarray, "N s"]
+    inflow_work: Annotated[float, "J"]
+    outflow_mass: Annotated[float, "kg"]
+    outflow_momentum: Annotated[np.ndarray, "kg m/s"]
+    outflow_energy: Annotated[float, "J"]
 
     @property
     def work(self) -> float:
-        """External work since the start [J]: by walls, the user and the motion of the box."""
-        return self.wall_work + self.user_work + self.inertia_work + self.tilt_work
+        """External work since the start [J]: by walls, the user, the motion of the box, inflows."""
+        box = self.inertia_work + self.tilt_work
+        return self.wall_work + self.user_work + box + self.inflow_work
 
     @property
     def mechanical(self) -> float:
-        """Kinetic and potential energy [J] of the water, spilt water included, and of floating
+        """Kinetic and potential energy [J] of the water, with the water that left, and of floating
         bodies."""
         floating = self.floating_kinetic + self.floating_potential
-        return self.kinetic + self.potential + self.spilt_energy + floating
+        left = self.spilt_energy + self.outflow_energy
+        return self.kinetic + self.potential + left + floating
 
     @property
     def energy(self) -> float:

@@ -86,6 +86,7 @@ class Ledger:
             solver_residual_max=float(excess.max()),
             outside=int(totals.pop("outside")),
             spilt=sim.rim.mass,
+            outflow_mass=sim.rim.outflow,
             **totals,
         )
         self.entries.append(entry)
@@ -103,11 +104,13 @@ class Ledger:
         return np.maximum(density / rest - 1.0, 0.0)
 
     def mass_change(self) -> float:
-        """Returns the relative change of mass, spilt water included, beside the water that the user
-        added (-)."""
-        first, last = self.entries[0], self.entries[-1]
-        added = last.added_mass - first.added_mass
-        return (last.mass + last.spilt - added) / (first.mass + first.spilt) - 1.0
+        """Returns the relative change of mass, beside the water that left and that the user or
+        inflows added (-)."""
+        first, last = (
+            e.mass + e.spilt + e.outflow_mass - e.added_mass - e.inflow_mass
+            for e in (self.entries[0], self.entries[-1])
+        )
+        return (last - first) / (self.entries[0].mass + self.entries[0].spilt)
 
     def momentum_drift(self) -> float:
         """Returns |sum of internal impulses| over the largest sum m |v| of the run (-)."""
@@ -196,6 +199,6 @@ class Ledger:
 
 
 def _disturbed(before: Entry, after: Entry) -> bool:
-    """Returns True if there was input by walls, the user or the box between two entries."""
-    given = ("gravity", "user_impulse", "inertia_impulse", "wall_work")
+    """Returns True if there was input by walls, the user, the box or inflows between entries."""
+    given = ("gravity", "user_impulse", "inertia_impulse", "wall_work", "inflow_work")
     return not all(np.array_equal(getattr(before, k), getattr(after, k)) for k in given)

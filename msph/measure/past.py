@@ -17,7 +17,8 @@ SUMS = (
     *("internal_impulse", "internal_angular_impulse", "wall_impulse", "body_impulse"),
     *("wall_work", "user_impulse", "user_work", "inertia_impulse", "inertia_work"),
     *("tilt_work", "added_mass", "merge_loss"),
-    *("spilt_momentum", "spilt_energy"),
+    *("spilt_momentum", "spilt_energy", "inflow_mass", "inflow_impulse", "inflow_work"),
+    *("outflow_mass", "outflow_momentum", "outflow_energy"),
 )
 
 # Errors of np.load for a file that is not an archive of arrays, or empty, or truncated.

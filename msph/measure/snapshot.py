@@ -35,11 +35,11 @@ SLOPE_WEIGHT = 1e-4
 
 @dataclass(frozen=True)
 class Snapshot:
-    """Particles at one time [s] as host arrays of length n: x (n, 3) [m], pressure [Pa] or None
-    before the first step, spacing and support [m], v (n, 3) [m/s]; size (3,) [m] of the box, or of
-    the region with an open top; free(points, margin) returns which points (p, 3) [m] are `margin`
-    [m] outside all bodies; bodies: True if there are any; poses: displacement [m] and rotation of
-    each since time zero."""
+    """Particles in the box at one time [s] as host arrays of length n: x (n, 3) [m], pressure [Pa]
+    or None before the first step, spacing and support [m], v (n, 3) [m/s]; size (3,) [m] of the
+    box, or of the region with an open top; free(points, margin) returns which points (p, 3) [m] are
+    `margin` [m] outside all bodies; bodies: True if there are any; poses: displacement [m] and
+    rotation of each since time zero."""
 
     x: np.ndarray
     pressure: np.ndarray | None
@@ -55,16 +55,19 @@ class Snapshot:
     @classmethod
     def of(cls, simulation: Simulation) -> "Snapshot":
         p, specs = simulation.particles, simulation.layers.specs
-        layer, boundary = p.numpy("layer"), simulation.boundary
+        x, boundary = p.numpy("x").astype(float), simulation.boundary
+        # Not in pipes and jets beyond the walls, which the walls must not mirror.
+        inside = np.all((x >= 0.0) & (x <= simulation.walls), axis=1)
+        layer = p.numpy("layer")[inside]
         return cls(
-            p.numpy("x").astype(float),
-            p.numpy("pressure").astype(float) if simulation.steps else None,
+            x[inside],
+            p.numpy("pressure")[inside].astype(float) if simulation.steps else None,
             np.array([s.spacing for s in specs])[layer],
             np.array([s.support for s in specs])[layer],
             simulation.region,
             boundary.free,
             boundary.count > 0,
-            p.numpy("v").astype(float),
+            p.numpy("v")[inside].astype(float),
             simulation.time,
             tuple(boundary.pose(k) for k in range(boundary.count)),
         )

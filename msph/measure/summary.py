@@ -49,7 +49,8 @@ def progress(
     simulation: Simulation, started: list[int], frame_s: float, first_step: int = 0
 ) -> dict[str, Any]:
     """Returns the time and steps of a run that started or resumed at `first_step`, and the numbers
-    of particles per layer at its start and end, and the mass [kg] that left an open box."""
+    of particles per layer at its start and end, and the masses [kg] that left an open box, and that
+    flowed through inflows and outflows."""
     done = simulation.steps - first_step
     return {
         "simulated_s": simulation.time,
@@ -59,6 +60,8 @@ def progress(
         "particles_start": started,
         "particles_end": simulation.counts(),
         "spilt_kg": simulation.rim.mass,
+        "inflow_kg": simulation.world.parts.impulses.inflow_mass.total[None],
+        "outflow_kg": simulation.rim.outflow,
     }
 
 
@@ -104,10 +107,11 @@ def assessment(
     plan = ledger.simulation.plan
     resolved = resolution(plan, mean_depth(scene.gravity, plan, centres))
     lines = account.account({**resolved, **found})
+    waited = ledger.simulation.openings.message()
     return {
         "resolution": resolved,
         "limits": account.limits(lines),
-        "cautions": account.cautions(lines, survey.shortfall(surveys)),
+        "cautions": account.cautions(lines, survey.shortfall(surveys)) + [waited] * bool(waited),
     }
 
 

@@ -23,10 +23,11 @@ TOP_SPEED = 0
 _GIVEN_VECTORS = (
     *("internal_impulse", "internal_angular_impulse"),
     *("wall_impulse", "user_impulse", "inertia_impulse", "spilt_momentum"),
+    *("inflow_impulse", "outflow_momentum"),
 )
 _GIVEN_SCALARS = (
     *("wall_work", "user_work", "inertia_work", "added_mass", "merge_loss"),
-    "spilt_energy",
+    *("spilt_energy", "inflow_mass", "inflow_work", "outflow_energy"),
 )
 
 

@@ -7,9 +7,10 @@ import numpy as np
 
 from msph.fluid.plan import Plan
 from msph.fluid.room import room_for
-from msph.fluid.simulation import NoWaterError, Simulation
+from msph.fluid.simulation import NoWaterError, OpeningError, Simulation
 from msph.scene.bodies import bodies
 from msph.scene.errors import SceneError
+from msph.scene.openings import openings
 from msph.scene.schema import Scene
 from msph.scene.water import capacity, initial_particles, layer_specs
 from msph.scene.wavemakers import beaches
@@ -20,7 +21,7 @@ def build_simulation(scene: Scene, spare: int = 0, room: int = 0) -> Simulation:
     that may be added later, as far as the same class of fields holds them; room: least number of
     particles that it must hold.
 
-    Raises SceneError if the bodies leave no room for water.
+    Raises SceneError if the bodies leave no room for water, an inflow or an outflow.
     """
     try:
         plan = _with_spare(plan_of(scene), spare)
@@ -28,6 +29,10 @@ def build_simulation(scene: Scene, spare: int = 0, room: int = 0) -> Simulation:
     except NoWaterError:
         key = "container" if scene.container else "bodies"
         raise SceneError(scene.title, "no water is left outside the bodies", key) from None
+    except OpeningError as error:
+        k = error.opening - len(scene.inflows)
+        key = f"inflows.{error.opening}" if k < 0 else f"outflows.{k}"
+        raise SceneError(scene.title, str(error), key) from None
 
 
 def _with_spare(plan: Plan, spare: int) -> Plan:
@@ -49,6 +54,7 @@ def plan_of(scene: Scene) -> Plan:
         capacity=capacity(scene, specs),
         restitution=scene.box.restitution,
         open_top=scene.box.open,
+        openings=openings(scene, specs),
         beaches=beaches(scene),
     )
 

@@ -17,6 +17,7 @@ from msph.fluid.simulation import WORD, footprint
 from msph.scene.bodies import check_bodies
 from msph.scene.errors import SceneError, in_metres
 from msph.scene.motion import check_motion
+from msph.scene.openings import check_openings
 from msph.scene.probes import check_probes, probe_cautions
 from msph.scene.schema import LAYER_OPTIONS, Layer, Scene, Water
 from msph.scene.water import TOLERANCE, bounds, capacity, layer_specs, particle_count
@@ -89,6 +90,7 @@ def check(scene: Scene, where: str) -> None:
     _check_layer_options(scene, where)
     _check_adaptation(scene, specs, where)
     solids = check_bodies(scene, min(specs, key=lambda s: s.mass).spacing, where)
+    check_openings(scene, specs, where)
     check_motion(scene, where)
     check_probes(scene, where)
     _check_memory(scene, specs, solids, where)

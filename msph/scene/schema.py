@@ -151,6 +151,39 @@ class Body(Placed):
     )
 
 
+class Opening(Section):
+    """Cross-section of an inflow or outflow: a disc, or a rectangle normal to an axis."""
+
+    centre: Vector | None = parameter(None, unit="m", text="centre of a disc")
+    radius: float | None = parameter(None, gt=0.0, unit="m", text="radius of a disc")
+    lo: Vector | None = parameter(None, unit="m", text="lower corner of a rectangle")
+    hi: Vector | None = parameter(None, unit="m", text="upper corner of a rectangle")
+    direction: Vector | None = parameter(
+        None, text="direction of the flow; default: through the wall on which it lies, or down"
+    )
+    speed: Timed | None = parameter(
+        None, unit="m/s", text="speed: a number, or an expression of the time t [s]"
+    )
+    rate: Timed | None = parameter(
+        None, unit="L/s", text="flow, instead of the speed: a number or an expression of t"
+    )
+
+
+class Inflow(Opening):
+    """An inflow: water that enters at a speed or rate, such as a tap, a jet or a spring."""
+
+    layer: int | None = parameter(
+        None, ge=0, text="layer of the new particles; default: by the depth at the start"
+    )
+
+
+class Outflow(Opening):
+    """An outflow: a hole in a wall, or a cross-section in the box that removes water.
+
+    With a speed or rate that is prescribed, otherwise water leaves freely.
+    """
+
+
 class WaveMaker(Section):
     """A wave maker over the whole cross-section of the box at an end, and a beach opposite."""
 
@@ -387,6 +420,8 @@ class Scene(Section):
     layers: list[Layer] = parameter(min_length=1, max_length=16, text="particle sizes")
     water: list[Water] = parameter(min_length=1, text="volumes of water")
     bodies: list[Body] = parameter(list, max_length=64, text="fixed, moving and floating bodies")
+    inflows: list[Inflow] = parameter(list, max_length=8, text="inflows")
+    outflows: list[Outflow] = parameter(list, max_length=8, text="outflows")
     container: Container | None = parameter(
         None, text="closed mesh around the water; the box must enclose it"
     )

@@ -7,6 +7,7 @@ import numpy as np
 from msph.fluid.adaptivity.bands import with_exact_ratios
 from msph.fluid.methods import METHODS
 from msph.fluid.particles.layers import LayerSpec
+from msph.scene.openings import inflow_volumes
 from msph.scene.schema import Scene, Water
 
 # Least default capacity [particles] of a scene with adaptation, if it could need as many.
@@ -118,14 +119,17 @@ def _ball(water: Water, spec: LayerSpec) -> np.ndarray:
 
 def capacity(scene: Scene, specs: list[LayerSpec]) -> int:
     """Returns the largest number of particles that the simulation can hold."""
-    counts = [particle_count(w, specs[w.layer]) for w in scene.water]
+    counts = [(w.layer, particle_count(w, specs[w.layer])) for w in scene.water]
+    for layer, entering in inflow_volumes(scene, specs):
+        counts.append((layer, math.ceil(entering / specs[layer].volume)))
+    total = sum(n for _, n in counts)
     if not scene.adaptation.enabled:
-        return sum(counts)
+        return total
     if scene.adaptation.capacity:
         return scene.adaptation.capacity
-    filled = sum(n * specs[w.layer].volume for n, w in zip(counts, scene.water, strict=True))
+    filled = sum(n * specs[layer].volume for layer, n in counts)
     finest = math.ceil(filled / min(s.volume for s in specs))
-    return min(finest, max(MIN_ADAPTIVE_CAPACITY, 2 * sum(counts)))
+    return min(finest, max(MIN_ADAPTIVE_CAPACITY, 2 * total))
 
 
 def initial_particles(scene: Scene, specs: list[LayerSpec]) -> dict[str, np.ndarray]:

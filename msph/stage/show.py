@@ -207,6 +207,8 @@ class Show:
         if not controls.still:
             with self._stage("fluid"):
                 self.simulated = self._advance(controls, external)
+                if self.simulation.openings.waiting:
+                    self.note = self.simulation.openings.message() or ""
             if self.simulated > 0.0:
                 self._place()
                 self.ledger.record(external.gravity)

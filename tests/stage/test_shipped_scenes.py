@@ -222,6 +222,29 @@ def its_bodies_float_by_their_densities(seen):
     assert floating.turn[0, 1, 1] > 0.9
 
 
+def keeps_its_water_and_rises_by_its_speed(seen):
+    """The drain takes what the jet brings; the jet, which leaves the floor under the pressure of
+    the water, rises v^2/(2 g) above its level."""
+    mass, depth = seen.m.sum(), seen.depth()
+    seen.run(round(2.0 / FRAME))
+    assert seen.m.sum() == pytest.approx(mass, rel=0.02)
+    assert seen.ledger.mass_change() == pytest.approx(0.0, abs=1e-6)
+    speed = seen.simulation.openings.speeds[0]
+    over = np.linalg.norm(seen.x[:, [0, 2]] - 0.4, axis=1) < 0.1
+    assert np.percentile(seen.x[over, 1], 95) == pytest.approx(
+        depth + speed**2 / (2.0 * G), rel=0.15
+    )
+
+
+def makes_its_basins_level(seen):
+    seen.run(round(6.0 / FRAME))
+    x = seen.x[seen.x[:, 1] > 0.0]
+    levels = [2.0 * x[side, 1].mean() for side in (x[:, 0] < 0.7, x[:, 0] > 0.7)]
+    assert levels == pytest.approx([0.24, 0.24], rel=0.03)
+    rates = [seen.simulation.rim.outflow, seen.ledger.entries[-1].inflow_mass]
+    assert rates == pytest.approx([17.92, 17.92], abs=1.0)
+
+
 def follows_the_roll(seen):
     """The water moves with the period of the roll, farther than it would on a tilted floor."""
     scene, period = load_scene("rolled"), 98
@@ -260,7 +283,9 @@ FACTS = {
     "deep": has_the_weight_of_its_water_on_the_floor,
     "drop": its_ball_falls_freely,
     "duck": its_bodies_float_by_their_densities,
+    "fountain": keeps_its_water_and_rises_by_its_speed,
     "honey": loses_the_energy_of_its_fall,
+    "lock": makes_its_basins_level,
     "paddle": gains_no_more_energy_than_its_plate_works,
     "pillar": its_water_divides_round_the_pillar,
     "pool": runs_to_the_lower_side,

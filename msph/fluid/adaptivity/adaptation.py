@@ -228,7 +228,8 @@ class Adaptation:
             above = depth < top * (1.0 - rise) and self.finer[layer] >= 0
             below = depth > bottom * (1.0 + hysteresis) and self.coarser[layer] >= 0
             mark = ti.select(above, -1, ti.select(below, 1, 0))
-            self.particles.mark[i] = ti.select(waiting > 0, 0, mark)
+            held = waiting > 0 or self.particles.prescribed[i] > 0
+            self.particles.mark[i] = ti.select(held, 0, mark)
 
     @kernel
     def find_partners(self, n: ti.i32):

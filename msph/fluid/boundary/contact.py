@@ -171,7 +171,7 @@ class Contact:
         found = 0
         for i in range(n):
             x = self.particles.x[i]
-            leaked = (x < 0.0).any() or (x > self.constants.walls[None]).any()
+            leaked = self.walls.apertures.beyond(x) != 0 and not self.walls.apertures.holds(x)
             if ti.static(bodies):
                 leaked |= self.boundary.clearance(x, END) < -self.constants.leak[None]
             found += ti.cast(leaked, ti.i32)

@@ -1,8 +1,9 @@
-"""Water that leaves an open box: it is spilt.
+"""Water that leaves the box: it is spilt over the rim of an open box, or leaves through an outflow.
 
-After each step, particles beyond a side wall, which they can only pass above the rim, and particles
-above the ceiling are removed. Their mass, momentum and energy are recorded, and they fall on as
-drops that are only drawn.
+After each step, particles beyond a wall, which they can only pass above the rim or through an
+opening, are removed, except from pipes and from jets near holes; and so are particles above the
+ceiling or where an outflow in the box removes them. Their mass, momentum and energy are recorded,
+and outside the box they fall on as drops that are only drawn.
 """
 
 import numpy as np
@@ -32,7 +33,8 @@ class AllSpiltError(MsphError):
 
 @data_oriented
 class Rim:
-    """Removes spilt particles. mass [kg]: spilt since the start. drops (MOST_DROPS,): x [m], v
+    """Removes particles that leave the box. mass [kg]: spilt since the start; outflow [kg]: left
+    through outflows. drops (MOST_DROPS,): x [m], v
     [m/s], radius [m] and the remaining life [s] of the drops that they become, 0: none."""
 
     def __init__(
@@ -46,46 +48,55 @@ class Rim:
         self.constants, self.layers, self.particles = constants, layers, particles
         self.walls, self.removal, self.impulses = Walls(constants), removal, impulses
         self.drops = DeviceTable((MOST_DROPS,), x=vec3, v=vec3, radius=f32, life=f32)
-        self.spilt = ti.field(ti.i32, shape=MAX_LAYERS)  # particles since the reset
+        self.apertures = self.walls.apertures
+        # Particles since the reset, spilt and through outflows.
+        self.left = ti.field(ti.i32, shape=(2, MAX_LAYERS))
         self.added = ti.field(ti.i32, shape=())  # drops since the reset
-        self.open, self.mass, self._counted = False, 0.0, np.zeros(MAX_LAYERS, int)
+        self.open, self.mass, self.outflow = False, 0.0, 0.0
+        self._counted = np.zeros((2, MAX_LAYERS), int)
 
-    def load(self, open_top: bool) -> None:
-        """Compiles the kernels for a scene with an open top: launched without particles."""
-        self.open = open_top
-        if open_top:
+    def load(self, is_open: bool) -> None:
+        """Compiles the kernels for a scene with an open top or openings: launched without
+        particles."""
+        self.open = is_open
+        if is_open:
             self._mark(0)
+            self._take(np.zeros(0, np.int32))
             self._hand_over(0, vec3(0.0))
             self._fall(0.0, vec3(0.0))
             self.removal.compile()
 
     def reset(self, mass: float = 0.0) -> None:
         """Removes all drops. mass [kg]: spilt before."""
-        self.mass, self._counted = mass, np.zeros(MAX_LAYERS, int)
+        self.mass, self.outflow, self._counted = mass, 0.0, np.zeros((2, MAX_LAYERS), int)
         if self.open:
             self.drops.fill()
-            self.spilt.fill(0)
+            self.left.fill(0)
             self.added[None] = 0
 
-    def spill(self, gravity: tuple[float, float, float]) -> bool:
-        """Removes the particles outside the box, under gravity [m/s^2]; returns True if there are
-        any. Grid and neighbour list become invalid. Raises AllSpiltError if none is left."""
+    def spill(self, gravity: tuple[float, float, float], taken: np.ndarray) -> bool:
+        """Removes the particles outside the box, and those of the indices `taken` (k,), under
+        gravity [m/s^2]; returns True if there are any. Grid and neighbour list become invalid.
+        Raises AllSpiltError if none is left."""
         n = self.particles.count
-        if not self.open or self._mark(n) == 0:
+        if not self.open or (self._mark(n) == 0 and len(taken) == 0):
             return False
+        if len(taken):
+            self._take(taken)
         self._hand_over(n, vec3(gravity))
         self.removal.run(n)
-        counts = self.spilt.to_numpy()
-        for spec, more in zip(self.layers.specs, counts - self._counted, strict=False):
-            self.mass += spec.mass * float(more)
+        counts = self.left.to_numpy()
+        masses = np.array([spec.mass for spec in self.layers.specs])
+        spilt, drained = (counts - self._counted)[:, : len(masses)] @ masses
+        self.mass, self.outflow = self.mass + float(spilt), self.outflow + float(drained)
         self._counted = counts
         if self.particles.count == 0:
-            raise AllSpiltError("all water has left the open box")
+            raise AllSpiltError("all water has left the box")
         return True
 
     def fall(self, dt: float, gravity: tuple[float, float, float]) -> None:
         """Moves the drops by dt [s] under gravity [m/s^2]."""
-        if self.open and self.mass > 0.0:
+        if self.open and self.mass + self.outflow > 0.0:
             self._fall(dt, vec3(gravity))
 
     @kernel
@@ -94,10 +105,16 @@ class Rim:
         found = 0
         for i in range(n):
             x = self.particles.x[i]
-            out = self.walls.is_outside(x) or x.y > self.constants.ceiling[None]
+            out = self.apertures.beyond(x) != 0 and not self.apertures.holds(x)
+            out = out or self.apertures.removes(x) or x.y > self.constants.ceiling[None]
             self.particles.alive[i] = ti.select(out, 0, 1)
             found += ti.cast(out, ti.i32)
         return found
+
+    @kernel
+    def _take(self, taken: ti.types.ndarray(dtype=ti.i32, ndim=1)):
+        for k in range(taken.shape[0]):
+            self.particles.alive[taken[k]] = 0
 
     @kernel
     def _hand_over(self, n: ti.i32, gravity: vec3):
@@ -107,12 +124,19 @@ class Rim:
             if p.alive[i] == 0:
                 layer, x, v = p.layer[i], p.x[i], p.v[i]
                 m = self.layers.mass[layer]
-                self.spilt[layer] += 1
-                self.impulses.spilt_momentum.add(i, m * v)
-                self.impulses.spilt_energy.add(i, m * (0.5 * v.norm_sqr() - gravity.dot(x)))
-                at = ti.atomic_add(self.added[None], 1) % MOST_DROPS
-                self.drops.x[at], self.drops.v[at], self.drops.life[at] = x, v, LIFE
-                self.drops.radius[at] = SPHERE_RADIUS * self.layers.spacing[layer]
+                energy = m * (0.5 * v.norm_sqr() - gravity.dot(x))
+                if self.apertures.leaves_by_opening(x):
+                    self.left[1, layer] += 1
+                    self.impulses.outflow_momentum.add(i, m * v)
+                    self.impulses.outflow_energy.add(i, energy)
+                else:
+                    self.left[0, layer] += 1
+                    self.impulses.spilt_momentum.add(i, m * v)
+                    self.impulses.spilt_energy.add(i, energy)
+                if self.apertures.beyond(x) != 0 or x.y > self.constants.ceiling[None]:
+                    at = ti.atomic_add(self.added[None], 1) % MOST_DROPS
+                    self.drops.x[at], self.drops.v[at], self.drops.life[at] = x, v, LIFE
+                    self.drops.radius[at] = SPHERE_RADIUS * self.layers.spacing[layer]
 
     @kernel
     def _fall(self, dt: ti.f32, gravity: vec3):

@@ -8,6 +8,7 @@ from typing import Any
 
 import taichi as ti
 
+from msph.fluid.boundary.apertures import Apertures
 from msph.fluid.constants import Constants
 from msph.taichi_internals import data_oriented
 
@@ -41,10 +42,11 @@ def wall_constants(size: Size, open_top: bool) -> dict[str, Any]:
 
 @data_oriented
 class Walls:
-    """Walls at the coordinates 0 and `walls` [m]; side walls end at the height `rim` [m]."""
+    """Walls at the coordinates 0 and `walls` [m]; side walls end at the height `rim` [m]. Walls are
+    open at inflows and outflows (openings.py)."""
 
     def __init__(self, constants: Constants):
-        self.constants = constants
+        self.constants, self.apertures = constants, Apertures(constants)
 
     @ti.func
     def confined(self, start, end, margin):
@@ -53,6 +55,11 @@ class Walls:
         lo, hi = vec3(margin), self.constants.walls[None] - margin
         if end.y > self.constants.rim[None] or self.is_outside(start):
             lo, hi = vec3(-NO_WALL, margin, -NO_WALL), vec3(NO_WALL)
+        if self.constants.opening_count[None] > 0:
+            passed = self.apertures.passable(end) | self.apertures.beyond(start)
+            for k in ti.static(range(3)):
+                lo[k] = ti.select((passed >> k) & 1 == 1, -NO_WALL, lo[k])
+                hi[k] = ti.select((passed >> (k + 3)) & 1 == 1, NO_WALL, hi[k])
         return ti.math.clamp(end, lo, hi)
 
     @ti.func

@@ -133,8 +133,8 @@ class LayeredGrid:
         # fields.
         g, r = x * self.per_support[layer], reach * self.per_support[layer]
         dims = self.dims[layer]
-        # The top slab contains all particles above it.
-        g[1] = ti.min(g[1], ti.cast(dims[1], ti.f32))
+        # The top slab contains all particles above it, the lowest one those below a hole.
+        g[1] = ti.math.clamp(g[1], 0.0, ti.cast(dims[1], ti.f32))
         # Clamped: a position that is not finite must not index memory.
         lo = ti.max(ti.min(ti.floor(g[1] - r, ti.i32), dims[1] - 1), self.lowest[layer])
         hi = ti.min(ti.max(ti.floor(g[1] + r, ti.i32), 0), self.highest[layer])

@@ -9,6 +9,7 @@ the pressure force (docs/method.md, "Walls and bodies").
 
 import taichi as ti
 
+from msph.fluid.boundary.apertures import Apertures
 from msph.fluid.constants import Constants
 from msph.taichi_internals import data_oriented
 
@@ -30,6 +31,7 @@ class MirrorImages:
 
     def __init__(self, constants: Constants):
         self.walls, self.rim = constants.walls, constants.rim  # [m]
+        self.apertures = Apertures(constants)
 
     @ti.func
     def walls_near(self, x, reach):

@@ -79,6 +79,7 @@ class NeighbourList:
         self.index = ti.field(ti.i32, shape=room.entries)
         self.reserved = ti.field(ti.i32, shape=())  # entries of the pool that threads have room in
         self.searches = 0
+        self.opened = False  # walls have openings
         self.load(0, 0.0, True)
 
     def load(self, entries: int, margin: float, mirrored: bool) -> None:
@@ -100,7 +101,7 @@ class NeighbourList:
 
     def find(self) -> None:
         """Searches in a fresh grid. Raises NeighbourOverflowError if the list is full."""
-        if self._find(self.particles.count, self.mirrored) > self.entries:
+        if self._find(self.particles.count, self.mirrored, self.opened) > self.entries:
             raise NeighbourOverflowError(
                 f"the neighbours of {self.particles.count:,} particles do not fit in a list of "
                 f"{self.entries:,}: the water has collapsed"
@@ -135,8 +136,9 @@ class NeighbourList:
         return j, mirror, wall
 
     @kernel
-    def _find(self, n: ti.i32, mirrored: ti.template()) -> ti.i32:
-        """Returns the number of reserved entries, more than `entries` if the pool is full."""
+    def _find(self, n: ti.i32, mirrored: ti.template(), opened: ti.template()) -> ti.i32:
+        """Returns the number of reserved entries, more than `entries` if the pool is full. opened:
+        walls have openings."""
         self.reserved[None] = 0
         # One iteration per particle: the CPU runtime runs loops below 512 iterations on one thread.
         for begin in range(n):
@@ -155,7 +157,7 @@ class NeighbourList:
                     self._remove_self(search)
                     search.inner = search.place - search.first
                     if ti.static(mirrored):
-                        self._add_images(search)
+                        self._add_images(search, opened)
                         self.mirrors[i] = search.first + search.inner
                     self.start[i], self.end[i] = search.first, search.place
         return self.reserved[None]
@@ -189,11 +191,13 @@ class NeighbourList:
             search.limit = begin + wanted
 
     @ti.func
-    def _add_images(self, search: ti.template()):
+    def _add_images(self, search: ti.template(), opened: ti.template()):
         """Adds the mirror images within reach of the particle and its neighbours, branch-free."""
         i, x, inner = search.i, search.x, search.inner
         layer = self.particles.layer[i]
         near = self.images.walls_near(x, self.max_reach[layer])
+        if ti.static(opened):
+            near &= ~self.images.apertures.beyond(x)
         for way in range(1, self.images.combinations(near)):
             if self._make_room(inner + 1, search):
                 mirrors = self.images.combination(way, near)
@@ -201,7 +205,10 @@ class NeighbourList:
                 first, place = search.first, search.place
                 own = self.images.offset(x, x, mirror, wall).norm_sqr()
                 self.index[place] = self.images.entry(i, mirrors)
-                place += ti.select(own < self.reaches[layer, layer] ** 2, 1, 0)
+                own_near = own < self.reaches[layer, layer] ** 2
+                if ti.static(opened):
+                    own_near = own_near and self.images.apertures.visible(x, x, mirrors)
+                place += ti.select(own_near, 1, 0)
                 for s in range(first, first + inner):
                     j = self.index[s]
                     reach = self.reaches[layer, self.particles.layer[j]]
@@ -209,7 +216,10 @@ class NeighbourList:
                     near_j = self.images.offset(x, x_j, mirror, wall).norm_sqr() < reach * reach
                     self.index[place] = self.images.entry(j, mirrors)
                     # As for i: forces between two particles must be equal and opposite.
-                    place += ti.select(near_j and self.images.is_mirrored(x_j), 1, 0)
+                    mutual = near_j and self.images.is_mirrored(x_j)
+                    if ti.static(opened):
+                        mutual = mutual and self.images.apertures.visible(x, x_j, mirrors)
+                    place += ti.select(mutual, 1, 0)
                 search.place = place
 
     @ti.func

@@ -66,6 +66,7 @@ class Particles:
     layer: Any
     id: Any
     alive: Any
+    prescribed: Any
 
     def __init__(self, room: int, attributes: tuple[Attribute, ...]):
         self.capacity = self.room = room
@@ -119,6 +120,36 @@ class Particles:
         self.fill(
             **{name: np.concatenate([a, new[name].astype(a.dtype)]) for name, a in old.items()}
         )
+
+    def extend(self, x: np.ndarray, v: np.ndarray, layer: int, opening: int) -> None:
+        """Adds particles of a layer at x [m] with velocities v [m/s], (n, 3), in the zone of an
+        opening; their other attributes are zero, except new ids."""
+        first = int(self.numpy("id").max(initial=-1)) + 1
+        vectors = [np.ascontiguousarray(a, np.float32) for a in (x, v)]
+        self._extend(*vectors, layer, first, opening, self.count)
+        self.count += len(x)
+
+    @kernel
+    def _extend(
+        self,
+        x: ti.types.ndarray(dtype=ti.f32, ndim=2),
+        v: ti.types.ndarray(dtype=ti.f32, ndim=2),
+        layer: ti.i32,
+        first: ti.i32,
+        opening: ti.i32,
+        n: ti.i32,
+    ):
+        for k in range(x.shape[0]):
+            i = n + k
+            for field in ti.static(self._vectors):
+                field[i] = 0
+            for field in ti.static(self._numbers):
+                field[i] = 0
+            for field in ti.static(self._integers):
+                field[i] = 0
+            self.layer[i], self.id[i], self.prescribed[i] = layer, first + k, opening
+            for axis in ti.static(range(3)):
+                self.x[i][axis], self.v[i][axis] = x[k, axis], v[k, axis]
 
     def _tables(self, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Returns zeroed tables for the vectors, scalars and integers of n particles."""

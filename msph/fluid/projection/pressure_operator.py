@@ -31,11 +31,12 @@ class PressureOperator:
 
     @ti.func
     def displacement(self, i, q: ti.template()):
-        """Returns u_i = -(q_i g_i + sum V_j q_j grad W_ij) [m]."""
+        """Returns u_i = -(q_i g_i + sum V_j q_j grad W_ij) [m], 0 where an opening prescribes the
+        velocity."""
         u = -q[i] * self.particles.gradient[i]
         for s in range(self.neighbours.start[i], self.neighbours.end[i]):
             u -= q[self.images.neighbour(self.neighbours.index[s])] * self.pair_gradient[s]
-        return u
+        return ti.select(self.particles.prescribed[i] > 0, 0.0, 1.0) * u
 
     @ti.func
     def wall_displacement(self, i, q: ti.template()):

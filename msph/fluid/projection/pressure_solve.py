@@ -35,6 +35,9 @@ ATTRIBUTES = (
 GAP_DEFICIT = 0.003
 # Limits (-) of the factor that scales the initial guess.
 MIN_START_SCALE, MAX_START_SCALE = 0.5, 2.0
+# Diagonal over the one of a particle that moves (-) below which a particle of prescribed velocity
+# has no multiplier.
+MIN_HELD_DIAGONAL = 0.1
 # Smallest displacement in the scale of the tolerance, in spacings: keeps the tolerance above zero.
 MIN_DISPLACEMENT = 1e-5
 
@@ -54,7 +57,8 @@ class PressureSolve:
         p = shared.particles
         self.constants, self.layers, self.particles = shared.constants, shared.layers, p
         self.boundary, self.impulses = shared.boundary, shared.impulses
-        self.links, self.contact = shared.links, shared.contact
+        self.links, self.contact, self.openings = shared.links, shared.contact, shared.openings
+        self.neighbours, self.pair_gradient = shared.neighbours, shared.density.pair_gradient
         self.density, self.operator = shared.density, shared.operator
         self.conjugate_gradient = ConjugateGradient(
             shared, shared.operator, p.residual, p.direction, diagonal=p.diagonal, active=p.active
@@ -81,7 +85,9 @@ class PressureSolve:
             share = ti.max(dt / self.constants.release[None], -c / GAP_DEFICIT)
             removed = ti.min(share, 1.0) * c
             # Halves of a split are crowded until the position correction has moved them apart.
-            removed = ti.select(p.settling[i] > 0 and c > 0.0, 0.0, removed)
+            # Where velocities are prescribed, no multiplier could lower an excess.
+            held = p.settling[i] > 0 or p.prescribed[i] > 0
+            removed = ti.select(held and c > 0.0, 0.0, removed)
             p.rhs[i] = dt * rate + removed
             last = p.pressure_multiplier[i]
             start = 0.5 * (last + p.previous_multiplier[i])
@@ -105,12 +111,32 @@ class PressureSolve:
         """
         n = self.particles.count
         self.links.add_to_diagonal()
+        if self.openings.all:
+            self._hold(n)
         return self.conjugate_gradient.solve(
             self.particles.velocity_multiplier,
             tolerance,
             max_iterations,
             lambda: self.start_round(n, dt, motion_weight),
         )
+
+    @kernel
+    def _hold(self, n: ti.i32):
+        """Excludes particles of prescribed velocity that hardly reach moving ones: multipliers do
+        not displace them, and theirs would be large and converge slowly.
+
+        The diagonal of such a row is V_i sum V_j |grad W_ij|^2 over the neighbours that move.
+        """
+        p = self.particles
+        for i in range(n):
+            if p.prescribed[i] > 0:
+                volume, found = self.layers.volume[p.layer[i]], 0.0
+                for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
+                    j = self.neighbours.index[s]
+                    square = self.layers.per_volume[p.layer[j]] * self.pair_gradient[s].norm_sqr()
+                    found += ti.select(p.prescribed[j] > 0, 0.0, volume * square)
+                if found < MIN_HELD_DIAGONAL * p.diagonal[i]:
+                    p.rhs[i], p.velocity_multiplier[i] = -1.0, 0.0
 
     @kernel
     def start_round(self, n: ti.i32, dt: ti.f32, motion_weight: ti.f32):

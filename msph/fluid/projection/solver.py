@@ -13,7 +13,7 @@ import taichi as ti
 from msph.fluid.adaptivity.adaptation import ATTRIBUTES as ADAPTATION_ATTRIBUTES
 from msph.fluid.adaptivity.adaptation import Adaptation, band_rows
 from msph.fluid.adaptivity.bands import AdaptationParameters
-from msph.fluid.boundary import contact
+from msph.fluid.boundary import contact, openings
 from msph.fluid.external_forces import NO_HAND, ExternalForces
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.particles.particles import Attribute
@@ -44,6 +44,7 @@ FIRST_STEP_FACTOR = 0.1
 ATTRIBUTES = (
     *density.ATTRIBUTES,
     *contact.ATTRIBUTES,
+    *openings.ATTRIBUTES,
     *pressure_operator.ATTRIBUTES,
     *pressure_solve.ATTRIBUTES,
     *position_correction.ATTRIBUTES,
@@ -59,7 +60,7 @@ class Projection:
 
     NAME = "projection"
     PARAMETERS = ProjectionParameters
-    ADAPTS, HAS_BODIES = True, True
+    ADAPTS, HAS_BODIES, HAS_OPENINGS = True, True, True
     LAYER_OPTIONS: tuple[str, ...] = ()
     # At 2.45 both errors are small: narrower kernels resist shear, which makes waves too fast;
     # wider kernels smooth waves, which makes them too slow (docs/method.md, "Density").
@@ -76,7 +77,7 @@ class Projection:
         self.constants, self.boundary, self.contact = parts.constants, parts.boundary, parts.contact
         self.layers, self.grid, self.particles = parts.layers, parts.grid, parts.particles
         self.neighbours, self.impulses = parts.neighbours, parts.impulses
-        self.collisions, self.gaps = parts.collisions, parts.gaps
+        self.collisions, self.gaps, self.openings = parts.collisions, parts.gaps, parts.openings
         self.beaches = parts.beaches
         self.density = Density(parts)
         operator = PressureOperator(parts, self.density.pair_gradient)
@@ -210,6 +211,7 @@ class Projection:
         rate = max(
             self.max_rate,
             self.boundary.top_speed / distance,
+            self.openings.top_speed / distance,
             1.0 / external.hand.longest_step(distance),
         )
         bounds = {force.LIMITED_BY: force.longest_step for force in self.forces if force.LIMITED_BY}
@@ -245,10 +247,12 @@ class Projection:
         if self.adaptation and self.adaptation.pass_due():
             with stage("adaptation"):
                 self.neighbours.refresh()
+                self.openings.mark()
                 self.adaptation.run()  # x, list -> number, order, and all attributes of particles
                 self.particles_moved()
         with stage("neighbours"):
             self.neighbours.refresh()  # x, layer -> order of particles, neighbour list
+            self.openings.mark()  # x -> particles of prescribed velocity
             # poses, last pressures -> v of floating bodies
             self.gaps.push(dt, external)
         with stage("density"):
@@ -276,6 +280,7 @@ class Projection:
             self.boundary.redo(0.5 * dt)  # v of floating bodies -> poses at t + dt
         with stage("drift"):
             self.position_correction.apply()  # displacements, x, v -> x, v, relative speeds
+            self.openings.prescribe()  # speeds of inflows and outflows -> v in their zones
             motion_rate, distance = self._motion_bounds(self.particles.count, dt)
             self.max_rate = max(pressure_rate, motion_rate)  # bounds the next step
             if self.adaptation:

@@ -1,0 +1,183 @@
+"""Building and checking the inflows and outflows of a scene."""
+
+import math
+
+import numpy as np
+
+from msph.expressions import ExpressionError, OverTime
+from msph.fluid.adaptivity.bands import bands
+from msph.fluid.boundary.openings import ZONE, Opening
+from msph.fluid.boundary.walls import wall_constants
+from msph.fluid.methods import METHODS, methods_with
+from msph.fluid.particles.layers import LayerSpec
+from msph.scene import schema
+from msph.scene.errors import SceneError
+from msph.scene.schema import Scene
+
+# Litres per cubic metre.
+LITRES = 1000.0
+# Number of times over the duration at which expressions are checked and flows are added up.
+TRIALS = 500
+
+
+def openings(scene: Scene, specs: list[LayerSpec]) -> list[Opening]:
+    """Returns the openings of a checked scene, inflows first."""
+    return [opening(scene, given, specs) for given in (*scene.inflows, *scene.outflows)]
+
+
+def opening(scene: Scene, given: schema.Opening, specs: list[LayerSpec]) -> Opening:
+    """Returns the opening of a checked table of a scene."""
+    centre, half, edges = shape(given)
+    enters = isinstance(given, schema.Inflow)
+    layer = given.layer if isinstance(given, schema.Inflow) else None
+    if layer is None:
+        layer = layer_at(scene, centre, specs)
+    made = Opening(
+        centre=centre,
+        direction=direction(scene, given, centre, specs[layer].spacing),
+        half=half,
+        enters=enters,
+        edges=edges,
+        layer=layer,
+        speed=None,
+    )
+    flow = given.speed if given.rate is None else given.rate
+    if flow is None:
+        return made
+    found, share = OverTime(flow), 1.0 if given.rate is None else 1.0 / (LITRES * made.area)
+    return Opening(**{**vars(made), "speed": lambda time: share * found(time)})
+
+
+def shape(given: schema.Opening) -> tuple[np.ndarray, tuple[float, float], np.ndarray | None]:
+    """Returns centre [m], half extents [m] and edges of the cross-section; see Opening."""
+    if given.radius is not None:
+        return np.array(given.centre, float), (given.radius, given.radius), None
+    lo, hi = np.array(given.lo, float), np.array(given.hi, float)
+    a, b = np.flatnonzero(hi > lo)
+    half = 0.5 * (hi - lo)
+    return 0.5 * (lo + hi), (float(half[a]), float(half[b])), np.eye(3)[[a, b]]
+
+
+def direction(
+    scene: Scene, given: schema.Opening, centre: np.ndarray, spacing: float
+) -> np.ndarray:
+    """Returns the direction (3,) of the flow; by default through the wall next to the centre,
+    otherwise normal to a rectangle, and down."""
+    if given.direction is not None:
+        return np.array(given.direction, float)
+    enters = isinstance(given, schema.Inflow)
+    for inwards in (*np.eye(3), *-np.eye(3)):
+        way = inwards if enters else -inwards
+        made = Opening(centre, way, (spacing, spacing), enters)
+        flat = given.radius is not None or not np.any(np.abs(shape(given)[2] @ way))  # type: ignore[operator]
+        if flat and made.wall(walls(scene), spacing):
+            return way
+    return np.array([0.0, -1.0, 0.0])
+
+
+def walls(scene: Scene) -> np.ndarray:
+    """Returns the coordinates (3,) [m] of the far walls."""
+    return np.array(wall_constants(scene.box.size, scene.box.open)["walls"])
+
+
+def layer_at(scene: Scene, x: np.ndarray, specs: list[LayerSpec]) -> int:
+    """Returns the layer of the depth of x [m] below the boxes of water at the start; without
+    adaptation the layer of the first water."""
+    if not scene.adaptation.enabled:
+        return scene.water[0].layer
+    tops = [
+        w.hi[1] - x[1]
+        for w in scene.water
+        if w.lo and w.hi and all(w.lo[k] <= x[k] <= w.hi[k] for k in (0, 2))
+    ]
+    depth = max([0.0, *tops])
+    found = bands(specs, scene.adaptation.band)
+    return next(k for k, (top, bottom) in enumerate(found) if top <= depth < bottom)
+
+
+def inflow_volumes(scene: Scene, specs: list[LayerSpec]) -> list[tuple[int, float]]:
+    """Returns layer and volume [m^3] of the water that each inflow adds within the duration, its
+    pipe included, together at most the volume of the box."""
+    times = np.linspace(0.0, scene.duration, TRIALS)
+    found = []
+    for each in openings(scene, specs):
+        if each.enters and each.speed is not None:
+            way = float(np.trapezoid([each.speed(t) for t in times.tolist()], times))
+            way += (ZONE + 1.0) * specs[each.layer].spacing
+            found.append((each.layer, each.area * way))
+    box = math.prod(scene.box.size)
+    share = min(1.0, box / max(sum(v for _, v in found), box))
+    return [(layer, share * volume) for layer, volume in found]
+
+
+def check_openings(scene: Scene, specs: list[LayerSpec], where: str) -> None:
+    """Raises SceneError for an inflow or outflow that cannot be built."""
+    tables: list[tuple[str, schema.Opening]] = []
+    tables += [(f"inflows.{k}", each) for k, each in enumerate(scene.inflows)]
+    tables += [(f"outflows.{k}", each) for k, each in enumerate(scene.outflows)]
+    if tables and not METHODS[scene.method].HAS_OPENINGS:
+        able = methods_with("HAS_OPENINGS")
+        text = f"the method {scene.method} has no inflows and outflows; {able} has"
+        raise SceneError(where, text, tables[0][0].split(".")[0])
+    for key, given in tables:
+        _check_shape(given, where, key)
+        _check_flow(scene, given, where, key)
+        layer = given.layer if isinstance(given, schema.Inflow) else None
+        if layer is not None and layer >= len(specs):
+            raise SceneError(
+                where,
+                f"must be a layer's index from 0 to {len(specs) - 1} (got {layer})",
+                f"{key}.layer",
+            )
+        if given.direction is not None and not any(given.direction):
+            raise SceneError(where, "has no direction", f"{key}.direction")
+        made = opening(scene, given, specs)
+        across = made.edges
+        if across is not None and np.abs(across @ made.along).max() > 1e-6:
+            raise SceneError(where, "must be normal to the rectangle", f"{key}.direction")
+        problem = made.problem(walls(scene), specs[made.layer].spacing)
+        if problem:
+            raise SceneError(where, problem, key)
+        if scene.container is not None and made.wall(walls(scene), specs[made.layer].spacing):
+            raise SceneError(where, "lies on a wall of the box, outside the container", key)
+
+
+def _check_shape(given: schema.Opening, where: str, key: str) -> None:
+    disc, rectangle = (given.centre, given.radius), (given.lo, given.hi)
+    found = [s for s in (disc, rectangle) if any(part is not None for part in s)]
+    if len(found) != 1 or any(part is None for part in found[0]):
+        raise SceneError(where, "give either centre and radius, or lo and hi", key)
+    if given.lo is not None and given.hi is not None:
+        edges = np.array(given.hi) - np.array(given.lo)
+        if np.any(edges < 0.0) or (edges > 0.0).sum() != 2:
+            raise SceneError(
+                where, "lo and hi must differ along two axes, and lo be below hi", f"{key}.hi"
+            )
+
+
+def _check_flow(scene: Scene, given: schema.Opening, where: str, key: str) -> None:
+    if given.speed is not None and given.rate is not None:
+        raise SceneError(where, "give either speed or rate", key)
+    name = "speed" if given.rate is None else "rate"
+    flow = getattr(given, name)
+    if flow is None:
+        if isinstance(given, schema.Inflow):
+            raise SceneError(where, "give a speed or a rate", key)
+        return
+    try:
+        found = OverTime(flow)
+    except ExpressionError as error:
+        raise SceneError(where, str(error), f"{key}.{name}") from None
+    for time in np.linspace(0.0, scene.duration, TRIALS).tolist():
+        value = found(time)
+        if not math.isfinite(value):
+            problem = f"{flow!r} is not a number at t = {time:.3g} s"
+            raise SceneError(where, problem, f"{key}.{name}")
+        if value < 0.0:
+            other = "an outflow" if isinstance(given, schema.Inflow) else "an inflow"
+            raise SceneError(
+                where,
+                f"is {value:.3g} at t = {time:.3g} s: must not be negative; {other} has the "
+                "opposite direction",
+                f"{key}.{name}",
+            )

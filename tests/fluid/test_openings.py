@@ -1,0 +1,267 @@
+"""Inflows and outflows: conservation, pressure without gap or jump, holes, jets, a full pool."""
+
+import math
+
+import numpy as np
+import pytest
+
+from msph.fluid.boundary.openings import ZONE, Opening
+from msph.fluid.external_forces import ExternalForces
+from msph.fluid.particles.layers import LayerSpec
+from msph.fluid.plan import Plan
+from msph.fluid.projection.parameters import ProjectionParameters
+from msph.fluid.simulation import OpeningError, Simulation
+from msph.measure.ledger import Ledger
+from msph.scene import load_scene
+from msph.scene.build import build_simulation
+from msph.scene.errors import SceneError
+from msph.taichi_internals import watch_compiling
+
+D, GRAVITY = 0.04, (0.0, -9.81, 0.0)
+SIZE = (0.4, 0.4, 0.4)
+UP, DOWN = np.array([0.0, 1.0, 0.0]), np.array([0.0, -1.0, 0.0])
+FLOOR = np.array([0.2, 0.0, 0.2])
+# Scene of two layers that adapt, with an inflow and a hole.
+ADAPTIVE = ("box.size=[0.8, 0.45, 0.8]", "adaptation.every=2", "adaptation.travel=0.3")
+
+
+def disc(centre, direction, enters: bool, speed: float | None, radius: float = 0.07) -> Opening:
+    rate = None if speed is None else lambda time: speed
+    return Opening(np.array(centre, float), np.array(direction), (radius, radius), enters, rate)
+
+
+def simulate(*openings: Opening, height: float = 0.2, capacity: int = 4000) -> Simulation:
+    counts = (10, round(height / D), 10)
+    x = ((np.indices(counts).reshape(3, -1).T + 0.5) * D).astype(np.float32)
+    layers = [LayerSpec(1000.0 * D**3, 1000.0, 2.45)]
+    initial = {"x": x, "v": np.zeros_like(x), "layer": np.zeros(len(x), np.int32)}
+    parameters = ProjectionParameters()
+    return Simulation(Plan(SIZE, layers, initial, parameters, openings=openings, capacity=capacity))
+
+
+def run(sim: Simulation, seconds: float, frame: float = 1.0 / 60.0) -> Ledger:
+    ledger = Ledger(sim, density_every=math.inf)
+    ledger.record(GRAVITY)
+    for _ in range(round(seconds / frame)):
+        sim.advance(frame, ExternalForces())
+        ledger.record(GRAVITY)
+    return ledger
+
+
+@pytest.fixture
+def through_flow():
+    """Water that enters through the floor and leaves through a hole in the floor."""
+    sim = simulate(disc(FLOOR, UP, True, 0.6), disc((0.07, 0.0, 0.07), DOWN, False, None, 0.06))
+    yield sim
+    sim.close()
+
+
+def test_mass_and_momentum_that_enter_and_leave_are_recorded(through_flow):
+    sim = through_flow
+    ledger = run(sim, 0.3)
+    flowed = steps = 0
+    for _ in range(60):
+        before, done = ledger.entries[-1], sim.steps
+        sim.advance(1e-3, ExternalForces())
+        after = ledger.record(GRAVITY)
+        masses = [e.mass + e.outflow_mass - e.inflow_mass for e in (before, after)]
+        assert masses[1] == pytest.approx(masses[0], rel=1e-6)
+        assert after.outside == 0
+        if sim.steps - done > 1:
+            continue
+        names = ("momentum", "wall_impulse", "internal_impulse", "inflow_impulse")
+        names += ("outflow_momentum",)
+        change, walls, pairs, entered, left = (
+            getattr(after, k) - getattr(before, k) for k in names
+        )
+        balance = change - walls - pairs - entered + left - 1e-3 * before.mass * np.array(GRAVITY)
+        assert np.linalg.norm(balance) < 1e-5 * before.mass * 9.81e-3
+        flowed += after.outflow_mass > before.outflow_mass
+        steps += 1
+    assert flowed > 3 and steps > 40
+    assert ledger.entries[-1].spilt == 0.0
+
+
+def test_energy_that_enters_is_recorded():
+    """Single particles in free fall keep the energy with which they entered, to rounding."""
+    sim = simulate(disc((0.2, 0.27, 0.2), DOWN, True, 1.0, 0.02), height=0.04)
+    run(sim, 0.5)
+    # A particle enters every 0.05 s, and falls on the water later.
+    ledger = run(sim, 0.12, 0.005)
+    energies = [entry.energy for entry in ledger.entries]
+    assert ledger.entries[-1].inflow_mass - ledger.entries[0].inflow_mass > 0.1
+    # Impacts dissipate energy, and the water settles meanwhile.
+    assert np.diff(energies).max() < 1e-3
+    sim.close()
+
+
+def test_the_flow_is_area_times_speed():
+    """Of a disc and a rectangle whose areas are not whole numbers of particles."""
+    wide = Opening(
+        np.array([0.0, 0.1, 0.2]), np.array([1.0, 0, 0]), (0.055, 0.043), True, lambda time: 0.5,
+        np.eye(3)[[1, 2]],
+    )  # fmt: skip
+    for opening in (wide, disc(FLOOR, UP, True, 0.5, 0.05)):
+        sim = simulate(opening)
+        entered = run(sim, 0.5).entries[-1].inflow_mass
+        sheet = len(opening.sites(sim.layers.specs[0])[0]) * sim.layers.specs[0].mass
+        assert entered == pytest.approx(1000.0 * opening.area * 0.5 * 0.5, abs=1.1 * sheet)
+        sim.close()
+
+
+def test_a_spring_lifts_the_water():
+    """Water from below: all volume stays, and the piston works against the pressure. Its work is
+    too small with a pipe of so few particles."""
+    sim = simulate(disc(FLOOR, UP, True, 0.6, 0.1))
+    ledger = run(sim, 0.6)
+    first, last = ledger.entries[12], ledger.entries[-1]
+    volume = (last.inflow_mass - first.inflow_mass) / 1000.0
+    depth = 0.5 * (first.mass + last.mass) / 1000.0 / 0.16
+    pushed = 1000.0 * volume * (9.81 * depth + 0.5 * 0.6**2)
+    assert 0.5 < (last.inflow_work - first.inflow_work) / pushed < 1.1
+    x = sim.particles.numpy("x")
+    inside = x[:, 1] > 0.0
+    level = 64e-3 * inside.sum() / 160.0
+    assert 2.0 * x[inside, 1].mean() == pytest.approx(level, rel=0.05)
+    sim.close()
+
+
+def test_a_closed_inflow_holds_the_water():
+    """With the speed 0 the pipe is a floor: nothing enters, and hardly anything moves."""
+    sim = simulate(disc(FLOOR, UP, True, 0.0))
+    ledger = run(sim, 0.5)
+    assert ledger.entries[-1].inflow_mass == 0.0
+    assert ledger.entries[-1].kinetic < 0.02 * ledger.entries[-1].mass
+    assert sim.particles.numpy("x")[:, 1].min() > -ZONE * D
+    sim.close()
+
+
+def test_water_leaves_a_hole_at_the_speed_of_torricelli():
+    sim = simulate(disc(FLOOR, DOWN, False, None, 0.1), height=0.28)
+    ledger = run(sim, 0.25)
+    entry = ledger.entries[-1]
+    x, v = sim.particles.numpy("x"), sim.particles.numpy("v")
+    jet = x[:, 1] < -0.2
+    head = entry.mass / 160.0 - x[jet, 1].mean()
+    assert jet.sum() > 3
+    assert np.linalg.norm(v[jet], axis=1).mean() == pytest.approx(math.sqrt(19.62 * head), rel=0.1)
+    assert entry.outflow_mass > 1.0
+    assert sim.contact.leaked() == 0
+    sim.close()
+
+
+def test_a_pump_takes_its_rate_as_far_as_water_is_near():
+    opening = disc(FLOOR, DOWN, False, 0.4)
+    sim = simulate(opening, height=0.28)
+    run(sim, 0.5)
+    assert sim.rim.outflow == pytest.approx(500.0 * opening.area * 0.4, abs=0.065)
+    assert sim.particles.numpy("x")[:, 1].min() > 0.0
+    high = disc((0.2, 0.38, 0.2), DOWN, False, 0.4)
+    sim.add_opening(high, GRAVITY)
+    sim.remove_opening(opening)
+    before = sim.rim.outflow
+    run(sim, 0.2)
+    assert sim.rim.outflow == before
+    sim.close()
+
+
+def test_a_drain_in_the_box_removes_water_without_drops():
+    sim = simulate(disc((0.2, 0.14, 0.2), DOWN, False, None, 0.08), height=0.28)
+    before = sim.particles.count
+    run(sim, 0.2)
+    assert sim.rim.outflow == pytest.approx(
+        (before - sim.particles.count) * sim.layers.specs[0].mass
+    )
+    assert sim.rim.outflow > 1.0
+    assert not (sim.rim.drops.life.to_numpy() > 0.0).any()
+    sim.close()
+
+
+def test_a_full_pool_slows_the_inflow_and_says_so():
+    opening = disc(FLOOR, UP, True, 0.5)
+    sim = simulate(opening, capacity=560)
+    ledger = run(sim, 0.5)
+    assert sim.particles.count <= 560
+    assert "the pool of 560 particles is full" in (sim.openings.message() or "")
+    assert ledger.entries[-1].kinetic < 0.02 * ledger.entries[-1].mass
+    assert ledger.mass_change() == pytest.approx(0.0, abs=1e-6)
+    sim.reset()
+    assert sim.openings.message() is None
+    sim.close()
+
+
+def test_openings_come_and_go_while_the_water_moves():
+    sim = simulate(disc(FLOOR, UP, True, 0.3))
+    run(sim, 0.1)
+    tap = disc((0.2, 0.38, 0.2), DOWN, True, 0.5, 0.05)
+    with pytest.raises(ValueError, match="spacings of 0.04 m behind it"):
+        sim.add_opening(tap, GRAVITY)
+    tap = disc((0.2, 0.26, 0.2), DOWN, True, 0.5, 0.05)
+    compiled: list[str] = []
+    with watch_compiling(compiled.append):
+        sim.add_opening(tap, GRAVITY)
+        entered = run(sim, 0.2).entries[-1].inflow_mass
+        sim.remove_opening(tap)
+        run(sim, 0.1)
+    assert not compiled
+    assert entered > 0.5
+    assert len(sim.openings.all) == 1
+    sim.reset()
+    assert len(sim.openings.all) == 1 and sim.time == 0.0
+    sim.close()
+
+
+def test_a_resumed_run_continues_the_sheets():
+    opening = disc(FLOOR, UP, True, 0.5)
+    sim = simulate(opening)
+    run(sim, 0.2)
+    state = sim.state()
+    run(sim, 0.2)
+    count = sim.particles.count
+    sim.restore(state)
+    run(sim, 0.2)
+    assert sim.particles.count == count
+    sim.close()
+
+
+def test_layers_adapt_between_inflow_and_hole():
+    changes = [*ADAPTIVE, *(f"layers.{k}.spacing={0.05 * 2 ** (k / 3):.6f}" for k in range(3))]
+    changes += ["water.0.hi=[0.8, 0.2, 0.8]", "water.1.centre=[0.4, 0.33, 0.4]"]
+    changes += ["inflows=[{centre=[0.2, 0, 0.4], radius=0.12, speed=0.8}]"]
+    changes += ["outflows=[{centre=[0.6, 0, 0.4], radius=0.12}]", "duration=2.0"]
+    sim = build_simulation(load_scene("drop", changes))
+    ledger = run(sim, 0.7)
+    assert sim.openings.all[0].layer > 0
+    assert ledger.mass_change() == pytest.approx(0.0, abs=1e-6)
+    assert ledger.entries[-1].outflow_mass > 1.0 and ledger.entries[-1].inflow_mass > 5.0
+    assert sum(sim.solver.adaptation.totals) > 10
+    assert len(np.unique(sim.particles.numpy("id"))) == sim.particles.count
+    sim.close()
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ("inflows=[{centre=[0.4, 0, 0.4], radius=0.1, speed=-1}]", "must not be negative"),
+        ("inflows=[{centre=[0.4, 0, 0.4], radius=0.1, speed='1 - t'}]", "must not be negative"),
+        ("inflows=[{centre=[0.4, 0, 0.4], radius=0.1}]", "give a speed or a rate"),
+        ("inflows=[{centre=[0.4, 0, 0.4], radius=0.1, speed='u'}]", "unknown name 'u'"),
+        ("inflows=[{centre=[2, 0, 0.4], radius=0.1, speed=1}]", "beyond the box"),
+        ("inflows=[{lo=[0, 0, 0], hi=[1, 1, 1], speed=1}]", "differ along two axes"),
+        ("outflows=[{centre=[0.4, 0, 0.4]}]", "either centre and radius"),
+        ("outflows=[{centre=[0.4, 0, 0.4], radius=0.1, speed=1, rate=1}]", "either speed or rate"),
+    ],
+)
+def test_bad_openings_are_refused_in_one_line(change, message):
+    with pytest.raises(SceneError, match=message) as caught:
+        load_scene("drop", (change,))
+    assert "flows.0" in str(caught.value)
+
+
+def test_an_inflow_in_a_body_is_refused():
+    with pytest.raises(SceneError, match=r"inflows.0: is inside a body"):
+        build_simulation(
+            load_scene("pillar", ("inflows=[{centre=[1.0, 0, 0.3], radius=0.02, speed=1}]",
+            "bodies=[{lo=[0.9, 0, 0.2], hi=[1.1, 0.4, 0.4]}]"))
+        )  # fmt: skip
+    assert issubclass(OpeningError, ValueError)
