@@ -86,10 +86,10 @@ def _beyond(x):
     return -BLEND / 3.0 * np.log(sum(np.exp(-3.0 * d / BLEND) for d in parts))
 
 
-def ramp(slope=0.4, below=0.3):
-    """A beach: a block 1 m long and wide whose top rises by `slope` along x, from the floor y = 0;
-    it reaches `below` the floor."""
-    mesh = trimesh.creation.box(bounds=[[0.0, -below, -0.5], [1.0, 0.0, 0.5]])
+def ramp(slope=0.4, below=0.1, width=0.46):
+    """A beach: a block 1 m long whose top rises by `slope` along x, from the floor y = 0; it
+    reaches `below` the floor."""
+    mesh = trimesh.creation.box(bounds=[[0.0, -below, -0.5 * width], [1.0, 0.0, 0.5 * width]])
     mesh.vertices[:, 1] += slope * mesh.vertices[:, 0] * (mesh.vertices[:, 1] == 0.0)
     return mesh
 

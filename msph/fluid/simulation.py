@@ -302,7 +302,7 @@ class Simulation:
         if self.boundary.floating.count:
             progress["floating"] = self.boundary.floating.state()
         if self.plan.openings:
-            progress["openings"] = self.openings.state()
+            progress["openings"] = self.openings.state(len(self.plan.openings))
         if self.boundary.count > len(self.plan.bodies):
             added = self.boundary.bodies[len(self.plan.bodies) :]
             progress["added_bodies"] = np.stack([as_row(body) for body in added])

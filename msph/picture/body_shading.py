@@ -89,7 +89,9 @@ class BodyShading:
                 d, slope = found.x, found.yzw.dot(r)
                 way = t + ti.max(STEP_FRACTION * abs(d), near)
                 margin = ti.min(margin, abs(d) / (reach + t))
-                if entered and d < near and slope < 0.0:
+                if entered and t <= 0.0 and d < -self.offset():
+                    nearest, which, margin, way = 0.0, b, MISSED, MISSED  # a wall of glass cuts it
+                elif entered and d < near and slope < 0.0:
                     # Newton's step, since a waterline shows steps of `near`.
                     nearest = t + d / ti.max(-slope, MIN_SLOPE)
                     which, margin = b, MISSED
@@ -106,6 +108,11 @@ class BodyShading:
                 nearest, which = t, b  # all steps were short: the ray is along a side
             close = close or margin < wide
         return nearest, which, vec2(entry, entry_cosine), close
+
+    @ti.func
+    def is_cut(self, b, p):
+        """Returns True if p [m], where a ray meets body b, is inside: a wall of glass cuts it."""
+        return self.boundary.side[b] * self.boundary.distance(b, p, END).x < -self.offset()
 
     @ti.func
     def normal(self, b, p):
@@ -132,6 +139,8 @@ class BodyShading:
                 ) + self.boundary.bounding_radius[b]
                 part = self.span(b, p, to_sun, ahead, ahead / SHADOW_SHARPNESS)
                 t, steps = ti.max(part[0], self.offset()), 0
+                if side > 0.0 and self.is_cut(b, p):
+                    t = MISSED
                 while t < part[1] and steps < MAX_STEPS:
                     steps += 1
                     d = side * self.boundary.distance(b, p + t * to_sun, END).x
@@ -144,6 +153,14 @@ class BodyShading:
         """Returns the colour of body b at its point p [m]; focus: concentration of sunlight
         there."""
         n = self.normal(b, p)
+        if self.is_cut(b, p):
+            # The nearest side of the body says nothing: the normal of the wall.
+            least = MISSED
+            for k in ti.static(range(3)):
+                depth = ti.min(p[k], shot.size[k] - p[k])
+                if depth < least:
+                    least, n = depth, vec3(0.0)
+                    n[k] = ti.select(p[k] < 0.5 * shot.size[k], -1.0, 1.0)
         albedo = ti.select(self.boundary.side[b] > 0.0, CLAY, GLAZE)
         sky = ti.math.mix(BOUNCE, 1.0, 0.5 + 0.5 * n.dot(shot.up))
         return albedo * (SKY_LIGHT * sky + SUN_LIGHT * (ti.max(n.dot(to_sun), 0.0) * focus))

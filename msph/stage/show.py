@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from msph.fluid.boundary.openings import Opening
 from msph.fluid.boundary.rigid_bodies import Body
 from msph.fluid.boundary.rim import AllSpiltError
-from msph.fluid.external_forces import Hand, rotation_vector
+from msph.fluid.external_forces import Hand, Vec3, rotation_vector
 from msph.fluid.moving_box import MovingBox
 from msph.fluid.simulation import FullError
 from msph.fluid.stages import Stage, no_stage
@@ -91,6 +92,9 @@ class Show:
         self.note = ""  # message to the user about the last frame
         # Floating body that the user drags: its index, and its centre from the cursor [m].
         self.dragged: tuple[int, np.ndarray] | None = None
+        # Tap or drain of the user, and the simulated time [s] until which it is open.
+        self.opening: Opening | None = None
+        self.open_until = 0.0
         self.simulation = build_simulation(scene, spare, room)
         self.counts = self.simulation.counts()
         self.ledger = Ledger(self.simulation, density_every)
@@ -326,11 +330,15 @@ class Show:
         is room. Raises FullError."""
         sim = self.simulation
         finest = int(np.argmin([spec.mass for spec in sim.layers.specs]))
-        sim.add(x.astype(np.float32), v.astype(np.float32), finest, self._box().gravity)
+        sim.add(x.astype(np.float32), v.astype(np.float32), finest, self.gravity_in_box())
 
     def add_body(self, body: Body) -> None:
         """Adds a floating body until the next reset. Raises FullError."""
-        self.simulation.add_body(body, self._box().gravity)
+        self.simulation.add_body(body, self.gravity_in_box())
+
+    def gravity_in_box(self) -> Vec3:
+        """Returns gravity [m/s^2] in the pool's frame, tilted as it is."""
+        return self._box().gravity
 
     def draw(self) -> None:
         """Extracts the surface and renders the image, as far as they are used."""
@@ -415,7 +423,7 @@ class Show:
         if self.picture:
             self.picture.reset()
         self.stopped.clear()
-        self.dragged = None
+        self.dragged = self.opening = None
         self.counts = self.simulation.counts()
         self.ledger.clear()
 

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import ConfigDict, Field
 
 from msph.fluid.external_forces import Hand, Vec3, as_vector
-from msph.stage import floats
+from msph.stage import floats, taps
 
 if TYPE_CHECKING:
     from msph.stage.show import Show
@@ -229,6 +229,8 @@ TOOLS = (
     Tool(
         "float", "y", "tool: click to throw in a body (the first takes long), drag it", floats.use
     ),
+    Tool("tap", "z", "tool: hold to pour water above the cursor", taps.tap),
+    Tool("drain", "0", "tool: hold to drain water below the cursor", taps.drain),
 )
 # Of a cursor that no button is pressed at.
 HOVER = Tool("hover", "", "", hover)

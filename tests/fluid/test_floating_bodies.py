@@ -251,6 +251,23 @@ def test_a_body_added_to_a_running_simulation_floats_and_compiles_nothing():
         sim.restore({**checkpoint, "added_bodies": np.zeros((1, 8))})
 
 
+def test_measuring_the_density_changes_nothing_in_a_gap():
+    """The share of bodies at a particle was read after the particles were sorted anew."""
+
+    def run_with(measured):
+        low = ball((0.24, 0.075, 0.24), 0.07, 700.0)
+        sim = simulation(lattice((0, 0, 0), (0.48, 0.28, 0.48)), [low])
+        for k in range(12):
+            sim.advance(1 / 60, ExternalForces(GRAVITY))
+            if k in measured:
+                sim.measure_density()
+        return sim.state()
+
+    never, often = run_with(()), run_with((3, 5, 8))
+    for name in ("x", "v", "floating"):
+        assert np.array_equal(never[name], often[name]), name
+
+
 def test_the_ledger_counts_an_added_body_as_work_and_impulse_of_the_user():
     sim = simulation(lattice((0, 0, 0), (0.48, 0.2, 0.48)), [])
     ledger = Ledger(sim, density_every=math.inf)

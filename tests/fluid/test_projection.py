@@ -146,7 +146,7 @@ def test_pressure_is_a_third_of_the_virials_trace(collision):
     volume, h = volume[layer], support[layer]
     q = np.random.default_rng(2).uniform(0.0, 1e-4, n)
     fill(p.velocity_multiplier, q)
-    solver.pressure_solve.accelerate(dt, (0.0, 0.0, 0.0), False)
+    solver.pressure_solve.accelerate(dt, ExternalForces(), False)
     r = np.linalg.norm(x[:, None] - x, axis=2)
     np.fill_diagonal(r, 1.0)
     weight = -r * volume * quartic_slope(r, pair_support(h, h)) / YIELD[2.5]
@@ -182,7 +182,7 @@ def test_pushes_add_up_to_nothing(collision):
     fill(p.velocity_multiplier, fine * np.random.default_rng(2).uniform(0.0, 1e-4, p.count))
     before = p.numpy("v")
     solver.impulses.clear()
-    solver.pressure_solve.accelerate(dt, (0.0, 0.0, 0.0), False)
+    solver.pressure_solve.accelerate(dt, ExternalForces(), False)
     pushed = FINE.mass * np.linalg.norm(p.numpy("v") - before, axis=1).sum()
     assert pushed > 0.1
     own, other, gradient = pairs(solver.neighbours, solver.density, p.count)

@@ -41,7 +41,7 @@ def accelerated(sim, pressure, external=WEIGHTLESS):
     sim.measure_density()
     p = sim.particles
     fill(p.velocity_multiplier, DT**2 / 1000.0 * pressure(p.numpy("x").astype(float)))
-    sim.solver.pressure_solve.accelerate(DT, external.gravity, True)
+    sim.solver.pressure_solve.accelerate(DT, external, True)
     p.v.fill(0.0)
     sim.solver.impulses.clear()
     sim.solver.force(ShearRelief).apply(DT, external)

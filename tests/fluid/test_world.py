@@ -44,7 +44,7 @@ def test_a_scene_leaves_nothing_behind():
 @pytest.mark.skipif(PLAIN, reason="plain Taichi does not tell of kernels")
 def test_scenes_share_kernels():
     """Once one scene of each kind has run, no other scene compiles any kernel of the fluid."""
-    for kind in ("drop", "bowl", "honey", "pool", "fountain"):
+    for kind in ("drop", "bowl", "honey", "pool", "waves", "fountain"):
         run(kind, frames=1)
     compiled = []
     with watch_compiling(compiled.append):

@@ -266,7 +266,9 @@ def test_each_tool_moves_or_adds_water_while_the_button_is_down(player, show, to
     player.window.held = set()
     frames(player, show)
     last = show.ledger.entries[-1]
-    assert last.user_work != 0.0
+    assert (last.user_work != 0.0) == (tool.name not in ("tap", "drain"))
+    assert (last.inflow_mass > 0.0) == (tool.name == "tap")
+    assert (last.outflow_mass > 0.0) == (tool.name == "drain")
     assert (last.added_mass > 0.0) == (tool.name in ("rain", "ball"))
     assert abs(show.ledger.mass_change()) < 1e-6
     # A ball at each press, rain in each frame.

@@ -41,20 +41,20 @@ class Script(Screen):
         self.frame, self.player = -1, None
         keys = {2: "j", 74: " ", 78: "n", 82: " ", 84: "m", 88: "m", 92: "r", 94: "v", 98: "v"}
         self.keys = {k: [key] for k, key in keys.items()}
-        self.keys |= {8 + 10 * k: [tool.key] for k, tool in enumerate(TOOLS)}
+        self.keys |= {8 + 7 * k: [tool.key] for k, tool in enumerate(TOOLS)}
 
     def presses(self):
         self.frame += 1
         k = self.frame
         self.at = np.array([0.4 + 0.2 * (k % 7) / 7, 0.35 + 0.1 * (k % 5) / 5])
-        self.held = {"LMB"} if 10 <= k < 74 and k % 10 else set()
+        self.held = {"LMB"} if 8 < k < 72 and k % 7 != 1 else set()
         self.held |= {"Left"} if 70 < k < 80 or 110 < k < 120 else set()
         self.held |= {"d"} if 100 < k < 105 else set()
         if k == 20:
             self.player.menu.set("gravity", 5.0)
         if k == 30:
             self.player.menu.set("gravity", None)
-        return [*self.keys.get(k, []), *(["LMB"] if "LMB" in self.held and k % 10 == 1 else [])]
+        return [*self.keys.get(k, []), *(["LMB"] if "LMB" in self.held and k % 7 == 2 else [])]
 
 
 @pytest.fixture(scope="module")

@@ -84,6 +84,9 @@ class BodyLinks:
         self.free_bodies[None] = self.free_links[None] = self.free_chunks[None] = 0
         if self.boundary.count:
             self._add_to_diagonal()
+            self.found[None] = 0
+            self._clear_inflow(0)
+            self._add_inflow()
 
     def refresh(self) -> None:
         """Finds the links, and sets the bodies' share, gradient and inflow at the particles; these
@@ -97,6 +100,24 @@ class BodyLinks:
                 )
             self._rank()
             self._sort(self.boundary.floating.count > 0)
+
+    def refresh_inflow(self) -> None:
+        """Computes the bodies' inflow anew, after their velocities changed."""
+        self._clear_inflow(self.particles.count)
+        self._add_inflow()
+
+    @kernel
+    def _clear_inflow(self, n: ti.i32):
+        for i in range(n):
+            self.particles.boundary_inflow[i] = 0.0
+
+    @kernel
+    def _add_inflow(self):
+        for link in range(self.found[None]):
+            mirror, wall = self.images.mirror_and_wall(self.mirrors[link])
+            i, b = self.particle[link], self.body[link]
+            velocity = self.boundary.velocity_at(b, wall + mirror * (self.particles.x[i] - wall))
+            self.particles.boundary_inflow[i] -= velocity.dot(self.gradient[link])
 
     @kernel
     def _begin(self):

@@ -91,14 +91,15 @@ class GapPressure:
             self.area[k] = vec3(table[k, 3], table[k, 4], table[k, 5])
             self.growth[k], self.owner[k] = table[k, 6], owner[k]
 
-    def push(self, dt: float, external: ExternalForces) -> None:
+    def push(self, dt: float, external: ExternalForces) -> bool:
         """Applies the missing pressure to the bodies for dt [s], at the poses at the beginning of
-        the second half of the step; the grid must be fresh."""
+        the second half of the step; returns True if there are gaps. Grid and links must be
+        fresh."""
         if self.idle:
-            return
+            return False
         if not self.boundary.close_together(WIDE * self.layers.finest.spacing):
             self.gaps.active[None] = 0
-            return
+            return False
         found = self._find_gaps(self.count)
         self.gaps.active[None] = int(found > 0)
         self.idle = not found and not self.boundary.moving
@@ -109,6 +110,7 @@ class GapPressure:
             self.contact.push_moving()
             self.boundary.redo(0.5 * dt)
         self.last_step = dt
+        return found > 0
 
     @kernel
     def _find_gaps(self, count: ti.i32) -> ti.i32:

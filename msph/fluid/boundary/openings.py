@@ -353,10 +353,11 @@ class Openings:
         self.impulses.add_inflow(spec.mass, x, v, gravity)
         return True
 
-    def state(self) -> np.ndarray:
-        """Returns the ways [m] of the last sheets of all inflows, and what pumps owe, for
-        checkpoints."""
-        return np.array([*(inlet.way for inlet in self.inlets.values()), *self.owed])
+    def state(self, count: int) -> np.ndarray:
+        """Returns the ways [m] of the last sheets of the inflows among the first `count` openings,
+        and what pumps owe, for checkpoints."""
+        ways = (inlet.way for k, inlet in self.inlets.items() if k < count)
+        return np.array([*ways, *self.owed])
 
     def restore(self, state: np.ndarray) -> None:
         """Restores a state()."""

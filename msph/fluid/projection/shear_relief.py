@@ -18,12 +18,14 @@ gradients are corrected by the inverse of the kernel's moment M_i = -sum V_j r_i
 (Bonet and Lok 1999; docs/method.md, "Shear relief").
 """
 
+import math
+
 import taichi as ti
 
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.particles import Attribute
 from msph.fluid.projection.force import Force
-from msph.fluid.projection.parameters import MOTION_FACTOR, ProjectionParameters
+from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.small_numbers import MIN_DIVISOR, MIN_WEIGHT
 from msph.taichi_internals import data_oriented, kernel
 
@@ -61,8 +63,10 @@ class ShearRelief(Force):
     T_i L_i M_i = T_i, which is none, so angular momentum is kept.
 
     A body counts as a neighbour at the foot of the perpendicular on its face, which exerts forces
-    along its normal only.
+    along its normal only. longest [s]: the longest step that motion and pressure allow.
     """
+
+    longest = math.inf
 
     ATTRIBUTES = (
         Attribute("normal_stress", "Pa", "diagonal of the last step's virial stress", 3),
@@ -76,23 +80,20 @@ class ShearRelief(Force):
 
     def tune(self, parameters: ProjectionParameters) -> None:
         self.share = parameters.shear_relief / self.layers.rest_density
-        self.cfl, self.pressure_cfl = parameters.cfl, parameters.pressure_cfl
 
     def apply(self, dt: float, external: ExternalForces) -> None:
-        """Advances the velocities by dt [s] under div T, with the stresses of the last step."""
+        """Advances the velocities by dt [s] under div T, with the stresses of the last step, which
+        do not fit the positions after steps beyond `longest`."""
         n = self.particles.count
-        self._find(n, dt / self.pressure_cfl, dt / self.cfl)
-        self._accelerate(n, self.share * dt)
+        impulse = self.share * dt * min(max(2.0 - dt / self.longest, 0.0), 1.0)
+        self._find(n)
+        self._accelerate(n, impulse)
         if self.boundary.count:
-            self._push_bodies(self.share * dt)
+            self._push_bodies(impulse)
 
     @kernel
-    def _find(self, n: ti.i32, pressure_time: ti.f32, motion_time: ti.f32):
-        """Computes T_i L_i with the bell (1 - q^2)^4 as W, i included.
-
-        pressure_time, motion_time [s]: the time step over pressure_cfl and over cfl. T fades out in
-        steps beyond these bounds, in which the last step's stress no longer fits the positions.
-        """
+    def _find(self, n: ti.i32):
+        """Computes T_i L_i with the bell (1 - q^2)^4 as W, i included."""
         p = self.particles
         for i in range(n):
             x, layer = p.x[i], p.layer[i]
@@ -123,11 +124,7 @@ class ShearRelief(Force):
             difference = ti.abs(p.pair_spacing[i] / self.layers.spacing[layer] - 1.0)
             share = fade_out(MAX_SPACING_DIFFERENCE, difference)
             share *= fade_out(MAX_ANISOTROPY, size / ti.max(pressure, MIN_STRESS))
-            per_total = 1.0 / ti.max(total, MIN_WEIGHT)
-            wave = ti.sqrt(ti.max(per_total * pressure, 0.0) / self.constants.rest_density[None])
-            share *= per_total * fade_out(1.0, pressure_time * wave / p.pair_spacing[i])
-            motion = motion_time * p.v[i].norm() / self.layers.spacing[layer]
-            share *= fade_out(MOTION_FACTOR, motion)
+            share /= ti.max(total, MIN_WEIGHT)
             moment = symmetric(stretch, turn)
             determinant = moment.determinant()
             share *= ti.math.clamp(determinant / LEAST_DETERMINANT - 1.0, 0.0, 1.0)

@@ -78,6 +78,7 @@ class Projection:
         self.layers, self.grid, self.particles = parts.layers, parts.grid, parts.particles
         self.neighbours, self.impulses = parts.neighbours, parts.impulses
         self.collisions, self.gaps, self.openings = parts.collisions, parts.gaps, parts.openings
+        self.links = parts.links
         self.beaches = parts.beaches
         self.density = Density(parts)
         operator = PressureOperator(parts, self.density.pair_gradient)
@@ -253,10 +254,11 @@ class Projection:
         with stage("neighbours"):
             self.neighbours.refresh()  # x, layer -> order of particles, neighbour list
             self.openings.mark()  # x -> particles of prescribed velocity
-            # poses, last pressures -> v of floating bodies
-            self.gaps.push(dt, external)
         with stage("density"):
             self.density.refresh()  # x, list, poses -> density, defect, pair gradients, diagonal
+            # poses, last pressures, share of bodies -> v of floating bodies
+            if self.gaps.push(dt, external):
+                self.links.refresh_inflow()
             if not self.parameters.tension:
                 # defect -> density correction, density
                 self.density.follow_defect(self.particles.count)
@@ -266,6 +268,8 @@ class Projection:
             self.inertia_work.push(dt, external)
             # Before gravity, whose velocities the pressure of water at rest undoes.
             self.beaches.damp(dt)  # x, v -> v
+            if relief := self.force(ShearRelief):
+                relief.longest = 1.0 / self.max_rate if self.max_rate else math.inf
             for force in self.forces:
                 force.apply(dt, external)  # x, v, last pressures -> v
         with stage("pressure"):

@@ -1,0 +1,83 @@
+"""A tap and a drain at the cursor, open while the button is down."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from msph.fluid.boundary.openings import ZONE, Opening
+from msph.fluid.external_forces import Hand
+from msph.fluid.simulation import FullError
+
+if TYPE_CHECKING:
+    from msph.stage.tools import Touch
+
+# Radius of tap and drain over the box's longest edge, and least radius in finest spacings.
+RADIUS, LEAST_RADIUS = 0.05, 1.6
+# Height of the tap above the water over the box's longest edge, and speed of its water [m/s].
+HEIGHT, SPEED = 0.2, 1.5
+# Speed [m/s] at which a drain takes the water over it.
+DRAIN_SPEED = 1.5
+# A tap is open for this many frames after the last one with the button down.
+HOLD = 1.5
+
+
+def tap(touch: "Touch") -> Hand:
+    """Pours water from above the point at which the press began."""
+    if touch.began:
+        size, d = touch.size, touch.show.simulation.layers.finest.spacing
+        radius = _radius(touch)
+        # The zone above the tap is inside the box.
+        least = np.array([radius, d, radius])
+        most = size - np.array([radius, (ZONE + 0.1) * d, radius])
+        lifted = touch.surface + HEIGHT * float(size.max()) * np.array((0.0, 1.0, 0.0))
+        _open(touch, np.clip(lifted, least, np.maximum(most, least)), SPEED, enters=True)
+    return _keep_open(touch)
+
+
+def drain(touch: "Touch") -> Hand:
+    """Takes water from the floor below the point at which the press began."""
+    if touch.began:
+        radius, (x, _, z) = _radius(touch), touch.surface
+        length, _, width = touch.size
+        centre = [np.clip(x, radius, length - radius), 0.0, np.clip(z, radius, width - radius)]
+        _open(touch, np.array(centre), DRAIN_SPEED, enters=False)
+    return _keep_open(touch)
+
+
+def _radius(touch: "Touch") -> float:
+    least = LEAST_RADIUS * touch.show.simulation.layers.finest.spacing
+    return max(RADIUS * float(touch.size.max()), least)
+
+
+def _open(touch: "Touch", centre: np.ndarray, speed: float, enters: bool) -> None:
+    """Replaces the opening of the last press. Raises FullError without room for it."""
+    show, sim = touch.show, touch.show.simulation
+    close(show)
+    finest = int(np.argmin([spec.mass for spec in sim.layers.specs]))
+    opening = Opening(
+        centre,
+        np.array((0.0, -1.0, 0.0)),
+        (_radius(touch),) * 2,
+        enters,
+        lambda time: speed if time < show.open_until else 0.0,
+        layer=finest,
+    )
+    try:
+        sim.add_opening(opening, show.gravity_in_box())
+    except FullError:
+        raise
+    except ValueError as error:
+        raise FullError(f"there is no room here: the opening {error}") from None
+    show.opening = opening
+
+
+def close(show) -> None:
+    """Removes the opening of the last press."""
+    if show.opening is not None:
+        show.simulation.remove_opening(show.opening)
+        show.opening = None
+
+
+def _keep_open(touch: "Touch") -> Hand:
+    touch.show.open_until = touch.show.simulation.time + HOLD * touch.step
+    return Hand()
