@@ -15,6 +15,8 @@ from msph.stage.widgets import Grip, Sheet, Slider
 
 # Pages of the panel; pages of the live parameters by scene section, "water" for all others.
 PAGES = ("water", "light", "play", "views", "scenes", "quality")
+# Number of choices beyond which buttons stand in two columns.
+LONGEST_COLUMN = 12
 PAGE_OF = {"picture": "light", "play": "play"}
 # Page buttons per row, and padding in text heights.
 PER_ROW, PAD = 3, 0.5
@@ -110,6 +112,10 @@ class Panel:
             "scenes": ("scene", tuple(shipped_scenes()), self.scene),
             "quality": ("quality", (AUTO, *QUALITIES), self.quality),
         }[self.page]
-        for name in names:
-            self.sheet.button(f"{kind} {name}", name.replace("_", " "), x, y, name == now)
-            y += 1.15 * LINE * self.sheet.text
+        columns = 1 if len(names) <= LONGEST_COLUMN else 2
+        width = (x[1] - x[0]) / columns
+        for k, name in enumerate(names):
+            row, column = divmod(k, columns)
+            span = x[0] + column * width, x[0] + (column + 0.97) * width
+            at = y + 1.15 * row * LINE * self.sheet.text
+            self.sheet.button(f"{kind} {name}", name.replace("_", " "), span, at, name == now)

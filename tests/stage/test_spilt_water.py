@@ -69,7 +69,7 @@ def test_an_interactive_scene_begins_again_when_all_water_is_spilt():
         show.frame(Controls())
         if show.note:
             break
-    assert show.note == "all water has left the open box: the scene begins again"
+    assert show.note == "all water has left the box: the scene begins again"
     assert show.simulation.rim.mass == 0.0
     assert show.simulation.particles.count == len(show.simulation.initial["x"])
     show.close()
