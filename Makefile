@@ -47,6 +47,7 @@ bench: $(VENV)/dev
 	$(RUN) bench/terms.py
 	$(RUN) bench/accuracy.py
 	$(RUN) bench/bodies.py
+	$(RUN) bench/boundaries.py
 	$(RUN) bench/moving.py
 	$(RUN) bench/impact.py
 	$(RUN) bench/pareto.py

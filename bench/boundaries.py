@@ -105,8 +105,8 @@ def through_flow(seed: int) -> dict[str, float]:
 
 
 def jet(seed: int) -> dict[str, float]:
-    """A jet from a dry floor: mean of the highest points that the particles of its first tenth of
-    a second reach, over v^2/(2 g)."""
+    """A jet from a dry floor: mean of the highest points that the particles of its first FOLLOWED
+    seconds reach, over v^2/(2 g)."""
     corner = {"layer": 0, "lo": [0, 0, 0], "hi": [0.1, 0.025, 0.6]}
     scene = tanks.tank((0.6, 0.6), 0.025, FINE, 1, air=0.9, seed=seed)
     sim = build(

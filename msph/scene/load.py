@@ -177,7 +177,7 @@ def explain(
         known = list(_model_at(location[:-1], model).model_fields)
         problem = f"unknown key; {did_you_mean(str(location[-1]), known)}"
         if len(location) == 1 and isinstance(value, dict | list) and "mean" not in problem:
-            # A table of a feature that does not exist, such as [[turbines]].
+            # A table of a feature that does not exist, such as [[magnetism]].
             known_tables = problem.removeprefix("unknown key; ")
             problem = f"no such table; docs/scenes.md says what is not possible; {known_tables}"
     elif kind == "missing":

@@ -287,7 +287,7 @@ def test_a_broken_list_is_no_string():
 
 
 def test_a_table_of_a_feature_that_does_not_exist_is_told_so(tmp_path):
-    text = shipped_scenes()["still"].read_text() + "\n[[turbines]]\nrate = 1.0\n"
+    text = shipped_scenes()["still"].read_text() + "\n[[magnetism]]\nrate = 1.0\n"
     (tmp_path / "mill.toml").write_text(text)
-    with pytest.raises(SceneError, match=r"turbines: unknown key"):
+    with pytest.raises(SceneError, match=r"magnetism: no such table; docs/scenes.md says what is"):
         load_scene(str(tmp_path / "mill.toml"))
