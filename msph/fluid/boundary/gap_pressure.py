@@ -33,7 +33,7 @@ EDGE, MAX_SAMPLES = 1.2, 2000
 INSIDE = 0.5
 # Contribution of bodies and their images to c (-) of a particle wedged between two faces: its
 # pressure is up to 1.3 times the water's around. The more of it, the less its pressure counts.
-WEDGED = 0.6
+WEDGED = 0.5
 # Share of the kernel (-) that particles fill at least, less what does not count, where pressures
 # are read.
 LEAST_SHARE = 0.05
