@@ -65,7 +65,7 @@ def test_the_surface_is_closed_and_holds_the_water(pair):
     """The volume is the water's within 0.1 % more than on the CPU."""
     cpu, other = pair
     assert cpu["open_edges"] == other["open_edges"] == 0
-    assert other["volume_error"] == pytest.approx(cpu["volume_error"], abs=1e-3)
+    assert abs(other["volume_error"]) < abs(cpu["volume_error"]) + 1e-3
 
 
 def test_the_image_is_the_same(pair):

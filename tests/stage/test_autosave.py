@@ -61,7 +61,7 @@ def test_a_session_continues_where_it_was_saved(row, tmp_path, cache, others):
     scene = str(tmp_path / "small.toml")
     row.set("gravity", 5.0)
     with pytest.raises(BlowUpError):
-        session(row, scene, 3, end=BlowUpError("test"))
+        session(row, scene, 1, 1, 1, end=BlowUpError("test"))  # waits for each write
     state = row.lead.simulation.state()
     found = lost_session(SceneArguments("pool"))
     assert found.offer.startswith("Enter continues small of ")
