@@ -214,7 +214,7 @@ class Simulation:
     def add_body(self, body: Body, gravity: Vec3) -> None:
         """Adds a floating block or ball until the next reset. gravity [m/s^2]: for its potential
         energy. Raises FullError if there are too many bodies, or if it overlaps another body or a
-        wall."""
+        wall, or if the method has no bodies."""
         if not self.plan.method.HAS_BODIES:
             raise FullError("this method has no bodies")
         if self.boundary.count == MAX_BODIES:
@@ -237,8 +237,10 @@ class Simulation:
 
     def add_opening(self, opening: Opening, gravity: Vec3) -> None:
         """Adds an inflow or outflow until the next reset. gravity [m/s^2]: for the potential energy
-        of the water in its pipe. Raises FullError if there are too many, ValueError if it is not
-        inside the box or is in a body."""
+        of the water in its pipe. Raises FullError if there are too many or the method has none,
+        ValueError if it is not inside the box or is in a body."""
+        if not self.plan.method.HAS_OPENINGS:
+            raise FullError("this method has no inflows and outflows")
         if len(self.openings.all) == MAX_OPENINGS:
             raise FullError(f"at most {MAX_OPENINGS} inflows and outflows")
         self._check_opening(opening)

@@ -75,6 +75,8 @@ def use(touch: "Touch") -> Hand:
 def _drag(touch: "Touch", k: int, offset: np.ndarray) -> None:
     """Gives floating body k the velocity at which it follows the cursor, `offset` [m] from it."""
     floating = touch.show.simulation.boundary.floating
+    if floating.held[k]:
+        return
     longest = float(touch.size.max())
     wanted = (touch.place + offset - floating.x[k]) / DRAG_TIME
     most = DRAG_SPEED * math.sqrt(touch.gravity * longest)

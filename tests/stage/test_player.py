@@ -11,8 +11,11 @@ import numpy as np
 import pytest
 
 from msph import user_cache
+from msph.fluid.boundary.openings import Opening
+from msph.fluid.boundary.rigid_bodies import Ball
 from msph.fluid.external_forces import as_vector
 from msph.fluid.particles.layers import pair_support
+from msph.fluid.simulation import FullError
 from msph.measure.timings import Timings
 from msph.scene import load_scene
 from msph.scene.library import shipped_scenes
@@ -295,6 +298,17 @@ def test_a_thrown_body_floats_follows_the_cursor_and_is_gone_after_a_reset(playe
     player.window.held = set()
     press(player, show, "r")
     assert boundary.count == 0 and show.shown_bodies == 0 and show.dragged is None
+
+
+def test_tools_for_bodies_and_openings_say_that_the_classic_method_has_none(tmp_path):
+    """A tap opened, and the water ignored it."""
+    show = Show(load_scene(write(tmp_path)), 1 / 60)
+    opening = Opening(np.array((0.2, 0.0, 0.2)), np.array((0.0, -1.0, 0.0)), (0.1, 0.1), False)
+    with pytest.raises(FullError, match="no inflows"):
+        show.simulation.add_opening(opening, (0.0, -9.81, 0.0))
+    with pytest.raises(FullError, match="no bodies"):
+        show.add_body(Ball(np.array((0.2, 0.3, 0.2)), 0.05, mass=0.1))
+    show.close()
 
 
 def test_a_click_within_a_frame_pokes_the_water(player, show):

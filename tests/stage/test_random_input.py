@@ -30,6 +30,7 @@ def test_random_input_loses_no_water(name, seed, tmp_path):
     found = run_scene(scene, name, 60, seed)
     assert problems(found) == []
     assert found["added [kg]"] > 0.0
+    assert found["spilt [kg]"] > 0.0 or (name, seed) != ("open", 2)
 
 
 def test_lost_water_is_found(tmp_path, monkeypatch):

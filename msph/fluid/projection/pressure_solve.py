@@ -154,7 +154,7 @@ class PressureSolve:
         if product > MIN_DIVISOR:
             factor = ti.math.clamp(against_rhs / product, MIN_START_SCALE, MAX_START_SCALE)
         residual_norm2, scale, total, square = 0.0, 0.0, 0.0, 0.0
-        # Numbers, not a vector: a GPU adds those 40 times as fast.
+        # Numbers, not a vector, to which all threads of a GPU would add one by one (sums.py).
         drift_x, drift_y, drift_z = 0.0, 0.0, 0.0
         for i in range(n):
             layer = p.layer[i]

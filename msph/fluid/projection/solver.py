@@ -331,7 +331,7 @@ class Projection:
                 speed /= SPRAY_MOTION_FACTOR
                 relative = speed
             way, rate = speed * dt / d, relative / (self.constants.cfl[None] * d)
-            # Compared first: every atomic maximum of a GPU waits for all others.
+            # Compared first, since a GPU executes atomic maxima of one number one by one.
             if way > longest:
                 ti.atomic_max(longest, way)
             if rate > top:
