@@ -8,9 +8,11 @@ from msph.stage.show import Show
 from tests.scenes_kit import TEXT, write
 
 POOL = TEXT.split("[classic]")[0].replace("[box]", "[box]\nopen = true")
+# Filled to one spacing below its rim, so that some of the gestures spill water in any order.
+BRIMFUL = POOL.replace("size = [0.4, 0.4, 0.4]", "size = [0.4, 0.19, 0.4]")
 ADAPTIVE = ("method=projection", "adaptation.enabled=true")
 SCENES = {
-    "open": f"{POOL}\n[[water]]\nlayer = 1\nlo = [0, 0, 0]\nhi = [0.4, 0.1512, 0.4]\n",
+    "open": f"{BRIMFUL}\n[[water]]\nlayer = 1\nlo = [0, 0, 0]\nhi = [0.4, 0.1512, 0.4]\n",
     "post": f"""{POOL}
 [[bodies]]
 lo = [0.15, 0.0, 0.15]
@@ -30,7 +32,7 @@ def test_random_input_loses_no_water(name, seed, tmp_path):
     found = run_scene(scene, name, 60, seed)
     assert problems(found) == []
     assert found["added [kg]"] > 0.0
-    assert found["spilt [kg]"] > 0.0 or (name, seed) != ("open", 2)
+    assert found["spilt [kg]"] > 0.0 or name != "open"
 
 
 def test_lost_water_is_found(tmp_path, monkeypatch):
