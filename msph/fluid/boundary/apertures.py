@@ -35,7 +35,7 @@ class Apertures:
         equal and opposite."""
         crossed = self.beyond(x) | self.beyond(x_j)
         for o in range(self.constants.opening_count[None]):
-            a, b = abs(self._along(o, x)), abs(self._along(o, x_j))
+            a, b = abs(self.along(o, x)), abs(self.along(o, x_j))
             if self._faces(o, (b * x + a * x_j) / ti.max(a + b, MIN_DIVISOR), 0.0):
                 crossed |= self.table.wall[o]
         return (crossed & mirrors) == 0
@@ -54,7 +54,7 @@ class Apertures:
         """Returns 1 + the index of the opening that prescribes the velocity at x [m], or 0."""
         found = 0
         for o in range(self.constants.opening_count[None]):
-            s = self._along(o, x)
+            s = self.along(o, x)
             inside = self.table.zone_begin[o] <= s and s < self.table.zone_end[o]
             if inside and self._faces(o, x, self.table.slack[o]):
                 found = 1 + o
@@ -65,7 +65,7 @@ class Apertures:
         """Returns True if x [m], beyond a wall, is in a pipe or in the jet through a hole."""
         found, beyond = False, self.beyond(x)
         for o in range(self.constants.opening_count[None]):
-            s = self._along(o, x) - self.table.kept_from[o]
+            s = self.along(o, x) - self.table.kept_from[o]
             kept = (self.table.wall[o] & beyond) != 0 and s >= 0.0 and s < self.table.length[o]
             # A jet bends by less than its length.
             found = found or (kept and self._faces(o, x, self.table.length[o]))
@@ -76,7 +76,7 @@ class Apertures:
         """Returns True if an outflow in the box removes water at x [m]."""
         found = False
         for o in range(self.constants.opening_count[None]):
-            s = self._along(o, x)
+            s = self.along(o, x)
             inside = self.table.leaves[o] == 1 and self.table.wall[o] == 0
             removed = inside and s >= 0.0 and s < self.table.length[o]
             found = found or (removed and self._faces(o, x, self.table.slack[o]))
@@ -94,7 +94,8 @@ class Apertures:
         return found
 
     @ti.func
-    def _along(self, o, x):
+    def along(self, o, x):
+        """Returns the coordinate [m] of x [m] along the flow of opening o."""
         return (x - self.table.centre[o]).dot(self.table.along[o])
 
     @ti.func

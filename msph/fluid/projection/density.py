@@ -15,6 +15,7 @@ Two corrections (docs/method.md, "Density"):
 import numpy as np
 import taichi as ti
 
+from msph.fluid.boundary.wall_integrals import wendland_behind
 from msph.fluid.particles import kernels
 from msph.fluid.particles.layers import LayerSpec, pair_support, stress_share
 from msph.fluid.particles.particles import Attribute
@@ -77,6 +78,7 @@ class Density:
         self.constants, self.boundary, self.links = parts.constants, parts.boundary, parts.links
         self.layers, self.particles = parts.layers, parts.particles
         self.neighbours, self.images = parts.neighbours, parts.neighbours.images
+        self.openings, self.apertures = parts.openings, parts.openings.apertures
         self.block = BLOCK if on_cpu() else 1
         self.summed_search = 0  # the neighbour search that the sums belong to
         self.largest_excess = 0.0
@@ -89,6 +91,8 @@ class Density:
         if self.summed_search != self.neighbours.searches or self.boundary.moving:
             self.links.refresh()
             self.largest_excess = self._sum(self.particles.count)
+            if self.openings.all:
+                self._fill_pipes(self.particles.count)
             self.summed_search = self.neighbours.searches
 
     @kernel
@@ -119,6 +123,27 @@ class Density:
             self.particles.diagonal[i] = diagonal
             self.particles.pair_spacing[i] = self._pair_spacing(layer, sums)
         return most
+
+    @kernel
+    def _fill_pipes(self, n: ti.i32):
+        """Raises the density of particles in inflows, at most to rest density, by what a pipe's
+        wall leaves empty: behind the cross-section, pipe and wall fill the kernel's share.
+
+        Otherwise gaps to the wall would have to close before the particles push, and a pipe a few
+        particles wide would not push at all.
+        """
+        p = self.particles
+        for i in range(n):
+            if p.prescribed[i] > 0:
+                layer, x, opening = p.layer[i], p.x[i], p.prescribed[i] - 1
+                behind = self.layers.own[layer]
+                for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
+                    j = self.neighbours.index[s]
+                    if self.apertures.along(opening, p.x[j]) < 0.0:
+                        behind += self.weight(layer, p.layer[j], (x - p.x[j]).norm())
+                along, h = self.apertures.along(opening, x), self.layers.wall_support[layer]
+                missing = ti.min(wendland_behind(along, h) - behind, -self.excess(i))
+                p.density[i] += ti.max(missing, 0.0) * self.constants.rest_density[None]
 
     @ti.func
     def _pair_spacing(self, layer, sums):

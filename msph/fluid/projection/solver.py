@@ -274,6 +274,7 @@ class Projection:
                 force.apply(dt, external)  # x, v, last pressures -> v
         with stage("pressure"):
             # v, density, displacements -> right-hand side; last two pressures -> initial guess
+            self.openings.prescribe()  # speeds of inflows -> v in their zones
             self.pressure_solve.build_rhs(self.particles.count, dt)
             self.iterations = self.pressure_solve.solve(dt)  # right-hand side, v -> multipliers
             # multipliers, v -> pressure, stress, v of particles and floating bodies
@@ -309,6 +310,7 @@ class Projection:
         """Computes the densities at the particles' current positions."""
         with stage("neighbours"):
             self.neighbours.refresh()
+            self.openings.mark()
         with stage("density"):
             self.density.refresh()
 
