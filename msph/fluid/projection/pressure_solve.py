@@ -38,9 +38,6 @@ MIN_START_SCALE, MAX_START_SCALE = 0.5, 2.0
 # Diagonal over the one of a particle that moves (-) below which a particle of prescribed velocity
 # has no multiplier.
 MIN_HELD_DIAGONAL = 0.1
-# Density deficit (-) with which a particle of prescribed velocity still pushes: where sheets meet
-# other arrangements, gaps of this size stay open, which water would fall into in each step.
-HELD_DEFICIT = 0.1
 # Smallest displacement in the scale of the tolerance, in spacings: keeps the tolerance above zero.
 MIN_DISPLACEMENT = 1e-5
 
@@ -88,10 +85,9 @@ class PressureSolve:
             share = ti.max(dt / self.constants.release[None], -c / GAP_DEFICIT)
             removed = ti.min(share, 1.0) * c
             # Halves of a split are crowded until the position correction has moved them apart.
-            removed = ti.select(p.settling[i] > 0 and c > 0.0, 0.0, removed)
-            if p.prescribed[i] > 0:
-                # No multiplier could lower an excess.
-                removed = ti.min(c + HELD_DEFICIT, 0.0)
+            # Where velocities are prescribed, no multiplier could lower an excess.
+            held = p.settling[i] > 0 or p.prescribed[i] > 0
+            removed = ti.select(held and c > 0.0, 0.0, removed)
             p.rhs[i] = dt * rate + removed
             last = p.pressure_multiplier[i]
             start = 0.5 * (last + p.previous_multiplier[i])
