@@ -22,6 +22,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import taichi as ti
 
 # Environment variable that selects plain Taichi, unless it is "" or "0".
@@ -31,6 +32,7 @@ SETTERS = {ti.i32: "set_arg_int", ti.f32: "set_arg_float"}
 VECTOR = type(ti.math.vec3)
 VECTOR_SETTERS = {ti.i32: "set_struct_arg_int", ti.f32: "set_struct_arg_float"}
 GETTERS = {ti.i32: "get_struct_ret_int", ti.f32: "get_struct_ret_float"}
+ARRAY_SETTER = "set_arg_external_array_with_shape"
 # Methods by which Taichi builds the range loops of a kernel.
 LOOPS = ("build_range_for", "build_ndrange_for", "build_grouped_ndrange_for")
 PROGRAM = ("config", "get_device_caps", "compile_kernel", "launch_kernel", "synchronize")
@@ -53,8 +55,9 @@ try:
     from taichi.lang.ast.ast_transformer_utils import ASTTransformerContext
     from taichi.lang.enums import AutodiffMode
     from taichi.lang.kernel_impl import Kernel
+    from taichi.types.ndarray_type import NdarrayType
 
-    setters = (*SETTERS.values(), *VECTOR_SETTERS.values(), *GETTERS.values())
+    setters = (*SETTERS.values(), *VECTOR_SETTERS.values(), *GETTERS.values(), ARRAY_SETTER)
     _missing = (
         missing(impl, ["get_runtime"])
         or missing(AutodiffMode, ["NONE"])
@@ -92,19 +95,48 @@ if not PLAIN:
     kernel_impl.getsourcefile = functools.cache(kernel_impl.getsourcefile)
 
 
+class Loops:
+    """How kernels run their loops. serial: in the launching thread, not shared out among threads;
+    a kernel is compiled for either when it is first launched so. No effect with plain Taichi."""
+
+    def __init__(self, serial: bool = False):
+        self.serial = serial
+
+
+# Loops of the objects that are made now, and whether all loops compiled now are to be serial.
+_loops = Loops()
+_serial = False
+
+
+@contextlib.contextmanager
+def use_loops(loops: Loops):
+    """Gives the objects with kernels that are made in the block these loops."""
+    global _loops
+    before, _loops = _loops, loops
+    try:
+        yield
+    finally:
+        _loops = before
+
+
 def serialize_loops() -> None:
-    """Makes the loops of all later kernels serial, in the launching thread: with one thread this
-    saves its wake-up, half of the frame time of 500 particles. No effect with plain Taichi."""
-    if PLAIN:
-        return
+    """Makes the loops of all later kernels serial: with one thread this saves its wake-up, half of
+    the frame time of 500 particles. No effect with plain Taichi."""
+    global _serial
+    _serial = True
+
+
+def _build_loop(build: Callable, context: Any, node: Any) -> Any:
+    """Taichi's `build` of a loop."""
+    if _serial:
+        context.ast_builder.strictly_serialize()
+    return build(context, node)
+
+
+if not PLAIN:
     for name in LOOPS:
-        build = getattr(ASTTransformer, name)
-
-        def build_serial(context: Any, node: Any, build: Callable = build) -> Any:
-            context.ast_builder.strictly_serialize()
-            return build(context, node)
-
-        setattr(ASTTransformer, name, staticmethod(build_serial))
+        serial = functools.partial(_build_loop, getattr(ASTTransformer, name))
+        setattr(ASTTransformer, name, staticmethod(serial))
 
 
 _watchers: list[Callable[[str], None]] = []
@@ -177,25 +209,30 @@ class FastKernel:
 
     def __init__(self, function: Callable):
         functools.update_wrapper(self, function)
-        self.taichi = Kernel(function, autodiff_mode=AutodiffMode.NONE, _classkernel=True)
+        self.taichi, self.serial = (
+            Kernel(function, autodiff_mode=AutodiffMode.NONE, _classkernel=True) for _ in range(2)
+        )
 
     def __get__(self, owner: Any, cls: type | None = None):
         if owner is None:
             return self
         # The instance attribute replaces this descriptor in later calls.
-        launcher = owner.__dict__[self.taichi.func.__name__] = _Launcher(self.taichi, owner)
+        launcher = owner.__dict__[self.taichi.func.__name__] = _Launcher(self, owner)
         return launcher
 
 
 class _Launcher:
     """Kernel bound to its object."""
 
-    def __init__(self, taichi: "Kernel", owner: Any):
-        self.taichi, self.owner, self.count = taichi, owner, len(taichi.arguments) - 1
-        # Places of templates, numbers and vectors among the arguments, without self.
+    def __init__(self, fast: FastKernel, owner: Any):
+        taichi = fast.taichi
+        self.taichi, self.serial, self.owner = taichi, fast.serial, owner
+        self.count, self.loops = len(taichi.arguments) - 1, owner.__dict__["_loops"]
+        # Places of templates, numbers, vectors and arrays among the arguments, without self.
         self.templates: list[int] = []
         self.numbers: list[tuple[int, tuple[int], str]] = []
         self.vectors: list[tuple[int, list[tuple[int, int]], str]] = []
+        self.arrays: list[tuple[int, tuple[int]]] = []
         self.fast = True  # False if there are arguments or results of other types
         slot = 0
         for place, argument in enumerate(taichi.arguments[1:]):
@@ -208,6 +245,8 @@ class _Launcher:
             elif isinstance(kind, VECTOR) and kind.dtype in VECTOR_SETTERS:
                 slots = [(slot, k) for k in range(kind.n)]
                 self.vectors.append((place, slots, VECTOR_SETTERS[kind.dtype]))
+            elif isinstance(kind, NdarrayType):
+                self.arrays.append((place, (slot,)))
             else:
                 self.fast = False
             slot += 1
@@ -220,7 +259,12 @@ class _Launcher:
         # Taichi reports wrong calls.
         if not self.fast or len(args) != self.count:
             return self.taichi(self.owner, *args)
-        key = tuple([args[place] for place in self.templates])
+        key: tuple = (self.loops.serial, *[args[place] for place in self.templates])
+        for place, _ in self.arrays:
+            array = args[place]
+            if not (isinstance(array, np.ndarray) and array.flags.c_contiguous):
+                return self.taichi(self.owner, *args)
+            key += (array.dtype, array.ndim)
         if key not in self.ready:
             self.ready[key] = self._compile(args)
         compiled, fresh, program = self.ready[key]
@@ -231,6 +275,11 @@ class _Launcher:
             set_component = getattr(context, setter)
             for component_slot, value in zip(slots, args[place], strict=True):
                 set_component(component_slot, value)
+        for place, array_slot in self.arrays:
+            array = args[place]
+            pointer = array.__array_interface__["data"][0]
+            set_array = getattr(context, ARRAY_SETTER)
+            set_array(array_slot, pointer, array.nbytes, array.shape, 0)
         program.launch_kernel(compiled, context)
         if self.getter:
             program.synchronize()
@@ -241,15 +290,30 @@ class _Launcher:
         """Returns the compiled kernel, its context factory and the program, for these templates."""
         for watcher in _watchers:
             watcher(f"{type(self.owner).__name__}.{self.taichi.func.__name__.lstrip('_')}")
-        key = self.taichi.ensure_compiled(self.owner, *args)
-        found, program = self.taichi.compiled_kernels[key], impl.get_runtime().prog
+        global _serial
+        before, _serial = _serial, _serial or self.loops.serial
+        taichi = self.serial if self.loops.serial else self.taichi
+        try:
+            key = taichi.ensure_compiled(self.owner, *args)
+        finally:
+            _serial = before
+        found, program = taichi.compiled_kernels[key], impl.get_runtime().prog
         compiled = program.compile_kernel(program.config(), program.get_device_caps(), found)
         return compiled, found.make_launch_context, program
 
 
 def _mark(cls: type) -> type:
-    """Marks a class with kernels, as ti.data_oriented does, but without its attribute hook."""
+    """Marks a class with kernels, as ti.data_oriented does, but without its attribute hook; its
+    objects keep the loops of the time when they are made."""
     cls._data_oriented = True  # type: ignore[attr-defined]
+    begin = cls.__init__  # type: ignore[misc]
+
+    @functools.wraps(begin)
+    def begin_with_loops(self, *args, **options):
+        self._loops = _loops
+        begin(self, *args, **options)
+
+    cls.__init__ = begin_with_loops  # type: ignore[misc]
     return cls
 
 

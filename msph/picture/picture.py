@@ -31,14 +31,16 @@ from msph.picture.whitewater_view import WhitewaterView
 from msph.surface import SurfaceRoom, surface_of
 from msph.surface.thin_water import ThinWater
 from msph.surface.whitewater import Whitewater, whitewater_of
-from msph.taichi_internals import data_oriented, kernel
+from msph.taichi_internals import Loops, data_oriented, kernel, use_loops
 
 
 def picture_of(world: World, surface_room: SurfaceRoom, room: PictureRoom) -> "Picture":
     """Builds a picture of the surface, particles and bodies of a world (for World.build_once)."""
     surface = world.build_once(surface_of, surface_room)
     parts, white = world.parts, world.build_once(whitewater_of)
-    return Picture(surface.mesh, parts.boundary, room, white, parts.rim, surface.thin)
+    # Loops over pixels are worth sharing out in any scene.
+    with use_loops(Loops()):
+        return Picture(surface.mesh, parts.boundary, room, white, parts.rim, surface.thin)
 
 
 @data_oriented

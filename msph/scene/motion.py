@@ -1,6 +1,7 @@
 """Motion of the tank: expressions, tables and the sway as one path over time."""
 
 import csv
+import functools
 import math
 from collections.abc import Callable
 from typing import Any
@@ -20,6 +21,9 @@ TIME, COLUMNS = "time_s", ("x_m", "y_m", "z_m", "angle_deg")
 TRIALS = 500
 # Displacement [m] and angle [deg] of a motion at a time [s], (4,).
 Numbers = Callable[[float], np.ndarray]
+
+# Number of poses that a path remembers: steps in a row ask for the same times.
+PLACES = 16
 
 
 class TableError(ValueError):
@@ -41,6 +45,7 @@ def box_path(scene: Scene) -> Path:
         axis = np.array(motion.axis) / np.linalg.norm(motion.axis)
         turns.append((own, axis, home if motion.centre is None else np.array(motion.centre)))
 
+    @functools.lru_cache(PLACES)
     def path(time: float) -> tuple[np.ndarray, np.ndarray]:
         place, turned = home, np.eye(3)
         for own, axis, centre in turns:

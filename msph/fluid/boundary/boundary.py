@@ -97,6 +97,7 @@ class Boundary:
         self._reach = max(s.support for s in specs)
         self._crossing = CROSSING * min(s.spacing for s in specs)
         self._inward = np.array([isinstance(b, Solid) and b.container for b in self.bodies], bool)
+        self._prescribed = [k for k, b in enumerate(self.bodies) if b.mass is None]
         self._driven = [k for k, b in enumerate(self.bodies) if b.mass is None and b.motion.moves]
         self.driven = bool(self._driven)
         self.moving = self.driven or self.floating.count > 0
@@ -208,7 +209,7 @@ class Boundary:
         self.impulse, self.twist = self.impulse + pushes[:, :3], self.twist + pushes[:, 3:]
         self.floating.receive(pushes[self.floating.which])
         work = (self.velocities * pushes[:, :3] + self.spins * pushes[:, 3:]).sum(axis=1)
-        return -float(np.delete(work, self.floating.which).sum())
+        return -float(work[self._prescribed].sum())
 
     def fall(self, dt: float, external: ExternalForces) -> None:
         """Changes the velocities of floating bodies by external forces within dt [s], and releases
@@ -319,11 +320,12 @@ class Boundary:
         """Returns the walls, as bits, that mirror each body in each pose, (bodies, 2): those within
         a kernel's reach that it does not cross."""
         turned = np.where(self._round[:, None, None, None], np.eye(3), np.abs(turns))
-        out = np.einsum("bpij,bj->bpi", turned, self._half)
+        out = (turned @ self._half[:, None, :, None])[..., 0]
         lo, hi = centres - out, centres + out
         for b, corners in self._corners.items():
-            points = np.einsum("pij,nj->pni", turns[b], corners)
-            lo[b], hi[b] = centres[b] + points.min(axis=1), centres[b] + points.max(axis=1)
+            points = corners @ turns[b].reshape(6, 3).T
+            lo[b] = centres[b] + points.min(axis=0).reshape(2, 3)
+            hi[b] = centres[b] + points.max(axis=0).reshape(2, 3)
         gaps = np.concatenate([lo, self._walls - hi], axis=2)
         near = (gaps < self._reach) & (gaps > -self._crossing) & ~self._inward[:, None, None]
         return near @ (1 << np.arange(6))

@@ -102,8 +102,8 @@ class Scripted:
 
 def rotations(vectors: np.ndarray) -> np.ndarray:
     """Returns the rotations (n, 3, 3) by rotation vectors (n, 3) [rad], by Rodrigues' formula."""
-    angle = np.linalg.norm(vectors, axis=1)[:, None, None]
-    x, y, z = (vectors / np.maximum(angle[:, 0], np.finfo(float).tiny)).T
+    angle = np.sqrt((vectors**2).sum(axis=1))[:, None, None]
+    x, y, z = (vectors / np.maximum(angle[:, 0], TINY)).T
     zero = np.zeros_like(x)
     cross = np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]).transpose(2, 0, 1)
     return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
@@ -111,6 +111,7 @@ def rotations(vectors: np.ndarray) -> np.ndarray:
 
 AnyMotion = Motion | Scripted
 AT_REST = Motion()
+TINY = float(np.finfo(float).tiny)
 # Coefficient of friction between bodies, and with walls (-): of wood on wood.
 FRICTION = 0.3
 
