@@ -204,14 +204,21 @@ def set_image(canvas: Any, words: Any) -> None:
         canvas.set_image(words.view("u1").reshape(*words.shape, 4))
 
 
+def _taichi_kernel(function: Callable) -> "Kernel":
+    return Kernel(function, autodiff_mode=AutodiffMode.NONE, _classkernel=True)
+
+
 class FastKernel:
     """Kernel method, compiled once per object and per value of its template arguments."""
 
     def __init__(self, function: Callable):
         functools.update_wrapper(self, function)
-        self.taichi, self.serial = (
-            Kernel(function, autodiff_mode=AutodiffMode.NONE, _classkernel=True) for _ in range(2)
-        )
+        self.function, self.taichi = function, _taichi_kernel(function)
+
+    @functools.cached_property
+    def serial(self) -> "Kernel":
+        """The same kernel, for serial loops."""
+        return _taichi_kernel(self.function)
 
     def __get__(self, owner: Any, cls: type | None = None):
         if owner is None:
@@ -226,7 +233,7 @@ class _Launcher:
 
     def __init__(self, fast: FastKernel, owner: Any):
         taichi = fast.taichi
-        self.taichi, self.serial, self.owner = taichi, fast.serial, owner
+        self.kernel, self.taichi, self.owner = fast, taichi, owner
         self.count, self.loops = len(taichi.arguments) - 1, owner.__dict__["_loops"]
         # Places of templates, numbers, vectors and arrays among the arguments, without self.
         self.templates: list[int] = []
@@ -292,7 +299,7 @@ class _Launcher:
             watcher(f"{type(self.owner).__name__}.{self.taichi.func.__name__.lstrip('_')}")
         global _serial
         before, _serial = _serial, _serial or self.loops.serial
-        taichi = self.serial if self.loops.serial else self.taichi
+        taichi = self.kernel.serial if self.loops.serial else self.taichi
         try:
             key = taichi.ensure_compiled(self.owner, *args)
         finally:
