@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from msph.fluid.boundary.openings import Opening
-from msph.fluid.boundary.rigid_bodies import Body
+from msph.fluid.boundary.rigid_bodies import Body, rotations
 from msph.fluid.boundary.rim import AllSpiltError
 from msph.fluid.external_forces import Hand, Vec3, rotation_vector
 from msph.fluid.moving_box import MovingBox
@@ -26,7 +26,7 @@ from msph.picture.camera import Camera
 from msph.picture.picture import Picture, picture_of
 from msph.picture.pixels import matted
 from msph.picture.room import PictureRoom
-from msph.scene.build import build_simulation, rotation, turn
+from msph.scene.build import build_simulation
 from msph.scene.camera_path import orbit_at
 from msph.scene.errors import SceneError
 from msph.scene.live import live_parameters, read, with_live_value
@@ -308,8 +308,10 @@ class Show:
 
     def _tilt(self, inputs: Inputs) -> np.ndarray:
         """Sets the user's tilt, and returns it, (3, 3)."""
-        view = turn(inputs.azimuth)
-        self.by_hand = view @ rotation(*inputs.tilt) @ view.T
+        roll, pitch = inputs.tilt
+        vectors = (0.0, inputs.azimuth, 0.0), (0.0, 0.0, roll), (pitch, 0.0, 0.0)
+        view, first, then = rotations(np.array(vectors))
+        self.by_hand = view @ then @ first @ view.T
         self._place()
         return self.by_hand
 
