@@ -9,7 +9,9 @@ from typing import get_args
 import numpy as np
 
 from msph.errors import BadInputError
+from msph.measure.bulk import BulkDensity
 from msph.measure.entry import Entry, columns
+from msph.measure.kernel_density import KernelDensity
 from msph.measure.survey import COLUMNS, Survey
 
 # Fields of an entry that are sums since the start; a resumed run restarts them at zero.
@@ -81,9 +83,6 @@ def entries(rows: np.ndarray) -> list[Entry]:
 def surveys(rows: np.ndarray, rest_density: float) -> list[Survey]:
     """Returns the surveys of a ledger's rows (n, columns) that have one; their last columns are
     Survey.row(). rest_density [kg/m^3] of the water."""
-    from msph.measure.bulk import BulkDensity  # imports scipy, which takes 0.2 s
-    from msph.measure.kernel_density import KernelDensity
-
     mass, found = columns().index("mass [kg]"), []
     for row in rows:
         volume, mean, p99, *bulk = own = row[-len(COLUMNS) :]

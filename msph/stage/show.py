@@ -18,6 +18,7 @@ from msph.fluid.moving_box import MovingBox
 from msph.fluid.simulation import FullError
 from msph.fluid.stages import Stage, no_stage
 from msph.fluid.trapped_water import TrappedWaterError
+from msph.measure.bulk import bulk_density
 from msph.measure.ledger import Ledger
 from msph.measure.past import UNREADABLE
 from msph.measure.snapshot import Snapshot
@@ -483,8 +484,6 @@ class Show:
     def bulk_density_error(self) -> float:
         """Returns the error of the bulk density (-), measured from the positions in milliseconds;
         NaN if the water is too thin."""
-        from msph.measure.bulk import bulk_density  # imports scipy, which takes 0.2 s
-
         water = Snapshot.of(self.simulation)
         return bulk_density(water.x, water.spacing, water.size, water.free).mean - 1.0
 
