@@ -13,15 +13,10 @@ from msph.measure.bulk import BulkDensity
 from msph.measure.entry import Entry, columns
 from msph.measure.kernel_density import KernelDensity
 from msph.measure.survey import COLUMNS, Survey
+from msph.measure.totals import GIVEN_SCALARS, GIVEN_VECTORS
 
 # Fields of an entry that are sums since the start; a resumed run restarts them at zero.
-SUMS = (
-    *("internal_impulse", "internal_angular_impulse", "wall_impulse", "body_impulse"),
-    *("wall_work", "user_impulse", "user_work", "inertia_impulse", "inertia_work"),
-    *("tilt_work", "added_mass", "merge_loss"),
-    *("spilt_momentum", "spilt_energy", "inflow_mass", "inflow_impulse", "inflow_work"),
-    *("outflow_mass", "outflow_momentum", "outflow_energy"),
-)
+SUMS = (*GIVEN_VECTORS, *GIVEN_SCALARS, "body_impulse", "tilt_work", "outflow_mass")
 
 # Errors of np.load for a file that is not an archive of arrays, or empty, or truncated.
 UNREADABLE = (
