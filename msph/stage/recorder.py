@@ -214,9 +214,12 @@ class Recorder(Audience):
         return numbered_name(path, self.first + self.done)
 
 
-def video_writer(path: Path, fps: float, alpha: bool = False) -> Any:
-    """Opens a video for append_data() of images of even sizes; alpha: with an alpha channel."""
-    options = WEBM if kind(path) == ".webm" else {"quality": VIDEO_QUALITY}
+def video_writer(
+    path: Path, fps: float, alpha: bool = False, quality: float = VIDEO_QUALITY
+) -> Any:
+    """Opens a video for append_data() of images of even sizes; alpha: with an alpha channel;
+    quality: constant, 0 to 10, except for WebM."""
+    options = WEBM if kind(path) == ".webm" else {"quality": quality}
     if alpha:
         options = {**options, "pixelformat": "yuva420p"}
     return imageio.get_writer(path, fps=fps, macro_block_size=1, **options)
