@@ -75,6 +75,7 @@ class Particles:
         self.attributes = every
         self.fields = {a.name: a.allocate(room) for a in every.values()}
         self.__dict__.update(self.fields)
+        self._every = list(self.fields.values())
         carried = [a for a in every.values() if a.carried]
         self._pairs = [(self.fields[a.name], a.allocate(room)) for a in carried]
         self.inherited = tuple(self.fields[a.name] for a in carried if a.inherited)
@@ -141,11 +142,7 @@ class Particles:
     ):
         for k in range(x.shape[0]):
             i = n + k
-            for field in ti.static(self._vectors):
-                field[i] = 0
-            for field in ti.static(self._numbers):
-                field[i] = 0
-            for field in ti.static(self._integers):
+            for field in ti.static(self._every):
                 field[i] = 0
             self.layer[i], self.id[i], self.prescribed[i] = layer, first + k, opening
             for axis in ti.static(range(3)):
@@ -180,11 +177,7 @@ class Particles:
             for column, field in ti.static(enumerate(self._integers)):
                 field[i] = integers[i, column]
         for i in range(n, touched):
-            for field in ti.static(self._vectors):
-                field[i] = 0
-            for field in ti.static(self._numbers):
-                field[i] = 0
-            for field in ti.static(self._integers):
+            for field in ti.static(self._every):
                 field[i] = 0
 
     @kernel
