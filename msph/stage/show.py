@@ -183,12 +183,14 @@ class Show:
         for _ in range(WARM_UP_FRAMES):
             self.frame(Controls(use=push, scale=WARM_UP_SCALE, budget=0.0))
         if self.scalable:
-            # A first change of the view, and the first autosave, should not wait for kernels.
+            # A first change of the view, the first autosave, and the first water that is added
+            # should not wait for kernels.
             name = self.views.name
             self.views.next()
             self.draw()
             self.views.name = name
             self.simulation.state()
+            self.simulation.particles.extend(np.zeros((0, 3)), np.zeros((0, 3)), 0)
         self.reset()
         self.frames = 0
         if self.timings:

@@ -111,20 +111,9 @@ class Particles:
         self._write(vectors, numbers, integers, n, self.touched)
         self.count, self.touched = n, self.capacity
 
-    def append(self, x: np.ndarray, v: np.ndarray, layer: int) -> None:
-        """Adds particles of a layer at x [m] with velocities v [m/s], (n, 3); their other
-        attributes are zero, except new ids."""
-        old, n = self.state(), len(x)
-        new = {name: np.zeros((n, *a.shape[1:]), a.dtype) for name, a in old.items()}
-        first = int(old["id"].max()) + 1
-        new |= {"x": x, "v": v, "id": first + np.arange(n), "layer": np.full(n, layer)}
-        self.fill(
-            **{name: np.concatenate([a, new[name].astype(a.dtype)]) for name, a in old.items()}
-        )
-
-    def extend(self, x: np.ndarray, v: np.ndarray, layer: int, opening: int) -> None:
+    def extend(self, x: np.ndarray, v: np.ndarray, layer: int, opening: int = 0) -> None:
         """Adds particles of a layer at x [m] with velocities v [m/s], (n, 3), in the zone of an
-        opening; their other attributes are zero, except new ids."""
+        opening, counted from 1, if any; their other attributes are zero, except new ids."""
         first = int(self.numpy("id").max(initial=-1)) + 1
         vectors = [np.ascontiguousarray(a, np.float32) for a in (x, v)]
         self._extend(*vectors, layer, first, opening, self.count)
