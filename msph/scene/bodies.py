@@ -14,11 +14,11 @@ from msph.fluid.boundary.rigid_bodies import (
     bounding_radius,
     volume,
 )
-from msph.fluid.boundary.walls import wall_constants
 from msph.fluid.methods import METHODS, methods_with
 from msph.scene import schema
 from msph.scene.errors import SceneError, check_inside, is_one_of
 from msph.scene.meshes import MeshError, load_mesh
+from msph.scene.openings import walls
 from msph.scene.schema import Container, Scene
 from msph.scene.wavemakers import check_wave_makers, wave_makers
 
@@ -134,16 +134,11 @@ def _check_body(scene: Scene, given: schema.Body, spacing: float, where: str, ke
             f"{key}.mesh",
         )
     outside = np.any(hi <= 0.0) or np.any(lo >= np.array(scene.box.size))
-    if floats and not np.all((lo >= 0.0) & (hi <= room(scene))):
+    if floats and not np.all((lo >= 0.0) & (hi <= walls(scene))):
         raise SceneError(where, "floats, and must start inside the box", key)
     if outside and not made.motion.moves:
         raise SceneError(where, "is outside the box and does not move", key)
     return made
-
-
-def room(scene: Scene) -> np.ndarray:
-    """Returns the far corner [m] of the space in which bodies may float."""
-    return np.array(wall_constants(scene.box.size, scene.box.open)["walls"])
 
 
 def _check_mesh(mesh: schema.Body | Container, where: str, key: str) -> None:
