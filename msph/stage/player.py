@@ -212,7 +212,8 @@ class Player(Audience):
         camera.zoom(framing.distance / before)
 
     def _slice(self) -> None:
-        self.row.slice()
+        for show in self.row.shows:
+            show.slice()
         if self.row.lead.views.cut is not None and self.row.lead.views.name == "water":
             self.layout.show_message("the slice is visible in the particle views: press v")
 
