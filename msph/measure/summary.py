@@ -109,14 +109,9 @@ def assessment(
     waited = ledger.simulation.openings.message()
     return {
         "resolution": resolved,
-        "limits": account.limits(lines),
+        "limits": {line.key: line.figure.limit for line in lines},
         "cautions": account.cautions(lines, survey.shortfall(surveys)) + [waited] * bool(waited),
     }
-
-
-def figures(summary: dict[str, Any]) -> dict[str, float]:
-    """Returns the figures of a summary for account()."""
-    return {**summary["resolution"], **summary["errors"]}
 
 
 def write(path: Path, summary: dict[str, Any]) -> None:
