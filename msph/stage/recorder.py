@@ -186,7 +186,7 @@ class Recorder(Audience):
         ends = [round(1e3 / unit * k / self.fps) for k in range(len(self.animation_frames) + 1)]
         durations = [unit * (b - a) for a, b in itertools.pairwise(ends)]
         first, *others = (Image.fromarray(frame) for frame in self.animation_frames)
-        more = {"quality": WEBP_QUALITY} if kind(path) == ".webp" else {}
+        more: dict[str, Any] = {"quality": WEBP_QUALITY} if kind(path) == ".webp" else {}
         with self._writing(path):
             first.save(
                 path,
