@@ -206,7 +206,7 @@ class Simulation:
         if self.particles.count + len(x) > self.particles.capacity:
             raise FullError(f"the pool is full: at most {self.particles.capacity:,} particles")
         if len(x):
-            self.particles.append(x, v, layer)
+            self.particles.extend(x, v, layer)
             self.world.parts.impulses.add_water(spec.mass, x, v, np.array(gravity))
             self.solver.particles_added(float(np.linalg.norm(v, axis=1).max()))
         return len(x)

@@ -14,11 +14,11 @@ from msph.fluid.boundary.rigid_bodies import (
     bounding_radius,
     volume,
 )
-from msph.fluid.boundary.walls import wall_constants
 from msph.fluid.methods import METHODS, methods_with
 from msph.scene import schema
-from msph.scene.errors import SceneError, in_metres
+from msph.scene.errors import SceneError, check_inside, is_one_of
 from msph.scene.meshes import MeshError, load_mesh
+from msph.scene.openings import walls
 from msph.scene.schema import Container, Scene
 from msph.scene.wavemakers import check_wave_makers, wave_makers
 
@@ -87,14 +87,7 @@ def check_bodies(scene: Scene, spacing: float, where: str) -> list[Body]:
     if scene.container is not None:
         _check_mesh(scene.container, where, "container")
         found.append(_container(scene.container))
-        lo, hi = found[0].bounds
-        if np.any(lo < 0.0) or np.any(hi > np.array(scene.box.size)):
-            raise SceneError(
-                where,
-                f"reaches from {in_metres(lo)} to {in_metres(hi)}, outside the box of "
-                f"{in_metres(scene.box.size)}",
-                "container",
-            )
+        check_inside(*found[0].bounds, scene.box.size, where, "container")
     for i, given in enumerate(scene.bodies):
         found.append(_check_body(scene, given, spacing, where, f"bodies.{i}"))
     check_wave_makers(scene, where)
@@ -102,13 +95,7 @@ def check_bodies(scene: Scene, spacing: float, where: str) -> list[Body]:
 
 
 def _check_body(scene: Scene, given: schema.Body, spacing: float, where: str, key: str) -> Body:
-    shapes = (
-        (given.lo, given.hi),
-        (given.centre, given.radius),
-        (given.mesh,),
-    )
-    found = [shape for shape in shapes if any(part is not None for part in shape)]
-    if len(found) != 1 or any(part is None for part in found[0]):
+    if not is_one_of((given.lo, given.hi), (given.centre, given.radius), (given.mesh,)):
         raise SceneError(where, "give either lo and hi, or centre and radius, or mesh", key)
     if given.mesh is not None:
         _check_mesh(given, where, key)
@@ -147,16 +134,11 @@ def _check_body(scene: Scene, given: schema.Body, spacing: float, where: str, ke
             f"{key}.mesh",
         )
     outside = np.any(hi <= 0.0) or np.any(lo >= np.array(scene.box.size))
-    if floats and not np.all((lo >= 0.0) & (hi <= room(scene))):
+    if floats and not np.all((lo >= 0.0) & (hi <= walls(scene))):
         raise SceneError(where, "floats, and must start inside the box", key)
     if outside and not made.motion.moves:
         raise SceneError(where, "is outside the box and does not move", key)
     return made
-
-
-def room(scene: Scene) -> np.ndarray:
-    """Returns the far corner [m] of the space in which bodies may float."""
-    return np.array(wall_constants(scene.box.size, scene.box.open)["walls"])
 
 
 def _check_mesh(mesh: schema.Body | Container, where: str, key: str) -> None:

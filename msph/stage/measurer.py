@@ -186,6 +186,6 @@ class Measurer:
 
     def account(self) -> str:
         """Returns a text with the errors of the run. Call after conclude()."""
-        lines = account.account(summary.figures(self.result))
+        lines = account.account({**self.result["resolution"], **self.result["errors"]})
         text = account.text(lines, self.result["cautions"], self.result)
         return text + body_table.text(self.result.get("forces", {}))

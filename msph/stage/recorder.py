@@ -1,7 +1,6 @@
 """Recorder: writes videos, images, meshes and particles of a show to files."""
 
 import contextlib
-import io
 import itertools
 import re
 from collections.abc import Iterator
@@ -134,32 +133,23 @@ class Recorder(Audience):
         self.progress.update()
 
     def close(self) -> None:
-        """Completes all files, also after an interrupt."""
+        """Completes all files, also after an interrupt, and also those after one that fails."""
         self.progress.close()
-        failures = []
-        for path, writer in zip(self.videos, self.writers, strict=False):
-            try:
-                with self._writing(path):
-                    writer.close()
-                    if path not in self.lost:
-                        check_video(path, self.done)
-            except LostOutputError as failure:
-                failures.append(failure)
-        for path in self.animations if self.animation_frames else ():
-            try:
-                with self._writing(path):
-                    path.write_bytes(self._animation(kind(path)))
-            except LostOutputError as failure:
-                failures.append(failure)
-        if self.last is not None and self.done < self.still:
-            self._write_stills()
-        for path, files in self.lists.items() if self.done else ():
-            try:
-                vtu.write_list(list_name(path, self.first), files)
-            except LostOutputError as failure:
-                failures.append(failure)
-        if failures:
-            raise failures[0]
+        with contextlib.ExitStack() as ends:
+            for path, files in self.lists.items() if self.done else ():
+                ends.callback(vtu.write_list, list_name(path, self.first), files)
+            if self.last is not None and self.done < self.still:
+                ends.callback(self._write_stills)
+            for path in self.animations if self.animation_frames else ():
+                ends.callback(self._write_animation, path)
+            for path, writer in zip(self.videos, self.writers, strict=False):
+                ends.callback(self._close_video, path, writer)
+
+    def _close_video(self, path: Path, writer: Any) -> None:
+        with self._writing(path):
+            writer.close()
+            if path not in self.lost:
+                check_video(path, self.done)
 
     def kept(self) -> list[Path]:
         """Returns the outputs that exist and are complete up to the last frame."""
@@ -189,34 +179,36 @@ class Recorder(Audience):
         self.writers += [video_writer(path, self.fps, alpha) for path in self.videos]
         return self.writers
 
-    def _animation(self, extension: str) -> bytes:
-        """Returns the frames as a looping GIF or WebP; durations are multiples of 0.01 s or 1 ms,
+    def _write_animation(self, path: Path) -> None:
+        """Writes the frames as a looping GIF or WebP; durations are multiples of 0.01 s or 1 ms,
         with the exact sum."""
-        unit = 10 if extension == ".gif" else 1  # [ms]
+        unit = 10 if kind(path) == ".gif" else 1  # [ms]
         ends = [round(1e3 / unit * k / self.fps) for k in range(len(self.animation_frames) + 1)]
         durations = [unit * (b - a) for a, b in itertools.pairwise(ends)]
         first, *others = (Image.fromarray(frame) for frame in self.animation_frames)
-        encoded, more = io.BytesIO(), {"quality": WEBP_QUALITY} if extension == ".webp" else {}
-        first.save(
-            encoded,
-            extension[1:],
-            save_all=True,
-            append_images=others,
-            # Pillow takes no list for a single frame.
-            duration=durations if others else durations[0],
-            loop=0,
-            **more,
-        )
-        return encoded.getvalue()
+        more: dict[str, Any] = {"quality": WEBP_QUALITY} if kind(path) == ".webp" else {}
+        with self._writing(path):
+            first.save(
+                path,
+                save_all=True,
+                append_images=others,
+                # Pillow takes no list for a single frame.
+                duration=durations if others else durations[0],
+                loop=0,
+                **more,
+            )
 
     def _numbered(self, path: Path) -> Path:
         """Returns the file name of the current frame."""
         return numbered_name(path, self.first + self.done)
 
 
-def video_writer(path: Path, fps: float, alpha: bool = False) -> Any:
-    """Opens a video for append_data() of images of even sizes; alpha: with an alpha channel."""
-    options = WEBM if kind(path) == ".webm" else {"quality": VIDEO_QUALITY}
+def video_writer(
+    path: Path, fps: float, alpha: bool = False, quality: float = VIDEO_QUALITY
+) -> Any:
+    """Opens a video for append_data() of images of even sizes; alpha: with an alpha channel;
+    quality: constant, 0 to 10, except for WebM."""
+    options = WEBM if kind(path) == ".webm" else {"quality": quality}
     if alpha:
         options = {**options, "pixelformat": "yuva420p"}
     return imageio.get_writer(path, fps=fps, macro_block_size=1, **options)

@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 
 from msph.fluid.boundary.openings import Opening
-from msph.fluid.boundary.rigid_bodies import Body
+from msph.fluid.boundary.rigid_bodies import Body, rotations
 from msph.fluid.boundary.rim import AllSpiltError
 from msph.fluid.external_forces import Hand, Vec3, rotation_vector
 from msph.fluid.moving_box import MovingBox
 from msph.fluid.simulation import FullError
 from msph.fluid.stages import Stage, no_stage
 from msph.fluid.trapped_water import TrappedWaterError
+from msph.measure.bulk import bulk_density
 from msph.measure.ledger import Ledger
 from msph.measure.past import UNREADABLE
 from msph.measure.snapshot import Snapshot
@@ -26,7 +27,7 @@ from msph.picture.camera import Camera
 from msph.picture.picture import Picture, picture_of
 from msph.picture.pixels import matted
 from msph.picture.room import PictureRoom
-from msph.scene.build import build_simulation, rotation, turn
+from msph.scene.build import build_simulation
 from msph.scene.camera_path import orbit_at
 from msph.scene.errors import SceneError
 from msph.scene.live import live_parameters, read, with_live_value
@@ -182,12 +183,14 @@ class Show:
         for _ in range(WARM_UP_FRAMES):
             self.frame(Controls(use=push, scale=WARM_UP_SCALE, budget=0.0))
         if self.scalable:
-            # A first change of the view, and the first autosave, should not wait for kernels.
+            # A first change of the view, the first autosave, and the first water that is added
+            # should not wait for kernels.
             name = self.views.name
             self.views.next()
             self.draw()
             self.views.name = name
             self.simulation.state()
+            self.simulation.particles.extend(np.zeros((0, 3)), np.zeros((0, 3)), 0)
         self.reset()
         self.frames = 0
         if self.timings:
@@ -308,8 +311,10 @@ class Show:
 
     def _tilt(self, inputs: Inputs) -> np.ndarray:
         """Sets the user's tilt, and returns it, (3, 3)."""
-        view = turn(inputs.azimuth)
-        self.by_hand = view @ rotation(*inputs.tilt) @ view.T
+        roll, pitch = inputs.tilt
+        vectors = (0.0, inputs.azimuth, 0.0), (0.0, 0.0, roll), (pitch, 0.0, 0.0)
+        view, first, then = rotations(np.array(vectors))
+        self.by_hand = view @ then @ first @ view.T
         self._place()
         return self.by_hand
 
@@ -481,8 +486,6 @@ class Show:
     def bulk_density_error(self) -> float:
         """Returns the error of the bulk density (-), measured from the positions in milliseconds;
         NaN if the water is too thin."""
-        from msph.measure.bulk import bulk_density  # imports scipy, which takes 0.2 s
-
         water = Snapshot.of(self.simulation)
         return bulk_density(water.x, water.spacing, water.size, water.free).mean - 1.0
 

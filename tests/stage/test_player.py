@@ -641,7 +641,7 @@ def test_a_drag_that_begins_elsewhere_moves_no_slider(player, show):
     frames(player, show)
     at_panel(player, slider.right, 0.5 * (slider.top + slider.bottom))
     frames(player, show, 2)
-    assert read(show.scene, slider.name) == pytest.approx(player.menu.panel.given[slider.name])
+    assert read(show.scene, slider.name) == pytest.approx(read(show.initial, slider.name))
     player.window.held = set()
     frames(player, show)
 
