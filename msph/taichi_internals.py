@@ -15,6 +15,7 @@ MSPH_PLAIN_TAICHI is set, kernels are Taichi's own: same results, slower launche
 
 import contextlib
 import functools
+import math
 import operator
 import os
 import warnings
@@ -95,12 +96,18 @@ if not PLAIN:
     kernel_impl.getsourcefile = functools.cache(kernel_impl.getsourcefile)
 
 
-class Loops:
-    """How kernels run their loops. serial: in the launching thread, not shared out among threads;
-    a kernel is compiled for either when it is first launched so. No effect with plain Taichi."""
+# Numbers of particles below which a CPU runs the loops of a kernel, and those of a heavy kernel,
+# in the launching thread: waking two threads takes 40 us a loop (bench/results/speed_log.md).
+SERIAL_BELOW, HEAVY_SERIAL_BELOW = 3000, 800
 
-    def __init__(self, serial: bool = False):
-        self.serial = serial
+
+class Loops:
+    """Tells the kernels of a scene how many `particles` they run over, and thus whether to share
+    out their loops among threads. A kernel is compiled for either when it is first launched so. No
+    effect with plain Taichi."""
+
+    def __init__(self, particles: float = math.inf):
+        self.particles = particles
 
 
 # Loops of the objects that are made now, and whether all loops compiled now are to be serial.
@@ -129,8 +136,13 @@ def serialize_loops() -> None:
 def _build_loop(build: Callable, context: Any, node: Any) -> Any:
     """Taichi's `build` of a loop."""
     if _serial:
-        context.ast_builder.strictly_serialize()
+        serialize(context)
     return build(context, node)
+
+
+def serialize(context: Any) -> None:
+    """Makes the next loop of the kernel that is compiled serial."""
+    context.ast_builder.strictly_serialize()
 
 
 if not PLAIN:
@@ -209,11 +221,12 @@ def _taichi_kernel(function: Callable) -> "Kernel":
 
 
 class FastKernel:
-    """Kernel method, compiled once per object and per value of its template arguments."""
+    """Kernel method, compiled once per object and per value of its template arguments. below:
+    number of particles of a scene below which its loops are serial."""
 
-    def __init__(self, function: Callable):
+    def __init__(self, function: Callable, below: int = SERIAL_BELOW):
         functools.update_wrapper(self, function)
-        self.function, self.taichi = function, _taichi_kernel(function)
+        self.function, self.taichi, self.below = function, _taichi_kernel(function), below
 
     @functools.cached_property
     def serial(self) -> "Kernel":
@@ -266,14 +279,16 @@ class _Launcher:
         # Taichi reports wrong calls.
         if not self.fast or len(args) != self.count:
             return self.taichi(self.owner, *args)
-        key: tuple = (self.loops.serial, *[args[place] for place in self.templates])
+        # With one thread, all kernels are serial.
+        serial = self.loops.particles < self.kernel.below and not _serial
+        key: tuple = (serial, *[args[place] for place in self.templates])
         for place, _ in self.arrays:
             array = args[place]
             if not (isinstance(array, np.ndarray) and array.flags.c_contiguous):
                 return self.taichi(self.owner, *args)
             key += (array.dtype, array.ndim)
         if key not in self.ready:
-            self.ready[key] = self._compile(args)
+            self.ready[key] = self._compile(serial, args)
         compiled, fresh, program = self.ready[key]
         context = fresh()
         for place, number_slot, setter in self.numbers:
@@ -293,13 +308,13 @@ class _Launcher:
             return getattr(context, self.getter)((0,))
         return None
 
-    def _compile(self, args: tuple) -> tuple:
+    def _compile(self, serial: bool, args: tuple) -> tuple:
         """Returns the compiled kernel, its context factory and the program, for these templates."""
         for watcher in _watchers:
             watcher(f"{type(self.owner).__name__}.{self.taichi.func.__name__.lstrip('_')}")
         global _serial
-        before, _serial = _serial, _serial or self.loops.serial
-        taichi = self.kernel.serial if self.loops.serial else self.taichi
+        before, _serial = _serial, _serial or serial
+        taichi = self.kernel.serial if serial else self.taichi
         try:
             key = taichi.ensure_compiled(self.owner, *args)
         finally:
@@ -324,6 +339,8 @@ def _mark(cls: type) -> type:
     return cls
 
 
-# Decorators of the project's kernels and of classes that have kernels.
+# Decorators of the project's kernels, of those that take as long as several others, and of classes
+# that have kernels.
 kernel: Any = ti.kernel if PLAIN else FastKernel
+heavy_kernel: Any = ti.kernel if PLAIN else functools.partial(FastKernel, below=HEAVY_SERIAL_BELOW)
 data_oriented: Any = ti.data_oriented if PLAIN else _mark

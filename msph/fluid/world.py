@@ -5,6 +5,7 @@ them when closed, so that the next simulation reuses the compiled kernels.
 """
 
 import gc
+import math
 from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
@@ -35,9 +36,6 @@ from msph.taichi_internals import Loops, field_trees, on_cpu, use_loops
 # Taichi crashes beyond MAX_TREES field trees per process; a world with its surface and image takes
 # at most WORLD_TREES.
 MAX_TREES, WORLD_TREES = 512, 24
-# Number of particles below which a CPU runs the loops of a scene on one thread: waking two threads
-# takes 40 us a loop, 350 loops a frame (bench/results/speed_log.md).
-SERIAL_BELOW = 3000
 
 T = TypeVar("T")
 
@@ -69,7 +67,7 @@ class World:
     def load(self, plan: Plan) -> Any:
         """Fills tables and constants for a scene; returns the solver of its method."""
         parts, specs = self.parts, plan.specs
-        self.loops.serial = on_cpu() and len(plan.initial["x"]) < SERIAL_BELOW
+        self.loops.particles = len(plan.initial["x"]) if on_cpu() else math.inf
         parts.constants.fill(**plan.constants())
         parts.layers.load(specs, *plan.tables())
         attributes = plan.method.attributes(plan.parameters, plan.adaptation is not None)
