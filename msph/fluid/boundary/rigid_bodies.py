@@ -75,14 +75,15 @@ class Motion:
 class Scripted:
     """Motion by a function: place(t) is the displacement [m], (3,), and the angle [rad] of the
     rotation about `axis` through the point `pivot` (3,) [m], relative to the body's centre at time
-    zero. speed [m/s]: upper bound of the speed of the body's points. slides: axes along which the
-    body translates."""
+    zero. speed [m/s], rate [rad/s]: upper bounds of the speed of the body's points, without a
+    rotation at `rate` about the centre. slides: axes along which the body translates."""
 
     place: Callable[[float], tuple[np.ndarray, float]]
     axis: Vec3
     pivot: np.ndarray
     speed: float
     slides: Any = field(default_factory=lambda: np.ones(3, bool))
+    rate: float = 0.0
     spins: bool = True
     moves: bool = True
 
@@ -96,8 +97,8 @@ class Scripted:
         return rotations(self.place(time)[1] * axis[None] / np.linalg.norm(axis))[0]
 
     def top_speed(self, reach: float) -> float:
-        """Returns an upper bound of the speed [m/s] of the body's points."""
-        return self.speed
+        """Returns an upper bound of the speed [m/s] of points within `reach` [m] of the centre."""
+        return self.speed + self.rate * reach
 
 
 def rotations(vectors: np.ndarray) -> np.ndarray:
