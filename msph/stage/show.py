@@ -345,7 +345,7 @@ class Show:
         if self.surface and self.shown_bodies != self.simulation.boundary.count:
             self._load_surface()
             if self.picture:
-                self._load_picture(self.picture.size)
+                self.picture.take_bodies()
         water = self.picture is not None and self.views.name == "water"
         if self.surface and (water or self.meshes):
             with self._stage("surface"):

@@ -278,8 +278,13 @@ def test_each_tool_moves_or_adds_water_while_the_button_is_down(player, show, to
     assert (last.added_mass > first.added_mass) == (tool.name == "rain")
 
 
+    show.picture.wetness.wet.fill(1.0)
+    frames(player, show)
+    wet = show.picture.wetness.wet.to_numpy().sum()
 def test_a_thrown_body_floats_follows_the_cursor_and_is_gone_after_a_reset(player, show):
     player.steering.tool = next(tool for tool in TOOLS if tool.name == "float")
+    # The first body dried all walls.
+    assert show.picture.wetness.wet.to_numpy().sum() > 0.9 * wet
     boundary = show.simulation.boundary
     frames(player, show)
     player.window.at, player.window.held = wet_place(show), {"LMB"}
