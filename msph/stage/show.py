@@ -515,7 +515,7 @@ class Show:
         return f"steps so far {sim.steps:,}, of {sim.last_step:.2g} s each, {limit}"
 
     def warnings(self) -> list[str]:
-        """Returns warnings about a truncated mesh and stopped bodies."""
+        """Returns warnings about a truncated mesh, waiting inflows and stopped bodies."""
         overflow = self.surface.mesh.overflowed() if self.surface else None
-        stopped = [f"{name} stopped: it had trapped water" for name in sorted(self.stopped)]
-        return [*([overflow] if overflow else []), *stopped]
+        told = [text for text in (overflow, self.simulation.openings.message()) if text]
+        return [*told, *(f"{name} stopped: it had trapped water" for name in sorted(self.stopped))]
