@@ -82,9 +82,7 @@ class World:
 
     def load_bodies(self, plan: Plan) -> None:
         """Fills the boundary with the bodies of a scene."""
-        boundary, bodies = self.parts.boundary, list(plan.bodies)
-        boundary.load(plan.size, plan.specs, bodies, plan.open_top)
-        boundary.constants.bodies[None] = len(bodies)
+        self.parts.boundary.load(plan.size, plan.specs, list(plan.bodies), plan.open_top)
         self.prepare_bodies()
 
     def load_openings(self, plan: Plan, openings: Sequence[Opening]) -> None:

@@ -76,7 +76,7 @@ class Ledger:
             centre=moment / totals["mass"],
             potential=-float(moment @ g),
             gravity=g,
-            body_impulse=-sim.boundary.impulse.sum(axis=0),
+            body_impulse=-sim.boundary.total_impulse,
             floating_momentum=floating.momentum(),
             floating_angular_momentum=floating.angular_momentum(),
             floating_kinetic=floating.kinetic(),

@@ -169,7 +169,7 @@ class Backdrop:
         if tiled or body >= 0:
             wet = self.wetness.at(p, shot)
             if wet > 0.0:
-                n = self.pool.normal(p, axis, low, body)
+                n = self.pool.normal(p, axis, low, body, shot)
                 mirrored, share = d - 2.0 * d.dot(n) * n, wet * reflected(FILM, -d.dot(n))
                 light, left = (1.0 - WET_SHADE * wet) * light, (1.0 - share) * left
                 if body >= 0:

@@ -99,16 +99,21 @@ class Picture:
         Raises ValueError if the room does not hold them."""
         self.box = tuple(map(float, box))
         self.region = tuple(map(float, region or box))
+        self.take_bodies()
+        self.change(look or Look())
+        self.reset()
+        self.sky.paint(ti.math.vec3(*self.look.sun_direction()))
+        self.resize(width, height)
+
+    def take_bodies(self):
+        """Prepares for the boundary's present bodies; what was wet stays wet."""
         occupied = self.boundary is not None and self.boundary.count > 0
         if occupied:
             self.bodies.load(self.box)
         self.shader, self.whitewater = self.shaders[occupied], self.whitewater_views[occupied]
         # A box with a lid spills nothing.
         self.drops = self.drops_views[occupied] if self.region != self.box else None
-        self.change(look or Look())
-        self.reset()
-        self.sky.paint(ti.math.vec3(*self.look.sun_direction()))
-        self.resize(width, height)
+        self.view = None  # the shader's image without water may be of other bodies
 
     def resize(self, width, height):
         """Changes the size of images. Raises ValueError if the room does not hold them."""

@@ -100,7 +100,7 @@ class Measurer:
         """Records the initial state, or reads the earlier entries of a resumed run."""
         self.show, self.started = show, show.simulation.counts()
         self.first_step = show.simulation.steps
-        self.bodies = BodyTable(show.simulation.boundary)
+        self.bodies = BodyTable(show.simulation)
         earlier = past.entries(self.ledger.kept)
         if self.gap and earlier:
             self.surveys = past.surveys(self.ledger.kept, self.scene.density)

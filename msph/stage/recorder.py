@@ -13,6 +13,7 @@ import numpy as np
 from PIL import Image
 
 from msph.errors import LostOutputError
+from msph.measure.body_table import BodyTable
 from msph.measure.table import column
 from msph.own_files import OutputError, make_writable, writing
 from msph.stage import vtu
@@ -49,14 +50,16 @@ WEBP_QUALITY = 75
 class Outputs:
     """Files to record. pictures: video (.mp4, .mov, .mkv, .webm), animation (.gif, .webp), still
     image (.png), or one .png per frame with a number such as %04d in its name; meshes of the
-    surface (.ply, .obj, .vtu) and particles (.npz checkpoint, .csv, .vtu): with such numbers."""
+    surface (.ply, .obj, .vtu), particles (.npz checkpoint, .csv, .vtu) and bodies (.vtu): with such
+    numbers."""
 
     pictures: list[Path] = field(default_factory=list)
     meshes: list[Path] = field(default_factory=list)
     particles: list[Path] = field(default_factory=list)
+    bodies: list[Path] = field(default_factory=list)
 
     def all(self) -> list[Path]:
-        return [*self.pictures, *self.meshes, *self.particles]
+        return [*self.pictures, *self.meshes, *self.particles, *self.bodies]
 
     def names(self, first: int, frames: int) -> list[Path]:
         """Returns all files of a recording of `frames` frames whose first has this number."""
@@ -96,12 +99,16 @@ class Recorder(Audience):
         self.meshes, self.particles = outputs.meshes, outputs.particles
         # Time [s] and file of each frame, by .vtu output.
         self.lists: dict[Path, list[tuple[float, Path]]] = {
-            p: [] for p in (*self.meshes, *self.particles) if kind(p) == PARAVIEW
+            p: [] for p in outputs.all() if kind(p) == PARAVIEW
         }
+        self.motions: Any = None  # BodyTable of the bodies, if they are written
         self.writers: list = []
         self.progress = Progress(frames, bar)
 
     def wants_more(self, row: Row) -> bool:
+        if self.outputs.bodies and not self.motions:
+            self.motions = BodyTable(row.lead.simulation)
+            self.motions.numbers(row.lead.simulation.time)
         return self.done < self.frames
 
     def within(self, row: Row, share: float) -> None:
@@ -127,6 +134,11 @@ class Recorder(Audience):
         for path in self.particles:
             with self._writing(path):
                 write_particles(self._numbered(path), row.lead)
+        if self.outputs.bodies:
+            numbers = self.motions.numbers(row.lead.simulation.time)
+            for path in self.outputs.bodies:
+                with self._writing(path):
+                    vtu.write_bodies(self._numbered(path), row.lead.simulation, numbers)
         for path, files in self.lists.items():
             files.append((row.lead.simulation.time, self._numbered(path)))
         self.done += 1
@@ -260,6 +272,7 @@ def check_outputs(outputs: Outputs, fps: float, alpha: bool = False) -> None:
         (outputs.pictures, (*VIDEO, *ANIMATION, ".png")),
         (outputs.meshes, MESH),
         (outputs.particles, TABLE),
+        (outputs.bodies, (PARAVIEW,)),
     )
     for paths, suffixes in kinds:
         for path in paths:

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from msph.fluid.boundary.openings import Opening
 from msph.fluid.boundary.rigid_bodies import Body, rotations
 from msph.fluid.boundary.rim import AllSpiltError
 from msph.fluid.external_forces import Hand, Vec3, rotation_vector
@@ -34,6 +33,7 @@ from msph.scene.live import live_parameters, read, with_live_value
 from msph.scene.motion import box_path
 from msph.scene.parts import value_of, with_value
 from msph.scene.schema import Scene
+from msph.stage import pistons
 from msph.stage.controls import Controls, Inputs
 from msph.stage.floats import floating_at
 from msph.stage.tools import BY_NAME, ToolUse, Touch
@@ -47,6 +47,9 @@ SESSION = "session"
 WARM_UP_SCALE = 0.5
 # The first step after a start differs from later ones.
 WARM_UP_FRAMES = 2
+
+# Gravity for the speeds of tools in weightless scenes [m/s^2].
+LEAST_GRAVITY = 1.0
 
 # Options of an interactive show on which the simulation depends, and all. Solver residuals are
 # measured only every 0.1 s, since they need a neighbour search.
@@ -93,9 +96,10 @@ class Show:
         self.note = ""  # message to the user about the last frame
         # Floating body that the user drags: its index, and its centre from the cursor [m].
         self.dragged: tuple[int, np.ndarray] | None = None
-        # Tap or drain of the user, and the simulated time [s] until which it is open.
-        self.opening: Opening | None = None
-        self.open_until = 0.0
+        # While the user drags an end wall: its place [m] at the press and the longest way [m]; its
+        # place in this frame.
+        self.grip: tuple[float, float] | None = None
+        self.wall_place: float | None = None
         self.simulation = build_simulation(scene, spare, room)
         self.counts = self.simulation.counts()
         self.ledger = Ledger(self.simulation, density_every)
@@ -261,7 +265,12 @@ class Show:
             if before is None:
                 raise
             stopped = dict(sim.boundary.stopped)
+            by_wall = sim.boundary.bodies[error.body].motion is sim.piston
             sim.restore(before)
+            if by_wall:
+                sim.remove_piston()
+                self.note = f"{error.name} is gone: it had trapped water"
+                return 0.0
             # Repeated stops of a body move it back farther: the compressed water needs room.
             stopped[error.body] = min(sim.time, stopped.get(error.body, sim.time)) - frame_time
             self._stop(stopped)
@@ -289,6 +298,7 @@ class Show:
             return box
         hand = self._use_tool(controls.use) if controls.use else controls.hand
         step, before = controls.frame_time or self.frame_time, self.turning
+        pistons.follow(self, step)
         last = by_hand if self.turned is None else self.turned
         self.turned, self.turning = by_hand, rotation_vector(by_hand @ last.T) / step
         rising = (self.turning - before) / step
@@ -341,6 +351,11 @@ class Show:
         """Adds a floating body until the next reset. Raises FullError."""
         self.simulation.add_body(body, self.gravity_in_box())
 
+    @property
+    def tool_gravity(self) -> float:
+        """Absolute value of gravity [m/s^2] for the speeds of tools."""
+        return max(math.hypot(*self.scene.gravity), LEAST_GRAVITY)
+
     def gravity_in_box(self) -> Vec3:
         """Returns gravity [m/s^2] in the pool's frame, tilted as it is."""
         return self._box().gravity
@@ -350,7 +365,7 @@ class Show:
         if self.surface and self.shown_bodies != self.simulation.boundary.count:
             self._load_surface()
             if self.picture:
-                self._load_picture(self.picture.size)
+                self.picture.take_bodies()
         water = self.picture is not None and self.views.name == "water"
         if self.surface and (water or self.meshes):
             with self._stage("surface"):
@@ -428,7 +443,7 @@ class Show:
         if self.picture:
             self.picture.reset()
         self.stopped.clear()
-        self.dragged = self.opening = None
+        self.dragged = self.grip = self.wall_place = None
         self.counts = self.simulation.counts()
         self.ledger.clear()
 
@@ -503,7 +518,7 @@ class Show:
         return f"steps so far {sim.steps:,}, of {sim.last_step:.2g} s each, {limit}"
 
     def warnings(self) -> list[str]:
-        """Returns warnings about a truncated mesh and stopped bodies."""
+        """Returns warnings about a truncated mesh, waiting inflows and stopped bodies."""
         overflow = self.surface.mesh.overflowed() if self.surface else None
-        stopped = [f"{name} stopped: it had trapped water" for name in sorted(self.stopped)]
-        return [*([overflow] if overflow else []), *stopped]
+        told = [text for text in (overflow, self.simulation.openings.message()) if text]
+        return [*told, *(f"{name} stopped: it had trapped water" for name in sorted(self.stopped))]
