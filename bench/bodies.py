@@ -1,22 +1,28 @@
-"""Bodies in water against formulas: pressure on their faces, buoyancy, and energy.
+"""Bodies in water against formulas: pressure on their faces, buoyancy, drafts, and energy.
 
-python bench/bodies.py [--seconds 2] [--arch cpu]
+python bench/bodies.py [--only drafts] [--resume] [--arch cpu] [--threads 1]
+
+Every row runs in a separate process and is written to bench/results/bodies.csv when it ends;
+--resume continues there, and --only keeps the rows of other tables.
 """
 
+import json
 import math
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import click
 import numpy as np
 import trimesh
 from tabulate import tabulate
+from tqdm import tqdm
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from bench import floating, tanks
+from bench import floating, rows, tanks
 from bench.report import RESULTS, heading
 from msph.device import ARCHES, start
 from msph.fluid.external_forces import ExternalForces
@@ -24,6 +30,11 @@ from msph.measure.ledger import Ledger
 from msph.measure.snapshot import Snapshot
 from msph.scene.schema import Scene
 
+TABLE, REPORT = "bodies.csv", "bodies.md"
+# Columns that name a row: its table and its settings.
+KEYS = ("table", "settings")
+# Longest wall-clock time of a row, and simulated time of runs to rest or past a ball [s].
+MAX_SECONDS, SECONDS = 7200.0, 2.0
 # Still water: edge of the square box, depth, finest spacing [m]; number of layers by name.
 EDGE, DEPTH, FINE = 0.6, 0.4, 0.025
 WATERS = {"uniform": 1, "layered": 3}
@@ -62,11 +73,11 @@ def sphere(n: int) -> np.ndarray:
     return np.column_stack([ring * np.cos(turn), y, ring * np.sin(turn)])
 
 
-def settle(sim: Any, points: np.ndarray, seconds: float) -> tuple[np.ndarray, np.ndarray, Ledger]:
+def settle(sim: Any, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, Ledger]:
     """Runs a simulation; returns the mean pressures [Pa] at points (n, 3) [m] and the mean force
     on the bodies [N] after the water has settled, and the ledger of the whole run."""
     ledger, readings = Ledger(sim, density_every=math.inf), []
-    gravity, frames = (0.0, -tanks.GRAVITY, 0.0), round(seconds / tanks.FRAME)
+    gravity, frames = (0.0, -tanks.GRAVITY, 0.0), round(SECONDS / tanks.FRAME)
     settled = round(SETTLING * frames)
     ledger.record(gravity)
     for frame in range(1, frames + 1):
@@ -102,7 +113,7 @@ def worst_side(ratio: np.ndarray, normals: np.ndarray) -> float:
     return max(means, key=abs)
 
 
-def faces(kind: str, water: str, seconds: float, folder: Path) -> dict[str, str]:
+def faces(kind: str, water: str) -> dict[str, str]:
     """Returns the table row of the pressures on a body in still water."""
     layers, sunk = WATERS[water], 0.0
     lo, hi = np.array(MIDDLE) - HALF, np.array(MIDDLE) + HALF
@@ -125,13 +136,15 @@ def faces(kind: str, water: str, seconds: float, folder: Path) -> dict[str, str]
         shape.apply_translation((MIDDLE[0], 0.5 * (DEPTH + 0.1 - below), MIDDLE[2]))
         area = EDGE**2 - 4.0 * HALF**2
     if mesh:
-        file = folder / f"{kind}.obj"
-        shape.export(file)
-        body = {"mesh": str(file)}
-    sim = still_water([body], layers)
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / "body.obj"
+            shape.export(file)
+            sim = still_water([{"mesh": str(file)}], layers)
+    else:
+        sim = still_water([body], layers)
     mass = sum(n * spec.mass for n, spec in zip(sim.counts(), sim.layers.specs, strict=True))
     level = (mass / 1000.0 + sunk) / area
-    found, force, ledger = settle(sim, points, seconds)
+    found, force, ledger = settle(sim, points)
     ratio = found / (1000.0 * tanks.GRAVITY * (level - points[:, 1])) - 1.0
     row = {
         "body": kind,
@@ -151,10 +164,10 @@ def faces(kind: str, water: str, seconds: float, folder: Path) -> dict[str, str]
     return row
 
 
-def buoyancy(radius: float, seconds: float) -> dict[str, str]:
+def buoyancy(radius: float) -> dict[str, str]:
     """Returns the table row of the force on a submerged ball of `radius` [m]."""
     sim = still_water([{"centre": MIDDLE, "radius": radius}], 1)
-    _, force, _ = settle(sim, np.zeros((0, 3)), seconds)
+    _, force, _ = settle(sim, np.zeros((0, 3)))
     weight = 1000.0 * tanks.GRAVITY * 4.0 / 3.0 * math.pi * radius**3
     return {
         "radius over spacing": f"{radius / FINE:.1f}",
@@ -162,7 +175,7 @@ def buoyancy(radius: float, seconds: float) -> dict[str, str]:
     }
 
 
-def at_wall(kind: str, gap: float, seconds: float) -> dict[str, str]:
+def at_wall(kind: str, gap: float) -> dict[str, str]:
     """Returns the table row of the force on a body `gap` spacings from the floor or a wall."""
     near = gap * FINE
     if kind == "box at a wall":
@@ -174,7 +187,7 @@ def at_wall(kind: str, gap: float, seconds: float) -> dict[str, str]:
         place = [EDGE / 2, near + RADIUS, EDGE / 2]
         body = {"centre": place if kind == "ball on the floor" else [place[1], 0.2, place[0]]}
         body["radius"], displaced = RADIUS, 4.0 / 3.0 * math.pi * RADIUS**3
-    _, force, _ = settle(still_water([body], 1), np.zeros((0, 3)), seconds)
+    _, force, _ = settle(still_water([body], 1), np.zeros((0, 3)))
     force = force / (1000.0 * tanks.GRAVITY * displaced)
     return {
         "body": kind,
@@ -184,7 +197,7 @@ def at_wall(kind: str, gap: float, seconds: float) -> dict[str, str]:
     }
 
 
-def collapse(ratio: float, seconds: float) -> dict[str, str]:
+def collapse(ratio: float) -> dict[str, str]:
     """Returns the table row of the energy of a column of water that collapses past a ball of
     `ratio` spacings radius."""
     spacing = 0.03
@@ -198,7 +211,7 @@ def collapse(ratio: float, seconds: float) -> dict[str, str]:
     sim = tanks.build(Scene.model_validate(scene))
     ledger = Ledger(sim)
     ledger.record(SLANTED)
-    for _ in range(round(seconds / tanks.FRAME)):
+    for _ in range(round(SECONDS / tanks.FRAME)):
         sim.advance(tanks.FRAME, ExternalForces(SLANTED))
         ledger.record(SLANTED)
     return {
@@ -209,55 +222,112 @@ def collapse(ratio: float, seconds: float) -> dict[str, str]:
     }
 
 
+class Table(NamedTuple):
+    """Title of a table, the settings of its rows, and the function that measures a row."""
+
+    title: str
+    rows: list[dict[str, Any]]
+    measure: Callable[..., dict[str, str]]
+
+
+MEDIANS = f"medians of {rows.STARTS} starts, and their range"
+KINDS = ("pillar", "ball", "mesh of a pillar", "mesh of a ball")
+TABLES = {
+    "faces": Table(
+        f"Still water {DEPTH} m deep, finest spacing {FINE} m: pressure on faces against "
+        r"$\rho g (H - y)$, vertical force over the displaced weight, and the integral of the "
+        "measured pressure over the force by the ledger",
+        [{"kind": kind, "water": water} for water in WATERS for kind in KINDS],
+        faces,
+    ),
+    "sizes": Table(
+        "Submerged balls by size, uniform water", [{"radius": r} for r in RADII], buoyancy
+    ),
+    "gaps": Table(
+        "Bodies at floor and wall by gap, uniform water: force over the displaced weight",
+        [{"kind": kind, "gap": gap} for kind, gap in GAPS],
+        at_wall,
+    ),
+    "collapse": Table(
+        f"A column of water collapses past a ball under gravity {SLANTED} m/s²",
+        [{"ratio": ratio} for ratio in SIZES],
+        collapse,
+    ),
+    "drafts": Table(
+        f"Floating cube and ball {floating.HEIGHT} m high: draft error over the height (goal: "
+        "2 %), and largest component of the cube's axes along the vertical, 1 if it lies flat, "
+        f"0.71 on an edge, 0.58 on a corner; {MEDIANS}",
+        [
+            {"kind": kind, "density": density, "layers": layers}
+            for kind in ("cube", "ball")
+            for density in floating.DENSITIES
+            for layers in WATERS.values()
+        ],
+        floating.draft,
+    ),
+    "drift": Table(
+        f"Neutrally buoyant ball in 5 s (goal: 1 % of its diameter); {MEDIANS}",
+        [{"layers": layers} for layers in WATERS.values()],
+        floating.drift,
+    ),
+    "collisions": Table(
+        "Water and a spinning cube collide without gravity: change of the momenta of water and "
+        f"cube (goal: 1e-5) over their scales; {MEDIANS}",
+        [{"density": density} for density in (50.0, 500.0, 20_000.0)],
+        floating.collision,
+    ),
+    "hard": Table(
+        f"Hard cases; {MEDIANS}", [{"name": name} for name in floating.HARD], floating.hard
+    ),
+    "heave": Table(
+        f"Heave decay of a half-submerged ball against Kramer et al. 2021; {MEDIANS}",
+        [
+            dict(zip(("layers", "fine", "width", "starts", "depth", "relief"), case, strict=True))
+            for case in HEAVES
+        ],
+        floating.heave,
+    ),
+}
+
+
+def report(known: list[dict[str, str]], arch: str) -> str:
+    """Returns the report as Markdown."""
+    text = [heading("Bodies in water", arch)]
+    for name, table in TABLES.items():
+        found = [row for row in known if row["table"] == name]
+        lines = [{k: v for k, v in row.items() if v and k not in KEYS} for row in found]
+        if lines:
+            cells = tabulate(lines, "keys", "github", disable_numparse=True)
+            text += [f"## {table.title}\n", cells, ""]
+    return "\n".join(text)
+
+
 @click.command()
-@click.option("--seconds", default=2.0, show_default=True, help="Simulated time of each run [s].")
+@click.option("--only", multiple=True, type=click.Choice(list(TABLES)), help="Repeatable.")
+@click.option("--resume", is_flag=True, help="Keep the rows of bodies.csv.")
 @click.option("--arch", type=click.Choice(ARCHES), default="auto", show_default=True)
-def main(seconds: float, arch: str) -> None:
-    """Measure pressures, forces and energies, and write bench/results/bodies.md."""
-    arch = start(arch)
-    report = [heading("Bodies in water", arch)]
-    with tempfile.TemporaryDirectory() as folder:
-        rows = []
-        for water in WATERS:
-            for kind in ("pillar", "ball", "mesh of a pillar", "mesh of a ball"):
-                rows.append(faces(kind, water, seconds, Path(folder)))
-                click.echo(" ".join(rows[-1].values()))
-    sunk = [buoyancy(radius, seconds) for radius in RADII]
-    near = [at_wall(*case, seconds) for case in GAPS]
-    fallen = [collapse(ratio, seconds) for ratio in SIZES]
-    medians = f"medians of {floating.STARTS} starts, and their range"
-    drafts = [
-        floating.draft(kind, density, layers, 2.0 * seconds)
-        for kind in ("cube", "ball")
-        for density in floating.DENSITIES
-        for layers in WATERS.values()
-    ]
-    drifts = [floating.drift(layers, 5.0) for layers in WATERS.values()]
-    heaves = [floating.heave(*case) for case in HEAVES]
-    collisions = [floating.collision(density) for density in (50.0, 500.0, 20_000.0)]
-    hard = [floating.hard(name, seconds) for name in floating.HARD]
-    for title, table in (
-        (
-            f"Still water {DEPTH} m deep, finest spacing {FINE} m: pressure on faces against "
-            r"$\rho g (H - y)$, vertical force over the displaced weight, and the integral of the "
-            "measured pressure over the force by the ledger",
-            rows,
-        ),
-        ("Submerged balls by size, uniform water", sunk),
-        ("Bodies at floor and wall by gap, uniform water: force over the displaced weight", near),
-        (f"A column of water collapses past a ball under gravity {SLANTED} m/s²", fallen),
-        (f"Floating cube and ball {floating.HEIGHT} m high: draft; {medians}", drafts),
-        (f"Neutrally buoyant ball in 5 s; {medians}", drifts),
-        (f"Heave decay of a half-submerged ball against Kramer et al. 2021; {medians}", heaves),
-        (
-            f"Water and a spinning cube collide without gravity, changes over scale; {medians}",
-            collisions,
-        ),
-        (f"Hard cases; {medians}", hard),
-    ):
-        report += [f"## {title}\n", tabulate(table, "keys", "github", disable_numparse=True), ""]
-    (RESULTS / "bodies.md").write_text("\n".join(report))
-    click.echo("\n".join(report))
+@click.option("--threads", type=int, help="CPU threads.")
+@click.option("--worker", hidden=True, help="Measure one row, given as JSON.")
+def main(
+    only: tuple[str, ...], resume: bool, arch: str, threads: int | None, worker: str | None
+) -> None:
+    """Measure pressures, forces and energies, and write bench/results/bodies.{md,csv}."""
+    if worker:
+        table, settings, arch, threads = json.loads(worker)
+        start(arch, threads)
+        click.echo(json.dumps(TABLES[table].measure(**settings)))
+        return
+    known = rows.read(RESULTS / TABLE) if resume or only else []
+    tasks = [(name, row) for name in only or TABLES for row in TABLES[name].rows]
+    for task in tqdm(tasks, unit="row"):
+        own = dict(zip(KEYS, (task[0], json.dumps(task[1])), strict=True))
+        if any(row.items() >= own.items() for row in known):
+            continue
+        known.append(own | rows.in_process(__file__, (*task, arch, threads), MAX_SECONDS))
+        rows.write(RESULTS / TABLE, known)
+    text = report(rows.read(RESULTS / TABLE), start(arch))
+    (RESULTS / REPORT).write_text(text, encoding="utf-8")
+    click.echo(text)
 
 
 if __name__ == "__main__":

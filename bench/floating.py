@@ -8,12 +8,14 @@ import numpy as np
 from scipy.optimize import brentq
 
 from bench import rows, tanks
+from bench.rows import STARTS
 from msph.fluid.boundary.rigid_bodies import volume
 from msph.fluid.external_forces import ExternalForces
 from msph.measure.ledger import Ledger
 from msph.scene.schema import Scene
 
-STARTS = 3
+# Simulated times of drafts, drift and hard cases [s].
+AFLOAT, ADRIFT, HARDSHIP = 4.0, 5.0, 2.0
 # Still water: edge of the square box, depth, finest spacing [m], edge of the cube and diameter of
 # the ball [m].
 EDGE, DEPTH, FINE, HEIGHT = 0.6, 0.4, 0.025, 0.2
@@ -60,7 +62,7 @@ def over_starts(case: Callable[[int], dict[str, float]], forms: dict[str, str]) 
     }
 
 
-def draft(kind: str, density: float, layers: int, seconds: float) -> dict[str, str]:
+def draft(kind: str, density: float, layers: int) -> dict[str, str]:
     """Returns the table row of a body that floats: error of the submerged volume over the body's
     height, by the height of its centre for a ball and by the waterline for a cube."""
 
@@ -71,7 +73,7 @@ def draft(kind: str, density: float, layers: int, seconds: float) -> dict[str, s
         if kind == "cube":
             shape = {"lo": [c - half for c in x], "hi": [c + half for c in x]}
         sim = build(layers, [{**shape, "density": density}], seed)
-        ledger, _ = run(sim, seconds)
+        ledger, _ = run(sim, AFLOAT)
         floating, body = sim.boundary.floating, sim.boundary.bodies[0]
         level = (water_volume(sim) + volume(body) * density / 1000.0) / EDGE**2
         samples = np.random.default_rng(0).uniform(-half, half, (100_000, 3))
@@ -88,17 +90,36 @@ def draft(kind: str, density: float, layers: int, seconds: float) -> dict[str, s
 
     forms = {"draft error": "+.2%", "steepest axis": ".2f", "energy gain": ".0e"}
     row = over_starts(case, forms)
+    stable = f"{steepest(density / 1000.0):.2f}" if kind == "cube" else "-"
     if kind == "ball":
         row["steepest axis"] = "-"
-    return {"body": kind, "density": f"{density:g}", "layers": str(layers), **row}
+    return {
+        "body": kind,
+        "density": f"{density:g}",
+        "layers": str(layers),
+        **row,
+        "steepest axis of least energy": stable,
+    }
 
 
-def drift(layers: int, seconds: float) -> dict[str, str]:
+def steepest(density: float) -> float:
+    """Returns the largest component along the vertical of the axes of a cube that floats with the
+    least potential energy; density over the water's (-). With G the centre of the cube and B of its
+    submerged part, that is the attitude with the least height of G over B."""
+    rng = np.random.default_rng(0)
+    points, ways = rng.uniform(-0.5, 0.5, (20_000, 3)), rng.normal(size=(3000, 3))
+    ways = np.concatenate([np.eye(3), ways / np.linalg.norm(ways, axis=1)[:, None]])
+    submerged = round(density * len(points))
+    depths = [np.sort(points @ way)[:submerged].mean() for way in ways]
+    return float(np.abs(ways[int(np.argmax(depths))]).max())
+
+
+def drift(layers: int) -> dict[str, str]:
     """Returns the table row of a neutrally buoyant ball: its way over its diameter."""
 
     def case(seed: int) -> dict[str, float]:
         body = {"centre": [0.5 * EDGE, 0.2, 0.5 * EDGE], "radius": 0.5 * HEIGHT, "density": 1000.0}
-        _, places = run(build(layers, [body], seed), seconds)
+        _, places = run(build(layers, [body], seed), ADRIFT)
         return {"way over diameter": float(np.linalg.norm(places[-1] - places[0]) / HEIGHT)}
 
     return {"layers": str(layers), **over_starts(case, {"way over diameter": ".2%"})}
@@ -210,12 +231,12 @@ HARD = {
 }
 
 
-def hard(name: str, seconds: float) -> dict[str, str]:
+def hard(name: str) -> dict[str, str]:
     """Returns the table row of a hard case."""
 
     def case(seed: int) -> dict[str, float]:
         sim = build(1, HARD[name], seed)
-        ledger, _ = run(sim, seconds)
+        ledger, _ = run(sim, HARDSHIP)
         floating = sim.boundary.floating
         return {
             "energy gain": ledger.energy_gain(),

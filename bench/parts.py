@@ -29,7 +29,6 @@ from msph.measure.ledger import Ledger
 from msph.measure.probes import build_probes
 from msph.measure.snapshot import Snapshot
 from msph.scene.build import build_simulation
-from msph.scene.parts import PARTS
 from msph.scene.schema import Scene
 from msph.stage.explain import picture_error, water_error
 from msph.stage.show import Show
@@ -65,25 +64,43 @@ PROBES = [
     {"name": "floor", "kind": "pressure", "point": [0.3, 0.0, 0.2]},
     {"name": "front", "kind": "front", "axis": "+x"},
 ]
-# Changes of the scene with each part and without it, and work after each frame of both.
-SCENES: dict[str, tuple[dict[str, Any], dict[str, Any], str]] = {
-    "viscosity": ({"projection": {"viscosity": 1.0}}, {}, ""),
-    "tension": ({"projection": {"tension": 0.072}}, {}, ""),
-    "shear relief": ({}, {"projection": {"shear_relief": 0.0}}, ""),
-    "xsph": ({"projection": {"xsph": 0.05}}, {}, ""),
-    "adaptation": ({**LAYERED, "adaptation": {"enabled": True}}, LAYERED, ""),
-    "bodies": ({"bodies": [BALL]}, {}, ""),
-    "caustics": ({}, {"picture": {"caustics": False}}, "picture"),
-    "whitewater": ({}, {"picture": {"whitewater": False}}, "picture"),
-    "wet walls": ({}, {"picture": {"drying": 0.0}}, "picture"),
-    "ripples": ({}, {"picture": {"ripples": False}}, "picture"),
-    "supersample": ({"picture": {"supersample": 2}}, {}, "picture"),
-}
+PROJECTION = "msph.fluid.projection"
 CASES = (
-    *(
-        Case(part.name, *SCENES[part.name][:2], "", SCENES[part.name][2], part.modules)
-        for part in PARTS
+    Case(
+        "adaptation",
+        {**LAYERED, "adaptation": {"enabled": True}},
+        LAYERED,
+        modules="msph.fluid.adaptivity",
     ),
+    Case("bodies", {"bodies": [BALL]}, modules="msph.fluid.boundary"),
+    Case("viscosity", {"projection": {"viscosity": 1.0}}, modules=f"{PROJECTION}.visc"),
+    Case("tension", {"projection": {"tension": 0.072}}, modules=f"{PROJECTION}.surface_tension"),
+    Case(
+        "shear relief",
+        off={"projection": {"shear_relief": 0.0}},
+        modules=f"{PROJECTION}.shear_relief",
+    ),
+    Case("xsph", {"projection": {"xsph": 0.05}}, modules=f"{PROJECTION}.xsph"),
+    Case("caustics", off={"picture": {"caustics": False}}, always="picture"),
+    Case(
+        "whitewater",
+        off={"picture": {"whitewater": False}},
+        always="picture",
+        modules="msph.surface.whitewater",
+    ),
+    Case(
+        "wet walls",
+        off={"picture": {"drying": 0.0}},
+        always="picture",
+        modules="msph.picture.wetness",
+    ),
+    Case(
+        "ripples",
+        off={"picture": {"ripples": False}},
+        always="picture",
+        modules="msph.picture.ripples",
+    ),
+    Case("supersample", {"picture": {"supersample": 2}}, always="picture"),
     Case("ledger", observer="ledger", modules="msph.measure"),
     Case("probes", {"probes": PROBES}, observer="probes", modules="msph.measure"),
     Case("surface", observer="surface", modules="msph.surface"),

@@ -192,6 +192,12 @@ def play(scene, run, **options):
     help="Also write the particles of every frame: out_%04d.csv, .vtu for ParaView, or .npz "
     "(checkpoint).",
 )
+@click.option(
+    "--bodies",
+    **FILES,
+    help="Also write the faces of the bodies of every frame, with their motion and the forces on "
+    "them: out_%04d.vtu.",
+)
 @click.option("--resume", type=CHECKPOINT, help="Continue from this .npz file.")
 @click.option(
     "--seconds",
@@ -210,7 +216,7 @@ def play(scene, run, **options):
 @force_option
 @shared_options()
 def capture(scene, run, **options):
-    """Record SCENE headless: video, images, meshes, particles."""
+    """Record SCENE headless: video, images, meshes, particles, bodies."""
     commands().capture(scene, CaptureOptions(**options), run)
 
 

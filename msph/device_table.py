@@ -32,38 +32,40 @@ class DeviceTable:
         field = self.struct = ti.types.struct(**members).field(shape=shape, layout=ti.Layout.SOA)
         self.__dict__.update({name: field.get_member_field(name) for name in members})
         self._numbers, self._integers = self._slots(np.float32), self._slots(np.int32)
+        # Values by number type, (rows, columns), and their columns as an array of each member.
+        self._values: dict[type, np.ndarray] = {}
+        self._views: dict[str, np.ndarray] = {}
+        for kind, slots in ((np.float32, self._numbers), (np.int32, self._integers)):
+            values = np.zeros((*shape, sum(len(fields) for _, _, fields in slots)), kind)
+            self._values[kind] = values.reshape(self._rows, -1)
+            for name, first, fields in slots:
+                self._views[name] = values[..., first : first + len(fields)]
 
     def __getattr__(self, name: str) -> Any:
         # For type checkers, which cannot know the members.
         raise AttributeError(f"the table has no member {name}")
 
-    def _slots(self, kind: type) -> list[tuple[int, list[Any]]]:
-        """Returns the first column and the scalar fields of each member of one number type."""
-        slots: list[tuple[int, list[Any]]] = []
+    def _slots(self, kind: type) -> list[tuple[str, int, list[Any]]]:
+        """Returns name, first column and scalar fields of each member of one number type."""
+        slots: list[tuple[str, int, list[Any]]] = []
         column = 0
         for name in (name for name, (_, found) in self.fields.items() if found is kind):
-            slots.append((column, _components(getattr(self, name))))
-            column += len(slots[-1][1])
+            slots.append((name, column, _components(getattr(self, name))))
+            column += len(slots[-1][2])
         return slots
 
     def fill(self, **values: Any) -> None:
         """Writes all rows. values: an array per member, of shape (rows used, components), or (rows,
         columns, components) for a table of two axes; members and rows not given become 0."""
-        tables: dict[type, list] = {np.float32: [], np.int32: []}
-        for name, (width, kind) in self.fields.items():
-            table = np.zeros((*self.shape, width), kind)
-            if name in values:
-                given = np.asarray(values.pop(name), kind)
-                given = given.reshape(*given.shape[: len(self.shape)], width)
-                table[tuple(slice(n) for n in given.shape[:-1])] = given
-            tables[kind].append(table.reshape(self._rows, width))
-        if values:
-            raise TypeError(f"the table has no {', '.join(values)}")
-        empty = np.zeros((self._rows, 0))
-        self._store(
-            np.concatenate([empty, *tables[np.float32]], axis=1).astype(np.float32),
-            np.concatenate([empty, *tables[np.int32]], axis=1).astype(np.int32),
-        )
+        for table in self._values.values():
+            table[:] = 0
+        for name, value in values.items():
+            if name not in self._views:
+                raise TypeError(f"the table has no {name}")
+            view, given = self._views[name], np.asarray(value)
+            given = given.reshape(*given.shape[: len(self.shape)], view.shape[-1])
+            view[tuple([slice(n) for n in given.shape[:-1]])] = given
+        self._store(*self._values.values())
 
     @kernel
     def _store(
@@ -72,10 +74,10 @@ class DeviceTable:
         integers: ti.types.ndarray(dtype=ti.i32, ndim=2),
     ):
         for row in range(self._rows):
-            for first, slots in ti.static(self._numbers):
+            for _, first, slots in ti.static(self._numbers):
                 for k, slot in ti.static(enumerate(slots)):
                     self._put(slot, row, numbers[row, first + k])
-            for first, slots in ti.static(self._integers):
+            for _, first, slots in ti.static(self._integers):
                 for k, slot in ti.static(enumerate(slots)):
                     self._put(slot, row, integers[row, first + k])
 

@@ -66,7 +66,7 @@ def importing() -> Iterator[None]:
 @contextlib.contextmanager
 def deferred_signals() -> Iterator[Callable[[], None]]:
     """Yields a function that raises InterruptedRun if a signal has arrived since; a second signal
-    raises it immediately. Signals that the process ignores stay ignored."""
+    raises it immediately."""
     received: list[int] = []
 
     def receive(number: int, _) -> None:
@@ -78,12 +78,5 @@ def deferred_signals() -> Iterator[Callable[[], None]]:
         if received:
             raise InterruptedRun(received[0])
 
-    before = {}
-    if threading.current_thread() is threading.main_thread():
-        handled = [n for n in SIGNALS if signal.getsignal(n) != signal.SIG_IGN]
-        before = {number: signal.signal(number, receive) for number in handled}
-    try:
+    with handling(receive):
         yield raise_if_signalled
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)

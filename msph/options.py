@@ -50,6 +50,7 @@ class CaptureOptions:
     outputs: tuple[Path, ...] = ()
     meshes: tuple[Path, ...] = ()
     particles: tuple[Path, ...] = ()
+    bodies: tuple[Path, ...] = ()
     resume: str | None = None
     force: bool = False
     still_time: float | None = None

@@ -15,6 +15,7 @@ MSPH_PLAIN_TAICHI is set, kernels are Taichi's own: same results, slower launche
 
 import contextlib
 import functools
+import math
 import operator
 import os
 import warnings
@@ -22,6 +23,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import taichi as ti
 
 # Environment variable that selects plain Taichi, unless it is "" or "0".
@@ -31,6 +33,7 @@ SETTERS = {ti.i32: "set_arg_int", ti.f32: "set_arg_float"}
 VECTOR = type(ti.math.vec3)
 VECTOR_SETTERS = {ti.i32: "set_struct_arg_int", ti.f32: "set_struct_arg_float"}
 GETTERS = {ti.i32: "get_struct_ret_int", ti.f32: "get_struct_ret_float"}
+ARRAY_SETTER = "set_arg_external_array_with_shape"
 # Methods by which Taichi builds the range loops of a kernel.
 LOOPS = ("build_range_for", "build_ndrange_for", "build_grouped_ndrange_for")
 PROGRAM = ("config", "get_device_caps", "compile_kernel", "launch_kernel", "synchronize")
@@ -53,8 +56,9 @@ try:
     from taichi.lang.ast.ast_transformer_utils import ASTTransformerContext
     from taichi.lang.enums import AutodiffMode
     from taichi.lang.kernel_impl import Kernel
+    from taichi.types.ndarray_type import NdarrayType
 
-    setters = (*SETTERS.values(), *VECTOR_SETTERS.values(), *GETTERS.values())
+    setters = (*SETTERS.values(), *VECTOR_SETTERS.values(), *GETTERS.values(), ARRAY_SETTER)
     _missing = (
         missing(impl, ["get_runtime"])
         or missing(AutodiffMode, ["NONE"])
@@ -92,19 +96,59 @@ if not PLAIN:
     kernel_impl.getsourcefile = functools.cache(kernel_impl.getsourcefile)
 
 
+# Numbers of particles below which a CPU runs the loops of a kernel, and those of a heavy kernel,
+# in the launching thread: waking two threads takes 40 us a loop (bench/results/speed_log.md).
+SERIAL_BELOW, HEAVY_SERIAL_BELOW = 3000, 800
+
+
+class Loops:
+    """Tells the kernels of a scene how many `particles` they run over, and thus whether to share
+    out their loops among threads. A kernel is compiled for either when it is first launched so. No
+    effect with plain Taichi."""
+
+    def __init__(self, particles: float = math.inf):
+        self.particles = particles
+
+
+# Loops of the objects that are made now, and whether all loops compiled now are to be serial.
+_loops = Loops()
+_serial = False
+
+
+@contextlib.contextmanager
+def use_loops(loops: Loops):
+    """Gives the objects with kernels that are made in the block these loops."""
+    global _loops
+    before, _loops = _loops, loops
+    try:
+        yield
+    finally:
+        _loops = before
+
+
 def serialize_loops() -> None:
-    """Makes the loops of all later kernels serial, in the launching thread: with one thread this
-    saves its wake-up, half of the frame time of 500 particles. No effect with plain Taichi."""
-    if PLAIN:
-        return
+    """Makes the loops of all later kernels serial: with one thread this saves its wake-up, half of
+    the frame time of 500 particles. No effect with plain Taichi."""
+    global _serial
+    _serial = True
+
+
+def _build_loop(build: Callable, context: Any, node: Any) -> Any:
+    """Taichi's `build` of a loop."""
+    if _serial:
+        serialize(context)
+    return build(context, node)
+
+
+def serialize(context: Any) -> None:
+    """Makes the next loop of the kernel that is compiled serial."""
+    context.ast_builder.strictly_serialize()
+
+
+if not PLAIN:
     for name in LOOPS:
-        build = getattr(ASTTransformer, name)
-
-        def build_serial(context: Any, node: Any, build: Callable = build) -> Any:
-            context.ast_builder.strictly_serialize()
-            return build(context, node)
-
-        setattr(ASTTransformer, name, staticmethod(build_serial))
+        serial = functools.partial(_build_loop, getattr(ASTTransformer, name))
+        setattr(ASTTransformer, name, staticmethod(serial))
 
 
 _watchers: list[Callable[[str], None]] = []
@@ -172,30 +216,43 @@ def set_image(canvas: Any, words: Any) -> None:
         canvas.set_image(words.view("u1").reshape(*words.shape, 4))
 
 
-class FastKernel:
-    """Kernel method, compiled once per object and per value of its template arguments."""
+def _taichi_kernel(function: Callable) -> "Kernel":
+    return Kernel(function, autodiff_mode=AutodiffMode.NONE, _classkernel=True)
 
-    def __init__(self, function: Callable):
+
+class FastKernel:
+    """Kernel method, compiled once per object and per value of its template arguments. below:
+    number of particles of a scene below which its loops are serial."""
+
+    def __init__(self, function: Callable, below: int = SERIAL_BELOW):
         functools.update_wrapper(self, function)
-        self.taichi = Kernel(function, autodiff_mode=AutodiffMode.NONE, _classkernel=True)
+        self.function, self.taichi, self.below = function, _taichi_kernel(function), below
+
+    @functools.cached_property
+    def serial(self) -> "Kernel":
+        """The same kernel, for serial loops."""
+        return _taichi_kernel(self.function)
 
     def __get__(self, owner: Any, cls: type | None = None):
         if owner is None:
             return self
         # The instance attribute replaces this descriptor in later calls.
-        launcher = owner.__dict__[self.taichi.func.__name__] = _Launcher(self.taichi, owner)
+        launcher = owner.__dict__[self.taichi.func.__name__] = _Launcher(self, owner)
         return launcher
 
 
 class _Launcher:
     """Kernel bound to its object."""
 
-    def __init__(self, taichi: "Kernel", owner: Any):
-        self.taichi, self.owner, self.count = taichi, owner, len(taichi.arguments) - 1
-        # Places of templates, numbers and vectors among the arguments, without self.
+    def __init__(self, fast: FastKernel, owner: Any):
+        taichi = fast.taichi
+        self.kernel, self.taichi, self.owner = fast, taichi, owner
+        self.count, self.loops = len(taichi.arguments) - 1, owner.__dict__["_loops"]
+        # Places of templates, numbers, vectors and arrays among the arguments, without self.
         self.templates: list[int] = []
         self.numbers: list[tuple[int, tuple[int], str]] = []
         self.vectors: list[tuple[int, list[tuple[int, int]], str]] = []
+        self.arrays: list[tuple[int, tuple[int]]] = []
         self.fast = True  # False if there are arguments or results of other types
         slot = 0
         for place, argument in enumerate(taichi.arguments[1:]):
@@ -208,6 +265,8 @@ class _Launcher:
             elif isinstance(kind, VECTOR) and kind.dtype in VECTOR_SETTERS:
                 slots = [(slot, k) for k in range(kind.n)]
                 self.vectors.append((place, slots, VECTOR_SETTERS[kind.dtype]))
+            elif isinstance(kind, NdarrayType):
+                self.arrays.append((place, (slot,)))
             else:
                 self.fast = False
             slot += 1
@@ -220,9 +279,16 @@ class _Launcher:
         # Taichi reports wrong calls.
         if not self.fast or len(args) != self.count:
             return self.taichi(self.owner, *args)
-        key = tuple([args[place] for place in self.templates])
+        # With one thread, all kernels are serial.
+        serial = self.loops.particles < self.kernel.below and not _serial
+        key: tuple = (serial, *[args[place] for place in self.templates])
+        for place, _ in self.arrays:
+            array = args[place]
+            if not (isinstance(array, np.ndarray) and array.flags.c_contiguous):
+                return self.taichi(self.owner, *args)
+            key += (array.dtype, array.ndim)
         if key not in self.ready:
-            self.ready[key] = self._compile(args)
+            self.ready[key] = self._compile(serial, args)
         compiled, fresh, program = self.ready[key]
         context = fresh()
         for place, number_slot, setter in self.numbers:
@@ -231,28 +297,50 @@ class _Launcher:
             set_component = getattr(context, setter)
             for component_slot, value in zip(slots, args[place], strict=True):
                 set_component(component_slot, value)
+        for place, array_slot in self.arrays:
+            array = args[place]
+            pointer = array.__array_interface__["data"][0]
+            set_array = getattr(context, ARRAY_SETTER)
+            set_array(array_slot, pointer, array.nbytes, array.shape, 0)
         program.launch_kernel(compiled, context)
         if self.getter:
             program.synchronize()
             return getattr(context, self.getter)((0,))
         return None
 
-    def _compile(self, args: tuple) -> tuple:
+    def _compile(self, serial: bool, args: tuple) -> tuple:
         """Returns the compiled kernel, its context factory and the program, for these templates."""
         for watcher in _watchers:
             watcher(f"{type(self.owner).__name__}.{self.taichi.func.__name__.lstrip('_')}")
-        key = self.taichi.ensure_compiled(self.owner, *args)
-        found, program = self.taichi.compiled_kernels[key], impl.get_runtime().prog
+        global _serial
+        before, _serial = _serial, _serial or serial
+        taichi = self.kernel.serial if serial else self.taichi
+        try:
+            key = taichi.ensure_compiled(self.owner, *args)
+        finally:
+            _serial = before
+        found, program = taichi.compiled_kernels[key], impl.get_runtime().prog
         compiled = program.compile_kernel(program.config(), program.get_device_caps(), found)
         return compiled, found.make_launch_context, program
 
 
 def _mark(cls: type) -> type:
-    """Marks a class with kernels, as ti.data_oriented does, but without its attribute hook."""
+    """Marks a class with kernels, as ti.data_oriented does, but without its attribute hook; its
+    objects keep the loops of the time when they are made."""
     cls._data_oriented = True  # type: ignore[attr-defined]
+    begin = cls.__init__  # type: ignore[misc]
+
+    @functools.wraps(begin)
+    def begin_with_loops(self, *args, **options):
+        self._loops = _loops
+        begin(self, *args, **options)
+
+    cls.__init__ = begin_with_loops  # type: ignore[misc]
     return cls
 
 
-# Decorators of the project's kernels and of classes that have kernels.
+# Decorators of the project's kernels, of those that take as long as several others, and of classes
+# that have kernels.
 kernel: Any = ti.kernel if PLAIN else FastKernel
+heavy_kernel: Any = ti.kernel if PLAIN else functools.partial(FastKernel, below=HEAVY_SERIAL_BELOW)
 data_oriented: Any = ti.data_oriented if PLAIN else _mark

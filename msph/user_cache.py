@@ -22,7 +22,6 @@ def file() -> Path:
 def recall(key: str, kind: type[T]) -> T | None:
     """Returns the value stored under a key, or None. A value that pydantic cannot validate as the
     type `kind` is reported in one line and removed."""
-    # Imported here, since the command line's help needs no pydantic.
     from pydantic import TypeAdapter, ValidationError
 
     known = _read()
@@ -44,18 +43,17 @@ def remember(key: str, value: Any) -> None:
 
 
 def _read() -> dict[str, Any]:
+    # Imported in functions, since the command line's help needs no pydantic.
+    from pydantic import TypeAdapter, ValidationError
+
     try:
-        found = json.loads(file().read_text(encoding="utf-8"))
-        if not isinstance(found, dict):
-            raise ValueError("no table")
+        return TypeAdapter(dict[str, Any]).validate_json(file().read_bytes())
     except OSError:
         return {}
-    # JSON of a hundred thousand brackets exceeds Python's stack.
-    except (ValueError, RecursionError):
+    except ValidationError:
         _report("is damaged and is replaced")
         _write({})
         return {}
-    return found
 
 
 def _write(known: dict[str, Any]) -> None:

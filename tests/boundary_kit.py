@@ -15,6 +15,6 @@ def boundary_of(size, specs, bodies=()):
         _built.append(Boundary(FIRST, Constants(), Layers()))
     (boundary,) = _built
     boundary.layers.load(specs, Boundary.layer_rows(specs), {})
-    boundary.constants.fill(**wall_constants(size, False), bodies=len(bodies))
+    boundary.constants.fill(**wall_constants(size, False))
     boundary.load(size, specs, list(bodies))
     return boundary

@@ -27,6 +27,14 @@ lo = [0, 0.1008, 0]
 hi = [0.4, 0.18, 0.4]
 """
 
+# Water of the coarser layer, in place of both.
+WATER = """
+[[water]]
+layer = 1
+lo = [0, 0, 0]
+hi = [0.4, 0.1512, 0.4]
+"""
+
 
 def write(folder, text=TEXT, name="small.toml"):
     path = folder / name

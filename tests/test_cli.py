@@ -204,6 +204,19 @@ def test_files_that_exist_are_not_overwritten(tmp_path):
     assert result.returncode == 2 and edited.read_text() == TEXT
 
 
+def test_capture_says_once_that_inflows_waited(tmp_path):
+    """Only the window and `measure` said it. The pool holds the inflow of the scene's duration."""
+    inflow = "inflows=[{centre=[0.2, 0, 0.2], radius=0.1, speed=0.5}]"
+    options = ("--set", "method=projection", "--set", inflow, "--set", "duration=0.02")
+    target = tmp_path / "p_%d.csv"
+    found = here(
+        *("capture", write(tmp_path), *options, "--particles", target),
+        *("--seconds", 0.4, "--fps", 10),
+    )
+    assert found.returncode == 0, found.stderr
+    assert found.stderr.count("inflows have waited for") == 1
+
+
 def test_capture_resumes_from_a_checkpoint(tmp_path):
     scene, target = write(tmp_path), tmp_path / "p_%04d.npz"
     first = here("capture", scene, "--particles", target, "--seconds", 0.1)

@@ -516,7 +516,8 @@ def test_water_that_blew_up_begins_again(monkeypatch):
             raise BlowUpError("boiled")
 
     class Stub:
-        progress = type("P", (), {"row": object(), "refill": lambda self: calls.append("again")})()
+        row = type("Row", (), {"reset": lambda self: calls.append("again")})()
+        progress = type("Progress", (), {"row": row})()
 
     monkeypatch.setattr(commands, "Player", Fake)
     monkeypatch.setattr(commands, "run_loop", run)

@@ -1,15 +1,27 @@
 """Kernels that start fast do what Taichi's own do, and where they cannot, Taichi's own run."""
 
+import math
 import os
 import subprocess
 import sys
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 import taichi as ti
 from taichi.lang.kernel_impl import Kernel
 
-from msph.taichi_internals import PLAIN, SWITCH, data_oriented, kernel, missing
+from msph import taichi_internals
+from msph.taichi_internals import (
+    PLAIN,
+    SERIAL_BELOW,
+    SWITCH,
+    Loops,
+    data_oriented,
+    kernel,
+    missing,
+    use_loops,
+)
 
 SIZE = 8
 fast_only = pytest.mark.skipif(PLAIN, reason="kernels are Taichi's own")
@@ -73,10 +85,34 @@ def test_each_launch_has_its_own_numbers_templates_and_object(pair) -> None:
         assert three.wet(6.5) == SIZE - count + count * (3.0 * value > 6.5)
 
 
-def test_arrays_go_through_taichi(pair) -> None:
-    values = 0.5 * pair[0].one.to_numpy() + 1.0
-    pair[0].load(values)
-    assert pair[0].one.to_numpy().tolist() == values.tolist()
+def test_each_launch_has_its_own_array(pair) -> None:
+    values = np.arange(2 * SIZE, dtype=np.float32)
+    for k, scaled in enumerate(pair):
+        scaled.load(values[k * SIZE :])
+    assert pair[0].one.to_numpy().tolist() == values[:SIZE].tolist()
+    assert pair[1].one.to_numpy().tolist() == values[SIZE:].tolist()
+    with pytest.raises(ValueError, match="contiguous"):
+        pair[0].load(values[::2])
+
+
+@fast_only
+def test_few_particles_make_loops_serial(monkeypatch) -> None:
+    """Three times the same object with other numbers of particles: of the three compilations, the
+    second is serial."""
+    built = []
+    monkeypatch.setattr(taichi_internals, "_serial", False)  # as with several threads
+    serialize = taichi_internals.serialize
+    monkeypatch.setattr(
+        taichi_internals, "serialize", lambda context: built.append(serialize(context))
+    )
+    loops = Loops()
+    with use_loops(loops):
+        scaled = Scaled(2.0)
+    for particles, loops_made_serial in ((math.inf, 0), (10, 1), (SERIAL_BELOW, 1), (10, 1)):
+        loops.particles = particles
+        scaled.fill(SIZE, scaled.one, False, 1.5)
+        assert scaled.one.to_numpy().tolist() == [3.0] * SIZE
+        assert len(built) == loops_made_serial
 
 
 def test_vectors_reach_the_kernel_in_order(pair) -> None:

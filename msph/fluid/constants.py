@@ -9,6 +9,7 @@ vec3, ivec3 = ti.math.vec3, ti.math.ivec3
 MEMBERS = {
     "size": vec3,  # of the box [m]
     "walls": vec3,  # coordinates of the far walls, NO_WALL where there is none [m]
+    "covered": i32,  # walls behind pistons, which mirror nothing, as bits
     "rim": f32,  # height at which the side walls end, NO_WALL with a lid [m]
     "ceiling": f32,  # height from which on water counts as spilt [m]
     "layers": i32,  # number of layers

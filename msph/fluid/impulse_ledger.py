@@ -40,7 +40,7 @@ class ImpulseLedger:
         self.outflow_momentum, self.outflow_energy = Sum(vector=True), Sum()
         self.inflow_mass = Sum()
         self.inflow_impulse, self.inflow_work = Sum(vector=True), Sum()
-        self.sums = tuple(vars(self).values())
+        self.sums = tuple(v for v in vars(self).values() if isinstance(v, Sum))
         self.body_push = ti.Vector.field(3, number, shape=MAX_BODIES)
         self.body_twist = ti.Vector.field(3, number, shape=MAX_BODIES)
 
@@ -73,7 +73,7 @@ class ImpulseLedger:
         """Returns body_push and body_twist, (bodies, 6), and sets them to zero."""
         pushes = np.zeros((bodies, 6), np.float64 if longest_float() == ti.f64 else np.float32)
         self._take_pushes(pushes)
-        return pushes.astype(float)
+        return pushes.astype(float, copy=False)
 
     @kernel
     def _take_pushes(self, pushes: ti.types.ndarray(ndim=2)):

@@ -110,7 +110,6 @@ class Plan:
         return {
             **wall_constants(self.size, self.open_top),
             "layers": len(self.specs),
-            "bodies": len(self.bodies),
             "finest_spacing": self.finest.spacing,
             "leak": LEAK * self.finest.spacing,
             "rest_density": self.specs[0].density,

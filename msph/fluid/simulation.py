@@ -9,11 +9,13 @@ from time import perf_counter
 import numpy as np
 
 from msph.errors import BlowUpError
+from msph.fluid.boundary.added import body_of, body_row, opening_of, opening_row
 from msph.fluid.boundary.body_faces import samples
 from msph.fluid.boundary.floating import FloatingBodies
 from msph.fluid.boundary.gap_pressure import MAX_SAMPLES
-from msph.fluid.boundary.openings import ZONE, Opening
-from msph.fluid.boundary.rigid_bodies import Body, as_row, centre, from_row
+from msph.fluid.boundary.openings import ZONE, Opening, Valve
+from msph.fluid.boundary.pistons import Stroke
+from msph.fluid.boundary.rigid_bodies import Body, centre, end_block
 from msph.fluid.boundary.walls import wall_constants
 from msph.fluid.constants import MAX_OPENINGS
 from msph.fluid.external_forces import STILL, ExternalForces, Vec3, as_vector
@@ -37,6 +39,8 @@ WORD = 4
 # Least distance of added particles from all others, over the larger spacing of both: more than the
 # 0.87 of the largest hole of a cubic lattice.
 LEAST_GAP = 0.9
+# Name of the piston of a user.
+MOVING_WALL = "the moving wall"
 
 
 class NoWaterError(ValueError):
@@ -206,7 +210,7 @@ class Simulation:
         if self.particles.count + len(x) > self.particles.capacity:
             raise FullError(f"the pool is full: at most {self.particles.capacity:,} particles")
         if len(x):
-            self.particles.append(x, v, layer)
+            self.particles.extend(x, v, layer)
             self.world.parts.impulses.add_water(spec.mass, x, v, np.array(gravity))
             self.solver.particles_added(float(np.linalg.norm(v, axis=1).max()))
         return len(x)
@@ -215,10 +219,7 @@ class Simulation:
         """Adds a floating block or ball until the next reset. gravity [m/s^2]: for its potential
         energy. Raises FullError if there are too many bodies, or if it overlaps another body or a
         wall, or if the method has no bodies."""
-        if not self.plan.method.HAS_BODIES:
-            raise FullError("this method has no bodies")
-        if self.boundary.count == MAX_BODIES:
-            raise FullError(f"at most {MAX_BODIES} bodies")
+        self._check_bodies()
         (points, _, _), at = samples(body, self.layers.finest.spacing, MAX_SAMPLES), centre(body)
         x = at + points
         if (x < 0.0).any() or (x > self.walls).any() or not self.boundary.free(x).all():
@@ -231,22 +232,62 @@ class Simulation:
         energy = floating.kinetic() - kinetic - floating.mass[-1] * float(at @ np.array(gravity))
         self.world.parts.impulses.add_user(as_vector(floating.momentum() - momentum), energy)
 
+    def _check_bodies(self) -> None:
+        """Raises FullError if no body can be added."""
+        if not self.plan.method.HAS_BODIES:
+            raise FullError("this method has no bodies")
+        if self.boundary.count == MAX_BODIES:
+            raise FullError(f"at most {MAX_BODIES} bodies")
+
     def _take_body(self, body: Body) -> None:
-        self.boundary.add(body)
+        self.boundary.add(body, self.time)
         self.world.prepare_bodies()
+
+    @property
+    def piston(self) -> Stroke | None:
+        """Motion of the present piston, None without one."""
+        found = (b.motion for b in self.boundary.bodies if isinstance(b.motion, Stroke))
+        return next(found, None)
+
+    def add_piston(self, stroke: Stroke) -> None:
+        """Puts a piston in place of a wall until remove_piston() or the next reset. Raises
+        FullError if there are too many bodies, or if the method has none."""
+        self._check_bodies()
+        reach = max(spec.support for spec in self.layers.specs)
+        self._take_body(end_block(self.size, reach, stroke.inwards, 0.0, stroke, MOVING_WALL))
+        self.solver.particles_moved()
+
+    def remove_piston(self) -> None:
+        """Removes the piston; its wall is as before."""
+        self.contact.push_bodies()
+        which = next(k for k, b in enumerate(self.boundary.bodies) if b.motion is self.piston)
+        self.boundary.remove(which, self.time)
+        self.world.prepare_bodies()
+        self.solver.particles_moved()
 
     def add_opening(self, opening: Opening, gravity: Vec3) -> None:
         """Adds an inflow or outflow until the next reset. gravity [m/s^2]: for the potential energy
         of the water in its pipe. Raises FullError if there are too many or the method has none,
-        ValueError if it is not inside the box or is in a body."""
+        ValueError if it is not inside the box or is in a body, or if a checkpoint cannot hold its
+        speed."""
+        if not isinstance(opening.speed, Valve | None):
+            raise ValueError("needs a Valve as its speed")
         if not self.plan.method.HAS_OPENINGS:
             raise FullError("this method has no inflows and outflows")
         if len(self.openings.all) == MAX_OPENINGS:
             raise FullError(f"at most {MAX_OPENINGS} inflows and outflows")
         self._check_opening(opening)
-        self.world.load_openings(self.plan, [*self.openings.all, opening])
+        self._take_opening(opening)
         self.openings.fill_pipes([opening], gravity)
         self.solver.particles_added(0.0)
+
+    def _take_opening(self, opening: Opening) -> None:
+        self.world.load_openings(self.plan, [*self.openings.all, opening])
+
+    @property
+    def added_openings(self) -> list[Opening]:
+        """Openings that the scene does not have."""
+        return [o for o in self.openings.all if o not in self.plan.openings]
 
     def _check_opening(self, opening: Opening) -> None:
         spec = self.layers.specs[opening.layer]
@@ -290,9 +331,9 @@ class Simulation:
 
     def state(self) -> dict[str, np.ndarray]:
         """Returns a checkpoint: every carried attribute, time, number of steps, length of the last
-        step, the spilt mass [kg] of an open box, the state of floating bodies, the added ones, the
-        solver's state and the fingerprint. On one thread a resumed run repeats an uninterrupted
-        one exactly."""
+        step, the spilt mass [kg] of an open box, the state of floating bodies and openings, the
+        added ones, the piston, the solver's state and the fingerprint. On one thread a resumed run
+        repeats an uninterrupted one exactly."""
         progress = {
             "time": np.float64(self.time),
             "steps": np.int64(self.steps),
@@ -303,11 +344,15 @@ class Simulation:
             progress["spilt"] = np.float64(self.rim.mass)
         if self.boundary.floating.count:
             progress["floating"] = self.boundary.floating.state()
-        if self.plan.openings:
-            progress["openings"] = self.openings.state(len(self.plan.openings))
-        if self.boundary.count > len(self.plan.bodies):
-            added = self.boundary.bodies[len(self.plan.bodies) :]
-            progress["added_bodies"] = np.stack([as_row(body) for body in added])
+        if self.openings.all:
+            progress["openings"] = self.openings.state()
+        bodies = [b for b in self.boundary.bodies[len(self.plan.bodies) :] if b.mass is not None]
+        if bodies:
+            progress["added_bodies"] = np.stack([body_row(b) for b in bodies])
+        if self.added_openings:
+            progress["added_openings"] = np.stack([opening_row(o) for o in self.added_openings])
+        if self.piston:
+            progress["piston"] = self.piston.state()
         return {**progress, **solver, "fluid": self._fingerprint(), **self.particles.state()}
 
     def _fingerprint(self) -> np.ndarray:
@@ -318,8 +363,11 @@ class Simulation:
         """Restores a state(). Raises ValueError if it does not fit this simulation."""
         attributes = dict(state)
         floats = sum(b.mass is not None for b in self.plan.bodies)
-        needed = set(self.state()) - {"added_bodies"} - ({"floating"} if not floats else set())
-        missing = needed - set(attributes)
+        # These are also of what was added, now or then.
+        optional = {"added_bodies", "added_openings", "piston"}
+        optional |= {"floating"} if not floats else set()
+        optional |= {"openings"} if not self.plan.openings else set()
+        missing = set(self.state()) - optional - set(attributes)
         if missing:
             raise ValueError(f"{', '.join(sorted(missing))} missing")
         time, steps, last_step = (attributes.pop(k) for k in ("time", "steps", "last_step"))
@@ -327,13 +375,17 @@ class Simulation:
         solver = {k: float(attributes.pop(f"solver.{k}")) for k in self.solver.state()}
         spilt = float(attributes.pop("spilt")) if self.plan.open_top else 0.0
         ways = attributes.pop("openings", np.zeros(0))
-        added = [from_row(row) for row in attributes.pop("added_bodies", ())]
+        added = [body_of(row) for row in attributes.pop("added_bodies", ())]
+        rows = attributes.pop("added_openings", ())
+        openings = [opening_of(row, self.layers.count) for row in rows]
+        stroke = Stroke.of(attributes.pop("piston")) if "piston" in attributes else None
         floating = attributes.pop("floating", FloatingBodies().state())
         if fluid.shape != own.shape or not np.allclose(fluid, own):
             raise ValueError("box or layers differ from the scene")
         self.particles.check(attributes)
         x, layer = attributes["x"], attributes["layer"]
-        reach = ZONE * max(s.spacing for s in self.layers.specs) * bool(self.plan.openings)
+        opened = bool(self.plan.openings or openings)
+        reach = ZONE * max(s.spacing for s in self.layers.specs) * opened
         if np.any(x < -reach) or np.any(x > self.walls + reach):
             raise ValueError("particles outside the box")
         if layer.min() < 0 or layer.max() >= self.layers.count:
@@ -342,7 +394,7 @@ class Simulation:
             raise ValueError(f"time is {time:g} s: must be finite and at least 0")
         if not last_step > 0.0:
             raise ValueError(f"last step is {last_step:g} s: must be positive")
-        if len(self.plan.bodies) + len(added) > MAX_BODIES:
+        if len(self.plan.bodies) + len(added) + bool(stroke) > MAX_BODIES:
             raise ValueError(f"more than {MAX_BODIES} bodies")
         if floating.shape != (floats + len(added), FloatingBodies().state().shape[1]):
             raise ValueError("number of floating bodies differs from the scene")
@@ -351,10 +403,14 @@ class Simulation:
         if not 0.0 <= spilt < math.inf:
             raise ValueError(f"{spilt:g} kg were spilt: must be finite and at least 0")
         self._start(attributes, float(time), int(steps), spilt)
-        if self.plan.openings:
-            self.openings.restore(ways)
+        for opening in openings:
+            self._take_opening(opening)
+        if opened:
+            self.openings.restore(ways, float(time))
         for body in added:
             self._take_body(body)
+        if stroke:
+            self.add_piston(stroke)
         self.boundary.restore(float(time), floating)
         self.last_step = float(last_step)
         self.solver.restore(solver)

@@ -5,6 +5,7 @@ them when closed, so that the next simulation reuses the compiled kernels.
 """
 
 import gc
+import math
 from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
@@ -30,7 +31,7 @@ from msph.fluid.particles.removal import Removal
 from msph.fluid.parts import Parts
 from msph.fluid.plan import Plan
 from msph.fluid.room import Room, room_for
-from msph.taichi_internals import field_trees
+from msph.taichi_internals import Loops, field_trees, on_cpu, use_loops
 
 # Taichi crashes beyond MAX_TREES field trees per process; a world with its surface and image takes
 # at most WORLD_TREES.
@@ -49,30 +50,9 @@ class World:
                 f"{taken} of {MAX_TREES} Taichi field trees are in use: "
                 "no room for another simulation in this process"
             )
-        constants, layers = Constants(), Layers()
-        particles = Particles(room.particles, all_attributes())
-        grid = LayeredGrid(room, constants, layers, particles)
-        boundary, impulses = Boundary(room, constants, layers), ImpulseLedger()
-        removal, contact = Removal(room, particles), Contact(boundary, particles, impulses)
-        neighbours = NeighbourList(room, grid)
-        self.parts = Parts(
-            room=room,
-            constants=constants,
-            layers=layers,
-            particles=particles,
-            removal=removal,
-            grid=grid,
-            neighbours=neighbours,
-            boundary=boundary,
-            links=BodyLinks(room, boundary, particles, impulses),
-            contact=contact,
-            collisions=Collisions(boundary),
-            gaps=GapPressure(boundary, grid, contact),
-            openings=Openings(constants, layers, particles, boundary, neighbours, impulses),
-            rim=Rim(constants, layers, particles, removal, impulses),
-            beaches=Beaches(constants, layers, particles, impulses),
-            impulses=impulses,
-        )
+        self.loops = Loops()
+        with use_loops(self.loops):
+            self.parts = _parts(room)
         self._built: dict[Any, Any] = {}
 
     def build_once(self, build: Callable[..., T], *arguments: Any) -> T:
@@ -80,12 +60,14 @@ class World:
         object, so that its kernels are compiled once."""
         key = build, *arguments
         if key not in self._built:
-            self._built[key] = build(self, *arguments)
+            with use_loops(self.loops):
+                self._built[key] = build(self, *arguments)
         return self._built[key]
 
     def load(self, plan: Plan) -> Any:
         """Fills tables and constants for a scene; returns the solver of its method."""
         parts, specs = self.parts, plan.specs
+        self.loops.particles = len(plan.initial["x"]) if on_cpu() else math.inf
         parts.constants.fill(**plan.constants())
         parts.layers.load(specs, *plan.tables())
         attributes = plan.method.attributes(plan.parameters, plan.adaptation is not None)
@@ -100,9 +82,7 @@ class World:
 
     def load_bodies(self, plan: Plan) -> None:
         """Fills the boundary with the bodies of a scene."""
-        boundary, bodies = self.parts.boundary, list(plan.bodies)
-        boundary.load(plan.size, plan.specs, bodies, plan.open_top)
-        boundary.constants.bodies[None] = len(bodies)
+        self.parts.boundary.load(plan.size, plan.specs, list(plan.bodies), plan.open_top)
         self.prepare_bodies()
 
     def load_openings(self, plan: Plan, openings: Sequence[Opening]) -> None:
@@ -116,6 +96,34 @@ class World:
         parts = self.parts
         for part in (parts.links, parts.contact, parts.collisions, parts.gaps):
             part.load()
+
+
+def _parts(room: Room) -> Parts:
+    """Returns the components of a world."""
+    constants, layers = Constants(), Layers()
+    particles = Particles(room.particles, all_attributes())
+    grid = LayeredGrid(room, constants, layers, particles)
+    boundary, impulses = Boundary(room, constants, layers), ImpulseLedger()
+    removal, contact = Removal(room, particles), Contact(boundary, particles, impulses)
+    neighbours = NeighbourList(room, grid)
+    return Parts(
+        room=room,
+        constants=constants,
+        layers=layers,
+        particles=particles,
+        removal=removal,
+        grid=grid,
+        neighbours=neighbours,
+        boundary=boundary,
+        links=BodyLinks(room, boundary, particles, impulses),
+        contact=contact,
+        collisions=Collisions(boundary),
+        gaps=GapPressure(boundary, grid, contact),
+        openings=Openings(constants, layers, particles, boundary, neighbours, impulses),
+        rim=Rim(constants, layers, particles, removal, impulses),
+        beaches=Beaches(constants, layers, particles, impulses),
+        impulses=impulses,
+    )
 
 
 def _solver(world: World, method: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Image of a board above the lesson's band."""
+"""Image of a board above the lesson's band, and the window loop of its lesson."""
 
 from typing import Any
 
@@ -6,7 +6,10 @@ import numpy as np
 import taichi as ti
 
 from msph.lesson.course import Progress
+from msph.lesson.guide import Guide
 from msph.picture.pixels import Image
+from msph.stage.controls import ACTIONS
+from msph.stage.window import Window
 
 
 class BoardView:
@@ -28,3 +31,19 @@ class BoardView:
         whole = np.zeros((*self.size, 3), np.float32)
         whole[:, self.below :] = self.pixels[::-1].transpose(1, 0, 2) / np.float32(255.0)
         self.image.field.from_numpy(whole)
+
+
+def read(window: Window, guide: Guide, frames: int | None = None) -> None:
+    """Shows a board and its lesson until the window is closed or after `frames` frames."""
+    view, done = BoardView(window.size, guide.below), 0
+    while window.open and (frames is None or done < frames):
+        pressed = window.presses()
+        for key in pressed:
+            if not guide.handle_key(key) and ACTIONS.get(key) == "quit":
+                return
+        guide.drag(window.cursor(), window.down("LMB"), "LMB" in pressed)
+        guide.update()
+        view.draw(guide.progress)
+        guide.draw(view.image)
+        window.show(view.image)
+        done += 1

@@ -8,11 +8,11 @@ from msph import user_cache
 from msph.device import start
 from msph.errors import BadInputError, BlowUpError
 from msph.lesson import web
+from msph.lesson.board_view import read
 from msph.lesson.course import Progress
 from msph.lesson.guide import Guide
 from msph.lesson.load import Course, load_lesson, shipped_lessons
 from msph.lesson.paint import band_height
-from msph.lesson.reader import read
 from msph.lesson.slides import write as write_slides
 from msph.options import AS_GIVEN, RunOptions
 from msph.scene.load import read_toml
@@ -113,7 +113,7 @@ def play(guide: Guide, window: Window, name: str, frames: int | None) -> None:
             run_loop(row, player, frames)
             return
         except BlowUpError:
-            guide.progress.refill()
+            row.reset()
             player.layout.show_message("unstable simulation restarted; r also resets the sliders")
 
 

@@ -103,11 +103,6 @@ class Progress:
             self.ticked[self.page - 1] = False
             self.again()
 
-    def refill(self) -> None:
-        """Resets the simulations and keeps the sliders."""
-        if self.row:
-            self.row.reset()
-
     def move(self, slider: SliderOf, value: float) -> None:
         """Sets a slider to the nearest value that it can take."""
         value = min(max(value, slider.lo), slider.hi)

@@ -9,6 +9,7 @@ from msph.lesson.load import Course
 from msph.lesson.paint import LETTERS, Band, Reasons, band_height
 from msph.picture.overlay import Overlay
 from msph.stage.controls import ACTIONS
+from msph.stage.input_overlay import InputOverlay
 from msph.stage.pages import text_height
 from msph.stage.row import Row
 from msph.stage.widgets import Grip, Slider
@@ -21,7 +22,7 @@ PAGE_KEYS, DISABLED_KEYS = ("n", "b", "r"), ("Tab", "BackSpace", "i", "k", "o")
 TILT_KEYS = ("Left", "Right", "Up", "Down")
 
 
-class Guide:
+class Guide(InputOverlay):
     """Overlay of a lesson. row: its simulations, None for a board; size (width, height) of the
     window [pixels]; progress: see Progress. waits: the simulations of a task stand still until the
     user moves a slider, tilts or pushes."""
@@ -42,21 +43,17 @@ class Guide:
 
     @property
     def runs(self) -> int:
-        """Number of restarts."""
         return self.progress.runs
 
     @property
     def pauses(self) -> bool:
-        """True while the simulations are paused."""
         return self.progress.pauses or self.waits
 
     @property
     def is_full_page(self) -> bool:
-        """True if a page covers the whole image."""
         return self.progress.page > len(self.progress.lesson.do)
 
     def handle_key(self, key: str) -> bool:
-        """Handles a pressed key and returns True if it belongs to the lesson."""
         progress = self.progress
         if progress.page == 0 and key in LETTERS:
             progress.answer(LETTERS.index(key) + 1)
@@ -78,7 +75,6 @@ class Guide:
         self.read, self.waits = -np.inf, self.progress.row is not None
 
     def is_on_page(self, cursor: np.ndarray) -> bool:
-        """Returns True if the cursor, (right, up) in shares of the window, is on a page."""
         return self.is_full_page or bool(cursor[1] * self.size[1] < self.below)
 
     def drag(self, cursor: np.ndarray, down: bool, pressed: bool) -> bool:
@@ -104,7 +100,6 @@ class Guide:
             self.read, self.shown = now, self.progress.shown()
 
     def draw(self, image) -> None:
-        """Draws the current page over the image."""
         p = self.progress
         values = tuple(p.values.values())
         state = (p.page, p.answered, tuple(p.ticked), values, tuple(self.shown), self.waits)

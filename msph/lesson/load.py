@@ -12,7 +12,6 @@ from pydantic import ValidationError
 from msph import expressions
 from msph.errors import did_you_mean
 from msph.lesson.boards import MODULES, board_of
-from msph.lesson.errors import LessonError
 from msph.lesson.excerpt import ExcerptError, excerpt
 from msph.lesson.quantities import known_numbers
 from msph.lesson.schema import LINES, REASON, WORDS, Lesson, SliderOf, Task, WaterOf
@@ -31,6 +30,10 @@ SHORT_WORDS = 12
 MAX_STEPS = 10_000
 # Live parameters that have no effect in a lesson, which has its own time steps and image size.
 WINDOW_ONLY = {"play.speed", "play.scale"}
+
+
+class LessonError(SceneError):
+    """A lesson that cannot be used; str() is one line: file, key, problem."""
 
 
 @dataclass(frozen=True)

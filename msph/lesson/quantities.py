@@ -65,10 +65,6 @@ def _exchanges(show: Show) -> float:
     return float(sum(adaptation.totals)) if adaptation else 0.0
 
 
-def _mass_error(show: Show) -> float:
-    return 100.0 * show.ledger.mass_change()
-
-
 def _tilt(show: Show) -> float:
     return math.degrees(math.acos(float(np.clip(show.tilt[1, 1], -1.0, 1.0))))
 
@@ -138,7 +134,9 @@ QUANTITIES: dict[str, Quantity] = {
     "centre_x": Quantity("m", "x of the centre of mass", lambda s: s.ledger.entries[-1].centre[0]),
     "centre_y": Quantity("m", "y of the centre of mass", lambda s: s.ledger.entries[-1].centre[1]),
     "mass_error": Quantity(
-        "%", "change of the mass, spilt water included, over the initial mass", _mass_error
+        "%",
+        "change of the mass, spilt water included, over the initial mass",
+        _of_ledger("mass_change"),
     ),
     "merge_loss": Quantity("J", "kinetic energy lost by merges", _last("merge_loss")),
     "exchanges": Quantity("-", "splits and merges since the start", _exchanges),

@@ -10,7 +10,6 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-import imageio.v2 as imageio
 import numpy as np
 
 from msph.lesson import typeset
@@ -21,6 +20,7 @@ from msph.lesson.schema import SliderOf
 from msph.lesson.student import FRAME, Student, rehearse
 from msph.own_files import claim, make_writable, replace
 from msph.stage.preparation import prepare_row
+from msph.stage.recorder import even, video_writer
 
 TEMPLATE = Path(__file__).with_name("page.html")
 # Size of images and videos [pixels]; a video shows every SKIP-th frame.
@@ -29,6 +29,8 @@ SIZE, SKIP = (960, 400), 2
 POSITIONS, FEW_POSITIONS, MAX_POSITIONS = 9, 5, 12
 # Text of a task of simulations, which a page shows in a video.
 WATCH = 'The task in the window is: "{}" The video shows its solution.'
+# Constant quality of videos, 0 to 10: small files.
+QUALITY = 6
 # Time [s] that a video continues after its task is completed.
 LINGERS = 1.5
 
@@ -160,12 +162,9 @@ def video(frames: list[np.ndarray]) -> str:
     """Returns frames (height, width, 3) uint8 as a data URL of an MP4 video."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "video.mp4"
-        fps = 1.0 / (SKIP * FRAME)
-        writer: Any
-        with imageio.get_writer(path, fps=fps, quality=6, macro_block_size=1) as writer:
+        with video_writer(path, 1.0 / (SKIP * FRAME), quality=QUALITY) as writer:
             for frame in frames:
-                height, width = frame.shape[:2]
-                writer.append_data(frame[: height // 2 * 2, : width // 2 * 2])
+                writer.append_data(even(frame))
         return data_of(path.read_bytes(), "video/mp4")
 
 

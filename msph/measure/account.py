@@ -258,11 +258,6 @@ def cautions(lines: list[Line], volume_reason: str | None = None) -> list[str]:
     return found
 
 
-def limits(lines: list[Line]) -> dict[str, float]:
-    """Returns the limit of each line by its key."""
-    return {line.key: line.figure.limit for line in lines}
-
-
 def text(lines: list[Line], notes: list[str], mass: dict[str, float]) -> str:
     """Returns the printed table followed by the cautions `notes`."""
     rows, group = [], ""

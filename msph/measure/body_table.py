@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.external_forces import rotation_vector
+from msph.fluid.simulation import Simulation
 from msph.scene.bodies import names
 from msph.scene.schema import Scene
 
@@ -32,26 +32,31 @@ def columns(scene: Scene) -> list[str]:
 
 
 class BodyTable:
-    """Rows of all bodies: centre, rotation vector since the start, velocity, spin, and the mean
-    force and torque (about the centre) of the water since the last row."""
+    """Rows of the bodies of a scene: centre, rotation vector since the start, velocity, spin, and
+    the mean force and torque (about the centre) of the water since the last row."""
 
-    def __init__(self, boundary: Boundary):
-        self.boundary = boundary
+    def __init__(self, simulation: Simulation):
+        self.boundary, self.count = simulation.boundary, len(simulation.plan.bodies)
         self.times: list[float] = []
         self.sums: list[np.ndarray] = []  # impulses and angular impulses, (bodies, 6)
 
     def row(self, time: float) -> list[float]:
-        """Returns the row of the present time [s]; the first row has no forces."""
+        """Returns the row of the present time [s], without bodies that the user added."""
+        return [time, *self.numbers(time)[: self.count].ravel().tolist()]
+
+    def numbers(self, time: float) -> np.ndarray:
+        """Returns the QUANTITIES of all bodies at the present time [s], (bodies, 18). The first
+        row, and bodies that the user added, have no forces."""
         boundary = self.boundary
         self.times.append(time)
-        self.sums.append(np.hstack([boundary.impulse, boundary.twist]))
-        forces = self._mean(len(self.times) - 2)
-        velocities, spins = boundary.motions()
-        row = [time]
-        for b in range(boundary.count):
-            centre, turn = boundary.centre_at_end(b), boundary.pose(b)[1]
-            row += [*centre, *rotation_vector(turn), *velocities[b], *spins[b], *forces[b]]
-        return row
+        self.sums.append(np.hstack([boundary.impulse, boundary.twist])[: self.count])
+        forces = np.full((boundary.count, 6), np.nan)
+        forces[: self.count] = self._mean(len(self.times) - 2)
+        poses = [
+            [*boundary.centre_at_end(b), *rotation_vector(boundary.pose(b)[1])]
+            for b in range(boundary.count)
+        ]
+        return np.hstack([np.reshape(poses, (-1, 6)), *boundary.motions(), forces])
 
     def last_forces(self) -> tuple[np.ndarray, float]:
         """Returns the mean forces and torques (bodies, 6) on the bodies over the last WINDOW of the

@@ -8,8 +8,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt
-from scipy.spatial import cKDTree
 
 from msph.measure.host_kernels import mirrored, wendland
 
@@ -88,6 +86,8 @@ class _Water:
     def densities(self, radius: float, points: int, rng: np.random.Generator) -> np.ndarray:
         """Returns the densities (-) at random points of which a kernel of `radius` spacings is
         known, (k,) with k at most `points`; none if there are too few possible points."""
+        from scipy.spatial import cKDTree
+
         x, spacing, clearance, edge = self.x, self.spacing, self.clearance, self.edge
         finest, kernel = spacing.min(), 4.0 / 3.0 * np.pi * (radius * spacing.min()) ** 3
         deep = np.argwhere(clearance > self._needed(radius, finest))
@@ -124,6 +124,9 @@ class _Water:
 def _clearance(x: np.ndarray, spacing: np.ndarray, size, free) -> tuple[np.ndarray, float]:
     """Returns the distance [m] of each voxel to the nearest voxel of air or a body, and the edge
     [m] of a voxel; walls count as water."""
+    from scipy.ndimage import distance_transform_edt  # 0.2 s to import
+    from scipy.spatial import cKDTree
+
     edge = max(float(spacing.min()), float(np.prod(size) / MAX_VOXELS) ** (1.0 / 3.0))
     shape = [int(np.ceil(length / edge)) for length in size]
     centres = (np.indices(shape).reshape(3, -1).T + 0.5) * edge

@@ -18,7 +18,8 @@ from pathlib import Path
 import numpy as np
 from tabulate import tabulate
 
-from msph.measure.table import energy_less_work, parts
+from msph.measure.entry import energy_less_work
+from msph.measure.table import parts
 from msph.own_files import replacing
 
 # Ratio of the spacings of successive runs, at least 1.3 (Celik et al. 2008); a coarser run costs a

@@ -5,6 +5,13 @@ from typing import Annotated, get_args
 
 import numpy as np
 
+# Parts of the mechanical energy, and of the external work since the start.
+ENERGIES = (
+    *("kinetic", "potential", "spilt_energy", "outflow_energy"),
+    *("floating_kinetic", "floating_potential"),
+)
+WORKS = ("wall_work", "user_work", "inertia_work", "tilt_work", "inflow_work")
+
 
 @dataclass(frozen=True)
 class Entry:
@@ -67,17 +74,14 @@ class Entry:
 
     @property
     def work(self) -> float:
-        """External work since the start [J]: by walls, the user, the motion of the box, inflows."""
-        box = self.inertia_work + self.tilt_work
-        return self.wall_work + self.user_work + box + self.inflow_work
+        """External work since the start [J]."""
+        return sum(getattr(self, name) for name in WORKS)
 
     @property
     def mechanical(self) -> float:
         """Kinetic and potential energy [J] of the water, with the water that left, and of floating
         bodies."""
-        floating = self.floating_kinetic + self.floating_potential
-        left = self.spilt_energy + self.outflow_energy
-        return self.kinetic + self.potential + left + floating
+        return sum(getattr(self, name) for name in ENERGIES)
 
     @property
     def energy(self) -> float:
@@ -98,3 +102,10 @@ def columns() -> list[str]:
         parts = [f"{f.name}_{k}" for k in "xyz"] if kind is np.ndarray else [f.name]
         heads += [f"{part} [{unit}]" for part in parts]
     return heads
+
+
+def energy_less_work(ledger: dict[str, np.ndarray]) -> np.ndarray:
+    """Returns Entry.energy [J] of each row of a ledger's table (table.read); constant without
+    dissipation."""
+    energies, works = ([ledger[f"{name}_J"] for name in names] for names in (ENERGIES, WORKS))
+    return np.sum(energies, axis=0) - np.sum(works, axis=0)

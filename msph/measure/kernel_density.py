@@ -7,7 +7,6 @@ meets its target. This sum contains positions only, for all methods and other pr
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from msph.fluid.particles.layers import PAIRING
 from msph.fluid.projection.solver import Projection
@@ -29,6 +28,8 @@ def kernel_sums(x: np.ndarray, spacing: np.ndarray, size: tuple[float, float, fl
 
     V = d^3, h = 2.45 d, h_ij is the power mean of both supports. Bodies count as air.
     """
+    from scipy.spatial import cKDTree  # 0.2 s to import
+
     support = Projection.SMOOTHING * spacing
     images, which = mirrored(x, size, support.max())
     found, sizes = np.zeros(len(x)), np.unique(spacing)

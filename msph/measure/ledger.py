@@ -8,8 +8,10 @@ import numpy as np
 from msph.errors import BlowUpError
 from msph.fluid.simulation import Simulation
 from msph.measure.entry import Entry
-from msph.measure.level_water import level_potential
 from msph.measure.totals import Totals
+
+# Number of voxels of the room of level water. Boxes without bodies are exact with any number.
+VOXELS = 200_000
 
 
 class NotFiniteError(BlowUpError):
@@ -74,7 +76,7 @@ class Ledger:
             centre=moment / totals["mass"],
             potential=-float(moment @ g),
             gravity=g,
-            body_impulse=-sim.boundary.impulse.sum(axis=0),
+            body_impulse=-sim.boundary.total_impulse,
             floating_momentum=floating.momentum(),
             floating_angular_momentum=floating.angular_momentum(),
             floating_kinetic=floating.kinetic(),
@@ -202,3 +204,29 @@ def _disturbed(before: Entry, after: Entry) -> bool:
     """Returns True if there was input by walls, the user, the box or inflows between entries."""
     given = ("gravity", "user_impulse", "inertia_impulse", "wall_work", "inflow_work")
     return not all(np.array_equal(getattr(before, k), getattr(after, k)) for k in given)
+
+
+def level_potential(simulation: Simulation, gravity: np.ndarray, mass: float) -> float:
+    """Returns the least potential energy [J] of `mass` [kg] of water at rest density under gravity
+    (3,) [m/s^2], zero at the origin: level water that fills the room outside bodies from its lowest
+    place, all parts of which count as connected. NaN if the room is too small."""
+    size = np.array(simulation.region)
+    edge = (size.prod() / VOXELS) ** (1.0 / 3.0)
+    shape = np.maximum(np.round(size / edge), 1).astype(int)
+    cell = size / shape
+    centres = (np.indices(shape).reshape(3, -1).T + 0.5) * cell
+    centres = centres[simulation.boundary.free(centres, 0.0)]
+    # Potential energy per mass [J/kg] of the water's level, over the volume below it.
+    levels, counts = np.unique((-centres @ gravity).round(9), return_counts=True)
+    below = (np.cumsum(counts) - 0.5 * counts) * cell.prod()
+    density = simulation.layers.finest.density
+    volume = mass / density
+    if len(levels) < 2 or volume > counts.sum() * cell.prod():
+        return float("nan")
+    slope = (levels[1] - levels[0]) / (below[1] - below[0])
+    below, levels = np.append(0.0, below), np.append(levels[0] - slope * below[0], levels)
+    inside = below < volume
+    x = np.append(below[inside], volume)
+    return float(
+        density * np.trapezoid(np.append(levels[inside], np.interp(volume, below, levels)), x)
+    )

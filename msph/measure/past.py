@@ -9,17 +9,14 @@ from typing import get_args
 import numpy as np
 
 from msph.errors import BadInputError
+from msph.measure.bulk import BulkDensity
 from msph.measure.entry import Entry, columns
+from msph.measure.kernel_density import KernelDensity
 from msph.measure.survey import COLUMNS, Survey
+from msph.measure.totals import GIVEN_SCALARS, GIVEN_VECTORS
 
 # Fields of an entry that are sums since the start; a resumed run restarts them at zero.
-SUMS = (
-    *("internal_impulse", "internal_angular_impulse", "wall_impulse", "body_impulse"),
-    *("wall_work", "user_impulse", "user_work", "inertia_impulse", "inertia_work"),
-    *("tilt_work", "added_mass", "merge_loss"),
-    *("spilt_momentum", "spilt_energy", "inflow_mass", "inflow_impulse", "inflow_work"),
-    *("outflow_mass", "outflow_momentum", "outflow_energy"),
-)
+SUMS = (*GIVEN_VECTORS, *GIVEN_SCALARS, "body_impulse", "tilt_work", "outflow_mass")
 
 # Errors of np.load for a file that is not an archive of arrays, or empty, or truncated.
 UNREADABLE = (
@@ -81,9 +78,6 @@ def entries(rows: np.ndarray) -> list[Entry]:
 def surveys(rows: np.ndarray, rest_density: float) -> list[Survey]:
     """Returns the surveys of a ledger's rows (n, columns) that have one; their last columns are
     Survey.row(). rest_density [kg/m^3] of the water."""
-    from msph.measure.bulk import BulkDensity  # imports scipy, which takes 0.2 s
-    from msph.measure.kernel_density import KernelDensity
-
     mass, found = columns().index("mass [kg]"), []
     for row in rows:
         volume, mean, p99, *bulk = own = row[-len(COLUMNS) :]

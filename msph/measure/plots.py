@@ -4,7 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from msph.measure.table import energy_less_work, parts, read
+from msph.measure.entry import energy_less_work
+from msph.measure.table import parts, read
 from msph.own_files import replacing
 
 # Size of a panel [inches], and pixels per inch.

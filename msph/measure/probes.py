@@ -1,21 +1,49 @@
-"""Probes at points, columns and fronts, which read a Snapshot of the water.
+"""Probes at points, columns, fronts, faces and bodies, which read a Snapshot of the water.
 
 A reading is NaN, an empty cell of the table, where there is no water: in air, inside a body, over a
 dry floor; pressures are NaN before the first step.
 """
 
+from abc import ABC, abstractmethod
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
-from msph.measure.probe import Probe, lattice
+from msph.fluid.boundary.body_faces import samples
+from msph.fluid.boundary.rigid_bodies import centre
 from msph.measure.snapshot import SURFACE_COVERAGE, Snapshot
+from msph.scene import schema
+from msph.scene.bodies import bodies, names
 from msph.scene.schema import Scene
+from msph.scene.water import layer_specs
 
 # Step of the search for the height, in finest spacings.
 HEIGHT_STEP = 0.1
+# Largest edge of a body's faces, in finest spacings, and largest number of faces, each read alone.
+MAX_EDGE, MAX_FACES = 0.75, 8000
 AXES = {"x": 0, "y": 1, "z": 2}
+
+
+class Probe(ABC):
+    """A named probe. HEADS: "name [unit]" of the numbers that it reads, with {} for its name."""
+
+    HEADS: ClassVar[tuple[str, ...]]
+    name: str
+
+    @property
+    def heads(self) -> list[str]:
+        """Column heads "name [unit]" of the numbers that read() returns."""
+        return [head.format(self.name) for head in self.HEADS]
+
+    @abstractmethod
+    def read(self, water: Snapshot) -> list[float]:
+        """Returns the readings in SI units, NaN if unknown."""
+
+    def resume(self, last: list[float]) -> None:  # noqa: B027 -- most probes have no state
+        """Restores the probe's state from its last readings when a run is resumed."""
 
 
 @dataclass
@@ -27,15 +55,12 @@ class PressureProbe(Probe):
     steps, so only its average is meaningful.
     """
 
+    HEADS = ("{} [Pa]",)
     name: str
     lo: tuple[float, float, float]
     hi: tuple[float, float, float] | None = None
     window: float = 0.0
     past: deque[tuple[float, float]] = field(default_factory=deque)
-
-    @property
-    def heads(self) -> list[str]:
-        return [f"{self.name} [Pa]"]
 
     def read(self, water: Snapshot) -> list[float]:
         if water.pressure is None:
@@ -58,12 +83,9 @@ class PressureProbe(Probe):
 class VelocityProbe(Probe):
     """Velocity [m/s] of the water at `point` [m]."""
 
+    HEADS = ("{}_x [m/s]", "{}_y [m/s]", "{}_z [m/s]")
     name: str
     point: tuple[float, float, float]
-
-    @property
-    def heads(self) -> list[str]:
-        return [f"{self.name}_{k} [m/s]" for k in "xyz"]
 
     def read(self, water: Snapshot) -> list[float]:
         return water.at(np.array(self.point), "v").tolist()
@@ -74,12 +96,9 @@ class HeightProbe(Probe):
     """Height [m] of the water above the floor at `at` (x, z) [m]: the highest point where coverage
     falls below one half, which single particles of spray never reach."""
 
+    HEADS = ("{} [m]",)
     name: str
     at: tuple[float, float]
-
-    @property
-    def heads(self) -> list[str]:
-        return [f"{self.name} [m]"]
 
     def read(self, water: Snapshot) -> list[float]:
         x, z = self.at
@@ -109,13 +128,10 @@ class FrontProbe(Probe):
     spacing beyond the last particle's centre.
     """
 
+    HEADS = ("{} [m]",)
     name: str
     axis: str
     reached: float = np.nan
-
-    @property
-    def heads(self) -> list[str]:
-        return [f"{self.name} [m]"]
 
     def read(self, water: Snapshot) -> list[float]:
         edge = water.spacing.max()
@@ -140,24 +156,86 @@ class FrontProbe(Probe):
         (self.reached,) = last
 
 
+@dataclass
+class FluxProbe(Probe):
+    """Volume flux [m^3/s] along an axis through a rectangle from lo to hi [m] normal to it."""
+
+    HEADS = ("{} [m^3/s]",)
+    name: str
+    lo: tuple[float, float, float]
+    hi: tuple[float, float, float]
+
+    def read(self, water: Snapshot) -> list[float]:
+        lo, hi = np.array(self.lo), np.array(self.hi)
+        axis = int(np.argmin(hi - lo))
+        points, area = lattice(lo, hi, water.spacing.min())
+        wet, velocity = water.wetted(points, "v")
+        return [float(area * (wet * velocity[:, axis]).sum()) if wet.any() else np.nan]
+
+
+@dataclass
+class ForceProbe(Probe):
+    """Force [N] of the water on body number `body`, the integral of the pressure over its wet
+    faces, and torque [N m] about its centre, in the box's frame.
+
+    At time zero: centre (3,) [m] of the body, centres (f, 3) [m] of its faces relative to it, and
+    area vectors (f, 3) [m^2] of the faces, towards the water.
+    """
+
+    HEADS = (
+        *("{}_force_x [N]", "{}_force_y [N]", "{}_force_z [N]"),
+        *("{}_torque_x [N m]", "{}_torque_y [N m]", "{}_torque_z [N m]"),
+    )
+    name: str
+    body: int
+    centre: np.ndarray
+    middles: np.ndarray
+    areas: np.ndarray
+
+    @classmethod
+    def of(cls, name: str, scene: Scene, body: str) -> "ForceProbe":
+        """Returns the probe of a body by its key in the scene: container, bodies.0, ..."""
+        number = names(scene).index(body)
+        shape = bodies(scene)[number]
+        edge = MAX_EDGE * min(s.spacing for s in layer_specs(scene))
+        points, areas, _ = samples(shape, edge, MAX_FACES)
+        return cls(name, number, centre(shape), points, areas)
+
+    def read(self, water: Snapshot) -> list[float]:
+        if water.pressure is None:
+            return [np.nan] * 6
+        offset, turn = water.poses[self.body]
+        arms = self.middles @ turn.T
+        points = self.centre + offset + arms
+        inside = np.all((points >= 0.0) & (points <= np.array(water.size)), axis=1)
+        pressures = np.zeros(len(points))
+        wet, found = water.wetted(points[inside], "pressure")
+        pressures[inside] = wet * found
+        forces = -pressures[:, None] * (self.areas @ turn.T)
+        return [*forces.sum(axis=0).tolist(), *np.cross(arms, forces).sum(axis=0).tolist()]
+
+
+def lattice(lo: np.ndarray, hi: np.ndarray, spacing: float) -> tuple[np.ndarray, float]:
+    """Returns the centres (p, 3) [m] of cells at most `spacing` [m] wide that divide the rectangle
+    from lo to hi [m], and a cell's area [m^2]."""
+    edges = hi - lo
+    counts = np.maximum(1, np.ceil(edges / spacing - 1e-6)).astype(int)
+    axes = [a + (np.arange(n) + 0.5) * e / n for a, e, n in zip(lo, edges, counts, strict=True)]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    return points, float(np.prod(edges[edges > 0.0])) / len(points)
+
+
+# Makes a checked probe of each kind.
+KINDS: dict[str, Callable[[schema.Probe, Scene], Probe]] = {
+    "pressure": lambda p, _: PressureProbe(p.name, p.point or p.lo, p.hi, p.window),
+    "velocity": lambda p, _: VelocityProbe(p.name, p.point),
+    "height": lambda p, _: HeightProbe(p.name, p.at),
+    "front": lambda p, _: FrontProbe(p.name, p.axis),
+    "flux": lambda p, _: FluxProbe(p.name, p.lo, p.hi),
+    "force": lambda p, scene: ForceProbe.of(p.name, scene, p.body),
+}
+
+
 def build_probes(scene: Scene) -> list[Probe]:
     """Returns the probes of a checked scene, in its order."""
-    from msph.measure.face_probes import FluxProbe, ForceProbe  # imports trimesh, which is slow
-
-    built: list[Probe] = []
-    for p in scene.probes:
-        if p.kind == "pressure":
-            lo = p.point if p.lo is None else p.lo
-            assert lo is not None
-            built.append(PressureProbe(p.name, lo, p.hi, p.window))
-        elif p.kind == "velocity" and p.point is not None:
-            built.append(VelocityProbe(p.name, p.point))
-        elif p.kind == "height" and p.at is not None:
-            built.append(HeightProbe(p.name, p.at))
-        elif p.kind == "front" and p.axis is not None:
-            built.append(FrontProbe(p.name, p.axis))
-        elif p.kind == "flux" and p.lo is not None and p.hi is not None:
-            built.append(FluxProbe(p.name, p.lo, p.hi))
-        elif p.kind == "force" and p.body is not None:
-            built.append(ForceProbe.of(p.name, scene, p.body))
-    return built
+    return [KINDS[probe.kind](probe, scene) for probe in scene.probes]

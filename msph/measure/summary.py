@@ -15,6 +15,7 @@ from msph.fluid.simulation import Simulation
 from msph.measure import account, survey
 from msph.measure.ledger import Ledger
 from msph.measure.machine import machine
+from msph.measure.resolution import mean_depth, resolution
 from msph.measure.survey import Survey
 from msph.measure.timings import Timings
 from msph.own_files import replace
@@ -101,8 +102,6 @@ def assessment(
 ) -> dict[str, Any]:
     """Returns the resolution of a run, the limits of resolution and errors `found`, and cautions
     for those outside their limits."""
-    from msph.measure.resolution import mean_depth, resolution  # imports trimesh, which is slow
-
     centres = np.array([e.centre for e in ledger.entries])
     plan = ledger.simulation.plan
     resolved = resolution(plan, mean_depth(scene.gravity, plan, centres))
@@ -110,25 +109,12 @@ def assessment(
     waited = ledger.simulation.openings.message()
     return {
         "resolution": resolved,
-        "limits": account.limits(lines),
+        "limits": {line.key: line.figure.limit for line in lines},
         "cautions": account.cautions(lines, survey.shortfall(surveys)) + [waited] * bool(waited),
     }
 
 
-def figures(summary: dict[str, Any]) -> dict[str, float]:
-    """Returns the figures of a summary for account()."""
-    return {**summary["resolution"], **summary["errors"]}
-
-
 def write(path: Path, summary: dict[str, Any]) -> None:
     """Writes the summary as JSON; values that are not finite become null."""
-    text = json.dumps(_finite(summary), indent=2, ensure_ascii=False, allow_nan=False)
-    replace(path, text + "\n")
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {k: _finite(v) for k, v in value.items()}
-    if isinstance(value, list):
-        return [_finite(v) for v in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    finite = json.loads(json.dumps(summary), parse_constant=lambda _: None)
+    replace(path, json.dumps(finite, indent=2, ensure_ascii=False) + "\n")

@@ -1,17 +1,12 @@
 """Surveys: measurements of volume and densities from positions, too slow for every frame."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from msph.measure.bulk import BulkDensity, bulk_density
+from msph.measure.kernel_density import KernelDensity, kernel_density
 from msph.measure.snapshot import Snapshot
-
-if TYPE_CHECKING:
-    from msph.measure.bulk import BulkDensity
-    from msph.measure.kernel_density import KernelDensity
 
 # Column heads of Survey.row().
 COLUMNS = [
@@ -44,9 +39,6 @@ class Survey:
 
 def survey(time: float, volume: float, water: Snapshot, shortfall: str | None = None) -> Survey:
     """Returns the survey of water whose surface mesh encloses `volume` [m^3]."""
-    from msph.measure.bulk import bulk_density  # imports scipy, which takes 0.2 s
-    from msph.measure.kernel_density import kernel_density
-
     rest = float((water.spacing**3).sum())
     bulk = bulk_density(water.x, water.spacing, water.size, water.free)
     kernel = kernel_density(water.x, water.spacing, water.size)

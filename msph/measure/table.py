@@ -45,15 +45,6 @@ def read(path: Path) -> dict[str, np.ndarray]:
     return dict(zip(names, numbers.reshape(len(rows), len(names)).T, strict=True))
 
 
-def energy_less_work(ledger: dict[str, np.ndarray]) -> np.ndarray:
-    """Returns the mechanical energy [J] less external work of each row of a ledger; constant
-    without dissipation."""
-    causes = ("wall", "user", "inertia", "tilt")
-    work = np.sum([ledger[f"{cause}_work_J"] for cause in causes], axis=0)
-    floating = ledger["floating_kinetic_J"] + ledger["floating_potential_J"]
-    return ledger["kinetic_J"] + ledger["potential_J"] + floating - work
-
-
 class TableError(BadInputError):
     """A table that a resumed run cannot extend."""
 

@@ -20,12 +20,13 @@ _SCALARS = (
 MASS, SPEED, ARM_SPEED, KINETIC, BROKEN = range(5)
 _PEAKS = ("top_speed",)
 TOP_SPEED = 0
-_GIVEN_VECTORS = (
+# Sums of the impulse ledger.
+GIVEN_VECTORS = (
     *("internal_impulse", "internal_angular_impulse"),
     *("wall_impulse", "user_impulse", "inertia_impulse", "spilt_momentum"),
     *("inflow_impulse", "outflow_momentum"),
 )
-_GIVEN_SCALARS = (
+GIVEN_SCALARS = (
     *("wall_work", "user_work", "inertia_work", "added_mass", "merge_loss"),
     *("spilt_energy", "inflow_mass", "inflow_work", "outflow_energy"),
 )
@@ -42,8 +43,8 @@ class Totals:
         self.constants, self.contact = parts.constants, parts.contact
         self.particles, self.layers = parts.particles, parts.layers
         self.impulses = impulses
-        self.given_vectors = tuple(getattr(impulses, name).total for name in _GIVEN_VECTORS)
-        self.given_scalars = tuple(getattr(impulses, name).total for name in _GIVEN_SCALARS)
+        self.given_vectors = tuple(getattr(impulses, name).total for name in GIVEN_VECTORS)
+        self.given_scalars = tuple(getattr(impulses, name).total for name in GIVEN_SCALARS)
 
     def read(self) -> dict:
         """Returns the totals by name, each a float or an array (3,)."""
@@ -54,15 +55,15 @@ class Totals:
         scalars = np.zeros((rows, len(_SCALARS)), np.float32)
         peaks = np.zeros((rows, len(_PEAKS)), np.float32)
         longest = np.float64 if longest_float() == ti.f64 else np.float32
-        impulses = np.zeros((len(_GIVEN_VECTORS), 3), longest)
-        works = np.zeros(len(_GIVEN_SCALARS), longest)
+        impulses = np.zeros((len(GIVEN_VECTORS), 3), longest)
+        works = np.zeros(len(GIVEN_SCALARS), longest)
         self._reduce(n, vectors, scalars, peaks, impulses, works)
         return {
             **dict(zip(_VECTORS, vectors.sum(axis=0, dtype=float), strict=True)),
             **dict(zip(_SCALARS, scalars.sum(axis=0, dtype=float).tolist(), strict=True)),
             **dict(zip(_PEAKS, peaks.max(axis=0).tolist(), strict=True)),
-            **dict(zip(_GIVEN_VECTORS, impulses.astype(float), strict=True)),
-            **dict(zip(_GIVEN_SCALARS, works.tolist(), strict=True)),
+            **dict(zip(GIVEN_VECTORS, impulses.astype(float), strict=True)),
+            **dict(zip(GIVEN_SCALARS, works.tolist(), strict=True)),
             "outside": self.contact.leaked(),
         }
 
@@ -96,8 +97,8 @@ class Totals:
                 if ti.math.isnan(total) or ti.math.isinf(total):
                     scalars[row, BROKEN] += 1.0
                 peaks[row, TOP_SPEED] = ti.max(peaks[row, TOP_SPEED], speed)
-        for a in ti.static(range(len(_GIVEN_VECTORS))):
+        for a in ti.static(range(len(GIVEN_VECTORS))):
             for k in ti.static(range(3)):
                 impulses[a, k] = self.given_vectors[a][None][k]
-        for a in ti.static(range(len(_GIVEN_SCALARS))):
+        for a in ti.static(range(len(GIVEN_SCALARS))):
             works[a] = self.given_scalars[a][None]

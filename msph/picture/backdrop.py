@@ -116,7 +116,7 @@ class Backdrop:
                 rim = RIM_STRENGTH * self.border(d, near, way_in, 1.0, shot)
                 kind += 1 + way_in  # there is an edge between two panes, even in hidden blocks
                 if way_in != 1 or shot.lid == 1:
-                    share = pane(abs(component(d, way_in)))
+                    share = reflected(GLASS, abs(component(d, way_in)))
                     wet = self.wetness.at(shot.eye + d * near, shot)
                     share = ti.math.mix(share, 1.0 - (1.0 - share) ** WET_PANES, wet)
                     mirrored *= 1.0 - 2.0 * vec3(way_in == 0, way_in == 1, way_in == 2)
@@ -169,8 +169,8 @@ class Backdrop:
         if tiled or body >= 0:
             wet = self.wetness.at(p, shot)
             if wet > 0.0:
-                n = self.pool.normal(p, axis, low, body)
-                mirrored, share = d - 2.0 * d.dot(n) * n, wet * film(-d.dot(n))
+                n = self.pool.normal(p, axis, low, body, shot)
+                mirrored, share = d - 2.0 * d.dot(n) * n, wet * reflected(FILM, -d.dot(n))
                 light, left = (1.0 - WET_SHADE * wet) * light, (1.0 - share) * left
                 if body >= 0:
                     added *= 1.0 - WET_SHADE * wet
@@ -181,7 +181,7 @@ class Backdrop:
                 depths.y = ti.select(
                     entry + side.x > 0.0, (entry + side.x) * d.dot(shot.forward), 0.0
                 )
-                share = pane(side.y)
+                share = reflected(GLASS, side.y)
                 left *= 1.0 - share
                 mirrored = vec3(d.x, abs(d.y), d.z)
                 added = ti.math.mix(added, self.pool.far_radiance(mirrored, shot), share)
@@ -221,12 +221,6 @@ class Backdrop:
 
 
 @ti.func
-def pane(cosine):
-    """Reflectance of a glass pane at a cosine of incidence (Schlick 1994)."""
-    return GLASS + (1.0 - GLASS) * (1.0 - cosine) ** 5
-
-
-@ti.func
-def film(cosine):
-    """Reflectance of a film of water at a cosine of incidence (Schlick 1994)."""
-    return FILM + (1.0 - FILM) * (1.0 - ti.math.clamp(cosine, 0.0, 1.0)) ** 5
+def reflected(normal, cosine):
+    """Reflectance at a cosine of incidence; normal: at normal incidence (Schlick 1994)."""
+    return normal + (1.0 - normal) * (1.0 - ti.math.clamp(cosine, 0.0, 1.0)) ** 5

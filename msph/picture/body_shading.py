@@ -115,14 +115,23 @@ class BodyShading:
         return self.boundary.side[b] * self.boundary.distance(b, p, END).x < -self.offset()
 
     @ti.func
-    def normal(self, b, p):
-        """Returns the unit normal of body b at its point p [m], towards the water."""
-        return self.boundary.normal(b, p, END)
+    def normal(self, b, p, shot: ti.template()):
+        """Returns the unit normal of body b at its visible point p [m], towards the eye's side."""
+        n = self.boundary.normal(b, p, END)
+        if self.is_cut(b, p):
+            # The nearest side of the body says nothing: the normal of the wall.
+            least = MISSED
+            for k in ti.static(range(3)):
+                depth = ti.min(p[k], shot.size[k] - p[k])
+                if depth < least:
+                    least, n = depth, vec3(0.0)
+                    n[k] = ti.select(p[k] < 0.5 * shot.size[k], -1.0, 1.0)
+        return n
 
     @ti.func
     def side_normal(self, p):
         """Returns the unit normal out of the container at a point p [m] of its side."""
-        return -self.normal(self.numbers.container[None], p)
+        return -self.boundary.normal(self.numbers.container[None], p, END)
 
     @ti.func
     def sunlit(self, p, to_sun):
@@ -152,15 +161,7 @@ class BodyShading:
     def shade(self, b, p, to_sun, focus, shot: ti.template()):
         """Returns the colour of body b at its point p [m]; focus: concentration of sunlight
         there."""
-        n = self.normal(b, p)
-        if self.is_cut(b, p):
-            # The nearest side of the body says nothing: the normal of the wall.
-            least = MISSED
-            for k in ti.static(range(3)):
-                depth = ti.min(p[k], shot.size[k] - p[k])
-                if depth < least:
-                    least, n = depth, vec3(0.0)
-                    n[k] = ti.select(p[k] < 0.5 * shot.size[k], -1.0, 1.0)
+        n = self.normal(b, p, shot)
         albedo = ti.select(self.boundary.side[b] > 0.0, CLAY, GLAZE)
         sky = ti.math.mix(BOUNCE, 1.0, 0.5 + 0.5 * n.dot(shot.up))
         return albedo * (SKY_LIGHT * sky + SUN_LIGHT * (ti.max(n.dot(to_sun), 0.0) * focus))

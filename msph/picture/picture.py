@@ -31,14 +31,16 @@ from msph.picture.whitewater_view import WhitewaterView
 from msph.surface import SurfaceRoom, surface_of
 from msph.surface.thin_water import ThinWater
 from msph.surface.whitewater import Whitewater, whitewater_of
-from msph.taichi_internals import data_oriented, kernel
+from msph.taichi_internals import Loops, data_oriented, kernel, use_loops
 
 
 def picture_of(world: World, surface_room: SurfaceRoom, room: PictureRoom) -> "Picture":
     """Builds a picture of the surface, particles and bodies of a world (for World.build_once)."""
     surface = world.build_once(surface_of, surface_room)
     parts, white = world.parts, world.build_once(whitewater_of)
-    return Picture(surface.mesh, parts.boundary, room, white, parts.rim, surface.thin)
+    # Loops over pixels are worth sharing out in any scene.
+    with use_loops(Loops()):
+        return Picture(surface.mesh, parts.boundary, room, white, parts.rim, surface.thin)
 
 
 @data_oriented
@@ -97,16 +99,21 @@ class Picture:
         Raises ValueError if the room does not hold them."""
         self.box = tuple(map(float, box))
         self.region = tuple(map(float, region or box))
+        self.take_bodies()
+        self.change(look or Look())
+        self.reset()
+        self.sky.paint(ti.math.vec3(*self.look.sun_direction()))
+        self.resize(width, height)
+
+    def take_bodies(self):
+        """Prepares for the boundary's present bodies; what was wet stays wet."""
         occupied = self.boundary is not None and self.boundary.count > 0
         if occupied:
             self.bodies.load(self.box)
         self.shader, self.whitewater = self.shaders[occupied], self.whitewater_views[occupied]
         # A box with a lid spills nothing.
         self.drops = self.drops_views[occupied] if self.region != self.box else None
-        self.change(look or Look())
-        self.reset()
-        self.sky.paint(ti.math.vec3(*self.look.sun_direction()))
-        self.resize(width, height)
+        self.view = None  # the shader's image without water may be of other bodies
 
     def resize(self, width, height):
         """Changes the size of images. Raises ValueError if the room does not hold them."""

@@ -153,12 +153,12 @@ class Pool:
         )
 
     @ti.func
-    def normal(self, p, axis, low, body):
+    def normal(self, p, axis, low, body, shot: ti.template()):
         """Returns the unit normal into the box of a wall, or out of a body (if >= 0), at p [m]."""
         n = ti.select(low, 1.0, -1.0) * vec3(axis == 0, axis == 1, axis == 2)
         if ti.static(self.occupied):
             if body >= 0:
-                n = self.bodies.normal(body, p)
+                n = self.bodies.normal(body, p, shot)
         return n
 
     @ti.func

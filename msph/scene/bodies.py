@@ -6,19 +6,22 @@ from dataclasses import replace
 import numpy as np
 
 from msph.fluid.boundary.rigid_bodies import (
+    AnyMotion,
     Ball,
     Block,
     Body,
     Motion,
+    Scripted,
     Solid,
     bounding_radius,
     volume,
 )
-from msph.fluid.boundary.walls import wall_constants
 from msph.fluid.methods import METHODS, methods_with
 from msph.scene import schema
-from msph.scene.errors import SceneError, in_metres
+from msph.scene.errors import SceneError, check_inside, is_one_of
 from msph.scene.meshes import MeshError, load_mesh
+from msph.scene.motion import TRIALS, check_formulas, formula_numbers
+from msph.scene.openings import walls
 from msph.scene.schema import Container, Scene
 from msph.scene.wavemakers import check_wave_makers, wave_makers
 
@@ -31,7 +34,7 @@ MAX_EXTENT = 50.0
 def bodies(scene: Scene) -> list[Body]:
     """Returns the bodies of a checked scene: the container, bodies, wave makers."""
     found: list[Body] = [] if scene.container is None else [_container(scene.container)]
-    found += [body(given) for given in scene.bodies]
+    found += [body(given, scene.duration) for given in scene.bodies]
     return [*found, *wave_makers(scene)]
 
 
@@ -42,15 +45,17 @@ def names(scene: Scene) -> list[str]:
     return outer + own + [f"wavemakers.{k}" for k in range(len(scene.wavemakers))]
 
 
-def body(given: schema.Body) -> Body:
-    """Returns the body of a checked table of a scene."""
-    motion = Motion(
+def body(given: schema.Body, duration: float) -> Body:
+    """Returns the body of a checked table of a scene; duration [s]: of the scene."""
+    motion: AnyMotion = Motion(
         velocity=given.velocity,
         swing=given.swing,
         period=given.period,
         axis=given.axis,
         rate=math.radians(given.spin),
     )
+    if _follows_formulas(given):
+        motion = _scripted(given, duration)
     made: Body
     if given.mesh is not None:
         made = Solid(*placed(given), motion)
@@ -60,6 +65,28 @@ def body(given: schema.Body) -> Body:
         made = Block(np.array(given.lo, float), np.array(given.hi, float), motion)
     mass = given.mass if given.density is None else given.density * volume(made)
     return replace(made, mass=mass, friction=given.friction, release=given.release)
+
+
+def _follows_formulas(given: schema.Body) -> bool:
+    """Returns True for a body whose pose is given by expressions."""
+    return any((*given.displacement, given.angle))
+
+
+def _scripted(given: schema.Body, duration: float) -> Scripted:
+    """Returns the motion by the expressions of a body; its largest speed within the duration [s] is
+    taken from differences."""
+    found = formula_numbers(given)
+    times = np.linspace(0.0, duration, TRIALS)
+    rates = np.abs(np.diff([found(t) for t in times.tolist()], axis=0)) / times[1]
+    return Scripted(
+        place=lambda time: (found(time)[:3], math.radians(found(time)[3])),
+        axis=given.axis,
+        pivot=np.zeros(3),
+        speed=float(np.linalg.norm(rates[:, :3], axis=1).max()),
+        rate=math.radians(rates[:, 3].max()),
+        slides=np.array([d != 0.0 for d in given.displacement]),
+        spins=given.angle != 0.0,
+    )
 
 
 def _container(container: Container) -> Solid:
@@ -87,14 +114,7 @@ def check_bodies(scene: Scene, spacing: float, where: str) -> list[Body]:
     if scene.container is not None:
         _check_mesh(scene.container, where, "container")
         found.append(_container(scene.container))
-        lo, hi = found[0].bounds
-        if np.any(lo < 0.0) or np.any(hi > np.array(scene.box.size)):
-            raise SceneError(
-                where,
-                f"reaches from {in_metres(lo)} to {in_metres(hi)}, outside the box of "
-                f"{in_metres(scene.box.size)}",
-                "container",
-            )
+        check_inside(*found[0].bounds, scene.box.size, where, "container")
     for i, given in enumerate(scene.bodies):
         found.append(_check_body(scene, given, spacing, where, f"bodies.{i}"))
     check_wave_makers(scene, where)
@@ -102,13 +122,7 @@ def check_bodies(scene: Scene, spacing: float, where: str) -> list[Body]:
 
 
 def _check_body(scene: Scene, given: schema.Body, spacing: float, where: str, key: str) -> Body:
-    shapes = (
-        (given.lo, given.hi),
-        (given.centre, given.radius),
-        (given.mesh,),
-    )
-    found = [shape for shape in shapes if any(part is not None for part in shape)]
-    if len(found) != 1 or any(part is None for part in found[0]):
+    if not is_one_of((given.lo, given.hi), (given.centre, given.radius), (given.mesh,)):
         raise SceneError(where, "give either lo and hi, or centre and radius, or mesh", key)
     if given.mesh is not None:
         _check_mesh(given, where, key)
@@ -119,7 +133,12 @@ def _check_body(scene: Scene, given: schema.Body, spacing: float, where: str, ke
     floats = given.density is not None or given.mass is not None
     if floats and any(given.swing):
         raise SceneError(where, "a body with a mass floats and cannot swing", f"{key}.swing")
-    made = body(given)
+    if _follows_formulas(given):
+        if floats or any((*given.velocity, *given.swing, given.spin)):
+            other = "density or mass" if floats else "velocity, swing or spin"
+            raise SceneError(where, f"give either {other}, or displacement and angle", key)
+        check_formulas(given, scene.duration, where, key)
+    made = body(given, scene.duration)
     speed = made.motion.top_speed(bounding_radius(made))
     if speed > MAX_SPEED:
         raise SceneError(
@@ -147,16 +166,11 @@ def _check_body(scene: Scene, given: schema.Body, spacing: float, where: str, ke
             f"{key}.mesh",
         )
     outside = np.any(hi <= 0.0) or np.any(lo >= np.array(scene.box.size))
-    if floats and not np.all((lo >= 0.0) & (hi <= room(scene))):
+    if floats and not np.all((lo >= 0.0) & (hi <= walls(scene))):
         raise SceneError(where, "floats, and must start inside the box", key)
     if outside and not made.motion.moves:
         raise SceneError(where, "is outside the box and does not move", key)
     return made
-
-
-def room(scene: Scene) -> np.ndarray:
-    """Returns the far corner [m] of the space in which bodies may float."""
-    return np.array(wall_constants(scene.box.size, scene.box.open)["walls"])
 
 
 def _check_mesh(mesh: schema.Body | Container, where: str, key: str) -> None:

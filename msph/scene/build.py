@@ -1,9 +1,6 @@
 """Building a simulation from a scene."""
 
-import math
 from dataclasses import replace
-
-import numpy as np
 
 from msph.fluid.plan import Plan
 from msph.fluid.room import room_for
@@ -57,18 +54,3 @@ def plan_of(scene: Scene) -> Plan:
         openings=openings(scene, specs),
         beaches=beaches(scene),
     )
-
-
-def turn(azimuth: float) -> np.ndarray:
-    """Returns the rotation by `azimuth` [rad] about y, (3, 3), from world to camera-orbit axes."""
-    c, s = math.cos(azimuth), math.sin(azimuth)
-    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
-
-
-def rotation(roll: float, pitch: float) -> np.ndarray:
-    """Returns the rotation from box to world axes, (3, 3): `roll` [rad] about z, then `pitch`
-    [rad] about x."""
-    cr, sr, cp, sp = math.cos(roll), math.sin(roll), math.cos(pitch), math.sin(pitch)
-    about_z = np.array([[cr, -sr, 0.0], [sr, cr, 0.0], [0.0, 0.0, 1.0]])
-    about_x = np.array([[1.0, 0.0, 0.0], [0.0, cp, -sp], [0.0, sp, cp]])
-    return about_x @ about_z

@@ -15,12 +15,12 @@ from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.particles.particles import CORE
 from msph.fluid.simulation import WORD, footprint
 from msph.scene.bodies import check_bodies
-from msph.scene.errors import SceneError, in_metres
+from msph.scene.errors import TOLERANCE, SceneError, check_inside, in_metres, is_one_of
 from msph.scene.motion import check_motion
 from msph.scene.openings import check_openings
 from msph.scene.probes import check_probes, probe_cautions
 from msph.scene.schema import LAYER_OPTIONS, Layer, Scene, Water
-from msph.scene.water import TOLERANCE, bounds, capacity, layer_specs, particle_count
+from msph.scene.water import bounds, capacity, layer_specs, particle_count
 from msph.surface.room import SurfaceRoom
 
 # Share of the free memory that a scene may take.
@@ -183,22 +183,12 @@ def _check_water(scene: Scene, water: Water, specs: list[LayerSpec], where: str,
             f"must be a layer's index from 0 to {len(scene.layers) - 1} (got {water.layer})",
             f"{key}.layer",
         )
-    box = water.lo is not None and water.hi is not None
-    ball = water.centre is not None and water.radius is not None
-    some_box = water.lo is not None or water.hi is not None
-    some_ball = water.centre is not None or water.radius is not None
-    if not (box or ball) or (some_box and some_ball):
+    if not is_one_of((water.lo, water.hi), (water.centre, water.radius)):
         raise SceneError(where, "give either lo and hi, or centre and radius", key)
     lo, hi = bounds(water)
     if np.any(hi <= lo):
         raise SceneError(where, "has no volume: hi must exceed lo on every axis", f"{key}.hi")
-    if np.any(lo < -TOLERANCE) or np.any(hi > np.array(scene.box.size) + TOLERANCE):
-        raise SceneError(
-            where,
-            f"reaches from {in_metres(lo)} to {in_metres(hi)}, outside the box of "
-            f"{in_metres(scene.box.size)}",
-            key,
-        )
+    check_inside(lo, hi, scene.box.size, where, key)
     spec = specs[water.layer]
     most = particle_count(water.model_copy(update={"count": None}), spec)
     if water.count is not None and water.count > most:

@@ -1,8 +1,14 @@
 """The error of a scene: one line that names the file, the key and the problem."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
 
 from msph.errors import BadInputError
+
+# Overlap of volumes of water, or with the outside of the box, that is allowed as rounding [m].
+TOLERANCE = 1e-6
 
 
 class SceneError(BadInputError):
@@ -16,3 +22,18 @@ class SceneError(BadInputError):
 def in_metres(point: Iterable[float]) -> str:
     """Formats a point or an extent [m] for messages."""
     return "(" + ", ".join(f"{v:g}" for v in point) + ") m"
+
+
+def is_one_of(*shapes: tuple[Any, ...]) -> bool:
+    """Returns True if all keys of one shape are given, and none of another."""
+    given = [shape for shape in shapes if any(key is not None for key in shape)]
+    return len(given) == 1 and all(key is not None for key in given[0])
+
+
+def check_inside(
+    lo: np.ndarray, hi: np.ndarray, size: Sequence[float], where: str, key: str
+) -> None:
+    """Raises SceneError if corners (3,) [m] are outside the box."""
+    if np.any(lo < -TOLERANCE) or np.any(hi > np.array(size) + TOLERANCE):
+        problem = f"reaches from {in_metres(lo)} to {in_metres(hi)}, outside the box of "
+        raise SceneError(where, problem + in_metres(size), key)

@@ -1,9 +1,9 @@
 """Motion of the tank: expressions, tables and the sway as one path over time."""
 
 import csv
+import functools
 import math
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from msph.expressions import ExpressionError, OverTime
 from msph.fluid.boundary.rigid_bodies import rotations
 from msph.fluid.moving_box import Path, at_rest
 from msph.scene.errors import SceneError
-from msph.scene.schema import Motion, Scene, Sway
+from msph.scene.schema import Body, Motion, Scene, Sway
 
 # Columns of a table of a motion, beside the time.
 TIME, COLUMNS = "time_s", ("x_m", "y_m", "z_m", "angle_deg")
@@ -20,6 +20,9 @@ TIME, COLUMNS = "time_s", ("x_m", "y_m", "z_m", "angle_deg")
 TRIALS = 500
 # Displacement [m] and angle [deg] of a motion at a time [s], (4,).
 Numbers = Callable[[float], np.ndarray]
+
+# Number of poses that a path remembers: steps in a row ask for the same times.
+PLACES = 16
 
 
 class TableError(ValueError):
@@ -41,6 +44,7 @@ def box_path(scene: Scene) -> Path:
         axis = np.array(motion.axis) / np.linalg.norm(motion.axis)
         turns.append((own, axis, home if motion.centre is None else np.array(motion.centre)))
 
+    @functools.lru_cache(PLACES)
     def path(time: float) -> tuple[np.ndarray, np.ndarray]:
         place, turned = home, np.eye(3)
         for own, axis, centre in turns:
@@ -56,7 +60,13 @@ def numbers(motion: Motion) -> Numbers:
     """Returns the displacement and angle of a motion. Raises ExpressionError, TableError."""
     if motion.table is not None:
         return table_numbers(motion.table)
-    parts = [OverTime(given) for given in (*motion.displacement, motion.angle)]
+    return formula_numbers(motion)
+
+
+def formula_numbers(given: Motion | Body) -> Numbers:
+    """Returns the displacement and angle by the expressions of a motion or body. Raises
+    ExpressionError."""
+    parts = [OverTime(formula) for formula in (*given.displacement, given.angle)]
     return lambda time: np.array([part(time) for part in parts])
 
 
@@ -121,17 +131,21 @@ def check_motion(scene: Scene, where: str) -> None:
         key = f"motion.{k}"
         if not any(motion.axis):
             raise SceneError(where, "has no direction", f"{key}.axis")
-        given: dict[str, Any] = {f"displacement.{i}": d for i, d in enumerate(motion.displacement)}
-        given["angle"] = motion.angle
         if motion.table is not None:
-            if any(given.values()):
+            if any((*motion.displacement, motion.angle)):
                 raise SceneError(where, "give either a table, or displacement and angle", key)
             try:
                 table_numbers(motion.table)
             except TableError as error:
                 raise SceneError(where, str(error), f"{key}.table") from None
-        for name, formula in given.items():
-            _check_formula(formula, scene.duration, where, f"{key}.{name}")
+        check_formulas(motion, scene.duration, where, key)
+
+
+def check_formulas(given: Motion | Body, duration: float, where: str, key: str) -> None:
+    """Raises SceneError for expressions that are not defined over the duration [s]."""
+    for i, formula in enumerate(given.displacement):
+        _check_formula(formula, duration, where, f"{key}.displacement.{i}")
+    _check_formula(given.angle, duration, where, f"{key}.angle")
 
 
 def _check_formula(formula: float | str, duration: float, where: str, key: str) -> None:

@@ -1,4 +1,4 @@
-"""The optional parts of a scene, used by sliders, `scenes --explain` and benchmarks."""
+"""The optional parts of a scene, used by sliders and `scenes --explain`."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -9,12 +9,10 @@ from msph.scene.schema import Scene
 
 @dataclass(frozen=True)
 class Part:
-    """An optional part. off: values of the parameters, by dotted key, that switch it off. modules:
-    prefix of the modules that hold its kernels, "" if it has none of its own."""
+    """An optional part. off: values of the parameters, by dotted key, that switch it off."""
 
     name: str
     off: dict[str, Any]
-    modules: str = ""
 
     @property
     def picture(self) -> bool:
@@ -35,23 +33,18 @@ class Part:
         return scene
 
 
-_PROJECTION = "msph.fluid.projection"
 PARTS = (
-    Part("adaptation", {"adaptation.enabled": False}, "msph.fluid.adaptivity"),
-    Part("bodies", {"bodies": [], "container": None, "wavemakers": []}, "msph.fluid.boundary"),
+    Part("adaptation", {"adaptation.enabled": False}),
+    Part("bodies", {"bodies": [], "container": None, "wavemakers": []}),
     # Walls without slip act through viscosity.
-    Part(
-        "viscosity",
-        {"projection.viscosity": 0.0, "projection.slip": True},
-        f"{_PROJECTION}.visc",
-    ),
-    Part("tension", {"projection.tension": 0.0}, f"{_PROJECTION}.surface_tension"),
-    Part("shear relief", {"projection.shear_relief": 0.0}, f"{_PROJECTION}.shear_relief"),
-    Part("xsph", {"projection.xsph": 0.0}, f"{_PROJECTION}.xsph"),
+    Part("viscosity", {"projection.viscosity": 0.0, "projection.slip": True}),
+    Part("tension", {"projection.tension": 0.0}),
+    Part("shear relief", {"projection.shear_relief": 0.0}),
+    Part("xsph", {"projection.xsph": 0.0}),
     Part("caustics", {"picture.caustics": False}),
-    Part("whitewater", {"picture.whitewater": False}, "msph.surface.whitewater"),
-    Part("wet walls", {"picture.drying": 0.0}, "msph.picture.wetness"),
-    Part("ripples", {"picture.ripples": False}, "msph.picture.ripples"),
+    Part("whitewater", {"picture.whitewater": False}),
+    Part("wet walls", {"picture.drying": 0.0}),
+    Part("ripples", {"picture.ripples": False}),
     Part("supersample", {"picture.supersample": 1}),
 )
 

@@ -22,6 +22,7 @@ Size = Annotated[tuple[Edge, Edge, Edge], Field(strict=False)]
 Place = Annotated[tuple[Number, Number], Field(strict=False)]
 # A number, or an expression of the time t [s].
 Timed = Number | str
+Displacement = Annotated[tuple[Timed, Timed, Timed], Field(strict=False)]
 
 
 class Box(Section):
@@ -135,8 +136,18 @@ class Body(Placed):
         (0.0, 0.0, 0.0), unit="m", text="displacement at the far end of an oscillation"
     )
     period: float = parameter(1.0, gt=0.0, unit="s", text="period of the oscillation")
+    displacement: Displacement = parameter(
+        (0.0, 0.0, 0.0),
+        unit="m",
+        text="instead of velocity and swing: numbers, or expressions of the time t [s]",
+    )
     axis: Vector = parameter(
         (0.0, 1.0, 0.0), text="direction of the rotation axis, which passes through the centre"
+    )
+    angle: Timed = parameter(
+        0.0,
+        unit="deg",
+        text="instead of spin: angle about the axis, a number or an expression of t",
     )
     spin: float = parameter(
         0.0,
@@ -213,7 +224,7 @@ class Motion(Section):
     The water starts at rest in the tank.
     """
 
-    displacement: Annotated[tuple[Timed, Timed, Timed], Field(strict=False)] = parameter(
+    displacement: Displacement = parameter(
         (0.0, 0.0, 0.0), unit="m", text="displacement: numbers, or expressions of the time t [s]"
     )
     angle: Timed = parameter(

@@ -12,8 +12,6 @@ from msph.scene.schema import Scene, Water
 
 # Least default capacity [particles] of a scene with adaptation, if it could need as many.
 MIN_ADAPTIVE_CAPACITY = 16_000
-# Overlap of volumes of water, or with the outside of the box, that is allowed as rounding [m].
-TOLERANCE = 1e-6
 # Steps (-) of the two-dimensional low-discrepancy sequence R2, powers of 1/1.3247 (Roberts 2018).
 R2_STEPS = (0.7548776662, 0.5698402910)
 

@@ -1,12 +1,13 @@
 """Wave makers of a scene: bodies in prescribed motion at an end of the box, and beaches."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from msph.fluid.boundary.beach import Beach
-from msph.fluid.boundary.rigid_bodies import Block, Scripted
+from msph.fluid.boundary.rigid_bodies import Block, Scripted, end_block
 from msph.fluid.methods import METHODS, methods_with
 from msph.scene.errors import SceneError
 from msph.scene.motion import ramp
@@ -26,15 +27,8 @@ def wave_makers(scene: Scene) -> list[Block]:
 
 def _body(scene: Scene, maker: WaveMaker, name: str) -> Block:
     axis, far_end = _end(maker)
-    size, sign = np.array(scene.box.size), -1.0 if far_end else 1.0
-    reach = _reach(scene)
-    lo, hi = np.full(3, -2.0 * reach), size + 2.0 * reach
-    hi[1] = size[1]
-    face = _face(scene, maker)
-    if far_end:
-        lo[axis] = size[axis] - face
-    else:
-        hi[axis] = face
+    sign = -1.0 if far_end else 1.0
+    along, still = np.eye(3)[axis], np.zeros(3)
     rate, depth = 2.0 * math.pi / maker.period, water_depth(scene)
 
     def swing(time: float) -> float:
@@ -43,22 +37,22 @@ def _body(scene: Scene, maker: WaveMaker, name: str) -> Block:
 
     # Of the ramp: at most 15/8 over its duration.
     top = 0.5 * maker.stroke * (rate + (1.875 / maker.ramp if maker.ramp else 0.0))
-    still = np.zeros(3)
+    face = _face(scene, maker)
+    motion = Scripted(lambda time: (swing(time) * along, 0.0), (0, 1, 0), still, top)
+    block = end_block(scene.box.size, _reach(scene), sign * along, face, motion, name)
     if maker.kind == "piston":
-        along = np.eye(3)[axis]
-        motion = Scripted(lambda time: (swing(time) * along, 0.0), (0, 1, 0), still, top)
-    else:
-        hinge = np.zeros(3)
-        hinge[axis] = (lo if far_end else hi)[axis]
-        # A positive angle about z turns y to -x, about x to +z.
-        turn = (0.0, 0.0, -1.0) if axis == 0 else (1.0, 0.0, 0.0)
-        motion = Scripted(
-            lambda time: (still, math.atan(swing(time) / depth)),
-            turn,
-            hinge - 0.5 * (lo + hi),
-            top * size[1] / depth,
-        )
-    return Block(lo, hi, motion, name=name)
+        return block
+    hinge = np.zeros(3)
+    hinge[axis] = (block.lo if far_end else block.hi)[axis]
+    # A positive angle about z turns y to -x, about x to +z.
+    turn = (0.0, 0.0, -1.0) if axis == 0 else (1.0, 0.0, 0.0)
+    swinging = Scripted(
+        lambda time: (still, math.atan(swing(time) / depth)),
+        turn,
+        hinge - 0.5 * (block.lo + block.hi),
+        top * scene.box.size[1] / depth,
+    )
+    return replace(block, motion=swinging)
 
 
 def beaches(scene: Scene) -> list[Beach]:

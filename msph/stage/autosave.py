@@ -159,7 +159,6 @@ def _about(path: Path) -> About | None:
     """Returns the description of a session, None if its file is damaged."""
     try:
         with np.load(path) as state:
-            text = str(state[SESSION])
-        return TypeAdapter(About).validate_python(json.loads(text))
+            return TypeAdapter(About).validate_json(str(state[SESSION]))
     except (*UNREADABLE, KeyError):
         return None

@@ -28,8 +28,9 @@ from msph.options import (
     PlayOptions,
     RunOptions,
 )
-from msph.own_files import claim, free_stem, make_writable, replace
+from msph.own_files import OutputError, claim, free_stem, make_writable, replace
 from msph.scene import load_scene
+from msph.scene.bodies import names
 from msph.scene.library import find_scene, shipped_scenes
 from msph.scene.load import read_toml, to_toml
 from msph.scene.parameters import parameters
@@ -113,11 +114,14 @@ def capture(scene: str | None, options: CaptureOptions, run: RunOptions) -> None
     loaded = load_scene(scene, run.overrides)
     if "supersample" not in loaded.picture.model_fields_set:
         loaded = with_value(loaded, "picture.supersample", SMOOTH)
-    some = options.outputs or options.meshes or options.particles
+    more = list(options.meshes), list(options.particles), list(options.bodies)
+    some = options.outputs or any(more)
     default = default_output(scene).with_suffix(".webm" if loaded.picture.alpha else ".mp4")
     pictures = list(options.outputs if some else [default])
-    files = Outputs(pictures, list(options.meshes), list(options.particles))
+    files = Outputs(pictures, *more)
     check_outputs(files, options.fps, loaded.picture.alpha)
+    if files.bodies and not (recording or names(loaded)):
+        raise OutputError(f"{files.bodies[0]}: the scene has no bodies")
     since = time_of(Path(options.resume)) if options.resume else 0.0
     first, seconds = round(since * options.fps), options.seconds or loaded.duration
     if recording:

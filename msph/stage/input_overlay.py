@@ -1,37 +1,43 @@
-"""Interface for an overlay that handles input before the player does (used by lessons)."""
+"""Base of an overlay that handles input before the player does (used by lessons)."""
 
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 
-class InputOverlay(Protocol):
-    """Overlay with keys, mouse input and pages of its own."""
+class InputOverlay:
+    """Overlay with keys, mouse input and pages of its own; this one has none."""
 
-    below: int  # height of its pages at the lower edge [pixels]
-    taken: frozenset[str]  # keys that it handles
+    below = 0  # height of its pages at the lower edge [pixels]
+    taken: frozenset[str] = frozenset()  # keys that it handles
 
     @property
     def pauses(self) -> bool:
         """True while the overlay pauses the simulation."""
+        return False
 
     @property
     def is_full_page(self) -> bool:
         """True while a page covers the whole image."""
+        return False
 
     @property
     def runs(self) -> int:
         """Number of resets since the start."""
+        return 0
 
     def handle_key(self, key: str) -> bool:
         """Handles a pressed key; returns False for a key of the player."""
+        return False
 
     def is_on_page(self, cursor: np.ndarray) -> bool:
         """Returns True if a cursor, (right, up) in shares of the window, is on a page."""
+        return False
 
     def drag(self, cursor: np.ndarray, down: bool, pressed: bool) -> bool:
         """Handles the left mouse button, which is down now or not and was pressed in this frame or
         not; returns True while it holds a widget."""
+        return False
 
     def update(self) -> None:
         """Updates the overlay after a frame."""

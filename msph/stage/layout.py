@@ -107,11 +107,6 @@ class Layout:
         """True if no message is shown."""
         return time.perf_counter() > self.until
 
-    def draw_message(self, message: str, image) -> None:
-        """Draws a message over an image immediately."""
-        self._put_message(message)
-        self.overlay.draw(image)
-
     def show_help(self, shown: bool) -> None:
         if not shown:
             self.overlay.hide("help")

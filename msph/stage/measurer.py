@@ -100,7 +100,7 @@ class Measurer:
         """Records the initial state, or reads the earlier entries of a resumed run."""
         self.show, self.started = show, show.simulation.counts()
         self.first_step = show.simulation.steps
-        self.bodies = BodyTable(show.simulation.boundary)
+        self.bodies = BodyTable(show.simulation)
         earlier = past.entries(self.ledger.kept)
         if self.gap and earlier:
             self.surveys = past.surveys(self.ledger.kept, self.scene.density)
@@ -186,6 +186,6 @@ class Measurer:
 
     def account(self) -> str:
         """Returns a text with the errors of the run. Call after conclude()."""
-        lines = account.account(summary.figures(self.result))
+        lines = account.account({**self.result["resolution"], **self.result["errors"]})
         text = account.text(lines, self.result["cautions"], self.result)
         return text + body_table.text(self.result.get("forces", {}))

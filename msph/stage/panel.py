@@ -38,7 +38,6 @@ class Panel:
 
     def __init__(self, show: Show, scene: str, quality: str):
         self.live: list[Live] = live_parameters(show.scene)
-        self.given = {live.key: read(show.scene, live.key) for live in self.live}
         self.scene, self.quality, self.page = scene, quality, PAGES[0]
         self.sheet: Sheet | None = None
         self.grip = Grip()

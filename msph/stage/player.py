@@ -43,7 +43,8 @@ class Player(Audience):
         arguments: SceneArguments,
         guide: InputOverlay | None = None,
     ):
-        self.window, self.row, self.guide = window, row, guide
+        self.window, self.row, self.guide = window, row, guide or InputOverlay()
+        self.has_toolbar = guide is None
         lead, play = row.lead, row.lead.scene.play
         self.layout, self.clip = layout, Clip()
         self.pacer = Pacer(play.fps, play.speed, play.scale)
@@ -60,7 +61,7 @@ class Player(Audience):
             self.idle.tried |= set(ACTIONS.values())
             self.idle.sways = False
             layout.below, layout.taken = guide.below, guide.taken
-        self.runs = guide.runs if guide else 0
+        self.runs = self.guide.runs
         self.offer: LostSession | None = None  # offered to the user
         self.paused = self.single_step = self.done = self.helping = False
         self.clock: float | None = None  # time at which the last frame was presented [s]
@@ -84,16 +85,15 @@ class Player(Audience):
                 steering.free[key] = not self._on_page()
             elif self.offer and ACTIONS.get(key) not in (None, "quit"):
                 self._answer(key)
-            elif guide and guide.handle_key(key):
-                self._level_after_reset(guide)
+            elif guide.handle_key(key):
+                self._level_after_reset()
             elif key in ACTIONS:
                 self._press(ACTIONS[key], controls)
         self.pacer.steer(controls)
         step, wall = self.pacer.frame_time, self.pacer.wall
         # While a lesson pauses the simulation, keys do nothing.
-        by_lesson = guide is not None and guide.pauses
         controls.still = self._paused and not self.single_step
-        held = not by_lesson and steering.apply_keys(step, wall, self.paused)
+        held = not guide.pauses and steering.apply_keys(step, wall, self.paused)
         dragged = self._drag(controls, step, "LMB" in pressed)
         self.idle.pass_time(wall, bool(pressed or held or dragged or steering.moved.any()))
         sway = self.idle.roll(row.lead.simulation.time, 0.0 if self._paused else step)
@@ -105,27 +105,25 @@ class Player(Audience):
     @property
     def _paused(self) -> bool:
         """True while the simulation is paused, by the user or the lesson."""
-        return self.paused or (self.guide is not None and self.guide.pauses)
+        return self.paused or self.guide.pauses
 
-    def _level_after_reset(self, guide: InputOverlay) -> None:
+    def _level_after_reset(self) -> None:
         """Levels the pool after a reset by the lesson."""
-        if guide.runs != self.runs:
-            self.runs = guide.runs
+        if self.guide.runs != self.runs:
+            self.runs = self.guide.runs
             self.steering.stop()
 
     def _on_page(self) -> bool:
         """Returns True if the cursor is on a page."""
         cursor = self.steering.cursor
-        return (self.guide is not None and self.guide.is_on_page(cursor)) or self.layout.is_on_page(
-            cursor
-        )
+        return self.guide.is_on_page(cursor) or self.layout.is_on_page(cursor)
 
     def _drag(self, controls: Controls, step: float, pressed: bool) -> bool:
         """Handles the mouse; returns True while a button is used. pressed: the left button was
         pressed in this frame."""
         steering, down = self.steering, self.window.down("LMB")
         self.idle.tried.add(steering.drag_camera())
-        if self.guide and self.guide.drag(steering.cursor, down, pressed):
+        if self.guide.drag(steering.cursor, down, pressed):
             return True
         self.menu.touch(steering.cursor, down, pressed)
         chosen = self.toolbar.touch(steering.cursor, down, pressed)
@@ -214,7 +212,8 @@ class Player(Audience):
         camera.zoom(framing.distance / before)
 
     def _slice(self) -> None:
-        self.row.slice()
+        for show in self.row.shows:
+            show.slice()
         if self.row.lead.views.cut is not None and self.row.lead.views.name == "water":
             self.layout.show_message("the slice is visible in the particle views: press v")
 
@@ -229,14 +228,12 @@ class Player(Audience):
             if show.note:
                 self.layout.show_message(show.note)
                 show.note = ""
-        if self.guide:
-            self.guide.update()
+        self.guide.update()
         self.menu.draw()
-        if self.guide:
-            self.guide.draw(image)
-        if not self.guide:
+        self.guide.draw(image)
+        if self.has_toolbar:
             self.toolbar.draw(self.steering.tool)
-        if not (self.guide and self.guide.is_full_page):
+        if not self.guide.is_full_page:
             self.layout.draw(row, self.pacer, self._paused, self.idle)
         if self.steering.contact.holds:
             self.window.mark(self.steering.cursor)

@@ -1,7 +1,6 @@
 """Recorder: writes videos, images, meshes and particles of a show to files."""
 
 import contextlib
-import io
 import itertools
 import re
 from collections.abc import Iterator
@@ -14,6 +13,7 @@ import numpy as np
 from PIL import Image
 
 from msph.errors import LostOutputError
+from msph.measure.body_table import BodyTable
 from msph.measure.table import column
 from msph.own_files import OutputError, make_writable, writing
 from msph.stage import vtu
@@ -50,14 +50,16 @@ WEBP_QUALITY = 75
 class Outputs:
     """Files to record. pictures: video (.mp4, .mov, .mkv, .webm), animation (.gif, .webp), still
     image (.png), or one .png per frame with a number such as %04d in its name; meshes of the
-    surface (.ply, .obj, .vtu) and particles (.npz checkpoint, .csv, .vtu): with such numbers."""
+    surface (.ply, .obj, .vtu), particles (.npz checkpoint, .csv, .vtu) and bodies (.vtu): with such
+    numbers."""
 
     pictures: list[Path] = field(default_factory=list)
     meshes: list[Path] = field(default_factory=list)
     particles: list[Path] = field(default_factory=list)
+    bodies: list[Path] = field(default_factory=list)
 
     def all(self) -> list[Path]:
-        return [*self.pictures, *self.meshes, *self.particles]
+        return [*self.pictures, *self.meshes, *self.particles, *self.bodies]
 
     def names(self, first: int, frames: int) -> list[Path]:
         """Returns all files of a recording of `frames` frames whose first has this number."""
@@ -97,12 +99,16 @@ class Recorder(Audience):
         self.meshes, self.particles = outputs.meshes, outputs.particles
         # Time [s] and file of each frame, by .vtu output.
         self.lists: dict[Path, list[tuple[float, Path]]] = {
-            p: [] for p in (*self.meshes, *self.particles) if kind(p) == PARAVIEW
+            p: [] for p in outputs.all() if kind(p) == PARAVIEW
         }
+        self.motions: Any = None  # BodyTable of the bodies, if they are written
         self.writers: list = []
         self.progress = Progress(frames, bar)
 
     def wants_more(self, row: Row) -> bool:
+        if self.outputs.bodies and not self.motions:
+            self.motions = BodyTable(row.lead.simulation)
+            self.motions.numbers(row.lead.simulation.time)
         return self.done < self.frames
 
     def within(self, row: Row, share: float) -> None:
@@ -128,38 +134,34 @@ class Recorder(Audience):
         for path in self.particles:
             with self._writing(path):
                 write_particles(self._numbered(path), row.lead)
+        if self.outputs.bodies:
+            numbers = self.motions.numbers(row.lead.simulation.time)
+            for path in self.outputs.bodies:
+                with self._writing(path):
+                    vtu.write_bodies(self._numbered(path), row.lead.simulation, numbers)
         for path, files in self.lists.items():
             files.append((row.lead.simulation.time, self._numbered(path)))
         self.done += 1
         self.progress.update()
 
     def close(self) -> None:
-        """Completes all files, also after an interrupt."""
+        """Completes all files, also after an interrupt, and also those after one that fails."""
         self.progress.close()
-        failures = []
-        for path, writer in zip(self.videos, self.writers, strict=False):
-            try:
-                with self._writing(path):
-                    writer.close()
-                    if path not in self.lost:
-                        check_video(path, self.done)
-            except LostOutputError as failure:
-                failures.append(failure)
-        for path in self.animations if self.animation_frames else ():
-            try:
-                with self._writing(path):
-                    path.write_bytes(self._animation(kind(path)))
-            except LostOutputError as failure:
-                failures.append(failure)
-        if self.last is not None and self.done < self.still:
-            self._write_stills()
-        for path, files in self.lists.items() if self.done else ():
-            try:
-                vtu.write_list(list_name(path, self.first), files)
-            except LostOutputError as failure:
-                failures.append(failure)
-        if failures:
-            raise failures[0]
+        with contextlib.ExitStack() as ends:
+            for path, files in self.lists.items() if self.done else ():
+                ends.callback(vtu.write_list, list_name(path, self.first), files)
+            if self.last is not None and self.done < self.still:
+                ends.callback(self._write_stills)
+            for path in self.animations if self.animation_frames else ():
+                ends.callback(self._write_animation, path)
+            for path, writer in zip(self.videos, self.writers, strict=False):
+                ends.callback(self._close_video, path, writer)
+
+    def _close_video(self, path: Path, writer: Any) -> None:
+        with self._writing(path):
+            writer.close()
+            if path not in self.lost:
+                check_video(path, self.done)
 
     def kept(self) -> list[Path]:
         """Returns the outputs that exist and are complete up to the last frame."""
@@ -189,34 +191,36 @@ class Recorder(Audience):
         self.writers += [video_writer(path, self.fps, alpha) for path in self.videos]
         return self.writers
 
-    def _animation(self, extension: str) -> bytes:
-        """Returns the frames as a looping GIF or WebP; durations are multiples of 0.01 s or 1 ms,
+    def _write_animation(self, path: Path) -> None:
+        """Writes the frames as a looping GIF or WebP; durations are multiples of 0.01 s or 1 ms,
         with the exact sum."""
-        unit = 10 if extension == ".gif" else 1  # [ms]
+        unit = 10 if kind(path) == ".gif" else 1  # [ms]
         ends = [round(1e3 / unit * k / self.fps) for k in range(len(self.animation_frames) + 1)]
         durations = [unit * (b - a) for a, b in itertools.pairwise(ends)]
         first, *others = (Image.fromarray(frame) for frame in self.animation_frames)
-        encoded, more = io.BytesIO(), {"quality": WEBP_QUALITY} if extension == ".webp" else {}
-        first.save(
-            encoded,
-            extension[1:],
-            save_all=True,
-            append_images=others,
-            # Pillow takes no list for a single frame.
-            duration=durations if others else durations[0],
-            loop=0,
-            **more,
-        )
-        return encoded.getvalue()
+        more: dict[str, Any] = {"quality": WEBP_QUALITY} if kind(path) == ".webp" else {}
+        with self._writing(path):
+            first.save(
+                path,
+                save_all=True,
+                append_images=others,
+                # Pillow takes no list for a single frame.
+                duration=durations if others else durations[0],
+                loop=0,
+                **more,
+            )
 
     def _numbered(self, path: Path) -> Path:
         """Returns the file name of the current frame."""
         return numbered_name(path, self.first + self.done)
 
 
-def video_writer(path: Path, fps: float, alpha: bool = False) -> Any:
-    """Opens a video for append_data() of images of even sizes; alpha: with an alpha channel."""
-    options = WEBM if kind(path) == ".webm" else {"quality": VIDEO_QUALITY}
+def video_writer(
+    path: Path, fps: float, alpha: bool = False, quality: float = VIDEO_QUALITY
+) -> Any:
+    """Opens a video for append_data() of images of even sizes; alpha: with an alpha channel;
+    quality: constant, 0 to 10, except for WebM."""
+    options = WEBM if kind(path) == ".webm" else {"quality": quality}
     if alpha:
         options = {**options, "pixelformat": "yuva420p"}
     return imageio.get_writer(path, fps=fps, macro_block_size=1, **options)
@@ -268,6 +272,7 @@ def check_outputs(outputs: Outputs, fps: float, alpha: bool = False) -> None:
         (outputs.pictures, (*VIDEO, *ANIMATION, ".png")),
         (outputs.meshes, MESH),
         (outputs.particles, TABLE),
+        (outputs.bodies, (PARAVIEW,)),
     )
     for paths, suffixes in kinds:
         for path in paths:

@@ -8,7 +8,7 @@ import json
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Literal, TypeVar
 
 import click
 from pydantic import NonNegativeFloat, NonNegativeInt, TypeAdapter, ValidationError
@@ -148,13 +148,11 @@ def read(path: Path) -> Recording:
 def _parsed(adapter: TypeAdapter[T], line: str, where: str) -> T:
     """Returns the object of a line. Raises RecordingError."""
     try:
-        data: Any = json.loads(line)
-    except (ValueError, RecursionError):
-        raise RecordingError(f"{where}: is not JSON") from None
-    try:
-        return adapter.validate_python(data)
+        return adapter.validate_json(line)
     except ValidationError as error:
         first = error.errors()[0]
+        if first["type"] == "json_invalid":
+            raise RecordingError(f"{where}: is not JSON") from None
         key = ".".join(str(part) for part in first["loc"])
         problem = first["msg"][0].lower() + first["msg"][1:]
         raise RecordingError(": ".join(p for p in (where, key, problem) if p)) from None

@@ -175,10 +175,6 @@ class Row:
         for show in self.shows:
             show.set(key, value)
 
-    def slice(self) -> None:
-        for show in self.shows:
-            show.slice()
-
     def reset(self) -> None:
         for show in self.shows:
             show.reset()
@@ -200,9 +196,6 @@ class Row:
     def to_numpy_u8(self) -> np.ndarray:
         """Returns the image without free pixels, (height, width, 3) uint8, first row at the top."""
         return as_u8(self.image)[: self.size[1] - self.below]
-
-    def warnings(self) -> list[str]:
-        return [warning for show in self.shows for warning in show.warnings()]
 
 
 def show_with_picked(row: Row) -> Show | None:

@@ -93,8 +93,9 @@ class Session:
         audience = self._with_files(player, row, choice)
         with completing(audience.close):
             run(row, audience, self.frames)
-        for warning in row.warnings():
-            say(f"warning: {warning}")
+        for show in row.shows:
+            for warning in show.warnings():
+                say(f"warning: {warning}")
         return player.next_choice
 
     def _resume(self, row: Row, path: Path) -> None:

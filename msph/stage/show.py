@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from msph.fluid.boundary.openings import Opening
-from msph.fluid.boundary.rigid_bodies import Body
+from msph.fluid.boundary.rigid_bodies import Body, rotations
 from msph.fluid.boundary.rim import AllSpiltError
 from msph.fluid.external_forces import Hand, Vec3, rotation_vector
 from msph.fluid.moving_box import MovingBox
 from msph.fluid.simulation import FullError
 from msph.fluid.stages import Stage, no_stage
 from msph.fluid.trapped_water import TrappedWaterError
+from msph.measure.bulk import bulk_density
 from msph.measure.ledger import Ledger
 from msph.measure.past import UNREADABLE
 from msph.measure.snapshot import Snapshot
@@ -26,13 +26,14 @@ from msph.picture.camera import Camera
 from msph.picture.picture import Picture, picture_of
 from msph.picture.pixels import matted
 from msph.picture.room import PictureRoom
-from msph.scene.build import build_simulation, rotation, turn
+from msph.scene.build import build_simulation
 from msph.scene.camera_path import orbit_at
 from msph.scene.errors import SceneError
 from msph.scene.live import live_parameters, read, with_live_value
 from msph.scene.motion import box_path
 from msph.scene.parts import value_of, with_value
 from msph.scene.schema import Scene
+from msph.stage import pistons
 from msph.stage.controls import Controls, Inputs
 from msph.stage.floats import floating_at
 from msph.stage.tools import BY_NAME, ToolUse, Touch
@@ -46,6 +47,9 @@ SESSION = "session"
 WARM_UP_SCALE = 0.5
 # The first step after a start differs from later ones.
 WARM_UP_FRAMES = 2
+
+# Gravity for the speeds of tools in weightless scenes [m/s^2].
+LEAST_GRAVITY = 1.0
 
 # Options of an interactive show on which the simulation depends, and all. Solver residuals are
 # measured only every 0.1 s, since they need a neighbour search.
@@ -92,9 +96,10 @@ class Show:
         self.note = ""  # message to the user about the last frame
         # Floating body that the user drags: its index, and its centre from the cursor [m].
         self.dragged: tuple[int, np.ndarray] | None = None
-        # Tap or drain of the user, and the simulated time [s] until which it is open.
-        self.opening: Opening | None = None
-        self.open_until = 0.0
+        # While the user drags an end wall: its place [m] at the press and the longest way [m]; its
+        # place in this frame.
+        self.grip: tuple[float, float] | None = None
+        self.wall_place: float | None = None
         self.simulation = build_simulation(scene, spare, room)
         self.counts = self.simulation.counts()
         self.ledger = Ledger(self.simulation, density_every)
@@ -182,12 +187,14 @@ class Show:
         for _ in range(WARM_UP_FRAMES):
             self.frame(Controls(use=push, scale=WARM_UP_SCALE, budget=0.0))
         if self.scalable:
-            # A first change of the view, and the first autosave, should not wait for kernels.
+            # A first change of the view, the first autosave, and the first water that is added
+            # should not wait for kernels.
             name = self.views.name
             self.views.next()
             self.draw()
             self.views.name = name
             self.simulation.state()
+            self.simulation.particles.extend(np.zeros((0, 3)), np.zeros((0, 3)), 0)
         self.reset()
         self.frames = 0
         if self.timings:
@@ -258,7 +265,12 @@ class Show:
             if before is None:
                 raise
             stopped = dict(sim.boundary.stopped)
+            by_wall = sim.boundary.bodies[error.body].motion is sim.piston
             sim.restore(before)
+            if by_wall:
+                sim.remove_piston()
+                self.note = f"{error.name} is gone: it had trapped water"
+                return 0.0
             # Repeated stops of a body move it back farther: the compressed water needs room.
             stopped[error.body] = min(sim.time, stopped.get(error.body, sim.time)) - frame_time
             self._stop(stopped)
@@ -286,6 +298,7 @@ class Show:
             return box
         hand = self._use_tool(controls.use) if controls.use else controls.hand
         step, before = controls.frame_time or self.frame_time, self.turning
+        pistons.follow(self, step)
         last = by_hand if self.turned is None else self.turned
         self.turned, self.turning = by_hand, rotation_vector(by_hand @ last.T) / step
         rising = (self.turning - before) / step
@@ -308,8 +321,10 @@ class Show:
 
     def _tilt(self, inputs: Inputs) -> np.ndarray:
         """Sets the user's tilt, and returns it, (3, 3)."""
-        view = turn(inputs.azimuth)
-        self.by_hand = view @ rotation(*inputs.tilt) @ view.T
+        roll, pitch = inputs.tilt
+        vectors = (0.0, inputs.azimuth, 0.0), (0.0, 0.0, roll), (pitch, 0.0, 0.0)
+        view, first, then = rotations(np.array(vectors))
+        self.by_hand = view @ then @ first @ view.T
         self._place()
         return self.by_hand
 
@@ -336,6 +351,11 @@ class Show:
         """Adds a floating body until the next reset. Raises FullError."""
         self.simulation.add_body(body, self.gravity_in_box())
 
+    @property
+    def tool_gravity(self) -> float:
+        """Absolute value of gravity [m/s^2] for the speeds of tools."""
+        return max(math.hypot(*self.scene.gravity), LEAST_GRAVITY)
+
     def gravity_in_box(self) -> Vec3:
         """Returns gravity [m/s^2] in the pool's frame, tilted as it is."""
         return self._box().gravity
@@ -345,7 +365,7 @@ class Show:
         if self.surface and self.shown_bodies != self.simulation.boundary.count:
             self._load_surface()
             if self.picture:
-                self._load_picture(self.picture.size)
+                self.picture.take_bodies()
         water = self.picture is not None and self.views.name == "water"
         if self.surface and (water or self.meshes):
             with self._stage("surface"):
@@ -423,7 +443,7 @@ class Show:
         if self.picture:
             self.picture.reset()
         self.stopped.clear()
-        self.dragged = self.opening = None
+        self.dragged = self.grip = self.wall_place = None
         self.counts = self.simulation.counts()
         self.ledger.clear()
 
@@ -481,8 +501,6 @@ class Show:
     def bulk_density_error(self) -> float:
         """Returns the error of the bulk density (-), measured from the positions in milliseconds;
         NaN if the water is too thin."""
-        from msph.measure.bulk import bulk_density  # imports scipy, which takes 0.2 s
-
         water = Snapshot.of(self.simulation)
         return bulk_density(water.x, water.spacing, water.size, water.free).mean - 1.0
 
@@ -500,7 +518,7 @@ class Show:
         return f"steps so far {sim.steps:,}, of {sim.last_step:.2g} s each, {limit}"
 
     def warnings(self) -> list[str]:
-        """Returns warnings about a truncated mesh and stopped bodies."""
+        """Returns warnings about a truncated mesh, waiting inflows and stopped bodies."""
         overflow = self.surface.mesh.overflowed() if self.surface else None
-        stopped = [f"{name} stopped: it had trapped water" for name in sorted(self.stopped)]
-        return [*([overflow] if overflow else []), *stopped]
+        told = [text for text in (overflow, self.simulation.openings.message()) if text]
+        return [*told, *(f"{name} stopped: it had trapped water" for name in sorted(self.stopped))]

@@ -4,11 +4,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from msph.fluid.boundary.openings import ZONE, Opening
+from msph.fluid.boundary.openings import ZONE, Opening, Valve
 from msph.fluid.external_forces import Hand
 from msph.fluid.simulation import FullError
 
 if TYPE_CHECKING:
+    from msph.stage.show import Show
     from msph.stage.tools import Touch
 
 # Radius of tap and drain over the box's longest edge, and least radius in finest spacings.
@@ -59,7 +60,7 @@ def _open(touch: "Touch", centre: np.ndarray, speed: float, enters: bool) -> Non
         np.array((0.0, -1.0, 0.0)),
         (_radius(touch),) * 2,
         enters,
-        lambda time: speed if time < show.open_until else 0.0,
+        Valve(speed),
         layer=finest,
     )
     try:
@@ -68,16 +69,17 @@ def _open(touch: "Touch", centre: np.ndarray, speed: float, enters: bool) -> Non
         raise
     except ValueError as error:
         raise FullError(f"there is no room here: the opening {error}") from None
-    show.opening = opening
 
 
-def close(show) -> None:
+def close(show: "Show") -> None:
     """Removes the opening of the last press."""
-    if show.opening is not None:
-        show.simulation.remove_opening(show.opening)
-        show.opening = None
+    for opening in show.simulation.added_openings:
+        show.simulation.remove_opening(opening)
 
 
 def _keep_open(touch: "Touch") -> Hand:
-    touch.show.open_until = touch.show.simulation.time + HOLD * touch.step
+    sim = touch.show.simulation
+    for opening in sim.added_openings:
+        assert isinstance(opening.speed, Valve)
+        opening.speed.until = sim.time + HOLD * touch.step
     return Hand()

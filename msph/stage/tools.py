@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import ConfigDict, Field
 
 from msph.fluid.external_forces import Hand, Vec3, as_vector
-from msph.stage import floats, taps
+from msph.stage import floats, pistons, taps
 
 if TYPE_CHECKING:
     from msph.stage.show import Show
@@ -27,8 +27,6 @@ SWIRL_SPEED = 1.6
 # Hover: radius and grip over those of a push; largest speed [m/s], since the cursor's ray jumps
 # between wave crests.
 WAKE_RADIUS, WAKE_GRIP, WAKE_SPEED = 0.3, 0.25, 2.0
-# Wave: thickness of the slab of water that moves with the cursor, over the box's length.
-SLAB = 0.2
 # Rain: drops per second, time between two additions [s] (each takes milliseconds), radius of the
 # shower over the push radius, height of the start above the water over the box's height, speed
 # there [m/s].
@@ -36,9 +34,6 @@ RAIN_RATE, RAIN_EVERY, RAIN_RADIUS, RAIN_HEIGHT, RAIN_SPEED = 40.0, 0.1, 0.8, 0.
 # Ball: radius over the box's longest edge, distance from the water towards the camera in radii,
 # and speed over sqrt(g L) of the box's longest edge L.
 BALL_RADIUS, BALL_DISTANCE, BALL_SPEED = 0.08, 3.0, 0.7
-# Gravity for the speeds of tools in weightless scenes [m/s^2].
-LEAST_GRAVITY = 1.0
-
 
 # Recorded input: no unknown keys, and finite numbers of limited size [m, m/s, rad, s].
 STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
@@ -106,8 +101,8 @@ class Touch:
 
     @property
     def gravity(self) -> float:
-        """Absolute value of gravity [m/s^2], at least LEAST_GRAVITY."""
-        return max(math.hypot(*self.show.scene.gravity), LEAST_GRAVITY)
+        """Absolute value of gravity [m/s^2], positive in weightless scenes, too."""
+        return self.show.tool_gravity
 
     def hand(self, place: np.ndarray, radii: Vec3, velocity: np.ndarray, **more) -> Hand:
         """Returns a hand with the scene's grip."""
@@ -163,19 +158,6 @@ def hover(touch: Touch) -> Hand:
     return Hand(as_vector(touch.place), as_vector(velocity), (radius,) * 3, grip)
 
 
-def wave(touch: Touch) -> Hand:
-    """Moves the water at the end wall nearest to the press like a wave maker."""
-    size = touch.size
-    along = 0 if size[0] >= size[2] else 2
-    ends = np.zeros(3), size
-    wall = min(ends, key=lambda end: abs(end[along] - touch.start[along]))
-    radii = [math.inf] * 3
-    radii[along] = SLAB * float(size[along])
-    axis = np.eye(3)[along]
-    velocity = touch.show.scene.play.push_gain * touch.velocity * axis
-    return touch.hand(wall, (radii[0], radii[1], radii[2]), velocity)
-
-
 def rain(touch: Touch) -> Hand:
     """Adds falling drops around the cursor."""
     batches = math.floor(touch.held / RAIN_EVERY) - math.floor(
@@ -225,7 +207,7 @@ TOOLS = (
     Tool("swirl", "t", "tool: hold to turn the water round the cursor", swirl),
     Tool("rain", "u", "tool: hold to let it rain at the cursor", rain),
     Tool("ball", "b", "tool: click to throw a ball of water", ball),
-    Tool("wave", "e", "tool: drag to move the water at an end wall", wave),
+    Tool("wave", "e", "tool: drag an end wall to and fro (the first time takes long)", pistons.use),
     Tool(
         "float", "y", "tool: click to throw in a body (the first takes long), drag it", floats.use
     ),

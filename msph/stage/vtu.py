@@ -1,5 +1,5 @@
-"""Particles and surface as VTK unstructured grids (.vtu) for ParaView, with their time, and the
-.pvd file that lists them.
+"""Particles, surface and bodies as VTK unstructured grids (.vtu) for ParaView, with their time, and
+the .pvd file that lists them.
 
 Point arrays have SI units in their names: velocity_m_per_s, pressure_Pa, layer, solver_residual
 (rho/rho0 - 1 at the current positions; negative near air) and spacing_m, for the size of ParaView's
@@ -13,7 +13,10 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from msph.fluid.boundary.body_faces import faces
+from msph.fluid.boundary.rigid_bodies import centre
 from msph.fluid.simulation import Simulation
+from msph.measure.body_table import QUANTITIES
 from msph.measure.host_kernels import wendland
 from msph.measure.table import column
 from msph.own_files import replacing
@@ -42,6 +45,27 @@ def write_surface(path: Path, mesh, simulation: Simulation) -> None:
     if len(vertices):
         arrays |= _at(vertices, simulation)
     _write(path, vertices, [("triangle", triangles)], arrays, simulation.time)
+
+
+def write_bodies(path: Path, simulation: Simulation, numbers: np.ndarray) -> None:
+    """Writes the faces of all bodies, with the index of the body, the velocity of the vertex, and
+    the other numbers of BodyTable.numbers(), which are equal for all vertices of a body."""
+    boundary, shown = simulation.boundary, simulation.plan.bodies
+    points, triangles, owner = [np.zeros((0, 3))], [np.zeros((0, 3), int)], [np.zeros(0, int)]
+    for b, body in enumerate(boundary.bodies):
+        # Those of the boundary are extended into walls.
+        mesh = faces(shown[b] if b < len(shown) else body)
+        turn, at = boundary.pose(b)[1], boundary.centre_at_end(b)
+        triangles.append(mesh.faces + sum(map(len, points)))
+        points.append(at + (mesh.vertices - centre(body)) @ turn.T)
+        owner.append(np.full(len(mesh.vertices), b))
+    x, which = np.concatenate(points), np.concatenate(owner)
+    parts = np.split(numbers[which], len(QUANTITIES), axis=1)
+    of_body = dict(zip(QUANTITIES, parts, strict=True))
+    of_body["velocity"] = of_body["velocity"] + np.cross(of_body["spin"], x - of_body["position"])
+    arrays = {column(f"{name} [{QUANTITIES[name]}]"): part for name, part in of_body.items()}
+    cells = [("triangle", np.concatenate(triangles))]
+    _write(path, x, cells, {"body": which} | arrays, simulation.time)
 
 
 def write_list(path: Path, files: list[tuple[float, Path]]) -> None:
@@ -108,7 +132,7 @@ def _write(
     import meshio  # an optional dependency
 
     data: dict[str, Any] = {
-        name: np.ascontiguousarray(values, np.int32 if name == "layer" else np.float32)
+        name: np.ascontiguousarray(values, np.int32 if values.dtype.kind == "i" else np.float32)
         for name, values in arrays.items()
     }
     meshio.Mesh(points.astype(np.float32), cells, point_data=data).write(path)

@@ -1,8 +1,9 @@
 """Water surface: coverage of the particles, marching cubes in a band of cells, and the mesh.
 
-surface = Surface(layers, grid, particles, boundary, room) surface.load(box_size, cell=0.028) # for
-each scene that fits in the room surface.extract() # a few kernel launches, nothing is read back
-surface.mesh # vertices, normals, triangles, counts: Taichi fields
+surface = world.build_once(surface_of, room)
+surface.load(box_size, cell=0.028)  # for each scene that fits in the room
+surface.extract()  # a few kernel launches, nothing is read back
+surface.mesh  # vertices, normals, triangles, counts: Taichi fields
 """
 
 from msph.surface.mesh import SurfaceMesh

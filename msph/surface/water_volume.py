@@ -21,7 +21,7 @@ from msph.surface.device_lattice import WORD
 from msph.surface.marching_cubes import MarchingCubes
 from msph.surface.signs import lowest_bit
 from msph.surface.thin_water import ThinWater
-from msph.taichi_internals import data_oriented, kernel
+from msph.taichi_internals import data_oriented, heavy_kernel
 
 vec3 = ti.math.vec3
 
@@ -62,7 +62,7 @@ class WaterVolume:
             return "the inward shift of the surface that conserves volume exceeds its limit"
         return None
 
-    @kernel
+    @heavy_kernel
     def make_step(self, again: ti.i32):
         """Makes one Newton step. again: 1 for the second step."""
         words = self.cubes.signs.word_count()

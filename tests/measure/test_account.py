@@ -45,5 +45,5 @@ def test_every_figure_beyond_its_limit_is_a_caution_in_words():
 
 
 def test_limits_are_those_of_the_lines():
-    limits = account.limits(account.account(GOOD))
+    limits = {line.key: line.figure.limit for line in account.account(GOOD)}
     assert limits["spacings_across_bodies.0"] > 1.0 and limits["outside_most"] == 0.0

@@ -13,8 +13,7 @@ from msph.fluid.plan import Plan
 from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.simulation import FullError, Simulation
 from msph.measure.entry import columns
-from msph.measure.ledger import Ledger, NotFiniteError
-from msph.measure.level_water import level_potential
+from msph.measure.ledger import Ledger, NotFiniteError, level_potential
 from msph.scene import load_scene
 from msph.scene.build import build_simulation
 from msph.scene.schema import Scene

@@ -3,8 +3,14 @@
 import numpy as np
 import pytest
 
-from msph.measure.face_probes import FluxProbe, ForceProbe
-from msph.measure.probes import FrontProbe, HeightProbe, PressureProbe, VelocityProbe
+from msph.measure.probes import (
+    FluxProbe,
+    ForceProbe,
+    FrontProbe,
+    HeightProbe,
+    PressureProbe,
+    VelocityProbe,
+)
 from msph.measure.snapshot import Snapshot
 from msph.scene.bodies import bodies
 from msph.scene.schema import Scene

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from msph.errors import LostOutputError
-from msph.measure import entry
+from msph.measure import entry, past
 from msph.measure.table import Table, TableError, column, read
 
 
@@ -83,3 +83,13 @@ def test_a_table_of_other_columns_is_refused_and_kept(tmp_path):
     with pytest.raises(TableError, match="its columns differ from this run's"):
         written(path, [], until=1.0)
     assert path.read_text() == "time_s,P2_Pa\n0,1\n"
+
+
+def test_the_energy_of_a_table_is_that_of_its_entries(tmp_path):
+    """Plots and convergence studies left out inflows, outflows and spilt water."""
+    path, heads = tmp_path / "ledger.csv", entry.columns()
+    ledger = Table(path, heads)
+    ledger.write(range(1, len(heads) + 1))
+    table = read(path)
+    (found,) = past.entries(np.column_stack(list(table.values())))
+    assert entry.energy_less_work(table) == pytest.approx([found.energy])

@@ -6,7 +6,7 @@ import taichi as ti
 import trimesh
 from picture_kit import Mesh, ball, covered, rays, still_water
 
-from msph.fluid.boundary.rigid_bodies import Ball, Solid
+from msph.fluid.boundary.rigid_bodies import Ball, Block, Solid
 from msph.fluid.particles.layers import LayerSpec
 from msph.picture.body_shading import MISSED, BodyShading
 from msph.picture.camera import Camera
@@ -161,3 +161,24 @@ def test_the_waterline_at_a_container_is_exact(boundary):
     item = key & ((1 << picture.raster.item_bits[None]) - 1)
     side = item == picture.raster.wet[None]
     assert np.array_equal(side[sure & wet], (down < near)[sure & wet])
+
+
+def test_a_wet_body_that_the_glass_cuts_is_darker_everywhere():
+    """Where its nearest side faced away, it mirrored the sky like a mirror."""
+    lo, hi = np.array((-0.5, -0.5, -0.5)), np.array((0.4, 0.9, 1.5))
+    mesh = Mesh(4096)
+    picture = Picture(mesh, boundary_of(BOX, [LAYER], [Block(lo, hi)]))
+    picture.load(WIDTH, HEIGHT, BOX)
+    view = Camera.framing(BOX, WIDTH / HEIGHT, azimuth=0.0, elevation=0.1)
+    mesh.counts.fill(0)
+    images = []
+    for wet in (0.0, 1.0):
+        picture.wetness.wet.fill(wet)
+        picture.view = None
+        picture.draw_water(view)
+        images.append(picture.image.to_numpy())
+    d, eye = rays(picture.lens.numbers, WIDTH, HEIGHT), picture.lens.numbers["eye"]
+    front = eye + d * ((1.0 - eye[2]) / d[..., 2])[..., None]
+    cut = ((front > (0.05, 0.1, 0.0)) & (front < (0.35, 0.8, 2.0))).all(axis=-1)
+    gained = (images[1] - images[0])[cut]
+    assert cut.sum() > 50 and gained.mean() < 0.0 and gained.max() < 0.05

@@ -48,6 +48,11 @@ BAD = {
     "bodies.0={lo=[0, 0, 0], hi=[1, 1, 1], density=500, mass=2}": "give either density or mass",
     "bodies.0={lo=[0, 0, 0], hi=[1, 1, 1], mass=2, swing=[1, 0, 0]}": "a body with a mass floats",
     "bodies.0={lo=[-1, 0, 0], hi=[0.5, 1, 1], mass=2}": "floats, and must start inside the box",
+    "bodies.0={lo=[0, 0, 0], hi=[1, 1, 1], mass=2, angle=4}": "give either density or mass, or",
+    "bodies.0={lo=[0, 0, 0], hi=[1, 1, 1], spin=2, angle=4}": "give either velocity, swing or spin",
+    "bodies.0.displacement=[0, 'u', 0]": "bodies.0.displacement.1: unknown name 'u'",
+    "bodies.0.angle='1 / (t - 10)'": "bodies.0.angle: '1 / (t - 10)' is not a number at t = 10 s",
+    "bodies.0.displacement=['1e4 * t', 0, 0]": "bodies.0: its surface moves at 1e+04 m/s",
     "method=classic": "bodies: the method classic has no bodies; projection has",
     "bodies.0.velocty=[1, 0, 0]": "bodies.0.velocty: unknown key; did you mean 'velocity'?",
 }
@@ -137,6 +142,21 @@ def test_bodies_stand_as_the_scene_says(folder):
     assert 0.5 * (brick.bounds[1] + brick.bounds[0]) == pytest.approx((0.5, 0.5, 0.5))
     # A quarter turn about y takes z to x.
     assert brick.motion.rotation(1.0) @ (0.0, 0.0, 1.0) == pytest.approx((1.0, 0.0, 0.0), abs=1e-12)
+
+
+def test_bodies_follow_expressions_of_the_time(folder):
+    scene = load(
+        folder,
+        "bodies=[{lo=[0, 0, 0.2], hi=[0.5, 0.2, 0.4], displacement=[0, 't^2', 0]}, "
+        "{centre=[0.5, 0.5, 0.5], radius=0.2, axis=[0, 0, 1], angle='90 * t'}]".replace("^", "**"),
+        "duration=2.0",
+    )
+    gate, ball = bodies(scene)
+    assert gate.motion.offset(1.5) == pytest.approx((0.0, 2.25, 0.0))
+    assert gate.motion.slides.tolist() == [False, True, False] and not gate.motion.spins
+    assert gate.motion.top_speed(1.0) == pytest.approx(4.0, rel=0.01)
+    assert ball.motion.rotation(1.0) @ (1.0, 0.0, 0.0) == pytest.approx((0.0, 1.0, 0.0), abs=1e-9)
+    assert ball.motion.top_speed(0.2) == pytest.approx(0.1 * np.pi)
 
 
 def test_mesh_beside_the_scene_is_found_from_elsewhere(folder, tmp_path, monkeypatch):

@@ -30,8 +30,8 @@ from msph.stage.panel import PAGES, Request
 from msph.stage.player import SLOW_MOTION, Player
 from msph.stage.row import Row
 from msph.stage.show import INTERACTIVE, Show
-from msph.stage.tools import TOOLS
-from tests.scenes_kit import TEXT, write
+from msph.stage.tools import BY_NAME, TOOLS, ToolUse
+from tests.scenes_kit import TEXT, WATER, write
 
 SIZE = WIDTH, HEIGHT = 480, 270
 FRAME = 1 / 60
@@ -102,15 +102,10 @@ def show(tmp_path_factory):
     """Viscous water, so that more parameters are live."""
     path = write(
         tmp_path_factory.mktemp("scene"),
-        TEXT.split("[classic]")[0]
-        + """
+        f"""{TEXT.split("[classic]")[0]}
 [projection]
 viscosity = 1.0
-[[water]]
-layer = 1
-lo = [0, 0, 0]
-hi = [0.4, 0.1512, 0.4]
-""",
+{WATER}""",
     )
     scene = load_scene(path, ("method=projection", "adaptation.enabled=true"))
     return Show(scene, FRAME, SIZE, timings=Timings(keep=1), **INTERACTIVE)
@@ -269,7 +264,8 @@ def test_each_tool_moves_or_adds_water_while_the_button_is_down(player, show, to
     player.window.held = set()
     frames(player, show)
     last = show.ledger.entries[-1]
-    assert (last.user_work != 0.0) == (tool.name not in ("tap", "drain"))
+    assert (last.user_work != 0.0) == (tool.name not in ("tap", "drain", "wave"))
+    assert (last.wall_work > 0.0) == (tool.name == "wave")
     assert (last.inflow_mass > 0.0) == (tool.name == "tap")
     assert (last.outflow_mass > 0.0) == (tool.name == "drain")
     assert (last.added_mass > 0.0) == (tool.name in ("rain", "ball"))
@@ -282,8 +278,13 @@ def test_a_thrown_body_floats_follows_the_cursor_and_is_gone_after_a_reset(playe
     player.steering.tool = next(tool for tool in TOOLS if tool.name == "float")
     boundary = show.simulation.boundary
     frames(player, show)
+    show.picture.wetness.wet.fill(1.0)
+    frames(player, show)
+    wet = show.picture.wetness.wet.to_numpy().sum()
     player.window.at, player.window.held = wet_place(show), {"LMB"}
     frames(player, show)
+    # The first body dried all walls.
+    assert show.picture.wetness.wet.to_numpy().sum() > 0.9 * wet
     player.window.held = set()
     frames(player, show, 20)
     assert boundary.count == 1 and show.shown_bodies == 1
@@ -298,6 +299,63 @@ def test_a_thrown_body_floats_follows_the_cursor_and_is_gone_after_a_reset(playe
     player.window.held = set()
     press(player, show, "r")
     assert boundary.count == 0 and show.shown_bodies == 0 and show.dragged is None
+
+
+def test_a_fast_drag_of_an_end_wall_makes_a_wave_and_the_wall_returns(player, show):
+    player.steering.tool = next(tool for tool in TOOLS if tool.name == "wave")
+    simulation = show.simulation
+    frames(player, show)
+    depth = 2.0 * show.ledger.entries[-1].centre[1]
+    player.window.at, player.window.held = wet_place(show), {"LMB"}
+    frames(player, show)
+    inwards, heights = simulation.piston.inwards, []
+    shift = show.camera.project(
+        np.array([player.steering.contact.place + 0.15 * inwards]), *SIZE, simulation.size
+    )[0] - player.window.at  # fmt: skip
+    for _ in range(6):
+        player.window.at = player.window.at + shift / 6
+        frames(player, show)
+        heights.append(np.percentile(simulation.particles.numpy("x")[:, 1], 98))
+    place, speed = simulation.piston.at(simulation.time)
+    assert place > 0.04 and speed > 0.2
+    player.window.held = set()
+    for _ in range(40):
+        frames(player, show)
+        heights.append(np.percentile(simulation.particles.numpy("x")[:, 1], 98))
+    assert max(heights) > 1.3 * depth
+    assert simulation.piston is None and simulation.boundary.count == 0
+    work = max(e.wall_work for e in show.ledger.entries)
+    assert abs(show.ledger.mass_change()) < 1e-6 and show.ledger.energy_gain(work) < 0.02
+    assert max(e.outside for e in show.ledger.entries) == 0
+
+
+def test_a_tap_of_a_resumed_session_is_closed_and_goes_with_the_next_press(player, show, tmp_path):
+    player.steering.tool = next(tool for tool in TOOLS if tool.name == "tap")
+    frames(player, show)
+    player.window.at, player.window.held = wet_place(show), {"LMB"}
+    frames(player, show, 4)
+    np.savez(tmp_path / "session.npz", **show.simulation.state())
+    show.reset()
+    show.resume(tmp_path / "session.npz")
+    (tap,) = show.simulation.added_openings
+    player.window.held = set()
+    frames(player, show, 4)
+    assert show.simulation.openings.speeds[0] == 0.0
+    player.window.at, player.window.held = wet_place(show), {"LMB"}
+    frames(player, show, 2)
+    player.window.held = set()
+    assert len(show.simulation.added_openings) == 1
+    assert show.simulation.added_openings != [tap]
+
+
+def test_a_wall_that_a_body_touches_does_not_move(tmp_path):
+    body = 'method = "projection"\n[[bodies]]\nlo = [0, 0, 0.1]\nhi = [0.1, 0.4, 0.3]\n'
+    text = body.join(TEXT.split("[classic]")[0].split('method = "classic"\n')) + WATER
+    show = Show(load_scene(write(tmp_path, text)), 1 / 60)
+    use = ToolUse.of(BY_NAME["wave"], (np.zeros(3),) * 5, 1 / 60, 1 / 60)
+    show.frame(Controls(use=use))
+    assert "no room" in show.note and show.simulation.piston is None
+    show.close()
 
 
 def test_tools_for_bodies_and_openings_say_that_the_classic_method_has_none(tmp_path):
@@ -641,7 +699,7 @@ def test_a_drag_that_begins_elsewhere_moves_no_slider(player, show):
     frames(player, show)
     at_panel(player, slider.right, 0.5 * (slider.top + slider.bottom))
     frames(player, show, 2)
-    assert read(show.scene, slider.name) == pytest.approx(player.menu.panel.given[slider.name])
+    assert read(show.scene, slider.name) == pytest.approx(read(show.initial, slider.name))
     player.window.held = set()
     frames(player, show)
 

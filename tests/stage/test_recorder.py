@@ -14,6 +14,8 @@ import pytest
 import trimesh
 from PIL import Image
 
+from msph.fluid.boundary.rigid_bodies import Ball
+from msph.measure.body_table import BodyTable
 from msph.measure.host_kernels import wendland
 from msph.own_files import OutputError
 from msph.scene import load_scene
@@ -30,8 +32,9 @@ from msph.stage.recorder import (
 )
 from msph.stage.row import Row
 from msph.stage.show import SIMULATED, Show
+from msph.stage.vtu import write_bodies
 from tests.command_kit import here
-from tests.scenes_kit import TEXT, write
+from tests.scenes_kit import TEXT, WATER, write
 
 SIZE = (163, 91)
 FPS = 30.0
@@ -165,6 +168,53 @@ def test_paraviews_surface_has_the_waters_values(recorded, show):
         scale = np.abs(data[name]).max()
         assert np.allclose(here[name], weight @ data[name], atol=1e-4 * scale)
     assert np.array_equal(here["layer"], data["layer"][r.argmin(axis=1)])
+
+
+BODIES = """
+[[bodies]]
+lo = [0.05, 0.05, 0.1]
+hi = [0.15, 0.15, 0.3]
+swing = [0, 0.1, 0]
+period = 0.5
+[[bodies]]
+centre = [0.28, 0.2, 0.2]
+radius = 0.06
+density = 400
+spin = 90
+"""
+
+
+def test_paraviews_bodies_have_their_motion_and_the_waters_forces(tmp_path):
+    text = TEXT.replace('"classic"', '"projection"').split("[classic]")[0] + WATER + BODIES
+    show = Show(load_scene(write(tmp_path, text)), 1 / FPS)
+    boundary, frames = show.simulation.boundary, 4
+    run(Row([show]), Recorder(Outputs(bodies=[tmp_path / "b_%d.vtu"]), frames, FPS, bar=False))
+    files = [meshio.read(tmp_path / f"b_{k}.vtu") for k in range(frames)]
+    owner, impulse = files[0].point_data["body"], np.zeros((2, 3))
+    for found in files:
+        impulse += [found.point_data["force_N"][owner == b][0] / FPS for b in (0, 1)]
+    assert impulse == pytest.approx(boundary.impulse, rel=1e-4, abs=1e-5)
+    for b in (0, 1):
+        last, mine = files[-1].point_data, owner == b
+        assert files[-1].points[mine].mean(axis=0) == pytest.approx(boundary.centre_at_end(b))
+        assert np.ptp(last["position_m"][mine], axis=0) == pytest.approx(np.zeros(3))
+        moved = FPS * (files[-1].points - files[-2].points)[mine]
+        mean = 0.5 * (last["velocity_m_per_s"] + files[-2].point_data["velocity_m_per_s"])[mine]
+        assert np.abs(moved - mean).max() < 0.1 * np.abs(moved).max()
+    assert last["rotation_rad"][owner == 1][0, 1] == pytest.approx(np.pi / 2 * 4 / FPS, rel=0.1)
+    # The table has the columns of the scene's bodies only.
+    table = BodyTable(show.simulation)
+    width = len(table.row(0.0))
+    show.add_body(Ball(np.array((0.28, 0.33, 0.2)), 0.05, mass=0.1))
+    assert len(table.row(0.1)) == width == 1 + 2 * 18
+    write_bodies(tmp_path / "more.vtu", show.simulation, table.numbers(0.2))
+    assert set(meshio.read(tmp_path / "more.vtu").point_data["body"]) == {0, 1, 2}
+    show.close()
+
+
+def test_faces_of_bodies_that_a_scene_lacks_are_refused(tmp_path):
+    found = here("capture", write(tmp_path), "--bodies", tmp_path / "b_%d.vtu")
+    assert found.returncode == 2 and "the scene has no bodies" in found.stderr
 
 
 def test_a_checkpoint_with_added_water_is_resumed(tmp_path, monkeypatch):

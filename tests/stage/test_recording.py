@@ -19,15 +19,10 @@ from msph.stage.row import Row
 from msph.stage.show import INTERACTIVE, SIMULATED, Show
 from msph.stage.tools import TOOLS
 from tests.command_kit import here
-from tests.scenes_kit import TEXT, write
+from tests.scenes_kit import TEXT, WATER, write
 from tests.stage.test_player import FRAME, SIZE, Screen
 
-SCENE = f"""{TEXT.split("[classic]")[0]}
-[[water]]
-layer = 1
-lo = [0, 0, 0]
-hi = [0.4, 0.1512, 0.4]
-"""
+SCENE = TEXT.split("[classic]")[0] + WATER
 OVERRIDES = ("method=projection", "adaptation.enabled=true")
 FRAMES = 130
 

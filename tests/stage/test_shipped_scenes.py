@@ -236,13 +236,26 @@ def keeps_its_water_and_rises_by_its_speed(seen):
     )
 
 
-def makes_its_basins_level(seen):
-    seen.run(round(6.0 / FRAME))
-    x = seen.x[seen.x[:, 1] > 0.0]
-    levels = [2.0 * x[side, 1].mean() for side in (x[:, 0] < 0.7, x[:, 0] > 0.7)]
-    assert levels == pytest.approx([0.24, 0.24], rel=0.03)
+def makes_its_basins_level_and_opens_its_gate(seen):
+    """Archimedes: the level falls by what the gate has displaced, and stays the same everywhere."""
+    gate, length = load_scene("lock").bodies[0], seen.simulation.size[0]
+    left, right = gate.lo[0], gate.hi[0]
+
+    def levels(*spans):
+        x = seen.x[seen.x[:, 1] > 0.0]
+        return [2.0 * x[(x[:, 0] > lo) & (x[:, 0] < hi), 1].mean() for lo, hi in spans]
+
+    seen.run(round(5.5 / FRAME))
+    assert levels((0.0, left), (right, length)) == pytest.approx([0.24, 0.24], rel=0.03)
     rates = [seen.simulation.rim.outflow, seen.ledger.entries[-1].inflow_mass]
     assert rates == pytest.approx([17.92, 17.92], abs=1.0)
+    seen.run(round(3.0 / FRAME))
+    assert gate.lo[1] + seen.simulation.boundary.pose(0)[0][1] > 0.3
+    level = 0.24 * (length - (right - left)) / length
+    upper, passage, lower = levels((0.0, left), (left, right), (right, length))
+    assert [upper, lower] == pytest.approx([level] * 2, rel=0.04)
+    assert passage == pytest.approx(level, rel=0.12)  # only three particles long
+    assert seen.ledger.mass_change() == pytest.approx(0.0, abs=1e-6)
 
 
 def follows_the_roll(seen):
@@ -285,7 +298,7 @@ FACTS = {
     "duck": its_bodies_float_by_their_densities,
     "fountain": keeps_its_water_and_rises_by_its_speed,
     "honey": loses_the_energy_of_its_fall,
-    "lock": makes_its_basins_level,
+    "lock": makes_its_basins_level_and_opens_its_gate,
     "paddle": gains_no_more_energy_than_its_plate_works,
     "pillar": its_water_divides_round_the_pillar,
     "pool": runs_to_the_lower_side,

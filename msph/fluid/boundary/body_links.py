@@ -78,15 +78,21 @@ class BodyLinks:
             ti.Vector.field(3, ti.f32, shape=MAX_BODIES) for _ in range(4)
         )
         self.long_vector = ti.types.vector(3, longest_float())
+        self.linked = 0  # number of particles that may have contributions of bodies
 
     def load(self) -> None:
-        """Compiles the kernels that only floating bodies need, if there are bodies."""
+        """Compiles the kernels that are launched later, if there are bodies; otherwise clears what
+        removed bodies left."""
         self.free_bodies[None] = self.free_links[None] = self.free_chunks[None] = 0
         if self.boundary.count:
             self._add_to_diagonal()
             self.found[None] = 0
             self._clear_inflow(0)
             self._add_inflow()
+            self._clear(0)
+        elif self.linked:
+            self._clear(self.linked)
+        self.linked = self.boundary.count and self.particles.x.shape[0]
 
     def refresh(self) -> None:
         """Finds the links, and sets the bodies' share, gradient and inflow at the particles; these
@@ -105,6 +111,14 @@ class BodyLinks:
         """Computes the bodies' inflow anew, after their velocities changed."""
         self._clear_inflow(self.particles.count)
         self._add_inflow()
+
+    @kernel
+    def _clear(self, n: ti.i32):
+        """Sets the contributions of bodies to the first n particles to 0."""
+        for i in range(n):
+            self.particles.boundary_share[i] = self.particles.boundary_inflow[i] = 0.0
+            self.particles.boundary_gradient[i] = vec3(0.0)
+            self.particles.body_approach[i] = 0.0
 
     @kernel
     def _clear_inflow(self, n: ti.i32):

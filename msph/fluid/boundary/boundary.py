@@ -16,6 +16,7 @@ import taichi as ti
 from msph.device_table import DeviceTable, f32, i32
 from msph.fluid.boundary.floating import FloatingBodies
 from msph.fluid.boundary.mesh_samples import lattices, sample
+from msph.fluid.boundary.pistons import Stroke
 from msph.fluid.boundary.rigid_bodies import (
     Ball,
     Block,
@@ -88,17 +89,18 @@ class Boundary:
         self._specs, self._open_top = specs, open_top
         self.box, self._walls = size, np.array(wall_constants(size, open_top)["walls"])
         self.bodies = [extended_into_walls(b, self._walls, specs) for b in bodies]
-        self.count = len(self.bodies)
-        self.floating.load(self.bodies)
-        prescribed = [b for b in self.bodies if b.mass is None]
-        self._driven_speed = max(
-            (b.motion.top_speed(bounding_radius(b)) for b in prescribed), default=0.0
+        self.count = self.constants.bodies[None] = len(self.bodies)
+        self.constants.covered[None] = sum(
+            b.motion.wall for b in self.bodies if isinstance(b.motion, Stroke)
         )
+        self.floating.load(self.bodies)
         self._reach = max(s.support for s in specs)
         self._crossing = CROSSING * min(s.spacing for s in specs)
         self._inward = np.array([isinstance(b, Solid) and b.container for b in self.bodies], bool)
+        self._prescribed = [k for k, b in enumerate(self.bodies) if b.mass is None]
         self._driven = [k for k, b in enumerate(self.bodies) if b.mass is None and b.motion.moves]
         self.driven = bool(self._driven)
+        self._radii = {k: bounding_radius(self.bodies[k]) for k in self._driven}
         self.moving = self.driven or self.floating.count > 0
         # Centres at time zero, by pose; and extents: half extents of blocks, radii of balls, and
         # corners of meshes that move.
@@ -113,22 +115,39 @@ class Boundary:
         self.velocities, self.spins = np.zeros((self.count, 3)), np.zeros((self.count, 3))
         self.reset(0.0)
 
-    def add(self, body: Body) -> None:
-        """Adds a floating body, at the pose and with the motion of its time zero, to the present
-        ones, which keep their states."""
-        time, state, stopped = self.time, self.floating.state(), dict(self.stopped)
-        impulse, twist = self.impulse, self.twist
-        self.load(self.box, self._specs, [*self.bodies, body], self._open_top)
-        self.constants.bodies[None] = self.count
-        self.stopped.update(stopped)
-        self.impulse[:-1], self.twist[:-1] = impulse, twist
-        # The new body is the last one.
-        self.restore(time, np.concatenate([state, self.floating.state()[-1:]]))
+    def add(self, body: Body, time: float) -> None:
+        """Adds a body at `time` [s] to the present ones, which keep their states; a floating one at
+        the pose and with the motion of its time zero."""
+        self._rearrange([*self.bodies, body], list(range(self.count)), time)
+
+    def remove(self, body: int, time: float) -> None:
+        """Removes a body at `time` [s]; the others keep their states."""
+        self.removed_impulse = self.removed_impulse + self.impulse[body]
+        kept = [k for k in range(self.count) if k != body]
+        self._rearrange([self.bodies[k] for k in kept], kept, time)
+
+    def _rearrange(self, bodies: list[Body], kept: list[int], time: float) -> None:
+        """Loads bodies of which the first ones are the present ones `kept`, in their states at
+        `time` [s]."""
+        stopped, removed = self.stopped.copy(), self.removed_impulse
+        impulse, twist = self.impulse[kept], self.twist[kept]
+        state = self.floating.state()[np.isin(self.floating.which, kept)]
+        self.load(self.box, self._specs, bodies, self._open_top)
+        self.stopped.update({n: stopped[k] for n, k in enumerate(kept) if k in stopped})
+        self.impulse[: len(kept)], self.twist[: len(kept)] = impulse, twist
+        self.removed_impulse = removed
+        self.restore(time, np.concatenate([state, self.floating.state()[len(state) :]]))
 
     @property
     def top_speed(self) -> float:
         """Upper bound of the speed [m/s] of the bodies' points."""
-        return max(self._driven_speed, self.floating.top_speed())
+        driven = (self.bodies[k].motion.top_speed(r) for k, r in self._radii.items())
+        return max(*driven, self.floating.top_speed(), 0.0)
+
+    @property
+    def total_impulse(self) -> np.ndarray:
+        """Impulse [N s] of the water on all bodies since the reset, removed ones included, (3,)."""
+        return self.impulse.sum(axis=0) + self.removed_impulse
 
     @property
     def container(self) -> int | None:
@@ -193,6 +212,7 @@ class Boundary:
             self._store_shapes()
         # Impulses [N s] and angular impulses [N m s] of the water on the bodies since the reset.
         self.impulse, self.twist = np.zeros((self.count, 3)), np.zeros((self.count, 3))
+        self.removed_impulse = np.zeros(3)
         self.place(time, 0.0)
 
     def restore(self, time: float, floating: np.ndarray) -> None:
@@ -200,7 +220,7 @@ class Boundary:
         if self.floating.count:
             self.floating.restore(floating)
             self._store_shapes()
-            self._place(time, 0.0)
+        self._place(time, 0.0)
 
     def push(self, pushes: np.ndarray) -> float:
         """Takes impulses and angular impulses by the water on all bodies, (bodies, 6), in the
@@ -208,7 +228,7 @@ class Boundary:
         self.impulse, self.twist = self.impulse + pushes[:, :3], self.twist + pushes[:, 3:]
         self.floating.receive(pushes[self.floating.which])
         work = (self.velocities * pushes[:, :3] + self.spins * pushes[:, 3:]).sum(axis=1)
-        return -float(np.delete(work, self.floating.which).sum())
+        return -float(work[self._prescribed].sum())
 
     def fall(self, dt: float, external: ExternalForces) -> None:
         """Changes the velocities of floating bodies by external forces within dt [s], and releases
@@ -319,11 +339,12 @@ class Boundary:
         """Returns the walls, as bits, that mirror each body in each pose, (bodies, 2): those within
         a kernel's reach that it does not cross."""
         turned = np.where(self._round[:, None, None, None], np.eye(3), np.abs(turns))
-        out = np.einsum("bpij,bj->bpi", turned, self._half)
+        out = (turned @ self._half[:, None, :, None])[..., 0]
         lo, hi = centres - out, centres + out
         for b, corners in self._corners.items():
-            points = np.einsum("pij,nj->pni", turns[b], corners)
-            lo[b], hi[b] = centres[b] + points.min(axis=1), centres[b] + points.max(axis=1)
+            points = corners @ turns[b].reshape(6, 3).T
+            lo[b] = centres[b] + points.min(axis=0).reshape(2, 3)
+            hi[b] = centres[b] + points.max(axis=0).reshape(2, 3)
         gaps = np.concatenate([lo, self._walls - hi], axis=2)
         near = (gaps < self._reach) & (gaps > -self._crossing) & ~self._inward[:, None, None]
         return near @ (1 << np.arange(6))

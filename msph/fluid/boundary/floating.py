@@ -39,6 +39,7 @@ class FloatingBodies:
         self.count = len(floats)
         self.mass = np.array([b.mass for b in floats], float)
         self.inertia = np.array([inertia(b) for b in floats]).reshape(-1, 3, 3)
+        self._inverse = np.linalg.inv(self.inertia)
         self.reach = np.array([bounding_radius(b) for b in floats])
         self.release = np.array([b.release for b in floats])
         self._start = np.array([centre(b) for b in floats]).reshape(-1, 3)
@@ -83,7 +84,7 @@ class FloatingBodies:
     def inverse_inertia(self, turn: np.ndarray) -> np.ndarray:
         """Returns the inverse inertias (n, 3, 3) in the box's frame for rotations `turn`."""
         free = 1.0 - self.held[:, None, None]
-        return free * (turn @ np.linalg.inv(self.inertia) @ turn.transpose(0, 2, 1))
+        return free * (turn @ self._inverse @ turn.transpose(0, 2, 1))
 
     def _spin_at(self, turn: np.ndarray) -> np.ndarray:
         return _times(self.inverse_inertia(turn), self.spin_momentum)
@@ -200,4 +201,4 @@ class FloatingBodies:
 
 def _times(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     """Returns the products of (n, 3, 3) matrices and (n, 3) vectors."""
-    return np.einsum("nij,nj->ni", matrices, vectors)
+    return (matrices @ vectors[:, :, None])[:, :, 0]

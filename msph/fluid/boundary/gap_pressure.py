@@ -23,7 +23,7 @@ from msph.fluid.external_forces import FIELD_NUMBERS, NO_HAND, ExternalForces, f
 from msph.fluid.particles.grid import LayeredGrid
 from msph.fluid.particles.mirror_images import MirrorImages
 from msph.fluid.room import MAX_BODIES
-from msph.taichi_internals import data_oriented, kernel
+from msph.taichi_internals import data_oriented, heavy_kernel, kernel
 
 vec3, vec4 = ti.math.vec3, ti.math.vec4
 
@@ -145,7 +145,7 @@ class GapPressure:
         b = self.owner[k]
         return self.boundary.centre[b, BEGIN] + self.boundary.rotation[b, BEGIN] @ self.point[k]
 
-    @kernel
+    @heavy_kernel
     def _read(self, found: ti.i32, field: FIELD_NUMBERS):
         """Sums pressures over the particles and images around the samples in gaps."""
         centre = 0.5 * self.constants.size[None]

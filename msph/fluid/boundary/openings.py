@@ -54,6 +54,20 @@ ON_WALL, ALONG_NORMAL = 0.5, 0.999
 REACH = 1.5
 # Distance of a new particle from others, in spacings, below which it is left out.
 LEAST_GAP = 0.7
+# Time [s] that no simulation reaches.
+LAST = 1e12
+
+
+@dataclass
+class Valve:
+    """A speed [m/s] until a time [s], and 0 from then on."""
+
+    speed: float
+    until: float = LAST
+
+    def __call__(self, time: float) -> float:
+        """Returns the speed [m/s] at a time [s]."""
+        return self.speed if time < self.until else 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -353,17 +367,17 @@ class Openings:
         self.impulses.add_inflow(spec.mass, x, v, gravity)
         return True
 
-    def state(self, count: int) -> np.ndarray:
-        """Returns the ways [m] of the last sheets of the inflows among the first `count` openings,
-        and what pumps owe, for checkpoints."""
-        ways = (inlet.way for k, inlet in self.inlets.items() if k < count)
-        return np.array([*ways, *self.owed])
+    def state(self) -> np.ndarray:
+        """Returns the ways [m] of the last sheets of inflows, and what pumps owe, for
+        checkpoints."""
+        return np.array([*(inlet.way for inlet in self.inlets.values()), *self.owed])
 
-    def restore(self, state: np.ndarray) -> None:
-        """Restores a state()."""
+    def restore(self, state: np.ndarray, time: float) -> None:
+        """Restores a state() of `time` [s]."""
         for inlet, way in zip(self.inlets.values(), state.tolist(), strict=False):
             inlet.way = way
         self.owed[:] = state[len(self.inlets) :]
+        self.begin(time)
 
     @kernel
     def _mark(self, n: ti.i32):

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from msph.fluid.boundary.pistons import Stroke
 from msph.fluid.particles.layers import LayerSpec
 
 Vec3 = tuple[float, float, float]
@@ -75,13 +76,14 @@ class Motion:
 class Scripted:
     """Motion by a function: place(t) is the displacement [m], (3,), and the angle [rad] of the
     rotation about `axis` through the point `pivot` (3,) [m], relative to the body's centre at time
-    zero. speed [m/s]: upper bound of the speed of the body's points. slides: axes along which the
-    body translates."""
+    zero. speed [m/s], rate [rad/s]: upper bounds of the speed of the body's points, without a
+    rotation at `rate` about the centre. slides: axes along which the body translates."""
 
     place: Callable[[float], tuple[np.ndarray, float]]
     axis: Vec3
     pivot: np.ndarray
     speed: float
+    rate: float = 0.0
     slides: Any = field(default_factory=lambda: np.ones(3, bool))
     spins: bool = True
     moves: bool = True
@@ -96,21 +98,22 @@ class Scripted:
         return rotations(self.place(time)[1] * axis[None] / np.linalg.norm(axis))[0]
 
     def top_speed(self, reach: float) -> float:
-        """Returns an upper bound of the speed [m/s] of the body's points."""
-        return self.speed
+        """Returns an upper bound of the speed [m/s] of points within `reach` [m] of the centre."""
+        return self.speed + self.rate * reach
 
 
 def rotations(vectors: np.ndarray) -> np.ndarray:
     """Returns the rotations (n, 3, 3) by rotation vectors (n, 3) [rad], by Rodrigues' formula."""
-    angle = np.linalg.norm(vectors, axis=1)[:, None, None]
-    x, y, z = (vectors / np.maximum(angle[:, 0], np.finfo(float).tiny)).T
+    angle = np.sqrt((vectors**2).sum(axis=1))[:, None, None]
+    x, y, z = (vectors / np.maximum(angle[:, 0], TINY)).T
     zero = np.zeros_like(x)
     cross = np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]).transpose(2, 0, 1)
     return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
 
 
-AnyMotion = Motion | Scripted
+AnyMotion = Motion | Scripted | Stroke
 AT_REST = Motion()
+TINY = float(np.finfo(float).tiny)
 # Coefficient of friction between bodies, and with walls (-): of wood on wood.
 FRICTION = 0.3
 
@@ -120,7 +123,7 @@ FRICTION = 0.3
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """Box from lo to hi [m], (3,) each. name: of a wave maker."""
+    """Box from lo to hi [m], (3,) each. name: of a wave maker or piston."""
 
     lo: np.ndarray
     hi: np.ndarray
@@ -226,22 +229,20 @@ def bounding_radius(body: Body) -> float:
     return float(np.linalg.norm(half_extents(body)))
 
 
-def as_row(body: Body) -> np.ndarray:
-    """Returns a floating block or ball as (8,): 1 for a ball, centre and half extents [m] at time
-    zero, mass [kg]."""
-    assert body.mass is not None
-    is_ball = float(isinstance(body, Ball))
-    return np.array([is_ball, *centre(body), *half_extents(body), body.mass])
-
-
-def from_row(row: np.ndarray) -> Body:
-    """Returns the body of as_row(), with the default friction. Raises ValueError."""
-    if row.shape != (8,) or not np.isfinite(row).all() or not (row[4:] > 0.0).all():
-        raise ValueError("an added body has no finite place, size and mass")
-    x, half, mass = row[1:4], row[4:7], float(row[7])
-    if row[0] == 1.0:
-        return Ball(x, float(half[0]), mass=mass)
-    return Block(x - half, x + half, mass=mass)
+def end_block(
+    size: Vec3, reach: float, inwards: np.ndarray, face: float, motion: AnyMotion, name: str
+) -> Block:
+    """Returns the block that fills the cross-section of a box of `size` [m] up to its rim, from far
+    beyond the wall that `inwards` (3,) points away from to a face at the distance `face` [m] from
+    this wall. reach [m]: the kernels'."""
+    axis, edges = int(np.abs(inwards).argmax()), np.array(size)
+    lo, hi = np.full(3, -2.0 * reach), edges + 2.0 * reach
+    hi[1] = edges[1]
+    if inwards[axis] > 0.0:
+        hi[axis] = face
+    else:
+        lo[axis] = edges[axis] - face
+    return Block(lo, hi, motion, name=name)
 
 
 def extended_into_walls(body: Body, walls: np.ndarray, specs: list[LayerSpec]) -> Body:

@@ -31,18 +31,19 @@ class MirrorImages:
 
     def __init__(self, constants: Constants):
         self.walls, self.rim = constants.walls, constants.rim  # [m]
+        self.covered = constants.covered
         self.apertures = Apertures(constants)
 
     @ti.func
     def walls_near(self, x, reach):
         """Returns the walls within `reach` [m] of x as bits: 0 to 2 at the origin, 3 to 5
-        opposite. Above the rim, side walls mirror nothing."""
+        opposite. Above the rim and behind pistons, walls mirror nothing."""
         # Reading a single component would disable reductions per thread in the calling loop.
         walls, found = self.walls[None], 0
         for k in ti.static(range(3)):
             found |= ti.select(x[k] < reach, 1 << k, 0)
             found |= ti.select(walls[k] - x[k] < reach, 8 << k, 0)
-        return ti.select(self.is_mirrored(x), found, found & FLOOR)
+        return ti.select(self.is_mirrored(x), found, found & FLOOR) & ~self.covered[None]
 
     @ti.func
     def is_mirrored(self, x):

@@ -14,7 +14,7 @@ from msph.fluid.particles.grid import LayeredGrid
 from msph.fluid.particles.layers import LayerSpec, pair_support
 from msph.fluid.particles.mirror_images import INDEX_MASK, MirrorImages
 from msph.fluid.room import Room
-from msph.taichi_internals import data_oriented, kernel, on_cpu
+from msph.taichi_internals import data_oriented, heavy_kernel, on_cpu
 
 # Largest distance [m] of neighbours with supports h_i and h_j [m], by form of the list.
 LIST_FORMS = {
@@ -135,7 +135,7 @@ class NeighbourList:
             j, mirror, wall = self.images.read(self.index[s])
         return j, mirror, wall
 
-    @kernel
+    @heavy_kernel
     def _find(self, n: ti.i32, mirrored: ti.template(), opened: ti.template()) -> ti.i32:
         """Returns the number of reserved entries, more than `entries` if the pool is full. opened:
         walls have openings."""

@@ -75,6 +75,7 @@ class Particles:
         self.attributes = every
         self.fields = {a.name: a.allocate(room) for a in every.values()}
         self.__dict__.update(self.fields)
+        self._every = list(self.fields.values())
         carried = [a for a in every.values() if a.carried]
         self._pairs = [(self.fields[a.name], a.allocate(room)) for a in carried]
         self.inherited = tuple(self.fields[a.name] for a in carried if a.inherited)
@@ -110,20 +111,9 @@ class Particles:
         self._write(vectors, numbers, integers, n, self.touched)
         self.count, self.touched = n, self.capacity
 
-    def append(self, x: np.ndarray, v: np.ndarray, layer: int) -> None:
-        """Adds particles of a layer at x [m] with velocities v [m/s], (n, 3); their other
-        attributes are zero, except new ids."""
-        old, n = self.state(), len(x)
-        new = {name: np.zeros((n, *a.shape[1:]), a.dtype) for name, a in old.items()}
-        first = int(old["id"].max()) + 1
-        new |= {"x": x, "v": v, "id": first + np.arange(n), "layer": np.full(n, layer)}
-        self.fill(
-            **{name: np.concatenate([a, new[name].astype(a.dtype)]) for name, a in old.items()}
-        )
-
-    def extend(self, x: np.ndarray, v: np.ndarray, layer: int, opening: int) -> None:
+    def extend(self, x: np.ndarray, v: np.ndarray, layer: int, opening: int = 0) -> None:
         """Adds particles of a layer at x [m] with velocities v [m/s], (n, 3), in the zone of an
-        opening; their other attributes are zero, except new ids."""
+        opening, counted from 1, if any; their other attributes are zero, except new ids."""
         first = int(self.numpy("id").max(initial=-1)) + 1
         vectors = [np.ascontiguousarray(a, np.float32) for a in (x, v)]
         self._extend(*vectors, layer, first, opening, self.count)
@@ -141,11 +131,7 @@ class Particles:
     ):
         for k in range(x.shape[0]):
             i = n + k
-            for field in ti.static(self._vectors):
-                field[i] = 0
-            for field in ti.static(self._numbers):
-                field[i] = 0
-            for field in ti.static(self._integers):
+            for field in ti.static(self._every):
                 field[i] = 0
             self.layer[i], self.id[i], self.prescribed[i] = layer, first + k, opening
             for axis in ti.static(range(3)):
@@ -180,11 +166,7 @@ class Particles:
             for column, field in ti.static(enumerate(self._integers)):
                 field[i] = integers[i, column]
         for i in range(n, touched):
-            for field in ti.static(self._vectors):
-                field[i] = 0
-            for field in ti.static(self._numbers):
-                field[i] = 0
-            for field in ti.static(self._integers):
+            for field in ti.static(self._every):
                 field[i] = 0
 
     @kernel

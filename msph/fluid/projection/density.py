@@ -20,7 +20,7 @@ from msph.fluid.particles import kernels
 from msph.fluid.particles.layers import LayerSpec, pair_support, stress_share
 from msph.fluid.particles.particles import Attribute
 from msph.fluid.parts import Parts
-from msph.taichi_internals import data_oriented, kernel, on_cpu
+from msph.taichi_internals import data_oriented, heavy_kernel, kernel, on_cpu
 
 ATTRIBUTES = (
     Attribute("density", "kg/m^3", "relative density c times rest density", view="density_error"),
@@ -95,7 +95,7 @@ class Density:
                 self._fill_pipes(self.particles.count)
             self.summed_search = self.neighbours.searches
 
-    @kernel
+    @heavy_kernel
     def _sum(self, n: ti.i32) -> ti.f32:
         """c_i = correction_i + own_i + sum V_j W_ij, the density defect, g_i = sum V_j grad W_ij,
         and D_i = |g_i|^2 + V_i sum V_j |grad W_ij|^2. Returns the largest c_i - 1.

@@ -27,7 +27,7 @@ from msph.fluid.particles.particles import Attribute
 from msph.fluid.projection.force import Force
 from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.small_numbers import MIN_DIVISOR, MIN_WEIGHT
-from msph.taichi_internals import data_oriented, kernel
+from msph.taichi_internals import data_oriented, heavy_kernel, kernel
 
 # Ratio (-) of deviator to pressure above which the relief fades out, to none at twice this: it is
 # 0.01 in the depth, 0.07 at surfaces, 0.5 in a sheet of one particle, which gains energy at 0.2.
@@ -91,7 +91,7 @@ class ShearRelief(Force):
         if self.boundary.count:
             self._push_bodies(impulse)
 
-    @kernel
+    @heavy_kernel
     def _find(self, n: ti.i32):
         """Computes T_i L_i with the bell (1 - q^2)^4 as W, i included."""
         p = self.particles

@@ -1,0 +1,115 @@
+"""A wall of the box that moves: pressure at rest, balance of momentum and energy, checkpoints."""
+
+import math
+
+import numpy as np
+import pytest
+
+from msph.fluid.boundary.pistons import Stroke
+from msph.fluid.external_forces import ExternalForces
+from msph.fluid.particles.layers import LayerSpec
+from msph.fluid.plan import Plan
+from msph.fluid.projection.parameters import ProjectionParameters
+from msph.fluid.simulation import Simulation
+from msph.measure.ledger import Ledger
+
+D = 0.05
+SIZE, DEPTH = (0.8, 0.5, 0.25), 0.2
+GRAVITY, FRAME = (0.0, -9.81, 0.0), 1 / 60
+LOW, FAR = 1, 8  # walls across x
+
+
+@pytest.fixture
+def sim():
+    n = np.round(np.array((SIZE[0], DEPTH, SIZE[2])) / D).astype(int)
+    x = ((np.indices(n).reshape(3, -1).T + 0.5) * D).astype(np.float32)
+    initial = {"x": x, "layer": np.zeros(len(x), np.int32)}
+    spec = LayerSpec(1000.0 * D**3, 1000.0, 2.45)
+    sim = Simulation(Plan(SIZE, [spec], initial, ProjectionParameters()))
+    yield sim
+    sim.close()
+
+
+def run(sim, ledger, frames, speed=None):
+    for _ in range(frames):
+        if speed is not None:
+            sim.piston.steer(sim.time, speed, FRAME)
+        sim.advance(FRAME, ExternalForces(GRAVITY))
+        ledger.record(GRAVITY)
+
+
+def ledger_of(sim):
+    ledger = Ledger(sim, density_every=math.inf)
+    ledger.record(GRAVITY)
+    return ledger
+
+
+@pytest.mark.parametrize("wall", [LOW, FAR])
+def test_a_piston_at_its_wall_is_like_the_wall(sim, wall):
+    """Mirrored as well, the water there was half too dense."""
+    ledger = ledger_of(sim)
+    run(sim, ledger, 20)
+    sim.add_piston(Stroke(wall))
+    sim.measure_density()
+    assert sim.particles.numpy("density").max() < 1060.0
+    run(sim, ledger, 20)
+    sim.remove_piston()
+    run(sim, ledger, 10)
+    before, after = ledger.entries[20], ledger.entries[-1]
+    assert after.outside == 0 and after.wall_work == 0.0
+    assert after.centre[0] == pytest.approx(before.centre[0], abs=0.03 * D)
+
+
+def test_a_piston_pushes_the_water_by_its_work_and_impulse(sim):
+    ledger = ledger_of(sim)
+    sim.add_piston(Stroke(LOW))
+    run(sim, ledger, 12, 0.8)
+    first, last = ledger.entries[0], ledger.entries[-1]
+    place = sim.piston.at(sim.time)[0]
+    assert place == pytest.approx(0.8 * 11.5 * FRAME)
+    assert sim.particles.numpy("x")[:, 0].min() > place and last.outside == 0
+    assert ledger.mass_change() == 0.0
+    # It lifts the water in front of it, and sets it in motion.
+    assert last.centre[0] > first.centre[0] + 0.2 * place
+    gained = last.mechanical - first.mechanical
+    assert 0.7 * last.wall_work < gained < 1.001 * last.wall_work
+    given = last.momentum - first.momentum - last.wall_impulse - last.internal_impulse
+    fallen = first.mass * last.time * np.array(GRAVITY)
+    assert np.linalg.norm(given - fallen) < 1e-4 * np.linalg.norm(fallen)
+    assert last.body_impulse[0] > 0.0
+    assert ledger.energy_gain() < 1e-3
+
+
+def test_removing_a_piston_leaves_no_trace_but_in_the_ledger(sim):
+    ledger = ledger_of(sim)
+    sim.add_piston(Stroke(FAR))
+    run(sim, ledger, 6, 0.5)
+    pushed = ledger.entries[-1].body_impulse
+    sim.remove_piston()
+    assert sim.boundary.count == 0 and sim.piston is None
+    assert not sim.particles.numpy("boundary_share").any()
+    run(sim, ledger, 3)
+    assert ledger.entries[-1].body_impulse == pytest.approx(pushed)
+    sim.reset()
+    fresh = ledger_of(sim)
+    run(sim, fresh, 3)
+    assert fresh.entries[-1].body_impulse == pytest.approx(np.zeros(3))
+
+
+def test_a_checkpoint_holds_the_piston(sim):
+    ledger = ledger_of(sim)
+    sim.add_piston(Stroke(LOW))
+    run(sim, ledger, 6, 0.5)
+    sim.piston.steer(sim.time, -0.2, 3 * FRAME)
+    run(sim, ledger, 1)
+    state = sim.state()
+    run(sim, ledger, 4)
+    ahead = sim.state()
+    sim.reset()
+    assert sim.piston is None
+    sim.restore(state)
+    run(sim, ledger, 4)
+    for name, values in sim.state().items():
+        assert np.array_equal(values, ahead[name]), name
+    with pytest.raises(ValueError, match="moving wall"):
+        sim.restore({**state, "piston": np.array([2.0, 0, 0, 0, 0, 0])})
