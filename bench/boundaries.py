@@ -196,8 +196,8 @@ def main(arch: str, threads: int | None) -> None:
     report += [
         f"Medians of {floating.STARTS} starts and their range; computed from positions and "
         "velocities.\nThe theory of the draining time has the contraction pi/(pi + 2) = 0.611 of "
-        f"the plane jet, the one of the vertical jet the head v^2/(2 g) + {END} R (docs/method.md, "
-        '"Openings").\n',
+        f"the plane jet, the one of the vertical jet the head v^2/(2 g) + {END} R: "
+        'docs/method.md, "Openings".\n',
         tabulate(rows, "keys", "github", disable_numparse=True),
         "",
     ]
