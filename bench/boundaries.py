@@ -147,10 +147,12 @@ def jet(seed: int) -> dict[str, float]:
             if known:
                 highest[number] = max(highest.get(number, 0.0), float(y))
     sim.close()
-    theory = JET_SPEED**2 / (2.0 * tanks.GRAVITY) + END * JET_RADIUS
+    plain = JET_SPEED**2 / (2.0 * tanks.GRAVITY)
+    theory, front = plain + END * JET_RADIUS, float(np.mean(list(highest.values())))
     return {
+        "height of its front / (v^2/(2 g)) - 1": front / plain - 1.0,
+        "steady head / (v^2/(2 g)) - 1": float(np.mean(heads)) / plain - 1.0,
         "steady head / theory - 1": float(np.mean(heads)) / theory - 1.0,
-        "height of its front / theory - 1": float(np.mean(list(highest.values()))) / theory - 1.0,
     }
 
 
@@ -173,10 +175,18 @@ def filling(seed: int) -> dict[str, float]:
 
 
 CASES = (
-    (f"Tank {DEEP} m deep, slit {SLIT / FINE:.0f} spacings wide", drained, "within 3 %, 5 %"),
-    ("Spring and pump of the same rate", through_flow, "within 1 %"),
-    (f"Vertical jet, {2 * JET_RADIUS / FINE:.0f} spacings in diameter", jet, "within 3 %, none"),
-    ("Basin that a spring fills", filling, "within 1 %"),
+    (
+        f"Tank {DEEP} m deep, slit {SLIT / FINE:.0f} spacings wide",
+        drained,
+        ("within 3 %", "within 5 %"),
+    ),
+    ("Spring and pump of the same rate", through_flow, ("within 1 %", "within 1 %")),
+    (
+        f"Vertical jet, {2 * JET_RADIUS / FINE:.0f} spacings in diameter",
+        jet,
+        ("within 3 %", "within 3 %", "none"),
+    ),
+    ("Basin that a spring fills", filling, ("within 1 %",)),
 )
 
 
@@ -187,9 +197,9 @@ def main(arch: str, threads: int | None) -> None:
     """Measure inflows and outflows, and write bench/results/boundaries.md."""
     report = [heading("Inflows and outflows", start(arch, threads))]
     rows = []
-    for name, case, target in CASES:
+    for name, case, targets in CASES:
         found = [case(seed) for seed in range(floating.STARTS)]
-        for figure in found[0]:
+        for figure, target in zip(found[0], targets, strict=True):
             spread = floating.rows.spread([f[figure] for f in found], "{:+.2%}")
             rows.append({"case": name, "figure": figure, "found": spread, "target": target})
             click.echo(" | ".join(rows[-1].values()))

@@ -52,6 +52,8 @@ from msph.stage.row import Row
 from msph.stage.show import SIMULATED
 from msph.stage.trial import finest_in_real_time
 
+# Rounding of the number of frames of a recording (-).
+ROUNDING = 1e-6
 # Capture by `play` if no window can be opened: duration [s], frames per second, size [pixels] and
 # time of the still image [s].
 FALLBACK_SECONDS, FALLBACK_FPS, FALLBACK_SIZE, STILL_TIME = 10.0, 30.0, (1280, 720), 1.0
@@ -124,9 +126,12 @@ def capture(scene: str | None, options: CaptureOptions, run: RunOptions) -> None
         raise OutputError(f"{files.bodies[0]}: the scene has no bodies")
     since = time_of(Path(options.resume)) if options.resume else 0.0
     first, seconds = round(since * options.fps), options.seconds or loaded.duration
+    total = round(seconds * options.fps)
     if recording:
         seconds = min(recording.duration, options.seconds or math.inf)
-    frames = max(1, round(seconds * options.fps)) - first
+        # All recorded frames run, also those after the last image that is due.
+        total = math.ceil(seconds * options.fps - ROUNDING)
+    frames = max(1, total) - first
     if frames <= 0:
         raise CheckpointError.beyond(since, seconds)
     claim(files.names(first, frames), options.force)

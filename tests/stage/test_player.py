@@ -250,6 +250,18 @@ def wet_place(show):
     return np.array(wet[len(wet) // 2]) / SIZE
 
 
+def test_a_drain_after_a_reset_counts_its_water_once(player, show):
+    for _ in range(2):
+        show.reset()
+        press(player, show, "0")
+        player.window.at, player.window.held = wet_place(show), {"LMB"}
+        frames(player, show, number=4)
+        assert show.ledger.entries[-1].outflow_mass > 0.0
+        assert abs(show.ledger.mass_change()) < 1e-6
+        player.window.held = set()
+        frames(player, show)
+
+
 @pytest.mark.parametrize("tool", TOOLS, ids=lambda tool: tool.name)
 def test_each_tool_moves_or_adds_water_while_the_button_is_down(player, show, tool):
     player.steering.tool = next(t for t in TOOLS if t is not tool)

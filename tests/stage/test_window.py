@@ -52,6 +52,9 @@ def play(
     **more,
 ):
     environment = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    if folder:
+        # No session that the user saved is offered.
+        environment["XDG_CACHE_HOME"] = str(folder / "cache")
     environment |= more
     if display:
         environment["DISPLAY"] = display

@@ -69,10 +69,10 @@ class Rim:
     def reset(self, mass: float = 0.0) -> None:
         """Removes all drops. mass [kg]: spilt before."""
         self.mass, self.outflow, self._counted = mass, 0.0, np.zeros((2, MAX_LAYERS), int)
-        if self.open:
-            self.drops.fill()
-            self.left.fill(0)
-            self.added[None] = 0
+        # Also in a box that is closed again: an outflow of the user may have been open.
+        self.drops.fill()
+        self.left.fill(0)
+        self.added[None] = 0
 
     def spill(self, gravity: tuple[float, float, float], taken: np.ndarray) -> bool:
         """Removes the particles outside the box, and those of the indices `taken` (k,), under
