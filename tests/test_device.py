@@ -18,7 +18,10 @@ from msph import device
 before = device._threads()
 device.start("cpu", {threads})
 for thread in device._threads() - before:
-    print(*sorted(os.sched_getaffinity(thread)))
+    try:
+        print(*sorted(os.sched_getaffinity(thread)))
+    except ProcessLookupError:
+        pass  # it ended meanwhile
 """
 
 
