@@ -217,6 +217,7 @@ def set_image(canvas: Any, words: Any) -> None:
 
 
 def _taichi_kernel(function: Callable) -> "Kernel":
+    """Returns Taichi's own kernel of a method."""
     return Kernel(function, autodiff_mode=AutodiffMode.NONE, _classkernel=True)
 
 
