@@ -21,7 +21,7 @@ from msph.taichi_internals import data_oriented, kernel
 # (measured), so no mode overshoots up to 0.55; steps are unstable from 1.1.
 MAX_EXPLICIT = 0.5
 # Error of the implicit solve over the change of the velocities (-), and its iteration limit.
-TOLERANCE, MAX_ITERATIONS = 1e-3, 400
+TOLERANCE, MAX_ITERATIONS = 4e-3, 400
 
 
 @data_oriented
