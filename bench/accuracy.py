@@ -44,6 +44,11 @@ FINE, SPACINGS_DEEP = 0.02, 60
 # the lowest wave is half a spacing high. At a single depth the error may vanish by chance.
 LENGTH, DEPTH, AMPLITUDE, SPACINGS = 1.0, 0.5, 0.05, (10, 12, 15, 20, 25)
 SLOSH_SECONDS = 5.0
+# Falling in a duct: edge [m], viscosity [Pa s], finest spacings across; times between which it is
+# measured [s], and distance of the measured part of the column from its ends, in edges: both ends
+# bulge in the duct's middle.
+EDGE, VISCOSITY, ACROSS = 0.2, 100.0, (10, 16)
+DUCT_BEGIN, DUCT_END, FROM_ENDS = 0.1, 0.35, 1.25
 # Time limit of a part [s].
 MAX_SECONDS = 3600
 TABLE = "accuracy.csv"
@@ -125,6 +130,31 @@ def sloshing(kind: str, spacings: int, seed: int) -> tuple[list[Figure], np.ndar
     return figures, x
 
 
+def duct(kind: str, spacings: int, seed: int) -> list[Figure]:
+    """Returns the figures of viscous water that falls in a square duct without slip."""
+    layers, changes = WATERS[kind]
+    sim = tanks.build(tanks.duct(EDGE, spacings, VISCOSITY, layers, seed, **changes))
+    tanks.run(sim, DUCT_BEGIN)
+    masses = np.array([s.mass for s in sim.layers.specs])
+    flows, sheets = [], []
+    while sim.time < DUCT_END:
+        tanks.run(sim, tanks.FRAME)
+        x, v = (sim.particles.numpy(name).astype(float) for name in ("x", "v"))
+        m = masses[sim.particles.numpy("layer")]
+        theory = tanks.duct_speed(x[:, 0], x[:, 2], EDGE, VISCOSITY / 1000.0, sim.time)
+        middle = (x[:, 1] > (3.0 + FROM_ENDS) * EDGE) & (x[:, 1] < (6.5 - FROM_ENDS) * EDGE)
+        side = np.minimum(x[:, [0, 2]], EDGE - x[:, [0, 2]]).min(axis=1)
+        sheet = middle & (side < np.cbrt(m / 1000.0))
+        for errors, at in ((flows, middle), (sheets, sheet)):
+            errors.append(-(m * v[:, 1])[at].sum() / (m * theory)[at].sum() - 1.0)
+    limit = "3 %, layers 5 %"
+    return [
+        Figure("particles", "", WHOLE, sim.particles.count),
+        Figure("flow against theory, mean over time", limit, SHARE, float(np.mean(flows))),
+        Figure("speed within a spacing of the walls", "", SHARE, float(np.mean(sheets))),
+    ]
+
+
 def collision(start: int) -> list[Figure]:
     """Returns the figures of two balls that collide off centre without gravity, with splits and
     merges."""
@@ -193,16 +223,21 @@ def part(name: str, kind: str, spacings: int, start: int, seconds: float) -> lis
                 far = np.abs(centres[water] - centres["uniform"]).max() / LENGTH
                 figure = Figure(f"{apart}, over length", "1 %", SHARE, far)
                 found.append((case, water, figure))
+    elif name == "duct":
+        case = f"falling in a square duct without slip, {spacings} spacings across"
+        found += [(case, kind, f) for f in duct(kind, spacings, start)]
     else:
         found += [("collision of a fine and a coarse ball", "layered", f) for f in collision(start)]
     return [(case, water, *astuple(figure)) for case, water, figure in found]
 
 
 def parts(starts: int) -> list[tuple[str, str, int, int]]:
-    """Returns the parts: name, kind of water, depth in spacings, start; one start after another."""
+    """Returns the parts: name, kind of water, depth or width in spacings, start; one start after
+    another."""
     found: list[tuple[str, str, int, int]] = []
     for seed in range(starts):
         found += [("still", kind, 0, seed) for kind in WATERS]
+        found += [("duct", kind, n, seed) for n in ACROSS for kind in WATERS]
         found += [("sloshing", "", n, seed) for n in SPACINGS] + [("collision", "", 0, seed)]
     return found
 
@@ -248,7 +283,9 @@ def over_depths(known: list[dict]) -> list[dict]:
     type=click.IntRange(1),
     help="Number of random initial arrangements.",
 )
-@click.option("--only", multiple=True, help="Part to run: still, sloshing, collision. Repeatable.")
+@click.option(
+    "--only", multiple=True, help="Part to run: still, duct, sloshing, collision. Repeatable."
+)
 @click.option("--resume", is_flag=True, help="Keep the rows of earlier runs.")
 @click.option("--arch", type=click.Choice(ARCHES), default="auto", show_default=True)
 @click.option("--worker", hidden=True)
@@ -261,7 +298,7 @@ def main(seconds: float, starts: int, only, resume: bool, arch: str, worker: str
     known: list[dict] = rows.read(RESULTS / TABLE) if resume or only else []
     for task in parts(starts):
         name, kind, spacings, seed = task
-        label = f"{name} {kind or spacings or ''}".strip()
+        label = " ".join(str(word) for word in (name, kind, spacings) if word)
         if (only and name not in only) or (label, str(seed)) in {
             (row["part"], str(row["start"])) for row in known
         }:

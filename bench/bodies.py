@@ -52,9 +52,10 @@ GAPS = [
     for gap in ((0.05 if "box" in kind else 0.0), 0.5, 1.0, 2.0)
 ]
 HEAVES = [
-    (5, 0.025, 1.6, 1, 0.9, 0.0),
-    (5, 0.025, 1.6, 1, 0.9, 0.9),
-    (7, 0.01875, 2.6, 3, 0.9, 0.9),
+    (5, 0.025, 1.6, 3, 0.9, 0.0),
+    (5, 0.025, 1.6, 3, 0.9, 1.0),
+    (7, 0.01875, 2.6, 3, 0.9, 1.0),
+    (4, 0.01875, 2.6, 3, 0.9, 1.0),
 ]
 # Share of a run before the measurement starts, in which the water settles.
 SETTLING = 0.5
@@ -223,9 +224,11 @@ def collapse(ratio: float) -> dict[str, str]:
 
 
 class Table(NamedTuple):
-    """Title of a table, the settings of its rows, and the function that measures a row."""
+    """Title of a table, its first columns, the settings of its rows, and the function that measures
+    a row."""
 
     title: str
+    first: tuple[str, ...]
     rows: list[dict[str, Any]]
     measure: Callable[..., dict[str, str]]
 
@@ -237,19 +240,25 @@ TABLES = {
         f"Still water {DEPTH} m deep, finest spacing {FINE} m: pressure on faces against "
         r"$\rho g (H - y)$, vertical force over the displaced weight, and the integral of the "
         "measured pressure over the force by the ledger",
+        ("body", "water"),
         [{"kind": kind, "water": water} for water in WATERS for kind in KINDS],
         faces,
     ),
     "sizes": Table(
-        "Submerged balls by size, uniform water", [{"radius": r} for r in RADII], buoyancy
+        "Submerged balls by size, uniform water",
+        ("radius over spacing",),
+        [{"radius": r} for r in RADII],
+        buoyancy,
     ),
     "gaps": Table(
         "Bodies at floor and wall by gap, uniform water: force over the displaced weight",
+        ("body", "gap over spacing"),
         [{"kind": kind, "gap": gap} for kind, gap in GAPS],
         at_wall,
     ),
     "collapse": Table(
         f"A column of water collapses past a ball under gravity {SLANTED} m/s²",
+        ("radius over spacing",),
         [{"ratio": ratio} for ratio in SIZES],
         collapse,
     ),
@@ -257,6 +266,7 @@ TABLES = {
         f"Floating cube and ball {floating.HEIGHT} m high: draft error over the height (goal: "
         "2 %), and largest component of the cube's axes along the vertical, 1 if it lies flat, "
         f"0.71 on an edge, 0.58 on a corner; {MEDIANS}",
+        ("body", "density", "layers"),
         [
             {"kind": kind, "density": density, "layers": layers}
             for kind in ("cube", "ball")
@@ -267,20 +277,26 @@ TABLES = {
     ),
     "drift": Table(
         f"Neutrally buoyant ball in 5 s (goal: 1 % of its diameter); {MEDIANS}",
+        ("layers",),
         [{"layers": layers} for layers in WATERS.values()],
         floating.drift,
     ),
     "collisions": Table(
         "Water and a spinning cube collide without gravity: change of the momenta of water and "
         f"cube (goal: 1e-5) over their scales; {MEDIANS}",
+        ("density over water's",),
         [{"density": density} for density in (50.0, 500.0, 20_000.0)],
         floating.collision,
     ),
     "hard": Table(
-        f"Hard cases; {MEDIANS}", [{"name": name} for name in floating.HARD], floating.hard
+        f"Hard cases; {MEDIANS}",
+        ("case",),
+        [{"name": name} for name in floating.HARD],
+        floating.hard,
     ),
     "heave": Table(
         f"Heave decay of a half-submerged ball against Kramer et al. 2021; {MEDIANS}",
+        ("layers", "spacings per radius", "shear relief"),
         [
             dict(zip(("layers", "fine", "width", "starts", "depth", "relief"), case, strict=True))
             for case in HEAVES
@@ -295,7 +311,10 @@ def report(known: list[dict[str, str]], arch: str) -> str:
     text = [heading("Bodies in water", arch)]
     for name, table in TABLES.items():
         found = [row for row in known if row["table"] == name]
-        lines = [{k: v for k, v in row.items() if v and k not in KEYS} for row in found]
+        # The columns of the CSV file are in the order of all tables.
+        lines = [
+            {k: row[k] for k in (*table.first, *row) if row[k] and k not in KEYS} for row in found
+        ]
         if lines:
             cells = tabulate(lines, "keys", "github", disable_numparse=True)
             text += [f"## {table.title}\n", cells, ""]

@@ -14,7 +14,7 @@ from msph.fluid.boundary.beach import Beach
 from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.contact import LEAK
 from msph.fluid.boundary.mesh_samples import sample_count
-from msph.fluid.boundary.openings import Opening
+from msph.fluid.boundary.opening import Opening
 from msph.fluid.boundary.rigid_bodies import Body
 from msph.fluid.boundary.walls import region, wall_constants
 from msph.fluid.methods import Parameters, solver_of

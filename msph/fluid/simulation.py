@@ -13,7 +13,7 @@ from msph.fluid.boundary.added import body_of, body_row, opening_of, opening_row
 from msph.fluid.boundary.body_faces import samples
 from msph.fluid.boundary.floating import FloatingBodies
 from msph.fluid.boundary.gap_pressure import MAX_SAMPLES
-from msph.fluid.boundary.openings import ZONE, Opening, Valve
+from msph.fluid.boundary.opening import ZONE, Opening, Valve
 from msph.fluid.boundary.pistons import Stroke
 from msph.fluid.boundary.rigid_bodies import Body, centre, end_block
 from msph.fluid.boundary.walls import wall_constants

@@ -17,7 +17,8 @@ from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.collisions import Collisions
 from msph.fluid.boundary.contact import Contact
 from msph.fluid.boundary.gap_pressure import GapPressure
-from msph.fluid.boundary.openings import Opening, Openings
+from msph.fluid.boundary.opening import Opening
+from msph.fluid.boundary.openings import Openings
 from msph.fluid.boundary.rim import Rim
 from msph.fluid.boundary.walls import wall_constants
 from msph.fluid.constants import Constants

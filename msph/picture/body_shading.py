@@ -8,7 +8,7 @@ transparent, like the panes of the pool.
 import taichi as ti
 
 from msph.device_table import DeviceTable, f32, i32
-from msph.fluid.boundary.boundary import END
+from msph.fluid.boundary.body_shapes import END
 from msph.picture.shot import PARALLEL
 from msph.picture.sky import SKY_LIGHT, SUN_LIGHT
 from msph.taichi_internals import data_oriented

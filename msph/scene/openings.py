@@ -6,7 +6,7 @@ import numpy as np
 
 from msph.expressions import ExpressionError, OverTime
 from msph.fluid.adaptivity.bands import bands
-from msph.fluid.boundary.openings import ZONE, Opening
+from msph.fluid.boundary.opening import ZONE, Opening
 from msph.fluid.boundary.walls import wall_constants
 from msph.fluid.methods import METHODS, methods_with
 from msph.fluid.particles.layers import LayerSpec

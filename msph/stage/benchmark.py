@@ -99,7 +99,7 @@ def benchmark(
     mean, p99, largest = show.ledger.solver_residual()
     wall = timings.total()
     rest_energy = show.ledger.rest_energy()
-    return Result(
+    result = Result(
         scene=name,
         particles=show.counts,
         frames=frames,
@@ -121,6 +121,8 @@ def benchmark(
         volume_error=show.volume_error(),
         profile_ms={p: 1e3 * t for p, t in timings.tree().items()} if profile else {},
     )
+    show.close()
+    return result
 
 
 @dataclass(frozen=True)
@@ -168,7 +170,7 @@ def benchmark_play(
     player = HeadlessPlayer(seconds, scene.play.fps)
     run(Row([show]), player)
     walls = np.array(player.walls)
-    return PlayResult(
+    result = PlayResult(
         scene=name,
         quality=quality,
         particles=show.counts,
@@ -179,6 +181,8 @@ def benchmark_play(
         solver_residual_mean=show.ledger.solver_residual()[0],
         start_seconds=ready,
     )
+    show.close()
+    return result
 
 
 def profile_lines(profile_ms: dict[str, float]) -> list[str]:

@@ -250,6 +250,7 @@ def measured(
             say(f"--resume {folder / CHECKPOINT} continues the run")
         raise
     paths = measurer.conclude()
+    show.close()
     paths += plot(folder, f"{scene.title or loaded.name}, quality {loaded.quality}")
     for path in paths:
         click.echo(path)
@@ -357,6 +358,7 @@ def record(
             say(f"warning: {warning}")
         for path in [*recorder.kept(), scene_path]:
             click.echo(path)
+        show.close()
 
 
 def options_of(recording: Recording | None, resume: str | None = None) -> dict[str, Any]:

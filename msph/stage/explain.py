@@ -66,6 +66,8 @@ def explain(scene: Scene) -> str:
         if part.picture:
             error = picture_error(whole.show, run.show)
         rows.append([*_costs(f"without {part.name}", run, whole), error])
+    for run in runs:
+        run.show.close()
     return "\n".join(
         [
             tabulate(rows, headers=heads, tablefmt="simple", disable_numparse=True),

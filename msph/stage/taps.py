@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from msph.fluid.boundary.openings import ZONE, Opening, Valve
+from msph.fluid.boundary.opening import ZONE, Opening, Valve
 from msph.fluid.external_forces import Hand
 from msph.fluid.simulation import FullError
 

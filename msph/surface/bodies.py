@@ -10,7 +10,8 @@ the surface there by less than 0.1 spacings.
 import taichi as ti
 
 from msph.device_table import DeviceTable
-from msph.fluid.boundary.boundary import END, Boundary
+from msph.fluid.boundary.body_shapes import END
+from msph.fluid.boundary.boundary import Boundary
 from msph.taichi_internals import data_oriented
 
 vec4 = ti.math.vec4

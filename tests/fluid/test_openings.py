@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from msph.fluid.boundary.openings import ZONE, Opening, Valve
+from msph.fluid.boundary.opening import ZONE, Opening, Valve
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.plan import Plan

@@ -5,7 +5,7 @@ import pytest
 import taichi as ti
 import trimesh
 
-from msph.fluid.boundary.boundary import BEGIN
+from msph.fluid.boundary.body_shapes import BEGIN
 from msph.fluid.boundary.mesh_samples import CELL
 from msph.fluid.boundary.rigid_bodies import Ball, Block, Motion, Solid
 from msph.fluid.boundary.sampled_fields import SampleLattice

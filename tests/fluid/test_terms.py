@@ -13,6 +13,7 @@ from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.projection.solver import Projection
 from msph.fluid.projection.surface_tension import SurfaceTension
 from msph.fluid.projection.viscosity import Viscosity
+from msph.fluid.projection.viscous_operator import CALIBRATION
 from msph.fluid.projection.xsph import Xsph
 from msph.fluid.simulation import Simulation
 from msph.scene import SceneError, load_scene
@@ -69,7 +70,7 @@ VOLUME = ("volume", "support")
 def exchange(sim):
     """V_j (n,), weights a(r_ij) and directions of all pairs, (n, n) and (n, n, 3)."""
     volume, d, r, h = pairs(sim)
-    a = 640.0 / np.pi**2 / h**5 * np.clip(1.0 - (r / h) ** 2, 0.0, None) ** 1.5
+    a = CALIBRATION * 640.0 / np.pi**2 / h**5 * np.clip(1.0 - (r / h) ** 2, 0.0, None) ** 1.5
     return volume, a, d / np.where(r > 0.0, r, 1.0)[..., None]
 
 
@@ -280,6 +281,25 @@ def test_walls_without_slip_stop_the_water():
     found = sim.particles.numpy("viscous_residual")[middle]
     rate = -(found * v[middle]).sum() / (v[middle] ** 2).sum()
     assert rate == pytest.approx(2.0 * (np.pi / 0.4) ** 2, rel=0.15)
+
+
+def test_walls_without_slip_act_symmetrically_and_brake():
+    """<a, lap b> = <b, lap a>, <a, lap a> < 0 for random velocities of two layers in a corner."""
+    rng = np.random.default_rng(3)
+    x = (np.indices((6, 6, 6)).reshape(3, -1).T + 0.5) * 0.04 + rng.uniform(-0.015, 0.015, (216, 3))
+    initial = {"x": x.astype(np.float32), "layer": rng.integers(0, 2, 216).astype(np.int32)}
+    terms = ProjectionParameters(viscosity=1.0, slip=False)
+    sim = Simulation(Plan((0.5,) * 3, [FINE, COARSE], initial, terms))
+    solver, n = prepare(sim)
+    volume = np.array([s.volume for s in (FINE, COARSE)])[sim.particles.numpy("layer")]
+    fields, found = rng.normal(size=(2, n, 3)), []
+    for v in fields:
+        sim.particles.v.from_numpy(np.resize(v, (*sim.particles.v.shape, 3)).astype(np.float32))
+        solver.force(Viscosity).start_round(n, 1.0)
+        found.append(sim.particles.numpy("viscous_residual").astype(float))
+    work = np.einsum("pnk,n,qnk->pq", fields, volume, np.array(found))
+    assert work[0, 1] == pytest.approx(work[1, 0], abs=1e-4 * abs(work[0, 0]))
+    assert work[0, 0] < 0.0 and work[1, 1] < 0.0
 
 
 def test_a_cube_of_water_becomes_a_ball_of_its_volume():

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from msph import user_cache
-from msph.fluid.boundary.openings import Opening
+from msph.fluid.boundary.opening import Opening
 from msph.fluid.boundary.rigid_bodies import Ball
 from msph.fluid.external_forces import as_vector
 from msph.fluid.particles.layers import pair_support

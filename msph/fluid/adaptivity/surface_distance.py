@@ -13,7 +13,7 @@ from typing import Any
 
 import taichi as ti
 
-from msph.fluid.boundary.boundary import END
+from msph.fluid.boundary.body_shapes import END
 from msph.fluid.particles import kernels
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.projection.discretisation import Discretisation

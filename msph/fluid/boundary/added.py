@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from msph.fluid.boundary.openings import Opening, Valve
+from msph.fluid.boundary.opening import Opening, Valve
 from msph.fluid.boundary.rigid_bodies import Ball, Block, Body, centre, half_extents
 
 # Numbers of a row.

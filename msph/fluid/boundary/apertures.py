@@ -33,12 +33,17 @@ class Apertures:
         """Returns True if the way from x [m] to the mirror image of x_j [m] by `mirrors` (bits of
         walls) passes through no opening. The same if x and x_j are exchanged, so that forces are
         equal and opposite."""
+        return (self.crossed(x, x_j) & mirrors) == 0
+
+    @ti.func
+    def crossed(self, x, x_j):
+        """Returns the walls, as bits, whose mirror image of x_j [m] is not visible at x [m]."""
         crossed = self.beyond(x) | self.beyond(x_j)
         for o in range(self.constants.opening_count[None]):
             a, b = abs(self.along(o, x)), abs(self.along(o, x_j))
             if self._faces(o, (b * x + a * x_j) / ti.max(a + b, MIN_DIVISOR), 0.0):
                 crossed |= self.table.wall[o]
-        return (crossed & mirrors) == 0
+        return crossed
 
     @ti.func
     def passable(self, x):

@@ -14,7 +14,8 @@ Sums over the links of one body are taken in chunks of one body each, without at
 import taichi as ti
 
 from msph.errors import BlowUpError
-from msph.fluid.boundary.boundary import BEGIN, Boundary
+from msph.fluid.boundary.body_shapes import BEGIN
+from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.impulse_ledger import ImpulseLedger
 from msph.fluid.particles.mirror_images import MirrorImages
 from msph.fluid.particles.particles import Attribute, Particles

@@ -18,7 +18,8 @@ import numpy as np
 import taichi as ti
 
 from msph.errors import BlowUpError
-from msph.fluid.boundary.boundary import BALL, BEGIN, Boundary
+from msph.fluid.boundary.body_shapes import BALL, BEGIN
+from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.rigid_bodies import Ball, Block, Body, Solid, centre, half_extents
 from msph.fluid.boundary.walls import NO_WALL
 from msph.fluid.room import MAX_BODIES

@@ -8,7 +8,8 @@ Body kernels are launched only in scenes with bodies.
 import taichi as ti
 
 from msph.fluid.boundary import body_links
-from msph.fluid.boundary.boundary import BEGIN, END, Boundary
+from msph.fluid.boundary.body_shapes import BEGIN, END
+from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.gaps import Gaps
 from msph.fluid.boundary.walls import NO_WALL, Walls
 from msph.fluid.impulse_ledger import ImpulseLedger

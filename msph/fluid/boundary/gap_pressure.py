@@ -15,7 +15,8 @@ import numpy as np
 import taichi as ti
 
 from msph.fluid.boundary.body_faces import samples
-from msph.fluid.boundary.boundary import BEGIN, Boundary
+from msph.fluid.boundary.body_shapes import BEGIN
+from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.contact import Contact
 from msph.fluid.boundary.gaps import WIDE
 from msph.fluid.boundary.wall_integrals import swelling

@@ -1,0 +1,212 @@
+"""Bodies as kernels see them: their shapes, poses, distances, and shares of kernels.
+
+Each body has a share lambda of the kernel's integral around a particle: for a block the product
+over its axes, for a ball the exact integral, for a mesh a map computed once per layer (Bender et
+al. 2019, "Volume maps", here with exact integrals). body_links.py adds the shares of all bodies
+and of their mirror images.
+"""
+
+import taichi as ti
+
+from msph.device_table import DeviceTable, f32, i32
+from msph.fluid.boundary.sampled_fields import SampledFields
+from msph.fluid.boundary.wall_integrals import ball_share, block_share
+from msph.fluid.constants import Constants
+from msph.fluid.particles.layers import Layers
+from msph.fluid.room import MAX_BODIES, Room
+
+vec3, vec4 = ti.math.vec3, ti.math.vec4
+
+BLOCK, BALL, SOLID = 0, 1, 2
+# Index of a body's pose: at the beginning and at the end of a step.
+BEGIN, END = 0, 1
+
+
+class BodyShapes:
+    """Tables of the bodies, and functions of kernels on them; boundary.py fills the tables.
+
+    Tables by body: kind; side, -1 if the water is inside, else 1; half, the half extents of a block
+    or the radius of a ball [m]; bounding_radius [m]; first, index of a mesh's distance lattice,
+    followed by its share lattices; joined, 1 for bodies that may overlap others; inverse_mass
+    [1/kg], 0 for prescribed motion; friction coefficient (-). Tables by body and pose: centre [m];
+    rotation, body frame to box frame; velocity [m/s] and spin [rad/s], equal for both poses;
+    inverse_inertia [1/(kg m^2)] in the box frame; images, the walls that mirror the body as bits
+    (MirrorImages.walls_near).
+    """
+
+    def __init__(self, room: Room, constants: Constants, layers: Layers):
+        self.constants, self.layers = constants, layers
+        self.support, self.swell = layers.wall_support, layers.swell
+        self._shapes = DeviceTable(
+            (MAX_BODIES,),
+            **{"kind": i32, "side": f32, "half": vec3, "bounding_radius": f32, "first": i32},
+            **{"joined": i32, "inverse_mass": f32, "friction": f32},
+        )
+        self._poses = DeviceTable(
+            (MAX_BODIES, 2),
+            **{"centre": vec3, "rotation": ti.math.mat3, "velocity": vec3, "spin": vec3},
+            **{"inverse_inertia": ti.math.mat3, "images": i32},
+        )
+        for table in (self._shapes, self._poses):
+            self.__dict__.update({name: getattr(table, name) for name in table.fields})
+        self.samples = SampledFields(room.samples)
+
+    @ti.func
+    def to_body_frame(self, b, x, pose):
+        """Returns x [m] in the frame of body b."""
+        return self.rotation[b, pose].transpose() @ (x - self.centre[b, pose])
+
+    @ti.func
+    def distance(self, b, x, pose):
+        """Returns the distance [m] of x from body b, positive in the water, and its gradient."""
+        return self.distance_by(b, x, pose, False)
+
+    @ti.func
+    def normal(self, b, x, pose):
+        """Returns the unit normal of body b near x [m], towards the water; smooth for meshes."""
+        return self.distance_by(b, x, pose, True).yzw.normalized(1e-9)
+
+    @ti.func
+    def distance_by(self, b, x, pose, smooth: ti.template()):
+        """Like distance(); smooth: interpolate meshes by cubics."""
+        p = self.to_body_frame(b, x, pose)
+        found = vec4(0.0)
+        kind = self.kind[b]
+        if kind == BLOCK:
+            found = block_distance(p, self.half[b])
+        if kind == BALL:
+            r = p.norm()
+            n = p / ti.max(r, 1e-9)
+            found = vec4(r - self.half[b][0], n[0], n[1], n[2])
+        if kind == SOLID:
+            if ti.static(smooth):
+                found = self.samples.cubic(self.first[b], p)
+            else:
+                found = self.mesh_distance(b, p)
+        g = self.rotation[b, pose] @ found.yzw
+        return self.side[b] * vec4(found.x, g[0], g[1], g[2])
+
+    @ti.func
+    def mesh_distance(self, b, p):
+        """Returns the distance from a mesh of p, in the mesh's frame, and its gradient.
+
+        Outside the lattice it is a lower bound. With c the lattice point nearest to p, |p - q|^2 >=
+        |p - c|^2 + |c - q|^2 for all q of the mesh, since the lattice is convex.
+        """
+        m = self.first[b]
+        found = self.samples.linear(m, p)
+        gap = p - self.samples.clamped(m, p)
+        if gap.norm_sqr() > 0.0:
+            length = ti.sqrt(gap.norm_sqr() + found.x * found.x)
+            n = (gap + found.x * found.yzw) / length
+            found = vec4(length, n[0], n[1], n[2])
+        return found
+
+    @ti.func
+    def clearance(self, x, pose):
+        """Returns the distance [m] of x from the nearest body, negative inside."""
+        found = 1e9
+        for b in range(self.constants.bodies[None]):
+            found = ti.min(found, self.distance(b, x, pose).x)
+        return found
+
+    @ti.func
+    def velocity_at(self, b, x):
+        """Returns the velocity [m/s] of body b at x [m]."""
+        return self.velocity[b, BEGIN] + self.spin[b, BEGIN].cross(x - self.centre[b, BEGIN])
+
+    @ti.func
+    def reaches(self, b, x, h, pose):
+        """Returns False if body b is certainly farther than h [m] from x."""
+        reach = self.bounding_radius[b] + h
+        return self.side[b] < 0.0 or (x - self.centre[b, pose]).norm_sqr() < reach * reach
+
+    @ti.func
+    def free_of_others(self, b, x, layer, h):
+        """Returns the product (-) of 1 - lambda over the joined bodies other than b."""
+        free = 1.0
+        for other in range(self.constants.bodies[None]):
+            if other != b and self.joined[other] == 1:
+                free *= 1.0 - self.body_share(other, x, layer, h, BEGIN).x
+        return free
+
+    @ti.func
+    def open_share(self, x, layer, pose):
+        """Returns the share (-) of a layer's kernel outside all bodies and its gradient [1/m]."""
+        free, slope = 1.0, vec3(0.0)
+        h = self.support[layer]
+        for b in range(self.constants.bodies[None]):
+            part = self.body_share(b, x, layer, h, pose)
+            slope = slope * (1.0 - part.x) - free * part.yzw
+            free *= 1.0 - part.x
+        return vec4(free, slope[0], slope[1], slope[2])
+
+    @ti.func
+    def meets_kernel(self, b, p, layer, h):
+        """Returns False if lambda of body b, enlarged by the layer's swell, has no gradient at p
+        [m], in the frame of b; h [m]: support of the kernel."""
+        half, kind, found = self.half[b] + self.swell[layer], self.kind[b], False
+        if kind == BLOCK:
+            found = (abs(p) < half + h).all()
+        if kind == BALL:
+            found = p.norm() < half[0] + h
+        if kind == SOLID:
+            first = self.first[b]
+            found = self.samples.covers(first + 1 + layer, p)
+            found = found and abs(self.samples.linear(first, p).x) < h
+        return found
+
+    @ti.func
+    def body_share(self, b, x, layer, h, pose):
+        """Returns lambda (-) of one body enlarged by the layer's swell, and its gradient [1/m]."""
+        p = self.to_body_frame(b, x, pose)
+        found = vec4(0.0)
+        kind = self.kind[b]
+        half = self.half[b] + self.swell[layer]
+        if kind == SOLID:
+            found = self.mesh_share(b, p, layer, h)
+        elif self.meets_kernel(b, p, layer, h):
+            if kind == BLOCK:
+                found = block_share(p, h, -half, half)
+            else:
+                part = ball_share(p.norm(), h, half[0])
+                n = part[1] * p / ti.max(p.norm(), 1e-9)
+                found = vec4(part[0], n[0], n[1], n[2])
+        g = self.rotation[b, pose] @ found.yzw
+        return vec4(found.x, g[0], g[1], g[2])
+
+    @ti.func
+    def mesh_share(self, b, p, layer, h):
+        """Returns lambda of a mesh at p [m] in its frame; of the outside for a container."""
+        found = vec4(0.0)
+        first = self.first[b]
+        m = first + 1 + layer
+        if self.samples.covers(m, p):
+            distance = self.samples.linear(first, p).x
+            if abs(distance) < h:
+                found = self.samples.spline(m, p)
+            elif distance < 0.0:
+                found.x = 1.0
+        if self.side[b] < 0.0:
+            found = vec4(1.0, 0.0, 0.0, 0.0) - found
+        return found
+
+
+@ti.func
+def block_distance(p, half):
+    """Returns the signed distance [m] to the box from -half to half, and its gradient."""
+    q = abs(p) - half
+    side = ti.select(p < 0.0, -1.0, 1.0)
+    out = ti.max(q, 0.0)
+    length = out.norm()
+    distance, g = length, side * out / ti.max(length, 1e-9)
+    if length == 0.0:
+        distance = q.max()
+        g = vec3(0.0)
+        if q[0] == distance:
+            g[0] = side[0]
+        elif q[1] == distance:
+            g[1] = side[1]
+        else:
+            g[2] = side[2]
+    return vec4(distance, g[0], g[1], g[2])
