@@ -20,8 +20,9 @@ RIM_STRENGTH, INNER_STRENGTH = 0.85, 0.35  # opacity of edges before and behind 
 # Relative difference of depths in the same place: water reaches into bodies, also along the glass.
 SAME_DEPTH = 1e-3
 GLASS, FILM = 0.045, 0.02  # reflectance of a pane, and of a film of water, at normal incidence
-# Light that a wet wall or body lacks (-), and number of dry panes that mirror as much as a wet one.
-WET_SHADE, WET_PANES = 0.3, 1.5
+# Light that wet glaze, of tiles and containers, and wet clay lack (-), and number of dry panes that
+# mirror as much as a wet one.
+WET_GLAZE, WET_CLAY, WET_PANES = 0.15, 0.3, 1.5
 # Digits of a sample's kind: low wall (0, 1) or body; axis by which the ray entered the box.
 WALL_OR_BODY, ENTRY_AXIS = 4, 1 << 18
 
@@ -166,14 +167,17 @@ class Backdrop:
                 added = self.pool.bodies.shade(body, p, shot.sun, lit, shot)
                 depths.x = (entry + t) * d.dot(shot.forward)
             kind += DETAIL * close
-        if tiled or body >= 0:
+        # There is no film between a body and the glass that cuts it.
+        if (tiled and body < 0) or (body >= 0 and t > 0.0):
             wet = self.wetness.at(p, shot)
             if wet > 0.0:
                 n = self.pool.normal(p, axis, low, body, shot)
                 mirrored, share = d - 2.0 * d.dot(n) * n, wet * reflected(FILM, -d.dot(n))
-                light, left = (1.0 - WET_SHADE * wet) * light, (1.0 - share) * left
-                if body >= 0:
-                    added *= 1.0 - WET_SHADE * wet
+                light, left = (1.0 - WET_GLAZE * wet) * light, (1.0 - share) * left
+                if ti.static(self.pool.occupied):
+                    if body >= 0:
+                        clay = self.pool.bodies.boundary.side[body] > 0.0
+                        added *= 1.0 - wet * ti.select(clay, WET_CLAY, WET_GLAZE)
                 added = ti.math.mix(added, self.pool.mirrored_radiance(p, mirrored, shot), share)
         if ti.static(self.pool.occupied):
             if side.y >= 0.0:  # the transparent side of a container reflects the sky faintly

@@ -21,6 +21,7 @@ MAX_STEPS = 96  # largest number of steps of a ray
 HIT_DISTANCE = 4e-4  # distance at which a ray hits a body, over the longest edge of the box
 STEP_FRACTION = 0.9  # step over distance: sampled distances may be too large
 MIN_SLOPE = 0.1  # least slope of a distance along a ray, for Newton's step to its zero
+CUT = 2.0  # distance inside a body from which on a wall of glass cuts it, over HIT_DISTANCE
 SHADOW_SHARPNESS = 14.0  # sharpness of shadows
 MISSED = 1e9
 
@@ -89,7 +90,7 @@ class BodyShading:
                 d, slope = found.x, found.yzw.dot(r)
                 way = t + ti.max(STEP_FRACTION * abs(d), near)
                 margin = ti.min(margin, abs(d) / (reach + t))
-                if entered and t <= 0.0 and d < -self.offset():
+                if entered and t <= 0.0 and d < -CUT * near:
                     nearest, which, margin, way = 0.0, b, MISSED, MISSED  # a wall of glass cuts it
                 elif entered and d < near and slope < 0.0:
                     # Newton's step, since a waterline shows steps of `near`.
@@ -112,7 +113,8 @@ class BodyShading:
     @ti.func
     def is_cut(self, b, p):
         """Returns True if p [m], where a ray meets body b, is inside: a wall of glass cuts it."""
-        return self.boundary.side[b] * self.boundary.distance(b, p, END).x < -self.offset()
+        inside = self.boundary.side[b] * self.boundary.distance(b, p, END).x
+        return inside < -CUT * self.numbers.near[None]
 
     @ti.func
     def normal(self, b, p, shot: ti.template()):

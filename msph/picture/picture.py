@@ -73,7 +73,7 @@ class Picture:
         self.raster, self.sunlight = Rasteriser(self.fields, self.lens), Sunlight(mesh, self.lens)
         self.particles = ParticlesView(self.lens, self.raster, tone, self.fields.canvas)
         self.sky, self.bodies = Sky(), BodyShading(boundary)
-        self.wetness = Wetness(mesh, self.lens)
+        self.wetness = Wetness(mesh)
         self.ripples = Ripples(thin, self.sunlight, self.lens) if thin else None
         self.drying = EVERY  # simulated time since the last decay of the wetness [s]
         # Shading without bodies, and with bodies.
@@ -93,11 +93,13 @@ class Picture:
         # Centre [m] in the box frame and radius [m] of a ball that images show, or None.
         self.ball: tuple[tuple[float, float, float], float] | None = None
 
-    def load(self, width, height, box, look=None, region=None):
+    def load(self, width, height, box, look=None, region=None, spacing=0.0):
         """Prepares images of width x height pixels of the box (Lx, Ly, Lz) [m] with the boundary's
-        present bodies. region [m]: extent of the water's surface, higher than a box without a lid.
-        Raises ValueError if the room does not hold them."""
+        present bodies. region [m]: extent of the water's surface, higher than a box without a lid;
+        spacing [m]: largest distance between vertices of the mesh. Raises ValueError if the room
+        does not hold them."""
         self.box = tuple(map(float, box))
+        self.wetness.load(self.box, spacing)
         self.region = tuple(map(float, region or box))
         self.take_bodies()
         self.change(look or Look())
@@ -143,12 +145,12 @@ class Picture:
 
     def dry(self):
         """Updates the wetness. Returns True if the image without water changes."""
-        drying = 0
-        if self.drying >= EVERY:
-            drying = self.wetness.decay(math.exp(-LOST * self.drying / self.look.drying))
+        due = self.drying >= EVERY
+        if due:
+            self.wetness.decay(math.exp(-LOST * self.drying / self.look.drying))
             self.drying = 0.0
         self.wetness.mark()
-        return drying > 0
+        return due and self.wetness.renew() > 0
 
     @property
     def backdrop(self):

@@ -1,75 +1,102 @@
 """Wet walls and bodies: where water has been, until it has dried.
 
-A map of the box, CELLS along its longest edge: 1 in cells with a vertex of the water's mesh, whose
-sides lie on walls and bodies; elsewhere it decays. One map serves walls, panes and bodies.
+A map of the box, with nodes on its walls: near 1 at nodes close to a vertex of the water's mesh,
+whose sides lie on walls and bodies; elsewhere it decays. One map serves walls, panes and bodies.
 """
 
 import math
 
+import numpy as np
 import taichi as ti
 
+from msph.device_table import DeviceTable
 from msph.picture.rasteriser import BLOCK
 from msph.taichi_internals import data_oriented, kernel
 
-CELLS = 40
-# Time between two decays of the map, each of which renders the image without water again [s].
+# Largest number of cells along an axis; least size of a cell, over the distance between vertices.
+CELLS, LEAST_CELL = 40, 1.25
+# A vertex wets a node at the distance d [cells] by SHARPNESS (1 - d^2), at most 1: fully between
+# vertices, and less the farther the node is beyond the waterline, which so has no steps.
+SHARPNESS = 1.5
+# Time between two decays of the map, each of which may render the image without water again [s].
 EVERY = 0.25
-# Wetness (-) up to which a place counts as dry, and above which as wet.
-DRY, WET = 0.02, 0.98
+# Wetness (-) up to which a place counts as dry; change that is visible.
+DRY, VISIBLE = 0.02, 0.01
 # Decay within the drying time, as an exponent: from 1 to DRY.
 LOST = -math.log(DRY)
 
 
 @data_oriented
 class Wetness:
-    """wet (CELLS,) * 3: 0 to 1, by place in the box."""
+    """wet (CELLS + 1,) * 3: 0 to 1, by place in the box; drawn: the map of the last redraw."""
 
-    def __init__(self, mesh, lens):
-        self.mesh, self.lens = mesh, lens
-        self.wet = ti.field(ti.f32, (CELLS,) * 3)
+    def __init__(self, mesh):
+        self.mesh = mesh
+        self.wet, self.drawn = (ti.field(ti.f32, (CELLS + 1,) * 3) for _ in range(2))
+        # last: index of the nodes on the far walls.
+        self.numbers = DeviceTable((), per_metre=ti.math.vec3, last=ti.math.vec3)
         self.reset()
+
+    def load(self, box, spacing):
+        """Loads a box (Lx, Ly, Lz) [m] with a distance `spacing` [m] between vertices on walls."""
+        box = np.asarray(box, float)
+        cell = max(box.max() / CELLS, LEAST_CELL * spacing)
+        last = np.maximum(np.round(box / cell), 1.0)
+        self.numbers.fill(per_metre=last / box, last=last)
 
     def reset(self):
         """Dries everything."""
         self.wet.fill(0.0)
+        self.drawn.fill(0.0)
 
     @ti.func
-    def place(self, p, shot: ti.template()):
+    def place(self, p):
         """Returns the place of p [m] in cells."""
-        return ti.math.clamp(p * (CELLS / shot.size.max()), 0.0, CELLS - 0.001)
+        return ti.math.clamp(p * self.numbers.per_metre[None], 0.0, self.numbers.last[None])
 
     @kernel
     def mark(self):
-        """Wets the cells of the mesh's vertices."""
+        """Wets the nodes round the mesh's vertices."""
         ti.loop_config(block_dim=BLOCK)
         for v in range(self.mesh.counts[0]):
-            c = ti.cast(self.place(self.mesh.vertices[v], self.lens.shot[None]), ti.i32)
-            self.wet[c.x, c.y, c.z] = 1.0
+            c = self.place(self.mesh.vertices[v])
+            first = ti.min(ti.floor(c), self.numbers.last[None] - 1.0)
+            f = c - first
+            for corner in ti.static(ti.ndrange(2, 2, 2)):
+                found = ti.min(SHARPNESS * (1.0 - (f - ti.Vector(corner)).norm_sqr()), 1.0)
+                node = ti.cast(first, ti.i32) + ti.Vector(corner)
+                if found > self.wet[node]:  # a plain read first: most vertices add nothing
+                    ti.atomic_max(self.wet[node], found)
 
     @kernel
-    def decay(self, share: ti.f32) -> ti.i32:
-        """Multiplies the map by a share; returns the number of cells that are drying."""
-        drying = 0
-        for i, j, k in self.wet:
-            left = share * self.wet[i, j, k]
-            if left < DRY:
-                left = 0.0
-            self.wet[i, j, k] = left
-            drying += left > 0.0 and left < WET * share
-        return drying
+    def decay(self, share: ti.f32):
+        """Multiplies the map by a share."""
+        for node in ti.grouped(self.wet):
+            left = share * self.wet[node]
+            self.wet[node] = ti.select(left < DRY, 0.0, left)
+
+    @kernel
+    def renew(self) -> ti.i32:
+        """Returns the number of nodes that changed visibly since the last redraw, and takes the
+        map as drawn."""
+        changed = 0
+        for node in ti.grouped(self.wet):
+            changed += abs(self.wet[node] - self.drawn[node]) > VISIBLE
+            self.drawn[node] = self.wet[node]
+        return changed
 
     @ti.func
     def at(self, p, shot: ti.template()):
         """Returns the wetness at p [m], by quadratic B-splines: smooth edges."""
         found = 0.0
         if shot.drying == 1:
-            c = self.place(p, shot)
-            i = ti.cast(c, ti.i32)
-            f = c - i - 0.5
+            c, last = self.place(p), ti.cast(self.numbers.last[None], ti.i32)
+            i = ti.cast(ti.round(c), ti.i32)
+            f = c - i
             low, high = 0.5 * (0.5 - f) ** 2, 0.5 * (0.5 + f) ** 2
             for n in range(27):
                 a = ti.Vector([n % 3, n // 3 % 3, n // 9]) - 1
                 w = ti.select(a < 0, low, ti.select(a > 0, high, 0.75 - f * f))
-                cell = ti.math.clamp(i + a, 0, CELLS - 1)
-                found += w[0] * w[1] * w[2] * self.wet[cell.x, cell.y, cell.z]
+                cell = ti.math.clamp(i + a, 0, last)
+                found += w[0] * w[1] * w[2] * self.wet[cell]
         return found

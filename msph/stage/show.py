@@ -176,7 +176,8 @@ class Show:
         look = self.scene.picture
         sim, room = self.simulation, PictureRoom.holding(*size, look.supersample)
         picture = sim.world.build_once(picture_of, self.surface.room, room)
-        picture.load(*size, sim.size, look, sim.region)
+        spacing = max(self.surface.lattice.spacing)
+        picture.load(*size, sim.size, look, sim.region, spacing)
         return picture
 
     def warm_up(self) -> None:

@@ -1,7 +1,7 @@
 """Drops: particles without neighbours, added to the mesh as spheres of their volume.
 
 Marching cubes would make polyhedra of them, since a drop is hardly larger than a cell. A sphere is
-an icosahedron whose triangles are divided into four.
+an icosahedron whose triangles are divided into four. Beside a wall it touches the wall.
 """
 
 import itertools
@@ -29,6 +29,7 @@ class Drops:
         self.mesh, self.thin = mesh, thin
         vertices, triangles = sphere()
         self.vertices, self.triangles = len(vertices), len(triangles)
+        self.radius = float(np.linalg.norm(vertices, axis=1).max())
         self.sphere = DeviceTable((self.triangles,), vertex=vec3, triangle=ti.math.ivec3)
         self.sphere.fill(vertex=vertices, triangle=triangles)
         self.numbers = DeviceTable((), first_vertex=i32, first_triangle=i32, fit=i32)
@@ -49,7 +50,8 @@ class Drops:
             mesh.counts[3] += self.thin.drop_count[None] * self.triangles
         for k in range(self.numbers.fit[None]):
             p = self.thin.drops[k]
-            x, edge = self.thin.particles.x[p], self.thin.spacing(p)
+            edge = self.thin.spacing(p)
+            x = self.beside_walls(self.thin.particles.x[p], self.radius * edge)
             v = self.numbers.first_vertex[None] + k * self.vertices
             for m in range(self.vertices):
                 from_centre = self.sphere.vertex[m]
@@ -58,6 +60,15 @@ class Drops:
             t = self.numbers.first_triangle[None] + k * self.triangles
             for m in range(self.triangles):
                 self.mesh.triangles[t + m] = v + self.sphere.triangle[m]
+
+    @ti.func
+    def beside_walls(self, x, radius):
+        """Returns the centre [m] of a sphere for the particle at x that crosses no wall. What has
+        left an open top stays there."""
+        highest = self.thin.numbers.size[None] - radius
+        if x.y > highest.y + radius:
+            highest.y = x.y
+        return ti.math.clamp(x, radius, highest)
 
 
 def icosahedron() -> tuple[np.ndarray, np.ndarray]:

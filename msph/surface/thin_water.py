@@ -97,8 +97,11 @@ class ThinWater:
         self.kernel[i], larger, drop = self.full(layer), 0.0, False
         if not deep:
             c = self.coverage(i, bodies)
-            if c[1] > DROP_GAP:
-                drop = self.has_room(i, SPHERE_RADIUS * self.layers.spacing[layer], bodies)
+            drop = c[1] > DROP_GAP
+            if ti.static(bodies):
+                if drop:
+                    radius = SPHERE_RADIUS * self.layers.spacing[layer]
+                    drop = self.bodies.clearance(self.particles.x[i]) > radius
             if drop:
                 self.kernel[i][1] = 0.0
                 self.drops[ti.atomic_add(self.drop_count[None], 1)] = i
@@ -127,16 +130,6 @@ class ThinWater:
         # peak (1 - x^2/r^2)^3 = (1 - x^2/full^2)^3
         s = peak ** (1.0 / 3.0)
         return ti.sqrt((s - 1.0) / (s / (r * r) - 1.0 / (full * full)))
-
-    @ti.func
-    def has_room(self, i, radius, bodies: ti.template()):
-        """Returns True if a sphere of `radius` [m] around particle i meets no wall and no body."""
-        x, room = self.particles.x[i], self.numbers.size[None] - self.particles.x[i]
-        # Above an open top there is room, too.
-        found = ti.min(x.min(), room.x, abs(room.y), room.z) > radius
-        if ti.static(bodies):
-            found = found and self.bodies.clearance(x) > radius
-        return found
 
     @ti.func
     def coverage(self, i, bodies: ti.template()):

@@ -34,6 +34,20 @@ def test_drops_are_round_and_have_their_volume(water):
             assert radii.std() < 0.03 * radii.mean()
 
 
+def test_drops_on_walls_are_round_too(water):
+    """They were flat octagons."""
+    beside = 0.4 * FINE
+    x = np.array([(beside, 0.2, 0.2), (0.3, beside, 0.1), (0.5, 0.3, SIZE[2] - beside)])
+    water.fill(x)
+    assert_closed(water.mesh())
+    drops = as_trimesh(water.mesh()).split()
+    assert len(drops) == len(x)
+    for drop in drops:
+        assert (drop.bounds[0] > -1e-6).all() and (drop.bounds[1] < np.array(SIZE) + 1e-6).all()
+        assert drop.volume == pytest.approx(VOLUME, rel=1e-3)
+        assert drop.extents.std() < 0.03 * drop.extents.mean()
+
+
 def test_drops_beyond_the_mesh_s_room_are_said():
     room = SurfaceRoom(vertices=100, triangles=300)
     small = Water(room=room)
