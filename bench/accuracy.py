@@ -45,8 +45,8 @@ FINE, SPACINGS_DEEP = 0.02, 60
 LENGTH, DEPTH, AMPLITUDE, SPACINGS = 1.0, 0.5, 0.05, (10, 12, 15, 20, 25)
 SLOSH_SECONDS = 5.0
 # Falling in a duct: edge [m], viscosity [Pa s], finest spacings across; times between which it is
-# measured [s], and distance of the measured part of the column from its ends, in edges: both ends
-# bulge in the duct's middle.
+# measured [s], and distance of the measured heights from the ends of the column at the start, in
+# edges: the column falls, and both ends bulge in the duct's middle.
 EDGE, VISCOSITY, ACROSS = 0.2, 100.0, (10, 16)
 DUCT_BEGIN, DUCT_END, FROM_ENDS = 0.1, 0.35, 1.25
 # Time limit of a part [s].
@@ -136,13 +136,15 @@ def duct(kind: str, spacings: int, seed: int) -> list[Figure]:
     sim = tanks.build(tanks.duct(EDGE, spacings, VISCOSITY, layers, seed, **changes))
     tanks.run(sim, DUCT_BEGIN)
     masses = np.array([s.mass for s in sim.layers.specs])
+    bottom, top = tanks.DUCT_WATER
     flows, sheets = [], []
     while sim.time < DUCT_END:
         tanks.run(sim, tanks.FRAME)
         x, v = (sim.particles.numpy(name).astype(float) for name in ("x", "v"))
         m = masses[sim.particles.numpy("layer")]
         theory = tanks.duct_speed(x[:, 0], x[:, 2], EDGE, VISCOSITY / 1000.0, sim.time)
-        middle = (x[:, 1] > (3.0 + FROM_ENDS) * EDGE) & (x[:, 1] < (6.5 - FROM_ENDS) * EDGE)
+        height = x[:, 1] / EDGE
+        middle = (height > bottom + FROM_ENDS) & (height < top - FROM_ENDS)
         side = np.minimum(x[:, [0, 2]], EDGE - x[:, [0, 2]]).min(axis=1)
         sheet = middle & (side < np.cbrt(m / 1000.0))
         for errors, at in ((flows, middle), (sheets, sheet)):

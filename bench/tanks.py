@@ -13,6 +13,8 @@ from msph.scene.schema import Scene
 GRAVITY = 9.81
 # Modes of the series of a duct along each axis: the flow is exact to 1e-5.
 DUCT_MODES = 40
+# Heights of a duct's column of water at the start, and of the duct, in edges.
+DUCT_WATER, DUCT_TOP = (3.0, 6.5), 7.0
 FRAME = 1.0 / 60.0
 # Number of horizontal slices of a depth profile, and positions of the probes in each slice, (x, z)
 # over the footprint.
@@ -54,18 +56,18 @@ def tank(
 def duct(
     edge: float, spacings: int, viscosity: float, layers: int, seed: int = 0, **adaptation: float
 ) -> Scene:
-    """A square duct of `edge` [m] without slip, whose water falls from rest: a column 3.5 edges
-    high, and room of 3 edges below it.
+    """A square duct of `edge` [m] without slip, whose water (DUCT_WATER) falls from rest.
 
     spacings: across the duct, of the finest layer; viscosity [Pa s]; otherwise as for tank().
     """
     mass = 1000.0 * (edge / spacings) ** 3
-    lo, hi = [0, 3.0 * edge, 0], [edge, 6.5 * edge, edge]
+    bottom, top = (height * edge for height in DUCT_WATER)
+    lo, hi = [0, bottom, 0], [edge, top, edge]
     return Scene.model_validate(
         {
             "method": "projection",
             "seed": seed,
-            "box": {"size": [edge, 7.0 * edge, edge]},
+            "box": {"size": [edge, DUCT_TOP * edge, edge]},
             "projection": {"viscosity": viscosity, "slip": False},
             "layers": [{"mass": mass * 2**k} for k in range(layers)],
             "water": [{"layer": layers - 1, "lo": lo, "hi": hi, "jitter": 0.02}],

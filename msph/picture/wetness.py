@@ -15,12 +15,12 @@ from msph.taichi_internals import data_oriented, kernel
 
 # Largest number of cells along an axis; least size of a cell, over the distance between vertices.
 CELLS, LEAST_CELL = 40, 1.25
-# A vertex wets a node at the distance d [cells] by SHARPNESS (1 - d^2), at most 1: fully between
-# vertices, and less the farther the node is beyond the waterline, which so has no steps.
+# A vertex wets a node at the distance d [cells] by SHARPNESS (1 - d^2), at most 1: nodes between
+# vertices fully, and nodes beyond the waterline the less the farther they are, for a smooth edge.
 SHARPNESS = 1.5
 # Time between two decays of the map, each of which may render the image without water again [s].
 EVERY = 0.25
-# Wetness (-) up to which a place counts as dry; change that is visible.
+# Wetness (-) up to which a place counts as dry, and smallest change that is visible.
 DRY, VISIBLE = 0.02, 0.01
 # Decay within the drying time, as an exponent: from 1 to DRY.
 LOST = -math.log(DRY)

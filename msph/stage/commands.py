@@ -47,13 +47,11 @@ from msph.stage.measurer import CHECKPOINT, FILES, LEDGER, PROBES, SCENE, Measur
 from msph.stage.preparation import prepare, say
 from msph.stage.recorder import NUMBER, Outputs, Recorder, check_outputs
 from msph.stage.recording import Header, Recording, with_recording
-from msph.stage.replaying import InputRecorder, Replayer
+from msph.stage.replaying import ROUNDING, InputRecorder, Replayer
 from msph.stage.row import Row
 from msph.stage.show import SIMULATED
 from msph.stage.trial import finest_in_real_time
 
-# Rounding of the number of frames of a recording (-).
-ROUNDING = 1e-6
 # Capture by `play` if no window can be opened: duration [s], frames per second, size [pixels] and
 # time of the still image [s].
 FALLBACK_SECONDS, FALLBACK_FPS, FALLBACK_SIZE, STILL_TIME = 10.0, 30.0, (1280, 720), 1.0

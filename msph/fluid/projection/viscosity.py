@@ -4,8 +4,6 @@ The pair forces of viscous_operator.py are equal, opposite and central, so momen
 momentum are kept and rigid rotation is not braked.
 """
 
-import math
-
 import taichi as ti
 
 from msph.fluid.external_forces import ExternalForces
@@ -55,9 +53,8 @@ class Viscosity(Force):
 
     def tune(self, parameters: ProjectionParameters) -> None:
         self.nu = parameters.viscosity / self.layers.rest_density
-        # Next to walls without slip eigenvalues have no such bound.
-        rate = STIFFNESS / self.layers.finest.support**2 if parameters.slip else math.inf
-        self.stiffness = self.nu * rate
+        self.slip = parameters.slip
+        self.stiffness = self.nu * STIFFNESS / self.layers.finest.support**2
 
     def apply(self, dt: float, external: ExternalForces) -> None:
         """Advances the velocities by dt [s] under viscosity and the last step's pressure.
@@ -69,7 +66,8 @@ class Viscosity(Force):
         n = p.count
         self._add_pressure(n, dt)
         self.iterations = 0
-        explicit = dt * self.stiffness <= MAX_EXPLICIT
+        # Next to walls without slip eigenvalues exceed the bound of MAX_EXPLICIT.
+        explicit = self.slip and dt * self.stiffness <= MAX_EXPLICIT
         if explicit:
             self.start_round(n, dt * self.nu)
         else:

@@ -6,8 +6,9 @@ at surfaces. The weight is a ~ (1 - q^2)^1.5 and not a kernel's slope, which cou
 (docs/method.md, "Forces").
 
 A wall without slip brakes a particle at the distance y as images with the velocity -v_i z/y at the
-depths z would: exact for linear shear. Between neighbours the wall also exchanges momentum by the
-difference of v/y, which makes its friction exact for a parabola.
+depths z would, which is exact for linear shear. Particles near a wall also exchange momentum with
+the images of their neighbours by the difference of v/y, which makes the friction exact for a
+parabola.
 """
 
 import math
@@ -28,7 +29,7 @@ STIFFNESS = 80.0 / 3.0
 # Factor of a in the exchange of v/y: 3 along the line of centres; without a direction a sixth of
 # it, as the integrals of z^3 a behind a wall have the ratio 1 : 6.
 EXCHANGE_FACTOR = 0.5
-# Least distance from a wall that friction uses, in h: limits its iterations.
+# Least distance from a wall in its friction, in h: the solve takes more iterations with less.
 MIN_WALL_DISTANCE = 0.1
 
 
