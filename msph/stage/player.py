@@ -175,6 +175,7 @@ class Player(Audience):
 
     def _choose_tool(self, name: str) -> None:
         self.steering.tool = BY_NAME[name]
+        self.steering.contact.let_go()
         self.layout.show_message(BY_NAME[name].effect)
 
     def _jolt(self) -> None:

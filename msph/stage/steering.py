@@ -87,7 +87,8 @@ class Steering:
         return JOLT_TILT * swing * math.sin(math.pi * share)
 
     def stop(self) -> None:
-        """Levels the pool at once, as after a reset."""
+        """Levels the pool and ends the use of a tool at once, as after a reset."""
+        self.contact.let_go()
         self.tilt, self.rate = np.zeros(2), np.zeros(2)
         self.levels, self.jolted = False, math.inf
 
@@ -112,7 +113,11 @@ class Steering:
         """Returns the use of the active tool where the left button holds water, otherwise the wake
         of the cursor. still: no time passes; pressed: in this frame, even if released since."""
         left, right, middle = self.held_buttons()
-        left = left or self.contact.clicked or (pressed and self.free.get("LMB", True))
+        pressed = pressed and self.free.get("LMB", True)
+        if pressed:
+            # The last press may still be within its least duration.
+            self.contact.let_go()
+        left = left or pressed or self.contact.clicked
         hover = self.row.lead.scene.play.hover and self.moved.any()
         if left and not still:
             return self.contact.hold(self.tool, self.row, self.cursor, step)

@@ -26,11 +26,12 @@ from msph.stage.autosave import About, LostSession
 from msph.stage.called import Choice, SceneArguments
 from msph.stage.controls import ACTIONS, KEYS, Controls
 from msph.stage.layout import PANELS, Layout
+from msph.stage.pacer import Pacer
 from msph.stage.panel import PAGES, Request
 from msph.stage.player import SLOW_MOTION, Player
 from msph.stage.row import Row
 from msph.stage.show import INTERACTIVE, Show
-from msph.stage.tools import BY_NAME, TOOLS, ToolUse
+from msph.stage.tools import BY_NAME, PRESS_TIME, TOOLS, ToolUse
 from tests.scenes_kit import TEXT, WATER, write
 
 SIZE = WIDTH, HEIGHT = 480, 270
@@ -255,11 +256,25 @@ def test_a_drain_after_a_reset_counts_its_water_once(player, show):
         show.reset()
         press(player, show, "0")
         player.window.at, player.window.held = wet_place(show), {"LMB"}
-        frames(player, show, number=4)
+        press(player, show, "LMB", number=4)
         assert show.ledger.entries[-1].outflow_mass > 0.0
         assert abs(show.ledger.mass_change()) < 1e-6
         player.window.held = set()
         frames(player, show)
+
+
+@pytest.mark.parametrize("key", ["LMB", "r", "0"])
+def test_a_press_a_reset_and_another_tool_end_the_last_press(player, show, key, monkeypatch):
+    monkeypatch.setattr(Pacer, "frame_time", PRESS_TIME / 8)
+    frames(player, show)
+    player.window.at = wet_place(show)
+    press(player, show, "LMB")
+    contact = player.steering.contact
+    frames(player, show)
+    assert contact.clicked and contact.held == pytest.approx(PRESS_TIME / 4)
+    player.window.held = {"LMB"}
+    press(player, show, key)
+    assert contact.held == pytest.approx(PRESS_TIME / 8)
 
 
 @pytest.mark.parametrize("tool", TOOLS, ids=lambda tool: tool.name)
