@@ -1,15 +1,15 @@
 """Speed against error: runs every case with each method, kind of water, spacing and setting.
 
 python bench/pareto.py [--quick] [--case NAME] [--only water=uniform] [--resume] [--busy]
-                       [--cluster ADDRESS] [--arch cpu]
+                       [--cluster ADDRESS] [--arch cpu] [--threads 1]
 
 Every row is a run in a separate process, one at a time, and is written to bench/results/pareto.csv
 when it ends; all settings run with the first start before the next, so that an interrupted sweep
 has the medians of fewer starts. --resume continues there, and repeats runs that other busy
-processes disturbed, unless --busy keeps them. DFSPH needs pip install '.[peers]'. Runs
-whose time does not matter, the references of self-convergence, can run on an existing Dask cluster
-(pip install '.[cluster]', with this checkout on the workers). bench/results/pareto.md and
-pareto*.png are generated from the CSV file.
+processes disturbed, unless --busy keeps them. With --threads 1 other programs may use the other
+cores. DFSPH needs pip install '.[peers]'. Runs whose time does not matter, the references of self-
+convergence, can run on an existing Dask cluster (pip install '.[cluster]', with this checkout on
+the workers). bench/results/pareto.md and pareto*.png are generated from the CSV file.
 """
 
 import dataclasses
@@ -37,10 +37,12 @@ TIMED = ("wall_per_simulated", "peak_mib", "others")
 MAX_SECONDS = 1800
 
 
-def run(case: str, setting: Setting, arch: str) -> dict[str, float]:
-    """Returns the figures of a row, measured in this process."""
-    if setting.method != DFSPH:
-        start(arch)
+def run(case: str, setting: Setting, arch: str, threads: int) -> dict[str, float]:
+    """Returns the figures of a row, measured in this process with this number of CPU threads."""
+    if setting.method == DFSPH:
+        os.environ["OMP_NUM_THREADS"] = str(threads)
+    else:
+        start(arch, threads)
     done, found = CASES[case].measure(setting)
     costs = done.costs()
     if not setting.timed:
@@ -48,9 +50,9 @@ def run(case: str, setting: Setting, arch: str) -> dict[str, float]:
     return {**costs, **found}
 
 
-def in_process(case: str, setting: dict, arch: str) -> dict[str, float | str]:
+def in_process(case: str, setting: dict, arch: str, threads: int) -> dict[str, float | str]:
     """Runs run() in a separate process."""
-    task = {"case": case, "setting": setting, "arch": arch}
+    task = {"case": case, "setting": setting, "arch": arch, "threads": threads}
     return rows.in_process(__file__, task, MAX_SECONDS)
 
 
@@ -69,17 +71,19 @@ def requested(names: tuple[str, ...], quick: bool, only: dict[str, str]) -> list
     return sorted((t for t in every if wanted(t[1])), key=lambda task: task[1].start)
 
 
-def sweep(tasks: list, known: list[dict], arch: str, cluster: str, busy: bool) -> None:
+def sweep(
+    tasks: list, known: list[dict], arch: str, threads: int, cluster: str, busy: bool
+) -> None:
     """Measures every row that is unknown or was disturbed, and writes the table after each."""
     done = {key(row) for row in known if busy or not disturbed(row)}
     todo = [(n, s) for n, s in tasks if key({"case": n, **dataclasses.asdict(s)}) not in done]
     elsewhere = [(n, s) for n, s in todo if not s.timed] if cluster else []
-    pending = submit(cluster, elsewhere, arch) if elsewhere else []
+    pending = submit(cluster, elsewhere, arch, threads) if elsewhere else []
     for name, setting in tqdm([t for t in todo if t not in elsewhere], unit="run"):
-        found = in_process(name, dataclasses.asdict(setting), arch)
-        keep(row_of(name, setting, arch, found), known)
+        found = in_process(name, dataclasses.asdict(setting), arch, threads)
+        keep(row_of(name, setting, arch, threads, found), known)
     for (name, setting), future in zip(elsewhere, pending, strict=True):
-        keep(row_of(name, setting, arch, future.result()), known)
+        keep(row_of(name, setting, arch, threads, future.result()), known)
 
 
 def keep(row: dict, known: list[dict]) -> None:
@@ -88,14 +92,14 @@ def keep(row: dict, known: list[dict]) -> None:
     rows.write(RESULTS / TABLE, known)
 
 
-def submit(address: str, tasks: list[tuple[str, Setting]], arch: str) -> list:
+def submit(address: str, tasks: list[tuple[str, Setting]], arch: str, threads: int) -> list:
     """Submits untimed rows to a cluster; returns their futures."""
     try:
         from distributed import Client
     except ImportError as error:
         raise click.UsageError("--cluster needs: pip install '.[cluster]'") from error
     client = Client(address)
-    return [client.submit(in_process, n, dataclasses.asdict(s), arch) for n, s in tasks]
+    return [client.submit(in_process, n, dataclasses.asdict(s), arch, threads) for n, s in tasks]
 
 
 @click.command()
@@ -115,12 +119,13 @@ def submit(address: str, tasks: list[tuple[str, Setting]], arch: str) -> list:
 @click.option("--cluster", default="", help="Address of a Dask scheduler for untimed runs.")
 @click.option("--draw", is_flag=True, help="Only write the report and figures of the stored rows.")
 @click.option("--arch", type=click.Choice(ARCHES), default="auto", show_default=True)
+@click.option("--threads", type=click.IntRange(1), help="CPU threads, by default one per core.")
 @click.option("--worker", hidden=True)
-def main(quick, cases, only, resume, busy, cluster, draw, arch, worker) -> None:
+def main(quick, cases, only, resume, busy, cluster, draw, arch, threads, worker) -> None:
     """Run the cases and write bench/results/pareto.{csv,md,png} and a figure for each case."""
     if worker:
         task = json.loads(worker)
-        found = run(task["case"], Setting(**task["setting"]), task["arch"])
+        found = run(task["case"], Setting(**task["setting"]), task["arch"], task["threads"])
         print(json.dumps(found), flush=True)
         os._exit(0)  # other programs may crash at their end
     from bench.pareto_report import report
@@ -134,7 +139,8 @@ def main(quick, cases, only, resume, busy, cluster, draw, arch, worker) -> None:
         known = [row for row in known if row["case"] not in cases]
     RESULTS.mkdir(exist_ok=True)
     if not draw:
-        sweep(requested(cases, quick, chosen), known, start(arch), cluster, busy)
+        threads = threads or os.cpu_count() or 1
+        sweep(requested(cases, quick, chosen), known, start(arch), threads, cluster, busy)
     report(known, RESULTS)
 
 

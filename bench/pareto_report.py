@@ -371,7 +371,9 @@ def shown(name: str, value: float) -> str:
 
 def report(rows: list[dict], folder: Path = RESULTS) -> None:
     """Writes pareto.md and the figures."""
-    where = sorted({f"{r['machine']}; arch {r['arch']}; {r['date']}" for r in rows})
+    where = sorted(
+        {f"{r['machine']}; arch {r['arch']}, threads: {r['threads']}; {r['date']}" for r in rows}
+    )
     command = " ".join(["python", *sys.argv])
     rows = grouped(rows)
     text = [

@@ -3,6 +3,7 @@
 import dataclasses
 import datetime
 import math
+import os
 import statistics
 
 from bench.cases.case import Setting
@@ -10,8 +11,9 @@ from msph.measure.machine import machine
 
 KEYS = ["case", *(f.name for f in dataclasses.fields(Setting))]
 # Columns of the place and date of a run.
-WHERE = ["arch", "machine", "date"]
-# Largest mean number of cores that other processes keep busy during a timed run.
+WHERE = ["arch", "threads", "machine", "date"]
+# Largest mean number of cores that other processes keep busy during a timed run, beside the cores
+# that the run leaves free.
 QUIET = 0.1
 
 
@@ -20,11 +22,11 @@ def key(row: dict) -> tuple[str, ...]:
     return tuple("" if row.get(k) is None else str(row[k]) for k in KEYS)
 
 
-def row_of(case: str, setting: Setting, arch: str, found: dict) -> dict:
-    """Returns a row of the table: case, setting, machine, date and figures."""
+def row_of(case: str, setting: Setting, arch: str, threads: int, found: dict) -> dict:
+    """Returns a row of the table: case, setting, CPU threads, machine, date and figures."""
     numbers = {k: v if isinstance(v, str) else f"{v:.5g}" for k, v in found.items()}
     today = datetime.date.today().isoformat()
-    where = {"arch": arch, "machine": machine(), "date": today}
+    where = {"arch": arch, "threads": threads, "machine": machine(), "date": today}
     return {"case": case, **dataclasses.asdict(setting), **where, **numbers}
 
 
@@ -73,4 +75,5 @@ def _group(rows: list[dict]) -> dict:
 
 def disturbed(row: dict) -> bool:
     """Returns True if other processes used so much CPU time that the run's time is unreliable."""
-    return number(row, "others") > QUIET
+    cores = os.cpu_count() or 1
+    return number(row, "others") > QUIET + cores - int(row.get("threads") or cores)

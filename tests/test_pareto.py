@@ -111,7 +111,7 @@ def test_sweeps_have_no_row_twice(case):
 def row(case, time, error, **more):
     setting = Setting(**more)
     found = {"wall_per_simulated": time, CASES[case].main: error}
-    return pareto_table.row_of(case, setting, "cpu", found)
+    return pareto_table.row_of(case, setting, "cpu", 1, found)
 
 
 def grouped(*rows_):
@@ -187,9 +187,10 @@ def test_orders_of_convergence():
 def test_a_sweep_goes_on_where_it_was(tmp_path, monkeypatch):
     """A row that is in the table is not run again; one that fails is in the table, and said."""
     monkeypatch.setattr(pareto, "RESULTS", tmp_path)
-    ran = []
+    monkeypatch.setattr(pareto_table.os, "cpu_count", lambda: 4)
+    ran, threads = [], 3
 
-    def fake(case, setting, arch):
+    def fake(case, setting, arch, threads):
         ran.append(setting)
         if setting["water"] == ADAPTIVE:
             return {"failure": "no room"}
@@ -199,18 +200,21 @@ def test_a_sweep_goes_on_where_it_was(tmp_path, monkeypatch):
     monkeypatch.setattr(pareto.peer_splishsplash, "missing", lambda: True)
     tasks = pareto.requested(("sloshing",), True, {})
     assert len(pareto.requested(("sloshing",), False, {"fineness": "7", "start": "2"})) > 3
-    pareto.sweep(tasks, [], "cpu", "", False)
+    pareto.sweep(tasks, [], "cpu", threads, "", False)
     whole = len(ran)
     assert whole == len(tasks) > 1
     known = rows.read(tmp_path / pareto.TABLE)
     assert len(known) == whole
-    pareto.sweep(tasks, known[:-2], "cpu", "", False)
+    pareto.sweep(tasks, known[:-2], "cpu", threads, "", False)
     assert len(ran) == whole + 2
     assert ran[-1] == dataclasses.asdict(tasks[-1][1])
-    disturbed = [{**known[0], "others": "0.5"}, *known[1:]]
-    pareto.sweep(tasks, disturbed, "cpu", "", True)
+    disturbed = [{**known[0], "others": "1.0"}, *known[1:]]
+    pareto.sweep(tasks, disturbed, "cpu", threads, "", False)
+    assert len(ran) == whole + 2, "the fourth core was free"
+    disturbed[0]["others"] = "1.5"
+    pareto.sweep(tasks, disturbed, "cpu", threads, "", True)
     assert len(ran) == whole + 2
-    pareto.sweep(tasks, disturbed, "cpu", "", False)
+    pareto.sweep(tasks, disturbed, "cpu", threads, "", False)
     assert len(ran) == whole + 3 and len(disturbed) == whole
     pareto_report.report(known, tmp_path)
     text = (tmp_path / "pareto.md").read_text()

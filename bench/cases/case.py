@@ -209,7 +209,8 @@ class Case:
     values: tuple[str, ...] = ()
     # Also run without shear relief.
     sheared: bool = False
-    # Errors in the summary figure; without one, a quick sweep makes a single run.
+    # Errors in the summary figure; without one, the settings of the solver are not varied, and a
+    # quick sweep makes a single run.
     summary: tuple[str, ...] = ()
     # What a reader of the main error must know.
     note: str = ""
@@ -240,7 +241,7 @@ class Case:
             return [s for s in found if s.water != FIXED]
         middle = finenesses[len(finenesses) // 2]
         waters = tuple(dict.fromkeys((self.waters[0], richest)))
-        for change in CHANGES:
+        for change in CHANGES if self.summary else ():
             found += [Setting(water=w, fineness=middle, **change) for w in waters]
         if self.peer:
             found += [
