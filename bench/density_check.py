@@ -9,7 +9,7 @@ and the mass of a particle of each layer [kg]. Nothing is imported from msph.
 - Kernel density error: c_i = sum_j V_j W(r_ij, h_ij) over all particles, i included, and their
   images in the walls of the box; W is the quartic B-spline M5, h = 2.45 spacings, h_ij the power
   mean of both with the exponent 2.5. Mean and 99th percentile over particles of max(c - 1, 0).
-- Bulk density error: mass over volume in Wendland C2 kernels of 3.5 spacings at random points of
+- Bulk density error: mass over volume in Epanechnikov kernels of 3.5 spacings at random points of
   which the whole kernel lies in the water, minus 1; narrower kernels where no water is as deep.
 
 The walls of an open box mirror above its rim, too. Bodies count as air: next to them kernel sums
@@ -43,10 +43,9 @@ def m5(r, h):
     return 15625.0 / (512.0 * np.pi * h**3) * (a - 5.0 * b + 10.0 * c)
 
 
-def wendland_c2(r, h):
-    """Returns the Wendland C2 kernel [1/m^3] of support h [m]."""
-    q = np.minimum(r / h, 1.0)
-    return 21.0 / (2.0 * np.pi * h**3) * (1.0 - q) ** 4 * (1.0 + 4.0 * q)
+def epanechnikov(r, h):
+    """Returns the Epanechnikov kernel [1/m^3] of support h [m]."""
+    return 15.0 / (8.0 * np.pi * h**3) * np.maximum(1.0 - (r / h) ** 2, 0.0)
 
 
 def with_images(x, d, box, reach):
@@ -118,7 +117,7 @@ def bulk_density_error(x, d, box, seed=0):
                 near = cKDTree(points[fits]).sparse_distance_matrix(
                     trees[b], radius * a, output_type="ndarray"
                 )
-                weights = b**3 * wendland_c2(near["v"], radius * a)
+                weights = b**3 * epanechnikov(near["v"], radius * a)
                 found += np.bincount(near["i"], weights, len(found))
             total[fits], open_ = found, open_ & ~fits
         known = total[~np.isnan(total)]

@@ -15,6 +15,13 @@ def wendland(r: np.ndarray, h: np.ndarray | float) -> np.ndarray:
     return 21.0 / (2.0 * math.pi) / h**3 * (1.0 - q) ** 4 * (1.0 + 4.0 * q)
 
 
+def epanechnikov(r: np.ndarray, h: np.ndarray | float) -> np.ndarray:
+    """Returns the Epanechnikov kernel [1/m^3] at distance r [m] for the support radius h [m]: of
+    all kernels it estimates a density with the least mean square error (Epanechnikov 1969)."""
+    q = np.minimum(r / h, 1.0)
+    return 15.0 / (8.0 * math.pi) / h**3 * (1.0 - q * q)
+
+
 def quartic(r: np.ndarray, h: float) -> np.ndarray:
     """Returns the quartic B-spline M5 [1/m^3] at distance r [m] for the support radius h [m]."""
     q = r / h

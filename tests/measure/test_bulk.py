@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from msph.measure.bulk import KERNEL_RADIUS, bulk_density
-from msph.measure.host_kernels import mirrored, wendland
+from msph.measure.host_kernels import epanechnikov, mirrored
 
 SIZE = (0.8, 0.8, 0.8)
 D = 0.04
@@ -29,7 +29,7 @@ def test_lattice_at_rest_reads_one_up_to_its_walls(height):
     found = bulk_density(*lattice(height, D), SIZE)
     assert found.points > 300
     assert found.mean == pytest.approx(1.0, abs=2e-4)
-    assert found.least > 1 - 2e-3 and found.most < 1 + 2e-3
+    assert found.least > 1 - 5e-3 and found.most < 1 + 5e-3
 
 
 @pytest.mark.parametrize("excess", [0.2, -0.2])
@@ -96,6 +96,17 @@ def test_narrower_kernels_measure_thin_water():
     assert bulk_density(x, d * 1.1 ** (1 / 3), SIZE).mean == pytest.approx(1.1, abs=3e-3)
 
 
+def test_disorder_in_thin_water_does_not_read_as_density():
+    """Six sheets, displaced by 0.2 spacings: rms error over twelve arrangements."""
+    x, d = lattice(0.24, D)
+    errors = []
+    for seed in range(12):
+        moved = np.abs(x + np.random.default_rng(seed).normal(0.0, 0.2 * D, x.shape))
+        moved = np.where(moved > SIZE, 2 * np.array(SIZE) - moved, moved)
+        errors.append(bulk_density(moved, d, SIZE).mean - 1.0)
+    assert np.sqrt(np.mean(np.square(errors))) < 3.5e-3
+
+
 def test_a_pocket_of_fine_water_amid_coarse_water_reads_one():
     """The coarse water is not deep enough for its own kernel."""
     (xc, dc), (xf, df) = lattice(0.4, 0.1), lattice(0.4, 0.02)
@@ -106,7 +117,7 @@ def test_a_pocket_of_fine_water_amid_coarse_water_reads_one():
 
 def test_wide_kernel_is_normalised_and_mirrors_double_what_a_wall_cuts():
     r = np.linspace(0.0, KERNEL_RADIUS, 4001)
-    whole = np.trapezoid(4 * np.pi * r**2 * wendland(r, KERNEL_RADIUS), r)
+    whole = np.trapezoid(4 * np.pi * r**2 * epanechnikov(r, KERNEL_RADIUS), r)
     assert whole == pytest.approx(1.0, abs=1e-6)
     x, which = mirrored(np.array([[0.01, 0.4, 0.79]]), SIZE, 0.05)
     images = {(0.01, 0.79), (-0.01, 0.79), (0.01, 0.81), (-0.01, 0.81)}
