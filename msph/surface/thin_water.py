@@ -91,8 +91,8 @@ class ThinWater:
     @ti.func
     def set_kernel(self, i, deep, bodies: ti.template()):
         """Sets the kernel of particle i (deep: known to be in deep water) and adds its volume, or
-        lists it as a drop. Returns the distance [m] within which the kernel exceeds the full
-        kernel."""
+        lists it as a drop, neither beyond a wall. Returns the distance [m] within which the kernel
+        exceeds the full kernel."""
         layer = self.particles.layer[i]
         self.kernel[i], larger, drop = self.full(layer), 0.0, False
         if not deep:
@@ -104,12 +104,19 @@ class ThinWater:
                     drop = self.bodies.clearance(self.particles.x[i]) > radius
             if drop:
                 self.kernel[i][1] = 0.0
+            if drop and not self.beyond_wall(self.particles.x[i]):
                 self.drops[ti.atomic_add(self.drop_count[None], 1)] = i
             elif c[0] < self.by_layer.thick[layer]:
                 larger = self.narrow(i, layer, c[0])
-        if not drop:
+        if not (drop or self.beyond_wall(self.particles.x[i])):
             self.volume[None] += self.layers.volume[layer]
         return larger
+
+    @ti.func
+    def beyond_wall(self, x):
+        """Returns True for a place in the pipe of an opening, or in a jet out of the box."""
+        size = self.numbers.size[None]
+        return ti.min(x.x, x.y, x.z, size.x - x.x, size.z - x.z) < 0.0
 
     @ti.func
     def spacing(self, i):

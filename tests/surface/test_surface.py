@@ -154,6 +154,18 @@ def test_full_box(water):
     assert mesh.volume() == pytest.approx(np.prod(SIZE), rel=1e-3)
 
 
+def test_particles_beyond_walls_add_no_volume_and_no_drop(water):
+    """Those in the pipe of an inflow would raise the surface by 5 %; lone ones are in a jet."""
+    x = packed((0, 0, 0), (0.6, 0.3, 0.4), FINE)
+    pipe = packed((0.2, 0, 0.1), (0.4, 3 * FINE, 0.3), FINE) - [0, 3 * FINE, 0]
+    jet = np.array([[-0.1, 0.4, 0.2], [-0.2, 0.35, 0.2]])
+    water.fill(np.concatenate([x, pipe, jet]))
+    mesh = water.mesh()
+    assert_closed(mesh)
+    assert mesh.volume() == pytest.approx(len(x) * FINE**3, rel=5e-3)
+    assert as_trimesh(mesh).body_count == 1
+
+
 def test_no_particles_no_mesh(water):
     water.fill(np.zeros((0, 3)))
     assert water.mesh().counts.to_numpy().tolist() == [0, 0, 0, 0]
