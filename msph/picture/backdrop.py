@@ -1,10 +1,13 @@
-"""Image without water: sky, ground, pool and bodies, redrawn only when the view or a body changes.
+"""Image without water: sky, ground, pool and bodies. It is drawn again only when the view changes,
+and where a body moved.
 
 Sky and ground are sampled once every COARSE pixels; the box and its contents as in `samples`.
 """
 
 import taichi as ti
 
+from msph.picture.body_shading import MISSED
+from msph.picture.moved_bodies import MovedBodies
 from msph.picture.pool import MIN_COSINE, RIM, component
 from msph.picture.rasteriser import BLOCK, FAR, NO_ITEM
 from msph.picture.room import COARSE, PixelFields
@@ -23,6 +26,8 @@ GLASS, FILM = 0.045, 0.02  # reflectance of a pane, and of a film of water, at n
 # Light that wet glaze, of tiles and containers, and wet clay lack (-), and number of dry panes that
 # mirror as much as a wet one.
 WET_GLAZE, WET_CLAY, WET_PANES = 0.15, 0.3, 1.5
+# Notes of blocks: what their rays can meet in the box.
+BARE, OCCUPIED, HIDDEN = range(3)
 # Digits of a sample's kind: low wall (0, 1) or body; axis by which the ray entered the box.
 WALL_OR_BODY, ENTRY_AXIS = 4, 1 << 18
 
@@ -31,43 +36,55 @@ WALL_OR_BODY, ENTRY_AXIS = 4, 1 << 18
 class Backdrop:
     """Display-referred colours, with the opacity of the edge lines in front of the water.
 
-    Pixels that water hides are skipped while the view changes: only the edge lines in front are
-    drawn. With bodies all pixels are drawn, since a body can be in front of the water.
+    Blocks that water hides are postponed while the view changes or bodies move: only the edge lines
+    in front are drawn. Bodies themselves are always drawn, since they can be in front of the water.
     """
 
     def __init__(self, fields: PixelFields, lens, pool, tone, wetness):
         self.lens, self.key, self.wetness = lens, fields.key, wetness
         self.pool, self.tone = pool, tone
         self.colour, self.background, self.depth = fields.backdrop, fields.background, fields.depth
-        self.entry = fields.entry
+        self.entry, self.postponed = fields.entry, fields.postponed
         self.complete = False
+        self.moved = MovedBodies(pool.bodies.boundary, fields.room) if pool.occupied else None
 
     def refresh(self, changed, flooded=False, dried=False):
         """Redraws what changed. changed: the view is new; flooded: `key` holds the water of this
         view; dried: walls and bodies are less wet than before."""
-        if self.pool.occupied:
-            flooded = False
-            changed = changed or self.pool.bodies.boundary.moving
-        flooded = flooded and changed  # in a constant view, water may uncover pixels it hid
-        if changed or dried or not self.complete:
-            self.draw(flooded)
+        whole, moved, framed = changed or dried, False, False
+        if self.moved:
+            moved = self.moved.find(self.lens.numbers, whole)
+            framed = moved is not None
+            whole = whole or not framed
+        # In a constant view, water may uncover blocks it hid.
+        flooded = flooded and (whole or moved) and (framed or not self.moved)
+        if whole or moved or not self.complete:
+            self.draw(whole, flooded, framed)
             self.complete = not flooded
 
     @kernel
-    def draw(self, flooded: ti.i32):
+    def draw(self, whole: ti.i32, flooded: ti.i32, framed: ti.i32):
+        """Draws blocks that moving bodies changed and that were postponed. whole: all blocks;
+        flooded: postpones what water hides; framed: all bodies are marked."""
         columns, rows = self.lens.shot[None].columns, self.lens.shot[None].rows
         ti.loop_config(block_dim=BLOCK)
         for a, b in ti.ndrange(columns // COARSE + 2, rows // COARSE + 2):
-            shot = self.lens.shot[None]
-            d = shot.origin + shot.du * (COARSE * a) + shot.dv * (COARSE * b)
-            colour = self.pool.background(d.normalized(), shot)
-            if shot.plain == 1:
-                colour = ti.math.mix(shot.low_colour, shot.high_colour, COARSE * b / (rows - 1.0))
-            self.background[a, b] = colour
+            if whole == 1:
+                self.sample_background(a, b)
         ti.loop_config(block_dim=BLOCK // COARSE)
         for a, b in ti.ndrange(columns // COARSE + 1, rows // COARSE + 1):
-            self.draw_background(a, b)
-        draw_blocks(self, flooded, columns, rows)
+            if whole == 1 or self.mark(COARSE * a, COARSE * b) > 0:
+                self.draw_background(a, b)
+        draw_blocks(self, ti.Vector([whole, flooded, framed]), columns, rows)
+
+    @ti.func
+    def sample_background(self, a, b):
+        shot = self.lens.shot[None]
+        d = shot.origin + shot.du * (COARSE * a) + shot.dv * (COARSE * b)
+        colour = self.pool.background(d.normalized(), shot)
+        if shot.plain == 1:
+            colour = ti.math.mix(shot.low_colour, shot.high_colour, COARSE * b / (shot.rows - 1.0))
+        self.background[a, b] = colour
 
     @ti.func
     def draw_background(self, a, b):
@@ -85,26 +102,43 @@ class Backdrop:
                     self.depth[i, j] = self.entry[i, j] = FAR
 
     @ti.func
-    def begin(self, i0, j0, flooded):
-        """Block setup for `draw_blocks`. Its note: whether water hides the whole block."""
+    def mark(self, i, j):
+        """Returns MovedBodies.mark, 0 without bodies."""
+        found = 0
+        if ti.static(self.pool.occupied):
+            found = self.moved.mark(i, j)
+        return found
+
+    @ti.func
+    def begin(self, i0, j0, given):
+        """Block setup for `draw_blocks`; given: the arguments of draw(). Its note: HIDDEN if water
+        hides the whole block, OCCUPIED if there may be bodies or their shadows, else BARE."""
         shot = self.lens.shot[None]
         corner = vec2(i0, j0)
+        whole, flooded, framed = given[0], given[1] == 1, given[2] == 1
+        mark, late = self.mark(i0, j0), self.postponed[i0 // SPAN, j0 // SPAN] == 1
+        due = whole == 1 or mark > 0
         boxed = (corner + SPAN >= shot.lo).all() and (corner <= shot.hi).all()
-        hidden = flooded != 0
+        boxed = boxed and (due or late)
+        hidden = flooded and mark < MovedBodies.BODY
         if boxed and hidden:
             for k in range(SPAN * SPAN):
                 i = ti.min(i0 + k // SPAN, shot.columns - 1)
                 j = ti.min(j0 + k % SPAN, shot.rows - 1)
                 hidden = hidden and self.key[i, j] != NO_ITEM
-        return boxed, True, hidden
+        if boxed:
+            self.postponed[i0 // SPAN, j0 // SPAN] = ti.cast(hidden, ti.i32)
+        note = BARE if whole == 1 and framed and mark == 0 else OCCUPIED
+        return boxed and (due or not hidden), True, ti.select(hidden, HIDDEN, note)
 
     @ti.func
     def wanted(self, i, j):
         return True
 
     @ti.func
-    def trace(self, i, j, hidden):
-        """Returns kind and sample of the ray through a pixel; hidden: draw edge lines only."""
+    def trace(self, i, j, note):
+        """Returns kind and sample of the ray through a pixel; note: of its block. In hidden blocks
+        only edge lines are drawn."""
         shot = self.lens.shot[None]
         d = (shot.origin + shot.du * i + shot.dv * j).normalized()
         near, far, way_in, axis = self.pool.slab_test(d, shot)
@@ -121,16 +155,16 @@ class Backdrop:
                     wet = self.wetness.at(shot.eye + d * near, shot)
                     share = ti.math.mix(share, 1.0 - (1.0 - share) ** WET_PANES, wet)
                     mirrored *= 1.0 - 2.0 * vec3(way_in == 0, way_in == 1, way_in == 2)
-            if not hidden:
+            if note != HIDDEN:
                 kind, place, light, left, added, depths = self.inside(
-                    i, j, d, entry, far, axis, shot
+                    i, j, d, entry, far, axis, note == OCCUPIED, shot
                 )
                 kind += ENTRY_AXIS * ti.select(near > 0.0, way_in, 3)
                 if share > 0.0:
                     left *= 1.0 - share
                     added = ti.math.mix(added, self.pool.far_radiance(mirrored, shot), share)
             if rim > 0.0:
-                kind = DETAIL + ti.select(hidden, UNTILED, kind)
+                kind = DETAIL + ti.select(note == HIDDEN, UNTILED, kind)
         elif far > near * (1.0 - 2.0 * SPAN * shot.pixel):
             kind += DETAIL  # the box may begin within the block
         return kind, make_sample(
@@ -138,14 +172,16 @@ class Backdrop:
         )
 
     @ti.func
-    def inside(self, i, j, d, entry, far, axis, shot: ti.template()):
-        """Intersects the ray d (unit) with the contents of the box, between its entry and exit [m].
-        Returns: kind; position [m] and pixel width there [m]; light there (sun, sky); share of it
-        that reaches the eye; light added on the way; depths along the view [m], or FAR, of a body
-        and of the entry into a container."""
+    def inside(self, i, j, d, entry, far, axis, occupied, shot: ti.template()):
+        """Intersects the ray d (unit) with the contents of the box, between its entry and exit [m];
+        occupied: there may be bodies or their shadows. Returns: kind; position [m] and pixel width
+        there [m]; light there (sun, sky); share of it that reaches the eye; light added on the way;
+        depths along the view [m], or FAR, of a body and of the entry into a container."""
         low, depths = component(d, axis) < 0.0, vec2(FAR)
         start = shot.eye + d * entry
-        t, body, side, close = self.pool.intersect(start, d, far - entry, entry, False, shot)
+        t, body, side, close = MISSED, -1, vec2(MISSED, -1.0), False
+        if occupied:
+            t, body, side, close = self.pool.intersect(start, d, far - entry, entry, False, shot)
         p = ti.select(body >= 0, start + t * d, shot.eye + d * far)
         kind, left, added = axis + WALL_OR_BODY * low, 1.0, vec3(0.0)
         footprint = shot.pixel * far / ti.max(abs(component(d, axis)), MIN_COSINE)
@@ -159,7 +195,7 @@ class Backdrop:
             left, added = 1.0 - line, RIM * RIM * line
         if ti.static(self.pool.occupied):
             lit = 1.0
-            if tiled or body >= 0:
+            if occupied and (tiled or body >= 0):
                 lit = self.pool.sunlit(p, d, shot.sun)
             light.x *= lit
             if body >= 0:

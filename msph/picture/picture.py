@@ -190,13 +190,12 @@ class Picture:
         if self.look.caustics:
             self.sunlight.trace_caustics()
         dried = self.look.drying > 0.0 and self.dry()
-        occupied, contained = self.backdrop.pool.occupied, False
-        if occupied:
-            # Water is clipped by the container in the backdrop, and bodies may hide water.
+        contained = self.backdrop.pool.occupied and self.boundary.container is not None
+        if contained:
+            # Water is clipped by the container in the backdrop.
             self.backdrop.refresh(changed, dried=dried)
-            contained = self.boundary.container is not None
         self.rasterise(contained)
-        if not occupied:
+        if not contained:
             self.backdrop.refresh(changed, True, dried)
         self.shader.shade()
         if self.look.whitewater and self.whitewater:

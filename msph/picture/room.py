@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import taichi as ti
 
+from msph.picture.samples import SPAN
+
 FIRST = 960, 544  # smallest class [pixels]: the default window, rows rounded up to 64
 COARSE = 8  # pixels between samples of sky and ground, which have little finer detail
 
@@ -34,7 +36,7 @@ class PixelFields:
     bytes per pixel: 36 MiB in the first class."""
 
     def __init__(self, room: PictureRoom):
-        size = room.width, room.height
+        self.room, size = room, (room.width, room.height)
         self.canvas = ti.Vector.field(3, ti.f32, size)  # colour of each ray, display-referred
         self.wide = ti.Vector.field(3, ti.f32, size)  # the image enlarged along x
         self.resolved = ti.Vector.field(
@@ -48,6 +50,8 @@ class PixelFields:
         self.depth = ti.field(ti.f32, size)  # of bodies along the view [m], or FAR
         # Depth at which the ray enters the container [m], or FAR; 0 if the eye is in it.
         self.entry = ti.field(ti.f32, size)
+        # 1 for blocks of SPAN pixels whose colours are yet to be drawn, since water hides them.
+        self.postponed = ti.field(ti.i32, (room.width // SPAN + 1, room.height // SPAN + 1))
         # Sky and ground at pixels (COARSE a, COARSE b), linear.
         self.background = ti.Vector.field(
             3, ti.f32, (room.width // COARSE + 2, room.height // COARSE + 2)

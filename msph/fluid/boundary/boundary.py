@@ -35,6 +35,8 @@ from msph.taichi_internals import data_oriented, kernel
 
 vec3, vec4 = ti.math.vec3, ti.math.vec4
 
+# Corners of a box of half edges 1 about the origin, (8, 3).
+CORNERS = 2.0 * np.indices((2, 2, 2)).reshape(3, 8).T - 1.0
 # Depth [finest spacings] in a wall beyond which the wall does not mirror a body.
 CROSSING = 0.25
 
@@ -236,6 +238,13 @@ class Boundary(BodyShapes):
         """Returns a body's centre [m], (3,), at the end of the step."""
         return centre(self.bodies[body]) + self.pose(body)[0]
 
+    def corners_at_end(self) -> np.ndarray:
+        """Returns the corners [m] of the bodies' bounding boxes, which turn with them, at the end
+        of the step, (bodies, 8, 3)."""
+        centres, turns = self._at_end
+        corners = self._half[:, None, :] * CORNERS
+        return centres[:, None, :] + corners @ turns.transpose(0, 2, 1)
+
     def motions(self) -> tuple[np.ndarray, np.ndarray]:
         """Returns the velocities [m/s] and spins [rad/s] of all bodies, (bodies, 3) each."""
         velocities, spins = self.velocities.copy(), self.spins.copy()
@@ -299,6 +308,7 @@ class Boundary(BodyShapes):
             self.velocities[k], self.spins[k] = floating.v, floating.spin
             inverse_inertia[k, BEGIN] = floating.inverse_inertia(floating.turn_begin)
             inverse_inertia[k, END] = floating.inverse_inertia(floating.turn)
+        self._at_end = centres[:, END], turns[:, END]
         self._poses.fill(
             centre=centres,
             rotation=turns,

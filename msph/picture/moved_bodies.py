@@ -1,0 +1,97 @@
+"""Parts of an image that bodies change by moving, so that only these are drawn again.
+
+A body and its shadow lie within the corners of its bounding box swept along the sunlight. They are
+projected on the host, before and after the body moved, and mark blocks of COARSE x COARSE pixels.
+"""
+
+import numpy as np
+import taichi as ti
+
+from msph.picture.body_shading import SHADOW_SHARPNESS
+from msph.picture.room import COARSE, PictureRoom
+from msph.picture.samples import SPAN
+from msph.picture.shot import NEAR_PLANE, PARALLEL
+from msph.taichi_internals import data_oriented, kernel
+
+# Movement [pixels] of a corner that is not yet visible.
+INVISIBLE = 0.05
+# Width [pixels] of the margin round a body in which blocks of pixels are uneven.
+MARGIN = 2 * SPAN
+# Parts of the way of sunlight, each of which marks a rectangle.
+PARTS = 4
+
+
+@data_oriented
+class MovedBodies:
+    """marks (columns, rows), by block of pixels: not 0 where a body or its shadow that moved may be
+    seen, or any if everything is to be drawn; BODY if it may be a body, SHADOW if it cannot."""
+
+    SHADOW, BODY = 1, 2
+
+    def __init__(self, boundary, room: PictureRoom):
+        self.boundary = boundary
+        self.marks = ti.field(ti.i32, (room.width // COARSE + 1, room.height // COARSE + 1))
+        # As last drawn: corners [pixels] (bodies, PARTS + 1, 8, 2), and rectangles.
+        self._drawn: tuple[np.ndarray, np.ndarray] | None = None
+
+    def find(self, shot, whole):
+        """Marks the blocks to draw in the view of the shot's numbers; whole: everything is drawn.
+        Returns True if a body moved, or None if all blocks must be drawn with all bodies."""
+        found, before = self._project(shot), self._drawn
+        self._drawn = found
+        if found is None or (before is None and not whole):
+            return None
+        parts = now = found[1]
+        if not whole:
+            (corners, _), (old_corners, old) = found, before
+            moved = np.abs(corners - old_corners).max(axis=(1, 2, 3)) > INVISIBLE
+            # What did not move visibly stays as drawn, so that slow movements add up.
+            corners[~moved], now[~moved] = old_corners[~moved], old[~moved]
+            if not moved.any():
+                return False
+            parts = np.concatenate([now[moved], old[moved]])
+        marked = np.zeros(self.marks.shape, np.int32)
+        for left, right, low, high in parts.reshape(-1, 4):
+            marked[left:right, low:high] = self.SHADOW
+        # Where there is any body, also one at rest.
+        for left, right, low, high in now[:, 0]:
+            marked[left:right, low:high] *= self.BODY  # 0 stays 0
+        self._mark(np.minimum(marked, self.BODY))
+        return True
+
+    @kernel
+    def _mark(self, marked: ti.types.ndarray(dtype=ti.i32, ndim=2)):
+        for i, j in self.marks:
+            self.marks[i, j] = marked[i, j]
+
+    def _project(self, shot):
+        """Returns corners, and rectangles (low and high column, low and high row) of blocks of all
+        bodies, (bodies, 1 + PARTS, 4), or None if a body reaches behind the eye."""
+        x = self.boundary.corners_at_end()[:, None]
+        away = -np.where(np.abs(shot["sun"]) < PARALLEL, PARALLEL, shot["sun"])
+        # Way of sunlight from each corner until it leaves the box [m], the longest of each body.
+        way = ((np.where(away > 0.0, shot["size"], 0.0) - x) / away).min(axis=3)
+        way = np.maximum(way.max(axis=2), 0.0) * np.linspace(0.0, 1.0, PARTS + 1)
+        x = x + way[:, :, None, None] * away
+        c = x - shot["eye"]
+        depth = c @ shot["forward"]
+        if depth.min() <= NEAR_PLANE:
+            return None
+        at = np.stack([c @ shot["to_i"], c @ shot["to_j"]], axis=3) / depth[..., None]
+        corners = at + shot["centre"]
+        # A penumbra is wider than the body by its distance over the sharpness.
+        size = np.linalg.norm(x[:, :1, 7] - x[:, :1, 0], axis=2)
+        wider = (way + size * (way > 0.0)) / SHADOW_SHARPNESS / (shot["pixel"] * depth.min(axis=2))
+        margin = (MARGIN + wider)[..., None]
+        low, high = corners.min(axis=2) - margin, corners.max(axis=2) + margin
+        # The body itself, and each part of its shadow between two places of the corners.
+        low = np.concatenate([low[:, :1], np.minimum(low[:, :-1], low[:, 1:])], axis=1)
+        high = np.concatenate([high[:, :1], np.maximum(high[:, :-1], high[:, 1:])], axis=1)
+        blocks = np.stack([np.floor(low / COARSE), np.ceil(high / COARSE)], axis=3)
+        blocks = np.clip(blocks, 0, max(self.marks.shape)).astype(int)
+        return corners, blocks.reshape(len(x), PARTS + 1, 4)
+
+    @ti.func
+    def mark(self, i, j):
+        """Returns the mark of the block of pixel (i, j)."""
+        return self.marks[i // COARSE, j // COARSE]
