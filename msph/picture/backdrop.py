@@ -11,7 +11,15 @@ from msph.picture.moved_bodies import MovedBodies
 from msph.picture.pool import MIN_COSINE, RIM, component
 from msph.picture.rasteriser import BLOCK, FAR, NO_ITEM
 from msph.picture.room import COARSE, PixelFields
-from msph.picture.samples import DETAIL, EMPTY, REST, SPAN, UNTILED, draw_blocks, make_sample
+from msph.picture.samples import (
+    DETAIL,
+    EMPTY,
+    REST,
+    SPAN,
+    UNTILED,
+    BlockSampler,
+    make_sample,
+)
 from msph.picture.sunlight import bilinear
 from msph.taichi_internals import data_oriented, kernel
 
@@ -26,8 +34,10 @@ GLASS, FILM = 0.045, 0.02  # reflectance of a pane, and of a film of water, at n
 # Light that wet glaze, of tiles and containers, and wet clay lack (-), and number of dry panes that
 # mirror as much as a wet one.
 WET_GLAZE, WET_CLAY, WET_PANES = 0.15, 0.3, 1.5
-# Notes of blocks: what their rays can meet in the box.
-BARE, OCCUPIED, HIDDEN = range(3)
+# Notes of blocks: what their rays can meet in the box, in the order of what is computed.
+HIDDEN, BARE, OCCUPIED = range(3)
+# Digits of what draw() is given.
+WHOLE, FLOODED, FRAMED = 1, 2, 4
 # Digits of a sample's kind: low wall (0, 1) or body; axis by which the ray entered the box.
 WALL_OR_BODY, ENTRY_AXIS = 4, 1 << 18
 
@@ -47,6 +57,7 @@ class Backdrop:
         self.entry, self.postponed = fields.entry, fields.postponed
         self.complete = False
         self.moved = MovedBodies(pool.bodies.boundary, fields.room) if pool.occupied else None
+        self.sampler = BlockSampler(self, fields.samples)
 
     def refresh(self, changed, flooded=False, dried=False):
         """Redraws what changed. changed: the view is new; flooded: `key` holds the water of this
@@ -59,23 +70,27 @@ class Backdrop:
         # In a constant view, water may uncover blocks it hid.
         flooded = flooded and (whole or moved) and (framed or not self.moved)
         if whole or moved or not self.complete:
-            self.draw(whole, flooded, framed)
+            self.draw(WHOLE * whole + FLOODED * flooded + FRAMED * framed)
             self.complete = not flooded
 
+    def draw(self, given):
+        """Draws blocks that moving bodies changed and that were postponed. given: digits WHOLE (all
+        blocks), FLOODED (what water hides is postponed), FRAMED (all bodies are marked)."""
+        self.draw_backgrounds(given)
+        self.sampler.draw(self.lens.numbers["columns"], self.lens.numbers["rows"], given)
+
     @kernel
-    def draw(self, whole: ti.i32, flooded: ti.i32, framed: ti.i32):
-        """Draws blocks that moving bodies changed and that were postponed. whole: all blocks;
-        flooded: postpones what water hides; framed: all bodies are marked."""
+    def draw_backgrounds(self, given: ti.i32):
+        """Draws sky and ground in all blocks that will be drawn."""
         columns, rows = self.lens.shot[None].columns, self.lens.shot[None].rows
         ti.loop_config(block_dim=BLOCK)
         for a, b in ti.ndrange(columns // COARSE + 2, rows // COARSE + 2):
-            if whole == 1:
+            if given & WHOLE != 0:
                 self.sample_background(a, b)
         ti.loop_config(block_dim=BLOCK // COARSE)
         for a, b in ti.ndrange(columns // COARSE + 1, rows // COARSE + 1):
-            if whole == 1 or self.mark(COARSE * a, COARSE * b) > 0:
+            if given & WHOLE != 0 or self.mark(COARSE * a, COARSE * b) > 0:
                 self.draw_background(a, b)
-        draw_blocks(self, ti.Vector([whole, flooded, framed]), columns, rows)
 
     @ti.func
     def sample_background(self, a, b):
@@ -111,16 +126,16 @@ class Backdrop:
 
     @ti.func
     def begin(self, i0, j0, given):
-        """Block setup for `draw_blocks`; given: the arguments of draw(). Its note: HIDDEN if water
-        hides the whole block, OCCUPIED if there may be bodies or their shadows, else BARE."""
+        """Block setup for BlockSampler; given: of draw(). Its note: HIDDEN if water hides the whole
+        block, OCCUPIED if there may be bodies or their shadows, else BARE."""
         shot = self.lens.shot[None]
         corner = vec2(i0, j0)
-        whole, flooded, framed = given[0], given[1] == 1, given[2] == 1
+        whole, framed = given & WHOLE != 0, given & FRAMED != 0
         mark, late = self.mark(i0, j0), self.postponed[i0 // SPAN, j0 // SPAN] == 1
-        due = whole == 1 or mark > 0
+        due = whole or mark > 0
         boxed = (corner + SPAN >= shot.lo).all() and (corner <= shot.hi).all()
         boxed = boxed and (due or late)
-        hidden = flooded and mark < MovedBodies.BODY
+        hidden = given & FLOODED != 0 and mark < MovedBodies.BODY
         if boxed and hidden:
             for k in range(SPAN * SPAN):
                 i = ti.min(i0 + k // SPAN, shot.columns - 1)
@@ -128,7 +143,7 @@ class Backdrop:
                 hidden = hidden and self.key[i, j] != NO_ITEM
         if boxed:
             self.postponed[i0 // SPAN, j0 // SPAN] = ti.cast(hidden, ti.i32)
-        note = BARE if whole == 1 and framed and mark == 0 else OCCUPIED
+        note = BARE if whole and framed and mark == 0 else OCCUPIED
         return boxed and (due or not hidden), True, ti.select(hidden, HIDDEN, note)
 
     @ti.func

@@ -80,7 +80,9 @@ class Picture:
         pools = Pool(self.sky), Pool(self.sky, self.bodies)
         backdrops = [Backdrop(self.fields, self.lens, pool, tone, self.wetness) for pool in pools]
         water = mesh, self.lens, self.raster, self.sunlight, self.ripples
-        self.shaders = [WaterShader(*water, b, self.fields.canvas) for b in backdrops]
+        self.shaders = [
+            WaterShader(*water, b, self.fields.canvas, self.fields.samples) for b in backdrops
+        ]
         self.whitewater_views = [
             WhitewaterView(whitewater, shader, self.fields.canvas) if whitewater else None
             for shader in self.shaders

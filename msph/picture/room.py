@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import taichi as ti
 
-from msph.picture.samples import SPAN
+from msph.picture.samples import SPAN, SampleFields
 
 FIRST = 960, 544  # smallest class [pixels]: the default window, rows rounded up to 64
 COARSE = 8  # pixels between samples of sky and ground, which have little finer detail
@@ -32,8 +32,8 @@ SMALLEST = PictureRoom()  # the first class
 
 
 class PixelFields:
-    """Fields with a value per pixel, index [right, up]; an image uses their lower left part. 72
-    bytes per pixel: 36 MiB in the first class."""
+    """Fields with a value per pixel, index [right, up]; an image uses their lower left part. 77
+    bytes per pixel: 38 MiB in the first class."""
 
     def __init__(self, room: PictureRoom):
         self.room, size = room, (room.width, room.height)
@@ -52,6 +52,7 @@ class PixelFields:
         self.entry = ti.field(ti.f32, size)
         # 1 for blocks of SPAN pixels whose colours are yet to be drawn, since water hides them.
         self.postponed = ti.field(ti.i32, (room.width // SPAN + 1, room.height // SPAN + 1))
+        self.samples = SampleFields(*size)
         # Sky and ground at pixels (COARSE a, COARSE b), linear.
         self.background = ti.Vector.field(
             3, ti.f32, (room.width // COARSE + 2, room.height // COARSE + 2)

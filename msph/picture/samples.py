@@ -3,15 +3,14 @@
 A sample describes the wall at the end of a ray and what lies in front: place, light, tint,
 reflections, all of which vary slowly over the image. If the four corners of a block find the same
 surfaces, the pixels between interpolate their samples bilinearly, and only tiles and caustics are
-evaluated per pixel.
+evaluated per pixel. Adjacent blocks share corners: one ray per block.
 """
 
 import taichi as ti
 
-from msph.taichi_internals import on_cpu
+from msph.taichi_internals import data_oriented, kernel, on_cpu
 
 SPAN = 4  # pixels along each side of a block; 8 is no faster, since more blocks are uneven
-CORNERS = 4
 # Rows of a 4 x 4 sample: place on the wall [m] and pixel width there [m]; share of the wall's light
 # that reaches the eye, RGB, and sunlight at the wall over SUN_LIGHT; light added on the way, linear
 # RGB, and sky light at the wall over SKY_LIGHT; depth of the place under water (in a backdrop: of
@@ -27,8 +26,12 @@ EMPTY = DETAIL - 4  # kinds EMPTY to DETAIL - 1: nothing to draw
 MAX_ADDED_CHANGE = 0.2  # largest change of added light in an even block, over a white wall's
 # Largest distance of a corner's place from the plane of the other three, in pixel widths: 99 % of
 # the pixels at steep ripples are then within 4/255 of full sampling (16/255 without the limit).
-MAX_OFF_PLANE = 2.0
+MAX_OFF_PLANE = 1.5
 CPU_BLOCKS, GPU_BLOCKS = 16, 128  # blocks of pixels per chunk of a CPU thread, per GPU block
+# States of a block: SKIPPED, or its note times STATES plus EVEN or UNEVEN.
+SKIPPED, EVEN, UNEVEN, STATES = range(4)
+# What `trace` computes: samples at the corners of blocks, or the pixels of uneven blocks.
+AT_CORNERS, AT_PIXELS = range(2)
 
 
 @ti.func
@@ -44,61 +47,119 @@ def make_sample(place, light, left, added, rest):
     )
 
 
-@ti.func
-def draw_blocks(source: ti.template(), note, width, height):
-    """Draws width x height pixels of a source, an object with four functions:
+class SampleFields:
+    """For each corner (a, b) of blocks, at pixel (SPAN a, SPAN b): kind and sample of its ray, and
+    the state of the block above and to the right of it."""
 
-    begin(i, j, note) returns, for the block from pixel (i, j) on: whether there is anything to
-    draw, whether the block may be even, and a note for `trace`; wanted(i, j): whether to draw a
-    pixel; trace(i, j, note): kind and sample of a pixel's ray; put(i, j, kind, sample): draws a
-    pixel.
+    def __init__(self, width: int, height: int):
+        size = width // SPAN + 2, height // SPAN + 2
+        self.kind, self.state = (ti.field(ti.i32, size) for _ in range(2))
+        self.sample = ti.Matrix.field(4, 4, ti.f32, size)
+
+
+@data_oriented
+class BlockSampler:
+    """Draws a source, an object with four functions:
+
+    begin(i, j, given) returns, for the block from pixel (i, j) on: whether there is anything to
+    draw, whether the block may be even, and a note (from 0 on) for `trace`; wanted(i, j): whether
+    to draw a pixel; trace(i, j, note): kind and sample of a pixel's ray, where a corner has the
+    largest note of its blocks; put(i, j, kind, sample): draws a pixel.
     """
-    ti.loop_config(block_dim=CPU_BLOCKS if ti.static(on_cpu()) else GPU_BLOCKS)
-    for a, b in ti.ndrange((width + SPAN - 1) // SPAN, (height + SPAN - 1) // SPAN):
-        drawn, even, block_note = source.begin(a * SPAN, b * SPAN, note)
-        if drawn:
-            even = even and (a + 1) * SPAN <= width and (b + 1) * SPAN <= height
-            draw_block(source, a * SPAN, b * SPAN, even, block_note, width, height)
+
+    def __init__(self, source, fields: SampleFields):
+        self.source = source
+        self.kind, self.state, self.sample = fields.kind, fields.state, fields.sample
+        self.chunk = CPU_BLOCKS if on_cpu() else GPU_BLOCKS
+
+    def draw(self, columns, rows, given=0):
+        """Draws columns x rows pixels; given (i32): for `begin`."""
+        self.begin(columns, rows, given)
+        self.trace(columns, rows, AT_CORNERS)
+        self.interpolate(columns, rows)
+        self.trace(columns, rows, AT_PIXELS)
+
+    @kernel
+    def begin(self, columns: ti.i32, rows: ti.i32, given: ti.i32):
+        """Sets the states of blocks. The last ones of incomplete rows are uneven."""
+        ti.loop_config(block_dim=self.chunk)
+        for a, b in ti.ndrange(blocks(columns) + 1, blocks(rows) + 1):
+            i, j, state = a * SPAN, b * SPAN, SKIPPED
+            if i < columns and j < rows:
+                drawn, even, note = self.source.begin(i, j, given)
+                if drawn:
+                    even = even and i + SPAN < columns and j + SPAN < rows
+                    state = note * STATES + ti.select(even, EVEN, UNEVEN)
+            self.state[a, b] = state
+
+    @kernel
+    def trace(self, columns: ti.i32, rows: ti.i32, stage: ti.i32):
+        """Computes samples at the corners of even blocks, or draws all pixels of uneven blocks: one
+        kernel, so that the source's `trace` is compiled once."""
+        ti.loop_config(block_dim=self.chunk)
+        for a, b in ti.ndrange(blocks(columns) + 1, blocks(rows) + 1):
+            number, note = 0, self.state[a, b] // STATES
+            if stage == AT_CORNERS:
+                note = self.corner_note(a, b)
+                number = ti.cast(note >= 0, ti.i32)
+            elif self.state[a, b] % STATES == UNEVEN:
+                number = SPAN * SPAN
+            for k in range(number):
+                i, j = a * SPAN + k // SPAN, b * SPAN + k % SPAN
+                if stage == AT_CORNERS or (i < columns and j < rows and self.source.wanted(i, j)):
+                    kind, sample = self.source.trace(i, j, note)
+                    if stage == AT_CORNERS:
+                        self.kind[a, b], self.sample[a, b] = kind, sample
+                    else:
+                        self.source.put(i, j, kind, sample)
+
+    @ti.func
+    def corner_note(self, a, b):
+        """Returns the largest note of the even blocks at a corner, -1 without any."""
+        note = -1
+        for k in range(4):
+            c, d = a - k // 2, b - k % 2
+            if c >= 0 and d >= 0 and self.state[c, d] % STATES == EVEN:
+                note = ti.max(note, self.state[c, d] // STATES)
+        return note
+
+    @kernel
+    def interpolate(self, columns: ti.i32, rows: ti.i32):
+        """Draws even blocks whose corners agree; the others become uneven."""
+        ti.loop_config(block_dim=self.chunk)
+        for a, b in ti.ndrange(blocks(columns), blocks(rows)):
+            if self.state[a, b] % STATES == EVEN:
+                first, base, along_i, along_j, twist = self.corners(a, b)
+                even = first >= 0 and first < DETAIL
+                for n in range(3):
+                    slope = abs(along_i[ADDED, n]) + abs(along_j[ADDED, n]) + abs(twist[ADDED, n])
+                    most = MAX_OFF_PLANE * base[PLACE, 3]
+                    even = even and slope <= MAX_ADDED_CHANGE and abs(twist[PLACE, n]) <= most
+                if not even:
+                    self.state[a, b] += UNEVEN - EVEN
+                elif first < EMPTY:
+                    for k in range(SPAN * SPAN):
+                        u, v, sample = k // SPAN / SPAN, k % SPAN / SPAN, Sample(0.0)
+                        # Runtime loops over elements: unrolled, they take a second to compile.
+                        for m, n in ti.ndrange(4, 4):
+                            slope = along_j[m, n] + u * twist[m, n]
+                            sample[m, n] = base[m, n] + u * along_i[m, n] + v * slope
+                        self.source.put(a * SPAN + k // SPAN, b * SPAN + k % SPAN, first, sample)
+
+    @ti.func
+    def corners(self, a, b):
+        """Returns the kind of a block's corners, -1 if they differ, and their bilinear form: sample
+        of the first, changes along both axes, twist."""
+        kind = self.kind[a, b]
+        base, right = self.sample[a, b], self.sample[a + 1, b]
+        above, far = self.sample[a, b + 1], self.sample[a + 1, b + 1]
+        for k in range(1, 4):
+            if self.kind[a + k // 2, b + k % 2] != kind:
+                kind = -1
+        return kind, base, right - base, above - base, far - right - above + base
 
 
 @ti.func
-def draw_block(source: ti.template(), i0, j0, even, note, width, height):
-    """Draws the corners, then the other pixels, in one loop, so that `trace` is compiled once."""
-    first, agreed = EMPTY, 0
-    base, along_i, along_j, twist = Sample(0.0), Sample(0.0), Sample(0.0), Sample(0.0)
-    for k in range(CORNERS + SPAN * SPAN):
-        is_corner = k < CORNERS
-        a, b = (k - CORNERS) // SPAN, (k - CORNERS) % SPAN
-        if is_corner:
-            a, b = (SPAN - 1) * (k // 2), (SPAN - 1) * (k % 2)
-        if k == CORNERS:
-            even = even and agreed == CORNERS and first < DETAIL
-            for n in range(3):
-                slope = abs(along_i[ADDED, n]) + abs(along_j[ADDED, n]) + abs(twist[ADDED, n])
-                bent = abs(twist[PLACE, n])
-                even = even and slope <= MAX_ADDED_CHANGE and bent <= MAX_OFF_PLANE * base[PLACE, 3]
-            if even and first >= EMPTY:
-                break
-        again = not is_corner and a % (SPAN - 1) == 0 and b % (SPAN - 1) == 0
-        i, j = i0 + a, j0 + b
-        if not again and i < width and j < height and source.wanted(i, j):
-            u, v = a / (SPAN - 1), b / (SPAN - 1)
-            kind, sample = first, Sample(0.0)
-            if is_corner or not even:
-                kind, sample = source.trace(i, j, note)
-            if is_corner:
-                if k == 0:
-                    first = kind
-                agreed += kind == first
-                # Runtime loops over elements: unrolled, they would take a second to compile.
-                for m, n in ti.ndrange(4, 4):
-                    part = sample[m, n]
-                    base[m, n] += (1.0 - u) * (1.0 - v) * part
-                    along_i[m, n] += (2.0 * u - 1.0) * (1.0 - v) * part
-                    along_j[m, n] += (1.0 - u) * (2.0 * v - 1.0) * part
-                    twist[m, n] += (2.0 * u - 1.0) * (2.0 * v - 1.0) * part
-            elif even:
-                for m, n in ti.ndrange(4, 4):
-                    slope = along_j[m, n] + u * twist[m, n]
-                    sample[m, n] = base[m, n] + u * along_i[m, n] + v * slope
-            source.put(i, j, kind, sample)
+def blocks(pixels):
+    """Returns the number of blocks along an axis."""
+    return (pixels + SPAN - 1) // SPAN

@@ -13,18 +13,17 @@ from msph.picture.pool import MIN_COSINE, RIM, component
 from msph.picture.rasteriser import FAR, KEY_BITS, NO_ITEM, walls_of
 from msph.picture.room import COARSE
 from msph.picture.samples import (
-    CORNERS,
     DETAIL,
     PLACE,
     REST,
     SPAN,
     UNTILED,
-    draw_blocks,
+    BlockSampler,
     make_sample,
 )
 from msph.picture.sky import SKY_LIGHT, SUN, SUN_LIGHT
 from msph.picture.sunlight import bilinear
-from msph.taichi_internals import data_oriented, kernel
+from msph.taichi_internals import data_oriented
 
 vec2, vec3, vec4 = ti.math.vec2, ti.math.vec3, ti.math.vec4
 
@@ -45,21 +44,22 @@ LOW, CUT, FOLDED, LEFT_AGAIN, BODY, SUNK, STRAIGHT = 4, 8, 16, 32, 64, 1 << 14, 
 class WaterShader:
     """Shades water over a backdrop into the 3-vec field `image`, display-referred."""
 
-    def __init__(self, mesh, lens, rasteriser, sunlight, ripples, backdrop, image):
+    def __init__(self, mesh, lens, rasteriser, sunlight, ripples, backdrop, image, samples):
         self.mesh, self.lens, self.raster, self.sunlight = mesh, lens, rasteriser, sunlight
         self.ripples, self.rippled = ripples, ripples is not None
         self.backdrop, self.pool, self.tone = backdrop, backdrop.pool, backdrop.tone
         self.image = image
+        self.sampler = BlockSampler(self, samples)
 
-    @kernel
     def shade(self):
         """Draws the image from the visibility buffer: water, or the backdrop."""
-        draw_blocks(self, 0, self.lens.shot[None].columns, self.lens.shot[None].rows)
+        self.sampler.draw(self.lens.numbers["columns"], self.lens.numbers["rows"])
 
     @ti.func
-    def begin(self, i0, j0, note):
-        """Block setup for `draw_blocks`: even if all pixels show water without a step in depth.
-        Blocks without water are drawn here. The note is not used."""
+    def begin(self, i0, j0, given):
+        """Block setup for BlockSampler: even if all pixels, and the corners shared with the next
+        blocks, show water without a step in depth. Blocks without water are drawn here. given and
+        the note are not used."""
         columns, rows = self.lens.shot[None].columns, self.lens.shot[None].rows
         nearest, farthest = NO_ITEM, 0
         # One loop of constant length, which repeats pixels at the edge of the image: nested loops
@@ -76,12 +76,13 @@ class WaterShader:
         elif even:
             # On a plane the corners are nearest and farthest.
             near, far = NO_ITEM, 0
-            for k in range(CORNERS):
-                i, j = i0 + (SPAN - 1) * (k // 2), j0 + (SPAN - 1) * (k % 2)
+            for k in range(4):
+                i = ti.min(i0 + SPAN * (k // 2), columns - 1)
+                j = ti.min(j0 + SPAN * (k % 2), rows - 1)
                 near, far = ti.min(near, self.raster.key[i, j]), ti.max(far, self.raster.key[i, j])
             slack = DEPTH_STEP + (far - near) // 2
-            even = near - nearest < slack and farthest - far < slack
-        return nearest != NO_ITEM, even, note
+            even = far != NO_ITEM and near - nearest < slack and farthest - far < slack
+        return nearest != NO_ITEM, even, 0
 
     @ti.func
     def wanted(self, i, j):
