@@ -51,9 +51,16 @@ def corner_bound(spacing: tuple[float, float, float], reach: float) -> float:
     return max(0.0, 1.0 - diagonal2 / (4.0 * reach * reach)) ** 3
 
 
-def band_numbers(spacing: tuple[float, float, float], finest: float, bodies: bool) -> dict:
-    """Returns the numbers of the scene that a Band reads, for nodes `spacing` [m] apart and kernels
-    of reach `finest` [m] or more. Raises ValueError if the cells are too coarse."""
+def band_numbers(
+    spacing: tuple[float, float, float], finest: float, bodies: bool, thinnest: float
+) -> dict:
+    """Returns the numbers of the scene that a Band reads, for nodes `spacing` [m] apart, kernels of
+    reach `finest` [m] or more, and bodies of depth `thinnest` [m] or more. Raises ValueError if the
+    cells are too coarse.
+
+    overlap: marching cubes bevel the end of the mesh, within a cell; a diagonal of a cell keeps
+    that off the bodies' sides. The middle of the thinnest body stays free, a cell wide.
+    """
     rho = corner_bound(spacing, finest)
     if rho == 0.0:
         raise ValueError(
@@ -61,12 +68,14 @@ def band_numbers(spacing: tuple[float, float, float], finest: float, bodies: boo
             f"radius of {finest:.4g} m: use cells of at most {0.5 * finest:.4g} m"
         )
     least = MIN_SHIFT_AT_BODIES if bodies else MIN_SHIFT
-    edges = STRIDE * np.array(spacing)
+    cell = np.array(spacing)
+    diagonal = float(np.linalg.norm(cell))
     return {
         "air_below": MARGIN * rho * (ISO + least),
         "deep_above": 1.0 - MARGIN * rho * (1.0 - ISO - MAX_SHIFT),
-        "half_diagonal": 0.5 * float(np.linalg.norm(edges)),
-        "block_edges": edges,
+        "overlap": min(diagonal, max(thinnest - 0.5 * cell.max(), 0.0)),
+        "half_diagonal": 0.5 * STRIDE * diagonal,
+        "block_edges": STRIDE * cell,
         "min_shift": least,
         "max_shift": MAX_SHIFT,
     }
@@ -250,7 +259,7 @@ class Band:
             if ti.static(bodies):
                 if state != AIR:
                     near = self.bodies.clearance(self.lattice.point(STRIDE * sub + 1))
-                    if near < -self.numbers.half_diagonal[None]:
+                    if near < -self.numbers.half_diagonal[None] - self.numbers.overlap[None]:
                         state = AIR
                     elif near < self.numbers.half_diagonal[None]:
                         state = BAND

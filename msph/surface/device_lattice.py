@@ -41,6 +41,7 @@ class DeviceLattice:
             slope=f32,  # slope of coverage at a plane [1/m]
             air_below=f32,  # coverage (-) below which a sub-block is air
             deep_above=f32,  # coverage (-) above which a sub-block is deep water
+            overlap=f32,  # depth [m] to which a mesh for an image reaches into bodies
             half_diagonal=f32,  # half the diagonal of a sub-block [m]
             block_edges=vec3,  # edges of a sub-block [m]
             min_shift=f32,  # smallest shift of iso (-)

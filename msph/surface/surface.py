@@ -1,5 +1,7 @@
 """Surface of the water from the particles: band, coverage, marching cubes, drops."""
 
+import math
+
 import numpy as np
 import taichi as ti
 
@@ -22,11 +24,6 @@ def surface_of(world: World, room: SurfaceRoom) -> "Surface":
     """Builds a surface of the particles of a world (for World.build_once)."""
     parts = world.parts
     return Surface(parts.layers, parts.grid, parts.particles, parts.boundary, room)
-
-
-# Depth [finest spacings] to which a mesh for an image reaches into bodies: less than half of the
-# thinnest body.
-OVERLAP = 0.6
 
 
 @data_oriented
@@ -61,11 +58,12 @@ class Surface:
         lattice, specs = Lattice.in_box(size, cell), self.layers.specs
         radii = smoothing * np.array([s.support for s in specs])
         bodies = self.boundary.count if self.boundary else 0
-        band = band_numbers(lattice.spacing, radii.min(), bodies > 0)
+        thinnest = self.boundary.thinnest if self.boundary else math.inf
+        band = band_numbers(lattice.spacing, radii.min(), bodies > 0, thinnest)
         self.room.check(lattice, len(specs), self.particles.capacity)
         self.lattice, self.has_bodies = lattice, bodies > 0
         # Slope of coverage at a plane, SLOPE/r; where kernels differ, of the finest layer.
-        slope = self.slope = SLOPE / (smoothing * self.layers.finest.support)
+        slope = SLOPE / (smoothing * self.layers.finest.support)
         self.cubes.lattice.load(
             lattice,
             size=size,
@@ -75,6 +73,7 @@ class Surface:
             slope=slope,
             **band,
         )
+        self.overlap = band["overlap"] * slope
         self.thin.load(specs, radii)
         self.sums.load(lattice, size, radii)
 
@@ -85,9 +84,9 @@ class Surface:
     def extract(self, hidden: bool = False) -> None:
         """Computes the mesh from the particles in eight kernel launches. The grid must be sorted.
 
-        hidden: the mesh is for an image with opaque bodies, so it ends OVERLAP inside them. There,
-        the waterline is where both surfaces meet, as exact as the pixels; at the end of the mesh it
-        would have steps of a cell.
+        hidden: the mesh is for an image with opaque bodies, so it ends inside them (band.py).
+        There, the waterline is where both surfaces meet, as exact as the pixels; at the end of the
+        mesh it would have steps of a cell.
         """
         hidden = hidden and self.has_bodies
         self.band.sample(self.has_bodies)
@@ -96,7 +95,7 @@ class Surface:
         self.evaluate(self.has_bodies)
         self.volume_control.correct()
         if hidden:
-            self.cubes.overlap[None] = OVERLAP * self.layers.finest.spacing * self.slope
+            self.cubes.overlap[None] = self.overlap
         self.cubes.run()
         if hidden:
             self.cubes.overlap[None] = 0.0

@@ -1,9 +1,17 @@
 import numpy as np
 import pytest
-from surface_kit import FINE, SIZE, Water, assert_closed, assert_same, middles, packed
+from surface_kit import (
+    FINE,
+    SIZE,
+    Water,
+    as_trimesh,
+    assert_closed,
+    assert_same,
+    middles,
+    packed,
+)
 
-from msph.fluid.boundary.rigid_bodies import Ball
-from msph.surface.surface import OVERLAP
+from msph.fluid.boundary.rigid_bodies import Ball, Block
 
 
 def filled(water, level: float) -> np.ndarray:
@@ -37,15 +45,37 @@ def test_the_band_gives_the_same_mesh_beside_bodies(held_water):
     assert_same(middles(held_water.mesh(everywhere=True)), banded)
 
 
+CENTRE, RADIUS = np.array((0.2, 0.2, 0.2)), 0.08
+
+
 def test_a_mesh_for_an_image_reaches_into_bodies():
     """The waterline had steps of a cell. The volume control does not see what bodies hide."""
-    water = Water(bodies=[Ball(np.array((0.2, 0.2, 0.2)), 0.08)])
+    water = Water(bodies=[Ball(CENTRE, RADIUS)])
     water.fill(filled(water, 0.25))
     exact, shift = middles(water.mesh()), water.surface.volume_control.shift[None]
     water.surface.extract(hidden=True)
     assert_closed(water.surface.mesh)
     assert water.surface.volume_control.shift[None] == pytest.approx(shift, abs=1e-5)
-    radii = np.linalg.norm(water.surface.mesh.to_numpy()[0] - (0.2, 0.2, 0.2), axis=1)
-    assert 0.08 - radii.min() == pytest.approx(OVERLAP * FINE, abs=0.15 * FINE)
+    solid = as_trimesh(water.surface.mesh)
+    radii = np.linalg.norm(solid.vertices - CENTRE, axis=1)
+    cell = np.array(water.surface.lattice.spacing)
+    assert RADIUS - radii.min() == pytest.approx(np.linalg.norm(cell), abs=0.2 * cell.max())
+    # Faces of the bevelled end of the mesh met the ball's side, and the waterline had notches.
+    inner = (radii < RADIUS)[solid.faces]
+    at_side = solid.face_normals[inner.any(axis=1) & ~inner.all(axis=1)]
+    assert len(at_side) > 20 and at_side[:, 1].min() > 0.3
     assert_same(middles(water.mesh()), exact)
+    water.simulation.close()
+
+
+def test_a_mesh_for_an_image_does_not_pass_through_a_thin_body():
+    thickness = 1.5 * FINE
+    half = 0.5 * np.array((thickness, 1.0, 1.0))
+    middle = np.array((0.4, 0.5, 0.2))
+    water = Water(bodies=[Block(middle - half, middle + half)])
+    x = filled(water, 0.25)
+    water.fill(x[x[:, 0] < middle[0]])
+    water.surface.extract(hidden=True)
+    assert_closed(water.surface.mesh)
+    assert water.surface.mesh.to_numpy()[0][:, 0].max() < middle[0]
     water.simulation.close()

@@ -85,6 +85,8 @@ class Boundary(BodyShapes):
         )
         self._round = np.array([isinstance(b, Ball) for b in self.bodies], bool)
         self._corners = {k: _corners(b) for k, b in enumerate(self.bodies) if isinstance(b, Solid)}
+        # Depth [m] of the thinnest body: from its middle to the water.
+        self.thinnest = math.inf
         if self.bodies:
             self._load_shapes(specs)
         self.velocities, self.spins = np.zeros((self.count, 3)), np.zeros((self.count, 3))
@@ -144,10 +146,13 @@ class Boundary(BodyShapes):
         values: list[np.ndarray] = []
         for body in self.bodies:
             first.append(len(grids))
+            depth = float(min(half_extents(body)))
             if isinstance(body, Solid):
                 own = lattices(body, specs)
                 grids += own
                 values += sample(body, own, specs)
+                depth = math.inf if body.container else -float(values[-len(own)].min())
+            self.thinnest = min(self.thinnest, depth)
         self._shape_rows: dict[str, Any] = dict(
             kind=[(Block, Ball, Solid).index(type(b)) for b in self.bodies],
             side=np.where(self._inward, -1.0, 1.0),
