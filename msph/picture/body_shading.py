@@ -8,7 +8,7 @@ transparent, like the panes of the pool.
 import taichi as ti
 
 from msph.device_table import DeviceTable, f32, i32
-from msph.fluid.boundary.body_shapes import END
+from msph.fluid.boundary.body_shapes import CUBIC, END, ROUND
 from msph.picture.shot import PARALLEL
 from msph.picture.sky import SKY_LIGHT, SUN_LIGHT
 from msph.taichi_internals import data_oriented
@@ -17,11 +17,12 @@ vec2, vec3 = ti.math.vec2, ti.math.vec3
 
 CLAY, GLAZE = vec3(0.60, 0.26, 0.15), vec3(0.40, 0.54, 0.58)  # albedo of solids, of containers
 BOUNCE = 0.45  # sky light from below, over sky light from above
-MAX_STEPS = 96  # largest number of steps of a ray
+MAX_STEPS = 96  # largest number of steps of a ray, up to a container and in it
 HIT_DISTANCE = 4e-4  # distance at which a ray hits a body, over the longest edge of the box
 STEP_FRACTION = 0.9  # step over distance: sampled distances may be too large
 MIN_SLOPE = 0.1  # least slope of a distance along a ray, for Newton's step to its zero
 CUT = 2.0  # distance inside a body from which on a wall of glass cuts it, over HIT_DISTANCE
+OVERSHOOT = 0.08  # least step of a ray in a container, over its way there
 SHADOW_SHARPNESS = 14.0  # sharpness of shadows
 MISSED = 1e9
 
@@ -84,31 +85,46 @@ class BodyShading:
             part = self.span(b, p, r, ti.min(most, nearest), wide * (reach + most))
             t, entered, steps = part[0], within or self.boundary.side[b] > 0.0, 0
             margin = MISSED  # smallest distance to the body over distance from the eye
+            # Place and distance of the last step; where the ray begins in a container.
+            last, last_d, since = t, MISSED, ti.select(self.boundary.side[b] < 0.0, t, MISSED)
             while t < part[1] and steps < MAX_STEPS:
                 steps += 1
                 found = self.boundary.distance(b, p + t * r, END)
                 d, slope = found.x, found.yzw.dot(r)
-                way = t + ti.max(STEP_FRACTION * abs(d), near)
+                # Behind the side of a container is nothing to pass over.
+                least = ti.max(ti.min(OVERSHOOT * (t - since), part[1] - t - near), near)
+                way = t + ti.max(STEP_FRACTION * abs(d), least)
                 margin = ti.min(margin, abs(d) / (reach + t))
                 if entered and t <= 0.0 and d < -CUT * near:
                     nearest, which, margin, way = 0.0, b, MISSED, MISSED  # a wall of glass cuts it
                 elif entered and d < near and slope < 0.0:
-                    # Newton's step, since a waterline shows steps of `near`.
-                    nearest = t + d / ti.max(-slope, MIN_SLOPE)
+                    back = ti.select(
+                        d < 0.0, (t - last) * d / (last_d - d), d / ti.max(-slope, MIN_SLOPE)
+                    )
+                    nearest = self.hit(b, p, r, t + back)
                     which, margin = b, MISSED
                     way = MISSED
                 elif not entered:
                     entered = d > near
                     if entered:
-                        entry_cosine = ti.max(slope, 0.0)
-                        entry = ti.max(t - d / ti.max(entry_cosine, MIN_SLOPE), 0.0)
+                        steps = 0  # the way to a lid can be as long as the one in the container
+                        since = entry = ti.max(t - d / ti.max(slope, MIN_SLOPE), 0.0)
+                        there = self.boundary.distance_by(b, p + entry * r, END, ROUND)
+                        entry_cosine = ti.max(there.yzw.dot(r), 0.0)
                     else:
                         way = t - d + 4.0 * near
-                t = way
+                last, last_d, t = t, d, way
             if entered and t < part[1]:
                 nearest, which = t, b  # all steps were short: the ray is along a side
             close = close or margin < wide
         return nearest, which, vec2(entry, entry_cosine), close
+
+    @ti.func
+    def hit(self, b, p, r, t):
+        """Returns the t at which the ray p + t r meets the smooth side of body b, from one close to
+        it: a step of Newton, since a waterline shows steps of `near` and of the linear distance."""
+        found = self.boundary.distance_by(b, p + t * r, END, CUBIC)
+        return t + found.x / ti.max(-found.yzw.dot(r), MIN_SLOPE)
 
     @ti.func
     def is_cut(self, b, p):

@@ -18,6 +18,7 @@ from tests.boundary_kit import boundary_of
 BOX = (1.0, 1.0, 1.0)
 LAYER = LayerSpec(1000.0 * 0.04**3, 1000.0, 2.0)
 BALL, RADIUS = np.array((0.3, 0.5, 0.5)), 0.15
+TUB, TUB_LID = 0.4, 0.25  # radius [m], height of the lid above the middle [m]
 SHELL, ROOM = np.array((0.5, 0.5, 0.5)), 0.45
 PLINTH = (0.7, 0.0, 0.3), (0.9, 0.5, 0.7)
 WIDTH, HEIGHT = 96, 54
@@ -98,6 +99,32 @@ def test_bodies_cast_shadows_a_container_only_on_what_is_outside(boundary):
         assert dark.sum() > 8 and light.sum() > 8
         assert np.all(lit[dark] == 0.0)
         assert np.all(lit[light] > 0.99)
+
+
+def test_the_rim_of_a_container_is_even_and_rays_along_its_lid_reach_its_side():
+    """The rim had a tooth for every cell of the distances; a ray along the lid ended after too many
+    short steps, up to 0.37 m before the side."""
+    tub = trimesh.creation.cylinder(TUB, 2.0 * TUB_LID, sections=96)
+    tub.apply_transform(trimesh.transformations.rotation_matrix(0.5 * np.pi, (1.0, 0.0, 0.0)))
+    tub.apply_translation(SHELL)
+    container = Solid(np.array(tub.vertices), np.array(tub.faces), container=True)
+    tub_only = boundary_of(BOX, [LAYER], [container])
+    angle, down, up = (
+        2.0 * np.pi * np.arange(200) / 200,
+        np.radians(30.0),
+        np.array((0.0, 1.0, 0.0)),
+    )
+    outward = np.stack([np.cos(angle), 0.0 * angle, np.sin(angle)], axis=-1)
+    r = -np.cos(down) * outward - np.sin(down) * up
+    for below in (-0.004, 0.004):
+        rim = SHELL + TUB * outward + (TUB_LID - below) * up
+        assert Rays(tub_only, rim - r, r).steep.to_numpy().std() < 0.06
+    flat = np.radians(1.0)
+    x = np.linspace(-0.3, 0.3, 40)
+    r = np.tile((0.0, -np.sin(flat), -np.cos(flat)), (len(x), 1))
+    p = SHELL + TUB_LID * up + x[:, None] * np.array((1.0, 0.0, 0.0)) - r
+    expected = 1.0 + np.sqrt(TUB**2 - x**2) / np.cos(flat)
+    assert Rays(tub_only, p, r).t.to_numpy() == pytest.approx(expected, abs=0.02)
 
 
 def unit(v):

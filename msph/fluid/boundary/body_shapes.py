@@ -18,6 +18,9 @@ from msph.fluid.room import MAX_BODIES, Room
 vec3, vec4 = ti.math.vec3, ti.math.vec4
 
 BLOCK, BALL, SOLID = 0, 1, 2
+# Interpolation of a mesh's distances: cubics make its sides smooth, B-splines also round its edges,
+# by a cell, which otherwise have bevels and ripples.
+LINEAR, CUBIC, ROUND = 0, 1, 2
 # Index of a body's pose: at the beginning and at the end of a step.
 BEGIN, END = 0, 1
 
@@ -59,16 +62,16 @@ class BodyShapes:
     @ti.func
     def distance(self, b, x, pose):
         """Returns the distance [m] of x from body b, positive in the water, and its gradient."""
-        return self.distance_by(b, x, pose, False)
+        return self.distance_by(b, x, pose, LINEAR)
 
     @ti.func
     def normal(self, b, x, pose):
         """Returns the unit normal of body b near x [m], towards the water; smooth for meshes."""
-        return self.distance_by(b, x, pose, True).yzw.normalized(1e-9)
+        return self.distance_by(b, x, pose, CUBIC).yzw.normalized(1e-9)
 
     @ti.func
-    def distance_by(self, b, x, pose, smooth: ti.template()):
-        """Like distance(); smooth: interpolate meshes by cubics."""
+    def distance_by(self, b, x, pose, method: ti.template()):
+        """Like distance(); method: interpolation of meshes, LINEAR, CUBIC or ROUND."""
         p = self.to_body_frame(b, x, pose)
         found = vec4(0.0)
         kind = self.kind[b]
@@ -79,10 +82,12 @@ class BodyShapes:
             n = p / ti.max(r, 1e-9)
             found = vec4(r - self.half[b][0], n[0], n[1], n[2])
         if kind == SOLID:
-            if ti.static(smooth):
+            if ti.static(method == LINEAR):
+                found = self.mesh_distance(b, p)
+            elif ti.static(method == CUBIC):
                 found = self.samples.cubic(self.first[b], p)
             else:
-                found = self.mesh_distance(b, p)
+                found = self.samples.spline(self.first[b], p)
         g = self.rotation[b, pose] @ found.yzw
         return self.side[b] * vec4(found.x, g[0], g[1], g[2])
 
