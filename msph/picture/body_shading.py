@@ -127,6 +127,12 @@ class BodyShading:
         return t + found.x / ti.max(-found.yzw.dot(r), MIN_SLOPE)
 
     @ti.func
+    def nearest(self, b, x):
+        """Returns the point of body b's side nearest to x [m]."""
+        found = self.boundary.distance(b, x, END)
+        return x - found.x * found.yzw
+
+    @ti.func
     def is_cut(self, b, p):
         """Returns True if p [m], where a ray meets body b, is inside: a wall of glass cuts it."""
         inside = self.boundary.side[b] * self.boundary.distance(b, p, END).x

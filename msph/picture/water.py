@@ -166,6 +166,9 @@ class WaterShader:
             footprint = shot.pixel * (reach + s) / ti.max(abs(component(r, axis)), MIN_COSINE)
             if inwards:
                 q, deep, path, bits = self.follow_refracted(p, q, r, s, cut, thickness, shot)
+                if ti.static(self.pool.occupied):
+                    if body >= 0 and bits == FOLDED:
+                        q = self.pool.bodies.nearest(body, q)
                 if straight:
                     deep = ti.max(self.sunlight.height(q, shot) - q.y, 0.0)
                 through = transmittance(shot.absorption, path + DOWNWELLING * deep)

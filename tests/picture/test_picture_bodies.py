@@ -249,3 +249,19 @@ def test_moving_bodies_redraw_their_surroundings_only():
         np.testing.assert_allclose(partly, wholly, atol=2e-3)
         assert share < 0.6
     assert np.abs(found[0][0] - found[11][0]).max() > 0.2
+
+
+def test_a_ball_seen_through_the_glass_from_below_has_no_step_at_its_waterline():
+    """Where the surface mirrors a ball, it was shaded at points within it, as in shadow."""
+    mesh, level = Mesh(), 0.4
+    mesh.fill(*still_water(level, n=32))
+    picture = Picture(mesh, boundary_of(BOX, [LAYER], [Ball(np.array((0.5, 0.3, 0.4)), 0.3)]))
+    picture.load(WIDTH, HEIGHT, BOX)
+    view = Camera.framing(BOX, WIDTH / HEIGHT, azimuth=0.0, elevation=-0.45)
+    view.target = np.array((0.5, level, 0.5))
+    view.zoom(0.5)
+    picture.draw_water(view)
+    rows = covered(picture.raster, WIDTH, HEIGHT)[WIDTH // 2]
+    red, green, _ = picture.fields.canvas.to_numpy()[WIDTH // 2, :HEIGHT][rows].T
+    clay = red > 0.8 * green
+    assert 30 < clay.sum() < rows.sum() and abs(np.diff(red[clay])).max() < 0.02
