@@ -1,6 +1,7 @@
 """Benchmark of one scene: runs it headless and reports speed and errors."""
 
 import math
+from contextlib import closing
 from dataclasses import dataclass
 from typing import Any
 
@@ -92,36 +93,37 @@ def benchmark(
     if recording:
         frames, how = recording.moving, SIMULATED
         frame_time = recording.duration / frames
-    show = Show(scene, frame_time, size=size if render else None, timings=timings, **how)
-    show.warm_up()
-    audience: Audience = Headless(frames)
-    run(Row([show]), Replayer(audience, recording) if recording else audience)
-    mean, p99, largest = show.ledger.solver_residual()
-    wall = timings.total()
-    rest_energy = show.ledger.rest_energy()
-    result = Result(
-        scene=name,
-        particles=show.counts,
-        frames=frames,
-        frame_p50_ms=1e3 * timings.percentile(50),
-        frame_p95_ms=1e3 * timings.percentile(95),
-        stages_p50_ms={s: 1e3 * timings.percentile(50, s) for s in STAGES},
-        fluid_frames_per_second=frames / timings.total("fluid"),
-        frames_per_second=frames / wall,
-        simulated_per_wall=frames * frame_time / wall,
-        steps_per_frame=show.simulation.steps / frames,
-        peak_memory_mib=peak_memory() / 2**20,
-        solver_residual_mean=mean,
-        solver_residual_p99=p99,
-        solver_residual_max=largest,
-        momentum_drift=show.ledger.momentum_drift(),
-        energy_gain=show.ledger.energy_gain(),
-        rest_energy=rest_energy,
-        rest_speed=math.sqrt(2.0 * rest_energy / show.ledger.entries[-1].mass),
-        volume_error=show.volume_error(),
-        profile_ms={p: 1e3 * t for p, t in timings.tree().items()} if profile else {},
-    )
-    show.close()
+    with closing(
+        Show(scene, frame_time, size=size if render else None, timings=timings, **how)
+    ) as show:
+        show.warm_up()
+        audience: Audience = Headless(frames)
+        run(Row([show]), Replayer(audience, recording) if recording else audience)
+        mean, p99, largest = show.ledger.solver_residual()
+        wall = timings.total()
+        rest_energy = show.ledger.rest_energy()
+        result = Result(
+            scene=name,
+            particles=show.counts,
+            frames=frames,
+            frame_p50_ms=1e3 * timings.percentile(50),
+            frame_p95_ms=1e3 * timings.percentile(95),
+            stages_p50_ms={s: 1e3 * timings.percentile(50, s) for s in STAGES},
+            fluid_frames_per_second=frames / timings.total("fluid"),
+            frames_per_second=frames / wall,
+            simulated_per_wall=frames * frame_time / wall,
+            steps_per_frame=show.simulation.steps / frames,
+            peak_memory_mib=peak_memory() / 2**20,
+            solver_residual_mean=mean,
+            solver_residual_p99=p99,
+            solver_residual_max=largest,
+            momentum_drift=show.ledger.momentum_drift(),
+            energy_gain=show.ledger.energy_gain(),
+            rest_energy=rest_energy,
+            rest_speed=math.sqrt(2.0 * rest_energy / show.ledger.entries[-1].mass),
+            volume_error=show.volume_error(),
+            profile_ms={p: 1e3 * t for p, t in timings.tree().items()} if profile else {},
+        )
     return result
 
 
@@ -164,24 +166,23 @@ def benchmark_play(
     """Plays a scene for `seconds` [s] of wall-clock time as a window of `size` does. quality: name
     of the scene's quality."""
     timings = Timings(keep=1)
-    show = Show(scene, 1.0 / scene.play.fps, size, timings=timings, **INTERACTIVE)
-    show.warm_up()
-    ready = process_age()
-    player = HeadlessPlayer(seconds, scene.play.fps)
-    run(Row([show]), player)
-    walls = np.array(player.walls)
-    result = PlayResult(
-        scene=name,
-        quality=quality,
-        particles=show.counts,
-        frames_per_second=float(1.0 / np.median(walls)),
-        slowest_frames_per_second=float(1.0 / np.percentile(walls, 95)),
-        simulated_per_wall=sum(player.simulated) / float(walls.sum()),
-        picture_scale=float(np.mean(player.scales)),
-        solver_residual_mean=show.ledger.solver_residual()[0],
-        start_seconds=ready,
-    )
-    show.close()
+    with closing(Show(scene, 1.0 / scene.play.fps, size, timings=timings, **INTERACTIVE)) as show:
+        show.warm_up()
+        ready = process_age()
+        player = HeadlessPlayer(seconds, scene.play.fps)
+        run(Row([show]), player)
+        walls = np.array(player.walls)
+        result = PlayResult(
+            scene=name,
+            quality=quality,
+            particles=show.counts,
+            frames_per_second=float(1.0 / np.median(walls)),
+            slowest_frames_per_second=float(1.0 / np.percentile(walls, 95)),
+            simulated_per_wall=sum(player.simulated) / float(walls.sum()),
+            picture_scale=float(np.mean(player.scales)),
+            solver_residual_mean=show.ledger.solver_residual()[0],
+            start_seconds=ready,
+        )
     return result
 
 
