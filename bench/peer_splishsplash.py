@@ -126,6 +126,17 @@ def level_of(edges: tuple[float, float], depth: float, spacing: float, gap: floa
     return float(water.positions()[:, 1].mean() / begun)
 
 
+def block_of(number: int) -> tuple[int, int, int]:
+    """Returns the edges [particles] of a block of `number` particles: at least two, since others
+    are ignored, and no particle more, since SPlisHSPlasH sorts inactive ones among the active.
+    Raises ValueError if there is none."""
+    for a in range(2, number):
+        for b in range(2, number // a):
+            if number % (a * b) == 0:
+                return number // (a * b), a, b
+    raise ValueError(f"{number} particles do not fill a block of two or more along each edge")
+
+
 class Dfsph:
     """Water (bench.water.Water) of a scene with one layer and no bodies, simulated by DFSPH.
 
@@ -165,8 +176,7 @@ class Dfsph:
         self.simulation = self.module.Simulation.getCurrent()
         self.model = self.simulation.getFluidModel(0)
         self.clock = self.module.TimeManager.getCurrent()
-        # The first step was of a block outside, whose surplus particles stay there, inactive.
-        self.model.setNumActiveParticles(len(x))
+        # The first step was of a block outside.
         self.restart(x, plan.initial.get("v", np.zeros_like(x)))
 
     def _write(self, n: int, cfl: float, longest: float, tolerance: float) -> Path:
@@ -211,12 +221,12 @@ class Dfsph:
                     ],
                 }
             ],
-            # n particles are placed in n + 1 spacings, at least two along each edge.
+            # k particles are placed in k + 1 spacings.
             "FluidBlocks": [
                 {
                     "denseMode": 0,
                     "start": [outside] * 3,
-                    "end": [outside + (k + 1.0) * d for k in (-(-n // 4), 2, 2)],
+                    "end": [outside + (k + 1.0) * d for k in block_of(n)],
                 }
             ],
         }

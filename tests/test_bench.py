@@ -1,6 +1,7 @@
 """What benchmarks compare, at sizes that take seconds."""
 
 import importlib.util
+import math
 
 import pytest
 
@@ -93,6 +94,18 @@ def test_every_constant_that_is_varied_exists():
     named = [(module, name) for module, name, *_ in constants.TRIED if module != "scene"]
     for module, name in named:
         assert hasattr(importlib.import_module(constants.FLUID + module), name), (module, name)
+
+
+@pytest.mark.parametrize("number", [8, 128, 1575, 4725])
+def test_splishsplash_starts_with_no_particle_too_many(number):
+    """Inactive ones got among the active when it sorted them, after 500 steps."""
+    edges = peer_splishsplash.block_of(number)
+    assert math.prod(edges) == number and min(edges) >= 2
+
+
+def test_a_number_of_particles_that_fills_no_block_is_refused():
+    with pytest.raises(ValueError, match="4703 particles do not fill a block"):
+        peer_splishsplash.block_of(4703)
 
 
 @pytest.mark.skipif(peer_splishsplash.missing(), reason="needs pip install '.[peers]'")
