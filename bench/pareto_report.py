@@ -396,7 +396,8 @@ def report(rows: list[dict], folder: Path = RESULTS) -> None:
             continue
         text += [
             f"## {case.title}\n",
-            f"Fineness: {case.across} in finest spacings{'; ' * bool(case.note)}{case.note}.\n",
+            f"Fineness: {case.across} in finest spacings{'; ' * bool(case.note)}{case.note}. "
+            f"Measured {measured(own)}.\n",
         ]
         text += [f"- {name.replace('_', ' ')}: {what}" for name, what in case.errors.items()]
         words = unreached(drawn(rows, case), case)
@@ -412,6 +413,17 @@ def report(rows: list[dict], folder: Path = RESULTS) -> None:
         if drawn(rows, case):
             text.append(f"![{case.title}](pareto_{case.name}.png)\n")
     (folder / "pareto.md").write_text("\n".join(text), encoding="utf-8")
+
+
+def measured(rows: list[dict]) -> str:
+    """Returns on which days and with how many threads and starts rows were measured."""
+    starts = sorted({row["starts"] for row in rows})
+    found = [
+        f"on {' and '.join(sorted({row['date'] for row in rows}))}",
+        f"threads: {', '.join(sorted({str(row['threads']) for row in rows}))}",
+        f"starts: {' to '.join(str(n) for n in sorted({starts[0], starts[-1]}))}",
+    ]
+    return "; ".join(found)
 
 
 def compared_with_peer(rows: list[dict]) -> list[str]:

@@ -218,4 +218,5 @@ def test_a_sweep_goes_on_where_it_was(tmp_path, monkeypatch):
     assert len(ran) == whole + 3 and len(disturbed) == whole
     pareto_report.report(known, tmp_path)
     text = (tmp_path / "pareto.md").read_text()
+    assert "threads: 3; starts: 1" in text
     assert "failed: no room" in text and (tmp_path / "pareto_sloshing.png").exists()
