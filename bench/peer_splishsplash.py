@@ -65,6 +65,8 @@ SOLVER = {
 }
 # Cell of the volume map of the walls, in spacings, and largest number of cells along an edge.
 MAP_CELL, MOST_CELLS = 0.5, 40
+# Particles of the smallest block.
+LEAST_BLOCK = 8
 # Folder of volume maps, which take seconds to minutes.
 MAPS = Path(tempfile.gettempdir()) / "msph_peer_maps"
 # Time limit of a process that measures a level [s].
@@ -126,15 +128,23 @@ def level_of(edges: tuple[float, float], depth: float, spacing: float, gap: floa
     return float(water.positions()[:, 1].mean() / begun)
 
 
-def block_of(number: int) -> tuple[int, int, int]:
-    """Returns the edges [particles] of a block of `number` particles: at least two, since others
-    are ignored, and no particle more, since SPlisHSPlasH sorts inactive ones among the active.
-    Raises ValueError if there is none."""
+def blocks_of(number: int) -> list[tuple[int, int, int]]:
+    """Returns the edges [particles] of one or two blocks of `number` particles together: at least
+    two along each edge, since others are ignored, and no particle more, since SPlisHSPlasH sorts
+    inactive ones among the active. Raises ValueError if there are none."""
+    for second in (0, *range(LEAST_BLOCK, number)):
+        found = [_edges(n) for n in (number - second, second) if n]
+        if all(found):
+            return found
+    raise ValueError(f"{number} particles do not fill two blocks of two or more along each edge")
+
+
+def _edges(number: int) -> tuple[int, int, int] | None:
     for a in range(2, number):
         for b in range(2, number // a):
             if number % (a * b) == 0:
                 return number // (a * b), a, b
-    raise ValueError(f"{number} particles do not fill a block of two or more along each edge")
+    return None
 
 
 class Dfsph:
@@ -221,13 +231,17 @@ class Dfsph:
                     ],
                 }
             ],
-            # k particles are placed in k + 1 spacings.
+            # k particles are placed in k + 1 spacings; a second block is above the first.
             "FluidBlocks": [
                 {
                     "denseMode": 0,
-                    "start": [outside] * 3,
-                    "end": [outside + (k + 1.0) * d for k in block_of(n)],
+                    "start": [outside, level * outside, outside],
+                    "end": [
+                        begin + (k + 1.0) * d
+                        for begin, k in zip((outside, level * outside, outside), edges, strict=True)
+                    ],
                 }
+                for level, edges in enumerate(blocks_of(n), start=1)
             ],
         }
         path = MAPS / f"scene_{os.getpid()}.json"
