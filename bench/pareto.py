@@ -7,9 +7,9 @@ Every row is a run in a separate process, one at a time, and is written to bench
 when it ends; all settings run with the first start before the next, so that an interrupted sweep
 has the medians of fewer starts. --resume continues there, and repeats runs that other busy
 processes disturbed, unless --busy keeps them. With --threads 1 other programs may use the other
-cores. DFSPH needs pip install '.[peers]'. Runs whose time does not matter, the references of self-
-convergence, can run on an existing Dask cluster (pip install '.[cluster]', with this checkout on
-the workers). bench/results/pareto.md and pareto*.png are generated from the CSV file.
+cores. DFSPH needs pip install '.[peers]'. Runs whose time does not matter, the references of
+self-convergence, can run on an existing Dask cluster (pip install '.[cluster]', with this checkout
+on the workers). bench/results/pareto.md and pareto*.png are generated from the CSV file.
 """
 
 import dataclasses

@@ -447,6 +447,11 @@ def compared_with_peer(rows: list[dict]) -> list[str]:
                 )
     if not lines:
         return []
+    compared = [r for r in rows if r["case"] in {line["case"] for line in lines}]
+    busy = [
+        np.nanmedian([number(r, "others") for r in compared if (r["method"] == DFSPH) == theirs])
+        for theirs in (False, True)
+    ]
     return [
         "## SPlisHSPlasH\n",
         "DFSPH (Bender and Koschier 2015) of pySPlisHSPlasH, as shipped and with other settings "
@@ -454,7 +459,9 @@ def compared_with_peer(rows: list[dict]) -> list[str]:
         "%, dt: longest step [s]), from the same initial particles. Its walls act\nat a distance "
         "and are therefore outside the tank, as far as still water then has its level. All errors "
         "are computed from\npositions and velocities by the code that measures ours. Ours: "
-        "the fastest run, uniform or layered, with at most the same\nerror, interpolated.\n",
+        "the fastest run, uniform or layered, with at most the same\nerror, interpolated. "
+        f"Other work kept {busy[0]:.1f} cores busy during our runs and {busy[1]:.1f} during its runs "
+        "(medians).\n",
         lines_of(lines),
         "",
     ]

@@ -140,6 +140,7 @@ def blocks_of(number: int) -> list[tuple[int, int, int]]:
 
 
 def _edges(number: int) -> tuple[int, int, int] | None:
+    """Returns the edges, of two or more, of one block of `number` particles, or None."""
     for a in range(2, number):
         for b in range(2, number // a):
             if number % (a * b) == 0:

@@ -91,8 +91,8 @@ class ThinWater:
     @ti.func
     def set_kernel(self, i, deep, bodies: ti.template()):
         """Sets the kernel of particle i (deep: known to be in deep water) and adds its volume, or
-        lists it as a drop, neither beyond a wall. Returns the distance [m] within which the kernel
-        exceeds the full kernel."""
+        lists it as a drop; a particle beyond a wall is neither added nor listed. Returns the
+        distance [m] within which the kernel exceeds the full kernel."""
         layer = self.particles.layer[i]
         self.kernel[i], larger, drop = self.full(layer), 0.0, False
         if not deep:
