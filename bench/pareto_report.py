@@ -460,8 +460,8 @@ def compared_with_peer(rows: list[dict]) -> list[str]:
         "and are therefore outside the tank, as far as still water then has its level. All errors "
         "are computed from\npositions and velocities by the code that measures ours. Ours: "
         "the fastest run, uniform or layered, with at most the same\nerror, interpolated. "
-        f"Other work kept {busy[0]:.1f} cores busy during our runs and {busy[1]:.1f} during its runs "
-        "(medians).\n",
+        f"Other work kept {busy[0]:.1f} cores busy during our runs and {busy[1]:.1f} during its "
+        "runs (medians).\n",
         lines_of(lines),
         "",
     ]
