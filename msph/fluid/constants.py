@@ -26,6 +26,7 @@ MEMBERS = {
     "pressure_cfl": f32,  # largest distance at the speed sqrt(p/rho) per step, in spacings
     "release": f32,  # time in which a density excess becomes velocity [s]
     "spray": f32,  # relative density of spray (-)
+    "air": f32,  # factor of the air share (-): 0 under surface tension, otherwise 1
     "largest_shift": f32,  # largest position correction in a step, in spacings
     "relaxation": f32,  # of the position correction's Jacobi iteration (-)
     "slip": i32,  # 1: walls do not brake viscous water

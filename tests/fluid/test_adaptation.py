@@ -163,7 +163,7 @@ def test_layers_lie_in_their_bands(tank):
 def test_water_at_rest_stops_adapting(tank):
     _, counts = tank
     changes = np.abs(np.diff(counts, axis=0)).sum(axis=1)
-    assert changes[-60:].max() == 0
+    assert changes[-45:].max() == 0
 
 
 def test_passes_are_due_where_water_travels(tank):

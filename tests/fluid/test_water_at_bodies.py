@@ -44,9 +44,9 @@ def rest(pool):
     """Snapshots and ledger of half a second of still water, after it has settled, and its level."""
     pool.reset()
     ledger, waters = Ledger(pool, density_every=math.inf), []
-    for frame in range(60):
+    for frame in range(90):
         pool.advance(1 / 60, ExternalForces(GRAVITY))
-        if frame >= 30:
+        if frame >= 60:
             ledger.record(GRAVITY)
             waters.append(Snapshot.of(pool))
     (x0, _, z0), (x1, _, z1) = PILLAR

@@ -3,14 +3,19 @@
 The kernel is the quartic B-spline M5: its sums change little when an arrangement of particles is
 strained at constant volume, so particles under pressure resist shear little.
 
-Two corrections (docs/method.md, "Density"):
+Three corrections (docs/method.md, "Density"):
 - Yield: an expansion lowers the kernel sum by slightly less than the density. W_ij is divided by
   the ratio of the two, and the particle's own part, which is constant, is lowered to match.
 - Defect: with c = 1 at every particle, moving water is still 2 to 6 % too thin, since each particle
   sits at the peak of its own kernel. A second kernel, the bell (1 - q^2)^4, which enters no force,
   measures this: the density defect is its sum less c. The mean defect around a particle, followed
   slowly, is the density correction, which is added to c.
+- Air share: the sums of particles at a free surface lack the share of the kernel that lies in the
+  air. Without it the surface's sheet of particles is compressed until c = 1, to 1.45 times as many
+  particles as in a sheet inside, which resist every change of the surface's area.
 """
+
+import math
 
 import numpy as np
 import taichi as ti
@@ -27,6 +32,7 @@ ATTRIBUTES = (
     Attribute("known_volume", "m^3", "volume where the defect is known, or 0", carried=False),
     Attribute("known_defect", "m^3", "known_volume times density defect", carried=False),
     Attribute("density_correction", "-", "mean defect around a particle, at most 0"),
+    Attribute("air_share", "-", "share of the kernel in the air above a surface", carried=False),
     Attribute("gradient", "1/m", "sum V_j grad W_ij, images included", width=3, carried=False),
     Attribute("diagonal", "1/m^2", "diagonal of the pressure solves' operator", carried=False),
     Attribute("pair_spacing", "m", "of equal particles that are held as stiffly", carried=False),
@@ -44,6 +50,12 @@ REST_DEFECT, MAX_CORRECTION = 0.003, 0.06
 # Share of a step's reading in the correction: with 1 it alternates from step to step. And the
 # largest change in a step (-): after a larger one surrounded particles would read as a surface.
 BLEND, MAX_CORRECTION_CHANGE = 0.25, 1.0 - SURROUNDED
+# |sum V_j grad W_ij| over that at a plane surface (-): no air share up to the first, the whole from
+# the second. Beside a hole of one particle, which must be able to close, it is 0.38.
+INSIDE, AT_SURFACE = 0.6, 0.9
+# Relative difference (-) of a particle's pair_spacing from its spacing up to which it has an air
+# share; none from twice this. Without it a coarse sheet on fine particles gains energy.
+MAX_SPACING_DIFFERENCE = 0.05
 # Least divisor of the mean defect, in the particle's own volume (-).
 MIN_VOLUME_SHARE = 1e-3
 # Entries whose gradients are computed together: the largest vector that Taichi compiles well.
@@ -64,6 +76,12 @@ Sums = ti.types.struct(
     shares=ti.f32,
     stiffness=ti.f32,
 )
+
+
+@ti.func
+def fade_out(limit, value):
+    """Returns 1 for values up to `limit`, falling linearly to 0 at twice the limit."""
+    return ti.math.clamp(2.0 - value / limit, 0.0, 1.0)
 
 
 @data_oriented
@@ -121,7 +139,9 @@ class Density:
             self.particles.gradient[i] = g
             diagonal = (g + sums.own_images).norm_sqr() + volume * sums.squares
             self.particles.diagonal[i] = diagonal
-            self.particles.pair_spacing[i] = self._pair_spacing(layer, sums)
+            pair_spacing = self._pair_spacing(layer, sums)
+            self.particles.pair_spacing[i] = pair_spacing
+            self.particles.air_share[i] = self._air_share(layer, g.norm(), pair_spacing)
         return most
 
     @kernel
@@ -135,6 +155,7 @@ class Density:
         p = self.particles
         for i in range(n):
             if p.prescribed[i] > 0:
+                p.air_share[i] = 0.0
                 layer, x, opening = p.layer[i], p.x[i], p.prescribed[i] - 1
                 behind = self.layers.own[layer]
                 for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
@@ -142,7 +163,7 @@ class Density:
                     if self.apertures.along(opening, p.x[j]) < 0.0:
                         behind += self.weight(layer, p.layer[j], (x - p.x[j]).norm())
                 along, h = self.apertures.along(opening, x), self.layers.wall_support[layer]
-                missing = ti.min(wendland_behind(along, h) - behind, -self.excess(i))
+                missing = ti.min(wendland_behind(along, h) - behind, 1.0 - self.relative(i))
                 p.density[i] += ti.max(missing, 0.0) * self.constants.rest_density[None]
 
     @ti.func
@@ -157,6 +178,17 @@ class Density:
         share = SELF_WEIGHT * self.layers.bell_scale[layer, layer]
         held = (sums.stiffness + share * own**2) / (sums.shares + share)
         return self.layers.spacing[layer] * own / ti.sqrt(held)
+
+    @ti.func
+    def _air_share(self, layer, slope, pair_spacing):
+        """Returns the share of the kernel that lies in the air, from the slope |sum V_j grad W_ij|
+        [1/m]: that of a plane surface, 0 inside, and 0 in sheets and drops, which have a small
+        slope."""
+        ratio = slope / self.layers.surface_slope[layer]
+        full = ti.math.clamp((ratio - INSIDE) / (AT_SURFACE - INSIDE), 0.0, 1.0)
+        difference = ti.abs(pair_spacing / self.layers.spacing[layer] - 1.0)
+        full *= fade_out(MAX_SPACING_DIFFERENCE, difference)
+        return self.constants.air[None] * full * self.layers.surface_share[layer]
 
     @ti.func
     def _add_entries(self, i, mirrored: ti.template(), sums: ti.template()):
@@ -208,9 +240,15 @@ class Density:
         return self.layers.scale[layer, other] * shape
 
     @ti.func
+    def relative(self, i):
+        """Returns c_i (-) for the positions of the last refresh()."""
+        return self.particles.density[i] / self.constants.rest_density[None]
+
+    @ti.func
     def excess(self, i):
-        """Returns c_i - 1 (-) for the positions of the last refresh()."""
-        return self.particles.density[i] / self.constants.rest_density[None] - 1.0
+        """Returns c_i - 1 (-), where a deficit is lowered by the air share, at most to 0."""
+        excess = self.relative(i) - 1.0
+        return ti.max(excess, ti.min(excess + self.particles.air_share[i], 0.0))
 
     @kernel
     def follow_defect(self, n: ti.i32):
@@ -252,7 +290,10 @@ def density_tables(
     # V_j W_ij (-) is a kernel's shape times its factor times this.
     shares = volume * pair_support(support[:, None], support) ** -3.0
     peak = kernels.QUARTIC * kernels.QUARTIC_PEAK / smoothing**3
+    missing, slope = np.transpose([lattice_surface(s) for s in smoothing])
     rows = {
+        "surface_share": missing * per_yield,
+        "surface_slope": slope * per_yield * smoothing / support,
         "per_volume": 1.0 / volume,
         "per_yield": per_yield,
         "own": 1.0 - per_yield * (1.0 - peak),
@@ -264,3 +305,17 @@ def density_tables(
         "stress_share": stress_share(support),
     }
     return rows, pairs
+
+
+def lattice_surface(smoothing: float) -> tuple[float, float]:
+    """Returns what a kernel of support `smoothing` (in spacings) lacks at the surface of a cubic
+    lattice: 1 - c (-), and |sum V_j grad W_ij| [1/spacing]."""
+    reach = math.ceil(smoothing)
+    x = np.stack(np.meshgrid(*3 * [np.arange(-reach, reach + 1.0)]), axis=-1).reshape(-1, 3)
+    above = x[x[:, 1] > 0.0]  # what the surface's sheet lacks
+    r = np.linalg.norm(above, axis=1)
+    q = r / smoothing
+    a, b, c = (np.maximum(edge - q, 0.0) for edge in (1.0, 0.6, 0.2))
+    shape, slope = a**4 - 5.0 * b**4 + 10.0 * c**4, 4.0 * (a**3 - 5.0 * b**3 + 10.0 * c**3)
+    per_volume = kernels.QUARTIC / smoothing**3
+    return per_volume * shape.sum(), per_volume / smoothing * (slope * above[:, 1] / r).sum()

@@ -80,7 +80,7 @@ class PressureSolve:
             rate += p.boundary_inflow[i]
             c = self.density.excess(i) + closing
             p.predicted_density[i] = self.constants.rest_density[None] * (1.0 + c)
-            if 1.0 + c < self.constants.spray[None]:
+            if self.density.relative(i) + closing < self.constants.spray[None]:
                 rate = ti.min(rate, 0.0)
             share = ti.max(dt / self.constants.release[None], -c / GAP_DEFICIT)
             removed = ti.min(share, 1.0) * c

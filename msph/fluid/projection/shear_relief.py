@@ -24,6 +24,7 @@ import taichi as ti
 
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.particles import Attribute
+from msph.fluid.projection.density import fade_out
 from msph.fluid.projection.force import Force
 from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.small_numbers import MIN_DIVISOR, MIN_WEIGHT
@@ -40,12 +41,6 @@ MIN_STRESS = 1e-6
 # Determinant of the moment M (-) below which there is no relief; in full from twice this. It is 1
 # in the depth and 0.4 in the topmost sheet; at 0.05 steps of five times the limit blow up.
 LEAST_DETERMINANT = 0.15
-
-
-@ti.func
-def fade_out(limit, value):
-    """Returns 1 for values up to `limit`, falling linearly to 0 at twice the limit."""
-    return ti.math.clamp(2.0 - value / limit, 0.0, 1.0)
 
 
 @ti.func

@@ -112,7 +112,7 @@ class VirialPressure:
                 if ti.static(mirrored):
                     q += self.image_excess(x - r_ij, j, gravity)
                 total += q * self.density.weight(layer, self.particles.layer[j], r_ij.norm())
-        return total / (1.0 + self.density.excess(i))
+        return total / self.density.relative(i)
 
     @ti.func
     def image_acceleration(self, i, gravity):
