@@ -217,10 +217,15 @@ def compare(row: dict, others: list[dict], error: str) -> str:
     if not middle:
         return ""
     least, most = (_ratio(row, others, error, *ends) for ends in ((high, low), (low, high)))
-    words = f"{'over ' * middle[1]}{middle[0]:.2g}"
-    ends = [f"{end[0]:.2g}" if end else "?" for end in (least, most)]
+    words = f"{'over ' * middle[1]}{digits(middle[0])}"
+    ends = [digits(end[0]) if end else "?" for end in (least, most)]
     unlike = least and most and (least[0] > 1.0) == (most[0] > 1.0)
     return f"{words} ({ends[0]} to {ends[1]}){'' if unlike else ', not significant'}"
+
+
+def digits(value: float) -> str:
+    """Returns a number with two significant digits, never with an exponent."""
+    return np.format_float_positional(value, precision=2, fractional=False, trim="-")
 
 
 def _ratio(row: dict, others: list[dict], error: str, own, theirs) -> tuple[float, bool] | None:
@@ -475,7 +480,9 @@ def faster(row: dict, ours: list[dict], error: str) -> str:
     if number(row, error) > number(worst, error):
         factor = number(row, "wall_per_simulated") / number(worst, "wall_per_simulated")
         own = f"{cell(worst, error)} in {worst['wall_per_simulated']:.2g} s per s"
-        return f"ours, over {factor:.2g} times: {own}" if factor > 1.0 else f"unknown; ours: {own}"
+        return (
+            f"ours, over {digits(factor)} times: {own}" if factor > 1 else f"unknown; ours: {own}"
+        )
     words = compare(row, ours, error)
     if not words:
         return "-"
@@ -485,5 +492,5 @@ def faster(row: dict, ours: list[dict], error: str) -> str:
     if "not significant" in words:
         return f"not significant: ours takes {words.split(',')[0]} of its time"
     if ratio > 1.0:
-        return f"SPlisHSPlasH, {ratio:.2g} times"
-    return f"ours, {1.0 / ratio:.2g} times"
+        return f"SPlisHSPlasH, {digits(ratio)} times"
+    return f"ours, {digits(1.0 / ratio)} times"
