@@ -54,8 +54,8 @@ GAPS = [
 HEAVES = [
     (5, 0.025, 1.6, 3, 0.9, 0.0),
     (5, 0.025, 1.6, 3, 0.9, 1.0),
-    (7, 0.01875, 2.6, 3, 0.9, 1.0),
-    (4, 0.01875, 2.6, 3, 0.9, 1.0),
+    (7, 0.01875, 1.6, 3, 0.9, 1.0),
+    (7, 0.01875, 2.6, 1, 0.9, 1.0),  # half an hour
 ]
 # Share of a run before the measurement starts, in which the water settles.
 SETTLING = 0.5
@@ -295,7 +295,7 @@ TABLES = {
         floating.hard,
     ),
     "heave": Table(
-        f"Heave decay of a half-submerged ball against Kramer et al. 2021; {MEDIANS}",
+        "Heave decay of a half-submerged ball against Kramer et al. 2021; medians over the starts",
         ("layers", "spacings per radius", "shear relief"),
         [
             dict(zip(("layers", "fine", "width", "starts", "depth", "relief"), case, strict=True))

@@ -24,6 +24,8 @@ DENSITIES = (250.0, 500.0, 750.0)
 # density [kg/m^3], gravity [m/s^2], first period [s] and trough [m].
 RADIUS, MASS, RELEASE, DEEP = 0.15, 7.056, 0.02916, 0.9
 KRAMER_WATER, KRAMER_GRAVITY, PERIOD, TROUGH = 998.2, 9.82, 0.7869, 0.02493
+# Particles of the pool: room for bands of full thickness.
+CAPACITY = 400_000
 # Time [s] for which the ball is held, in which the water settles.
 HELD = 1.5
 
@@ -134,20 +136,22 @@ def heave(
         lambda d: math.pi * d**2 * (RADIUS - d / 3.0) * KRAMER_WATER - MASS, 0, 2 * RADIUS
     )
     periods, troughs = [], []
+    options: dict[str, Any] = {
+        "density": KRAMER_WATER,
+        "size": (width, width),
+        "depth": depth,
+        "projection": {"shear_relief": relief},
+        "adaptation": {"enabled": layers > 1, "capacity": CAPACITY},
+    }
+    ball: dict[str, Any] = {"radius": RADIUS, "mass": MASS, "release": HELD}
     for seed in range(starts):
-        # Water inside the ball at the start is left out; the hole that this leaves fills while the
-        # ball is held.
-        y = depth + RADIUS - draft + RELEASE
-        place = {"centre": [0.5 * width, y, 0.5 * width], "radius": RADIUS}
-        body = {**place, "mass": MASS, "release": HELD}
-        options: dict[str, Any] = {
-            "density": KRAMER_WATER,
-            "size": (width, width),
-            "depth": depth,
-            "projection": {"shear_relief": relief},
-        }
-        sim = build(layers, [body], seed, fine, **options)
-        rest = (water_volume(sim) + MASS / KRAMER_WATER) / width**2 + RADIUS - draft
+        rest = depth + RADIUS - draft
+        for _ in range(2):
+            # Water inside the ball at the start is left out; the hole that this leaves fills while
+            # the ball is held. How much is left out is known once the tank is built.
+            body = {**ball, "centre": [0.5 * width, rest + RELEASE, 0.5 * width]}
+            sim = build(layers, [body], seed, fine, **options)
+            rest = (water_volume(sim) + MASS / KRAMER_WATER) / width**2 + RADIUS - draft
         external = ExternalForces((0.0, -KRAMER_GRAVITY, 0.0))
         times, heights = [], []
         while sim.time < HELD + 1.0:
@@ -166,6 +170,7 @@ def heave(
         "layers": str(layers),
         "shear relief": f"{relief:g}",
         "tank [m]": f"{width:g}",
+        "starts": str(starts),
         "depth [m]": f"{depth:g}",
         "period error": rows.spread([p / PERIOD - 1.0 for p in periods], "{:+.1%}"),
         "trough error": rows.spread([z / TROUGH - 1.0 for z in troughs], "{:+.1%}"),
