@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from bench import pareto, pareto_report, pareto_table, rows, tanks
+from bench import pareto, pareto_figures, pareto_report, pareto_table, rows, tanks
 from bench.cases import CASES, thesis_pool, vortex
 from bench.cases.case import ADAPTIVE, DFSPH, NO_RELIEF, UNIFORM, Setting, begin, tank
 from bench.cases.dam_break import reference
@@ -121,7 +121,7 @@ def grouped(*rows_):
 def test_rows_that_are_dominated_are_left_out():
     pairs = ((1.0, 0.1), (2.0, 0.2), (3.0, 0.01), (4.0, 0.01))
     found = [row("sloshing", *pair, fineness=k) for k, pair in enumerate(pairs)]
-    best = pareto_report.undominated(grouped(*found), "wave")
+    best = pareto_figures.undominated(grouped(*found), "wave")
     assert [pareto_table.number(r, "wave") for r in best] == [0.1, 0.01]
 
 

@@ -162,8 +162,8 @@ def test_stirred_water_keeps_its_bulk_density(tank):
 
 def test_a_sheet_of_one_particle_rests(tank):
     """Its density correction made it so thin that no defect was known, went back for want of one,
-    and so on: the sheet bobbed by .6 % of its energy. The background pressure lifts it once, by .2 %
-    of a spacing."""
+    and so on: the sheet bobbed by .6 % of its energy. Background pressure lifts it once, by .2 % of
+    a spacing."""
     sim, _ = tank
     usual, sites = sim.initial, np.indices((10, 1, 10)).reshape(3, -1).T + 0.5
     sim.initial = {

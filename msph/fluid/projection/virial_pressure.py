@@ -90,7 +90,10 @@ class VirialPressure:
         mean = ti.select(weights > MIN_WEIGHT, others / ti.max(weights, MIN_WEIGHT), own)
         bulk = (weights / 3.0 - SURFACE_WEIGHT) / (BULK_WEIGHT - SURFACE_WEIGHT)
         bulk = ti.math.clamp(bulk, 0.0, 1.0)
-        found.virial = ti.math.mix(0.5 * (own + mean), trace / 3.0, bulk)
+        # Below air, the mean with the neighbours would be that of water half a spacing deeper.
+        air = self.particles.air_share[i] / self.layers.surface_share[layer]
+        at_surface = ti.math.mix(0.5 * (own + mean), own, air)
+        found.virial = ti.math.mix(at_surface, trace / 3.0, bulk)
         return found
 
     @ti.func
