@@ -26,11 +26,12 @@ def test_a_case_is_measured_against_its_formula():
 
 
 def test_still_water_is_read_once_it_has_moved():
-    """Six spacings deep and off its lattice; pressure and level within 2 %."""
-    run, errors = CASES["hydrostatic"].measure(Setting(fineness=6))
-    assert errors["pressure"] < 0.02 and errors["height"] < 0.02
-    cell = run.positions() * 6.0 % 1.0
-    assert np.abs(cell - 0.5).mean() > 0.1
+    """Eight spacings deep and off its lattice, to which six spacings would return; pressure within
+    .5 %, level within .2 %. Below air the pressure was read .27 spacings of water too high."""
+    run, errors = CASES["hydrostatic"].measure(Setting(fineness=8))
+    assert errors["pressure"] < 0.005 and errors["height"] < 0.002
+    cell = run.positions() * 8.0 % 1.0
+    assert np.abs(cell - 0.5).mean() > 0.08
     assert run.costs()["steps"] >= 60 * run.simulated - 1
 
 
@@ -167,7 +168,7 @@ def test_the_faster_program_is_named():
     theirs = [row("sloshing", t, e, method=DFSPH) for t, e in ((1000.0, 0.01), (1.0, 0.01))]
     theirs += [row("sloshing", t, e, method=DFSPH) for t, e in ((7.0, 0.3), (7.0, 1e-4))]
     words = [pareto_report.faster(*grouped(r), ours, "wave") for r in theirs]
-    assert words[:2] == ["ours, 1e+02 times", "SPlisHSPlasH, 10 times"]
+    assert words[:2] == ["ours, 100 times", "SPlisHSPlasH, 10 times"]
     assert words[2].startswith("ours, over 7 times") and "no run of ours" in words[3]
 
 
