@@ -73,8 +73,9 @@ def runs_to_the_lower_side(seen):
     assert abs(moved[2]) < 0.1 * abs(moved[0])
 
 
-def is_hydrostatic_and_calms_down(seen):
-    """p = rho g (H - y) at four depths; the energy never rises, and the motion dies."""
+def is_hydrostatic_and_still(seen):
+    """p = rho g (H - y) at four depths; the energy never rises, and there is hardly any motion, since
+    the water starts at rest: particles only leave their lattice."""
     depth, (x, _, z) = seen.depth(), seen.simulation.size
     heights = np.array([0.0, 0.25, 0.5, 0.75]) * depth
     found = []
@@ -86,7 +87,7 @@ def is_hydrostatic_and_calms_down(seen):
     energies = np.array([e.energy for e in seen.ledger.entries])
     assert np.diff(energies).max() < 1e-4 * energies[0]
     kinetic = np.array([e.kinetic for e in seen.ledger.entries])
-    assert kinetic.max() < 2e-3 * energies[0] and kinetic[-20:].mean() < 0.5 * kinetic.max()
+    assert kinetic.max() < 2e-4 * energies[0]
 
 
 def has_the_weight_of_its_water_on_the_floor(seen):
@@ -304,7 +305,7 @@ FACTS = {
     "pool": runs_to_the_lower_side,
     "pool_2x": runs_to_the_lower_side,
     "rolled": follows_the_roll,
-    "still": is_hydrostatic_and_calms_down,
+    "still": is_hydrostatic_and_still,
     "waves": makes_waves_as_high_as_theory_says,
 }
 
