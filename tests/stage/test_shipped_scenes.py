@@ -74,8 +74,8 @@ def runs_to_the_lower_side(seen):
 
 
 def is_hydrostatic_and_still(seen):
-    """p = rho g (H - y) at four depths; the energy never rises, and there is hardly any motion, since
-    the water starts at rest: particles only leave their lattice."""
+    """p = rho g (H - y) at four depths; the energy never rises, and there is hardly any motion:
+    particles only leave the lattice of the start."""
     depth, (x, _, z) = seen.depth(), seen.simulation.size
     heights = np.array([0.0, 0.25, 0.5, 0.75]) * depth
     found = []
