@@ -55,7 +55,7 @@ HEAVES = [
     (5, 0.025, 1.6, 3, 0.9, 0.0),
     (5, 0.025, 1.6, 3, 0.9, 1.0),
     (7, 0.01875, 1.6, 1, 0.9, 1.0),
-    (7, 0.01875, 2.6, 1, 0.9, 1.0),  # half an hour
+    (7, 0.01875, 2.6, 3, 0.9, 1.0),  # half an hour per start
 ]
 # Share of a run before the measurement starts, in which the water settles.
 SETTLING = 0.5

@@ -145,10 +145,12 @@ def heave(
     }
     ball: dict[str, Any] = {"radius": RADIUS, "mass": MASS, "release": HELD}
     for seed in range(starts):
-        rest = depth + RADIUS - draft
+        rest, sim = depth + RADIUS - draft, None
         for _ in range(2):
             # Water inside the ball at the start is left out; the hole that this leaves fills while
             # the ball is held. How much is left out is known once the tank is built.
+            if sim:
+                sim.close()
             body = {**ball, "centre": [0.5 * width, rest + RELEASE, 0.5 * width]}
             sim = build(layers, [body], seed, fine, **options)
             rest = (water_volume(sim) + MASS / KRAMER_WATER) / width**2 + RADIUS - draft

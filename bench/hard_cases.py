@@ -232,7 +232,6 @@ CASES: dict[str, Hard] = {
         "no leaks",
         body(lo=[0.12, 0.08, 0.26], hi=[0.48, 0.2, 0.34], spin=7200.0),
         seconds=0.5,
-        settles=False,  # it goes on turning
     ),
     "ball at 50 m/s": Hard(
         "no leaks",

@@ -31,7 +31,7 @@ def test_still_water_is_read_once_it_has_moved():
     run, errors = CASES["hydrostatic"].measure(Setting(fineness=8))
     assert errors["pressure"] < 0.005 and errors["height"] < 0.002
     cell = run.positions() * 8.0 % 1.0
-    assert np.abs(cell - 0.5).mean() > 0.08
+    assert np.abs(cell - 0.5).mean() > 0.1
     assert run.costs()["steps"] >= 60 * run.simulated - 1
 
 

@@ -78,8 +78,7 @@ def test_water_in_a_moving_box_balances_momentum_and_gains_no_energy():
     # Without the time in which the lattice of the start settles.
     energies = np.array([e.energy for e in ledger.entries[10:]])
     assert max(e.inertia_work for e in ledger.entries) > 1.0
-    level = 0.5 * last.mass * 9.81 * 0.24
-    assert (energies - np.minimum.accumulate(energies)).max() < 2e-3 * level
+    assert (energies - np.minimum.accumulate(energies)).max() < 0.16
 
 
 def test_a_floating_body_without_forces_moves_straight_and_turns_as_in_the_world():

@@ -124,6 +124,7 @@ class Openings:
         if changed:
             self._mark(self.particles.count)
             self._prescribe(0)
+            # Launched without particles: compiles the kernel before the first sheet.
             self._find_free(0, np.zeros((1, 3), np.float32), 0.0, np.zeros(1, np.int32))
             self.particles.extend(np.zeros((0, 3)), np.zeros((0, 3)), 0, 0)
 

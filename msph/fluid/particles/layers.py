@@ -34,8 +34,8 @@ ROWS = {
     "max_reach": f32,  # reach of its neighbour list [m]
     "own": f32,  # contribution of a particle to its own relative density (-)
     "own_bell": f32,  # the same with the bell kernel (-)
-    "surface_share": f32,  # share of the kernel above a plane surface (-)
-    "surface_slope": f32,  # its gradient there [1/m]
+    "surface_share": f32,  # 1 - c at the surface of a cubic lattice (-)
+    "surface_slope": f32,  # |sum V_j grad W_ij| there [1/m]
     "per_yield": f32,  # factor of the bodies' shares (-)
     "wall_support": f32,  # support of the kernel in the bodies' integrals [m]
     "swell": f32,  # enlargement of bodies [m]

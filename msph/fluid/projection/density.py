@@ -147,7 +147,8 @@ class Density:
     @kernel
     def _fill_pipes(self, n: ti.i32):
         """Raises the density of particles in inflows, at most to rest density, by what a pipe's
-        wall leaves empty: behind the cross-section, pipe and wall fill the kernel's share.
+        wall leaves empty: behind the cross-section, pipe and wall fill the kernel's share. These
+        particles have no air share.
 
         Otherwise gaps to the wall would have to close before the particles push, and a pipe a few
         particles wide would not push at all.
@@ -181,9 +182,9 @@ class Density:
 
     @ti.func
     def _air_share(self, layer, slope, pair_spacing):
-        """Returns the share of the kernel that lies in the air, from the slope |sum V_j grad W_ij|
-        [1/m]: that of a plane surface, 0 inside, and 0 in sheets and drops, which have a small
-        slope."""
+        """Returns the air share (-) of a particle with the slope |sum V_j grad W_ij| [1/m]: that of
+        a plane surface, and 0 where the slope is small, as inside, in sheets one particle thick,
+        and for single and paired particles."""
         ratio = slope / self.layers.surface_slope[layer]
         full = ti.math.clamp((ratio - INSIDE) / (AT_SURFACE - INSIDE), 0.0, 1.0)
         difference = ti.abs(pair_spacing / self.layers.spacing[layer] - 1.0)

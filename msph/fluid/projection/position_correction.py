@@ -136,7 +136,8 @@ class PositionCorrection:
 
     @ti.func
     def _background(self, i, dt):
-        """Returns the background pressure as a density excess (-): none at the surface."""
+        """Returns the background pressure as a density excess (-): none where water is missing,
+        the air share counted, so that it acts at plane surfaces and not in spray."""
         motion = dt * self.particles.v[i].norm() / self.layers.spacing[self.particles.layer[i]]
         share = ti.select(dt > 0.0, ti.math.clamp(motion / FULL_MOTION, REST_SHARE, 1.0), 1.0)
         inside = self.density.excess(i) > -BACKGROUND_DEFICIT

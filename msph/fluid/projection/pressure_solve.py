@@ -67,7 +67,8 @@ class PressureSolve:
 
     @kernel
     def build_rhs(self, n: ti.i32, dt: ti.f32):
-        """rhs_i = dt dc/dt + share (c_i - 1), with c_i after the position correction. Sets the
+        """rhs_i = dt dc/dt + share (c_i - 1), with c_i after the position correction, where
+        c_i - 1 is Density.excess(). Sets the
         initial guess q = dt^2 p/rho0, p the mean of two steps, since pressures alternate, and
         predicted_density = rho0 c_i.
 

@@ -59,7 +59,7 @@ class VirialPressure:
     @ti.func
     def evaluate(self, i, gravity, with_stress: ti.template()):
         """Returns the Evaluation of particle i in one pass, without bodies. A particle without
-        neighbours has its own multiplier as pressure."""
+        neighbours, or with its whole air share, has its own multiplier as pressure."""
         layer, x = self.particles.layer[i], self.particles.x[i]
         own, found = self.particles.pressure_multiplier[i], self.Evaluation()
         trace, others, weights = 0.0, 0.0, 0.0
@@ -90,7 +90,7 @@ class VirialPressure:
         mean = ti.select(weights > MIN_WEIGHT, others / ti.max(weights, MIN_WEIGHT), own)
         bulk = (weights / 3.0 - SURFACE_WEIGHT) / (BULK_WEIGHT - SURFACE_WEIGHT)
         bulk = ti.math.clamp(bulk, 0.0, 1.0)
-        # Below air, the mean with the neighbours would be that of water half a spacing deeper.
+        # Below air, the mean with neighbours is that of water a quarter of a spacing deeper.
         air = self.particles.air_share[i] / self.layers.surface_share[layer]
         at_surface = ti.math.mix(0.5 * (own + mean), own, air)
         found.virial = ti.math.mix(at_surface, trace / 3.0, bulk)
