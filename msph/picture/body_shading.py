@@ -8,7 +8,7 @@ transparent, like the panes of the pool.
 import taichi as ti
 
 from msph.device_table import DeviceTable, f32, i32
-from msph.fluid.boundary.body_shapes import CUBIC, END, ROUND
+from msph.fluid.boundary.body_shapes import BALL, CUBIC, END, LINEAR, ROUND
 from msph.picture.shot import PARALLEL
 from msph.picture.sky import SKY_LIGHT, SUN_LIGHT
 from msph.taichi_internals import data_oriented
@@ -53,23 +53,25 @@ class BodyShading:
     @ti.func
     def span(self, b, p, r, most, more):
         """Returns the range of t in 0..most where the ray p + t r is inside the bounding sphere and
-        the bounding box of body b, enlarged by `more` [m]."""
-        c = p - self.boundary.centre[b, END]
-        along = c.dot(r)
-        half = along * along - c.norm_sqr() + (self.boundary.bounding_radius[b] + more) ** 2
+        the bounding box of body b, enlarged by `more` [m], empty if it misses them; and p and r in
+        the frame of the body, if it meets the sphere."""
+        q, s = p - self.boundary.centre[b, END], r
+        along = q.dot(s)
+        half = along * along - q.norm_sqr() + (self.boundary.bounding_radius[b] + more) ** 2
         found = vec2(1.0, 0.0)
         if half > 0.0:
             found = vec2(ti.max(-along - ti.sqrt(half), 0.0), ti.min(-along + ti.sqrt(half), most))
-            turn, offset = self.boundary.rotation[b, END].transpose(), self.offset()
-            q, s = turn @ c, turn @ r
+        if found[0] < found[1]:
+            turn = self.boundary.rotation[b, END].transpose()
+            q, s = turn @ q, turn @ s
             for k in ti.static(range(3)):
                 # The margin keeps body faces that coincide with the bounding box.
-                out = self.boundary.half[b][k] + more + offset
+                out = self.boundary.half[b][k] + more + self.offset()
                 per = 1.0 / ti.select(abs(s[k]) > PARALLEL, s[k], PARALLEL)
                 near, far = (-out - q[k]) * per, (out - q[k]) * per
                 found[0] = ti.max(found[0], ti.min(near, far))
                 found[1] = ti.min(found[1], ti.max(near, far))
-        return found
+        return found, q, s
 
     @ti.func
     def intersect(self, p, r, most, reach, wide, within):
@@ -82,15 +84,20 @@ class BodyShading:
         entry, entry_cosine = MISSED, -1.0
         near = self.numbers.near[None]
         for b in range(self.numbers.count[None]):
-            part = self.span(b, p, r, ti.min(most, nearest), wide * (reach + most))
+            part, q, s = self.span(b, p, r, ti.min(most, nearest), wide * (reach + most))
             t, entered, steps = part[0], within or self.boundary.side[b] > 0.0, 0
             margin = MISSED  # smallest distance to the body over distance from the eye
+            if self.boundary.kind[b] == BALL and part[0] < part[1]:
+                t, margin = self.meet_ball(q, s, self.boundary.half[b][0], reach)
+                if t < part[1]:
+                    nearest, which = t, b
+                t = MISSED
             # Place and distance of the last step; where the ray begins in a container.
             last, last_d, since = t, MISSED, ti.select(self.boundary.side[b] < 0.0, t, MISSED)
             while t < part[1] and steps < MAX_STEPS:
                 steps += 1
-                found = self.boundary.distance(b, p + t * r, END)
-                d, slope = found.x, found.yzw.dot(r)
+                found = self.boundary.own_distance(b, q + t * s, LINEAR)
+                d, slope = found.x, found.yzw.dot(s)
                 # Behind the side of a container is nothing to pass over.
                 least = ti.max(ti.min(OVERSHOOT * (t - since), part[1] - t - near), near)
                 way = t + ti.max(STEP_FRACTION * abs(d), least)
@@ -101,7 +108,7 @@ class BodyShading:
                     back = ti.select(
                         d < 0.0, (t - last) * d / (last_d - d), d / ti.max(-slope, MIN_SLOPE)
                     )
-                    nearest = self.hit(b, p, r, t + back)
+                    nearest = self.hit(b, q, s, t + back)
                     which, margin = b, MISSED
                     way = MISSED
                 elif not entered:
@@ -109,8 +116,8 @@ class BodyShading:
                     if entered:
                         steps = 0  # the way to a lid can be as long as the one in the container
                         since = entry = ti.max(t - d / ti.max(slope, MIN_SLOPE), 0.0)
-                        there = self.boundary.distance_by(b, p + entry * r, END, ROUND)
-                        entry_cosine = ti.max(there.yzw.dot(r), 0.0)
+                        there = self.boundary.own_distance(b, q + entry * s, ROUND)
+                        entry_cosine = ti.max(there.yzw.dot(s), 0.0)
                     else:
                         way = t - d + 4.0 * near
                 last, last_d, t = t, d, way
@@ -120,11 +127,27 @@ class BodyShading:
         return nearest, which, vec2(entry, entry_cosine), close
 
     @ti.func
-    def hit(self, b, p, r, t):
-        """Returns the t at which the ray p + t r meets the smooth side of body b, from one close to
-        it: a step of Newton, since a waterline shows steps of `near` and of the linear distance."""
-        found = self.boundary.distance_by(b, p + t * r, END, CUBIC)
-        return t + found.x / ti.max(-found.yzw.dot(r), MIN_SLOPE)
+    def meet_ball(self, q, s, radius, reach):
+        """Returns the t at which the ray q + t s (s unit) enters a ball around 0, or MISSED; and
+        its smallest distance to it over that from the eye, as in intersect(), MISSED if it hits."""
+        along, inside, t, margin = -q.dot(s), radius - q.norm(), MISSED, MISSED
+        half = radius * radius - (q.norm_sqr() - along * along)
+        if inside > CUT * self.numbers.near[None]:
+            t = 0.0  # a wall of glass cuts it
+        elif half > 0.0 and along > 0.0:
+            t = ti.max(along - ti.sqrt(half), 0.0)
+        else:
+            past = ti.max(along, 0.0)
+            margin = ((q + past * s).norm() - radius) / (reach + past)
+        return t, margin
+
+    @ti.func
+    def hit(self, b, q, s, t):
+        """Returns the t at which the ray q + t s, in the frame of body b, meets its smooth side,
+        from one close to it: a step of Newton, since a waterline shows steps of `near` and of the
+        linear distance."""
+        found = self.boundary.own_distance(b, q + t * s, CUBIC)
+        return t + found.x / ti.max(-found.yzw.dot(s), MIN_SLOPE)
 
     @ti.func
     def nearest(self, b, x):
@@ -159,27 +182,49 @@ class BodyShading:
 
     @ti.func
     def sunlit(self, p, to_sun):
-        """Returns the share of the sun, 0..1, that bodies leave at p: soft shadows (Quilez). A
-        container is lit from above, and shades what is outside."""
+        """Returns the share of the sun, 0..1, that bodies leave at p: soft shadows (Quilez), the
+        least of SHADOW_SHARPNESS times distance to the body over distance from p. A container is
+        lit from above, and shades what is outside."""
         share = 1.0
         near = self.numbers.near[None]
         for b in range(self.numbers.count[None]):
             side = self.boundary.side[b]
             if side > 0.0 or self.boundary.distance(b, p, END).x < -self.offset():
                 # March where the penumbra can reach.
-                ahead = (self.boundary.centre[b, END] - p).dot(
-                    to_sun
-                ) + self.boundary.bounding_radius[b]
-                part = self.span(b, p, to_sun, ahead, ahead / SHADOW_SHARPNESS)
+                ahead = (self.boundary.centre[b, END] - p).dot(to_sun)
+                ahead += self.boundary.bounding_radius[b]
+                part, q, s = self.span(b, p, to_sun, ahead, ahead / SHADOW_SHARPNESS)
                 t, steps = ti.max(part[0], self.offset()), 0
-                if side > 0.0 and self.is_cut(b, p):
+                if side > 0.0 and t < part[1] and self.is_cut(b, p):
+                    t = MISSED
+                if self.boundary.kind[b] == BALL and t < part[1]:
+                    share = ti.min(share, self.past_ball(q, s, self.boundary.half[b][0]))
                     t = MISSED
                 while t < part[1] and steps < MAX_STEPS:
                     steps += 1
-                    d = side * self.boundary.distance(b, p + t * to_sun, END).x
+                    d = side * self.boundary.own_distance(b, q + t * s, LINEAR).x
                     share = ti.min(share, SHADOW_SHARPNESS * d / t)
                     t = ti.select(share <= 0.0, MISSED, t + ti.max(STEP_FRACTION * d, 2.0 * near))
         return ti.max(share, 0.0)
+
+    @ti.func
+    def past_ball(self, q, s, radius):
+        """Returns what sunlit() wants of a ball around 0, for the ray q + t s.
+
+        d(t)/t, d the distance, is least on the tangent cone from q, at t = k |q|^2/(a k + R b
+        sqrt(k)) with k = |q|^2 - R^2, a = -q.s and b the distance of the ray from the centre.
+        """
+        along, far2 = -q.dot(s), q.norm_sqr()
+        beside = ti.sqrt(ti.max(far2 - along * along, 0.0))
+        k = ti.max(far2 - radius * radius, 0.0)
+        least = along * k + radius * beside * ti.sqrt(k)
+        share = 1.0
+        if along > 0.0 and beside < radius:
+            share = 0.0
+        elif least > 0.0:
+            t = ti.max(k * far2 / least, self.offset())
+            share = SHADOW_SHARPNESS * ((q + t * s).norm() - radius) / t
+        return share
 
     @ti.func
     def shade(self, b, p, to_sun, focus, shot: ti.template()):

@@ -72,9 +72,14 @@ class BodyShapes:
     @ti.func
     def distance_by(self, b, x, pose, method: ti.template()):
         """Like distance(); method: interpolation of meshes, LINEAR, CUBIC or ROUND."""
-        p = self.to_body_frame(b, x, pose)
-        found = vec4(0.0)
-        kind = self.kind[b]
+        found = self.own_distance(b, self.to_body_frame(b, x, pose), method)
+        g = self.rotation[b, pose] @ found.yzw
+        return vec4(found.x, g[0], g[1], g[2])
+
+    @ti.func
+    def own_distance(self, b, p, method: ti.template()):
+        """Like distance_by(), of p [m] in the frame of body b, to which the gradient refers."""
+        found, kind = vec4(0.0), self.kind[b]
         if kind == BLOCK:
             found = block_distance(p, self.half[b])
         if kind == BALL:
@@ -88,8 +93,7 @@ class BodyShapes:
                 found = self.samples.cubic(self.first[b], p)
             else:
                 found = self.samples.spline(self.first[b], p)
-        g = self.rotation[b, pose] @ found.yzw
-        return self.side[b] * vec4(found.x, g[0], g[1], g[2])
+        return self.side[b] * found
 
     @ti.func
     def mesh_distance(self, b, p):
