@@ -1,14 +1,12 @@
 """Cases of floating bodies for bench/bodies.py: drafts, heave decay, conservation, stability."""
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
 
 from bench import rows, tanks
-from bench.rows import STARTS
 from msph.fluid.boundary.rigid_bodies import volume
 from msph.fluid.external_forces import ExternalForces
 from msph.measure.ledger import Ledger
@@ -56,14 +54,6 @@ def water_volume(sim: Any) -> float:
     return sum(n * s.mass / s.density for n, s in zip(sim.counts(), specs, strict=True))
 
 
-def over_starts(case: Callable[[int], dict[str, float]], forms: dict[str, str]) -> dict[str, str]:
-    """Returns the medians and ranges of the figures that case(seed) gives, by name."""
-    found = [case(seed) for seed in range(STARTS)]
-    return {
-        name: rows.spread([f[name] for f in found], f"{{:{form}}}") for name, form in forms.items()
-    }
-
-
 def draft(kind: str, density: float, layers: int) -> dict[str, str]:
     """Returns the table row of a body that floats: error of the submerged volume over the body's
     height, by the height of its centre for a ball and by the waterline for a cube."""
@@ -91,7 +81,7 @@ def draft(kind: str, density: float, layers: int) -> dict[str, str]:
         }
 
     forms = {"draft error": "+.2%", "steepest axis": ".2f", "energy gain": ".0e"}
-    row = over_starts(case, forms)
+    row = rows.over_starts(case, forms)
     stable = f"{steepest(density / 1000.0):.2f}" if kind == "cube" else "-"
     if kind == "ball":
         row["steepest axis"] = "-"
@@ -124,7 +114,7 @@ def drift(layers: int) -> dict[str, str]:
         _, places = run(build(layers, [body], seed), ADRIFT)
         return {"way over diameter": float(np.linalg.norm(places[-1] - places[0]) / HEIGHT)}
 
-    return {"layers": str(layers), **over_starts(case, {"way over diameter": ".2%"})}
+    return {"layers": str(layers), **rows.over_starts(case, {"way over diameter": ".2%"})}
 
 
 def heave(
@@ -210,7 +200,7 @@ def collision(density: float) -> dict[str, str]:
         }
 
     forms = {"momentum": ".0e", "angular momentum": ".0e", "energy gain": ".0e"}
-    return {"density over water's": f"{density / 1000.0:g}", **over_starts(case, forms)}
+    return {"density over water's": f"{density / 1000.0:g}", **rows.over_starts(case, forms)}
 
 
 def _ball(x: list[float], radius: float, density: float, **more: Any) -> dict[str, Any]:
@@ -256,4 +246,4 @@ def hard(name: str) -> dict[str, str]:
         "fastest body at the end [m/s]": ".2f",
         "leaked particles": ".0f",
     }
-    return {"case": name, **over_starts(case, forms)}
+    return {"case": name, **rows.over_starts(case, forms)}

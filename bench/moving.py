@@ -7,6 +7,7 @@ SPHERIC test 10. Heights and motions are computed from positions and velocities.
 import math
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -102,14 +103,14 @@ def surge(layers: int) -> dict[str, str]:
     return {"layers": str(layers), **errors, "energy gain": rows.spread(gains, "{:.0e}")}
 
 
-def rotating(layers: int) -> dict[str, str]:
-    """Returns the table row of water in a tank that rotates about the vertical: the paraboloid's
+def rotating(layers: int, seed: int) -> dict[str, float]:
+    """Returns the figures of water in a tank that rotates about the vertical: the paraboloid's
     rise against omega^2 r^2/(2 g), the pressure against hydrostatics below it, and the motion."""
     omega = 2.0 * math.sqrt(2.0 * G * RISE) / EDGE
     radii = np.linspace(0.0, 0.85, 7)[:, None] * 0.5 * EDGE
     angles = np.arange(8) * math.pi / 4.0
     places = np.stack([radii * np.cos(angles), radii * np.sin(angles)], axis=-1).reshape(-1, 2)
-    scene = tanks.tank((EDGE, EDGE), DEPTH, FINE, layers, air=0.2).model_dump()
+    scene = tanks.tank((EDGE, EDGE), DEPTH, FINE, layers, air=0.2, seed=seed).model_dump()
     scene["motion"] = {"angle": f"{math.degrees(omega)} * t", "axis": [0, 1, 0]}
     # Friction, so that the water comes to rest.
     scene["projection"] |= {"shear_relief": 0.0, "xsph": 0.02}
@@ -138,18 +139,17 @@ def rotating(layers: int) -> dict[str, str]:
     error = np.sqrt(np.mean((p - expected)[deep] ** 2)) / (1000.0 * G * DEPTH)
     speed = math.sqrt(2.0 * ledger.rest_energy() / ledger.entries[-1].mass)
     return {
-        "layers": str(layers),
-        "rise of the surface": f"{slope * 2.0 * G / omega**2 - 1.0:+.1%}".replace("%", " %"),
-        "pressure": f"{error:.1%}".replace("%", " %"),
-        "speed [m/s]": f"{speed:.3f}",
-        "energy gain": f"{ledger.energy_gain():.0e}",
+        "rise of the surface": slope * 2.0 * G / omega**2 - 1.0,
+        "pressure": error,
+        "speed [m/s]": speed,
+        "energy gain": ledger.energy_gain(),
     }
 
 
-def free_fall(layers: int) -> dict[str, str]:
-    """Returns the table row of a tank that falls freely after 1 s of rest: the pressure over
+def free_fall(layers: int, seed: int) -> dict[str, float]:
+    """Returns the figures of a tank that falls freely after 1 s of rest: the pressure over
     rho g H, and the speed of the water relative to the tank, before and after."""
-    scene = tanks.tank((EDGE, EDGE), DEPTH, 2.0 * FINE, layers).model_dump()
+    scene = tanks.tank((EDGE, EDGE), DEPTH, 2.0 * FINE, layers, seed=seed).model_dump()
     scene["motion"] = {"displacement": [0, f"-{0.5 * G} * max(t - 1, 0)**2", 0]}
     seen = []
 
@@ -162,12 +162,11 @@ def free_fall(layers: int) -> dict[str, str]:
     before = np.mean([s[1:] for s in seen if 0.9 < s[0] <= 1.0], axis=0)
     after = np.mean([s[1:] for s in seen if s[0] > 1.1], axis=0)
     return {
-        "layers": str(layers),
-        "pressure at rest": f"{before[0]:.3f}",
-        "pressure in fall": f"{after[0]:.5f}",
-        "speed at rest [m/s]": f"{before[1]:.4f}",
-        "speed in fall [m/s]": f"{after[1]:.4f}",
-        "energy gain": f"{ledger.energy_gain():.0e}",
+        "pressure at rest": before[0],
+        "pressure in fall": after[0],
+        "speed at rest [m/s]": before[1],
+        "speed in fall [m/s]": after[1],
+        "energy gain": ledger.energy_gain(),
     }
 
 
@@ -180,8 +179,8 @@ def height_over_stroke(kind: str, kd: float) -> float:
     return 4.0 * s * (kd * s - c + 1.0) / (kd * whole)
 
 
-def waves(kind: str, kd: float) -> dict[str, str]:
-    """Returns the table row of a wave maker: height over stroke of the first harmonic of the waves
+def waves(kind: str, kd: float, seed: int) -> dict[str, float]:
+    """Returns the figures of a wave maker: height over stroke of the first harmonic of the waves
     towards the beach, separated from reflected ones by two gauges, the first of them two depths
     from the maker, and the reflected share of the height."""
     depth = ACROSS * SPACING
@@ -192,7 +191,8 @@ def waves(kind: str, kd: float) -> dict[str, str]:
     face = 0.5 * (stroke + 2.45 * SPACING)
     places = face + 2.0 * depth + np.array([0.0, APART]) * length
     box = math.ceil((places[1] + depth + beach) / SPACING) * SPACING
-    scene = tanks.tank((box, 5 * SPACING), depth, SPACING, 1, air=0.5 * depth).model_dump()
+    tank = tanks.tank((box, 5 * SPACING), depth, SPACING, 1, air=0.5 * depth, seed=seed)
+    scene = tank.model_dump()
     maker = {"kind": kind, "stroke": stroke, "period": period, "ramp": period, "beach": beach}
     scene["wavemakers"] = [maker]
     scene["probes"] = [
@@ -218,14 +218,11 @@ def waves(kind: str, kd: float) -> dict[str, str]:
     towards, back = np.linalg.solve(matrix, [f[1] + 1j * f[2] for f in fits])
     ratio = 2.0 * abs(towards) / stroke
     return {
-        "maker": kind,
-        "kd": f"{kd:g}",
-        "height over stroke": f"{ratio:.3f}",
-        "theory": f"{theory:.3f}",
-        "error": f"{ratio / theory - 1.0:+.1%}",
-        "first gauge alone": f"{2.0 * math.hypot(*fits[0][1:3]) / stroke / theory - 1.0:+.1%}",
-        "reflected": f"{abs(back / towards):.1%}",
-        "leaked": str(max(e.outside for e in ledger.entries)),
+        "height over stroke": ratio,
+        "error": ratio / theory - 1.0,
+        "first gauge alone": 2.0 * math.hypot(*fits[0][1:3]) / stroke / theory - 1.0,
+        "reflected": abs(back / towards),
+        "leaked": float(max(e.outside for e in ledger.entries)),
     }
 
 
@@ -265,6 +262,40 @@ def rolled() -> dict[str, str]:
     }
 
 
+# Formats of the figures.
+FALL = {
+    "pressure at rest": ".3f",
+    "pressure in fall": ".5f",
+    "speed at rest [m/s]": ".4f",
+    "speed in fall [m/s]": ".4f",
+    "energy gain": ".0e",
+}
+ROTATION = {
+    "rise of the surface": "+.1%",
+    "pressure": ".1%",
+    "speed [m/s]": ".3f",
+    "energy gain": ".0e",
+}
+WAVES = {
+    "height over stroke": ".3f",
+    "error": "+.1%",
+    "first gauge alone": "+.1%",
+    "reflected": ".1%",
+    "leaked": ".0f",
+}
+
+
+def layered(case: Callable[[int, int], dict[str, float]], layers: int, forms: dict) -> dict:
+    """Returns a table row over the starts of case(layers, seed)."""
+    return {"layers": str(layers), **rows.over_starts(partial(case, layers), forms)}
+
+
+def wave_row(kind: str, kd: float) -> dict[str, str]:
+    """Returns the table row of a wave maker."""
+    named = {"maker": kind, "kd": f"{kd:g}", "theory": f"{height_over_stroke(kind, kd):.3f}"}
+    return {**named, **rows.over_starts(partial(waves, kind, kd), WAVES)}
+
+
 # Title and rows of each table, by name.
 STARTS = f"medians of {rows.STARTS} starts, and their range"
 TABLES: dict[str, tuple[str, Callable[[], list[dict[str, str]]]]] = {
@@ -275,18 +306,20 @@ TABLES: dict[str, tuple[str, Callable[[], list[dict[str, str]]]]] = {
         lambda: [surge(layers) for layers in (1, 2)],
     ),
     "fall": (
-        "Free fall after 1 s of rest: mean pressure over rho g H, and speed of the water",
-        lambda: [free_fall(layers) for layers in (1, 2)],
+        "Free fall after 1 s of rest: mean pressure over rho g H, and speed of the water; "
+        f"{STARTS}",
+        lambda: [layered(free_fall, layers, FALL) for layers in (1, 2)],
     ),
     "rotation": (
         f"Tank of {EDGE} m rotating about the vertical, surface {RISE} m higher at the walls: "
-        "errors of the rise, of the pressure over rho g H, and remaining speed; one start",
-        lambda: [rotating(2)],
+        "errors of the rise, of the pressure over rho g H, and remaining speed; "
+        f"{STARTS}",
+        lambda: [layered(rotating, 2, ROTATION)],
     ),
     "waves": (
-        f"Wave makers, water {ACROSS} spacings deep, one start: height over stroke at two depths "
-        "from the maker",
-        lambda: [waves(kind, kd) for kind in ("piston", "flap") for kd in HEIGHTS],
+        f"Wave makers, water {ACROSS} spacings deep: height over stroke at two depths from the "
+        f"maker; {STARTS}",
+        lambda: [wave_row(kind, kd) for kind in ("piston", "flap") for kd in HEIGHTS],
     ),
     "roll": (
         f"SPHERIC test 10: tank of {ROLLED} m rolled by {ANGLE:g} degrees, water {FILL} m deep, "

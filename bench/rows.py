@@ -5,6 +5,7 @@ import json
 import statistics
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -51,3 +52,9 @@ def spread(values: list[float], form: str) -> str:
     numbers = statistics.median(values), min(values), max(values)
     middle, least, most = (form.format(v).replace("%", " %") for v in numbers)
     return middle if least == most else f"{middle} ({least} to {most})"
+
+
+def over_starts(case: Callable[[int], dict[str, float]], forms: dict[str, str]) -> dict[str, str]:
+    """Returns the medians and ranges of the figures that case(seed) gives, by name."""
+    found = [case(seed) for seed in range(STARTS)]
+    return {name: spread([f[name] for f in found], f"{{:{form}}}") for name, form in forms.items()}
