@@ -165,11 +165,8 @@ class Side:
             for probe in self.probes:
                 probe.read(water)
         if self.show:
-            if self.show.whitewater:
-                self.show.whitewater.advance(FRAME, GRAVITY)
-            if self.show.picture:
-                self.show.picture.advance(FRAME, Hand())
-            self.show.draw()
+            self.show.display.advance(FRAME, GRAVITY, Hand())
+            self.show.display.draw()
 
     def timed(self) -> None:
         """Runs a timed frame and records the centre of mass after it."""
@@ -197,7 +194,7 @@ def measured(part: Case) -> dict[str, Any]:
     off = Side(part.off, part.always)
     on = Side(part.on, part.observer or part.always)
     if part.skipped:
-        setattr(off.show.picture, part.skipped, lambda: None)
+        setattr(off.show.display.picture, part.skipped, lambda: None)
     for frame in range(UNTIMED + FRAMES):
         for side in (off, on):
             if frame == UNTIMED:

@@ -36,8 +36,8 @@ def facts(name: str) -> dict[str, Any]:
     height = float(show.simulation.particles.numpy("x")[:, 1].max())
     for _ in range(FRAMES):
         show.frame(Controls())
-    last, mesh = show.ledger.entries[-1], show.surface.mesh
-    image = show.picture.to_numpy_u8() / 255.0
+    last, mesh = show.ledger.entries[-1], show.display.surface.mesh
+    image = show.display.picture.to_numpy_u8() / 255.0
     blocks = image.reshape(SIZE[1] // BLOCK, BLOCK, SIZE[0] // BLOCK, BLOCK, 3).mean(axis=(1, 3))
     found = {
         "particles": show.simulation.particles.count,

@@ -83,8 +83,8 @@ class Progress:
         self.page = page
         if self.task and self.task.fresh:
             self.again()
-        if self.task and self.task.view and self.row and self.row.lead.views:
-            self.row.lead.views.name = self.task.view
+        if self.task and self.task.view and self.row and self.row.lead.display.views:
+            self.row.lead.display.views.name = self.task.view
         return True
 
     def again(self) -> None:

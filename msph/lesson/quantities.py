@@ -66,13 +66,13 @@ def _exchanges(show: Show) -> float:
 
 
 def _tilt(show: Show) -> float:
-    return math.degrees(math.acos(float(np.clip(show.tilt[1, 1], -1.0, 1.0))))
+    return math.degrees(math.acos(float(np.clip(show.pose.tilt[1, 1], -1.0, 1.0))))
 
 
 def _cosines(show: Show) -> tuple[float, float]:
     """Returns the cosines of the view ray's angles to the vertical: in air, and refracted in level
     water (Snell)."""
-    c = math.sin(show.camera.elevation)
+    c = math.sin(show.display.camera.elevation)
     n = show.scene.picture.refractive_index
     return c, math.sqrt(1.0 - (1.0 - c * c) / n**2)
 
@@ -103,7 +103,7 @@ def _red_left(show: Show) -> float:
 def _caustics(show: Show) -> float:
     """Returns the standard deviation of the light on the floor over its mean [%], away from the
     walls."""
-    focus = show.picture.sunlight.focus.to_numpy()
+    focus = show.display.picture.sunlight.focus.to_numpy()
     edge = len(focus) // 4
     inner = focus[edge:-edge, edge:-edge]
     mean = float(inner.mean())

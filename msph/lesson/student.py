@@ -78,16 +78,16 @@ class Student:
 
     def _view(self) -> tuple[float, ...]:
         """Returns azimuth and elevation of the camera [rad], empty without an image."""
-        if self.row is None or self.row.lead.picture is None:
+        if self.row is None or self.row.lead.display.picture is None:
             return ()
-        return self.row.lead.camera.azimuth, self.row.lead.camera.elevation
+        return self.row.lead.display.camera.azimuth, self.row.lead.display.camera.elevation
 
     def _orbit(self, solution: Solution, camera: Any, share: float) -> None:
         """Moves the camera by a share of the solution's orbit from where it was."""
         assert self.row is not None
         lead = self.row.lead
-        lead.camera.azimuth, lead.camera.elevation = camera
-        lead.camera.orbit(*(share * math.radians(a) for a in solution.orbit))
+        lead.display.camera.azimuth, lead.display.camera.elevation = camera
+        lead.display.camera.orbit(*(share * math.radians(a) for a in solution.orbit))
 
     def _frame(self, solution: Solution, share: float, pushes: bool) -> None:
         """Runs one frame with the solution's tilt and push."""

@@ -106,8 +106,8 @@ def picture_error(whole: Show, other: Show) -> str:
     other.simulation.restore(whole.simulation.state())
     other.simulation.grid.refresh()
     for show in (whole, other):
-        show.draw()
-    a, b = (show.picture.to_numpy_u8().astype(float) for show in (whole, other))
+        show.display.draw()
+    a, b = (show.display.picture.to_numpy_u8().astype(float) for show in (whole, other))
     return f"{np.abs(a - b).mean():.1f} of 255 a pixel"
 
 

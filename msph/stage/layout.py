@@ -122,7 +122,7 @@ class Layout:
         status = self.status.page(row, pacer, paused, bool(self.panel), now, self.text)
         if status is not None:
             self.overlay.put("status", status, self.gap, self.gap)
-        share = 1.0 if row.lead.views.name == "water" else HINTS
+        share = 1.0 if row.lead.display.views.name == "water" else HINTS
         self._put_hints([k.hint for k in idle.hints()], bool(idle.hint()), share)
         if self.idle:
             self.overlay.hide("message")
@@ -152,7 +152,7 @@ class Layout:
         if show is None:
             self.overlay.hide("particle")
             return
-        picked = show.views.neighbourhood
+        picked = show.display.views.neighbourhood
         if picked.id == self.described[0] and now - self.described[1] < EVERY:
             return
         self.described = picked.id, now

@@ -120,8 +120,8 @@ class Measurer:
         water = Snapshot.of(show.simulation) if due or self.probes else None
         row = last.row()
         if water and due:
-            volume = show.volume()
-            self.surveys.append(survey(last.time, volume, water, show.surface.shortfall()))
+            volume = show.display.volume()
+            self.surveys.append(survey(last.time, volume, water, show.display.surface.shortfall()))
             row += self.surveys[-1].row()
         elif self.gap:
             row += [float("nan")] * len(COLUMNS)

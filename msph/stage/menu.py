@@ -63,7 +63,7 @@ class Menu:
         elif request.kind == "reset":
             self.set(request.name, None)
         elif request.kind == "view":
-            self.row.lead.views.name = request.name
+            self.row.lead.display.views.name = request.name
         elif request.kind == "scene":
             self.select(Choice(request.name, self.choice.quality))
         elif request.kind == "quality":

@@ -47,7 +47,7 @@ class Panel:
         """Returns the open page, (height, width, 4) uint8, first row at the top, None if unchanged;
         size (width, height) and text height [pixels]."""
         values = tuple(read(show.scene, live.key) for live in self._here())
-        state = (self.page, show.views.name, values, size, text)
+        state = (self.page, show.display.views.name, values, size, text)
         if state == self.painted:
             return None
         self.painted = state
@@ -107,7 +107,7 @@ class Panel:
         """Draws a button for each choice and highlights the current one."""
         assert self.sheet is not None
         kind, names, now = {
-            "views": ("view", show.views.names, show.views.name),
+            "views": ("view", show.display.views.names, show.display.views.name),
             "scenes": ("scene", tuple(shipped_scenes()), self.scene),
             "quality": ("quality", (AUTO, *QUALITIES), self.quality),
         }[self.page]

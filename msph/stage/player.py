@@ -98,7 +98,7 @@ class Player(Audience):
         self.idle.pass_time(wall, bool(pressed or held or dragged or steering.moved.any()))
         sway = self.idle.roll(row.lead.simulation.time, 0.0 if self._paused else step)
         controls.tilt = (float(steering.tilt[0]) + steering.jolt + sway, float(steering.tilt[1]))
-        controls.azimuth = row.lead.camera.azimuth
+        controls.azimuth = row.lead.display.camera.azimuth
         controls.set = self.menu.take_changes()
         return controls
 
@@ -129,7 +129,7 @@ class Player(Audience):
         chosen = self.toolbar.touch(steering.cursor, down, pressed)
         if chosen:
             self._choose_tool(chosen)
-        if steering.clicked() and self.row.lead.views.name != "water":
+        if steering.clicked() and self.row.lead.display.views.name != "water":
             steering.pick()
         held = steering.held_buttons()
         if held[0]:
@@ -194,10 +194,12 @@ class Player(Audience):
     def _framing(self) -> Camera:
         """Returns the scene's camera, centred in the area right of the panel."""
         lead = self.row.lead
-        return lead.framing(1.0 if self.row.composed else self.layout.free, lead.camera.stretch)
+        return lead.display.framing(
+            1.0 if self.row.composed else self.layout.free, lead.display.camera.stretch
+        )
 
     def _home(self) -> None:
-        self.row.lead.camera = self._framing()
+        self.row.lead.display.camera = self._framing()
         self.steering.levels = True
 
     def _help(self) -> None:
@@ -205,7 +207,7 @@ class Player(Audience):
         self.layout.show_help(self.helping)
 
     def _next_panel(self) -> None:
-        before, camera = self._framing().distance, self.row.lead.camera
+        before, camera = self._framing().distance, self.row.lead.display.camera
         self.layout.next_panel()
         self.menu.panel.painted = None
         framing = self._framing()
@@ -214,8 +216,11 @@ class Player(Audience):
 
     def _slice(self) -> None:
         for show in self.row.shows:
-            show.slice()
-        if self.row.lead.views.cut is not None and self.row.lead.views.name == "water":
+            show.display.slice()
+        if (
+            self.row.lead.display.views.cut is not None
+            and self.row.lead.display.views.name == "water"
+        ):
             self.layout.show_message("the slice is visible in the particle views: press v")
 
     def observe(self, row: Row) -> None:
@@ -256,12 +261,14 @@ class Player(Audience):
         # Arrows would cover the pages.
         if show is None or self.helping or self.layout.panel:
             return
-        picked, sim = show.views.neighbourhood, show.simulation
-        gravity = show.tilt.T @ np.array(show.scene.gravity)
+        picked, sim = show.display.views.neighbourhood, show.simulation
+        gravity = show.pose.tilt.T @ np.array(show.scene.gravity)
         place, length = picked.place(), ARROW / 10.0 * max(sim.size)
         ends = [(place, place + length * a) for a in picked.arrows(gravity).values()]
         if ends:
             flat = np.array(ends).reshape(-1, 3)
-            size = show.picture.width, show.picture.height
-            places = self.row.to_window(show, show.view.project(flat, *size, sim.size, show.tilt))
+            size = show.display.picture.width, show.display.picture.height
+            places = self.row.to_window(
+                show, show.display.view.project(flat, *size, sim.size, show.pose.tilt)
+            )
             self.window.arrows(places.reshape(-1, 2, 2))

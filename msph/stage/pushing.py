@@ -31,14 +31,14 @@ class Contact:
         if began:
             self.over = row.show_under(cursor)[0]
         show, cursor = self.over, row.to_picture(self.over, cursor)
-        eye, direction = show.ray(*(cursor * show.picture.size))
+        eye, direction = show.display.ray(*(cursor * show.display.picture.size))
         hit = self._hit(show, cursor)
         if began:
             self.place = self.start = hit
             self.holds, self.held = hit is not None, 0.0
         if not self.holds:
             return None
-        axis = show.tilt.T @ -show.camera.axes()[2]
+        axis = show.pose.tilt.T @ -show.display.camera.axes()[2]
         before = self.place
         self.place = eye + (before - eye) @ axis / (direction @ axis) * direction
         velocity = (self.place - before) / step
@@ -63,7 +63,7 @@ class Contact:
         before, self.place, self.holds = self.place, hit, False
         if hit is None or before is None:
             return None
-        direction = show.ray(*(cursor * show.picture.size))[1]
+        direction = show.display.ray(*(cursor * show.display.picture.size))[1]
         vectors = hit, (hit - before) / step, hit, hit, direction
         return ToolUse.of(HOVER, vectors, step, step)
 
@@ -73,6 +73,6 @@ class Contact:
     @staticmethod
     def _hit(show: Show, cursor: np.ndarray) -> np.ndarray | None:
         """Returns the point of the water [m], box frame, at the cursor, or None."""
-        i, j = cursor * show.picture.size
-        hit = show.pick(int(i), int(j))
+        i, j = cursor * show.display.picture.size
+        hit = show.display.pick(int(i), int(j))
         return None if hit is None else np.asarray(hit)

@@ -117,7 +117,7 @@ class Recorder(Audience):
     def observe(self, row: Row) -> None:
         if row.picture:
             alpha = row.lead.scene.picture.alpha
-            self.last = row.lead.matted_image() if alpha else row.picture.to_numpy_u8()
+            self.last = row.lead.display.matted_image() if alpha else row.picture.to_numpy_u8()
             for path, writer in zip(self.videos, self.writers or self._open(alpha), strict=True):
                 with self._writing(path):
                     writer.append_data(even(self.last))
@@ -308,9 +308,9 @@ def check_output(path: Path, suffixes: tuple[str, ...]) -> None:
 def write_mesh(path: Path, show: Show) -> None:
     """Writes the surface mesh in the format of the suffix."""
     if kind(path) == PARAVIEW:
-        vtu.write_surface(path, show.surface.mesh, show.simulation)
+        vtu.write_surface(path, show.display.surface.mesh, show.simulation)
     else:
-        show.surface.mesh.export(path)
+        show.display.surface.mesh.export(path)
 
 
 def write_particles(path: Path, show: Show) -> None:

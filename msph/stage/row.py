@@ -49,25 +49,27 @@ class Row:
         self.shows, self.labels, self.below = shows, labels or [""] * len(shows), below
         self.updates = 0
         # Initial camera distance of each show [m], at which the whole box is visible.
-        self.homes = [show.camera.distance if show.picture else 1.0 for show in shows]
+        self.homes = [
+            show.display.camera.distance if show.display.picture else 1.0 for show in shows
+        ]
         self.common: Image | None = None
         if size:
             self._compose(size)
-        elif self.lead.picture:
-            self.size = self.lead.picture.size
+        elif self.lead.display.picture:
+            self.size = self.lead.display.picture.size
 
     def _compose(self, size: tuple[int, int]) -> None:
         """Allocates the common image and its labels."""
         self.size, self.common = size, Image(ti.Vector.field(3, ti.f32, size), *size)
         self.text = pages.text_height(size[1])
-        room = self.lead.picture.width, round(LABEL_HEIGHT * self.text)
+        room = self.lead.display.picture.width, round(LABEL_HEIGHT * self.text)
         self.names = [f"simulation {k}" for k in range(len(self.shows))]
         self.overlay = Overlay(*size, dict.fromkeys(self.names, room))
 
     @property
     def image(self) -> Image:
         """The common image."""
-        return self.common or self.lead.picture.image
+        return self.common or self.lead.display.picture.image
 
     @property
     def composed(self) -> bool:
@@ -82,7 +84,7 @@ class Row:
     @property
     def picture(self) -> Any:
         """The row itself as a picture (image, scale, draw), None without images."""
-        return self if self.lead.picture else None
+        return self if self.lead.display.picture else None
 
     def close(self) -> None:
         """Frees the memory of all simulations, which cannot be used afterwards."""
@@ -108,14 +110,14 @@ class Row:
 
     def _match_view(self, show: Show, home: float) -> None:
         """Sets the lead's camera, slice and view for another show."""
-        lead = self.lead
-        show.camera = self._matching_camera(show, home)
-        show.views.cut = None if lead.views.cut is None else show.views.cut
-        show.views.name = lead.views.name if lead.views.name in show.views.names else "water"
+        show.display.camera = self._matching_camera(show, home)
+        lead, views = self.lead.display.views, show.display.views
+        views.cut = None if lead.cut is None else views.cut
+        views.name = lead.name if lead.name in views.names else "water"
 
     def _matching_camera(self, show: Show, home: float) -> Camera:
         """Returns the lead's camera, at a distance scaled to the show's box."""
-        lead, camera = self.lead.camera, copy(self.lead.camera)
+        lead, camera = self.lead.display.camera, copy(self.lead.display.camera)
         scale = home / self.homes[0]
         camera.home = np.array(show.simulation.size) / 2
         camera.target = camera.home + scale * (lead.target - lead.home)
@@ -128,7 +130,7 @@ class Row:
             return
         self.common.field.fill(GROUND)
         for k, show in enumerate(self.shows):
-            picture, left = show.picture, k * (show.picture.width + GAP)
+            picture, left = show.display.picture, k * (show.display.picture.width + GAP)
             self._put(left, self.below, *picture.size, picture.image.field)
         if any(self.labels):
             if self.updates % EVERY == 0:
@@ -141,7 +143,7 @@ class Row:
         """Paints the label of a show: name, speed and error."""
         texts = [(self.labels[k], pages.INK), *((t, pages.FAINT) for t in speed_and_error(show))]
         page = pages.lines(texts, self.text)
-        left = k * (show.picture.width + GAP)
+        left = k * (show.display.picture.width + GAP)
         self.overlay.put(self.names[k], page, left, round(TOP * self.text))
 
     @kernel
@@ -152,21 +154,24 @@ class Row:
     def show_under(self, cursor: np.ndarray) -> tuple[Show, np.ndarray]:
         """Returns the show at a cursor (right, up in shares of the window), and the cursor in
         shares of the show's image."""
-        pitch = self.lead.picture.width + GAP
+        pitch = self.lead.display.picture.width + GAP
         place = cursor * self.size
         k = int(np.clip(place[0] // pitch, 0, len(self.shows) - 1))
         return self.shows[k], self.to_picture(self.shows[k], cursor)
 
     def to_picture(self, show: Show, cursor: np.ndarray) -> np.ndarray:
         """Converts a cursor from shares of the window to shares of a show's image."""
-        left = self.shows.index(show) * (show.picture.width + GAP)
+        left = self.shows.index(show) * (show.display.picture.width + GAP)
         pixels = cursor * self.size - (left, self.below)
-        return pixels / (show.picture.width, show.picture.height)
+        return pixels / (show.display.picture.width, show.display.picture.height)
 
     def to_window(self, show: Show, shares: np.ndarray) -> np.ndarray:
         """Converts positions (n, 2) from shares of a show's image to shares of the window."""
-        left = self.shows.index(show) * (show.picture.width + GAP)
-        pixels = shares * (show.picture.width, show.picture.height) + (left, self.below)
+        left = self.shows.index(show) * (show.display.picture.width + GAP)
+        pixels = shares * (show.display.picture.width, show.display.picture.height) + (
+            left,
+            self.below,
+        )
         return pixels / self.size
 
     # Methods of Show and Picture, applied to all shows.
@@ -181,17 +186,17 @@ class Row:
 
     def draw(self) -> None:
         for show in self.shows:
-            show.draw()
+            show.display.draw()
         self.draw_together()
 
     @property
     def scale(self) -> float:
-        return self.lead.picture.scale
+        return self.lead.display.picture.scale
 
     @scale.setter
     def scale(self, scale: float) -> None:
         for show in self.shows:
-            show.picture.scale = scale
+            show.display.picture.scale = scale
 
     def to_numpy_u8(self) -> np.ndarray:
         """Returns the image without free pixels, (height, width, 3) uint8, first row at the top."""
@@ -200,8 +205,8 @@ class Row:
 
 def show_with_picked(row: Row) -> Show | None:
     """Returns the show with a picked particle in a particle view, if any."""
-    visible = (s for s in row.shows if s.views.name != "water")
-    return next((s for s in visible if s.views.neighbourhood.id is not None), None)
+    visible = (s for s in row.shows if s.display.views.name != "water")
+    return next((s for s in visible if s.display.views.neighbourhood.id is not None), None)
 
 
 def speed_and_error(show: Show) -> list[str]:

@@ -1,18 +1,16 @@
-"""Show: simulation, surface, image and ledger of one scene, advanced frame by frame."""
+"""Show: simulation, display and ledger of one scene, advanced frame by frame."""
 
 import math
 from collections.abc import Callable
-from copy import copy
-from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
-from msph.fluid.boundary.rigid_bodies import Body, rotations
+from msph.fluid.boundary.rigid_bodies import Body
 from msph.fluid.boundary.rim import AllSpiltError
-from msph.fluid.external_forces import Hand, Vec3, rotation_vector
+from msph.fluid.external_forces import Hand, Vec3
 from msph.fluid.moving_box import MovingBox
 from msph.fluid.simulation import FullError
 from msph.fluid.stages import Stage, no_stage
@@ -22,24 +20,16 @@ from msph.measure.ledger import Ledger
 from msph.measure.past import UNREADABLE
 from msph.measure.snapshot import Snapshot
 from msph.measure.timings import Timings
-from msph.picture.camera import Camera
-from msph.picture.picture import Picture, picture_of
-from msph.picture.pixels import matted
-from msph.picture.room import PictureRoom
 from msph.scene.build import build_simulation
-from msph.scene.camera_path import orbit_at
 from msph.scene.errors import SceneError
 from msph.scene.live import live_parameters, read, with_live_value
-from msph.scene.motion import box_path
 from msph.scene.parts import value_of, with_value
 from msph.scene.schema import Scene
 from msph.stage import pistons
 from msph.stage.controls import Controls, Inputs
-from msph.stage.floats import floating_at
+from msph.stage.display import Display
+from msph.stage.pose import Pose
 from msph.stage.tools import BY_NAME, ToolUse, Touch
-from msph.stage.views import Views
-from msph.surface import Surface, SurfaceRoom, surface_of
-from msph.surface.whitewater import whitewater_of
 
 # Key of a checkpoint under which a session in a window describes itself.
 SESSION = "session"
@@ -58,11 +48,10 @@ INTERACTIVE: dict[str, Any] = {**SIMULATED, "scalable": True, "density_every": 0
 
 
 class Show:
-    """Simulation with surface, image and ledger, advanced frame by frame.
+    """Simulation with display and ledger, advanced frame by frame.
 
-    frame_time [s]: default simulated time of a frame. size (width, height) [pixels] of the image,
-    None for no image. meshes: extract the surface of every frame, rendered or not. density_every
-    [s]: see Ledger. stop_bodies: no error ends the show where a body traps water, which stops the
+    frame_time [s]: default simulated time of a frame. size, meshes: see Display. density_every [s]:
+    see Ledger. stop_bodies: no error ends the show where a body traps water, which stops the
     body, or where all water is spilt, which begins the scene again; stopped: names of such bodies.
     scalable: frames may set the image scale. simulated [s]: time simulated by the last frame.
     spare, room: see build_simulation. Unused parts are neither allocated nor compiled.
@@ -104,45 +93,9 @@ class Show:
         self.counts = self.simulation.counts()
         self.ledger = Ledger(self.simulation, density_every)
         self.frames = 0
-        self.path = box_path(scene)
-        # Rotation of the box and displacement of its centre [m], in world axes.
-        self.tilt, self.shift = np.eye(3), np.zeros(3)
+        self.pose = Pose(scene)
         self.rng = np.random.default_rng(scene.seed)  # of drops that the user adds
-        # The user's tilt of the present frame and of the last one, None if it has none to turn
-        # from; its angular velocity [rad/s] in world axes.
-        self.by_hand: np.ndarray = np.eye(3)
-        self.turned: np.ndarray | None = None
-        self.turning: Any = np.zeros(3)
-        self.meshes = meshes
-        # Unused parts are None.
-        self.surface: Any = self._load_surface() if size or meshes else None
-        self.picture: Any = self._load_picture(size) if size else None
-        self.views: Any = Views(self.simulation, scene) if size else None
-        world, white = self.simulation.world, size and scene.picture.whitewater
-        self.whitewater: Any = world.build_once(whitewater_of) if white else None
-        if self.whitewater:
-            self.whitewater.reset()
-        if size:
-            self.camera = self.framing()
-
-    def framing(self, free: float = 1.0, stretch: float = 1.0) -> Camera:
-        """Returns the scene's camera now, with the box within the right share `free` of the image;
-        stretch: see Camera."""
-        c, picture = self.scene.camera, self.picture
-        x, y, z = self.scene.box.size
-        centre = 0.5 * x, 0.5 * y, 0.5 * z
-        azimuth, elevation, zoom, target = orbit_at(c, self.simulation.time, centre)
-        camera = Camera.framing(
-            self.scene.box.size,
-            aspect=free * stretch * picture.width / picture.height,
-            azimuth=math.radians(azimuth),
-            elevation=math.radians(elevation),
-            fov=math.radians(c.fov),
-        )
-        camera.target = np.array(target)
-        camera.zoom(1.0 / zoom)
-        camera.shift, camera.stretch = 0.5 * (1.0 - free), stretch
-        return camera
+        self.display = Display(self.simulation, scene, size, meshes, timings)
 
     def set(self, key: str, value: float | None) -> None:
         """Sets a live parameter (msph/scene/live.py), None for its initial value; parameters that
@@ -153,8 +106,8 @@ class Show:
             self.scene = with_value(self.scene, key, value_of(self.initial, key))
         else:
             self.scene = with_live_value(self.scene, key, value)
-        if key.startswith("picture.") and self.picture:
-            self.picture.change(self.scene.picture)
+        if key.startswith("picture.") and self.display.picture:
+            self.display.picture.change(self.scene.picture)
         if key.startswith(f"{self.scene.method}."):
             self.simulation.solver.tune(getattr(self.scene, self.scene.method))
 
@@ -162,23 +115,6 @@ class Show:
         """Returns the live parameters that differ from their initial values."""
         values = {key: (read(self.scene, key), read(self.initial, key)) for key in self.live}
         return {key: now for key, (now, before) in values.items() if now != before}
-
-    def _load_surface(self) -> Surface:
-        s, sim = self.scene.surface, self.simulation
-        cell = s.cell * sim.layers.finest.spacing
-        room = SurfaceRoom.holding(sim.region, cell, sim.particles.capacity)
-        surface = sim.world.build_once(surface_of, room)
-        surface.load(sim.region, cell, s.smoothing)
-        self.shown_bodies = sim.boundary.count
-        return surface
-
-    def _load_picture(self, size: tuple[int, int]) -> Picture:
-        look = self.scene.picture
-        sim, room = self.simulation, PictureRoom.holding(*size, look.supersample)
-        picture = sim.world.build_once(picture_of, self.surface.room, room)
-        spacing = max(self.surface.lattice.spacing)
-        picture.load(*size, sim.size, look, sim.region, spacing)
-        return picture
 
     def warm_up(self) -> None:
         """Compiles the kernels of a frame by running two of a step each, and those of the particle
@@ -190,10 +126,11 @@ class Show:
         if self.scalable:
             # A first change of the view, the first autosave, and the first water that is added
             # should not wait for kernels.
-            name = self.views.name
-            self.views.next()
-            self.draw()
-            self.views.name = name
+            views = self.display.views
+            name = views.name
+            views.next()
+            self.display.draw()
+            views.name = name
             self.simulation.state()
             self.simulation.particles.extend(np.zeros((0, 3)), np.zeros((0, 3)), 0)
         self.reset()
@@ -204,7 +141,7 @@ class Show:
     def close(self) -> None:
         """Drops all parts, so that another simulation can use their memory."""
         self.simulation.close()
-        for part in ("simulation", "ledger", "surface", "picture", "views", "whitewater"):
+        for part in ("simulation", "ledger", "display"):
             setattr(self, part, None)
 
     def frame(self, controls: Controls) -> None:
@@ -213,8 +150,8 @@ class Show:
             self.set(key, value)
         if controls.reset:
             self.reset()
-        if controls.next_view and self.views:
-            self.views.next()
+        if controls.next_view and self.display.views:
+            self.display.views.next()
         external, self.simulated = self._moving_box(controls), 0.0
         if not controls.still:
             with self._stage("fluid"):
@@ -224,18 +161,13 @@ class Show:
             if self.simulated > 0.0:
                 self._place()
                 self.ledger.record(external.gravity)
-                if self.whitewater:
-                    with self._stage("surface"), self._substage("whitewater"):
-                        self.whitewater.advance(self.simulated, external.gravity)
-                if self.picture:
-                    with self._stage("picture"):
-                        self.picture.advance(self.simulated, external.hand)
+                self.display.advance(self.simulated, external.gravity, external.hand)
         if self.scalable:
-            self.picture.scale = controls.scale
-        elif self.picture and self.scene.camera.path:
-            self.camera = self.framing()
+            self.display.picture.scale = controls.scale
+        else:
+            self.display.follow_path()
         if not controls.hidden:
-            self.draw()
+            self.display.draw()
         self.frames += 1
         if self.timings:
             self.timings.close_frame()
@@ -288,58 +220,44 @@ class Show:
     def _moving_box(self, controls: Controls) -> MovingBox:
         """Sets the tilt, uses the tool, and returns the external forces of the frame: gravity,
         hand, and the inertia of the scene's motion and of the user's tilt."""
-        by_hand = self._tilt(controls)
-        box = self._box()
-        if self.picture:
-            self.picture.ball = None
+        self._tilt(controls)
+        if self.display.picture:
+            self.display.picture.ball = None
         if controls.still:
-            # A pool that is tilted meanwhile does not turn at once; a pause alone changes nothing.
-            if self.turned is not None and not np.array_equal(by_hand, self.turned):
-                self.turned = None
-            return box
+            self.pose.pause()
+            return self._box()
         hand = self._use_tool(controls.use) if controls.use else controls.hand
-        step, before = controls.frame_time or self.frame_time, self.turning
+        step = controls.frame_time or self.frame_time
         pistons.follow(self, step)
-        last = by_hand if self.turned is None else self.turned
-        self.turned, self.turning = by_hand, rotation_vector(by_hand @ last.T) / step
-        rising = (self.turning - before) / step
-        return replace(box, hand=hand, turning=self.turning, rising=rising)
+        return self.pose.turn(self.scene.gravity, self.simulation.time, step, hand)
 
     def _box(self) -> MovingBox:
         """Returns the moving box now, without a hand and without a turn by the user."""
-        return MovingBox(self.scene.gravity, self.path, self.simulation.time, tilt=self.by_hand)
+        return self.pose.at_rest(self.scene.gravity, self.simulation.time)
 
     def _use_tool(self, use: ToolUse) -> Hand:
         """Returns the hand of a tool, which may also add water."""
         tool, touch = BY_NAME[use.tool], Touch(self, use)
-        if tool.ball and self.picture:
-            self.picture.ball = use.place, touch.radius
+        if tool.ball and self.display.picture:
+            self.display.picture.ball = use.place, touch.radius
         try:
             return tool.act(touch)
         except FullError as error:
             self.note = str(error)
             return Hand()
 
-    def _tilt(self, inputs: Inputs) -> np.ndarray:
-        """Sets the user's tilt, and returns it, (3, 3)."""
-        roll, pitch = inputs.tilt
-        vectors = (0.0, inputs.azimuth, 0.0), (0.0, 0.0, roll), (pitch, 0.0, 0.0)
-        view, first, then = rotations(np.array(vectors))
-        self.by_hand = view @ then @ first @ view.T
-        self._place()
-        return self.by_hand
+    def _tilt(self, inputs: Inputs) -> None:
+        """Sets the user's tilt."""
+        self.pose.take(inputs, self.simulation.time)
+        self._show_pose()
 
     def _place(self) -> None:
         """Sets the pose of the box to that of the present time."""
-        self.shift, turned = self.path(self.simulation.time)
-        self.tilt = self.by_hand @ turned
+        self.pose.place(self.simulation.time)
+        self._show_pose()
 
-    @property
-    def view(self) -> Camera:
-        """The camera in axes that move with the box's centre."""
-        camera = copy(self.camera)
-        camera.target = camera.target - self.shift
-        return camera
+    def _show_pose(self) -> None:
+        self.display.tilt, self.display.shift = self.pose.tilt, self.pose.shift
 
     def add_water(self, x: np.ndarray, v: np.ndarray) -> None:
         """Adds particles of the finest layer at x [m] with velocities v [m/s], (n, 3), where there
@@ -360,53 +278,6 @@ class Show:
     def gravity_in_box(self) -> Vec3:
         """Returns gravity [m/s^2] in the pool's frame, tilted as it is."""
         return self._box().gravity
-
-    def draw(self) -> None:
-        """Extracts the surface and renders the image, as far as they are used."""
-        if self.surface and self.shown_bodies != self.simulation.boundary.count:
-            self._load_surface()
-            if self.picture:
-                self.picture.take_bodies()
-        water = self.picture is not None and self.views.name == "water"
-        if self.surface and (water or self.meshes):
-            with self._stage("surface"):
-                self.surface.extract(hidden=not self.meshes)
-        if self.picture:
-            self._render()
-
-    def matted_image(self) -> np.ndarray:
-        """Renders the last image again, (height, width, 4) uint8, with its opacity."""
-        shown = []
-        for level in (0.0, 1.0):
-            plain = {"background": (level,) * 3, "background_top": None}
-            self.picture.change(self.scene.picture.model_copy(update=plain))
-            self._render()
-            shown.append(self.picture.to_numpy_u8())
-        self.picture.change(self.scene.picture)
-        return matted(*shown)
-
-    def _render(self) -> None:
-        """Renders the surface, or the particles."""
-        with self._stage("picture"):
-            if self.views.name == "water":
-                self.picture.draw_water(self.view, self.tilt)
-            else:
-                sim = self.simulation
-                self.views.neighbourhood.follow()
-                if self.views.cut is not None:
-                    self.views.cut = self._near()
-                value, lo, hi = self.views.values()
-                self.picture.draw_particles(
-                    self.view,
-                    self.tilt,
-                    sim.particles.x,
-                    value,
-                    lo,
-                    hi,
-                    sim.particles.count,
-                    self.views.radius,
-                    legend=self.views.legend(lo, hi),
-                )
 
     @property
     def _substage(self) -> Stage:
@@ -437,67 +308,17 @@ class Show:
     def reset(self) -> None:
         """Resets the simulation; the camera stays."""
         self.simulation.reset()
-        self._place()
-        self.turned, self.turning = None, np.zeros(3)
-        if self.whitewater:
-            self.whitewater.reset()
-        if self.picture:
-            self.picture.reset()
+        self.pose.reset(self.simulation.time)
+        self._show_pose()
+        self.display.reset()
         self.stopped.clear()
         self.dragged = self.grip = self.wall_place = None
         self.counts = self.simulation.counts()
         self.ledger.clear()
 
-    def pick(self, i: int, j: int) -> np.ndarray | None:
-        """Returns the point of the water or of a floating body [m], box frame, at a pixel (i right,
-        j up), or None."""
-        if self.views.name == "water":
-            water, (eye, direction) = self.picture.pick(i, j), self.ray(i, j)
-            body = floating_at(self.simulation.boundary, eye, direction)
-            hits = [x for x in (water, body[1] if body else None) if x is not None]
-            return min(hits, key=lambda x: float((x - eye) @ direction), default=None)
-        found = self.particle_at(i, j)
-        return None if found is None else found[1]
-
-    def ray(self, i: float, j: float) -> tuple[np.ndarray, np.ndarray]:
-        """Returns origin [m] and direction of a pixel's ray in the box frame."""
-        width, height = self.picture.size
-        return self.view.box_ray(i, j, width, height, self.simulation.size, self.tilt)
-
-    def particle_at(self, i: int, j: int) -> tuple[int, np.ndarray] | None:
-        """Returns the nearest visible particle at a pixel (i right, j up), as its index and the
-        point of the ray closest to its centre [m]; None if there is no particle."""
-        eye, direction = self.ray(i, j)
-        x = self.simulation.particles.numpy("x") - eye
-        depth = x @ direction
-        aside = np.linalg.norm(x - depth[:, None] * direction, axis=1)
-        radius = self.views.radii()
-        hit = np.flatnonzero((aside < radius) & (depth > 0.0))
-        if len(hit) == 0:
-            return None
-        first = int(hit[depth[hit].argmin()])
-        return first, eye + depth[first] * direction
-
-    def slice(self) -> None:
-        """Hides the half of the particles nearer to the camera, or shows it again."""
-        self.views.cut = None if self.views.cut is not None else self._near()
-
-    def _near(self) -> np.ndarray:
-        """Returns the horizontal unit vector to the camera, (3,), in the box frame."""
-        back = self.camera.axes()[2] * (1.0, 0.0, 1.0)
-        return self.tilt.T @ (back / np.linalg.norm(back))
-
-    def volume(self) -> float:
-        """Returns the volume enclosed by the surface mesh [m^3]; NaN if the mesh overflowed."""
-        self.surface = self.surface or self._load_surface()
-        self.simulation.grid.refresh()
-        self.surface.extract()
-        mesh = self.surface.mesh
-        return math.nan if mesh.overflowed() else mesh.volume()
-
     def volume_error(self) -> float:
         """Returns the surface's volume over the volume at rest density, minus 1 (-)."""
-        return self.volume() / self.rest_volume() - 1.0
+        return self.display.volume() / self.rest_volume() - 1.0
 
     def bulk_density_error(self) -> float:
         """Returns the error of the bulk density (-), measured from the positions in milliseconds;
@@ -520,6 +341,7 @@ class Show:
 
     def warnings(self) -> list[str]:
         """Returns warnings about a truncated mesh, waiting inflows and stopped bodies."""
-        overflow = self.surface.mesh.overflowed() if self.surface else None
-        told = [text for text in (overflow, self.simulation.openings.message()) if text]
+        told = [
+            text for text in (self.display.overflow(), self.simulation.openings.message()) if text
+        ]
         return [*told, *(f"{name} stopped: it had trapped water" for name in sorted(self.stopped))]

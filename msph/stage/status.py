@@ -59,7 +59,7 @@ class Status:
         if math.isfinite(error):
             parts.append(f"bulk density error {round(100.0 * error, 2) + 0.0:+.2f} %")
         # Other views extract no surface.
-        if show.views.name == "water" and not show.surface.mesh.overflowed():
+        if show.display.views.name == "water" and not show.display.surface.mesh.overflowed():
             parts.append(f"volume error {round(100.0 * show.volume_error(), 1) + 0.0:+.1f} %")
         return ", ".join(parts)
 

@@ -46,12 +46,12 @@ class Steering:
         cursor = self.window.cursor()
         self.moved, self.cursor = cursor - self.cursor, cursor
         width, height = self.window.size
-        self.row.lead.camera.stretch = self.window.aspect * height / width
+        self.row.lead.display.camera.stretch = self.window.aspect * height / width
 
     def apply_keys(self, step: float, wall: float, paused: bool) -> bool:
         """Applies keys held down in a frame of `step` [s] simulated and `wall` [s] wall-clock time;
         returns True if there are any."""
-        down, camera = self.window.down, self.row.lead.camera
+        down, camera = self.window.down, self.row.lead.display.camera
         asked = np.array([down("Left") - down("Right"), down("Down") - down("Up")], float)
         self._tilt_by(asked, step, paused)
         orbit, zoom = down("d") - down("a"), down("s") - down("w")
@@ -99,7 +99,7 @@ class Steering:
     def drag_camera(self) -> str:
         """Moves the camera with a mouse drag; returns the action, "" for none."""
         _, right, middle = self.held_buttons()
-        camera, (x, y) = self.row.lead.camera, self.moved
+        camera, (x, y) = self.row.lead.display.camera, self.moved
         if middle or (right and self.window.down("Shift")):
             across = 2.0 * math.tan(0.5 * camera.fov) * camera.distance
             camera.pan(-x * across * self.window.aspect, -y * across)
@@ -141,8 +141,10 @@ class Steering:
     def pick(self) -> None:
         """Picks the particle at the cursor, in any of the simulations."""
         target, place = self.row.show_under(self.cursor)
-        i, j = (int(v) for v in place * (target.picture.width, target.picture.height))
-        found = target.particle_at(i, j)
+        i, j = (
+            int(v) for v in place * (target.display.picture.width, target.display.picture.height)
+        )
+        found = target.display.particle_at(i, j)
         for show in self.row.shows:
             index = found[0] if found and show is target else None
-            show.views.neighbourhood.pick(index)
+            show.display.views.neighbourhood.pick(index)

@@ -97,7 +97,7 @@ class Touch:
     @property
     def up(self) -> np.ndarray:
         """Vertical unit vector in the box frame."""
-        return self.show.tilt.T @ np.array((0.0, 1.0, 0.0))
+        return self.show.pose.tilt.T @ np.array((0.0, 1.0, 0.0))
 
     @property
     def gravity(self) -> float:

@@ -49,17 +49,17 @@ def test_nothing_moves_while_the_question_is_open(player, row, monkeypatch):
     monkeypatch.setattr(idle, "RAMP_TIME", 1e-3)
     player.window.held = {"a", "Left"}
     frames(player, row, 3)
-    before = row.lead.camera.state()
+    before = row.lead.display.camera.state()
     press(player, row, "a", number=5)
-    assert row.lead.simulation.time == 0.0 and np.allclose(row.lead.tilt, np.eye(3))
-    assert row.lead.camera.state() == before
+    assert row.lead.simulation.time == 0.0 and np.allclose(row.lead.pose.tilt, np.eye(3))
+    assert row.lead.display.camera.state() == before
     assert player.guide.progress.answered == 1
     player.window.held = set()
     press(player, row, "n", number=4)
     assert row.lead.simulation.time == 0.0, "nor before the user acts in a task"
     press(player, row, " ", number=4)
     assert row.lead.simulation.time > 0.0
-    assert np.allclose(row.lead.tilt, np.eye(3)), "nor does it sway in a task"
+    assert np.allclose(row.lead.pose.tilt, np.eye(3)), "nor does it sway in a task"
 
 
 @pytest.mark.parametrize("act", ["tilt", "push", "slider"])

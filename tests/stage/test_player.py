@@ -117,9 +117,9 @@ def given(show):
     """The show at its start, with the scene as it was."""
     scene = show.scene
     show.reset()
-    show.views.name, show.camera = "water", show.framing()
-    show.views.neighbourhood.pick(None)
-    show.views.cut = None
+    show.display.views.name, show.display.camera = "water", show.display.framing()
+    show.display.views.neighbourhood.pick(None)
+    show.display.views.cut = None
     yield show
     for live in live_parameters(scene):
         show.set(live.key, read(scene, live.key))
@@ -189,7 +189,7 @@ def test_arrows_tilt_and_the_pool_comes_level_unless_locked(player, show):
     player.window.held = {"Right"}
     frames(player, show, 10)
     tilt = player.steering.tilt[0]
-    assert tilt < -0.02 and show.tilt[0, 1] != 0.0
+    assert tilt < -0.02 and show.pose.tilt[0, 1] != 0.0
     player.window.held = set()
     come_level(player, show)
     press(player, show, "l")
@@ -218,14 +218,14 @@ def test_tilting_turns_the_box_at_the_rate_of_its_tilt(given, monkeypatch):
         lambda t, box, *a: seen.append(box.at(0.0, t)) or advance(t, box, *a),
     )
     for roll in (0.0, 0.01, 0.03):
-        azimuth = given.camera.azimuth
+        azimuth = given.display.camera.azimuth
         given.frame(Controls(tilt=(roll, 0.0), azimuth=azimuth, frame_time=FRAME))
     rates = [np.linalg.norm(e.angular_velocity) for e in seen]
     assert rates == pytest.approx([0.0, 0.01 / FRAME, 0.02 / FRAME])
     rises = [np.linalg.norm(e.angular_acceleration) for e in seen]
     assert rises == pytest.approx([0.0, 0.01 / FRAME**2, 0.01 / FRAME**2])
     # About the camera's view axis.
-    back = given.camera.axes()[2] * (1.0, 0.0, 1.0)
+    back = given.display.camera.axes()[2] * (1.0, 0.0, 1.0)
     along = seen[1].angular_velocity @ back / np.linalg.norm(back)
     assert abs(along) == pytest.approx(rates[1], rel=1e-3)
     given.frame(Controls(tilt=(0.3, 0.0), still=True))
@@ -247,7 +247,7 @@ def test_a_jolt_tilts_the_pool_to_and_fro_and_ends(player, show):
 def wet_place(show):
     """A place on the water, (right, up) in shares of the window."""
     pixels = itertools.product(range(0, WIDTH, 4), range(0, HEIGHT, 4))
-    wet = [pixel for pixel in pixels if show.pick(*pixel) is not None]
+    wet = [pixel for pixel in pixels if show.display.pick(*pixel) is not None]
     return np.array(wet[len(wet) // 2]) / SIZE
 
 
@@ -305,18 +305,18 @@ def test_a_thrown_body_floats_follows_the_cursor_and_is_gone_after_a_reset(playe
     player.steering.tool = next(tool for tool in TOOLS if tool.name == "float")
     boundary = show.simulation.boundary
     frames(player, show)
-    show.picture.wetness.wet.fill(1.0)
+    show.display.picture.wetness.wet.fill(1.0)
     frames(player, show)
-    wet = show.picture.wetness.wet.to_numpy().sum()
+    wet = show.display.picture.wetness.wet.to_numpy().sum()
     player.window.at, player.window.held = wet_place(show), {"LMB"}
     frames(player, show)
     # The first body dried all walls.
-    assert show.picture.wetness.wet.to_numpy().sum() > 0.9 * wet
+    assert show.display.picture.wetness.wet.to_numpy().sum() > 0.9 * wet
     player.window.held = set()
     frames(player, show, 20)
-    assert boundary.count == 1 and show.shown_bodies == 1
+    assert boundary.count == 1 and show.display.shown_bodies == 1
     (x,) = boundary.floating.x
-    at = show.camera.project(x[None], *SIZE, show.simulation.size)[0]
+    at = show.display.camera.project(x[None], *SIZE, show.simulation.size)[0]
     player.window.at, player.window.held = at, {"LMB"}
     for _ in range(12):
         frames(player, show)
@@ -325,7 +325,7 @@ def test_a_thrown_body_floats_follows_the_cursor_and_is_gone_after_a_reset(playe
     assert abs(show.ledger.mass_change()) < 1e-6 and show.ledger.energy_gain() < 1e-3
     player.window.held = set()
     press(player, show, "r")
-    assert boundary.count == 0 and show.shown_bodies == 0 and show.dragged is None
+    assert boundary.count == 0 and show.display.shown_bodies == 0 and show.dragged is None
 
 
 def test_a_fast_drag_of_an_end_wall_makes_a_wave_and_the_wall_returns(player, show):
@@ -336,7 +336,7 @@ def test_a_fast_drag_of_an_end_wall_makes_a_wave_and_the_wall_returns(player, sh
     player.window.at, player.window.held = wet_place(show), {"LMB"}
     frames(player, show)
     inwards, heights = simulation.piston.inwards, []
-    shift = show.camera.project(
+    shift = show.display.camera.project(
         np.array([player.steering.contact.place + 0.15 * inwards]), *SIZE, simulation.size
     )[0] - player.window.at  # fmt: skip
     for _ in range(6):
@@ -408,16 +408,16 @@ def test_a_click_within_a_frame_pokes_the_water(player, show):
 
 def test_the_hand_is_shown_as_a_ball_while_it_pushes(player, show):
     press(player, show, " ")
-    show.picture.ball = None
-    show.draw()
-    before = show.picture.image.to_numpy()
+    show.display.picture.ball = None
+    show.display.draw()
+    before = show.display.picture.image.to_numpy()
     centre, radius = np.array(show.simulation.size) / 2, 0.1
-    show.picture.ball = as_vector(centre), radius
-    show.draw()
-    changed = np.abs(show.picture.image.to_numpy() - before).max(axis=-1) > 1e-3
-    right, up, _ = show.camera.axes()
+    show.display.picture.ball = as_vector(centre), radius
+    show.display.draw()
+    changed = np.abs(show.display.picture.image.to_numpy() - before).max(axis=-1) > 1e-3
+    right, up, _ = show.display.camera.axes()
     points = np.array([centre, centre + radius * right, centre + radius * up])
-    places = show.camera.project(points, *SIZE, show.simulation.size) * SIZE
+    places = show.display.camera.project(points, *SIZE, show.simulation.size) * SIZE
     reach = np.linalg.norm(places[1] - places[0])
     i, j = np.nonzero(changed)
     away = np.hypot(i - places[0, 0], j - places[0, 1])
@@ -482,23 +482,23 @@ def test_no_water_is_added_while_paused(player, show):
 
 
 def test_camera_orbits_zooms_pans_and_comes_home(player, show):
-    home = show.camera.state()
+    home = show.display.camera.state()
     seen = {home}
     for held, moved in (({"d"}, 0.0), ({"s"}, 0.0), ({"RMB"}, 0.1), ({"MMB"}, 0.1)):
         player.window.held = held
         frames(player, show)
         player.window.at = player.window.at + moved
         frames(player, show, 2)
-        assert show.camera.state() not in seen
-        seen.add(show.camera.state())
+        assert show.display.camera.state() not in seen
+        seen.add(show.display.camera.state())
     # A pan by a tenth of the window moves the water by as much.
     player.window.held = set()
     press(player, show, "Return")
-    assert show.camera.state() == home
+    assert show.display.camera.state() == home
 
 
 def test_a_pan_moves_the_picture_as_far_as_the_cursor(given):
-    camera, centre = given.camera, np.array(given.simulation.size) / 2
+    camera, centre = given.display.camera, np.array(given.simulation.size) / 2
 
     def seen():
         right, up, back = camera.axes()
@@ -518,9 +518,9 @@ def test_a_window_of_another_shape_shows_balls_as_round(player, show):
     """Resized, it stretched the picture."""
     player.window.aspect = 1.0
     player.window.pressed.append("Return")
-    show.views.name = "speed"
+    show.display.views.name = "speed"
     frames(player, show)
-    camera, box = show.camera, show.simulation.size
+    camera, box = show.display.camera, show.simulation.size
     middle = 0.5 * np.array(box)
     right, up, _ = camera.axes()
     places = camera.project([middle, middle + 0.1 * right, middle + 0.1 * up], WIDTH, HEIGHT, box)
@@ -531,17 +531,19 @@ def test_a_window_of_another_shape_shows_balls_as_round(player, show):
     eye, direction = camera.box_ray(i, j, WIDTH, HEIGHT, box)
     away = middle + 0.1 * right - eye
     assert np.cross(away, direction) == pytest.approx(np.zeros(3), abs=1e-9)
-    shot = show.picture.lens.numbers
+    shot = show.display.picture.lens.numbers
     away = middle + 0.1 * right - shot["eye"]
     seen = away @ shot["to_i"] / (away @ shot["forward"]) + shot["centre"][0]
-    assert (seen + 0.5) / show.picture.ray_counts[0] == pytest.approx(places[1, 0], abs=1e-6)
+    assert (seen + 0.5) / show.display.picture.ray_counts[0] == pytest.approx(
+        places[1, 0], abs=1e-6
+    )
 
 
 def test_a_drag_pushes_the_water_and_a_cursor_leaves_a_wake(player, show):
     frames(player, show, 2)
-    size = show.picture.width, show.picture.height
+    size = show.display.picture.width, show.display.picture.height
     pixels = itertools.product(range(0, size[0], 4), range(0, size[1], 4))
-    wet = [pixel for pixel in pixels if show.pick(*pixel) is not None]
+    wet = [pixel for pixel in pixels if show.display.pick(*pixel) is not None]
     place = np.array(wet[len(wet) // 2]) / size
 
     def work_of(held):
@@ -564,7 +566,7 @@ def test_a_drag_pushes_the_water_and_a_cursor_leaves_a_wake(player, show):
 
 def test_water_that_nobody_touches_moves_until_somebody_does(player, show, monkeypatch):
     def level():
-        return np.allclose(show.tilt, np.eye(3), atol=1e-3)
+        return np.allclose(show.pose.tilt, np.eye(3), atol=1e-3)
 
     frames(player, show, 3)
     assert level() and player.idle.hint() == ""
@@ -620,14 +622,14 @@ def test_panels_make_room_for_themselves(player, show):
     shifts = []
     for _ in PANELS:
         press(player, show, "i")
-        shifts.append(show.camera.shift)
+        shifts.append(show.display.camera.shift)
     assert shifts[0] == shifts[1] > 0.1 and shifts[2] == 0.0
-    assert show.camera.state() == show.framing().state()
+    assert show.display.camera.state() == show.display.framing().state()
     # The middle of the box is in the middle of what is free.
     press(player, show, "i")
     size, box = (WIDTH, HEIGHT), np.array(show.simulation.size)
-    middle = (0.5 + show.camera.shift) * WIDTH
-    eye, direction = show.camera.ray(middle - 0.5, HEIGHT / 2 - 0.5, *size)
+    middle = (0.5 + show.display.camera.shift) * WIDTH
+    eye, direction = show.display.camera.ray(middle - 0.5, HEIGHT / 2 - 0.5, *size)
     away = box / 2 - eye
     assert np.cross(away, direction) == pytest.approx(np.zeros(3), abs=1e-9)
 
@@ -639,10 +641,10 @@ def test_numbers_of_the_status_are_those_of_positions_and_surface(player, show, 
     monkeypatch.setattr(show, "bulk_density_error", lambda: 0.0123)
     told = player.layout.status._water(show)
     assert told.startswith("bulk density error +1.23 %")
-    volume = show.surface.mesh.volume() / show.rest_volume() - 1.0
+    volume = show.display.surface.mesh.volume() / show.rest_volume() - 1.0
     assert told.endswith(f"volume error {round(100.0 * volume, 1) + 0.0:+.1f} %")
     # Views of particles extract no surface, so there is no volume of now.
-    show.views.name = "speed"
+    show.display.views.name = "speed"
     frames(player, show)
     assert "volume" not in player.layout.status._water(show)
 
@@ -654,9 +656,9 @@ def test_pages_are_painted_where_they_change(player, show, monkeypatch):
     painted = []
     put = player.layout.overlay.put
     monkeypatch.setattr(player.layout.overlay, "put", lambda *a: (painted.append(a[0]), put(*a)))
-    show.views.name = "speed"
+    show.display.views.name = "speed"
     frames(player, show)
-    show.views.neighbourhood.pick(0)
+    show.display.views.neighbourhood.pick(0)
     press(player, show, "l", number=6)
     assert painted.count("message") == painted.count("particle") == 1
 
@@ -689,7 +691,7 @@ def test_sliders_change_what_runs_and_never_push(player, show):
     assert player.pacer.speed == pytest.approx(0.5) and player.pacer.finest == pytest.approx(0.6)
     viscosity = show.simulation.solver.forces[-1]
     assert viscosity.nu == pytest.approx(5.0 / 1000.0)
-    assert show.picture.lens.numbers["absorption"][0] == pytest.approx(9.0 * 0.42)
+    assert show.display.picture.lens.numbers["absorption"][0] == pytest.approx(9.0 * 0.42)
     assert math.hypot(*show.gravity()) == pytest.approx(3.0)
     click(player, show, "page water")
     click(player, show, "reset")
@@ -735,7 +737,7 @@ def test_views_scenes_and_qualities_are_chosen_in_the_panel(player, show):
     press(player, show, "i")
     click(player, show, "page views")
     click(player, show, "view speed")
-    assert show.views.name == "speed"
+    assert show.display.views.name == "speed"
     player.menu.set("gravity", 2.0)
     click(player, show, "page quality")
     click(player, show, "quality large")
@@ -770,35 +772,35 @@ def test_a_picture_has_no_pages_and_its_scene_beside_it(player, show, tmp_path):
     (path,) = tmp_path.glob("pool_*.png")
     picture = imageio.imread(path)
     assert picture.shape == (HEIGHT, WIDTH, 3)
-    show.draw()
-    assert np.array_equal(picture, show.picture.to_numpy_u8())
+    show.display.draw()
+    assert np.array_equal(picture, show.display.picture.to_numpy_u8())
     assert str(path) in player.layout.message
     scene = read_toml(path.with_suffix(".scene.toml"))
     assert scene["gravity"][1] == pytest.approx(-5.0)
 
 
 def test_a_slice_hides_the_near_half_and_follows_the_camera(player, show):
-    show.views.name = "speed"
+    show.display.views.name = "speed"
     press(player, show, " ")
-    whole = show.views.radius.to_numpy()[: show.simulation.particles.count]
+    whole = show.display.views.radius.to_numpy()[: show.simulation.particles.count]
     assert (whole > 0.0).all()
     x = show.simulation.particles.numpy("x") - 0.5 * np.array(show.simulation.size)
     press(player, show, "x")
     for _ in range(2):
-        back = show.camera.axes()[2] * (1.0, 0.0, 1.0)
+        back = show.display.camera.axes()[2] * (1.0, 0.0, 1.0)
         near = x @ (back / np.linalg.norm(back)) > 1e-5
-        hidden = show.views.radius.to_numpy()[: len(x)] == 0.0
+        hidden = show.display.views.radius.to_numpy()[: len(x)] == 0.0
         assert 0.3 < hidden.mean() < 0.7 and (hidden == near).mean() > 0.99
-        show.camera.orbit(1.0, 0.0)
+        show.display.camera.orbit(1.0, 0.0)
         frames(player, show)
     press(player, show, "x")
-    assert (show.views.radius.to_numpy()[: len(x)] > 0.0).all()
+    assert (show.display.views.radius.to_numpy()[: len(x)] > 0.0).all()
 
 
 def test_a_click_on_a_particle_shows_its_neighbours_and_what_acts(player, show, monkeypatch):
     # However long this machine takes for a frame.
     monkeypatch.setattr("msph.stage.steering.CLICK_TIME", 60.0)
-    show.views.name, about = "speed", show.views.neighbourhood
+    show.display.views.name, about = "speed", show.display.views.neighbourhood
     frames(player, show, 3)
     player.window.at = np.array([0.5, 0.45])
     frames(player, show, 2)
@@ -818,10 +820,10 @@ def test_a_click_on_a_particle_shows_its_neighbours_and_what_acts(player, show, 
         parts = ((1.0, 1.0), (-5.0, 0.6), (10.0, 0.2))
         return sum(c * np.maximum(a - q, 0.0) ** 4 for c, a in parts)
 
-    found = show.views.value.to_numpy()[: len(x)]
+    found = show.display.views.value.to_numpy()[: len(x)]
     assert found == pytest.approx(shape(q) / shape(0.0), abs=1e-5)
     assert f"{(q < 1.0).sum() - 1} neighbours" in about.facts()[0]
-    radius = show.views.radius.to_numpy()[: len(x)]
+    radius = show.display.views.radius.to_numpy()[: len(x)]
     assert radius[q > 1.001].max() < radius[q < 0.999].min()
     # Its density is summed where the particles are, and not what the last step left.
     sim.particles.fields["density"].fill(0.0)
@@ -863,7 +865,7 @@ def test_a_clip_shows_what_was_seen_while_the_simulation_goes_on(
     """Images were rendered again, which stopped the simulation for 12 s."""
     monkeypatch.setattr(clip, "FPS", 1000.0)
     frames(player, show, 4)
-    show.views.name = "speed"
+    show.display.views.name = "speed"
     frames(player, show, 4)
     monkeypatch.setattr(clip, "FPS", 24.0)
     # As if the images had been seen over a third of a second.
@@ -969,7 +971,7 @@ def other(show):
 @pytest.fixture
 def row(given, other):
     other.reset()
-    other.views.name = "water"
+    other.display.views.name = "water"
     return Row([given, other], ["one", "two"], (2 * WIDTH + 2, HEIGHT + BELOW), BELOW)
 
 
@@ -986,14 +988,16 @@ class TestRow:
             row.frame(Controls(tilt=(0.2, 0.0), frame_time=FRAME))
         first, second = row.shows
         assert first.simulation.time == second.simulation.time == pytest.approx(3 * FRAME)
-        assert np.array_equal(first.tilt, second.tilt) and first.tilt[0, 1] != 0.0
+        assert np.array_equal(first.pose.tilt, second.pose.tilt) and first.pose.tilt[0, 1] != 0.0
         pixels = row.image.to_numpy()
         beside = slice(WIDTH + 2, 2 * WIDTH + 2)
         # Below the names the pictures are as they were drawn.
         low = slice(BELOW, BELOW + HEIGHT // 2)
-        assert np.array_equal(pixels[:WIDTH, low], first.picture.image.to_numpy()[:, : HEIGHT // 2])
         assert np.array_equal(
-            pixels[beside, low], second.picture.image.to_numpy()[:, : HEIGHT // 2]
+            pixels[:WIDTH, low], first.display.picture.image.to_numpy()[:, : HEIGHT // 2]
+        )
+        assert np.array_equal(
+            pixels[beside, low], second.display.picture.image.to_numpy()[:, : HEIGHT // 2]
         )
         assert row.to_numpy_u8().shape == (HEIGHT, 2 * WIDTH + 2, 3)
         row.frame(Controls(still=True))
@@ -1030,7 +1034,7 @@ class TestRow:
         frames(player, row, 2)
         pixels = itertools.product(range(0, WIDTH, 4), range(0, HEIGHT, 4))
         second = row.shows[1]
-        wet = [pixel for pixel in pixels if second.pick(*pixel) is not None]
+        wet = [pixel for pixel in pixels if second.display.pick(*pixel) is not None]
         i, j = wet[len(wet) // 2]
         screen.at = np.array([WIDTH + 2 + i, BELOW + j]) / row.size
         screen.held = {"LMB"}
@@ -1053,7 +1057,7 @@ class TestRow:
         frames(player, row, 2)
         first = row.shows[0]
         wet = [(i, j) for i in range(0, WIDTH, 4) for j in range(0, HEIGHT, 4)]
-        i, j = max(pixel for pixel in wet if first.pick(*pixel) is not None)
+        i, j = max(pixel for pixel in wet if first.display.pick(*pixel) is not None)
         screen.at = np.array([i, BELOW + j]) / row.size
         screen.held = {"LMB"}
         frames(player, row, 2)

@@ -163,7 +163,7 @@ def test_a_replay_in_a_window_ignores_its_user_and_then_obeys(played):
     assert player.layout.message == "the recorded input ends here"
     time = show.simulation.time
     row.frame(replayer.controls(row))
-    assert show.simulation.time > time and show.tilt[0, 1] != 0.0
+    assert show.simulation.time > time and show.pose.tilt[0, 1] != 0.0
     row.close()
 
 

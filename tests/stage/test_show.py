@@ -32,7 +32,7 @@ def show(tmp_path_factory):
 @pytest.fixture(autouse=True)
 def start_anew(show):
     show.reset()
-    show.views.name = "water"
+    show.display.views.name = "water"
 
 
 def test_nobody_gets_the_frames_it_wants(show):
@@ -70,23 +70,23 @@ def test_reset_brings_back_the_start(show):
 
 def test_tilt_turns_gravity_in_the_pool_and_the_pool_in_the_picture(show):
     for _ in range(30):
-        show.frame(Controls(tilt=(-0.4, 0.0), azimuth=show.camera.azimuth))
+        show.frame(Controls(tilt=(-0.4, 0.0), azimuth=show.display.camera.azimuth))
     # The water runs to where the picture's right is.
     aside = show.simulation.particles.numpy("x") - 0.5 * np.array(show.simulation.size)
-    assert (aside @ show.camera.axes()[0]).mean() > 0.005
-    assert (show.tilt @ show.camera.axes()[0])[1] < -0.2
+    assert (aside @ show.display.camera.axes()[0]).mean() > 0.005
+    assert (show.pose.tilt @ show.display.camera.axes()[0])[1] < -0.2
 
 
 def test_every_view_draws_something_else(show, monkeypatch):
     monkeypatch.setattr(
-        show.picture, "look", show.picture.look.model_copy(update={"legend": False})
+        show.display.picture, "look", show.display.picture.look.model_copy(update={"legend": False})
     )
     show.frame(Controls())
     pictures = []
-    for name in show.views.names:
-        show.views.name = name
-        show.draw()
-        pictures.append(show.picture.to_numpy_u8().astype(int))
+    for name in show.display.views.names:
+        show.display.views.name = name
+        show.display.draw()
+        pictures.append(show.display.picture.to_numpy_u8().astype(int))
     assert all(p.shape == (SIZE[1], SIZE[0], 3) for p in pictures)
     for k, picture in enumerate(pictures):
         for other in pictures[:k]:
@@ -95,13 +95,15 @@ def test_every_view_draws_something_else(show, monkeypatch):
 
 def test_legend_changes_its_rectangle_alone(show):
     show.frame(Controls())
-    legend, pictures = show.picture.legend, {}
-    for name in show.views.names:
-        show.views.name = name
+    legend, pictures = show.display.picture.legend, {}
+    for name in show.display.views.names:
+        show.display.views.name = name
         for shown in (False, True):
-            show.picture.change(show.picture.look.model_copy(update={"legend": shown}))
-            show.draw()
-            pictures[shown] = show.picture.image.to_numpy()
+            show.display.picture.change(
+                show.display.picture.look.model_copy(update={"legend": shown})
+            )
+            show.display.draw()
+            pictures[shown] = show.display.picture.image.to_numpy()
         changed = np.abs(pictures[True] - pictures[False]).max(-1) > 0.0
         if name != "water":
             left, low, width, height = legend.overlay.shown["legend"]
@@ -114,7 +116,9 @@ def test_legend_can_be_switched_off(tmp_path):
     scene = load_scene(write(tmp_path), ("picture.legend=false", "picture.view='layers'"))
     show = Show(scene, 1.0 / 60.0, SIZE)
     show.frame(Controls())
-    assert show.picture.legend.legend is None and not show.picture.legend.overlay.shown
+    assert (
+        show.display.picture.legend.legend is None and not show.display.picture.legend.overlay.shown
+    )
     show.close()
 
 
@@ -130,9 +134,9 @@ def test_legend_says_quantity_unit_and_range(show, view, title, numbers):
     state = show.simulation.particles.state()
     v = np.full_like(state["v"], 0.3)
     show.simulation.particles.fill(**{**state, "v": v})
-    show.views.name = view
-    _, lo, hi = show.views.values()
-    legend = show.views.legend(lo, hi)
+    show.display.views.name = view
+    _, lo, hi = show.display.views.values()
+    legend = show.display.views.legend(lo, hi)
     assert legend.title == title and [text for _, text in legend.marks] == numbers
     assert legend.marks[0][0] == 0.0 and legend.marks[1][0] == 1.0
 
@@ -145,21 +149,21 @@ def test_large_and_small_numbers_are_told_in_other_units():
 def test_view_of_the_density_measures_it(show, monkeypatch):
     monkeypatch.setattr(show.ledger, "density_every", math.inf)
     fresh = {}
-    for show.views.name in ("speed", "density_error"):
+    for show.display.views.name in ("speed", "density_error"):
         show.frame(Controls())
         shown = show.simulation.particles.numpy("density")
         show.simulation.measure_density()
         now = show.simulation.particles.numpy("density")
-        fresh[show.views.name] = np.array_equal(shown, now)
+        fresh[show.display.views.name] = np.array_equal(shown, now)
     assert fresh == {"speed": False, "density_error": True}
 
 
 def test_water_is_picked_in_every_view(show):
     show.frame(Controls())
     for name in ("water", "layers"):
-        show.views.name = name
-        show.draw()
-        hits = [show.pick(SIZE[0] // 2, j) for j in range(SIZE[1])]
+        show.display.views.name = name
+        show.display.draw()
+        hits = [show.display.pick(SIZE[0] // 2, j) for j in range(SIZE[1])]
         found = np.array([h for h in hits if h is not None])
         assert 5 < len(found) < SIZE[1]
         assert np.all(found > -0.02) and np.all(found < np.array(show.simulation.size) + 0.02)
@@ -167,20 +171,20 @@ def test_water_is_picked_in_every_view(show):
 
 def test_pool_tilts_as_it_is_seen(show):
     """Rolled to the right, the right side of the picture goes down, wherever the camera is."""
-    azimuth = show.camera.azimuth
-    for show.camera.azimuth in (0.3, 0.3 + np.pi):
-        show.frame(Controls(still=True, tilt=(-0.3, 0.0), azimuth=show.camera.azimuth))
-        right = show.camera.axes()[0]
-        assert (show.tilt @ right)[1] < -0.2
-    show.camera.azimuth = azimuth
+    azimuth = show.display.camera.azimuth
+    for show.display.camera.azimuth in (0.3, 0.3 + np.pi):
+        show.frame(Controls(still=True, tilt=(-0.3, 0.0), azimuth=show.display.camera.azimuth))
+        right = show.display.camera.axes()[0]
+        assert (show.pose.tilt @ right)[1] < -0.2
+    show.display.camera.azimuth = azimuth
 
 
 def test_view_key_cycles_through_all_and_back(show):
     names = []
-    for _ in show.views.names:
+    for _ in show.display.views.names:
         show.frame(Controls(still=True, next_view=True))
-        names.append(show.views.name)
-    assert names == [*show.views.names[1:], show.views.names[0]]
+        names.append(show.display.views.name)
+    assert names == [*show.display.views.names[1:], show.display.views.names[0]]
 
 
 def test_water_that_blows_up_ends_the_show(show):
@@ -206,7 +210,7 @@ def test_checkpoint_file_resumes_and_others_are_refused(show, tmp_path):
 
 def test_show_without_picture_has_neither_surface_nor_picture(tmp_path):
     show = Show(load_scene(write(tmp_path)), 1 / 60)
-    assert show.surface is None and show.picture is None
+    assert show.display.surface is None and show.display.picture is None
     show.frame(Controls())
     assert show.simulation.time == pytest.approx(1 / 60)
 
@@ -277,5 +281,7 @@ def test_playing_follows_the_wall_clock(timed, fps):
 
 def test_volume_of_the_surface_is_that_of_the_water(show):
     show.frame(Controls())
-    assert show.volume() == pytest.approx(0.4 * 0.18 * 0.4, rel=0.1)
-    assert show.volume_error() == pytest.approx(show.volume() / (0.4 * 0.18 * 0.4) - 1, abs=0.02)
+    assert show.display.volume() == pytest.approx(0.4 * 0.18 * 0.4, rel=0.1)
+    assert show.volume_error() == pytest.approx(
+        show.display.volume() / (0.4 * 0.18 * 0.4) - 1, abs=0.02
+    )

@@ -27,18 +27,20 @@ def image(show, *places) -> np.ndarray:
     drops = {"x": np.array(places).reshape(n, 3), "v": np.zeros((n, 3))}
     drops |= {"radius": np.full(n, 0.03), "life": np.ones(n)}
     show.simulation.rim.drops.fill(**drops)
-    show.draw()
-    return show.picture.to_numpy_u8().astype(int)
+    show.display.draw()
+    return show.display.picture.to_numpy_u8().astype(int)
 
 
 def pixel(show, place) -> tuple[int, int]:
     """Row and column of a point [m] in the image."""
-    (right, up), *_ = show.camera.project(np.array([place]), *SIZE, show.simulation.size, show.tilt)
+    (right, up), *_ = show.display.camera.project(
+        np.array([place]), *SIZE, show.simulation.size, show.pose.tilt
+    )
     return int((1.0 - up) * SIZE[1]), int(right * SIZE[0])
 
 
 def test_a_drop_is_drawn_where_it_is(show):
-    eye = show.camera.eye
+    eye = show.display.camera.eye
     # Beside the box, at the side of the eye.
     place = (0.3 + 0.45 * np.sign(eye[0] - 0.3), 0.2, 0.3)
     without, found = image(show), image(show, place)
@@ -48,7 +50,7 @@ def test_a_drop_is_drawn_where_it_is(show):
 
 
 def test_tiles_hide_drops_behind_them(show):
-    side = np.sign(show.camera.eye[0] - 0.3)
+    side = np.sign(show.display.camera.eye[0] - 0.3)
     assert np.array_equal(image(show), image(show, (0.3 - 0.4 * side, 0.1, 0.3)))
 
 

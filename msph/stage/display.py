@@ -1,0 +1,216 @@
+"""Display: surface, image, views and camera of one simulation."""
+
+import math
+from copy import copy
+from typing import Any
+
+import numpy as np
+
+from msph.fluid.external_forces import Hand, Vec3
+from msph.fluid.simulation import Simulation
+from msph.fluid.stages import no_stage
+from msph.measure.timings import Timings
+from msph.picture.camera import Camera
+from msph.picture.picture import Picture, picture_of
+from msph.picture.pixels import matted
+from msph.picture.room import PictureRoom
+from msph.scene.camera_path import orbit_at
+from msph.scene.schema import Scene
+from msph.stage.floats import floating_at
+from msph.stage.views import Views
+from msph.surface import Surface, SurfaceRoom, surface_of
+from msph.surface.whitewater import whitewater_of
+
+
+class Display:
+    """Extracts the surface of a simulation and renders it, or its particles.
+
+    size (width, height) [pixels] of the image, None for none. meshes: extract the surface of every
+    frame, rendered or not. tilt, (3, 3), and shift [m], (3,), in world axes: the pose in which the
+    box is shown. Parts that are not used are None.
+    """
+
+    def __init__(
+        self,
+        simulation: Simulation,
+        scene: Scene,
+        size: tuple[int, int] | None,
+        meshes: bool,
+        timings: Timings | None,
+    ):
+        self.simulation, self.scene, self.meshes = simulation, scene, meshes
+        self.stage = timings.stage if timings else no_stage
+        self.substage = timings.substage if timings else no_stage
+        self.tilt, self.shift = np.eye(3), np.zeros(3)
+        self.surface: Any = self._load_surface() if size or meshes else None
+        self.picture: Any = self._load_picture(size) if size else None
+        self.views: Any = Views(simulation, scene) if size else None
+        white = size and scene.picture.whitewater
+        self.whitewater: Any = simulation.world.build_once(whitewater_of) if white else None
+        if self.whitewater:
+            self.whitewater.reset()
+        if size:
+            self.camera = self.framing()
+
+    def framing(self, free: float = 1.0, stretch: float = 1.0) -> Camera:
+        """Returns the scene's camera now, with the box within the right share `free` of the image;
+        stretch: see Camera."""
+        c, picture = self.scene.camera, self.picture
+        x, y, z = self.scene.box.size
+        centre = 0.5 * x, 0.5 * y, 0.5 * z
+        azimuth, elevation, zoom, target = orbit_at(c, self.simulation.time, centre)
+        camera = Camera.framing(
+            self.scene.box.size,
+            aspect=free * stretch * picture.width / picture.height,
+            azimuth=math.radians(azimuth),
+            elevation=math.radians(elevation),
+            fov=math.radians(c.fov),
+        )
+        camera.target = np.array(target)
+        camera.zoom(1.0 / zoom)
+        camera.shift, camera.stretch = 0.5 * (1.0 - free), stretch
+        return camera
+
+    def follow_path(self) -> None:
+        """Moves the camera along the scene's path, if it has one."""
+        if self.picture and self.scene.camera.path:
+            self.camera = self.framing()
+
+    def _load_surface(self) -> Surface:
+        s, sim = self.scene.surface, self.simulation
+        cell = s.cell * sim.layers.finest.spacing
+        room = SurfaceRoom.holding(sim.region, cell, sim.particles.capacity)
+        surface = sim.world.build_once(surface_of, room)
+        surface.load(sim.region, cell, s.smoothing)
+        self.shown_bodies = sim.boundary.count
+        return surface
+
+    def _load_picture(self, size: tuple[int, int]) -> Picture:
+        look = self.scene.picture
+        sim, room = self.simulation, PictureRoom.holding(*size, look.supersample)
+        picture = sim.world.build_once(picture_of, self.surface.room, room)
+        spacing = max(self.surface.lattice.spacing)
+        picture.load(*size, sim.size, look, sim.region, spacing)
+        return picture
+
+    def advance(self, dt: float, gravity: Vec3, hand: Hand) -> None:
+        """Advances whitewater, ripples and wetness by dt [s] of simulated time; gravity [m/s^2] in
+        the box frame; hand: in the water."""
+        if self.whitewater:
+            with self.stage("surface"), self.substage("whitewater"):
+                self.whitewater.advance(dt, gravity)
+        if self.picture:
+            with self.stage("picture"):
+                self.picture.advance(dt, hand)
+
+    def reset(self) -> None:
+        """Removes whitewater, ripples and wetness; the camera stays."""
+        if self.whitewater:
+            self.whitewater.reset()
+        if self.picture:
+            self.picture.reset()
+
+    @property
+    def view(self) -> Camera:
+        """The camera in axes that move with the box's centre."""
+        camera = copy(self.camera)
+        camera.target = camera.target - self.shift
+        return camera
+
+    def draw(self) -> None:
+        """Extracts the surface and renders the image, as far as they are used."""
+        if self.surface and self.shown_bodies != self.simulation.boundary.count:
+            self._load_surface()
+            if self.picture:
+                self.picture.take_bodies()
+        water = self.picture is not None and self.views.name == "water"
+        if self.surface and (water or self.meshes):
+            with self.stage("surface"):
+                self.surface.extract(hidden=not self.meshes)
+        if self.picture:
+            self._render()
+
+    def matted_image(self) -> np.ndarray:
+        """Renders the last image again, (height, width, 4) uint8, with its opacity."""
+        shown, look = [], self.picture.look
+        for level in (0.0, 1.0):
+            plain = {"background": (level,) * 3, "background_top": None}
+            self.picture.change(look.model_copy(update=plain))
+            self._render()
+            shown.append(self.picture.to_numpy_u8())
+        self.picture.change(look)
+        return matted(*shown)
+
+    def _render(self) -> None:
+        """Renders the surface, or the particles."""
+        with self.stage("picture"):
+            if self.views.name == "water":
+                self.picture.draw_water(self.view, self.tilt)
+            else:
+                particles = self.simulation.particles
+                self.views.neighbourhood.follow()
+                if self.views.cut is not None:
+                    self.views.cut = self._near()
+                value, lo, hi = self.views.values()
+                self.picture.draw_particles(
+                    self.view,
+                    self.tilt,
+                    particles.x,
+                    value,
+                    lo,
+                    hi,
+                    particles.count,
+                    self.views.radius,
+                    legend=self.views.legend(lo, hi),
+                )
+
+    def pick(self, i: int, j: int) -> np.ndarray | None:
+        """Returns the point of the water or of a floating body [m], box frame, at a pixel (i right,
+        j up), or None."""
+        if self.views.name == "water":
+            water, (eye, direction) = self.picture.pick(i, j), self.ray(i, j)
+            body = floating_at(self.simulation.boundary, eye, direction)
+            hits = [x for x in (water, body[1] if body else None) if x is not None]
+            return min(hits, key=lambda x: float((x - eye) @ direction), default=None)
+        found = self.particle_at(i, j)
+        return None if found is None else found[1]
+
+    def ray(self, i: float, j: float) -> tuple[np.ndarray, np.ndarray]:
+        """Returns origin [m] and direction of a pixel's ray in the box frame."""
+        width, height = self.picture.size
+        return self.view.box_ray(i, j, width, height, self.simulation.size, self.tilt)
+
+    def particle_at(self, i: int, j: int) -> tuple[int, np.ndarray] | None:
+        """Returns the nearest visible particle at a pixel (i right, j up), as its index and the
+        point of the ray closest to its centre [m]; None if there is no particle."""
+        eye, direction = self.ray(i, j)
+        x = self.simulation.particles.numpy("x") - eye
+        depth = x @ direction
+        aside = np.linalg.norm(x - depth[:, None] * direction, axis=1)
+        radius = self.views.radii()
+        hit = np.flatnonzero((aside < radius) & (depth > 0.0))
+        if len(hit) == 0:
+            return None
+        first = int(hit[depth[hit].argmin()])
+        return first, eye + depth[first] * direction
+
+    def slice(self) -> None:
+        """Hides the half of the particles nearer to the camera, or shows it again."""
+        self.views.cut = None if self.views.cut is not None else self._near()
+
+    def _near(self) -> np.ndarray:
+        """Returns the horizontal unit vector to the camera, (3,), in the box frame."""
+        back = self.camera.axes()[2] * (1.0, 0.0, 1.0)
+        return self.tilt.T @ (back / np.linalg.norm(back))
+
+    def volume(self) -> float:
+        """Returns the volume enclosed by the surface mesh [m^3]; NaN if the mesh overflowed."""
+        self.surface = self.surface or self._load_surface()
+        self.simulation.grid.refresh()
+        self.surface.extract()
+        mesh = self.surface.mesh
+        return math.nan if mesh.overflowed() else mesh.volume()
+
+    def overflow(self) -> str | None:
+        """Returns the message about a truncated mesh, or None."""
+        return self.surface.mesh.overflowed() if self.surface else None
