@@ -9,11 +9,10 @@ from time import perf_counter
 import numpy as np
 
 from msph.errors import BlowUpError
-from msph.fluid.boundary.added import body_of, body_row, opening_of, opening_row
+from msph.fluid import checkpoint
 from msph.fluid.boundary.body_faces import samples
-from msph.fluid.boundary.floating import FloatingBodies
 from msph.fluid.boundary.gap_pressure import MAX_SAMPLES
-from msph.fluid.boundary.opening import ZONE, Opening, Valve
+from msph.fluid.boundary.opening import Opening, Valve
 from msph.fluid.boundary.pistons import Stroke
 from msph.fluid.boundary.rigid_bodies import Body, centre, end_block
 from msph.fluid.boundary.walls import wall_constants
@@ -121,7 +120,7 @@ class Simulation:
 
     def reset(self) -> None:
         """Restores the initial state at time zero."""
-        self._start(self.initial, 0.0, 0)
+        self.start_from(self.initial, 0.0, 0)
         self.solver.arrange()
         self.openings.fill_pipes(self.plan.openings, STILL)
         self.world.parts.impulses.clear()
@@ -226,7 +225,7 @@ class Simulation:
             raise FullError("there is no room: the body overlaps another body or a wall")
         floating = self.boundary.floating
         momentum, kinetic = floating.momentum(), floating.kinetic()
-        self._take_body(body)
+        self.take_body(body)
         self.contact.clear_bodies()
         self.solver.particles_moved()
         energy = floating.kinetic() - kinetic - floating.mass[-1] * float(at @ np.array(gravity))
@@ -239,7 +238,8 @@ class Simulation:
         if self.boundary.count == MAX_BODIES:
             raise FullError(f"at most {MAX_BODIES} bodies")
 
-    def _take_body(self, body: Body) -> None:
+    def take_body(self, body: Body) -> None:
+        """Adds a body without checking whether there is room."""
         self.boundary.add(body, self.time)
         self.world.prepare_bodies()
 
@@ -254,7 +254,7 @@ class Simulation:
         FullError if there are too many bodies, or if the method has none."""
         self._check_bodies()
         reach = max(spec.support for spec in self.layers.specs)
-        self._take_body(end_block(self.size, reach, stroke.inwards, 0.0, stroke, MOVING_WALL))
+        self.take_body(end_block(self.size, reach, stroke.inwards, 0.0, stroke, MOVING_WALL))
         self.solver.particles_moved()
 
     def remove_piston(self) -> None:
@@ -277,11 +277,12 @@ class Simulation:
         if len(self.openings.all) == MAX_OPENINGS:
             raise FullError(f"at most {MAX_OPENINGS} inflows and outflows")
         self._check_opening(opening)
-        self._take_opening(opening)
+        self.take_opening(opening)
         self.openings.fill_pipes([opening], gravity)
         self.solver.particles_added(0.0)
 
-    def _take_opening(self, opening: Opening) -> None:
+    def take_opening(self, opening: Opening) -> None:
+        """Adds an inflow or outflow without checking it or filling its pipe."""
         self.world.load_openings(self.plan, [*self.openings.all, opening])
 
     @property
@@ -330,94 +331,19 @@ class Simulation:
         return np.bincount(self.particles.numpy("layer"), minlength=self.layers.count).tolist()
 
     def state(self) -> dict[str, np.ndarray]:
-        """Returns a checkpoint: every carried attribute, time, number of steps, length of the last
-        step, the spilt mass [kg] of an open box, the state of floating bodies and openings, the
-        added ones, the piston, the solver's state and the fingerprint. On one thread a resumed run
-        repeats an uninterrupted one exactly."""
-        progress = {
-            "time": np.float64(self.time),
-            "steps": np.int64(self.steps),
-            "last_step": np.float64(self.last_step),
-        }
-        solver = {f"solver.{k}": np.float64(v) for k, v in self.solver.state().items()}
-        if self.plan.open_top:
-            progress["spilt"] = np.float64(self.rim.mass)
-        if self.boundary.floating.count:
-            progress["floating"] = self.boundary.floating.state()
-        if self.openings.all:
-            progress["openings"] = self.openings.state()
-        bodies = [b for b in self.boundary.bodies[len(self.plan.bodies) :] if b.mass is not None]
-        if bodies:
-            progress["added_bodies"] = np.stack([body_row(b) for b in bodies])
-        if self.added_openings:
-            progress["added_openings"] = np.stack([opening_row(o) for o in self.added_openings])
-        if self.piston:
-            progress["piston"] = self.piston.state()
-        return {**progress, **solver, "fluid": self._fingerprint(), **self.particles.state()}
-
-    def _fingerprint(self) -> np.ndarray:
-        """Returns the box [m] and layer masses [kg], which checkpoint and scene must share."""
-        return np.array([*self.size, *(s.mass for s in self.layers.specs)])
+        """Returns a checkpoint (checkpoint.py). On one thread a resumed run repeats an
+        uninterrupted one exactly."""
+        return checkpoint.state_of(self)
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
         """Restores a state(). Raises ValueError if it does not fit this simulation."""
-        attributes = dict(state)
-        floats = sum(b.mass is not None for b in self.plan.bodies)
-        # These are also of what was added, now or then.
-        optional = {"added_bodies", "added_openings", "piston"}
-        optional |= {"floating"} if not floats else set()
-        optional |= {"openings"} if not self.plan.openings else set()
-        missing = set(self.state()) - optional - set(attributes)
-        if missing:
-            raise ValueError(f"{', '.join(sorted(missing))} missing")
-        time, steps, last_step = (attributes.pop(k) for k in ("time", "steps", "last_step"))
-        fluid, own = attributes.pop("fluid"), self._fingerprint()
-        solver = {k: float(attributes.pop(f"solver.{k}")) for k in self.solver.state()}
-        spilt = float(attributes.pop("spilt")) if self.plan.open_top else 0.0
-        ways = attributes.pop("openings", np.zeros(0))
-        added = [body_of(row) for row in attributes.pop("added_bodies", ())]
-        rows = attributes.pop("added_openings", ())
-        openings = [opening_of(row, self.layers.count) for row in rows]
-        stroke = Stroke.of(attributes.pop("piston")) if "piston" in attributes else None
-        floating = attributes.pop("floating", FloatingBodies().state())
-        if fluid.shape != own.shape or not np.allclose(fluid, own):
-            raise ValueError("box or layers differ from the scene")
-        self.particles.check(attributes)
-        x, layer = attributes["x"], attributes["layer"]
-        opened = bool(self.plan.openings or openings)
-        reach = ZONE * max(s.spacing for s in self.layers.specs) * opened
-        if np.any(x < -reach) or np.any(x > self.walls + reach):
-            raise ValueError("particles outside the box")
-        if layer.min() < 0 or layer.max() >= self.layers.count:
-            raise ValueError(f"layer index not in 0 to {self.layers.count - 1}")
-        if not 0.0 <= time < math.inf:
-            raise ValueError(f"time is {time:g} s: must be finite and at least 0")
-        if not last_step > 0.0:
-            raise ValueError(f"last step is {last_step:g} s: must be positive")
-        if len(self.plan.bodies) + len(added) + bool(stroke) > MAX_BODIES:
-            raise ValueError(f"more than {MAX_BODIES} bodies")
-        if floating.shape != (floats + len(added), FloatingBodies().state().shape[1]):
-            raise ValueError("number of floating bodies differs from the scene")
-        if not np.isfinite(floating).all():
-            raise ValueError("floating bodies are not at finite positions and speeds")
-        if not 0.0 <= spilt < math.inf:
-            raise ValueError(f"{spilt:g} kg were spilt: must be finite and at least 0")
-        self._start(attributes, float(time), int(steps), spilt)
-        for opening in openings:
-            self._take_opening(opening)
-        if opened:
-            self.openings.restore(ways, float(time))
-        for body in added:
-            self._take_body(body)
-        if stroke:
-            self.add_piston(stroke)
-        self.boundary.restore(float(time), floating)
-        self.last_step = float(last_step)
-        self.solver.restore(solver)
+        checkpoint.restore(self, state)
 
-    def _start(
+    def start_from(
         self, attributes: dict[str, np.ndarray], time: float, steps: int, spilt: float = 0.0
     ) -> None:
+        """Sets particles, time [s], number of steps and spilt mass [kg], with the bodies and
+        openings of the scene at that time."""
         self.particles.fill(**attributes)
         self.time, self.steps, self.iterations = time, steps, 0
         self.last_step = math.inf

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from msph.scene.schema import Camera, Orbit
+from msph.scene.observation import Camera, Orbit
 
 
 def orbit_at(

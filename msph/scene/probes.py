@@ -5,7 +5,8 @@ import numpy as np
 from msph.fluid.boundary.rigid_bodies import Ball, Block
 from msph.scene.bodies import bodies
 from msph.scene.errors import TOLERANCE, SceneError, in_metres
-from msph.scene.schema import Probe, Scene
+from msph.scene.observation import Probe
+from msph.scene.schema import Scene
 
 # Alternative sets of keys that place a probe of each kind.
 PLACE_KEYS: dict[str, tuple[tuple[str, ...], ...]] = {

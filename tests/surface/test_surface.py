@@ -16,7 +16,7 @@ from surface_kit import (
     packed,
 )
 
-from msph.scene.schema import Surface
+from msph.scene.observation import Surface
 from msph.surface import SurfaceRoom
 
 MIDDLE = np.array(SIZE) / 2

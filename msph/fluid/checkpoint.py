@@ -1,0 +1,100 @@
+"""Checkpoints: the whole state of a simulation as arrays."""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from msph.fluid.boundary.added import body_of, body_row, opening_of, opening_row
+from msph.fluid.boundary.floating import FloatingBodies
+from msph.fluid.boundary.opening import ZONE
+from msph.fluid.boundary.pistons import Stroke
+from msph.fluid.room import MAX_BODIES
+
+
+def state_of(sim: Any) -> dict[str, np.ndarray]:
+    """Returns a checkpoint of a Simulation: every carried attribute, time, number of steps, length
+    of the last step, the spilt mass [kg] of an open box, the state of floating bodies and openings,
+    the added ones, the piston, the solver's state and the fingerprint."""
+    progress = {
+        "time": np.float64(sim.time),
+        "steps": np.int64(sim.steps),
+        "last_step": np.float64(sim.last_step),
+    }
+    solver = {f"solver.{k}": np.float64(v) for k, v in sim.solver.state().items()}
+    if sim.plan.open_top:
+        progress["spilt"] = np.float64(sim.rim.mass)
+    if sim.boundary.floating.count:
+        progress["floating"] = sim.boundary.floating.state()
+    if sim.openings.all:
+        progress["openings"] = sim.openings.state()
+    bodies = [b for b in sim.boundary.bodies[len(sim.plan.bodies) :] if b.mass is not None]
+    if bodies:
+        progress["added_bodies"] = np.stack([body_row(b) for b in bodies])
+    if sim.added_openings:
+        progress["added_openings"] = np.stack([opening_row(o) for o in sim.added_openings])
+    if sim.piston:
+        progress["piston"] = sim.piston.state()
+    return {**progress, **solver, "fluid": fingerprint(sim), **sim.particles.state()}
+
+
+def fingerprint(sim: Any) -> np.ndarray:
+    """Returns the box [m] and layer masses [kg], which checkpoint and scene must share."""
+    return np.array([*sim.size, *(s.mass for s in sim.layers.specs)])
+
+
+def restore(sim: Any, state: dict[str, np.ndarray]) -> None:
+    """Restores a state_of() of a Simulation. Raises ValueError if it does not fit this one."""
+    attributes = dict(state)
+    floats = sum(b.mass is not None for b in sim.plan.bodies)
+    # These are also of what was added, now or then.
+    optional = {"added_bodies", "added_openings", "piston"}
+    optional |= {"floating"} if not floats else set()
+    optional |= {"openings"} if not sim.plan.openings else set()
+    missing = set(state_of(sim)) - optional - set(attributes)
+    if missing:
+        raise ValueError(f"{', '.join(sorted(missing))} missing")
+    time, steps, last_step = (attributes.pop(k) for k in ("time", "steps", "last_step"))
+    fluid, own = attributes.pop("fluid"), fingerprint(sim)
+    solver = {k: float(attributes.pop(f"solver.{k}")) for k in sim.solver.state()}
+    spilt = float(attributes.pop("spilt")) if sim.plan.open_top else 0.0
+    ways = attributes.pop("openings", np.zeros(0))
+    added = [body_of(row) for row in attributes.pop("added_bodies", ())]
+    rows = attributes.pop("added_openings", ())
+    openings = [opening_of(row, sim.layers.count) for row in rows]
+    stroke = Stroke.of(attributes.pop("piston")) if "piston" in attributes else None
+    floating = attributes.pop("floating", FloatingBodies().state())
+    if fluid.shape != own.shape or not np.allclose(fluid, own):
+        raise ValueError("box or layers differ from the scene")
+    sim.particles.check(attributes)
+    x, layer = attributes["x"], attributes["layer"]
+    opened = bool(sim.plan.openings or openings)
+    reach = ZONE * max(s.spacing for s in sim.layers.specs) * opened
+    if np.any(x < -reach) or np.any(x > sim.walls + reach):
+        raise ValueError("particles outside the box")
+    if layer.min() < 0 or layer.max() >= sim.layers.count:
+        raise ValueError(f"layer index not in 0 to {sim.layers.count - 1}")
+    if not 0.0 <= time < math.inf:
+        raise ValueError(f"time is {time:g} s: must be finite and at least 0")
+    if not last_step > 0.0:
+        raise ValueError(f"last step is {last_step:g} s: must be positive")
+    if len(sim.plan.bodies) + len(added) + bool(stroke) > MAX_BODIES:
+        raise ValueError(f"more than {MAX_BODIES} bodies")
+    if floating.shape != (floats + len(added), FloatingBodies().state().shape[1]):
+        raise ValueError("number of floating bodies differs from the scene")
+    if not np.isfinite(floating).all():
+        raise ValueError("floating bodies are not at finite positions and speeds")
+    if not 0.0 <= spilt < math.inf:
+        raise ValueError(f"{spilt:g} kg were spilt: must be finite and at least 0")
+    sim.start_from(attributes, float(time), int(steps), spilt)
+    for opening in openings:
+        sim.take_opening(opening)
+    if opened:
+        sim.openings.restore(ways, float(time))
+    for body in added:
+        sim.take_body(body)
+    if stroke:
+        sim.add_piston(stroke)
+    sim.boundary.restore(float(time), floating)
+    sim.last_step = float(last_step)
+    sim.solver.restore(solver)
