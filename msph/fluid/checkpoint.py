@@ -1,7 +1,7 @@
 """Checkpoints: the whole state of a simulation as arrays."""
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,8 +11,11 @@ from msph.fluid.boundary.opening import ZONE
 from msph.fluid.boundary.pistons import Stroke
 from msph.fluid.room import MAX_BODIES
 
+if TYPE_CHECKING:
+    from msph.fluid.simulation import Simulation
 
-def state_of(sim: Any) -> dict[str, np.ndarray]:
+
+def state_of(sim: "Simulation") -> dict[str, np.ndarray]:
     """Returns a checkpoint of a Simulation: every carried attribute, time, number of steps, length
     of the last step, the spilt mass [kg] of an open box, the state of floating bodies and openings,
     the added ones, the piston, the solver's state and the fingerprint."""
@@ -38,12 +41,12 @@ def state_of(sim: Any) -> dict[str, np.ndarray]:
     return {**progress, **solver, "fluid": fingerprint(sim), **sim.particles.state()}
 
 
-def fingerprint(sim: Any) -> np.ndarray:
+def fingerprint(sim: "Simulation") -> np.ndarray:
     """Returns the box [m] and layer masses [kg], which checkpoint and scene must share."""
     return np.array([*sim.size, *(s.mass for s in sim.layers.specs)])
 
 
-def restore(sim: Any, state: dict[str, np.ndarray]) -> None:
+def restore(sim: "Simulation", state: dict[str, np.ndarray]) -> None:
     """Restores a state_of() of a Simulation. Raises ValueError if it does not fit this one."""
     attributes = dict(state)
     floats = sum(b.mass is not None for b in sim.plan.bodies)

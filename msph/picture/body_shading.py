@@ -53,8 +53,8 @@ class BodyShading:
     @ti.func
     def span(self, b, p, r, most, more):
         """Returns the range of t in 0..most where the ray p + t r is inside the bounding sphere and
-        the bounding box of body b, enlarged by `more` [m], empty if it misses them; and p and r in
-        the frame of the body, if it meets the sphere."""
+        the bounding box of body b, enlarged by `more` [m], empty if it misses them; and p from
+        the centre and r, in the frame of the body unless the ray misses the sphere."""
         q, s = p - self.boundary.centre[b, END], r
         along = q.dot(s)
         half = along * along - q.norm_sqr() + (self.boundary.bounding_radius[b] + more) ** 2
@@ -209,10 +209,12 @@ class BodyShading:
 
     @ti.func
     def past_ball(self, q, s, radius):
-        """Returns what sunlit() wants of a ball around 0, for the ray q + t s.
+        """Returns the share of the sun in the direction s that a ball around 0 leaves at q [m]; it
+        may exceed 1 outside the penumbra.
 
-        d(t)/t, d the distance, is least on the tangent cone from q, at t = k |q|^2/(a k + R b
-        sqrt(k)) with k = |q|^2 - R^2, a = -q.s and b the distance of the ray from the centre.
+        With d(t) the distance of q + t s from the ball, d(t)/t is least at
+        t = k |q|^2/(a k + R b sqrt(k)), where k = |q|^2 - R^2, a = -q.s, and b is the distance of
+        the ray from the centre.
         """
         along, far2 = -q.dot(s), q.norm_sqr()
         beside = ti.sqrt(ti.max(far2 - along * along, 0.0))

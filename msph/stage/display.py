@@ -17,6 +17,7 @@ from msph.picture.room import PictureRoom
 from msph.scene.camera_path import orbit_at
 from msph.scene.schema import Scene
 from msph.stage.floats import floating_at
+from msph.stage.pose import Pose
 from msph.stage.views import Views
 from msph.surface import Surface, SurfaceRoom, surface_of
 from msph.surface.whitewater import whitewater_of
@@ -26,22 +27,21 @@ class Display:
     """Extracts the surface of a simulation and renders it, or its particles.
 
     size (width, height) [pixels] of the image, None for none. meshes: extract the surface of every
-    frame, rendered or not. tilt, (3, 3), and shift [m], (3,), in world axes: the pose in which the
-    box is shown. Parts that are not used are None.
+    frame, rendered or not. pose: of the box as it is shown. Parts that are not used are None.
     """
 
     def __init__(
         self,
         simulation: Simulation,
         scene: Scene,
+        pose: Pose,
         size: tuple[int, int] | None,
         meshes: bool,
         timings: Timings | None,
     ):
-        self.simulation, self.scene, self.meshes = simulation, scene, meshes
+        self.simulation, self.scene, self.pose, self.meshes = simulation, scene, pose, meshes
         self.stage = timings.stage if timings else no_stage
         self.substage = timings.substage if timings else no_stage
-        self.tilt, self.shift = np.eye(3), np.zeros(3)
         self.surface: Any = self._load_surface() if size or meshes else None
         self.picture: Any = self._load_picture(size) if size else None
         self.views: Any = Views(simulation, scene) if size else None
@@ -114,7 +114,7 @@ class Display:
     def view(self) -> Camera:
         """The camera in axes that move with the box's centre."""
         camera = copy(self.camera)
-        camera.target = camera.target - self.shift
+        camera.target = camera.target - self.pose.shift
         return camera
 
     def draw(self) -> None:
@@ -145,7 +145,7 @@ class Display:
         """Renders the surface, or the particles."""
         with self.stage("picture"):
             if self.views.name == "water":
-                self.picture.draw_water(self.view, self.tilt)
+                self.picture.draw_water(self.view, self.pose.tilt)
             else:
                 particles = self.simulation.particles
                 self.views.neighbourhood.follow()
@@ -154,7 +154,7 @@ class Display:
                 value, lo, hi = self.views.values()
                 self.picture.draw_particles(
                     self.view,
-                    self.tilt,
+                    self.pose.tilt,
                     particles.x,
                     value,
                     lo,
@@ -178,7 +178,7 @@ class Display:
     def ray(self, i: float, j: float) -> tuple[np.ndarray, np.ndarray]:
         """Returns origin [m] and direction of a pixel's ray in the box frame."""
         width, height = self.picture.size
-        return self.view.box_ray(i, j, width, height, self.simulation.size, self.tilt)
+        return self.view.box_ray(i, j, width, height, self.simulation.size, self.pose.tilt)
 
     def particle_at(self, i: int, j: int) -> tuple[int, np.ndarray] | None:
         """Returns the nearest visible particle at a pixel (i right, j up), as its index and the
@@ -201,7 +201,7 @@ class Display:
     def _near(self) -> np.ndarray:
         """Returns the horizontal unit vector to the camera, (3,), in the box frame."""
         back = self.camera.axes()[2] * (1.0, 0.0, 1.0)
-        return self.tilt.T @ (back / np.linalg.norm(back))
+        return self.pose.tilt.T @ (back / np.linalg.norm(back))
 
     def volume(self) -> float:
         """Returns the volume enclosed by the surface mesh [m^3]; NaN if the mesh overflowed."""

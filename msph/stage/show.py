@@ -95,7 +95,7 @@ class Show:
         self.frames = 0
         self.pose = Pose(scene)
         self.rng = np.random.default_rng(scene.seed)  # of drops that the user adds
-        self.display = Display(self.simulation, scene, size, meshes, timings)
+        self.display = Display(self.simulation, scene, self.pose, size, meshes, timings)
 
     def set(self, key: str, value: float | None) -> None:
         """Sets a live parameter (msph/scene/live.py), None for its initial value; parameters that
@@ -159,7 +159,7 @@ class Show:
                 if self.simulation.openings.waiting:
                     self.note = self.simulation.openings.message() or ""
             if self.simulated > 0.0:
-                self._place()
+                self.pose.place(self.simulation.time)
                 self.ledger.record(external.gravity)
                 self.display.advance(self.simulated, external.gravity, external.hand)
         if self.scalable:
@@ -220,7 +220,7 @@ class Show:
     def _moving_box(self, controls: Controls) -> MovingBox:
         """Sets the tilt, uses the tool, and returns the external forces of the frame: gravity,
         hand, and the inertia of the scene's motion and of the user's tilt."""
-        self._tilt(controls)
+        self.pose.take(controls, self.simulation.time)
         if self.display.picture:
             self.display.picture.ball = None
         if controls.still:
@@ -245,19 +245,6 @@ class Show:
         except FullError as error:
             self.note = str(error)
             return Hand()
-
-    def _tilt(self, inputs: Inputs) -> None:
-        """Sets the user's tilt."""
-        self.pose.take(inputs, self.simulation.time)
-        self._show_pose()
-
-    def _place(self) -> None:
-        """Sets the pose of the box to that of the present time."""
-        self.pose.place(self.simulation.time)
-        self._show_pose()
-
-    def _show_pose(self) -> None:
-        self.display.tilt, self.display.shift = self.pose.tilt, self.pose.shift
 
     def add_water(self, x: np.ndarray, v: np.ndarray) -> None:
         """Adds particles of the finest layer at x [m] with velocities v [m/s], (n, 3), where there
@@ -302,14 +289,13 @@ class Show:
 
     def gravity(self) -> tuple[float, float, float]:
         """Returns gravity [m/s^2] in the pool's frame now, without user input."""
-        self._tilt(Inputs())
+        self.pose.take(Inputs(), self.simulation.time)
         return self._box().gravity
 
     def reset(self) -> None:
         """Resets the simulation; the camera stays."""
         self.simulation.reset()
         self.pose.reset(self.simulation.time)
-        self._show_pose()
         self.display.reset()
         self.stopped.clear()
         self.dragged = self.grip = self.wall_place = None

@@ -8,7 +8,7 @@ from picture_kit import Mesh, ball, covered, rays, still_water
 
 from msph.fluid.boundary.rigid_bodies import Ball, Block, Motion, Solid
 from msph.fluid.particles.layers import LayerSpec
-from msph.picture.body_shading import MISSED, BodyShading
+from msph.picture.body_shading import MISSED, SHADOW_SHARPNESS, BodyShading
 from msph.picture.camera import Camera
 from msph.picture.look import Look
 from msph.picture.picture import Picture
@@ -99,6 +99,21 @@ def test_bodies_cast_shadows_a_container_only_on_what_is_outside(boundary):
         assert dark.sum() > 8 and light.sum() > 8
         assert np.all(lit[dark] == 0.0)
         assert np.all(lit[light] > 0.99)
+
+
+def test_the_penumbra_of_a_ball_is_the_least_distance_over_the_way():
+    """Against distances at many points of each ray."""
+    p, rng = np.tile((0.9, 0.1, 0.5), (400, 1)), np.random.default_rng(0)
+    r = BALL - p + rng.uniform(-1.5 * RADIUS, 1.5 * RADIUS, (400, 3))
+    r /= np.linalg.norm(r, axis=1)[:, None]
+    lit = Rays(boundary_of(BOX, [LAYER], [Ball(BALL, RADIUS)]), p, r).lit.to_numpy()
+    t = np.linspace(0.02, 2.0, 5000)[:, None]
+    away = np.stack(
+        [np.linalg.norm(a + t * d - BALL, axis=1) - RADIUS for a, d in zip(p, r, strict=True)]
+    )
+    expected = np.clip((SHADOW_SHARPNESS * away / t[:, 0]).min(axis=1), 0.0, 1.0)
+    assert ((expected > 0.0) & (expected < 1.0)).sum() > 50
+    assert lit == pytest.approx(expected, abs=2e-3)
 
 
 def test_the_rim_of_a_container_is_even_and_rays_along_its_lid_reach_its_side():
