@@ -67,7 +67,7 @@ def ratios(rows: list[dict], case: Case) -> list[dict[str, str]]:
         if speed_up:
             found.append(
                 {
-                    "fineness": row["fineness"],
+                    "resolution": row["resolution"],
                     "changes": changes(row),
                     case.main.replace("_", " "): cell(row, case.main),
                     "speed-up of adaptive layers over uniform water": speed_up,
@@ -114,11 +114,11 @@ def _ratio(row: dict, others: list[dict], error: str, own, theirs) -> tuple[floa
 STYLES_OF = (UNIFORM, FIXED, ADAPTIVE)
 
 
-def slope(fineness: list[float], errors: list[float]) -> str:
+def slope(resolution: list[float], errors: list[float]) -> str:
     """Returns the order of convergence with the spacing, and its standard error."""
     if len(errors) < 3 or not np.isfinite(errors).all():
         return "-"
-    fit = linregress(-np.log(fineness), np.log(np.maximum(errors, LEAST)))
+    fit = linregress(-np.log(resolution), np.log(np.maximum(errors, LEAST)))
     return f"{fit.slope:.1f} +- {fit.stderr:.1f}"
 
 
@@ -131,10 +131,10 @@ def orders(rows: list[dict], case: Case) -> list[dict[str, str]]:
             for r in rows
             if (r["method"], r["water"], changes(r)) == ("projection", water, change)
         ]
-        own.sort(key=lambda r: float(r["fineness"]))
+        own.sort(key=lambda r: float(r["resolution"]))
         if len(own) > 2:
-            fineness = [float(r["fineness"]) for r in own]
-            by = {e: slope(fineness, [number(r, e) for r in own]) for e in case.errors}
+            resolution = [float(r["resolution"]) for r in own]
+            by = {e: slope(resolution, [number(r, e) for r in own]) for e in case.errors}
             found.append({"water": water, "changes": change, **by})
     return found
 
@@ -153,7 +153,7 @@ def recommended(rows: list[dict]) -> list[dict[str, str]]:
                     "case": case.title,
                     "limit": f"{case.main.replace('_', ' ')} within {100.0 * limit:g} %",
                     "fastest": f"{best['method']}, {best['water']}",
-                    "fineness": best["fineness"],
+                    "resolution": best["resolution"],
                     "changes": changes(best),
                     "error": error,
                     "s per s": shown("wall_per_simulated", number(best, "wall_per_simulated")),
@@ -171,7 +171,9 @@ def self_convergence(rows: list[dict], case: Case) -> list[dict[str, str]]:
         and not changes(r)
         and np.isfinite(number(r, (case.values or ("",))[0]))
     ]
-    uniform = sorted((r for r in own if r["water"] == UNIFORM), key=lambda r: float(r["fineness"]))
+    uniform = sorted(
+        (r for r in own if r["water"] == UNIFORM), key=lambda r: float(r["resolution"])
+    )
     if len(uniform) < 3:
         return []
     finest, found = uniform[-1], []
@@ -179,11 +181,11 @@ def self_convergence(rows: list[dict], case: Case) -> list[dict[str, str]]:
         exact, row = number(finest, name), {"value": name, "finest": f"{number(finest, name):.4g}"}
         for water in STYLES_OF:
             same = [r for r in own if r["water"] == water and r is not finest]
-            same.sort(key=lambda r: float(r["fineness"]))
+            same.sort(key=lambda r: float(r["resolution"]))
             apart = [abs(number(r, name) - exact) for r in same]
             for r, difference in zip(same, apart, strict=True):
-                row[f"{water} {r['fineness']}"] = f"{difference:.2g}"
-            row[f"{water}, order"] = slope([float(r["fineness"]) for r in same], apart)
+                row[f"{water} {r['resolution']}"] = f"{difference:.2g}"
+            row[f"{water}, order"] = slope([float(r["resolution"]) for r in same], apart)
         found.append(row)
     return found
 
@@ -195,7 +197,7 @@ def table(rows: list[dict], case: Case) -> str:
     for row in sorted((r for r in rows if r["case"] == case.name), key=order):
         mark = "**" if id(row) in best else ""
         cells = {"method": row["method"], "water": f"{mark}{row['water']}{mark}"}
-        cells |= {"fineness": row["fineness"], "changes": changes(row)}
+        cells |= {"resolution": row["resolution"], "changes": changes(row)}
         cells["starts"] = str(row["starts"])
         for name, head in COSTS.items():
             cells[head] = cell(row, name)
@@ -268,7 +270,7 @@ def report(rows: list[dict], folder: Path = RESULTS) -> None:
             continue
         text += [
             f"## {case.title}\n",
-            f"Fineness: {case.across} in finest spacings{'; ' * bool(case.note)}{case.note}. "
+            f"Resolution: {case.across} in finest spacings{'; ' * bool(case.note)}{case.note}. "
             f"Measured {measured(own)}.\n",
         ]
         text += [f"- {name.replace('_', ' ')}: {what}" for name, what in case.errors.items()]
@@ -310,7 +312,7 @@ def compared_with_peer(rows: list[dict]) -> list[str]:
                 lines.append(
                     {
                         "case": case.name,
-                        "fineness": row["fineness"],
+                        "resolution": row["resolution"],
                         "settings": changes(row) or "as shipped",
                         "error": f"{error.replace('_', ' ')} {cell(row, error)}",
                         "its s per s": cell(row, "wall_per_simulated"),

@@ -58,7 +58,7 @@ PARTS_TITLE = (
 VORTEX_SPEED = 0.25
 # Drops: radius [m], radii in spacings, initial elongation (-), and number of randomly rotated and
 # shifted lattices from which they are cut: periods differ by up to 10 %.
-RADIUS, FINENESS, STRETCH, LATTICES = 0.005, (5, 7, 9, 12, 15), 0.1, 4
+RADIUS, RESOLUTIONS, STRETCH, LATTICES = 0.005, (5, 7, 9, 12, 15), 0.1, 4
 
 
 def build(x: np.ndarray, spacing: float, size, v=None, layer=None, ratio=1, **terms) -> Simulation:
@@ -252,10 +252,10 @@ def in_flow(speed: float = VORTEX_SPEED, seconds: float = 0.15) -> list[dict[str
     return rows
 
 
-def drop(fineness: int) -> list[dict[str, str]]:
+def drop(resolution: int) -> list[dict[str, str]]:
     """Returns the rows of a drop elongated by 10 %: period, pressure and shape over the
     formulas."""
-    found = np.array([swing(fineness, seed) for seed in range(LATTICES)])
+    found = np.array([swing(resolution, seed) for seed in range(LATTICES)])
     rows = []
     for k, problem in enumerate(
         (
@@ -265,17 +265,17 @@ def drop(fineness: int) -> list[dict[str, str]]:
             "longest axis over R at the end",
         )
     ):
-        name = f"tension, drop of R = {fineness} spacings"
+        name = f"tension, drop of R = {resolution} spacings"
         rows.append(row(name, problem, 1.0, float(np.median(found[:, k]))))
         low, high = 100.0 * (found[:, k].min() - 1.0), 100.0 * (found[:, k].max() - 1.0)
         rows[-1]["error"] += f" ({low:+.1f} to {high:+.1f} %)"
     return rows
 
 
-def swing(fineness: int, seed: int) -> tuple[float, float, float, float]:
+def swing(resolution: int, seed: int) -> tuple[float, float, float, float]:
     """Returns period and pressure of a drop over Lamb's and Laplace's formulas (-), and its
     shortest and longest axis over R at the end."""
-    d = RADIUS / fineness
+    d = RADIUS / resolution
     x = ball(RADIUS, d, (1.0 + STRETCH, 1.0 - STRETCH / 2.0, 1.0 - STRETCH / 2.0), seed)
     radius = (0.75 / np.pi * len(x) * d**3) ** (1.0 / 3.0)
     sim = build(x + 3.0 * RADIUS, d, (6.0 * RADIUS,) * 3, tension=WATER_TENSION)
@@ -344,7 +344,7 @@ def main(repeats: int, arch: str) -> None:
     """Measure the terms and parts, and write bench/results/terms.{md,csv}."""
     arch = start(arch)
     costs = cost(repeats)
-    errors = [*term_alone(), *in_flow(), *(r for n in FINENESS for r in drop(n))]
+    errors = [*term_alone(), *in_flow(), *(r for n in RESOLUTIONS for r in drop(n))]
     kept = conservation()
     sections = (
         (f"Cost: {ACROSS**2 * LEVELS:,} particles sloshing, steps of 1/120 s", costs),

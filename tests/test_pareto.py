@@ -16,7 +16,7 @@ from bench.terms import vortex as taylor_green
 
 def test_a_case_is_measured_against_its_formula():
     """Six spacings: the wave is damped and late, but it is a wave."""
-    run, errors = CASES["sloshing"].measure(Setting(water=ADAPTIVE, fineness=6))
+    run, errors = CASES["sloshing"].measure(Setting(water=ADAPTIVE, resolution=6))
     assert set(errors) == set(CASES["sloshing"].errors)
     assert errors["period"] < 0.2 and errors["height"] < 0.02
     assert 0.05 < errors["wave"] < 1.0
@@ -28,7 +28,7 @@ def test_a_case_is_measured_against_its_formula():
 def test_still_water_is_read_once_it_has_moved():
     """Eight spacings deep and off its lattice, to which six spacings would return; pressure within
     .5 %, level within .2 %. Below air the pressure was read .27 spacings of water too high."""
-    run, errors = CASES["hydrostatic"].measure(Setting(fineness=8))
+    run, errors = CASES["hydrostatic"].measure(Setting(resolution=8))
     assert errors["pressure"] < 0.005 and errors["height"] < 0.002
     cell = run.positions() * 8.0 % 1.0
     assert np.abs(cell - 0.5).mean() > 0.1
@@ -39,7 +39,7 @@ def test_layers_bear_the_weight_above():
     """Twelve spacings deep and off its lattice: pressures divided by their weights were .5 % of
     rho g H off, with half of a pair's stress at either end .7 %. Without relief: with it they are
     .67 % off in four layers so few particles wide."""
-    setting = Setting(water=ADAPTIVE, fineness=12, shear_relief=NO_RELIEF)
+    setting = Setting(water=ADAPTIVE, resolution=12, shear_relief=NO_RELIEF)
     _, errors = CASES["hydrostatic"].measure(setting)
     assert errors["pressure"] < 0.003
 
@@ -48,13 +48,13 @@ def test_a_vortex_is_slow_enough_to_leave_the_surface_level():
     """Of 1 m/s it gave up to 6.4 % of its amplitude to the surface, which no resolution mends: now
     .4 %, and uniform water of 4 spacings keeps 80 % of it over .4 of the edge."""
     assert VORTEX_SPEED**2 / (4.0 * tanks.GRAVITY * vortex.DEPTH) < 0.005
-    _, errors = CASES["inviscid_vortex"].measure(Setting(fineness=4))
+    _, errors = CASES["inviscid_vortex"].measure(Setting(resolution=4))
     assert errors["amplitude"] < 0.2
 
 
 def test_layers_have_their_mass_in_a_vortex():
     """Coarse particles count as much as the fine ones of their volume."""
-    setting = Setting(water=ADAPTIVE, fineness=5)
+    setting = Setting(water=ADAPTIVE, resolution=5)
     run = begin(setting, tank(setting, (1.0, 1.0), vortex.DEPTH, vortex.AIR))
     x = run.positions()
     fine = (run.simulation.particles.numpy("layer") == 0)[:, None]
@@ -75,19 +75,19 @@ def test_settings_reach_the_shipped_pool():
 
 def test_a_drop_falls_freely_and_keeps_most_of_its_energy_in_the_impact():
     """22 % are lost at this resolution, 26 % without shear relief."""
-    _, errors = CASES["falling_drop"].measure(Setting(fineness=4))
+    _, errors = CASES["falling_drop"].measure(Setting(resolution=4))
     assert errors["way"] < 1e-5
     assert 0.0 < errors["loss"] < 0.25
 
 
 def test_momenta_of_a_collision_are_kept():
-    _, errors = CASES["collision"].measure(Setting(water=ADAPTIVE, fineness=3))
+    _, errors = CASES["collision"].measure(Setting(water=ADAPTIVE, resolution=3))
     assert errors["mass"] < 1e-6 and errors["momentum"] < 1e-5 and errors["angular_momentum"] < 1e-3
 
 
 def test_a_dam_break_is_read_against_the_experiment():
     """Four spacings wide; height and front within a tenth."""
-    _, errors = CASES["dam_break"].measure(Setting(fineness=4))
+    _, errors = CASES["dam_break"].measure(Setting(resolution=4))
     assert errors["front"] < 0.1 and errors["height"] < 0.1 and errors["front_speed"] < 0.15
     assert errors["beyond_ritter"] == 0.0
 
@@ -121,7 +121,7 @@ def grouped(*rows_):
 
 def test_rows_that_are_dominated_are_left_out():
     pairs = ((1.0, 0.1), (2.0, 0.2), (3.0, 0.01), (4.0, 0.01))
-    found = [row("sloshing", *pair, fineness=k) for k, pair in enumerate(pairs)]
+    found = [row("sloshing", *pair, resolution=k) for k, pair in enumerate(pairs)]
     best = pareto_figures.undominated(grouped(*found), "wave")
     assert [pareto_table.number(r, "wave") for r in best] == [0.1, 0.01]
 
@@ -130,7 +130,7 @@ def test_starts_are_one_row_of_medians_and_ranges():
     found = grouped(*(row("sloshing", 1.0, e, start=k) for k, e in enumerate((0.3, 0.1, 0.2))))
     assert len(found) == 1 and found[0]["starts"] == 3
     assert pareto_report.cell(found[0], "wave") == "20.000 % (10.000 % to 30.000 %)"
-    other = row("sloshing", 1.0, 0.3, fineness=12)
+    other = row("sloshing", 1.0, 0.3, resolution=12)
     assert len(grouped(*(row("sloshing", 1.0, 0.3, start=k) for k in range(2)), other)) == 2
 
 
@@ -138,7 +138,7 @@ def uniform(start, scale=1.0):
     """Two runs, of a tenth and a thousandth."""
     return [
         row("sloshing", 1.0, 0.1 * scale, start=start),
-        row("sloshing", 100.0, 0.001 * scale, start=start, fineness=20),
+        row("sloshing", 100.0, 0.001 * scale, start=start, resolution=20),
     ]
 
 
@@ -173,9 +173,9 @@ def test_the_faster_program_is_named():
 
 
 def test_errors_that_uniform_water_does_not_reach_are_said():
-    found = [row("sloshing", 1.0, 0.1), row("sloshing", 100.0, 0.05, fineness=20)]
+    found = [row("sloshing", 1.0, 0.1), row("sloshing", 100.0, 0.05, resolution=20)]
     for k, (t, e) in enumerate(((2.0, 0.06), (4.0, 0.04))):
-        found.append(row("sloshing", t, e, water=ADAPTIVE, fineness=k))
+        found.append(row("sloshing", t, e, water=ADAPTIVE, resolution=k))
     words = pareto_report.unreached(grouped(*found), CASES["sloshing"])
     assert "up to 100 s per s" in words and "in 4: wave 5.000 %, not 4.000 %" in words
     assert pareto_report.unreached(grouped(*found[:3]), CASES["sloshing"]) == ""
@@ -200,7 +200,7 @@ def test_a_sweep_goes_on_where_it_was(tmp_path, monkeypatch):
     monkeypatch.setattr(pareto, "in_process", fake)
     monkeypatch.setattr(pareto.peer_splishsplash, "missing", lambda: True)
     tasks = pareto.requested(("sloshing",), True, {})
-    assert len(pareto.requested(("sloshing",), False, {"fineness": "7", "start": "2"})) > 3
+    assert len(pareto.requested(("sloshing",), False, {"resolution": "7", "start": "2"})) > 3
     pareto.sweep(tasks, [], "cpu", threads, "", False)
     whole = len(ran)
     assert whole == len(tasks) > 1

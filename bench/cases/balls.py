@@ -36,7 +36,7 @@ def collision(setting: Setting) -> tuple[Run, dict[str, float]]:
             {"centre": centre.tolist(), "radius": RADIUS, "velocity": [-side * SPEED, 0, 0]}
         )
     still = {"gravity": [0.0, 0.0, 0.0]}
-    run = begin(setting, scene(setting, (WIDE,) * 3, RADIUS / setting.fineness, water, **still))
+    run = begin(setting, scene(setting, (WIDE,) * 3, RADIUS / setting.resolution, water, **still))
     linear, angular, scale, spin = momenta(run, middle)
     energies, mass = [run.energy(0.0)], run.masses().sum()
     run.go(SECONDS, lambda: energies.append(run.energy(0.0)), gravity=0.0)
@@ -53,9 +53,9 @@ def collision(setting: Setting) -> tuple[Run, dict[str, float]]:
 def falling(setting: Setting) -> tuple[Run, dict[str, float]]:
     """Runs the falling ball; returns the run and its errors."""
     water = [{"centre": [0.5 * EDGE, HIGH, 0.5 * EDGE], "radius": RADIUS}]
-    run = begin(setting, scene(setting, (EDGE,) * 3, RADIUS / setting.fineness, water))
+    run = begin(setting, scene(setting, (EDGE,) * 3, RADIUS / setting.resolution, water))
     start, first = run.centre(), run.energy()
-    way = HIGH - RADIUS - 2.0 * RADIUS / setting.fineness
+    way = HIGH - RADIUS - 2.0 * RADIUS / setting.resolution
     until = float(np.sqrt(2.0 * way / tanks.GRAVITY))
     frames = int(until / tanks.FRAME)
     run.go(frames * tanks.FRAME)
@@ -92,7 +92,7 @@ COLLISION = Case(
     },
     (4, 6, 8),
     collision,
-    waters=(UNIFORM, ADAPTIVE),
+    kinds=(UNIFORM, ADAPTIVE),
     classic=(UNIFORM,),
 )
 FALLING_DROP = Case(
@@ -107,7 +107,7 @@ FALLING_DROP = Case(
     },
     (4, 6, 8, 12),
     falling,
-    waters=(UNIFORM, ADAPTIVE),
+    kinds=(UNIFORM, ADAPTIVE),
     classic=(UNIFORM,),
     sheared=True,
 )

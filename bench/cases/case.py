@@ -38,7 +38,7 @@ NEVER = 10**9
 KERNEL_EVERY = 10
 # Standard deviation of the random velocities [m/s] that break up the initial lattice.
 STIR = 0.3
-# Fineness of two layers, its factor per further layer, and largest number of layers: bands are then
+# Resolution of two layers, its factor per further layer, and largest number of layers: bands are then
 # at least two spacings thick.
 TWO_LAYERS, PER_LAYER, MAX_LAYERS = 5.0, 1.6, 6
 
@@ -47,15 +47,15 @@ TWO_LAYERS, PER_LAYER, MAX_LAYERS = 5.0, 1.6, 6
 class Setting:
     """Settings of a run; None: the default of the method.
 
-    water: UNIFORM, FIXED, ADAPTIVE, or a variant of a shipped scene. fineness: the case's length in
-    finest spacings. smoothing: support over spacing. For DFSPH motion_tolerance is the mean density
-    error in % and cfl its factor; viscosity [m^2/s] and longest_step [s] are of DFSPH only. start:
-    seed of the initial displacements. timed: measure the cost, not only the errors.
+    water: UNIFORM, FIXED, ADAPTIVE, or a variant of a shipped scene. resolution: the case's length
+    in finest spacings. smoothing: support over spacing. For DFSPH motion_tolerance is the mean
+    density error in % and cfl its factor; viscosity [m^2/s] and longest_step [s] are of DFSPH only.
+    start: seed of the initial displacements. timed: measure the cost, not only the errors.
     """
 
     method: str = "projection"
     water: str = UNIFORM
-    fineness: int = 10
+    resolution: int = 10
     smoothing: float | None = None
     motion_tolerance: float | None = None
     cfl: float | None = None
@@ -70,7 +70,7 @@ class Setting:
         """Number of layers."""
         if self.water == UNIFORM:
             return 1
-        more = math.log(self.fineness / TWO_LAYERS) / math.log(PER_LAYER)
+        more = math.log(self.resolution / TWO_LAYERS) / math.log(PER_LAYER)
         return min(MAX_LAYERS, max(2, 2 + round(more)))
 
     @property
@@ -190,21 +190,21 @@ class Run:
 
 @dataclass(frozen=True)
 class Case:
-    """A case. name: of its rows and figure. across: length that `fineness` divides. errors: meaning
-    of each error (-) by name, the main error first. measure(setting) runs the case and returns the
-    run, its errors, and values for self-convergence (units in their names).
+    """A case. name: of its rows and figure. across: length that `resolution` divides. errors:
+    meaning of each error (-) by name, the main error first. measure(setting) runs the case and
+    returns the run, its errors, and values for self-convergence (units in their names).
     """
 
     name: str
     title: str
     across: str
     errors: dict[str, str]
-    finenesses: tuple[int, ...]
+    resolutions: tuple[int, ...]
     measure: Callable[[Setting], tuple[Run, dict[str, float]]]
     # Kinds of water for the projection method and for the classic method.
-    waters: tuple[str, ...] = (UNIFORM, FIXED, ADAPTIVE)
+    kinds: tuple[str, ...] = (UNIFORM, FIXED, ADAPTIVE)
     classic: tuple[str, ...] = (UNIFORM, FIXED)
-    # Finenesses of untimed uniform reference runs, and values compared with the finest of them.
+    # Resolutions of untimed uniform reference runs, and values compared with the finest of them.
     references: tuple[int, ...] = ()
     values: tuple[str, ...] = ()
     # Also run without shear relief.
@@ -226,35 +226,35 @@ class Case:
         """Returns the settings of the sweep: all with the first start, coarsest first, then all
         with the next."""
         starts = range(1 if quick else STARTS)
-        found = sorted(self._settings(quick), key=lambda s: s.fineness)
+        found = sorted(self._settings(quick), key=lambda s: s.resolution)
         return [dataclasses.replace(s, start=k) for k in starts for s in found]
 
     def _settings(self, quick: bool) -> list[Setting]:
-        richest = self.waters[-1]
+        richest = self.kinds[-1]
         if quick and not self.summary:
-            return [Setting(water=richest, fineness=self.finenesses[0])]
-        finenesses = self.finenesses[:2] if quick else self.finenesses
-        found = [Setting(water=w, fineness=n) for n in finenesses for w in self.waters]
-        coarse = finenesses[: 1 if quick else 2]
+            return [Setting(water=richest, resolution=self.resolutions[0])]
+        resolutions = self.resolutions[:2] if quick else self.resolutions
+        found = [Setting(water=w, resolution=n) for n in resolutions for w in self.kinds]
+        coarse = resolutions[: 1 if quick else 2]
         found += [Setting("classic", w, n) for n in coarse for w in self.classic]
         if quick:
             return [s for s in found if s.water != FIXED]
-        middle = finenesses[len(finenesses) // 2]
-        waters = tuple(dict.fromkeys((self.waters[0], richest)))
+        middle = resolutions[len(resolutions) // 2]
+        kinds = tuple(dict.fromkeys((self.kinds[0], richest)))
         for change in CHANGES if self.summary else ():
-            found += [Setting(water=w, fineness=middle, **change) for w in waters]
+            found += [Setting(water=w, resolution=middle, **change) for w in kinds]
         if self.peer:
             found += [
-                Setting(DFSPH, UNIFORM, n, viscosity=nu) for n in finenesses for nu in (None, 0.0)
+                Setting(DFSPH, UNIFORM, n, viscosity=nu) for n in resolutions for nu in (None, 0.0)
             ]
             found += [Setting(DFSPH, UNIFORM, middle, **change) for change in PEER_CHANGES]
         if self.sheared:
             found += [
-                Setting(water=w, fineness=n, shear_relief=NO_RELIEF)
-                for n in finenesses
-                for w in waters
+                Setting(water=w, resolution=n, shear_relief=NO_RELIEF)
+                for n in resolutions
+                for w in kinds
             ]
-        return found + [Setting(fineness=n, timed=False) for n in self.references]
+        return found + [Setting(resolution=n, timed=False) for n in self.references]
 
 
 # Share of the velocities that a frame of 1/60 s leaves after stirring (-): about the critical
@@ -262,7 +262,7 @@ class Case:
 CALM = 0.8
 # Initial displacements of the particles, in spacings, in which starts differ.
 JITTER = 0.02
-# Settings of DFSPH at one fineness, beside those as shipped and without viscosity.
+# Settings of DFSPH at one resolution, beside those as shipped and without viscosity.
 PEER_CHANGES: tuple[dict[str, float], ...] = (
     {"viscosity": 0.001},
     {"viscosity": 0.0, "longest_step": 0.0025},
@@ -319,12 +319,12 @@ def tank(
     **more,
 ) -> Scene:
     """Returns a scene of still water of `depth` [m] with `air` [m] above it; the finest spacing is
-    depth over fineness.
+    depth over resolution.
 
     For the classic method, each layer but the coarsest is filled two spacings thick, finest on top.
     """
     x, z = footprint
-    spacing, top, water = depth / setting.fineness, depth, []
+    spacing, top, water = depth / setting.resolution, depth, []
     layers = setting.layers
     for k in range(layers if setting.method == "classic" else 0):
         thick = 2.0 * spacing * 2.0 ** (k / 3.0)

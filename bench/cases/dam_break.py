@@ -36,7 +36,7 @@ def reference(name: str) -> np.ndarray:
 def measure(setting: Setting) -> tuple[Run, dict[str, float]]:
     """Runs the case; returns the run, its errors and values."""
     body = [{"lo": [0, 0, 0], "hi": [A, 2.0 * A, WIDTH]}]
-    spacing = A / setting.fineness
+    spacing = A / setting.resolution
     run = begin(setting, scene(setting, SIZE, spacing, body))
     front, height = FrontProbe("", "+x"), HeightProbe("", (0.5 * spacing, 0.5 * WIDTH))
     times, fronts, heights, energies = [0.0], [A], [2.0 * A], [run.energy()]

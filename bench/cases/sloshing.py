@@ -119,7 +119,7 @@ DEEP_SLOSHING = Case(
     INVISCID,
     (20, 28, 40, 60),
     functools.partial(inviscid, depth=DEEP, width=DEEP_WIDTH),
-    waters=(UNIFORM, ADAPTIVE),
+    kinds=(UNIFORM, ADAPTIVE),
     classic=(),
     summary=("wave",),
     sheared=True,
@@ -137,7 +137,7 @@ STANDING_WAVE = Case(
     },
     (7, 10, 15),
     viscous,
-    waters=(UNIFORM, ADAPTIVE),
+    kinds=(UNIFORM, ADAPTIVE),
     classic=(),
     sheared=True,
 )

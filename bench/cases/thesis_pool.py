@@ -9,7 +9,7 @@ SCENE = "pool_2x"
 SETTLE, READ = 2.0, 2.0
 SYSTEMS = ("system-1", "system-2", "system-3")
 # Depth in finest spacings of system 3, given for all rows.
-FINENESS = 20
+RESOLUTION = 20
 
 
 def pool(setting: Setting) -> Scene:
@@ -52,8 +52,8 @@ CASE = Case(
         "height": "height of the centre of mass against H/2, over H/2",
         "energy_rise": "largest rise of the energy in 1 s, over the potential energy",
     },
-    (FINENESS,),
+    (RESOLUTION,),
     measure,
-    waters=(*SYSTEMS, "adaptive"),
+    kinds=(*SYSTEMS, "adaptive"),
     classic=SYSTEMS,
 )

@@ -20,8 +20,8 @@ WIDTH, DEPTH, AIR = 1.0, 0.4, 0.3
 # Length of the tank of the shear wave [m].
 SHEAR_LENGTH = 3.0
 SETTLE = 2.0
-# Number of layers at every fineness, so that the coarsest particles, which determine the error, are
-# refined with the finest.
+# Number of layers at every resolution, so that the coarsest particles, which determine the error,
+# are refined with the finest.
 LAYERS = 2
 # Kinematic viscosity [m^2/s] that halves the amplitude of the Taylor-Green vortex in READ [s]; time
 # of the run without viscosity [s], in which the fastest water moves by 0.4 edges.
@@ -86,7 +86,7 @@ def case(name: str, title: str, measure) -> Case:
         {"amplitude": "logarithm of the amplitude of the vortex, against the formula"},
         (4, 6, 8, 12),
         measure,
-        waters=(UNIFORM, ADAPTIVE),
+        kinds=(UNIFORM, ADAPTIVE),
         classic=(),
         sheared=True,
     )

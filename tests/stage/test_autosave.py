@@ -19,7 +19,7 @@ from msph.stage.row import Row
 from msph.stage.show import INTERACTIVE, Show
 from msph.stage.window import ClosedError
 from tests.scenes_kit import write
-from tests.stage.test_player import FRAME
+from tests.stage.player_kit import FRAME
 from tests.stage.test_recording import Count
 
 

@@ -17,7 +17,7 @@ from msph.stage.pages import text_height
 from msph.stage.player import Player
 from msph.stage.preparation import prepare_row
 from msph.stage.widgets import Button, Grip, Sheet, Slider
-from tests.stage.test_player import HEIGHT, SIZE, WIDTH, Screen, frames, press
+from tests.stage.player_kit import HEIGHT, SIZE, WIDTH, Screen, frames, press
 
 
 @pytest.fixture(scope="module")

@@ -22,7 +22,7 @@ from msph.stage.show import INTERACTIVE, SIMULATED, Show
 from msph.stage.tools import TOOLS
 from tests.command_kit import here
 from tests.scenes_kit import TEXT, WATER, write
-from tests.stage.test_player import FRAME, SIZE, Screen
+from tests.stage.player_kit import FRAME, SIZE, Screen
 
 SCENE = TEXT.split("[classic]")[0] + WATER
 OVERRIDES = ("method=projection", "adaptation.enabled=true")

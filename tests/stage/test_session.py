@@ -15,7 +15,7 @@ from msph.stage.session import Session
 from msph.stage.window import ClosedError
 from msph.taichi_internals import PLAIN
 from tests.scenes_kit import write
-from tests.stage.test_player import Screen
+from tests.stage.player_kit import Screen
 
 NAMES = list(shipped_scenes())
 

@@ -1,0 +1,67 @@
+"""A player at a window without a screen, for tests."""
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+
+from msph.stage.called import Choice, SceneArguments
+from msph.stage.player import Player
+
+SIZE = WIDTH, HEIGHT = 480, 270
+FRAME = 1 / 60
+
+
+class Screen:
+    """What a window brings: keys and buttons that are pressed or held, and a cursor."""
+
+    def __init__(self):
+        self.size, self.open, self.aspect = SIZE, True, WIDTH / HEIGHT
+        self.pressed, self.held = [], set()
+        self.at, self.marks, self.image = np.array([0.5, 0.4]), 0, None
+        self.arrowed = None
+
+    def presses(self):
+        pressed, self.pressed = self.pressed, []
+        return pressed
+
+    def down(self, *keys):
+        return any(key in self.held for key in keys)
+
+    def cursor(self):
+        return self.at.copy()
+
+    def mark(self, cursor):
+        self.marks += 1
+
+    def arrows(self, places):
+        self.arrowed = places
+
+    def show(self, image):
+        self.image = image
+
+
+def frames(player, _=None, number=1):
+    """Frames of a player and its row; the last image, (width, height, 3)."""
+    for _ in range(number):
+        player.row.frame(player.controls(player.row))
+        player.observe(player.row)
+    return player.window.image.to_numpy()
+
+
+def press(player, show, *keys, number=1):
+    player.window.pressed += keys
+    return frames(player, show, number)
+
+
+def wet_place(show):
+    """A place on the water, (right, up) in shares of the window."""
+    pixels = itertools.product(range(0, WIDTH, 4), range(0, HEIGHT, 4))
+    wet = [pixel for pixel in pixels if show.display.pick(*pixel) is not None]
+    return np.array(wet[len(wet) // 2]) / SIZE
+
+
+def played(row, layout, *, screen=None, choice=None, quality="medium"):
+    choice = choice or Choice("pool", "auto")
+    choice = replace(choice, found=quality)
+    return Player(screen or Screen(), row, choice, layout, SceneArguments("pool"))

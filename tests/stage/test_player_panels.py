@@ -1,0 +1,305 @@
+"""Hints, pages, panels and views of a player: each key and gesture, and what it shows."""
+
+import math
+import re
+
+import imageio.v2 as imageio
+import numpy as np
+import pytest
+
+from msph.fluid.particles.layers import pair_support
+from msph.scene.library import shipped_scenes
+from msph.scene.live import read
+from msph.scene.load import read_toml
+from msph.stage import menu
+from msph.stage.called import Choice
+from msph.stage.controls import ACTIONS, KEYS
+from msph.stage.layout import PANELS
+from msph.stage.panel import PAGES
+from msph.stage.row import Row
+from tests.stage.player_kit import (
+    HEIGHT,
+    WIDTH,
+    frames,
+    played,
+    press,
+)
+
+
+def at_panel(player, x, y):
+    """The cursor at a place of the open panel [pixels from its corner]."""
+    layout = player.layout
+    top = HEIGHT - layout.column_size[1]
+    player.window.at = np.array([x / WIDTH, 1.0 - (top + y) / HEIGHT])
+
+
+def click(player, show, name):
+    """A click on a button of the open panel."""
+    button = next(b for b in player.menu.panel.sheet.buttons if b.name == name)
+    at_panel(player, 0.5 * (button.left + button.right), 0.5 * (button.top + button.bottom))
+    player.window.held, player.window.pressed = {"LMB"}, ["LMB"]
+    frames(player, show)
+    player.window.held = set()
+    frames(player, show, 2)
+
+
+def move(player, show, key, value):
+    """A slider of the open panel, dragged from where it is to a value."""
+    slider = next(s for s in player.menu.panel.sheet.sliders if s.name == key)
+    y = 0.5 * (slider.top + slider.bottom)
+    at_panel(player, slider.left, y)
+    player.window.held, player.window.pressed = {"LMB"}, ["LMB"]
+    frames(player, show)
+    share = (value - slider.lo) / (slider.hi - slider.lo)
+    at_panel(player, slider.left + share * (slider.right - slider.left), y)
+    frames(player, show, 2)
+    player.window.held = set()
+    frames(player, show)
+
+
+def test_hints_go_once_they_were_tried(player, show):
+    everything = frames(player, show, 2)
+    low = slice(0, HEIGHT // 5)
+    for key in KEYS:
+        if key.hint:
+            player.idle.tried |= set(key.keys.values())
+    nothing = frames(player, show)
+    assert "hints" not in player.layout.overlay.shown
+    assert np.abs(everything[: WIDTH // 2, low] - nothing[: WIDTH // 2, low]).mean() > 0.01
+
+
+def test_help_lies_over_the_picture_until_it_is_closed(player, show):
+    player.idle.tried |= set(ACTIONS.values())
+    press(player, show, " ")
+    without = frames(player, show)
+    assert np.abs(press(player, show, "h") - without).mean() > 0.05
+    # Pages are laid over, and not into, what is drawn: the same picture again.
+    assert np.abs(press(player, show, "Escape") - without).mean() < 1e-3
+    assert player.wants_more(player.row)
+    press(player, show, "q")
+    assert not player.wants_more(player.row)
+
+
+def test_panels_make_room_for_themselves(player, show):
+    shifts = []
+    for _ in PANELS:
+        press(player, show, "i")
+        shifts.append(show.display.camera.shift)
+    assert shifts[0] == shifts[1] > 0.1 and shifts[2] == 0.0
+    assert show.display.camera.state() == show.display.framing().state()
+    # The middle of the box is in the middle of what is free.
+    press(player, show, "i")
+    size, box = (WIDTH, HEIGHT), np.array(show.simulation.size)
+    middle = (0.5 + show.display.camera.shift) * WIDTH
+    eye, direction = show.display.camera.ray(middle - 0.5, HEIGHT / 2 - 0.5, *size)
+    away = box / 2 - eye
+    assert np.cross(away, direction) == pytest.approx(np.zeros(3), abs=1e-9)
+
+
+def test_numbers_of_the_status_are_those_of_positions_and_surface(player, show, monkeypatch):
+    frames(player, show, 3)
+    # The water is too thin to measure it.
+    assert "density" not in player.layout.status._water(show)
+    monkeypatch.setattr(show, "bulk_density_error", lambda: 0.0123)
+    told = player.layout.status._water(show)
+    assert told.startswith("bulk density error +1.23 %")
+    volume = show.display.surface.mesh.volume() / show.rest_volume() - 1.0
+    assert told.endswith(f"volume error {round(100.0 * volume, 1) + 0.0:+.1f} %")
+    # Views of particles extract no surface, so there is no volume of now.
+    show.display.views.name = "speed"
+    frames(player, show)
+    assert "volume" not in player.layout.status._water(show)
+
+
+def test_pages_are_painted_where_they_change(player, show, monkeypatch):
+    """A message was painted in every frame, and so were the facts of a particle."""
+    monkeypatch.setattr("msph.stage.layout.EVERY", 60.0)
+    monkeypatch.setattr("msph.stage.layout.MESSAGE_TIME", 60.0)
+    painted = []
+    put = player.layout.overlay.put
+    monkeypatch.setattr(player.layout.overlay, "put", lambda *a: (painted.append(a[0]), put(*a)))
+    show.display.views.name = "speed"
+    frames(player, show)
+    show.display.views.neighbourhood.pick(0)
+    press(player, show, "l", number=6)
+    assert painted.count("message") == painted.count("particle") == 1
+
+
+def test_graphs_are_drawn_of_what_was_measured(player, show):
+    press(player, show, "i", "i")
+    before = frames(player, show)
+    for k in range(12):
+        player.layout.graphs.observe(show, player.layout.graphs.times[-1] + 0.25 * k + 0.2, 1.0)
+    page = player.layout.graphs.paint(show, 200, 200, 12)
+    assert page.shape == (200, 200, 4) and (page[..., :3].max(-1) > 150).mean() > 0.02
+    assert player.layout.overlay.shown["graphs"][0] == 0 and before.std() > 0.05
+    assert len(player.layout.graphs.samples[-1][-1]) == len(show.scene.layers)
+
+
+def test_sliders_change_what_runs_and_never_push(player, show):
+    press(player, show, "i")
+    wanted = {
+        "water": {"gravity": 3.0, "projection.viscosity": 5.0},
+        "light": {"picture.tint": 9.0},
+        "play": {"play.speed": 0.5, "play.scale": 0.6},
+    }
+    for page, values in wanted.items():
+        click(player, show, f"page {page}")
+        assert set(values) <= {s.name for s in player.menu.panel.sheet.sliders}
+        for key, value in values.items():
+            move(player, show, key, value)
+            assert read(show.scene, key) == pytest.approx(value, rel=1e-4)
+    assert show.ledger.entries[-1].user_work == 0.0
+    assert player.pacer.speed == pytest.approx(0.5) and player.pacer.finest == pytest.approx(0.6)
+    viscosity = show.simulation.solver.forces[-1]
+    assert viscosity.nu == pytest.approx(5.0 / 1000.0)
+    assert show.display.picture.lens.numbers["absorption"][0] == pytest.approx(9.0 * 0.42)
+    assert math.hypot(*show.gravity()) == pytest.approx(3.0)
+    click(player, show, "page water")
+    click(player, show, "reset")
+    assert read(show.scene, "gravity") == pytest.approx(9.81)
+    assert viscosity.nu == pytest.approx(1.0 / 1000.0)
+    assert read(show.scene, "picture.tint") == pytest.approx(9.0), "of another page"
+
+
+def test_the_panel_is_readable_and_painted_where_it_changes(player, show):
+    press(player, show, "i")
+    column = player.layout.column
+    before = player.window.image.to_numpy()[:column]
+    assert player.menu.panel.paint(show, player.layout.column_size, player.layout.text) is None
+    press(player, show, " ")
+    move(player, show, "gravity", 3.0)
+    after = player.window.image.to_numpy()[:column]
+    assert np.abs(after - before).max() > 0.3
+    # All that a scene has fits in a window of 960 x 540, with text of 18 pixels.
+    height = 540 - 2 * 9 - round(2.5 * 1.35 * 18)
+    for name in PAGES:
+        player.menu.panel.page = name
+        player.menu.panel.paint(show, (288, height), 18)
+        low = [
+            w.bottom for w in (*player.menu.panel.sheet.sliders, *player.menu.panel.sheet.buttons)
+        ]
+        assert max(low) <= height
+
+
+def test_a_drag_that_begins_elsewhere_moves_no_slider(player, show):
+    press(player, show, "i")
+    slider = player.menu.panel.sheet.sliders[0]
+    player.window.at = np.array([0.9, 0.9])
+    player.window.held, player.window.pressed = {"LMB"}, ["LMB"]
+    frames(player, show)
+    at_panel(player, slider.right, 0.5 * (slider.top + slider.bottom))
+    frames(player, show, 2)
+    assert read(show.scene, slider.name) == pytest.approx(read(show.initial, slider.name))
+    player.window.held = set()
+    frames(player, show)
+
+
+def test_views_scenes_and_qualities_are_chosen_in_the_panel(player, show):
+    press(player, show, "i")
+    click(player, show, "page views")
+    click(player, show, "view speed")
+    assert show.display.views.name == "speed"
+    player.menu.set("gravity", 2.0)
+    click(player, show, "page quality")
+    click(player, show, "quality large")
+    assert player.menu.next == Choice("pool", "large", {"gravity": pytest.approx(2.0)})
+    player.menu.next = None
+    click(player, show, "page scenes")
+    click(player, show, "scene drop")
+    assert player.menu.next == Choice("drop", "auto")
+
+
+def test_keys_move_the_selection_and_the_last_one_follows(player, show, monkeypatch):
+    names = list(shipped_scenes())
+    press(player, show, *["Tab"] * 2)
+    press(player, show, *["BackSpace"] * 3)
+    here = names.index("pool") - 1
+    assert player.menu.next.scene == names[here] and player.wants_more(player.row)
+    monkeypatch.setattr(menu, "SETTLED", -1.0)
+    assert not player.wants_more(player.row) and player.next_choice.scene == names[here]
+    player.done = True
+    assert player.next_choice is None, "quitting goes before"
+
+
+def test_a_live_value_chosen_before_is_taken_over(given, layout):
+    frames(played(Row([given]), layout, choice=Choice("pool", "small", {"gravity": 4.0})))
+    assert read(given.scene, "gravity") == pytest.approx(4.0)
+
+
+def test_a_picture_has_no_pages_and_its_scene_beside_it(player, show, tmp_path):
+    press(player, show, " ")
+    show.set("gravity", 5.0)
+    press(player, show, "p")
+    (path,) = tmp_path.glob("pool_*.png")
+    picture = imageio.imread(path)
+    assert picture.shape == (HEIGHT, WIDTH, 3)
+    show.display.draw()
+    assert np.array_equal(picture, show.display.picture.to_numpy_u8())
+    assert str(path) in player.layout.message
+    scene = read_toml(path.with_suffix(".scene.toml"))
+    assert scene["gravity"][1] == pytest.approx(-5.0)
+
+
+def test_a_slice_hides_the_near_half_and_follows_the_camera(player, show):
+    show.display.views.name = "speed"
+    press(player, show, " ")
+    whole = show.display.views.radius.to_numpy()[: show.simulation.particles.count]
+    assert (whole > 0.0).all()
+    x = show.simulation.particles.numpy("x") - 0.5 * np.array(show.simulation.size)
+    press(player, show, "x")
+    for _ in range(2):
+        back = show.display.camera.axes()[2] * (1.0, 0.0, 1.0)
+        near = x @ (back / np.linalg.norm(back)) > 1e-5
+        hidden = show.display.views.radius.to_numpy()[: len(x)] == 0.0
+        assert 0.3 < hidden.mean() < 0.7 and (hidden == near).mean() > 0.99
+        show.display.camera.orbit(1.0, 0.0)
+        frames(player, show)
+    press(player, show, "x")
+    assert (show.display.views.radius.to_numpy()[: len(x)] > 0.0).all()
+
+
+def test_a_click_on_a_particle_shows_its_neighbours_and_what_acts(player, show, monkeypatch):
+    # However long this machine takes for a frame.
+    monkeypatch.setattr("msph.stage.steering.CLICK_TIME", 60.0)
+    show.display.views.name, about = "speed", show.display.views.neighbourhood
+    frames(player, show, 3)
+    player.window.at = np.array([0.5, 0.45])
+    frames(player, show, 2)
+    player.window.held, player.window.pressed = {"LMB"}, ["LMB"]
+    press(player, show, " ")
+    player.window.held = set()
+    frames(player, show)
+    assert about.id is not None and "particle" in player.layout.overlay.shown
+    # Weights by hand: M5 of support h vanishes there, and is 1 at no distance.
+    sim = show.simulation
+    x, layer = sim.particles.numpy("x").astype(float), sim.particles.numpy("layer")
+    specs = sim.layers.specs
+    h = np.array([pair_support(specs[layer[about.index]].support, specs[k].support) for k in layer])
+    q = np.linalg.norm(x - x[about.index], axis=1) / h
+
+    def shape(q):
+        parts = ((1.0, 1.0), (-5.0, 0.6), (10.0, 0.2))
+        return sum(c * np.maximum(a - q, 0.0) ** 4 for c, a in parts)
+
+    found = show.display.views.value.to_numpy()[: len(x)]
+    assert found == pytest.approx(shape(q) / shape(0.0), abs=1e-5)
+    assert f"{(q < 1.0).sum() - 1} neighbours" in about.facts()[0]
+    radius = show.display.views.radius.to_numpy()[: len(x)]
+    assert radius[q > 1.001].max() < radius[q < 0.999].min()
+    # Its density is summed where the particles are, and not what the last step left.
+    sim.particles.fields["density"].fill(0.0)
+    (told,) = re.findall(r"density ([+-][0-9.]+) %", about.facts()[1])
+    sim.measure_density()
+    (place,) = np.flatnonzero(sim.particles.numpy("id") == about.id)
+    density = sim.particles.numpy("density")[place]
+    assert float(told) == pytest.approx(100.0 * (density / 1000.0 - 1.0), abs=0.006)
+    # Water at rest bears what gravity pulls.
+    press(player, show, " ")
+    frames(player, show, 30)
+    acting = about.arrows(np.array([0.0, -9.81, 0.0]))
+    assert acting["water"][1] == pytest.approx(-acting["gravity"][1], rel=0.3)
+    begin, end = player.window.arrowed[0]
+    assert end[1] < begin[1] and np.all((begin > 0.0) & (begin < 1.0))
+    press(player, show, "v")
+    assert about.id is None

@@ -1,0 +1,158 @@
+"""A player at simulations side by side."""
+
+import itertools
+import math
+
+import imageio.v2 as imageio
+import numpy as np
+import pytest
+
+from msph.measure.timings import Timings
+from msph.scene.live import with_live_value
+from msph.stage.controls import Controls
+from msph.stage.layout import Layout
+from msph.stage.panel import Request
+from msph.stage.row import Row
+from msph.stage.show import INTERACTIVE, Show
+from tests.stage.player_kit import (
+    FRAME,
+    HEIGHT,
+    SIZE,
+    WIDTH,
+    Screen,
+    frames,
+    played,
+    press,
+)
+
+BELOW = 40
+
+
+@pytest.fixture(scope="module")
+def other(show):
+    """The water beside: coarser particles alone."""
+    scene = show.scene.model_copy(update={"adaptation": type(show.scene.adaptation)()})
+    return Show(scene, FRAME, SIZE, timings=Timings(keep=5), **INTERACTIVE)
+
+
+@pytest.fixture
+def row(given, other):
+    other.reset()
+    other.display.views.name = "water"
+    return Row([given, other], ["one", "two"], (2 * WIDTH + 2, HEIGHT + BELOW), BELOW)
+
+
+@pytest.fixture(scope="module")
+def wide():
+    return Layout((2 * WIDTH + 2, HEIGHT + BELOW))
+
+
+class TestRow:
+    """Two waters side by side under the same hands."""
+
+    def test_both_get_the_same_frames_and_are_drawn_beside_each_other(self, row):
+        for _ in range(3):
+            row.frame(Controls(tilt=(0.2, 0.0), frame_time=FRAME))
+        first, second = row.shows
+        assert first.simulation.time == second.simulation.time == pytest.approx(3 * FRAME)
+        assert np.array_equal(first.pose.tilt, second.pose.tilt) and first.pose.tilt[0, 1] != 0.0
+        pixels = row.image.to_numpy()
+        beside = slice(WIDTH + 2, 2 * WIDTH + 2)
+        # Below the names the pictures are as they were drawn.
+        low = slice(BELOW, BELOW + HEIGHT // 2)
+        assert np.array_equal(
+            pixels[:WIDTH, low], first.display.picture.image.to_numpy()[:, : HEIGHT // 2]
+        )
+        assert np.array_equal(
+            pixels[beside, low], second.display.picture.image.to_numpy()[:, : HEIGHT // 2]
+        )
+        assert row.to_numpy_u8().shape == (HEIGHT, 2 * WIDTH + 2, 3)
+        row.frame(Controls(still=True))
+        assert first.simulation.time == second.simulation.time == pytest.approx(3 * FRAME)
+
+    def test_a_slower_lead_holds_the_other_back(self, row):
+        """A budget that ends after one step of the first: the other goes no farther."""
+        row.frame(Controls(frame_time=5 * FRAME, budget=0.0))
+        first, second = row.shows
+        assert 0.0 < first.simulation.time < 5 * FRAME
+        assert second.simulation.time == pytest.approx(first.simulation.time)
+
+    def test_the_cursor_meets_the_water_that_it_is_over(self, row):
+        first, second = row.shows
+        for show, left in ((first, 0), (second, WIDTH + 2)):
+            cursor = np.array([left + 0.25 * WIDTH, BELOW + 0.5 * HEIGHT]) / row.size
+            under, place = row.show_under(cursor)
+            assert under is show and place == pytest.approx([0.25, 0.5])
+            assert row.to_window(show, np.array([[0.25, 0.5]]))[0] == pytest.approx(cursor)
+
+    def test_parameters_reach_those_that_have_them(self, row):
+        row.set("gravity", 5.0)
+        row.set("classic.stiffness", 100.0)
+        for show in row.shows:
+            assert math.hypot(*show.scene.gravity) == pytest.approx(5.0)
+            assert show.scene.classic.stiffness != 100.0
+        row.set("gravity", 9.81)
+
+    def test_a_push_in_the_second_pushes_both(self, row, wide, tmp_path):
+        screen = Screen()
+        screen.size, screen.aspect = row.size, row.size[0] / row.size[1]
+        player = played(row, wide, screen=screen)
+        player.saver.folder = tmp_path
+        frames(player, row, 2)
+        pixels = itertools.product(range(0, WIDTH, 4), range(0, HEIGHT, 4))
+        second = row.shows[1]
+        wet = [pixel for pixel in pixels if second.display.pick(*pixel) is not None]
+        i, j = wet[len(wet) // 2]
+        screen.at = np.array([WIDTH + 2 + i, BELOW + j]) / row.size
+        screen.held = {"LMB"}
+        frames(player, row, 2)
+        for _ in range(6):
+            screen.at = screen.at + np.array([0.005, 0.0])
+            frames(player, row)
+        assert all(show.ledger.entries[-1].user_work > 0.0 for show in row.shows)
+        screen.held = set()
+        # Pictures are of both.
+        press(player, row, "p")
+        (path,) = tmp_path.glob("*.png")
+        assert imageio.imread(path).shape == (HEIGHT, 2 * WIDTH + 2, 3)
+
+    def test_a_push_stays_in_the_simulation_that_it_began_in(self, row, wide):
+        """It jumped by a box's width where the cursor came into the next picture."""
+        screen = Screen()
+        screen.size, screen.aspect = row.size, row.size[0] / row.size[1]
+        player = played(row, wide, screen=screen)
+        frames(player, row, 2)
+        first = row.shows[0]
+        wet = [(i, j) for i in range(0, WIDTH, 4) for j in range(0, HEIGHT, 4)]
+        i, j = max(pixel for pixel in wet if first.display.pick(*pixel) is not None)
+        screen.at = np.array([i, BELOW + j]) / row.size
+        screen.held = {"LMB"}
+        frames(player, row, 2)
+        speeds = []
+        for right in range(i, WIDTH + 60, 6):
+            screen.at = np.array([right, BELOW + j]) / row.size
+            use = player.controls(row).use
+            speeds.append(math.hypot(*use.velocity) * player.pacer.frame_time)
+        assert max(speeds) < 0.1 * max(first.simulation.size)
+        assert row.show_under(screen.at)[0] is row.shows[1]
+
+    def test_settings_go_back_to_what_each_scene_says(self, row, wide):
+        second = row.shows[1]
+        player = played(row, wide)
+        second.initial = with_live_value(second.initial, "gravity", 3.0)
+        player.menu.apply(Request("set", "gravity", 7.0))
+        frames(player)
+        assert math.hypot(*second.scene.gravity) == pytest.approx(7.0)
+        player.menu.apply(Request("reset", "gravity"))
+        frames(player)
+        assert math.hypot(*second.scene.gravity) == pytest.approx(3.0)
+        assert math.hypot(*row.lead.scene.gravity) == pytest.approx(9.81)
+        row.set("gravity", 9.81)
+
+    def test_one_of_several_is_neither_kept_nor_opened(self, row, wide, tmp_path):
+        screen = Screen()
+        screen.size = row.size
+        player = played(row, wide, screen=screen)
+        player.saver.folder = tmp_path
+        press(player, row, "k", "o")
+        assert not list(tmp_path.iterdir()) and "need a single simulation" in player.layout.message

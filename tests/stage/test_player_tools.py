@@ -1,0 +1,281 @@
+"""Tools of a player: each key and gesture, its effect read from the water."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+from msph.fluid.boundary.opening import Opening
+from msph.fluid.boundary.rigid_bodies import Ball
+from msph.fluid.external_forces import as_vector
+from msph.fluid.simulation import FullError
+from msph.scene import load_scene
+from msph.stage.controls import Controls
+from msph.stage.pacer import Pacer
+from msph.stage.show import Show
+from msph.stage.tools import BY_NAME, PRESS_TIME, TOOLS, ToolUse
+from tests.scenes_kit import TEXT, WATER, write
+from tests.stage.player_kit import (
+    HEIGHT,
+    SIZE,
+    WIDTH,
+    frames,
+    press,
+    wet_place,
+)
+
+
+def test_a_drain_after_a_reset_counts_its_water_once(player, show):
+    for _ in range(2):
+        show.reset()
+        press(player, show, "0")
+        player.window.at, player.window.held = wet_place(show), {"LMB"}
+        press(player, show, "LMB", number=4)
+        assert show.ledger.entries[-1].outflow_mass > 0.0
+        assert abs(show.ledger.mass_change()) < 1e-6
+        player.window.held = set()
+        frames(player, show)
+
+
+@pytest.mark.parametrize("key", ["LMB", "r", "0"])
+def test_a_press_a_reset_and_another_tool_end_the_last_press(player, show, key, monkeypatch):
+    monkeypatch.setattr(Pacer, "frame_time", PRESS_TIME / 8)
+    frames(player, show)
+    player.window.at = wet_place(show)
+    press(player, show, "LMB")
+    contact = player.steering.contact
+    frames(player, show)
+    assert contact.clicked and contact.held == pytest.approx(PRESS_TIME / 4)
+    player.window.held = {"LMB"}
+    press(player, show, key)
+    assert contact.held == pytest.approx(PRESS_TIME / 8)
+
+
+@pytest.mark.parametrize("tool", TOOLS, ids=lambda tool: tool.name)
+def test_each_tool_moves_or_adds_water_while_the_button_is_down(player, show, tool):
+    player.steering.tool = next(t for t in TOOLS if t is not tool)
+    press(player, show, tool.key, number=2)
+    assert player.steering.tool is tool and tool.effect == player.layout.message
+    player.window.at, player.window.held = wet_place(show), {"LMB"}
+    frames(player, show)
+    first = show.ledger.entries[-1]
+    for _ in range(12):
+        player.window.at = player.window.at + np.array([0.004, 0.0])
+        frames(player, show)
+    player.window.held = set()
+    frames(player, show)
+    last = show.ledger.entries[-1]
+    assert (last.user_work != 0.0) == (tool.name not in ("tap", "drain", "wave"))
+    assert (last.wall_work > 0.0) == (tool.name == "wave")
+    assert (last.inflow_mass > 0.0) == (tool.name == "tap")
+    assert (last.outflow_mass > 0.0) == (tool.name == "drain")
+    assert (last.added_mass > 0.0) == (tool.name in ("rain", "ball"))
+    assert abs(show.ledger.mass_change()) < 1e-6
+    # A ball at each press, rain in each frame.
+    assert (last.added_mass > first.added_mass) == (tool.name == "rain")
+
+
+def test_a_thrown_body_floats_follows_the_cursor_and_is_gone_after_a_reset(player, show):
+    player.steering.tool = next(tool for tool in TOOLS if tool.name == "float")
+    boundary = show.simulation.boundary
+    frames(player, show)
+    show.display.picture.wetness.wet.fill(1.0)
+    frames(player, show)
+    wet = show.display.picture.wetness.wet.to_numpy().sum()
+    player.window.at, player.window.held = wet_place(show), {"LMB"}
+    frames(player, show)
+    # The first body dried all walls.
+    assert show.display.picture.wetness.wet.to_numpy().sum() > 0.9 * wet
+    player.window.held = set()
+    frames(player, show, 20)
+    assert boundary.count == 1 and show.display.shown_bodies == 1
+    (x,) = boundary.floating.x
+    at = show.display.camera.project(x[None], *SIZE, show.simulation.size)[0]
+    player.window.at, player.window.held = at, {"LMB"}
+    for _ in range(12):
+        frames(player, show)
+        player.window.at = player.window.at + np.array([0.0, 0.01])
+    assert boundary.count == 1 and boundary.floating.x[0, 1] > x[1] + 0.03
+    assert abs(show.ledger.mass_change()) < 1e-6 and show.ledger.energy_gain() < 1e-3
+    player.window.held = set()
+    press(player, show, "r")
+    assert boundary.count == 0 and show.display.shown_bodies == 0 and show.dragged is None
+
+
+def test_a_fast_drag_of_an_end_wall_makes_a_wave_and_the_wall_returns(player, show):
+    player.steering.tool = next(tool for tool in TOOLS if tool.name == "wave")
+    simulation = show.simulation
+    frames(player, show)
+    depth = 2.0 * show.ledger.entries[-1].centre[1]
+    player.window.at, player.window.held = wet_place(show), {"LMB"}
+    frames(player, show)
+    inwards, heights = simulation.piston.inwards, []
+    shift = show.display.camera.project(
+        np.array([player.steering.contact.place + 0.15 * inwards]), *SIZE, simulation.size
+    )[0] - player.window.at  # fmt: skip
+    for _ in range(6):
+        player.window.at = player.window.at + shift / 6
+        frames(player, show)
+        heights.append(np.percentile(simulation.particles.numpy("x")[:, 1], 98))
+    place, speed = simulation.piston.at(simulation.time)
+    assert place > 0.04 and speed > 0.2
+    player.window.held = set()
+    for _ in range(40):
+        frames(player, show)
+        heights.append(np.percentile(simulation.particles.numpy("x")[:, 1], 98))
+    assert max(heights) > 1.2 * depth
+    assert simulation.piston is None and simulation.boundary.count == 0
+    work = max(e.wall_work for e in show.ledger.entries)
+    assert abs(show.ledger.mass_change()) < 1e-6 and show.ledger.energy_gain(work) < 0.02
+    assert max(e.outside for e in show.ledger.entries) == 0
+
+
+def test_a_tap_of_a_resumed_session_is_closed_and_goes_with_the_next_press(player, show, tmp_path):
+    player.steering.tool = next(tool for tool in TOOLS if tool.name == "tap")
+    frames(player, show)
+    player.window.at, player.window.held = wet_place(show), {"LMB"}
+    frames(player, show, 4)
+    np.savez(tmp_path / "session.npz", **show.simulation.state())
+    show.reset()
+    show.resume(tmp_path / "session.npz")
+    (tap,) = show.simulation.added_openings
+    player.window.held = set()
+    frames(player, show, 4)
+    assert show.simulation.openings.speeds[0] == 0.0
+    player.window.at, player.window.held = wet_place(show), {"LMB"}
+    frames(player, show, 2)
+    player.window.held = set()
+    assert len(show.simulation.added_openings) == 1
+    assert show.simulation.added_openings != [tap]
+
+
+def test_a_wall_that_a_body_touches_does_not_move(tmp_path):
+    body = 'method = "projection"\n[[bodies]]\nlo = [0, 0, 0.1]\nhi = [0.1, 0.4, 0.3]\n'
+    text = body.join(TEXT.split("[classic]")[0].split('method = "classic"\n')) + WATER
+    show = Show(load_scene(write(tmp_path, text)), 1 / 60)
+    use = ToolUse.of(BY_NAME["wave"], (np.zeros(3),) * 5, 1 / 60, 1 / 60)
+    show.frame(Controls(use=use))
+    assert "no room" in show.note and show.simulation.piston is None
+    show.close()
+
+
+def test_tools_for_bodies_and_openings_say_that_the_classic_method_has_none(tmp_path):
+    """A tap opened, and the water ignored it."""
+    show = Show(load_scene(write(tmp_path)), 1 / 60)
+    opening = Opening(np.array((0.2, 0.0, 0.2)), np.array((0.0, -1.0, 0.0)), (0.1, 0.1), False)
+    with pytest.raises(FullError, match="no inflows"):
+        show.simulation.add_opening(opening, (0.0, -9.81, 0.0))
+    with pytest.raises(FullError, match="no bodies"):
+        show.add_body(Ball(np.array((0.2, 0.3, 0.2)), 0.05, mass=0.1))
+    show.close()
+
+
+def test_a_click_within_a_frame_pokes_the_water(player, show):
+    frames(player, show, 2)
+    player.window.at, player.window.pressed = wet_place(show), ["LMB"]
+    frames(player, show, 12)
+    entries = show.ledger.entries
+    # Afterwards the hand at rest takes energy from the water.
+    assert entries[-1].user_impulse[1] < 0.0 < max(e.user_work for e in entries)
+    assert not player.steering.contact.holds
+
+
+def test_the_hand_is_shown_as_a_ball_while_it_pushes(player, show):
+    press(player, show, " ")
+    show.display.picture.ball = None
+    show.display.draw()
+    before = show.display.picture.image.to_numpy()
+    centre, radius = np.array(show.simulation.size) / 2, 0.1
+    show.display.picture.ball = as_vector(centre), radius
+    show.display.draw()
+    changed = np.abs(show.display.picture.image.to_numpy() - before).max(axis=-1) > 1e-3
+    right, up, _ = show.display.camera.axes()
+    points = np.array([centre, centre + radius * right, centre + radius * up])
+    places = show.display.camera.project(points, *SIZE, show.simulation.size) * SIZE
+    reach = np.linalg.norm(places[1] - places[0])
+    i, j = np.nonzero(changed)
+    away = np.hypot(i - places[0, 0], j - places[0, 1])
+    assert away.max() == pytest.approx(reach, rel=0.1)
+    assert changed.sum() > 0.8 * math.pi * reach**2
+
+
+def test_pull_lifts_the_water_and_swirl_turns_it(player, show):
+    def after(key):
+        """Impulse upwards, and moment of the motion near the cursor about the vertical."""
+        show.reset()
+        press(player, show, key, number=2)
+        player.window.at, player.window.held = wet_place(show), {"LMB"}
+        frames(player, show, 12)
+        place = player.steering.contact.place
+        player.window.held = set()
+        frames(player, show)
+        x, v = (show.simulation.particles.numpy(k) for k in "xv")
+        r = x - place
+        near = np.hypot(r[:, 0], r[:, 2]) < 0.08
+        return show.ledger.entries[-1].user_impulse[1], np.cross(r, v)[near, 1].mean()
+
+    lift, turned_by_pull = after("g")
+    _, turned = after("t")
+    assert lift > 0.0
+    assert turned > 5.0 * abs(turned_by_pull)
+
+
+def test_a_full_pool_refuses_water_with_a_message(player, show, monkeypatch):
+    frames(player, show, 2)
+    monkeypatch.setattr(show.simulation.particles, "capacity", show.simulation.particles.count)
+    press(player, show, "b")
+    player.window.at, player.window.held = wet_place(show), {"LMB"}
+    frames(player, show)
+    player.window.held = set()
+    assert "full" in player.layout.message and show.ledger.mass_change() == 0.0
+
+
+def test_a_click_on_the_toolbar_selects_a_tool_and_pushes_nothing(player, show):
+    frames(player, show, 2)
+    left, low, _, height = player.layout.overlay.shown["tools"]
+    button = next(b for b in player.toolbar.sheet.buttons if b.name == "swirl")
+    x, y = 0.5 * (button.left + button.right), 0.5 * (button.top + button.bottom)
+    player.window.at = np.array([(left + x) / WIDTH, (low + height - y) / HEIGHT])
+    frames(player, show)
+    player.window.held, player.window.pressed = {"LMB"}, ["LMB"]
+    frames(player, show)
+    player.window.held = set()
+    frames(player, show)
+    assert player.steering.tool.name == "swirl"
+    assert show.ledger.entries[-1].user_work == 0.0
+
+
+def test_no_water_is_added_while_paused(player, show):
+    press(player, show, "u", number=2)
+    press(player, show, " ")
+    count = show.simulation.particles.count
+    player.window.at, player.window.held = wet_place(show), {"LMB"}
+    frames(player, show, 20)
+    player.window.held = set()
+    assert show.simulation.particles.count == count
+
+
+def test_a_drag_pushes_the_water_and_a_cursor_leaves_a_wake(player, show):
+    frames(player, show, 2)
+    size = show.display.picture.width, show.display.picture.height
+    pixels = itertools.product(range(0, size[0], 4), range(0, size[1], 4))
+    wet = [pixel for pixel in pixels if show.display.pick(*pixel) is not None]
+    place = np.array(wet[len(wet) // 2]) / size
+
+    def work_of(held):
+        show.reset()
+        player.window.at, player.window.held = place.copy(), held
+        frames(player, show, 2)
+        for _ in range(6):
+            player.window.at = player.window.at + np.array([0.01, 0.0])
+            frames(player, show)
+        player.window.held = set()
+        return show.ledger.entries[-1].user_work
+
+    pushed, wake = work_of({"LMB"}), work_of(set())
+    assert pushed > wake > 0.0 and player.window.marks > 0
+    show.scene = show.scene.model_copy(
+        update={"play": show.scene.play.model_copy(update={"hover": False})}
+    )
+    assert work_of(set()) == 0.0
