@@ -38,8 +38,8 @@ NEVER = 10**9
 KERNEL_EVERY = 10
 # Standard deviation of the random velocities [m/s] that break up the initial lattice.
 STIR = 0.3
-# Resolution of two layers, its factor per further layer, and largest number of layers: bands are then
-# at least two spacings thick.
+# Resolution of two layers, its factor per further layer, and largest number of layers: bands are
+# then at least two spacings thick.
 TWO_LAYERS, PER_LAYER, MAX_LAYERS = 5.0, 1.6, 6
 
 
