@@ -2,8 +2,8 @@
 
 python bench/accuracy.py [--seconds 10] [--starts 3] [--only still] [--resume] [--arch cpu]
 
-Starts differ in the random initial displacements of the particles, 0.02 spacings, and in the
-collision in the place of the lattices. A difference between uniform and layered water is
+Starts differ in the random initial displacements of the particles, 0.02 spacings, and in the case
+"collision" in the positions of the lattices. A difference between uniform and layered water is
 significant only if it exceeds the range over the starts. Every part runs in a separate process and
 is written to bench/results/accuracy.csv when it ends; --resume continues there.
 """

@@ -31,7 +31,7 @@ from msph.measure.snapshot import Snapshot
 from msph.scene.schema import Scene
 
 TABLE, REPORT = "bodies.csv", "bodies.md"
-# Columns that name a row: its table and its settings.
+# Columns that identify a row: its table and its settings.
 KEYS = ("table", "settings")
 # Longest wall-clock time of a row, and simulated time of runs to rest or past a ball [s].
 MAX_SECONDS, SECONDS = 7200.0, 2.0
@@ -180,7 +180,7 @@ def at_wall(kind: str, gap: float) -> dict[str, str]:
     """Returns the table row of the force on a body `gap` spacings from the floor or a wall."""
     near = gap * FINE
     if kind == "box at a wall":
-        # A swing of no size: a box in motion is not extended into the wall.
+        # A swing with an amplitude of 1e-9 m, since a moving box is not extended into the wall.
         lo, hi = [near, 0.1, 0.2], [near + 0.2, 0.3, 0.4]
         body: dict[str, Any] = {"lo": lo, "hi": hi, "swing": [1e-9, 0, 0]}
         displaced = 0.2**3

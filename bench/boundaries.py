@@ -25,16 +25,16 @@ STILL = ExternalForces((0.0, -tanks.GRAVITY, 0.0))
 # Contraction of a plane jet from a sharp-edged slit (Kirchhoff 1869).
 CONTRACTION = math.pi / (math.pi + 2.0)
 # Emptied tank: length, depth, spacing and width of the slit in the floor [m]; levels [m] between
-# which it is timed, and depth [m] below the floor from which on the jet's speed is measured.
+# which draining is timed, and depth [m] below the floor beyond which the jet's speed is measured.
 LENGTH, DEEP, FINE, SLIT = 0.5, 0.3, 0.0125, 0.075
 LEVELS, BELOW = (0.28, 0.12), 0.9 * SLIT
 # Basin: edge, depth and spacing [m]; radius [m] and speed [m/s] of the spring.
 EDGE, DEPTH, SPACING, RADIUS, SPEED = 0.3, 0.15, 0.025, 0.05, 0.3
 # Time [s] between two sheets of particles of the spring, over which masses and levels are averaged.
 SHEETS = 13 * SPACING**3 / (math.pi * RADIUS**2 * SPEED)
-# Vertical jet: radius [m], speed [m/s], time [s] in which the particles enter that are followed;
-# heights [m] between which, and times [s] in which its head is measured, before water falls back;
-# time [s] at which the front has fallen back.
+# Vertical jet: radius [m], speed [m/s], time [s] in which the followed particles enter; heights [m]
+# and times [s] between which the head is measured, before water falls back; time [s] at which the
+# front has fallen back.
 JET_RADIUS, JET_SPEED, FOLLOWED = 0.05, 3.0, 0.05
 ALONG, STEADY, FALLEN = (0.1, 0.25), (0.2, 0.35), 0.45
 # Sum of 4/z^3 over the zeros z of the Bessel function J0: end correction of a jet over its radius.
@@ -53,8 +53,9 @@ def inside(sim: Simulation) -> np.ndarray:
 
 
 def drained(seed: int) -> dict[str, float]:
-    """A tank that empties through a slit: speed over sqrt(2 g h), h from the level to the place of
-    the particles, in the mean; time over the one of theory with the contraction of the jet."""
+    """Returns the errors of a tank that empties through a slit: mean speed of the jet over
+    sqrt(2 g h), h the height of the level above the particles, and draining time over theory with
+    the contraction of the jet."""
     middle = 0.5 * LENGTH
     hole = {"lo": [middle - SLIT / 2, 0, 0], "hi": [middle + SLIT / 2, 0, SLIT]}
     scene = tanks.tank((LENGTH, SLIT), DEEP, FINE, 1, seed=seed)
@@ -83,9 +84,9 @@ def drained(seed: int) -> dict[str, float]:
 
 
 def through_flow(seed: int) -> dict[str, float]:
-    """A spring and a pump of the same rate for 30 s: changes of mass and of the level, twice the
-    mean height, against the mean of the first 2 s after 2 s. Means over the time between two sheets
-    of the spring, each of which is 1.5 % of the mass."""
+    """Returns the largest changes of mass and level in 30 s, with a spring and a pump of the same
+    rate, against the mean from 2 to 4 s. The level is twice the mean height. Values are means over
+    the time between two sheets of the spring, each of which is 1.5 % of the mass."""
     flow = {"radius": RADIUS, "speed": SPEED}
     corners = ([0.08, 0, 0.08], [0.22, 0, 0.22])
     sim = build(
@@ -115,8 +116,9 @@ def through_flow(seed: int) -> dict[str, float]:
 
 
 def jet(seed: int) -> dict[str, float]:
-    """A jet from a dry floor: its mean head y + v^2/(2 g) where it is steady, and the mean of the
-    highest points of the particles of its first FOLLOWED seconds, over the head of theory.
+    """Returns the errors of a jet from a dry floor: height of the front over v^2/(2 g); and
+    mean head y + v^2/(2 g), where the jet is steady, over v^2/(2 g) and over theory. The height of
+    the front is the mean of the highest points of the particles of the first FOLLOWED seconds.
 
     An inflow keeps its speed up to the cross-section and gravity slows the water above, so the
     pressure p there does not vanish. By linear theory p is harmonic, 0 at the surface of the jet,
@@ -142,10 +144,10 @@ def jet(seed: int) -> dict[str, float]:
             rising = (y > ALONG[0]) & (y < ALONG[1]) & (v[:, 1] > 0.0)
             heads.append((y + (v**2).sum(axis=1) / (2.0 * tanks.GRAVITY))[rising].mean())
         rows = zip(sim.particles.numpy("id").tolist(), y, strict=True)
-        for number, y in rows:
+        for number, height in rows:
             known = number in highest or (sim.time < FOLLOWED and number not in started)
             if known:
-                highest[number] = max(highest.get(number, 0.0), float(y))
+                highest[number] = max(highest.get(number, 0.0), float(height))
     sim.close()
     plain = JET_SPEED**2 / (2.0 * tanks.GRAVITY)
     theory, front = plain + END * JET_RADIUS, float(np.mean(list(highest.values())))
@@ -157,8 +159,8 @@ def jet(seed: int) -> dict[str, float]:
 
 
 def filling(seed: int) -> dict[str, float]:
-    """A spring fills a basin from 0.1 to 0.2 m: level, twice the mean height, against the one by
-    rate and time, in the mean of the last half second."""
+    """Returns the error of the level in a basin that a spring fills from 0.1 to 0.2 m: twice the
+    mean height over the level by rate and time, mean of the last 0.5 s."""
     spring = {"centre": [0.15, 0, 0.15], "radius": RADIUS, "speed": SPEED}
     sim = build(
         tanks.tank((EDGE, EDGE), 0.1, SPACING, 1, seed=seed), {"inflows": [spring], "duration": 5.0}
@@ -206,7 +208,7 @@ def main(arch: str, threads: int | None) -> None:
     report += [
         f"Medians of {floating.STARTS} starts and their range; computed from positions and "
         "velocities.\nThe theory of the draining time has the contraction pi/(pi + 2) = 0.611 of "
-        f"the plane jet, the one of the vertical jet the head v^2/(2 g) + {END} R: "
+        f"the plane jet; the theory of the vertical jet has the head v^2/(2 g) + {END} R: "
         'docs/method.md, "Openings".\n',
         tabulate(rows, "keys", "github", disable_numparse=True),
         "",

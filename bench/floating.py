@@ -72,7 +72,7 @@ def draft(kind: str, density: float, layers: int) -> dict[str, str]:
         if kind == "ball":
             samples = samples[np.linalg.norm(samples, axis=1) < half]
         heights = floating.x[0, 1] + samples @ floating.turn[0][1]
-        # Height by which the body floats too high: of the waterline that its weight requires.
+        # Height of the waterline at which the submerged volume carries the weight of the body.
         wanted = np.quantile(heights, density / 1000.0)
         return {
             "draft error": float((level - wanted) / HEIGHT),
@@ -96,8 +96,8 @@ def draft(kind: str, density: float, layers: int) -> dict[str, str]:
 
 def steepest(density: float) -> float:
     """Returns the largest component along the vertical of the axes of a cube that floats with the
-    least potential energy; density over the water's (-). With G the centre of the cube and B of its
-    submerged part, that is the attitude with the least height of G over B."""
+    least potential energy; density: over the density of water (-). In this attitude the centre of
+    the cube has the least height above the centre of its submerged part."""
     rng = np.random.default_rng(0)
     points, ways = rng.uniform(-0.5, 0.5, (20_000, 3)), rng.normal(size=(3000, 3))
     ways = np.concatenate([np.eye(3), ways / np.linalg.norm(ways, axis=1)[:, None]])
@@ -107,7 +107,7 @@ def steepest(density: float) -> float:
 
 
 def drift(layers: int) -> dict[str, str]:
-    """Returns the table row of a neutrally buoyant ball: its way over its diameter."""
+    """Returns the table row of a neutrally buoyant ball: distance moved over its diameter."""
 
     def case(seed: int) -> dict[str, float]:
         body = {"centre": [0.5 * EDGE, 0.2, 0.5 * EDGE], "radius": 0.5 * HEIGHT, "density": 1000.0}
@@ -137,8 +137,8 @@ def heave(
     for seed in range(starts):
         rest, sim = depth + RADIUS - draft, None
         for _ in range(2):
-            # Water inside the ball at the start is left out; the hole that this leaves fills while
-            # the ball is held. How much is left out is known once the tank is built.
+            # Water inside the ball at the start is omitted; the hole fills while the ball is held.
+            # The omitted volume is known only after a first build of the tank.
             if sim:
                 sim.close()
             body = {**ball, "centre": [0.5 * width, rest + RELEASE, 0.5 * width]}
@@ -152,7 +152,7 @@ def heave(
             heights.append(float(sim.boundary.floating.x[0, 1]) - rest)
         t, z = np.array(times), np.array(heights)
         troughs.append(-float(z[t < 0.75 * PERIOD].min()))
-        # The second crest, by a fit around it.
+        # Time of the second crest, by a parabola fitted around it.
         crest = t[t > 0.75 * PERIOD][z[t > 0.75 * PERIOD].argmax()]
         near = np.abs(t - crest) < 0.15 * PERIOD
         _, slope, _ = curve = np.polyfit(t[near] - crest, z[near], 2)
@@ -218,7 +218,7 @@ def _crowd() -> list[dict[str, Any]]:
     return found
 
 
-# Hard cases: bodies, by what happens.
+# Hard cases: bodies by the name of the case.
 HARD = {
     "0.05 of the water's density, falls in": [_ball([0.3, 0.55, 0.3], 0.1, 50.0)],
     "20 times the water's density, falls in": [_ball([0.3, 0.55, 0.3], 0.1, 20_000.0)],

@@ -1,5 +1,5 @@
-"""Numerical friction: how fast low waves die and how hard a slowly towed ball pulls, without and
-with shear relief, in uniform and layered water.
+"""Numerical friction: decay of low waves and drag of a slowly towed ball, without and with shear
+relief, in uniform and layered water.
 
 python bench/friction.py [--starts 3] [--only waves] [--resume] [--arch cpu]
 
@@ -95,7 +95,7 @@ def tasks(starts: int, only: str) -> list[dict[str, Any]]:
 
 
 def measure(task: dict[str, Any]) -> dict[str, Any]:
-    """Runs one row."""
+    """Returns the figures of one row."""
     layers = WATERS[task["water"]]
     if task["case"] == "waves":
         return wave(layers, task["relief"], task["start"], task["spacings"], task["amplitude"])

@@ -32,8 +32,8 @@ def hand(velocity: tuple[float, float, float]) -> Drive:
 
 
 def shaken(acceleration: float, rate: float) -> Drive:
-    """Returns a shaking of the box along x: amplitude of `acceleration` [m/s^2], frequency `rate`
-    [Hz]."""
+    """Returns the gravity in a box that is shaken along x: amplitude of `acceleration` [m/s^2],
+    frequency `rate` [Hz]."""
 
     def at(time: float) -> ExternalForces:
         return ExternalForces((acceleration * math.sin(2.0 * math.pi * rate * time), *DOWN[1:]))

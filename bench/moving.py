@@ -30,16 +30,16 @@ from msph.scene.schema import Scene
 from msph.scene.wavemakers import group_speed, wave_number
 
 G = tanks.GRAVITY
-# Spacings of depth, and spacing [m], of the surged tank and of the wave tank.
+# Depth in spacings, and spacing [m], of the surged tank and of the wave tank.
 ACROSS, SPACING = 12, 0.0125
 # Surged tank: length [m], amplitude of the surge over the length, number of modes of the theory.
 LENGTH, SURGE, MODES = 0.6, 0.003, 30
 # Rotating tank: edge, depth, rise of the surface at the middle of the walls, finest spacing [m];
 # time [s] in which the water comes to rest, the last second of which is measured.
 EDGE, DEPTH, RISE, FINE, REST = 0.4, 0.16, 0.12, 0.0125, 7.0
-# Waves: height over depth by kd: long waves that are higher are not linear, and lower ones are no
-# spacing high; length of the beach and distance of two gauges over the wavelength;
-# periods after the arrival at the gauges, and of those the last ones that are measured.
+# Waves: height over depth by kd (higher long waves are not linear, and lower waves are less than a
+# spacing high); length of the beach and distance of two gauges over the wavelength; number of
+# periods after the arrival at the gauges, and number of the last periods that are measured.
 HEIGHTS = {0.5: 0.08, 1.0: 0.12, 2.0: 0.12}
 BEACH, APART, PERIODS, MEASURED = 1.5, 0.25, 6, 3
 # SPHERIC test 10: tank, depth [m], angle [deg], first period [s], share of it at which the tank is
@@ -51,7 +51,7 @@ Read = Callable[[Simulation], None]
 
 
 def run(scene: dict[str, Any], seconds: float, read: Read, frame: float = tanks.FRAME) -> Ledger:
-    """Runs a scene, with its motions; read() after each frame."""
+    """Runs a scene with its motions, and read() after each frame; returns the ledger."""
     given = Scene.model_validate(scene)
     sim, path = tanks.build(given), box_path(given)
     ledger = Ledger(sim, density_every=math.inf)
@@ -66,7 +66,7 @@ def run(scene: dict[str, Any], seconds: float, read: Read, frame: float = tanks.
 
 def surge_theory(times: np.ndarray, amplitude: float, depth: float) -> np.ndarray:
     """Returns the displacement [m] of the centre of mass relative to a tank that is displaced by
-    amplitude sin(omega t), omega that of the first mode, by linear theory: mode n obeys
+    amplitude sin(omega t), omega of the first mode, by linear theory: mode n obeys
     b'' + omega_n^2 b = -(4/L) tanh(k H)/k X'', and displaces the centre by -2 b/(k^2 L H)."""
     omega, total = 2.0 * math.pi / tanks.slosh_period(LENGTH, depth), np.zeros_like(times)
     for n in range(1, 2 * MODES, 2):
@@ -112,7 +112,7 @@ def rotating(layers: int, seed: int) -> dict[str, float]:
     places = np.stack([radii * np.cos(angles), radii * np.sin(angles)], axis=-1).reshape(-1, 2)
     scene = tanks.tank((EDGE, EDGE), DEPTH, FINE, layers, air=0.2, seed=seed).model_dump()
     scene["motion"] = {"angle": f"{math.degrees(omega)} * t", "axis": [0, 1, 0]}
-    # Friction, so that the water comes to rest.
+    # Friction (no shear relief, XSPH) brings the water to rest.
     scene["projection"] |= {"shear_relief": 0.0, "xsph": 0.02}
     scene["probes"] = [
         {"name": f"h{k}", "kind": "height", "at": (place + 0.5 * EDGE).tolist()}

@@ -127,7 +127,7 @@ def main(quick, cases, only, resume, busy, cluster, draw, arch, threads, worker)
         task = json.loads(worker)
         found = run(task["case"], Setting(**task["setting"]), task["arch"], task["threads"])
         print(json.dumps(found), flush=True)
-        os._exit(0)  # other programs may crash at their end
+        os._exit(0)  # other programs may crash when they exit
     from bench.pareto_report import report
 
     cases = cases or tuple(CASES)

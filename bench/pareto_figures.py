@@ -22,7 +22,7 @@ from bench.pareto_table import high, low, number
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-# Smallest plotted error (-): smaller ones are rounding.
+# Smallest plotted error (-): smaller errors are rounding errors.
 LEAST = 1e-7
 # Colours (distinguishable by the colour-blind, Okabe and Ito 2008), markers and labels.
 STYLES = {
@@ -54,7 +54,7 @@ def undominated(rows: list[dict], error: str) -> list[dict]:
 
 
 def drawn(rows: list[dict], case: Case, error: str = "") -> list[dict]:
-    """Returns the rows of the case with a time and a value of the error, by default the main."""
+    """Returns the rows of the case with a time and a value of `error` (default: the main error)."""
     return [
         row
         for row in rows

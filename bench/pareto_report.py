@@ -39,7 +39,7 @@ def by_water(rows: list[dict]) -> dict[str, list[dict]]:
 
 def unreached(rows: list[dict], case: Case) -> str:
     """Returns a sentence if a run with adaptive layers has a smaller main error than all uniform
-    runs, some of which took longer; else ""."""
+    runs, some of which took longer; otherwise ""."""
     by = by_water(rows)
     longest = max((number(r, "wall_per_simulated") for r in by[UNIFORM]), default=0.0)
     best = min((number(r, case.main) for r in by[UNIFORM]), default=0.0)
@@ -79,7 +79,7 @@ def ratios(rows: list[dict], case: Case) -> list[dict[str, str]]:
 def compare(row: dict, others: list[dict], error: str) -> str:
     """Returns how many times faster a run is than others of the same error, in words: by medians,
     and from the row's largest error and time against the others' least to the reverse. Empty if the
-    others have no such error."""
+    others have no run of this error."""
     middle = _ratio(row, others, error, number, number)
     if not middle:
         return ""
@@ -290,7 +290,7 @@ def report(rows: list[dict], folder: Path = RESULTS) -> None:
 
 
 def measured(rows: list[dict]) -> str:
-    """Returns on which days and with how many threads and starts rows were measured."""
+    """Returns the dates, numbers of threads and numbers of starts of the rows, in words."""
     starts = sorted({row["starts"] for row in rows})
     found = [
         f"on {' and '.join(sorted({row['date'] for row in rows}))}",

@@ -12,8 +12,8 @@ from msph.measure.machine import machine
 KEYS = ["case", *(f.name for f in dataclasses.fields(Setting))]
 # Columns of the place and date of a run.
 WHERE = ["arch", "threads", "machine", "date"]
-# Largest mean number of cores that other processes keep busy during a timed run, beside the cores
-# that the run leaves free.
+# Largest mean number of cores that other processes keep busy during a timed run, in addition to the
+# cores that the run leaves free.
 QUIET = 0.1
 
 

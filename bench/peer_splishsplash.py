@@ -1,14 +1,15 @@
-"""pySPlisHSPlasH's DFSPH (Bender and Koschier 2015) on the water of our scenes.
+"""DFSPH (Bender and Koschier 2015) of pySPlisHSPlasH on the water of our scenes.
 
-Its wheel contains its own libGLdispatch, with which the import crashes on some systems unless the
-library of the system is loaded first (Debian: apt-get install libglvnd0 libgl1 libglu1-mesa).
+The wheel of pySPlisHSPlasH contains a libGLdispatch, with which the import crashes on some systems
+unless the library of the system is loaded first (Debian: apt-get install libglvnd0 libgl1
+libglu1-mesa).
 
 Observations of version 2.19:
 - A step computes densities from the positions at its start, and positions change at its end. The
   densities after a step therefore belong to the positions before it.
 - Walls act at a distance of about one spacing. A regular block half a spacing from the walls has
-  2.4 times the rest density there and explodes. Its walls are therefore outside the box of the
-  scene, as far as still water then has its level: see gap_of().
+  2.4 times the rest density there and explodes. The walls are therefore outside the box of the
+  scene, at the distance with which still water has its level: see gap_of().
 - Volume maps of cells of one or two spacings are inaccurate in narrow tanks: levels are up to 56 %
   too high.
 """
@@ -48,8 +49,8 @@ FACES = (
     *((1, 2, 4), (1, 4, 3), (5, 7, 8), (5, 8, 6), (1, 5, 6), (1, 6, 2)),
     *((3, 4, 8), (3, 8, 7), (1, 3, 7), (1, 7, 5), (2, 6, 8), (2, 8, 4)),
 )
-# Enumerations of its scene files: DFSPH, volume maps (Bender et al. 2019), step by the Courant
-# number, "Standard" viscosity.
+# Enumerations of SPlisHSPlasH's scene files: DFSPH, volume maps (Bender et al. 2019), step by the
+# Courant number, "Standard" viscosity.
 DFSPH, VOLUME_MAPS, COURANT, STANDARD = 4, 2, 1, 1
 # The following settings are those of the shipped scene DamBreakModel.json. Longest time step [s]:
 LONGEST_STEP = 0.005
@@ -81,8 +82,8 @@ def missing() -> bool:
 
 
 def load() -> Any:
-    """Imports and returns its module, after the system's libGLdispatch if there is one."""
-    # Threads that wait by spinning lose most of the speed where other processes run.
+    """Imports and returns pySPlisHSPlasH, after the system's libGLdispatch if there is one."""
+    # Threads that wait by spinning lose most of the speed if other processes run.
     os.environ.setdefault("OMP_WAIT_POLICY", "passive")
     with contextlib.suppress(OSError):
         ctypes.CDLL(DISPATCH, mode=ctypes.RTLD_GLOBAL)
@@ -99,7 +100,7 @@ def gap_of(size: tuple[float, float, float], spacing: float) -> float:
         if [row["along"], row["across"]] == across:
             return float(row["gap"])
     gap, depth, tried = GAP, LEVEL_EDGE * spacing, {}
-    # Fall of the level with the gap, of constant volume: both walls along each edge, and the floor.
+    # Fall of the level per gap at constant volume, by two walls along each edge and by the floor.
     slope = spacing * (sum(2.0 / edge for edge in edges) + 1.0 / depth)
     for _ in range(GAP_ROUNDS):
         task = {"edges": edges, "depth": depth, "spacing": spacing, "gap": gap}
@@ -129,9 +130,11 @@ def level_of(edges: tuple[float, float], depth: float, spacing: float, gap: floa
 
 
 def blocks_of(number: int) -> list[tuple[int, int, int]]:
-    """Returns the edges [particles] of one or two blocks of `number` particles together: at least
-    two along each edge, since others are ignored, and no particle more, since SPlisHSPlasH sorts
-    inactive ones among the active. Raises ValueError if there are none."""
+    """Returns the edges [particles] of one or two blocks with exactly `number` particles in total.
+
+    SPlisHSPlasH ignores blocks with fewer than two particles along an edge, and sorts surplus,
+    inactive particles among the active ones. Raises ValueError if there are no such blocks.
+    """
     for second in (0, *range(LEAST_BLOCK, number)):
         found = [_edges(n) for n in (number - second, second) if n]
         if all(found):
@@ -153,7 +156,7 @@ class Dfsph:
 
     gap: distance of the walls from the initial particles in spacings, None: gap_of(). viscosity
     [m^2/s]; cfl: Courant factor (-); longest_step [s]; tolerance: mean density error in % of the
-    rest density. A process has room for one.
+    rest density. A process can hold only one.
     """
 
     def __init__(
@@ -181,13 +184,13 @@ class Dfsph:
             self.base.initSimulation()
             path.unlink()
             self.base.setTimeStepCB(self._pause)
-            # Its own loop runs in a thread, which waits after each step.
+            # The loop of SPlisHSPlasH runs in a thread, which waits after each step.
             threading.Thread(target=self.base.runSimulation, daemon=True).start()
             self._done.acquire()
         self.simulation = self.module.Simulation.getCurrent()
         self.model = self.simulation.getFluidModel(0)
         self.clock = self.module.TimeManager.getCurrent()
-        # The first step was of a block outside.
+        # The first step was made with blocks outside the box.
         self.restart(x, plan.initial.get("v", np.zeros_like(x)))
 
     def _write(self, n: int, cfl: float, longest: float, tolerance: float) -> Path:
@@ -250,13 +253,13 @@ class Dfsph:
         return path
 
     def _pause(self) -> None:
-        """Called by its loop after each step."""
+        """Pauses the loop of SPlisHSPlasH, which calls this after each step."""
         self._done.release()
         self._go.acquire()
 
     def _field(self, name: str) -> np.ndarray:
-        """Returns a field of the active particles, writable; its buffer has room for emitted
-        ones."""
+        """Returns a writable field of the active particles; the buffer of the field also has room
+        for emitted particles."""
         values = np.array(self.model.getFieldBuffer(name), copy=False)
         return values[: self.model.numActiveParticles()]
 
@@ -336,4 +339,4 @@ class Dfsph:
 if __name__ == "__main__":
     found = {"level": level_of(**json.loads(sys.argv[2]))}
     print(json.dumps(found), flush=True)
-    os._exit(0)  # its thread still runs
+    os._exit(0)  # the thread of SPlisHSPlasH still runs

@@ -66,7 +66,7 @@ def in_process(kind: str, tank: Tank, folder: str, **task) -> object | None:
     task |= {"kind": kind, "out": str(out), **asdict(tank)}
     command = [sys.executable, __file__, "--worker", json.dumps(task)]
     done = subprocess.run(command, capture_output=True, text=True, errors="replace")
-    # The result is a file: other programs print, and may crash at their end.
+    # The result is a file, because other programs print and may crash when they exit.
     if not out.exists():
         why = done.stderr.strip().splitlines()[-1:] or [f"exit status {done.returncode}"]
         click.echo(f"{kind}, {tank.particles:,} particles: skipped, {why[0]}")

@@ -1,4 +1,4 @@
-"""Random input: gestures with all tools, tilts, jolts, sliders, pauses and resets in every scene.
+"""Random input: gestures with all tools, tilts, sliders, pauses and resets in every scene.
 
 python bench/random_input.py [--inputs 2000] [--seeds 3] [--quality small] [--arch cpu]
 """
@@ -37,10 +37,10 @@ from msph.stage.tools import HOVER, TOOLS, ToolUse
 FRAME_TIMES, FRAMES = (1.0 / 120.0, 1.0 / 24.0), (1, 12)
 # Fastest drag in box lengths per second: half the box in 0.3 s.
 FASTEST_DRAG = 0.5 / 0.3
-# Time without input at the end [s]; the water levels, and the density is measured.
+# Time [s] without input before the density is measured, and its frame time [s].
 REST, REST_FRAME = 1.0, 1.0 / 60.0
 # Limits: relative change of mass, spilt and added water included (rounding of sums); particles
-# outside the box; solver residuals at the end (-), those of an accurate run.
+# outside the box; solver residuals at the end (-), with the limits of an accurate run.
 ACCURATE = {figure.key: figure.limit for figure in account.FIGURES}
 LIMITS = {
     "mass change": 1e-6,
@@ -87,7 +87,7 @@ class Gestures:
         return iter([self.frame(**{kind: True})])
 
     def frame(self, **given: Any) -> Inputs:
-        """Returns a frame at the current tilt; some end early, as on a slow machine."""
+        """Returns a frame at the current tilt; some frames end early, as on a slow machine."""
         low, high = FRAME_TIMES
         time = float(self.rng.uniform(low, high))
         until = float(self.rng.uniform(0.0, time)) if self.rng.random() < 0.1 else None
@@ -138,11 +138,10 @@ class Gestures:
 
 
 class Watch(Audience):
-    """Largest change of mass and number of particles outside of a run, of all its resets."""
+    """Records the largest change of mass and number of particles outside the box, over resets."""
 
     def __init__(self) -> None:
         self.mass, self.outside, self.spilt, self.added = 0.0, 0, 0.0, 0.0
-        self.resets = 0
 
     def wants_more(self, row: Row) -> bool:
         return True

@@ -29,7 +29,7 @@ def in_process(script: str, task: Any, seconds: float) -> dict[str, Any]:
 
 
 def read(path: Path) -> list[dict[str, str]]:
-    """Returns the rows of a CSV file, none if there is no file."""
+    """Returns the rows of a CSV file, an empty list if there is no file."""
     if not path.exists():
         return []
     with open(path, newline="", encoding="utf-8") as file:

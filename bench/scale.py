@@ -1,4 +1,4 @@
-"""Time and memory over the number of particles: uniform water, and layered water in its place.
+"""Time and memory over the number of particles, for uniform and for layered water.
 
 python bench/scale.py [--most 1000000] [--frames 3] [--arch cpu]
 

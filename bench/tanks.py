@@ -32,7 +32,8 @@ def tank(
     jitter: float = 0.02,
     **adaptation: float,
 ) -> Scene:
-    """A box of `footprint` (x, z) [m] with water of `depth` [m] and `air` [m] above it.
+    """Returns the scene of a box of `footprint` (x, z) [m] with water of `depth` [m] and `air` [m]
+    above it.
 
     layers: 1 for uniform particles of `finest` spacing [m]; otherwise the number of adaptive
     layers, each of twice the mass of the next finer; the water is filled with the coarsest. seed:
@@ -56,9 +57,10 @@ def tank(
 def duct(
     edge: float, spacings: int, viscosity: float, layers: int, seed: int = 0, **adaptation: float
 ) -> Scene:
-    """A square duct of `edge` [m] without slip, whose water (DUCT_WATER) falls from rest.
+    """Returns the scene of a square duct of `edge` [m] without slip, whose water (DUCT_WATER) falls
+    from rest.
 
-    spacings: across the duct, of the finest layer; viscosity [Pa s]; otherwise as for tank().
+    spacings: finest spacings across the duct; viscosity [Pa s]; other arguments as for tank().
     """
     mass = 1000.0 * (edge / spacings) ** 3
     bottom, top = (height * edge for height in DUCT_WATER)
@@ -112,7 +114,7 @@ class Reading:
 
     def read(self) -> None:
         """Adds the current state."""
-        # Residuals first: measuring them sorts our particles.
+        # Residuals are read first, because measuring them sorts our particles.
         excess = self.water.residuals()
         m, x, v = self._masses(), self.water.positions(), self.water.velocities()
         self.times.append(self.water.time)

@@ -108,7 +108,7 @@ def cost(repeats: int) -> list[dict[str, str]]:
                 milliseconds(lambda s=sim: s.solver.step(dt, ExternalForces()))
                 for _ in range(STEPS)
             ]
-            times[name] += found if turn else []  # the first compiles
+            times[name] += found if turn else []  # the first turn compiles
     none = statistics.median(times["none"])
     for name, found in times.items():
         low, high = np.percentile(found, [10, 90])

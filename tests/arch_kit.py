@@ -1,5 +1,5 @@
-"""What tests on several architectures share: each runs in a process of its own, since one Taichi
-runtime has one architecture."""
+"""Helper for tests on several architectures; each architecture is tested in a separate process,
+because a Taichi runtime has one architecture."""
 
 import os
 import subprocess
@@ -11,7 +11,7 @@ PROBE = "import taichi as ti; ti.init(arch=ti.{0}); print(ti.lang.impl.current_c
 
 
 def require(arch):
-    """Skips a test without a driver for `arch`; on the build machine it fails."""
+    """Skips the test if there is no driver for `arch`; fails it instead on the build machine."""
     command = [sys.executable, "-c", PROBE.format(arch)]
     found = subprocess.run(command, capture_output=True, text=True)
     if not found.stdout.strip().endswith(arch):

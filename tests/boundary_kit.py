@@ -1,4 +1,4 @@
-"""A boundary by itself, for tests of bodies without water."""
+"""Boundary without a simulation, for tests of bodies without water."""
 
 from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.walls import wall_constants
@@ -10,7 +10,7 @@ _built: list[Boundary] = []
 
 
 def boundary_of(size, specs, bodies=()):
-    """The one boundary of all such tests, with these bodies in it."""
+    """Returns the boundary that all these tests share, loaded with `bodies` in a box of `size`."""
     if not _built:
         _built.append(Boundary(FIRST, Constants(), Layers()))
     (boundary,) = _built

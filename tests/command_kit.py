@@ -1,4 +1,4 @@
-"""Commands of msph run in this process."""
+"""Helper that runs commands of msph in the process of the tests."""
 
 import contextlib
 import io
@@ -8,7 +8,7 @@ from msph.cli import main
 
 
 def here(*arguments):
-    """A command in this process, which shares its kernels; its exit code and what it prints."""
+    """Runs a command in this process, with its compiled kernels; returns exit code and output."""
     out, err, code = io.StringIO(), io.StringIO(), 0
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         try:

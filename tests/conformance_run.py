@@ -1,4 +1,7 @@
-"""Facts of a few scenes on one architecture, as JSON: python -m tests.conformance_run ARCH."""
+"""Prints results of a few scenes on one architecture, as JSON.
+
+python -m tests.conformance_run ARCH
+"""
 
 import json
 import sys
@@ -13,15 +16,16 @@ from msph.stage.controls import Controls
 from msph.stage.show import Show
 from msph.surface import SurfaceMesh
 
-# Layers without bodies, adaptation in a splash, a closed container, moving bodies.
+# In this order: layers without bodies, adaptation in a splash, closed container, moving bodies.
 SCENES = ("still", "drop", "bowl", "paddle")
 QUALITY, FRAME, FRAMES = "small", 1.0 / 60.0, 4
-# Image (width, height) [pixels], compared by means of blocks of so many pixels' edge.
+# Image size (width, height), and edge of the blocks whose mean colours are compared [pixels].
 SIZE, BLOCK = (160, 90), 10
 
 
 def open_edges(mesh: SurfaceMesh) -> int:
-    """Number of directed edges without exactly one opposite: 0 in a closed, oriented mesh."""
+    """Returns the number of directed edges that occur more than once or lack an opposite edge: 0 in
+    a closed, oriented mesh."""
     triangles = mesh.to_numpy()[2]
     ends = np.concatenate([triangles[:, [a, b]] for a, b in ((0, 1), (1, 2), (2, 0))])
     edges, counts = np.unique(ends, axis=0, return_counts=True)
@@ -30,8 +34,8 @@ def open_edges(mesh: SurfaceMesh) -> int:
 
 
 def facts(name: str) -> dict[str, Any]:
-    """Facts of a scene after FRAMES frames: SI units; densities over rest density, and mean colours
-    of the image's blocks over full brightness (-)."""
+    """Returns results of a scene after FRAMES frames, in SI units; densities over the rest density,
+    and mean colours of the blocks of the image over full brightness (-)."""
     show = Show(at_quality(load_scene(name), QUALITY, name), FRAME, SIZE, meshes=True)
     height = float(show.simulation.particles.numpy("x")[:, 1].max())
     for _ in range(FRAMES):

@@ -7,12 +7,13 @@ from msph.device import start
 
 @pytest.fixture(scope="session", autouse=True)
 def taichi_runtime():
-    """One Taichi runtime for all tests: every ti.init would recompile everything. Each process has
-    one thread, since two of them run beside each other.
+    """Starts one Taichi runtime for all tests, because every ti.init would recompile all kernels.
+    Each process has one thread, because two processes run the tests in parallel.
 
-    Most kernels run for moments, so the passes over their intermediate code, a fifth of the suite's
-    time, are left out; `make test-plain` compiles the water as users have it. A GPU is used even if
-    it fails the self-test: tests show what it gets wrong.
+    Most kernels run for a short time, so Taichi's optimization passes over their intermediate code,
+    a fifth of the suite's time, are omitted; `make test-plain` compiles the simulation as users
+    have it. A GPU is used even if it fails the self-test, so that tests show which results are
+    wrong.
     """
     if not os.environ.get("MSPH_PLAIN_TAICHI"):
         os.environ.setdefault("TI_ADVANCED_OPTIMIZATION", "0")
@@ -21,8 +22,9 @@ def taichi_runtime():
 
 
 def allocate_first_world():
-    """Taichi's cache on disk knows fields by the order of their allocation. With that of the first
-    world before all others, a process finds in the cache what earlier ones compiled for it."""
+    """Allocates the first world before all other fields, so that each process finds the kernels
+    that earlier processes compiled: Taichi's cache on disk identifies fields by the order of their
+    allocation."""
     from msph.fluid import world
     from msph.fluid.methods import METHODS
     from msph.fluid.room import FIRST
@@ -37,7 +39,8 @@ def allocate_first_world():
     world.give_back(first)
 
 
-# Files that take longest, begun first: two processes that share files then end at nearly one time.
+# Files that take longest. They start first, so that the two processes that share the files end at
+# nearly the same time.
 LONGEST = (
     "test_lessons.py",
     "test_window.py",

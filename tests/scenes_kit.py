@@ -1,4 +1,4 @@
-"""A small scene for tests: two layers, under four hundred particles, quick to compile and run."""
+"""Small scene for tests: two layers, fewer than 400 particles, quick to compile and run."""
 
 TEXT = """
 title = "A small pool of two layers"
@@ -27,7 +27,7 @@ lo = [0, 0.1008, 0]
 hi = [0.4, 0.18, 0.4]
 """
 
-# Water of the coarser layer, in place of both.
+# Water of the coarser layer only, to replace the water of both layers.
 WATER = """
 [[water]]
 layer = 1

@@ -1,4 +1,4 @@
-"""Caches that cannot be written: the run goes on without them, and says so in one line."""
+"""Tests that a run continues without a cache folder that cannot be written, and says so once."""
 
 import subprocess
 import sys
@@ -26,10 +26,10 @@ def test_a_folder_that_cannot_be_written_is_replaced(given, tmp_path, monkeypatc
     (line,) = told
     assert line.endswith("are not kept")
     ensure(told.append)
-    assert len(told) == 1, "the folder in its place can be written"
+    assert len(told) == 1, "the substitute folder is writable"
 
 
-# A command, then a kernel.
+# Script that runs a command, then compiles and launches a kernel.
 RUN = """
 from msph.cli import main
 from msph.device import start
@@ -40,8 +40,11 @@ ti.field(ti.f32, 4).fill(1.0)
 """
 
 
-def test_a_run_ends_well_without_a_cache(tmp_path):
-    """Taichi ended with a segmentation fault after the run."""
+def test_a_run_without_a_cache_exits_with_success(tmp_path):
+    """A run whose cache folder cannot be written succeeds and reports this in one line.
+
+    Regression: Taichi ended with a segmentation fault after the run.
+    """
     (tmp_path / "file").write_text("")
     environment = {"XDG_CACHE_HOME": str(tmp_path / "file"), "PATH": "", "HOME": str(Path.home())}
     run = subprocess.run(

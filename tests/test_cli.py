@@ -1,4 +1,4 @@
-"""The commands as a user types them, in this process where its start and end do not matter."""
+"""Tests of the commands as a user types them, in this process unless its start or end matters."""
 
 import csv
 import json
@@ -77,16 +77,16 @@ def test_scenes_lists_all_and_prints_one():
         (["swim"], "No such command 'swim'"),
     ],
 )
-def test_bad_input_is_one_line_and_exit_2(arguments, message):
+def test_bad_input_gives_one_line_and_exit_code_2(arguments, message):
     check_refusal(here(*arguments), message)
 
 
-def test_bad_input_is_one_line_and_exit_2_to_the_shell():
-    """As above, through `python -m msph` and the exit status of a process."""
+def test_bad_input_gives_one_line_and_exit_code_2_in_a_shell():
+    """`python -m msph` reports bad input in one line, and its process exits with status 2."""
     check_refusal(msph("capture", "no_such_scene"), "no such scene file or shipped scene")
 
 
-def test_what_nobody_thought_of_is_one_line_and_a_report(tmp_path, monkeypatch):
+def test_an_unexpected_error_gives_one_line_and_a_report(tmp_path, monkeypatch):
     monkeypatch.setattr("msph.ending.user_cache.file", lambda: tmp_path / "cache" / "measured.json")
     monkeypatch.setattr("msph.stage.commands.scenes", lambda **_: {}["a key\nthat is missing"])
     result = here("scenes")
@@ -96,8 +96,8 @@ def test_what_nobody_thought_of_is_one_line_and_a_report(tmp_path, monkeypatch):
     assert str(report) in result.stderr and "Traceback" in report.read_text()
 
 
-def test_an_empty_checkpoint_is_none(tmp_path):
-    """It was said to be an interrupt."""
+def test_an_empty_file_is_no_checkpoint(tmp_path):
+    """An empty file is refused as a checkpoint. Regression: it was reported as an interrupt."""
     empty = tmp_path / "empty.npz"
     empty.touch()
     check_refusal(
@@ -111,7 +111,7 @@ def check_refusal(result, message):
     assert result.stderr.startswith("msph: ") and message in result.stderr
 
 
-def test_bench_prints_speed_beside_error_and_writes_json(tmp_path):
+def test_bench_prints_speed_and_errors_and_writes_json(tmp_path):
     scene, rows = write(tmp_path), tmp_path / "deep" / "rows.json"
     result = msph("bench", scene, "--seconds", 0.1, "--arch", "cpu", "--json", rows)
     assert result.returncode == 0, result.stderr
@@ -137,7 +137,7 @@ def test_bench_without_render_times_the_fluid_alone_and_its_parts(tmp_path):
     assert printed == ["fluid", *parts]
 
 
-def test_bench_of_water_that_blows_up_fails(tmp_path):
+def test_bench_fails_if_the_simulation_blows_up(tmp_path):
     explode = ["--set", "water.1.velocity=[0, 1e30, 0]", "--set", "box.restitution=1"]
     result = here("bench", write(tmp_path), "--seconds", 0.1, "--no-render", *explode)
     assert result.returncode == 1
@@ -156,8 +156,12 @@ def test_capture_never_overwrites_the_scene_it_was_given(tmp_path):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="sends an interrupt")
 @pytest.mark.parametrize("wait", [0.15, "then running"])
-def test_an_interrupt_ends_the_program_from_its_first_moment_on(tmp_path, wait):
-    """4 of 10 were lost in callbacks of libraries while they were imported, or were tracebacks."""
+def test_an_interrupt_ends_the_program_at_any_time(tmp_path, wait):
+    """SIGINT ends the program without a traceback, during imports and during a run.
+
+    Regression: 4 of 10 interrupts during imports were lost in callbacks of libraries, or gave
+    tracebacks.
+    """
     scene, said = write(tmp_path), PYTHON_STARTS
     for _ in range(5):
         if PYTHON_STARTS in said:
@@ -166,12 +170,12 @@ def test_an_interrupt_ends_the_program_from_its_first_moment_on(tmp_path, wait):
     assert "Traceback" not in said
 
 
-# In the traceback of an interrupt of Python's own start, which a loaded machine draws out.
+# Text of the traceback if Python itself is interrupted at its start, which is slow under load.
 PYTHON_STARTS = "init_import_site"
 
 
 def interrupted(scene, wait):
-    """Exit status and stderr of a run that is interrupted after seconds or a text."""
+    """Returns exit status and stderr of a run interrupted after `wait`: seconds, or a text."""
     process = subprocess.Popen(
         [sys.executable, "-m", "msph", "bench", scene, "--seconds", "100"],
         stderr=subprocess.PIPE,
@@ -204,8 +208,10 @@ def test_files_that_exist_are_not_overwritten(tmp_path):
     assert result.returncode == 2 and edited.read_text() == TEXT
 
 
-def test_capture_says_once_that_inflows_waited(tmp_path):
-    """Only the window and `measure` said it. The pool holds the inflow of the scene's duration."""
+def test_capture_warns_once_that_inflows_waited(tmp_path):
+    """`capture` warns once if inflows have waited for room in the pool of particles, which holds
+    the inflow of the scene's duration. Regression: only the window and `measure` warned.
+    """
     inflow = "inflows=[{centre=[0.2, 0, 0.2], radius=0.1, speed=0.5}]"
     options = ("--set", "method=projection", "--set", inflow, "--set", "duration=0.02")
     target = tmp_path / "p_%d.csv"
@@ -228,7 +234,7 @@ def test_capture_resumes_from_a_checkpoint(tmp_path):
         *("--resume", last),
     )
     assert again.returncode == 0, again.stderr
-    # Numbers go on: a name tells the frame, and none is written over.
+    # File names continue with the number of the frame, so that no file is overwritten.
     assert not (tmp_path / "q_0002.npz").exists()
     with np.load(tmp_path / "q_0005.npz") as state:
         assert state["time"] == pytest.approx(0.2)
@@ -262,7 +268,7 @@ def test_measure_writes_probes_ledger_and_a_summary(tmp_path):
     assert list(readings[0]) == ["time_s", "floor_Pa", "gauge_m"]
     times = [float(row["time_s"]) for row in readings]
     assert times == pytest.approx([0.0, 0.02, 0.04, 0.06, 0.08, 0.1])
-    # No pressure is known before the first step; water stands .18 m high.
+    # No pressure is known before the first step; the water is 0.18 m deep.
     assert readings[0]["floor_Pa"] == "" and float(readings[1]["floor_Pa"]) != 0.0
     assert float(readings[0]["gauge_m"]) == pytest.approx(0.18, abs=0.01)
     assert [float(row["time_s"]) for row in ledger] == pytest.approx(times)
@@ -285,7 +291,7 @@ def test_measure_writes_probes_ledger_and_a_summary(tmp_path):
     assert kernel == surveyed
     bulk = [float(row["bulk_density_mean"]) for row in ledger if row["bulk_density_mean"]]
     assert errors["bulk_density_error_last"] == pytest.approx(bulk[-1] - 1.0, abs=1e-8)
-    # The same figures are printed, and what is beyond the limits is said.
+    # The same figures are printed, with a caution for each that is beyond its limit.
     for words in (
         "Errors of this run",
         "initial mass",
@@ -305,7 +311,7 @@ def test_measure_writes_probes_ledger_and_a_summary(tmp_path):
     assert again.measure.every == 0.02 and again.duration == 0.1 and len(again.probes) == 2
 
 
-def test_measure_of_water_that_blows_up_keeps_what_there_is(tmp_path):
+def test_measure_keeps_its_results_if_the_simulation_blows_up(tmp_path):
     explode = ["--set", "water.1.velocity=[0, 1e30, 0]", "--set", "box.restitution=1"]
     out = tmp_path / "out"
     result = here("measure", write(tmp_path), "-o", out, "--set", "measure.survey=0", *explode)
@@ -318,13 +324,13 @@ def test_measure_of_water_that_blows_up_keeps_what_there_is(tmp_path):
     assert "kinetic_J" in (out / "ledger.csv").read_text()
 
 
-def test_water_laid_is_told_from_water_asked_where_they_differ():
+def test_initial_and_specified_mass_are_both_given_if_they_differ():
     assert mass_text({"mass_laid_kg": 28.8001, "mass_asked_kg": 28.8}) == "28.8 kg"
     told = mass_text({"mass_laid_kg": 28.9, "mass_asked_kg": 28.8})
     assert told == "28.9 kg of 28.8 kg specified"
 
 
-def test_water_that_a_body_traps_is_one_line_and_a_failed_run(tmp_path):
+def test_trapped_water_fails_the_run_with_one_line(tmp_path):
     piston = """
 [[bodies]]
 lo = [0, 0.2, 0]
@@ -341,7 +347,7 @@ velocity = [0, -2, 0]
 
 
 def test_help_needs_no_taichi():
-    """Nor what takes as long to import: --help is there within .4 s."""
+    """The commands import neither Taichi nor other slow libraries: --help takes at most 0.4 s."""
     slow = {"taichi", "numpy", "pydantic", "PIL"}
     script = f"import sys, msph.cli; print(*{slow} & set(sys.modules))"
     run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
@@ -350,7 +356,10 @@ def test_help_needs_no_taichi():
 
 @pytest.mark.skipif(sys.platform == "win32", reason="sends a signal")
 def test_a_signal_before_the_first_frame_leaves_a_summary(tmp_path):
-    """SIGTERM during the compilation of kernels ended the process in silence."""
+    """SIGTERM before the first frame ends the run with a message and a summary.
+
+    Regression: during the compilation of kernels SIGTERM ended the process without a message.
+    """
     folder = tmp_path / "out"
     process = subprocess.Popen(
         [sys.executable, "-m", "msph", "measure", write(tmp_path), "-o", str(folder)],
@@ -369,8 +378,11 @@ def test_a_signal_before_the_first_frame_leaves_a_summary(tmp_path):
     assert summary["failure"] == "interrupted" and not summary["complete"]
 
 
-def test_too_little_memory_is_said(tmp_path, monkeypatch):
-    """It was an unexpected error with a line of Taichi's C++."""
+def test_insufficient_memory_is_reported(tmp_path, monkeypatch):
+    """Failed allocations are reported as insufficient memory.
+
+    Regression: they were reported as unexpected errors, with a line of Taichi's C++.
+    """
     said = "[host_memory_pool.cpp] Virtual memory allocation (1073741824 B) failed."
     for error in (MemoryError(), RuntimeError(said), RuntimeError("std::bad_alloc")):
         assert unexpected(error).startswith("not enough memory")

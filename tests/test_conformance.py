@@ -1,4 +1,4 @@
-"""Another architecture computes what the CPU computes: fluid, adaptation, surface and image.
+"""Tests that another architecture agrees with the CPU: fluid, adaptation, surface and image.
 
 MSPH_CONFORMANCE_ARCH names the architecture, by default Vulkan.
 """
@@ -20,7 +20,7 @@ ARCH = os.environ.get("MSPH_CONFORMANCE_ARCH", "vulkan")
 
 @pytest.fixture(scope="module")
 def both():
-    """Facts by scene on the CPU and on ARCH."""
+    """Returns the results of all scenes on the CPU and on ARCH."""
     require(ARCH)
     return tuple(map(facts, ("cpu", ARCH)))
 
@@ -40,7 +40,7 @@ def pair(both, request):
 
 
 def test_the_fluid_moves_as_on_the_cpu(pair):
-    """Energies by the height of the water: kinetic within 0.1 % of M g H, and potential."""
+    """Kinetic and potential energy agree within 0.1 % of M g H, H the height of the water."""
     cpu, other = pair
     scale = cpu["mass"] * 9.81 * cpu["height"]
     assert other["mass"] == pytest.approx(cpu["mass"], rel=1e-5)
@@ -49,28 +49,28 @@ def test_the_fluid_moves_as_on_the_cpu(pair):
     assert other["outside"] == 0
 
 
-def test_the_density_is_as_right_as_on_the_cpu(pair):
-    """Within 0.1 % of rest density in the mean, and 1 % for the 99th percentile."""
+def test_density_errors_agree_with_the_cpu(pair):
+    """Mean solver residuals agree within 0.1 % of the rest density, 99th percentiles within 1 %."""
     cpu, other = pair
     assert other["density_mean"] == pytest.approx(cpu["density_mean"], abs=1e-3)
     assert other["density_p99"] == pytest.approx(cpu["density_p99"], abs=1e-2)
 
 
-def test_adaptation_keeps_as_many_particles(pair):
+def test_adaptation_gives_as_many_particles_as_on_the_cpu(pair):
     cpu, other = pair
     assert other["particles"] == pytest.approx(cpu["particles"], rel=0.01)
 
 
-def test_the_surface_is_closed_and_holds_the_water(pair):
-    """The volume is the water's within 0.1 % more than on the CPU."""
+def test_the_surface_is_closed_and_has_the_volume_of_the_water(pair):
+    """The mesh is closed, and its volume error is at most 0.1 % larger than on the CPU."""
     cpu, other = pair
     assert cpu["open_edges"] == other["open_edges"] == 0
     assert abs(other["volume_error"]) < abs(cpu["volume_error"]) + 1e-3
 
 
 def test_the_image_is_the_same(pair):
-    """Mean colours of its blocks differ by less than 0.3 % of full brightness in the mean, and
-    nowhere by 5 %; where water is not drawn, they differ by more."""
+    """Mean colours of blocks of the image differ by less than 0.3 % of full brightness on average,
+    and by less than 5 % in each block; they differ by more if water is not rendered."""
     if "llvmpipe" in (gpu_name(ARCH) or ""):
         pytest.skip("Mesa's software driver loses iterations of loops with atomic operations")
     cpu, other = (np.array(found["image"]) for found in pair)

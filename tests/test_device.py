@@ -1,4 +1,4 @@
-"""Where Taichi's threads run."""
+"""Tests of the start of Taichi: CPUs of its threads, its kernel cache, choice of architecture."""
 
 import os
 import subprocess
@@ -10,7 +10,7 @@ import taichi as ti
 
 from msph import device
 
-# Prints, a line each, the CPUs that each thread may use which came with Taichi.
+# Prints a line for each thread that Taichi started: the CPUs that the thread may use.
 SCRIPT = """
 import os
 import taichi
@@ -33,7 +33,10 @@ def cpus_by_thread(threads):
 
 @pytest.mark.skipif(not hasattr(os, "sched_getaffinity"), reason="the system does not tell")
 def test_each_thread_has_a_cpu_of_its_own():
-    """Workers that Linux wakes on the same CPU make two threads as slow as one."""
+    """Each of Taichi's threads is pinned to its own CPU.
+
+    Two threads that Linux wakes on the same CPU are as slow as one.
+    """
     ours = os.sched_getaffinity(0)
     found = cpus_by_thread(None)
     assert len(found) >= len(ours)
@@ -42,13 +45,16 @@ def test_each_thread_has_a_cpu_of_its_own():
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_getaffinity"), reason="the system does not tell")
-def test_fewer_threads_run_where_they_like():
-    """Two runs of one thread each would else share a CPU."""
+def test_fewer_threads_are_not_pinned():
+    """Threads of a given number are not pinned: two runs of one thread each would share a CPU."""
     assert set(cpus_by_thread(1)) == {tuple(sorted(os.sched_getaffinity(0)))}
 
 
 def test_a_lock_that_a_killed_process_left_is_removed(tmp_path):
-    """With it no kernel is read from the cache or written to it; a fresh one is in use."""
+    """A stale lock of the kernel cache is removed, and a fresh lock, which is in use, is kept.
+
+    With a lock no kernel is read from the cache or written to it.
+    """
     lock = tmp_path / device.LOCK
     device.unlock(tmp_path)
     lock.touch()
@@ -60,8 +66,8 @@ def test_a_lock_that_a_killed_process_left_is_removed(tmp_path):
     assert not lock.exists()
 
 
-def test_the_cache_is_where_taichi_has_it(tmp_path):
-    """Its lock, left there, is gone after a start that used the cache."""
+def test_the_cache_folder_follows_taichis_environment_variable(tmp_path):
+    """A start removes a stale lock in the folder that Taichi's variable names, and caches there."""
     (tmp_path / device.LOCK).touch()
     os.utime(tmp_path / device.LOCK, (0.0, 0.0))
     script = "import taichi as ti\nfrom msph import device\ndevice.start('cpu')\n"
@@ -86,8 +92,12 @@ number()
 """
 
 
-def test_what_was_compiled_is_kept_for_the_next_start(tmp_path):
-    """By the order in which modules were left, Taichi did not end, and every start was cold."""
+def test_compiled_kernels_are_cached_for_the_next_start(tmp_path):
+    """A process that ends leaves its compiled kernels in the cache.
+
+    Regression: depending on the order in which Python removed modules at exit, Taichi did not shut
+    down, and every start compiled all kernels.
+    """
     (tmp_path / "started.py").write_text(STARTED)
     cache = tmp_path / "cache"
     environment = {**os.environ, "TI_OFFLINE_CACHE_FILE_PATH": str(cache)}
@@ -98,7 +108,10 @@ def test_what_was_compiled_is_kept_for_the_next_start(tmp_path):
 
 
 def test_auto_selects_the_cpu_on_macos(monkeypatch):
-    """A Metal window of Taichi 1.7.4 has frozen macOS (taichi issue #8775)."""
+    """On macOS "auto" selects the CPU.
+
+    A Metal window of Taichi 1.7.4 has frozen macOS (taichi issue #8775).
+    """
     asked = []
     monkeypatch.setattr(sys, "platform", "darwin")
     monkeypatch.setattr(device, "_started", None)

@@ -1,4 +1,4 @@
-"""Signals while libraries are imported: tests/stage/test_recorder.py has those of runs."""
+"""Tests of signals during imports; tests/stage/test_recorder.py tests signals during runs."""
 
 import signal
 import warnings
@@ -8,8 +8,11 @@ import pytest
 from msph.interrupts import end_at_once, importing
 
 
-def test_an_import_that_fails_gives_interrupts_back():
-    """It left Ctrl-C to end the process for good."""
+def test_a_failed_import_restores_the_signal_handlers():
+    """A failed import restores the handler of SIGINT.
+
+    Regression: from then on Ctrl-C ended the process at once, as during imports.
+    """
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         with pytest.raises(ImportError), importing():
@@ -20,8 +23,11 @@ def test_an_import_that_fails_gives_interrupts_back():
         signal.signal(signal.SIGINT, before)
 
 
-def test_only_deprecations_of_libraries_are_kept_from_users():
-    """What Taichi lacks, for which kernels are launched slowly, was not said."""
+def test_imports_hide_deprecation_warnings_only():
+    """Imports hide a DeprecationWarning and show a UserWarning.
+
+    Regression: the warning that Taichi lacks an interface, so that launches are slower, was hidden.
+    """
     with warnings.catch_warnings(record=True) as heard, importing():
         warnings.simplefilter("always", UserWarning)
         warnings.warn("taichi lacks something", stacklevel=1)

@@ -1,4 +1,4 @@
-"""No command changes a byte of a file that existed before it, whatever its outputs are called."""
+"""Tests that no command changes an existing file, whatever the names of its outputs."""
 
 import contextlib
 import tempfile
@@ -25,7 +25,7 @@ MEASURED = (
     *("ledger.csv", "probes.csv", "summary.json", "scene.toml", "checkpoint.npz"),
     *("ledger.png", "probes.png"),
 )
-# Arguments by command, {} the folder, and files that it writes.
+# Arguments of each command, {} for the folder, and names of the files that the command writes.
 COMMANDS = {
     "capture": (
         "capture {}/small.toml -o {}/a.png -o {}/a.mp4 -o {}/a.gif -o {}/f_%04d.png "
@@ -46,7 +46,7 @@ COMMANDS = {
 
 
 def decoys(names):
-    """Names that a careless writer might use on the way to its outputs."""
+    """Returns names that a program might use for temporary files of these outputs."""
     return [made for n in names for made in (f"new_{n}", f".{n}", f"{n}.part", f"{n}.tmp", f"{n}~")]
 
 
@@ -71,7 +71,7 @@ def run(command, folder):
 
 
 def filled(folder, names):
-    """Contents by path: the scene, and files of these names."""
+    """Writes the scene and files of these names; returns all contents by path."""
     write(folder, SCENE)
     for name in names:
         (folder / name).write_text(f"a holiday: {name}")
@@ -79,14 +79,14 @@ def filled(folder, names):
 
 
 def added(before, folder):
-    """Names of the files that are new; those that were there are unchanged."""
+    """Returns the names of the new files; asserts that all earlier files are unchanged."""
     after = {path: path.read_bytes() for path in folder.iterdir()}
     assert before == {path: after.pop(path, None) for path in before}
     return {path.name for path in after}
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_files_beside_those_that_are_written_are_unchanged(command, tmp_path):
+def test_files_with_names_similar_to_the_outputs_are_unchanged(command, tmp_path):
     names = COMMANDS[command][1]
     before = filled(tmp_path, decoys(names))
     run(command, tmp_path)
@@ -94,7 +94,7 @@ def test_files_beside_those_that_are_written_are_unchanged(command, tmp_path):
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_a_name_that_is_taken_is_refused_and_nothing_is_written(command, tmp_path):
+def test_an_existing_output_is_refused_and_nothing_is_written(command, tmp_path):
     for name in COMMANDS[command][1]:
         folder = tmp_path / name
         folder.mkdir()
@@ -107,7 +107,7 @@ def test_a_name_that_is_taken_is_refused_and_nothing_is_written(command, tmp_pat
 @settings(deadline=None, derandomize=True, max_examples=60)
 @given(st.sampled_from(sorted(COMMANDS)), st.data())
 def test_any_files_are_unchanged(one_folder, command, data):
-    """Any set of files of any content, among them an output: the command is refused."""
+    """A command is refused and changes no file if an output exists, whatever other files exist."""
     names = COMMANDS[command][1]
     taken = data.draw(st.sets(st.sampled_from(names), min_size=1))
     beside = data.draw(st.sets(st.sampled_from(decoys(names)), max_size=6))

@@ -1,5 +1,5 @@
-"""Lessons: each is done by a student who does what its solution says, and not by one who does
-nothing; bad lesson files get one line; pages and slides hold what they should."""
+"""Tests of lessons: solutions complete the tasks and inaction does not, errors in lesson files give
+one line, and pages and slides are complete."""
 
 import json
 import math
@@ -35,25 +35,25 @@ from msph.stage.preparation import prepare_row
 
 SIZE = (480, 270)
 LESSONS = tuple(shipped_lessons())
-# Whose numbers are those of the picture.
+# Lessons whose quantities are measured in the rendered image.
 SEEN = ("light",)
 
 
 def prepared(course, size=None):
-    """The waters of a lesson, or None for one with a board."""
+    """Returns the simulations of a lesson, or None for a lesson with a board."""
     if course.lesson.board:
         return None
     return prepare_row(course.scenes, ["" for _ in course.scenes], size)
 
 
-def test_there_are_ten_in_their_order():
+def test_there_are_ten_lessons_in_order():
     assert len(LESSONS) == 10
     orders = [load_lesson(name).lesson.order for name in LESSONS]
     assert orders == list(range(1, 11))
 
 
 @pytest.mark.parametrize("name", LESSONS)
-def test_a_student_ticks_every_task_and_one_who_does_nothing_none(name):
+def test_solutions_complete_all_tasks_and_inaction_none(name):
     course = load_lesson(name)
     row = prepared(course, (320, 180) if name in SEEN else None)
     progress = Progress(course, row)
@@ -72,7 +72,7 @@ def test_a_student_ticks_every_task_and_one_who_does_nothing_none(name):
     assert progress.pauses and progress.page == 1 + len(course.lesson.do)
 
 
-def test_numbers_on_the_screen_are_those_of_the_ledger():
+def test_displayed_numbers_equal_the_ledger():
     course = load_lesson("forces")
     row = prepared(course)
     progress = Progress(course, row)
@@ -86,7 +86,7 @@ def test_numbers_on_the_screen_are_those_of_the_ledger():
     assert names["water"].time == show.simulation.time == pytest.approx(entry.time)
     assert names["gravity"] == course.lesson.do[0].solution.set["gravity"]
     assert math.hypot(*show.scene.gravity) == pytest.approx(names["gravity"])
-    # Measured anew from the positions, by the formula.
+    # The solver residual is computed again from measured densities, by its formula.
     show.simulation.measure_density()
     density = show.simulation.particles.numpy("density") / show.scene.density
     assert Numbers(show).solver_residual == pytest.approx(
@@ -97,7 +97,7 @@ def test_numbers_on_the_screen_are_those_of_the_ledger():
     assert float(shown["centre y"]) == pytest.approx(entry.centre[1], rel=1e-3)
 
 
-def test_captions_are_short_and_spelt_right(tmp_path):
+def test_captions_are_short_and_spelt_correctly(tmp_path):
     for name in LESSONS:
         lesson = load_lesson(name).lesson
         texts = [lesson.title, lesson.predict.ask, *lesson.predict.choices, lesson.why.text]
@@ -107,7 +107,7 @@ def test_captions_are_short_and_spelt_right(tmp_path):
     assert codespell(str(tmp_path)) == 0
 
 
-def test_excerpts_are_the_source_as_it_is():
+def test_excerpts_equal_the_source():
     for name in LESSONS:
         course = load_lesson(name)
         assert 3 <= len(course.code) <= LINES
@@ -121,7 +121,7 @@ def test_excerpts_are_the_source_as_it_is():
         excerpt("msph.fluid.classic", first="purple")
 
 
-# Lessons that cannot be used: a change of a good one, and what is said.
+# A valid lesson; and invalid ones: text to replace in it, replacement, and error message.
 TINY = """
 title = "A small lesson"
 board = "contours"
@@ -201,7 +201,7 @@ def written(folder, text):
 
 
 @pytest.mark.parametrize("kind", BAD)
-def test_a_bad_lesson_gets_one_line(kind, tmp_path):
+def test_an_invalid_lesson_gives_one_line(kind, tmp_path):
     old, new, problem = BAD[kind]
     assert old in TINY
     with pytest.raises(SceneError, match=problem) as error:
@@ -218,7 +218,7 @@ def test_a_lesson_of_thirty_lines_works(tmp_path):
     assert not student.work(acts=False) and student.work()
 
 
-def test_sliders_cannot_leave_what_a_parameter_may_be(tmp_path):
+def test_sliders_stay_within_the_limits_of_their_parameter(tmp_path):
     shutil.copytree(assets() / "lessons" / "forces", tmp_path / "mine")
     path = tmp_path / "mine" / "lesson.toml"
     path.write_text(path.read_text().replace("lo = 1.0", "lo = -1.0"))
@@ -226,12 +226,12 @@ def test_sliders_cannot_leave_what_a_parameter_may_be(tmp_path):
         load_lesson(str(tmp_path / "mine"))
 
 
-def test_unknown_lessons_are_told_of():
+def test_an_unknown_lesson_gives_a_suggestion():
     with pytest.raises(SceneError, match="no such lesson; did you mean 'kernels'"):
         load_lesson("kernel")
 
 
-def test_expressions_compare_and_refuse():
+def test_expressions_compare_numbers_and_refuse_other_code():
     names = {"a": 2.0, "b": math.nan}
     assert value("a > 1 and abs(-a) == 2", names) is True
     assert value("b > 1 or b < 1", names) is False
@@ -251,8 +251,13 @@ def test_expressions_compare_and_refuse():
             check(text, {"a": None, "b": {"x"}})
 
 
-def test_a_lesson_goes_on_where_it_was_left(tmp_path, monkeypatch):
-    """Back from there it ended in an IndexError, and a finished one forgot what was done."""
+def test_a_lesson_resumes_where_it_was_left(tmp_path, monkeypatch):
+    """A lesson resumes on its page with its sliders, and a finished lesson starts again but remains
+    listed as done.
+
+    Regression: after resuming, the previous page raised an IndexError, and a finished lesson lost
+    its completed tasks.
+    """
     from msph import user_cache
     from msph.lesson import commands
 
@@ -281,12 +286,12 @@ def test_a_lesson_goes_on_where_it_was_left(tmp_path, monkeypatch):
     assert ("kernels", course.lesson.title, "3 of 3 done") in commands.listed()
 
 
-def test_every_quantity_has_a_unit_and_words():
+def test_every_quantity_has_a_unit_and_a_text():
     for quantity in QUANTITIES.values():
         assert quantity.unit and quantity.text
 
 
-def test_kernels_of_the_board_are_ours_and_integrate_to_one():
+def test_kernels_of_the_board_integrate_to_one():
     r = np.linspace(1e-4, 2.0, 4001)
     for w in sampled(r, 2.0):
         integral = np.trapezoid(4.0 * np.pi * r**2 * w, r)
@@ -299,7 +304,7 @@ def test_the_grid_is_figure_4_3_of_the_thesis():
     assert start["threshold"] == 5.0
     rows = ["01322", "24584", "36793", "17693", "14342"]
     assert [[int(n) for n in row] for row in rows] == NUMBERS.tolist()
-    # At 5 there is one pond; at 6 two 7s are opposite corners of a cell.
+    # At threshold 5 there is one pond; at 6 two values of 7 are at opposite corners of a cell.
     assert (board.numbers(start)["ponds"], board.numbers(start)["ambiguous"]) == (1.0, 0.0)
     ponds = [
         board.numbers(start | {"threshold": 6.0, "diagonal": diagonal})["ponds"]
@@ -309,7 +314,7 @@ def test_the_grid_is_figure_4_3_of_the_thesis():
 
 
 def test_named_values_are_shown_by_name(tmp_path):
-    """The lesson asked for scene 2, quality 4."""
+    """Named values are displayed by name. Regression: the lesson asked for scene 2, quality 4."""
     progress = Progress(load_lesson("choosing"), None)
     assert progress.reading("scene", 2.0) == "dam break"
     assert progress.reading("quality", 4.0) == "finest"
@@ -325,16 +330,22 @@ def test_named_values_are_shown_by_name(tmp_path):
         )
 
 
-def test_simulations_have_one_name():
-    """System 1 was also called "one"."""
+def test_simulations_have_the_same_name_everywhere():
+    """Titles of simulations match their names in checks.
+
+    Regression: System 1 was also called "one".
+    """
     several = [course for course in map(load_lesson, LESSONS) if len(course.scenes) > 1]
     for course in several:
         for known, title in course.titles.items():
             assert title.lower().replace(" ", "_") == known
 
 
-def test_a_completed_task_shows_what_completed_it_until_restarted():
-    """Another number stood beside the current one."""
+def test_a_completed_task_keeps_its_numbers_until_restarted():
+    """A completed task displays the numbers that completed it until it is restarted.
+
+    Regression: another number was displayed next to the current number.
+    """
     course = load_lesson("cubes")
     guide = Guide(course, None, SIZE)
     progress = guide.progress
@@ -349,8 +360,11 @@ def test_a_completed_task_shows_what_completed_it_until_restarted():
     assert not progress.ticked[0] and progress.shown() == ["threshold 5", "ponds 1", "ambiguous 0"]
 
 
-def test_a_board_is_checked_where_its_slider_was_released():
-    """A slider that passed a solution completed the task there."""
+def test_a_board_is_checked_when_its_slider_is_released():
+    """A task is completed only by the value at which the slider is released.
+
+    Regression: a slider that was dragged past a solution completed the task.
+    """
     course = load_lesson("cubes")
     guide = Guide(course, None, SIZE)
     guide.progress.answer(3), guide.progress.go(1)
@@ -374,12 +388,12 @@ def test_contours_lie_where_the_numbers_cross_the_threshold():
                 assert a + t * (b - a) == pytest.approx(threshold)
 
 
-def test_cubes_fit_by_the_shared_face_and_not_each_by_itself():
+def test_adjacent_cubes_fit_only_if_decided_by_their_shared_face():
     assert len(open_edges(pair_mesh(by_face=False))) == 4
     assert open_edges(pair_mesh(by_face=True)) == []
 
 
-def test_boards_are_drawn_in_full_size():
+def test_boards_fill_their_image():
     for name in MODULES:
         board = board_of(name)
         values = {name: given.start for name, given in board.INPUTS.items()}
@@ -388,8 +402,11 @@ def test_boards_are_drawn_in_full_size():
         assert set(board.numbers(values)) == set(board.NUMBERS)
 
 
-def test_a_drawing_keeps_its_layout_and_nothing_of_the_last_one():
-    """Each took up to 0.6 s, most of it for the layout."""
+def test_a_drawing_reuses_its_layout_and_keeps_no_old_content():
+    """Drawing a board again reuses its layout and leaves nothing of the last drawing.
+
+    Regression: each drawing took up to 0.6 s, most of it for the layout.
+    """
     for name in MODULES:
         board = board_of(name)
         values = {name: given.start for name, given in board.INPUTS.items()}
@@ -404,7 +421,10 @@ def test_a_drawing_keeps_its_layout_and_nothing_of_the_last_one():
 
 @pytest.mark.parametrize("name", LESSONS)
 def test_each_answer_is_explained_and_fits_its_page(name, monkeypatch):
-    """A wrong answer was only marked as wrong."""
+    """The reason of each answer is displayed and fits on the page.
+
+    Regression: a wrong answer was only marked as wrong.
+    """
     course, size = load_lesson(name), (960, 540)
     text = text_height(size[1])
     low = band_height(text)
@@ -430,7 +450,7 @@ def test_each_answer_is_explained_and_fits_its_page(name, monkeypatch):
 
 
 class TestGuide:
-    """Keys and mouse of a lesson with a board, as a window brings them."""
+    """Tests of key and mouse input in a lesson with a board."""
 
     @pytest.fixture
     def guide(self):
@@ -440,16 +460,18 @@ class TestGuide:
         assert guide.handle_key("n") and guide.progress.page == 0 and guide.pauses
         assert guide.handle_key("d") and guide.progress.answered == 0, "there are three choices"
         assert guide.handle_key("b") and guide.progress.answered == 2
-        assert guide.handle_key("a") and guide.progress.answered == 2, "once"
+        assert guide.handle_key("a") and guide.progress.answered == 2, "an answer counts once"
         assert guide.handle_key("n") and guide.progress.page == 1 and not guide.pauses
         assert guide.handle_key("b") and guide.progress.page == 0
         assert not guide.handle_key("p")
 
-    def test_a_slider_follows_the_mouse_from_where_it_was_taken(self, guide):
+    def test_a_slider_follows_the_mouse_until_released(self, guide):
         import taichi as ti
 
         guide.handle_key("a"), guide.handle_key("n")
-        assert guide.handle_key("i") and guide.handle_key("Tab"), "other scenes are not led to"
+        assert guide.handle_key("i") and guide.handle_key("Tab"), (
+            "keys for other scenes are consumed"
+        )
         image = Image(ti.Vector.field(3, ti.f32, SIZE), *SIZE)
         guide.draw(image)
         place = guide.band.sheet.sliders[0]
@@ -459,15 +481,15 @@ class TestGuide:
             return np.array([x / SIZE[0], y])
 
         assert guide.is_on_page(at(place.left)) and not guide.is_on_page(np.array([0.5, 0.9]))
-        # A button that went down elsewhere takes no slider.
+        # A button that was pressed elsewhere moves no slider.
         assert not guide.drag(np.array([0.1, 0.9]), True, True)
         assert not guide.drag(at(place.left), True, False)
         guide.drag(at(place.left), False, False)
         assert guide.drag(at(place.left), True, True)
         assert guide.progress.values["threshold"] == place.lo
-        assert guide.drag(np.array([2.0, 2.0]), True, False), "it may leave the window"
+        assert guide.drag(np.array([2.0, 2.0]), True, False), "a drag may leave the window"
         assert guide.progress.values["threshold"] == place.hi
-        # The release counts where it is, and so does a whole drag between two frames.
+        # The position of the release counts, also for a whole drag between two frames.
         assert not guide.drag(at(place.left), False, False)
         assert guide.progress.values["threshold"] == place.lo
         assert not guide.drag(np.array([2.0, 2.0]), False, True)
@@ -476,7 +498,7 @@ class TestGuide:
         assert guide.progress.values["threshold"] == place.lo
         assert guide.handle_key("r") and guide.progress.values["threshold"] == 5.0
 
-    def test_pages_are_laid_over_the_picture(self, guide):
+    def test_pages_are_drawn_over_the_image(self, guide):
         import taichi as ti
 
         image = Image(ti.Vector.field(3, ti.f32, SIZE), *SIZE)
@@ -491,13 +513,13 @@ class TestGuide:
         guide.draw(image)
         assert image.field.to_numpy().mean() < 0.3
 
-    def test_text_can_be_read(self):
+    def test_text_is_large_enough_and_wrapped(self):
         assert text_height(540) >= 18 and band_height(18) < 0.45 * 540
         assert folded("    x = 1", 80) == ["    x = 1"]
         assert folded("    " + "word " * 30, 40)[1].startswith(" " * 12)
 
 
-def test_water_that_blew_up_begins_again(monkeypatch):
+def test_an_unstable_simulation_is_restarted(monkeypatch):
     from msph.lesson import commands
 
     calls = []
@@ -526,7 +548,7 @@ def test_water_that_blew_up_begins_again(monkeypatch):
     assert calls == ["again", "unstable simulation restarted; r also resets the sliders"]
 
 
-def test_a_page_is_whole_and_needs_no_network(tmp_path):
+def test_a_page_is_complete_and_needs_no_network(tmp_path):
     course = load_lesson("cubes")
     (path,) = web.write(course, tmp_path)
     text = path.read_text(encoding="utf-8")
@@ -543,7 +565,10 @@ def test_a_page_is_whole_and_needs_no_network(tmp_path):
 
 @pytest.mark.parametrize("name", [name for name in LESSONS if load_lesson(name).lesson.board])
 def test_tasks_of_a_page_can_be_completed_with_its_sliders(name, monkeypatch):
-    """A page asked for a scene and had a slider of the quality only."""
+    """Each task of a page has the sliders of its solution, and they can complete it.
+
+    Regression: a page asked for a scene but had a slider for the quality only.
+    """
     monkeypatch.setattr(web, "SIZE", (480, 200))
     course = load_lesson(name)
     for task, part in zip(course.lesson.do, web.on_board(course), strict=True):
@@ -557,8 +582,8 @@ def test_tasks_of_a_page_can_be_completed_with_its_sliders(name, monkeypatch):
         assert not frames[begin]["done"] and any(frame["done"] for frame in frames)
 
 
-def test_pages_of_simulations_ask_for_nothing():
-    """They told the reader of a video to press keys."""
+def test_pages_with_videos_ask_for_no_input():
+    """Texts next to videos ask for no input. Regression: they told the reader to press keys."""
     asks = re.compile(
         r"\b(press|keys?|drag|sliders?|mouse)\b|(^|[.:,] )(set|tilt|push|raise|lower|turn)\b",
         re.IGNORECASE,
@@ -568,7 +593,7 @@ def test_pages_of_simulations_ask_for_nothing():
             assert task.watch and not asks.search(task.watch), task.watch
 
 
-def test_lessons_that_do_not_work_are_warned_of(tmp_path, capsys):
+def test_tasks_that_do_not_work_give_a_warning(tmp_path, capsys):
     text = TINY.replace("{ threshold = 6.0 }", "{ threshold = 7.0 }")
     slides.write(load_lesson(written(tmp_path / "vain", text)), tmp_path / "out")
     assert "vain: do.0.solution: does not make the check hold" in capsys.readouterr().err
@@ -577,7 +602,7 @@ def test_lessons_that_do_not_work_are_warned_of(tmp_path, capsys):
     assert "idle: do.0.check: holds before the solution" in capsys.readouterr().err
 
 
-def test_numbers_are_told_without_powers_of_ten():
+def test_numbers_are_formatted_without_powers_of_ten():
     told = [readable(v) for v in (0.0, 1.234567, 123456.0, 1.3e-6, -2.5e-9, -1890.0, math.nan)]
     assert told == ["0", "1.235", "123,456", "under 0.001", "under 0.001", "-1,890", "unknown"]
 
@@ -601,7 +626,7 @@ def test_slides_are_numbered_and_captioned(tmp_path):
         assert imageio.imread(picture).shape[:2] == slides.SIZE[::-1]
 
 
-def test_teaching_md_tells_of_every_lesson_and_every_number():
+def test_teaching_md_lists_every_lesson_and_every_quantity():
     text = (assets().parent / "docs" / "teaching.md").read_text(encoding="utf-8")
     for name, quantity in QUANTITIES.items():
         assert f"| `{name}` | {quantity.unit} | {quantity.text} |" in text

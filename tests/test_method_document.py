@@ -10,7 +10,7 @@ TEXT = (ROOT / "docs" / "method.md").read_text(encoding="utf-8")
 
 
 def plain(name: str) -> str:
-    """A dotted name without `self.` and leading underscores."""
+    """Returns a dotted name without `self.` and leading underscores."""
     return name.removeprefix("self.").lstrip("_")
 
 

@@ -1,4 +1,4 @@
-"""Output files: what existed before is never changed, and what is written is whole."""
+"""Tests of output files: existing files are not changed, and written files are complete."""
 
 import errno
 import os
@@ -50,8 +50,11 @@ def test_a_command_may_write_its_own_file_again(tmp_path):
     assert path.read_text() == "2"
 
 
-def test_a_temporary_file_has_a_name_of_its_own(tmp_path):
-    """new_NAME was written and removed, a user's file of that name with it."""
+def test_a_temporary_file_has_an_unused_name(tmp_path):
+    """A temporary file takes no name that exists.
+
+    Regression: the name was new_NAME, so a user's file of that name was overwritten and removed.
+    """
     taken = tmp_path / "new_a.json"
     taken.write_text("a holiday")
     with replacing(tmp_path / "a.json") as temporary:
@@ -67,7 +70,7 @@ def test_files_have_the_permissions_of_the_user(tmp_path):
     assert (tmp_path / "a.json").stat().st_mode == (tmp_path / "b.json").stat().st_mode
 
 
-def test_a_link_stays_a_link(tmp_path):
+def test_a_symbolic_link_remains_a_link(tmp_path):
     (tmp_path / "target.json").write_text("old")
     os.symlink(tmp_path / "target.json", tmp_path / "a.json")
     claim([tmp_path / "a.json"], force=True)
@@ -83,7 +86,7 @@ def test_free_stems_are_numbered(tmp_path):
     assert free_stem(tmp_path, "pool") == "pool_3"
 
 
-def test_a_write_that_fails_leaves_what_there_was(tmp_path):
+def test_a_failed_write_leaves_the_old_file(tmp_path):
     path = tmp_path / "a.json"
     replace(path, "old")
     with pytest.raises(UnicodeEncodeError):
@@ -91,8 +94,11 @@ def test_a_write_that_fails_leaves_what_there_was(tmp_path):
     assert path.read_text() == "old"
 
 
-def test_a_disk_that_fills_is_said_and_leaves_no_part(tmp_path):
-    """A part of a checkpoint was left, and the error named no file."""
+def test_a_full_disk_is_reported_and_leaves_no_partial_file(tmp_path):
+    """A full disk gives an error that names the file, and leaves the old file and no partial one.
+
+    Regression: a partial checkpoint was left, and the error named no file.
+    """
     path = tmp_path / "checkpoint.npz"
     replace(path, "old")
     message = r"checkpoint\.npz: no space left on device"

@@ -1,4 +1,4 @@
-"""The sweep of speed against error: its cases at sizes that take seconds, and how it is read."""
+"""Tests of the sweep of speed against error: cases at sizes that take seconds, and the report."""
 
 import dataclasses
 
@@ -14,8 +14,8 @@ from bench.terms import VORTEX_SPEED
 from bench.terms import vortex as taylor_green
 
 
-def test_a_case_is_measured_against_its_formula():
-    """Six spacings: the wave is damped and late, but it is a wave."""
+def test_sloshing_is_measured_against_linear_theory():
+    """A wave in water 6 spacings deep is damped and late, but its errors are below the limits."""
     run, errors = CASES["sloshing"].measure(Setting(water=ADAPTIVE, resolution=6))
     assert set(errors) == set(CASES["sloshing"].errors)
     assert errors["period"] < 0.2 and errors["height"] < 0.02
@@ -25,9 +25,12 @@ def test_a_case_is_measured_against_its_formula():
     assert costs["wall_per_simulated"] > 0.0 and costs["peak_mib"] > 50.0
 
 
-def test_still_water_is_read_once_it_has_moved():
-    """Eight spacings deep and off its lattice, to which six spacings would return; pressure within
-    .5 %, level within .2 %. Below air the pressure was read .27 spacings of water too high."""
+def test_still_water_is_measured_after_stirring():
+    """Still water 8 spacings deep has left its lattice, and its pressure is right within 0.5 %, its
+    level within 0.2 %. Water 6 spacings deep would return to the lattice.
+
+    Regression: below air the measured pressure was too high by 0.27 spacings of water.
+    """
     run, errors = CASES["hydrostatic"].measure(Setting(resolution=8))
     assert errors["pressure"] < 0.005 and errors["height"] < 0.002
     cell = run.positions() * 8.0 % 1.0
@@ -35,25 +38,31 @@ def test_still_water_is_read_once_it_has_moved():
     assert run.costs()["steps"] >= 60 * run.simulated - 1
 
 
-def test_layers_bear_the_weight_above():
-    """Twelve spacings deep and off its lattice: pressures divided by their weights were .5 % of
-    rho g H off, with half of a pair's stress at either end .7 %. Without relief: with it they are
-    .67 % off in four layers so few particles wide."""
+def test_pressure_in_layers_is_hydrostatic():
+    """The pressure in stirred, layered water 12 spacings deep is right within 0.3 % of rho g H.
+
+    Regression: the error was 0.5 % with pressures divided by their weights, and 0.7 % with half of
+    a pair's stress at either end. The test is without shear relief, with which the error is 0.67 %
+    in four layers that are so few particles wide.
+    """
     setting = Setting(water=ADAPTIVE, resolution=12, shear_relief=NO_RELIEF)
     _, errors = CASES["hydrostatic"].measure(setting)
     assert errors["pressure"] < 0.003
 
 
-def test_a_vortex_is_slow_enough_to_leave_the_surface_level():
-    """Of 1 m/s it gave up to 6.4 % of its amplitude to the surface, which no resolution mends: now
-    .4 %, and uniform water of 4 spacings keeps 80 % of it over .4 of the edge."""
+def test_a_vortex_loses_little_amplitude_to_the_surface():
+    """A vortex loses 0.4 % of its amplitude to surface waves, and keeps 80 % in uniform water 4
+    spacings deep while the fastest water moves by 0.4 edges.
+
+    Regression: at 1 m/s a vortex lost up to 6.4 % to surface waves, at any resolution.
+    """
     assert VORTEX_SPEED**2 / (4.0 * tanks.GRAVITY * vortex.DEPTH) < 0.005
     _, errors = CASES["inviscid_vortex"].measure(Setting(resolution=4))
     assert errors["amplitude"] < 0.2
 
 
-def test_layers_have_their_mass_in_a_vortex():
-    """Coarse particles count as much as the fine ones of their volume."""
+def test_the_amplitude_of_a_vortex_is_weighted_by_mass():
+    """Coarse particles count as much as fine particles of the same volume."""
     setting = Setting(water=ADAPTIVE, resolution=5)
     run = begin(setting, tank(setting, (1.0, 1.0), vortex.DEPTH, vortex.AIR))
     x = run.positions()
@@ -65,42 +74,46 @@ def test_layers_have_their_mass_in_a_vortex():
     assert vortex.amplitude(run) == pytest.approx(1.0 + share, rel=1e-5)
 
 
-def test_settings_reach_the_shipped_pool():
-    """They were listed as runs of their own, and were the same run."""
+def test_settings_change_the_shipped_pool():
+    """Settings of a run change the scene of the thesis pool.
+
+    Regression: runs with different settings were the same run, but were listed separately.
+    """
     given = {"motion_tolerance": 0.03, "cfl": 0.8, "shear_relief": 0.5}
     scene = thesis_pool.pool(Setting(water="adaptive", smoothing=2.0, **given))
     assert {layer.smoothing for layer in scene.layers} == {2.0}
     assert {k: getattr(scene.projection, k) for k in given} == given
 
 
-def test_a_drop_falls_freely_and_keeps_most_of_its_energy_in_the_impact():
-    """22 % are lost at this resolution, 26 % without shear relief."""
+def test_a_drop_falls_freely_and_loses_little_energy_in_the_impact():
+    """A drop loses less than 25 % of its energy in the impact: 22 % at this resolution, and 26 %
+    without shear relief."""
     _, errors = CASES["falling_drop"].measure(Setting(resolution=4))
     assert errors["way"] < 1e-5
     assert 0.0 < errors["loss"] < 0.25
 
 
-def test_momenta_of_a_collision_are_kept():
+def test_a_collision_conserves_mass_and_momenta():
     _, errors = CASES["collision"].measure(Setting(water=ADAPTIVE, resolution=3))
     assert errors["mass"] < 1e-6 and errors["momentum"] < 1e-5 and errors["angular_momentum"] < 1e-3
 
 
-def test_a_dam_break_is_read_against_the_experiment():
-    """Four spacings wide; height and front within a tenth."""
+def test_a_dam_break_agrees_with_the_experiment():
+    """Height and front of a column 4 spacings wide are within 10 % of the experiment."""
     _, errors = CASES["dam_break"].measure(Setting(resolution=4))
     assert errors["front"] < 0.1 and errors["height"] < 0.1 and errors["front_speed"] < 0.15
     assert errors["beyond_ritter"] == 0.0
 
 
 @pytest.mark.parametrize("name", ["front", "height"])
-def test_references_are_in_order(name):
+def test_reference_tables_are_monotonic(name):
     times, places = reference(name)
     assert np.all(np.diff(times) > 0.0)
     assert np.all(np.diff(places) > 0.0) or np.all(np.diff(places) < 0.0)
 
 
 @pytest.mark.parametrize("case", CASES.values(), ids=lambda case: case.name)
-def test_sweeps_have_no_row_twice(case):
+def test_sweeps_have_no_duplicate_rows(case):
     for quick in (True, False):
         settings = case.settings(quick)
         assert len(set(settings)) == len(settings) > (0 if quick else 1)
@@ -119,14 +132,14 @@ def grouped(*rows_):
     return pareto_table.grouped(list(rows_))
 
 
-def test_rows_that_are_dominated_are_left_out():
+def test_dominated_rows_are_omitted():
     pairs = ((1.0, 0.1), (2.0, 0.2), (3.0, 0.01), (4.0, 0.01))
     found = [row("sloshing", *pair, resolution=k) for k, pair in enumerate(pairs)]
     best = pareto_figures.undominated(grouped(*found), "wave")
     assert [pareto_table.number(r, "wave") for r in best] == [0.1, 0.01]
 
 
-def test_starts_are_one_row_of_medians_and_ranges():
+def test_starts_are_grouped_to_medians_and_ranges():
     found = grouped(*(row("sloshing", 1.0, e, start=k) for k, e in enumerate((0.3, 0.1, 0.2))))
     assert len(found) == 1 and found[0]["starts"] == 3
     assert pareto_report.cell(found[0], "wave") == "20.000 % (10.000 % to 30.000 %)"
@@ -135,14 +148,14 @@ def test_starts_are_one_row_of_medians_and_ranges():
 
 
 def uniform(start, scale=1.0):
-    """Two runs, of a tenth and a thousandth."""
+    """Returns the rows of two uniform runs, with errors of 0.1 and 0.001 times `scale`."""
     return [
         row("sloshing", 1.0, 0.1 * scale, start=start),
         row("sloshing", 100.0, 0.001 * scale, start=start, resolution=20),
     ]
 
 
-def test_time_at_equal_error_is_read_between_rows():
+def test_time_at_equal_error_is_interpolated():
     found = grouped(*uniform(0), row("sloshing", 2.0, 0.01, water=ADAPTIVE))
     (line,) = pareto_report.ratios(found, CASES["sloshing"])
     assert line["speed-up of adaptive layers over uniform water"] == "5 (5 to 5)"
@@ -172,7 +185,7 @@ def test_the_faster_program_is_named():
     assert words[2].startswith("ours, over 7 times") and "no run of ours" in words[3]
 
 
-def test_errors_that_uniform_water_does_not_reach_are_said():
+def test_errors_that_uniform_water_does_not_reach_are_reported():
     found = [row("sloshing", 1.0, 0.1), row("sloshing", 100.0, 0.05, resolution=20)]
     for k, (t, e) in enumerate(((2.0, 0.06), (4.0, 0.04))):
         found.append(row("sloshing", t, e, water=ADAPTIVE, resolution=k))
@@ -181,12 +194,13 @@ def test_errors_that_uniform_water_does_not_reach_are_said():
     assert pareto_report.unreached(grouped(*found[:3]), CASES["sloshing"]) == ""
 
 
-def test_orders_of_convergence():
+def test_orders_of_convergence_are_fitted():
     assert pareto_report.slope([5, 10, 20], [0.4, 0.1, 0.025]).startswith("2.0")
 
 
-def test_a_sweep_goes_on_where_it_was(tmp_path, monkeypatch):
-    """A row that is in the table is not run again; one that fails is in the table, and said."""
+def test_a_sweep_resumes_where_it_stopped(tmp_path, monkeypatch):
+    """A stored row is run again only if other processes disturbed it; a failed run is stored and
+    reported."""
     monkeypatch.setattr(pareto, "RESULTS", tmp_path)
     monkeypatch.setattr(pareto_table.os, "cpu_count", lambda: 4)
     ran, threads = [], 3
@@ -211,7 +225,7 @@ def test_a_sweep_goes_on_where_it_was(tmp_path, monkeypatch):
     assert ran[-1] == dataclasses.asdict(tasks[-1][1])
     disturbed = [{**known[0], "others": "1.0"}, *known[1:]]
     pareto.sweep(tasks, disturbed, "cpu", threads, "", False)
-    assert len(ran) == whole + 2, "the fourth core was free"
+    assert len(ran) == whole + 2, "a row is kept if a core was idle"
     disturbed[0]["others"] = "1.5"
     pareto.sweep(tasks, disturbed, "cpu", threads, "", True)
     assert len(ran) == whole + 2

@@ -1,5 +1,5 @@
-"""Random scenes and inputs (hypothesis, seeded): water keeps its promises, and what is no scene is
-one line. A scene that fails is written to failing_scene.toml, as small as it could be made."""
+"""Tests with random scenes and inputs (hypothesis, seeded): water conserves mass and momentum, and
+invalid input gives one line. A scene that fails is minimised and written to failing_scene.toml."""
 
 import math
 import os
@@ -23,7 +23,7 @@ from msph.scene.parameters import parameters
 from msph.scene.schema import Scene
 from msph.stage.recorder import Outputs, check_outputs
 
-# Random scenes whose water is simulated: each compiles its kernels. More by this variable.
+# Number of random scenes to simulate, each of which compiles its kernels.
 EXAMPLES = int(os.environ.get("MSPH_EXAMPLES", "3"))
 FRAME, FRAMES = 1 / 60, 24
 FAILING = Path("failing_scene.toml")
@@ -44,7 +44,7 @@ anything = st.recursive(
 
 @st.composite
 def scenes(draw):
-    """Scenes that are well formed: a box, one to three layers, water in it, perhaps a body."""
+    """Draws valid scenes: a box, one to three layers, water in the box, and in some a body."""
     size = [draw(st.floats(0.3, 0.8)) for _ in range(3)]
     depth = draw(st.floats(0.2, 0.9)) * size[1]
     spacing = draw(st.floats(0.05, 0.09))
@@ -86,9 +86,9 @@ inputs = st.lists(st.tuples(vectors, hands), min_size=1, max_size=4)
 
 @settings(ALL, max_examples=EXAMPLES)
 @given(scenes(), inputs)
-def test_water_keeps_its_promises(data, given_inputs):
-    """Water is inside, finite, or spilt, its mass exact and its momentum recorded, in every scene
-    and for every input."""
+def test_water_stays_inside_and_conserves_mass_and_momentum(data, given_inputs):
+    """In every scene and for every input, water is finite and inside the box or spilt, its mass is
+    constant, and the ledger accounts for its momentum."""
     try:
         scene = Scene.model_validate(data)
         simulation = build_simulation(scene)
@@ -102,7 +102,7 @@ def test_water_keeps_its_promises(data, given_inputs):
 
 
 def check_promises(scene, simulation, given_inputs):
-    """Runs a scene with inputs by turns, then undisturbed."""
+    """Runs a scene with the inputs in turn, then without input, and checks the ledger."""
     FAILING.write_text(to_toml(scene, f"gravity and hand by turns: {given_inputs}"))
     ledger = Ledger(simulation)
     mass = ledger.record(scene.gravity).mass
@@ -113,7 +113,7 @@ def check_promises(scene, simulation, given_inputs):
         assert entry.outside == 0
         assert entry.mass + entry.spilt == pytest.approx(mass, rel=1e-6)
     assert ledger.momentum_drift() < 1e-5
-    # Undisturbed for half a second, crowds part.
+    # In 0.5 s without input, crowded particles move apart.
     for _ in range(30):
         simulation.advance(FRAME, ExternalForces(scene.gravity))
         entry = ledger.record(scene.gravity)
@@ -122,7 +122,7 @@ def check_promises(scene, simulation, given_inputs):
 
 @settings(ALL, max_examples=100)
 @given(st.dictionaries(st.sampled_from([*Scene.model_fields, "variants", "boxes"]), anything))
-def test_what_is_no_scene_is_one_line(tmp_path_factory, data):
+def test_an_invalid_scene_gives_one_line(tmp_path_factory, data):
     path = tmp_path_factory.getbasetemp() / "random.toml"
     path.write_bytes(_toml(data))
     assert_one_line(lambda: load(str(path)))
@@ -130,7 +130,7 @@ def test_what_is_no_scene_is_one_line(tmp_path_factory, data):
 
 @settings(ALL, max_examples=70)
 @given(st.binary(max_size=200))
-def test_bytes_that_are_no_scene_no_mesh_no_checkpoint_are_one_line(tmp_path_factory, content):
+def test_random_bytes_as_scene_mesh_or_checkpoint_give_one_line(tmp_path_factory, content):
     folder = tmp_path_factory.getbasetemp()
     for name, read in (
         ("bytes.toml", lambda path: load(str(path))),
@@ -149,14 +149,14 @@ KEYS = [p.key for p in parameters(Scene)]
 
 @settings(ALL, max_examples=100)
 @given(st.lists(st.tuples(st.sampled_from(KEYS), anything | texts), min_size=1, max_size=3))
-def test_any_override_is_taken_or_one_line(settings_given):
+def test_any_override_is_accepted_or_gives_one_line(settings_given):
     overrides = tuple(f"{key}={value}" for key, value in settings_given)
     assert_one_line(lambda: load_scene("pool", overrides))
 
 
 @settings(ALL, max_examples=60)
 @given(st.text(max_size=30))
-def test_any_name_of_an_output_is_taken_or_one_line(tmp_path_factory, name):
+def test_any_output_name_is_accepted_or_gives_one_line(tmp_path_factory, name):
     folder = tmp_path_factory.getbasetemp()
     assert_one_line(lambda: check_outputs(Outputs([folder / "in" / name.replace("/", "_")]), 30.0))
 
@@ -169,7 +169,7 @@ def assert_one_line(act) -> None:
 
 
 def _toml(data) -> bytes:
-    """As TOML where it can be said so: a line for each key."""
+    """Returns the data as TOML, or as lines `key = repr(value)` if TOML cannot hold them."""
     import tomli_w
 
     try:

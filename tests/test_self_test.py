@@ -1,4 +1,4 @@
-"""The self-test of GPUs: it passes where kernels are right, and a GPU that fails it is not used."""
+"""Tests of the self-test of GPUs: correct kernels pass, and a GPU that fails is not used."""
 
 import pytest
 import taichi as ti
@@ -18,19 +18,19 @@ def cache(tmp_path, monkeypatch):
 
 @pytest.fixture
 def runs(cache, monkeypatch):
-    """Architectures of the self-tests that were run; each fails in its densities."""
+    """Returns the list of self-tested architectures; each self-test fails at the test "density"."""
     asked = []
     monkeypatch.setattr(self_test, "gpu_name", lambda arch: GPU)
     monkeypatch.setattr(self_test, "in_own_process", lambda arch: asked.append(arch) or "density")
     return asked
 
 
-def test_all_pass_here():
+def test_all_self_tests_pass_here():
     assert self_test.first_failure(TESTS) == self_test.PASSED
 
 
-def test_all_pass_on_vulkan():
-    """But for the last on Mesa's software driver, llvmpipe, which is not to be used."""
+def test_all_self_tests_pass_on_vulkan():
+    """Mesa's software driver llvmpipe, which must not be used, fails only the last test."""
     require("vulkan")
     name = self_test.gpu_name("vulkan")
     expected = ATOMIC_LOOP if "llvmpipe" in name else self_test.PASSED
@@ -41,8 +41,8 @@ PRIMITIVES = ("prefix_sum", "atomic_append", "maximum", "serial_counter", "atomi
 
 
 @pytest.mark.parametrize("name", PRIMITIVES)
-def test_wrong_numbers_are_noticed(name):
-    """NumPy is given other numbers than the kernels."""
+def test_wrong_results_fail(name):
+    """A test fails if NumPy is given other numbers than the kernels."""
     primitives = Primitives()
     primitives.numbers = primitives.numbers + 1
     assert not getattr(primitives, name)()
@@ -57,7 +57,7 @@ def test_the_first_failure_is_named():
     assert self_test.first_failure({**passes, "three": broken, "two": lambda: False}) == "three"
 
 
-def test_a_process_that_ends_badly_fails():
+def test_a_process_that_crashes_fails():
     assert self_test.in_own_process("no such architecture") == self_test.CRASHED
 
 
@@ -84,7 +84,7 @@ def test_a_time_limit_is_not_stored(runs, monkeypatch):
 
 
 @pytest.mark.parametrize("arch, gpu", [("vulkan", "vulkan"), ("auto", "cuda")])
-def test_a_gpu_that_fails_is_left_for_the_cpu(runs, monkeypatch, capsys, arch, gpu):
+def test_a_gpu_that_fails_is_replaced_by_the_cpu(runs, monkeypatch, capsys, arch, gpu):
     asked = []
     monkeypatch.setattr("sys.platform", "linux")
     monkeypatch.setattr(device, "_started", None)
@@ -96,7 +96,7 @@ def test_a_gpu_that_fails_is_left_for_the_cpu(runs, monkeypatch, capsys, arch, g
 
 
 def test_a_machine_without_the_gpu_tests_nothing(runs, monkeypatch):
-    """Taichi itself says then that there is none, or takes the CPU."""
+    """Without a GPU no self-test runs: Taichi itself reports the lack of a GPU or uses the CPU."""
     monkeypatch.setattr(self_test, "gpu_name", lambda arch: None)
     assert self_test.failed_test("cuda") is None
     assert runs == []

@@ -1,4 +1,4 @@
-"""Hard cases in a small form: what is demanded of all, and that a case can fail."""
+"""Tests of the hard cases, shortened: their requirements, and that a case can fail."""
 
 import pytest
 
@@ -9,18 +9,18 @@ from msph.scene.schema import Scene
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_cases_are_scenes(name):
+def test_cases_are_valid_scenes(name):
     check(Scene.model_validate(CASES[name].data("projection")), name)
 
 
-def test_water_that_starts_in_one_place_holds():
+def test_pairs_at_one_position_pass():
     found = stability.run(short(CASES["pairs at one position"]), "projection")
     assert stability.violations(CASES["pairs at one position"], found) == []
     assert found["steps"] > 60 and found["density_end"] > 0.0
 
 
-def test_what_breaks_is_told():
-    """The classic method lets such water boil."""
+def test_violations_are_reported():
+    """With pairs at one position the classic method violates the limit of energy or density."""
     case = CASES["pairs at one position"]
     found = stability.run(short(case), "classic")
     assert any(
@@ -39,7 +39,7 @@ def test_what_breaks_is_told():
         ("ended", "the water blew up: 3 of 9", "ended the water blew up: 3 of 9"),
     ],
 )
-def test_each_demand_can_break(figure, value, problem):
+def test_each_requirement_can_be_violated(figure, value, problem):
     good = {
         **{
             "ended": "finished",
@@ -63,7 +63,7 @@ def test_each_demand_can_break(figure, value, problem):
         )
 
 
-def test_runs_that_fail_are_rows_and_the_report_says_so(tmp_path, monkeypatch):
+def test_failed_runs_are_rows_of_the_report(tmp_path, monkeypatch):
     monkeypatch.setattr(stability, "RESULTS", tmp_path)
     monkeypatch.setattr(stability.rows, "in_process", lambda *_: {"failure": "killed"})
     row = stability.in_process("still", "projection", "cpu")

@@ -1,4 +1,4 @@
-"""Kernels that start fast do what Taichi's own do, and where they cannot, Taichi's own run."""
+"""Tests that fast launches give the same results as plain Taichi, which is the fallback."""
 
 import math
 import os
@@ -29,7 +29,7 @@ fast_only = pytest.mark.skipif(PLAIN, reason="kernels are Taichi's own")
 
 @data_oriented
 class Scaled:
-    """Fields whose elements are this object's `factor` times what they are told."""
+    """Fields, and kernels that use this object's `factor`, fields, numbers and arrays."""
 
     def __init__(self, factor: float):
         self.factor = factor
@@ -71,7 +71,7 @@ def pair() -> tuple[Scaled, Scaled]:
     return Scaled(2.0), Scaled(3.0)
 
 
-def test_each_launch_has_its_own_numbers_templates_and_object(pair) -> None:
+def test_each_launch_uses_its_own_numbers_templates_and_object(pair) -> None:
     two, three = pair
     for value, count in ((1.5, 8), (0.25, 3), (-4.0, 5)):
         for scaled in pair:
@@ -85,7 +85,7 @@ def test_each_launch_has_its_own_numbers_templates_and_object(pair) -> None:
         assert three.wet(6.5) == SIZE - count + count * (3.0 * value > 6.5)
 
 
-def test_each_launch_has_its_own_array(pair) -> None:
+def test_each_launch_uses_its_own_array(pair) -> None:
     values = np.arange(2 * SIZE, dtype=np.float32)
     for k, scaled in enumerate(pair):
         scaled.load(values[k * SIZE :])
@@ -97,8 +97,8 @@ def test_each_launch_has_its_own_array(pair) -> None:
 
 @fast_only
 def test_few_particles_make_loops_serial(monkeypatch) -> None:
-    """Three times the same object with other numbers of particles: of the three compilations, the
-    second is serial."""
+    """Of four launches with different numbers of particles, the second compiles serial loops, which
+    the fourth reuses; the first and the third have parallel loops."""
     built = []
     monkeypatch.setattr(taichi_internals, "_serial", False)  # as with several threads
     serialize = taichi_internals.serialize
@@ -161,7 +161,7 @@ def test_missing_interface_is_named() -> None:
     assert missing(core, ["Program.config"]) is None
 
 
-# Launches a kernel after Taichi lost the interfaces that are named as arguments.
+# Launches a kernel after removing the interfaces of Taichi that are named as arguments.
 SCRIPT = """
 import sys
 import taichi as ti
@@ -192,7 +192,7 @@ print(PLAIN, kernel is ti.kernel, data_oriented is ti.data_oriented, total.total
     ("switch", "lost", "plain"),
     [("", [], False), ("0", [], False), ("1", [], True), ("", ["set_struct_arg_int"], True)],
 )
-def test_plain_taichi_by_switch_or_for_want_of_an_interface(tmp_path, switch, lost, plain) -> None:
+def test_plain_taichi_is_used_by_switch_or_if_needed(tmp_path, switch, lost, plain) -> None:
     script = tmp_path / "sum.py"
     script.write_text(SCRIPT)
     result = subprocess.run(

@@ -1,4 +1,4 @@
-"""What is remembered between runs, and what happens where that is impossible."""
+"""Tests of values stored between runs, and of damaged or unwritable files."""
 
 import pytest
 
@@ -34,7 +34,10 @@ def test_a_damaged_file_is_reported_once_and_replaced(cache, text, capsys):
 
 @pytest.mark.parametrize("damaged", [7, None, {"ticked": 5}, {"answered": -1}, [[]]])
 def test_a_damaged_value_is_reported_once_and_the_others_stay(cache, damaged, capsys):
-    """{"lesson kernels": 7} stopped the list of lessons."""
+    """A damaged value is reported once, and other values are kept.
+
+    Regression: {"lesson kernels": 7} stopped the list of lessons.
+    """
     user_cache.remember("lesson", damaged)
     user_cache.remember("other", 35)
     for _ in range(2):
@@ -43,7 +46,7 @@ def test_a_damaged_value_is_reported_once_and_the_others_stay(cache, damaged, ca
     assert user_cache.recall("other", int) == 35
 
 
-def test_where_nothing_can_be_written_nothing_is_remembered(tmp_path, monkeypatch):
+def test_nothing_is_stored_without_a_writable_folder(tmp_path, monkeypatch):
     (tmp_path / "file").write_text("")
     monkeypatch.setattr(user_cache, "file", lambda: tmp_path / "file" / "measured.json")
     user_cache.remember("lesson", 35)

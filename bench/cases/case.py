@@ -29,7 +29,7 @@ CHANGEABLE = {
     "viscosity": "viscosity",
     "longest_step": "dt",
 }
-# Name of the method DFSPH of SPlisHSPlasH, beside our methods.
+# Name of the method DFSPH of SPlisHSPlasH, in addition to our methods.
 DFSPH = "DFSPH"
 UNIFORM, FIXED, ADAPTIVE = "uniform", "fixed layers", "adaptive layers"
 # Steps between passes of adaptation if particles keep their initial layer.
@@ -88,7 +88,7 @@ class Setting:
 
 @dataclass
 class Run:
-    """Timed water with its density errors.
+    """Timed run of water, with its density errors.
 
     wall: elapsed time [s] of `simulated` [s]; others: mean number of cores that other processes
     kept busy (-); steps, iterations: totals of all frames; residual, p99 and largest: mean, 99th
@@ -190,9 +190,9 @@ class Run:
 
 @dataclass(frozen=True)
 class Case:
-    """A case. name: of its rows and figure. across: length that `resolution` divides. errors:
-    meaning of each error (-) by name, the main error first. measure(setting) runs the case and
-    returns the run, its errors, and values for self-convergence (units in their names).
+    """A case of the sweep. name: of its rows and figure. across: length that `resolution` divides.
+    errors: meaning of each error (-) by name, the main error first. measure(setting) runs the case
+    and returns the run, its errors, and values for self-convergence (units in their names).
     """
 
     name: str
@@ -212,9 +212,9 @@ class Case:
     # Errors in the summary figure; without one, the settings of the solver are not varied, and a
     # quick sweep makes a single run.
     summary: tuple[str, ...] = ()
-    # What a reader of the main error must know.
+    # Note for the reader about the main error.
     note: str = ""
-    # Errors compared with SPlisHSPlasH; none: it does not run the case.
+    # Errors compared with SPlisHSPlasH; empty if SPlisHSPlasH does not run the case.
     peer: tuple[str, ...] = ()
 
     @property
@@ -223,8 +223,8 @@ class Case:
         return next(iter(self.errors))
 
     def settings(self, quick: bool) -> list[Setting]:
-        """Returns the settings of the sweep: all with the first start, coarsest first, then all
-        with the next."""
+        """Returns the settings of the sweep: all settings with the first start, coarsest first,
+        then all with the next start."""
         starts = range(1 if quick else STARTS)
         found = sorted(self._settings(quick), key=lambda s: s.resolution)
         return [dataclasses.replace(s, start=k) for k in starts for s in found]
@@ -262,7 +262,7 @@ class Case:
 CALM = 0.8
 # Initial displacements of the particles, in spacings, in which starts differ.
 JITTER = 0.02
-# Settings of DFSPH at one resolution, beside those as shipped and without viscosity.
+# Settings of DFSPH at one resolution, in addition to its shipped ones and to zero viscosity.
 PEER_CHANGES: tuple[dict[str, float], ...] = (
     {"viscosity": 0.001},
     {"viscosity": 0.0, "longest_step": 0.0025},
@@ -338,7 +338,7 @@ def tank(
 
 
 def begin(setting: Setting, scene: Scene) -> Run:
-    """Returns a run of the scene, with compiled kernels, or by DFSPH."""
+    """Returns a run of the scene by our solver, with compiled kernels, or by DFSPH."""
     if setting.method == DFSPH:
         changes = dict(setting.solver)
         if "motion_tolerance" in changes:
@@ -350,8 +350,8 @@ def begin(setting: Setting, scene: Scene) -> Run:
 
 
 def stir(run: Run, seconds: float, start: int) -> None:
-    """Breaks up the lattice by random velocities with the seed `start`, and runs `seconds` [s], in
-    which velocities are damped, since waves would last.
+    """Breaks up the lattice by random velocities with the seed `start`, and runs `seconds` [s] with
+    damped velocities, because waves would persist without damping.
 
     A lattice resists shear, and all its particles have the same kernel sums, which hides errors."""
     v = np.random.default_rng(start).normal(0.0, STIR, (run.water.count, 3))

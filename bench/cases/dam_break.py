@@ -1,8 +1,8 @@
 """Dam break, a column twice as high as wide: Martin and Moyce 1952, and Ritter 1892.
 
 The gate of the experiment released the water late, by T = 0.1 to 0.2. The computed front at T -
-GATE is compared with the measured front at T, and heights with the same delay in seconds; the front
-is also compared without a shift in time, and its mean speed between two places, which needs none.
+GATE is compared with the measured front at T, and heights with the same delay in seconds. The front
+is also compared without a shift in time, and so is its mean speed between two places.
 """
 
 import numpy as np

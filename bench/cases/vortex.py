@@ -49,7 +49,7 @@ def share_left(
     still = begin_tank()
     stir(still, SETTLE, setting.start)
     state = still.simulation.state()
-    # The next simulation takes its fields, whose kernels are compiled.
+    # The next simulation reuses the fields of this one, whose kernels are compiled.
     still.simulation.close()
     run = begin_tank(projection={"viscosity": 1000.0 * nu})
     run.simulation.restore(state)

@@ -1,4 +1,4 @@
-"""Splits, merges and the depth that drives them: conservation, bands, capacity, rest."""
+"""Splits and merges by depth: conservation, bands, capacity, water at rest."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ def ball(centre, radius, spacing):
 
 @pytest.fixture(scope="module")
 def collision():
-    """A fine and a coarse ball fly at each other, off centre; both must change their layers."""
+    """Returns a fine and a coarse ball that collide off centre; particles of both change layer."""
     fine, coarse = (
         ball((1.02, 1.24, 1.2), 0.15, SPECS[0].spacing),
         ball((1.38, 1.16, 1.2), 0.15, SPECS[2].spacing),
@@ -51,7 +51,7 @@ def masses(sim):
 
 
 def momenta(sim):
-    """Momentum, angular momentum about the middle, centre of mass, kinetic energy."""
+    """Returns momentum, angular momentum about the middle, centre of mass and kinetic energy."""
     m = masses(sim)[:, None]
     x, v = (sim.particles.numpy(k).astype(float) for k in "xv")
     return (
@@ -71,7 +71,7 @@ def test_collision_keeps_mass_and_momenta_through_splits_and_merges(collision):
     scale = (m * np.linalg.norm(v, axis=1)).sum()
     spin = (m * arm * np.linalg.norm(v, axis=1)).sum()
     start = set(collision.particles.numpy("id"))
-    # Thin bands, as in a full pool, make it merge; wide ones split what was merged.
+    # Thin bands, as in a full pool, cause merges; wide bands then split the merged particles.
     for thickness in (0.35, 1.0):
         collision.solver.adaptation.thickness = thickness
         for _ in range(12):
@@ -85,8 +85,8 @@ def test_collision_keeps_mass_and_momenta_through_splits_and_merges(collision):
     assert np.linalg.norm(angular_after - angular) < 1e-4 * spin
 
 
-def test_a_pass_keeps_the_centre_and_books_its_loss(collision):
-    """One pass alone, no step: what kinetic energy is gone is in merge_loss."""
+def test_a_pass_keeps_the_centre_of_mass_and_records_its_energy_loss(collision):
+    """A single pass without a step loses the kinetic energy that it adds to merge_loss."""
     collision.reset()
     for _ in range(8):
         collision.advance(1 / 60, WEIGHTLESS)
@@ -112,7 +112,8 @@ TANK, DEPTH = (0.6, 0.6, 0.6), 0.36
 
 @pytest.fixture(scope="module")
 def tank():
-    """Water of the coarsest size, which its depth must turn into three layers."""
+    """Returns a tank of coarse particles after 2 s, by which depth has split them into three
+    layers, and the number of particles per layer in each frame."""
     n = round(TANK[0] / SPECS[2].spacing)
     width, rows = TANK[0] / n, round(DEPTH / SPECS[2].spacing)
     x = (np.indices((n, rows, n)).reshape(3, -1).T + 0.5) * [width, DEPTH / rows, width]
@@ -121,7 +122,6 @@ def tank():
         LayerSpec(1000.0 * DEPTH * TANK[0] * TANK[2] / len(x) / 2**k, 1000.0, 2.5) for k in range(3)
     ]
     specs.reverse()
-    initial["layer"] = np.full(len(x), 2, np.int32)
     adaptation = AdaptationParameters(band=1.5)
     sim = Simulation(
         Plan(TANK, specs, initial, ProjectionParameters(), (), adaptation, capacity=4000)
@@ -166,8 +166,8 @@ def test_water_at_rest_stops_adapting(tank):
     assert changes[-45:].max() == 0
 
 
-def test_passes_are_due_where_water_travels(tank):
-    """Every eighth step, and only when the fastest has gone four spacings."""
+def test_passes_are_due_only_after_water_has_travelled(tank):
+    """A pass is due at every eighth step, if the fastest particle has travelled four spacings."""
     adaptation = tank[0].solver.adaptation
     adaptation.steps = 7
     adaptation.travelled = 3.9
@@ -177,8 +177,9 @@ def test_passes_are_due_where_water_travels(tank):
     assert adaptation.travelled == 0.0
 
 
-def test_a_split_does_not_let_the_water_drop(tank):
-    """It makes the position solve take more rounds, which must lift the water no less."""
+def test_a_split_does_not_lower_the_water(tank):
+    """A split changes the mean height by less than 2e-5 of the depth: the position correction then
+    takes more rounds, which must not lift the water less."""
     sim, _ = tank
     p, adaptation = sim.particles, sim.solver.adaptation
 
@@ -199,7 +200,7 @@ def test_a_split_does_not_let_the_water_drop(tank):
     assert np.abs(np.array(after) - before[-1]).max() < 2e-5 * DEPTH
 
 
-def test_a_full_pool_coarsens_and_loses_nothing(tank):
+def test_a_full_pool_coarsens_and_keeps_its_mass(tank):
     sim, _ = tank
     small = Simulation(
         Plan(
@@ -216,7 +217,7 @@ def test_a_full_pool_coarsens_and_loses_nothing(tank):
     assert small.particles.count <= small.particles.capacity
     assert small.solver.adaptation.thickness < 1.0
     assert masses(small).sum() == pytest.approx(masses(sim).sum(), rel=1e-12)
-    # Fine water still lies at the surface.
+    # Fine particles still lie at the surface.
     y, layer = small.particles.numpy("x")[:, 1], small.particles.numpy("layer")
     assert y[layer == 0].mean() > y[layer == 2].mean() + 0.1
 
@@ -229,7 +230,10 @@ def test_merges_double_masses_of_rounded_spacings_exactly():
 
 
 def test_deep_water_of_halved_cubes_starts_at_rest_density():
-    """Sixty fine sheets: what 100 rounds left too dense lifted the water, and its energy rose."""
+    """Water 60 fine spacings deep, split from coarse cubes, starts below 1001 kg/m^3 everywhere.
+
+    Regression: 100 rounds left some of the water too dense, which lifted it and raised its energy.
+    """
     fine = 0.02
     specs = [LayerSpec(1000.0 * fine**3 * 2**k, 1000.0, 2.45) for k in range(3)]
     cells = np.array([5, 38, 5])

@@ -1,4 +1,4 @@
-"""Water in a box: images close its walls, it rests, bears its weight and keeps its volume."""
+"""Water in a box: mirror images at walls, rest, hydrostatic pressure and volume."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,8 @@ WEIGHTS = ("volume", "support")
 
 @pytest.fixture(scope="module")
 def tank():
-    """Still water of two layers, masses about 1 : 2, eight spacings deep, after two seconds."""
+    """Returns still water of two layers, masses about 1 : 2, eight spacings deep, after 2 s, and
+    its energy in each frame."""
     fine = np.indices((10, 4, 10)).reshape(3, -1).T + 0.5
     coarse = np.indices((8, 3, 8)).reshape(3, -1).T + 0.5
     wide = TANK[0] / 8
@@ -43,13 +44,13 @@ def tank():
     return sim, np.array(energies)
 
 
-def test_images_close_the_walls(tank):
+def test_mirror_images_complete_densities_at_walls(tank):
     sim, _ = tank
     check_images(sim, 60, known=30)
 
 
-def test_images_close_opposite_walls_within_one_kernel():
-    """A gap between walls that is not two supports wide."""
+def test_mirror_images_complete_densities_between_walls_less_than_two_supports_apart():
+    """Densities are right between walls that are between one and two support radii apart."""
     size = (0.1, 0.3, 0.13)
     x = np.random.default_rng(3).uniform(0.0, size, (100, 3)).astype(np.float32)
     layer = np.arange(100, dtype=np.int32) % 2
@@ -59,19 +60,21 @@ def test_images_close_opposite_walls_within_one_kernel():
     check_images(sim, 100, known=30)
 
 
-def test_simulations_beyond_what_a_process_can_hold_are_an_error(monkeypatch):
-    """Taichi's answer is a segmentation fault."""
+def test_a_simulation_without_free_field_trees_is_an_error(monkeypatch):
+    """A simulation for which the process has no room raises RuntimeError, where Taichi itself would
+    end with a segmentation fault."""
     monkeypatch.setattr(world, "MAX_TREES", world.WORLD_TREES)
     initial = {"x": np.full((1, 3), 0.1, np.float32), "layer": np.zeros(1, np.int32)}
     with pytest.raises(RuntimeError, match="no room for another simulation"):
-        # More than any world of the stock holds.
+        # More particles than any world in the stock holds, so that a new world is needed.
         most, layer = 30 * FIRST.particles, LayerSpec(0.1, 1000.0, 2.5)
         Simulation(Plan((0.3, 0.3, 0.3), [layer], initial, ProjectionParameters(), capacity=most))
 
 
 def check_images(sim, points, known):
-    """c and its defect at walls, edges and corners against all pairs with all images stored as
-    particles; the defect of at least so many is known."""
+    """Asserts that c and the density defect of the `points` particles nearest to a corner equal
+    sums over all pairs with all images stored as particles; more than `known` defects must be
+    known."""
     sim.measure_density()
     x, layer = sim.particles.numpy("x").astype(float), sim.particles.numpy("layer")
     size = np.array(sim.size)
@@ -106,17 +109,18 @@ def test_still_water_keeps_energy_and_volume(tank):
     m = np.array([s.mass for s in sim.layers.specs])[sim.particles.numpy("layer")]
     depth = m.sum() / 1000.0 / (TANK[0] * TANK[2])
     centre = (m * sim.particles.numpy("x")[:, 1]).sum() / m.sum()
-    # The classic method loses a seventh here.
+    # The classic method loses a seventh of the height here.
     assert centre == pytest.approx(0.5 * depth, rel=0.01)
 
 
 @pytest.mark.parametrize("steps", (1, 4))
 def test_pressure_is_hydrostatic(tank, steps):
-    """However short the steps: the spreading lifts water, which must not land now and then."""
+    """Pressures are hydrostatic with 1 and with 4 steps per frame: the background pressure lifts
+    the water, which must fall back in every step and not only in some of them."""
     sim, _ = tank
     m = np.array([s.mass for s in sim.layers.specs])[sim.particles.numpy("layer")]
     depth = m.sum() / 1000.0 / (TANK[0] * TANK[2])
-    errors = np.zeros(3)  # of thirds, each two coarse spacings high
+    errors = np.zeros(3)  # of thirds of the depth, each two coarse spacings high
     for _ in range(20):
         for _ in range(steps):
             sim.advance(1 / 60 / steps, ExternalForces())
@@ -141,7 +145,10 @@ def test_nothing_leaves_the_box(tank):
 
 
 def test_stirred_water_keeps_its_bulk_density(tank):
-    """A whirl from wall to wall: though c was 1 everywhere, it stood 2 to 4 % too thin."""
+    """A vortex from wall to wall keeps its bulk density to 1 %.
+
+    Regression: the bulk density was 2 to 4 % too low although c was 1 everywhere.
+    """
     sim, _ = tank
     sim.reset()
     k = np.pi / TANK[0]
@@ -155,15 +162,17 @@ def test_stirred_water_keeps_its_bulk_density(tank):
         if frame % 2:
             spacing = np.array([s.spacing for s in sim.layers.specs])[sim.particles.numpy("layer")]
             found.append(bulk_density(sim.particles.numpy("x"), spacing, TANK).mean)
-    # Where the whirl is shallowest no place may lie deep enough to tell.
+    # NaN where no point lies deep enough, as may happen while the vortex is shallowest.
     assert np.isfinite(found).sum() >= 9
     assert np.nanmean(found) == pytest.approx(1.0, abs=0.01)
 
 
-def test_a_sheet_of_one_particle_rests(tank):
-    """Its density correction made it so thin that no defect was known, went back for want of one,
-    and so on: the sheet bobbed by .6 % of its energy. Background pressure lifts it once, by .2 % of
-    a spacing."""
+def test_a_sheet_one_particle_thick_stays_at_rest(tank):
+    """A sheet one particle thick rises once, by 0.2 % of a spacing, due to the background pressure.
+
+    Regression: its density correction switched on and off, since it lowered the density until no
+    defect was known, and the sheet bobbed by 0.6 % of its energy.
+    """
     sim, _ = tank
     usual, sites = sim.initial, np.indices((10, 1, 10)).reshape(3, -1).T + 0.5
     sim.initial = {
@@ -185,7 +194,7 @@ def test_a_sheet_of_one_particle_rests(tank):
 
 
 def test_densities_follow_the_correction_at_once(tank):
-    """By no more than a surrounded particle may lack."""
+    """Densities change with the density correction in the same call, by at most 1 - SURROUNDED."""
     sim, _ = tank
     p, usual = sim.particles, sim.particles.state()
     stirred = usual["x"] + np.random.default_rng(5).normal(0.0, 0.15 * D, usual["x"].shape)
@@ -201,8 +210,11 @@ def test_densities_follow_the_correction_at_once(tank):
     sim.reset()
 
 
-def test_water_that_no_step_is_short_enough_for_has_blown_up(tank):
-    """It had ended in a division by zero."""
+def test_a_time_step_of_zero_raises_a_blow_up_error(tank):
+    """An infinite rate of motion raises BlowUpError, which names the fastest particle.
+
+    Regression: the run ended in a division by zero.
+    """
     sim, _ = tank
     v = sim.particles.numpy("v")
     v[7] = 0.0, 5.0, 0.0
@@ -215,9 +227,12 @@ def test_water_that_no_step_is_short_enough_for_has_blown_up(tank):
     sim.reset()
 
 
-def test_excess_pressure_behind_a_floor_feeds_no_motion(tank):
-    """It bears half a sheet's weight at rest; where it went on bearing unlike particles that rose,
-    33 coarse ones bounced under fine ones, and the energy grew by .15 % within a second."""
+def test_excess_pressure_behind_a_floor_does_not_act_on_unlike_particles_that_rise(tank):
+    """The excess pressure of images bears half the weight of the lowest particles, and nothing of
+    particles that rise among neighbours of another size.
+
+    Regression: 33 coarse particles bounced under fine ones, and the energy grew by 0.15 % in 1 s.
+    """
     sim, _ = tank
     sim.reset()
     for _ in range(20):
@@ -244,9 +259,9 @@ def test_excess_pressure_behind_a_floor_feeds_no_motion(tank):
 
 
 @pytest.mark.parametrize("smoothing", [2.0, 2.45, 3.0])
-def test_a_lattice_surface_lacks_what_air_would_fill(smoothing):
-    """The sums of its sheet, brute force, and the tables that stand for the air."""
-    below = np.indices((9, 5, 9)).reshape(3, -1).T - 4.0  # its sheet is the topmost
+def test_air_share_and_slope_of_a_lattice_surface_equal_brute_force(smoothing):
+    """lattice_surface() returns the missing share and the slope of sums in the topmost sheet."""
+    below = np.indices((9, 5, 9)).reshape(3, -1).T - 4.0  # 0 lies in the topmost sheet
     bulk = np.indices((9, 9, 9)).reshape(3, -1).T - 4.0
     share, slope = lattice_surface(smoothing)
     full, here = (quartic(np.linalg.norm(x, axis=1), smoothing).sum() for x in (bulk, below))
@@ -256,9 +271,12 @@ def test_a_lattice_surface_lacks_what_air_would_fill(smoothing):
     assert slope == pytest.approx((quartic_slope(r, smoothing) * x[:, 1] / r).sum(), rel=1e-6)
 
 
-def test_the_surface_of_still_water_has_a_sheet_like_those_below():
-    """It was compressed until its kernel sums were 1: 1.45 times as many particles, 0.33 spacings
-    too low, whose resistance to every change of the surface's area damped waves."""
+def test_the_topmost_sheet_of_still_water_is_not_crowded():
+    """The topmost sheet has the number of particles and the height of a sheet of the lattice.
+
+    Regression: it was compressed until its kernel sums were 1, with 1.45 times as many particles,
+    0.33 spacings too low; its resistance to changes of the surface area damped waves.
+    """
     n = (10, 8, 10)
     x = (np.indices(n).reshape(3, -1).T + 0.5) * D
     x += np.random.default_rng(1).uniform(-0.02, 0.02, x.shape) * D

@@ -1,4 +1,4 @@
-"""The classic method against its formulas, summed by brute force, and against mechanics."""
+"""The classic method, compared with its formulas summed by brute force and with mechanics."""
 
 import math
 
@@ -22,7 +22,7 @@ def spec(mass, mu, wendland=False):
 
 
 def cloud(seed=1, per_layer=150):
-    """Two interpenetrating layers with random velocities, in the middle of the box."""
+    """Returns two interpenetrating layers with random velocities in the middle of the box."""
     rng = np.random.default_rng(seed)
     n = 2 * per_layer
     return {
@@ -41,7 +41,8 @@ def spiky_slope(r, h):
 
 
 def brute_force(terms, x, v, layer):
-    """rho (26) and accelerations (27), (28) or their switches, all pairs in double precision."""
+    """Returns rho (26) and accelerations (27), (28), or their variants, by sums over all pairs in
+    double precision."""
     m, mu = np.array(MASSES)[layer], np.array(MU)[layer]
     h = 2.0 * (m / 1000.0) ** (1 / 3)
     d = x[:, None].astype(float) - x[None].astype(float)
@@ -93,13 +94,14 @@ def test_densities_and_forces_equal_the_formulas(name):
     assert np.abs(found - a).max() < 2e-4 * np.abs(a).max()
 
 
-def test_stiffness_and_viscosity_change_while_the_water_moves():
-    """They were compiled in; of two layers the second gives its own viscosity."""
+def test_stiffness_and_viscosity_change_in_a_running_simulation():
+    """New values act at once, except on the second layer, which has its own viscosity.
+
+    Regression: both values were compiled in.
+    """
     terms = ClassicParameters()
     specs = [spec(MASSES[0], terms.viscosity), spec(MASSES[1], 3.0)]
-    initial = cloud()
-    initial["layer"] = np.minimum(initial["layer"], 1)
-    sim = Simulation(Plan(SIZE, specs, initial, terms))
+    sim = Simulation(Plan(SIZE, specs, cloud(), terms))
     sim.solver.measure_density()
     before, step = sim.particles.numpy("pressure"), sim.solver.longest_step()
     changes = {"stiffness": 4.0 * terms.stiffness, "viscosity": 0.0}
@@ -111,7 +113,7 @@ def test_stiffness_and_viscosity_change_while_the_water_moves():
 
 
 def pair_force_sum(terms):
-    """|sum m a| over sum m |a| of a cloud at rest: zero if pair forces are equal and opposite."""
+    """Returns |sum m a| / sum m |a| of a cloud at rest, zero if pair forces are antisymmetric."""
     sim = cloud_with(terms)
     sim.initial["v"][:] = 0.0
     sim.reset()
@@ -123,15 +125,17 @@ def pair_force_sum(terms):
 
 
 def test_only_symmetrised_pressures_conserve_momentum_across_layers():
-    """(27) is not antisymmetric across layers, by the thesis's own admission."""
+    """Pair forces of (27) are not antisymmetric across layers, as the thesis states; pair forces
+    with symmetrised pressures are."""
     assert pair_force_sum(SWITCHES["formula"]) > 1e-3
     assert pair_force_sum(SWITCHES["clamped squared"]) < 1e-5
 
 
-# Each simulation ends with its test, and the next one takes its fields and kernels.
+# Each simulation is closed after its test, so that the next one reuses its fields and kernels.
 @pytest.fixture
 def lone():
-    """One particle, four settings of the hand and gravity: it feels nothing else."""
+    """Yields a simulation of one particle, on which only gravity, the hand, walls and the inertia
+    of the box act."""
     initial = {
         "x": np.array([[0.4, 0.6, 0.4]], np.float32),
         "v": np.array([[0.3, 1.0, 0.0]], np.float32),
@@ -159,7 +163,7 @@ def test_free_fall_follows_position_verlet_and_the_layers_gravity(lone):
 
 def test_wall_reflects_with_its_restitution(lone):
     sideways, dt = 40.0, 0.1
-    # 0.3 m/s, and 40 m/s^2 for two steps: past the wall in the second.
+    # 0.3 m/s and 40 m/s^2 for two steps: the particle passes the wall in the second step.
     speeds = []
     for _ in range(2):
         speeds.append(lone.particles.numpy("v")[0, 0])
@@ -171,8 +175,8 @@ def test_wall_reflects_with_its_restitution(lone):
     assert margin <= x[0] <= SIZE[0] - margin
 
 
-def test_list_knows_how_far_the_fastest_went(lone):
-    """Also where a wall took the speed that it went with."""
+def test_farthest_is_the_distance_that_the_fastest_particle_moved(lone):
+    """The distance is right also in a step in which a wall stops the particle."""
     for _ in range(4):
         before = lone.particles.numpy("x")[0]
         lone.solver.step(0.1, ExternalForces(gravity=(40.0, 0.0, 0.0)))
@@ -180,15 +184,15 @@ def test_list_knows_how_far_the_fastest_went(lone):
         assert lone.solver.farthest[None] == pytest.approx(way, rel=1e-4, abs=1e-6)
 
 
-def test_hand_drags_water_to_its_own_velocity_and_no_farther(lone):
+def test_hand_drags_water_to_its_own_velocity_and_not_beyond(lone):
     hand = Hand(position=(0.4, 0.6, 0.4), velocity=(0.0, 0.0, 2.0), radii=(0.5, 0.5, 0.5), grip=1e6)
     lone.solver.step(1e-3, ExternalForces(gravity=(0.0, 0.0, 0.0), hand=hand))
     assert np.allclose(lone.particles.numpy("v")[0], [0.0, 0.0, 2.0], atol=1e-4)
 
 
 def test_free_flight_is_straight_in_a_box_that_turns(lone):
-    """In the box's frame only the inertia of its rotation acts: from rest, at a rising rate, about
-    an axis that is no axis of the box."""
+    """Inertial forces make the path of a free particle straight in the world. The box starts at
+    rest and rotates at a rising rate about an axis oblique to its edges."""
     dt, steps, axis, rise = 1e-3, 120, np.array([0.6, 0.0, 0.8]), 30.0
     centre = 0.5 * np.array(SIZE)
     start, v = (lone.particles.numpy(k)[0].astype(float) for k in "xv")
@@ -208,7 +212,7 @@ TANK = (12 * D, 20 * D, 12 * D)
 
 
 def tank(pressure_form):
-    """Still water of one layer, ten spacings deep."""
+    """Returns still water of one layer, ten spacings deep."""
     cells = np.indices((12, 10, 12)).reshape(3, -1).T
     layer = LayerSpec(1000.0 * D**3, 1000.0, 2.0, viscosity=10.0)
     initial = {
@@ -226,8 +230,9 @@ def column():
 
 
 def settled_pressure_slope(sim):
-    """dp/dy [Pa/m] away from walls and surface and the speed [m/s] (rms): means over all frames of
-    the third second, for the water goes on swinging, fast enough for fewer to be misread."""
+    """Returns dp/dy [Pa/m] away from walls and surface and the speed [m/s] (root mean square):
+    means over all frames of the third second, since the water oscillates too fast for fewer
+    frames."""
     slopes, speeds = [], []
     for frame in range(180):
         sim.advance(1 / 60, ExternalForces())
@@ -248,8 +253,9 @@ def test_squared_pressures_carry_hydrostatic_weight():
     assert speed < 0.1
 
 
-def test_mean_pressures_must_double_to_carry_the_weight(column):
-    """sum V_j (p_i + p_j)/2 grad W is half of grad p: the printed (27) lacks a factor of 2."""
+def test_mean_pressures_have_twice_the_hydrostatic_gradient(column):
+    """With (27) as printed, dp/dy is twice rho g: sum V_j (p_i + p_j)/2 grad W is half of grad p,
+    so (27) lacks a factor of 2."""
     slope, speed = settled_pressure_slope(column)
     assert slope == pytest.approx(-2.0 * 1000.0 * 9.81, rel=0.15)
     assert speed < 0.1
@@ -284,7 +290,7 @@ SPOILT = {
 
 
 @pytest.mark.parametrize("message", SPOILT)
-def test_checkpoint_that_does_not_fit_is_refused(column, message):
+def test_invalid_checkpoint_is_refused(column, message):
     column.advance(1 / 60, ExternalForces())
     state = column.state()
     with pytest.raises(ValueError, match=message):
@@ -292,7 +298,7 @@ def test_checkpoint_that_does_not_fit_is_refused(column, message):
 
 
 def test_attraction_pulls_the_surface_inwards():
-    """With the colour term alone, a ball of water's surface is pulled towards its middle."""
+    """With the colour term alone, the surface of a ball of water is pulled towards its middle."""
     d = 0.03
     axis = (np.arange(-4, 4) + 0.5) * d
     grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
@@ -307,7 +313,7 @@ def test_attraction_pulls_the_surface_inwards():
     radius = np.linalg.norm(outward, axis=1)
     shell = radius > 0.075
     radial = (a * outward).sum(axis=1)[shell] / radius[shell]
-    # Nothing is pushed outwards; single particles may lie under the threshold and feel nothing.
+    # No particle is pushed outwards; on single particles below the threshold no force acts.
     assert radial.max() < 1e-4 * np.abs(radial).max()
     assert np.count_nonzero(radial < 0.0) > 0.8 * len(radial)
     middle = radius < 0.03

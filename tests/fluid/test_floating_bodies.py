@@ -1,4 +1,4 @@
-"""Floating bodies: conservation, drafts, contact, and pressure where no particles fit."""
+"""Floating bodies: conservation, draft, contact, and pressure in gaps without particles."""
 
 import math
 
@@ -24,7 +24,7 @@ GRAVITY, WEIGHTLESS = (0.0, -9.81, 0.0), (0.0, 0.0, 0.0)
 
 
 def lattice(lo, hi):
-    """Particles at the spacing D from lo to hi [m]."""
+    """Returns the points of a lattice of spacing D from lo to hi [m]."""
     n = np.round((np.array(hi) - lo) / D).astype(int)
     return np.array(lo) + (np.indices(n).reshape(3, -1).T + 0.5) * D
 
@@ -79,7 +79,7 @@ def test_operator_with_floating_bodies_is_symmetric_and_gives_its_energy():
     assert products[0] == pytest.approx(products[1], rel=1e-4)
     multiply(n, p.direction, p.direction, 1)
     assert products[2] == pytest.approx(products[1], rel=1e-4)
-    # The body takes a part of it.
+    # The multipliers also displace the body.
     moved = sim.world.parts.links.moved[0].to_numpy()
     assert np.linalg.norm(moved) > 0.0
 
@@ -107,17 +107,17 @@ def test_ball_floats_at_the_draft_of_its_density():
     ball_volume = 4.0 / 3.0 * np.pi * 0.1**3
     level = (sim.particles.count * D**3 + 0.5 * ball_volume) / (SIZE[0] * SIZE[2])
     weight = 9.81 * sim.boundary.floating.mass[0]
-    # The ball still bobs: means over the last 1.5 s, several periods.
+    # The ball still bobs: the mean is taken over the last 1.5 s, several periods.
     height = np.mean([e.floating_potential for e in ledger.entries[-90:]]) / weight
     assert height == pytest.approx(level, abs=0.02 * 0.2)
-    # 0.06 % with shear relief, 0.001 % without.
+    # Energy gain: 0.06 % with shear relief, 0.001 % without.
     assert ledger.energy_gain() < 1e-3
     impulse = [e.body_impulse[1] for e in ledger.entries]
     assert (impulse[-91] - impulse[-1]) / 1.5 == pytest.approx(weight, rel=0.05)
 
 
 def test_bodies_rest_on_floor_and_each_other():
-    """A box on a box on a dry floor, and a ball that rolls without slipping."""
+    """A box rests on a box on a dry floor, and a ball comes to roll without slipping."""
     bodies = [
         block((0.12, 0.05, 0.12), 0.1, 500.0),
         block((0.13, 0.155, 0.13), 0.1, 500.0),
@@ -129,12 +129,12 @@ def test_bodies_rest_on_floor_and_each_other():
     assert floating.x[:, 1] == pytest.approx([0.05, 0.15, 0.05], abs=2.0 * slop)
     assert np.abs(floating.v[:2]).max() < 5e-3
     assert floating.v[2, 0] == pytest.approx(-0.05 * floating.spin[2, 2], rel=1e-3)
-    # Friction leaves 5/7 of the speed of a ball that slid at first.
+    # Friction leaves 5/7 of the speed of a ball that slides at first.
     assert floating.v[2, 0] == pytest.approx(0.3 * 5.0 / 7.0, rel=0.02)
     assert np.diff([e.energy for e in ledger.entries]).max() < 1e-4 * ledger.reference_energy()
 
 
-def test_bodies_that_meet_in_free_fall_keep_their_momentum():
+def test_bodies_that_collide_without_gravity_conserve_their_momentum():
     bodies = [
         block((0.15, 0.3, 0.24), 0.1, 500.0, velocity=(1.0, 0.0, 0.0)),
         ball((0.32, 0.33, 0.25), 0.06, 2000.0, velocity=(-1.0, 0.0, 0.0)),
@@ -155,10 +155,10 @@ def test_bodies_that_meet_in_free_fall_keep_their_momentum():
 @pytest.mark.parametrize(
     "body",
     [
-        # It was 50 % of the buoyancy.
+        # A ball on the floor. Regression: it had 50 % of its buoyancy.
         Ball(np.array((0.24, 0.1, 0.24)), 0.1),
-        # A flat gap of 0.3 spacings, without particles: the whole pressure on the other side was
-        # missing.
+        # A flat gap of 0.3 spacings without particles at a wall. Regression: the whole pressure on
+        # the face at the gap was missing.
         Block(
             np.array((0.3 * D, 0.08, 0.14)),
             np.array((0.3 * D + 0.16, 0.24, 0.34)),
@@ -191,9 +191,9 @@ def test_checkpoint_holds_floating_bodies():
         sim.restore(state)
 
 
-def test_links_are_those_of_the_gradients_of_all_bodies_near_a_particle():
-    """Long blocks are within reach of most particles by their bounding balls; only particles that
-    they meet are linked to them."""
+def test_links_sum_to_the_boundary_gradient():
+    """The gradients of the links of a particle add up to its boundary gradient. The bounding balls
+    of long blocks reach most particles, but only particles at their faces are linked."""
     x = lattice((0, 0, 0), (0.48, 0.16, 0.48))
     bars = [
         Block(np.array([0.0, 0.0, z]), np.array([0.48, 0.3, z + 0.04])) for z in (0.08, 0.2, 0.32)
@@ -210,12 +210,12 @@ def test_links_are_those_of_the_gradients_of_all_bodies_near_a_particle():
 
 
 def mirrors(links, n):
-    """Signs (n, 3) by which the links' walls mirror vectors."""
+    """Returns the signs (n, 3) by which the mirrors of the first n links reflect vectors."""
     bits = links.mirrors.to_numpy()[:n, None]
     return np.where((bits >> np.arange(3)) & 1 ^ (bits >> np.arange(3, 6)) & 1, -1.0, 1.0)
 
 
-def test_too_many_links_or_contacts_end_with_a_message(monkeypatch):
+def test_too_many_links_or_contacts_raise_a_blow_up_error(monkeypatch):
     bodies = [block((0.24, 0.05, 0.24), 0.1, 300.0), block((0.24, 0.16, 0.24), 0.1, 300.0)]
     sim = simulation(lattice((0, 0, 0), (0.48, 0.12, 0.48)), bodies)
     monkeypatch.setattr(collisions, "MAX_CONTACTS", 3)
@@ -251,8 +251,11 @@ def test_a_body_added_to_a_running_simulation_floats_and_compiles_nothing():
         sim.restore({**checkpoint, "added_bodies": np.zeros((1, 8))})
 
 
-def test_measuring_the_density_changes_nothing_in_a_gap():
-    """The share of bodies at a particle was read after the particles were sorted anew."""
+def test_measuring_the_density_does_not_change_a_run_with_a_gap():
+    """Runs with and without calls of measure_density() are equal.
+
+    Regression: body shares were read after the particles had been sorted again.
+    """
 
     def run_with(measured):
         low = ball((0.24, 0.075, 0.24), 0.07, 700.0)
@@ -278,4 +281,5 @@ def test_the_ledger_counts_an_added_body_as_work_and_impulse_of_the_user():
     first, last = ledger.entries
     assert last.user_impulse == pytest.approx((0.5 * mass, -mass, 0.0))
     assert last.user_work == pytest.approx(mass * (0.5 * 1.25 + 9.81 * 0.35))
-    assert last.energy == pytest.approx(first.energy, abs=1e-9)  # less the work
+    # `energy` excludes the work of the user.
+    assert last.energy == pytest.approx(first.energy, abs=1e-9)

@@ -1,4 +1,4 @@
-"""Whole flows, all of the method at work, against analytic solutions and an experiment."""
+"""Complete flows, compared with analytic solutions and an experiment."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,8 @@ FRAME = 1.0 / 60.0
 
 
 def water(x, d, size, v=None, **terms):
-    """Particles of spacing d [m] at x (n, 3) [m], hardly disturbed; v (n, 3) [m/s]."""
+    """Returns particles of spacing d [m] at x (n, 3) [m], displaced at random by up to 2 % of d,
+    with velocities v (n, 3) [m/s]."""
     x = x + np.random.default_rng(2).uniform(-0.02, 0.02, x.shape) * d
     initial = {"x": x.astype(np.float32), "layer": np.zeros(len(x), np.int32)}
     if v is not None:
@@ -30,7 +31,7 @@ def water(x, d, size, v=None, **terms):
 
 
 def energies(sim):
-    """Kinetic and potential energy [J] of uniform water."""
+    """Returns the kinetic and the potential energy [J] of uniform water."""
     m = sim.layers.specs[0].mass
     x, v = (sim.particles.numpy(k).astype(float) for k in "xv")
     return np.array([0.5 * m * (v**2).sum(), m * G * x[:, 1].sum()])
@@ -44,11 +45,11 @@ TANK = (1.0, (SHEETS + AIR) / CELLS, 1.0)
 
 @pytest.fixture(scope="module")
 def stirred():
-    """Inviscid water in a tank of 1 m by 1 m that has lost its lattice and come to rest.
+    """Returns inviscid water in a tank of 1 m by 1 m that has lost its lattice and come to rest.
 
-    Under gravity and a free surface, for the method's pressures only push: without weight the
-    water would part in a vortex's middle. Stirred, for a lattice resists shear until it is broken,
-    and in a box filled to the lid it has no room to break.
+    Pressures only push, so without gravity and a free surface the water would part in the middle of
+    a vortex. A lattice resists shear until it is broken, so the water is stirred; in a box filled
+    to the lid the lattice has no room to break.
     """
     x = lattice((CELLS, SHEETS, CELLS), 1.0 / CELLS)
     v = vortex(x) + np.random.default_rng(1).normal(0.0, 0.3, x.shape)
@@ -59,22 +60,23 @@ def stirred():
 
 
 def start_vortex(sim):
-    """The Taylor-Green vortex of 1 m/s about the vertical, and nothing else."""
+    """Sets the velocities to a Taylor-Green vortex of 1 m/s about the vertical and returns its
+    amplitude [m/s]."""
     set_velocity(sim, vortex(sim.particles.numpy("x").astype(float)))
     return amplitude(sim)
 
 
-def test_viscous_vortex_decays_as_viscosity_says(stirred):
-    """u ~ exp(-nu (kx^2 + kz^2) t), k = pi/L, over .1 s in which nearly half of it goes: within
-    10 % of what is left (measured: 6 % too little).
+def test_viscous_vortex_decays_at_the_rate_of_its_viscosity(stirred):
+    """The amplitude after 0.1 s, exp(-nu (kx^2 + kz^2) t) with k = pi/L, about half the initial
+    one, is right to 10 % (measured: 6 % too small).
 
-    nu = .3 m^2/s, that the decay be fast beside the particles' own resistance to shear under their
-    weight, which brakes the slower water by more and more of its speed.
+    With nu = 0.3 m^2/s the decay is fast compared with numerical friction under gravity, which
+    takes a larger share of the speed the slower the water is.
     """
     nu, steps = 0.3, 24
     x = stirred.particles.numpy("x").astype(float)
     sim = water(x, 1.0 / CELLS, TANK, viscosity=1000.0 * nu)
-    # Without pressures to begin with, the water would fall.
+    # The first frame provides initial pressures; without them the water would fall.
     sim.advance(FRAME, ExternalForces())
     start, begin = start_vortex(sim), sim.time
     for _ in range(steps):
@@ -84,8 +86,9 @@ def test_viscous_vortex_decays_as_viscosity_says(stirred):
 
 
 @pytest.mark.parametrize(("layers", "limit"), [(1, 0.04), (2, 0.06)])
-def test_viscous_water_falls_in_a_duct_as_theory_says(layers, limit):
-    """The flow of 100 Pa s at 8 spacings between walls without slip, 0.1 to 0.25 s after rest."""
+def test_viscous_water_falls_in_a_duct_at_the_speed_of_theory(layers, limit):
+    """Water of 100 Pa s in a duct 8 spacings wide, whose walls have no slip, falls at the speed of
+    theory from 0.1 to 0.25 s after it was at rest; limit (-): of the mean error."""
     edge, middle = 0.2, sum(tanks.DUCT_WATER) / 2.0
     sim = tanks.build(tanks.duct(edge, 8, 100.0, layers, seed=0))
     masses, errors = np.array([s.mass for s in sim.layers.specs]), []
@@ -100,9 +103,9 @@ def test_viscous_water_falls_in_a_duct_as_theory_says(layers, limit):
 
 
 def test_inviscid_vortex_keeps_its_energy(stirred):
-    """In half a second, in which the fastest water goes half the box's edge, it loses at most 8 %
-    of the vortex's energy (measured: 4 %; 27 % without shear relief), kinetic and potential
-    together. While the arrangement breaks, it gains at most 3 % (measured: 2.5 %)."""
+    """In 0.5 s, in which the fastest water moves half the edge of the box, kinetic plus potential
+    energy falls by at most 8 % of the energy of the vortex (measured: 4 %; 27 % without shear
+    relief). While the arrangement breaks, it rises by at most 3 % (measured: 2.5 %)."""
     start, first = start_vortex(stirred), energies(stirred)
     found = []
     for _ in range(30):
@@ -114,7 +117,7 @@ def test_inviscid_vortex_keeps_its_energy(stirred):
 
 
 def test_sloshing_has_the_period_of_linear_theory():
-    """omega^2 = g k tanh(k H), k = pi/L, of water 15 spacings deep, over two periods."""
+    """Water 15 spacings deep sloshes with omega^2 = g k tanh(k H), k = pi/L, over two periods."""
     length, depth, d = 1.0, 0.5, 1.0 / 30.0
     sim = tanks.build(tanks.tank((length, 6 * d), depth, d, layers=1))
     tanks.run(sim, 0.5)
@@ -130,13 +133,14 @@ def test_sloshing_has_the_period_of_linear_theory():
     assert tanks.fitted_period(times, np.array(centres), theory) == pytest.approx(theory, rel=0.02)
 
 
-# The experiment's gate: T by which its water starts later; .1 to .2 are likely.
+# Delay of the water by the gate of the experiment, in units of T; 0.1 to 0.2 are likely.
 GATE = 0.2
 
 
 @pytest.fixture(scope="module")
 def dam():
-    """Times T and fronts Z of a column of 12 by 24 by 6 particles, in Martin and Moyce's units."""
+    """Returns times T and fronts Z of a column of 12 by 24 by 6 particles, in the units of Martin
+    and Moyce."""
     a, across, sheets = 0.24, 12, 6
     d, unit = a / across, np.sqrt(a / (2.0 * G))
     sim = water(lattice((across, 2 * across, sheets), d), d, (5.0 * a, 2.5 * a, sheets * d))
@@ -147,8 +151,9 @@ def dam():
     return np.array(found).T
 
 
-def test_dam_break_runs_as_martin_and_moyce_saw(dam):
-    """Root mean square of the relative error of Z, the gate's delay taken off T: 5 %."""
+def test_dam_break_front_agrees_with_martin_and_moyce(dam):
+    """The relative error of Z is below 5 % (root mean square), with T reduced by the delay of the
+    gate."""
     path = assets() / "reference" / "martin_moyce_1952_front.csv"
     rows = [line for line in path.read_text().splitlines() if not line.startswith("#")]
     assert rows[0] == "T,Z"
@@ -158,8 +163,8 @@ def test_dam_break_runs_as_martin_and_moyce_saw(dam):
 
 
 def test_dam_break_is_never_faster_than_ritter(dam):
-    """x - a <= 2 sqrt(g h) t with h = 2 a, so Z - 1 <= 2 T; nor is the front's speed ever higher
-    than that over a fifth of T, but it comes to more than half of it."""
+    """Ritter's bound x - a <= 2 sqrt(g h) t with h = 2 a, that is Z - 1 <= 2 T, holds for the front
+    and for its speed over a fifth of T, which reaches more than half of the bound."""
     times, places = dam
     assert np.all(places - 1.0 <= 2.0 * times)
     speed = (places[4:] - places[:-4]) / (times[4:] - times[:-4])

@@ -1,4 +1,4 @@
-"""Scan, sort, grid and neighbour list against brute force."""
+"""Scan, sort, grid and neighbour list, compared with brute force."""
 
 import numpy as np
 import pytest
@@ -28,19 +28,22 @@ TAG = Attribute("tag", "-", "rides along with the sort")
 
 
 def cloud(seed):
-    """Random particles of three layers, with points on every face, edge and corner of the box."""
+    """Returns random positions [m] and layers of particles: 150 in corners of the box, 100 on two
+    opposite faces, 100 on four parallel edges, the others anywhere."""
     rng = np.random.default_rng(seed)
     x = rng.uniform(0.0, 1.0, (COUNT, 3))
     x[:150] = np.round(x[:150])
     x[150:250, seed % 3] = np.round(x[150:250, seed % 3])
+    ends = np.arange(3) != seed % 3
+    x[250:350, ends] = np.round(x[250:350, ends])
     return (x * SIZE).astype(np.float32), rng.integers(0, 3, COUNT).astype(np.int32)
 
 
 class World:
-    """Particles in a grid, with a neighbour list of any form."""
+    """Particles in a grid with a neighbour list of any form."""
 
     def __init__(self, size=SIZE, masses=(1.0, 0.25, 3.0), smoothing=2.03, mirrored=False):
-        # By default supports of about .2, .12 and .3 m, none of which divides the box.
+        # The default support radii are about 0.2, 0.12 and 0.3 m, none of which divides the box.
         self.specs = [LayerSpec(m, 1000.0, smoothing) for m in masses]
         self.size, self.mirrored = size, mirrored
         self.constants, self.layers = Constants(), Layers()
@@ -51,7 +54,7 @@ class World:
         self.list_of("pair")
 
     def list_of(self, form):
-        """The list of this form, not searched yet."""
+        """Returns the list, set up for a form; find() has yet to be called."""
         margin = MARGINS[form] * (not self.mirrored)
         rows, pairs = list_tables(self.specs, margin, form)
         self.layers.load(self.specs, rows | grid_rows(self.size, self.specs), pairs)
@@ -83,7 +86,7 @@ def world():
 @pytest.mark.parametrize("serial", [True, False])
 @pytest.mark.parametrize("length", [1, CHUNKS - 1, CHUNKS, CHUNKS + 1, 5 * CHUNKS + 17])
 def test_scan_is_the_cumulative_sum(length, serial):
-    """On one thread, and in chunks that threads share."""
+    """The scan equals the cumulative sum on one thread and in chunks shared by threads."""
     counts = np.random.default_rng(length).integers(0, 9, length).astype(np.int32)
     source, target = ti.field(ti.i32, shape=length), ti.field(ti.i32, shape=length + 1)
     source.from_numpy(counts)
@@ -94,7 +97,7 @@ def test_scan_is_the_cumulative_sum(length, serial):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_sort_keeps_every_particle_whole(world, seed):
+def test_sort_moves_all_attributes_of_a_particle_together(world, seed):
     x, layer = cloud(seed)
     world.place(x, layer)
     order = world.particles.numpy("id")
@@ -106,7 +109,7 @@ def test_sort_keeps_every_particle_whole(world, seed):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_cells_hold_what_lies_in_them(world, seed):
+def test_cells_hold_the_particles_within_them(world, seed):
     x, layer = cloud(seed)
     world.place(x, layer)
     start = world.grid.cell_start.to_numpy()[: world.cells + 1]
@@ -124,7 +127,7 @@ def test_cells_hold_what_lies_in_them(world, seed):
 
 
 def assert_equals_brute_force(world, form):
-    """Finds the list of this form and compares it with the distances of all pairs."""
+    """Asserts that the list of a form equals the distances of all pairs, up to rounding."""
     neighbours = world.list_of(form)
     neighbours.find()
     x = world.particles.numpy("x").astype(np.float64)
@@ -143,7 +146,7 @@ def assert_equals_brute_force(world, form):
 
 
 def reaches(form, h):
-    """Reaches (n, n) [m] of all pairs of supports h (n,) [m]."""
+    """Returns the reaches (n, n) [m] of all pairs of support radii h (n,) [m]."""
     own, other = np.meshgrid(h, h, indexing="ij")
     pair = (0.5 * (own**2.5 + other**2.5)) ** 0.4
     return {"scatter": other, "pair": pair, "widest": np.maximum(own, other)}[form]
@@ -156,8 +159,9 @@ def test_neighbour_lists_equal_brute_force(world, seed, form):
     assert_equals_brute_force(world, form)
 
 
-def test_crowd_in_one_point_takes_room_that_others_leave(world):
-    """Each of the crowd has more than half as many again as the usual neighbours."""
+def test_crowded_particles_use_list_entries_left_by_others(world):
+    """The list is complete where 150 particles lie at one point, although some have more than 1.5
+    times the bound of the mean number of neighbours."""
     if not world.neighbours.pooled:
         pytest.skip("on a GPU each particle has room of its own")
     x, layer = cloud(0)
@@ -170,7 +174,8 @@ def test_crowd_in_one_point_takes_room_that_others_leave(world):
 
 @pytest.mark.parametrize("form", FORMS)
 def test_mean_of_neighbours_is_bounded_in_all_mixtures(form):
-    """By the integral over all pairs of a mixture of layers, which the worst one nearly attains."""
+    """The mean number of neighbours of any mixture of layers, by the integral over all pairs, is at
+    most max_mean_neighbours(), and the worst mixture has more than 90 % of it."""
     specs = [LayerSpec(m, 1000.0, 2.45) for m in (1.0, 4.0, 64.0)]
     h, volume = (np.array([getattr(s, name) for s in specs]) for name in ("support", "volume"))
     balls = 4.0 / 3.0 * np.pi * reaches(form, h) ** 3
@@ -182,7 +187,8 @@ def test_mean_of_neighbours_is_bounded_in_all_mixtures(form):
 
 
 def test_cubic_lattice_between_walls_fits():
-    """Most of its particles have images, for which threads take room that stays free."""
+    """The list has enough entries for a lattice between walls, where most particles have images:
+    threads reserve more entries for these than they use."""
     along = 12
     world = World((0.1 * along,) * 3, (1.0,), 2.45, mirrored=True)
     particles, neighbours = world.particles, world.neighbours
@@ -196,7 +202,7 @@ def test_cubic_lattice_between_walls_fits():
     assert np.all(end - start == near)
 
 
-def test_full_list_says_that_the_water_collapsed(world):
+def test_a_full_list_raises_an_error_about_collapsed_water(world):
     x = np.full((COUNT, 3), 0.3, dtype=np.float32)
     world.place(x, np.full(COUNT, 2, dtype=np.int32))
     neighbours = world.list_of("scatter")
@@ -205,7 +211,7 @@ def test_full_list_says_that_the_water_collapsed(world):
     assert neighbours.end.to_numpy().max() <= neighbours.entries
 
 
-def test_list_is_stale_once_something_moved_half_its_margin(world):
+def test_list_is_stale_after_a_motion_of_half_its_margin(world):
     world.place(*cloud(0))
     neighbours = world.list_of("scatter")
     neighbours.find()
@@ -215,6 +221,6 @@ def test_list_is_stale_once_something_moved_half_its_margin(world):
     assert neighbours.stale
 
 
-def test_pool_refuses_more_particles_than_it_holds(world):
+def test_more_particles_than_the_capacity_are_an_error(world):
     with pytest.raises(ValueError, match="exceed the capacity"):
         world.particles.fill(x=np.zeros((COUNT + 51, 3), np.float32))

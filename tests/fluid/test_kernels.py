@@ -1,4 +1,4 @@
-"""Kernels integrate to one, and their derivatives are derivatives."""
+"""Kernel functions: their integrals, derivatives and support radii."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,8 @@ PAIRS = {
 
 @ti.data_oriented
 class Evaluator:
-    """All kernels over the same distances, compiled once: column k of the table is kernel k."""
+    """Values of all kernel functions at the same distances, compiled once: column k of the table
+    belongs to functions[k]."""
 
     functions = (
         *(f for pair in PAIRS.values() for f in pair),
@@ -89,7 +90,7 @@ def test_slope_is_the_derivative(evaluator, r, name):
 def test_laplacian_is_the_divergence_of_the_gradient(evaluator, r, value, laplacian):
     w, expected = evaluator.column(value), evaluator.column(laplacian)
     inside = (r > 0.3 * H) & (r < 0.95 * H)
-    # Coarser differences: the second derivative of single-precision values is noisy.
+    # Coarse differences, because the second derivative of single-precision values is noisy.
     step = 20
     rs, ws = r[::step], w[::step]
     found = np.gradient(rs**2 * np.gradient(ws, rs), rs) / rs**2

@@ -1,4 +1,4 @@
-"""A moving box: what moves freely follows the laws of the world, and the ledger balances."""
+"""A moving box: free motion is straight in the world, and the ledger balances."""
 
 import math
 
@@ -23,7 +23,8 @@ AXIS = np.array([0.6, 0.0, 0.8])
 
 
 def path(time):
-    """A surge, and a rotation that begins at rest about an axis that is no axis of the box."""
+    """Returns the shift [m] and the rotation of a box that surges, and rotates from rest about an
+    axis oblique to its edges."""
     shift = np.array([0.03 * math.sin(5.0 * time), 0.2 * time**2, 0.0])
     return shift, rotations(1.5 * (1.0 - math.cos(2.0 * time)) * AXIS[None])[0]
 
@@ -35,7 +36,8 @@ def simulation(x, parameters=None, bodies=()):
 
 @pytest.mark.parametrize("parameters", [ProjectionParameters(), ClassicParameters()])
 def test_a_free_particle_falls_straight_in_the_world(parameters):
-    """At rest in the box at the start: its velocity is that of the box."""
+    """A particle that starts at rest in the box has the velocity of the box and then falls freely
+    in the world."""
     start = np.array([0.35, 0.4, 0.3])
     sim = simulation(start[None], parameters)
     ledger = Ledger(sim, density_every=math.inf)
@@ -51,13 +53,14 @@ def test_a_free_particle_falls_straight_in_the_world(parameters):
     unturned = CENTRE + turned @ (start - CENTRE) + shift
     assert np.linalg.norm(expected - unturned) > 0.1
     assert seen == pytest.approx(expected, abs=3e-3)
-    # All that it gains is the work and the impulse of gravity and inertia.
+    # The particle gains energy only by the work of gravity and inertia.
     assert last.inertia_work != 0.0 and last.user_work == 0.0
     assert last.energy == pytest.approx(first.energy, abs=2e-2 * last.kinetic)
 
 
 def test_water_in_a_moving_box_balances_momentum_and_gains_no_energy():
-    """In a box that surges and rotates about the vertical."""
+    """In a box that surges and rotates about the vertical, momentum changes by the recorded
+    impulses and the energy rises by less than 0.16 J."""
 
     def moving(time):
         return path(time)[0], rotations(np.array([[0.0, 4.0 * time, 0.0]]))[0]
@@ -75,21 +78,21 @@ def test_water_in_a_moving_box_balances_momentum_and_gains_no_energy():
     scale = last.mass * 9.81 * sim.time
     assert last.momentum - first.momentum == pytest.approx(given, abs=1e-6 * scale)
     assert np.abs(last.inertia_impulse).max() > 1e-3 * scale
-    # Without the time in which the lattice of the start settles.
+    # The first ten frames, in which the initial lattice settles, are left out.
     energies = np.array([e.energy for e in ledger.entries[10:]])
     assert max(e.inertia_work for e in ledger.entries) > 1.0
     assert (energies - np.minimum.accumulate(energies)).max() < 0.16
 
 
-def test_a_floating_body_without_forces_moves_straight_and_turns_as_in_the_world():
-    """Far from the water; its angular momentum is conserved in the world, and its energy less the
-    work of inertia in the box."""
+def test_a_floating_body_without_forces_moves_straight_and_turns_freely_in_the_world():
+    """Far from the water, the angular momentum of a body is conserved in the world, and its kinetic
+    energy in the box changes by the work of inertia."""
     lo, hi = np.array([0.2, 0.3, 0.2]), np.array([0.3, 0.36, 0.34])
     body = Block(lo, hi, Motion((0.3, 0.2, 0.0), axis=(1, 2, 0), rate=3.0), mass=0.5)
     sim = simulation(np.array([[0.5, 0.05, 0.5]]), bodies=(body,))
     floating, weightless = sim.boundary.floating, (0.0, 0.0, 0.0)
     first = floating.x[0] - CENTRE, floating.v[0].copy(), floating.spin_momentum[0].copy()
-    # At the start the box does not turn.
+    # The box does not rotate at the start.
     energy = floating.kinetic()
     for _ in range(30):
         sim.advance(1 / 120, MovingBox(weightless, path, sim.time))

@@ -1,4 +1,4 @@
-"""Inflows and outflows: conservation, pressure without gap or jump, holes, jets, a full pool."""
+"""Inflows and outflows: conservation, continuous pressure, holes, jets, a full pool."""
 
 import math
 
@@ -21,7 +21,7 @@ D, GRAVITY = 0.04, (0.0, -9.81, 0.0)
 SIZE = (0.4, 0.4, 0.4)
 UP, DOWN = np.array([0.0, 1.0, 0.0]), np.array([0.0, -1.0, 0.0])
 FLOOR = np.array([0.2, 0.0, 0.2])
-# Scene of two layers that adapt, with an inflow and a hole.
+# Overrides of a scene: a larger box, and frequent passes of adaptation.
 ADAPTIVE = ("box.size=[0.8, 0.45, 0.8]", "adaptation.every=2", "adaptation.travel=0.3")
 
 
@@ -50,7 +50,7 @@ def run(sim: Simulation, seconds: float, frame: float = 1.0 / 60.0) -> Ledger:
 
 @pytest.fixture
 def through_flow():
-    """Water that enters through the floor and leaves through a hole in the floor."""
+    """Yields water that enters through the floor and leaves through a hole in the floor."""
     sim = simulate(disc(FLOOR, UP, True, 0.6), disc((0.07, 0.0, 0.07), DOWN, False, None, 0.06))
     yield sim
     sim.close()
@@ -83,20 +83,20 @@ def test_mass_and_momentum_that_enter_and_leave_are_recorded(through_flow):
 
 
 def test_energy_that_enters_is_recorded():
-    """Single particles in free fall keep the energy with which they entered, to rounding."""
+    """The energy of single particles that enter and fall freely is recorded to rounding."""
     sim = simulate(disc((0.2, 0.27, 0.2), DOWN, True, 1.0, 0.02), height=0.04)
     run(sim, 0.5)
-    # A particle enters every 0.05 s, and falls on the water later.
+    # A particle enters every 0.05 s and falls on the water later.
     ledger = run(sim, 0.12, 0.005)
     energies = [entry.energy for entry in ledger.entries]
     assert ledger.entries[-1].inflow_mass - ledger.entries[0].inflow_mass > 0.1
-    # Impacts dissipate energy, and the water settles meanwhile.
+    # Energy may fall: impacts dissipate it, and the water settles meanwhile.
     assert np.diff(energies).max() < 1e-3
     sim.close()
 
 
-def test_the_flow_is_area_times_speed():
-    """Of a disc and a rectangle whose areas are not whole numbers of particles."""
+def test_the_volume_flow_of_an_inflow_is_area_times_speed():
+    """This holds for a disc and a rectangle whose areas are not whole numbers of particles."""
     wide = Opening(
         np.array([0.0, 0.1, 0.2]), np.array([1.0, 0, 0]), (0.055, 0.043), True, lambda time: 0.5,
         np.eye(3)[[1, 2]],
@@ -110,9 +110,12 @@ def test_the_flow_is_area_times_speed():
 
 
 @pytest.mark.parametrize("radius", [0.07, 0.1])
-def test_a_spring_lifts_the_water(radius):
-    """Water from below, also from a pipe of 3.5 spacings: the water above flows at its speed, which
-    it lacked where gravity slowed the pipe, and the piston works against the pressure."""
+def test_an_inflow_from_below_lifts_the_water(radius):
+    """Water above a pipe 3.5 or 5 spacings wide flows at about the speed of the inflow, which works
+    against the pressure as a piston does.
+
+    Regression: gravity slowed the water in the pipe, and the water above lacked speed.
+    """
     sim = simulate(disc(FLOOR, UP, True, 1.0, radius))
     ledger, speeds = run(sim, 0.2), []
     first = ledger.entries[-1]
@@ -135,7 +138,7 @@ def test_a_spring_lifts_the_water(radius):
 
 
 def test_a_closed_inflow_holds_the_water():
-    """With the speed 0 the pipe is a floor: nothing enters, and hardly anything moves."""
+    """An inflow of speed 0 acts as a floor: no water enters, and the water is nearly at rest."""
     sim = simulate(disc(FLOOR, UP, True, 0.0))
     ledger = run(sim, 0.5)
     assert ledger.entries[-1].inflow_mass == 0.0
@@ -158,7 +161,7 @@ def test_water_leaves_a_hole_at_the_speed_of_torricelli():
     sim.close()
 
 
-def test_a_pump_takes_its_rate_as_far_as_water_is_near():
+def test_a_pump_takes_its_rate_only_where_water_is_near():
     opening = disc(FLOOR, DOWN, False, 0.4)
     sim = simulate(opening, height=0.28)
     run(sim, 0.5)
@@ -185,7 +188,7 @@ def test_a_drain_in_the_box_removes_water_without_drops():
     sim.close()
 
 
-def test_a_full_pool_slows_the_inflow_and_says_so():
+def test_a_full_pool_slows_the_inflow_with_a_message():
     opening = disc(FLOOR, UP, True, 0.5)
     sim = simulate(opening, capacity=560)
     ledger = run(sim, 0.5)
@@ -198,7 +201,7 @@ def test_a_full_pool_slows_the_inflow_and_says_so():
     sim.close()
 
 
-def test_openings_come_and_go_while_the_water_moves():
+def test_openings_are_added_and_removed_in_a_running_simulation():
     sim = simulate(disc(FLOOR, UP, True, 0.3))
     run(sim, 0.1)
     tap = disc((0.2, 0.38, 0.2), DOWN, True, 0.5, 0.05)
@@ -219,7 +222,7 @@ def test_openings_come_and_go_while_the_water_moves():
     sim.close()
 
 
-def test_a_resumed_run_continues_the_sheets():
+def test_a_resumed_run_continues_the_inflow():
     sim = simulate(disc(FLOOR, UP, True, 0.5))
     run(sim, 0.2)
     repeats(sim)
@@ -227,7 +230,7 @@ def test_a_resumed_run_continues_the_sheets():
 
 
 def repeats(sim):
-    """The next 0.2 s are the same after a reset to the present state."""
+    """Asserts that the next 0.2 s are repeated after a reset and a restore of the present state."""
     state = sim.state()
     run(sim, 0.2)
     ahead = sim.state()
@@ -241,7 +244,10 @@ def repeats(sim):
 
 
 def test_a_checkpoint_holds_openings_that_were_added():
-    """They were lost in sessions that were resumed."""
+    """A checkpoint restores openings that were added in the run, and refuses invalid ones.
+
+    Regression: added openings were lost when a run was resumed.
+    """
     sim = simulate()
     sim.add_opening(disc((0.2, 0.26, 0.2), DOWN, True, 0.5, 0.05), GRAVITY)
     drain = Opening(
@@ -291,7 +297,7 @@ def test_layers_adapt_between_inflow_and_hole():
         ("outflows=[{centre=[0.4, 0, 0.4], radius=0.1, speed=1, rate=1}]", "either speed or rate"),
     ],
 )
-def test_bad_openings_are_refused_in_one_line(change, message):
+def test_invalid_openings_are_refused_with_their_key(change, message):
     with pytest.raises(SceneError, match=message) as caught:
         load_scene("drop", (change,))
     assert "flows.0" in str(caught.value)

@@ -1,4 +1,4 @@
-"""A wall of the box that moves: pressure at rest, balance of momentum and energy, checkpoints."""
+"""Pistons (moving walls of the box): pressure at rest, momentum and energy, checkpoints."""
 
 import math
 
@@ -16,7 +16,7 @@ from msph.measure.ledger import Ledger
 D = 0.05
 SIZE, DEPTH = (0.8, 0.5, 0.25), 0.2
 GRAVITY, FRAME = (0.0, -9.81, 0.0), 1 / 60
-LOW, FAR = 1, 8  # walls across x
+LOW, FAR = 1, 8  # walls normal to x
 
 
 @pytest.fixture
@@ -46,7 +46,10 @@ def ledger_of(sim):
 
 @pytest.mark.parametrize("wall", [LOW, FAR])
 def test_a_piston_at_its_wall_is_like_the_wall(sim, wall):
-    """Mirrored as well, the water there was half too dense."""
+    """Adding and removing a piston at rest at its wall does not move or compress the water.
+
+    Regression: the wall mirrored particles as well, and the density there was 50 % too high.
+    """
     ledger = ledger_of(sim)
     run(sim, ledger, 20)
     sim.add_piston(Stroke(wall))
@@ -69,7 +72,7 @@ def test_a_piston_pushes_the_water_by_its_work_and_impulse(sim):
     assert place == pytest.approx(0.8 * 11.5 * FRAME)
     assert sim.particles.numpy("x")[:, 0].min() > place and last.outside == 0
     assert ledger.mass_change() == 0.0
-    # It lifts the water in front of it, and sets it in motion.
+    # The piston lifts the water in front of it and sets it in motion.
     assert last.centre[0] > first.centre[0] + 0.2 * place
     gained = last.mechanical - first.mechanical
     assert 0.7 * last.wall_work < gained < 1.001 * last.wall_work
@@ -77,11 +80,11 @@ def test_a_piston_pushes_the_water_by_its_work_and_impulse(sim):
     fallen = first.mass * last.time * np.array(GRAVITY)
     assert np.linalg.norm(given - fallen) < 1e-4 * np.linalg.norm(fallen)
     assert last.body_impulse[0] > 0.0
-    # The water is four spacings deep.
+    # The limit holds for water only four spacings deep.
     assert ledger.energy_gain() < 3e-3
 
 
-def test_removing_a_piston_leaves_no_trace_but_in_the_ledger(sim):
+def test_a_removed_piston_has_no_effect_and_its_impulse_stays_in_the_ledger(sim):
     ledger = ledger_of(sim)
     sim.add_piston(Stroke(FAR))
     run(sim, ledger, 6, 0.5)

@@ -1,4 +1,4 @@
-"""Bodies and containers: their shares against integrals, their pushes against volumes."""
+"""Bodies and containers: kernel shares compared with integrals, and the water they displace."""
 
 import numpy as np
 import pytest
@@ -32,9 +32,10 @@ def solid(mesh, move=(0.0, 0.0, 0.0), **options):
 
 
 def kernel_points(n=48):
-    """Midpoints of cells of the unit ball and the Wendland kernel's share of each, h = 1.
+    """Returns points in the unit ball, (n, 3), and the Wendland kernel's share of each, h = 1.
 
-    Aslant: else a face has all of a sheet of them on one side.
+    The points, midpoints of cells, are rotated: otherwise whole planes of points would lie on one
+    side of a face.
     """
     axis = (np.arange(n) + 0.5) / n * 2.0 - 1.0
     points = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
@@ -45,21 +46,22 @@ def kernel_points(n=48):
 
 
 def share_inside(x, h, inside):
-    """Brute force: the kernel's share at each x (n, 3) of what inside(points) says."""
+    """Returns the share of the kernel at each x (n, 3) in the region where inside(points) is True,
+    by brute force."""
     points, weight = kernel_points()
     return np.array([(weight * inside(p + h * points)).sum() for p in x])
 
 
 def behind(s):
-    """lambda of a plane at distance s, h = 1."""
+    """Returns the share of the kernel behind a plane at distance s, h = 1."""
     u = np.clip(1.0 - np.abs(s), 0.0, 1.0)
     found = u**6 * (3.5 - 4.5 * u + 1.5 * u**2)
     return np.where(s >= 0.0, found, 1.0 - found)
 
 
 def octant(distances, n=120):
-    """Kernel's share, h = 1, beyond three planes at these distances, by midpoints that respect
-    the planes."""
+    """Returns the share of the kernel, h = 1, beyond three orthogonal planes at these distances, by
+    the midpoint rule on cells that end at the planes."""
     axes, cell = [], 1.0
     for d in distances:
         edges = np.linspace(d, 1.0, n + 1)
@@ -75,8 +77,8 @@ NUMBERS = ti.types.ndarray(dtype=ti.f32, ndim=2)
 
 @ti.data_oriented
 class Evaluator:
-    """Shares and distances (n, 4) of some walls at given points; arrays, since a process has room
-    for few fields."""
+    """Shares and distances, with gradients, (n, 4) of a boundary at points x; arrays, since a
+    process has room for few fields."""
 
     def __init__(self, boundary, x, layer=0):
         self.boundary = boundary
@@ -111,13 +113,13 @@ class Evaluator:
         ),
     ],
 )
-def test_signed_distance_of_a_mesh_is_that_of_its_shape(mesh, distance):
+def test_signed_distance_of_a_mesh_equals_the_distance_of_its_shape(mesh, distance):
     lattice = SampleLattice.covering(*mesh.bounds, 0.1, 0.03)
     found = signed_distance(np.array(mesh.triangles), lattice, 0.1)
     node = np.stack(np.meshgrid(*map(np.arange, lattice.shape), indexing="ij"), -1)
     true = distance(np.array(lattice.origin) + lattice.cell * node)
     band = abs(true) < 0.099
-    # The icosphere's faces lie within .6 mm of the ball's surface.
+    # The faces of the icosphere lie within 0.6 mm of the surface of the ball.
     assert abs(found - true)[band].max() < 7e-4
     assert np.all(np.sign(found) == np.sign(true), where=abs(true) > 7e-4)
     assert abs(found - true).max() < 0.15 * abs(true).max()
@@ -159,7 +161,7 @@ def test_share_of_a_ball_is_the_kernels_integral_for_every_radius():
         brute = share_inside([centre], 1.0, lambda y, r=r: np.linalg.norm(y, axis=1) < r)[0]
         assert found == pytest.approx(brute, abs=2e-3)
         if r == RADII[-1]:
-            # What a plane in place of the ball would miss: .1 h/R.
+            # A plane in place of the ball would be off by 0.1 h/R.
             assert abs(found - behind(d - r)) < 0.11 / r
     slope = (out[n : 2 * n, 0] - out[2 * n :, 0]) / (2.0 * step)
     assert abs(slope - out[:n, 1]).max() < 5e-3
@@ -189,17 +191,19 @@ def test_container_shaped_like_a_box_holds_water_as_the_box_does():
 
     box(x.astype(np.float32), plain)
     difference = abs(held.share - plain)
-    # The box's own product is off by .35 % at most. By Catmull-Rom's cubics it was twice, gradients
-    # five times as much, and the sides of a mesh read up to 2.4 % of pressure too much.
+    # The product formula of the box is off by at most 0.35 %. Regression: with Catmull-Rom cubics
+    # the difference was twice as large, in gradients five times, and pressures at the sides of a
+    # mesh were up to 2.4 % too high.
     assert difference[:, 0].max() < 4e-3
     assert np.sqrt((difference[:, 1:] ** 2).mean()) < 0.005 / H
-    # Exact but where two walls are equally near: there a third of a cell.
+    # Exact, except where two walls are equally near: there off by up to a third of a cell.
     missed = abs(held.distance[:, 0] - np.minimum(x, edge - x).min(axis=1))
     assert np.median(missed) < 1e-5 and missed.max() < 0.35 * CELL * H
 
 
 def test_share_of_all_bodies_has_its_own_gradient_and_the_kernels_value():
-    """A block, a ball and a mesh ball, apart from each other, for the coarse layer."""
+    """Shares of a block, a ball and a mesh of a ball that are apart equal brute force for the
+    coarse layer, and their gradients equal finite differences."""
     bodies = [
         Block(np.array((0.1, 0.1, 0.1)), np.array((0.3, 0.4, 0.3))),
         Ball(np.array((0.75, 0.7, 0.7)), 0.13),
@@ -220,11 +224,11 @@ def test_share_of_all_bodies_has_its_own_gradient_and_the_kernels_value():
     n = len(x)
     for k in range(3):
         up, down = found[n * (1 + 2 * k) :][:n, 0], found[n * (2 + 2 * k) :][:n, 0]
-        # Single precision: 1e-7/step of the difference is noise.
+        # Noise of single precision is 1e-7/step.
         assert abs((up - down) / (2.0 * step) - found[:n, 1 + k]).max() < 0.05 / COARSE.support
 
     def inside(y):
-        """Of the bodies as this layer's density meets them."""
+        """Returns True for points y (n, 3) in the bodies, swollen as for the coarse layer."""
         more = SWELL * 1.6 * D
         block = ((y > bodies[0].lo - more) & (y < bodies[0].hi + more)).all(axis=1)
         ball = np.linalg.norm(y - bodies[1].centre, axis=1) < bodies[1].radius + more
@@ -240,7 +244,7 @@ def unit(rng, n):
 
 
 def water(lo, hi, seed=0):
-    """Particles of the fine layer on a lattice from lo to hi, at rest."""
+    """Returns particles of the fine layer at rest on a slightly disturbed lattice from lo to hi."""
     axes = [np.arange(a + 0.5 * D, b, D) for a, b in zip(lo, hi, strict=True)]
     x = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
     x += np.random.default_rng(seed).uniform(-0.02, 0.02, x.shape) * D
@@ -251,7 +255,7 @@ def water(lo, hi, seed=0):
 
 @pytest.fixture(scope="module")
 def shaken():
-    """A ball-shaped container with a swinging ball in it, half full."""
+    """Returns a half full, ball-shaped container with a swinging ball in it."""
     bodies = [
         solid(trimesh.creation.icosphere(3, radius=0.35), MIDDLE, container=True),
         Ball(np.array((0.4, 0.4, 0.5)), 0.1, Motion(swing=(0.2, 0.1, 0.0), period=0.4)),
@@ -261,7 +265,8 @@ def shaken():
 
 
 def test_particles_stop_at_walls_and_bodies():
-    """The third and the fourth meet the ball, which comes towards them at .5 m/s."""
+    """Particles lose their speed towards walls, and the third takes the speed of the ball, which
+    moves at 0.5 m/s. The fourth is faster than the ball and is not stopped."""
     x = [(0.3, 0.001, 0.3), (0.3, 0.4, 0.999), (0.701, 0.5, 0.5), (0.72, 0.5, 0.5)]
     v = [(1.0, -2.0, 0.5), (0.0, 1.0, 3.0), (-1.0, 2.0, 0.0), (2.0, 0.0, 0.0)]
     initial = {"x": np.array(x, np.float32), "v": np.array(v, np.float32)}
@@ -276,7 +281,7 @@ def test_particles_stop_at_walls_and_bodies():
     found, at, mass = p.numpy("v"), p.numpy("x"), FINE.mass
     after = [(1.0, 0.0, 0.5), (0.0, 1.0, 0.0), (0.5, 2.0, 0.0), (2.0, 0.0, 0.0)]
     assert found == pytest.approx(np.array(after), abs=1e-5)
-    # Each keeps a distance of its own, of .05 to .1 spacings.
+    # Each particle is kept at a distance of its own, 0.05 to 0.1 spacings.
     assert 0.05 * D <= at[0, 1] <= 0.1 * D and 0.05 * D <= SIZE[2] - at[1, 2] <= 0.1 * D
     assert 0.05 * D - 1e-6 <= at[2, 0] - 0.7 <= 0.1 * D
     assert at[3] == pytest.approx((0.72, 0.5, 0.5), abs=1e-5)
@@ -285,7 +290,7 @@ def test_particles_stop_at_walls_and_bodies():
     assert sim.solver.impulses.wall_work.total[None] == pytest.approx(0.75 * mass, rel=1e-5)
 
 
-def test_violent_water_stays_in_its_container_and_leaks_are_seen(shaken):
+def test_violent_water_stays_in_its_container_and_leaks_are_counted(shaken):
     shaken.reset()
     ledger = Ledger(shaken)
     assert (
@@ -302,13 +307,13 @@ def test_violent_water_stays_in_its_container_and_leaks_are_seen(shaken):
     assert r.max() < 0.35 + 0.01 * D
     state = shaken.particles.state()
     state["x"][0] = MIDDLE + np.array((0.0, 0.35 + 0.2 * D, 0.0))
-    state["x"][1] = MIDDLE + np.array((0.35 + 0.05 * D, 0.0, 0.0))  # too little to count
+    state["x"][1] = MIDDLE + np.array((0.35 + 0.05 * D, 0.0, 0.0))  # too near to count
     state["x"][2] = shaken.boundary.centre[1, 1].to_numpy()
     shaken.particles.fill(**state)
     assert ledger.record((0.0, -9.81, 0.0)).outside == 2
 
 
-def test_bodies_stand_where_time_says_after_reset_and_restore(shaken):
+def test_poses_of_bodies_follow_the_time_after_reset_and_restore(shaken):
     shaken.reset()
     for _ in range(3):
         shaken.advance(1 / 30, ExternalForces())
@@ -327,7 +332,8 @@ def test_bodies_stand_where_time_says_after_reset_and_restore(shaken):
 
 
 def test_piston_lifts_the_water_it_displaces_and_its_work_balances():
-    """A block over the whole cross-section drives water of volume V along x at .25 m/s."""
+    """A block over the whole cross-section pushes water along x at 0.25 m/s: the water has the
+    level and momentum that volumes give, and the work covers the gain of potential energy."""
     length, width, front, speed = 0.8, 0.3, 0.1, 0.25
     piston = Block(
         np.array((-0.3, 0.0, 0.0)), np.array((front, 0.8, width)), Motion((speed, 0.0, 0.0))
@@ -347,13 +353,13 @@ def test_piston_lifts_the_water_it_displaces_and_its_work_balances():
     assert last.centre[1] == pytest.approx(0.5 * depth, rel=0.04)
     momentum = np.mean([e.momentum[0] for e in ledger.entries[1:]])
     assert momentum == pytest.approx(first.mass * 0.5 * speed, rel=0.08)
-    # The lattice settles first, and would as much before a piston at rest.
+    # The first six frames, in which the lattice settles as it would at rest, are left out.
     settled = ledger.entries[6:]
     assert last.work - settled[0].work > 0.9 * (last.potential - settled[0].potential) > 30.0
     assert np.diff([e.energy for e in settled]).max() < 1e-3 * first.energy
 
 
-def test_bodies_that_swallow_all_water_are_an_error():
+def test_bodies_that_cover_all_water_are_an_error():
     everything = Block(np.array((0.0, 0.0, 0.0)), np.array((1.0, 1.0, 1.0)))
     initial = water((0.2, 0.2, 0.2), (0.4, 0.4, 0.4))
     with pytest.raises(NoWaterError, match="64 particles"):

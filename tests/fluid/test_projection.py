@@ -1,4 +1,4 @@
-"""The projection method: its operator by brute force, conservation, its solves."""
+"""The projection method: operator compared with brute force, conservation, solves, time steps."""
 
 import numpy as np
 import pytest
@@ -38,7 +38,7 @@ def ball(centre, radius, spacing):
 
 
 def blobs():
-    """A fine and a coarse ball (masses 1 : 8) fly at each other, off centre."""
+    """Returns a fine and a coarse ball (masses of particles 1 : 8) that collide off centre."""
     fine = ball((0.67, 0.82, 0.8), 0.12, 0.03)
     coarse = ball((0.96, 0.78, 0.8), 0.15, 0.06)
     x = np.concatenate([fine, coarse])
@@ -59,7 +59,7 @@ def collision():
 
 
 def momenta(sim):
-    """Mass, momentum, angular momentum about the middle, and the scales of both."""
+    """Returns mass, momentum, angular momentum about the middle, and scales of both momenta."""
     m = np.array([s.mass for s in sim.layers.specs])[sim.particles.numpy("layer")][:, None]
     x, v = (sim.particles.numpy(k).astype(float) for k in "xv")
     arm = x - 0.8
@@ -78,7 +78,7 @@ def test_collision_of_unequal_layers_conserves_momenta(collision):
     h = COARSE.support
     assert x.min() > h and x.max() < SIZE[0] - h, "a wall was met, which takes momentum"
     mass_after, linear_after, angular_after, _, _ = momenta(collision)
-    # They met: the fine ball's front was thrown back or aside.
+    # The balls collided: the front of the fine ball was thrown back or aside.
     speeds = collision.particles.numpy("v")
     assert np.abs(speeds[:, 1:]).max() > 0.3
     assert mass_after == mass
@@ -99,7 +99,7 @@ def test_collision_of_water_gains_no_energy(collision):
 
 
 def test_operator_equals_brute_force_and_is_symmetric(collision):
-    """c, the diagonal and A itself against all pairs; <p, A q> = <A p, q> weighed by V."""
+    """c, the diagonal and A equal sums over all pairs, and <p, A q> = <A p, q>, weighted by V."""
     collision.reset()
     sim, solver = collision, collision.solver
     n = sim.particles.count
@@ -134,9 +134,9 @@ def test_operator_equals_brute_force_and_is_symmetric(collision):
 
 
 def test_pressure_is_a_third_of_the_virials_trace(collision):
-    """Of random multipliers against all pairs, of which the coarser end has more; the mean over
-    pairs where weights are missing, and the own one of a lone particle and, as far as the air share
-    says so, below air."""
+    """Pressures of random multipliers equal brute force. The coarser particle of a pair has the
+    larger share of its virial. Where weights are missing, the pressure is the mean over pairs; for
+    lone particles, and by the air share at surfaces, it is the particle's own multiplier."""
     collision.reset()
     for _ in range(6):
         collision.advance(1 / 60, WEIGHTLESS)
@@ -169,17 +169,21 @@ def test_pressure_is_a_third_of_the_virials_trace(collision):
 
 
 def pairs(neighbours, density, n):
-    """Particles i and j of all entries (m,) that are no images, and V_j grad W_ij (m, 3) [1/m]."""
+    """Returns particles i and j (m,) of all entries that are not images, and V_j grad W_ij (m, 3)
+    [1/m]."""
     start, end = (f.to_numpy()[:n] for f in (neighbours.start, neighbours.mirrors))
     own = np.repeat(np.arange(n), end - start)
     entry = np.concatenate([np.arange(a, b) for a, b in zip(start, end, strict=True)])
     return own, neighbours.index.to_numpy()[entry], density.pair_gradient.to_numpy()[entry]
 
 
-def test_pushes_add_up_to_nothing(collision):
-    """Of equal particles they are equal and opposite, up to the last bit of a gradient, which
-    vector and scalar instructions may round differently; and their sums add no error to that. Sums
-    in single precision left 1e-8 of them, in still water the same in every step."""
+def test_pair_impulses_sum_to_zero(collision):
+    """Gradients of equal particles are opposite up to the last bit, which vector and scalar
+    instructions may round differently, and the sum of the impulses adds no further error.
+
+    Regression: sums in single precision left 1e-8 of the impulses, in still water the same in every
+    step.
+    """
     collision.reset()
     solver, p, dt = collision.solver, collision.particles, 0.01
     fine = p.numpy("layer") == 0
@@ -207,9 +211,9 @@ def test_pushes_add_up_to_nothing(collision):
 
 
 @pytest.mark.parametrize("drift", (0.0, 30.0))
-def test_velocity_solve_leaves_a_small_share_of_the_speed(collision, drift):
-    """The blobs as they meet: velocities of the solve as it stops against a converged one. What
-    both drift together with [m/s] makes it no laxer."""
+def test_error_of_the_pressure_solve_is_a_small_share_of_the_speed(collision, drift):
+    """Velocities of colliding balls with the usual tolerance differ little from a converged solve.
+    A common drift [m/s] of both balls does not loosen the tolerance."""
     collision.reset()
     for _ in range(3):
         collision.advance(1 / 60, WEIGHTLESS)
@@ -242,7 +246,8 @@ def test_velocity_solve_leaves_a_small_share_of_the_speed(collision, drift):
 
 
 def test_crowds_are_crowded_particles_and_their_neighbours(collision):
-    """2 within reach of an excess above CROWDED_EXCESS, 1 within reach of those, 0 elsewhere."""
+    """`crowding` is 2 for particles of an excess above CROWDED_EXCESS and their neighbours, 1 for
+    neighbours of those, and 0 elsewhere."""
     collision.reset()
     for _ in range(4):
         collision.advance(1 / 60, WEIGHTLESS)
@@ -266,9 +271,12 @@ def test_crowds_are_crowded_particles_and_their_neighbours(collision):
     collision.reset()
 
 
-def test_pairs_set_the_spacing_that_pressure_holds(collision):
-    """Alike: their own. A fine particle drawn down among coarse ones, which once halved all steps
-    of a pool, is held more softly."""
+def test_pair_spacing_equals_brute_force(collision):
+    """The pair spacing is the spacing among equal particles, and larger for a fine particle among
+    coarse ones.
+
+    Regression: a fine particle drawn down among coarse ones halved all time steps of a pool.
+    """
     collision.reset()
     for _ in range(6):
         collision.advance(1 / 60, WEIGHTLESS)
@@ -293,8 +301,8 @@ def test_pairs_set_the_spacing_that_pressure_holds(collision):
     collision.reset()
 
 
-def test_relative_speed_is_that_past_neighbours_and_walls(collision):
-    """The blobs as they meet, one of them at a wall, by brute force."""
+def test_relative_speed_is_the_largest_past_neighbours_and_walls(collision):
+    """The relative speeds of colliding balls, one of them at a wall, equal brute force."""
     collision.reset()
     for _ in range(6):
         collision.advance(1 / 60, WEIGHTLESS)
@@ -317,7 +325,7 @@ def test_relative_speed_is_that_past_neighbours_and_walls(collision):
     collision.reset()
 
 
-def test_water_that_moves_as_one_may_move_farther_in_a_step(collision):
+def test_water_in_uniform_motion_may_move_farther_in_a_step(collision):
     collision.reset()
     state = collision.particles.state()
     state["v"][:] = (3.0, 0.0, 0.0)
@@ -329,8 +337,8 @@ def test_water_that_moves_as_one_may_move_farther_in_a_step(collision):
 
 
 @pytest.mark.parametrize("off", (0.8, 1.25))
-def test_velocity_solve_scales_its_start(collision, off):
-    """The blobs as they meet: a start that is the solution but for a factor is the solution."""
+def test_pressure_solve_scales_its_start(collision, off):
+    """A start that equals the solution times a factor is scaled to the solution."""
     collision.reset()
     for _ in range(3):
         collision.advance(1 / 60, WEIGHTLESS)
@@ -347,9 +355,12 @@ def test_velocity_solve_scales_its_start(collision, off):
     collision.reset()
 
 
-def test_calm_water_spreads_less(collision):
-    """In full before time starts and where it is brisk: waves half a spacing high, spread as a dam
-    break is, swung 5 % too slow."""
+def test_background_pressure_is_weaker_in_calm_water(collision):
+    """The background pressure is full before time starts and where water moves FULL_MOTION per
+    step, and weaker in slower water.
+
+    Regression: with full background pressure, waves half a spacing high oscillated 5 % too slowly.
+    """
     collision.reset()
     p, dt = collision.particles, 1 / 300
     brisk = FULL_MOTION * max(s.spacing for s in collision.layers.specs) / dt
@@ -368,7 +379,8 @@ def test_calm_water_spreads_less(collision):
 
 
 def mixture(halvings, cells, seed=0):
-    """A cube of 1 m of cells of equal volume, every other one at random halved so many times."""
+    """Returns a cube of 1 m that consists of cells of equal volume; half of them, chosen at random,
+    are halved `halvings` times."""
     rng, d = np.random.default_rng(seed), 1.0 / cells
     axis = (np.arange(cells) + 0.5) * d
     coarse = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
@@ -388,12 +400,13 @@ def mixture(halvings, cells, seed=0):
     }
 
 
-# What a cube is filled with, so that no gaps remain; then c is as much if volumes add up.
+# Volume of the particles over the volume of a cube, so large that no gaps remain; c equals this
+# value if volumes add up.
 FULL = 1.02
 
 
 def full_cube(halvings, cells, rounds):
-    """Yields a cube of a mixture after each round of the position solve, its densities known."""
+    """Yields a cube of a mixture in each round of the position correction, with known densities."""
     mass = FULL * 1000.0 / cells**3
     specs = [LayerSpec(mass / 2**halvings, 1000.0, 2.5), LayerSpec(mass, 1000.0, 2.5)]
     sim = Simulation(Plan((1.0, 1.0, 1.0), specs, mixture(halvings, cells), ProjectionParameters()))
@@ -407,8 +420,9 @@ def full_cube(halvings, cells, rounds):
 
 
 @pytest.mark.parametrize("halvings", [1, 2])
-def test_unlike_particles_mixed_fill_the_space_of_their_volumes(halvings):
-    """What fills less is pressed into each other by its own weight, and layers dissolve."""
+def test_mixtures_of_unlike_particles_fill_the_sum_of_their_volumes(halvings):
+    """Mixtures of mass ratio 2 and 4 keep their volume to 0.3 %. Layers whose mixtures lose volume
+    are driven into each other by their weight and dissolve."""
     seen = []
     for sim in full_cube(halvings, cells=7, rounds=250):
         volume = np.array([s.volume for s in sim.layers.specs])[sim.particles.numpy("layer")]
@@ -416,8 +430,9 @@ def test_unlike_particles_mixed_fill_the_space_of_their_volumes(halvings):
     assert np.mean(seen[200:]) / FULL == pytest.approx(1.0, abs=3e-3)
 
 
-def test_water_squeezed_evenly_gains_density_as_it_loses_volume():
-    """Else the pressure that bears a weight is wrong by what the density gains too little."""
+def test_uniform_compression_raises_the_density_as_it_reduces_the_volume():
+    """The density rises by (1 - 0.001)^-3 - 1 to 0.2 % of the rise. Otherwise the pressure that
+    bears a weight would be wrong by the missing rise."""
     *_, sim = full_cube(0, cells=9, rounds=120)
     p, solver, squeeze = sim.particles, sim.solver, 1e-3
 
@@ -435,7 +450,7 @@ def test_water_squeezed_evenly_gains_density_as_it_loses_volume():
     assert gain[inner].mean() == pytest.approx((1.0 - squeeze) ** -3 - 1.0, rel=2e-3)
 
 
-def test_steps_keep_their_length_while_it_is_allowed_and_not_much_too_short(collision, monkeypatch):
+def test_steps_keep_their_length_unless_too_long_or_much_too_short(collision, monkeypatch):
     collision.reset()
     taken = []
     for allowed in (1.0, 1.9, 2.1, 2.6, 2.1, 0.9):  # in half frames
@@ -451,7 +466,11 @@ def test_steps_keep_their_length_while_it_is_allowed_and_not_much_too_short(coll
 
 
 def test_a_hand_that_starts_fast_moves_water_by_a_share_of_its_spacing(collision):
-    """The first step had the length that water at rest allows: 100 m/s moved it out of the box."""
+    """A step moves water by at most cfl of the finest spacing at the speed of the hand.
+
+    Regression: the first step had the length allowed for water at rest, and a hand of 100 m/s moved
+    the water out of the box.
+    """
     collision.reset()
     collision.particles.fields["v"].fill(0.0)
     collision.solver.max_rate = 0.0

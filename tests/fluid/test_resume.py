@@ -1,4 +1,4 @@
-"""A run that goes on from a checkpoint file is the run that was never stopped, bit for bit."""
+"""A run resumed from a checkpoint file equals the uninterrupted run bit for bit."""
 
 from pathlib import Path
 
@@ -14,8 +14,8 @@ from msph.taichi_internals import on_cpu
 
 FRAME = 1.0 / 60.0
 COARSE = [f"layers.{k}.spacing={0.05 * 2 ** (k / 3):.6f}" for k in range(3)]
-# Frequent passes, narrow hysteresis, and so little room that bands grow thin and thick again: the
-# splash splits and merges all the time, and all that adaptation carries matters.
+# Frequent passes, a narrow hysteresis and so small a capacity that bands shrink and grow: the
+# splash splits and merges all the time, so that every value carried by adaptation matters.
 BUSY = (
     *("adaptation.every=2", "adaptation.travel=0.3", "adaptation.hysteresis=0.1"),
     "adaptation.capacity=1290",
@@ -28,7 +28,7 @@ CASES: dict[str, tuple[str, tuple[str, ...], tuple[int, int]]] = {
 
 
 def advance(sim: Simulation, frames: int) -> tuple[int, int]:
-    """Runs so many frames; returns how many particles (were made, are gone)."""
+    """Runs `frames` frames; returns the numbers of particles (made, removed) in them."""
     made, gone = 0, 0
     for _ in range(frames):
         before = set(sim.particles.numpy("id").tolist())
@@ -39,16 +39,16 @@ def advance(sim: Simulation, frames: int) -> tuple[int, int]:
 
 
 def compare(case: str, folder: Path) -> None:
-    """Writes CASE_whole.npz, the end of the run that was never stopped; CASE_resumed.npz, that of
-    the run that went on from the checkpoint CASE.npz; and CASE_events.npy, the particles (made,
-    gone) before and after the checkpoint, (2, 2)."""
+    """Writes the final states of the uninterrupted run, CASE_whole.npz, and of the run resumed from
+    the checkpoint CASE.npz, CASE_resumed.npz; and CASE_events.npy, the numbers of particles (made,
+    removed) before and after the checkpoint, (2, 2)."""
     name, changes, (before, after) = CASES[case]
     sim = build_simulation(load_scene(name, changes))
     events = [advance(sim, before)]
     np.savez_compressed(folder / f"{case}.npz", **sim.state())
     events.append(advance(sim, after))
     np.savez(folder / f"{case}_whole.npz", **sim.state())
-    # As after a start, but for what a reset would forget to clear.
+    # The state is restored after a reset, so that values that reset() fails to clear are noticed.
     sim.reset()
     with np.load(folder / f"{case}.npz") as state:
         sim.restore(dict(state))
@@ -60,7 +60,7 @@ def compare(case: str, folder: Path) -> None:
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
-    """The folder of their ends. Bits repeat on one thread only."""
+    """Returns the folder with the files of all cases. Bits repeat on a single thread only."""
     if not on_cpu() or ti.cfg.cpu_max_num_threads > 1:
         pytest.skip("needs a single CPU thread")
     folder = tmp_path_factory.mktemp("runs")
@@ -70,8 +70,8 @@ def runs(tmp_path_factory):
 
 
 @pytest.mark.parametrize("case", ["adaptive", "classic"])
-def test_a_resumed_run_equals_the_whole_one(runs, case):
-    """Every carried attribute of every particle, in its order, and the state of the solver."""
+def test_a_resumed_run_equals_the_uninterrupted_run(runs, case):
+    """All carried attributes of all particles, in order, and the state of the solver are equal."""
     with (
         np.load(runs / f"{case}_whole.npz") as whole,
         np.load(runs / f"{case}_resumed.npz") as ours,
@@ -84,5 +84,6 @@ def test_a_resumed_run_equals_the_whole_one(runs, case):
 
 
 def test_particles_split_and_merged_on_both_sides_of_the_checkpoint(runs):
-    """Else the equality above would say nothing about what adaptation carries."""
+    """Splits and merges occur on both sides; otherwise equality would not test adaptation's
+    state."""
     assert np.load(runs / "adaptive_events.npy").min() > 0

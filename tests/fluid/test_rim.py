@@ -1,4 +1,4 @@
-"""Open boxes: water above the rim leaves over the side walls, and is accounted for."""
+"""Open boxes: water above the rim leaves over the side walls and is recorded."""
 
 import dataclasses
 
@@ -19,7 +19,7 @@ from msph.scene.build import build_simulation
 from msph.taichi_internals import on_cpu
 
 FRAME, SIZE, SPACING = 1.0 / 60.0, (0.4, 0.3, 0.4), 0.04
-# Gravity of a box that is tilted by 40 degrees.
+# Gravity in a box tilted by 40 degrees.
 TILTED = ExternalForces((6.3, -7.5, 0.0))
 
 
@@ -29,7 +29,7 @@ def lattice(height: float) -> np.ndarray:
 
 
 def plan(height: float, open_top: bool = True, method=ProjectionParameters, **initial) -> Plan:
-    """Water of `height` [m] in the box."""
+    """Returns the plan of a box with water of `height` [m]."""
     x = lattice(height).astype(np.float32)
     start = {"x": x, "v": np.zeros_like(x), "layer": np.zeros(len(x), np.int32), **initial}
     smoothing = 2.45 if method is ProjectionParameters else 1.6
@@ -85,7 +85,7 @@ def test_a_lid_keeps_the_water(simulate):
 
 def test_water_rises_above_the_rim_and_falls_back(simulate):
     v = np.zeros_like(lattice(0.16), dtype=np.float32)
-    # In the middle, away from the walls.
+    # Only water in the middle, away from the walls, moves upwards.
     v[np.all(np.abs(lattice(0.16)[:, [0, 2]] - 0.2) < 0.1, axis=1), 1] = 3.0
     sim = simulate(plan(0.16, v=v))
     tops = []
@@ -99,7 +99,7 @@ def test_water_rises_above_the_rim_and_falls_back(simulate):
 
 
 def test_energy_leaves_with_the_water(simulate):
-    """The projection method gains no energy, and less than a fifth is lost with what is spilt."""
+    """The energy in the box plus the spilt energy rises by less than 0.2 % and falls in total."""
     ledger = run(simulate(plan(0.24)), 30)
     assert ledger.entries[-1].spilt_energy != 0.0
     assert ledger.energy_gain() < 2e-3
@@ -108,8 +108,8 @@ def test_energy_leaves_with_the_water(simulate):
 
 
 def test_momentum_leaves_with_the_water(simulate):
-    """Per step: change = gravity + walls + pair forces - spilt, all of them recorded but gravity,
-    which acts on the water that is in the box."""
+    """The momentum changes per step by the impulses of gravity, walls and pair forces less the
+    spilt momentum. All but gravity, which acts on the water in the box, are recorded."""
     sim = simulate(plan(0.24))
     ledger = run(sim, 10)
     spilt = 0
@@ -151,7 +151,8 @@ def test_a_resumed_run_keeps_the_spilt_mass(simulate):
 
 
 def test_neighbours_above_the_rim_are_complete_and_mutual(simulate):
-    """Also of particles above the grid, and without images of particles above the rim."""
+    """Neighbours are complete also for particles above the grid; images are mutual, and particles
+    above the rim have none."""
     rng = np.random.default_rng(3)
     x = rng.uniform((0.0, 0.2, 0.0), (0.4, 0.7, 0.4), (400, 3)).astype(np.float32)
     layer, v = np.zeros(len(x), np.int32), np.zeros_like(x)
@@ -179,8 +180,8 @@ def test_neighbours_above_the_rim_are_complete_and_mutual(simulate):
         assert (entry & mask, i | (entry & ~mask)) in images
 
 
-def test_layers_that_adapt_spill():
-    """Splits, merges and spilling change the number of particles; ids stay unique."""
+def test_water_spills_from_adaptive_layers():
+    """Mass is conserved and ids stay unique while particles split, merge and are spilt."""
     changes = ["box.size=[0.8, 0.45, 0.8]", "adaptation.every=2", "adaptation.travel=0.3"]
     changes += [f"layers.{k}.spacing={0.05 * 2 ** (k / 3):.6f}" for k in range(3)]
     changes += ["water.0.hi=[0.8, 0.2, 0.8]", "water.1.centre=[0.4, 0.33, 0.4]", "box.open=true"]
@@ -195,7 +196,7 @@ def test_layers_that_adapt_spill():
 
 
 def test_water_that_never_returns_is_spilt(simulate):
-    """Up to the last particle, with gravity upwards."""
+    """Under upward gravity all particles are spilt, and AllSpiltError ends the run."""
     sim = simulate(plan(0.08))
     with pytest.raises(AllSpiltError):
         run(sim, 90, ExternalForces((0.0, 20.0, 0.0)))

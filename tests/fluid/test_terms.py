@@ -1,4 +1,4 @@
-"""Viscosity, surface tension and XSPH: brute force, formulas, conservation, nothing when off."""
+"""Viscosity, surface tension and XSPH: brute force, formulas, conservation, no cost when off."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ def ball(radius, spacing):
 
 
 def two_layers():
-    """A ball, its upper half of the fine layer: it turns, and shears as it does."""
+    """Returns a ball that rotates and shears, with its upper half of the fine layer."""
     fine, coarse = ball(0.13, 0.03), ball(0.13, 0.0476)
     fine, coarse = fine[fine[:, 1] > 0.0], coarse[coarse[:, 1] < 0.0]
     x = np.concatenate([fine, coarse])
@@ -45,7 +45,7 @@ def two_layers():
 
 @pytest.fixture(scope="module")
 def blob():
-    """All terms on; tests call them one by one, or switch them off."""
+    """Returns the ball of two layers with all terms on; tests apply the terms one by one."""
     terms = ProjectionParameters(viscosity=20.0, tension=1.0, xsph=0.1)
     return Simulation(Plan((2 * MIDDLE,) * 3, [FINE, COARSE], two_layers(), terms))
 
@@ -57,7 +57,7 @@ def prepare(sim):
 
 
 def pairs(sim):
-    """V_i (n,), offsets r_ij (n, n, 3), distances and their supports (n, n)."""
+    """Returns V_i (n,), offsets r_ij (n, n, 3), distances and support radii (n, n) of all pairs."""
     x, layer = sim.particles.numpy("x").astype(float), sim.particles.numpy("layer")
     volume, h = (np.array([getattr(s, k) for s in sim.layers.specs])[layer] for k in VOLUME)
     d = x[:, None] - x
@@ -68,7 +68,7 @@ VOLUME = ("volume", "support")
 
 
 def exchange(sim):
-    """V_j (n,), weights a(r_ij) and directions of all pairs, (n, n) and (n, n, 3)."""
+    """Returns V_j (n,), weights a(r_ij) (n, n) and directions (n, n, 3) of all pairs."""
     volume, d, r, h = pairs(sim)
     a = CALIBRATION * 640.0 / np.pi**2 / h**5 * np.clip(1.0 - (r / h) ** 2, 0.0, None) ** 1.5
     return volume, a, d / np.where(r > 0.0, r, 1.0)[..., None]
@@ -107,7 +107,7 @@ def test_viscosity_equals_brute_force(blob):
 
 
 def test_implicit_solve_is_backward_euler_and_keeps_momenta(blob):
-    """v - dt nu lap v = v* by all pairs, at ten times what an explicit step could take."""
+    """The solve gives v - dt nu lap v = v* by all pairs, at ten times the explicit limit."""
     solver, n = prepare(blob)
     force = solver.force(Viscosity)
     start, before = velocities(blob), momenta(blob)
@@ -143,9 +143,13 @@ def test_implicit_equals_explicit_where_both_may_be_used(blob, monkeypatch):
     assert np.linalg.norm(implicit - explicit) < 0.02 * np.linalg.norm(explicit)
 
 
-def test_tar_at_rest_stays_at_rest():
-    """1e5 Pa s: a solve that adds its residual to velocities amplifies its error by the operator's
-    largest eigenvalue, some thousand; still tar boiled at 1 m/s and lost 7 % of its density."""
+def test_very_viscous_liquid_at_rest_stays_at_rest():
+    """A liquid of 1e5 Pa s stays at rest.
+
+    Regression: the solve added its residual to the velocities, which amplified its error by the
+    largest eigenvalue of the operator, some thousand; the liquid at rest reached 1 m/s and lost 7 %
+    of its density.
+    """
     n, d = 6, 0.04
     x = (np.indices((n, n, n)).reshape(3, -1).T + 0.5) * d
     x += np.random.default_rng(1).uniform(-0.01, 0.01, x.shape) * d
@@ -160,7 +164,7 @@ def test_tar_at_rest_stays_at_rest():
     assert sim.particles.numpy("x")[:, 1].mean() == pytest.approx(height, rel=5e-3)
 
 
-def test_water_that_turns_as_one_is_not_braked(blob):
+def test_viscosity_does_not_slow_rigid_rotation(blob):
     solver, _ = prepare(blob)
     v = np.cross([1.0, 2.0, 3.0], blob.particles.numpy("x") - MIDDLE).astype(np.float32)
     blob.particles.v.from_numpy(v)
@@ -182,7 +186,7 @@ def test_xsph_equals_brute_force_and_keeps_momentum(blob):
 
 
 def area(sim, x):
-    """The energy [J] of the area for particles at x (n, 3) and 1 N/m."""
+    """Returns the area energy [J] of particles at x (n, 3) [m] at 1 N/m, and the sums g (n, 3)."""
     volume, _, _, h = pairs(sim)
     own = np.diag(h)
     d = x[:, None] - x
@@ -197,7 +201,8 @@ def area(sim, x):
 
 
 def test_tension_is_the_gradient_of_area_and_cohesion(blob):
-    """The energy's differences over 2e-5 m against the forces, for a few particles."""
+    """Forces on a few particles equal differences of the area energy over 2e-5 m plus the cohesion
+    of all pairs."""
     solver, n = prepare(blob)
     blob.particles.v.fill(0.0)
     solver.force(SurfaceTension).apply(1.0, WEIGHTLESS)
@@ -231,7 +236,7 @@ CELLS = 12
 
 @pytest.fixture(scope="module")
 def tank():
-    """A full box of 1 m without gravity, whose walls do not brake."""
+    """Returns a full box of 1 m by 1 m, without gravity, whose walls slip."""
     x = (np.indices((CELLS, 5, CELLS)).reshape(3, -1).T + 0.5) / CELLS
     x += np.random.default_rng(2).uniform(-0.1, 0.1, x.shape) / CELLS
     initial = {"x": x.astype(np.float32), "layer": np.zeros(len(x), np.int32)}
@@ -242,8 +247,9 @@ def tank():
 
 
 @pytest.mark.parametrize("steps", [20, 1])
-def test_taylor_green_decays_as_viscosity_says(tank, steps):
-    """exp(-nu (kx^2 + kz^2) t), by explicit steps and by a single implicit one."""
+def test_taylor_green_vortex_decays_at_the_rate_of_its_viscosity(tank, steps):
+    """The vortex decays as exp(-nu (kx^2 + kz^2) t) in explicit steps, and as backward Euler in a
+    single implicit step."""
     prepare(tank)
     tank.particles.pressure_multiplier.fill(0.0)
     term, x = tank.solver.force(Viscosity), np.pi * tank.particles.numpy("x").astype(float)
@@ -265,8 +271,9 @@ def test_taylor_green_decays_as_viscosity_says(tank, steps):
     assert 1.0 - left == pytest.approx(1.0 - expected, rel=0.05)
 
 
-def test_walls_without_slip_stop_the_water():
-    """Water between two walls, v = sin(pi x/L): the image's velocity makes it an eigenfunction."""
+def test_walls_without_slip_give_a_sine_profile_its_rate_of_decay():
+    """The profile v = sin(pi x/L) sin(pi z/L) between walls without slip decays at 2 nu (pi/L)^2:
+    it is an eigenfunction, due to the velocities of the images."""
     x = (np.indices((8, 20, 8)).reshape(3, -1).T + 0.5) * 0.05
     initial = {"x": x.astype(np.float32), "layer": np.zeros(len(x), np.int32)}
     terms = ProjectionParameters(viscosity=1.0, slip=False)
@@ -302,7 +309,7 @@ def test_walls_without_slip_act_symmetrically_and_brake():
     assert work[0, 0] < 0.0 and work[1, 1] < 0.0
 
 
-def test_a_cube_of_water_becomes_a_ball_of_its_volume():
+def test_surface_tension_turns_a_cube_into_a_ball_of_equal_volume():
     n, edge = 9, 0.009
     x = (np.indices((n, n, n)).reshape(3, -1).T + 0.5) * edge / n + 0.0155
     initial = {"x": x.astype(np.float32), "layer": np.zeros(len(x), np.int32)}
@@ -328,7 +335,7 @@ def test_a_cube_of_water_becomes_a_ball_of_its_volume():
     assert np.linalg.norm(v.sum(axis=0)) < 1e-4 * np.linalg.norm(v, axis=1).sum()
 
 
-def test_what_is_off_is_not_there():
+def test_terms_that_are_off_have_no_attributes_and_no_forces():
     off = ProjectionParameters(shear_relief=0.0)
     plain = {a.name for a in Projection.attributes(off, False)}
     for name, terms in (
@@ -344,7 +351,7 @@ def test_what_is_off_is_not_there():
     assert sim.solver.adaptation is None
 
 
-def test_walls_that_stick_need_viscosity(tmp_path):
+def test_walls_without_slip_require_viscosity(tmp_path):
     path = scenes_kit.write(tmp_path, scenes_kit.TEXT.replace("classic", "projection", 1))
     with pytest.raises(SceneError, match=r"projection\.slip.*projection\.viscosity"):
         load_scene(path, ("projection.slip=false",))

@@ -1,4 +1,4 @@
-"""A body that leaves the water no room is named, and stops where someone plays."""
+"""A body that traps water is reported by its name, and is stopped if stop_bodies is set."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from msph.stage.loop import run
 from msph.stage.row import Row
 from msph.stage.show import Show
 
-# A piston as wide as its box, over a ball at rest in the water.
+# A piston as wide as the box, above a ball at rest in the water.
 PISTON = """
 [box]
 size = [0.24, 0.4, 0.24]
@@ -46,13 +46,13 @@ def advance(simulation, frames):
 
 
 @pytest.mark.parametrize("motion", MOTIONS)
-def test_piston_that_leaves_no_room_is_named(tmp_path, motion):
+def test_piston_without_a_gap_is_reported_by_name(tmp_path, motion):
     sim = build_simulation(load(tmp_path, *MOTIONS[motion]))
     with pytest.raises(TrappedWaterError, match=r"bodies\.1 compresses water that cannot flow"):
         advance(sim, 120)
 
 
-def test_piston_with_room_beside_it_traps_nothing(tmp_path):
+def test_piston_over_half_of_the_box_traps_no_water(tmp_path):
     room = ("bodies.1.hi=[0.12, 0.38, 0.24]", "bodies.1.velocity=[0, -0.5, 0]")
     sim = build_simulation(load(tmp_path, *room))
     advance(sim, 15)
@@ -60,9 +60,9 @@ def test_piston_with_room_beside_it_traps_nothing(tmp_path):
 
 
 @pytest.mark.parametrize("motion", MOTIONS)
-def test_piston_stops_where_someone_plays_and_no_water_is_lost(tmp_path, motion):
-    """How fast the water is then, is not demanded: 3 % too dense, it has nowhere to expand to and
-    gains energy in bursts (docs/method.md, "What is approximate")."""
+def test_piston_is_stopped_by_stop_bodies_and_no_water_is_lost(tmp_path, motion):
+    """The speed of the water is not checked: 3 % too dense and without room to expand, it gains
+    energy in bursts (docs/method.md, "What is approximate")."""
     show = Show(load(tmp_path, *MOTIONS[motion]), 1 / 60, stop_bodies=True)
     count = show.simulation.particles.count
     run(Row([show]), Headless(90))

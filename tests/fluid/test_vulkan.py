@@ -1,4 +1,4 @@
-"""Scan, sort, grids and neighbour lists once more, on Vulkan."""
+"""Runs the tests of scan, sort, grid and neighbour list on Vulkan."""
 
 import os
 import subprocess
@@ -8,7 +8,7 @@ from tests.arch_kit import require
 
 
 def test_grid_equals_brute_force_on_vulkan():
-    """In a process of its own: one Taichi runtime has one architecture."""
+    """The tests run in a separate process, since a Taichi runtime has one architecture."""
     require("vulkan")
     command = [sys.executable, "-m", "pytest", "-o", "addopts=", "tests/fluid/test_grid.py"]
     environment = {**os.environ, "TI_ARCH": "vulkan"}

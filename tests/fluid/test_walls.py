@@ -1,4 +1,4 @@
-"""The walls' share of the kernel against numerical integration and finite differences."""
+"""Shares of the kernel behind walls, compared with integrals and finite differences."""
 
 import numpy as np
 import pytest
@@ -11,8 +11,8 @@ SIZE = (1.0, 0.5, 0.8)
 
 
 class Evaluator:
-    """Shares (n, 4) of a block at points, and (m,) behind a plane at distances; arrays, since a
-    process has room for few fields."""
+    """Shares, with gradients, (n, 4) of a block at points, and shares (m,) behind a plane at given
+    distances; arrays, since a process has room for few fields."""
 
     def __init__(self, points, distances):
         x, s = np.asarray(points, np.float32), np.asarray(distances, np.float32)
@@ -52,7 +52,8 @@ def evaluator():
 
 
 def test_share_behind_a_plane_is_the_kernels_integral(evaluator):
-    """Integrate slabs: at height z the kernel's disc is the integral of 2 pi rho W over rho."""
+    """The share equals the integral over slabs: at height z the kernel's disc is the integral of
+    2 pi rho W over rho."""
     z = np.linspace(-H, H, 801)
     rho = np.linspace(0.0, H, 1201)
     r = np.hypot(z[:, None], rho[None])
@@ -65,7 +66,7 @@ def test_share_behind_a_plane_is_the_kernels_integral(evaluator):
         assert share == pytest.approx(np.trapezoid(behind, z), abs=3e-3)
 
 
-def test_gradient_is_the_derivative(evaluator):
+def test_gradient_is_the_derivative_of_the_share(evaluator):
     n = len(points())
     share = evaluator.share
     for k in range(3):
@@ -74,8 +75,8 @@ def test_gradient_is_the_derivative(evaluator):
         assert np.abs((up - down) / 2e-3 - share[:n, 1 + k]).max() < 0.02 / H
 
 
-def test_corner_holds_an_eighth():
+def test_a_corner_of_a_block_contains_an_eighth_of_the_kernel():
     corner = Evaluator([(0.0, 0.0, 0.0), (0.5, 0.25, 0.4)], [0.0])
     assert corner.share[0, 0] == pytest.approx(1 / 8, abs=1e-6)
-    # .25 m from two faces with h = .3 m: a sliver of the kernel reaches beyond both.
+    # 0.25 m from two faces with h = 0.3 m: a small share of the kernel lies beyond each of them.
     assert 0.99 < corner.share[1, 0] < 1.0

@@ -1,4 +1,4 @@
-"""Fields and kernels that one simulation leaves to the next."""
+"""Worlds: simulations reuse the fields and kernels of earlier ones."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ FRAME = 1.0 / 60.0
 
 
 def run(name, *overrides, frames=2):
-    """Every carried attribute after some frames; the fields are given back."""
+    """Returns all carried attributes after some frames of a scene, and gives the fields back."""
     sim = build_simulation(load_scene(name, overrides))
     for _ in range(frames):
         sim.advance(FRAME, ExternalForces())
@@ -26,9 +26,9 @@ def run(name, *overrides, frames=2):
     return state
 
 
-def test_a_scene_leaves_nothing_behind():
-    """Bit for bit the same, before and after scenes with bodies, layers, viscosity, the classic
-    method and more particles have used the fields."""
+def test_results_do_not_depend_on_scenes_run_before():
+    """Results are equal bit for bit before and after scenes with bodies, layers, viscosity, the
+    classic method and more particles have used the fields."""
     names = ("still", "pillar", "pool")
     before = [run(name) for name in names]
     for other in ("bowl", "drop", "honey", "pool_2x"):
@@ -43,7 +43,7 @@ def test_a_scene_leaves_nothing_behind():
 
 @pytest.mark.skipif(PLAIN, reason="plain Taichi does not tell of kernels")
 def test_scenes_share_kernels():
-    """Once one scene of each kind has run, no other scene compiles any kernel of the fluid."""
+    """After one scene of each kind has run, no other scene compiles a kernel of the fluid."""
     for kind in ("drop", "bowl", "honey", "pool", "waves", "fountain"):
         run(kind, frames=1)
     compiled = []
@@ -54,7 +54,7 @@ def test_scenes_share_kernels():
 
 
 @pytest.mark.skipif(PLAIN, reason="plain Taichi does not tell of launches")
-def test_without_bodies_none_of_their_kernels_is_launched():
+def test_scenes_without_bodies_launch_no_kernels_of_bodies():
     launched = set()
     with watch_launches(lambda owner, name: launched.add(name)):
         run("still", frames=1)
@@ -72,7 +72,7 @@ def test_without_bodies_none_of_their_kernels_is_launched():
 
 
 def test_the_world_used_last_is_taken_first():
-    """Of two equal worlds, the one that was given back last has the kernels."""
+    """Of two equal worlds, the world that was given back last is taken: it has the kernels."""
     first, second = world.take(FIRST), world.take(FIRST)
     for given in (first, second):
         world.give_back(given)
@@ -82,14 +82,14 @@ def test_the_world_used_last_is_taken_first():
     world.give_back(second)
 
 
-def test_the_first_class_holds_every_shipped_scene():
+def test_the_first_capacity_class_holds_every_shipped_scene():
     for name in shipped_scenes():
         for quality in QUALITIES:
             plan = plan_of(at_quality(load_scene(name), quality, name))
             assert FIRST.holds(plan.needed), (name, quality)
 
 
-def test_rooms_grow_by_kind_and_within_what_indices_name():
+def test_capacities_grow_separately_and_up_to_the_range_of_indices():
     assert room_for(Room(1, 1, 1, 0, 0)) == FIRST
     more = room_for(Room(FIRST.particles + 1, 1, 1, 0, 5 * FIRST.samples))
     assert more.particles == 2 * FIRST.particles and more.samples == 8 * FIRST.samples
@@ -99,7 +99,7 @@ def test_rooms_grow_by_kind_and_within_what_indices_name():
 
 
 def test_sixty_four_bodies_and_a_container_fit(tmp_path):
-    """As many as a scene may have."""
+    """A scene with the largest allowed number of bodies runs."""
     balls = [
         {"centre": [0.2 + 0.02 * (k % 8), 0.3, 0.2 + 0.02 * (k // 8)], "radius": 0.03}
         for k in range(64)

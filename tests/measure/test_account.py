@@ -1,4 +1,4 @@
-"""The account of a run: what is beyond a limit is said, what is unknown is no fault."""
+"""Tests of the error table: errors outside their limits give cautions, unknown errors do not."""
 
 import math
 
@@ -25,8 +25,9 @@ def test_a_good_run_has_no_cautions():
     assert "unknown" in next(row for row in text.splitlines() if "bulk density" in row)
 
 
-def test_every_figure_beyond_its_limit_is_a_caution_in_words():
-    """Lower limits, upper ones, of either sign, and of each body by its name."""
+def test_every_error_outside_its_limit_gives_a_caution():
+    """Values below a lower limit, and values of either sign beyond an upper limit, give a caution
+    each; each body is judged and named separately."""
     bad = {
         "spacings_across_depth": 4.0,
         "spacings_across_bodies.0": 1.0,
@@ -44,6 +45,6 @@ def test_every_figure_beyond_its_limit_is_a_caution_in_words():
     assert text.count("outside\n") == text.count("caution: ") == 5
 
 
-def test_limits_are_those_of_the_lines():
+def test_lines_carry_the_limits_of_their_errors():
     limits = {line.key: line.figure.limit for line in account.account(GOOD)}
     assert limits["spacings_across_bodies.0"] > 1.0 and limits["outside_most"] == 0.0

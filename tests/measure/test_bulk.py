@@ -1,4 +1,4 @@
-"""Bulk density of sets whose density is known: lattices, disorder, layers, walls, air."""
+"""Tests of the bulk density of particles whose density is known: lattices, disorder, layers."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,8 @@ D = 0.04
 
 
 def lattice(height, d, base=0.0):
-    """Particles on a cubic lattice fitted to the floor; and the spacing that their volume has."""
+    """Returns the positions [m] of a cubic lattice fitted to the floor, and the spacing [m] that
+    corresponds to the volume of each particle."""
     counts = np.round(np.array([SIZE[0], height, SIZE[2]]) / d).astype(int)
     edges = np.array([SIZE[0], height, SIZE[2]]) / counts
     x = (np.indices(counts).reshape(3, -1).T + 0.5) * edges + [0, base, 0]
@@ -24,8 +25,8 @@ def disordered(x, d, spread):
 
 
 @pytest.mark.parametrize("height", [0.32, 0.8])
-def test_lattice_at_rest_reads_one_up_to_its_walls(height):
-    """Eight sheets on a floor, and a box that is full."""
+def test_bulk_density_of_a_lattice_at_rest_is_one_up_to_the_walls(height):
+    """The mean bulk density is 1 in water 8 particles deep and in a full box."""
     found = bulk_density(*lattice(height, D), SIZE)
     assert found.points > 300
     assert found.mean == pytest.approx(1.0, abs=2e-4)
@@ -33,15 +34,16 @@ def test_lattice_at_rest_reads_one_up_to_its_walls(height):
 
 
 @pytest.mark.parametrize("excess", [0.2, -0.2])
-def test_water_that_is_packed_wrongly_reads_so(excess):
-    """A lattice closer than its particles' volume allows: a fifth too dense reads a fifth."""
+def test_compressed_and_expanded_lattices_have_their_bulk_density(excess):
+    """The density is 1.2 or 0.8 if particles have 20 % more or less volume than their cells."""
     x, d = lattice(0.4, D)
     found = bulk_density(x, d * (1 + excess) ** (1 / 3), SIZE)
     assert found.mean == pytest.approx(1 + excess, abs=1e-3)
 
 
-def test_bodies_are_not_thin_water():
-    """A plate of 1.5 spacings, which leaves no place farther from particles than a void may be."""
+def test_bodies_do_not_lower_the_bulk_density():
+    """A plate 1.5 spacings thick has no point that is far enough from particles to count as air;
+    without `free`, the water next to it therefore appears too thin."""
     x, d = lattice(0.8, D)
     lo, hi = 0.4 - 0.75 * D, 0.4 + 0.75 * D
     outside = (x[:, 0] < lo) | (x[:, 0] > hi)
@@ -57,7 +59,7 @@ def test_bodies_are_not_thin_water():
     assert seeing.least > 1 - 3e-3
 
 
-def test_disorder_does_not_read_as_density():
+def test_disorder_does_not_change_the_bulk_density():
     x, d = lattice(0.6, D)
     found = bulk_density(disordered(x, D, 0.1), d, SIZE)
     assert found.mean == pytest.approx(1.0, abs=3e-3)
@@ -65,39 +67,41 @@ def test_disorder_does_not_read_as_density():
 
 
 @pytest.mark.parametrize("ratio", [2 ** (1 / 3), 2.0, 5.0])
-def test_layers_of_unequal_particles_read_one(ratio):
-    """Masses 1 : 2, 1 : 8 and 1 : 125, abrupt."""
+def test_bulk_density_of_layers_of_unequal_particles_is_one(ratio):
+    """The bulk density is 1 across abrupt interfaces of mass ratios 1 : 2, 1 : 8 and 1 : 125."""
     (xc, dc), (xf, df) = lattice(0.32, D), lattice(0.32, D / ratio, base=0.32)
     found = bulk_density(np.concatenate([xc, xf]), np.concatenate([dc, df]), SIZE)
     assert found.mean == pytest.approx(1.0, abs=3e-3)
     assert found.least > 0.97 and found.most < 1.03
 
 
-def test_stratified_water_shows_in_the_extremes():
-    """Squeezed towards the floor: y = H (t - a t (1 - t)), density 1/(1 - a (1 - 2 t))."""
+def test_stratification_changes_the_extremes_of_the_bulk_density():
+    """The extremes follow a compression towards the floor: with y = H (t - a t (1 - t)) the density
+    is 1/(1 - a (1 - 2 t))."""
     x, d = lattice(0.6, 0.025)
     t, a = x[:, 1] / 0.6, 0.1
     x[:, 1] = 0.6 * (t - a * t * (1 - t))
     found = bulk_density(x, d, SIZE)
     assert found.most == pytest.approx(1 / (1 - a), abs=0.02)
-    # The highest kernels that lie in the water reach from t = .7 to 1 or a little less.
+    # The highest kernels that lie in the water reach from t = 0.7 to 1 or slightly less.
     assert found.least == pytest.approx(1 / (1 - a * (1 - 2 * 0.83)), abs=0.015)
 
 
-def test_water_without_depth_has_no_bulk():
+def test_bulk_density_of_very_shallow_water_is_unknown():
     found = bulk_density(*lattice(0.12, D), SIZE)
     assert found.points == 0 and np.isnan(found.mean)
 
 
-def test_narrower_kernels_measure_thin_water():
-    """Five sheets on a floor, too thin for the widest kernel."""
+def test_narrower_kernels_measure_shallow_water():
+    """Water 5 particles deep, too shallow for the widest kernel, has its bulk density."""
     assert bulk_density(*lattice(0.2, D), SIZE).mean == pytest.approx(1.0, abs=2e-3)
     x, d = lattice(0.2, D)
     assert bulk_density(x, d * 1.1 ** (1 / 3), SIZE).mean == pytest.approx(1.1, abs=3e-3)
 
 
-def test_disorder_in_thin_water_does_not_read_as_density():
-    """Six sheets, displaced by 0.2 spacings: rms error over twelve arrangements."""
+def test_disorder_does_not_change_the_bulk_density_of_shallow_water():
+    """The rms error is bounded over 12 arrangements of water 6 particles deep, displaced by 0.2
+    spacings."""
     x, d = lattice(0.24, D)
     errors = []
     for seed in range(12):
@@ -107,15 +111,15 @@ def test_disorder_in_thin_water_does_not_read_as_density():
     assert np.sqrt(np.mean(np.square(errors))) < 3.5e-3
 
 
-def test_a_pocket_of_fine_water_amid_coarse_water_reads_one():
-    """The coarse water is not deep enough for its own kernel."""
+def test_bulk_density_of_a_pocket_of_fine_water_in_coarse_water_is_one():
+    """The coarse water is too shallow for its own kernel."""
     (xc, dc), (xf, df) = lattice(0.4, 0.1), lattice(0.4, 0.02)
     pocket, outside = (xf < 0.3).all(axis=1), (xc > 0.3).any(axis=1)
     x, d = np.concatenate([xc[outside], xf[pocket]]), np.concatenate([dc[outside], df[pocket]])
     assert bulk_density(x, d, SIZE).mean == pytest.approx(1.0, abs=2e-3)
 
 
-def test_wide_kernel_is_normalised_and_mirrors_double_what_a_wall_cuts():
+def test_wide_kernel_is_normalised_and_walls_mirror_particles():
     r = np.linspace(0.0, KERNEL_RADIUS, 4001)
     whole = np.trapezoid(4 * np.pi * r**2 * epanechnikov(r, KERNEL_RADIUS), r)
     assert whole == pytest.approx(1.0, abs=1e-6)

@@ -1,4 +1,4 @@
-"""Discretisation errors of values whose limit and order are known."""
+"""Tests of discretisation errors of values whose limit and order are known."""
 
 import csv
 import math
@@ -45,9 +45,7 @@ def test_scatter_of_five_runs_is_fitted_by_least_squares():
         ([1.0, math.nan, 1.2], "unknown"),
     ],
 )
-def test_what_is_not_asymptotic_is_said_and_its_uncertainty_no_less_than_the_differences(
-    phi, words
-):
+def test_uncertainty_outside_the_asymptotic_range_is_at_least_the_differences(phi, words):
     found = estimate(phi)
     assert words in found.verdict and found.verdict != "in the asymptotic range"
     if np.isfinite(phi).all():
@@ -60,7 +58,8 @@ def test_equal_values_have_no_error():
 
 
 def tables(order, runs=3):
-    """Ledgers and probes of water whose height errs as h^order, beside a quantity that swings."""
+    """Returns ledgers and probes of runs in which the error of the height is of order h^order and a
+    pressure oscillates from run to run."""
     time = np.linspace(0.0, 1.0, 11)
     ledgers, probes = [], []
     for k, f in enumerate(factors(runs)):
@@ -77,7 +76,7 @@ def tables(order, runs=3):
 def test_figures_of_runs_are_compared(tmp_path):
     rows = compare(*tables(1.5), spacing=0.01)
     found = {row.name: row for row in rows}
-    # Neither x nor z moves by a tenth of a spacing.
+    # x and z of the centre move by less than 0.1 spacings and are left out.
     names = ["centre_y_mean", "kinetic_mean", "energy_lost", "P1_mean", "path_to_next_finer"]
     assert list(found) == names
     centre, path = found["centre_y_mean"].estimate, found["path_to_next_finer"].estimate

@@ -1,4 +1,4 @@
-"""The stand-alone check of densities against the program's own, on water that has moved."""
+"""Tests of the stand-alone density check against the program's densities, on moving water."""
 
 import re
 import subprocess
@@ -16,8 +16,9 @@ SCRIPT = Path(__file__).parents[2] / "bench" / "density_check.py"
 
 
 @pytest.mark.parametrize("layers", [1, 3])
-def test_check_without_the_program_agrees_within_a_tenth(tmp_path, layers):
-    """Water in motion, then squeezed by 3 %, so that its bulk density is known to be wrong."""
+def test_stand_alone_density_check_agrees_within_ten_percent(tmp_path, layers):
+    """The script imports nothing of msph and agrees on water that moves and is then compressed by
+    3 %, so that the error of its bulk density is known."""
     sim = tanks.build(tanks.tank((0.5, 0.5), 0.5, 0.5 / 12, layers, jitter=0.3))
     tanks.run(sim, 0.2)
     state = sim.state()
@@ -37,8 +38,8 @@ def test_check_without_the_program_agrees_within_a_tenth(tmp_path, layers):
     assert found == pytest.approx(bulk, rel=0.1)
 
 
-def test_kernel_sums_are_those_of_all_pairs():
-    """Two sizes in a corner: by brute force over particles and mirror images."""
+def test_kernel_sums_equal_brute_force():
+    """Sums of particles of two sizes in a corner equal sums over all particles and images."""
     rng = np.random.default_rng(4)
     x, size = rng.uniform(0.0, 0.2, (40, 3)), (0.6, 0.6, 0.6)
     d = np.where(rng.random(40) < 0.5, 0.05, 0.08)

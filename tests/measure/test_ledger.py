@@ -1,4 +1,4 @@
-"""The ledger against sums by hand, and its alarms."""
+"""Tests of the ledger: entries against sums by hand, balances, and the errors it reports."""
 
 import dataclasses
 import math
@@ -55,7 +55,7 @@ def test_entry_equals_sums_by_hand(world):
     assert entry.outside == 0
 
 
-def test_turning_gravity_is_work_and_not_energy(world):
+def test_turning_gravity_counts_as_work_and_not_as_energy(world):
     sim, ledger = world
     before = ledger.record(G)
     after = ledger.record((3.0, -9.3, 0.0))
@@ -64,7 +64,7 @@ def test_turning_gravity_is_work_and_not_energy(world):
     assert ledger.energy_gain() < 1e-4
 
 
-def test_gained_energy_is_seen(world):
+def test_energy_gain_equals_the_energy_added(world):
     sim, ledger = world
     first = ledger.record(G)
     state = sim.particles.state()
@@ -74,7 +74,7 @@ def test_gained_energy_is_seen(world):
     assert ledger.energy_gain() == pytest.approx(expected, rel=1e-3)
 
 
-def test_particles_that_are_not_finite_are_an_error(world):
+def test_particles_that_are_not_finite_raise_an_error(world):
     sim, ledger = world
     state = sim.particles.state()
     state["v"][3] = np.nan
@@ -93,7 +93,7 @@ def test_particles_outside_the_box_are_counted(world):
 
 
 def test_momentum_drift_is_the_impulse_of_pair_forces(world):
-    """Without gravity and before any wall is met, all momentum gained is drift."""
+    """Without gravity, and before a particle meets a wall, all momentum gained is drift."""
     sim, ledger = world
     start = ledger.record((0.0, 0.0, 0.0))
     sim.solver.step(1e-4, ExternalForces(gravity=(0.0, 0.0, 0.0)))
@@ -103,8 +103,8 @@ def test_momentum_drift_is_the_impulse_of_pair_forces(world):
     assert entry.internal_impulse == pytest.approx(gained, rel=1e-2, abs=1e-3)
 
 
-def test_a_turning_body_has_its_angular_momentum(world):
-    """v = omega x (x - pivot): L = sum m x x v about the origin, to a millionth of its scale."""
+def test_rotating_particles_have_their_angular_momentum(world):
+    """For v = omega x (x - pivot), L = sum m x x v about the origin to 1e-6 of its scale."""
     sim, ledger = world
     state = sim.particles.state()
     x, m = state["x"].astype(float), MASSES[state["layer"]][:, None]
@@ -118,12 +118,13 @@ def test_a_turning_body_has_its_angular_momentum(world):
 
 
 def poly6(r, h):
-    """Eq. 29 [1/m^3]."""
+    """Returns the kernel of eq. 29 [1/m^3]."""
     return 315.0 / (64.0 * np.pi * h**3) * np.clip(1.0 - (r / h) ** 2, 0.0, None) ** 3
 
 
-def test_density_errors_are_of_the_positions_at_the_end_of_a_frame(world):
-    """By brute force over where the particles are, though the last step summed where they were."""
+def test_density_errors_refer_to_the_positions_at_the_end_of_a_frame(world):
+    """Residuals equal brute force at the positions at the end of the frame, although the last step
+    summed densities at earlier positions."""
     sim, ledger = world
     state = sim.particles.state()
     state["x"] = (0.5 + 0.28 * (state["x"] - 0.5)).astype(np.float32)
@@ -144,7 +145,7 @@ def test_density_errors_are_of_the_positions_at_the_end_of_a_frame(world):
     assert np.isnan(Ledger(sim, density_every=math.inf).record(G).solver_residual_max)
 
 
-def test_a_row_has_a_number_under_every_head(world):
+def test_a_row_has_a_number_for_every_column(world):
     row, heads = world[1].record(G).row(), columns()
     assert len(row) == len(heads) == len(set(heads))
     by_head = dict(zip(heads, row, strict=True))
@@ -154,7 +155,8 @@ def test_a_row_has_a_number_under_every_head(world):
 
 
 def with_energies(world, kinetic, gravity=None, user=None):
-    """Entries .4 s apart of these kinetic energies [J]; optionally others' gravity and impulse."""
+    """Returns the ledger with entries 0.4 s apart that have these kinetic energies [J] and, if
+    given, these gravities [m/s^2] and x components of the user's impulse [N s]."""
     sim, ledger = world
     first = ledger.record(G)
     for k, energy in enumerate(kinetic):
@@ -173,8 +175,9 @@ def test_energy_rise_is_the_largest_within_a_window(world):
     assert ledger.energy_rise(0.4) * ledger.reference_energy() == pytest.approx(2.0)
 
 
-def test_energy_that_someone_gave_is_no_rise(world):
-    """A hand between the second and the third entry, a tilt before the last."""
+def test_energy_from_input_is_no_energy_rise(world):
+    """Rises with input do not count: the user pushes between the second and the third entry, and
+    the box is tilted before the last entry."""
     tilt = [G, G, G, G, (1.0, -9.7, 0.0)]
     user = [0.0, 0.0, 2.0, 2.0, 2.0]
     ledger = with_energies(world, [5.0, 4.0, 9.0, 9.5, 20.0], tilt, user)
@@ -184,7 +187,7 @@ def test_energy_that_someone_gave_is_no_rise(world):
     assert np.isnan(ledger.energy_rise(1.0))
 
 
-def test_reference_energy_counts_height_over_the_lowest_corner(world):
+def test_reference_energy_counts_height_above_the_lowest_corner(world):
     sim, ledger = world
     upside_down = ledger.record((0.0, 9.81, 0.0))
     height = 1.0 - upside_down.centre[1]
@@ -194,7 +197,7 @@ def test_reference_energy_counts_height_over_the_lowest_corner(world):
 
 @pytest.fixture(scope="module")
 def pool():
-    """A small pool of the projection method, two layers, 400 particles."""
+    """Returns a pool of the projection method, 448 particles in two layers, and its ledger."""
     d = 0.05
     sites = np.indices((8, 7, 8)).reshape(3, -1).T + 0.5
     initial = {
@@ -207,9 +210,9 @@ def pool():
 
 
 @pytest.mark.parametrize("name", ["world", "pool"])
-def test_momentum_is_what_gravity_walls_and_the_hand_gave(name, request):
-    """P = M g t + walls + hand + pair forces, for particles that fall, are dragged and hit walls;
-    and what the hand gave is not zero."""
+def test_momentum_is_the_impulse_of_gravity_walls_and_the_hand(name, request):
+    """The momentum gained is M g t plus the impulses of walls, hand and pair forces, for particles
+    that fall, are dragged and hit walls; impulse and work of the hand are not zero."""
     sim, ledger = request.getfixturevalue(name)
     sim.reset()
     ledger.clear()
@@ -238,14 +241,14 @@ def test_momentum_is_what_gravity_walls_and_the_hand_gave(name, request):
 
 
 def test_added_water_is_recorded_and_overlaps_nothing(pool, monkeypatch):
-    """Mass, momentum and energy balance with the account of added water, before and after steps."""
+    """Mass, momentum and energy balance with the record of added water, before and after steps."""
     sim, ledger = pool
     sim.reset()
     ledger.clear()
     monkeypatch.setattr(sim.particles, "capacity", sim.particles.count + 3)
     start, d = ledger.record(G), 0.05
     above = np.array([[0.1, 0.4, 0.1], [0.2, 0.42, 0.2], [0.3, 0.45, 0.3]], np.float32)
-    # In the water, beyond a wall, and next to one that is added.
+    # Not added: in the water, beyond a wall, and next to an added particle.
     inside = np.array([[0.11, 0.12, 0.1], [-0.1, 0.4, 0.1], [0.12, 0.4, 0.1]], np.float32)
     x = np.concatenate([above, inside])
     v = np.tile(np.array([0.4, -1.0, 0.2], np.float32), (len(x), 1))
@@ -271,7 +274,7 @@ def test_added_water_is_recorded_and_overlaps_nothing(pool, monkeypatch):
 
 
 def test_the_hands_work_is_the_energy_it_gives(world):
-    """Without gravity, pair forces or walls in the way: kinetic energy gained is the work."""
+    """Without gravity, pair forces and walls, the kinetic energy gained is the hand's work."""
     sim, ledger = world
     state = sim.particles.state()
     far = {**state, "x": state["x"][:2], "v": state["v"][:2] * 0, "layer": state["layer"][:2]}
@@ -290,8 +293,9 @@ def test_the_hands_work_is_the_energy_it_gives(world):
     assert entry.energy == pytest.approx(0.0, abs=1e-4 * entry.kinetic)
 
 
-def test_energies_are_compared_with_the_motion_of_the_water():
-    """A block in half of a box: level water is a quarter as high, beside a body of a tenth."""
+def test_motion_energy_is_the_energy_above_level_water():
+    """The reference is level water, half as high as a block on half of the floor; a body of
+    0.08 m^3 raises it from 0.4 to 0.48 m."""
     half = [0.5, 0.8, 1.0]
     scene = {
         "method": "projection",
@@ -308,7 +312,7 @@ def test_energies_are_compared_with_the_motion_of_the_water():
     block.close()
     scene["bodies"] = [{"lo": [0.6, 0.0, 0.0], "hi": [1.0, 0.2, 1.0]}]
     block = build_simulation(Scene.model_validate(scene))
-    # 0.12 m^3 fill the rest up to 0.2 m, and 0.28 m^3 stand 0.28 m high above.
+    # 0.12 m^3 fill the room next to the body up to 0.2 m; 0.28 m^3 lie above, 0.28 m high.
     expected = 9810.0 * (0.12 * 0.1 + 0.28 * (0.2 + 0.14))
     found = level_potential(block, np.array(G), mass)
     assert found == pytest.approx(expected, rel=1e-2)
@@ -316,7 +320,8 @@ def test_energies_are_compared_with_the_motion_of_the_water():
 
 
 def test_fine_water_is_not_added_between_coarse_particles():
-    """It was laid in the gaps of coarse water under the surface, which blew up."""
+    """No fine particle is added inside coarse water. Regression: fine water was added in the gaps
+    of coarse water below the surface and blew up."""
     scene = load_scene("deep", ("method=projection",))
     sim = build_simulation(scene, 2000)
     finest = int(np.argmin([s.mass for s in sim.layers.specs]))

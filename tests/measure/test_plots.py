@@ -1,4 +1,4 @@
-"""Plots of tables, and what is said where they cannot be drawn."""
+"""Tests of plots of tables, and of their notes on gaps and negative pressures."""
 
 import imageio.v2 as imageio
 import numpy as np
@@ -19,18 +19,18 @@ def write_tables(folder, probes=("P1 [Pa]", "gauge [m]")):
         readings.write([0.1 * k, *(np.nan if k == 0 else 1.0 * k for _ in probes)])
 
 
-def test_ledger_and_probes_are_drawn(tmp_path):
+def test_ledger_and_probes_are_plotted(tmp_path):
     write_tables(tmp_path)
     files = plot(tmp_path, "water")
     assert [f.name for f in files] == ["ledger.png", "probes.png"]
     heights = []
     for file in files:
         picture = imageio.imread(file)[..., :3].astype(int)
-        # Curves are what is neither white, black nor grey.
+        # Pixels of curves are neither white, black nor grey.
         coloured = np.ptp(picture, axis=2) > 60
         heights.append(len(picture))
         assert 500 < coloured.sum() < 0.2 * coloured.size
-    # Six panels and two.
+    # The ledger has seven panels, the probes have two.
     assert heights[0] > 2.5 * heights[1]
 
 
@@ -44,8 +44,9 @@ def test_gaps_and_early_negative_pressures_are_explained():
 
 
 @pytest.mark.filterwarnings("error", "ignore::DeprecationWarning")
-def test_errors_of_zero_are_no_warning(tmp_path):
-    """Matplotlib warned of a logarithmic axis without positive values."""
+def test_errors_of_zero_give_no_warning(tmp_path):
+    """Errors that are all zero are plotted without a warning. Regression: Matplotlib warned of a
+    logarithmic axis without positive values."""
     heads = entry.columns() + COLUMNS
     ledger = Table(tmp_path / "ledger.csv", heads)
     Table(tmp_path / "probes.csv", ["time [s]"])

@@ -1,4 +1,4 @@
-"""Probes against fields and shapes that are known: linear pressures, flat and tilted water."""
+"""Tests of probes against known fields and shapes: linear pressures, flat and tilted water."""
 
 import numpy as np
 import pytest
@@ -39,7 +39,8 @@ PILLAR = np.array([(0.2, -1.0, 0.2), (0.44, 0.6, 0.44)])
 
 
 def beside_pillar(points, margin):
-    """free() of a pillar from the floor on, higher than the water."""
+    """Returns, like Boundary.free(), which points [m] are at least `margin` [m] outside a pillar
+    that stands on the floor and rises above the water."""
     q = np.maximum(PILLAR[0] - points, points - PILLAR[1])
     outside = np.linalg.norm(np.maximum(q, 0.0), axis=1) + np.minimum(q.max(axis=1), 0.0)
     return outside >= margin
@@ -56,7 +57,7 @@ def round_pillar(keep=lambda x: x[:, 1] < LEVEL):
     [(0.44, 0.2, 0.3), (0.44, 0.0, 0.3), (0.3, 0.35, 0.2), (0.44, 0.2, 0.44), (0.44, 0.0, 0.44)],
     ids=("face", "foot", "face near the surface", "edge", "foot of an edge"),
 )
-def test_pressure_is_read_on_a_body_and_its_height_too(point):
+def test_pressure_and_height_are_read_on_a_body(point):
     water = round_pillar()
     expected = field(np.array(point))
     assert PressureProbe("p", point).read(water)[0] == pytest.approx(
@@ -67,15 +68,16 @@ def test_pressure_is_read_on_a_body_and_its_height_too(point):
     )
 
 
-def test_probes_beside_a_body_in_air_and_inside_of_it_read_nothing():
+def test_probes_in_air_next_to_a_body_and_inside_it_read_nothing():
     water = round_pillar()
     for point in ((0.44, 0.5, 0.3), (0.3, 0.2, 0.3), (0.42, 0.2, 0.3)):
         assert np.isnan(PressureProbe("p", point).read(water)).all()
     assert np.isnan(HeightProbe("h", (0.3, 0.3)).read(water)).all()
 
 
-def test_pressure_on_a_body_does_not_flicker_as_particles_move():
-    """With half of the kernel in the body, coverage is a half there: by chance above or below."""
+def test_pressure_is_read_at_all_points_of_a_body_in_water():
+    """A pressure is read at every point, although half of the kernel lies in the body and the
+    coverage there is by chance above or below one half."""
     rng = np.random.default_rng(6)
     points = np.column_stack(
         [np.full(40, 0.44), rng.uniform(0.05, 0.3, 40), rng.uniform(0.2, 0.44, 40)]
@@ -85,7 +87,7 @@ def test_pressure_on_a_body_does_not_flicker_as_particles_move():
 
 
 def field(x):
-    """Water that is at rest in a pool that accelerates along x and z [Pa]."""
+    """Returns the pressure [Pa] of water at rest in a pool that accelerates along x and z."""
     return 9810 * (LEVEL - x[..., 1]) + 900 * x[..., 0] - 400 * x[..., 2]
 
 
@@ -106,7 +108,7 @@ def test_linear_pressure_is_read_exactly_also_on_walls(place, jitter, smoothing)
     x = filled(jitter)
     water = snapshot(x, smoothing=smoothing, pressure=field(x))
     (read,) = PressureProbe("p", PLACES[place]).read(water)
-    # A mean over the neighbours would be half a spacing off at a wall: .5 rho g d.
+    # A mean over the neighbours would be off by half a spacing at a wall: 0.5 rho g d.
     assert read == pytest.approx(field(np.array(PLACES[place])), abs=0.01 * RHO_G_D)
 
 
@@ -117,8 +119,9 @@ def test_pressure_is_unknown_in_air_and_before_the_first_step():
     assert np.isnan(PressureProbe("p", (0.4, 0.2, 0.4)).read(snapshot(x))).all()
 
 
-def test_pressure_under_one_sheet_of_particles_stays_of_its_order():
-    """Nothing tells how pressure changes across the sheet: the fit must not invent it."""
+def test_pressure_under_a_sheet_one_particle_thick_is_not_extrapolated():
+    """The reading stays within 50 % of the pressure of a sheet one particle thick, across which the
+    pressure gradient is unknown."""
     x = filled(0.02, keep=lambda x: x[:, 1] < D)
     p = 0.5 * RHO_G_D * (1 + 0.1 * np.random.default_rng(1).normal(size=len(x)))
     (read,) = PressureProbe("p", (0.4, 0.0, 0.4)).read(snapshot(x, pressure=p))
@@ -140,31 +143,32 @@ def test_height_of_tilted_water(x):
     assert read == pytest.approx(0.3 + slope * (x - 0.4), abs=0.5 * d)
 
 
-def test_height_ignores_a_lone_drop_and_a_dry_floor():
+def test_height_ignores_a_lone_drop_and_is_unknown_over_a_dry_floor():
     x = filled(keep=lambda x: (x[:, 1] < LEVEL) & (x[:, 0] < 0.4))
     water = snapshot(np.concatenate([x, [[0.2, 0.7, 0.4]]]))
     assert HeightProbe("h", (0.2, 0.4)).read(water)[0] == pytest.approx(LEVEL, abs=0.05 * D)
     assert np.isnan(HeightProbe("h", (0.6, 0.4)).read(water)).all()
 
 
-def test_height_of_water_to_the_lid():
+def test_height_in_a_full_box_is_the_height_of_the_lid():
     assert HeightProbe("h", (0.4, 0.4)).read(snapshot(filled(keep=lambda x: x[:, 1] > 0)))[0] == 0.8
 
 
-def test_front_is_that_of_the_connected_bulk():
-    """A tongue one particle thick counts, what flies ahead of it does not."""
+def test_front_is_the_end_of_the_connected_bulk():
+    """A tongue one particle thick belongs to the front, spray ahead of the tongue does not."""
     x = filled(keep=lambda x: (x[:, 0] < 0.3) & (x[:, 1] < 0.3) | (x[:, 0] < 0.5) & (x[:, 1] < D))
     spray = np.array([[0.66, 0.02, 0.4], [0.7, 0.1, 0.3], [0.2, 0.6, 0.2]])
     water = snapshot(np.concatenate([x, spray]))
-    # The last column of the tongue has its centre at .5 - d/2.
+    # The last column of the tongue has its centre at 0.5 m - d/2.
     assert FrontProbe("f", "+x").read(water)[0] == pytest.approx(0.48)
     assert FrontProbe("f", "+y").read(water)[0] == pytest.approx(0.28)
     assert FrontProbe("f", "-x").read(water)[0] == 0.0
     assert FrontProbe("f", "+z").read(water)[0] == pytest.approx(0.8)
 
 
-def test_a_front_does_not_step_back():
-    """A tongue that breaks off ends the bulk behind it for some frames."""
+def test_a_front_does_not_move_back():
+    """The front keeps its position, also after resume(), when a tongue breaks off and the bulk
+    therefore ends farther back."""
     whole = filled(
         keep=lambda x: (x[:, 0] < 0.3) & (x[:, 1] < 0.3) | (x[:, 0] < 0.5) & (x[:, 1] < D)
     )
@@ -190,7 +194,8 @@ def test_linear_velocity_is_read_exactly_and_none_in_air(point):
 
 @pytest.mark.parametrize("top", [0.2, 0.8])
 def test_flux_through_a_rectangle_under_water_and_through_the_surface(top):
-    """Water 0.4 m deep whose speed grows with height: integral of 2 + y over width and depth."""
+    """In water 0.4 m deep with the speed 2 + y, the flux is the integral of 2 + y over width and
+    depth."""
     x = filled(0.2)
     v = np.stack([2.0 + x[:, 1], 5.0 + 0.0 * x[:, 1], 0.0 * x[:, 1]], axis=1)
     read = FluxProbe("q", (0.4, 0.0, 0.2), (0.4, top, 0.6)).read(snapshot(x, v=v))
@@ -200,8 +205,9 @@ def test_flux_through_a_rectangle_under_water_and_through_the_surface(top):
     assert np.isnan(dry).all()
 
 
-def test_pressure_of_a_sensors_face_and_window():
-    """The mean over a face on the floor; of a face that is half dry, half; over three readings."""
+def test_pressure_is_averaged_over_the_face_and_the_window():
+    """The probe averages over a face on the floor, over a face whose dry half counts as zero, and
+    over the three readings in its window."""
     x = filled(0.2)
     on_floor = PressureProbe("p", (0.2, 0.0, 0.2), (0.6, 0.0, 0.4))
     expected = field(np.array([0.4, 0.0, 0.3]))
@@ -220,8 +226,8 @@ BALL = (0.42, 0.2, 0.38)
 
 
 def sunk(body, tilt=0.0):
-    """The probe of a body, and the water round it under p = rho g (H - y) + tilt (.4 - x)
-    (1 - y/H), which is no pressure at the surface."""
+    """Returns the probe of a body and a snapshot of the water around it under the pressure
+    p = rho g (H - y) + tilt (0.4 - x) (1 - y/H), which is zero at the surface."""
     water = [{"lo": [0, 0, 0], "hi": [SIZE[0], LEVEL, SIZE[2]]}]
     box, layers = {"size": SIZE}, [{"spacing": D}]
     scene = Scene.model_validate({"box": box, "layers": layers, "water": water, "bodies": [body]})
@@ -236,7 +242,7 @@ def sunk(body, tilt=0.0):
     return ForceProbe.of("f", scene, "bodies.0"), water
 
 
-def test_force_on_a_sunk_ball_is_the_weight_of_what_it_displaces():
+def test_force_on_a_submerged_ball_is_the_weight_of_the_displaced_water():
     probe, water = sunk({"centre": BALL, "radius": 0.12})
     volume = 4.0 / 3.0 * np.pi * 0.12**3
     read = np.array(probe.read(water))
@@ -245,9 +251,9 @@ def test_force_on_a_sunk_ball_is_the_weight_of_what_it_displaces():
     assert np.abs(read[3:]).max() < 0.01 * 9810.0 * volume * 0.12
 
 
-def test_force_and_torque_on_a_pillar_that_stands_in_sloping_water():
-    """Its foot is dry. Across it the pressure falls by tilt w (1 - y/H): a force of tilt w^2 H/2 at
-    a third of the depth; the pillar's middle is .3 m high."""
+def test_force_and_torque_on_a_pillar_in_a_pressure_gradient():
+    """The pressure falls across the pillar by tilt w (1 - y/H), which gives the force tilt w^2 H/2
+    at the height H/3. The pillar's foot is dry, and its centre is 0.3 m high."""
     probe, water = sunk({"lo": [0.28, 0, 0.28], "hi": [0.52, 0.6, 0.52]}, tilt=2000.0)
     read, force = np.array(probe.read(water)), 2000.0 * 0.24**2 * 0.5 * LEVEL
     assert read[0] == pytest.approx(force, rel=0.05)

@@ -1,4 +1,4 @@
-"""Resolution: gaps, bodies and depths of shapes that are known."""
+"""Tests of the resolution: gaps, bodies and depths of known shapes."""
 
 import numpy as np
 import pytest
@@ -46,21 +46,23 @@ def test_without_bodies_the_gap_is_the_boxs_shortest_edge(tmp_path):
     assert found["coarsest_spacing_m"] == pytest.approx(0.04)
 
 
-def test_between_two_balls(tmp_path):
+def test_narrowest_gap_is_the_distance_between_two_balls(tmp_path):
     found = resolution(plan_of(scene(tmp_path, BALLS)))
     assert found["spacings_across_narrowest_gap"] == pytest.approx(0.08 / 0.02, rel=0.05)
     assert found["spacings_across_bodies.0"] == pytest.approx(0.2 / 0.02)
 
 
-def test_between_a_plate_and_a_wall_that_it_does_not_touch(tmp_path):
-    """It stands on the floor and against z = 0, which is no gap, and leaves .06 m at z = .6."""
+def test_walls_that_a_plate_touches_are_no_gaps(tmp_path):
+    """A plate that touches the floor and the wall z = 0 has no gap there; it leaves a gap of 0.06 m
+    at the wall z = 0.6 m."""
     found = resolution(plan_of(scene(tmp_path, PLATE)))
     assert found["spacings_across_narrowest_gap"] == pytest.approx(0.06 / 0.02)
     assert found["spacings_across_bodies.0"] == pytest.approx(0.03 / 0.02)
 
 
-def test_a_rings_thickness_is_that_of_its_tube():
-    """Whichever way it is turned; and a container's room is its inside."""
+def test_thickness_of_a_ring_is_the_thickness_of_its_tube():
+    """The resolution across a ring does not depend on its rotation, and the narrowest gap of a
+    container is measured inside it."""
     ring = load_scene("paddle")
     flat = ring.bodies[1].model_copy(update={"rotation": (0.0, 0.0, 0.0)})
     plain = ring.model_copy(update={"bodies": [ring.bodies[0], flat]})
@@ -72,8 +74,12 @@ def test_a_rings_thickness_is_that_of_its_tube():
     assert 0.2 < height < 0.6
 
 
-def test_no_gap_is_seen_where_bodies_touch():
-    assert narrowest_gap((1.0, 1.0, 0.5), [], 0.1) == 0.5
+def test_balls_that_touch_have_no_gap_between_them(tmp_path):
+    """Of balls that touch, the narrowest gap is that to a wall; a spacing of 0 counts any gap."""
+    touching = scene(tmp_path, BALLS.replace("0.7, 0.4", "0.62, 0.4"))
+    bodies = plan_of(touching).bodies
+    assert narrowest_gap((1.0, 0.8, 0.6), bodies, 0.02) == pytest.approx(0.6 - 0.3 - 0.12)
+    assert narrowest_gap((1.0, 0.8, 0.6), bodies, 0.0) < 0.01
 
 
 def test_mean_depth_is_twice_the_centres_height(tmp_path):

@@ -1,4 +1,4 @@
-"""Tables: names of columns, and going on with a table that there is."""
+"""Tests of tables: names of columns, and the continuation of an existing table."""
 
 import errno
 
@@ -11,7 +11,7 @@ from msph.measure.table import Table, TableError, column, read
 
 
 class HalfAWriter:
-    """csv.writer on a disk that fills."""
+    """Replacement of csv.writer that fails after the first cell of a row, as on a full disk."""
 
     def __init__(self, file, **_):
         self.file = file
@@ -22,7 +22,7 @@ class HalfAWriter:
         raise OSError(errno.ENOSPC, "No space left on device")
 
 
-def test_a_disk_that_fills_leaves_whole_rows(tmp_path, monkeypatch):
+def test_a_full_disk_leaves_whole_rows(tmp_path, monkeypatch):
     table = Table(tmp_path / "t.csv", ["time [s]", "height [m]"])
     table.write([0.0, 1.0])
     whole = table.path.read_text()
@@ -47,7 +47,7 @@ def test_a_columns_name_ends_in_its_unit(head, name):
     assert column(head) == name
 
 
-def test_the_ledgers_columns_are_names_for_a_data_frame():
+def test_ledger_columns_are_unique_identifiers():
     names = [column(head) for head in entry.columns()]
     assert all(name.isidentifier() for name in names) and len(set(names)) == len(names)
 
@@ -62,7 +62,7 @@ def written(path, rows, **options):
     return table
 
 
-def test_a_table_grows_from_the_time_of_a_checkpoint(tmp_path):
+def test_a_table_continues_from_the_time_of_a_checkpoint(tmp_path):
     path = tmp_path / "probes.csv"
     written(path, [(0.0, np.nan), (0.1, 5.0), (0.2, 7.0)])
     table = written(path, [(0.2, 8.0)], until=0.1)
@@ -85,8 +85,9 @@ def test_a_table_of_other_columns_is_refused_and_kept(tmp_path):
     assert path.read_text() == "time_s,P2_Pa\n0,1\n"
 
 
-def test_the_energy_of_a_table_is_that_of_its_entries(tmp_path):
-    """Plots and convergence studies left out inflows, outflows and spilt water."""
+def test_the_energy_of_a_table_equals_the_energy_of_its_entries(tmp_path):
+    """A row of a table and its entry have the same energy. Regression: plots and convergence
+    studies left out inflows, outflows and spilt water."""
     path, heads = tmp_path / "ledger.csv", entry.columns()
     ledger = Table(path, heads)
     ledger.write(range(1, len(heads) + 1))

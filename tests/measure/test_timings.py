@@ -1,4 +1,4 @@
-"""Stages within stages, the tree that a profile prints, and the age of a process."""
+"""Tests of timings: stages within stages, the printed profile, and the age of a process."""
 
 import subprocess
 import sys
@@ -10,7 +10,7 @@ from msph.measure.timings import Timings
 from msph.stage.benchmark import profile_lines
 
 
-def test_parts_are_timed_only_where_a_profile_is_asked_for():
+def test_substages_are_timed_only_for_a_profile():
     for profile, expected in ((False, ["fluid"]), (True, ["fluid", "fluid/density"])):
         timings = Timings(profile)
         with timings.stage("fluid"), timings.substage("density"):
@@ -19,7 +19,7 @@ def test_parts_are_timed_only_where_a_profile_is_asked_for():
         assert list(timings.frames[0]) == expected
 
 
-def test_tree_keeps_the_order_of_the_frame_and_adds_what_is_in_no_part():
+def test_tree_keeps_the_order_of_the_stages_and_adds_the_rest():
     timings = Timings(profile=True)
     timings.frames = [
         {"fluid": 0.5, "fluid/density": 0.1, "fluid/drift": 0.2, "picture": 0.1},
@@ -41,10 +41,10 @@ def test_profile_is_indented_with_shares_of_the_frame():
     assert [len(line) - len(line.lstrip()) for line in lines] == [2, 4, 2]
 
 
-def test_a_process_is_no_older_than_who_waited_for_it():
+def test_age_of_a_process_is_at_most_the_time_waited_for_it():
     age = "from msph.measure.timings import process_age; print(process_age())"
     begin = time.perf_counter()
     told = subprocess.run([sys.executable, "-c", age], check=True, capture_output=True, text=True)
     waited = time.perf_counter() - begin
-    # To the clock tick by which the system counts, a hundredth of a second.
+    # The age is exact to the clock tick of the system, 0.01 s.
     assert 0.5 * waited < float(told.stdout.splitlines()[-1]) < waited + 0.02

@@ -17,7 +17,8 @@ def mesh(taichi_runtime):
 
 @pytest.fixture(scope="session")
 def picture(mesh):
-    """The one picture of these tests: each further instance would compile everything again."""
+    """Returns the picture that the tests share, since each further instance would compile all
+    kernels again."""
     picture = Picture(mesh)
     picture.load(WIDTH, HEIGHT, BOX)
     return picture

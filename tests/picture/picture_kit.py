@@ -1,4 +1,4 @@
-"""Meshes and pictures that the picture tests share."""
+"""Meshes and functions that the tests of images share."""
 
 import numpy as np
 import taichi as ti
@@ -11,12 +11,12 @@ WIDTH, HEIGHT = 320, 180
 
 
 def canvas_of(picture) -> np.ndarray:
-    """Colours (WIDTH, HEIGHT, 3) of the rays, before edges are smoothed."""
+    """Returns the colours (WIDTH, HEIGHT, 3) of the rays, before edges are smoothed."""
     return picture.fields.canvas.to_numpy()[:WIDTH, :HEIGHT]
 
 
 class Mesh:
-    """A surface mesh of fixed capacity that tests refill."""
+    """Surface mesh of fixed capacity that tests refill."""
 
     def __init__(self, capacity=16384):
         self.vertices = ti.Vector.field(3, ti.f32, capacity)
@@ -40,7 +40,8 @@ class Mesh:
 
 
 def grid(corner, a, b, n):
-    """n x n squares of the parallelogram at `corner` spanned by a, b; its front faces a x b."""
+    """Returns vertices, triangles and normals of n x n squares in the parallelogram at `corner`
+    that a and b span; its front faces a x b."""
     corner, a, b = (np.asarray(v, float) for v in (corner, a, b))
     u, v = np.meshgrid(np.linspace(0, 1, n + 1), np.linspace(0, 1, n + 1), indexing="ij")
     points = corner + u.reshape(-1, 1) * a + v.reshape(-1, 1) * b
@@ -62,7 +63,7 @@ def join(parts):
 
 
 def still_water(level=LEVEL, n=8):
-    """The closed surface of still water in the box."""
+    """Returns the closed surface of still water in the box."""
     x, _, z = BOX
     o, ex, ey, ez = np.zeros(3), np.array((x, 0, 0)), np.array((0, level, 0)), np.array((0, 0, z))
     return join(
@@ -78,7 +79,7 @@ def still_water(level=LEVEL, n=8):
 
 
 def ball(centre, radius, n=24):
-    """A closed sphere of 2 n (n - 1) triangles."""
+    """Returns a closed sphere of 2 n (n - 1) triangles."""
     theta, phi = np.meshgrid(
         np.linspace(0, np.pi, n + 1), np.linspace(0, 2 * np.pi, n + 1), indexing="ij"
     )
@@ -93,6 +94,6 @@ def covered(raster, width=WIDTH, height=HEIGHT):
 
 
 def rays(shot, width, height):
-    """Rays of forward part 1 through all pixels (width, height, 3)."""
+    """Returns the rays through all pixels (width, height, 3), with a forward component of 1."""
     i, j = np.meshgrid(np.arange(width), np.arange(height), indexing="ij")
     return shot["origin"] + i[..., None] * shot["du"] + j[..., None] * shot["dv"]

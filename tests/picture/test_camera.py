@@ -30,7 +30,7 @@ def test_ray_through_the_middle_meets_the_target():
     np.testing.assert_allclose(eye + 2.0 * d, camera.target, atol=1e-12)
 
 
-def test_right_and_up_of_the_picture_are_right_and_up():
+def test_the_axes_of_the_image_point_right_and_up():
     camera = Camera(azimuth=0.0, elevation=0.1)  # looks along -z
     _, right = camera.ray(99, 24.5, 100, 50)
     _, up = camera.ray(49.5, 49, 100, 50)
@@ -48,7 +48,7 @@ def test_orbit_and_zoom_stay_within_limits():
         assert camera.distance == pytest.approx(camera.reach[limit])
 
 
-def test_box_ray_of_a_tilted_box_is_the_world_ray_turned_back():
+def test_box_ray_of_a_tilted_box_is_the_world_ray_rotated_back():
     a = 0.3
     tilt = np.array([[np.cos(a), -np.sin(a), 0], [np.sin(a), np.cos(a), 0], [0, 0, 1]])
     camera, C = Camera.framing(BOX), np.array(BOX) / 2

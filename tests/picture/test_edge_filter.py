@@ -1,4 +1,4 @@
-"""Smoothing of edges in images of one ray per pixel."""
+"""Tests of the smoothing of edges in images with one ray per pixel."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,8 @@ def smoothed(edge_filter, image: np.ndarray) -> np.ndarray:
 
 
 def half_plane(slope: float, samples: int) -> np.ndarray:
-    """Share of each pixel below the line y = 20 + slope x, from samples x samples points."""
+    """Returns the share of each pixel below the line y = 20 + slope x, from samples x samples
+    points."""
     places = (np.arange(samples) + 0.5) / samples
     x, y = (np.add.outer(np.arange(n), places).ravel() for n in SIZE)
     dark = (y[None, :] < 20.0 + slope * x[:, None]).astype(float)
@@ -30,7 +31,7 @@ def half_plane(slope: float, samples: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("slope", [0.15, 0.4, -0.25])
-def test_edges_come_nearer_to_the_exact_image(edge_filter, slope):
+def test_smoothing_brings_edges_closer_to_the_exact_image(edge_filter, slope):
     exact, one_ray = half_plane(slope, FINE), half_plane(slope, 1)
     errors = [
         np.sqrt(((image - exact) ** 2).mean())
@@ -39,7 +40,7 @@ def test_edges_come_nearer_to_the_exact_image(edge_filter, slope):
     assert errors[1] < 0.92 * errors[0]
 
 
-def test_smooth_shading_and_its_mean_stay(edge_filter):
+def test_smooth_shading_and_the_mean_of_edges_are_unchanged(edge_filter):
     x, y = np.meshgrid(*(np.arange(n) for n in SIZE), indexing="ij")
     shading = 0.4 + 0.2 * np.sin(0.1 * x) * np.cos(0.07 * y)
     np.testing.assert_allclose(smoothed(edge_filter, shading), shading, atol=1e-6)

@@ -1,4 +1,4 @@
-"""Pictures drawn at fewer pixels and enlarged."""
+"""Tests of images that are rendered with fewer pixels and upscaled."""
 
 import numpy as np
 import pytest
@@ -15,8 +15,8 @@ def enlarger() -> Enlarger:
 
 
 @pytest.mark.parametrize(("columns", "rows"), [(48, 32), (37, 21), (24, 16)])
-def test_linear_pictures_are_enlarged_exactly(enlarger, columns, rows):
-    """Cubic convolution keeps them, but where pixels beyond the edge would be needed."""
+def test_linear_images_are_upscaled_exactly(enlarger, columns, rows):
+    """Cubic convolution reproduces linear images, except where it needs pixels beyond the edge."""
     x, y = np.meshgrid((np.arange(48) + 0.5), (np.arange(32) + 0.5), indexing="ij")
 
     def ramp(x, y):
@@ -32,13 +32,13 @@ def test_linear_pictures_are_enlarged_exactly(enlarger, columns, rows):
     np.testing.assert_allclose(found, wanted, atol=0.03)
 
 
-def test_a_coarser_picture_is_nearly_the_same_and_the_full_one_comes_back(picture, mesh):
+def test_upscaled_images_are_close_and_full_scale_is_restored(picture, mesh):
     mesh.fill(*still_water())
     view = Camera.framing(BOX, WIDTH / HEIGHT)
     pictures, picked = {}, {}
     for scale in (1.0, 0.7, 0.5, 1.0):
         picture.scale = scale
-        for _ in range(2):  # the second frame of a view draws its whole backdrop
+        for _ in range(2):  # the second frame of a view renders its whole backdrop
             picture.draw_water(view)
         again = pictures.get(scale)
         pictures[scale] = picture.image.to_numpy()
@@ -47,5 +47,5 @@ def test_a_coarser_picture_is_nearly_the_same_and_the_full_one_comes_back(pictur
     np.testing.assert_array_equal(pictures[1.0], again)
     errors = [np.abs(pictures[s] - pictures[1.0]).mean() for s in (0.7, 0.5)]
     assert 0.0 < errors[0] < errors[1] < 0.02
-    # The same place on the water, to a pixel.
+    # Both scales pick the same point on the water, to one pixel.
     assert np.linalg.norm(picked[0.5] - picked[1.0]) < 0.02

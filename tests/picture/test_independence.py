@@ -1,6 +1,6 @@
-"""One picture, loaded with other boxes, looks, sizes and bodies, without compiling anything again.
+"""Tests that a picture loads other boxes, looks, sizes and bodies without compiling kernels.
 
-The image is then the one of a picture that was built for them.
+Its images equal the images of a picture that was built for them.
 """
 
 import numpy as np
@@ -20,7 +20,7 @@ from tests.boundary_kit import boundary_of
 
 LEGEND = Legend("speed [m/s]", ((0.0, "0"), (1.0, "2")))
 FLAT, TALL = (0.9, 0.5, 0.7), (0.6, 1.2, 0.5)
-# Of each image: size, box, look, scale.
+# Size, box, look and scale of each image.
 IMAGES = [
     ((96, 54), BOX, Look(), 0.5),
     ((96, 54), BOX, Look(), 1.0),
@@ -41,7 +41,7 @@ def spheres():
 
 
 def draw(picture, image, spheres):
-    """The pixels of water and of particles."""
+    """Returns the image of the water and the image of the particles."""
     size, box, look, scale = image
     picture.load(*size, box, look)
     picture.scale = scale
@@ -60,7 +60,7 @@ SPECS = [LayerSpec(1000.0 * 0.04**3, 1000.0, 2.0)]
 
 @pytest.fixture(scope="module")
 def pictures():
-    """One for all images, and one for the last."""
+    """Returns a picture with room for all images, and a picture for the last image."""
     mesh, boundary = Mesh(4096), boundary_of(FLAT, SPECS)
     mesh.fill(*ball((0.3, 0.3, 0.35), 0.2))
     rooms = PictureRoom(192, 128), PictureRoom.holding(*IMAGES[-1][0], 3)
@@ -68,7 +68,7 @@ def pictures():
 
 
 @pytest.mark.parametrize("bodies", [[], [Ball(np.array((0.4, 0.3, 0.2)), 0.1)]])
-def test_other_scenes_and_sizes_need_no_other_kernels(pictures, spheres, bodies):
+def test_other_scenes_and_sizes_compile_no_kernels(pictures, spheres, bodies):
     boundary_of(FLAT, SPECS, bodies)
     picture, fresh = pictures
     for image in IMAGES[:3]:
@@ -83,7 +83,7 @@ def test_other_scenes_and_sizes_need_no_other_kernels(pictures, spheres, bodies)
         np.testing.assert_allclose(one, other, atol=1 / 255)
 
 
-def test_rooms_are_classes_of_sizes():
+def test_sizes_of_images_are_rounded_up_to_rooms():
     assert PictureRoom.holding(640, 360) == PictureRoom.holding(960, 544) == PictureRoom()
     assert PictureRoom.holding(961, 90) == PictureRoom(1920, 544)
     assert PictureRoom.holding(1280, 720, rays=3) == PictureRoom(3840, 2176)

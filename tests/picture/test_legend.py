@@ -1,4 +1,4 @@
-"""Ranges that are round and steady, and the panel that tells them."""
+"""Tests of the legend: rounded, steady ranges and the panel that shows them."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ def test_nice_numbers_are_1_2_and_5_times_powers_of_ten(value, expected):
 
 
 @pytest.mark.parametrize("power", range(-6, 7))
-def test_nice_numbers_stay_what_they_are(power):
+def test_nice_numbers_are_not_changed_by_rounding(power):
     for m in (1.0, 2.0, 5.0):
         assert nice(m * 10.0**power) == pytest.approx(m * 10.0**power)
 
@@ -34,25 +34,25 @@ def test_range_grows_at_once_and_shrinks_late():
     assert tops == pytest.approx([0.1, 1.0, 2.0, 2.0, 2.0, 1.0, 1.0, 5.0, 5.0, 0.1])
 
 
-def test_range_does_not_flicker_round_any_value():
+def test_range_is_steady_while_values_fluctuate():
     for value in np.geomspace(0.3, 30.0, 40):
         steady = SteadyRange(least=0.0)
         shaken = [steady.cover(0.0, value * f)[1] for f in (1.0, 1.2, 1.0, 0.9, 1.2, 0.95, 1.0)]
         assert len(set(shaken[1:])) == 1
 
 
-def test_negative_values_have_an_end_of_their_own():
+def test_negative_values_set_the_lower_end_of_the_range():
     pressure = SteadyRange(least=10.0)
     assert pressure.cover(-30.0, 40.0) == pytest.approx((-50.0, 50.0))
     assert pressure.cover(-30.0, 4000.0) == pytest.approx((-500.0, 5000.0))
 
 
-def test_colours_are_those_of_the_particles():
+def test_legend_has_the_colours_of_the_particles():
     assert np.array_equal(shown_colour(np.array([0.0, 1.0])), curve(colour_map())[[0, -1]])
 
 
 @pytest.mark.parametrize("legend", [SPEED, LAYERS])
-def test_panel_has_text_on_a_dark_ground_and_its_colours(legend):
+def test_panel_has_text_on_a_dark_background_and_the_colours(legend):
     panel = paint(legend, 16)
     assert panel.dtype == np.uint8 and panel.shape[2] == 4
     assert panel[0, 0, :3].max() < 60 and 100 < panel[0, 0, 3] < 200
@@ -63,14 +63,14 @@ def test_panel_has_text_on_a_dark_ground_and_its_colours(legend):
         assert (np.abs(panel[..., :3] - colour).max(-1) < 4).sum() > 10
 
 
-def test_number_that_would_touch_another_is_left_out():
+def test_number_that_would_overlap_another_is_left_out():
     apart = ((0.0, "-5"), (1.0, "5"))
     middle, near = (paint(Legend("p", (*apart, (place, "0"))), 16) for place in (0.5, 0.05))
     assert not np.array_equal(middle, paint(Legend("p", apart), 16))
     assert np.array_equal(near, paint(Legend("p", apart), 16))
 
 
-def test_blending_changes_the_panels_rectangle_alone():
+def test_blending_changes_only_the_panels_rectangle():
     panel = LegendPanel(320, 180)
     image = Image(ti.Vector.field(3, ti.f32, (320, 180)), 320, 180)
     for legend in (LAYERS, SPEED):
@@ -90,7 +90,7 @@ def test_blending_changes_the_panels_rectangle_alone():
         assert np.abs(shown - blended).max() < 1e-5
 
 
-def test_panel_is_cut_to_a_small_picture():
+def test_panel_is_cropped_to_a_small_image():
     panel, image = LegendPanel(64, 36), Image(ti.Vector.field(3, ti.f32, (64, 36)), 64, 36)
     panel.draw(LAYERS, image)
     left, low, width, height = panel.overlay.shown["legend"]

@@ -35,7 +35,7 @@ def test_water_changes_only_the_pixels_it_covers(picture, mesh):
     assert (change[~seen] == 0).all() and change[seen].mean() > 0.02
 
 
-def test_top_of_the_picture_is_sky(picture, mesh):
+def test_top_of_the_image_is_sky(picture, mesh):
     mesh.counts.fill(0)
     picture.draw_water(camera(elevation=0.06))
     shown = picture.to_numpy_u8()
@@ -71,10 +71,10 @@ def test_pick_finds_the_surface_under_the_pixel(picture, mesh, tilt):
 
 
 def apparent_rows(view, z, level):
-    """Pixel heights j, in the middle column, at which the floor lines at z appear under water.
+    """Returns the pixel heights j in the middle column where floor lines at z appear under water.
 
-    The ray from the eye to the surface at distance s from the eye's foot and on to the floor:
-    Snell's law is solved for s by bisection.
+    The ray meets the surface at the distance s from the point below the eye. Snell's law is solved
+    for s by bisection.
     """
     shot_eye = view.eye
     rows = []
@@ -92,24 +92,24 @@ def apparent_rows(view, z, level):
     return np.array(rows)
 
 
-def test_tile_joints_under_water_appear_where_snell_puts_them(picture, mesh):
+def test_tile_joints_under_water_appear_where_snells_law_predicts(picture, mesh):
     mesh.fill(*still_water())
     view = Camera(np.array((0.5, 0.2, 0.5)), 0.0, 0.9, 1.6, 0.6)
     picture.draw_water(view)
     tiles = picture.lens.numbers["tiles"][2]
     joints = np.arange(4, 9) / tiles
-    # The middle column itself is a joint: look beside it.
+    # The middle column is a joint; the columns next to it are read.
     light = picture.image.to_numpy()[WIDTH // 2 + 4 : WIDTH // 2 + 8].sum((0, 2))
 
     def contrast(level):
-        """Mean brightness on the predicted joints less that on the middles of the tiles."""
+        """Returns the mean brightness at the predicted joints minus at the middles of tiles."""
         at = np.arange(HEIGHT)
         on = np.interp(apparent_rows(view, joints, level), at, light)
         off = np.interp(apparent_rows(view, joints + 0.5 / tiles, level), at, light)
         return on.mean() - off.mean()
 
     assert contrast(LEVEL) > 0.3
-    assert contrast(0.0) < 0.5 * contrast(LEVEL), "seen as if there were no water"
+    assert contrast(0.0) < 0.5 * contrast(LEVEL), "rays bend at the water"
 
 
 def test_deeper_water_is_bluer(picture, mesh):
@@ -137,11 +137,11 @@ def test_still_water_does_not_focus_light(picture, mesh):
     np.testing.assert_allclose(focus[lit], 1, atol=0.02)
 
 
-def test_a_lens_gathers_light_and_keeps_its_amount(picture, mesh):
+def test_a_hill_of_water_focuses_light_and_keeps_its_amount(picture, mesh):
     v, t, n = still_water(n=24)
     x, z = v[:, 0] - 0.5, v[:, 2] - 0.5
     top = n[:, 1] > 0.5
-    a, s = 0.02, 0.15  # a hill of water a tall and s wide
+    a, s = 0.02, 0.15  # height and width [m] of a hill of water
     hill = a * np.exp(-(x**2 + z**2) / s**2)
     slope = np.stack([2 * x / s**2 * hill, np.ones_like(x), 2 * z / s**2 * hill], 1)
     v[top, 1] += hill[top]
@@ -173,7 +173,7 @@ def particles(taichi_runtime):
     return x, value, radius
 
 
-def test_the_nearer_particle_hides_the_farther(picture, particles):
+def test_the_nearer_particle_hides_the_farther_particle(picture, particles):
     x, value, radius = particles
     view = camera()
     middle = np.array(BOX) / 2
@@ -192,7 +192,7 @@ def test_the_nearer_particle_hides_the_farther(picture, particles):
     assert front[0] > front[2], "the near particle has the map's yellow end"
     seen = covered(picture.raster)
     beside = image[seen & (image[..., 2] > image[..., 0] + 0.1)]
-    assert len(beside) > 100, "round it shows the far one, dark blue"
+    assert len(beside) > 100, "the far particle is dark blue around the near one"
     picture.draw_particles(view, None, x, value, 0.0, 1.0, 3, radius)
     assert covered(picture.raster).sum() > seen.sum(), "the count is an argument"
     radius.fill(0.0)
@@ -200,8 +200,8 @@ def test_the_nearer_particle_hides_the_farther(picture, particles):
     assert not covered(picture.raster).any(), "without a radius they are hidden"
 
 
-def test_supersampling_averages_the_same_picture(picture, mesh):
-    picture.reset()  # dry walls
+def test_supersampling_averages_the_same_image(picture, mesh):
+    picture.reset()  # dries the walls
     mesh.fill(*still_water())
     fine = Picture(mesh, room=PictureRoom(WIDTH, HEIGHT))
     fine.load(WIDTH // 2, HEIGHT // 2, BOX, Look(supersample=2, caustics=False))
@@ -214,8 +214,9 @@ def test_supersampling_averages_the_same_picture(picture, mesh):
     np.testing.assert_allclose(fine.pick(80, 50), picture.pick(160, 100), atol=1e-5)
 
 
-def test_backdrop_left_out_under_water_changes_no_picture(picture, mesh):
-    """The first frame of a view leaves hidden tiles out, the second draws them, and both agree."""
+def test_backdrop_left_out_under_water_does_not_change_the_image(picture, mesh):
+    """The first frame of a view leaves out hidden tiles, the second renders them; the images
+    agree."""
     mesh.fill(*still_water())
     view = camera(azimuth=0.8)
     picture.draw_water(view)
@@ -226,7 +227,7 @@ def test_backdrop_left_out_under_water_changes_no_picture(picture, mesh):
     seen = covered(picture.raster)
     assert (partly[~seen] == whole[~seen]).all() and np.abs(partly - whole)[seen].max() > 0.05
     np.testing.assert_array_equal(partly[..., 3], whole[..., 3], "edges before the water")
-    # Water that falls away shows the tiles that it hid.
+    # Without water, the tiles that it hid are visible.
     mesh.counts.fill(0)
     picture.draw_water(view)
     np.testing.assert_array_equal(canvas_of(picture), whole[..., :3])
@@ -234,7 +235,7 @@ def test_backdrop_left_out_under_water_changes_no_picture(picture, mesh):
 
 @pytest.fixture(scope="module")
 def every_pixel(mesh):
-    """A picture that samples every pixel of the water."""
+    """Returns a picture that samples every pixel of the water."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(samples, "MAX_ADDED_CHANGE", -1.0)  # below 0 no block is even
         drawn = Picture(mesh)
@@ -244,8 +245,8 @@ def every_pixel(mesh):
 
 
 @pytest.mark.parametrize("size", [(0.02, 25.0), (0.004, 90.0)])
-def test_means_in_even_blocks_look_like_samples_of_every_pixel(picture, every_pixel, mesh, size):
-    """Long waves and steep ripples: within the bounds of a change that is not seen."""
+def test_means_in_even_blocks_are_close_to_samples_of_every_pixel(picture, every_pixel, mesh, size):
+    """For long waves and steep ripples, the difference between the images is not visible."""
     height, number = size
     v, t, n = still_water(n=36)
     top = n[:, 1] > 0.5

@@ -1,4 +1,4 @@
-"""Bodies in the picture: rays against spheres by formula, shadows, and who hides whom."""
+"""Tests of rendered bodies: rays against spheres by formula, shadows, and visibility."""
 
 import numpy as np
 import pytest
@@ -54,7 +54,7 @@ class Rays:
 
 
 def sphere(p, r, centre, radius):
-    """Both distances along rays p + t r to a sphere; not finite where it is missed."""
+    """Returns both distances along rays p + t r to a sphere, not finite where a ray misses it."""
     c = p - centre
     b = (c * r).sum(axis=1)
     with np.errstate(invalid="ignore"):
@@ -62,7 +62,7 @@ def sphere(p, r, centre, radius):
     return -b - half, -b + half
 
 
-def test_rays_meet_bodies_outside_and_the_container_inside(boundary):
+def test_rays_hit_bodies_outside_and_the_container_inside(boundary):
     rng = np.random.default_rng(4)
     p = SHELL + 2.0 * unit(rng.normal(size=(400, 3)))
     r = unit(SHELL + 0.5 * rng.uniform(-1.0, 1.0, (400, 3)) - p)
@@ -74,7 +74,7 @@ def test_rays_meet_bodies_outside_and_the_container_inside(boundary):
     assert 20 < np.isfinite(near).sum() < 200
     t = np.minimum(found.t.to_numpy(), MISSED)
     sure = ~grazing & ~(abs(near - sphere(p, r, BALL, RADIUS)[1]) < 0.05)
-    # The icosphere of the container lies up to 1 % of its radius within the sphere.
+    # The icosphere of the container lies inside the sphere, by up to 1 % of its radius.
     assert np.isclose(t, expected, atol=0.02)[sure].all()
     body = found.body.to_numpy()
     assert np.array_equal(body[sure] == 0, np.isfinite(near)[sure])
@@ -82,7 +82,7 @@ def test_rays_meet_bodies_outside_and_the_container_inside(boundary):
     assert np.isclose(found.entry.to_numpy(), first, atol=0.01)[sure & np.isfinite(far)].all()
 
 
-def test_bodies_cast_shadows_a_container_only_on_what_is_outside(boundary):
+def test_bodies_cast_shadows_and_a_container_shades_only_its_outside(boundary):
     rng = np.random.default_rng(5)
     r = unit(rng.normal(size=(400, 3)))
     for away, shell in ((0.15, False), (2.0, True)):
@@ -101,8 +101,9 @@ def test_bodies_cast_shadows_a_container_only_on_what_is_outside(boundary):
         assert np.all(lit[light] > 0.99)
 
 
-def test_the_penumbra_of_a_ball_is_the_least_distance_over_the_way():
-    """Against distances at many points of each ray."""
+def test_penumbra_of_a_ball_is_the_least_ratio_of_distances():
+    """The penumbra equals the least ratio of the distance from the ball to the distance from the
+    shaded point, taken at many points of each ray."""
     p, rng = np.tile((0.9, 0.1, 0.5), (400, 1)), np.random.default_rng(0)
     r = BALL - p + rng.uniform(-1.5 * RADIUS, 1.5 * RADIUS, (400, 3))
     r /= np.linalg.norm(r, axis=1)[:, None]
@@ -117,8 +118,9 @@ def test_the_penumbra_of_a_ball_is_the_least_distance_over_the_way():
 
 
 def test_the_rim_of_a_container_is_even_and_rays_along_its_lid_reach_its_side():
-    """The rim had a tooth for every cell of the distances; a ray along the lid ended after too many
-    short steps, up to 0.37 m before the side."""
+    """Slopes along the rim are even, and rays along the lid hit the side. Regression: the rim had a
+    tooth in every cell of the distances, and a ray along the lid ended after too many short steps,
+    up to 0.37 m before the side."""
     tub = trimesh.creation.cylinder(TUB, 2.0 * TUB_LID, sections=96)
     tub.apply_transform(trimesh.transformations.rotation_matrix(0.5 * np.pi, (1.0, 0.0, 0.0)))
     tub.apply_translation(SHELL)
@@ -146,7 +148,7 @@ def unit(v):
     return v / np.linalg.norm(v, axis=1, keepdims=True)
 
 
-def test_body_hides_water_behind_it_and_water_before_it_shows():
+def test_a_body_hides_water_behind_it_but_not_in_front_of_it():
     body = boundary_of(BOX, [LAYER], [Ball(np.array((0.5, 0.5, 0.5)), 0.2)])
     mesh = Mesh(4096)
     picture = Picture(mesh, body)
@@ -162,11 +164,11 @@ def test_body_hides_water_behind_it_and_water_before_it_shows():
     inside = np.isfinite(near).reshape(WIDTH, HEIGHT)
     depth = picture.backdrop.depth.to_numpy()[:WIDTH, :HEIGHT]
     assert abs((depth < 100.0).sum() - inside.sum()) < 0.05 * inside.sum()
-    # Between samples depth is a mean, here of a ball only 14 pixels wide.
+    # Between samples the depth is interpolated, and the ball is only 14 pixels wide.
     assert depth[inside & (depth < 100.0)] == pytest.approx(
         (near / length).reshape(WIDTH, HEIGHT)[inside & (depth < 100.0)], abs=0.02
     )
-    # A drop behind the ball changes nothing, one before it does.
+    # A drop behind the ball does not change the image, a drop in front of it does.
     for z, shown in ((0.15, False), (0.85, True)):
         mesh.fill(
             *ball(view.eye + (0.5 - view.eye) * (view.eye[2] - z) / (view.eye[2] - 0.5), 0.06)
@@ -179,8 +181,8 @@ def test_body_hides_water_behind_it_and_water_before_it_shows():
 
 
 def test_the_waterline_at_a_container_is_exact(boundary):
-    """Water that reaches beyond the sides of a container, as meshes for images do, is drawn in it
-    only, up to its side, which has no water above the level."""
+    """A mesh that extends beyond the sides of a container, as meshes for images do, is rendered
+    only inside the container, up to its side; the side has no water above the level."""
     mesh, level = Mesh(4096), 0.4
     mesh.fill(*still_water(level))
     picture = Picture(mesh, boundary)
@@ -192,7 +194,7 @@ def test_the_waterline_at_a_container_is_exact(boundary):
     on_ball, _ = sphere(np.tile(eye, (len(d), 1)), d, BALL, 1.2 * RADIUS)
     down = (level - eye[1]) / d[:, 1]
     wet = (down < near) | ((down > near) & (down < far))
-    # The icosphere lies up to 1 % of its radius within the sphere, a pixel is 0.02 m wide.
+    # The icosphere lies inside the sphere by up to 1 % of its radius; pixels are 0.02 m wide.
     edge = np.minimum(abs(down - near), abs(down - far)) * abs(d[:, 1]) < 0.03
     sure = np.isnan(near) | ((far - near > 0.3) & ~edge & np.isnan(on_ball))
     found = covered(picture.raster, WIDTH, HEIGHT).ravel()
@@ -209,7 +211,8 @@ def test_the_waterline_at_a_container_is_exact(boundary):
 
 
 def test_a_body_has_no_film_of_water_where_the_glass_cuts_it():
-    """At its edges, where the nearest side faced away, it mirrored the sky."""
+    """Where the glass cuts a body, wetness adds only the reflection of the pane. Regression: near
+    its edges, where the nearest side faced away, the body reflected the sky."""
     lo, hi = np.array((-0.5, -0.5, -0.5)), np.array((0.4, 0.9, 1.5))
     mesh = Mesh(4096)
     picture = Picture(mesh, boundary_of(BOX, [LAYER], [Block(lo, hi)]))
@@ -228,13 +231,13 @@ def test_a_body_has_no_film_of_water_where_the_glass_cuts_it():
     x = (eye + d * ((1.0 - eye[2]) / d[..., 2])[..., None])[..., 0]
     pixel = np.diff(x, axis=0).max()
     cut = x < hi[0] - 2.0 * pixel
-    # All that is gained is what a wet pane mirrors.
+    # The only difference is the reflection of the wet pane.
     assert cut.sum() > 50 and abs(images[1] - images[0])[cut].max() < 0.045
 
 
 def test_moving_bodies_redraw_their_surroundings_only():
-    """Images of a ball that swings over and in water whose level rises and falls, against images
-    that are drawn whole."""
+    """Images of a ball that swings over and in water of varying level equal images that are
+    rendered completely."""
     swinging = Motion(swing=(0.3, -0.3, 0.2), period=1.0)
     bodies = [Ball(np.array((0.4, 0.5, 0.5)), 0.08, motion=swinging), Block(*np.array(PLINTH))]
     body, mesh = boundary_of(BOX, [LAYER], bodies), Mesh(4096)
@@ -267,7 +270,8 @@ def test_moving_bodies_redraw_their_surroundings_only():
 
 
 def test_a_ball_seen_through_the_glass_from_below_has_no_step_at_its_waterline():
-    """Where the surface mirrors a ball, it was shaded at points within it, as in shadow."""
+    """Brightness is continuous across the waterline. Regression: where the surface reflects a ball,
+    the ball was shaded at points inside it, as if in shadow."""
     mesh, level = Mesh(), 0.4
     mesh.fill(*still_water(level, n=32))
     picture = Picture(mesh, boundary_of(BOX, [LAYER], [Ball(np.array((0.5, 0.3, 0.4)), 0.3)]))

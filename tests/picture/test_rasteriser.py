@@ -14,7 +14,7 @@ WIDTH, HEIGHT = 97, 61
 
 @ti.data_oriented
 class Bench:
-    """A rasteriser with a mesh and three spheres to draw."""
+    """Rasteriser with a mesh and three spheres to draw."""
 
     def __init__(self):
         self.lens, self.mesh = Lens(), Mesh(2048)
@@ -36,7 +36,8 @@ class Bench:
         return self.lens.numbers, rays(self.lens.numbers, WIDTH, HEIGHT)
 
     def depth(self):
-        """Depth by the keys, and the bound of its rounding [m]; FAR where nothing is."""
+        """Returns the depth by the keys and the bound of its rounding [m]; FAR where nothing is
+        drawn."""
         shot, key = self.lens.numbers, self.raster.key.to_numpy()
         bits = self.raster.item_bits[None]
         step = shot["w_span"] / ((1 << (KEY_BITS - bits)) - 2)
@@ -83,7 +84,8 @@ def test_faces_on_the_walls_do_not_count_as_back(bench):
 
 
 def test_no_cracks_between_triangles(bench):
-    """A rippled sheet, wider than the picture, of triangles of all directions."""
+    """A rippled surface wider than the image, with triangles in all orientations, covers all
+    pixels."""
     v, t, n = grid((-3, 0, 3), (7, 0, 0), (0, 0, -7), 30)
     v[:, [0, 2]] += 0.03 * np.sin(37 * v[:, [2, 0]])
     bench.mesh.fill(v, t, n)
@@ -94,7 +96,8 @@ def test_no_cracks_between_triangles(bench):
 
 
 def test_triangles_through_the_near_plane_stay_on_their_plane(bench):
-    """Two huge triangles under and behind the eye: seen just where the plane is, and no further."""
+    """Two huge triangles below and behind the eye cover only the pixels where their plane is
+    visible, and all of them."""
     bench.mesh.fill(*grid((-40, 0, 40), (80, 0, 0), (0, 0, -80), 1))
     shot, d = bench.aim(Camera(np.array((0.5, 0.4, 0.5)), 0.3, 0.2, 1.6, 1.2))
     bench.draw_mesh()
@@ -122,7 +125,7 @@ def test_thickness_of_a_ball(bench):
     np.testing.assert_allclose(got, chord[deep], atol=0.03 * r)
 
 
-def test_spheres_are_round_and_the_nearer_wins(bench):
+def test_spheres_are_round_and_the_nearest_is_visible(bench):
     camera = Camera.framing(BOX)
     shot, d = bench.aim(camera)
     middle = np.array((0.5, 0.4, 0.5))

@@ -1,4 +1,4 @@
-"""Traces that water leaves: wet walls, and ripples where something disturbs the surface."""
+"""Tests of the traces of water: wet walls, and ripples where the surface is disturbed."""
 
 import numpy as np
 import pytest
@@ -13,12 +13,12 @@ from msph.picture.ripples import CELLS, DAMPING, SPEED
 from msph.taichi_internals import watch_compiling
 
 VIEW = Camera.framing(BOX, WIDTH / HEIGHT)
-SPACING = 1.0 / 8.0  # of the vertices of still water [m]
+SPACING = 1.0 / 8.0  # distance between vertices of still water [m]
 HAND = Hand(position=(0.5, LEVEL, 0.5), velocity=(1.0, 0.0, 0.0), radii=(0.2,) * 3, grip=60.0)
 
 
 class NoDrops:
-    """Thin water without drops."""
+    """Replacement of ThinWater that has no drops."""
 
     class Particles:
         x = v = None
@@ -39,13 +39,13 @@ def pool(taichi_runtime):
 
 
 def shown(pool, level):
-    """The image with still water up to a level."""
+    """Returns the image of still water up to a level [m]."""
     pool.mesh.fill(*still_water(level))
     pool.draw_water(VIEW)
     return canvas_of(pool)
 
 
-def test_two_frames_compile_what_later_frames_need(pool):
+def test_frames_after_the_second_compile_no_kernels(pool):
     pool.load(WIDTH, HEIGHT, BOX, Look())
     for _ in range(2):
         pool.advance(1.0 / 60.0, Hand())
@@ -66,7 +66,7 @@ def test_walls_are_darker_where_water_has_been_until_they_are_dry(pool):
     wet = shown(pool, 0.1)
     lost = (dry - wet).mean(axis=-1)
     assert lost.max() > 0.025 and lost.min() > -0.05
-    column = lost[WIDTH // 2 - 40]  # the far wall: dark above the low level, dry above the high one
+    column = lost[WIDTH // 2 - 40]  # far wall: dark above the low level, dry above the high level
     assert (abs(column[-20:]) < 1e-3).all()
     for _ in range(20):
         pool.advance(0.25, Hand())
@@ -75,7 +75,8 @@ def test_walls_are_darker_where_water_has_been_until_they_are_dry(pool):
 
 
 def test_wet_walls_have_no_holes_and_end_without_steps(pool):
-    """With cells smaller than the mesh's, and wholly wet or dry, stains were blotches."""
+    """Stains have no holes and their upper edges are smooth. Regression: with cells smaller than
+    the cells of the mesh, and either wet or dry, stains were blotches."""
     pool.load(WIDTH, HEIGHT, BOX, Look(), spacing=SPACING)
     heights = []
     for level in (0.52, 0.53, 0.54):
@@ -98,7 +99,7 @@ def test_without_drying_time_nothing_is_wet(pool):
     assert pool.wetness.wet.to_numpy().max() == 0.0
 
 
-def test_a_hand_makes_ripples_only_where_it_is_and_they_calm_down(pool):
+def test_a_hand_makes_ripples_only_near_it_and_they_decay(pool):
     pool.load(WIDTH, HEIGHT, BOX, Look(caustics=False))
     calm = shown(pool, LEVEL)
     for _ in range(20):

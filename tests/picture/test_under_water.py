@@ -1,4 +1,4 @@
-"""A camera under water: Snell's window and total reflection."""
+"""Tests of a camera under water: Snell's window and total reflection."""
 
 import numpy as np
 import pytest
@@ -12,15 +12,15 @@ INDEX = 1.333
 
 @pytest.fixture
 def under(picture, mesh):
-    """Looks up from 0.3 m under the level at still water."""
+    """Returns a camera that looks up at still water from 0.3 m below its level."""
     mesh.fill(*still_water())
     picture.load(WIDTH, HEIGHT, BOX, Look(refractive_index=INDEX))
     return Camera(np.array((0.5, LEVEL, 0.5)), 0.3, -1.2, 0.3 / np.sin(1.2), 1.5)
 
 
 def sees_sky(picture, camera):
-    """Pixels (WIDTH, HEIGHT) that change with the colour of the sky, and those that the sun
-    dazzles."""
+    """Returns which pixels (WIDTH, HEIGHT) change with the brightness of the sky, and which pixels
+    the sun saturates."""
     shown = []
     for brightness in (0.0, 1.0):
         picture.sky.dome.fill(brightness)
@@ -48,7 +48,7 @@ def test_the_sky_is_seen_in_snells_window_only(picture, under):
     assert np.array_equal(found[sure], window[sure])
 
 
-def test_the_picture_changes_at_the_surface_only(picture, mesh):
+def test_the_image_changes_only_where_the_eye_crosses_the_surface(picture, mesh):
     mesh.fill(*still_water())
     picture.load(WIDTH, HEIGHT, BOX)
     wet = []
@@ -58,7 +58,7 @@ def test_the_picture_changes_at_the_surface_only(picture, mesh):
         item &= (1 << picture.raster.item_bits[None]) - 1
         wet.append(covered(picture.raster) & (item == picture.raster.wet[None]))
         below = rays(picture.lens.numbers, WIDTH, HEIGHT)[..., 1] < -0.1
-        # Above water the lower half shows its surface; below, the walls in the water.
+        # Above water the lower half shows the surface; under water, the walls in the water.
         assert covered(picture.raster)[below].all()
     assert not wet[0].any()
     assert wet[1][below].all()

@@ -1,4 +1,4 @@
-"""Key frames of the camera."""
+"""Tests of the camera path: its key frames, and refused paths."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ KEYS = (
 CENTRE = 0.5, 0.6, 0.7
 
 
-def test_the_camera_passes_its_key_frames_and_turns_one_way():
+def test_camera_passes_its_key_frames_and_turns_in_one_direction():
     camera = load_scene("drop", (KEYS,)).camera
     at = [orbit_at(camera, t, CENTRE) for t in (0.0, 1.0, 2.0, 9.0)]
     assert at[0] == at[1] == (10.0, 21.0, 1.0, CENTRE)

@@ -1,4 +1,4 @@
-"""Scenes that would take for ever say so before they begin, or are refused."""
+"""Tests that scenes with a long preparation or very many steps give a caution or are refused."""
 
 import pytest
 import trimesh
@@ -27,18 +27,18 @@ def scene(tmp_path, *overrides):
 
 
 @pytest.mark.parametrize("name", shipped_scenes())
-def test_shipped_scenes_take_no_such_time(name):
+def test_shipped_scenes_give_no_caution(name):
     assert effort(load_scene(name)) == []
 
 
-def test_short_steps_are_said_with_the_time_that_they_take(tmp_path):
+def test_short_steps_are_reported_with_their_elapsed_time(tmp_path):
     (line,) = effort(scene(tmp_path, "projection.longest_step=1e-6"))
-    # 4,000 particles: a million steps of 1 + 10 ms.
+    # 4,000 particles: a million steps of 1 ms + 10 ms each.
     assert line.startswith("projection.longest_step: requires 1,000,000 steps per simulated second")
     assert "3.1 hours" in line
 
 
-def test_fast_bodies_are_said_or_refused(tmp_path):
+def test_fast_bodies_are_reported_or_refused(tmp_path):
     fast = scene(tmp_path, BALL + "velocity=[400, 0, 0]}]")
     steps, key = steps_per_second(fast, layer_specs(fast), bodies(fast))
     assert steps == pytest.approx(400.0 / (0.5 * 0.05)) and key == "bodies.0"
@@ -51,17 +51,17 @@ def test_fast_bodies_are_said_or_refused(tmp_path):
 @pytest.mark.parametrize(
     "key", ["projection.longest_step=1e-9", "projection.velocity_iterations=1000000000"]
 )
-def test_limits_end_what_could_not_be_waited_for(tmp_path, key):
+def test_settings_beyond_their_limits_are_refused(tmp_path, key):
     with pytest.raises(SceneError, match=key.partition("=")[0]):
         scene(tmp_path, key)
 
 
-def test_stiff_classic_water_is_said(tmp_path):
+def test_stiff_classic_water_is_reported(tmp_path):
     text = ("method=classic", "classic.stiffness=1e6")
     assert effort(scene(tmp_path, *text))[0].startswith("classic.stiffness")
 
 
-def test_large_meshes_are_said(tmp_path, monkeypatch):
+def test_large_meshes_are_reported(tmp_path, monkeypatch):
     trimesh.creation.icosphere(2, radius=0.1).export(tmp_path / "ball.stl")
     monkeypatch.setattr("msph.scene.effort.FACE_TIME", 0.1)
     given = "bodies=[{mesh='ball.stl', position=[0.5, 0.3, 0.5]}]"
@@ -73,5 +73,5 @@ def test_large_meshes_are_said(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("seconds", "words"), [(7.0, "7 seconds"), (90.0, "1.5 minutes"), (2e5, "2.3 days")]
 )
-def test_times_are_told_in_their_unit(seconds, words):
+def test_times_are_formatted_in_the_largest_fitting_unit(seconds, words):
     assert in_words(seconds) == words

@@ -1,4 +1,4 @@
-"""Scenes: what loads, what does not, and the one line that says why."""
+"""Tests of loading scenes: valid scenes load, invalid ones give an error of one line."""
 
 import pytest
 
@@ -136,13 +136,13 @@ def test_bad_scene_gives_one_line_with_file_and_key(tmp_path, name):
     assert line.startswith(f"scene.toml: {message}") and "\n" not in line
 
 
-def test_a_mark_of_the_byte_order_is_no_syntax_error(tmp_path):
+def test_byte_order_mark_is_accepted(tmp_path):
     path = tmp_path / "scene.toml"
     path.write_text(GOOD, encoding="utf-8-sig")
     assert load_scene(str(path)) == load_scene(write(tmp_path, GOOD, "plain.toml"))
 
 
-def test_a_probe_inside_of_a_body_is_said(tmp_path):
+def test_probe_inside_a_body_gives_a_caution(tmp_path):
     body = "[[bodies]]\ncentre = [0.5, 0.2, 0.5]\nradius = 0.3\n"
     probe = '[[probes]]\nname = "{}"\nkind = "pressure"\npoint = [0.5, {}, 0.5]\n'
     text = GOOD + body + probe.format("in", 0.3) + probe.format("on", 0.5)
@@ -150,7 +150,7 @@ def test_a_probe_inside_of_a_body_is_said(tmp_path):
     assert line.startswith("probes.0: (0.5, 0.3, 0.5) m is inside a body")
 
 
-def test_layer_too_coarse_for_its_box_is_said(tmp_path):
+def test_layer_too_coarse_for_its_box_gives_a_caution(tmp_path):
     scene = load_scene(write(tmp_path, GOOD), ("layers.1.spacing=0.35",))
     (line,) = cautions(scene)
     assert line.startswith("layers.1: pressures will be inaccurate") and "0.35 m" in line
@@ -188,7 +188,7 @@ def test_broken_file_gives_one_line(tmp_path, content, message):
     assert str(error.value).startswith("broken.toml: ") and message in str(error.value)
 
 
-def test_missing_scene_suggests_the_nearest(tmp_path):
+def test_missing_scene_suggests_the_nearest_name(tmp_path):
     with pytest.raises(SceneError, match="did you mean 'dam_break'"):
         load_scene("dam_brake")
     with pytest.raises(SceneError, match="is a folder"):
@@ -196,7 +196,7 @@ def test_missing_scene_suggests_the_nearest(tmp_path):
 
 
 @pytest.mark.parametrize("name", shipped_scenes())
-def test_shipped_scene_loads_and_names_itself(name):
+def test_shipped_scene_loads_and_has_a_title_and_a_source(name):
     scene = load_scene(name)
     assert scene.title and scene.source
 
@@ -218,7 +218,7 @@ def test_thesis_pools_have_the_particles_of_table_5_1(name, system, counts):
 
 
 @pytest.mark.parametrize("name", ["pool", "pool_2x"])
-def test_pools_hold_the_water_of_system_3_in_layers_that_adapt(name):
+def test_pools_have_the_layers_and_mass_of_system_3_and_adapt(name):
     scene, system_3 = load_scene(name), load_scene(name, ("variant=system-3",))
     assert scene.adaptation.enabled and scene.layers == system_3.layers
     assert specified_mass(scene, layer_specs(scene)) == pytest.approx(
@@ -227,7 +227,7 @@ def test_pools_hold_the_water_of_system_3_in_layers_that_adapt(name):
 
 
 @pytest.mark.parametrize("name", ["pool", "pool_2x"])
-def test_classic_method_is_told_apart_from_layers_that_adapt(name):
+def test_classic_method_refuses_adaptation(name):
     assert load_scene(name, ("variant=system-3", "method=classic")).method == "classic"
     with pytest.raises(SceneError, match="the method classic cannot adapt layers"):
         load_scene(name, ("method=classic",))
@@ -260,7 +260,7 @@ def test_every_parameter_is_declared_with_unit_and_help():
 
 
 @pytest.mark.parametrize("method", ["classic", "projection"])
-def test_views_are_few_and_of_what_a_person_looks_for(method):
+def test_scenes_have_the_main_views_and_at_most_seven(method):
     names = views(load_scene("pool", ("variant=system-3", f"method={method}")))
     assert len(set(names)) == len(names)
     assert {"water", "layers", "speed", "density_error", "pressure", "particles"} <= set(names)
@@ -277,16 +277,19 @@ def test_an_override_may_have_several_lines(tmp_path):
     [(".9", 0.9), ("[-.1, 1]", [-0.1, 1]), ("[1., +.5e-3]", [1.0, 5e-4]), ("x.9.obj", "x.9.obj")],
 )
 def test_numbers_need_no_digit_on_both_sides_of_the_point(text, value):
-    """TOML demands them; the text was taken as a string."""
+    """Overrides accept numbers without the digits that TOML requires on both sides of the point.
+
+    Regression: such a number was read as a string.
+    """
     assert parse_override(f"a.b={text}") == ("a.b", value)
 
 
-def test_a_broken_list_is_no_string():
+def test_incomplete_list_in_an_override_is_refused():
     with pytest.raises(SceneError, match=r"--set: gravity: is not a TOML value: '\[0, -9.81'"):
         parse_override("gravity=[0, -9.81")
 
 
-def test_a_table_of_a_feature_that_does_not_exist_is_told_so(tmp_path):
+def test_unknown_table_is_refused_with_a_reference_to_the_documentation(tmp_path):
     text = shipped_scenes()["still"].read_text() + "\n[[magnetism]]\nrate = 1.0\n"
     (tmp_path / "mill.toml").write_text(text)
     with pytest.raises(SceneError, match=r"magnetism: no such table; docs/scenes.md says what is"):

@@ -1,4 +1,4 @@
-"""Motions of the tank and wave makers in scenes."""
+"""Tests of motions of the tank and of wave makers in scenes."""
 
 import math
 
@@ -28,7 +28,7 @@ def load(tmp_path, text, *overrides):
     return load_scene(str(file), overrides)
 
 
-def test_motions_are_carried_out_in_turn(tmp_path):
+def test_motions_are_applied_in_their_order(tmp_path):
     text = """
 [[motion]]
 angle = "90 * t"
@@ -39,14 +39,14 @@ displacement = [0, "0.1 * sin(pi * t / 2)", 0.5]
     scene = load(tmp_path, text)
     shift, turned = box_path(scene)(1.0)
     assert turned == pytest.approx(np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]]), abs=1e-12)
-    # The centre (1, 0.3, 0.1) turns about the corner to (-0.3, 1, 0.1).
+    # The rotation about the corner moves the centre from (1, 0.3, 0.1) m to (-0.3, 1, 0.1) m.
     assert shift == pytest.approx([-1.3, 0.7 + 0.1, 0.5])
     again = tmp_path / "again.toml"
     again.write_text(to_toml(scene, "a copy"))
     assert load_scene(str(again)) == scene
 
 
-def test_a_table_is_a_smooth_motion_at_rest_at_both_ends(tmp_path):
+def test_motion_table_is_interpolated_smoothly_and_ends_at_its_last_row(tmp_path):
     times = np.linspace(0.0, 2.0, 41)
     rows = [f"{t},{0.05 * math.sin(math.pi * t / 2) ** 2}" for t in times]
     (tmp_path / "surge.csv").write_text("\n".join(["time_s,x_m", *rows]))
@@ -113,7 +113,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_bad_motions_are_one_line_that_names_the_key(tmp_path, name):
+def test_bad_motions_give_one_line_with_their_key(tmp_path, name):
     text, message = BAD[name]
     if name in ("classic", "upwards"):
         head, _, rest = text.partition("\n")
@@ -142,13 +142,13 @@ def test_a_flap_swings_about_the_floor_towards_the_water(tmp_path, end):
         point = centre.copy()
         point[axis], point[1] = face, height
         moved = centre + maker.motion.offset(0.5) + maker.motion.rotation(0.5) @ (point - centre)
-        # A quarter of the period: half the stroke at the level of the water, along the slope.
+        # After a quarter of the period the flap leans by half the stroke over the depth, 0.4 m.
         way = (moved - point)[axis] * (-1 if far else 1)
         slope = 0.5 * scene.wavemakers[0].stroke / 0.4
         assert way == pytest.approx(share * 0.4 * math.sin(math.atan(slope)), abs=1e-9)
 
 
-def test_speed_of_the_energy_is_that_of_linear_theory(tmp_path):
+def test_group_speed_agrees_with_linear_theory(tmp_path):
     scene = load(tmp_path, "[[wavemakers]]\nstroke = 0.1\nperiod = 0.9\n")
     periods = np.array([0.899, 0.901])
     k = [wave_number(t, 0.4, 9.81) for t in periods]

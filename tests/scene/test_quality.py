@@ -1,4 +1,4 @@
-"""The quality ladder: what it changes, and where it is refused."""
+"""Tests of the quality ladder: what each quality changes, and scenes with only one quality."""
 
 import itertools
 
@@ -22,7 +22,7 @@ def asked(scene):
 
 
 @pytest.mark.parametrize("name", ["dam_break", "pool", "bowl"])
-def test_steps_halve_the_volume_of_particles_and_keep_the_water(name):
+def test_each_quality_halves_the_particle_volume_and_keeps_the_mass(name):
     scene = load_scene(name)
     sizes = [np.array([s.volume for s in layer_specs(at_quality(scene, q, name))]) for q in LADDER]
     for coarse, fine in itertools.pairwise(sizes):
@@ -31,25 +31,25 @@ def test_steps_halve_the_volume_of_particles_and_keep_the_water(name):
     assert masses == pytest.approx([asked(scene)] * len(LADDER))
 
 
-def test_large_is_the_scene_as_it_is_written(dam_break):
+def test_large_quality_is_the_unchanged_scene(dam_break):
     assert at_quality(dam_break, AS_GIVEN, "dam_break") is dam_break
 
 
 @pytest.mark.parametrize("name", ["motion_tolerance", "cfl"])
-def test_a_solvers_setting_that_the_scene_gives_stays(name):
+def test_solver_settings_given_by_the_scene_are_kept(name):
     given = load_scene("dam_break", (f"projection.{name}=0.2",))
     assert getattr(at_quality(given, "small", "dam_break").projection, name) == 0.2
     own = at_quality(load_scene("dam_break"), "small", "dam_break")
     assert getattr(own.projection, name) == getattr(LADDER["small"], name)
 
 
-def test_the_ladders_defaults_are_the_scenes():
+def test_large_quality_has_the_default_solver_settings():
     own = load_scene("dam_break").projection
     assert LADDER[AS_GIVEN] == Quality(1.0, own.motion_tolerance, own.cfl)
 
 
 @pytest.mark.parametrize("variant", ["system-1", "system-3"])
-def test_exact_numbers_of_particles_have_one_quality(variant):
+def test_scenes_with_given_particle_numbers_have_one_quality(variant):
     scene = load_scene("pool", (f"variant={variant}",))
     with pytest.raises(SceneError, match="pool: --quality: has only the quality large"):
         at_quality(scene, "small", "pool")
@@ -61,8 +61,9 @@ def test_classic_water_has_one_quality():
         at_quality(scene, "finest", "pool")
 
 
-def test_finer_water_costs_more_and_errs_less():
-    """Of what was measured, for every shipped scene."""
+def test_finer_qualities_have_more_particles_and_smaller_errors():
+    """For every shipped scene, the measured particle numbers grow with the quality, and the error
+    of `finest` is less than the error of `small`, up to 0.001."""
     for name in shipped_scenes():
         known = costs(name)
         assert list(known) == list(LADDER), name

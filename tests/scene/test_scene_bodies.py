@@ -1,4 +1,4 @@
-"""Bodies and containers of scene files: what loads, where they stand, and what is refused."""
+"""Tests of bodies and containers in scene files: shapes, poses, motions and refused input."""
 
 import numpy as np
 import pytest
@@ -60,7 +60,7 @@ BAD = {
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """A scene with mesh files, good and bad, beside it."""
+    """Returns a folder with a scene and with valid and invalid mesh files."""
     path = tmp_path_factory.mktemp("bodies")
     (path / "scene.toml").write_text(GOOD)
     trimesh.creation.box((1.0, 2.0, 3.0)).export(path / "brick.stl")
@@ -100,20 +100,23 @@ def load(folder, *overrides):
 
 
 @pytest.mark.parametrize("name", ["old.obj", "old.ply", "old.stl"])
-def test_text_in_an_old_encoding_is_accepted(folder, name):
-    """It was "No module named 'charset_normalizer'"."""
+def test_mesh_files_in_an_old_encoding_are_accepted(folder, name):
+    """Text mesh files with bytes that are not UTF-8 are read.
+
+    Regression: the error was "No module named 'charset_normalizer'".
+    """
     scene = load(folder, f"bodies=[{{mesh='{name}', position=[0.5, 0.3, 0.5]}}]")
     vertices, triangles = placed(scene.bodies[0])
     assert np.allclose(np.ptp(vertices, axis=0), (0.4, 0.2, 0.4)) and len(triangles) == 12
 
 
-def test_a_cavity_is_no_body_that_is_inside_out(folder):
+def test_a_mesh_with_a_cavity_is_accepted(folder):
     scene = load(folder, "bodies=[{mesh='hollow.obj', position=[0.5, 0.3, 0.5]}]")
     corners = placed(scene.bodies[0])[0][placed(scene.bodies[0])[1]]
     assert np.linalg.det(corners).sum() / 6 == pytest.approx(0.4 * 0.2 * 0.4 - 0.2 * 0.1 * 0.2)
 
 
-def test_a_mesh_that_crosses_itself_works(folder):
+def test_a_self_intersecting_mesh_is_accepted(folder):
     scene = load(folder, "bodies=[{mesh='crossing.obj', position=[0.5, 0.3, 0.5]}]")
     (lo, hi) = bodies(scene)[0].bounds
     assert hi - lo == pytest.approx([0.27, 0.2, 0.2], rel=0.02)
@@ -127,7 +130,7 @@ def test_bad_bodies_give_one_line_with_their_key(folder, override):
     assert BAD[override] in line and "\n" not in line
 
 
-def test_bodies_stand_as_the_scene_says(folder):
+def test_bodies_have_the_shapes_and_poses_of_the_scene(folder):
     scene = load(
         folder,
         "bodies=[{lo=[0, 0, 0], hi=[0.5, 0.2, 0.3], swing=[0.1, 0, 0]}, "
@@ -137,10 +140,10 @@ def test_bodies_stand_as_the_scene_says(folder):
     block, ball, brick = bodies(scene)
     assert isinstance(block, Block) and isinstance(ball, Ball) and isinstance(brick, Solid)
     assert block.motion.offset(0.5) == pytest.approx((0.1, 0.0, 0.0))
-    # 1 x 2 x 3 with its long sides along x and z now.
+    # Edges of 1 x 2 x 3, scaled by 0.2; the rotation turns the long edges to x and z.
     assert brick.bounds[1] - brick.bounds[0] == pytest.approx((0.4, 0.2, 0.6))
     assert 0.5 * (brick.bounds[1] + brick.bounds[0]) == pytest.approx((0.5, 0.5, 0.5))
-    # A quarter turn about y takes z to x.
+    # A quarter turn about y rotates z to x.
     assert brick.motion.rotation(1.0) @ (0.0, 0.0, 1.0) == pytest.approx((1.0, 0.0, 0.0), abs=1e-12)
 
 
@@ -159,36 +162,36 @@ def test_bodies_follow_expressions_of_the_time(folder):
     assert ball.motion.top_speed(0.2) == pytest.approx(0.1 * np.pi)
 
 
-def test_mesh_beside_the_scene_is_found_from_elsewhere(folder, tmp_path, monkeypatch):
+def test_saved_scene_finds_its_mesh_from_another_folder(folder, tmp_path, monkeypatch):
     scene = load(folder, "bodies=[{mesh='brick.stl', scale=0.2}]")
     (tmp_path / "again.toml").write_text(to_toml(scene, "quality large"))
     monkeypatch.chdir(tmp_path)
     assert load_scene("again.toml") == scene
 
 
-def test_mesh_turned_inside_out_is_turned_back(folder):
+def test_faces_of_an_inverted_mesh_are_flipped(folder):
     box = trimesh.creation.box((1.0, 1.0, 1.0))
     box.invert()
-    box.export(folder / "inverted.obj")
-    (brick,) = bodies(load(folder, "bodies=[{mesh='inverted.obj'}]"))
+    box.export(folder / "inside_out.obj")
+    (brick,) = bodies(load(folder, "bodies=[{mesh='inside_out.obj'}]"))
     a, b, c = brick.vertices[brick.triangles].transpose(1, 0, 2)
     assert np.einsum("ti,ti->", a, np.cross(b, c)) / 6.0 == pytest.approx(1.0)
 
 
 def test_water_inside_bodies_is_left_out_and_counted(folder):
     sim = build_simulation(load(folder))
-    # Lattice of 10 x 5 x 10, and 2 x 5 x 2 of its sites in the block.
+    # The lattice has 10 x 5 x 10 sites, of which 2 x 5 x 2 are inside the block.
     assert sim.left_out == 20 and sim.particles.count == 480
     x = sim.particles.numpy("x")
     assert not ((x > (0.2, -1.0, 0.2)) & (x < (0.4, 0.6, 0.4))).all(axis=1).any()
 
 
-def test_water_that_is_swallowed_is_an_error(folder):
+def test_bodies_that_leave_no_water_are_refused(folder):
     scene = load(folder, "bodies.0.lo=[0, 0, 0]", "bodies.0.hi=[1, 1, 1]")
     with pytest.raises(SceneError, match="bodies: no water is left outside the bodies"):
         build_simulation(scene)
 
 
-def test_an_open_rim_around_a_container_is_refused():
+def test_an_open_box_around_a_container_is_refused():
     with pytest.raises(SceneError, match="box.open: has no effect: no water leaves a container"):
         load_scene("bowl", ("box.open=true",))

@@ -1,4 +1,4 @@
-"""The water that a scene asks for is laid: its mass, its volume and its shape."""
+"""Tests of initial particles: mass, volume and shape of the water that a scene specifies."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ def load(folder, text=TEXT, *overrides):
 
 
 def sites(scene, layer=0):
-    """The first body's particles [m], without jitter, and their spec."""
+    """Returns the particles [m] of the first part of the water, without jitter, and their layer."""
     spec = layer_specs(scene)[layer]
     water = scene.water[0].model_copy(update={"jitter": 0.0})
     return fill(water, spec, np.random.default_rng(0)), spec
@@ -42,10 +42,11 @@ def laid_mass(scene):
     return sum(specs[k].mass for k in initial_particles(scene, layer_specs(scene))["layer"])
 
 
-# Block .6 m wide; without care .4 m of water at .048 was laid 4.2 % short, at .06 5 % too high.
+# The block is 0.6 m wide. Regression: with a depth of 0.4 m, its mass was 4.2 % too small at a
+# spacing of 0.048 m, and 5 % too large at 0.06 m.
 @pytest.mark.parametrize("depth", [0.4, 0.333, 0.05])
 @pytest.mark.parametrize("spacing", [0.031, 0.048, 0.06, 0.0876])
-def test_block_is_laid_with_its_mass_to_half_a_particle(tmp_path, spacing, depth):
+def test_mass_of_a_block_is_exact_to_half_a_particle(tmp_path, spacing, depth):
     scene = load(
         *(tmp_path, TEXT, f"water.0.hi=[0.6, {depth}, 0.6]", f"layers.1.spacing={spacing}"),
         "water.0.layer=1",
@@ -58,7 +59,7 @@ def test_block_is_laid_with_its_mass_to_half_a_particle(tmp_path, spacing, depth
 
 
 @pytest.mark.parametrize("width", [0.21, 0.3])
-def test_tall_block_is_laid_with_its_mass_to_half_a_particle(tmp_path, width):
+def test_mass_of_a_tall_block_is_exact_to_half_a_particle(tmp_path, width):
     scene = load(
         *(tmp_path, TEXT, f"water.0.hi=[{width}, 0.97, {width}]", "layers.1.spacing=0.09"),
         "water.0.layer=1",
@@ -68,7 +69,7 @@ def test_tall_block_is_laid_with_its_mass_to_half_a_particle(tmp_path, width):
 
 @pytest.mark.parametrize("spacing", [0.031, 0.0437, 0.05])
 @pytest.mark.parametrize("adaptive", ["true", "false"])
-def test_layered_water_is_laid_with_its_mass(tmp_path, spacing, adaptive):
+def test_mass_of_layered_water_is_exact_to_half_a_particle_per_part(tmp_path, spacing, adaptive):
     text = f"""
 [box]
 size = [0.6, 0.6, 0.6]
@@ -99,35 +100,35 @@ radius = 0.1
 
 
 @pytest.mark.parametrize("name", shipped_scenes())
-def test_shipped_scene_is_laid_with_its_mass(name):
+def test_mass_of_shipped_scene_is_exact_to_half_a_particle_per_part(name):
     scene = load_scene(name)
     half_particles = 0.5 * sum(layer_specs(scene)[w.layer].mass for w in scene.water)
     assert abs(laid_mass(scene) - asked(scene)) <= half_particles + 1e-9
 
 
-def test_mass_asked_by_count_is_that_of_so_many_particles(tmp_path):
+def test_water_given_by_count_has_the_mass_of_its_particles(tmp_path):
     scene = load(tmp_path, TEXT, "water.0.count=1445")
     assert asked(scene) == pytest.approx(289.0) == laid_mass(scene)
 
 
-def test_more_particles_than_there_is_room_for_are_refused(tmp_path):
+def test_count_of_particles_that_do_not_fit_is_refused(tmp_path):
     assert len(sites(load(tmp_path, TEXT, "water.0.count=2500"))[0]) == 2500
     with pytest.raises(SceneError, match="2501 particles do not fit, there is room for 2500"):
         load(tmp_path, TEXT, "water.0.count=2501")
 
 
 @pytest.mark.parametrize("count", [None, 1445, 2000])
-def test_filled_water_has_its_volume_and_is_even_in_height(tmp_path, count):
+def test_filled_water_has_its_volume_and_is_uniform_in_height(tmp_path, count):
     x, spec = sites(load(tmp_path, TEXT, *([f"water.0.count={count}"] if count else [])))
     height = len(x) * spec.volume
-    # Neither the surface nor the mean is off by more than a share of a spacing.
+    # The mean height is exact to 0.02 spacings, and the height of the surface to 0.1 spacings.
     assert x[:, 1].mean() == pytest.approx(0.5 * height, abs=0.02 * spec.spacing)
     assert x[:, 1].max() == pytest.approx(height - 0.5 * spec.spacing, abs=0.1 * spec.spacing)
     assert x.min() > 0.0 and x[:, [0, 2]].max() < 1.0
 
 
 @pytest.mark.parametrize("spacing", [0.048, 0.06, 0.087])
-def test_no_sheet_of_an_awkward_block_is_incomplete(tmp_path, spacing):
+def test_horizontal_planes_of_a_block_have_nearly_equal_particle_numbers(tmp_path, spacing):
     scene = load(
         *(tmp_path, TEXT, "water.0.hi=[0.6, 0.4, 0.6]", f"layers.1.spacing={spacing}"),
         "water.0.layer=1",
@@ -137,9 +138,12 @@ def test_no_sheet_of_an_awkward_block_is_incomplete(tmp_path, spacing):
     assert held.max() <= 1.04 * held.min()
 
 
-def test_lattice_of_water_hardly_wider_than_its_particles_is_as_cubic_as_it_can_be(tmp_path):
-    """3 x 3 columns of 3.4 spacings would be half as wide again as high: such gaps passed for air,
-    and all the water was split."""
+def test_lattice_a_few_spacings_wide_is_nearly_cubic(tmp_path):
+    """The cells of a lattice 3.4 spacings wide have an aspect ratio below 1.35.
+
+    Regression: with 3 x 3 columns, cells were half as wide again as high. The gaps counted as air,
+    and all the water was split.
+    """
     scene = load(tmp_path, TEXT, "layers.1.spacing=0.294")
     water = scene.water[0].model_copy(update={"jitter": 0.0, "lo": (0, 0, 0), "hi": (1, 2, 1)})
     x = fill(water, layer_specs(scene)[1], np.random.default_rng(0))

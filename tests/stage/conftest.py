@@ -1,4 +1,4 @@
-"""A player and the show that it plays, for tests of what keys and gestures do."""
+"""Fixtures for tests of keys and gestures: a show and a player that runs it."""
 
 import pytest
 
@@ -14,7 +14,7 @@ from tests.stage.player_kit import FRAME, SIZE, played
 
 @pytest.fixture(scope="package")
 def show(tmp_path_factory):
-    """Viscous water, so that more parameters are live."""
+    """Returns a show of viscous water, which has more live parameters."""
     path = write(
         tmp_path_factory.mktemp("scene"),
         f"""{TEXT.split("[classic]")[0]}
@@ -28,7 +28,7 @@ viscosity = 1.0
 
 @pytest.fixture
 def given(show):
-    """The show at its start, with the scene as it was."""
+    """Yields the show at its start; restores its scene and live parameters afterwards."""
     scene = show.scene
     show.reset()
     show.display.views.name, show.display.camera = "water", show.display.framing()
@@ -42,7 +42,7 @@ def given(show):
 
 @pytest.fixture(scope="package")
 def layout():
-    """One for all players, as in a session."""
+    """Returns the layout that all players share, as in a session."""
     return Layout(SIZE)
 
 

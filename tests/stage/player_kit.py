@@ -1,4 +1,4 @@
-"""A player at a window without a screen, for tests."""
+"""Test double of a window, and helpers that run a player in it."""
 
 import itertools
 from dataclasses import replace
@@ -13,7 +13,7 @@ FRAME = 1 / 60
 
 
 class Screen:
-    """What a window brings: keys and buttons that are pressed or held, and a cursor."""
+    """Test double of a window: pressed and held keys and buttons, and a cursor."""
 
     def __init__(self):
         self.size, self.open, self.aspect = SIZE, True, WIDTH / HEIGHT
@@ -42,7 +42,7 @@ class Screen:
 
 
 def frames(player, _=None, number=1):
-    """Frames of a player and its row; the last image, (width, height, 3)."""
+    """Runs frames of a player and its row; returns the last image, (width, height, 3)."""
     for _ in range(number):
         player.row.frame(player.controls(player.row))
         player.observe(player.row)
@@ -55,7 +55,7 @@ def press(player, show, *keys, number=1):
 
 
 def wet_place(show):
-    """A place on the water, (right, up) in shares of the window."""
+    """Returns a position on the water, (right, up) in shares of the window."""
     pixels = itertools.product(range(0, WIDTH, 4), range(0, HEIGHT, 4))
     wet = [pixel for pixel in pixels if show.display.pick(*pixel) is not None]
     return np.array(wet[len(wet) // 2]) / SIZE

@@ -1,4 +1,4 @@
-"""Sessions that are saved, removed at a normal end, and offered after a crash."""
+"""Tests of autosave: sessions are saved, removed at a normal end, and offered after a crash."""
 
 import os
 import threading
@@ -32,7 +32,7 @@ def cache(tmp_path, monkeypatch):
 
 @pytest.fixture
 def others(monkeypatch):
-    """The process that wrote all files has ended."""
+    """Makes the processes that wrote saved files appear to have ended."""
     monkeypatch.setattr(psutil, "Process", lambda number: (_ for _ in ()).throw(ValueError))
 
 
@@ -45,7 +45,7 @@ def row(tmp_path):
 
 
 def session(row, scene, *frames, overrides=(), end=None):
-    """A session that runs some frames, and ends by an error."""
+    """Runs a session of the given numbers of frames in turn, and raises `end`, if given."""
     arguments = SceneArguments(scene, overrides)
     with Autosave(arguments) as file:
         saver = Autosaver(Count(), file, Choice(scene, "auto", found="large"))
@@ -61,7 +61,7 @@ def test_a_session_continues_where_it_was_saved(row, tmp_path, cache, others):
     scene = str(tmp_path / "small.toml")
     row.set("gravity", 5.0)
     with pytest.raises(BlowUpError):
-        session(row, scene, 1, 1, 1, end=BlowUpError("test"))  # waits for each write
+        session(row, scene, 1, 1, 1, end=BlowUpError("test"))  # session() waits for each write
     state = row.lead.simulation.state()
     found = lost_session(SceneArguments("pool"))
     assert found.offer.startswith("Enter continues small of ")
@@ -87,12 +87,12 @@ def test_a_normal_end_removes_the_file(row, tmp_path, cache, end):
     assert row.lead.frames >= 3 and not list(cache.iterdir())
 
 
-def test_a_session_that_runs_is_not_offered(row, tmp_path, cache):
+def test_a_running_session_is_not_offered(row, tmp_path, cache):
     with pytest.raises(BlowUpError):
         session(row, str(tmp_path / "small.toml"), 3, end=BlowUpError("test"))
     (path,) = cache.iterdir()
     assert lost_session(SceneArguments("pool")) is None
-    # An older file of another process with this number.
+    # A file older than this process was written by another process with the same number.
     os.utime(path, (0.0, 0.0))
     assert lost_session(SceneArguments("pool")).path == path
     path.write_bytes(b"PK damaged")
@@ -101,7 +101,7 @@ def test_a_session_that_runs_is_not_offered(row, tmp_path, cache):
 
 
 def test_the_state_is_copied_and_written_in_another_thread(row, tmp_path, monkeypatch, others):
-    """The water runs on while a file is written; the next one waits for it."""
+    """The simulation goes on while a file is written, and no other file is begun meanwhile."""
     scene, hold, threads = str(tmp_path / "small.toml"), threading.Event(), []
     savez = np.savez
 

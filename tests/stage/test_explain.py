@@ -1,4 +1,4 @@
-"""What a scene's parts cost: a table of the scene with and without each."""
+"""Tests of the table of costs of a scene with and without each of its optional parts."""
 
 import re
 
@@ -15,7 +15,7 @@ def scene(tmp_path):
     return load_scene(write(tmp_path))
 
 
-def test_parts_are_those_that_a_scene_has(tmp_path, scene):
+def test_active_parts_are_the_parts_that_a_scene_has(tmp_path, scene):
     def active(scene):
         return [part.name for part in PARTS if part.active(scene)]
 
@@ -36,11 +36,11 @@ def test_the_table_has_costs_and_errors(scene, monkeypatch):
     (whole,) = re.findall(r"full scene +(\d+) +([\d.]+) ", told)
     (bare,) = re.findall(r"without caustics +(\d+) .*?([-+]\d+) %.*?([\d.]+) of 255 a pixel", told)
     assert whole[0] == bare[0] == "324" and float(whole[1]) > 0.0
-    # The pictures of the same water differ by the caustics.
+    # The images of the same particles differ by the caustics.
     assert float(bare[2]) > 0.1
 
 
-def test_words_name_what_saves_most():
+def test_the_largest_saving_is_named():
     def run(milliseconds):
         return type("R", (), {"milliseconds": lambda self: milliseconds})()
 

@@ -1,4 +1,4 @@
-"""A lesson with water at a window, without a screen: keys, mouse, and what they must not do."""
+"""Tests of a lesson with a simulation in a window double: keys, mouse, and ignored input."""
 
 import random
 
@@ -44,7 +44,10 @@ def player(course, row, layout, tmp_path):
 
 
 def test_nothing_moves_while_the_question_is_open(player, row, monkeypatch):
-    """The pool swayed by itself, and the keys that answer turned the view."""
+    """Simulation and camera stand still while the question is open; a task waits for the user.
+
+    Regression: the pool swayed by itself, and the keys that answer turned the camera.
+    """
     monkeypatch.setattr(idle, "IDLE_DELAY", 0.0)
     monkeypatch.setattr(idle, "RAMP_TIME", 1e-3)
     player.window.held = {"a", "Left"}
@@ -71,7 +74,7 @@ def test_a_task_starts_when_the_user_acts(player, row, act):
     if act == "tilt":
         window.pressed.append("Left")
     else:
-        # All between two frames.
+        # The cursor moves and the button is pressed between two frames.
         slider = player.guide.band.sheet.sliders[0]
         low = player.guide.below - 0.5 * (slider.top + slider.bottom)
         on_slider = np.array([slider.right, low]) / SIZE
@@ -84,7 +87,7 @@ def test_a_task_starts_when_the_user_acts(player, row, act):
     assert row.lead.simulation.time == 0.0
 
 
-def test_a_task_begins_again_level(player, row):
+def test_reset_of_a_task_levels_the_pool(player, row):
     press(player, row, "a", "n")
     player.window.held = {"Left"}
     press(player, row, "Left", number=6)
@@ -97,7 +100,7 @@ def test_a_task_begins_again_level(player, row):
     assert player.menu.next is None, "no other scene is led to"
 
 
-def test_the_simulation_that_is_prepared_is_named():
+def test_preparation_names_each_simulation():
     told = []
 
     def report(doing, important=False):
@@ -113,8 +116,11 @@ def test_the_simulation_that_is_prepared_is_named():
     ]
 
 
-def test_a_press_takes_one_widget():
-    """A click on a button soon after a drag also moved the slider."""
+def test_a_press_acts_on_one_widget():
+    """A press acts on the widget under it, and on no other until the button is released.
+
+    Regression: a click on a button soon after a drag also moved the slider.
+    """
     grip, sheet = Grip(), Sheet(None, None, 18)
     sheet.sliders.append(Slider("a", 0.0, 100.0, 0.0, 20.0, 0.0, 1.0))
     sheet.buttons.append(Button("b", 0.0, 100.0, 40.0, 60.0))
@@ -123,7 +129,7 @@ def test_a_press_takes_one_widget():
     assert grip.act(sheet, 50.0, 50.0, False, False).name == "b"
 
 
-def test_help_and_messages_lie_over_the_band(player, row):
+def test_help_covers_the_band_and_messages_are_above_it(player, row):
     press(player, row, "a", "n")
     without = frames(player, row)
     band = slice(0, player.guide.below)
@@ -135,7 +141,7 @@ def test_help_and_messages_lie_over_the_band(player, row):
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_a_storm_of_inputs_loses_no_water(player, row, seed):
+def test_random_input_in_a_lesson_loses_no_water(player, row, seed):
     dice, window = random.Random(seed), player.window
     keys = [k for k in ACTIONS if ACTIONS[k] not in ("quit", "clip", "picture")] + ["b", "c"]
     press(player, row, "a", "n")

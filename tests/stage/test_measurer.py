@@ -1,4 +1,4 @@
-"""A measured run that goes on from its checkpoint, beside the run that was never stopped."""
+"""Tests of the measurer: a run resumed from its checkpoint agrees with an uninterrupted run."""
 
 import json
 
@@ -42,8 +42,8 @@ def measured(show, folder, scene, seconds, since=None):
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
-    """Folders and summaries of a whole run, and of one that was stopped once it was beyond its
-    checkpoint, and resumed."""
+    """Returns the folders and summaries of an uninterrupted run, and of a run that was stopped
+    beyond its checkpoint and resumed."""
     whole, cut = tmp_path_factory.mktemp("whole"), tmp_path_factory.mktemp("cut")
     scene = load_scene(write(whole, TEXT + SWAY))
     show = Show(scene, EVERY, timings=Timings())
@@ -52,7 +52,7 @@ def runs(tmp_path_factory):
     measured(show, cut, scene, CUT)
     checkpoint = cut / "first.npz"
     (cut / "checkpoint.npz").rename(checkpoint)
-    # Beyond the checkpoint, as an interrupted run is.
+    # An interrupted run has advanced beyond its checkpoint.
     show.frame(Controls())
     with open(cut / "ledger.csv", "a") as file:
         file.write(file_row(cut, 0.08))
@@ -62,13 +62,14 @@ def runs(tmp_path_factory):
 
 
 def file_row(folder, time):
-    """A row of a ledger that nobody shall find again."""
+    """Returns a row of a ledger that the resumed run must remove."""
     columns = len((folder / "ledger.csv").read_text().splitlines()[0].split(","))
     return ",".join([f"{time}", *["9e9"] * (columns - 1)]) + "\n"
 
 
-def test_tables_go_on_where_the_checkpoint_was(runs):
-    """Sums since the start too, which the fluid begins anew: walls' impulse and tilting's work."""
+def test_tables_continue_at_the_checkpoint(runs):
+    """Tables of a resumed run agree with an uninterrupted run, including sums since the start,
+    which the fluid restarts at zero: the impulse of the walls and the work of tilting."""
     (whole, cut), _ = runs
     for name in ("ledger.csv", "probes.csv"):
         ours, theirs = read(cut / name), read(whole / name)
@@ -79,13 +80,13 @@ def test_tables_go_on_where_the_checkpoint_was(runs):
     for column in ("wall_impulse_y_N_s", "tilt_work_J", "kinetic_J", "centre_y_m", "volume_m3"):
         known = np.isfinite(theirs[column])
         scale = np.abs(theirs[column][known]).max()
-        # The run that was stopped ended with a survey.
+        # The stopped run ended with a survey, so its table may have more values.
         assert np.isfinite(ours[column][known]).all()
         assert np.allclose(ours[column][known], theirs[column][known], atol=0.02 * scale), column
     assert abs(theirs["tilt_work_J"][-1]) > 1.5 * abs(theirs["tilt_work_J"][3]) > 0.0
 
 
-def test_the_summary_is_of_the_whole(runs):
+def test_the_summary_covers_the_whole_run(runs):
     _, (whole, resumed) = runs
     assert resumed["resumed_at_s"] == pytest.approx(CUT) and whole["resumed_at_s"] is None
     assert resumed["frames"] == whole["frames"] == 6
@@ -101,8 +102,11 @@ def test_a_checkpoint_at_the_end_of_the_scene_is_refused(tmp_path):
     assert not (tmp_path / "ledger.csv").exists()
 
 
-def test_water_that_blows_up_leaves_the_last_good_frame(tmp_path):
-    """The checkpoint was that of up to ten seconds before, if there was one."""
+def test_a_blow_up_leaves_a_checkpoint_of_the_last_good_frame(tmp_path):
+    """After a blow-up the checkpoint holds the last frame in which all particles were finite.
+
+    Regression: the checkpoint was up to 10 s older, if there was one.
+    """
     scene = load_scene(write(tmp_path, TEXT))
     show = Show(scene, EVERY, timings=Timings())
     measurer = Measurer(tmp_path, scene, "small", "cpu", bar=False)

@@ -1,4 +1,4 @@
-"""The clock of a window, on machines whose speed is known."""
+"""Tests of the pacer of a window on modelled machines of known speed."""
 
 import numpy as np
 import pytest
@@ -9,9 +9,12 @@ FPS = 60.0
 
 
 def run(pacer, water, picture, rest=0.003, frames=600, noise=0.0):
-    """Frames on a machine on which a simulated second of water takes `water` [s], a picture of full
-    scale `picture` [s] and the rest of a frame `rest` [s], on a screen of 60 frames per second.
-    Returns simulated and wall-clock time [s] of the second half."""
+    """Runs frames on a modelled machine with a display of 60 frames per second; returns simulated
+    and wall-clock time [s] of the second half.
+
+    water [s]: wall-clock time per simulated second; picture [s]: time of an image of full scale;
+    rest [s]: time of the rest of a frame; noise (-): relative variation of water and picture.
+    """
     rng, halves = np.random.default_rng(0), [[0.0, 0.0], [0.0, 0.0]]
     for k in range(frames):
         slower = 1.0 + noise * rng.uniform(-1.0, 1.0)
@@ -28,14 +31,14 @@ def run(pacer, water, picture, rest=0.003, frames=600, noise=0.0):
 @pytest.mark.parametrize("noise", [0.0, 0.3])
 @pytest.mark.parametrize("speed", [1.0, 0.1])
 @pytest.mark.parametrize(("water", "picture"), [(0.1, 0.004), (0.35, 0.012), (0.6, 0.025)])
-def test_time_runs_as_asked_wherever_the_water_alone_can(water, picture, speed, noise):
+def test_requested_speed_is_kept_if_the_fluid_alone_permits_it(water, picture, speed, noise):
     pacer = Pacer(FPS, speed)
     simulated, wall = run(pacer, water, picture, noise=noise)
     assert simulated / wall == pytest.approx(speed, rel=0.005)
     assert pacer.pace == pytest.approx(speed, rel=0.1)
 
 
-def test_the_picture_yields_before_time_does():
+def test_the_image_scale_falls_before_time_slows():
     quick, middling, slow = (Pacer(FPS) for _ in range(3))
     run(quick, 0.1, 0.006)
     run(middling, 0.35, 0.012)
@@ -46,16 +49,19 @@ def test_the_picture_yields_before_time_does():
     assert slow.scale == SCALES[-1]
 
 
-def test_time_slows_last_and_frames_are_still_shown():
+def test_time_slows_last_and_frames_are_limited_in_length():
     pacer = Pacer(FPS)
     simulated, wall = run(pacer, 3.0, 0.010)
-    # An image at the least scale takes the rest.
+    # An image at the smallest scale takes the rest of the time.
     assert simulated / wall == pytest.approx(1.0 / 3.0, rel=0.17)
     assert pacer.wall <= 1.02 * LONGEST_FRAME
 
 
 def test_the_scale_changes_in_small_steps():
-    """A jump to half the area was visible."""
+    """The image scale changes by less than 0.11 at a time.
+
+    Regression: a jump to half the area was visible.
+    """
     pacer, before = Pacer(FPS), SCALES[0]
     for _ in range(60):
         run(pacer, 0.9, 0.030, frames=1)
@@ -64,7 +70,7 @@ def test_the_scale_changes_in_small_steps():
     assert before == pytest.approx(SCALES[-1]) and SCALES[-1] >= 0.6
 
 
-def test_the_picture_comes_back_where_there_is_room():
+def test_the_image_scale_recovers_if_there_is_time():
     pacer = Pacer(FPS)
     run(pacer, 0.9, 0.030)
     assert pacer.scale == SCALES[-1]
@@ -72,8 +78,8 @@ def test_the_picture_comes_back_where_there_is_room():
     assert pacer.scale == SCALES[0]
 
 
-def test_a_halt_is_not_made_up_for():
-    """A kernel that compiles for a second must not send the water a second ahead."""
+def test_a_halt_is_not_caught_up():
+    """After a halt of 1 s, such as the compilation of a kernel, the lag is not caught up."""
     pacer = Pacer(FPS)
     run(pacer, 0.1, 0.004)
     pacer.record(1.0, 0.002, 0.004, 0.003, 1.0 / FPS)
@@ -82,8 +88,9 @@ def test_a_halt_is_not_made_up_for():
     assert simulated / wall < 1.05
 
 
-def test_what_a_splash_took_is_made_up_for_gently():
-    """Half a second of water that costs a third more than time itself, then calm water."""
+def test_the_lag_of_a_splash_is_caught_up_gradually():
+    """The lag of half a second of water that runs at 1.33 s per simulated second is caught up in
+    limited steps once the water is calm."""
     pacer, frames = Pacer(FPS), []
     run(pacer, 0.3, 0.004)
     for k in range(240):
@@ -94,11 +101,11 @@ def test_what_a_splash_took_is_made_up_for_gently():
         frames.append((simulated, wall))
     assert np.divide(*np.sum(frames[:15], axis=0)) < 0.9
     assert np.divide(*np.sum(frames, axis=0)) == pytest.approx(1.0, abs=0.005)
-    # The first frames after the splash cannot know that it is over.
+    # The first frames after the splash are planned with its cost.
     assert max(np.divide(*frame) for frame in frames[17:]) < 1.01 * MAX_GROWTH
 
 
-def test_another_speed_is_taken_at_once():
+def test_another_speed_applies_at_once():
     pacer = Pacer(FPS)
     run(pacer, 0.1, 0.004)
     pacer.set_speed(0.1)

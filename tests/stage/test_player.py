@@ -1,4 +1,4 @@
-"""Time, motion of the pool, camera and what is kept: keys and gestures, and their effect."""
+"""Tests of a player: effects of keys and gestures on time, tilt, camera and saved files."""
 
 import math
 import random
@@ -37,7 +37,7 @@ def test_slow_motion_and_back(player, show):
 
 
 def come_level(player, show):
-    """Frames are as long as this machine needs."""
+    """Runs frames, whose length depends on the machine, until the pool is level."""
     for _ in range(600):
         frames(player, show)
         if not player.steering.tilt.any():
@@ -68,8 +68,8 @@ def test_arrows_tilt_and_the_pool_comes_level_unless_locked(player, show):
 
 
 def test_tilting_turns_the_box_at_the_rate_of_its_tilt(given, monkeypatch):
-    """The rates of a frame are those between its tilt and the last one's; a pause and a reset
-    begin anew."""
+    """The box turns in a frame at the rate between its tilt and the tilt of the last frame; a pause
+    and a reset restart at rate 0."""
     seen = []
     advance = given.simulation.advance
     monkeypatch.setattr(
@@ -84,7 +84,7 @@ def test_tilting_turns_the_box_at_the_rate_of_its_tilt(given, monkeypatch):
     assert rates == pytest.approx([0.0, 0.01 / FRAME, 0.02 / FRAME])
     rises = [np.linalg.norm(e.angular_acceleration) for e in seen]
     assert rises == pytest.approx([0.0, 0.01 / FRAME**2, 0.01 / FRAME**2])
-    # About the camera's view axis.
+    # The box turns about the camera's view axis.
     back = given.display.camera.axes()[2] * (1.0, 0.0, 1.0)
     along = seen[1].angular_velocity @ back / np.linalg.norm(back)
     assert abs(along) == pytest.approx(rates[1], rel=1e-3)
@@ -114,13 +114,13 @@ def test_camera_orbits_zooms_pans_and_comes_home(player, show):
         frames(player, show, 2)
         assert show.display.camera.state() not in seen
         seen.add(show.display.camera.state())
-    # A pan by a tenth of the window moves the water by as much.
+    # The key Return restores the scene's camera.
     player.window.held = set()
     press(player, show, "Return")
     assert show.display.camera.state() == home
 
 
-def test_a_pan_moves_the_picture_as_far_as_the_cursor(given):
+def test_a_pan_moves_the_image_as_far_as_the_cursor(given):
     camera, centre = given.display.camera, np.array(given.simulation.size) / 2
 
     def seen():
@@ -137,8 +137,11 @@ def test_a_pan_moves_the_picture_as_far_as_the_cursor(given):
     assert np.linalg.norm(camera.target - centre) < camera.distance
 
 
-def test_a_window_of_another_shape_shows_balls_as_round(player, show):
-    """Resized, it stretched the picture."""
+def test_a_resized_window_shows_balls_as_round(player, show):
+    """A resized window shows equal lengths along both axes as equal, and the cursor's ray agrees.
+
+    Regression: a resized window stretched the image.
+    """
     player.window.aspect = 1.0
     player.window.pressed.append("Return")
     show.display.views.name = "speed"
@@ -149,7 +152,7 @@ def test_a_window_of_another_shape_shows_balls_as_round(player, show):
     places = camera.project([middle, middle + 0.1 * right, middle + 0.1 * up], WIDTH, HEIGHT, box)
     across, high = places[1, 0] - places[0, 0], places[2, 1] - places[0, 1]
     assert across * player.window.aspect == pytest.approx(high, rel=0.02)
-    # And what the cursor meets is what is drawn there.
+    # The ray of the cursor meets the point that is rendered at the cursor.
     i, j = (places[1] * (WIDTH, HEIGHT) - 0.5).tolist()
     eye, direction = camera.box_ray(i, j, WIDTH, HEIGHT, box)
     away = middle + 0.1 * right - eye
@@ -162,7 +165,7 @@ def test_a_window_of_another_shape_shows_balls_as_round(player, show):
     )
 
 
-def test_water_that_nobody_touches_moves_until_somebody_does(player, show, monkeypatch):
+def test_an_idle_pool_sways_until_the_user_acts(player, show, monkeypatch):
     def level():
         return np.allclose(show.pose.tilt, np.eye(3), atol=1e-3)
 
@@ -170,7 +173,7 @@ def test_water_that_nobody_touches_moves_until_somebody_does(player, show, monke
     assert level() and player.idle.hint() == ""
     monkeypatch.setattr(idle, "IDLE_DELAY", 0.0)
     monkeypatch.setattr(idle, "RAMP_TIME", 1e-3)
-    # Frames are as long as this machine needs.
+    # The length of frames depends on the machine.
     for _ in range(300):
         frames(player, show)
         if not level():
@@ -183,7 +186,7 @@ def test_water_that_nobody_touches_moves_until_somebody_does(player, show, monke
     assert level() and player.idle.hint() == ""
 
 
-def test_a_scene_that_sways_is_left_to_itself(show):
+def test_the_idle_sway_waits_for_the_end_of_the_scenes_sway(show):
     sway = show.scene.sway.model_copy(update={"angle": 5.0, "seconds": 4.0})
     swaying = idle.Idle(show.scene.model_copy(update={"sway": sway}), depth=0.1)
     swaying.pass_time(2.0 * idle.IDLE_DELAY, busy=False)
@@ -193,7 +196,7 @@ def test_a_scene_that_sways_is_left_to_itself(show):
     assert swaying.strength == 0.0
 
 
-def test_water_that_was_kept_is_opened_again(player, show, tmp_path):
+def test_a_saved_checkpoint_is_reopened(player, show, tmp_path):
     frames(player, show, 3)
     press(player, show, "o")
     assert "no checkpoint of pool" in player.layout.message
@@ -209,16 +212,19 @@ def test_water_that_was_kept_is_opened_again(player, show, tmp_path):
     assert again["time"] == kept["time"]
 
 
-def test_a_clip_shows_what_was_seen_while_the_simulation_goes_on(
+def test_a_clip_has_the_displayed_images_and_the_simulation_goes_on(
     player, show, tmp_path, monkeypatch
 ):
-    """Images were rendered again, which stopped the simulation for 12 s."""
+    """A clip contains the images that were displayed, and is written while the simulation goes on.
+
+    Regression: images were rendered again, which stopped the simulation for 12 s.
+    """
     monkeypatch.setattr(clip, "FPS", 1000.0)
     frames(player, show, 4)
     show.display.views.name = "speed"
     frames(player, show, 4)
     monkeypatch.setattr(clip, "FPS", 24.0)
-    # As if the images had been seen over a third of a second.
+    # Sets the times of the images as if they had been displayed over a third of a second.
     stored = [image for _, image in player.clip.frames]
     assert len(stored) == 8
     player.clip.frames.clear()
@@ -242,13 +248,13 @@ def test_memory_of_the_clip_is_bounded(player, show, monkeypatch):
         frames(player, show)
         player.clip.frames[-1][1].result()
     assert len(player.clip.frames) <= 4
-    # One image may be more than there is room for.
+    # The last image is kept even if it exceeds the limit.
     monkeypatch.setattr(clip, "MOST_BYTES", 0.5 * size)
     frames(player, show)
     assert len(player.clip.frames) == 1
 
 
-def test_what_cannot_be_written_is_said(player, show, tmp_path):
+def test_write_errors_are_shown_as_messages(player, show, tmp_path):
     (tmp_path / "file").touch()
     player.saver.folder = tmp_path / "file"
     for key in ("p", "c", "k"):
@@ -266,7 +272,7 @@ def test_a_lost_session_is_offered_until_a_key_answers(player, show, tmp_path, m
     player.offer = LostSession(file, about)
     frames(player, show)
     assert player.layout.message == "Enter continues drop of 14:32, any other key deletes it"
-    # The mouse answers nothing, and the offer comes back after another message.
+    # Mouse buttons do not answer the offer, which is shown again after another message.
     press(player, show, "LMB")
     player.layout.until = 0.0
     frames(player, show)
@@ -280,12 +286,12 @@ def test_a_lost_session_is_offered_until_a_key_answers(player, show, tmp_path, m
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_a_storm_of_inputs_loses_no_water(player, show, seed):
-    """A thousand random inputs: whatever is pressed, dragged, slid and chosen."""
+def test_random_input_at_a_window_loses_no_water(player, show, seed):
+    """A thousand random keys, drags and slider values lose no mass and keep velocities finite."""
     dice = random.Random(seed)
     mass = show.ledger.record(show.gravity()).mass
     names = [k for k in ACTIONS if ACTIONS[k] not in ("quit", "clip", "keep", "reopen", "picture")]
-    window, limits = player.window, {}
+    window = player.window
     for _ in range(250):
         for _ in range(4):
             kind = dice.randrange(5)
@@ -297,8 +303,8 @@ def test_a_storm_of_inputs_loses_no_water(player, show, seed):
                 window.at = np.array([dice.uniform(-0.3, 1.3), dice.uniform(-0.3, 1.3)])
             elif kind == 3:
                 live = dice.choice(player.menu.panel.live)
-                limits[live.key] = dice.uniform(live.lo, live.hi)
-                player.menu.apply(Request("set", live.key, limits[live.key]))
+                value = dice.uniform(live.lo, live.hi)
+                player.menu.apply(Request("set", live.key, value))
             else:
                 window.held.clear()
         frames(player, show)
@@ -308,8 +314,11 @@ def test_a_storm_of_inputs_loses_no_water(player, show, seed):
     assert np.isfinite(show.simulation.particles.numpy("v")).all()
 
 
-def test_a_scene_that_is_left_comes_back_as_it_was_called():
-    """The scene chosen last was played under its name."""
+def test_the_scene_on_the_command_line_keeps_its_overrides():
+    """The scene on the command line keeps its overrides, and other scenes have none.
+
+    Regression: under the name of the scene on the command line, the scene chosen last was played.
+    """
     called = SceneArguments("pool", ("title=called",), ("'title=with spaces'",))
     titles = {label: scene.title for label, scene in called.scenes_of("pool").items()}
     assert titles == {"title=called": "called", "'title=with spaces'": "with spaces"}

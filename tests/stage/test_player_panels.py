@@ -1,4 +1,4 @@
-"""Hints, pages, panels and views of a player: each key and gesture, and what it shows."""
+"""Tests of a player's hints, pages, panels and views: keys and gestures, and what they show."""
 
 import math
 import re
@@ -27,14 +27,14 @@ from tests.stage.player_kit import (
 
 
 def at_panel(player, x, y):
-    """The cursor at a place of the open panel [pixels from its corner]."""
+    """Moves the cursor to a position on the open panel [pixels from its corner]."""
     layout = player.layout
     top = HEIGHT - layout.column_size[1]
     player.window.at = np.array([x / WIDTH, 1.0 - (top + y) / HEIGHT])
 
 
 def click(player, show, name):
-    """A click on a button of the open panel."""
+    """Clicks on a button of the open panel."""
     button = next(b for b in player.menu.panel.sheet.buttons if b.name == name)
     at_panel(player, 0.5 * (button.left + button.right), 0.5 * (button.top + button.bottom))
     player.window.held, player.window.pressed = {"LMB"}, ["LMB"]
@@ -44,7 +44,7 @@ def click(player, show, name):
 
 
 def move(player, show, key, value):
-    """A slider of the open panel, dragged from where it is to a value."""
+    """Drags a slider of the open panel from its left end to a value."""
     slider = next(s for s in player.menu.panel.sheet.sliders if s.name == key)
     y = 0.5 * (slider.top + slider.bottom)
     at_panel(player, slider.left, y)
@@ -57,7 +57,7 @@ def move(player, show, key, value):
     frames(player, show)
 
 
-def test_hints_go_once_they_were_tried(player, show):
+def test_hints_disappear_once_they_were_tried(player, show):
     everything = frames(player, show, 2)
     low = slice(0, HEIGHT // 5)
     for key in KEYS:
@@ -68,26 +68,26 @@ def test_hints_go_once_they_were_tried(player, show):
     assert np.abs(everything[: WIDTH // 2, low] - nothing[: WIDTH // 2, low]).mean() > 0.01
 
 
-def test_help_lies_over_the_picture_until_it_is_closed(player, show):
+def test_help_covers_the_image_until_it_is_closed(player, show):
     player.idle.tried |= set(ACTIONS.values())
     press(player, show, " ")
     without = frames(player, show)
     assert np.abs(press(player, show, "h") - without).mean() > 0.05
-    # Pages are laid over, and not into, what is drawn: the same picture again.
+    # Pages cover the rendered image without changing it, so the same image appears again.
     assert np.abs(press(player, show, "Escape") - without).mean() < 1e-3
     assert player.wants_more(player.row)
     press(player, show, "q")
     assert not player.wants_more(player.row)
 
 
-def test_panels_make_room_for_themselves(player, show):
+def test_panels_shift_the_box_to_the_free_area(player, show):
     shifts = []
     for _ in PANELS:
         press(player, show, "i")
         shifts.append(show.display.camera.shift)
     assert shifts[0] == shifts[1] > 0.1 and shifts[2] == 0.0
     assert show.display.camera.state() == show.display.framing().state()
-    # The middle of the box is in the middle of what is free.
+    # The centre of the box is in the middle of the free area.
     press(player, show, "i")
     size, box = (WIDTH, HEIGHT), np.array(show.simulation.size)
     middle = (0.5 + show.display.camera.shift) * WIDTH
@@ -96,23 +96,26 @@ def test_panels_make_room_for_themselves(player, show):
     assert np.cross(away, direction) == pytest.approx(np.zeros(3), abs=1e-9)
 
 
-def test_numbers_of_the_status_are_those_of_positions_and_surface(player, show, monkeypatch):
+def test_status_shows_errors_of_bulk_density_and_volume(player, show, monkeypatch):
     frames(player, show, 3)
-    # The water is too thin to measure it.
+    # The water is too thin to measure its bulk density.
     assert "density" not in player.layout.status._water(show)
     monkeypatch.setattr(show, "bulk_density_error", lambda: 0.0123)
     told = player.layout.status._water(show)
     assert told.startswith("bulk density error +1.23 %")
     volume = show.display.surface.mesh.volume() / show.rest_volume() - 1.0
     assert told.endswith(f"volume error {round(100.0 * volume, 1) + 0.0:+.1f} %")
-    # Views of particles extract no surface, so there is no volume of now.
+    # Views of particles extract no surface, so the current volume is unknown.
     show.display.views.name = "speed"
     frames(player, show)
     assert "volume" not in player.layout.status._water(show)
 
 
-def test_pages_are_painted_where_they_change(player, show, monkeypatch):
-    """A message was painted in every frame, and so were the facts of a particle."""
+def test_pages_are_painted_only_when_they_change(player, show, monkeypatch):
+    """A message and the values of a particle are painted once while they do not change.
+
+    Regression: both were painted in every frame.
+    """
     monkeypatch.setattr("msph.stage.layout.EVERY", 60.0)
     monkeypatch.setattr("msph.stage.layout.MESSAGE_TIME", 60.0)
     painted = []
@@ -125,7 +128,7 @@ def test_pages_are_painted_where_they_change(player, show, monkeypatch):
     assert painted.count("message") == painted.count("particle") == 1
 
 
-def test_graphs_are_drawn_of_what_was_measured(player, show):
+def test_graphs_show_the_measured_values(player, show):
     press(player, show, "i", "i")
     before = frames(player, show)
     for k in range(12):
@@ -136,7 +139,7 @@ def test_graphs_are_drawn_of_what_was_measured(player, show):
     assert len(player.layout.graphs.samples[-1][-1]) == len(show.scene.layers)
 
 
-def test_sliders_change_what_runs_and_never_push(player, show):
+def test_sliders_change_live_parameters_and_do_not_push_the_water(player, show):
     press(player, show, "i")
     wanted = {
         "water": {"gravity": 3.0, "projection.viscosity": 5.0},
@@ -162,7 +165,7 @@ def test_sliders_change_what_runs_and_never_push(player, show):
     assert read(show.scene, "picture.tint") == pytest.approx(9.0), "of another page"
 
 
-def test_the_panel_is_readable_and_painted_where_it_changes(player, show):
+def test_the_panel_fits_the_window_and_is_painted_only_when_it_changes(player, show):
     press(player, show, "i")
     column = player.layout.column
     before = player.window.image.to_numpy()[:column]
@@ -171,7 +174,7 @@ def test_the_panel_is_readable_and_painted_where_it_changes(player, show):
     move(player, show, "gravity", 3.0)
     after = player.window.image.to_numpy()[:column]
     assert np.abs(after - before).max() > 0.3
-    # All that a scene has fits in a window of 960 x 540, with text of 18 pixels.
+    # All widgets fit in a window of 960 x 540 pixels with text of 18 pixels.
     height = 540 - 2 * 9 - round(2.5 * 1.35 * 18)
     for name in PAGES:
         player.menu.panel.page = name
@@ -182,7 +185,7 @@ def test_the_panel_is_readable_and_painted_where_it_changes(player, show):
         assert max(low) <= height
 
 
-def test_a_drag_that_begins_elsewhere_moves_no_slider(player, show):
+def test_a_drag_that_begins_outside_the_panel_moves_no_slider(player, show):
     press(player, show, "i")
     slider = player.menu.panel.sheet.sliders[0]
     player.window.at = np.array([0.9, 0.9])
@@ -210,7 +213,7 @@ def test_views_scenes_and_qualities_are_chosen_in_the_panel(player, show):
     assert player.menu.next == Choice("drop", "auto")
 
 
-def test_keys_move_the_selection_and_the_last_one_follows(player, show, monkeypatch):
+def test_keys_select_a_scene_and_the_last_selection_is_played(player, show, monkeypatch):
     names = list(shipped_scenes())
     press(player, show, *["Tab"] * 2)
     press(player, show, *["BackSpace"] * 3)
@@ -222,12 +225,12 @@ def test_keys_move_the_selection_and_the_last_one_follows(player, show, monkeypa
     assert player.next_choice is None, "quitting goes before"
 
 
-def test_a_live_value_chosen_before_is_taken_over(given, layout):
+def test_live_parameters_of_a_choice_are_applied(given, layout):
     frames(played(Row([given]), layout, choice=Choice("pool", "small", {"gravity": 4.0})))
     assert read(given.scene, "gravity") == pytest.approx(4.0)
 
 
-def test_a_picture_has_no_pages_and_its_scene_beside_it(player, show, tmp_path):
+def test_a_saved_image_has_no_pages_and_is_saved_with_its_scene(player, show, tmp_path):
     press(player, show, " ")
     show.set("gravity", 5.0)
     press(player, show, "p")
@@ -259,8 +262,8 @@ def test_a_slice_hides_the_near_half_and_follows_the_camera(player, show):
     assert (show.display.views.radius.to_numpy()[: len(x)] > 0.0).all()
 
 
-def test_a_click_on_a_particle_shows_its_neighbours_and_what_acts(player, show, monkeypatch):
-    # However long this machine takes for a frame.
+def test_a_click_on_a_particle_shows_its_neighbours_and_accelerations(player, show, monkeypatch):
+    # A click counts as a click, however long the machine takes for a frame.
     monkeypatch.setattr("msph.stage.steering.CLICK_TIME", 60.0)
     show.display.views.name, about = "speed", show.display.views.neighbourhood
     frames(player, show, 3)
@@ -271,7 +274,7 @@ def test_a_click_on_a_particle_shows_its_neighbours_and_what_acts(player, show, 
     player.window.held = set()
     frames(player, show)
     assert about.id is not None and "particle" in player.layout.overlay.shown
-    # Weights by hand: M5 of support h vanishes there, and is 1 at no distance.
+    # Reference weights W(r)/W(0) of the kernel M5, which vanishes at the support radius h.
     sim = show.simulation
     x, layer = sim.particles.numpy("x").astype(float), sim.particles.numpy("layer")
     specs = sim.layers.specs
@@ -287,14 +290,14 @@ def test_a_click_on_a_particle_shows_its_neighbours_and_what_acts(player, show, 
     assert f"{(q < 1.0).sum() - 1} neighbours" in about.facts()[0]
     radius = show.display.views.radius.to_numpy()[: len(x)]
     assert radius[q > 1.001].max() < radius[q < 0.999].min()
-    # Its density is summed where the particles are, and not what the last step left.
+    # The density shown is summed at the current positions, not taken from the last step.
     sim.particles.fields["density"].fill(0.0)
     (told,) = re.findall(r"density ([+-][0-9.]+) %", about.facts()[1])
     sim.measure_density()
     (place,) = np.flatnonzero(sim.particles.numpy("id") == about.id)
     density = sim.particles.numpy("density")[place]
     assert float(told) == pytest.approx(100.0 * (density / 1000.0 - 1.0), abs=0.006)
-    # Water at rest bears what gravity pulls.
+    # In water at rest the acceleration by the water balances gravity.
     press(player, show, " ")
     frames(player, show, 30)
     acting = about.arrows(np.array([0.0, -9.81, 0.0]))

@@ -1,4 +1,4 @@
-"""A player at simulations side by side."""
+"""Tests of a player with simulations side by side."""
 
 import itertools
 import math
@@ -30,7 +30,7 @@ BELOW = 40
 
 @pytest.fixture(scope="module")
 def other(show):
-    """The water beside: coarser particles alone."""
+    """Returns the second show: the same scene without adaptation, with only coarser particles."""
     scene = show.scene.model_copy(update={"adaptation": type(show.scene.adaptation)()})
     return Show(scene, FRAME, SIZE, timings=Timings(keep=5), **INTERACTIVE)
 
@@ -48,9 +48,9 @@ def wide():
 
 
 class TestRow:
-    """Two waters side by side under the same hands."""
+    """Tests of two simulations side by side with the same input."""
 
-    def test_both_get_the_same_frames_and_are_drawn_beside_each_other(self, row):
+    def test_both_get_the_same_frames_and_are_rendered_side_by_side(self, row):
         for _ in range(3):
             row.frame(Controls(tilt=(0.2, 0.0), frame_time=FRAME))
         first, second = row.shows
@@ -58,7 +58,7 @@ class TestRow:
         assert np.array_equal(first.pose.tilt, second.pose.tilt) and first.pose.tilt[0, 1] != 0.0
         pixels = row.image.to_numpy()
         beside = slice(WIDTH + 2, 2 * WIDTH + 2)
-        # Below the names the pictures are as they were drawn.
+        # Below the labels the row contains the rendered images unchanged.
         low = slice(BELOW, BELOW + HEIGHT // 2)
         assert np.array_equal(
             pixels[:WIDTH, low], first.display.picture.image.to_numpy()[:, : HEIGHT // 2]
@@ -70,14 +70,14 @@ class TestRow:
         row.frame(Controls(still=True))
         assert first.simulation.time == second.simulation.time == pytest.approx(3 * FRAME)
 
-    def test_a_slower_lead_holds_the_other_back(self, row):
-        """A budget that ends after one step of the first: the other goes no farther."""
+    def test_a_slow_lead_limits_the_time_of_the_other(self, row):
+        """If the budget ends after one step of the lead, the other show advances no farther."""
         row.frame(Controls(frame_time=5 * FRAME, budget=0.0))
         first, second = row.shows
         assert 0.0 < first.simulation.time < 5 * FRAME
         assert second.simulation.time == pytest.approx(first.simulation.time)
 
-    def test_the_cursor_meets_the_water_that_it_is_over(self, row):
+    def test_the_cursor_selects_the_simulation_under_it(self, row):
         first, second = row.shows
         for show, left in ((first, 0), (second, WIDTH + 2)):
             cursor = np.array([left + 0.25 * WIDTH, BELOW + 0.5 * HEIGHT]) / row.size
@@ -85,7 +85,7 @@ class TestRow:
             assert under is show and place == pytest.approx([0.25, 0.5])
             assert row.to_window(show, np.array([[0.25, 0.5]]))[0] == pytest.approx(cursor)
 
-    def test_parameters_reach_those_that_have_them(self, row):
+    def test_parameters_apply_only_to_simulations_that_have_them(self, row):
         row.set("gravity", 5.0)
         row.set("classic.stiffness", 100.0)
         for show in row.shows:
@@ -93,7 +93,7 @@ class TestRow:
             assert show.scene.classic.stiffness != 100.0
         row.set("gravity", 9.81)
 
-    def test_a_push_in_the_second_pushes_both(self, row, wide, tmp_path):
+    def test_a_push_in_the_second_image_pushes_both_simulations(self, row, wide, tmp_path):
         screen = Screen()
         screen.size, screen.aspect = row.size, row.size[0] / row.size[1]
         player = played(row, wide, screen=screen)
@@ -111,13 +111,16 @@ class TestRow:
             frames(player, row)
         assert all(show.ledger.entries[-1].user_work > 0.0 for show in row.shows)
         screen.held = set()
-        # Pictures are of both.
+        # Saved images contain both simulations.
         press(player, row, "p")
         (path,) = tmp_path.glob("*.png")
         assert imageio.imread(path).shape == (HEIGHT, 2 * WIDTH + 2, 3)
 
     def test_a_push_stays_in_the_simulation_that_it_began_in(self, row, wide):
-        """It jumped by a box's width where the cursor came into the next picture."""
+        """A push keeps to its simulation when the cursor enters the next image.
+
+        Regression: the push jumped by a box's width where the cursor entered the next image.
+        """
         screen = Screen()
         screen.size, screen.aspect = row.size, row.size[0] / row.size[1]
         player = played(row, wide, screen=screen)
@@ -136,7 +139,7 @@ class TestRow:
         assert max(speeds) < 0.1 * max(first.simulation.size)
         assert row.show_under(screen.at)[0] is row.shows[1]
 
-    def test_settings_go_back_to_what_each_scene_says(self, row, wide):
+    def test_resetting_a_setting_restores_the_value_of_each_scene(self, row, wide):
         second = row.shows[1]
         player = played(row, wide)
         second.initial = with_live_value(second.initial, "gravity", 3.0)
@@ -149,7 +152,7 @@ class TestRow:
         assert math.hypot(*row.lead.scene.gravity) == pytest.approx(9.81)
         row.set("gravity", 9.81)
 
-    def test_one_of_several_is_neither_kept_nor_opened(self, row, wide, tmp_path):
+    def test_checkpoints_require_a_single_simulation(self, row, wide, tmp_path):
         screen = Screen()
         screen.size = row.size
         player = played(row, wide, screen=screen)

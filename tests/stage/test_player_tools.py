@@ -1,4 +1,4 @@
-"""Tools of a player: each key and gesture, its effect read from the water."""
+"""Tests of a player's tools: keys and gestures, and their effect on the water."""
 
 import itertools
 import math
@@ -72,7 +72,7 @@ def test_each_tool_moves_or_adds_water_while_the_button_is_down(player, show, to
     assert (last.outflow_mass > 0.0) == (tool.name == "drain")
     assert (last.added_mass > 0.0) == (tool.name in ("rain", "ball"))
     assert abs(show.ledger.mass_change()) < 1e-6
-    # A ball at each press, rain in each frame.
+    # The ball adds water once per press, the rain as long as the button is down.
     assert (last.added_mass > first.added_mass) == (tool.name == "rain")
 
 
@@ -85,7 +85,7 @@ def test_a_thrown_body_floats_follows_the_cursor_and_is_gone_after_a_reset(playe
     wet = show.display.picture.wetness.wet.to_numpy().sum()
     player.window.at, player.window.held = wet_place(show), {"LMB"}
     frames(player, show)
-    # The first body dried all walls.
+    # Regression: the first body dried all walls.
     assert show.display.picture.wetness.wet.to_numpy().sum() > 0.9 * wet
     player.window.held = set()
     frames(player, show, 20)
@@ -131,7 +131,7 @@ def test_a_fast_drag_of_an_end_wall_makes_a_wave_and_the_wall_returns(player, sh
     assert max(e.outside for e in show.ledger.entries) == 0
 
 
-def test_a_tap_of_a_resumed_session_is_closed_and_goes_with_the_next_press(player, show, tmp_path):
+def test_a_resumed_tap_is_closed_and_replaced_at_the_next_press(player, show, tmp_path):
     player.steering.tool = next(tool for tool in TOOLS if tool.name == "tap")
     frames(player, show)
     player.window.at, player.window.held = wet_place(show), {"LMB"}
@@ -160,8 +160,11 @@ def test_a_wall_that_a_body_touches_does_not_move(tmp_path):
     show.close()
 
 
-def test_tools_for_bodies_and_openings_say_that_the_classic_method_has_none(tmp_path):
-    """A tap opened, and the water ignored it."""
+def test_the_classic_method_refuses_added_bodies_and_openings(tmp_path):
+    """With the classic method, adding an inflow or a body raises an error.
+
+    Regression: a tap opened, and the water ignored it.
+    """
     show = Show(load_scene(write(tmp_path)), 1 / 60)
     opening = Opening(np.array((0.2, 0.0, 0.2)), np.array((0.0, -1.0, 0.0)), (0.1, 0.1), False)
     with pytest.raises(FullError, match="no inflows"):
@@ -171,12 +174,12 @@ def test_tools_for_bodies_and_openings_say_that_the_classic_method_has_none(tmp_
     show.close()
 
 
-def test_a_click_within_a_frame_pokes_the_water(player, show):
+def test_a_click_within_a_frame_pushes_the_water_down(player, show):
     frames(player, show, 2)
     player.window.at, player.window.pressed = wet_place(show), ["LMB"]
     frames(player, show, 12)
     entries = show.ledger.entries
-    # Afterwards the hand at rest takes energy from the water.
+    # After the push the hand, then at rest, takes energy from the water.
     assert entries[-1].user_impulse[1] < 0.0 < max(e.user_work for e in entries)
     assert not player.steering.contact.holds
 
@@ -202,7 +205,8 @@ def test_the_hand_is_shown_as_a_ball_while_it_pushes(player, show):
 
 def test_pull_lifts_the_water_and_swirl_turns_it(player, show):
     def after(key):
-        """Impulse upwards, and moment of the motion near the cursor about the vertical."""
+        """Returns the upward impulse [N s], and the mean moment of the velocities near the cursor
+        about its vertical axis [m^2/s], after using the tool of a key."""
         show.reset()
         press(player, show, key, number=2)
         player.window.at, player.window.held = wet_place(show), {"LMB"}
@@ -231,7 +235,7 @@ def test_a_full_pool_refuses_water_with_a_message(player, show, monkeypatch):
     assert "full" in player.layout.message and show.ledger.mass_change() == 0.0
 
 
-def test_a_click_on_the_toolbar_selects_a_tool_and_pushes_nothing(player, show):
+def test_a_click_on_the_toolbar_selects_a_tool_and_does_not_push_the_water(player, show):
     frames(player, show, 2)
     left, low, _, height = player.layout.overlay.shown["tools"]
     button = next(b for b in player.toolbar.sheet.buttons if b.name == "swirl")

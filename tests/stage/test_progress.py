@@ -1,4 +1,4 @@
-"""Progress: bar, lines in a log, slow frames, and runs that would take more than a day."""
+"""Tests of the progress: lines in a log, slow frames, and runs that take more than a day."""
 
 import pytest
 
@@ -8,7 +8,7 @@ from msph.stage.show import Show
 
 
 class Clock:
-    """A clock that stands still until it is moved."""
+    """Test double of a clock that only the test advances."""
 
     def __init__(self):
         self.now = 100.0
@@ -40,7 +40,10 @@ def test_a_slow_frame_is_explained_once(clock, capsys):
 
 
 def test_a_run_of_days_is_refused_with_its_estimate(clock):
-    """It went on in silence: cfl = 1e-9 needed years."""
+    """A run that is expected to take more than a day raises an error with the estimate.
+
+    Regression: with cfl = 1e-9, a run that needed years gave no message.
+    """
     progress = Progress(100, shown=True, clock=clock)
     for share in (0.001, 0.002):
         clock.now += 4.0
@@ -50,7 +53,7 @@ def test_a_run_of_days_is_refused_with_its_estimate(clock):
         progress.within(share, pace)
 
 
-def test_one_pause_of_the_machine_ends_no_run(clock):
+def test_a_single_halt_of_the_machine_does_not_end_the_run(clock):
     progress = Progress(100, shown=False, clock=clock)
     clock.now += 3600.0
     progress.within(0.1, pace)
@@ -62,7 +65,10 @@ def test_one_pause_of_the_machine_ends_no_run(clock):
 
 
 def test_a_log_gets_a_line_per_tenth(clock, capsys):
-    """It got one per frame: 50 kB for two seconds."""
+    """A log gets a line per tenth of the run.
+
+    Regression: it got a line per frame, 50 kB for two seconds.
+    """
     progress = Progress(300, shown=True, clock=clock)
     for _ in range(300):
         clock.now += 0.1
@@ -72,7 +78,7 @@ def test_a_log_gets_a_line_per_tenth(clock, capsys):
     assert lines[0] == "10 %: frame 30 of 300, 3 seconds"
 
 
-def test_a_short_run_gets_a_line_per_frame_at_most(clock, capsys):
+def test_a_short_run_gets_at_most_a_line_per_frame(clock, capsys):
     progress = Progress(3, shown=True, clock=clock)
     for _ in range(3):
         progress.update()
@@ -80,7 +86,10 @@ def test_a_short_run_gets_a_line_per_frame_at_most(clock, capsys):
 
 
 def test_preparation_takes_two_steps_however_short_they_are():
-    """It simulated a whole frame: with cfl = 1e-9 it never ended."""
+    """The preparation of a show takes two steps of any length.
+
+    Regression: it simulated a whole frame, which never ended with cfl = 1e-9.
+    """
     show = Show(load_scene("still", ("projection.cfl=1e-9", "layers.0.spacing=0.1")), 1 / 60)
     steps = []
     step = show.simulation.solver.step

@@ -1,4 +1,4 @@
-"""Random input in small scenes: nothing is lost, and the water is at rest density afterwards."""
+"""Tests of random input in small scenes: no water is lost, and it is at rest density at the end."""
 
 import pytest
 
@@ -8,7 +8,7 @@ from msph.stage.show import Show
 from tests.scenes_kit import TEXT, write
 
 POOL = TEXT.split("[classic]")[0].replace("[box]", "[box]\nopen = true")
-# Filled to one spacing below its rim, so that some of the gestures spill water in any order.
+# The water reaches one spacing below the rim, so that some gestures spill water in any order.
 BRIMFUL = POOL.replace("size = [0.4, 0.4, 0.4]", "size = [0.4, 0.19, 0.4]")
 ADAPTIVE = ("method=projection", "adaptation.enabled=true")
 SCENES = {
@@ -35,8 +35,8 @@ def test_random_input_loses_no_water(name, seed, tmp_path):
     assert found["spilt [kg]"] > 0.0 or name != "open"
 
 
-def test_lost_water_is_found(tmp_path, monkeypatch):
-    """Here water that is added without the ledger."""
+def test_mass_changes_and_other_problems_are_reported(tmp_path, monkeypatch):
+    """Water that is added without an entry in the ledger is reported as a change of mass."""
     add = Show.add_water
 
     def forgets(show, x, v):

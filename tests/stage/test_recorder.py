@@ -1,4 +1,4 @@
-"""Recordings: every kind of file, played back; interrupts; refusals."""
+"""Tests of recordings: every kind of file, interrupts, and refused outputs."""
 
 import errno
 import signal
@@ -48,7 +48,7 @@ def show(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def recorded(show, tmp_path_factory):
-    """Four frames to every kind of output at once."""
+    """Returns a folder with four frames in every kind of file, recorded in one run."""
     folder = tmp_path_factory.mktemp("recorded")
     names = (
         ["a.mp4", "a.webm", "a.gif", "a.webp", "last.png", "f_%04d.png"],
@@ -61,7 +61,7 @@ def recorded(show, tmp_path_factory):
     return folder
 
 
-def test_images_have_an_alpha_channel_if_the_scene_asks_for_it(show, tmp_path, monkeypatch):
+def test_images_have_an_alpha_channel_if_the_scene_sets_it(show, tmp_path, monkeypatch):
     monkeypatch.setattr(show, "scene", with_value(show.scene, "picture.alpha", True))
     outputs = Outputs([tmp_path / name for name in ("a.webm", "a.webp", "a.png")])
     check_outputs(outputs, FPS, alpha=True)
@@ -70,7 +70,7 @@ def test_images_have_an_alpha_channel_if_the_scene_asks_for_it(show, tmp_path, m
     for name in ("a.webp", "a.png"):
         pixels = np.asarray(Image.open(tmp_path / name))
         opacity = pixels[..., 3]
-        # Corners show sky and ground, the middle tiles and water.
+        # The corners show sky and ground, the middle shows tiles and water.
         assert opacity[0, 0] == opacity[-1, -1] == 0
         assert (opacity[30:60, 60:100] > 200).mean() > 0.9
         assert 0.1 < (opacity > 128).mean() < 0.9
@@ -91,7 +91,7 @@ def test_video_plays_back_every_frame(recorded, name):
     assert frames[0].std() > 5.0
 
 
-def test_still_is_the_last_picture_of_the_sequence(recorded):
+def test_still_is_the_last_image_of_the_sequence(recorded):
     files = sorted(recorded.glob("f_*.png"))
     assert [f.name for f in files] == [f"f_{k:04d}.png" for k in range(4)]
     assert np.array_equal(imageio.imread(recorded / "last.png"), imageio.imread(files[-1]))
@@ -99,7 +99,7 @@ def test_still_is_the_last_picture_of_the_sequence(recorded):
 
 
 @pytest.mark.parametrize("suffix", ["ply", "obj"])
-def test_meshes_are_closed_and_hold_the_water(recorded, show, suffix):
+def test_meshes_are_closed_and_have_the_volume_of_the_water(recorded, show, suffix):
     meshes = [trimesh.load(f) for f in sorted(recorded.glob(f"m_*.{suffix}"))]
     assert len(meshes) == 4
     rest = sum(n * s.volume for n, s in zip(show.counts, show.simulation.layers.specs, strict=True))
@@ -108,7 +108,7 @@ def test_meshes_are_closed_and_hold_the_water(recorded, show, suffix):
         assert mesh.volume == pytest.approx(rest, rel=0.25)
 
 
-def test_tables_hold_every_particle(recorded, show):
+def test_tables_contain_every_particle(recorded, show):
     lines = (recorded / "p_0003.csv").read_text().splitlines()
     assert lines[0].startswith("x_x_m,x_y_m,x_z_m,v_x_m_per_s")
     assert len(lines) == 1 + sum(show.counts)
@@ -117,8 +117,9 @@ def test_tables_hold_every_particle(recorded, show):
         assert state["time"] == pytest.approx(4 / FPS)
 
 
-def test_paraviews_particles_are_those_of_the_checkpoint(recorded, show):
-    """In SI units, each name with its unit, and densities of where the particles are."""
+def test_vtu_particles_agree_with_the_checkpoint(recorded, show):
+    """The particles have the values of the checkpoint in SI units, each name includes its unit, and
+    solver residuals are measured at the current positions."""
     found = meshio.read(recorded / "p_0003.vtu")
     assert {cells.type for cells in found.cells} == {"vertex"}
     arrays = found.point_data
@@ -134,8 +135,11 @@ def test_paraviews_particles_are_those_of_the_checkpoint(recorded, show):
 
 
 @pytest.mark.parametrize("name", ["p", "m"])
-def test_paraview_knows_the_seconds(recorded, name):
-    """It showed numbers of frames."""
+def test_paraview_files_contain_the_simulated_time(recorded, name):
+    """The .pvd and .vtu files contain the simulated time [s] of each frame.
+
+    Regression: ParaView showed frame numbers as times.
+    """
     root = ElementTree.parse(recorded / f"{name}.pvd").getroot()
     listed = {d.get("file"): float(d.get("timestep")) for d in root.iter("DataSet")}
     assert listed == {f"{name}_{k:04d}.vtu": pytest.approx((k + 1) / FPS) for k in range(4)}
@@ -144,7 +148,7 @@ def test_paraview_knows_the_seconds(recorded, name):
 
 
 def reference_density(state, specs):
-    """Eq. 26 by brute force [kg/m^3]: poly6 over all pairs."""
+    """Returns the density [kg/m^3] by Eq. 26, summed by brute force with poly6 over all pairs."""
     x, m = state["x"].astype(float), np.array([s.mass for s in specs])
     h = np.array([s.support for s in specs])
     r = np.linalg.norm(x[:, None] - x, axis=2)
@@ -152,9 +156,9 @@ def reference_density(state, specs):
     return (m * w).sum(axis=1)
 
 
-def test_paraviews_surface_has_the_waters_values(recorded, show):
-    """The triangles of the other files, and by brute force the means of all particles, weighed by
-    the volume and kernel of each; the layer of the nearest."""
+def test_vtu_surface_has_the_values_of_the_particles(recorded, show):
+    """The surface has the triangles of the .ply file. Its values are means over all particles,
+    weighted by volume and kernel (here by brute force), and the layer of the nearest particle."""
     found, mesh = meshio.read(recorded / "m_0003.vtu"), trimesh.load(recorded / "m_0003.ply")
     assert found.points == pytest.approx(mesh.vertices, abs=1e-6)
     assert np.array_equal(found.cells_dict["triangle"], mesh.faces)
@@ -184,7 +188,7 @@ spin = 90
 """
 
 
-def test_paraviews_bodies_have_their_motion_and_the_waters_forces(tmp_path):
+def test_vtu_bodies_have_their_motion_and_the_forces_of_the_water(tmp_path):
     text = TEXT.replace('"classic"', '"projection"').split("[classic]")[0] + WATER + BODIES
     show = Show(load_scene(write(tmp_path, text)), 1 / FPS)
     boundary, frames = show.simulation.boundary, 4
@@ -202,7 +206,7 @@ def test_paraviews_bodies_have_their_motion_and_the_waters_forces(tmp_path):
         mean = 0.5 * (last["velocity_m_per_s"] + files[-2].point_data["velocity_m_per_s"])[mine]
         assert np.abs(moved - mean).max() < 0.1 * np.abs(moved).max()
     assert last["rotation_rad"][owner == 1][0, 1] == pytest.approx(np.pi / 2 * 4 / FPS, rel=0.1)
-    # The table has the columns of the scene's bodies only.
+    # The table has columns only for the bodies of the scene.
     table = BodyTable(show.simulation)
     width = len(table.row(0.0))
     show.add_body(Ball(np.array((0.28, 0.33, 0.2)), 0.05, mass=0.1))
@@ -212,13 +216,16 @@ def test_paraviews_bodies_have_their_motion_and_the_waters_forces(tmp_path):
     show.close()
 
 
-def test_faces_of_bodies_that_a_scene_lacks_are_refused(tmp_path):
+def test_output_of_bodies_is_refused_in_a_scene_without_bodies(tmp_path):
     found = here("capture", write(tmp_path), "--bodies", tmp_path / "b_%d.vtu")
     assert found.returncode == 2 and "the scene has no bodies" in found.stderr
 
 
 def test_a_checkpoint_with_added_water_is_resumed(tmp_path, monkeypatch):
-    """It had more particles than the scene has room for."""
+    """`capture` and `measure` resume a checkpoint with water that the user added.
+
+    Regression: the checkpoint had more particles than the scene has room for.
+    """
     monkeypatch.setattr(commands, "start", lambda arch, threads: "cpu")
     scene = write(tmp_path, TEXT.replace("[classic]", "[projection]"))
     show = Show(load_scene(scene, ("method=projection",)), 1 / FPS, **SIMULATED)
@@ -236,7 +243,7 @@ def test_a_checkpoint_with_added_water_is_resumed(tmp_path, monkeypatch):
     assert measured.returncode == 0, measured.stderr
 
 
-def test_paraviews_files_without_their_library_are_refused(tmp_path, monkeypatch):
+def test_vtu_files_are_refused_without_meshio(tmp_path, monkeypatch):
     monkeypatch.setattr(vtu, "available", lambda: False)
     with pytest.raises(OutputError, match=r"need meshio: pip install 'msph\[paraview\]'"):
         check_outputs(Outputs(particles=[tmp_path / "p_%04d.vtu"]), FPS)
@@ -251,14 +258,14 @@ def test_paraviews_files_without_their_library_are_refused(tmp_path, monkeypatch
         ("a_%02d_%02d.png", "more than one frame number"),
     ],
 )
-def test_output_that_cannot_be_is_refused_at_once(tmp_path, name, message):
+def test_impossible_file_names_are_refused(tmp_path, name, message):
     path = tmp_path / name
     mesh = path.suffix in (".ply", ".obj")
     with pytest.raises(OutputError, match=message):
         check_outputs(Outputs(meshes=[path]) if mesh else Outputs([path]), FPS)
 
 
-def test_outputs_that_clash_or_have_no_place_are_refused(tmp_path):
+def test_conflicting_outputs_and_impossible_folders_are_refused(tmp_path):
     video, gif = tmp_path / "a.mp4", tmp_path / "a.gif"
     with pytest.raises(OutputError, match="named twice"):
         check_outputs(Outputs([video, video]), FPS)
@@ -271,7 +278,7 @@ def test_outputs_that_clash_or_have_no_place_are_refused(tmp_path):
     assert (tmp_path / "new" / "deep").is_dir()
 
 
-def test_gif_takes_the_time_that_it_shows(recorded):
+def test_gif_plays_as_long_as_the_simulated_time(recorded):
     with Image.open(recorded / "a.gif") as gif:
         times = []
         for k in range(gif.n_frames):
@@ -280,7 +287,7 @@ def test_gif_takes_the_time_that_it_shows(recorded):
     assert sum(times) == pytest.approx(1000.0 * 4 / FPS, abs=10.0)
 
 
-def test_a_video_that_its_encoder_left_unfinished_is_lost(recorded, tmp_path):
+def test_an_incomplete_video_is_reported(recorded, tmp_path):
     cut = tmp_path / "cut.mp4"
     cut.write_bytes((recorded / "a.mp4").read_bytes()[:1000])
     with pytest.raises(OSError, match="the encoder wrote 0 of 4 frames"):
@@ -288,7 +295,7 @@ def test_a_video_that_its_encoder_left_unfinished_is_lost(recorded, tmp_path):
     check_video(recorded / "a.mp4", 4)
 
 
-def test_a_disk_that_fills_is_one_line_and_what_is_lost_is_not_told(show, tmp_path, monkeypatch):
+def test_a_full_disk_gives_one_line_and_lost_files_are_not_listed(show, tmp_path, monkeypatch):
     video, still = tmp_path / "a.mp4", tmp_path / "s.png"
     recorder = Recorder(Outputs([video, still]), 2, FPS, bar=False)
 
@@ -307,7 +314,10 @@ def test_a_disk_that_fills_is_one_line_and_what_is_lost_is_not_told(show, tmp_pa
     ("number", "name"), [(signal.SIGINT, "cut.mp4"), (signal.SIGTERM, "cut.gif")]
 )
 def test_a_signal_leaves_a_playable_file(tmp_path, number, name):
-    """An interrupt within a write killed the encoder; SIGTERM left nothing of a GIF."""
+    """A recording that SIGINT or SIGTERM ends leaves a file that plays.
+
+    Regression: an interrupt within a write killed the encoder, and SIGTERM left nothing of a GIF.
+    """
     target = tmp_path / name
     command = [sys.executable, "-m", "msph", "capture", write(tmp_path), "-o", str(target)]
     command += ["--seconds", "30", "--size", "160x90", "--arch", "cpu"]
@@ -316,11 +326,11 @@ def test_a_signal_leaves_a_playable_file(tmp_path, number, name):
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
-        # Started in the background, tests ignore interrupts, and so would what they start.
+        # Tests started in the background ignore SIGINT, and so would the processes that they start.
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     try:
-        # A line per tenth of the run.
+        # The command prints a line per tenth of the run.
         for line in process.stderr:
             if line.startswith("10 %"):
                 break

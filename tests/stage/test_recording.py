@@ -1,4 +1,4 @@
-"""Input that is recorded and replayed: the same particles, bit for bit, in every command."""
+"""Tests of recorded input: replays give the same particles, bit for bit, in every command."""
 
 import itertools
 import json
@@ -31,8 +31,8 @@ TICK = 0.004  # [s]
 
 
 class Script(Screen):
-    """A window whose user acts by the number of the frame: all tools, tilt, jolt, sliders, a pause
-    in which the pool is tilted, a step, slow motion, a view, an orbit, a reset."""
+    """Window double with scripted input by frame number: all tools, tilt, jolt, sliders, a pause in
+    which the pool is tilted, a single step, slow motion, a view, an orbit and a reset."""
 
     def __init__(self):
         super().__init__()
@@ -57,8 +57,8 @@ class Script(Screen):
 
 @pytest.fixture(scope="module")
 def played(tmp_path_factory):
-    """A session: the file of its input, and the state at its end. Its clock advances by TICK at
-    each look, so that some frames end early, the same ones on every machine."""
+    """Returns the input file of a session and the state at its end. The clock advances by TICK at
+    each reading, so that some frames end early, the same ones on every machine."""
     folder = tmp_path_factory.mktemp("session")
     scene, ticks = write(folder, SCENE), itertools.count()
     with pytest.MonkeyPatch.context() as patch:
@@ -81,7 +81,7 @@ def session(folder, scene):
 
 
 def same(state, other):
-    """The density is that of the last measurement, which each command makes at its own times."""
+    """Checks that two states are equal, except for the densities, measured at different times."""
     assert set(state) == set(other) and state["time"] > 0.0
     for name, values in state.items():
         if name == "density":
@@ -90,7 +90,7 @@ def same(state, other):
 
 
 class Count:
-    """An audience that counts the frames that it sees."""
+    """Audience without input that counts its frames."""
 
     def __init__(self):
         self.frames = 0
@@ -113,7 +113,7 @@ class Count:
         pass
 
 
-def test_a_recording_holds_all_that_acts_on_the_water(played):
+def test_a_recording_contains_all_input_that_acts_on_the_water(played):
     recording = read(played[0])
     inputs = [frame.input for frame in recording.frames]
     used = {given.use.tool for given in inputs if given.use}
@@ -130,7 +130,7 @@ def test_a_recording_holds_all_that_acts_on_the_water(played):
     assert len(recording.frames) < FRAMES, "frames of the pause are written once"
 
 
-def test_a_replay_without_a_window_is_the_session_bit_for_bit(played, tmp_path):
+def test_a_headless_replay_equals_the_session_bit_for_bit(played, tmp_path):
     path, state = played
     recording, count = read(path), Count()
     row = Row([Show(load_scene(recording.header.scene, OVERRIDES), FRAME, **SIMULATED)])
@@ -139,11 +139,11 @@ def test_a_replay_without_a_window_is_the_session_bit_for_bit(played, tmp_path):
     same(row.lead.simulation.state(), state)
     assert count.frames == recording.moving
     row.close()
-    # The replay's own input is the recorded one, but for the numbers of frames.
+    # The input recorded from the replay differs only in the frame numbers.
     assert [f.input for f in read(again).frames] == [f.input for f in recording.frames]
 
 
-def test_a_replay_in_a_window_ignores_its_user_and_then_obeys(played):
+def test_a_replay_in_a_window_ignores_user_input_until_its_end(played):
     path, state = played
     recording = read(path)
     show = Show(load_scene(recording.header.scene, OVERRIDES), FRAME, SIZE, **INTERACTIVE)
@@ -156,7 +156,7 @@ def test_a_replay_in_a_window_ignores_its_user_and_then_obeys(played):
         window.held = {"LMB", "Left"}
         row.frame(replayer.controls(row))
         replayer.observe(row)
-    # One frame was a pause of the viewer.
+    # For one frame the user had paused the replay.
     row.frame(replayer.controls(row))
     same(show.simulation.state(), state)
     replayer.observe(row)
@@ -172,7 +172,7 @@ def one_taichi(monkeypatch):
     monkeypatch.setattr(commands, "start", lambda arch, threads: "cpu")
 
 
-def test_capture_and_measure_end_as_the_session_did(played, one_taichi, tmp_path):
+def test_capture_and_measure_end_in_the_state_of_the_session(played, one_taichi, tmp_path):
     path, state = played
     duration = read(path).duration
     number = math.ceil(duration)
@@ -190,7 +190,7 @@ def test_capture_and_measure_end_as_the_session_did(played, one_taichi, tmp_path
     assert summary["complete"] and abs(summary["errors"]["mass_change"]) < 1e-6
 
 
-def test_a_capture_sees_the_frames_that_are_due(played, one_taichi, tmp_path):
+def test_a_capture_records_the_frames_that_are_due(played, one_taichi, tmp_path):
     path, _ = played
     end = read(path).duration
     names = tmp_path / "p_%03d.npz"
@@ -250,7 +250,7 @@ def with_input(**changes):
         ([HEAD, with_input(set={"gravity": float("nan")})], "line 2: input.set.gravity: "),
     ],
 )
-def test_a_file_that_is_no_recording_is_refused_in_one_line(lines, message, tmp_path):
+def test_invalid_recordings_are_refused_in_one_line(lines, message, tmp_path):
     path = tmp_path / "input.jsonl"
     path.write_text("\n".join(x if isinstance(x, str) else json.dumps(x) for x in lines))
     with pytest.raises(RecordingError) as error:
@@ -258,7 +258,7 @@ def test_a_file_that_is_no_recording_is_refused_in_one_line(lines, message, tmp_
     assert message in str(error.value) and "\n" not in str(error.value)
 
 
-def test_parameters_that_are_not_live_are_refused(played):
+def test_unknown_and_excessive_parameters_are_refused(played):
     header, scene = read(played[0]).header, load_scene("pool")
     for changes, message in (
         ({"gravty": 1.0}, "gravty: did you mean 'gravity'"),
@@ -270,11 +270,11 @@ def test_parameters_that_are_not_live_are_refused(played):
             Recording(header, frames).check(scene)
 
 
-def test_a_recording_names_its_scene(played):
+def test_a_replay_with_another_scene_name_is_refused(played):
     assert "names its scene" in here("capture", "drop", "--replay", played[0]).stderr
 
 
-def test_another_checkpoint_ends_a_recording(tmp_path):
+def test_continuing_from_a_checkpoint_ends_a_recording(tmp_path):
     show = Show(load_scene(write(tmp_path, SCENE), OVERRIDES), FRAME, **SIMULATED)
     row, path = Row([show]), tmp_path / "input.jsonl"
     recorder = InputRecorder(Count(), path, Header.of("pool", "large"))

@@ -1,4 +1,4 @@
-"""A session in a window without a screen: scenes follow each other, and compiling is ended."""
+"""Tests of a session in a window double: order of scenes, end of compilation, quality."""
 
 from types import SimpleNamespace
 
@@ -21,7 +21,7 @@ NAMES = list(shipped_scenes())
 
 
 class Window(Screen):
-    """A window that is closed when its start screen is shown for the `closes`-th time."""
+    """Window double that is closed when its start screen is shown for the `closes`-th time."""
 
     def __init__(self, closes=None):
         super().__init__()
@@ -43,7 +43,8 @@ def cache(tmp_path, monkeypatch):
 
 @pytest.fixture
 def rounds(monkeypatch):
-    """Plays choices, each chosen while the one before plays; returns what was built and said."""
+    """Returns a function that plays choices, each chosen while the previous one plays, and returns
+    the scenes that were built and the messages."""
 
     def play(*choices, broken=()):
         built, said, following = [], [], iter(choices)
@@ -72,14 +73,14 @@ def test_scenes_follow_each_other(rounds):
     assert rounds(Choice("drop", "auto"), Choice("still", "auto"))[0] == ["pool", "drop", "still"]
 
 
-def test_a_scene_that_cannot_be_built_leaves_the_one_before(rounds):
+def test_a_scene_that_cannot_be_built_returns_to_the_previous_one(rounds):
     built, said = rounds(Choice("drop", "auto"), broken=("drop",))
     assert built == ["pool", "pool"] and said[-1] == "drop: cannot be built"
     with pytest.raises(MsphError):
         rounds(broken=("pool",))
 
 
-def test_another_quality_says_that_the_scene_begins_again(rounds):
+def test_a_message_reports_the_restart_at_another_quality(rounds):
     _, said = rounds(Choice("pool", "medium"), Choice("drop", "medium"))
     assert said == ["", "pool begins again at quality medium", ""]
 
@@ -99,13 +100,13 @@ def test_thirty_presses_of_tab_build_one_further_scene(tmp_path, monkeypatch):
     window.pressed = ["Tab"] * 30
     with pytest.raises(ClosedError):
         Recorded(window, SceneArguments(scene)).play(scene, "large")
-    # A scene that is not shipped stands before the first.
+    # A scene that is not shipped precedes the first shipped scene.
     assert asked == [scene, NAMES[29 % len(NAMES)]]
 
 
 @pytest.mark.skipif(PLAIN, reason="plain Taichi does not tell of kernels")
-def test_closing_the_window_ends_compiling(tmp_path, monkeypatch):
-    # As in a new process: fields whose kernels are compiled already would need nothing.
+def test_closing_the_window_ends_compilation(tmp_path, monkeypatch):
+    # As in a new process: with fields whose kernels exist, nothing would be compiled.
     monkeypatch.setattr(world, "_stock", [])
     scene, window = write(tmp_path), Window(closes=5)
     with pytest.raises(ClosedError):
@@ -123,7 +124,7 @@ def test_closing_the_window_ends_compiling(tmp_path, monkeypatch):
         (set(), ["large", "medium"], "small"),
     ],
 )
-def test_auto_keeps_the_finest_quality_in_real_time(fast, tried, chosen, monkeypatch):
+def test_auto_selects_the_finest_quality_in_real_time(fast, tried, chosen, monkeypatch):
     found = []
 
     def factor(scene, quality, window):

@@ -1,4 +1,4 @@
-"""Each shipped scene: it runs, nothing leaves it, and it shows what its title promises."""
+"""Tests of each shipped scene: no water leaves the box, and the scene passes a check of its own."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ G = 9.81
 
 
 class Seen:
-    """A scene at its shipped size, and its water frame by frame."""
+    """A shipped scene at its own resolution, run frame by frame."""
 
     def __init__(self, name):
         self.show = Show(load_scene(name), FRAME)
@@ -32,7 +32,7 @@ class Seen:
         self.ledger.record(self.show.gravity())
 
     def run(self, frames):
-        """So many frames more."""
+        """Runs further frames."""
         run(Row([self.show]), Headless(frames))
 
     @property
@@ -46,22 +46,22 @@ class Seen:
         return np.array([s.mass for s in specs])[self.simulation.particles.numpy("layer")]
 
     def centre(self, where=None):
-        """Centre of mass [m] of all the water or where the mask says."""
+        """Returns the centre of mass [m] of all water, or of the particles in a mask."""
         where = np.ones(len(self.m), bool) if where is None else where
         return np.average(self.x[where], axis=0, weights=self.m[where])
 
     def depth(self):
-        """Of all the water [m], spread evenly over the box's floor."""
+        """Returns the depth [m] of all water, spread evenly over the box's floor."""
         floor = self.simulation.size[0] * self.simulation.size[2]
         return self.m.sum() / self.simulation.layers.specs[0].density / floor
 
     def pressure(self, *points):
-        """Mean of probes [Pa] at points [m]."""
+        """Returns the mean pressure [Pa] at points [m]."""
         return Snapshot.of(self.simulation).pressures(np.array(points)).mean()
 
 
 def runs_to_the_lower_side(seen):
-    """The rocking pool's centre of mass goes where gravity leans."""
+    """Checks that the rocking pool's centre of mass moves along the horizontal part of gravity."""
     start, lean = seen.centre(), 0.0
     for _ in range(25):
         seen.run(1)
@@ -69,13 +69,13 @@ def runs_to_the_lower_side(seen):
     moved = seen.centre() - start
     assert abs(lean) > 1.0
     assert moved[0] * np.sign(lean) > 0.005
-    # It rocks about z: nothing leans across.
+    # The pool rocks about z, so gravity has no component along z.
     assert abs(moved[2]) < 0.1 * abs(moved[0])
 
 
 def is_hydrostatic_and_still(seen):
-    """p = rho g (H - y) at four depths; the energy never rises, and there is hardly any motion:
-    particles leave the lattice of the start, and calm down again."""
+    """Checks p = rho g (H - y) at four depths, that the energy never rises, and that motion is
+    slight: particles leave the initial lattice and come to rest again."""
     depth, (x, _, z) = seen.depth(), seen.simulation.size
     heights = np.array([0.0, 0.25, 0.5, 0.75]) * depth
     found = []
@@ -91,7 +91,7 @@ def is_hydrostatic_and_still(seen):
 
 
 def has_the_weight_of_its_water_on_the_floor(seen):
-    """p = rho g H on the floor of a pool of seven layers, within 3 %."""
+    """Checks p = rho g H on the floor of a pool of seven layers, within 3 %."""
     x, _, z = seen.simulation.size
     places = [(a * x, 0.0, b * z) for a in (0.25, 0.75) for b in (0.25, 0.75)]
     found = []
@@ -102,9 +102,9 @@ def has_the_weight_of_its_water_on_the_floor(seen):
 
 
 def its_ball_falls_freely(seen):
-    """v = v0 - g t and y = y0 + v0 t - g t^2/2 of the ball's centre, until it meets the pool.
+    """Checks v = v0 - g t and y = y0 + v0 t - g t^2/2 of the ball's centre above the pool.
 
-    y was off by g t dt/2 once, 15 % of the fall that is seen here.
+    Regression: y was wrong by g t dt/2, 15 % of the fall that is checked here.
     """
     scene = load_scene("drop")
     gap = scene.water[1].centre[1] - scene.water[1].radius - scene.water[0].hi[1]
@@ -122,7 +122,8 @@ def its_ball_falls_freely(seen):
 
 
 def its_front_runs_and_no_water_is_lost(seen):
-    """The front goes on in every tenth of a second, slower than Ritter's bound 2 sqrt(g h)."""
+    """Checks that the front advances in every tenth of a second, slower than Ritter's bound
+    2 sqrt(g h), and that the mass is constant."""
     probe, mass = FrontProbe("", "+x"), seen.m.sum()
     height = seen.x[:, 1].max()
     places = [probe.read(Snapshot.of(seen.simulation))[0]]
@@ -135,7 +136,7 @@ def its_front_runs_and_no_water_is_lost(seen):
 
 
 def its_water_divides_round_the_pillar(seen):
-    """Water passes on either side, about as much on each, and none stands in a body."""
+    """Checks that about as much water passes on each side of the pillar, and none is in a body."""
     pillar = load_scene("pillar").bodies[0]
     (x0, _, z0), (x1, _, z1) = pillar.lo, pillar.hi
     while seen.simulation.time < 0.7:
@@ -149,7 +150,7 @@ def its_water_divides_round_the_pillar(seen):
 
 
 def its_container_holds_all(seen):
-    """No particle is outside of the mesh, while the ball of water falls in and the bowl rocks."""
+    """Checks that no particle leaves the mesh while the ball of water falls and the bowl rocks."""
     mass = seen.m.sum()
     for _ in range(5):
         seen.run(4)
@@ -158,7 +159,7 @@ def its_container_holds_all(seen):
 
 
 def gains_no_more_energy_than_its_plate_works(seen):
-    """The water's energy rises, by no more than the work of the bodies that push it."""
+    """Checks that the water's energy rises by no more than the work of the bodies that push it."""
     for _ in range(20):
         seen.run(1)
     entries = seen.ledger.entries
@@ -169,10 +170,11 @@ def gains_no_more_energy_than_its_plate_works(seen):
 
 
 def loses_the_energy_of_its_fall(seen):
-    """Honey: the ball's kinetic energy is never above its fall's, and soon after the impact most
-    of it is gone, which water would keep for seconds.
+    """Checks that the kinetic energy of falling honey is at most the energy of its fall, and that
+    most of it is dissipated soon after the impact; water would keep it for seconds.
 
-    Nothing compiles on the way, nor in a crowd, which has kernels of its own.
+    No kernel is compiled during the run, nor by the correction of crowded particles, which has
+    kernels of its own.
     """
     seen.show.warm_up()
     seen.record()
@@ -202,8 +204,8 @@ def _falls_and_loses_its_energy(seen):
 
 
 def its_bodies_float_by_their_densities(seen):
-    """The centre of each ball is as high above the level as Archimedes says, and the duck is
-    upright."""
+    """Checks that each ball floats as high above the level as Archimedes' principle predicts, and
+    that the duck is upright."""
     scene, floating = load_scene("duck"), seen.simulation.boundary.floating
     heights = []
     while seen.simulation.time < 2.0:
@@ -224,8 +226,8 @@ def its_bodies_float_by_their_densities(seen):
 
 
 def keeps_its_water_and_rises_by_its_speed(seen):
-    """The drain takes what the jet brings; the jet, which leaves the floor under the pressure of
-    the water, rises v^2/(2 g) above its level."""
+    """Checks that the drain removes as much water as the jet adds, and that the jet, which leaves
+    the floor under the pressure of the water, rises v^2/(2 g) above the water level."""
     mass, depth = seen.m.sum(), seen.depth()
     seen.run(round(2.0 / FRAME))
     assert seen.m.sum() == pytest.approx(mass, rel=0.02)
@@ -238,7 +240,8 @@ def keeps_its_water_and_rises_by_its_speed(seen):
 
 
 def makes_its_basins_level_and_opens_its_gate(seen):
-    """Archimedes: the level falls by what the gate has displaced, and stays the same everywhere."""
+    """Checks that the basins become level, and that the lifted gate lowers the level everywhere by
+    the volume that it had displaced (Archimedes)."""
     gate, length = load_scene("lock").bodies[0], seen.simulation.size[0]
     left, right = gate.lo[0], gate.hi[0]
 
@@ -255,12 +258,12 @@ def makes_its_basins_level_and_opens_its_gate(seen):
     level = 0.24 * (length - (right - left)) / length
     upper, passage, lower = levels((0.0, left), (left, right), (right, length))
     assert [upper, lower] == pytest.approx([level] * 2, rel=0.04)
-    assert passage == pytest.approx(level, rel=0.12)  # only three particles long
+    assert passage == pytest.approx(level, rel=0.12)  # the passage is only three particles long
     assert seen.ledger.mass_change() == pytest.approx(0.0, abs=1e-6)
 
 
 def follows_the_roll(seen):
-    """The water moves with the period of the roll, farther than it would on a tilted floor."""
+    """Checks that the water moves with the period of the roll, farther than on a tilted floor."""
     scene, period = load_scene("rolled"), 98
     seen.run(4 * period)
     x = np.array([e.centre[0] for e in seen.ledger.entries])[-2 * period :]
@@ -271,7 +274,8 @@ def follows_the_roll(seen):
 
 
 def makes_waves_as_high_as_theory_says(seen):
-    """Height over stroke of a flap by linear theory, of the first harmonic, and the buoy floats."""
+    """Checks the ratio of wave height to stroke of a flap, in the first harmonic, against linear
+    theory, and that the buoy floats."""
     scene = load_scene("waves")
     maker, depth = scene.wavemakers[0], scene.water[0].hi[1]
     (probe,) = build_probes(scene)
@@ -310,12 +314,12 @@ FACTS = {
 }
 
 
-def test_every_shipped_scene_has_a_fact_of_its_own():
+def test_every_shipped_scene_has_a_check():
     assert set(FACTS) == set(shipped_scenes())
 
 
 @pytest.mark.parametrize("name", shipped_scenes())
-def test_shipped_scene_runs_in_its_box_and_shows_what_it_is_for(name):
+def test_shipped_scene_stays_in_its_box_and_passes_its_check(name):
     seen = Seen(name)
     start = seen.x.mean(axis=0)
     FACTS[name](seen)

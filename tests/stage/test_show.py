@@ -1,4 +1,4 @@
-"""Shows: the frame loop with nobody, what they allocate, views, resets, failures."""
+"""Tests of shows: headless frames, allocation, views, resets and failures."""
 
 import itertools
 import math
@@ -23,7 +23,7 @@ SIZE = (160, 90)
 
 @pytest.fixture(scope="module")
 def show(tmp_path_factory):
-    """One compiled show with picture, shared by this file."""
+    """Returns a compiled show with images, shared by the tests of this file."""
     path = write(tmp_path_factory.mktemp("scene"))
     scene = load_scene(path, ("sway.angle=10", "sway.seconds=10"))
     return Show(scene, 1 / 60, size=SIZE, timings=Timings())
@@ -35,7 +35,7 @@ def start_anew(show):
     show.display.views.name = "water"
 
 
-def test_nobody_gets_the_frames_it_wants(show):
+def test_headless_runs_the_requested_number_of_frames(show):
     before = show.simulation.time
     run(Row([show]), Headless(3))
     assert show.simulation.time - before == pytest.approx(3 / 60)
@@ -43,7 +43,7 @@ def test_nobody_gets_the_frames_it_wants(show):
     assert set(show.timings.frames[-1]) == {"fluid", "surface", "picture"}
 
 
-def test_spare_particles_are_those_that_the_fields_hold(show):
+def test_spare_particles_are_added_only_if_the_fields_can_hold_them(show):
     alone = show.simulation.particles.capacity
     for spare, more in ((500, 500), (10**6, 0)):
         simulation = build_simulation(show.scene, spare)
@@ -51,14 +51,14 @@ def test_spare_particles_are_those_that_the_fields_hold(show):
         simulation.close()
 
 
-def test_paused_show_stands_still_but_for_single_steps(show):
+def test_paused_show_advances_only_by_single_steps(show):
     show.frame(Controls(still=True))
     assert show.simulation.time == 0.0
     show.frame(Controls())
     assert show.simulation.time == pytest.approx(1 / 60)
 
 
-def test_reset_brings_back_the_start(show):
+def test_reset_restores_the_initial_state(show):
     start = show.simulation.state()
     run(Row([show]), Headless(2))
     show.frame(Controls(reset=True, still=True))
@@ -68,16 +68,16 @@ def test_reset_brings_back_the_start(show):
     assert show.simulation.time == 0.0 and not show.ledger.entries
 
 
-def test_tilt_turns_gravity_in_the_pool_and_the_pool_in_the_picture(show):
+def test_tilt_turns_gravity_in_the_pool_and_the_pool_in_the_image(show):
     for _ in range(30):
         show.frame(Controls(tilt=(-0.4, 0.0), azimuth=show.display.camera.azimuth))
-    # The water runs to where the picture's right is.
+    # The water runs to the right side of the image.
     aside = show.simulation.particles.numpy("x") - 0.5 * np.array(show.simulation.size)
     assert (aside @ show.display.camera.axes()[0]).mean() > 0.005
     assert (show.pose.tilt @ show.display.camera.axes()[0])[1] < -0.2
 
 
-def test_every_view_draws_something_else(show, monkeypatch):
+def test_every_view_renders_a_different_image(show, monkeypatch):
     monkeypatch.setattr(
         show.display.picture, "look", show.display.picture.look.model_copy(update={"legend": False})
     )
@@ -93,7 +93,7 @@ def test_every_view_draws_something_else(show, monkeypatch):
             assert np.abs(picture - other).mean() > 0.02
 
 
-def test_legend_changes_its_rectangle_alone(show):
+def test_legend_changes_only_its_rectangle(show):
     show.frame(Controls())
     legend, pictures = show.display.picture.legend, {}
     for name in show.display.views.names:
@@ -130,7 +130,7 @@ def test_legend_can_be_switched_off(tmp_path):
         ("density_error", "solver residual [%]", ["-10", "10", "0"]),
     ],
 )
-def test_legend_says_quantity_unit_and_range(show, view, title, numbers):
+def test_legend_shows_quantity_unit_and_range(show, view, title, numbers):
     state = show.simulation.particles.state()
     v = np.full_like(state["v"], 0.3)
     show.simulation.particles.fill(**{**state, "v": v})
@@ -141,12 +141,12 @@ def test_legend_says_quantity_unit_and_range(show, view, title, numbers):
     assert legend.marks[0][0] == 0.0 and legend.marks[1][0] == 1.0
 
 
-def test_large_and_small_numbers_are_told_in_other_units():
+def test_units_of_displayed_values_depend_on_their_magnitude():
     assert display_unit("Pa", 5000.0) == ("kPa", 1e3) and display_unit("Pa", 500.0) == ("Pa", 1.0)
     assert display_unit("m", 0.05) == ("mm", 1e-3) and display_unit("m/s", 5000.0) == ("m/s", 1.0)
 
 
-def test_view_of_the_density_measures_it(show, monkeypatch):
+def test_density_view_measures_the_density(show, monkeypatch):
     monkeypatch.setattr(show.ledger, "density_every", math.inf)
     fresh = {}
     for show.display.views.name in ("speed", "density_error"):
@@ -158,7 +158,7 @@ def test_view_of_the_density_measures_it(show, monkeypatch):
     assert fresh == {"speed": False, "density_error": True}
 
 
-def test_water_is_picked_in_every_view(show):
+def test_water_is_picked_in_views_of_surface_and_particles(show):
     show.frame(Controls())
     for name in ("water", "layers"):
         show.display.views.name = name
@@ -169,8 +169,8 @@ def test_water_is_picked_in_every_view(show):
         assert np.all(found > -0.02) and np.all(found < np.array(show.simulation.size) + 0.02)
 
 
-def test_pool_tilts_as_it_is_seen(show):
-    """Rolled to the right, the right side of the picture goes down, wherever the camera is."""
+def test_pool_tilts_relative_to_the_camera(show):
+    """A roll to the right lowers the right side of the image at any azimuth of the camera."""
     azimuth = show.display.camera.azimuth
     for show.display.camera.azimuth in (0.3, 0.3 + np.pi):
         show.frame(Controls(still=True, tilt=(-0.3, 0.0), azimuth=show.display.camera.azimuth))
@@ -179,7 +179,7 @@ def test_pool_tilts_as_it_is_seen(show):
     show.display.camera.azimuth = azimuth
 
 
-def test_view_key_cycles_through_all_and_back(show):
+def test_view_key_cycles_through_all_views(show):
     names = []
     for _ in show.display.views.names:
         show.frame(Controls(still=True, next_view=True))
@@ -187,14 +187,14 @@ def test_view_key_cycles_through_all_and_back(show):
     assert names == [*show.display.views.names[1:], show.display.views.names[0]]
 
 
-def test_water_that_blows_up_ends_the_show(show):
+def test_a_blow_up_ends_the_show(show):
     state = show.simulation.particles.state()
     show.simulation.particles.fill(**{**state, "v": state["v"] * np.nan})
     with pytest.raises(NotFiniteError):
         show.frame(Controls())
 
 
-def test_checkpoint_file_resumes_and_others_are_refused(show, tmp_path):
+def test_checkpoint_is_resumed_and_other_files_are_refused(show, tmp_path):
     run(Row([show]), Headless(2))
     np.savez(tmp_path / "good.npz", **show.simulation.state())
     time = show.simulation.time
@@ -208,7 +208,7 @@ def test_checkpoint_file_resumes_and_others_are_refused(show, tmp_path):
             show.resume(tmp_path / name)
 
 
-def test_show_without_picture_has_neither_surface_nor_picture(tmp_path):
+def test_show_without_images_allocates_no_surface_and_no_image(tmp_path):
     show = Show(load_scene(write(tmp_path)), 1 / 60)
     assert show.display.surface is None and show.display.picture is None
     show.frame(Controls())
@@ -216,31 +216,31 @@ def test_show_without_picture_has_neither_surface_nor_picture(tmp_path):
 
 
 def ticking(seconds):
-    """A clock on which each look at it takes `seconds`."""
+    """Returns a clock that advances by `seconds` at each reading."""
     ticks = itertools.count()
     return lambda: seconds * next(ticks)
 
 
 @pytest.fixture
 def timed(show):
-    """The show, on a clock of our own afterwards."""
+    """Yields the show, whose clock tests may replace; restores the clock afterwards."""
     clock = show.clock
     yield show
     show.clock = clock
 
 
-def test_a_frame_takes_the_time_that_is_asked_for(timed):
+def test_a_frame_simulates_the_requested_time(timed):
     timed.frame(Controls(frame_time=0.007))
     assert timed.simulation.time == timed.simulated == pytest.approx(0.007)
 
 
-def test_time_slows_where_the_budget_is_short(timed):
+def test_time_slows_if_the_budget_is_short(timed):
     sim, hurry = timed.simulation, Controls(budget=0.010)
     timed.clock = ticking(0.0)
     timed.frame(hurry)
     steps = sim.steps
     assert steps > 2 and sim.time == timed.simulated == timed.frame_time
-    # A step takes 6 ms: there is time for two.
+    # A step takes 6 ms, so the budget of 10 ms permits two.
     timed.reset()
     timed.clock = ticking(0.006)
     timed.frame(hurry)
@@ -249,14 +249,14 @@ def test_time_slows_where_the_budget_is_short(timed):
     assert timed.ledger.entries[-1].time == sim.time
 
 
-def test_one_step_is_always_done(timed):
+def test_a_frame_has_at_least_one_step(timed):
     timed.clock = ticking(1.0)
     timed.frame(Controls(budget=0.010))
     assert timed.simulation.steps == 1 and 0.0 < timed.simulated < timed.frame_time
 
 
 class Stopwatch:
-    """A clock that only sleeping moves."""
+    """Test double of a clock that only sleep() advances."""
 
     def __init__(self):
         self.time = 0.0
@@ -270,7 +270,7 @@ class Stopwatch:
 
 @pytest.mark.parametrize("fps", [60.0, 30.0])
 def test_playing_follows_the_wall_clock(timed, fps):
-    """Each frame lasts as long as the screen shows it, and the water goes on by as much."""
+    """Each frame simulates the time for which the display shows it."""
     watch = timed.clock = Stopwatch()
     player = HeadlessPlayer(0.99, fps, watch, watch.sleep)
     run(Row([timed]), player)
@@ -279,7 +279,7 @@ def test_playing_follows_the_wall_clock(timed, fps):
     assert sum(player.simulated) == pytest.approx(timed.simulation.time)
 
 
-def test_volume_of_the_surface_is_that_of_the_water(show):
+def test_surface_encloses_the_volume_of_the_water(show):
     show.frame(Controls())
     assert show.display.volume() == pytest.approx(0.4 * 0.18 * 0.4, rel=0.1)
     assert show.volume_error() == pytest.approx(

@@ -1,4 +1,4 @@
-"""Spilt water in shows: drawn as drops outside the box."""
+"""Tests of spilt water in shows, which is rendered as drops outside the box."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ def start_anew(show):
 
 
 def image(show, *places) -> np.ndarray:
-    """The image of a show with drops at `places` [m]."""
+    """Returns the image of a show with drops at `places` [m]."""
     n = len(places)
     drops = {"x": np.array(places).reshape(n, 3), "v": np.zeros((n, 3))}
     drops |= {"radius": np.full(n, 0.03), "life": np.ones(n)}
@@ -32,16 +32,16 @@ def image(show, *places) -> np.ndarray:
 
 
 def pixel(show, place) -> tuple[int, int]:
-    """Row and column of a point [m] in the image."""
+    """Returns row and column of a point [m] in the image."""
     (right, up), *_ = show.display.camera.project(
         np.array([place]), *SIZE, show.simulation.size, show.pose.tilt
     )
     return int((1.0 - up) * SIZE[1]), int(right * SIZE[0])
 
 
-def test_a_drop_is_drawn_where_it_is(show):
+def test_a_drop_is_rendered_at_its_position(show):
     eye = show.display.camera.eye
-    # Beside the box, at the side of the eye.
+    # Outside the box, on the side of the camera.
     place = (0.3 + 0.45 * np.sign(eye[0] - 0.3), 0.2, 0.3)
     without, found = image(show), image(show, place)
     changed = np.argwhere(np.abs(found - without).max(axis=2) > 3)
@@ -54,7 +54,7 @@ def test_tiles_hide_drops_behind_them(show):
     assert np.array_equal(image(show), image(show, (0.3 - 0.4 * side, 0.1, 0.3)))
 
 
-def test_a_reset_forgets_drops_and_spilt_mass(show):
+def test_a_reset_removes_drops_and_spilt_mass(show):
     for _ in range(20):
         show.frame(Controls(tilt=(-0.7, 0.0)))
     rim = show.simulation.rim
@@ -64,7 +64,10 @@ def test_a_reset_forgets_drops_and_spilt_mass(show):
 
 
 def test_an_interactive_scene_begins_again_when_all_water_is_spilt():
-    """The window was closed."""
+    """An interactive show resets, with a message, once all water has left the box.
+
+    Regression: the window was closed.
+    """
     changes = ("box.size=[0.6, 0.36, 0.6]", "layers.0.spacing=0.06", "gravity=[0, 20, 0]")
     show = Show(load_scene("still", changes), 1 / 20, stop_bodies=True)
     for _ in range(40):

@@ -1,4 +1,4 @@
-"""The image of a window before its first frame."""
+"""Tests of the start screen, the image of a window before its first frame."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from msph.stage.start_screen import StartScreen
 SIZE = WIDTH, HEIGHT = 320, 180
 
 
-def test_the_text_changes_and_nothing_else():
+def test_only_the_progress_text_changes():
     screen = StartScreen(SIZE, "A pool", (("q", "quit"),))
     first, other = (as_bytes(screen.paint(doing)) for doing in ("compiling a", "compiling b"))
     assert first.shape == (WIDTH, HEIGHT, 4) and (first[..., 3] == 255).all()

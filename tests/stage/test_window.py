@@ -1,4 +1,4 @@
-"""A real window under Xvfb: it opens, obeys keys, shows the water, and says when it cannot."""
+"""Tests of a real window under Xvfb: images, keys, mouse, and lost or missing displays."""
 
 import contextlib
 import json
@@ -32,7 +32,7 @@ from tests.scenes_kit import write
 TOOLS = ("Xvfb", "xdotool")
 WIDTH, HEIGHT = 640, 360
 PATIENCE = 60.0
-# Where windows open on a screen without a window manager [pixels].
+# Position of new windows on a screen without a window manager [pixels].
 CORNER = 100
 SCREEN = ("-screen", "0", f"{WIDTH + CORNER}x{HEIGHT + CORNER}x24")
 
@@ -53,7 +53,7 @@ def play(
 ):
     environment = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
     if folder:
-        # No session that the user saved is offered.
+        # With its own cache, the window offers no session that the user saved.
         environment["XDG_CACHE_HOME"] = str(folder / "cache")
     environment |= more
     if display:
@@ -67,45 +67,45 @@ def play(
         stderr=subprocess.STDOUT,
         text=True,
         start_new_session=start_new_session,
-        # Started in the background, tests ignore interrupts, and so would what they start.
+        # Tests started in the background ignore SIGINT, and so would the processes that they start.
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )
 
 
 class Screen:
-    """What a person at the virtual screen does and sees. framebuffer: an X window dump."""
+    """Keyboard, mouse and image of the virtual screen. framebuffer: file of an X window dump."""
 
     def __init__(self, display, framebuffer):
         self.display, self.framebuffer = display, framebuffer
 
     def do(self, *arguments):
-        """Gives xdotool's commands time to be seen: a drag needs a frame at each of its ends."""
+        """Sends commands of xdotool and waits: a drag needs a frame at each of its ends."""
         self.send(*arguments)
         time.sleep(0.7)
 
     def send(self, *arguments):
-        """As do(), where the test waits for the effect."""
+        """Sends commands of xdotool whose effect the test waits for."""
         environment = {**os.environ, "DISPLAY": self.display}
         subprocess.run(["xdotool", *map(str, arguments)], env=environment, check=True)
 
     def look(self):
-        """The window as (height, width, 3) integers."""
+        """Returns the image of the window as integers (height, width, 3)."""
         return read_xwd(self.framebuffer)[CORNER : CORNER + HEIGHT, CORNER : CORNER + WIDTH]
 
     def move(self, right, down, *more):
-        """The mouse to a place of the window [pixels], and more of xdotool's commands."""
+        """Moves the mouse to a position in the window [pixels] and sends more xdotool commands."""
         self.do("mousemove", CORNER + right, CORNER + down, *more)
 
     def differs(self, first, by):
-        """Waits until the screen differs from `first` by more, moving or not."""
+        """Waits until the image differs from `first` by a mean of more than `by`, moving or not."""
         deadline = time.monotonic() + PATIENCE
         while np.abs(self.look() - first).mean() <= by:
             assert time.monotonic() < deadline, "the screen did not change"
             time.sleep(0.1)
 
     def still(self, unlike=None, by=0.0):
-        """The screen once it no longer changes, and differs from another by more, however slow the
-        machine: the first frame of a view waits for its kernels."""
+        """Returns the image once it no longer changes and differs from `unlike`, if any, by a mean
+        of more than `by`. The first frame of a view waits for the compilation of its kernels."""
         deadline, last = time.monotonic() + PATIENCE, self.look()
         while time.monotonic() < deadline:
             time.sleep(0.7)
@@ -123,14 +123,14 @@ class Screen:
             time.sleep(0.2)
 
     def begun(self):
-        """The screen at rest after the start, whose picture stands while kernels compile."""
+        """Returns the image at rest after the start screen, which also rests during compilation."""
         self.begun_moving()
         return self.still()
 
 
 @contextlib.contextmanager
 def virtual_screen(folder):
-    """A virtual screen just large enough for the window, and the process of its server."""
+    """Yields a virtual screen just large enough for the window, and its server process."""
     read, write_end = os.pipe()
     server = subprocess.Popen(
         ["Xvfb", "-displayfd", str(write_end), "-fbdir", str(folder), *SCREEN],
@@ -152,7 +152,7 @@ def display(tmp_path_factory):
 
 
 def read_xwd(path):
-    """Pixels of an X window dump of 32 bits per pixel, blue first."""
+    """Returns the pixels of an X window dump of 32 bits per pixel, blue first."""
     data = path.read_bytes()
     header = np.frombuffer(data[:100], dtype=">u4")
     size, width, height, stride, colours = header[0], *header[4:6], header[12], header[19]
@@ -161,7 +161,7 @@ def read_xwd(path):
     return pixels[:, :, 2::-1].astype(int)
 
 
-def test_pace_says_when_time_is_slow():
+def test_pace_shows_when_time_is_slow():
     pacer = Pacer(60.0)
     assert pace(pacer, paused=False) == "real time"
     assert pace(pacer, paused=True) == "paused"
@@ -172,7 +172,7 @@ def test_pace_says_when_time_is_slow():
     assert pace(pacer, paused=False) == "0.10 times real time"
 
 
-# As `python -m msph`, but that the scene given is the only one that is shipped.
+# Runs `python -m msph` with the given scene as the only shipped scene.
 ALONE = """
 import pathlib
 import sys
@@ -184,7 +184,7 @@ msph.cli.main()
 
 
 def wait_for(process, text, seen=""):
-    """Lines of a process up to one with this text, after those that were seen."""
+    """Returns `seen` and further lines of a process, up to a line with this text."""
     while text not in seen:
         line = process.stdout.readline()
         assert line, f"play ended: {seen}"
@@ -212,7 +212,7 @@ def test_window_opens_obeys_keys_and_shows_water(display, tmp_path):
         time.sleep(2.0)
         water = screen.look()
         assert water.std() > 10.0
-        # Turquoise water: blue and green well over red somewhere in the middle.
+        # The water is turquoise: blue is well above red somewhere in the middle.
         middle = water[HEIGHT // 4 : 3 * HEIGHT // 4, WIDTH // 3 : 2 * WIDTH // 3]
         assert ((middle[..., 2] - middle[..., 0]) > 25).mean() > 0.05
         screen.send("key", "space")
@@ -231,7 +231,7 @@ def test_window_opens_obeys_keys_and_shows_water(display, tmp_path):
         tilted = screen.still(unlike=turned, by=1.0)
         screen.send("key", "Return")
         screen.still(unlike=tilted, by=1.0)
-        # A slider: gravity, the first of the panel, below the buttons of its pages.
+        # Drags the slider of gravity, the first in the panel, below the buttons of its pages.
         screen.do("key", "i")
         text = text_height(HEIGHT)
         column = 2 * round(GAP * text) + round(3.5 * LINE * text)
@@ -244,7 +244,7 @@ def test_window_opens_obeys_keys_and_shows_water(display, tmp_path):
         scene = wait_for_file(tmp_path / "out", "small_*.scene.toml")
         gravity = read_toml(scene)["gravity"][1]
         assert gravity < 0.0 and abs(gravity + 9.81) > 0.1
-        # A push in a view of particles, and one in the view of the water; a clip and a picture.
+        # Pushes in a view of particles and in the view of the water; saves a clip and an image.
         screen.do("key", "i", "i", "space")
         for _ in range(2):
             screen.move(WIDTH // 2, HEIGHT * 2 // 3, "mousedown", 1)
@@ -255,7 +255,7 @@ def test_window_opens_obeys_keys_and_shows_water(display, tmp_path):
         screen.send("key", "p", "o", "c")
         wait_for_file(tmp_path / "out", "small_*.png")
         wait_for_file(tmp_path / "out", "small_*.mp4")
-        # Another scene, here the same once more, in the same window.
+        # Selects another scene, here the same one again, in the same window.
         screen.send("key", *["Tab"] * 30)
         wait_for(process, "ready in")
         screen.differs(screen.look(), 0.5)
@@ -299,7 +299,7 @@ def test_a_killed_session_continues_at_the_next_start(display, tmp_path):
         assert process.wait(timeout=PATIENCE) == 0
     finally:
         process.kill()
-    # Compiling and starting takes longer than the time played since, without the saved state.
+    # Without the saved state, the time simulated since the second start would be less than `since`.
     assert since > 2.0 and since < time_of(continued)
     assert not list(tmp_path.glob("cache/msph/session_*"))
 
@@ -329,7 +329,7 @@ def test_input_at_a_window_is_recorded(display, tmp_path):
 @pytest.mark.parametrize("wait", [0.2, 0.8])
 def test_ctrl_c_ends_play_without_a_traceback(display, wait):
     said = "init_import_site"
-    # Python's own start, which a loaded machine draws out, is not the program's.
+    # Repeated if the signal arrives while Python itself starts, which is slow on a loaded machine.
     for _ in range(5):
         if "init_import_site" in said:
             process = play("still", display=display.display, start_new_session=True)
@@ -356,7 +356,10 @@ def test_q_quits_while_kernels_are_compiled(display, tmp_path):
 @needs_x
 @pytest.mark.parametrize("lost", ["display", "window"])
 def test_a_lost_display_ends_play_with_one_line(tmp_path, lost):
-    """It was a message of Xlib, and the abort of an assertion in C++ with exit code 134."""
+    """A lost display or window ends `play` with exit code 1 and one line as its last output.
+
+    Regression: it ended with a message of Xlib, or with a failed C++ assertion and exit code 134.
+    """
     with virtual_screen(tmp_path) as (screen, server):
         process = play(write(tmp_path), display=screen.display, folder=tmp_path)
         wait_for(process, "q, escape")
@@ -372,7 +375,10 @@ def test_a_lost_display_ends_play_with_one_line(tmp_path, lost):
 
 
 def test_a_clip_in_progress_is_completed_when_the_display_is_lost(tmp_path):
-    """The file had no index: no player opened it."""
+    """The file of a clip in progress is complete after the display is lost.
+
+    Regression: the file had no index, and no player opened it.
+    """
     import taichi as ti
 
     from msph.picture.pixels import Image
@@ -396,7 +402,7 @@ def test_a_clip_in_progress_is_completed_when_the_display_is_lost(tmp_path):
 
 @needs_x
 def test_a_lesson_is_answered_and_done_with_keys_and_mouse(display, tmp_path):
-    """Its progress is read from the user's cache."""
+    """Keys answer a question, the mouse completes a task, and the cache holds the progress."""
     size = ("--size", f"{WIDTH}x{HEIGHT}")
     process = play(
         "kernels", *size, display=display.display, command="lesson", XDG_CACHE_HOME=str(tmp_path)
@@ -409,7 +415,7 @@ def test_a_lesson_is_answered_and_done_with_keys_and_mouse(display, tmp_path):
         answered = display.still(unlike=question, by=0.1)
         display.send("key", "n")
         task = display.still(unlike=answered, by=0.1)
-        # The first slider, of the support: to its lower end, in one jump between two frames.
+        # Drags the first slider, the support, to its lower end in one jump between two frames.
         text = text_height(HEIGHT)
         y = HEIGHT - band_height(text) + (PAD + 0.5 * LINE) * text
         left = CAPTION * WIDTH + NAME * text
@@ -430,7 +436,7 @@ def no_display(monkeypatch):
     monkeypatch.delenv("DISPLAY", raising=False)
 
 
-def test_a_lesson_without_a_display_says_how_to_read_it(no_display):
+def test_a_lesson_without_a_display_suggests_a_web_page(no_display):
     run = here("lesson", "kernels")
     assert run.returncode == 2
     assert run.stderr.splitlines()[-1].endswith("--html DIR writes a web page instead")

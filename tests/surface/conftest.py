@@ -13,24 +13,25 @@ from msph.taichi_internals import watch_compiling
 
 @pytest.fixture(scope="session")
 def marching_cubes() -> MarchingCubes:
-    """For all lattices in turn."""
+    """Returns the marching cubes that all lattices share in turn."""
     return MarchingCubes(SurfaceRoom(vertices=60_000, triangles=120_000))
 
 
 @pytest.fixture
 def cubes(marching_cubes) -> Cubes:
-    """Unit spacing, centred on the origin."""
+    """Returns marching cubes on a lattice of unit spacing, centred on the origin."""
     return Cubes(uniform((42, 42, 42), origin=(-20.5, -20.5, -20.5)), marching_cubes)
 
 
 @pytest.fixture
 def oblong_cubes(marching_cubes) -> Cubes:
-    """Spacing and extent differ between the axes; no extent is a multiple of a word of signs."""
+    """Returns marching cubes on a lattice whose spacing and extent differ between the axes; no
+    extent is a multiple of a word of signs."""
     lattice = uniform((31, 22, 45), (0.1, 0.17, 0.06), (-1.5, -1.8, -1.3))
     return Cubes(lattice, marching_cubes)
 
 
-# Each file gives its fields back, so that the next one compiles nothing.
+# Each test file returns its fields to the stock, so that the next file compiles nothing.
 @pytest.fixture(scope="module")
 def water() -> Iterator[Water]:
     water = Water()
@@ -47,7 +48,7 @@ def smooth_water(water) -> Iterator[Water]:
 
 @pytest.fixture(scope="module")
 def held_water() -> Iterator[Water]:
-    """A mesh container of almost the box's size, with a ball and a block in it."""
+    """Yields water in a mesh container of almost the box's size, with a ball and a block in it."""
     egg = trimesh.creation.icosphere(subdivisions=3)
     container = Solid(
         np.array(SIZE) * (0.5 + 0.48 * np.array(egg.vertices)), np.array(egg.faces), container=True
@@ -61,7 +62,7 @@ def held_water() -> Iterator[Water]:
 
 @pytest.fixture
 def compiled() -> Iterator[list[str]]:
-    """Names of the kernels that the test has compiled so far."""
+    """Yields the names of the kernels that the test has compiled so far."""
     names: list[str] = []
     with watch_compiling(names.append):
         yield names

@@ -1,4 +1,4 @@
-"""What the surface tests share: meshes seen by trimesh, lattices to fill, a small box of water."""
+"""Helpers of the surface tests: conversion to trimesh, lattices to fill, a small box of water."""
 
 from collections.abc import Sequence
 
@@ -27,7 +27,8 @@ def as_trimesh(mesh: SurfaceMesh) -> trimesh.Trimesh:
 
 
 def assert_closed(mesh: SurfaceMesh) -> None:
-    """Closed, oriented and manifold: every edge has exactly two faces, every vertex is used."""
+    """Asserts that the mesh is closed, oriented and manifold: every edge has exactly two faces, and
+    every vertex is used."""
     solid = as_trimesh(mesh)
     assert solid.is_watertight and solid.is_winding_consistent
     _, faces = np.unique(np.sort(solid.edges, axis=1), axis=0, return_counts=True)
@@ -37,15 +38,15 @@ def assert_closed(mesh: SurfaceMesh) -> None:
 
 
 def middles(mesh: SurfaceMesh) -> np.ndarray:
-    """Centres of the triangles (t, 3) [m], in the order in which they were made."""
+    """Returns the centres of the triangles (t, 3) [m], in the order of their creation."""
     vertices, _, triangles = mesh.to_numpy()
     return vertices.astype(np.float64)[triangles].mean(axis=1)
 
 
 def assert_same(first: np.ndarray, again: np.ndarray) -> None:
-    """Two meshes of the same water, by their middles: equal to rounding, in any order.
+    """Asserts that two meshes of the same water, given by middles(), are equal to rounding.
 
-    Threads bin particles and add volumes in any order.
+    Triangles may differ in order, since threads bin particles and add volumes in any order.
     """
     distance, partner = cKDTree(first).query(again)
     assert len(first) == len(again)
@@ -54,19 +55,19 @@ def assert_same(first: np.ndarray, again: np.ndarray) -> None:
 
 
 def uniform(shape, spacing=(1.0, 1.0, 1.0), origin=(0.0, 0.0, 0.0)) -> Lattice:
-    """Lattice with nodes at origin + spacing * index."""
+    """Returns a lattice with nodes at origin + spacing * index."""
     triples = zip(shape, spacing, origin, strict=True)
     return Lattice([o + s * np.arange(n) for n, s, o in triples])
 
 
 class Cubes:
-    """Marching cubes over a whole lattice, fed with numpy functions."""
+    """Marching cubes over a whole lattice, with node values given as numpy arrays."""
 
     def __init__(self, lattice: Lattice, cubes: MarchingCubes):
         self.lattice, self.cubes = lattice, cubes
 
     def nodes(self) -> np.ndarray:
-        """Node positions (3, nx, ny, nz)."""
+        """Returns the node positions (3, nx, ny, nz)."""
         axes = [a.astype(np.float64) for a in self.lattice.axes]
         return np.stack(np.meshgrid(*axes, indexing="ij"))
 
@@ -80,7 +81,7 @@ class Cubes:
 
 
 class Water:
-    """A box, two layers, and a surface, refilled by every test."""
+    """Box of water with two layers and a surface, refilled by every test."""
 
     def __init__(
         self,
@@ -97,7 +98,7 @@ class Water:
         self.surface.load(SIZE, CELL)
 
     def nodes(self, field) -> np.ndarray:
-        """A flat field over the lattice's nodes, as (nx, ny, nz) or (nx, ny, nz, 3)."""
+        """Returns a flat field over the lattice's nodes as (nx, ny, nz) or (nx, ny, nz, 3)."""
         lattice = self.surface.lattice
         flat = field.to_numpy()[: np.prod(lattice.padded)]
         whole = flat.reshape(*lattice.padded, *flat.shape[1:])
@@ -105,7 +106,7 @@ class Water:
 
     @property
     def volume(self) -> float:
-        """Of all particles [m^3]."""
+        """Volume of all particles [m^3]."""
         volumes = np.array([s.volume for s in self.layers.specs])
         return float(volumes[self.particles.numpy("layer")].sum())
 
@@ -116,7 +117,8 @@ class Water:
         self.grid.build()
 
     def mesh(self, everywhere: bool = False) -> SurfaceMesh:
-        """everywhere: evaluate the whole box, by bounds that no sub-block of air or water meets."""
+        """Returns the extracted mesh. everywhere: evaluates the whole box, with bounds by which no
+        sub-block counts as air or deep water."""
         numbers = self.surface.cubes.numbers
         bounds = {"air_below": -1.0, "deep_above": 1e9, "half_diagonal": 1e9} if everywhere else {}
         loaded = {name: getattr(numbers, name)[None] for name in bounds}
@@ -129,7 +131,8 @@ class Water:
 
 
 def packed(low, high, d: float, jitter: float = 0.0, seed: int = 0) -> np.ndarray:
-    """Lattice of particles of spacing close to d that fills the box from low to high [m]."""
+    """Returns a lattice of particles (n, 3) [m] with a spacing close to d [m] that fills the box
+    from low to high [m]; jitter: largest displacement along each axis, in spacings."""
     low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
     counts = np.maximum(1, np.round((high - low) / d).astype(int))
     axes = [(np.arange(n) + 0.5) / n for n in counts]

@@ -21,15 +21,15 @@ def filled(water, level: float) -> np.ndarray:
 
 @pytest.mark.parametrize("level", [0.15, 0.25, 0.35])
 def test_the_surface_ends_on_bodies_and_encloses_the_water(held_water, level):
-    """Ball and block in a container, under water and through its surface."""
+    """The container holds a ball and a block, which are submerged or pierce the surface."""
     held_water.fill(filled(held_water, level))
     mesh = held_water.mesh()
     assert_closed(mesh)
     assert mesh.volume() == pytest.approx(held_water.volume, rel=0.01)
     vertices = mesh.to_numpy()[0]
     free = held_water.boundary.free
-    assert free(vertices, -0.2 * FINE).all()  # cells cut edges
-    # All round the ball, and on the container: no air between water and bodies.
+    assert free(vertices, -0.2 * FINE).all()  # cells bevel edges
+    # The mesh lies on the whole ball and the container, with no air between water and bodies.
     near = vertices[~free(vertices, 0.05 * FINE)]
     ball = held_water.boundary.bodies[1]
     at_ball = near[np.linalg.norm(near - ball.centre, axis=1) < ball.radius + 0.1 * FINE]
@@ -39,7 +39,7 @@ def test_the_surface_ends_on_bodies_and_encloses_the_water(held_water, level):
     assert (vertices[:, 1] < under).sum() == pytest.approx((near[:, 1] < under).sum(), rel=0.06)
 
 
-def test_the_band_gives_the_same_mesh_beside_bodies(held_water):
+def test_the_band_gives_the_same_mesh_next_to_bodies(held_water):
     held_water.fill(filled(held_water, 0.25))
     banded = middles(held_water.mesh())
     assert_same(middles(held_water.mesh(everywhere=True)), banded)
@@ -49,7 +49,8 @@ CENTRE, RADIUS = np.array((0.2, 0.2, 0.2)), 0.08
 
 
 def test_a_mesh_for_an_image_reaches_into_bodies():
-    """The waterline had steps of a cell. The volume control does not see what bodies hide."""
+    """The mesh reaches a cell's diagonal into the ball, which does not affect the volume control.
+    Regression: the waterline had steps of a cell."""
     water = Water(bodies=[Ball(CENTRE, RADIUS)])
     water.fill(filled(water, 0.25))
     exact, shift = middles(water.mesh()), water.surface.volume_control.shift[None]
@@ -60,7 +61,7 @@ def test_a_mesh_for_an_image_reaches_into_bodies():
     radii = np.linalg.norm(solid.vertices - CENTRE, axis=1)
     cell = np.array(water.surface.lattice.spacing)
     assert RADIUS - radii.min() == pytest.approx(np.linalg.norm(cell), abs=0.2 * cell.max())
-    # Faces of the bevelled end of the mesh met the ball's side, and the waterline had notches.
+    # Regression: faces at the bevelled end of the mesh met the ball and notched the waterline.
     inner = (radii < RADIUS)[solid.faces]
     at_side = solid.face_normals[inner.any(axis=1) & ~inner.all(axis=1)]
     assert len(at_side) > 20 and at_side[:, 1].min() > 0.3

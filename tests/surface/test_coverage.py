@@ -7,7 +7,8 @@ from msph.surface.fluid_fraction import ISO, fluid_fraction
 
 
 def field(water):
-    """Coverage and its gradient at every real node, and the nodes' coordinates."""
+    """Returns coverage and its gradient at every node but the ghosts, and the nodes'
+    coordinates."""
     water.mesh(everywhere=True)
     cubes, real = water.surface.cubes, (slice(1, -1),) * 3
     axes = [a[1:-1].astype(np.float64) for a in water.surface.lattice.axes]
@@ -15,7 +16,7 @@ def field(water):
 
 
 def brute_force(water):
-    """The formula in sums.py in f64, as a function of a point."""
+    """Returns the coverage by the formula of sums.py in f64, as a function of a point [m]."""
     positions = water.particles.numpy("x").astype(np.float64)
     layer = water.particles.numpy("layer")
     thin = water.surface.thin
@@ -58,7 +59,7 @@ def test_coverage_is_one_up_to_the_walls(water, d, layer):
     rest = len(x) * float(water.layers.volume[layer]) / np.prod(SIZE)
     value, _, axes = field(water)
     error = abs(value / rest - 1.0)
-    # The product of two walls' fractions is not exact in the edges of the box.
+    # The product of the fractions of two walls is not exact at the edges of the box.
     walls = [np.minimum(a, a[::-1]) < 2 * d for a in axes]
     near = sum(np.meshgrid(*[w.astype(int) for w in walls], indexing="ij"))
     assert error[near <= 1].max() < 0.05
@@ -67,11 +68,11 @@ def test_coverage_is_one_up_to_the_walls(water, d, layer):
 
 @pytest.mark.parametrize("spacing", [(0.15, 0.15, 0.15), (0.3, 0.22, 0.27), (0.35, 0.35, 0.35)])
 def test_bound_holds_for_single_particles(spacing):
-    """Trilinear interpolation of poly6 in a sub-block: at least rho poly6, but for the rim."""
+    """Trilinear interpolation of poly6 in a sub-block is at least rho poly6 - RIM_LOSS."""
     rng = np.random.default_rng(0)
     sides = STRIDE * np.array(spacing)
     x = rng.random((60_000, 3))
-    x[:20_000] = 0.5  # the middles of the sub-block, its faces, and its edges are the worst
+    x[:20_000] = 0.5  # the centres of the sub-block, its faces and its edges are worst
     x[20_000:40_000, 0] = 0.0
     x[30_000:40_000, 1] = 0.0
     p = x + rng.normal(size=x.shape) * rng.choice([0.05, 0.3, 1.0], (len(x), 1))

@@ -11,7 +11,7 @@ def case_triangles(case: int) -> np.ndarray:
 
 
 def open_edges(case: int) -> set[tuple[int, int]]:
-    """Directed sides of a case's triangles that no other triangle of the case runs back along."""
+    """Returns the directed sides of a case's triangles whose reverse is not a side of the case."""
     sides = [(int(t[m]), int(t[(m + 1) % 3])) for t in case_triangles(case) for m in range(3)]
     assert len(sides) == len(set(sides))
     return {s for s in sides if s[::-1] not in sides}
@@ -24,7 +24,7 @@ def test_every_crossed_edge_is_used_and_no_other():
         assert set(case_triangles(case).ravel().tolist()) == crossed
 
 
-def test_padding():
+def test_unused_entries_of_the_triangle_table_are_minus_one():
     for case in range(256):
         assert (cube_tables.TRIANGLES[case, cube_tables.TRIANGLE_COUNTS[case] :] == -1).all()
 
@@ -39,12 +39,14 @@ def test_inner_edges_never_lie_in_a_face():
 
 
 @pytest.mark.parametrize("axis", range(3))
-def test_neighbours_draw_the_same_contour_on_their_face_the_other_way_round(axis):
-    """For all pairs of cells: the contour depends on the face's signs alone, and is reversed."""
+def test_neighbours_have_opposite_contours_on_their_common_face(axis):
+    """For all pairs of cells, the contour on the common face depends only on the signs of the face,
+    and one cell has the reverse of the other's contour."""
     step = 1 << axis
 
     def face_contour(case, side):
-        """Signs of the face's corners and its directed segments, in the low face's numbers."""
+        """Returns the signs of the face's corners and its directed segments, numbered as on the low
+        face."""
         face = 2 * axis + side
         signs = tuple(case >> (c | side * step) & 1 for c in range(8) if not c & step)
         segments = set()
@@ -70,7 +72,7 @@ def test_all_open_edges_lie_in_exactly_one_face():
             assert len(cube_tables.EDGE_FACES[p] & cube_tables.EDGE_FACES[q]) == 1
 
 
-def test_single_corners_face_away_from_the_water():
+def test_triangles_of_single_corners_face_away_from_the_water():
     for c in range(8):
         middle = cube_tables.CORNERS[cube_tables.EDGES].mean(axis=1)
         a, b, d = middle[case_triangles(1 << c)[0]]
@@ -78,7 +80,7 @@ def test_single_corners_face_away_from_the_water():
 
 
 def test_ambiguous_faces_separate_inside_corners():
-    """Two inside corners across a face: two triangles apart, not a band between them."""
+    """Two diagonally opposite inside corners give two separate triangles, not a connecting band."""
     case = 1 << 0 | 1 << 3
     assert cube_tables.TRIANGLE_COUNTS[case] == 2
     assert len(set(case_triangles(case).ravel().tolist())) == 6

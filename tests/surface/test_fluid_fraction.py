@@ -7,7 +7,8 @@ from msph.surface.lattice import Lattice, walled_axis
 
 @pytest.mark.parametrize("t", [0.0, 0.1, 0.35, 0.6, 0.9, 1.0])
 def test_missing_part_is_the_integral_of_poly6_beyond_the_plane(t):
-    """Midpoint rule over height z and radius s of the cap beyond z = t, h = 1."""
+    """The integral is a midpoint rule over height z and radius s of the cap beyond z = t, with
+    h = 1."""
     n = 2000
     z = t + (np.arange(n) + 0.5) * (1 - t) / n
     s = (np.arange(n) + 0.5) / n
@@ -16,7 +17,7 @@ def test_missing_part_is_the_integral_of_poly6_beyond_the_plane(t):
     assert missing(np.array(t)) == pytest.approx(integral, abs=1e-6)
 
 
-def test_slopes_match_differences():
+def test_slopes_match_finite_differences():
     e = 1e-5
     x = np.linspace(0.02, 0.28, 27)
     fraction, slope = fluid_fraction(x, 0.3, 0.1)
@@ -40,6 +41,6 @@ def test_ghosts_mirror_the_wall_nodes_exactly(length):
     assert (np.diff(axis) > 0).all() and len(axis) % 2 == 1
 
 
-def test_lattice_spacing_is_close_to_the_wanted_one():
+def test_lattice_spacing_is_close_to_the_requested_spacing():
     lattice = Lattice.in_box((1.0, 2.0, 0.5), 0.028)
     assert np.allclose(lattice.spacing, 0.028, rtol=0.08)

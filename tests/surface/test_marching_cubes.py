@@ -7,7 +7,7 @@ from msph.surface.marching_cubes import MarchingCubes
 
 
 def walled_in(value: np.ndarray) -> np.ndarray:
-    """The same field with its border outside."""
+    """Returns the field with all border nodes outside the surface."""
     closed = np.full_like(value, -1.0)
     closed[1:-1, 1:-1, 1:-1] = value[1:-1, 1:-1, 1:-1]
     return closed
@@ -15,7 +15,7 @@ def walled_in(value: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_random_fields_give_closed_manifolds(oblong_cubes, seed):
-    """White noise: every case and every ambiguous neighbourhood occurs."""
+    """White noise contains every case and every ambiguous neighbourhood."""
     noise = np.random.default_rng(seed).normal(size=oblong_cubes.lattice.shape)
     mesh = oblong_cubes.extract(walled_in(noise))
     assert mesh.counts[1] > 10_000
@@ -52,7 +52,7 @@ def test_volume_is_positive_and_matches_trimesh(cubes):
     assert mesh.volume() == pytest.approx(as_trimesh(mesh).volume, rel=1e-6)
 
 
-def test_normals_of_a_sphere(cubes):
+def test_normals_of_a_sphere_are_radial(cubes):
     x = cubes.nodes()
     r = np.linalg.norm(x, axis=0)
     vertices, normals, _ = cubes.extract(15.0 - r, -x / r).to_numpy()
@@ -66,7 +66,7 @@ def test_normals_without_gradient_follow_the_edge(cubes):
     assert np.allclose(np.abs(normals).max(axis=1), 1.0, atol=1e-6)
 
 
-def test_anisotropic_ellipsoid(oblong_cubes):
+def test_an_ellipsoid_has_its_volume_on_an_anisotropic_lattice(oblong_cubes):
     x, y, z = oblong_cubes.nodes()
     a, b, c = 1.2, 1.3, 1.1
     mesh = oblong_cubes.extract(1.0 - (x / a) ** 2 - (y / b) ** 2 - (z / c) ** 2)
@@ -91,7 +91,7 @@ def test_empty_field_gives_an_empty_mesh(cubes):
 
 @pytest.mark.parametrize("nodes", [31, 32, 33, 64])
 def test_rows_may_end_anywhere_in_a_word_of_signs(marching_cubes, nodes):
-    """One vertex for each edge whose ends differ, and none beyond the lattice."""
+    """There is one vertex for each edge whose ends differ in sign, and none beyond the lattice."""
     cubes = Cubes(uniform((5, 4, nodes)), marching_cubes)
     noise = np.random.default_rng(nodes).normal(size=cubes.lattice.shape)
     for value in (noise, walled_in(noise)):
@@ -102,7 +102,7 @@ def test_rows_may_end_anywhere_in_a_word_of_signs(marching_cubes, nodes):
 
 
 @pytest.mark.parametrize("capacity", [(500, 100_000), (50_000, 500)])
-def test_overflow_is_reported_and_what_is_there_stays_valid(capacity):
+def test_overflow_is_reported_and_the_partial_mesh_is_valid(capacity):
     vertices, triangles = capacity
     room = SurfaceRoom(vertices=vertices, triangles=triangles)
     small = Cubes(uniform((18, 18, 18)), MarchingCubes(room))

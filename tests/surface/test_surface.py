@@ -23,7 +23,7 @@ MIDDLE = np.array(SIZE) / 2
 
 
 def waves(seed):
-    """A pool with waves, the finer layer near its surface."""
+    """Returns a pool with waves, with the finer layer near its surface."""
     x = np.concatenate([packed((0, 0, 0), SIZE, d, 0.2, seed) for d in (FINE, COARSE)])
     layer = np.repeat([0, 1], [len(packed((0, 0, 0), SIZE, d)) for d in (FINE, COARSE)])
     level = 0.28 + 0.05 * np.sin(12 * x[:, 0] + seed) * np.cos(15 * x[:, 2])
@@ -33,7 +33,7 @@ def waves(seed):
 
 
 def bubbles(seed):
-    """Full of water but for bubbles of a couple of spacings, some at the walls."""
+    """Returns a box full of water except for bubbles of 1 to 2.5 spacings radius, some at walls."""
     rng = np.random.default_rng(seed)
     x = packed((0, 0, 0), SIZE, FINE, 0.1, seed)
     centres = rng.uniform(0.0, SIZE, (12, 3))
@@ -43,7 +43,7 @@ def bubbles(seed):
 
 
 def drops(seed):
-    """Clumps of a few particles in the air, at the walls and in the corners."""
+    """Returns clumps of a few particles in the air, at the walls and in two corners."""
     rng = np.random.default_rng(seed)
     centres = np.concatenate([rng.uniform(0.0, SIZE, (25, 3)), [(0, 0, 0), SIZE]])
     clump = packed(MIDDLE - 2 * FINE, MIDDLE + 2 * FINE, FINE, 0.1, seed) - MIDDLE
@@ -54,7 +54,7 @@ def drops(seed):
 
 
 def splashes(seed):
-    """No order at all: independent random particles, thin and thick."""
+    """Returns independent random particles without any order, sparse and dense."""
     rng = np.random.default_rng(seed)
     x = rng.uniform(0.0, SIZE, (4000, 3)) * rng.choice([0.6, 1.0], (4000, 1))
     return x, rng.integers(0, 2, len(x))
@@ -74,7 +74,7 @@ def test_the_band_gives_the_same_mesh_as_the_whole_box(kind, shape, seed, reques
 
 
 def test_the_band_follows_the_surface_not_the_volume(water):
-    """Still water: a small part of the box is evaluated, and nothing without particles."""
+    """A small part of the box is evaluated for still water, and nothing without particles."""
     water.fill(packed((0, 0, 0), (SIZE[0], 0.35, SIZE[2]), FINE))
     water.mesh()
     pairs = [(n + 1) // 2 for n in water.surface.lattice.shape]
@@ -86,7 +86,7 @@ def test_the_band_follows_the_surface_not_the_volume(water):
 
 
 @pytest.mark.parametrize(("d", "layer"), [(FINE, 0), (COARSE, 1)])
-def test_still_water_fills_its_box_with_flat_walls(water, d, layer):
+def test_mesh_of_still_water_has_its_volume_and_flat_walls(water, d, layer):
     height = 0.3
     x = packed((0, 0, 0), (SIZE[0], height, SIZE[2]), d)
     water.fill(x, layer)
@@ -94,7 +94,7 @@ def test_still_water_fills_its_box_with_flat_walls(water, d, layer):
     assert_closed(mesh)
     vertices, normals, _ = mesh.to_numpy()
     # The lattice that fills the box is up to 4 % thinner or denser than water at rest, more than
-    # the limited shift of the surface makes up for.
+    # the limited shift of the surface compensates.
     assert mesh.volume() == pytest.approx(water.volume, rel=0.025)
     assert vertices.min() == 0.0
     assert vertices[:, 0].max() == np.float32(SIZE[0])
@@ -111,7 +111,7 @@ def test_still_water_fills_its_box_with_flat_walls(water, d, layer):
 
 
 def test_free_surface_reaches_the_walls(water):
-    """The contact line lies at the walls, not half a cell before them."""
+    """The contact line lies at the walls, not half a cell away from them."""
     water.fill(packed((0, 0, 0), (SIZE[0], 0.3, SIZE[2]), FINE))
     vertices, _, _ = water.mesh().to_numpy()
     inset = 2 * water.surface.lattice.axes[0][1]
@@ -120,9 +120,10 @@ def test_free_surface_reaches_the_walls(water):
 
 
 @pytest.mark.parametrize(("height", "most"), [(0.0, 1.0), (0.015, 3.0)])
-def test_normals_of_a_level_surface_and_of_a_wave(smooth_water, height, most):
-    """Angles [deg rms] to the exact normals at the default smoothing; height: amplitude [m]."""
-    scene_support, support = 2.45, 2.0  # in spacings: of scenes, and of these layers
+def test_normals_of_a_level_surface_and_of_a_wave_are_accurate(smooth_water, height, most):
+    """The rms angle to the exact normals is below `most` [deg] at the default smoothing.
+    height: amplitude of the wave [m]."""
+    scene_support, support = 2.45, 2.0  # of scenes and of these layers, in spacings
     smooth_water.surface.load(SIZE, CELL, Surface().smoothing * scene_support / support)
     k = 2 * np.pi / SIZE[0]
     x = packed((0, 0, 0), (SIZE[0], 0.3, SIZE[2]), FINE, 0.1)
@@ -138,8 +139,9 @@ def test_normals_of_a_level_surface_and_of_a_wave(smooth_water, height, most):
 
 
 @pytest.mark.parametrize("centre", [MIDDLE, MIDDLE * [1, 1, 0], MIDDLE * [0, 1, 0]])
-def test_ball_has_its_volume_also_where_walls_cut_it(water, centre):
-    """A whole ball, half a ball on a wall, a quarter in an edge: closed, and of its volume."""
+def test_a_ball_has_its_volume_also_where_walls_cut_it(water, centre):
+    """A whole ball, half a ball at a wall and a quarter in an edge are closed and have their
+    volume."""
     x, radius = packed((0, 0, 0), SIZE, FINE), 0.18
     water.fill(x[np.linalg.norm(x - centre, axis=1) < radius])
     mesh = water.mesh()
@@ -147,7 +149,7 @@ def test_ball_has_its_volume_also_where_walls_cut_it(water, centre):
     assert mesh.volume() == pytest.approx(water.volume, rel=2e-3)
 
 
-def test_full_box(water):
+def test_mesh_of_a_full_box_has_the_volume_of_the_box(water):
     water.fill(packed((0, 0, 0), SIZE, FINE))
     mesh = water.mesh()
     assert_closed(mesh)
@@ -155,7 +157,8 @@ def test_full_box(water):
 
 
 def test_particles_beyond_walls_add_no_volume_and_no_drop(water):
-    """Those in the pipe of an inflow would raise the surface by 5 %; lone ones are in a jet."""
+    """Particles in the pipe of an inflow would raise the surface by 5 %; lone particles beyond a
+    wall belong to a jet."""
     x = packed((0, 0, 0), (0.6, 0.3, 0.4), FINE)
     pipe = packed((0.2, 0, 0.1), (0.4, 3 * FINE, 0.3), FINE) - [0, 3 * FINE, 0]
     jet = np.array([[-0.1, 0.4, 0.2], [-0.2, 0.35, 0.2]])
@@ -166,13 +169,12 @@ def test_particles_beyond_walls_add_no_volume_and_no_drop(water):
     assert as_trimesh(mesh).body_count == 1
 
 
-def test_no_particles_no_mesh(water):
+def test_mesh_is_empty_without_particles(water):
     water.fill(np.zeros((0, 3)))
     assert water.mesh().counts.to_numpy().tolist() == [0, 0, 0, 0]
 
 
-def test_frames_leave_nothing_behind(water):
-    """A mesh does not depend on what was extracted before it."""
+def test_a_mesh_does_not_depend_on_earlier_meshes(water):
     water.fill(*drops(0))
     first = middles(water.mesh())
     water.fill(*waves(0))
@@ -182,7 +184,7 @@ def test_frames_leave_nothing_behind(water):
 
 
 @pytest.mark.parametrize("suffix", [".ply", ".obj"])
-def test_export_round_trip(water, tmp_path, suffix):
+def test_an_exported_mesh_is_read_back_unchanged(water, tmp_path, suffix):
     water.fill(*waves(1))
     mesh = water.mesh()
     path = tmp_path / f"water{suffix}"
@@ -200,19 +202,19 @@ def test_export_refuses_other_formats(water, tmp_path):
         water.surface.mesh.export(tmp_path / "water.stl")
 
 
-def test_a_kernel_narrower_than_the_water_s_is_refused(water):
+def test_a_kernel_narrower_than_the_support_is_refused(water):
     with pytest.raises(ValueError, match="surface smoothing is 0.9"):
         water.surface.load(SIZE, 0.02, smoothing=0.9)
 
 
-def test_a_scene_beyond_the_room_is_refused(water):
+def test_a_scene_that_exceeds_the_room_is_refused(water):
     with pytest.raises(ValueError, match="room for 330,000 nodes, not for"):
         water.surface.load(SIZE, 0.006)
 
 
 def test_one_surface_serves_all_scenes(water, compiled):
-    """Loaded with another box, cells and kernels it compiles nothing, and its mesh is that of a
-    surface made for the scene."""
+    """A surface that is loaded with another box, cell and kernel compiles nothing, and its mesh
+    equals the mesh of a surface built for the scene."""
     other, size = Water(), (0.63, 0.52, 0.4)
     for surface in (water.surface, other.surface):
         surface.load(size, 0.9 * CELL, 1.4)
@@ -231,8 +233,9 @@ def test_one_surface_serves_all_scenes(water, compiled):
     other.simulation.close()
 
 
-def test_rooms_grow_by_kind():
-    """Each kind by itself, and memory is known before allocation."""
+def test_capacities_of_a_room_grow_separately():
+    """The capacities for particles and nodes grow separately, and the memory is known before
+    allocation."""
     first = SurfaceRoom()
     assert SurfaceRoom.holding((1.0, 1.0, 1.0), 0.05, 1000) == first
     many = SurfaceRoom.holding((1.0, 1.0, 1.0), 0.05, 40_000)

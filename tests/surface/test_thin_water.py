@@ -10,14 +10,15 @@ VOLUME = FINE**3
 
 
 def apart(seed: int) -> np.ndarray:
-    """Particles five spacings from each other and more, each at its own place within a cell."""
+    """Returns particles at least five spacings apart, each at a random place within its cell."""
     rng = np.random.default_rng(seed)
     x = packed((0.06, 0.06, 0.06), np.array(SIZE) - 0.06, 6 * FINE)
     return x + rng.uniform(-0.5, 0.5, x.shape) * FINE
 
 
 def test_drops_are_round_and_have_their_volume(water):
-    """They were polyhedra whose distances from the centre varied by 13 %."""
+    """A drop is a sphere of its particle's volume. Regression: drops were polyhedra whose distances
+    from the centre varied by 13 %."""
     for seed in range(2):
         x = apart(seed)
         water.fill(x)
@@ -34,8 +35,9 @@ def test_drops_are_round_and_have_their_volume(water):
             assert radii.std() < 0.03 * radii.mean()
 
 
-def test_drops_on_walls_are_round_too(water):
-    """They were flat octagons."""
+def test_drops_on_walls_are_round(water):
+    """A drop at a wall is as wide along all axes and has its particle's volume. Regression: drops
+    on walls were flat octagons."""
     beside = 0.4 * FINE
     x = np.array([(beside, 0.2, 0.2), (0.3, beside, 0.1), (0.5, 0.3, SIZE[2] - beside)])
     water.fill(x)
@@ -48,7 +50,7 @@ def test_drops_on_walls_are_round_too(water):
         assert drop.extents.std() < 0.03 * drop.extents.mean()
 
 
-def test_drops_beyond_the_mesh_s_room_are_said():
+def test_drops_that_exceed_the_room_are_reported():
     room = SurfaceRoom(vertices=100, triangles=300)
     small = Water(room=room)
     small.fill(apart(0))
@@ -60,7 +62,7 @@ def test_drops_beyond_the_mesh_s_room_are_said():
 
 
 @pytest.mark.parametrize("height", np.array([0.2, 0.2075, 0.2142]))
-def test_a_sheet_of_single_particles_has_their_volume_and_no_hole(water, height):
+def test_a_sheet_one_particle_thick_keeps_its_volume_and_has_no_hole(water, height):
     x = packed((0, 0, 0), (SIZE[0], FINE, SIZE[2]), FINE, 0.05)
     x[:, 1] += height
     water.fill(x)
@@ -71,8 +73,9 @@ def test_a_sheet_of_single_particles_has_their_volume_and_no_hole(water, height)
     assert abs(water.surface.volume_control.shift[None]) < 0.06
 
 
-def test_a_particle_that_leaves_the_water_is_drawn_continuously(water):
-    """No step of a tenth of a spacing moves the mesh by more than a spacing, nor loses water."""
+def test_the_mesh_changes_continuously_while_a_particle_leaves_the_water(water):
+    """When the particle rises by 0.1 spacings, the mesh moves by less than one spacing and keeps
+    its volume."""
     pool = packed((0, 0, 0), (SIZE[0], 0.15, SIZE[2]), FINE)
     last = None
     for rise in np.arange(0.0, 4.0, 0.1):
@@ -89,7 +92,7 @@ def test_a_particle_that_leaves_the_water_is_drawn_continuously(water):
 
 
 def test_still_water_keeps_the_kernels_of_full_reach(water):
-    """Where water is not thin it is drawn as smooth as the widest kernels draw it."""
+    """Where water is not thin, its surface is as smooth as with the widest kernels."""
     water.fill(packed((0, 0, 0), (SIZE[0], 0.3, SIZE[2]), FINE, 0.05))
     water.mesh()
     thin = water.surface.thin

@@ -1,4 +1,4 @@
-"""Whitewater: what emits it, and how spray, foam and bubbles move."""
+"""Tests of whitewater: emission, and the motion of spray, foam and bubbles."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from surface_kit import FINE, SIZE, packed
 from msph.surface.whitewater import LIFE, MOST, RISE, Whitewater, whitewater_of
 
 GRAVITY = (0.0, -9.81, 0.0)
-LEVEL = 0.2  # of the pool [m]
+LEVEL = 0.2  # water level of the pool [m]
 
 
 @pytest.fixture
@@ -29,7 +29,7 @@ def set_velocity(pool, v: np.ndarray) -> None:
 
 
 def state(whitewater: Whitewater) -> dict[str, np.ndarray]:
-    """Positions, velocities and lives of all particles."""
+    """Returns the positions, velocities and lifetimes of all living whitewater particles."""
     table = {name: getattr(whitewater.table, name).to_numpy() for name in whitewater.table.fields}
     return {name: values[table["life"] > 0.0] for name, values in table.items()}
 
@@ -38,7 +38,7 @@ def put(whitewater: Whitewater, x: tuple[float, float, float], v=(0.0, 0.0, 0.0)
     whitewater.table.fill(x=[x], v=[v], life=[1.0])
 
 
-def test_calm_water_and_water_in_common_motion_emit_nothing(pool, whitewater):
+def test_calm_water_and_uniformly_moving_water_emit_nothing(pool, whitewater):
     for speed in (0.0, 3.0):
         set_velocity(pool, np.tile(np.float32([0.0, -speed, 0.0]), (pool.particles.count, 1)))
         for _ in range(5):
@@ -46,7 +46,7 @@ def test_calm_water_and_water_in_common_motion_emit_nothing(pool, whitewater):
         assert len(state(whitewater)["life"]) == 0
 
 
-def test_water_that_closes_in_emits_up_to_the_limit(pool, whitewater):
+def test_converging_water_emits_up_to_the_limit(pool, whitewater):
     x = pool.particles.numpy("x")
     v = np.zeros_like(x)
     v[:, 0] = np.where(x[:, 0] < 0.5 * SIZE[0], 2.0, -2.0)
@@ -66,7 +66,7 @@ def test_spray_flies_and_bubbles_rise(whitewater):
     for _ in range(10):
         whitewater.advance(0.01, GRAVITY)
     (x,) = state(whitewater)["x"]
-    # Semi-implicit Euler steps fall by g t (t + dt)/2.
+    # By semi-implicit Euler steps, spray falls by g t (t + dt)/2.
     assert x == pytest.approx((0.35, 0.45 - 9.81 * 0.1 * 0.11 / 2, 0.2), abs=1e-4)
     put(whitewater, (0.3, 0.08, 0.2))
     for _ in range(20):
@@ -88,7 +88,7 @@ def test_foam_stays_at_the_surface_and_vanishes(whitewater):
     assert len(state(whitewater)["life"]) == 0
 
 
-def test_walls_hold_whitewater(whitewater):
+def test_whitewater_stays_within_the_walls(whitewater):
     put(whitewater, (0.3, 0.45, 0.2), (100.0, 100.0, -100.0))
     whitewater.advance(0.1, GRAVITY)
     (x,) = state(whitewater)["x"]
