@@ -14,8 +14,8 @@ PERCENT, DECIMAL, INTEGER, EXPONENT = "{:+.3f} %", "{:.1f}", "{:.0f}", "{:.1e}"
 @dataclass(frozen=True)
 class Figure:
     """A row of the table: key in the summary, group, label, limit (in the value's unit), format
-    (PERCENT multiplies by 100), and the consequence of a value outside the limit. lower: the limit
-    is a lower one."""
+    (PERCENT multiplies by 100), and the consequence of a value outside the limit. lower: True for
+    a lower limit."""
 
     key: str
     group: str
@@ -72,7 +72,7 @@ FIGURES = (
         "water on both sides of the body interacts through it",
         lower=True,
     ),
-    # The limit of the mean bulk density: both shift water levels.
+    # Equal to the limit of the mean bulk density error: both errors shift water levels.
     Figure(
         "mass_laid_error",
         "water",
@@ -115,7 +115,7 @@ FIGURES = (
         EXPONENT,
         "pair forces exert a torque: vortices are inaccurate",
     ),
-    # The limits of bench/accuracy.py for still and sloshing water.
+    # Equal to the limit of bench/accuracy.py for still and sloshing water.
     Figure(
         "energy_gain",
         "conservation",
@@ -124,7 +124,7 @@ FIGURES = (
         PERCENT,
         "the method creates kinetic energy; use smaller particles or time steps",
     ),
-    # Large where little moves: water on a lattice gains as much while its surface settles.
+    # Large if little water moves: on a lattice, water gains as much while its surface settles.
     Figure(
         "energy_gain_of_motion",
         "conservation",
@@ -165,7 +165,7 @@ FIGURES = (
         PERCENT,
         "some particles nearly coincide; pressures near them are inaccurate",
     ),
-    # Disordered water of the right volume has up to 2 and 6 % (docs/method.md).
+    # Disordered water of the right volume has errors of up to 2 and 6 % (docs/method.md).
     Figure(
         "kernel_density_error_mean",
         "density",
@@ -236,7 +236,7 @@ class Line:
 
 
 def account(found: dict[str, float]) -> list[Line]:
-    """Returns a line for each figure of `found`, by key; figures of bodies have one per body."""
+    """Returns a line for each figure of `found`, by key; figures of bodies: a line per body."""
     lines = []
     for figure in FIGURES:
         for key, value in found.items():

@@ -15,10 +15,10 @@ from msph.measure.host_kernels import epanechnikov, mirrored
 # within 0.5 % of the true density everywhere, and within 0.01 % in the mean.
 KERNEL_RADIUS = 3.5
 # Radii that are tried in turn until enough water is deep enough, as in the tongue of a dam break or
-# a breaking wave. Means in water of displacements of 0.2 spacings: within 0.1, 0.2, 0.3 and 0.4 %.
+# a breaking wave. Means with particles displaced by 0.2 spacings: within 0.1, 0.2, 0.3, 0.4 %.
 RADII = (KERNEL_RADIUS, 3.0, 2.5, 2.0)
-# Distance from every particle, in its spacings, beyond which a point is air. A lattice has holes of
-# 0.87, or 1 where a particle is missing.
+# Distance from every particle, in its spacings, beyond which a point is air. In a lattice a point
+# is at most 0.87 spacings from a particle, or 1 where a particle is missing.
 AIR_DISTANCE = 1.25
 # Width of air counted as water, in spacings: water ends half a spacing beyond the last centre.
 AIR_LAYER = AIR_DISTANCE - 0.5
@@ -35,7 +35,7 @@ HALF_DIAGONAL = 0.5 * 3.0**0.5
 
 @dataclass(frozen=True)
 class BulkDensity:
-    """sum V_j W (-), 1 at rest density: mean, least and most over `points` sample points.
+    """Density sum V_j W (-), 1 at rest: mean, least and most over `points` sample points.
 
     NaN if too little water is deep enough even for the narrowest kernel.
     """
@@ -84,8 +84,8 @@ class _Water:
     edge: float
 
     def densities(self, radius: float, points: int, rng: np.random.Generator) -> np.ndarray:
-        """Returns the densities (-) at random points of which a kernel of `radius` spacings is
-        known, (k,) with k at most `points`; none if there are too few possible points."""
+        """Returns the densities (-) at random points whose kernel of `radius` spacings lies in the
+        water, (k,) with k at most `points`; none if there are too few possible points."""
         from scipy.spatial import cKDTree
 
         x, spacing, clearance, edge = self.x, self.spacing, self.clearance, self.edge
@@ -101,7 +101,7 @@ class _Water:
         found = np.full(len(places), np.nan)
         sizes = np.unique(spacing)
         trees = {d: cKDTree(x[spacing == d]) for d in sizes}
-        # From fine to coarse: the smallest kernel that reaches no coarser particle's volume.
+        # From fine to coarse: each point uses the smallest kernel that reaches no coarser volume.
         for d in sizes:
             h = radius * d
             open_ = np.flatnonzero(np.isnan(found) & (room > self._needed(radius, d)))

@@ -22,8 +22,8 @@ from msph.measure.entry import energy_less_work
 from msph.measure.table import parts
 from msph.own_files import replacing
 
-# Ratio of the spacings of successive runs, at least 1.3 (Celik et al. 2008); a coarser run costs a
-# quarter of the next finer one.
+# Ratio of the spacings of successive runs, at least 1.3 (Celik et al. 2008). A run costs a quarter
+# of the next finer run.
 RATIO = math.sqrt(2.0)
 # Orders that count as asymptotic, and safety factors with and without a known order (Eca and
 # Hoekstra 2008, appendix 1).
@@ -60,7 +60,7 @@ class Row:
 
 
 def factors(runs: int) -> list[float]:
-    """Returns the spacings of the runs over the scene's (-), from coarse to 1."""
+    """Returns the ratio of each run's spacings to the scene's (-), from coarse to 1."""
     return [RATIO**k for k in reversed(range(runs))]
 
 
@@ -126,10 +126,10 @@ def _mean(values: np.ndarray) -> float:
 def compare(ledgers: list[dict], probes: list[dict], spacing: float) -> list[Row]:
     """Returns the rows from the tables of runs, coarse to fine (see table.read).
 
-    Rows are means over the run of kinetic energy, every probe and the centre of mass, along axes
-    where it moves by at least MIN_CENTRE_MOTION times `spacing` [m]; the mechanical energy lost;
-    and the root mean square over time of the distance between the centres of mass of successive
-    runs.
+    Rows are means over the run of kinetic energy, every probe and the centre of mass, along axes in
+    which the centre moves by more than MIN_CENTRE_MOTION times `spacing` [m]; the mechanical energy
+    lost; and the root mean square over time of the distance between the centres of mass of
+    successive runs.
     """
     paths = [np.column_stack([t[f"centre_{k}_m"] for k in "xyz"]) for t in ledgers]
     moves = np.abs(paths[-1] - paths[-1][0]).max(axis=0) > MIN_CENTRE_MOTION * spacing
@@ -190,7 +190,7 @@ def _cells(row: Row, digits: int, unknown: str) -> list[str]:
 
 def write(path: Path, rows: list[Row], spacings: list[float]) -> None:
     """Writes convergence.csv: a line for the finest spacing [m] of each run, run_1 the coarsest,
-    and one for each figure in its unit."""
+    and a line for each figure in its unit."""
     heads = ["quantity", "unit", *(f"run_{k + 1}" for k in range(len(spacings))), *ESTIMATE_HEADS]
     first = ["finest_spacing", "m", *(f"{d:.6g}" for d in spacings), *[""] * len(ESTIMATE_HEADS)]
     cells = [_cells(row, 6, "") for row in rows]

@@ -24,11 +24,11 @@ class Entry:
     residuals are the mean, 99th percentile and maximum over particles of max(rho/rho0 - 1, 0), as
     densities at free surfaces are below rest; rho is the solver's own density, its correction
     included, at the positions at `time`. outside: number of particles outside the box or the
-    container or in a body, by Contact.leaked. spilt: mass that left an open box since the start; it
-    is not part of mass. spilt_momentum and spilt_energy (kinetic and potential) are sums when it
-    left; outflow_*: the same of water that left through outflows. inflow_*: of water that inflows
-    added, and by prescribed velocities. body_impulse: of the bodies on the water, walls between
-    them included. floating_*: of all floating bodies, which are not part of the other totals.
+    container or in a body, by Contact.leaked. spilt: mass that left an open box since the start,
+    not part of mass; spilt_momentum, spilt_energy (kinetic and potential): of this water when it
+    left. outflow_*: the same for water that left through outflows. inflow_*: of the water that
+    inflows added, and by prescribed velocities. body_impulse: of all bodies on the water, removed
+    bodies included. floating_*: of all floating bodies, which are not part of the other totals.
     """
 
     time: Annotated[float, "s"]

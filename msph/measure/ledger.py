@@ -10,7 +10,7 @@ from msph.fluid.simulation import Simulation
 from msph.measure.entry import Entry
 from msph.measure.totals import Totals
 
-# Number of voxels of the room of level water. Boxes without bodies are exact with any number.
+# Number of voxels for the energy of level water; boxes without bodies are exact with any number.
 VOXELS = 200_000
 
 
@@ -30,7 +30,7 @@ class Ledger:
     density_every: float = 0.0
     entries: list[Entry] = field(default_factory=list)
     _tilt_work: float = 0.0
-    # Gravity and first moment of water and bodies at the last entry.
+    # Gravity and first moment of water and floating bodies at the last entry.
     _gravity: np.ndarray | None = None
     _moment: np.ndarray | None = None
     _density_due: float = 0.0
@@ -65,8 +65,8 @@ class Ledger:
             raise NotFiniteError(f"{what} overflowed at t = {sim.time:.3f} s (step {sim.steps})")
         moment, floating_moment = totals.pop("moment"), floating.mass @ floating.x
         if self._gravity is not None:
-            # Turning the box turns gravity in its frame, at the beginning of the time since the
-            # last entry, which changes the potential energy.
+            # A turn of the box changes gravity in the box frame, and thus the potential energy, at
+            # the beginning of the time since the last entry.
             self._tilt_work -= float(self._moment @ (g - self._gravity))
         self._gravity, self._moment = g, moment + floating_moment
         del totals["not_finite"]
@@ -106,8 +106,8 @@ class Ledger:
         return np.maximum(density / rest - 1.0, 0.0)
 
     def mass_change(self) -> float:
-        """Returns the relative change of mass, beside the water that left and that the user or
-        inflows added (-)."""
+        """Returns the relative change of mass (-), apart from the water that left and the water
+        that the user or inflows added."""
         first, last = (
             e.mass + e.spilt + e.outflow_mass - e.added_mass - e.inflow_mass
             for e in (self.entries[0], self.entries[-1])
@@ -159,8 +159,8 @@ class Ledger:
         """Returns the largest rise of kinetic and potential energy between two entries at most
         `window` [s] apart without input between them, over reference_energy() (-).
 
-        Input is work of walls, pushing by the user, or motion of the box. NaN if there is always
-        input.
+        Input is work of walls or inflows, an impulse by the user, or motion of the box. NaN if
+        there is always input.
         """
         rises = [
             later.mechanical - earlier.mechanical for earlier, later in self._undisturbed(window)
@@ -208,8 +208,8 @@ def _disturbed(before: Entry, after: Entry) -> bool:
 
 def level_potential(simulation: Simulation, gravity: np.ndarray, mass: float) -> float:
     """Returns the least potential energy [J] of `mass` [kg] of water at rest density under gravity
-    (3,) [m/s^2], zero at the origin: level water that fills the room outside bodies from its lowest
-    place, all parts of which count as connected. NaN if the room is too small."""
+    (3,) [m/s^2], zero at the origin: level water fills the space outside bodies from the lowest
+    point, and all parts of this space count as connected. NaN if the space is too small."""
     size = np.array(simulation.region)
     edge = (size.prod() / VOXELS) ** (1.0 / 3.0)
     shape = np.maximum(np.round(size / edge), 1).astype(int)

@@ -30,7 +30,7 @@ class CheckpointError(BadInputError):
 
     @classmethod
     def beyond(cls, since: float, duration: float) -> "CheckpointError":
-        """The error of a checkpoint of the time `since` [s] in a run of `duration` [s]."""
+        """Returns the error of a checkpoint at `since` [s] for a run of `duration` [s]."""
         return cls(
             f"the checkpoint is at {since:g} s and the run ends at {duration:g} s; "
             "--seconds sets a later end"
@@ -76,8 +76,8 @@ def entries(rows: np.ndarray) -> list[Entry]:
 
 
 def surveys(rows: np.ndarray, rest_density: float) -> list[Survey]:
-    """Returns the surveys of a ledger's rows (n, columns) that have one; their last columns are
-    Survey.row(). rest_density [kg/m^3] of the water."""
+    """Returns the surveys of a ledger's rows (n, columns), whose last columns are Survey.row(), or
+    NaN without a survey. rest_density [kg/m^3]: of the water."""
     mass, found = columns().index("mass [kg]"), []
     for row in rows:
         volume, mean, p99, *bulk = own = row[-len(COLUMNS) :]

@@ -22,13 +22,13 @@ from msph.scene.water import layer_specs
 
 # Step of the search for the height, in finest spacings.
 HEIGHT_STEP = 0.1
-# Largest edge of a body's faces, in finest spacings, and largest number of faces, each read alone.
+# Largest edge of a body's faces, in finest spacings, and most faces; each is read alone.
 MAX_EDGE, MAX_FACES = 0.75, 8000
 AXES = {"x": 0, "y": 1, "z": 2}
 
 
 class Probe(ABC):
-    """A named probe. HEADS: "name [unit]" of the numbers that it reads, with {} for its name."""
+    """A named probe. HEADS: "name [unit]" of each number read, with {} for the probe's name."""
 
     HEADS: ClassVar[tuple[str, ...]]
     name: str
@@ -178,8 +178,8 @@ class ForceProbe(Probe):
     """Force [N] of the water on body number `body`, the integral of the pressure over its wet
     faces, and torque [N m] about its centre, in the box's frame.
 
-    At time zero: centre (3,) [m] of the body, centres (f, 3) [m] of its faces relative to it, and
-    area vectors (f, 3) [m^2] of the faces, towards the water.
+    At time zero: centre (3,) [m] of the body; middles (f, 3) [m] of its faces, relative to this
+    centre; areas (f, 3) [m^2]: area vectors of the faces, towards the water.
     """
 
     HEADS = (
@@ -225,7 +225,7 @@ def lattice(lo: np.ndarray, hi: np.ndarray, spacing: float) -> tuple[np.ndarray,
     return points, float(np.prod(edges[edges > 0.0])) / len(points)
 
 
-# Makes a checked probe of each kind.
+# Constructors of the probes by kind, from a checked probe of a scene.
 KINDS: dict[str, Callable[[schema.Probe, Scene], Probe]] = {
     "pressure": lambda p, _: PressureProbe(p.name, p.point or p.lo, p.hi, p.window),
     "velocity": lambda p, _: VelocityProbe(p.name, p.point),

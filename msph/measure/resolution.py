@@ -10,7 +10,7 @@ from msph.fluid.boundary.body_faces import faces
 from msph.fluid.boundary.rigid_bodies import TOUCHING, Ball, Block, Body, Solid
 from msph.fluid.plan import Plan
 
-# Number of points on a body's surface for distances between bodies: 1 % of its size apart.
+# Number of points on a body's surface for distances between bodies: 1 % of the body's size apart.
 POINTS = 20_000
 
 
@@ -48,8 +48,8 @@ def mean_depth(gravity: tuple[float, float, float], plan: Plan, centres: np.ndar
 
 
 def narrowest_gap(size: tuple[float, float, float], solids: Sequence[Body], d: float) -> float:
-    """Returns the least distance [m] between opposite walls, a body and a wall, or two bodies, if
-    more than half a spacing d [m]; the distance of two bodies is within 1 % of their size."""
+    """Returns the least distance [m] above half a spacing d [m] between opposite walls, a body and
+    a wall, or two bodies; the distance of two bodies is within 1 % of their size."""
     lo, hi = _room(size, solids)
     gaps = list(hi - lo)
     if not any(map(_contains, solids)):

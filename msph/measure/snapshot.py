@@ -23,7 +23,7 @@ FACE_TOLERANCE = 0.1
 # Coverage of dry and of fully wet points; symmetric about SURFACE_COVERAGE, so that sums over faces
 # do not depend on where a flat surface lies between two points.
 DRY_COVERAGE, WET_COVERAGE = 0.1, 0.9
-# Points evaluated together.
+# Number of points evaluated together.
 CHUNK = 64
 # Radius of the fit, in supports h_j: with 1, four particles would remain for the four unknowns in a
 # corner, where seven eighths of the kernel are empty.
@@ -56,7 +56,7 @@ class Snapshot:
     def of(cls, simulation: Simulation) -> "Snapshot":
         p, specs = simulation.particles, simulation.layers.specs
         x, boundary = p.numpy("x").astype(float), simulation.boundary
-        # Not in pipes and jets beyond the walls, which the walls must not mirror.
+        # Without particles in pipes and jets beyond the walls, which the walls must not mirror.
         inside = np.all((x >= 0.0) & (x <= simulation.walls), axis=1)
         layer = p.numpy("layer")[inside]
         return cls(
@@ -86,7 +86,7 @@ class Snapshot:
 
         Moving least squares of first order with weights V_j W(r_j, 1.5 h_j) (Lancaster and
         Salkauskas 1981): exact for linear fields at any particle positions, so that the pressure on
-        a wall is not that of the first particles, half a spacing away.
+        a wall is not the pressure of the first particles, half a spacing away.
         """
         around = self.near(point, point)
         values = getattr(around, name)
@@ -115,7 +115,7 @@ class Snapshot:
         for first in range(0, len(points), CHUNK):
             some = points[first : first + CHUNK]
             around = self.near(some.min(axis=0), some.max(axis=0))
-            # Near bodies about half of the kernel is empty, so a wider one is used.
+            # Near bodies about half of the kernel is empty, so a wider kernel is used.
             widen = FIT_RADIUS if self.bodies else 1.0
             c = around.coverage(some, np.ones(len(around.x), bool), widen)
             share = (c - DRY_COVERAGE) / (WET_COVERAGE - DRY_COVERAGE)

@@ -49,9 +49,9 @@ def water_mass(scene: Scene, simulation: Simulation, started: list[int]) -> dict
 def progress(
     simulation: Simulation, started: list[int], frame_s: float, first_step: int = 0
 ) -> dict[str, Any]:
-    """Returns the time and steps of a run that started or resumed at `first_step`, and the numbers
-    of particles per layer at its start and end, and the masses [kg] that left an open box, and that
-    flowed through inflows and outflows."""
+    """Returns the time and steps of a run that started or resumed at `first_step`, the numbers of
+    particles per layer at its start and end, and the masses [kg] that left an open box and flowed
+    through inflows and outflows."""
     done = simulation.steps - first_step
     return {
         "simulated_s": simulation.time,

@@ -7,7 +7,7 @@ from msph.fluid.world import World
 from msph.taichi_internals import data_oriented, kernel, longest_float
 
 # Particles per thread, summed in single precision; the host adds the partial sums in double.
-# Rounding grows with the number of terms: 32 keep it below 1e-6, also without f64.
+# Rounding grows with the number of terms: 32 terms keep the error below 1e-6, also without f64.
 CHUNK = 32
 
 # Names of the sums, and their indices in a partial sum.

@@ -34,8 +34,8 @@ ENDINGS = (ClosedError, KeyboardInterrupt)
 
 @dataclass(frozen=True)
 class About:
-    """What a session plays: version of the program, time of its start, scene, quality, overrides
-    on the command line, and live parameters changed by the user."""
+    """Description of a session: version of the program, time of the start, scene, quality,
+    overrides on the command line, and live parameters changed by the user."""
 
     msph: str
     began: str
@@ -79,7 +79,7 @@ class Autosave:
 
 
 class Autosaver(Relay):
-    """Saves what an audience plays every INTERVAL, from a copy of the state in another thread."""
+    """Saves the state of the simulation every INTERVAL; another thread writes a copy of it."""
 
     def __init__(self, inner: Audience, file: Autosave, choice: Choice):
         super().__init__(inner)
@@ -147,7 +147,7 @@ def _left() -> list[Path]:
 
 
 def _in_use(path: Path) -> bool:
-    """Returns True if the process that wrote a file still runs; another one may have its number."""
+    """Returns True if the process that wrote a file still runs; a new process may reuse its id."""
     try:
         process = psutil.Process(int(path.name.split("_")[1]))
         return process.create_time() <= path.stat().st_mtime

@@ -12,7 +12,7 @@ from msph.scene.schema import Scene
 @dataclass(frozen=True)
 class Choice:
     """A scene (name or file) at a quality; set: live parameters changed by the user; found: the
-    quality that AUTO has become; resume: checkpoint to continue from."""
+    quality selected for AUTO; resume: checkpoint to continue from."""
 
     scene: str
     quality: str
@@ -33,8 +33,8 @@ def full_name(scene: str) -> str:
 
 @dataclass(frozen=True)
 class SceneArguments:
-    """The scene on the command line, its overrides, and those of further simulations side by
-    side."""
+    """The scene on the command line, its overrides, and the overrides of further simulations side
+    by side."""
 
     scene: str
     overrides: tuple[str, ...] = ()

@@ -137,7 +137,7 @@ def capture(scene: str | None, options: CaptureOptions, run: RunOptions) -> None
 
 
 def bench(scenes: tuple[str, ...], options: BenchOptions, run: RunOptions) -> None:
-    """Benchmarks scenes and prints a table with a row each."""
+    """Benchmarks scenes and prints a table with a row for each scene."""
     recording = None
     if options.replay:
         exclude("--replay", True, "--play", options.as_played)
@@ -230,7 +230,7 @@ def measured(
     make_writable(folder / SCENE)
     scene, show, how = loaded.scene, None, options_of(recording, resume)
     if resume:
-        # Before any file is written: a checkpoint of another scene must not destroy the folder.
+        # Before any file is written, as a checkpoint of another scene must not destroy the folder.
         show = prepare(scene, scene.measure.every, timings=Timings(), **how)
         show.resume(Path(resume))
     measurer = Measurer(folder, scene, loaded.name, loaded.arch, since=since)
@@ -360,8 +360,8 @@ def record(
 
 
 def options_of(recording: Recording | None, resume: str | None = None) -> dict[str, Any]:
-    """Returns the options of a show with recorded input, if any, those with which it was recorded,
-    or with room for the particles of a checkpoint, to which a user may have added water."""
+    """Returns the options of a show: with recorded input, the options of its recording; otherwise
+    room for the particles of a checkpoint, if any, to which a user may have added water."""
     return SIMULATED if recording else {"room": particles_in(resume)}
 
 

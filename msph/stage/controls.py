@@ -14,8 +14,8 @@ MAX_FRAME_TIME = 1.0
 
 @dataclass(frozen=True)
 class Key:
-    """Help entry of one or more keys. label: keys in words; effect: what they do; keys: names in
-    the window library, each with its action; hint: short invitation to try them."""
+    """Help entry of one or more keys. label: keys in words; effect: help text; keys: names in the
+    window library, each with its action; hint: short invitation to try them."""
 
     label: str
     effect: str
@@ -78,7 +78,7 @@ class Inputs:
     ends with the first step that reaches this time, None for the frame time. still: no time passes.
     reset: begin again. set: live parameters that change, None for their initial values. tilt: (roll
     about z, pitch about x) [rad] of the pool seen from `azimuth` [rad], added to the scene's own
-    sway. use: of a tool.
+    sway. use: use of a tool.
     """
 
     frame_time: Annotated[float, Field(gt=0.0, le=MAX_FRAME_TIME)] | None = None

@@ -26,8 +26,8 @@ from msph.surface.whitewater import whitewater_of
 class Display:
     """Extracts the surface of a simulation and renders it, or its particles.
 
-    size (width, height) [pixels] of the image, None for none. meshes: extract the surface of every
-    frame, rendered or not. pose: of the box as it is shown. Parts that are not used are None.
+    size (width, height) [pixels] of the image, None for no image. meshes: extract the surface of
+    every frame, rendered or not. pose: of the rendered box. Parts that are not used are None.
     """
 
     def __init__(

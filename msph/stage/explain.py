@@ -102,7 +102,7 @@ def water_error(centres: list[np.ndarray], others: list[np.ndarray], depth: floa
 
 
 def picture_error(whole: Show, other: Show) -> str:
-    """Describes the mean difference between two shows' images of the first one's particles."""
+    """Describes the mean difference between two shows' images of the first show's particles."""
     other.simulation.restore(whole.simulation.state())
     other.simulation.grid.refresh()
     for show in (whole, other):

@@ -20,8 +20,8 @@ from msph.fluid.external_forces import Hand, as_vector
 if TYPE_CHECKING:
     from msph.stage.tools import Touch
 
-# Radius of a thrown ball, and half the edge of a thrown cube, over the box's longest edge; smallest
-# one in finest spacings; density over the water's.
+# Radius of a thrown ball, and half the edge of a thrown cube, over the box's longest edge; least
+# value of both in finest spacings; density over the water's.
 SIZE, LEAST_SIZE, DENSITY = 0.07, 2.5, 0.4
 # Distance of a thrown body from the water in radii, and its speed over sqrt(g L) of the box's
 # longest edge L.
@@ -55,7 +55,7 @@ def floating_at(
 
 
 def use(touch: "Touch") -> Hand:
-    """Drags the floating body that the press began on; a press elsewhere throws one in."""
+    """Drags the floating body that the press began on; a press elsewhere throws in a new body."""
     show = touch.show
     boundary = show.simulation.boundary
     if touch.began:
@@ -89,7 +89,7 @@ def _drag(touch: "Touch", k: int, offset: np.ndarray) -> None:
 
 
 def _throw(touch: "Touch") -> None:
-    """Throws a ball or, every second time, a cube onto the water."""
+    """Throws a ball onto the water, or a cube if the number of floating bodies is odd."""
     show, size, d = touch.show, touch.size, touch.show.simulation.layers.finest.spacing
     longest = float(size.max())
     half = max(SIZE * longest, LEAST_SIZE * d)

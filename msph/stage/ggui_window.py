@@ -27,8 +27,8 @@ from msph.stage.window import (
 from msph.stage.x11_pointer import X11Pointer
 from msph.taichi_internals import set_image
 
-TITLE = "M-SPH"  # also how the window is found on the X server
-MARKER_RADIUS = 0.008  # of the marker at a pushing cursor, over the window's height
+TITLE = "M-SPH"  # title, by which the window is found on the X server
+MARKER_RADIUS = 0.008  # radius of the cursor's marker over the window's height
 # Line width of arrows over the window's height; length of a tip over the arrow's length.
 STROKE, TIP = 0.006, 0.22
 # File that GGUI writes to the working directory; removed if it is new.
@@ -130,7 +130,7 @@ class GguiWindow:
         for line, colour in zip(self.lines[: self.arrowed], ARROWS, strict=False):
             self.canvas.lines(line, width=STROKE, color=colour)
         self.marked, self.arrowed = False, 0
-        # Taichi prints why it aborts.
+        # Taichi prints a message before it aborts.
         with self.guard.silenced():
             self.window.show()
 

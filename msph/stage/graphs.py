@@ -89,7 +89,7 @@ class Graphs:
             self._legend(draw, graph, show, curves[:, -1], width - pad, top, font)
             known = curves[np.isfinite(curves)]
             lo, hi = (known.min(), known.max()) if known.size else (0.0, 1.0)
-            # The energy's axis need not contain 0: its changes matter.
+            # The energy's axis need not contain 0: only changes of the energy matter.
             lo = lo if graph.title.startswith("energy") else min(lo, 0.0)
             span = max(hi - lo, 1e-9)
             draw.line((pad, bottom, width - pad, bottom), FAINT)

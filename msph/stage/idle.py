@@ -41,7 +41,7 @@ class Idle:
         return MAX_TILT * self.strength * math.sin(self.phase)
 
     def hint(self) -> str:
-        """Returns what an idle user may try, "" while the user is active."""
+        """Returns the hint for an idle user, "" while the user is active or has tried all hints."""
         if self.idle_time < IDLE_DELAY:
             return ""
         return next((k.hint for k in self.hints()), "")

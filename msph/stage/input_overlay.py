@@ -6,7 +6,7 @@ import numpy as np
 
 
 class InputOverlay:
-    """Overlay with keys, mouse input and pages of its own; this one has none."""
+    """Overlay with its own keys, mouse input and pages; the base class has none."""
 
     below = 0  # height of its pages at the lower edge [pixels]
     taken: frozenset[str] = frozenset()  # keys that it handles
@@ -35,8 +35,8 @@ class InputOverlay:
         return False
 
     def drag(self, cursor: np.ndarray, down: bool, pressed: bool) -> bool:
-        """Handles the left mouse button, which is down now or not and was pressed in this frame or
-        not; returns True while it holds a widget."""
+        """Handles the left mouse button; returns True while the button holds a widget. pressed:
+        True if the button was pressed in this frame."""
         return False
 
     def update(self) -> None:

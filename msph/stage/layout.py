@@ -76,7 +76,7 @@ class Layout:
 
     def on_tools(self, cursor: np.ndarray) -> tuple[float, float]:
         """Converts a cursor from (right, up) in shares of the window to (right, down) in pixels
-        from the toolbar's upper left corner, of which both are NaN without a toolbar."""
+        from the toolbar's upper left corner; both are NaN without a toolbar."""
         if "tools" not in self.overlay.shown:
             return math.nan, math.nan
         left, low, _, height = self.overlay.shown["tools"]

@@ -28,9 +28,9 @@ class Audience(Protocol):
 
 
 def run(row: Row, audience: Audience, frames: int | None = None) -> None:
-    """Runs frames, at most `frames`, until the audience wants no more, then closes it, also after
-    errors. Raises
-    InterruptedRun after the step in which a signal arrived; that frame is then incomplete."""
+    """Runs frames, at most `frames`, until the audience wants no more, then closes the audience,
+    also after errors. Raises InterruptedRun after the step in which a signal arrived; the frame of
+    this step is then incomplete."""
     with deferred_signals() as raise_if_signalled:
 
         def step_done(share: float) -> None:

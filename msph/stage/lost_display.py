@@ -1,7 +1,7 @@
-"""End of the program when its display is lost: one line, exit code 1, recordings completed.
+"""Handling of a lost display: prints one line, completes recordings, ends with exit code 1.
 
-Without this, Xlib ends the process after an I/O error, and Taichi's window aborts it with exit code
-134 when the window was destroyed; neither returns to Python.
+By default, Xlib ends the process after an I/O error, and Taichi's window aborts the process with
+exit code 134 after the window was destroyed; neither returns to Python.
 """
 
 import contextlib
@@ -29,7 +29,7 @@ def completing(complete: Callable[[], None]) -> Iterator[None]:
 
 
 class DisplayGuard:
-    """Handler of lost displays, from its creation until close(). Has no effect beyond Linux."""
+    """Handler of lost displays, from its creation until close(). Has an effect on Linux only."""
 
     def __init__(self) -> None:
         self.stderr, self.nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)

@@ -173,7 +173,7 @@ class Measurer:
 
     def _forces(self) -> dict[str, Any]:
         """Returns the mean force [N] and torque [N m] on each body at the end of the run, and the
-        time [s] over which it is the mean."""
+        averaging time [s]."""
         found, seconds = self.bodies.last_forces()
         rows = zip(names(self.scene), found.tolist(), strict=True)
         forces = {name: {"force_N": row[:3], "torque_N_m": row[3:]} for name, row in rows}

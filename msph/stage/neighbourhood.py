@@ -13,8 +13,8 @@ from msph.fluid.simulation import Simulation
 from msph.fluid.world import World
 from msph.taichi_internals import data_oriented, kernel
 
-# Radius over the particle's own: of particles that are no neighbours, and of neighbours with weight
-# 0, which must not hide those with larger weights.
+# Displayed radius over the particle's, of non-neighbours and of neighbours with weight 0; both are
+# small, so that neighbours with larger weights stay visible.
 DOT, SHELL = 0.2, 0.35
 # Weight of the previous mean in smoothed accelerations; single steps fluctuate.
 SMOOTHING = 0.8
@@ -39,7 +39,7 @@ class NeighbourWeights:
         radius: ti.template(),
     ):
         """Computes value (n,) = W_ij / W(0), and scales radius (n,) [m] by DOT for particles that
-        are no neighbours, else by SHELL to 1 with the weight."""
+        are no neighbours, and by SHELL to 1 with the weight for neighbours."""
         for j in range(n):
             layer, other = self.particles.layer[i], self.particles.layer[j]
             h = self.reach[layer, other]
@@ -77,7 +77,7 @@ class Neighbourhood:
         self.before = self.acceleration = None
 
     def find(self) -> bool:
-        """Finds the index of the particle; returns False after a merge has removed it."""
+        """Finds the index of the particle; returns False if there is no such particle."""
         if self.id is None:
             return False
         places = np.flatnonzero(self.particles.numpy("id") == self.id)
@@ -127,8 +127,8 @@ class Neighbourhood:
         return lines
 
     def arrows(self, gravity: np.ndarray) -> dict[str, np.ndarray]:
-        """Returns the accelerations (3,) [m/s^2] by name; gravity (3,) in the box frame. The rest
-        after gravity comes from the neighbours, walls and the hand."""
+        """Returns the accelerations (3,) [m/s^2] by name; gravity (3,) in the box frame. "water"
+        is the total less gravity, caused by the neighbours, walls and the hand."""
         if self.acceleration is None:
             return {}
         return {"gravity": gravity, "water": self.acceleration - gravity}

@@ -10,9 +10,9 @@ import numpy as np
 from msph.stage.controls import Controls
 from msph.stage.row import Row
 
-# Frame rates tried in turn, over the requested one; half of it is preferred to slow motion.
+# Frame rates tried in turn, over the requested rate; half this rate is preferred to slow motion.
 RATES = (1.0, 0.75, 0.5)
-# Image scales in steps of 0.05; smaller images than the last look blurred.
+# Image scales in steps of 0.05; images below the last scale look blurred.
 SCALES = tuple(1.0 - 0.05 * k for k in range(9))
 # Largest change of the scale at a time.
 MAX_CHANGE = 0.1

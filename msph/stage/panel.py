@@ -13,10 +13,11 @@ from msph.stage.pages import DENSE, FAINT, INK, LINE, font_of
 from msph.stage.show import Show
 from msph.stage.widgets import Grip, Sheet, Slider
 
-# Pages of the panel; pages of the live parameters by scene section, "water" for all others.
+# Pages of the panel.
 PAGES = ("water", "light", "play", "views", "scenes", "quality")
 # Number of choices beyond which buttons stand in two columns.
 LONGEST_COLUMN = 12
+# Pages of the live parameters by scene section; "water" for all others.
 PAGE_OF = {"picture": "light", "play": "play"}
 # Page buttons per row, and padding in text heights.
 PER_ROW, PAD = 3, 0.5

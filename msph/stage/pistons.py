@@ -1,4 +1,4 @@
-"""The end wall of the box under the cursor: a piston while it is dragged, and until it is back."""
+"""End wall of the box that the user drags: a piston until the wall is back in its place."""
 
 import math
 from typing import TYPE_CHECKING
@@ -16,15 +16,15 @@ if TYPE_CHECKING:
     from msph.stage.show import Show
     from msph.stage.tools import Touch
 
-# Longest way over the length of the box; least one, and gap to bodies and openings, in finest
-# spacings.
+# Longest stroke over the length of the box; its least value, and gap to bodies and openings, in
+# finest spacings.
 LONGEST, LEAST, GAP = 0.4, 3.0, 2.0
-# Largest speed over sqrt(g L) and acceleration over g, and time in which the wall reaches the
-# cursor over sqrt(L/g), L the longest edge of the box: it brakes with less than that acceleration.
+# Largest speed over sqrt(g L), largest acceleration over g, and time over sqrt(L/g) in which the
+# wall reaches the cursor, L the longest edge of the box; braking needs less than ACCELERATION.
 SPEED, ACCELERATION, REACHING = 0.8, 3.0, 0.4
-# Least of that time in frames, or else the wall would swing.
+# Least time in which the wall reaches the cursor, in frames; with less the wall would oscillate.
 FRAMES = 3.0
-# Way from its wall at which a released piston is taken away, in finest spacings.
+# Distance from its wall at which a released piston is removed, in finest spacings.
 HOME = 0.02
 
 
@@ -52,7 +52,7 @@ def use(touch: "Touch") -> Hand:
 
 def follow(show: "Show", step: float) -> None:
     """Lets the piston of a show, if any, follow the user in a frame of `step` [s], or return to its
-    wall, where it is taken away."""
+    wall, where the piston is removed."""
     sim, held, show.wall_place = show.simulation, show.wall_place, None
     if sim.piston is None:
         return
@@ -69,7 +69,7 @@ def follow(show: "Show", step: float) -> None:
 
 
 def _longest(show: "Show", stroke: Stroke) -> float:
-    """Returns the way [m] that is free before a wall. Raises FullError without room."""
+    """Returns the longest stroke [m] of a wall. Raises FullError without room."""
     sim, axis = show.simulation, stroke.axis
     boundary, length = sim.boundary, sim.size[axis]
     spans = [_span(boundary, b, axis) for b in range(boundary.count) if _stays(boundary, b)]

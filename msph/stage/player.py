@@ -91,7 +91,7 @@ class Player(Audience):
                 self._press(ACTIONS[key], controls)
         self.pacer.steer(controls)
         step, wall = self.pacer.frame_time, self.pacer.wall
-        # While a lesson pauses the simulation, keys do nothing.
+        # While a lesson pauses the simulation, held keys do nothing.
         controls.still = self._paused and not self.single_step
         held = not guide.pauses and steering.apply_keys(step, wall, self.paused)
         dragged = self._drag(controls, step, "LMB" in pressed)
@@ -138,7 +138,7 @@ class Player(Audience):
         return any(held)
 
     def _answer(self, key: str) -> None:
-        """Continues the session that is offered, or deletes it."""
+        """Continues the offered session, or deletes all sessions that ended by a crash."""
         assert self.offer
         if key == "Return":
             self.menu.next = self.offer.choice

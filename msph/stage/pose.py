@@ -16,8 +16,8 @@ class Pose:
     """Rotation `tilt`, (3, 3), of the box and displacement `shift` [m], (3,), of its centre, in
     world axes.
 
-    by_hand: the user's tilt of the present frame; turned: that of the last one, None if it has none
-    to turn from; turning [rad/s]: its angular velocity in world axes.
+    by_hand: the user's tilt of the present frame; turned: of the last frame, None if the box does
+    not turn from there; turning [rad/s]: angular velocity of the user's tilt in world axes.
     """
 
     def __init__(self, scene: Scene):
@@ -27,7 +27,7 @@ class Pose:
         self.reset(0.0)
 
     def reset(self, time: float) -> None:
-        """Sets the pose at a time [s] from which the box has not turned."""
+        """Sets the pose at a time [s], with no turn by the user before."""
         self.turned: np.ndarray | None = None
         self.turning: np.ndarray = np.zeros(3)
         self.place(time)
@@ -46,7 +46,7 @@ class Pose:
         self.place(time)
 
     def pause(self) -> None:
-        """Lets the box not turn at once if it is tilted during a pause; a pause alone changes
+        """Prevents a sudden turn of the box by a tilt given during a pause; a pause alone changes
         nothing."""
         if self.turned is not None and not np.array_equal(self.by_hand, self.turned):
             self.turned = None
@@ -57,8 +57,8 @@ class Pose:
         return MovingBox(gravity, self.path, time, tilt=self.by_hand)
 
     def turn(self, gravity: Vec3, time: float, step: float, hand: Hand) -> MovingBox:
-        """Returns the box of a frame of `step` [s] from `time` [s] on, in which it turns from the
-        last frame's tilt to the present one."""
+        """Returns the box of a frame of `step` [s] from `time` [s] on, in which the box turns from
+        the last frame's tilt to the present tilt."""
         last, before = self.by_hand if self.turned is None else self.turned, self.turning
         self.turned, self.turning = self.by_hand, rotation_vector(self.by_hand @ last.T) / step
         rising = (self.turning - before) / step

@@ -94,7 +94,7 @@ def named(report: Report | None, label: str, k: int, number: int) -> Report | No
 
 
 def mass_text(water: dict[str, float]) -> str:
-    """Returns the mass of the water, and the scene's if it differs within four digits."""
+    """Returns the mass of the water, and the specified mass if it differs within four digits."""
     laid, asked = (f"{water[key]:.4g} kg" for key in ("mass_laid_kg", "mass_asked_kg"))
     return laid if laid == asked else f"{laid} of {asked} specified"
 

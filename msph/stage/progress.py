@@ -14,9 +14,9 @@ from msph.scene.effort import in_words
 LONG_FRAME, SLOW_FRAME = 1.0, 3.0
 # Longest expected time of a run [s]: one day.
 LONGEST_RUN = 86400.0
-# Least number of frames between two looks at the pace; steps of 1e-9 s can vanish by rounding.
+# Least number of frames between two estimates; steps of 1e-9 s can vanish by rounding.
 LEAST_PROGRESS = 1e-12
-# Growth of the expected time from which it is printed again (-).
+# Growth of the expected time beyond which the time is printed again (-).
 GROWTH = 3.0
 # Without a terminal, a line is printed for each of this many parts of the run.
 LINES = 10
@@ -54,12 +54,12 @@ class Progress:
         self.clock = clock
         # Start of the run, and of the bar's last change within the frame [s].
         self.begin = self.since = clock()
-        # Time [s] and number of frames at the last look at the pace; the expected time [s] that was
-        # printed last; whether the last look expected too long a run.
+        # Time [s] and number of frames at the last estimate; the expected time [s] printed last;
+        # True if the last estimate exceeded LONGEST_RUN.
         self.seen, self.expected, self.too_long = (self.begin, float(initial)), 0.0, False
 
     def within(self, share: float, pace: Callable[[], str]) -> None:
-        """Takes the completed share (0 to 1) of the current frame; pace: returns how the frame
+        """Displays the completed share (0 to 1) of the current frame; pace: returns how the frame
         advances, in words. Raises TooLongError for a run that is expected to take over a day."""
         now = self.clock()
         if now - self.since > LONG_FRAME:
@@ -69,12 +69,12 @@ class Progress:
             self._look(now, self.done + share, pace)
 
     def _look(self, now: float, frames: float, pace: Callable[[], str]) -> None:
-        """Estimates the time left from the pace since the last look."""
+        """Estimates the time left from the pace since the last estimate."""
         done = max(frames - self.seen[1], LEAST_PROGRESS)
         left = (self.total - frames) * (now - self.seen[0]) / done
         self.seen = now, frames
         line = f"frame {self.done + 1} of {self.total} takes long: {pace()}"
-        # The first look may fall into a pause of the machine.
+        # The first estimate may include a pause of the machine.
         if self.too_long and left > LONGEST_RUN:
             raise TooLongError(f"{line}; the run would take {in_words(left)}, more than a day")
         self.too_long = left > LONGEST_RUN

@@ -12,7 +12,7 @@ from msph.stage.tools import HOVER, PRESS_TIME, Tool, ToolUse
 class Contact:
     """Contact of the cursor with the water. place: its position [m] in the box frame, None without
     contact; over: the show under the cursor; holds: True while a pressed button holds the water;
-    held: for how long [s]."""
+    held: duration of this hold [s]."""
 
     def __init__(self) -> None:
         self.place: Any = None
@@ -53,8 +53,8 @@ class Contact:
         return self.holds and self.held < PRESS_TIME
 
     def pass_over(self, row: Row, cursor: np.ndarray, step: float) -> ToolUse | None:
-        """Returns the wake of a cursor that hovers over the water; it ends between two
-        simulations."""
+        """Returns the wake of a cursor that hovers over the water; the wake ends where the cursor
+        enters another simulation."""
         show, cursor = row.show_under(cursor)
         if show is not self.over:
             self.let_go()

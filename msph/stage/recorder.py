@@ -26,10 +26,10 @@ VIDEO = (".mp4", ".mov", ".mkv", ".webm")
 PARAVIEW = ".vtu"
 MESH = (".ply", ".obj", PARAVIEW)
 TABLE = (".npz", ".csv", PARAVIEW)
-# Encoder's constant quality, 0 to 10; lower ones blur the fine detail of water.
+# Encoder's constant quality, 0 to 10; lower values blur the fine detail of water.
 VIDEO_QUALITY = 8
-# WebM needs VP9: at about the same quality, in real-time mode, since the default mode takes longer
-# than the simulation.
+# WebM needs VP9, here at about the same quality and in real-time mode, since the default mode takes
+# longer than the simulation.
 WEBM: dict[str, Any] = {
     "codec": "libvpx-vp9",
     "quality": None,
@@ -40,7 +40,7 @@ NUMBER = re.compile(r"%0?[1-9]?d")
 # Animated images, and the largest frame rate of a GIF, whose frames last at least 0.02 s.
 ANIMATION = (".gif", ".webp")
 GIF_FPS = 50.0
-# Files of images that may have an alpha channel.
+# Formats that may have an alpha channel.
 ALPHA = (".png", ".webp", ".webm")
 # Quality of lossy WebP, 0 to 100: 75 shows no blocks in water.
 WEBP_QUALITY = 75
@@ -50,8 +50,8 @@ WEBP_QUALITY = 75
 class Outputs:
     """Files to record. pictures: video (.mp4, .mov, .mkv, .webm), animation (.gif, .webp), still
     image (.png), or one .png per frame with a number such as %04d in its name; meshes of the
-    surface (.ply, .obj, .vtu), particles (.npz checkpoint, .csv, .vtu) and bodies (.vtu): with such
-    numbers."""
+    surface (.ply, .obj, .vtu), particles (.npz checkpoint, .csv, .vtu) and bodies (.vtu): with
+    frame numbers."""
 
     pictures: list[Path] = field(default_factory=list)
     meshes: list[Path] = field(default_factory=list)
@@ -62,7 +62,7 @@ class Outputs:
         return [*self.pictures, *self.meshes, *self.particles, *self.bodies]
 
     def names(self, first: int, frames: int) -> list[Path]:
-        """Returns all files of a recording of `frames` frames whose first has this number."""
+        """Returns all files of a recording of `frames` frames, numbered from `first`."""
         found: list[Path] = []
         for path in self.all():
             numbers = range(first, first + frames) if numbered(path) else (first,)
@@ -145,7 +145,7 @@ class Recorder(Audience):
         self.progress.update()
 
     def close(self) -> None:
-        """Completes all files, also after an interrupt, and also those after one that fails."""
+        """Completes all files, also after an interrupt, and also if one of them fails."""
         self.progress.close()
         with contextlib.ExitStack() as ends:
             for path, files in self.lists.items() if self.done else ():
@@ -174,7 +174,7 @@ class Recorder(Audience):
 
     @contextlib.contextmanager
     def _writing(self, path: Path) -> Iterator[None]:
-        """Context as own_files.writing, which also marks a failed output as lost."""
+        """Context like own_files.writing that also marks a failed output as lost."""
         try:
             with writing(path):
                 yield

@@ -32,7 +32,7 @@ class RecordingError(BadInputError):
 @dataclass(frozen=True)
 class Header:
     """First line of a recording: versions of the format and the program, the scene (name or file)
-    at a quality, its overrides, and those of further simulations side by side."""
+    at a quality, its overrides, and the overrides of further simulations side by side."""
 
     recording: Literal[1]
     msph: str

@@ -12,7 +12,7 @@ from msph.stage.preparation import say
 from msph.stage.recording import Frame, Header, Recording, line_of
 from msph.stage.row import Row
 
-# Rounding of sums of frame times, over the time between two observations.
+# Tolerance for the rounding of sums of frame times, over the time between two observations.
 ROUNDING = 1e-6
 
 
@@ -40,8 +40,8 @@ class Relay(Audience):
 
 class InputRecorder(Relay):
     """Writes the input that an audience gives to a file (msph/stage/recording.py), line by line, so
-    that the file of a program that was killed is complete. Ends where the simulation continues from
-    a checkpoint. Raises LostOutputError."""
+    that the file of a program that was killed is complete. The recording ends where the simulation
+    continues from a checkpoint. Raises LostOutputError."""
 
     def __init__(self, inner: Audience, path: Path, header: Header):
         super().__init__(inner)
@@ -82,7 +82,7 @@ class Replayer(Relay):
 
     every [s]: the audience sees the first frame after each multiple of this simulated time, and
     only these are rendered; None: each frame in which time passes. in_window: the audience sees all
-    frames, not faster than they were simulated, and gives the input after the end of the recording.
+    frames, not faster than at play.speed, and gives the input after the end of the recording.
     """
 
     def __init__(
@@ -97,7 +97,7 @@ class Replayer(Relay):
         self.done = self.seen = 0
         self.elapsed = 0.0  # simulated time [s]
         self.last = Inputs()
-        self.begin = math.inf  # wall-clock time of the start, later by each pause [s]
+        self.begin = math.inf  # earliest wall-clock time of the next frame [s]
 
     @property
     def over(self) -> bool:
@@ -111,7 +111,7 @@ class Replayer(Relay):
         if self.over:
             return controls
         if controls.still:
-            # The user pauses: the pool stays as it is tilted.
+            # During a pause by the user the pool keeps its tilt.
             given = Inputs(still=True, tilt=self.last.tilt, azimuth=self.last.azimuth)
         else:
             given = self.last = self.frames[self.done].input
@@ -139,7 +139,7 @@ class Replayer(Relay):
             self.seen = due
 
     def _wait(self, simulated: float, speed: float) -> None:
-        """Waits until a frame's simulated time [s] has passed since the last one."""
+        """Waits until a frame's simulated time [s] over `speed` has passed since the last frame."""
         now = time.perf_counter()
         # A frame that took longer than it simulated is not caught up.
         self.begin = max(min(self.begin, now) + simulated / speed, now)

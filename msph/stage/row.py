@@ -73,7 +73,7 @@ class Row:
 
     @property
     def composed(self) -> bool:
-        """True if the image is composed of several, or has free pixels below."""
+        """True if the image is composed of several images, or has free pixels below."""
         return self.common is not None
 
     @property
@@ -95,10 +95,10 @@ class Row:
 
     def frame(self, controls: Controls) -> None:
         """Runs a frame of each show; all simulate the time that the lead has simulated, with the
-        same input: the only place where input acts on simulations, live or replayed."""
+        same input. Only here does input act on simulations, live or replayed."""
         lead = self.lead
         lead.frame(controls)
-        # If the lead's frame was undone for a stopped body, all wait.
+        # If the lead's frame was undone for a stopped body, all shows wait.
         waits = lead.simulated == 0.0
         same = replace(controls, frame_time=lead.simulated or None, until=None, still=waits)
         for show, home in zip(self.shows[1:], self.homes[1:], strict=True):

@@ -43,12 +43,12 @@ class Session:
         self.layout = Layout(window.size)
         self.message = ""  # shown when the next scene begins
         self.files, self.autosave = files or InputFiles(), Autosave(arguments)
-        # Recorded input begins with the scene.
+        # A recording or replay begins with the scene, not with the state of a lost session.
         self.lost = lost_session(arguments) if self.files == InputFiles() else None
 
     def play(self, scene: str, quality: str) -> None:
-        """Plays a scene and each scene chosen next; returns to the previous scene if one cannot be
-        built. Raises ClosedError if the window is closed during preparation."""
+        """Plays a scene and each scene chosen next; returns to the previous scene if a scene cannot
+        be built. Raises ClosedError if the window is closed during preparation."""
         before: Choice | None = None
         choice: Choice | None = Choice(scene, quality)
         with self.autosave:
@@ -99,7 +99,7 @@ class Session:
         return player.next_choice
 
     def _resume(self, row: Row, path: Path) -> None:
-        """Continues the state of a lost session, whose file becomes that of this one."""
+        """Continues the state of a lost session, whose file becomes the file of this session."""
         try:
             row.lead.resume(path)
             path.replace(self.autosave.path)

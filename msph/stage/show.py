@@ -31,7 +31,7 @@ from msph.stage.display import Display
 from msph.stage.pose import Pose
 from msph.stage.tools import BY_NAME, ToolUse, Touch
 
-# Key of a checkpoint under which a session in a window describes itself.
+# Key of a checkpoint for the description of a session in a window (autosave.About).
 SESSION = "session"
 # Image scale of the warm-up frame (-); below 1, so that the enlarging kernels compile, too.
 WARM_UP_SCALE = 0.5
@@ -41,8 +41,8 @@ WARM_UP_FRAMES = 2
 # Gravity for the speeds of tools in weightless scenes [m/s^2].
 LEAST_GRAVITY = 1.0
 
-# Options of an interactive show on which the simulation depends, and all. Solver residuals are
-# measured only every 0.1 s, since they need a neighbour search.
+# Options of an interactive show: those on which the simulation depends, and all options. Solver
+# residuals are measured only every 0.1 s, since they need a neighbour search.
 SIMULATED: dict[str, Any] = {"stop_bodies": True, "spare": 2000}
 INTERACTIVE: dict[str, Any] = {**SIMULATED, "scalable": True, "density_every": 0.1}
 
@@ -51,10 +51,10 @@ class Show:
     """Simulation with display and ledger, advanced frame by frame.
 
     frame_time [s]: default simulated time of a frame. size, meshes: see Display. density_every [s]:
-    see Ledger. stop_bodies: no error ends the show where a body traps water, which stops the
-    body, or where all water is spilt, which begins the scene again; stopped: names of such bodies.
-    scalable: frames may set the image scale. simulated [s]: time simulated by the last frame.
-    spare, room: see build_simulation. Unused parts are neither allocated nor compiled.
+    see Ledger. stop_bodies: instead of an error, a body that traps water stops, and the scene
+    begins again when all water is spilt; stopped: names of stopped bodies. scalable: frames may set
+    the image scale. simulated [s]: time simulated by the last frame. spare, room: see
+    build_simulation. Unused parts are neither allocated nor compiled.
     """
 
     def __init__(
@@ -83,10 +83,10 @@ class Show:
         self.stop_bodies, self.scalable = stop_bodies, scalable and size is not None
         self.stopped: set[str] = set()
         self.note = ""  # message to the user about the last frame
-        # Floating body that the user drags: its index, and its centre from the cursor [m].
+        # Floating body that the user drags: its index, and its centre relative to the cursor [m].
         self.dragged: tuple[int, np.ndarray] | None = None
-        # While the user drags an end wall: its place [m] at the press and the longest way [m]; its
-        # place in this frame.
+        # While the user drags an end wall: its place [m] at the press and longest stroke [m]; its
+        # requested place in this frame [m].
         self.grip: tuple[float, float] | None = None
         self.wall_place: float | None = None
         self.simulation = build_simulation(scene, spare, room)
@@ -117,8 +117,8 @@ class Show:
         return {key: now for key, (now, before) in values.items() if now != before}
 
     def warm_up(self) -> None:
-        """Compiles the kernels of a frame by running two of a step each, and those of the particle
-        views of an interactive show, and resets."""
+        """Compiles the kernels of a frame, by running two frames of a step each, and the kernels
+        of the particle views of an interactive show, and resets."""
         # The hand is visible, and too slow to move anything before the reset.
         push = ToolUse.of(BY_NAME["push"], (np.zeros(3),) * 5, self.frame_time, 1.0)
         for _ in range(WARM_UP_FRAMES):
@@ -263,7 +263,7 @@ class Show:
         return max(math.hypot(*self.scene.gravity), LEAST_GRAVITY)
 
     def gravity_in_box(self) -> Vec3:
-        """Returns gravity [m/s^2] in the pool's frame, tilted as it is."""
+        """Returns gravity [m/s^2] in the box frame at the current tilt."""
         return self._box().gravity
 
     @property

@@ -10,7 +10,7 @@ from msph.stage.row import Row
 from msph.stage.show import Show
 
 REAL_TIME = 0.95  # real-time factor from which a simulation runs in real time
-# Time [s] between two updates of the speed, and of counts and errors, which take milliseconds.
+# Time [s] between two updates of speed and counts, and of errors, which take milliseconds.
 EVERY, WATER_EVERY = 0.4, 1.2
 
 

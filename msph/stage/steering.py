@@ -24,11 +24,11 @@ CLICK_WAY, CLICK_TIME = 0.01, 0.4  # largest way (shares of the window) and dura
 
 
 class Steering:
-    """User's tilt, camera motion and tool. tilt: (roll, pitch) [rad], its rate [rad/s]; locked:
-    keep the tilt; levels: the pool levels once, even if locked; jolted: simulated time since the
-    start of a jolt [s]; tool: the active one; free:
-    True for each mouse button pressed outside the pages; cursor: (right, up) in shares of the
-    window; moved: its motion since the previous frame."""
+    """User's tilt, camera motion and tool. tilt: (roll, pitch) [rad]; rate: of the tilt [rad/s];
+    locked: True to keep the tilt; levels: True to level the pool once, even if locked; jolted:
+    simulated time since the start of a jolt [s]; tool: the active tool; free: True for each mouse
+    button pressed outside the pages; cursor: (right, up) in shares of the window; moved: motion of
+    the cursor since the previous frame."""
 
     def __init__(self, window: Window, row: Row):
         self.window, self.row, self.contact = window, row, Contact()
@@ -61,11 +61,11 @@ class Steering:
 
     def _tilt_by(self, asked: np.ndarray, step: float, paused: bool) -> None:
         """Tilts the pool in a frame of `step` [s] towards `asked`, (2,) of -1, 0 or 1, or levels it
-        where nothing is asked, unless `paused`."""
+        where `asked` is 0, unless `paused`."""
         play = self.row.lead.scene.play
         fastest, limit = math.radians(play.tilt_rate), math.radians(play.tilt_limit)
         self.levels = self.levels and not asked.any() and bool(self.tilt.any())
-        # Slows down towards the level, where it would stop suddenly; critically damped.
+        # Critically damped: levelling at a constant rate would end suddenly.
         back = np.clip(-self.tilt / (4.0 * EASE), -LEVELLING * fastest, LEVELLING * fastest)
         back *= (not self.locked or self.levels) and not paused
         wanted = np.where(asked == 0.0, back, fastest * asked)
@@ -79,7 +79,7 @@ class Steering:
 
     @property
     def jolt(self) -> float:
-        """Roll of a jolt now [rad]."""
+        """Current roll of a jolt [rad]."""
         share = self.jolted / JOLT_TIME
         if share >= 1.0:
             return 0.0

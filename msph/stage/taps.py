@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 RADIUS, LEAST_RADIUS = 0.05, 1.6
 # Height of the tap above the water over the box's longest edge, and speed of its water [m/s].
 HEIGHT, SPEED = 0.2, 1.5
-# Speed [m/s] at which a drain takes the water over it.
+# Speed [m/s] at which a drain removes the water above its opening.
 DRAIN_SPEED = 1.5
-# A tap is open for this many frames after the last one with the button down.
+# Number of frames for which tap and drain stay open after the last frame with the button down.
 HOLD = 1.5
 
 
@@ -27,7 +27,7 @@ def tap(touch: "Touch") -> Hand:
     if touch.began:
         size, d = touch.size, touch.show.simulation.layers.finest.spacing
         radius = _radius(touch)
-        # The zone above the tap is inside the box.
+        # The zone above the tap must be inside the box.
         least = np.array([radius, d, radius])
         most = size - np.array([radius, (ZONE + 0.1) * d, radius])
         lifted = touch.surface + HEIGHT * float(size.max()) * np.array((0.0, 1.0, 0.0))
@@ -36,7 +36,7 @@ def tap(touch: "Touch") -> Hand:
 
 
 def drain(touch: "Touch") -> Hand:
-    """Takes water from the floor below the point at which the press began."""
+    """Removes water at the floor below the point at which the press began."""
     if touch.began:
         radius, (x, _, z) = _radius(touch), touch.surface
         length, _, width = touch.size

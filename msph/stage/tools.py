@@ -1,4 +1,4 @@
-"""Tools: what the left mouse button does to the water."""
+"""Tools: actions of the left mouse button on the water."""
 
 import math
 from collections.abc import Callable
@@ -16,13 +16,12 @@ if TYPE_CHECKING:
 
 # Least radius of a hand in finest spacings, below which it slips between the particles.
 LEAST_RADIUS = 1.5
-# Least duration of a press [s], also of a shorter click. In it a push goes down, at this speed over
-# sqrt(g R), R the push radius, in a part of the radius: a click makes a ring wave.
+# Least duration of a press [s], also of a shorter click. During this time a push goes down at
+# POKE_SPEED sqrt(g R) within POKE_RADIUS R, R the push radius: a click makes a ring wave.
 PRESS_TIME, POKE_SPEED, POKE_RADIUS = 0.1, 0.8, 0.6
 # Pull: radius and height of its centre above the water over the push radius; rate [1/s].
 PULL_RADIUS, PULL_HEIGHT, PULL_RATE = 1.3, 0.5, 5.0
-# Swirl: speed at the push radius R over sqrt(g R), which makes a funnel about R/2
-# deep in a second.
+# Swirl: speed at the push radius R over sqrt(g R), which makes a funnel about R/2 deep in 1 s.
 SWIRL_SPEED = 1.6
 # Hover: radius and grip over those of a push; largest speed [m/s], since the cursor's ray jumps
 # between wave crests.
@@ -45,10 +44,10 @@ Vector = tuple[Number, Number, Number]
 class ToolUse:
     """Use of a tool in a frame, as recorded.
 
-    place [m], velocity [m/s] in the box frame, those of a hand that moves in the plane facing the
+    place [m], velocity [m/s]: of a hand, in the box frame, that moves in the plane facing the
     camera through `start` [m], where the button was pressed; surface [m]: the water under the
-    cursor, or the place; direction of the cursor's ray; held [s]: simulated time since the press,
-    of which `step` in this frame.
+    cursor, or the place; direction of the cursor's ray; held [s]: simulated time since the press;
+    step [s]: the part of `held` in this frame.
     """
 
     tool: str
@@ -112,7 +111,7 @@ class Touch:
 
 @dataclass(frozen=True)
 class Tool:
-    """A tool. key: selects it; effect: text of the help page; act: returns the hand of a frame in
+    """A tool. key: keyboard key; effect: text of the help page; act: returns the hand of a frame in
     which the button is down, and may add water and bodies (FullError). ball: the hand is shown as a
     ball."""
 
@@ -214,6 +213,6 @@ TOOLS = (
     Tool("tap", "z", "tool: hold to pour water above the cursor", taps.tap),
     Tool("drain", "0", "tool: hold to drain water below the cursor", taps.drain),
 )
-# Of a cursor that no button is pressed at.
+# Tool of a cursor without a pressed button.
 HOVER = Tool("hover", "", "", hover)
 BY_NAME = {tool.name: tool for tool in (*TOOLS, HOVER)}

@@ -20,8 +20,8 @@ SECONDS, UNTIMED, SIZE = 0.5, 3, (960, 540)
 
 
 def finest_in_real_time(scene: Scene, name: str, window: Window | None = None) -> str:
-    """Returns the finest quality that runs in real time, else the coarsest; AS_GIVEN for scenes
-    with a single quality. The window, if any, shows the progress."""
+    """Returns the finest quality that runs in real time, the coarsest if none does, and AS_GIVEN
+    for a single quality. The window, if any, shows the progress."""
     if single_quality_reason(scene):
         return AS_GIVEN
 

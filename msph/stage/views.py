@@ -14,10 +14,10 @@ from msph.scene.schema import Scene
 from msph.stage.neighbourhood import Neighbourhood
 from msph.taichi_internals import data_oriented, kernel
 
-# Colour range of the density error [%] by method: typical of weak compressibility, and of splashes
-# with the density solver.
+# Colour range of the density error [%] by method: typical errors of weak compressibility, and of
+# splashes with the projection method.
 DENSITY_RANGE = {"classic": 10.0, "projection": 1.0}
-# Least upper end of a colour range by unit, below which colours show noise; for other units.
+# Least upper end of a colour range by unit, and for other units; smaller ranges show noise.
 LEAST_ENDS, LEAST_END = {"m/s": 0.1, "Pa": 10.0, "m": 0.01}, 1e-6
 # Display unit of values of 1000 and more, and of values up to 0.1, and its size in the base unit.
 LARGER, SMALLER = {"Pa": ("kPa", 1e3)}, {"m": ("mm", 1e-3)}
@@ -128,7 +128,7 @@ class Views:
         return found
 
     def legend(self, lo: float, hi: float) -> Legend | None:
-        """Returns the legend of the view's colours from lo to hi, None for views without."""
+        """Returns the legend of the colours from lo to hi, None for a view without a legend."""
         if self.neighbourhood.id is not None:
             return Legend("kernel W(r)/W(0) [-]", ((0.0, "0"), (0.5, "0.5"), (1.0, "1")))
         if self.name == "layers":

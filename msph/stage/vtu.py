@@ -53,7 +53,7 @@ def write_bodies(path: Path, simulation: Simulation, numbers: np.ndarray) -> Non
     boundary, shown = simulation.boundary, simulation.plan.bodies
     points, triangles, owner = [np.zeros((0, 3))], [np.zeros((0, 3), int)], [np.zeros(0, int)]
     for b, body in enumerate(boundary.bodies):
-        # Those of the boundary are extended into walls.
+        # The bodies of the boundary are extended into walls.
         mesh = faces(shown[b] if b < len(shown) else body)
         turn, at = boundary.pose(b)[1], boundary.centre_at_end(b)
         triangles.append(mesh.faces + sum(map(len, points)))

@@ -82,7 +82,7 @@ class Grip:
     """Mouse interaction with a sheet: holds the pressed widget until the left button is up.
 
     A frame may contain a press, a motion and a release. The cursor is known only once per frame, so
-    a press belongs to the widget under the cursor now, else to the one under it a frame before.
+    a press belongs to the widget under the cursor now or, without one, in the previous frame.
     """
 
     def __init__(self) -> None:
@@ -109,7 +109,7 @@ class Grip:
 
     @staticmethod
     def _find(sheet: Sheet, places: tuple[tuple[float, float], ...]) -> Button | None:
-        """Returns the widget under the first of these places that is on one, or None."""
+        """Returns the widget under the first of these places that is on a widget, or None."""
         widgets: list[Button] = [*sheet.sliders, *sheet.buttons]
         return next((w for place in places for w in widgets if w.under(*place)), None)
 

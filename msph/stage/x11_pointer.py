@@ -14,7 +14,7 @@ PROCESS, CARDINAL = b"_NET_WM_PID", 6
 
 
 class X11Pointer:
-    """Pointer over the window of this process with a title, by a connection of its own."""
+    """Mouse pointer over the window of this process with a title; has its own X connection."""
 
     def __init__(self, title: str):
         self.x11 = ctypes.CDLL("libX11.so.6")
@@ -31,7 +31,7 @@ class X11Pointer:
         self.x11.XSetErrorHandler(c_void_p(before))
 
     def position(self) -> tuple[int, int] | None:
-        """Returns the pointer's position (right, down) [pixels from the window's corner]."""
+        """Returns the position (right, down) [pixels from the window's corner], None if unknown."""
         if not self.window:
             return None
         root, child, mask = c_ulong(), c_ulong(), c_uint()
@@ -46,7 +46,7 @@ class X11Pointer:
         self.x11.XCloseDisplay(self.display)
 
     def _find(self, window: int, title: bytes) -> int:
-        """Returns the window of this process with that title below a window, 0 for none."""
+        """Returns the window of this process with this title in a window's tree, 0 for none."""
         if self._owner(window) == os.getpid() and self._title(window) == title:
             return window
         root, parent, number = c_ulong(), c_ulong(), c_uint()
