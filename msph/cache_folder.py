@@ -18,7 +18,7 @@ TAICHI_FOLDER = "TI_OFFLINE_CACHE_FILE_PATH"
 
 def ensure(report: Callable[[str], None] | None = None) -> None:
     """Replaces a cache folder that is not writable by a temporary folder, which is removed at exit
-    (XDG_CACHE_HOME), and calls `report` with one line about it."""
+    (XDG_CACHE_HOME), and calls `report` with one line about the problem."""
     if sys.platform == "win32":
         return
     folder = _folder()

@@ -30,7 +30,7 @@ from msph.options import (
     RunOptions,
 )
 
-# Two runs give no order of convergence; the coarsest of six would have 1/6 of the resolution.
+# Range of --converge: two runs give no order; the coarsest of six would have 1/6 of the resolution.
 CONVERGENCE_RUNS = (3, 5)
 
 

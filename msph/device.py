@@ -38,10 +38,10 @@ def start(arch: str = "auto", threads: int | None = None, tested: bool = False) 
     """Starts Taichi once and returns the name of the architecture it runs on. Raises ArchError.
 
     "auto" is CUDA if available, else the CPU. Vulkan is never automatic, since its driver may be a
-    software one, slower than the CPU; nor is Metal, since a Metal window of Taichi 1.7.4 has frozen
-    macOS (taichi issue #8775). threads: number of CPU threads, by default one per core, each pinned
-    to a core; with 1, all loops of the process run serially. A GPU that
-    fails the self-test (self_test.py) is replaced by the CPU, unless it is said to be `tested`.
+    software driver, slower than the CPU; nor is Metal, since a Metal window of Taichi 1.7.4 has
+    frozen macOS (taichi issue #8775). threads: number of CPU threads, by default one per core, each
+    pinned to a core; with 1, all loops of the process run serially. A GPU that fails the self-test
+    (self_test.py) is replaced by the CPU; tested: True skips the self-test.
     """
     global _started
     if _started:
@@ -53,7 +53,7 @@ def start(arch: str = "auto", threads: int | None = None, tested: bool = False) 
     with importing():
         import taichi as ti
 
-        # Otherwise Taichi imports it at the first kernel, and loses an interrupt meanwhile.
+        # Otherwise Taichi imports this module at the first kernel, where an interrupt is lost.
         import taichi.lang.matrix_ops
 
         from msph.taichi_internals import cache_folder, on_cpu, serialize_loops
@@ -93,8 +93,7 @@ def start(arch: str = "auto", threads: int | None = None, tested: bool = False) 
 
 
 def _trusted(arch: str) -> str:
-    """Returns the architecture asked for, or "cpu" if the GPU that it would run on fails the
-    self-test."""
+    """Returns `arch`, or "cpu" if the GPU of this architecture fails the self-test."""
     gpu = arch
     if arch == "auto":
         gpu = "cpu" if sys.platform == "darwin" else "cuda"
@@ -107,7 +106,7 @@ def _trusted(arch: str) -> str:
 def unlock(cache: Path | None) -> None:
     """Removes a stale lock, left by a killed process, from Taichi's kernel cache."""
     if cache:
-        # Another process may do the same, or the folder belong to another user.
+        # Another process may remove the lock first, or the folder may belong to another user.
         with contextlib.suppress(OSError):
             lock = cache / LOCK
             if time.time() - lock.stat().st_mtime > STALE:

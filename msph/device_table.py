@@ -32,7 +32,7 @@ class DeviceTable:
         field = self.struct = ti.types.struct(**members).field(shape=shape, layout=ti.Layout.SOA)
         self.__dict__.update({name: field.get_member_field(name) for name in members})
         self._numbers, self._integers = self._slots(np.float32), self._slots(np.int32)
-        # Values by number type, (rows, columns), and their columns as an array of each member.
+        # Values by number type, (rows, columns), and a view of the columns of each member.
         self._values: dict[type, np.ndarray] = {}
         self._views: dict[str, np.ndarray] = {}
         for kind, slots in ((np.float32, self._numbers), (np.int32, self._integers)):

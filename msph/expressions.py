@@ -11,8 +11,8 @@ from simpleeval import InvalidExpression, SimpleEval
 
 from msph.errors import did_you_mean
 
-# Functions that expressions of lessons, and of scenes, may call, and the value of every name in a
-# trial evaluation.
+# Functions that expressions may call in lessons, and in scenes; value of every name in a trial
+# evaluation.
 FUNCTIONS: dict[str, Any] = {"abs": abs, "min": min, "max": max}
 MATHEMATICS = ("sin", "cos", "tan", "atan", "sinh", "cosh", "tanh", "exp", "log", "sqrt", "floor")
 TIMED_FUNCTIONS = FUNCTIONS | {name: getattr(math, name) for name in MATHEMATICS}

@@ -6,24 +6,24 @@ import platform
 import subprocess
 import sys
 
-# Sizes of the C structures that are read [bytes]: VkInstanceCreateInfo as eight pointers, and more
-# than VkPhysicalDeviceProperties.
+# Size of VkInstanceCreateInfo [words of 8 bytes], and a size [bytes] that holds
+# VkPhysicalDeviceProperties.
 INFO_WORDS, PROPERTIES = 8, 4096
-# Of VkPhysicalDeviceProperties: five 32-bit numbers (API version, driver version, vendor, device,
-# type), then the name.
+# VkPhysicalDeviceProperties begins with five 32-bit numbers (API version, driver version, vendor,
+# device, type) and the name [bytes].
 NUMBERS, NAME_LENGTH = 5, 256
-# Libraries by system.
+# Names of the driver libraries on this system.
 CUDA = {"win32": "nvcuda.dll"}.get(sys.platform, "libcuda.so.1")
 VULKAN = {"win32": "vulkan-1.dll", "darwin": "libvulkan.1.dylib"}.get(
     sys.platform, "libvulkan.so.1"
 )
-# Most devices that are named.
+# Largest number of Vulkan devices that are named.
 MOST = 16
 
 
 def gpu_name(arch: str) -> str | None:
-    """Returns names and driver versions of the GPUs that `arch` (cuda, vulkan or metal) can run on,
-    None where the machine has none or does not name them."""
+    """Returns names and driver versions of the GPUs of `arch`: the first for cuda, all for vulkan,
+    the chip for metal; None if the machine has no such GPU or does not name it."""
     with contextlib.suppress(OSError, AttributeError, subprocess.SubprocessError):
         return {"cuda": _cuda, "vulkan": _vulkan, "metal": _metal}[arch]()
     return None
@@ -41,7 +41,7 @@ def _cuda() -> str | None:
 
 def _vulkan() -> str | None:
     loader, instance = ctypes.CDLL(VULKAN), ctypes.c_void_p()
-    # The structure's type, VK_STRUCTURE_TYPE_INSTANCE_CREATE_INFO, is 1; the rest is empty.
+    # The structure's type, VK_STRUCTURE_TYPE_INSTANCE_CREATE_INFO, is 1; all other members are 0.
     info = (ctypes.c_uint64 * INFO_WORDS)(1)
     if loader.vkCreateInstance(info, None, ctypes.byref(instance)):
         return None

@@ -1,4 +1,4 @@
-"""Handling of signals that end a run: at once while libraries load, else between two steps."""
+"""Handling of signals that end a run: at once while libraries load, otherwise between steps."""
 
 import contextlib
 import os
@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from typing import Any
 
-# Exit status of a process ended by a signal is this plus the signal's number (shell convention).
+# Exit status of a process ended by a signal, minus the signal's number (shell convention).
 SIGNAL_EXIT = 128
 # Ctrl-C, the end of a batch job, and a closed terminal (absent on Windows).
 SIGNALS = tuple(
@@ -65,8 +65,8 @@ def importing() -> Iterator[None]:
 
 @contextlib.contextmanager
 def deferred_signals() -> Iterator[Callable[[], None]]:
-    """Yields a function that raises InterruptedRun if a signal has arrived since; a second signal
-    raises it immediately."""
+    """Yields a function that raises InterruptedRun if a signal has arrived in the context; a second
+    signal raises InterruptedRun immediately."""
     received: list[int] = []
 
     def receive(number: int, _) -> None:

@@ -1,6 +1,6 @@
 """Command-line options as dataclasses, and the names of the qualities.
 
-Imports only fast modules: the command line loads this before any command runs.
+This module imports only fast modules, because the command line loads it before any command.
 """
 
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from pathlib import Path
 # file, AUTO the finest quality that runs in real time.
 QUALITIES = ("small", "medium", "large", "finest")
 AS_GIVEN, AUTO = "large", "auto"
-# Quality of a replay if none is given: that of the recording.
+# Quality of a replay if none is given: the quality of the recording.
 AS_RECORDED = ""
 
 
@@ -26,9 +26,9 @@ class RunOptions:
 
 @dataclass(frozen=True)
 class PlayOptions:
-    """Options of `play`: size (width, height) [pixels] of the window, largest number of frames, and
-    the overrides of each further simulation side by side, one string each; files to record the
-    user's input in, and of input to replay."""
+    """Options of `play`: size (width, height) [pixels] of the window, largest number of frames,
+    overrides of each further simulation side by side (one string each), files for the user's input
+    to record and to replay."""
 
     size: tuple[int, int]
     frames: int | None = None

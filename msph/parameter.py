@@ -29,8 +29,8 @@ def parameter(
 ) -> Any:
     """Declares a parameter of a Section; it is required if the default is `...`.
 
-    limits: gt, ge, lt, le, lengths, pattern, as in pydantic. live: range of its slider if it may
-    change while the simulation runs; for a vector, the range of its length. label: name of the
+    limits: gt, ge, lt, le, lengths, pattern, as in pydantic. live: slider range of a parameter that
+    may change while the simulation runs; for a vector, the range of its length. label: name of the
     slider, by default the key."""
     extra: dict[str, Any] = {"unit": unit, "live": live, "label": label}
     if callable(default):

@@ -2,7 +2,7 @@
 
 Some drivers and some versions of Taichi compile wrong code for a GPU, or crash. So the self-test
 runs in a process of its own, `python -m msph.self_test ARCH`, before this process starts Taichi.
-The test takes about 2 s on a GPU beside compiling, and what it compiles is cached for the
+The test takes about 2 s on a GPU in addition to compilation, and its kernels are cached for the
 simulation. The outcome is stored in the user's cache.
 """
 
@@ -18,7 +18,7 @@ from msph import user_cache
 from msph.gpu_name import gpu_name
 
 PASSED, CRASHED, SLOW = "passed", "start, or another that crashed", "time limit"
-# Longest that the test may take [s], compiling on a software driver included.
+# Time limit of the test [s], which includes compilation on a software driver.
 LONGEST = 180.0
 
 
@@ -33,14 +33,14 @@ def failed_test(arch: str) -> str | None:
     if outcome is None:
         print(f"testing {name}, once for this driver", file=sys.stderr)
         outcome = in_own_process(arch)
-        # A machine that is busy may be faster the next time.
+        # A timeout is not stored: a machine that is busy now may be faster the next time.
         if outcome != SLOW:
             user_cache.remember(key, outcome)
     return None if outcome == PASSED else outcome
 
 
 def in_own_process(arch: str) -> str:
-    """Returns PASSED or the name of the first test that fails."""
+    """Runs the tests in a new process; returns PASSED, CRASHED, SLOW or a failed test's name."""
     package = str(Path(msph.__file__).parent.parent)
     path = os.pathsep.join(p for p in (package, os.environ.get("PYTHONPATH")) if p)
     command = [sys.executable, "-m", "msph.self_test", arch]
@@ -63,7 +63,7 @@ def first_failure(tests: dict[str, Callable[[], bool]]) -> str:
     for name, test in tests.items():
         try:
             passed = test()
-        # Taichi raises RuntimeError and more for code that a driver does not take.
+        # Taichi raises RuntimeError and other errors for code that a driver rejects.
         except Exception:
             passed = False
         if not passed:
@@ -72,11 +72,11 @@ def first_failure(tests: dict[str, Callable[[], bool]]) -> str:
 
 
 def main(arch: str) -> None:
-    """Prints the outcome under `arch`."""
+    """Runs the tests under `arch`, and prints the outcome."""
     from msph.device import start
 
     start(arch, tested=True)
-    # Its kernels need Taichi to be started.
+    # The kernels of this module need Taichi to be started.
     from msph.self_tests import TESTS
 
     print(first_failure(TESTS))

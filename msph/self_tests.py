@@ -1,7 +1,7 @@
 """The tests of a GPU's self-test: each returns True if kernels agree with NumPy.
 
-What they ask for has failed on some GPU before: scans, atomics, maxima of negative numbers, and
-counters in serial loops; then the fluid as a whole, by a small pool.
+The primitives are operations that have failed on some GPU: scans, atomics, maxima of negative
+numbers, and counters in serial loops. A small pool then tests the fluid as a whole.
 """
 
 from collections.abc import Callable
@@ -21,14 +21,14 @@ from msph.fluid.simulation import Simulation
 from msph.measure.kernel_density import kernel_sums
 from msph.taichi_internals import data_oriented, kernel
 
-# Numbers that each test of a primitive takes, and the length of a row of the serial loop.
+# Length of the array in each test of a primitive, and of a row in the test of serial loops.
 COUNT, ROW = 10_000, 20
-# Places that threads offer numbers to, and the most that a thread offers to.
+# Number of places with a shared minimum; a thread writes to fewer than MOST_OFFERS of them.
 SHARED, MOST_OFFERS = 100, 19
-# The pool: spacing of its particles [m], its box and its depth [spacings].
+# Spacing of the particles of the pool [m], its box and its depth [spacings].
 SPACING, BOX, DEPTH = 0.05, (8, 10, 8), 5
-# Simulated time [s]; limits of the density, over its sum by NumPy, of the density error and of the
-# kinetic energy over M g H (-), and of the momentum over that of a fall without a floor (-).
+# Simulated time [s]; limits (-) of the difference from NumPy's densities, of the density error, of
+# the kinetic energy over M g H, and of the momentum over the momentum of a fall without a floor.
 TIME, SAME, DENSITY_LIMIT, MOTION_LIMIT, MOMENTUM_LIMIT = 1.0 / 30.0, 1e-4, 0.01, 2e-3, 0.02
 GRAVITY = 9.81
 
@@ -45,25 +45,25 @@ class Primitives:
         self.given.from_numpy(self.numbers)
 
     def prefix_sum(self) -> bool:
-        """starts[i] = sum of the numbers before i."""
+        """Tests a prefix sum: the result at i is the sum of the numbers before i."""
         PrefixSum().run(self.given, self.made, COUNT)
         expected = np.concatenate([[0], np.cumsum(self.numbers)])
         return bool((self.made.to_numpy() == expected).all())
 
     def atomic_append(self) -> bool:
-        """Threads append the indices of all positive numbers, each once."""
+        """Tests that threads append the indices of all positive numbers, each once."""
         self._append(COUNT)
         count = self.count[None]
         found = np.sort(self.made.to_numpy()[:count])
         return np.array_equal(found, np.flatnonzero(self.numbers > 0))
 
     def maximum(self) -> bool:
-        """Largest of numbers that are all below -1."""
+        """Tests the maximum of numbers that are all below -1."""
         expected = np.float32(self.numbers.max()) - np.float32(20.5)
         return self._largest(COUNT) == float(expected)
 
     def serial_counter(self) -> bool:
-        """Each thread moves the positive numbers of its row to the front and counts them."""
+        """Tests serial loops in which a thread moves positive numbers of a row to its front."""
         self._compact(COUNT // ROW)
         expected = self.made.to_numpy()
         for row, numbers in enumerate(self.numbers.reshape(-1, ROW)):
@@ -73,7 +73,7 @@ class Primitives:
         return np.array_equal(self.made.to_numpy(), expected)
 
     def atomic_in_loop(self) -> bool:
-        """Threads offer their numbers to several places, which keep the least."""
+        """Tests atomic minima in a loop: each place keeps the least index that is offered."""
         self._offer(COUNT)
         expected = np.full(SHARED, COUNT)
         for k in range(MOST_OFFERS):
@@ -131,7 +131,7 @@ class Pool:
         self.simulation = Simulation(plan)
 
     def density(self) -> bool:
-        """Relative densities: of kernel sums on the host, the excess over the sum's yield."""
+        """Tests relative densities against sums on the host with the yield correction."""
         sim = self.simulation
         sim.measure_density()
         p = sim.particles
@@ -141,7 +141,7 @@ class Pool:
         return bool(np.abs(found - expected).max() < SAME)
 
     def pressure(self) -> bool:
-        """After two steps the pool keeps its particles, its density, and stays at rest."""
+        """Tests that after TIME the pool has its particles and density, and is at rest."""
         sim = self.simulation
         count = sim.particles.count
         sim.reset()
@@ -169,8 +169,8 @@ def _pool() -> Pool:
     return Pool()
 
 
-# Mesa's software driver fails it: of a loop with an atomic operation it runs the first iterations,
-# so that images lack most of the water. The last test, so that the driver passes the others first.
+# Mesa's software driver fails this test: it runs only the first iterations of a loop with an atomic
+# operation, so images lack most of the water. The test is last, so that all others run before.
 ATOMIC_LOOP = "atomic operation in a loop"
 TESTS: dict[str, Callable[[], bool]] = {
     "prefix sum": lambda: _primitives().prefix_sum(),

@@ -5,7 +5,7 @@ Launches: Taichi 1.7.4 takes 30 to 70 us of Python per launch to look up the com
 launch goes through Taichi; later launches reuse the compiled kernel and only set the arguments
 (5 us).
 
-Compilation: Taichi reads the source of a function at every call of it, and formats the position of
+Compilation: Taichi reads the source of a function at each of its calls, and formats the position of
 every syntax node for error messages: more than half of the 3 s of Python time for the kernels of a
 scene. Here sources are cached, and a position is a line number.
 
@@ -34,13 +34,13 @@ VECTOR = type(ti.math.vec3)
 VECTOR_SETTERS = {ti.i32: "set_struct_arg_int", ti.f32: "set_struct_arg_float"}
 GETTERS = {ti.i32: "get_struct_ret_int", ti.f32: "get_struct_ret_float"}
 ARRAY_SETTER = "set_arg_external_array_with_shape"
-# Methods by which Taichi builds the range loops of a kernel.
+# Methods by which Taichi builds the range loops of a kernel, and methods of a program.
 LOOPS = ("build_range_for", "build_ndrange_for", "build_grouped_ndrange_for")
 PROGRAM = ("config", "get_device_caps", "compile_kernel", "launch_kernel", "synchronize")
 
 
 def missing(owner: Any, names: Iterable[str]) -> str | None:
-    """Returns the first dotted attribute name that the owner lacks, None if it has all."""
+    """Returns the first dotted attribute name that the owner lacks, None if none is missing."""
     for name in names:
         try:
             operator.attrgetter(name)(owner)
@@ -80,7 +80,7 @@ except ImportError:
 
 if _missing:
     warnings.warn(f"Taichi {ti.__version__} lacks {_missing}: launches are slower", stacklevel=1)
-# True if kernels are Taichi's own.
+# True if kernels run as plain Taichi kernels.
 PLAIN = bool(_missing) or os.environ.get(SWITCH, "") not in ("", "0")
 
 
@@ -96,28 +96,28 @@ if not PLAIN:
     kernel_impl.getsourcefile = functools.cache(kernel_impl.getsourcefile)
 
 
-# Numbers of particles below which a CPU runs the loops of a kernel, and those of a heavy kernel,
-# in the launching thread: waking two threads takes 40 us a loop (bench/results/speed_log.md).
+# Number of particles below which a CPU runs the loops of a kernel, or of a heavy kernel, in the
+# launching thread: waking two threads takes 40 us per loop (bench/results/speed_log.md).
 SERIAL_BELOW, HEAVY_SERIAL_BELOW = 3000, 800
 
 
 class Loops:
-    """Tells the kernels of a scene how many `particles` they run over, and thus whether to share
-    out their loops among threads. A kernel is compiled for either when it is first launched so. No
-    effect with plain Taichi."""
+    """Number of `particles` of a scene, which decides if its kernels run their loops in parallel or
+    serially. A kernel is compiled for each of the two at its first such launch. No effect with
+    plain Taichi."""
 
     def __init__(self, particles: float = math.inf):
         self.particles = particles
 
 
-# Loops of the objects that are made now, and whether all loops compiled now are to be serial.
+# Loops of the objects that are created now, and True while all compiled loops become serial.
 _loops = Loops()
 _serial = False
 
 
 @contextlib.contextmanager
 def use_loops(loops: Loops):
-    """Gives the objects with kernels that are made in the block these loops."""
+    """Sets the Loops of all objects with kernels that are created in the block."""
     global _loops
     before, _loops = _loops, loops
     try:
@@ -127,21 +127,21 @@ def use_loops(loops: Loops):
 
 
 def serialize_loops() -> None:
-    """Makes the loops of all later kernels serial: with one thread this saves its wake-up, half of
-    the frame time of 500 particles. No effect with plain Taichi."""
+    """Makes the loops of all later kernels serial: with one thread this saves the wake-up of a
+    thread, half of the frame time of 500 particles. No effect with plain Taichi."""
     global _serial
     _serial = True
 
 
 def _build_loop(build: Callable, context: Any, node: Any) -> Any:
-    """Taichi's `build` of a loop."""
+    """Calls Taichi's `build` of a loop, which becomes serial if _serial is True."""
     if _serial:
         serialize(context)
     return build(context, node)
 
 
 def serialize(context: Any) -> None:
-    """Makes the next loop of the kernel that is compiled serial."""
+    """Makes the next loop of the kernel in compilation serial."""
     context.ast_builder.strictly_serialize()
 
 
@@ -223,7 +223,7 @@ def _taichi_kernel(function: Callable) -> "Kernel":
 
 class FastKernel:
     """Kernel method, compiled once per object and per value of its template arguments. below:
-    number of particles of a scene below which its loops are serial."""
+    number of particles of a scene below which the loops are serial."""
 
     def __init__(self, function: Callable, below: int = SERIAL_BELOW):
         functools.update_wrapper(self, function)
@@ -231,7 +231,7 @@ class FastKernel:
 
     @functools.cached_property
     def serial(self) -> "Kernel":
-        """The same kernel, for serial loops."""
+        """The same kernel, compiled with serial loops."""
         return _taichi_kernel(self.function)
 
     def __get__(self, owner: Any, cls: type | None = None):
@@ -277,7 +277,7 @@ class _Launcher:
         self.ready: dict[tuple, tuple] = {}
 
     def __call__(self, *args):
-        # Taichi reports wrong calls.
+        # Taichi handles other types, and reports calls with a wrong number of arguments.
         if not self.fast or len(args) != self.count:
             return self.taichi(self.owner, *args)
         # With one thread, all kernels are serial.
@@ -327,7 +327,7 @@ class _Launcher:
 
 def _mark(cls: type) -> type:
     """Marks a class with kernels, as ti.data_oriented does, but without its attribute hook; its
-    objects keep the loops of the time when they are made."""
+    objects keep the Loops in use at their creation."""
     cls._data_oriented = True  # type: ignore[attr-defined]
     begin = cls.__init__  # type: ignore[misc]
 
@@ -340,8 +340,8 @@ def _mark(cls: type) -> type:
     return cls
 
 
-# Decorators of the project's kernels, of those that take as long as several others, and of classes
-# that have kernels.
+# Decorators of kernels, of heavy kernels (as slow as several others), and of classes with
+# kernels.
 kernel: Any = ti.kernel if PLAIN else FastKernel
 heavy_kernel: Any = ti.kernel if PLAIN else functools.partial(FastKernel, below=HEAVY_SERIAL_BELOW)
 data_oriented: Any = ti.data_oriented if PLAIN else _mark

@@ -1,4 +1,4 @@
-"""Values that are kept between runs in the user's cache folder: progress in lessons."""
+"""Values kept between runs in the user's cache folder: lesson progress, self-test outcomes."""
 
 import contextlib
 import json
@@ -15,7 +15,7 @@ T = TypeVar("T")
 
 
 def file() -> Path:
-    """Returns the file of this version."""
+    """Returns the path of the cache file of this version."""
     return platformdirs.user_cache_path("msph") / f"measured-{msph.__version__}.json"
 
 
@@ -36,7 +36,7 @@ def recall(key: str, kind: type[T]) -> T | None:
 
 
 def remember(key: str, value: Any) -> None:
-    """Keeps a value that JSON can hold, if the cache can be written."""
+    """Stores a value that JSON can hold, if the cache can be written."""
     known = _read()
     if key not in known or known[key] != value:
         _write(known | {key: value})

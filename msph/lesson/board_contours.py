@@ -30,12 +30,12 @@ PAIR = np.array(
 )
 # Rules for the water corners of an ambiguous cell, and for an ambiguous face.
 DIAGONALS, RULES = ("separate", "joined"), ("own cube", "shared face")
-# Radius of the drawn corners of the cubes, as an area [points^2].
+# Area of a drawn corner of the cubes [points^2].
 CORNER = 70
 
 
 class Board:
-    """Left a grid of numbers with its contours, right the meshes of two adjacent cubes."""
+    """Diagram of a number grid with contours (left) and meshes of two adjacent cubes (right)."""
 
     INPUTS: ClassVar[dict[str, Input]] = {
         "threshold": Input("-", 5.0, 0.0, 9.0),
@@ -156,7 +156,7 @@ def contour(threshold: float, diagonal: bool) -> list[list[tuple[float, float]]]
 
 def pair_mesh(by_face: bool) -> list[np.ndarray]:
     """Returns the triangles (3, 3) of both cubes. by_face: an ambiguous face separates its water
-    corners, as in our tables; otherwise a cube with more water than air uses the triangles of its
+    corners, as in cube_tables; otherwise a cube with more water than air uses the triangles of its
     complement, as in the 15 cases of Lorensen and Cline (1987)."""
     found = []
     for i in range(2):

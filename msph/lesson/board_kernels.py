@@ -41,7 +41,7 @@ def sampled(r: np.ndarray, h: float) -> np.ndarray:
 
 
 class Board:
-    """Left particles on a disturbed lattice, right the kernels; lengths in spacings d."""
+    """Diagram of particles on a disturbed lattice (left) and of kernels (right), in spacings d."""
 
     INPUTS: ClassVar[dict[str, Input]] = {
         "support": Input("d", 2.45, 1.0, 5.0),

@@ -12,8 +12,8 @@ from msph.scene.quality import costs
 
 
 class Board:
-    """Errors of the centre of mass against a finer run [% of the water's depth] over the elapsed
-    time per simulated second, as measured in bench/results/quality.md."""
+    """Diagram of errors of the centre of mass against a finer run [% of the water's depth] over the
+    elapsed time per simulated second, as measured in bench/results/quality.md."""
 
     NUMBERS: ClassVar[dict[str, str]] = {
         "cost": "s/s",
@@ -39,7 +39,7 @@ class Board:
 
     def numbers(self, values: dict[str, float]) -> dict[str, float]:
         """Returns the numbers of the chosen scene and quality; best: 1 if its error is the smallest
-        within the budget, else 0."""
+        within the budget, otherwise 0."""
         name, quality = self._chosen(values)
         steps = self.costs[name]
         within = [s for s in steps.values() if s.slowest <= values["budget"]]

@@ -13,8 +13,8 @@ from msph.stage.window import Window
 
 
 class BoardView:
-    """image: the board of a lesson, redrawn when its inputs change; the lowest `below` pixels are
-    left free for the band."""
+    """Image of a lesson's board, redrawn when the inputs change; the lowest `below` pixels are left
+    free for the band."""
 
     def __init__(self, size: tuple[int, int], below: int):
         self.size, self.below = size, below

@@ -12,8 +12,8 @@ MODULES = {
 
 
 class Input(NamedTuple):
-    """An input of a board: unit, default, least and largest value; names: of its values from `lo`
-    on in steps of 1, empty for a number."""
+    """An input of a board: unit, default, least and largest value; names: texts of the values
+    lo, lo + 1, ..., empty for a number."""
 
     unit: str
     start: float
@@ -45,5 +45,5 @@ class Board(Protocol):
 
 
 def board_of(name: str) -> Any:
-    """Returns the board of a name in MODULES."""
+    """Returns the board with a name in MODULES."""
     return importlib.import_module(MODULES[name]).Board()

@@ -12,7 +12,7 @@ GROUND, INK, FAINT = "#0a141e", "#f5f7fa", "#8aa4b4"
 COLOURS = ("#56b4e9", "#e69f00", "#009e73", "#cc79a7", "#f0e442")
 RED = "#ff6b5e"
 DPI = 100
-# Text height over the image's, and least text height [pixels].
+# Text height over image height, and least text height [pixels].
 TEXT, MIN_TEXT = 1.0 / 28.0, 18
 
 
@@ -20,8 +20,8 @@ class Chart:
     """Figure with axes side by side, of relative widths `panels`; flat: False gives the last axes a
     third dimension.
 
-    Layout and ticks take most of the time of a drawing, so they are found once per size. prepare:
-    called with the axes before that, draws what all images have in common.
+    Layout and ticks take most of the time of a drawing, so they are found once per size. prepare
+    is called with the axes before the layout, and draws the parts that all images share.
     """
 
     def __init__(
@@ -33,7 +33,7 @@ class Chart:
         self.prepare, self.panels, self.flat = prepare, panels, flat
         self.size: tuple[int, int] | None = None
         self.drawing: Any = None
-        self.common: list[set[Any]] = []  # artists of each axes that stay
+        self.common: list[set[Any]] = []  # artists of each axes that all images share
 
     def begin(self, size: tuple[int, int]) -> list[Any]:
         """Returns the axes of an image of size (width, height) [pixels], without the artists that

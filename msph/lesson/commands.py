@@ -44,7 +44,7 @@ class NoLessonWindowError(BadInputError):
 
 
 def lesson(name, html, slides, size, frames, force, run: RunOptions) -> None:
-    """Implements `msph lesson`: lists the lessons, or runs or writes the one called `name`."""
+    """Implements `msph lesson`: lists the lessons, or runs or writes the lesson `name`."""
     if name is None:
         if html or slides:
             raise click.UsageError("--html and --slides need the NAME of a lesson")

@@ -26,7 +26,7 @@ class Progress:
     """Progress of a lesson. row: its simulations, None for a board. Pages: the question, each task,
     and `code_pages` of the explanation; page: the current one, from 0.
 
-    answered: chosen answer, from 1, 0 before. ticked: True for each completed task. reached: the
+    answered: chosen answer, from 1, 0 if none. ticked: True for each completed task. reached: the
     numbers of each task at its completion, empty if it was completed before this run. values:
     slider values by name.
     """
@@ -104,7 +104,7 @@ class Progress:
             self.again()
 
     def move(self, slider: SliderOf, value: float) -> None:
-        """Sets a slider to the nearest value that it can take."""
+        """Sets a slider to the nearest allowed value."""
         value = min(max(value, slider.lo), slider.hi)
         if slider.step:
             steps = round((value - slider.lo) / slider.step)
@@ -136,7 +136,7 @@ class Progress:
         return [self._line(text, expressions.value(text, names)) for text in self.task.show]
 
     def reading(self, slider: str, value: float) -> str:
-        """Returns the value of a slider as text: its name, or number and unit."""
+        """Returns the value of a slider as text: the value's name, or number and unit."""
         given = self.inputs.get(slider)
         return (given and given.name(value)) or with_unit(value, self.units[slider])
 

@@ -79,7 +79,7 @@ class Guide(InputOverlay):
 
     def drag(self, cursor: np.ndarray, down: bool, pressed: bool) -> bool:
         """Moves the slider on which the left button was pressed to the cursor, also in the frame of
-        its release; returns True while it is held."""
+        the release; returns True while a slider is held."""
         x, y = cursor[0] * self.size[0], (1.0 - cursor[1]) * self.size[1]
         y -= self.size[1] - self.below
         moved = self.grip.act(self.band.sheet if self.progress.task else None, x, y, down, pressed)
@@ -92,7 +92,7 @@ class Guide(InputOverlay):
 
     def update(self) -> None:
         """Updates the task and its displayed numbers after a frame. The tasks of a board are
-        checked where a slider was released, not where it passed."""
+        checked when a slider is released, not while it moves."""
         if self.progress.row or not self.grip.holds:
             self.progress.update()
         now = time.perf_counter()

@@ -24,9 +24,9 @@ from msph.scene.load import explain, load_scene, read_toml, shortened
 from msph.scene.schema import Scene
 
 FILE = "lesson.toml"
-# Most words of titles, choices and labels, which have one or two lines.
+# Largest number of words of titles, choices and labels, which have one or two lines.
 SHORT_WORDS = 12
-# Most steps of a slider (-), more than a screen has pixels.
+# Largest number of steps of a slider, more than the pixels of a screen.
 MAX_STEPS = 10_000
 # Live parameters that have no effect in a lesson, which has its own time steps and image size.
 WINDOW_ONLY = {"play.speed", "play.scale"}
@@ -38,7 +38,7 @@ class LessonError(SceneError):
 
 @dataclass(frozen=True)
 class Course:
-    """A checked lesson with its scenes and the lines of its code excerpt; name: its folder's."""
+    """A checked lesson with its scenes and the lines of its code excerpt; name: of its folder."""
 
     name: str
     lesson: Lesson

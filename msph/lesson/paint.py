@@ -17,9 +17,9 @@ from msph.stage.widgets import AWAY, Sheet
 LINES, CAPTION, PAD = 8.4, 0.56, 0.6
 # Widths of a slider's name and of its value, in text heights.
 NAME, VALUE = 5.8, 6.6
-# Height of a formula over the text's; extra indent of continued lines of code, in columns.
+# Height of a formula over text height; extra indent of continued lines of code, in columns.
 FORMULA, FOLD = 1.5, 8
-# Colour of right answers and completed tasks, which also differ by words and shapes.
+# Colour of correct answers and completed tasks, which are also marked by words and shapes.
 DONE = (124, 214, 160, 255)
 LETTERS = "abcd"
 # State of a task whose simulations stand still.
@@ -89,7 +89,7 @@ class Band:
         return y
 
     def _choices(self, progress: Progress, x: float, y: float, width: float) -> None:
-        """Draws the choices; after the answer, the answer with its reason and the correct one."""
+        """Draws all choices; once answered, the chosen one with its reason and the correct one."""
         predict, chosen = progress.lesson.predict, progress.answered
         for k, choice in enumerate(predict.choices, 1):
             text, right = f"{LETTERS[k - 1]}) {choice}", k == predict.answer

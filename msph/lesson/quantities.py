@@ -78,7 +78,7 @@ def _cosines(show: Show) -> tuple[float, float]:
 
 
 def _reflectance(show: Show) -> float:
-    """Returns the unpolarised Fresnel reflectance [%] of level water at the camera's elevation."""
+    """Returns the Fresnel reflectance [%] of level water at the camera's elevation, as rendered."""
     c, t = _cosines(show)
     n = show.scene.picture.refractive_index
     rs, rp = (c - n * t) / (c + n * t), (n * c - t) / (n * c + t)
@@ -101,8 +101,8 @@ def _red_left(show: Show) -> float:
 
 
 def _caustics(show: Show) -> float:
-    """Returns the standard deviation of the light on the floor over its mean [%], away from the
-    walls."""
+    """Returns the standard deviation of the light on the floor over its mean [%], as rendered, away
+    from the walls."""
     focus = show.display.picture.sunlight.focus.to_numpy()
     edge = len(focus) // 4
     inner = focus[edge:-edge, edge:-edge]
@@ -177,7 +177,7 @@ class Numbers:
 
     def __init__(self, show: Show):
         self._show = show
-        self._read: dict[str, tuple[float, float]] = {}  # when [s], and value
+        self._read: dict[str, tuple[float, float]] = {}  # time of measurement [s], and value
         self._probes = {p.name: p for p in build_probes(show.scene) if len(p.heads) == 1}
 
     def __getattr__(self, name: str) -> float:

@@ -6,10 +6,10 @@ from pydantic import Field
 
 from msph.parameter import Number, Section, parameter
 
-# Most words of a caption and of the reason for a choice, choices, simulations, sliders: as many as
-# fit into the layout. Most lines of an excerpt: as many as a student reads.
+# Largest numbers of words of a caption and of the reason for a choice, of choices, simulations and
+# sliders: as many as fit into the layout. Largest number of lines of an excerpt to read.
 WORDS, REASON, CHOICES, WATERS, SLIDERS, LINES = 40, 25, 4, 3, 4, 25
-# Most characters of an expression, a formula and the path of a function. The libraries that read
+# Largest length of an expression, a formula and the path of a function. The libraries that read
 # them recurse once for each bracket or sign, and Python's limit is 1,000 calls.
 EXPRESSION, FORMULA, PATH = 200, 500, 200
 # Pattern of the names of simulations and sliders in expressions.

@@ -55,7 +55,7 @@ class Student:
             if left == 0:
                 break
             left -= 1
-            # A board is checked where its sliders end.
+            # A board is checked at the final values of its sliders only.
             share = min(1.0, (k + 1) / (MOVING * number)) if self.row else 1.0
             for slider in progress.lesson.slider:
                 if slider.name in solution.set:
@@ -108,7 +108,7 @@ class Student:
 
 
 def rehearse(student: Student) -> None:
-    """Solves the page's task, and warns if its check holds before or does not hold after."""
+    """Solves the page's task, and warns if its check holds before the solution or not after."""
     progress = student.progress
     task = f"{progress.course.name}: do.{progress.page - 1}"
     if progress.holds():

@@ -25,7 +25,7 @@ from msph.stage.recorder import even, video_writer
 TEMPLATE = Path(__file__).with_name("page.html")
 # Size of images and videos [pixels]; a video shows every SKIP-th frame.
 SIZE, SKIP = (960, 400), 2
-# Images along a slider without steps, alone and with others, and most along a slider with steps.
+# Number of images along a slider: without steps, alone and with others; at most with steps.
 POSITIONS, FEW_POSITIONS, MAX_POSITIONS = 9, 5, 12
 # Text of a task of simulations, which a page shows in a video.
 WATCH = 'The task in the window is: "{}" The video shows its solution.'
@@ -107,8 +107,8 @@ def on_board(course: Course) -> list[str]:
 
 
 def positions(slider: SliderOf, alone: bool, *others: float) -> list[float]:
-    """Returns the values of a slider on a page, in order: all steps, or some and the `others`;
-    alone: True if the page's other sliders do not move."""
+    """Returns the values of a slider on a page, in order: its steps, or equidistant values and the
+    `others`; alone: True if the page's other sliders do not move."""
     if slider.step:
         number = round((slider.hi - slider.lo) / slider.step) + 1
         chosen = np.linspace(0, number - 1, min(number, MAX_POSITIONS)).round()

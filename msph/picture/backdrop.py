@@ -1,7 +1,7 @@
-"""Image without water: sky, ground, pool and bodies. It is drawn again only when the view changes,
-and where a body moved.
+"""Image without water: sky, ground, pool and bodies. It is redrawn only when the view changes, and
+where a body moved.
 
-Sky and ground are sampled once every COARSE pixels; the box and its contents as in `samples`.
+Sky and ground are sampled every COARSE pixels, the box and its contents as in `samples`.
 """
 
 import taichi as ti
@@ -27,18 +27,18 @@ vec2, vec3, vec4 = ti.math.vec2, ti.math.vec3, ti.math.vec4
 
 RIM_WIDTH = 0.0035  # width of edge lines, over the longest edge of the box
 LINE_LIMIT = 1.6  # largest width of the line of one face [pixels]
-RIM_STRENGTH, INNER_STRENGTH = 0.85, 0.35  # opacity of edges before and behind the water
-# Relative difference of depths in the same place: water reaches into bodies, also along the glass.
+RIM_STRENGTH, INNER_STRENGTH = 0.85, 0.35  # opacity of edges in front of and behind the water
+# Relative difference of depths of one place: the water mesh reaches into bodies, also at the glass.
 SAME_DEPTH = 1e-3
 GLASS, FILM = 0.045, 0.02  # reflectance of a pane, and of a film of water, at normal incidence
-# Light that wet glaze, of tiles and containers, and wet clay lack (-), and number of dry panes that
-# mirror as much as a wet one.
+# Share of light (-) lost by wet glaze (tiles and containers) and by wet clay; number of dry panes
+# that reflect as much as a wet pane.
 WET_GLAZE, WET_CLAY, WET_PANES = 0.15, 0.3, 1.5
-# Notes of blocks: what their rays can meet in the box, in the order of what is computed.
+# Notes of blocks: what their rays can meet in the box, in the order of increasing work.
 HIDDEN, BARE, OCCUPIED = range(3)
-# Digits of what draw() is given.
+# Bits of the argument of draw().
 WHOLE, FLOODED, FRAMED = 1, 2, 4
-# Digits of a sample's kind: low wall (0, 1) or body; axis by which the ray entered the box.
+# Factors in a sample's kind: of the low wall (0, 1) or body, and of the axis of the entry face.
 WALL_OR_BODY, ENTRY_AXIS = 4, 1 << 18
 
 
@@ -60,22 +60,22 @@ class Backdrop:
         self.sampler = BlockSampler(self, fields.samples)
 
     def refresh(self, changed, flooded=False, dried=False):
-        """Redraws what changed. changed: the view is new; flooded: `key` holds the water of this
+        """Redraws changed parts. changed: the view is new; flooded: `key` holds the water of the
         view; dried: walls and bodies are less wet than before."""
         whole, moved, framed = changed or dried, False, False
         if self.moved:
             moved = self.moved.find(self.lens.numbers, whole)
             framed = moved is not None
             whole = whole or not framed
-        # In a constant view, water may uncover blocks it hid.
+        # In a constant view, water may uncover blocks that it hid before.
         flooded = flooded and (whole or moved) and (framed or not self.moved)
         if whole or moved or not self.complete:
             self.draw(WHOLE * whole + FLOODED * flooded + FRAMED * framed)
             self.complete = not flooded
 
     def draw(self, given):
-        """Draws blocks that moving bodies changed and that were postponed. given: digits WHOLE (all
-        blocks), FLOODED (what water hides is postponed), FRAMED (all bodies are marked)."""
+        """Draws blocks that moving bodies changed or that were postponed. given: bits WHOLE (all
+        blocks), FLOODED (blocks hidden by water are postponed), FRAMED (all bodies are marked)."""
         self.draw_backgrounds(given)
         self.sampler.draw(self.lens.numbers["columns"], self.lens.numbers["rows"], given)
 
@@ -126,8 +126,8 @@ class Backdrop:
 
     @ti.func
     def begin(self, i0, j0, given):
-        """Block setup for BlockSampler; given: of draw(). Its note: HIDDEN if water hides the whole
-        block, OCCUPIED if there may be bodies or their shadows, else BARE."""
+        """Sets up a block for BlockSampler; given: of draw(). The note is HIDDEN if water hides the
+        whole block, OCCUPIED if there may be bodies or their shadows, otherwise BARE."""
         shot = self.lens.shot[None]
         corner = vec2(i0, j0)
         whole, framed = given & WHOLE != 0, given & FRAMED != 0
@@ -152,8 +152,8 @@ class Backdrop:
 
     @ti.func
     def trace(self, i, j, note):
-        """Returns kind and sample of the ray through a pixel; note: of its block. In hidden blocks
-        only edge lines are drawn."""
+        """Returns kind and sample of the ray through a pixel; note: of the pixel's block. Hidden
+        blocks get only edge lines."""
         shot = self.lens.shot[None]
         d = (shot.origin + shot.du * i + shot.dv * j).normalized()
         near, far, way_in, axis = self.pool.slab_test(d, shot)
@@ -245,7 +245,7 @@ class Backdrop:
     @ti.func
     def border(self, d, s, axis, share, shot: ti.template()):
         """Returns the coverage of a pixel by the edge lines of the face across `axis`, at the
-        distance s [m] along its ray d; share: of the full line width."""
+        distance s [m] along the ray d; share: of the full line width."""
         footprint = shot.pixel * s / ti.max(abs(component(d, axis)), MIN_COSINE)
         width = ti.min(share * RIM_WIDTH * shot.size.max(), LINE_LIMIT * footprint)
         p = shot.eye + d * s
@@ -277,5 +277,5 @@ class Backdrop:
 
 @ti.func
 def reflected(normal, cosine):
-    """Reflectance at a cosine of incidence; normal: at normal incidence (Schlick 1994)."""
+    """Returns the reflectance at a cosine of incidence; normal: at 0 degrees (Schlick 1994)."""
     return normal + (1.0 - normal) * (1.0 - ti.math.clamp(cosine, 0.0, 1.0)) ** 5

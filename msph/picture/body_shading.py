@@ -17,12 +17,12 @@ vec2, vec3 = ti.math.vec2, ti.math.vec3
 
 CLAY, GLAZE = vec3(0.60, 0.26, 0.15), vec3(0.40, 0.54, 0.58)  # albedo of solids, of containers
 BOUNCE = 0.45  # sky light from below, over sky light from above
-MAX_STEPS = 96  # largest number of steps of a ray, up to a container and in it
+MAX_STEPS = 96  # largest number of steps of a ray, up to a container and inside
 HIT_DISTANCE = 4e-4  # distance at which a ray hits a body, over the longest edge of the box
 STEP_FRACTION = 0.9  # step over distance: sampled distances may be too large
 MIN_SLOPE = 0.1  # least slope of a distance along a ray, for Newton's step to its zero
-CUT = 2.0  # distance inside a body from which on a wall of glass cuts it, over HIT_DISTANCE
-OVERSHOOT = 0.08  # least step of a ray in a container, over its way there
+CUT = 2.0  # depth in a body at which a glass wall cuts the body, over HIT_DISTANCE
+OVERSHOOT = 0.08  # least step of a ray in a container, over its length in the container
 SHADOW_SHARPNESS = 14.0  # sharpness of shadows
 MISSED = 1e9
 
@@ -47,14 +47,14 @@ class BodyShading:
 
     @ti.func
     def offset(self):
-        """Offset [m] from a surface at which a ray does not hit it again."""
+        """Returns the offset [m] from a surface at which a ray does not hit the surface again."""
         return 8.0 * self.numbers.near[None]
 
     @ti.func
     def span(self, b, p, r, most, more):
         """Returns the range of t in 0..most where the ray p + t r is inside the bounding sphere and
-        the bounding box of body b, enlarged by `more` [m], empty if it misses them; and p from
-        the centre and r, in the frame of the body unless the ray misses the sphere."""
+        the bounding box of body b, enlarged by `more` [m], empty if the ray misses them; and
+        p - centre and r, in the frame of the body unless the ray misses the sphere."""
         q, s = p - self.boundary.centre[b, END], r
         along = q.dot(s)
         half = along * along - q.norm_sqr() + (self.boundary.bounding_radius[b] + more) ** 2
@@ -92,18 +92,18 @@ class BodyShading:
                 if t < part[1]:
                     nearest, which = t, b
                 t = MISSED
-            # Place and distance of the last step; where the ray begins in a container.
+            # t and distance at the last step; t at which the ray begins in a container.
             last, last_d, since = t, MISSED, ti.select(self.boundary.side[b] < 0.0, t, MISSED)
             while t < part[1] and steps < MAX_STEPS:
                 steps += 1
                 found = self.boundary.own_distance(b, q + t * s, LINEAR)
                 d, slope = found.x, found.yzw.dot(s)
-                # Behind the side of a container is nothing to pass over.
+                # Steps in a container may overshoot, since there is nothing behind its side.
                 least = ti.max(ti.min(OVERSHOOT * (t - since), part[1] - t - near), near)
                 way = t + ti.max(STEP_FRACTION * abs(d), least)
                 margin = ti.min(margin, abs(d) / (reach + t))
                 if entered and t <= 0.0 and d < -CUT * near:
-                    nearest, which, margin, way = 0.0, b, MISSED, MISSED  # a wall of glass cuts it
+                    nearest, which, margin, way = 0.0, b, MISSED, MISSED  # a glass wall cuts b
                 elif entered and d < near and slope < 0.0:
                     back = ti.select(
                         d < 0.0, (t - last) * d / (last_d - d), d / ti.max(-slope, MIN_SLOPE)
@@ -114,7 +114,7 @@ class BodyShading:
                 elif not entered:
                     entered = d > near
                     if entered:
-                        steps = 0  # the way to a lid can be as long as the one in the container
+                        steps = 0  # the way to a lid can be as long as the way inside
                         since = entry = ti.max(t - d / ti.max(slope, MIN_SLOPE), 0.0)
                         there = self.boundary.own_distance(b, q + entry * s, ROUND)
                         entry_cosine = ti.max(there.yzw.dot(s), 0.0)
@@ -129,11 +129,11 @@ class BodyShading:
     @ti.func
     def meet_ball(self, q, s, radius, reach):
         """Returns the t at which the ray q + t s (s unit) enters a ball around 0, or MISSED; and
-        its smallest distance to it over that from the eye, as in intersect(), MISSED if it hits."""
+        the ray's least distance to the ball over the distance from the eye, MISSED for a hit."""
         along, inside, t, margin = -q.dot(s), radius - q.norm(), MISSED, MISSED
         half = radius * radius - (q.norm_sqr() - along * along)
         if inside > CUT * self.numbers.near[None]:
-            t = 0.0  # a wall of glass cuts it
+            t = 0.0  # a glass wall cuts the ball
         elif half > 0.0 and along > 0.0:
             t = ti.max(along - ti.sqrt(half), 0.0)
         else:
@@ -143,9 +143,9 @@ class BodyShading:
 
     @ti.func
     def hit(self, b, q, s, t):
-        """Returns the t at which the ray q + t s, in the frame of body b, meets its smooth side,
-        from one close to it: a step of Newton, since a waterline shows steps of `near` and of the
-        linear distance."""
+        """Returns the t at which the ray q + t s, in the frame of body b, meets the smooth side of
+        the body, by a Newton step from a t close to it: a waterline would show steps of `near` and
+        of linear distances."""
         found = self.boundary.own_distance(b, q + t * s, CUBIC)
         return t + found.x / ti.max(-found.yzw.dot(s), MIN_SLOPE)
 
@@ -157,7 +157,7 @@ class BodyShading:
 
     @ti.func
     def is_cut(self, b, p):
-        """Returns True if p [m], where a ray meets body b, is inside: a wall of glass cuts it."""
+        """Returns True if p [m], where a ray meets body b, is inside: a glass wall cuts b."""
         inside = self.boundary.side[b] * self.boundary.distance(b, p, END).x
         return inside < -CUT * self.numbers.near[None]
 
@@ -166,7 +166,7 @@ class BodyShading:
         """Returns the unit normal of body b at its visible point p [m], towards the eye's side."""
         n = self.boundary.normal(b, p, END)
         if self.is_cut(b, p):
-            # The nearest side of the body says nothing: the normal of the wall.
+            # The visible face is the cut, in the plane of the nearest wall.
             least = MISSED
             for k in ti.static(range(3)):
                 depth = ti.min(p[k], shot.size[k] - p[k])
@@ -183,8 +183,8 @@ class BodyShading:
     @ti.func
     def sunlit(self, p, to_sun):
         """Returns the share of the sun, 0..1, that bodies leave at p: soft shadows (Quilez), the
-        least of SHADOW_SHARPNESS times distance to the body over distance from p. A container is
-        lit from above, and shades what is outside."""
+        least of SHADOW_SHARPNESS times distance to the body over distance from p. A container
+        shades only places outside."""
         share = 1.0
         near = self.numbers.near[None]
         for b in range(self.numbers.count[None]):

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-ELEVATION = np.radians((-80.0, 88.0))  # limits: short of the poles
+ELEVATION = np.radians((-80.0, 88.0))  # limits, short of the poles
 ZOOM = (0.025, 4.0)  # limits of the distance, over the framing distance
 # Largest distance of the target from the box's centre, over the distance of the eye or, if that is
 # more, half the diagonal of the box; least height of the eye above the ground, over the box's.

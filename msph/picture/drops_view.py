@@ -11,8 +11,8 @@ vec2, vec3 = ti.math.vec2, ti.math.vec3
 
 # Smallest cosine of incidence and smallest radius [pixels].
 MIN_INCIDENCE, LEAST_RADIUS = 0.05, 0.7
-# Share of light that passes a drop, and its opacity in the centre and at the edge. What is behind
-# it, in the pool, is not traced, and shows through.
+# Share of light that passes a drop, and its opacity in the centre and at the edge. The pool
+# behind a drop is not traced, and shows through.
 CLEAR, CENTRE, EDGE = 0.92, 0.2, 0.7
 
 
@@ -58,8 +58,8 @@ class DropsView:
 
     @ti.func
     def radiance(self, d, q, shot: ti.template()):
-        """Radiance of a drop seen along d (unit) at q, the offset from its centre in radii: sky or
-        ground, mirrored at its front and refracted twice."""
+        """Returns the radiance of a drop along d (unit) at q, the offset from its centre in radii:
+        sky or ground, mirrored at the front and refracted twice."""
         depth = ti.sqrt(ti.max(1.0 - q.norm_sqr(), 0.0))
         n = q.x * shot.du.normalized() + q.y * shot.dv.normalized() - depth * shot.forward
         c = ti.max(-d.dot(n), MIN_INCIDENCE)

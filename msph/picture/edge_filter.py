@@ -1,5 +1,5 @@
 """Smoothing of edges in an image of one ray per pixel: FXAA (Lottes 2009), which blends the pixels
-of an edge along its direction. Green stands for brightness, of which it has the largest share."""
+of an edge along its direction. Green represents brightness, to which it contributes most."""
 
 import taichi as ti
 
@@ -10,8 +10,8 @@ from msph.taichi_internals import data_oriented, kernel, on_cpu
 vec2 = ti.math.vec2
 
 GREEN = 1  # index of the colour
-# Contrast with the four neighbours from which a pixel belongs to an edge: absolute, and over the
-# brightest one.
+# Contrast with the four neighbours above which a pixel belongs to an edge: absolute, and over the
+# brightest of the five pixels.
 LEAST_CONTRAST, CONTRAST = 0.04, 0.1
 # Length along an edge over which pixels are blended [pixels], and terms that keep its direction
 # finite where an edge is weak: over the mean brightness, and absolute.

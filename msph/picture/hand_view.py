@@ -9,12 +9,12 @@ vec3 = ti.math.vec3
 
 # Display-referred colours of the ball and its highlight.
 SKIN, LIGHT = (1.0, 0.93, 0.72), (1.0, 1.0, 0.96)
-# Opacity in the middle, and what the outline adds to it; factor under the level of the centre,
+# Opacity in the middle, opacity added by the outline, and factor of the opacity below the centre,
 # where water covers the ball.
 MIDDLE, OUTLINE, SUNKEN = 0.12, 0.6, 0.45
 # Powers of the outline and of the highlight; share of the radius over which the edge fades.
 OUTLINE_POWER, GLOSS, EDGE = 3.0, 40.0, 0.03
-# Opacity of the highlight, and the largest width of the outline off the axis of the view, over
+# Opacity of the highlight, and the largest radius of the ball's image off the axis of view, over
 # radius/(z - radius).
 GLINT, WIDEST = 0.8, 1.5
 
@@ -28,7 +28,7 @@ class HandView:
 
     @kernel
     def draw(self, centre: vec3, radius: ti.f32):
-        """Blends the ball of a radius [m] round a centre [m], box frame, over the image."""
+        """Blends a ball with a centre [m], box frame, and a radius [m] over the image."""
         view = self.lens.shot[None]
         c = centre - view.eye
         z = c.dot(view.forward)

@@ -68,7 +68,7 @@ class Look(Section):
         label="reflections",
         live=(0.0, 1.0),
     )
-    # 4 makes pools of a metre look like deep ones.
+    # With 4, pools of 1 m look deep.
     tint: float = parameter(
         4.0,
         ge=0.0,
@@ -87,11 +87,11 @@ class Look(Section):
     legend: bool = parameter(True, text="show a legend of the colours of a view")
 
     def background_colours(self):
-        """Linear colours of the background at the bottom and top of the image, or None."""
+        """Returns the linear background colours at the bottom and top of the image, or None."""
         low, high = self.background or self.background_top, self.background_top or self.background
         return None if low is None else (linear(low), linear(high))
 
     def sun_direction(self):
-        """Unit vector to the sun, world frame."""
+        """Returns the unit vector to the sun, world frame."""
         a, e = np.radians((self.sun_azimuth, self.sun_elevation))
         return np.array((np.cos(e) * np.sin(a), np.sin(e), np.cos(e) * np.cos(a)))

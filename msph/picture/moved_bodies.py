@@ -1,7 +1,7 @@
-"""Parts of an image that bodies change by moving, so that only these are drawn again.
+"""Parts of an image that change when bodies move, so that only these parts are redrawn.
 
-A body and its shadow lie within the corners of its bounding box swept along the sunlight. They are
-projected on the host, before and after the body moved, and mark blocks of COARSE x COARSE pixels.
+A body and its shadow lie within the corners of its bounding box swept along the sunlight. The
+corners before and after a motion are projected on the host, and mark blocks of COARSE^2 pixels.
 """
 
 import numpy as np
@@ -13,18 +13,18 @@ from msph.picture.samples import SPAN
 from msph.picture.shot import NEAR_PLANE, PARALLEL
 from msph.taichi_internals import data_oriented, kernel
 
-# Movement [pixels] of a corner that is not yet visible.
+# Largest movement [pixels] of a corner that is not visible.
 INVISIBLE = 0.05
-# Width [pixels] of the margin round a body in which blocks of pixels are uneven.
+# Width [pixels] of the margin around a body in which blocks of pixels are uneven.
 MARGIN = 2 * SPAN
-# Parts of the way of sunlight, each of which marks a rectangle.
+# Number of parts of a shadow, each of which marks a rectangle.
 PARTS = 4
 
 
 @data_oriented
 class MovedBodies:
-    """marks (columns, rows), by block of pixels: not 0 where a body or its shadow that moved may be
-    seen, or any if everything is to be drawn; BODY if it may be a body, SHADOW if it cannot."""
+    """Marks of blocks of pixels. marks (columns, rows): not 0 where a moved body or its shadow may
+    be visible (any body, if everything is drawn): BODY if a body may be, otherwise SHADOW."""
 
     SHADOW, BODY = 1, 2
 
@@ -45,7 +45,7 @@ class MovedBodies:
         if not whole:
             (corners, _), (old_corners, old) = found, before
             moved = np.abs(corners - old_corners).max(axis=(1, 2, 3)) > INVISIBLE
-            # What did not move visibly stays as drawn, so that slow movements add up.
+            # Bodies that did not move visibly keep their corners, so that slow movements add up.
             corners[~moved], now[~moved] = old_corners[~moved], old[~moved]
             if not moved.any():
                 return False
@@ -53,7 +53,7 @@ class MovedBodies:
         marked = np.zeros(self.marks.shape, np.int32)
         for left, right, low, high in parts.reshape(-1, 4):
             marked[left:right, low:high] = self.SHADOW
-        # Where there is any body, also one at rest.
+        # Marked blocks with any body, moving or at rest, become BODY.
         for left, right, low, high in now[:, 0]:
             marked[left:right, low:high] *= self.BODY  # 0 stays 0
         self._mark(np.minimum(marked, self.BODY))

@@ -5,28 +5,28 @@ import taichi as ti
 
 
 def refracted(d, n, eta):
-    """Refracts the unit direction d at the unit normal n (against d), in NumPy; eta = n_from /
-    n_to."""
+    """Returns the unit direction d refracted at the unit normal n (against d), in NumPy;
+    eta = n_from / n_to."""
     c = -np.dot(d, n)
     return eta * d + (eta * c - np.sqrt(1 - eta**2 * (1 - c * c))) * n
 
 
 @ti.func
 def cosine_beyond(c, eta):
-    """Cosine of refraction from the cosine of incidence c, eta = n_from / n_to; 0: total
+    """Returns the cosine of refraction for the cosine of incidence c, eta = n_from / n_to; 0: total
     reflection."""
     return ti.sqrt(ti.max(0.0, 1.0 - eta * eta * (1.0 - c * c)))
 
 
 @ti.func
 def bend(d, n, c, ct, eta):
-    """Refracted unit direction; c, ct: cosines of incidence and refraction."""
+    """Returns the refracted unit direction; c, ct: cosines of incidence and refraction."""
     return eta * d + (eta * c - ct) * n
 
 
 @ti.func
 def reflectance(c, ct, eta):
-    """Unpolarised Fresnel reflectance of a dielectric; 1 for total reflection (ct = 0).
+    """Returns the unpolarised Fresnel reflectance of a dielectric; 1 for total reflection (ct = 0).
 
     R = (rs^2 + rp^2) / 2, rs = (eta c - ct) / (eta c + ct), rp = (c - eta ct) / (c + eta ct).
     """
@@ -37,5 +37,5 @@ def reflectance(c, ct, eta):
 
 @ti.func
 def transmittance(absorption, path):
-    """Beer-Lambert transmittance of `path` metres, RGB."""
+    """Returns the Beer-Lambert transmittance of `path` metres, RGB."""
     return ti.exp(-absorption * path)

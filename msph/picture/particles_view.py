@@ -89,7 +89,7 @@ class ParticlesView:
 
     @ti.func
     def lit(self, base, c, r, d, shot: ti.template()):
-        """Colour of a sphere of radius r at c (relative to the eye) where the ray d meets it."""
+        """Returns the colour where the ray d meets a sphere of radius r at c (from the eye)."""
         n = (d / ti.max(sphere_inverse_depth(c, r, d), 1e-9) - c) / r
         sky = 0.5 + 0.5 * n.dot(shot.up)
         sun = ti.max(n.dot(shot.sun), 0.0)

@@ -38,7 +38,7 @@ def picture_of(world: World, surface_room: SurfaceRoom, room: PictureRoom) -> "P
     """Builds a picture of the surface, particles and bodies of a world (for World.build_once)."""
     surface = world.build_once(surface_of, surface_room)
     parts, white = world.parts, world.build_once(whitewater_of)
-    # Loops over pixels are worth sharing out in any scene.
+    # Loops over pixels run in parallel in any scene.
     with use_loops(Loops()):
         return Picture(surface.mesh, parts.boundary, room, white, parts.rim, surface.thin)
 
@@ -110,7 +110,7 @@ class Picture:
         self.resize(width, height)
 
     def take_bodies(self):
-        """Prepares for the boundary's present bodies; what was wet stays wet."""
+        """Prepares images of the boundary's present bodies; wet places stay wet."""
         occupied = self.boundary is not None and self.boundary.count > 0
         if occupied:
             self.bodies.load(self.box)
@@ -135,12 +135,12 @@ class Picture:
         """Dries walls and bodies, and smooths the surface."""
         self.wetness.reset()
         self.drying = EVERY  # the first image compiles the decay
-        self.view = None  # the image without water showed the wet walls
+        self.view = None  # the image without water shows the wet walls
         if self.ripples:
             self.ripples.reset()
 
     def advance(self, dt, hand):
-        """Advances wetness and ripples by dt [s] of simulated time; hand: in the water."""
+        """Advances wetness and ripples by dt [s] of simulated time; hand: the user's Hand."""
         self.drying += dt
         if self.look.ripples and self.ripples and self.view:
             self.ripples.advance(dt, hand, max(self.box))
@@ -170,8 +170,8 @@ class Picture:
 
     @property
     def ray_counts(self):
-        """Rays (right, up), fewer than pixels if `scale` is below 1 and the look has one per
-        pixel."""
+        """Number of rays (right, up), fewer than pixels if `scale` is below 1 and the look has one
+        ray per pixel."""
         factor = self.rays if self.rays > 1 else self.scale
         return max(1, round(factor * self.width)), max(1, round(factor * self.height))
 
@@ -225,7 +225,7 @@ class Picture:
 
     def resolve(self):
         """Draws the ball; averages the rays of each pixel, or smooths the edges of an image with
-        one ray or fewer per pixel, and upscales it."""
+        one ray or fewer per pixel and upscales the image."""
         if self.ball:
             self.hand_view.draw(*self.ball)
         if self.rays > 1:

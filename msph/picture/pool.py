@@ -32,27 +32,27 @@ FILTER, SHARPEST = 0.7, 1e-3  # filter width over the pixel's footprint; smalles
 
 @ti.func
 def component(v, axis):
-    """Component of v along a runtime axis, by selects: an indexed vector would be in memory."""
+    """Returns a component of v at a runtime axis, by selects: an indexed vector is in memory."""
     return ti.select(axis == 0, v.x, ti.select(axis == 1, v.y, v.z))
 
 
 @ti.func
 def reciprocal(d):
-    """1 / d by component, finite where d vanishes."""
+    """Returns 1 / d by component, finite where d vanishes."""
     return 1.0 / (d + ti.select(abs(d) < PARALLEL, PARALLEL, 0.0))
 
 
 @data_oriented
 class Pool:
     def __init__(self, sky: Sky, bodies=None):
-        """bodies: the BodyShading of the bodies in the pool, or None. Code for bodies is compiled
-        only for a pool that has them."""
+        """Creates a pool with `bodies`, a BodyShading, or without (None). Code for bodies is
+        compiled only for a pool with bodies."""
         self.sky, self.bodies = sky, bodies
         self.occupied = bodies is not None
 
     @ti.func
     def albedo(self, p, axis, footprint, shot: ti.template()):
-        """Tile colour at p [m] on a wall across `axis`; footprint: pixel width there [m]."""
+        """Returns the tile colour at p [m] on a wall across `axis`; footprint: pixel width [m]."""
         u, su = ti.select(axis == 0, p.z, p.x), ti.select(axis == 0, shot.tiles.z, shot.tiles.x)
         v, sv = ti.select(axis == 1, p.z, p.y), ti.select(axis == 1, shot.tiles.z, shot.tiles.y)
         q = vec2(u * su, v * sv)
@@ -90,7 +90,7 @@ class Pool:
 
     @ti.func
     def exit_face(self, p, r, size):
-        """Exit of a ray from inside the box: distance [m], axis, True for the low wall."""
+        """Returns the exit of a ray from the box: distance [m], axis, True for the low wall."""
         inv = reciprocal(r)
         t = ti.max(-p * inv, (size - p) * inv)
         axis = 0
@@ -109,7 +109,7 @@ class Pool:
 
     @ti.func
     def hides(self, c, shot: ti.template()):
-        """Returns True if a tiled wall hides what is at c [m] from the eye, outside the box."""
+        """Returns True if a tiled wall hides a point outside the box, at c [m] from the eye."""
         d, length = c.normalized(), c.norm()
         near, far, _, axis = self.slab_test(d, shot)
         through = far > ti.max(near, 0.0) and far < length - shot.skin
@@ -117,7 +117,7 @@ class Pool:
 
     @ti.func
     def colour_of(self, kind, sample, focus, shot: ti.template()):
-        """Linear colour of a sample; focus: concentration of sunlight at its place."""
+        """Returns the linear colour of a sample; focus: concentration of sunlight at its place."""
         p = vec3(sample[PLACE, 0], sample[PLACE, 1], sample[PLACE, 2])
         left = vec3(sample[LEFT, 0], sample[LEFT, 1], sample[LEFT, 2])
         colour = vec3(sample[ADDED, 0], sample[ADDED, 1], sample[ADDED, 2])
@@ -129,7 +129,7 @@ class Pool:
 
     @ti.func
     def sunlit(self, p, r, to_sun):
-        """Share of the sun that bodies leave at p, the end of a ray r."""
+        """Returns the share of the sun that bodies leave at p, the end of a ray r."""
         share = 1.0
         if ti.static(self.occupied):
             share = self.bodies.sunlit(p - self.bodies.offset() * r, to_sun)
@@ -147,7 +147,7 @@ class Pool:
 
     @ti.func
     def far_radiance(self, d, shot: ti.template()):
-        """Radiance of sky or distant ground in the box-frame direction d (unit)."""
+        """Returns the radiance of sky or distant ground in the box-frame direction d (unit)."""
         return self.sky.radiance(
             vec3(d.dot(shot.right_world), d.dot(shot.up), d.dot(shot.back_world))
         )
@@ -163,8 +163,8 @@ class Pool:
 
     @ti.func
     def mirrored_radiance(self, p, r, shot: ti.template()):
-        """Radiance along the ray r that a wet wall or body at p [m] mirrors: the mean of a tiled
-        wall, or sky with the sun's reflection."""
+        """Returns the radiance along the ray r that a wet wall or body mirrors at p [m]: the mean
+        of a tiled wall, or sky with the sun's reflection."""
         _, axis, low = self.exit_face(p, r, shot.size)
         colour = 0.5 * (PALE + DEEP) * SKY_LIGHT
         if not self.is_tiled(axis, low, shot):
@@ -176,7 +176,7 @@ class Pool:
 
     @ti.func
     def background(self, d, shot: ti.template()):
-        """Radiance outside the box along the box-frame eye ray d: sky or shaded ground."""
+        """Returns the radiance outside the box along the box-frame ray d: sky or shaded ground."""
         colour = vec3(0.0)
         sine = d.dot(shot.up)
         if sine < -1e-4:
@@ -188,8 +188,8 @@ class Pool:
 
     @ti.func
     def ground_light(self, g, shot: ti.template()):
-        """Light at the ground point g over open ground: less near the box and in its tinted
-        shadow."""
+        """Returns the light at the ground point g, over the light of open ground: less near the box
+        and in its tinted shadow."""
         away = ti.max(abs(g - 0.5 * shot.size) - 0.5 * shot.size, 0.0).norm_sqr()
         reach = CONTACT_REACH * shot.size.max()
         contact = 1.0 - CONTACT * reach * reach / (reach * reach + away)
@@ -202,7 +202,7 @@ class Pool:
 
     @ti.func
     def slab_test(self, d, shot: ti.template()):
-        """Slab test of the eye ray d: distances in and out (in > out: a miss), axes of both."""
+        """Returns distances of entry and exit of the eye ray d (entry > exit: a miss), and axes."""
         inv = reciprocal(d)
         t0, t1 = -shot.eye * inv, (shot.size - shot.eye) * inv
         lo, hi = ti.min(t0, t1), ti.max(t0, t1)

@@ -10,7 +10,7 @@ d.(a x b) over their sum, and 1 / depth = d.N / a.N with the triangle's normal N
 divided by its depth, so triangles through the near plane need no clipping.
 
 Where the eye is in the box or looks into a container, a ray may begin in water: it does if the
-first face behind its begin is a back face. Such pixels show a back face, or WET if the water
+first face behind its start is a back face. Such pixels show a back face, or WET if the water
 reaches up to the wall. Faces in front of a container's near side are clipped.
 """
 
@@ -58,7 +58,7 @@ class Rasteriser:
 
     @ti.func
     def make_key(self, w, item, bits, shot: ti.template()):
-        """Sorting key of an item at inverse depth w [1/m]; bits: those of the item number."""
+        """Returns the sorting key of an item at inverse depth w [1/m]; bits: of the item number."""
         levels = ti.cast((1 << (KEY_BITS - bits)) - 2, ti.f32)
         x = ti.math.clamp((shot.w_near - w) / shot.w_span, 0.0, 1.0)
         return (ti.cast(x * levels, ti.i32) << bits) | item
@@ -78,8 +78,8 @@ class Rasteriser:
 
     @ti.func
     def triangle_bounds(self, a, b, c, shot: ti.template()):
-        """Pixels that a triangle (relative to the eye) may cover: all if it crosses the near
-        plane."""
+        """Returns the bounds of the pixels that a triangle (relative to the eye) may cover: all
+        pixels if it crosses the near plane."""
         za, zb, zc = a.dot(shot.forward), b.dot(shot.forward), c.dot(shot.forward)
         lo, hi = ti.Vector([0.0, 0.0]), ti.Vector([shot.columns - 1.0, shot.rows - 1.0])
         near = 1.0 / shot.w_near
@@ -97,8 +97,8 @@ class Rasteriser:
     @ti.func
     def draw_mesh(self, mesh: ti.template(), contained):
         """Draws front faces into `key`, and back faces that are not on walls into `back`. The frame
-        is clipped if it looks into a container (contained: 1) or from within the box: the module
-        docstring."""
+        is clipped if it looks into a container (contained: 1) or from within the box; see the
+        module docstring."""
         ti.loop_config(block_dim=BLOCK)
         for t in range(mesh.counts[1]):
             shot = self.lens.shot[None]
@@ -199,7 +199,7 @@ class Rasteriser:
 
 @ti.func
 def sphere_inverse_depth(c, r, d):
-    """1 / depth at which the ray d (forward part 1) from the eye meets a sphere; 0 for a miss.
+    """Returns 1 / depth at which the ray d (forward part 1) from the eye meets a sphere; 0: a miss.
 
     |s d - c| = r, nearer root: s = (c.c - r^2) / (d.c + sqrt((d.c)^2 - d.d (c.c - r^2))).
     """

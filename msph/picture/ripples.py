@@ -21,9 +21,9 @@ CELLS = 160
 # number of steps of a frame, and time of damping [s].
 SPEED, COURANT, MOST_STEPS, DAMPING = 0.23, 0.6, 4, 0.35
 # Speed of the surface under a drop that falls in, over the drop's; radius of the dent in spacings,
-# and least radius in cells; distance from the surface at which a drop makes it, in spacings.
+# and least radius in cells; distance from the surface within which a drop dents it, in spacings.
 DENT, DENT_RADIUS, LEAST_RADIUS, CONTACT = 0.04, 0.7, 1.5, 1.5
-# Speed of the chop that a hand makes, over the hand's, and its size in cells.
+# Speed of the chop around a hand, over the speed of the hand, and size of the chop in cells.
 CHOP, CHOP_CELLS = 0.06, 2.0
 # Smallest upward part of the normals that ripples change, and largest slope (-).
 LEVEL, STEEPEST = 0.5, 0.35
@@ -31,7 +31,7 @@ LEVEL, STEEPEST = 0.5, 0.35
 
 @data_oriented
 class Ripples:
-    """height, before (CELLS, CELLS): h [m] after and before the last step; slope: grad h (-)."""
+    """Height map. height, before (CELLS, CELLS): h [m] after, before a step; slope: grad h (-)."""
 
     def __init__(self, thin: ThinWater, sunlight, lens):
         self.thin, self.sunlight, self.lens = thin, sunlight, lens
@@ -93,7 +93,7 @@ class Ripples:
 
     @kernel
     def _step(self, courant2: ti.f32, kept: ti.f32):
-        """h' = h + kept (h - before) + courant^2 (sum of the four neighbours - 4 h)."""
+        """Makes a step: h' = kept (h + kept (h - before) + courant^2 (sum of neighbours - 4 h))."""
         for i, j in self.height:
             last, h = self.size() - 1, self.height[i, j]
             if i <= last.x and j <= last.y:

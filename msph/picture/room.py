@@ -50,7 +50,7 @@ class PixelFields:
         self.depth = ti.field(ti.f32, size)  # of bodies along the view [m], or FAR
         # Depth at which the ray enters the container [m], or FAR; 0 if the eye is in it.
         self.entry = ti.field(ti.f32, size)
-        # 1 for blocks of SPAN pixels whose colours are yet to be drawn, since water hides them.
+        # 1 for blocks of SPAN pixels whose colours are not drawn yet, since water hides them.
         self.postponed = ti.field(ti.i32, (room.width // SPAN + 1, room.height // SPAN + 1))
         self.samples = SampleFields(*size)
         # Sky and ground at pixels (COARSE a, COARSE b), linear.

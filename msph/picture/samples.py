@@ -81,7 +81,7 @@ class BlockSampler:
 
     @kernel
     def begin(self, columns: ti.i32, rows: ti.i32, given: ti.i32):
-        """Sets the states of blocks. The last ones of incomplete rows are uneven."""
+        """Sets the states of blocks. Blocks at the right and upper edge of the image are uneven."""
         ti.loop_config(block_dim=self.chunk)
         for a, b in ti.ndrange(blocks(columns) + 1, blocks(rows) + 1):
             i, j, state = a * SPAN, b * SPAN, SKIPPED

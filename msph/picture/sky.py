@@ -30,7 +30,7 @@ SUN_LIGHT, SKY_LIGHT = vec3(0.92, 0.85, 0.71), vec3(0.50, 0.55, 0.60)
 
 @ti.func
 def noise(p):
-    """Smooth value noise in 0..1 on the plane."""
+    """Returns smooth value noise in 0..1 on the plane."""
     c = ti.floor(p)
     f = p - c
     u = f * f * (3.0 - 2.0 * f)
@@ -41,7 +41,7 @@ def noise(p):
 
 @ti.func
 def lattice(c):
-    """Fixed pseudo-random number in 0..1 at each integer point of the plane."""
+    """Returns a fixed pseudo-random number in 0..1 for each integer point of the plane."""
     k = ti.cast(c, ti.i32) + 4096
     h = ti.cast(k.x, ti.u32) * ti.u32(374761393) + ti.cast(k.y, ti.u32) * ti.u32(668265263)
     h = (h ^ (h >> 13)) * ti.u32(1274126177)
@@ -75,7 +75,7 @@ class Sky:
 
     @ti.func
     def radiance(self, d):
-        """Radiance from the world direction d (unit): sky above, hazy ground below."""
+        """Returns the radiance from the world direction d (unit): sky, or hazy ground below."""
         q = (ti.math.vec2(d.x, d.z) / (1.0 + abs(d.y)) + 1.0) * (0.5 * CELLS) - 0.5
         q = ti.math.clamp(q, 0.0, CELLS - 1.001)
         i, j = ti.cast(q.x, ti.i32), ti.cast(q.y, ti.i32)
@@ -90,6 +90,6 @@ class Sky:
 
 @ti.func
 def haze(colour, sine):
-    """Colour of distant ground at `sine` below the horizon (negative)."""
+    """Returns the colour of distant ground at `sine` below the horizon (negative)."""
     s = ti.min(-sine / HAZE, 1.0)
     return ti.math.mix(HORIZON, colour, s * (2.0 - s))

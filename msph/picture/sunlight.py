@@ -2,7 +2,7 @@
 
 Caustics are a photon map on the floor y = 0: each mesh triangle that faces the sun is projected
 along the light refracted at its corners; the concentration is the area that its light covers under
-still water over the area that it covers here. Points above the floor read the map where their beam
+still water over its area on the map. Points above the floor read the map where their beam
 would land.
 """
 
@@ -19,7 +19,7 @@ MIN_UPWARD = 0.3  # smallest slope (cosine) of normals at the water's top
 DRY = 1e9
 MIN_WET_WEIGHT = 4.0  # weight of wet cells, out of 16 in the 3 x 3, that makes a column wet
 MIN_BEAM_DESCENT = 0.1  # smallest descent (sine) of a traced beam
-MIN_AREA = 1e-4  # of a lit patch [map cells, twice]
+MIN_AREA = 1e-4  # smallest area of a lit patch [map cells, twice]
 PHOTON_UNIT = 1024.0  # integer value of light 1 in the map: integer atomics are faster
 MAX_CONCENTRATION = 5.0  # limit on the concentration of one triangle's light
 HALF_SHADE = 0.6  # light where beams entered through a wall and were not traced
@@ -30,7 +30,7 @@ SHORE = 0.04  # depth over which caustics fade in [m]
 class Sunlight:
     def __init__(self, mesh, lens):
         self.mesh, self.lens = mesh, lens
-        # The shot says how many cells of the level map are used.
+        # The shot holds the number of cells of the level map that are used.
         self.lowest = ti.field(ti.i32, (LEVEL_CELLS, LEVEL_CELLS))  # bits of a positive f32 [m]
         self.level = ti.field(ti.f32, (LEVEL_CELLS, LEVEL_CELLS))  # height of the water's top [m]
         self.landing = ti.Vector.field(2, ti.f32, mesh.vertices.shape[0])  # (x, z) [m]
@@ -59,7 +59,7 @@ class Sunlight:
 
     @ti.func
     def column_level(self, i, j):
-        """Mean level of the wet cells among the cell and its neighbours; 0 if they are dry."""
+        """Returns the mean level of the wet cells in 3 x 3 cells; 0 if the column is dry."""
         total, wet = 0.0, 0.0
         for k in range(9):
             a, b = i + k // 3 - 1, j + k % 3 - 1
@@ -74,7 +74,7 @@ class Sunlight:
 
     @ti.func
     def height(self, p, shot: ti.template()):
-        """Water level at (x, z) of p [m], bilinear."""
+        """Returns the water level at (x, z) of p [m], interpolated bilinearly."""
         n = shot.level_cells
         c = ti.math.clamp(p.xz / shot.size.xz * n - 0.5, 0.0, n - 1.001)
         return bilinear(self.level, c)
@@ -128,7 +128,7 @@ class Sunlight:
 
     @ti.func
     def smoothed(self, i, j):
-        """Binomial 3 x 3 mean."""
+        """Returns the binomial mean of 3 x 3 cells of photons."""
         total = 0
         for k in range(9):
             a, b = k // 3 - 1, k % 3 - 1
@@ -139,8 +139,8 @@ class Sunlight:
 
     @ti.func
     def concentration(self, q, depth, shot: ti.template()):
-        """Concentration of sunlight at q, `depth` [m] under the surface; 1 under still water. Light
-        through the walls is not traced: half shade."""
+        """Returns the concentration of sunlight at q, `depth` [m] under the surface; 1 under still
+        water. Light through the walls is not traced, and counts as HALF_SHADE."""
         focus = 1.0
         if shot.contrast > 0.0:
             c = (q.xz + shot.drift * q.y - shot.map_corner) * shot.map_scale - 0.5
@@ -156,7 +156,7 @@ class Sunlight:
 
 @ti.func
 def bilinear(f: ti.template(), c):
-    """Bilinear interpolation of f at c, in cells from the centre of cell (0, 0), 0..size - 1."""
+    """Interpolates f bilinearly at c, in cells from the centre of cell (0, 0), 0..size - 1."""
     i, j = ti.cast(c.x, ti.i32), ti.cast(c.y, ti.i32)
     u, v = c.x - i, c.y - j
     low = f[i, j] + u * (f[i + 1, j] - f[i, j])

@@ -12,7 +12,7 @@ KNEE = 0.65  # radiance up to which the curve is the identity
 
 
 def curve(x):
-    """Display-referred value of the linear radiance x, both about 0..1 (NumPy)."""
+    """Returns the display-referred value of the linear radiance x, both about 0..1 (NumPy)."""
     room = 1 - KNEE
     y = np.where(x < KNEE, x, KNEE + room * (1 - np.exp(-np.maximum(x - KNEE, 0) / room)))
     y = np.minimum(y / (KNEE + room * (1 - np.exp(-(WHITE - KNEE) / room))), 1)
@@ -20,7 +20,7 @@ def curve(x):
 
 
 def linear(display):
-    """Linear radiance of the display-referred value, 0..1 (NumPy): the inverse of `curve`."""
+    """Returns the linear radiance of a display-referred value, 0..1 (NumPy): inverse of `curve`."""
     x = np.linspace(0, WHITE, CELLS)
     return np.interp(display, curve(x), x)
 
@@ -34,7 +34,7 @@ class Tone:
 
     @ti.func
     def display(self, c):
-        """Display-referred colour of the linear colour c."""
+        """Returns the display-referred colour of the linear colour c."""
         k = ti.cast(ti.math.clamp(c * ((CELLS - 1) / WHITE), 0.0, CELLS - 1.0) + 0.5, ti.i32)
         k = ti.min(k, CELLS - 1)
         return ti.math.vec3(self.table[k.x], self.table[k.y], self.table[k.z])

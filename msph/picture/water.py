@@ -27,8 +27,8 @@ from msph.taichi_internals import data_oriented
 
 vec2, vec3, vec4 = ti.math.vec2, ti.math.vec3, ti.math.vec4
 
-GLINT, SHEEN = 40.0, 2.5  # brightness of the sun's reflection, and of the ripples' around it
-SHEEN_GLOSS, GLINT_GLOSS = 6, 5  # widths: cosine^(2^6), and that^(2^5)
+GLINT, SHEEN = 40.0, 2.5  # brightness of the sun's reflection, and of ripples around it
+SHEEN_GLOSS, GLINT_GLOSS = 6, 5  # widths: cosine^(2^6), and its power 2^5
 WALL_COSINE = 0.98  # smallest cosine between a cut face's normal and the wall's
 MIN_INCIDENCE = 0.03  # smallest cosine of incidence
 PLATE = 0.1  # largest thickness of water on glass that refracts as a plate, over the longest edge
@@ -36,7 +36,7 @@ DOWNWELLING = 0.5  # share of absorption on the light's way down
 DEPTH_STEP = int(1e-3 * 2**KEY_BITS)  # keys from crest to trough: 0.001 of the range
 NEAR_GLINT = 0.5  # sheen above which the sun's reflection may lie between two samples
 # Bits of a kind: low wall; seen through a side of the water; folded by total reflection; out of the
-# water again; body, counted up to SUNK: the eye is under water; STRAIGHT: so is the whole ray.
+# water again; number of the body (bits below SUNK); eye under water; whole ray under water.
 LOW, CUT, FOLDED, LEFT_AGAIN, BODY, SUNK, STRAIGHT = 4, 8, 16, 32, 64, 1 << 14, 1 << 15
 
 
@@ -57,9 +57,9 @@ class WaterShader:
 
     @ti.func
     def begin(self, i0, j0, given):
-        """Block setup for BlockSampler: even if all pixels, and the corners shared with the next
-        blocks, show water without a step in depth. Blocks without water are drawn here. given and
-        the note are not used."""
+        """Sets up a block for BlockSampler: an even block if all its pixels and the corners of the
+        next blocks show water without a step in depth. Blocks without water are drawn here. given
+        and the note are not used."""
         columns, rows = self.lens.shot[None].columns, self.lens.shot[None].rows
         nearest, farthest = NO_ITEM, 0
         # One loop of constant length, which repeats pixels at the edge of the image: nested loops
@@ -74,7 +74,7 @@ class WaterShader:
                 i, j = ti.min(i0 + k // SPAN, columns - 1), ti.min(j0 + k % SPAN, rows - 1)
                 self.image[i, j] = self.backdrop.colour[i, j].xyz
         elif even:
-            # On a plane the corners are nearest and farthest.
+            # On a plane, the nearest and the farthest pixel are corners.
             near, far = NO_ITEM, 0
             for k in range(4):
                 i = ti.min(i0 + SPAN * (k // 2), columns - 1)
@@ -86,7 +86,7 @@ class WaterShader:
 
     @ti.func
     def wanted(self, i, j):
-        """Draws the backdrop at pixels without water, in blocks with water."""
+        """Returns True for a pixel with water; draws the backdrop at a pixel without water."""
         wet = self.raster.key[i, j] != NO_ITEM
         if not wet:
             self.image[i, j] = self.backdrop.colour[i, j].xyz
@@ -107,13 +107,13 @@ class WaterShader:
 
     @ti.func
     def trace(self, i, j, note):
-        """Shades the water at a pixel."""
+        """Returns kind and sample of the water at a pixel."""
         shot = self.lens.shot[None]
         d = shot.origin + shot.du * i + shot.dv * j
         back = ti.bit_cast(self.raster.back[i, j], ti.f32)
         depth, flat, n = self.hit_surface(i, j, d, shot)
         sunk = d.dot(flat) > 0.0
-        # Nothing but water up to a wall or a body.
+        # The ray meets only water before a wall or a body.
         straight = sunk and (depth == 0.0 or self.backdrop.covers(i, j, depth))
         if straight:
             depth = 0.0
@@ -125,7 +125,7 @@ class WaterShader:
         cut = cut and not sunk
         if cut:
             n = ti.round(flat)
-        # The near side of a container.
+        # The ray enters through the near side of a container.
         cut = cut or (not sunk and self.raster.item(i, j) == self.raster.wet[None])
         p = ti.math.clamp(p, 0.0, walls_of(shot))
         if ti.static(self.rippled):
@@ -137,7 +137,7 @@ class WaterShader:
         bent, mirrored = bend(d, n, c, ct, eta), d + 2.0 * c * n
         reach, thickness = depth * stretch, (back - depth) * stretch
         if cut and thickness < PLATE * shot.size.max():
-            # Water on the glass: the ray leaves it again, almost in the old direction.
+            # Thin water on the glass: the ray leaves the water almost in the old direction.
             bent = d
         share = reflectance(c, ct, eta)
         if sunk:
@@ -154,7 +154,7 @@ class WaterShader:
             mirrored -= 2.0 * rise * shot.up
         kind, under, sky, detail = 0, 0.0, vec3(0.0), False
         place, light, left, added = vec4(0.0), vec2(0.0), vec3(0.0), vec3(0.0)
-        # The ray in the water, then the one in the air: a loop compiles the intersections once.
+        # First the ray in water, then the ray in air: a loop compiles the intersections once.
         for way in range(2):
             inwards = way == 0
             r = ti.select(inwards, bent, mirrored)
@@ -208,7 +208,7 @@ class WaterShader:
 
     @ti.func
     def hit_surface(self, i, j, d, shot: ti.template()):
-        """Intersects the ray d of a pixel with the plane of its triangle, or, if it begins in
+        """Intersects the ray d of a pixel with the plane of its triangle, or, if the ray begins in
         water, with the side of the container or nothing (depth 0). Returns: depth [m]; normal out
         of the water; smooth normal towards the eye."""
         t = self.raster.item(i, j)
@@ -236,7 +236,7 @@ class WaterShader:
     def follow_refracted(self, p, q, r, s, cut, thickness, shot: ti.template()):
         """Follows the refracted ray r from p through water to q, s [m] long. Returns its end [m],
         the depth of the end under water [m], the path through water [m], and bits of the kind. cut:
-        p is on a wall; thickness: path through the water [m]."""
+        p is on a wall; thickness: of the water along the eye ray [m]."""
         path, deep, bits = s, p.y - q.y, 0
         if cut or thickness < s:
             deep = self.sunlight.height(q, shot) - q.y
@@ -246,7 +246,7 @@ class WaterShader:
                 deep = -deep
                 bits = FOLDED
             else:
-                # After a crest or a drop, it may enter the water below again.
+                # After a crest or a drop, the ray may enter the water below.
                 again = ti.max(deep, 0.0) / ti.max(abs(r.y), MIN_COSINE)
                 path = ti.min(s, thickness + again)
                 bits = LEFT_AGAIN
@@ -254,9 +254,9 @@ class WaterShader:
 
     @ti.func
     def reflected_light(self, q, r, axis, low, cut, light, footprint, shot: ti.template()):
-        """Radiance along the reflected ray r: the tiled wall at q [m] under light (sun, sky), or
-        sky with the sun; and True if the sun's reflection is near. cut: the ray begins on a wall,
-        outside."""
+        """Returns the radiance along the reflected ray r: of the tiled wall at q [m] under light
+        (sun, sky), or of sky with the sun; and True if the sun's reflection is near. cut: the ray
+        begins on a wall, outside."""
         colour, detail = vec3(0.0), False
         if not cut and self.pool.is_tiled(axis, low, shot):
             colour = self.pool.albedo(q, axis, footprint, shot)

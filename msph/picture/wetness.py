@@ -1,7 +1,7 @@
 """Wet walls and bodies: where water has been, until it has dried.
 
-A map of the box, with nodes on its walls: near 1 at nodes close to a vertex of the water's mesh,
-whose sides lie on walls and bodies; elsewhere it decays. One map serves walls, panes and bodies.
+Wetness is a map of the box with nodes on the walls: near 1 close to vertices of the water's mesh,
+whose sides lie on walls and bodies, and decaying elsewhere. One map serves walls, panes and bodies.
 """
 
 import math
@@ -15,12 +15,12 @@ from msph.taichi_internals import data_oriented, kernel
 
 # Largest number of cells along an axis; least size of a cell, over the distance between vertices.
 CELLS, LEAST_CELL = 40, 1.25
-# A vertex wets a node at the distance d [cells] by SHARPNESS (1 - d^2), at most 1: nodes between
-# vertices fully, and nodes beyond the waterline the less the farther they are, for a smooth edge.
+# A vertex wets a node at the distance d [cells] by SHARPNESS (1 - d^2), at most 1: fully between
+# vertices, and less with the distance beyond the waterline, for a smooth edge.
 SHARPNESS = 1.5
-# Time between two decays of the map, each of which may render the image without water again [s].
+# Time [s] between two decays of the map, each of which may redraw the image without water.
 EVERY = 0.25
-# Wetness (-) up to which a place counts as dry, and smallest change that is visible.
+# Wetness (-) below which a place counts as dry, and smallest change that is visible.
 DRY, VISIBLE = 0.02, 0.01
 # Decay within the drying time, as an exponent: from 1 to DRY.
 LOST = -math.log(DRY)
@@ -28,7 +28,7 @@ LOST = -math.log(DRY)
 
 @data_oriented
 class Wetness:
-    """wet (CELLS + 1,) * 3: 0 to 1, by place in the box; drawn: the map of the last redraw."""
+    """Map of wetness. wet (CELLS + 1,) * 3: 0 to 1, by node; drawn: map of the last redraw."""
 
     def __init__(self, mesh):
         self.mesh = mesh
@@ -45,18 +45,18 @@ class Wetness:
         self.numbers.fill(per_metre=last / box, last=last)
 
     def reset(self):
-        """Dries everything."""
+        """Dries all walls and bodies."""
         self.wet.fill(0.0)
         self.drawn.fill(0.0)
 
     @ti.func
     def place(self, p):
-        """Returns the place of p [m] in cells."""
+        """Returns the coordinates of p [m] in cells."""
         return ti.math.clamp(p * self.numbers.per_metre[None], 0.0, self.numbers.last[None])
 
     @kernel
     def mark(self):
-        """Wets the nodes round the mesh's vertices."""
+        """Wets the nodes around the mesh's vertices."""
         ti.loop_config(block_dim=BLOCK)
         for v in range(self.mesh.counts[0]):
             c = self.place(self.mesh.vertices[v])
@@ -70,15 +70,15 @@ class Wetness:
 
     @kernel
     def decay(self, share: ti.f32):
-        """Multiplies the map by a share."""
+        """Multiplies the map by a share; values below DRY become 0."""
         for node in ti.grouped(self.wet):
             left = share * self.wet[node]
             self.wet[node] = ti.select(left < DRY, 0.0, left)
 
     @kernel
     def renew(self) -> ti.i32:
-        """Returns the number of nodes that changed visibly since the last redraw, and takes the
-        map as drawn."""
+        """Returns the number of nodes that changed visibly since the last redraw, and stores
+        the map as drawn."""
         changed = 0
         for node in ti.grouped(self.wet):
             changed += abs(self.wet[node] - self.drawn[node]) > VISIBLE
@@ -87,7 +87,7 @@ class Wetness:
 
     @ti.func
     def at(self, p, shot: ti.template()):
-        """Returns the wetness at p [m], by quadratic B-splines: smooth edges."""
+        """Returns the wetness at p [m], by quadratic B-splines for smooth edges."""
         found = 0.0
         if shot.drying == 1:
             c, last = self.place(p), ti.cast(self.numbers.last[None], ti.i32)

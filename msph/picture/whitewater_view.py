@@ -39,7 +39,7 @@ class WhitewaterView:
 
     @ti.func
     def draw_disc(self, x, life):
-        """Draws a particle at x [m]; life: what remains of it (-)."""
+        """Draws a particle at x [m]; life: its remaining life (-)."""
         shot = self.lens.shot[None]
         c = x - shot.eye
         place = self.raster.project(c, shot)
@@ -60,7 +60,7 @@ class WhitewaterView:
     @ti.func
     def visible(self, c, at, z, shot: ti.template()):
         """Returns the share (-) of a particle at c [m] from the eye, at the depth z [m], that is
-        visible at a pixel: 0 behind bodies and tiles, and less the deeper under the surface."""
+        visible at a pixel: 0 behind bodies and tiles, decreasing with depth under the surface."""
         share = 1.0
         if self.backdrop.covers(at.x, at.y, z) or self.shader.pool.hides(c, shot):
             share = 0.0

@@ -74,7 +74,7 @@ def _follows_formulas(given: schema.Body) -> bool:
 
 def _scripted(given: schema.Body, duration: float) -> Scripted:
     """Returns the motion by the expressions of a body; its largest speed within the duration [s] is
-    taken from differences."""
+    found by finite differences."""
     found = formula_numbers(given)
     times = np.linspace(0.0, duration, TRIALS)
     rates = np.abs(np.diff([found(t) for t in times.tolist()], axis=0)) / times[1]
@@ -103,7 +103,7 @@ def placed(mesh: schema.Body | Container) -> tuple[np.ndarray, np.ndarray]:
 
 
 def check_bodies(scene: Scene, spacing: float, where: str) -> list[Body]:
-    """Returns the bodies() of a scene; spacing: the finest layer's [m].
+    """Returns the bodies() of a scene; spacing [m]: of the finest layer.
 
     Raises SceneError for a body or a container that cannot be built."""
     found: list[Body] = []

@@ -15,8 +15,8 @@ from msph.scene.wavemakers import beaches
 
 def build_simulation(scene: Scene, spare: int = 0, room: int = 0) -> Simulation:
     """Returns a simulation of the scene; ti.init must have been called. spare: number of particles
-    that may be added later, as far as the same class of fields holds them; room: least number of
-    particles that it must hold.
+    that may be added later, if the same class of fields holds them; room: least number of particles
+    that the simulation must hold.
 
     Raises SceneError if the bodies leave no room for water, an inflow or an outflow.
     """
@@ -33,7 +33,7 @@ def build_simulation(scene: Scene, spare: int = 0, room: int = 0) -> Simulation:
 
 
 def _with_spare(plan: Plan, spare: int) -> Plan:
-    """Returns the plan with a larger capacity, or itself if this needs other fields."""
+    """Returns the plan with a larger capacity, or unchanged if this needs other fields."""
     larger = replace(plan, capacity=plan.max_particles + spare)
     return larger if room_for(plan.needed).holds(larger.needed) else plan
 

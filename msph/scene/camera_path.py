@@ -8,9 +8,9 @@ from msph.scene.observation import Camera, Orbit
 def orbit_at(
     camera: Camera, time: float, centre: tuple[float, float, float]
 ) -> tuple[float, float, float, tuple[float, float, float]]:
-    """Returns azimuth and elevation [deg], zoom (-) and target [m] at a time [s]: those of the
-    camera, or monotone cubics (PCHIP) through the key frames of its path, constant before and after
-    them. centre: default target [m]."""
+    """Returns azimuth and elevation [deg], zoom (-) and target [m] of the camera at a time [s]: as
+    given, or by monotone cubics (PCHIP) through the key frames of its path, constant before and
+    after the path. centre: default target [m]."""
 
     def row(orbit: Orbit) -> tuple[float, ...]:
         return (orbit.azimuth, orbit.elevation, orbit.zoom, *(orbit.target or centre))

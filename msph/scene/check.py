@@ -25,7 +25,7 @@ from msph.surface.room import SurfaceRoom
 
 # Share of the free memory that a scene may take.
 MEMORY_SHARE = 0.8
-# Most numbers in an array: indices are 32-bit integers.
+# Largest number of values in an array: indices are 32-bit integers.
 MAX_NUMBERS = 2**31 - 1
 # Particle spacings across a box or a gap below which pressures are inaccurate.
 MIN_SPACINGS_ACROSS = 3

@@ -7,7 +7,7 @@ import numpy as np
 
 from msph.errors import BadInputError
 
-# Overlap of volumes of water, or with the outside of the box, that is allowed as rounding [m].
+# Largest overlap [m] of volumes of water, or with the outside of the box, that counts as rounding.
 TOLERANCE = 1e-6
 
 
@@ -25,7 +25,7 @@ def in_metres(point: Iterable[float]) -> str:
 
 
 def is_one_of(*shapes: tuple[Any, ...]) -> bool:
-    """Returns True if all keys of one shape are given, and none of another."""
+    """Returns True if all keys of one shape are given, and no key of another shape."""
     given = [shape for shape in shapes if any(key is not None for key in shape)]
     return len(given) == 1 and all(key is not None for key in given[0])
 

@@ -8,7 +8,7 @@ from msph.scene.errors import SceneError
 
 
 def assets() -> Path:
-    """Returns the assets folder: next to the package in a checkout, inside it once installed."""
+    """Returns the assets folder: next to the package in a checkout, inside an installed package."""
     package = Path(__file__).resolve().parent.parent
     inside = package / "assets"
     return inside if inside.is_dir() else package.parent / "assets"
@@ -25,7 +25,7 @@ def find_scene(name: str) -> Path:
     if name in scenes:
         return scenes[name]
     path = Path(name)
-    # Unlike Path.is_file, these are False for names that are too long.
+    # os.path.isfile and isdir are False for names that are too long, where Path.is_file raises.
     if os.path.isfile(path):
         return path
     if os.path.isdir(path):

@@ -25,7 +25,7 @@ else:
 
 # Decimal points without a digit before or after them, which TOML does not allow.
 BARE_POINT, BARE_END = re.compile(r"(?<![\w.])\.(?=\d)"), re.compile(r"(?<=\d)\.(?![\w.])")
-# Characters of a value that a message shows.
+# Largest number of characters of a value in a message.
 MAX_VALUE = 80
 # Errors of tomllib: for wrong syntax, for integers of thousands of digits, for deep nesting.
 UNREADABLE = (tomllib.TOMLDecodeError, ValueError, RecursionError)
@@ -34,8 +34,8 @@ UNREADABLE = (tomllib.TOMLDecodeError, ValueError, RecursionError)
 def load_scene(name: str, overrides: tuple[str, ...] = ()) -> Scene:
     """Returns the checked scene of a path or shipped name with the overrides "key=value" applied.
 
-    A file may hold `variants`, named tables of changes, and `variant`, the name of the one to
-    apply; an override `variant=NAME` selects another. Raises SceneError.
+    A file may hold `variants`, named tables of changes, and `variant`, the name of the table
+    to apply; an override `variant=NAME` selects another. Raises SceneError.
     """
     path = find_scene(name)
     data = read_toml(path)

@@ -14,9 +14,9 @@ from msph.errors import did_you_mean
 from msph.scene.library import assets
 
 SUFFIXES = (".obj", ".ply", ".stl")
-# Characters of a file name that a message shows.
+# Largest number of characters of a file name in a message.
 MAX_NAME = 80
-# Bytes of a binary STL file: its header with the number of triangles, and a triangle.
+# Sizes in a binary STL file [bytes]: header with the number of triangles, and a triangle.
 STL_HEADER, STL_TRIANGLE = 84, 50
 # Least volume of a mesh, as a share of the volume of its bounding box.
 MIN_VOLUME_SHARE = 1e-6
@@ -27,8 +27,8 @@ class MeshError(ValueError):
 
 
 def resolve(name: str, folder: Path) -> str:
-    """Returns the path of a file if it exists in `folder`, the scene file's; else the name
-    unchanged, a path or a shipped mesh."""
+    """Returns the path of a file in `folder`, the folder of the scene file, if the file exists;
+    otherwise the name unchanged, which is a path or a shipped mesh."""
     beside = folder / name
     return str(beside.resolve()) if os.path.isfile(beside) else name
 

@@ -14,14 +14,14 @@ from msph.fluid.moving_box import Path, at_rest
 from msph.scene.errors import SceneError
 from msph.scene.schema import Body, Motion, Scene, Sway
 
-# Columns of a table of a motion, beside the time.
+# Columns of a motion table: the time, and the displacement and angle.
 TIME, COLUMNS = "time_s", ("x_m", "y_m", "z_m", "angle_deg")
 # Number of times over the duration at which expressions are checked.
 TRIALS = 500
 # Displacement [m] and angle [deg] of a motion at a time [s], (4,).
 Numbers = Callable[[float], np.ndarray]
 
-# Number of poses that a path remembers: steps in a row ask for the same times.
+# Number of poses that a path caches, since consecutive steps need poses at the same times.
 PLACES = 16
 
 

@@ -61,8 +61,8 @@ def shape(given: schema.Opening) -> tuple[np.ndarray, tuple[float, float], np.nd
 def direction(
     scene: Scene, given: schema.Opening, centre: np.ndarray, spacing: float
 ) -> np.ndarray:
-    """Returns the direction (3,) of the flow; by default through the wall next to the centre,
-    otherwise normal to a rectangle, and down."""
+    """Returns the direction (3,) of the flow: as given, or through the wall next to the centre and
+    normal to a rectangle, or down if there is no such wall."""
     if given.direction is not None:
         return np.array(given.direction, float)
     enters = isinstance(given, schema.Inflow)
@@ -81,8 +81,8 @@ def walls(scene: Scene) -> np.ndarray:
 
 
 def layer_at(scene: Scene, x: np.ndarray, specs: list[LayerSpec]) -> int:
-    """Returns the layer of the depth of x [m] below the boxes of water at the start; without
-    adaptation the layer of the first water."""
+    """Returns the layer whose band contains the depth of x [m] below the boxes of water at the
+    start; without adaptation, the layer of the first volume of water."""
     if not scene.adaptation.enabled:
         return scene.water[0].layer
     tops = [
@@ -97,7 +97,7 @@ def layer_at(scene: Scene, x: np.ndarray, specs: list[LayerSpec]) -> int:
 
 def inflow_volumes(scene: Scene, specs: list[LayerSpec]) -> list[tuple[int, float]]:
     """Returns layer and volume [m^3] of the water that each inflow adds within the duration, its
-    pipe included, together at most the volume of the box."""
+    pipe included; the sum is at most the volume of the box."""
     times = np.linspace(0.0, scene.duration, TRIALS)
     found = []
     for each in openings(scene, specs):

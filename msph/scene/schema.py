@@ -191,7 +191,7 @@ class Inflow(Opening):
 class Outflow(Opening):
     """An outflow: a hole in a wall, or a cross-section in the box that removes water.
 
-    With a speed or rate that is prescribed, otherwise water leaves freely.
+    If a speed or rate is given, the flow is prescribed; otherwise water leaves freely.
     """
 
 
@@ -219,7 +219,7 @@ class WaveMaker(Section):
 
 
 class Motion(Section):
-    """A motion of the tank over time, by expressions or a table; several are carried out in turn.
+    """A motion of the tank over time, by expressions or a table; motions are composed in order.
 
     The water starts at rest in the tank.
     """

@@ -10,7 +10,7 @@ from msph.fluid.particles.layers import LayerSpec
 from msph.scene.openings import inflow_volumes
 from msph.scene.schema import Scene, Water
 
-# Least default capacity [particles] of a scene with adaptation, if it could need as many.
+# Least default capacity [particles] with adaptation, unless water of the finest layer needs less.
 MIN_ADAPTIVE_CAPACITY = 16_000
 # Steps (-) of the two-dimensional low-discrepancy sequence R2, powers of 1/1.3247 (Roberts 2018).
 R2_STEPS = (0.7548776662, 0.5698402910)

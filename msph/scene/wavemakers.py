@@ -14,7 +14,7 @@ from msph.scene.motion import ramp
 from msph.scene.schema import Scene, WaveMaker
 from msph.scene.water import bounds, layer_specs
 
-# Sum over both ways through a beach of the amplitude's logarithmic decay: 2 % of a wave return.
+# Exponent of the decay of an amplitude on both ways through a beach: 2 % of a wave return.
 DECAY = 4.0
 # Largest slope of a flap (-).
 STEEPEST = 1.0
@@ -35,7 +35,7 @@ def _body(scene: Scene, maker: WaveMaker, name: str) -> Block:
         part = ramp(time / maker.ramp) if maker.ramp else 1.0
         return 0.5 * sign * maker.stroke * part * math.sin(rate * time)
 
-    # Of the ramp: at most 15/8 over its duration.
+    # The slope of the ramp is at most 15/8 over its duration.
     top = 0.5 * maker.stroke * (rate + (1.875 / maker.ramp if maker.ramp else 0.0))
     face = _face(scene, maker)
     motion = Scripted(lambda time: (swing(time) * along, 0.0), (0, 1, 0), still, top)
@@ -63,7 +63,7 @@ def beaches(scene: Scene) -> list[Beach]:
             axis, far_end = _end(maker)
             wall = axis if far_end else 3 + axis
             speed = group_speed(scene, maker)
-            # The amplitude decays at half the rate, a third of it in the mean, on 2 length/speed.
+            # The mean damping rate/3 acts for 2 length/speed; amplitudes decay at half of it.
             found.append(Beach(wall, maker.beach, 3.0 * DECAY * speed / maker.beach))
     return found
 
@@ -102,8 +102,8 @@ def _reach(scene: Scene) -> float:
 
 
 def _nearest(scene: Scene, maker: WaveMaker) -> float:
-    """Returns the least mean distance [m] of the face from the wall: nearer, the wall would mirror
-    the water before the face."""
+    """Returns the least mean distance [m] of the face from the wall; if the face were nearer, the
+    wall would mirror the water in front of it."""
     return 0.5 * (maker.stroke + _reach(scene))
 
 

@@ -38,7 +38,7 @@ STRIDE = PAIR  # lattice intervals per sample
 BLOCKS_PER_WORD = WORD // STRIDE  # sub-blocks along z per word of signs
 # Shifts and masks that move the lowest 16 bits of a word to every second bit.
 SPREAD_STEPS = ((8, 0x00FF00FF), (4, 0x0F0F0F0F), (2, 0x33333333), (1, 0x55555555))
-# Largest loss of the interpolation at the rim of a kernel, over its peak (-): by sampling (tests).
+# Largest loss of the interpolation at the rim of a kernel, over its peak (-): sampled in tests.
 RIM_LOSS = 0.016
 # Share of the bounds that is used (-): the rest allows for RIM_LOSS and density variations in deep
 # water.
@@ -58,8 +58,8 @@ def band_numbers(
     reach `finest` [m] or more, and bodies of depth `thinnest` [m] or more. Raises ValueError if the
     cells are too coarse.
 
-    overlap: marching cubes bevel the end of the mesh, within a cell; a diagonal of a cell keeps
-    that off the bodies' sides. The middle of the thinnest body stays free, a cell wide.
+    overlap: marching cubes bevels the end of the mesh, within a cell; an overlap of a cell's
+    diagonal keeps the bevel inside bodies. The mesh ends half a cell or more off a body's middle.
     """
     rho = corner_bound(spacing, finest)
     if rho == 0.0:
@@ -130,8 +130,8 @@ class Band:
 
     @kernel
     def classify(self, bodies: ti.template()):
-        """Computes state from sampled. In one kernel with include_thin(), Taichi generates invalid
-        SPIR-V, the code for Vulkan and Metal (taichi issue #8741)."""
+        """Computes state from sampled. Separate from include_thin(), since one kernel for both is
+        invalid SPIR-V, the code for Vulkan and Metal (taichi issue #8741)."""
         for q in range(self.block_count()):
             self.state[q] = self.state_of(q, bodies)
 
@@ -268,7 +268,7 @@ class Band:
 
 @ti.func
 def double_bits(word):
-    """Copies bit k of the lowest 16 bits to the bits 2 k and 2 k + 1."""
+    """Returns a word whose bits 2 k and 2 k + 1 are bit k of the given word, for k below 16."""
     for shift, mask in ti.static(SPREAD_STEPS):
         word = (word | word << ti.u32(shift)) & ti.u32(mask)
     return word | word << ti.u32(1)

@@ -2,9 +2,9 @@
 
 The surface is where f = min(coverage - iso, s/l) is zero, with s the distance to the nearest body
 and l the length over which coverage falls: the mesh is closed along bodies. Coverage is divided by
-the part of the kernel's ball outside of bodies, as at the walls. That part is of the fluid's
-kernel, narrower than poly6: beside a wall the coverage of still water is up to 6 % low, which moves
-the surface there by less than 0.1 spacings.
+the part of the kernel's ball outside of bodies, as at the walls. This part is taken from the
+fluid's kernel, which is narrower than poly6: at the side of a body the coverage of still water is
+up to 6 % low, which moves the surface there by less than 0.1 spacings.
 """
 
 import taichi as ti
@@ -16,7 +16,7 @@ from msph.taichi_internals import data_oriented
 
 vec4 = ti.math.vec4
 
-# Smallest open part (-) of a kernel, against division by zero inside bodies.
+# Least part (-) of a kernel outside of bodies, against division by zero inside bodies.
 MIN_OPEN = 0.1
 
 

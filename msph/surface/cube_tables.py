@@ -43,7 +43,7 @@ def face_segments(case: int, ring: list[int]) -> list[tuple[int, int]]:
     """Returns the directed contour segments (from edge, to edge) of a face, one per run of inside
     corners.
 
-    Along the counter-clockwise cycle a segment leads from the begin of the run to its end; the cell
+    Along the counter-clockwise cycle a segment leads from the start of a run to its end; the cell
     behind the face has the reversed segment, which makes the winding consistent.
     """
     inside = [case >> corner & 1 for corner in ring]

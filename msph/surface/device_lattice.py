@@ -47,7 +47,7 @@ class DeviceLattice:
             min_shift=f32,  # smallest shift of iso (-)
             max_shift=f32,  # largest shift of iso (-)
         )
-        # [m], one axis after the other, each padded to the longest.
+        # Coordinates of the nodes [m]: the three axes in turn, each padded to the longest.
         self.coordinate = DeviceTable((3 * room.axis,), x=f32)
 
     def load(self, lattice: Lattice, **scene: Any) -> None:

@@ -1,7 +1,7 @@
 """Drops: particles without neighbours, added to the mesh as spheres of their volume.
 
-Marching cubes would make polyhedra of them, since a drop is hardly larger than a cell. A sphere is
-an icosahedron whose triangles are divided into four. Beside a wall it touches the wall.
+Marching cubes would turn drops into polyhedra, since a drop is hardly larger than a cell. A sphere
+is an icosahedron whose triangles are divided into four. At a wall, the sphere touches the wall.
 """
 
 import itertools
@@ -21,8 +21,8 @@ vec3 = ti.math.vec3
 class Drops:
     """Adds the drops that `thin` found to a mesh.
 
-    begin, of the drops in the mesh: first vertex and first triangle; fit: number of drops that the
-    mesh has room for.
+    numbers: first vertex and first triangle of the drops in the mesh; fit: number of drops that
+    the mesh has room for.
     """
 
     def __init__(self, mesh: SurfaceMesh, thin: ThinWater):
@@ -63,8 +63,8 @@ class Drops:
 
     @ti.func
     def beside_walls(self, x, radius):
-        """Returns the centre [m] of a sphere for the particle at x that crosses no wall. What has
-        left an open top stays there."""
+        """Returns the centre [m] of a sphere for the particle at x that crosses no wall. A
+        particle above an open top keeps its height."""
         highest = self.thin.numbers.size[None] - radius
         if x.y > highest.y + radius:
             highest.y = x.y

@@ -66,7 +66,7 @@ class MarchingCubes:
     def load_field(self, lattice: Lattice, value: np.ndarray, gradient: np.ndarray) -> None:
         """Loads a field valid at all nodes: value (nx, ny, nz) and gradient (nx, ny, nz, 3)."""
         self.lattice.load(lattice)
-        # Padding is "inside", so that tests fail if it is read.
+        # Padding nodes are "inside", so that tests fail if padding is read.
         beyond = [(0, p - n) for p, n in zip(lattice.padded, lattice.shape, strict=True)]
         values = np.pad(value, beyond, constant_values=1.0).astype(np.float32).ravel()
         slopes = np.pad(gradient, [*beyond, (0, 0)]).astype(np.float32).reshape(-1, 3)
@@ -131,7 +131,7 @@ class MarchingCubes:
 
     @kernel
     def make_vertices(self):
-        """Makes one vertex per crossed edge, at the root of linear interpolation."""
+        """Makes one vertex per crossed edge, at the zero of the level (root())."""
         for c in range(4):
             self.mesh.counts[c] = 0
         for q in range(self.signs.word_count()):

@@ -50,7 +50,7 @@ class SurfaceMesh:
                 triangles[i, k] = self.triangles[i][k]
 
     def overflowed(self) -> str | None:
-        """Returns a message that says what did not fit in the last extraction, or None."""
+        """Returns a message if the last mesh exceeded the capacity, otherwise None."""
         names, most = ("vertices", "triangles"), (self.max_vertices, self.max_triangles)
         needed = zip(self.counts.to_numpy()[2:], names, most, strict=True)
         parts = [f"{n} {name} needed, {fit} fit" for n, name, fit in needed if n > fit]

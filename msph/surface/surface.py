@@ -78,14 +78,14 @@ class Surface:
         self.sums.load(lattice, size, radii)
 
     def shortfall(self) -> str | None:
-        """Returns a message if the last mesh may lack volume of the water, else None."""
+        """Returns a message if the last mesh may lack volume of the water, otherwise None."""
         return self.mesh.overflowed() or self.volume_control.limit_reached()
 
     def extract(self, hidden: bool = False) -> None:
-        """Computes the mesh from the particles in eight kernel launches. The grid must be sorted.
+        """Computes the mesh from the particles in ten kernel launches. The grid must be sorted.
 
-        hidden: the mesh is for an image with opaque bodies, so it ends inside them (band.py).
-        There, the waterline is where both surfaces meet, as exact as the pixels; at the end of the
+        hidden: the mesh is for an image with opaque bodies, and ends inside them (band.py). The
+        waterline is then the intersection of both surfaces, exact to a pixel; at the end of the
         mesh it would have steps of a cell.
         """
         hidden = hidden and self.has_bodies

@@ -9,9 +9,9 @@ surface (fluid_fraction.py), and c_thick halfway between,
     r_j = SHEET_REACH d                       for c < c_sheet, rising to r at c_thick,
     w_j = 1 + (ISOLATED_WEIGHT - 1) t^2,  t = (c_sheet - c)/(c_sheet - c_isolated) if c < c_sheet,
 
-t = 0 otherwise. Both are continuous in c. Kernels that follow the neighbourhood: Yu and Turk 2013,
-who also stretch them along sheets. A particle without neighbours is a drop: it has no kernel, and a
-sphere is added to the mesh (drops.py).
+t = 0 otherwise. Both are continuous in c. Yu and Turk (2013) also adapt kernels to the
+neighbourhood, and stretch the kernels along sheets. A particle without neighbours is a drop: the
+drop has no kernel, and a sphere is added to the mesh (drops.py).
 """
 
 import numpy as np
@@ -29,13 +29,13 @@ vec3 = ti.math.vec3
 # Reach [spacings] of kernels in sheets and thinner water: coverage is half at d/2 from the sheet,
 # 315/256 d/r (1 - (d/2r)^2)^4 = 1/2, so a sheet keeps its thickness.
 SHEET_REACH = 1.75
-# Weight (-) of an almost isolated particle: its surface encloses its volume. At 2 some vanish
-# between the nodes of cells of 0.75 spacings.
+# Weight (-) of an almost isolated particle, whose surface then encloses its volume. At 2, some
+# particles vanish between the nodes of cells of 0.75 spacings.
 ISOLATED_WEIGHT = 2.6
 # Distance to the nearest neighbour beyond which a particle is a drop, in mean spacings of the two:
-# their surfaces touch at 2.1.
+# the surfaces of two drops touch at 2.1.
 DROP_GAP = 2.15
-# Distance [m] and squared distance [m^2] of a particle without neighbours.
+# Distance (mean spacings) and squared distance [m^2] to the neighbour of a particle without any.
 NO_NEIGHBOUR = 1e9
 
 
@@ -57,7 +57,7 @@ class ThinWater:
     by_layer: reach r [m]; isolated, sheet, thick (-): the coverages c_isolated, c_sheet and c_thick
     of the module docstring. kernel, by particle: 1/r_j^2 [1/m^2] and the kernel's value at its
     particle (-), 0 for a drop. The first drop_count[None] entries of drops are the drops' indices.
-    volume [m^3]: of all other particles.
+    volume [m^3]: of all other particles in the box.
     """
 
     def __init__(self, layers, grid, particles, bodies: Bodies, room: SurfaceRoom):

@@ -25,8 +25,8 @@ from msph.taichi_internals import data_oriented, heavy_kernel
 
 vec3 = ti.math.vec3
 
-# Largest shift (-), 0.45 spacings inwards at 1.6 supports: weakly compressible water expands by
-# that at its start. A sheet of single particles remains.
+# Largest shift (-), 0.45 spacings inwards at 1.6 supports: weakly compressible water expands as
+# much at its start. A sheet one particle thick does not vanish.
 MAX_SHIFT = 0.14
 # Smallest shift (-), 0.45 spacings outwards; larger with bodies, where particles crowd and half
 # coverage is up to 0.34 spacings too low (`bowl`).
@@ -40,7 +40,7 @@ MIN_DERIVATIVE = 1e-6
 
 @data_oriented
 class WaterVolume:
-    """enclosed and derivative [m^3]: V and dV/df; shift (-): the iso of marching cubes."""
+    """Volume control. enclosed, derivative [m^3]: V, dV/df; shift (-): iso of marching cubes."""
 
     def __init__(self, cubes: MarchingCubes, thin: ThinWater):
         self.cubes, self.thin = cubes, thin
@@ -54,7 +54,7 @@ class WaterVolume:
         self.make_step(1)
 
     def limit_reached(self) -> str | None:
-        """Returns a message if the last shift was limited, else None."""
+        """Returns a message if the last shift reached its limit, otherwise None."""
         shift = self.shift[None]
         if shift <= self.numbers.min_shift[None]:
             return "the outward shift of the surface that conserves volume exceeds its limit"
@@ -93,7 +93,7 @@ class WaterVolume:
             water, before = self.thin.volume[None], self.shift[None]
             slope = ti.max(self.derivative[None], MIN_DERIVATIVE * water)
             least, most = self.numbers.min_shift[None], self.numbers.max_shift[None]
-            # No water but drops: nothing to shift.
+            # If all water is drops, there is nothing to shift.
             step = ti.select(water > 0.0, (self.enclosed[None] - water) / slope, 0.0)
             self.shift[None] = ti.math.clamp(before + step, least, most)
 

@@ -9,10 +9,10 @@ linearly from 0 to 1 over the ranges KINETIC, TRAPPED and CREST:
 - wave crest: the distance of the neighbours' centre from the particle, over the support, where the
   particle moves out of the water.
 
-Means over neighbours, unlike the sums of the paper, do not depend on the size of particles. What a
-whitewater particle is follows from the coverage c of water around it: below SPRAY spray, which
-flies; above FOAM a bubble, which rises; between them foam, which moves with the water. Whitewater
-does not act on the water.
+Means over neighbours, unlike the sums of the paper, do not depend on the size of particles. The
+coverage c of water around a whitewater particle determines its kind: below SPRAY the particle is
+spray, which flies; above FOAM a bubble, which rises; in between foam, which moves with the water.
+Whitewater does not act on the water.
 """
 
 import taichi as ti
@@ -38,7 +38,7 @@ BURST = 8
 # Radius of the ball around a water particle in which whitewater appears, in spacings, and spread
 # of its velocity, in speeds of the particle.
 SPREAD, SCATTER = 0.8, 0.25
-# Coverages (-) up to which whitewater is spray, and from which it is a bubble.
+# Coverages (-) below which whitewater is spray, and from which whitewater is bubbles.
 SPRAY, FOAM = 0.15, 0.6
 # Longest and shortest lifetime of foam [s].
 LIFE, SHORTEST = 2.0, 0.5
@@ -97,7 +97,7 @@ class Whitewater:
         self.emitted[None] = self.frames = 0
 
     def advance(self, dt: float, gravity: tuple[float, float, float]) -> None:
-        """Moves the particles by dt [s] under gravity [m/s^2], and emits others. The grid must be
+        """Moves the particles by dt [s] under gravity [m/s^2], and emits new ones. The grid must be
         sorted."""
         self.frames += 1
         self._move(dt, ti.Vector(gravity))
@@ -190,7 +190,7 @@ class Whitewater:
 
 @ti.func
 def ramp(x, ends: ti.template()):
-    """Rises linearly from 0 at ends[0] to 1 at ends[1]."""
+    """Returns a value that rises linearly from 0 at x = ends[0] to 1 at x = ends[1]."""
     return ti.math.clamp((x - ends[0]) / (ends[1] - ends[0]), 0.0, 1.0)
 
 
