@@ -1,1 +1,1 @@
-"""Fluid simulation. Independent of rendering, windows and file formats."""
+"""Fluid simulation, independent of rendering, windows and file formats."""

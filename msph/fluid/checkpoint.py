@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 def state_of(sim: "Simulation") -> dict[str, np.ndarray]:
     """Returns a checkpoint of a Simulation: every carried attribute, time, number of steps, length
     of the last step, the spilt mass [kg] of an open box, the state of floating bodies and openings,
-    the added ones, the piston, the solver's state and the fingerprint."""
+    added bodies and openings, the piston, the solver's state and the fingerprint."""
     progress = {
         "time": np.float64(sim.time),
         "steps": np.int64(sim.steps),
@@ -47,10 +47,10 @@ def fingerprint(sim: "Simulation") -> np.ndarray:
 
 
 def restore(sim: "Simulation", state: dict[str, np.ndarray]) -> None:
-    """Restores a state_of() of a Simulation. Raises ValueError if it does not fit this one."""
+    """Restores a checkpoint of state_of(). Raises ValueError if it does not fit this simulation."""
     attributes = dict(state)
     floats = sum(b.mass is not None for b in sim.plan.bodies)
-    # These are also of what was added, now or then.
+    # Entries that exist only if something was added, in this simulation or before the checkpoint.
     optional = {"added_bodies", "added_openings", "piston"}
     optional |= {"floating"} if not floats else set()
     optional |= {"openings"} if not sim.plan.openings else set()

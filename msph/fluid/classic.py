@@ -42,8 +42,8 @@ class ClassicParameters(Section):
     """The weakly compressible method of the thesis (Gokdogan 2008).
 
     (32) and (33) use the gradient averaged over both supports. With the neighbour's support alone
-    (33) would be (27) divided by rho_i, and neither would be antisymmetric between layers, which is
-    their purpose. attraction acts by the colour field (Mueller et al. 2003, eq. 17 to 19).
+    (33) would be (27) divided by rho_i, and neither form would be antisymmetric between layers,
+    which is their purpose. attraction acts by the colour field (Mueller et al. 2003, eq. 17 to 19).
     """
 
     stiffness: float = parameter(
@@ -101,7 +101,7 @@ class Classic:
     PARAMETERS = ClassicParameters
     ADAPTS, HAS_BODIES, HAS_OPENINGS = False, False, False
     LAYER_OPTIONS = ("gravity_factor", "viscosity", "kernels")
-    SMOOTHING, MIN_SMOOTHING = 2.0, 1.2  # the thesis gives none
+    SMOOTHING, MIN_SMOOTHING = 2.0, 1.2  # the thesis gives no values
     # Wider lists are searched less often, but are longer.
     LIST_MARGIN = 0.5
     PER_ENTRY = 0
@@ -130,7 +130,7 @@ class Classic:
         """Takes the parameters of a scene whose tables and constants are filled already."""
         self.parameters = parameters
         self.own_kernels = any(s.wendland for s in self.layers.specs)
-        # Layers whose viscosity is the common one, and changes with it.
+        # True for layers that have the scene's common viscosity, also after it changes.
         self.common_viscosity = np.array(
             [s.viscosity == parameters.viscosity for s in self.layers.specs]
         )
@@ -162,9 +162,9 @@ class Classic:
     def step_bounds(
         self, safety: float = 1.0, external: ExternalForces = NO_HAND
     ) -> dict[str, float]:
-        """Returns the bounds of the time step [s] by the parameter that sets them: in it sound
-        crosses courant * h, and viscosity diffuses within h. The arguments are unused, since motion
-        does not bound the step."""
+        """Returns the bounds of the time step [s] by the parameter that sets them: in one step
+        sound crosses courant * h, and viscosity diffuses within h. The arguments are unused, since
+        motion does not bound the step."""
         c, specs = self.parameters.stiffness**0.5, self.layers.specs
         bounds = {"stiffness": self.parameters.courant * min(s.support for s in specs) / c}
         diffusion = [
@@ -294,9 +294,9 @@ class Classic:
     ):
         """Position Verlet x' = 2 x - x_old + dt^2 a, v = (x - x_old)/dt, then reflecting walls.
 
-        In the form x' = x + dt (v + dt a), which loses no digits in single precision and allows dt
-        to change. Particles stop half a spacing from the walls. The internal impulse sum m a dt
-        [N s] is zero only for antisymmetric pair forces.
+        The form x' = x + dt (v + dt a) loses no digits in single precision and allows dt to change.
+        Particles stop half a spacing from the walls. The internal impulse sum m a dt [N s] is zero
+        only for antisymmetric pair forces.
         """
         self.farthest[None] = 0.0
         for i in range(n):
@@ -320,7 +320,7 @@ class Classic:
             for k in ti.static(range(3)):
                 if x[k] != wall[k]:
                     v[k] = -restitution * v[k]
-            # Beyond the opposite wall, if at all, only in a box of a few particles.
+            # A reflected position passes the opposite wall only in a box of a few particles.
             x = self.walls.confined(start, wall + restitution * (wall - x), margin)
             self.impulses.wall_impulse.add(i, m * (v - free))
             self.impulses.inertia_work.add(i, m * inertia.dot(x - start))

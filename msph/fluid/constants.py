@@ -11,7 +11,7 @@ MEMBERS = {
     "walls": vec3,  # coordinates of the far walls, NO_WALL where there is none [m]
     "covered": i32,  # walls behind pistons, which mirror nothing, as bits
     "rim": f32,  # height at which the side walls end, NO_WALL with a lid [m]
-    "ceiling": f32,  # height from which on water counts as spilt [m]
+    "ceiling": f32,  # height above which water counts as spilt [m]
     "layers": i32,  # number of layers
     "bodies": i32,  # number of bodies
     "leak": f32,  # depth in a body beyond which a particle has leaked [m]
@@ -20,7 +20,7 @@ MEMBERS = {
     "restitution": f32,  # ratio of speeds after and before contact with a wall (-)
     "cells": i32,  # of the neighbour grids of all layers
     "entries": i32,  # capacity of the neighbour list
-    "mean_neighbours": f32,  # of a particle at rest, images included
+    "mean_neighbours": f32,  # upper bound of the mean at rest, images included
     "entries_per_particle": i32,  # of the neighbour list (GPU)
     "cfl": f32,  # largest distance past neighbours per step, in spacings
     "pressure_cfl": f32,  # largest distance at the speed sqrt(p/rho) per step, in spacings
@@ -48,11 +48,11 @@ OPENING = {
     "width": f32,  # half width, or radius [m]
     "height": f32,  # half height [m]
     "round": i32,  # 1 for a disc
-    "wall": i32,  # wall on which it lies, as a bit, or 0
+    "wall": i32,  # wall on which the opening lies, as a bit, or 0
     "zone_begin": f32,  # range of s in which velocities are prescribed [m]
     "zone_end": f32,
     "kept_from": f32,  # s from which water beyond the wall is simulated [m]
-    "length": f32,  # of that range, or of the range of s from 0 in which water is removed [m]
+    "length": f32,  # of this range, or of the range of s from 0 in which water is removed [m]
     "leaves": i32,  # 1 for an outflow
     "slack": f32,  # half a spacing, by which the zone is wider than the opening [m]
     "speed": f32,  # prescribed at the end of the step [m/s]

@@ -39,7 +39,7 @@ class Hand:
 
     def longest_step(self, distance: float) -> float:
         """Returns the largest time step [s] in which the hand moves water at rest by at most
-        `distance` [m]: in a step dt it gives it at most the speed V min(1, grip dt)."""
+        `distance` [m]: a step dt gives the water at most the speed V min(1, grip dt)."""
         speed = self.top_speed()
         if self.grip * speed == 0.0:
             return math.inf
@@ -56,8 +56,8 @@ class ExternalForces:
     """Gravity [m/s^2] in the box's frame, the hand, and the inertial forces of a moving box.
 
     angular_velocity [rad/s] and angular_acceleration [rad/s^2] of the box about its centre;
-    inertia [m/s^2]: inertial acceleration at the centre, minus the acceleration of the centre. All
-    are constant within a step, gravity and hand within a frame.
+    inertia [m/s^2]: inertial acceleration at the centre, i.e. minus the acceleration of the centre.
+    All are constant within a step, gravity and hand within a frame.
     """
 
     gravity: Vec3 = (0.0, -9.81, 0.0)
@@ -77,7 +77,7 @@ class ExternalForces:
 
     @property
     def apparent_gravity(self) -> Vec3:
-        """Gravity and inertia [m/s^2] of water at rest at the box's centre, if it does not turn."""
+        """Sum of gravity and inertia [m/s^2] for water at rest at the box's centre."""
         x, y, z = (g + a for g, a in zip(self.gravity, self.inertia, strict=True))
         return x, y, z
 
@@ -99,10 +99,10 @@ class ExternalForces:
 
 @ti.func
 def hand_acceleration(x, v, dt, hand):
-    """Returns the acceleration [m/s^2] by the hand of water at x [m] with velocity v [m/s].
+    """Returns the acceleration [m/s^2] that the hand gives water at x [m] with velocity v [m/s].
 
-    Decreases as (1 - q)^2, q = sum (r_k/R_k)^2; limited so that a step of dt [s] does not overshoot
-    the hand's velocity field.
+    The acceleration decreases as (1 - q)^2, q = sum (r_k/R_k)^2, and is limited so that a step of
+    dt [s] does not overshoot the hand's velocity field.
     """
     r = x - vec3(hand[0], hand[1], hand[2])
     u = ti.max(1.0 - (r * vec3(hand[6], hand[7], hand[8])).norm_sqr(), 0.0)
@@ -112,10 +112,10 @@ def hand_acceleration(x, v, dt, hand):
 
 @ti.func
 def field_at(r, numbers):
-    """Returns the acceleration [m/s^2] at r [m] from the centre of a moving box, but Coriolis's.
+    """Returns the acceleration [m/s^2] without Coriolis at r [m] from the centre of a moving box.
 
-    numbers: acceleration at the centre, angular velocity w, angular acceleration; the Euler and
-    centrifugal accelerations follow.
+    numbers: acceleration at the centre, angular velocity w and angular acceleration, which give the
+    Euler and centrifugal accelerations.
     """
     w, rise = turning(numbers), vec3(numbers[6], numbers[7], numbers[8])
     return vec3(numbers[0], numbers[1], numbers[2]) - rise.cross(r) - w.cross(w.cross(r))

@@ -13,7 +13,7 @@ from msph.taichi_internals import data_oriented, kernel, longest_float, on_cpu
 
 @data_oriented
 class ImpulseLedger:
-    """Sums since the reset that the solvers' kernels add to.
+    """Sums of impulse and work since the reset, to which the solvers' kernels add.
 
     internal_impulse [N s] and internal_angular_impulse [N m s], about the origin: of pair forces
     and of position corrections at constant velocity; zero for an exact method. wall_impulse [N s],
@@ -95,7 +95,7 @@ class ImpulseLedger:
         self._add_water(m, x, v, gravity, (self.added_mass, self.user_impulse, self.user_work))
 
     def add_inflow(self, m: float, x: np.ndarray, v: np.ndarray, gravity: np.ndarray) -> None:
-        """Like add_water(), of particles that an inflow adds."""
+        """Records particles that an inflow adds, as add_water() does."""
         sums = self.inflow_mass, self.inflow_impulse, self.inflow_work
         self._add_water(m, x, v, gravity, sums)
 
@@ -121,8 +121,8 @@ class ImpulseLedger:
 
     @ti.func
     def record_user(self, i, m, v, dt, user, others):
-        """Adds the user's impulse m dt a on particle i and work, at the mean velocity, in a step
-        of dt [s].
+        """Adds the user's impulse m dt `user` on particle i, and its work at the mean velocity, in
+        a step of dt [s].
 
         v [m/s] before the step; user, others [m/s^2]: accelerations by the user and by all other
         forces.

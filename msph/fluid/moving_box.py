@@ -18,13 +18,13 @@ from msph.fluid.external_forces import (
 # axes at a time [s].
 Path = Callable[[float], tuple[np.ndarray, np.ndarray]]
 
-# Interval [s] of the differences that give velocities: short beside any motion, long enough for
-# rounding in double precision.
+# Interval [s] of the differences that give velocities: short compared with any motion, long enough
+# for rounding in double precision.
 INTERVAL = 1e-4
 
 
 def at_rest(time: float) -> tuple[np.ndarray, np.ndarray]:
-    """The path of a box that does not move."""
+    """Returns no displacement and no rotation: the path of a box that does not move."""
     return np.zeros(3), np.eye(3)
 
 
@@ -32,9 +32,9 @@ def at_rest(time: float) -> tuple[np.ndarray, np.ndarray]:
 class MovingBox:
     """External forces of a frame in a box that follows a path and that the user tilts.
 
-    gravity [m/s^2] in world axes; start [s]: of the frame. tilt: rotation (3, 3) by the user, after
-    that of the path, in world axes; turning [rad/s] and rising [rad/s^2]: its angular velocity and
-    acceleration.
+    world_gravity [m/s^2] in world axes; start [s]: of the frame. tilt: rotation (3, 3) by the user
+    in world axes, after the rotation by the path; turning [rad/s] and rising [rad/s^2]: angular
+    velocity and acceleration of the tilt.
     """
 
     world_gravity: Vec3
@@ -55,8 +55,8 @@ class MovingBox:
         return as_vector((self.tilt @ turned).T @ np.array(self.world_gravity))
 
     def at(self, time: float, dt: float) -> ExternalForces:
-        """Returns the external forces of a step of dt [s] from `time` [s]: velocities change in it
-        as those of the box do, also where these jump."""
+        """Returns the external forces of a step of dt [s] from `time` [s]. They contain the whole
+        change of the box's velocity within the step, also where the velocity jumps."""
         if self.path is at_rest and not (self.turning.any() or self.rising.any()):
             return ExternalForces(self.gravity, self.hand)
         turned = self.path(time + 0.5 * dt)[1]

@@ -37,7 +37,7 @@ class Plan:
     size: of the box [m]. specs: the layers. initial: attributes of the initial particles by name: x
     and v (n, 3) [m, m/s], layer (n,). parameters: of the method. bodies: in the box, containers
     included. adaptation: None if particles keep their layer. capacity: largest number of particles,
-    by default the number of initial ones. restitution: share of speed kept at walls (-). open_top:
+    by default the initial number. restitution: share of speed kept at walls (-). open_top:
     the box has no lid, and water that leaves it is removed. openings: inflows and outflows.
     beaches: zones that damp waves.
     """

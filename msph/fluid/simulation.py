@@ -38,7 +38,7 @@ WORD = 4
 # Least distance of added particles from all others, over the larger spacing of both: more than the
 # 0.87 of the largest hole of a cubic lattice.
 LEAST_GAP = 0.9
-# Name of the piston of a user.
+# Name of the piston that a user adds.
 MOVING_WALL = "the moving wall"
 
 
@@ -52,7 +52,7 @@ def footprint(
     count: int,
     parameters: Parameters,
 ) -> dict[str, int]:
-    """Returns the numbers (of WORD bytes) allocated on a GPU for `count` particles in a region of
+    """Returns how many numbers (of WORD bytes) a GPU holds for `count` particles in a region of
     `size` [m], by purpose; on a CPU the neighbour list is smaller."""
     solver = solver_of(parameters)
     entries = list_capacity(specs, solver.LIST_MARGIN, solver.list_form(parameters), count)
@@ -80,10 +80,10 @@ class FullError(ValueError):
 class Simulation:
     """Simulation of one scene, as a Plan describes it.
 
-    time [s] is simulated time; steps counts solver steps since the last reset, iterations those of
-    their pressure solves; left_out counts the initial particles inside bodies, which are dropped,
-    and mass_left_out [kg] is their mass. Raises NoWaterError if none remain, OpeningError for an
-    inflow or outflow in a body.
+    time [s] is simulated time; steps counts solver steps since the last reset, iterations the
+    iterations of their pressure solves; left_out counts the initial particles inside bodies, which
+    are dropped, and mass_left_out [kg] is their mass. Raises NoWaterError if no particles remain,
+    OpeningError for an inflow or outflow in a body.
     """
 
     def __init__(self, plan: Plan):
@@ -145,12 +145,12 @@ class Simulation:
         simulated.
 
         The result is less than `duration` only if `budget` [s] of wall-clock time is exceeded, or
-        if a step reaches the time `until` [s], which repeats an earlier result; at least one step
-        is made. Particles are sorted into the grid afterwards, as the surface
-        requires. stage(name) is entered around each part of a step (profiler hook); on_progress is
-        called after each step with the finished share (0 to 1). Raises TrappedWaterError if a
-        moving body compresses enclosed water, BlowUpError if no step is short enough, AllSpiltError
-        if no water is left in an open box.
+        if at least `until` [s] are simulated, by which a replay repeats an earlier result; at least
+        one step is made. Particles are sorted into the grid afterwards, as the surface requires.
+        stage(name) is entered around each part of a step (profiler hook); on_progress is called
+        after each step with the finished share (0 to 1). Raises TrappedWaterError if a moving body
+        compresses enclosed water, BlowUpError if no step is short enough, AllSpiltError if no water
+        is left in an open box.
         """
         deadline = math.inf if budget is None else clock() + budget
         left, forces = duration, external.at(self.time, 0.0)
@@ -216,8 +216,8 @@ class Simulation:
 
     def add_body(self, body: Body, gravity: Vec3) -> None:
         """Adds a floating block or ball until the next reset. gravity [m/s^2]: for its potential
-        energy. Raises FullError if there are too many bodies, or if it overlaps another body or a
-        wall, or if the method has no bodies."""
+        energy. Raises FullError if there are too many bodies, if the body overlaps another body or
+        a wall, or if the method has no bodies."""
         self._check_bodies()
         (points, _, _), at = samples(body, self.layers.finest.spacing, MAX_SAMPLES), centre(body)
         x = at + points
@@ -258,7 +258,7 @@ class Simulation:
         self.solver.particles_moved()
 
     def remove_piston(self) -> None:
-        """Removes the piston; its wall is as before."""
+        """Removes the piston; the wall behind it mirrors water again."""
         self.contact.push_bodies()
         which = next(k for k, b in enumerate(self.boundary.bodies) if b.motion is self.piston)
         self.boundary.remove(which, self.time)
@@ -268,8 +268,8 @@ class Simulation:
     def add_opening(self, opening: Opening, gravity: Vec3) -> None:
         """Adds an inflow or outflow until the next reset. gravity [m/s^2]: for the potential energy
         of the water in its pipe. Raises FullError if there are too many or the method has none,
-        ValueError if it is not inside the box or is in a body, or if a checkpoint cannot hold its
-        speed."""
+        ValueError if the opening is not inside the box or is in a body, or if a checkpoint cannot
+        hold its speed."""
         if not isinstance(opening.speed, Valve | None):
             raise ValueError("needs a Valve as its speed")
         if not self.plan.method.HAS_OPENINGS:
@@ -295,7 +295,7 @@ class Simulation:
         problem = opening.problem(self.walls, spec.spacing)
         if problem:
             raise ValueError(problem)
-        # Beside a wall, the cross-section half a spacing inside the box.
+        # Tested half a spacing from the cross-section, inside the box if the opening is on a wall.
         inwards = 0.5 * spec.spacing * (1.0 if opening.enters else -1.0) * opening.along
         if not self.boundary.free(opening.centre + inwards + opening.sites(spec)[0]).all():
             raise ValueError("is inside a body")
@@ -332,7 +332,7 @@ class Simulation:
 
     def state(self) -> dict[str, np.ndarray]:
         """Returns a checkpoint (checkpoint.py). On one thread a resumed run repeats an
-        uninterrupted one exactly."""
+        uninterrupted run exactly."""
         return checkpoint.state_of(self)
 
     def restore(self, state: dict[str, np.ndarray]) -> None:

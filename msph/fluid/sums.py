@@ -14,8 +14,8 @@ class Sum:
     """A sum of numbers, or of vectors of three components. total: field of shape (), complete after
     gather() of all slots. On a CPU, particles add to it directly.
 
-    Double precision where the device supports it: in single precision the sums of still water
-    drifted by 2.6e-5 of the largest sum m |v| in 2 s, 20 times what they drift in double precision.
+    Sums have double precision where the device supports it: in single precision the sums of still
+    water drifted by 2.6e-5 of the largest sum m |v| in 2 s, 20 times the drift in double precision.
     """
 
     def __init__(self, vector: bool = False):

@@ -14,8 +14,8 @@ from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.layers import Layers
 from msph.fluid.particles.particles import Particles
 
-# sqrt(p/rho) over the largest speed (-) that no impact of the shipped scenes reaches in 2 s; a
-# piston without a gap exceeds it within a few steps.
+# Ratio (-) of sqrt(p/rho) to the largest speed: no impact of the shipped scenes reaches it in 2 s,
+# and a piston without a gap exceeds it within a few steps.
 TRAPPED_RATIO = 100.0
 
 

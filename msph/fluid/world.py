@@ -131,7 +131,7 @@ def _solver(world: World, method: Any) -> Any:
     return method(world.parts)
 
 
-# Unused worlds, the most recently used first: it has the most compiled kernels.
+# Unused worlds, the most recently used first, which has the most compiled kernels.
 _stock: list[World] = []
 
 
@@ -139,7 +139,7 @@ def take(needed: Room) -> World:
     """Returns a world for exclusive use until give_back(); RuntimeError if Taichi has no room."""
     found = _smallest(needed)
     if found is None and gc.collect():
-        # A simulation dropped without close() may still hold one.
+        # A simulation dropped without close() may have held a world until it was collected.
         found = _smallest(needed)
     if found is None:
         return World(room_for(needed))

@@ -50,13 +50,12 @@ from msph.stage.recording import Header, Recording, with_recording
 from msph.stage.replaying import ROUNDING, InputRecorder, Replayer
 from msph.stage.row import Row
 from msph.stage.show import SIMULATED
+from msph.stage.trial import SIZE as PLAY_SIZE
 from msph.stage.trial import finest_in_real_time
 
 # Capture by `play` if no window can be opened: duration [s], frames per second, size [pixels] and
 # time of the still image [s].
 FALLBACK_SECONDS, FALLBACK_FPS, FALLBACK_SIZE, STILL_TIME = 10.0, 30.0, (1280, 720), 1.0
-# Image size of `bench --play` [pixels], equal to the default window size.
-PLAY_SIZE = (960, 540)
 # Output file of a convergence study.
 CONVERGENCE = "convergence.csv"
 # Rays per pixel along each axis in recordings, which need not be made in real time.

@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 # Radius of a thrown ball, and half the edge of a thrown cube, over the box's longest edge; least
 # value of both in finest spacings; density over the water's.
 SIZE, LEAST_SIZE, DENSITY = 0.07, 2.5, 0.4
-# Distance of a thrown body from the water in radii, and its speed over sqrt(g L) of the box's
-# longest edge L.
-DISTANCE, SPEED = 2.5, 0.4
+# Distances in radii of a thrown body from the water, and from walls at least; its speed over
+# sqrt(g L) of the box's longest edge L.
+DISTANCE, ROOM, SPEED = 2.5, 1.05, 0.4
 # Time in which a dragged body reaches the cursor [s], and its largest speed over sqrt(g L).
 DRAG_TIME, DRAG_SPEED = 0.1, 1.5
 
@@ -90,17 +90,12 @@ def _drag(touch: "Touch", k: int, offset: np.ndarray) -> None:
 
 def _throw(touch: "Touch") -> None:
     """Throws a ball onto the water, or a cube if the number of floating bodies is odd."""
-    show, size, d = touch.show, touch.size, touch.show.simulation.layers.finest.spacing
-    longest = float(size.max())
-    half = max(SIZE * longest, LEAST_SIZE * d)
-    margin = 1.05 * half
-    back = DISTANCE * half * (touch.up - touch.direction)
-    x = np.clip(touch.surface + back, margin, np.maximum(size - margin, margin))
-    way = touch.surface - x
-    speed = SPEED * math.sqrt(touch.gravity * longest)
-    velocity = as_vector(speed * way / max(float(np.linalg.norm(way)), 1e-9))
-    body: Ball | Block = Ball(x, half, Motion(velocity))
+    show = touch.show
+    half = max(SIZE * float(touch.size.max()), LEAST_SIZE * show.simulation.layers.finest.spacing)
+    x, velocity = touch.aim(ROOM * half, DISTANCE * half, SPEED)
+    motion = Motion(as_vector(velocity))
+    body: Ball | Block = Ball(x, half, motion)
     if show.simulation.boundary.floating.count % 2:
-        body = Block(x - half, x + half, Motion(velocity))
+        body = Block(x - half, x + half, motion)
     density = DENSITY * show.simulation.layers.finest.density
     show.add_body(replace(body, mass=density * volume(body)))

@@ -53,7 +53,7 @@ class Menu:
         """Handles the left mouse button over the panel; see Grip.act."""
         if self.layout.panel == "settings":
             x, y = self.layout.on_column(cursor)
-            for request in self.panel.touch(x, y, down, pressed, self.row.lead):
+            for request in self.panel.touch(x, y, down, pressed):
                 self.apply(request)
 
     def apply(self, request: Request) -> None:

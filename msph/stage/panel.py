@@ -68,7 +68,7 @@ class Panel:
             self._sliders(show, (pad, size[0] - pad), y)
         return np.asarray(page)
 
-    def touch(self, x: float, y: float, down: bool, pressed: bool, show: Show) -> list[Request]:
+    def touch(self, x: float, y: float, down: bool, pressed: bool) -> list[Request]:
         """Returns the requests of the left button with the cursor at (x, y) [pixels from the page's
         corner]; see Grip.act."""
         acted = self.grip.act(self.sheet, x, y, down, pressed)

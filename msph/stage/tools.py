@@ -93,6 +93,16 @@ class Touch:
         least = LEAST_RADIUS * self.show.simulation.layers.finest.spacing
         return max(self.show.scene.play.push_radius * float(self.size.max()), least)
 
+    def aim(self, room: float, back: float, speed: float) -> tuple[np.ndarray, np.ndarray]:
+        """Returns where something is thrown from, `back` [m] from the water towards the camera and
+        at least `room` [m] from the walls, and its velocity [m/s] towards the water; speed: over
+        sqrt(g L), L the longest edge of the box."""
+        start = self.surface + back * (self.up - self.direction)
+        start = np.clip(start, room, np.maximum(self.size - room, room))
+        way = self.surface - start
+        fast = speed * math.sqrt(self.gravity * float(self.size.max()))
+        return start, fast * way / max(float(np.linalg.norm(way)), 1e-9)
+
     @property
     def up(self) -> np.ndarray:
         """Vertical unit vector in the box frame."""
@@ -183,19 +193,12 @@ def rain(touch: Touch) -> Hand:
 def ball(touch: Touch) -> Hand:
     """Throws a ball of water along the cursor's ray, once per press."""
     if touch.began:
-        size, d = touch.size, touch.show.simulation.layers.finest.spacing
-        longest = float(size.max())
-        radius = max(BALL_RADIUS * longest, LEAST_RADIUS * d)
-        # As far from the water as the box allows.
-        margin = radius + 0.5 * d
-        back = BALL_DISTANCE * radius * (touch.up - touch.direction)
-        centre = np.clip(touch.surface + back, margin, np.maximum(size - margin, margin))
+        d = touch.show.simulation.layers.finest.spacing
+        radius = max(BALL_RADIUS * float(touch.size.max()), LEAST_RADIUS * d)
+        centre, velocity = touch.aim(radius + 0.5 * d, BALL_DISTANCE * radius, BALL_SPEED)
         cells = np.arange(-math.ceil(radius / d), math.ceil(radius / d) + 1) * d
         sites = np.stack(np.meshgrid(cells, cells, cells), axis=-1).reshape(-1, 3)
         x = centre + sites[(sites**2).sum(axis=1) <= radius**2]
-        way = touch.surface - centre
-        speed = BALL_SPEED * math.sqrt(touch.gravity * longest)
-        velocity = speed * way / max(float(np.linalg.norm(way)), 1e-9)
         touch.show.add_water(x, np.tile(velocity, (len(x), 1)))
     return Hand()
 

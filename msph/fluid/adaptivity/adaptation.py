@@ -193,8 +193,8 @@ class Adaptation:
         return splits + merges
 
     def _adapt_thickness(self, refused: int) -> None:
-        """Shrinks the bands if splits were refused or the capacity is nearly used up, else grows
-        them."""
+        """Shrinks the bands if splits were refused or the capacity is nearly used up; grows them
+        if the capacity has room."""
         full = self.particles.count / self.particles.capacity
         if refused or full > SHRINK_ABOVE:
             self.thickness = max(MIN_THICKNESS, SHRINK * self.thickness)
@@ -330,8 +330,8 @@ class Adaptation:
         """Returns the offset [m] of a split's halves, in the direction of the lowest density."""
         layer, x = self.particles.layer[i], self.particles.x[i]
         finer = self.finer[layer]
-        # Halves stay clear of walls: a wall that pushes one back would move the centre of mass.
-        # Outside the box, next to an open top, it is 0: no split.
+        # Halves stay clear of walls: a wall that pushes a half back would move the centre of mass.
+        # Outside the box, next to an open top, the offset is 0: no split.
         free = ti.max(ti.min(x, self.constants.walls[None] - x), 0.0)
         if self.constants.bodies[None] > 0:
             free = ti.min(free, self.particles.clearance[i])

@@ -5,13 +5,13 @@ import numpy as np
 from msph.fluid.boundary.opening import Opening, Valve
 from msph.fluid.boundary.rigid_bodies import Ball, Block, Body, centre, half_extents
 
-# Numbers of a row.
+# Lengths of the rows of a body and of an opening.
 BODY, OPENING = 8, 20
 
 
 def body_row(body: Body) -> np.ndarray:
-    """Returns a floating block or ball: 1 for a ball, centre and half extents [m] at time zero,
-    mass [kg]."""
+    """Returns the row of a floating block or ball: 1 for a ball, centre and half extents [m] at
+    time zero, mass [kg]."""
     assert body.mass is not None
     return np.array(
         [float(isinstance(body, Ball)), *centre(body), *half_extents(body), body.mass], float
@@ -30,8 +30,8 @@ def body_of(row: np.ndarray) -> Body:
 
 
 def opening_row(opening: Opening) -> np.ndarray:
-    """Returns an opening: 1 for an inflow, centre [m], direction, half extents [m], 1 for a
-    rectangle and its edges, layer, 1 for a valve with its speed [m/s] and end [s]."""
+    """Returns the row of an opening: 1 for an inflow, centre [m], direction, half extents [m], 1
+    for a rectangle and its edges, layer, 1 for a valve with its speed [m/s] and end [s]."""
     edges, valve = opening.edges, opening.speed
     assert valve is None or isinstance(valve, Valve)
     return np.array(

@@ -1,4 +1,4 @@
-"""Cross-sections of the openings, as kernels see them: where walls are open, where velocities are
+"""Cross-sections of the openings, for kernels: where walls are open, where velocities are
 prescribed, and where water is removed. openings.py fills the table `constants.openings`.
 
 An opening has a coordinate s [m] along its direction of flow, 0 at its cross-section.
@@ -31,8 +31,8 @@ class Apertures:
     @ti.func
     def visible(self, x, x_j, mirrors):
         """Returns True if the way from x [m] to the mirror image of x_j [m] by `mirrors` (bits of
-        walls) passes through no opening. The same if x and x_j are exchanged, so that forces are
-        equal and opposite."""
+        walls) passes through no opening. The result is the same if x and x_j are exchanged, so
+        that forces are equal and opposite."""
         return (self.crossed(x, x_j) & mirrors) == 0
 
     @ti.func
@@ -105,7 +105,7 @@ class Apertures:
 
     @ti.func
     def _faces(self, o, x, margin):
-        """Returns True if x [m] is beside the cross-section widened by `margin` [m]."""
+        """Returns True if x [m] is before or behind the cross-section widened by `margin` [m]."""
         r = x - self.table.centre[o]
         a, b = r.dot(self.table.across[o]), r.dot(self.table.aslant[o])
         width, height = self.table.width[o] + margin, self.table.height[o] + margin

@@ -33,7 +33,7 @@ def samples(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Returns points (n, 3) [m] on the faces of a body relative to its centre, about `edge` [m]
     apart and at most `most`; the area vectors (n, 3) [m^2] around them, towards the water; and the
-    areas (n,) of a body whose faces are moved outwards by `swell` [m] over these (-)."""
+    growth (n,) (-) of the areas if the faces are moved outwards by `swell` [m]."""
     if isinstance(body, Ball):
         area = 4.0 * np.pi * body.radius**2
         n = int(np.clip(area / edge**2, 12, most))

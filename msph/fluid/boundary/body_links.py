@@ -35,8 +35,8 @@ ATTRIBUTES = (
     Attribute("body_approach", "-", "compression by displaced bodies", carried=False),
 )
 
-# Links per chunk, and room for links per particle of the room: a particle in a corner between two
-# bodies and two walls has eight, most particles have none.
+# Links per chunk, and capacity for links per particle: a particle in a corner between two bodies
+# and two walls has eight links, most particles have none.
 CHUNK, LINKS_PER_PARTICLE = 64, 4
 
 # Contributions of bodies to one particle: the product of 1 - lambda over joined bodies, the sum of
@@ -82,8 +82,8 @@ class BodyLinks:
         self.linked = 0  # number of particles that may have contributions of bodies
 
     def load(self) -> None:
-        """Compiles the kernels that are launched later, if there are bodies; otherwise clears what
-        removed bodies left."""
+        """Compiles the kernels that are launched later, if there are bodies; otherwise clears the
+        contributions of removed bodies."""
         self.free_bodies[None] = self.free_links[None] = self.free_chunks[None] = 0
         if self.boundary.count:
             self._add_to_diagonal()
@@ -193,8 +193,8 @@ class BodyLinks:
 
     @ti.func
     def _add(self, i, mirrors, h, total: ti.template(), link: ti.template()):
-        """Adds the contributions of all bodies, or of their images by `mirrors`, to particle i, as
-        links from `link` on, which it advances."""
+        """Adds the contributions of all bodies, or of their images by `mirrors`, to particle i;
+        stores links from index `link` on and advances `link`."""
         layer = self.particles.layer[i]
         per_yield = self.layers.per_yield[layer]
         mirror, wall = self.images.mirror_and_wall(mirrors)
@@ -258,8 +258,8 @@ class BodyLinks:
         """Finds the displacements of floating bodies by multipliers q (capacity,) [m^2], and
         `body_approach` of particles, which must be 0; returns their part of <q, A q> [m^5].
 
-        With the sums S of V_i q_i g and T of r x V_i q_i g over a body's links, it moves by rho0
-        S/M and turns by rho0 I^-1 T.
+        With the sums S of V_i q_i g and T of r x V_i q_i g over its links, a body moves by rho0 S/M
+        and turns by rho0 I^-1 T.
         """
         ti.loop_config(serialize=True)
         for b in range(self.free_bodies[None]):

@@ -1,4 +1,4 @@
-"""Bodies as kernels see them: their shapes, poses, distances, and shares of kernels.
+"""Shapes, poses and distances of bodies, and their shares of kernels, for use in kernels.
 
 Each body has a share lambda of the kernel's integral around a particle: for a block the product
 over its axes, for a ball the exact integral, for a mesh a map computed once per layer (Bender et
@@ -18,7 +18,7 @@ from msph.fluid.room import MAX_BODIES, Room
 vec3, vec4 = ti.math.vec3, ti.math.vec4
 
 BLOCK, BALL, SOLID = 0, 1, 2
-# Interpolation of a mesh's distances: cubics make its sides smooth, B-splines also round its edges,
+# Interpolation of a mesh's distances: cubics make its sides smooth; B-splines also round its edges
 # by a cell, which otherwise have bevels and ripples.
 LINEAR, CUBIC, ROUND = 0, 1, 2
 # Index of a body's pose: at the beginning and at the end of a step.
@@ -71,14 +71,14 @@ class BodyShapes:
 
     @ti.func
     def distance_by(self, b, x, pose, method: ti.template()):
-        """Like distance(); method: interpolation of meshes, LINEAR, CUBIC or ROUND."""
+        """Returns distance() with the interpolation `method` of meshes: LINEAR, CUBIC or ROUND."""
         found = self.own_distance(b, self.to_body_frame(b, x, pose), method)
         g = self.rotation[b, pose] @ found.yzw
         return vec4(found.x, g[0], g[1], g[2])
 
     @ti.func
     def own_distance(self, b, p, method: ti.template()):
-        """Like distance_by(), of p [m] in the frame of body b, to which the gradient refers."""
+        """Returns distance_by() at p [m]; p and the gradient are in the frame of body b."""
         found, kind = vec4(0.0), self.kind[b]
         if kind == BLOCK:
             found = block_distance(p, self.half[b])
@@ -186,7 +186,7 @@ class BodyShapes:
 
     @ti.func
     def mesh_share(self, b, p, layer, h):
-        """Returns lambda of a mesh at p [m] in its frame; of the outside for a container."""
+        """Returns lambda of a mesh, or of the outside of a container, at p [m] in its frame."""
         found = vec4(0.0)
         first = self.first[b]
         m = first + 1 + layer

@@ -46,7 +46,7 @@ class Boundary(BodyShapes):
     """The box and its bodies.
 
     Poses are stored for the beginning and the end of a step; velocities are means over the step,
-    of floating bodies the present ones. box [m], bodies and count are host values.
+    for floating bodies present velocities. box [m], bodies and count are host values.
     """
 
     def __init__(self, room: Room, constants: Constants, layers: Layers):
@@ -77,8 +77,8 @@ class Boundary(BodyShapes):
         self.driven = bool(self._driven)
         self._radii = {k: bounding_radius(self.bodies[k]) for k in self._driven}
         self.moving = self.driven or self.floating.count > 0
-        # Centres at time zero, by pose; and extents: half extents of blocks, radii of balls, and
-        # corners of meshes that move.
+        # Centres at time zero, by pose; and extents: half extents of blocks and meshes, radii of
+        # balls, and corners of meshes.
         self._start = np.array([[centre(b)] * 2 for b in self.bodies])
         self._half = np.array(
             [[b.radius] * 3 if isinstance(b, Ball) else half_extents(b) for b in self.bodies]
@@ -93,8 +93,8 @@ class Boundary(BodyShapes):
         self.reset(0.0)
 
     def add(self, body: Body, time: float) -> None:
-        """Adds a body at `time` [s] to the present ones, which keep their states; a floating one at
-        the pose and with the motion of its time zero."""
+        """Adds a body at `time` [s]; the present bodies keep their states. A floating body starts
+        at its pose and with its motion of time zero."""
         self._rearrange([*self.bodies, body], list(range(self.count)), time)
 
     def remove(self, body: int, time: float) -> None:
@@ -104,7 +104,7 @@ class Boundary(BodyShapes):
         self._rearrange([self.bodies[k] for k in kept], kept, time)
 
     def _rearrange(self, bodies: list[Body], kept: list[int], time: float) -> None:
-        """Loads bodies of which the first ones are the present ones `kept`, in their states at
+        """Loads `bodies`, of which the first are the present bodies `kept`, in their states at
         `time` [s]."""
         stopped, removed = self.stopped.copy(), self.removed_impulse
         impulse, twist = self.impulse[kept], self.twist[kept]
@@ -123,12 +123,12 @@ class Boundary(BodyShapes):
 
     @property
     def total_impulse(self) -> np.ndarray:
-        """Impulse [N s] of the water on all bodies since the reset, removed ones included, (3,)."""
+        """Impulse [N s] of the water on all present and removed bodies since the reset, (3,)."""
         return self.impulse.sum(axis=0) + self.removed_impulse
 
     @property
     def container(self) -> int | None:
-        """Index of the mesh that contains the water, None without one."""
+        """Index of the mesh that contains the water, None without a container."""
         found = (k for k, b in enumerate(self.bodies) if isinstance(b, Solid) and b.container)
         return next(found, None)
 
@@ -173,8 +173,8 @@ class Boundary(BodyShapes):
         self._shapes.fill(**self._shape_rows, inverse_mass=inverse)
 
     def _is_joined(self, number: int) -> bool:
-        """Returns True for a body in prescribed motion that moves, holds the water, or whose bounds
-        meet those of another one: its share is combined with theirs by a product."""
+        """Returns True for a body in prescribed motion that moves or whose bounds meet the bounds
+        of another such body: shares of joined bodies are combined by a product."""
         body = self.bodies[number]
         if body.mass is not None:
             return False
@@ -357,7 +357,7 @@ class Boundary(BodyShapes):
 
 
 def _own_name(body: Body) -> str:
-    """Returns the name of a body that is none of the scene's list of bodies, else ""."""
+    """Returns the name of a body that is not in the scene's list of bodies, otherwise ""."""
     if isinstance(body, Solid) and body.container:
         return "container"
     return body.name if isinstance(body, Block) else ""

@@ -2,8 +2,8 @@
 
 Points on the surface of a body (a ball's centre, with its radius) are compared with the walls and
 the signed distances of the other bodies. A contact is a point whose gap may close within a step.
-Each iteration visits the contacts in turn and corrects the impulse of each: along the normal at
-least 0, by friction at most its coefficient times the normal impulse. A contact with an open gap
+Each iteration visits the contacts in turn and corrects their impulses: the normal impulse is at
+least 0, friction at most its coefficient times the normal impulse. A contact with an open gap
 allows the approach that closes the gap (speculative contact). Penetrations are removed by
 displacements that add no velocity.
 
@@ -33,8 +33,8 @@ MAX_POINTS, EDGE_POINTS = 200, 4
 MAX_CONTACTS = 4096
 # Iterations over all contacts: 20 boxes in a heap rest after 20.
 ITERATIONS = 20
-# Depth of penetration that remains, so that contacts last, in finest spacings; and the share of a
-# deeper one that a step removes (-).
+# Depth of penetration that remains, so that contacts last, in finest spacings; and the share (-) of
+# the depth beyond it that a step removes.
 SLOP, REMOVED = 0.01, 0.3
 # Approach within a step, in slops, below which nothing rebounds.
 LEAST_REBOUND = 20.0
@@ -147,8 +147,8 @@ class Collisions:
 
     @ti.func
     def _may_meet(self, a, b):
-        """Returns True if the points of body a are to be compared with body b: one of them floats,
-        and the centre of a ball is compared instead of the points of the other."""
+        """Returns True if the points of body a are to be compared with body b: one of the bodies
+        floats, and b is no ball, whose centre is compared instead, or the later of two balls."""
         mobile = self.boundary.inverse_mass[a] + self.boundary.inverse_mass[b] > 0.0
         ball = self.boundary.kind[b] == BALL
         if self.boundary.kind[a] == BALL:
@@ -272,7 +272,7 @@ class Collisions:
 
 
 def contact_points(body: Body) -> np.ndarray:
-    """Returns the points (n, 3) [m] of a body, in its frame, that are compared with others."""
+    """Returns the points (n, 3) [m] of a body, in its frame, that may touch other bodies."""
     if isinstance(body, Ball):
         return np.zeros((1, 3))
     if isinstance(body, Block):

@@ -37,8 +37,8 @@ NEAREST, GOLDEN = 0.05, 0.6180340
 
 @data_oriented
 class Contact:
-    """Stops particles at walls and bodies. touches: number of particles that meet each body, if any
-    floats."""
+    """Stops particles at walls and bodies. touches: number of particles that meet each body, if
+    any body floats."""
 
     def __init__(self, boundary: Boundary, particles: Particles, impulses: ImpulseLedger):
         self.constants, self.boundary, self.layers = boundary.constants, boundary, boundary.layers

@@ -33,7 +33,7 @@ class FloatingBodies:
         self.load([])
 
     def load(self, bodies: list[Body]) -> None:
-        """Takes the floating ones of all bodies, at their poses at time zero."""
+        """Takes the floating bodies among all bodies, at their poses at time zero."""
         self.which = np.array([k for k, b in enumerate(bodies) if b.mass is not None], int)
         floats = [bodies[k] for k in self.which]
         self.count = len(floats)
@@ -107,7 +107,7 @@ class FloatingBodies:
 
     def expected(self, dt: float) -> np.ndarray:
         """Returns the impulses (n, 6) that the water gives in the coming step of dt [s] if its
-        forces are those of the last step; begins to add up those of this step."""
+        forces are those of the last step; starts the sums of this step."""
         found = dt / self.step * self.received
         self.received, self.step = np.zeros((self.count, 6)), dt
         return found

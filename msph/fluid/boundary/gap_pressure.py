@@ -4,8 +4,8 @@ Where a wall or another body is nearer than about two spacings, particles press 
 body's face, or, wedged between two faces, too much. There the pressure is extrapolated to samples
 of the face from the water around (Adami et al. 2012, Band et al. 2018): the mean of the particles'
 pressures, raised by the hydrostatic pressure between particle and sample, and where no particle is
-within reach, the mean over the nearest samples of the same body. It replaces what particles exert
-there: their contact impulses (gaps.py), and the pressure of their links at a sample s,
+within reach, the mean over the nearest samples of the same body. This pressure replaces forces of
+particles there: their contact impulses (gaps.py), and the pressure of their links at a sample s,
 P(s) = sum V_i p_i W(s - x_i) with their multipliers p_i, the integral of which over the enlarged
 face is the impulse of body_links.py (Gauss). The opposite acts on the floating body on the other
 side. Pressures and impulses are those of the last step.
@@ -30,19 +30,19 @@ vec3, vec4 = ti.math.vec3, ti.math.vec4
 
 # Largest edge of a sample, in finest spacings, and largest number of samples of a body.
 EDGE, MAX_SAMPLES = 1.2, 2000
-# Depth [finest spacings] in a wall or another body at which a sample has no water before it.
+# Depth [finest spacings] in a wall or another body at which a sample has no water in front of it.
 INSIDE = 0.5
 # Contribution of bodies and their images to c (-) of a particle wedged between two faces: its
-# pressure is up to 1.3 times the water's around. The more of it, the less its pressure counts.
+# pressure is up to 1.3 times the water's around, and counts less the larger the contribution is.
 WEDGED = 0.5
-# Share of the kernel (-) that particles fill at least, less what does not count, where pressures
-# are read.
+# Least share (-) of the kernel that particles fill, wedged particles counting less, at a sample
+# whose pressure is read from them.
 LEAST_SHARE = 0.05
 WENDLAND = 21.0 / (2.0 * np.pi)
 
 NUMBERS = ti.types.ndarray(dtype=ti.f32, ndim=2)
-# Sums at a sample: the kernel's filled share (-), that times the extrapolated pressure, and P [Pa];
-# `at` is the sample or its mirror image.
+# Sums at a sample: the kernel's filled share (-), share times extrapolated pressure [Pa], and
+# `resolved`, P [Pa]; `at` is the sample or its mirror image.
 Reading = ti.types.struct(
     **{"at": vec3, "sample": vec3, "gravity": vec3, "layer": ti.i32},
     **{"share": ti.f32, "pressure": ti.f32, "resolved": ti.f32},
@@ -52,8 +52,8 @@ Reading = ti.types.struct(
 @data_oriented
 class GapPressure:
     """Samples of all bodies' faces in their frames: points [m], area vectors [m^2] and growth (-)
-    of the area by the bodies' enlargement; and those in gaps: sample, other body (WALL for a wall),
-    weight (-), filled share (-), pressure and resolved, P [Pa]."""
+    of the area by the bodies' enlargement; by sample in a gap: sample, other body (WALL for a
+    wall), weight (-), filled share (-), pressure and resolved, P [Pa]."""
 
     def __init__(self, boundary: Boundary, grid: LayeredGrid, contact: Contact):
         self.boundary, self.contact, self.grid = boundary, contact, grid

@@ -14,19 +14,19 @@ from msph.taichi_internals import data_oriented, kernel
 
 vec3 = ti.math.vec3
 
-# Width of a gap [finest spacings] up to which its pressure is extrapolated, and from which on not.
+# Gap widths [finest spacings]: the pressure is extrapolated in full below NARROW, not above WIDE.
 NARROW, WIDE = 1.5, 2.5
-# Cosine between the directions from one side to the other and back, negative, above which the sides
-# face each other; below 0 they do not.
+# Negative cosine between the normals of the two sides of a gap above which the sides face each
+# other; below 0 they do not.
 FACING = 0.5
-# The walls, in place of a body.
+# Index of the walls among the bodies on the other side of a gap.
 WALL = MAX_BODIES
 
 
 @data_oriented
 class Gaps:
-    """active: 1 if there are gaps. push [N s], twist [N m s], by body: contact impulses of
-    particles in gaps since clear(), with the opposite of those on the floating body opposite."""
+    """Contact impulses of particles in gaps. active: 1 if there are gaps. push [N s], twist
+    [N m s], by body: sums since clear(), with the opposite impulses on floating bodies opposite."""
 
     def __init__(self, boundary: Boundary):
         self.boundary, self.constants = boundary, boundary.constants
@@ -66,7 +66,7 @@ class Gaps:
 
     @ti.func
     def half(self, other):
-        """Returns the part (-) of a gap's impulses that its other side leaves to this one."""
+        """Returns the part (-) of a gap's impulses for this side: half if `other` floats."""
         return ti.select(self.is_floating(other), 0.5, 1.0)
 
     @ti.func

@@ -9,9 +9,9 @@ import numpy as np
 
 from msph.fluid.particles.layers import LayerSpec
 
-# Length of a zone [spacings]: more than a support, so that no water feels the end of a pipe.
+# Length of a zone [spacings]: more than a support, so that no kernel in the box reaches its end.
 ZONE = 3.0
-# By which a zone is wider than the opening [spacings], as rows of particles may overlap its edge.
+# Excess width of a zone over the opening [spacings], as rows of particles may overlap its edge.
 SLACK = 0.5
 # Greatest distance [spacings] of an opening from the wall on which it lies, and least cosine of
 # the angle between its direction and the normal of that wall.
@@ -82,8 +82,8 @@ class Opening:
         return 0
 
     def problem(self, walls: np.ndarray, spacing: float) -> str | None:
-        """Returns a text if the opening, or its zone unless beyond a wall, is not inside the box.
-        walls, spacing: as in wall()."""
+        """Returns an error text if the opening, or the zone of an inflow that is on no wall, is not
+        inside the box, otherwise None. walls, spacing: as in wall()."""
         ends = [self.centre]
         if self.enters and not self.wall(walls, spacing):
             ends.append(self.centre - ZONE * spacing * self.along)

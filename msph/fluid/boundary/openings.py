@@ -41,7 +41,7 @@ ATTRIBUTES = (
     ),
 )
 
-# Distance from a pump up to which it takes particles [spacings].
+# Largest distance from a pump of the particles that it takes [spacings].
 REACH = 1.5
 # Distance of a new particle from others, in spacings, below which it is left out.
 LEAST_GAP = 0.7
@@ -60,7 +60,7 @@ class Inlet:
 @data_oriented
 class Openings:
     """The openings of a simulation, `all`. waiting: inflows for whose next sheet the pool has no
-    room; waited [s]: time since the reset in which there were any."""
+    room; waited [s]: time since the reset in which any inflow waited."""
 
     def __init__(
         self,
@@ -160,8 +160,8 @@ class Openings:
         self.pour(0.0, gravity)
 
     def pour(self, dt: float, gravity: tuple[float, float, float]) -> int:
-        """Adds the sheets that are due after a step of dt [s] under gravity [m/s^2], for their
-        potential energy; returns the number of particles."""
+        """Adds the sheets that are due after a step of dt [s]; returns the number of particles.
+        gravity [m/s^2]: for their potential energy."""
         count = self.particles.count
         self.waiting.clear()
         for k, inlet in self.inlets.items():
@@ -181,12 +181,12 @@ class Openings:
                 continue
             near = self._nearest(pump, spec, taken)[: int(self.owed[k])]
             taken += near
-            # What water was too far to be taken is not taken later.
+            # Water that was too far away to be taken is not taken later.
             self.owed[k] = self.owed[k] % 1.0
         return np.array(taken, np.int32)
 
     def _nearest(self, pump: Opening, spec: LayerSpec, taken: list[int]) -> list[int]:
-        """Returns the particles within reach of a pump but `taken` ones, the nearest first."""
+        """Returns the particles within reach of a pump that are not `taken`, the nearest first."""
         r = self.particles.numpy("x") - pump.centre
         distance, sides = np.abs(r @ pump.along), r @ pump.frame.T
         half = np.array(pump.half) + SLACK * spec.spacing
@@ -233,8 +233,8 @@ class Openings:
 
     @kernel
     def _prescribe(self, n: ti.i32):
-        """v = speed along the flow. The work [J] is that of a piston, which moves with the mean
-        speed of the step: m dv.v_mean, of which the pressure solve takes up the part by pressure.
+        """v = speed along the flow. The work [J] is the work of a piston that moves with the mean
+        speed of the step, m dv.v_mean; dv also undoes the change of v by the pressure solve.
         """
         p = self.particles
         for i in range(n):

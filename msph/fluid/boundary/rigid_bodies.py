@@ -76,8 +76,8 @@ class Motion:
 class Scripted:
     """Motion by a function: place(t) is the displacement [m], (3,), and the angle [rad] of the
     rotation about `axis` through the point `pivot` (3,) [m], relative to the body's centre at time
-    zero. speed [m/s], rate [rad/s]: upper bounds of the speed of the body's points, without a
-    rotation at `rate` about the centre. slides: axes along which the body translates."""
+    zero. Upper bound of the speed of the body's points: speed [m/s], plus rate [rad/s] times the
+    distance from the centre. slides: axes along which the body translates."""
 
     place: Callable[[float], tuple[np.ndarray, float]]
     axis: Vec3
@@ -234,7 +234,7 @@ def end_block(
 ) -> Block:
     """Returns the block that fills the cross-section of a box of `size` [m] up to its rim, from far
     beyond the wall that `inwards` (3,) points away from to a face at the distance `face` [m] from
-    this wall. reach [m]: the kernels'."""
+    this wall. reach [m]: of the kernels."""
     axis, edges = int(np.abs(inwards).argmax()), np.array(size)
     lo, hi = np.full(3, -2.0 * reach), edges + 2.0 * reach
     hi[1] = edges[1]

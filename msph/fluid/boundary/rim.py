@@ -1,4 +1,4 @@
-"""Water that leaves the box: it is spilt over the rim of an open box, or leaves through an outflow.
+"""Water that leaves the box, over the rim of an open box or through an outflow.
 
 After each step, particles beyond a wall, which they can only pass above the rim or through an
 opening, are removed, except from pipes and from jets near holes; and so are particles above the
@@ -34,8 +34,8 @@ class AllSpiltError(MsphError):
 @data_oriented
 class Rim:
     """Removes particles that leave the box. mass [kg]: spilt since the start; outflow [kg]: left
-    through outflows. drops (MOST_DROPS,): x [m], v
-    [m/s], radius [m] and the remaining life [s] of the drops that they become, 0: none."""
+    through outflows. drops (MOST_DROPS,): x [m], v [m/s], radius [m] and the remaining life [s]
+    (0: no drop) of the drops that the particles become."""
 
     def __init__(
         self,
@@ -49,14 +49,14 @@ class Rim:
         self.walls, self.removal, self.impulses = Walls(constants), removal, impulses
         self.drops = DeviceTable((MOST_DROPS,), x=vec3, v=vec3, radius=f32, life=f32)
         self.apertures = self.walls.apertures
-        # Particles since the reset, spilt and through outflows.
+        # Numbers of particles that left since the reset: spilt, and through outflows.
         self.left = ti.field(ti.i32, shape=(2, MAX_LAYERS))
         self.added = ti.field(ti.i32, shape=())  # drops since the reset
         self.open, self.mass, self.outflow = False, 0.0, 0.0
         self._counted = np.zeros((2, MAX_LAYERS), int)
 
     def load(self, is_open: bool) -> None:
-        """Compiles the kernels for a scene with an open top or openings: launched without
+        """Compiles the kernels for a scene with an open top or openings, by launching them without
         particles."""
         self.open = is_open
         if is_open:
@@ -77,7 +77,7 @@ class Rim:
     def spill(self, gravity: tuple[float, float, float], taken: np.ndarray) -> bool:
         """Removes the particles outside the box, and those of the indices `taken` (k,), under
         gravity [m/s^2]; returns True if there are any. Grid and neighbour list become invalid.
-        Raises AllSpiltError if none is left."""
+        Raises AllSpiltError if no particle is left."""
         n = self.particles.count
         if not self.open or (self._mark(n) == 0 and len(taken) == 0):
             return False

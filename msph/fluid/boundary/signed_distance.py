@@ -79,7 +79,7 @@ def _measure_in_band(
     band: ti.f32,
     distance: ti.types.ndarray(dtype=ti.f32, ndim=3),
 ):
-    """Computes the distance to the nearest triangle at the nodes within `band` of one."""
+    """Computes the distance to the nearest triangle at the nodes within `band` of a triangle."""
     shape = ti.Vector([distance.shape[0], distance.shape[1], distance.shape[2]])
     for t in range(corners.shape[0]):
         a, b, c = corner(corners, t, 0), corner(corners, t, 1), corner(corners, t, 2)

@@ -68,7 +68,7 @@ def _add(
 
 @ti.func
 def triangle_part(a, b, c):
-    """(z sum over edges of the integral of (D(r) - D(z)) d theta - solid angle)/(4 pi).
+    """Returns (z sum over edges of the integral of (D(r) - D(z)) d theta - solid angle)/(4 pi).
 
     Corners relative to the kernel's centre, in h.
     """
@@ -94,7 +94,7 @@ def triangle_part(a, b, c):
 
 @ti.func
 def quotient(rho2, z2):
-    """(D(r) - D(z))/rho^2 with r^2 = z^2 + rho^2."""
+    """Returns (D(r) - D(z))/rho^2 with r^2 = z^2 + rho^2."""
     q = ti.sqrt(z2 + 0.5 * rho2)
     found = 7.0 + q * q * (-42.0 + q * (70.0 + q * (-45.0 + 10.5 * q)))
     if rho2 > NEAR:
@@ -106,6 +106,6 @@ def quotient(rho2, z2):
 
 @ti.func
 def radial(q):
-    """D(q)."""
+    """Returns D(q)."""
     inner = q * q * (7.0 + q * q * (-21.0 + q * (28.0 + q * (-15.0 + 3.0 * q))))
     return ti.select(q < 1.0, inner, 3.0 - 1.0 / ti.max(q, 1e-6))

@@ -11,9 +11,9 @@ import taichi as ti
 from msph.fluid.particles import kernels
 from msph.fluid.particles.layers import LayerSpec
 
-# Enlargement of bodies for the kernels, in spacings: along a face particles read more than the mean
-# of their kernels. Without it, sunk balls of radius 1.2 to 6 spacings had a buoyancy of 92 to 98.6
-# % of the displaced weight (docs/method.md, "Walls and bodies").
+# Enlargement of bodies for the kernels, in spacings: along a face particles measure more than the
+# mean density. Otherwise submerged balls of radius 1.2 to 6 spacings have a buoyancy of 92 to
+# 98.6 % of the displaced weight (docs/method.md, "Walls and bodies").
 SWELL = 0.03
 # Smallest distance from a ball's centre, in radii: avoids a division by zero.
 SMALLEST = 1e-3
@@ -43,7 +43,7 @@ def wendland_behind(s, h):
 
 @ti.func
 def wendland_behind_slope(s, h):
-    """d lambda/ds [1/m], negative: -(21 u^5 - 31.5 u^6 + 12 u^7)/h, the same on both sides."""
+    """Returns d lambda/ds [1/m], negative on both sides: -(21 u^5 - 31.5 u^6 + 12 u^7)/h."""
     u = ti.math.clamp(1.0 - abs(s) / h, 0.0, 1.0)
     return -(u**5) * (21.0 + u * (-31.5 + 12.0 * u)) / h
 
@@ -61,7 +61,7 @@ def wendland_tilt(s, h):
 
 @ti.func
 def wendland_tilt_slope(s, h):
-    """d/ds of wendland_tilt (-): -(10.5 u^5 - 24.5 u^6 + 19.5 u^7 - 5.25 u^8)."""
+    """Returns d/ds of wendland_tilt (-): -(10.5 u^5 - 24.5 u^6 + 19.5 u^7 - 5.25 u^8)."""
     u = ti.math.clamp(1.0 - s / h, 0.0, 1.0)
     return -(u**5) * (10.5 + u * (-24.5 + u * (19.5 - 5.25 * u)))
 

@@ -1,7 +1,7 @@
 """Walls of the box: where they stop and mirror particles, with a lid or with an open top.
 
-With an open top, the side walls end at the rim, the height of the box, and nothing is above it.
-Water above the rim leaves the box over a side wall (rim.py).
+With an open top, the side walls end at the rim, the height of the box, and there is no lid. Water
+above the rim leaves the box over a side wall (rim.py).
 """
 
 from typing import Any
@@ -19,7 +19,7 @@ Size = tuple[float, float, float]
 # Height above an open top in which grids and surface resolve the water, over the box's shortest
 # edge. Water above this height is simulated, too.
 HEADROOM = 0.5
-# Height above the rim, in longest edges, from which on water counts as spilt, so that water that
+# Height above the rim, in longest edges, above which water counts as spilt, so that water that
 # never falls back leaves the simulation.
 HIGHEST = 4.0
 # Coordinate [m] of a wall that does not exist.
@@ -51,7 +51,7 @@ class Walls:
     @ti.func
     def confined(self, start, end, margin):
         """Returns `end` [m], moved to the distance `margin` [m] from the walls if they stop the way
-        from `start` [m]. No side wall stops what is above the rim or was outside the box before."""
+        from `start` [m]. Side walls stop no particle that is above the rim or was outside."""
         lo, hi = vec3(margin), self.constants.walls[None] - margin
         if end.y > self.constants.rim[None] or self.is_outside(start):
             lo, hi = vec3(-NO_WALL, margin, -NO_WALL), vec3(NO_WALL)

@@ -90,8 +90,8 @@ def pair_support(h_i, h_j):
     """Returns the symmetric support [m] of two particles, a power mean of their supports.
 
     With the arithmetic mean, random mixtures of two sizes at c = 1 fill up to 2.5 % less space than
-    the sizes apart, and layers mix under weight. With the exponent 2.5 they fill 0.1 to 0.7 % more,
-    and layers stay separate (docs/method.md, "Layers").
+    both sizes apart, and layers mix under weight. With the exponent 2.5 they fill 0.1 to 0.7 %
+    more, and layers stay separate (docs/method.md, "Layers").
     """
     return (0.5 * (h_i**PAIRING + h_j**PAIRING)) ** (1.0 / PAIRING)
 
@@ -100,10 +100,10 @@ def stress_share(supports: np.ndarray) -> np.ndarray:
     """Returns the first layer's share (-), (n, n), of the stress of pairs of layers with supports
     (n,) [m]; the second layer has the remainder of 1.
 
-    A pair's stress acts along the line between its ends. Assigned to the ends, its mean is too
-    large by 1/12 (r.grad)^2: zero between equals, but not between layers, where the second moment
-    of pairs varies as h^2. This share cancels the error to second order for every kernel
-    (docs/method.md, "Pressure").
+    A pair's stress acts along the line between its ends. Halves assigned to both ends exceed its
+    mean by 1/12 (r.grad)^2. These errors sum to zero among equal particles, but not between layers,
+    where the second moment of pairs varies as h^2. This share cancels the error to second order for
+    every kernel (docs/method.md, "Pressure").
     """
     own, other = supports[:, None], supports
     return 0.5 - (other**2 - own**2) / (12.0 * pair_support(own, other) ** 2)
@@ -112,7 +112,7 @@ def stress_share(supports: np.ndarray) -> np.ndarray:
 class Layers:
     """Tables by layer and by pair of layers, refilled for each scene.
 
-    Each name in ROWS is a Taichi field of shape (MAX_LAYERS,), each in PAIRS one of shape
+    Each name in ROWS is a Taichi field of shape (MAX_LAYERS,), each name in PAIRS a field of shape
     (MAX_LAYERS, MAX_LAYERS). `count` and `specs` are host values; kernels must not read them.
     """
 

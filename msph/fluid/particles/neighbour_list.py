@@ -43,8 +43,8 @@ class NeighbourOverflowError(BlowUpError):
     """The list is full: the fluid has collapsed to many times its density."""
 
 
-# Search for the neighbours of particle i at x [m]; its thread has `left` particles to search after
-# it. Entries: `first` to `place`, the first `inner` not images; reserved up to `limit`.
+# Search for the neighbours of particle i at x [m]; its thread has `left` more particles to search.
+# Its entries are `first` to `place`, reserved up to `limit`; the first `inner` are no images.
 Search = ti.types.struct(
     i=ti.i32,
     left=ti.i32,
@@ -77,9 +77,9 @@ class NeighbourList:
         self.per_thread = PARTICLES_PER_THREAD if self.pooled else 1
         self.start, self.end, self.mirrors = (ti.field(ti.i32, room.particles) for _ in range(3))
         self.index = ti.field(ti.i32, shape=room.entries)
-        self.reserved = ti.field(ti.i32, shape=())  # entries of the pool that threads have room in
+        self.reserved = ti.field(ti.i32, shape=())  # entries of the pool that threads have reserved
         self.searches = 0
-        self.opened = False  # walls have openings
+        self.opened = False  # True if walls have openings
         self.load(0, 0.0, True)
 
     def load(self, entries: int, margin: float, mirrored: bool) -> None:
@@ -215,7 +215,7 @@ class NeighbourList:
                     x_j = self.particles.x[j]
                     near_j = self.images.offset(x, x_j, mirror, wall).norm_sqr() < reach * reach
                     self.index[place] = self.images.entry(j, mirrors)
-                    # As for i: forces between two particles must be equal and opposite.
+                    # j as well as i: forces between two particles must be equal and opposite.
                     mutual = near_j and self.images.is_mirrored(x_j)
                     if ti.static(opened):
                         mutual = mutual and self.images.apertures.visible(x, x_j, mirrors)

@@ -155,8 +155,8 @@ class Particles:
         n: ti.i32,
         touched: ti.i32,
     ):
-        """Writes all attributes (a kernel for each takes 10 ms to compile); zeroes n to
-        `touched`."""
+        """Writes all attributes (a kernel for each takes 10 ms to compile); sets particles n to
+        `touched` to zero."""
         for i in range(n):
             for column, field in ti.static(enumerate(self._vectors)):
                 for k in ti.static(range(3)):

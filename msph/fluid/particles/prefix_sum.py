@@ -24,12 +24,12 @@ class PrefixSum:
 
     @kernel
     def run(self, counts: ti.template(), starts: ti.template(), length: ti.i32):
-        """counts (length,) i32 -> starts (length + 1,) i32, starts[0] = 0, starts[-1] = total."""
+        """Writes sums of counts (length,) i32 to starts (length + 1,) i32, from 0 to the total."""
         self.sum_up(counts, starts, length)
 
     @ti.func
     def sum_up(self, counts: ti.template(), starts: ti.template(), length):
-        """Does the same at the top level of a kernel, where its loops are parallel."""
+        """Does what run() does, at the top level of a kernel, where its loops are parallel."""
         if ti.static(self.serial):
             ti.loop_config(serialize=True)
             for i in range(length):
@@ -47,7 +47,7 @@ class PrefixSum:
             for i in range(c * size, ti.min((c + 1) * size, length)):
                 total += counts[i]
             self.sums[c] = total
-        # One thread, whose total stays in a register: a sum read from memory waits for its store.
+        # One thread keeps the total in a register: a sum read from memory would wait for its store.
         ti.loop_config(serialize=True)
         for _ in range(1):
             before = 0

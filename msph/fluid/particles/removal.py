@@ -16,12 +16,12 @@ class Removal:
         self.scan = PrefixSum()
 
     def compile(self) -> None:
-        """Compiles the kernels: launched without particles."""
+        """Compiles the kernels by launching them without particles."""
         self.scan.run(self.particles.alive, self.new_index, 0)
         self.particles.compact(self.new_index, self.particles.alive, 0)
 
     def run(self, n: int) -> None:
-        """Removes the dead ones of n particles. Grid and neighbour list become invalid."""
+        """Removes the dead among n particles. Grid and neighbour list become invalid."""
         p = self.particles
         self.scan.run(p.alive, self.new_index, n)
         p.compact(self.new_index, p.alive, n)

@@ -5,9 +5,9 @@ Solves A x = b for an operator A that is symmetric and positive under the volume
 Saad 2003, alg. 9.1). Without a preconditioner every iterate keeps <y, x> for all y with A y = y,
 such as the momenta under viscosity.
 
-Projected: x >= 0. The search covers active particles only: particles with x > 0 or r > 0, except
-particles that have reached x = 0. A round ends when the other particles' residual exceeds the
-active ones'.
+A projected solve keeps x >= 0. The search covers active particles only: particles with x > 0 or
+r > 0, except particles that have reached x = 0. A round ends when the residual of the other
+particles exceeds the residual of the active particles.
 
 One iteration lowers the squared error, in the norm of A, by alpha <r, r/D> (Hestenes and Stiefel
 1952, th. 6:1); the reductions of the last iterations estimate the remaining error (Strakos and

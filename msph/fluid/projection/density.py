@@ -11,8 +11,8 @@ Three corrections (docs/method.md, "Density"):
   measures this: the density defect is its sum less c. The mean defect around a particle, followed
   slowly, is the density correction, which is added to c.
 - Air share: the sums of particles at a free surface lack the share of the kernel that lies in the
-  air. Without it the surface's sheet of particles is compressed until c = 1, to 1.45 times as many
-  particles as in a sheet inside, which resist every change of the surface's area.
+  air. Without this correction the topmost sheet of particles is compressed until c = 1, to 1.45
+  times the particles of a sheet inside, which resist every change of the surface's area.
 """
 
 import math
@@ -47,14 +47,14 @@ SMOOTHINGS = (2.4, 2.45, 2.5, 2.6, 2.8, 3.0)
 YIELDS = (0.9964, 0.9962, 0.9970, 0.9980, 1.0016, 1.0011)
 # Defect of evenly spread particles at rest, and limit of the correction (-); honey would need 0.07.
 REST_DEFECT, MAX_CORRECTION = 0.003, 0.06
-# Share of a step's reading in the correction: with 1 it alternates from step to step. And the
-# largest change in a step (-): after a larger one surrounded particles would read as a surface.
+# Share (-) of a step's reading in the correction, which alternates with 1. Largest change in a step
+# (-): after a larger change, surrounded particles would count as particles at a surface.
 BLEND, MAX_CORRECTION_CHANGE = 0.25, 1.0 - SURROUNDED
-# |sum V_j grad W_ij| over that at a plane surface (-): no air share up to the first, the whole from
-# the second. Beside a hole of one particle, which must be able to close, it is 0.38.
+# |sum V_j grad W_ij| over its value at a plane surface (-): no air share up to INSIDE, the whole
+# from AT_SURFACE. Next to a hole of one particle, which must be able to close, it is 0.38.
 INSIDE, AT_SURFACE = 0.6, 0.9
-# Relative difference (-) of a particle's pair_spacing from its spacing up to which it has an air
-# share; none from twice this. Without it a coarse sheet on fine particles gains energy.
+# Relative difference (-) of pair_spacing from spacing above which the air share fades out, to none
+# at twice this. Without this limit a coarse sheet on fine particles gains energy.
 MAX_SPACING_DIFFERENCE = 0.05
 # Least divisor of the mean defect, in the particle's own volume (-).
 MIN_VOLUME_SHARE = 1e-3
@@ -129,8 +129,8 @@ class Density:
             for mirrored in ti.static((False, True)):
                 self._add_entries(i, mirrored, sums)
             g, volume = sums.gradient, self.layers.volume[layer]
-            # With the correction, so that water which it compresses near a surface does not count
-            # as surrounded.
+            # c includes the correction, so that water compressed by the correction near a surface
+            # does not count as surrounded.
             defect, c = sums.bell - sums.c, sums.c + self.particles.density_correction[i]
             known = ti.select(c > SURROUNDED, volume, 0.0)
             self.particles.known_volume[i], self.particles.known_defect[i] = known, known * defect
@@ -146,9 +146,8 @@ class Density:
 
     @kernel
     def _fill_pipes(self, n: ti.i32):
-        """Raises the density of particles in inflows, at most to rest density, by what a pipe's
-        wall leaves empty: behind the cross-section, pipe and wall fill the kernel's share. These
-        particles have no air share.
+        """Raises the density of particles in inflows, at most to rest density, as if pipe and wall
+        filled the kernel's share behind the cross-section. These particles have no air share.
 
         Otherwise gaps to the wall would have to close before the particles push, and a pipe a few
         particles wide would not push at all.
@@ -171,9 +170,9 @@ class Density:
     def _pair_spacing(self, layer, sums):
         """Returns the spacing [m] of equal particles that pressure would hold as stiffly.
 
-        Pairs pull by sum V_j (p_i + p_j)/rho0 W''_ij, where W'' scales as 1/h_ij^5, so it is the
-        mean of 1/h_ij^2 weighted by V_j/h_ij^3. By its own spacing, a single fine particle among
-        coarse ones would halve all time steps.
+        Pairs pull by sum V_j (p_i + p_j)/rho0 W''_ij, where W'' scales as 1/h_ij^5, so the mean of
+        1/h_ij^2 weighted by V_j/h_ij^3 determines it. With its own spacing instead, a single fine
+        particle among coarse particles would halve all time steps.
         """
         own = self.layers.per_h[layer, layer]
         share = SELF_WEIGHT * self.layers.bell_scale[layer, layer]
@@ -182,9 +181,9 @@ class Density:
 
     @ti.func
     def _air_share(self, layer, slope, pair_spacing):
-        """Returns the air share (-) of a particle with the slope |sum V_j grad W_ij| [1/m]: that of
-        a plane surface, and 0 where the slope is small, as inside, in sheets one particle thick,
-        and for single and paired particles."""
+        """Returns the air share (-) of a particle with the slope |sum V_j grad W_ij| [1/m]: the
+        share at a plane surface, and 0 where the slope is small, as inside, in sheets one particle
+        thick, and for single and paired particles."""
         ratio = slope / self.layers.surface_slope[layer]
         full = ti.math.clamp((ratio - INSIDE) / (AT_SURFACE - INSIDE), 0.0, 1.0)
         difference = ti.abs(pair_spacing / self.layers.spacing[layer] - 1.0)
@@ -196,8 +195,8 @@ class Density:
         """Adds the neighbours of particle i (`mirrored`: its images) to its sums and stores their
         gradients.
 
-        In blocks, since a store in the loop would stop the compiler from handling eight entries
-        at a time, which is twice as fast.
+        Entries are read in blocks, since a store in the loop would stop the compiler from handling
+        eight entries at a time, which is twice as fast.
         """
         layer, x = self.particles.layer[i], self.particles.x[i]
         begin, end = self.neighbours.span(i, mirrored)
@@ -255,8 +254,8 @@ class Density:
     def follow_defect(self, n: ti.i32):
         """Moves each density correction by BLEND towards the mean defect around its particle.
 
-        The density changes with it at once: a step later, water would be too thin by the change,
-        below SURROUNDED, where no defect is known.
+        The density changes in the same step: a step later, the water would be too thin by the
+        change, below SURROUNDED, where no defect is known.
         """
         for i in range(n):
             target = ti.math.clamp(self._mean_defect(i) + REST_DEFECT, -MAX_CORRECTION, 0.0)
@@ -309,11 +308,11 @@ def density_tables(
 
 
 def lattice_surface(smoothing: float) -> tuple[float, float]:
-    """Returns what a kernel of support `smoothing` (in spacings) lacks at the surface of a cubic
+    """Returns the deficit of a kernel of support `smoothing` [spacings] at the surface of a cubic
     lattice: 1 - c (-), and |sum V_j grad W_ij| [1/spacing]."""
     reach = math.ceil(smoothing)
     x = np.stack(np.meshgrid(*3 * [np.arange(-reach, reach + 1.0)]), axis=-1).reshape(-1, 3)
-    above = x[x[:, 1] > 0.0]  # what the surface's sheet lacks
+    above = x[x[:, 1] > 0.0]  # neighbours that the surface's sheet lacks
     r = np.linalg.norm(above, axis=1)
     q = r / smoothing
     a, b, c = (np.maximum(edge - q, 0.0) for edge in (1.0, 0.6, 0.2))

@@ -20,8 +20,8 @@ class InertiaWork:
     """Records impulse and work of the inertial forces in a step.
 
     In a step, inertia at the centre and centrifugal acceleration have the potential
-    -psi = -a.r - |w x r|^2/2, so that their work follows from the positions, as that of gravity
-    does; the work of the Euler acceleration follows from the mean velocity. The work on water at
+    -psi = -a.r - |w x r|^2/2, so that their work follows from the positions, like the work of
+    gravity; the work of the Euler acceleration follows from the mean velocity. The work on water at
     rest in a moving box is then zero, although velocities change within the step.
     """
 
@@ -30,7 +30,7 @@ class InertiaWork:
         self.boundary, self.impulses = parts.boundary, parts.impulses
 
     def begin(self, dt: float, external: ExternalForces) -> None:
-        """Records the work before a step of dt [s]."""
+        """Adds the terms of the work at the beginning of a step of dt [s]."""
         self._add_work(dt, external, -1.0)
 
     def push(self, dt: float, external: ExternalForces) -> None:
@@ -39,7 +39,7 @@ class InertiaWork:
             self._add_impulse(self.particles.count, dt, external.inertial_field())
 
     def end(self, dt: float, external: ExternalForces) -> None:
-        """Records the work after the step."""
+        """Adds the terms of the work at the end of the step."""
         self._add_work(dt, external, 1.0)
 
     def _add_work(self, dt: float, external: ExternalForces, sign: float) -> None:

@@ -2,8 +2,8 @@
 
 from msph.parameter import Section, parameter
 
-# Largest motion in a step over the largest motion past neighbours (-): at 1.5 the bulk density of a
-# dam break is 0.8 % off at the impact, not 0.6 %.
+# Largest motion in a step over the largest motion past neighbours (-): with 1.5 the bulk density of
+# a dam break is off by 0.8 % at the impact instead of 0.6 %.
 MOTION_FACTOR = 1.25
 
 

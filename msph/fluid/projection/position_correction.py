@@ -1,12 +1,12 @@
 """Position correction: moves crowded particles apart without adding velocity.
 
-A few Jacobi iterations on the density excess. Unlike conjugate gradients they do not find the long,
-nearly free modes of a regular arrangement: large displacements without linearised compression.
+A few Jacobi iterations reduce the density excess. Conjugate gradients would find the long, nearly
+free modes of a regular arrangement: large displacements without linearised compression.
 
-They start with a common background pressure (Adami et al. 2013), which spreads particles
-evenly: disordered particles of density 1 fill more space than evenly spread ones. It is
-proportional to the particle's motion in the step (Skillen et al. 2013), since
-motion disturbs the arrangement (docs/method.md, "Position correction").
+The last round starts with a common background pressure (Adami et al. 2013), which spreads particles
+evenly: disordered particles of density 1 fill more space than evenly spread particles. It is
+proportional to the particle's motion in the step (Skillen et al. 2013), since motion disturbs the
+arrangement (docs/method.md, "Position correction").
 """
 
 import math
@@ -27,16 +27,16 @@ ATTRIBUTES = (
     Attribute("relative_speed", "m/s", "largest past neighbours and walls", carried=False),
 )
 
-# Rounds of iterations by the largest density excess (-): waves exceed the first, halves of a split
-# the second. Three rounds for both left up to 1 % in rocking layers, not 0.5 to 0.7 %.
+# Rounds of iterations by the largest density excess (-): waves exceed 0.02, halves of a split 0.06.
+# With three rounds for both, up to 1 % excess was left in rocking layers instead of 0.5 to 0.7 %.
 ROUNDS_BY_EXCESS = {0.02: 3, 0.06: 4}
-# Density excess (-) of the particles, with their neighbours, that all rounds but the last correct.
+# Density excess (-) above which all rounds but the last correct a particle and its neighbours.
 CROWDED_EXCESS = 0.005
 # Background pressure, as a density excess, and the deficit above which it is off (-). It lowers the
 # stiffness against shear: at 0.0265 water 15 spacings deep sloshes 1 % too slowly.
 BACKGROUND_EXCESS, BACKGROUND_DEFICIT = 0.014, 0.03
-# Motion in a step, in spacings, at which the background is full, and its share (-) at rest. Full
-# everywhere, waves of half a spacing oscillate 4.9 % too slowly, not 2.9 %.
+# Motion in a step, in spacings, at which the background is full, and its share (-) at rest. With a
+# share of 1, waves of half a spacing oscillate 4.9 % too slowly instead of 2.9 %.
 FULL_MOTION, REST_SHARE = 0.1, 0.3
 # Under-relaxation of Jacobi: RELAXATION over the number of neighbours, at most MAX_RELAXATION.
 # Stable below 2/lambda_max, which was 0.68, 0.53 and 0.31 at 27, 57 and 97 neighbours.
@@ -82,7 +82,7 @@ class PositionCorrection:
 
     @kernel
     def _relax_from_zero(self, n: ti.i32, dt: ti.f32):
-        """_relax() from q = 0, with the background."""
+        """Runs _relax() from q = 0, with the background."""
         p = self.particles
         for i in range(n):
             r = self.density.excess(i) + self._background(i, dt)
@@ -93,7 +93,7 @@ class PositionCorrection:
     @kernel
     def _mark_crowds(self, n: ti.i32):
         """Sets q = 0, u = 0 and the crowding: CORRECTED for particles of an excess above
-        CROWDED_EXCESS and their neighbours, DISPLACED for the neighbours of those."""
+        CROWDED_EXCESS and their neighbours, DISPLACED for other neighbours of these particles."""
         p = self.particles
         for i in range(n):
             p.position_multiplier[i], p.crowding[i] = 0.0, CALM
@@ -116,7 +116,7 @@ class PositionCorrection:
         """q += omega r/D, at least 0, with r = c - 1 + sum V_j (u_i - u_j).grad W_ij, the
         displacements u in position_correction; `background` (-) times the background is added.
 
-        Corrects the particles of at least this crowding; displaces those of one less, too.
+        Corrects the particles of at least this crowding; displaces particles of one less, too.
         """
         p = self.particles
         for i in range(n):
@@ -136,8 +136,8 @@ class PositionCorrection:
 
     @ti.func
     def _background(self, i, dt):
-        """Returns the background pressure as a density excess (-): none where water is missing,
-        the air share counted, so that it acts at plane surfaces and not in spray."""
+        """Returns the background pressure as a density excess (-): 0 where excess() is a deficit
+        above BACKGROUND_DEFICIT, so that it acts at plane surfaces and not in spray."""
         motion = dt * self.particles.v[i].norm() / self.layers.spacing[self.particles.layer[i]]
         share = ti.select(dt > 0.0, ti.math.clamp(motion / FULL_MOTION, REST_SHARE, 1.0), 1.0)
         inside = self.density.excess(i) > -BACKGROUND_DEFICIT
@@ -150,7 +150,7 @@ class PositionCorrection:
 
     @kernel
     def _apply(self, n: ti.i32):
-        """x += position_correction, at most `largest_shift` spacings; the list must be find()'s.
+        """x += position_correction, at most `largest_shift` spacings; requires the list of find().
 
         A pair that is moved apart to r (1 + a) keeps its angular momentum only if its relative
         velocity shrinks by a: v_i -= sum a_ij (v_i - v_j), a_ij = -(q_i + q_j) V_j W'/r >= 0. This

@@ -30,13 +30,13 @@ ATTRIBUTES = (
     Attribute("active", "-", "1 where the pressure solve may change q", carried=False),
 )
 
-# Density deficit (-) that may close in full within a step. A smaller one closes in part: particles
-# that fall into it carry no weight meanwhile (pressures of a deep pool were up to 8 % too low).
+# Density deficit (-) that may close in full within a step. A smaller deficit closes in part: water
+# that falls into it carries no weight meanwhile (pressures of a deep pool were up to 8 % too low).
 GAP_DEFICIT = 0.003
 # Limits (-) of the factor that scales the initial guess.
 MIN_START_SCALE, MAX_START_SCALE = 0.5, 2.0
-# Diagonal over the one of a particle that moves (-) below which a particle of prescribed velocity
-# has no multiplier.
+# Ratio (-) of its diagonal to the diagonal that it would have if it moved, below which a particle
+# of prescribed velocity has no multiplier.
 MIN_HELD_DIAGONAL = 0.1
 # Smallest displacement in the scale of the tolerance, in spacings: keeps the tolerance above zero.
 MIN_DISPLACEMENT = 1e-5
@@ -47,7 +47,7 @@ class PressureSolve:
     """Solver of the multipliers q by projected conjugate gradients, and their effect on velocities.
 
     velocity_multiplier holds q; residual, direction and active are fields of the conjugate
-    gradients. boundary_inflow, settling and pair_spacing are set by Contact, Adaptation and
+    gradients. boundary_inflow, settling and pair_spacing are set by BodyLinks, Adaptation and
     Density.
     """
 
@@ -67,10 +67,9 @@ class PressureSolve:
 
     @kernel
     def build_rhs(self, n: ti.i32, dt: ti.f32):
-        """rhs_i = dt dc/dt + share (c_i - 1), with c_i after the position correction, where
-        c_i - 1 is Density.excess(). Sets the
-        initial guess q = dt^2 p/rho0, p the mean of two steps, since pressures alternate, and
-        predicted_density = rho0 c_i.
+        """rhs_i = dt dc/dt + share (c_i - 1), with c_i after the position correction, where c_i - 1
+        is Density.excess(). Sets the initial guess q = dt^2 p/rho0, p the mean of two steps, since
+        pressures alternate, and predicted_density = rho0 c_i.
 
         share is dt/release for an excess. For a deficit it rises with the deficit, to 1 at
         GAP_DEFICIT.
@@ -123,8 +122,8 @@ class PressureSolve:
 
     @kernel
     def _hold(self, n: ti.i32):
-        """Excludes particles of prescribed velocity that hardly reach moving ones: multipliers do
-        not displace them, and theirs would be large and converge slowly.
+        """Excludes particles of prescribed velocity that hardly reach moving particles: multipliers
+        do not displace them, and their own multipliers would be large and converge slowly.
 
         The diagonal of such a row is V_i sum V_j |grad W_ij|^2 over the neighbours that move.
         """
@@ -175,7 +174,7 @@ class PressureSolve:
             drift_x += volume * motion.x
             drift_y += volume * motion.y
             drift_z += volume * motion.z
-        # Relative to the mean motion: a falling drop is solved as strictly as one at rest.
+        # Relative to the mean motion: a falling drop is solved as strictly as a drop at rest.
         drift = ti.Vector([drift_x, drift_y, drift_z])
         relative = ti.max(square - drift.norm_sqr() / total, 0.0)
         self.conjugate_gradient.set_round(residual_norm2, scale + motion_weight**2 * relative)

@@ -1,4 +1,4 @@
-"""Shear relief: removes the shear stress that arrangements of particles have and water has not.
+"""Shear relief: removes the shear stress that particle arrangements have and water does not have.
 
 The stress of an inviscid fluid is isotropic. Pairs press on each other along their axes, so
 particles under pressure have the virial stress (Irving and Kirkwood 1950)
@@ -7,8 +7,8 @@ particles under pressure have the virial stress (Irving and Kirkwood 1950)
 
 share_ij = 1/2 for equal particles (virial_pressure.py). Where the flow strains neighbourhoods, the
 deviator of S resists, like the friction of a granular medium, most of all in the topmost sheet of
-particles and at bodies: low waves and wakes die. The deviator's mean over a kernel, the stress on
-the scale of the flow,
+particles and at bodies, and damps low waves and wakes. The deviator's mean over a kernel, the
+stress on the scale of the flow,
 
     T_i = dev(sum V_j W_ij S_j)/sum V_j W_ij,
 
@@ -30,22 +30,22 @@ from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.small_numbers import MIN_DIVISOR, MIN_WEIGHT
 from msph.taichi_internals import data_oriented, heavy_kernel, kernel
 
-# Ratio (-) of deviator to pressure above which the relief fades out, to none at twice this: it is
-# 0.01 in the depth, 0.07 at surfaces, 0.5 in a sheet of one particle, which gains energy at 0.2.
+# Ratio (-) of deviator to pressure above which the relief fades out, to none at twice this. It is
+# 0.01 in the depth, 0.07 at surfaces, 0.5 in a sheet of one particle, which gains energy with 0.2.
 MAX_ANISOTROPY = 0.15
-# The same for the relative difference (-) of a particle's pair_spacing from its spacing: without
-# it coarse particles on fine ones of a 64th of their mass gain 0.25 % of the energy in 1 s.
+# Relative difference (-) of pair_spacing from spacing above which the relief fades out likewise:
+# otherwise coarse particles on fine ones of a 64th of their mass gain 0.25 % of the energy in 1 s.
 MAX_SPACING_DIFFERENCE = 0.07
 # Smallest pressure [Pa] that a deviator is compared with.
 MIN_STRESS = 1e-6
-# Determinant of the moment M (-) below which there is no relief; in full from twice this. It is 1
-# in the depth and 0.4 in the topmost sheet; at 0.05 steps of five times the limit blow up.
+# Determinant of the moment M (-) below which there is no relief; from twice this on it is full. It
+# is 1 in the depth and 0.4 in the topmost sheet; with 0.05, steps of five times the limit blow up.
 LEAST_DETERMINANT = 0.15
 
 
 @ti.func
 def mirrored_shear(mirror, shear):
-    """Returns the shear components of a mirror image: each changes by two signs of `mirror`."""
+    """Returns the shear components of a mirror image: each times two signs of `mirror`."""
     return mirror.x * mirror.y * mirror.z * mirror * shear
 
 
@@ -55,7 +55,7 @@ class ShearRelief(Force):
 
     Pairs exchange V_i V_j (T_i L_i + T_j L_j).grad W_ij, L = M^-1, equal and opposite, so momentum
     is kept for all layers. The torques of the term of i add up to the antisymmetric part of
-    T_i L_i M_i = T_i, which is none, so angular momentum is kept.
+    T_i L_i M_i = T_i, which is zero, so angular momentum is kept.
 
     A body counts as a neighbour at the foot of the perpendicular on its face, which exerts forces
     along its normal only. longest [s]: the longest step that motion and pressure allow.

@@ -85,7 +85,7 @@ class Projection:
         shared = Discretisation(**vars(parts), density=self.density, operator=operator)
         self.position_correction = PositionCorrection(shared)
         self.all_forces = [force(shared) for force in FORCES]
-        self.forces: list[Force] = []  # those that the scene enables
+        self.forces: list[Force] = []  # forces that the scene enables
         self.pressure_solve = PressureSolve(shared)
         self.inertia_work = InertiaWork(parts)
         self.built_adaptation = Adaptation(parts.room, shared)
@@ -239,9 +239,7 @@ class Projection:
         with stage("drift"):
             self.inertia_work.begin(dt, external)
             self.boundary.move(0.5 * dt)  # time -> body poses at t, t + dt/2, mean velocities
-            self.contact.drift(
-                0.5 * dt
-            )  # x, v, poses -> x; v of particles stopped at walls, bodies
+            self.contact.drift(0.5 * dt)  # x, v, poses -> x; v of stopped particles
             self.boundary.fall(dt, external)  # v of floating bodies -> v
             self.boundary.move(0.5 * dt)  # time -> body poses at t + dt/2, t + dt, mean velocities
             # poses, forces of the last step -> contacts; v of floating bodies
@@ -268,7 +266,7 @@ class Projection:
             self.position_correction.find(dt)  # density, v -> displacements, applied below
         with stage("forces"):
             self.inertia_work.push(dt, external)
-            # Before gravity, whose velocities the pressure of water at rest undoes.
+            # Before gravity: the pressure of water at rest undoes the velocities by gravity.
             self.beaches.damp(dt)  # x, v -> v
             if relief := self.force(ShearRelief):
                 relief.longest = 1.0 / self.max_rate if self.max_rate else math.inf
@@ -285,7 +283,7 @@ class Projection:
             self.boundary.redo(0.5 * dt)  # v of floating bodies -> poses at t + dt
         with stage("drift"):
             self.position_correction.apply()  # displacements, x, v -> x, v, relative speeds
-            self.openings.prescribe()  # speeds of inflows and outflows -> v in their zones
+            self.openings.prescribe()  # speeds of inflows -> v in their zones
             motion_rate, distance = self._motion_bounds(self.particles.count, dt)
             self.max_rate = max(pressure_rate, motion_rate)  # bounds the next step
             if self.adaptation:

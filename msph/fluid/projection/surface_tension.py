@@ -2,9 +2,9 @@
 
 g_i = sum V_j grad W_ij points into the water at its surface and vanishes inside. So the energy
 AREA_FACTOR sigma sum V_i sqrt(|g_i|^2 + 1/h_i^2) measures area (total variation, Rudin et al. 1992,
-softened where g is noise); its gradient pulls where the surface is curved. Alone it lets water
-evaporate, since a lone particle has g = 0 and no area. A pair cohesion near the surface (after
-Tartakovsky and Panchenko 2016) prevents that; in all the water it would act like a solid.
+softened where g is noise); its gradient pulls where the surface is curved. This term alone lets
+water evaporate, since a lone particle has g = 0 and no area. A pair cohesion near the surface
+(after Tartakovsky and Panchenko 2016) prevents this; in all the water it would act like a solid.
 
 Pair forces are equal and opposite for all layers, so momentum is kept. The cohesion is central and
 rotation does not change the area, so angular momentum is kept too.
@@ -27,7 +27,7 @@ from msph.taichi_internals import data_oriented, kernel
 COHESION_SHARE = 0.35
 # Factor of both parts with which drops oscillate at Lamb's period (bench/terms.py).
 CALIBRATION = 1.45
-# Twice, since only the half of |g| on the water's side of a surface is counted.
+# With a factor of 2, since only the half of |g| on the water's side of a surface is counted.
 AREA_FACTOR = 2.0 * (1.0 - COHESION_SHARE) * CALIBRATION
 # Factor of (r/h) (1 - (r/h)^2)^2/h^5, a force per volume^2: sigma is pi/8 times the integral of r^4
 # times the force (Fowler 1937), which is 1/60 for a factor of 1.

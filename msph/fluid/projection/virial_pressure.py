@@ -10,7 +10,7 @@ where the coarser particle of a pair has the larger share (layers.stress_share).
 directions are missing, the pressure is the mean of (p_i + p_j)/2 weighted by -V_j r_ij.grad W_ij
 (docs/method.md, "Pressure").
 
-A body has no multiplier: it pushes with the particle's, which is up to twice the pressure.
+A body has no multiplier: it pushes with the particle's multiplier, up to twice the pressure.
 Near bodies the pressure is the kernel's mean of multipliers with the body counted as 0.
 """
 
@@ -39,7 +39,7 @@ class VirialPressure:
     Evaluation holds the accelerations [m/s^2] by other particles (inner) and by walls, the virial
     pressure [Pa] and, if `with_stress`, the stress S [Pa]: its diagonal (normal) and yz, xz, xy
     components (shear). Accelerations are summed in double precision where the device has it: at
-    rest single precision rounds off alike in every step, and the momentum drifted.
+    rest single precision rounds off alike in every step, and the momentum drifts.
     """
 
     def __init__(self, parts: Parts, density: Density):
@@ -90,7 +90,7 @@ class VirialPressure:
         mean = ti.select(weights > MIN_WEIGHT, others / ti.max(weights, MIN_WEIGHT), own)
         bulk = (weights / 3.0 - SURFACE_WEIGHT) / (BULK_WEIGHT - SURFACE_WEIGHT)
         bulk = ti.math.clamp(bulk, 0.0, 1.0)
-        # Below air, the mean with neighbours is that of water a quarter of a spacing deeper.
+        # Below air, the mean with neighbours is the pressure a quarter of a spacing deeper.
         air = self.particles.air_share[i] / self.layers.surface_share[layer]
         at_surface = ti.math.mix(0.5 * (own + mean), own, air)
         found.virial = ti.math.mix(at_surface, trace / 3.0, bulk)
@@ -121,9 +121,9 @@ class VirialPressure:
     def image_acceleration(self, i, gravity):
         """Returns the acceleration [m/s^2] of particle i by its images' excess pressure.
 
-        Without it the lowest sheet of particles carries half a sheet's weight too much. It is not
-        conservative for particles that change places with particles of other size, so it fades out
-        where these rise and adds no energy.
+        The acceleration keeps the lowest sheet of particles from carrying half a sheet's weight too
+        much. It is not conservative for particles that change places with particles of other size,
+        so it fades out where these rise and adds no energy.
         """
         layer, x = self.particles.layer[i], self.particles.x[i]
         total = ti.Vector([0.0, 0.0, 0.0])
@@ -143,7 +143,7 @@ class VirialPressure:
         """Returns the pressure [Pa] of j's image at the point `image` [m] less the pressure of j.
 
         No flow crosses a wall, so dp/dn = rho g.n there: behind a floor the pressure goes on
-        rising. At most the particle's own, so that water passing by is not lifted.
+        rising. The result is at most the pressure of j, so that water passing by is not lifted.
         """
         own = self.particles.pressure_multiplier[j]
         weight = self.constants.rest_density[None] * gravity.dot(image - self.particles.x[j])
