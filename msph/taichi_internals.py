@@ -26,6 +26,8 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from msph.cache_folder import TAICHI_FOLDER
+
 # Environment variable that selects plain Taichi, unless it is "" or "0".
 SWITCH = "MSPH_PLAIN_TAICHI"
 # Methods of a launch context that set an argument or read a result, by type.
@@ -194,7 +196,7 @@ def longest_float():
 
 def cache_folder() -> Path | None:
     """Returns the folder of Taichi's kernel cache, None if unknown. Call before ti.init."""
-    given = os.environ.get("TI_OFFLINE_CACHE_FILE_PATH")
+    given = os.environ.get(TAICHI_FOLDER)
     config = getattr(getattr(ti._lib, "core", None), "default_compile_config", None)
     found = given or getattr(config() if config else None, "offline_cache_file_path", "")
     return Path(found) if found else None

@@ -25,7 +25,7 @@ from msph.lesson.guide import Guide
 from msph.lesson.load import load_lesson, shipped_lessons
 from msph.lesson.paint import PAD, Band, band_height, folded
 from msph.lesson.quantities import QUANTITIES, Numbers
-from msph.lesson.schema import LINES, WORDS
+from msph.lesson.schema import LINES, WORDS, SliderOf
 from msph.lesson.student import Student
 from msph.picture.pixels import Image
 from msph.scene.errors import SceneError
@@ -580,6 +580,13 @@ def test_tasks_of_a_page_can_be_completed_with_its_sliders(name, monkeypatch):
         for _, last, begins in sliders:
             begin = begin * (int(last) + 1) + int(begins)
         assert not frames[begin]["done"] and any(frame["done"] for frame in frames)
+
+
+def test_a_page_has_the_start_and_the_solution_of_a_slider_with_many_steps():
+    """Regression: of 101 steps a page had 12, perhaps without the start or the solution."""
+    slider = SliderOf(name="s", lo=0.0, hi=100.0, step=1.0, start=3.0)
+    found = web.positions(slider, True, 3.0, 51.0)
+    assert {0.0, 3.0, 51.0, 100.0} <= set(found) and found == sorted(found)
 
 
 def test_pages_with_videos_ask_for_no_input():

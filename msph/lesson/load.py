@@ -85,7 +85,7 @@ def load_lesson(name: str) -> Course:
     try:
         lesson = Lesson.model_validate(data)
     except ValidationError as error:
-        raise explain(error, where, data, Lesson) from None
+        raise explain(error, where, Lesson) from None
     if bool(lesson.board) == bool(lesson.water):
         raise LessonError(where, "needs either [[water]] tables or a board")
     scenes = [_scene(water, path.parent, where, k) for k, water in enumerate(lesson.water)]

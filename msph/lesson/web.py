@@ -107,12 +107,13 @@ def on_board(course: Course) -> list[str]:
 
 
 def positions(slider: SliderOf, alone: bool, *others: float) -> list[float]:
-    """Returns the values of a slider on a page, in order: its steps, or equidistant values and the
+    """Returns the values of a slider on a page, in order: steps, or equidistant values, and the
     `others`; alone: True if the page's other sliders do not move."""
     if slider.step:
         number = round((slider.hi - slider.lo) / slider.step) + 1
-        chosen = np.linspace(0, number - 1, min(number, MAX_POSITIONS)).round()
-        return [slider.lo + float(k) * slider.step for k in chosen]
+        chosen = {*np.linspace(0, number - 1, min(number, MAX_POSITIONS)).round().tolist()}
+        chosen |= {float(round((value - slider.lo) / slider.step)) for value in others}
+        return [slider.lo + k * slider.step for k in sorted(chosen)]
     number = POSITIONS if alone else FEW_POSITIONS
     return sorted({*np.linspace(slider.lo, slider.hi, number).tolist(), *others})
 

@@ -37,10 +37,11 @@ class Ripples:
         self.thin, self.sunlight, self.lens = thin, sunlight, lens
         self.height, self.before = (ti.field(ti.f32, (CELLS, CELLS)) for _ in range(2))
         self.slope = ti.Vector.field(2, ti.f32, (CELLS, CELLS))
-        self.frames = 0
+        self.frames = 0  # seed of the chop
 
     def reset(self):
         """Makes the surface smooth."""
+        self.frames = 0
         for field in (self.height, self.before, self.slope):
             field.fill(0.0)
 

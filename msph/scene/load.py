@@ -49,7 +49,7 @@ def load_scene(name: str, overrides: tuple[str, ...] = ()) -> Scene:
     try:
         scene = Scene.model_validate(data)
     except ValidationError as error:
-        raise explain(error, path.name, data) from None
+        raise explain(error, path.name) from None
     check(scene, path.name)
     return scene
 
@@ -163,9 +163,7 @@ def _index(items: list, name: str, key: str, where: str) -> int:
     return int(name)
 
 
-def explain(
-    error: ValidationError, where: str, data: dict, model: type[BaseModel] = Scene
-) -> SceneError:
+def explain(error: ValidationError, where: str, model: type[BaseModel] = Scene) -> SceneError:
     """Returns the first error of a validation as one line: file, key, problem and hint."""
     details = error.errors()
     # A misspelt key is reported before the required key that it leaves missing.

@@ -144,15 +144,21 @@ def check_motion(scene: Scene, where: str) -> None:
 def check_formulas(given: Motion | Body, duration: float, where: str, key: str) -> None:
     """Raises SceneError for expressions that are not defined over the duration [s]."""
     for i, formula in enumerate(given.displacement):
-        _check_formula(formula, duration, where, f"{key}.displacement.{i}")
-    _check_formula(given.angle, duration, where, f"{key}.angle")
+        values_over_time(formula, duration, where, f"{key}.displacement.{i}")
+    values_over_time(given.angle, duration, where, f"{key}.angle")
 
 
-def _check_formula(formula: float | str, duration: float, where: str, key: str) -> None:
+def values_over_time(
+    formula: float | str, duration: float, where: str, key: str
+) -> list[tuple[float, float]]:
+    """Returns TRIALS times [s] over the duration [s] and the values of an expression at them.
+    Raises SceneError if one is not finite."""
     try:
         found = OverTime(formula)
     except ExpressionError as error:
         raise SceneError(where, str(error), key) from None
-    for time in np.linspace(0.0, duration, TRIALS).tolist():
-        if not math.isfinite(found(time)):
+    values = [(time, found(time)) for time in np.linspace(0.0, duration, TRIALS).tolist()]
+    for time, value in values:
+        if not math.isfinite(value):
             raise SceneError(where, f"{formula!r} is not a number at t = {time:.3g} s", key)
+    return values

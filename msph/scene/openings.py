@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from msph.expressions import ExpressionError, OverTime
+from msph.expressions import OverTime
 from msph.fluid.adaptivity.bands import bands
 from msph.fluid.boundary.opening import ZONE, Opening
 from msph.fluid.boundary.walls import wall_constants
@@ -12,12 +12,11 @@ from msph.fluid.methods import METHODS, methods_with
 from msph.fluid.particles.layers import LayerSpec
 from msph.scene import schema
 from msph.scene.errors import SceneError
+from msph.scene.motion import TRIALS, values_over_time
 from msph.scene.schema import Scene
 
 # Litres per cubic metre.
 LITRES = 1000.0
-# Number of times over the duration at which expressions are checked and flows are added up.
-TRIALS = 500
 
 
 def openings(scene: Scene, specs: list[LayerSpec]) -> list[Opening]:
@@ -164,15 +163,7 @@ def _check_flow(scene: Scene, given: schema.Opening, where: str, key: str) -> No
         if isinstance(given, schema.Inflow):
             raise SceneError(where, "give a speed or a rate", key)
         return
-    try:
-        found = OverTime(flow)
-    except ExpressionError as error:
-        raise SceneError(where, str(error), f"{key}.{name}") from None
-    for time in np.linspace(0.0, scene.duration, TRIALS).tolist():
-        value = found(time)
-        if not math.isfinite(value):
-            problem = f"{flow!r} is not a number at t = {time:.3g} s"
-            raise SceneError(where, problem, f"{key}.{name}")
+    for time, value in values_over_time(flow, scene.duration, where, f"{key}.{name}"):
         if value < 0.0:
             other = "an outflow" if isinstance(given, schema.Inflow) else "an inflow"
             raise SceneError(

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -122,12 +121,11 @@ def check_wave_makers(scene: Scene, where: str) -> None:
     gravity = scene.gravity
     if scene.wavemakers and not (gravity[1] < 0.0 and gravity[0] == gravity[2] == 0.0):
         raise SceneError(where, "need gravity along -y", "wavemakers")
-    ends: dict[str, Any] = {}
+    ends = [maker.end for maker in scene.wavemakers]
     for k, maker in enumerate(scene.wavemakers):
-        key, axis = f"wavemakers.{k}", _end(maker)[0]
-        if maker.end in ends:
-            raise SceneError(where, f"{ends[maker.end]} is at this end", f"{key}.end")
-        ends[maker.end] = key
+        key, axis, first = f"wavemakers.{k}", _end(maker)[0], ends.index(maker.end)
+        if first < k:
+            raise SceneError(where, f"wavemakers.{first} is at this end", f"{key}.end")
         if maker.beach and "+-"[maker.end[0] == "+"] + maker.end[1] in ends:
             raise SceneError(where, "there is a wave maker at the other end", f"{key}.beach")
         least, room = _nearest(scene, maker), scene.box.size[axis]

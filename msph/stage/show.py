@@ -250,8 +250,8 @@ class Show:
         """Adds particles of the finest layer at x [m] with velocities v [m/s], (n, 3), where there
         is room. Raises FullError."""
         sim = self.simulation
-        finest = int(np.argmin([spec.mass for spec in sim.layers.specs]))
-        sim.add(x.astype(np.float32), v.astype(np.float32), finest, self.gravity_in_box())
+        layer = sim.layers.finest_index
+        sim.add(x.astype(np.float32), v.astype(np.float32), layer, self.gravity_in_box())
 
     def add_body(self, body: Body) -> None:
         """Adds a floating body until the next reset. Raises FullError."""

@@ -54,14 +54,13 @@ def _open(touch: "Touch", centre: np.ndarray, speed: float, enters: bool) -> Non
     """Replaces the opening of the last press. Raises FullError without room for it."""
     show, sim = touch.show, touch.show.simulation
     close(show)
-    finest = int(np.argmin([spec.mass for spec in sim.layers.specs]))
     opening = Opening(
         centre,
         np.array((0.0, -1.0, 0.0)),
         (_radius(touch),) * 2,
         enters,
         Valve(speed),
-        layer=finest,
+        layer=sim.layers.finest_index,
     )
     try:
         sim.add_opening(opening, show.gravity_in_box())

@@ -104,8 +104,8 @@ class ThinWater:
                     drop = self.bodies.clearance(self.particles.x[i]) > radius
             if drop:
                 self.kernel[i][1] = 0.0
-            if drop and not self.beyond_wall(self.particles.x[i]):
-                self.drops[ti.atomic_add(self.drop_count[None], 1)] = i
+                if not self.beyond_wall(self.particles.x[i]):
+                    self.drops[ti.atomic_add(self.drop_count[None], 1)] = i
             elif c[0] < self.by_layer.thick[layer]:
                 larger = self.narrow(i, layer, c[0])
         if not (drop or self.beyond_wall(self.particles.x[i])):

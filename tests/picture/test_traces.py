@@ -118,6 +118,19 @@ def test_a_hand_makes_ripples_only_near_it_and_they_decay(pool):
     assert abs(pool.ripples.height.to_numpy()).max() < 1e-4
 
 
+def test_ripples_after_a_reset_repeat(pool):
+    """Regression: the seed of the chop around a hand was not reset."""
+    pool.load(WIDTH, HEIGHT, BOX, Look(caustics=False))
+    heights = []
+    for _ in range(2):
+        pool.reset()
+        shown(pool, LEVEL)
+        for _ in range(3):
+            pool.advance(1.0 / 60.0, HAND)
+        heights.append(pool.ripples.height.to_numpy())
+    assert heights[0].any() and np.array_equal(*heights)
+
+
 def test_ripples_can_be_switched_off(pool):
     pool.load(WIDTH, HEIGHT, BOX, Look(ripples=False))
     shown(pool, LEVEL)

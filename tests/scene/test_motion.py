@@ -97,6 +97,11 @@ BAD = {
         "[[wavemakers]]\nstroke = 0.1\nperiod = 1\n[[wavemakers]]\nstroke = 0.1\nperiod = 1\n",
         "wavemakers.1.end: wavemakers.0 is at this end",
     ),
+    "opposite": (
+        "[[wavemakers]]\nstroke = 0.1\nperiod = 1\nbeach = 0.5\n"
+        '[[wavemakers]]\nend = "+x"\nstroke = 0.1\nperiod = 1\n',
+        "wavemakers.0.beach: there is a wave maker at the other end",
+    ),
     "steep": (
         '[[wavemakers]]\nkind = "flap"\nstroke = 0.9\nperiod = 1\n',
         "wavemakers.0.stroke: would tilt the flap by more than 45 degrees (got 0.9)",

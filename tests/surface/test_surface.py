@@ -161,7 +161,7 @@ def test_particles_beyond_walls_add_no_volume_and_no_drop(water):
     wall belong to a jet."""
     x = packed((0, 0, 0), (0.6, 0.3, 0.4), FINE)
     pipe = packed((0.2, 0, 0.1), (0.4, 3 * FINE, 0.3), FINE) - [0, 3 * FINE, 0]
-    jet = np.array([[-0.1, 0.4, 0.2], [-0.2, 0.35, 0.2]])
+    jet = np.array([[-0.1, 0.4, 0.2], [-0.2, 0.35, 0.2], [-0.2 * FINE, 0.38, 0.2]])
     water.fill(np.concatenate([x, pipe, jet]))
     mesh = water.mesh()
     assert_closed(mesh)

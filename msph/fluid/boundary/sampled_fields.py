@@ -6,12 +6,14 @@ import numpy as np
 import taichi as ti
 
 from msph.device_table import DeviceTable, f32, i32
+from msph.fluid.particles.layers import MAX_LAYERS
+from msph.fluid.room import MAX_BODIES
 from msph.taichi_internals import data_oriented, kernel
 
 vec3, vec4 = ti.math.vec3, ti.math.vec4
 
-# Largest number of lattices: 65 meshes with one for the distance and one per layer (16).
-MAX_LATTICES = 65 * 17
+# Largest number of lattices: one for the distance and one per layer of each mesh.
+MAX_LATTICES = MAX_BODIES * (MAX_LAYERS + 1)
 
 
 @dataclass(frozen=True)

@@ -145,4 +145,8 @@ class Layers:
 
     @property
     def finest(self) -> LayerSpec:
-        return min(self.specs, key=lambda s: s.mass)
+        return self.specs[self.finest_index]
+
+    @property
+    def finest_index(self) -> int:
+        return min(range(len(self.specs)), key=lambda k: self.specs[k].mass)

@@ -69,7 +69,7 @@ class Particles:
     prescribed: Any
 
     def __init__(self, room: int, attributes: tuple[Attribute, ...]):
-        self.capacity = self.room = room
+        self.capacity = room
         self.count = self.touched = 0
         every = {a.name: a for a in CORE + attributes}
         self.attributes = every
