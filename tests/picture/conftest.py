@@ -5,9 +5,14 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from picture_kit import BOX, HEIGHT, WIDTH, Mesh
+import taichi as ti
+from picture_kit import BOX, HEIGHT, WIDTH, Mesh, NoDrops
 
+from msph.fluid.particles.layers import LayerSpec
 from msph.picture.picture import Picture
+from tests.boundary_kit import boundary_of
+
+LAYER = LayerSpec(1000.0 * 0.04**3, 1000.0, 2.0)
 
 
 @pytest.fixture(scope="session")
@@ -18,7 +23,7 @@ def mesh(taichi_runtime):
 @pytest.fixture(scope="session")
 def picture(mesh):
     """Returns the picture that the tests share, since each further instance would compile all
-    kernels again."""
-    picture = Picture(mesh)
+    kernels again; without bodies, but see `boundary_of`."""
+    picture = Picture(mesh, boundary_of(BOX, [LAYER]), thin=ti.data_oriented(NoDrops)())
     picture.load(WIDTH, HEIGHT, BOX)
     return picture

@@ -39,6 +39,22 @@ class Mesh:
         self.counts.from_numpy(np.array((len(vertices), len(triangles)), np.int32))
 
 
+class NoDrops:
+    """Replacement of ThinWater that has no drops."""
+
+    class Particles:
+        x = v = None
+
+    def __init__(self):
+        self.drop_count, self.drops = ti.field(ti.i32, ()), ti.field(ti.i32, 1)
+        self.particles = self.Particles()
+        self.particles.x = self.particles.v = ti.Vector.field(3, ti.f32, 1)
+
+    @ti.func
+    def spacing(self, p):
+        return 0.02
+
+
 def grid(corner, a, b, n):
     """Returns vertices, triangles and normals of n x n squares in the parallelogram at `corner`
     that a and b span; its front faces a x b."""

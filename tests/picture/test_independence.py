@@ -6,7 +6,7 @@ Its images equal the images of a picture that was built for them.
 import numpy as np
 import pytest
 import taichi as ti
-from picture_kit import BOX, Mesh, ball
+from picture_kit import BOX, HEIGHT, WIDTH, Mesh, ball
 
 from msph.fluid.boundary.rigid_bodies import Ball
 from msph.fluid.particles.layers import LayerSpec
@@ -59,18 +59,23 @@ SPECS = [LayerSpec(1000.0 * 0.04**3, 1000.0, 2.0)]
 
 
 @pytest.fixture(scope="module")
-def pictures():
-    """Returns a picture with room for all images, and a picture for the last image."""
-    mesh, boundary = Mesh(4096), boundary_of(FLAT, SPECS)
-    mesh.fill(*ball((0.3, 0.3, 0.35), 0.2))
-    rooms = PictureRoom(192, 128), PictureRoom.holding(*IMAGES[-1][0], 3)
-    return [Picture(mesh, boundary, room) for room in rooms]
+def fresh(mesh):
+    """Returns a picture for the last image."""
+    return Picture(mesh, boundary_of(FLAT, SPECS), PictureRoom.holding(*IMAGES[-1][0], 3))
+
+
+@pytest.fixture
+def picture(picture):
+    """Yields the picture that all tests share."""
+    picture.mesh.fill(*ball((0.3, 0.3, 0.35), 0.2))
+    yield picture
+    boundary_of(BOX, SPECS)
+    picture.load(WIDTH, HEIGHT, BOX)
 
 
 @pytest.mark.parametrize("bodies", [[], [Ball(np.array((0.4, 0.3, 0.2)), 0.1)]])
-def test_other_scenes_and_sizes_compile_no_kernels(pictures, spheres, bodies):
+def test_other_scenes_and_sizes_compile_no_kernels(picture, fresh, spheres, bodies):
     boundary_of(FLAT, SPECS, bodies)
-    picture, fresh = pictures
     for image in IMAGES[:3]:
         draw(picture, image, spheres)
     compiled = []

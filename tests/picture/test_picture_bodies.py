@@ -1,17 +1,19 @@
 """Tests of rendered bodies: rays against spheres by formula, shadows, and visibility."""
 
+from types import SimpleNamespace
+
 import numpy as np
+import picture_kit as kit
 import pytest
 import taichi as ti
 import trimesh
-from picture_kit import Mesh, ball, covered, rays, still_water
+from picture_kit import ball, covered, rays, still_water
 
 from msph.fluid.boundary.rigid_bodies import Ball, Block, Motion, Solid
 from msph.fluid.particles.layers import LayerSpec
 from msph.picture.body_shading import MISSED, SHADOW_SHARPNESS, BodyShading
 from msph.picture.camera import Camera
 from msph.picture.look import Look
-from msph.picture.picture import Picture
 from msph.picture.room import COARSE
 from tests.boundary_kit import boundary_of
 
@@ -22,6 +24,7 @@ TUB, TUB_LID = 0.4, 0.25  # radius [m], height of the lid above the middle [m]
 SHELL, ROOM = np.array((0.5, 0.5, 0.5)), 0.45
 PLINTH = (0.7, 0.0, 0.3), (0.9, 0.5, 0.7)
 WIDTH, HEIGHT = 96, 54
+VECTORS, NUMBERS = ti.types.ndarray(ti.math.vec3, 1), ti.types.ndarray(ti.f32, 2)
 
 
 @pytest.fixture
@@ -34,23 +37,40 @@ def boundary():
 
 @ti.data_oriented
 class Rays:
-    def __init__(self, boundary, p, r):
-        self.bodies = BodyShading(boundary)
+    """Rays through the bodies of the boundary, compiled once for all tests."""
+
+    def __init__(self):
+        self.bodies = BodyShading(boundary_of(BOX, [LAYER]))
+
+    def trace(self, p, r):
+        """Traces rays p + t r, (n, 3). Returns t, lit, entry, steep and body, (n,)."""
         self.bodies.load(BOX)
-        n = len(p)
-        self.p, self.r = (ti.Vector.field(3, ti.f32, shape=n) for _ in range(2))
-        self.p.from_numpy(p.astype(np.float32))
-        self.r.from_numpy(r.astype(np.float32))
-        self.t, self.lit, self.entry, self.steep = (ti.field(ti.f32, shape=n) for _ in range(4))
-        self.body = ti.field(ti.i32, shape=n)
-        self.run()
+        found = np.zeros((len(p), 5), np.float32)
+        self._trace(p.astype(np.float32), r.astype(np.float32), found)
+        return SimpleNamespace(
+            **dict(zip(("t", "lit", "entry", "steep", "body"), found.T, strict=False))
+        )
 
     @ti.kernel
-    def run(self):
-        for i in self.p:
-            t, body, entry, _ = self.bodies.intersect(self.p[i], self.r[i], 10.0, 0.0, 0.0, False)
-            self.t[i], self.body[i], self.entry[i], self.steep[i] = t, body, entry.x, entry.y
-            self.lit[i] = self.bodies.sunlit(self.p[i], self.r[i])
+    def _trace(self, p: VECTORS, r: VECTORS, found: NUMBERS):
+        for i in range(p.shape[0]):
+            t, body, entry, _ = self.bodies.intersect(p[i], r[i], 10.0, 0.0, 0.0, False)
+            lit = self.bodies.sunlit(p[i], r[i])
+            for k, value in ti.static(enumerate((t, lit, entry.x, entry.y, body))):
+                found[i, k] = value
+
+
+@pytest.fixture(scope="module")
+def rays_of(taichi_runtime):
+    return Rays()
+
+
+@pytest.fixture
+def picture(picture):
+    """Yields the picture that all tests share; a test sets the bodies of the boundary first."""
+    yield picture
+    boundary_of(kit.BOX, [LAYER])
+    picture.load(kit.WIDTH, kit.HEIGHT, kit.BOX)
 
 
 def sphere(p, r, centre, radius):
@@ -62,27 +82,26 @@ def sphere(p, r, centre, radius):
     return -b - half, -b + half
 
 
-def test_rays_hit_bodies_outside_and_the_container_inside(boundary):
+def test_rays_hit_bodies_outside_and_the_container_inside(boundary, rays_of):
     rng = np.random.default_rng(4)
     p = SHELL + 2.0 * unit(rng.normal(size=(400, 3)))
     r = unit(SHELL + 0.5 * rng.uniform(-1.0, 1.0, (400, 3)) - p)
-    found = Rays(boundary, p, r)
+    found = rays_of.trace(p, r)
     near, _ = sphere(p, r, BALL, RADIUS)
     first, far = sphere(p, r, SHELL, ROOM)
     grazing = abs(far - first) < 0.15
     expected = np.where(np.isfinite(near), near, np.where(np.isfinite(far), far, MISSED))
     assert 20 < np.isfinite(near).sum() < 200
-    t = np.minimum(found.t.to_numpy(), MISSED)
+    t = np.minimum(found.t, MISSED)
     sure = ~grazing & ~(abs(near - sphere(p, r, BALL, RADIUS)[1]) < 0.05)
     # The icosphere of the container lies inside the sphere, by up to 1 % of its radius.
     assert np.isclose(t, expected, atol=0.02)[sure].all()
-    body = found.body.to_numpy()
-    assert np.array_equal(body[sure] == 0, np.isfinite(near)[sure])
-    assert np.array_equal(found.steep.to_numpy()[sure] >= 0.0, np.isfinite(far)[sure])
-    assert np.isclose(found.entry.to_numpy(), first, atol=0.01)[sure & np.isfinite(far)].all()
+    assert np.array_equal(found.body[sure] == 0, np.isfinite(near)[sure])
+    assert np.array_equal(found.steep[sure] >= 0.0, np.isfinite(far)[sure])
+    assert np.isclose(found.entry, first, atol=0.01)[sure & np.isfinite(far)].all()
 
 
-def test_bodies_cast_shadows_and_a_container_shades_only_its_outside(boundary):
+def test_bodies_cast_shadows_and_a_container_shades_only_its_outside(boundary, rays_of):
     rng = np.random.default_rng(5)
     r = unit(rng.normal(size=(400, 3)))
     for away, shell in ((0.15, False), (2.0, True)):
@@ -90,7 +109,7 @@ def test_bodies_cast_shadows_and_a_container_shades_only_its_outside(boundary):
         inside = np.linalg.norm(p - SHELL, axis=1) < 0.8 * ROOM
         apart = np.linalg.norm(p - BALL, axis=1) > 1.2 * RADIUS
         sure = apart & (shell | inside)
-        lit = Rays(boundary, p[sure], r[sure]).lit.to_numpy()
+        lit = rays_of.trace(p[sure], r[sure]).lit
         ahead = ((BALL - p) * r).sum(axis=1)[sure] > 0.0
         to_ball = np.linalg.norm(np.cross(BALL - p, r), axis=1)[sure]
         to_shell = np.linalg.norm(np.cross(SHELL - p, r), axis=1)[sure]
@@ -101,13 +120,14 @@ def test_bodies_cast_shadows_and_a_container_shades_only_its_outside(boundary):
         assert np.all(lit[light] > 0.99)
 
 
-def test_penumbra_of_a_ball_is_the_least_ratio_of_distances():
+def test_penumbra_of_a_ball_is_the_least_ratio_of_distances(rays_of):
     """The penumbra equals the least ratio of the distance from the ball to the distance from the
     shaded point, taken at many points of each ray."""
     p, rng = np.tile((0.9, 0.1, 0.5), (400, 1)), np.random.default_rng(0)
     r = BALL - p + rng.uniform(-1.5 * RADIUS, 1.5 * RADIUS, (400, 3))
     r /= np.linalg.norm(r, axis=1)[:, None]
-    lit = Rays(boundary_of(BOX, [LAYER], [Ball(BALL, RADIUS)]), p, r).lit.to_numpy()
+    boundary_of(BOX, [LAYER], [Ball(BALL, RADIUS)])
+    lit = rays_of.trace(p, r).lit
     t = np.linspace(0.02, 2.0, 5000)[:, None]
     away = np.stack(
         [np.linalg.norm(a + t * d - BALL, axis=1) - RADIUS for a, d in zip(p, r, strict=True)]
@@ -117,7 +137,7 @@ def test_penumbra_of_a_ball_is_the_least_ratio_of_distances():
     assert lit == pytest.approx(expected, abs=2e-3)
 
 
-def test_the_rim_of_a_container_is_even_and_rays_along_its_lid_reach_its_side():
+def test_the_rim_of_a_container_is_even_and_rays_along_its_lid_reach_its_side(rays_of):
     """Slopes along the rim are even, and rays along the lid hit the side. Regression: the rim had a
     tooth in every cell of the distances, and a ray along the lid ended after too many short steps,
     up to 0.37 m before the side."""
@@ -125,7 +145,7 @@ def test_the_rim_of_a_container_is_even_and_rays_along_its_lid_reach_its_side():
     tub.apply_transform(trimesh.transformations.rotation_matrix(0.5 * np.pi, (1.0, 0.0, 0.0)))
     tub.apply_translation(SHELL)
     container = Solid(np.array(tub.vertices), np.array(tub.faces), container=True)
-    tub_only = boundary_of(BOX, [LAYER], [container])
+    boundary_of(BOX, [LAYER], [container])
     angle, down, up = (
         2.0 * np.pi * np.arange(200) / 200,
         np.radians(30.0),
@@ -135,23 +155,22 @@ def test_the_rim_of_a_container_is_even_and_rays_along_its_lid_reach_its_side():
     r = -np.cos(down) * outward - np.sin(down) * up
     for below in (-0.004, 0.004):
         rim = SHELL + TUB * outward + (TUB_LID - below) * up
-        assert Rays(tub_only, rim - r, r).steep.to_numpy().std() < 0.06
+        assert rays_of.trace(rim - r, r).steep.std() < 0.06
     flat = np.radians(1.0)
     x = np.linspace(-0.3, 0.3, 40)
     r = np.tile((0.0, -np.sin(flat), -np.cos(flat)), (len(x), 1))
     p = SHELL + TUB_LID * up + x[:, None] * np.array((1.0, 0.0, 0.0)) - r
     expected = 1.0 + np.sqrt(TUB**2 - x**2) / np.cos(flat)
-    assert Rays(tub_only, p, r).t.to_numpy() == pytest.approx(expected, abs=0.02)
+    assert rays_of.trace(p, r).t == pytest.approx(expected, abs=0.02)
 
 
 def unit(v):
     return v / np.linalg.norm(v, axis=1, keepdims=True)
 
 
-def test_a_body_hides_water_behind_it_but_not_in_front_of_it():
-    body = boundary_of(BOX, [LAYER], [Ball(np.array((0.5, 0.5, 0.5)), 0.2)])
-    mesh = Mesh(4096)
-    picture = Picture(mesh, body)
+def test_a_body_hides_water_behind_it_but_not_in_front_of_it(picture):
+    boundary_of(BOX, [LAYER], [Ball(np.array((0.5, 0.5, 0.5)), 0.2)])
+    mesh = picture.mesh
     picture.load(WIDTH, HEIGHT, BOX)
     view = Camera.framing(BOX, WIDTH / HEIGHT, azimuth=0.0, elevation=0.2)
     mesh.counts.fill(0)
@@ -180,12 +199,11 @@ def test_a_body_hides_water_behind_it_but_not_in_front_of_it():
         assert changed[drop & inside].mean() > 0.5 if shown else not changed[inside].any()
 
 
-def test_the_waterline_at_a_container_is_exact(boundary):
+def test_the_waterline_at_a_container_is_exact(boundary, picture):
     """A mesh that extends beyond the sides of a container, as meshes for images do, is rendered
     only inside the container, up to its side; the side has no water above the level."""
-    mesh, level = Mesh(4096), 0.4
-    mesh.fill(*still_water(level))
-    picture = Picture(mesh, boundary)
+    level = 0.4
+    picture.mesh.fill(*still_water(level))
     picture.load(WIDTH, HEIGHT, BOX)
     picture.draw_water(Camera.framing(BOX, WIDTH / HEIGHT, azimuth=0.3, elevation=0.35))
     d = unit(rays(picture.lens.numbers, WIDTH, HEIGHT).reshape(-1, 3))
@@ -210,17 +228,16 @@ def test_the_waterline_at_a_container_is_exact(boundary):
     assert np.array_equal(side[sure & wet], (down < near)[sure & wet])
 
 
-def test_a_body_has_no_film_of_water_where_the_glass_cuts_it():
+def test_a_body_has_no_film_of_water_where_the_glass_cuts_it(picture):
     """Where the glass cuts a body, wetness adds only the reflection of the pane. Regression: near
     its edges, where the nearest side faced away, the body reflected the sky."""
     lo, hi = np.array((-0.5, -0.5, -0.5)), np.array((0.4, 0.9, 1.5))
-    mesh = Mesh(4096)
-    picture = Picture(mesh, boundary_of(BOX, [LAYER], [Block(lo, hi)]))
+    boundary_of(BOX, [LAYER], [Block(lo, hi)])
     picture.load(WIDTH, HEIGHT, BOX)
     view = Camera.framing(BOX, WIDTH / HEIGHT, azimuth=0.25, elevation=0.1)
     view.target = np.array((0.4, 0.4, 1.0))
     view.zoom(0.05)
-    mesh.counts.fill(0)
+    picture.mesh.counts.fill(0)
     images = []
     for wet in (0.0, 1.0):
         picture.wetness.wet.fill(wet)
@@ -235,13 +252,12 @@ def test_a_body_has_no_film_of_water_where_the_glass_cuts_it():
     assert cut.sum() > 50 and abs(images[1] - images[0])[cut].max() < 0.045
 
 
-def test_moving_bodies_redraw_their_surroundings_only():
+def test_moving_bodies_redraw_their_surroundings_only(picture):
     """Images of a ball that swings over and in water of varying level equal images that are
     rendered completely."""
     swinging = Motion(swing=(0.3, -0.3, 0.2), period=1.0)
     bodies = [Ball(np.array((0.4, 0.5, 0.5)), 0.08, motion=swinging), Block(*np.array(PLINTH))]
-    body, mesh = boundary_of(BOX, [LAYER], bodies), Mesh(4096)
-    picture = Picture(mesh, body)
+    body, mesh = boundary_of(BOX, [LAYER], bodies), picture.mesh
     picture.load(4 * WIDTH, 4 * HEIGHT, BOX, Look(drying=0.0))
     view = Camera.framing(BOX, WIDTH / HEIGHT, azimuth=0.5, elevation=0.5)
 
@@ -269,12 +285,12 @@ def test_moving_bodies_redraw_their_surroundings_only():
     assert np.abs(found[0][0] - found[11][0]).max() > 0.2
 
 
-def test_a_ball_seen_through_the_glass_from_below_has_no_step_at_its_waterline():
+def test_a_ball_seen_through_the_glass_from_below_has_no_step_at_its_waterline(picture):
     """Brightness is continuous across the waterline. Regression: where the surface reflects a ball,
     the ball was shaded at points inside it, as if in shadow."""
-    mesh, level = Mesh(), 0.4
-    mesh.fill(*still_water(level, n=32))
-    picture = Picture(mesh, boundary_of(BOX, [LAYER], [Ball(np.array((0.5, 0.3, 0.4)), 0.3)]))
+    level = 0.4
+    picture.mesh.fill(*still_water(level, n=32))
+    boundary_of(BOX, [LAYER], [Ball(np.array((0.5, 0.3, 0.4)), 0.3)])
     picture.load(WIDTH, HEIGHT, BOX)
     view = Camera.framing(BOX, WIDTH / HEIGHT, azimuth=0.0, elevation=-0.45)
     view.target = np.array((0.5, level, 0.5))

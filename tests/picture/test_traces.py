@@ -2,13 +2,11 @@
 
 import numpy as np
 import pytest
-import taichi as ti
-from picture_kit import BOX, HEIGHT, LEVEL, WIDTH, Mesh, canvas_of, still_water
+from picture_kit import BOX, HEIGHT, LEVEL, WIDTH, canvas_of, still_water
 
 from msph.fluid.external_forces import Hand
 from msph.picture.camera import Camera
 from msph.picture.look import Look
-from msph.picture.picture import Picture
 from msph.picture.ripples import CELLS, DAMPING, SPEED
 from msph.taichi_internals import watch_compiling
 
@@ -17,25 +15,11 @@ SPACING = 1.0 / 8.0  # distance between vertices of still water [m]
 HAND = Hand(position=(0.5, LEVEL, 0.5), velocity=(1.0, 0.0, 0.0), radii=(0.2,) * 3, grip=60.0)
 
 
-class NoDrops:
-    """Replacement of ThinWater that has no drops."""
-
-    class Particles:
-        x = v = None
-
-    def __init__(self):
-        self.drop_count, self.drops = ti.field(ti.i32, ()), ti.field(ti.i32, 1)
-        self.particles = self.Particles()
-        self.particles.x = self.particles.v = ti.Vector.field(3, ti.f32, 1)
-
-    @ti.func
-    def spacing(self, p):
-        return 0.02
-
-
-@pytest.fixture(scope="module")
-def pool(taichi_runtime):
-    return Picture(Mesh(), thin=ti.data_oriented(NoDrops)())
+@pytest.fixture
+def pool(picture):
+    """Returns the picture that all tests share."""
+    yield picture
+    picture.load(WIDTH, HEIGHT, BOX)
 
 
 def shown(pool, level):

@@ -13,41 +13,15 @@ from surface_kit import (
 
 from msph.fluid.boundary.rigid_bodies import Ball, Block
 
+CENTRE, RADIUS = np.array((0.2, 0.2, 0.2)), 0.08
+
 
 def filled(water, level: float) -> np.ndarray:
     x = packed((0, 0, 0), SIZE, FINE, 0.1)
     return x[water.boundary.free(x) & (x[:, 1] < level)]
 
 
-@pytest.mark.parametrize("level", [0.15, 0.25, 0.35])
-def test_the_surface_ends_on_bodies_and_encloses_the_water(held_water, level):
-    """The container holds a ball and a block, which are submerged or pierce the surface."""
-    held_water.fill(filled(held_water, level))
-    mesh = held_water.mesh()
-    assert_closed(mesh)
-    assert mesh.volume() == pytest.approx(held_water.volume, rel=0.01)
-    vertices = mesh.to_numpy()[0]
-    free = held_water.boundary.free
-    assert free(vertices, -0.2 * FINE).all()  # cells bevel edges
-    # The mesh lies on the whole ball and the container, with no air between water and bodies.
-    near = vertices[~free(vertices, 0.05 * FINE)]
-    ball = held_water.boundary.bodies[1]
-    at_ball = near[np.linalg.norm(near - ball.centre, axis=1) < ball.radius + 0.1 * FINE]
-    under = level - 3 * FINE
-    assert at_ball[:, 1].min() < ball.centre[1] - 0.9 * ball.radius
-    assert at_ball[:, 1].max() > min(ball.centre[1] + 0.9 * ball.radius, under)
-    assert (vertices[:, 1] < under).sum() == pytest.approx((near[:, 1] < under).sum(), rel=0.06)
-
-
-def test_the_band_gives_the_same_mesh_next_to_bodies(held_water):
-    held_water.fill(filled(held_water, 0.25))
-    banded = middles(held_water.mesh())
-    assert_same(middles(held_water.mesh(everywhere=True)), banded)
-
-
-CENTRE, RADIUS = np.array((0.2, 0.2, 0.2)), 0.08
-
-
+# Before the tests with `held_water`, so that its fields and kernels are these tests'.
 def test_a_mesh_for_an_image_reaches_into_bodies():
     """The mesh reaches a cell's diagonal into the ball, which does not affect the volume control.
     Regression: the waterline had steps of a cell."""
@@ -80,3 +54,29 @@ def test_a_mesh_for_an_image_does_not_pass_through_a_thin_body():
     assert_closed(water.surface.mesh)
     assert water.surface.mesh.to_numpy()[0][:, 0].max() < middle[0]
     water.simulation.close()
+
+
+@pytest.mark.parametrize("level", [0.15, 0.25, 0.35])
+def test_the_surface_ends_on_bodies_and_encloses_the_water(held_water, level):
+    """The container holds a ball and a block, which are submerged or pierce the surface."""
+    held_water.fill(filled(held_water, level))
+    mesh = held_water.mesh()
+    assert_closed(mesh)
+    assert mesh.volume() == pytest.approx(held_water.volume, rel=0.01)
+    vertices = mesh.to_numpy()[0]
+    free = held_water.boundary.free
+    assert free(vertices, -0.2 * FINE).all()  # cells bevel edges
+    # The mesh lies on the whole ball and the container, with no air between water and bodies.
+    near = vertices[~free(vertices, 0.05 * FINE)]
+    ball = held_water.boundary.bodies[1]
+    at_ball = near[np.linalg.norm(near - ball.centre, axis=1) < ball.radius + 0.1 * FINE]
+    under = level - 3 * FINE
+    assert at_ball[:, 1].min() < ball.centre[1] - 0.9 * ball.radius
+    assert at_ball[:, 1].max() > min(ball.centre[1] + 0.9 * ball.radius, under)
+    assert (vertices[:, 1] < under).sum() == pytest.approx((near[:, 1] < under).sum(), rel=0.06)
+
+
+def test_the_band_gives_the_same_mesh_next_to_bodies(held_water):
+    held_water.fill(filled(held_water, 0.25))
+    banded = middles(held_water.mesh())
+    assert_same(middles(held_water.mesh(everywhere=True)), banded)
