@@ -1,4 +1,4 @@
-"""Surface of the water from the particles: band, coverage, marching cubes, drops."""
+"""Surface of the water from the particles: band, coverage, marching cubes, drops, rounding."""
 
 import math
 
@@ -14,6 +14,7 @@ from msph.surface.fluid_fraction import ISO, SLOPE
 from msph.surface.lattice import PAIR, RUN, Lattice
 from msph.surface.marching_cubes import NO_CUT, MarchingCubes
 from msph.surface.room import SurfaceRoom
+from msph.surface.rounding import Rounding
 from msph.surface.sums import HALF_TILE, TILE, KernelSums
 from msph.surface.thin_water import ThinWater
 from msph.surface.water_volume import WaterVolume
@@ -45,6 +46,7 @@ class Surface:
         self.band = Band(self.cubes.signs, self.sums, room)
         self.volume_control = WaterVolume(self.cubes, self.thin)
         self.drops = Drops(self.mesh, self.thin)
+        self.rounding = Rounding(self.mesh, self.drops, bodies, room)
 
     def load(self, size: tuple[float, float, float], cell: float, smoothing: float = 1.0) -> None:
         """Loads a scene: its box, the fluid's layers, and the number of bodies.
@@ -76,13 +78,14 @@ class Surface:
         self.overlap = band["overlap"] * slope
         self.thin.load(specs, radii)
         self.sums.load(lattice, size, radii)
+        self.rounding.load(max(lattice.spacing))
 
     def shortfall(self) -> str | None:
         """Returns a message if the last mesh may lack volume of the water, otherwise None."""
         return self.mesh.overflowed() or self.volume_control.limit_reached()
 
     def extract(self, hidden: bool = False) -> None:
-        """Computes the mesh from the particles in ten kernel launches. The grid must be sorted.
+        """Computes the mesh from the particles in twelve kernel launches. The grid must be sorted.
 
         hidden: the mesh is for an image with opaque bodies, and ends inside them (band.py). The
         waterline is then the intersection of both surfaces, exact to a pixel; at the end of the
@@ -100,6 +103,7 @@ class Surface:
         if hidden:
             self.cubes.overlap[None] = 0.0
         self.drops.add()
+        self.rounding.round(self.has_bodies)
 
     @kernel
     def evaluate(self, bodies: ti.template()):
