@@ -56,6 +56,7 @@ LONGEST = (
     "test_world.py",
     "test_independence.py",
     "test_adaptation.py",
+    "test_adaptation_limits.py",
     "test_surface.py",
     "test_prescribed_bodies.py",
     "test_projection.py",

@@ -3,6 +3,11 @@
 import numpy as np
 import taichi as ti
 
+from msph.fluid.adaptivity.bands import AdaptationParameters
+from msph.fluid.particles.layers import LayerSpec
+from msph.fluid.plan import Plan
+from msph.fluid.projection.parameters import ProjectionParameters
+
 # Yield of kernel sums under uniform expansion, by support radius over spacing; see density.py.
 YIELD = {2.4: 0.9964, 2.5: 0.9970}
 
@@ -48,3 +53,19 @@ def quartic_slope(r, h):
     terms = [(1, 1), (-5, 0.6), (10, 0.2)]
     w = sum(-4 * k * np.clip(end - q, 0, None) ** 3 for k, end in terms)
     return 15625 / (512 * np.pi * h**4) * w
+
+
+TANK, DEPTH = (0.6, 0.6, 0.6), 0.36  # tank of coarse_tank() and its depth [m]
+
+
+def coarse_tank(capacity):
+    """Returns the plan of a tank of coarse particles in three layers, which depth will split."""
+    coarse = 0.03 * 2 ** (2 / 3)
+    n, rows = round(TANK[0] / coarse), round(DEPTH / coarse)
+    width = TANK[0] / n
+    x = (np.indices((n, rows, n)).reshape(3, -1).T + 0.5) * [width, DEPTH / rows, width]
+    initial = {"x": x.astype(np.float32), "layer": np.full(len(x), 2, np.int32)}
+    mass = 1000.0 * DEPTH * TANK[0] * TANK[2] / len(x)
+    specs = [LayerSpec(mass / 2**k, 1000.0, 2.5) for k in (2, 1, 0)]
+    adaptation = AdaptationParameters(band=1.5)
+    return Plan(TANK, specs, initial, ProjectionParameters(), (), adaptation, capacity=capacity)
