@@ -13,7 +13,7 @@ from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.simulation import Simulation
 
 SIZE = (2.4, 2.4, 2.4)
-MIDDLE = np.full(3, 1.2)
+MIDDLE = 1.2
 WEIGHTLESS = ExternalForces(gravity=(0.0, 0.0, 0.0))
 D = 0.03
 SPECS = [LayerSpec(1000.0 * D**3 * 2**k, 1000.0, 2.5) for k in range(3)]
@@ -30,8 +30,8 @@ def ball(centre, radius, spacing):
 def collision():
     """Returns a fine and a coarse ball that collide off centre; particles of both change layer."""
     fine, coarse = (
-        ball(MIDDLE + (-0.18, 0.04, 0.0), 0.15, SPECS[0].spacing),
-        ball(MIDDLE + (0.18, -0.04, 0.0), 0.15, SPECS[2].spacing),
+        ball((1.02, 1.24, 1.2), 0.15, SPECS[0].spacing),
+        ball((1.38, 1.16, 1.2), 0.15, SPECS[2].spacing),
     )
     x = np.concatenate([fine, coarse])
     v = np.zeros_like(x)
