@@ -106,7 +106,7 @@ class SurfaceDistance:
             volume, near = self.layers.volume[layer], self.images.walls_near(x, h)
             for way in range(self.images.combinations(near)):
                 mirror, wall = self.images.mirror_and_wall(self.images.combination(way, near))
-                self._cover_by(wall + mirror * (x - wall), h, volume)
+                self._cover_by(self.images.reflected(x, mirror, wall), h, volume)
 
     @kernel
     def _cover_by_bodies(self):

@@ -131,7 +131,8 @@ class BodyLinks:
         for link in range(self.found[None]):
             mirror, wall = self.images.mirror_and_wall(self.mirrors[link])
             i, b = self.particle[link], self.body[link]
-            velocity = self.boundary.velocity_at(b, wall + mirror * (self.particles.x[i] - wall))
+            x = self.images.reflected(self.particles.x[i], mirror, wall)
+            velocity = self.boundary.velocity_at(b, x)
             self.particles.boundary_inflow[i] -= velocity.dot(self.gradient[link])
 
     @kernel
@@ -185,7 +186,7 @@ class BodyLinks:
     def _count(self, i, mirrors, h):
         """Returns the number of links that _add() stores."""
         mirror, wall = self.images.mirror_and_wall(mirrors)
-        x, found = wall + mirror * (self.particles.x[i] - wall), 0
+        x, found = self.images.reflected(self.particles.x[i], mirror, wall), 0
         for b in range(self.constants.bodies[None]):
             if self._reaches(b, x, mirrors, h) and self._links(b, x, self.particles.layer[i], h):
                 found += 1
@@ -198,7 +199,7 @@ class BodyLinks:
         layer = self.particles.layer[i]
         per_yield = self.layers.per_yield[layer]
         mirror, wall = self.images.mirror_and_wall(mirrors)
-        x = wall + mirror * (self.particles.x[i] - wall)
+        x = self.images.reflected(self.particles.x[i], mirror, wall)
         for b in range(self.constants.bodies[None]):
             if self._reaches(b, x, mirrors, h):
                 part = self.boundary.body_share(b, x, layer, h, BEGIN)
@@ -246,7 +247,7 @@ class BodyLinks:
         body's centre [m]."""
         mirror, wall = self.images.mirror_and_wall(self.mirrors[link])
         b, x = self.body[link], self.particles.x[self.particle[link]]
-        return mirror, b, wall + mirror * (x - wall) - self.boundary.centre[b, BEGIN]
+        return mirror, b, self.images.reflected(x, mirror, wall) - self.boundary.centre[b, BEGIN]
 
     @ti.func
     def _arm(self, link):

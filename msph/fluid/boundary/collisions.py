@@ -21,8 +21,9 @@ from msph.errors import BlowUpError
 from msph.fluid.boundary.body_shapes import BALL, BEGIN
 from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.rigid_bodies import Ball, Block, Body, Solid, centre, half_extents
-from msph.fluid.boundary.walls import NO_WALL
+from msph.fluid.boundary.walls import NO_WALL, WALL
 from msph.fluid.room import MAX_BODIES
+from msph.fluid.small_numbers import MIN_DIVISOR
 from msph.taichi_internals import data_oriented, kernel
 
 vec3 = ti.math.vec3
@@ -38,8 +39,6 @@ ITERATIONS = 20
 SLOP, REMOVED = 0.01, 0.3
 # Approach within a step, in slops, below which nothing rebounds.
 LEAST_REBOUND = 20.0
-# Index of the walls among the bodies of a contact.
-WALL = MAX_BODIES
 
 NUMBERS = ti.types.ndarray(dtype=ti.f32, ndim=2)
 
@@ -212,7 +211,7 @@ class Collisions:
             if speed > 0.0:
                 sideways -= slip / self._mobility(c, slip / speed)
             most = self.friction[c] * normal
-            sideways *= ti.min(1.0, most / ti.max(sideways.norm(), 1e-30))
+            sideways *= ti.min(1.0, most / ti.max(sideways.norm(), MIN_DIVISOR))
             self.impulse[c] = normal * n + sideways
             self._apply(c, self.impulse[c] - old, motions)
 

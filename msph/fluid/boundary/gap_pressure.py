@@ -22,8 +22,10 @@ from msph.fluid.boundary.gaps import WIDE
 from msph.fluid.boundary.wall_integrals import swelling
 from msph.fluid.external_forces import FIELD_NUMBERS, NO_HAND, ExternalForces, field_at
 from msph.fluid.particles.grid import LayeredGrid
+from msph.fluid.particles.kernels import WENDLAND
 from msph.fluid.particles.mirror_images import MirrorImages
 from msph.fluid.room import MAX_BODIES
+from msph.fluid.small_numbers import MIN_DIVISOR
 from msph.taichi_internals import data_oriented, heavy_kernel, kernel
 
 vec3, vec4 = ti.math.vec3, ti.math.vec4
@@ -38,7 +40,6 @@ WEDGED = 0.5
 # Least share (-) of the kernel that particles fill, wedged particles counting less, at a sample
 # whose pressure is read from them.
 LEAST_SHARE = 0.05
-WENDLAND = 21.0 / (2.0 * np.pi)
 
 NUMBERS = ti.types.ndarray(dtype=ti.f32, ndim=2)
 # Sums at a sample: the kernel's filled share (-), share times extrapolated pressure [Pa], and
@@ -121,7 +122,7 @@ class GapPressure:
             b = self.owner[k]
             turn = self.boundary.rotation[b, BEGIN]
             x = self.boundary.centre[b, BEGIN] + turn @ self.point[k]
-            normal = (turn @ self.area[k]).normalized(1e-30)
+            normal = (turn @ self.area[k]).normalized(MIN_DIVISOR)
             weight, other = self.gaps.side(b, x, vec4(0.0, normal[0], normal[1], normal[2]), BEGIN)
             if weight > 0.0 and self._is_free(b, x):
                 gap = ti.atomic_add(self.found[None], 1)
@@ -153,7 +154,8 @@ class GapPressure:
         for gap in range(found):
             gravity = field_at(self._place(gap) - centre, field)
             reading, k = Reading(gravity=gravity), self.sample[gap]
-            normal = self.boundary.rotation[self.owner[k], BEGIN] @ self.area[k].normalized(1e-30)
+            turn = self.boundary.rotation[self.owner[k], BEGIN]
+            normal = turn @ self.area[k].normalized(MIN_DIVISOR)
             for layer in range(self.constants.layers[None]):
                 h = self.boundary.support[layer]
                 x = self._place(gap) + self.boundary.swell[layer] * normal
@@ -162,7 +164,7 @@ class GapPressure:
                 for number in range(self.images.combinations(near)):
                     mirrors = self.images.combination(number, near)
                     mirror, wall = self.images.mirror_and_wall(mirrors)
-                    reading.at, reading.layer = wall + mirror * (x - wall), layer
+                    reading.at, reading.layer = self.images.reflected(x, mirror, wall), layer
                     self.grid.for_each_row(reading.at, layer, h, self._add_row, reading)
             self.share[gap] = reading.share
             self.pressure[gap] = reading.pressure / ti.max(reading.share, LEAST_SHARE)
@@ -208,7 +210,7 @@ class GapPressure:
     def _filled(self, found, b, x):
         """Returns the mean pressure [Pa] of the samples of body b in gaps that read water, weighted
         by 1/distance^4."""
-        total, weights = 0.0, 1e-30
+        total, weights = 0.0, MIN_DIVISOR
         for gap in range(found):
             if self.owner[self.sample[gap]] == b and self.share[gap] >= LEAST_SHARE:
                 weight = 1.0 / ti.max((self._place(gap) - x).norm_sqr(), 1e-12) ** 2

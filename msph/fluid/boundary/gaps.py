@@ -8,7 +8,7 @@ be replaced in the next step.
 import taichi as ti
 
 from msph.fluid.boundary.boundary import Boundary
-from msph.fluid.boundary.walls import NO_WALL
+from msph.fluid.boundary.walls import NO_WALL, WALL
 from msph.fluid.room import MAX_BODIES
 from msph.taichi_internals import data_oriented, kernel
 
@@ -19,8 +19,6 @@ NARROW, WIDE = 1.5, 2.5
 # Negative cosine between the normals of the two sides of a gap above which the sides face each
 # other; below 0 they do not.
 FACING = 0.5
-# Index of the walls among the bodies on the other side of a gap.
-WALL = MAX_BODIES
 
 
 @data_oriented

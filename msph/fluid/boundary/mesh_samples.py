@@ -8,6 +8,7 @@ from msph.fluid.boundary.signed_distance import signed_distance
 from msph.fluid.boundary.volume_map import kernel_share
 from msph.fluid.boundary.wall_integrals import swelling, wall_support
 from msph.fluid.particles.layers import LayerSpec
+from msph.fluid.small_numbers import MIN_DIVISOR
 
 # Cell of the lattices in supports: keeps shares accurate to 0.001.
 CELL = 0.2
@@ -52,7 +53,7 @@ def outward(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     a, b, c = (vertices[triangles[:, k]] for k in range(3))
     normals = np.cross(b - a, c - a)
     area = np.linalg.norm(normals, axis=1)
-    n = normals / np.maximum(area, 1e-30)[:, None]
+    n = normals / np.maximum(area, MIN_DIVISOR)[:, None]
     squares, sums = np.zeros((len(vertices), 3, 3)), np.zeros((len(vertices), 3))
     for k in range(3):
         np.add.at(squares, triangles[:, k], area[:, None, None] * n[:, :, None] * n[:, None, :])

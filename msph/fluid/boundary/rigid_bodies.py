@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 
 from msph.fluid.boundary.pistons import Stroke
+from msph.fluid.external_forces import Vec3
 from msph.fluid.particles.layers import LayerSpec
-
-Vec3 = tuple[float, float, float]
 
 # Gap below which a block counts as touching a wall, in spacings of the finest layer.
 TOUCHING = 0.5

@@ -10,6 +10,7 @@ import taichi as ti
 
 from msph.fluid.boundary.apertures import Apertures
 from msph.fluid.constants import Constants
+from msph.fluid.room import MAX_BODIES
 from msph.taichi_internals import data_oriented
 
 vec3 = ti.math.vec3
@@ -22,8 +23,8 @@ HEADROOM = 0.5
 # Height above the rim, in longest edges, above which water counts as spilt, so that water that
 # never falls back leaves the simulation.
 HIGHEST = 4.0
-# Coordinate [m] of a wall that does not exist.
-NO_WALL = 1e9
+# Coordinate [m] of a wall that does not exist, and index of all walls among the bodies.
+NO_WALL, WALL = 1e9, MAX_BODIES
 
 
 def region(size: Size, open_top: bool) -> Size:

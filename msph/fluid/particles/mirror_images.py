@@ -80,6 +80,11 @@ class MirrorImages:
         return sign, wall
 
     @ti.func
+    def reflected(self, x, mirror, wall):
+        """Returns the mirror image [m] of a position x [m]."""
+        return wall + mirror * (x - wall)
+
+    @ti.func
     def entry(self, j, mirrors):
         return j | (mirrors << INDEX_BITS)
 
