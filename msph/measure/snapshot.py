@@ -72,6 +72,11 @@ class Snapshot:
             tuple(boundary.pose(k) for k in range(boundary.count)),
         )
 
+    @property
+    def volume(self) -> float:
+        """Volume of the water at rest density [m^3]."""
+        return float((self.spacing**3).sum())
+
     def near(self, lo: np.ndarray, hi: np.ndarray) -> "Snapshot":
         """Returns the particles needed by fits at points between lo and hi (3,) [m]."""
         reach = FIT_RADIUS * self.support.max(initial=0.0)

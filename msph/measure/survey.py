@@ -39,10 +39,9 @@ class Survey:
 
 def survey(time: float, volume: float, water: Snapshot, shortfall: str | None = None) -> Survey:
     """Returns the survey of water whose surface mesh encloses `volume` [m^3]."""
-    rest = float((water.spacing**3).sum())
     bulk = bulk_density(water.x, water.spacing, water.size, water.free)
     kernel = kernel_density(water.x, water.spacing, water.size)
-    return Survey(time, volume, volume / rest - 1.0, kernel, bulk, shortfall)
+    return Survey(time, volume, volume / water.volume - 1.0, kernel, bulk, shortfall)
 
 
 def shortfall(surveys: list[Survey]) -> str | None:

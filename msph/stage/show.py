@@ -303,8 +303,9 @@ class Show:
         self.ledger.clear()
 
     def volume_error(self) -> float:
-        """Returns the surface's volume over the volume at rest density, minus 1 (-)."""
-        return self.display.volume() / self.rest_volume() - 1.0
+        """Returns the surface's volume over the volume at rest density, minus 1 (-); water in pipes
+        of openings, which has no surface, does not count."""
+        return self.display.volume() / Snapshot.of(self.simulation).volume - 1.0
 
     def bulk_density_error(self) -> float:
         """Returns the error of the bulk density (-), measured from the positions in milliseconds;
