@@ -151,8 +151,8 @@ def check_formulas(given: Motion | Body, duration: float, where: str, key: str) 
 def values_over_time(
     formula: float | str, duration: float, where: str, key: str
 ) -> list[tuple[float, float]]:
-    """Returns TRIALS times [s] over the duration [s] and the values of an expression at them.
-    Raises SceneError if one is not finite."""
+    """Returns TRIALS pairs of a time [s] within the duration [s] and an expression's value then.
+    Raises SceneError if a value is not finite."""
     try:
         found = OverTime(formula)
     except ExpressionError as error:

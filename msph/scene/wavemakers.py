@@ -62,7 +62,8 @@ def beaches(scene: Scene) -> list[Beach]:
             axis, far_end = _end(maker)
             wall = axis if far_end else 3 + axis
             speed = group_speed(scene, maker)
-            # The mean damping rate/3 acts for 2 length/speed; amplitudes decay at half of it.
+            # The mean damping rate is a third of the largest; amplitudes decay at half the rate,
+            # for the time 2 length/speed.
             found.append(Beach(wall, maker.beach, 3.0 * DECAY * speed / maker.beach))
     return found
 

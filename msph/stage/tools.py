@@ -94,9 +94,9 @@ class Touch:
         return max(self.show.scene.play.push_radius * float(self.size.max()), least)
 
     def aim(self, room: float, back: float, speed: float) -> tuple[np.ndarray, np.ndarray]:
-        """Returns where something is thrown from, `back` [m] from the water towards the camera and
-        at least `room` [m] from the walls, and its velocity [m/s] towards the water; speed: over
-        sqrt(g L), L the longest edge of the box."""
+        """Returns start (3,) [m] and velocity (3,) [m/s] of a throw towards the water. back [m]:
+        distance of the start from the water, towards the camera; room [m]: least distance from the
+        walls; speed: over sqrt(g L), L the longest edge of the box."""
         start = self.surface + back * (self.up - self.direction)
         start = np.clip(start, room, np.maximum(self.size - room, room))
         way = self.surface - start

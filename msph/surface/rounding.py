@@ -26,8 +26,8 @@ from msph.taichi_internals import data_oriented, kernel
 
 vec3 = ti.math.vec3
 
-# Cosines of the angle between normals: edges are divided from 15 degrees on, and fully curved from
-# 25 degrees on. An edge of a cell of 0.75 spacings then lies on a curve of radius 2.8 spacings.
+# Cosines of the angles between normals above which edges are divided, 15 degrees, and fully curved,
+# 25 degrees. At 15 degrees an edge of 0.75 spacings lies on a curve of radius 2.9 spacings.
 FLAT, CURVED = math.cos(math.radians(15.0)), math.cos(math.radians(25.0))
 # Largest s over the length of the edge (-): 0.29 for normals at 120 degrees.
 MAX_RISE = 0.3
@@ -46,9 +46,10 @@ class Rounding:
 
     By vertex: first, number: range of the divided edges to vertices of higher index; rise [m],
     edges: sum of s and number of edges of divided triangles. far: the other vertex of each divided
-    edge. parts (triangles): bit m is set if the edge from corner m on is divided. numbers: vertices
-    and triangles that marching cubes made, number of divided edges, the number that fits, and of
-    triangles added; margin [m]: distance from bodies within which edges stay.
+    edge. parts (triangles): bit m is set if the edge from corner m to the next is divided. numbers:
+    vertices and triangles of marching cubes; edges found to divide, edges divided (all or, if the
+    mesh has no room for all, none) and triangles added; margin [m]: distance from bodies within
+    which edges stay.
     """
 
     def __init__(self, mesh: SurfaceMesh, drops: Drops, bodies: Bodies, room: SurfaceRoom):
@@ -59,7 +60,7 @@ class Rounding:
         self.rise = ti.field(ti.f32, shape=room.vertices)
         self.parts = ti.field(ti.i32, shape=room.triangles)
         self.numbers = DeviceTable(
-            (), vertices=i32, triangles=i32, found=i32, fit=i32, added=i32, margin=f32
+            (), vertices=i32, triangles=i32, found=i32, divided=i32, added=i32, margin=f32
         )
 
     def load(self, cell: float) -> None:
@@ -73,7 +74,7 @@ class Rounding:
 
     @kernel
     def mark(self, bodies: ti.template()):
-        """Finds the edges to divide."""
+        """Finds the edges to divide. bodies: as in round()."""
         ti.loop_config(serialize=True)
         for _ in range(1):
             self.numbers.vertices[None] = self.drops.numbers.first_vertex[None]
@@ -91,7 +92,7 @@ class Rounding:
                 parts |= ti.cast(curved, ti.i32) << m
             self.parts[t] = parts
             if parts != 0:
-                # Each edge is seen once from either end.
+                # Its two triangles see an edge in opposite directions: once from each end.
                 for m in ti.static(range(3)):
                     a, b = corners[m], corners[(m + 1) % 3]
                     self.edges[a] += 1
@@ -135,7 +136,8 @@ class Rounding:
 
     @kernel
     def divide(self):
-        """Makes the middles of the marked edges, and divides their triangles."""
+        """Makes the middles of the marked edges, divides their triangles and moves vertices
+        inwards, if the mesh has room."""
         mesh, n = self.mesh, self.numbers
         for v in range(n.vertices[None]):
             if self.number[v] > 0:
@@ -144,16 +146,18 @@ class Rounding:
         ti.loop_config(serialize=True)
         for _ in range(1):
             room = (mesh.max_triangles - mesh.counts[1]) // 2
-            n.fit[None] = ti.min(n.found[None], mesh.max_vertices - mesh.counts[0], room)
+            room = ti.min(mesh.max_vertices - mesh.counts[0], room)
+            n.divided[None] = ti.select(n.found[None] <= room, n.found[None], 0)
+            if n.divided[None] == 0:
+                n.vertices[None] = n.triangles[None] = 0
         for t in range(n.triangles[None]):
             corners, parts = mesh.triangles[t], self.parts[t]
             for m in ti.static(range(3)):
                 a, b = corners[m], corners[(m + 1) % 3]
                 if parts >> m & 1 == 1 and a < b:
                     k = self.first[a] + ti.atomic_add(self.number[a], 1)
-                    if k < n.fit[None]:
-                        self.far[k] = b
-                        self.make_middle(a, b, mesh.counts[0] + k)
+                    self.far[k] = b
+                    self.make_middle(a, b, mesh.counts[0] + k)
         for t in range(n.triangles[None]):
             if self.parts[t] != 0:
                 self.divide_triangle(t)
@@ -163,7 +167,7 @@ class Rounding:
         ti.loop_config(serialize=True)
         for _ in range(1):
             for c in ti.static((0, 2)):
-                mesh.counts[c] += n.fit[None]
+                mesh.counts[c] += n.divided[None]
                 mesh.counts[c + 1] += n.added[None]
 
     @ti.func
@@ -177,7 +181,7 @@ class Rounding:
         x_a, x_b = self.mesh.vertices[a], self.mesh.vertices[b]
         normals = self.mesh.normals[a] + self.mesh.normals[b]
         n = self.across(normals, x_b - x_a).normalized()
-        _, rise = self.curve(a, b, False)
+        _, rise = self.curve(a, b, False)  # the edge is known to be away from bodies
         rise -= 0.5 * (self.sink(a) + self.sink(b))
         self.mesh.vertices[slot] = self.in_box(0.5 * (x_a + x_b) + rise * n)
         self.mesh.normals[slot] = n
@@ -191,11 +195,10 @@ class Rounding:
     def middle(self, a, b):
         """Returns the vertex in the middle of an edge, -1 if the edge is not divided."""
         low, high, found = ti.min(a, b), ti.max(a, b), -1
-        end = ti.min(self.first[low] + self.number[low], self.numbers.fit[None])
-        if self.number[low] > 0:
-            for k in range(self.first[low], end):
-                if self.far[k] == high:
-                    found = self.mesh.counts[0] + k
+        # Without edges to vertices of higher index, `first` is of an earlier mesh.
+        for k in range(self.number[low]):
+            if self.far[self.first[low] + k] == high:
+                found = self.mesh.counts[0] + self.first[low] + k
         return found
 
     @ti.func

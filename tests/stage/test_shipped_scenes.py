@@ -9,7 +9,6 @@ from msph.measure.probes import FrontProbe, build_probes
 from msph.measure.snapshot import Snapshot
 from msph.scene import load_scene
 from msph.scene.library import shipped_scenes
-from msph.scene.quality import at_quality
 from msph.scene.wavemakers import wave_number
 from msph.stage.headless import Headless
 from msph.stage.loop import run
@@ -22,10 +21,10 @@ G = 9.81
 
 
 class Seen:
-    """A shipped scene at its own resolution or that of a quality, run frame by frame."""
+    """A shipped scene at its own resolution, run frame by frame."""
 
-    def __init__(self, name, quality="large"):
-        self.show = Show(at_quality(load_scene(name), quality, name), FRAME)
+    def __init__(self, name):
+        self.show = Show(load_scene(name), FRAME)
         self.simulation, self.ledger = self.show.simulation, self.show.ledger
         self.record()
 
@@ -321,8 +320,7 @@ def test_every_shipped_scene_has_a_check():
 
 @pytest.mark.parametrize("name", shipped_scenes())
 def test_shipped_scene_stays_in_its_box_and_passes_its_check(name):
-    # The water of `lock` needs 8.5 s to pass its gate.
-    seen = Seen(name, "medium" if name == "lock" else "large")
+    seen = Seen(name)
     start = seen.x.mean(axis=0)
     FACTS[name](seen)
     seen.run(max(0, 7 - len(seen.ledger.entries)))

@@ -21,7 +21,7 @@ def filled(water, level: float) -> np.ndarray:
     return x[water.boundary.free(x) & (x[:, 1] < level)]
 
 
-# Before the tests with `held_water`, so that its fields and kernels are these tests'.
+# These two tests come first: `held_water` then uses the fields and kernels that they give back.
 def test_a_mesh_for_an_image_reaches_into_bodies():
     """The mesh reaches a cell's diagonal into the ball, which does not affect the volume control.
     Regression: the waterline had steps of a cell."""

@@ -149,4 +149,5 @@ class Layers:
 
     @property
     def finest_index(self) -> int:
+        """Index of the layer with the smallest mass."""
         return min(range(len(self.specs)), key=lambda k: self.specs[k].mass)
