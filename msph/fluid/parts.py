@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from msph.fluid.boundary.beach import Beaches
+from msph.fluid.boundary.body_images import BodyImages
 from msph.fluid.boundary.body_links import BodyLinks
 from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.collisions import Collisions
@@ -33,6 +34,7 @@ class Parts:
     neighbours: NeighbourList
     boundary: Boundary
     links: BodyLinks
+    body_images: BodyImages
     contact: Contact
     collisions: Collisions
     gaps: GapPressure

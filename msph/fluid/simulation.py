@@ -219,7 +219,7 @@ class Simulation:
         energy. Raises FullError if there are too many bodies, if the body overlaps another body or
         a wall, or if the method has no bodies."""
         self._check_bodies()
-        (points, _, _), at = samples(body, self.layers.finest.spacing, MAX_SAMPLES), centre(body)
+        (points, _), at = samples(body, self.layers.finest.spacing, MAX_SAMPLES), centre(body)
         x = at + points
         if (x < 0.0).any() or (x > self.walls).any() or not self.boundary.free(x).all():
             raise FullError("there is no room: the body overlaps another body or a wall")

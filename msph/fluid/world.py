@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from msph.fluid.boundary.beach import Beaches
+from msph.fluid.boundary.body_images import BodyImages
 from msph.fluid.boundary.body_links import BodyLinks
 from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.collisions import Collisions
@@ -107,6 +108,7 @@ def _parts(room: Room) -> Parts:
     boundary, impulses = Boundary(room, constants, layers), ImpulseLedger()
     removal, contact = Removal(room, particles), Contact(boundary, particles, impulses)
     neighbours = NeighbourList(room, grid)
+    links = BodyLinks(room, boundary, particles, impulses)
     return Parts(
         room=room,
         constants=constants,
@@ -116,10 +118,11 @@ def _parts(room: Room) -> Parts:
         grid=grid,
         neighbours=neighbours,
         boundary=boundary,
-        links=BodyLinks(room, boundary, particles, impulses),
+        links=links,
+        body_images=BodyImages(room, links, neighbours),
         contact=contact,
         collisions=Collisions(boundary),
-        gaps=GapPressure(boundary, grid, contact),
+        gaps=GapPressure(links, grid, contact),
         openings=Openings(constants, layers, particles, boundary, neighbours, impulses),
         rim=Rim(constants, layers, particles, removal, impulses),
         beaches=Beaches(constants, layers, particles, impulses),

@@ -198,7 +198,7 @@ class ForceProbe(Probe):
         number = names(scene).index(body)
         shape = bodies(scene)[number]
         edge = MAX_EDGE * min(s.spacing for s in layer_specs(scene))
-        points, areas, _ = samples(shape, edge, MAX_FACES)
+        points, areas = samples(shape, edge, MAX_FACES)
         return cls(name, number, centre(shape), points, areas)
 
     def read(self, water: Snapshot) -> list[float]:

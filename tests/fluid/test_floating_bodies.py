@@ -191,30 +191,6 @@ def test_checkpoint_holds_floating_bodies():
         sim.restore(state)
 
 
-def test_links_sum_to_the_boundary_gradient():
-    """The gradients of the links of a particle add up to its boundary gradient. The bounding balls
-    of long blocks reach most particles, but only particles at their faces are linked."""
-    x = lattice((0, 0, 0), (0.48, 0.16, 0.48))
-    bars = [
-        Block(np.array([0.0, 0.0, z]), np.array([0.48, 0.3, z + 0.04])) for z in (0.08, 0.2, 0.32)
-    ]
-    sim = simulation(x, bars)
-    sim.measure_density()
-    links, p = sim.world.parts.links, sim.particles
-    n = links.found[None]
-    which = links.particle.to_numpy()[:n]
-    total = np.zeros((p.count, 3))
-    np.add.at(total, which, links.gradient.to_numpy()[:n] * mirrors(links, n))
-    assert np.abs(total - p.numpy("boundary_gradient")).max() < 1e-4 * np.abs(total).max()
-    assert n < 2 * p.count
-
-
-def mirrors(links, n):
-    """Returns the signs (n, 3) by which the mirrors of the first n links reflect vectors."""
-    bits = links.mirrors.to_numpy()[:n, None]
-    return np.where((bits >> np.arange(3)) & 1 ^ (bits >> np.arange(3, 6)) & 1, -1.0, 1.0)
-
-
 def test_too_many_links_or_contacts_raise_a_blow_up_error(monkeypatch):
     bodies = [block((0.24, 0.05, 0.24), 0.1, 300.0), block((0.24, 0.16, 0.24), 0.1, 300.0)]
     sim = simulation(lattice((0, 0, 0), (0.48, 0.12, 0.48)), bodies)
@@ -223,7 +199,7 @@ def test_too_many_links_or_contacts_raise_a_blow_up_error(monkeypatch):
         run(sim, 0.5)
     monkeypatch.setattr(sim.world.parts.links, "capacity", 10)
     with pytest.raises(BlowUpError, match="particles meet bodies in .* at most 10"):
-        sim.world.parts.links.refresh()
+        sim.world.parts.links.find()
 
 
 def test_a_body_added_to_a_running_simulation_floats_and_compiles_nothing():

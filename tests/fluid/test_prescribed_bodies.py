@@ -11,7 +11,7 @@ from msph.fluid.boundary.rigid_bodies import Ball, Block, Motion, Solid
 from msph.fluid.boundary.sampled_fields import SampleLattice
 from msph.fluid.boundary.signed_distance import signed_distance
 from msph.fluid.boundary.volume_map import kernel_share
-from msph.fluid.boundary.wall_integrals import SWELL, ball_share, block_share, wall_support
+from msph.fluid.boundary.wall_integrals import ball_share, block_share, wall_support
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.plan import Plan
@@ -178,13 +178,13 @@ def test_container_shaped_like_a_box_holds_water_as_the_box_does():
     held = Evaluator(
         boundary_of(SIZE, [FINE, COARSE], [solid(mesh, MIDDLE, container=True)]), lo + x
     )
-    plain, near = np.zeros((len(x), 4), np.float32), SWELL * D
+    plain = np.zeros((len(x), 4), np.float32)
 
     @ti.kernel
     def box(x: ti.types.ndarray(dtype=ti.f32, ndim=2), out: ti.types.ndarray(dtype=ti.f32, ndim=2)):
         for i in range(x.shape[0]):
             at = ti.Vector([x[i, 0], x[i, 1], x[i, 2]])
-            inside = block_share(at, H, ti.Vector([near] * 3), ti.Vector([0.6, 0.5, 0.7]) - near)
+            inside = block_share(at, H, ti.Vector([0.0] * 3), ti.Vector([0.6, 0.5, 0.7]))
             out[i, 0] = 1.0 - inside[0]
             for k in ti.static(range(3)):
                 out[i, 1 + k] = -inside[1 + k]
@@ -228,11 +228,10 @@ def test_share_of_all_bodies_has_its_own_gradient_and_the_kernels_value():
         assert abs((up - down) / (2.0 * step) - found[:n, 1 + k]).max() < 0.05 / COARSE.support
 
     def inside(y):
-        """Returns True for points y (n, 3) in the bodies, swollen as for the coarse layer."""
-        more = SWELL * 1.6 * D
-        block = ((y > bodies[0].lo - more) & (y < bodies[0].hi + more)).all(axis=1)
-        ball = np.linalg.norm(y - bodies[1].centre, axis=1) < bodies[1].radius + more
-        mesh = np.linalg.norm(y - (0.7, 0.25, 0.3), axis=1) < 0.12 + more
+        """Returns True for points y (n, 3) in the bodies."""
+        block = ((y > bodies[0].lo) & (y < bodies[0].hi)).all(axis=1)
+        ball = np.linalg.norm(y - bodies[1].centre, axis=1) < bodies[1].radius
+        mesh = np.linalg.norm(y - (0.7, 0.25, 0.3), axis=1) < 0.12
         return block | ball | mesh
 
     assert abs(found[:n, 0] - share_inside(x, wall_support(COARSE), inside)).max() < 0.01

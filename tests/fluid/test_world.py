@@ -65,7 +65,7 @@ def test_scenes_without_bodies_launch_no_kernels_of_bodies():
         "clear_bodies",
         "find_links",
         "find_gaps",
-        "set_pressure_near_bodies",
+        "hand_over",
     }
     assert not without & of_bodies
     assert of_bodies <= launched

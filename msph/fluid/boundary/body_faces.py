@@ -4,7 +4,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from msph.fluid.boundary.mesh_samples import outward
 from msph.fluid.boundary.rigid_bodies import Ball, Block, Body, Solid, centre
 
 if TYPE_CHECKING:
@@ -28,28 +27,20 @@ def faces(body: Body) -> "trimesh.Trimesh":
     return trimesh.Trimesh(body.vertices, body.triangles, process=False)
 
 
-def samples(
-    body: Body, edge: float, most: int, swell: float = 0.0
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def samples(body: Body, edge: float, most: int) -> tuple[np.ndarray, np.ndarray]:
     """Returns points (n, 3) [m] on the faces of a body relative to its centre, about `edge` [m]
-    apart and at most `most`; the area vectors (n, 3) [m^2] around them, towards the water; and the
-    growth (n,) (-) of the areas if the faces are moved outwards by `swell` [m]."""
+    apart and at most `most`, and the area vectors (n, 3) [m^2] around them, towards the water."""
     if isinstance(body, Ball):
         area = 4.0 * np.pi * body.radius**2
         n = int(np.clip(area / edge**2, 12, most))
         y = 1.0 - 2.0 * (np.arange(n) + 0.5) / n
         turn, ring = np.pi * (3.0 - 5.0**0.5) * np.arange(n), np.sqrt(1.0 - y**2)
         normals = np.column_stack([ring * np.cos(turn), y, ring * np.sin(turn)])
-        growth = np.full(n, (1.0 + swell / body.radius) ** 2)
-        return body.radius * normals, area / n * normals, growth
+        return body.radius * normals, area / n * normals
     mesh = faces(body)
     while mesh.edges_unique_length.max() > edge and 4 * len(mesh.faces) <= most:
         mesh = mesh.subdivide()
     inward = isinstance(body, Solid) and body.container
     sign = -1.0 if inward else 1.0
-    from trimesh import triangles
-
     areas = sign * mesh.face_normals * mesh.area_faces[:, None]
-    larger = mesh.vertices + sign * swell * outward(mesh.vertices, mesh.faces)
-    growth = triangles.area(larger[mesh.faces]) / mesh.area_faces
-    return mesh.triangles_center - centre(body), areas, growth
+    return mesh.triangles_center - centre(body), areas

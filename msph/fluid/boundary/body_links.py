@@ -1,12 +1,12 @@
-"""Links between particles and the bodies within reach of their kernels.
+"""Links between particles and bodies, and sums over the links of a body.
 
-Body b contributes lambda_b(x_i) to the relative density of particle i, and its mirror image in a
-wall contributes lambda_b(x'), x' the mirror image of x_i. A link is one such contribution:
-particle, body, mirror, and the gradient g of the contribution at x'. The particle's density changes
-by (u' - U(x')).g, with u' the mirrored displacement of the particle and U the displacement of the
-body; a multiplier q_i displaces the particle by -q_i g, mirrored back, and gives the body the
-impulse rho0 V_i q_i g/dt at x'. The two are adjoint, and momentum is conserved (docs/method.md,
-"Floating bodies").
+A body contributes to the relative density of particles near it, directly and through its mirror
+images: an image of body b contributes to particle i what b contributes to the mirror image of the
+particle. A link is one such place: particle, body and mirrors, with the distance from the face at
+the mirrored place. body_images.py finds the contribution to the particle's density c_i, and its
+gradients G and T by the body's displacement and rotation: c_i changes by -U.G - W.T. A multiplier
+q_i gives the body the impulse rho0 V_i q_i G/dt and the angular impulse rho0 V_i q_i T/dt. The two
+are adjoint, and momentum is conserved (docs/method.md, "Floating bodies").
 
 Sums over the links of one body are taken in chunks of one body each, without atomics per link.
 """
@@ -14,8 +14,9 @@ Sums over the links of one body are taken in chunks of one body each, without at
 import taichi as ti
 
 from msph.errors import BlowUpError
-from msph.fluid.boundary.body_shapes import BEGIN
+from msph.fluid.boundary.body_shapes import BEGIN, CUBIC
 from msph.fluid.boundary.boundary import Boundary
+from msph.fluid.boundary.wall_integrals import wendland_behind, wendland_behind_slope
 from msph.fluid.impulse_ledger import ImpulseLedger
 from msph.fluid.particles.mirror_images import MirrorImages
 from msph.fluid.particles.particles import Attribute, Particles
@@ -33,22 +34,35 @@ ATTRIBUTES = (
         "boundary_inflow", "1/s", "rate of boundary_share by motion of bodies", carried=False
     ),
     Attribute("body_approach", "-", "compression by displaced bodies", carried=False),
+    Attribute("first_link", "-", "first link with a body", integer=True, carried=False),
+    Attribute("links", "-", "number of links with bodies", integer=True, carried=False),
+    Attribute("first_image", "-", "first image in bodies", integer=True, carried=False),
+    Attribute("image_end", "-", "end of the images in bodies", integer=True, carried=False),
 )
 
 # Links per chunk, and capacity for links per particle: a particle in a corner between two bodies
 # and two walls has eight links, most particles have none.
 CHUNK, LINKS_PER_PARTICLE = 64, 4
-
-# Contributions of bodies to one particle: the product of 1 - lambda over joined bodies, the sum of
-# lambda over the others (-), the gradient [1/m] and the rate by the bodies' motion [1/s].
-Contributions = ti.types.struct(free=ti.f32, apart=ti.f32, gradient=vec3, inflow=ti.f32)
+# Distance of the mirrors of bodies from their faces, in spacings of the particle: submerged balls
+# displace as much water as they should (docs/method.md, "Walls and bodies"). Least distance of a
+# particle from a mirror, likewise, which keeps it apart from its image.
+SWELL, NEAREST = 0.012, 0.01
+# Share (-) of a plane behind which a body counts as out of reach, and largest ratio of a body's
+# share to that of a plane: next to the corner of a container it is 1.75.
+LEAST_PLANE, LARGEST_RATIO = 1e-6, 4.0
 
 
 @data_oriented
 class BodyLinks:
-    """The links of the present positions, found by refresh(). Tables by link: particle, body,
-    mirrors (bits), gradient [1/m]. moved [m], turned [rad]: displacements of the bodies by the
-    multipliers of the last displace()."""
+    """The links of the present positions, found by find().
+
+    Tables by link: particle, body, mirrors (bits); place, the mirrored particle from the body's
+    centre [m]; distance [m] and normal of the face; share_gradient, the gradient of the body's
+    share of the kernel [1/m]; ratio (-) of this share to that of a plane at this distance, and its
+    relative slope [1/m]; gradient G [1/m] and torque T (-); pushed, twisted [N s, N m s]: impulses
+    on the body for hand_over(). moved [m], turned [rad], by body: displacements by the multipliers
+    of the last displace().
+    """
 
     def __init__(
         self,
@@ -65,7 +79,13 @@ class BodyLinks:
         self.particle, self.body, self.mirrors, self.rank = (
             ti.field(ti.i32, shape=self.capacity) for _ in range(4)
         )
-        self.gradient = ti.Vector.field(3, ti.f32, shape=self.capacity)
+        self.distance, self.ratio = (ti.field(ti.f32, shape=self.capacity) for _ in range(2))
+        self.place, self.normal, self.slope, self.share_gradient = (
+            ti.Vector.field(3, ti.f32, shape=self.capacity) for _ in range(4)
+        )
+        self.gradient, self.torque, self.pushed, self.twisted = (
+            ti.Vector.field(3, ti.f32, shape=self.capacity) for _ in range(4)
+        )
         self.order = ti.field(ti.i32, shape=chunks * CHUNK)
         self.chunk_body, self.chunk_size = (ti.field(ti.i32, shape=chunks) for _ in range(2))
         self.found, self.chunks = ti.field(ti.i32, shape=()), ti.field(ti.i32, shape=())
@@ -79,7 +99,7 @@ class BodyLinks:
             ti.Vector.field(3, ti.f32, shape=MAX_BODIES) for _ in range(4)
         )
         self.long_vector = ti.types.vector(3, longest_float())
-        self.linked = 0  # number of particles that may have contributions of bodies
+        self.linked = 0  # number of particles that may have links
 
     def load(self) -> None:
         """Compiles the kernels that are launched later, if there are bodies; otherwise clears the
@@ -95,18 +115,16 @@ class BodyLinks:
             self._clear(self.linked)
         self.linked = self.boundary.count and self.particles.x.shape[0]
 
-    def refresh(self) -> None:
-        """Finds the links, and sets the bodies' share, gradient and inflow at the particles; these
-        stay 0 without bodies. Raises BlowUpError if there are more links than fit."""
-        if self.boundary.count:
-            self._begin()
-            found = self._find_links(self.particles.count)
-            if found > self.capacity:
-                raise BlowUpError(
-                    f"particles meet bodies in {found:,} places, at most {self.capacity:,} fit"
-                )
-            self._rank()
-            self._sort(self.boundary.floating.count > 0)
+    def find(self) -> None:
+        """Finds the links. Raises BlowUpError if there are more than fit."""
+        self._begin()
+        found = self._find_links(self.particles.count)
+        if found > self.capacity:
+            raise BlowUpError(
+                f"particles meet bodies in {found:,} places, at most {self.capacity:,} fit"
+            )
+        self._rank()
+        self._sort(self.boundary.floating.count > 0)
 
     def refresh_inflow(self) -> None:
         """Computes the bodies' inflow anew, after their velocities changed."""
@@ -116,10 +134,11 @@ class BodyLinks:
     @kernel
     def _clear(self, n: ti.i32):
         """Sets the contributions of bodies to the first n particles to 0."""
+        p = self.particles
         for i in range(n):
-            self.particles.boundary_share[i] = self.particles.boundary_inflow[i] = 0.0
-            self.particles.boundary_gradient[i] = vec3(0.0)
-            self.particles.body_approach[i] = 0.0
+            p.boundary_share[i] = p.boundary_inflow[i] = p.body_approach[i] = 0.0
+            p.boundary_gradient[i] = vec3(0.0)
+            p.links[i] = p.first_image[i] = p.image_end[i] = 0
 
     @kernel
     def _clear_inflow(self, n: ti.i32):
@@ -129,11 +148,14 @@ class BodyLinks:
     @kernel
     def _add_inflow(self):
         for link in range(self.found[None]):
-            mirror, wall = self.images.mirror_and_wall(self.mirrors[link])
-            i, b = self.particle[link], self.body[link]
-            x = self.images.reflected(self.particles.x[i], mirror, wall)
-            velocity = self.boundary.velocity_at(b, x)
-            self.particles.boundary_inflow[i] -= velocity.dot(self.gradient[link])
+            self.particles.boundary_inflow[self.particle[link]] += self.inflow(link)
+
+    @ti.func
+    def inflow(self, link):
+        """Returns the rate of density [1/s] by the motion of a link's body."""
+        b = self.body[link]
+        rate = self.boundary.velocity[b, BEGIN].dot(self.gradient[link])
+        return -rate - self.boundary.spin[b, BEGIN].dot(self.torque[link])
 
     @kernel
     def _begin(self):
@@ -147,7 +169,6 @@ class BodyLinks:
         p = self.particles
         for i in range(n):
             x, h = p.x[i], self.boundary.support[p.layer[i]]
-            total = Contributions(free=1.0)
             near = self.images.walls_near(x, h) & self._mirroring_walls()
             combinations = self.images.combinations(near)
             count = 0
@@ -155,11 +176,10 @@ class BodyLinks:
                 count += self._count(i, self.images.combination(number, near), h)
             # Outside the loops, in which Mesa's software driver loses atomic operations.
             link = ti.atomic_add(self.found[None], count)
+            p.first_link[i] = link
+            p.links[i] = ti.select(link + count <= self.capacity, count, 0)
             for number in range(combinations):
-                self._add(i, self.images.combination(number, near), h, total, link)
-            per_yield = self.layers.per_yield[p.layer[i]]
-            p.boundary_share[i] = per_yield * (1.0 - total.free + total.apart)
-            p.boundary_gradient[i], p.boundary_inflow[i] = total.gradient, total.inflow
+                self._add(i, self.images.combination(number, near), h, link)
         return self.found[None]
 
     @ti.func
@@ -174,7 +194,7 @@ class BodyLinks:
     def _reaches(self, b, x, mirrors, h):
         """Returns False if body b is certainly farther than h [m] from the position x [m] mirrored
         by `mirrors`, or is not mirrored by these walls."""
-        mirrored = (self.boundary.images[b, BEGIN] & mirrors) == mirrors
+        mirrored = self.images.by_walls(mirrors, self.boundary.images[b, BEGIN]) == mirrors
         return mirrored and self.boundary.reaches(b, x, h, BEGIN)
 
     @ti.func
@@ -193,29 +213,30 @@ class BodyLinks:
         return found
 
     @ti.func
-    def _add(self, i, mirrors, h, total: ti.template(), link: ti.template()):
-        """Adds the contributions of all bodies, or of their images by `mirrors`, to particle i;
-        stores links from index `link` on and advances `link`."""
-        layer = self.particles.layer[i]
-        per_yield = self.layers.per_yield[layer]
+    def _add(self, i, mirrors, h, link: ti.template()):
+        """Stores the links of particle i by `mirrors` from index `link` on, and advances it."""
         mirror, wall = self.images.mirror_and_wall(mirrors)
         x = self.images.reflected(self.particles.x[i], mirror, wall)
         for b in range(self.constants.bodies[None]):
-            if self._reaches(b, x, mirrors, h):
-                part = self.boundary.body_share(b, x, layer, h, BEGIN)
-                g = per_yield * part.yzw
-                if mirrors == 0 and self.boundary.joined[b] == 1:
-                    total.free *= 1.0 - part.x
-                    g *= self.boundary.free_of_others(b, x, layer, h)
-                else:
-                    total.apart += part.x
-                total.gradient += mirror * g
-                total.inflow -= self.boundary.velocity_at(b, x).dot(g)
-                if self._links(b, x, layer, h):
-                    if link < self.capacity:
-                        self.particle[link], self.body[link] = i, b
-                        self.mirrors[link], self.gradient[link] = mirrors, g
-                    link += 1
+            if self._reaches(b, x, mirrors, h) and self._links(b, x, self.particles.layer[i], h):
+                if link < self.capacity:
+                    self.particle[link], self.body[link], self.mirrors[link] = i, b, mirrors
+                    self._measure(link, b, x, self.particles.layer[i], h)
+                link += 1
+
+    @ti.func
+    def _measure(self, link, b, x, layer, h):
+        """Stores the place, distance, normal and ratio of a link at the mirrored place x [m]."""
+        near, spacing = self.boundary.distance_by(b, x, BEGIN, CUBIC), self.layers.spacing[layer]
+        self.place[link], self.normal[link] = x - self.boundary.centre[b, BEGIN], near.yzw
+        self.distance[link] = ti.max(near.x - SWELL * spacing, NEAREST * spacing)
+        plane, share = wendland_behind(near.x, h), self.boundary.joint_share(b, x, layer, h)
+        ratio, slope = 0.0, vec3(0.0)
+        if plane > LEAST_PLANE and share.x > 0.0:
+            ratio = ti.min(share.x / plane, LARGEST_RATIO)
+            slope = share.yzw / share.x - wendland_behind_slope(near.x, h) / plane * near.yzw
+        self.ratio[link], self.slope[link] = ratio, slope
+        self.share_gradient[link] = share.yzw
 
     @kernel
     def _rank(self):
@@ -242,25 +263,12 @@ class BodyLinks:
             self.order[self.first[self.body[link]] * CHUNK + self.rank[link]] = link
 
     @ti.func
-    def image(self, link):
-        """Returns a link's mirror, body, and the mirrored position of the particle relative to the
-        body's centre [m]."""
-        mirror, wall = self.images.mirror_and_wall(self.mirrors[link])
-        b, x = self.body[link], self.particles.x[self.particle[link]]
-        return mirror, b, self.images.reflected(x, mirror, wall) - self.boundary.centre[b, BEGIN]
-
-    @ti.func
-    def _arm(self, link):
-        """Returns the mirrored position of a link's particle relative to the body's centre [m]."""
-        return self.image(link)[2]
-
-    @ti.func
     def displace(self, q: ti.template()):
         """Finds the displacements of floating bodies by multipliers q (capacity,) [m^2], and
         `body_approach` of particles, which must be 0; returns their part of <q, A q> [m^5].
 
-        With the sums S of V_i q_i g and T of r x V_i q_i g over its links, a body moves by rho0 S/M
-        and turns by rho0 I^-1 T.
+        With the sums P of V_i q_i G and R of V_i q_i T over its links, a body moves by rho0 P/M and
+        turns by rho0 I^-1 R.
         """
         ti.loop_config(serialize=True)
         for b in range(self.free_bodies[None]):
@@ -270,9 +278,9 @@ class BodyLinks:
             for k in range(self.chunk_size[chunk]):
                 link = self.order[chunk * CHUNK + k]
                 i = self.particle[link]
-                part = self.layers.volume[self.particles.layer[i]] * q[i] * self.gradient[link]
-                push += part
-                twist += self._arm(link).cross(part)
+                part = self.layers.volume[self.particles.layer[i]] * q[i]
+                push += part * self.gradient[link]
+                twist += part * self.torque[link]
             self.push[self.chunk_body[chunk]] += push
             self.twist[self.chunk_body[chunk]] += twist
         product = 0.0
@@ -284,8 +292,8 @@ class BodyLinks:
             product += self.moved[b].dot(self.push[b]) + self.turned[b].dot(self.twist[b])
         for link in range(self.free_links[None]):
             b = self.body[link]
-            way = self.moved[b] + self.turned[b].cross(self._arm(link))
-            self.particles.body_approach[self.particle[link]] -= way.dot(self.gradient[link])
+            way = self.moved[b].dot(self.gradient[link]) + self.turned[b].dot(self.torque[link])
+            self.particles.body_approach[self.particle[link]] -= way
         return product
 
     def add_to_diagonal(self) -> None:
@@ -297,7 +305,7 @@ class BodyLinks:
     def _add_to_diagonal(self):
         for link in range(self.free_links[None]):
             b, i, g = self.body[link], self.particle[link], self.gradient[link]
-            turn = self._arm(link).cross(g)
+            turn = self.torque[link]
             mobility = self.boundary.inverse_mass[b] * g.norm_sqr()
             mobility += turn.dot(self.boundary.inverse_inertia[b, BEGIN] @ turn)
             self.particles.diagonal[i] += self.layers.mass[self.particles.layer[i]] * mobility
@@ -305,19 +313,35 @@ class BodyLinks:
     def record_pressure(self, dt: float) -> None:
         """Records the impulses of the velocity multipliers in a step of dt [s] on all bodies."""
         if self.boundary.count:
-            self._record_pressure(dt)
+            self._take_pressure(dt)
+            self.hand_over()
 
     @kernel
-    def _record_pressure(self, dt: ti.f32):
+    def _take_pressure(self, dt: ti.f32):
         p = self.particles
+        for link in range(self.found[None]):
+            i = self.particle[link]
+            impulse = self.layers.mass[p.layer[i]] * p.velocity_multiplier[i] / dt
+            self.pushed[link] = impulse * self.gradient[link]
+            self.twisted[link] = impulse * self.torque[link]
+
+    @ti.func
+    def push_at_face(self, link, impulse):
+        """Sets the impulse [N s] of a link on its body, in the frame of the particle, for
+        hand_over(); it acts at the foot of the perpendicular from the mirrored particle."""
+        mirror, _ = self.images.mirror_and_wall(self.mirrors[link])
+        foot = self.place[link] - self.distance[link] * self.normal[link]
+        self.pushed[link] = mirror * impulse
+        self.twisted[link] = foot.cross(mirror * impulse)
+
+    @kernel
+    def hand_over(self):
+        """Records the impulses `pushed` and `twisted` of all links on the bodies."""
         for chunk in range(self.chunks[None]):
             push, twist = self.long_vector(0.0), self.long_vector(0.0)
             for k in range(self.chunk_size[chunk]):
                 link = self.order[chunk * CHUNK + k]
-                i = self.particle[link]
-                share = self.layers.mass[p.layer[i]] * p.velocity_multiplier[i] / dt
-                part = share * self.gradient[link]
-                push += part
-                twist += self._arm(link).cross(part)
+                push += self.pushed[link]
+                twist += self.twisted[link]
             self.impulses.body_push[self.chunk_body[chunk]] += push
             self.impulses.body_twist[self.chunk_body[chunk]] += twist

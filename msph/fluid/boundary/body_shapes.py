@@ -39,7 +39,7 @@ class BodyShapes:
 
     def __init__(self, room: Room, constants: Constants, layers: Layers):
         self.constants, self.layers = constants, layers
-        self.support, self.swell = layers.wall_support, layers.swell
+        self.support = layers.wall_support
         self._shapes = DeviceTable(
             (MAX_BODIES,),
             **{"kind": i32, "side": f32, "half": vec3, "bounding_radius": f32, "first": i32},
@@ -87,7 +87,7 @@ class BodyShapes:
             n = p / ti.max(r, 1e-9)
             found = vec4(r - self.half[b][0], n[0], n[1], n[2])
         if kind == SOLID:
-            if ti.static(method == LINEAR):
+            if ti.static(method == LINEAR) or not self.samples.covers(self.first[b], p):
                 found = self.mesh_distance(b, p)
             elif ti.static(method == CUBIC):
                 found = self.samples.cubic(self.first[b], p)
@@ -131,13 +131,18 @@ class BodyShapes:
         return self.side[b] < 0.0 or (x - self.centre[b, pose]).norm_sqr() < reach * reach
 
     @ti.func
-    def free_of_others(self, b, x, layer, h):
-        """Returns the product (-) of 1 - lambda over the joined bodies other than b."""
-        free = 1.0
-        for other in range(self.constants.bodies[None]):
-            if other != b and self.joined[other] == 1:
-                free *= 1.0 - self.body_share(other, x, layer, h, BEGIN).x
-        return free
+    def joint_share(self, b, x, layer, h):
+        """Returns body_share() at the beginning of a step, without what joined bodies before b
+        cover: the shares of joined bodies add up to that of their union."""
+        found = self.body_share(b, x, layer, h, BEGIN)
+        if self.joined[b] == 1:
+            for other in range(b):
+                if self.joined[other] == 1:
+                    covered = self.body_share(other, x, layer, h, BEGIN)
+                    slope = (1.0 - covered.x) * found.yzw - found.x * covered.yzw
+                    free = (1.0 - covered.x) * found.x
+                    found = vec4(free, slope[0], slope[1], slope[2])
+        return found
 
     @ti.func
     def open_share(self, x, layer, pose):
@@ -152,9 +157,9 @@ class BodyShapes:
 
     @ti.func
     def meets_kernel(self, b, p, layer, h):
-        """Returns False if lambda of body b, enlarged by the layer's swell, has no gradient at p
-        [m], in the frame of b; h [m]: support of the kernel."""
-        half, kind, found = self.half[b] + self.swell[layer], self.kind[b], False
+        """Returns False if lambda of body b has no gradient at p [m], in the frame of b; h [m]:
+        support of the kernel."""
+        half, kind, found = self.half[b], self.kind[b], False
         if kind == BLOCK:
             found = (abs(p) < half + h).all()
         if kind == BALL:
@@ -167,11 +172,11 @@ class BodyShapes:
 
     @ti.func
     def body_share(self, b, x, layer, h, pose):
-        """Returns lambda (-) of one body enlarged by the layer's swell, and its gradient [1/m]."""
+        """Returns lambda (-) of one body, and its gradient [1/m]."""
         p = self.to_body_frame(b, x, pose)
         found = vec4(0.0)
         kind = self.kind[b]
-        half = self.half[b] + self.swell[layer]
+        half = self.half[b]
         if kind == SOLID:
             found = self.mesh_share(b, p, layer, h)
         elif self.meets_kernel(b, p, layer, h):

@@ -25,7 +25,7 @@ from msph.fluid.boundary.rigid_bodies import (
     half_extents,
 )
 from msph.fluid.boundary.sampled_fields import SampleLattice
-from msph.fluid.boundary.wall_integrals import swelling, wall_support
+from msph.fluid.boundary.wall_integrals import wall_support
 from msph.fluid.boundary.walls import Size, wall_constants
 from msph.fluid.constants import Constants
 from msph.fluid.external_forces import ExternalForces, rotation_vector
@@ -134,11 +134,8 @@ class Boundary(BodyShapes):
 
     @staticmethod
     def layer_rows(specs: list[LayerSpec]) -> dict[str, np.ndarray]:
-        """Returns the bodies' columns of the table by layer: wall_support and swell [m]."""
-        return {
-            "wall_support": np.array([wall_support(s) for s in specs]),
-            "swell": np.array([swelling(s) for s in specs]),
-        }
+        """Returns the bodies' column of the table by layer: wall_support [m]."""
+        return {"wall_support": np.array([wall_support(s) for s in specs])}
 
     def _load_shapes(self, specs: list[LayerSpec]) -> None:
         first: list[int] = []

@@ -1,7 +1,7 @@
 """Contact of particles with walls and bodies.
 
 Walls and bodies stop particles. Kernels are completed by mirror images beyond walls
-(mirror_images.py) and by the bodies' share of the kernel's integral inside bodies (body_links.py).
+(mirror_images.py) and in bodies (body_images.py).
 Body kernels are launched only in scenes with bodies.
 """
 
@@ -178,13 +178,6 @@ class Contact:
                 leaked |= self.boundary.clearance(x, END) < -self.constants.leak[None]
             found += ti.cast(leaked, ti.i32)
         return found
-
-    @ti.func
-    def arm(self, i):
-        """Returns the vector [m] from the nearest body's face to particle i, which is near it."""
-        p, layer = self.particles, self.particles.layer[i]
-        distance = self.boundary.clearance(p.x[i], BEGIN) - self.layers.swell[layer]
-        return -ti.max(distance, 0.0) * p.boundary_gradient[i].normalized(1e-9)
 
     @ti.func
     def margin(self, i):

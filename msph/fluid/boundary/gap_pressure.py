@@ -1,25 +1,24 @@
 """Pressure on bodies in gaps in which no particles fit.
 
-Where a wall or another body is nearer than about two spacings, particles press too little on a
-body's face, or, wedged between two faces, too much. There the pressure is extrapolated to samples
-of the face from the water around (Adami et al. 2012, Band et al. 2018): the mean of the particles'
-pressures, raised by the hydrostatic pressure between particle and sample, and where no particle is
-within reach, the mean over the nearest samples of the same body. This pressure replaces forces of
-particles there: their contact impulses (gaps.py), and the pressure of their links at a sample s,
-P(s) = sum V_i p_i W(s - x_i) with their multipliers p_i, the integral of which over the enlarged
-face is the impulse of body_links.py (Gauss). The opposite acts on the floating body on the other
-side. Pressures and impulses are those of the last step.
+Where a wall or another body is nearer than about a spacing, no particles fit, and those at the rim
+press too little on the faces. There the pressure is extrapolated to samples of the face from the
+water around (Adami et al. 2012, Band et al. 2018): the mean of the particles' pressures, raised by
+the hydrostatic pressure between particle and sample, and where no particle is within reach, the
+mean over the nearest samples of the same body. This pressure replaces forces of particles there:
+their contact impulses (gaps.py), and the pressure of their links at a sample s,
+P(s) = sum V_i p_i W(s - x_i) G.n/(n.grad lambda) with their multipliers p_i: W is the part of s in
+grad lambda (Gauss), and G differs, since images press as well. The opposite acts on the floating
+body on the other side. Pressures and impulses are those of the last step.
 """
 
 import numpy as np
 import taichi as ti
 
 from msph.fluid.boundary.body_faces import samples
+from msph.fluid.boundary.body_links import BodyLinks
 from msph.fluid.boundary.body_shapes import BEGIN
-from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.contact import Contact
 from msph.fluid.boundary.gaps import WIDE
-from msph.fluid.boundary.wall_integrals import swelling
 from msph.fluid.external_forces import FIELD_NUMBERS, NO_HAND, ExternalForces, field_at
 from msph.fluid.particles.grid import LayeredGrid
 from msph.fluid.particles.kernels import WENDLAND
@@ -40,32 +39,37 @@ WEDGED = 0.5
 # Least share (-) of the kernel that particles fill, wedged particles counting less, at a sample
 # whose pressure is read from them.
 LEAST_SHARE = 0.05
+# Slope of lambda along a normal, times the support (-), above which it divides G; largest ratio of
+# the two (-), 2 at a plane.
+MIN_SLOPE, LARGEST_RATIO = 1e-3, 2.5
 
 NUMBERS = ti.types.ndarray(dtype=ti.f32, ndim=2)
 # Sums at a sample: the kernel's filled share (-), share times extrapolated pressure [Pa], and
-# `resolved`, P [Pa]; `at` is the sample or its mirror image.
+# `resolved`, P [Pa]; `at` is the sample mirrored by `mirrors`, `normal` that of the body there.
 Reading = ti.types.struct(
     **{"at": vec3, "sample": vec3, "gravity": vec3, "layer": ti.i32},
+    **{"body": ti.i32, "mirrors": ti.i32, "normal": vec3},
     **{"share": ti.f32, "pressure": ti.f32, "resolved": ti.f32},
 )
 
 
 @data_oriented
 class GapPressure:
-    """Samples of all bodies' faces in their frames: points [m], area vectors [m^2] and growth (-)
-    of the area by the bodies' enlargement; by sample in a gap: sample, other body (WALL for a
-    wall), weight (-), filled share (-), pressure and resolved, P [Pa]."""
+    """Samples of all bodies' faces in their frames: points [m] and area vectors [m^2]; by sample in
+    a gap: sample, other body (WALL for a wall), weight (-), filled share (-), pressure and
+    resolved, P [Pa]."""
 
-    def __init__(self, boundary: Boundary, grid: LayeredGrid, contact: Contact):
-        self.boundary, self.contact, self.grid = boundary, contact, grid
+    def __init__(self, links: BodyLinks, grid: LayeredGrid, contact: Contact):
+        boundary = contact.boundary
+        self.boundary, self.contact, self.grid, self.links = boundary, contact, grid, links
         self.constants, self.layers, self.gaps = boundary.constants, boundary.layers, contact.gaps
         self.particles, self.impulses = contact.particles, contact.impulses
         self.images = MirrorImages(boundary.constants)
         capacity = MAX_BODIES * MAX_SAMPLES
         self.owner, self.sample, self.other = (ti.field(ti.i32, shape=capacity) for _ in range(3))
         self.point, self.area = (ti.Vector.field(3, ti.f32, shape=capacity) for _ in range(2))
-        self.weight, self.share, self.pressure, self.resolved, self.growth = (
-            ti.field(ti.f32, shape=capacity) for _ in range(5)
+        self.weight, self.share, self.pressure, self.resolved = (
+            ti.field(ti.f32, shape=capacity) for _ in range(4)
         )
         self.found = ti.field(ti.i32, shape=())
         self.count, self.idle, self.last_step = 0, False, 1.0
@@ -73,15 +77,14 @@ class GapPressure:
     def load(self) -> None:
         """Takes the samples of the boundary's present bodies; compiles all kernels."""
         edge = EDGE * self.layers.finest.spacing
-        swell = swelling(self.layers.finest)
-        clouds = [samples(body, edge, MAX_SAMPLES, swell) for body in self.boundary.bodies]
-        self.count, self.idle = sum(len(points) for points, _, _ in clouds), not clouds
+        clouds = [samples(body, edge, MAX_SAMPLES) for body in self.boundary.bodies]
+        self.count, self.idle = sum(len(points) for points, _ in clouds), not clouds
         self.gaps.active[None] = 0
         self.gaps.clear()
         if clouds:
-            owner = np.repeat(np.arange(len(clouds)), [len(points) for points, _, _ in clouds])
-            points, areas, growth = (np.concatenate(part) for part in zip(*clouds, strict=True))
-            table = np.column_stack([points, areas, growth]).astype(np.float32)
+            owner = np.repeat(np.arange(len(clouds)), [len(points) for points, _ in clouds])
+            points, areas = (np.concatenate(part) for part in zip(*clouds, strict=True))
+            table = np.column_stack([points, areas]).astype(np.float32)
             self._store(table, owner.astype(np.int32))
             self._read(0, NO_HAND.field())
             self._push(0, 0.0, 0.0)
@@ -91,7 +94,7 @@ class GapPressure:
         for k in range(table.shape[0]):
             self.point[k] = vec3(table[k, 0], table[k, 1], table[k, 2])
             self.area[k] = vec3(table[k, 3], table[k, 4], table[k, 5])
-            self.growth[k], self.owner[k] = table[k, 6], owner[k]
+            self.owner[k] = owner[k]
 
     def push(self, dt: float, external: ExternalForces) -> bool:
         """Applies the missing pressure to the bodies for dt [s], at the poses at the beginning of
@@ -153,22 +156,22 @@ class GapPressure:
         centre = 0.5 * self.constants.size[None]
         for gap in range(found):
             gravity = field_at(self._place(gap) - centre, field)
-            reading, k = Reading(gravity=gravity), self.sample[gap]
-            turn = self.boundary.rotation[self.owner[k], BEGIN]
-            normal = turn @ self.area[k].normalized(MIN_DIVISOR)
+            x, k = self._place(gap), self.sample[gap]
+            b = self.owner[k]
+            normal = self.boundary.rotation[b, BEGIN] @ self.area[k].normalized(MIN_DIVISOR)
+            reading = Reading(gravity=gravity, sample=x, body=b, normal=normal)
             for layer in range(self.constants.layers[None]):
                 h = self.boundary.support[layer]
-                x = self._place(gap) + self.boundary.swell[layer] * normal
-                reading.sample = x
                 near = self.images.walls_near(x, h)
                 for number in range(self.images.combinations(near)):
                     mirrors = self.images.combination(number, near)
                     mirror, wall = self.images.mirror_and_wall(mirrors)
+                    reading.mirrors = mirrors
                     reading.at, reading.layer = self.images.reflected(x, mirror, wall), layer
                     self.grid.for_each_row(reading.at, layer, h, self._add_row, reading)
             self.share[gap] = reading.share
-            self.pressure[gap] = reading.pressure / ti.max(reading.share, LEAST_SHARE)
             self.resolved[gap] = reading.resolved
+            self.pressure[gap] = reading.pressure / ti.max(reading.share, LEAST_SHARE)
 
     @ti.func
     def _add_row(self, begin, end, reading: ti.template()):
@@ -179,12 +182,26 @@ class GapPressure:
             u = ti.max(1.0 - (reading.at - x).norm() / h, 0.0)
             share = self.layers.volume[layer] * WENDLAND / h**3 * u**4 * (5.0 - 4.0 * u)
             multiplier = self.layers.per_yield[layer] * self.particles.pressure_multiplier[i]
-            reading.resolved += share * multiplier
-            share *= ti.max(1.0 - self.particles.boundary_share[i] / WEDGED, 0.0)
             own = ti.max(self.particles.pressure[i], 0.0)
             rise = self.constants.rest_density[None] * reading.gravity.dot(reading.sample - x)
+            rise = ti.math.clamp(rise, -own, own)
+            reading.resolved += share * (multiplier + rise) * self._by_link(i, reading)
+            share *= ti.max(1.0 - self.particles.boundary_share[i] / WEDGED, 0.0)
             reading.share += share
-            reading.pressure += share * (own + ti.math.clamp(rise, -own, own))
+            reading.pressure += share * (own + rise)
+
+    @ti.func
+    def _by_link(self, i, reading: ti.template()):
+        """Returns the ratio (-) of G to grad lambda along the sample's normal; 1 without a link."""
+        first, found = self.particles.first_link[i], 1.0
+        for link in range(first, first + self.particles.links[i]):
+            same = self.links.mirrors[link] == reading.mirrors
+            if same and self.links.body[link] == reading.body:
+                behind = self.links.share_gradient[link].dot(reading.normal)
+                if behind < -MIN_SLOPE * self.layers.per_h[reading.layer, reading.layer]:
+                    ratio = self.links.gradient[link].dot(reading.normal) / behind
+                    found = ti.math.clamp(ratio, 0.0, LARGEST_RATIO)
+        return found
 
     @kernel
     def _push(self, found: ti.i32, dt: ti.f32, lengthening: ti.f32):
@@ -197,7 +214,7 @@ class GapPressure:
             if self.share[gap] < LEAST_SHARE:
                 pressure = self._filled(found, b, x)
             area = self.boundary.rotation[b, BEGIN] @ self.area[k]
-            missing = pressure - self.growth[k] * self.resolved[gap]
+            missing = pressure - self.resolved[gap]
             push = -dt * self.weight[gap] * self.gaps.half(other) * missing * area
             self.impulses.push_body(b, push, x - self.boundary.centre[b, BEGIN])
             if self.gaps.is_floating(other):

@@ -1,7 +1,7 @@
 """Gaps between two bodies or a body and a wall, and the forces of particles in them.
 
-In a gap narrower than about two spacings particles do not fill the space between the two sides, and
-press too much or too little (gap_pressure.py). Their contact impulses in gaps are summed here, to
+No particles fit into a gap narrower than about a spacing, and those at its rim press too little on
+the sides (gap_pressure.py). Their contact impulses in gaps are summed here, to
 be replaced in the next step.
 """
 
@@ -15,7 +15,7 @@ from msph.taichi_internals import data_oriented, kernel
 vec3 = ti.math.vec3
 
 # Gap widths [finest spacings]: the pressure is extrapolated in full below NARROW, not above WIDE.
-NARROW, WIDE = 1.5, 2.5
+NARROW, WIDE = 0.8, 1.2
 # Negative cosine between the normals of the two sides of a gap above which the sides face each
 # other; below 0 they do not.
 FACING = 0.5

@@ -11,10 +11,6 @@ import taichi as ti
 from msph.fluid.particles import kernels
 from msph.fluid.particles.layers import LayerSpec
 
-# Enlargement of bodies for the kernels, in spacings: along a face particles measure more than the
-# mean density. Otherwise submerged balls of radius 1.2 to 6 spacings have a buoyancy of 92 to
-# 98.6 % of the displaced weight (docs/method.md, "Walls and bodies").
-SWELL = 0.03
 # Smallest distance from a ball's centre, in radii: avoids a division by zero.
 SMALLEST = 1e-3
 
@@ -22,11 +18,6 @@ SMALLEST = 1e-3
 def wall_support(spec: LayerSpec) -> float:
     """Returns the support [m] of the Wendland C2 kernel used in a layer's integrals."""
     return kernels.WENDLAND_PER_QUARTIC * spec.support
-
-
-def swelling(spec: LayerSpec) -> float:
-    """Returns the outward shift [m] of bodies' faces for a layer's kernel."""
-    return SWELL * spec.spacing
 
 
 @ti.func

@@ -38,7 +38,6 @@ ROWS = {
     "surface_slope": f32,  # |sum V_j grad W_ij| there [1/m]
     "per_yield": f32,  # factor of the bodies' shares (-)
     "wall_support": f32,  # support of the kernel in the bodies' integrals [m]
-    "swell": f32,  # enlargement of bodies [m]
     "top": f32,  # depth of its band's top [m]
     "bottom": f32,  # depth of its band's bottom [m]
     "coarser": i32,  # layer that two of its particles merge into, or -1

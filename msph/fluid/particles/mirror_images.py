@@ -70,6 +70,13 @@ class MirrorImages:
         return mirrors
 
     @ti.func
+    def by_walls(self, mirrors, walls):
+        """Returns the part of mirror bits that is by these walls, bits of walls_near()."""
+        far = (mirrors >> 3) & (walls >> 3) & 7
+        low = mirrors & ~(mirrors >> 3) & walls & 7
+        return low | far | (far << 3)
+
+    @ti.func
     def mirror_and_wall(self, mirrors):
         """Returns the mirrored vectors' factors (-1 along mirrored axes) and the walls [m]."""
         sign, wall = ti.Vector([1.0, 1.0, 1.0]), ti.Vector([0.0, 0.0, 0.0])

@@ -28,6 +28,8 @@ class BodyForce(Force):
     def apply(self, dt: float, external: ExternalForces) -> None:
         numbers = external.field(), external.hand.numbers()
         self._accelerate(self.particles.count, dt, *numbers)
+        if self.boundary.count:
+            self.links.hand_over()
 
     @kernel
     def _accelerate(
@@ -38,7 +40,7 @@ class BodyForce(Force):
         for i in range(n):
             m, x, v = self.layers.mass[p.layer[i]], p.x[i], p.v[i]
             field = field_at(x - centre, field_numbers)
-            wall = self.virial.image_acceleration(i, field)
+            wall = self.virial.image_acceleration(i, dt, field)
             field += coriolis(v, dt, turning(field_numbers))
             user = hand_acceleration(x, v, dt, hand_numbers)
             self.impulses.record_user(i, m, v, dt, user, field + wall)

@@ -93,7 +93,8 @@ class Density:
     """
 
     def __init__(self, parts: Parts):
-        self.constants, self.boundary, self.links = parts.constants, parts.boundary, parts.links
+        self.constants, self.boundary = parts.constants, parts.boundary
+        self.body_images = parts.body_images
         self.layers, self.particles = parts.layers, parts.particles
         self.neighbours, self.images = parts.neighbours, parts.neighbours.images
         self.openings, self.apertures = parts.openings, parts.openings.apertures
@@ -107,7 +108,7 @@ class Density:
     def refresh(self) -> None:
         """Recomputes the sums if the list is new or bodies move; the list must be fresh."""
         if self.summed_search != self.neighbours.searches or self.boundary.moving:
-            self.links.refresh()
+            self.body_images.refresh()
             self.largest_excess = self._sum(self.particles.count)
             if self.openings.all:
                 self._fill_pipes(self.particles.count)
@@ -128,6 +129,7 @@ class Density:
             bodies = self.particles.boundary_share[i]
             for mirrored in ti.static((False, True)):
                 self._add_entries(i, mirrored, sums)
+            self._add_body_images(i, sums)
             g, volume = sums.gradient, self.layers.volume[layer]
             # c includes the correction, so that water compressed by the correction near a surface
             # does not count as surrounded.
@@ -232,6 +234,17 @@ class Density:
                 sums.stiffness += share * per_h * per_h
             for k in range(count):
                 self.pair_gradient[first + k] = ti.math.vec3(g_x[k], g_y[k], g_z[k])
+
+    @ti.func
+    def _add_body_images(self, i, sums: ti.template()):
+        """Adds the images in bodies to the sums of the diagonal; their gradients are added already,
+        as boundary_gradient."""
+        images = self.body_images
+        for s in range(self.particles.first_image[i], self.particles.image_end[i]):
+            j = self.images.neighbour(images.index[s])
+            back = images.reaction[s].norm_sqr()
+            sums.squares += back * self.layers.per_volume[self.particles.layer[j]]
+            sums.own_images += ti.select(j == i, 1.0, 0.0) * images.gradient[s]
 
     @ti.func
     def weight(self, layer, other, r):

@@ -25,7 +25,7 @@ class PressureOperator:
 
     def __init__(self, parts: Parts, pair_gradient: ti.MatrixField):
         self.layers, self.particles = parts.layers, parts.particles
-        self.links = parts.links
+        self.links, self.body_images = parts.links, parts.body_images
         self.neighbours, self.images = parts.neighbours, parts.neighbours.images
         self.pair_gradient = pair_gradient
 
@@ -36,6 +36,9 @@ class PressureOperator:
         u = -q[i] * self.particles.gradient[i]
         for s in range(self.neighbours.start[i], self.neighbours.end[i]):
             u -= q[self.images.neighbour(self.neighbours.index[s])] * self.pair_gradient[s]
+        for s in range(self.particles.first_image[i], self.particles.image_end[i]):
+            j = self.images.neighbour(self.body_images.index[s])
+            u -= q[j] * self.body_images.gradient[s]
         return ti.select(self.particles.prescribed[i] > 0, 0.0, 1.0) * u
 
     @ti.func
@@ -45,6 +48,9 @@ class PressureOperator:
         for s in range(self.neighbours.mirrors[i], self.neighbours.end[i]):
             j = self.images.neighbour(self.neighbours.index[s])
             u -= (q[i] + q[j]) * self.pair_gradient[s]
+        for s in range(self.particles.first_image[i], self.particles.image_end[i]):
+            j = self.images.neighbour(self.body_images.index[s])
+            u -= q[j] * self.body_images.gradient[s]
         return u
 
     @ti.func
@@ -59,6 +65,9 @@ class PressureOperator:
                 gradient = self.pair_gradient[s]
                 found[0] += (a - mirror * first[j]).dot(gradient)
                 found[1] += (b - mirror * second[j]).dot(gradient)
+        for s in range(self.particles.first_image[i], self.particles.image_end[i]):
+            j, back = self.images.neighbour(self.body_images.index[s]), self.body_images.reaction[s]
+            found += ti.Vector([first[j].dot(back), second[j].dot(back)])
         return found
 
     @ti.func
@@ -71,6 +80,9 @@ class PressureOperator:
             for s in range(begin, end):
                 j, mirror, _ = self.neighbours.read(s, mirrored)
                 found += (u - mirror * field[j]).dot(self.pair_gradient[s])
+        for s in range(self.particles.first_image[i], self.particles.image_end[i]):
+            j = self.images.neighbour(self.body_images.index[s])
+            found += field[j].dot(self.body_images.reaction[s])
         return found
 
     @ti.func

@@ -188,7 +188,6 @@ class PressureSolve:
         n, field = self.particles.count, external.field()
         rate = self._accelerate(n, dt, field, with_stress)
         if self.boundary.count:
-            self._set_pressure_near_bodies(n, field)
             self.links.record_pressure(dt)
             self.contact.push_moving()
         return rate
@@ -205,14 +204,6 @@ class PressureSolve:
             m = self.layers.mass[p.layer[i]]
             found = self.virial.evaluate(i, field_at(p.x[i] - centre, field), with_stress)
             inner, wall = found.inner, found.wall
-            # Only near bodies: sums of zeros would cost a third of this loop.
-            if p.boundary_gradient[i].norm_sqr() > 0.0:
-                body = -p.pressure_multiplier[i] / rest_density * p.boundary_gradient[i]
-                wall += body
-                if ti.static(with_stress):
-                    arm, push = self.contact.arm(i), rest_density * body
-                    found.normal += arm * push
-                    found.shear += ti.Vector([arm.y * push.z, arm.x * push.z, arm.x * push.y])
             self.impulses.record_internal(i, m, p.x[i], dt * inner)
             self.impulses.wall_impulse.add(i, m * dt * wall)
             p.v[i] += dt * (inner + wall)
@@ -222,11 +213,3 @@ class PressureSolve:
             wave = ti.sqrt(ti.max(found.virial, 0.0) / rest_density)
             ti.atomic_max(top, wave / (self.constants.pressure_cfl[None] * p.pair_spacing[i]))
         return top
-
-    @kernel
-    def _set_pressure_near_bodies(self, n: ti.i32, field: FIELD_NUMBERS):
-        centre = 0.5 * self.constants.size[None]
-        for i in range(n):
-            if self.particles.boundary_gradient[i].norm_sqr() > 0.0:
-                gravity = field_at(self.particles.x[i] - centre, field)
-                self.particles.pressure[i] = self.virial.pressure_near_body(i, gravity)

@@ -27,7 +27,7 @@ from msph.fluid.particles.particles import Attribute
 from msph.fluid.projection.density import fade_out
 from msph.fluid.projection.force import Force
 from msph.fluid.projection.parameters import ProjectionParameters
-from msph.fluid.small_numbers import MIN_DIVISOR, MIN_WEIGHT
+from msph.fluid.small_numbers import MIN_WEIGHT
 from msph.taichi_internals import data_oriented, heavy_kernel, kernel
 
 # Ratio (-) of deviator to pressure above which the relief fades out, to none at twice this. It is
@@ -57,8 +57,8 @@ class ShearRelief(Force):
     is kept for all layers. The torques of the term of i add up to the antisymmetric part of
     T_i L_i M_i = T_i, which is zero, so angular momentum is kept.
 
-    A body counts as a neighbour at the foot of the perpendicular on its face, which exerts forces
-    along its normal only. longest [s]: the longest step that motion and pressure allow.
+    Images in bodies move with the mirrored velocities of their particles, so that faces exert
+    forces along their normals only. longest [s]: the longest step that motion and pressure allow.
     """
 
     longest = math.inf
@@ -84,7 +84,7 @@ class ShearRelief(Force):
         self._find(n)
         self._accelerate(n, impulse)
         if self.boundary.count:
-            self._push_bodies(impulse)
+            self.links.hand_over()
 
     @heavy_kernel
     def _find(self, n: ti.i32):
@@ -109,10 +109,22 @@ class ShearRelief(Force):
                     total += weight
                     stretch -= r * g
                     turn -= ti.math.vec3(r.y * g.z, r.x * g.z, r.x * g.y)
-            if p.boundary_gradient[i].norm_sqr() > 0.0:
-                r, g = self.contact.arm(i), p.boundary_gradient[i]
-                stretch -= r * g
-                turn -= ti.math.vec3(r.y * g.z, r.x * g.z, r.x * g.y)
+            for link in range(p.first_link[i], p.first_link[i] + p.links[i]):
+                for s in range(self.body_images.first[link], self.body_images.end[link]):
+                    r, g = self.body_images.arm(link, s)[0], self.body_images.gradient[s]
+                    j = self.body_images.particle(s)
+                    per_h = self.layers.per_h[layer, p.layer[j]]
+                    u = ti.max(1.0 - r.norm_sqr() * per_h**2, 0.0)
+                    weight = self.layers.bell_scale[layer, p.layer[j]] * (u * u) * (u * u)
+                    weight *= self.body_images.factor(link, s)
+                    mirror = self.body_images.reflection(link, s)
+                    stress = mirror @ symmetric(p.normal_stress[j], p.shear_stress[j])
+                    stress = weight * stress @ mirror.transpose()
+                    normal += ti.math.vec3(stress[0, 0], stress[1, 1], stress[2, 2])
+                    shear += ti.math.vec3(stress[1, 2], stress[0, 2], stress[0, 1])
+                    total += weight
+                    stretch -= r * g
+                    turn -= ti.math.vec3(r.y * g.z, r.x * g.z, r.x * g.y)
             pressure = normal.sum() / 3.0
             normal -= pressure
             size = ti.sqrt(normal.norm_sqr() + 2.0 * shear.norm_sqr())
@@ -150,26 +162,28 @@ class ShearRelief(Force):
                     self.impulses.wall_impulse.add(i, m * change)
                 else:
                     self.impulses.record_internal(i, m, p.x[i], change)
-            if p.boundary_gradient[i].norm_sqr() > 0.0:
-                b = p.boundary_gradient[i]
-                along = impulse * rows_times_vector(p.relief[i], b).dot(b) / b.norm_sqr()
-                body = along * b
-                v += body
-                self.impulses.wall_impulse.add(i, m * body)
+            for link in range(p.first_link[i], p.first_link[i] + p.links[i]):
+                change = self._by_body(i, link, impulse)
+                v += change
+                self.impulses.wall_impulse.add(i, m * change)
             p.v[i] = v
 
-    @kernel
-    def _push_bodies(self, impulse: ti.f32):
-        """Records the opposite impulses on bodies; impulse as in _accelerate()."""
-        p = self.particles
-        for link in range(self.links.found[None]):
-            i = self.links.particle[link]
-            _, body, arm = self.links.image(link)
-            b = p.boundary_gradient[i]
-            along = impulse * rows_times_vector(p.relief[i], b).dot(b)
-            along /= ti.max(b.norm_sqr(), MIN_DIVISOR)
-            push = -self.layers.mass[p.layer[i]] * along * self.links.gradient[link]
-            self.impulses.push_body(body, push, arm)
+    @ti.func
+    def _by_body(self, i, link, impulse):
+        """Returns the change of the velocity [m/s] of particle i by the images of a link; stores
+        the opposite impulse on the body for hand_over().
+
+        An image has the mirrored velocity of its particle j, so the term of i pushes j by the
+        mirrored opposite, and the body by the sum, along its normal.
+        """
+        images, p, change = self.body_images, self.particles, ti.math.vec3(0.0)
+        for s in range(images.first[link], images.end[link]):
+            j, back = images.particle(s), images.reaction[s]
+            change += rows_times_vector(p.relief[i], images.gradient[s])
+            change -= images.reflection(link, s) @ rows_times_vector(p.relief[j], back)
+        change *= impulse
+        self.links.push_at_face(link, -self.layers.mass[p.layer[i]] * change)
+        return change
 
 
 @ti.func

@@ -10,8 +10,8 @@ where the coarser particle of a pair has the larger share (layers.stress_share).
 directions are missing, the pressure is the mean of (p_i + p_j)/2 weighted by -V_j r_ij.grad W_ij
 (docs/method.md, "Pressure").
 
-A body has no multiplier: it pushes with the particle's multiplier, up to twice the pressure.
-Near bodies the pressure is the kernel's mean of multipliers with the body counted as 0.
+Mirror images in walls and bodies have the multipliers of their particles. Their pressure is larger
+by the hydrostatic pressure between particle and image.
 """
 
 import taichi as ti
@@ -31,6 +31,10 @@ FADE_SPEED, UNLIKE_SPACING = 0.05, 0.1
 # Least acceleration [m/s^2] that has a direction.
 MIN_ACCELERATION = 1e-6
 
+# Sums over neighbours and images: of weights (-), and of weights times multiplier [Pa], for the
+# mean and for the trace.
+Sums = ti.types.struct(weights=ti.f32, others=ti.f32, trace=ti.f32)
+
 
 @data_oriented
 class VirialPressure:
@@ -47,6 +51,7 @@ class VirialPressure:
         self.layers, self.particles = parts.layers, parts.particles
         self.neighbours, self.images = parts.neighbours, parts.neighbours.images
         self.pair_gradient = density.pair_gradient
+        self.links, self.body_images = parts.links, parts.body_images
         self.long_vector = ti.types.vector(3, longest_float())
         self.Evaluation = ti.types.struct(
             inner=self.long_vector,
@@ -58,11 +63,10 @@ class VirialPressure:
 
     @ti.func
     def evaluate(self, i, gravity, with_stress: ti.template()):
-        """Returns the Evaluation of particle i in one pass, without bodies. A particle without
-        neighbours, or with its whole air share, has its own multiplier as pressure."""
+        """Returns the Evaluation of particle i in one pass. A particle without neighbours, or with
+        its whole air share, has its own multiplier as pressure."""
         layer, x = self.particles.layer[i], self.particles.x[i]
-        own, found = self.particles.pressure_multiplier[i], self.Evaluation()
-        trace, others, weights = 0.0, 0.0, 0.0
+        own, found, sums = self.particles.pressure_multiplier[i], self.Evaluation(), Sums()
         for mirrored in ti.static((False, True)):
             pushes = self.long_vector(0.0)
             begin, end = self.neighbours.span(i, mirrored)
@@ -70,73 +74,94 @@ class VirialPressure:
                 j, mirror, wall = self.neighbours.read(s, mirrored)
                 gradient = self.pair_gradient[s]
                 r_ij = self.images.offset(x, self.particles.x[j], mirror, wall)
-                weight = -r_ij.dot(gradient)
-                other = self.particles.pressure_multiplier[j]
+                other, excess = self.particles.pressure_multiplier[j], 0.0
                 pushes -= (own + other) * gradient
                 if ti.static(mirrored):
-                    other += self.image_excess(x - r_ij, j, gravity)
-                others += weight * other
-                weights += weight
+                    excess = self.image_excess(x - r_ij, j, gravity)
                 share = self.layers.stress_share[layer, self.particles.layer[j]]
-                trace += share * weight * (own + other)
-                if ti.static(with_stress):
-                    push = -share * (own + other) * gradient
-                    found.normal += r_ij * push
-                    found.shear += ti.Vector([r_ij.y * push.z, r_ij.x * push.z, r_ij.x * push.y])
+                self._add(r_ij, gradient, other, excess, share, own, sums, found, with_stress)
             if ti.static(mirrored):
                 found.wall = pushes / self.constants.rest_density[None]
             else:
                 found.inner = pushes / self.constants.rest_density[None]
-        mean = ti.select(weights > MIN_WEIGHT, others / ti.max(weights, MIN_WEIGHT), own)
+        for link in range(
+            self.particles.first_link[i], self.particles.first_link[i] + self.particles.links[i]
+        ):
+            for s in range(self.body_images.first[link], self.body_images.end[link]):
+                j, gradient = self.body_images.particle(s), self.body_images.gradient[s]
+                other = self.particles.pressure_multiplier[j]
+                found.wall -= (own + other) * gradient / self.constants.rest_density[None]
+                arm, image = self.body_images.arm(link, s)
+                excess = self.image_excess(image, j, gravity)
+                share = self.layers.stress_share[layer, self.particles.layer[j]]
+                self._add(arm, gradient, other, excess, share, own, sums, found, with_stress)
+        weights = sums.weights
+        mean = ti.select(weights > MIN_WEIGHT, sums.others / ti.max(weights, MIN_WEIGHT), own)
         bulk = (weights / 3.0 - SURFACE_WEIGHT) / (BULK_WEIGHT - SURFACE_WEIGHT)
         bulk = ti.math.clamp(bulk, 0.0, 1.0)
         # Below air, the mean with neighbours is the pressure a quarter of a spacing deeper.
         air = self.particles.air_share[i] / self.layers.surface_share[layer]
         at_surface = ti.math.mix(0.5 * (own + mean), own, air)
-        found.virial = ti.math.mix(at_surface, trace / 3.0, bulk)
+        found.virial = ti.math.mix(at_surface, sums.trace / 3.0, bulk)
         return found
 
     @ti.func
-    def pressure_near_body(self, i, gravity):
-        """Returns the pressure [Pa] at particle i, within reach of a body: the mean of its own and
-        its neighbours' multipliers, weighted as in c_i; bodies have weight lambda_i and pressure 0.
-
-        With p the sum of V_j q_j W_ij over all, u_i = -grad p - q_i grad c_i by definition, and
-        grad c is 0 in the mean where c = 1.
-        """
-        layer, x = self.particles.layer[i], self.particles.x[i]
-        total = self.layers.own[layer] * self.particles.pressure_multiplier[i]
-        for mirrored in ti.static((False, True)):
-            begin, end = self.neighbours.span(i, mirrored)
-            for s in range(begin, end):
-                j, mirror, wall = self.neighbours.read(s, mirrored)
-                r_ij = self.images.offset(x, self.particles.x[j], mirror, wall)
-                q = self.particles.pressure_multiplier[j]
-                if ti.static(mirrored):
-                    q += self.image_excess(x - r_ij, j, gravity)
-                total += q * self.density.weight(layer, self.particles.layer[j], r_ij.norm())
-        return total / self.density.relative(i)
+    def _add(
+        self,
+        r,
+        gradient,
+        other,
+        excess,
+        share,
+        own,
+        sums: ti.template(),
+        found: ti.template(),
+        with_stress: ti.template(),
+    ):
+        """Adds a neighbour or image at -r [m] with the multiplier `other` [Pa]; the pressure of an
+        image is larger by `excess` [Pa]."""
+        weight = -r.dot(gradient)
+        sums.others += weight * (other + excess)
+        sums.weights += weight
+        sums.trace += share * weight * (own + other + excess)
+        if ti.static(with_stress):
+            push = -share * (own + other + excess) * gradient
+            found.normal += r * push
+            found.shear += ti.Vector([r.y * push.z, r.x * push.z, r.x * push.y])
 
     @ti.func
-    def image_acceleration(self, i, gravity):
-        """Returns the acceleration [m/s^2] of particle i by its images' excess pressure.
+    def image_acceleration(self, i, dt, gravity):
+        """Returns the acceleration [m/s^2] of particle i by its images' excess pressure; stores the
+        impulses in dt [s] on bodies for BodyLinks.hand_over().
 
         The acceleration keeps the lowest sheet of particles from carrying half a sheet's weight too
         much. It is not conservative for particles that change places with particles of other size,
         so it fades out where these rise and adds no energy.
         """
         layer, x = self.particles.layer[i], self.particles.x[i]
-        total = ti.Vector([0.0, 0.0, 0.0])
+        total, per_density = ti.Vector([0.0, 0.0, 0.0]), 1.0 / self.constants.rest_density[None]
         for s in range(self.neighbours.mirrors[i], self.neighbours.end[i]):
             j, mirror, wall = self.images.read(self.neighbours.index[s])
             image = x - self.images.offset(x, self.particles.x[j], mirror, wall)
-            total -= self.image_excess(image, j, gravity) * self.pair_gradient[s]
-        acceleration = total / self.constants.rest_density[None]
-        size = ti.max(acceleration.norm(), MIN_ACCELERATION)
-        d, along = self.layers.spacing[layer], self.particles.v[i].dot(acceleration) / size
+            total -= per_density * self.image_excess(image, j, gravity) * self.pair_gradient[s]
+        first, links = self.particles.first_link[i], self.particles.links[i]
+        for link in range(first, first + links):
+            by_body = ti.Vector([0.0, 0.0, 0.0])
+            for s in range(self.body_images.first[link], self.body_images.end[link]):
+                j, image = self.body_images.particle(s), self.body_images.arm(link, s)[1]
+                excess = self.image_excess(image, j, gravity)
+                by_body -= per_density * excess * self.body_images.gradient[s]
+            self.links.pushed[link] = by_body
+            total += by_body
+        size = ti.max(total.norm(), MIN_ACCELERATION)
+        d, along = self.layers.spacing[layer], self.particles.v[i].dot(total) / size
         unlike = ti.min(ti.abs(self.particles.pair_spacing[i] / d - 1.0) / UNLIKE_SPACING, 1.0)
         fade = unlike * along / (FADE_SPEED * ti.sqrt(size * d))
-        return acceleration * ti.math.clamp(1.0 - fade, 0.0, 1.0)
+        share = ti.math.clamp(1.0 - fade, 0.0, 1.0)
+        for link in range(first, first + links):
+            impulse = -self.layers.mass[layer] * dt * share
+            self.links.push_at_face(link, impulse * self.links.pushed[link])
+        return share * total
 
     @ti.func
     def image_excess(self, image, j, gravity):

@@ -1,0 +1,146 @@
+"""Mirror images in bodies: equal to those of walls, with exact gradients, mirrored by walls."""
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial.transform import Rotation
+
+from msph.errors import BlowUpError
+from msph.fluid.boundary.body_links import SWELL
+from msph.fluid.boundary.rigid_bodies import Ball, Block, Solid
+from msph.fluid.external_forces import ExternalForces
+from msph.fluid.particles.layers import LayerSpec
+from msph.fluid.plan import Plan
+from msph.fluid.projection.parameters import ProjectionParameters
+from msph.fluid.projection.solver import Projection
+from msph.fluid.simulation import Simulation
+
+D = 0.04
+FINE, COARSE = LayerSpec(1000.0 * D**3, 1000.0, 2.45), LayerSpec(2000.0 * D**3, 1000.0, 2.45)
+GRAVITY = ExternalForces((0.0, -9.81, 0.0))
+
+
+@pytest.fixture(autouse=True)
+def unarranged(monkeypatch):
+    """Particles stay where a test puts them."""
+    monkeypatch.setattr(Projection, "arrange", Projection.measure_density)
+
+
+def water(counts, seed=0):
+    """Returns positions on a disturbed lattice of spacing D at the origin, and random layers."""
+    rng = np.random.default_rng(seed)
+    x = (np.indices(counts).reshape(3, -1).T + 0.5) * D
+    x += rng.uniform(-0.2, 0.2, x.shape) * D
+    return x.astype(np.float32), rng.integers(0, 2, len(x)).astype(np.int32)
+
+
+def simulation(x, layer, size, bodies):
+    initial = {"x": x, "layer": layer}
+    return Simulation(Plan(size, [FINE, COARSE], initial, ProjectionParameters(), bodies))
+
+
+def in_order(sim, *names):
+    order = np.argsort(sim.particles.numpy("id"))
+    return [np.array(sim.particles.numpy(name))[order] for name in names]
+
+
+@pytest.mark.parametrize(("axis", "far"), [(0, False), (0, True), (1, False), (2, True)])
+def test_a_block_along_a_wall_mirrors_as_the_wall_does(axis, far):
+    """Density, gradient and diagonal equal those at a wall in place of the block's mirror, also in
+    its edges with the other walls."""
+    x, layer = water((8, 6, 7))
+    size, thick, behind = np.array((8, 12, 7)) * D, 5.0 * D, SWELL * D
+    found = []
+    for block in (False, True):
+        larger, shift = size.copy(), np.zeros(3)
+        larger[axis] += thick * block
+        lo, hi = np.zeros(3), larger.copy()
+        if far:
+            lo[axis] = size[axis] + behind
+        else:
+            hi[axis], shift[axis] = thick - behind, thick * block
+        place = (x + shift).astype(np.float32)
+        sim = simulation(place, 0 * layer, tuple(larger), [Block(lo, hi)] if block else [])
+        sim.measure_density()
+        found.append(in_order(sim, "density", "gradient", "diagonal"))
+        sim.close()
+    for one, other in zip(*found, strict=True):
+        assert np.abs(one - other).max() < 1e-3 * np.abs(one).max()
+
+
+def bodies_at_walls():
+    """Returns a floating block, ball and mesh, each near walls."""
+    mesh = trimesh.creation.box((0.1, 0.12, 0.1))
+    mesh.apply_translation((0.25, 0.14, 0.08))
+    return [
+        Block(np.array((0.02, 0.1, 0.1)), np.array((0.12, 0.2, 0.2)), mass=0.5),
+        Ball(np.array((0.42, 0.08, 0.3)), 0.06, mass=0.5),
+        Solid(np.array(mesh.vertices), np.array(mesh.faces), mass=0.5),
+    ]
+
+
+def test_links_hold_the_gradients_by_the_motion_of_bodies():
+    """The bodies' shares, summed over the particles with weights, change by -U.G - W.T with the
+    displacement U and the rotation W of a body."""
+    (x, layer), size = water((12, 6, 9)), (12 * D, 12 * D, 9 * D)
+    sim = simulation(x, layer, size, bodies_at_walls())
+    # Contact keeps particles this far from bodies at least.
+    apart = sim.boundary.free(x, 0.06 * D)
+    sim.close()
+    sim = simulation(x[apart], layer[apart], size, bodies_at_walls())
+    links, floating = sim.world.parts.links, sim.boundary.floating
+    weights = np.random.default_rng(1).random(len(x))
+
+    def total():
+        sim.boundary.restore(0.0, floating.state())
+        sim.world.parts.body_images.refresh()
+        return (weights[sim.particles.numpy("id")] * sim.particles.numpy("boundary_share")).sum()
+
+    sim.measure_density()
+    total()
+    n, start, step = links.found[None], floating.state(), 2e-4
+    of_link = weights[sim.particles.numpy("id")[links.particle.to_numpy()[:n]]]
+    bodies, G, T = (f.to_numpy()[:n] for f in (links.body, links.gradient, links.torque))
+    for b in range(3):
+        own = bodies == b
+        rates = [-(of_link[own, None] * field[own]).sum(axis=0) for field in (G, T)]
+        for rate, turns in zip(rates, (False, True), strict=True):
+            for axis in range(3):
+                sums = []
+                for way in (step, -step):
+                    floating.restore(start.copy())
+                    if not turns:
+                        floating.x[b, axis] += way
+                    else:
+                        turn = Rotation.from_rotvec(way * np.eye(3)[axis]).as_matrix()
+                        floating.turn[b] = turn @ floating.turn[b]
+                    sums.append(total())
+                found = (sums[0] - sums[1]) / (2.0 * step)
+                assert found == pytest.approx(rate[axis], abs=0.02 * np.abs(rate).max() + 5e-3)
+
+
+def test_bodies_at_opposite_walls_have_mirrored_forces():
+    """Regression: only walls at the origin mirrored bodies, so that a ball lying at the far wall
+    had no images there."""
+    x, layer = water((9, 6, 6))
+    size, found = np.array((9, 12, 6)) * D, []
+    for far in (False, True):
+        ball = Ball(np.array((size[0] - 0.07 if far else 0.07, 0.1, 0.12)), 0.06)
+        place = x.copy()
+        place[:, 0] = size[0] - x[:, 0] if far else x[:, 0]
+        sim = simulation(place, layer, tuple(size), [ball])
+        sim.measure_density()
+        found.append(in_order(sim, "boundary_share", "boundary_gradient"))
+        sim.close()
+    found[1][1][:, 0] *= -1.0
+    for one, other in zip(*found, strict=True):
+        assert np.abs(one - other).max() < 1e-3 * np.abs(one).max()
+
+
+def test_too_many_images_raise_a_blow_up_error(monkeypatch):
+    x, layer = water((6, 5, 6))
+    sim = simulation(x, layer, (6 * D, 8 * D, 6 * D), [Ball(np.array((0.12, 0.1, 0.12)), 0.06)])
+    monkeypatch.setattr(sim.world.parts.body_images, "capacity", 10)
+    with pytest.raises(BlowUpError, match="bodies mirror particles in .* at most 10"):
+        sim.measure_density()
+        sim.world.parts.body_images.refresh()
