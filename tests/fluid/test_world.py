@@ -65,7 +65,7 @@ def test_scenes_without_bodies_launch_no_kernels_of_bodies():
         "clear_bodies",
         "find_links",
         "find_gaps",
-        "hand_over",
+        "record_pushes",
     }
     assert not without & of_bodies
     assert of_bodies <= launched

@@ -60,8 +60,8 @@ class BodyLinks:
     centre [m]; distance [m] and normal of the face; share_gradient, the gradient of the body's
     share of the kernel [1/m]; ratio (-) of this share to that of a plane at this distance, and its
     relative slope [1/m]; gradient G [1/m] and torque T (-); pushed, twisted [N s, N m s]: impulses
-    on the body for hand_over(). moved [m], turned [rad], by body: displacements by the multipliers
-    of the last displace().
+    on the body for record_pushes(). moved [m], turned [rad], by body: displacements by the
+    multipliers of the last displace().
     """
 
     def __init__(
@@ -314,7 +314,7 @@ class BodyLinks:
         """Records the impulses of the velocity multipliers in a step of dt [s] on all bodies."""
         if self.boundary.count:
             self._take_pressure(dt)
-            self.hand_over()
+            self.record_pushes()
 
     @kernel
     def _take_pressure(self, dt: ti.f32):
@@ -328,14 +328,14 @@ class BodyLinks:
     @ti.func
     def push_at_face(self, link, impulse):
         """Sets the impulse [N s] of a link on its body, in the frame of the particle, for
-        hand_over(); it acts at the foot of the perpendicular from the mirrored particle."""
+        record_pushes(); it acts at the foot of the perpendicular from the mirrored particle."""
         mirror, _ = self.images.mirror_and_wall(self.mirrors[link])
         foot = self.place[link] - self.distance[link] * self.normal[link]
         self.pushed[link] = mirror * impulse
         self.twisted[link] = foot.cross(mirror * impulse)
 
     @kernel
-    def hand_over(self):
+    def record_pushes(self):
         """Records the impulses `pushed` and `twisted` of all links on the bodies."""
         for chunk in range(self.chunks[None]):
             push, twist = self.long_vector(0.0), self.long_vector(0.0)

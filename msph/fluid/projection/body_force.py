@@ -29,7 +29,7 @@ class BodyForce(Force):
         numbers = external.field(), external.hand.numbers()
         self._accelerate(self.particles.count, dt, *numbers)
         if self.boundary.count:
-            self.links.hand_over()
+            self.links.record_pushes()
 
     @kernel
     def _accelerate(

@@ -84,7 +84,7 @@ class ShearRelief(Force):
         self._find(n)
         self._accelerate(n, impulse)
         if self.boundary.count:
-            self.links.hand_over()
+            self.links.record_pushes()
 
     @heavy_kernel
     def _find(self, n: ti.i32):
@@ -171,7 +171,7 @@ class ShearRelief(Force):
     @ti.func
     def _by_body(self, i, link, impulse):
         """Returns the change of the velocity [m/s] of particle i by the images of a link; stores
-        the opposite impulse on the body for hand_over().
+        the opposite impulse on the body for record_pushes().
 
         An image has the mirrored velocity of its particle j, so the term of i pushes j by the
         mirrored opposite, and the body by the sum, along its normal.

@@ -132,7 +132,7 @@ class VirialPressure:
     @ti.func
     def image_acceleration(self, i, dt, gravity):
         """Returns the acceleration [m/s^2] of particle i by its images' excess pressure; stores the
-        impulses in dt [s] on bodies for BodyLinks.hand_over().
+        impulses in dt [s] on bodies for BodyLinks.record_pushes().
 
         The acceleration keeps the lowest sheet of particles from carrying half a sheet's weight too
         much. It is not conservative for particles that change places with particles of other size,
