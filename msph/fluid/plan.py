@@ -1,5 +1,6 @@
 """Plan: everything that a simulation reads from a scene, computed once."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -102,7 +103,17 @@ class Plan:
             cells=sum(cells_of(self.region, self.specs)),
             depth_cells=int(np.prod(self._depth.get("depth_dims", 0))),
             samples=sample_count(list(self.bodies), self.specs),
+            images=self._images,
         )
+
+    @property
+    def _images(self) -> int:
+        """Largest number of images of particles in bodies. A particle at a face has at most half as
+        many as the bound of its neighbours at rest. Without bodies: those of a sheet across a cube,
+        for bodies that are added later."""
+        near = self.max_particles if self.bodies else self.max_particles ** (2.0 / 3.0)
+        margin = self.method.LIST_MARGIN
+        return math.ceil(0.5 * near * max_mean_neighbours(self.specs, margin, self.list_form))
 
     def constants(self) -> dict[str, Any]:
         """Returns the scene's constants by their names in Constants."""

@@ -93,8 +93,8 @@ def test_the_first_capacity_class_holds_every_shipped_scene():
 
 
 def test_capacities_grow_separately_and_up_to_the_range_of_indices():
-    assert room_for(Room(1, 1, 1, 0, 0)) == FIRST
-    more = room_for(Room(FIRST.particles + 1, 1, 1, 0, 5 * FIRST.samples))
+    assert room_for(Room(1, 1, 1, 0, 0, 0)) == FIRST
+    more = room_for(Room(FIRST.particles + 1, 1, 1, 0, 5 * FIRST.samples, 0))
     assert more.particles == 2 * FIRST.particles and more.samples == 8 * FIRST.samples
     assert (more.entries, more.cells, more.depth_cells) == (FIRST.entries, FIRST.cells, 30_000)
     assert grown(3, 3 * 2**20) == 3 * 2**20

@@ -22,9 +22,6 @@ from msph.taichi_internals import data_oriented, heavy_kernel
 
 vec3 = ti.math.vec3
 
-# Capacity for images in bodies per particle: a particle at a face has about 40, and more near an
-# edge between a face and a wall.
-IMAGES_PER_PARTICLE = 24
 # Least length [m] of the mean of two normals that has a direction.
 MIN_LENGTH = 1e-6
 
@@ -49,7 +46,7 @@ class BodyImages:
     def __init__(self, room: Room, links: BodyLinks, neighbours: NeighbourList):
         self.links, self.boundary, self.particles = links, links.boundary, links.particles
         self.layers, self.neighbours, self.mirrors = links.layers, neighbours, neighbours.images
-        self.capacity = IMAGES_PER_PARTICLE * room.particles
+        self.capacity = room.images
         self.index, self.partner = (ti.field(ti.i32, shape=self.capacity) for _ in range(2))
         self.gradient, self.reaction = (
             ti.Vector.field(3, ti.f32, shape=self.capacity) for _ in range(2)
