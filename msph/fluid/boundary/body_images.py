@@ -81,11 +81,11 @@ class BodyImages:
                     count += ti.select(self._image(i, link, s).partner >= 0, 1, 0)
             if count > 0:
                 begin = ti.atomic_add(self.found[None], count)
-            p.first_image[i] = p.image_end[i] = begin
-            if begin + count <= self.capacity:
-                p.image_end[i] = begin + count
+            place, limit = begin, begin + count
+            if limit <= self.capacity:
                 for link in range(first, end):
-                    self._store(i, link, begin, total)
+                    self._store(i, link, limit, place, total)
+            p.first_image[i], p.image_end[i] = begin, place
             p.boundary_share[i], p.boundary_gradient[i] = total.share, total.gradient
             p.boundary_inflow[i] = total.inflow
         return self.found[None]
@@ -122,16 +122,17 @@ class BodyImages:
         return found
 
     @ti.func
-    def _store(self, i, link, place: ti.template(), total: ti.template()):
+    def _store(self, i, link, limit, place: ti.template(), total: ti.template()):
         """Stores the images of a link of particle i from `place` on, which it advances, and adds
-        their contributions to `total`."""
+        their contributions to `total`. An image at the end of the kernel may have been counted and
+        not be found, or the reverse, by rounding: hence `limit`."""
         links, layer = self.links, self.particles.layer[i]
         self.first[link] = place
         own, _ = self.mirrors.mirror_and_wall(links.mirrors[link])
         push, torque = vec3(0.0), vec3(0.0)
         for s in range(self.neighbours.start[i] - 1, self.neighbours.end[i]):
             image = self._image(i, link, s)
-            if image.partner >= 0:
+            if image.partner >= 0 and place < limit:
                 k = image.partner
                 j = links.particle[k]
                 other, rest = self.particles.layer[j], self._signs(image.rest)

@@ -176,11 +176,21 @@ class BodyLinks:
                 count += self._count(i, self.images.combination(number, near), h)
             # Outside the loops, in which Mesa's software driver loses atomic operations.
             link = ti.atomic_add(self.found[None], count)
-            p.first_link[i] = link
-            p.links[i] = ti.select(link + count <= self.capacity, count, 0)
+            first, limit = link, ti.min(link + count, self.capacity)
             for number in range(combinations):
-                self._add(i, self.images.combination(number, near), h, link)
+                self._add(i, self.images.combination(number, near), h, limit, link)
+            p.first_link[i], p.links[i] = first, link - first
+            # By rounding, a link that was counted may not be found.
+            for empty in range(link, limit):
+                self._clear_link(empty, i)
         return self.found[None]
+
+    @ti.func
+    def _clear_link(self, link, i):
+        """Makes a link one without effect."""
+        self.particle[link], self.body[link], self.mirrors[link] = i, 0, 0
+        self.gradient[link] = self.torque[link] = vec3(0.0)
+        self.pushed[link] = self.twisted[link] = vec3(0.0)
 
     @ti.func
     def _mirroring_walls(self):
@@ -213,16 +223,17 @@ class BodyLinks:
         return found
 
     @ti.func
-    def _add(self, i, mirrors, h, link: ti.template()):
-        """Stores the links of particle i by `mirrors` from index `link` on, and advances it."""
+    def _add(self, i, mirrors, h, limit, link: ti.template()):
+        """Stores the links of particle i by `mirrors` from index `link` to `limit`, and advances
+        it."""
         mirror, wall = self.images.mirror_and_wall(mirrors)
         x = self.images.reflected(self.particles.x[i], mirror, wall)
         for b in range(self.constants.bodies[None]):
             if self._reaches(b, x, mirrors, h) and self._links(b, x, self.particles.layer[i], h):
-                if link < self.capacity:
+                if link < limit:
                     self.particle[link], self.body[link], self.mirrors[link] = i, b, mirrors
                     self._measure(link, b, x, self.particles.layer[i], h)
-                link += 1
+                    link += 1
 
     @ti.func
     def _measure(self, link, b, x, layer, h):
