@@ -38,6 +38,9 @@ MIN_START_SCALE, MAX_START_SCALE = 0.5, 2.0
 # Ratio (-) of its diagonal to the diagonal that it would have if it moved, below which a particle
 # of prescribed velocity has no multiplier.
 MIN_HELD_DIAGONAL = 0.1
+# Least diagonal, times the squared spacing (-), of a particle with an initial guess; it is 0.8 in
+# bulk. The first step of a particle that has lost its neighbours would be its residual over 0.
+MIN_DIAGONAL = 1e-6
 # Smallest displacement in the scale of the tolerance, in spacings: keeps the tolerance above zero.
 MIN_DISPLACEMENT = 1e-5
 
@@ -92,6 +95,8 @@ class PressureSolve:
             last = p.pressure_multiplier[i]
             start = 0.5 * (last + p.previous_multiplier[i])
             p.previous_multiplier[i] = last
+            reached = p.diagonal[i] * self.layers.spacing[p.layer[i]] ** 2 > MIN_DIAGONAL
+            start = ti.select(reached, start, 0.0)
             p.velocity_multiplier[i] = start * dt * dt / self.constants.rest_density[None]
 
     def solve(self, dt: float) -> int:
