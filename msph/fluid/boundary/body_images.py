@@ -22,7 +22,7 @@ from msph.taichi_internals import data_oriented, heavy_kernel
 
 vec3 = ti.math.vec3
 
-# Least length [m] of the mean of two normals that has a direction.
+# Least length (-) of the mean of two normals that has a direction.
 MIN_LENGTH = 1e-6
 
 # An image of a particle seen by a link: the link of the particle, -1 if there is none; the bits of
@@ -116,8 +116,7 @@ class BodyImages:
                     product = links.distance[link] * links.distance[found.partner]
                     found.r2 = found.r.norm_sqr() + 4.0 * product
                     layer, other = self.particles.layer[i], self.particles.layer[j]
-                    ratios = links.ratio[link] * links.ratio[found.partner]
-                    if found.r2 * self.layers.per_h[layer, other] ** 2 >= 1.0 or ratios <= 0.0:
+                    if found.r2 * self.layers.per_h[layer, other] ** 2 >= 1.0:
                         found.partner = -1
         return found
 
@@ -136,7 +135,7 @@ class BodyImages:
                 k = image.partner
                 j = links.particle[k]
                 other, rest = self.particles.layer[j], self._signs(image.rest)
-                factor = ti.sqrt(links.ratio[link] * links.ratio[k])
+                factor = self.factor(link, k)
                 per_h, scale = self.layers.per_h[layer, other], self.layers.scale[layer, other]
                 shape = factor * scale * kernels.quartic_shape(ti.sqrt(image.r2) * per_h)
                 w, slope = shape.x, shape.y * per_h * per_h
@@ -181,9 +180,9 @@ class BodyImages:
         return own * (links.place[link] + centre - x + behind * links.normal[link]), image
 
     @ti.func
-    def factor(self, link, s):
-        """Returns the factor (-) of image s of a link, which accounts for the body's shape."""
-        return ti.sqrt(self.links.ratio[link] * self.links.ratio[self.partner[s]])
+    def factor(self, link, partner):
+        """Returns the factor (-) of the image by two links, which accounts for the body's shape."""
+        return ti.sqrt(self.links.ratio[link] * self.links.ratio[partner])
 
     @ti.func
     def reflection(self, link, s):

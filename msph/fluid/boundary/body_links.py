@@ -47,9 +47,11 @@ CHUNK, LINKS_PER_PARTICLE = 64, 4
 # displace as much water as they should (docs/method.md, "Walls and bodies"). Least distance of a
 # particle from a mirror, likewise, which keeps it apart from its image.
 SWELL, NEAREST = 0.012, 0.01
-# Share (-) of a plane behind which a body counts as out of reach, and largest ratio of a body's
-# share to that of a plane: next to the corner of a container it is 1.75.
-LEAST_PLANE, LARGEST_RATIO = 1e-6, 4.0
+# Share (-) of the kernel below which the ratio of a body's share to that of a plane tends to 1:
+# shares of meshes are inexact by 3e-4.
+SMALL_SHARE = 1e-3
+# Largest ratio (-) of a body's share to that of a plane: in the corner of a container it is 3.
+LARGEST_RATIO = 4.0
 
 
 @data_oriented
@@ -241,11 +243,13 @@ class BodyLinks:
         near, spacing = self.boundary.distance_by(b, x, BEGIN, CUBIC), self.layers.spacing[layer]
         self.place[link], self.normal[link] = x - self.boundary.centre[b, BEGIN], near.yzw
         self.distance[link] = ti.max(near.x - SWELL * spacing, NEAREST * spacing)
-        plane, share = wendland_behind(near.x, h), self.boundary.joint_share(b, x, layer, h)
-        ratio, slope = 0.0, vec3(0.0)
-        if plane > LEAST_PLANE and share.x > 0.0:
-            ratio = ti.min(share.x / plane, LARGEST_RATIO)
-            slope = share.yzw / share.x - wendland_behind_slope(near.x, h) / plane * near.yzw
+        share = self.boundary.joint_share(b, x, layer, h)
+        whole = ti.max(share.x, 0.0) + SMALL_SHARE
+        plane = wendland_behind(near.x, h) + SMALL_SHARE
+        ratio = ti.min(whole / plane, LARGEST_RATIO)
+        slope = vec3(0.0)
+        if share.x > 0.0 and ratio < LARGEST_RATIO:
+            slope = share.yzw / whole - wendland_behind_slope(near.x, h) / plane * near.yzw
         self.ratio[link], self.slope[link] = ratio, slope
         self.share_gradient[link] = share.yzw
 

@@ -1,9 +1,8 @@
 """Discrete gradient of pressure, and the divergence that is its adjoint.
 
 Multipliers q [m^2] displace particles by u_i = -sum V_j (q_i + q_j) grad W_ij [m], which changes
-relative densities by sum V_j (u_i - u_j).grad W_ij. Sums run over neighbours and mirror images;
-bodies add -q_i b_i to the first and u_i.b_i to the second, b_i the gradient of the bodies' part of
-the kernel's integral. Floating bodies are displaced as well (body_links.py). Gradient and
+relative densities by sum V_j (u_i - u_j).grad W_ij. Sums run over neighbours and mirror images, in
+walls and in bodies. Floating bodies are displaced as well (body_links.py). Gradient and
 divergence are adjoint: A q = -div u(q) is symmetric and positive semi-definite under the volumes V,
 and <q, A q> is sum V |u|^2 and the same sum over the bodies, for all layers.
 """

@@ -116,7 +116,7 @@ class ShearRelief(Force):
                     per_h = self.layers.per_h[layer, p.layer[j]]
                     u = ti.max(1.0 - r.norm_sqr() * per_h**2, 0.0)
                     weight = self.layers.bell_scale[layer, p.layer[j]] * (u * u) * (u * u)
-                    weight *= self.body_images.factor(link, s)
+                    weight *= self.body_images.factor(link, self.body_images.partner[s])
                     mirror = self.body_images.reflection(link, s)
                     stress = mirror @ symmetric(p.normal_stress[j], p.shear_stress[j])
                     stress = weight * stress @ mirror.transpose()

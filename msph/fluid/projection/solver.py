@@ -114,7 +114,7 @@ class Projection:
         """Returns the constants that only this method reads, by their names in Constants."""
         names = ("cfl", "pressure_cfl", "release", "spray", "largest_shift", "slip")
         found: dict[str, Any] = {name: getattr(parameters, name) for name in names}
-        # Narrower kernels hold pairs more stiffly, by 1/h.
+        # The stiffness of a pair grows with 1/h: narrower kernels need shorter steps.
         narrow = min(min(s.smoothing for s in specs) / Projection.SMOOTHING, 1.0)
         found["pressure_cfl"] *= narrow
         # Drops under tension have shells of particles, for which the tension is calibrated.

@@ -47,7 +47,7 @@ class VirialPressure:
     """
 
     def __init__(self, parts: Parts, density: Density):
-        self.constants, self.density = parts.constants, density
+        self.constants = parts.constants
         self.layers, self.particles = parts.layers, parts.particles
         self.neighbours, self.images = parts.neighbours, parts.neighbours.images
         self.pair_gradient = density.pair_gradient
