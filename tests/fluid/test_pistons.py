@@ -20,11 +20,13 @@ LOW, FAR = 1, 8  # walls normal to x
 
 
 @pytest.fixture
-def sim():
-    n = np.round(np.array((SIZE[0], DEPTH, SIZE[2])) / D).astype(int)
-    x = ((np.indices(n).reshape(3, -1).T + 0.5) * D).astype(np.float32)
+def sim(request):
+    """A pool with the spacing given by the test's parameter [m], by default D."""
+    d = getattr(request, "param", D)
+    n = np.round(np.array((SIZE[0], DEPTH, SIZE[2])) / d).astype(int)
+    x = ((np.indices(n).reshape(3, -1).T + 0.5) * d).astype(np.float32)
     initial = {"x": x, "layer": np.zeros(len(x), np.int32)}
-    spec = LayerSpec(1000.0 * D**3, 1000.0, 2.45)
+    spec = LayerSpec(1000.0 * d**3, 1000.0, 2.45)
     sim = Simulation(Plan(SIZE, [spec], initial, ProjectionParameters()))
     yield sim
     sim.close()
@@ -63,7 +65,9 @@ def test_a_piston_at_its_wall_is_like_the_wall(sim, wall):
     assert after.centre[0] == pytest.approx(before.centre[0], abs=0.03 * D)
 
 
-def test_a_piston_pushes_the_water_by_its_work_and_impulse(sim):
+# Energy gained by shear relief (-): water only four spacings deep gains 0.0049, eight 0.0011.
+@pytest.mark.parametrize(("sim", "gain"), [(D, 6e-3), (0.5 * D, 3e-3)], indirect=["sim"])
+def test_a_piston_pushes_the_water_by_its_work_and_impulse(sim, gain):
     ledger = ledger_of(sim)
     sim.add_piston(Stroke(LOW))
     run(sim, ledger, 12, 0.8)
@@ -80,8 +84,7 @@ def test_a_piston_pushes_the_water_by_its_work_and_impulse(sim):
     fallen = first.mass * last.time * np.array(GRAVITY)
     assert np.linalg.norm(given - fallen) < 1e-4 * np.linalg.norm(fallen)
     assert last.body_impulse[0] > 0.0
-    # By shear relief in water only four spacings deep: 0.005, at eight spacings 0.001.
-    assert ledger.energy_gain() < 6e-3
+    assert ledger.energy_gain() < gain
 
 
 def test_a_removed_piston_has_no_effect_and_its_impulse_stays_in_the_ledger(sim):

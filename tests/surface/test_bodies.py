@@ -52,7 +52,8 @@ def test_a_mesh_for_an_image_does_not_pass_through_a_thin_body():
     water.fill(x[x[:, 0] < middle[0]])
     water.surface.extract(hidden=True)
     assert_closed(water.surface.mesh)
-    assert water.surface.mesh.to_numpy()[0][:, 0].max() < middle[0] + 0.1 * thickness
+    # Interpolation across the body's middle, where its distance has a kink, is off by up to 2 %.
+    assert water.surface.mesh.to_numpy()[0][:, 0].max() < middle[0] + 0.05 * thickness
     water.simulation.close()
 
 
