@@ -69,3 +69,10 @@ def coarse_tank(capacity):
     specs = [LayerSpec(mass / 2**k, 1000.0, 2.5) for k in (2, 1, 0)]
     adaptation = AdaptationParameters(band=1.5)
     return Plan(TANK, specs, initial, ProjectionParameters(), (), adaptation, capacity=capacity)
+
+
+def repulsion(q):
+    """Returns what a particle's own image at the distance q, in spacings, adds to c, and its
+    derivative by q."""
+    u = np.clip(1.0 - q / 0.84, 0.0, None)
+    return 0.1 * u**2, -0.2 / 0.84 * u

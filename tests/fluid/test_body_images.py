@@ -6,7 +6,6 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from msph.errors import BlowUpError
-from msph.fluid.boundary.body_links import SWELL
 from msph.fluid.boundary.rigid_bodies import Ball, Block, Solid
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.plan import Plan
@@ -47,16 +46,16 @@ def test_a_block_along_a_wall_mirrors_as_the_wall_does(axis, far):
     """Density, gradient and diagonal equal those at a wall in place of the block's mirror, also in
     its edges with the other walls."""
     x, layer = water((8, 6, 7))
-    size, thick, behind = np.array((8, 12, 7)) * D, 5.0 * D, SWELL * D
+    size, thick = np.array((8, 12, 7)) * D, 5.0 * D
     found = []
     for block in (False, True):
         larger, shift = size.copy(), np.zeros(3)
         larger[axis] += thick * block
         lo, hi = np.zeros(3), larger.copy()
         if far:
-            lo[axis] = size[axis] + behind
+            lo[axis] = size[axis]
         else:
-            hi[axis], shift[axis] = thick - behind, thick * block
+            hi[axis], shift[axis] = thick, thick * block
         place = (x + shift).astype(np.float32)
         sim = simulation(place, 0 * layer, tuple(larger), [Block(lo, hi)] if block else [])
         sim.measure_density()

@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
-from fluid_kit import YIELD, fill, quartic_slope
+from fluid_kit import YIELD, fill, quartic_slope, repulsion
 
 from bench import tanks
 from msph.fluid.external_forces import ExternalForces
@@ -65,7 +65,9 @@ def expected(x, p, gravity=0.0):
     d = x[:, None] - np.concatenate([place for place, _, _ in seen])
     r = np.linalg.norm(d, axis=2)
     slope = np.where((r > 0) & (r < h), quartic_slope(r, h), 0.0) / YIELD[SMOOTHING]
-    gradient = volume * (slope / np.where(r > 0, r, 1.0))[..., None] * d
+    own = (np.arange(r.shape[1]) % len(x) == np.arange(len(x))[:, None]) & (r > 0)
+    slope = volume * slope + np.where(own, repulsion(r / D)[1] / D, 0.0)
+    gradient = (slope / np.where(r > 0, r, 1.0))[..., None] * d
     push = p[:, None] + np.tile(p, 27) + excess
     stress = -0.5 * np.einsum("ij,ija,ijb->iab", push, d, gradient)
     u = np.clip(1.0 - (r / h) ** 2, 0.0, None)

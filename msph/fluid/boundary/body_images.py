@@ -20,7 +20,7 @@ from msph.fluid.particles.neighbour_list import NeighbourList
 from msph.fluid.room import Room
 from msph.taichi_internals import data_oriented, heavy_kernel
 
-vec3 = ti.math.vec3
+vec2, vec3 = ti.math.vec2, ti.math.vec3
 
 # Least length (-) of the mean of two normals that has a direction.
 MIN_LENGTH = 1e-6
@@ -139,6 +139,11 @@ class BodyImages:
                 per_h, scale = self.layers.per_h[layer, other], self.layers.scale[layer, other]
                 shape = factor * scale * kernels.quartic_shape(ti.sqrt(image.r2) * per_h)
                 w, slope = shape.x, shape.y * per_h * per_h
+                repulsion, per_spacing = vec2(0.0), 1.0 / self.layers.spacing[layer]
+                if k == link and image.rest == 0:
+                    r = ti.sqrt(image.r2)
+                    repulsion = kernels.own_image(r * per_spacing)
+                    slope += repulsion.y * per_spacing / r
                 n_i, n_j = links.normal[link], rest * links.normal[k]
                 g = slope * (image.r + 2.0 * links.distance[k] * n_i) + 0.5 * w * links.slope[link]
                 back = slope * (2.0 * links.distance[link] * n_j - image.r)
@@ -150,7 +155,7 @@ class BodyImages:
                 self.partner[place] = k
                 self.gradient[place] = own * g
                 self.reaction[place] = self._signs(links.mirrors[k]) * rest * back
-                total.share += w
+                total.share += w + repulsion.x
                 total.gradient += own * g
                 place += 1
         self.end[link] = place

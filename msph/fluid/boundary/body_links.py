@@ -43,15 +43,16 @@ ATTRIBUTES = (
 # Links per chunk, and capacity for links per particle: a particle in a corner between two bodies
 # and two walls has eight links, most particles have none.
 CHUNK, LINKS_PER_PARTICLE = 64, 4
-# Distance of the mirrors of bodies from their faces, in spacings of the particle: submerged balls
-# displace as much water as they should (docs/method.md, "Walls and bodies"). Least distance of a
-# particle from a mirror, likewise, which keeps it apart from its image.
-SWELL, NEAREST = 0.012, 0.01
+# Least distance of a particle from a mirror, in its spacings: keeps it apart from its image.
+NEAREST = 0.01
 # Share (-) of the kernel below which the ratio of a body's share to that of a plane tends to 1:
 # shares of meshes are inexact by 3e-4.
 SMALL_SHARE = 1e-3
 # Largest ratio (-) of a body's share to that of a plane: in the corner of a container it is 3.
 LARGEST_RATIO = 4.0
+# Increase (-) of ratios a < 1, by 1 + CONVEX (1 - a)^2: small bodies displace as much water as they
+# should (docs/method.md, "Walls and bodies").
+CONVEX = 1.6
 
 
 @data_oriented
@@ -60,10 +61,10 @@ class BodyLinks:
 
     Tables by link: particle, body, mirrors (bits); place, the mirrored particle from the body's
     centre [m]; distance [m] and normal of the face; share_gradient, the gradient of the body's
-    share of the kernel [1/m]; ratio (-) of this share to that of a plane at this distance, and its
-    relative slope [1/m]; gradient G [1/m] and torque T (-); pushed, twisted [N s, N m s]: impulses
-    on the body for record_pushes(). moved [m], turned [rad], by body: displacements by the
-    multipliers of the last displace().
+    share of the kernel [1/m]; ratio a (-) of this share to that of a plane at this distance, larger
+    at convex faces, and its relative slope [1/m]; gradient G [1/m] and torque T (-); pushed,
+    twisted [N s, N m s]: impulses on the body for record_pushes(). moved [m], turned [rad], by
+    body: displacements by the multipliers of the last displace().
     """
 
     def __init__(
@@ -242,7 +243,7 @@ class BodyLinks:
         """Stores the place, distance, normal and ratio of a link at the mirrored place x [m]."""
         near, spacing = self.boundary.distance_by(b, x, BEGIN, CUBIC), self.layers.spacing[layer]
         self.place[link], self.normal[link] = x - self.boundary.centre[b, BEGIN], near.yzw
-        self.distance[link] = ti.max(near.x - SWELL * spacing, NEAREST * spacing)
+        self.distance[link] = ti.max(near.x, NEAREST * spacing)
         share = self.boundary.joint_share(b, x, layer, h)
         whole = ti.max(share.x, 0.0) + SMALL_SHARE
         plane = wendland_behind(near.x, h) + SMALL_SHARE
@@ -250,7 +251,10 @@ class BodyLinks:
         slope = vec3(0.0)
         if share.x > 0.0 and ratio < LARGEST_RATIO:
             slope = share.yzw / whole - wendland_behind_slope(near.x, h) / plane * near.yzw
-        self.ratio[link], self.slope[link] = ratio, slope
+        missing = ti.max(1.0 - ratio, 0.0)
+        larger = 1.0 + CONVEX * missing * missing
+        slope *= 1.0 - 2.0 * CONVEX * ratio * missing / larger
+        self.ratio[link], self.slope[link] = larger * ratio, slope
         self.share_gradient[link] = share.yzw
 
     @kernel

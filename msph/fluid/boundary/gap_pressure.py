@@ -2,13 +2,13 @@
 
 Where a wall or another body is nearer than about a spacing, no particles fit, and those at the rim
 press too little on the faces. There the pressure is extrapolated to samples of the face from the
-water around (Adami et al. 2012, Band et al. 2018): the mean of the particles' pressures, raised by
-the hydrostatic pressure between particle and sample, and where no particle is within reach, the
+water around (Adami et al. 2012, Band et al. 2018): the mean over the particles outside of gaps,
+raised by the hydrostatic pressure between particle and sample, and where none is within reach, the
 mean over the nearest samples of the same body. This pressure replaces forces of particles there:
-their contact impulses (gaps.py), and the pressure of their links at a sample s,
-P(s) = sum V_i p_i W(s - x_i) G.n/(n.grad lambda) with their multipliers p_i: W is the part of s in
-grad lambda (Gauss), and G differs, since images press as well. The opposite acts on the floating
-body on the other side. Pressures and impulses are those of the last step.
+their contact impulses (gaps.py), and those of their links, V_i p_i G with the multipliers p_i. For
+these, a link is spread over the samples around, of areas A and normals n, as normal forces
+A W (n.S) n that add up to G: S = M^-1 G, M = sum A W n n^T. The opposite acts on the floating body
+on the other side. Pressures and impulses are those of the last step.
 """
 
 import numpy as np
@@ -20,8 +20,8 @@ from msph.fluid.boundary.body_shapes import BEGIN
 from msph.fluid.boundary.contact import Contact
 from msph.fluid.boundary.gaps import WIDE
 from msph.fluid.external_forces import FIELD_NUMBERS, NO_HAND, ExternalForces, field_at
+from msph.fluid.particles import kernels
 from msph.fluid.particles.grid import LayeredGrid
-from msph.fluid.particles.kernels import WENDLAND
 from msph.fluid.particles.mirror_images import MirrorImages
 from msph.fluid.room import MAX_BODIES
 from msph.fluid.small_numbers import MIN_DIVISOR
@@ -33,19 +33,18 @@ vec3, vec4 = ti.math.vec3, ti.math.vec4
 EDGE, MAX_SAMPLES = 1.2, 2000
 # Depth [finest spacings] in a wall or another body at which a sample has no water in front of it.
 INSIDE = 0.5
-# Contribution of bodies and their images to c (-) of a particle wedged between two faces: its
-# pressure is up to 1.3 times the water's around, and counts less the larger the contribution is.
-WEDGED = 0.5
-# Least share (-) of the kernel that particles fill, wedged particles counting less, at a sample
-# whose pressure is read from them.
+# Least share (-) of the kernel that particles outside of gaps fill at a sample whose pressure is
+# read from them.
 LEAST_SHARE = 0.05
-# Slope of lambda along a normal, times the support (-), above which it divides G; largest ratio of
-# the two (-), 2 at a plane.
-MIN_SLOPE, LARGEST_RATIO = 1e-3, 2.5
+# Least trace of M, times the support (-), by which a link is spread. What is added to M, over its
+# trace (-): forces along a face are not spread.
+MIN_TRACE, EVEN = 1e-3, 0.02
 
 NUMBERS = ti.types.ndarray(dtype=ti.f32, ndim=2)
+INTEGERS = ti.types.ndarray(dtype=ti.i32, ndim=1)
 # Sums at a sample: the kernel's filled share (-), share times extrapolated pressure [Pa], and
-# `resolved`, P [Pa]; `at` is the sample mirrored by `mirrors`, `normal` that of the body there.
+# `resolved`, the links' pressure [Pa]; `at` is the sample mirrored by `mirrors`, `normal` that of
+# the body there.
 Reading = ti.types.struct(
     **{"at": vec3, "sample": vec3, "gravity": vec3, "layer": ti.i32},
     **{"body": ti.i32, "mirrors": ti.i32, "normal": vec3},
@@ -55,9 +54,10 @@ Reading = ti.types.struct(
 
 @data_oriented
 class GapPressure:
-    """Samples of all bodies' faces in their frames: points [m] and area vectors [m^2]; by sample in
-    a gap: sample, other body (WALL for a wall), weight (-), filled share (-), pressure and
-    resolved, P [Pa]."""
+    """Samples of all bodies' faces in their frames, contiguous by body: points [m] and area vectors
+    [m^2]; by body: first, its first sample, and in_gap, 1 if any is in a gap; by sample in a gap:
+    sample, other body (WALL for a wall), weight (-), filled share (-), pressure, and resolved, the
+    links' pressure [Pa]; by link: spread, S (-)."""
 
     def __init__(self, links: BodyLinks, grid: LayeredGrid, contact: Contact):
         boundary = contact.boundary
@@ -71,6 +71,8 @@ class GapPressure:
         self.weight, self.share, self.pressure, self.resolved = (
             ti.field(ti.f32, shape=capacity) for _ in range(4)
         )
+        self.first, self.in_gap = (ti.field(ti.i32, shape=MAX_BODIES + 1) for _ in range(2))
+        self.spread = ti.Vector.field(3, ti.f32, shape=links.capacity)
         self.found = ti.field(ti.i32, shape=())
         self.count, self.idle, self.last_step = 0, False, 1.0
 
@@ -85,12 +87,19 @@ class GapPressure:
             owner = np.repeat(np.arange(len(clouds)), [len(points) for points, _ in clouds])
             points, areas = (np.concatenate(part) for part in zip(*clouds, strict=True))
             table = np.column_stack([points, areas]).astype(np.float32)
-            self._store(table, owner.astype(np.int32))
+            self._store(
+                table,
+                owner.astype(np.int32),
+                np.searchsorted(owner, np.arange(len(clouds) + 1)).astype(np.int32),
+            )
+            self._spread_links(0)
             self._read(0, NO_HAND.field())
-            self._push(0, 0.0, 0.0)
+            self._push(0, 0.0, 0.0, NO_HAND.field())
 
     @kernel
-    def _store(self, table: NUMBERS, owner: ti.types.ndarray(dtype=ti.i32, ndim=1)):
+    def _store(self, table: NUMBERS, owner: INTEGERS, first: INTEGERS):
+        for b in range(first.shape[0]):
+            self.first[b] = first[b]
         for k in range(table.shape[0]):
             self.point[k] = vec3(table[k, 0], table[k, 1], table[k, 2])
             self.area[k] = vec3(table[k, 3], table[k, 4], table[k, 5])
@@ -109,8 +118,9 @@ class GapPressure:
         self.gaps.active[None] = int(found > 0)
         self.idle = not found and not self.boundary.moving
         if found:
+            self._spread_links(self.links.found[None])
             self._read(found, external.field())
-            self._push(found, dt, dt / self.last_step)
+            self._push(found, dt, dt / self.last_step, external.field())
             self.gaps.clear()
             self.contact.push_moving()
             self.boundary.redo(0.5 * dt)
@@ -121,6 +131,8 @@ class GapPressure:
     def _find_gaps(self, count: ti.i32) -> ti.i32:
         """Finds the samples in gaps; returns their number."""
         self.found[None] = 0
+        for b in range(self.constants.bodies[None]):
+            self.in_gap[b] = 0
         for k in range(count):
             b = self.owner[k]
             turn = self.boundary.rotation[b, BEGIN]
@@ -130,6 +142,7 @@ class GapPressure:
             if weight > 0.0 and self._is_free(b, x):
                 gap = ti.atomic_add(self.found[None], 1)
                 self.sample[gap], self.other[gap], self.weight[gap] = k, other, weight
+                self.in_gap[b] = 1
         return self.found[None]
 
     @ti.func
@@ -149,6 +162,26 @@ class GapPressure:
         k = self.sample[gap]
         b = self.owner[k]
         return self.boundary.centre[b, BEGIN] + self.boundary.rotation[b, BEGIN] @ self.point[k]
+
+    @heavy_kernel
+    def _spread_links(self, n: ti.i32):
+        """Finds how the first n links spread over the samples of bodies with gaps."""
+        for link in range(n):
+            b = self.links.body[link]
+            if self.in_gap[b] == 1:
+                h = self.boundary.support[self.particles.layer[self.links.particle[link]]]
+                turn = self.boundary.rotation[b, BEGIN].transpose()
+                place, moment = turn @ self.links.place[link], ti.Matrix.zero(ti.f32, 3, 3)
+                for k in range(self.first[b], self.first[b + 1]):
+                    r, area = (place - self.point[k]).norm(), self.area[k]
+                    if r < h:
+                        w = kernels.wendland(r, h) / ti.max(area.norm(), MIN_DIVISOR)
+                        moment += w * area.outer_product(area)
+                trace, spread = moment.trace(), vec3(0.0)
+                if trace * h > MIN_TRACE:
+                    moment += EVEN * trace * ti.Matrix.identity(ti.f32, 3)
+                    spread = moment.inverse() @ (turn @ self.links.gradient[link])
+                self.spread[link] = turn.transpose() @ spread
 
     @heavy_kernel
     def _read(self, found: ti.i32, field: FIELD_NUMBERS):
@@ -179,40 +212,40 @@ class GapPressure:
         h = self.boundary.support[layer]
         for i in range(begin, end):
             x = self.particles.x[i]
-            u = ti.max(1.0 - (reading.at - x).norm() / h, 0.0)
-            share = self.layers.volume[layer] * WENDLAND / h**3 * u**4 * (5.0 - 4.0 * u)
-            multiplier = self.layers.per_yield[layer] * self.particles.pressure_multiplier[i]
-            own = ti.max(self.particles.pressure[i], 0.0)
+            share = self.layers.volume[layer] * kernels.wendland((reading.at - x).norm(), h)
+            multiplier = self.particles.pressure_multiplier[i]
+            # At faces multipliers are up to 2 % too low, virial pressures as much too high.
+            own = ti.max(0.5 * (multiplier + self.particles.pressure[i]), 0.0)
             rise = self.constants.rest_density[None] * reading.gravity.dot(reading.sample - x)
             rise = ti.math.clamp(rise, -own, own)
-            reading.resolved += share * (multiplier + rise) * self._by_link(i, reading)
-            share *= ti.max(1.0 - self.particles.boundary_share[i] / WEDGED, 0.0)
+            reading.resolved += share * (multiplier + rise) * self._pressure_per_share(i, reading)
+            away = self.boundary.distance(reading.body, x, BEGIN)
+            share *= 1.0 - self.gaps.side(reading.body, x, away, BEGIN)[0]
             reading.share += share
             reading.pressure += share * (own + rise)
 
     @ti.func
-    def _by_link(self, i, reading: ti.template()):
-        """Returns the ratio (-) of G to grad lambda along the sample's normal; 1 without a link."""
-        first, found = self.particles.first_link[i], 1.0
+    def _pressure_per_share(self, i, reading: ti.template()):
+        """Returns the pressure (-) of particle i's link at the sample by the unit of multiplier and
+        share; 0 without a link."""
+        first, found = self.particles.first_link[i], 0.0
         for link in range(first, first + self.particles.links[i]):
             same = self.links.mirrors[link] == reading.mirrors
             if same and self.links.body[link] == reading.body:
-                behind = self.links.share_gradient[link].dot(reading.normal)
-                if behind < -MIN_SLOPE * self.layers.per_h[reading.layer, reading.layer]:
-                    ratio = self.links.gradient[link].dot(reading.normal) / behind
-                    found = ti.math.clamp(ratio, 0.0, LARGEST_RATIO)
+                found = -self.spread[link].dot(reading.normal)
         return found
 
     @kernel
-    def _push(self, found: ti.i32, dt: ti.f32, lengthening: ti.f32):
+    def _push(self, found: ti.i32, dt: ti.f32, lengthening: ti.f32, field: FIELD_NUMBERS):
         """Applies the pressures for dt [s] in place of the particles' contact impulses of the last
         step, which are scaled by `lengthening` (-)."""
+        centre = 0.5 * self.constants.size[None]
         for gap in range(found):
             k, other, pressure = self.sample[gap], self.other[gap], self.pressure[gap]
             b = self.owner[k]
             x = self._place(gap)
             if self.share[gap] < LEAST_SHARE:
-                pressure = self._filled(found, b, x)
+                pressure = self._filled(found, b, x, field_at(x - centre, field))
             area = self.boundary.rotation[b, BEGIN] @ self.area[k]
             missing = pressure - self.resolved[gap]
             push = -dt * self.weight[gap] * self.gaps.half(other) * missing * area
@@ -224,13 +257,15 @@ class GapPressure:
             self.impulses.body_twist[b] -= lengthening * self.gaps.twist[b]
 
     @ti.func
-    def _filled(self, found, b, x):
-        """Returns the mean pressure [Pa] of the samples of body b in gaps that read water, weighted
-        by 1/distance^4."""
+    def _filled(self, found, b, x, gravity):
+        """Returns the mean pressure [Pa] of the samples of body b in gaps that read water, raised
+        by the hydrostatic pressure between them and x [m] and weighted by 1/distance^4."""
         total, weights = 0.0, MIN_DIVISOR
         for gap in range(found):
             if self.owner[self.sample[gap]] == b and self.share[gap] >= LEAST_SHARE:
-                weight = 1.0 / ti.max((self._place(gap) - x).norm_sqr(), 1e-12) ** 2
-                total += weight * self.pressure[gap]
+                way = x - self._place(gap)
+                weight = 1.0 / ti.max(way.norm_sqr(), 1e-12) ** 2
+                rise = self.constants.rest_density[None] * gravity.dot(way)
+                total += weight * ti.max(self.pressure[gap] + rise, 0.0)
                 weights += weight
         return total / weights

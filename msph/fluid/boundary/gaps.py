@@ -15,7 +15,7 @@ from msph.taichi_internals import data_oriented, kernel
 vec3 = ti.math.vec3
 
 # Gap widths [finest spacings]: the pressure is extrapolated in full below NARROW, not above WIDE.
-NARROW, WIDE = 0.8, 1.2
+NARROW, WIDE = 1.2, 1.6
 # Negative cosine between the normals of the two sides of a gap above which the sides face each
 # other; below 0 they do not.
 FACING = 0.5

@@ -201,6 +201,7 @@ class Density:
         eight entries at a time, which is twice as fast.
         """
         layer, x = self.particles.layer[i], self.particles.x[i]
+        per_spacing = 1.0 / self.layers.spacing[layer]
         begin, end = self.neighbours.span(i, mirrored)
         size = self.block
         for block in range((end - begin + size - 1) // size):
@@ -221,6 +222,14 @@ class Density:
                 a3, b3, c3 = a * a * a, b * b * b, c * c * c
                 slope = -4.0 * scale * per_h * per_r * (a3 - 5.0 * b3 + 10.0 * c3)
                 g = slope * r_ij
+                if ti.static(mirrored):
+                    own = ti.select(j == i, 1.0, 0.0)
+                    repulsion = own * kernels.own_image(r2 * per_r * per_spacing)
+                    sums.c += repulsion.x
+                    # A wall is not a defect of the density.
+                    sums.bell += repulsion.x
+                    g += repulsion.y * per_spacing * per_r * r_ij
+                    sums.own_images += own * g
                 g_x[k], g_y[k], g_z[k] = g.x, g.y, g.z
                 sums.c += scale * (a3 * a - 5.0 * b3 * b + 10.0 * c3 * c)
                 u = ti.max(1.0 - q * q, 0.0)
@@ -228,8 +237,6 @@ class Density:
                 sums.bell += share * (u * u) * (u * u)
                 sums.gradient += g
                 sums.squares += g.norm_sqr() * self.layers.per_volume[other]
-                if ti.static(mirrored):
-                    sums.own_images += ti.select(j == i, 1.0, 0.0) * g
                 sums.shares += share
                 sums.stiffness += share * per_h * per_h
             for k in range(count):
