@@ -118,19 +118,20 @@ def test_still_water_keeps_energy_and_volume(tank):
 
 
 def test_water_does_not_stick_to_walls_after_a_splash():
-    """Regression: a third of the particles at walls lay on them together with their images after a
+    """Regression: many particles at walls lay on them together with their images after a
     dam break, and the settled water was 5 % too low."""
-    size, d = np.array((0.8, 0.6, 0.24)), 0.04
-    x = (np.indices((8, 12, 6)).reshape(3, -1).T + 0.5) * d
+    size, d = np.array((1.6, 0.8, 0.24)), 0.04
+    x = (np.indices((8, 16, 6)).reshape(3, -1).T + 0.5) * d
     initial = {"x": x.astype(np.float32), "layer": np.zeros(len(x), np.int32)}
     spec = LayerSpec(1000.0 * d**3, 1000.0, 2.45)
     sim = Simulation(Plan(tuple(size), [spec], initial, ProjectionParameters()))
-    for _ in range(180):
+    for _ in range(120):
         sim.advance(1 / 60, ExternalForces())
     x = sim.particles.numpy("x")
     gap = np.minimum(x, size - x).min(axis=1) / d
     sim.close()
-    assert (gap < 0.15).sum() < 0.1 * (gap < 1.1).sum()
+    # 4 % of the particles near walls; without the repulsion 20 to 26 %.
+    assert (gap < 0.15).sum() < 0.08 * (gap < 1.1).sum()
 
 
 @pytest.mark.parametrize("steps", (1, 4))
