@@ -60,11 +60,11 @@ class BodyLinks:
     """The links of the present positions, found by find().
 
     Tables by link: particle, body, mirrors (bits); place, the mirrored particle from the body's
-    centre [m]; distance [m] and normal of the face; share_gradient, the gradient of the body's
-    share of the kernel [1/m]; ratio a (-) of this share to that of a plane at this distance, larger
-    at convex faces, and its relative slope [1/m]; gradient G [1/m] and torque T (-); pushed,
-    twisted [N s, N m s]: impulses on the body for record_pushes(). moved [m], turned [rad], by
-    body: displacements by the multipliers of the last displace().
+    centre [m]; distance [m] and normal of the face; ratio a (-) of the body's share of the kernel
+    to that of a plane at this distance, larger at convex faces, and its relative slope [1/m];
+    gradient G [1/m] and torque T (-); pushed, twisted [N s, N m s]: impulses on the body for
+    record_pushes(). moved [m], turned [rad], by body: displacements by the multipliers of the last
+    displace().
     """
 
     def __init__(
@@ -83,8 +83,8 @@ class BodyLinks:
             ti.field(ti.i32, shape=self.capacity) for _ in range(4)
         )
         self.distance, self.ratio = (ti.field(ti.f32, shape=self.capacity) for _ in range(2))
-        self.place, self.normal, self.slope, self.share_gradient = (
-            ti.Vector.field(3, ti.f32, shape=self.capacity) for _ in range(4)
+        self.place, self.normal, self.slope = (
+            ti.Vector.field(3, ti.f32, shape=self.capacity) for _ in range(3)
         )
         self.gradient, self.torque, self.pushed, self.twisted = (
             ti.Vector.field(3, ti.f32, shape=self.capacity) for _ in range(4)
@@ -255,7 +255,6 @@ class BodyLinks:
         larger = 1.0 + CONVEX * missing * missing
         slope *= 1.0 - 2.0 * CONVEX * ratio * missing / larger
         self.ratio[link], self.slope[link] = larger * ratio, slope
-        self.share_gradient[link] = share.yzw
 
     @kernel
     def _rank(self):

@@ -36,7 +36,6 @@ ROWS = {
     "own_bell": f32,  # the same with the bell kernel (-)
     "surface_share": f32,  # 1 - c at the surface of a cubic lattice (-)
     "surface_slope": f32,  # |sum V_j grad W_ij| there [1/m]
-    "per_yield": f32,  # 1/yield of contributions to the density (-)
     "wall_support": f32,  # support of the kernel in the bodies' integrals [m]
     "top": f32,  # depth of its band's top [m]
     "bottom": f32,  # depth of its band's bottom [m]

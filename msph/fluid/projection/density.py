@@ -315,7 +315,6 @@ def density_tables(
         "surface_share": missing * per_yield,
         "surface_slope": slope * per_yield * smoothing / support,
         "per_volume": 1.0 / volume,
-        "per_yield": per_yield,
         "own": 1.0 - per_yield * (1.0 - peak),
         "own_bell": kernels.BELL / smoothing**3,
     }
