@@ -74,5 +74,5 @@ def coarse_tank(capacity):
 def repulsion(q):
     """Returns what a particle's own image at the distance q, in spacings, adds to c, and its
     derivative by q."""
-    u = np.clip(1.0 - q / 0.84, 0.0, None)
-    return 0.1 * u**2, -0.2 / 0.84 * u
+    u = np.clip(1.0 - q / 0.7, 0.0, None)
+    return 0.1 * u**2, -0.2 / 0.7 * u

@@ -24,7 +24,7 @@ WENDLAND_PER_QUARTIC = 1.936492 / 2.018932
 # Distance of a particle from its own image, in spacings, below which the image repels it, and what
 # it adds to c at distance 0 (-). At rest the first sheet stands half a spacing from a wall, one
 # spacing from its image; the kernel's slope vanishes at 0, so sheets would also rest on the wall.
-OWN_IMAGE_REACH, OWN_IMAGE = 0.84, 0.1
+OWN_IMAGE_REACH, OWN_IMAGE = 0.7, 0.1
 # Smallest divisor of a slope, in supports: avoids a division by zero.
 NEAR = 1e-3
 
@@ -116,6 +116,6 @@ def quartic(r, h):
 @ti.func
 def own_image(q):
     """Repulsion of a particle from its own image, by distance over spacing q: E and dE/dq, with
-    E = 0.1 (1 - q/0.84)^2 added to c, without which particles would rest on walls."""
+    E = 0.1 (1 - q/0.7)^2 added to c, without which particles would rest on walls."""
     u = ti.max(1.0 - q / OWN_IMAGE_REACH, 0.0)
     return OWN_IMAGE * u * ti.math.vec2(u, -2.0 / OWN_IMAGE_REACH)
