@@ -56,6 +56,8 @@ def test_mirror_images_complete_densities_between_walls_less_than_two_supports_a
     layer = np.arange(100, dtype=np.int32) % 2
     specs = [LayerSpec(1000.0 * d**3, 1000.0, 2.5) for d in (0.03, 0.038)]
     sim = Simulation(Plan(size, specs, {"x": x, "layer": layer}, ProjectionParameters()))
+    # Some particles are so close to a wall that their own images repel them.
+    assert (np.minimum(x, size - x).min(axis=1) < 0.3 * 0.03).any()
     assert sim.layers.specs[0].support < size[0] < 2.0 * sim.layers.specs[0].support
     check_images(sim, 100, known=30)
 
@@ -94,7 +96,6 @@ def check_images(sim, points, known):
         shape = np.maximum(1.0 - (r / h) ** 2, 0.0) ** 4
         bell += (weight * 3465.0 / (512.0 * np.pi) / h**3 * shape).sum(axis=1)
     c, bell = relative_density(summed, 2.5) + repelled, bell + repelled
-    assert np.max(repelled) > 1e-4
     density, correction, volume, defect = (
         sim.particles.numpy(name)[near]
         for name in ("density", "density_correction", "known_volume", "known_defect")
