@@ -39,7 +39,6 @@ LEAST_SHARE = 0.05
 # Least trace of M, times the support (-), by which a link is spread. What is added to M, over its
 # trace (-): forces along a face are not spread.
 MIN_TRACE, EVEN = 1e-3, 0.02
-
 # Speed [m/s] at which the impulses that drive floating bodies fade out: with their full size, a
 # body thrown at a wall gained 0.6 % of the energy.
 FADE_SPEED = 0.01
