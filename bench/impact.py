@@ -60,8 +60,8 @@ def highest_mean(readings: np.ndarray, every: float, window: float) -> float:
 
 
 def run(factor: float, every: float) -> list[dict[str, str | float]]:
-    """Returns a row for each height: highest reading [Pa] for each averaging time, and impulse
-    [Pa s]."""
+    """Returns a row for each height: highest reading and highest mean for each averaging time [Pa],
+    and impulse [Pa s]."""
     scene = load_scene("dam_break")
     layers = [s.model_copy(update={"spacing": factor * s.spacing}) for s in scene.layers]
     scene = scene.model_copy(update={"layers": layers})

@@ -28,7 +28,7 @@ vec3 = ti.math.vec3
 # Largest shift (-), 0.45 spacings inwards at 1.6 supports: weakly compressible water expands as
 # much at its start. A sheet one particle thick does not vanish.
 MAX_SHIFT = 0.14
-# Smallest shift (-), 0.45 spacings outwards; larger with bodies, where particles crowd and half
+# Smallest shift (-), 0.45 spacings outwards; larger with bodies, next to which half
 # coverage is up to 0.34 spacings too low (`bowl`).
 MIN_SHIFT, MIN_SHIFT_AT_BODIES = -0.14, -0.25
 # Shift (-) from which a second Newton step is made: one step of 0.08 leaves up to 0.6 % of the

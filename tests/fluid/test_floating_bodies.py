@@ -110,8 +110,8 @@ def test_ball_floats_at_the_draft_of_its_density():
     # The ball still bobs: the mean is taken over the last 1.5 s, several periods.
     height = np.mean([e.floating_potential for e in ledger.entries[-90:]]) / weight
     assert height == pytest.approx(level, abs=0.02 * 0.2)
-    # Energy gain: 0.10 % with shear relief, 0.001 % without.
-    assert ledger.energy_gain() < 1.5e-3
+    # Energy gain: 0.06 to 0.10 % with shear relief, 0.001 % without.
+    assert ledger.energy_gain() < 1e-3
     impulse = [e.body_impulse[1] for e in ledger.entries]
     assert (impulse[-91] - impulse[-1]) / 1.5 == pytest.approx(weight, rel=0.05)
 

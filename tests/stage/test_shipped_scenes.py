@@ -79,7 +79,7 @@ def is_hydrostatic_and_still(seen):
     depth, (x, _, z) = seen.depth(), seen.simulation.size
     heights = np.array([0.0, 0.25, 0.5, 0.75]) * depth
     found = []
-    for _ in range(180):
+    for _ in range(120):
         seen.run(1)
         found.append([seen.pressure((0.5 * x, y, 0.5 * z)) for y in heights])
     error = np.mean(found, axis=0) - 1000.0 * G * (depth - heights)

@@ -53,7 +53,7 @@ def test_a_mesh_for_an_image_does_not_pass_through_a_thin_body():
     water.surface.extract(hidden=True)
     assert_closed(water.surface.mesh)
     # Interpolation across the body's middle, where its distance has a kink, is off by up to 2 %.
-    assert water.surface.mesh.to_numpy()[0][:, 0].max() < middle[0] + 0.05 * thickness
+    assert water.surface.mesh.to_numpy()[0][:, 0].max() < middle[0] + 0.03 * thickness
     water.simulation.close()
 
 

@@ -2,8 +2,8 @@
 
 Each body has a share lambda of the kernel's integral around a particle: for a block the product
 over its axes, for a ball the exact integral, for a mesh a map computed once per layer (Bender et
-al. 2019, "Volume maps", here with exact integrals). Its ratio to the share of a plane is how much
-a face mirrors particles (body_links.py).
+al. 2019, "Volume maps", here with exact integrals). Its ratio to the share of a
+plane scales the images of particles in the body's face (body_links.py).
 """
 
 import taichi as ti

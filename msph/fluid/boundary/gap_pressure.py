@@ -39,9 +39,9 @@ LEAST_SHARE = 0.05
 # Least trace of M, times the support (-), by which a link is spread. What is added to M, over its
 # trace (-): forces along a face are not spread.
 MIN_TRACE, EVEN = 1e-3, 0.02
-# Speed [m/s] at which the impulses that drive floating bodies fade out: with their full size, a
-# body thrown at a wall gained 0.6 % of the energy.
-FADE_SPEED = 0.01
+# Speed [m/s] of floating bodies at which impulses along their motion have faded out: unfaded, they
+# added 0.6 % of the energy to a body dragged along a wall.
+DRIVEN_SPEED = 0.01
 
 NUMBERS = ti.types.ndarray(dtype=ti.f32, ndim=2)
 INTEGERS = ti.types.ndarray(dtype=ti.i32, ndim=1)
@@ -275,8 +275,9 @@ class GapPressure:
 
     @ti.func
     def _share_without_gain(self):
-        """Returns the share (-) of the impulses that is applied: less, the faster they would drive
-        floating bodies, since the water does not feel them."""
+        """Returns the share (-) of all impulses that is applied. The water receives no opposite
+        impulses, so impulses along the motion of floating bodies would add energy; the share falls
+        with the speed of this motion."""
         work, size = 0.0, MIN_DIVISOR
         ti.loop_config(serialize=True)
         for b in range(self.constants.bodies[None]):
@@ -285,7 +286,7 @@ class GapPressure:
                 work += push.dot(self.boundary.velocity[b, BEGIN])
                 work += twist.dot(self.boundary.spin[b, BEGIN])
                 size += push.norm()
-        return ti.math.clamp(1.0 - work / (FADE_SPEED * size), 0.0, 1.0)
+        return ti.math.clamp(1.0 - work / (DRIVEN_SPEED * size), 0.0, 1.0)
 
     @ti.func
     def _filled(self, found, b, x, gravity):

@@ -115,7 +115,7 @@ def quartic(r, h):
 
 @ti.func
 def own_image(q):
-    """Repulsion of a particle from its own image, by distance over spacing q: E and dE/dq, with
-    E = 0.1 (1 - q/0.7)^2 added to c, without which particles would rest on walls."""
+    """Returns E and dE/dq (-) of a particle's own image at the distance q, in spacings. E is added
+    to c, so that the image repels the particle: 0.1 (1 - q/0.7)^2."""
     u = ti.max(1.0 - q / OWN_IMAGE_REACH, 0.0)
     return OWN_IMAGE * u * ti.math.vec2(u, -2.0 / OWN_IMAGE_REACH)

@@ -117,7 +117,8 @@ class Density:
     @heavy_kernel
     def _sum(self, n: ti.i32) -> ti.f32:
         """c_i = correction_i + own_i + sum V_j W_ij, the density defect, g_i = sum V_j grad W_ij,
-        and D_i = |g_i|^2 + V_i sum V_j |grad W_ij|^2. Returns the largest c_i - 1.
+        and D_i = |g_i|^2 + V_i sum V_j |grad W_ij|^2. Returns the largest c_i - 1. Own images add
+        E to c_i and its gradient to g_i (kernels.own_image).
 
         Sums run over neighbours and images; a particle's own images move with it, twice as fast.
         """
