@@ -21,7 +21,6 @@ MEMBERS = {
     "cells": i32,  # of the neighbour grids of all layers
     "entries": i32,  # capacity of the neighbour list
     "mean_neighbours": f32,  # upper bound of the mean at rest, images included
-    "entries_per_particle": i32,  # of the neighbour list (GPU)
     "cfl": f32,  # largest distance past neighbours per step, in spacings
     "pressure_cfl": f32,  # largest distance at the speed sqrt(p/rho) per step, in spacings
     "release": f32,  # time in which a density excess becomes velocity [s]

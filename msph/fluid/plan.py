@@ -25,10 +25,8 @@ from msph.fluid.particles.neighbour_list import (
     list_capacity,
     list_tables,
     max_mean_neighbours,
-    max_neighbours,
 )
 from msph.fluid.room import Room
-from msph.taichi_internals import on_cpu
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +81,7 @@ class Plan:
     def entries(self) -> int:
         """Largest number of entries of the neighbour list."""
         margin = self.method.LIST_MARGIN
-        return list_capacity(self.specs, margin, self.list_form, self.max_particles, on_cpu())
+        return list_capacity(self.specs, margin, self.list_form, self.max_particles)
 
     @cached_property
     def _depth(self) -> dict[str, Any]:
@@ -128,7 +126,6 @@ class Plan:
             "cells": self.needed.cells,
             "entries": self.entries,
             "mean_neighbours": max_mean_neighbours(self.specs, margin, self.list_form),
-            "entries_per_particle": max_neighbours(self.specs, margin, self.list_form),
             **self._depth,
             **self.method.constants_of(self.parameters, self.adaptation, self.specs),
         }

@@ -52,8 +52,8 @@ def footprint(
     count: int,
     parameters: Parameters,
 ) -> dict[str, int]:
-    """Returns how many numbers (of WORD bytes) a GPU holds for `count` particles in a region of
-    `size` [m], by purpose; on a CPU the neighbour list is smaller."""
+    """Returns how many numbers (of WORD bytes) `count` particles in a region of `size` [m] need, by
+    purpose."""
     solver = solver_of(parameters)
     entries = list_capacity(specs, solver.LIST_MARGIN, solver.list_form(parameters), count)
     # Attributes, and the fields place, cell, start and end of the sort and the list.

@@ -14,7 +14,6 @@ from msph.fluid.particles.neighbour_list import (
     list_capacity,
     list_tables,
     max_mean_neighbours,
-    max_neighbours,
 )
 from msph.fluid.particles.particles import Attribute, Particles
 from msph.fluid.particles.prefix_sum import CHUNKS, PrefixSum
@@ -59,7 +58,7 @@ class World:
         rows, pairs = list_tables(self.specs, margin, form)
         self.layers.load(self.specs, rows | grid_rows(self.size, self.specs), pairs)
         most = self.particles.capacity
-        entries = list_capacity(self.specs, margin, form, most, self.neighbours.pooled)
+        entries = list_capacity(self.specs, margin, form, most)
         self.cells = sum(cells_of(self.size, self.specs))
         self.usual = max_mean_neighbours(self.specs, margin, form)
         self.constants.fill(
@@ -68,7 +67,6 @@ class World:
             cells=self.cells,
             entries=entries,
             mean_neighbours=self.usual,
-            entries_per_particle=max_neighbours(self.specs, margin, form),
         )
         self.neighbours.load(entries, margin * self.layers.finest.support, self.mirrored)
         return self.neighbours
@@ -162,8 +160,6 @@ def test_neighbour_lists_equal_brute_force(world, seed, form):
 def test_crowded_particles_use_list_entries_left_by_others(world):
     """The list is complete where 150 particles lie at one point, although some have more than 1.5
     times the bound of the mean number of neighbours."""
-    if not world.neighbours.pooled:
-        pytest.skip("on a GPU each particle has room of its own")
     x, layer = cloud(0)
     x[200:350], layer[200:350] = x[500], layer[500]
     world.place(x, layer)

@@ -23,7 +23,7 @@ LIST_FORMS = {
     "widest": np.maximum,
 }
 # Particles that one CPU thread searches for in a row, with one reservation of the pool of entries.
-# A GPU has one thread and fixed room per particle.
+# A GPU has one thread per particle, which counts its entries before it reserves them.
 PARTICLES_PER_THREAD = 64
 # Share (-) of a thread's remaining particles, with the mean number of neighbours, for which it
 # reserves entries; at least for MIN_RESERVE particles. Threads leave 2 to 9 % of them unused.
@@ -33,10 +33,6 @@ RESERVE, MIN_RESERVE = 0.8, 0.75
 POOL_FACTOR = 1.4
 # Least number of entries: 362 particles at one point fill them.
 MIN_ENTRIES = 1 << 17
-# Entries per particle on a GPU over its neighbours at rest in the densest layer (-): 1.3 for a
-# cubic lattice, and as much for images. Layers of a mass ratio above MAX_MASS_RATIO (-) count only
-# if adjacent in size: otherwise the layers between keep them apart, except in splashes.
-GPU_FACTOR, MAX_MASS_RATIO = 2.8, 16.5
 
 
 class NeighbourOverflowError(BlowUpError):
@@ -44,10 +40,13 @@ class NeighbourOverflowError(BlowUpError):
 
 
 # Search for the neighbours of particle i at x [m]; its thread has `left` more particles to search.
-# Its entries are `first` to `place`, reserved up to `limit`; the first `inner` are no images.
+# Its entries are `first` to `place`, reserved up to `limit`; the first `inner` are no images. A GPU
+# counts them first: `count`, with images in the walls `near` the particle.
 Search = ti.types.struct(
     i=ti.i32,
     left=ti.i32,
+    near=ti.i32,
+    count=ti.i32,
     first=ti.i32,
     place=ti.i32,
     inner=ti.i32,
@@ -64,7 +63,7 @@ class NeighbourList:
     j is listed if r_ij < reach + margin; reach by form: "scatter" h_j, "pair" the symmetric
     support, "widest" max(h_i, h_j). Kernels vanish at h, so readers need not test the distance.
     start, end (particles,) i32; index (entries,) i32 is a pool in which a particle's entries are
-    contiguous, in grid order; the order of particles is arbitrary on a CPU. If walls are mirrors,
+    contiguous, in grid order; the order of particles is arbitrary. If walls are mirrors,
     the entries from mirrors[i] are mirror images, also of i; see MirrorImages.read. searches counts
     the searches.
     """
@@ -73,8 +72,8 @@ class NeighbourList:
         self.constants, self.grid, self.particles = grid.constants, grid, grid.particles
         self.images = MirrorImages(grid.constants)
         self.reaches, self.max_reach = grid.layers.list_reach, grid.layers.max_reach
-        self.pooled = on_cpu()
-        self.per_thread = PARTICLES_PER_THREAD if self.pooled else 1
+        self.counted = not on_cpu()
+        self.per_thread = 1 if self.counted else PARTICLES_PER_THREAD
         self.start, self.end, self.mirrors = (ti.field(ti.i32, room.particles) for _ in range(3))
         self.index = ti.field(ti.i32, shape=room.entries)
         self.reserved = ti.field(ti.i32, shape=())  # entries of the pool that threads have reserved
@@ -145,15 +144,12 @@ class NeighbourList:
             if begin % self.per_thread == 0:
                 end = ti.min(begin + self.per_thread, n)
                 search = Search(place=0, limit=0)
-                if ti.static(not self.pooled):
-                    own = self.constants.entries_per_particle[None]
-                    search.place, search.limit = begin * own, (begin + 1) * own
                 for i in range(begin, end):
                     search.i, search.left, search.x = i, end - i - 1, self.particles.x[i]
+                    if ti.static(self.counted):
+                        self._reserve_counted(search, mirrored, opened)
                     search.first = search.place
-                    for layer in range(self.constants.layers[None]):
-                        search.reach = self.reaches[self.particles.layer[i], layer]
-                        self.grid.for_each_row(search.x, layer, search.reach, self._add_row, search)
+                    self._visit_rows(self._add_row, search)
                     self._remove_self(search)
                     search.inner = search.place - search.first
                     if ti.static(mirrored):
@@ -163,14 +159,60 @@ class NeighbourList:
         return self.reserved[None]
 
     @ti.func
+    def _visit_rows(self, visit: ti.template(), search: ti.template()):
+        """Calls visit(begin, end, search) for ranges that contain all particles within reach."""
+        layer = self.particles.layer[search.i]
+        for other in range(self.constants.layers[None]):
+            search.reach = self.reaches[layer, other]
+            self.grid.for_each_row(search.x, other, search.reach, visit, search)
+
+    @ti.func
     def _make_room(self, count, search: ti.template()):
         """Returns whether there is room for `count` more entries, if necessary by a reservation."""
-        if search.place + count > search.limit:
-            if ti.static(self.pooled):
+        room = search.limit > 0
+        if ti.static(not self.counted):
+            if search.place + count > search.limit:
                 self._reserve(count, search)
-            else:
-                self.reserved[None] = self.constants.entries[None] + 1
-        return search.place + count <= search.limit
+            room = search.place + count <= search.limit
+        return room
+
+    @ti.func
+    def _advance(self, listed, place, search: ti.template()):
+        """Returns 1 if an entry is listed, otherwise 0. Counting and listing may round differently:
+        the last counted entry stays free."""
+        if ti.static(self.counted):
+            listed = listed and place + 1 < search.limit
+        return ti.select(listed, 1, 0)
+
+    @ti.func
+    def _reserve_counted(
+        self, search: ti.template(), mirrored: ti.template(), opened: ti.template()
+    ):
+        """Reserves the entries of a particle, itself included, and a last one that stays free."""
+        search.near = 0
+        if ti.static(mirrored):
+            search.near = self._walls_near(search, opened)
+        search.count = 1
+        self._visit_rows(self._count_row, search)
+        begin = ti.atomic_add(self.reserved[None], search.count)
+        if begin + search.count <= self.constants.entries[None]:
+            search.place, search.limit = begin, begin + search.count
+
+    @ti.func
+    def _count_row(self, begin, end, search: ti.template()):
+        """Counts the particles of a row within reach, including i, and their images."""
+        x, reach2, combinations = search.x, search.reach**2, self.images.combinations(search.near)
+        count = 0
+        for j in range(begin, end):
+            x_j = self.particles.x[j]
+            if (x - x_j).norm_sqr() < reach2:
+                count += 1
+                for way in range(1, combinations):
+                    mirrors = self.images.combination(way, search.near)
+                    mirror, wall = self.images.mirror_and_wall(mirrors)
+                    r2 = self.images.offset(x, x_j, mirror, wall).norm_sqr()
+                    count += ti.select(r2 < reach2, 1, 0)
+        search.count += count
 
     @ti.func
     def _reserve(self, count, search: ti.template()):
@@ -191,13 +233,18 @@ class NeighbourList:
             search.limit = begin + wanted
 
     @ti.func
+    def _walls_near(self, search: ti.template(), opened: ti.template()):
+        """Returns the walls that mirror the particle, as bits."""
+        near = self.images.walls_near(search.x, self.max_reach[self.particles.layer[search.i]])
+        if ti.static(opened):
+            near &= ~self.images.apertures.beyond(search.x)
+        return near
+
+    @ti.func
     def _add_images(self, search: ti.template(), opened: ti.template()):
         """Adds the mirror images within reach of the particle and its neighbours, branch-free."""
         i, x, inner = search.i, search.x, search.inner
-        layer = self.particles.layer[i]
-        near = self.images.walls_near(x, self.max_reach[layer])
-        if ti.static(opened):
-            near &= ~self.images.apertures.beyond(x)
+        layer, near = self.particles.layer[i], self._walls_near(search, opened)
         for way in range(1, self.images.combinations(near)):
             if self._make_room(inner + 1, search):
                 mirrors = self.images.combination(way, near)
@@ -208,7 +255,7 @@ class NeighbourList:
                 own_near = own < self.reaches[layer, layer] ** 2
                 if ti.static(opened):
                     own_near = own_near and self.images.apertures.visible(x, x, mirrors)
-                place += ti.select(own_near, 1, 0)
+                place += self._advance(own_near, place, search)
                 for s in range(first, first + inner):
                     j = self.index[s]
                     reach = self.reaches[layer, self.particles.layer[j]]
@@ -219,7 +266,7 @@ class NeighbourList:
                     mutual = near_j and self.images.is_mirrored(x_j)
                     if ti.static(opened):
                         mutual = mutual and self.images.apertures.visible(x, x_j, mirrors)
-                    place += ti.select(mutual, 1, 0)
+                    place += self._advance(mutual, place, search)
                 search.place = place
 
     @ti.func
@@ -242,7 +289,7 @@ class NeighbourList:
             for j in range(begin, end):
                 r2 = (x - self.particles.x[j]).norm_sqr()
                 self.index[place] = j
-                place += ti.select(r2 < reach2, 1, 0)
+                place += self._advance(r2 < reach2, place, search)
             search.place = place
 
 
@@ -274,27 +321,8 @@ def max_mean_neighbours(specs: list[LayerSpec], margin: float, form: str) -> flo
     return float(4.0 / 3.0 * math.pi * most)
 
 
-def max_neighbours(specs: list[LayerSpec], margin: float, form: str) -> int:
-    """Returns the number of entries per particle on a GPU.
-
-    At rest a ball of radius r contains 4/3 pi r^3/V particles. A coarse particle among fine ones
-    has the most; pairs of layers count if adjacent in size or within MAX_MASS_RATIO in mass.
-    """
-    order = sorted(specs, key=lambda s: s.volume)
-    volumes = np.array([s.volume for s in order])
-    reaches = list_reaches(order, margin, form)
-    rank = np.arange(len(order))
-    met = (volumes[:, None] <= MAX_MASS_RATIO * volumes) | (rank[:, None] <= rank + 1)
-    most = (reaches**3 / volumes)[met].max()
-    return math.ceil(GPU_FACTOR * 4.0 / 3.0 * math.pi * most)
-
-
-def list_capacity(
-    specs: list[LayerSpec], margin: float, form: str, capacity: int, pooled: bool = False
-) -> int:
-    """Returns the number of entries for `capacity` particles; pooled: on a CPU."""
-    if not pooled:
-        return capacity * max_neighbours(specs, margin, form)
+def list_capacity(specs: list[LayerSpec], margin: float, form: str, capacity: int) -> int:
+    """Returns the number of entries for `capacity` particles."""
     return max(
         MIN_ENTRIES, math.ceil(POOL_FACTOR * max_mean_neighbours(specs, margin, form) * capacity)
     )
