@@ -6,6 +6,7 @@ Every row runs in a separate process and is written to bench/results/bodies.csv 
 --resume continues there, and --only keeps the rows of other tables.
 """
 
+import itertools
 import json
 import math
 import sys
@@ -23,6 +24,7 @@ from tqdm import tqdm
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bench import floating, rows, tanks
+from bench.heave_theory import decay
 from bench.report import RESULTS, heading
 from msph.device import ARCHES, start
 from msph.fluid.external_forces import ExternalForces
@@ -59,11 +61,15 @@ HEAVES = [
 ]
 # Share of a run before the measurement starts, in which the water settles.
 SETTLING = 0.5
+# Balls that move at floor and wall after HELD [s] at rest: speed [m/s], way [m], and time over which
+# a force is averaged [s].
+SLOW, WAY, HELD, MEAN = 0.05, 0.075, 1.5, 0.25
+MOVES = ("sinks to the floor", "rises from the floor", "passes along the wall")
 
 
-def still_water(bodies: list[dict[str, Any]], layers: int) -> Any:
+def still_water(bodies: list[dict[str, Any]], layers: int, seed: int = 0) -> Any:
     """Returns a simulation of a tank of still water with bodies."""
-    tank = tanks.tank((EDGE, EDGE), DEPTH, FINE, layers, air=0.15)
+    tank = tanks.tank((EDGE, EDGE), DEPTH, FINE, layers, air=0.15, seed=seed)
     return tanks.build(Scene.model_validate({**tank.model_dump(), "bodies": bodies}))
 
 
@@ -198,6 +204,39 @@ def at_wall(kind: str, gap: float) -> dict[str, str]:
     }
 
 
+def moving(kind: str) -> dict[str, str]:
+    """Returns the table row of the force on a ball that moves slowly at the floor or a wall, over
+    its displaced weight: means over successive MEAN [s]."""
+    gap = {"sinks to the floor": WAY, "rises from the floor": 0.0}.get(kind, 0.5 * FINE)
+    way = f"{SLOW}*min(max(t - {HELD}, 0), {WAY / SLOW})"
+    if "floor" in kind:
+        centre = [EDGE / 2, gap + RADIUS, EDGE / 2]
+        path, axis = ["0", way if gap == 0.0 else f"-{way}", "0"], 1
+    else:
+        centre, path, axis = [gap + RADIUS, 0.2, (EDGE - WAY) / 2], ["0", "0", way], 0
+    body = {"centre": centre, "radius": RADIUS, "displacement": path}
+    weight = 1000.0 * tanks.GRAVITY * 4.0 / 3.0 * math.pi * RADIUS**3
+    ends = np.arange(0.0, WAY / SLOW + MEAN / 2, MEAN)
+    spans = [f"{a:g} to {b:g} s" for a, b in itertools.pairwise(ends)]
+
+    def case(seed: int) -> dict[str, float]:
+        sim = still_water([body], 1, seed)
+        tanks.run(sim, HELD)
+        found = {}
+        for name in spans:
+            begin, impulse = sim.time, float(sim.boundary.impulse[0, axis])
+            tanks.run(sim, MEAN)
+            force = (float(sim.boundary.impulse[0, axis]) - impulse) / (sim.time - begin)
+            found[name] = force / weight
+        return found
+
+    return {
+        "ball": kind,
+        "force": "vertical" if axis == 1 else "away from the wall",
+        **rows.over_starts(case, dict.fromkeys(spans, ".1%")),
+    }
+
+
 def collapse(ratio: float) -> dict[str, str]:
     """Returns the table row of the energy of a column of water that collapses past a ball of
     `ratio` spacings radius."""
@@ -233,6 +272,7 @@ class Table(NamedTuple):
     measure: Callable[..., dict[str, str]]
 
 
+HEAVE = decay(floating.RELEASE, floating.RADIUS, floating.KRAMER_GRAVITY, 1.0)
 MEDIANS = f"medians of {rows.STARTS} starts, and their range"
 KINDS = ("pillar", "ball", "mesh of a pillar", "mesh of a ball")
 TABLES = {
@@ -256,6 +296,14 @@ TABLES = {
         [{"kind": kind, "gap": gap} for kind, gap in GAPS],
         at_wall,
     ),
+    "moving": Table(
+        f"Balls that move at {SLOW} m/s at floor and wall, two of them {WAY / FINE:g} spacings from "
+        "or to the floor, the last half a spacing from the wall and along it; uniform water: force "
+        "over the displaced weight, means by the time since the start of the motion; " + MEDIANS,
+        ("ball", "force"),
+        [{"kind": kind} for kind in MOVES],
+        moving,
+    ),
     "collapse": Table(
         f"A column of water collapses past a ball under gravity {SLANTED} m/s²",
         ("radius over spacing",),
@@ -263,16 +311,19 @@ TABLES = {
         collapse,
     ),
     "drafts": Table(
-        f"Floating cube and ball {floating.HEIGHT} m high: draft error over the height (goal: "
-        "2 %), and largest component of the cube's axes along the vertical, 1 if it lies flat, "
-        f"0.71 on an edge, 0.58 on a corner; {MEDIANS}",
-        ("body", "density", "layers"),
+        f"Floating cube and ball {floating.HEIGHT} m high, spacings across them: draft error over "
+        "the height (goal: 2 %), and largest component of the cube's axes along the vertical, 1 if "
+        "it lies flat, 0.71 on an edge, 0.58 on a corner; means over the last "
+        f"{floating.BOBS:g} of {floating.AFLOAT:g} s (cubes, which start flat with a spin of "
+        f"{floating.KICK:g} degrees/s: {floating.TURNING:g} s); {MEDIANS}",
+        ("body", "density", "layers", "spacings"),
         [
             {"kind": kind, "density": density, "layers": layers}
             for kind in ("cube", "ball")
             for density in floating.DENSITIES
             for layers in WATERS.values()
-        ],
+        ]
+        + [{"kind": "cube", "density": 750.0, "layers": 3, "fine": 0.5 * floating.FINE}],
         floating.draft,
     ),
     "drift": Table(
@@ -295,7 +346,9 @@ TABLES = {
         floating.hard,
     ),
     "heave": Table(
-        "Heave decay of a half-submerged ball against Kramer et al. 2021; medians over the starts",
+        "Heave decay of a half-submerged ball: time of the second crest and first trough against "
+        "Kramer et al. 2021 and against potential flow (bench/heave_theory.py, {:.3f} s and "
+        "{:.4f} m); medians over the starts".format(*floating.first_period(*HEAVE)),
         ("layers", "spacings per radius", "shear relief"),
         [
             dict(zip(("layers", "fine", "width", "starts", "depth", "relief"), case, strict=True))

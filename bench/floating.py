@@ -4,20 +4,26 @@ import math
 from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize
+from scipy.stats import qmc
 
 from bench import rows, tanks
+from bench.heave_theory import decay
 from msph.fluid.boundary.rigid_bodies import volume
 from msph.fluid.external_forces import ExternalForces
 from msph.measure.ledger import Ledger
 from msph.scene.schema import Scene
 
-# Simulated times of drafts, drift and hard cases [s].
-AFLOAT, ADRIFT, HARDSHIP = 4.0, 5.0, 2.0
+# Simulated times of drafts, of cubes that turn, of drift and hard cases [s]. A floating body bobs
+# until the end: drafts are means over the last BOBS [s], about five periods.
+AFLOAT, TURNING, BOBS, ADRIFT, HARDSHIP = 6.0, 9.0, 3.0, 5.0, 2.0
+# Spin [degrees/s] and axis that start the turn of a cube: lying flat is an unstable equilibrium.
+KICK, AXIS = 40.0, [1.0, 0.0, 0.6]
 # Still water: edge of the square box, depth, finest spacing [m], edge of the cube and diameter of
 # the ball [m].
 EDGE, DEPTH, FINE, HEIGHT = 0.6, 0.4, 0.025, 0.2
 DENSITIES = (250.0, 500.0, 750.0)
+GRAVITY = (0.0, -tanks.GRAVITY, 0.0)
 # Heave decay of Kramer et al. 2021: radius, mass, release above equilibrium, depth [m, kg], water
 # density [kg/m^3], gravity [m/s^2], first period [s] and trough [m].
 RADIUS, MASS, RELEASE, DEEP = 0.15, 7.056, 0.02916, 0.9
@@ -54,56 +60,71 @@ def water_volume(sim: Any) -> float:
     return sum(n * s.mass / s.density for n, s in zip(sim.counts(), specs, strict=True))
 
 
-def draft(kind: str, density: float, layers: int) -> dict[str, str]:
+def draft(kind: str, density: float, layers: int, fine: float = FINE) -> dict[str, str]:
     """Returns the table row of a body that floats: error of the submerged volume over the body's
     height, by the height of its centre for a ball and by the waterline for a cube."""
+    half = 0.5 * HEIGHT
+    samples = np.random.default_rng(0).uniform(-half, half, (100_000, 3))
+    if kind == "ball":
+        samples = samples[np.linalg.norm(samples, axis=1) < half]
 
     def case(seed: int) -> dict[str, float]:
-        half = 0.5 * HEIGHT
         x = [0.5 * EDGE, DEPTH + half - HEIGHT * density / 1000.0, 0.5 * EDGE]
         shape: dict[str, Any] = {"centre": x, "radius": half}
         if kind == "cube":
-            shape = {"lo": [c - half for c in x], "hi": [c + half for c in x]}
-        sim = build(layers, [{**shape, "density": density}], seed)
-        ledger, _ = run(sim, AFLOAT)
+            corners = {"lo": [c - half for c in x], "hi": [c + half for c in x]}
+            shape = {**corners, "spin": KICK, "axis": AXIS}
+        sim = build(layers, [{**shape, "density": density}], seed, fine)
         floating, body = sim.boundary.floating, sim.boundary.bodies[0]
         level = (water_volume(sim) + volume(body) * density / 1000.0) / EDGE**2
-        samples = np.random.default_rng(0).uniform(-half, half, (100_000, 3))
-        if kind == "ball":
-            samples = samples[np.linalg.norm(samples, axis=1) < half]
-        heights = floating.x[0, 1] + samples @ floating.turn[0][1]
-        # Height of the waterline at which the submerged volume carries the weight of the body.
-        wanted = np.quantile(heights, density / 1000.0)
+        ledger, external = Ledger(sim, density_every=math.inf), ExternalForces(GRAVITY)
+        ledger.record(GRAVITY)
+        errors, steepest = [], []
+        frames = round((TURNING if kind == "cube" else AFLOAT) / tanks.FRAME)
+        for frame in range(frames):
+            sim.advance(tanks.FRAME, external)
+            ledger.record(GRAVITY)
+            if frame >= frames - round(BOBS / tanks.FRAME):
+                heights = floating.x[0, 1] + samples @ floating.turn[0][1]
+                # Height of the waterline at which the submerged volume carries the body's weight.
+                wanted = np.quantile(heights, density / 1000.0)
+                errors.append((level - wanted) / HEIGHT)
+                steepest.append(np.abs(floating.turn[0][1]).max())
         return {
-            "draft error": float((level - wanted) / HEIGHT),
-            "steepest axis": float(np.abs(floating.turn[0][1]).max()),
+            "draft error": float(np.mean(errors)),
+            "steepest axis": float(np.mean(steepest)),
             "energy gain": ledger.energy_gain(),
         }
 
     forms = {"draft error": "+.2%", "steepest axis": ".2f", "energy gain": ".0e"}
     row = rows.over_starts(case, forms)
-    stable = f"{steepest(density / 1000.0):.2f}" if kind == "cube" else "-"
+    stable = f"{least_energy(density / 1000.0):.2f}" if kind == "cube" else "-"
     if kind == "ball":
         row["steepest axis"] = "-"
     return {
         "body": kind,
         "density": f"{density:g}",
         "layers": str(layers),
+        "spacings": f"{HEIGHT / fine:.0f}",
         **row,
         "steepest axis of least energy": stable,
     }
 
 
-def steepest(density: float) -> float:
+def least_energy(density: float) -> float:
     """Returns the largest component along the vertical of the axes of a cube that floats with the
     least potential energy; density: over the density of water (-). In this attitude the centre of
     the cube has the least height above the centre of its submerged part."""
-    rng = np.random.default_rng(0)
-    points, ways = rng.uniform(-0.5, 0.5, (20_000, 3)), rng.normal(size=(3000, 3))
-    ways = np.concatenate([np.eye(3), ways / np.linalg.norm(ways, axis=1)[:, None]])
+    points = qmc.Sobol(3, seed=1).random_base2(16) - 0.5
     submerged = round(density * len(points))
-    depths = [np.sort(points @ way)[:submerged].mean() for way in ways]
-    return float(np.abs(ways[int(np.argmax(depths))]).max())
+
+    def height(way: np.ndarray) -> float:
+        depths = points @ (way / np.linalg.norm(way))
+        return -float(np.partition(depths, submerged)[:submerged].mean())
+
+    starts = np.random.default_rng(0).normal(size=(8, 3))
+    found = min((minimize(height, w, method="Nelder-Mead") for w in starts), key=lambda f: f.fun)
+    return float(np.abs(found.x).max() / np.linalg.norm(found.x))
 
 
 def drift(layers: int) -> dict[str, str]:
@@ -125,7 +146,7 @@ def heave(
     draft = brentq(
         lambda d: math.pi * d**2 * (RADIUS - d / 3.0) * KRAMER_WATER - MASS, 0, 2 * RADIUS
     )
-    periods, troughs = [], []
+    readings = []
     options: dict[str, Any] = {
         "density": KRAMER_WATER,
         "size": (width, width),
@@ -150,13 +171,13 @@ def heave(
             sim.advance(0.005, external)
             times.append(sim.time - HELD)
             heights.append(float(sim.boundary.floating.x[0, 1]) - rest)
-        t, z = np.array(times), np.array(heights)
-        troughs.append(-float(z[t < 0.75 * PERIOD].min()))
-        # Time of the second crest, by a parabola fitted around it.
-        crest = t[t > 0.75 * PERIOD][z[t > 0.75 * PERIOD].argmax()]
-        near = np.abs(t - crest) < 0.15 * PERIOD
-        _, slope, _ = curve = np.polyfit(t[near] - crest, z[near], 2)
-        periods.append(crest - 0.5 * slope / curve[0])
+        readings.append(first_period(np.array(times), np.array(heights)))
+    theory = first_period(*decay(RELEASE, RADIUS, KRAMER_GRAVITY, 1.0))
+    errors = [
+        rows.spread([found[k] / reference[k] - 1.0 for found in readings], "{:+.1%}")
+        for reference in ((PERIOD, TROUGH), theory)
+        for k in (0, 1)
+    ]
     return {
         "spacings per radius": f"{RADIUS / fine:.1f}",
         "layers": str(layers),
@@ -164,9 +185,21 @@ def heave(
         "tank [m]": f"{width:g}",
         "starts": str(starts),
         "depth [m]": f"{depth:g}",
-        "period error": rows.spread([p / PERIOD - 1.0 for p in periods], "{:+.1%}"),
-        "trough error": rows.spread([z / TROUGH - 1.0 for z in troughs], "{:+.1%}"),
+        "period error": errors[0],
+        "trough error": errors[1],
+        "period, potential flow": errors[2],
+        "trough, potential flow": errors[3],
     }
+
+
+def first_period(t: np.ndarray, z: np.ndarray) -> tuple[float, float]:
+    """Returns the time [s] of the second crest of heights z [m] at times t [s], by a parabola around
+    it, and the depth [m] of the first trough."""
+    late = t > 0.75 * PERIOD
+    crest = t[late][z[late].argmax()]
+    near = np.abs(t - crest) < 0.15 * PERIOD
+    _, slope, _ = curve = np.polyfit(t[near] - crest, z[near], 2)
+    return float(crest - 0.5 * slope / curve[0]), -float(z[~late].min())
 
 
 def collision(density: float) -> dict[str, str]:
