@@ -61,8 +61,8 @@ HEAVES = [
 ]
 # Share of a run before the measurement starts, in which the water settles.
 SETTLING = 0.5
-# Balls that move at floor and wall after HELD [s] at rest: speed [m/s], way [m], and time over which
-# a force is averaged [s].
+# Balls that move at floor and wall after HELD [s] at rest: speed [m/s], way [m], and time of an
+# average [s].
 SLOW, WAY, HELD, MEAN = 0.05, 0.075, 1.5, 0.25
 MOVES = ("sinks to the floor", "rises from the floor", "passes along the wall")
 
@@ -297,8 +297,8 @@ TABLES = {
         at_wall,
     ),
     "moving": Table(
-        f"Balls that move at {SLOW} m/s at floor and wall, two of them {WAY / FINE:g} spacings from "
-        "or to the floor, the last half a spacing from the wall and along it; uniform water: force "
+        f"Balls that move at {SLOW} m/s at floor and wall: {WAY / FINE:g} spacings from or to "
+        "the floor, or half a spacing from the wall and along it; uniform water: force "
         "over the displaced weight, means by the time since the start of the motion; " + MEDIANS,
         ("ball", "force"),
         [{"kind": kind} for kind in MOVES],

@@ -193,8 +193,8 @@ def heave(
 
 
 def first_period(t: np.ndarray, z: np.ndarray) -> tuple[float, float]:
-    """Returns the time [s] of the second crest of heights z [m] at times t [s], by a parabola around
-    it, and the depth [m] of the first trough."""
+    """Returns the time [s] of the second crest of heights z [m] at times t [s], by a parabola, and
+    the depth [m] of the first trough."""
     late = t > 0.75 * PERIOD
     crest = t[late][z[late].argmax()]
     near = np.abs(t - crest) < 0.15 * PERIOD
