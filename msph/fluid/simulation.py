@@ -317,7 +317,7 @@ class Simulation:
         length of the last step while it is allowed and at most LENGTHENING_RATIO times too short.
         """
         longest = partial(self.solver.longest_step, external=external)
-        if longest(LENGTHENING_RATIO) <= 0.0:
+        if not longest(LENGTHENING_RATIO) > 0.0:
             speed = np.linalg.norm(self.particles.numpy("v").astype(float), axis=1)
             which = self.particles.describe(int(np.argmax(speed)))
             raise BlowUpError(

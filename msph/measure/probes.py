@@ -49,10 +49,11 @@ class Probe(ABC):
 @dataclass
 class PressureProbe(Probe):
     """Pressure [Pa] at the point lo [m], in the water or on a wall or a body; with hi, the mean
-    over the rectangle from lo to hi, where dry parts count as zero.
+    over the rectangle from lo to hi.
 
     window [s]: averaging time of the readings. In an impact on a wall the pressure peaks for single
-    steps, so only its average is meaningful.
+    steps, so only its average is meaningful. In means over a rectangle or a time dry readings count
+    as zero.
     """
 
     HEADS = ("{} [Pa]",)
@@ -71,12 +72,14 @@ class PressureProbe(Probe):
         else:
             points, _ = lattice(lo, np.array(self.hi), water.spacing.min())
             wet, pressures = water.wetted(points, "pressure")
-            now = float((wet * pressures).mean()) if wet.any() else np.nan
+            now = float((wet * pressures).mean())
+        averaged = self.hi is not None or self.window > 0.0
+        if averaged and not np.isfinite(now):
+            now = 0.0
         self.past.append((water.time, now))
         while self.past[0][0] <= water.time - self.window and len(self.past) > 1:
             self.past.popleft()
-        known = [p for _, p in self.past if np.isfinite(p)]
-        return [float(np.mean(known)) if known else np.nan]
+        return [float(np.mean([p for _, p in self.past]))]
 
 
 @dataclass

@@ -232,16 +232,17 @@ def test_densities_follow_the_correction_at_once(tank):
     sim.reset()
 
 
-def test_a_time_step_of_zero_raises_a_blow_up_error(tank):
-    """An infinite rate of motion raises BlowUpError, which names the fastest particle.
+@pytest.mark.parametrize("rate", [np.inf, np.nan])
+def test_a_time_step_of_zero_raises_a_blow_up_error(tank, rate):
+    """An infinite or unknown rate of motion raises BlowUpError, which names the fastest particle.
 
-    Regression: the run ended in a division by zero.
+    Regression: the run ended in a division by zero, or took the longest step.
     """
     sim, _ = tank
     v = sim.particles.numpy("v")
     v[7] = 0.0, 5.0, 0.0
     sim.particles.fill(**(sim.particles.state() | {"v": v}))
-    sim.solver.max_rate = np.inf
+    sim.solver.max_rate = rate
     with pytest.raises(
         BlowUpError, match=r"step 0: .* the fastest particle, particle .* \(0, 5, 0\) m/s"
     ):

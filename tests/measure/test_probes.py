@@ -222,6 +222,21 @@ def test_pressure_is_averaged_over_the_face_and_the_window():
     assert read[3] / read[0] == pytest.approx(1.02, rel=1e-3)
 
 
+def test_dry_readings_count_as_zero_in_means():
+    """A mean over the window begins with its dry readings, not with the first wet one: otherwise an
+    impact would have its peak for a mean."""
+    x = filled(0.2)
+    still = 9810.0 * (LEVEL - x[:, 1])
+    dry_face = PressureProbe("p", (0.0, 0.6, 0.2), (0.0, 0.7, 0.6))
+    assert dry_face.read(snapshot(x, pressure=still)) == [0.0]
+    sampled = PressureProbe("p", (0.4, 0.0, 0.4), window=0.03)
+    low = x[:, 1] > 0.25  # no water at the sensor
+    first = snapshot(x[low], pressure=still[low], time=0.0)
+    assert sampled.read(first) == [0.0]
+    wet = sampled.read(snapshot(x, pressure=still, time=0.01))[0]
+    assert wet == pytest.approx(0.5 * 9810.0 * LEVEL, rel=0.05)
+
+
 BALL = (0.42, 0.2, 0.38)
 
 

@@ -8,6 +8,7 @@ particles apart and adds no velocity. docs/method.md derives the method.
 import math
 from typing import Any
 
+import numpy as np
 import taichi as ti
 
 from msph.fluid.adaptivity.adaptation import ATTRIBUTES as ADAPTATION_ATTRIBUTES
@@ -197,8 +198,8 @@ class Projection:
             self.adaptation.totals[:] = 0
 
     def longest_step(self, safety: float = 1.0, external: ExternalForces = NO_HAND) -> float:
-        """Returns the largest time step [s]: the least of step_bounds()."""
-        longest = min(self.step_bounds(safety, external).values())
+        """Returns the largest time step [s], the least of step_bounds(); NaN if one of them is."""
+        longest = float(np.min(list(self.step_bounds(safety, external).values())))
         return FIRST_STEP_FACTOR * longest if self.first_step else longest
 
     def step_bounds(
@@ -222,7 +223,7 @@ class Projection:
         )
         bounds = {force.LIMITED_BY: force.longest_step for force in self.forces if force.LIMITED_BY}
         bounds["longest_step"] = self.parameters.longest_step
-        return bounds | ({"cfl": 1.0 / (safety * rate)} if rate > 0.0 else {})
+        return bounds | ({} if rate == 0.0 else {"cfl": 1.0 / (safety * rate)})
 
     def tune(self, parameters: ProjectionParameters) -> None:
         """Updates the live parameters (msph.parameter)."""
@@ -288,7 +289,7 @@ class Projection:
             self.position_correction.apply()  # displacements, x, v -> x, v, relative speeds
             self.openings.prescribe()  # speeds of inflows -> v in their zones
             motion_rate, distance = self._motion_bounds(self.particles.count, dt)
-            self.max_rate = max(pressure_rate, motion_rate)  # bounds the next step
+            self.max_rate = float(np.max((pressure_rate, motion_rate)))  # bounds the next step
             if self.adaptation:
                 self.adaptation.travelled += distance
             self.contact.drift(0.5 * dt)  # x, v, poses -> x, v, as above
