@@ -390,6 +390,8 @@ def main(
         click.echo(json.dumps(TABLES[table].measure(**settings)))
         return
     known = rows.read(RESULTS / TABLE) if resume or only else []
+    if not resume:
+        known = [row for row in known if row["table"] not in only]
     tasks = [(name, row) for name in only or TABLES for row in TABLES[name].rows]
     for task in tqdm(tasks, unit="row"):
         own = dict(zip(KEYS, (task[0], json.dumps(task[1])), strict=True))

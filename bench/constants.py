@@ -50,7 +50,6 @@ TRIED: list[tuple[str, str, tuple[Any, ...], tuple[str, ...]]] = [
     ("projection.density", "MAX_CORRECTION", (0.03, 0.12), ()),
     ("projection.position_correction", "BACKGROUND_DEFICIT", (0.01, 0.1), ()),
     ("boundary.contact", "NEAREST", (0.01, 0.2), ()),
-    ("projection.pressure_solve", "MIN_START_SCALE", (0.25, 1.0), ()),
     ("projection.pressure_solve", "MAX_START_SCALE", (1.0, 4.0), ()),
     ("projection.pressure_solve", "MIN_DISPLACEMENT", (1e-6, 1e-4), ()),
     ("projection.conjugate_gradient", "LAUNCH_ITERATIONS_CPU", (2, 4), ()),

@@ -183,7 +183,11 @@ class Simulation:
 
     def _spill(self, dt: float, external: ExternalForces) -> None:
         """Removes the particles that left the box in a step of dt [s]."""
-        if self.rim.spill(external.gravity, self.openings.take(dt)):
+        self._take_out(self.openings.take(dt), external.gravity)
+
+    def _take_out(self, taken: np.ndarray, gravity: Vec3) -> None:
+        """Removes the particles of the indices `taken` (k,), and those that left the box."""
+        if self.rim.spill(gravity, taken):
             self.grid.invalidate()
             self.world.parts.neighbours.moved(math.inf)
 
@@ -215,7 +219,8 @@ class Simulation:
         return len(x)
 
     def add_body(self, body: Body, gravity: Vec3) -> None:
-        """Adds a floating block or ball until the next reset. gravity [m/s^2]: for its potential
+        """Adds a floating block or ball until the next reset. Water in its place is removed and
+        counts as an outflow: pushed out at once, it would burst. gravity [m/s^2]: for the potential
         energy. Raises FullError if there are too many bodies, if the body overlaps another body or
         a wall, or if the method has no bodies."""
         self._check_bodies()
@@ -226,7 +231,8 @@ class Simulation:
         floating = self.boundary.floating
         momentum, kinetic = floating.momentum(), floating.kinetic()
         self.take_body(body)
-        self.contact.clear_bodies()
+        inside = np.flatnonzero(~self.boundary.free(self.particles.numpy("x")))
+        self._take_out(inside.astype(np.int32), gravity)
         self.solver.particles_moved()
         energy = floating.kinetic() - kinetic - floating.mass[-1] * float(at @ np.array(gravity))
         self.world.parts.impulses.add_user(as_vector(floating.momentum() - momentum), energy)

@@ -1,12 +1,14 @@
-"""Helpers for brute-force sums over all pairs of particles."""
+"""Helpers for tests of the projection method: sums over all pairs of particles, colliding balls."""
 
 import numpy as np
 import taichi as ti
 
 from msph.fluid.adaptivity.bands import AdaptationParameters
+from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.plan import Plan
 from msph.fluid.projection.parameters import ProjectionParameters
+from msph.fluid.simulation import Simulation
 
 # Yield of kernel sums under uniform expansion, by support radius over spacing; see density.py.
 YIELD = {2.4: 0.9964, 2.5: 0.9970}
@@ -76,3 +78,33 @@ def repulsion(q):
     derivative by q."""
     u = np.clip(1.0 - q / 0.7, 0.0, None)
     return 0.1 * u**2, -0.2 / 0.7 * u
+
+
+SIZE = (1.6, 1.6, 1.6)
+WEIGHTLESS = ExternalForces(gravity=(0.0, 0.0, 0.0))
+FINE, COARSE = (LayerSpec(1000.0 * d**3, 1000.0, 2.5) for d in (0.03, 0.06))
+
+
+def ball(centre, radius, spacing):
+    n = int(radius / spacing) + 1
+    axis = np.arange(-n, n + 1) * spacing
+    grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
+    return grid[np.linalg.norm(grid, axis=1) < radius] + centre
+
+
+def colliding_balls():
+    """Returns a simulation of a fine and a coarse ball (masses of particles 1 : 8) that collide off
+    centre."""
+    fine = ball((0.67, 0.82, 0.8), 0.12, 0.03)
+    coarse = ball((0.96, 0.78, 0.8), 0.15, 0.06)
+    x = np.concatenate([fine, coarse])
+    v = np.zeros_like(x)
+    v[: len(fine), 0], v[len(fine) :, 0] = 1.5, -1.0
+    layer = np.repeat([0, 1], [len(fine), len(coarse)])
+    x += np.random.default_rng(0).uniform(-1e-3, 1e-3, x.shape)
+    particles = {
+        "x": x.astype(np.float32),
+        "v": v.astype(np.float32),
+        "layer": layer.astype(np.int32),
+    }
+    return Simulation(Plan(SIZE, [FINE, COARSE], particles, ProjectionParameters()))

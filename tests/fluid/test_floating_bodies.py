@@ -207,6 +207,7 @@ def test_a_body_added_to_a_running_simulation_floats_and_compiles_nothing():
     sim = simulation(lattice((0, 0, 0), (0.48, 0.2, 0.48)), [first])
     run(sim, 0.1)
     there, compiled = sim.boundary.floating.state(), []
+    sim.particles.numpy("x")  # as a window has read them before
     with watch_compiling(compiled.append):
         sim.add_body(block((0.32, 0.3, 0.32), 0.12, 500.0, velocity=(0.0, -1.0, 0.0)), GRAVITY)
         assert sim.boundary.floating.state()[0] == pytest.approx(there[0])
@@ -225,6 +226,25 @@ def test_a_body_added_to_a_running_simulation_floats_and_compiles_nothing():
     assert sim.boundary.floating.state() == pytest.approx(checkpoint["floating"])
     with pytest.raises(ValueError, match="added body"):
         sim.restore({**checkpoint, "added_bodies": np.zeros((1, 8))})
+
+
+def test_a_body_added_in_the_water_takes_its_place():
+    """The water inside the body flows out, and the rest stays calm.
+
+    Regression: it was moved to the body's face, to 14 times its density, and burst.
+    """
+    sim = simulation(lattice((0, 0, 0), (0.48, 0.28, 0.48)), [])
+    run(sim, 0.2)
+    ledger = Ledger(sim, density_every=math.inf)
+    ledger.record(GRAVITY)
+    sim.add_body(ball((0.24, 0.12, 0.24), 0.08, 1000.0), GRAVITY)
+    volume = 4.0 / 3.0 * np.pi * 0.08**3
+    assert sim.rim.outflow == pytest.approx(1000.0 * volume, rel=0.1)
+    run(sim, 0.1)
+    ledger.record(GRAVITY)
+    assert abs(ledger.mass_change()) < 1e-6
+    assert sim.particles.numpy("density").max() < 1.2 * 1000.0
+    assert np.linalg.norm(sim.particles.numpy("v"), axis=1).max() < 1.0
 
 
 def test_measuring_the_density_does_not_change_a_run_with_a_gap():

@@ -4,7 +4,12 @@ import numpy as np
 import pytest
 import taichi as ti
 from fluid_kit import (
+    COARSE,
+    FINE,
+    SIZE,
+    WEIGHTLESS,
     YIELD,
+    colliding_balls,
     displacements,
     fill,
     pair_support,
@@ -18,44 +23,17 @@ from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.plan import Plan
 from msph.fluid.projection.density import lattice_surface
 from msph.fluid.projection.parameters import ProjectionParameters
-from msph.fluid.projection.position_correction import CROWDED_EXCESS, FULL_MOTION
 from msph.fluid.projection.solver import MOTION_FACTOR
 from msph.fluid.projection.virial_pressure import BULK_WEIGHT, SURFACE_WEIGHT
 from msph.fluid.simulation import Simulation
 from msph.taichi_internals import longest_float
 
-SIZE = (1.6, 1.6, 1.6)
-WEIGHTLESS = ExternalForces(gravity=(0.0, 0.0, 0.0))
 WEIGHTS = ("volume", "support")
-FINE, COARSE = (LayerSpec(1000.0 * d**3, 1000.0, 2.5) for d in (0.03, 0.06))
-
-
-def ball(centre, radius, spacing):
-    n = int(radius / spacing) + 1
-    axis = np.arange(-n, n + 1) * spacing
-    grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
-    return grid[np.linalg.norm(grid, axis=1) < radius] + centre
-
-
-def blobs():
-    """Returns a fine and a coarse ball (masses of particles 1 : 8) that collide off centre."""
-    fine = ball((0.67, 0.82, 0.8), 0.12, 0.03)
-    coarse = ball((0.96, 0.78, 0.8), 0.15, 0.06)
-    x = np.concatenate([fine, coarse])
-    v = np.zeros_like(x)
-    v[: len(fine), 0], v[len(fine) :, 0] = 1.5, -1.0
-    layer = np.repeat([0, 1], [len(fine), len(coarse)])
-    x += np.random.default_rng(0).uniform(-1e-3, 1e-3, x.shape)
-    return {
-        "x": x.astype(np.float32),
-        "v": v.astype(np.float32),
-        "layer": layer.astype(np.int32),
-    }
 
 
 @pytest.fixture(scope="module")
 def collision():
-    return Simulation(Plan(SIZE, [FINE, COARSE], blobs(), ProjectionParameters()))
+    return colliding_balls()
 
 
 def momenta(sim):
@@ -245,34 +223,6 @@ def test_error_of_the_pressure_solve_is_a_small_share_of_the_speed(collision, dr
     collision.reset()
 
 
-def test_crowds_are_crowded_particles_and_their_neighbours(collision):
-    """`crowding` is 2 for particles of an excess above CROWDED_EXCESS and their neighbours, 1 for
-    neighbours of those, and 0 elsewhere."""
-    collision.reset()
-    for _ in range(4):
-        collision.advance(1 / 60, WEIGHTLESS)
-    solver, p = collision.solver, collision.particles
-    near = p.x.to_numpy()
-    squeezed = np.flatnonzero(near[: p.count, 0] < np.median(near[: p.count, 0]))
-    near[squeezed] = 0.98 * near[squeezed] + 0.02 * near[squeezed].mean(axis=0)
-    p.x.from_numpy(near)
-    solver.particles_moved()
-    solver.measure_density()
-    solver.position_correction._mark_crowds(p.count)
-    x, h = p.numpy("x").astype(float), np.array([s.support for s in collision.layers.specs])
-    h = h[p.numpy("layer")]
-    met = np.linalg.norm(x[:, None] - x, axis=2) < pair_support(h, h)
-    crowded = p.numpy("density") / 1000.0 - 1.0 > CROWDED_EXCESS
-    corrected = (met & crowded).any(axis=1)
-    displaced = (met & corrected).any(axis=1)
-    assert crowded.any() and not displaced.all()
-    assert np.array_equal(p.numpy("crowding"), np.where(corrected, 2, np.where(displaced, 1, 0)))
-    # To rounding of c, in single precision.
-    excess = p.numpy("density").max() / 1000.0 - 1.0
-    assert solver.density.largest_excess == pytest.approx(excess, abs=1e-6)
-    collision.reset()
-
-
 def test_pair_spacing_equals_brute_force(collision):
     """The pair spacing is the spacing among equal particles, and larger for a fine particle among
     coarse ones.
@@ -300,30 +250,6 @@ def test_pair_spacing_equals_brute_force(collision):
     )
     assert np.allclose(share[alike[met]], 1.0, rtol=1e-5)
     assert share[layer[met] == 0].max() > 1.3
-    collision.reset()
-
-
-def test_relative_speed_is_the_largest_past_neighbours_and_walls(collision):
-    """The relative speeds of colliding balls, one of them at a wall, equal brute force."""
-    collision.reset()
-    for _ in range(6):
-        collision.advance(1 / 60, WEIGHTLESS)
-    solver, p = collision.solver, collision.particles
-    state = p.state()
-    state["x"][:, 0] -= state["x"][:, 0].min() - 0.01
-    p.fill(**state)
-    solver.particles_moved()
-    solver.measure_density()
-    x, v, layer = (p.numpy(k) for k in ("x", "v", "layer"))
-    solver.position_correction.find(0.0)
-    solver.position_correction.apply()
-    h = np.array([s.support for s in collision.layers.specs])[layer]
-    near = np.linalg.norm(x[:, None] - x, axis=2) < pair_support(h, h)
-    passing = (np.linalg.norm(v[:, None] - v, axis=2) * near).max(axis=1)
-    wall = np.where(x[:, 0] < h, np.abs(v[:, 0]), 0.0)
-    assert (wall > passing).any() and (passing > 2.0).any()
-    expected = np.maximum(passing, wall)
-    assert np.allclose(p.numpy("relative_speed"), expected, rtol=1e-3, atol=1e-5)
     collision.reset()
 
 
@@ -355,101 +281,6 @@ def test_pressure_solve_scales_its_start(collision, off):
     assert solution.max() > 0.0
     assert np.abs(p.numpy("velocity_multiplier") - solution).max() < 1e-3 * solution.max()
     collision.reset()
-
-
-def test_background_pressure_is_weaker_in_calm_water(collision):
-    """The background pressure is full before time starts and where water moves FULL_MOTION per
-    step, and weaker in slower water.
-
-    Regression: with full background pressure, waves half a spacing high oscillated 5 % too slowly.
-    """
-    collision.reset()
-    p, dt = collision.particles, 1 / 300
-    brisk = FULL_MOTION * max(s.spacing for s in collision.layers.specs) / dt
-
-    def spread(speed, dt):
-        p.v.fill(speed / np.sqrt(3.0))
-        collision.solver.measure_density()
-        collision.solver.position_correction.find(dt)
-        return p.numpy("position_multiplier").astype(float).sum()
-
-    full = spread(0.0, 0.0)
-    assert spread(1.01 * brisk, dt) == pytest.approx(full, rel=1e-5)
-    assert 0.0 < spread(0.0, dt) < 0.6 * full
-    assert spread(0.0, dt) < spread(0.4 * brisk, dt) < 0.95 * full
-    collision.reset()
-
-
-def mixture(halvings, cells, seed=0):
-    """Returns a cube of 1 m that consists of cells of equal volume; half of them, chosen at random,
-    are halved `halvings` times."""
-    rng, d = np.random.default_rng(seed), 1.0 / cells
-    axis = (np.arange(cells) + 0.5) * d
-    coarse = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
-    chosen = rng.permutation(len(coarse)) % 2 == 0
-    fine, edges = coarse[chosen], np.full((chosen.sum(), 3), d)
-    for _ in range(halvings):
-        along = (edges * rng.uniform(1.0, 1.1, edges.shape)).argmax(axis=1)
-        halved = np.where(np.eye(3, dtype=bool)[along], 0.5 * edges, edges)
-        offset = 0.5 * (edges - halved)
-        fine, edges = np.concatenate([fine - offset, fine + offset]), np.tile(halved, (2, 1))
-    x = np.concatenate([fine, coarse[~chosen]])
-    x += rng.normal(0.0, 0.02 * d, x.shape)
-    return {
-        "x": x.clip(0.01, 0.99).astype(np.float32),
-        "v": np.zeros_like(x, np.float32),
-        "layer": np.repeat([0, 1], [len(fine), (~chosen).sum()]).astype(np.int32),
-    }
-
-
-# Volume of the particles over the volume of a cube, so large that no gaps remain; c equals this
-# value if volumes add up.
-FULL = 1.02
-
-
-def full_cube(halvings, cells, rounds):
-    """Yields a cube of a mixture in each round of the position correction, with known densities."""
-    mass = FULL * 1000.0 / cells**3
-    specs = [LayerSpec(mass / 2**halvings, 1000.0, 2.5), LayerSpec(mass, 1000.0, 2.5)]
-    sim = Simulation(Plan((1.0, 1.0, 1.0), specs, mixture(halvings, cells), ProjectionParameters()))
-    solver = sim.solver
-    for _ in range(rounds):
-        solver.measure_density()
-        solver.position_correction.find(0.0)
-        yield sim
-        solver.position_correction.apply()
-        solver.particles_moved()
-
-
-@pytest.mark.parametrize("halvings", [1, 2])
-def test_mixtures_of_unlike_particles_fill_the_sum_of_their_volumes(halvings):
-    """Mixtures of mass ratio 2 and 4 keep their volume to 0.3 %. Layers whose mixtures lose volume
-    are driven into each other by their weight and dissolve."""
-    seen = []
-    for sim in full_cube(halvings, cells=7, rounds=250):
-        volume = np.array([s.volume for s in sim.layers.specs])[sim.particles.numpy("layer")]
-        seen.append(np.average(sim.particles.numpy("density"), weights=volume) / 1000.0)
-    assert np.mean(seen[200:]) / FULL == pytest.approx(1.0, abs=3e-3)
-
-
-def test_uniform_compression_raises_the_density_as_it_reduces_the_volume():
-    """The density rises by (1 - 0.001)^-3 - 1 to 0.2 % of the rise. Otherwise the pressure that
-    bears a weight would be wrong by the missing rise."""
-    *_, sim = full_cube(0, cells=9, rounds=120)
-    p, solver, squeeze = sim.particles, sim.solver, 1e-3
-
-    def densities():
-        solver.particles_moved()
-        solver.measure_density()
-        order = np.argsort(p.numpy("id"))
-        return p.numpy("x")[order], p.numpy("density")[order]
-
-    x, before = densities()
-    p.x.from_numpy((0.5 + (1.0 - squeeze) * (p.x.to_numpy() - 0.5)).astype(np.float32))
-    gain = densities()[1] / before - 1.0
-    inner = (np.abs(x - 0.5) < 0.5 - 2.5 / 9).all(axis=1)
-    assert inner.sum() > 50
-    assert gain[inner].mean() == pytest.approx((1.0 - squeeze) ** -3 - 1.0, rel=2e-3)
 
 
 def test_steps_keep_their_length_unless_too_long_or_much_too_short(collision, monkeypatch):

@@ -56,15 +56,14 @@ class Rim:
         self._counted = np.zeros((2, MAX_LAYERS), int)
 
     def load(self, is_open: bool) -> None:
-        """Compiles the kernels for a scene with an open top or openings, by launching them without
-        particles."""
+        """Sets whether the top is open or there are openings, and compiles the kernels by launching
+        them without particles: also a body that is added to a closed box takes water's place."""
         self.open = is_open
-        if is_open:
-            self._mark(0)
-            self._take(np.zeros(0, np.int32))
-            self._hand_over(0, vec3(0.0))
-            self._fall(0.0, vec3(0.0))
-            self.removal.compile()
+        self._mark(0)
+        self._take(np.zeros(0, np.int32))
+        self._hand_over(0, vec3(0.0))
+        self._fall(0.0, vec3(0.0))
+        self.removal.compile()
 
     def reset(self, mass: float = 0.0) -> None:
         """Removes all drops. mass [kg]: spilt before."""
@@ -75,11 +74,11 @@ class Rim:
         self.added[None] = 0
 
     def spill(self, gravity: tuple[float, float, float], taken: np.ndarray) -> bool:
-        """Removes the particles outside the box, and those of the indices `taken` (k,), under
+        """Removes the particles outside an open box, and those of the indices `taken` (k,), under
         gravity [m/s^2]; returns True if there are any. Grid and neighbour list become invalid.
         Raises AllSpiltError if no particle is left."""
         n = self.particles.count
-        if not self.open or (self._mark(n) == 0 and len(taken) == 0):
+        if not (self.open or len(taken)) or (self._mark(n) == 0 and len(taken) == 0):
             return False
         if len(taken):
             self._take(taken)

@@ -24,6 +24,7 @@ ATTRIBUTES = (
     Attribute("position_correction", "m", "displacement that ends crowding", 3, carried=False),
     Attribute("crowding", "-", "2: corrected first, 1: displaced", integer=True, carried=False),
     Attribute("velocity_exchange", "m/s", "change by neighbours", 3, carried=False),
+    Attribute("exchange_share", "-", "largest share of a pair's exchange", carried=False),
     Attribute("relative_speed", "m/s", "largest past neighbours and walls", carried=False),
 )
 
@@ -59,8 +60,11 @@ class PositionCorrection:
     def load(self, iterations: int) -> None:
         """Sets the number of iterations per round."""
         self.iterations = iterations
+        self.crowded = False  # True if the largest excess takes several rounds
         # Compiled here (launched on no particles), so that the first splash does not wait.
         self._mark_crowds(0)
+        self._limit_exchange(0)
+        self._apply(0, True)
 
     def find(self, dt: float) -> float:
         """Finds displacements that end crowding in a step of dt [s]; returns the largest density
@@ -68,8 +72,9 @@ class PositionCorrection:
         n = self.particles.count
         largest = self.density.largest_excess
         rounds = max((r for excess, r in ROUNDS_BY_EXCESS.items() if largest > excess), default=1)
+        self.crowded = rounds > 1
         # The background acts in the last round only: further iterations would undo its spreading.
-        if rounds > 1:
+        if self.crowded:
             self._mark_crowds(n)
             for _ in range((rounds - 1) * self.iterations):
                 self._relax(n, dt, 0.0, CORRECTED)
@@ -145,28 +150,50 @@ class PositionCorrection:
 
     def apply(self) -> None:
         """Applies the displacements that find() found, except into walls and bodies."""
-        self._apply(self.particles.count)
+        if self.crowded:
+            self._limit_exchange(self.particles.count)
+        self._apply(self.particles.count, self.crowded)
         self.contact.clear_bodies()
 
     @kernel
-    def _apply(self, n: ti.i32):
+    def _limit_exchange(self, n: ti.i32):
+        """Sets the share of their velocity exchange that particles take part in: 1, or less if they
+        would give away more than their own velocity."""
+        p = self.particles
+        for i in range(n):
+            total = 0.0
+            for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
+                total += ti.abs(self._exchange(i, s))
+            p.exchange_share[i] = 1.0 / ti.max(total, 1.0)
+
+    @ti.func
+    def _exchange(self, i, s):
+        """Returns the relative displacement (-) of particle i and that of entry s, over their
+        distance."""
+        p, j = self.particles, self.neighbours.index[s]
+        r_ij = p.x[i] - p.x[j]
+        slope = self.pair_gradient[s].dot(r_ij) / ti.max(r_ij.norm_sqr(), MIN_DISTANCE2)
+        return slope * (p.position_multiplier[i] + p.position_multiplier[j])
+
+    @kernel
+    def _apply(self, n: ti.i32, crowded: ti.template()):
         """x += position_correction, at most `largest_shift` spacings; requires the list of find().
 
         A pair that is moved apart to r (1 + a) keeps its angular momentum only if its relative
         velocity shrinks by a: v_i -= sum a_ij (v_i - v_j), a_ij = -(q_i + q_j) V_j W'/r >= 0. This
-        also keeps the momentum and adds no energy. The same pass finds the relative speeds.
+        also keeps the momentum, and adds no energy while sum a_ij <= 1, to which the shares of both
+        limit a_ij where particles are crowded. The same pass finds the relative speeds.
         """
         p = self.particles
         for i in range(n):
             change = ti.Vector([0.0, 0.0, 0.0])
-            q, v, x = p.position_multiplier[i], p.v[i], p.x[i]
+            v, x = p.v[i], p.x[i]
             fastest = self._speed_past_walls(i, x, v) ** 2
             for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
                 j = self.neighbours.index[s]
-                r_ij = x - p.x[j]
-                slope = self.pair_gradient[s].dot(r_ij) / ti.max(r_ij.norm_sqr(), MIN_DISTANCE2)
-                a = slope * (q + p.position_multiplier[j])
-                relative = v - p.v[j]
+                relative, a = v - p.v[j], self._exchange(i, s)
+                if ti.static(crowded):
+                    a *= ti.min(p.exchange_share[i], p.exchange_share[j])
                 change += a * relative
                 fastest = ti.max(fastest, relative.norm_sqr())
             p.velocity_exchange[i] = change

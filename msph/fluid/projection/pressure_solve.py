@@ -33,8 +33,9 @@ ATTRIBUTES = (
 # Density deficit (-) that may close in full within a step. A smaller deficit closes in part: water
 # that falls into it carries no weight meanwhile (pressures of a deep pool were up to 8 % too low).
 GAP_DEFICIT = 0.003
-# Limits (-) of the factor that scales the initial guess.
-MIN_START_SCALE, MAX_START_SCALE = 0.5, 2.0
+# Largest factor (-) that scales the initial guess. The least is 0: impulses of the last step that
+# this step does not need would add energy, and the next guess would be larger still.
+MAX_START_SCALE = 2.0
 # Ratio (-) of its diagonal to the diagonal that it would have if it moved, below which a particle
 # of prescribed velocity has no multiplier.
 MIN_HELD_DIAGONAL = 0.1
@@ -157,7 +158,7 @@ class PressureSolve:
             against_rhs += volume * p.velocity_multiplier[i] * p.rhs[i]
         factor = 1.0
         if product > MIN_DIVISOR:
-            factor = ti.math.clamp(against_rhs / product, MIN_START_SCALE, MAX_START_SCALE)
+            factor = ti.math.clamp(against_rhs / product, 0.0, MAX_START_SCALE)
         residual_norm2, scale, total, square = 0.0, 0.0, 0.0, 0.0
         # Numbers, not a vector, to which all threads of a GPU would add one by one (sums.py).
         drift_x, drift_y, drift_z = 0.0, 0.0, 0.0
