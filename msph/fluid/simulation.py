@@ -157,9 +157,9 @@ class Simulation:
         while left > 1e-6 * duration:
             now = self.time + duration - left
             if self.boundary.driven:
-                longest = self.solver.longest_step()
+                longest, excess = self.solver.longest_step(), self.solver.density.largest_excess
                 check_trapped_water(
-                    self.boundary, self.layers, self.particles, forces, longest, now
+                    self.boundary, self.layers, self.particles, forces, longest, excess, now
                 )
             dt = self.last_step = left / self._step_count(left, forces)
             forces = external.at(now, dt)

@@ -1,7 +1,9 @@
 """Detection of water that a moving body compresses and that cannot flow away.
 
-The pressure solve then has no solution: pressures grow without bound and steps shrink. Criterion:
-sqrt(p/rho) exceeds TRAPPED_RATIO times the largest speed that bodies and gravity can cause.
+The pressure solve then has no solution: the density rises, or pressures grow without bound and
+steps shrink. Criteria: the mean density around the densest particle, at a body, exceeds the rest
+density by TRAPPED_EXCESS; sqrt(p/rho) exceeds TRAPPED_RATIO times the largest speed that bodies and
+gravity can cause.
 """
 
 import math
@@ -17,6 +19,9 @@ from msph.fluid.particles.particles import Particles
 # Ratio (-) of sqrt(p/rho) to the largest speed: no impact of the shipped scenes reaches it in 2 s,
 # and a piston without a gap exceeds it within a few steps.
 TRAPPED_RATIO = 100.0
+# Mean density excess (-) within TRAPPED_REACH supports: impacts compress water by a few percent,
+# and single particles by a third.
+TRAPPED_EXCESS, TRAPPED_REACH = 0.1, 2.0
 
 
 class TrappedWaterError(MsphError):
@@ -33,12 +38,26 @@ def check_trapped_water(
     particles: Particles,
     external: ExternalForces,
     longest_step: float,
+    largest_excess: float,
     time: float,
 ) -> None:
     """Raises TrappedWaterError if water at moving bodies is trapped at `time` [s].
 
-    longest_step [s] is the solver's limit: pressures are read only if it is very short.
+    longest_step [s] is the solver's limit, largest_excess (-) of the density: particles are read
+    only if the former is very short or the latter is large.
     """
+    if largest_excess > TRAPPED_EXCESS:
+        x = particles.numpy("x").astype(float)
+        density, layer = particles.numpy("density").astype(float), particles.numpy("layer")
+        densest, spec = x[np.argmax(density)], layers.specs[layer[np.argmax(density)]]
+        near = np.linalg.norm(x - densest, axis=1) < TRAPPED_REACH * spec.support
+        mass = np.array([s.mass for s in layers.specs])[layer]
+        mean = np.average(density[near], weights=mass[near])
+        at_body = not boundary.free(x[near], spec.spacing).all()
+        body = boundary.nearest_moving(densest)
+        moves = boundary.stopped.get(body, math.inf) > time
+        if at_body and moves and mean > (1.0 + TRAPPED_EXCESS) * spec.density:
+            raise TrappedWaterError(body, boundary.name(body), time)
     fall = 2.0 * math.hypot(*external.apparent_gravity) * math.hypot(*boundary.box)
     speed = TRAPPED_RATIO * (boundary.top_speed + math.sqrt(fall))
     if longest_step > layers.finest.spacing / speed:

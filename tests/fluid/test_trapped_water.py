@@ -61,8 +61,10 @@ def test_piston_over_half_of_the_box_traps_no_water(tmp_path):
 
 @pytest.mark.parametrize("motion", MOTIONS)
 def test_piston_is_stopped_by_stop_bodies_and_no_water_is_lost(tmp_path, motion):
-    """The speed of the water is not checked: 3 % too dense and without room to expand, it gains
-    energy in bursts (docs/method.md, "What is approximate")."""
+    """The water that is left stays calm, although it is up to 10 % too dense.
+
+    Regression: without room it gained energy in bursts of up to 25 kJ.
+    """
     show = Show(load(tmp_path, *MOTIONS[motion]), 1 / 60, stop_bodies=True)
     count = show.simulation.particles.count
     run(Row([show]), Headless(90))
@@ -71,6 +73,6 @@ def test_piston_is_stopped_by_stop_bodies_and_no_water_is_lost(tmp_path, motion)
     last = show.ledger.entries[-1]
     assert show.simulation.particles.count == count and last.outside == 0
     assert last.time > 0.5
-    assert np.isfinite(show.simulation.particles.numpy("x")).all()
+    assert np.linalg.norm(show.simulation.particles.numpy("v"), axis=1).max() < 1.0
     show.reset()
     assert not show.stopped and not show.warnings()
