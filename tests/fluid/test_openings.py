@@ -225,11 +225,11 @@ def test_openings_are_added_and_removed_in_a_running_simulation():
 def test_a_resumed_run_continues_the_inflow():
     sim = simulate(disc(FLOOR, UP, True, 0.5))
     run(sim, 0.2)
-    repeats(sim)
+    assert_repeats(sim)
     sim.close()
 
 
-def repeats(sim):
+def assert_repeats(sim):
     """Asserts that the next 0.2 s are repeated after a reset and a restore of the present state."""
     state = sim.state()
     run(sim, 0.2)
@@ -257,7 +257,7 @@ def test_a_checkpoint_holds_openings_that_were_added():
     sim.add_opening(drain, GRAVITY)
     run(sim, 0.1)
     state = sim.state()
-    repeats(sim)
+    assert_repeats(sim)
     assert len(sim.added_openings) == 2 and sim.openings.speeds[:2].tolist() == [0.5, 0.0]
     sim.reset()
     assert not sim.openings.all
