@@ -222,6 +222,23 @@ def test_openings_are_added_and_removed_in_a_running_simulation():
     sim.close()
 
 
+def test_the_solver_residual_leaves_out_particles_in_inflows():
+    """Where a body or other water meets an inflow, nothing can lower the density in its pipe."""
+    sim = simulate(disc(FLOOR, UP, True, 0.5))
+    run(sim, 0.2)
+    state = sim.particles.state()
+    deepest = np.argsort(state["x"][:, 1])[:6]
+    assert (state["x"][deepest, 1] < 0.0).all()
+    middle = state["x"][deepest].mean(axis=0)
+    state["x"][deepest] = middle + 0.3 * (state["x"][deepest] - middle)
+    sim.particles.fill(**state)
+    sim.solver.particles_moved()
+    entry = Ledger(sim, density_every=0.0).record(GRAVITY)
+    assert sim.particles.numpy("density").max() > 1.3 * 1000.0
+    assert entry.solver_residual_max < 0.1
+    sim.close()
+
+
 def test_a_resumed_run_continues_the_inflow():
     sim = simulate(disc(FLOOR, UP, True, 0.5))
     run(sim, 0.2)
