@@ -55,6 +55,26 @@ class ImpulseLedger:
         if not on_cpu():
             self._gather()
 
+    def mark(self) -> None:
+        """Keeps the totals for undo()."""
+        self.gather()
+        self._mark()
+
+    def undo(self) -> None:
+        """Restores the totals of the last mark()."""
+        self.gather()
+        self._undo()
+
+    @kernel
+    def _mark(self):
+        for each in ti.static(self.sums):
+            each.marked[None] = each.total[None]
+
+    @kernel
+    def _undo(self):
+        for each in ti.static(self.sums):
+            each.total[None] = each.marked[None]
+
     @kernel
     def _gather(self):
         for slot in range(SLOTS):

@@ -5,6 +5,7 @@ import weakref
 from collections.abc import Callable
 from functools import partial
 from time import perf_counter
+from typing import NamedTuple
 
 import numpy as np
 
@@ -63,6 +64,15 @@ def footprint(
         "neighbours": (1 + solver.PER_ENTRY) * grown(FIRST.entries, entries),
         "particles": words * grown(FIRST.particles, count),
     }
+
+
+class Mark(NamedTuple):
+    """State of a simulation; mass [kg] that was spilt and that left through outflows; impulses and
+    angular impulses of the water on bodies, and impulse on bodies that were removed."""
+
+    state: dict[str, np.ndarray]
+    left: tuple[float, float]
+    received: tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 class OpeningError(ValueError):
@@ -344,6 +354,22 @@ class Simulation:
     def restore(self, state: dict[str, np.ndarray]) -> None:
         """Restores a state(). Raises ValueError if it does not fit this simulation."""
         checkpoint.restore(self, state)
+
+    def mark(self) -> Mark:
+        """Returns what undo() needs to restore the present state with all sums of the ledger. Only
+        the last mark can be undone."""
+        boundary, rim = self.boundary, self.rim
+        self.contact.push_bodies()
+        self.world.parts.impulses.mark()
+        received = boundary.impulse.copy(), boundary.twist.copy(), boundary.removed_impulse.copy()
+        return Mark(self.state(), (rim.mass, rim.outflow), received)
+
+    def undo(self, mark: Mark) -> None:
+        """Restores the state of a mark()."""
+        self.restore(mark.state)
+        self.world.parts.impulses.undo()
+        self.rim.mass, self.rim.outflow = mark.left
+        self.boundary.impulse, self.boundary.twist, self.boundary.removed_impulse = mark.received
 
     def start_from(
         self, attributes: dict[str, np.ndarray], time: float, steps: int, spilt: float = 0.0

@@ -98,6 +98,11 @@ class World:
         parts = self.parts
         for part in (parts.links, parts.contact, parts.collisions, parts.gaps):
             part.load()
+        if parts.boundary.driven:
+            # Compiled here, so that the first crowd at a body does not wait.
+            parts.boundary.nearest_moving(np.zeros(3))
+            for name in ("x", "density", "layer"):
+                parts.particles.numpy(name)
 
 
 def _parts(room: Room) -> Parts:

@@ -177,7 +177,7 @@ class Show:
         frame in which a body traps water is undone, and the body stops a frame earlier; and the
         scene begins again when all water is spilt."""
         sim, frame_time = self.simulation, controls.frame_time or self.frame_time
-        before = sim.state() if self.stop_bodies and sim.boundary.driven else None
+        before = sim.mark() if self.stop_bodies and sim.boundary.driven else None
         try:
             return sim.advance(
                 frame_time,
@@ -199,7 +199,7 @@ class Show:
                 raise
             stopped = dict(sim.boundary.stopped)
             by_wall = sim.boundary.bodies[error.body].motion is sim.piston
-            sim.restore(before)
+            sim.undo(before)
             if by_wall:
                 sim.remove_piston()
                 self.note = f"{error.name} is gone: it had trapped water"
