@@ -289,7 +289,7 @@ class Projection:
             self.position_correction.apply()  # displacements, x, v -> x, v, relative speeds
             self.openings.prescribe()  # speeds of inflows -> v in their zones
             motion_rate, distance = self._motion_bounds(self.particles.count, dt)
-            self.max_rate = float(np.max((pressure_rate, motion_rate)))  # bounds the next step
+            self.max_rate = max(pressure_rate, motion_rate)  # bounds the next step
             if self.adaptation:
                 self.adaptation.travelled += distance
             self.contact.drift(0.5 * dt)  # x, v, poses -> x, v, as above
