@@ -239,6 +239,7 @@ def test_a_time_step_of_zero_raises_a_blow_up_error(tank, rate):
     Regression: the run ended in a division by zero, or took the longest step.
     """
     sim, _ = tank
+    sim.reset()
     v = sim.particles.numpy("v")
     v[7] = 0.0, 5.0, 0.0
     sim.particles.fill(**(sim.particles.state() | {"v": v}))
