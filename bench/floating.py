@@ -23,9 +23,9 @@ KICK, AXIS = 40.0, [1.0, 0.0, 0.6]
 # the ball [m].
 EDGE, DEPTH, FINE, HEIGHT = 0.6, 0.4, 0.025, 0.2
 DENSITIES = (250.0, 500.0, 750.0)
-GRAVITY = (0.0, -tanks.GRAVITY, 0.0)
 # Heave decay of Kramer et al. 2021: radius, mass, release above equilibrium, depth [m, kg], water
-# density [kg/m^3], gravity [m/s^2], first period [s] and trough [m].
+# density [kg/m^3], gravity [m/s^2], first period [s], taken as the time of the second crest, and
+# first trough [m].
 RADIUS, MASS, RELEASE, DEEP = 0.15, 7.056, 0.02916, 0.9
 KRAMER_WATER, KRAMER_GRAVITY, PERIOD, TROUGH = 998.2, 9.82, 0.7869, 0.02493
 # Particles of the pool: room for bands of full thickness.
@@ -41,17 +41,20 @@ def build(layers: int, bodies: list[dict], seed: int, fine: float = FINE, **scen
     return tanks.build(Scene.model_validate({**tank.model_dump(), "bodies": bodies, **scene}))
 
 
-def run(sim: Any, seconds: float, gravity: float = tanks.GRAVITY) -> tuple[Ledger, np.ndarray]:
-    """Runs a simulation; returns the ledger and the positions of the floating bodies after each
-    frame, (frames, bodies, 3) [m]."""
+def run(
+    sim: Any, seconds: float, gravity: float = tanks.GRAVITY
+) -> tuple[Ledger, np.ndarray, np.ndarray]:
+    """Runs a simulation; returns the ledger, and the positions [m] and rotation matrices of the
+    floating bodies after each frame, (frames, bodies, 3) and (frames, bodies, 3, 3)."""
     ledger, external = Ledger(sim, density_every=math.inf), ExternalForces((0.0, -gravity, 0.0))
     ledger.record(external.gravity)
-    places = []
+    places, turns = [], []
     for _ in range(round(seconds / tanks.FRAME)):
         sim.advance(tanks.FRAME, external)
         ledger.record(external.gravity)
         places.append(sim.boundary.floating.x.copy())
-    return ledger, np.array(places)
+        turns.append(sim.boundary.floating.turn.copy())
+    return ledger, np.array(places), np.array(turns)
 
 
 def water_volume(sim: Any) -> float:
@@ -61,8 +64,8 @@ def water_volume(sim: Any) -> float:
 
 
 def draft(kind: str, density: float, layers: int, fine: float = FINE) -> dict[str, str]:
-    """Returns the table row of a body that floats: error of the submerged volume over the body's
-    height, by the height of its centre for a ball and by the waterline for a cube."""
+    """Returns the table row of a body that floats: mean error over the last BOBS [s] of the height
+    of its waterline, over the body's height; fine [m]: finest spacing."""
     half = 0.5 * HEIGHT
     samples = np.random.default_rng(0).uniform(-half, half, (100_000, 3))
     if kind == "ball":
@@ -75,24 +78,19 @@ def draft(kind: str, density: float, layers: int, fine: float = FINE) -> dict[st
             corners = {"lo": [c - half for c in x], "hi": [c + half for c in x]}
             shape = {**corners, "spin": KICK, "axis": AXIS}
         sim = build(layers, [{**shape, "density": density}], seed, fine)
-        floating, body = sim.boundary.floating, sim.boundary.bodies[0]
-        level = (water_volume(sim) + volume(body) * density / 1000.0) / EDGE**2
-        ledger, external = Ledger(sim, density_every=math.inf), ExternalForces(GRAVITY)
-        ledger.record(GRAVITY)
-        errors, steepest = [], []
-        frames = round((TURNING if kind == "cube" else AFLOAT) / tanks.FRAME)
-        for frame in range(frames):
-            sim.advance(tanks.FRAME, external)
-            ledger.record(GRAVITY)
-            if frame >= frames - round(BOBS / tanks.FRAME):
-                heights = floating.x[0, 1] + samples @ floating.turn[0][1]
-                # Height of the waterline at which the submerged volume carries the body's weight.
-                wanted = np.quantile(heights, density / 1000.0)
-                errors.append((level - wanted) / HEIGHT)
-                steepest.append(np.abs(floating.turn[0][1]).max())
+        level = water_volume(sim) + volume(sim.boundary.bodies[0]) * density / 1000.0
+        level /= EDGE**2
+        ledger, places, turns = run(sim, TURNING if kind == "cube" else AFLOAT)
+        last = round(BOBS / tanks.FRAME)
+        ups = turns[-last:, 0, 1]
+        # Heights of the waterline at which the submerged volume carries the body's weight.
+        wanted = [
+            y + np.quantile(samples @ up, density / 1000.0)
+            for y, up in zip(places[-last:, 0, 1], ups, strict=True)
+        ]
         return {
-            "draft error": float(np.mean(errors)),
-            "steepest axis": float(np.mean(steepest)),
+            "draft error": float((level - np.mean(wanted)) / HEIGHT),
+            "steepest axis": float(np.abs(ups).max(axis=1).mean()),
             "energy gain": ledger.energy_gain(),
         }
 
@@ -132,7 +130,7 @@ def drift(layers: int) -> dict[str, str]:
 
     def case(seed: int) -> dict[str, float]:
         body = {"centre": [0.5 * EDGE, 0.2, 0.5 * EDGE], "radius": 0.5 * HEIGHT, "density": 1000.0}
-        _, places = run(build(layers, [body], seed), ADRIFT)
+        _, places, _ = run(build(layers, [body], seed), ADRIFT)
         return {"way over diameter": float(np.linalg.norm(places[-1] - places[0]) / HEIGHT)}
 
     return {"layers": str(layers), **rows.over_starts(case, {"way over diameter": ".2%"})}
@@ -222,7 +220,7 @@ def collision(density: float) -> dict[str, str]:
             ],
         }
         # After 0.32 s water reaches walls of the box, to which it gives momentum.
-        ledger, _ = run(tanks.build(Scene.model_validate(scene)), 0.3, gravity=0.0)
+        ledger, _, _ = run(tanks.build(Scene.model_validate(scene)), 0.3, gravity=0.0)
         first, last = ledger.entries[0], ledger.entries[-1]
         momentum = last.momentum + last.floating_momentum - first.momentum - first.floating_momentum
         angular = last.angular_momentum + last.floating_angular_momentum
@@ -267,7 +265,7 @@ def hard(name: str) -> dict[str, str]:
 
     def case(seed: int) -> dict[str, float]:
         sim = build(1, HARD[name], seed)
-        ledger, _ = run(sim, HARDSHIP)
+        ledger, _, _ = run(sim, HARDSHIP)
         floating = sim.boundary.floating
         return {
             "energy gain": ledger.energy_gain(),

@@ -99,7 +99,7 @@ class World:
         for part in (parts.links, parts.contact, parts.collisions, parts.gaps):
             part.load()
         if parts.boundary.driven:
-            # Compiled here, so that the first crowd at a body does not wait.
+            # Compiled here, so that the first check for trapped water does not wait.
             parts.boundary.nearest_moving(np.zeros(3))
             for name in ("x", "density", "layer"):
                 parts.particles.numpy(name)

@@ -69,13 +69,12 @@ class PressureProbe(Probe):
         lo = np.array(self.lo)
         if self.hi is None:
             now = float(water.at(lo, "pressure"))
+            if self.window > 0.0 and np.isnan(now):
+                now = 0.0
         else:
             points, _ = lattice(lo, np.array(self.hi), water.spacing.min())
             wet, pressures = water.wetted(points, "pressure")
             now = float((wet * pressures).mean())
-        averaged = self.hi is not None or self.window > 0.0
-        if averaged and not np.isfinite(now):
-            now = 0.0
         self.past.append((water.time, now))
         while self.past[0][0] <= water.time - self.window and len(self.past) > 1:
             self.past.popleft()

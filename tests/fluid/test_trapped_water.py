@@ -77,6 +77,7 @@ def test_piston_is_stopped_by_stop_bodies_and_no_water_is_lost(tmp_path, motion)
     last = show.ledger.entries[-1]
     assert show.simulation.particles.count == count and last.outside == 0
     assert last.time > 0.5
+    assert np.isfinite(show.simulation.particles.numpy("x")).all()
     assert np.linalg.norm(show.simulation.particles.numpy("v"), axis=1).max() < 1.0
     show.reset()
     assert not show.stopped and not show.warnings()

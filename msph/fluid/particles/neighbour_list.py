@@ -168,7 +168,8 @@ class NeighbourList:
 
     @ti.func
     def _make_room(self, count, search: ti.template()):
-        """Returns whether there is room for `count` more entries, if necessary by a reservation."""
+        """Returns whether there is room for `count` more entries, if necessary by a reservation.
+        Counted entries have room unless the pool is full."""
         room = search.limit > 0
         if ti.static(not self.counted):
             if search.place + count > search.limit:
@@ -200,7 +201,8 @@ class NeighbourList:
 
     @ti.func
     def _count_row(self, begin, end, search: ti.template()):
-        """Counts the particles of a row within reach, including i, and their images."""
+        """Counts the particles of a row within reach, including i, and their images; also images
+        that openings or the rim hide, so that the count is an upper bound."""
         x, reach2, combinations = search.x, search.reach**2, self.images.combinations(search.near)
         count = 0
         for j in range(begin, end):

@@ -33,8 +33,8 @@ ATTRIBUTES = (
 # Density deficit (-) that may close in full within a step. A smaller deficit closes in part: water
 # that falls into it carries no weight meanwhile (pressures of a deep pool were up to 8 % too low).
 GAP_DEFICIT = 0.003
-# Largest factor (-) that scales the initial guess. The least is 0: impulses of the last step that
-# this step does not need would add energy, and the next guess would be larger still.
+# Largest factor (-) that scales the initial guess. The least is 0, so that no impulse remains that
+# this step does not need.
 MAX_START_SCALE = 2.0
 # Ratio (-) of its diagonal to the diagonal that it would have if it moved, below which a particle
 # of prescribed velocity has no multiplier.
