@@ -21,9 +21,16 @@ def mesh(taichi_runtime):
 
 
 @pytest.fixture(scope="session")
-def picture(mesh):
-    """Returns the picture that the tests share, since each further instance would compile all
-    kernels again; without bodies, but see `boundary_of`."""
-    picture = Picture(mesh, boundary_of(BOX, [LAYER]), thin=ti.data_oriented(NoDrops)())
-    picture.load(WIDTH, HEIGHT, BOX)
-    return picture
+def built(mesh):
+    """Returns the only picture of a process, since each further one would compile all kernels
+    again."""
+    return Picture(mesh, boundary_of(BOX, [LAYER]), thin=ti.data_oriented(NoDrops)())
+
+
+@pytest.fixture(scope="module")
+def picture(built):
+    """Returns the picture that the tests share; without bodies, whatever tests in other files left
+    in the boundary, but see `boundary_of`."""
+    boundary_of(BOX, [LAYER])
+    built.load(WIDTH, HEIGHT, BOX)
+    return built
