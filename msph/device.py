@@ -14,9 +14,9 @@ from msph.errors import BadInputError
 from msph.interrupts import importing
 
 ARCHES = ("auto", "cpu", "cuda", "vulkan", "metal")
-# Iterations of a CPU loop per thread and block. Taichi's default of at least 512 gives one of two
-# threads 2/3 of 1,500 particles.
-CPU_BLOCK = 64
+# Iterations of a heavy kernel's loop that a CPU thread takes at a time: 1,000 particles are then
+# shared evenly, and the thread takes 0.1 ms for them.
+CPU_BLOCK = 16
 # Size of Taichi's kernel cache on disk [bytes]: a scene compiles to 2 to 4 MB, so that the default
 # of 100 MB is full after a day of work.
 CACHE_BYTES = 1 << 30
@@ -61,7 +61,6 @@ def start(arch: str = "auto", threads: int | None = None, tested: bool = False) 
     automatic = [ti.cpu] if sys.platform == "darwin" else [ti.cuda, ti.cpu]
     wanted = automatic if arch == "auto" else [getattr(ti, arch)]
     options = {
-        "cpu_block_dim_adaptive": False,
         "default_cpu_block_dim": CPU_BLOCK,
         "offline_cache_max_size_of_files": CACHE_BYTES,
         # The kernel that fills a table unrolls its columns; Taichi would warn from 32 on.

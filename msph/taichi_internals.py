@@ -39,6 +39,9 @@ ARRAY_SETTER = "set_arg_external_array_with_shape"
 # Methods by which Taichi builds the range loops of a kernel, and methods of a program.
 LOOPS = ("build_range_for", "build_ndrange_for", "build_grouped_ndrange_for")
 PROGRAM = ("config", "get_device_caps", "compile_kernel", "launch_kernel", "synchronize")
+# Option of Taichi's compiler: a CPU loop is cut into one equal part per thread, of at least 512
+# iterations; LLVM can then vectorize it. Without it, threads take blocks of iterations in turn.
+HALVES = "make_cpu_multithreading_loop"
 
 
 def missing(owner: Any, names: Iterable[str]) -> str | None:
@@ -69,7 +72,7 @@ try:
         or missing(ASTTransformerContext, ["get_pos_info"])
         or missing(ASTTransformer, LOOPS)
         or missing(core, [f"Program.{name}" for name in PROGRAM])
-        or missing(core, ["Kernel.make_launch_context"])
+        or missing(core, ["Kernel.make_launch_context", f"CompileConfig.{HALVES}"])
         or missing(core, [f"KernelLaunchContext.{name}" for name in setters])
     )
 except ImportError as error:
@@ -100,7 +103,7 @@ if not PLAIN:
 
 # Number of particles below which a CPU runs the loops of a kernel, or of a heavy kernel, in the
 # launching thread: waking two threads takes 40 us per loop (bench/results/speed_log.md).
-SERIAL_BELOW, HEAVY_SERIAL_BELOW = 3000, 800
+SERIAL_BELOW, HEAVY_SERIAL_BELOW = 3000, 300
 
 
 class Loops:
@@ -224,12 +227,14 @@ def _taichi_kernel(function: Callable) -> "Kernel":
 
 
 class FastKernel:
-    """Kernel method, compiled once per object and per value of its template arguments. below:
-    number of particles of a scene below which the loops are serial."""
+    """Kernel method, compiled once per object and per value of its template arguments. heavy: its
+    iterations take long and unequal times, so that CPU threads take blocks of them in turn, already
+    in smaller scenes."""
 
-    def __init__(self, function: Callable, below: int = SERIAL_BELOW):
+    def __init__(self, function: Callable, heavy: bool = False):
         functools.update_wrapper(self, function)
-        self.function, self.taichi, self.below = function, _taichi_kernel(function), below
+        self.function, self.taichi, self.heavy = function, _taichi_kernel(function), heavy
+        self.below = HEAVY_SERIAL_BELOW if heavy else SERIAL_BELOW
 
     @functools.cached_property
     def serial(self) -> "Kernel":
@@ -323,7 +328,9 @@ class _Launcher:
         finally:
             _serial = before
         found, program = taichi.compiled_kernels[key], impl.get_runtime().prog
-        compiled = program.compile_kernel(program.config(), program.get_device_caps(), found)
+        config = program.config()
+        setattr(config, HALVES, not self.kernel.heavy)
+        compiled = program.compile_kernel(config, program.get_device_caps(), found)
         return compiled, found.make_launch_context, program
 
 
@@ -342,8 +349,7 @@ def _mark(cls: type) -> type:
     return cls
 
 
-# Decorators of kernels, of heavy kernels (as slow as several others), and of classes with
-# kernels.
+# Decorators of kernels, of heavy kernels, and of classes with kernels.
 kernel: Any = ti.kernel if PLAIN else FastKernel
-heavy_kernel: Any = ti.kernel if PLAIN else functools.partial(FastKernel, below=HEAVY_SERIAL_BELOW)
+heavy_kernel: Any = ti.kernel if PLAIN else functools.partial(FastKernel, heavy=True)
 data_oriented: Any = ti.data_oriented if PLAIN else _mark

@@ -9,6 +9,8 @@ import taichi as ti
 
 from msph.device_table import DeviceTable, f32, i32
 from msph.fluid.boundary.body_shapes import BALL, CUBIC, END, LINEAR, ROUND
+from msph.fluid.boundary.rigid_bodies import is_convex
+from msph.fluid.room import MAX_BODIES
 from msph.picture.shot import PARALLEL
 from msph.picture.sky import SKY_LIGHT, SUN_LIGHT
 from msph.taichi_internals import data_oriented
@@ -35,10 +37,14 @@ class BodyShading:
         self.boundary = boundary
         # container: index, or -1.
         self.numbers = DeviceTable((), count=i32, near=f32, container=i32)
+        self.convex = DeviceTable((MAX_BODIES,), convex=i32).convex
 
     def load(self, box):
         """Loads the boundary's present bodies in a box (Lx, Ly, Lz) [m]."""
         found = self.boundary.container
+        self.convex.fill(0)
+        for b, body in enumerate(self.boundary.bodies):
+            self.convex[b] = int(is_convex(body))
         self.numbers.fill(
             count=self.boundary.count,
             near=HIT_DISTANCE * max(box),
@@ -92,8 +98,9 @@ class BodyShading:
                 if t < part[1]:
                     nearest, which = t, b
                 t = MISSED
-            # t and distance at the last step; t at which the ray begins in a container.
-            last, last_d, since = t, MISSED, ti.select(self.boundary.side[b] < 0.0, t, MISSED)
+            # t, distance and slope at the last step; t at which the ray begins in a container.
+            last, last_d, last_slope = t, MISSED, -1.0
+            since, convex = ti.select(self.boundary.side[b] < 0.0, t, MISSED), self.convex[b] == 1
             while t < part[1] and steps < MAX_STEPS:
                 steps += 1
                 found = self.boundary.own_distance(b, q + t * s, LINEAR)
@@ -120,7 +127,17 @@ class BodyShading:
                         entry_cosine = ti.max(there.yzw.dot(s), 0.0)
                     else:
                         way = t - d + 4.0 * near
-                last, last_d, t = t, d, way
+                elif convex and slope < 0.0:
+                    # Distances along a ray to a convex body are a convex function, and Newton's
+                    # step ends before its first zero.
+                    way = ti.max(way, t - STEP_FRACTION * d / slope)
+                elif convex:
+                    # The ray leaves; tangents at the last two steps bound the least distance.
+                    turn = (last_d - d + t * slope - last * last_slope) / (slope - last_slope)
+                    bound = ti.max(last_d + last_slope * (turn - last), 0.0)
+                    margin = ti.min(margin, bound / (reach + t))
+                    way = MISSED
+                last, last_d, last_slope, t = t, d, slope, way
             if entered and t < part[1]:
                 nearest, which = t, b  # all steps were short: the ray is along a side
             close = close or margin < wide
@@ -188,7 +205,7 @@ class BodyShading:
         share = 1.0
         near = self.numbers.near[None]
         for b in range(self.numbers.count[None]):
-            side = self.boundary.side[b]
+            side, convex = self.boundary.side[b], self.convex[b] == 1
             if side > 0.0 or self.boundary.distance(b, p, END).x < -self.offset():
                 # March where the penumbra can reach.
                 ahead = (self.boundary.centre[b, END] - p).dot(to_sun)
@@ -202,9 +219,13 @@ class BodyShading:
                     t = MISSED
                 while t < part[1] and steps < MAX_STEPS:
                     steps += 1
-                    d = side * self.boundary.own_distance(b, q + t * s, LINEAR).x
+                    found = side * self.boundary.own_distance(b, q + t * s, LINEAR)
+                    d = found.x
                     share = ti.min(share, SHADOW_SHARPNESS * d / t)
-                    t = ti.select(share <= 0.0, MISSED, t + ti.max(STEP_FRACTION * d, 2.0 * near))
+                    # d/t of a convex body grows from here on.
+                    past = convex and t * found.yzw.dot(s) >= d
+                    way = t + ti.max(STEP_FRACTION * d, 2.0 * near)
+                    t = ti.select(share <= 0.0 or past, MISSED, way)
         return ti.max(share, 0.0)
 
     @ti.func

@@ -5,7 +5,7 @@ import taichi as ti
 
 from msph.picture.room import PixelFields
 from msph.picture.samples import CPU_BLOCKS, GPU_BLOCKS
-from msph.taichi_internals import data_oriented, kernel, on_cpu
+from msph.taichi_internals import data_oriented, heavy_kernel, on_cpu
 
 vec2 = ti.math.vec2
 
@@ -26,7 +26,7 @@ class EdgeFilter:
         self.canvas, self.resolved = fields.canvas, fields.resolved
         self.block = CPU_BLOCKS if on_cpu() else GPU_BLOCKS
 
-    @kernel
+    @heavy_kernel
     def smooth(self, columns: ti.i32, rows: ti.i32):
         """Smooths columns x rows pixels."""
         ti.loop_config(block_dim=self.block)

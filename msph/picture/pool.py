@@ -27,6 +27,9 @@ SHADOW, SHADOW_WAY = vec3(0.52, 0.40, 0.32), 0.30  # light that the box absorbs;
 FILM_SUN, FILM_GLOSS = 20.0, 5  # sun on wet walls: brightness; width: cosine^(2^5)
 TONES, GOLDEN = 256, 0.618034
 MIN_COSINE = 0.08  # smallest cosine for the stretch of a pixel's footprint on a wall
+# Distance of a body from a ray at which its outline may cross an adjacent block, over the block's
+# edge: half its diagonal, and a fifth more since a ray's steps may skip the nearest point.
+OUTLINE_REACH = 0.85
 FILTER, SHARPEST = 0.7, 1e-3  # filter width over the pixel's footprint; smallest, in tiles
 
 
@@ -139,7 +142,7 @@ class Pool:
     def intersect(self, p, r, most, reach, within, shot: ti.template()):
         """Intersects a ray from p, reach [m] from the eye, with bodies; see BodyShading.intersect.
         The last result is True if a body's outline may cross a block of pixels around the ray."""
-        wide = 1.5 * SPAN * shot.pixel
+        wide = OUTLINE_REACH * SPAN * shot.pixel
         t, body, entry, close = MISSED, -1, vec2(MISSED, -1.0), False
         if ti.static(self.occupied):
             t, body, entry, close = self.bodies.intersect(p, r, most, reach, wide, within)

@@ -8,7 +8,7 @@ evaluated per pixel. Adjacent blocks share corners: one ray per block.
 
 import taichi as ti
 
-from msph.taichi_internals import data_oriented, kernel, on_cpu
+from msph.taichi_internals import data_oriented, heavy_kernel, kernel, on_cpu
 
 SPAN = 4  # pixels along each side of a block; 8 is no faster, since more blocks are uneven
 # Rows of a 4 x 4 sample: place on the wall [m] and pixel width there [m]; share of the wall's light
@@ -92,7 +92,7 @@ class BlockSampler:
                     state = note * STATES + ti.select(even, EVEN, UNEVEN)
             self.state[a, b] = state
 
-    @kernel
+    @heavy_kernel
     def trace(self, columns: ti.i32, rows: ti.i32, stage: ti.i32):
         """Computes samples at the corners of even blocks, or draws all pixels of uneven blocks: one
         kernel, so that the source's `trace` is compiled once."""

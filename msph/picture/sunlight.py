@@ -11,7 +11,7 @@ import taichi as ti
 from msph.picture.optics import bend, cosine_beyond
 from msph.picture.rasteriser import BLOCK, on_wall
 from msph.picture.shot import CAUSTIC_CELLS, LEVEL_CELLS
-from msph.taichi_internals import data_oriented, kernel
+from msph.taichi_internals import data_oriented, heavy_kernel
 
 vec2 = ti.math.vec2
 
@@ -79,7 +79,7 @@ class Sunlight:
         c = ti.math.clamp(p.xz / shot.size.xz * n - 0.5, 0.0, n - 1.001)
         return bilinear(self.level, c)
 
-    @kernel
+    @heavy_kernel
     def trace_caustics(self):
         """Computes the caustic map: refracts at the vertices, splats the triangles, smooths."""
         for i, j in self.photons:

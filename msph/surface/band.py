@@ -31,7 +31,7 @@ from msph.surface.room import SurfaceRoom
 from msph.surface.signs import Signs, lowest_bit, popcount
 from msph.surface.sums import HALF_TILE, TILE, KernelSums
 from msph.surface.water_volume import MAX_SHIFT, MIN_SHIFT, MIN_SHIFT_AT_BODIES
-from msph.taichi_internals import data_oriented, kernel
+from msph.taichi_internals import data_oriented, heavy_kernel, kernel
 
 AIR, BAND, DEEP = 0, 1, 2
 STRIDE = PAIR  # lattice intervals per sample
@@ -103,7 +103,7 @@ class Band:
         self.tiles = ti.field(ti.i32, shape=room.nodes // TILE)
         self.count = ti.field(ti.i32, shape=())
 
-    @kernel
+    @heavy_kernel
     def sample(self, bodies: ti.template()):
         """Computes sampled from the particles."""
         tiles = (self.numbers.pairs[None] + ti.Vector([1, 1, RUN - 1])) // ti.Vector(
@@ -135,7 +135,7 @@ class Band:
         for q in range(self.block_count()):
             self.state[q] = self.state_of(q, bodies)
 
-    @kernel
+    @heavy_kernel
     def include_thin(self, n: ti.i32, bodies: ti.template()):
         """Sets the kernels of the n particles (thin_water.py), marks sub-blocks within reach of
         kernels that exceed the full one as BAND, and lists the tiles (list_tiles())."""

@@ -18,7 +18,7 @@ from msph.surface.rounding import Rounding
 from msph.surface.sums import HALF_TILE, TILE, KernelSums
 from msph.surface.thin_water import ThinWater
 from msph.surface.water_volume import WaterVolume
-from msph.taichi_internals import data_oriented, kernel
+from msph.taichi_internals import data_oriented, heavy_kernel
 
 
 def surface_of(world: World, room: SurfaceRoom) -> "Surface":
@@ -105,7 +105,7 @@ class Surface:
         self.drops.add()
         self.rounding.round(self.has_bodies)
 
-    @kernel
+    @heavy_kernel
     def evaluate(self, bodies: ti.template()):
         """Computes f = c - iso (sums.py), its gradient, and the cut of bodies at the nodes of the
         band."""

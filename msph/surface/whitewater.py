@@ -21,7 +21,7 @@ from msph.device_table import DeviceTable
 from msph.fluid.boundary.walls import Walls
 from msph.fluid.world import World
 from msph.surface.fluid_fraction import POLY6, cut_share
-from msph.taichi_internals import data_oriented, kernel
+from msph.taichi_internals import data_oriented, heavy_kernel
 
 vec2, vec3 = ti.math.vec2, ti.math.vec3
 
@@ -103,7 +103,7 @@ class Whitewater:
         self._move(dt, ti.Vector(gravity))
         self._emit(self.particles.count, dt, self.frames)
 
-    @kernel
+    @heavy_kernel
     def _emit(self, n: ti.i32, dt: ti.f32, frame: ti.i32):
         for i in range(n):
             v = self.particles.v[i]
@@ -137,7 +137,7 @@ class Whitewater:
         self.table.v[at] = v + SCATTER * v.norm() * spread
         self.table.life[at] = ti.math.mix(SHORTEST / LIFE, 1.0, uniform(seed, NUMBERS * k + 7))
 
-    @kernel
+    @heavy_kernel
     def _move(self, dt: ti.f32, gravity: vec3):
         for k in range(MOST):
             if self.table.life[k] > 0.0:

@@ -113,6 +113,9 @@ def rotations(vectors: np.ndarray) -> np.ndarray:
 AnyMotion = Motion | Scripted | Stroke
 AT_REST = Motion()
 TINY = float(np.finfo(float).tiny)
+# Volume between a mesh and its convex hull, over that of the hull (-), below which the mesh counts
+# as convex: that of rounding of vertices in files.
+FLAT = 1e-4
 # Coefficient of friction between bodies, and with walls (-): of wood on wood.
 FRICTION = 0.3
 
@@ -174,6 +177,14 @@ class Solid:
         return self.vertices.min(axis=0), self.vertices.max(axis=0)
 
     @cached_property
+    def convex(self) -> bool:
+        """True if the mesh fills its convex hull but for FLAT of the hull's volume."""
+        from scipy.spatial import ConvexHull  # only meshes need it
+
+        hull = ConvexHull(self.vertices).volume
+        return bool(self.uniform.volume > (1.0 - FLAT) * hull)
+
+    @cached_property
     def uniform(self) -> Any:
         """Mass properties at density 1: volume, center_mass and inertia about it, by trimesh."""
         from trimesh.triangles import mass_properties  # only meshes need it
@@ -212,6 +223,11 @@ def inertia(body: Body) -> np.ndarray:
         return 0.4 * body.mass * body.radius**2 * np.eye(3)
     squares = (body.hi - body.lo) ** 2
     return body.mass / 12.0 * np.diag(squares.sum() - squares)
+
+
+def is_convex(body: Body) -> bool:
+    """Returns True for a convex body of which water is outside."""
+    return not isinstance(body, Solid) or (not body.container and body.convex)
 
 
 def half_extents(body: Body) -> np.ndarray:
