@@ -41,7 +41,7 @@ LOOPS = ("build_range_for", "build_ndrange_for", "build_grouped_ndrange_for")
 PROGRAM = ("config", "get_device_caps", "compile_kernel", "launch_kernel", "synchronize")
 # Option of Taichi's compiler: a CPU loop is cut into one equal part per thread, of at least 512
 # iterations; LLVM can then vectorize it. Without it, threads take blocks of iterations in turn.
-HALVES = "make_cpu_multithreading_loop"
+EQUAL_PARTS = "make_cpu_multithreading_loop"
 
 
 def missing(owner: Any, names: Iterable[str]) -> str | None:
@@ -72,7 +72,7 @@ try:
         or missing(ASTTransformerContext, ["get_pos_info"])
         or missing(ASTTransformer, LOOPS)
         or missing(core, [f"Program.{name}" for name in PROGRAM])
-        or missing(core, ["Kernel.make_launch_context", f"CompileConfig.{HALVES}"])
+        or missing(core, ["Kernel.make_launch_context", f"CompileConfig.{EQUAL_PARTS}"])
         or missing(core, [f"KernelLaunchContext.{name}" for name in setters])
     )
 except ImportError as error:
@@ -329,7 +329,7 @@ class _Launcher:
             _serial = before
         found, program = taichi.compiled_kernels[key], impl.get_runtime().prog
         config = program.config()
-        setattr(config, HALVES, not self.kernel.heavy)
+        setattr(config, EQUAL_PARTS, not self.kernel.heavy)
         compiled = program.compile_kernel(config, program.get_device_caps(), found)
         return compiled, found.make_launch_context, program
 

@@ -1,5 +1,5 @@
 """Upscaling of an image rendered with fewer pixels: cubic convolution (Keys 1981, a = -1/2, weights
-of Catmull and Rom), along x, then along y."""
+of Catmull and Rom), along y, then along x."""
 
 import taichi as ti
 
@@ -16,28 +16,34 @@ class Enlarger:
     """Upscales the lower left part of `resolved`."""
 
     def __init__(self, fields: PixelFields):
-        self.wide, self.resolved = fields.wide, fields.resolved
+        self.high, self.resolved = fields.high, fields.resolved
         self.strip, self.block = (STRIP, CPU_BLOCKS) if on_cpu() else (1, GPU_BLOCKS)
+        # Source pixels and weights of the image's rows, which all columns share.
+        self.first = ti.field(ti.i32, fields.room.height)
+        self.weights = ti.Vector.field(4, ti.f32, fields.room.height)
 
     @kernel
     def enlarge(self, columns: ti.i32, rows: ti.i32, width: ti.i32, height: ti.i32):
-        """Upscales columns x rows pixels to width x height pixels."""
+        """Upscales columns x rows pixels to width x height pixels: first along the columns, which
+        are contiguous in memory, while there are few of them."""
         strip = self.strip
+        for j in range(height):
+            self.first[j], self.weights[j] = taps(j, rows / height)
         ti.loop_config(block_dim=self.block)
-        for i, s in ti.ndrange(width, (rows + strip - 1) // strip):
-            first, weights = taps(i, columns / width)
-            for b in range(s * strip, ti.min((s + 1) * strip, rows)):
-                total = ti.math.vec3(0.0)
+        for i, s in ti.ndrange(columns, (height + strip - 1) // strip):
+            for j in range(s * strip, ti.min((s + 1) * strip, height)):
+                first, weights, total = self.first[j], self.weights[j], ti.math.vec3(0.0)
                 for k in ti.static(range(4)):
-                    total += weights[k] * self.resolved[ti.math.clamp(first + k, 0, columns - 1), b]
-                self.wide[i, b] = total
+                    total += weights[k] * self.resolved[i, ti.math.clamp(first + k, 0, rows - 1)]
+                self.high[i, j] = total
         ti.loop_config(block_dim=self.block)
         for i, s in ti.ndrange(width, (height + strip - 1) // strip):
+            first, weights = taps(i, columns / width)
+            source = ti.math.clamp(first + ti.Vector([0, 1, 2, 3]), 0, columns - 1)
             for j in range(s * strip, ti.min((s + 1) * strip, height)):
-                first, weights = taps(j, rows / height)
                 total = ti.math.vec3(0.0)
                 for k in ti.static(range(4)):
-                    total += weights[k] * self.wide[i, ti.math.clamp(first + k, 0, rows - 1)]
+                    total += weights[k] * self.high[source[k], j]
                 self.resolved[i, j] = ti.math.clamp(total, 0.0, 1.0)
 
 

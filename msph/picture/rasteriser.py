@@ -19,7 +19,7 @@ import taichi as ti
 from msph.picture.room import PixelFields
 from msph.taichi_internals import data_oriented
 
-BLOCK = 256  # pixels or items per chunk of a thread: the default divides images unevenly
+BLOCK = 256  # pixels or items per block of GPU threads, or that a CPU thread takes in turn
 KEY_BITS = 31
 NO_ITEM = 0x7FFFFFFF  # key of a pixel without an item
 FAR = 1e9  # depth of a pixel without a back face [m]

@@ -38,7 +38,7 @@ class PixelFields:
     def __init__(self, room: PictureRoom):
         self.room, size = room, (room.width, room.height)
         self.canvas = ti.Vector.field(3, ti.f32, size)  # colour of each ray, display-referred
-        self.wide = ti.Vector.field(3, ti.f32, size)  # the image enlarged along x
+        self.high = ti.Vector.field(3, ti.f32, size)  # the image enlarged along y
         self.resolved = ti.Vector.field(
             3, ti.f32, size
         )  # the image: smoothed, enlarged or averaged

@@ -27,7 +27,7 @@ MAX_ADDED_CHANGE = 0.2  # largest change of added light in an even block, over a
 # Largest distance of a corner's place from the plane of the other three, in pixel widths: 99 % of
 # the pixels at steep ripples are then within 4/255 of full sampling (16/255 without the limit).
 MAX_OFF_PLANE = 1.0
-CPU_BLOCKS, GPU_BLOCKS = 16, 128  # blocks of pixels per chunk of a CPU thread, per GPU block
+CPU_BLOCKS, GPU_BLOCKS = 16, 128  # blocks of pixels that a CPU thread takes in turn, per GPU block
 # States of a block: SKIPPED, or its note times STATES plus EVEN or UNEVEN.
 SKIPPED, EVEN, UNEVEN, STATES = range(4)
 # What `trace` computes: samples at the corners of blocks, or the pixels of uneven blocks.
