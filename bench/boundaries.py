@@ -14,7 +14,7 @@ from tabulate import tabulate
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from bench import floating, tanks
+from bench import rows, tanks
 from bench.report import RESULTS, heading
 from msph.device import start
 from msph.fluid.external_forces import ExternalForces
@@ -198,19 +198,19 @@ CASES = (
 def main(arch: str, threads: int | None) -> None:
     """Measure inflows and outflows, and write bench/results/boundaries.md."""
     report = [heading("Inflows and outflows", start(arch, threads))]
-    rows = []
+    table = []
     for name, case, targets in CASES:
-        found = [case(seed) for seed in range(floating.STARTS)]
+        found = [case(seed) for seed in range(rows.STARTS)]
         for figure, target in zip(found[0], targets, strict=True):
-            spread = floating.rows.spread([f[figure] for f in found], "{:+.2%}")
-            rows.append({"case": name, "figure": figure, "found": spread, "target": target})
-            click.echo(" | ".join(rows[-1].values()))
+            spread = rows.spread([f[figure] for f in found], "{:+.2%}")
+            table.append({"case": name, "figure": figure, "found": spread, "target": target})
+            click.echo(" | ".join(table[-1].values()))
     report += [
-        f"Medians of {floating.STARTS} starts and their range; computed from positions and "
+        f"Medians of {rows.STARTS} starts and their range; computed from positions and "
         "velocities.\nThe theory of the draining time has the contraction pi/(pi + 2) = 0.611 of "
         f"the plane jet; the theory of the vertical jet has the head v^2/(2 g) + {END} R: "
         'docs/method.md, "Openings".\n',
-        tabulate(rows, "keys", "github", disable_numparse=True),
+        tabulate(table, "keys", "github", disable_numparse=True),
         "",
     ]
     (RESULTS / "boundaries.md").write_text("\n".join(report))

@@ -10,6 +10,7 @@ import json
 import statistics
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import click
@@ -170,7 +171,7 @@ def solve(layers: int, warm_start: bool, start: int, depth: int = 60) -> dict[st
         force.apply(dt, ExternalForces(gravity=(0.0, -tanks.GRAVITY, 0.0)))
     solve_for = solver.pressure_solve
     solve_for.build_rhs(n, dt)
-    warm = p.velocity_multiplier.to_numpy()
+    warm = p.fields["velocity_multiplier"].to_numpy()
     jacobi = Jacobi(solver)
 
     def run_from(guess, run):
@@ -213,7 +214,7 @@ def solve(layers: int, warm_start: bool, start: int, depth: int = 60) -> dict[st
 
 
 # Parts: function, and first cells of its rows with its arguments.
-PARTS = {
+PARTS: dict[str, tuple[Callable, dict[tuple[str, str], tuple]]] = {
     "speed": (speed, {(f"{SCENE}, rocking", setup): (setup,) for setup in SETUPS}),
     "errors": (errors, {(SCENE, setup): (setup,) for setup in SETUPS}),
     "solve": (

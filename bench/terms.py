@@ -199,7 +199,7 @@ def term_alone() -> list[dict[str, str]]:
             continue
         sim = build(x, d, size, **terms)
         sim.measure_density()
-        sim.particles.pressure_multiplier.fill(0.0)
+        sim.particles.fields["pressure_multiplier"].fill(0.0)
         viscosity, xsph = sim.solver.force(Viscosity), sim.solver.force(Xsph)
         set_velocity(sim, vortex(sim.particles.numpy("x").astype(float)))
         before, problem = amplitude(sim), "Taylor-Green, term alone, rate 2 nu k^2, 1/s"

@@ -4,6 +4,8 @@ The water is stirred first: on the initial lattice all kernel sums are equal and
 accurate; in disordered water the errors vary with the start.
 """
 
+from typing import Any
+
 from bench import tanks
 from bench.cases.case import Case, Run, Setting, begin, stir, tank
 
@@ -17,7 +19,7 @@ def measure(setting: Setting) -> tuple[Run, dict[str, float]]:
     stir(run, SETTLE, setting.start)
     reading = tanks.Reading(run.water)
     ours = run.water.pressures() is not None
-    readers = [reading, tanks.Profile(run.water, DEPTH)] if ours else [reading]
+    readers: list[Any] = [reading, tanks.Profile(run.water, DEPTH)] if ours else [reading]
     reading.read()
 
     def read() -> None:
