@@ -9,8 +9,6 @@ import taichi as ti
 
 from msph.device_table import DeviceTable, f32, i32
 from msph.fluid.boundary.body_shapes import BALL, CUBIC, END, LINEAR, ROUND
-from msph.fluid.boundary.rigid_bodies import is_convex
-from msph.fluid.room import MAX_BODIES
 from msph.picture.shot import PARALLEL
 from msph.picture.sky import SKY_LIGHT, SUN_LIGHT
 from msph.taichi_internals import data_oriented
@@ -37,14 +35,10 @@ class BodyShading:
         self.boundary = boundary
         # container: index, or -1.
         self.numbers = DeviceTable((), count=i32, near=f32, container=i32)
-        self.convex = DeviceTable((MAX_BODIES,), convex=i32).convex
 
     def load(self, box):
         """Loads the boundary's present bodies in a box (Lx, Ly, Lz) [m]."""
         found = self.boundary.container
-        self.convex.fill(0)
-        for b, body in enumerate(self.boundary.bodies):
-            self.convex[b] = int(is_convex(body))
         self.numbers.fill(
             count=self.boundary.count,
             near=HIT_DISTANCE * max(box),
@@ -100,7 +94,10 @@ class BodyShading:
                 t = MISSED
             # t, distance and slope at the last step; t at which the ray begins in a container.
             last, last_d, last_slope = t, MISSED, -1.0
-            since, convex = ti.select(self.boundary.side[b] < 0.0, t, MISSED), self.convex[b] == 1
+            since, convex = (
+                ti.select(self.boundary.side[b] < 0.0, t, MISSED),
+                self.boundary.convex[b] == 1,
+            )
             while t < part[1] and steps < MAX_STEPS:
                 steps += 1
                 found = self.boundary.own_distance(b, q + t * s, LINEAR)
@@ -205,7 +202,7 @@ class BodyShading:
         share = 1.0
         near = self.numbers.near[None]
         for b in range(self.numbers.count[None]):
-            side, convex = self.boundary.side[b], self.convex[b] == 1
+            side, convex = self.boundary.side[b], self.boundary.convex[b] == 1
             if side > 0.0 or self.boundary.distance(b, p, END).x < -self.offset():
                 # March where the penumbra can reach.
                 ahead = (self.boundary.centre[b, END] - p).dot(to_sun)

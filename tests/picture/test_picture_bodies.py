@@ -9,7 +9,7 @@ import taichi as ti
 import trimesh
 from picture_kit import ball, covered, rays, still_water
 
-from msph.fluid.boundary.rigid_bodies import Ball, Block, Motion, Solid
+from msph.fluid.boundary.rigid_bodies import Ball, Block, Motion, Solid, is_convex
 from msph.fluid.particles.layers import LayerSpec
 from msph.picture.body_shading import MISSED, SHADOW_SHARPNESS, BodyShading
 from msph.picture.camera import Camera
@@ -99,6 +99,34 @@ def test_rays_hit_bodies_outside_and_the_container_inside(boundary, rays_of):
     assert np.array_equal(found.body[sure] == 0, np.isfinite(near)[sure])
     assert np.array_equal(found.steep[sure] >= 0.0, np.isfinite(far)[sure])
     assert np.isclose(found.entry, first, atol=0.01)[sure & np.isfinite(far)].all()
+
+
+def slabs(p, r, lo, hi):
+    """Returns both distances along rays p + t r to a box, the first larger where a ray misses."""
+    a, b = (lo - p) / r, (hi - p) / r
+    return np.minimum(a, b).max(axis=1), np.maximum(a, b).min(axis=1)
+
+
+def test_rays_meet_a_block_and_a_convex_mesh_as_a_formula_says(rays_of):
+    """Rays go on by Newton's steps, which must not pass a convex body, and end where they leave."""
+    lo, hi = np.array((0.3, 0.1, 0.2)), np.array((0.7, 0.5, 0.6))
+    box = trimesh.creation.box(bounds=(lo, hi))
+    mesh = Solid(np.array(box.vertices), np.array(box.faces))
+    rng = np.random.default_rng(6)
+    p = 0.5 * (lo + hi) + unit(rng.normal(size=(600, 3)))
+    r = unit(rng.uniform(lo - 0.1, hi + 0.1, (600, 3)) - p)
+    first, last = slabs(p, r, lo, hi)
+    sure = abs(last - first) > 0.03
+    hit = first < last
+    assert 100 < hit.sum() < 500
+    for body, most in ((Block(lo, hi), 1e-5), (mesh, 3e-3)):
+        assert is_convex(body)
+        boundary_of(BOX, [LAYER], [body])
+        found = rays_of.trace(p, r)
+        assert np.array_equal(found.body[sure] == 0, hit[sure])
+        # Steps along a grazing ray end HIT_DISTANCE from the side.
+        assert np.percentile(abs(found.t - first)[sure & hit], 95) < most
+        assert found.lit[sure & hit].max() < 0.05
 
 
 def test_bodies_cast_shadows_and_a_container_shades_only_its_outside(boundary, rays_of):
