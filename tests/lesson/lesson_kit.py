@@ -1,0 +1,46 @@
+"""Lessons that the tests of lessons share."""
+
+from msph.lesson.load import shipped_lessons
+from msph.stage.preparation import prepare_row
+
+LESSONS = tuple(shipped_lessons())
+
+
+def prepared(course, size=None):
+    """Returns the simulations of a lesson, or None for a lesson with a board."""
+    if course.lesson.board:
+        return None
+    return prepare_row(course.scenes, ["" for _ in course.scenes], size)
+
+
+# A valid lesson.
+TINY = """
+title = "A small lesson"
+board = "contours"
+[[slider]]
+name = "threshold"
+lo = 1.0
+hi = 8.0
+start = 5.0
+[predict]
+ask = "How many ponds?"
+choices = ["one", "two"]
+because = ["The contour is one line.", "The threshold separates them."]
+answer = 1
+[[do]]
+text = "Raise the threshold."
+check = "board.ponds == 2"
+show = ["board.ponds"]
+solution = { set = { threshold = 6.0 } }
+[why]
+text = "They part."
+formula = 'f = 5'
+code = "msph.lesson.board_contours:contour"
+last = "segments = []"
+"""
+
+
+def written(folder, text):
+    folder.mkdir(exist_ok=True)
+    (folder / "lesson.toml").write_text(text)
+    return str(folder)

@@ -1,0 +1,139 @@
+"""Tests of the shipped lessons: solutions complete the tasks and inaction does not, and their texts
+are short and true."""
+
+import math
+import re
+
+import numpy as np
+import pytest
+from codespell_lib import main as codespell
+
+from msph.lesson.course import Progress, readable
+from msph.lesson.excerpt import ExcerptError, excerpt
+from msph.lesson.load import load_lesson
+from msph.lesson.quantities import QUANTITIES, Numbers
+from msph.lesson.schema import LINES, WORDS
+from msph.lesson.student import Student
+from msph.scene.library import assets
+from tests.lesson.lesson_kit import LESSONS, prepared, written
+
+# Lessons whose quantities are measured in the rendered image.
+SEEN = ("light",)
+
+
+def test_there_are_ten_lessons_in_order():
+    assert len(LESSONS) == 10
+    orders = [load_lesson(name).lesson.order for name in LESSONS]
+    assert orders == list(range(1, 11))
+
+
+@pytest.mark.parametrize("name", LESSONS)
+def test_solutions_complete_all_tasks_and_inaction_none(name):
+    course = load_lesson(name)
+    row = prepared(course, (320, 180) if name in SEEN else None)
+    progress = Progress(course, row)
+    student = Student(progress, row)
+    assert not progress.go(1), "the question comes first"
+    student.answer()
+    for k, task in enumerate(course.lesson.do):
+        idle = Student(progress, row).work(acts=False)
+        assert not idle, f"task {k + 1} ticks by itself: {progress.shown()}"
+        if task.fresh:
+            progress.again()
+        assert student.work(), f"task {k + 1} does not tick: {progress.shown()}"
+        told = " ".join(progress.reached[k])
+        assert "unknown" not in told and re.search(r"\d", told)
+        assert progress.go(1)
+    assert progress.pauses and progress.page == 1 + len(course.lesson.do)
+
+
+def test_displayed_numbers_equal_the_ledger():
+    course = load_lesson("forces")
+    row = prepared(course)
+    progress = Progress(course, row)
+    student = Student(progress, row)
+    student.answer()
+    student.work()
+    show = row.lead
+    entry = show.ledger.entries[-1]
+    names = progress.names()
+    assert names["water"].kinetic_energy == entry.kinetic
+    assert names["water"].time == show.simulation.time == pytest.approx(entry.time)
+    assert names["gravity"] == course.lesson.do[0].solution.set["gravity"]
+    assert math.hypot(*show.scene.gravity) == pytest.approx(names["gravity"])
+    # The solver residual is computed again from measured densities, by its formula.
+    show.simulation.measure_density()
+    density = show.simulation.particles.numpy("density") / show.scene.density
+    assert Numbers(show).solver_residual == pytest.approx(
+        100.0 * np.maximum(density - 1.0, 0.0).mean(), rel=1e-5
+    )
+    progress.ticked[0] = False  # an open task shows the current numbers
+    shown = dict(line.rsplit(" ", 2)[:2] for line in progress.shown())
+    assert float(shown["centre y"]) == pytest.approx(entry.centre[1], rel=1e-3)
+
+
+def test_captions_are_short_and_spelt_correctly(tmp_path):
+    for name in LESSONS:
+        lesson = load_lesson(name).lesson
+        texts = [lesson.title, lesson.predict.ask, *lesson.predict.choices, lesson.why.text]
+        texts += [task.text for task in lesson.do]
+        assert all(len(text.split()) <= WORDS for text in texts), name
+        (tmp_path / f"{name}.txt").write_text("\n".join(texts))
+    assert codespell(str(tmp_path)) == 0
+
+
+def test_excerpts_equal_the_source():
+    for name in LESSONS:
+        course = load_lesson(name)
+        assert 3 <= len(course.code) <= LINES
+        module = course.lesson.why.code.partition(":")[0].replace(".", "/") + ".py"
+        source = (assets().parent / module).read_text(encoding="utf-8")
+        for line in course.code:
+            assert line.strip() in source
+    with pytest.raises(ExcerptError, match="no source found for .*Classic.nothing"):
+        excerpt("msph.fluid.classic:Classic.nothing")
+    with pytest.raises(ExcerptError, match="no line with 'purple'"):
+        excerpt("msph.fluid.classic", first="purple")
+
+
+def test_every_quantity_has_a_unit_and_a_text():
+    for quantity in QUANTITIES.values():
+        assert quantity.unit and quantity.text
+
+
+def test_simulations_have_the_same_name_everywhere():
+    """Titles of simulations match their names in checks.
+
+    Regression: System 1 was also called "one".
+    """
+    several = [course for course in map(load_lesson, LESSONS) if len(course.scenes) > 1]
+    for course in several:
+        for known, title in course.titles.items():
+            assert title.lower().replace(" ", "_") == known
+
+
+def test_numbers_are_formatted_without_powers_of_ten():
+    told = [readable(v) for v in (0.0, 1.234567, 123456.0, 1.3e-6, -2.5e-9, -1890.0, math.nan)]
+    assert told == ["0", "1.235", "123,456", "under 0.001", "under 0.001", "-1,890", "unknown"]
+
+
+def test_teaching_md_lists_every_lesson_and_every_quantity():
+    text = (assets().parent / "docs" / "teaching.md").read_text(encoding="utf-8")
+    for name, quantity in QUANTITIES.items():
+        assert f"| `{name}` | {quantity.unit} | {quantity.text} |" in text
+    for name in LESSONS:
+        course = load_lesson(name)
+        assert f"| `{name}` | {'abcd'[course.lesson.predict.answer - 1]}: " in text
+
+
+def test_the_lesson_of_teaching_md_works(tmp_path):
+    text = (assets().parent / "docs" / "teaching.md").read_text(encoding="utf-8")
+    example = re.search(r"```toml\n(.*?)```", text, re.DOTALL)
+    assert example and len([line for line in example[1].splitlines() if line]) < 30
+    course = load_lesson(written(tmp_path / "mine", example[1]))
+    row = prepared(course)
+    progress = Progress(course, row)
+    student = Student(progress, row)
+    student.answer()
+    assert not student.work(acts=False), progress.shown()
+    assert student.work(), progress.shown()
