@@ -1,11 +1,14 @@
 """Fixtures for tests of keys and gestures: a show and a player that runs it."""
 
+import math
+
 import pytest
 
 from msph.measure.timings import Timings
 from msph.scene import load_scene
 from msph.scene.live import live_parameters, read
 from msph.stage.layout import Layout
+from msph.stage.pacer import Pacer
 from msph.stage.row import Row
 from msph.stage.show import INTERACTIVE, Show
 from tests.scenes_kit import TEXT, WATER, write
@@ -47,7 +50,13 @@ def layout():
 
 
 @pytest.fixture
-def player(given, layout, tmp_path):
+def player(given, layout, tmp_path, monkeypatch):
+    """Returns a player whose frames simulate FRAME [s] each, however busy the machine is.
+
+    Regression: on a busy machine a tool was used for a third of the time, with too little effect.
+    """
+    monkeypatch.setattr(Pacer, "frame_time", FRAME)
+    monkeypatch.setattr(Pacer, "budget", math.inf)
     player = played(Row([given]), layout)
     player.saver.folder = tmp_path
     return player
