@@ -49,8 +49,8 @@ class Hard:
     drive: external forces as a function of time [s] for `seconds`, in frames of `frame` [s]; then
     the water rests for 1 s under the gravity `rest` [m/s^2]. change: modifies the simulation before
     the start. classic: run the classic method, too. named: start of the message with which the run
-    must end, "" if it must not fail. settles: check densities at the end (for water deep enough to
-    measure them). kinetic [J]: limit of the kinetic energy, from the available energy.
+    must end, "" if it must not fail. settles: check the bulk density at the end (for water
+    deep enough to measure it). kinetic [J]: limit of the kinetic energy, from the available energy.
     """
 
     what: str
@@ -232,7 +232,7 @@ CASES: dict[str, Hard] = {
         "no leaks",
         body(lo=[0.12, 0.08, 0.26], hi=[0.48, 0.2, 0.34], spin=7200.0),
         seconds=0.5,
-        settles=False,  # the mixer never stops, and the water stays a spray
+        settles=False,  # the mixer does not stop, and the water remains a spray
     ),
     "ball at 50 m/s": Hard(
         "no leaks",

@@ -124,9 +124,10 @@ def violations(case: Hard, found: dict) -> list[str]:
         limits |= {
             "energy_rise": (RISE, "energy rise"),
             "kinetic": (case.kinetic, "kinetic energy"),
+            "density_end": (DENSITY, "density"),
         }
     if case.settles and not case.named:
-        limits |= {"density_end": (DENSITY, "density"), "bulk_end": (BULK, "bulk density")}
+        limits["bulk_end"] = BULK, "bulk density"
     if case.seconds > 100.0:
         limits["growth_mib"] = (GROWTH, "memory growth")
     for name, (most, words) in limits.items():

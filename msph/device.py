@@ -14,8 +14,8 @@ from msph.errors import BadInputError
 from msph.interrupts import importing
 
 ARCHES = ("auto", "cpu", "cuda", "vulkan", "metal")
-# Iterations of a heavy kernel's loop that a CPU thread takes at a time: 1,000 particles are then
-# shared evenly, and the thread takes 0.1 ms for them.
+# Iterations of a heavy kernel's loop that a CPU thread takes at a time, if the loop has no
+# block_dim of its own: few enough to divide 300 iterations evenly, however long each takes.
 CPU_BLOCK = 16
 # Size of Taichi's kernel cache on disk [bytes]: a scene compiles to 2 to 4 MB, so that the default
 # of 100 MB is full after a day of work.

@@ -40,7 +40,8 @@ ARRAY_SETTER = "set_arg_external_array_with_shape"
 LOOPS = ("build_range_for", "build_ndrange_for", "build_grouped_ndrange_for")
 PROGRAM = ("config", "get_device_caps", "compile_kernel", "launch_kernel", "synchronize")
 # Option of Taichi's compiler: a CPU loop is cut into one equal part per thread, of at least 512
-# iterations; LLVM can then vectorize it. Without it, threads take blocks of iterations in turn.
+# iterations, which LLVM can vectorize; without the option, threads take blocks of iterations in
+# turn. Taichi's cache of kernels on disk does not distinguish its values.
 EQUAL_PARTS = "make_cpu_multithreading_loop"
 
 
@@ -107,9 +108,9 @@ SERIAL_BELOW, HEAVY_SERIAL_BELOW = 3000, 300
 
 
 class Loops:
-    """Number of `particles` of a scene, which decides if its kernels run their loops in parallel or
-    serially. A kernel is compiled for each of the two at its first such launch. No effect with
-    plain Taichi."""
+    """Estimated number of `particles` of a scene, which decides if its kernels run their loops in
+    parallel or serially. A kernel is compiled for each of the two at its first such launch. No
+    effect with plain Taichi."""
 
     def __init__(self, particles: float = math.inf):
         self.particles = particles
@@ -328,9 +329,13 @@ class _Launcher:
         finally:
             _serial = before
         found, program = taichi.compiled_kernels[key], impl.get_runtime().prog
-        config = program.config()
-        setattr(config, EQUAL_PARTS, not self.kernel.heavy)
-        compiled = program.compile_kernel(config, program.get_device_caps(), found)
+        config = program.config()  # of the whole process: Taichi's own kernels use it as well
+        equal_parts = getattr(config, EQUAL_PARTS)
+        setattr(config, EQUAL_PARTS, equal_parts and not self.kernel.heavy)
+        try:
+            compiled = program.compile_kernel(config, program.get_device_caps(), found)
+        finally:
+            setattr(config, EQUAL_PARTS, equal_parts)
         return compiled, found.make_launch_context, program
 
 

@@ -13,11 +13,13 @@ from taichi.lang.kernel_impl import Kernel
 
 from msph import taichi_internals
 from msph.taichi_internals import (
+    EQUAL_PARTS,
     PLAIN,
     SERIAL_BELOW,
     SWITCH,
     Loops,
     data_oriented,
+    heavy_kernel,
     kernel,
     missing,
     use_loops,
@@ -39,6 +41,11 @@ class Scaled:
     def fill(self, count: ti.i32, target: ti.template(), negative: ti.template(), value: ti.f32):
         for i in range(count):
             target[i] = self.factor * (-value if ti.static(negative) else value)
+
+    @heavy_kernel
+    def double(self, count: ti.i32):
+        for i in range(count):
+            self.other[i] = 2.0 * self.one[i]
 
     @kernel
     def total(self, count: ti.i32) -> ti.f32:
@@ -113,6 +120,17 @@ def test_few_particles_make_loops_serial(monkeypatch) -> None:
         scaled.fill(SIZE, scaled.one, False, 1.5)
         assert scaled.one.to_numpy().tolist() == [3.0] * SIZE
         assert len(built) == loops_made_serial
+
+
+@fast_only
+def test_a_heavy_kernel_does_not_change_how_others_are_compiled() -> None:
+    """Regression: Taichi's own kernels that were compiled later also had loops in blocks."""
+    config = ti.lang.impl.get_runtime().prog.config()
+    before, scaled = getattr(config, EQUAL_PARTS), Scaled(1.0)
+    scaled.one.from_numpy(np.arange(SIZE, dtype=np.float32))
+    scaled.double(SIZE)
+    assert scaled.other.to_numpy().tolist() == (2.0 * np.arange(SIZE)).tolist()
+    assert before and getattr(config, EQUAL_PARTS) == before
 
 
 def test_vectors_reach_the_kernel_in_order(pair) -> None:

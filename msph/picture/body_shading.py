@@ -94,10 +94,8 @@ class BodyShading:
                 t = MISSED
             # t, distance and slope at the last step; t at which the ray begins in a container.
             last, last_d, last_slope = t, MISSED, -1.0
-            since, convex = (
-                ti.select(self.boundary.side[b] < 0.0, t, MISSED),
-                self.boundary.convex[b] == 1,
-            )
+            since = ti.select(self.boundary.side[b] < 0.0, t, MISSED)
+            convex = self.boundary.convex[b] == 1
             while t < part[1] and steps < MAX_STEPS:
                 steps += 1
                 found = self.boundary.own_distance(b, q + t * s, LINEAR)
@@ -125,11 +123,12 @@ class BodyShading:
                     else:
                         way = t - d + 4.0 * near
                 elif convex and slope < 0.0:
-                    # Distances along a ray to a convex body are a convex function, and Newton's
-                    # step ends before its first zero.
+                    # The distance from a convex body is a convex function of t, so that Newton's
+                    # step ends before the first zero.
                     way = ti.max(way, t - STEP_FRACTION * d / slope)
                 elif convex:
-                    # The ray leaves; tangents at the last two steps bound the least distance.
+                    # The ray leaves. The tangents at the last two steps meet at a lower bound of
+                    # the least distance.
                     turn = (last_d - d + t * slope - last * last_slope) / (slope - last_slope)
                     bound = ti.max(last_d + last_slope * (turn - last), 0.0)
                     margin = ti.min(margin, bound / (reach + t))
@@ -219,7 +218,7 @@ class BodyShading:
                     found = side * self.boundary.own_distance(b, q + t * s, LINEAR)
                     d = found.x
                     share = ti.min(share, SHADOW_SHARPNESS * d / t)
-                    # d/t of a convex body grows from here on.
+                    # From here on d/t of a convex body grows.
                     past = convex and t * found.yzw.dot(s) >= d
                     way = t + ti.max(STEP_FRACTION * d, 2.0 * near)
                     t = ti.select(share <= 0.0 or past, MISSED, way)

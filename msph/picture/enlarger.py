@@ -18,14 +18,14 @@ class Enlarger:
     def __init__(self, fields: PixelFields):
         self.high, self.resolved = fields.high, fields.resolved
         self.strip, self.block = (STRIP, CPU_BLOCKS) if on_cpu() else (1, GPU_BLOCKS)
-        # Source pixels and weights of the image's rows, which all columns share.
+        # First source pixel and weights of each row of the image, equal in all columns.
         self.first = ti.field(ti.i32, fields.room.height)
         self.weights = ti.Vector.field(4, ti.f32, fields.room.height)
 
     @kernel
     def enlarge(self, columns: ti.i32, rows: ti.i32, width: ti.i32, height: ti.i32):
-        """Upscales columns x rows pixels to width x height pixels: first along the columns, which
-        are contiguous in memory, while there are few of them."""
+        """Upscales columns x rows pixels to width x height pixels. Along y first: this pass costs
+        more per pixel, and only the rendered columns need it."""
         strip = self.strip
         for j in range(height):
             self.first[j], self.weights[j] = taps(j, rows / height)

@@ -27,8 +27,9 @@ SHADOW, SHADOW_WAY = vec3(0.52, 0.40, 0.32), 0.30  # light that the box absorbs;
 FILM_SUN, FILM_GLOSS = 20.0, 5  # sun on wet walls: brightness; width: cosine^(2^5)
 TONES, GOLDEN = 256, 0.618034
 MIN_COSINE = 0.08  # smallest cosine for the stretch of a pixel's footprint on a wall
-# Distance of a body from a ray at which its outline may cross an adjacent block, over the block's
-# edge: half its diagonal, and a fifth more since a ray's steps may skip the nearest point.
+# Largest distance from a ray at which the outline of a body may cross an adjacent block, over the
+# block's edge (-): half the diagonal, and a fifth more, since a ray's steps may skip the nearest
+# point of the body.
 OUTLINE_REACH = 0.85
 FILTER, SHARPEST = 0.7, 1e-3  # filter width over the pixel's footprint; smallest, in tiles
 

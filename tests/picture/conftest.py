@@ -29,8 +29,10 @@ def built(mesh):
 
 @pytest.fixture(scope="module")
 def picture(built):
-    """Returns the picture that the tests share; without bodies, whatever tests in other files left
-    in the boundary, but see `boundary_of`."""
+    """Returns the picture that the tests share, without bodies; tests set bodies by `boundary_of`.
+
+    Regression: bodies that tests of other files had left in the shared boundary were drawn.
+    """
     boundary_of(BOX, [LAYER])
     built.load(WIDTH, HEIGHT, BOX)
     return built

@@ -108,7 +108,7 @@ def slabs(p, r, lo, hi):
 
 
 def test_rays_meet_a_block_and_a_convex_mesh_as_a_formula_says(rays_of):
-    """Rays go on by Newton's steps, which must not pass a convex body, and end where they leave."""
+    """Newton's steps along a ray must not pass a convex body, and a ray must not end before it."""
     lo, hi = np.array((0.3, 0.1, 0.2)), np.array((0.7, 0.5, 0.6))
     box = trimesh.creation.box(bounds=(lo, hi))
     mesh = Solid(np.array(box.vertices), np.array(box.faces))
@@ -124,7 +124,7 @@ def test_rays_meet_a_block_and_a_convex_mesh_as_a_formula_says(rays_of):
         boundary_of(BOX, [LAYER], [body])
         found = rays_of.trace(p, r)
         assert np.array_equal(found.body[sure] == 0, hit[sure])
-        # Steps along a grazing ray end HIT_DISTANCE from the side.
+        # The other 5 % are grazing rays, which may end HIT_DISTANCE before the side.
         assert np.percentile(abs(found.t - first)[sure & hit], 95) < most
         assert found.lit[sure & hit].max() < 0.05
 

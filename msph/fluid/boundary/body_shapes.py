@@ -28,7 +28,7 @@ BEGIN, END = 0, 1
 class BodyShapes:
     """Tables of the bodies, and functions of kernels on them; boundary.py fills the tables.
 
-    Tables by body: kind; convex, 1 for convex bodies with the water outside; side, -1 if the water
+    Tables by body: kind; convex, 1 or 0 (is_convex); side, -1 if the water
     is inside, else 1; half, the half extents of a block or the radius of a ball [m];
     bounding_radius [m]; first, index of a mesh's distance lattice, followed by its share lattices;
     joined, 1 for bodies that may overlap others; inverse_mass [1/kg], 0 for prescribed motion;

@@ -113,9 +113,9 @@ def rotations(vectors: np.ndarray) -> np.ndarray:
 AnyMotion = Motion | Scripted | Stroke
 AT_REST = Motion()
 TINY = float(np.finfo(float).tiny)
-# Volume between a mesh and its convex hull, over that of the hull (-), below which the mesh counts
-# as convex: that of rounding of vertices in files.
-FLAT = 1e-4
+# Largest volume between a convex mesh and its convex hull, over the hull's volume (-): not 0, since
+# coordinates in files are rounded.
+MAX_HOLLOW = 1e-4
 # Coefficient of friction between bodies, and with walls (-): of wood on wood.
 FRICTION = 0.3
 
@@ -178,11 +178,11 @@ class Solid:
 
     @cached_property
     def convex(self) -> bool:
-        """True if the mesh fills its convex hull but for FLAT of the hull's volume."""
+        """True if the mesh fills its convex hull, except for MAX_HOLLOW of the hull's volume."""
         from scipy.spatial import ConvexHull  # only meshes need it
 
         hull = ConvexHull(self.vertices).volume
-        return bool(self.uniform.volume > (1.0 - FLAT) * hull)
+        return bool(self.uniform.volume > (1.0 - MAX_HOLLOW) * hull)
 
     @cached_property
     def uniform(self) -> Any:
@@ -226,7 +226,7 @@ def inertia(body: Body) -> np.ndarray:
 
 
 def is_convex(body: Body) -> bool:
-    """Returns True for a convex body of which water is outside."""
+    """Returns True if the body is convex and the water is outside of it."""
     return not isinstance(body, Solid) or (not body.container and body.convex)
 
 
