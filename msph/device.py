@@ -56,11 +56,12 @@ def start(arch: str = "auto", threads: int | None = None, tested: bool = False) 
         # Otherwise Taichi imports this module at the first kernel, where an interrupt is lost.
         import taichi.lang.matrix_ops
 
-        from msph.taichi_internals import cache_folder, on_cpu, serialize_loops
+        from msph.taichi_internals import BLOCKS, GRID, cache_folder, on_cpu, serialize_loops
 
     automatic = [ti.cpu] if sys.platform == "darwin" else [ti.cuda, ti.cpu]
     wanted = automatic if arch == "auto" else [getattr(ti, arch)]
     options = {
+        GRID: BLOCKS,
         "default_cpu_block_dim": CPU_BLOCK,
         "offline_cache_max_size_of_files": CACHE_BYTES,
         # The kernel that fills a table unrolls its columns; Taichi would warn from 32 on.

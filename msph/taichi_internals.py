@@ -43,6 +43,9 @@ PROGRAM = ("config", "get_device_caps", "compile_kernel", "launch_kernel", "sync
 # iterations, which LLVM can vectorize; without the option, threads take blocks of iterations in
 # turn. Taichi's cache of kernels on disk does not distinguish its values.
 EQUAL_PARTS = "make_cpu_multithreading_loop"
+# Option of Taichi's compiler: number of blocks of threads in a loop on a GPU. Every thread of them
+# adds to each sum of the loop, whatever the number of iterations.
+GRID = "saturating_grid_dim"
 
 
 def missing(owner: Any, names: Iterable[str]) -> str | None:
@@ -73,7 +76,8 @@ try:
         or missing(ASTTransformerContext, ["get_pos_info"])
         or missing(ASTTransformer, LOOPS)
         or missing(core, [f"Program.{name}" for name in PROGRAM])
-        or missing(core, ["Kernel.make_launch_context", f"CompileConfig.{EQUAL_PARTS}"])
+        or missing(core, ["Kernel.make_launch_context"])
+        or missing(core, [f"CompileConfig.{name}" for name in (EQUAL_PARTS, GRID)])
         or missing(core, [f"KernelLaunchContext.{name}" for name in setters])
     )
 except ImportError as error:
@@ -105,12 +109,16 @@ if not PLAIN:
 # Number of particles below which a CPU runs the loops of a kernel, or of a heavy kernel, in the
 # launching thread: waking two threads takes 40 us per loop (bench/results/speed_log.md).
 SERIAL_BELOW, HEAVY_SERIAL_BELOW = 3000, 300
+# Blocks of 128 threads in a GPU's loops: of scenes with fewer particles than FEW, and of others. A
+# frame of `dam_break` takes 9.4 ms on an H200, with Taichi's 8,448 blocks 15.9 ms; one of 314,432
+# particles takes as long with 2,112 as with 8,448 (bench/results/gpu.md).
+FEW, FEW_BLOCKS, BLOCKS = 100_000, 528, 2112
 
 
 class Loops:
     """Estimated number of `particles` of a scene, which decides if its kernels run their loops in
-    parallel or serially. A kernel is compiled for each of the two at its first such launch. No
-    effect with plain Taichi."""
+    parallel or serially on a CPU, and in how many blocks on a GPU. A kernel is compiled for each
+    case at its first such launch. No effect with plain Taichi."""
 
     def __init__(self, particles: float = math.inf):
         self.particles = particles
@@ -192,10 +200,15 @@ def on_cpu() -> bool:
     return ti.cfg.arch in (ti.x64, ti.arm64)
 
 
+def on_cuda() -> bool:
+    """Returns True if kernels run under CUDA. Call after ti.init."""
+    return ti.cfg.arch == ti.cuda
+
+
 def longest_float():
     """Returns the widest float type of kernels: f64 on CPUs and CUDA, else f32. Call after
     ti.init."""
-    return ti.f64 if on_cpu() or ti.cfg.arch == ti.cuda else ti.f32
+    return ti.f64 if on_cpu() or on_cuda() else ti.f32
 
 
 def cache_folder() -> Path | None:
@@ -257,6 +270,8 @@ class _Launcher:
         taichi = fast.taichi
         self.kernel, self.taichi, self.owner = fast, taichi, owner
         self.count, self.loops = len(taichi.arguments) - 1, owner.__dict__["_loops"]
+        # Number of particles below which the kernel's loops are serial, or of few blocks on CUDA.
+        self.below = fast.below if on_cpu() else FEW if on_cuda() else 0
         # Places of templates, numbers, vectors and arrays among the arguments, without self.
         self.templates: list[int] = []
         self.numbers: list[tuple[int, tuple[int], str]] = []
@@ -289,15 +304,15 @@ class _Launcher:
         if not self.fast or len(args) != self.count:
             return self.taichi(self.owner, *args)
         # With one thread, all kernels are serial.
-        serial = self.loops.particles < self.kernel.below and not _serial
-        key: tuple = (serial, *[args[place] for place in self.templates])
+        few = self.loops.particles < self.below and not _serial
+        key: tuple = (few, *[args[place] for place in self.templates])
         for place, _ in self.arrays:
             array = args[place]
             if not (isinstance(array, np.ndarray) and array.flags.c_contiguous):
                 return self.taichi(self.owner, *args)
             key += (array.dtype, array.ndim)
         if key not in self.ready:
-            self.ready[key] = self._compile(serial, args)
+            self.ready[key] = self._compile(few, args)
         compiled, fresh, program = self.ready[key]
         context = fresh()
         for place, number_slot, setter in self.numbers:
@@ -317,11 +332,13 @@ class _Launcher:
             return getattr(context, self.getter)((0,))
         return None
 
-    def _compile(self, serial: bool, args: tuple) -> tuple:
-        """Returns the compiled kernel, its context factory and the program, for these templates."""
+    def _compile(self, few: bool, args: tuple) -> tuple:
+        """Returns the compiled kernel, its context factory and the program, for these templates and
+        for a scene of few particles or another."""
         for watcher in _watchers:
             watcher(f"{type(self.owner).__name__}.{self.taichi.func.__name__.lstrip('_')}")
         global _serial
+        serial = few and on_cpu()
         before, _serial = _serial, _serial or serial
         taichi = self.kernel.serial if serial else self.taichi
         try:
@@ -329,14 +346,26 @@ class _Launcher:
         finally:
             _serial = before
         found, program = taichi.compiled_kernels[key], impl.get_runtime().prog
-        config = program.config()  # of the whole process: Taichi's own kernels use it as well
-        equal_parts = getattr(config, EQUAL_PARTS)
-        setattr(config, EQUAL_PARTS, equal_parts and not self.kernel.heavy)
-        try:
+        options = {EQUAL_PARTS: not self.kernel.heavy}
+        if few and not serial:
+            options[GRID] = FEW_BLOCKS
+        with _compiler_options(program.config(), options) as config:
             compiled = program.compile_kernel(config, program.get_device_caps(), found)
-        finally:
-            setattr(config, EQUAL_PARTS, equal_parts)
         return compiled, found.make_launch_context, program
+
+
+@contextlib.contextmanager
+def _compiler_options(config: Any, options: dict[str, Any]):
+    """Sets options of Taichi's compiler in the block: the process has one set of them, which also
+    holds for Taichi's own kernels."""
+    before = {name: getattr(config, name) for name in options}
+    for name, value in options.items():
+        setattr(config, name, value)
+    try:
+        yield config
+    finally:
+        for name, value in before.items():
+            setattr(config, name, value)
 
 
 def _mark(cls: type) -> type:

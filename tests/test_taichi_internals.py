@@ -1,5 +1,6 @@
 """Tests that fast launches give the same results as plain Taichi, which is the fallback."""
 
+import contextlib
 import math
 import os
 import subprocess
@@ -13,7 +14,11 @@ from taichi.lang.kernel_impl import Kernel
 
 from msph import taichi_internals
 from msph.taichi_internals import (
+    BLOCKS,
     EQUAL_PARTS,
+    FEW,
+    FEW_BLOCKS,
+    GRID,
     PLAIN,
     SERIAL_BELOW,
     SWITCH,
@@ -131,6 +136,32 @@ def test_a_heavy_kernel_does_not_change_how_others_are_compiled() -> None:
     scaled.double(SIZE)
     assert scaled.other.to_numpy().tolist() == (2.0 * np.arange(SIZE)).tolist()
     assert before and getattr(config, EQUAL_PARTS) == before
+
+
+@fast_only
+def test_on_cuda_loops_of_few_particles_have_few_blocks(monkeypatch) -> None:
+    """The compiler's option is set for the kernels of small scenes only, and no loop is serial."""
+    config = ti.lang.impl.get_runtime().prog.config()
+    blocks, before, set_options = [], getattr(config, GRID), taichi_internals._compiler_options
+
+    @contextlib.contextmanager
+    def options(config, given):
+        with set_options(config, given):
+            blocks.append(getattr(config, GRID))
+            yield config
+
+    monkeypatch.setattr(taichi_internals, "_serial", False)  # as with several threads
+    monkeypatch.setattr(taichi_internals, "on_cpu", lambda: False)
+    monkeypatch.setattr(taichi_internals, "on_cuda", lambda: True)
+    monkeypatch.setattr(taichi_internals, "_compiler_options", options)
+    loops = Loops()
+    with use_loops(loops):
+        scaled = Scaled(2.0)
+    for particles in (FEW, 10):
+        loops.particles = particles
+        scaled.fill(SIZE, scaled.one, False, 1.5)
+        assert scaled.one.to_numpy().tolist() == [3.0] * SIZE
+    assert blocks == [BLOCKS, FEW_BLOCKS] and getattr(config, GRID) == before == BLOCKS
 
 
 def test_vectors_reach_the_kernel_in_order(pair) -> None:

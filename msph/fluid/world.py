@@ -5,7 +5,6 @@ them when closed, so that the next simulation reuses the compiled kernels.
 """
 
 import gc
-import math
 from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
@@ -33,7 +32,7 @@ from msph.fluid.particles.removal import Removal
 from msph.fluid.parts import Parts
 from msph.fluid.plan import Plan
 from msph.fluid.room import Room, room_for
-from msph.taichi_internals import Loops, field_trees, on_cpu, use_loops
+from msph.taichi_internals import Loops, field_trees, use_loops
 
 # Taichi crashes beyond MAX_TREES field trees per process; a world with its surface and image takes
 # at most WORLD_TREES.
@@ -74,7 +73,7 @@ class World:
         """Fills tables and constants for a scene; returns the solver of its method."""
         parts, specs = self.parts, plan.specs
         growth = GROWTH if plan.adaptation else 1
-        self.loops.particles = growth * len(plan.initial["x"]) if on_cpu() else math.inf
+        self.loops.particles = growth * len(plan.initial["x"])
         parts.constants.fill(**plan.constants())
         parts.layers.load(specs, *plan.tables())
         attributes = plan.method.attributes(plan.parameters, plan.adaptation is not None)
