@@ -74,7 +74,8 @@ def value(
 
 
 class OverTime:
-    """A number that is constant, or an expression of the time t [s]; parsed once.
+    """A number that is constant, or an expression of the time t [s]; parsed once, and a constant is
+    evaluated once.
 
     Raises ExpressionError for an invalid expression.
     """
@@ -85,9 +86,14 @@ class OverTime:
         check(self.text, dict.fromkeys(self._names), TIMED_FUNCTIONS)
         self._tree = SimpleEval.parse(self.text)
         self._evaluator = SimpleEval(names=self._names, functions=dict(TIMED_FUNCTIONS))
+        names = {node.id for node in ast.walk(self._tree) if isinstance(node, ast.Name)}
+        self._constant = None if "t" in names else self._evaluate(0.0)
 
     def __call__(self, time: float) -> float:
         """Returns the value at a time [s], NaN if it is undefined."""
+        return self._evaluate(time) if self._constant is None else self._constant
+
+    def _evaluate(self, time: float) -> float:
         self._names["t"] = time
         try:
             return float(self._evaluator.eval(self.text, previously_parsed=self._tree))

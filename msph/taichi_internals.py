@@ -241,9 +241,9 @@ def _taichi_kernel(function: Callable) -> "Kernel":
 
 
 class FastKernel:
-    """Kernel method, compiled once per object and per value of its template arguments. heavy: its
-    iterations take long and unequal times, so that CPU threads take blocks of them in turn, already
-    in smaller scenes."""
+    """Kernel method, compiled once per object and per value of its template arguments; a result
+    that is a vector may be a list. heavy: its iterations take long and unequal times, so that CPU
+    threads take blocks of them in turn, already in smaller scenes."""
 
     def __init__(self, function: Callable, heavy: bool = False):
         functools.update_wrapper(self, function)
@@ -295,8 +295,11 @@ class _Launcher:
                 self.fast = False
             slot += 1
         results = taichi.return_type or ()
-        self.fast = self.fast and len(results) <= 1 and all(r in GETTERS for r in results)
-        self.getter = GETTERS[results[0]] if self.fast and results else None
+        kinds = [r.dtype if isinstance(r, VECTOR) else r for r in results]
+        self.fast = self.fast and len(results) <= 1 and all(kind in GETTERS for kind in kinds)
+        self.getter = GETTERS[kinds[0]] if self.fast and results else None
+        # Number of components of a result that is a vector, otherwise None.
+        self.length = results[0].n if results and isinstance(results[0], VECTOR) else None
         self.ready: dict[tuple, tuple] = {}
 
     def __call__(self, *args):
@@ -329,7 +332,8 @@ class _Launcher:
         program.launch_kernel(compiled, context)
         if self.getter:
             program.synchronize()
-            return getattr(context, self.getter)((0,))
+            get = getattr(context, self.getter)
+            return get((0,)) if self.length is None else [get((0, k)) for k in range(self.length)]
         return None
 
     def _compile(self, few: bool, args: tuple) -> tuple:

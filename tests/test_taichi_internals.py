@@ -60,6 +60,10 @@ class Scaled:
         return found
 
     @kernel
+    def ends(self, count: ti.i32) -> ti.math.vec2:
+        return ti.Vector([self.one[0], self.one[count - 1]])
+
+    @kernel
     def wet(self, level: ti.f32) -> ti.i32:
         found = 0
         for i in range(SIZE):
@@ -184,7 +188,8 @@ def test_vectors_of_another_length_are_refused(pair) -> None:
 @fast_only
 def test_later_launches_skip_taichis_python(pair, monkeypatch) -> None:
     one = pair[0]
-    first = one.total(SIZE)
+    one.load(np.arange(1.5, SIZE + 1.5, dtype=np.float32))
+    first, ends = one.total(SIZE), one.ends(3)
 
     def refuse(*args):
         raise AssertionError("went through Taichi again")
@@ -192,6 +197,7 @@ def test_later_launches_skip_taichis_python(pair, monkeypatch) -> None:
     monkeypatch.setattr(Kernel, "__call__", refuse)
     monkeypatch.setattr(Kernel, "ensure_compiled", refuse)
     assert one.total(SIZE) == first
+    assert list(one.ends(3)) == list(ends) == [1.5, 3.5]
 
 
 def test_wrong_arguments_are_refused(pair) -> None:

@@ -4,8 +4,10 @@ import math
 
 import numpy as np
 import pytest
+import taichi as ti
 
 from msph.fluid.boundary.opening import ZONE, Opening, Valve
+from msph.fluid.constants import MAX_OPENINGS
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.plan import Plan
@@ -15,7 +17,7 @@ from msph.measure.ledger import Ledger
 from msph.scene import load_scene
 from msph.scene.build import build_simulation
 from msph.scene.errors import SceneError
-from msph.taichi_internals import watch_compiling
+from msph.taichi_internals import data_oriented, kernel, watch_compiling
 
 D, GRAVITY = 0.04, (0.0, -9.81, 0.0)
 SIZE = (0.4, 0.4, 0.4)
@@ -80,6 +82,40 @@ def test_mass_and_momentum_that_enter_and_leave_are_recorded(through_flow):
         steps += 1
     assert flowed > 3 and steps > 40
     assert ledger.entries[-1].spilt == 0.0
+
+
+@data_oriented
+class Hidden:
+    """Kernel that finds which mirror images of pairs of points openings hide."""
+
+    def __init__(self, apertures):
+        self.apertures = apertures
+
+    @kernel
+    def find(
+        self,
+        pairs: ti.types.ndarray(dtype=ti.f32, ndim=2),
+        found: ti.types.ndarray(),
+        reach: ti.f32,
+    ):
+        for k in range(pairs.shape[0]):
+            x = ti.Vector([pairs[k, 0], pairs[k, 1], pairs[k, 2]])
+            x_j = ti.Vector([pairs[k, 3], pairs[k, 4], pairs[k, 5]])
+            found[k, 0] = self.apertures.crossed(x, x_j, self.apertures.near(x, reach))
+            found[k, 1] = self.apertures.crossed(x, x_j, (1 << MAX_OPENINGS) - 1)
+
+
+def test_openings_out_of_reach_hide_no_image(through_flow):
+    """Of the images within the kernel's reach, openings that are near() hide as many as all."""
+    rng, reach = np.random.default_rng(0), 2.45 * D
+    pairs = rng.uniform(0.0, 0.3, (20000, 6)).astype(np.float32)
+    pairs[:, [1, 4]] *= reach / 0.3
+    image = pairs[:, 3:] * np.array([1.0, -1.0, 1.0])
+    pairs = np.ascontiguousarray(pairs[np.linalg.norm(pairs[:, :3] - image, axis=1) < reach])
+    found = np.zeros((len(pairs), 2), np.int32)
+    Hidden(through_flow.world.parts.openings.apertures).find(pairs, found, reach)
+    assert len(pairs) > 300 and 0.1 < (found[:, 1] != 0).mean() < 0.9
+    assert np.array_equal(found[:, 0], found[:, 1])
 
 
 def test_energy_that_enters_is_recorded():

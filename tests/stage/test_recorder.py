@@ -320,7 +320,7 @@ def test_a_signal_leaves_a_playable_file(tmp_path, number, name):
     """
     target = tmp_path / name
     command = [sys.executable, "-m", "msph", "capture", write(tmp_path), "-o", str(target)]
-    command += ["--seconds", "30", "--size", "160x90", "--arch", "cpu"]
+    command += ["--seconds", "10", "--size", "160x90", "--arch", "cpu"]
     process = subprocess.Popen(
         command,
         stderr=subprocess.PIPE,

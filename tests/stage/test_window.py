@@ -55,6 +55,7 @@ def play(
     if folder:
         # With its own cache, the window offers no session that the user saved.
         environment["XDG_CACHE_HOME"] = str(folder / "cache")
+        environment[TAICHI_FOLDER] = ti.cfg.offline_cache_file_path
     environment |= more
     if display:
         environment["DISPLAY"] = display
@@ -268,14 +269,10 @@ def test_window_opens_obeys_keys_and_shows_water(display, tmp_path):
 
 @needs_x
 def test_a_killed_session_continues_at_the_next_start(display, tmp_path):
-    cache = {
-        "XDG_CACHE_HOME": str(tmp_path / "cache"),
-        TAICHI_FOLDER: ti.cfg.offline_cache_file_path,
-    }
     arguments = (write(tmp_path), "--size", f"{WIDTH}x{HEIGHT}")
 
     def started():
-        process = play(*arguments, display=display.display, folder=tmp_path, **cache)
+        process = play(*arguments, display=display.display, folder=tmp_path)
         wait_for(process, "ready in")
         return process
 
@@ -404,9 +401,7 @@ def test_a_clip_in_progress_is_completed_when_the_display_is_lost(tmp_path):
 def test_a_lesson_is_answered_and_done_with_keys_and_mouse(display, tmp_path):
     """Keys answer a question, the mouse completes a task, and the cache holds the progress."""
     size = ("--size", f"{WIDTH}x{HEIGHT}")
-    process = play(
-        "kernels", *size, display=display.display, command="lesson", XDG_CACHE_HOME=str(tmp_path)
-    )
+    process = play("kernels", *size, display=display.display, command="lesson", folder=tmp_path)
     try:
         question = display.begun()
         display.do("key", "n")
@@ -426,7 +421,7 @@ def test_a_lesson_is_answered_and_done_with_keys_and_mouse(display, tmp_path):
         assert process.wait(timeout=PATIENCE) == 0
     finally:
         process.kill()
-    kept = json.loads(next(tmp_path.glob("msph/measured-*.json")).read_text())
+    kept = json.loads(next(tmp_path.glob("cache/msph/measured-*.json")).read_text())
     kept = kept["lesson kernels"]
     assert kept["ticked"] == [True, False, False] and kept["answered"] == 2
 

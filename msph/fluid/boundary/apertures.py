@@ -29,20 +29,32 @@ class Apertures:
         return found
 
     @ti.func
-    def visible(self, x, x_j, mirrors):
-        """Returns True if the way from x [m] to the mirror image of x_j [m] by `mirrors` (bits of
-        walls) passes through no opening. The result is the same if x and x_j are exchanged, so
-        that forces are equal and opposite."""
-        return (self.crossed(x, x_j) & mirrors) == 0
+    def near(self, x, reach):
+        """Returns the openings, as bits, in which the way from x [m] to a mirror image within
+        `reach` [m] can cross a wall."""
+        found = 0
+        for o in range(self.constants.opening_count[None]):
+            if abs(self.along(o, x)) <= reach and self._faces(o, x, reach):
+                found |= 1 << o
+        return found
 
     @ti.func
-    def crossed(self, x, x_j):
-        """Returns the walls, as bits, whose mirror image of x_j [m] is not visible at x [m]."""
+    def visible(self, x, x_j, mirrors, openings):
+        """Returns True if the way from x [m] to the mirror image of x_j [m] by `mirrors` (bits of
+        walls) passes through no opening; openings: those near() x. The result is the same if x and
+        x_j are exchanged, so that forces are equal and opposite."""
+        return (self.crossed(x, x_j, openings) & mirrors) == 0
+
+    @ti.func
+    def crossed(self, x, x_j, openings):
+        """Returns the walls, as bits, whose mirror image of x_j [m] is not visible at x [m];
+        openings: those near() x."""
         crossed = self.beyond(x) | self.beyond(x_j)
-        for o in range(self.constants.opening_count[None]):
-            a, b = abs(self.along(o, x)), abs(self.along(o, x_j))
-            if self._faces(o, (b * x + a * x_j) / ti.max(a + b, MIN_DIVISOR), 0.0):
-                crossed |= self.table.wall[o]
+        for o in range(ti.select(openings > 0, self.constants.opening_count[None], 0)):
+            if (openings >> o) & 1:
+                a, b = abs(self.along(o, x)), abs(self.along(o, x_j))
+                if self._faces(o, (b * x + a * x_j) / ti.max(a + b, MIN_DIVISOR), 0.0):
+                    crossed |= self.table.wall[o]
         return crossed
 
     @ti.func

@@ -7,7 +7,7 @@ function of time alone; floating.py holds the state of floating bodies.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -89,12 +89,24 @@ class Scripted:
 
     def offset(self, time: float) -> np.ndarray:
         """Returns the displacement of the centre since time zero [m], (3,)."""
-        return self.place(time)[0] + self.pivot - self.rotation(time) @ self.pivot
+        return self._pose(time)[0]
 
     def rotation(self, time: float) -> np.ndarray:
         """Returns the rotation since time zero, (3, 3)."""
-        axis = np.array(self.axis, float)
-        return rotations(self.place(time)[1] * axis[None] / np.linalg.norm(axis))[0]
+        return self._pose(time)[1]
+
+    @cached_property
+    def _pose(self) -> Callable[[float], tuple[np.ndarray, np.ndarray]]:
+        """Offset and rotation at a time [s]; a step asks several times for those of three times."""
+        axis = np.array(self.axis, float) / np.linalg.norm(self.axis)
+
+        @lru_cache(POSES)
+        def pose(time: float) -> tuple[np.ndarray, np.ndarray]:
+            shift, angle = self.place(time)
+            turn = rotations(angle * axis[None])[0]
+            return shift + self.pivot - turn @ self.pivot, turn
+
+        return pose
 
     def top_speed(self, reach: float) -> float:
         """Returns an upper bound of the speed [m/s] of points within `reach` [m] of the centre."""
@@ -111,6 +123,8 @@ def rotations(vectors: np.ndarray) -> np.ndarray:
 
 
 AnyMotion = Motion | Scripted | Stroke
+# Poses that a scripted motion keeps (-): of the times of one step and the next.
+POSES = 16
 AT_REST = Motion()
 TINY = float(np.finfo(float).tiny)
 # Largest volume between a convex mesh and its convex hull, over the hull's volume (-): not 0, since

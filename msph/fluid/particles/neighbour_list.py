@@ -245,8 +245,10 @@ class NeighbourList:
     @ti.func
     def _add_images(self, search: ti.template(), opened: ti.template()):
         """Adds the mirror images within reach of the particle and its neighbours, branch-free."""
-        i, x, inner = search.i, search.x, search.inner
-        layer, near = self.particles.layer[i], self._walls_near(search, opened)
+        i, x, inner, apertures = search.i, search.x, search.inner, self.images.apertures
+        layer, near, openings = self.particles.layer[i], self._walls_near(search, opened), 0
+        if ti.static(opened):
+            openings = apertures.near(x, self.max_reach[layer])
         for way in range(1, self.images.combinations(near)):
             if self._make_room(inner + 1, search):
                 mirrors = self.images.combination(way, near)
@@ -256,7 +258,7 @@ class NeighbourList:
                 self.index[place] = self.images.entry(i, mirrors)
                 own_near = own < self.reaches[layer, layer] ** 2
                 if ti.static(opened):
-                    own_near = own_near and self.images.apertures.visible(x, x, mirrors)
+                    own_near = own_near and apertures.visible(x, x, mirrors, openings)
                 place += self._advance(own_near, place, search)
                 for s in range(first, first + inner):
                     j = self.index[s]
@@ -267,7 +269,7 @@ class NeighbourList:
                     # j as well as i: forces between two particles must be equal and opposite.
                     mutual = near_j and self.images.is_mirrored(x_j)
                     if ti.static(opened):
-                        mutual = mutual and self.images.apertures.visible(x, x_j, mirrors)
+                        mutual = mutual and apertures.visible(x, x_j, mirrors, openings)
                     place += self._advance(mutual, place, search)
                 search.place = place
 

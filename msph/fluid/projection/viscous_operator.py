@@ -91,7 +91,8 @@ class ViscousOperator:
     def set_wall_friction(self, i):
         """Stores the friction of the walls at particle i [1/m^2], which laplacian() reads."""
         x, h = self.particles.x[i], self.layers.support[self.particles.layer[i]]
-        near = self.images.walls_near(x, h) & ~self.images.apertures.crossed(x, x)
+        apertures = self.images.apertures
+        near = self.images.walls_near(x, h) & ~apertures.crossed(x, x, apertures.near(x, h))
         walls, found = self.constants.walls[None], 0.0
         for k in ti.static(range(3)):
             low, far = wall_friction(x[k], h), wall_friction(walls[k] - x[k], h)
