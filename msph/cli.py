@@ -1,6 +1,6 @@
 """Command line: play, capture, bench, measure, scenes, lesson.
 
-The commands are implemented in msph/stage/commands.py, which is imported when a command runs:
+The modules of msph/stage that implement the commands are imported when a command runs:
 help and option errors import neither Taichi nor numpy.
 """
 
@@ -294,7 +294,9 @@ def measure(scene, run, **options):
     printed, each with the limit of an accurate run. If a run fails, the files written until then
     remain, and the exit status is 1.
     """
-    commands().measure(scene, MeasureOptions(**options), run)
+    with importing():
+        from msph.stage import measuring
+    measuring.measure(scene, MeasureOptions(**options), run)
 
 
 @cli.command()
@@ -337,7 +339,7 @@ def lesson(arch, threads, **options):
 
 
 def commands():
-    """Imports and returns the module that implements the commands."""
+    """Imports and returns the module that implements most commands."""
     with importing():
         from msph.stage import commands
     return commands

@@ -1,30 +1,25 @@
-"""Implementation of the command-line commands except `play` and `lesson`."""
+"""The commands `capture`, `bench` and `scenes`."""
 
 import json
 import math
 import sys
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from dataclasses import replace as replace_fields
 from pathlib import Path
-from typing import Any
 
 import click
 from tabulate import tabulate
 
 from msph.device import start
-from msph.errors import BlowUpError, LostOutputError
+from msph.errors import BlowUpError
 from msph.fluid.boundary.rim import AllSpiltError
 from msph.fluid.trapped_water import TrappedWaterError
-from msph.measure import convergence, table
-from msph.measure.past import CheckpointError, particles_in, time_of
-from msph.measure.plots import PLOTS, plot
-from msph.measure.timings import Timings
+from msph.measure.past import CheckpointError, time_of
 from msph.options import (
     AS_GIVEN,
     AUTO,
     BenchOptions,
     CaptureOptions,
-    MeasureOptions,
     PlayOptions,
     RunOptions,
 )
@@ -32,59 +27,30 @@ from msph.own_files import OutputError, claim, free_stem, make_writable, replace
 from msph.scene import load_scene
 from msph.scene.bodies import names
 from msph.scene.library import find_scene, shipped_scenes
-from msph.scene.load import read_toml, to_toml
+from msph.scene.load import read_toml
 from msph.scene.parameters import parameters
 from msph.scene.parts import with_value
-from msph.scene.quality import at_quality, costs, with_spacings
+from msph.scene.quality import costs
 from msph.scene.schema import Scene
-from msph.scene.water import layer_specs
 from msph.stage.benchmark import SIZE as BENCH_SIZE
 from msph.stage.benchmark import PlayResult, Result, benchmark, benchmark_play, profile_lines
 from msph.stage.explain import explain
-from msph.stage.loop import Audience
+from msph.stage.loaded import Loaded, at, exclude, options_of, with_input
 from msph.stage.loop import run as run_loop
-from msph.stage.measurer import CHECKPOINT, FILES, LEDGER, PROBES, SCENE, Measurer
 from msph.stage.preparation import prepare, say
 from msph.stage.recorder import NUMBER, Outputs, Recorder, check_outputs
 from msph.stage.recording import Header, Recording, with_recording
-from msph.stage.replaying import ROUNDING, InputRecorder, Replayer
+from msph.stage.replaying import ROUNDING, InputRecorder
 from msph.stage.row import Row
-from msph.stage.show import SIMULATED
 from msph.stage.trial import SIZE as PLAY_SIZE
-from msph.stage.trial import finest_in_real_time
 
 # Capture by `play` if no window can be opened: duration [s], frames per second, size [pixels] and
 # time of the still image [s].
 FALLBACK_SECONDS, FALLBACK_FPS, FALLBACK_SIZE, STILL_TIME = 10.0, 30.0, (1280, 720), 1.0
-# Output file of a convergence study.
-CONVERGENCE = "convergence.csv"
 # Rays per pixel along each axis in recordings, which need not be made in real time.
 SMOOTH = 2
 # Exit code of a benchmark with an unstable simulation.
 BAD_RUN = 1
-
-
-@dataclass(frozen=True)
-class Loaded:
-    """A scene at a quality, its name and overrides on the command line, and the architecture."""
-
-    scene: Scene
-    name: str
-    quality: str
-    arch: str
-    overrides: tuple[str, ...]
-
-    def toml(self) -> str:
-        """Returns the text of the scene's file."""
-        return to_toml(self.scene, f"quality {self.quality}")
-
-
-def at(scene: Scene, name: str, run: RunOptions) -> Loaded:
-    """Starts Taichi and returns the scene at the quality of the options."""
-    arch, quality = start(run.arch, run.threads), run.quality
-    if quality == AUTO:
-        quality = finest_in_real_time(scene, name)
-    return Loaded(at_quality(scene, quality, name), name, quality, arch, run.overrides)
 
 
 def capture_instead(scene: str, options: PlayOptions, run: RunOptions, reason: str) -> None:
@@ -188,97 +154,6 @@ def timed(
     return benchmark(scene, name, duration, *parts, recording)
 
 
-def measure(scene: str | None, options: MeasureOptions, run: RunOptions) -> None:
-    """Writes a scene's ledger, probes, summary and plots to a folder, and prints its errors."""
-    exclude("--converge", options.converge, "--resume", options.resume)
-    for option in ("resume", "converge", "every"):
-        exclude("--replay", options.replay, f"--{option}", getattr(options, option))
-    scene, run, recording = with_recording(scene, run, options.replay)
-    since = time_of(Path(options.resume)) if options.resume else None
-    given = {"duration": options.seconds, "measure.every": options.every}
-    if recording:
-        # A row for each recorded frame.
-        recording = recording.cut(options.seconds)
-        mean = recording.duration / recording.moving
-        given = {"duration": recording.duration, "measure.every": mean}
-    more = [f"{key}={value}" for key, value in given.items() if value is not None]
-    found = load_scene(scene, (*run.overrides, *more))
-    folder = options.folder or Path("out") / Path(scene).stem
-    make_writable(folder / SCENE)
-    # A run that is resumed in its own folder continues its own files.
-    own = options.resume is not None and Path(options.resume).resolve().parent == folder.resolve()
-    claim_folder(folder, options.force or own)
-    loaded = at(found, scene, run)
-    if options.converge:
-        measure_convergence(loaded, folder, options.converge, options.force)
-    else:
-        result = measured(loaded, folder, options.resume, since, recording)
-        click.echo(f"\n{result.account()}")
-
-
-def measured(
-    loaded: Loaded,
-    folder: Path,
-    resume: str | None = None,
-    since: float | None = None,
-    recording: Recording | None = None,
-) -> Measurer:
-    """Measures one run of a scene from its start, or from a checkpoint `resume` at time `since`
-    [s], with the input of a recording, if any; writes the results to a folder and prints the file
-    names."""
-    make_writable(folder / SCENE)
-    scene, show, how = loaded.scene, None, options_of(recording, resume)
-    if resume:
-        # Before any file is written, as a checkpoint of another scene must not destroy the folder.
-        show = prepare(scene, scene.measure.every, timings=Timings(), **how)
-        show.resume(Path(resume))
-    measurer = Measurer(folder, scene, loaded.name, loaded.arch, since=since)
-    replace(folder / SCENE, loaded.toml())
-    try:
-        show = show or prepare(scene, scene.measure.every, timings=Timings(), **how)
-        run_loop(Row([show]), with_input(measurer, recording))
-    except (Exception, KeyboardInterrupt) as error:
-        try:
-            measurer.conclude(str(error) or "interrupted")
-        except LostOutputError as lost:
-            say(str(lost))
-        say(f"{folder} holds the results until then")
-        if (folder / CHECKPOINT).exists():
-            say(f"--resume {folder / CHECKPOINT} continues the run")
-        raise
-    paths = measurer.conclude()
-    show.close()
-    paths += plot(folder, f"{scene.title or loaded.name}, quality {loaded.quality}")
-    for path in paths:
-        click.echo(path)
-    return measurer
-
-
-def measure_convergence(loaded: Loaded, folder: Path, runs: int, force: bool) -> None:
-    """Measures a scene at several spacings, coarsest first, each in a subfolder, and estimates the
-    discretisation error. Raises SceneError if the spacing cannot change, ExistingFileError for
-    existing files, unless `force`."""
-    name = loaded.name
-    claim([folder / CONVERGENCE], force)
-    scaled = list(with_spacings(loaded.scene, convergence.factors(runs), name))
-    folders = [folder if f == 1.0 else folder / f"spacings_x{f:.2f}" for f, _ in scaled]
-    for each in folders:
-        claim_folder(each, force)
-    spacings: list[float] = []
-    for (factor, coarse), each in zip(scaled, folders, strict=True):
-        spacings.append(min(s.spacing for s in layer_specs(coarse)))
-        say(f"{name}: finest spacing {1e3 * spacings[-1]:.4g} mm, run {len(spacings)} of {runs}")
-        quality = f"{loaded.quality}, spacings x{factor:.2f}"
-        finest = measured(replace_fields(loaded, scene=coarse, quality=quality), each)
-    ledgers, probes = ([table.read(f / file) for f in folders] for file in (LEDGER, PROBES))
-    rows = convergence.compare(ledgers, probes, spacings[-1])
-    convergence.write(folder / CONVERGENCE, rows, spacings)
-    finest.add("discretisation", convergence.as_json(rows))
-    click.echo(folder / CONVERGENCE)
-    click.echo(f"\n{finest.account()}")
-    click.echo(f"\nDiscretisation error of {name}\n{convergence.text(rows, spacings)}")
-
-
 def scenes(name: str | None, list_parameters: bool, explained: bool, run: RunOptions) -> None:
     """Lists scenes or parameters, prints one scene, or explains the cost of its parts."""
     if explained:
@@ -358,31 +233,9 @@ def record(
         show.close()
 
 
-def options_of(recording: Recording | None, resume: str | None = None) -> dict[str, Any]:
-    """Returns the options of a show: with recorded input, the options of its recording; otherwise
-    room for the particles of a checkpoint, if any, to which a user may have added water."""
-    return SIMULATED if recording else {"room": particles_in(resume)}
-
-
-def with_input(audience: Audience, recording: Recording | None, **more) -> Audience:
-    """Returns the audience with recorded input, if any; see Replayer."""
-    return Replayer(audience, recording, **more) if recording else audience
-
-
-def exclude(one: str, given: object, other: str, also: object) -> None:
-    """Raises UsageError if two options that exclude each other are given."""
-    if given and also:
-        raise click.UsageError(f"{one} and {other} exclude each other")
-
-
 def default_output(scene: str) -> Path:
     """Returns an unused path without suffix in the folder out, named after the scene."""
     return Path("out") / free_stem(Path("out"), Path(scene).stem)
-
-
-def claim_folder(folder: Path, force: bool) -> None:
-    """Claims all files that a measurement writes to a folder. Raises ExistingFileError."""
-    claim([folder / name for name in (*FILES, *PLOTS)], force)
 
 
 def scene_file(outputs: Outputs) -> Path:

@@ -10,7 +10,7 @@ import pytest
 
 from msph.measure.timings import Timings
 from msph.scene import load_scene
-from msph.stage import commands
+from msph.stage import commands, loaded
 from msph.stage.called import Choice, SceneArguments
 from msph.stage.layout import Layout
 from msph.stage.loop import run
@@ -169,7 +169,7 @@ def test_a_replay_in_a_window_ignores_user_input_until_its_end(played):
 
 @pytest.fixture
 def one_taichi(monkeypatch):
-    monkeypatch.setattr(commands, "start", lambda arch, threads: "cpu")
+    monkeypatch.setattr(loaded, "start", lambda arch, threads: "cpu")
 
 
 def test_capture_and_measure_end_in_the_state_of_the_session(played, one_taichi, tmp_path):

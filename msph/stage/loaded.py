@@ -1,0 +1,58 @@
+"""Scenes as commands load them, and what commands that run a simulation have in common."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import click
+
+from msph.device import start
+from msph.measure.past import particles_in
+from msph.options import AUTO, RunOptions
+from msph.scene.load import to_toml
+from msph.scene.quality import at_quality
+from msph.scene.schema import Scene
+from msph.stage.loop import Audience
+from msph.stage.recording import Recording
+from msph.stage.replaying import Replayer
+from msph.stage.show import SIMULATED
+from msph.stage.trial import finest_in_real_time
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """A scene at a quality, its name and overrides on the command line, and the architecture."""
+
+    scene: Scene
+    name: str
+    quality: str
+    arch: str
+    overrides: tuple[str, ...]
+
+    def toml(self) -> str:
+        """Returns the text of the scene's file."""
+        return to_toml(self.scene, f"quality {self.quality}")
+
+
+def at(scene: Scene, name: str, run: RunOptions) -> Loaded:
+    """Starts Taichi and returns the scene at the quality of the options."""
+    arch, quality = start(run.arch, run.threads), run.quality
+    if quality == AUTO:
+        quality = finest_in_real_time(scene, name)
+    return Loaded(at_quality(scene, quality, name), name, quality, arch, run.overrides)
+
+
+def options_of(recording: Recording | None, resume: str | None = None) -> dict[str, Any]:
+    """Returns the options of a show: with recorded input, the options of its recording; otherwise
+    room for the particles of a checkpoint, if any, to which a user may have added water."""
+    return SIMULATED if recording else {"room": particles_in(resume)}
+
+
+def with_input(audience: Audience, recording: Recording | None, **more) -> Audience:
+    """Returns the audience with recorded input, if any; see Replayer."""
+    return Replayer(audience, recording, **more) if recording else audience
+
+
+def exclude(one: str, given: object, other: str, also: object) -> None:
+    """Raises UsageError if two options that exclude each other are given."""
+    if given and also:
+        raise click.UsageError(f"{one} and {other} exclude each other")
