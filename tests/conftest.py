@@ -45,6 +45,7 @@ LONGEST = (
     "test_shipped_scenes.py",
     "test_lessons.py",
     "test_window.py",
+    "test_window_ends.py",
     "test_recording.py",
     "test_random_input.py",
     "test_player_tools.py",

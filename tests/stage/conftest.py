@@ -1,4 +1,5 @@
-"""Fixtures for tests of keys and gestures: a show and a player that runs it."""
+"""Fixtures for tests of keys and gestures: a show and a player that runs it, and a virtual
+screen."""
 
 import math
 
@@ -60,3 +61,12 @@ def player(given, layout, tmp_path, monkeypatch):
     player = played(Row([given]), layout)
     player.saver.folder = tmp_path
     return player
+
+
+@pytest.fixture(scope="module")
+def display(tmp_path_factory):
+    """Yields a virtual screen for real windows."""
+    from tests.stage.window_kit import virtual_screen  # fails where its programs are required
+
+    with virtual_screen(tmp_path_factory.mktemp("screen")) as (screen, _):
+        yield screen

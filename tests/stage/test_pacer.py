@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from msph.stage.pacer import LONGEST_FRAME, MAX_GROWTH, SCALES, Pacer
+from msph.stage.status import pace
 
 FPS = 60.0
 
@@ -111,3 +112,14 @@ def test_another_speed_applies_at_once():
     pacer.set_speed(0.1)
     assert pacer.frame_time == pytest.approx(0.1 / FPS, rel=0.1)
     assert pacer.pace == pytest.approx(0.1, rel=0.1)
+
+
+def test_pace_shows_when_time_is_slow():
+    pacer = Pacer(60.0)
+    assert pace(pacer, paused=False) == "real time"
+    assert pace(pacer, paused=True) == "paused"
+    for _ in range(60):
+        pacer.record(0.02, 0.01, 0.004, 0.003, 0.0084)
+    assert pace(pacer, paused=False) == "0.42 times real time"
+    pacer.set_speed(0.1)
+    assert pace(pacer, paused=False) == "0.10 times real time"
