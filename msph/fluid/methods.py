@@ -2,7 +2,8 @@
 
 from typing import Any
 
-from msph.fluid.classic import Classic, ClassicParameters
+from msph.fluid.classic import Classic
+from msph.fluid.classic_parameters import ClassicParameters
 from msph.fluid.particles.particles import Attribute
 from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.projection.solver import Projection

@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from msph.fluid.adaptivity.adaptation import farthest_depth
-from msph.fluid.adaptivity.bands import AdaptationParameters
+from msph.fluid.adaptivity.bands import AdaptationParameters, farthest_depth
 from msph.fluid.adaptivity.surface_distance import depth_constants
 from msph.fluid.boundary.beach import Beach
 from msph.fluid.boundary.boundary import Boundary

@@ -10,7 +10,7 @@ from pydantic import BeforeValidator, Field
 
 from msph.fluid.adaptivity.bands import AdaptationParameters
 from msph.fluid.boundary.rigid_bodies import FRICTION
-from msph.fluid.classic import ClassicParameters
+from msph.fluid.classic_parameters import ClassicParameters
 from msph.fluid.methods import METHODS
 from msph.fluid.projection.parameters import ProjectionParameters
 from msph.parameter import Number, Section, Vector, parameter

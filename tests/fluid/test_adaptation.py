@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from fluid_kit import DEPTH, TANK, coarse_tank
 
-from msph.fluid.adaptivity.adaptation import farthest_depth
-from msph.fluid.adaptivity.bands import AdaptationParameters, bands, coarser_of
+from msph.fluid.adaptivity.bands import AdaptationParameters, bands, coarser_of, farthest_depth
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.plan import Plan

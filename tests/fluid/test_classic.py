@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from msph.fluid.classic import ClassicParameters
+from msph.fluid.classic_parameters import ClassicParameters
 from msph.fluid.external_forces import ExternalForces, Hand, as_vector
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.plan import Plan

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from msph.fluid.boundary.rigid_bodies import Block, Motion, rotations
-from msph.fluid.classic import ClassicParameters
+from msph.fluid.classic_parameters import ClassicParameters
 from msph.fluid.moving_box import MovingBox
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.plan import Plan

@@ -7,7 +7,7 @@ import pytest
 import taichi as ti
 
 from msph.fluid.boundary.rim import AllSpiltError
-from msph.fluid.classic import ClassicParameters
+from msph.fluid.classic_parameters import ClassicParameters
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.plan import Plan

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from msph.fluid.classic import ClassicParameters
+from msph.fluid.classic_parameters import ClassicParameters
 from msph.fluid.external_forces import ExternalForces, Hand
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.plan import Plan

@@ -8,10 +8,9 @@ al. 2007). Mass, momentum and centre of mass are conserved to rounding, angular 
 import numpy as np
 import taichi as ti
 
-from msph.fluid.adaptivity.bands import AdaptationParameters, bands, coarser_of, finer_of
+from msph.fluid.adaptivity.bands import AdaptationParameters, finer_of
 from msph.fluid.adaptivity.surface_distance import SurfaceDistance
 from msph.fluid.particles import kernels
-from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.particles.particles import Attribute
 from msph.fluid.projection.discretisation import Discretisation
 from msph.fluid.room import Room
@@ -354,21 +353,3 @@ class Adaptation:
             if c < least:
                 least, best = c, offset
         return best
-
-
-def farthest_depth(specs: list[LayerSpec], parameters: AdaptationParameters) -> float:
-    """Returns the depth [m] below which all particles belong to the coarsest layer, hysteresis
-    included."""
-    tops = [top for top, _ in bands(specs, parameters.band)]
-    return max(tops) * (1.0 + 2.0 * parameters.hysteresis)
-
-
-def band_rows(specs: list[LayerSpec], parameters: AdaptationParameters) -> dict[str, np.ndarray]:
-    """Returns the bands' columns of the table by layer: top and bottom [m], coarser and finer."""
-    top, bottom = np.array(bands(specs, parameters.band)).T
-    return {
-        "top": top,
-        "bottom": bottom,
-        "coarser": np.array(coarser_of(specs)),
-        "finer": np.array(finer_of(specs)),
-    }

@@ -2,6 +2,8 @@
 
 from dataclasses import replace
 
+import numpy as np
+
 from msph.fluid.particles.layers import LayerSpec
 from msph.parameter import Section, parameter
 
@@ -77,3 +79,21 @@ def with_exact_ratios(specs: list[LayerSpec]) -> list[LayerSpec]:
         if coarser >= 0:
             found[coarser] = replace(found[coarser], mass=2.0 * found[k].mass)
     return found
+
+
+def farthest_depth(specs: list[LayerSpec], parameters: AdaptationParameters) -> float:
+    """Returns the depth [m] below which all particles belong to the coarsest layer, hysteresis
+    included."""
+    tops = [top for top, _ in bands(specs, parameters.band)]
+    return max(tops) * (1.0 + 2.0 * parameters.hysteresis)
+
+
+def band_rows(specs: list[LayerSpec], parameters: AdaptationParameters) -> dict[str, np.ndarray]:
+    """Returns the bands' columns of the table by layer: top and bottom [m], coarser and finer."""
+    top, bottom = np.array(bands(specs, parameters.band)).T
+    return {
+        "top": top,
+        "bottom": bottom,
+        "coarser": np.array(coarser_of(specs)),
+        "finer": np.array(finer_of(specs)),
+    }

@@ -12,8 +12,8 @@ import numpy as np
 import taichi as ti
 
 from msph.fluid.adaptivity.adaptation import ATTRIBUTES as ADAPTATION_ATTRIBUTES
-from msph.fluid.adaptivity.adaptation import Adaptation, band_rows
-from msph.fluid.adaptivity.bands import AdaptationParameters
+from msph.fluid.adaptivity.adaptation import Adaptation
+from msph.fluid.adaptivity.bands import AdaptationParameters, band_rows
 from msph.fluid.boundary import contact, openings
 from msph.fluid.external_forces import NO_HAND, ExternalForces
 from msph.fluid.particles.layers import LayerSpec
