@@ -39,7 +39,9 @@ def check(
     called = {id(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)}
     for node in ast.walk(tree):
         if isinstance(node, ast.Attribute):
-            owner = node.value.id if isinstance(node.value, ast.Name) else ""
+            if not isinstance(node.value, ast.Name):
+                raise ExpressionError(f"only names have numbers, not {ast.unparse(node.value)!r}")
+            owner = node.value.id
             _demand(owner, known, "name")
             _demand(node.attr, known[owner] or (), f"number of {owner!r}")
         elif isinstance(node, ast.Name) and id(node) in called:

@@ -38,11 +38,13 @@ def origin(scene: Scene, name: str, arch: str) -> dict[str, Any]:
     }
 
 
-def water_mass(scene: Scene, simulation: Simulation, started: list[int]) -> dict[str, float]:
+def water_mass(scene: Scene, simulation: Simulation) -> dict[str, float]:
     """Returns the mass [kg] of water in the scene file, less the mass displaced by bodies, the mass
-    of the particles at the start, and the relative error (-); started: particles per layer."""
+    of its particles at time zero, and the relative error (-). Water in the pipes of inflows is in
+    neither."""
     asked = specified_mass(scene, simulation.plan.specs) - simulation.mass_left_out
-    laid = sum(n * s.mass for n, s in zip(started, simulation.layers.specs, strict=True))
+    masses = np.array([s.mass for s in simulation.layers.specs])
+    laid = float(masses[simulation.initial["layer"]].sum())
     return {"mass_asked_kg": asked, "mass_laid_kg": laid, "mass_laid_error": laid / asked - 1.0}
 
 

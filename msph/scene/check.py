@@ -14,6 +14,7 @@ from msph.fluid.methods import METHODS, methods_with
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.particles.particles import CORE
 from msph.fluid.simulation import WORD, footprint
+from msph.scene import schema
 from msph.scene.bodies import check_bodies
 from msph.scene.errors import TOLERANCE, SceneError, check_inside, in_metres, is_one_of
 from msph.scene.motion import check_motion
@@ -200,16 +201,33 @@ def _check_water(scene: Scene, water: Water, specs: list[LayerSpec], where: str,
 def cautions(scene: Scene) -> list[str]:
     """Returns one line for each part of the scene that will be computed inaccurately."""
     edge = min(scene.box.size)
-    return probe_cautions(scene) + [
+    coarse = [
         f"layers.{i}: pressures will be inaccurate, as the box's shortest edge of {edge:.3g} m is "
         f"less than {MIN_SPACINGS_ACROSS} spacings of {spec.spacing:.3g} m or a support of "
         f"{spec.support:.3g} m"
         for i, spec in enumerate(layer_specs(scene))
         if max(MIN_SPACINGS_ACROSS * spec.spacing, spec.support) > edge
     ]
+    return [*probe_cautions(scene), *_overlap_cautions(scene), *coarse]
 
 
-def _overlap(a: Water, b: Water) -> bool:
+def _overlap_cautions(scene: Scene) -> list[str]:
+    """Returns one line for each floating box or ball that overlaps another body at the start;
+    meshes, and bodies that expressions place, are left out."""
+    bodies = [
+        (f"bodies.{k}", b, b.density is not None or b.mass is not None)
+        for k, b in enumerate(scene.bodies)
+        if b.mesh is None and not any((*b.displacement, b.angle))
+    ]
+    return [
+        f"{key}: overlaps {other} at the start: they will be pushed apart"
+        for i, (key, b, floats) in enumerate(bodies)
+        for other, a, also in bodies[:i]
+        if (floats or also) and _overlap(a, b)
+    ]
+
+
+def _overlap(a: Water | schema.Body, b: Water | schema.Body) -> bool:
     lo_a, hi_a = bounds(a)
     lo_b, hi_b = bounds(b)
     if a.radius is not None and b.radius is not None:

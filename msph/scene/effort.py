@@ -56,5 +56,6 @@ def in_words(seconds: float) -> str:
     """Formats a time [s] with two digits, in the largest fitting unit."""
     for size, unit in ((86400.0, "days"), (3600.0, "hours"), (60.0, "minutes")):
         if seconds >= size:
-            return f"{seconds / size:.2g} {unit}"
+            number = f"{seconds / size:.2g}"
+            return f"{number} {unit if number != '1' else unit[:-1]}"
     return f"{seconds:.2g} seconds"

@@ -109,9 +109,10 @@ def _read(name: str) -> dict[str, np.ndarray]:
         with open(name, newline="", encoding="utf-8-sig") as file:
             heads, *rows = list(csv.reader(file)) or [[]]
         values = np.array([[float(cell) for cell in row] for row in rows if row], float)
-    except (OSError, ValueError, csv.Error) as error:
-        reason = error.strerror if isinstance(error, OSError) else str(error)
-        raise TableError(f"{name}: is not a table of numbers: {reason}") from None
+    except OSError as error:
+        raise TableError(f"{name}: cannot be read: {error.strerror}") from None
+    except (ValueError, csv.Error) as error:
+        raise TableError(f"{name}: is not a table of numbers: {error}") from None
     heads = [head.strip() for head in heads]
     for head in heads:
         if head not in (TIME, *COLUMNS):

@@ -8,7 +8,7 @@ from msph.fluid.adaptivity.bands import with_exact_ratios
 from msph.fluid.methods import METHODS
 from msph.fluid.particles.layers import LayerSpec
 from msph.scene.openings import inflow_volumes
-from msph.scene.schema import Scene, Water
+from msph.scene.schema import Body, Scene, Water
 
 # Least default capacity [particles] with adaptation, unless water of the finest layer needs less.
 MIN_ADAPTIVE_CAPACITY = 16_000
@@ -34,12 +34,13 @@ def layer_specs(scene: Scene) -> list[LayerSpec]:
     return with_exact_ratios(specs) if scene.adaptation.enabled else specs
 
 
-def bounds(water: Water) -> tuple[np.ndarray, np.ndarray]:
-    """Returns the lower and upper corner [m] of a volume of water's bounding box, (3,) each."""
-    if water.radius is not None:
-        centre = np.array(water.centre)
-        return centre - water.radius, centre + water.radius
-    return np.array(water.lo), np.array(water.hi)
+def bounds(part: Water | Body) -> tuple[np.ndarray, np.ndarray]:
+    """Returns the lower and upper corner [m] of the bounding box of a volume of water, or of a body
+    that is a box or a ball, (3,) each."""
+    if part.radius is not None:
+        centre = np.array(part.centre)
+        return centre - part.radius, centre + part.radius
+    return np.array(part.lo), np.array(part.hi)
 
 
 def particle_count(water: Water, spec: LayerSpec) -> int:

@@ -154,7 +154,7 @@ class Measurer:
         }
         if self.show is not None:
             show, frame_s = self.show, self.scene.measure.every
-            result |= summary.water_mass(self.scene, show.simulation, self.started)
+            result |= summary.water_mass(self.scene, show.simulation)
             error = result.pop("mass_laid_error")
             result |= summary.progress(show.simulation, self.started, frame_s, self.first_step)
             result |= summary.speed(show.timings, frame_s)

@@ -47,7 +47,7 @@ def prepare(
         show = Show(scene, frame_time, size, **options)
         show.warm_up()
     ready = f"ready in {time.perf_counter() - begin:.1f} s, {sum(show.counts):,} particles, "
-    ready += mass_text(water_mass(scene, show.simulation, show.counts))
+    ready += mass_text(water_mass(scene, show.simulation))
     if show.simulation.left_out:
         ready += f"; {show.simulation.left_out:,} inside bodies or outside the container omitted"
     say(ready)

@@ -150,6 +150,15 @@ def test_probe_inside_a_body_gives_a_caution(tmp_path):
     assert line.startswith("probes.0: (0.5, 0.3, 0.5) m is inside a body")
 
 
+def test_floating_bodies_that_overlap_at_the_start_give_a_caution(tmp_path):
+    box = "[[bodies]]\nlo = [{0}, 0.4, 0.4]\nhi = [{1}, 0.6, 0.6]\n"
+    ball = "[[bodies]]\ncentre = [0.75, 0.5, 0.5]\nradius = 0.1\ndensity = 500\n"
+    text = GOOD + box.format(0.2, 0.4) + box.format(0.35, 0.5) + box.format(0.5, 0.7)
+    assert not cautions(load_scene(write(tmp_path, text)))
+    (line,) = cautions(load_scene(write(tmp_path, text + ball)))
+    assert line.startswith("bodies.3: overlaps bodies.2 at the start")
+
+
 def test_layer_too_coarse_for_its_box_gives_a_caution(tmp_path):
     scene = load_scene(write(tmp_path, GOOD), ("layers.1.spacing=0.35",))
     (line,) = cautions(scene)

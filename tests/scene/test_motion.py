@@ -70,6 +70,10 @@ BAD = {
         '[motion]\nangle = "4*sine(t)"\n',
         "motion.0.angle: unknown function 'sine'; did you mean 'sin'?",
     ),
+    "code": (
+        "[motion]\nangle = '__import__(\"os\").nice(1)'\n",
+        "motion.0.angle: only names have numbers, not \"__import__('os')\"",
+    ),
     "variable": ('[motion]\nangle = "x"\n', "motion.0.angle: unknown name 'x'; known: t, pi"),
     "syntax": ('[motion]\nangle = "4*"\n', "motion.0.angle: is not an expression: '4*'"),
     "undefined": (
@@ -79,7 +83,7 @@ BAD = {
     "axis": ("[motion]\naxis = [0, 0, 0]\n", "motion.0.axis: has no direction"),
     "no table": (
         '[motion]\ntable = "nosuch.csv"\n',
-        "motion.0.table: nosuch.csv: is not a table of numbers: No such file",
+        "motion.0.table: nosuch.csv: cannot be read: No such file",
     ),
     "both": (
         '[motion]\ntable = "a.csv"\nangle = 3\n',
