@@ -129,7 +129,7 @@ class Player(Audience):
         chosen = self.toolbar.touch(steering.cursor, down, pressed)
         if chosen:
             self._choose_tool(chosen)
-        if steering.clicked() and self.row.lead.display.views.name != "water":
+        if steering.clicked(pressed) and self.row.lead.display.views.name != "water":
             steering.pick()
         held = steering.held_buttons()
         if held[0]:

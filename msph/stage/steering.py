@@ -127,9 +127,12 @@ class Steering:
         self.contact.let_go()
         return None
 
-    def clicked(self) -> bool:
-        """Returns True if the left button was released near its position and time of press."""
+    def clicked(self, pressed: bool) -> bool:
+        """Returns True if the left button was released near its position and time of press.
+        pressed: in this frame; a press that is over by then was a click."""
         left, now = self.held_buttons()[0], time.perf_counter()
+        if pressed and not left and self.down is None:
+            return self.free.get("LMB", True)
         if left and self.down is None:
             self.down = self.cursor, now
         elif not left and self.down is not None:

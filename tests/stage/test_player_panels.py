@@ -262,6 +262,17 @@ def test_a_slice_hides_the_near_half_and_follows_the_camera(player, show):
     assert (show.display.views.radius.to_numpy()[: len(x)] > 0.0).all()
 
 
+def test_a_click_shorter_than_a_frame_picks_a_particle(player, show):
+    """Regression: at few frames per second the window saw no button that was down."""
+    show.display.views.name, about = "speed", show.display.views.neighbourhood
+    player.window.at = np.array([0.5, 0.45])
+    frames(player, show, 3)
+    assert about.id is None
+    player.window.pressed = ["LMB"]
+    frames(player, show)
+    assert about.id is not None
+
+
 def test_a_click_on_a_particle_shows_its_neighbours_and_accelerations(player, show, monkeypatch):
     # A click counts as a click, however long the machine takes for a frame.
     monkeypatch.setattr("msph.stage.steering.CLICK_TIME", 60.0)
