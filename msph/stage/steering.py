@@ -129,7 +129,7 @@ class Steering:
 
     def clicked(self, pressed: bool) -> bool:
         """Returns True if the left button was released near its position and time of press.
-        pressed: in this frame; a press that is over by then was a click."""
+        pressed: the button was pressed in this frame; if it is up again, that was a click."""
         left, now = self.held_buttons()[0], time.perf_counter()
         if pressed and not left and self.down is None:
             return self.free.get("LMB", True)

@@ -97,7 +97,8 @@ class Scripted:
 
     @cached_property
     def _pose(self) -> Callable[[float], tuple[np.ndarray, np.ndarray]]:
-        """Offset and rotation at a time [s]; a step asks several times for those of three times."""
+        """Function that returns the offset [m] and rotation at a time [s], and keeps them, since a
+        step needs each of its three poses several times."""
         axis = np.array(self.axis, float) / np.linalg.norm(self.axis)
 
         @lru_cache(POSES)
