@@ -9,13 +9,15 @@ import taichi as ti
 
 from msph.device_table import DeviceTable, f32, i32
 from msph.fluid.boundary.body_shapes import BALL, CUBIC, END, LINEAR, ROUND
+from msph.fluid.room import MAX_BODIES
 from msph.picture.shot import PARALLEL
 from msph.picture.sky import SKY_LIGHT, SUN_LIGHT
 from msph.taichi_internals import data_oriented
 
 vec2, vec3 = ti.math.vec2, ti.math.vec3
 
-CLAY, GLAZE = vec3(0.60, 0.26, 0.15), vec3(0.40, 0.54, 0.58)  # albedo of solids, of containers
+# Albedo, linear RGB: of solids without one of their own, and of containers.
+CLAY, GLAZE = (0.60, 0.26, 0.15), (0.40, 0.54, 0.58)
 BOUNCE = 0.45  # sky light from below, over sky light from above
 MAX_STEPS = 96  # largest number of steps of a ray, up to a container and inside
 HIT_DISTANCE = 4e-4  # distance at which a ray hits a body, over the longest edge of the box
@@ -35,6 +37,7 @@ class BodyShading:
         self.boundary = boundary
         # container: index, or -1.
         self.numbers = DeviceTable((), count=i32, near=f32, container=i32)
+        self.paints = DeviceTable((MAX_BODIES,), albedo=vec3)
 
     def load(self, box):
         """Loads the boundary's present bodies in a box (Lx, Ly, Lz) [m]."""
@@ -44,6 +47,9 @@ class BodyShading:
             near=HIT_DISTANCE * max(box),
             container=-1 if found is None else found,
         )
+        bodies = self.boundary.bodies
+        usual = [GLAZE if k == found else CLAY for k in range(len(bodies))]
+        self.paints.fill(albedo=[b.albedo or c for b, c in zip(bodies, usual, strict=True)])
 
     @ti.func
     def offset(self):
@@ -250,6 +256,6 @@ class BodyShading:
         """Returns the colour of body b at its point p [m]; focus: concentration of sunlight
         there."""
         n = self.normal(b, p, shot)
-        albedo = ti.select(self.boundary.side[b] > 0.0, CLAY, GLAZE)
         sky = ti.math.mix(BOUNCE, 1.0, 0.5 + 0.5 * n.dot(shot.up))
-        return albedo * (SKY_LIGHT * sky + SUN_LIGHT * (ti.max(n.dot(to_sun), 0.0) * focus))
+        light = SKY_LIGHT * sky + SUN_LIGHT * (ti.max(n.dot(to_sun), 0.0) * focus)
+        return self.paints.albedo[b] * light

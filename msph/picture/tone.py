@@ -25,6 +25,12 @@ def linear(display):
     return np.interp(display, curve(x), x)
 
 
+def albedo(colour):
+    """Returns the albedo, linear RGB (3,), of a colour (3,) in sRGB (NumPy; IEC 61966-2-1)."""
+    c = np.asarray(colour)
+    return np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
+
+
 @data_oriented
 class Tone:
     def __init__(self):

@@ -16,7 +16,9 @@ from msph.fluid.boundary.rigid_bodies import (
     bounding_radius,
     volume,
 )
+from msph.fluid.external_forces import as_vector
 from msph.fluid.methods import METHODS, methods_with
+from msph.picture.tone import albedo
 from msph.scene import schema
 from msph.scene.errors import SceneError, check_inside, is_one_of
 from msph.scene.meshes import MeshError, load_mesh
@@ -64,7 +66,9 @@ def body(given: schema.Body, duration: float) -> Body:
     else:
         made = Block(np.array(given.lo, float), np.array(given.hi, float), motion)
     mass = given.mass if given.density is None else given.density * volume(made)
-    return replace(made, mass=mass, friction=given.friction, release=given.release)
+    paint = None if given.colour is None else as_vector(albedo(given.colour))
+    made = replace(made, mass=mass, friction=given.friction, release=given.release)
+    return replace(made, albedo=paint)
 
 
 def _follows_formulas(given: schema.Body) -> bool:

@@ -14,7 +14,7 @@ from msph.fluid.classic_parameters import ClassicParameters
 from msph.fluid.methods import METHODS
 from msph.fluid.projection.parameters import ProjectionParameters
 from msph.parameter import Number, Section, Vector, parameter
-from msph.picture.look import Look
+from msph.picture.look import Colour, Look
 from msph.scene.observation import Camera, Measure, Play, Probe, Surface
 
 # Edge of a box [m]; single precision cannot resolve positions beyond this range.
@@ -160,6 +160,7 @@ class Body(Placed):
     friction: float = parameter(
         FRICTION, ge=0.0, le=10.0, text="coefficient of friction with walls and other bodies"
     )
+    colour: Colour | None = parameter(None, text="colour, sRGB from 0 to 1; default: that of clay")
 
 
 class Opening(Section):

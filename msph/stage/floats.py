@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 # Radius of a thrown ball, and half the edge of a thrown cube, over the box's longest edge; least
 # value of both in finest spacings; density over the water's.
 SIZE, LEAST_SIZE, DENSITY = 0.07, 2.5, 0.4
+# Albedo of thrown bodies in turn, linear RGB: red, yellow, blue, green.
+PAINTS = (0.56, 0.04, 0.03), (0.76, 0.40, 0.02), (0.03, 0.15, 0.50), (0.06, 0.34, 0.08)
 # Distances in radii of a thrown body from the water, and from walls at least; its speed over
 # sqrt(g L) of the box's longest edge L.
 DISTANCE, ROOM, SPEED = 2.5, 1.05, 0.4
@@ -98,4 +100,5 @@ def _throw(touch: "Touch") -> None:
     if show.simulation.boundary.floating.count % 2:
         body = Block(x - half, x + half, motion)
     density = DENSITY * show.simulation.layers.finest.density
-    show.add_body(replace(body, mass=density * volume(body)))
+    paint = PAINTS[show.simulation.boundary.floating.count % len(PAINTS)]
+    show.add_body(replace(body, mass=density * volume(body), albedo=paint))

@@ -11,10 +11,11 @@ from picture_kit import ball, covered, rays, still_water
 
 from msph.fluid.boundary.rigid_bodies import Ball, Block, Motion, Solid, is_convex
 from msph.fluid.particles.layers import LayerSpec
-from msph.picture.body_shading import MISSED, SHADOW_SHARPNESS, BodyShading
+from msph.picture.body_shading import CLAY, MISSED, SHADOW_SHARPNESS, BodyShading
 from msph.picture.camera import Camera
 from msph.picture.look import Look
 from msph.picture.room import COARSE
+from msph.picture.tone import linear
 from tests.boundary_kit import boundary_of
 
 BOX = (1.0, 1.0, 1.0)
@@ -225,6 +226,26 @@ def test_a_body_hides_water_behind_it_but_not_in_front_of_it(picture):
         assert (drop & inside).sum() > 5
         changed = abs(picture.image.to_numpy() - dry).max(axis=-1) > 1e-3
         assert changed[drop & inside].mean() > 0.5 if shown else not changed[inside].any()
+
+
+def test_the_light_of_a_body_is_in_proportion_to_its_albedo(picture):
+    """What a black body shows is the reflection of the glass in front of it."""
+    centre, radius = np.array((0.5, 0.5, 0.5)), 0.2
+    picture.mesh.counts.fill(0)
+    view, shown = Camera.framing(BOX, WIDTH / HEIGHT, azimuth=0.0, elevation=0.2), []
+    for albedo in (None, (0.3, 0.5, 0.1), (0.0, 0.0, 0.0)):
+        boundary_of(BOX, [LAYER], [Ball(centre, radius, albedo=albedo)])
+        picture.load(WIDTH, HEIGHT, BOX)
+        picture.draw_water(view)
+        shown.append(linear(picture.image.to_numpy()))
+    d = unit(rays(picture.lens.numbers, WIDTH, HEIGHT).reshape(-1, 3))
+    near, _ = sphere(picture.lens.numbers["eye"][None], d, centre, 0.6 * radius)
+    clay, painted, black = (s[np.isfinite(near).reshape(WIDTH, HEIGHT)] for s in shown)
+    assert len(clay) > 50 and black.max() < 0.1
+    expected = black + (clay - black) * np.array((0.3, 0.5, 0.1)) / np.array(CLAY)
+    # Darker blocks of pixels are interpolated sooner.
+    assert np.percentile(abs(painted - expected), 75) < 0.005
+    assert painted.mean(axis=0) == pytest.approx(expected.mean(axis=0), rel=0.03)
 
 
 def test_the_waterline_at_a_container_is_exact(boundary, picture):

@@ -54,6 +54,7 @@ BAD = {
     "bodies.0.angle='1 / (t - 10)'": "bodies.0.angle: '1 / (t - 10)' is not a number at t = 10 s",
     "bodies.0.displacement=['1e4 * t', 0, 0]": "bodies.0: its surface moves at 1e+04 m/s",
     "method=classic": "bodies: the method classic has no bodies; projection has",
+    "bodies.0.colour=[255, 0, 0]": "bodies.0.colour.0: input should be less than or equal to 1",
     "bodies.0.velocty=[1, 0, 0]": "bodies.0.velocty: unknown key; did you mean 'velocity'?",
 }
 
@@ -195,3 +196,9 @@ def test_bodies_that_leave_no_water_are_refused(folder):
 def test_an_open_box_around_a_container_is_refused():
     with pytest.raises(SceneError, match="box.open: has no effect: no water leaves a container"):
         load_scene("bowl", ("box.open=true",))
+
+
+def test_the_colour_of_a_body_is_its_albedo_in_srgb(folder):
+    """The middle grey of sRGB reflects 21.4 % of the light (IEC 61966-2-1)."""
+    scene = load(folder, "bodies.0.colour=[1.0, 0.5, 0.02]")
+    assert bodies(scene)[0].albedo == pytest.approx((1.0, 0.21404, 0.02 / 12.92), rel=1e-4)

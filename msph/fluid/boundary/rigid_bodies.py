@@ -135,7 +135,8 @@ MAX_HOLLOW = 1e-4
 FRICTION = 0.3
 
 # A body with a mass [kg] floats from the time `release` [s] on: until then it is held at rest, and
-# its motion gives velocity and spin at that time. A body without a mass follows its motion.
+# its motion gives velocity and spin at that time. A body without a mass follows its motion. albedo:
+# reflected share of light, linear RGB, for images; None: clay.
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,6 +149,7 @@ class Block:
     mass: float | None = None
     friction: float = FRICTION
     release: float = 0.0
+    albedo: Vec3 | None = None
     name: str = ""
 
     @property
@@ -165,6 +167,7 @@ class Ball:
     mass: float | None = None
     friction: float = FRICTION
     release: float = 0.0
+    albedo: Vec3 | None = None
 
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
@@ -185,6 +188,7 @@ class Solid:
     mass: float | None = None
     friction: float = FRICTION
     release: float = 0.0
+    albedo: Vec3 | None = None
     container: bool = field(default=False)
 
     @property
