@@ -5,22 +5,27 @@ Launches: Taichi 1.7.4 takes 30 to 70 us of Python per launch to look up the com
 launch goes through Taichi; later launches reuse the compiled kernel and only set the arguments
 (5 us).
 
-Compilation: Taichi reads the source of a function at each of its calls, and formats the position of
-every syntax node for error messages: more than half of the 3 s of Python time for the kernels of a
-scene. Here sources are cached, and a position is a line number.
+Compilation: Taichi reads and parses the source of a function at each of its calls, and formats the
+position of every syntax node and the stack of every declaration of a field for error messages: more
+than half of the 3 s of Python time for the kernels of a scene. Here sources and syntax trees are
+kept, and a position is a line number.
 
 If Taichi lacks one of these interfaces (a warning says so), or if the environment variable
 MSPH_PLAIN_TAICHI is set, kernels are Taichi's own: same results, slower launches.
 """
 
+import ast
 import contextlib
 import functools
 import math
 import operator
 import os
+import sys
+import textwrap
 import warnings
 from collections.abc import Callable, Iterable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -39,6 +44,8 @@ ARRAY_SETTER = "set_arg_external_array_with_shape"
 # Methods by which Taichi builds the range loops of a kernel, and methods of a program.
 LOOPS = ("build_range_for", "build_ndrange_for", "build_grouped_ndrange_for")
 PROGRAM = ("config", "get_device_caps", "compile_kernel", "launch_kernel", "synchronize")
+# Folder of Taichi's Python code.
+TAICHI = os.path.dirname(ti.__file__)
 # Option of Taichi's compiler: a CPU loop is cut into one equal part per thread, of at least 512
 # iterations, which LLVM can vectorize; without the option, threads take blocks of iterations in
 # turn. Taichi's cache of kernels on disk does not distinguish its values.
@@ -60,9 +67,10 @@ def missing(owner: Any, names: Iterable[str]) -> str | None:
 
 try:
     from taichi._lib import core
-    from taichi.lang import impl, kernel_impl
+    from taichi.lang import impl, kernel_impl, snode
     from taichi.lang.ast.ast_transformer import ASTTransformer
     from taichi.lang.ast.ast_transformer_utils import ASTTransformerContext
+    from taichi.lang.ast.transform import transform_tree
     from taichi.lang.enums import AutodiffMode
     from taichi.lang.kernel_impl import Kernel
     from taichi.types.ndarray_type import NdarrayType
@@ -72,7 +80,9 @@ try:
         missing(impl, ["get_runtime"])
         or missing(AutodiffMode, ["NONE"])
         or missing(Kernel, ["ensure_compiled"])
-        or missing(kernel_impl, ["getsourcelines", "getsourcefile"])
+        or missing(kernel_impl, ["getsourcelines", "getsourcefile", "textwrap", "ast"])
+        or missing(impl, ["get_traceback"])
+        or missing(snode, ["get_traceback"])
         or missing(ASTTransformerContext, ["get_pos_info"])
         or missing(ASTTransformer, LOOPS)
         or missing(core, [f"Program.{name}" for name in PROGRAM])
@@ -100,10 +110,43 @@ def _position(context: Any, node: Any) -> str:
     return f'File "{context.file}", line {line}, in {name}:\n{context.src[node.lineno - 1]}\n'
 
 
+def _declaration(stacklevel: int = 1) -> str:
+    """Returns the position of the program's code that declares a field, for messages."""
+    frame = sys._getframe(stacklevel)
+    while frame.f_back and frame.f_code.co_filename.startswith(TAICHI):
+        frame = frame.f_back
+    return f'File "{frame.f_code.co_filename}", line {frame.f_lineno}\n'
+
+
+# Syntax trees of functions by source, that no compilation uses at present.
+_trees: dict[str, Any] = {}
+
+
+def _parse(source: str) -> ast.Module:
+    """Returns the syntax tree of a source."""
+    tree: Any = _trees.pop(source, None) or ast.parse(source)
+    tree.source = source
+    return tree
+
+
+def _transform(tree: Any, context: Any) -> Any:
+    """Calls Taichi's transform_tree, and keeps the tree of a function for its next call; that of a
+    kernel has lost its arguments."""
+    result = transform_tree(tree, context)
+    if not context.is_kernel:
+        _trees[tree.source] = tree
+    return result
+
+
 if not PLAIN:
+    kernel_impl.ast, kernel_impl.transform_tree = SimpleNamespace(parse=_parse), _transform
     ASTTransformerContext.get_pos_info = _position
     kernel_impl.getsourcelines = functools.cache(kernel_impl.getsourcelines)
     kernel_impl.getsourcefile = functools.cache(kernel_impl.getsourcefile)
+    kernel_impl.textwrap = SimpleNamespace(
+        fill=functools.cache(textwrap.fill), dedent=functools.cache(textwrap.dedent)
+    )
+    impl.get_traceback = snode.get_traceback = _declaration
 
 
 # Number of particles below which a CPU runs the loops of a kernel, or of a heavy kernel, in the

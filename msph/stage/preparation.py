@@ -100,9 +100,9 @@ def mass_text(water: dict[str, float]) -> str:
 
 
 @contextlib.contextmanager
-def compiling(report: Report | None) -> Iterator[None]:
-    """Context that reports each kernel compiled in it and the elapsed time, on the terminal if
-    there is no `report`."""
+def compiling(report: Report | None, doing: str = "") -> Iterator[None]:
+    """Context that reports each kernel compiled in it and the elapsed time, after `doing`, on the
+    terminal if there is no `report`."""
     since = time.perf_counter()
     # disable=None: only on terminals.
     line = tqdm(
@@ -115,7 +115,7 @@ def compiling(report: Report | None) -> Iterator[None]:
     def next_kernel(name: str) -> None:
         line.set_postfix_str(name)
         if report:
-            report(f"compiling {name}, {time.perf_counter() - since:.1f} s")
+            report(f"{doing}compiling {name}, {time.perf_counter() - since:.1f} s")
 
     with line, watch_compiling(next_kernel):
         yield

@@ -7,6 +7,7 @@ import pytest
 from msph import user_cache
 from msph.errors import MsphError
 from msph.fluid import world
+from msph.options import QUALITIES
 from msph.scene import load_scene
 from msph.scene.library import shipped_scenes
 from msph.stage import menu, session, trial
@@ -116,22 +117,39 @@ def test_closing_the_window_ends_compilation(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("fast", "tried", "chosen"),
+    ("times", "tried", "chosen"),
     [
-        ({"large", "finest"}, ["large", "finest"], "finest"),
-        ({"large"}, ["large", "finest"], "large"),
-        ({"medium"}, ["large", "medium"], "medium"),
-        (set(), ["large", "medium"], "small"),
+        # Elapsed time over simulated time at each quality; half of it is the water's.
+        ((0.1, 0.2, 0.3, 0.4), 4, "finest"),
+        ((0.1, 0.2, 0.5, 1.0), 4, "large"),
+        ((0.1, 0.5, 1.0, 2.0), 3, "medium"),
+        ((0.3, 0.7, 1.0, 2.0), 2, "medium"),
+        ((0.7, 1.0, 2.0, 4.0), 1, "small"),
+        ((1.0, 2.0, 4.0, 8.0), 1, "small"),
     ],
 )
-def test_auto_selects_the_finest_quality_in_real_time(fast, tried, chosen, monkeypatch):
+def test_auto_selects_the_finest_quality_in_real_time(times, tried, chosen, monkeypatch):
+    """A quality is not tried if twice the water's time at the one before is too much."""
     found = []
 
-    def factor(scene, quality, window):
+    def run(scene, quality, window):
         found.append(quality)
-        return 2.0 if quality in fast else 1.0
+        whole = times[QUALITIES.index(quality)]
+        return trial.Trial(whole, 0.5 * whole)
 
-    monkeypatch.setattr(trial, "real_time_factor", factor)
+    monkeypatch.setattr(trial, "trial", run)
+    tried = list(QUALITIES[:tried])
     assert trial.finest_in_real_time(load_scene("pool"), "pool") == chosen and found == tried
     fixed = load_scene("pool", ("variant=system-1",))
     assert trial.finest_in_real_time(fixed, "pool") == "large" and found == tried
+
+
+def test_auto_omits_qualities_whose_particles_do_not_fit(monkeypatch):
+    """A plate is thinner than the particles of coarse qualities.
+
+    Regression: the coarsest quality was chosen unchecked, and was an error.
+    """
+    spacing = load_scene("pillar").layers[0].spacing
+    plate = f"bodies=[{{lo=[0.7, 0, 0.2], hi=[{0.7 + 1.3 * spacing}, 0.5, 0.4]}}]"
+    monkeypatch.setattr(trial, "trial", lambda *_: trial.Trial(2.0, 1.0))
+    assert trial.finest_in_real_time(load_scene("pillar", (plate,)), "pillar") == "medium"
