@@ -78,9 +78,9 @@ def start(arch: str = "auto", threads: int | None = None, tested: bool = False) 
     # always do.
     atexit.register(ti.reset)
     if on_cpu():
-        # Taichi's control-flow analysis takes half of the compile time and gains nothing: LLVM
-        # removes the same loads and stores.
-        ti.cfg.cfg_optimization = False
+        # Taichi's control-flow analysis and its search for common subexpressions take more than
+        # half of the compile time and gain nothing: LLVM removes the same loads and operations.
+        ti.cfg.cfg_optimization, ti.cfg.opt_level = False, 0
     name = "cpu" if on_cpu() else ti.cfg.arch.name
     if arch not in ("auto", name):
         raise ArchError(f"--arch {arch}: not available on this machine, or without a driver")

@@ -86,7 +86,8 @@ class Rounding:
         for t in range(self.drops.numbers.first_triangle[None]):
             corners, parts = self.mesh.triangles[t], 0
             rises = vec3(0.0)
-            for m in ti.static(range(3)):
+            # A runtime loop: unrolled, it takes three times as long to compile.
+            for m in range(3):
                 a, b = corners[m], corners[(m + 1) % 3]
                 curved, rises[m] = self.curve(ti.min(a, b), ti.max(a, b), bodies)
                 parts |= ti.cast(curved, ti.i32) << m
