@@ -70,6 +70,9 @@ def start(arch: str = "auto", threads: int | None = None, tested: bool = False) 
     if threads:
         options["cpu_max_num_threads"] = threads
     unlock(cache_folder())
+    # Otherwise a thread asks a server for newer versions, at every start without a network, and a
+    # process that ends meanwhile may crash.
+    os.environ.setdefault("TI_SKIP_VERSION_CHECK", "ON")
     before = _threads()
     # Hides Taichi's line with the architecture.
     with importing(), contextlib.redirect_stdout(io.StringIO()):

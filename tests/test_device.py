@@ -13,6 +13,7 @@ from msph import device
 # Prints a line for each thread that Taichi started: the CPUs that the thread may use.
 SCRIPT = """
 import os
+import threading
 import taichi
 from msph import device
 before = device._threads()
@@ -22,6 +23,7 @@ for thread in device._threads() - before:
         print(*sorted(os.sched_getaffinity(thread)))
     except ProcessLookupError:
         pass  # it ended meanwhile
+assert threading.active_count() == 1, "a thread of Taichi's asks for newer versions"
 """
 
 
