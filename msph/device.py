@@ -70,8 +70,8 @@ def start(arch: str = "auto", threads: int | None = None, tested: bool = False) 
     if threads:
         options["cpu_max_num_threads"] = threads
     unlock(cache_folder())
-    # Otherwise a thread asks a server for newer versions, at every start without a network, and a
-    # process that ends meanwhile may crash.
+    # Otherwise Taichi asks a server for newer versions in a thread, without a network at every
+    # start, and a process that ends while the thread runs may crash.
     os.environ.setdefault("TI_SKIP_VERSION_CHECK", "ON")
     before = _threads()
     # Hides Taichi's line with the architecture.

@@ -118,7 +118,7 @@ def _declaration(stacklevel: int = 1) -> str:
     return f'File "{frame.f_code.co_filename}", line {frame.f_lineno}\n'
 
 
-# Syntax trees of functions by source, that no compilation uses at present.
+# Syntax trees of functions by source, except those in use by a compilation.
 _trees: dict[str, Any] = {}
 
 
@@ -130,8 +130,8 @@ def _parse(source: str) -> ast.Module:
 
 
 def _transform(tree: Any, context: Any) -> Any:
-    """Calls Taichi's transform_tree, and keeps the tree of a function for its next call; that of a
-    kernel has lost its arguments."""
+    """Calls Taichi's transform_tree, and keeps the tree of a function for its next call. The tree
+    of a kernel cannot be used again, since Taichi removes its arguments."""
     result = transform_tree(tree, context)
     if not context.is_kernel:
         _trees[tree.source] = tree

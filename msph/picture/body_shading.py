@@ -16,7 +16,7 @@ from msph.taichi_internals import data_oriented
 
 vec2, vec3 = ti.math.vec2, ti.math.vec3
 
-# Albedo, linear RGB: of solids without one of their own, and of containers.
+# Default albedo, linear RGB, of solids and of containers.
 CLAY, GLAZE = (0.60, 0.26, 0.15), (0.40, 0.54, 0.58)
 BOUNCE = 0.45  # sky light from below, over sky light from above
 MAX_STEPS = 96  # largest number of steps of a ray, up to a container and inside
@@ -35,7 +35,7 @@ class BodyShading:
 
     def __init__(self, boundary):
         self.boundary = boundary
-        # container: index, or -1.
+        # container: index, or -1. paints: table by body.
         self.numbers = DeviceTable((), count=i32, near=f32, container=i32)
         self.paints = DeviceTable((MAX_BODIES,), albedo=vec3)
 

@@ -67,8 +67,7 @@ def body(given: schema.Body, duration: float) -> Body:
         made = Block(np.array(given.lo, float), np.array(given.hi, float), motion)
     mass = given.mass if given.density is None else given.density * volume(made)
     paint = None if given.colour is None else as_vector(albedo(given.colour))
-    made = replace(made, mass=mass, friction=given.friction, release=given.release)
-    return replace(made, albedo=paint)
+    return replace(made, mass=mass, friction=given.friction, release=given.release, albedo=paint)
 
 
 def _follows_formulas(given: schema.Body) -> bool:

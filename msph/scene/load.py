@@ -175,7 +175,7 @@ def explain(error: ValidationError, where: str, model: type[BaseModel] = Scene) 
         known = list(_model_at(location[:-1], model).model_fields)
         problem = f"unknown key; {did_you_mean(str(location[-1]), known)}"
         if len(location) > 1 and location[-1] in model.model_fields:
-            problem = "unknown key; keys of the whole file go above its first table"
+            problem = f"unknown key; {location[-1]!r} is a key of the whole file, not of this table"
         if len(location) == 1 and isinstance(value, dict | list) and "mean" not in problem:
             # A table of a feature that does not exist, such as [[magnetism]].
             known_tables = problem.removeprefix("unknown key; ")

@@ -160,7 +160,7 @@ class Body(Placed):
     friction: float = parameter(
         FRICTION, ge=0.0, le=10.0, text="coefficient of friction with walls and other bodies"
     )
-    colour: Colour | None = parameter(None, text="colour, sRGB from 0 to 1; default: that of clay")
+    colour: Colour | None = parameter(None, text="colour, sRGB from 0 to 1; default: clay")
 
 
 class Opening(Section):

@@ -128,7 +128,7 @@ def test_energy_that_enters_is_recorded():
     )  # fmt: skip
     sim = simulate(tap, height=0.04)
     run(sim, settled)
-    # Particles enter every 0.05 s, and the first one meets the water 0.15 s after the start.
+    # Particles enter every 0.05 s and fall for 0.15 s, so that none meets the water in this time.
     ledger = run(sim, 0.12, 0.005)
     energies = np.array([entry.energy for entry in ledger.entries])
     assert ledger.entries[-1].inflow_mass > 0.1

@@ -25,7 +25,7 @@ hi = [1, 0.5, 1]
 BAD = {
     "top-level key in a table": (
         "[classic]\nduration = 2.0\n",
-        "classic.duration: unknown key; keys of the whole file go above its first table",
+        "classic.duration: unknown key; 'duration' is a key of the whole file, not of this table",
     ),
     "misspelt key": ("[clasic]\nstiffness = 1.0\n", "clasic: unknown key; did you mean 'classic'?"),
     "misspelt inner key": (

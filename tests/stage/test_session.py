@@ -117,27 +117,19 @@ def test_closing_the_window_ends_compilation(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("times", "tried", "chosen"),
-    [
-        # Elapsed time over simulated time at each quality; half of it is the water's.
-        ((0.1, 0.2, 0.3, 0.4), 4, "finest"),
-        ((0.1, 0.2, 0.5, 1.0), 4, "large"),
-        ((0.1, 0.5, 1.0, 2.0), 3, "medium"),
-        ((0.3, 0.7, 1.0, 2.0), 2, "medium"),
-        ((0.7, 1.0, 2.0, 4.0), 1, "small"),
-        ((1.0, 2.0, 4.0, 8.0), 1, "small"),
-    ],
+    ("fast", "tried", "chosen"),
+    [(4, 4, "finest"), (3, 4, "large"), (2, 3, "medium"), (1, 2, "small"), (0, 1, "small")],
 )
-def test_auto_selects_the_finest_quality_in_real_time(times, tried, chosen, monkeypatch):
-    """A quality is not tried if twice the water's time at the one before is too much."""
+def test_auto_selects_the_finest_quality_in_real_time(fast, tried, chosen, monkeypatch):
+    """fast: number of qualities in real time. Qualities are tried from coarse to fine, up to the
+    first one that is too slow."""
     found = []
 
-    def run(scene, quality, window):
+    def factor(scene, quality, window):
         found.append(quality)
-        whole = times[QUALITIES.index(quality)]
-        return trial.Trial(whole, 0.5 * whole)
+        return 2.0 if quality in QUALITIES[:fast] else 1.0
 
-    monkeypatch.setattr(trial, "trial", run)
+    monkeypatch.setattr(trial, "real_time_factor", factor)
     tried = list(QUALITIES[:tried])
     assert trial.finest_in_real_time(load_scene("pool"), "pool") == chosen and found == tried
     fixed = load_scene("pool", ("variant=system-1",))
@@ -151,5 +143,5 @@ def test_auto_omits_qualities_whose_particles_do_not_fit(monkeypatch):
     """
     spacing = load_scene("pillar").layers[0].spacing
     plate = f"bodies=[{{lo=[0.7, 0, 0.2], hi=[{0.7 + 1.3 * spacing}, 0.5, 0.4]}}]"
-    monkeypatch.setattr(trial, "trial", lambda *_: trial.Trial(2.0, 1.0))
+    monkeypatch.setattr(trial, "real_time_factor", lambda *_: 0.5)
     assert trial.finest_in_real_time(load_scene("pillar", (plate,)), "pillar") == "medium"

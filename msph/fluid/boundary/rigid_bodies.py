@@ -135,8 +135,8 @@ MAX_HOLLOW = 1e-4
 FRICTION = 0.3
 
 # A body with a mass [kg] floats from the time `release` [s] on: until then it is held at rest, and
-# its motion gives velocity and spin at that time. A body without a mass follows its motion. albedo:
-# reflected share of light, linear RGB, for images; None: clay.
+# its motion gives velocity and spin at that time. A body without a mass follows its motion.
+# albedo: reflected share of light, linear RGB, in images; None: clay, or glaze for a container.
 
 
 @dataclass(frozen=True, eq=False)
