@@ -248,7 +248,7 @@ def test_the_light_of_a_body_is_in_proportion_to_its_albedo(picture):
     assert painted.mean(axis=0) == pytest.approx(expected.mean(axis=0), rel=0.03)
 
 
-def test_the_waterline_at_a_container_is_exact(boundary, picture):
+def test_the_waterline_at_a_container_is_exact(picture, boundary):
     """A mesh that extends beyond the sides of a container, as meshes for images do, is rendered
     only inside the container, up to its side; the side has no water above the level."""
     level = 0.4
