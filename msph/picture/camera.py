@@ -14,7 +14,7 @@ ZOOM = (0.025, 4.0)  # limits of the distance, over the framing distance
 # Largest distance of the target from the box's centre, over the distance of the eye or, if that is
 # more, half the diagonal of the box; least height of the eye above the ground, over the box's.
 PAN, CLEARANCE = 0.6, 0.05
-MARGIN = 1.12  # free space around the box in `framing`, for the lines of text of a window
+MARGIN = 1.12  # half of the image over the box's part of it in `framing`, for lines of text
 
 
 @dataclass
@@ -38,8 +38,9 @@ class Camera:
     reach: tuple[float, float] = (0.05, 50.0)  # distance limits [m]
 
     @classmethod
-    def framing(cls, box, aspect=16 / 9, azimuth=0.6, elevation=0.34, fov=0.72):
-        """Returns a camera that shows the whole box (Lx, Ly, Lz) [m] with a small margin."""
+    def framing(cls, box, aspect=16 / 9, azimuth=0.6, elevation=0.34, fov=0.72, below=MARGIN):
+        """Returns a camera that shows the whole box (Lx, Ly, Lz) [m] with a margin of MARGIN, at
+        the lower edge of `below`."""
         box = np.asarray(box, float)
         camera = cls(box / 2, azimuth, elevation, 1.0, fov)
         camera.home = box / 2
@@ -48,7 +49,8 @@ class Camera:
         tall = np.tan(fov / 2)
         x, y, z = corners @ right, corners @ up, corners @ back
         # A corner at (x, y, z) is in the image from the distance |y| / tall + z on.
-        need = np.maximum(np.abs(y) / tall, np.abs(x) / (tall * aspect)) * MARGIN + z
+        y = np.where(y > 0.0, MARGIN * y, -below * y)
+        need = np.maximum(y / tall, np.abs(x) / (tall * aspect) * MARGIN) + z
         camera.distance = float(need.max())
         camera.reach = (ZOOM[0] * camera.distance, ZOOM[1] * camera.distance)
         return camera

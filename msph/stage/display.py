@@ -22,6 +22,9 @@ from msph.stage.views import Views
 from msph.surface import Surface, SurfaceRoom, surface_of
 from msph.surface.whitewater import whitewater_of
 
+# Margin below the box, for a window's line of hints, as MARGIN in msph/picture/camera.py.
+BELOW = 1.2
+
 
 class Display:
     """Extracts the surface of a simulation and renders it, or its particles.
@@ -65,6 +68,7 @@ class Display:
             azimuth=math.radians(azimuth),
             elevation=math.radians(elevation),
             fov=math.radians(c.fov),
+            below=BELOW,
         )
         camera.target = np.array(target)
         camera.zoom(1.0 / zoom)

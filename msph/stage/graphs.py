@@ -86,7 +86,8 @@ class Graphs:
             top, bottom = k * each + TITLE * size, (k + 1) * each - GAP * size
             curves = np.array([sample[k] for sample in self.samples]).T
             draw.text((pad, top), graph.title, INK, font, anchor="ls")
-            self._legend(draw, graph, show, curves[:, -1], width - pad, top, font)
+            room = width - 3 * pad - font.getlength(graph.title)
+            self._legend(draw, graph, show, curves[:, -1], (width - pad, top), room, size)
             known = curves[np.isfinite(curves)]
             lo, hi = (known.min(), known.max()) if known.size else (0.0, 1.0)
             # The energy's axis need not contain 0: only changes of the energy matter.
@@ -102,12 +103,19 @@ class Graphs:
         return np.asarray(page)
 
     @staticmethod
-    def _legend(draw, graph: Graph, show: Show, last, right: float, base: float, font) -> None:
-        """Draws names and last values in the colours of their curves, right-aligned."""
-        names = graph.names(show)
-        for name, value, colour in reversed(list(zip(names, last, COLOURS * 3, strict=False))):
+    def _legend(draw, graph: Graph, show: Show, last, corner, room: float, size: int) -> None:
+        """Draws names and last values in the colours of their curves, right-aligned at a corner
+        (right, base), in smaller letters if `room` [pixels] is too narrow."""
+        names, texts = graph.names(show), list[str]()
+        for name, value in zip(names, last, strict=True):
             number = graph.form.format(value) if np.isfinite(value) else "-"
             # Names of many curves do not fit.
-            text = f"{name} {number}".strip() if len(names) < 4 and name.isalpha() else number
+            texts.append(
+                f"{name} {number}".strip() if len(names) < 4 and name.isalpha() else number
+            )
+        needed = font_of(size).getlength("  ".join(texts))
+        font = font_of(int(size * min(1.0, room / needed)))
+        right, base = corner
+        for text, colour in reversed(list(zip(texts, COLOURS * 3, strict=False))):
             draw.text((right, base), text, colour, font, anchor="rs")
             right -= font.getlength(text + "  ")

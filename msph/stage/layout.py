@@ -47,6 +47,7 @@ class Layout:
         self.message, self.until = "", 0.0
         self.described: tuple[int | None, float] = None, 0.0  # picked particle, and time [s]
         self.hinted: Any = None  # hints on the current page
+        self.share = 1.0  # of the free width, for hints and messages
         self.overlay.shown.clear()
 
     @property
@@ -122,8 +123,8 @@ class Layout:
         status = self.status.page(row, pacer, paused, bool(self.panel), now, self.text)
         if status is not None:
             self.overlay.put("status", status, self.gap, self.gap)
-        share = 1.0 if row.lead.display.views.name == "water" else HINTS
-        self._put_hints([k.hint for k in idle.hints()], bool(idle.hint()), share)
+        self.share = 1.0 if row.lead.display.views.name == "water" else HINTS
+        self._put_hints([k.hint for k in idle.hints()], bool(idle.hint()))
         if self.idle:
             self.overlay.hide("message")
         self._put_particle(row, now)
@@ -133,18 +134,15 @@ class Layout:
             self.overlay.put("graphs", page, 0, top)
         self.overlay.draw(row.image)
 
-    def _put_hints(self, texts: list[str], urgent: bool, share: float) -> None:
-        """Shows hints within a share of the free width."""
-        if (texts, urgent, share) == self.hinted:
+    def _put_hints(self, texts: list[str], urgent: bool) -> None:
+        if (texts, urgent, self.share) == self.hinted:
             return
-        self.hinted = texts, urgent, share
+        self.hinted = texts, urgent, self.share
         self.overlay.hide("hints")
         if texts:
-            page = pages.hints(
-                texts, urgent, self.text, share * self.free * self.size[0] - 2 * self.gap
-            )
-            low = self.size[1] - self.gap - page.shape[0]
-            self.overlay.put("hints", page, self._left(), low)
+            page = pages.hints(texts, urgent, self.text, self._line())
+            top = self.size[1] - self.gap - page.shape[0]
+            self.overlay.put("hints", page, self._left(), top)
 
     def _put_particle(self, row: Row, now: float) -> None:
         """Shows the values of the picked particle and the legend of its arrows."""
@@ -162,9 +160,16 @@ class Layout:
         self.overlay.put("particle", pages.lines(texts, self.text), self._left(), self._top())
 
     def _put_message(self, text: str) -> None:
-        page = pages.lines([(text, pages.WARNING)], self.text)
-        low = self.size[1] - self.below - 4 * round(1.5 * self.text)
-        self.overlay.put("message", page, self._left(), low)
+        """Shows a message above the line of hints."""
+        texts = pages.folded(text, self.text, self._line())
+        page = pages.lines([(line, pages.WARNING) for line in texts], self.text)
+        hints = round((pages.LINE + pages.PADDING) * self.text)
+        top = self.size[1] - self.below - 2 * self.gap - hints - page.shape[0]
+        self.overlay.put("message", page, self._left(), top)
+
+    def _line(self) -> float:
+        """Width of hints and messages [pixels]."""
+        return self.share * self.free * self.size[0] - 2 * self.gap
 
     def _left(self) -> int:
         """Left edge of pages right of the column [pixels]."""

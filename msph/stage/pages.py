@@ -16,6 +16,7 @@ PADDING, LINE, KEY_WIDTH = 0.5, 1.35, 10.0
 GROUND, INK, FAINT = (10, 20, 30, 176), (245, 247, 250, 255), (176, 206, 222, 255)
 WARNING = (255, 209, 102, 255)
 DENSE = (*GROUND[:3], 226)  # background of long pages
+SOLID = (*GROUND[:3], 255)  # background of the help, which covers other pages
 
 
 @functools.cache
@@ -43,22 +44,33 @@ def lines(texts: list[tuple[str, tuple]], size: int) -> np.ndarray:
     return np.asarray(page)
 
 
+def folded(text: str, size: int, most: float) -> list[str]:
+    """Splits a text between words into lines whose pages are at most `most` pixels wide, if its
+    words allow; size: text height [pixels]."""
+    font, room = font_of(size), most - 2 * round(PADDING * size)
+    rows = [""]
+    for word in text.split():
+        longer = f"{rows[-1]} {word}".strip()
+        if rows[-1] and font.getlength(longer) > room:
+            rows.append(word)
+        else:
+            rows[-1] = longer
+    return rows
+
+
 def hints(texts: list[str], urgent: bool, size: int, most: float) -> np.ndarray:
-    """Returns a page of hints in lines of at most `most` pixels; highlights the first if urgent."""
+    """Returns a line of hints of at most `most` pixels, the first and as many more as fit;
+    highlights the first if urgent."""
     font = font_of(size)
     pad, pitch, between = round(PADDING * size), LINE * size, 1.5 * size
-    places, x, row = [], float(pad), 0
-    for text in texts:
-        length = font.getlength(text)
-        if x > pad and x + length > most:
-            x, row = float(pad), row + 1
-        places.append((x, 0.5 * pad + pitch * (row + 0.5)))
-        x += length + between
-    widest = max(x + font.getlength(t) for (x, _), t in zip(places, texts, strict=True))
-    page = Image.new("RGBA", (int(widest) + pad, round(pitch * (row + 1)) + pad), GROUND)
+    ends = np.cumsum([font.getlength(text) + between for text in texts]) + pad
+    fit = max(1, int(np.sum(ends - between + pad <= most)))
+    width = int(ends[fit - 1] - between) + pad
+    page = Image.new("RGBA", (width, round(pitch) + pad), GROUND)
     draw = ImageDraw.Draw(page)
-    for k, (place, text) in enumerate(zip(places, texts, strict=True)):
-        draw.text(place, text, WARNING if urgent and k == 0 else FAINT, font, anchor="lm")
+    for k, (x, text) in enumerate(zip([pad, *ends], texts[:fit], strict=False)):
+        colour = WARNING if urgent and k == 0 else FAINT
+        draw.text((x, 0.5 * (pad + pitch)), text, colour, font, anchor="lm")
     return np.asarray(page)
 
 
@@ -71,7 +83,7 @@ def help_page(size: int, most: int, taken: frozenset[str] = frozenset()) -> np.n
     pad, pitch, column = round(2.0 * PADDING * size), LINE * size, KEY_WIDTH * size
     widest = max(font.getlength(effect) for _, effect in rows)
     width, height = int(column + widest) + 2 * pad, round(pitch * (len(rows) + 1)) + 2 * pad
-    page = Image.new("RGBA", (width, height), DENSE)
+    page = Image.new("RGBA", (width, height), SOLID)
     draw = ImageDraw.Draw(page)
     draw.text((pad, pad + 0.5 * pitch), "Keys and mouse (h closes)", WARNING, font, anchor="lm")
     for row, (label, effect) in enumerate(rows):

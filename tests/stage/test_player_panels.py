@@ -8,13 +8,15 @@ import numpy as np
 import pytest
 
 from msph.fluid.particles.layers import pair_support
+from msph.picture.camera import Camera
 from msph.scene.library import shipped_scenes
 from msph.scene.live import read
 from msph.scene.load import read_toml
-from msph.stage import menu
+from msph.stage import menu, pages
 from msph.stage.called import Choice
 from msph.stage.controls import ACTIONS, KEYS
-from msph.stage.layout import PANELS
+from msph.stage.display import BELOW
+from msph.stage.layout import GAP, HINTS, PANELS
 from msph.stage.panel import PAGES
 from msph.stage.row import Row
 from tests.stage.player_kit import (
@@ -66,6 +68,35 @@ def test_hints_disappear_once_they_were_tried(player, show):
     nothing = frames(player, show)
     assert "hints" not in player.layout.overlay.shown
     assert np.abs(everything[: WIDTH // 2, low] - nothing[: WIDTH // 2, low]).mean() > 0.01
+
+
+@pytest.mark.parametrize("panel", PANELS)
+@pytest.mark.parametrize("view", ["water", "layers"])
+def test_a_message_covers_neither_hints_nor_legend(player, show, view, panel):
+    """Regression: a long message covered the legend while the settings were open."""
+    layout = player.layout
+    layout.panel, show.display.views.name = panel, view
+    frames(player, show)
+    layout.show_message("the water is held " + "where the cursor was last seen, " * 3 + "until now")
+    frames(player, show)
+    left, low, width, height = layout.overlay.shown["message"]
+    hints = layout.overlay.shown["hints"]
+    assert low >= hints[1] + hints[3] and low + height <= HEIGHT
+    free = layout.free * WIDTH
+    assert left >= WIDTH - free
+    assert left + width <= WIDTH - free + free * (HINTS if view == "layers" else 1.0)
+
+
+@pytest.mark.parametrize("box", [(1.2, 0.4, 0.4), (1.0, 1.0, 1.0), (0.5, 2.0, 0.5)])
+def test_hints_do_not_cover_the_box(box):
+    """Regression: the line of hints covered the box's lowest corner."""
+    width, height = 960, 540
+    text = pages.text_height(height)
+    page = pages.hints([key.hint for key in KEYS if key.hint], False, text, width)
+    corners = np.indices((2, 2, 2)).reshape(3, 8).T * box
+    camera = Camera.framing(box, width / height, below=BELOW)
+    lowest = camera.project(corners, width, height, box)[:, 1].min()
+    assert round(GAP * text) + page.shape[0] < height * lowest
 
 
 def test_help_covers_the_image_until_it_is_closed(player, show):
