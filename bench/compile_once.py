@@ -15,6 +15,7 @@ import taichi as ti
 from tabulate import tabulate
 
 from msph.device import ARCHES, start
+from msph.launches import watch_compiling
 from msph.options import QUALITIES
 from msph.scene import load_scene
 from msph.scene.library import shipped_scenes
@@ -22,7 +23,6 @@ from msph.scene.quality import AS_GIVEN, at_quality
 from msph.stage.controls import Controls
 from msph.stage.row import Row
 from msph.stage.show import INTERACTIVE, Show
-from msph.taichi_internals import watch_compiling
 
 # Image size [pixels]: the default of the window.
 SIZE = (960, 540)

@@ -24,12 +24,12 @@ from bench import rows, tanks
 from bench.report import RESULTS, heading
 from msph.device import ARCHES, start
 from msph.fluid.external_forces import ExternalForces
+from msph.launches import data_oriented, kernel
 from msph.measure.bulk import bulk_density
 from msph.measure.kernel_density import kernel_density
 from msph.scene import load_scene
 from msph.scene.build import build_simulation
 from msph.stage.benchmark import benchmark
-from msph.taichi_internals import data_oriented, kernel
 
 SCENE = "pool_2x"
 # The particles of the thesis.

@@ -56,7 +56,8 @@ def start(arch: str = "auto", threads: int | None = None, tested: bool = False) 
         # Otherwise Taichi imports this module at the first kernel, where an interrupt is lost.
         import taichi.lang.matrix_ops
 
-        from msph.taichi_internals import BLOCKS, GRID, cache_folder, on_cpu, serialize_loops
+        from msph.launches import BLOCKS, serialize_loops
+        from msph.taichi_internals import GRID, cache_folder, on_cpu
 
     automatic = [ti.cpu] if sys.platform == "darwin" else [ti.cuda, ti.cpu]
     wanted = automatic if arch == "auto" else [getattr(ti, arch)]

@@ -18,8 +18,8 @@ from msph.fluid.projection.density import SMOOTHINGS, YIELDS
 from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.projection.solver import Projection
 from msph.fluid.simulation import Simulation
+from msph.launches import data_oriented, kernel
 from msph.measure.kernel_density import kernel_sums
-from msph.taichi_internals import data_oriented, kernel
 
 # Length of the array in each test of a primitive, and of a row in the test of serial loops.
 COUNT, ROW = 10_000, 20

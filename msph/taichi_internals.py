@@ -1,9 +1,4 @@
-"""Use of Taichi's private interfaces, all in this module: fast launches and fast compilation.
-
-Launches: Taichi 1.7.4 takes 30 to 70 us of Python per launch to look up the compiled kernel, and
-0.7 us per attribute access of an object with kernels: 1 ms of a frame of 5 ms. Here the first
-launch goes through Taichi; later launches reuse the compiled kernel and only set the arguments
-(5 us).
+"""Taichi's private interfaces: which of them exist, and what they give; fast compilation.
 
 Compilation: Taichi reads and parses the source of a function at each of its calls, and formats the
 position of every syntax node and the stack of every declaration of a field for error messages: more
@@ -11,24 +6,22 @@ than half of the 3 s of Python time for the kernels of a scene. Here sources and
 kept, and a position is a line number.
 
 If Taichi lacks one of these interfaces (a warning says so), or if the environment variable
-MSPH_PLAIN_TAICHI is set, kernels are Taichi's own: same results, slower launches.
+MSPH_PLAIN_TAICHI is set, the program does without them: same results, slower compilation and slower
+launches (msph/launches.py).
 """
 
 import ast
-import contextlib
 import functools
-import math
 import operator
 import os
 import sys
 import textwrap
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import taichi as ti
 
 from msph.cache_folder import TAICHI_FOLDER
@@ -37,7 +30,6 @@ from msph.cache_folder import TAICHI_FOLDER
 SWITCH = "MSPH_PLAIN_TAICHI"
 # Methods of a launch context that set an argument or read a result, by type.
 SETTERS = {ti.i32: "set_arg_int", ti.f32: "set_arg_float"}
-VECTOR = type(ti.math.vec3)
 VECTOR_SETTERS = {ti.i32: "set_struct_arg_int", ti.f32: "set_struct_arg_float"}
 GETTERS = {ti.i32: "get_struct_ret_int", ti.f32: "get_struct_ret_float"}
 ARRAY_SETTER = "set_arg_external_array_with_shape"
@@ -73,7 +65,7 @@ try:
     from taichi.lang.ast.transform import transform_tree
     from taichi.lang.enums import AutodiffMode
     from taichi.lang.kernel_impl import Kernel
-    from taichi.types.ndarray_type import NdarrayType
+    from taichi.types import ndarray_type
 
     setters = (*SETTERS.values(), *VECTOR_SETTERS.values(), *GETTERS.values(), ARRAY_SETTER)
     _missing = (
@@ -84,6 +76,7 @@ try:
         or missing(impl, ["get_traceback"])
         or missing(snode, ["get_traceback"])
         or missing(ASTTransformerContext, ["get_pos_info"])
+        or missing(ndarray_type, ["NdarrayType"])
         or missing(ASTTransformer, LOOPS)
         or missing(core, [f"Program.{name}" for name in PROGRAM])
         or missing(core, ["Kernel.make_launch_context"])
@@ -149,95 +142,6 @@ if not PLAIN:
     impl.get_traceback = snode.get_traceback = _declaration
 
 
-# Number of particles below which a CPU runs the loops of a kernel, or of a heavy kernel, in the
-# launching thread: waking two threads takes 40 us per loop (bench/results/speed_log.md).
-SERIAL_BELOW, HEAVY_SERIAL_BELOW = 3000, 300
-# Blocks of 128 threads in a GPU's loops: of scenes with fewer particles than FEW, and of others. A
-# frame of `dam_break` takes 9.4 ms on an H200, with Taichi's 8,448 blocks 15.9 ms; one of 314,432
-# particles takes as long with 2,112 as with 8,448 (bench/results/gpu.md).
-FEW, FEW_BLOCKS, BLOCKS = 100_000, 528, 2112
-
-
-class Loops:
-    """Estimated number of `particles` of a scene, which decides if its kernels run their loops in
-    parallel or serially on a CPU, and in how many blocks on a GPU. A kernel is compiled for each
-    case at its first such launch. No effect with plain Taichi."""
-
-    def __init__(self, particles: float = math.inf):
-        self.particles = particles
-
-
-# Loops of the objects that are created now, and True while all compiled loops become serial.
-_loops = Loops()
-_serial = False
-
-
-@contextlib.contextmanager
-def use_loops(loops: Loops):
-    """Sets the Loops of all objects with kernels that are created in the block."""
-    global _loops
-    before, _loops = _loops, loops
-    try:
-        yield
-    finally:
-        _loops = before
-
-
-def serialize_loops() -> None:
-    """Makes the loops of all later kernels serial: with one thread this saves the wake-up of a
-    thread, half of the frame time of 500 particles. No effect with plain Taichi."""
-    global _serial
-    _serial = True
-
-
-def _build_loop(build: Callable, context: Any, node: Any) -> Any:
-    """Calls Taichi's `build` of a loop, which becomes serial if _serial is True."""
-    if _serial:
-        serialize(context)
-    return build(context, node)
-
-
-def serialize(context: Any) -> None:
-    """Makes the next loop of the kernel in compilation serial."""
-    context.ast_builder.strictly_serialize()
-
-
-if not PLAIN:
-    for name in LOOPS:
-        serial = functools.partial(_build_loop, getattr(ASTTransformer, name))
-        setattr(ASTTransformer, name, staticmethod(serial))
-
-
-_watchers: list[Callable[[str], None]] = []
-
-
-@contextlib.contextmanager
-def watch_compiling(watcher: Callable[[str], None]):
-    """Calls watcher("Class.kernel") before each kernel compiled in the block; never with plain
-    Taichi."""
-    _watchers.append(watcher)
-    try:
-        yield
-    finally:
-        _watchers.remove(watcher)
-
-
-@contextlib.contextmanager
-def watch_launches(watcher: Callable[[Any, str], None]):
-    """Calls watcher(object, kernel) before each launch in the block; never with plain Taichi."""
-    launch = _Launcher.__call__
-
-    def watched(self, *args):
-        watcher(self.owner, self.taichi.func.__name__.lstrip("_"))
-        return launch(self, *args)
-
-    _Launcher.__call__ = watched  # type: ignore[method-assign]
-    try:
-        yield
-    finally:
-        _Launcher.__call__ = launch  # type: ignore[method-assign]
-
-
 def on_cpu() -> bool:
     """Returns True if kernels run on the CPU. Call after ti.init."""
     return ti.cfg.arch in (ti.x64, ti.arm64)
@@ -276,161 +180,3 @@ def set_image(canvas: Any, words: Any) -> None:
         inner.set_image(_field_info(words.view("u4")))
     else:
         canvas.set_image(words.view("u1").reshape(*words.shape, 4))
-
-
-def _taichi_kernel(function: Callable) -> "Kernel":
-    """Returns Taichi's own kernel of a method."""
-    return Kernel(function, autodiff_mode=AutodiffMode.NONE, _classkernel=True)
-
-
-class FastKernel:
-    """Kernel method, compiled once per object and per value of its template arguments; a result
-    that is a vector may be a list. heavy: its iterations take long and unequal times, so that CPU
-    threads take blocks of them in turn, already in smaller scenes."""
-
-    def __init__(self, function: Callable, heavy: bool = False):
-        functools.update_wrapper(self, function)
-        self.function, self.taichi, self.heavy = function, _taichi_kernel(function), heavy
-        self.below = HEAVY_SERIAL_BELOW if heavy else SERIAL_BELOW
-
-    @functools.cached_property
-    def serial(self) -> "Kernel":
-        """The same kernel, compiled with serial loops."""
-        return _taichi_kernel(self.function)
-
-    def __get__(self, owner: Any, cls: type | None = None):
-        if owner is None:
-            return self
-        # The instance attribute replaces this descriptor in later calls.
-        launcher = owner.__dict__[self.taichi.func.__name__] = _Launcher(self, owner)
-        return launcher
-
-
-class _Launcher:
-    """Kernel bound to its object."""
-
-    def __init__(self, fast: FastKernel, owner: Any):
-        taichi = fast.taichi
-        self.kernel, self.taichi, self.owner = fast, taichi, owner
-        self.count, self.loops = len(taichi.arguments) - 1, owner.__dict__["_loops"]
-        # Number of particles below which the kernel's loops are serial, or of few blocks on CUDA.
-        self.below = fast.below if on_cpu() else FEW if on_cuda() else 0
-        # Places of templates, numbers, vectors and arrays among the arguments, without self.
-        self.templates: list[int] = []
-        self.numbers: list[tuple[int, tuple[int], str]] = []
-        self.vectors: list[tuple[int, list[tuple[int, int]], str]] = []
-        self.arrays: list[tuple[int, tuple[int]]] = []
-        self.fast = True  # False if there are arguments or results of other types
-        slot = 0
-        for place, argument in enumerate(taichi.arguments[1:]):
-            kind = argument.annotation
-            if isinstance(kind, ti.template):
-                self.templates.append(place)
-                continue
-            if kind in SETTERS:
-                self.numbers.append((place, (slot,), SETTERS[kind]))
-            elif isinstance(kind, VECTOR) and kind.dtype in VECTOR_SETTERS:
-                slots = [(slot, k) for k in range(kind.n)]
-                self.vectors.append((place, slots, VECTOR_SETTERS[kind.dtype]))
-            elif isinstance(kind, NdarrayType):
-                self.arrays.append((place, (slot,)))
-            else:
-                self.fast = False
-            slot += 1
-        results = taichi.return_type or ()
-        kinds = [r.dtype if isinstance(r, VECTOR) else r for r in results]
-        self.fast = self.fast and len(results) <= 1 and all(kind in GETTERS for kind in kinds)
-        self.getter = GETTERS[kinds[0]] if self.fast and results else None
-        # Number of components of a result that is a vector, otherwise None.
-        self.length = results[0].n if results and isinstance(results[0], VECTOR) else None
-        self.ready: dict[tuple, tuple] = {}
-
-    def __call__(self, *args):
-        # Taichi handles other types, and reports calls with a wrong number of arguments.
-        if not self.fast or len(args) != self.count:
-            return self.taichi(self.owner, *args)
-        # With one thread, all kernels are serial.
-        few = self.loops.particles < self.below and not _serial
-        key: tuple = (few, *[args[place] for place in self.templates])
-        for place, _ in self.arrays:
-            array = args[place]
-            if not (isinstance(array, np.ndarray) and array.flags.c_contiguous):
-                return self.taichi(self.owner, *args)
-            key += (array.dtype, array.ndim)
-        if key not in self.ready:
-            self.ready[key] = self._compile(few, args)
-        compiled, fresh, program = self.ready[key]
-        context = fresh()
-        for place, number_slot, setter in self.numbers:
-            getattr(context, setter)(number_slot, args[place])
-        for place, slots, setter in self.vectors:
-            set_component = getattr(context, setter)
-            for component_slot, value in zip(slots, args[place], strict=True):
-                set_component(component_slot, value)
-        for place, array_slot in self.arrays:
-            array = args[place]
-            pointer = array.__array_interface__["data"][0]
-            set_array = getattr(context, ARRAY_SETTER)
-            set_array(array_slot, pointer, array.nbytes, array.shape, 0)
-        program.launch_kernel(compiled, context)
-        if self.getter:
-            program.synchronize()
-            get = getattr(context, self.getter)
-            return get((0,)) if self.length is None else [get((0, k)) for k in range(self.length)]
-        return None
-
-    def _compile(self, few: bool, args: tuple) -> tuple:
-        """Returns the compiled kernel, its context factory and the program, for these templates and
-        for a scene of few particles or another."""
-        for watcher in _watchers:
-            watcher(f"{type(self.owner).__name__}.{self.taichi.func.__name__.lstrip('_')}")
-        global _serial
-        serial = few and on_cpu()
-        before, _serial = _serial, _serial or serial
-        taichi = self.kernel.serial if serial else self.taichi
-        try:
-            key = taichi.ensure_compiled(self.owner, *args)
-        finally:
-            _serial = before
-        found, program = taichi.compiled_kernels[key], impl.get_runtime().prog
-        options = {EQUAL_PARTS: not self.kernel.heavy}
-        if few and not serial:
-            options[GRID] = FEW_BLOCKS
-        with _compiler_options(program.config(), options) as config:
-            compiled = program.compile_kernel(config, program.get_device_caps(), found)
-        return compiled, found.make_launch_context, program
-
-
-@contextlib.contextmanager
-def _compiler_options(config: Any, options: dict[str, Any]):
-    """Sets options of Taichi's compiler in the block: the process has one set of them, which also
-    holds for Taichi's own kernels."""
-    before = {name: getattr(config, name) for name in options}
-    for name, value in options.items():
-        setattr(config, name, value)
-    try:
-        yield config
-    finally:
-        for name, value in before.items():
-            setattr(config, name, value)
-
-
-def _mark(cls: type) -> type:
-    """Marks a class with kernels, as ti.data_oriented does, but without its attribute hook; its
-    objects keep the Loops in use at their creation."""
-    cls._data_oriented = True  # type: ignore[attr-defined]
-    begin = cls.__init__  # type: ignore[misc]
-
-    @functools.wraps(begin)
-    def begin_with_loops(self, *args, **options):
-        self._loops = _loops
-        begin(self, *args, **options)
-
-    cls.__init__ = begin_with_loops  # type: ignore[misc]
-    return cls
-
-
-# Decorators of kernels, of heavy kernels, and of classes with kernels.
-kernel: Any = ti.kernel if PLAIN else FastKernel
-heavy_kernel: Any = ti.kernel if PLAIN else functools.partial(FastKernel, heavy=True)
-data_oriented: Any = ti.data_oriented if PLAIN else _mark

@@ -26,7 +26,7 @@ from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.particles.particles import Attribute
 from msph.fluid.parts import Parts
 from msph.fluid.stages import Stage, no_stage
-from msph.taichi_internals import data_oriented, kernel
+from msph.launches import data_oriented, kernel
 
 # Explicit viscosity is stable while dt < VISCOUS_NUMBER h^2 rho / mu (Morris et al. 1997, eq. 19).
 VISCOUS_NUMBER = 0.125

@@ -8,7 +8,8 @@ import taichi as ti
 from msph.fluid.external_forces import Vec3
 from msph.fluid.room import MAX_BODIES
 from msph.fluid.sums import SLOTS, Sum
-from msph.taichi_internals import data_oriented, kernel, longest_float, on_cpu
+from msph.launches import data_oriented, kernel
+from msph.taichi_internals import longest_float, on_cpu
 
 
 @data_oriented

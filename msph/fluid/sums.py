@@ -2,10 +2,11 @@
 
 import taichi as ti
 
-from msph.taichi_internals import data_oriented, longest_float, on_cpu
+from msph.launches import data_oriented
+from msph.taichi_internals import longest_float, on_cpu
 
 # Partial sums on a GPU. Taichi ends a loop that adds to one number with an addition by each of the
-# loop's threads (taichi_internals.BLOCKS), whatever the number of particles: 5 ms on an H100 in
+# loop's threads (launches.BLOCKS), whatever the number of particles: 5 ms on an H100 in
 # double precision with Taichi's own number of threads.
 SLOTS = 1024
 

@@ -32,7 +32,8 @@ from msph.fluid.particles.removal import Removal
 from msph.fluid.parts import Parts
 from msph.fluid.plan import Plan
 from msph.fluid.room import Room, room_for
-from msph.taichi_internals import Loops, field_trees, use_loops
+from msph.launches import Loops, use_loops
+from msph.taichi_internals import field_trees
 
 # Taichi crashes beyond MAX_TREES field trees per process; a world with its surface and image takes
 # at most WORLD_TREES.

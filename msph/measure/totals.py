@@ -4,7 +4,8 @@ import numpy as np
 import taichi as ti
 
 from msph.fluid.world import World
-from msph.taichi_internals import data_oriented, kernel, longest_float
+from msph.launches import data_oriented, kernel
+from msph.taichi_internals import longest_float
 
 # Particles per thread, summed in single precision; the host adds the partial sums in double.
 # Rounding grows with the number of terms: 32 terms keep the error below 1e-6, also without f64.

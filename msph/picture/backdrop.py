@@ -6,6 +6,7 @@ Sky and ground are sampled every COARSE pixels, the box and its contents as in `
 
 import taichi as ti
 
+from msph.launches import data_oriented, kernel
 from msph.picture.body_shading import MISSED
 from msph.picture.moved_bodies import MovedBodies
 from msph.picture.pool import MIN_COSINE, RIM, component
@@ -21,7 +22,6 @@ from msph.picture.samples import (
     make_sample,
 )
 from msph.picture.sunlight import bilinear
-from msph.taichi_internals import data_oriented, kernel
 
 vec2, vec3, vec4 = ti.math.vec2, ti.math.vec3, ti.math.vec4
 

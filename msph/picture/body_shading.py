@@ -10,9 +10,9 @@ import taichi as ti
 from msph.device_table import DeviceTable, f32, i32
 from msph.fluid.boundary.body_shapes import BALL, CUBIC, END, LINEAR, ROUND
 from msph.fluid.room import MAX_BODIES
+from msph.launches import data_oriented
 from msph.picture.shot import PARALLEL
 from msph.picture.sky import SKY_LIGHT, SUN_LIGHT
-from msph.taichi_internals import data_oriented
 
 vec2, vec3 = ti.math.vec2, ti.math.vec3
 

@@ -3,9 +3,10 @@
 import taichi as ti
 
 from msph.fluid.boundary.rim import MOST_DROPS, Rim
+from msph.launches import data_oriented, kernel
 from msph.picture.optics import bend, cosine_beyond, reflectance
 from msph.picture.rasteriser import NO_ITEM
-from msph.taichi_internals import data_oriented, kernel, on_cpu
+from msph.taichi_internals import on_cpu
 
 vec2, vec3 = ti.math.vec2, ti.math.vec3
 

@@ -3,9 +3,10 @@ of an edge along its direction. Green represents brightness, to which it contrib
 
 import taichi as ti
 
+from msph.launches import data_oriented, heavy_kernel
 from msph.picture.room import PixelFields
 from msph.picture.samples import CPU_BLOCKS, GPU_BLOCKS
-from msph.taichi_internals import data_oriented, heavy_kernel, on_cpu
+from msph.taichi_internals import on_cpu
 
 vec2 = ti.math.vec2
 

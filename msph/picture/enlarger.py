@@ -4,9 +4,10 @@ of Catmull and Rom), along y, then along x."""
 import taichi as ti
 
 from msph.fluid.boundary.sampled_fields import catmull_rom
+from msph.launches import data_oriented, kernel
 from msph.picture.room import PixelFields
 from msph.picture.samples import CPU_BLOCKS, GPU_BLOCKS
-from msph.taichi_internals import data_oriented, kernel, on_cpu
+from msph.taichi_internals import on_cpu
 
 STRIP = 256  # pixels of a column per loop iteration on the CPU, where the inner loop is vectorised
 

@@ -2,8 +2,8 @@
 
 import taichi as ti
 
+from msph.launches import data_oriented, kernel
 from msph.picture.rasteriser import Rasteriser
-from msph.taichi_internals import data_oriented, kernel
 
 vec3 = ti.math.vec3
 

@@ -7,11 +7,11 @@ corners before and after a motion are projected on the host, and mark blocks of 
 import numpy as np
 import taichi as ti
 
+from msph.launches import data_oriented, kernel
 from msph.picture.body_shading import SHADOW_SHARPNESS
 from msph.picture.room import COARSE, PictureRoom
 from msph.picture.samples import SPAN
 from msph.picture.shot import NEAR_PLANE, PARALLEL
-from msph.taichi_internals import data_oriented, kernel
 
 # Largest movement [pixels] of a corner that is not visible.
 INVISIBLE = 0.05

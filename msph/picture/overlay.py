@@ -3,8 +3,8 @@
 import numpy as np
 import taichi as ti
 
+from msph.launches import data_oriented, kernel
 from msph.picture.pixels import Image
-from msph.taichi_internals import data_oriented, kernel
 
 
 @data_oriented

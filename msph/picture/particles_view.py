@@ -4,10 +4,10 @@ map."""
 import numpy as np
 import taichi as ti
 
+from msph.launches import data_oriented, kernel
 from msph.picture.pool import RIM
 from msph.picture.rasteriser import BLOCK, NO_ITEM, sphere_inverse_depth
 from msph.picture.tone import curve
-from msph.taichi_internals import data_oriented, kernel
 
 vec3 = ti.math.vec3
 

@@ -7,6 +7,7 @@ import taichi as ti
 
 from msph.fluid.boundary.rim import Rim
 from msph.fluid.world import World
+from msph.launches import Loops, data_oriented, kernel, use_loops
 from msph.picture.backdrop import Backdrop
 from msph.picture.body_shading import BodyShading
 from msph.picture.drops_view import DropsView
@@ -31,7 +32,6 @@ from msph.picture.whitewater_view import WhitewaterView
 from msph.surface import SurfaceRoom, surface_of
 from msph.surface.thin_water import ThinWater
 from msph.surface.whitewater import Whitewater, whitewater_of
-from msph.taichi_internals import Loops, data_oriented, kernel, use_loops
 
 
 def picture_of(world: World, surface_room: SurfaceRoom, room: PictureRoom) -> "Picture":

@@ -6,11 +6,11 @@ entered the box meets only inner sides of walls.
 
 import taichi as ti
 
+from msph.launches import data_oriented
 from msph.picture.body_shading import MISSED
 from msph.picture.samples import ADDED, LEFT, PLACE, SPAN, UNTILED
 from msph.picture.shot import PARALLEL
 from msph.picture.sky import GROUND, SKY_LIGHT, SUN, SUN_LIGHT, Sky, haze
-from msph.taichi_internals import data_oriented
 
 vec2, vec3 = ti.math.vec2, ti.math.vec3
 

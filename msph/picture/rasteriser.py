@@ -16,8 +16,8 @@ reaches up to the wall. Faces in front of a container's near side are clipped.
 
 import taichi as ti
 
+from msph.launches import data_oriented
 from msph.picture.room import PixelFields
-from msph.taichi_internals import data_oriented
 
 BLOCK = 256  # pixels or items per block of GPU threads, or that a CPU thread takes in turn
 KEY_BITS = 31

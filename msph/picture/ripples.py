@@ -9,10 +9,10 @@ import math
 import taichi as ti
 
 from msph.fluid.external_forces import HAND_NUMBERS, Hand
+from msph.launches import data_oriented, kernel
 from msph.picture.sky import noise
 from msph.picture.sunlight import bilinear
 from msph.surface.thin_water import ThinWater
-from msph.taichi_internals import data_oriented, kernel
 
 vec2, vec3 = ti.math.vec2, ti.math.vec3
 

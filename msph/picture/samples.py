@@ -8,7 +8,8 @@ evaluated per pixel. Adjacent blocks share corners: one ray per block.
 
 import taichi as ti
 
-from msph.taichi_internals import data_oriented, heavy_kernel, kernel, on_cpu
+from msph.launches import data_oriented, heavy_kernel, kernel
+from msph.taichi_internals import on_cpu
 
 SPAN = 4  # pixels along each side of a block; 8 is no faster, since more blocks are uneven
 # Rows of a 4 x 4 sample: place on the wall [m] and pixel width there [m]; share of the wall's light

@@ -6,7 +6,7 @@ upper hemisphere by stereographic projection, (x, z) / (1 + y).
 
 import taichi as ti
 
-from msph.taichi_internals import data_oriented, kernel
+from msph.launches import data_oriented, kernel
 
 vec3 = ti.math.vec3
 

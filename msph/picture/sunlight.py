@@ -8,10 +8,10 @@ would land.
 
 import taichi as ti
 
+from msph.launches import data_oriented, heavy_kernel
 from msph.picture.optics import bend, cosine_beyond
 from msph.picture.rasteriser import BLOCK, on_wall
 from msph.picture.shot import CAUSTIC_CELLS, LEVEL_CELLS
-from msph.taichi_internals import data_oriented, heavy_kernel
 
 vec2 = ti.math.vec2
 

@@ -4,7 +4,7 @@ tabulated."""
 import numpy as np
 import taichi as ti
 
-from msph.taichi_internals import data_oriented
+from msph.launches import data_oriented
 
 CELLS = 4096
 WHITE = 1.6  # radiance shown as white

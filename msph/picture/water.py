@@ -8,6 +8,7 @@ reflection outside Snell's window.
 
 import taichi as ti
 
+from msph.launches import data_oriented
 from msph.picture.optics import bend, cosine_beyond, reflectance, transmittance
 from msph.picture.pool import MIN_COSINE, RIM, component
 from msph.picture.rasteriser import FAR, KEY_BITS, NO_ITEM, walls_of
@@ -23,7 +24,6 @@ from msph.picture.samples import (
 )
 from msph.picture.sky import SKY_LIGHT, SUN, SUN_LIGHT
 from msph.picture.sunlight import bilinear
-from msph.taichi_internals import data_oriented
 
 vec2, vec3, vec4 = ti.math.vec2, ti.math.vec3, ti.math.vec4
 

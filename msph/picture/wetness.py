@@ -10,8 +10,8 @@ import numpy as np
 import taichi as ti
 
 from msph.device_table import DeviceTable
+from msph.launches import data_oriented, kernel
 from msph.picture.rasteriser import BLOCK
-from msph.taichi_internals import data_oriented, kernel
 
 # Largest number of cells along an axis; least size of a cell, over the distance between vertices.
 CELLS, LEAST_CELL = 40, 1.25

@@ -2,9 +2,10 @@
 
 import taichi as ti
 
+from msph.launches import data_oriented, kernel
 from msph.picture.rasteriser import NO_ITEM
 from msph.surface.whitewater import MOST, Whitewater
-from msph.taichi_internals import data_oriented, kernel, on_cpu
+from msph.taichi_internals import on_cpu
 
 vec3 = ti.math.vec3
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from tabulate import tabulate
 
+from msph.launches import watch_compiling
 from msph.measure.resolution import mean_depth
 from msph.measure.timings import Timings
 from msph.scene.parts import PARTS, Part
@@ -14,7 +15,6 @@ from msph.stage.benchmark import FRAME_TIME, SIZE, STAGES
 from msph.stage.controls import Controls
 from msph.stage.preparation import prepare
 from msph.stage.show import Show
-from msph.taichi_internals import watch_compiling
 
 # Simulated time of a run [s], and number of first frames without timing (caches fill).
 SECONDS, UNTIMED = 1.0, 3

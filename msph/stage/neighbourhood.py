@@ -11,7 +11,7 @@ from msph.fluid.particles.layers import MAX_LAYERS
 from msph.fluid.particles.neighbour_list import LIST_FORMS
 from msph.fluid.simulation import Simulation
 from msph.fluid.world import World
-from msph.taichi_internals import data_oriented, kernel
+from msph.launches import data_oriented, kernel
 
 # Displayed radius over the particle's, of non-neighbours and of neighbours with weight 0; both are
 # small, so that neighbours with larger weights stay visible.

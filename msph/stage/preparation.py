@@ -8,6 +8,7 @@ from typing import Protocol
 
 from tqdm import tqdm
 
+from msph.launches import watch_compiling
 from msph.measure.summary import water_mass
 from msph.measure.timings import Timings
 from msph.scene.check import cautions
@@ -15,7 +16,6 @@ from msph.scene.effort import effort
 from msph.scene.schema import Scene
 from msph.stage.row import KEPT_FRAMES, Row, width_of_each
 from msph.stage.show import INTERACTIVE, Show
-from msph.taichi_internals import watch_compiling
 
 
 class Report(Protocol):

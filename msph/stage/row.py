@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from msph.launches import data_oriented, kernel
 from msph.picture.camera import Camera
 from msph.picture.overlay import Overlay
 from msph.picture.pixels import Image, as_u8
 from msph.stage import pages
 from msph.stage.controls import Controls
 from msph.stage.show import Show
-from msph.taichi_internals import data_oriented, kernel
 
 # Gap between two images [pixels], and its colour.
 GAP, GROUND = 2, (0.04, 0.08, 0.12)

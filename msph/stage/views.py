@@ -7,12 +7,12 @@ import taichi as ti
 
 from msph.fluid.simulation import Simulation
 from msph.fluid.world import World
+from msph.launches import data_oriented, kernel
 from msph.picture.legend import Legend
 from msph.picture.ranges import SteadyRange
 from msph.scene.check import views
 from msph.scene.schema import Scene
 from msph.stage.neighbourhood import Neighbourhood
-from msph.taichi_internals import data_oriented, kernel
 
 # Colour range of the density error [%] by method: typical errors of weak compressibility, and of
 # splashes with the projection method.

@@ -24,6 +24,7 @@ they are air.
 import numpy as np
 import taichi as ti
 
+from msph.launches import data_oriented, heavy_kernel, kernel
 from msph.surface.device_lattice import WORD
 from msph.surface.fluid_fraction import ISO
 from msph.surface.lattice import PAIR, RUN
@@ -31,7 +32,6 @@ from msph.surface.room import SurfaceRoom
 from msph.surface.signs import Signs, lowest_bit, popcount
 from msph.surface.sums import HALF_TILE, TILE, KernelSums
 from msph.surface.water_volume import MAX_SHIFT, MIN_SHIFT, MIN_SHIFT_AT_BODIES
-from msph.taichi_internals import data_oriented, heavy_kernel, kernel
 
 AIR, BAND, DEEP = 0, 1, 2
 STRIDE = PAIR  # lattice intervals per sample

@@ -12,7 +12,7 @@ import taichi as ti
 from msph.device_table import DeviceTable
 from msph.fluid.boundary.body_shapes import END
 from msph.fluid.boundary.boundary import Boundary
-from msph.taichi_internals import data_oriented
+from msph.launches import data_oriented
 
 vec4 = ti.math.vec4
 

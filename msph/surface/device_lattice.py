@@ -6,9 +6,9 @@ import numpy as np
 import taichi as ti
 
 from msph.device_table import DeviceTable, f32, i32
+from msph.launches import data_oriented
 from msph.surface.lattice import PAIR, RUN, Lattice
 from msph.surface.room import SurfaceRoom
-from msph.taichi_internals import data_oriented
 
 vec3, ivec3 = ti.math.vec3, ti.math.ivec3
 

@@ -10,9 +10,9 @@ import numpy as np
 import taichi as ti
 
 from msph.device_table import DeviceTable, i32
+from msph.launches import data_oriented, kernel
 from msph.surface.mesh import SurfaceMesh
 from msph.surface.thin_water import ThinWater
-from msph.taichi_internals import data_oriented, kernel
 
 vec3 = ti.math.vec3
 

@@ -9,13 +9,13 @@ import numpy as np
 import taichi as ti
 
 from msph.device_table import DeviceTable, i32
+from msph.launches import data_oriented, kernel
 from msph.surface import cube_tables
 from msph.surface.device_lattice import WORD, DeviceLattice
 from msph.surface.lattice import Lattice
 from msph.surface.mesh import SurfaceMesh
 from msph.surface.room import SurfaceRoom
 from msph.surface.signs import Signs, count_below, lowest_bit, popcount
-from msph.taichi_internals import data_oriented, kernel
 
 vec3, vec4 = ti.math.vec3, ti.math.vec4
 

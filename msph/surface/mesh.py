@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import taichi as ti
 
-from msph.taichi_internals import data_oriented, kernel
+from msph.launches import data_oriented, kernel
 
 
 @data_oriented

@@ -18,11 +18,11 @@ import math
 import taichi as ti
 
 from msph.device_table import DeviceTable, f32, i32
+from msph.launches import data_oriented, kernel
 from msph.surface.bodies import Bodies
 from msph.surface.drops import Drops
 from msph.surface.mesh import SurfaceMesh
 from msph.surface.room import SurfaceRoom
-from msph.taichi_internals import data_oriented, kernel
 
 vec3 = ti.math.vec3
 

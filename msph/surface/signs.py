@@ -8,10 +8,10 @@ of deep water take about 1 ns per 32 cells.
 
 import taichi as ti
 
+from msph.launches import data_oriented
 from msph.surface.device_lattice import WORD, DeviceLattice
 from msph.surface.lattice import PAIR, RUN
 from msph.surface.room import SurfaceRoom
-from msph.taichi_internals import data_oriented
 
 
 @data_oriented

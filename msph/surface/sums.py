@@ -12,12 +12,12 @@ import numpy as np
 import taichi as ti
 
 from msph.device_table import DeviceTable, f32
+from msph.launches import data_oriented
 from msph.surface.device_lattice import DeviceLattice
 from msph.surface.fluid_fraction import fluid_fraction
 from msph.surface.lattice import PAIR, RUN, Lattice
 from msph.surface.room import LAYERS, SurfaceRoom
 from msph.surface.thin_water import ThinWater
-from msph.taichi_internals import data_oriented
 
 vec2, vec3, vec4 = ti.math.vec2, ti.math.vec3, ti.math.vec4
 # Nodes of a tile, and nodes of a tile with equal x.

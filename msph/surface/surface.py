@@ -7,6 +7,7 @@ import taichi as ti
 
 from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.world import World
+from msph.launches import data_oriented, heavy_kernel
 from msph.surface.band import Band, band_numbers
 from msph.surface.bodies import Bodies
 from msph.surface.drops import Drops
@@ -18,7 +19,6 @@ from msph.surface.rounding import Rounding
 from msph.surface.sums import HALF_TILE, TILE, KernelSums
 from msph.surface.thin_water import ThinWater
 from msph.surface.water_volume import WaterVolume
-from msph.taichi_internals import data_oriented, heavy_kernel
 
 
 def surface_of(world: World, room: SurfaceRoom) -> "Surface":

@@ -19,10 +19,10 @@ import taichi as ti
 
 from msph.device_table import DeviceTable, f32
 from msph.fluid.particles.layers import SPHERE_RADIUS, LayerSpec
+from msph.launches import data_oriented
 from msph.surface.bodies import Bodies
 from msph.surface.fluid_fraction import POLY6, SLOPE, cut_share, missing
 from msph.surface.room import LAYERS, SurfaceRoom
-from msph.taichi_internals import data_oriented
 
 vec3 = ti.math.vec3
 

@@ -17,11 +17,11 @@ Volume control of level sets: Kim et al. 2007.
 
 import taichi as ti
 
+from msph.launches import data_oriented, heavy_kernel
 from msph.surface.device_lattice import WORD
 from msph.surface.marching_cubes import MarchingCubes
 from msph.surface.signs import lowest_bit
 from msph.surface.thin_water import ThinWater
-from msph.taichi_internals import data_oriented, heavy_kernel
 
 vec3 = ti.math.vec3
 

@@ -20,8 +20,8 @@ import taichi as ti
 from msph.device_table import DeviceTable
 from msph.fluid.boundary.walls import Walls
 from msph.fluid.world import World
+from msph.launches import data_oriented, heavy_kernel
 from msph.surface.fluid_fraction import POLY6, cut_share
-from msph.taichi_internals import data_oriented, heavy_kernel
 
 vec2, vec3 = ti.math.vec2, ti.math.vec3
 

@@ -14,8 +14,8 @@ from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.plan import Plan
 from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.simulation import FullError, Simulation
+from msph.launches import watch_compiling
 from msph.measure.ledger import Ledger
-from msph.taichi_internals import watch_compiling
 
 D = 0.04
 LAYER = LayerSpec(1000.0 * D**3, 1000.0, 2.45)

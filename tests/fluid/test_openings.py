@@ -13,12 +13,12 @@ from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.plan import Plan
 from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.simulation import OpeningError, Simulation
+from msph.launches import data_oriented, kernel, watch_compiling
 from msph.measure.ledger import Ledger
 from msph.measure.summary import water_mass
 from msph.scene import load_scene
 from msph.scene.build import build_simulation
 from msph.scene.errors import SceneError
-from msph.taichi_internals import data_oriented, kernel, watch_compiling
 
 D, GRAVITY = 0.04, (0.0, -9.81, 0.0)
 SIZE = (0.4, 0.4, 0.4)

@@ -6,12 +6,13 @@ import pytest
 from msph.fluid import world
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.room import FIRST, MAX_SIZE, Room, grown, room_for
+from msph.launches import watch_compiling, watch_launches
 from msph.options import QUALITIES
 from msph.scene import build_simulation, load_scene
 from msph.scene.build import plan_of
 from msph.scene.library import shipped_scenes
 from msph.scene.quality import at_quality
-from msph.taichi_internals import PLAIN, watch_compiling, watch_launches
+from msph.taichi_internals import PLAIN
 
 FRAME = 1.0 / 60.0
 

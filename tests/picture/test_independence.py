@@ -10,12 +10,13 @@ from picture_kit import BOX, HEIGHT, WIDTH, Mesh, ball
 
 from msph.fluid.boundary.rigid_bodies import Ball
 from msph.fluid.particles.layers import LayerSpec
+from msph.launches import watch_compiling
 from msph.picture.camera import Camera
 from msph.picture.legend import Legend
 from msph.picture.look import Look
 from msph.picture.picture import Picture
 from msph.picture.room import PictureRoom
-from msph.taichi_internals import PLAIN, watch_compiling
+from msph.taichi_internals import PLAIN
 from tests.boundary_kit import boundary_of
 
 LEGEND = Legend("speed [m/s]", ((0.0, "0"), (1.0, "2")))

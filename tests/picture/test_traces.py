@@ -5,10 +5,10 @@ import pytest
 from picture_kit import BOX, HEIGHT, LEVEL, WIDTH, canvas_of, still_water
 
 from msph.fluid.external_forces import Hand
+from msph.launches import watch_compiling
 from msph.picture.camera import Camera
 from msph.picture.look import Look
 from msph.picture.ripples import CELLS, DAMPING, SPEED
-from msph.taichi_internals import watch_compiling
 
 VIEW = Camera.framing(BOX, WIDTH / HEIGHT)
 SPACING = 1.0 / 8.0  # distance between vertices of still water [m]

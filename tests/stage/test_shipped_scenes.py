@@ -7,26 +7,31 @@ import pytest
 from scipy.optimize import brentq
 
 from msph import DEFAULT_SCENE
+from msph.launches import watch_compiling
 from msph.measure.probes import FrontProbe, build_probes
 from msph.measure.snapshot import Snapshot
+from msph.options import AS_GIVEN
 from msph.scene import load_scene
 from msph.scene.library import shipped_scenes
+from msph.scene.quality import at_quality
 from msph.scene.wavemakers import wave_number
 from msph.stage.headless import Headless
 from msph.stage.loop import run
 from msph.stage.row import Row
 from msph.stage.show import Show
-from msph.taichi_internals import watch_compiling
 
 FRAME = 1.0 / 60.0
 G = 9.81
+# Qualities of scenes that are run for seconds; bench/scenes.py measures them at quality large.
+QUALITY = {"duck": "medium", "lock": "small", "rolled": "medium", "waves": "medium"}
 
 
 class Seen:
-    """A shipped scene at its own resolution, run frame by frame."""
+    """A shipped scene, run frame by frame, at its quality by QUALITY, otherwise as given."""
 
     def __init__(self, name):
-        self.show = Show(load_scene(name), FRAME, density_every=math.inf)
+        scene = at_quality(load_scene(name), QUALITY.get(name, AS_GIVEN), name)
+        self.show = Show(scene, FRAME, density_every=math.inf)
         self.simulation, self.ledger = self.show.simulation, self.show.ledger
         self.record()
 

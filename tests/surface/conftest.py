@@ -6,9 +6,9 @@ import trimesh
 from surface_kit import CELL, SIZE, Cubes, Water, uniform
 
 from msph.fluid.boundary.rigid_bodies import Ball, Block, Solid
+from msph.launches import watch_compiling
 from msph.surface import SurfaceRoom
 from msph.surface.marching_cubes import MarchingCubes
-from msph.taichi_internals import watch_compiling
 
 
 @pytest.fixture(scope="session")

@@ -15,7 +15,7 @@ from msph.fluid.particles.particles import Attribute
 from msph.fluid.projection.discretisation import Discretisation
 from msph.fluid.room import Room
 from msph.fluid.small_numbers import MIN_DIVISOR
-from msph.taichi_internals import data_oriented, kernel
+from msph.launches import data_oriented, kernel
 
 ATTRIBUTES = (
     Attribute("depth", "m", "depth below the free surface at the last pass", view="depth"),

@@ -18,7 +18,7 @@ from msph.fluid.particles import kernels
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.projection.discretisation import Discretisation
 from msph.fluid.room import Room
-from msph.taichi_internals import data_oriented, kernel
+from msph.launches import data_oriented, kernel
 
 # Coverage sum V_j W (-) above which a cell is water; gaps between mixed sizes stay above it.
 COVERED = 0.35

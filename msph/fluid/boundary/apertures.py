@@ -8,7 +8,7 @@ import taichi as ti
 
 from msph.fluid.constants import Constants
 from msph.fluid.small_numbers import MIN_DIVISOR
-from msph.taichi_internals import data_oriented
+from msph.launches import data_oriented
 
 vec3 = ti.math.vec3
 

@@ -9,7 +9,7 @@ from msph.fluid.constants import Constants
 from msph.fluid.impulse_ledger import ImpulseLedger
 from msph.fluid.particles.layers import Layers
 from msph.fluid.particles.particles import Particles
-from msph.taichi_internals import data_oriented, kernel
+from msph.launches import data_oriented, kernel
 
 # Kernel argument: numbers of the six walls, those at the origin first.
 WALL_NUMBERS = ti.types.vector(6, ti.f32)

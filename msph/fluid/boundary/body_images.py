@@ -18,7 +18,7 @@ from msph.fluid.particles import kernels
 from msph.fluid.particles.mirror_images import INDEX_BITS
 from msph.fluid.particles.neighbour_list import NeighbourList
 from msph.fluid.room import Room
-from msph.taichi_internals import data_oriented, heavy_kernel
+from msph.launches import data_oriented, heavy_kernel
 
 vec2, vec3 = ti.math.vec2, ti.math.vec3
 

@@ -21,7 +21,8 @@ from msph.fluid.impulse_ledger import ImpulseLedger
 from msph.fluid.particles.mirror_images import MirrorImages
 from msph.fluid.particles.particles import Attribute, Particles
 from msph.fluid.room import MAX_BODIES, Room
-from msph.taichi_internals import data_oriented, kernel, longest_float
+from msph.launches import data_oriented, kernel
+from msph.taichi_internals import longest_float
 
 vec3 = ti.math.vec3
 

@@ -32,7 +32,7 @@ from msph.fluid.constants import Constants
 from msph.fluid.external_forces import ExternalForces, rotation_vector
 from msph.fluid.particles.layers import Layers, LayerSpec
 from msph.fluid.room import Room
-from msph.taichi_internals import data_oriented, kernel
+from msph.launches import data_oriented, kernel
 
 vec3, vec4 = ti.math.vec3, ti.math.vec4
 

@@ -24,7 +24,7 @@ from msph.fluid.boundary.rigid_bodies import Ball, Block, Body, Solid, centre, h
 from msph.fluid.boundary.walls import NO_WALL, WALL
 from msph.fluid.room import MAX_BODIES
 from msph.fluid.small_numbers import MIN_DIVISOR
-from msph.taichi_internals import data_oriented, kernel
+from msph.launches import data_oriented, kernel
 
 vec3 = ti.math.vec3
 

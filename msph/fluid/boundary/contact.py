@@ -15,7 +15,7 @@ from msph.fluid.boundary.walls import NO_WALL, Walls
 from msph.fluid.impulse_ledger import ImpulseLedger
 from msph.fluid.particles.particles import Attribute, Particles
 from msph.fluid.room import MAX_BODIES
-from msph.taichi_internals import data_oriented, kernel
+from msph.launches import data_oriented, kernel
 
 vec3, vec4 = ti.math.vec3, ti.math.vec4
 

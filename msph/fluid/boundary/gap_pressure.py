@@ -25,7 +25,7 @@ from msph.fluid.particles.grid import LayeredGrid
 from msph.fluid.particles.mirror_images import MirrorImages
 from msph.fluid.room import MAX_BODIES
 from msph.fluid.small_numbers import MIN_DIVISOR
-from msph.taichi_internals import data_oriented, heavy_kernel, kernel
+from msph.launches import data_oriented, heavy_kernel, kernel
 
 vec3, vec4 = ti.math.vec3, ti.math.vec4
 

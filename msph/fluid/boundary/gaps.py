@@ -10,7 +10,7 @@ import taichi as ti
 from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.walls import NO_WALL, WALL
 from msph.fluid.room import MAX_BODIES
-from msph.taichi_internals import data_oriented, kernel
+from msph.launches import data_oriented, kernel
 
 vec3 = ti.math.vec3
 

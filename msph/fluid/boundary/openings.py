@@ -27,7 +27,7 @@ from msph.fluid.impulse_ledger import ImpulseLedger
 from msph.fluid.particles.layers import Layers, LayerSpec
 from msph.fluid.particles.neighbour_list import NeighbourList
 from msph.fluid.particles.particles import Attribute, Particles
-from msph.taichi_internals import data_oriented, kernel
+from msph.launches import data_oriented, kernel
 
 vec3 = ti.math.vec3
 

@@ -17,7 +17,7 @@ from msph.fluid.impulse_ledger import ImpulseLedger
 from msph.fluid.particles.layers import MAX_LAYERS, SPHERE_RADIUS, Layers
 from msph.fluid.particles.particles import Particles
 from msph.fluid.particles.removal import Removal
-from msph.taichi_internals import data_oriented, kernel
+from msph.launches import data_oriented, kernel
 
 vec3 = ti.math.vec3
 

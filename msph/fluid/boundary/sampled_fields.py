@@ -8,7 +8,7 @@ import taichi as ti
 from msph.device_table import DeviceTable, f32, i32
 from msph.fluid.particles.layers import MAX_LAYERS
 from msph.fluid.room import MAX_BODIES
-from msph.taichi_internals import data_oriented, kernel
+from msph.launches import data_oriented, kernel
 
 vec3, vec4 = ti.math.vec3, ti.math.vec4
 

@@ -11,7 +11,7 @@ import taichi as ti
 from msph.fluid.boundary.apertures import Apertures
 from msph.fluid.constants import Constants
 from msph.fluid.room import MAX_BODIES
-from msph.taichi_internals import data_oriented
+from msph.launches import data_oriented
 
 vec3 = ti.math.vec3
 

@@ -16,7 +16,8 @@ from msph.fluid.particles.layers import MAX_LAYERS, Layers, LayerSpec
 from msph.fluid.particles.particles import Particles
 from msph.fluid.particles.prefix_sum import PrefixSum
 from msph.fluid.room import Room
-from msph.taichi_internals import data_oriented, kernel, on_cpu
+from msph.launches import data_oriented, kernel
+from msph.taichi_internals import on_cpu
 
 # Cells per support along z: with 3, as many rows as with 1 fit the searched ball more closely. A
 # search takes 13 % less time in uniform and 8 % less in layered water.

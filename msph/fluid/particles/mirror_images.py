@@ -11,7 +11,7 @@ import taichi as ti
 
 from msph.fluid.boundary.apertures import Apertures
 from msph.fluid.constants import Constants
-from msph.taichi_internals import data_oriented
+from msph.launches import data_oriented
 
 # Bits of a list entry: 24 for the neighbour's index, one per axis that is mirrored, and one per
 # axis whose mirror is the far wall.

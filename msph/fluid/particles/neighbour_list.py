@@ -14,7 +14,8 @@ from msph.fluid.particles.grid import LayeredGrid
 from msph.fluid.particles.layers import LayerSpec, pair_support
 from msph.fluid.particles.mirror_images import INDEX_MASK, MirrorImages
 from msph.fluid.room import Room
-from msph.taichi_internals import data_oriented, heavy_kernel, on_cpu
+from msph.launches import data_oriented, heavy_kernel
+from msph.taichi_internals import on_cpu
 
 # Largest distance [m] of neighbours with supports h_i and h_j [m], by form of the list.
 LIST_FORMS = {

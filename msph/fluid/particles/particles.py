@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from msph.taichi_internals import data_oriented, kernel
+from msph.launches import data_oriented, kernel
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,8 @@
 
 import taichi as ti
 
-from msph.taichi_internals import data_oriented, kernel, on_cpu
+from msph.launches import data_oriented, kernel
+from msph.taichi_internals import on_cpu
 
 # Chunks of a sum on a GPU: a million entries take a thousand serial additions per chunk, and a
 # thousand more on one thread for the chunks' sums.

@@ -14,7 +14,7 @@ from msph.fluid.external_forces import (
 from msph.fluid.projection.discretisation import Discretisation
 from msph.fluid.projection.force import Force
 from msph.fluid.projection.virial_pressure import VirialPressure
-from msph.taichi_internals import data_oriented, kernel
+from msph.launches import data_oriented, kernel
 
 
 @data_oriented

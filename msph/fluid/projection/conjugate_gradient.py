@@ -21,7 +21,8 @@ import taichi as ti
 
 from msph.fluid.parts import Parts
 from msph.fluid.small_numbers import MIN_DIVISOR
-from msph.taichi_internals import data_oriented, kernel, on_cpu
+from msph.launches import data_oriented, kernel
+from msph.taichi_internals import on_cpu
 
 # Value of last_reduction before the first iteration of a round.
 UNKNOWN_REDUCTION = 1e30

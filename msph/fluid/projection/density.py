@@ -25,7 +25,8 @@ from msph.fluid.particles import kernels
 from msph.fluid.particles.layers import LayerSpec, pair_support, stress_share
 from msph.fluid.particles.particles import Attribute
 from msph.fluid.parts import Parts
-from msph.taichi_internals import data_oriented, heavy_kernel, kernel, on_cpu
+from msph.launches import data_oriented, heavy_kernel, kernel
+from msph.taichi_internals import on_cpu
 
 ATTRIBUTES = (
     Attribute("density", "kg/m^3", "relative density c times rest density", view="density_error"),

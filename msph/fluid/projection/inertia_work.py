@@ -10,7 +10,7 @@ from msph.fluid.external_forces import (
     turning,
 )
 from msph.fluid.parts import Parts
-from msph.taichi_internals import data_oriented, kernel
+from msph.launches import data_oriented, kernel
 
 vec3 = ti.math.vec3
 

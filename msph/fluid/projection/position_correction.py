@@ -17,7 +17,7 @@ from msph.fluid.particles.particles import Attribute
 from msph.fluid.projection.density import MIN_DISTANCE2
 from msph.fluid.projection.discretisation import Discretisation
 from msph.fluid.small_numbers import MIN_DIVISOR
-from msph.taichi_internals import data_oriented, kernel
+from msph.launches import data_oriented, kernel
 
 ATTRIBUTES = (
     Attribute("position_multiplier", "m^2", "unknown of the position correction", carried=False),

@@ -11,7 +11,7 @@ import taichi as ti
 
 from msph.fluid.particles.particles import Attribute
 from msph.fluid.parts import Parts
-from msph.taichi_internals import data_oriented
+from msph.launches import data_oriented
 
 ATTRIBUTES = (
     Attribute("displacement", "m", "by the multipliers of the last apply()", 3, carried=False),

@@ -14,7 +14,7 @@ from msph.fluid.projection.discretisation import Discretisation
 from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.projection.virial_pressure import VirialPressure
 from msph.fluid.small_numbers import MIN_DIVISOR
-from msph.taichi_internals import data_oriented, kernel
+from msph.launches import data_oriented, kernel
 
 ATTRIBUTES = (
     Attribute("pressure", "Pa", "a third of the virial stress's trace", view="pressure"),

@@ -28,7 +28,7 @@ from msph.fluid.projection.density import fade_out
 from msph.fluid.projection.force import Force
 from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.small_numbers import MIN_WEIGHT
-from msph.taichi_internals import data_oriented, heavy_kernel, kernel
+from msph.launches import data_oriented, heavy_kernel, kernel
 
 # Ratio (-) of deviator to pressure above which the relief fades out, to none at twice this. It is
 # 0.01 in the depth, 0.07 at surfaces, 0.5 in a sheet of one particle, which gains energy with 0.2.

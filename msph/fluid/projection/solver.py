@@ -31,7 +31,7 @@ from msph.fluid.projection.pressure_operator import PressureOperator
 from msph.fluid.projection.pressure_solve import PressureSolve
 from msph.fluid.projection.shear_relief import ShearRelief
 from msph.fluid.stages import Stage, no_stage
-from msph.taichi_internals import data_oriented, kernel
+from msph.launches import data_oriented, kernel
 
 # Limit of position corrections before time starts, and the density excess (-) at which they end: a
 # larger excess would lift the water later. Water 60 fine spacings deep needs 161.

@@ -20,7 +20,7 @@ from msph.fluid.particles.particles import Attribute
 from msph.fluid.projection.force import Force
 from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.small_numbers import MIN_DIVISOR
-from msph.taichi_internals import data_oriented, kernel
+from msph.launches import data_oriented, kernel
 
 # Share of sigma by cohesion (-): with 0.3 drops of 4 spacings' radius shed particles, from 0.4 on
 # some drops oscillate too slowly.

@@ -19,7 +19,8 @@ import taichi as ti
 from msph.fluid.parts import Parts
 from msph.fluid.projection.density import Density
 from msph.fluid.small_numbers import MIN_WEIGHT
-from msph.taichi_internals import data_oriented, longest_float
+from msph.launches import data_oriented
+from msph.taichi_internals import longest_float
 
 # Sums of the weights over 3 between which the mean blends into the trace: 0.82 to 0.87 at flat
 # surfaces, 0.96 to 1.04 in bulk between layers and 0.99 to 1.01 elsewhere in bulk.

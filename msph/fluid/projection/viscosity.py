@@ -13,7 +13,7 @@ from msph.fluid.projection.discretisation import Discretisation
 from msph.fluid.projection.force import Force
 from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.projection.viscous_operator import STIFFNESS, ViscousOperator
-from msph.taichi_internals import data_oriented, kernel
+from msph.launches import data_oriented, kernel
 
 # Largest dt nu STIFFNESS/h^2 of an explicit step. The eigenvalues of lap reach 1.8 STIFFNESS/h^2
 # (measured), so no mode overshoots up to 0.55; steps are unstable from 1.1.

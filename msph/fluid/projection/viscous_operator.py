@@ -17,7 +17,7 @@ import taichi as ti
 
 from msph.fluid.parts import Parts
 from msph.fluid.small_numbers import MIN_DIVISOR
-from msph.taichi_internals import data_oriented
+from msph.launches import data_oriented
 
 # Factor of all viscous forces: sums over the pairs of water that has settled are too small by 1.2 %
 # (docs/method.md, "Forces").

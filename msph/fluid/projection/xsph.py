@@ -11,7 +11,7 @@ from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles import kernels
 from msph.fluid.projection.force import Force
 from msph.fluid.projection.parameters import ProjectionParameters
-from msph.taichi_internals import data_oriented, kernel
+from msph.launches import data_oriented, kernel
 
 
 @data_oriented

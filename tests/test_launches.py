@@ -12,23 +12,19 @@ import pytest
 import taichi as ti
 from taichi.lang.kernel_impl import Kernel
 
-from msph import taichi_internals
-from msph.taichi_internals import (
+from msph import launches
+from msph.launches import (
     BLOCKS,
-    EQUAL_PARTS,
     FEW,
     FEW_BLOCKS,
-    GRID,
-    PLAIN,
     SERIAL_BELOW,
-    SWITCH,
     Loops,
     data_oriented,
     heavy_kernel,
     kernel,
-    missing,
     use_loops,
 )
+from msph.taichi_internals import EQUAL_PARTS, GRID, PLAIN, SWITCH, missing
 
 SIZE = 8
 fast_only = pytest.mark.skipif(PLAIN, reason="kernels are Taichi's own")
@@ -116,11 +112,9 @@ def test_few_particles_make_loops_serial(monkeypatch) -> None:
     """Of four launches with different numbers of particles, the second compiles serial loops, which
     the fourth reuses; the first and the third have parallel loops."""
     built = []
-    monkeypatch.setattr(taichi_internals, "_serial", False)  # as with several threads
-    serialize = taichi_internals.serialize
-    monkeypatch.setattr(
-        taichi_internals, "serialize", lambda context: built.append(serialize(context))
-    )
+    monkeypatch.setattr(launches, "_serial", False)  # as with several threads
+    serialize = launches.serialize
+    monkeypatch.setattr(launches, "serialize", lambda context: built.append(serialize(context)))
     loops = Loops()
     with use_loops(loops):
         scaled = Scaled(2.0)
@@ -146,7 +140,7 @@ def test_a_heavy_kernel_does_not_change_how_others_are_compiled() -> None:
 def test_on_cuda_loops_of_few_particles_have_few_blocks(monkeypatch) -> None:
     """The compiler's option is set for the kernels of small scenes only, and no loop is serial."""
     config = ti.lang.impl.get_runtime().prog.config()
-    blocks, before, set_options = [], getattr(config, GRID), taichi_internals._compiler_options
+    blocks, before, set_options = [], getattr(config, GRID), launches._compiler_options
 
     @contextlib.contextmanager
     def options(config, given):
@@ -154,10 +148,10 @@ def test_on_cuda_loops_of_few_particles_have_few_blocks(monkeypatch) -> None:
             blocks.append(getattr(config, GRID))
             yield config
 
-    monkeypatch.setattr(taichi_internals, "_serial", False)  # as with several threads
-    monkeypatch.setattr(taichi_internals, "on_cpu", lambda: False)
-    monkeypatch.setattr(taichi_internals, "on_cuda", lambda: True)
-    monkeypatch.setattr(taichi_internals, "_compiler_options", options)
+    monkeypatch.setattr(launches, "_serial", False)  # as with several threads
+    monkeypatch.setattr(launches, "on_cpu", lambda: False)
+    monkeypatch.setattr(launches, "on_cuda", lambda: True)
+    monkeypatch.setattr(launches, "_compiler_options", options)
     loops = Loops()
     with use_loops(loops):
         scaled = Scaled(2.0)
@@ -224,7 +218,8 @@ from taichi._lib import core
 for name in sys.argv[1:]:
     delattr(core.KernelLaunchContext, name)
 from msph.device import start
-from msph.taichi_internals import PLAIN, data_oriented, kernel
+from msph.launches import data_oriented, kernel
+from msph.taichi_internals import PLAIN
 
 @data_oriented
 class Sum:
