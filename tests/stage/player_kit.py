@@ -55,9 +55,13 @@ def press(player, show, *keys, number=1):
 
 
 def wet_place(show):
-    """Returns a position on the water, (right, up) in shares of the window."""
+    """Returns a position on the water's surface in the left half of the box, (right, up) in shares
+    of the window."""
     pixels = itertools.product(range(0, WIDTH, 4), range(0, HEIGHT, 4))
-    wet = [pixel for pixel in pixels if show.display.pick(*pixel) is not None]
+    hits = [(pixel, show.display.pick(*pixel)) for pixel in pixels]
+    hits = [(pixel, x) for pixel, x in hits if x is not None]
+    level, middle = max(x[1] for _, x in hits), 0.5 * show.simulation.size[0]
+    wet = [pixel for pixel, x in hits if x[1] > 0.9 * level and x[0] < middle]
     return np.array(wet[len(wet) // 2]) / SIZE
 
 
