@@ -10,7 +10,7 @@ from PIL import Image, ImageDraw, ImageFont
 from msph.lesson import typeset
 from msph.lesson.course import Progress
 from msph.lesson.schema import Lesson
-from msph.stage.pages import DENSE, FAINT, INK, LINE, WARNING, font_of
+from msph.stage.pages import DENSE, FAINT, INK, LINE, WARNING, font_of, wrapped
 from msph.stage.widgets import AWAY, Sheet
 
 # Lines of text in the band, share of its width for the caption, and padding in text heights.
@@ -29,18 +29,6 @@ STARTS = "still: move a slider, tilt or push"
 def band_height(text: int) -> int:
     """Returns the height of the band for a text height, both in pixels."""
     return round(LINES * LINE * text)
-
-
-def wrapped(text: str, font: Any, width: float) -> list[str]:
-    """Returns the text in lines of at most `width` pixels."""
-    lines = [""]
-    for word in text.split():
-        longer = f"{lines[-1]} {word}".strip()
-        if lines[-1] and font.getlength(longer) > width:
-            lines.append(word)
-        else:
-            lines[-1] = longer
-    return lines
 
 
 class Band:

@@ -14,7 +14,7 @@ ZOOM = (0.025, 4.0)  # limits of the distance, over the framing distance
 # Largest distance of the target from the box's centre, over the distance of the eye or, if that is
 # more, half the diagonal of the box; least height of the eye above the ground, over the box's.
 PAN, CLEARANCE = 0.6, 0.05
-MARGIN = 1.12  # half of the image over the box's part of it in `framing`, for lines of text
+MARGIN = 1.12  # least ratio of half of the image to the box's part of it, for lines of text
 
 
 @dataclass
@@ -39,8 +39,9 @@ class Camera:
 
     @classmethod
     def framing(cls, box, aspect=16 / 9, azimuth=0.6, elevation=0.34, fov=0.72, below=MARGIN):
-        """Returns a camera that shows the whole box (Lx, Ly, Lz) [m] with a margin of MARGIN, at
-        the lower edge of `below`."""
+        """Returns a camera that shows the whole box (Lx, Ly, Lz) [m]. Angles are in radians; half
+        of the image is at least MARGIN times the box's part of it, below the centre `below` times.
+        """
         box = np.asarray(box, float)
         camera = cls(box / 2, azimuth, elevation, 1.0, fov)
         camera.home = box / 2

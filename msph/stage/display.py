@@ -22,7 +22,7 @@ from msph.stage.views import Views
 from msph.surface import Surface, SurfaceRoom, surface_of
 from msph.surface.whitewater import whitewater_of
 
-# Margin below the box, for a window's line of hints, as MARGIN in msph/picture/camera.py.
+# `below` of Camera.framing: leaves room for a window's line of hints below the box.
 BELOW = 1.2
 
 

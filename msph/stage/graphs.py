@@ -104,8 +104,8 @@ class Graphs:
 
     @staticmethod
     def _legend(draw, graph: Graph, show: Show, last, corner, room: float, size: int) -> None:
-        """Draws names and last values in the colours of their curves, right-aligned at a corner
-        (right, base), in smaller letters if `room` [pixels] is too narrow."""
+        """Draws names and last values in the colours of their curves. They end at `corner`, (right,
+        base) [pixels], and have the text height `size` [pixels], or less if `room` is narrower."""
         names, texts = graph.names(show), list[str]()
         for name, value in zip(names, last, strict=True):
             number = graph.form.format(value) if np.isfinite(value) else "-"

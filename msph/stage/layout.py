@@ -140,7 +140,7 @@ class Layout:
         self.hinted = texts, urgent, self.share
         self.overlay.hide("hints")
         if texts:
-            page = pages.hints(texts, urgent, self.text, self._line())
+            page = pages.hints(texts, urgent, self.text, self._line_width())
             top = self.size[1] - self.gap - page.shape[0]
             self.overlay.put("hints", page, self._left(), top)
 
@@ -161,14 +161,15 @@ class Layout:
 
     def _put_message(self, text: str) -> None:
         """Shows a message above the line of hints."""
-        texts = pages.folded(text, self.text, self._line())
+        room = self._line_width() - 2 * round(pages.PADDING * self.text)
+        texts = pages.wrapped(text, pages.font_of(self.text), room)
         page = pages.lines([(line, pages.WARNING) for line in texts], self.text)
         hints = round((pages.LINE + pages.PADDING) * self.text)
         top = self.size[1] - self.below - 2 * self.gap - hints - page.shape[0]
         self.overlay.put("message", page, self._left(), top)
 
-    def _line(self) -> float:
-        """Width of hints and messages [pixels]."""
+    def _line_width(self) -> float:
+        """Returns the largest width of a line of hints or of a message [pixels]."""
         return self.share * self.free * self.size[0] - 2 * self.gap
 
     def _left(self) -> int:

@@ -1,6 +1,7 @@
 """Pages of text over the window's image: status, hints, messages, help."""
 
 import functools
+from typing import Any
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
@@ -44,23 +45,21 @@ def lines(texts: list[tuple[str, tuple]], size: int) -> np.ndarray:
     return np.asarray(page)
 
 
-def folded(text: str, size: int, most: float) -> list[str]:
-    """Splits a text between words into lines whose pages are at most `most` pixels wide, if its
-    words allow; size: text height [pixels]."""
-    font, room = font_of(size), most - 2 * round(PADDING * size)
-    rows = [""]
+def wrapped(text: str, font: Any, width: float) -> list[str]:
+    """Returns the text in lines of at most `width` pixels; a longer word has a line of its own."""
+    lines = [""]
     for word in text.split():
-        longer = f"{rows[-1]} {word}".strip()
-        if rows[-1] and font.getlength(longer) > room:
-            rows.append(word)
+        longer = f"{lines[-1]} {word}".strip()
+        if lines[-1] and font.getlength(longer) > width:
+            lines.append(word)
         else:
-            rows[-1] = longer
-    return rows
+            lines[-1] = longer
+    return lines
 
 
 def hints(texts: list[str], urgent: bool, size: int, most: float) -> np.ndarray:
-    """Returns a line of hints of at most `most` pixels, the first and as many more as fit;
-    highlights the first if urgent."""
+    """Returns a page with one line of hints, (height, width, 4) uint8: the first hint and as many
+    more as fit into `most` pixels. Highlights the first if urgent; size: text height [pixels]."""
     font = font_of(size)
     pad, pitch, between = round(PADDING * size), LINE * size, 1.5 * size
     ends = np.cumsum([font.getlength(text) + between for text in texts]) + pad

@@ -22,12 +22,12 @@ from msph.stage.show import Show
 
 FRAME = 1.0 / 60.0
 G = 9.81
-# Qualities of scenes that are run for seconds; bench/scenes.py measures them at quality large.
+# Qualities of scenes that are simulated for seconds; bench/scenes.py runs them at quality large.
 QUALITY = {"duck": "medium", "lock": "small", "rolled": "medium", "waves": "medium"}
 
 
 class Seen:
-    """A shipped scene, run frame by frame, at its quality by QUALITY, otherwise as given."""
+    """A shipped scene that runs frame by frame, at its quality in QUALITY or as its file is."""
 
     def __init__(self, name):
         scene = at_quality(load_scene(name), QUALITY.get(name, AS_GIVEN), name)
