@@ -112,8 +112,8 @@ def rotating(layers: int, seed: int) -> dict[str, float]:
     places = np.stack([radii * np.cos(angles), radii * np.sin(angles)], axis=-1).reshape(-1, 2)
     scene = tanks.tank((EDGE, EDGE), DEPTH, FINE, layers, air=0.2, seed=seed).model_dump()
     scene["motion"] = {"angle": f"{math.degrees(omega)} * t", "axis": [0, 1, 0]}
-    # Friction (no shear relief, XSPH) brings the water to rest.
-    scene["projection"] |= {"shear_relief": 0.0, "xsph": 0.02}
+    # Numerical friction brings the water to rest.
+    scene["projection"] |= {"shear_relief": 0.0}
     scene["probes"] = [
         {"name": f"h{k}", "kind": "height", "at": (place + 0.5 * EDGE).tolist()}
         for k, place in enumerate(places)

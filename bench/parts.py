@@ -80,7 +80,6 @@ CASES = (
         off={"projection": {"shear_relief": 0.0}},
         modules=f"{PROJECTION}.shear_relief",
     ),
-    Case("xsph", {"projection": {"xsph": 0.05}}, modules=f"{PROJECTION}.xsph"),
     Case("caustics", off={"picture": {"caustics": False}}, always="picture"),
     Case(
         "whitewater",

@@ -28,7 +28,6 @@ from msph.fluid.projection.body_force import BodyForce
 from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.projection.solver import Projection
 from msph.fluid.projection.viscosity import Viscosity
-from msph.fluid.projection.xsph import Xsph
 from msph.fluid.simulation import Simulation
 
 WEIGHTLESS = ExternalForces(gravity=(0.0, 0.0, 0.0))
@@ -40,7 +39,6 @@ TERMS = {
     "viscosity 10 Pa s (honey), implicit": {"viscosity": 10.0},
     "viscosity 1000 Pa s (tar), implicit": {"viscosity": 1000.0},
     "tension": {"tension": WATER_TENSION},
-    "xsph": {"xsph": 0.05},
 }
 # Timed tank: spacing [m], width and depth in spacings; steps per round.
 TIMED, ACROSS, LEVELS, STEPS = 0.02, 24, 12, 12
@@ -200,7 +198,7 @@ def term_alone() -> list[dict[str, str]]:
         sim = build(x, d, size, **terms)
         sim.measure_density()
         sim.particles.fields["pressure_multiplier"].fill(0.0)
-        viscosity, xsph = sim.solver.force(Viscosity), sim.solver.force(Xsph)
+        viscosity = sim.solver.force(Viscosity)
         set_velocity(sim, vortex(sim.particles.numpy("x").astype(float)))
         before, problem = amplitude(sim), "Taylor-Green, term alone, rate 2 nu k^2, 1/s"
         if viscosity:
@@ -210,21 +208,7 @@ def term_alone() -> list[dict[str, str]]:
             for _ in range(steps):
                 viscosity.apply(step, ExternalForces())
             rows.append(row(name, problem, rate, -np.log(amplitude(sim) / before) / steps / step))
-        else:
-            for _ in range(steps):
-                xsph.apply(dt, ExternalForces())
-            share = terms["xsph"] * (1.0 - transform(np.sqrt(2.0) * np.pi, ETA * d))
-            found = 1.0 - (amplitude(sim) / before) ** (1.0 / steps)
-            rows.append(row(name, "Taylor-Green, term alone, relative loss per step", share, found))
     return rows
-
-
-def transform(k: float, h: float) -> float:
-    """Returns the Fourier transform (-) of the Wendland C2 kernel of support h [m] at wave number k
-    [1/m]."""
-    r = (np.arange(2000) + 0.5) / 2000 * h
-    w = 21.0 / (2.0 * np.pi * h**3) * (1.0 - r / h) ** 4 * (1.0 + 4.0 * r / h)
-    return float((4.0 * np.pi * r**2 * w * np.sinc(k * r / np.pi)).sum() * h / 2000)
 
 
 def in_flow(speed: float = VORTEX_SPEED, seconds: float = 0.15) -> list[dict[str, str]]:
@@ -235,7 +219,7 @@ def in_flow(speed: float = VORTEX_SPEED, seconds: float = 0.15) -> list[dict[str
     x, size = stirred(DEEP, 4)
     rows, without = [], 1.0
     for name, terms in TERMS.items():
-        if "tension" in terms or "xsph" in terms:
+        if "tension" in terms:
             continue
         sim = build(x, 1.0 / CELLS, size, **terms)
         sim.advance(tanks.FRAME, ExternalForces())

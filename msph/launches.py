@@ -8,6 +8,7 @@ PLAIN, kernels are Taichi's own: same results, slower launches.
 
 import contextlib
 import functools
+import itertools
 import math
 from collections.abc import Callable
 from typing import Any
@@ -35,35 +36,79 @@ VECTOR = type(ti.math.vec3)
 # Number of particles below which a CPU runs the loops of a kernel, or of a heavy kernel, in the
 # launching thread: waking two threads takes 40 us per loop (bench/results/speed_log.md).
 SERIAL_BELOW, HEAVY_SERIAL_BELOW = 3000, 300
+# The same for loops that only read and write a few numbers per particle, in all kernels.
+LIGHT_SERIAL_BELOW = 40_000
 # Blocks of 128 threads in a GPU's loops: of scenes with fewer particles than FEW, and of others. A
 # frame of `dam_break` takes 9.4 ms on an H200, with Taichi's 8,448 blocks 15.9 ms; one of 314,432
 # particles takes as long with 2,112 as with 8,448 (bench/results/gpu.md).
 FEW, FEW_BLOCKS, BLOCKS = 100_000, 528, 2112
 
 
-class Loops:
-    """Estimated number of `particles` of a scene, which decides if its kernels run their loops in
-    parallel or serially on a CPU, and in how many blocks on a GPU. A kernel is compiled for each
-    case at its first such launch. No effect with plain Taichi."""
+class Traits:
+    """What the kernels of a scene are compiled for, each case at its first launch.
+
+    particles: estimated number, which decides if loops run in parallel or serially on a CPU, and in
+    how many blocks on a GPU. Kernels read `bodies` in ti.static(), so that scenes without bodies do
+    not pay for them, and `light` in ti.loop_config(serialize=...) of loops without an inner loop.
+    With plain Taichi, kernels are compiled once, with bodies and parallel loops.
+    """
 
     def __init__(self, particles: float = math.inf):
-        self.particles = particles
+        self.particles, self._bodies = particles, True
+        self.asked: set[str] = set()  # which of `bodies` and `light` were read
+
+    @property
+    def particles(self) -> float:
+        """Estimated number of particles."""
+        return self._particles
+
+    @particles.setter
+    def particles(self, particles: float) -> None:
+        self._particles = particles
+        self._light = particles < LIGHT_SERIAL_BELOW and on_cpu() and not PLAIN
+
+    @property
+    def bodies(self) -> bool:
+        """True if kernels handle bodies."""
+        self.asked.add("bodies")
+        return self._bodies
+
+    @bodies.setter
+    def bodies(self, bodies: bool) -> None:
+        self._bodies = bodies or PLAIN
+
+    @property
+    def light(self) -> bool:
+        """True if light loops are serial."""
+        self.asked.add("light")
+        return self._light
+
+    def case(self) -> tuple[bool, bool]:
+        """Returns bodies and light."""
+        return self._bodies, self._light
+
+    def like(self) -> list[tuple[bool, bool]]:
+        """Returns the cases for which a kernel is the same that read the `asked` properties."""
+        both = (False, True)
+        bodies = (self._bodies,) if "bodies" in self.asked else both
+        light = (self._light,) if "light" in self.asked else both
+        return list(itertools.product(bodies, light))
 
 
-# Loops of the objects that are created now, and True while all compiled loops become serial.
-_loops = Loops()
+# Traits of the objects that are created now, and True while all compiled loops become serial.
+_traits = Traits()
 _serial = False
 
 
 @contextlib.contextmanager
-def use_loops(loops: Loops):
-    """Sets the Loops of all objects with kernels that are created in the block."""
-    global _loops
-    before, _loops = _loops, loops
+def use_traits(traits: Traits):
+    """Sets the Traits of all objects with kernels that are created in the block."""
+    global _traits
+    before, _traits = _traits, traits
     try:
         yield
     finally:
-        _loops = before
+        _traits = before
 
 
 def serialize_loops() -> None:
@@ -127,7 +172,7 @@ def _taichi_kernel(function: Callable) -> "Kernel":
 
 
 class FastKernel:
-    """Kernel method, compiled once per object and per value of its template arguments; a result
+    """Kernel method, compiled once per object, traits and values of template arguments; a result
     that is a vector may be a list. heavy: its iterations take long and unequal times, so that CPU
     threads take blocks of them in turn, already in smaller scenes."""
 
@@ -137,9 +182,15 @@ class FastKernel:
         self.below = HEAVY_SERIAL_BELOW if heavy else SERIAL_BELOW
 
     @functools.cached_property
-    def serial(self) -> "Kernel":
-        """The same kernel, compiled with serial loops."""
-        return _taichi_kernel(self.function)
+    def variants(self) -> dict[tuple[bool, ...], "Kernel"]:
+        """The kernel by whether all loops are serial, and by Traits.case()."""
+        return {(False, True, False): self.taichi}
+
+    def variant(self, *case: bool) -> "Kernel":
+        """Returns the kernel of a variant."""
+        if case not in self.variants:
+            self.variants[case] = _taichi_kernel(self.function)
+        return self.variants[case]
 
     def __get__(self, owner: Any, cls: type | None = None):
         if owner is None:
@@ -155,7 +206,7 @@ class _Launcher:
     def __init__(self, fast: FastKernel, owner: Any):
         taichi = fast.taichi
         self.kernel, self.taichi, self.owner = fast, taichi, owner
-        self.count, self.loops = len(taichi.arguments) - 1, owner.__dict__["_loops"]
+        self.count, self.traits = len(taichi.arguments) - 1, owner.__dict__["traits"]
         # Number of particles below which the kernel's loops are serial, or of few blocks on CUDA.
         self.below = fast.below if on_cpu() else FEW if on_cuda() else 0
         # Places of templates, numbers, vectors and arrays among the arguments, without self.
@@ -186,6 +237,7 @@ class _Launcher:
         self.getter = GETTERS[kinds[0]] if self.fast and results else None
         # Number of components of a result that is a vector, otherwise None.
         self.length = results[0].n if results and isinstance(results[0], VECTOR) else None
+        # Compiled kernels by Traits.case(), templates and kinds of arrays.
         self.ready: dict[tuple, tuple] = {}
 
     def __call__(self, *args):
@@ -193,16 +245,18 @@ class _Launcher:
         if not self.fast or len(args) != self.count:
             return self.taichi(self.owner, *args)
         # With one thread, all kernels are serial.
-        few = self.loops.particles < self.below and not _serial
+        few = self.traits.particles < self.below and not _serial
         key: tuple = (few, *[args[place] for place in self.templates])
         for place, _ in self.arrays:
             array = args[place]
             if not (isinstance(array, np.ndarray) and array.flags.c_contiguous):
                 return self.taichi(self.owner, *args)
             key += (array.dtype, array.ndim)
-        if key not in self.ready:
-            self.ready[key] = self._compile(few, args)
-        compiled, fresh, program = self.ready[key]
+        case = self.traits.case()
+        if (case, key) not in self.ready:
+            found = self._compile(few, args)
+            self.ready.update({(like, key): found for like in self.traits.like()})
+        compiled, fresh, program = self.ready[case, key]
         context = fresh()
         for place, number_slot, setter in self.numbers:
             getattr(context, setter)(number_slot, args[place])
@@ -230,7 +284,8 @@ class _Launcher:
         global _serial
         serial = few and on_cpu()
         before, _serial = _serial, _serial or serial
-        taichi = self.kernel.serial if serial else self.taichi
+        taichi = self.kernel.variant(serial, *self.traits.case())
+        self.traits.asked.clear()
         try:
             key = taichi.ensure_compiled(self.owner, *args)
         finally:
@@ -258,22 +313,30 @@ def _compiler_options(config: Any, options: dict[str, Any]):
             setattr(config, name, value)
 
 
-def _mark(cls: type) -> type:
-    """Marks a class with kernels, as ti.data_oriented does, but without its attribute hook; its
-    objects keep the Loops in use at their creation."""
-    cls._data_oriented = True  # type: ignore[attr-defined]
+def _with_traits(cls: type) -> type:
+    """Lets the objects of a class keep the Traits in use at their creation."""
     begin = cls.__init__  # type: ignore[misc]
 
     @functools.wraps(begin)
-    def begin_with_loops(self, *args, **options):
-        self._loops = _loops
+    def begin_with_traits(self, *args, **options):
+        self.traits = _traits
         begin(self, *args, **options)
 
-    cls.__init__ = begin_with_loops  # type: ignore[misc]
+    cls.__init__ = begin_with_traits  # type: ignore[misc]
     return cls
+
+
+def _data_oriented(cls: type) -> type:
+    """Marks a class with kernels, as ti.data_oriented does, but without its attribute hook."""
+    cls._data_oriented = True  # type: ignore[attr-defined]
+    return _with_traits(cls)
+
+
+def _plain_data_oriented(cls: type) -> type:
+    return ti.data_oriented(_with_traits(cls))
 
 
 # Decorators of kernels, of heavy kernels, and of classes with kernels.
 kernel: Any = ti.kernel if PLAIN else FastKernel
 heavy_kernel: Any = ti.kernel if PLAIN else functools.partial(FastKernel, heavy=True)
-data_oriented: Any = ti.data_oriented if PLAIN else _mark
+data_oriented: Any = _plain_data_oriented if PLAIN else _data_oriented

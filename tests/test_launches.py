@@ -18,11 +18,11 @@ from msph.launches import (
     FEW,
     FEW_BLOCKS,
     SERIAL_BELOW,
-    Loops,
+    Traits,
     data_oriented,
     heavy_kernel,
     kernel,
-    use_loops,
+    use_traits,
 )
 from msph.taichi_internals import EQUAL_PARTS, GRID, PLAIN, SWITCH, missing
 
@@ -115,11 +115,11 @@ def test_few_particles_make_loops_serial(monkeypatch) -> None:
     monkeypatch.setattr(launches, "_serial", False)  # as with several threads
     serialize = launches.serialize
     monkeypatch.setattr(launches, "serialize", lambda context: built.append(serialize(context)))
-    loops = Loops()
-    with use_loops(loops):
+    traits = Traits()
+    with use_traits(traits):
         scaled = Scaled(2.0)
     for particles, loops_made_serial in ((math.inf, 0), (10, 1), (SERIAL_BELOW, 1), (10, 1)):
-        loops.particles = particles
+        traits.particles = particles
         scaled.fill(SIZE, scaled.one, False, 1.5)
         assert scaled.one.to_numpy().tolist() == [3.0] * SIZE
         assert len(built) == loops_made_serial
@@ -152,11 +152,11 @@ def test_on_cuda_loops_of_few_particles_have_few_blocks(monkeypatch) -> None:
     monkeypatch.setattr(launches, "on_cpu", lambda: False)
     monkeypatch.setattr(launches, "on_cuda", lambda: True)
     monkeypatch.setattr(launches, "_compiler_options", options)
-    loops = Loops()
-    with use_loops(loops):
+    traits = Traits()
+    with use_traits(traits):
         scaled = Scaled(2.0)
     for particles in (FEW, 10):
-        loops.particles = particles
+        traits.particles = particles
         scaled.fill(SIZE, scaled.one, False, 1.5)
         assert scaled.one.to_numpy().tolist() == [3.0] * SIZE
     assert blocks == [BLOCKS, FEW_BLOCKS] and getattr(config, GRID) == before == BLOCKS
@@ -234,7 +234,7 @@ start("cpu", threads=1)
 total = Sum()
 for _ in range(2):
     total.add((1.0, 2.0, 3.0), total.total)
-print(PLAIN, kernel is ti.kernel, data_oriented is ti.data_oriented, total.total[None])
+print(PLAIN, kernel is ti.kernel, total.total[None])
 """
 
 
@@ -253,6 +253,6 @@ def test_plain_taichi_is_used_by_switch_or_if_needed(tmp_path, switch, lost, pla
         timeout=300,
     )
     assert result.returncode == 0, result.stderr
-    assert result.stdout.splitlines()[-1] == f"{plain} {plain} {plain} 642.0"
+    assert result.stdout.splitlines()[-1] == f"{plain} {plain} 642.0"
     lacks = "lacks KernelLaunchContext.set_struct_arg_int: launches are slower"
     assert (lacks in result.stderr) == bool(lost)

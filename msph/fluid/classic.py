@@ -53,7 +53,6 @@ class Classic:
     # Wider lists are searched less often, but are longer.
     LIST_MARGIN = 0.5
     PER_ENTRY = 0
-    MIRRORS = False
 
     parameters: ClassicParameters
 

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 from msph.fluid.boundary.beach import Beaches
-from msph.fluid.boundary.body_images import BodyImages
 from msph.fluid.boundary.body_links import BodyLinks
 from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.collisions import Collisions
@@ -14,6 +13,7 @@ from msph.fluid.boundary.rim import Rim
 from msph.fluid.constants import Constants
 from msph.fluid.impulse_ledger import ImpulseLedger
 from msph.fluid.particles.grid import LayeredGrid
+from msph.fluid.particles.images import Images
 from msph.fluid.particles.layers import Layers
 from msph.fluid.particles.neighbour_list import NeighbourList
 from msph.fluid.particles.particles import Particles
@@ -34,7 +34,7 @@ class Parts:
     neighbours: NeighbourList
     boundary: Boundary
     links: BodyLinks
-    body_images: BodyImages
+    images: Images
     contact: Contact
     collisions: Collisions
     gaps: GapPressure

@@ -9,7 +9,7 @@ class Room:
 
     particles: number of particles. entries: of the neighbour list. cells: of the neighbour grids of
     all layers. depth_cells: of the depth grid. samples: f32 values of the meshes' sampled fields.
-    images: of particles in bodies.
+    images: of particles in walls and bodies.
     """
 
     particles: int
@@ -26,7 +26,7 @@ class Room:
 
 # Smallest class, 60 MiB: every shipped scene fits at every quality. The sizes are no powers of two:
 # fields a multiple of 4096 bytes apart would compete for the same cache lines.
-FIRST = Room(16_500, 1_425_000, 45_000, 30_000, 820_000, 410_000)
+FIRST = Room(16_500, 1_425_000, 45_000, 30_000, 820_000, 700_000)
 # Largest number of bodies: 64 of a scene, and a container.
 MAX_BODIES = 65
 # Factor between classes, applied to each capacity separately since Taichi touches all it allocates.

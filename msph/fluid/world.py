@@ -11,7 +11,6 @@ from typing import Any, TypeVar
 import numpy as np
 
 from msph.fluid.boundary.beach import Beaches
-from msph.fluid.boundary.body_images import BodyImages
 from msph.fluid.boundary.body_links import BodyLinks
 from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.collisions import Collisions
@@ -25,6 +24,7 @@ from msph.fluid.constants import Constants
 from msph.fluid.impulse_ledger import ImpulseLedger
 from msph.fluid.methods import all_attributes
 from msph.fluid.particles.grid import LayeredGrid
+from msph.fluid.particles.images import Images
 from msph.fluid.particles.layers import Layers
 from msph.fluid.particles.neighbour_list import NeighbourList
 from msph.fluid.particles.particles import Particles
@@ -32,7 +32,7 @@ from msph.fluid.particles.removal import Removal
 from msph.fluid.parts import Parts
 from msph.fluid.plan import Plan
 from msph.fluid.room import Room, room_for
-from msph.launches import Loops, use_loops
+from msph.launches import Traits, use_traits
 from msph.taichi_internals import field_trees
 
 # Taichi crashes beyond MAX_TREES field trees per process; a world with its surface and image takes
@@ -56,8 +56,8 @@ class World:
                 f"{taken} of {MAX_TREES} Taichi field trees are in use: "
                 "no room for another simulation in this process"
             )
-        self.loops = Loops()
-        with use_loops(self.loops):
+        self.traits = Traits()
+        with use_traits(self.traits):
             self.parts = _parts(room)
         self._built: dict[Any, Any] = {}
 
@@ -66,7 +66,7 @@ class World:
         object, so that its kernels are compiled once."""
         key = build, *arguments
         if key not in self._built:
-            with use_loops(self.loops):
+            with use_traits(self.traits):
                 self._built[key] = build(self, *arguments)
         return self._built[key]
 
@@ -74,13 +74,13 @@ class World:
         """Fills tables and constants for a scene; returns the solver of its method."""
         parts, specs = self.parts, plan.specs
         growth = GROWTH if plan.adaptation else 1
-        self.loops.particles = growth * len(plan.initial["x"])
+        self.traits.particles = growth * len(plan.initial["x"])
         parts.constants.fill(**plan.constants())
         parts.layers.load(specs, *plan.tables())
         attributes = plan.method.attributes(plan.parameters, plan.adaptation is not None)
         parts.particles.load(attributes, plan.max_particles)
         margin = plan.method.LIST_MARGIN * plan.finest.support
-        parts.neighbours.load(plan.entries, margin, plan.method.MIRRORS)
+        parts.neighbours.load(plan.entries, margin)
         self.load_bodies(plan)
         parts.beaches.load(plan.beaches)
         solver = self.build_once(_solver, plan.method)
@@ -101,6 +101,7 @@ class World:
     def prepare_bodies(self) -> None:
         """Prepares links, contacts and gaps for the present bodies."""
         parts = self.parts
+        self.traits.bodies = parts.boundary.count > 0
         for part in (parts.links, parts.contact, parts.collisions, parts.gaps):
             part.load()
         if parts.boundary.driven:
@@ -119,6 +120,7 @@ def _parts(room: Room) -> Parts:
     removal, contact = Removal(room, particles), Contact(boundary, particles, impulses)
     neighbours = NeighbourList(room, grid)
     links = BodyLinks(room, boundary, particles, impulses)
+    images = Images(room, links, neighbours)
     return Parts(
         room=room,
         constants=constants,
@@ -129,11 +131,11 @@ def _parts(room: Room) -> Parts:
         neighbours=neighbours,
         boundary=boundary,
         links=links,
-        body_images=BodyImages(room, links, neighbours),
+        images=images,
         contact=contact,
         collisions=Collisions(boundary),
         gaps=GapPressure(links, grid, contact),
-        openings=Openings(constants, layers, particles, boundary, neighbours, impulses),
+        openings=Openings(constants, layers, particles, boundary, images, impulses),
         rim=Rim(constants, layers, particles, removal, impulses),
         beaches=Beaches(constants, layers, particles, impulses),
         impulses=impulses,

@@ -7,7 +7,7 @@ import taichi as ti
 
 from msph.fluid.boundary.rim import Rim
 from msph.fluid.world import World
-from msph.launches import Loops, data_oriented, kernel, use_loops
+from msph.launches import Traits, data_oriented, kernel, use_traits
 from msph.picture.backdrop import Backdrop
 from msph.picture.body_shading import BodyShading
 from msph.picture.drops_view import DropsView
@@ -39,7 +39,7 @@ def picture_of(world: World, surface_room: SurfaceRoom, room: PictureRoom) -> "P
     surface = world.build_once(surface_of, surface_room)
     parts, white = world.parts, world.build_once(whitewater_of)
     # Loops over pixels run in parallel in any scene.
-    with use_loops(Loops()):
+    with use_traits(Traits()):
         return Picture(surface.mesh, parts.boundary, room, white, parts.rim, surface.thin)
 
 

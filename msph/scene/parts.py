@@ -40,7 +40,6 @@ PARTS = (
     Part("viscosity", {"projection.viscosity": 0.0, "projection.slip": True}),
     Part("tension", {"projection.tension": 0.0}),
     Part("shear relief", {"projection.shear_relief": 0.0}),
-    Part("xsph", {"projection.xsph": 0.0}),
     Part("caustics", {"picture.caustics": False}),
     Part("whitewater", {"picture.whitewater": False}),
     Part("wet walls", {"picture.drying": 0.0}),

@@ -6,6 +6,7 @@ import taichi as ti
 from msph.fluid.adaptivity.bands import AdaptationParameters
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.layers import LayerSpec
+from msph.fluid.particles.neighbour_list import PAIR_REACH
 from msph.fluid.plan import Plan
 from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.simulation import Simulation
@@ -17,6 +18,11 @@ YIELD = {2.4: 0.9964, 2.5: 0.9970}
 def pair_support(h, other):
     """Returns the support radii (n, m) of all pairs of particles with radii h (n,), other (m,)."""
     return (0.5 * (h[:, None] ** 2.5 + other**2.5)) ** 0.4
+
+
+def listed(r, h):
+    """Returns which pairs at distances r [m] with support radii h [m] are in the neighbour list."""
+    return r < PAIR_REACH * h
 
 
 def relative_density(summed, smoothing):
@@ -39,6 +45,36 @@ def displacements(sim):
 
     displace(p.count)
     return p.numpy("displacement").astype(float)
+
+
+def spans(sim, kind):
+    """Returns first and end, (n,) each, of the particles' "neighbours" or "images"."""
+    p, neighbours = sim.particles, sim.solver.neighbours
+    if kind == "neighbours":
+        return tuple(f.to_numpy()[: p.count] for f in (neighbours.start, neighbours.end))
+    return p.numpy("first_image"), p.numpy("image_end")
+
+
+def neighbours_of(sim):
+    """Returns the lists of the particles' neighbours."""
+    index = sim.solver.neighbours.index.to_numpy()
+    return [index[a:b].tolist() for a, b in zip(*spans(sim, "neighbours"), strict=True)]
+
+
+def images_of(sim):
+    """Returns the set of (i, j, mirrors) of all images."""
+    images = sim.world.parts.images
+    index, mirrors = images.index.to_numpy().tolist(), images.mirrors.to_numpy().tolist()
+    ends = enumerate(zip(*spans(sim, "images"), strict=True))
+    return {(i, index[s], mirrors[s]) for i, (a, b) in ends for s in range(a, b)}
+
+
+def sum_of_entries(sim, kind):
+    """Returns the sums (n, 3) [1/m] of the gradients of the particles' neighbours or images."""
+    density = sim.solver.density
+    field = density.pair_gradient if kind == "neighbours" else density.images.gradient
+    gradient = field.to_numpy()
+    return np.array([gradient[a:b].sum(axis=0) for a, b in zip(*spans(sim, kind), strict=True)])
 
 
 def quartic(r, h):

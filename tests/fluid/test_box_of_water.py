@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from fluid_kit import pair_support, quartic, quartic_slope, relative_density, repulsion
+from fluid_kit import listed, pair_support, quartic, quartic_slope, relative_density, repulsion
 
 from msph.errors import BlowUpError
 from msph.fluid import world
@@ -88,7 +88,7 @@ def check_images(sim, points, known):
         mirrored = np.where(side == 1, -x, x) + np.where(side == 2, 2 * size - 2 * x, 0)
         r = np.linalg.norm(x[near][:, None] - mirrored, axis=2)
         h = pair_support(support[layer[near]], support[layer])
-        weight = volume[layer]
+        weight = volume[layer] * listed(r, h)
         if any(turn):
             own = r[np.arange(len(near)), near] / np.cbrt(volume[layer[near]])
             repelled += repulsion(own)[0]

@@ -9,6 +9,7 @@ from msph.fluid.constants import Constants
 from msph.fluid.particles.grid import Z_CELLS, LayeredGrid, cells_of, grid_rows
 from msph.fluid.particles.layers import Layers, LayerSpec
 from msph.fluid.particles.neighbour_list import (
+    PAIR_REACH,
     NeighbourList,
     NeighbourOverflowError,
     list_capacity,
@@ -41,20 +42,20 @@ def cloud(seed):
 class World:
     """Particles in a grid with a neighbour list of any form."""
 
-    def __init__(self, size=SIZE, masses=(1.0, 0.25, 3.0), smoothing=2.03, mirrored=False):
+    def __init__(self, size=SIZE, masses=(1.0, 0.25, 3.0), smoothing=2.03):
         # The default support radii are about 0.2, 0.12 and 0.3 m, none of which divides the box.
         self.specs = [LayerSpec(m, 1000.0, smoothing) for m in masses]
-        self.size, self.mirrored = size, mirrored
+        self.size = size
         self.constants, self.layers = Constants(), Layers()
         self.particles = Particles(FIRST.particles, (TAG,))
         self.grid = LayeredGrid(FIRST, self.constants, self.layers, self.particles)
         self.neighbours = NeighbourList(FIRST, self.grid)
-        self.particles.capacity = COUNT + 50 if not mirrored else FIRST.particles
+        self.particles.capacity = COUNT + 50
         self.list_of("pair")
 
     def list_of(self, form):
         """Returns the list, set up for a form; find() has yet to be called."""
-        margin = MARGINS[form] * (not self.mirrored)
+        margin = MARGINS[form]
         rows, pairs = list_tables(self.specs, margin, form)
         self.layers.load(self.specs, rows | grid_rows(self.size, self.specs), pairs)
         most = self.particles.capacity
@@ -68,7 +69,7 @@ class World:
             entries=entries,
             mean_neighbours=self.usual,
         )
-        self.neighbours.load(entries, margin * self.layers.finest.support, self.mirrored)
+        self.neighbours.load(entries, margin * self.layers.finest.support)
         return self.neighbours
 
     def place(self, x, layer):
@@ -146,7 +147,7 @@ def assert_equals_brute_force(world, form):
 def reaches(form, h):
     """Returns the reaches (n, n) [m] of all pairs of support radii h (n,) [m]."""
     own, other = np.meshgrid(h, h, indexing="ij")
-    pair = (0.5 * (own**2.5 + other**2.5)) ** 0.4
+    pair = PAIR_REACH * (0.5 * (own**2.5 + other**2.5)) ** 0.4
     return {"scatter": other, "pair": pair, "widest": np.maximum(own, other)}[form]
 
 
@@ -180,22 +181,6 @@ def test_mean_of_neighbours_is_bounded_in_all_mixtures(form):
     means = np.einsum("ka,ab,kb->k", number, balls, number) / number.sum(axis=1)
     bound = max_mean_neighbours(specs, 0.0, form)
     assert 0.9 * bound < means.max() <= bound * (1.0 + 1e-6)
-
-
-def test_cubic_lattice_between_walls_fits():
-    """The list has enough entries for a lattice between walls, where most particles have images:
-    threads reserve more entries for these than they use."""
-    along = 12
-    world = World((0.1 * along,) * 3, (1.0,), 2.45, mirrored=True)
-    particles, neighbours = world.particles, world.neighbours
-    corner = np.stack(np.meshgrid(*[np.arange(along)] * 3), axis=-1).reshape(-1, 3)
-    particles.fill(x=(0.1 * (corner + 0.5)).astype(np.float32), layer=np.zeros(along**3, np.int32))
-    world.grid.build()
-    neighbours.find()
-    steps = np.stack(np.meshgrid(*[np.arange(-3, 4)] * 3), axis=-1).reshape(-1, 3)
-    near = np.sum(np.linalg.norm(steps, axis=1) < 2.45) - 1
-    start, end = (f.to_numpy()[: along**3] for f in (neighbours.start, neighbours.end))
-    assert np.all(end - start == near)
 
 
 def test_a_full_list_raises_an_error_about_collapsed_water(world):

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from fluid_kit import WEIGHTLESS, colliding_balls, pair_support
+from fluid_kit import WEIGHTLESS, colliding_balls, listed, pair_support
 
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.plan import Plan
@@ -32,7 +32,7 @@ def test_crowds_are_crowded_particles_and_their_neighbours(collision):
     solver.position_correction._mark_crowds(p.count)
     x, h = p.numpy("x").astype(float), np.array([s.support for s in collision.layers.specs])
     h = h[p.numpy("layer")]
-    met = np.linalg.norm(x[:, None] - x, axis=2) < pair_support(h, h)
+    met = listed(np.linalg.norm(x[:, None] - x, axis=2), pair_support(h, h))
     crowded = p.numpy("density") / 1000.0 - 1.0 > CROWDED_EXCESS
     corrected = (met & crowded).any(axis=1)
     displaced = (met & corrected).any(axis=1)
@@ -89,7 +89,7 @@ def test_relative_speed_is_the_largest_past_neighbours_and_walls(collision):
     solver.position_correction.find(0.0)
     solver.position_correction.apply()
     h = np.array([s.support for s in collision.layers.specs])[layer]
-    near = np.linalg.norm(x[:, None] - x, axis=2) < pair_support(h, h)
+    near = listed(np.linalg.norm(x[:, None] - x, axis=2), pair_support(h, h))
     passing = (np.linalg.norm(v[:, None] - v, axis=2) * near).max(axis=1)
     wall = np.where(x[:, 0] < h, np.abs(v[:, 0]), 0.0)
     assert (wall > passing).any() and (passing > 2.0).any()

@@ -275,6 +275,7 @@ def test_particles_stop_at_walls_and_bodies():
     p, dt = sim.particles, 1e-7
     p.fill(**initial)
     sim.solver.impulses.clear()
+    sim.measure_density()
     sim.boundary.place(0.0, dt)
     sim.contact.drift(dt)
     found, at, mass = p.numpy("v"), p.numpy("x"), FINE.mass

@@ -17,6 +17,7 @@ from msph.measure.ledger import Ledger
 from msph.scene import load_scene
 from msph.scene.build import build_simulation
 from msph.taichi_internals import on_cpu
+from tests.fluid.fluid_kit import images_of, neighbours_of
 
 FRAME, SIZE, SPACING = 1.0 / 60.0, (0.4, 0.3, 0.4), 0.04
 # Gravity in a box tilted by 40 degrees.
@@ -158,26 +159,18 @@ def test_neighbours_above_the_rim_are_complete_and_mutual(simulate):
     layer, v = np.zeros(len(x), np.int32), np.zeros_like(x)
     sim = simulate(dataclasses.replace(plan(0.2), initial={"x": x, "v": v, "layer": layer}))
     sim.particles.fill(x=x, v=v, layer=layer)
-    neighbours, n = sim.world.parts.neighbours, len(x)
-    neighbours.moved(np.inf)
-    sim.grid.invalidate()
-    neighbours.refresh()
+    sim.solver.particles_moved()
+    sim.measure_density()
     x = sim.particles.numpy("x")
-    start, mirrors, end, index = (
-        getattr(neighbours, k).to_numpy() for k in ("start", "mirrors", "end", "index")
-    )
-    reach = sim.layers.specs[0].support
+    reach = sim.world.parts.neighbours.reaches[0, 0]
     distance = np.linalg.norm(x[:, None] - x[None], axis=2)
-    images = set()
-    for i in range(n):
-        ours = set(index[start[i] : mirrors[i]].tolist())
-        assert ours == set(np.flatnonzero(distance[i] < reach).tolist()) - {i}
-        images |= {(i, int(e)) for e in index[mirrors[i] : end[i]]}
-    mask = (1 << 24) - 1
+    for i, ours in enumerate(neighbours_of(sim)):
+        assert set(ours) == set(np.flatnonzero(distance[i] < reach).tolist()) - {i}
+    images = images_of(sim)
     assert images
-    for i, entry in images:
-        assert x[i, 1] <= SIZE[1] and x[entry & mask, 1] <= SIZE[1]
-        assert (entry & mask, i | (entry & ~mask)) in images
+    for i, j, mirrors in images:
+        assert x[i, 1] <= SIZE[1] and x[j, 1] <= SIZE[1]
+        assert (j, i, mirrors) in images
 
 
 def test_water_spills_from_adaptive_layers():

@@ -45,7 +45,7 @@ def test_results_do_not_depend_on_scenes_run_before():
 @pytest.mark.skipif(PLAIN, reason="plain Taichi does not tell of kernels")
 def test_scenes_share_kernels():
     """After one scene of each kind has run, no other scene compiles a kernel of the fluid."""
-    for kind in ("drop", "bowl", "honey", "pool", "waves", "fountain"):
+    for kind in ("drop", "bowl", "honey", "pool", "waves", "fountain", "lock"):
         run(kind, frames=1)
     compiled = []
     with watch_compiling(compiled.append):
@@ -62,11 +62,10 @@ def test_scenes_without_bodies_launch_no_kernels_of_bodies():
         without = set(launched)
         run("pillar", frames=1)
     of_bodies = {
-        "stop_at_bodies",
-        "clear_bodies",
+        "meet_bodies",
         "find_links",
         "find_gaps",
-        "record_pushes",
+        "record",
     }
     assert not without & of_bodies
     assert of_bodies <= launched

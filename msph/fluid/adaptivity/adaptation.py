@@ -238,7 +238,7 @@ class Adaptation:
             if self.particles.mark[i] == 1:
                 layer, x = self.particles.layer[i], self.particles.x[i]
                 nearest = MAX_MERGE_DISTANCE * self.layers.spacing[layer]
-                for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
+                for s in range(self.neighbours.start[i], self.neighbours.end[i]):
                     j = self.neighbours.index[s]
                     r = (self.particles.x[j] - x).norm()
                     same = self.particles.layer[j] == layer and self.particles.mark[j] == 1
@@ -277,7 +277,7 @@ class Adaptation:
         direction is chosen, among those that do not merge themselves.
         """
         x, best, least = self.particles.x[i], -1, 1.0
-        for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
+        for s in range(self.neighbours.start[i], self.neighbours.end[i]):
             k = self.neighbours.index[s]
             if k != j and self.particles.partner[k] < 0:
                 r = self.particles.x[k] - x
@@ -339,7 +339,7 @@ class Adaptation:
             offset = SPLIT_OFFSET * self.layers.spacing[layer] * self.directions[d]
             offset *= ti.min(1.0, (free / ti.max(abs(offset), 1e-9)).min())
             c = 0.0
-            for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
+            for s in range(self.neighbours.start[i], self.neighbours.end[i]):
                 j = self.neighbours.index[s]
                 other = self.particles.layer[j]
                 h = 1.0 / self.layers.per_h[finer, other]

@@ -42,7 +42,7 @@ class SurfaceDistance:
     def __init__(self, room: Room, shared: Discretisation):
         self.constants, self.boundary = shared.constants, shared.boundary
         self.layers, self.particles = shared.layers, shared.particles
-        self.images = shared.neighbours.images
+        self.images = shared.images.mirror
         self.coverage = ti.field(ti.f32, shape=room.depth_cells)
         self.air = ti.field(ti.i32, shape=room.depth_cells)
         # Squared distance [cells^2] to the nearest air cell, and its index; double-buffered.

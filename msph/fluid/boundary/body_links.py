@@ -3,12 +3,10 @@
 A body contributes to the relative density of particles near it, directly and through its mirror
 images: an image of body b contributes to particle i what b contributes to the mirror image of the
 particle. A link is one such place: particle, body and mirrors, with the distance from the face at
-the mirrored place. body_images.py finds the contribution to the particle's density c_i, and its
+the mirrored place. images.py finds the contribution to the particle's density c_i, and its
 gradients G and T by the body's displacement and rotation: c_i changes by -U.G - W.T. A multiplier
 q_i gives the body the impulse rho0 V_i q_i G/dt and the angular impulse rho0 V_i q_i T/dt. The two
 are adjoint, and momentum is conserved (docs/method.md, "Floating bodies").
-
-Sums over the links of one body are taken in chunks of one body each, without atomics per link.
 """
 
 import taichi as ti
@@ -18,32 +16,22 @@ from msph.fluid.boundary.body_shapes import BEGIN, CUBIC
 from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.wall_integrals import wendland_behind, wendland_behind_slope
 from msph.fluid.impulse_ledger import ImpulseLedger
-from msph.fluid.particles.mirror_images import MirrorImages
+from msph.fluid.particles.mirrors import Mirrors
 from msph.fluid.particles.particles import Attribute, Particles
 from msph.fluid.room import MAX_BODIES, Room
 from msph.launches import data_oriented, kernel
-from msph.taichi_internals import longest_float
+from msph.taichi_internals import on_cpu
 
 vec3 = ti.math.vec3
 
 ATTRIBUTES = (
-    Attribute(
-        "boundary_share", "-", "contribution of bodies to the relative density c", carried=False
-    ),
-    Attribute("boundary_gradient", "1/m", "gradient of boundary_share", width=3, carried=False),
-    Attribute(
-        "boundary_inflow", "1/s", "rate of boundary_share by motion of bodies", carried=False
-    ),
-    Attribute("body_approach", "-", "compression by displaced bodies", carried=False),
     Attribute("first_link", "-", "first link with a body", integer=True, carried=False),
-    Attribute("links", "-", "number of links with bodies", integer=True, carried=False),
-    Attribute("first_image", "-", "first image in bodies", integer=True, carried=False),
-    Attribute("image_end", "-", "end of the images in bodies", integer=True, carried=False),
+    Attribute("links", "-", "number of links with bodies at the last search", integer=True),
 )
 
-# Links per chunk, and capacity for links per particle: a particle in a corner between two bodies
-# and two walls has eight links, most particles have none.
-CHUNK, LINKS_PER_PARTICLE = 64, 4
+# Capacity for links per particle: a particle in a corner between two bodies and two walls has eight
+# links, most particles have none.
+LINKS_PER_PARTICLE = 4
 # Least distance of a particle from a mirror, in its spacings: keeps it apart from its image.
 NEAREST = 0.01
 # Share (-) of the kernel below which the ratio of a body's share to that of a plane tends to 1:
@@ -63,9 +51,9 @@ class BodyLinks:
     Tables by link: particle, body, mirrors (bits); place, the mirrored particle from the body's
     centre [m]; distance [m] and normal of the face; ratio a (-) of the body's share of the kernel
     to that of a plane at this distance, larger at convex faces, and its relative slope [1/m];
-    gradient G [1/m] and torque T (-); pushed, twisted [N s, N m s]: impulses on the body for
-    record_pushes(). moved [m], turned [rad], by body: displacements by the multipliers of the last
-    displace().
+    gradient G [1/m] and torque T (-); pushed, twisted [N s, N m s]: impulses on the body of the
+    present step, for record(). moved [m], turned [rad], by body: displacements by the multipliers
+    of the last displace().
     """
 
     def __init__(
@@ -77,11 +65,10 @@ class BodyLinks:
     ):
         self.constants, self.layers, self.boundary = boundary.constants, boundary.layers, boundary
         self.particles, self.impulses = particles, impulses
-        self.images = MirrorImages(boundary.constants)
+        self.images = Mirrors(boundary.constants)
         self.capacity = LINKS_PER_PARTICLE * room.particles
-        chunks = self.capacity // CHUNK + MAX_BODIES
-        self.particle, self.body, self.mirrors, self.rank = (
-            ti.field(ti.i32, shape=self.capacity) for _ in range(4)
+        self.particle, self.body, self.mirrors = (
+            ti.field(ti.i32, shape=self.capacity) for _ in range(3)
         )
         self.distance, self.ratio = (ti.field(ti.f32, shape=self.capacity) for _ in range(2))
         self.place, self.normal, self.slope = (
@@ -90,86 +77,58 @@ class BodyLinks:
         self.gradient, self.torque, self.pushed, self.twisted = (
             ti.Vector.field(3, ti.f32, shape=self.capacity) for _ in range(4)
         )
-        self.order = ti.field(ti.i32, shape=chunks * CHUNK)
-        self.chunk_body, self.chunk_size = (ti.field(ti.i32, shape=chunks) for _ in range(2))
-        self.found, self.chunks = ti.field(ti.i32, shape=()), ti.field(ti.i32, shape=())
-        # Numbers of bodies, links and chunks that the pressure solve visits: none without floating
-        # bodies.
-        self.free_bodies, self.free_links, self.free_chunks = (
-            ti.field(ti.i32, shape=()) for _ in range(3)
-        )
-        self.size, self.first = (ti.field(ti.i32, shape=MAX_BODIES) for _ in range(2))
+        self.found = ti.field(ti.i32, shape=())
+        # Numbers of bodies and links that the pressure solve visits: none without floating bodies.
+        self.free_bodies, self.free_links = (ti.field(ti.i32, shape=()) for _ in range(2))
         self.push, self.twist, self.moved, self.turned = (
             ti.Vector.field(3, ti.f32, shape=MAX_BODIES) for _ in range(4)
         )
-        self.long_vector = ti.types.vector(3, longest_float())
-        self.linked = 0  # number of particles that may have links
+        # Sums over links by body: on a CPU in one thread, whose wake-up would take longer.
+        self.serial = on_cpu()
 
     def load(self) -> None:
-        """Compiles the kernels that are launched later, if there are bodies; otherwise clears the
-        contributions of removed bodies."""
-        self.free_bodies[None] = self.free_links[None] = self.free_chunks[None] = 0
+        """Compiles the kernels that are launched later, if there are bodies."""
+        self.found[None] = self.free_bodies[None] = self.free_links[None] = 0
         if self.boundary.count:
             self._add_to_diagonal()
-            self.found[None] = 0
-            self._clear_inflow(0)
-            self._add_inflow()
-            self._clear(0)
-        elif self.linked:
-            self._clear(self.linked)
-        self.linked = self.boundary.count and self.particles.x.shape[0]
+            self._record(0.0)
 
     def find(self) -> None:
         """Finds the links. Raises BlowUpError if there are more than fit."""
-        self._begin()
         found = self._find_links(self.particles.count)
         if found > self.capacity:
             raise BlowUpError(
                 f"particles meet bodies in {found:,} places, at most {self.capacity:,} fit"
             )
-        self._rank()
-        self._sort(self.boundary.floating.count > 0)
-
-    def refresh_inflow(self) -> None:
-        """Computes the bodies' inflow anew, after their velocities changed."""
-        self._clear_inflow(self.particles.count)
-        self._add_inflow()
-
-    @kernel
-    def _clear(self, n: ti.i32):
-        """Sets the contributions of bodies to the first n particles to 0."""
-        p = self.particles
-        for i in range(n):
-            p.boundary_share[i] = p.boundary_inflow[i] = p.body_approach[i] = 0.0
-            p.boundary_gradient[i] = vec3(0.0)
-            p.links[i] = p.first_image[i] = p.image_end[i] = 0
-
-    @kernel
-    def _clear_inflow(self, n: ti.i32):
-        for i in range(n):
-            self.particles.boundary_inflow[i] = 0.0
-
-    @kernel
-    def _add_inflow(self):
-        for link in range(self.found[None]):
-            self.particles.boundary_inflow[self.particle[link]] += self.inflow(link)
+        floats = self.boundary.floating.count > 0
+        self.free_bodies[None] = self.boundary.count * floats
+        self.free_links[None] = found * floats
 
     @ti.func
-    def inflow(self, link):
-        """Returns the rate of density [1/s] by the motion of a link's body."""
-        b = self.body[link]
-        rate = self.boundary.velocity[b, BEGIN].dot(self.gradient[link])
-        return -rate - self.boundary.spin[b, BEGIN].dot(self.torque[link])
+    def inflow(self, i):
+        """Returns the rate of c_i [1/s] by the motion of bodies."""
+        rate, first = 0.0, self.particles.first_link[i]
+        for link in range(first, first + self.particles.links[i]):
+            b = self.body[link]
+            rate -= self.boundary.velocity[b, BEGIN].dot(self.gradient[link])
+            rate -= self.boundary.spin[b, BEGIN].dot(self.torque[link])
+        return rate
 
-    @kernel
-    def _begin(self):
-        self.found[None] = 0
-        for b in range(MAX_BODIES):
-            self.size[b] = 0
+    @ti.func
+    def retreat(self, i):
+        """Returns the decrease of c_i (-) by the displacements of the last displace()."""
+        found, first = 0.0, self.particles.first_link[i]
+        if self.free_links[None] > 0:
+            for link in range(first, first + self.particles.links[i]):
+                b = self.body[link]
+                found += self.moved[b].dot(self.gradient[link])
+                found += self.turned[b].dot(self.torque[link])
+        return found
 
     @kernel
     def _find_links(self, n: ti.i32) -> ti.i32:
         """Finds the links; returns their number, of which the first `capacity` are stored."""
+        self.found[None] = 0
         p = self.particles
         for i in range(n):
             x, h = p.x[i], self.boundary.support[p.layer[i]]
@@ -181,18 +140,19 @@ class BodyLinks:
             # Outside the loops, in which Mesa's software driver loses atomic operations.
             link = ti.atomic_add(self.found[None], count)
             first, limit = link, ti.min(link + count, self.capacity)
-            for number in range(combinations):
-                self._add(i, self.images.combination(number, near), h, limit, link)
+            if count > 0:
+                for number in range(combinations):
+                    self._add(i, self.images.combination(number, near), h, limit, link)
             p.first_link[i], p.links[i] = first, link - first
-            # By rounding, a link that was counted may not be found.
+            # By rounding, a link that was counted may not be found: it has no effect.
             for empty in range(link, limit):
-                self._clear_link(empty, i)
+                self._begin(empty, i, 0, 0)
         return self.found[None]
 
     @ti.func
-    def _clear_link(self, link, i):
-        """Makes a link one without effect."""
-        self.particle[link], self.body[link], self.mirrors[link] = i, 0, 0
+    def _begin(self, link, i, b, mirrors):
+        """Sets particle, body and mirrors of a link, whose impulses and gradients are 0."""
+        self.particle[link], self.body[link], self.mirrors[link] = i, b, mirrors
         self.gradient[link] = self.torque[link] = vec3(0.0)
         self.pushed[link] = self.twisted[link] = vec3(0.0)
 
@@ -235,7 +195,7 @@ class BodyLinks:
         for b in range(self.constants.bodies[None]):
             if self._reaches(b, x, mirrors, h) and self._links(b, x, self.particles.layer[i], h):
                 if link < limit:
-                    self.particle[link], self.body[link], self.mirrors[link] = i, b, mirrors
+                    self._begin(link, i, b, mirrors)
                     self._measure(link, b, x, self.particles.layer[i], h)
                     link += 1
 
@@ -257,34 +217,10 @@ class BodyLinks:
         slope *= 1.0 - 2.0 * CONVEX * ratio * missing / larger
         self.ratio[link], self.slope[link] = larger * ratio, slope
 
-    @kernel
-    def _rank(self):
-        """Numbers the links of each body."""
-        for link in range(self.found[None]):
-            self.rank[link] = ti.atomic_add(self.size[self.body[link]], 1)
-
-    @kernel
-    def _sort(self, floating: ti.i32):
-        """Distributes the links of each body over chunks."""
-        chunks = 0
-        ti.loop_config(serialize=True)
-        for b in range(self.constants.bodies[None]):
-            self.first[b] = chunks
-            for k in range((self.size[b] + CHUNK - 1) // CHUNK):
-                self.chunk_body[chunks] = b
-                self.chunk_size[chunks] = ti.min(CHUNK, self.size[b] - k * CHUNK)
-                chunks += 1
-        self.chunks[None] = chunks
-        self.free_bodies[None] = floating * self.constants.bodies[None]
-        self.free_chunks[None] = floating * chunks
-        self.free_links[None] = floating * self.found[None]
-        for link in range(self.found[None]):
-            self.order[self.first[self.body[link]] * CHUNK + self.rank[link]] = link
-
     @ti.func
     def displace(self, q: ti.template()):
-        """Finds the displacements of floating bodies by multipliers q (capacity,) [m^2], and
-        `body_approach` of particles, which must be 0; returns their part of <q, A q> [m^5].
+        """Finds the displacements of floating bodies by multipliers q (capacity,) [m^2]; returns
+        their part of <q, A q> [m^5].
 
         With the sums P of V_i q_i G and R of V_i q_i T over its links, a body moves by rho0 P/M and
         turns by rho0 I^-1 R.
@@ -292,16 +228,12 @@ class BodyLinks:
         ti.loop_config(serialize=True)
         for b in range(self.free_bodies[None]):
             self.push[b], self.twist[b] = vec3(0.0), vec3(0.0)
-        for chunk in range(self.free_chunks[None]):
-            push, twist = vec3(0.0), vec3(0.0)
-            for k in range(self.chunk_size[chunk]):
-                link = self.order[chunk * CHUNK + k]
-                i = self.particle[link]
-                part = self.layers.volume[self.particles.layer[i]] * q[i]
-                push += part * self.gradient[link]
-                twist += part * self.torque[link]
-            self.push[self.chunk_body[chunk]] += push
-            self.twist[self.chunk_body[chunk]] += twist
+        ti.loop_config(serialize=self.serial)
+        for link in range(self.free_links[None]):
+            i, b = self.particle[link], self.body[link]
+            part = self.layers.volume[self.particles.layer[i]] * q[i]
+            self.push[b] += part * self.gradient[link]
+            self.twist[b] += part * self.torque[link]
         product = 0.0
         ti.loop_config(serialize=True)
         for b in range(self.free_bodies[None]):
@@ -309,10 +241,6 @@ class BodyLinks:
             self.moved[b] = density * self.boundary.inverse_mass[b] * self.push[b]
             self.turned[b] = density * self.boundary.inverse_inertia[b, BEGIN] @ self.twist[b]
             product += self.moved[b].dot(self.push[b]) + self.turned[b].dot(self.twist[b])
-        for link in range(self.free_links[None]):
-            b = self.body[link]
-            way = self.moved[b].dot(self.gradient[link]) + self.turned[b].dot(self.torque[link])
-            self.particles.body_approach[self.particle[link]] -= way
         return product
 
     def add_to_diagonal(self) -> None:
@@ -329,38 +257,30 @@ class BodyLinks:
             mobility += turn.dot(self.boundary.inverse_inertia[b, BEGIN] @ turn)
             self.particles.diagonal[i] += self.layers.mass[self.particles.layer[i]] * mobility
 
-    def record_pressure(self, dt: float) -> None:
-        """Records the impulses of the velocity multipliers in a step of dt [s] on all bodies."""
-        if self.boundary.count:
-            self._take_pressure(dt)
-            self.record_pushes()
-
-    @kernel
-    def _take_pressure(self, dt: ti.f32):
-        p = self.particles
-        for link in range(self.found[None]):
-            i = self.particle[link]
-            impulse = self.layers.mass[p.layer[i]] * p.velocity_multiplier[i] / dt
-            self.pushed[link] = impulse * self.gradient[link]
-            self.twisted[link] = impulse * self.torque[link]
-
     @ti.func
     def push_at_face(self, link, impulse):
-        """Sets the impulse [N s] of a link on its body, in the frame of the particle, for
-        record_pushes(); it acts at the foot of the perpendicular from the mirrored particle."""
-        mirror, _ = self.images.mirror_and_wall(self.mirrors[link])
+        """Adds an impulse [N s] on the body of a link, in the frame of the particle, for record();
+        it acts at the foot of the perpendicular from the mirrored particle. Only the thread of the
+        link's particle may call this."""
+        push = self.images.mirror_and_wall(self.mirrors[link])[0] * impulse
         foot = self.place[link] - self.distance[link] * self.normal[link]
-        self.pushed[link] = mirror * impulse
-        self.twisted[link] = foot.cross(mirror * impulse)
+        self.pushed[link] = self.pushed[link] + push
+        self.twisted[link] = self.twisted[link] + foot.cross(push)
+
+    def record(self, dt: float) -> None:
+        """Records the impulses of a step of dt [s] on bodies: of the velocity multipliers, and
+        those of push_at_face()."""
+        if self.boundary.count:
+            self._record(dt)
 
     @kernel
-    def record_pushes(self):
-        """Records the impulses `pushed` and `twisted` of all links on the bodies."""
-        for chunk in range(self.chunks[None]):
-            push, twist = self.long_vector(0.0), self.long_vector(0.0)
-            for k in range(self.chunk_size[chunk]):
-                link = self.order[chunk * CHUNK + k]
-                push += self.pushed[link]
-                twist += self.twisted[link]
-            self.impulses.body_push[self.chunk_body[chunk]] += push
-            self.impulses.body_twist[self.chunk_body[chunk]] += twist
+    def _record(self, dt: ti.f32):
+        p = self.particles
+        ti.loop_config(serialize=self.serial)
+        for link in range(self.found[None]):
+            i, b = self.particle[link], self.body[link]
+            impulse = self.layers.mass[p.layer[i]] * p.velocity_multiplier[i] / dt
+            push = impulse * self.gradient[link] + self.pushed[link]
+            twist = impulse * self.torque[link] + self.twisted[link]
+            self.impulses.body_push[b] += push
+            self.impulses.body_twist[b] += twist

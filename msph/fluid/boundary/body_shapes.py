@@ -34,7 +34,7 @@ class BodyShapes:
     joined, 1 for bodies that may overlap others; inverse_mass [1/kg], 0 for prescribed motion;
     friction coefficient (-). Tables by body and pose: centre [m]; rotation, body frame to box
     frame; velocity [m/s] and spin [rad/s], equal for both poses; inverse_inertia [1/(kg m^2)] in
-    the box frame; images, the walls that mirror the body as bits (MirrorImages.walls_near).
+    the box frame; images, the walls that mirror the body as bits (Mirrors.walls_near).
     """
 
     def __init__(self, room: Room, constants: Constants, layers: Layers):

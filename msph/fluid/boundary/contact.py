@@ -1,14 +1,12 @@
 """Contact of particles with walls and bodies.
 
-Walls and bodies stop particles. Kernels are completed by mirror images beyond walls
-(mirror_images.py) and in bodies (body_images.py).
-Body kernels are launched only in scenes with bodies.
+Walls and bodies stop particles. Kernels are completed by images beyond walls and in bodies
+(particles/images.py). Body kernels are launched only in scenes with bodies.
 """
 
 import taichi as ti
 
-from msph.fluid.boundary import body_links
-from msph.fluid.boundary.body_shapes import BEGIN, END
+from msph.fluid.boundary.body_shapes import END
 from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.gaps import Gaps
 from msph.fluid.boundary.walls import NO_WALL, Walls
@@ -19,10 +17,7 @@ from msph.launches import data_oriented, kernel
 
 vec3, vec4 = ti.math.vec3, ti.math.vec4
 
-ATTRIBUTES = (
-    *body_links.ATTRIBUTES,
-    Attribute("clearance", "m", "distance from the nearest body", carried=False),
-)
+ATTRIBUTES = (Attribute("clearance", "m", "distance from the nearest body", carried=False),)
 
 # Depth in a body beyond which a particle has leaked, in spacings of the finest layer. Between a
 # wall and the face of a body that rests against it a particle is up to 2 NEAREST deep.
@@ -37,8 +32,11 @@ NEAREST, GOLDEN = 0.05, 0.6180340
 
 @data_oriented
 class Contact:
-    """Stops particles at walls and bodies. touches: number of particles that meet each body, if
-    any body floats."""
+    """Stops particles at walls and bodies. touches: number of particles that meet each body.
+
+    Only particles with links, which were within a kernel's reach of a body at the last search, can
+    meet a body: until the next search they move by less.
+    """
 
     def __init__(self, boundary: Boundary, particles: Particles, impulses: ImpulseLedger):
         self.constants, self.boundary, self.layers = boundary.constants, boundary, boundary.layers
@@ -47,19 +45,16 @@ class Contact:
         self.touches = ti.field(ti.i32, shape=MAX_BODIES)
 
     def load(self) -> None:
-        """Compiles the kernel that only floating bodies need, if there are bodies."""
+        """Compiles the kernels that only bodies need, if there are any."""
         if self.boundary.count:
-            self._count_touches(0)
+            self._meet_bodies(0)
 
     def drift(self, dt: float) -> None:
         """Moves particles by dt v, dt [s], and stops them at walls and at the bodies' end poses."""
         n = self.particles.count
         self._drift(n, dt)
         if self.boundary.count:
-            if self.boundary.floating.count:
-                self._count_touches(n)
-            self._stop_at_bodies(n)
-            self._clear_bodies(n, END)
+            self._meet_bodies(n)
             self.push_moving()
 
     def push_moving(self) -> None:
@@ -72,11 +67,6 @@ class Contact:
         if self.boundary.count:
             work = self.boundary.push(self.impulses.take_pushes(self.boundary.count))
             self.impulses.wall_work.total[None] += work
-
-    def clear_bodies(self) -> None:
-        """Moves particles out of bodies in their poses at the beginning of the step."""
-        if self.boundary.count:
-            self._clear_bodies(self.particles.count, BEGIN)
 
     def refresh_clearance(self) -> None:
         """Computes the distance of each particle from the nearest body."""
@@ -91,6 +81,11 @@ class Contact:
     @kernel
     def _drift(self, n: ti.i32, dt: ti.f32):
         p = self.particles
+        if ti.static(self.traits.bodies):
+            ti.loop_config(serialize=True)
+            for b in range(MAX_BODIES):
+                self.touches[b] = 0
+        ti.loop_config(serialize=self.traits.light)
         for i in range(n):
             v, restitution = p.v[i], self.constants.restitution[None]
             x = p.x[i] + dt * v
@@ -100,68 +95,77 @@ class Contact:
                     v[k] = -restitution * v[k]
             self.impulses.wall_impulse.add(i, self.layers.mass[p.layer[i]] * (v - p.v[i]))
             p.x[i], p.v[i] = stopped, v
+            if ti.static(self.traits.bodies):
+                if p.links[i] > 0:
+                    self._count_touches(stopped, self.margin(i))
+
+    @ti.func
+    def _count_touches(self, x, margin):
+        for b in range(self.constants.bodies[None]):
+            if self._near(b, x, margin, END).x < margin:
+                self.touches[b] += 1
 
     @kernel
-    def _count_touches(self, n: ti.i32):
-        for b in range(MAX_BODIES):
-            self.touches[b] = 0
-        for i in range(n):
-            for b in range(self.constants.bodies[None]):
-                if self.boundary.reaches(b, self.particles.x[i], self.margin(i), END):
-                    near = self.boundary.distance(b, self.particles.x[i], END)
-                    if near.x < self.margin(i):
-                        self.touches[b] += 1
-
-    @kernel
-    def _stop_at_bodies(self, n: ti.i32):
-        """Updates velocities of particles in contact with bodies, and records impulses.
+    def _meet_bodies(self, n: ti.i32):
+        """Updates velocities of particles in contact with bodies in their end poses, records the
+        impulses, and moves the particles out of bodies and walls.
 
         A floating body of mass M that meets k particles meets each with M/k (mass splitting, Tonge
         et al. 2012): momentum is conserved, and no energy is added.
         """
         p = self.particles
         for i in range(n):
-            x, v, margin = p.x[i], p.v[i], self.margin(i)
-            m = self.layers.mass[p.layer[i]]
-            for b in range(self.constants.bodies[None]):
-                near = vec4(NO_WALL, 0.0, 0.0, 0.0)
-                if self.boundary.reaches(b, x, margin, END):
-                    near = self.boundary.distance(b, x, END)
-                if near.x < margin:
-                    normal, arm = near.yzw.normalized(1e-9), x - self.boundary.centre[b, END]
-                    own = self.boundary.velocity_at(b, x)
-                    inward = ti.min((v - own).dot(normal), 0.0)
-                    turn = arm.cross(normal)
-                    mobility = turn.dot(self.boundary.inverse_inertia[b, END] @ turn)
-                    mobility = m * self.touches[b] * (mobility + self.boundary.inverse_mass[b])
-                    strength = (1.0 + self.constants.restitution[None]) / (1.0 + mobility)
-                    push = -strength * inward * normal
-                    v += push
-                    self.impulses.push_body(b, -m * push, arm)
-                    self.gaps.record(b, x, near, -m * push, END)
-            self.impulses.wall_impulse.add(i, m * (v - p.v[i]))
-            p.v[i] = v
-
-    @kernel
-    def _clear_bodies(self, n: ti.i32, pose: ti.i32):
-        """Moves particles out of bodies and walls, to the distance margin() from them."""
-        for i in range(n):
-            x, margin, rounds = self.particles.x[i], self.margin(i), 0
-            while rounds < ROUNDS:
-                rounds += 1
-                pushed = False
+            if p.links[i] > 0:
+                x, v, margin = p.x[i], p.v[i], self.margin(i)
+                m = self.layers.mass[p.layer[i]]
                 for b in range(self.constants.bodies[None]):
-                    near = vec4(NO_WALL, 0.0, 0.0, 0.0)
-                    if self.boundary.reaches(b, x, margin, pose):
-                        near = self.boundary.distance(b, x, pose)
+                    near = self._near(b, x, margin, END)
                     if near.x < margin:
-                        x -= (near.x - margin) * near.yzw / ti.max(near.yzw.norm_sqr(), 0.25)
-                        pushed = True
-                # Between a body and a wall, both must push alternately.
-                x = self.walls.confined(self.particles.x[i], x, margin)
-                if not pushed:
-                    rounds = ROUNDS
-            self.particles.x[i] = x
+                        push = self._rebound(b, x, v, m, near.yzw.normalized(1e-9))
+                        v += push
+                        self.impulses.push_body(b, -m * push, x - self.boundary.centre[b, END])
+                        self.gaps.record(b, x, near, -m * push, END)
+                self.impulses.wall_impulse.add(i, m * (v - p.v[i]))
+                p.v[i], p.x[i] = v, self.cleared(x, margin, END)
+
+    @ti.func
+    def _rebound(self, b, x, v, m, normal):
+        """Returns the change of the velocity v [m/s] of a particle of mass m [kg] at x [m] by
+        contact with body b."""
+        arm, own = x - self.boundary.centre[b, END], self.boundary.velocity_at(b, x)
+        inward, turn = ti.min((v - own).dot(normal), 0.0), arm.cross(normal)
+        mobility = turn.dot(self.boundary.inverse_inertia[b, END] @ turn)
+        mobility = m * self.touches[b] * (mobility + self.boundary.inverse_mass[b])
+        strength = (1.0 + self.constants.restitution[None]) / (1.0 + mobility)
+        return -strength * inward * normal
+
+    @ti.func
+    def _near(self, b, x, margin, pose):
+        """Returns the distance [m] of x from body b and its gradient; NO_WALL if the body is
+        certainly farther than `margin` [m]."""
+        found = vec4(NO_WALL, 0.0, 0.0, 0.0)
+        if self.boundary.reaches(b, x, margin, pose):
+            found = self.boundary.distance(b, x, pose)
+        return found
+
+    @ti.func
+    def cleared(self, start, margin, pose):
+        """Returns the place `start` [m] moved out of bodies and walls, to the distance `margin` [m]
+        from them."""
+        x, rounds = start, 0
+        while rounds < ROUNDS:
+            rounds += 1
+            pushed = False
+            for b in range(self.constants.bodies[None]):
+                near = self._near(b, x, margin, pose)
+                if near.x < margin:
+                    x -= (near.x - margin) * near.yzw / ti.max(near.yzw.norm_sqr(), 0.25)
+                    pushed = True
+            # Between a body and a wall, both must push alternately.
+            x = self.walls.confined(start, x, margin)
+            if not pushed:
+                rounds = ROUNDS
+        return x
 
     @kernel
     def _find_clearance(self, n: ti.i32):

@@ -22,7 +22,7 @@ from msph.fluid.boundary.gaps import WIDE
 from msph.fluid.external_forces import FIELD_NUMBERS, NO_HAND, ExternalForces, field_at
 from msph.fluid.particles import kernels
 from msph.fluid.particles.grid import LayeredGrid
-from msph.fluid.particles.mirror_images import MirrorImages
+from msph.fluid.particles.mirrors import Mirrors
 from msph.fluid.room import MAX_BODIES
 from msph.fluid.small_numbers import MIN_DIVISOR
 from msph.launches import data_oriented, heavy_kernel, kernel
@@ -68,7 +68,7 @@ class GapPressure:
         self.boundary, self.contact, self.grid, self.links = boundary, contact, grid, links
         self.constants, self.layers, self.gaps = boundary.constants, boundary.layers, contact.gaps
         self.particles, self.impulses = contact.particles, contact.impulses
-        self.images = MirrorImages(boundary.constants)
+        self.images = Mirrors(boundary.constants)
         capacity = MAX_BODIES * MAX_SAMPLES
         self.owner, self.sample, self.other = (ti.field(ti.i32, shape=capacity) for _ in range(3))
         self.point, self.area = (ti.Vector.field(3, ti.f32, shape=capacity) for _ in range(2))

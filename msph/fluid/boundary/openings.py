@@ -24,8 +24,8 @@ from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.opening import SLACK, ZONE, Opening
 from msph.fluid.constants import MAX_OPENINGS, Constants
 from msph.fluid.impulse_ledger import ImpulseLedger
+from msph.fluid.particles.images import Images
 from msph.fluid.particles.layers import Layers, LayerSpec
-from msph.fluid.particles.neighbour_list import NeighbourList
 from msph.fluid.particles.particles import Attribute, Particles
 from msph.launches import data_oriented, kernel
 
@@ -68,11 +68,11 @@ class Openings:
         layers: Layers,
         particles: Particles,
         boundary: Boundary,
-        neighbours: NeighbourList,
+        images: Images,
         impulses: ImpulseLedger,
     ):
         self.constants, self.layers, self.particles = constants, layers, particles
-        self.boundary, self.neighbours, self.impulses = boundary, neighbours, impulses
+        self.boundary, self.images, self.impulses = boundary, images, impulses
         self.table, self.apertures = constants.openings, Apertures(constants)
         self.all: list[Opening] = []
         self.inlets: dict[int, Inlet] = {}
@@ -115,7 +115,7 @@ class Openings:
         if changed:
             self.table.fill(**{name: [row[name] for row in rows] for name in (rows or [{}])[0]})
         self.constants.opening_count[None] = len(rows)
-        self.neighbours.opened = any(row["wall"] for row in rows)
+        self.images.opened = any(row["wall"] for row in rows)
         self.within = {k for k, row in enumerate(rows) if not row["wall"]}
         self.speeds[:], self.means[:] = 0.0, 0.0
         self.waiting.clear()
@@ -228,6 +228,7 @@ class Openings:
 
     @kernel
     def _mark(self, n: ti.i32):
+        ti.loop_config(serialize=self.traits.light)
         for i in range(n):
             self.particles.prescribed[i] = self.apertures.prescriber(self.particles.x[i])
 
@@ -237,6 +238,7 @@ class Openings:
         speed of the step, m dv.v_mean; dv also undoes the change of v by the pressure solve.
         """
         p = self.particles
+        ti.loop_config(serialize=self.traits.light)
         for i in range(n):
             k = p.prescribed[i] - 1
             if k >= 0:

@@ -102,6 +102,7 @@ class Rim:
     def _mark(self, n: ti.i32) -> ti.i32:
         """Sets alive to 0 for the particles outside; returns their number."""
         found = 0
+        ti.loop_config(serialize=self.traits.light)
         for i in range(n):
             x = self.particles.x[i]
             out = self.apertures.beyond(x) != 0 and not self.apertures.holds(x)

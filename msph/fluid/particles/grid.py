@@ -86,6 +86,7 @@ class LayeredGrid:
         ti.loop_config(serialize=self.serial)
         for c in range(self.constants.cells[None]):
             self.cell_count[c] = 0
+        ti.loop_config(serialize=self.traits.light)
         for i in range(n):
             layer = self.particles.layer[i]
             dims = self.dims[layer]

@@ -12,15 +12,18 @@ import taichi as ti
 from msph.errors import BlowUpError
 from msph.fluid.particles.grid import LayeredGrid
 from msph.fluid.particles.layers import LayerSpec, pair_support
-from msph.fluid.particles.mirror_images import INDEX_MASK, MirrorImages
 from msph.fluid.room import Room
 from msph.launches import data_oriented, heavy_kernel
 from msph.taichi_internals import on_cpu
 
+# Share (-) of the symmetric support within which pairs are listed: beyond it the quartic kernel is
+# below 2e-5 of its peak. Pairs are 14 % fewer; errors of still and sloshing water stay within the
+# range of their starts, with 0.93 pressures do not (docs/trials.md).
+PAIR_REACH = 0.95
 # Largest distance [m] of neighbours with supports h_i and h_j [m], by form of the list.
 LIST_FORMS = {
     "scatter": lambda h_i, h_j: h_i * 0.0 + h_j,
-    "pair": pair_support,
+    "pair": lambda h_i, h_j: PAIR_REACH * pair_support(h_i, h_j),
     "widest": np.maximum,
 }
 # Particles that one CPU thread searches for in a row, with one reservation of the pool of entries.
@@ -41,16 +44,13 @@ class NeighbourOverflowError(BlowUpError):
 
 
 # Search for the neighbours of particle i at x [m]; its thread has `left` more particles to search.
-# Its entries are `first` to `place`, reserved up to `limit`; the first `inner` are no images. A GPU
-# counts them first: `count`, with images in the walls `near` the particle.
+# Its entries are `first` to `place`, reserved up to `limit`. A GPU counts them first: `count`.
 Search = ti.types.struct(
     i=ti.i32,
     left=ti.i32,
-    near=ti.i32,
     count=ti.i32,
     first=ti.i32,
     place=ti.i32,
-    inner=ti.i32,
     limit=ti.i32,
     x=ti.math.vec3,
     reach=ti.f32,
@@ -64,32 +64,23 @@ class NeighbourList:
     j is listed if r_ij < reach + margin; reach by form: "scatter" h_j, "pair" the symmetric
     support, "widest" max(h_i, h_j). Kernels vanish at h, so readers need not test the distance.
     start, end (particles,) i32; index (entries,) i32 is a pool in which a particle's entries are
-    contiguous, in grid order; the order of particles is arbitrary. If walls are mirrors,
-    the entries from mirrors[i] are mirror images, also of i; see MirrorImages.read. searches counts
-    the searches.
+    contiguous, in grid order; the order of particles is arbitrary. searches counts the searches.
     """
 
     def __init__(self, room: Room, grid: LayeredGrid):
         self.constants, self.grid, self.particles = grid.constants, grid, grid.particles
-        self.images = MirrorImages(grid.constants)
         self.reaches, self.max_reach = grid.layers.list_reach, grid.layers.max_reach
         self.counted = not on_cpu()
         self.per_thread = 1 if self.counted else PARTICLES_PER_THREAD
-        self.start, self.end, self.mirrors = (ti.field(ti.i32, room.particles) for _ in range(3))
+        self.start, self.end = (ti.field(ti.i32, room.particles) for _ in range(2))
         self.index = ti.field(ti.i32, shape=room.entries)
         self.reserved = ti.field(ti.i32, shape=())  # entries of the pool that threads have reserved
         self.searches = 0
-        self.opened = False  # True if walls have openings
-        self.load(0, 0.0, True)
+        self.load(0, 0.0)
 
-    def load(self, entries: int, margin: float, mirrored: bool) -> None:
-        """Sets the largest number of entries, the margin [m], and whether walls are mirrors. Raises
-        ValueError for more particles than entries can index."""
-        if self.particles.capacity > INDEX_MASK:
-            raise ValueError(
-                f"{self.particles.capacity:,} particles: a neighbour list indexes {INDEX_MASK:,}"
-            )
-        self.entries, self.margin, self.mirrored = entries, margin, mirrored
+    def load(self, entries: int, margin: float) -> None:
+        """Sets the largest number of entries and the margin [m]."""
+        self.entries, self.margin = entries, margin
         self.slack = 0.0
         self.generation = -1
 
@@ -101,7 +92,7 @@ class NeighbourList:
 
     def find(self) -> None:
         """Searches in a fresh grid. Raises NeighbourOverflowError if the list is full."""
-        if self._find(self.particles.count, self.mirrored, self.opened) > self.entries:
+        if self._find(self.particles.count) > self.entries:
             raise NeighbourOverflowError(
                 f"the neighbours of {self.particles.count:,} particles do not fit in a list of "
                 f"{self.entries:,}: the water has collapsed"
@@ -118,27 +109,9 @@ class NeighbourList:
     def stale(self) -> bool:
         return self.slack < 0.0 or self.generation != self.grid.generation
 
-    @ti.func
-    def span(self, i, mirrored: ti.template()):
-        """Returns the entries [begin, end) of i: its neighbours, or with `mirrored` its images."""
-        begin, end = self.start[i], self.mirrors[i]
-        if ti.static(mirrored):
-            begin, end = self.mirrors[i], self.end[i]
-        return begin, end
-
-    @ti.func
-    def read(self, s, mirrored: ti.template()):
-        """Returns particle j of an entry of span(), its mirror and its wall; see MirrorImages.read.
-        Without `mirrored` the compiler drops both."""
-        j, mirror, wall = self.index[s], ti.Vector([1.0, 1.0, 1.0]), ti.Vector([0.0, 0.0, 0.0])
-        if ti.static(mirrored):
-            j, mirror, wall = self.images.read(self.index[s])
-        return j, mirror, wall
-
     @heavy_kernel
-    def _find(self, n: ti.i32, mirrored: ti.template(), opened: ti.template()) -> ti.i32:
-        """Returns the number of reserved entries, more than `entries` if the pool is full. opened:
-        walls have openings."""
+    def _find(self, n: ti.i32) -> ti.i32:
+        """Returns the number of reserved entries, more than `entries` if the pool is full."""
         self.reserved[None] = 0
         # One iteration per particle: the CPU runtime runs loops below 512 iterations on one thread.
         for begin in range(n):
@@ -148,14 +121,10 @@ class NeighbourList:
                 for i in range(begin, end):
                     search.i, search.left, search.x = i, end - i - 1, self.particles.x[i]
                     if ti.static(self.counted):
-                        self._reserve_counted(search, mirrored, opened)
+                        self._reserve_counted(search)
                     search.first = search.place
                     self._visit_rows(self._add_row, search)
                     self._remove_self(search)
-                    search.inner = search.place - search.first
-                    if ti.static(mirrored):
-                        self._add_images(search, opened)
-                        self.mirrors[i] = search.first + search.inner
                     self.start[i], self.end[i] = search.first, search.place
         return self.reserved[None]
 
@@ -187,13 +156,8 @@ class NeighbourList:
         return ti.select(listed, 1, 0)
 
     @ti.func
-    def _reserve_counted(
-        self, search: ti.template(), mirrored: ti.template(), opened: ti.template()
-    ):
+    def _reserve_counted(self, search: ti.template()):
         """Reserves the entries of a particle, itself included, and a last one that stays free."""
-        search.near = 0
-        if ti.static(mirrored):
-            search.near = self._walls_near(search, opened)
         search.count = 1
         self._visit_rows(self._count_row, search)
         begin = ti.atomic_add(self.reserved[None], search.count)
@@ -202,19 +166,10 @@ class NeighbourList:
 
     @ti.func
     def _count_row(self, begin, end, search: ti.template()):
-        """Counts the particles of a row within reach, including i, and their images; also images
-        that openings or the rim hide, so that the count is an upper bound."""
-        x, reach2, combinations = search.x, search.reach**2, self.images.combinations(search.near)
-        count = 0
+        """Counts the particles of a row within reach, including i."""
+        x, reach2, count = search.x, search.reach**2, 0
         for j in range(begin, end):
-            x_j = self.particles.x[j]
-            if (x - x_j).norm_sqr() < reach2:
-                count += 1
-                for way in range(1, combinations):
-                    mirrors = self.images.combination(way, search.near)
-                    mirror, wall = self.images.mirror_and_wall(mirrors)
-                    r2 = self.images.offset(x, x_j, mirror, wall).norm_sqr()
-                    count += ti.select(r2 < reach2, 1, 0)
+            count += ti.select((x - self.particles.x[j]).norm_sqr() < reach2, 1, 0)
         search.count += count
 
     @ti.func
@@ -234,45 +189,6 @@ class NeighbourList:
                     self.index[begin + k] = self.index[search.first + k]
                 search.first, search.place = begin, begin + found
             search.limit = begin + wanted
-
-    @ti.func
-    def _walls_near(self, search: ti.template(), opened: ti.template()):
-        """Returns the walls that mirror the particle, as bits."""
-        near = self.images.walls_near(search.x, self.max_reach[self.particles.layer[search.i]])
-        if ti.static(opened):
-            near &= ~self.images.apertures.beyond(search.x)
-        return near
-
-    @ti.func
-    def _add_images(self, search: ti.template(), opened: ti.template()):
-        """Adds the mirror images within reach of the particle and its neighbours, branch-free."""
-        i, x, inner, apertures = search.i, search.x, search.inner, self.images.apertures
-        layer, near, openings = self.particles.layer[i], self._walls_near(search, opened), 0
-        if ti.static(opened):
-            openings = apertures.near(x, self.max_reach[layer])
-        for way in range(1, self.images.combinations(near)):
-            if self._make_room(inner + 1, search):
-                mirrors = self.images.combination(way, near)
-                mirror, wall = self.images.mirror_and_wall(mirrors)
-                first, place = search.first, search.place
-                own = self.images.offset(x, x, mirror, wall).norm_sqr()
-                self.index[place] = self.images.entry(i, mirrors)
-                own_near = own < self.reaches[layer, layer] ** 2
-                if ti.static(opened):
-                    own_near = own_near and apertures.visible(x, x, mirrors, openings)
-                place += self._advance(own_near, place, search)
-                for s in range(first, first + inner):
-                    j = self.index[s]
-                    reach = self.reaches[layer, self.particles.layer[j]]
-                    x_j = self.particles.x[j]
-                    near_j = self.images.offset(x, x_j, mirror, wall).norm_sqr() < reach * reach
-                    self.index[place] = self.images.entry(j, mirrors)
-                    # j as well as i: forces between two particles must be equal and opposite.
-                    mutual = near_j and self.images.is_mirrored(x_j)
-                    if ti.static(opened):
-                        mutual = mutual and apertures.visible(x, x_j, mirrors, openings)
-                    place += self._advance(mutual, place, search)
-                search.place = place
 
     @ti.func
     def _remove_self(self, search: ti.template()):

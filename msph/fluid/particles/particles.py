@@ -265,6 +265,7 @@ class Particles:
             if alive[i] == 1:
                 for pair in ti.static(self._pairs):
                     pair[1][target[i]] = pair[0][i]
+        ti.loop_config(serialize=self.traits.light)
         for i in range(n):
             for pair in ti.static(self._pairs):
                 pair[0][i] = pair[1][i]
@@ -273,10 +274,12 @@ class Particles:
     def reorder(self, place: ti.template(), cell: ti.template(), start: ti.template(), n):
         """Moves every carried attribute of particle i to start[cell[i]] + place[i]. start: first
         particle of each cell; place: index within the cell; all i32."""
+        ti.loop_config(serialize=self.traits.light)
         for i in range(n):
             t = start[cell[i]] + place[i]
             for pair in ti.static(self._pairs):
                 pair[1][t] = pair[0][i]
+        ti.loop_config(serialize=self.traits.light)
         for i in range(n):
             for pair in ti.static(self._pairs):
                 pair[0][i] = pair[1][i]

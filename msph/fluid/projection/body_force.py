@@ -28,8 +28,6 @@ class BodyForce(Force):
     def apply(self, dt: float, external: ExternalForces) -> None:
         numbers = external.field(), external.hand.numbers()
         self._accelerate(self.particles.count, dt, *numbers)
-        if self.boundary.count:
-            self.links.record_pushes()
 
     @kernel
     def _accelerate(

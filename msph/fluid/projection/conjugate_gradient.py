@@ -117,6 +117,7 @@ class ConjugateGradient:
                 residual_norm2 += part
             beta = residual_norm2 / ti.max(last, MIN_DIVISOR)
             self.residual_norm2[None] = residual_norm2
+            ti.loop_config(serialize=self.traits.light)
             for i in range(n):
                 p = self.preconditioned(i, self.residual[i]) + beta * self.direction[i]
                 if ti.static(self.projected):

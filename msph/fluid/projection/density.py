@@ -25,6 +25,13 @@ from msph.fluid.particles import kernels
 from msph.fluid.particles.layers import LayerSpec, pair_support, stress_share
 from msph.fluid.particles.particles import Attribute
 from msph.fluid.parts import Parts
+from msph.fluid.projection.mean_stress import (
+    MeanStress,
+    add_moment,
+    add_stress,
+    fade_out,
+    relief_of,
+)
 from msph.launches import data_oriented, heavy_kernel, kernel
 from msph.taichi_internals import on_cpu
 
@@ -39,8 +46,8 @@ ATTRIBUTES = (
     Attribute("pair_spacing", "m", "of equal particles that are held as stiffly", carried=False),
 )
 
-# Least squared distance [m^2] of two particles: keeps directions finite.
-MIN_DISTANCE2 = 1e-16
+# Least distance [m] of two particles: keeps directions finite.
+MIN_DISTANCE = 1e-8
 # Relative density above which a particle is surrounded by water: no free surface or body is near.
 SURROUNDED = 0.997
 # Yields -1/3 sum V_j r_ij.grad W_ij on lattices (-), by support over spacing.
@@ -79,12 +86,6 @@ Sums = ti.types.struct(
 )
 
 
-@ti.func
-def fade_out(limit, value):
-    """Returns 1 for values up to `limit`, falling linearly to 0 at twice the limit."""
-    return ti.math.clamp(2.0 - value / limit, 0.0, 1.0)
-
-
 @data_oriented
 class Density:
     """Relative density c (-), and the sums that the pressure solves need.
@@ -95,11 +96,11 @@ class Density:
 
     def __init__(self, parts: Parts):
         self.constants, self.boundary = parts.constants, parts.boundary
-        self.body_images = parts.body_images
         self.layers, self.particles = parts.layers, parts.particles
-        self.neighbours, self.images = parts.neighbours, parts.neighbours.images
+        self.neighbours, self.images = parts.neighbours, parts.images
         self.openings, self.apertures = parts.openings, parts.openings.apertures
         self.block = BLOCK if on_cpu() else 1
+        self.with_stress = False  # True if shear relief is on
         self.summed_search = 0  # the neighbour search that the sums belong to
         self.largest_excess = 0.0
         self.pair_gradient = ti.Vector.field(
@@ -109,17 +110,18 @@ class Density:
     def refresh(self) -> None:
         """Recomputes the sums if the list is new or bodies move; the list must be fresh."""
         if self.summed_search != self.neighbours.searches or self.boundary.moving:
-            self.body_images.refresh()
-            self.largest_excess = self._sum(self.particles.count)
+            self.images.refresh()
+            self.largest_excess = self._sum(self.particles.count, self.with_stress)
             if self.openings.all:
                 self._fill_pipes(self.particles.count)
             self.summed_search = self.neighbours.searches
 
     @heavy_kernel
-    def _sum(self, n: ti.i32) -> ti.f32:
+    def _sum(self, n: ti.i32, with_stress: ti.template()) -> ti.f32:
         """c_i = correction_i + own_i + sum V_j W_ij, the density defect, g_i = sum V_j grad W_ij,
-        and D_i = |g_i|^2 + V_i sum V_j |grad W_ij|^2. Returns the largest c_i - 1. Own images add
-        E to c_i and its gradient to g_i (kernels.own_image).
+        and D_i = |g_i|^2 + V_i sum V_j |grad W_ij|^2; with_stress: also the relief (mean_stress.py)
+        by the stresses of the last step. Returns the largest c_i - 1. Own images add E to c_i and
+        its gradient to g_i (kernels.own_image).
 
         Sums run over neighbours and images; a particle's own images move with it, twice as fast.
         """
@@ -127,11 +129,15 @@ class Density:
         for i in range(n):
             layer = self.particles.layer[i]
             sums = Sums(c=self.layers.own[layer], bell=self.layers.own_bell[layer])
-            sums.gradient = self.particles.boundary_gradient[i]
-            bodies = self.particles.boundary_share[i]
-            for mirrored in ti.static((False, True)):
-                self._add_entries(i, mirrored, sums)
-            self._add_body_images(i, sums)
+            mean = MeanStress()
+            if ti.static(with_stress):
+                own, p = self.layers.own_bell[layer], self.particles
+                add_stress(mean, own, p.normal_stress[i], p.shear_stress[i])
+            self._add_neighbours(i, sums, mean, with_stress)
+            self._add_walls(i, sums, mean, with_stress)
+            if ti.static(self.traits.bodies):
+                self._add_bodies(i, sums, mean, with_stress)
+            bodies = self.particles.body_share[i]
             g, volume = sums.gradient, self.layers.volume[layer]
             # c includes the correction, so that water compressed by the correction near a surface
             # does not count as surrounded.
@@ -145,6 +151,9 @@ class Density:
             self.particles.diagonal[i] = diagonal
             pair_spacing = self._pair_spacing(layer, sums)
             self.particles.pair_spacing[i] = pair_spacing
+            if ti.static(with_stress):
+                difference = ti.abs(pair_spacing / self.layers.spacing[layer] - 1.0)
+                self.particles.relief[i] = relief_of(mean, difference)
             self.particles.air_share[i] = self._air_share(layer, g.norm(), pair_spacing)
         return most
 
@@ -162,7 +171,7 @@ class Density:
                 p.air_share[i] = 0.0
                 layer, x, opening = p.layer[i], p.x[i], p.prescribed[i] - 1
                 behind = self.layers.own[layer]
-                for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
+                for s in range(self.neighbours.start[i], self.neighbours.end[i]):
                     j = self.neighbours.index[s]
                     if self.apertures.along(opening, p.x[j]) < 0.0:
                         behind += self.weight(layer, p.layer[j], (x - p.x[j]).norm())
@@ -195,65 +204,96 @@ class Density:
         return self.constants.air[None] * full * self.layers.surface_share[layer]
 
     @ti.func
-    def _add_entries(self, i, mirrored: ti.template(), sums: ti.template()):
-        """Adds the neighbours of particle i (`mirrored`: its images) to its sums and stores their
-        gradients.
+    def _add_entry(self, layer, other, r_ij, sums: ti.template()):
+        """Adds a particle of the layer `other` at -r_ij [m] to the sums of a particle of a layer,
+        except to the gradient; returns V_j grad W_ij [1/m] and V_j times the bell (-)."""
+        per_h, scale = self.layers.per_h[layer, other], self.layers.scale[layer, other]
+        r2 = ti.max(r_ij.norm_sqr(), MIN_DISTANCE**2)
+        per_r = ti.rsqrt(r2)
+        # kernels.quartic_shape inlined, which saves a division.
+        q = r2 * per_r * per_h
+        a, b, c = ti.max(1.0 - q, 0.0), ti.max(0.6 - q, 0.0), ti.max(0.2 - q, 0.0)
+        a3, b3, c3 = a * a * a, b * b * b, c * c * c
+        slope = -4.0 * scale * per_h * per_r * (a3 - 5.0 * b3 + 10.0 * c3)
+        sums.c += scale * (a3 * a - 5.0 * b3 * b + 10.0 * c3 * c)
+        share, u = self.layers.bell_scale[layer, other], ti.max(1.0 - q * q, 0.0)
+        bell = share * (u * u) * (u * u)
+        sums.bell += bell
+        sums.shares += share
+        sums.stiffness += share * per_h * per_h
+        return slope * r_ij, bell
+
+    @ti.func
+    def _add_neighbours(
+        self, i, sums: ti.template(), mean: ti.template(), with_stress: ti.template()
+    ):
+        """Adds the neighbours of particle i to its sums and stores their gradients.
 
         Entries are read in blocks, since a store in the loop would stop the compiler from handling
         eight entries at a time, which is twice as fast.
         """
-        layer, x = self.particles.layer[i], self.particles.x[i]
-        per_spacing = 1.0 / self.layers.spacing[layer]
-        begin, end = self.neighbours.span(i, mirrored)
-        size = self.block
+        p, layer, x = self.particles, self.particles.layer[i], self.particles.x[i]
+        begin, end, size = self.neighbours.start[i], self.neighbours.end[i], self.block
         for block in range((end - begin + size - 1) // size):
             first = begin + size * block
             g_x, g_y = ti.Vector([0.0] * self.block), ti.Vector([0.0] * self.block)
             g_z = ti.Vector([0.0] * self.block)
             count = ti.min(size, end - first)
             for k in range(count):
-                j, mirror, wall = self.neighbours.read(first + k, mirrored)
-                other = self.particles.layer[j]
-                per_h, scale = self.layers.per_h[layer, other], self.layers.scale[layer, other]
-                r_ij = self.images.offset(x, self.particles.x[j], mirror, wall)
-                r2 = ti.max(r_ij.norm_sqr(), MIN_DISTANCE2)
-                per_r = ti.rsqrt(r2)
-                # kernels.quartic_shape inlined, which saves a division.
-                q = r2 * per_r * per_h
-                a, b, c = ti.max(1.0 - q, 0.0), ti.max(0.6 - q, 0.0), ti.max(0.2 - q, 0.0)
-                a3, b3, c3 = a * a * a, b * b * b, c * c * c
-                slope = -4.0 * scale * per_h * per_r * (a3 - 5.0 * b3 + 10.0 * c3)
-                g = slope * r_ij
-                if ti.static(mirrored):
-                    own = ti.select(j == i, 1.0, 0.0)
-                    repulsion = own * kernels.own_image(r2 * per_r * per_spacing)
-                    sums.c += repulsion.x
-                    # A wall is not a defect of the density.
-                    sums.bell += repulsion.x
-                    g += repulsion.y * per_spacing * per_r * r_ij
-                    sums.own_images += own * g
+                j = self.neighbours.index[first + k]
+                r_ij, other = x - p.x[j], p.layer[j]
+                g, bell = self._add_entry(layer, other, r_ij, sums)
                 g_x[k], g_y[k], g_z[k] = g.x, g.y, g.z
-                sums.c += scale * (a3 * a - 5.0 * b3 * b + 10.0 * c3 * c)
-                u = ti.max(1.0 - q * q, 0.0)
-                share = self.layers.bell_scale[layer, other]
-                sums.bell += share * (u * u) * (u * u)
                 sums.gradient += g
                 sums.squares += g.norm_sqr() * self.layers.per_volume[other]
-                sums.shares += share
-                sums.stiffness += share * per_h * per_h
+                if ti.static(with_stress):
+                    add_stress(mean, bell, p.normal_stress[j], p.shear_stress[j])
+                    add_moment(mean, r_ij, g)
             for k in range(count):
                 self.pair_gradient[first + k] = ti.math.vec3(g_x[k], g_y[k], g_z[k])
 
     @ti.func
-    def _add_body_images(self, i, sums: ti.template()):
-        """Adds the images in bodies to the sums of the diagonal; their gradients are added already,
-        as boundary_gradient."""
-        images = self.body_images
-        for s in range(self.particles.first_image[i], self.particles.image_end[i]):
-            j = self.images.neighbour(images.index[s])
-            back = images.reaction[s].norm_sqr()
-            sums.squares += back * self.layers.per_volume[self.particles.layer[j]]
-            sums.own_images += ti.select(j == i, 1.0, 0.0) * images.gradient[s]
+    def _add_walls(self, i, sums: ti.template(), mean: ti.template(), with_stress: ti.template()):
+        """Adds the images in walls to the sums, and stores their gradients and reactions."""
+        layer, images = self.particles.layer[i], self.images
+        per_spacing = 1.0 / self.layers.spacing[layer]
+        for s in range(self.particles.first_image[i], self.particles.body_image[i]):
+            j, r_ij = images.index[s], images.arm[s]
+            g, bell = self._add_entry(layer, self.particles.layer[j], r_ij, sums)
+            own, r = ti.select(j == i, 1.0, 0.0), ti.max(r_ij.norm(), MIN_DISTANCE)
+            repulsion = own * kernels.own_image(r * per_spacing)
+            g += repulsion.y * per_spacing / r * r_ij
+            sums.c += repulsion.x
+            sums.bell += repulsion.x  # a wall is not a defect of the density
+            images.gradient[s], images.reaction[s] = g, -images.signs(s) * g
+            self._add_image(i, s, bell, sums, mean, with_stress)
+
+    @ti.func
+    def _add_bodies(self, i, sums: ti.template(), mean: ti.template(), with_stress: ti.template()):
+        """Adds the images in bodies to the sums."""
+        layer, images = self.particles.layer[i], self.images
+        for s in range(self.particles.body_image[i], self.particles.image_end[i]):
+            other, bell = self.particles.layer[images.index[s]], 0.0
+            if ti.static(with_stress):
+                q2 = images.arm[s].norm_sqr() * self.layers.per_h[layer, other] ** 2
+                u2 = ti.max(1.0 - q2, 0.0) ** 2
+                bell = images.factor(s) * self.layers.bell_scale[layer, other] * u2 * u2
+            self._add_image(i, s, bell, sums, mean, with_stress)
+
+    @ti.func
+    def _add_image(
+        self, i, s, bell, sums: ti.template(), mean: ti.template(), with_stress: ti.template()
+    ):
+        """Adds the gradient, reaction and stress of image s, of the weight `bell` (-)."""
+        p, images, j = self.particles, self.images, self.images.index[s]
+        g, back = images.gradient[s], images.reaction[s]
+        sums.gradient += g
+        sums.squares += back.norm_sqr() * self.layers.per_volume[p.layer[j]]
+        sums.own_images += ti.select(j == i, 1.0, 0.0) * g
+        if ti.static(with_stress):
+            normal, shear = images.mirrored_stress(s, p.normal_stress[j], p.shear_stress[j])
+            add_stress(mean, bell, normal, shear)
+            add_moment(mean, images.arm[s], g)
 
     @ti.func
     def weight(self, layer, other, r):
@@ -293,7 +333,7 @@ class Density:
         Weighted by volume: between layers the defects of coarse and fine particles cancel.
         """
         total, known = self.particles.known_defect[i], self.particles.known_volume[i]
-        for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
+        for s in range(self.neighbours.start[i], self.neighbours.end[i]):
             j = self.neighbours.index[s]
             total += self.particles.known_defect[j]
             known += self.particles.known_volume[j]

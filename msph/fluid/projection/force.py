@@ -24,8 +24,7 @@ class Force:
         self.contact = shared.contact
         self.layers, self.particles, self.density = shared.layers, shared.particles, shared.density
         self.boundary, self.links = shared.boundary, shared.links
-        self.body_images = shared.body_images
-        self.neighbours, self.images = shared.neighbours, shared.neighbours.images
+        self.neighbours, self.images = shared.neighbours, shared.images
 
     @staticmethod
     def enabled(parameters: ProjectionParameters) -> bool:

@@ -8,8 +8,5 @@ from msph.fluid.projection.force import Force
 from msph.fluid.projection.shear_relief import ShearRelief
 from msph.fluid.projection.surface_tension import SurfaceTension
 from msph.fluid.projection.viscosity import Viscosity
-from msph.fluid.projection.xsph import Xsph
 
-# XSPH precedes gravity: after it, XSPH would brake water at rest on a floor, whose fall the
-# pressure has not stopped yet.
-FORCES: tuple[type[Force], ...] = (Xsph, BodyForce, ShearRelief, SurfaceTension, Viscosity)
+FORCES: tuple[type[Force], ...] = (BodyForce, ShearRelief, SurfaceTension, Viscosity)

@@ -52,6 +52,7 @@ class InertiaWork:
         """Adds m (sign psi + dt/2 v.Euler acceleration) of all particles."""
         p, centre, w = self.particles, 0.5 * self.constants.size[None], turning(numbers)
         a, rise = vec3(numbers[0], numbers[1], numbers[2]), vec3(numbers[6], numbers[7], numbers[8])
+        ti.loop_config(serialize=self.traits.light)
         for i in range(n):
             r = p.x[i] - centre
             psi = a.dot(r) + 0.5 * w.cross(r).norm_sqr()
@@ -61,6 +62,7 @@ class InertiaWork:
     @kernel
     def _add_impulse(self, n: ti.i32, dt: ti.f32, numbers: FIELD_NUMBERS):
         p, centre = self.particles, 0.5 * self.constants.size[None]
+        ti.loop_config(serialize=self.traits.light)
         for i in range(n):
             a = field_at(p.x[i] - centre, numbers) + coriolis(p.v[i], dt, turning(numbers))
             self.impulses.inertia_impulse.add(i, self.layers.mass[p.layer[i]] * dt * a)

@@ -75,12 +75,6 @@ class ProjectionParameters(Section):
         label="liveliness of waves",
         live=(0.01, 1.0),
     )
-    xsph: float = parameter(
-        0.0,
-        ge=0.0,
-        le=0.5,
-        text="share of the velocity difference to the neighbours removed per step, 0: off",
-    )
 
     def contradiction(self) -> tuple[str, str] | None:
         """Returns a parameter that has no effect with the values of the others, and the reason, or

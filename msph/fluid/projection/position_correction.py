@@ -13,8 +13,9 @@ import math
 
 import taichi as ti
 
+from msph.fluid.boundary.body_shapes import BEGIN
 from msph.fluid.particles.particles import Attribute
-from msph.fluid.projection.density import MIN_DISTANCE2
+from msph.fluid.projection.density import MIN_DISTANCE
 from msph.fluid.projection.discretisation import Discretisation
 from msph.fluid.small_numbers import MIN_DIVISOR
 from msph.launches import data_oriented, kernel
@@ -52,7 +53,7 @@ class PositionCorrection:
 
     def __init__(self, shared: Discretisation):
         self.constants, self.contact, self.layers = shared.constants, shared.contact, shared.layers
-        self.particles = shared.particles
+        self.particles, self.images = shared.particles, shared.images
         self.neighbours, self.density = shared.neighbours, shared.density
         self.operator, self.impulses = shared.operator, shared.impulses
         self.pair_gradient = shared.density.pair_gradient
@@ -107,11 +108,11 @@ class PositionCorrection:
         for i in range(n):
             if self.density.excess(i) > CROWDED_EXCESS:
                 p.crowding[i] = CORRECTED
-                for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
+                for s in range(self.neighbours.start[i], self.neighbours.end[i]):
                     p.crowding[self.neighbours.index[s]] = CORRECTED
         for i in range(n):
             if p.crowding[i] == CORRECTED:
-                for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
+                for s in range(self.neighbours.start[i], self.neighbours.end[i]):
                     j = self.neighbours.index[s]
                     if p.crowding[j] == CALM:
                         p.crowding[j] = DISPLACED
@@ -153,7 +154,6 @@ class PositionCorrection:
         if self.crowded:
             self._limit_exchange(self.particles.count)
         self._apply(self.particles.count, self.crowded)
-        self.contact.clear_bodies()
 
     @kernel
     def _limit_exchange(self, n: ti.i32):
@@ -162,7 +162,7 @@ class PositionCorrection:
         p = self.particles
         for i in range(n):
             total = 0.0
-            for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
+            for s in range(self.neighbours.start[i], self.neighbours.end[i]):
                 total += ti.abs(self._exchange(i, s))
             p.exchange_share[i] = 1.0 / ti.max(total, 1.0)
 
@@ -172,7 +172,7 @@ class PositionCorrection:
         distance."""
         p, j = self.particles, self.neighbours.index[s]
         r_ij = p.x[i] - p.x[j]
-        slope = self.pair_gradient[s].dot(r_ij) / ti.max(r_ij.norm_sqr(), MIN_DISTANCE2)
+        slope = self.pair_gradient[s].dot(r_ij) / ti.max(r_ij.norm_sqr(), MIN_DISTANCE**2)
         return slope * (p.position_multiplier[i] + p.position_multiplier[j])
 
     @kernel
@@ -189,7 +189,7 @@ class PositionCorrection:
             change = ti.Vector([0.0, 0.0, 0.0])
             v, x = p.v[i], p.x[i]
             fastest = self._speed_past_walls(i, x, v) ** 2
-            for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
+            for s in range(self.neighbours.start[i], self.neighbours.end[i]):
                 j = self.neighbours.index[s]
                 relative, a = v - p.v[j], self._exchange(i, s)
                 if ti.static(crowded):
@@ -203,9 +203,14 @@ class PositionCorrection:
             wall = self.operator.wall_displacement(i, p.position_multiplier)
             inner = self._limit(i) * (p.position_correction[i] - wall)
             self.impulses.internal_angular_impulse.add(i, m * inner.cross(v + change))
+        ti.loop_config(serialize=self.traits.light)
         for i in range(n):
-            x = p.x[i] + self._limit(i) * p.position_correction[i]
-            p.x[i] = self.contact.walls.confined(p.x[i], x, self.contact.margin(i))
+            x, margin = p.x[i] + self._limit(i) * p.position_correction[i], self.contact.margin(i)
+            x = self.contact.walls.confined(p.x[i], x, margin)
+            if ti.static(self.traits.bodies):
+                if p.links[i] > 0:
+                    x = self.contact.cleared(x, margin, BEGIN)
+            p.x[i] = x
             p.v[i] += p.velocity_exchange[i]
 
     @ti.func
@@ -213,11 +218,11 @@ class PositionCorrection:
         """Returns the largest speed [m/s] at which walls within reach of x approach or recede;
         |v| near bodies, whose faces may have any direction."""
         h = self.layers.support[self.particles.layer[i]]
-        speed, near = 0.0, self.neighbours.images.walls_near(x, h)
+        speed, near = 0.0, self.images.mirror.walls_near(x, h)
         for k in ti.static(range(3)):
             meets = ((near >> k) | (near >> (k + 3))) & 1
             speed = ti.max(speed, meets * abs(v[k]))
-        by_body = self.particles.boundary_gradient[i].norm_sqr() > 0.0
+        by_body = self.particles.image_end[i] > self.particles.body_image[i]
         return ti.select(by_body, v.norm(), speed)
 
     @ti.func

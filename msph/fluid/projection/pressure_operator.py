@@ -1,10 +1,11 @@
 """Discrete gradient of pressure, and the divergence that is its adjoint.
 
-Multipliers q [m^2] displace particles by u_i = -sum V_j (q_i + q_j) grad W_ij [m], which changes
-relative densities by sum V_j (u_i - u_j).grad W_ij. Sums run over neighbours and mirror images, in
-walls and in bodies. Floating bodies are displaced as well (body_links.py). Gradient and
-divergence are adjoint: A q = -div u(q) is symmetric and positive semi-definite under the volumes V,
-and <q, A q> is sum V |u|^2 and the same sum over the bodies, for all layers.
+Multipliers q [m^2] displace particles by u_i = -sum (q_i + q_j) g [m], which changes relative
+densities by sum u_i.g + u_j.back. Sums run over entries (j, g, back): neighbours, with g =
+V_j grad W_ij and back = -g, and images in walls and bodies (images.py). Floating bodies are
+displaced as well (body_links.py). Gradient and divergence are adjoint: A q = -div u(q) is symmetric
+and positive semi-definite under the volumes V, and <q, A q> is sum V |u|^2 and the same sum over
+the bodies, for all layers.
 """
 
 import taichi as ti
@@ -20,68 +21,53 @@ ATTRIBUTES = (
 
 @data_oriented
 class PressureOperator:
-    """Operator A; pair_gradient is V_j grad W_ij [1/m] of each entry of the neighbour list."""
+    """Operator A; pair_gradient is g [1/m] of each entry of the neighbour list, and
+    particles.gradient the sum of g over all entries."""
 
     def __init__(self, parts: Parts, pair_gradient: ti.MatrixField):
-        self.layers, self.particles = parts.layers, parts.particles
-        self.links, self.body_images = parts.links, parts.body_images
-        self.neighbours, self.images = parts.neighbours, parts.neighbours.images
+        self.layers, self.particles, self.links = parts.layers, parts.particles, parts.links
+        self.neighbours, self.images = parts.neighbours, parts.images
         self.pair_gradient = pair_gradient
 
     @ti.func
     def displacement(self, i, q: ti.template()):
-        """Returns u_i = -(q_i g_i + sum V_j q_j grad W_ij) [m], 0 where an opening prescribes the
-        velocity."""
+        """Returns u_i [m], 0 where an opening prescribes the velocity."""
         u = -q[i] * self.particles.gradient[i]
         for s in range(self.neighbours.start[i], self.neighbours.end[i]):
-            u -= q[self.images.neighbour(self.neighbours.index[s])] * self.pair_gradient[s]
+            u -= q[self.neighbours.index[s]] * self.pair_gradient[s]
         for s in range(self.particles.first_image[i], self.particles.image_end[i]):
-            j = self.images.neighbour(self.body_images.index[s])
-            u -= q[j] * self.body_images.gradient[s]
+            u -= q[self.images.index[s]] * self.images.gradient[s]
         return ti.select(self.particles.prescribed[i] > 0, 0.0, 1.0) * u
 
     @ti.func
     def wall_displacement(self, i, q: ti.template()):
         """Returns the part of u_i [m] that walls and bodies cause."""
-        u = -q[i] * self.particles.boundary_gradient[i]
-        for s in range(self.neighbours.mirrors[i], self.neighbours.end[i]):
-            j = self.images.neighbour(self.neighbours.index[s])
-            u -= (q[i] + q[j]) * self.pair_gradient[s]
+        u, own = ti.Vector([0.0, 0.0, 0.0]), q[i]
         for s in range(self.particles.first_image[i], self.particles.image_end[i]):
-            j = self.images.neighbour(self.body_images.index[s])
-            u -= q[j] * self.body_images.gradient[s]
+            u -= (own + q[self.images.index[s]]) * self.images.gradient[s]
         return u
+
+    @ti.func
+    def divergence(self, i, field: ti.template()):
+        """Returns sum u_i.g + u_j.back of a vector field u [u's unit / m]."""
+        found = field[i].dot(self.particles.gradient[i])
+        for s in range(self.neighbours.start[i], self.neighbours.end[i]):
+            found -= field[self.neighbours.index[s]].dot(self.pair_gradient[s])
+        for s in range(self.particles.first_image[i], self.particles.image_end[i]):
+            found += field[self.images.index[s]].dot(self.images.reaction[s])
+        return found
 
     @ti.func
     def divergences(self, i, first: ti.template(), second: ti.template()):
         """Returns divergence() of two fields, computed in one pass."""
-        a, b, by_body = first[i], second[i], self.particles.boundary_gradient[i]
-        found = ti.Vector([a.dot(by_body), b.dot(by_body)])
-        for mirrored in ti.static((False, True)):
-            begin, end = self.neighbours.span(i, mirrored)
-            for s in range(begin, end):
-                j, mirror, _ = self.neighbours.read(s, mirrored)
-                gradient = self.pair_gradient[s]
-                found[0] += (a - mirror * first[j]).dot(gradient)
-                found[1] += (b - mirror * second[j]).dot(gradient)
+        g = self.particles.gradient[i]
+        found = ti.Vector([first[i].dot(g), second[i].dot(g)])
+        for s in range(self.neighbours.start[i], self.neighbours.end[i]):
+            j, gradient = self.neighbours.index[s], self.pair_gradient[s]
+            found -= ti.Vector([first[j].dot(gradient), second[j].dot(gradient)])
         for s in range(self.particles.first_image[i], self.particles.image_end[i]):
-            j, back = self.images.neighbour(self.body_images.index[s]), self.body_images.reaction[s]
+            j, back = self.images.index[s], self.images.reaction[s]
             found += ti.Vector([first[j].dot(back), second[j].dot(back)])
-        return found
-
-    @ti.func
-    def divergence(self, i, field: ti.template()):
-        """Returns sum V_j (u_i - u_j).grad W_ij of a vector field u [u's unit / m]."""
-        u = field[i]
-        found = u.dot(self.particles.boundary_gradient[i])
-        for mirrored in ti.static((False, True)):
-            begin, end = self.neighbours.span(i, mirrored)
-            for s in range(begin, end):
-                j, mirror, _ = self.neighbours.read(s, mirrored)
-                found += (u - mirror * field[j]).dot(self.pair_gradient[s])
-        for s in range(self.particles.first_image[i], self.particles.image_end[i]):
-            j = self.images.neighbour(self.body_images.index[s])
-            found += field[j].dot(self.body_images.reaction[s])
         return found
 
     @ti.func
@@ -91,12 +77,16 @@ class PressureOperator:
         product = 0.0
         for i in range(n):
             u = self.displacement(i, q)
-            self.particles.displacement[i], self.particles.body_approach[i] = u, 0.0
+            self.particles.displacement[i] = u
             product += self.layers.volume[self.particles.layer[i]] * u.norm_sqr()
-        return product + self.links.displace(q)
+        if ti.static(self.traits.bodies):
+            product += self.links.displace(q)
+        return product
 
     @ti.func
     def response(self, i, q: ti.template()):
         """Returns A q at particle i (-), after apply() of q."""
-        closing = self.divergence(i, self.particles.displacement)
-        return -closing - self.particles.body_approach[i]
+        found = -self.divergence(i, self.particles.displacement)
+        if ti.static(self.traits.bodies):
+            found += self.links.retreat(i)
+        return found

@@ -51,8 +51,7 @@ class PressureSolve:
     """Solver of the multipliers q by projected conjugate gradients, and their effect on velocities.
 
     velocity_multiplier holds q; residual, direction and active are fields of the conjugate
-    gradients. boundary_inflow, settling and pair_spacing are set by BodyLinks, Adaptation and
-    Density.
+    gradients. settling and pair_spacing are set by Adaptation and Density.
     """
 
     parameters: ProjectionParameters
@@ -81,7 +80,8 @@ class PressureSolve:
         p = self.particles
         for i in range(n):
             rate, closing = self.operator.divergences(i, p.v, p.position_correction)
-            rate += p.boundary_inflow[i]
+            if ti.static(self.traits.bodies):
+                rate += self.links.inflow(i)
             c = self.density.excess(i) + closing
             p.predicted_density[i] = self.constants.rest_density[None] * (1.0 + c)
             if self.density.relative(i) + closing < self.constants.spray[None]:
@@ -137,7 +137,7 @@ class PressureSolve:
         for i in range(n):
             if p.prescribed[i] > 0:
                 volume, found = self.layers.volume[p.layer[i]], 0.0
-                for s in range(self.neighbours.start[i], self.neighbours.mirrors[i]):
+                for s in range(self.neighbours.start[i], self.neighbours.end[i]):
                     j = self.neighbours.index[s]
                     square = self.layers.per_volume[p.layer[j]] * self.pair_gradient[s].norm_sqr()
                     found += ti.select(p.prescribed[j] > 0, 0.0, volume * square)
@@ -185,17 +185,16 @@ class PressureSolve:
         relative = ti.max(square - drift.norm_sqr() / total, 0.0)
         self.conjugate_gradient.set_round(residual_norm2, scale + motion_weight**2 * relative)
 
-    def accelerate(self, dt: float, external: ExternalForces, with_stress: bool) -> float:
-        """Sets v += u/dt, p = rho0 q/dt^2, the virial pressure and, if `with_stress`, the stress.
+    def accelerate(self, dt: float, external: ExternalForces) -> float:
+        """Sets v += u/dt, p = rho0 q/dt^2, the virial pressure and, for shear relief, the stress.
 
         Returns the largest rate [1/s] by which pressure bounds the next step: sqrt(p/rho0) over
         pressure_cfl spacings.
         """
         n, field = self.particles.count, external.field()
-        rate = self._accelerate(n, dt, field, with_stress)
-        if self.boundary.count:
-            self.links.record_pressure(dt)
-            self.contact.push_moving()
+        rate = self._accelerate(n, dt, field, self.density.with_stress)
+        self.links.record(dt)
+        self.contact.push_moving()
         return rate
 
     @kernel
@@ -204,6 +203,7 @@ class PressureSolve:
     ) -> ti.f32:
         p, top, rest_density = self.particles, 0.0, self.constants.rest_density[None]
         centre = 0.5 * self.constants.size[None]
+        ti.loop_config(serialize=self.traits.light)
         for i in range(n):
             p.pressure_multiplier[i] = rest_density * p.velocity_multiplier[i] / (dt * dt)
         for i in range(n):

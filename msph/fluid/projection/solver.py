@@ -14,8 +14,9 @@ import taichi as ti
 from msph.fluid.adaptivity.adaptation import ATTRIBUTES as ADAPTATION_ATTRIBUTES
 from msph.fluid.adaptivity.adaptation import Adaptation
 from msph.fluid.adaptivity.bands import AdaptationParameters, band_rows
-from msph.fluid.boundary import contact, openings
+from msph.fluid.boundary import body_links, contact, openings
 from msph.fluid.external_forces import NO_HAND, ExternalForces
+from msph.fluid.particles import images
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.particles.particles import Attribute
 from msph.fluid.parts import Parts
@@ -44,6 +45,8 @@ FIRST_STEP_FACTOR = 0.1
 # Attributes of every particle beyond the core, without those of forces and adaptation.
 ATTRIBUTES = (
     *density.ATTRIBUTES,
+    *images.ATTRIBUTES,
+    *body_links.ATTRIBUTES,
     *contact.ATTRIBUTES,
     *openings.ATTRIBUTES,
     *pressure_operator.ATTRIBUTES,
@@ -70,7 +73,6 @@ class Projection:
     SMOOTHING, MIN_SMOOTHING = 2.45, 1.7
     LIST_MARGIN = 0.0  # every step searches a new list
     PER_ENTRY = 3  # the gradient
-    MIRRORS = True
 
     parameters: ProjectionParameters
 
@@ -79,7 +81,6 @@ class Projection:
         self.layers, self.grid, self.particles = parts.layers, parts.grid, parts.particles
         self.neighbours, self.impulses = parts.neighbours, parts.impulses
         self.collisions, self.gaps, self.openings = parts.collisions, parts.gaps, parts.openings
-        self.links = parts.links
         self.beaches = parts.beaches
         self.density = Density(parts)
         operator = PressureOperator(parts, self.density.pair_gradient)
@@ -98,7 +99,7 @@ class Projection:
     ) -> None:
         """Takes the parameters of a scene whose tables and constants are filled already."""
         self.forces = [force for force in self.all_forces if force.enabled(parameters)]
-        self.with_stress = ShearRelief.enabled(parameters)
+        self.density.with_stress = ShearRelief.enabled(parameters)
         self.position_correction.load(parameters.position_iterations)
         self.tune(parameters)
         self.adaptation = None
@@ -261,8 +262,7 @@ class Projection:
         with stage("density"):
             self.density.refresh()  # x, list, poses -> density, defect, pair gradients, diagonal
             # poses, last pressures, share of bodies -> v of floating bodies
-            if self.gaps.push(dt, external):
-                self.links.refresh_inflow()
+            self.gaps.push(dt, external)
             if not self.parameters.tension:
                 # defect -> density correction, density
                 self.density.follow_defect(self.particles.count)
@@ -282,7 +282,7 @@ class Projection:
             self.pressure_solve.build_rhs(self.particles.count, dt)
             self.iterations = self.pressure_solve.solve(dt)  # right-hand side, v -> multipliers
             # multipliers, v -> pressure, stress, v of particles and floating bodies
-            pressure_rate = self.pressure_solve.accelerate(dt, external, self.with_stress)
+            pressure_rate = self.pressure_solve.accelerate(dt, external)
             self.collisions.resolve()  # contacts, v of floating bodies -> v
             self.boundary.redo(0.5 * dt)  # v of floating bodies -> poses at t + dt
         with stage("drift"):
@@ -329,6 +329,7 @@ class Projection:
         spacings), and the longest distance that a particle moves in dt [s], in spacings."""
         p = self.particles
         top, longest = 0.0, 0.0
+        ti.loop_config(serialize=self.traits.light)
         for i in range(n):
             spray = self.constants.spray[None] * self.constants.rest_density[None]
             d, speed = self.layers.spacing[p.layer[i]], p.v[i].norm()

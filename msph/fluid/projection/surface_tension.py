@@ -78,24 +78,25 @@ class SurfaceTension(Force):
         for i in range(n):
             x, normal = self.particles.x[i], self.particles.normal[i]
             layer, total = self.particles.layer[i], ti.Vector([0.0, 0.0, 0.0])
-            for mirrored in ti.static((False, True)):
-                begin, end = self.neighbours.span(i, mirrored)
-                for s in range(begin, end):
-                    j, mirror, wall = self.neighbours.read(s, mirrored)
-                    r_ij = self.images.offset(x, self.particles.x[j], mirror, wall)
-                    other_normal = mirror * self.particles.normal[j]
-                    total += self._pair_term(s, layer, j, r_ij, normal, other_normal)
+            for s in range(self.neighbours.start[i], self.neighbours.end[i]):
+                j, g = self.neighbours.index[s], self.density.pair_gradient[s]
+                n_j = self.particles.normal[j]
+                total += self._pair_term(g, layer, j, x - self.particles.x[j], normal, n_j)
+            for s in range(self.particles.first_image[i], self.particles.body_image[i]):
+                j, g = self.images.index[s], self.images.gradient[s]
+                n_j = self.images.mirrored(s, self.particles.normal[j])
+                total += self._pair_term(g, layer, j, self.images.arm[s], normal, n_j)
             self.particles.v[i] -= impulse * total
 
     @ti.func
-    def _pair_term(self, s, layer, j, r_ij, n_i, n_j):
-        """Returns neighbour j's term of the sum [1/m^2] for a particle of a layer."""
+    def _pair_term(self, g, layer, j, r_ij, n_i, n_j):
+        """Returns the term of an entry (j, g) of the sum [1/m^2] for a particle of a layer."""
         other, bend = self.particles.layer[j], n_i - n_j
         per_h, scale = self.layers.per_h[layer, other], self.layers.scale[layer, other]
         r2, volume = r_ij.norm_sqr(), self.layers.volume[other]
         q = ti.min(ti.sqrt(r2) * per_h, 1.0)
         second = scale * per_h**2 * kernels.quartic_shape(q).z
-        slope = self.density.pair_gradient[s].dot(r_ij) / ti.max(r2, MIN_DIVISOR)
+        slope = g.dot(r_ij) / ti.max(r2, MIN_DIVISOR)
         along = (second - slope) / ti.max(r2, MIN_DIVISOR)
         area = AREA_FACTOR * (slope * bend + along * r_ij.dot(bend) * r_ij)
         share = 0.5 * (n_i.norm() + n_j.norm())

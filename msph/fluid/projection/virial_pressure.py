@@ -50,9 +50,8 @@ class VirialPressure:
     def __init__(self, parts: Parts, density: Density):
         self.constants = parts.constants
         self.layers, self.particles = parts.layers, parts.particles
-        self.neighbours, self.images = parts.neighbours, parts.neighbours.images
-        self.pair_gradient = density.pair_gradient
-        self.links, self.body_images = parts.links, parts.body_images
+        self.neighbours, self.images = parts.neighbours, parts.images
+        self.pair_gradient, self.links = density.pair_gradient, parts.links
         self.long_vector = ti.types.vector(3, longest_float())
         self.Evaluation = ti.types.struct(
             inner=self.long_vector,
@@ -68,34 +67,23 @@ class VirialPressure:
         its whole air share, has its own multiplier as pressure."""
         layer, x = self.particles.layer[i], self.particles.x[i]
         own, found, sums = self.particles.pressure_multiplier[i], self.Evaluation(), Sums()
-        for mirrored in ti.static((False, True)):
-            pushes = self.long_vector(0.0)
-            begin, end = self.neighbours.span(i, mirrored)
-            for s in range(begin, end):
-                j, mirror, wall = self.neighbours.read(s, mirrored)
-                gradient = self.pair_gradient[s]
-                r_ij = self.images.offset(x, self.particles.x[j], mirror, wall)
-                other, excess = self.particles.pressure_multiplier[j], 0.0
-                pushes -= (own + other) * gradient
-                if ti.static(mirrored):
-                    excess = self.image_excess(x - r_ij, j, gravity)
-                share = self.layers.stress_share[layer, self.particles.layer[j]]
-                self._add(r_ij, gradient, other, excess, share, own, sums, found, with_stress)
-            if ti.static(mirrored):
-                found.wall = pushes / self.constants.rest_density[None]
-            else:
-                found.inner = pushes / self.constants.rest_density[None]
-        for link in range(
-            self.particles.first_link[i], self.particles.first_link[i] + self.particles.links[i]
-        ):
-            for s in range(self.body_images.first[link], self.body_images.end[link]):
-                j, gradient = self.body_images.particle(s), self.body_images.gradient[s]
-                other = self.particles.pressure_multiplier[j]
-                found.wall -= (own + other) * gradient / self.constants.rest_density[None]
-                arm, image = self.body_images.arm(link, s)
-                excess = self.image_excess(image, j, gravity)
-                share = self.layers.stress_share[layer, self.particles.layer[j]]
-                self._add(arm, gradient, other, excess, share, own, sums, found, with_stress)
+        pushes = self.long_vector(0.0)
+        for s in range(self.neighbours.start[i], self.neighbours.end[i]):
+            j, g = self.neighbours.index[s], self.pair_gradient[s]
+            other, r_ij = self.particles.pressure_multiplier[j], x - self.particles.x[j]
+            pushes -= (own + other) * g
+            share = self.layers.stress_share[layer, self.particles.layer[j]]
+            self._add(r_ij, g, other, 0.0, share, own, sums, found, with_stress)
+        found.inner = pushes / self.constants.rest_density[None]
+        pushes = self.long_vector(0.0)
+        for s in range(self.particles.first_image[i], self.particles.image_end[i]):
+            j, g, arm = self.images.index[s], self.images.gradient[s], self.images.arm[s]
+            other = self.particles.pressure_multiplier[j]
+            pushes -= (own + other) * g
+            share = self.layers.stress_share[layer, self.particles.layer[j]]
+            excess = self.image_excess(i, s, gravity)
+            self._add(arm, g, other, excess, share, own, sums, found, with_stress)
+        found.wall = pushes / self.constants.rest_density[None]
         weights = sums.weights
         mean = ti.select(weights > MIN_WEIGHT, sums.others / ti.max(weights, MIN_WEIGHT), own)
         bulk = (weights / 3.0 - SURFACE_WEIGHT) / (BULK_WEIGHT - SURFACE_WEIGHT)
@@ -133,44 +121,44 @@ class VirialPressure:
     @ti.func
     def image_acceleration(self, i, dt, gravity):
         """Returns the acceleration [m/s^2] of particle i by its images' excess pressure; stores the
-        impulses in dt [s] on bodies for BodyLinks.record_pushes().
+        impulses in dt [s] on bodies for BodyLinks.record().
 
         The acceleration keeps the lowest sheet of particles from carrying half a sheet's weight too
         much. It is not conservative for particles that change places with particles of other size,
         so it fades out where these rise and adds no energy.
         """
-        layer, x = self.particles.layer[i], self.particles.x[i]
-        total, per_density = ti.Vector([0.0, 0.0, 0.0]), 1.0 / self.constants.rest_density[None]
-        for s in range(self.neighbours.mirrors[i], self.neighbours.end[i]):
-            j, mirror, wall = self.images.read(self.neighbours.index[s])
-            image = x - self.images.offset(x, self.particles.x[j], mirror, wall)
-            total -= per_density * self.image_excess(image, j, gravity) * self.pair_gradient[s]
-        first, links = self.particles.first_link[i], self.particles.links[i]
-        for link in range(first, first + links):
-            by_body = ti.Vector([0.0, 0.0, 0.0])
-            for s in range(self.body_images.first[link], self.body_images.end[link]):
-                j, image = self.body_images.particle(s), self.body_images.arm(link, s)[1]
-                excess = self.image_excess(image, j, gravity)
-                by_body -= per_density * excess * self.body_images.gradient[s]
-            self.links.pushed[link] = by_body
-            total += by_body
-        size = ti.max(total.norm(), MIN_ACCELERATION)
-        d, along = self.layers.spacing[layer], self.particles.v[i].dot(total) / size
+        total = ti.Vector([0.0, 0.0, 0.0])
+        for s in range(self.particles.first_image[i], self.particles.image_end[i]):
+            total += self._by_image(i, s, gravity)
+        d, size = (
+            self.layers.spacing[self.particles.layer[i]],
+            ti.max(total.norm(), MIN_ACCELERATION),
+        )
+        along = self.particles.v[i].dot(total) / size
         unlike = ti.min(ti.abs(self.particles.pair_spacing[i] / d - 1.0) / UNLIKE_SPACING, 1.0)
         fade = unlike * along / (FADE_SPEED * ti.sqrt(size * d))
         share = ti.math.clamp(1.0 - fade, 0.0, 1.0)
-        for link in range(first, first + links):
-            impulse = -self.layers.mass[layer] * dt * share
-            self.links.push_at_face(link, impulse * self.links.pushed[link])
+        if ti.static(self.traits.bodies):
+            impulse = -share * dt * self.layers.mass[self.particles.layer[i]]
+            for s in range(self.particles.body_image[i], self.particles.image_end[i]):
+                push = impulse * self._by_image(i, s, gravity)
+                self.links.push_at_face(self.images.link[s], push)
         return share * total
 
     @ti.func
-    def image_excess(self, image, j, gravity):
-        """Returns the pressure [Pa] of j's image at the point `image` [m] less the pressure of j.
+    def _by_image(self, i, s, gravity):
+        """Returns the acceleration [m/s^2] of particle i by the excess pressure of image s."""
+        excess = self.image_excess(i, s, gravity)
+        return -excess / self.constants.rest_density[None] * self.images.gradient[s]
+
+    @ti.func
+    def image_excess(self, i, s, gravity):
+        """Returns the pressure [Pa] at image s of particle i less the pressure of its particle.
 
         No flow crosses a wall, so dp/dn = rho g.n there: behind a floor the pressure goes on
         rising. The result is at most the pressure of j, so that water passing by is not lifted.
         """
-        own = self.particles.pressure_multiplier[j]
-        weight = self.constants.rest_density[None] * gravity.dot(image - self.particles.x[j])
+        j = self.images.index[s]
+        own, way = self.particles.pressure_multiplier[j], self.images.place(i, s)
+        weight = self.constants.rest_density[None] * gravity.dot(way - self.particles.x[j])
         return ti.math.clamp(weight, -own, own)

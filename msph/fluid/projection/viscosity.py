@@ -83,6 +83,7 @@ class Viscosity(Force):
         for i in range(n):
             u = self.pressure.displacement(i, p.pressure_multiplier)
             p.pressure_velocity[i] = dt / self.constants.rest_density[None] * u
+        ti.loop_config(serialize=self.traits.light)
         for i in range(n):
             p.v[i] += p.pressure_velocity[i]
 
@@ -105,5 +106,6 @@ class Viscosity(Force):
     def _remove_pressure(self, n: ti.i32, explicit: ti.f32):
         """Subtracts the pressure's part from v; adds `explicit` times the residual."""
         p = self.particles
+        ti.loop_config(serialize=self.traits.light)
         for i in range(n):
             p.v[i] += explicit * p.viscous_residual[i] - p.pressure_velocity[i]

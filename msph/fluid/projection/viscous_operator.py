@@ -22,8 +22,9 @@ from msph.launches import data_oriented
 # Factor of all viscous forces: sums over the pairs of water that has settled are too small by 1.2 %
 # (docs/method.md, "Forces").
 CALIBRATION = 1.012
-# a = WEIGHT_FACTOR (1 - q^2)^1.5/h^5: the integral of r^2 a over space must be 30.
-WEIGHT_FACTOR = 640.0 / math.pi**2
+# a = WEIGHT_FACTOR (1 - q^2)^1.5/h^5: the integral of r^2 a over listed pairs must be 30. Within
+# PAIR_REACH = 0.95 of the support lies 1/1.01469 of the integral over the whole support.
+WEIGHT_FACTOR = 1.01469 * 640.0 / math.pi**2
 # A particle's own share of lap v, by axis, in 1/h^2: a third of the integral of a over space.
 STIFFNESS = 80.0 / 3.0
 # Factor of a in the exchange of v/y: 3 along the line of centres; without a direction a sixth of
@@ -43,7 +44,7 @@ class ViscousOperator:
     def __init__(self, parts: Parts, result: ti.MatrixField):
         self.constants, self.result = parts.constants, result
         self.layers, self.particles = parts.layers, parts.particles
-        self.neighbours, self.images = parts.neighbours, parts.neighbours.images
+        self.neighbours, self.images = parts.neighbours, parts.images
         self.diffusion = ti.field(ti.f32, shape=())
 
     @ti.func
@@ -66,33 +67,38 @@ class ViscousOperator:
         """Returns lap of a vector field on the particles [its unit / m^2]."""
         x, v, total = self.particles.x[i], field[i], ti.Vector([0.0, 0.0, 0.0])
         layer, slip = self.particles.layer[i], self.constants.slip[None]
-        for mirrored in ti.static((False, True)):
-            begin, end = self.neighbours.span(i, mirrored)
-            for s in range(begin, end):
-                j, mirror, wall = self.neighbours.read(s, mirrored)
-                x_j = self.particles.x[j]
-                r_ij = self.images.offset(x, x_j, mirror, wall)
-                other, r2 = self.particles.layer[j], r_ij.norm_sqr()
-                per_h = self.layers.per_h[layer, other]
-                u = ti.max(1.0 - r2 * per_h * per_h, 0.0)
-                weight = self.layers.volume[other] * WEIGHT_FACTOR * per_h**5 * u * ti.sqrt(u)
-                weight /= ti.max(r2, MIN_DIVISOR)  # V_j a/r^2 [1/m^4]
-                along = (mirror * field[j] - v).dot(r_ij) * r_ij
-                if ti.static(mirrored):
-                    y = wall_distance(x, self.layers.support[layer], mirror, wall)
-                    y_j = wall_distance(x_j, self.layers.support[other], mirror, wall)
-                    exchange = EXCHANGE_FACTOR * r2 * (field[j] - y_j / y * v)
-                    exchange *= ti.cast(mirror.sum() > 0.0, ti.f32)  # a single wall
-                    along = ti.select(slip == 1, along, exchange)
-                total += weight * along
+        for s in range(self.neighbours.start[i], self.neighbours.end[i]):
+            j = self.neighbours.index[s]
+            r_ij = x - self.particles.x[j]
+            weight = self._weight(layer, self.particles.layer[j], r_ij)
+            total += weight * (field[j] - v).dot(r_ij) * r_ij
+        for s in range(self.particles.first_image[i], self.particles.body_image[i]):
+            j, r_ij = self.images.index[s], self.images.arm[s]
+            other, x_j = self.particles.layer[j], self.particles.x[j]
+            mirror, wall = self.images.mirror.mirror_and_wall(self.images.mirrors[s])
+            y = wall_distance(x, self.layers.support[layer], mirror, wall)
+            y_j = wall_distance(x_j, self.layers.support[other], mirror, wall)
+            exchange = EXCHANGE_FACTOR * r_ij.norm_sqr() * (field[j] - y_j / y * v)
+            exchange *= ti.cast(mirror.sum() > 0.0, ti.f32)  # a single wall
+            along = (mirror * field[j] - v).dot(r_ij) * r_ij
+            weight = self._weight(layer, other, r_ij)
+            total += weight * ti.select(slip == 1, along, exchange)
         return CALIBRATION * (total - self.particles.wall_friction[i] * v)
+
+    @ti.func
+    def _weight(self, layer, other, r_ij):
+        """Returns V_j a/r^2 [1/m^4] of a particle of the layer `other` at -r_ij [m]."""
+        r2, per_h = r_ij.norm_sqr(), self.layers.per_h[layer, other]
+        u = ti.max(1.0 - r2 * per_h * per_h, 0.0)
+        weight = self.layers.volume[other] * WEIGHT_FACTOR * per_h**5 * u * ti.sqrt(u)
+        return weight / ti.max(r2, MIN_DIVISOR)
 
     @ti.func
     def set_wall_friction(self, i):
         """Stores the friction of the walls at particle i [1/m^2], which laplacian() reads."""
         x, h = self.particles.x[i], self.layers.support[self.particles.layer[i]]
         apertures = self.images.apertures
-        near = self.images.walls_near(x, h) & ~apertures.crossed(x, x, apertures.near(x, h))
+        near = self.images.mirror.walls_near(x, h) & ~apertures.crossed(x, x, apertures.near(x, h))
         walls, found = self.constants.walls[None], 0.0
         for k in ti.static(range(3)):
             low, far = wall_friction(x[k], h), wall_friction(walls[k] - x[k], h)

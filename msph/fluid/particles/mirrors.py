@@ -1,10 +1,7 @@
-"""Mirror images: the walls of the box mirror the particles near them.
+"""Mirrors: which walls of the box mirror a place, and mirror images of places and vectors.
 
-Mirror images fill the part of a kernel beyond a wall: particles at walls have bulk density,
-pressures balance, and images move with the reflected velocity. Images are not stored as particles.
-An image of j is never nearer to i than j, so the images within reach are found among the
-neighbours. Walls of constant density (the kernel's integral behind a plane) transmit only half of
-the pressure force (docs/method.md, "Walls and bodies").
+A combination of walls, at most one per axis, is a set of bits: 0 to 2 for the mirrored axes, 3 to 5
+for those of them whose mirror is the far wall.
 """
 
 import taichi as ti
@@ -13,17 +10,13 @@ from msph.fluid.boundary.apertures import Apertures
 from msph.fluid.constants import Constants
 from msph.launches import data_oriented
 
-# Bits of a list entry: 24 for the neighbour's index, one per axis that is mirrored, and one per
-# axis whose mirror is the far wall.
-INDEX_BITS = 24
-INDEX_MASK = (1 << INDEX_BITS) - 1
 # Bit of the floor among the walls.
 FLOOR = 1 << 1
 
 
 @data_oriented
-class MirrorImages:
-    """Mirror images in the walls, edges and corners of the box.
+class Mirrors:
+    """Mirrors of the walls, edges and corners of the box.
 
     Exact if the box's edges are at least one support long: in shorter boxes images of images would
     be within reach.
@@ -90,21 +83,6 @@ class MirrorImages:
     def reflected(self, x, mirror, wall):
         """Returns the mirror image [m] of a position x [m]."""
         return wall + mirror * (x - wall)
-
-    @ti.func
-    def entry(self, j, mirrors):
-        return j | (mirrors << INDEX_BITS)
-
-    @ti.func
-    def neighbour(self, entry):
-        """Returns the neighbour's index of an entry."""
-        return entry & INDEX_MASK
-
-    @ti.func
-    def read(self, entry):
-        """Returns neighbour j, its mirror and its wall; the image of a vector v is mirror * v."""
-        mirror, wall = self.mirror_and_wall(entry >> INDEX_BITS)
-        return self.neighbour(entry), mirror, wall
 
     @ti.func
     def offset(self, x, x_j, mirror, wall):

@@ -1,4 +1,4 @@
-"""Mirror images in bodies: equal to those of walls, with exact gradients, mirrored by walls."""
+"""Images in walls and bodies: complete, equal to each other, with exact gradients."""
 
 import numpy as np
 import pytest
@@ -12,6 +12,7 @@ from msph.fluid.plan import Plan
 from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.projection.solver import Projection
 from msph.fluid.simulation import Simulation
+from tests.fluid.fluid_kit import listed, spans, sum_of_entries
 
 D = 0.04
 FINE, COARSE = LayerSpec(1000.0 * D**3, 1000.0, 2.45), LayerSpec(2000.0 * D**3, 1000.0, 2.45)
@@ -23,11 +24,11 @@ def unarranged(monkeypatch):
     monkeypatch.setattr(Projection, "arrange", Projection.measure_density)
 
 
-def water(counts, seed=0):
+def water(counts, disturbance=0.2):
     """Returns positions on a disturbed lattice of spacing D at the origin, and random layers."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     x = (np.indices(counts).reshape(3, -1).T + 0.5) * D
-    x += rng.uniform(-0.2, 0.2, x.shape) * D
+    x += rng.uniform(-disturbance, disturbance, x.shape) * D
     return x.astype(np.float32), rng.integers(0, 2, len(x)).astype(np.int32)
 
 
@@ -66,8 +67,8 @@ def test_a_block_along_a_wall_mirrors_as_the_wall_does(axis, far):
 
 
 def test_images_sum_to_the_share_and_only_particles_at_faces_have_links():
-    """The gradients of a particle's images add up to its boundary gradient. The bounding balls of
-    long blocks reach most particles, but only particles at their faces are linked."""
+    """The gradients of a particle's neighbours and images add up to its gradient. The bounding
+    balls of long blocks reach most particles, but only particles at their faces are linked."""
     (x, layer), size = water((12, 4, 12)), np.array((12, 8, 12)) * D
     bars = [Block(np.array((0.0, 0.0, z)), np.array((0.48, 0.3, z + D))) for z in (2 * D, 5 * D)]
     sim = simulation(x, layer, tuple(size), bars)
@@ -75,12 +76,21 @@ def test_images_sum_to_the_share_and_only_particles_at_faces_have_links():
     sim.close()
     sim = simulation(x[apart], 0 * layer[apart], tuple(size), bars)
     sim.measure_density()
-    p, images = sim.particles, sim.world.parts.body_images
-    total, gradient = p.numpy("boundary_gradient"), images.gradient.to_numpy()
-    ends = zip(p.numpy("first_image"), p.numpy("image_end"), strict=True)
-    found = np.array([gradient[first:end].sum(axis=0) for first, end in ends])
+    total = sim.particles.numpy("gradient")
+    found = sum_of_entries(sim, "neighbours") + sum_of_entries(sim, "images")
     assert np.abs(found - total).max() < 1e-4 * np.abs(total).max()
-    assert 0 < images.links.found[None] < 2 * p.count
+    assert 0 < sim.world.parts.links.found[None] < 2 * sim.particles.count
+
+
+def test_images_complete_the_neighbours_of_a_lattice_between_walls():
+    """Everywhere as many neighbours and images as inside a lattice, also in edges and corners."""
+    x, layer = water((8, 8, 8), disturbance=0.0)
+    sim = simulation(x, 0 * layer, (8 * D, 8 * D, 8 * D), [])
+    sim.measure_density()
+    steps = np.stack(np.meshgrid(*[np.arange(-3, 4)] * 3), axis=-1).reshape(-1, 3)
+    near = np.sum(listed(np.linalg.norm(steps, axis=1), 2.45)) - 1
+    counts = [end - begin for begin, end in (spans(sim, "neighbours"), spans(sim, "images"))]
+    assert np.all(counts[0] + counts[1] == near)
 
 
 def test_ratios_of_meshes_are_smooth_where_their_shares_vanish():
@@ -124,8 +134,8 @@ def test_links_hold_the_gradients_by_the_motion_of_bodies():
 
     def total():
         sim.boundary.restore(0.0, floating.state())
-        sim.world.parts.body_images.refresh()
-        return (weights[sim.particles.numpy("id")] * sim.particles.numpy("boundary_share")).sum()
+        sim.world.parts.images.refresh()
+        return (weights[sim.particles.numpy("id")] * sim.particles.numpy("body_share")).sum()
 
     sim.measure_density()
     total()
@@ -161,7 +171,7 @@ def test_bodies_at_opposite_walls_have_mirrored_forces():
         place[:, 0] = size[0] - x[:, 0] if far else x[:, 0]
         sim = simulation(place, layer, tuple(size), [ball])
         sim.measure_density()
-        found.append(in_order(sim, "boundary_share", "boundary_gradient"))
+        found.append(in_order(sim, "body_share", "gradient"))
         sim.close()
     found[1][1][:, 0] *= -1.0
     for one, other in zip(*found, strict=True):
@@ -171,7 +181,7 @@ def test_bodies_at_opposite_walls_have_mirrored_forces():
 def test_too_many_images_raise_a_blow_up_error(monkeypatch):
     x, layer = water((6, 5, 6))
     sim = simulation(x, layer, (6 * D, 8 * D, 6 * D), [Ball(np.array((0.12, 0.1, 0.12)), 0.06)])
-    monkeypatch.setattr(sim.world.parts.body_images, "capacity", 10)
-    with pytest.raises(BlowUpError, match="bodies mirror particles in .* at most 10"):
+    monkeypatch.setattr(sim.world.parts.images, "capacity", 10)
+    with pytest.raises(BlowUpError, match="mirror particles in .* at most 10"):
         sim.measure_density()
-        sim.world.parts.body_images.refresh()
+        sim.world.parts.images.refresh()
