@@ -1,6 +1,5 @@
 """Plan: everything that a simulation reads from a scene, computed once."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,6 +18,7 @@ from msph.fluid.boundary.rigid_bodies import Body
 from msph.fluid.boundary.walls import region, wall_constants
 from msph.fluid.methods import Parameters, solver_of
 from msph.fluid.particles.grid import cells_of, grid_rows
+from msph.fluid.particles.images import image_capacity
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.particles.neighbour_list import (
     list_capacity,
@@ -26,10 +26,6 @@ from msph.fluid.particles.neighbour_list import (
     max_mean_neighbours,
 )
 from msph.fluid.room import Room
-
-# Images in walls of the particles within a kernel's reach of them, over the bound of their
-# neighbours (-): 0.26 in `drop`, where a third of the pool is at edges.
-WALL_IMAGES = 0.4
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,22 +100,8 @@ class Plan:
             cells=sum(cells_of(self.region, self.specs)),
             depth_cells=int(np.prod(self._depth.get("depth_dims", 0))),
             samples=sample_count(list(self.bodies), self.specs),
-            images=self._images,
+            images=image_capacity(self.region, self.specs, self.max_particles, bool(self.bodies)),
         )
-
-    @property
-    def _images(self) -> int:
-        """Largest number of images of particles, from the bound of their neighbours at rest: those
-        within a kernel's reach of the walls have WALL_IMAGES times as many images in walls, and
-        those at faces of bodies at most half as many in bodies. Without bodies: those of a sheet
-        across a cube, for bodies that are added later."""
-        n, margin = self.max_particles, self.method.LIST_MARGIN
-        per_area = max(s.support / s.volume for s in self.specs)
-        x, y, z = self.region
-        near_walls = min(n, 2.0 * (x * y + y * z + z * x) * per_area)
-        near_bodies = n if self.bodies else n ** (2.0 / 3.0)
-        mean = max_mean_neighbours(self.specs, margin, self.list_form)
-        return math.ceil((WALL_IMAGES * near_walls + 0.5 * near_bodies) * mean)
 
     def constants(self) -> dict[str, Any]:
         """Returns the scene's constants by their names in Constants."""

@@ -22,6 +22,7 @@ from msph.fluid.external_forces import STILL, ExternalForces, Vec3, as_vector
 from msph.fluid.methods import Parameters, all_attributes, solver_of
 from msph.fluid.moving_box import MovingBox
 from msph.fluid.particles.grid import cells_of
+from msph.fluid.particles.images import WORDS, image_capacity
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.particles.neighbour_list import list_capacity
 from msph.fluid.particles.particles import CORE
@@ -62,6 +63,7 @@ def footprint(
     return {
         "cells": 2 * grown(FIRST.cells, sum(cells_of(size, specs))),
         "neighbours": (1 + solver.PER_ENTRY) * grown(FIRST.entries, entries),
+        "images": WORDS * grown(FIRST.images, image_capacity(size, specs, count, False)),
         "particles": words * grown(FIRST.particles, count),
     }
 

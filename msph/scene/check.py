@@ -163,7 +163,7 @@ def _check_memory(scene: Scene, specs: list[LayerSpec], solids: list[Body], wher
     needs = footprint(extent, specs, count, getattr(scene, scene.method))
     needs["surface"] = SurfaceRoom.holding(extent, cell, count).bytes // WORD
     needs["bodies"] = sample_count(solids, specs)
-    keys = {"cells": "box.size", "neighbours": "water", "particles": "water"}
+    keys = {"cells": "box.size", "neighbours": "water", "images": "water", "particles": "water"}
     keys |= {"surface": "surface.cell", "bodies": "bodies"}
     largest = max(needs, key=lambda name: needs[name])
     free = psutil.virtual_memory().available * MEMORY_SHARE

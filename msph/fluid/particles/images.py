@@ -19,14 +19,21 @@ edges and thin bodies. Images of particles in walls have images in bodies, too, 
 in walls have images of particles.
 """
 
+import math
+
 import taichi as ti
 
 from msph.errors import BlowUpError
 from msph.fluid.boundary.body_links import BodyLinks
 from msph.fluid.boundary.body_shapes import BEGIN
 from msph.fluid.particles import kernels
+from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.particles.mirrors import Mirrors
-from msph.fluid.particles.neighbour_list import PARTICLES_PER_THREAD, NeighbourList
+from msph.fluid.particles.neighbour_list import (
+    PARTICLES_PER_THREAD,
+    NeighbourList,
+    max_mean_neighbours,
+)
 from msph.fluid.particles.particles import Attribute
 from msph.fluid.room import Room
 from msph.launches import data_oriented, heavy_kernel
@@ -41,6 +48,11 @@ ATTRIBUTES = (
     Attribute("body_share", "-", "contribution of bodies to c", carried=False),
 )
 
+# Images in walls of the particles within a kernel's reach of them, over the bound of their
+# neighbours (-): 0.26 in `drop`, where a third of the pool is at edges; and what threads leave.
+WALL_IMAGES = 0.4
+# Numbers per image.
+WORDS = 13
 # Least number of places that a CPU thread reserves at a time.
 CHUNK = 512
 # Least length (-) of the mean of two normals that has a direction.
@@ -336,6 +348,20 @@ class Images:
         n = (links.normal[link] + rest * links.normal[k]).normalized(MIN_LENGTH)
         plane = ti.Matrix.identity(ti.f32, 3) - 2.0 * n.outer_product(n)
         return here.outer_product(there) * plane
+
+
+def image_capacity(
+    size: tuple[float, float, float], specs: list[LayerSpec], count: int, bodies: bool
+) -> int:
+    """Returns the largest number of images of `count` particles in a region of `size` [m], from the
+    bound of their neighbours at rest: particles within a kernel's reach of the walls have
+    WALL_IMAGES times as many images in walls, and those at faces of bodies at most half as many in
+    bodies. Without bodies: those of a sheet across a cube, for bodies that are added later."""
+    x, y, z = size
+    near = 2.0 * (x * y + y * z + z * x) * max(s.support / s.volume for s in specs)
+    near_bodies = count if bodies else count ** (2.0 / 3.0)
+    mean = max_mean_neighbours(specs, 0.0, "pair")
+    return math.ceil((WALL_IMAGES * min(count, near) + 0.5 * near_bodies) * mean)
 
 
 @ti.func

@@ -72,7 +72,7 @@ class Projection:
     # volume at 1.55 and 1.6, 0.3 to 4 % at 1.7, and still water diverges at 1.5.
     SMOOTHING, MIN_SMOOTHING = 2.45, 1.7
     LIST_MARGIN = 0.0  # every step searches a new list
-    PER_ENTRY = 3  # the gradient
+    PER_ENTRY = 4  # the gradient, and the stiffness under viscosity
 
     parameters: ProjectionParameters
 

@@ -46,7 +46,7 @@ class Viscosity(Force):
     def __init__(self, shared: Discretisation):
         super().__init__(shared)
         p, self.pressure, self.iterations = shared.particles, shared.operator, 0
-        self.operator = ViscousOperator(shared, p.viscous_response)
+        self.operator = ViscousOperator(shared, self.density.pair_gradient, p.viscous_response)
         self.conjugate_gradient = ConjugateGradient(
             shared, self.operator, p.viscous_residual, p.viscous_direction
         )
@@ -89,13 +89,13 @@ class Viscosity(Force):
 
     @kernel
     def start_round(self, n: ti.i32, diffusion: ti.f32):
-        """Sets the walls' friction, and residual and first direction to dt nu lap v; diffusion = dt
-        nu [m^2]."""
+        """Prepares the operator; sets residual and first direction to dt nu lap v, with diffusion =
+        dt nu [m^2]."""
         p = self.particles
         self.operator.diffusion[None] = diffusion
         residual_norm2 = 0.0
         for i in range(n):
-            self.operator.set_wall_friction(i)
+            self.operator.prepare(i)
             r = diffusion * self.operator.laplacian(i, p.v)
             p.viscous_residual[i] = r
             p.viscous_direction[i] = r

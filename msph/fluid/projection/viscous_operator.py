@@ -38,11 +38,13 @@ MIN_WALL_DISTANCE = 0.1
 class ViscousOperator:
     """Operator 1 - diffusion lap, symmetric and positive under the volumes V.
 
-    diffusion () is dt nu [m^2]; result (room,) vec3 holds the result of apply().
+    diffusion () is dt nu [m^2]; result (room,) vec3 holds the result of apply(). stiffness
+    (entries,) is V_j a/|g|^2 of each entry of the neighbour list, whose gradient g is along r_ij.
     """
 
-    def __init__(self, parts: Parts, result: ti.MatrixField):
-        self.constants, self.result = parts.constants, result
+    def __init__(self, parts: Parts, pair_gradient: ti.MatrixField, result: ti.MatrixField):
+        self.constants, self.pair_gradient, self.result = parts.constants, pair_gradient, result
+        self.stiffness = ti.field(ti.f32, shape=parts.neighbours.index.shape)
         self.layers, self.particles = parts.layers, parts.particles
         self.neighbours, self.images = parts.neighbours, parts.images
         self.diffusion = ti.field(ti.f32, shape=())
@@ -68,34 +70,42 @@ class ViscousOperator:
         x, v, total = self.particles.x[i], field[i], ti.Vector([0.0, 0.0, 0.0])
         layer, slip = self.particles.layer[i], self.constants.slip[None]
         for s in range(self.neighbours.start[i], self.neighbours.end[i]):
-            j = self.neighbours.index[s]
-            r_ij = x - self.particles.x[j]
-            weight = self._weight(layer, self.particles.layer[j], r_ij)
-            total += weight * (field[j] - v).dot(r_ij) * r_ij
+            g = self.pair_gradient[s]
+            total += self.stiffness[s] * (field[self.neighbours.index[s]] - v).dot(g) * g
         for s in range(self.particles.first_image[i], self.particles.body_image[i]):
             j, r_ij = self.images.index[s], self.images.arm[s]
             other, x_j = self.particles.layer[j], self.particles.x[j]
             mirror, wall = self.images.mirror.mirror_and_wall(self.images.mirrors[s])
             y = wall_distance(x, self.layers.support[layer], mirror, wall)
             y_j = wall_distance(x_j, self.layers.support[other], mirror, wall)
-            exchange = EXCHANGE_FACTOR * r_ij.norm_sqr() * (field[j] - y_j / y * v)
+            exchange = EXCHANGE_FACTOR * (field[j] - y_j / y * v)
             exchange *= ti.cast(mirror.sum() > 0.0, ti.f32)  # a single wall
-            along = (mirror * field[j] - v).dot(r_ij) * r_ij
+            along = (mirror * field[j] - v).dot(r_ij) * r_ij / ti.max(r_ij.norm_sqr(), MIN_DIVISOR)
             weight = self._weight(layer, other, r_ij)
             total += weight * ti.select(slip == 1, along, exchange)
         return CALIBRATION * (total - self.particles.wall_friction[i] * v)
 
     @ti.func
     def _weight(self, layer, other, r_ij):
-        """Returns V_j a/r^2 [1/m^4] of a particle of the layer `other` at -r_ij [m]."""
-        r2, per_h = r_ij.norm_sqr(), self.layers.per_h[layer, other]
-        u = ti.max(1.0 - r2 * per_h * per_h, 0.0)
-        weight = self.layers.volume[other] * WEIGHT_FACTOR * per_h**5 * u * ti.sqrt(u)
-        return weight / ti.max(r2, MIN_DIVISOR)
+        """Returns V_j a [1/m^2] of a particle of the layer `other` at -r_ij [m]."""
+        per_h = self.layers.per_h[layer, other]
+        u = ti.max(1.0 - r_ij.norm_sqr() * per_h * per_h, 0.0)
+        return self.layers.volume[other] * WEIGHT_FACTOR * per_h**5 * u * ti.sqrt(u)
 
     @ti.func
-    def set_wall_friction(self, i):
-        """Stores the friction of the walls at particle i [1/m^2], which laplacian() reads."""
+    def prepare(self, i):
+        """Stores the stiffness of the neighbours of particle i, and the friction of the walls there
+        [1/m^2], which laplacian() reads."""
+        layer, x = self.particles.layer[i], self.particles.x[i]
+        for s in range(self.neighbours.start[i], self.neighbours.end[i]):
+            j = self.neighbours.index[s]
+            weight = self._weight(layer, self.particles.layer[j], x - self.particles.x[j])
+            square = self.pair_gradient[s].norm_sqr()
+            self.stiffness[s] = weight / ti.max(square, MIN_DIVISOR)
+        self._set_wall_friction(i)
+
+    @ti.func
+    def _set_wall_friction(self, i):
         x, h = self.particles.x[i], self.layers.support[self.particles.layer[i]]
         apertures = self.images.apertures
         near = self.images.mirror.walls_near(x, h) & ~apertures.crossed(x, x, apertures.near(x, h))
