@@ -20,10 +20,10 @@ from msph.taichi_internals import on_cpu
 # below 2e-5 of its peak. Pairs are 14 % fewer; errors of still and sloshing water stay within the
 # range of their starts, with 0.93 pressures do not (docs/trials.md).
 PAIR_REACH = 0.95
-# Largest distance [m] of neighbours with supports h_i and h_j [m], by form of the list.
+# Support [m] of the kernel of two particles with supports h_i and h_j [m], by form of the list.
 LIST_FORMS = {
     "scatter": lambda h_i, h_j: h_i * 0.0 + h_j,
-    "pair": lambda h_i, h_j: PAIR_REACH * pair_support(h_i, h_j),
+    "pair": pair_support,
     "widest": np.maximum,
 }
 # Particles that one CPU thread searches for in a row, with one reservation of the pool of entries.
@@ -61,8 +61,9 @@ Search = ti.types.struct(
 class NeighbourList:
     """Neighbours of particle i without i itself: index[start[i]] to index[end[i] - 1].
 
-    j is listed if r_ij < reach + margin; reach by form: "scatter" h_j, "pair" the symmetric
-    support, "widest" max(h_i, h_j). Kernels vanish at h, so readers need not test the distance.
+    j is listed if r_ij < reach + margin; reach by form: "scatter" h_j, "pair" PAIR_REACH times the
+    symmetric support, "widest" max(h_i, h_j). Kernels vanish at h, so readers need not test the
+    distance.
     start, end (particles,) i32; index (entries,) i32 is a pool in which a particle's entries are
     contiguous, in grid order; the order of particles is arbitrary. searches counts the searches.
     """
@@ -216,8 +217,8 @@ class NeighbourList:
 
 def list_reaches(specs: list[LayerSpec], margin: float, form: str) -> np.ndarray:
     """Returns the list's reach (layers, layers) [m]; margin: share (-) of the finest support."""
-    supports = np.array([s.support for s in specs])
-    return LIST_FORMS[form](supports[:, None], supports) + margin * supports.min()
+    supports, share = np.array([s.support for s in specs]), PAIR_REACH if form == "pair" else 1.0
+    return share * LIST_FORMS[form](supports[:, None], supports) + margin * supports.min()
 
 
 def list_tables(
