@@ -38,7 +38,7 @@ CROWDED = ("adaptation.capacity=2600",)
 # default; settings that the constant needs to have an effect.
 TRIED: list[tuple[str, str, tuple[Any, ...], tuple[str, ...]]] = [
     ("projection.solver", "ARRANGED_EXCESS", (1e-4, 1e-2), ()),
-    ("projection.solver", "SPRAY_MOTION_FACTOR", (1.25, 5.0), ()),
+    ("projection.position_correction", "SPRAY_MOTION_FACTOR", (1.25, 5.0), ()),
     ("scene", "projection.longest_step", (1 / 120, 1 / 30), ()),
     ("scene", "projection.release", (0.1, 1.6), ()),
     ("scene", "projection.velocity_iterations", (10, 30, 400), ()),

@@ -54,7 +54,8 @@ class Traits:
     """
 
     def __init__(self, particles: float = math.inf):
-        self.particles, self._bodies = particles, True
+        self.case = True, False  # bodies and light
+        self.particles = particles
         self.asked: set[str] = set()  # which of `bodies` and `light` were read
 
     @property
@@ -65,34 +66,32 @@ class Traits:
     @particles.setter
     def particles(self, particles: float) -> None:
         self._particles = particles
-        self._light = particles < LIGHT_SERIAL_BELOW and on_cpu() and not PLAIN
+        light = particles < LIGHT_SERIAL_BELOW and on_cpu() and not PLAIN
+        self.case = self.case[0], light
 
     @property
     def bodies(self) -> bool:
         """True if kernels handle bodies."""
         self.asked.add("bodies")
-        return self._bodies
+        return self.case[0]
 
     @bodies.setter
     def bodies(self, bodies: bool) -> None:
-        self._bodies = bodies or PLAIN
+        self.case = bodies or PLAIN, self.case[1]
 
     @property
     def light(self) -> bool:
         """True if light loops are serial."""
         self.asked.add("light")
-        return self._light
-
-    def case(self) -> tuple[bool, bool]:
-        """Returns bodies and light."""
-        return self._bodies, self._light
+        return self.case[1]
 
     def like(self) -> list[tuple[bool, bool]]:
         """Returns the cases for which a kernel is the same that read the `asked` properties."""
-        both = (False, True)
-        bodies = (self._bodies,) if "bodies" in self.asked else both
-        light = (self._light,) if "light" in self.asked else both
-        return list(itertools.product(bodies, light))
+        values = [
+            (value,) if name in self.asked else (False, True)
+            for name, value in zip(("bodies", "light"), self.case, strict=True)
+        ]
+        return list(itertools.product(*values))
 
 
 # Traits of the objects that are created now, and True while all compiled loops become serial.
@@ -183,7 +182,7 @@ class FastKernel:
 
     @functools.cached_property
     def variants(self) -> dict[tuple[bool, ...], "Kernel"]:
-        """The kernel by whether all loops are serial, and by Traits.case()."""
+        """The kernel by whether all loops are serial, and by Traits.case."""
         return {(False, True, False): self.taichi}
 
     def variant(self, *case: bool) -> "Kernel":
@@ -237,7 +236,7 @@ class _Launcher:
         self.getter = GETTERS[kinds[0]] if self.fast and results else None
         # Number of components of a result that is a vector, otherwise None.
         self.length = results[0].n if results and isinstance(results[0], VECTOR) else None
-        # Compiled kernels by Traits.case(), templates and kinds of arrays.
+        # Compiled kernels by Traits.case, templates and kinds of arrays.
         self.ready: dict[tuple, tuple] = {}
 
     def __call__(self, *args):
@@ -252,11 +251,11 @@ class _Launcher:
             if not (isinstance(array, np.ndarray) and array.flags.c_contiguous):
                 return self.taichi(self.owner, *args)
             key += (array.dtype, array.ndim)
-        case = self.traits.case()
-        if (case, key) not in self.ready:
-            found = self._compile(few, args)
-            self.ready.update({(like, key): found for like in self.traits.like()})
-        compiled, fresh, program = self.ready[case, key]
+        ready = self.ready.get((self.traits.case, key))
+        if ready is None:
+            ready = self._compile(few, args)
+            self.ready.update({(like, key): ready for like in self.traits.like()})
+        compiled, fresh, program = ready
         context = fresh()
         for place, number_slot, setter in self.numbers:
             getattr(context, setter)(number_slot, args[place])
@@ -284,7 +283,7 @@ class _Launcher:
         global _serial
         serial = few and on_cpu()
         before, _serial = _serial, _serial or serial
-        taichi = self.kernel.variant(serial, *self.traits.case())
+        taichi = self.kernel.variant(serial, *self.traits.case)
         self.traits.asked.clear()
         try:
             key = taichi.ensure_compiled(self.owner, *args)

@@ -67,7 +67,7 @@ def test_velocity_exchange_of_crowds_adds_no_energy(collision):
         v = p.numpy("v").astype(float)
         momenta.append((mass * v).sum(axis=0))
         energies.append((mass * v**2).sum())
-        solver.position_correction.apply()
+        solver.position_correction.apply(0.0)
     assert momenta[-1] == pytest.approx(momenta[0], abs=1e-4)
     assert (np.diff(energies) < 1e-6 * energies[0]).all()
     assert energies[-1] < 0.5 * energies[0]
@@ -87,7 +87,7 @@ def test_relative_speed_is_the_largest_past_neighbours_and_walls(collision):
     solver.measure_density()
     x, v, layer = (p.numpy(k) for k in ("x", "v", "layer"))
     solver.position_correction.find(0.0)
-    solver.position_correction.apply()
+    solver.position_correction.apply(0.0)
     h = np.array([s.support for s in collision.layers.specs])[layer]
     near = listed(np.linalg.norm(x[:, None] - x, axis=2), pair_support(h, h))
     passing = (np.linalg.norm(v[:, None] - v, axis=2) * near).max(axis=1)
@@ -158,7 +158,7 @@ def full_cube(halvings, cells, rounds):
         solver.measure_density()
         solver.position_correction.find(0.0)
         yield sim
-        solver.position_correction.apply()
+        solver.position_correction.apply(0.0)
         solver.particles_moved()
 
 

@@ -71,6 +71,21 @@ def test_scenes_without_bodies_launch_no_kernels_of_bodies():
     assert of_bodies <= launched
 
 
+@pytest.mark.skipif(PLAIN, reason="plain Taichi does not tell of launches")
+@pytest.mark.parametrize(("name", "launches", "kernels"), [("pool", 21, 20), ("duck", 37, 32)])
+def test_a_step_has_few_launches(name, launches, kernels):
+    """Limits of the launches per step, without the iterations of the pressure solve, which are one
+    launch each, and of the different kernels in a step."""
+    sim, launched = build_simulation(load_scene(name)), []
+    sim.advance(FRAME, ExternalForces())
+    steps, iterations = sim.steps, sim.iterations
+    with watch_launches(lambda owner, name: launched.append((type(owner).__name__, name))):
+        sim.advance(FRAME, ExternalForces())
+    assert len(launched) - (sim.iterations - iterations) <= launches * (sim.steps - steps)
+    assert len(set(launched)) <= kernels
+    sim.close()
+
+
 def test_the_world_used_last_is_taken_first():
     """Of two equal worlds, the world that was given back last is taken: it has the kernels."""
     first, second = world.take(FIRST), world.take(FIRST)

@@ -17,6 +17,7 @@ from msph.fluid.boundary.body_shapes import BEGIN
 from msph.fluid.particles.particles import Attribute
 from msph.fluid.projection.density import MIN_DISTANCE
 from msph.fluid.projection.discretisation import Discretisation
+from msph.fluid.projection.parameters import MOTION_FACTOR
 from msph.fluid.small_numbers import MIN_DIVISOR
 from msph.launches import data_oriented, kernel
 
@@ -43,6 +44,8 @@ FULL_MOTION, REST_SHARE = 0.1, 0.3
 # Under-relaxation of Jacobi: RELAXATION over the number of neighbours, at most MAX_RELAXATION.
 # Stable below 2/lambda_max, which was 0.68, 0.53 and 0.31 at 27, 57 and 97 neighbours.
 RELAXATION, MAX_RELAXATION = 24.0, 0.5
+# MOTION_FACTOR (-) of spray, which passes no neighbours.
+SPRAY_MOTION_FACTOR = 2.5
 # Values of `crowding`: neither displaced nor corrected first, displaced, both.
 CALM, DISPLACED, CORRECTED = 0, 1, 2
 
@@ -65,7 +68,7 @@ class PositionCorrection:
         # Compiled here (launched on no particles), so that the first splash does not wait.
         self._mark_crowds(0)
         self._limit_exchange(0)
-        self._apply(0, True)
+        self._apply(0, 0.0, True)
 
     def find(self, dt: float) -> float:
         """Finds displacements that end crowding in a step of dt [s]; returns the largest density
@@ -149,11 +152,13 @@ class PositionCorrection:
         inside = self.density.excess(i) > -BACKGROUND_DEFICIT
         return ti.select(inside, share * BACKGROUND_EXCESS, 0.0)
 
-    def apply(self) -> None:
-        """Applies the displacements that find() found, except into walls and bodies."""
+    def apply(self, dt: float) -> list[float]:
+        """Applies the displacements that find() found, except into walls and bodies. Returns the
+        largest rate [1/s] by which motion bounds the next step (speed over cfl spacings), and the
+        longest distance that a particle moves in dt [s], in spacings."""
         if self.crowded:
             self._limit_exchange(self.particles.count)
-        self._apply(self.particles.count, self.crowded)
+        return self._apply(self.particles.count, dt, self.crowded)
 
     @kernel
     def _limit_exchange(self, n: ti.i32):
@@ -176,7 +181,7 @@ class PositionCorrection:
         return slope * (p.position_multiplier[i] + p.position_multiplier[j])
 
     @kernel
-    def _apply(self, n: ti.i32, crowded: ti.template()):
+    def _apply(self, n: ti.i32, dt: ti.f32, crowded: ti.template()) -> ti.math.vec2:
         """x += position_correction, at most `largest_shift` spacings; requires the list of find().
 
         A pair that is moved apart to r (1 + a) keeps its angular momentum only if its relative
@@ -203,6 +208,8 @@ class PositionCorrection:
             wall = self.operator.wall_displacement(i, p.position_multiplier)
             inner = self._limit(i) * (p.position_correction[i] - wall)
             self.impulses.internal_angular_impulse.add(i, m * inner.cross(v + change))
+        top, longest, cfl = 0.0, 0.0, self.constants.cfl[None]
+        rest_density = self.constants.rest_density[None]
         ti.loop_config(serialize=self.traits.light)
         for i in range(n):
             x, margin = p.x[i] + self._limit(i) * p.position_correction[i], self.contact.margin(i)
@@ -212,6 +219,17 @@ class PositionCorrection:
                     x = self.contact.cleared(x, margin, BEGIN)
             p.x[i] = x
             p.v[i] += p.velocity_exchange[i]
+            d, speed = self.layers.spacing[p.layer[i]], p.v[i].norm()
+            relative = ti.math.clamp(p.relative_speed[i], speed / MOTION_FACTOR, speed)
+            if p.predicted_density[i] < self.constants.spray[None] * rest_density:
+                speed /= SPRAY_MOTION_FACTOR
+                relative = speed
+            # Compared first, since a GPU executes atomic maxima of one number one by one.
+            if speed * dt / d > longest:
+                ti.atomic_max(longest, speed * dt / d)
+            if relative / (cfl * d) > top:
+                ti.atomic_max(top, relative / (cfl * d))
+        return ti.Vector([top, longest])
 
     @ti.func
     def _speed_past_walls(self, i, x, v):

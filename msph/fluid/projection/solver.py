@@ -9,7 +9,6 @@ import math
 from typing import Any
 
 import numpy as np
-import taichi as ti
 
 from msph.fluid.adaptivity.adaptation import ATTRIBUTES as ADAPTATION_ATTRIBUTES
 from msph.fluid.adaptivity.adaptation import Adaptation
@@ -32,13 +31,11 @@ from msph.fluid.projection.pressure_operator import PressureOperator
 from msph.fluid.projection.pressure_solve import PressureSolve
 from msph.fluid.projection.shear_relief import ShearRelief
 from msph.fluid.stages import Stage, no_stage
-from msph.launches import data_oriented, kernel
+from msph.launches import data_oriented
 
 # Limit of position corrections before time starts, and the density excess (-) at which they end: a
 # larger excess would lift the water later. Water 60 fine spacings deep needs 161.
 MAX_ARRANGING_ROUNDS, ARRANGED_EXCESS = 400, 1e-3
-# MOTION_FACTOR (-) of spray, which passes no neighbours.
-SPRAY_MOTION_FACTOR = 2.5
 # Length of the first step over the longest one (-): no speed or pressure is known before it.
 FIRST_STEP_FACTOR = 0.1
 
@@ -187,7 +184,7 @@ class Projection:
             self.measure_density()
             crowded = self.position_correction.find(0.0) > ARRANGED_EXCESS
             if crowded:
-                self.position_correction.apply()
+                self.position_correction.apply(0.0)
             self.particles_moved()
             if self.adaptation:
                 unchanged = 0 if self.adaptation.run(budget=1.0) else unchanged + 1
@@ -286,9 +283,9 @@ class Projection:
             self.collisions.resolve()  # contacts, v of floating bodies -> v
             self.boundary.redo(0.5 * dt)  # v of floating bodies -> poses at t + dt
         with stage("drift"):
-            self.position_correction.apply()  # displacements, x, v -> x, v, relative speeds
+            # displacements, x, v -> x, v, bounds of the next step by motion
+            motion_rate, distance = self.position_correction.apply(dt)
             self.openings.prescribe()  # speeds of inflows -> v in their zones
-            motion_rate, distance = self._motion_bounds(self.particles.count, dt)
             self.max_rate = max(pressure_rate, motion_rate)  # bounds the next step
             if self.adaptation:
                 self.adaptation.travelled += distance
@@ -322,25 +319,3 @@ class Projection:
         """Invalidates the neighbour list and the grid."""
         self.neighbours.moved(math.inf)
         self.grid.invalidate()
-
-    @kernel
-    def _motion_bounds(self, n: ti.i32, dt: ti.f32) -> ti.math.vec2:
-        """Returns the largest rate [1/s] by which motion bounds the next step (speed over cfl
-        spacings), and the longest distance that a particle moves in dt [s], in spacings."""
-        p = self.particles
-        top, longest = 0.0, 0.0
-        ti.loop_config(serialize=self.traits.light)
-        for i in range(n):
-            spray = self.constants.spray[None] * self.constants.rest_density[None]
-            d, speed = self.layers.spacing[p.layer[i]], p.v[i].norm()
-            relative = ti.math.clamp(p.relative_speed[i], speed / MOTION_FACTOR, speed)
-            if p.predicted_density[i] < spray:
-                speed /= SPRAY_MOTION_FACTOR
-                relative = speed
-            way, rate = speed * dt / d, relative / (self.constants.cfl[None] * d)
-            # Compared first, since a GPU executes atomic maxima of one number one by one.
-            if way > longest:
-                ti.atomic_max(longest, way)
-            if rate > top:
-                ti.atomic_max(top, rate)
-        return ti.Vector([top, longest])
