@@ -53,6 +53,8 @@ ATTRIBUTES = (
 WALL_IMAGES = 0.4
 # Numbers per image.
 WORDS = 13
+# Places beyond those counted: _store() writes one, and rounding may let it find another.
+SPARE = 2
 # Least number of places that a CPU thread reserves at a time.
 CHUNK = 512
 # Least length (-) of the mean of two normals that has a direction.
@@ -135,8 +137,8 @@ class Images:
 
     @ti.func
     def _most(self, viewer, opened: ti.template()):
-        """Returns an upper bound of the number of images, and of one more, which _store() writes.
-        A GPU counts those in walls; a CPU thread uses what is left for the next particle."""
+        """Returns an upper bound of the number of images, and of SPARE more. A GPU counts those in
+        walls; a CPU thread uses what is left for its next particle."""
         i = viewer.i
         entries, found = self.neighbours.end[i] - self.neighbours.start[i] + 1, 0
         for way in range(1, self.mirror.combinations(viewer.walls)):
@@ -152,7 +154,7 @@ class Images:
                     found += entries
         if ti.static(self.traits.bodies):
             found += self.particles.links[i] * (entries + found)
-        return ti.select(found > 0, found + 1, 0)
+        return ti.select(found > 0, found + SPARE, 0)
 
     @ti.func
     def _viewer(self, i, opened: ti.template()):
@@ -193,13 +195,11 @@ class Images:
         mirror, wall = self.mirror.mirror_and_wall(mirrors)
         if self._meets(viewer, mirror, wall):
             self.index[place] = i
-            seen = self._sees(viewer, i, mirrors, mirror, wall, opened)
-            place += seen
+            place += self._sees(viewer, i, mirrors, mirror, wall, opened)
             for s in range(self.neighbours.start[i], self.neighbours.end[i]):
                 j = self.neighbours.index[s]
                 self.index[place] = j
-                seen = self._sees(viewer, j, mirrors, mirror, wall, opened)
-                place += seen
+                place += self._sees(viewer, j, mirrors, mirror, wall, opened)
         for s in range(first, place):
             x_j = self.particles.x[self.index[s]]
             self.mirrors[s], self.link[s] = mirrors, -1
