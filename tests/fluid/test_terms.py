@@ -1,4 +1,4 @@
-"""Viscosity, surface tension and XSPH: brute force, formulas, conservation, no cost when off."""
+"""Viscosity and surface tension: brute force, formulas, conservation, no cost when off."""
 
 import numpy as np
 import pytest
