@@ -31,6 +31,7 @@ class DeviceTable:
         self.fields = {name: _width_and_type(kind) for name, kind in members.items()}
         field = self.struct = ti.types.struct(**members).field(shape=shape, layout=ti.Layout.SOA)
         self.__dict__.update({name: field.get_member_field(name) for name in members})
+        self._used = 0  # rows of the last fill()
         self._numbers, self._integers = self._slots(np.float32), self._slots(np.int32)
         # Values by number type, (rows, columns), and a view of the columns of each member.
         self._values: dict[type, np.ndarray] = {}
@@ -56,24 +57,30 @@ class DeviceTable:
 
     def fill(self, **values: Any) -> None:
         """Writes all rows. values: an array per member, of shape (rows used, components), or (rows,
-        columns, components) for a table of two axes; members and rows not given become 0."""
+        columns, components) for a table of two axes; members and rows not given become 0. Without
+        values all rows become 0, also those that kernels have written."""
         for table in self._values.values():
             table[:] = 0
+        used = 1
         for name, value in values.items():
             if name not in self._views:
                 raise TypeError(f"the table has no {name}")
             view, given = self._views[name], np.asarray(value)
             given = given.reshape(*given.shape[: len(self.shape)], view.shape[-1])
             view[tuple([slice(n) for n in given.shape[:-1]])] = given
-        self._store(*self._values.values())
+            used = max(used, given.shape[0] * self._rows // view.shape[0])
+        # Rows beyond those that were used before are 0, unless kernels have written them.
+        self._store(*self._values.values(), max(used, self._used) if values else self._rows)
+        self._used = used
 
     @kernel
     def _store(
         self,
         numbers: ti.types.ndarray(dtype=ti.f32, ndim=2),
         integers: ti.types.ndarray(dtype=ti.i32, ndim=2),
+        rows: ti.i32,
     ):
-        for row in range(self._rows):
+        for row in range(rows):
             for _, first, slots in ti.static(self._numbers):
                 for k, slot in ti.static(enumerate(slots)):
                     self._put(slot, row, numbers[row, first + k])
