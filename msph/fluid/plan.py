@@ -100,8 +100,15 @@ class Plan:
             cells=sum(cells_of(self.region, self.specs)),
             depth_cells=int(np.prod(self._depth.get("depth_dims", 0))),
             samples=sample_count(list(self.bodies), self.specs),
-            images=image_capacity(self.region, self.specs, self.max_particles, bool(self.bodies)),
+            images=self._images,
         )
+
+    @property
+    def _images(self) -> int:
+        """Number of places for images; methods without bodies have no images in walls either."""
+        if not self.method.HAS_BODIES:
+            return 0
+        return image_capacity(self.region, self.specs, self.max_particles, bool(self.bodies))
 
     def constants(self) -> dict[str, Any]:
         """Returns the scene's constants by their names in Constants."""

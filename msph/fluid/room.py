@@ -24,9 +24,9 @@ class Room:
         return all(a >= b for a, b in zip(astuple(self), astuple(needed), strict=True))
 
 
-# Smallest class, 60 MiB: every shipped scene fits at every quality. The sizes are no powers of two:
-# fields a multiple of 4096 bytes apart would compete for the same cache lines.
-FIRST = Room(16_500, 1_425_000, 45_000, 30_000, 820_000, 700_000)
+# Smallest class, about 90 MiB: every shipped scene fits at every quality. The sizes are no powers
+# of two: fields a multiple of 4096 bytes apart would compete for the same cache lines.
+FIRST = Room(16_500, 1_425_000, 45_000, 30_000, 820_000, 1_000_000)
 # Largest number of bodies: 64 of a scene, and a container.
 MAX_BODIES = 65
 # Factor between classes, applied to each capacity separately since Taichi touches all it allocates.

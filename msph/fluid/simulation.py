@@ -60,10 +60,11 @@ def footprint(
     entries = list_capacity(specs, solver.LIST_MARGIN, solver.list_form(parameters), count)
     # Attributes, and the fields place, cell, start and end of the sort and the list.
     words = sum(a.words for a in CORE + all_attributes()) + 4
+    images = image_capacity(size, specs, count, False) if solver.HAS_BODIES else 0
     return {
         "cells": 2 * grown(FIRST.cells, sum(cells_of(size, specs))),
         "neighbours": (1 + solver.PER_ENTRY) * grown(FIRST.entries, entries),
-        "images": WORDS * grown(FIRST.images, image_capacity(size, specs, count, False)),
+        "images": WORDS * grown(FIRST.images, images),
         "particles": words * grown(FIRST.particles, count),
     }
 

@@ -48,11 +48,12 @@ def displacements(sim):
 
 
 def spans(sim, kind):
-    """Returns first and end, (n,) each, of the particles' "neighbours" or "images"."""
+    """Returns first and end, (n,) each, of the particles' "neighbours", "images" or "body images";
+    the latter two are rows of one table."""
     p, neighbours = sim.particles, sim.solver.neighbours
     if kind == "neighbours":
         return tuple(f.to_numpy()[: p.count] for f in (neighbours.start, neighbours.end))
-    return p.numpy("first_image"), p.numpy("image_end")
+    return p.numpy("first_image" if kind == "images" else "body_image"), p.numpy("image_end")
 
 
 def neighbours_of(sim):
@@ -70,7 +71,8 @@ def images_of(sim):
 
 
 def sum_of_entries(sim, kind):
-    """Returns the sums (n, 3) [1/m] of the gradients of the particles' neighbours or images."""
+    """Returns the sums (n, 3) [1/m] of the gradients of the particles' entries of a kind of
+    spans()."""
     density = sim.solver.density
     field = density.pair_gradient if kind == "neighbours" else density.images.gradient
     gradient = field.to_numpy()

@@ -118,16 +118,19 @@ def tank():
 
 
 def test_depth_is_the_distance_to_the_surface(tank):
-    """The reference is a level surface; at times a few particles rise above it in a corner."""
+    """The surface is half a fine spacing above the highest particle within 1.5 fine spacings: at
+    times particles in a corner rise above level water."""
     sim, _ = tank
     sim.solver.adaptation.depth.refresh()
     sim.solver.adaptation.mark_particles(sim.particles.count, 1.0, 1.0)
-    depth, y = sim.particles.numpy("depth"), sim.particles.numpy("x")[:, 1]
+    depth, x = (sim.particles.numpy(name) for name in ("depth", "x"))
+    fine, y = sim.layers.specs[0].spacing, x[:, 1]
+    aside = np.linalg.norm(x[:, None, ::2] - x[None, :, ::2], axis=2)
+    surface = np.where(aside < 1.5 * fine, y, 0.0).max(axis=1) + 0.5 * fine
     inside = (depth > 0.0) & (depth < 0.9 * farthest_depth(sim.layers.specs, sim.plan.adaptation))
-    error = depth[inside] - (DEPTH - y[inside])
+    error = (depth - (surface - y))[inside]
     assert inside.sum() > 500
-    assert np.percentile(np.abs(error), 99) < 0.4 * sim.plan.constants()["depth_cell"]
-    assert np.abs(error).max() < sim.plan.constants()["depth_cell"]
+    assert np.abs(error).max() < 0.6 * sim.plan.constants()["depth_cell"]
     assert abs(error.mean()) < 0.2 * sim.plan.constants()["depth_cell"]
 
 

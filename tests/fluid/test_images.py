@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from msph.errors import BlowUpError
 from msph.fluid.boundary.rigid_bodies import Ball, Block, Solid
+from msph.fluid.particles.images import image_capacity
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.plan import Plan
 from msph.fluid.projection.parameters import ProjectionParameters
@@ -82,11 +83,15 @@ def test_images_sum_to_the_share_and_only_particles_at_faces_have_links():
     assert 0 < sim.world.parts.links.found[None] < 2 * sim.particles.count
 
 
-def test_images_complete_the_neighbours_of_a_lattice_between_walls():
-    """Everywhere as many neighbours and images as inside a lattice, also in edges and corners."""
-    x, layer = water((8, 8, 8), disturbance=0.0)
-    sim = simulation(x, 0 * layer, (8 * D, 8 * D, 8 * D), [])
+@pytest.mark.parametrize("counts", [(12, 12, 12), (4, 4, 200), (3, 3, 400), (4, 24, 24)])
+def test_images_complete_the_neighbours_of_a_lattice_between_walls(counts):
+    """Everywhere as many neighbours and images as inside a lattice, also in edges, corners and
+    ducts; the estimated number of places suffices."""
+    x, layer = water(counts, disturbance=0.0)
+    size = tuple(D * np.array(counts))
+    sim = simulation(x, 0 * layer, size, [])
     sim.measure_density()
+    assert sim.world.parts.images.found[None] <= image_capacity(size, [FINE, COARSE], len(x), False)
     steps = np.stack(np.meshgrid(*[np.arange(-3, 4)] * 3), axis=-1).reshape(-1, 3)
     near = np.sum(listed(np.linalg.norm(steps, axis=1), 2.45)) - 1
     counts = [end - begin for begin, end in (spans(sim, "neighbours"), spans(sim, "images"))]
@@ -171,7 +176,8 @@ def test_bodies_at_opposite_walls_have_mirrored_forces():
         place[:, 0] = size[0] - x[:, 0] if far else x[:, 0]
         sim = simulation(place, layer, tuple(size), [ball])
         sim.measure_density()
-        found.append(in_order(sim, "body_share", "gradient"))
+        order = np.argsort(sim.particles.numpy("id"))
+        found.append([*in_order(sim, "body_share"), sum_of_entries(sim, "body images")[order]])
         sim.close()
     found[1][1][:, 0] *= -1.0
     for one, other in zip(*found, strict=True):

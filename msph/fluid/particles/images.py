@@ -48,10 +48,7 @@ ATTRIBUTES = (
     Attribute("body_share", "-", "contribution of bodies to c", carried=False),
 )
 
-# Images in walls of the particles within a kernel's reach of them, over the bound of their
-# neighbours (-): 0.26 in `drop`, where a third of the pool is at edges; and what threads leave.
-WALL_IMAGES = 0.4
-# Numbers per image.
+# Numbers (f32 or i32) per image.
 WORDS = 13
 # Places beyond those counted: _store() writes one, and rounding may let it find another.
 SPARE = 2
@@ -74,7 +71,8 @@ class Images:
     Tables by image, contiguous for a particle i, those in walls before those in bodies: index,
     particle j; mirrors, the walls that mirror it, as bits, except walls that mirror the body;
     gradient g and reaction `back` [1/m], set by Density for images in walls; arm [m], from the
-    image to i; link, the link of i, -1 for images in walls; partner, the link of j.
+    image to i; link, the link of i, -1 for images in walls; partner, the link of j, unset for
+    images in walls.
     """
 
     def __init__(self, room: Room, links: BodyLinks, neighbours: NeighbourList):
@@ -262,10 +260,11 @@ class Images:
         push: ti.template(),
         torque: ti.template(),
     ):
-        """Stores an image in a body as entry s."""
+        """Stores an image in a body, which a link of the viewer sees, as entry s; adds its
+        contribution to c_i to `share`, and those to G and T of the link to `push` and `torque`."""
         links, k, layer = self.links, image.partner, viewer.layer
         j = links.particle[k]
-        own, far = self.mirror.mirror_and_wall(links.mirrors[link])
+        own = self._signs(links.mirrors[link])
         rest, rest_wall = self.mirror.mirror_and_wall(image.rest)
         per_h, r = self.layers.per_h[layer, self.particles.layer[j]], ti.sqrt(image.r2)
         scale = self.layers.scale[layer, self.particles.layer[j]]
@@ -353,15 +352,16 @@ class Images:
 def image_capacity(
     size: tuple[float, float, float], specs: list[LayerSpec], count: int, bodies: bool
 ) -> int:
-    """Returns the largest number of images of `count` particles in a region of `size` [m], from the
-    bound of their neighbours at rest: particles within a kernel's reach of the walls have
-    WALL_IMAGES times as many images in walls, and those at faces of bodies at most half as many in
-    bodies. Without bodies: those of a sheet across a cube, for bodies that are added later."""
+    """Returns the number of places for images of `count` particles in a region of `size` [m], from
+    the bound of their neighbours at rest: particles within a kernel's reach of the walls take as
+    many for images in walls (in a duct 3 spacings wide 0.92 times as many, with those that threads
+    leave unused), and those at faces of bodies at most half as many for images in bodies. Without
+    bodies: those of a sheet across a cube, for bodies that are added later."""
     x, y, z = size
     near = 2.0 * (x * y + y * z + z * x) * max(s.support / s.volume for s in specs)
     near_bodies = count if bodies else count ** (2.0 / 3.0)
     mean = max_mean_neighbours(specs, 0.0, "pair")
-    return math.ceil((WALL_IMAGES * min(count, near) + 0.5 * near_bodies) * mean)
+    return math.ceil((min(count, near) + 0.5 * near_bodies) * mean)
 
 
 @ti.func

@@ -17,8 +17,8 @@ from msph.launches import data_oriented, heavy_kernel
 from msph.taichi_internals import on_cpu
 
 # Share (-) of the symmetric support within which pairs are listed: beyond it the quartic kernel is
-# below 2e-5 of its peak. Pairs are 14 % fewer; errors of still and sloshing water stay within the
-# range of their starts, with 0.93 pressures do not (docs/trials.md).
+# below 2e-5 of its peak. Pairs are 14 % fewer. Pressures of still water are as accurate as with 1;
+# with 0.93 they are not (docs/trials.md).
 PAIR_REACH = 0.95
 # Support [m] of the kernel of two particles with supports h_i and h_j [m], by form of the list.
 LIST_FORMS = {
