@@ -1,4 +1,6 @@
-"""Time and errors of the simulation against another checkout of the project, in alternating runs.
+"""Compares time and errors of the simulation with another checkout of the project.
+
+The two checkouts run in turn. The errors are the solver's own residual, momentum and energy.
 
 python bench/against.py ../before [--scene drop] [--rounds 5] [--seconds 1]
 """
@@ -29,8 +31,7 @@ def run(root: Path, scene: str, seconds: float) -> dict:
         command += ["--seconds", str(seconds), "--json", str(path)]
         environment = {**os.environ, "PYTHONPATH": str(root)}
         subprocess.run(command, cwd=root, env=environment, check=True, capture_output=True)
-        rows = json.loads(path.read_text())
-    return rows["rows"][0] if isinstance(rows, dict) else rows[0]
+        return json.loads(path.read_text())[0]
 
 
 def spread(values: list[float], form: str) -> str:
