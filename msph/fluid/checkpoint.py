@@ -11,16 +11,21 @@ from msph.fluid.boundary.opening import ZONE
 from msph.fluid.boundary.pistons import Stroke
 from msph.fluid.room import MAX_BODIES
 
+# Largest time [s] by which particles are ahead of a checkpoint: the longest frame.
+MAX_AHEAD = 1.0
+
 if TYPE_CHECKING:
     from msph.fluid.simulation import Simulation
 
 
 def state_of(sim: "Simulation") -> dict[str, np.ndarray]:
-    """Returns a checkpoint of a Simulation: every carried attribute, time, number of steps, length
-    of the last step, the spilt mass [kg] of an open box, the state of floating bodies and openings,
-    added bodies and openings, the piston, the solver's state and the fingerprint."""
+    """Returns a checkpoint of a Simulation: every carried attribute, time, time by which the
+    particles are ahead, number of steps, length of the last step, the spilt mass [kg] of an open
+    box, the state of floating bodies and openings, added bodies and openings, the piston, the
+    solver's state and the fingerprint."""
     progress = {
         "time": np.float64(sim.time),
+        "ahead": np.float64(sim.ahead),
         "steps": np.int64(sim.steps),
         "last_step": np.float64(sim.last_step),
     }
@@ -57,7 +62,9 @@ def restore(sim: "Simulation", state: dict[str, np.ndarray]) -> None:
     missing = set(state_of(sim)) - optional - set(attributes)
     if missing:
         raise ValueError(f"{', '.join(sorted(missing))} missing")
-    time, steps, last_step = (attributes.pop(k) for k in ("time", "steps", "last_step"))
+    time, steps, last_step, ahead = (
+        attributes.pop(k) for k in ("time", "steps", "last_step", "ahead")
+    )
     fluid, own = attributes.pop("fluid"), fingerprint(sim)
     solver = {k: float(attributes.pop(f"solver.{k}")) for k in sim.solver.state()}
     spilt = float(attributes.pop("spilt")) if sim.plan.open_top else 0.0
@@ -79,6 +86,8 @@ def restore(sim: "Simulation", state: dict[str, np.ndarray]) -> None:
         raise ValueError(f"layer index not in 0 to {sim.layers.count - 1}")
     if not 0.0 <= time < math.inf:
         raise ValueError(f"time is {time:g} s: must be finite and at least 0")
+    if not 0.0 <= ahead <= MAX_AHEAD:
+        raise ValueError(f"particles are {ahead:g} s ahead: must be 0 to {MAX_AHEAD:g} s")
     if not last_step > 0.0:
         raise ValueError(f"last step is {last_step:g} s: must be positive")
     if len(sim.plan.bodies) + len(added) + bool(stroke) > MAX_BODIES:
@@ -89,15 +98,15 @@ def restore(sim: "Simulation", state: dict[str, np.ndarray]) -> None:
         raise ValueError("floating bodies are not at finite positions and speeds")
     if not 0.0 <= spilt < math.inf:
         raise ValueError(f"{spilt:g} kg were spilt: must be finite and at least 0")
-    sim.start_from(attributes, float(time), int(steps), spilt)
+    sim.start_from(attributes, float(time), int(steps), spilt, float(ahead))
     for opening in openings:
         sim.take_opening(opening)
     if opened:
-        sim.openings.restore(ways, float(time))
+        sim.openings.restore(ways, sim.reached)
     for body in added:
         sim.take_body(body)
     if stroke:
         sim.add_piston(stroke)
-    sim.boundary.restore(float(time), floating)
+    sim.boundary.restore(sim.reached, floating)
     sim.last_step = float(last_step)
     sim.solver.restore(solver)

@@ -46,6 +46,11 @@ class MovingBox:
     rising: Any = field(default_factory=lambda: np.zeros(3))
 
     @property
+    def turned_by_hand(self) -> bool:
+        """True if the user's tilt changes in the frame."""
+        return bool(self.turning.any() or self.rising.any())
+
+    @property
     def gravity(self) -> Vec3:
         """Gravity [m/s^2] in the frame of the box at the start; its change within the frame counts
         as inertia, so that potential energy is defined."""
@@ -57,7 +62,7 @@ class MovingBox:
     def at(self, time: float, dt: float) -> ExternalForces:
         """Returns the external forces of a step of dt [s] from `time` [s]. They contain the whole
         change of the box's velocity within the step, also where the velocity jumps."""
-        if self.path is at_rest and not (self.turning.any() or self.rising.any()):
+        if self.path is at_rest and not self.turned_by_hand:
             return ExternalForces(self.gravity, self.hand)
         turned = self.path(time + 0.5 * dt)[1]
         frame, gravity = self.tilt @ turned, np.array(self.gravity)

@@ -3,7 +3,6 @@
 import math
 import weakref
 from collections.abc import Callable
-from functools import partial
 from time import perf_counter
 from typing import NamedTuple
 
@@ -93,7 +92,8 @@ class FullError(ValueError):
 class Simulation:
     """Simulation of one scene, as a Plan describes it.
 
-    time [s] is simulated time; steps counts solver steps since the last reset, iterations the
+    time [s] is simulated time, at the end of a frame; ahead [s]: time by which the particles are
+    ahead of it, less than a step; steps counts solver steps since the last reset, iterations the
     iterations of their pressure solves; left_out counts the initial particles inside bodies, which
     are dropped, and mass_left_out [kg] is their mass. Raises NoWaterError if no particles remain,
     OpeningError for an inflow or outflow in a body.
@@ -153,28 +153,30 @@ class Simulation:
         clock: Callable[[], float] = perf_counter,
         on_progress: Callable[[float], None] | None = None,
         until: float | None = None,
+        free: bool = False,
     ) -> float:
         """Simulates `duration` [s] in steps no longer than the solver allows; returns the time [s]
-        simulated.
+        simulated. free: the last step may end after `duration`, which saves shorter steps.
 
         The result is less than `duration` only if `budget` [s] of wall-clock time is exceeded, or
-        if at least `until` [s] are simulated, by which a replay repeats an earlier result; at least
-        one step is made. Particles are sorted into the grid afterwards, as the surface requires.
+        if at least `until` [s] are simulated, by which a replay repeats an earlier result; time
+        passes in any case. Particles are sorted into the grid afterwards, as the surface requires.
         stage(name) is entered around each part of a step (profiler hook); on_progress is called
         after each step with the finished share (0 to 1). Raises TrappedWaterError if a moving body
         compresses enclosed water, BlowUpError if no step is short enough, AllSpiltError if no water
         is left in an open box.
         """
         deadline = math.inf if budget is None else clock() + budget
-        left, forces = duration, external.at(self.time, 0.0)
-        while left > 1e-6 * duration:
+        left, forces = duration - self.ahead, external.at(self.time, 0.0)
+        rounding = 1e-6 * duration
+        while left > rounding:
             now = self.time + duration - left
             if self.boundary.driven:
                 longest, excess = self.solver.longest_step(), self.solver.density.largest_excess
                 check_trapped_water(
                     self.boundary, self.layers, self.particles, forces, longest, excess, now
                 )
-            dt = self.last_step = left / self._step_count(left, forces)
+            dt = self.last_step = self._next_step(left, duration if free else None, forces)
             forces = external.at(now, dt)
             self.openings.begin(now + dt)
             self.solver.step(dt, forces, stage)
@@ -184,15 +186,20 @@ class Simulation:
             self.steps += 1
             self.iterations += self.solver.iterations
             if on_progress:
-                on_progress(1.0 - left / duration)
+                on_progress(1.0 - max(left, 0.0) / duration)
             if clock() >= deadline or (until is not None and duration - left >= until):
                 break
         with stage("neighbours"):
             self.grid.refresh()
-        done = duration - left if left > 1e-6 * duration else duration
-        self.time += done
+        done = duration - left if left > rounding else duration
+        self.time, self.ahead = self.time + done, max(-left, 0.0) if -left > rounding else 0.0
         self.rim.fall(done, forces.apparent_gravity)
         return done
+
+    @property
+    def reached(self) -> float:
+        """Time [s] of the particles and bodies."""
+        return self.time + self.ahead
 
     def _spill(self, dt: float, external: ExternalForces) -> None:
         """Removes the particles that left the box in a step of dt [s]."""
@@ -259,7 +266,7 @@ class Simulation:
 
     def take_body(self, body: Body) -> None:
         """Adds a body without checking whether there is room."""
-        self.boundary.add(body, self.time)
+        self.boundary.add(body, self.reached)
         self.world.prepare_bodies()
 
     @property
@@ -280,7 +287,7 @@ class Simulation:
         """Removes the piston; the wall behind it mirrors water again."""
         self.contact.push_bodies()
         which = next(k for k, b in enumerate(self.boundary.bodies) if b.motion is self.piston)
-        self.boundary.remove(which, self.time)
+        self.boundary.remove(which, self.reached)
         self.world.prepare_bodies()
         self.solver.particles_moved()
 
@@ -327,23 +334,30 @@ class Simulation:
     def measure_density(self) -> None:
         """Sums the densities at the current positions; a step sums them at its midpoint only."""
         if self.boundary.moving:
-            self.boundary.place(self.time, 0.0)
+            self.boundary.place(self.reached, 0.0)
         self.grid.refresh()
         self.solver.measure_density()
 
-    def _step_count(self, left: float, external: ExternalForces) -> int:
-        """Returns the number of equal steps for the remaining `left` [s] of the frame. Keeps the
-        length of the last step while it is allowed and at most LENGTHENING_RATIO times too short.
-        """
-        longest = partial(self.solver.longest_step, external=external)
-        if not longest(LENGTHENING_RATIO) > 0.0:
+    def _next_step(self, left: float, frame: float | None, external: ExternalForces) -> float:
+        """Returns the length [s] of the next step, with `left` [s] to the end of the frame: an
+        equal part of it, or, if the duration `frame` [s] is given, as long as allowed, at most a
+        frame. Keeps the length of the last step while it is allowed and at most LENGTHENING_RATIO
+        times too short."""
+        longest, shorter = (
+            self.solver.longest_step(k, external=external) for k in (1.0, LENGTHENING_RATIO)
+        )
+        if not shorter > 0.0:
             speed = np.linalg.norm(self.particles.numpy("v").astype(float), axis=1)
             which = self.particles.describe(int(np.argmax(speed)))
             raise BlowUpError(
                 f"step {self.steps}: no step is short enough for the fastest particle, {which}"
             )
-        least, most = (math.ceil(left / longest(k) - 1e-6) for k in (1.0, LENGTHENING_RATIO))
-        return min(max(least, round(left / self.last_step)), most)
+        if frame is not None:
+            if longest >= frame:
+                return left if left > 0.5 * frame else frame
+            return self.last_step if shorter <= self.last_step <= longest else longest
+        least, most = (math.ceil(left / bound - 1e-6) for bound in (longest, shorter))
+        return left / min(max(least, round(left / self.last_step)), most)
 
     def counts(self) -> list[int]:
         """Returns the number of live particles of each layer."""
@@ -375,17 +389,22 @@ class Simulation:
         self.boundary.impulse, self.boundary.twist, self.boundary.removed_impulse = mark.received
 
     def start_from(
-        self, attributes: dict[str, np.ndarray], time: float, steps: int, spilt: float = 0.0
+        self,
+        attributes: dict[str, np.ndarray],
+        time: float,
+        steps: int,
+        spilt: float = 0.0,
+        ahead: float = 0.0,
     ) -> None:
-        """Sets particles, time [s], number of steps and spilt mass [kg], with the bodies and
-        openings of the scene at that time."""
+        """Sets particles, time [s], number of steps, spilt mass [kg] and the time [s] by which the
+        particles are ahead, with the bodies and openings of the scene at that time."""
         self.particles.fill(**attributes)
-        self.time, self.steps, self.iterations = time, steps, 0
+        self.time, self.ahead, self.steps, self.iterations = time, ahead, steps, 0
         self.last_step = math.inf
         if self.boundary.count > len(self.plan.bodies):
             self.world.load_bodies(self.plan)
         self.world.load_openings(self.plan, ())
         self.world.load_openings(self.plan, self.plan.openings)
-        self.boundary.reset(time)
+        self.boundary.reset(self.reached)
         self.rim.reset(spilt)
         self.solver.reset()

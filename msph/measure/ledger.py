@@ -56,13 +56,13 @@ class Ledger:
             first = int(np.argmin(np.isfinite(state).all(axis=1)))
             raise NotFiniteError(
                 f"{totals['not_finite']:.0f} of {sim.particles.count} particles are not finite "
-                f"at t = {sim.time:.3f} s (step {sim.steps}), the first: "
+                f"at t = {sim.reached:.3f} s (step {sim.steps}), the first: "
                 f"{sim.particles.describe(first)}"
             )
         broken = [k for k, value in totals.items() if not np.all(np.isfinite(value))]
         if broken:
             what = ", ".join(broken)
-            raise NotFiniteError(f"{what} overflowed at t = {sim.time:.3f} s (step {sim.steps})")
+            raise NotFiniteError(f"{what} overflowed at t = {sim.reached:.3f} s (step {sim.steps})")
         moment, floating_moment = totals.pop("moment"), floating.mass @ floating.x
         if self._gravity is not None:
             # A turn of the box changes gravity in the box frame, and thus the potential energy, at
@@ -72,7 +72,7 @@ class Ledger:
         del totals["not_finite"]
         excess = self._residuals()
         entry = Entry(
-            time=sim.time,
+            time=sim.reached,
             centre=moment / totals["mass"],
             potential=-float(moment @ g),
             gravity=g,

@@ -68,7 +68,7 @@ class Snapshot:
             boundary.free,
             boundary.count > 0,
             p.numpy("v")[inside].astype(float),
-            simulation.time,
+            simulation.reached,
             tuple(boundary.pose(k) for k in range(boundary.count)),
         )
 

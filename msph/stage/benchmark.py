@@ -88,7 +88,8 @@ def benchmark(
     rendered. `profile` slows the run: it synchronizes the device around each part of a step. With
     a recording, its frames are run with its input.
     """
-    timings, frame_time, how = Timings(profile), FRAME_TIME, dict[str, Any]()
+    timings, frame_time = Timings(profile), FRAME_TIME
+    how: dict[str, Any] = {"free_steps": True}
     frames = max(1, math.ceil(seconds / frame_time))
     if recording:
         frames, how = recording.moving, SIMULATED

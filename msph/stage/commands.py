@@ -203,7 +203,9 @@ def record(
 ) -> None:
     """Records a scene to files; after an interrupt the files are complete up to that frame."""
     size, meshes = options.size if files.pictures else None, bool(files.meshes)
-    how = options_of(recording, options.resume)
+    # Exported data are states of the solver at the times of frames, or at those of a session.
+    data = files.meshes or files.particles or files.bodies
+    how = {"free_steps": not data, **options_of(recording, options.resume)}
     fps, scene_path, text = options.fps, scene_file(files), loaded.toml()
     # A resumed recording finds the scene file of its first part.
     same = scene_path.is_file() and scene_path.read_bytes() == text.encode()

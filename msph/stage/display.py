@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from msph.fluid.external_forces import Hand, Vec3
+from msph.fluid.shown import Shown
 from msph.fluid.simulation import Simulation
 from msph.fluid.stages import no_stage
 from msph.measure.timings import Timings
@@ -45,6 +46,7 @@ class Display:
         self.simulation, self.scene, self.pose, self.meshes = simulation, scene, pose, meshes
         self.stage = timings.stage if timings else no_stage
         self.substage = timings.substage if timings else no_stage
+        self.shown: Any = None  # water at the end of the frame, if it is drawn
         self.surface: Any = self._load_surface() if size or meshes else None
         self.picture: Any = self._load_picture(size) if size else None
         self.views: Any = Views(simulation, scene) if size else None
@@ -83,6 +85,8 @@ class Display:
     def _load_surface(self) -> Surface:
         s, sim = self.scene.surface, self.simulation
         cell = s.cell * sim.layers.finest.spacing
+        self.shown = sim.world.build_once(Shown)
+        self.shown.load()
         room = SurfaceRoom.holding(sim.region, cell, sim.particles.capacity)
         surface = sim.world.build_once(surface_of, room)
         surface.load(sim.region, cell, s.smoothing)
@@ -129,7 +133,7 @@ class Display:
                 self.picture.take_bodies()
         water = self.picture is not None and self.views.name == "water"
         if self.surface and (water or self.meshes):
-            with self.stage("surface"):
+            with self.stage("surface"), self.shown.at_frame(self.simulation):
                 self.surface.extract(hidden=not self.meshes)
         if self.picture:
             self._render()
@@ -149,21 +153,22 @@ class Display:
         """Renders the surface, or the particles."""
         with self.stage("picture"):
             if self.views.name == "water":
-                self.picture.draw_water(self.view, self.pose.tilt)
-            else:
-                particles = self.simulation.particles
-                self.views.neighbourhood.follow()
-                if self.views.cut is not None:
-                    self.views.cut = self._near()
-                value, lo, hi = self.views.values()
+                with self.simulation.boundary.shifted(-self.simulation.ahead):
+                    self.picture.draw_water(self.view, self.pose.tilt)
+                return
+            self.views.neighbourhood.follow()
+            if self.views.cut is not None:
+                self.views.cut = self._near()
+            value, lo, hi = self.views.values()
+            with self.shown.at_frame(self.simulation):
                 self.picture.draw_particles(
                     self.view,
                     self.pose.tilt,
-                    particles.x,
+                    self.shown.particles.x,
                     value,
                     lo,
                     hi,
-                    particles.count,
+                    self.simulation.particles.count,
                     self.views.radius,
                     legend=self.views.legend(lo, hi),
                 )
@@ -210,8 +215,8 @@ class Display:
     def volume(self) -> float:
         """Returns the volume enclosed by the surface mesh [m^3]; NaN if the mesh overflowed."""
         self.surface = self.surface or self._load_surface()
-        self.simulation.grid.refresh()
-        self.surface.extract()
+        with self.shown.at_frame(self.simulation):
+            self.surface.extract()
         mesh = self.surface.mesh
         return math.nan if mesh.overflowed() else mesh.volume()
 

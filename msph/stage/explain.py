@@ -104,7 +104,6 @@ def water_error(centres: list[np.ndarray], others: list[np.ndarray], depth: floa
 def picture_error(whole: Show, other: Show) -> str:
     """Describes the mean difference between two shows' images of the first show's particles."""
     other.simulation.restore(whole.simulation.state())
-    other.simulation.grid.refresh()
     for show in (whole, other):
         show.display.draw()
     a, b = (show.display.picture.to_numpy_u8().astype(float) for show in (whole, other))

@@ -105,7 +105,7 @@ class Measurer:
         if self.gap and earlier:
             self.surveys = past.surveys(self.ledger.kept, self.scene.density)
         self.before = earlier[-1] if earlier else None
-        goes_on = earlier and abs(show.simulation.time - earlier[-1].time) < ROUNDING
+        goes_on = earlier and abs(show.simulation.reached - earlier[-1].time) < ROUNDING
         # A frame has the gravity of its start; the work of a tilt counts in the next frame.
         x, y, z = earlier[-1].gravity.tolist() if goes_on else show.gravity()
         first = past.continued(show.ledger.record((x, y, z)), self.before)

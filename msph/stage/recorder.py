@@ -108,7 +108,7 @@ class Recorder(Audience):
     def wants_more(self, row: Row) -> bool:
         if self.outputs.bodies and not self.motions:
             self.motions = BodyTable(row.lead.simulation)
-            self.motions.numbers(row.lead.simulation.time)
+            self.motions.numbers(row.lead.simulation.reached)
         return self.done < self.frames
 
     def within(self, row: Row, share: float) -> None:
@@ -135,12 +135,12 @@ class Recorder(Audience):
             with self._writing(path):
                 write_particles(self._numbered(path), row.lead)
         if self.outputs.bodies:
-            numbers = self.motions.numbers(row.lead.simulation.time)
+            numbers = self.motions.numbers(row.lead.simulation.reached)
             for path in self.outputs.bodies:
                 with self._writing(path):
                     vtu.write_bodies(self._numbered(path), row.lead.simulation, numbers)
         for path, files in self.lists.items():
-            files.append((row.lead.simulation.time, self._numbered(path)))
+            files.append((row.lead.simulation.reached, self._numbered(path)))
         self.done += 1
         self.progress.update()
 

@@ -43,7 +43,7 @@ LEAST_GRAVITY = 1.0
 
 # Options of an interactive show: those on which the simulation depends, and all options. Solver
 # residuals are measured only every 0.1 s, since they need a neighbour search.
-SIMULATED: dict[str, Any] = {"stop_bodies": True, "spare": 2000}
+SIMULATED: dict[str, Any] = {"stop_bodies": True, "free_steps": True, "spare": 2000}
 INTERACTIVE: dict[str, Any] = {**SIMULATED, "scalable": True, "density_every": 0.1}
 
 
@@ -53,8 +53,9 @@ class Show:
     frame_time [s]: default simulated time of a frame. size, meshes: see Display. density_every [s]:
     see Ledger. stop_bodies: instead of an error, a body that traps water stops, and the scene
     begins again when all water is spilt; stopped: names of stopped bodies. scalable: frames may set
-    the image scale. simulated [s]: time simulated by the last frame. spare, room: see
-    build_simulation. Unused parts are neither allocated nor compiled.
+    the image scale. free_steps: steps need not end with frames, unless the user turns the box or
+    moves a wall, whose motion is given by frame. simulated [s]: time simulated by the last frame.
+    spare, room: see build_simulation. Unused parts are neither allocated nor compiled.
     """
 
     def __init__(
@@ -68,6 +69,7 @@ class Show:
         density_every: float = 0.0,
         stop_bodies: bool = False,
         scalable: bool = False,
+        free_steps: bool = False,
         spare: int = 0,
         room: int = 0,
     ):
@@ -81,6 +83,7 @@ class Show:
         # Called after each step with the completed share (0 to 1) of its frame.
         self.on_progress: Callable[[float], None] | None = None
         self.stop_bodies, self.scalable = stop_bodies, scalable and size is not None
+        self.free_steps = free_steps
         self.stopped: set[str] = set()
         self.note = ""  # message to the user about the last frame
         # Floating body that the user drags: its index, and its centre relative to the cursor [m].
@@ -187,6 +190,7 @@ class Show:
                 self.clock,
                 self.on_progress,
                 controls.until,
+                self.free_steps and not (external.turned_by_hand or sim.piston),
             )
         except AllSpiltError as error:
             if not self.stop_bodies:
@@ -205,14 +209,15 @@ class Show:
                 self.note = f"{error.name} is gone: it had trapped water"
                 return 0.0
             # Repeated stops of a body move it back farther: the compressed water needs room.
-            stopped[error.body] = min(sim.time, stopped.get(error.body, sim.time)) - frame_time
+            now = sim.reached
+            stopped[error.body] = min(now, stopped.get(error.body, now)) - frame_time
             self._stop(stopped)
             self.stopped.add(error.name)
             return 0.0
 
     def _stop(self, stopped: dict[int, float]) -> None:
         """Stops bodies, given as number: time of the stop [s]."""
-        boundary, time = self.simulation.boundary, self.simulation.time
+        boundary, time = self.simulation.boundary, self.simulation.reached
         for body, since in stopped.items():
             boundary.stop(body, since)
         boundary.place(time, 0.0)

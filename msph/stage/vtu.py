@@ -34,7 +34,7 @@ def write_particles(path: Path, simulation: Simulation) -> None:
     """Writes the particles as vertex cells."""
     x, arrays = _particles(simulation)
     cells = [("vertex", np.arange(len(x))[:, None])]
-    _write(path, x, cells, arrays, simulation.time)
+    _write(path, x, cells, arrays, simulation.reached)
 
 
 def write_surface(path: Path, mesh, simulation: Simulation) -> None:
@@ -44,7 +44,7 @@ def write_surface(path: Path, mesh, simulation: Simulation) -> None:
     arrays = {"normal": normals}
     if len(vertices):
         arrays |= _at(vertices, simulation)
-    _write(path, vertices, [("triangle", triangles)], arrays, simulation.time)
+    _write(path, vertices, [("triangle", triangles)], arrays, simulation.reached)
 
 
 def write_bodies(path: Path, simulation: Simulation, numbers: np.ndarray) -> None:
@@ -65,7 +65,7 @@ def write_bodies(path: Path, simulation: Simulation, numbers: np.ndarray) -> Non
     of_body["velocity"] = of_body["velocity"] + np.cross(of_body["spin"], x - of_body["position"])
     arrays = {column(f"{name} [{QUANTITIES[name]}]"): part for name, part in of_body.items()}
     cells = [("triangle", np.concatenate(triangles))]
-    _write(path, x, cells, {"body": which} | arrays, simulation.time)
+    _write(path, x, cells, {"body": which} | arrays, simulation.reached)
 
 
 def write_list(path: Path, files: list[tuple[float, Path]]) -> None:

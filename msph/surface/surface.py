@@ -6,6 +6,7 @@ import numpy as np
 import taichi as ti
 
 from msph.fluid.boundary.boundary import Boundary
+from msph.fluid.shown import Shown
 from msph.fluid.world import World
 from msph.launches import data_oriented, heavy_kernel
 from msph.surface.band import Band, band_numbers
@@ -22,9 +23,9 @@ from msph.surface.water_volume import WaterVolume
 
 
 def surface_of(world: World, room: SurfaceRoom) -> "Surface":
-    """Builds a surface of the particles of a world (for World.build_once)."""
-    parts = world.parts
-    return Surface(parts.layers, parts.grid, parts.particles, parts.boundary, room)
+    """Builds a surface of the shown particles of a world (for World.build_once)."""
+    parts, shown = world.parts, world.build_once(Shown)
+    return Surface(parts.layers, shown.grid, shown.particles, parts.boundary, room)
 
 
 @data_oriented
@@ -37,7 +38,8 @@ class Surface:
 
     def __init__(self, layers, grid, particles, boundary: Boundary | None, room: SurfaceRoom):
         self.room = room
-        self.layers, self.particles, self.boundary = layers, particles, boundary
+        self.layers, self.grid, self.boundary = layers, grid, boundary
+        self.particles = particles
         self.cubes = MarchingCubes(room)
         self.mesh = self.cubes.mesh
         bodies = Bodies(boundary, self.cubes.numbers)
@@ -85,12 +87,13 @@ class Surface:
         return self.mesh.overflowed() or self.volume_control.limit_reached()
 
     def extract(self, hidden: bool = False) -> None:
-        """Computes the mesh from the particles in twelve kernel launches. The grid must be sorted.
+        """Computes the mesh from the particles in twelve kernel launches, besides the sort.
 
         hidden: the mesh is for an image with opaque bodies, and ends inside them (band.py). The
         waterline is then the intersection of both surfaces, exact to a pixel; at the end of the
         mesh it would have steps of a cell.
         """
+        self.grid.refresh()
         hidden = hidden and self.has_bodies
         self.band.sample(self.has_bodies)
         self.band.classify(self.has_bodies)

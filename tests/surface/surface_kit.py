@@ -10,6 +10,7 @@ from msph.fluid.boundary.rigid_bodies import Body
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.plan import Plan
 from msph.fluid.projection.parameters import ProjectionParameters
+from msph.fluid.shown import Shown
 from msph.fluid.simulation import Simulation
 from msph.surface import SurfaceMesh, SurfaceRoom, surface_of
 from msph.surface.lattice import Lattice
@@ -94,6 +95,8 @@ class Water:
         self.simulation = sim = Simulation(plan)
         self.layers, self.particles, self.grid = sim.layers, sim.particles, sim.grid
         self.boundary = sim.boundary
+        self.shown = sim.world.build_once(Shown)
+        self.shown.load()
         self.surface = sim.world.build_once(surface_of, room)
         self.surface.load(SIZE, CELL)
 
@@ -116,15 +119,16 @@ class Water:
         self.particles.fill(x=x, layer=layer)
         self.grid.build()
 
-    def mesh(self, everywhere: bool = False) -> SurfaceMesh:
-        """Returns the extracted mesh. everywhere: evaluates the whole box, with bounds by which no
-        sub-block counts as air or deep water."""
+    def mesh(self, everywhere: bool = False, hidden: bool = False) -> SurfaceMesh:
+        """Returns the extracted mesh; hidden: for an image (Surface.extract). everywhere: evaluates
+        the whole box, with bounds by which no sub-block counts as air or deep water."""
         numbers = self.surface.cubes.numbers
         bounds = {"air_below": -1.0, "deep_above": 1e9, "half_diagonal": 1e9} if everywhere else {}
         loaded = {name: getattr(numbers, name)[None] for name in bounds}
         for name, bound in bounds.items():
             getattr(numbers, name)[None] = bound
-        self.surface.extract()
+        with self.shown.at_frame(self.simulation):
+            self.surface.extract(hidden)
         for name, bound in loaded.items():
             getattr(numbers, name)[None] = bound
         return self.surface.mesh

@@ -5,6 +5,8 @@ into it here.
 """
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -289,6 +291,18 @@ class Boundary(BodyShapes):
         if self.floating.count:
             self.floating.redo(dt)
             self._place(self.time - dt, dt)
+
+    @contextmanager
+    def shifted(self, dt: float) -> Iterator[None]:
+        """Context in which the end poses are those of dt [s] later, for reading."""
+        if dt == 0.0 or not self.moving:
+            yield
+            return
+        kept, now = self.floating.poses(), self.time
+        self.place(now, dt)
+        yield
+        self.floating.take_poses(kept)
+        self._place(now, 0.0)
 
     def _place(self, time: float, dt: float) -> None:
         self.time = time + dt

@@ -81,6 +81,13 @@ class FloatingBodies:
         half = rotations(0.5 * dt * self._spin_at(self.turn_begin)) @ self.turn_begin
         self.turn = rotations(dt * self._spin_at(half)) @ self.turn_begin
 
+    def poses(self) -> tuple[np.ndarray, ...]:
+        """Returns the poses at the beginning and the end of the step, for take_poses()."""
+        return self.x_begin, self.turn_begin, self.x, self.turn
+
+    def take_poses(self, poses: tuple[np.ndarray, ...]) -> None:
+        self.x_begin, self.turn_begin, self.x, self.turn = poses
+
     def inverse_inertia(self, turn: np.ndarray) -> np.ndarray:
         """Returns the inverse inertias (n, 3, 3) in the box's frame for rotations `turn`."""
         free = 1.0 - self.held[:, None, None]
