@@ -11,6 +11,11 @@ from msph.fluid.boundary.opening import ZONE
 from msph.fluid.boundary.pistons import Stroke
 from msph.fluid.room import MAX_BODIES
 
+# Entries of a checkpoint that are neither attributes nor numbers of the solver.
+NAMES = {
+    *("time", "ahead", "steps", "last_step", "fluid", "floating"),
+    *("openings", "added_bodies", "added_openings", "piston"),
+}
 # Largest time [s] by which particles are ahead of a checkpoint: the longest frame.
 MAX_AHEAD = 1.0
 
@@ -53,60 +58,76 @@ def fingerprint(sim: "Simulation") -> np.ndarray:
 
 def restore(sim: "Simulation", state: dict[str, np.ndarray]) -> None:
     """Restores a checkpoint of state_of(). Raises ValueError if it does not fit this simulation."""
-    attributes = dict(state)
     floats = sum(b.mass is not None for b in sim.plan.bodies)
     # Entries that exist only if something was added, in this simulation or before the checkpoint.
     optional = {"added_bodies", "added_openings", "piston"}
     optional |= {"floating"} if not floats else set()
     optional |= {"openings"} if not sim.plan.openings else set()
-    missing = set(state_of(sim)) - optional - set(attributes)
+    missing = set(state_of(sim)) - optional - set(state)
     if missing:
         raise ValueError(f"{', '.join(sorted(missing))} missing")
-    time, steps, last_step, ahead = (
-        attributes.pop(k) for k in ("time", "steps", "last_step", "ahead")
-    )
-    fluid, own = attributes.pop("fluid"), fingerprint(sim)
-    solver = {k: float(attributes.pop(f"solver.{k}")) for k in sim.solver.state()}
-    spilt = float(attributes.pop("spilt")) if sim.plan.open_top else 0.0
-    ways = attributes.pop("openings", np.zeros(0))
-    added = [body_of(row) for row in attributes.pop("added_bodies", ())]
-    rows = attributes.pop("added_openings", ())
-    openings = [opening_of(row, sim.layers.count) for row in rows]
-    stroke = Stroke.of(attributes.pop("piston")) if "piston" in attributes else None
-    floating = attributes.pop("floating", FloatingBodies().state())
+    fluid, own = state["fluid"], fingerprint(sim)
     if fluid.shape != own.shape or not np.allclose(fluid, own):
         raise ValueError("box or layers differ from the scene")
+    _check(sim, state, floats)
+    put_back(sim, state)
+
+
+def _check(sim: "Simulation", state: dict[str, np.ndarray], floats: int) -> None:
+    """Raises ValueError unless the numbers of a checkpoint are possible; `floats`: number of the
+    scene's floating bodies."""
+    attributes = _attributes(sim, state)
     sim.particles.check(attributes)
     x, layer = attributes["x"], attributes["layer"]
-    opened = bool(sim.plan.openings or openings)
+    opened = bool(sim.plan.openings or len(state.get("added_openings", ())))
     reach = ZONE * max(s.spacing for s in sim.layers.specs) * opened
     if np.any(x < -reach) or np.any(x > sim.walls + reach):
         raise ValueError("particles outside the box")
     if layer.min() < 0 or layer.max() >= sim.layers.count:
         raise ValueError(f"layer index not in 0 to {sim.layers.count - 1}")
+    time, last_step, ahead = (float(state[k]) for k in ("time", "last_step", "ahead"))
     if not 0.0 <= time < math.inf:
         raise ValueError(f"time is {time:g} s: must be finite and at least 0")
     if not 0.0 <= ahead <= MAX_AHEAD:
         raise ValueError(f"particles are {ahead:g} s ahead: must be 0 to {MAX_AHEAD:g} s")
     if not last_step > 0.0:
         raise ValueError(f"last step is {last_step:g} s: must be positive")
-    if len(sim.plan.bodies) + len(added) + bool(stroke) > MAX_BODIES:
+    added = len(state.get("added_bodies", ()))
+    if len(sim.plan.bodies) + added + ("piston" in state) > MAX_BODIES:
         raise ValueError(f"more than {MAX_BODIES} bodies")
-    if floating.shape != (floats + len(added), FloatingBodies().state().shape[1]):
+    floating = state.get("floating", FloatingBodies().state())
+    if floating.shape != (floats + added, FloatingBodies().state().shape[1]):
         raise ValueError("number of floating bodies differs from the scene")
     if not np.isfinite(floating).all():
         raise ValueError("floating bodies are not at finite positions and speeds")
+    spilt = float(state["spilt"]) if sim.plan.open_top else 0.0
     if not 0.0 <= spilt < math.inf:
         raise ValueError(f"{spilt:g} kg were spilt: must be finite and at least 0")
-    sim.start_from(attributes, float(time), int(steps), spilt, float(ahead))
+
+
+def put_back(sim: "Simulation", state: dict[str, np.ndarray]) -> None:
+    """Restores a state_of() of this simulation, whatever its numbers are. Raises ValueError for
+    rows of added bodies, openings or a piston that describe none."""
+    added = [body_of(row) for row in state.get("added_bodies", ())]
+    openings = [opening_of(row, sim.layers.count) for row in state.get("added_openings", ())]
+    stroke = Stroke.of(state["piston"]) if "piston" in state else None
+    time, ahead = float(state["time"]), float(state["ahead"])
+    spilt = float(state["spilt"]) if sim.plan.open_top else 0.0
+    sim.start_from(_attributes(sim, state), time, int(state["steps"]), spilt, ahead)
     for opening in openings:
         sim.take_opening(opening)
-    if opened:
-        sim.openings.restore(ways, sim.reached)
+    if sim.plan.openings or openings:
+        sim.openings.restore(state.get("openings", np.zeros(0)), sim.reached)
     for body in added:
         sim.take_body(body)
     if stroke:
         sim.add_piston(stroke)
-    sim.boundary.restore(sim.reached, floating)
-    sim.last_step = float(last_step)
-    sim.solver.restore(solver)
+    sim.boundary.restore(sim.reached, state.get("floating", FloatingBodies().state()))
+    sim.last_step = float(state["last_step"])
+    sim.solver.restore({k: float(state[f"solver.{k}"]) for k in sim.solver.state()})
+
+
+def _attributes(sim: "Simulation", state: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Returns the attributes of the particles in a checkpoint, and entries of unknown names."""
+    own = {f"solver.{k}" for k in sim.solver.state()} | ({"spilt"} if sim.plan.open_top else set())
+    return {k: v for k, v in state.items() if k not in NAMES | own}

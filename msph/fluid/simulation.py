@@ -383,7 +383,7 @@ class Simulation:
 
     def undo(self, mark: Mark) -> None:
         """Restores the state of a mark()."""
-        self.restore(mark.state)
+        checkpoint.put_back(self, mark.state)
         self.world.parts.impulses.undo()
         self.rim.mass, self.rim.outflow = mark.left
         self.boundary.impulse, self.boundary.twist, self.boundary.removed_impulse = mark.received

@@ -52,7 +52,8 @@ def check_trapped_water(
             raise TrappedWaterError(body, boundary.name(body), time)
     fall = 2.0 * math.hypot(*external.apparent_gravity) * math.hypot(*boundary.box)
     speed = TRAPPED_RATIO * (boundary.top_speed + math.sqrt(fall))
-    if longest_step > layers.finest.spacing / speed:
+    # Without gravity and motion there is no speed to compare with.
+    if speed == 0.0 or longest_step > layers.finest.spacing / speed:
         return
     pressure = particles.numpy("pressure")
     top = int(np.argmax(pressure))

@@ -105,3 +105,30 @@ def test_a_frame_that_is_undone_leaves_no_trace_in_the_ledger(tmp_path):
     again = ledger.record(gravity)
     for name, value in vars(before).items():
         assert np.allclose(getattr(again, name), value, rtol=1e-6, atol=1e-9, equal_nan=True), name
+
+
+def test_an_undo_restores_particles_and_bodies_wherever_they_were(tmp_path):
+    """Regression: a frame could not be undone while a particle was far outside the box, since
+    checkpoint files with such particles are refused; the session ended."""
+    sim = build_simulation(load(tmp_path, *MOTIONS["slow"]))
+    state = sim.particles.state()
+    state["x"][0] = (0.1, -1.0, 0.1)
+    sim.particles.fill(**state)
+    mark = sim.mark()
+    sim.particles.fill(**{**state, "x": state["x"] + np.float32(0.01)})
+    sim.undo(mark)
+    again = sim.particles.state()
+    order, before = np.argsort(again["id"]), np.argsort(state["id"])
+    assert np.array_equal(again["x"][order], state["x"][before])
+    with pytest.raises(ValueError, match="particles outside the box"):
+        sim.restore(mark.state)
+
+
+def test_a_body_at_rest_without_gravity_traps_no_water(tmp_path):
+    """Regression: ZeroDivisionError where neither gravity nor a body could cause a speed."""
+    still = ("gravity=[0, 0, 0]", "bodies.1.angle=30")
+    place = ("bodies.1.lo=[0.08, 0.1, 0.08]", "bodies.1.hi=[0.16, 0.16, 0.16]")
+    sim = build_simulation(load(tmp_path, *still, *place))
+    for _ in range(2):
+        sim.advance(1 / 60, ExternalForces((0.0, 0.0, 0.0)))
+    assert np.isfinite(sim.particles.numpy("x")).all()
