@@ -59,13 +59,18 @@ def page(course: Course, tasks: list[str]) -> str:
         ask=escape(lesson.predict.ask),
         choices="\n".join(choices),
         answer=lesson.predict.answer,
-        because=json.dumps(lesson.predict.because).replace("<", "\\u003c"),
+        because=in_script(lesson.predict.because),
         tasks="\n".join(tasks),
         why=escape(lesson.why.text),
         formula=typeset.svg(lesson.why.formula),
         source=escape(lesson.why.code),
         code=escape("\n".join(course.code)),
     )
+
+
+def in_script(data: Any) -> str:
+    """Returns data as JSON that no text in it can end: "<" occurs in strings only."""
+    return json.dumps(data).replace("<", "\\u003c")
 
 
 def in_water(course: Course) -> list[str]:
@@ -145,7 +150,7 @@ def flipbook(progress: Progress, sliders: list[SliderOf]) -> str:
     return (
         f'<div data-frames><img alt="the board at these values">{"".join(ranges)}'
         f"<output></output>"
-        f'<script type="application/json">{json.dumps(frames)}</script></div>'
+        f'<script type="application/json">{in_script(frames)}</script></div>'
     )
 
 

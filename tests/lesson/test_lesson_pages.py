@@ -30,6 +30,23 @@ def test_a_page_is_complete_and_needs_no_network(tmp_path):
     assert json.dumps(lesson.predict.because) in text, "a wrong answer is explained"
 
 
+def test_no_text_of_a_lesson_becomes_code_of_its_page(tmp_path, monkeypatch):
+    """Regression: the text of a number that is shown ended the script that holds it."""
+    monkeypatch.setattr(web, "SIZE", (480, 200))
+    code = "</script><script>alert(1)</script>"
+    attack = code + "'&"  # texts beyond ASCII are refused
+    text = TINY.replace('"board.ponds"]', f"\"board.ponds if '{code}' else 0\"]")
+    for key in ("A small lesson", "How many ponds?", "one", "Raise the threshold.", "They part."):
+        text = text.replace(f'"{key}"', f'"{attack}"')
+    text = text.replace('"The contour is one line."', f'"{attack}"')
+    (path,) = web.write(load_lesson(written(tmp_path / "mine", text)), tmp_path)
+    page = path.read_text(encoding="utf-8")
+    scripts = re.findall(r"<script.*?</script>", page, re.DOTALL)
+    assert len(scripts) == page.count("</script>") == 2 and "<script>alert" not in page
+    told = json.loads(re.search(r'json">(.*?)</script>', page, re.DOTALL)[1])[0]["told"]
+    assert code in told[0]
+
+
 @pytest.mark.parametrize("name", [name for name in LESSONS if load_lesson(name).lesson.board])
 def test_tasks_of_a_page_can_be_completed_with_its_sliders(name, monkeypatch):
     """Each task of a page has the sliders of its solution, and they can complete it.
