@@ -2,6 +2,7 @@
 
 import csv
 import json
+import math
 import signal
 import subprocess
 import sys
@@ -115,12 +116,15 @@ def test_bench_prints_speed_and_errors_and_writes_json(tmp_path):
     scene, rows = write(tmp_path), tmp_path / "deep" / "rows.json"
     result = msph("bench", scene, "--seconds", 0.1, "--arch", "cpu", "--json", rows)
     assert result.returncode == 0, result.stderr
-    for column in ("ms p50", "p95", "fluid / surface / image", "momentum drift", "energy gain"):
+    columns = ("ms p50", "p95", "fluid / surface / image", "kernel / bulk density err %")
+    for column in (*columns, "momentum drift", "energy gain"):
         assert column in result.stdout
     (row,) = json.loads(rows.read_text())
     assert row["frames"] == 6 and sum(row["particles"]) > 200
     assert all(row["stages_p50_ms"][s] > 0.0 for s in ("fluid", "surface", "picture"))
     assert abs(row["volume_error"]) < 0.3
+    assert 0.0 < row["kernel_density_error"] < 0.3
+    assert 0.0 < row["bulk_density_error"] < 0.1 or math.isnan(row["bulk_density_error"])
     assert row["profile_ms"] == {} and "profiled" not in result.stdout
 
 

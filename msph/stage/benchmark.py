@@ -7,10 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from msph.measure.kernel_density import kernel_density
+from msph.measure.snapshot import Snapshot
 from msph.measure.timings import Timings, peak_memory, process_age
 from msph.scene.schema import Scene
 from msph.stage.headless import Headless, HeadlessPlayer
-from msph.stage.loop import Audience, run
+from msph.stage.loop import run
 from msph.stage.recording import Recording
 from msph.stage.replaying import Replayer
 from msph.stage.row import Row
@@ -19,6 +21,9 @@ from msph.stage.show import INTERACTIVE, SIMULATED, Show
 FRAME_TIME = 1.0 / 60.0
 SIZE = (640, 360)
 STAGES = ("fluid", "surface", "picture")
+# Largest number of frames, evenly spread, after which density errors are measured: it bounds the
+# time of a benchmark, as a measurement takes up to 0.2 s.
+MEASURED_FRAMES = 20
 
 
 @dataclass(frozen=True)
@@ -26,7 +31,9 @@ class Result:
     """One row of the benchmark, for frames of 1/60 s of simulated time, or as recorded.
 
     Frames per second are means over the run, of the fluid alone and in total; errors are relative
-    (-). rest_energy [J]: mean kinetic energy of the last second; rest_speed [m/s]: its
+    (-). kernel_density_error and bulk_density_error: means over frames of errors that are measured
+    from the positions at their ends (msph/measure), outside the timing; NaN where the water is too
+    thin. rest_energy [J]: mean kinetic energy of the last second; rest_speed [m/s]: its
     root-mean-square speed. volume_error: volume of the final surface mesh over the volume at rest
     density, minus 1. profile_ms: mean time [ms] of each stage and part by path, such as
     "fluid/density", or empty.
@@ -46,6 +53,8 @@ class Result:
     solver_residual_mean: float
     solver_residual_p99: float
     solver_residual_max: float
+    kernel_density_error: float
+    bulk_density_error: float
     momentum_drift: float
     energy_gain: float
     rest_energy: float
@@ -67,10 +76,34 @@ class Result:
             "process MiB": f"{self.peak_memory_mib:.0f}",
             "solver residual mean/p99/max %": f"{100 * self.solver_residual_mean:.3f} / "
             f"{100 * self.solver_residual_p99:.2f} / {100 * self.solver_residual_max:.1f}",
+            "kernel / bulk density err %": f"{100 * self.kernel_density_error:.2f} / "
+            f"{100 * self.bulk_density_error:.2f}",
             "volume err %": f"{100 * self.volume_error:+.1f}",
             "momentum drift %": f"{100 * self.momentum_drift:.2g}",
             "energy gain %": f"{100 * self.energy_gain:.2g}",
         }
+
+
+class DensityErrors(Headless):
+    """Runs frames without input, and measures density errors (-) after some: kernel and bulk."""
+
+    def __init__(self, frames: int):
+        super().__init__(frames)
+        self.every = math.ceil(frames / MEASURED_FRAMES)
+        self.kernel: list[float] = []
+        self.bulk: list[float] = []
+
+    def observe(self, row: Row) -> None:
+        super().observe(row)
+        if self.done % self.every == 0:
+            water = Snapshot.of(row.lead.simulation)
+            self.kernel.append(kernel_density(water.x, water.spacing, water.size).mean)
+            self.bulk.append(abs(row.lead.bulk_density_error()))
+
+    def mean(self, errors: list[float]) -> float:
+        """Returns the mean of the errors that are known, NaN if none is."""
+        known = [error for error in errors if math.isfinite(error)]
+        return sum(known) / len(known) if known else math.nan
 
 
 def benchmark(
@@ -98,8 +131,8 @@ def benchmark(
         Show(scene, frame_time, size=size if render else None, timings=timings, **how)
     ) as show:
         show.warm_up()
-        audience: Audience = Headless(frames)
-        run(Row([show]), Replayer(audience, recording) if recording else audience)
+        errors = DensityErrors(frames)
+        run(Row([show]), Replayer(errors, recording) if recording else errors)
         mean, p99, largest = show.ledger.solver_residual()
         wall = timings.total()
         rest_energy = show.ledger.rest_energy()
@@ -118,6 +151,8 @@ def benchmark(
             solver_residual_mean=mean,
             solver_residual_p99=p99,
             solver_residual_max=largest,
+            kernel_density_error=errors.mean(errors.kernel),
+            bulk_density_error=errors.mean(errors.bulk),
             momentum_drift=show.ledger.momentum_drift(),
             energy_gain=show.ledger.energy_gain(),
             rest_energy=rest_energy,
