@@ -46,6 +46,14 @@ def test_scenes_lists_all_and_prints_one():
         (["capture", "pool", "--fps", "inf"], "inf is not in the range"),
         (["capture", "pool", "-o", "a" * 300 + ".mp4"], "file name too long"),
         (["capture", "pool", "-o", "a.png", "-o", "tests/../a.png"], "output is named twice"),
+        (
+            ["capture", "pool", "-o", "f_%d.png", "-o", "f_0.png"],
+            "f_0.png: two outputs would write",
+        ),
+        (
+            ["capture", "pool", "--particles", "p_%04d.vtu", "--mesh", "p-%04d.vtu"],
+            "p.pvd: two outputs would write this file",
+        ),
         (["bench", "pool", "--json", "tests"], "tests: is a directory"),
         (["bench", "pool", "--set", "gravity.1=-3"], "gravity is not set in this scene"),
         (["bench", "pool", "--set", "title=\udce9"], "is not valid Unicode text"),
@@ -156,6 +164,15 @@ def test_capture_never_overwrites_the_scene_it_was_given(tmp_path):
     assert result.returncode == 0, result.stderr
     assert (tmp_path / "small.toml").read_text() == TEXT
     assert "seed = 0" in (tmp_path / "small.scene.toml").read_text()
+
+
+def test_no_output_replaces_an_input_even_with_force(tmp_path):
+    """Regression: the scene file of a recording replaced the scene that it was made of."""
+    scene = tmp_path / "mine.scene.toml"
+    scene.write_text(TEXT)
+    result = here("capture", scene, "-o", tmp_path / "mine.png", "--seconds", 0.01, "--force")
+    check_refusal(result, "mine.scene.toml: is an input of this command; choose another name")
+    assert scene.read_text() == TEXT
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="sends an interrupt")

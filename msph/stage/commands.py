@@ -38,7 +38,7 @@ from msph.stage.explain import explain
 from msph.stage.loaded import Loaded, at, exclude, options_of, with_input
 from msph.stage.loop import run as run_loop
 from msph.stage.preparation import prepare, say
-from msph.stage.recorder import NUMBER, Outputs, Recorder, check_outputs
+from msph.stage.recorder import NUMBER, Outputs, Recorder, check_files, check_outputs
 from msph.stage.recording import Header, Recording, with_recording
 from msph.stage.replaying import ROUNDING, InputRecorder
 from msph.stage.row import Row
@@ -97,7 +97,9 @@ def capture(scene: str | None, options: CaptureOptions, run: RunOptions) -> None
     frames = max(1, total) - first
     if frames <= 0:
         raise CheckpointError.beyond(since, seconds)
-    claim(files.names(first, frames), options.force)
+    paths, inputs = files.names(first, frames), inputs_of(scene, options)
+    check_files(paths, inputs)
+    claim(paths, options.force)
     record(at(loaded, scene, run), files, options, recording, first, frames)
 
 
@@ -210,6 +212,7 @@ def record(
     # A resumed recording finds the scene file of its first part.
     same = scene_path.is_file() and scene_path.read_bytes() == text.encode()
     if not same:
+        check_files([scene_path], inputs_of(loaded.name, options))
         claim([scene_path], options.force)
     show = prepare(loaded.scene, 1.0 / fps, size, meshes=meshes, density_every=math.inf, **how)
     if options.resume:
@@ -238,6 +241,11 @@ def record(
 def default_output(scene: str) -> Path:
     """Returns an unused path without suffix in the folder out, named after the scene."""
     return Path("out") / free_stem(Path("out"), Path(scene).stem)
+
+
+def inputs_of(scene: str, options: CaptureOptions) -> list[Path]:
+    """Returns the files that a recording reads, and the name of a shipped scene as a path."""
+    return [Path(given) for given in (scene, options.resume, options.replay) if given]
 
 
 def scene_file(outputs: Outputs) -> Path:

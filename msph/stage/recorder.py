@@ -237,7 +237,8 @@ def check_video(path: Path, frames: int) -> None:
     from imageio_ffmpeg import count_frames_and_secs
 
     try:
-        found = count_frames_and_secs(str(path))[0]
+        # A relative name such as run:1.mp4 is taken for an address.
+        found = count_frames_and_secs(str(path.absolute()))[0]
     except (RuntimeError, OSError, ValueError):
         found = 0
     if found < frames:
@@ -290,6 +291,18 @@ def check_outputs(outputs: Outputs, fps: float, alpha: bool = False) -> None:
         raise OutputError(".vtu files need meshio: pip install 'msph[paraview]'")
     for path in paths:
         make_writable(numbered_name(path, 0))
+
+
+def check_files(paths: list[Path], inputs: list[Path]) -> None:
+    """Raises OutputError if a recording would write one of its files twice, or over an input."""
+    read, seen = {path.resolve() for path in inputs}, set[Path]()
+    for path in paths:
+        place = path.resolve()
+        if place in read:
+            raise OutputError(f"{path}: is an input of this command; choose another name")
+        if place in seen:
+            raise OutputError(f"{path}: two outputs would write this file")
+        seen.add(place)
 
 
 def check_output(path: Path, suffixes: tuple[str, ...]) -> None:

@@ -28,6 +28,7 @@ from msph.stage.recorder import (
     Recorder,
     check_outputs,
     check_video,
+    video_writer,
     write_particles,
 )
 from msph.stage.row import Row
@@ -276,6 +277,18 @@ def test_conflicting_outputs_and_impossible_folders_are_refused(tmp_path):
         check_outputs(Outputs([tmp_path / "file" / "a.mp4"]), FPS)
     check_outputs(Outputs([tmp_path / "new" / "deep" / "a.mp4"]), FPS)
     assert (tmp_path / "new" / "deep").is_dir()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="file names have no colons")
+@pytest.mark.parametrize("name", ["run:1.mp4", "pipe:1.mp4", "http:a.webm"])
+def test_a_video_may_be_named_like_an_address(tmp_path, monkeypatch, name):
+    """Regression: the video was reported as empty."""
+    monkeypatch.chdir(tmp_path)
+    with video_writer(Path(name), FPS) as writer:
+        for _ in range(3):
+            writer.append_data(np.zeros((16, 16, 3), np.uint8))
+    check_video(Path(name), 3)
+    assert [path.name for path in tmp_path.iterdir()] == [name]
 
 
 def test_gif_plays_as_long_as_the_simulated_time(recorded):
