@@ -1,6 +1,7 @@
 """Floating bodies: conservation, draft, contact, and pressure in gaps without particles."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -279,3 +280,17 @@ def test_the_ledger_counts_an_added_body_as_work_and_impulse_of_the_user():
     assert last.user_work == pytest.approx(mass * (0.5 * 1.25 + 9.81 * 0.35))
     # `energy` excludes the work of the user.
     assert last.energy == pytest.approx(first.energy, abs=1e-9)
+
+
+def test_the_motion_of_a_body_at_its_release_is_work_of_the_user():
+    """Regression: it was in no sum, and the method seemed to create 3 % of energy."""
+    thrown = ball((0.3, 0.36, 0.24), 0.06, 2000.0, velocity=(0.3, 0.5, 0.0), axis=(0, 0, 1), rate=5)
+    sim = simulation(lattice((0, 0, 0), (0.48, 0.12, 0.48)), [replace(thrown, release=0.05)])
+    ledger = run(sim, 0.1)
+    kinetic = 0.5 * thrown.mass * (0.3**2 + 0.5**2 + 0.4 * 0.06**2 * 5**2)
+    assert ledger.entries[2].user_work == 0.0
+    assert ledger.entries[-1].user_work == pytest.approx(kinetic, rel=1e-5)
+    assert ledger.entries[-1].user_impulse == pytest.approx(
+        thrown.mass * np.array((0.3, 0.5, 0.0)), rel=1e-5
+    )
+    assert ledger.energy_gain() < 1e-3

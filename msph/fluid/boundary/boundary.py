@@ -211,12 +211,14 @@ class Boundary(BodyShapes):
         work = (self.velocities * pushes[:, :3] + self.spins * pushes[:, 3:]).sum(axis=1)
         return -float(work[self._prescribed].sum())
 
-    def fall(self, dt: float, external: ExternalForces) -> None:
+    def fall(self, dt: float, external: ExternalForces) -> tuple[np.ndarray, float] | None:
         """Changes the velocities of floating bodies by external forces within dt [s], and releases
-        held ones."""
-        if self.floating.let_go(self.time):
+        held ones; returns what FloatingBodies.let_go() does."""
+        given = self.floating.let_go(self.time)
+        if given:
             self._store_shapes()
         self.floating.fall(dt, external, 0.5 * np.array(self.box))
+        return given
 
     def add_inertia_work(self, dt: float, external: ExternalForces, sign: float) -> None:
         """Adds half of the work of inertial forces on floating bodies: see FloatingBodies."""

@@ -60,14 +60,18 @@ class FloatingBodies:
         self.step = 1.0
         self.advance(0.0)
 
-    def let_go(self, time: float) -> bool:
-        """Releases the bodies that are held until `time` [s]; returns True if there are any."""
+    def let_go(self, time: float) -> tuple[np.ndarray, float] | None:
+        """Releases the bodies that are held until `time` [s]; returns the momentum (3,) [kg m/s]
+        and kinetic energy [J] of their motions at release, None if there are no such bodies."""
         due = self.held & (self.release <= time)
+        if not due.any():
+            return None
+        momentum, kinetic = self.momentum(), self.kinetic()
         self.held = self.held & ~due
         self.v = np.where(due[:, None], self._velocity, self.v)
         spin = _times(self.inertia, self._spin)
         self.spin_momentum = np.where(due[:, None], spin, self.spin_momentum)
-        return bool(due.any())
+        return self.momentum() - momentum, self.kinetic() - kinetic
 
     def advance(self, dt: float) -> None:
         """Starts the next step, of dt [s], at the present end poses."""
