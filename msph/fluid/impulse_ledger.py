@@ -1,11 +1,11 @@
 """Impulse and work that act on the water, summed over the steps, by cause."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import taichi as ti
 
-from msph.fluid.external_forces import Vec3
 from msph.fluid.room import MAX_BODIES
 from msph.fluid.sums import SLOTS, Sum
 from msph.launches import data_oriented, kernel
@@ -128,7 +128,7 @@ class ImpulseLedger:
         impulse.total[None] += ti.Vector((m * v.sum(axis=0)).tolist())
         work.total[None] += m * float(0.5 * (v**2).sum() - (x @ gravity).sum())
 
-    def add_user(self, impulse: Vec3, work: float) -> None:
+    def add_user(self, impulse: Sequence[float] | np.ndarray, work: float) -> None:
         """Records an impulse [N s] and work [J] of the user on floating bodies."""
         self.user_impulse.total[None] += ti.Vector(list(impulse))
         self.user_work.total[None] += work

@@ -14,7 +14,7 @@ from msph.fluid.adaptivity.adaptation import ATTRIBUTES as ADAPTATION_ATTRIBUTES
 from msph.fluid.adaptivity.adaptation import Adaptation
 from msph.fluid.adaptivity.bands import AdaptationParameters, band_rows
 from msph.fluid.boundary import body_links, contact, openings
-from msph.fluid.external_forces import NO_HAND, ExternalForces, as_vector
+from msph.fluid.external_forces import NO_HAND, ExternalForces
 from msph.fluid.particles import images
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.particles.particles import Attribute
@@ -244,7 +244,7 @@ class Projection:
             self.contact.drift(0.5 * dt)  # x, v, poses -> x; v of stopped particles
             # v of floating bodies -> v; whoever releases a body in motion does work on it
             if release := self.boundary.fall(dt, external):
-                self.impulses.add_user(as_vector(release[0]), release[1])
+                self.impulses.add_user(*release)
             self.boundary.move(0.5 * dt)  # time -> body poses at t + dt/2, t + dt, mean velocities
             # poses, forces of the last step -> contacts; v of floating bodies
             self.collisions.anticipate(dt)
