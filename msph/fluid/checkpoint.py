@@ -11,6 +11,9 @@ from msph.fluid.boundary.opening import ZONE
 from msph.fluid.boundary.pistons import Stroke
 from msph.fluid.room import MAX_BODIES
 
+if TYPE_CHECKING:
+    from msph.fluid.simulation import Simulation
+
 # Entries of a checkpoint that are neither attributes nor numbers of the solver.
 NAMES = {
     *("time", "ahead", "steps", "last_step", "fluid", "floating"),
@@ -18,9 +21,6 @@ NAMES = {
 }
 # Largest time [s] by which particles are ahead of a checkpoint: the longest frame.
 MAX_AHEAD = 1.0
-
-if TYPE_CHECKING:
-    from msph.fluid.simulation import Simulation
 
 
 def state_of(sim: "Simulation") -> dict[str, np.ndarray]:

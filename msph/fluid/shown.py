@@ -1,7 +1,7 @@
 """Water and bodies at the end of a frame, for surface and image.
 
-Steps need not end with frames. A simulation that is a part of a step ahead moves on with constant
-velocities after its last forces, so that the way back along them is its own path.
+Steps need not end with frames: particles of a simulation may be up to a step ahead of the frame.
+Between forces they move with constant velocities, so that they are moved back along them.
 """
 
 from collections.abc import Iterator
@@ -32,7 +32,7 @@ class Shown:
         self.grid = LayeredGrid(parts.room, parts.constants, parts.layers, self.particles)
 
     def load(self) -> None:
-        """Takes the largest number of particles of a scene that its world has loaded."""
+        """Takes the largest number of particles from the scene that the world has loaded."""
         self.particles.capacity = self.source.capacity
 
     @contextmanager

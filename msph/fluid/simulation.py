@@ -92,8 +92,8 @@ class FullError(ValueError):
 class Simulation:
     """Simulation of one scene, as a Plan describes it.
 
-    time [s] is simulated time, at the end of a frame; ahead [s]: time by which the particles are
-    ahead of it, less than a step; steps counts solver steps since the last reset, iterations the
+    time [s] is simulated time, at the end of a frame; the particles are `ahead` [s] later, less
+    than a step; steps counts solver steps since the last reset, iterations the
     iterations of their pressure solves; left_out counts the initial particles inside bodies, which
     are dropped, and mass_left_out [kg] is their mass. Raises NoWaterError if no particles remain,
     OpeningError for an inflow or outflow in a body.
@@ -156,11 +156,12 @@ class Simulation:
         free: bool = False,
     ) -> float:
         """Simulates `duration` [s] in steps no longer than the solver allows; returns the time [s]
-        simulated. free: the last step may end after `duration`, which saves shorter steps.
+        simulated. free: the last step may end after `duration`; otherwise steps are shortened so
+        that the last one ends with it.
 
         The result is less than `duration` only if `budget` [s] of wall-clock time is exceeded, or
-        if at least `until` [s] are simulated, by which a replay repeats an earlier result; time
-        passes in any case. Particles are sorted into the grid afterwards, as the surface requires.
+        if at least `until` [s] are simulated, by which a replay repeats an earlier result; it is
+        positive in any case. Particles are sorted into the grid afterwards, as whitewater requires.
         stage(name) is entered around each part of a step (profiler hook); on_progress is called
         after each step with the finished share (0 to 1). Raises TrappedWaterError if a moving body
         compresses enclosed water, BlowUpError if no step is short enough, AllSpiltError if no water

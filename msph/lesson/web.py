@@ -69,7 +69,8 @@ def page(course: Course, tasks: list[str]) -> str:
 
 
 def in_script(data: Any) -> str:
-    """Returns data as JSON that no text in it can end: "<" occurs in strings only."""
+    """Returns data as JSON for a <script> element. Only strings contain "<", which is escaped, so
+    that no string ends the element."""
     return json.dumps(data).replace("<", "\\u003c")
 
 

@@ -85,7 +85,8 @@ class Result:
 
 
 class DensityErrors(Headless):
-    """Runs frames without input, and measures density errors (-) after some: kernel and bulk."""
+    """Runs frames without input, and measures kernel and bulk density errors (-) after at most
+    MEASURED_FRAMES of them."""
 
     def __init__(self, frames: int):
         super().__init__(frames)

@@ -139,8 +139,11 @@ class Recorder(Audience):
             for path in self.outputs.bodies:
                 with self._writing(path):
                     vtu.write_bodies(self._numbered(path), row.lead.simulation, numbers)
+        sim = row.lead.simulation
         for path, files in self.lists.items():
-            files.append((row.lead.simulation.reached, self._numbered(path)))
+            # The mesh is that of the end of the frame.
+            time = sim.time if path in self.meshes else sim.reached
+            files.append((time, self._numbered(path)))
         self.done += 1
         self.progress.update()
 

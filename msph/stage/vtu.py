@@ -44,7 +44,7 @@ def write_surface(path: Path, mesh, simulation: Simulation) -> None:
     arrays = {"normal": normals}
     if len(vertices):
         arrays |= _at(vertices, simulation)
-    _write(path, vertices, [("triangle", triangles)], arrays, simulation.reached)
+    _write(path, vertices, [("triangle", triangles)], arrays, simulation.time)
 
 
 def write_bodies(path: Path, simulation: Simulation, numbers: np.ndarray) -> None:

@@ -143,6 +143,22 @@ def test_the_initial_guess_of_the_implicit_solve_adds_no_angular_momentum(blob):
     assert np.linalg.norm(after[1] - before[1]) < 1e-5 * before[3]
 
 
+@pytest.mark.parametrize(("count", "spacing"), [(1, 0.03), (3, 1e-5)])
+def test_the_implicit_solve_is_finite_for_few_and_small_particles(count, spacing):
+    """Regression: the determinant of their moment of inertia underflowed."""
+    x = (np.indices((count,) * 3).reshape(3, -1).T + 3.0) * spacing
+    v = np.cross([1.0, 2.0, 3.0], x - x.mean(axis=0)) + 0.1
+    spec = LayerSpec(1000.0 * spacing**3, 1000.0, 2.45)
+    initial = {"x": x.astype(np.float32), "v": v.astype(np.float32)}
+    initial["layer"] = np.zeros(len(x), np.int32)
+    parameters = ProjectionParameters(viscosity=20.0, slip=False)
+    sim = Simulation(Plan((9 * spacing,) * 3, [spec], initial, parameters))
+    for _ in range(2):
+        sim.advance(1e-5, WEIGHTLESS)
+        assert np.isfinite(velocities(sim)).all() and np.isfinite(sim.particles.numpy("x")).all()
+    sim.close()
+
+
 def test_implicit_equals_explicit_where_both_may_be_used(blob, monkeypatch):
     solver, _ = prepare(blob)
     force = solver.force(Viscosity)

@@ -302,9 +302,11 @@ class Boundary(BodyShapes):
             return
         kept, now = self.floating.poses(), self.time
         self.place(now, dt)
-        yield
-        self.floating.take_poses(kept)
-        self._place(now, 0.0)
+        try:
+            yield
+        finally:
+            self.floating.take_poses(kept)
+            self._place(now, 0.0)
 
     def _place(self, time: float, dt: float) -> None:
         self.time = time + dt

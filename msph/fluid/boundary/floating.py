@@ -90,6 +90,7 @@ class FloatingBodies:
         return self.x_begin, self.turn_begin, self.x, self.turn
 
     def take_poses(self, poses: tuple[np.ndarray, ...]) -> None:
+        """Restores poses()."""
         self.x_begin, self.turn_begin, self.x, self.turn = poses
 
     def inverse_inertia(self, turn: np.ndarray) -> np.ndarray:

@@ -242,7 +242,7 @@ class Projection:
             self.inertia_work.begin(dt, external)
             self.boundary.move(0.5 * dt)  # time -> body poses at t, t + dt/2, mean velocities
             self.contact.drift(0.5 * dt)  # x, v, poses -> x; v of stopped particles
-            # v of floating bodies -> v; whoever releases a body in motion does work on it
+            # v of floating bodies -> v; a release in motion is work of the user
             if release := self.boundary.fall(dt, external):
                 self.impulses.add_user(*release)
             self.boundary.move(0.5 * dt)  # time -> body poses at t + dt/2, t + dt, mean velocities

@@ -32,9 +32,9 @@ class Viscosity(Force):
 
     The implicit step is backward Euler: conjugate gradients on (1 - dt nu lap) u = dt nu lap v for
     the change u of the velocities v, which is symmetric and positive under the volumes V. They
-    start at the change of the last step, which in slow flow is almost the same. They have no
-    preconditioner, so every iterate keeps the momentum. iterations: of the last step, 0 if
-    explicit.
+    start at the change of the last step, which is almost the same in slow flow. They have no
+    preconditioner, so every iterate keeps the momenta of the start, which are zero. iterations: of
+    the last step, 0 if explicit.
     """
 
     ATTRIBUTES = (
@@ -107,8 +107,9 @@ class Viscosity(Force):
 
     @kernel
     def _remove_rotation(self, n: ti.i32):
-        """Subtracts from u its mean rotation about the centre of the volumes V, which the motion of
-        the particles since the last step gives it: no iteration would remove it entirely."""
+        """Subtracts from u its mean rotation about the centre of the volumes V. The particles have
+        moved since the last step, so that u has angular momentum, which iterations reduce but do
+        not remove."""
         p = self.particles
         centre, whole = ti.Vector([0.0, 0.0, 0.0]), 0.0
         ti.loop_config(serialize=self.traits.light)
@@ -123,9 +124,11 @@ class Viscosity(Force):
             volume, r = self.layers.volume[p.layer[i]], p.x[i] - centre
             moment += volume * r.cross(p.viscous_change[i])
             inertia += volume * (r.norm_sqr() * ti.Matrix.identity(ti.f32, 3) - r.outer_product(r))
-        # Particles on a line have no inertia about it.
-        least = ti.max(LEAST_INERTIA * inertia.trace(), MIN_DIVISOR)
-        spin = (inertia + least * ti.Matrix.identity(ti.f32, 3)).inverse() @ moment
+        # Divided by the trace, since determinants of small numbers underflow. Particles on a line
+        # have no inertia about it.
+        trace = ti.max(inertia.trace(), MIN_DIVISOR)
+        regular = inertia / trace + LEAST_INERTIA * ti.Matrix.identity(ti.f32, 3)
+        spin = regular.inverse() @ (moment / trace)
         ti.loop_config(serialize=self.traits.light)
         for i in range(n):
             p.viscous_change[i] -= spin.cross(p.x[i] - centre)
