@@ -10,7 +10,7 @@ from msph.fluid.world import World
 from msph.launches import Traits, data_oriented, kernel, use_traits
 from msph.picture.backdrop import Backdrop
 from msph.picture.body_shading import BodyShading
-from msph.picture.drops_view import DropsView
+from msph.picture.droplets_view import DropletSums, DropletsView
 from msph.picture.edge_filter import EdgeFilter
 from msph.picture.enlarger import Enlarger
 from msph.picture.hand_view import HandView
@@ -28,7 +28,6 @@ from msph.picture.sunlight import Sunlight
 from msph.picture.tone import Tone
 from msph.picture.water import WaterShader
 from msph.picture.wetness import EVERY, LOST, Wetness
-from msph.picture.whitewater_view import WhitewaterView
 from msph.surface import SurfaceRoom, surface_of
 from msph.surface.thin_water import ThinWater
 from msph.surface.whitewater import Whitewater, whitewater_of
@@ -49,8 +48,8 @@ class Picture:
 
     mesh: water surface in box coordinates, with the fields `vertices` [m], `normals`, `triangles`
     and `counts` (vertices, triangles). boundary: the fluid's boundary, whose bodies are drawn, or
-    None. whitewater: drawn if the look shows it, or None. rim: its drops are drawn, or None. thin:
-    its drops make ripples if the look shows them, or None.
+    None. whitewater: drawn if the look shows it. rim: its drops are drawn. thin: its spray is
+    drawn, and makes ripples if the look shows them. Each may be None.
 
     The constructor allocates all memory; `load`, `change` and `resize` only set numbers, so no
     kernel is compiled twice. Kernels for bodies, particles, legends, supersampling and upscaling
@@ -83,14 +82,13 @@ class Picture:
         self.shaders = [
             WaterShader(*water, b, self.fields.canvas, self.fields.samples) for b in backdrops
         ]
-        self.whitewater_views = [
-            WhitewaterView(whitewater, shader, self.fields.canvas) if whitewater else None
+        sums = DropletSums(room)
+        self.droplets_views = [
+            DropletsView(thin.spray, rim, whitewater, shader, sums, self.fields.canvas)
+            if thin and rim and whitewater
+            else None
             for shader in self.shaders
         ]
-        self.drops_views = [
-            DropsView(rim, shader, self.fields.canvas) if rim else None for shader in self.shaders
-        ]
-
         self.hand_view = HandView(self.lens, self.raster, self.fields.canvas)
         # Centre [m] in the box frame and radius [m] of a ball that images show, or None.
         self.ball: tuple[tuple[float, float, float], float] | None = None
@@ -114,9 +112,7 @@ class Picture:
         occupied = self.boundary is not None and self.boundary.count > 0
         if occupied:
             self.bodies.load(self.box)
-        self.shader, self.whitewater = self.shaders[occupied], self.whitewater_views[occupied]
-        # A box with a lid spills nothing.
-        self.drops = self.drops_views[occupied] if self.region != self.box else None
+        self.shader, self.droplets = self.shaders[occupied], self.droplets_views[occupied]
         self.view = None  # the shader's image without water may be of other bodies
 
     def resize(self, width, height):
@@ -186,8 +182,9 @@ class Picture:
             self.view = view
         return changed
 
-    def draw_water(self, camera, tilt=None):
-        """Renders the water surface in its pool; tilt: 3x3 rotation of the box about its centre."""
+    def draw_water(self, camera, tilt=None, spray=True):
+        """Renders the water surface in its pool; tilt: 3x3 rotation of the box about its centre;
+        spray: the mesh lacks the spray."""
         changed = self.set_view(camera, tilt)
         if self.look.caustics:
             self.sunlight.trace_caustics()
@@ -200,10 +197,9 @@ class Picture:
         if not contained:
             self.backdrop.refresh(changed, True, dried)
         self.shader.shade()
-        if self.look.whitewater and self.whitewater:
-            self.whitewater.draw()
-        if self.drops:
-            self.drops.draw()
+        if self.droplets:
+            # A box with a lid spills nothing.
+            self.droplets.draw(int(self.look.whitewater), int(self.region != self.box), int(spray))
         self.resolve()
 
     @kernel

@@ -65,8 +65,8 @@ class Ripples:
     @kernel
     def _disturb(self, dt: ti.f32, hand: HAND_NUMBERS, speed: ti.f32, frame: ti.i32):
         """Adds dents of drops that fall in, and the chop of the hand."""
-        for k in range(self.thin.drop_count[None]):
-            p, shot = self.thin.drops[k], self.lens.shot[None]
+        for k in range(self.thin.spray.count[None]):
+            p, shot = self.thin.spray.loose[k], self.lens.shot[None]
             x, v, d = self.thin.particles.x[p], self.thin.particles.v[p], self.thin.spacing(p)
             above = x.y - self.sunlight.height(x, shot)
             if v.y < 0.0 and abs(above) < CONTACT * d:

@@ -32,6 +32,7 @@ SHEEN_GLOSS, GLINT_GLOSS = 6, 5  # widths: cosine^(2^6), and its power 2^5
 WALL_COSINE = 0.98  # smallest cosine between a cut face's normal and the wall's
 MIN_INCIDENCE = 0.03  # smallest cosine of incidence
 PLATE = 0.1  # largest thickness of water on glass that refracts as a plate, over the longest edge
+LUMP = 0.25  # thickness of water in the air from which it refracts in full, over the longest edge
 DOWNWELLING = 0.5  # share of absorption on the light's way down
 DEPTH_STEP = int(1e-3 * 2**KEY_BITS)  # keys from crest to trough: 0.001 of the range
 NEAR_GLINT = 0.5  # sheen above which the sun's reflection may lie between two samples
@@ -139,6 +140,10 @@ class WaterShader:
         if cut and thickness < PLATE * shot.size.max():
             # Thin water on the glass: the ray leaves the water almost in the old direction.
             bent = d
+        elif not cut and not sunk:
+            # So do thin sheets and small lumps of water in the air.
+            thick = ti.math.clamp(thickness / (LUMP * shot.size.max()), 0.0, 1.0)
+            bent = ti.math.mix(d, bent, thick * thick).normalized()
         share = reflectance(c, ct, eta)
         if sunk:
             if ct == 0.0:

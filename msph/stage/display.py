@@ -102,8 +102,10 @@ class Display:
         return picture
 
     def advance(self, dt: float, gravity: Vec3, hand: Hand) -> None:
-        """Advances whitewater, ripples and wetness by dt [s] of simulated time; gravity [m/s^2] in
-        the box frame; hand: in the water."""
+        """Advances spray, whitewater, ripples and wetness by dt [s] of simulated time; gravity
+        [m/s^2] in the box frame; hand: in the water."""
+        if self.surface:
+            self.surface.advance(dt)
         if self.whitewater:
             with self.stage("surface"), self.substage("whitewater"):
                 self.whitewater.advance(dt, gravity)
@@ -112,7 +114,9 @@ class Display:
                 self.picture.advance(dt, hand)
 
     def reset(self) -> None:
-        """Removes whitewater, ripples and wetness; the camera stays."""
+        """Removes spray, whitewater, ripples and wetness; the camera stays."""
+        if self.surface:
+            self.surface.reset()
         if self.whitewater:
             self.whitewater.reset()
         if self.picture:
@@ -134,7 +138,7 @@ class Display:
         water = self.picture is not None and self.views.name == "water"
         if self.surface and (water or self.meshes):
             with self.stage("surface"), self.shown.at_frame(self.simulation):
-                self.surface.extract(hidden=not self.meshes)
+                self.surface.extract(for_image=not self.meshes)
         if self.picture:
             self._render()
 
@@ -154,7 +158,7 @@ class Display:
         with self.stage("picture"):
             if self.views.name == "water":
                 with self.simulation.boundary.shifted(-self.simulation.ahead):
-                    self.picture.draw_water(self.view, self.pose.tilt)
+                    self.picture.draw_water(self.view, self.pose.tilt, not self.meshes)
                 return
             self.views.neighbourhood.follow()
             if self.views.cut is not None:

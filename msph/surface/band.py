@@ -136,14 +136,17 @@ class Band:
             self.state[q] = self.state_of(q, bodies)
 
     @heavy_kernel
-    def include_thin(self, n: ti.i32, bodies: ti.template()):
-        """Sets the kernels of the n particles (thin_water.py), marks sub-blocks within reach of
-        kernels that exceed the full one as BAND, and lists the tiles (list_tiles())."""
+    def include_thin(
+        self, n: ti.i32, bodies: ti.template(), frame: ti.i32, dt: ti.f32, image: ti.i32
+    ):
+        """Sets the kernels of the n particles (ThinWater.set_kernel), marks sub-blocks within reach
+        of kernels that exceed the full one as BAND, and lists the tiles (list_tiles())."""
         self.thin.clear()
         for p in range(n):
             x = self.thin.particles.x[p]
             sub = ti.math.clamp(self.block_at(x), 0, self.last_block())
-            larger = self.thin.set_kernel(p, self.state[self.block_index(sub)] == DEEP, bodies)
+            deep = self.state[self.block_index(sub)] == DEEP
+            larger = self.thin.set_kernel(p, deep, bodies, frame, dt, image)
             if larger > 0.0:
                 self.mark(x, larger)
         self.list_tiles()

@@ -50,7 +50,7 @@ class Drops:
             mesh.counts[3] += self.thin.drop_count[None] * self.triangles
         for k in range(self.numbers.fit[None]):
             p = self.thin.drops[k]
-            edge = self.thin.spacing(p)
+            edge = self.thin.spacing(p) * self.thin.kept[p] ** (1.0 / 3.0)
             x = self.beside_walls(self.thin.particles.x[p], self.radius * edge)
             v = self.numbers.first_vertex[None] + k * self.vertices
             for m in range(self.vertices):

@@ -86,18 +86,27 @@ class Surface:
         """Returns a message if the last mesh may lack volume of the water, otherwise None."""
         return self.mesh.overflowed() or self.volume_control.limit_reached()
 
-    def extract(self, hidden: bool = False) -> None:
+    def reset(self) -> None:
+        """Forgets the spray."""
+        self.thin.spray.reset()
+
+    def advance(self, dt: float) -> None:
+        """Adds dt [s] to the time by which spray changes at the next extract()."""
+        self.thin.spray.elapsed += dt
+
+    def extract(self, for_image: bool = False) -> None:
         """Computes the mesh from the particles in twelve kernel launches, besides the sort.
 
-        hidden: the mesh is for an image with opaque bodies, and ends inside them (band.py). The
+        for_image: the mesh lacks the spray (spray.py), and ends inside opaque bodies (band.py). The
         waterline is then the intersection of both surfaces, exact to a pixel; at the end of the
         mesh it would have steps of a cell.
         """
         self.grid.refresh()
-        hidden = hidden and self.has_bodies
+        hidden = for_image and self.has_bodies
+        frame, dt = self.thin.spray.next_frame()
         self.band.sample(self.has_bodies)
         self.band.classify(self.has_bodies)
-        self.band.include_thin(self.particles.count, self.has_bodies)
+        self.band.include_thin(self.particles.count, self.has_bodies, frame, dt, int(for_image))
         self.evaluate(self.has_bodies)
         self.volume_control.correct()
         if hidden:

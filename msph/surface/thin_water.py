@@ -11,7 +11,8 @@ surface (fluid_fraction.py), and c_thick halfway between,
 
 t = 0 otherwise. Both are continuous in c. Yu and Turk (2013) also adapt kernels to the
 neighbourhood, and stretch the kernels along sheets. A particle without neighbours is a drop: the
-drop has no kernel, and a sphere is added to the mesh (drops.py).
+drop has no kernel, and a sphere is added to the mesh (drops.py). Meshes for images lack the share
+of each particle that images show as spray (spray.py).
 """
 
 import numpy as np
@@ -23,6 +24,7 @@ from msph.launches import data_oriented
 from msph.surface.bodies import Bodies
 from msph.surface.fluid_fraction import POLY6, SLOPE, cut_share, missing
 from msph.surface.room import LAYERS, SurfaceRoom
+from msph.surface.spray import Spray
 
 vec3 = ti.math.vec3
 
@@ -56,15 +58,18 @@ class ThinWater:
 
     by_layer: reach r [m]; isolated, sheet, thick (-): the coverages c_isolated, c_sheet and c_thick
     of the module docstring. kernel, by particle: 1/r_j^2 [1/m^2] and the kernel's value at its
-    particle (-), 0 for a drop. The first drop_count[None] entries of drops are the drops' indices.
-    volume [m^3]: of all other particles in the box.
+    particle (-), 0 for a drop. kept, by particle: the share of its volume in the mesh (-). The
+    first drop_count[None] entries of drops are the drops' indices. volume [m^3]: of all other
+    particles in the box, as far as it is kept.
     """
 
     def __init__(self, layers, grid, particles, bodies: Bodies, room: SurfaceRoom):
         self.layers, self.grid, self.particles, self.bodies = layers, grid, particles, bodies
         self.numbers = bodies.numbers
         self.by_layer = DeviceTable((LAYERS,), reach=f32, isolated=f32, sheet=f32, thick=f32)
+        self.spray = Spray(layers, particles, bodies.numbers, room)
         self.kernel = ti.Vector.field(2, ti.f32, shape=room.particles)
+        self.kept = ti.field(ti.f32, shape=room.particles)
         self.drops = ti.field(ti.i32, shape=room.particles)
         self.drop_count, self.volume = ti.field(ti.i32, shape=()), ti.field(ti.f32, shape=())
 
@@ -81,7 +86,7 @@ class ThinWater:
     @ti.func
     def clear(self):
         """Prepares set_kernel() of all particles."""
-        self.volume[None], self.drop_count[None] = 0.0, 0
+        self.volume[None], self.drop_count[None], self.spray.count[None] = 0.0, 0, 0
 
     @ti.func
     def full(self, layer):
@@ -89,12 +94,13 @@ class ThinWater:
         return ti.Vector([1.0 / self.by_layer.reach[layer] ** 2, self.by_layer.isolated[layer]])
 
     @ti.func
-    def set_kernel(self, i, deep, bodies: ti.template()):
+    def set_kernel(self, i, deep, bodies: ti.template(), frame, dt, image):
         """Sets the kernel of particle i (deep: known to be in deep water) and adds its volume, or
-        lists it as a drop; a particle beyond a wall is neither added nor listed. Returns the
-        distance [m] within which the kernel exceeds the full kernel."""
-        layer = self.particles.layer[i]
-        self.kernel[i], larger, drop = self.full(layer), 0.0, False
+        lists it as a drop; a particle beyond a wall is neither added nor listed. frame, dt: of the
+        spray; image: 1 if the mesh lacks spray. Returns the distance [m] within which the kernel
+        exceeds the full kernel."""
+        layer, inside = self.particles.layer[i], not self.beyond_wall(self.particles.x[i])
+        self.kernel[i], larger, drop, kept = self.full(layer), 0.0, False, 1.0
         if not deep:
             c = self.coverage(i, bodies)
             drop = c[1] > DROP_GAP
@@ -102,14 +108,18 @@ class ThinWater:
                 if drop:
                     radius = SPHERE_RADIUS * self.layers.spacing[layer]
                     drop = self.bodies.clearance(self.particles.x[i]) > radius
+            if inside:
+                kept -= image * self.spray.follow(i, self.looseness(c[0], layer), frame, dt)
             if drop:
                 self.kernel[i][1] = 0.0
-                if not self.beyond_wall(self.particles.x[i]):
+                if inside and kept > 0.0:
                     self.drops[ti.atomic_add(self.drop_count[None], 1)] = i
             elif c[0] < self.by_layer.thick[layer]:
                 larger = self.narrow(i, layer, c[0])
-        if not (drop or self.beyond_wall(self.particles.x[i])):
-            self.volume[None] += self.layers.volume[layer]
+                self.kernel[i][1] *= kept
+        self.kept[i] = kept
+        if inside and not drop:
+            self.volume[None] += kept * self.layers.volume[layer]
         return larger
 
     @ti.func
@@ -124,6 +134,12 @@ class ThinWater:
         return self.layers.spacing[self.particles.layer[i]]
 
     @ti.func
+    def looseness(self, c, layer):
+        """Returns t (-) of the module docstring for a coverage c (-): 0 in a sheet, 1 alone."""
+        sheet, isolated = self.by_layer.sheet[layer], self.by_layer.isolated[layer]
+        return ti.math.clamp((sheet - c) / (sheet - isolated), 0.0, 1.0)
+
+    @ti.func
     def narrow(self, i, layer, c):
         """Sets the kernel of particle i, with the coverage c (-), in thin water; returns the
         distance [m] within which the kernel exceeds the full kernel."""
@@ -131,7 +147,7 @@ class ThinWater:
         full, least = self.by_layer.reach[layer], SHEET_REACH * self.layers.spacing[layer]
         isolated = self.by_layer.isolated[layer]
         r = ti.math.mix(least, full, ti.max((c - sheet) / (thick - sheet), 0.0))
-        t = ti.math.clamp((sheet - c) / (sheet - isolated), 0.0, 1.0)
+        t = self.looseness(c, layer)
         peak = (1.0 + (ISOLATED_WEIGHT - 1.0) * t * t) * (full / r) ** 3
         self.kernel[i] = ti.Vector([1.0 / (r * r), isolated * peak])
         # peak (1 - x^2/r^2)^3 = (1 - x^2/full^2)^3

@@ -40,13 +40,17 @@ class Mesh:
 
 
 class NoDrops:
-    """Replacement of ThinWater that has no drops."""
+    """Replacement of ThinWater that has no spray."""
 
     class Particles:
         x = v = None
 
+    class Spray:
+        loose = count = None
+
     def __init__(self):
-        self.drop_count, self.drops = ti.field(ti.i32, ()), ti.field(ti.i32, 1)
+        self.spray = self.Spray()
+        self.spray.count, self.spray.loose = ti.field(ti.i32, ()), ti.field(ti.i32, 1)
         self.particles = self.Particles()
         self.particles.x = self.particles.v = ti.Vector.field(3, ti.f32, 1)
 

@@ -119,8 +119,8 @@ class Water:
         self.particles.fill(x=x, layer=layer)
         self.grid.build()
 
-    def mesh(self, everywhere: bool = False, hidden: bool = False) -> SurfaceMesh:
-        """Returns the extracted mesh; hidden: for an image (Surface.extract). everywhere: evaluates
+    def mesh(self, everywhere: bool = False, for_image: bool = False) -> SurfaceMesh:
+        """Returns the extracted mesh; for_image: see Surface.extract. everywhere: evaluates
         the whole box, with bounds by which no sub-block counts as air or deep water."""
         numbers = self.surface.cubes.numbers
         bounds = {"air_below": -1.0, "deep_above": 1e9, "half_diagonal": 1e9} if everywhere else {}
@@ -128,7 +128,7 @@ class Water:
         for name, bound in bounds.items():
             getattr(numbers, name)[None] = bound
         with self.shown.at_frame(self.simulation):
-            self.surface.extract(hidden)
+            self.surface.extract(for_image)
         for name, bound in loaded.items():
             getattr(numbers, name)[None] = bound
         return self.surface.mesh

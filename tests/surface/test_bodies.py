@@ -28,7 +28,7 @@ def test_a_mesh_for_an_image_reaches_into_bodies():
     water = Water(bodies=[Ball(CENTRE, RADIUS)])
     water.fill(filled(water, 0.25))
     exact, shift = middles(water.mesh()), water.surface.volume_control.shift[None]
-    water.mesh(hidden=True)
+    water.mesh(for_image=True)
     assert_closed(water.surface.mesh)
     assert water.surface.volume_control.shift[None] == pytest.approx(shift, abs=1e-5)
     solid = as_trimesh(water.surface.mesh)
@@ -50,7 +50,7 @@ def test_a_mesh_for_an_image_does_not_pass_through_a_thin_body():
     water = Water(bodies=[Block(middle - half, middle + half)])
     x = filled(water, 0.25)
     water.fill(x[x[:, 0] < middle[0]])
-    water.mesh(hidden=True)
+    water.mesh(for_image=True)
     assert_closed(water.surface.mesh)
     # Interpolation across the body's middle, where its distance has a kink, is off by up to 2 %.
     assert water.surface.mesh.to_numpy()[0][:, 0].max() < middle[0] + 0.03 * thickness
