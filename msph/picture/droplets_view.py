@@ -5,7 +5,10 @@ the time of an exposure a droplet draws a streak: a weight w = (1 - q^2)^2 at q 
 times the area of a disc over the area of the streak. Droplets that are large in the image merge
 into water where the sum of their weights exceeds FILM: with the height h = sum(w r)/sum(w)
 sqrt(sum(w) - FILM) towards the eye, the water has normals, refracts the image behind, mirrors sky
-and sun, and is whitish. Small droplets and whitewater are mist of the opacity 1 - exp(-sum).
+and sun, and is whitish. Small droplets and whitewater are mist of the opacity 1 - exp(-sum). A
+whitewater particle that lies on the surface is a patch of foam, level in the world, that grows and
+opens to a ring while it dissolves: many of them are a field of patches and lace that moves with the
+water.
 """
 
 import math
@@ -44,6 +47,11 @@ GLOSS, GLINT = 60.0, 1.6
 # Radius of whitewater, over the longest edge of the box, and the remaining life (-) in which it
 # fades.
 RADIUS, FADES = 2.6e-3, 0.5
+# Radius of a patch of foam when it forms and when it has dissolved, over the longest edge of the
+# box, and its opacity at first (-).
+PATCH, DISSOLVED, FROTH = 0.008, 0.022, 0.4
+# Least sine of the angle between the ray and the horizontal by which a patch is flattened.
+GRAZING = 0.25
 # Display-referred colour of scattered sunlight.
 SCATTERED = (0.92, 0.96, 0.98)
 # Depth under the surface [box edges] at which droplets and bubbles show half their opacity, and
@@ -55,14 +63,16 @@ LEAST = 1e-6
 
 @ti.dataclass
 class Droplet:
-    """Droplet at x [m] with a velocity v [m/s] and a radius [m]; opacity of its mist (-); foam: 1
-    if it is always mist."""
+    """Droplet at x [m] with a velocity v [m/s] and a radius [m]; opacity of its mist (-); white: 1
+    if it is always mist; foam (-): 1 for a patch on the surface; life (-): of the patch."""
 
     x: vec3
     v: vec3
     radius: ti.f32
     opacity: ti.f32
-    foam: ti.i32
+    white: ti.i32
+    foam: ti.f32
+    life: ti.f32
 
 
 @data_oriented
@@ -96,7 +106,9 @@ class DropletsView:
                     drop = self.spilt_one(q - first, m)
                 else:
                     x, radius, v = self.spray.droplet(self.spray.loose[q - after], m)
-                    drop = Droplet(x=x, v=v, radius=radius, opacity=MISTY, foam=0)
+                    drop = Droplet(
+                        x=x, v=v, radius=radius, opacity=MISTY, white=0, foam=0.0, life=1.0
+                    )
                 self.add(drop, self.lens.shot[None])
         # Only within the bounds of the droplets, which are empty if lo = hi + 1.
         ti.loop_config(serialize=True)
@@ -119,10 +131,19 @@ class DropletsView:
     @ti.func
     def white_one(self, k):
         """Returns the k-th whitewater particle."""
-        table = self.whitewater.table
-        opacity = WHITE * ti.min(1.0, table.life[k] / FADES)
-        radius = RADIUS * self.lens.shot[None].size.max()
-        return Droplet(x=table.x[k], v=table.v[k], radius=radius, opacity=opacity, foam=1)
+        table, longest = self.whitewater.table, self.lens.shot[None].size.max()
+        life, foam = table.life[k], table.foam[k]
+        fading = ti.min(1.0, life / FADES)
+        patch = ti.math.mix(DISSOLVED, PATCH, life)
+        return Droplet(
+            x=table.x[k],
+            v=(1.0 - foam) * table.v[k],
+            radius=ti.math.mix(RADIUS, patch, foam) * longest,
+            opacity=ti.math.mix(WHITE, FROTH * life, foam) * fading,
+            white=1,
+            foam=foam,
+            life=life,
+        )
 
     @ti.func
     def spilt_one(self, k, m):
@@ -130,7 +151,7 @@ class DropletsView:
         v, size = self.rim.drops.v[k], self.rim.drops.radius[k]
         q, radius = self.spray.cluster(k, m, v, WIDE * size / SPHERE_RADIUS, size)
         x = self.rim.drops.x[k] + q
-        return Droplet(x=x, v=v, radius=radius, opacity=MISTY, foam=0)
+        return Droplet(x=x, v=v, radius=radius, opacity=MISTY, white=0, foam=0.0, life=1.0)
 
     @ti.func
     def add(self, drop, shot: ti.template()):
@@ -145,10 +166,14 @@ class DropletsView:
             true_radius = drop.radius / (shot.pixel * z)
             r = ti.max(true_radius, LEAST_RADIUS)
             way = start.xy - m
-            shown = (true_radius / r) ** 2 / (1.0 + 2.0 / math.pi * way.norm() / r)
+            area = ti.select(drop.white == 1, 1.0, (true_radius / r) ** 2)
+            shown = area / (1.0 + 2.0 / math.pi * way.norm() / r)
             shown *= self.visible(c, at, z, shot)
-            water = ti.math.smoothstep(MIST, WATER, true_radius) * (1 - drop.foam)
-            lo, hi = ti.min(m, start.xy) - r, ti.max(m, start.xy) + r
+            water = ti.math.smoothstep(MIST, WATER, true_radius) * (1 - drop.white)
+            level = ti.max(abs(c.normalized().dot(shot.up)), GRAZING)
+            flat = vec2(r, ti.max(r * ti.math.mix(1.0, level, drop.foam), LEAST_RADIUS))
+            hole = drop.foam * (1.0 - drop.life)
+            lo, hi = ti.min(m, start.xy) - flat, ti.max(m, start.xy) + flat
             box = self.raster.bounds(lo, hi, shot)
             if shown > 0.0 and box[0] <= box[2] and box[1] <= box[3]:
                 ti.atomic_min(self.sums.lo[None], ti.Vector([box[0], box[1]]))
@@ -157,8 +182,9 @@ class DropletsView:
                     for j in range(box[1], box[3] + 1):
                         p = vec2(i, j) - m
                         t = ti.math.clamp(p.dot(way) / ti.max(way.norm_sqr(), LEAST), 0.0, 1.0)
-                        near = ti.max(1.0 - (p - t * way).norm_sqr() / (r * r), 0.0)
-                        w = UNIT * shown * near * near
+                        near = ti.max(1.0 - ((p - t * way) / flat).norm_sqr(), 0.0)
+                        ring = 4.0 * near * (1.0 - near)
+                        w = UNIT * shown * ti.math.mix(near, ring * ring, hole) * near
                         if w > 0.0:
                             self.sums.weight[i, j] += ti.cast(water * w, ti.i32)
                             self.sums.height[i, j] += ti.cast(water * w * r, ti.i32)

@@ -41,7 +41,9 @@ SPREAD, SCATTER = 0.8, 0.25
 # Coverages (-) below which whitewater is spray, and from which whitewater is bubbles.
 SPRAY, FOAM = 0.15, 0.6
 # Longest and shortest lifetime of foam [s].
-LIFE, SHORTEST = 2.0, 0.5
+LIFE, SHORTEST = 3.0, 0.75
+# Time [s] in which spray that has landed spreads as foam, and foam turns back.
+SPREADING = 0.15
 # Rate at which spray and bubbles age, over the rate of foam (-): most become foam first.
 SLOW_AGEING = 0.4
 # Speed of rising bubbles [m/s] (1 to 5 mm: 0.2 to 0.3 m/s; Clift et al. 1978), and the rate [1/s]
@@ -79,7 +81,7 @@ def whitewater_of(world: World) -> "Whitewater":
 @data_oriented
 class Whitewater:
     """Whitewater of one simulation. table (MOST,): x [m], v [m/s] and the remaining life (-) of
-    particles, 1 at most; 0: none.
+    particles, 1 at most, 0: none; foam (-): 1 if a particle has spread on the surface.
 
     emitted[None] counts all particles since reset(); the next one takes the place emitted % MOST.
     """
@@ -87,7 +89,7 @@ class Whitewater:
     def __init__(self, constants, layers, grid, particles):
         self.constants, self.layers, self.walls = constants, layers, Walls(constants)
         self.grid, self.particles = grid, particles
-        self.table = DeviceTable((MOST,), x=vec3, v=vec3, life=ti.f32)
+        self.table = DeviceTable((MOST,), x=vec3, v=vec3, life=ti.f32, foam=ti.f32)
         self.emitted = ti.field(ti.i32, shape=())
         self.frames = 0
 
@@ -134,6 +136,7 @@ class Whitewater:
             spread[m] = 2.0 * uniform(seed, NUMBERS * k + m + 4) - 1.0
         x = self.particles.x[i]
         self.table.x[at] = self.walls.confined(x, x + SPREAD * d * place, 0.0)
+        self.table.foam[at] = 0.0
         self.table.v[at] = v + SCATTER * v.norm() * spread
         self.table.life[at] = ti.math.mix(SHORTEST / LIFE, 1.0, uniform(seed, NUMBERS * k + 7))
 
@@ -143,7 +146,7 @@ class Whitewater:
             if self.table.life[k] > 0.0:
                 x, v, ageing = self.table.x[k], self.table.v[k], SLOW_AGEING
                 around = self.surroundings(x, v)
-                c, up = around.coverage, -gravity.normalized(LEAST)
+                c, up, foam = around.coverage, -gravity.normalized(LEAST), 0.0
                 if c < SPRAY:
                     v += dt * gravity
                 else:
@@ -151,11 +154,12 @@ class Whitewater:
                     wanted = water + RISE * ti.math.clamp(4.0 * (c - 0.5), -1.0, 1.0) * up
                     v += (1.0 - ti.exp(-DRAG * dt)) * (wanted - v)
                     if c < FOAM:
-                        ageing = 1.0
+                        ageing, foam = 1.0, 1.0
                 moved = x + dt * v
                 x = self.walls.confined(x, moved, 0.0)
                 self.table.x[k], self.table.v[k] = x, ti.select(x == moved, v, 0.0)
                 self.table.life[k] = ti.max(self.table.life[k] - ageing * dt / LIFE, 0.0)
+                self.table.foam[k] = ti.math.mix(foam, self.table.foam[k], ti.exp(-dt / SPREADING))
 
     @ti.func
     def surroundings(self, x, v):
