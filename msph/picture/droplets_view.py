@@ -49,7 +49,7 @@ GLOSS, GLINT = 60.0, 1.6
 RADIUS, FADES = 2.6e-3, 0.5
 # Radius of a patch of foam when it forms and when it has dissolved, over the longest edge of the
 # box, and its opacity at first (-).
-PATCH, DISSOLVED, FROTH = 0.008, 0.022, 0.4
+PATCH, DISSOLVED, FROTH = 0.012, 0.026, 0.4
 # Least sine of the angle between the ray and the horizontal by which a patch is flattened.
 GRAZING = 0.25
 # Display-referred colour of scattered sunlight.
@@ -185,10 +185,12 @@ class DropletsView:
                         near = ti.max(1.0 - ((p - t * way) / flat).norm_sqr(), 0.0)
                         ring = 4.0 * near * (1.0 - near)
                         w = UNIT * shown * ti.math.mix(near, ring * ring, hole) * near
-                        if w > 0.0:
+                        # A branch costs less than adding 0.
+                        if water > 0.0 and w >= 1.0:
                             self.sums.weight[i, j] += ti.cast(water * w, ti.i32)
                             self.sums.height[i, j] += ti.cast(water * w * r, ti.i32)
-                            mist = (1.0 - water) * drop.opacity * w
+                        mist = (1.0 - water) * drop.opacity * w
+                        if mist >= 1.0:
                             self.sums.mist[i, j] += ti.cast(mist, ti.i32)
 
     @ti.func
@@ -226,8 +228,10 @@ class DropletsView:
             water = ti.math.mix(water, self.tone.display(sky), share)
             water = ti.min(water + GLINT * glint * SUN, 1.0)
             shown = ti.math.mix(shown, water, cover)
-        mist = 1.0 - ti.exp(-self.sums.mist[i, j] / UNIT)
-        return ti.math.mix(shown, vec3(SCATTERED), mist)
+        if self.sums.mist[i, j] > 0:
+            mist = 1.0 - ti.exp(-self.sums.mist[i, j] / UNIT)
+            shown = ti.math.mix(shown, vec3(SCATTERED), mist)
+        return shown
 
     @ti.func
     def visible(self, c, at, z, shot: ti.template()):

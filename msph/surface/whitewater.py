@@ -28,7 +28,7 @@ vec2, vec3 = ti.math.vec2, ti.math.vec3
 # Largest number of whitewater particles; new ones replace the oldest.
 MOST = 4096
 # Whitewater particles per second of a water particle at full potential.
-RATE = 60.0
+RATE = 100.0
 # Ranges of the potentials: specific kinetic energy [m^2/s^2], closing speed [m/s], and offset (-).
 KINETIC, TRAPPED, CREST = (0.25, 1.5), (0.25, 0.9), (0.28, 0.45)
 # Least cosine between the velocity and the outward normal at a crest (Ihmsen et al. 2012).
