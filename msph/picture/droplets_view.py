@@ -119,13 +119,15 @@ class DropletsView:
             (self.sums.lo[None][0], self.sums.hi[None][0] + 1),
             (self.sums.lo[None][1], self.sums.hi[None][1] + 1),
         ):
-            self.sums.shown[i, j] = self.colour(i, j, self.lens.shot[None])
+            if self.sums.weight[i, j] + self.sums.mist[i, j] > 0:
+                self.sums.shown[i, j] = self.colour(i, j, self.lens.shot[None])
         ti.loop_config(block_dim=BLOCK)
         for i, j in ti.ndrange(
             (self.sums.lo[None][0], self.sums.hi[None][0] + 1),
             (self.sums.lo[None][1], self.sums.hi[None][1] + 1),
         ):
-            self.image[i, j] = self.sums.shown[i, j]
+            if self.sums.weight[i, j] + self.sums.mist[i, j] > 0:
+                self.image[i, j] = self.sums.shown[i, j]
             self.sums.weight[i, j] = self.sums.height[i, j] = self.sums.mist[i, j] = 0
 
     @ti.func
