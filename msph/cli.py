@@ -134,7 +134,7 @@ force_option = click.option("--force", is_flag=True, help="Overwrite existing fi
 @click.version_option(msph.__version__, prog_name="msph")
 def cli():
     """M-SPH: real-time multi-layer SPH, large particles in the depth, small ones at the surface."""
-    own_files.begin()
+    click.get_current_context().call_on_close(own_files.release)
     cache_folder.ensure(lambda line: click.echo(f"msph: {line}", err=True))
 
 
