@@ -54,7 +54,7 @@ def claim(paths: Iterable[Path], force: bool = False, later: Iterable[Path] = ()
     frames = {place_of(path): path for path in later}
     try:
         for place, path in frames.items():
-            if place not in _claimed and not force and place.is_file():
+            if place not in _claimed and not force and os.path.isfile(place):
                 raise ExistingFileError(f"{path}: exists; --force overwrites it")
         # In the same order in each command, so that one of two succeeds.
         places = {place_of(path): path for path in paths}
@@ -70,8 +70,9 @@ def claim(paths: Iterable[Path], force: bool = False, later: Iterable[Path] = ()
 
 def _create(place: Path, path: Path, force: bool) -> bool:
     """Creates an empty file; returns False for an existing file that may be overwritten."""
-    try:
+    with _refusing(path.parent):
         place.parent.mkdir(parents=True, exist_ok=True)
+    with _refusing(path):
         try:
             os.close(os.open(place, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
             return True
@@ -80,10 +81,17 @@ def _create(place: Path, path: Path, force: bool) -> bool:
                 raise ExistingFileError(f"{path}: exists; --force overwrites it") from None
             with open(place, "ab"):
                 return False
+
+
+@contextlib.contextmanager
+def _refusing(path: Path) -> Iterator[None]:
+    """Turns an OSError into an OutputError that names the path."""
+    try:
+        yield
     except FileExistsError:
-        raise OutputError(f"{path.parent}: is a file, not a folder") from None
-    except (OSError, ValueError) as error:
-        problem = getattr(error, "strerror", None) or "cannot be written"
+        raise OutputError(f"{path}: is a file, not a folder") from None
+    except OSError as error:
+        problem = error.strerror or "cannot be written"
         raise OutputError(f"{path}: {problem[0].lower()}{problem[1:]}") from None
 
 

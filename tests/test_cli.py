@@ -59,7 +59,7 @@ def test_scenes_lists_all_and_prints_one():
         (["bench", "pool", "--set", "title=\udce9"], "is not valid Unicode text"),
         (["capture", "pool", "--size", "big"], "expected WIDTHxHEIGHT"),
         (["capture", "pool", "--seconds", "-1"], "-1.0 is not in the range x>0"),
-        (["measure", "pool", "-o", "/dev/null/here"], "/dev/null/here/scene.toml: "),
+        (["measure", "pool", "-o", "/dev/null/here"], "/dev/null/here: not a directory"),
         (["measure", "pool", "--every", "0"], "measure.every: input should be greater than 0"),
         (["measure", "pool", "--seconds", "-1"], "duration: input should be greater than 0"),
         (
