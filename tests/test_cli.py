@@ -60,7 +60,13 @@ def test_scenes_lists_all_and_prints_one():
         (["capture", "pool", "--size", "big"], "expected WIDTHxHEIGHT"),
         (["capture", "pool", "--seconds", "-1"], "-1.0 is not in the range x>0"),
         (["measure", "pool", "-o", "/dev/null/here"], "/dev/null/here: not a directory"),
-        (["measure", "pool", "--every", "0"], "measure.every: input should be greater than 0"),
+        (["measure", "pool", "--every", "0"], "measure.every: input should be greater than"),
+        (["measure", "pool", "--every", "1e-300"], "measure.every: input should be greater than"),
+        (["capture", "pool", "--seconds", "1e300", "-o", "x_%d.png"], "1e+300 is not in the range"),
+        (
+            ["capture", "pool", "--seconds", "1e6", "--fps", "100", "-o", "x_%d.png"],
+            "x_%d.png: would have 100,000,000 frames; at most 1,000,000 are allowed",
+        ),
         (["measure", "pool", "--seconds", "-1"], "duration: input should be greater than 0"),
         (
             ["bench", "pool", "--quality", "small", "--set", "variant=system-1"],
@@ -388,7 +394,8 @@ def test_a_signal_before_the_first_frame_leaves_a_summary(tmp_path):
         text=True,
     )
     deadline = time.monotonic() + 60.0
-    while not (folder / "scene.toml").exists():
+    # The file is empty until the run begins.
+    while not (folder / "scene.toml").exists() or not (folder / "scene.toml").stat().st_size:
         assert time.monotonic() < deadline and process.poll() is None
         time.sleep(0.05)
     process.send_signal(signal.SIGTERM)

@@ -49,6 +49,8 @@ from msph.stage.trial import SIZE as PLAY_SIZE
 FALLBACK_SECONDS, FALLBACK_FPS, FALLBACK_SIZE, STILL_TIME = 10.0, 30.0, (1280, 720), 1.0
 # Rays per pixel along each axis in recordings, which need not be made in real time.
 SMOOTH = 2
+# Largest number of frames of a recording: six digits in file names.
+MAX_FRAMES = 1_000_000
 # Exit code of a benchmark with an unstable simulation.
 BAD_RUN = 1
 
@@ -98,6 +100,10 @@ def capture(scene: str | None, options: CaptureOptions, run: RunOptions) -> None
     frames = max(1, total) - first
     if frames <= 0:
         raise CheckpointError.beyond(since, seconds)
+    if frames > MAX_FRAMES:
+        raise OutputError(
+            f"{files.all()[0]}: would have {frames:,} frames; at most {MAX_FRAMES:,} are allowed"
+        )
     paths, inputs = files.names(first, frames), inputs_of(scene, options)
     check_files(paths, inputs)
     # Until it is written, only the first frame of a sequence has a file.
