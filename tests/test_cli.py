@@ -58,7 +58,7 @@ def test_scenes_lists_all_and_prints_one():
         (["bench", "pool", "--set", "gravity.1=-3"], "gravity is not set in this scene"),
         (["bench", "pool", "--set", "title=\udce9"], "is not valid Unicode text"),
         (["capture", "pool", "--size", "big"], "expected WIDTHxHEIGHT"),
-        (["capture", "pool", "--seconds", "-1"], "-1.0 is not in the range x>0"),
+        (["capture", "pool", "--seconds", "-1"], "-1.0 is not in the range 0<x<=1000000"),
         (["measure", "pool", "-o", "/dev/null/here"], "/dev/null/here: not a directory"),
         (["measure", "pool", "--every", "0"], "measure.every: input should be greater than"),
         (["measure", "pool", "--every", "1e-300"], "measure.every: input should be greater than"),
@@ -156,7 +156,7 @@ def test_bench_without_render_times_the_fluid_alone_and_its_parts(tmp_path):
 
 
 def test_bench_fails_if_the_simulation_blows_up(tmp_path):
-    explode = ["--set", "water.1.velocity=[0, 1e30, 0]", "--set", "box.restitution=1"]
+    explode = ["--set", "water.1.velocity=[0, 1e12, 0]", "--set", "box.restitution=1"]
     result = here("bench", write(tmp_path), "--seconds", 0.1, "--no-render", *explode)
     assert result.returncode == 1
     assert "FAILED" in result.stderr
@@ -339,7 +339,7 @@ def test_measure_writes_probes_ledger_and_a_summary(tmp_path):
 
 
 def test_measure_keeps_its_results_if_the_simulation_blows_up(tmp_path):
-    explode = ["--set", "water.1.velocity=[0, 1e30, 0]", "--set", "box.restitution=1"]
+    explode = ["--set", "water.1.velocity=[0, 1e12, 0]", "--set", "box.restitution=1"]
     out = tmp_path / "out"
     result = here("measure", write(tmp_path), "-o", out, "--set", "measure.survey=0", *explode)
     assert result.returncode == 1

@@ -336,6 +336,12 @@ def test_a_checkpoint_holds_openings_that_were_added():
     for changed in (np.zeros((1, 20)), np.ones((1, 5)), np.full((1, 20), np.nan)):
         with pytest.raises(ValueError, match="an added opening"):
             sim.restore({**state, "added_openings": changed})
+    flows = state["openings"]
+    for changed in (flows + np.nan, np.float64(1.0), flows * 1j, flows - 1.0, flows[:-1]):
+        with pytest.raises(ValueError, match="openings is"):
+            sim.restore({**state, "openings": np.asarray(changed)})
+    with pytest.raises(ValueError, match="spacings late"):
+        sim.restore({**state, "openings": flows + 1e6})
     with pytest.raises(ValueError, match="needs a Valve"):
         sim.add_opening(Opening(FLOOR, DOWN, (0.1, 0.1), False, lambda time: 1.0), GRAVITY)
     sim.close()
