@@ -57,6 +57,7 @@ class Layer(Section):
     viscosity: float | None = parameter(
         None,
         ge=0.0,
+        le=1e4,
         unit="Pa s",
         text="dynamic viscosity; default: classic.viscosity",
     )
