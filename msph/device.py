@@ -57,7 +57,7 @@ def start(arch: str = "auto", threads: int | None = None, tested: bool = False) 
         import taichi.lang.matrix_ops
 
         from msph.launches import BLOCKS, serialize_loops
-        from msph.taichi_internals import GRID, cache_folder, on_cpu
+        from msph.taichi_internals import GRID, cache_folder, end, on_cpu
 
     automatic = [ti.cpu] if sys.platform == "darwin" else [ti.cuda, ti.cpu]
     wanted = automatic if arch == "auto" else [getattr(ti, arch)]
@@ -80,7 +80,7 @@ def start(arch: str = "auto", threads: int | None = None, tested: bool = False) 
         ti.init(arch=wanted, log_level=ti.ERROR, **options)
     # Taichi writes its kernel cache when its program is destroyed, which the end of Python does not
     # always do.
-    atexit.register(ti.reset)
+    atexit.register(end)
     if on_cpu():
         # Taichi's control-flow analysis and its search for common subexpressions take more than
         # half of the compile time and gain nothing: LLVM removes the same loads and operations.
