@@ -97,7 +97,8 @@ def numbers(
     if found.dtype.kind not in "fiu" or found.shape != shape:
         raise ValueError(f"{name} is {found.dtype} of shape {found.shape}, not numbers of {shape}")
     # Not a number is refused, too.
-    wrong = found[~((found >= lo) & (found <= hi))]
+    values = found.astype(float)
+    wrong = values[~((values >= lo) & (values <= hi))]
     if wrong.size:
         raise ValueError(f"{name} is {wrong.flat[0]:g}: must be {lo:g} to {hi:g}")
     return found
