@@ -97,3 +97,15 @@ def test_a_damaged_cache_is_removed_with_one_line(kind, tmp_path):
     assert len(said[1]) == 1 and said[1][0].endswith(
         "damaged kernels in the cache are compiled anew"
     )
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="limits the address space")
+def test_too_little_address_space_gives_one_line():
+    """Regression: LLVM aborted without a message."""
+    command = 'ulimit -v 600000; exec "$0" -m msph bench still --no-render'
+    run = subprocess.run(
+        ["bash", "-c", command, sys.executable], capture_output=True, text=True, timeout=100
+    )
+    assert run.returncode == 1
+    (line,) = run.stderr.splitlines()
+    assert line.endswith("(ulimit -v): the limit is 0.6 GiB")
