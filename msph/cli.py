@@ -60,7 +60,8 @@ class Size(click.ParamType):
 # Parameter types that several options share.
 FILE, CHECKPOINT = click.Path(path_type=Path), click.Path(exists=True, dir_okay=False)
 FILES: dict[str, Any] = {"multiple": True, "type": FILE}
-POSITIVE = Finite(min=0, min_open=True)
+# Longest simulated time [s]: that of a scene.
+DURATION = Finite(min=0, min_open=True, max=1e6)
 
 arch_option = click.option(
     "--arch",
@@ -134,7 +135,7 @@ force_option = click.option("--force", is_flag=True, help="Overwrite existing fi
 @click.version_option(msph.__version__, prog_name="msph")
 def cli():
     """M-SPH: real-time multi-layer SPH, large particles in the depth, small ones at the surface."""
-    own_files.begin()
+    click.get_current_context().call_on_close(own_files.release)
     cache_folder.ensure(lambda line: click.echo(f"msph: {line}", err=True))
 
 
@@ -201,7 +202,7 @@ def play(scene, run, **options):
 @click.option("--resume", type=CHECKPOINT, help="Continue from this .npz file.")
 @click.option(
     "--seconds",
-    type=POSITIVE,
+    type=DURATION,
     help="Simulated time at which the recording ends [s].  [default: the scene's duration]",
 )
 @click.option(
@@ -223,7 +224,7 @@ def capture(scene, run, **options):
 @cli.command()
 @click.argument("scenes", nargs=-1)
 @click.option(
-    "--seconds", type=POSITIVE, help="Simulated time [s].  [default: the scene's duration]"
+    "--seconds", type=DURATION, help="Simulated time [s].  [default: the scene's duration]"
 )
 @click.option(
     "--no-render", is_flag=True, help="Run the simulation only, without surface and image."

@@ -3,6 +3,7 @@
 import atexit
 import contextlib
 import io
+import math
 import os
 import sys
 import time
@@ -23,6 +24,8 @@ CACHE_BYTES = 1 << 30
 # Lock file of Taichi's kernel cache, and age [s] beyond which the lock is stale: Taichi holds the
 # lock for less than 1 s. A lock left by a killed process disables the cache for all later runs.
 LOCK, STALE = "ticache.lock", 60.0
+# Address space [bytes] below which no run succeeds, and LLVM may abort without a message.
+LEAST_SPACE = 3 << 29
 # Threads of this process, on Linux.
 THREADS = Path("/proc/self/task")
 
@@ -46,6 +49,8 @@ def start(arch: str = "auto", threads: int | None = None, tested: bool = False) 
     global _started
     if _started:
         return _started
+    if address_space() < LEAST_SPACE:
+        raise MemoryError
     ensure()
     if not tested:
         arch = _trusted(arch)
@@ -57,7 +62,7 @@ def start(arch: str = "auto", threads: int | None = None, tested: bool = False) 
         import taichi.lang.matrix_ops
 
         from msph.launches import BLOCKS, serialize_loops
-        from msph.taichi_internals import GRID, cache_folder, on_cpu
+        from msph.taichi_internals import GRID, cache_folder, end, on_cpu
 
     automatic = [ti.cpu] if sys.platform == "darwin" else [ti.cuda, ti.cpu]
     wanted = automatic if arch == "auto" else [getattr(ti, arch)]
@@ -80,7 +85,7 @@ def start(arch: str = "auto", threads: int | None = None, tested: bool = False) 
         ti.init(arch=wanted, log_level=ti.ERROR, **options)
     # Taichi writes its kernel cache when its program is destroyed, which the end of Python does not
     # always do.
-    atexit.register(ti.reset)
+    atexit.register(end)
     if on_cpu():
         # Taichi's control-flow analysis and its search for common subexpressions take more than
         # half of the compile time and gain nothing: LLVM removes the same loads and operations.
@@ -94,6 +99,16 @@ def start(arch: str = "auto", threads: int | None = None, tested: bool = False) 
         _pin(_threads() - before)
     _started = name
     return name
+
+
+def address_space() -> float:
+    """Returns this process's limit of address space [bytes], infinite if there is none."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return math.inf
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    return math.inf if limit == resource.RLIM_INFINITY else limit
 
 
 def _trusted(arch: str) -> str:

@@ -1,6 +1,7 @@
 """Error handling of the command line: one line per error, and an exit code by its kind."""
 
 import contextlib
+import math
 import re
 import sys
 import time
@@ -12,6 +13,7 @@ import click
 
 import msph
 from msph import user_cache
+from msph.device import address_space
 from msph.errors import MsphError
 from msph.interrupts import handling, raise_interrupt
 
@@ -66,12 +68,8 @@ def unexpected(error: Exception) -> str:
 
 def limit_in_words() -> str:
     """Returns this process's limit of address space, "" if there is none."""
-    try:
-        import resource
-    except ImportError:  # Windows
-        return ""
-    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
-    return "" if limit == resource.RLIM_INFINITY else f": the limit is {limit / 2**30:.1f} GiB"
+    limit = address_space()
+    return "" if math.isinf(limit) else f": the limit is {limit / 2**30:.1f} GiB"
 
 
 def fail(problem: str, code: int) -> NoReturn:

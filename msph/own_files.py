@@ -1,8 +1,9 @@
 """Output files: written completely or reported as lost, and never over existing files.
 
-A command claims its output files before it computes anything. A claim fails if a file exists,
-unless --force is given. writing() and replacing() also claim files, so that every write follows
-this rule.
+A command claims its output files before it computes anything: an empty file is created under each
+name, in one operation of the file system, so that of two commands started together one is refused.
+A claim fails if a file exists, unless --force is given. writing() and replacing() also claim
+files, so that every write follows this rule.
 """
 
 import contextlib
@@ -18,9 +19,12 @@ from msph.errors import BadInputError, LostOutputError
 
 # Free space [bytes] below which a failed write is reported as a full disk: encoders give no reason.
 FULL_DISK = 1 << 20
+# End of the name of the scene file that commands write next to their outputs.
+SCENE_SUFFIX = ".scene.toml"
 
-# Files that the running command may write.
+# Files that the running command may write, and those among them that its claims created.
 _claimed: set[Path] = set()
+_created: set[Path] = set()
 
 
 class ExistingFileError(BadInputError):
@@ -31,45 +35,99 @@ class OutputError(BadInputError):
     """An output that cannot be written."""
 
 
-def begin() -> None:
-    """Drops all claims at the start of a command."""
+def release() -> None:
+    """Drops all claims at the end of a command, and removes claimed files without content."""
+    _remove_empty(_created)
     _claimed.clear()
+    _created.clear()
 
 
-def claim(paths: Iterable[Path], force: bool = False) -> None:
-    """Claims all files for the running command, or none. Raises ExistingFileError if one exists
-    and was not claimed before, unless `force`; devices such as /dev/null do not count."""
-    places = {path.resolve(): path for path in paths}
-    for place, path in places.items():
-        if place not in _claimed and place.is_file() and not force:
-            raise ExistingFileError(f"{path}: exists; --force overwrites it")
-    _claimed.update(places)
+def claim(paths: Iterable[Path], force: bool = False, later: Iterable[Path] = ()) -> None:
+    """Claims all files for the running command, or none, and creates their folders. Raises
+    ExistingFileError if a file exists and was not claimed before, unless `force`; devices such as
+    /dev/null do not count. Raises OutputError for a file that cannot be written.
 
-
-def make_writable(path: Path) -> None:
-    """Creates the folder of an output, and raises OutputError if the file is not writable."""
+    later: files that must not exist either, such as the frames of a recording, but are claimed when
+    they are written.
+    """
+    new = set[Path]()
+    frames = {place_of(path): path for path in later}
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        new = not path.exists()
-        with open(path, "ab"):
-            pass
-        if new:
-            path.unlink()
+        for place, path in frames.items():
+            if place not in _claimed and not force and os.path.isfile(place):
+                raise ExistingFileError(f"{path}: exists; --force overwrites it")
+        # In the same order in each command, so that one of two succeeds.
+        places = {place_of(path): path for path in paths}
+        for place in sorted(places.keys() - _claimed):
+            if _create(place, places[place], force):
+                new.add(place)
+    except BadInputError:
+        _remove_empty(new)
+        raise
+    _created.update(new)
+    _claimed.update(places, frames if force else ())
+
+
+def _create(place: Path, path: Path, force: bool) -> bool:
+    """Creates an empty file; returns False for an existing file that may be overwritten."""
+    with _refusing(path.parent):
+        place.parent.mkdir(parents=True, exist_ok=True)
+    with _refusing(path):
+        try:
+            os.close(os.open(place, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+            return True
+        except FileExistsError:
+            if place.is_file() and not force:
+                raise ExistingFileError(f"{path}: exists; --force overwrites it") from None
+            with open(place, "ab"):
+                return False
+
+
+@contextlib.contextmanager
+def _refusing(path: Path) -> Iterator[None]:
+    """Turns an OSError into an OutputError that names the path."""
+    try:
+        yield
     except FileExistsError:
-        raise OutputError(f"{path.parent}: is a file, not a folder") from None
+        raise OutputError(f"{path}: is a file, not a folder") from None
     except OSError as error:
         problem = error.strerror or "cannot be written"
         raise OutputError(f"{path}: {problem[0].lower()}{problem[1:]}") from None
 
 
+def place_of(path: Path) -> Path:
+    """Returns the path without symbolic links, except in a loop of links, which cannot be opened.
+    Raises OutputError for a name that no file can have."""
+    try:
+        return Path(os.path.realpath(path))
+    except ValueError:
+        raise OutputError(f"{path}: is not a file name") from None
+
+
+def written(path: Path) -> bool:
+    """Returns True if a file exists and is not a claimed one without content."""
+    return path.exists() and not (place_of(path) in _created and path.stat().st_size == 0)
+
+
+def _remove_empty(places: Iterable[Path]) -> None:
+    for place in places:
+        # The user may have removed the file or its folder.
+        with contextlib.suppress(OSError):
+            if place.stat().st_size == 0:
+                place.unlink()
+
+
 def free_stem(folder: Path, stem: str) -> str:
     """Returns `stem`, or `stem` with the first number from 2 such that no file of the folder has
-    this name with any suffix."""
+    this name with any suffix, and claims the scene file of this name."""
     found, number = stem, 1
-    while any(folder.glob(f"{glob.escape(found)}.*")):
+    while True:
+        if not any(folder.glob(f"{glob.escape(found)}.*")):
+            with contextlib.suppress(ExistingFileError):
+                claim([folder / f"{found}{SCENE_SUFFIX}"])
+                return found
         number += 1
         found = f"{stem}_{number}"
-    return found
 
 
 @contextlib.contextmanager
@@ -97,7 +155,7 @@ def replacing(path: Path) -> Iterator[Path]:
         try:
             yield temporary
             temporary.chmod(0o666 & ~_umask())
-            temporary.replace(path.resolve())
+            temporary.replace(place_of(path))
         finally:
             temporary.unlink(missing_ok=True)
 

@@ -6,16 +6,33 @@ checks, `--set`, sliders, `msph scenes --parameters` and written scenes are deri
 
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, field_validator
+from pydantic_core import PydanticCustomError
+
+# Largest absolute value of any number (-): squares and products of several stay finite.
+LARGEST = 1e12
+# Largest speed of water, bodies and tanks [m/s]; the speed of sound in water is 1480 m/s.
+MAX_SPEED = 500.0
+# Shortest period of a motion [s], which steps must resolve, and longest duration [s], 11 days.
+SHORTEST, LONGEST = 0.01, 1e6
 
 Number = Annotated[float, Field(strict=True)]
 Vector = Annotated[tuple[Number, Number, Number], Field(strict=False)]
 
 
 class Section(BaseModel):
-    """A table of parameters; unknown keys, wrong types, NaN and infinity are errors."""
+    """A table of parameters; unknown keys, wrong types, NaN and numbers beyond LARGEST are
+    errors."""
 
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+
+    @field_validator("*")
+    @classmethod
+    def _limited(cls, value: Any) -> Any:
+        parts = value if isinstance(value, tuple) else (value,)
+        if any(isinstance(n, int | float) and abs(n) > LARGEST for n in parts):
+            raise PydanticCustomError("limit", f"must be -{LARGEST:g} to {LARGEST:g}")
+        return value
 
 
 def parameter(

@@ -11,6 +11,7 @@ launches (msph/launches.py).
 """
 
 import ast
+import contextlib
 import functools
 import operator
 import os
@@ -36,6 +37,10 @@ ARRAY_SETTER = "set_arg_external_array_with_shape"
 # Methods by which Taichi builds the range loops of a kernel, and methods of a program.
 LOOPS = ("build_range_for", "build_ndrange_for", "build_grouped_ndrange_for")
 PROGRAM = ("config", "get_device_caps", "compile_kernel", "launch_kernel", "synchronize")
+# Files of Taichi's kernel cache, and errors of Taichi for damaged ones (std::length_error and
+# std::bad_alloc, as it allocates the sizes that they hold).
+CACHE_FILES = ("*.tic", "*.tcb")
+CACHE_ERRORS = (ValueError, MemoryError)
 # Folder of Taichi's Python code.
 TAICHI = os.path.dirname(ti.__file__)
 # Option of Taichi's compiler: a CPU loop is cut into one equal part per thread, of at least 512
@@ -164,6 +169,43 @@ def cache_folder() -> Path | None:
     config = getattr(getattr(ti._lib, "core", None), "default_compile_config", None)
     found = given or getattr(config() if config else None, "offline_cache_file_path", "")
     return Path(found) if found else None
+
+
+def discard_cache() -> bool:
+    """Removes the files of Taichi's kernel cache, and says so in one line; returns False if there
+    are none. Call where Taichi fails to read them."""
+    folder = cache_folder()
+    files = [f for kind in CACHE_FILES for f in (folder.glob(kind) if folder else ())]
+    for file in files:
+        # Another process may remove the file first.
+        with contextlib.suppress(OSError):
+            file.unlink()
+    if files:
+        print(f"msph: {folder}: damaged kernels in the cache are compiled anew", file=sys.stderr)
+    return bool(files)
+
+
+def end() -> None:
+    """Ends Taichi, which then writes its kernel cache."""
+    try:
+        ti.reset()
+    except CACHE_ERRORS:
+        discard_cache()
+
+
+if not PLAIN:
+    _compile_kernel = core.Program.compile_kernel
+
+    def _compile(*arguments: Any) -> Any:
+        """Compiles a kernel or reads it from the cache, which is removed if it is damaged."""
+        try:
+            return _compile_kernel(*arguments)
+        except CACHE_ERRORS:
+            if not discard_cache():
+                raise
+            return _compile_kernel(*arguments)
+
+    core.Program.compile_kernel = _compile
 
 
 def field_trees() -> int:

@@ -56,3 +56,56 @@ def test_a_run_without_a_cache_exits_with_success(tmp_path):
     )
     assert run.returncode == 0 and "Traceback" not in run.stderr
     assert "file/taichi: not a directory: compiled kernels" in run.stderr
+
+
+# Script that compiles a kernel, or reads it from the cache.
+KERNEL = """
+from msph.device import start
+start("cpu", 1)
+import taichi as ti
+@ti.kernel
+def add(n: ti.i32) -> ti.i32:
+    return n + 1
+print(add(2))
+"""
+
+
+@pytest.mark.parametrize("kind", ["*.tic", "*.tcb"])
+def test_a_damaged_cache_is_removed_with_one_line(kind, tmp_path):
+    """Regression: a run with a damaged cache ended with "basic_string::_M_replace_aux"."""
+    script, cache = tmp_path / "add.py", tmp_path / "cache"
+    script.write_text(KERNEL)
+    environment = {"XDG_CACHE_HOME": str(cache), "PATH": "", "PYTHONPATH": str(Path.cwd())}
+    said = []
+    for _ in range(3):
+        run = subprocess.run(
+            [sys.executable, str(script)],
+            env=environment,
+            capture_output=True,
+            text=True,
+            timeout=300,
+        )
+        assert run.returncode == 0 and run.stdout == "3\n", run.stderr
+        said.append(run.stderr.splitlines())
+        if len(said) == 1:
+            (file,) = cache.rglob(kind)
+            content = bytearray(file.read_bytes())
+            # Lengths of strings and tables.
+            content[16:48] = b"\xff" * 32
+            file.write_bytes(content)
+    assert said[0] == said[2] == []
+    assert len(said[1]) == 1 and said[1][0].endswith(
+        "damaged kernels in the cache are compiled anew"
+    )
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="limits the address space")
+def test_too_little_address_space_gives_one_line():
+    """Regression: LLVM aborted without a message."""
+    command = 'ulimit -v 600000; exec "$0" -m msph bench still --no-render'
+    run = subprocess.run(
+        ["bash", "-c", command, sys.executable], capture_output=True, text=True, timeout=100
+    )
+    assert run.returncode == 1
+    (line,) = run.stderr.splitlines()
+    assert line.endswith("(ulimit -v): the limit is 0.6 GiB")

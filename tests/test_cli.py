@@ -12,6 +12,7 @@ import imageio.v2 as imageio
 import numpy as np
 import pytest
 
+from msph import parameter
 from msph.ending import unexpected
 from msph.scene import load_scene
 from msph.scene.library import shipped_scenes
@@ -58,9 +59,15 @@ def test_scenes_lists_all_and_prints_one():
         (["bench", "pool", "--set", "gravity.1=-3"], "gravity is not set in this scene"),
         (["bench", "pool", "--set", "title=\udce9"], "is not valid Unicode text"),
         (["capture", "pool", "--size", "big"], "expected WIDTHxHEIGHT"),
-        (["capture", "pool", "--seconds", "-1"], "-1.0 is not in the range x>0"),
-        (["measure", "pool", "-o", "/dev/null/here"], "/dev/null/here/scene.toml: "),
-        (["measure", "pool", "--every", "0"], "measure.every: input should be greater than 0"),
+        (["capture", "pool", "--seconds", "-1"], "-1.0 is not in the range 0<x<=1000000"),
+        (["measure", "pool", "-o", "/dev/null/here"], "/dev/null/here: not a directory"),
+        (["measure", "pool", "--every", "0"], "measure.every: input should be greater than"),
+        (["measure", "pool", "--every", "1e-300"], "measure.every: input should be greater than"),
+        (["capture", "pool", "--seconds", "1e300", "-o", "x_%d.png"], "1e+300 is not in the range"),
+        (
+            ["capture", "pool", "--seconds", "1e6", "--fps", "100", "-o", "x_%d.png"],
+            "x_%d.png: would have 100,000,000 frames; at most 1,000,000 are allowed",
+        ),
         (["measure", "pool", "--seconds", "-1"], "duration: input should be greater than 0"),
         (
             ["bench", "pool", "--quality", "small", "--set", "variant=system-1"],
@@ -149,7 +156,8 @@ def test_bench_without_render_times_the_fluid_alone_and_its_parts(tmp_path):
     assert printed == ["fluid", *parts]
 
 
-def test_bench_fails_if_the_simulation_blows_up(tmp_path):
+def test_bench_fails_if_the_simulation_blows_up(tmp_path, monkeypatch):
+    monkeypatch.setattr(parameter, "LARGEST", 1e38)
     explode = ["--set", "water.1.velocity=[0, 1e30, 0]", "--set", "box.restitution=1"]
     result = here("bench", write(tmp_path), "--seconds", 0.1, "--no-render", *explode)
     assert result.returncode == 1
@@ -332,7 +340,8 @@ def test_measure_writes_probes_ledger_and_a_summary(tmp_path):
     assert again.measure.every == 0.02 and again.duration == 0.1 and len(again.probes) == 2
 
 
-def test_measure_keeps_its_results_if_the_simulation_blows_up(tmp_path):
+def test_measure_keeps_its_results_if_the_simulation_blows_up(tmp_path, monkeypatch):
+    monkeypatch.setattr(parameter, "LARGEST", 1e38)
     explode = ["--set", "water.1.velocity=[0, 1e30, 0]", "--set", "box.restitution=1"]
     out = tmp_path / "out"
     result = here("measure", write(tmp_path), "-o", out, "--set", "measure.survey=0", *explode)
@@ -388,7 +397,8 @@ def test_a_signal_before_the_first_frame_leaves_a_summary(tmp_path):
         text=True,
     )
     deadline = time.monotonic() + 60.0
-    while not (folder / "scene.toml").exists():
+    # The file is empty until the run begins.
+    while not (folder / "scene.toml").exists() or not (folder / "scene.toml").stat().st_size:
         assert time.monotonic() < deadline and process.poll() is None
         time.sleep(0.05)
     process.send_signal(signal.SIGTERM)

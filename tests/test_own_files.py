@@ -2,17 +2,85 @@
 
 import errno
 import os
+import subprocess
+import sys
+import time
 
 import pytest
 
 from msph import own_files
 from msph.errors import LostOutputError
-from msph.own_files import ExistingFileError, claim, free_stem, replace, replacing, writing
+from msph.own_files import (
+    ExistingFileError,
+    OutputError,
+    claim,
+    free_stem,
+    replace,
+    replacing,
+    writing,
+    written,
+)
 
 
 @pytest.fixture(autouse=True)
 def command():
-    own_files.begin()
+    own_files.release()
+
+
+# Script of a process that claims the same files as others at the same time.
+RIVAL = """
+import sys, time
+from pathlib import Path
+from msph.own_files import ExistingFileError, claim, free_stem
+folder, begin = Path(sys.argv[1]), float(sys.argv[2])
+time.sleep(max(0.0, begin - time.time()))
+won = 0
+for k in range(200):
+    try:
+        claim([folder / f"{k}_{n}" for n in "ba"])
+        won += 1
+    except ExistingFileError:
+        pass
+print(won, *(free_stem(folder, "pool") for _ in range(20)))
+"""
+
+
+def test_of_processes_that_claim_the_same_files_one_succeeds(tmp_path):
+    """Regression: two captures started together in one folder wrote the same files, and both
+    reported success."""
+    run = [sys.executable, "-c", RIVAL, str(tmp_path), str(time.time() + 1.0)]
+    rivals = [subprocess.Popen(run, stdout=subprocess.PIPE, text=True) for _ in range(3)]
+    found = [rival.communicate(timeout=60)[0].split() for rival in rivals]
+    assert sum(int(won) for won, *_ in found) == 200
+    stems = [stem for _, *own in found for stem in own]
+    assert len(stems) == len(set(stems)) == 60
+
+
+def test_files_that_are_claimed_and_not_written_are_removed(tmp_path):
+    empty, full, frame = (tmp_path / name for name in ("deep/a.png", "b.json", "f_1.png"))
+    claim([empty, full], later=[frame])
+    assert empty.is_file() and not written(empty) and not frame.exists()
+    replace(full, "1")
+    own_files.release()
+    assert [p.name for p in tmp_path.iterdir() if p.is_file()] == ["b.json"]
+    with pytest.raises(ExistingFileError):
+        claim([empty], later=[full])
+    assert not empty.exists()
+
+
+def test_files_that_cannot_be_written_are_refused(tmp_path):
+    """Regression: a loop of symbolic links gave an unexpected error."""
+    (tmp_path / "file").touch()
+    os.symlink(tmp_path / "b.png", tmp_path / "a.png")
+    os.symlink(tmp_path / "a.png", tmp_path / "b.png")
+    for name, problem in (
+        ("file/a.mp4", "file: is a file, not a folder"),
+        ("a.png", "a.png: too many levels of symbolic links"),
+        ("nul\0.png", "is not a file name"),
+        ("x" * 300, "file name too long"),
+    ):
+        with pytest.raises(OutputError, match=problem):
+            claim([tmp_path / name], force=True)
 
 
 def test_a_file_that_existed_before_is_refused_unless_forced(tmp_path):
@@ -44,7 +112,7 @@ def test_a_command_may_write_its_own_file_again(tmp_path):
     path = tmp_path / "a.json"
     replace(path, "1")
     replace(path, "2")
-    own_files.begin()
+    own_files.release()
     with pytest.raises(ExistingFileError):
         replace(path, "3")
     assert path.read_text() == "2"
@@ -80,9 +148,11 @@ def test_a_symbolic_link_remains_a_link(tmp_path):
 
 
 def test_free_stems_are_numbered(tmp_path):
-    assert free_stem(tmp_path, "pool") == "pool"
     for name in ("pool.mp4", "pool_2.scene.toml"):
         (tmp_path / name).write_text("")
+    assert free_stem(tmp_path, "pool") == "pool_3"
+    assert free_stem(tmp_path, "pool") == "pool_4"
+    own_files.release()
     assert free_stem(tmp_path, "pool") == "pool_3"
 
 

@@ -1,19 +1,24 @@
 """Tests with random scenes and inputs (hypothesis, seeded): water conserves mass and momentum, and
-invalid input gives one line. A scene that fails is minimised and written to failing_scene.toml."""
+invalid scenes, checkpoints, recordings and output names give one line within LIMIT. A scene that
+fails is minimised and written to failing_scene.toml."""
 
+import json
 import math
 import os
+import signal
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, reject, settings
 from hypothesis import strategies as st
 
+from msph.errors import BadInputError, MsphError
 from msph.fluid.boundary.rim import AllSpiltError
 from msph.fluid.external_forces import ExternalForces, Hand
 from msph.measure.ledger import Ledger
-from msph.measure.past import CheckpointError, time_of
-from msph.own_files import OutputError
+from msph.measure.past import time_of
+from msph.own_files import claim, release
 from msph.scene import SceneError, load_scene
 from msph.scene.build import build_simulation
 from msph.scene.load import load_scene as load
@@ -22,11 +27,15 @@ from msph.scene.meshes import MeshError, load_mesh
 from msph.scene.parameters import parameters
 from msph.scene.schema import Scene
 from msph.stage.recorder import Outputs, check_outputs
+from msph.stage.recording import read as read_recording
+from tests.scenes_kit import TEXT, write
 
 # Number of random scenes to simulate, each of which compiles its kernels.
 EXAMPLES = int(os.environ.get("MSPH_EXAMPLES", "3"))
 FRAME, FRAMES = 1 / 60, 24
 FAILING = Path("failing_scene.toml")
+# Longest time of an attempt with invalid input [s], after which it counts as hanging.
+LIMIT = 5.0
 ALL = settings(
     deadline=None,
     derandomize=True,
@@ -35,6 +44,13 @@ ALL = settings(
 
 numbers = st.floats(allow_nan=True, allow_infinity=True)
 texts = st.text(max_size=12)
+# Numbers and expressions that have hung or crashed a part of the program.
+hostile_numbers = st.sampled_from(
+    [math.nan, math.inf, -math.inf, 1e300, 1e-300, 1e-320, 1e154, 1e30, 1e12, 1e6, -1.0, 0.0]
+)
+hostile = hostile_numbers | st.sampled_from(
+    [2**62, 10**400, "9**4000000*0+t", "sqrt(0.1-t)", "1e9*t", "floor(1e300)**9**9", "1/t", "-t"]
+)
 anything = st.recursive(
     st.none() | st.booleans() | st.integers() | numbers | texts,
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(texts, inner, max_size=3),
@@ -138,17 +154,89 @@ def test_random_bytes_as_scene_mesh_or_checkpoint_give_one_line(tmp_path_factory
         ("bytes.stl", lambda path: load_mesh.__wrapped__(str(path))),
         ("bytes.ply", lambda path: load_mesh.__wrapped__(str(path))),
         ("bytes.npz", time_of),
+        ("bytes.jsonl", read_recording),
     ):
         path = folder / name
         path.write_bytes(content)
         assert_one_line(lambda path=path, read=read: read(path))
 
 
+@pytest.fixture(scope="module")
+def still(tmp_path_factory):
+    """A small simulation with a floating body and a tap, and its state."""
+    scene = TEXT.replace('method = "classic"', "").replace("[classic]\nviscosity = 10.0", "") + BODY
+    simulation = build_simulation(load(write(tmp_path_factory.mktemp("still"), scene)))
+    yield simulation, simulation.state()
+    simulation.close()
+
+
+BODY = """
+[[bodies]]
+centre = [0.2, 0.25, 0.2]
+radius = 0.08
+density = 500
+[[inflows]]
+centre = [0.0, 0.1, 0.2]
+radius = 0.05
+speed = 0.1
+"""
+
+
+@settings(ALL, max_examples=60)
+@given(st.data())
+def test_a_changed_checkpoint_is_restored_or_gives_one_line(still, data):
+    """A checkpoint with one changed entry is refused, or the simulation continues from it."""
+    simulation, state = still
+    name = data.draw(st.sampled_from(sorted(state)))
+    change = data.draw(st.sampled_from(["fill", "scale", "kind", "shape", "missing", "one"]))
+    found, number = state[name], data.draw(hostile_numbers)
+    changed = {
+        "fill": lambda: np.full(found.shape, number),
+        "scale": lambda: (found * number).astype(found.dtype),
+        "kind": lambda: found.astype(data.draw(st.sampled_from(["c16", "U4", "i1", "f2", "O"]))),
+        "shape": lambda: np.asarray(found)[None],
+        "missing": lambda: None,
+        "one": lambda: np.where(np.arange(found.size).reshape(found.shape) == 0, number, found),
+    }
+    with np.errstate(all="ignore"):
+        value = changed[change]()
+    entries = {k: v for k, v in {**state, name: value}.items() if v is not None}
+
+    def restore() -> None:
+        simulation.restore(entries)
+        simulation.advance(1e-3, ExternalForces(), budget=1.0)
+
+    assert_one_line(restore, (ValueError, MsphError))
+
+
+USE = {"tool": "push", "place": [0.2] * 3, "velocity": [0.0] * 3, "start": [0.2] * 3}
+USE |= {"surface": [0.2] * 3, "direction": [0.0, -1.0, 0.0], "step": 0.01, "held": 0.01}
+HEAD = '{"recording": 1, "msph": "0", "scene": "pool", "quality": "large"}'
+
+
+@settings(ALL, max_examples=60)
+@given(
+    st.dictionaries(
+        st.sampled_from(sorted(USE)), hostile | st.lists(hostile, min_size=3), max_size=2
+    ),
+    st.dictionaries(
+        st.sampled_from(["frame_time", "until", "tilt", "azimuth"]), hostile, max_size=2
+    ),
+)
+def test_a_changed_recording_is_read_or_gives_one_line(tmp_path_factory, use, given_input):
+    line = {"frame": 0, "time": 0.0, "input": {"frame_time": 0.01, "use": USE | use} | given_input}
+    path = tmp_path_factory.getbasetemp() / "input.jsonl"
+    path.write_text(f"{HEAD}\n{json.dumps(line)}")
+    assert_one_line(lambda: read_recording(path))
+
+
 KEYS = [p.key for p in parameters(Scene)]
 
 
 @settings(ALL, max_examples=100)
-@given(st.lists(st.tuples(st.sampled_from(KEYS), anything | texts), min_size=1, max_size=3))
+@given(
+    st.lists(st.tuples(st.sampled_from(KEYS), anything | texts | hostile), min_size=1, max_size=3)
+)
 def test_any_override_is_accepted_or_gives_one_line(settings_given):
     overrides = tuple(f"{key}={value}" for key, value in settings_given)
     assert_one_line(lambda: load_scene("pool", overrides))
@@ -158,14 +246,34 @@ def test_any_override_is_accepted_or_gives_one_line(settings_given):
 @given(st.text(max_size=30))
 def test_any_output_name_is_accepted_or_gives_one_line(tmp_path_factory, name):
     folder = tmp_path_factory.getbasetemp()
-    assert_one_line(lambda: check_outputs(Outputs([folder / "in" / name.replace("/", "_")]), 30.0))
+    path = folder / "in" / name.replace("/", "_")
+
+    def use() -> None:
+        check_outputs(Outputs([path]), 30.0)
+        claim([path])
+
+    assert_one_line(use)
+    assert_one_line(lambda: claim([path], force=True))
+    release()
 
 
-def assert_one_line(act) -> None:
+def assert_one_line(act, errors=(BadInputError, MeshError)) -> None:
+    """Asserts that an act ends within LIMIT, without an error or with one line."""
+
+    def too_long(*_) -> None:
+        raise TimeoutError(f"takes more than {LIMIT:g} s")
+
+    before = signal.signal(signal.SIGALRM, too_long) if hasattr(signal, "SIGALRM") else None
     try:
+        if before is not None:
+            signal.setitimer(signal.ITIMER_REAL, LIMIT)
         act()
-    except (SceneError, MeshError, CheckpointError, OutputError) as error:
+    except errors as error:
         assert "\n" not in str(error) and str(error)
+    finally:
+        if before is not None:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+            signal.signal(signal.SIGALRM, before)
 
 
 def _toml(data) -> bytes:

@@ -9,7 +9,10 @@ from msph.fluid.boundary.added import body_of, body_row, opening_of, opening_row
 from msph.fluid.boundary.floating import FloatingBodies
 from msph.fluid.boundary.opening import ZONE
 from msph.fluid.boundary.pistons import Stroke
+from msph.fluid.boundary.rigid_bodies import Body, bounding_radius, inertia
+from msph.fluid.constants import MAX_OPENINGS
 from msph.fluid.room import MAX_BODIES
+from msph.parameter import LARGEST, LONGEST, MAX_SPEED
 
 if TYPE_CHECKING:
     from msph.fluid.simulation import Simulation
@@ -21,6 +24,14 @@ NAMES = {
 }
 # Largest time [s] by which particles are ahead of a checkpoint: the longest frame.
 MAX_AHEAD = 1.0
+# Largest number of a counter (int32), and of quantities without a limit of their own.
+MAX_COUNT = 2**31 - 1
+# Shortest step [s], far below those of water at MAX_SPEED.
+SHORTEST_STEP = 1e-9
+# Largest rate that bounds a step, over that of water at MAX_SPEED past its neighbours (-).
+TOP_RATE = 10.0
+# Largest way of an inflow beyond its last sheet [spacings]: waiting inflows stand still.
+MAX_WAY = 100.0
 
 
 def state_of(sim: "Simulation") -> dict[str, np.ndarray]:
@@ -58,7 +69,7 @@ def fingerprint(sim: "Simulation") -> np.ndarray:
 
 def restore(sim: "Simulation", state: dict[str, np.ndarray]) -> None:
     """Restores a checkpoint of state_of(). Raises ValueError if it does not fit this simulation."""
-    floats = sum(b.mass is not None for b in sim.plan.bodies)
+    floats = [b for b in sim.plan.bodies if b.mass is not None]
     # Entries that exist only if something was added, in this simulation or before the checkpoint.
     optional = {"added_bodies", "added_openings", "piston"}
     optional |= {"floating"} if not floats else set()
@@ -66,43 +77,85 @@ def restore(sim: "Simulation", state: dict[str, np.ndarray]) -> None:
     missing = set(state_of(sim)) - optional - set(state)
     if missing:
         raise ValueError(f"{', '.join(sorted(missing))} missing")
-    fluid, own = state["fluid"], fingerprint(sim)
-    if fluid.shape != own.shape or not np.allclose(fluid, own):
+    own = fingerprint(sim)
+    if not np.allclose(numbers(state, "fluid", own.shape), own):
         raise ValueError("box or layers differ from the scene")
     _check(sim, state, floats)
     put_back(sim, state)
 
 
-def _check(sim: "Simulation", state: dict[str, np.ndarray], floats: int) -> None:
-    """Raises ValueError unless the numbers of a checkpoint are possible; `floats`: number of the
-    scene's floating bodies."""
-    attributes = _attributes(sim, state)
+def numbers(
+    state: dict[str, np.ndarray],
+    name: str,
+    shape: tuple[int, ...],
+    lo: float = -LARGEST,
+    hi: float = LARGEST,
+) -> np.ndarray:
+    """Returns an entry of a checkpoint. Raises ValueError unless it has this shape and real numbers
+    from `lo` to `hi`."""
+    found = np.asarray(state[name])
+    if found.dtype.kind not in "fiu" or found.shape != shape:
+        raise ValueError(f"{name} is {found.dtype} of shape {found.shape}, not numbers of {shape}")
+    # Not a number is refused, too.
+    values = found.astype(float)
+    wrong = values[~((values >= lo) & (values <= hi))]
+    if wrong.size:
+        raise ValueError(f"{name} is {wrong.flat[0]:g}: must be {lo:g} to {hi:g}")
+    return found
+
+
+def _check(sim: "Simulation", state: dict[str, np.ndarray], floats: list[Body]) -> None:
+    """Raises ValueError unless the numbers of a checkpoint are possible; `floats`: the scene's
+    floating bodies."""
+    attributes, specs = _attributes(sim, state), sim.layers.specs
     sim.particles.check(attributes)
-    x, layer = attributes["x"], attributes["layer"]
-    opened = bool(sim.plan.openings or len(state.get("added_openings", ())))
-    reach = ZONE * max(s.spacing for s in sim.layers.specs) * opened
+    finest = min(s.spacing for s in specs)
+    limits = {"m/s": MAX_SPEED, "Pa": specs[0].density * MAX_SPEED**2}
+    for name, found in attributes.items():
+        most = limits.get(sim.particles.attributes[name].unit, MAX_COUNT)
+        numbers(state, name, found.shape, -most, most)
+    numbers(state, "layer", attributes["layer"].shape, 0, sim.layers.count - 1)
+    scalars = {"time": (0.0, LONGEST), "ahead": (0.0, MAX_AHEAD), "steps": (0, 2**53)}
+    scalars |= {"last_step": (SHORTEST_STEP, math.inf), "spilt": (0.0, LARGEST)}
+    scalars |= {f"solver.{k}": (0.0, MAX_COUNT) for k in sim.solver.state()}
+    scalars["solver.top_rate"] = 0.0, TOP_RATE * MAX_SPEED / finest
+    for name, (lo, hi) in scalars.items():
+        if name in state:
+            numbers(state, name, (), lo, hi)
+    bodies = [*floats, *(body_of(row) for row in state.get("added_bodies", ()))]
+    if len(sim.plan.bodies) + len(bodies) - len(floats) + ("piston" in state) > MAX_BODIES:
+        raise ValueError(f"more than {MAX_BODIES} bodies")
+    if bodies:
+        _check_floating(state, bodies)
+    added = [opening_of(row, sim.layers.count) for row in state.get("added_openings", ())]
+    for opening in added:
+        problem = opening.problem(sim.walls, specs[opening.layer].spacing)
+        if problem:
+            raise ValueError(f"an added opening {problem}")
+    inlets = [specs[o.layer].spacing for o in (*sim.plan.openings, *added) if o.enters]
+    if sim.plan.openings or added:
+        flows = numbers(state, "openings", (len(inlets) + MAX_OPENINGS,), 0.0, MAX_COUNT)
+        if (flows[: len(inlets)] > MAX_WAY * np.array(inlets)).any():
+            raise ValueError(f"an inflow is more than {MAX_WAY:g} spacings late")
+    reach = ZONE * max(s.spacing for s in specs) * bool(sim.plan.openings or added)
+    x = attributes["x"]
     if np.any(x < -reach) or np.any(x > sim.walls + reach):
         raise ValueError("particles outside the box")
-    if layer.min() < 0 or layer.max() >= sim.layers.count:
-        raise ValueError(f"layer index not in 0 to {sim.layers.count - 1}")
-    time, last_step, ahead = (float(state[k]) for k in ("time", "last_step", "ahead"))
-    if not 0.0 <= time < math.inf:
-        raise ValueError(f"time is {time:g} s: must be finite and at least 0")
-    if not 0.0 <= ahead <= MAX_AHEAD:
-        raise ValueError(f"particles are {ahead:g} s ahead: must be 0 to {MAX_AHEAD:g} s")
-    if not last_step > 0.0:
-        raise ValueError(f"last step is {last_step:g} s: must be positive")
-    added = len(state.get("added_bodies", ()))
-    if len(sim.plan.bodies) + added + ("piston" in state) > MAX_BODIES:
-        raise ValueError(f"more than {MAX_BODIES} bodies")
-    floating = state.get("floating", FloatingBodies().state())
-    if floating.shape != (floats + added, FloatingBodies().state().shape[1]):
+
+
+def _check_floating(state: dict[str, np.ndarray], bodies: list[Body]) -> None:
+    """Raises ValueError unless the rows of floating bodies are possible."""
+    if "floating" not in state or len(state["floating"]) != len(bodies):
         raise ValueError("number of floating bodies differs from the scene")
-    if not np.isfinite(floating).all():
-        raise ValueError("floating bodies are not at finite positions and speeds")
-    spilt = float(state["spilt"]) if sim.plan.open_top else 0.0
-    if not 0.0 <= spilt < math.inf:
-        raise ValueError(f"{spilt:g} kg were spilt: must be finite and at least 0")
+    rows = numbers(state, "floating", (len(bodies), FloatingBodies().state().shape[1]))
+    for row, body in zip(rows, bodies, strict=True):
+        turn = row[3:12].reshape(3, 3)
+        if not np.allclose(turn @ turn.T, np.eye(3), atol=1e-3) or np.linalg.det(turn) < 0.0:
+            raise ValueError("a floating body is not at a rotation")
+        # A bound of the angular momentum at which the surface moves at MAX_SPEED.
+        spin = np.linalg.norm(inertia(body), 2) * MAX_SPEED / bounding_radius(body)
+        if np.linalg.norm(row[12:15]) > MAX_SPEED or np.linalg.norm(row[15:18]) > spin:
+            raise ValueError(f"a floating body is faster than {MAX_SPEED:g} m/s")
 
 
 def put_back(sim: "Simulation", state: dict[str, np.ndarray]) -> None:

@@ -1,6 +1,7 @@
 """Progress of a running lesson: page, answer, slider values and completed tasks."""
 
 import math
+from types import SimpleNamespace
 from typing import Any
 
 from msph import expressions
@@ -122,7 +123,7 @@ class Progress:
 
     def names(self) -> dict[str, Any]:
         """Returns the current values of the names in expressions."""
-        board = {"board": self.board.numbers(self.values)} if self.board else {}
+        board = {"board": SimpleNamespace(**self.board.numbers(self.values))} if self.board else {}
         return {**self.values, **self.numbers, **board}
 
     def shown(self) -> list[str]:

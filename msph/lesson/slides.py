@@ -10,7 +10,7 @@ from msph.lesson.guide import Guide
 from msph.lesson.load import Course
 from msph.lesson.paint import band_height
 from msph.lesson.student import Student, rehearse
-from msph.own_files import claim, make_writable, replace, replacing
+from msph.own_files import claim, replace, replacing
 from msph.picture.pixels import as_u8
 from msph.stage.pages import text_height
 from msph.stage.preparation import prepare_row
@@ -23,7 +23,7 @@ def write(course: Course, folder: Path, force: bool = False) -> list[Path]:
     """Writes NAME_01.png, ... with the question, each solved task and the explanation, and
     NAME_captions.txt. Returns the files."""
     captioned = folder / CAPTIONS.format(course.name)
-    make_writable(captioned)
+    claim([captioned], force)
     below, row = band_height(text_height(SIZE[1])), None
     view: Any = None
     if course.lesson.board:
@@ -34,7 +34,7 @@ def write(course: Course, folder: Path, force: bool = False) -> list[Path]:
     guide.band.keys = guide.reasons.keys = False
     student, lesson = Student(guide.progress, row), course.lesson
     number = 1 + len(lesson.do) + guide.reasons.pages
-    claim([captioned, *(slide_path(folder, course, k) for k in range(number))], force)
+    claim([slide_path(folder, course, k) for k in range(number)], force)
     captions = [lesson.predict.ask, *(task.text for task in lesson.do), lesson.why.text]
     paths: list[Path] = []
 

@@ -18,7 +18,7 @@ from msph.lesson.load import Course, shipped_lessons
 from msph.lesson.paint import LETTERS
 from msph.lesson.schema import SliderOf
 from msph.lesson.student import FRAME, Student, rehearse
-from msph.own_files import claim, make_writable, replace
+from msph.own_files import claim, replace
 from msph.stage.preparation import prepare_row
 from msph.stage.recorder import even, video_writer
 
@@ -38,7 +38,6 @@ LINGERS = 1.5
 def write(course: Course, folder: Path, force: bool = False) -> list[Path]:
     """Writes the page NAME.html, which shows the solution of each task. Returns its path."""
     path = folder / f"{course.name}.html"
-    make_writable(path)
     claim([path], force)
     tasks = on_board(course) if course.lesson.board else in_water(course)
     replace(path, page(course, tasks))

@@ -1,28 +1,25 @@
 """Earlier measurements of a resumed run."""
 
+import math
 import zipfile
-import zlib
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import get_args
 
 import numpy as np
+import psutil
 
 from msph.errors import BadInputError
+from msph.fluid.checkpoint import numbers
 from msph.measure.bulk import BulkDensity
 from msph.measure.entry import Entry, columns
 from msph.measure.kernel_density import KernelDensity
 from msph.measure.survey import COLUMNS, Survey
 from msph.measure.totals import GIVEN_SCALARS, GIVEN_VECTORS
+from msph.parameter import LONGEST
 
 # Fields of an entry that are sums since the start; a resumed run restarts them at zero.
 SUMS = (*GIVEN_VECTORS, *GIVEN_SCALARS, "body_impulse", "tilt_work", "outflow_mass")
-
-# Errors of np.load for a file that is not an archive of arrays, or empty, or truncated.
-UNREADABLE = (
-    *(ValueError, TypeError, AttributeError, OSError, EOFError),
-    *(zipfile.BadZipFile, zlib.error),
-)
 
 
 class CheckpointError(BadInputError):
@@ -50,12 +47,38 @@ def particles_in(checkpoint: str | None) -> int:
 def _head(checkpoint: Path) -> tuple[float, int]:
     """Returns the time [s] and the number of particles of a checkpoint."""
     try:
-        with np.load(checkpoint) as state:
-            if state.zip.testzip() is not None:
-                raise ValueError("a member is damaged")
-            return float(state["time"]), len(state["x"])
-    except (*UNREADABLE, KeyError):
+        state = read_state(checkpoint)
+        return float(numbers(state, "time", (), 0.0, LONGEST)), len(state["x"])
+    except (KeyError, TypeError, ValueError):
         raise CheckpointError(f"{checkpoint.name}: is not a checkpoint") from None
+
+
+def read_state(path: Path) -> dict[str, np.ndarray]:
+    """Returns the arrays of an .npz file. Raises ValueError with one line for a file that is none,
+    or does not fit into the free memory."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            members = archive.infolist()
+            size, free = sum(m.file_size for m in members), psutil.virtual_memory().available
+            if size > free:
+                raise ValueError(f"holds {size / 2**30:.1f} GiB; {free / 2**30:.1f} GiB are free")
+            return {m.filename.removesuffix(".npy"): _array(archive, m) for m in members}
+    except Exception as error:
+        # A damaged file raises errors of a dozen types, from zipfile, its decoders and numpy.
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise ValueError(reason) from None
+
+
+def _array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray:
+    """Returns an array of an .npz file; allocated after a check of its header."""
+    with archive.open(member) as file:
+        if np.lib.format.read_magic(file) != (1, 0):
+            raise ValueError(f"{member.filename}: unknown version of the array")
+        shape, _, kind = np.lib.format.read_array_header_1_0(file)
+        if kind.hasobject or math.prod(shape) * kind.itemsize > member.file_size:
+            raise ValueError(f"{member.filename}: has no {shape} numbers")
+    with archive.open(member) as file:
+        return np.lib.format.read_array(file, allow_pickle=False)
 
 
 def entries(rows: np.ndarray) -> list[Entry]:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from msph.errors import BadInputError, LostOutputError
-from msph.own_files import writing
+from msph.own_files import writing, written
 
 # Tolerance of times [s] in a table, from its number of digits.
 ROUNDING = 1e-6
@@ -64,7 +64,7 @@ class Table:
         self._begun = False
         if until is None:
             self._begin()
-        elif path.exists():
+        elif written(path):
             found = read(path)
             if list(found) != names:
                 raise TableError(f"{path}: its columns differ from this run's")

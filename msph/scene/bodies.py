@@ -18,6 +18,7 @@ from msph.fluid.boundary.rigid_bodies import (
 )
 from msph.fluid.external_forces import as_vector
 from msph.fluid.methods import METHODS, methods_with
+from msph.parameter import MAX_SPEED
 from msph.picture.tone import albedo
 from msph.scene import schema
 from msph.scene.errors import SceneError, check_inside, is_one_of
@@ -27,8 +28,6 @@ from msph.scene.openings import walls
 from msph.scene.schema import Container, Scene
 from msph.scene.wavemakers import check_wave_makers, wave_makers
 
-# Largest speed of a body's surface [m/s]; the speed of sound in water is 1480 m/s.
-MAX_SPEED = 500.0
 # Largest extent of a mesh over the box's longest edge; larger meshes are in another unit.
 MAX_EXTENT = 50.0
 
@@ -36,7 +35,7 @@ MAX_EXTENT = 50.0
 def bodies(scene: Scene) -> list[Body]:
     """Returns the bodies of a checked scene: the container, bodies, wave makers."""
     found: list[Body] = [] if scene.container is None else [_container(scene.container)]
-    found += [body(given, scene.duration) for given in scene.bodies]
+    found += [body(b, scene.duration, f"bodies.{k}") for k, b in enumerate(scene.bodies)]
     return [*found, *wave_makers(scene)]
 
 
@@ -47,8 +46,9 @@ def names(scene: Scene) -> list[str]:
     return outer + own + [f"wavemakers.{k}" for k in range(len(scene.wavemakers))]
 
 
-def body(given: schema.Body, duration: float) -> Body:
-    """Returns the body of a checked table of a scene; duration [s]: of the scene."""
+def body(given: schema.Body, duration: float, key: str) -> Body:
+    """Returns the body of a checked table of a scene; duration [s]: of the scene; key: of the
+    table."""
     motion: AnyMotion = Motion(
         velocity=given.velocity,
         swing=given.swing,
@@ -57,7 +57,7 @@ def body(given: schema.Body, duration: float) -> Body:
         rate=math.radians(given.spin),
     )
     if _follows_formulas(given):
-        motion = _scripted(given, duration)
+        motion = _scripted(given, duration, key)
     made: Body
     if given.mesh is not None:
         made = Solid(*placed(given), motion)
@@ -75,10 +75,10 @@ def _follows_formulas(given: schema.Body) -> bool:
     return any((*given.displacement, given.angle))
 
 
-def _scripted(given: schema.Body, duration: float) -> Scripted:
+def _scripted(given: schema.Body, duration: float, key: str) -> Scripted:
     """Returns the motion by the expressions of a body; its largest speed within the duration [s] is
     found by finite differences."""
-    found = formula_numbers(given)
+    found = formula_numbers(given, duration, key)
     times = np.linspace(0.0, duration, TRIALS)
     rates = np.abs(np.diff([found(t) for t in times.tolist()], axis=0)) / times[1]
     return Scripted(
@@ -141,7 +141,7 @@ def _check_body(scene: Scene, given: schema.Body, spacing: float, where: str, ke
             other = "density or mass" if floats else "velocity, swing or spin"
             raise SceneError(where, f"give either {other}, or displacement and angle", key)
         check_formulas(given, scene.duration, where, key)
-    made = body(given, scene.duration)
+    made = body(given, scene.duration, key)
     speed = made.motion.top_speed(bounding_radius(made))
     if speed > MAX_SPEED:
         raise SceneError(

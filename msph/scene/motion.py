@@ -1,16 +1,18 @@
 """Motion of the tank: expressions, tables and the sway as one path over time."""
 
+import contextlib
 import csv
 import functools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
 from msph.errors import did_you_mean
 from msph.expressions import ExpressionError, OverTime
 from msph.fluid.boundary.rigid_bodies import rotations
-from msph.fluid.moving_box import Path, at_rest
+from msph.fluid.moving_box import INTERVAL, Path, at_rest
+from msph.parameter import LARGEST, MAX_SPEED
 from msph.scene.errors import SceneError
 from msph.scene.schema import Body, Motion, Scene, Sway
 
@@ -18,6 +20,8 @@ from msph.scene.schema import Body, Motion, Scene, Sway
 TIME, COLUMNS = "time_s", ("x_m", "y_m", "z_m", "angle_deg")
 # Number of times over the duration at which expressions are checked.
 TRIALS = 500
+# Least time between two rows of a table [s].
+LEAST_GAP = 1e-6
 # Displacement [m] and angle [deg] of a motion at a time [s], (4,).
 Numbers = Callable[[float], np.ndarray]
 
@@ -36,7 +40,10 @@ def box_path(scene: Scene) -> Path:
     if scene.sway.angle:
         height = home[1] if scene.sway.height is None else scene.sway.height
         parts.append((sway_numbers(scene.sway), Motion(centre=(home[0], height, home[2]))))
-    parts += [(numbers(motion), motion) for motion in scene.motion]
+    parts += [
+        (numbers(motion, scene.duration, f"motion.{k}"), motion)
+        for k, motion in enumerate(scene.motion)
+    ]
     if not parts:
         return at_rest
     turns = []
@@ -56,17 +63,19 @@ def box_path(scene: Scene) -> Path:
     return path
 
 
-def numbers(motion: Motion) -> Numbers:
+def numbers(motion: Motion, duration: float, key: str) -> Numbers:
     """Returns the displacement and angle of a motion. Raises ExpressionError, TableError."""
     if motion.table is not None:
         return table_numbers(motion.table)
-    return formula_numbers(motion)
+    return formula_numbers(motion, duration, key)
 
 
-def formula_numbers(given: Motion | Body) -> Numbers:
-    """Returns the displacement and angle by the expressions of a motion or body. Raises
-    ExpressionError."""
-    parts = [OverTime(formula) for formula in (*given.displacement, given.angle)]
+def formula_numbers(given: Motion | Body, duration: float, key: str) -> Numbers:
+    """Returns the displacement and angle by the expressions of a motion or body, the table `key` of
+    a scene of `duration` [s]. Raises ExpressionError."""
+    keys = [f"{key}.displacement.{i}" for i in range(3)] + [f"{key}.angle"]
+    formulas = (*given.displacement, given.angle)
+    parts = [OverTime(f, duration, k) for f, k in zip(formulas, keys, strict=True)]
     return lambda time: np.array([part(time) for part in parts])
 
 
@@ -96,8 +105,11 @@ def table_numbers(name: str) -> Numbers:
 
     columns = _read(name)
     times = columns.pop(TIME)
-    if len(times) < 2 or not (np.diff(times) > 0.0).all():
-        raise TableError(f"{name}: {TIME} must increase over two rows or more")
+    if len(times) < 2 or not (np.diff(times) >= LEAST_GAP).all():
+        raise TableError(
+            f"{name}: {TIME} must increase by {LEAST_GAP:g} s or more from row to row, in two rows "
+            "or more"
+        )
     values = np.stack([columns.get(k, np.zeros_like(times)) for k in COLUMNS], axis=1)
     spline = CubicSpline(times, values, bc_type="clamped")
     return lambda time: spline(np.clip(time, times[0], times[-1]))
@@ -121,8 +133,8 @@ def _read(name: str) -> dict[str, np.ndarray]:
             )
     if TIME not in heads or values.ndim != 2 or values.shape[1] != len(heads):
         raise TableError(f"{name}: needs a column {TIME} and a number in each cell")
-    if not np.isfinite(values).all():
-        raise TableError(f"{name}: holds numbers that are not finite")
+    if not (np.abs(values) <= LARGEST).all():
+        raise TableError(f"{name}: holds numbers that are not finite, or beyond {LARGEST:g}")
     return dict(zip(heads, values.T, strict=True))
 
 
@@ -139,27 +151,46 @@ def check_motion(scene: Scene, where: str) -> None:
                 table_numbers(motion.table)
             except TableError as error:
                 raise SceneError(where, str(error), f"{key}.table") from None
-        check_formulas(motion, scene.duration, where, key)
+        else:
+            check_formulas(motion, scene.duration, where, key)
+    if scene.motion:
+        _check_speed(scene, where)
+
+
+def _check_speed(scene: Scene, where: str) -> None:
+    """Raises SceneError if the corners of the tank are faster than MAX_SPEED within the duration;
+    where the velocity jumps, the motion within INTERVAL counts."""
+    path, reach = box_path(scene), 0.5 * math.hypot(*scene.box.size)
+    for time in np.linspace(0.0, scene.duration, TRIALS).tolist():
+        (before, turned), (after, turned_on) = path(time), path(time + INTERVAL)
+        turn = float(np.linalg.norm(turned_on - turned)) / math.sqrt(2.0)
+        speed = (float(np.linalg.norm(after - before)) + reach * turn) / INTERVAL
+        if not speed <= MAX_SPEED:
+            raise SceneError(
+                where,
+                f"the tank moves at {speed:.3g} m/s at t = {time:.3g} s; at most {MAX_SPEED:g} m/s "
+                "is allowed",
+                "motion",
+            )
 
 
 def check_formulas(given: Motion | Body, duration: float, where: str, key: str) -> None:
     """Raises SceneError for expressions that are not defined over the duration [s]."""
-    for i, formula in enumerate(given.displacement):
-        values_over_time(formula, duration, where, f"{key}.displacement.{i}")
-    values_over_time(given.angle, duration, where, f"{key}.angle")
+    parts = {f"{key}.displacement.{i}": f for i, f in enumerate(given.displacement)}
+    for name, formula in {**parts, f"{key}.angle": given.angle}.items():
+        with explaining(where, name):
+            over(duration, OverTime(formula, duration))
 
 
-def values_over_time(
-    formula: float | str, duration: float, where: str, key: str
-) -> list[tuple[float, float]]:
-    """Returns TRIALS pairs of a time [s] within the duration [s] and an expression's value then.
-    Raises SceneError if a value is not finite."""
+def over(duration: float, found: Callable[[float], float]) -> list[float]:
+    """Returns the values of a function at TRIALS times within the duration [s]."""
+    return [found(time) for time in np.linspace(0.0, duration, TRIALS).tolist()]
+
+
+@contextlib.contextmanager
+def explaining(where: str, key: str) -> Iterator[None]:
+    """Turns an ExpressionError into a SceneError of a key."""
     try:
-        found = OverTime(formula)
+        yield
     except ExpressionError as error:
         raise SceneError(where, str(error), key) from None
-    values = [(time, found(time)) for time in np.linspace(0.0, duration, TRIALS).tolist()]
-    for time, value in values:
-        if not math.isfinite(value):
-            raise SceneError(where, f"{formula!r} is not a number at t = {time:.3g} s", key)
-    return values

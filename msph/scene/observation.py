@@ -150,7 +150,7 @@ class Measure(Section):
     """Intervals of `msph measure`."""
 
     every: float = parameter(
-        1.0 / 60.0, gt=0.0, le=10.0, unit="s", text="time between rows of ledger and probes"
+        1.0 / 60.0, ge=1e-6, le=10.0, unit="s", text="time between rows of ledger and probes"
     )
     survey: float = parameter(
         0.1, ge=0.0, unit="s", text="time between measurements of volume and bulk density, 0: none"

@@ -10,9 +10,10 @@ from msph.fluid.boundary.opening import ZONE, Opening
 from msph.fluid.boundary.walls import wall_constants
 from msph.fluid.methods import METHODS, methods_with
 from msph.fluid.particles.layers import LayerSpec
+from msph.parameter import MAX_SPEED
 from msph.scene import schema
 from msph.scene.errors import SceneError
-from msph.scene.motion import TRIALS, values_over_time
+from msph.scene.motion import TRIALS, explaining, over
 from msph.scene.schema import Scene
 
 # Litres per cubic metre.
@@ -21,11 +22,18 @@ LITRES = 1000.0
 
 def openings(scene: Scene, specs: list[LayerSpec]) -> list[Opening]:
     """Returns the openings of a checked scene, inflows first."""
-    return [opening(scene, given, specs) for given in (*scene.inflows, *scene.outflows)]
+    return [opening(scene, given, specs, key) for key, given in tables(scene)]
 
 
-def opening(scene: Scene, given: schema.Opening, specs: list[LayerSpec]) -> Opening:
-    """Returns the opening of a checked table of a scene."""
+def tables(scene: Scene) -> list[tuple[str, schema.Opening]]:
+    """Returns the inflows and outflows of a scene with their keys."""
+    found: list[tuple[str, schema.Opening]] = []
+    found += [(f"inflows.{k}", each) for k, each in enumerate(scene.inflows)]
+    return found + [(f"outflows.{k}", each) for k, each in enumerate(scene.outflows)]
+
+
+def opening(scene: Scene, given: schema.Opening, specs: list[LayerSpec], key: str) -> Opening:
+    """Returns the opening of the table `key` of a scene. Raises ExpressionError."""
     centre, half, edges = shape(given)
     enters = isinstance(given, schema.Inflow)
     layer = given.layer if isinstance(given, schema.Inflow) else None
@@ -43,7 +51,8 @@ def opening(scene: Scene, given: schema.Opening, specs: list[LayerSpec]) -> Open
     flow = given.speed if given.rate is None else given.rate
     if flow is None:
         return made
-    found, share = OverTime(flow), 1.0 if given.rate is None else 1.0 / (LITRES * made.area)
+    name, share = ("speed", 1.0) if given.rate is None else ("rate", 1.0 / (LITRES * made.area))
+    found = OverTime(flow, scene.duration, f"{key}.{name}", 0.0, MAX_SPEED / share)
     return Opening(**{**vars(made), "speed": lambda time: share * found(time)})
 
 
@@ -111,16 +120,14 @@ def inflow_volumes(scene: Scene, specs: list[LayerSpec]) -> list[tuple[int, floa
 
 def check_openings(scene: Scene, specs: list[LayerSpec], where: str) -> None:
     """Raises SceneError for an inflow or outflow that cannot be built."""
-    tables: list[tuple[str, schema.Opening]] = []
-    tables += [(f"inflows.{k}", each) for k, each in enumerate(scene.inflows)]
-    tables += [(f"outflows.{k}", each) for k, each in enumerate(scene.outflows)]
-    if tables and not METHODS[scene.method].HAS_OPENINGS:
+    given_tables = tables(scene)
+    if given_tables and not METHODS[scene.method].HAS_OPENINGS:
         able = methods_with("HAS_OPENINGS")
         text = f"the method {scene.method} has no inflows and outflows; {able} has"
-        raise SceneError(where, text, tables[0][0].split(".")[0])
-    for key, given in tables:
+        raise SceneError(where, text, given_tables[0][0].split(".")[0])
+    for key, given in given_tables:
         _check_shape(given, where, key)
-        _check_flow(scene, given, where, key)
+        _check_flow(given, where, key)
         layer = given.layer if isinstance(given, schema.Inflow) else None
         if layer is not None and layer >= len(specs):
             raise SceneError(
@@ -130,7 +137,11 @@ def check_openings(scene: Scene, specs: list[LayerSpec], where: str) -> None:
             )
         if given.direction is not None and not any(given.direction):
             raise SceneError(where, "has no direction", f"{key}.direction")
-        made = opening(scene, given, specs)
+        # The message of an expression names its key.
+        with explaining(where, ""):
+            made = opening(scene, given, specs, key)
+            if made.speed:
+                over(scene.duration, made.speed)
         across = made.edges
         if across is not None and np.abs(across @ made.along).max() > 1e-6:
             raise SceneError(where, "must be normal to the rectangle", f"{key}.direction")
@@ -154,21 +165,8 @@ def _check_shape(given: schema.Opening, where: str, key: str) -> None:
             )
 
 
-def _check_flow(scene: Scene, given: schema.Opening, where: str, key: str) -> None:
+def _check_flow(given: schema.Opening, where: str, key: str) -> None:
     if given.speed is not None and given.rate is not None:
         raise SceneError(where, "give either speed or rate", key)
-    name = "speed" if given.rate is None else "rate"
-    flow = getattr(given, name)
-    if flow is None:
-        if isinstance(given, schema.Inflow):
-            raise SceneError(where, "give a speed or a rate", key)
-        return
-    for time, value in values_over_time(flow, scene.duration, where, f"{key}.{name}"):
-        if value < 0.0:
-            other = "an outflow" if isinstance(given, schema.Inflow) else "an inflow"
-            raise SceneError(
-                where,
-                f"is {value:.3g} at t = {time:.3g} s: must not be negative; {other} has the "
-                "opposite direction",
-                f"{key}.{name}",
-            )
+    if given.speed is None and given.rate is None and isinstance(given, schema.Inflow):
+        raise SceneError(where, "give a speed or a rate", key)

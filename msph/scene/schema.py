@@ -13,7 +13,7 @@ from msph.fluid.boundary.rigid_bodies import FRICTION
 from msph.fluid.classic_parameters import ClassicParameters
 from msph.fluid.methods import METHODS
 from msph.fluid.projection.parameters import ProjectionParameters
-from msph.parameter import Number, Section, Vector, parameter
+from msph.parameter import LONGEST, SHORTEST, Number, Section, Vector, parameter
 from msph.picture.look import Colour, Look
 from msph.scene.observation import Camera, Measure, Play, Probe, Surface
 
@@ -57,6 +57,7 @@ class Layer(Section):
     viscosity: float | None = parameter(
         None,
         ge=0.0,
+        le=1e4,
         unit="Pa s",
         text="dynamic viscosity; default: classic.viscosity",
     )
@@ -135,7 +136,7 @@ class Body(Placed):
     swing: Vector = parameter(
         (0.0, 0.0, 0.0), unit="m", text="displacement at the far end of an oscillation"
     )
-    period: float = parameter(1.0, gt=0.0, unit="s", text="period of the oscillation")
+    period: float = parameter(1.0, ge=1e-6, le=LONGEST, unit="s", text="period of the oscillation")
     displacement: Displacement = parameter(
         (0.0, 0.0, 0.0),
         unit="m",
@@ -204,10 +205,12 @@ class WaveMaker(Section):
         "piston", text="moves to and fro, or swings about a hinge at the floor"
     )
     stroke: float = parameter(
-        gt=0.0, unit="m", text="way from end to end, of a flap at the height of the water"
+        ge=1e-6, unit="m", text="way from end to end, of a flap at the height of the water"
     )
-    period: float = parameter(gt=0.0, unit="s", text="period of the waves")
-    ramp: float = parameter(1.0, ge=0.0, unit="s", text="time in which the stroke grows")
+    period: float = parameter(ge=SHORTEST, le=1000.0, unit="s", text="period of the waves")
+    ramp: float = parameter(
+        1.0, ge=0.0, le=LONGEST, unit="s", text="time in which the stroke grows"
+    )
     position: float | None = parameter(
         None,
         gt=0.0,
@@ -247,8 +250,8 @@ class Sway(Section):
     the height of the axis is driven by the tilt alone; below it, inertia adds to the tilt."""
 
     angle: float = parameter(0.0, ge=0.0, le=45.0, unit="deg", text="amplitude of the tilt, 0: off")
-    period: float = parameter(2.0, gt=0.0, unit="s", text="period of the tilt")
-    seconds: float = parameter(4.0, ge=0.0, unit="s", text="duration of the rocking")
+    period: float = parameter(2.0, ge=SHORTEST, le=LONGEST, unit="s", text="period of the tilt")
+    seconds: float = parameter(4.0, ge=0.0, le=LONGEST, unit="s", text="duration of the rocking")
     height: float | None = parameter(
         None, unit="m", text="height of the axis above the floor; default: half that of the box"
     )
@@ -276,6 +279,7 @@ class Scene(Section):
     duration: float = parameter(
         10.0,
         gt=0.0,
+        le=LONGEST,
         unit="s",
         text="simulated time of `msph capture`, `msph bench` and `msph measure`",
     )

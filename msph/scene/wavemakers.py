@@ -8,6 +8,7 @@ import numpy as np
 from msph.fluid.boundary.beach import Beach
 from msph.fluid.boundary.rigid_bodies import Block, Scripted, end_block
 from msph.fluid.methods import METHODS, methods_with
+from msph.parameter import MAX_SPEED
 from msph.scene.errors import SceneError
 from msph.scene.motion import ramp
 from msph.scene.schema import Scene, WaveMaker
@@ -139,6 +140,11 @@ def check_wave_makers(scene: Scene, where: str) -> None:
             )
         if _face(scene, maker) + 0.5 * maker.stroke + maker.beach >= room:
             raise SceneError(where, f"with its stroke and beach it does not fit in {room:g} m", key)
+        speed = wave_makers(scene)[k].motion.top_speed(0.0)
+        if speed > MAX_SPEED:
+            raise SceneError(
+                where, f"moves at {speed:.3g} m/s; at most {MAX_SPEED:g} m/s is allowed", key
+            )
         slope = 0.5 * maker.stroke / water_depth(scene)
         if maker.kind == "flap" and slope > STEEPEST:
             raise SceneError(

@@ -16,7 +16,7 @@ from pydantic import TypeAdapter
 
 import msph
 from msph import user_cache
-from msph.measure.past import UNREADABLE
+from msph.measure.past import read_state
 from msph.scene.errors import SceneError
 from msph.stage.called import Choice, SceneArguments, full_name
 from msph.stage.loop import Audience
@@ -158,7 +158,6 @@ def _in_use(path: Path) -> bool:
 def _about(path: Path) -> About | None:
     """Returns the description of a session, None if its file is damaged."""
     try:
-        with np.load(path) as state:
-            return TypeAdapter(About).validate_json(str(state[SESSION]))
-    except (*UNREADABLE, KeyError):
+        return TypeAdapter(About).validate_json(str(read_state(path)[SESSION]))
+    except (ValueError, KeyError):
         return None

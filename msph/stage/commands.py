@@ -23,7 +23,7 @@ from msph.options import (
     PlayOptions,
     RunOptions,
 )
-from msph.own_files import OutputError, claim, free_stem, make_writable, replace
+from msph.own_files import SCENE_SUFFIX, OutputError, claim, free_stem, replace
 from msph.scene import load_scene
 from msph.scene.bodies import names
 from msph.scene.library import find_scene, shipped_scenes
@@ -49,6 +49,8 @@ from msph.stage.trial import SIZE as PLAY_SIZE
 FALLBACK_SECONDS, FALLBACK_FPS, FALLBACK_SIZE, STILL_TIME = 10.0, 30.0, (1280, 720), 1.0
 # Rays per pixel along each axis in recordings, which need not be made in real time.
 SMOOTH = 2
+# Largest number of frames of a recording: six digits in file names.
+MAX_FRAMES = 1_000_000
 # Exit code of a benchmark with an unstable simulation.
 BAD_RUN = 1
 
@@ -57,12 +59,13 @@ def capture_instead(scene: str, options: PlayOptions, run: RunOptions, reason: s
     """Captures a video and an image of a scene if no window can be opened for `reason`."""
     if options.beside:
         say("--beside needs a window: only the first simulation is captured")
-    target, seconds = default_output(scene), None if options.replay else FALLBACK_SECONDS
+    seconds = None if options.replay else FALLBACK_SECONDS
     what = f"{seconds:.0f} s of {scene}" if seconds else f"{options.replay}"
     say(f"{reason}: capturing {what} instead")
     # A capture need not run in real time.
     run = replace_fields(run, quality=AS_GIVEN) if run.quality == AUTO else run
-    files = target.with_suffix(".mp4"), target.with_suffix(".png")
+    video = default_output(scene, ".mp4")
+    files = video, video.with_suffix(".png")
     instead = CaptureOptions(
         *(FALLBACK_FPS, FALLBACK_SIZE, seconds, files),
         still_time=STILL_TIME,
@@ -81,8 +84,8 @@ def capture(scene: str | None, options: CaptureOptions, run: RunOptions) -> None
         loaded = with_value(loaded, "picture.supersample", SMOOTH)
     more = list(options.meshes), list(options.particles), list(options.bodies)
     some = options.outputs or any(more)
-    default = default_output(scene).with_suffix(".webm" if loaded.picture.alpha else ".mp4")
-    pictures = list(options.outputs if some else [default])
+    video = ".webm" if loaded.picture.alpha else ".mp4"
+    pictures = list(options.outputs if some else [default_output(scene, video)])
     files = Outputs(pictures, *more)
     check_outputs(files, options.fps, loaded.picture.alpha)
     if files.bodies and not (recording or names(loaded)):
@@ -97,9 +100,14 @@ def capture(scene: str | None, options: CaptureOptions, run: RunOptions) -> None
     frames = max(1, total) - first
     if frames <= 0:
         raise CheckpointError.beyond(since, seconds)
+    if frames > MAX_FRAMES:
+        raise OutputError(
+            f"{files.all()[0]}: would have {frames:,} frames; at most {MAX_FRAMES:,} are allowed"
+        )
     paths, inputs = files.names(first, frames), inputs_of(scene, options)
     check_files(paths, inputs)
-    claim(paths, options.force)
+    # Until it is written, only the first frame of a sequence has a file.
+    claim(files.names(first, 1), options.force, later=paths)
     record(at(loaded, scene, run), files, options, recording, first, frames)
 
 
@@ -112,7 +120,6 @@ def bench(scenes: tuple[str, ...], options: BenchOptions, run: RunOptions) -> No
         scenes = (name,)
     names = scenes or tuple(shipped_scenes())
     if options.json_file:
-        make_writable(options.json_file)
         claim([options.json_file], options.force)
     given = [(name, load_scene(name, run.overrides)) for name in names]
     arch = start(run.arch, run.threads)
@@ -238,9 +245,9 @@ def record(
         show.close()
 
 
-def default_output(scene: str) -> Path:
-    """Returns an unused path without suffix in the folder out, named after the scene."""
-    return Path("out") / free_stem(Path("out"), Path(scene).stem)
+def default_output(scene: str, suffix: str) -> Path:
+    """Returns an unused path in the folder out, named after the scene."""
+    return Path("out") / f"{free_stem(Path('out'), Path(scene).stem)}{suffix}"
 
 
 def inputs_of(scene: str, options: CaptureOptions) -> list[Path]:
@@ -252,4 +259,4 @@ def scene_file(outputs: Outputs) -> Path:
     """Returns the path of a recording's scene file, next to the first output."""
     first = outputs.all()[0]
     stem = NUMBER.sub("", first.stem).rstrip("_-") or "capture"
-    return first.with_name(stem + ".scene.toml")
+    return first.with_name(stem + SCENE_SUFFIX)

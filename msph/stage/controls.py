@@ -6,10 +6,7 @@ from typing import Annotated
 from pydantic import Field, NonNegativeFloat
 
 from msph.fluid.external_forces import Hand
-from msph.stage.tools import STRICT, TOOLS, Number, ToolUse
-
-# Largest simulated time of a frame [s].
-MAX_FRAME_TIME = 1.0
+from msph.stage.tools import MAX_FRAME_TIME, STRICT, TOOLS, Number, ToolUse
 
 
 @dataclass(frozen=True)

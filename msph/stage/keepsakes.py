@@ -9,7 +9,7 @@ import imageio.v2 as imageio
 import numpy as np
 
 from msph.errors import LostOutputError
-from msph.own_files import free_stem, replace, replacing
+from msph.own_files import SCENE_SUFFIX, free_stem, replace, replacing
 from msph.scene.errors import SceneError
 from msph.scene.load import to_toml
 from msph.scene.schema import Scene
@@ -98,5 +98,5 @@ class Saver:
         self.folder.mkdir(parents=True, exist_ok=True)
         stem = free_stem(self.folder, f"{self.scene}_{time.strftime('%Y%m%d_%H%M%S')}")
         note = f"quality {self.quality}"
-        replace(self.folder / f"{stem}.scene.toml", to_toml(scene, note))
+        replace(self.folder / f"{stem}{SCENE_SUFFIX}", to_toml(scene, note))
         return self.folder / f"{stem}{suffix}"

@@ -13,7 +13,7 @@ from msph.measure.probes import build_probes
 from msph.measure.snapshot import Snapshot
 from msph.measure.survey import COLUMNS, Survey, survey
 from msph.measure.table import ROUNDING, Table
-from msph.own_files import replacing
+from msph.own_files import replacing, written
 from msph.scene.bodies import names
 from msph.scene.schema import Scene
 from msph.stage.controls import Controls
@@ -169,7 +169,7 @@ class Measurer:
                 self._save()
         self.result = result
         summary.write(self.folder / SUMMARY, result)
-        return [self.folder / name for name in FILES if (self.folder / name).exists()]
+        return [self.folder / name for name in FILES if written(self.folder / name)]
 
     def _forces(self) -> dict[str, Any]:
         """Returns the mean force [N] and torque [N m] on each body at the end of the run, and the

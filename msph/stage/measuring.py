@@ -11,7 +11,7 @@ from msph.measure.past import time_of
 from msph.measure.plots import PLOTS, plot
 from msph.measure.timings import Timings
 from msph.options import MeasureOptions, RunOptions
-from msph.own_files import claim, make_writable, replace
+from msph.own_files import claim, replace, written
 from msph.scene import load_scene
 from msph.scene.quality import with_spacings
 from msph.scene.water import layer_specs
@@ -42,7 +42,6 @@ def measure(scene: str | None, options: MeasureOptions, run: RunOptions) -> None
     more = [f"{key}={value}" for key, value in given.items() if value is not None]
     found = load_scene(scene, (*run.overrides, *more))
     folder = options.folder or Path("out") / Path(scene).stem
-    make_writable(folder / SCENE)
     # A run that is resumed in its own folder continues its own files.
     own = options.resume is not None and Path(options.resume).resolve().parent == folder.resolve()
     claim_folder(folder, options.force or own)
@@ -64,7 +63,6 @@ def measured(
     """Measures one run of a scene from its start, or from a checkpoint `resume` at time `since`
     [s], with the input of a recording, if any; writes the results to a folder and prints the file
     names."""
-    make_writable(folder / SCENE)
     scene, show, how = loaded.scene, None, options_of(recording, resume)
     if resume:
         # Before any file is written, as a checkpoint of another scene must not destroy the folder.
@@ -81,7 +79,7 @@ def measured(
         except LostOutputError as lost:
             say(str(lost))
         say(f"{folder} holds the results until then")
-        if (folder / CHECKPOINT).exists():
+        if written(folder / CHECKPOINT):
             say(f"--resume {folder / CHECKPOINT} continues the run")
         raise
     paths = measurer.conclude()

@@ -8,7 +8,7 @@ import click
 from msph.device import start
 from msph.interrupts import importing
 from msph.options import PlayOptions, RunOptions
-from msph.own_files import claim, make_writable
+from msph.own_files import claim
 from msph.stage.called import SceneArguments
 from msph.stage.recording import with_recording
 from msph.stage.window import ClosedError, NoWindowError, check_display
@@ -21,7 +21,6 @@ def play(scene: str | None, options: PlayOptions, run: RunOptions) -> None:
     """Runs a scene, and further ones chosen in its window; captures the scene if no window can be
     opened."""
     if options.record_input:
-        make_writable(options.record_input)
         claim([options.record_input], options.force)
     scene, run, recording = with_recording(scene, run, options.replay)
     if recording and not options.beside:

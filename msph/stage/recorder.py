@@ -15,7 +15,7 @@ from PIL import Image
 from msph.errors import LostOutputError
 from msph.measure.body_table import BodyTable
 from msph.measure.table import column
-from msph.own_files import OutputError, make_writable, writing
+from msph.own_files import OutputError, place_of, writing, written
 from msph.stage import vtu
 from msph.stage.loop import Audience
 from msph.stage.progress import Progress
@@ -171,7 +171,7 @@ class Recorder(Audience):
         kept = [
             path
             for path in self.outputs.all()
-            if path not in self.lost and (self.done if numbered(path) else path.exists())
+            if path not in self.lost and (self.done if numbered(path) else written(path))
         ]
         return kept + [list_name(path, self.first) for path in self.lists if path in kept]
 
@@ -179,7 +179,7 @@ class Recorder(Audience):
     def _writing(self, path: Path) -> Iterator[None]:
         """Context like own_files.writing that also marks a failed output as lost."""
         try:
-            with writing(path):
+            with writing(self._numbered(path)):
                 yield
         except LostOutputError:
             self.lost.add(path)
@@ -270,8 +270,8 @@ def numbered(path: Path) -> bool:
 
 
 def check_outputs(outputs: Outputs, fps: float, alpha: bool = False) -> None:
-    """Raises OutputError for outputs that cannot be written, and creates their folders. alpha: the
-    images have an alpha channel."""
+    """Raises OutputError for outputs of an unknown or unfit kind. alpha: the images have an alpha
+    channel."""
     kinds = (
         (outputs.pictures, (*VIDEO, *ANIMATION, ".png")),
         (outputs.meshes, MESH),
@@ -282,7 +282,7 @@ def check_outputs(outputs: Outputs, fps: float, alpha: bool = False) -> None:
         for path in paths:
             check_output(path, suffixes)
     paths = outputs.all()
-    if len({path.resolve() for path in paths}) < len(paths):
+    if len({place_of(path) for path in paths}) < len(paths):
         raise OutputError("the same output is named twice")
     for path in outputs.pictures:
         if alpha and kind(path) not in ALPHA:
@@ -292,15 +292,13 @@ def check_outputs(outputs: Outputs, fps: float, alpha: bool = False) -> None:
         raise OutputError(f"a GIF has at most {GIF_FPS:g} frames per second")
     if any(kind(p) == PARAVIEW for p in paths) and not vtu.available():
         raise OutputError(".vtu files need meshio: pip install 'msph[paraview]'")
-    for path in paths:
-        make_writable(numbered_name(path, 0))
 
 
 def check_files(paths: list[Path], inputs: list[Path]) -> None:
     """Raises OutputError if a recording would write one of its files twice, or over an input."""
-    read, seen = {path.resolve() for path in inputs}, set[Path]()
+    read, seen = {place_of(path) for path in inputs}, set[Path]()
     for path in paths:
-        place = path.resolve()
+        place = place_of(path)
         if place in read:
             raise OutputError(f"{path}: is an input of this command; choose another name")
         if place in seen:

@@ -17,7 +17,7 @@ from msph.fluid.stages import Stage, no_stage
 from msph.fluid.trapped_water import TrappedWaterError
 from msph.measure.bulk import bulk_density
 from msph.measure.ledger import Ledger
-from msph.measure.past import UNREADABLE
+from msph.measure.past import read_state
 from msph.measure.snapshot import Snapshot
 from msph.measure.timings import Timings
 from msph.scene.build import build_simulation
@@ -284,9 +284,10 @@ class Show:
     def resume(self, checkpoint: Path) -> None:
         """Continues from a checkpoint, a .npz file of Simulation.state(). Raises SceneError."""
         try:
-            with np.load(checkpoint) as state:
-                self.simulation.restore({k: state[k] for k in state if k != SESSION})
-        except UNREADABLE as error:
+            state = read_state(checkpoint)
+            state.pop(SESSION, None)
+            self.simulation.restore(state)
+        except ValueError as error:
             problem = f"is not a checkpoint of this scene: {error}"
             raise SceneError(checkpoint.name, problem) from None
         self.counts = self.simulation.counts()

@@ -34,9 +34,15 @@ RAIN_RATE, RAIN_EVERY, RAIN_RADIUS, RAIN_HEIGHT, RAIN_SPEED = 40.0, 0.1, 0.8, 0.
 # and speed over sqrt(g L) of the box's longest edge L.
 BALL_RADIUS, BALL_DISTANCE, BALL_SPEED = 0.08, 3.0, 0.7
 
+# Largest speed of a hand over sqrt(g L) of the box's longest edge L: faster cursors jump.
+HAND_SPEED = 30.0
+# Largest simulated time of a frame [s].
+MAX_FRAME_TIME = 1.0
+
 # Recorded input: no unknown keys, and finite numbers of limited size [m, m/s, rad, s].
 STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
 Number = Annotated[float, Field(ge=-1e6, le=1e6)]
+Time = Annotated[float, Field(ge=0.0, le=1e6)]
 Vector = tuple[Number, Number, Number]
 
 
@@ -56,8 +62,8 @@ class ToolUse:
     start: Vector
     surface: Vector
     direction: Vector
-    step: Number
-    held: Number
+    step: Annotated[float, Field(ge=0.0, le=MAX_FRAME_TIME)]
+    held: Time
 
     @classmethod
     def of(cls, tool: "Tool", vectors: tuple[np.ndarray, ...], step: float, held: float):
@@ -114,8 +120,10 @@ class Touch:
         return self.show.tool_gravity
 
     def hand(self, place: np.ndarray, radii: Vec3, velocity: np.ndarray, **more) -> Hand:
-        """Returns a hand with the scene's grip."""
+        """Returns a hand with the scene's grip, and at most HAND_SPEED."""
         grip = self.show.scene.play.push_grip
+        most = HAND_SPEED * math.sqrt(self.gravity * float(self.size.max()))
+        velocity = velocity * min(1.0, most / max(float(np.linalg.norm(velocity)), 1e-9))
         return Hand(as_vector(place), as_vector(velocity), radii, grip, **more)
 
 

@@ -227,6 +227,17 @@ def test_a_body_added_to_a_running_simulation_floats_and_compiles_nothing():
     assert sim.boundary.floating.state() == pytest.approx(checkpoint["floating"])
     with pytest.raises(ValueError, match="added body"):
         sim.restore({**checkpoint, "added_bodies": np.zeros((1, 8))})
+    rows = checkpoint["floating"]
+    fast, spinning = rows.copy(), rows.copy()
+    fast[0, 13], spinning[1, 16] = 1e6, 1e9
+    for changed, message in (
+        (0.0 * rows, "not at a rotation"),
+        (fast, "faster than 500 m/s"),
+        (spinning, "faster than 500 m/s"),
+        (rows + np.inf, "floating is inf"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            sim.restore({**checkpoint, "floating": changed})
 
 
 def test_a_body_added_in_the_water_takes_its_place():

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import taichi as ti
 
+from msph.expressions import ExpressionError
 from msph.fluid.boundary.opening import ZONE, Opening, Valve
 from msph.fluid.constants import MAX_OPENINGS
 from msph.fluid.external_forces import ExternalForces
@@ -19,6 +20,8 @@ from msph.measure.summary import water_mass
 from msph.scene import load_scene
 from msph.scene.build import build_simulation
 from msph.scene.errors import SceneError
+from msph.scene.openings import openings
+from msph.scene.water import layer_specs
 
 D, GRAVITY = 0.04, (0.0, -9.81, 0.0)
 SIZE = (0.4, 0.4, 0.4)
@@ -333,6 +336,12 @@ def test_a_checkpoint_holds_openings_that_were_added():
     for changed in (np.zeros((1, 20)), np.ones((1, 5)), np.full((1, 20), np.nan)):
         with pytest.raises(ValueError, match="an added opening"):
             sim.restore({**state, "added_openings": changed})
+    flows = state["openings"]
+    for changed in (flows + np.nan, np.float64(1.0), flows * 1j, flows - 1.0, flows[:-1]):
+        with pytest.raises(ValueError, match="openings is"):
+            sim.restore({**state, "openings": np.asarray(changed)})
+    with pytest.raises(ValueError, match="spacings late"):
+        sim.restore({**state, "openings": flows + 1e6})
     with pytest.raises(ValueError, match="needs a Valve"):
         sim.add_opening(Opening(FLOOR, DOWN, (0.1, 0.1), False, lambda time: 1.0), GRAVITY)
     sim.close()
@@ -360,6 +369,9 @@ def test_layers_adapt_between_inflow_and_hole():
         ("inflows=[{centre=[0.4, 0, 0.4], radius=0.1, speed='1 - t'}]", "must not be negative"),
         ("inflows=[{centre=[0.4, 0, 0.4], radius=0.1}]", "give a speed or a rate"),
         ("inflows=[{centre=[0.4, 0, 0.4], radius=0.1, speed='u'}]", "unknown name 'u'"),
+        ("inflows=[{centre=[0.4, 0, 0.4], radius=0.1, speed=1.7e308}]", "must be -1e"),
+        ("inflows=[{centre=[0.4, 0, 0.4], radius=0.1, speed='1e5*t'}]", "speed: .* 0 to 500"),
+        ("outflows=[{centre=[0.4, 0, 0.4], radius=0.1, rate=1e9}]", "rate: .* must be 0 to"),
         ("inflows=[{centre=[2, 0, 0.4], radius=0.1, speed=1}]", "beyond the box"),
         ("inflows=[{lo=[0, 0, 0], hi=[1, 1, 1], speed=1}]", "differ along two axes"),
         ("outflows=[{centre=[0.4, 0, 0.4]}]", "either centre and radius"),
@@ -370,6 +382,31 @@ def test_invalid_openings_are_refused_with_their_key(change, message):
     with pytest.raises(SceneError, match=message) as caught:
         load_scene("drop", (change,))
     assert "flows.0" in str(caught.value)
+
+
+@pytest.mark.parametrize("above", [0.3, 0.45])
+def test_a_tap_whose_pipe_reaches_above_the_lid_is_refused(above):
+    """Regression: particles above the lid were reported as leaked water at the start."""
+    scene = load_scene("drop", ("box.open=false",))
+    spacing, height = layer_specs(scene)[0].spacing, scene.box.size[1]
+    for excess in (above, -0.01):
+        y = height + (excess - ZONE) * spacing
+        change = f"inflows=[{{centre=[0.4, {y}, 0.4], radius=0.1, speed=1, layer=0}}]"
+        if excess > 0.0:
+            with pytest.raises(SceneError, match=r"inflows\.0: reaches, 3 spacings .* beyond"):
+                load_scene("drop", ("box.open=false", change))
+        else:
+            load_scene("drop", ("box.open=false", change))
+
+
+def test_a_run_ends_where_the_speed_of_an_inflow_is_no_number():
+    """Regression: beyond the duration the inflow stopped without a word."""
+    change = "inflows=[{centre=[0.4, 0, 0.4], radius=0.1, speed='sqrt(0.3 - t)'}]"
+    scene = load_scene("drop", (change, "duration=0.1"))
+    made, *_ = openings(scene, layer_specs(scene))
+    assert made.speed(0.2) > 0.0
+    with pytest.raises(ExpressionError, match=r"inflows\.0\.speed: .* not a number at t = 0.301 s"):
+        made.speed(0.301)
 
 
 def test_an_inflow_in_a_body_is_refused():

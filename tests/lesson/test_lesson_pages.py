@@ -35,7 +35,7 @@ def test_no_text_of_a_lesson_becomes_code_of_its_page(tmp_path, monkeypatch):
     monkeypatch.setattr(web, "SIZE", (480, 200))
     code = "</script><script>alert(1)</script>"
     attack = code + "'&"  # texts beyond ASCII are refused
-    text = TINY.replace('"board.ponds"]', f"\"board.ponds if '{code}' else 0\"]")
+    text = TINY.replace('"board.ponds"]', f'"board.ponds # {code}"]')
     for key in ("A small lesson", "How many ponds?", "one", "Raise the threshold.", "They part."):
         text = text.replace(f'"{key}"', f'"{attack}"')
     text = text.replace('"The contour is one line."', f'"{attack}"')

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from msph.expressions import ExpressionError
 from msph.scene import SceneError, load_scene
 from msph.scene.load import to_toml
 from msph.scene.motion import box_path
@@ -80,6 +81,23 @@ BAD = {
         '[motion]\ndisplacement = [0, "sqrt(2 - t)", 0]\n',
         "motion.0.displacement.1: 'sqrt(2 - t)' is not a number at t = 2",
     ),
+    "power": (
+        '[motion]\nangle = "9**4000000*0+t"\n',
+        "motion.0.angle: '9**4000000*0+t' is not a number at t = 0 s",
+    ),
+    "floors": (
+        '[motion]\nangle = "floor(1e300)**9999999*floor(1e300)*0+t"\n',
+        "is not a number at t = 0 s",
+    ),
+    "text": (
+        "[motion]\nangle = \"f'{t:>99999999}'\"\n",
+        "motion.0.angle: may hold numbers, names, functions",
+    ),
+    "long": (f'[motion]\nangle = "{"t+" * 500}t"\n', "motion.0.angle: has 1001 characters"),
+    "fast": ('[motion]\nangle = "1e9*t"\n', "motion: the tank moves at "),
+    "aliased": ('[motion]\nangle = "90*sin(1e6*t)"\n', "motion: the tank moves at "),
+    "huge": ('[motion]\nangle = "1e13*t"\n', "s: must be -1e+12 to 1e+12"),
+    "short": ("[sway]\nangle = 1\nperiod = 1e-320\n", "sway.period: input should be greater"),
     "axis": ("[motion]\naxis = [0, 0, 0]\n", "motion.0.axis: has no direction"),
     "no table": (
         '[motion]\ntable = "nosuch.csv"\n',
@@ -88,6 +106,18 @@ BAD = {
     "both": (
         '[motion]\ntable = "a.csv"\nangle = 3\n',
         "motion.0: give either a table, or displacement and angle",
+    ),
+    "waves": (
+        "[[wavemakers]]\nstroke = 0.1\nperiod = 1e-5\n",
+        "wavemakers.0.period: input should be greater than or equal to 0.01",
+    ),
+    "still": (
+        "[[wavemakers]]\nstroke = 0.1\nperiod = 1e300\n",
+        "wavemakers.0.period: input should be less than or equal to 1000",
+    ),
+    "large": (
+        "[[bodies]]\ncentre = [1, 1, 1]\nradius = 1e154\n",
+        "bodies.0.radius: must be -1e+12",
     ),
     "stroke": (
         "[[wavemakers]]\nstroke = 0.1\nperiod = 1\nposition = 0.01\n",
@@ -134,6 +164,22 @@ def test_bad_motions_give_one_line_with_their_key(tmp_path, name):
         with pytest.raises(SceneError) as error:
             load(tmp_path, text)
     assert message in str(error.value) and "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("rows", ["0,1e308\n1,0", "0,0\n1e-200,1", "0,0\n1e-5,1"])
+def test_impossible_tables_are_refused(tmp_path, rows):
+    (tmp_path / "a.csv").write_text(f"time_s,x_m\n{rows}")
+    with pytest.raises(SceneError, match=r"motion\b"):
+        load(tmp_path, '[motion]\ntable = "a.csv"\n')
+
+
+def test_expressions_need_no_value_outside_the_duration(tmp_path):
+    """Regression: a trial at an odd time refused expressions that the duration allows."""
+    text = '[motion]\ndisplacement = [0, "0.1 * sqrt(4 - t) * sqrt(t)", 0]\n'
+    path = box_path(load(tmp_path, text.replace("sqrt(4 - t)", "(4 - t)**1.5")))
+    assert path(-1e-4)[0][1] == path(4.001)[0][1] == 0.0
+    with pytest.raises(ExpressionError, match=r"motion\.0\.displacement\.1: .* t = 4.2 s"):
+        path(4.2)
 
 
 @pytest.mark.parametrize("end", ["-x", "+x", "-z"])

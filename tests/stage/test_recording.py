@@ -248,6 +248,8 @@ def with_input(**changes):
         ([HEAD, with_input(tilt=[1.0])], "line 2: input.tilt.1: field required"),
         ([HEAD, with_input(use={**USE, "tool": "pusch"})], "tool: 'pusch'; did you mean 'push'"),
         ([HEAD, with_input(use={**USE, "place": [1e9, 0, 0]})], "line 2: input.use.place.0: "),
+        ([HEAD, with_input(use={**USE, "step": -1.0})], "line 2: input.use.step: "),
+        ([HEAD, with_input(use={**USE, "step": 1e6})], "line 2: input.use.step: "),
         ([HEAD, with_input(set={"gravity": float("nan")})], "line 2: input.set.gravity: "),
     ],
 )

@@ -4,6 +4,7 @@ import numpy as np
 
 from msph.fluid.boundary.opening import Opening, Valve
 from msph.fluid.boundary.rigid_bodies import Ball, Block, Body, centre, half_extents
+from msph.parameter import LARGEST
 
 # Lengths of the rows of a body and of an opening.
 BODY, OPENING = 8, 20
@@ -65,5 +66,5 @@ def opening_of(row: np.ndarray, layers: int) -> Opening:
 
 
 def _check(row: np.ndarray, length: int, what: str) -> None:
-    if row.shape != (length,) or not np.isfinite(row).all():
-        raise ValueError(f"an added {what} is not {length} finite numbers")
+    if row.shape != (length,) or row.dtype.kind != "f" or not (np.abs(row) <= LARGEST).all():
+        raise ValueError(f"an added {what} is not {length} numbers of -{LARGEST:g} to {LARGEST:g}")

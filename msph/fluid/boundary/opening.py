@@ -16,6 +16,8 @@ SLACK = 0.5
 # Greatest distance [spacings] of an opening from the wall on which it lies, and least cosine of
 # the angle between its direction and the normal of that wall.
 ON_WALL, ALONG_NORMAL = 0.5, 0.999
+# Largest distance [m] of a pipe beyond a wall that counts as rounding.
+ROUNDING = 1e-6
 # Time [s] that no simulation reaches.
 LAST = 1e12
 
@@ -91,7 +93,8 @@ class Opening:
         if self.edges is None:
             spread = self.half[0] * np.sqrt(1.0 - self.along**2)
         lo, hi = np.min(ends, axis=0) - spread, np.max(ends, axis=0) + spread
-        edge = ON_WALL * spacing
+        # The water of a pipe inside the box must not reach beyond a wall.
+        edge = ON_WALL * spacing if len(ends) == 1 else ROUNDING
         if np.all(lo >= -edge) and np.all(hi <= walls + edge):
             return None
         what = (

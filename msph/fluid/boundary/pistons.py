@@ -8,6 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from msph.parameter import LARGEST
+
 # Tolerance (-) for the rounding of times.
 ROUNDING = 1e-6
 
@@ -74,6 +76,7 @@ class Stroke:
     @classmethod
     def of(cls, state: np.ndarray) -> "Stroke":
         """Returns the motion of a state(). Raises ValueError."""
-        if state.shape != (6,) or not np.isfinite(state).all() or state[0] not in (1, 4, 8, 32):
+        possible = state.shape == (6,) and (np.abs(state) <= LARGEST).all()
+        if not possible or state[0] not in (1, 4, 8, 32):
             raise ValueError("a moving wall has no finite place and speed at a side of the box")
         return cls(int(state[0]), *state[1:].tolist())
