@@ -134,7 +134,7 @@ def _parts(room: Room) -> Parts:
         images=images,
         contact=contact,
         collisions=Collisions(boundary),
-        gaps=GapPressure(links, grid, contact),
+        gaps=GapPressure(links, contact),
         openings=Openings(constants, layers, particles, boundary, images, impulses),
         rim=Rim(constants, layers, particles, removal, impulses),
         beaches=Beaches(constants, layers, particles, impulses),

@@ -11,6 +11,7 @@ from msph.errors import BlowUpError
 from msph.fluid.boundary import collisions
 from msph.fluid.boundary.rigid_bodies import Ball, Block, Motion
 from msph.fluid.external_forces import ExternalForces
+from msph.fluid.moving_box import MovingBox
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.plan import Plan
 from msph.fluid.projection.parameters import ProjectionParameters
@@ -305,3 +306,19 @@ def test_the_motion_of_a_body_at_its_release_is_work_of_the_user():
         thrown.mass * np.array((0.3, 0.5, 0.0)), rel=1e-5
     )
     assert ledger.energy_gain() < 1e-3
+
+
+def test_a_body_above_the_floor_of_a_shaken_tank_gains_no_energy():
+    """Regression: the pressure in gaps acted on the body without an opposite."""
+    box = Block(np.array((0.08, 0.006, 0.06)), np.array((0.36, 0.2, 0.42)), Motion(), 18.6)
+    sim = simulation(lattice((0, 0, 0), (0.48, 0.28, 0.48)), [box])
+    ledger = Ledger(sim, density_every=math.inf)
+
+    def path(t):
+        return np.array((0.03 * math.sin(14 * t), -0.03 * math.sin(12 * t), 0.0)), np.eye(3)
+
+    for _ in range(20):
+        moving = MovingBox(GRAVITY, path, sim.time)
+        ledger.record(moving.gravity)
+        sim.advance(1 / 60, moving)
+    assert ledger.energy_gain() < 0.01

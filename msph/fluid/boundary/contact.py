@@ -8,7 +8,6 @@ import taichi as ti
 
 from msph.fluid.boundary.body_shapes import END
 from msph.fluid.boundary.boundary import Boundary
-from msph.fluid.boundary.gaps import Gaps
 from msph.fluid.boundary.walls import NO_WALL, Walls
 from msph.fluid.impulse_ledger import ImpulseLedger
 from msph.fluid.particles.particles import Attribute, Particles
@@ -41,7 +40,6 @@ class Contact:
     def __init__(self, boundary: Boundary, particles: Particles, impulses: ImpulseLedger):
         self.constants, self.boundary, self.layers = boundary.constants, boundary, boundary.layers
         self.particles, self.impulses, self.walls = particles, impulses, Walls(boundary.constants)
-        self.gaps = Gaps(boundary)
         self.touches = ti.field(ti.i32, shape=MAX_BODIES)
 
     def load(self) -> None:
@@ -124,7 +122,6 @@ class Contact:
                         push = self._rebound(b, x, v, m, near.yzw.normalized(1e-9))
                         v += push
                         self.impulses.push_body(b, -m * push, x - self.boundary.centre[b, END])
-                        self.gaps.record(b, x, near, -m * push, END)
                 self.impulses.wall_impulse.add(i, m * (v - p.v[i]))
                 p.v[i], p.x[i] = v, self.cleared(x, margin, END)
 

@@ -1,14 +1,18 @@
 """Pressure on bodies in gaps in which no particles fit.
 
 Where a wall or another body is nearer than about a spacing, no particles fit, and those at the rim
-press too little on the faces. There the pressure is extrapolated to samples of the face from the
-water around (Adami et al. 2012, Band et al. 2018): the mean over the particles outside of gaps,
-raised by the hydrostatic pressure between particle and sample, and where none is within reach, the
-mean over the nearest samples of the same body. This pressure replaces forces of particles there:
-their contact impulses (gaps.py), and those of their links, V_i p_i G with the multipliers p_i. For
-these, a link is spread over the samples around, of areas A and normals n, as normal forces
-A W (n.S) n that add up to G: S = M^-1 G, M = sum A W n n^T. The opposite acts on the floating body
-on the other side. Pressures and impulses are those of the last step.
+press too little on the faces. There the water is taken to have the pressure of the water around
+(Adami et al. 2012, Band et al. 2018): at a sample of the face, of area A and normal n, the mean of
+p_i over the links i outside of gaps, weighted by s_i = V_i W, raised by the hydrostatic pressure
+between particle and sample. This replaces what links exert there: a link is spread over the samples
+around as normal forces A W (n.S) n that add up to G, with S = M^-1 G and M = sum A W n n^T. With
+the share w of the sample that lies in the gap,
+
+    V_i G_i += -w A n s_i/sum(s) - w A V_i W (n.S_i) n
+
+before the pressures are solved, likewise T. Gaps are thus part of the same symmetric operator:
+water around a gap that widens moves into it, and no energy is added. The opposite acts on the body
+on the other side or on the wall. The hydrostatic part is an impulse on the body.
 """
 
 import numpy as np
@@ -18,17 +22,20 @@ from msph.fluid.boundary.body_faces import samples
 from msph.fluid.boundary.body_links import BodyLinks
 from msph.fluid.boundary.body_shapes import BEGIN
 from msph.fluid.boundary.contact import Contact
-from msph.fluid.boundary.gaps import WIDE
+from msph.fluid.boundary.walls import NO_WALL, WALL
 from msph.fluid.external_forces import FIELD_NUMBERS, NO_HAND, ExternalForces, field_at
 from msph.fluid.particles import kernels
-from msph.fluid.particles.grid import LayeredGrid
-from msph.fluid.particles.mirrors import Mirrors
 from msph.fluid.room import MAX_BODIES
 from msph.fluid.small_numbers import MIN_DIVISOR
 from msph.launches import data_oriented, heavy_kernel, kernel
 
 vec3, vec4 = ti.math.vec3, ti.math.vec4
 
+# Gap widths [finest spacings]: the pressure is extrapolated in full below NARROW, not above WIDE.
+NARROW, WIDE = 1.2, 1.6
+# Negative cosine between the normals of the two sides of a gap above which the sides face each
+# other; below 0 they do not.
+FACING = 0.5
 # Largest edge of a sample, in finest spacings, and largest number of samples of a body.
 EDGE, MAX_SAMPLES = 1.2, 2000
 # Depth [finest spacings] in a wall or another body at which a sample has no water in front of it.
@@ -39,57 +46,48 @@ LEAST_SHARE = 0.05
 # Least trace of M, times the support (-), by which a link is spread. What is added to M, over its
 # trace (-): forces along a face are not spread.
 MIN_TRACE, EVEN = 1e-3, 0.02
-# Speed [m/s] of floating bodies at which impulses along their motion have faded out: unfaded, they
-# added 0.6 % of the energy to a body dragged along a wall.
-DRIVEN_SPEED = 0.01
+
+# Pressure of water at a face over the multipliers of the particles there (-), which are up to 2 %
+# too low. Without it a box 0.05 spacings from a wall is drawn to it by 2.6 instead of 1.2 % of its
+# buoyancy.
+AT_FACE = 1.015
 
 NUMBERS = ti.types.ndarray(dtype=ti.f32, ndim=2)
 INTEGERS = ti.types.ndarray(dtype=ti.i32, ndim=1)
-# Sums at a sample: the kernel's filled share (-), share times extrapolated pressure [Pa], and
-# `resolved`, the links' pressure [Pa]; `at` is the sample mirrored by `mirrors`, `normal` that of
-# the body there.
-Reading = ti.types.struct(
-    **{"at": vec3, "sample": vec3, "gravity": vec3, "layer": ti.i32},
-    **{"body": ti.i32, "mirrors": ti.i32, "normal": vec3},
-    **{"share": ti.f32, "pressure": ti.f32, "resolved": ti.f32},
-)
 
 
 @data_oriented
 class GapPressure:
     """Samples of all bodies' faces in their frames, contiguous by body: points [m] and area vectors
-    [m^2]; by body: first, its first sample, and in_gap, 1 if any is in a gap; by sample in a gap:
-    sample, other body (WALL for a wall), weight (-), filled share (-), pressure, and resolved, the
-    links' pressure [Pa]; by link: spread, S (-); by body: push_sum [N s], twist_sum [N m s], the
-    impulses of a step."""
+    [m^2]; first: the first sample of a body; in_gap: 1 for a body with samples in a gap. By sample:
+    weight (-), 0 outside of gaps; other, the body on the other side (WALL for a wall); means over
+    links outside of gaps, centre [m] and pressure [Pa], and their filled share (-); force [m^2] and
+    torque [m^3] per unit of its pressure, including those of samples without such links. By link:
+    outside (-), its share outside of gaps; spread, S (-)."""
 
-    def __init__(self, links: BodyLinks, grid: LayeredGrid, contact: Contact):
+    def __init__(self, links: BodyLinks, contact: Contact):
         boundary = contact.boundary
-        self.boundary, self.contact, self.grid, self.links = boundary, contact, grid, links
-        self.constants, self.layers, self.gaps = boundary.constants, boundary.layers, contact.gaps
+        self.boundary, self.contact, self.links = boundary, contact, links
+        self.constants, self.layers = boundary.constants, boundary.layers
         self.particles, self.impulses = contact.particles, contact.impulses
-        self.images = Mirrors(boundary.constants)
         capacity = MAX_BODIES * MAX_SAMPLES
-        self.owner, self.sample, self.other = (ti.field(ti.i32, shape=capacity) for _ in range(3))
-        self.point, self.area = (ti.Vector.field(3, ti.f32, shape=capacity) for _ in range(2))
-        self.weight, self.share, self.pressure, self.resolved = (
-            ti.field(ti.f32, shape=capacity) for _ in range(4)
+        self.owner, self.other = (ti.field(ti.i32, shape=capacity) for _ in range(2))
+        self.weight, self.share, self.pressure = (
+            ti.field(ti.f32, shape=capacity) for _ in range(3)
+        )
+        self.point, self.area, self.centre, self.force, self.torque = (
+            ti.Vector.field(3, ti.f32, shape=capacity) for _ in range(5)
         )
         self.first, self.in_gap = (ti.field(ti.i32, shape=MAX_BODIES + 1) for _ in range(2))
+        self.outside = ti.field(ti.f32, shape=links.capacity)
         self.spread = ti.Vector.field(3, ti.f32, shape=links.capacity)
-        self.push_sum, self.twist_sum = (
-            ti.Vector.field(3, ti.f32, shape=MAX_BODIES) for _ in range(2)
-        )
-        self.found = ti.field(ti.i32, shape=())
-        self.count, self.idle, self.last_step = 0, False, 1.0
+        self.count, self.idle = 0, False
 
     def load(self) -> None:
         """Takes the samples of the boundary's present bodies; compiles all kernels."""
         edge = EDGE * self.layers.finest.spacing
         clouds = [samples(body, edge, MAX_SAMPLES) for body in self.boundary.bodies]
         self.count, self.idle = sum(len(points) for points, _ in clouds), not clouds
-        self.gaps.active[None] = 0
-        self.gaps.clear()
         if clouds:
             owner = np.repeat(np.arange(len(clouds)), [len(points) for points, _ in clouds])
             points, areas = (np.concatenate(part) for part in zip(*clouds, strict=True))
@@ -99,9 +97,9 @@ class GapPressure:
                 owner.astype(np.int32),
                 np.searchsorted(owner, np.arange(len(clouds) + 1)).astype(np.int32),
             )
-            self._spread_links(0)
-            self._read(0, NO_HAND.field())
-            self._push(0, 0.0, 0.0, NO_HAND.field())
+            self._read(0)
+            self._find_forces(0, 0.0, NO_HAND.field())
+            self._add(0)
 
     @kernel
     def _store(self, table: NUMBERS, owner: INTEGERS, first: INTEGERS):
@@ -112,45 +110,72 @@ class GapPressure:
             self.area[k] = vec3(table[k, 3], table[k, 4], table[k, 5])
             self.owner[k] = owner[k]
 
-    def push(self, dt: float, external: ExternalForces) -> bool:
-        """Applies the missing pressure to the bodies for dt [s], at the poses at the beginning of
-        the second half of the step; returns True if there are gaps. Grid and links must be
-        fresh."""
-        if self.idle:
-            return False
-        if not self.boundary.close_together(WIDE * self.layers.finest.spacing):
-            self.gaps.active[None] = 0
-            return False
+    def push(self, dt: float, external: ExternalForces) -> None:
+        """Adds the water in gaps to the gradients of links, at the poses at the beginning of the
+        second half of the step of dt [s], and applies the hydrostatic part. Links must be fresh."""
+        if self.idle or not self.boundary.close_together(WIDE * self.layers.finest.spacing):
+            return
         found = self._find_gaps(self.count)
-        self.gaps.active[None] = int(found > 0)
         self.idle = not found and not self.boundary.moving
         if found:
-            self._spread_links(self.links.found[None])
-            self._read(found, external.field())
-            self._push(found, dt, dt / self.last_step, external.field())
-            self.gaps.clear()
+            links = self.links.found[None]
+            self._read(links)
+            self._find_forces(self.count, dt, external.field())
+            self._add(links)
             self.contact.push_moving()
             self.boundary.redo(0.5 * dt)
-        self.last_step = dt
-        return found > 0
 
     @kernel
     def _find_gaps(self, count: ti.i32) -> ti.i32:
         """Finds the samples in gaps; returns their number."""
-        self.found[None] = 0
         for b in range(self.constants.bodies[None]):
             self.in_gap[b] = 0
+        found = 0
         for k in range(count):
             b = self.owner[k]
-            turn = self.boundary.rotation[b, BEGIN]
-            x = self.boundary.centre[b, BEGIN] + turn @ self.point[k]
-            normal = (turn @ self.area[k]).normalized(MIN_DIVISOR)
-            weight, other = self.gaps.side(b, x, vec4(0.0, normal[0], normal[1], normal[2]), BEGIN)
+            x = self._place(k)
+            normal = self.boundary.rotation[b, BEGIN] @ self.area[k].normalized(MIN_DIVISOR)
+            weight, other = self._side(b, x, vec4(0.0, normal[0], normal[1], normal[2]))
             if weight > 0.0 and self._is_free(b, x):
-                gap = ti.atomic_add(self.found[None], 1)
-                self.sample[gap], self.other[gap], self.weight[gap] = k, other, weight
-                self.in_gap[b] = 1
-        return self.found[None]
+                self.in_gap[b], self.other[k] = 1, other
+                found += 1
+            else:
+                weight = 0.0
+            self.weight[k] = weight
+            self.share[k] = self.pressure[k] = 0.0
+            self.centre[k] = self.force[k] = self.torque[k] = vec3(0.0)
+        return found
+
+    @ti.func
+    def _place(self, k):
+        """Returns the position [m] of sample k."""
+        b = self.owner[k]
+        return self.boundary.centre[b, BEGIN] + self.boundary.rotation[b, BEGIN] @ self.point[k]
+
+    @ti.func
+    def _side(self, b, x, away):
+        """Returns the share (-) of a gap at x [m] that is extrapolated, and the body on the other
+        side, or WALL; away: distance [m] from body b and its unit normal at x."""
+        spacing, best, other = self.constants.finest_spacing[None], 0.0, WALL
+        normal, own = away.yzw, ti.max(away.x, 0.0)
+        walls = self.constants.walls[None]
+        for axis in ti.static(range(3)):
+            best = ti.max(best, self._narrow((x[axis] + own) / spacing, -normal[axis]))
+            if walls[axis] < NO_WALL:
+                width = (walls[axis] - x[axis] + own) / spacing
+                best = ti.max(best, self._narrow(width, normal[axis]))
+        for a in range(self.constants.bodies[None]):
+            if a != b and self.boundary.reaches(a, x, WIDE * spacing, BEGIN):
+                near = self.boundary.distance(a, x, BEGIN)
+                share = self._narrow((near.x + own) / spacing, -normal.dot(near.yzw))
+                if share > best:
+                    best, other = share, a
+        return best, other
+
+    @ti.func
+    def _narrow(self, width, facing):
+        narrow = ti.math.clamp((WIDE - width) / (WIDE - NARROW), 0.0, 1.0)
+        return narrow * ti.math.clamp(facing / FACING, 0.0, 1.0)
 
     @ti.func
     def _is_free(self, b, x):
@@ -164,19 +189,39 @@ class GapPressure:
         return free
 
     @ti.func
-    def _place(self, gap):
-        """Returns the position [m] of a sample in a gap."""
-        k = self.sample[gap]
-        b = self.owner[k]
-        return self.boundary.centre[b, BEGIN] + self.boundary.rotation[b, BEGIN] @ self.point[k]
+    def _floats(self, other):
+        found = False
+        if other != WALL:
+            found = self.boundary.inverse_mass[other] > 0.0
+        return found
+
+    @ti.func
+    def _opposite(self, link, other):
+        """Returns the link of the same particle and mirrors with body `other`, -1 without one."""
+        i, found = self.links.particle[link], -1
+        first = self.particles.first_link[i]
+        for k in range(first, first + self.particles.links[i]):
+            if self.links.body[k] == other and self.links.mirrors[k] == self.links.mirrors[link]:
+                found = k
+        return found
+
+    @ti.func
+    def _weight_at(self, link, place, h, k):
+        """Returns s_i of a link at `place` [m] in the body's frame at sample k (-)."""
+        volume = self.layers.volume[self.particles.layer[self.links.particle[link]]]
+        found = self.outside[link] * volume * kernels.wendland((place - self.point[k]).norm(), h)
+        if found > 0.0 and self._floats(self.other[k]):
+            if self._opposite(link, self.other[k]) < 0:
+                found = 0.0
+        return found
 
     @heavy_kernel
-    def _spread_links(self, n: ti.i32):
-        """Finds how the first n links spread over the samples of bodies with gaps."""
+    def _read(self, n: ti.i32):
+        """Sums the links over the samples in gaps."""
         for link in range(n):
-            b = self.links.body[link]
+            b, i = self.links.body[link], self.links.particle[link]
             if self.in_gap[b] == 1:
-                h = self.boundary.support[self.particles.layer[self.links.particle[link]]]
+                h, x = self.boundary.support[self.particles.layer[i]], self.particles.x[i]
                 turn = self.boundary.rotation[b, BEGIN].transpose()
                 place, moment = turn @ self.links.place[link], ti.Matrix.zero(ti.f32, 3, 3)
                 for k in range(self.first[b], self.first[b + 1]):
@@ -188,116 +233,105 @@ class GapPressure:
                 if trace * h > MIN_TRACE:
                     moment += EVEN * trace * ti.Matrix.identity(ti.f32, 3)
                     spread = moment.inverse() @ (turn @ self.links.gradient[link])
-                self.spread[link] = turn.transpose() @ spread
-
-    @heavy_kernel
-    def _read(self, found: ti.i32, field: FIELD_NUMBERS):
-        """Sums pressures over the particles and images around the samples in gaps."""
-        centre = 0.5 * self.constants.size[None]
-        for gap in range(found):
-            gravity = field_at(self._place(gap) - centre, field)
-            x, k = self._place(gap), self.sample[gap]
-            b = self.owner[k]
-            normal = self.boundary.rotation[b, BEGIN] @ self.area[k].normalized(MIN_DIVISOR)
-            reading = Reading(gravity=gravity, sample=x, body=b, normal=normal)
-            for layer in range(self.constants.layers[None]):
-                h = self.boundary.support[layer]
-                near = self.images.walls_near(x, h)
-                for number in range(self.images.combinations(near)):
-                    mirrors = self.images.combination(number, near)
-                    mirror, wall = self.images.mirror_and_wall(mirrors)
-                    reading.mirrors = mirrors
-                    reading.at, reading.layer = self.images.reflected(x, mirror, wall), layer
-                    self.grid.for_each_row(reading.at, layer, h, self._add_row, reading)
-            self.share[gap] = reading.share
-            self.resolved[gap] = reading.resolved
-            self.pressure[gap] = reading.pressure / ti.max(reading.share, LEAST_SHARE)
-
-    @ti.func
-    def _add_row(self, begin, end, reading: ti.template()):
-        layer = reading.layer
-        h = self.boundary.support[layer]
-        for i in range(begin, end):
-            x = self.particles.x[i]
-            share = self.layers.volume[layer] * kernels.wendland((reading.at - x).norm(), h)
-            multiplier = self.particles.pressure_multiplier[i]
-            # At faces multipliers are up to 2 % too low, virial pressures as much too high.
-            own = ti.max(0.5 * (multiplier + self.particles.pressure[i]), 0.0)
-            rise = self.constants.rest_density[None] * reading.gravity.dot(reading.sample - x)
-            rise = ti.math.clamp(rise, -own, own)
-            reading.resolved += share * (multiplier + rise) * self._pressure_per_share(i, reading)
-            away = self.boundary.distance(reading.body, x, BEGIN)
-            share *= 1.0 - self.gaps.side(reading.body, x, away, BEGIN)[0]
-            reading.share += share
-            reading.pressure += share * (own + rise)
-
-    @ti.func
-    def _pressure_per_share(self, i, reading: ti.template()):
-        """Returns the pressure (-) of particle i's link at the sample by the unit of multiplier and
-        share; 0 without a link."""
-        first, found = self.particles.first_link[i], 0.0
-        for link in range(first, first + self.particles.links[i]):
-            same = self.links.mirrors[link] == reading.mirrors
-            if same and self.links.body[link] == reading.body:
-                found = -self.spread[link].dot(reading.normal)
-        return found
+                self.spread[link] = spread
+                self.outside[link] = 1.0 - self._side(b, x, self.boundary.distance(b, x, BEGIN))[0]
+                for k in range(self.first[b], self.first[b + 1]):
+                    if self.weight[k] > 0.0:
+                        s = self._weight_at(link, place, h, k)
+                        self.share[k] += s
+                        self.centre[k] += s * place
+                        self.pressure[k] += s * ti.max(self.particles.pressure[i], 0.0)
 
     @kernel
-    def _push(self, found: ti.i32, dt: ti.f32, lengthening: ti.f32, field: FIELD_NUMBERS):
-        """Applies the pressures for dt [s] in place of the particles' contact impulses of the last
-        step, which are scaled by `lengthening` (-)."""
-        centre = 0.5 * self.constants.size[None]
-        for b in range(self.constants.bodies[None]):
-            self.push_sum[b] = -lengthening * self.gaps.push[b]
-            self.twist_sum[b] = -lengthening * self.gaps.twist[b]
-        for gap in range(found):
-            k, other, pressure = self.sample[gap], self.other[gap], self.pressure[gap]
-            b = self.owner[k]
-            x = self._place(gap)
-            if self.share[gap] < LEAST_SHARE:
-                pressure = self._filled(found, b, x, field_at(x - centre, field))
-            area = self.boundary.rotation[b, BEGIN] @ self.area[k]
-            missing = pressure - self.resolved[gap]
-            push = -dt * self.weight[gap] * self.gaps.half(other) * missing * area
-            self._add(b, x, push)
-            if self.gaps.is_floating(other):
-                self._add(other, x, -push)
-        share = self._share_without_gain()
-        for b in range(self.constants.bodies[None]):
-            self.impulses.body_push[b] += share * self.push_sum[b]
-            self.impulses.body_twist[b] += share * self.twist_sum[b]
+    def _find_forces(self, count: ti.i32, dt: ti.f32, field: FIELD_NUMBERS):
+        """Finds forces and torques by unit of pressure, and pushes bodies by the hydrostatic parts
+        for dt [s]."""
+        for k in range(count):
+            if self.share[k] >= LEAST_SHARE:
+                self.centre[k] /= self.share[k]
+                self.pressure[k] /= self.share[k]
+        for k in range(count):
+            if self.weight[k] > 0.0:
+                b, other = self.owner[k], self.other[k]
+                force = -AT_FACE * self._half(k) * self.area[k]
+                centre, pressure, total = vec3(0.0), 0.0, MIN_DIVISOR
+                begin, end = self.first[b], self.first[b + 1]
+                if self.share[k] >= LEAST_SHARE:
+                    begin, end = k, k + 1
+                for m in range(begin, end):
+                    total += self._nearness(k, m)
+                for m in range(begin, end):
+                    part = self._nearness(k, m) / total
+                    if part > 0.0:
+                        centre += part * self.centre[m]
+                        pressure += part * self.pressure[m]
+                        self.force[m] += part * force
+                        self.torque[m] += part * self.point[k].cross(force)
+                turn, x = self.boundary.rotation[b, BEGIN], self._place(k)
+                gravity = field_at(x - 0.5 * self.constants.size[None], field)
+                rise = self.constants.rest_density[None] * gravity.dot(
+                    turn @ (self.point[k] - centre)
+                )
+                push = dt * ti.math.clamp(rise, -pressure, pressure) * (turn @ force)
+                self._push(b, x, push)
+                if self._floats(other):
+                    self._push(other, x, -push)
 
     @ti.func
-    def _add(self, b, x, push):
-        """Adds an impulse [N s] on body b at x [m] to its sums."""
-        self.push_sum[b] += push
-        self.twist_sum[b] += (x - self.boundary.centre[b, BEGIN]).cross(push)
+    def _nearness(self, k, m):
+        """Returns the weight (-) at which sample k reads the pressure of sample m of the same body:
+        1/distance^4, 0 if m reads none or lies in a gap to another body."""
+        found = 0.0
+        if self.share[m] >= LEAST_SHARE and self.other[m] == self.other[k]:
+            way = (self.point[k] - self.point[m]).norm() / self.constants.finest_spacing[None]
+            found = 1.0 / ti.max(way, 1e-3) ** 4
+        return found
 
     @ti.func
-    def _share_without_gain(self):
-        """Returns the share (-) of all impulses that is applied. The water receives no opposite
-        impulses, so impulses along the motion of floating bodies would add energy; the share falls
-        with the speed of this motion."""
-        work, size = 0.0, MIN_DIVISOR
-        ti.loop_config(serialize=True)
-        for b in range(self.constants.bodies[None]):
-            if self.boundary.inverse_mass[b] > 0.0:
-                push, twist = self.push_sum[b], self.twist_sum[b]
-                work += push.dot(self.boundary.velocity[b, BEGIN])
-                work += twist.dot(self.boundary.spin[b, BEGIN])
-                size += push.norm()
-        return ti.math.clamp(1.0 - work / (DRIVEN_SPEED * size), 0.0, 1.0)
+    def _push(self, b, x, push):
+        """Adds an impulse [N s] on body b at x [m]."""
+        self.impulses.body_push[b] += push
+        self.impulses.body_twist[b] += (x - self.boundary.centre[b, BEGIN]).cross(push)
+
+    @heavy_kernel
+    def _add(self, n: ti.i32):
+        """Replaces the forces of links at samples in gaps by those of the links around."""
+        for link in range(n):
+            b, i = self.links.body[link], self.links.particle[link]
+            if self.in_gap[b] == 1:
+                h = self.boundary.support[self.particles.layer[i]]
+                volume = self.layers.volume[self.particles.layer[i]]
+                place = self.boundary.rotation[b, BEGIN].transpose() @ self.links.place[link]
+                for k in range(self.first[b], self.first[b + 1]):
+                    if self.share[k] >= LEAST_SHARE:
+                        part = self._weight_at(link, place, h, k) / (volume * self.share[k])
+                        self._add_to(link, k, part * self.force[k], part * self.torque[k])
+                    if self.weight[k] > 0.0:
+                        w = self._half(k) * kernels.wendland((place - self.point[k]).norm(), h)
+                        normal = self.area[k].normalized(MIN_DIVISOR)
+                        force = -w * self.spread[link].dot(normal) * self.area[k]
+                        self._add_to(link, k, force, self.point[k].cross(force))
 
     @ti.func
-    def _filled(self, found, b, x, gravity):
-        """Returns the mean pressure [Pa] of the samples of body b in gaps that read water, raised
-        by the hydrostatic pressure between them and x [m] and weighted by 1/distance^4."""
-        total, weights = 0.0, MIN_DIVISOR
-        for gap in range(found):
-            if self.owner[self.sample[gap]] == b and self.share[gap] >= LEAST_SHARE:
-                way = x - self._place(gap)
-                weight = 1.0 / ti.max(way.norm_sqr(), 1e-12) ** 2
-                rise = self.constants.rest_density[None] * gravity.dot(way)
-                total += weight * ti.max(self.pressure[gap] + rise, 0.0)
-                weights += weight
-        return total / weights
+    def _half(self, k):
+        """Returns the share (-) of sample k that is replaced: half if the other side floats, whose
+        samples replace the other half."""
+        return self.weight[k] * ti.select(self._floats(self.other[k]), 0.5, 1.0)
+
+    @ti.func
+    def _add_to(self, link, k, force, torque):
+        """Adds a force [1/m] and torque (-) at sample k, in the frame of its body, to a link, and
+        the opposite to the same particle's link with a floating body on the other side. Without
+        such a link nothing is added."""
+        b, other, opposite = self.owner[k], self.other[k], link
+        turn = self.boundary.rotation[b, BEGIN]
+        push, twist = turn @ force, turn @ torque
+        if self._floats(other):
+            opposite = self._opposite(link, other)
+            if opposite >= 0:
+                arm = self.boundary.centre[b, BEGIN] - self.boundary.centre[other, BEGIN]
+                self.links.gradient[opposite] -= push
+                self.links.torque[opposite] -= twist + arm.cross(push)
+        if opposite >= 0:
+            self.links.gradient[link] += push
+            self.links.torque[link] += twist

@@ -260,7 +260,7 @@ class Projection:
             self.openings.mark()  # x -> particles of prescribed velocity
         with stage("density"):
             self.density.refresh()  # x, list, poses -> density, defect, pair gradients, diagonal
-            # poses, last pressures, share of bodies -> v of floating bodies
+            # poses, links -> gradients and torques of links in gaps
             self.gaps.push(dt, external)
             if not self.parameters.tension:
                 # defect -> density correction, density
