@@ -11,12 +11,15 @@ from msph.picture.body_shading import MISSED
 from msph.picture.moved_bodies import MovedBodies
 from msph.picture.pool import MIN_COSINE, RIM, component
 from msph.picture.rasteriser import BLOCK, FAR, NO_ITEM
-from msph.picture.room import COARSE, PixelFields
+from msph.picture.room import COARSE, ROUGH, ROUGH_BODY, PixelFields
 from msph.picture.samples import (
     DETAIL,
     EMPTY,
     REST,
+    SKIPPED,
     SPAN,
+    STATES,
+    UNEVEN,
     UNTILED,
     BlockSampler,
     make_sample,
@@ -55,6 +58,7 @@ class Backdrop:
         self.pool, self.tone = pool, tone
         self.colour, self.background, self.depth = fields.backdrop, fields.background, fields.depth
         self.entry, self.postponed = fields.entry, fields.postponed
+        self.state, self.rough = fields.samples.state, fields.rough
         self.complete = False
         self.moved = MovedBodies(pool.bodies.boundary, fields.room) if pool.occupied else None
         self.sampler = BlockSampler(self, fields.samples)
@@ -78,6 +82,21 @@ class Backdrop:
         blocks), FLOODED (blocks hidden by water are postponed), FRAMED (all bodies are marked)."""
         self.draw_backgrounds(given)
         self.sampler.draw(self.lens.numbers["columns"], self.lens.numbers["rows"], given)
+        self.keep_rough(given)
+
+    @kernel
+    def keep_rough(self, given: ti.i32):
+        """Stores which blocks are uneven; blocks that were not drawn keep their values."""
+        ti.loop_config(block_dim=BLOCK)
+        for a, b in self.rough:
+            state = self.state[a, b] % STATES
+            if state != SKIPPED or given & WHOLE != 0:
+                rough = ti.select(state == UNEVEN, ROUGH, 0)
+                if ti.static(self.pool.occupied):
+                    for k in range(rough * SPAN * SPAN):
+                        if self.depth[a * SPAN + k // SPAN, b * SPAN + k % SPAN] < FAR:
+                            rough = ROUGH_BODY
+                self.rough[a, b] = rough
 
     @kernel
     def draw_backgrounds(self, given: ti.i32):

@@ -1,11 +1,14 @@
 """Smoothing of edges in an image of one ray per pixel: FXAA (Lottes 2009), which blends the pixels
-of an edge along its direction. Green represents brightness, to which it contributes most."""
+of an edge along its direction. Green represents brightness, to which it contributes most.
+
+Only blocks of pixels with edges and their neighbours are smoothed: elsewhere samples vary slowly
+between rays, and the joints of tiles are antialiased by their own filter."""
 
 import taichi as ti
 
 from msph.launches import data_oriented, heavy_kernel
-from msph.picture.room import PixelFields
-from msph.picture.samples import CPU_BLOCKS, GPU_BLOCKS
+from msph.picture.room import ROUGH_BODY, PixelFields
+from msph.picture.samples import CPU_BLOCKS, EVEN, GPU_BLOCKS, SPAN, STATES, UNEVEN, blocks
 from msph.taichi_internals import on_cpu
 
 vec2 = ti.math.vec2
@@ -21,29 +24,63 @@ LENGTH, DAMPING, LEAST_DAMPING = 6.0, 0.125, 1.0 / 128.0
 
 @data_oriented
 class EdgeFilter:
-    """Writes the canvas with smooth edges to `resolved`."""
+    """Writes the canvas with smooth edges to `resolved`. edges: 1 for blocks to smooth."""
 
     def __init__(self, fields: PixelFields):
         self.canvas, self.resolved = fields.canvas, fields.resolved
+        self.state, self.rough = fields.samples.state, fields.rough
+        self.edges = ti.field(ti.i32, fields.rough.shape)
         self.block = CPU_BLOCKS if on_cpu() else GPU_BLOCKS
 
     @heavy_kernel
-    def smooth(self, columns: ti.i32, rows: ti.i32):
-        """Smooths columns x rows pixels."""
+    def smooth(self, columns: ti.i32, rows: ti.i32, whole: ti.i32):
+        """Smooths columns x rows pixels; whole: 1 if any block may have edges, as the states of
+        blocks are of another image."""
+        ti.loop_config(block_dim=self.block)
+        for a, b in ti.ndrange(blocks(columns), blocks(rows)):
+            self.edges[a, b] = ti.max(whole, self.has_edges(a, b))
         ti.loop_config(block_dim=self.block)
         for i in range(columns):
-            for j in range(rows):
-                own = self.canvas[i, j]
-                west, east = ti.max(i - 1, 0), ti.min(i + 1, columns - 1)
-                south, north = ti.max(j - 1, 0), ti.min(j + 1, rows - 1)
-                a, b = self.green(west, j), self.green(east, j)
-                c, d = self.green(i, south), self.green(i, north)
-                least, most = ti.min(own[GREEN], a, b, c, d), ti.max(own[GREEN], a, b, c, d)
-                if most - least > ti.max(LEAST_CONTRAST, CONTRAST * most):
-                    along = self.direction(west, east, south, north)
-                    last = ti.Vector([columns - 1, rows - 1])
-                    own = self.blend(vec2(i, j), along, least, most, last)
-                self.resolved[i, j] = own
+            for b in range(blocks(rows)):
+                first, end = b * SPAN, ti.min((b + 1) * SPAN, rows)
+                if self.edges[i // SPAN, b] == 1:
+                    for j in range(first, end):
+                        self.resolved[i, j] = self.smoothed(i, j, columns, rows)
+                else:
+                    for j in range(first, end):
+                        self.resolved[i, j] = self.canvas[i, j]
+
+    @ti.func
+    def has_edges(self, a, b):
+        """Returns 1 if a block or one of its four neighbours is uneven, or shows an uneven block of
+        the image without water, or if water ends between them. In front of even water only bodies
+        are visible, and edge lines, which are antialiased."""
+        found, wet = 0, self.state[a, b] % STATES == EVEN
+        for k in range(5):
+            c = a + ti.select(k == 1, -1, 0) + ti.select(k == 2, 1, 0)
+            d = b + ti.select(k == 3, -1, 0) + ti.select(k == 4, 1, 0)
+            if c >= 0 and d >= 0 and c < self.edges.shape[0] and d < self.edges.shape[1]:
+                state, rough = self.state[c, d] % STATES, self.rough[c, d]
+                if state == UNEVEN or (state == EVEN) != wet:
+                    found = 1
+                if rough == ROUGH_BODY or (rough > 0 and not wet):
+                    found = 1
+        return found
+
+    @ti.func
+    def smoothed(self, i, j, columns, rows):
+        """Returns the colour of a pixel, blended along the edge if it belongs to one."""
+        own = self.canvas[i, j]
+        west, east = ti.max(i - 1, 0), ti.min(i + 1, columns - 1)
+        south, north = ti.max(j - 1, 0), ti.min(j + 1, rows - 1)
+        a, b = self.green(west, j), self.green(east, j)
+        c, d = self.green(i, south), self.green(i, north)
+        least, most = ti.min(own[GREEN], a, b, c, d), ti.max(own[GREEN], a, b, c, d)
+        if most - least > ti.max(LEAST_CONTRAST, CONTRAST * most):
+            along = self.direction(west, east, south, north)
+            last = ti.Vector([columns - 1, rows - 1])
+            own = self.blend(vec2(i, j), along, least, most, last)
+        return own
 
     @ti.func
     def green(self, i, j):

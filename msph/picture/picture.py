@@ -200,7 +200,7 @@ class Picture:
         if self.droplets:
             # A box with a lid spills nothing.
             self.droplets.draw(int(self.look.whitewater), int(self.region != self.box), int(spray))
-        self.resolve()
+        self.resolve(False)
 
     @kernel
     def rasterise(self, contained: ti.i32):
@@ -215,19 +215,19 @@ class Picture:
         field [m]; particles of radius 0 are hidden. legend: drawn if the look shows legends."""
         self.backdrop.refresh(self.set_view(camera, tilt))
         self.particles.draw(x, radius, value, lo, hi, n, self.backdrop)
-        self.resolve()
+        self.resolve(True)
         if legend and self.look.legend:
             self.legend.draw(legend, self.image)
 
-    def resolve(self):
+    def resolve(self, whole):
         """Draws the ball; averages the rays of each pixel, or smooths the edges of an image with
-        one ray or fewer per pixel and upscales the image."""
+        one ray or fewer per pixel and upscales the image. whole: see EdgeFilter.smooth."""
         if self.ball:
             self.hand_view.draw(*self.ball)
         if self.rays > 1:
             self.average(self.rays, *self.size)
         else:
-            self.edge_filter.smooth(*self.ray_counts)
+            self.edge_filter.smooth(*self.ray_counts, whole)
             if self.ray_counts != self.size:
                 self.enlarger.enlarge(*self.ray_counts, *self.size)
 
@@ -248,13 +248,22 @@ class Picture:
         if not (0 <= i < self.width and 0 <= j < self.height):
             return None
         i, j = (int(p * n / m) for p, n, m in zip((i, j), self.ray_counts, self.size, strict=True))
-        key = self.raster.key[i, j]
-        if self.view is None or key == NO_ITEM:
+        if self.view is None:
             return None
-        corners = self.mesh.triangles[key & ((1 << self.raster.item_bits[None]) - 1)]
-        a, b, c = (np.asarray(self.mesh.vertices[k], float) for k in corners)
-        shot = self.lens.numbers
-        d = shot["origin"] + i * shot["du"] + j * shot["dv"]
-        n = np.cross(b - a, c - a)
-        slope = np.dot(d, n)
-        return shot["eye"] + d * np.dot(a - shot["eye"], n) / slope if slope else None
+        *point, found = self.find_point(i, j)
+        return np.array(point) if found else None
+
+    @kernel
+    def find_point(self, i: ti.i32, j: ti.i32) -> ti.math.vec4:
+        """Returns the point [m] of the surface at ray (i, j), and 1, or 0 without a triangle."""
+        found, t = ti.math.vec4(0.0), self.raster.item(i, j)
+        if self.raster.key[i, j] != NO_ITEM and t != self.raster.wet[None]:
+            shot, k = self.lens.shot[None], self.mesh.triangles[t]
+            a = self.mesh.vertices[k[0]] - shot.eye
+            b = self.mesh.vertices[k[1]] - shot.eye
+            c = self.mesh.vertices[k[2]] - shot.eye
+            d, n = shot.origin + i * shot.du + j * shot.dv, (b - a).cross(c - a)
+            slope = d.dot(n)
+            if slope != 0.0:
+                found = ti.math.vec4(shot.eye + d * (a.dot(n) / slope), 1.0)
+        return found

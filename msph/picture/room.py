@@ -7,6 +7,7 @@ import taichi as ti
 from msph.picture.samples import SPAN, SampleFields
 
 FIRST = 960, 544  # smallest class [pixels]: the default window, rows rounded up to 64
+ROUGH, ROUGH_BODY = 1, 2  # uneven blocks, without and with pixels of bodies
 COARSE = 8  # pixels between samples of sky and ground, which have little finer detail
 
 
@@ -52,6 +53,8 @@ class PixelFields:
         self.entry = ti.field(ti.f32, size)
         # 1 for blocks of SPAN pixels whose colours are not drawn yet, since water hides them.
         self.postponed = ti.field(ti.i32, (room.width // SPAN + 1, room.height // SPAN + 1))
+        # ROUGH or ROUGH_BODY for blocks that are uneven in the image without water.
+        self.rough = ti.field(ti.i32, self.postponed.shape)
         self.samples = SampleFields(*size)
         # Sky and ground at pixels (COARSE a, COARSE b), linear.
         self.background = ti.Vector.field(

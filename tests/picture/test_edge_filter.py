@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from msph.picture.edge_filter import EdgeFilter
-from msph.picture.room import PictureRoom, PixelFields
+from msph.picture.room import ROUGH_BODY, PictureRoom, PixelFields
+from msph.picture.samples import EVEN, SPAN, STATES, UNEVEN
 
 SIZE = 64, 48
 FINE = 16  # subpixels along each axis of the exact image
@@ -15,9 +16,9 @@ def edge_filter() -> EdgeFilter:
     return EdgeFilter(PixelFields(PictureRoom(*SIZE)))
 
 
-def smoothed(edge_filter, image: np.ndarray) -> np.ndarray:
+def smoothed(edge_filter, image: np.ndarray, whole: bool = True) -> np.ndarray:
     edge_filter.canvas.from_numpy(np.repeat(image[..., None], 3, axis=2).astype(np.float32))
-    edge_filter.smooth(*SIZE)
+    edge_filter.smooth(*SIZE, whole)
     return edge_filter.resolved.to_numpy()[..., 0]
 
 
@@ -46,3 +47,21 @@ def test_smooth_shading_and_the_mean_of_edges_are_unchanged(edge_filter):
     np.testing.assert_allclose(smoothed(edge_filter, shading), shading, atol=1e-6)
     edge = half_plane(0.3, 1)
     assert smoothed(edge_filter, edge).mean() == pytest.approx(edge.mean(), abs=2e-3)
+
+
+def test_only_uneven_blocks_their_neighbours_and_ends_of_water_are_smoothed(edge_filter):
+    edge = half_plane(0.3, 1)
+    changed = smoothed(edge_filter, edge) != edge
+    state = np.full(edge_filter.state.shape, 2 * STATES + EVEN, np.int32)
+    rough = np.zeros(edge_filter.rough.shape, np.int32)
+    near = np.zeros((SIZE[0] // SPAN, SIZE[1] // SPAN), bool)
+    state[3, 5], rough[8, 7], state[12:, :] = UNEVEN, ROUGH_BODY, 0
+    for a, b in ((3, 5), (8, 7)):
+        near[a, b - 1 : b + 2] = near[a - 1 : a + 2, b] = True
+    near[11:13] = near[-1:] = near[:, -1:] = True  # beyond the last blocks there is no water
+    for field, values in ((edge_filter.state, state), (edge_filter.rough, rough)):
+        field.from_numpy(values)
+    found = smoothed(edge_filter, edge, whole=False) != edge
+    near = near.repeat(SPAN, axis=0).repeat(SPAN, axis=1)
+    assert 0 < found.sum() < changed.sum()
+    assert np.array_equal(found[:-SPAN, :-SPAN], (changed & near)[:-SPAN, :-SPAN])
