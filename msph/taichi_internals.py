@@ -3,7 +3,7 @@
 Compilation: Taichi reads and parses the source of a function at each of its calls, and formats the
 position of every syntax node and the stack of every declaration of a field for error messages: more
 than half of the 3 s of Python time for the kernels of a scene. Here sources and syntax trees are
-kept, and a position is a line number.
+kept, and a position is the line of a statement.
 
 If Taichi lacks one of these interfaces (a warning says so), or if the environment variable
 MSPH_PLAIN_TAICHI is set, the program does without them: same results, slower compilation and slower
@@ -13,6 +13,8 @@ launches (msph/launches.py).
 import ast
 import contextlib
 import functools
+import linecache
+import math
 import operator
 import os
 import sys
@@ -66,7 +68,7 @@ try:
     from taichi._lib import core
     from taichi.lang import impl, kernel_impl, snode
     from taichi.lang.ast.ast_transformer import ASTTransformer
-    from taichi.lang.ast.ast_transformer_utils import ASTTransformerContext
+    from taichi.lang.ast.ast_transformer_utils import ASTTransformerContext, Builder
     from taichi.lang.ast.transform import transform_tree
     from taichi.lang.enums import AutodiffMode
     from taichi.lang.kernel_impl import Kernel
@@ -78,6 +80,7 @@ try:
         or missing(AutodiffMode, ["NONE"])
         or missing(Kernel, ["ensure_compiled"])
         or missing(kernel_impl, ["getsourcelines", "getsourcefile", "textwrap", "ast"])
+        or missing(kernel_impl, ["_inside_class"])
         or missing(impl, ["get_traceback"])
         or missing(snode, ["get_traceback"])
         or missing(ASTTransformerContext, ["get_pos_info"])
@@ -116,6 +119,43 @@ def _declaration(stacklevel: int = 1) -> str:
     return f'File "{frame.f_code.co_filename}", line {frame.f_lineno}\n'
 
 
+def _in_class_body(level_of_class_stackframe: int) -> bool:
+    """Returns True if a decorated function is in the body of a class, whose statement is so many
+    calls above."""
+    return "__qualname__" in sys._getframe(level_of_class_stackframe - 1).f_locals
+
+
+def _source_lines(function: Any) -> tuple[list[str], int]:
+    """Returns the lines of a function with its decorators, and the first line's number, without
+    inspect's tokens: up to the first line after its code that is not indented more than it."""
+    code = function.__code__
+    lines, first = linecache.getlines(code.co_filename), code.co_firstlineno - 1
+    own, last = _indentation(lines[first]), _last_line(code)
+    while last < len(lines) and _indentation(lines[last]) > own:
+        last += 1
+    return lines[first:last], first + 1
+
+
+def _indentation(line: str) -> float:
+    """Returns the number of spaces before a line, infinite for blank lines and comments."""
+    text = line.lstrip()
+    return len(line) - len(text) if text and text[0] != "#" else math.inf
+
+
+def _last_line(code: Any) -> int:
+    """Returns the last line on which code starts, that of inner functions included."""
+    inner = [_last_line(value) for value in code.co_consts if hasattr(value, "co_lines")]
+    return max(*inner, *(line for _, _, line in code.co_lines() if line))
+
+
+def _build_node(self: Any, context: Any, node: Any) -> Any:
+    """Builds a syntax node; only statements have a position, not each expression."""
+    method = getattr(self, f"build_{type(node).__name__}", None)
+    if method is None or isinstance(node, ast.stmt):
+        return build_node(self, context, node)
+    return method(context, node)
+
+
 # Syntax trees of functions by source, except those in use by a compilation.
 _trees: dict[str, Any] = {}
 
@@ -139,7 +179,9 @@ def _transform(tree: Any, context: Any) -> Any:
 if not PLAIN:
     kernel_impl.ast, kernel_impl.transform_tree = SimpleNamespace(parse=_parse), _transform
     ASTTransformerContext.get_pos_info = _position
-    kernel_impl.getsourcelines = functools.cache(kernel_impl.getsourcelines)
+    build_node, Builder.__call__ = Builder.__call__, _build_node
+    kernel_impl._inside_class = _in_class_body
+    kernel_impl.getsourcelines = functools.cache(_source_lines)
     kernel_impl.getsourcefile = functools.cache(kernel_impl.getsourcefile)
     kernel_impl.textwrap = SimpleNamespace(
         fill=functools.cache(textwrap.fill), dedent=functools.cache(textwrap.dedent)

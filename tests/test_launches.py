@@ -1,6 +1,8 @@
 """Tests that fast launches give the same results as plain Taichi, which is the fallback."""
 
+import ast
 import contextlib
+import inspect
 import math
 import os
 import subprocess
@@ -24,7 +26,15 @@ from msph.launches import (
     kernel,
     use_traits,
 )
-from msph.taichi_internals import EQUAL_PARTS, GRID, PLAIN, SWITCH, missing
+from msph.taichi_internals import (
+    EQUAL_PARTS,
+    GRID,
+    PLAIN,
+    SWITCH,
+    _in_class_body,
+    _source_lines,
+    missing,
+)
 
 SIZE = 8
 fast_only = pytest.mark.skipif(PLAIN, reason="kernels are Taichi's own")
@@ -201,6 +211,55 @@ def test_wrong_arguments_are_refused(pair) -> None:
     for wrong in ((), (SIZE, SIZE)):
         with pytest.raises(ti.TaichiSyntaxError):
             pair[0].total(*wrong)
+
+
+class Layouts:
+    """Functions whose last lines are hard to find."""
+
+    @staticmethod
+    def ends_in_a_call(
+        value,
+    ):
+        text = """
+of less indentation"""
+        # A comment.
+        if value:
+            return max(
+                value,
+                # A comment.
+            )
+
+        return [
+            text
+        ]  # fmt: skip
+
+    inside = _in_class_body(2)
+
+    def ends_in_dead_code(self):
+        return lambda: self
+
+        self = None
+
+    def ends_in_a_comment(self):
+        def inner():
+            return self
+
+        # A comment.
+
+
+@pytest.mark.parametrize("name", [n for n in vars(Layouts) if n.startswith("ends")])
+def test_source_of_a_function_is_that_of_inspect(name) -> None:
+    function = inspect.unwrap(getattr(Layouts, name))
+    (lines, first), (expected, line) = _source_lines(function), inspect.getsourcelines(function)
+
+    def tree(source: list[str]) -> str:
+        return ast.dump(ast.parse("if True:\n" + "".join(source)))
+
+    assert first == line and tree(lines) == tree(expected)
+
+
+def test_methods_differ_from_functions() -> None:
+    assert Layouts.inside and not _in_class_body(2)
 
 
 def test_missing_interface_is_named() -> None:

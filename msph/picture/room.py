@@ -1,5 +1,6 @@
 """Memory for images: classes of image sizes, and the fields with a value per pixel."""
 
+import math
 from dataclasses import dataclass
 
 import taichi as ti
@@ -21,9 +22,9 @@ class PictureRoom:
     @classmethod
     def holding(cls, width: int, height: int, rays: int = 1) -> "PictureRoom":
         """Returns the smallest class for images of width x height pixels with rays x rays rays per
-        pixel: the edges of the first class, each doubled until the image fits."""
+        pixel: the edges of the first class times the least integers for which the image fits."""
         edges = zip((width * rays, height * rays), FIRST, strict=True)
-        return cls(*(first << ((edge - 1) // first).bit_length() for edge, first in edges))
+        return cls(*(first * math.ceil(edge / first) for edge, first in edges))
 
     def holds(self, width: int, height: int, rays: int = 1) -> bool:
         return width * rays <= self.width and height * rays <= self.height

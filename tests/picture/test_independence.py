@@ -93,7 +93,7 @@ def test_sizes_of_images_are_rounded_up_to_rooms():
     assert PictureRoom.holding(640, 360) == PictureRoom.holding(960, 544) == PictureRoom()
     assert PictureRoom.holding(961, 90) == PictureRoom(1920, 544)
     assert PictureRoom.holding(1280, 720, rays=3) == PictureRoom(3840, 2176)
-    assert PictureRoom.holding(8192, 4352) == PictureRoom(15360, 4352)
+    assert PictureRoom.holding(2560, 1440) == PictureRoom(2880, 1632)
     assert not PictureRoom().holds(1000, 500, rays=3)
 
 
