@@ -1,4 +1,5 @@
-"""Values kept between runs in the user's cache folder: lesson progress, self-test outcomes."""
+"""Values kept between runs in the user's cache folder: lesson progress, self-test outcomes, and
+qualities that run in real time."""
 
 import contextlib
 import json
@@ -31,7 +32,7 @@ def recall(key: str, kind: type[T]) -> T | None:
         return TypeAdapter(kind).validate_python(known[key])
     except ValidationError:
         _report(f"the value of {key!r} is damaged and is replaced")
-        _write({name: value for name, value in known.items() if name != key})
+        forget(key)
         return None
 
 
@@ -40,6 +41,13 @@ def remember(key: str, value: Any) -> None:
     known = _read()
     if key not in known or known[key] != value:
         _write(known | {key: value})
+
+
+def forget(key: str) -> None:
+    """Removes the value stored under a key, if any."""
+    known = _read()
+    if key in known:
+        _write({name: value for name, value in known.items() if name != key})
 
 
 def _read() -> dict[str, Any]:

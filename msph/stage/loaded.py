@@ -37,7 +37,10 @@ def at(scene: Scene, name: str, run: RunOptions) -> Loaded:
     """Starts Taichi and returns the scene at the quality of the options."""
     arch, quality = start(run.arch, run.threads), run.quality
     if quality == AUTO:
-        quality = finest_in_real_time(scene, name)
+        found = finest_in_real_time(scene, name)
+        quality = found.quality
+        if found.row:
+            found.row.close()
     return Loaded(at_quality(scene, quality, name), name, quality, arch, run.overrides)
 
 

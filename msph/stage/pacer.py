@@ -50,6 +50,8 @@ class Pacer:
         self.simulated = speed * self.wall
         self.fluid = self.image = self.rest = 0.0
         self.lag = 0.0  # simulated time to catch up [s]
+        # Elapsed time below the requested speed, now and at most, without interruption [s].
+        self.slow = self.longest_slow = 0.0
         self.frames = 0
 
     @property
@@ -101,6 +103,8 @@ class Pacer:
         for name, now in (("wall", wall), ("fluid", fluid), ("image", image), ("rest", rest)):
             setattr(self, name, past * getattr(self, name) + (1.0 - past) * now)
         self.simulated = past * self.simulated + (1.0 - past) * simulated
+        self.slow = self.slow + wall if self.pace < PLANNED * self.speed else 0.0
+        self.longest_slow = max(self.longest_slow, self.slow)
         behind = self.lag + self.speed * wall - simulated
         self.lag = float(np.clip(behind, -self.speed * BACKLOG, self.speed * BACKLOG))
         if self.frames % SCALE_INTERVAL == 0:

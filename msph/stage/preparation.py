@@ -73,7 +73,7 @@ def prepare_row(
             scene,
             1.0 / scene.play.fps,
             each,
-            report=named(report, label, k, len(scenes)),
+            report=named(report, place(label, k, len(scenes))),
             timings=Timings(keep=keep),
             **INTERACTIVE,
         )
@@ -82,13 +82,18 @@ def prepare_row(
     return Row(shows) if single else Row(shows, labels, size, below)
 
 
-def named(report: Report | None, label: str, k: int, number: int) -> Report | None:
-    """Returns a function that reports with the label and place of simulation k of several."""
-    if report is None or number == 1:
+def place(label: str, k: int, number: int) -> str:
+    """Returns the label and place of simulation k of several, "" for a single one."""
+    return f"{label.partition(':')[0]} ({k + 1} of {number})" if number > 1 else ""
+
+
+def named(report: Report | None, name: str) -> Report | None:
+    """Returns a function that reports with a name, `report` itself without a name."""
+    if report is None or not name:
         return report
 
     def report_named(doing: str, important: bool = False) -> None:
-        report(f"{label.partition(':')[0]} ({k + 1} of {number}): {doing}", important)
+        report(f"{name}: {doing}", important)
 
     return report_named
 
@@ -100,9 +105,9 @@ def mass_text(water: dict[str, float]) -> str:
 
 
 @contextlib.contextmanager
-def compiling(report: Report | None, doing: str = "") -> Iterator[None]:
-    """Context that reports each kernel compiled in it and the elapsed time, after `doing`, on the
-    terminal if there is no `report`."""
+def compiling(report: Report | None) -> Iterator[None]:
+    """Context that reports each kernel compiled in it and the elapsed time, on the terminal if
+    there is no `report`."""
     since = time.perf_counter()
     # disable=None: only on terminals.
     line = tqdm(
@@ -115,7 +120,7 @@ def compiling(report: Report | None, doing: str = "") -> Iterator[None]:
     def next_kernel(name: str) -> None:
         line.set_postfix_str(name)
         if report:
-            report(f"{doing}compiling {name}, {time.perf_counter() - since:.1f} s")
+            report(f"compiling {name}, {time.perf_counter() - since:.1f} s")
 
     with line, watch_compiling(next_kernel):
         yield

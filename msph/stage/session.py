@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from msph.errors import MsphError
-from msph.options import AS_GIVEN, AUTO
+from msph.options import AS_GIVEN, AUTO, QUALITIES
 from msph.scene.errors import SceneError
 from msph.scene.quality import at_quality
 from msph.stage.autosave import Autosave, Autosaver, lost_session
@@ -17,8 +17,11 @@ from msph.stage.preparation import prepare_row, say
 from msph.stage.recording import Header, Recording
 from msph.stage.replaying import InputRecorder, Replayer
 from msph.stage.row import Row
-from msph.stage.trial import finest_in_real_time
+from msph.stage.trial import finest_in_real_time, forget
 from msph.stage.window import Window
+
+# Time below real time [s] after which the quality that was found for the scene is forgotten.
+SLOW = 10.0
 
 
 @dataclass(frozen=True)
@@ -69,16 +72,18 @@ class Session:
 
     def _build(self, choice: Choice) -> tuple[Row, Choice]:
         """Returns the simulations of a choice, and the choice with their quality."""
-        scenes, quality = self.arguments.scenes_of(choice.scene), choice.quality
+        scenes, quality, row = self.arguments.scenes_of(choice.scene), choice.quality, None
         first = next(iter(scenes.values()))
         self.window.begin(first.title or choice.scene)
         if quality == AUTO and len(scenes) > 1:
             # Scenes are compared at their own resolution.
             quality = AS_GIVEN
         elif quality == AUTO:
-            quality = finest_in_real_time(first, choice.scene, self.window)
-        found = [at_quality(scene, quality, choice.scene) for scene in scenes.values()]
-        row = prepare_row(found, list(scenes), self.window.size, self.window.report)
+            found = finest_in_real_time(first, choice.scene, self.window)
+            quality, row = found.quality, found.row
+        if not row:
+            tried = [at_quality(scene, quality, choice.scene) for scene in scenes.values()]
+            row = prepare_row(tried, list(scenes), self.window.size, self.window.report)
         return row, replace(choice, found=quality)
 
     def _play(self, row: Row, choice: Choice) -> Choice | None:
@@ -96,6 +101,9 @@ class Session:
         for show in row.shows:
             for warning in show.warnings():
                 say(f"warning: {warning}")
+        finer = choice.quality == AUTO and choice.found != QUALITIES[0]
+        if finer and player.pacer.longest_slow > SLOW:
+            forget(next(iter(self.arguments.scenes_of(choice.scene).values())), self.window)
         return player.next_choice
 
     def _resume(self, row: Row, path: Path) -> None:

@@ -136,6 +136,10 @@ class Show:
             views.name = name
             self.simulation.state()
             self.simulation.particles.extend(np.zeros((0, 3)), np.zeros((0, 3)), 0)
+        self.restart()
+
+    def restart(self) -> None:
+        """Resets the simulation, and drops the frames and timings so far."""
         self.reset()
         self.frames = 0
         if self.timings:

@@ -1,7 +1,16 @@
 """Automatic quality: measures which quality runs in real time on this machine."""
 
+import contextlib
+import hashlib
 import time
+from dataclasses import dataclass
 
+import taichi as ti
+
+from msph import user_cache
+from msph.device import start
+from msph.gpu_name import gpu_name
+from msph.measure.machine import machine
 from msph.measure.timings import Timings
 from msph.options import AS_GIVEN, QUALITIES
 from msph.scene.errors import SceneError
@@ -9,9 +18,9 @@ from msph.scene.quality import at_quality, single_quality_reason
 from msph.scene.schema import Scene
 from msph.stage.controls import Controls
 from msph.stage.pacer import PLANNED, RATES, SCALES
-from msph.stage.preparation import compiling, say
+from msph.stage.preparation import named, prepare, say
 from msph.stage.row import Row
-from msph.stage.show import INTERACTIVE, Show
+from msph.stage.show import INTERACTIVE
 from msph.stage.window import Window
 
 # Wall-clock time of a trial [s], number of frames before it (compilation), and image size without a
@@ -19,51 +28,85 @@ from msph.stage.window import Window
 SECONDS, UNTIMED, SIZE = 0.5, 3, (960, 540)
 
 
-def finest_in_real_time(scene: Scene, name: str, window: Window | None = None) -> str:
+@dataclass(frozen=True)
+class Found:
+    """The finest quality in real time; row: its simulation at the start, if it was built last."""
+
+    quality: str
+    row: Row | None = None
+
+
+def finest_in_real_time(scene: Scene, name: str, window: Window | None = None) -> Found:
     """Returns the finest quality that runs in real time, the coarsest possible one if none does,
-    and AS_GIVEN for a single quality. The window, if any, shows the progress.
+    and AS_GIVEN for a single quality. The window, if any, shows the progress. The result is
+    remembered for later starts on this machine.
 
     Coarse qualities are tried first: on a slow machine a fine one takes long to build, and its
     loops over many particles would be compiled without use."""
     if single_quality_reason(scene):
-        return AS_GIVEN
-    best = ""
+        return Found(AS_GIVEN)
+    key = _key(scene, window)
+    known = user_cache.recall(key, str)
+    with contextlib.suppress(SceneError, KeyError):
+        if known:
+            at_quality(scene, known, name)
+            say(f"{name}: quality {known}, as measured earlier")
+            return Found(known)
+    best, row = "", None
     for quality in QUALITIES:
         try:
             tried = at_quality(scene, quality, name)
         except SceneError:
             continue  # its particles do not fit the box or the bodies
-        factor = real_time_factor(tried, quality, window)
+        if row:
+            row.close()
+        factor, row = real_time_factor(tried, quality, window)
         say(f"{name}: quality {quality} runs at {factor:.1f} times real time")
         fits = factor * PLANNED >= 1.0
-        if fits or not best:
-            best = quality
+        if not fits and best:
+            row.close()
+            row = None
+            break
+        best = quality
         if not fits:
             break
-    return best
+    user_cache.remember(key, best)
+    return Found(best, row)
 
 
-def real_time_factor(scene: Scene, quality: str, window: Window | None = None) -> float:
+def forget(scene: Scene, window: Window) -> None:
+    """Forgets the quality that was found for a scene in a window."""
+    user_cache.forget(_key(scene, window))
+
+
+def _key(scene: Scene, window: Window | None) -> str:
+    """Returns the key of a scene's quality: all on which it depends but the program's version."""
+    arch, (width, height) = start(), window.size if window else SIZE
+    threads = f"{ti.cfg.cpu_max_num_threads} threads, {gpu_name(arch) if arch != 'cpu' else arch}"
+    digest = hashlib.sha256(scene.model_dump_json().encode()).hexdigest()
+    return f"quality of scene {digest} at {width}x{height} on {machine()}, {threads}"
+
+
+def real_time_factor(scene: Scene, quality: str, window: Window | None = None) -> tuple[float, Row]:
     """Returns the real-time factor over the scene's play.speed (-), at the lowest frame rate and
-    image scale of `play`."""
-    frame_time, size = scene.play.speed / (RATES[-1] * scene.play.fps), SIZE
-    controls = Controls(budget=SECONDS, scale=SCALES[-1])
-    if window:
-        size = window.size
-        window.report(f"trying quality {quality}")
-    with compiling(window.report if window else None, f"trying quality {quality}: "):
-        row = Row([Show(scene, frame_time, size, timings=Timings(keep=1), **INTERACTIVE)])
-        row.lead.warm_up()
-        for _ in range(UNTIMED):
-            row.frame(controls)
+    image scale of `play`, and the simulation, reset."""
+    fps, size, doing = scene.play.fps, window.size if window else SIZE, f"trying quality {quality}"
+    controls = Controls(
+        budget=SECONDS, scale=SCALES[-1], frame_time=scene.play.speed / (RATES[-1] * fps)
+    )
+    report = named(window.report, doing) if window else None
+    show = prepare(scene, 1.0 / fps, size, report, timings=Timings(keep=1), **INTERACTIVE)
+    row = Row([show])
+    for _ in range(UNTIMED):
+        row.frame(controls)
     simulated = 0.0
     begin, wall = time.perf_counter(), 0.0
     while wall < SECONDS:
         row.frame(controls)
-        simulated += row.lead.simulated
+        simulated += show.simulated
         if window:
-            window.report(f"trying quality {quality}")
+            window.report(doing)
             window.again()
         wall = time.perf_counter() - begin
-    row.close()
-    return simulated / (scene.play.speed * wall)
+    show.restart()
+    return simulated / (scene.play.speed * wall), row

@@ -1,6 +1,7 @@
 """Tests of a session in a window double: order of scenes, end of compilation, quality."""
 
 from types import SimpleNamespace
+from typing import ClassVar
 
 import pytest
 
@@ -127,13 +128,69 @@ def test_auto_selects_the_finest_quality_in_real_time(fast, tried, chosen, monke
 
     def factor(scene, quality, window):
         found.append(quality)
-        return 2.0 if quality in QUALITIES[:fast] else 1.0
+        return 2.0 if quality in QUALITIES[:fast] else 1.0, Built(quality)
 
     monkeypatch.setattr(trial, "real_time_factor", factor)
     tried = list(QUALITIES[:tried])
-    assert trial.finest_in_real_time(load_scene("pool"), "pool") == chosen and found == tried
+    result = trial.finest_in_real_time(load_scene("pool"), "pool")
+    assert result.quality == chosen and found == tried
+    # A simulation that was built last need not be built again; all others are closed.
+    reused = tried[-1:] if tried[-1] == chosen else []
+    assert [result.row.quality] == reused if result.row else not reused
+    assert Built.open == reused
+    # Each later start knows the result, unless the scene or the size of the window differs.
+    assert trial.finest_in_real_time(load_scene("pool"), "pool") == trial.Found(chosen)
+    assert found == tried
+    for changed in (("water=[{lo=[0, 0, 0], hi=[0.5, 0.3, 0.5]}]",), ("play.speed=0.5",)):
+        trial.finest_in_real_time(load_scene("pool", changed), "pool")
+    trial.finest_in_real_time(load_scene("pool"), "pool", SimpleNamespace(size=(640, 360)))
+    assert found == 4 * tried
     fixed = load_scene("pool", ("variant=system-1",))
-    assert trial.finest_in_real_time(fixed, "pool") == "large" and found == tried
+    assert trial.finest_in_real_time(fixed, "pool") == trial.Found("large")
+    assert found == 4 * tried
+
+
+class Built:
+    """Row double; open: qualities that are not closed."""
+
+    open: ClassVar[list[str]] = []
+
+    def __init__(self, quality):
+        self.quality = quality
+        Built.open.append(quality)
+
+    def close(self):
+        Built.open.remove(self.quality)
+
+
+@pytest.fixture(autouse=True)
+def nothing_built(monkeypatch):
+    monkeypatch.setattr(Built, "open", [])
+
+
+@pytest.mark.parametrize("stale", [7, "huge", "", ["small"]])
+def test_a_stale_quality_is_measured_again(stale, monkeypatch):
+    monkeypatch.setattr(trial, "real_time_factor", lambda _, q, w: (0.5, Built(q)))
+    scene = load_scene("pool")
+    user_cache.remember(trial._key(scene, None), stale)
+    assert trial.finest_in_real_time(scene, "pool").row
+    assert user_cache.recall(trial._key(scene, None), str) == "small"
+
+
+@pytest.mark.parametrize(("slow", "known"), [(session.SLOW + 1.0, None), (0.0, "medium")])
+def test_play_below_real_time_forgets_the_quality(slow, known, monkeypatch):
+    window, arguments = Screen(), SceneArguments("pool")
+    key = trial._key(load_scene("pool"), window)
+    user_cache.remember(key, "medium")
+    player = SimpleNamespace(
+        pacer=SimpleNamespace(longest_slow=slow), close=lambda: None, next_choice=None
+    )
+    monkeypatch.setattr(session, "Player", lambda *_: player)
+    monkeypatch.setattr(session, "run", lambda *_: None)
+    monkeypatch.setattr(Session, "_with_files", lambda *_: player)
+    row = SimpleNamespace(shows=[])
+    Session(window, arguments)._play(row, Choice("pool", "auto", found="medium"))
+    assert user_cache.recall(key, str) == known
 
 
 def test_auto_omits_qualities_whose_particles_do_not_fit(monkeypatch):
@@ -143,5 +200,5 @@ def test_auto_omits_qualities_whose_particles_do_not_fit(monkeypatch):
     """
     spacing = load_scene("pillar").layers[0].spacing
     plate = f"bodies=[{{lo=[0.7, 0, 0.2], hi=[{0.7 + 1.3 * spacing}, 0.5, 0.4]}}]"
-    monkeypatch.setattr(trial, "real_time_factor", lambda *_: 0.5)
-    assert trial.finest_in_real_time(load_scene("pillar", (plate,)), "pillar") == "medium"
+    monkeypatch.setattr(trial, "real_time_factor", lambda _, q, w: (0.5, Built(q)))
+    assert trial.finest_in_real_time(load_scene("pillar", (plate,)), "pillar").quality == "medium"
