@@ -157,14 +157,13 @@ class Side:
     def frame(self) -> None:
         """Runs a frame and the work after it."""
         self.sim.advance(FRAME, ExternalForces(gravity=GRAVITY))
-        if self.ledger:
-            self.ledger.record(GRAVITY)
+        speed = self.ledger.record(GRAVITY).top_speed if self.ledger else math.inf
         if self.probes:
             water = Snapshot.of(self.sim)
             for probe in self.probes:
                 probe.read(water)
         if self.show:
-            self.show.display.advance(FRAME, GRAVITY, Hand())
+            self.show.display.advance(FRAME, GRAVITY, Hand(), speed)
             self.show.display.draw()
 
     def timed(self) -> None:

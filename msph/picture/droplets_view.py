@@ -84,6 +84,14 @@ class DropletsView:
         self.shader, self.image, self.sums = shader, image, sums
         self.lens, self.raster, self.pool = shader.lens, shader.raster, shader.pool
         self.backdrop, self.tone = shader.backdrop, shader.tone
+        self.needed = False  # until there are droplets
+
+    def show(self, white: bool, spilt: bool, sprayed: bool) -> None:
+        """Draws whitewater, spilt water, spray, each if asked for and there."""
+        white = white and self.whitewater.started
+        self.needed = self.needed or white or spilt or (sprayed and self.spray.count[None] > 0)
+        if self.needed:
+            self.draw(int(white), int(spilt), int(sprayed))
 
     @kernel
     def draw(self, white: ti.i32, spilt: ti.i32, sprayed: ti.i32):

@@ -1,6 +1,7 @@
 """Renderer: draws the water surface or the particles in the pool into one image field."""
 
 import math
+from functools import partial
 
 import numpy as np
 import taichi as ti
@@ -198,8 +199,8 @@ class Picture:
             self.backdrop.refresh(changed, True, dried)
         self.shader.shade()
         if self.droplets:
-            # A box with a lid spills nothing.
-            self.droplets.draw(int(self.look.whitewater), int(self.region != self.box), int(spray))
+            white, spilt = self.look.whitewater, self.droplets.rim.has_drops
+            self.droplets.show(bool(white), spilt, spray)
         self.resolve(False)
 
     @kernel
@@ -230,6 +231,17 @@ class Picture:
             self.edge_filter.smooth(*self.ray_counts, whole)
             if self.ray_counts != self.size:
                 self.enlarger.enlarge(*self.ray_counts, *self.size)
+
+    def later_kernels(self):
+        """Returns functions that compile kernels which the first images do not need, by drawing on
+        the last image without effect on the next."""
+        found = [partial(self.droplets.draw, 0, 0, 0)] if self.droplets else []
+        if self.ripples and self.look.ripples:
+            found.append(self.ripples.compile)
+        found.append(lambda: self.hand_view.draw(ti.math.vec3(0.0), 0.0))
+        if self.rays == 1:
+            found.append(lambda: self.enlarger.enlarge(*self.ray_counts, *self.size))
+        return found
 
     @kernel
     def average(self, rays: ti.i32, width: ti.i32, height: ti.i32):

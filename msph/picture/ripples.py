@@ -38,16 +38,20 @@ class Ripples:
         self.height, self.before = (ti.field(ti.f32, (CELLS, CELLS)) for _ in range(2))
         self.slope = ti.Vector.field(2, ti.f32, (CELLS, CELLS))
         self.frames = 0  # seed of the chop
+        self.started = False  # False while the surface is smooth
 
     def reset(self):
         """Makes the surface smooth."""
-        self.frames = 0
+        self.frames, self.started = 0, False
         for field in (self.height, self.before, self.slope):
             field.fill(0.0)
 
     def advance(self, dt: float, hand: Hand, length: float) -> None:
         """Advances the ripples by dt [s] in a box whose longest edge is `length` [m]."""
         self.frames += 1
+        self.started = self.started or any(hand.velocity) or self.thin.drop_count[None] > 0
+        if not self.started:
+            return
         cell = length / CELLS
         steps = min(math.ceil(SPEED * dt / (COURANT * cell)), MOST_STEPS)
         courant = min(SPEED * dt / (steps * cell), COURANT)
@@ -55,6 +59,13 @@ class Ripples:
         for _ in range(steps):
             self._step(courant**2, math.exp(-dt / (steps * DAMPING)))
         self._find_slope()
+
+    def compile(self) -> None:
+        """Compiles the kernels, by launching them on a smooth surface without effect."""
+        if not self.started:
+            self._disturb(0.0, Hand().numbers(), 0.0, 0)
+            self._step(0.0, 1.0)
+            self._find_slope()
 
     @ti.func
     def size(self):

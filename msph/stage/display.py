@@ -1,6 +1,7 @@
 """Display: surface, image, views and camera of one simulation."""
 
 import math
+from collections.abc import Callable
 from copy import copy
 from typing import Any
 
@@ -101,17 +102,29 @@ class Display:
         picture.load(*size, sim.size, look, sim.region, spacing)
         return picture
 
-    def advance(self, dt: float, gravity: Vec3, hand: Hand) -> None:
+    def advance(self, dt: float, gravity: Vec3, hand: Hand, top_speed: float) -> None:
         """Advances spray, whitewater, ripples and wetness by dt [s] of simulated time; gravity
-        [m/s^2] in the box frame; hand: in the water."""
+        [m/s^2] in the box frame; hand: in the water; top_speed [m/s]: of the water."""
         if self.surface:
             self.surface.advance(dt)
         if self.whitewater:
             with self.stage("surface"), self.substage("whitewater"):
-                self.whitewater.advance(dt, gravity)
+                self.whitewater.advance(dt, gravity, top_speed)
         if self.picture:
             with self.stage("picture"):
                 self.picture.advance(dt, hand)
+
+    def later_kernels(self) -> list[Callable[[], Any]]:
+        """Returns functions that compile kernels which the first images do not need."""
+        found = [self.whitewater.compile] if self.whitewater else []
+        return [*found, *self.picture.later_kernels(), self._draw_next_view]
+
+    def _draw_next_view(self) -> None:
+        """Draws the next view, over which the next image is drawn."""
+        name = self.views.name
+        self.views.next()
+        self.draw()
+        self.views.name = name
 
     def reset(self) -> None:
         """Removes spray, whitewater, ripples and wetness; the camera stays."""

@@ -45,7 +45,7 @@ def prepare(
         say(f"warning: {caution}")
     with compiling(report):
         show = Show(scene, frame_time, size, **options)
-        show.warm_up()
+        show.warm_up(first_image=True)
     ready = f"ready in {time.perf_counter() - begin:.1f} s, {sum(show.counts):,} particles, "
     ready += mass_text(water_mass(scene, show.simulation))
     if show.simulation.left_out:

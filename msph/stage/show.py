@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -33,8 +34,6 @@ from msph.stage.tools import BY_NAME, ToolUse, Touch
 
 # Key of a checkpoint for the description of a session in a window (autosave.About).
 SESSION = "session"
-# Image scale of the warm-up frame (-); below 1, so that the enlarging kernels compile, too.
-WARM_UP_SCALE = 0.5
 # The first step after a start differs from later ones.
 WARM_UP_FRAMES = 2
 
@@ -96,6 +95,7 @@ class Show:
         self.counts = self.simulation.counts()
         self.ledger = Ledger(self.simulation, density_every)
         self.frames = 0
+        self.later: list[Callable[[], Any]] = []  # compile kernels in later frames
         self.pose = Pose(scene)
         self.rng = np.random.default_rng(scene.seed)  # of drops that the user adds
         self.display = Display(self.simulation, scene, self.pose, size, meshes, timings)
@@ -119,24 +119,30 @@ class Show:
         values = {key: (read(self.scene, key), read(self.initial, key)) for key in self.live}
         return {key: now for key, (now, before) in values.items() if now != before}
 
-    def warm_up(self) -> None:
-        """Compiles the kernels of a frame, by running two frames of a step each, and the kernels
-        of the particle views of an interactive show, and resets."""
-        # The hand is visible, and too slow to move anything before the reset.
-        push = ToolUse.of(BY_NAME["push"], (np.zeros(3),) * 5, self.frame_time, 1.0)
+    def warm_up(self, first_image: bool = False) -> None:
+        """Compiles the kernels of a frame, by running two frames of a step each, and resets.
+        Interactive shows also compile the kernels that the first images do not need, one function
+        per frame with `first_image`."""
         for _ in range(WARM_UP_FRAMES):
-            self.frame(Controls(use=push, scale=WARM_UP_SCALE, budget=0.0))
+            self.frame(Controls(budget=0.0))
         if self.scalable:
-            # A first change of the view, the first autosave, and the first water that is added
-            # should not wait for kernels.
-            views = self.display.views
-            name = views.name
-            views.next()
-            self.display.draw()
-            views.name = name
-            self.simulation.state()
-            self.simulation.particles.extend(np.zeros((0, 3)), np.zeros((0, 3)), 0)
+            self.later = self._later_kernels()
+        if not first_image:
+            self.compile_later_kernels()
         self.restart()
+
+    def compile_later_kernels(self) -> None:
+        """Compiles the kernels that later frames would compile."""
+        while self.later:
+            self.later.pop(0)()
+
+    def _later_kernels(self) -> list[Callable[[], Any]]:
+        """Returns functions that compile kernels without effect on the next frame: for whitewater,
+        tools, a smaller image, spilt water, other views, the autosave and added water."""
+        sim = self.simulation
+        nothing = np.zeros((0, 3))
+        add = partial(sim.particles.extend, nothing, nothing, 0)
+        return [*self.display.later_kernels(), sim.rim.compile, sim.state, add]
 
     def restart(self) -> None:
         """Resets the simulation, and drops the frames and timings so far."""
@@ -159,6 +165,8 @@ class Show:
             self.reset()
         if controls.next_view and self.display.views:
             self.display.views.next()
+        if self.later and self.frames:
+            self.later.pop(0)()
         external, self.simulated = self._moving_box(controls), 0.0
         if not controls.still:
             with self._stage("fluid"):
@@ -167,8 +175,8 @@ class Show:
                     self.note = self.simulation.openings.message() or ""
             if self.simulated > 0.0:
                 self.pose.place(self.simulation.time)
-                self.ledger.record(external.gravity)
-                self.display.advance(self.simulated, external.gravity, external.hand)
+                speed = self.ledger.record(external.gravity).top_speed
+                self.display.advance(self.simulated, external.gravity, external.hand, speed)
         if self.scalable:
             self.display.picture.scale = controls.scale
         else:

@@ -96,6 +96,7 @@ def real_time_factor(scene: Scene, quality: str, window: Window | None = None) -
     )
     report = named(window.report, doing) if window else None
     show = prepare(scene, 1.0 / fps, size, report, timings=Timings(keep=1), **INTERACTIVE)
+    show.compile_later_kernels()
     row = Row([show])
     for _ in range(UNTIMED):
         row.frame(controls)

@@ -91,19 +91,27 @@ class Whitewater:
         self.grid, self.particles = grid, particles
         self.table = DeviceTable((MOST,), x=vec3, v=vec3, life=ti.f32, foam=ti.f32)
         self.emitted = ti.field(ti.i32, shape=())
-        self.frames = 0
+        self.frames, self.started = 0, False
 
     def reset(self) -> None:
         """Removes all particles."""
         self.table.fill()
         self.emitted[None] = self.frames = 0
+        self.started = False
 
-    def advance(self, dt: float, gravity: tuple[float, float, float]) -> None:
+    def advance(self, dt: float, gravity: tuple[float, float, float], top_speed: float) -> None:
         """Moves the particles by dt [s] under gravity [m/s^2], and emits new ones. The grid must be
-        sorted."""
+        sorted. top_speed [m/s]: of the water; there are no particles until it emits some."""
         self.frames += 1
-        self._move(dt, ti.Vector(gravity))
-        self._emit(self.particles.count, dt, self.frames)
+        self.started = self.started or 0.5 * top_speed**2 > KINETIC[0]
+        if self.started:
+            self._move(dt, ti.Vector(gravity))
+            self._emit(self.particles.count, dt, self.frames)
+
+    def compile(self) -> None:
+        """Compiles the kernels, by launching them without effect."""
+        self._move(0.0, ti.Vector((0.0, 0.0, 0.0)))
+        self._emit(0, 0.0, 0)
 
     @heavy_kernel
     def _emit(self, n: ti.i32, dt: ti.f32, frame: ti.i32):

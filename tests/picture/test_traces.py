@@ -29,11 +29,13 @@ def shown(pool, level):
     return canvas_of(pool)
 
 
-def test_frames_after_the_second_compile_no_kernels(pool):
+def test_frames_after_the_second_compile_no_kernels_but_the_later_ones(pool):
     pool.load(WIDTH, HEIGHT, BOX, Look())
     for _ in range(2):
         pool.advance(1.0 / 60.0, Hand())
         shown(pool, LEVEL)
+    for compile_kernel in pool.later_kernels():
+        compile_kernel()
     compiled = []
     with watch_compiling(compiled.append):
         for _ in range(20):

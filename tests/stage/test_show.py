@@ -14,7 +14,7 @@ from msph.stage.controls import Controls
 from msph.stage.headless import Headless, HeadlessPlayer
 from msph.stage.loop import run
 from msph.stage.row import Row
-from msph.stage.show import Show
+from msph.stage.show import INTERACTIVE, Show
 from msph.stage.views import display_unit
 from tests.scenes_kit import TEXT, write
 
@@ -297,3 +297,18 @@ def test_water_in_pipes_of_inflows_is_no_volume_error(tmp_path):
     assert (x[:, 1] < 0.0).mean() > 0.03
     assert abs(show.volume_error()) < 0.005
     show.close()
+
+
+def test_kernels_compiled_in_later_frames_change_nothing(tmp_path):
+    show = Show(load_scene(write(tmp_path)), 0.02, (64, 36), **INTERACTIVE)
+    seen = []
+    for first_image in (True, False):
+        show.warm_up(first_image)
+        assert bool(show.later) == first_image
+        for _ in range(15):
+            show.frame(Controls())
+        assert not show.later
+        seen.append((show.simulation.particles.numpy("x"), show.display.picture.to_numpy_u8()))
+    show.close()
+    for one, other in zip(*seen, strict=True):
+        np.testing.assert_array_equal(one, other)

@@ -59,6 +59,9 @@ class Rim:
         """Sets whether the top is open or there are openings, and compiles the kernels by launching
         them without particles: also a body that is added to a closed box takes water's place."""
         self.open = is_open
+
+    def compile(self) -> None:
+        """Compiles the kernels, by launching them without effect."""
         self._mark(0)
         self._take(np.zeros(0, np.int32))
         self._hand_over(0, vec3(0.0))
@@ -93,9 +96,14 @@ class Rim:
             raise AllSpiltError("all water has left the box")
         return True
 
+    @property
+    def has_drops(self) -> bool:
+        """False as long as no water has left the box."""
+        return self.mass + self.outflow > 0.0
+
     def fall(self, dt: float, gravity: tuple[float, float, float]) -> None:
         """Moves the drops by dt [s] under gravity [m/s^2]."""
-        if self.open and self.mass + self.outflow > 0.0:
+        if self.open and self.has_drops:
             self._fall(dt, vec3(gravity))
 
     @kernel
