@@ -66,7 +66,7 @@ def missing(owner: Any, names: Iterable[str]) -> str | None:
 
 try:
     from taichi._lib import core
-    from taichi.lang import impl, kernel_impl, snode
+    from taichi.lang import impl, kernel_impl, matrix_ops, snode
     from taichi.lang.ast.ast_transformer import ASTTransformer
     from taichi.lang.ast.ast_transformer_utils import ASTTransformerContext, Builder
     from taichi.lang.ast.transform import transform_tree
@@ -86,6 +86,7 @@ try:
         or missing(ASTTransformerContext, ["get_pos_info"])
         or missing(ndarray_type, ["NdarrayType"])
         or missing(ASTTransformer, LOOPS)
+        or missing(matrix_ops, ["_reduce", "_matmul_helper"])
         or missing(core, [f"Program.{name}" for name in PROGRAM])
         or missing(core, ["Kernel.make_launch_context"])
         or missing(core, [f"CompileConfig.{name}" for name in (EQUAL_PARTS, GRID)])
@@ -187,6 +188,9 @@ if not PLAIN:
         fill=functools.cache(textwrap.fill), dedent=functools.cache(textwrap.dedent)
     )
     impl.get_traceback = snode.get_traceback = _declaration
+    from msph import taichi_matrices
+
+    taichi_matrices.use()
 
 
 def on_cpu() -> bool:

@@ -35,7 +35,7 @@ print(len(kernels), nodes[0])
 
 @pytest.mark.skipif(PLAIN, reason="plain Taichi does not tell of kernels")
 @pytest.mark.parametrize(
-    ("scene", "kernels", "nodes"), [("pool", 85, 92_000), ("duck", 95, 275_000)]
+    ("scene", "kernels", "nodes"), [("pool", 85, 80_000), ("duck", 95, 205_000)]
 )
 def test_first_image_needs_few_kernels_and_syntax_nodes(scene, kernels, nodes) -> None:
     """Kernels and nodes decide how long a start takes. A limit that fails wants kernels that wait
