@@ -217,8 +217,10 @@ def run(source: Water | Simulation, seconds: float, *readings: Reading | Profile
 
 
 def build(scene: Scene) -> Simulation:
-    """Builds the simulation of a scene."""
-    return build_simulation(scene)
+    """Builds the simulation of a scene; forces on bodies are recorded."""
+    sim = build_simulation(scene)
+    sim.record_forces()
+    return sim
 
 
 def slosh(source: Water | Simulation, depth: float, amplitude: float) -> None:

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from msph.launches import data_oriented, kernel
+from msph.launches import data_oriented, small_kernel
 
 # Scalar types of the members of a table.
 f32, i32 = ti.f32, ti.i32
@@ -73,7 +73,7 @@ class DeviceTable:
         self._store(*self._values.values(), max(used, self._used) if values else self._rows)
         self._used = used
 
-    @kernel
+    @small_kernel
     def _store(
         self,
         numbers: ti.types.ndarray(dtype=ti.f32, ndim=2),

@@ -173,12 +173,13 @@ def _taichi_kernel(function: Callable) -> "Kernel":
 class FastKernel:
     """Kernel method, compiled once per object, traits and values of template arguments; a result
     that is a vector may be a list. heavy: its iterations take long and unequal times, so that CPU
-    threads take blocks of them in turn, already in smaller scenes."""
+    threads take blocks of them in turn, already in smaller scenes. small: its loops do not run over
+    particles, but over a few rows, as those of bodies, and are serial on a CPU."""
 
-    def __init__(self, function: Callable, heavy: bool = False):
+    def __init__(self, function: Callable, heavy: bool = False, small: bool = False):
         functools.update_wrapper(self, function)
         self.function, self.taichi, self.heavy = function, _taichi_kernel(function), heavy
-        self.below = HEAVY_SERIAL_BELOW if heavy else SERIAL_BELOW
+        self.below = math.inf if small else HEAVY_SERIAL_BELOW if heavy else SERIAL_BELOW
 
     @functools.cached_property
     def variants(self) -> dict[tuple[bool, ...], "Kernel"]:
@@ -206,7 +207,7 @@ class _Launcher:
         taichi = fast.taichi
         self.kernel, self.taichi, self.owner = fast, taichi, owner
         self.count, self.traits = len(taichi.arguments) - 1, owner.__dict__["traits"]
-        # Number of particles below which the kernel's loops are serial, or of few blocks on CUDA.
+        # Most particles with which the kernel's loops are serial, or of few blocks on CUDA.
         self.below = fast.below if on_cpu() else FEW if on_cuda() else 0
         # Places of templates, numbers, vectors and arrays among the arguments, without self.
         self.templates: list[int] = []
@@ -244,7 +245,7 @@ class _Launcher:
         if not self.fast or len(args) != self.count:
             return self.taichi(self.owner, *args)
         # With one thread, all kernels are serial.
-        few = self.traits.particles < self.below and not _serial
+        few = self.traits.particles <= self.below and not _serial
         key: tuple = (few, *[args[place] for place in self.templates])
         for place, _ in self.arrays:
             array = args[place]
@@ -335,7 +336,8 @@ def _plain_data_oriented(cls: type) -> type:
     return ti.data_oriented(_with_traits(cls))
 
 
-# Decorators of kernels, of heavy kernels, and of classes with kernels.
+# Decorators of kernels, of heavy and small kernels, and of classes with kernels.
 kernel: Any = ti.kernel if PLAIN else FastKernel
 heavy_kernel: Any = ti.kernel if PLAIN else functools.partial(FastKernel, heavy=True)
+small_kernel: Any = ti.kernel if PLAIN else functools.partial(FastKernel, small=True)
 data_oriented: Any = _plain_data_oriented if PLAIN else _data_oriented

@@ -165,7 +165,7 @@ def test_on_cuda_loops_of_few_particles_have_few_blocks(monkeypatch) -> None:
     traits = Traits()
     with use_traits(traits):
         scaled = Scaled(2.0)
-    for particles in (FEW, 10):
+    for particles in (FEW + 1, 10):
         traits.particles = particles
         scaled.fill(SIZE, scaled.one, False, 1.5)
         assert scaled.one.to_numpy().tolist() == [3.0] * SIZE

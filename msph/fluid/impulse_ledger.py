@@ -8,7 +8,7 @@ import taichi as ti
 
 from msph.fluid.room import MAX_BODIES
 from msph.fluid.sums import SLOTS, Sum
-from msph.launches import data_oriented, kernel
+from msph.launches import data_oriented, kernel, small_kernel
 from msph.taichi_internals import longest_float, on_cpu
 
 
@@ -76,13 +76,13 @@ class ImpulseLedger:
         for each in ti.static(self.sums):
             each.total[None] = each.marked[None]
 
-    @kernel
+    @small_kernel
     def _gather(self):
         for slot in range(SLOTS):
             for each in ti.static(self.sums):
                 each.gather(slot)
 
-    @kernel
+    @small_kernel
     def _clear(self):
         for each in ti.static(self.sums):
             each.total[None] = 0
@@ -96,7 +96,7 @@ class ImpulseLedger:
         self._take_pushes(pushes)
         return pushes.astype(float, copy=False)
 
-    @kernel
+    @small_kernel
     def _take_pushes(self, pushes: ti.types.ndarray(ndim=2)):
         for b in range(pushes.shape[0]):
             for k in ti.static(range(3)):

@@ -109,6 +109,7 @@ class Simulation:
         self.layers, self.particles, self.grid = parts.layers, parts.particles, parts.grid
         self.boundary, self.contact, self.rim = parts.boundary, parts.contact, parts.rim
         self.openings = parts.openings
+        self.world.parts.gaps.recorded = False
         self.solver = self.world.load(plan)
         free = self.boundary.free(plan.initial["x"])
         self.left_out = len(free) - int(free.sum())
@@ -126,6 +127,11 @@ class Simulation:
         self.initial = {name: values[free] for name, values in plan.initial.items()}
         self.particles.capacity = max(plan.capacity or 0, int(free.sum()))
         self.reset()
+
+    def record_forces(self) -> None:
+        """Makes forces on bodies in prescribed motion hold in narrow gaps, too (gap_pressure.py);
+        those on floating bodies always do."""
+        self.world.parts.gaps.record()
 
     def close(self) -> None:
         """Returns the fields to the stock; the simulation is unusable afterwards."""

@@ -36,6 +36,7 @@ class BodyTable:
     the mean force and torque (about the centre) of the water since the last row."""
 
     def __init__(self, simulation: Simulation):
+        simulation.record_forces()
         self.boundary, self.count = simulation.boundary, len(simulation.plan.bodies)
         self.times: list[float] = []
         self.sums: list[np.ndarray] = []  # impulses and angular impulses, (bodies, 6)

@@ -49,7 +49,7 @@ class Ripples:
     def advance(self, dt: float, hand: Hand, length: float) -> None:
         """Advances the ripples by dt [s] in a box whose longest edge is `length` [m]."""
         self.frames += 1
-        self.started = self.started or any(hand.velocity) or self.thin.drop_count[None] > 0
+        self.started = self.started or any(hand.velocity) or self.thin.spray.count[None] > 0
         if not self.started:
             return
         cell = length / CELLS

@@ -170,6 +170,7 @@ def test_bodies_that_collide_without_gravity_conserve_their_momentum():
 )
 def test_bodies_have_their_buoyancy_at_floor_and_wall(body):
     sim = simulation(lattice((0, 0, 0), (0.48, 0.32, 0.48)), [body])
+    sim.record_forces()
     ledger = run(sim, 1.0)
     first, last = ledger.entries[30], ledger.entries[-1]
     force = (first.body_impulse - last.body_impulse) / (last.time - first.time)

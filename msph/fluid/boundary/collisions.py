@@ -24,7 +24,7 @@ from msph.fluid.boundary.rigid_bodies import Ball, Block, Body, Solid, centre, h
 from msph.fluid.boundary.walls import NO_WALL, WALL
 from msph.fluid.room import MAX_BODIES
 from msph.fluid.small_numbers import MIN_DIVISOR
-from msph.launches import data_oriented, kernel
+from msph.launches import data_oriented, kernel, small_kernel
 
 vec3 = ti.math.vec3
 
@@ -126,7 +126,7 @@ class Collisions:
         """Returns the present velocities and spins of all bodies (bodies, 6)."""
         return np.concatenate(self.boundary.motions(), axis=1).astype(np.float32)
 
-    @kernel
+    @small_kernel
     def _find_contacts(self, points: ti.i32, reach: ti.f32) -> ti.i32:
         """Finds the contacts of gaps below `reach` [m]; returns their number."""
         self.found[None] = 0
@@ -175,7 +175,7 @@ class Collisions:
             self.first[c], self.second[c], self.gap[c] = a, b, gap
             self.place[c], self.normal[c] = place, normal
 
-    @kernel
+    @small_kernel
     def _prepare(self, count: ti.i32, dt: ti.f32, slop: ti.f32, motions: NUMBERS) -> ti.f32:
         """Sets the least normal velocity of each contact, the impulse 0 and the friction; returns
         the smallest gap [m]."""

@@ -12,7 +12,8 @@ the share w of the sample that lies in the gap,
 
 before the pressures are solved, likewise T. Gaps are thus part of the same symmetric operator:
 water around a gap that widens moves into it, and no energy is added. The opposite acts on the body
-on the other side or on the wall. The hydrostatic part is an impulse on the body.
+on the other side or on the wall. The hydrostatic part is an impulse on the body. Faces between
+bodies in prescribed motion and walls are left out unless their forces are recorded.
 """
 
 import numpy as np
@@ -27,7 +28,7 @@ from msph.fluid.external_forces import FIELD_NUMBERS, NO_HAND, ExternalForces, f
 from msph.fluid.particles import kernels
 from msph.fluid.room import MAX_BODIES
 from msph.fluid.small_numbers import MIN_DIVISOR
-from msph.launches import data_oriented, heavy_kernel, kernel
+from msph.launches import data_oriented, heavy_kernel, kernel, small_kernel
 
 vec3, vec4 = ti.math.vec3, ti.math.vec4
 
@@ -52,6 +53,9 @@ MIN_TRACE, EVEN = 1e-3, 0.02
 # buoyancy.
 AT_FACE = 1.015
 
+# A length [m] beyond any scene: bounds of no samples.
+FAR = 1e9
+
 NUMBERS = ti.types.ndarray(dtype=ti.f32, ndim=2)
 INTEGERS = ti.types.ndarray(dtype=ti.i32, ndim=1)
 
@@ -59,7 +63,7 @@ INTEGERS = ti.types.ndarray(dtype=ti.i32, ndim=1)
 @data_oriented
 class GapPressure:
     """Samples of all bodies' faces in their frames, contiguous by body: points [m] and area vectors
-    [m^2]; first: the first sample of a body; in_gap: 1 for a body with samples in a gap. By sample:
+    [m^2]; first: the first sample of a body; lo, hi [m]: bounds of its samples in gaps. By sample:
     weight (-), 0 outside of gaps; other, the body on the other side (WALL for a wall); means over
     links outside of gaps, centre [m] and pressure [Pa], and their filled share (-); force [m^2] and
     torque [m^3] per unit of its pressure, including those of samples without such links. By link:
@@ -78,17 +82,25 @@ class GapPressure:
         self.point, self.area, self.centre, self.force, self.torque = (
             ti.Vector.field(3, ti.f32, shape=capacity) for _ in range(5)
         )
-        self.first, self.in_gap = (ti.field(ti.i32, shape=MAX_BODIES + 1) for _ in range(2))
+        self.first = ti.field(ti.i32, shape=MAX_BODIES + 1)
+        self.lo, self.hi = (ti.Vector.field(3, ti.f32, shape=MAX_BODIES) for _ in range(2))
         self.outside = ti.field(ti.f32, shape=links.capacity)
         self.spread = ti.Vector.field(3, ti.f32, shape=links.capacity)
-        self.count, self.idle = 0, False
+        self.recorded, self.count, self.idle = False, 0, False
+
+    def record(self) -> None:
+        """Adds the faces of bodies in prescribed motion, since forces on them are recorded."""
+        if not self.recorded:
+            self.recorded = True
+            self.load()
 
     def load(self) -> None:
         """Takes the samples of the boundary's present bodies; compiles all kernels."""
-        edge = EDGE * self.layers.finest.spacing
-        clouds = [samples(body, edge, MAX_SAMPLES) for body in self.boundary.bodies]
-        self.count, self.idle = sum(len(points) for points, _ in clouds), not clouds
-        if clouds:
+        edge, bodies = EDGE * self.layers.finest.spacing, self.boundary.bodies
+        self.idle = not (self.boundary.floating.count or (self.recorded and bodies))
+        if not self.idle:
+            clouds = [samples(body, edge, MAX_SAMPLES) for body in bodies]
+            self.count = sum(len(points) for points, _ in clouds)
             owner = np.repeat(np.arange(len(clouds)), [len(points) for points, _ in clouds])
             points, areas = (np.concatenate(part) for part in zip(*clouds, strict=True))
             table = np.column_stack([points, areas]).astype(np.float32)
@@ -115,7 +127,7 @@ class GapPressure:
         second half of the step of dt [s], and applies the hydrostatic part. Links must be fresh."""
         if self.idle or not self.boundary.close_together(WIDE * self.layers.finest.spacing):
             return
-        found = self._find_gaps(self.count)
+        found = self._find_gaps(self.count, int(self.recorded))
         self.idle = not found and not self.boundary.moving
         if found:
             links = self.links.found[None]
@@ -125,19 +137,23 @@ class GapPressure:
             self.contact.push_moving()
             self.boundary.redo(0.5 * dt)
 
-    @kernel
-    def _find_gaps(self, count: ti.i32) -> ti.i32:
-        """Finds the samples in gaps; returns their number."""
+    @small_kernel
+    def _find_gaps(self, count: ti.i32, every: ti.i32) -> ti.i32:
+        """Finds the samples in gaps; returns their number. every: 1 with those of which neither
+        side floats."""
         for b in range(self.constants.bodies[None]):
-            self.in_gap[b] = 0
+            self.lo[b], self.hi[b] = vec3(FAR), vec3(-FAR)
         found = 0
         for k in range(count):
             b = self.owner[k]
             x = self._place(k)
             normal = self.boundary.rotation[b, BEGIN] @ self.area[k].normalized(MIN_DIVISOR)
             weight, other = self._side(b, x, vec4(0.0, normal[0], normal[1], normal[2]))
-            if weight > 0.0 and self._is_free(b, x):
-                self.in_gap[b], self.other[k] = 1, other
+            matters = every == 1 or self._floats(b) or self._floats(other)
+            if weight > 0.0 and matters and self._is_free(b, x):
+                self.other[k] = other
+                ti.atomic_min(self.lo[b], self.point[k])
+                ti.atomic_max(self.hi[b], self.point[k])
                 found += 1
             else:
                 weight = 0.0
@@ -215,15 +231,21 @@ class GapPressure:
                 found = 0.0
         return found
 
+    @ti.func
+    def _near_gap(self, b, place, h):
+        """Returns True if a sample of body b in a gap may be within h [m] of `place` [m] in its
+        frame."""
+        return (place - self.lo[b]).min() > -h and (self.hi[b] - place).min() > -h
+
     @heavy_kernel
     def _read(self, n: ti.i32):
         """Sums the links over the samples in gaps."""
         for link in range(n):
             b, i = self.links.body[link], self.links.particle[link]
-            if self.in_gap[b] == 1:
-                h, x = self.boundary.support[self.particles.layer[i]], self.particles.x[i]
-                turn = self.boundary.rotation[b, BEGIN].transpose()
-                place, moment = turn @ self.links.place[link], ti.Matrix.zero(ti.f32, 3, 3)
+            h, x = self.boundary.support[self.particles.layer[i]], self.particles.x[i]
+            turn = self.boundary.rotation[b, BEGIN].transpose()
+            place, moment = turn @ self.links.place[link], ti.Matrix.zero(ti.f32, 3, 3)
+            if self._near_gap(b, place, h):
                 for k in range(self.first[b], self.first[b + 1]):
                     r, area = (place - self.point[k]).norm(), self.area[k]
                     if r < h:
@@ -298,10 +320,10 @@ class GapPressure:
         """Replaces the forces of links at samples in gaps by those of the links around."""
         for link in range(n):
             b, i = self.links.body[link], self.links.particle[link]
-            if self.in_gap[b] == 1:
-                h = self.boundary.support[self.particles.layer[i]]
+            h = self.boundary.support[self.particles.layer[i]]
+            place = self.boundary.rotation[b, BEGIN].transpose() @ self.links.place[link]
+            if self._near_gap(b, place, h):
                 volume = self.layers.volume[self.particles.layer[i]]
-                place = self.boundary.rotation[b, BEGIN].transpose() @ self.links.place[link]
                 for k in range(self.first[b], self.first[b + 1]):
                     if self.share[k] >= LEAST_SHARE:
                         part = self._weight_at(link, place, h, k) / (volume * self.share[k])
