@@ -54,6 +54,7 @@ OPENING = {
     "length": f32,  # of this range, or of the range of s from 0 in which water is removed [m]
     "leaves": i32,  # 1 for an outflow
     "slack": f32,  # half a spacing, by which the zone is wider than the opening [m]
+    "edge": f32,  # width by which the opening acts wider [m]
     "speed": f32,  # prescribed at the end of the step [m/s]
     "mean_speed": f32,  # mean over the step [m/s]
 }

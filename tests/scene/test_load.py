@@ -14,7 +14,7 @@ GOOD = """
 [box]
 size = [1.0, 1.0, 1.0]
 [[layers]]
-mass = 0.2
+mass = 0.3
 [[layers]]
 spacing = 0.1
 [[water]]
@@ -165,9 +165,17 @@ def test_floating_bodies_that_overlap_at_the_start_give_a_caution(tmp_path):
 
 def test_layer_too_coarse_for_its_box_gives_a_caution(tmp_path):
     scene = load_scene(write(tmp_path, GOOD), ("layers.1.spacing=0.35",))
-    (line,) = cautions(scene)
+    line, _ = cautions(scene)
     assert line.startswith("layers.1: pressures will be inaccurate") and "0.35 m" in line
     assert not cautions(load_scene(write(tmp_path, GOOD)))
+
+
+def test_layers_of_very_different_masses_give_a_caution(tmp_path):
+    """Layers count as next to each other by mass, in whichever order they are listed."""
+    ratios = {"0.1": [], "0.12": ["layers.1"]}  # edges of the coarser particles of layer 1
+    for spacing, named in ratios.items():
+        scene = load_scene(write(tmp_path, GOOD), (f"layers.1.spacing={spacing}",))
+        assert [line.split(":")[0] for line in cautions(scene)] == named
 
 
 @pytest.mark.parametrize("override", BAD_OVERRIDES)

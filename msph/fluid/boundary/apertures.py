@@ -53,7 +53,8 @@ class Apertures:
         for o in range(ti.select(openings > 0, self.constants.opening_count[None], 0)):
             if (openings >> o) & 1:
                 a, b = abs(self.along(o, x)), abs(self.along(o, x_j))
-                if self._faces(o, (b * x + a * x_j) / ti.max(a + b, MIN_DIVISOR), 0.0):
+                place = (b * x + a * x_j) / ti.max(a + b, MIN_DIVISOR)
+                if self._faces(o, place, self.table.edge[o]):
                     crossed |= self.table.wall[o]
         return crossed
 
