@@ -14,6 +14,7 @@ from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.simulation import FullError, Simulation
 from msph.measure.entry import columns
 from msph.measure.ledger import Ledger, NotFiniteError, level_potential
+from msph.measure.summary import errors
 from msph.scene import load_scene
 from msph.scene.build import build_simulation
 from msph.scene.schema import Scene
@@ -331,4 +332,21 @@ def test_fine_water_is_not_added_between_coarse_particles():
     rng = np.random.default_rng(1)
     sites = (middle + rng.uniform(-0.2, 0.2, (200, 3))).astype(np.float32)
     assert sim.add(sites, np.zeros_like(sites), finest, G) == 0
+    sim.close()
+
+
+@pytest.mark.parametrize("tension", [0.0, 0.072])
+def test_energy_gains_are_unknown_under_surface_tension(tension):
+    """Regression: the energy that the surface gave to drops counted as created by the method."""
+    x = (np.indices((4, 4, 4)).reshape(3, -1).T + 8.0) * 1e-3
+    initial = {"x": x.astype(np.float32), "layer": np.zeros(len(x), np.int32)}
+    spec = LayerSpec(1e-6, 1000.0, 2.45)
+    sim = Simulation(Plan((0.02,) * 3, [spec], initial, ProjectionParameters(tension=tension)))
+    ledger = Ledger(sim)
+    for _ in range(3):
+        ledger.record((0.0, 0.0, 0.0))
+        sim.advance(1e-3, ExternalForces((0.0, 0.0, 0.0)))
+    found = errors(ledger, [])
+    names = ("energy_gain", "energy_gain_of_motion", "energy_rise_in_1_s")
+    assert all(math.isnan(found[name]) for name in names) == (tension > 0.0)
     sim.close()
