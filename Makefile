@@ -11,25 +11,29 @@ PYTHON ?= $(shell for p in $(PYTHONS); do \
 
 WATER := tests/fluid tests/measure tests/picture tests/surface
 
-.PHONY: play test test-plain conformance check bench clean
+.PHONY: play test test-plain durations conformance check bench clean
 
 play: $(VENV)/play
 	@$(RUN) main.py
 
 # Most of a test's time is compiling on one thread; files share what they compile, and are begun in
-# the order of tests/conftest.py.
-TEST := $(RUN) -m pytest -n 2 --dist loadfile --no-loadscope-reorder
+# the order of tests/conftest.py. Each run writes its times for `make durations`.
+TEST = $(RUN) -m pytest -n 2 --dist loadfile --no-loadscope-reorder --junitxml=out/tests/$@
 
 # In two runs: a process has room for 512 trees of Taichi's fields, and one of two that were quick
 # took them all. The second finds in Taichi's cache what the first has compiled.
 test: $(VENV)/dev
-	$(TEST) $(WATER)
-	$(TEST) tests $(WATER:%=--ignore=%) \
+	$(TEST)-water.xml $(WATER)
+	$(TEST).xml tests $(WATER:%=--ignore=%) \
 		--ignore=tests/test_conformance.py
 
 # The water once more without Taichi's private interfaces.
 test-plain: $(VENV)/dev
-	MSPH_PLAIN_TAICHI=1 $(TEST) tests/fluid
+	MSPH_PLAIN_TAICHI=1 $(TEST).xml tests/fluid
+
+# Records how long the last tests took: the order of files, and bench/results/tests.md.
+durations: $(VENV)/dev
+	$(RUN) -m tests.durations
 
 # Does another architecture compute what the CPU computes? make conformance ARCH=cuda
 ARCH ?= vulkan

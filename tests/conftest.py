@@ -1,8 +1,11 @@
+import json
+import math
 import os
 
 import pytest
 
 from msph.device import start
+from tests.durations import DURATIONS
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -39,38 +42,8 @@ def allocate_first_world():
     world.give_back(first)
 
 
-# Files that take longest. They start first, so that the two processes that share the files end at
-# nearly the same time.
-LONGEST = (
-    "test_shipped_scenes.py",
-    "test_lessons.py",
-    "test_window.py",
-    "test_window_ends.py",
-    "test_recording.py",
-    "test_random_input.py",
-    "test_player_tools.py",
-    "test_player.py",
-    "test_player_panels.py",
-    "test_player_row.py",
-    "test_recorder.py",
-    "test_systems.py",
-    "test_pareto.py",
-    "test_cli.py",
-    "test_kept_files.py",
-    "test_world.py",
-    "test_independence.py",
-    "test_terms.py",
-    "test_ledger.py",
-    "test_water_at_bodies.py",
-    "test_adaptation.py",
-    "test_adaptation_limits.py",
-    "test_shear_relief.py",
-    "test_prescribed_bodies.py",
-    "test_surface.py",
-    "test_projection.py",
-)
-
-
 def pytest_collection_modifyitems(items):
-    order = {name: place for place, name in enumerate(LONGEST)}
-    items.sort(key=lambda item: order.get(item.path.name, len(LONGEST)))
+    """Files that take longest start first, so that the two processes that share the files end at
+    nearly the same time; new files before all others."""
+    seconds = json.loads(DURATIONS.read_text())
+    items.sort(key=lambda item: -seconds.get(item.path.name, math.inf))
