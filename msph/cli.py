@@ -17,6 +17,7 @@ import msph
 from msph import cache_folder, own_files
 from msph.device import ARCHES
 from msph.ending import exit_on_error
+from msph.errors import BadInputError
 from msph.interrupts import importing
 from msph.options import (
     AS_GIVEN,
@@ -337,6 +338,17 @@ def lesson(arch, threads, **options):
     with importing():
         from msph.lesson import commands as lessons
     lessons.lesson(run=RunOptions(arch=arch, threads=threads), **options)
+
+
+def check_values(command: str, **values: Any) -> None:
+    """Raises BadInputError, with the command's text, for values that its options refuse."""
+    options = {p.name: p for p in cli.commands[command].params}
+    for name, value in values.items():
+        try:
+            options[name].type_cast_value(click.Context(cli), value)
+        except click.BadParameter as error:
+            error.param = options[name]
+            raise BadInputError(error.format_message()) from None
 
 
 def commands():

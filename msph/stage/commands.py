@@ -29,13 +29,12 @@ from msph.scene.bodies import names
 from msph.scene.library import find_scene, shipped_scenes
 from msph.scene.load import read_toml
 from msph.scene.parameters import parameters
-from msph.scene.parts import with_value
 from msph.scene.quality import costs
 from msph.scene.schema import Scene
 from msph.stage.benchmark import SIZE as BENCH_SIZE
 from msph.stage.benchmark import PlayResult, Result, benchmark, benchmark_play, profile_lines
 from msph.stage.explain import explain
-from msph.stage.loaded import Loaded, at, exclude, options_of, with_input
+from msph.stage.loaded import Loaded, at, exclude, options_of, smooth, with_input
 from msph.stage.loop import run as run_loop
 from msph.stage.preparation import prepare, say
 from msph.stage.recorder import NUMBER, Outputs, Recorder, check_files, check_outputs
@@ -47,8 +46,6 @@ from msph.stage.trial import SIZE as PLAY_SIZE
 # Capture by `play` if no window can be opened: duration [s], frames per second, size [pixels] and
 # time of the still image [s].
 FALLBACK_SECONDS, FALLBACK_FPS, FALLBACK_SIZE, STILL_TIME = 10.0, 30.0, (1280, 720), 1.0
-# Rays per pixel along each axis in recordings, which need not be made in real time.
-SMOOTH = 2
 # Largest number of frames of a recording: six digits in file names.
 MAX_FRAMES = 1_000_000
 # Exit code of a benchmark with an unstable simulation.
@@ -79,17 +76,13 @@ def capture(scene: str | None, options: CaptureOptions, run: RunOptions) -> None
     """Records a scene to files."""
     scene, run, recording = with_recording(scene, run, options.replay)
     exclude("--replay", recording, "--resume", options.resume)
-    loaded = load_scene(scene, run.overrides)
-    if "supersample" not in loaded.picture.model_fields_set:
-        loaded = with_value(loaded, "picture.supersample", SMOOTH)
+    loaded = smooth(load_scene(scene, run.overrides))
     more = list(options.meshes), list(options.particles), list(options.bodies)
     some = options.outputs or any(more)
     video = ".webm" if loaded.picture.alpha else ".mp4"
     pictures = list(options.outputs if some else [default_output(scene, video)])
     files = Outputs(pictures, *more)
-    check_outputs(files, options.fps, loaded.picture.alpha)
-    if files.bodies and not (recording or names(loaded)):
-        raise OutputError(f"{files.bodies[0]}: the scene has no bodies")
+    check_outputs(files, options.fps, loaded.picture.alpha, bool(recording or names(loaded)))
     since = time_of(Path(options.resume)) if options.resume else 0.0
     first, seconds = round(since * options.fps), options.seconds or loaded.duration
     total = round(seconds * options.fps)

@@ -22,6 +22,7 @@ from msph.stage.floats import floating_at
 from msph.stage.pose import Pose
 from msph.stage.views import Views
 from msph.surface import Surface, SurfaceRoom, surface_of
+from msph.surface.mesh import SurfaceMesh
 from msph.surface.whitewater import whitewater_of
 
 # `below` of Camera.framing: leaves room for a window's line of hints below the box.
@@ -48,11 +49,20 @@ class Display:
         self.stage = timings.stage if timings else no_stage
         self.substage = timings.substage if timings else no_stage
         self.shown: Any = None  # water at the end of the frame, if it is drawn
-        self.surface: Any = self._load_surface() if size or meshes else None
-        self.picture: Any = self._load_picture(size) if size else None
-        self.views: Any = Views(simulation, scene) if size else None
-        white = size and scene.picture.whitewater
-        self.whitewater: Any = simulation.world.build_once(whitewater_of) if white else None
+        self.surface: Any = None
+        self.picture: Any = None
+        self.views: Any = None
+        self.whitewater: Any = None
+        self.load(size)
+
+    def load(self, size: tuple[int, int] | None) -> None:
+        """Loads the parts for images of `size` (width, height) [pixels], None for no images."""
+        world = self.simulation.world
+        self.surface = self._load_surface() if size or self.meshes else None
+        self.picture = self._load_picture(size) if size else None
+        self.views = Views(self.simulation, self.scene) if size else None
+        white = self.surface and self.scene.picture.whitewater
+        self.whitewater = world.build_once(whitewater_of) if white else None
         if self.whitewater:
             self.whitewater.reset()
         if size:
@@ -231,11 +241,15 @@ class Display:
 
     def volume(self) -> float:
         """Returns the volume enclosed by the surface mesh [m^3]; NaN if the mesh overflowed."""
+        mesh = self.extracted()
+        return math.nan if mesh.overflowed() else mesh.volume()
+
+    def extracted(self) -> SurfaceMesh:
+        """Extracts and returns the surface, spray included."""
         self.surface = self.surface or self._load_surface()
         with self.shown.at_frame(self.simulation):
             self.surface.extract()
-        mesh = self.surface.mesh
-        return math.nan if mesh.overflowed() else mesh.volume()
+        return self.surface.mesh
 
     def overflow(self) -> str | None:
         """Returns the message about a truncated mesh, or None."""

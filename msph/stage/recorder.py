@@ -269,7 +269,9 @@ def numbered(path: Path) -> bool:
     return NUMBER.search(path.name) is not None
 
 
-def check_outputs(outputs: Outputs, fps: float, alpha: bool = False) -> None:
+def check_outputs(
+    outputs: Outputs, fps: float, alpha: bool = False, has_bodies: bool = True
+) -> None:
     """Raises OutputError for outputs of an unknown or unfit kind. alpha: the images have an alpha
     channel."""
     kinds = (
@@ -292,6 +294,8 @@ def check_outputs(outputs: Outputs, fps: float, alpha: bool = False) -> None:
         raise OutputError(f"a GIF has at most {GIF_FPS:g} frames per second")
     if any(kind(p) == PARAVIEW for p in paths) and not vtu.available():
         raise OutputError(".vtu files need meshio: pip install 'msph[paraview]'")
+    if outputs.bodies and not has_bodies:
+        raise OutputError(f"{outputs.bodies[0]}: the scene has no bodies")
 
 
 def check_files(paths: list[Path], inputs: list[Path]) -> None:
@@ -322,7 +326,7 @@ def check_output(path: Path, suffixes: tuple[str, ...]) -> None:
 def write_mesh(path: Path, show: Show) -> None:
     """Writes the surface mesh in the format of the suffix."""
     if kind(path) == PARAVIEW:
-        vtu.write_surface(path, show.display.surface.mesh, show.simulation)
+        vtu.write_surface(path, show.display.surface.mesh, show.simulation, show.display.whitewater)
     else:
         show.display.surface.mesh.export(path)
 
