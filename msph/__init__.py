@@ -14,10 +14,8 @@ import os
 from collections.abc import Mapping
 from typing import Any
 
-from msph.errors import MsphError
-
 __version__ = "0.1.0"
-__all__ = ["Body", "BodyState", "Frame", "MsphError", "Particles", "Water", "open"]
+__all__ = ["Body", "BodyState", "Frame", "MsphError", "Particles", "Water", "open"]  # noqa: F822
 
 # Scene of a command that is given no scene.
 DEFAULT_SCENE = "pool"
@@ -49,12 +47,13 @@ def open(
 
 
 def __getattr__(name: str) -> Any:
-    # Imported when used: help and option errors of the command line need neither Taichi nor numpy.
+    # Imported when used: help and option errors of the command line need neither Taichi nor numpy,
+    # and signals are handled only once the command line is loaded.
     if name not in __all__:
         raise AttributeError(f"module 'msph' has no attribute {name!r}")
-    from msph import water
+    from msph import errors, water
 
-    return getattr(water, name)
+    return getattr(errors if name == "MsphError" else water, name)
 
 
 def __dir__() -> list[str]:

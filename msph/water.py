@@ -27,8 +27,9 @@ from msph.stage.headless import Headless
 from msph.stage.loaded import at, smooth
 from msph.stage.loop import run
 from msph.stage.meshes import body_mesh, surface_mesh
+from msph.stage.outputs import Outputs, check_files, check_outputs
 from msph.stage.preparation import compiling
-from msph.stage.recorder import Outputs, Recorder, check_files, check_outputs
+from msph.stage.recorder import Recorder
 from msph.stage.row import Row
 from msph.stage.show import Show
 
@@ -230,25 +231,28 @@ class Water(AbstractContextManager):
 
         files: video (.mp4 .mov .mkv .webm), animation (.webp .gif), last image (.png) or images
         (i_%04d.png) of size (width, height) [pixels], fps per simulated second. data: meshes,
-        particles, bodies, with numbers in their names: meshes="surface_%04d.ply".
+        particles, bodies, droplets, usd: meshes="surface_%04d.ply", usd="film.usdc".
         """
         check_values("capture", fps=fps, size="{}x{}".format(*size))
         show, count = self._awake, self._count(seconds, 1.0 / fps)
-        outputs = Outputs(_paths(files), **{kind: _paths(given) for kind, given in data.items()})
+        more: dict[str, Any] = {kind: _paths(given) for kind, given in data.items()}
+        outputs = Outputs(_paths(files), **more)
         check_outputs(outputs, fps, self.scene.picture.alpha, bool(self.bodies))
         paths = outputs.names(0, count)
         check_files(paths, [])
-        show.display.meshes, self._size = bool(outputs.meshes), size if outputs.pictures else None
-        show.display.load(self._size)
+        display, self._size = show.display, size if outputs.pictures else None
+        display.meshes, display.sprayed = outputs.surface, outputs.sprayed
+        display.load(self._size)
         with replacing_all(paths):
-            recorder, row = Recorder(outputs, count, fps, bar=False), Row([show])
+            recorder = Recorder(outputs, count, fps, bar=False, aspect=size[0] / size[1])
+            row = Row([show])
             try:
                 while recorder.wants_more(row):
                     self._advance(1.0 / fps, draw=True)
                     recorder.observe(row)
             finally:
                 recorder.close()
-                show.display.meshes = False
+                display.meshes, display.sprayed = False, True
             return recorder.kept()
 
     def close(self) -> None:

@@ -36,8 +36,9 @@ from msph.stage.benchmark import PlayResult, Result, benchmark, benchmark_play, 
 from msph.stage.explain import explain
 from msph.stage.loaded import Loaded, at, exclude, options_of, smooth, with_input
 from msph.stage.loop import run as run_loop
+from msph.stage.outputs import NUMBER, Outputs, check_files, check_outputs
 from msph.stage.preparation import prepare, say
-from msph.stage.recorder import NUMBER, Outputs, Recorder, check_files, check_outputs
+from msph.stage.recorder import Recorder
 from msph.stage.recording import Header, Recording, with_recording
 from msph.stage.replaying import ROUNDING, InputRecorder
 from msph.stage.row import Row
@@ -77,11 +78,12 @@ def capture(scene: str | None, options: CaptureOptions, run: RunOptions) -> None
     scene, run, recording = with_recording(scene, run, options.replay)
     exclude("--replay", recording, "--resume", options.resume)
     loaded = smooth(load_scene(scene, run.overrides))
-    more = list(options.meshes), list(options.particles), list(options.bodies)
-    some = options.outputs or any(more)
+    written = options.meshes, options.particles, options.bodies, options.droplets, options.usd
+    meshes, particles, bodies, droplets, usd = map(list, written)
+    some = options.outputs or any(written)
     video = ".webm" if loaded.picture.alpha else ".mp4"
     pictures = list(options.outputs if some else [default_output(scene, video)])
-    files = Outputs(pictures, *more)
+    files = Outputs(pictures, meshes, particles, bodies, droplets, usd, options.mesh_layer)
     check_outputs(files, options.fps, loaded.picture.alpha, bool(recording or names(loaded)))
     since = time_of(Path(options.resume)) if options.resume else 0.0
     first, seconds = round(since * options.fps), options.seconds or loaded.duration
@@ -204,21 +206,23 @@ def record(
     frames: int,
 ) -> None:
     """Records a scene to files; after an interrupt the files are complete up to that frame."""
-    size, meshes = options.size if files.pictures else None, bool(files.meshes)
+    size = options.size if files.pictures else None
     # Exported data are states of the solver at the times of frames, or at those of a session.
-    data = files.meshes or files.particles or files.bodies
-    how = {"free_steps": not data, **options_of(recording, options.resume)}
+    how = {"free_steps": not files.data, **options_of(recording, options.resume)}
     fps, scene_path, text = options.fps, scene_file(files), loaded.toml()
     # A resumed recording finds the scene file of its first part.
     same = scene_path.is_file() and scene_path.read_bytes() == text.encode()
     if not same:
         check_files([scene_path], inputs_of(loaded.name, options))
         claim([scene_path], options.force)
-    show = prepare(loaded.scene, 1.0 / fps, size, meshes=meshes, density_every=math.inf, **how)
+    how |= {"meshes": files.surface, "density_every": math.inf}
+    show = prepare(loaded.scene, 1.0 / fps, size, **how)
+    show.display.sprayed = files.sprayed
     if options.resume:
         show.resume(Path(options.resume))
     still = None if options.still_time is None else max(1, round(options.still_time * fps))
-    recorder = Recorder(files, frames, fps, still, first=first)
+    aspect = options.size[0] / options.size[1]
+    recorder = Recorder(files, frames, fps, still, first=first, aspect=aspect)
     audience = with_input(recorder, recording, every=1.0 / fps)
     if options.record_input:
         header = Header.of(loaded.name, loaded.quality, loaded.overrides)

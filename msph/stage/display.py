@@ -46,6 +46,8 @@ class Display:
         timings: Timings | None,
     ):
         self.simulation, self.scene, self.pose, self.meshes = simulation, scene, pose, meshes
+        # True if the spray is droplets, as in images, instead of a part of the mesh.
+        self.sprayed = not meshes
         self.stage = timings.stage if timings else no_stage
         self.substage = timings.substage if timings else no_stage
         self.shown: Any = None  # water at the end of the frame, if it is drawn
@@ -68,16 +70,19 @@ class Display:
         if size:
             self.camera = self.framing()
 
-    def framing(self, free: float = 1.0, stretch: float = 1.0) -> Camera:
+    def framing(
+        self, free: float = 1.0, stretch: float = 1.0, aspect: float | None = None
+    ) -> Camera:
         """Returns the scene's camera now, with the box within the right share `free` of the image;
-        stretch: see Camera."""
-        c, picture = self.scene.camera, self.picture
+        stretch: see Camera; aspect: width over height of the image, by default of the picture."""
+        c = self.scene.camera
+        aspect = aspect or self.picture.width / self.picture.height
         x, y, z = self.scene.box.size
         centre = 0.5 * x, 0.5 * y, 0.5 * z
         azimuth, elevation, zoom, target = orbit_at(c, self.simulation.time, centre)
         camera = Camera.framing(
             self.scene.box.size,
-            aspect=free * stretch * picture.width / picture.height,
+            aspect=free * stretch * aspect,
             azimuth=math.radians(azimuth),
             elevation=math.radians(elevation),
             fov=math.radians(c.fov),
@@ -161,7 +166,7 @@ class Display:
         water = self.picture is not None and self.views.name == "water"
         if self.surface and (water or self.meshes):
             with self.stage("surface"), self.shown.at_frame(self.simulation):
-                self.surface.extract(for_image=not self.meshes)
+                self.surface.extract(for_image=self.sprayed)
         if self.picture:
             self._render()
 
@@ -181,7 +186,7 @@ class Display:
         with self.stage("picture"):
             if self.views.name == "water":
                 with self.simulation.boundary.shifted(-self.simulation.ahead):
-                    self.picture.draw_water(self.view, self.pose.tilt, not self.meshes)
+                    self.picture.draw_water(self.view, self.pose.tilt, self.sprayed)
                 return
             self.views.neighbourhood.follow()
             if self.views.cut is not None:

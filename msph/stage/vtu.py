@@ -6,7 +6,6 @@ Point arrays have SI units in their names: velocity_m_per_s, pressure_Pa, layer,
 point gaussians and glyphs.
 """
 
-import importlib.util
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -22,16 +21,14 @@ from msph.surface.mesh import SurfaceMesh
 from msph.surface.whitewater import Whitewater
 
 
-def available() -> bool:
-    """Returns True if meshio is installed."""
-    return importlib.util.find_spec("meshio") is not None
-
-
 def write_particles(path: Path, simulation: Simulation) -> None:
     """Writes the particles as vertex cells."""
-    x, arrays = _particles(simulation)
-    cells = [("vertex", np.arange(len(x))[:, None])]
-    _write(path, x, cells, arrays, simulation.reached)
+    write_points(path, *_particles(simulation), simulation.reached)
+
+
+def write_points(path: Path, x: np.ndarray, arrays: dict[str, np.ndarray], time: float) -> None:
+    """Writes points (n, 3) [m] with arrays at a time [s] as vertex cells."""
+    _write(path, x, [("vertex", np.arange(len(x))[:, None])], arrays, time)
 
 
 def write_surface(
@@ -94,7 +91,7 @@ def _particles(simulation: Simulation) -> tuple[np.ndarray, dict[str, np.ndarray
 def _write(
     path: Path, points: np.ndarray, cells: list, arrays: dict[str, np.ndarray], time: float
 ) -> None:
-    import meshio  # an optional dependency
+    import meshio  # slow to import
 
     data: dict[str, Any] = {
         name: np.ascontiguousarray(values, np.int32 if values.dtype.kind == "i" else np.float32)
