@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from typing import Any
 
 __version__ = "0.1.0"
-__all__ = ["Body", "BodyState", "Frame", "MsphError", "Particles", "Water", "open"]  # noqa: F822
+__all__ = ["Body", "BodyState", "Frame", "MsphError", "Particles", "Water", "open"]
 
 # Scene of a command that is given no scene.
 DEFAULT_SCENE = "pool"

@@ -47,6 +47,11 @@ from msph.stage.trial import SIZE as PLAY_SIZE
 # Capture by `play` if no window can be opened: duration [s], frames per second, size [pixels] and
 # time of the still image [s].
 FALLBACK_SECONDS, FALLBACK_FPS, FALLBACK_SIZE, STILL_TIME = 10.0, 30.0, (1280, 720), 1.0
+# Printed after a capture by `play`.
+NEXT = (
+    "try next: msph scenes; msph capture drop -o drop.webp; msph lesson; "
+    "in Python: import msph (docs/python.md)"
+)
 # Largest number of frames of a recording: six digits in file names.
 MAX_FRAMES = 1_000_000
 # Exit code of a benchmark with an unstable simulation.
@@ -71,6 +76,8 @@ def capture_instead(scene: str, options: PlayOptions, run: RunOptions, reason: s
         replay=options.replay,
     )
     capture(None if options.replay else scene, instead, run)
+    if not options.replay:
+        say(NEXT)
 
 
 def capture(scene: str | None, options: CaptureOptions, run: RunOptions) -> None:
