@@ -11,7 +11,7 @@ PYTHON ?= $(shell for p in $(PYTHONS); do \
 
 WATER := tests/fluid tests/measure tests/picture tests/surface
 
-.PHONY: play test test-plain durations conformance check bench clean
+.PHONY: play test test-plain durations conformance installation check bench clean
 
 play: $(VENV)/play
 	@$(RUN) main.py
@@ -39,6 +39,10 @@ durations: $(VENV)/dev
 ARCH ?= vulkan
 conformance: $(VENV)/dev
 	MSPH_CONFORMANCE_ARCH=$(ARCH) $(RUN) -m pytest tests/test_conformance.py
+
+# The program of docs/python.md with the package installed by pip into an empty environment.
+installation: $(VENV)/dev
+	MSPH_INSTALLATION=1 $(RUN) -m pytest tests/test_installation.py
 
 check: $(VENV)/dev
 	$(RUN) -m ruff check .

@@ -17,6 +17,7 @@ import msph
 from msph import cache_folder, own_files
 from msph.device import ARCHES
 from msph.ending import exit_on_error
+from msph.errors import BadInputError
 from msph.interrupts import importing
 from msph.options import (
     AS_GIVEN,
@@ -185,7 +186,15 @@ def play(scene, run, **options):
     "--mesh",
     "meshes",
     **FILES,
-    help="Also write the surface mesh of every frame: out_%04d.ply, .obj, or .vtu for ParaView.",
+    help="Also write the surface mesh of every frame, with the velocity and the share of foam at "
+    "each vertex: out_%04d.ply, .obj, or .vtu for ParaView.",
+)
+@click.option("--mesh-layer", is_flag=True, help="Meshes also have the layer at each vertex.")
+@click.option(
+    "--droplets",
+    **FILES,
+    help="Also write the spray of every frame as droplets, points with radius and velocity: "
+    "out_%04d.ply or .vtu. Meshes then lack the spray.",
 )
 @click.option(
     "--particles",
@@ -196,8 +205,14 @@ def play(scene, run, **options):
 @click.option(
     "--bodies",
     **FILES,
-    help="Also write the faces of the bodies of every frame, with their motion and the forces on "
-    "them: out_%04d.vtu.",
+    help="Also write the bodies: out_%04d.vtu, with their motion and the forces on them, or "
+    "out.obj, with a table of their transforms (out.csv).",
+)
+@click.option(
+    "--usd",
+    **FILES,
+    help="Also write surface, droplets, bodies and camera of all frames to out.usdc or .usda, for "
+    "Blender and others; needs usd-core.",
 )
 @click.option("--resume", type=CHECKPOINT, help="Continue from this .npz file.")
 @click.option(
@@ -337,6 +352,17 @@ def lesson(arch, threads, **options):
     with importing():
         from msph.lesson import commands as lessons
     lessons.lesson(run=RunOptions(arch=arch, threads=threads), **options)
+
+
+def check_values(command: str, **values: Any) -> None:
+    """Raises BadInputError, with the command's text, for values that its options refuse."""
+    options = {p.name: p for p in cli.commands[command].params}
+    for name, value in values.items():
+        try:
+            options[name].type_cast_value(click.Context(cli), value)
+        except click.BadParameter as error:
+            error.param = options[name]
+            raise BadInputError(error.format_message()) from None
 
 
 def commands():

@@ -11,6 +11,7 @@ import functools
 import itertools
 import math
 from collections.abc import Callable
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -97,6 +98,8 @@ class Traits:
 # Traits of the objects that are created now, and True while all compiled loops become serial.
 _traits = Traits()
 _serial = False
+# Elapsed time [s] spent on compiling kernels.
+_compiling = 0.0
 
 
 @contextlib.contextmanager
@@ -147,6 +150,12 @@ def watch_compiling(watcher: Callable[[str], None]):
         yield
     finally:
         _watchers.remove(watcher)
+
+
+def compile_time() -> float:
+    """Returns the elapsed time [s] that this process has spent on compiling kernels; 0 with plain
+    Taichi."""
+    return _compiling
 
 
 @contextlib.contextmanager
@@ -252,8 +261,9 @@ class _Launcher:
             if not (isinstance(array, np.ndarray) and array.flags.c_contiguous):
                 return self.taichi(self.owner, *args)
             key += (array.dtype, array.ndim)
-        ready = self.ready.get((self.traits.case, key))
+        ready, began = self.ready.get((self.traits.case, key)), 0.0
         if ready is None:
+            began = perf_counter()
             ready = self._compile(few, args)
             self.ready.update({(like, key): ready for like in self.traits.like()})
         compiled, fresh, program = ready
@@ -270,6 +280,10 @@ class _Launcher:
             set_array = getattr(context, ARRAY_SETTER)
             set_array(array_slot, pointer, array.nbytes, array.shape, 0)
         program.launch_kernel(compiled, context)
+        if began:
+            # The first launch generates the machine code.
+            global _compiling
+            _compiling += perf_counter() - began
         if self.getter:
             program.synchronize()
             get = getattr(context, self.getter)

@@ -51,6 +51,9 @@ class CaptureOptions:
     meshes: tuple[Path, ...] = ()
     particles: tuple[Path, ...] = ()
     bodies: tuple[Path, ...] = ()
+    droplets: tuple[Path, ...] = ()
+    usd: tuple[Path, ...] = ()
+    mesh_layer: bool = False
     resume: str | None = None
     force: bool = False
     still_time: float | None = None

@@ -42,6 +42,16 @@ def release() -> None:
     _created.clear()
 
 
+@contextlib.contextmanager
+def replacing_all(paths: Iterable[Path]) -> Iterator[None]:
+    """Context in which files may be written, in place of existing ones."""
+    claim(paths, force=True)
+    try:
+        yield
+    finally:
+        release()
+
+
 def claim(paths: Iterable[Path], force: bool = False, later: Iterable[Path] = ()) -> None:
     """Claims all files for the running command, or none, and creates their folders. Raises
     ExistingFileError if a file exists and was not claimed before, unless `force`; devices such as

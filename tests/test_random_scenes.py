@@ -26,7 +26,7 @@ from msph.scene.load import to_toml
 from msph.scene.meshes import MeshError, load_mesh
 from msph.scene.parameters import parameters
 from msph.scene.schema import Scene
-from msph.stage.recorder import Outputs, check_outputs
+from msph.stage.outputs import Outputs, check_outputs
 from msph.stage.recording import read as read_recording
 from tests.scenes_kit import TEXT, write
 

@@ -66,6 +66,17 @@ class ImpulseLedger:
         self.gather()
         self._undo()
 
+    def totals(self) -> list[Any]:
+        """Returns the totals of all sums."""
+        self.gather()
+        return [each.total.to_numpy() for each in self.sums]
+
+    def restore(self, totals: list[Any]) -> None:
+        """Restores totals()."""
+        self.clear()
+        for each, total in zip(self.sums, totals, strict=True):
+            each.total.from_numpy(total)
+
     @kernel
     def _mark(self):
         for each in ti.static(self.sums):

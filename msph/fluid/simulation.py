@@ -29,7 +29,7 @@ from msph.fluid.plan import Plan
 from msph.fluid.room import FIRST, MAX_BODIES, grown
 from msph.fluid.stages import Stage, no_stage
 from msph.fluid.trapped_water import check_trapped_water
-from msph.fluid.world import give_back, take
+from msph.fluid.world import give_back, take, take_again
 
 # A step is lengthened once it is this many times shorter than allowed (-): after each change of
 # length the pressure solve takes three times the iterations.
@@ -99,6 +99,9 @@ class Simulation:
     OpeningError for an inflow or outflow in a body.
     """
 
+    time: float
+    ahead: float
+
     def __init__(self, plan: Plan):
         self.plan, self.size, self.region = plan, plan.size, plan.region
         # Coordinates [m] of the far walls, (3,).
@@ -125,7 +128,7 @@ class Simulation:
                 self.close()
                 raise OpeningError(k, str(error)) from None
         self.initial = {name: values[free] for name, values in plan.initial.items()}
-        self.particles.capacity = max(plan.capacity or 0, int(free.sum()))
+        self._capacity = self.particles.capacity = max(plan.capacity or 0, int(free.sum()))
         self.reset()
 
     def record_forces(self) -> None:
@@ -136,6 +139,24 @@ class Simulation:
     def close(self) -> None:
         """Returns the fields to the stock; the simulation is unusable afterwards."""
         self._lease()
+
+    def park(self) -> None:
+        """Returns the fields to the stock until unpark(), so that another simulation can use them
+        with their compiled kernels; the state moves to the host."""
+        mark = self.mark()
+        self._parked = mark, self.world.parts.impulses.totals()
+        self._lease()
+
+    def unpark(self) -> None:
+        """Continues after park(), in the same world, which must be in the stock."""
+        take_again(self.world)
+        self._lease = weakref.finalize(self, give_back, self.world)
+        capacity = self._capacity
+        self.world.load(self.plan)
+        self.particles.capacity = capacity
+        mark, totals = self._parked
+        self._put_back(mark)
+        self.world.parts.impulses.restore(totals)
 
     def reset(self) -> None:
         """Restores the initial state at time zero."""
@@ -175,6 +196,8 @@ class Simulation:
         """
         deadline = math.inf if budget is None else clock() + budget
         left, forces = duration - self.ahead, external.at(self.time, 0.0)
+        floating, since = self.boundary.floating, self.reached
+        before = floating.poses()
         rounding = 1e-6 * duration
         while left > rounding:
             now = self.time + duration - left
@@ -201,6 +224,9 @@ class Simulation:
         done = duration - left if left > rounding else duration
         self.time, self.ahead = self.time + done, max(-left, 0.0) if -left > rounding else 0.0
         self.rim.fall(done, forces.apparent_gravity)
+        if floating.applied.any():
+            given = floating.applied_since(before, self.reached - since)
+            self.world.parts.impulses.add_user(*given)
         return done
 
     @property
@@ -390,8 +416,12 @@ class Simulation:
 
     def undo(self, mark: Mark) -> None:
         """Restores the state of a mark()."""
-        checkpoint.put_back(self, mark.state)
+        self._put_back(mark)
         self.world.parts.impulses.undo()
+
+    def _put_back(self, mark: Mark) -> None:
+        """Restores a mark without the sums of the ledger."""
+        checkpoint.put_back(self, mark.state)
         self.rim.mass, self.rim.outflow = mark.left
         self.boundary.impulse, self.boundary.twist, self.boundary.removed_impulse = mark.received
 

@@ -162,6 +162,11 @@ def take(needed: Room) -> World:
     return found
 
 
+def take_again(world: World) -> None:
+    """Takes a certain world from the stock."""
+    _stock.remove(world)
+
+
 def give_back(world: World) -> None:
     """Returns a world to the stock."""
     _stock.insert(0, world)

@@ -16,7 +16,7 @@ from msph.fluid.boundary.body_faces import samples
 from msph.fluid.boundary.rigid_bodies import centre
 from msph.measure.snapshot import SURFACE_COVERAGE, Snapshot
 from msph.scene import schema
-from msph.scene.bodies import bodies, names
+from msph.scene.bodies import bodies, number_of
 from msph.scene.schema import Scene
 from msph.scene.water import layer_specs
 
@@ -196,8 +196,8 @@ class ForceProbe(Probe):
 
     @classmethod
     def of(cls, name: str, scene: Scene, body: str) -> "ForceProbe":
-        """Returns the probe of a body by its key in the scene: container, bodies.0, ..."""
-        number = names(scene).index(body)
+        """Returns the probe of a body by its name or key in the scene: container, bodies.0, ..."""
+        number = number_of(scene, body)
         shape = bodies(scene)[number]
         edge = MAX_EDGE * min(s.spacing for s in layer_specs(scene))
         points, areas = samples(shape, edge, MAX_FACES)

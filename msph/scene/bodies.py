@@ -1,6 +1,7 @@
 """Building and checking the bodies of a scene, its container included."""
 
 import math
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -39,11 +40,26 @@ def bodies(scene: Scene) -> list[Body]:
     return [*found, *wave_makers(scene)]
 
 
-def names(scene: Scene) -> list[str]:
-    """Returns the names of the bodies of a scene in the order of bodies()."""
+def keys(scene: Scene) -> list[str]:
+    """Returns the keys of the bodies in the scene's file in the order of bodies()."""
     outer = ["container"] if scene.container else []
     own = [f"bodies.{k}" for k in range(len(scene.bodies))]
     return outer + own + [f"wavemakers.{k}" for k in range(len(scene.wavemakers))]
+
+
+def names(scene: Scene) -> list[str]:
+    """Returns the names of the bodies in the order of bodies(), their keys where they have none."""
+    given = {f"bodies.{k}": b.name for k, b in enumerate(scene.bodies)}
+    return [given.get(key) or key for key in keys(scene)]
+
+
+def number_of(scene: Scene, body: str) -> int:
+    """Returns the index of a body, given by its name or key. Raises SceneError."""
+    for known in (names(scene), keys(scene)):
+        if body in known:
+            return known.index(body)
+    listed = ", ".join(names(scene)) or "none"
+    raise SceneError("", f"the scene has no body {body}; known: {listed}")
 
 
 def body(given: schema.Body, duration: float, key: str) -> Body:
@@ -120,6 +136,9 @@ def check_bodies(scene: Scene, spacing: float, where: str) -> list[Body]:
         check_inside(*found[0].bounds, scene.box.size, where, "container")
     for i, given in enumerate(scene.bodies):
         found.append(_check_body(scene, given, spacing, where, f"bodies.{i}"))
+    for name, others in Counter(names(scene)).items():
+        if others > 1:
+            raise SceneError(where, f"there are {others} bodies named {name!r}", "bodies")
     check_wave_makers(scene, where)
     return [*found, *wave_makers(scene)]
 

@@ -4,7 +4,7 @@ import math
 
 from msph.fluid.boundary.rigid_bodies import Body, Solid, bounding_radius
 from msph.fluid.particles.layers import LayerSpec
-from msph.scene.bodies import bodies, names
+from msph.scene.bodies import bodies, keys
 from msph.scene.schema import Scene
 from msph.scene.water import layer_specs, particle_count
 
@@ -26,8 +26,8 @@ def steps_per_second(scene: Scene, specs: list[LayerSpec], solids: list[Body]) -
         return sound / (scene.classic.courant * h), "classic.stiffness"
     p = scene.projection
     needed = {"projection.longest_step": 1.0 / p.longest_step}
-    for name, body in zip(names(scene), solids, strict=True):
-        needed[name] = body.motion.top_speed(bounding_radius(body)) / (p.cfl * d)
+    for key, body in zip(keys(scene), solids, strict=True):
+        needed[key] = body.motion.top_speed(bounding_radius(body)) / (p.cfl * d)
     key = max(needed, key=lambda name: needed[name])
     return needed[key], key
 

@@ -2,8 +2,10 @@
 
 import contextlib
 import copy
+import os
 import re
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -25,33 +27,65 @@ else:
 
 # Decimal points without a digit before or after them, which TOML does not allow.
 BARE_POINT, BARE_END = re.compile(r"(?<![\w.])\.(?=\d)"), re.compile(r"(?<=\d)\.(?![\w.])")
+# Name of a scene without a file, in messages.
+TABLES = "scene"
 # Largest number of characters of a value in a message.
 MAX_VALUE = 80
 # Errors of tomllib: for wrong syntax, for integers of thousands of digits, for deep nesting.
 UNREADABLE = (tomllib.TOMLDecodeError, ValueError, RecursionError)
 
 
-def load_scene(name: str, overrides: tuple[str, ...] = ()) -> Scene:
-    """Returns the checked scene of a path or shipped name with the overrides "key=value" applied.
+def load_scene(given: str | dict, overrides: Iterable[str] | dict[str, Any] = ()) -> Scene:
+    """Returns the checked scene of a path, a shipped name, or the tables of a file, with overrides
+    applied: texts "key=value", or values by key.
 
     A file may hold `variants`, named tables of changes, and `variant`, the name of the table
     to apply; an override `variant=NAME` selects another. Raises SceneError.
     """
-    path = find_scene(name)
-    data = read_toml(path)
-    settings = [parse_override(text) for text in overrides]
-    data = choose_variant(data, settings, path.name)
+    if isinstance(given, dict):
+        data, where, folder = plain(given), TABLES, Path()
+    else:
+        path = find_scene(given)
+        data, where, folder = read_toml(path), path.name, path.parent
+    if isinstance(overrides, dict):
+        settings = list(plain(overrides).items())
+    else:
+        settings = [parse_override(text) for text in overrides]
+    data = choose_variant(data, settings, where)
     for key, value in settings:
         if key != "variant":
             assign(data, key, value, where="--set")
     for table, key in files_of(data):
-        table[key] = resolve(table[key], path.parent)
+        table[key] = resolve(table[key], folder)
+    return checked(data, where)
+
+
+def checked(data: dict[str, Any], where: str) -> Scene:
+    """Returns the scene of the tables of a file. Raises SceneError."""
     try:
         scene = Scene.model_validate(data)
     except ValidationError as error:
-        raise explain(error, path.name) from None
-    check(scene, path.name)
+        raise explain(error, where) from None
+    check(scene, where)
     return scene
+
+
+def with_probe(scene: Scene, probe: dict[str, Any], where: str) -> Scene:
+    """Returns the scene with a further probe, given as its table. Raises SceneError."""
+    data = scene.model_dump(mode="json", exclude_none=True)
+    return checked({**data, "probes": [*data["probes"], plain(probe)]}, where)
+
+
+def plain(value: Any) -> Any:
+    """Returns a copy of tables and lists in which arrays, tuples and NumPy's numbers are lists and
+    Python's numbers, and paths are texts."""
+    if isinstance(value, dict):
+        return {str(key): plain(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(each) for each in value]
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    return value.tolist() if hasattr(value, "tolist") else value
 
 
 def files_of(data: dict[str, Any]) -> list[tuple[dict[str, Any], str]]:

@@ -136,9 +136,7 @@ class Probe(Section):
         0.0, ge=0.0, le=10.0, unit="s", text="pressure: averaging time of the readings"
     )
     body: str | None = parameter(
-        None,
-        pattern=r"^(container|bodies\.[0-9]+)$",
-        text="force and torque: body, such as bodies.0",
+        None, text="force and torque: name of the body, or its key, such as bodies.0"
     )
     at: Place | None = parameter(None, unit="m", text="height: x and z of the column of water")
     axis: Literal["+x", "-x", "+y", "-y", "+z", "-z"] | None = parameter(

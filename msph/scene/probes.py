@@ -3,7 +3,7 @@
 import numpy as np
 
 from msph.fluid.boundary.rigid_bodies import Ball, Block
-from msph.scene.bodies import bodies
+from msph.scene.bodies import bodies, number_of
 from msph.scene.errors import TOLERANCE, SceneError, in_metres
 from msph.scene.observation import Probe
 from msph.scene.schema import Scene
@@ -47,13 +47,10 @@ def _check_probe(scene: Scene, probe: Probe, where: str, key: str) -> None:
             problem = "must equal lo on one axis and exceed it on the others, to form a rectangle"
             raise SceneError(where, problem, f"{key}.hi")
     if probe.body is not None:
-        bodies = {f"bodies.{i}" for i in range(len(scene.bodies))}
-        bodies |= {"container"} if scene.container else set()
-        if probe.body not in bodies:
-            known = ", ".join(sorted(bodies)) or "none"
-            raise SceneError(
-                where, f"the scene has no body {probe.body}; known: {known}", f"{key}.body"
-            )
+        try:
+            number_of(scene, probe.body)
+        except SceneError as error:
+            raise SceneError(where, error.problem, f"{key}.body") from None
 
 
 def check_probes(scene: Scene, where: str) -> None:

@@ -117,6 +117,9 @@ class Body(Placed):
     With density or mass it floats; otherwise it is fixed or in prescribed motion.
     """
 
+    name: str = parameter(
+        "", pattern=r"^[A-Za-z0-9_-]*$", text="name in tables and scripts; default: bodies.0, ..."
+    )
     lo: Vector | None = parameter(None, unit="m", text="lower corner of a box")
     hi: Vector | None = parameter(None, unit="m", text="upper corner of a box")
     centre: Vector | None = parameter(None, unit="m", text="centre of a ball")

@@ -29,16 +29,16 @@ from msph.scene.bodies import names
 from msph.scene.library import find_scene, shipped_scenes
 from msph.scene.load import read_toml
 from msph.scene.parameters import parameters
-from msph.scene.parts import with_value
 from msph.scene.quality import costs
 from msph.scene.schema import Scene
 from msph.stage.benchmark import SIZE as BENCH_SIZE
 from msph.stage.benchmark import PlayResult, Result, benchmark, benchmark_play, profile_lines
 from msph.stage.explain import explain
-from msph.stage.loaded import Loaded, at, exclude, options_of, with_input
+from msph.stage.loaded import Loaded, at, exclude, options_of, smooth, with_input
 from msph.stage.loop import run as run_loop
+from msph.stage.outputs import NUMBER, Outputs, check_files, check_outputs
 from msph.stage.preparation import prepare, say
-from msph.stage.recorder import NUMBER, Outputs, Recorder, check_files, check_outputs
+from msph.stage.recorder import Recorder
 from msph.stage.recording import Header, Recording, with_recording
 from msph.stage.replaying import ROUNDING, InputRecorder
 from msph.stage.row import Row
@@ -47,8 +47,11 @@ from msph.stage.trial import SIZE as PLAY_SIZE
 # Capture by `play` if no window can be opened: duration [s], frames per second, size [pixels] and
 # time of the still image [s].
 FALLBACK_SECONDS, FALLBACK_FPS, FALLBACK_SIZE, STILL_TIME = 10.0, 30.0, (1280, 720), 1.0
-# Rays per pixel along each axis in recordings, which need not be made in real time.
-SMOOTH = 2
+# Printed after a capture by `play`.
+NEXT = (
+    "try next: msph scenes; msph capture drop -o drop.webp; msph lesson; "
+    "in Python: import msph (docs/python.md)"
+)
 # Largest number of frames of a recording: six digits in file names.
 MAX_FRAMES = 1_000_000
 # Exit code of a benchmark with an unstable simulation.
@@ -73,23 +76,22 @@ def capture_instead(scene: str, options: PlayOptions, run: RunOptions, reason: s
         replay=options.replay,
     )
     capture(None if options.replay else scene, instead, run)
+    if not options.replay:
+        say(NEXT)
 
 
 def capture(scene: str | None, options: CaptureOptions, run: RunOptions) -> None:
     """Records a scene to files."""
     scene, run, recording = with_recording(scene, run, options.replay)
     exclude("--replay", recording, "--resume", options.resume)
-    loaded = load_scene(scene, run.overrides)
-    if "supersample" not in loaded.picture.model_fields_set:
-        loaded = with_value(loaded, "picture.supersample", SMOOTH)
-    more = list(options.meshes), list(options.particles), list(options.bodies)
-    some = options.outputs or any(more)
+    loaded = smooth(load_scene(scene, run.overrides))
+    written = options.meshes, options.particles, options.bodies, options.droplets, options.usd
+    meshes, particles, bodies, droplets, usd = map(list, written)
+    some = options.outputs or any(written)
     video = ".webm" if loaded.picture.alpha else ".mp4"
     pictures = list(options.outputs if some else [default_output(scene, video)])
-    files = Outputs(pictures, *more)
-    check_outputs(files, options.fps, loaded.picture.alpha)
-    if files.bodies and not (recording or names(loaded)):
-        raise OutputError(f"{files.bodies[0]}: the scene has no bodies")
+    files = Outputs(pictures, meshes, particles, bodies, droplets, usd, options.mesh_layer)
+    check_outputs(files, options.fps, loaded.picture.alpha, bool(recording or names(loaded)))
     since = time_of(Path(options.resume)) if options.resume else 0.0
     first, seconds = round(since * options.fps), options.seconds or loaded.duration
     total = round(seconds * options.fps)
@@ -211,21 +213,23 @@ def record(
     frames: int,
 ) -> None:
     """Records a scene to files; after an interrupt the files are complete up to that frame."""
-    size, meshes = options.size if files.pictures else None, bool(files.meshes)
+    size = options.size if files.pictures else None
     # Exported data are states of the solver at the times of frames, or at those of a session.
-    data = files.meshes or files.particles or files.bodies
-    how = {"free_steps": not data, **options_of(recording, options.resume)}
+    how = {"free_steps": not files.data, **options_of(recording, options.resume)}
     fps, scene_path, text = options.fps, scene_file(files), loaded.toml()
     # A resumed recording finds the scene file of its first part.
     same = scene_path.is_file() and scene_path.read_bytes() == text.encode()
     if not same:
         check_files([scene_path], inputs_of(loaded.name, options))
         claim([scene_path], options.force)
-    show = prepare(loaded.scene, 1.0 / fps, size, meshes=meshes, density_every=math.inf, **how)
+    how |= {"meshes": files.surface, "density_every": math.inf}
+    show = prepare(loaded.scene, 1.0 / fps, size, **how)
+    show.display.sprayed = files.sprayed
     if options.resume:
         show.resume(Path(options.resume))
     still = None if options.still_time is None else max(1, round(options.still_time * fps))
-    recorder = Recorder(files, frames, fps, still, first=first)
+    aspect = options.size[0] / options.size[1]
+    recorder = Recorder(files, frames, fps, still, first=first, aspect=aspect)
     audience = with_input(recorder, recording, every=1.0 / fps)
     if options.record_input:
         header = Header.of(loaded.name, loaded.quality, loaded.overrides)

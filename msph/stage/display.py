@@ -22,6 +22,7 @@ from msph.stage.floats import floating_at
 from msph.stage.pose import Pose
 from msph.stage.views import Views
 from msph.surface import Surface, SurfaceRoom, surface_of
+from msph.surface.mesh import SurfaceMesh
 from msph.surface.whitewater import whitewater_of
 
 # `below` of Camera.framing: leaves room for a window's line of hints below the box.
@@ -45,29 +46,43 @@ class Display:
         timings: Timings | None,
     ):
         self.simulation, self.scene, self.pose, self.meshes = simulation, scene, pose, meshes
+        # True if the spray is droplets, as in images, instead of a part of the mesh.
+        self.sprayed = not meshes
         self.stage = timings.stage if timings else no_stage
         self.substage = timings.substage if timings else no_stage
         self.shown: Any = None  # water at the end of the frame, if it is drawn
-        self.surface: Any = self._load_surface() if size or meshes else None
-        self.picture: Any = self._load_picture(size) if size else None
-        self.views: Any = Views(simulation, scene) if size else None
-        white = size and scene.picture.whitewater
-        self.whitewater: Any = simulation.world.build_once(whitewater_of) if white else None
+        self.surface: Any = None
+        self.picture: Any = None
+        self.views: Any = None
+        self.whitewater: Any = None
+        self.load(size)
+
+    def load(self, size: tuple[int, int] | None) -> None:
+        """Loads the parts for images of `size` (width, height) [pixels], None for no images."""
+        world = self.simulation.world
+        self.surface = self._load_surface() if size or self.meshes else None
+        self.picture = self._load_picture(size) if size else None
+        self.views = Views(self.simulation, self.scene) if size else None
+        white = self.surface and self.scene.picture.whitewater
+        self.whitewater = world.build_once(whitewater_of) if white else None
         if self.whitewater:
             self.whitewater.reset()
         if size:
             self.camera = self.framing()
 
-    def framing(self, free: float = 1.0, stretch: float = 1.0) -> Camera:
+    def framing(
+        self, free: float = 1.0, stretch: float = 1.0, aspect: float | None = None
+    ) -> Camera:
         """Returns the scene's camera now, with the box within the right share `free` of the image;
-        stretch: see Camera."""
-        c, picture = self.scene.camera, self.picture
+        stretch: see Camera; aspect: width over height of the image, by default of the picture."""
+        c = self.scene.camera
+        aspect = aspect or self.picture.width / self.picture.height
         x, y, z = self.scene.box.size
         centre = 0.5 * x, 0.5 * y, 0.5 * z
         azimuth, elevation, zoom, target = orbit_at(c, self.simulation.time, centre)
         camera = Camera.framing(
             self.scene.box.size,
-            aspect=free * stretch * picture.width / picture.height,
+            aspect=free * stretch * aspect,
             azimuth=math.radians(azimuth),
             elevation=math.radians(elevation),
             fov=math.radians(c.fov),
@@ -151,7 +166,7 @@ class Display:
         water = self.picture is not None and self.views.name == "water"
         if self.surface and (water or self.meshes):
             with self.stage("surface"), self.shown.at_frame(self.simulation):
-                self.surface.extract(for_image=not self.meshes)
+                self.surface.extract(for_image=self.sprayed)
         if self.picture:
             self._render()
 
@@ -171,7 +186,7 @@ class Display:
         with self.stage("picture"):
             if self.views.name == "water":
                 with self.simulation.boundary.shifted(-self.simulation.ahead):
-                    self.picture.draw_water(self.view, self.pose.tilt, not self.meshes)
+                    self.picture.draw_water(self.view, self.pose.tilt, self.sprayed)
                 return
             self.views.neighbourhood.follow()
             if self.views.cut is not None:
@@ -231,11 +246,15 @@ class Display:
 
     def volume(self) -> float:
         """Returns the volume enclosed by the surface mesh [m^3]; NaN if the mesh overflowed."""
+        mesh = self.extracted()
+        return math.nan if mesh.overflowed() else mesh.volume()
+
+    def extracted(self) -> SurfaceMesh:
+        """Extracts and returns the surface, spray included."""
         self.surface = self.surface or self._load_surface()
         with self.shown.at_frame(self.simulation):
             self.surface.extract()
-        mesh = self.surface.mesh
-        return math.nan if mesh.overflowed() else mesh.volume()
+        return self.surface.mesh
 
     def overflow(self) -> str | None:
         """Returns the message about a truncated mesh, or None."""

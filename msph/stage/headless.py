@@ -11,15 +11,18 @@ from msph.stage.row import Row
 
 
 class Headless(Audience):
-    """Runs a fixed number of frames without input. Raises TooLongError."""
+    """Runs a fixed number of frames with the same input, by default none. Raises TooLongError."""
 
-    def __init__(self, frames: int):
-        self.frames = frames
+    def __init__(self, frames: int, controls: Controls | None = None):
+        self.frames, self.given = frames, controls or Controls()
         self.done = 0
         self.progress = Progress(frames, shown=False)
 
     def wants_more(self, row: Row) -> bool:
         return self.done < self.frames
+
+    def controls(self, row: Row) -> Controls:
+        return self.given
 
     def within(self, row: Row, share: float) -> None:
         self.progress.within(share, row.lead.pace)

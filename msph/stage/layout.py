@@ -11,6 +11,7 @@ from msph.stage import pages
 from msph.stage.graphs import Graphs
 from msph.stage.idle import Idle
 from msph.stage.pacer import Pacer
+from msph.stage.panel import PAGES
 from msph.stage.row import Row, show_with_picked
 from msph.stage.status import EVERY, Status
 from msph.stage.window import ARROWS
@@ -24,8 +25,9 @@ PANELS = ("", "settings", "graphs")
 
 
 class Layout:
-    """Pages of a window of size (width, height) [pixels]. panel: one of PANELS, "" for no column.
-    Call begin() before the first frame of each scene."""
+    """Pages of a window of size (width, height) [pixels]. panel: one of PANELS, "" for no column;
+    it stays open over scenes, as does the page of settings. Call begin() before the first frame of
+    each scene."""
 
     def __init__(self, size: tuple[int, int]):
         width, height = self.size = size
@@ -36,11 +38,11 @@ class Layout:
         rooms["graphs"] = rooms["settings"] = self.column, height
         rooms["tools"] = rooms["help"] = size
         self.overlay = Overlay(width, height, rooms)
+        self.panel, self.page = "", PAGES[0]
         self.begin("")
 
     def begin(self, quality: str) -> None:
         """Resets all pages for a scene at this quality."""
-        self.panel = ""
         # Height at the lower edge [pixels] and keys taken by a lesson.
         self.below, self.taken = 0, frozenset[str]()
         self.status, self.graphs = Status(quality), Graphs()
@@ -96,6 +98,9 @@ class Layout:
         self.overlay.hide("graphs")
         self.overlay.hide("settings")
         self.hinted = None
+        if not self.idle:
+            # The column would cover a message that was shown without it.
+            self._put_message(self.message)
 
     def show_message(self, message: str) -> None:
         """Shows a message for MESSAGE_TIME."""

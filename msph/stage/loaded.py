@@ -9,6 +9,7 @@ from msph.device import start
 from msph.measure.past import particles_in
 from msph.options import AUTO, RunOptions
 from msph.scene.load import to_toml
+from msph.scene.parts import with_value
 from msph.scene.quality import at_quality
 from msph.scene.schema import Scene
 from msph.stage.loop import Audience
@@ -16,6 +17,9 @@ from msph.stage.recording import Recording
 from msph.stage.replaying import Replayer
 from msph.stage.show import SIMULATED
 from msph.stage.trial import finest_in_real_time
+
+# Rays per pixel along each axis in recordings, which need not be made in real time.
+SMOOTH = 2
 
 
 @dataclass(frozen=True)
@@ -42,6 +46,12 @@ def at(scene: Scene, name: str, run: RunOptions) -> Loaded:
         if found.row:
             found.row.close()
     return Loaded(at_quality(scene, quality, name), name, quality, arch, run.overrides)
+
+
+def smooth(scene: Scene) -> Scene:
+    """Returns the scene for images that need not be made in real time."""
+    given = "supersample" in scene.picture.model_fields_set
+    return scene if given else with_value(scene, "picture.supersample", SMOOTH)
 
 
 def options_of(recording: Recording | None, resume: str | None = None) -> dict[str, Any]:

@@ -98,6 +98,7 @@ class Measurer:
 
     def _begin(self, show: Show) -> None:
         """Records the initial state, or reads the earlier entries of a resumed run."""
+        self.progress.start()
         self.show, self.started = show, show.simulation.counts()
         self.first_step = show.simulation.steps
         self.bodies = BodyTable(show.simulation)

@@ -31,7 +31,7 @@ class Menu:
     ):
         self.row, self.choice, self.layout, self.pacer = row, choice, layout, pacer
         self.arguments = arguments
-        self.panel = Panel(row.lead, choice.scene, choice.quality_now)
+        self.panel = Panel(row.lead, choice.scene, choice.quality_now, layout.page)
         self.next: Choice | None = None
         self.chosen = 0.0  # time of the selection [s]
         self.changes: dict[str, float | None] = {}
@@ -55,6 +55,7 @@ class Menu:
             x, y = self.layout.on_column(cursor)
             for request in self.panel.touch(x, y, down, pressed):
                 self.apply(request)
+            self.layout.page = self.panel.page
 
     def apply(self, request: Request) -> None:
         """Carries out a request of the panel."""

@@ -37,9 +37,9 @@ class Request:
 class Panel:
     """Panel of a scene (name or file) at a quality. page: the open one of PAGES."""
 
-    def __init__(self, show: Show, scene: str, quality: str):
+    def __init__(self, show: Show, scene: str, quality: str, page: str = PAGES[0]):
         self.live: list[Live] = live_parameters(show.scene)
-        self.scene, self.quality, self.page = scene, quality, PAGES[0]
+        self.scene, self.quality, self.page = scene, quality, page
         self.sheet: Sheet | None = None
         self.grip = Grip()
         self.painted: Any = None

@@ -60,7 +60,9 @@ class Player(Audience):
             # A lesson gives its own hints, and only the user moves the pool.
             self.idle.tried |= set(ACTIONS.values())
             self.idle.sways = False
-            layout.below, layout.taken = guide.below, guide.taken
+            layout.below, layout.taken, layout.panel = guide.below, guide.taken, ""
+        elif layout.panel:
+            lead.display.camera = self._framing()
         self.runs = self.guide.runs
         self.offer: LostSession | None = None  # offered to the user
         self.paused = self.single_step = self.done = self.helping = False

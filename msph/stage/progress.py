@@ -7,6 +7,7 @@ from collections.abc import Callable
 from tqdm import tqdm
 
 from msph.errors import BadInputError
+from msph.launches import compile_time
 from msph.scene.effort import in_words
 
 # Time [s] beyond which the bar shows the progress within a frame, and beyond which a line says why
@@ -22,6 +23,12 @@ GROWTH = 3.0
 LINES = 10
 
 
+def running_time() -> float:
+    """Returns the time [s] of a clock that stops while kernels compile: compiling takes as long as
+    hundreds of frames, and only once."""
+    return time.monotonic() - compile_time()
+
+
 class TooLongError(BadInputError):
     """A run that is expected to take more than a day."""
 
@@ -30,7 +37,7 @@ class Progress:
     """Progress of `total` frames, of which `initial` are already done, on stderr if `shown`: a bar
     on a terminal, otherwise a line per tenth. Slow frames are explained in one line.
 
-    clock: time.monotonic, or a test double.
+    clock: running_time, or a test double.
     """
 
     def __init__(
@@ -38,7 +45,7 @@ class Progress:
         total: int,
         shown: bool,
         initial: int = 0,
-        clock: Callable[[], float] = time.monotonic,
+        clock: Callable[[], float] = running_time,
     ):
         terminal = sys.stderr.isatty()
         self.bar = tqdm(
@@ -53,10 +60,15 @@ class Progress:
         self.shown, self.lines = shown, shown and not terminal
         self.clock = clock
         # Start of the run, and of the bar's last change within the frame [s].
-        self.begin = self.since = clock()
-        # Time [s] and number of frames at the last estimate; the expected time [s] printed last;
-        # True if the last estimate exceeded LONGEST_RUN.
-        self.seen, self.expected, self.too_long = (self.begin, float(initial)), 0.0, False
+        # Time [s] and number of frames at the last estimate.
+        self.start()
+        # The expected time [s] printed last; True if the last estimate exceeded LONGEST_RUN.
+        self.expected, self.too_long = 0.0, False
+
+    def start(self) -> None:
+        """Starts the clock, if the frames begin later than this object."""
+        self.begin = self.since = self.clock()
+        self.seen = self.begin, float(self.done)
 
     def within(self, share: float, pace: Callable[[], str]) -> None:
         """Displays the completed share (0 to 1) of the current frame; pace: returns how the frame

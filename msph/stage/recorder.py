@@ -2,9 +2,8 @@
 
 import contextlib
 import itertools
-import re
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,18 +13,30 @@ from PIL import Image
 
 from msph.errors import LostOutputError
 from msph.measure.body_table import BodyTable
-from msph.measure.table import column
-from msph.own_files import OutputError, place_of, writing, written
-from msph.stage import vtu
+from msph.own_files import writing, written
+from msph.stage import usd, vtu
+from msph.stage.exports import (
+    PARAVIEW,
+    BodyFiles,
+    write_droplets,
+    write_mesh,
+    write_particles,
+)
 from msph.stage.loop import Audience
+from msph.stage.outputs import (
+    ANIMATION,
+    BODIES,
+    VIDEO,
+    Outputs,
+    kind,
+    list_name,
+    numbered,
+    numbered_name,
+)
 from msph.stage.progress import Progress
 from msph.stage.row import Row
 from msph.stage.show import Show
 
-VIDEO = (".mp4", ".mov", ".mkv", ".webm")
-PARAVIEW = ".vtu"
-MESH = (".ply", ".obj", PARAVIEW)
-TABLE = (".npz", ".csv", PARAVIEW)
 # Encoder's constant quality, 0 to 10; lower values blur the fine detail of water.
 VIDEO_QUALITY = 8
 # WebM needs VP9, here at about the same quality and in real-time mode, since the default mode takes
@@ -35,47 +46,17 @@ WEBM: dict[str, Any] = {
     "quality": None,
     "output_params": ["-crf", "24", "-b:v", "0", "-deadline", "realtime", "-cpu-used", "5"],
 }
-# Placeholder of the frame number in a file name.
-NUMBER = re.compile(r"%0?[1-9]?d")
-# Animated images, and the largest frame rate of a GIF, whose frames last at least 0.02 s.
-ANIMATION = (".gif", ".webp")
-GIF_FPS = 50.0
-# Formats that may have an alpha channel.
-ALPHA = (".png", ".webp", ".webm")
+# Width over height of the camera's image in USD.
+ASPECT = 16.0 / 9.0
 # Quality of lossy WebP, 0 to 100: 75 shows no blocks in water.
 WEBP_QUALITY = 75
 
 
-@dataclass(frozen=True)
-class Outputs:
-    """Files to record. pictures: video (.mp4, .mov, .mkv, .webm), animation (.gif, .webp), still
-    image (.png), or one .png per frame with a number such as %04d in its name; meshes of the
-    surface (.ply, .obj, .vtu), particles (.npz checkpoint, .csv, .vtu) and bodies (.vtu): with
-    frame numbers."""
-
-    pictures: list[Path] = field(default_factory=list)
-    meshes: list[Path] = field(default_factory=list)
-    particles: list[Path] = field(default_factory=list)
-    bodies: list[Path] = field(default_factory=list)
-
-    def all(self) -> list[Path]:
-        return [*self.pictures, *self.meshes, *self.particles, *self.bodies]
-
-    def names(self, first: int, frames: int) -> list[Path]:
-        """Returns all files of a recording of `frames` frames, numbered from `first`."""
-        found: list[Path] = []
-        for path in self.all():
-            numbers = range(first, first + frames) if numbered(path) else (first,)
-            found += (numbered_name(path, number) for number in numbers)
-            if kind(path) == PARAVIEW:
-                found.append(list_name(path, first))
-        return found
-
-
 class Recorder(Audience):
     """Writes `frames` frames at `fps` to the outputs, and frame `still` (default: the last) to the
-    still images. first: number of the first frame in file names, after a checkpoint. Raises
-    LostOutputError if a file cannot be written completely."""
+    still images. first: number of the first frame in file names, after a checkpoint. aspect: width
+    over height of the camera's image. Raises LostOutputError if a file cannot be written
+    completely."""
 
     def __init__(
         self,
@@ -85,10 +66,11 @@ class Recorder(Audience):
         still: int | None = None,
         bar: bool = True,
         first: int = 0,
+        aspect: float = ASPECT,
     ):
         self.frames, self.fps = frames, fps
         self.still = frames if still is None else min(still, frames)
-        self.done, self.first = 0, first
+        self.done, self.first, self.aspect = 0, first, aspect
         self.outputs, self.lost = outputs, set[Path]()
         self.last: Any = None  # last recorded image, (height, width, 3 or 4) uint8
         self.videos = [p for p in outputs.pictures if kind(p) in VIDEO]
@@ -96,20 +78,38 @@ class Recorder(Audience):
         self.animation_frames: list[np.ndarray] = []
         self.stills = [p for p in outputs.pictures if kind(p) == ".png" and not numbered(p)]
         self.pictures = [p for p in outputs.pictures if numbered(p)]
-        self.meshes, self.particles = outputs.meshes, outputs.particles
+        self.written: tuple[tuple[list[Path], Callable[[Path, Show], None]], ...] = (
+            (outputs.meshes, partial(write_mesh, layer=outputs.mesh_layer)),
+            (outputs.particles, write_particles),
+            (outputs.droplets, write_droplets),
+            ([p for p in outputs.bodies if kind(p) == PARAVIEW], self._write_bodies),
+        )
         # Time [s] and file of each frame, by .vtu output.
         self.lists: dict[Path, list[tuple[float, Path]]] = {
             p: [] for p in outputs.all() if kind(p) == PARAVIEW
         }
-        self.motions: Any = None  # BodyTable of the bodies, if they are written
+        self.motions: Any = None  # BodyTable of the bodies
+        self.films: dict[Path, Any] = {}  # files of all frames of bodies, and of USD
         self.writers: list = []
         self.progress = Progress(frames, bar)
 
     def wants_more(self, row: Row) -> bool:
-        if self.outputs.bodies and not self.motions:
-            self.motions = BodyTable(row.lead.simulation)
-            self.motions.numbers(row.lead.simulation.reached)
+        if not self.motions:
+            self._begin(row.lead)
         return self.done < self.frames
+
+    def _begin(self, show: Show) -> None:
+        """Opens the files of all frames, and reads the forces on bodies from here on."""
+        self.motions = BodyTable(show.simulation)
+        self.motions.numbers(show.simulation.reached)
+        for path in self.outputs.bodies:
+            if kind(path) == BODIES:
+                self.films[path] = BodyFiles(path, show)
+        for path in self.outputs.usd:
+            self.films[path] = usd.Film(path, self.fps, self.aspect, show, self.outputs.mesh_layer)
+
+    def _write_bodies(self, path: Path, show: Show) -> None:
+        vtu.write_bodies(path, show.simulation, self.numbers)
 
     def within(self, row: Row, share: float) -> None:
         self.progress.within(share, row.lead.pace)
@@ -128,21 +128,18 @@ class Recorder(Audience):
         for path in self.pictures:
             with self._writing(path):
                 imageio.imwrite(self._numbered(path), self.last)
-        for path in self.meshes:
-            with self._writing(path):
-                write_mesh(self._numbered(path), row.lead)
-        for path in self.particles:
-            with self._writing(path):
-                write_particles(self._numbered(path), row.lead)
-        if self.outputs.bodies:
-            numbers = self.motions.numbers(row.lead.simulation.reached)
-            for path in self.outputs.bodies:
+        self.numbers = self.motions.numbers(row.lead.simulation.reached)
+        for paths, write in self.written:
+            for path in paths:
                 with self._writing(path):
-                    vtu.write_bodies(self._numbered(path), row.lead.simulation, numbers)
+                    write(self._numbered(path), row.lead)
+        for path, film in self.films.items():
+            with self._writing(path):
+                film.add(self.first + self.done)
         sim = row.lead.simulation
         for path, files in self.lists.items():
             # The mesh is that of the end of the frame.
-            time = sim.time if path in self.meshes else sim.reached
+            time = sim.time if path in self.outputs.meshes else sim.reached
             files.append((time, self._numbered(path)))
         self.done += 1
         self.progress.update()
@@ -159,6 +156,12 @@ class Recorder(Audience):
                 ends.callback(self._write_animation, path)
             for path, writer in zip(self.videos, self.writers, strict=False):
                 ends.callback(self._close_video, path, writer)
+            for path in self.outputs.usd if self.films else ():
+                ends.callback(self._close_film, path)
+
+    def _close_film(self, path: Path) -> None:
+        with self._writing(path):
+            self.films[path].close()
 
     def _close_video(self, path: Path, writer: Any) -> None:
         with self._writing(path):
@@ -246,105 +249,3 @@ def check_video(path: Path, frames: int) -> None:
         found = 0
     if found < frames:
         raise OSError(f"the encoder wrote {found} of {frames} frames")
-
-
-def kind(path: Path) -> str:
-    """Returns the file's suffix in lower case, which selects the format."""
-    return path.suffix.lower()
-
-
-def numbered_name(path: Path, number: int) -> Path:
-    """Returns the path with the frame number filled in, if it has a placeholder."""
-    return path.with_name(NUMBER.sub(lambda place: place[0] % number, path.name))
-
-
-def list_name(path: Path, first: int) -> Path:
-    """Returns the .pvd file of the .vtu files `path`; first: number of the first frame."""
-    stem = NUMBER.sub("", path.stem).rstrip("_-") or "frames"
-    return path.with_name(stem + (f"_from_{first}" if first else "") + ".pvd")
-
-
-def numbered(path: Path) -> bool:
-    """Returns True if the name has a frame number such as %04d."""
-    return NUMBER.search(path.name) is not None
-
-
-def check_outputs(outputs: Outputs, fps: float, alpha: bool = False) -> None:
-    """Raises OutputError for outputs of an unknown or unfit kind. alpha: the images have an alpha
-    channel."""
-    kinds = (
-        (outputs.pictures, (*VIDEO, *ANIMATION, ".png")),
-        (outputs.meshes, MESH),
-        (outputs.particles, TABLE),
-        (outputs.bodies, (PARAVIEW,)),
-    )
-    for paths, suffixes in kinds:
-        for path in paths:
-            check_output(path, suffixes)
-    paths = outputs.all()
-    if len({place_of(path) for path in paths}) < len(paths):
-        raise OutputError("the same output is named twice")
-    for path in outputs.pictures:
-        if alpha and kind(path) not in ALPHA:
-            known = ", ".join(ALPHA)
-            raise OutputError(f"{path}: no alpha channel (picture.alpha); with one: {known}")
-    if fps > GIF_FPS and any(kind(p) == ".gif" for p in paths):
-        raise OutputError(f"a GIF has at most {GIF_FPS:g} frames per second")
-    if any(kind(p) == PARAVIEW for p in paths) and not vtu.available():
-        raise OutputError(".vtu files need meshio: pip install 'msph[paraview]'")
-
-
-def check_files(paths: list[Path], inputs: list[Path]) -> None:
-    """Raises OutputError if a recording would write one of its files twice, or over an input."""
-    read, seen = {place_of(path) for path in inputs}, set[Path]()
-    for path in paths:
-        place = place_of(path)
-        if place in read:
-            raise OutputError(f"{path}: is an input of this command; choose another name")
-        if place in seen:
-            raise OutputError(f"{path}: two outputs would write this file")
-        seen.add(place)
-
-
-def check_output(path: Path, suffixes: tuple[str, ...]) -> None:
-    """Raises OutputError for a file name without one of these suffixes, or with a missing, extra or
-    unexpected frame number."""
-    if kind(path) not in suffixes:
-        raise OutputError(f"{path}: unknown kind of file; known: {', '.join(suffixes)}")
-    if len(NUMBER.findall(path.name)) > 1:
-        raise OutputError(f"{path}: has more than one frame number")
-    if kind(path) in (*MESH, *TABLE) and not numbered(path):
-        raise OutputError(f"{path}: needs a frame number in its name, such as %04d")
-    if kind(path) in (*VIDEO, *ANIMATION) and numbered(path):
-        raise OutputError(f"{path}: a video is one file and needs no frame number")
-
-
-def write_mesh(path: Path, show: Show) -> None:
-    """Writes the surface mesh in the format of the suffix."""
-    if kind(path) == PARAVIEW:
-        vtu.write_surface(path, show.display.surface.mesh, show.simulation)
-    else:
-        show.display.surface.mesh.export(path)
-
-
-def write_particles(path: Path, show: Show) -> None:
-    """Writes the particles in the format of the suffix."""
-    if kind(path) == PARAVIEW:
-        vtu.write_particles(path, show.simulation)
-    elif kind(path) == ".npz":
-        state: dict[str, Any] = show.simulation.state()
-        np.savez_compressed(path, **state)
-    else:
-        write_csv(path, show)
-
-
-def write_csv(path: Path, show: Show) -> None:
-    """Writes all carried attributes of the particles as columns with a header."""
-    columns, names = [], []
-    for name, attribute in show.simulation.particles.attributes.items():
-        if attribute.carried:
-            values = show.simulation.particles.numpy(name)
-            columns.append(values.reshape(len(values), -1))
-            parts = [f"{name}_{k}" for k in "xyz"] if attribute.width == 3 else [name]
-            names += [column(f"{part} [{attribute.unit}]") for part in parts]
-    np.savetxt(path, np.hstack(columns), delimiter=",", header=",".join(names), comments="")

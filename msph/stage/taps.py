@@ -23,8 +23,8 @@ HOLD = 1.5
 
 
 def tap(touch: "Touch") -> Hand:
-    """Pours water from above the point at which the press began."""
-    if touch.began:
+    """Pours water from above the point at which the press began, as soon as there is room."""
+    if touch.began or not touch.show.simulation.added_openings:
         size, d = touch.size, touch.show.simulation.layers.finest.spacing
         radius = _radius(touch)
         # The zone above the tap must be inside the box.

@@ -6,58 +6,50 @@ Point arrays have SI units in their names: velocity_m_per_s, pressure_Pa, layer,
 point gaussians and glyphs.
 """
 
-import importlib.util
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
 
-from msph.fluid.boundary.body_faces import faces
-from msph.fluid.boundary.rigid_bodies import centre
 from msph.fluid.simulation import Simulation
 from msph.measure.body_table import QUANTITIES
-from msph.measure.host_kernels import wendland
 from msph.measure.table import column
 from msph.own_files import replacing
-
-# Number of particles per layer averaged at a surface vertex: half a kernel's ball is air.
-NEAREST = 40
-
-
-def available() -> bool:
-    """Returns True if meshio is installed."""
-    return importlib.util.find_spec("meshio") is not None
+from msph.stage.meshes import body_mesh, foam_at, interpolated
+from msph.surface.mesh import SurfaceMesh
+from msph.surface.whitewater import Whitewater
 
 
 def write_particles(path: Path, simulation: Simulation) -> None:
     """Writes the particles as vertex cells."""
-    x, arrays = _particles(simulation)
-    cells = [("vertex", np.arange(len(x))[:, None])]
-    _write(path, x, cells, arrays, simulation.reached)
+    write_points(path, *_particles(simulation), simulation.reached)
 
 
-def write_surface(path: Path, mesh, simulation: Simulation) -> None:
-    """Writes the mesh with normals and the particles' values at its vertices: means weighted by
-    V_j W(r_j, h_j) (Shepard 1968), and the layer of the nearest particle."""
+def write_points(path: Path, x: np.ndarray, arrays: dict[str, np.ndarray], time: float) -> None:
+    """Writes points (n, 3) [m] with arrays at a time [s] as vertex cells."""
+    _write(path, x, [("vertex", np.arange(len(x))[:, None])], arrays, time)
+
+
+def write_surface(
+    path: Path, mesh: SurfaceMesh, simulation: Simulation, white: Whitewater | None
+) -> None:
+    """Writes the mesh with normals, the share of foam, and the particles' values at its vertices
+    (meshes.py)."""
     vertices, normals, triangles = mesh.to_numpy()
-    arrays = {"normal": normals}
-    if len(vertices):
-        arrays |= _at(vertices, simulation)
+    arrays = {"normal": normals} | interpolated(vertices, simulation, _particles(simulation)[1])
+    arrays["foam"] = foam_at(vertices, white, max(simulation.size))
     _write(path, vertices, [("triangle", triangles)], arrays, simulation.time)
 
 
 def write_bodies(path: Path, simulation: Simulation, numbers: np.ndarray) -> None:
     """Writes the faces of all bodies, with the index of the body, the velocity of the vertex, and
     the other numbers of BodyTable.numbers(), which are equal for all vertices of a body."""
-    boundary, shown = simulation.boundary, simulation.plan.bodies
     points, triangles, owner = [np.zeros((0, 3))], [np.zeros((0, 3), int)], [np.zeros(0, int)]
-    for b, body in enumerate(boundary.bodies):
-        # The bodies of the boundary are extended into walls.
-        mesh = faces(shown[b] if b < len(shown) else body)
-        turn, at = boundary.pose(b)[1], boundary.centre_at_end(b)
+    for b in range(simulation.boundary.count):
+        mesh = body_mesh(simulation, b)
         triangles.append(mesh.faces + sum(map(len, points)))
-        points.append(at + (mesh.vertices - centre(body)) @ turn.T)
+        points.append(mesh.vertices)
         owner.append(np.full(len(mesh.vertices), b))
     x, which = np.concatenate(points), np.concatenate(owner)
     parts = np.split(numbers[which], len(QUANTITIES), axis=1)
@@ -96,40 +88,10 @@ def _particles(simulation: Simulation) -> tuple[np.ndarray, dict[str, np.ndarray
     return p.numpy("x"), {column(head): values for head, values in arrays.items()}
 
 
-def _at(points: np.ndarray, simulation: Simulation) -> dict[str, np.ndarray]:
-    """Returns the arrays interpolated to `points` (p, 3) [m]."""
-    # Imported here because it is slow.
-    from scipy.spatial import cKDTree
-
-    x, arrays = _particles(simulation)
-    support = np.array([s.support for s in simulation.layers.specs])[arrays["layer"]]
-    # By layer, since a coarse particle that reaches a point is seldom among its nearest.
-    found_r, found_near = [], []
-    for layer in np.unique(arrays["layer"]):
-        own = np.flatnonzero(arrays["layer"] == layer)
-        some_r, some = cKDTree(x[own]).query(points, k=min(NEAREST, len(own)))
-        found_r.append(some_r.reshape(len(points), -1))
-        found_near.append(own[some].reshape(len(points), -1))
-    r, near = np.hstack(found_r), np.hstack(found_near)
-    order = r.argsort(axis=1)
-    r, near = np.take_along_axis(r, order, 1), np.take_along_axis(near, order, 1)
-    weight = arrays["spacing_m"][near] ** 3 * wendland(r, support[near])
-    # Outside every kernel the nearest particle gives the value.
-    weight[:, 0] += np.where(weight.sum(axis=1) > 0.0, 0.0, 1.0)
-    weight /= weight.sum(axis=1, keepdims=True)
-    found = {}
-    for name, values in arrays.items():
-        if name == "layer":
-            found[name] = values[near[:, 0]]
-        else:
-            found[name] = np.einsum("pk,pk...->p...", weight, values[near])
-    return found
-
-
 def _write(
     path: Path, points: np.ndarray, cells: list, arrays: dict[str, np.ndarray], time: float
 ) -> None:
-    import meshio  # an optional dependency
+    import meshio  # slow to import
 
     data: dict[str, Any] = {
         name: np.ascontiguousarray(values, np.int32 if values.dtype.kind == "i" else np.float32)

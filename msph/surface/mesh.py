@@ -1,7 +1,5 @@
 """Surface mesh in preallocated Taichi fields that are refilled every frame."""
 
-from pathlib import Path
-
 import numpy as np
 import taichi as ti
 
@@ -61,15 +59,3 @@ class SurfaceMesh:
         vertices, _, triangles = self.to_numpy()
         a, b, c = vertices.astype(np.float64)[triangles].transpose(1, 0, 2)
         return float(np.einsum("ti,ti->", a, np.cross(b, c))) / 6.0
-
-    def export(self, path: str | Path) -> None:
-        """Writes the mesh with its normals to a .ply or .obj file."""
-        import trimesh  # slow to import, and needed only here
-
-        vertices, normals, triangles = self.to_numpy()
-        mesh = trimesh.Trimesh(vertices, triangles, vertex_normals=normals, process=False)
-        suffix = Path(path).suffix.lower()
-        options = {".ply": "vertex_normal", ".obj": "include_normals"}
-        if suffix not in options:
-            raise ValueError(f"cannot export to '{suffix}': use .ply or .obj")
-        mesh.export(path, **{options[suffix]: True})

@@ -18,7 +18,7 @@ import taichi as ti
 
 from msph.device_table import DeviceTable, f32, i32
 from msph.fluid.particles.layers import SPHERE_RADIUS
-from msph.launches import data_oriented
+from msph.launches import data_oriented, kernel
 from msph.surface.room import SurfaceRoom
 
 vec3 = ti.math.vec3
@@ -86,6 +86,28 @@ class Spray:
         elapsed, self.elapsed = self.elapsed, 0.0
         self.frame += 1
         return self.frame, elapsed
+
+    def droplets(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Returns places (n, 3) [m], radii (n,) [m] and velocities (n, 3) [m/s] of all droplets at
+        the last extract()."""
+        n = self.count[None] * DROPLETS
+        x, radius, v = (np.zeros(shape, np.float32) for shape in ((n, 3), n, (n, 3)))
+        if n:
+            self._read(x, radius, v)
+        return x, radius, v
+
+    @kernel
+    def _read(
+        self,
+        x: ti.types.ndarray(dtype=ti.f32, ndim=2),
+        radius: ti.types.ndarray(dtype=ti.f32, ndim=1),
+        v: ti.types.ndarray(dtype=ti.f32, ndim=2),
+    ):
+        for q in range(radius.shape[0]):
+            place, r, speed = self.droplet(self.loose[q // DROPLETS], q % DROPLETS)
+            radius[q] = r
+            for k in ti.static(range(3)):
+                x[q, k], v[q, k] = place[k], speed[k]
 
     @ti.func
     def follow(self, i, looseness, frame, dt):

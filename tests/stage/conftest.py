@@ -10,6 +10,7 @@ from msph.scene import load_scene
 from msph.scene.live import live_parameters, read
 from msph.stage.layout import Layout
 from msph.stage.pacer import Pacer
+from msph.stage.panel import PAGES
 from msph.stage.row import Row
 from msph.stage.show import INTERACTIVE, Show
 from tests.scenes_kit import TEXT, WATER, write
@@ -58,6 +59,8 @@ def player(given, layout, tmp_path, monkeypatch):
     """
     monkeypatch.setattr(Pacer, "frame_time", FRAME)
     monkeypatch.setattr(Pacer, "budget", math.inf)
+    # Left open by an earlier test.
+    layout.panel, layout.page = "", PAGES[0]
     player = played(Row([given]), layout)
     player.saver.folder = tmp_path
     return player

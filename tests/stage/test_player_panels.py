@@ -18,6 +18,7 @@ from msph.stage.controls import ACTIONS, KEYS
 from msph.stage.display import BELOW
 from msph.stage.layout import GAP, HINTS, PANELS
 from msph.stage.panel import PAGES
+from msph.stage.player import Player
 from msph.stage.row import Row
 from tests.stage.player_kit import (
     HEIGHT,
@@ -356,3 +357,21 @@ def test_a_click_on_a_particle_shows_its_neighbours_and_accelerations(player, sh
     assert end[1] < begin[1] and np.all((begin > 0.0) & (begin < 1.0))
     press(player, show, "v")
     assert about.id is None
+
+
+def test_the_panel_and_its_page_stay_open_over_scenes_and_do_not_cover_messages(player, show):
+    """Regression: another scene or quality closed the panel, and opening the panel covered the
+    message that was shown."""
+    press(player, show, "i")
+    click(player, show, "page views")
+    layout, row = player.layout, player.row
+    again = Player(player.window, row, player.menu.choice, layout, player.menu.arguments)
+    frames(again)
+    assert layout.panel == "settings" and again.menu.panel.page == "views"
+    assert "settings" in layout.overlay.shown
+    assert show.display.camera.shift == pytest.approx(0.5 * (1.0 - layout.free))
+    press(again, show, "i", "i")
+    layout.show_message("a message")
+    left = layout.overlay.shown["message"][0]
+    press(again, show, "i")
+    assert layout.overlay.shown["message"][0] == left + layout.column

@@ -20,17 +20,11 @@ from msph.measure.host_kernels import wendland
 from msph.own_files import OutputError
 from msph.scene import load_scene
 from msph.scene.parts import with_value
-from msph.stage import loaded, vtu
+from msph.stage import loaded, usd
+from msph.stage.exports import write_particles
 from msph.stage.loop import run
-from msph.stage.recorder import (
-    LostOutputError,
-    Outputs,
-    Recorder,
-    check_outputs,
-    check_video,
-    video_writer,
-    write_particles,
-)
+from msph.stage.outputs import Outputs, check_outputs
+from msph.stage.recorder import LostOutputError, Recorder, check_video, video_writer
 from msph.stage.row import Row
 from msph.stage.show import SIMULATED, Show
 from msph.stage.vtu import write_bodies
@@ -244,10 +238,10 @@ def test_a_checkpoint_with_added_water_is_resumed(tmp_path, monkeypatch):
     assert measured.returncode == 0, measured.stderr
 
 
-def test_vtu_files_are_refused_without_meshio(tmp_path, monkeypatch):
-    monkeypatch.setattr(vtu, "available", lambda: False)
-    with pytest.raises(OutputError, match=r"need meshio: pip install 'msph\[paraview\]'"):
-        check_outputs(Outputs(particles=[tmp_path / "p_%04d.vtu"]), FPS)
+def test_usd_files_are_refused_without_usd_core(tmp_path, monkeypatch):
+    monkeypatch.setattr(usd, "available", lambda: False)
+    with pytest.raises(OutputError, match=r"a.usda: needs usd-core: pip install usd-core"):
+        check_outputs(Outputs(usd=[tmp_path / "a.usda"]), FPS)
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import trimesh
 from surface_kit import (
     CELL,
     COARSE,
@@ -181,25 +180,6 @@ def test_a_mesh_does_not_depend_on_earlier_meshes(water):
     water.mesh()
     water.fill(*drops(0))
     assert_same(first, middles(water.mesh()))
-
-
-@pytest.mark.parametrize("suffix", [".ply", ".obj"])
-def test_an_exported_mesh_is_read_back_unchanged(water, tmp_path, suffix):
-    water.fill(*waves(1))
-    mesh = water.mesh()
-    path = tmp_path / f"water{suffix}"
-    mesh.export(path)
-    loaded = trimesh.load(path, process=False, maintain_order=True)
-    vertices, normals, triangles = mesh.to_numpy()
-    assert np.allclose(loaded.vertices, vertices, atol=1e-6)
-    assert np.array_equal(loaded.faces, triangles)
-    assert np.allclose(loaded.vertex_normals, normals, atol=1e-3)
-    assert loaded.volume == pytest.approx(mesh.volume(), rel=1e-5)
-
-
-def test_export_refuses_other_formats(water, tmp_path):
-    with pytest.raises(ValueError, match=r"\.stl"):
-        water.surface.mesh.export(tmp_path / "water.stl")
 
 
 def test_a_kernel_narrower_than_the_support_is_refused(water):

@@ -13,6 +13,7 @@ at rest on the floor is shared between floor and water.
 """
 
 import math
+from functools import lru_cache
 
 import numpy as np
 import taichi as ti
@@ -270,6 +271,7 @@ class Collisions:
             motions[b, 3 + k] += w[k]
 
 
+@lru_cache(MAX_BODIES)
 def contact_points(body: Body) -> np.ndarray:
     """Returns the points (n, 3) [m] of a body, in its frame, that may touch other bodies."""
     if isinstance(body, Ball):

@@ -14,7 +14,7 @@ from msph.fluid.boundary.rigid_bodies import (
     inertia,
     rotations,
 )
-from msph.fluid.external_forces import ExternalForces
+from msph.fluid.external_forces import ExternalForces, rotation_vector
 
 
 class FloatingBodies:
@@ -25,8 +25,9 @@ class FloatingBodies:
     is the centre of mass and turn (3, 3) the rotation at the end of a step, x_begin and turn_begin
     at its beginning; v [m/s]; spin_momentum [N m s], the angular momentum about the centre of mass,
     in the box's frame. received (6) [N s, N m s]: impulses of the water in the last step, of `step`
-    [s]. contact [N s]: impulse of walls and other bodies since the reset. inertia_work [J]: of the
-    inertial forces of a moving box since the reset.
+    [s]. applied (6) [N, N m]: forces and torques by the user. contact [N s]: impulse of walls and
+    other bodies since the reset. inertia_work [J]: of the inertial forces of a moving box since the
+    reset.
     """
 
     def __init__(self):
@@ -56,6 +57,7 @@ class FloatingBodies:
         self.spin_momentum = np.zeros((self.count, 3))
         self.let_go(0.0)
         self.received, self.contact = np.zeros((self.count, 6)), np.zeros((self.count, 3))
+        self.applied = np.zeros((self.count, 6))
         self.inertia_work = 0.0
         self.step = 1.0
         self.advance(0.0)
@@ -138,7 +140,8 @@ class FloatingBodies:
         self.turn, self.turn_begin = turn @ self.turn, turn @ self.turn_begin
 
     def fall(self, dt: float, external: ExternalForces, box_centre: np.ndarray) -> None:
-        """Adds gravity and the inertia of a moving box within dt [s] to the velocities."""
+        """Adds gravity, the inertia of a moving box and the applied forces within dt [s] to the
+        velocities."""
         if not self.count:
             return
         rate, torque = np.tile(external.gravity, (self.count, 1)), np.zeros((self.count, 3))
@@ -152,7 +155,18 @@ class FloatingBodies:
             torque -= np.cross(turn, own + self.spin_momentum)
             # The other part of the Coriolis torque, which does no work.
             torque += _times(world, np.cross(spin, turn)) - np.cross(spin, own)
-        self.push(dt * self.mass[:, None] * rate, dt * torque)
+        rate, torque = self.mass[:, None] * rate + self.applied[:, :3], torque + self.applied[:, 3:]
+        self.push(dt * rate, dt * torque)
+
+    def applied_since(self, poses: tuple[np.ndarray, ...], dt: float) -> tuple[np.ndarray, float]:
+        """Returns the sum of the impulses (3,) [N s] and the work [J] of the applied forces in the
+        last dt [s], which began at poses()."""
+        turned = (
+            rotation_vector(new @ old.T) for new, old in zip(self.turn, poses[3], strict=True)
+        )
+        moved = np.hstack([self.x - poses[2], np.reshape(list(turned), (-1, 3))])
+        free = ~self.held[:, None] * self.applied
+        return dt * free[:, :3].sum(axis=0), float((free * moved).sum())
 
     def add_inertia_work(
         self, dt: float, external: ExternalForces, sign: float, box_centre: np.ndarray

@@ -1,5 +1,7 @@
 """Sampled fields of a closed mesh: its signed distance, and its share for each layer's kernel."""
 
+from weakref import WeakKeyDictionary
+
 import numpy as np
 
 from msph.fluid.boundary.rigid_bodies import Body, Solid, centre
@@ -27,8 +29,22 @@ def sample_count(bodies: list[Body], specs: list[LayerSpec]) -> int:
     return sum(lattice.nodes for b in solids for lattice in lattices(b, specs))
 
 
+# Samples of meshes in use by their layers: bodies are loaded again when one is added, and when
+# simulations use fields in turn.
+_known: "WeakKeyDictionary[Solid, dict[tuple[LayerSpec, ...], list[np.ndarray]]]" = (
+    WeakKeyDictionary()
+)
+
+
 def sample(body: Solid, own: list[SampleLattice], specs: list[LayerSpec]) -> list[np.ndarray]:
     """Returns a mesh's distances [m] and its shares' B-spline coefficients (-), by lattice."""
+    known, key = _known.setdefault(body, {}), tuple(specs)
+    if key not in known:
+        known[key] = _sample(body, own, specs)
+    return known[key]
+
+
+def _sample(body: Solid, own: list[SampleLattice], specs: list[LayerSpec]) -> list[np.ndarray]:
     # Imported here: only needed for meshes.
     from scipy.ndimage import spline_filter
 

@@ -1,0 +1,47 @@
+"""Tests that run the code of docs/python.md, with runs of a few frames."""
+
+import ast
+import importlib.util
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from msph.water import Water
+
+PAGE = (Path(__file__).parent.parent / "docs" / "python.md").read_text(encoding="utf-8")
+BLOCKS = dict(re.findall(r"^#+ ([^\n]+)\n(?:(?!^#).)*?^```python\n(.*?)^```", PAGE, re.M | re.S))
+# Largest number of frames of a run.
+FRAMES = 3
+
+
+def imported(code):
+    """Returns the packages that a program imports."""
+    nodes = [n for n in ast.walk(ast.parse(code)) if isinstance(n, ast.Import | ast.ImportFrom)]
+    return {name.split(".")[0] for n in nodes for name in [getattr(n, "module", n.names[0].name)]}
+
+
+def test_there_are_ten_recipes_and_the_snippet():
+    assert len(BLOCKS) >= 11
+
+
+@pytest.mark.parametrize("title", BLOCKS)
+def test_code_of_the_page_runs(title, tmp_path, monkeypatch):
+    code = BLOCKS[title]
+    for package in imported(code):
+        if importlib.util.find_spec(package) is None:
+            pytest.skip(f"needs {package}")
+    monkeypatch.chdir(tmp_path)
+    if "__main__" in code:
+        # Dask's processes import the program.
+        (tmp_path / "batch.py").write_text(re.sub(r"seconds=\d\.\d", "seconds=0.1", code))
+        found = subprocess.run(
+            [sys.executable, "batch.py"], capture_output=True, text=True, timeout=300
+        )
+        assert found.returncode == 0, found.stderr
+        return
+    count = Water._count
+    monkeypatch.setattr(Water, "_count", lambda *given: min(count(*given), FRAMES))
+    exec(compile(code, title, "exec"), {"__name__": title})
