@@ -16,6 +16,7 @@ from msph.fluid.boundary.rigid_bodies import Ball, Block, Body, centre, half_ext
 from msph.launches import data_oriented, kernel
 from msph.picture.rasteriser import BLOCK, FAR, NO_ITEM, Rasteriser
 from msph.picture.room import PixelFields
+from msph.picture.samples import strips
 from msph.picture.shot import PARALLEL
 
 vec3 = ti.math.vec3
@@ -93,46 +94,56 @@ class BodyFaces:
 
     def draw(self) -> None:
         """Fills the fields in the present view."""
-        self._draw(self.corners, self.owner, self.boundary.container is not None)
+        x, size = self.boundary.corners_at_end(), self.lens.numbers["size"]
+        crossing = ((x < 0.0) | (x > size)).any(axis=(1, 2)).astype(np.int32)
+        self._draw(self.corners, self.owner, crossing, self.boundary.container is not None)
 
     @kernel
     def _draw(
         self,
         corners: ti.types.ndarray(dtype=ti.f32, ndim=2),
         owner: ti.types.ndarray(dtype=ti.i32, ndim=1),
+        crossing: ti.types.ndarray(dtype=ti.i32, ndim=1),
         contained: ti.i32,
     ):
+        """crossing: 1 for bodies that may cross walls of the box."""
         columns, rows = self.lens.shot[None].columns, self.lens.shot[None].rows
-        ti.loop_config(block_dim=BLOCK)
-        for i, j in ti.ndrange(columns, rows):
-            self.key[i, j], self.entry[i, j] = NO_ITEM, FAR
+        strip = self.raster.strip
+        ti.loop_config(block_dim=self.raster.block)
+        for i, s in ti.ndrange(columns, strips(rows, strip)):
+            for j in range(s * strip, ti.min((s + 1) * strip, rows)):
+                self.key[i, j], self.entry[i, j] = NO_ITEM, FAR
         ti.loop_config(block_dim=BLOCK)
         for t in range(owner.shape[0]):
-            shot, b = self.lens.shot[None], owner[t]
-            at = ti.Matrix.zero(ti.f32, 3, 3)
-            for k in ti.static(range(3)):
-                p = vec3([corners[t, 3 * k + m] for m in range(3)])
-                at[k, :] = self.placed(b, p) - shot.eye
-            a, side = at[0, :], self.boundary.side[b]
-            kind = FACE
-            if side * a.dot((at[1, :] - a).cross(at[2, :] - a)) > 0.0:
+            shot, owner_t = self.lens.shot[None], owner[t]
+            a, b, c = self.corners_of(t, corners, owner)
+            a, b, c = a - shot.eye, b - shot.eye, c - shot.eye
+            side, kind = self.boundary.side[owner_t], FACE
+            if side * a.dot((b - a).cross(c - a)) > 0.0:
                 kind = ti.select(side < 0.0, ENTRY, REAR)
-            self.raster.fill(at, b, kind, self, shot)
-        ti.loop_config(block_dim=BLOCK)
-        for i, j in ti.ndrange(columns, rows):
-            key = self.key[i, j]
-            if key != NO_ITEM:
-                shot = self.lens.shot[None]
-                d, depth = shot.origin + shot.du * i + shot.dv * j, self.depth_of(key, shot)
-                if contained == 1 and depth < self.entry[i, j]:
-                    self.entry[i, j] = 0.0
-                shown = self.within(shot.eye + d * depth, shot.skin, shot)
-                if key & CUT != 0:
-                    # An outline may show a back face without the front face.
-                    start = shot.eye + d * box_entry(d, shot)
-                    shown = self.boundary.distance(self.body(i, j), start, END).x < shot.skin
-                if not shown:  # behind a wall
-                    self.key[i, j] = NO_ITEM
+            if kind != REAR or crossing[owner_t] == 1:
+                self.raster.fill(ti.Matrix.rows([a, b, c]), owner_t, kind, self, shot)
+        ti.loop_config(block_dim=self.raster.block)
+        for i, s in ti.ndrange(columns, strips(rows, strip)):
+            for j in range(s * strip, ti.min((s + 1) * strip, rows)):
+                if self.key[i, j] != NO_ITEM:
+                    self.check(i, j, contained, self.lens.shot[None])
+
+    @ti.func
+    def check(self, i, j, contained, shot: ti.template()):
+        """Removes the key of a pixel where no body is visible, and finds rays that begin in the
+        container."""
+        key = self.key[i, j]
+        d, depth = shot.origin + shot.du * i + shot.dv * j, self.depth_of(key, shot)
+        if contained == 1 and depth < self.entry[i, j]:
+            self.entry[i, j] = 0.0
+        shown = self.within(shot.eye + d * depth, shot.skin, shot)
+        if key & CUT != 0:
+            # An outline may show a back face without the front face.
+            start = shot.eye + d * box_entry(d, shot)
+            shown = self.boundary.distance(self.body(i, j), start, END).x < shot.skin
+        if not shown:  # behind a wall
+            self.key[i, j] = NO_ITEM
 
     @ti.func
     def within(self, p, margin, shot: ti.template()):
@@ -140,9 +151,13 @@ class BodyFaces:
         return (p > -margin).all() and (p < shot.size + margin).all()
 
     @ti.func
-    def placed(self, b, p):
-        """Returns a point p [m] of body b's frame in the box's frame."""
-        return self.boundary.centre[b, END] + self.boundary.rotation[b, END] @ p
+    def corners_of(self, t, corners: ti.template(), owner: ti.template()):
+        """Returns the corners [m] of triangle t in the frame of the box."""
+        x, turn = self.boundary.centre[owner[t], END], self.boundary.rotation[owner[t], END]
+        a = vec3(corners[t, 0], corners[t, 1], corners[t, 2])
+        b = vec3(corners[t, 3], corners[t, 4], corners[t, 5])
+        c = vec3(corners[t, 6], corners[t, 7], corners[t, 8])
+        return x + turn @ a, x + turn @ b, x + turn @ c
 
     @ti.func
     def put(self, i, j, w, b, kind, shot: ti.template()):

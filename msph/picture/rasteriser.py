@@ -18,7 +18,8 @@ import taichi as ti
 
 from msph.launches import data_oriented
 from msph.picture.room import PixelFields
-from msph.picture.samples import SPAN
+from msph.picture.samples import CPU_BLOCKS, GPU_BLOCKS, SPAN, strip_length, strips
+from msph.taichi_internals import on_cpu
 
 BLOCK = 256  # pixels or items per block of GPU threads, or that a CPU thread takes in turn
 KEY_BITS = 31
@@ -42,6 +43,7 @@ class Rasteriser:
     def __init__(self, fields: PixelFields, lens):
         self.lens, self.key, self.back = lens, fields.key, fields.back
         self.crossing, self.entry = fields.crossing, fields.entry
+        self.strip, self.block = strip_length(), CPU_BLOCKS if on_cpu() else GPU_BLOCKS
         self.item_bits, self.wet = ti.field(ti.i32, ()), ti.field(ti.i32, ())
 
     @ti.func
@@ -50,10 +52,11 @@ class Rasteriser:
         self.wet[None] = items
         self.item_bits[None] = ti.max(1, 32 - ti.math.clz(ti.max(items, 1)))
         columns, rows = self.lens.shot[None].columns, self.lens.shot[None].rows
-        ti.loop_config(block_dim=BLOCK)
-        for i, j in ti.ndrange(columns, rows):
-            self.key[i, j] = self.crossing[i, j] = NO_ITEM
-            self.back[i, j] = ti.bit_cast(ti.f32(FAR), ti.i32)
+        ti.loop_config(block_dim=self.block)
+        for i, s in ti.ndrange(columns, strips(rows, self.strip)):
+            for j in range(s * self.strip, ti.min((s + 1) * self.strip, rows)):
+                self.key[i, j] = self.crossing[i, j] = NO_ITEM
+                self.back[i, j] = ti.bit_cast(ti.f32(FAR), ti.i32)
 
     @ti.func
     def item(self, i, j):
