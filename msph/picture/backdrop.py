@@ -6,12 +6,13 @@ Sky and ground are sampled every COARSE pixels, the box and its contents as in `
 
 import taichi as ti
 
+from msph.fluid.boundary.body_shapes import END, ROUND
 from msph.launches import data_oriented, kernel
-from msph.picture.body_shading import MISSED
+from msph.picture.body_faces import KEY_BITS
 from msph.picture.moved_bodies import MovedBodies
 from msph.picture.pool import MIN_COSINE, RIM, component
-from msph.picture.rasteriser import BLOCK, FAR, NO_ITEM
-from msph.picture.room import COARSE, ROUGH, ROUGH_BODY, PixelFields
+from msph.picture.rasteriser import BLOCK, FAR, NO_ITEM, smooth
+from msph.picture.room import COARSE, PixelFields
 from msph.picture.samples import (
     DETAIL,
     EMPTY,
@@ -33,14 +34,16 @@ LINE_LIMIT = 1.6  # largest width of the line of one face [pixels]
 RIM_STRENGTH, INNER_STRENGTH = 0.85, 0.35  # opacity of edges in front of and behind the water
 # Relative difference of depths of one place: the water mesh reaches into bodies, also at the glass.
 SAME_DEPTH = 1e-3
+# Relative error of depths by keys of the water's triangles.
+KEY_SLACK = 5e-3
 GLASS, FILM = 0.045, 0.02  # reflectance of a pane, and of a film of water, at normal incidence
 # Share of light (-) lost by wet glaze (tiles and containers) and by wet clay; number of dry panes
 # that reflect as much as a wet pane.
 WET_GLAZE, WET_CLAY, WET_PANES = 0.15, 0.3, 1.5
-# Notes of blocks: what their rays can meet in the box, in the order of increasing work.
-HIDDEN, BARE, OCCUPIED = range(3)
+# Notes of blocks: hidden by water, or visible.
+HIDDEN, VISIBLE = range(2)
 # Bits of the argument of draw().
-WHOLE, FLOODED, FRAMED = 1, 2, 4
+WHOLE, FLOODED = 1, 2
 # Factors in a sample's kind: of the low wall (0, 1) or body, and of the axis of the entry face.
 WALL_OR_BODY, ENTRY_AXIS = 4, 1 << 18
 
@@ -53,33 +56,46 @@ class Backdrop:
     in front are drawn. Bodies themselves are always drawn, since they can be in front of the water.
     """
 
-    def __init__(self, fields: PixelFields, lens, pool, tone, wetness):
+    def __init__(self, fields: PixelFields, lens, pool, tone, wetness, faces):
         self.lens, self.key, self.wetness = lens, fields.key, wetness
-        self.pool, self.tone = pool, tone
-        self.colour, self.background, self.depth = fields.backdrop, fields.background, fields.depth
-        self.entry, self.postponed = fields.entry, fields.postponed
+        self.pool, self.tone, self.faces, self.shadows = pool, tone, faces, pool.shadows
+        self.raster = faces.raster
+        self.colour, self.background = fields.backdrop, fields.background
+        self.postponed = fields.postponed
         self.state, self.rough = fields.samples.state, fields.rough
-        self.complete = False
-        self.moved = MovedBodies(pool.bodies.boundary, fields.room) if pool.occupied else None
+        self.whole = self.complete = False
+        self.moved = MovedBodies(faces.boundary, fields.room)
         self.sampler = BlockSampler(self, fields.samples)
 
-    def refresh(self, changed, flooded=False, dried=False):
-        """Redraws changed parts. changed: the view is new; flooded: `key` holds the water of the
-        view; dried: walls and bodies are less wet than before."""
-        whole, moved, framed = changed or dried, False, False
-        if self.moved:
-            moved = self.moved.find(self.lens.numbers, whole)
-            framed = moved is not None
-            whole = whole or not framed
+    @property
+    def occupied(self):
+        """True if there are bodies."""
+        return self.faces.boundary is not None and self.faces.boundary.count > 0
+
+    def take(self, changed):
+        """Finds what changed since the last image, and draws the visible faces and shadows of
+        bodies; changed: the view is new."""
+        self.whole, self.some = changed, False
+        if self.occupied:
+            found = self.moved.find(self.lens.numbers, changed)
+            self.whole, self.some = changed or found is None, bool(found)
+            if self.whole or self.some:
+                self.faces.draw()
+                self.shadows.draw()
+
+    def refresh(self, flooded=False, dried=False):
+        """Redraws changed parts. flooded: `key` holds the water of the view; dried: walls and
+        bodies are less wet than before."""
+        whole = self.whole or dried
         # In a constant view, water may uncover blocks that it hid before.
-        flooded = flooded and (whole or moved) and (framed or not self.moved)
-        if whole or moved or not self.complete:
-            self.draw(WHOLE * whole + FLOODED * flooded + FRAMED * framed)
+        flooded = flooded and (whole or self.some)
+        if whole or self.some or not self.complete:
+            self.draw(WHOLE * whole + FLOODED * flooded)
             self.complete = not flooded
 
     def draw(self, given):
         """Draws blocks that moving bodies changed or that were postponed. given: bits WHOLE (all
-        blocks), FLOODED (blocks hidden by water are postponed), FRAMED (all bodies are marked)."""
+        blocks), FLOODED (blocks hidden by water are postponed)."""
         self.draw_backgrounds(given)
         self.sampler.draw(self.lens.numbers["columns"], self.lens.numbers["rows"], given)
         self.keep_rough(given)
@@ -91,12 +107,7 @@ class Backdrop:
         for a, b in self.rough:
             state = self.state[a, b] % STATES
             if state != SKIPPED or given & WHOLE != 0:
-                rough = ti.select(state == UNEVEN, ROUGH, 0)
-                if ti.static(self.pool.occupied):
-                    for k in range(rough * SPAN * SPAN):
-                        if self.depth[a * SPAN + k // SPAN, b * SPAN + k % SPAN] < FAR:
-                            rough = ROUGH_BODY
-                self.rough[a, b] = rough
+                self.rough[a, b] = ti.cast(state == UNEVEN, ti.i32)
 
     @kernel
     def draw_backgrounds(self, given: ti.i32):
@@ -112,6 +123,14 @@ class Backdrop:
                 self.draw_background(a, b)
 
     @ti.func
+    def in_box(self, i, j):
+        """Returns True if the ray of a pixel meets the box."""
+        shot = self.lens.shot[None]
+        d = (shot.origin + shot.du * i + shot.dv * j).normalized()
+        near, far, _, _ = self.pool.slab_test(d, shot)
+        return far > ti.max(near, 0.0)
+
+    @ti.func
     def sample_background(self, a, b):
         shot = self.lens.shot[None]
         d = shot.origin + shot.du * (COARSE * a) + shot.dv * (COARSE * b)
@@ -122,7 +141,11 @@ class Backdrop:
 
     @ti.func
     def draw_background(self, a, b):
-        """Draws the block of pixels between four samples of sky and ground."""
+        """Draws the block of pixels between four samples of sky and ground. The box is convex:
+        inside of its outline, nothing of the background is visible."""
+        hidden = True
+        for k in range(4):
+            hidden = hidden and self.in_box(COARSE * (a + k // 2), COARSE * (b + k % 2))
         low = self.tone.display(self.background[a, b])
         up = self.tone.display(self.background[a, b + 1])
         right = self.tone.display(self.background[a + 1, b])
@@ -131,39 +154,52 @@ class Backdrop:
             u = i / COARSE - a
             start, end = ti.math.mix(low, right, u), ti.math.mix(up, far, u)
             for j in range(COARSE * b, ti.min(COARSE * (b + 1), self.lens.shot[None].rows)):
-                self.colour[i, j] = vec4(ti.math.mix(start, end, j / COARSE - b), 0.0)
-                if ti.static(self.pool.occupied):
-                    self.depth[i, j] = self.entry[i, j] = FAR
+                if hidden:
+                    self.colour[i, j] = vec4(0.0)
+                else:
+                    self.colour[i, j] = vec4(ti.math.mix(start, end, j / COARSE - b), 0.0)
 
     @ti.func
     def mark(self, i, j):
-        """Returns MovedBodies.mark, 0 without bodies."""
+        """Returns 1 if a moved body or its shadow may be visible near pixel (i, j)."""
         found = 0
-        if ti.static(self.pool.occupied):
-            found = self.moved.mark(i, j)
+        if ti.static(self.traits.bodies):
+            found = self.moved.marks[i // COARSE, j // COARSE]
         return found
 
     @ti.func
     def begin(self, i0, j0, given):
         """Sets up a block for BlockSampler; given: of draw(). The note is HIDDEN if water hides the
-        whole block, OCCUPIED if there may be bodies or their shadows, otherwise BARE."""
-        shot = self.lens.shot[None]
-        corner = vec2(i0, j0)
-        whole, framed = given & WHOLE != 0, given & FRAMED != 0
-        mark, late = self.mark(i0, j0), self.postponed[i0 // SPAN, j0 // SPAN] == 1
-        due = whole or mark > 0
+        whole block. A block with an outline of a body is uneven."""
+        shot, corner = self.lens.shot[None], vec2(i0, j0)
+        due = given & WHOLE != 0 or self.mark(i0, j0) > 0
         boxed = (corner + SPAN >= shot.lo).all() and (corner <= shot.hi).all()
-        boxed = boxed and (due or late)
-        hidden = given & FLOODED != 0 and mark < MovedBodies.BODY
-        if boxed and hidden:
+        boxed = boxed and (due or self.postponed[i0 // SPAN, j0 // SPAN] == 1)
+        hidden, even = given & FLOODED != 0, True
+        if boxed:
             for k in range(SPAN * SPAN):
                 i = ti.min(i0 + k // SPAN, shot.columns - 1)
                 j = ti.min(j0 + k % SPAN, shot.rows - 1)
-                hidden = hidden and self.key[i, j] != NO_ITEM
-        if boxed:
+                hidden = hidden and self.water_at(i, j, KEY_SLACK, shot)
             self.postponed[i0 // SPAN, j0 // SPAN] = ti.cast(hidden, ti.i32)
-        note = BARE if whole and framed and mark == 0 else OCCUPIED
-        return boxed and (due or not hidden), True, ti.select(hidden, HIDDEN, note)
+            if ti.static(self.traits.bodies):
+                if not hidden:
+                    mask = (1 << KEY_BITS) - 1
+                    near, even = smooth(self.faces.key, i0, j0, shot.columns, shot.rows, mask)
+                    even = even or near == NO_ITEM
+        return boxed and (due or not hidden), even, ti.select(hidden, HIDDEN, VISIBLE)
+
+    @ti.func
+    def water_at(self, i, j, slack, shot: ti.template()):
+        """Returns True for a pixel with water, unless a body is in front of it, or at most `slack`
+        times its depth behind: keys have rounded depths."""
+        key = self.key[i, j]
+        found = key != NO_ITEM
+        if ti.static(self.traits.bodies):
+            if found:
+                w = self.raster.inverse_depth(key, self.raster.item_bits[None], shot)
+                found = self.faces.depth(i, j, shot) * w > 1.0 + slack
+        return found
 
     @ti.func
     def wanted(self, i, j):
@@ -177,7 +213,7 @@ class Backdrop:
         d = (shot.origin + shot.du * i + shot.dv * j).normalized()
         near, far, way_in, axis = self.pool.slab_test(d, shot)
         entry = ti.max(near, 0.0)
-        kind, place, light, added, depths = EMPTY, vec4(0.0), vec2(0.0), vec3(0.0), vec2(FAR)
+        kind, place, light, added = EMPTY, vec4(0.0), vec2(0.0), vec3(0.0)
         left, rim = 1.0, 0.0
         if far > entry:
             share, mirrored = 0.0, d
@@ -190,9 +226,8 @@ class Backdrop:
                     share = ti.math.mix(share, 1.0 - (1.0 - share) ** WET_PANES, wet)
                     mirrored *= 1.0 - 2.0 * vec3(way_in == 0, way_in == 1, way_in == 2)
             if note != HIDDEN:
-                kind, place, light, left, added, depths = self.inside(
-                    i, j, d, entry, far, axis, note == OCCUPIED, shot
-                )
+                exits = vec2(entry, far)
+                kind, place, light, left, added = self.inside(i, j, d, exits, way_in, axis, shot)
                 kind += ENTRY_AXIS * ti.select(near > 0.0, way_in, 3)
                 if share > 0.0:
                     left *= 1.0 - share
@@ -201,65 +236,71 @@ class Backdrop:
                 kind = DETAIL + ti.select(note == HIDDEN, UNTILED, kind)
         elif far > near * (1.0 - 2.0 * SPAN * shot.pixel):
             kind += DETAIL  # the box may begin within the block
-        return kind, make_sample(
-            place, light, vec3(left), added, vec4(depths.y, depths.x, rim, 0.0)
-        )
+        return kind, make_sample(place, light, vec3(left), added, vec4(0.0, 0.0, rim, 0.0))
 
     @ti.func
-    def inside(self, i, j, d, entry, far, axis, occupied, shot: ti.template()):
-        """Intersects the ray d (unit) with the contents of the box, between its entry and exit [m];
-        occupied: there may be bodies or their shadows. Returns: kind; position [m] and pixel width
-        there [m]; light there (sun, sky); share of it that reaches the eye; light added on the way;
-        depths along the view [m], or FAR, of a body and of the entry into a container."""
-        low, depths = component(d, axis) < 0.0, vec2(FAR)
-        start = shot.eye + d * entry
-        t, body, side, close = MISSED, -1, vec2(MISSED, -1.0), False
-        if occupied:
-            t, body, side, close = self.pool.intersect(start, d, far - entry, entry, False, shot)
-        p = ti.select(body >= 0, start + t * d, shot.eye + d * far)
+    def inside(self, i, j, d, exits, way_in, axis, shot: ti.template()):
+        """Shades the contents of the box along the ray d (unit) between its entry and exit, `exits`
+        [m], through the walls across the axes way_in and axis. Returns: kind; position [m] and
+        pixel width there [m]; light there (sun, sky); share of it that reaches the eye; light added
+        on the way."""
+        low, far, body, cut = component(d, axis) < 0.0, exits.y, -1, False
+        side = FAR  # distance of the entry into a container
+        if ti.static(self.traits.bodies):
+            body = self.faces.body(i, j)
+            if body >= 0:
+                per_depth = 1.0 / d.dot(shot.forward)
+                depth = self.faces.depth(i, j, shot)
+                far, cut = ti.max(exits.x, depth * per_depth), depth == 0.0
+                side = self.faces.entry[i, j] * per_depth
+        p = shot.eye + d * far
         kind, left, added = axis + WALL_OR_BODY * low, 1.0, vec3(0.0)
         footprint = shot.pixel * far / ti.max(abs(component(d, axis)), MIN_COSINE)
-        line = INNER_STRENGTH * self.border(d, far, axis, 0.5, shot)
         light = self.pool.lighting(p, axis, low, shot.sun, shot)
         tiled = self.pool.is_tiled(axis, low, shot)
-        if not tiled:
-            kind, added = UNTILED, bilinear(self.background, vec2(i, j) / COARSE)
-        elif line > 0.0:
-            kind += DETAIL
-            left, added = 1.0 - line, RIM * RIM * line
-        if ti.static(self.pool.occupied):
+        n = ti.select(low, 1.0, -1.0) * vec3(axis == 0, axis == 1, axis == 2)
+        if ti.static(self.traits.bodies):
             lit = 1.0
-            if occupied and (tiled or body >= 0):
-                lit = self.pool.sunlit(p, d, shot.sun)
+            if (tiled or body >= 0) and not cut:
+                lit = self.pool.sunlit(p, False, body < 0)
             light.x *= lit
+            if cut:  # visible on the pane
+                n = vec3(way_in == 0, way_in == 1, way_in == 2)
+                n *= -ti.math.sign(d.dot(n))
+            elif body >= 0:
+                n = self.pool.bodies.normal(body, p)
             if body >= 0:
                 kind = UNTILED + WALL_OR_BODY * (2 + body)
-                added = self.pool.bodies.shade(body, p, shot.sun, lit, shot)
-                depths.x = (entry + t) * d.dot(shot.forward)
-            kind += DETAIL * close
+                added = self.pool.bodies.shade(body, n, shot.sun, lit, shot)
+        if body < 0:
+            line = INNER_STRENGTH * self.border(d, far, axis, 0.5, shot)
+            if not tiled:
+                kind, added = UNTILED, bilinear(self.background, vec2(i, j) / COARSE)
+            elif line > 0.0:
+                kind += DETAIL
+                left, added = 1.0 - line, RIM * RIM * line
         # There is no film between a body and the glass that cuts it.
-        if (tiled and body < 0) or (body >= 0 and t > 0.0):
+        if (tiled or body >= 0) and not cut:
             wet = self.wetness.at(p, shot)
             if wet > 0.0:
-                n = self.pool.normal(p, axis, low, body, shot)
                 mirrored, share = d - 2.0 * d.dot(n) * n, wet * reflected(FILM, -d.dot(n))
                 light, left = (1.0 - WET_GLAZE * wet) * light, (1.0 - share) * left
-                if ti.static(self.pool.occupied):
+                if ti.static(self.traits.bodies):
                     if body >= 0:
                         clay = self.pool.bodies.boundary.side[body] > 0.0
                         added *= 1.0 - wet * ti.select(clay, WET_CLAY, WET_GLAZE)
                 added = ti.math.mix(added, self.pool.mirrored_radiance(p, mirrored, shot), share)
-        if ti.static(self.pool.occupied):
-            if side.y >= 0.0:  # the transparent side of a container reflects the sky faintly
-                # A ray that begins in a container enters it at depth 0.
-                depths.y = ti.select(
-                    entry + side.x > 0.0, (entry + side.x) * d.dot(shot.forward), 0.0
-                )
-                share = reflected(GLASS, side.y)
+        if ti.static(self.traits.bodies):
+            if 0.0 < side < FAR:  # the transparent side of a container reflects the sky faintly
+                boundary, q = self.pool.bodies.boundary, shot.eye + d * side
+                inwards = boundary.distance_by(
+                    self.pool.bodies.numbers.container[None], q, END, ROUND
+                ).yzw
+                share = reflected(GLASS, d.dot(inwards))
                 left *= 1.0 - share
                 mirrored = vec3(d.x, abs(d.y), d.z)
                 added = ti.math.mix(added, self.pool.far_radiance(mirrored, shot), share)
-        return kind, vec4(p, footprint), light, left, added, depths
+        return kind, vec4(p, footprint), light, left, added
 
     @ti.func
     def border(self, d, s, axis, share, shot: ti.template()):
@@ -277,20 +318,13 @@ class Backdrop:
             rim = sample[REST, 2]
             c = self.tone.display(self.pool.colour_of(kind, sample, 1.0, self.lens.shot[None]))
             self.colour[i, j] = vec4(ti.math.mix(c, RIM, rim), rim)
-            if ti.static(self.pool.occupied):
-                self.depth[i, j], self.entry[i, j] = sample[REST, 1], sample[REST, 0]
-
-    @ti.func
-    def entry_at(self, i, j):
-        """Returns the depth [m] at which a pixel's ray enters the container, 0 without one."""
-        return ti.select(self.pool.bodies.numbers.container[None] >= 0, self.entry[i, j], 0.0)
 
     @ti.func
     def covers(self, i, j, depth):
         """Returns True if a body is in front of `depth` [m] at a pixel, or in the same place."""
         found = False
-        if ti.static(self.pool.occupied):
-            found = self.depth[i, j] < (1.0 + SAME_DEPTH) * depth
+        if ti.static(self.traits.bodies):
+            found = self.faces.depth(i, j, self.lens.shot[None]) < (1.0 + SAME_DEPTH) * depth
         return found
 
 

@@ -20,6 +20,7 @@ from msph.fluid.particles.layers import SPHERE_RADIUS
 from msph.launches import data_oriented, kernel
 from msph.picture.optics import cosine_beyond, reflectance
 from msph.picture.rasteriser import BLOCK, NO_ITEM
+from msph.picture.samples import strips
 from msph.picture.sky import SUN
 from msph.surface.spray import DROPLETS, WIDE, Spray
 from msph.surface.whitewater import MOST, Whitewater
@@ -122,21 +123,28 @@ class DropletsView:
         ti.loop_config(serialize=True)
         for _ in range(1):
             self.sums.lo[None] = ti.min(self.sums.lo[None], self.sums.hi[None] + 1)
-        ti.loop_config(block_dim=BLOCK)
-        for i, j in ti.ndrange(
-            (self.sums.lo[None][0], self.sums.hi[None][0] + 1),
-            (self.sums.lo[None][1], self.sums.hi[None][1] + 1),
-        ):
-            if self.sums.weight[i, j] + self.sums.mist[i, j] > 0:
-                self.sums.shown[i, j] = self.colour(i, j, self.lens.shot[None])
-        ti.loop_config(block_dim=BLOCK)
-        for i, j in ti.ndrange(
-            (self.sums.lo[None][0], self.sums.hi[None][0] + 1),
-            (self.sums.lo[None][1], self.sums.hi[None][1] + 1),
-        ):
-            if self.sums.weight[i, j] + self.sums.mist[i, j] > 0:
-                self.image[i, j] = self.sums.shown[i, j]
-            self.sums.weight[i, j] = self.sums.height[i, j] = self.sums.mist[i, j] = 0
+        strip = self.raster.strip
+        ti.loop_config(block_dim=self.raster.block)
+        for i, s in ti.ndrange((self.sums.lo[None][0], self.sums.hi[None][0] + 1), self.strips()):
+            for j in range(self.sums.lo[None][1] + s * strip, self.end(s, strip)):
+                if self.sums.weight[i, j] + self.sums.mist[i, j] > 0:
+                    self.sums.shown[i, j] = self.colour(i, j, self.lens.shot[None])
+        ti.loop_config(block_dim=self.raster.block)
+        for i, s in ti.ndrange((self.sums.lo[None][0], self.sums.hi[None][0] + 1), self.strips()):
+            for j in range(self.sums.lo[None][1] + s * strip, self.end(s, strip)):
+                if self.sums.weight[i, j] + self.sums.mist[i, j] > 0:
+                    self.image[i, j] = self.sums.shown[i, j]
+                    self.sums.weight[i, j] = self.sums.height[i, j] = self.sums.mist[i, j] = 0
+
+    @ti.func
+    def strips(self):
+        """Returns the number of strips of a column within the bounds."""
+        return strips(self.sums.hi[None][1] + 1 - self.sums.lo[None][1], self.raster.strip)
+
+    @ti.func
+    def end(self, s, strip):
+        """Returns the row after strip s."""
+        return ti.min(self.sums.lo[None][1] + (s + 1) * strip, self.sums.hi[None][1] + 1)
 
     @ti.func
     def white_one(self, k):
@@ -247,12 +255,11 @@ class DropletsView:
     def visible(self, c, at, z, shot: ti.template()):
         """Returns the share (-) of a droplet at c [m] from the eye, at the depth z [m], that is
         visible at a pixel: 0 behind bodies and tiles, decreasing with depth under the surface."""
-        share = 1.0
+        share, key = 1.0, self.raster.key[at.x, at.y]
         if self.backdrop.covers(at.x, at.y, z) or self.pool.hides(c, shot):
             share = 0.0
-        elif self.raster.key[at.x, at.y] != NO_ITEM:
-            d = shot.origin + shot.du * at.x + shot.dv * at.y
-            depth = self.shader.hit_surface(at.x, at.y, d, shot)[0]
+        elif key != NO_ITEM:
+            depth = 1.0 / self.raster.inverse_depth(key, self.raster.item_bits[None], shot)
             size = shot.size.max()
             under = ti.max(z - depth - ON_SURFACE * size, 0.0) / (HIDING_DEPTH * size)
             share = 0.5**under

@@ -7,7 +7,7 @@ between rays, and the joints of tiles are antialiased by their own filter."""
 import taichi as ti
 
 from msph.launches import data_oriented, heavy_kernel
-from msph.picture.room import ROUGH_BODY, PixelFields
+from msph.picture.room import PixelFields
 from msph.picture.samples import CPU_BLOCKS, EVEN, GPU_BLOCKS, SPAN, STATES, UNEVEN, blocks
 from msph.taichi_internals import on_cpu
 
@@ -63,7 +63,7 @@ class EdgeFilter:
                 state, rough = self.state[c, d] % STATES, self.rough[c, d]
                 if state == UNEVEN or (state == EVEN) != wet:
                     found = 1
-                if rough == ROUGH_BODY or (rough > 0 and not wet):
+                if rough > 0 and not wet:
                     found = 1
         return found
 

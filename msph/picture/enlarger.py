@@ -6,10 +6,8 @@ import taichi as ti
 from msph.fluid.boundary.sampled_fields import catmull_rom
 from msph.launches import data_oriented, kernel
 from msph.picture.room import PixelFields
-from msph.picture.samples import CPU_BLOCKS, GPU_BLOCKS
+from msph.picture.samples import CPU_BLOCKS, GPU_BLOCKS, strip_length, strips
 from msph.taichi_internals import on_cpu
-
-STRIP = 256  # pixels of a column per loop iteration on the CPU, where the inner loop is vectorised
 
 
 @data_oriented
@@ -18,7 +16,7 @@ class Enlarger:
 
     def __init__(self, fields: PixelFields):
         self.high, self.resolved = fields.high, fields.resolved
-        self.strip, self.block = (STRIP, CPU_BLOCKS) if on_cpu() else (1, GPU_BLOCKS)
+        self.strip, self.block = strip_length(), CPU_BLOCKS if on_cpu() else GPU_BLOCKS
         # First source pixel and weights of each row of the image, equal in all columns.
         self.first = ti.field(ti.i32, fields.room.height)
         self.weights = ti.Vector.field(4, ti.f32, fields.room.height)
@@ -31,14 +29,14 @@ class Enlarger:
         for j in range(height):
             self.first[j], self.weights[j] = taps(j, rows / height)
         ti.loop_config(block_dim=self.block)
-        for i, s in ti.ndrange(columns, (height + strip - 1) // strip):
+        for i, s in ti.ndrange(columns, strips(height, strip)):
             for j in range(s * strip, ti.min((s + 1) * strip, height)):
                 first, weights, total = self.first[j], self.weights[j], ti.math.vec3(0.0)
                 for k in ti.static(range(4)):
                     total += weights[k] * self.resolved[i, ti.math.clamp(first + k, 0, rows - 1)]
                 self.high[i, j] = total
         ti.loop_config(block_dim=self.block)
-        for i, s in ti.ndrange(width, (height + strip - 1) // strip):
+        for i, s in ti.ndrange(width, strips(height, strip)):
             first, weights = taps(i, columns / width)
             source = ti.math.clamp(first + ti.Vector([0, 1, 2, 3]), 0, columns - 1)
             for j in range(s * strip, ti.min((s + 1) * strip, height)):

@@ -8,9 +8,9 @@ import numpy as np
 import taichi as ti
 
 from msph.launches import data_oriented, kernel
-from msph.picture.body_shading import SHADOW_SHARPNESS
 from msph.picture.room import COARSE, PictureRoom
 from msph.picture.samples import SPAN
+from msph.picture.shadows import SHARPNESS
 from msph.picture.shot import NEAR_PLANE, PARALLEL
 
 # Largest movement [pixels] of a corner that is not visible.
@@ -23,10 +23,8 @@ PARTS = 4
 
 @data_oriented
 class MovedBodies:
-    """Marks of blocks of pixels. marks (columns, rows): not 0 where a moved body or its shadow may
-    be visible (any body, if everything is drawn): BODY if a body may be, otherwise SHADOW."""
-
-    SHADOW, BODY = 1, 2
+    """Marks of blocks of pixels. marks (columns, rows): 1 where a moved body or its shadow may be
+    visible."""
 
     def __init__(self, boundary, room: PictureRoom):
         self.boundary = boundary
@@ -35,29 +33,22 @@ class MovedBodies:
         self._drawn: tuple[np.ndarray, np.ndarray] | None = None
 
     def find(self, shot, whole):
-        """Marks the blocks to draw in the view of the shot's numbers; whole: everything is drawn.
-        Returns True if a body moved, or None if all blocks must be drawn with all bodies."""
+        """Marks the blocks to draw in the view of the shot's numbers; whole: all are drawn. Returns
+        True if a body moved, or None if all blocks must be drawn."""
         found, before = self._project(shot), self._drawn
         self._drawn = found
-        if found is None or (before is None and not whole):
+        if found is None or before is None or whole:
             return None
-        parts = now = found[1]
-        if not whole:
-            (corners, _), (old_corners, old) = found, before
-            moved = np.abs(corners - old_corners).max(axis=(1, 2, 3)) > INVISIBLE
-            # Bodies that did not move visibly keep their corners, so that slow movements add up.
-            corners[~moved], now[~moved] = old_corners[~moved], old[~moved]
-            if not moved.any():
-                return False
-            parts = np.concatenate([now[moved], old[moved]])
-        marked = np.zeros(self.marks.shape, np.int32)
-        for left, right, low, high in parts.reshape(-1, 4):
-            marked[left:right, low:high] = self.SHADOW
-        # Marked blocks with any body, moving or at rest, become BODY.
-        for left, right, low, high in now[:, 0]:
-            marked[left:right, low:high] *= self.BODY  # 0 stays 0
-        self._mark(np.minimum(marked, self.BODY))
-        return True
+        (corners, now), (old_corners, old) = found, before
+        moved = np.abs(corners - old_corners).max(axis=(1, 2, 3)) > INVISIBLE
+        # Bodies that did not move visibly keep their corners, so that slow movements add up.
+        corners[~moved], now[~moved] = old_corners[~moved], old[~moved]
+        if moved.any():
+            marked = np.zeros(self.marks.shape, np.int32)
+            for left, right, low, high in np.concatenate([now[moved], old[moved]]).reshape(-1, 4):
+                marked[left:right, low:high] = 1
+            self._mark(marked)
+        return moved.any()
 
     @kernel
     def _mark(self, marked: ti.types.ndarray(dtype=ti.i32, ndim=2)):
@@ -81,7 +72,7 @@ class MovedBodies:
         corners = at + shot["centre"]
         # A penumbra is wider than the body by its distance over the sharpness.
         size = np.linalg.norm(x[:, :1, 7] - x[:, :1, 0], axis=2)
-        wider = (way + size * (way > 0.0)) / SHADOW_SHARPNESS / (shot["pixel"] * depth.min(axis=2))
+        wider = (way + size * (way > 0.0)) / SHARPNESS / (shot["pixel"] * depth.min(axis=2))
         margin = (MARGIN + wider)[..., None]
         low, high = corners.min(axis=2) - margin, corners.max(axis=2) + margin
         # The body itself, and each part of its shadow between two places of the corners.
@@ -90,8 +81,3 @@ class MovedBodies:
         blocks = np.stack([np.floor(low / COARSE), np.ceil(high / COARSE)], axis=3)
         blocks = np.clip(blocks, 0, max(self.marks.shape)).astype(int)
         return corners, blocks.reshape(len(x), PARTS + 1, 4)
-
-    @ti.func
-    def mark(self, i, j):
-        """Returns the mark of the block of pixel (i, j)."""
-        return self.marks[i // COARSE, j // COARSE]

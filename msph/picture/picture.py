@@ -10,6 +10,7 @@ from msph.fluid.boundary.rim import Rim
 from msph.fluid.world import World
 from msph.launches import Traits, data_oriented, kernel, use_traits
 from msph.picture.backdrop import Backdrop
+from msph.picture.body_faces import BodyFaces
 from msph.picture.body_shading import BodyShading
 from msph.picture.droplets_view import DropletSums, DropletsView
 from msph.picture.edge_filter import EdgeFilter
@@ -23,6 +24,7 @@ from msph.picture.pool import Pool
 from msph.picture.rasteriser import NO_ITEM, Rasteriser
 from msph.picture.ripples import Ripples
 from msph.picture.room import SMALLEST, PictureRoom, PixelFields
+from msph.picture.shadows import Shadows
 from msph.picture.shot import Lens, shot_numbers
 from msph.picture.sky import Sky
 from msph.picture.sunlight import Sunlight
@@ -38,9 +40,7 @@ def picture_of(world: World, surface_room: SurfaceRoom, room: PictureRoom) -> "P
     """Builds a picture of the surface, particles and bodies of a world (for World.build_once)."""
     surface = world.build_once(surface_of, surface_room)
     parts, white = world.parts, world.build_once(whitewater_of)
-    # Loops over pixels run in parallel in any scene.
-    with use_traits(Traits()):
-        return Picture(surface.mesh, parts.boundary, room, white, parts.rim, surface.thin)
+    return Picture(surface.mesh, parts.boundary, room, white, parts.rim, surface.thin)
 
 
 @data_oriented
@@ -67,32 +67,34 @@ class Picture:
         thin: ThinWater | None = None,
     ):
         self.mesh, self.boundary, self.room = mesh, boundary, room
+        self.drying = EVERY  # simulated time since the last decay of the wetness [s]
+        # Loops over pixels run in parallel in any scene; load() sets if there are bodies.
+        self.traits = Traits()
+        with use_traits(self.traits):
+            self._build(whitewater, rim, thin)
+        # Centre [m] in the box frame and radius [m] of a ball that images show, or None.
+        self.ball: tuple[tuple[float, float, float], float] | None = None
+
+    def _build(self, whitewater: Whitewater | None, rim: Rim | None, thin: ThinWater | None):
+        mesh, boundary, room = self.mesh, self.boundary, self.room
         self.fields, self.lens, tone = PixelFields(room), Lens(), Tone()
         self.edge_filter, self.enlarger = EdgeFilter(self.fields), Enlarger(self.fields)
         self.legend = LegendPanel(room.width, room.height)
         self.raster, self.sunlight = Rasteriser(self.fields, self.lens), Sunlight(mesh, self.lens)
         self.particles = ParticlesView(self.lens, self.raster, tone, self.fields.canvas)
         self.sky, self.bodies = Sky(), BodyShading(boundary)
+        self.faces = BodyFaces(boundary, self.fields, self.lens, self.raster)
+        pool = Pool(self.sky, self.bodies, Shadows(self.faces, self.lens))
         self.wetness = Wetness(mesh)
         self.ripples = Ripples(thin, self.sunlight, self.lens) if thin else None
-        self.drying = EVERY  # simulated time since the last decay of the wetness [s]
-        # Shading without bodies, and with bodies.
-        pools = Pool(self.sky), Pool(self.sky, self.bodies)
-        backdrops = [Backdrop(self.fields, self.lens, pool, tone, self.wetness) for pool in pools]
-        water = mesh, self.lens, self.raster, self.sunlight, self.ripples
-        self.shaders = [
-            WaterShader(*water, b, self.fields.canvas, self.fields.samples) for b in backdrops
-        ]
-        sums = DropletSums(room)
-        self.droplets_views = [
-            DropletsView(thin.spray, rim, whitewater, shader, sums, self.fields.canvas)
-            if thin and rim and whitewater
-            else None
-            for shader in self.shaders
-        ]
+        self.backdrop = Backdrop(self.fields, self.lens, pool, tone, self.wetness, self.faces)
+        water = mesh, self.lens, self.raster, self.sunlight, self.ripples, self.backdrop
+        self.shader = WaterShader(*water, self.fields.canvas, self.fields.samples)
+        self.droplets: DropletsView | None = None
+        if thin and rim and whitewater:
+            drops = thin.spray, rim, whitewater, self.shader
+            self.droplets = DropletsView(*drops, DropletSums(room), self.fields.canvas)
         self.hand_view = HandView(self.lens, self.raster, self.fields.canvas)
-        # Centre [m] in the box frame and radius [m] of a ball that images show, or None.
-        self.ball: tuple[tuple[float, float, float], float] | None = None
 
     def load(self, width, height, box, look=None, region=None, spacing=0.0):
         """Prepares images of width x height pixels of the box (Lx, Ly, Lz) [m] with the boundary's
@@ -110,10 +112,10 @@ class Picture:
 
     def take_bodies(self):
         """Prepares images of the boundary's present bodies; wet places stay wet."""
-        occupied = self.boundary is not None and self.boundary.count > 0
+        self.traits.bodies = occupied = self.boundary is not None and self.boundary.count > 0
         if occupied:
             self.bodies.load(self.box)
-        self.shader, self.droplets = self.shaders[occupied], self.droplets_views[occupied]
+            self.faces.load()
         self.view = None  # the shader's image without water may be of other bodies
 
     def resize(self, width, height):
@@ -152,10 +154,6 @@ class Picture:
         return due and self.wetness.renew() > 0
 
     @property
-    def backdrop(self):
-        return self.shader.backdrop
-
-    @property
     def rays(self):
         """Rays per pixel along each axis."""
         return self.look.supersample
@@ -190,13 +188,9 @@ class Picture:
         if self.look.caustics:
             self.sunlight.trace_caustics()
         dried = self.look.drying > 0.0 and self.dry()
-        contained = self.backdrop.pool.occupied and self.boundary.container is not None
-        if contained:
-            # Water is clipped by the container in the backdrop.
-            self.backdrop.refresh(changed, dried=dried)
-        self.rasterise(contained)
-        if not contained:
-            self.backdrop.refresh(changed, True, dried)
+        self.backdrop.take(changed)
+        self.rasterise(self.backdrop.occupied and self.boundary.container is not None)
+        self.backdrop.refresh(True, dried)
         self.shader.shade()
         if self.droplets:
             white, spilt = self.look.whitewater, self.droplets.rim.has_drops
@@ -214,7 +208,8 @@ class Picture:
     def draw_particles(self, camera, tilt, x, value, lo, hi, n, radius, legend=None):
         """Renders the first n particles at x [m], coloured by `value` from lo to hi. radius: f32
         field [m]; particles of radius 0 are hidden. legend: drawn if the look shows legends."""
-        self.backdrop.refresh(self.set_view(camera, tilt))
+        self.backdrop.take(self.set_view(camera, tilt))
+        self.backdrop.refresh()
         self.particles.draw(x, radius, value, lo, hi, n, self.backdrop)
         self.resolve(True)
         if legend and self.look.legend:

@@ -7,8 +7,10 @@ entered the box meets only inner sides of walls.
 import taichi as ti
 
 from msph.launches import data_oriented
-from msph.picture.body_shading import MISSED
+from msph.picture.body_shading import MISSED, BodyShading
 from msph.picture.samples import ADDED, LEFT, PLACE, SPAN, UNTILED
+from msph.picture.shadows import BEAM, OUTER, Shadows
+from msph.picture.shadows import SUN as SUN_MAP
 from msph.picture.shot import PARALLEL
 from msph.picture.sky import GROUND, SKY_LIGHT, SUN, SUN_LIGHT, Sky, haze
 
@@ -48,11 +50,8 @@ def reciprocal(d):
 
 @data_oriented
 class Pool:
-    def __init__(self, sky: Sky, bodies=None):
-        """Creates a pool with `bodies`, a BodyShading, or without (None). Code for bodies is
-        compiled only for a pool with bodies."""
-        self.sky, self.bodies = sky, bodies
-        self.occupied = bodies is not None
+    def __init__(self, sky: Sky, bodies: BodyShading, shadows: Shadows):
+        self.sky, self.bodies, self.shadows = sky, bodies, shadows
 
     @ti.func
     def albedo(self, p, axis, footprint, shot: ti.template()):
@@ -132,22 +131,26 @@ class Pool:
         return colour
 
     @ti.func
-    def sunlit(self, p, r, to_sun):
-        """Returns the share of the sun that bodies leave at p, the end of a ray r."""
+    def sunlit(self, p, under, outside):
+        """Returns the share of the sun that bodies leave at p [m]; under: p is under water;
+        outside: p is not in a container."""
         share = 1.0
-        if ti.static(self.occupied):
-            share = self.bodies.sunlit(p - self.bodies.offset() * r, to_sun)
+        if ti.static(self.traits.bodies):
+            contained = outside and self.bodies.numbers.container[None] >= 0
+            for k in range(1 + contained):
+                m = ti.select(k == 1, OUTER, ti.select(under, BEAM, SUN_MAP))
+                share = ti.min(share, self.shadows.share(p, m))
         return share
 
     @ti.func
-    def intersect(self, p, r, most, reach, within, shot: ti.template()):
+    def intersect(self, p, r, most, reach, shot: ti.template()):
         """Intersects a ray from p, reach [m] from the eye, with bodies; see BodyShading.intersect.
         The last result is True if a body's outline may cross a block of pixels around the ray."""
-        wide = OUTLINE_REACH * SPAN * shot.pixel
-        t, body, entry, close = MISSED, -1, vec2(MISSED, -1.0), False
-        if ti.static(self.occupied):
-            t, body, entry, close = self.bodies.intersect(p, r, most, reach, wide, within)
-        return t, body, entry, close
+        t, body, close = MISSED, -1, False
+        if ti.static(self.traits.bodies):
+            wide = OUTLINE_REACH * SPAN * shot.pixel
+            t, body, close = self.bodies.intersect(p, r, most, reach, wide)
+        return t, body, close
 
     @ti.func
     def far_radiance(self, d, shot: ti.template()):
@@ -155,15 +158,6 @@ class Pool:
         return self.sky.radiance(
             vec3(d.dot(shot.right_world), d.dot(shot.up), d.dot(shot.back_world))
         )
-
-    @ti.func
-    def normal(self, p, axis, low, body, shot: ti.template()):
-        """Returns the unit normal into the box of a wall, or out of a body (if >= 0), at p [m]."""
-        n = ti.select(low, 1.0, -1.0) * vec3(axis == 0, axis == 1, axis == 2)
-        if ti.static(self.occupied):
-            if body >= 0:
-                n = self.bodies.normal(body, p, shot)
-        return n
 
     @ti.func
     def mirrored_radiance(self, p, r, shot: ti.template()):

@@ -4,9 +4,9 @@ An i32 per pixel holds depth (high bits) and item number (low bits), so that one
 both and the result does not depend on the order of threads. Depth bits only sort; exact depth and
 normal are computed from the item.
 
-Triangles use homogeneous edge functions (Olano and Greer 1997): with vertices a, b, c relative to
-the eye and a pixel ray d of forward part 1, the barycentric weights are d.(b x c), d.(c x a) and
-d.(a x b) over their sum, and 1 / depth = d.N / a.N with the triangle's normal N. No vertex is
+Triangles use homogeneous edge functions (Olano and Greer 1997): with the corners' homogeneous
+image coordinates a, b, c = z (x, y, 1) and a pixel p = (x, y, 1), the barycentric weights over z
+are p.(b x c), p.(c x a) and p.(a x b), each over a.(b x c); 1 / depth is their sum. No vertex is
 divided by its depth, so triangles through the near plane need no clipping.
 
 Where the eye is in the box or looks into a container, a ray may begin in water: it does if the
@@ -18,13 +18,18 @@ import taichi as ti
 
 from msph.launches import data_oriented
 from msph.picture.room import PixelFields
+from msph.picture.samples import CPU_BLOCKS, GPU_BLOCKS, SPAN, strip_length, strips
+from msph.taichi_internals import on_cpu
 
 BLOCK = 256  # pixels or items per block of GPU threads, or that a CPU thread takes in turn
 KEY_BITS = 31
+DEPTH_STEP = int(1e-3 * 2**KEY_BITS)  # keys from crest to trough: 0.001 of the range
 NO_ITEM = 0x7FFFFFFF  # key of a pixel without an item
 FAR = 1e9  # depth of a pixel without a back face [m]
 OVERLAP = 2e-3  # pixels by which triangles exceed their edges, against gaps
-FRONT, ON_WALL = 1, 2  # lowest bits of a crossing: a front face; a face on a wall of the box
+# Lowest bits of a crossing: a front face; a face on a wall of the box. The kind of a face has
+# another bit: there is a container.
+FRONT, ON_WALL, CONTAINED = 1, 2, 4
 
 
 @data_oriented
@@ -38,6 +43,7 @@ class Rasteriser:
     def __init__(self, fields: PixelFields, lens):
         self.lens, self.key, self.back = lens, fields.key, fields.back
         self.crossing, self.entry = fields.crossing, fields.entry
+        self.strip, self.block = strip_length(), CPU_BLOCKS if on_cpu() else GPU_BLOCKS
         self.item_bits, self.wet = ti.field(ti.i32, ()), ti.field(ti.i32, ())
 
     @ti.func
@@ -46,10 +52,11 @@ class Rasteriser:
         self.wet[None] = items
         self.item_bits[None] = ti.max(1, 32 - ti.math.clz(ti.max(items, 1)))
         columns, rows = self.lens.shot[None].columns, self.lens.shot[None].rows
-        ti.loop_config(block_dim=BLOCK)
-        for i, j in ti.ndrange(columns, rows):
-            self.key[i, j] = self.crossing[i, j] = NO_ITEM
-            self.back[i, j] = ti.bit_cast(ti.f32(FAR), ti.i32)
+        ti.loop_config(block_dim=self.block)
+        for i, s in ti.ndrange(columns, strips(rows, self.strip)):
+            for j in range(s * self.strip, ti.min((s + 1) * self.strip, rows)):
+                self.key[i, j] = self.crossing[i, j] = NO_ITEM
+                self.back[i, j] = ti.bit_cast(ti.f32(FAR), ti.i32)
 
     @ti.func
     def item(self, i, j):
@@ -62,6 +69,12 @@ class Rasteriser:
         levels = ti.cast((1 << (KEY_BITS - bits)) - 2, ti.f32)
         x = ti.math.clamp((shot.w_near - w) / shot.w_span, 0.0, 1.0)
         return (ti.cast(x * levels, ti.i32) << bits) | item
+
+    @ti.func
+    def inverse_depth(self, key, bits, shot: ti.template()):
+        """Returns the inverse depth [1/m] of a key of make_key()."""
+        levels = ti.cast((1 << (KEY_BITS - bits)) - 2, ti.f32)
+        return shot.w_near - ((key >> bits) + 0.5) / levels * shot.w_span
 
     @ti.func
     def offer(self, i, j, key):
@@ -77,22 +90,17 @@ class Rasteriser:
         return ti.Vector([first.x, first.y, last.x, last.y])
 
     @ti.func
-    def triangle_bounds(self, a, b, c, shot: ti.template()):
-        """Returns the bounds of the pixels that a triangle (relative to the eye) may cover: all
-        pixels if it crosses the near plane."""
-        za, zb, zc = a.dot(shot.forward), b.dot(shot.forward), c.dot(shot.forward)
-        lo, hi = ti.Vector([0.0, 0.0]), ti.Vector([shot.columns - 1.0, shot.rows - 1.0])
-        near = 1.0 / shot.w_near
-        if ti.min(za, zb, zc) > 0.5 * near:
-            ra, rb, rc = 1.0 / za, 1.0 / zb, 1.0 / zc
-            pa = ti.Vector([a.dot(shot.to_i), a.dot(shot.to_j)]) * ra
-            pb = ti.Vector([b.dot(shot.to_i), b.dot(shot.to_j)]) * rb
-            pc = ti.Vector([c.dot(shot.to_i), c.dot(shot.to_j)]) * rc
-            lo = ti.min(pa, pb, pc) + shot.centre - OVERLAP
-            hi = ti.max(pa, pb, pc) + shot.centre + OVERLAP
-        elif ti.max(za, zb, zc) < near:
-            hi = ti.Vector([-1.0, -1.0])
-        return self.bounds(lo, hi, shot)
+    def homogeneous(self, c, shot: ti.template()):
+        """Returns z (x, y, 1) of a point c [m] relative to the eye: z its depth [m], x and y in
+        pixels from the view axis."""
+        return ti.math.vec3(c.dot(shot.to_i), c.dot(shot.to_j), c.dot(shot.forward))
+
+    @ti.func
+    def project(self, c, shot: ti.template()):
+        """Returns pixel coordinates (right, up) and depth [m] of a point c [m] relative to the eye;
+        the coordinates are valid for positive depths."""
+        h = self.homogeneous(c, shot)
+        return ti.math.vec3(h.xy / h.z + shot.centre, h.z)
 
     @ti.func
     def draw_mesh(self, mesh: ti.template(), contained):
@@ -105,50 +113,54 @@ class Rasteriser:
             k = mesh.triangles[t]
             pa, pb, pc = mesh.vertices[k[0]], mesh.vertices[k[1]], mesh.vertices[k[2]]
             a, b, c = pa - shot.eye, pb - shot.eye, pc - shot.eye
-            n = (b - a).cross(c - a)
-            volume = a.dot(n)
+            volume = a.dot((b - a).cross(c - a))
             front, wall, clipped = volume < 0.0, False, contained + shot.immersed > 0
             if volume > 0.0:
                 wall = on_wall(pa, pb, pc, shot)
             if front or (volume > 0.0 and (clipped or not wall)):
-                kind = FRONT * front + ON_WALL * wall
-                self.fill(t, ti.Matrix.rows([a, b, c]), n, volume, kind, contained, shot)
+                kind = FRONT * front + ON_WALL * wall + CONTAINED * contained
+                self.fill(ti.Matrix.rows([a, b, c]), t, kind, self, shot)
 
     @ti.func
-    def fill(self, t, corners, n, volume, kind, contained, shot: ti.template()):
-        """Writes a triangle to the pixels that it covers. corners: rows, relative to the eye [m];
-        kind: FRONT and ON_WALL."""
-        a, b, c = corners[0, :], corners[1, :], corners[2, :]
-        front = kind & FRONT != 0
-        box = self.triangle_bounds(a, b, c, shot)
-        if box[0] <= box[2] and box[1] <= box[3]:
-            s = ti.select(front, -1.0, 1.0)
-            edges = ti.Matrix.rows([b.cross(c) * s, c.cross(a) * s, a.cross(b) * s])
-            e0, ei, ej = edges @ shot.origin, edges @ shot.du, edges @ shot.dv
-            e0 += OVERLAP * (abs(ei) + abs(ej))
-            w_scale, bits = 1.0 / volume, self.item_bits[None]
-            w0 = shot.origin.dot(n) * w_scale
-            wi, wj = shot.du.dot(n) * w_scale, shot.dv.dot(n) * w_scale
-            for i in range(box[0], box[2] + 1):
-                for j in range(box[1], box[3] + 1):
-                    e = e0 + ei * i + ej * j
-                    w = w0 + wi * i + wj * j
-                    if e.min() >= 0.0 and w > 0.0 and w <= shot.w_near:
-                        begin = self.begin(i, j, contained)
-                        if begin * w <= 1.0:
-                            if contained + shot.immersed > 0:
-                                z = ti.bit_cast(1.0 / w, ti.i32) & ~(FRONT | ON_WALL)
-                                ti.atomic_min(self.crossing[i, j], z | kind)
-                            if front or (kind == 0 and shot.immersed == 1 and begin == 0.0):
-                                self.offer(i, j, self.make_key(w, t, bits, shot))
-                            if kind == 0:
-                                ti.atomic_min(self.back[i, j], ti.bit_cast(1.0 / w, ti.i32))
+    def fill(self, corners, item, kind, target: ti.template(), shot: ti.template()):
+        """Offers the pixels that a triangle covers to `target`, an object with a function put(i, j,
+        1 / depth, item, kind, shot). corners: rows, relative to the eye [m]."""
+        a = self.homogeneous(corners[0, :], shot)
+        b = self.homogeneous(corners[1, :], shot)
+        c = self.homogeneous(corners[2, :], shot)
+        near = 1.0 / shot.w_near
+        if ti.max(a.z, b.z, c.z) >= near:
+            lo, hi = ti.Vector([0.0, 0.0]), ti.Vector([shot.columns - 1.0, shot.rows - 1.0])
+            # A triangle that crosses the near plane may cover all pixels.
+            if ti.min(a.z, b.z, c.z) > 0.5 * near:
+                pa, pb, pc = a.xy / a.z, b.xy / b.z, c.xy / c.z
+                lo = ti.min(pa, pb, pc) + shot.centre - OVERLAP
+                hi = ti.max(pa, pb, pc) + shot.centre + OVERLAP
+            box = self.bounds(lo, hi, shot)
+            if box[0] <= box[2] and box[1] <= box[3]:
+                h = ti.Matrix.rows([a, b, c])
+                scan(h, ti.math.vec3(1.0), box, shot.centre, item, kind, target, shot)
+
+    @ti.func
+    def put(self, i, j, w, t, kind, shot: ti.template()):
+        """Writes a pixel of triangle t, 1 / w [m] away. kind: FRONT, ON_WALL and CONTAINED."""
+        if w > 0.0 and w <= shot.w_near:
+            contained, side = kind & CONTAINED != 0, kind & ~CONTAINED
+            begin = self.begin(i, j, contained)
+            if begin * w <= 1.0:
+                if contained or shot.immersed == 1:
+                    z = ti.bit_cast(1.0 / w, ti.i32) & ~(FRONT | ON_WALL)
+                    ti.atomic_min(self.crossing[i, j], z | side)
+                if side & FRONT != 0 or (side == 0 and shot.immersed == 1 and begin == 0.0):
+                    self.offer(i, j, self.make_key(w, t, self.item_bits[None], shot))
+                if side == 0:
+                    ti.atomic_min(self.back[i, j], ti.bit_cast(1.0 / w, ti.i32))
 
     @ti.func
     def begin(self, i, j, contained):
         """Returns the depth [m] from which a pixel's ray can meet water."""
         found = 0.0
-        if contained == 1:
+        if contained:
             found = self.entry[i, j]
         return found
 
@@ -160,18 +172,10 @@ class Rasteriser:
         ti.loop_config(block_dim=BLOCK)
         for i, j in ti.ndrange(columns, rows):
             shot, first = self.lens.shot[None], self.crossing[i, j]
-            begin = self.begin(i, j, contained)
+            begin = self.begin(i, j, contained == 1)
             if first & FRONT == 0 and (begin > 0.0 or first & ON_WALL != 0):
                 w = 1.0 / ti.max(begin, 1.0 / shot.w_near)
                 self.key[i, j] = self.make_key(w, self.wet[None], self.item_bits[None], shot)
-
-    @ti.func
-    def project(self, c, shot: ti.template()):
-        """Returns pixel coordinates (right, up) and depth [m] of a point c [m] relative to the eye;
-        the coordinates are valid for positive depths."""
-        z = c.dot(shot.forward)
-        at = ti.Vector([c.dot(shot.to_i), c.dot(shot.to_j)]) / z + shot.centre
-        return ti.math.vec3(at.x, at.y, z)
 
     @ti.func
     def draw_spheres(self, n, x: ti.template(), radius: ti.template()):
@@ -181,20 +185,42 @@ class Rasteriser:
             shot, bits = self.lens.shot[None], self.item_bits[None]
             c = x[p] - shot.eye
             r = radius[p]
-            z = c.dot(shot.forward)
+            m = self.project(c, shot)
+            z = m.z
             # A radius of zero hides a sphere.
             if r > 0.0 and z - r > 1.0 / shot.w_near:
-                rz = 1.0 / z
-                m = ti.Vector([c.dot(shot.to_i), c.dot(shot.to_j)]) * rz
-                m += shot.centre
                 # Off the axis the projection is an ellipse, longer by at most 1 / cos.
-                reach = r / (shot.pixel * (z - r)) * c.norm() * rz
-                box = self.bounds(m - reach, m + reach, shot)
+                reach = r / (shot.pixel * (z - r)) * c.norm() / z
+                box = self.bounds(m.xy - reach, m.xy + reach, shot)
                 for i in range(box[0], box[2] + 1):
                     for j in range(box[1], box[3] + 1):
                         w = sphere_inverse_depth(c, r, shot.origin + shot.du * i + shot.dv * j)
                         if w > 0.0:
                             self.offer(i, j, self.make_key(w, p, bits, shot))
+
+
+@ti.func
+def scan(corners, values, box, centre, item, kind, target: ti.template(), shot: ti.template()):
+    """Offers the pixels [i0, j0, i1, j1] = box that a triangle covers to target.put(i, j, value,
+    item, kind, shot). corners: rows, homogeneous image coordinates relative to the pixel
+    `centre`; values: of the corners, interpolated like 1 / depth."""
+    a, b, c = corners[0, :], corners[1, :], corners[2, :]
+    ea, eb, ec = b.cross(c), c.cross(a), a.cross(b)
+    volume = a.dot(ea)
+    # Distances of the corners from the opposite edges [pixels], times their z. A thinner triangle
+    # is between neighbours that overlap, and beyond its corners its edges would overlap far away.
+    heights = abs(volume) / (ti.Vector([ea.xy.norm(), eb.xy.norm(), ec.xy.norm()]) + 1e-30)
+    if (heights > 2.0 * OVERLAP * corners[:, 2]).all():
+        s = ti.select(volume < 0.0, -1.0, 1.0)
+        edges = ti.Matrix.rows([s * ea, s * eb, s * ec])
+        ei, ej = edges[:, 0], edges[:, 1]
+        e0 = edges[:, 2] - ei * centre.x - ej * centre.y + OVERLAP * (abs(ei) + abs(ej))
+        g = (ea * values.x + eb * values.y + ec * values.z) / volume
+        g0 = g.z - g.x * centre.x - g.y * centre.y
+        for i in range(box[0], box[2] + 1):
+            for j in range(box[1], box[3] + 1):
+                if (e0 + ei * i + ej * j).min() >= 0.0:
+                    target.put(i, j, g0 + g.x * i + g.y * j, item, kind, shot)
 
 
 @ti.func
@@ -222,3 +248,27 @@ def on_wall(a, b, c, shot: ti.template()):
     """Returns True if a triangle is on a face of the box, within the shot's skin."""
     lo, hi = ti.max(a, b, c), ti.min(a, b, c)
     return lo.min() < shot.skin or (walls_of(shot) - hi).min() < shot.skin
+
+
+@ti.func
+def smooth(key: ti.template(), i0, j0, columns, rows, mask):
+    """Returns the least key of the block of pixels from (i0, j0) on, and if the keys of a
+    visibility buffer have no steps of depth there, and equal bits of `mask`."""
+    # One loop of constant length, which repeats pixels at the edge of the image: nested loops with
+    # variable bounds take five times as long to compile.
+    first, nearest, farthest, mixed = key[i0, j0], NO_ITEM, 0, 0
+    for k in range(SPAN * SPAN):
+        found = key[ti.min(i0 + k // SPAN, columns - 1), ti.min(j0 + k % SPAN, rows - 1)]
+        nearest, farthest = ti.min(nearest, found), ti.max(farthest, found)
+        mixed |= (found ^ first) & mask
+    even = farthest != NO_ITEM and mixed == 0
+    if even:
+        # On a plane, the nearest and the farthest pixel are corners.
+        near, far = NO_ITEM, 0
+        for k in range(4):
+            i = ti.min(i0 + SPAN * (k // 2), columns - 1)
+            j = ti.min(j0 + SPAN * (k % 2), rows - 1)
+            near, far = ti.min(near, key[i, j]), ti.max(far, key[i, j])
+        slack = DEPTH_STEP + (far - near) // 2
+        even = far != NO_ITEM and near - nearest < slack and farthest - far < slack
+    return nearest, even

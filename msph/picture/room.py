@@ -8,7 +8,6 @@ import taichi as ti
 from msph.picture.samples import SPAN, SampleFields
 
 FIRST = 960, 544  # smallest class [pixels]: the default window, rows rounded up to 64
-ROUGH, ROUGH_BODY = 1, 2  # uneven blocks, without and with pixels of bodies
 COARSE = 8  # pixels between samples of sky and ground, which have little finer detail
 
 
@@ -49,12 +48,12 @@ class PixelFields:
         self.crossing = ti.field(ti.i32, size)  # first face behind `entry` (see Rasteriser)
         # Image without water: display-referred colour, and opacity of the edge lines in front.
         self.backdrop = ti.Vector.field(4, ti.f32, size)
-        self.depth = ti.field(ti.f32, size)  # of bodies along the view [m], or FAR
-        # Depth at which the ray enters the container [m], or FAR; 0 if the eye is in it.
+        self.body = ti.field(ti.i32, size)  # depth and number of the visible body (see BodyFaces)
+        # Depth at which the ray enters the container [m], or FAR; 0 if it begins there.
         self.entry = ti.field(ti.f32, size)
         # 1 for blocks of SPAN pixels whose colours are not drawn yet, since water hides them.
         self.postponed = ti.field(ti.i32, (room.width // SPAN + 1, room.height // SPAN + 1))
-        # ROUGH or ROUGH_BODY for blocks that are uneven in the image without water.
+        # 1 for blocks that are uneven in the image without water.
         self.rough = ti.field(ti.i32, self.postponed.shape)
         self.samples = SampleFields(*size)
         # Sky and ground at pixels (COARSE a, COARSE b), linear.

@@ -28,6 +28,9 @@ MAX_ADDED_CHANGE = 0.2  # largest change of added light in an even block, over a
 # Largest distance of a corner's place from the plane of the other three, in pixel widths: 99 % of
 # the pixels at steep ripples are then within 4/255 of full sampling (16/255 without the limit).
 MAX_OFF_PLANE = 1.0
+# Pixels of a column per loop iteration on a CPU, which divides to find the place of an iteration,
+# and vectorises inner loops.
+STRIP = 256
 CPU_BLOCKS, GPU_BLOCKS = 16, 128  # blocks of pixels that a CPU thread takes in turn, per GPU block
 # States of a block: SKIPPED, or its note times STATES plus EVEN or UNEVEN.
 SKIPPED, EVEN, UNEVEN, STATES = range(4)
@@ -164,3 +167,14 @@ class BlockSampler:
 def blocks(pixels):
     """Returns the number of blocks along an axis."""
     return (pixels + SPAN - 1) // SPAN
+
+
+def strip_length() -> int:
+    """Returns the number of pixels of a column per loop iteration."""
+    return STRIP if on_cpu() else 1
+
+
+@ti.func
+def strips(rows, length):
+    """Returns the number of strips of a column."""
+    return (rows + length - 1) // length

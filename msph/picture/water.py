@@ -9,9 +9,10 @@ reflection outside Snell's window.
 import taichi as ti
 
 from msph.launches import data_oriented
+from msph.picture.backdrop import KEY_SLACK
 from msph.picture.optics import bend, cosine_beyond, reflectance, transmittance
 from msph.picture.pool import MIN_COSINE, RIM, component
-from msph.picture.rasteriser import FAR, KEY_BITS, NO_ITEM, walls_of
+from msph.picture.rasteriser import FAR, NO_ITEM, smooth, walls_of
 from msph.picture.room import COARSE
 from msph.picture.samples import (
     DETAIL,
@@ -34,7 +35,6 @@ MIN_INCIDENCE = 0.03  # smallest cosine of incidence
 PLATE = 0.1  # largest thickness of water on glass that refracts as a plate, over the longest edge
 LUMP = 0.25  # thickness of water in the air from which it refracts in full, over the longest edge
 DOWNWELLING = 0.5  # share of absorption on the light's way down
-DEPTH_STEP = int(1e-3 * 2**KEY_BITS)  # keys from crest to trough: 0.001 of the range
 NEAR_GLINT = 0.5  # sheen above which the sun's reflection may lie between two samples
 # Bits of a kind: low wall; seen through a side of the water; folded by total reflection; out of the
 # water again; number of the body (bits below SUNK); eye under water; whole ray under water.
@@ -59,36 +59,32 @@ class WaterShader:
     @ti.func
     def begin(self, i0, j0, given):
         """Sets up a block for BlockSampler: an even block if all its pixels and the corners of the
-        next blocks show water without a step in depth. Blocks without water are drawn here. given
-        and the note are not used."""
-        columns, rows = self.lens.shot[None].columns, self.lens.shot[None].rows
-        nearest, farthest = NO_ITEM, 0
-        # One loop of constant length, which repeats pixels at the edge of the image: nested loops
-        # with variable bounds take five times as long to compile.
-        for k in range(SPAN * SPAN):
-            i, j = ti.min(i0 + k // SPAN, columns - 1), ti.min(j0 + k % SPAN, rows - 1)
-            key = self.raster.key[i, j]
-            nearest, farthest = ti.min(nearest, key), ti.max(farthest, key)
-        even = farthest != NO_ITEM
-        if nearest == NO_ITEM:
-            for k in range(SPAN * SPAN):
-                i, j = ti.min(i0 + k // SPAN, columns - 1), ti.min(j0 + k % SPAN, rows - 1)
-                self.image[i, j] = self.backdrop.colour[i, j].xyz
-        elif even:
-            # On a plane, the nearest and the farthest pixel are corners.
-            near, far = NO_ITEM, 0
-            for k in range(4):
-                i = ti.min(i0 + SPAN * (k // 2), columns - 1)
-                j = ti.min(j0 + SPAN * (k % 2), rows - 1)
-                near, far = ti.min(near, self.raster.key[i, j]), ti.max(far, self.raster.key[i, j])
-            slack = DEPTH_STEP + (far - near) // 2
-            even = far != NO_ITEM and near - nearest < slack and farthest - far < slack
-        return nearest != NO_ITEM, even, 0
+        next blocks show water without a step in depth, behind no body. Blocks without water are
+        drawn here. given and the note are not used."""
+        shot = self.lens.shot[None]
+        nearest, even = smooth(self.raster.key, i0, j0, shot.columns, shot.rows, 0)
+        drawn = nearest != NO_ITEM
+        if ti.static(self.traits.bodies):
+            drawn = False
+            for k in range(ti.select(nearest != NO_ITEM, SPAN * SPAN, 0)):
+                at = self.pixel(i0, j0, k, shot)
+                drawn = drawn or self.backdrop.water_at(at.x, at.y, -KEY_SLACK, shot)
+                even = even and self.backdrop.water_at(at.x, at.y, KEY_SLACK, shot)
+        for k in range(ti.select(drawn, 0, SPAN * SPAN)):
+            at = self.pixel(i0, j0, k, shot)
+            self.image[at] = self.backdrop.colour[at].xyz
+        return drawn, even, 0
+
+    @ti.func
+    def pixel(self, i0, j0, k, shot: ti.template()):
+        """Returns the k-th pixel of a block, in the image."""
+        last = ti.Vector([shot.columns, shot.rows]) - 1
+        return ti.min(ti.Vector([i0 + k // SPAN, j0 + k % SPAN]), last)
 
     @ti.func
     def wanted(self, i, j):
         """Returns True for a pixel with water; draws the backdrop at a pixel without water."""
-        wet = self.raster.key[i, j] != NO_ITEM
+        wet = self.backdrop.water_at(i, j, -KEY_SLACK, self.lens.shot[None])
         if not wet:
             self.image[i, j] = self.backdrop.colour[i, j].xyz
         return wet
@@ -165,19 +161,21 @@ class WaterShader:
             r = ti.select(inwards, bent, mirrored)
             to_sun = ti.select(inwards, shot.beam, shot.sun)
             s, axis, low = self.pool.exit_face(p, r, shot.size)
-            t, body, _, close = self.pool.intersect(p, r, s, reach, inwards or not cut, shot)
+            # The reflected ray of a cut leaves the box or the container.
+            way_out = ti.select(inwards or not cut, s, 0.0)
+            t, body, close = self.pool.intersect(p, r, way_out, reach, shot)
             s = ti.min(s, t)
             q, through, deep, lit = p + r * s, vec3(0.0), 0.0, 1.0
             footprint = shot.pixel * (reach + s) / ti.max(abs(component(r, axis)), MIN_COSINE)
             if inwards:
                 q, deep, path, bits = self.follow_refracted(p, q, r, s, cut, thickness, shot)
-                if ti.static(self.pool.occupied):
+                if ti.static(self.traits.bodies):
                     if body >= 0 and bits == FOLDED:
                         q = self.pool.bodies.nearest(body, q)
                 if straight:
                     deep = ti.max(self.sunlight.height(q, shot) - q.y, 0.0)
                 through = transmittance(shot.absorption, path + DOWNWELLING * deep)
-                lit = self.pool.sunlit(q, r, to_sun)
+                lit = self.pool.sunlit(q, True, False)
                 kind = axis + LOW * low + CUT * cut + bits + DETAIL * close
                 kind += SUNK * sunk + STRAIGHT * straight
             lighting = self.pool.lighting(q, axis, low, to_sun, shot)
@@ -188,13 +186,14 @@ class WaterShader:
                     kind += UNTILED - axis - LOW * low
                     seen = bilinear(self.backdrop.background, vec2(i, j) / COARSE)
                 axis, low = 1, False
-            if ti.static(self.pool.occupied):
+            if ti.static(self.traits.bodies):
                 if body >= 0:
                     focus = 1.0
                     if inwards:
                         kind += UNTILED - axis - LOW * low + BODY * (1 + body)
                         focus = lit * self.sunlight.concentration(q, deep, shot)
-                    seen = self.pool.bodies.shade(body, q, to_sun, focus, shot)
+                    n_body = self.pool.bodies.normal(body, q)
+                    seen = self.pool.bodies.shade(body, n_body, to_sun, focus, shot)
             if inwards:
                 place, under, left = vec4(q, footprint), deep, through
                 light = lighting * vec2(lit, 1.0)
@@ -230,8 +229,9 @@ class WaterShader:
             n += w * self.mesh.normals[k[2]]
             # Front faces have negative weights: the sum points away from the eye.
             flat, n = flat.normalized(), -n.normalized()
-        elif ti.static(self.pool.occupied):
-            depth = self.backdrop.entry_at(i, j)
+        elif ti.static(self.traits.bodies):
+            if self.pool.bodies.numbers.container[None] >= 0:
+                depth = self.backdrop.faces.entry[i, j]
             if depth > 0.0:
                 n = self.pool.bodies.side_normal(shot.eye + d * depth)
                 flat = n

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from msph.picture.edge_filter import EdgeFilter
-from msph.picture.room import ROUGH_BODY, PictureRoom, PixelFields
+from msph.picture.room import PictureRoom, PixelFields
 from msph.picture.samples import EVEN, SPAN, STATES, UNEVEN
 
 SIZE = 64, 48
@@ -55,8 +55,9 @@ def test_only_uneven_blocks_their_neighbours_and_ends_of_water_are_smoothed(edge
     state = np.full(edge_filter.state.shape, 2 * STATES + EVEN, np.int32)
     rough = np.zeros(edge_filter.rough.shape, np.int32)
     near = np.zeros((SIZE[0] // SPAN, SIZE[1] // SPAN), bool)
-    state[3, 5], rough[8, 7], state[12:, :] = UNEVEN, ROUGH_BODY, 0
-    for a, b in ((3, 5), (8, 7)):
+    state[3, 5], state[12:, :] = UNEVEN, 0
+    rough[8, 7] = rough[14, 7] = 1  # under and without water
+    for a, b in ((3, 5), (14, 7)):
         near[a, b - 1 : b + 2] = near[a - 1 : a + 2, b] = True
     near[11:13] = near[-1:] = near[:, -1:] = True  # beyond the last blocks there is no water
     for field, values in ((edge_filter.state, state), (edge_filter.rough, rough)):

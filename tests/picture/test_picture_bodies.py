@@ -1,7 +1,5 @@
 """Tests of rendered bodies: rays against spheres by formula, shadows, and visibility."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import picture_kit as kit
 import pytest
@@ -11,10 +9,13 @@ from picture_kit import ball, covered, rays, still_water
 
 from msph.fluid.boundary.rigid_bodies import Ball, Block, Motion, Solid, is_convex
 from msph.fluid.particles.layers import LayerSpec
-from msph.picture.body_shading import CLAY, MISSED, SHADOW_SHARPNESS, BodyShading
+from msph.picture.body_faces import KEY_BITS, triangles_of
+from msph.picture.body_shading import CLAY, BodyShading
 from msph.picture.camera import Camera
 from msph.picture.look import Look
+from msph.picture.rasteriser import FAR, NO_ITEM
 from msph.picture.room import COARSE
+from msph.picture.shadows import SHARPNESS, SUN
 from msph.picture.tone import linear
 from tests.boundary_kit import boundary_of
 
@@ -44,26 +45,46 @@ class Rays:
         self.bodies = BodyShading(boundary_of(BOX, [LAYER]))
 
     def trace(self, p, r):
-        """Traces rays p + t r, (n, 3). Returns t, lit, entry, steep and body, (n,)."""
+        """Traces rays p + t r, (n, 3). Returns t and body, (n,) each."""
         self.bodies.load(BOX)
-        found = np.zeros((len(p), 5), np.float32)
+        found = np.zeros((len(p), 2), np.float32)
         self._trace(p.astype(np.float32), r.astype(np.float32), found)
-        return SimpleNamespace(
-            **dict(zip(("t", "lit", "entry", "steep", "body"), found.T, strict=False))
-        )
+        return found.T
 
     @ti.kernel
     def _trace(self, p: VECTORS, r: VECTORS, found: NUMBERS):
         for i in range(p.shape[0]):
-            t, body, entry, _ = self.bodies.intersect(p[i], r[i], 10.0, 0.0, 0.0, False)
-            lit = self.bodies.sunlit(p[i], r[i])
-            for k, value in ti.static(enumerate((t, lit, entry.x, entry.y, body))):
-                found[i, k] = value
+            t, body, _ = self.bodies.intersect(p[i], r[i], 10.0, 0.0, 0.0)
+            found[i, 0], found[i, 1] = t, body
+
+
+@ti.data_oriented
+class Lit:
+    """Light that bodies leave, by the shadow maps of a picture."""
+
+    def __init__(self, picture):
+        self.shadows = picture.backdrop.shadows
+
+    def at(self, p):
+        """Returns the share of the sun at points (n, 3), (n,)."""
+        found = np.zeros((len(p), 1), np.float32)
+        self._read(p.astype(np.float32), found)
+        return found[:, 0]
+
+    @ti.kernel
+    def _read(self, p: VECTORS, found: NUMBERS):
+        for i in range(p.shape[0]):
+            found[i, 0] = self.shadows.share(p[i], SUN)
 
 
 @pytest.fixture(scope="module")
 def rays_of(taichi_runtime):
     return Rays()
+
+
+@pytest.fixture(scope="module")
+def lit(built):
+    return Lit(built)
 
 
 @pytest.fixture
@@ -83,23 +104,29 @@ def sphere(p, r, centre, radius):
     return -b - half, -b + half
 
 
-def test_rays_hit_bodies_outside_and_the_container_inside(boundary, rays_of):
+def body_depth(picture):
+    """Returns the depths [m] of the visible bodies (WIDTH, HEIGHT), FAR without a body."""
+    shot, key = picture.lens.numbers, picture.faces.key.to_numpy()[:WIDTH, :HEIGHT]
+    step = shot["w_span"] / ((1 << (31 - KEY_BITS)) - 2)
+    w = shot["w_near"] - ((key >> KEY_BITS) + 0.5) * step
+    return np.where(key == NO_ITEM, FAR, 1.0 / np.maximum(w, 1e-9))
+
+
+def test_rays_in_a_container_hit_bodies_and_its_side(boundary, rays_of):
     rng = np.random.default_rng(4)
-    p = SHELL + 2.0 * unit(rng.normal(size=(400, 3)))
-    r = unit(SHELL + 0.5 * rng.uniform(-1.0, 1.0, (400, 3)) - p)
-    found = rays_of.trace(p, r)
-    near, _ = sphere(p, r, BALL, RADIUS)
-    first, far = sphere(p, r, SHELL, ROOM)
-    grazing = abs(far - first) < 0.15
-    expected = np.where(np.isfinite(near), near, np.where(np.isfinite(far), far, MISSED))
-    assert 20 < np.isfinite(near).sum() < 200
-    t = np.minimum(found.t, MISSED)
-    sure = ~grazing & ~(abs(near - sphere(p, r, BALL, RADIUS)[1]) < 0.05)
+    p = SHELL + 0.9 * ROOM * rng.uniform(-1.0, 1.0, (2000, 3))
+    clear = np.linalg.norm(p - BALL, axis=1) > 1.05 * RADIUS
+    p = p[clear & (np.linalg.norm(p - SHELL, axis=1) < 0.95 * ROOM)]
+    r = unit(rng.normal(size=p.shape))
+    t, body = rays_of.trace(p, r)
+    first, last = sphere(p, r, BALL, RADIUS)
+    _, far = sphere(p, r, SHELL, ROOM)
+    ball = np.isfinite(first) & (first > 0.0)
+    assert 50 < ball.sum() < len(p) - 500
+    sure = ~ball | (last - first > 0.05)
     # The icosphere of the container lies inside the sphere, by up to 1 % of its radius.
-    assert np.isclose(t, expected, atol=0.02)[sure].all()
-    assert np.array_equal(found.body[sure] == 0, np.isfinite(near)[sure])
-    assert np.array_equal(found.steep[sure] >= 0.0, np.isfinite(far)[sure])
-    assert np.isclose(found.entry, first, atol=0.01)[sure & np.isfinite(far)].all()
+    assert np.isclose(t, np.where(ball, first, far), atol=0.02)[sure].mean() > 0.99
+    assert np.array_equal(body[sure] == 0, ball[sure])
 
 
 def slabs(p, r, lo, hi):
@@ -123,74 +150,66 @@ def test_rays_meet_a_block_and_a_convex_mesh_as_a_formula_says(rays_of):
     for body, most in ((Block(lo, hi), 1e-5), (mesh, 3e-3)):
         assert is_convex(body)
         boundary_of(BOX, [LAYER], [body])
-        found = rays_of.trace(p, r)
-        assert np.array_equal(found.body[sure] == 0, hit[sure])
+        t, which = rays_of.trace(p, r)
+        assert np.array_equal(which[sure] == 0, hit[sure])
         # The other 5 % are grazing rays, which may end HIT_DISTANCE before the side.
-        assert np.percentile(abs(found.t - first)[sure & hit], 95) < most
-        assert found.lit[sure & hit].max() < 0.05
+        assert np.percentile(abs(t - first)[sure & hit], 95) < most
 
 
-def test_bodies_cast_shadows_and_a_container_shades_only_its_outside(boundary, rays_of):
-    rng = np.random.default_rng(5)
-    r = unit(rng.normal(size=(400, 3)))
-    for away, shell in ((0.15, False), (2.0, True)):
-        p = SHELL + (1.2 if shell else 0.4) * rng.uniform(-1.0, 1.0, (400, 3)) - away * r
-        inside = np.linalg.norm(p - SHELL, axis=1) < 0.8 * ROOM
-        apart = np.linalg.norm(p - BALL, axis=1) > 1.2 * RADIUS
-        sure = apart & (shell | inside)
-        lit = rays_of.trace(p[sure], r[sure]).lit
-        ahead = ((BALL - p) * r).sum(axis=1)[sure] > 0.0
-        to_ball = np.linalg.norm(np.cross(BALL - p, r), axis=1)[sure]
-        to_shell = np.linalg.norm(np.cross(SHELL - p, r), axis=1)[sure]
-        dark = (ahead & (to_ball < 0.99 * RADIUS)) | (shell & (to_shell < 0.95 * ROOM))
-        light = (~ahead | (to_ball > 2.0 * RADIUS)) & ((not shell) | (to_shell > 1.8 * ROOM))
-        assert dark.sum() > 8 and light.sum() > 8
-        assert np.all(lit[dark] == 0.0)
-        assert np.all(lit[light] > 0.99)
-
-
-def test_penumbra_of_a_ball_is_the_least_ratio_of_distances(rays_of):
-    """The penumbra equals the least ratio of the distance from the ball to the distance from the
-    shaded point, taken at many points of each ray."""
-    p, rng = np.tile((0.9, 0.1, 0.5), (400, 1)), np.random.default_rng(0)
-    r = BALL - p + rng.uniform(-1.5 * RADIUS, 1.5 * RADIUS, (400, 3))
-    r /= np.linalg.norm(r, axis=1)[:, None]
-    boundary_of(BOX, [LAYER], [Ball(BALL, RADIUS)])
-    lit = rays_of.trace(p, r).lit
-    t = np.linspace(0.02, 2.0, 5000)[:, None]
-    away = np.stack(
-        [np.linalg.norm(a + t * d - BALL, axis=1) - RADIUS for a, d in zip(p, r, strict=True)]
-    )
-    expected = np.clip((SHADOW_SHARPNESS * away / t[:, 0]).min(axis=1), 0.0, 1.0)
-    assert ((expected > 0.0) & (expected < 1.0)).sum() > 50
-    assert lit == pytest.approx(expected, abs=2e-3)
-
-
-def test_the_rim_of_a_container_is_even_and_rays_along_its_lid_reach_its_side(rays_of):
-    """Slopes along the rim are even, and rays along the lid hit the side. Regression: the rim had a
-    tooth in every cell of the distances, and a ray along the lid ended after too many short steps,
-    up to 0.37 m before the side."""
+def test_a_ray_along_the_lid_of_a_container_reaches_its_side(rays_of):
+    """Regression: the ray ended after too many short steps, up to 0.37 m before the side."""
     tub = trimesh.creation.cylinder(TUB, 2.0 * TUB_LID, sections=96)
     tub.apply_transform(trimesh.transformations.rotation_matrix(0.5 * np.pi, (1.0, 0.0, 0.0)))
     tub.apply_translation(SHELL)
     container = Solid(np.array(tub.vertices), np.array(tub.faces), container=True)
     boundary_of(BOX, [LAYER], [container])
-    angle, down, up = (
-        2.0 * np.pi * np.arange(200) / 200,
-        np.radians(30.0),
-        np.array((0.0, 1.0, 0.0)),
-    )
-    outward = np.stack([np.cos(angle), 0.0 * angle, np.sin(angle)], axis=-1)
-    r = -np.cos(down) * outward - np.sin(down) * up
-    for below in (-0.004, 0.004):
-        rim = SHELL + TUB * outward + (TUB_LID - below) * up
-        assert rays_of.trace(rim - r, r).steep.std() < 0.06
     flat = np.radians(1.0)
     x = np.linspace(-0.3, 0.3, 40)
     r = np.tile((0.0, -np.sin(flat), -np.cos(flat)), (len(x), 1))
-    p = SHELL + TUB_LID * up + x[:, None] * np.array((1.0, 0.0, 0.0)) - r
-    expected = 1.0 + np.sqrt(TUB**2 - x**2) / np.cos(flat)
-    assert rays_of.trace(p, r).t == pytest.approx(expected, abs=0.02)
+    p = SHELL + (TUB_LID - 0.002) * np.array((0.0, 1.0, 0.0)) + x[:, None] * np.eye(3)[0]
+    expected = np.sqrt(TUB**2 - x**2) / np.cos(flat)
+    assert rays_of.trace(p, r)[0] == pytest.approx(expected, abs=0.02)
+
+
+@pytest.mark.parametrize("height", [0.25, 0.5])
+def test_a_ball_shades_the_floor_with_a_penumbra_in_proportion_to_its_distance(
+    picture, lit, height
+):
+    """The middle of the shadow is dark, and half of the light passes at its outline."""
+    middle = np.array((0.5, 0.0, 0.5))
+    sun = Look().sun_direction()
+    boundary_of(BOX, [LAYER], [Ball(middle + sun * height / sun[1], RADIUS)])
+    picture.load(WIDTH, HEIGHT, BOX)
+    picture.mesh.counts.fill(0)
+    picture.draw_water(Camera.framing(BOX, WIDTH / HEIGHT))
+    # Across the light, the outline of the shadow is a circle of the ball's radius.
+    across = unit(np.cross(sun, (0.0, 1.0, 0.0))[None])
+    x = np.linspace(-0.4, 0.4, 801)
+    share = lit.at(middle + x[:, None] * across)
+    width = height / sun[1] / SHARPNESS
+    assert share[abs(x) < RADIUS - width].max(initial=0.0) < 0.1
+    assert share[abs(x) > RADIUS + width].min() > 0.95
+    assert abs(share - 0.5)[abs(abs(x) - RADIUS) < 0.003].max() < 0.3
+    assert abs(np.diff(share)).max() < 0.1
+
+
+def test_the_lit_side_of_a_body_is_not_in_its_own_shadow(picture, lit):
+    boundary_of(BOX, [LAYER], [Ball(BALL, RADIUS), Block(*np.array(PLINTH))])
+    picture.load(WIDTH, HEIGHT, BOX)
+    picture.mesh.counts.fill(0)
+    picture.draw_water(Camera.framing(BOX, WIDTH / HEIGHT))
+    sun = picture.lens.numbers["sun"]
+    n = unit(np.random.default_rng(5).normal(size=(2000, 3)))
+    share, facing = lit.at(BALL + RADIUS * n), n @ sun
+    assert share[facing > 0.3].min() > 0.9
+    assert np.percentile(share[facing < -0.5], 95) < 0.2
+
+
+def test_triangles_of_bodies_enclose_their_volume():
+    block, ball = Block(*np.array(PLINTH)), Ball(BALL, RADIUS)
+    for body, volume in ((block, 0.2 * 0.5 * 0.4), (ball, 4.0 / 3.0 * np.pi * RADIUS**3)):
+        found = np.linalg.det(triangles_of(body)).sum() / 6.0
+        assert found == pytest.approx(volume, rel=3e-3)
 
 
 def unit(v):
@@ -210,11 +229,10 @@ def test_a_body_hides_water_behind_it_but_not_in_front_of_it(picture):
     eye = np.tile(picture.lens.numbers["eye"], (len(d), 1))
     near, _ = sphere(eye, d / length[:, None], np.array((0.5, 0.5, 0.5)), 0.2)
     inside = np.isfinite(near).reshape(WIDTH, HEIGHT)
-    depth = picture.backdrop.depth.to_numpy()[:WIDTH, :HEIGHT]
+    depth = body_depth(picture)
     assert abs((depth < 100.0).sum() - inside.sum()) < 0.05 * inside.sum()
-    # Between samples the depth is interpolated, and the ball is only 14 pixels wide.
     assert depth[inside & (depth < 100.0)] == pytest.approx(
-        (near / length).reshape(WIDTH, HEIGHT)[inside & (depth < 100.0)], abs=0.02
+        (near / length).reshape(WIDTH, HEIGHT)[inside & (depth < 100.0)], abs=0.01
     )
     # A drop behind the ball does not change the image, a drop in front of it does.
     for z, shown in ((0.15, False), (0.85, True)):
@@ -265,7 +283,7 @@ def test_the_waterline_at_a_container_is_exact(picture, boundary):
     edge = np.minimum(abs(down - near), abs(down - far)) * abs(d[:, 1]) < 0.03
     sure = np.isnan(near) | ((far - near > 0.3) & ~edge & np.isnan(on_ball))
     found = covered(picture.raster, WIDTH, HEIGHT).ravel()
-    hidden = picture.backdrop.depth.to_numpy()[:WIDTH, :HEIGHT].ravel()
+    hidden = body_depth(picture).ravel()
     depth = down * (d @ picture.lens.numbers["forward"])
     found &= ~((down > near) & (hidden < depth))
     assert np.isnan(near)[sure].sum() > 1000 and wet[sure].sum() > 100
@@ -326,7 +344,7 @@ def test_moving_bodies_redraw_their_surroundings_only(picture):
         image(0, True)
         for frame in range(12):
             # Some movements are too small to be seen.
-            body.move(0.13 if frame % 3 else 1e-6)
+            body.move(0.13 if frame % 3 else 1e-8)
             found.append(image(frame, whole))
     for (partly, share), (wholly, _) in zip(found[:12], found[12:], strict=True):
         np.testing.assert_allclose(partly, wholly, atol=2e-3)
