@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from msph.lesson import physics
 from msph.measure.probes import build_probes
 from msph.measure.snapshot import Snapshot
 from msph.stage.show import Show
@@ -154,6 +155,24 @@ QUANTITIES: dict[str, Quantity] = {
     ),
     "volume_error": Quantity(
         "%", "error of the surface's volume", lambda s: 100.0 * s.volume_error(), slow=True
+    ),
+    "submerged": Quantity(
+        "%",
+        "share of the bodies' volume below the level of the water",
+        physics.submerged,
+        slow=True,
+    ),
+    "lift": Quantity(
+        "N", "vertical force of the water on all bodies, mean of the last 0.5 s", physics.lift
+    ),
+    "jet_speed": Quantity(
+        "m/s", "speed of the water in outflows, mean of the last 0.5 s", physics.jet_speed
+    ),
+    "sloshing_period": Quantity(
+        "s", "period of the water's momentum along x at this gravity", physics.sloshing_period
+    ),
+    "heave_period": Quantity(
+        "s", "period of the floating bodies' rise and fall at this gravity", physics.heave_period
     ),
     "updates": Quantity("1/s", "particle updates per simulated second", _updates),
     "frame_time": Quantity("ms", "elapsed time of the fluid per frame", _frame_time),

@@ -21,10 +21,11 @@ from tests.lesson.lesson_kit import LESSONS, prepared, written
 SEEN = ("light",)
 
 
-def test_there_are_ten_lessons_in_order():
-    assert len(LESSONS) == 10
+def test_there_are_fifteen_lessons_in_order_physics_first():
+    assert len(LESSONS) == 15
     orders = [load_lesson(name).lesson.order for name in LESSONS]
-    assert orders == list(range(1, 11))
+    assert orders == list(range(1, 16))
+    assert LESSONS[:5] == ("floating", "pressure", "torricelli", "waves", "boat")
 
 
 @pytest.mark.parametrize("name", LESSONS)
