@@ -73,7 +73,9 @@ class Student:
                 progress.again()
                 break
             if progress.ticked[progress.page - 1] and not ticked:
-                left = round(self.lingers / FRAME)
+                # Sliders and camera first reach the values that the text names.
+                moving = math.ceil(MOVING * number) - (k + 1) if self.row else 0
+                left = max(round(self.lingers / FRAME), min(moving, left))
         return progress.ticked[progress.page - 1]
 
     def _view(self) -> tuple[float, ...]:

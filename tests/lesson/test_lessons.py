@@ -138,3 +138,14 @@ def test_the_lesson_of_teaching_md_works(tmp_path):
     student.answer()
     assert not student.work(acts=False), progress.shown()
     assert student.work(), progress.shown()
+
+
+def test_a_solution_ends_at_the_values_that_its_text_names():
+    """Regression: the film of `light` ended at an index of 1.311, and its text said 1.33."""
+    course = load_lesson("light")
+    progress = Progress(course, row := prepared(course, (320, 180)))
+    student = Student(progress, row)
+    student.answer()
+    assert student.work()
+    for name, value in course.lesson.do[0].solution.set.items():
+        assert progress.values[name] == pytest.approx(value)
