@@ -9,6 +9,8 @@ import pytest
 from msph.measure import convergence
 from msph.measure.convergence import RATIO, compare, estimate, factors
 from msph.measure.entry import ENERGIES, WORKS
+from msph.scene import load_scene
+from msph.stage.measuring import SPLASH, fall
 
 
 def values(order, runs=3, limit=2.0, slope=-0.3):
@@ -93,3 +95,11 @@ def test_figures_of_runs_are_compared(tmp_path):
     assert float(spacing["run_3"]) == 0.01 and [line["quantity"] for line in lines] == names
     assert lines[3]["order"] == "" and float(lines[0]["order"]) == pytest.approx(1.5, abs=1e-3)
     assert convergence.text(rows, [0.02, 0.014, 0.01]).splitlines()[-1].startswith("3 of 5 figures")
+
+
+def test_water_that_falls_is_told_from_water_at_rest():
+    """`measure --converge` warns before runs of splashes, whose figures do not converge."""
+    tank = {"box": {"size": (0.4, 0.4, 0.4)}, "layers": [{"spacing": 0.04}]}
+    level, column = ({"lo": (0, 0, 0), "hi": (x, 0.2, 0.4)} for x in (0.4, 0.2))
+    shares = [fall(load_scene({**tank, "water": [water]})) for water in (level, column)]
+    assert shares[0] < SPLASH < shares[1]

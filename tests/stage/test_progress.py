@@ -2,8 +2,9 @@
 
 import pytest
 
+from msph.launches import compile_time
 from msph.scene import load_scene
-from msph.stage.progress import Progress, TooLongError
+from msph.stage.progress import Progress, TooLongError, running_time
 from msph.stage.show import Show
 
 
@@ -98,3 +99,10 @@ def test_preparation_takes_two_steps_however_short_they_are():
     assert len(steps) == 2
     assert "limited by projection." in show.pace()
     show.close()
+
+
+def test_compiling_does_not_lengthen_the_expected_time(monkeypatch):
+    """Regression: a run of 1.5 minutes was announced as 11 hours: its first frame compiled."""
+    before = running_time()
+    monkeypatch.setattr("msph.stage.progress.compile_time", lambda: compile_time() + 3600.0)
+    assert running_time() < before - 3500.0
