@@ -3,6 +3,7 @@
 import datetime
 import os
 import platform
+import subprocess
 import sys
 from pathlib import Path
 
@@ -17,6 +18,22 @@ def heading(title: str, arch: str) -> str:
     command = " ".join(["python", *sys.argv])
     python = platform.python_version()
     return f"# {title}\n\n{machine()}; arch {arch}, Python {python}; {today}; `{command}`\n"
+
+
+def place(arch: str, threads: int | None) -> str:
+    """Returns machine, device, threads, versions and date of a measurement, in words."""
+    words = [machine(), f"arch {arch}", f"threads: {threads or os.cpu_count()}"]
+    words += [f"Python {platform.python_version()}", f"version {version()}"]
+    return "; ".join([*words, datetime.date.today().isoformat()])
+
+
+def version() -> str:
+    """Returns the commit of this checkout, "unknown" without Git."""
+    command = ["git", "-C", str(RESULTS), "describe", "--always", "--dirty"]
+    try:
+        return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"
 
 
 def load() -> str:

@@ -7,7 +7,7 @@ import pytest
 
 from bench import pareto, pareto_figures, pareto_report, pareto_table, rows, tanks
 from bench.cases import CASES, thesis_pool, vortex
-from bench.cases.case import ADAPTIVE, DFSPH, NO_RELIEF, UNIFORM, Setting, begin, tank
+from bench.cases.case import ADAPTIVE, DFSPH, UNIFORM, UNSHEARED, Setting, begin, tank
 from bench.cases.dam_break import reference
 from bench.rows import STARTS
 from bench.terms import VORTEX_SPEED
@@ -45,7 +45,7 @@ def test_pressure_in_layers_is_hydrostatic():
     a pair's stress at either end. The test is without shear relief, with which the error is 0.67 %
     in four layers that are so few particles wide.
     """
-    setting = Setting(water=ADAPTIVE, resolution=12, shear_relief=NO_RELIEF)
+    setting = Setting(water=ADAPTIVE, resolution=12, **UNSHEARED)
     _, errors = CASES["hydrostatic"].measure(setting)
     assert errors["pressure"] < 0.003
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from bench import tanks
-from bench.cases.case import ADAPTIVE, UNIFORM, Case, Run, Setting, begin, scene
+from bench.cases.case import ADAPTIVE, UNIFORM, UNSHEARED, Case, Run, Setting, begin, scene
 
 RADIUS, EDGE = 0.15, 1.2
 # Edge of the box of the collision [m]: no water reaches the walls.
@@ -109,5 +109,5 @@ FALLING_DROP = Case(
     falling,
     kinds=(UNIFORM, ADAPTIVE),
     classic=(UNIFORM,),
-    sheared=True,
+    varied=(UNSHEARED,),
 )

@@ -207,8 +207,8 @@ class Case:
     # Resolutions of untimed uniform reference runs, and values compared with the finest of them.
     references: tuple[int, ...] = ()
     values: tuple[str, ...] = ()
-    # Also run without shear relief.
-    sheared: bool = False
+    # Changes of the setting with which every resolution runs, too.
+    varied: tuple[dict[str, float], ...] = ()
     # Errors in the summary figure; without one, the settings of the solver are not varied, and a
     # quick sweep makes a single run.
     summary: tuple[str, ...] = ()
@@ -248,12 +248,8 @@ class Case:
                 Setting(DFSPH, UNIFORM, n, viscosity=nu) for n in resolutions for nu in (None, 0.0)
             ]
             found += [Setting(DFSPH, UNIFORM, middle, **change) for change in PEER_CHANGES]
-        if self.sheared:
-            found += [
-                Setting(water=w, resolution=n, shear_relief=NO_RELIEF)
-                for n in resolutions
-                for w in kinds
-            ]
+        for change in self.varied:
+            found += [Setting(water=w, resolution=n, **change) for n in resolutions for w in kinds]
         return found + [Setting(resolution=n, timed=False) for n in self.references]
 
 
@@ -270,8 +266,8 @@ PEER_CHANGES: tuple[dict[str, float], ...] = (
     {"viscosity": 0.0, "motion_tolerance": 0.01},
     {"viscosity": 0.001, "motion_tolerance": 0.01, "longest_step": 0.0025},
 )
-# Value of shear_relief in runs that keep the numerical friction (docs/method.md, "Shear relief").
-NO_RELIEF = 0.0
+# Change of runs that keep the numerical friction (docs/method.md, "Shear relief").
+UNSHEARED = {"shear_relief": 0.0}
 # Changes, one at a time: support over spacing, motion tolerance, distance per step in spacings.
 CHANGES: tuple[dict[str, float], ...] = (
     {"smoothing": 2.0},

@@ -8,7 +8,7 @@ is also compared without a shift in time, and so is its mean speed between two p
 import numpy as np
 
 from bench import tanks
-from bench.cases.case import Case, Run, Setting, begin, scene
+from bench.cases.case import UNSHEARED, Case, Run, Setting, begin, scene
 from msph.measure.probes import FrontProbe, HeightProbe
 from msph.scene.library import assets
 
@@ -97,7 +97,7 @@ CASE = Case(
     classic=("uniform",),
     references=(24,),
     values=("front_at_T_2_over_a", "centre_x_at_T_2_over_a", "centre_y_at_T_2_over_a"),
-    sheared=True,
+    varied=(UNSHEARED,),
     summary=("front", "front_speed"),
     note=f"front with a shift in time of T = {GATE:g}",
     peer=("front_speed", "front", "front_without_shift", "height"),

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import curve_fit
 
 from bench import tanks
-from bench.cases.case import ADAPTIVE, UNIFORM, Case, Run, Setting, begin, tank
+from bench.cases.case import ADAPTIVE, UNIFORM, UNSHEARED, Case, Run, Setting, begin, tank
 
 LENGTH, WIDTH, DEPTH, AIR = 1.0, 0.35, 0.5, 0.3
 # Depth of the deep tank [m]: the motion at the floor is 0.004 times the motion at the surface.
@@ -109,7 +109,7 @@ SLOSHING = Case(
     (5, 7, 10, 15, 25),
     inviscid,
     summary=("wave",),
-    sheared=True,
+    varied=(UNSHEARED,),
     peer=("wave", "damping", "period"),
 )
 DEEP_SLOSHING = Case(
@@ -122,7 +122,7 @@ DEEP_SLOSHING = Case(
     kinds=(UNIFORM, ADAPTIVE),
     classic=(),
     summary=("wave",),
-    sheared=True,
+    varied=(UNSHEARED,),
 )
 STANDING_WAVE = Case(
     "standing_wave",
@@ -139,5 +139,5 @@ STANDING_WAVE = Case(
     viscous,
     kinds=(UNIFORM, ADAPTIVE),
     classic=(),
-    sheared=True,
+    varied=(UNSHEARED,),
 )

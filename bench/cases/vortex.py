@@ -13,7 +13,7 @@ import functools
 
 import numpy as np
 
-from bench.cases.case import ADAPTIVE, UNIFORM, Case, Run, Setting, begin, stir, tank
+from bench.cases.case import ADAPTIVE, UNIFORM, UNSHEARED, Case, Run, Setting, begin, stir, tank
 from bench.terms import VORTEX_SPEED, vortex
 
 WIDTH, DEPTH, AIR = 1.0, 0.4, 0.3
@@ -88,7 +88,7 @@ def case(name: str, title: str, measure) -> Case:
         measure,
         kinds=(UNIFORM, ADAPTIVE),
         classic=(),
-        sheared=True,
+        varied=(UNSHEARED,),
     )
 
 
